@@ -1,0 +1,53 @@
+"""The exceptions this project raises on purpose.
+
+::
+
+    ObscuranceError
+    ├── InputError (ValueError)       the user's input is wrong: exit status 2
+    │   ├── MeshError                 a mesh or mesh file
+    │   └── OptionError               an option or parameter value
+    ├── OutputError (OSError)         a target that cannot be written: exit status 2
+    └── EmbreeError (RuntimeError)    Embree reported an error, or is not version 4
+
+Every message is one line that says where, which field, what was expected and what came.
+"""
+
+from __future__ import annotations
+
+
+class ObscuranceError(Exception):
+    """Root of every exception raised on purpose."""
+
+
+class InputError(ObscuranceError, ValueError):
+    """Input the user can correct.
+
+    Args:
+        source: the file, option or object that holds the bad value.
+        field: the part of it that is wrong.
+        expected: what would have been accepted.
+        got: what came instead.
+    """
+
+    def __init__(self, source: object, field: str, expected: str, got: object) -> None:
+        self.source, self.field, self.expected, self.got = str(source), field, expected, got
+        super().__init__(f"{self.source}: {field}: expected {expected}, got {got}")
+
+
+class MeshError(InputError):
+    """A mesh, or a file that should hold one, cannot be used."""
+
+
+class OptionError(InputError):
+    """A parameter is out of range or contradicts another."""
+
+    def __init__(self, field: str, expected: str, got: object, source: object = "options") -> None:
+        super().__init__(source, field, expected, got)
+
+
+class OutputError(ObscuranceError, OSError):
+    """An output file cannot be written where it was asked for."""
+
+
+class EmbreeError(ObscuranceError, RuntimeError):
+    """Embree failed; the message is Embree's own."""
