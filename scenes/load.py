@@ -21,6 +21,7 @@ from raytrace.mesh import Mesh
 from .flatten import Instance, Part, flatten
 from .gltf import Gltf, decode, read_instances
 from .obj import read_obj
+from .polygons import fan_triangles
 
 
 @dataclass(frozen=True)
@@ -62,8 +63,8 @@ def load(path: str | os.PathLike[str]) -> MeshFile:
             raise MeshError(path, "file", "an existing file", "none")
         if not path.is_file():
             raise MeshError(path, "file", "a mesh file", "something that is not a regular file")
-        if kind not in _supported():
-            raise MeshError(path, "ending", "one of " + " ".join(sorted(_supported())), path.suffix or "none")
+        if kind != "obj" and kind not in _trimesh_formats():
+            raise MeshError(path, "ending", "one of obj " + " ".join(_trimesh_formats()), path.suffix or "none")
         if path.stat().st_size == 0:
             raise MeshError(path, "content", f"a {kind.upper()} mesh", "an empty file")
         asset = None
@@ -84,11 +85,11 @@ def load(path: str | os.PathLike[str]) -> MeshFile:
     return MeshFile(path, mesh, parts, asset)
 
 
-def _supported() -> set[str]:
-    """Endings trimesh has a mesh loader for here (some need a further package)."""
+def _trimesh_formats() -> list[str]:
+    """Endings of the mesh formats trimesh can read here; some need a further package."""
     from trimesh.exchange.load import mesh_formats
 
-    return mesh_formats() - {"xyz", "stl_ascii"}
+    return sorted(mesh_formats() - {"obj", "xyz", "stl_ascii"})
 
 
 def _read(file: BinaryIO, kind: str, name: str, source: str) -> list[Instance]:
@@ -119,12 +120,11 @@ def _read(file: BinaryIO, kind: str, name: str, source: str) -> list[Instance]:
 
 
 def _instance(name: str, arrays: dict[str, Any], matrix: Any, normals: Any = None) -> Instance:
-    from trimesh.geometry import triangulate_quads
-
     vertices = np.asarray(arrays.get("vertices", np.empty((0, 3))))
-    faces = np.asarray(arrays.get("faces") if arrays.get("faces") is not None else np.empty((0, 3), np.int64))
-    if faces.ndim == 2 and faces.shape[1] > 3:
-        faces = triangulate_quads(faces)
+    faces = arrays.get("faces")
+    faces = np.empty((0, 3), dtype=np.int64) if faces is None else np.asarray(faces)
+    if faces.ndim == 2 and faces.shape[1] != 3:
+        faces = fan_triangles(faces.ravel(), np.full(len(faces), faces.shape[1]))
     return Instance(name, vertices, faces, normals, matrix)
 
 
@@ -196,11 +196,11 @@ def _as_mesh_errors(path: Path, kind: str) -> Iterator[None]:
 def _quiet() -> Iterator[None]:
     """Neither trimesh's log nor NumPy's warnings about a file's numbers reach the user."""
     logger = logging.getLogger("trimesh")
-    disabled = logger.disabled
-    logger.disabled = True
+    level = logger.level
+    logger.setLevel(logging.CRITICAL + 1)
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
             yield
     finally:
-        logger.disabled = disabled
+        logger.setLevel(level)

@@ -1,10 +1,13 @@
-"""Wavefront OBJ: its text is put into the plainest form, which trimesh then reads without reordering anything."""
+"""Wavefront OBJ geometry over exactly the file's own `v` lines.
+
+trimesh's reader splits, repeats or drops vertices as texture coordinates, materials and objects ask for, takes
+index 0 for 1 and wraps negative ones, so it cannot serve here.
+Format: Wavefront Advanced Visualizer manual, appendix B1.
+"""
 
 from __future__ import annotations
 
-import io
 import re
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -12,18 +15,18 @@ import numpy.typing as npt
 from raytrace.errors import MeshError
 
 from .flatten import Instance
+from .polygons import fan_triangles
 
 _VERTEX = re.compile(r"^[ \t]*v[ \t]+(\S+[ \t]+\S+[ \t]+\S+)", re.MULTILINE)
 _VERTEX_LINE = re.compile(r"^[ \t]*v[ \t]", re.MULTILINE)
 _NORMAL = re.compile(r"^[ \t]*vn[ \t]+(\S+[ \t]+\S+[ \t]+\S+)", re.MULTILINE)
 _FACE = re.compile(r"^[ \t]*f[ \t]+([^#\n]*)", re.MULTILINE)
 _STATEMENT = re.compile(r"^[ \t]*(v|vt|vn|f)[ \t]+([^#\n]*)", re.MULTILINE)
-_WITH_NORMALS = re.compile(r"(?:[^/\s]+/[^/\s]*/[^/\s]+\s*)+")
-_OUTSIDE = re.compile(r"(?<!\S)(?:0+|-\d*)(?!\S)")
+_CORNER_WITHOUT_NORMAL = re.compile(r"(?<!\S)(?![^/\s]+/[^/\s]*/[^/\s]+(?!\S))\S")
 
 
 def read_obj(data: bytes, name: str, source: str) -> list[Instance]:
-    """All faces of the file over exactly its `v` lines, in their order.
+    """All faces of the file, in its order.
 
     Objects, groups and materials divide no vertices in OBJ, so the whole file is one instance. Polygons become
     fans. Normals are taken where every face has them and each vertex has only one. Texture coordinates, colours
@@ -35,29 +38,37 @@ def read_obj(data: bytes, name: str, source: str) -> list[Instance]:
         source: the file's name for messages.
 
     Raises:
-        MeshError: a vertex with fewer than three coordinates, a face with fewer than three corners or with index 0.
-        Exception: whatever trimesh raises on text that is not numbers.
+        MeshError: a vertex with fewer than three coordinates, a face with fewer than three corners, an index
+            outside the file's lines.
+        ValueError: text that is not numbers.
     """
     text = data.decode("utf-8", "replace").removeprefix("\ufeff").replace("\r\n", "\n").replace("\r", "\n")
     text = text.replace("\\\n", " ")
-    positions = _VERTEX.findall(text)
-    lines = sum(1 for _ in _VERTEX_LINE.finditer(text))
-    if len(positions) != lines:
-        raise MeshError(source, "v", "three coordinates on every line", f"fewer on {lines - len(positions)} lines")
-    faces = _FACE.findall(text)
-    if any("-" in face for face in faces):
+    vertices = _rows(_VERTEX.findall(text))
+    short = sum(1 for _ in _VERTEX_LINE.finditer(text)) - len(vertices)
+    if short:
+        raise MeshError(source, "v", "three coordinates on every line", f"fewer on {short} of them")
+    normals = _rows(_NORMAL.findall(text))
+    faces = "\n".join(_FACE.findall(text))
+    if "-" in faces:
         faces = _absolute(text)
-    if not positions or not faces:
-        return [Instance(name, np.empty((len(positions), 3)), np.empty((0, 3), dtype=np.int64))]
-    if any(len(face.split()) < 3 for face in faces):
-        raise MeshError(source, "f", "three corners or more on every line", "fewer")
-    normals = _NORMAL.findall(text)
     del text
-    vertices, triangles = _read_plain(positions, [re.sub(r"/\S*", "", face) for face in faces], source, "v")
-    return [Instance(name, vertices, triangles, _vertex_normals(normals, faces, triangles, len(vertices), source))]
+    sizes = np.array([len(line.split()) for line in faces.splitlines()], dtype=np.int64)
+    if (sizes < 3).any():
+        raise MeshError(source, f"face {int(np.argmax(sizes < 3)) + 1}", "three corners or more", int(sizes.min()))
+    corners = _indices(re.sub(r"/\S*", "", faces), len(vertices), source, "v")
+    vertex_normals = None
+    if len(normals) and not _CORNER_WITHOUT_NORMAL.search(faces):
+        choice = _indices(re.sub(r"[^/\s]+/[^/\s]*/", "", faces), len(normals), source, "vn")
+        vertex_normals = _one_each(normals[choice], corners, len(vertices))
+    return [Instance(name, vertices, fan_triangles(corners, sizes), vertex_normals)]
 
 
-def _absolute(text: str) -> list[str]:
+def _rows(lines: list[str]) -> npt.NDArray[np.float64]:
+    return np.fromstring(" ".join(lines), sep=" ").reshape(-1, 3)
+
+
+def _absolute(text: str) -> str:
     """The faces with relative indices replaced by absolute ones, each counted at its own line."""
     count = {"v": 0, "vt": 0, "vn": 0}
     faces = []
@@ -70,32 +81,22 @@ def _absolute(text: str) -> list[str]:
             indices = zip(corner.split("/"), count.values(), strict=False)
             corners.append("/".join(str(n + 1 + int(i)) if i.startswith("-") else i for i, n in indices))
         faces.append(" ".join(corners))
-    return faces
+    return "\n".join(faces)
 
 
-def _read_plain(
-    rows: list[str], faces: list[str], source: str, keyword: str
-) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.int64]]:
-    """Rows of three numbers, and triangles that index them, as trimesh reads them."""
-    from trimesh.exchange.load import mesh_loaders
-    from trimesh.geometry import triangulate_quads
-
-    for face in faces:
-        if outside := _OUTSIDE.search(face):
-            raise MeshError(source, "f", f"{keyword} indices from 1 to {len(rows)}", outside.group())
-    plain = "v " + "\nv ".join(rows) + "\nf " + "\nf ".join(faces) + "\n"
-    loaded: dict[str, Any] = mesh_loaders["obj"](file_obj=io.StringIO(plain), maintain_order=True, skip_materials=True)
-    (geometry,) = loaded["geometry"].values()
-    return geometry["vertices"], triangulate_quads(geometry["faces"])
+def _indices(text: str, count: int, source: str, keyword: str) -> npt.NDArray[np.int64]:
+    """Zero-based indices from one-based ones in text."""
+    indices = np.fromstring(text, dtype=np.int64, sep=" ")
+    outside = (indices < 1) | (indices > count)
+    if outside.any():
+        raise MeshError(source, "f", f"{keyword} indices from 1 to {count}", int(indices[np.argmax(outside)]))
+    return indices - 1
 
 
-def _vertex_normals(
-    rows: list[str], faces: list[str], triangles: npt.NDArray[np.int64], vertex_count: int, source: str
+def _one_each(
+    values: npt.NDArray[np.float64], corners: npt.NDArray[np.int64], vertex_count: int
 ) -> npt.NDArray[np.float64] | None:
-    """Normals (n, 3) of the vertices; None if a corner lacks one or a vertex has several. NaN where unreferenced."""
-    if not rows or not all(_WITH_NORMALS.fullmatch(face) for face in faces):
-        return None
-    values, corners = _read_plain(rows, [re.sub(r"[^/\s]+/[^/\s]*/", "", face) for face in faces], source, "vn")
+    """Corner values as vertex values (n, 3), NaN at unused vertices; None if some vertex has several."""
     normals = np.full((vertex_count, 3), np.nan)
-    normals[triangles] = values[corners]
-    return normals if np.array_equal(normals[triangles], values[corners], equal_nan=True) else None
+    normals[corners] = values
+    return normals if np.array_equal(normals[corners], values, equal_nan=True) else None

@@ -30,7 +30,10 @@ def glb(mesh_file: MeshFile, w: npt.NDArray[np.floating[Any]], colors: bool) -> 
         w: (n,), per vertex of `mesh_file.mesh`.
         colors: also write w, linear as glTF's vertex colours are, to `COLOR_0`. An existing one is replaced.
     """
-    packed = _annotate(mesh_file, w, colors) if mesh_file.gltf else _plain(mesh_file, w, colors)
+    if mesh_file.gltf:
+        packed = _annotate(mesh_file.gltf, mesh_file.parts, w, colors)
+    else:
+        packed = _plain(mesh_file, w, colors)
     packed.header["buffers"] = [{"byteLength": len(packed.binary)}]
     return encode_glb(packed.header, bytes(packed.binary))
 
@@ -74,14 +77,12 @@ class _Packed:
         return attributes
 
 
-def _annotate(mesh_file: MeshFile, w: npt.NDArray[np.floating[Any]], colors: bool) -> _Packed:
-    asset = mesh_file.gltf
-    assert asset is not None
+def _annotate(asset: Gltf, parts: tuple[Part, ...], w: npt.NDArray[np.floating[Any]], colors: bool) -> _Packed:
     packed = _one_buffer(asset)
     nodes, meshes = packed.header["nodes"], packed.header["meshes"]
     originals = copy.deepcopy(meshes)
     owner: dict[int, int] = {}
-    for piece, part in zip(primitives(asset.header), mesh_file.parts, strict=True):
+    for piece, part in zip(primitives(asset.header), parts, strict=True):
         if owner.setdefault(piece.mesh, piece.node) != piece.node and nodes[piece.node]["mesh"] == piece.mesh:
             meshes.append(copy.deepcopy(originals[piece.mesh]))
             nodes[piece.node]["mesh"] = len(meshes) - 1
