@@ -97,9 +97,9 @@ def find_receivers(mesh: Mesh, placement: Placement, normals: Normals = "angle")
     groups = int(group.max()) + 1
     first = np.full(groups, count, np.int64)
     np.minimum.at(first, group, np.arange(count))
-    joined = np.stack([np.bincount(group, own[:, axis], groups) for axis in range(3)], axis=1)
+    joined: Floats = np.stack([np.bincount(group, own[:, axis], groups) for axis in range(3)], axis=1)
     lift, clearance = outermost_normals(normalize(joined), group[faces], face_normal)
-    magnitude = np.zeros((groups, 3))
+    magnitude = np.zeros(groups)
     _largest_coordinates(vertices, faces, group, magnitude)
     if normals == "file":
         axes = axes[first]
@@ -146,10 +146,10 @@ def weld(positions: npt.NDArray[np.float32], normals: Floats, agreement: float) 
 @kernel
 def _largest_coordinates(vertices, faces, group, magnitude):
     for f in range(len(faces)):
-        for axis in range(3):
-            largest = 0.0
-            for corner in range(3):
+        largest = 0.0
+        for corner in range(3):
+            for axis in range(3):
                 largest = max(largest, abs(vertices[faces[f, corner], axis]))
-            for corner in range(3):
-                row = group[faces[f, corner]]
-                magnitude[row, axis] = max(magnitude[row, axis], largest)
+        for corner in range(3):
+            row = group[faces[f, corner]]
+            magnitude[row] = max(magnitude[row], largest)
