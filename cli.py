@@ -88,7 +88,9 @@ def bake(
     seconds = {"load": loaded - start, "write": time.perf_counter() - tracing}
     if report:
         from ao.report import write_report
+        from raytrace.parallel import thread_count
 
+        options["threads"] = thread_count(threads)
         write_report(report, baked, options, seconds)
     if not quiet:
         print(_summary(baked, output))

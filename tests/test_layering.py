@@ -24,7 +24,7 @@ def imported(path):
             yield node.module
 
 
-@pytest.mark.parametrize("path", files(), ids=lambda path: path.relative_to(ROOT).as_posix())
+@pytest.mark.parametrize("path", list(files()), ids=lambda path: path.relative_to(ROOT).as_posix())
 def test_imports_run_from_the_command_line_down_to_the_ray_caster(path):
     name = path.relative_to(ROOT).as_posix()
     layer = name.split("/")[0].removesuffix(".py")
