@@ -3,6 +3,7 @@
 import base64
 import json
 import os
+import struct
 import subprocess
 import sys
 from contextlib import suppress
@@ -147,13 +148,47 @@ def test_quads_become_two_triangles(tmp_path, write):
 
 
 def test_mixed_polygons_become_fans_in_order(tmp_path):
-    file = read(tmp_path, "m.obj", obj(VERTICES, [[0, 1, 3], [0, 1, 5, 3, 4], [2, 5, 3]]))
-    assert file.mesh.faces.tolist() == [[0, 1, 3], [0, 1, 5], [0, 5, 3], [0, 3, 4], [2, 5, 3]]
+    assert read(tmp_path, "m.obj", obj(VERTICES, MIXED)).mesh.faces.tolist() == MIXED_FANS
 
 
 def test_ply_normals(tmp_path):
     file = read(tmp_path, "m.ply", ply(normals=NORMALS))
     np.testing.assert_allclose(file.mesh.normals, NORMALS, atol=1e-7)
+
+
+def mixed_ply(order="<"):
+    """Triangles, a quadrilateral and a pentagon, with a list and a number of no interest in each row."""
+    header = ["ply", f"format binary_{'little' if order == '<' else 'big'}_endian 1.0"]
+    header += [f"element vertex {len(VERTICES)}", *(f"property double {name}" for name in ("x", "y", "z"))]
+    header += [*(f"property float {name}" for name in ("nx", "ny", "nz")), "element face 3", "property uchar flags"]
+    header += ["property list uchar int vertex_indices", "property list uchar float texcoord", "end_header\n"]
+    rows = np.zeros(len(VERTICES), dtype=[("v", f"{order}f8", 3), ("n", f"{order}f4", 3)])
+    rows["v"], rows["n"] = VERTICES, NORMALS
+    data = "\n".join(header).encode() + rows.tobytes()
+    for polygon in MIXED:
+        data += struct.pack(f"{order}BB{len(polygon)}iB2f", 7, len(polygon), *polygon, 2, 0.5, 0.5)
+    return data
+
+
+MIXED = [[0, 1, 3], [0, 1, 5, 3, 4], [2, 5, 3, 0]]
+MIXED_FANS = [[0, 1, 3], [0, 1, 5], [0, 5, 3], [0, 3, 4], [2, 5, 3], [2, 3, 0]]
+
+
+@pytest.mark.parametrize("order", "<>")
+def test_binary_ply_with_mixed_polygons(tmp_path, order):
+    file = read(tmp_path, "m.ply", mixed_ply(order))
+    assert np.array_equal(file.mesh.vertices, VERTICES)
+    assert file.mesh.faces.tolist() == MIXED_FANS
+    np.testing.assert_allclose(file.mesh.normals, NORMALS, atol=1e-7)
+
+
+def test_mixed_polygons_as_long_as_even_ones(tmp_path):
+    data = mixed_ply()
+    data = data[: data.rindex(b"end_header\n") + 11 + len(VERTICES) * 36]
+    for polygon in ([0, 1, 5, 3], [0, 1, 3], [0, 1, 5, 3, 4]):
+        data += struct.pack(f"<BB{len(polygon)}iB2f", 7, len(polygon), *polygon, 2, 0.5, 0.5)
+    faces = [[0, 1, 5], [0, 5, 3], [0, 1, 3], [0, 1, 5], [0, 5, 3], [0, 3, 4]]
+    assert read(tmp_path, "m.ply", data).mesh.faces.tolist() == faces
 
 
 # --- OBJ ---------------------------------------------------------------------------------------------------------
@@ -404,7 +439,11 @@ def test_3mf_repeats_and_places_its_objects(tmp_path):
         ("m.ply", ply().replace(b"vertex 7", b"vertex 99999999999999"), "m.ply: "),
         ("m.ply", ascii_ply().replace(b"vertex 7", b"vertex 99999999999999"), "m.ply: "),
         ("m.ply", ascii_ply().replace(b"face 3", b"face 99999999999999"), "99999999999999 rows, got 3"),
-        ("m.ply", ply().replace(b"property float z\n", b""), "PLY file"),
+        ("m.ply", ply().replace(b"property float z\n", b""), "m.ply: "),
+        ("m.ply", ply()[:-1], "element face: expected 3 rows, got an end before that"),
+        ("m.ply", ply()[:250], "element vertex: expected 7 rows, got an end before that"),
+        ("m.ply", mixed_ply()[:-1], "element face: expected 3 rows, got an end before that"),
+        ("m.ply", mixed_ply().replace(b"face 3", b"face 99999999999"), "element face: expected 99999999999 rows"),
         ("m.off", off(faces=FACES + 5), "index outside the range"),
         ("m.off", off(faces=FACES - 1), "index outside the range"),
         ("m.off", off().replace(b"7 3 0", b"7 9 0"), "7 vertices and 9 faces"),
@@ -479,7 +518,8 @@ def test_indices_into_a_neighbour_are_refused(tmp_path):
 
 @pytest.mark.parametrize(
     ("name", "data"),
-    [("m.ply", ply(normals=NORMALS)), ("m.ply", ascii_ply()), ("m.obj", obj()), ("m.off", off()), ("m.glb", glb()),
+    [("m.ply", ply(normals=NORMALS)), ("m.ply", ascii_ply()), ("m.ply", mixed_ply()),
+     ("m.obj", obj()), ("m.off", off()), ("m.glb", glb()),
      ("m.stl", stl(VERTICES[FACES])), ("m.stl", ascii_stl(("a", VERTICES[FACES]), ("b", VERTICES[FACES])))],
 )  # fmt: skip
 def test_files_cut_off_or_damaged_anywhere(tmp_path, name, data):
