@@ -11,6 +11,8 @@ import numpy.typing as npt
 
 from raytrace.mesh import Mesh
 
+from .polygons import fan_triangles
+
 
 @dataclass(frozen=True)
 class Instance:
@@ -40,6 +42,21 @@ class Part:
     faces: slice
 
 
+def instance(
+    name: str,
+    arrays: dict[str, Any],
+    matrix: npt.NDArray[np.float64] | None = None,
+    normals: npt.NDArray[Any] | None = None,
+) -> Instance:
+    """An object as trimesh's loaders give it: `vertices` and perhaps `faces`, all of one number of corners."""
+    vertices = np.asarray(arrays.get("vertices", np.empty((0, 3))))
+    faces = arrays.get("faces")
+    faces = np.empty((0, 3), dtype=np.int64) if faces is None else np.asarray(faces)
+    if faces.ndim == 2 and faces.shape[1] != 3:
+        faces = fan_triangles(faces.ravel(), np.full(len(faces), faces.shape[1]))
+    return Instance(name, vertices, faces, normals, matrix)
+
+
 def flatten(instances: Sequence[Instance], source: str) -> tuple[Mesh, tuple[Part, ...]]:
     """One mesh of all instances, in their order, in world space.
 
@@ -51,39 +68,39 @@ def flatten(instances: Sequence[Instance], source: str) -> tuple[Mesh, tuple[Par
     """
     parts = []
     vertex = face = 0
-    for instance in instances:
-        vertex_end, face_end = vertex + len(instance.vertices), face + len(instance.faces)
-        parts.append(Part(instance.name, slice(vertex, vertex_end), slice(face, face_end)))
+    for placed in instances:
+        vertex_end, face_end = vertex + len(placed.vertices), face + len(placed.faces)
+        parts.append(Part(placed.name, slice(vertex, vertex_end), slice(face, face_end)))
         vertex, face = vertex_end, face_end
     if len(instances) == 1 and instances[0].matrix is None:
         only = instances[0]
         return Mesh(only.vertices, only.faces, only.normals, source=source), tuple(parts)
     vertices = np.empty((vertex, 3))
     faces = np.empty((face, 3), dtype=np.int64)
-    has_normals = any(instance.normals is not None for instance in instances)
+    has_normals = any(placed.normals is not None for placed in instances)
     normals = np.full((vertex, 3), np.nan) if has_normals else None
-    for instance, part in zip(instances, parts, strict=True):
-        _place(instance, part, vertices, faces, normals, source)
+    for placed, part in zip(instances, parts, strict=True):
+        _place(placed, part, vertices, faces, normals, source)
     return Mesh(vertices, faces, normals, source=source), tuple(parts)
 
 
 def _place(
-    instance: Instance,
+    placed: Instance,
     part: Part,
     vertices: npt.NDArray[np.float64],
     faces: npt.NDArray[np.int64],
     normals: npt.NDArray[np.float64] | None,
     source: str,
 ) -> None:
-    matrix = np.eye(4) if instance.matrix is None else instance.matrix
+    matrix = np.eye(4) if placed.matrix is None else placed.matrix
     linear = matrix[:3, :3]
     mirrored = np.linalg.det(linear) < 0
-    vertices[part.vertices] = instance.vertices @ linear.T + matrix[:3, 3]
+    vertices[part.vertices] = placed.vertices @ linear.T + matrix[:3, 3]
     # Indices are checked against the object's own vertices: shifted ones could fall into a neighbour's range.
-    own = Mesh(vertices[part.vertices], instance.faces, source=f"{source}: {instance.name}")
+    own = Mesh(vertices[part.vertices], placed.faces, source=f"{source}: {placed.name}")
     faces[part.faces] = (own.faces[:, ::-1] if mirrored else own.faces) + part.vertices.start
-    if normals is not None and instance.normals is not None:
+    if normals is not None and placed.normals is not None:
         x, y, z = linear
         # The cofactor matrix is det·inverse transpose, and exists for a flattening matrix too.
         cofactor = np.stack([np.cross(y, z), np.cross(z, x), np.cross(x, y)])
-        normals[part.vertices] = instance.normals @ cofactor.T * (-1 if mirrored else 1)
+        normals[part.vertices] = placed.normals @ cofactor.T * (-1 if mirrored else 1)

@@ -61,6 +61,10 @@ def decode(data: bytes, path: Path) -> Gltf:
     header = json.loads(data.decode("utf-8"))
     if not isinstance(header, dict) or not str(header.get("asset", {}).get("version", "")).startswith("2."):
         raise MeshError(path, "asset.version", "glTF 2.0", "another version or none")
+    for key in ("scenes", "nodes", "meshes", "accessors", "bufferViews", "buffers", "images"):
+        entries = header.get(key, [])
+        if not isinstance(entries, list) or not all(isinstance(entry, dict) for entry in entries):
+            raise MeshError(path, key, "a list of objects", "something else")
     buffers = []
     for index, buffer in enumerate(header.get("buffers", [])):
         content = binary if "uri" not in buffer else reference(buffer["uri"], path.parent)
@@ -74,13 +78,14 @@ def decode(data: bytes, path: Path) -> Gltf:
 
 def reference(uri: str, folder: Path) -> bytes | None:
     """The bytes a URI stands for: embedded base64 data, or a file inside `folder`. None for anything else."""
-    if uri.startswith("data:"):
-        return base64.b64decode(uri.partition("base64,")[2])
-    root = folder.resolve()
-    target = (root / unquote(uri)).resolve()
-    if not target.is_relative_to(root) or not target.is_file():
+    try:
+        if uri.startswith("data:"):
+            return base64.b64decode(uri.partition("base64,")[2])
+        root = folder.resolve()
+        target = (root / unquote(uri)).resolve()
+        return target.read_bytes() if target.is_relative_to(root) and target.is_file() else None
+    except (OSError, ValueError):
         return None
-    return target.read_bytes()
 
 
 def _chunks(data: bytes, path: Path) -> tuple[bytes, bytes | None]:
@@ -213,8 +218,10 @@ def _instance(piece: Primitive, header: dict[str, Any], geometry: dict[str, Any]
 
 
 def _check_stored(header: dict[str, Any], number: int, source: str) -> None:
-    """Refuse what trimesh would read as zeros."""
+    """Refuse what trimesh would read as something else."""
     accessor = header["accessors"][number]
+    if accessor["count"] < 1:
+        raise MeshError(source, f"accessors[{number}]", "a count of at least 1", accessor["count"])
     view = header["bufferViews"][accessor["bufferView"]] if "bufferView" in accessor else None
     if "sparse" in accessor:
         raise MeshError(source, f"accessors[{number}]", "plain values", "a sparse accessor, which is not supported")

@@ -13,15 +13,13 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, BinaryIO
 
-import numpy as np
-
 from raytrace.errors import MeshError
 from raytrace.mesh import Mesh
 
-from .flatten import Instance, Part, flatten
+from .flatten import Instance, Part, flatten, instance
 from .gltf import Gltf, decode, read_instances
 from .obj import read_obj
-from .polygons import fan_triangles
+from .ply import read_ply
 
 
 @dataclass(frozen=True)
@@ -80,6 +78,8 @@ def load(path: str | os.PathLike[str]) -> MeshFile:
                 instances = read_instances(asset, source)
             elif kind == "obj":
                 instances = read_obj(file.read(), path.stem, source)
+            elif kind == "ply":
+                instances = read_ply(file, path.stem, source)
             else:
                 instances = _read(file, kind, path.stem, source)
         # Every primitive of a glTF keeps its part: the GLB writer counts on it.
@@ -103,18 +103,17 @@ def _read(file: BinaryIO, kind: str, name: str, source: str) -> list[Instance]:
     from trimesh.exchange.load import mesh_loaders
     from trimesh.scene.transforms import SceneGraph
 
-    options: dict[str, Any] = {"fix_texture": False, "skip_materials": True} if kind == "ply" else {}
     if kind == "off" or (kind == "stl" and not _is_binary_stl(file)):
         # trimesh would need a further package to guess an encoding other than UTF-8.
         file = io.BytesIO(file.read().decode("utf-8", "replace").encode())
-    loaded = mesh_loaders[kind](file_obj=file, file_type=kind, resolver=None, **options)
+    loaded = mesh_loaders[kind](file_obj=file, file_type=kind, resolver=None)
     if kind in _COMPLETENESS:
         _COMPLETENESS[kind](file, loaded, source)
     if "geometry" not in loaded:
-        return [_instance(name, loaded, None, loaded.get("vertex_normals") if kind == "ply" else None)]
+        return [instance(name, loaded)]
     geometry = loaded["geometry"]
     if "graph" not in loaded:
-        return [_instance(label, arrays, None) for label, arrays in geometry.items()]
+        return [instance(label, arrays) for label, arrays in geometry.items()]
     graph = SceneGraph(base_frame=loaded.get("base_frame"), repair_rigid=None)
     placed = []
     for edge in loaded["graph"]:
@@ -122,28 +121,7 @@ def _read(file: BinaryIO, kind: str, name: str, source: str) -> list[Instance]:
         graph.update(**edge)
         if edge.get("geometry") in geometry:
             placed.append((edge["frame_to"], edge["geometry"]))
-    return [_instance(str(frame), geometry[shape], graph.get(frame)[0]) for frame, shape in placed]
-
-
-def _instance(name: str, arrays: dict[str, Any], matrix: Any, normals: Any = None) -> Instance:
-    vertices = np.asarray(arrays.get("vertices", np.empty((0, 3))))
-    faces = arrays.get("faces")
-    faces = np.empty((0, 3), dtype=np.int64) if faces is None else np.asarray(faces)
-    if faces.ndim == 2 and faces.shape[1] != 3:
-        faces = fan_triangles(faces.ravel(), np.full(len(faces), faces.shape[1]))
-    return Instance(name, vertices, faces, normals, matrix)
-
-
-def _check_ply(_file: BinaryIO, loaded: dict[str, Any], source: str) -> None:
-    """trimesh takes an ASCII file that ends early for a shorter one."""
-    for name, element in loaded["metadata"]["_ply_raw"].items():
-        data = element.get("data")
-        columns = list(data.values()) if isinstance(data, dict) else [] if data is None else [data]
-        for column in columns:
-            if len(column) != element["length"]:
-                raise MeshError(source, f"element {name}", f"{element['length']} rows", len(column))
-            if column.dtype == object and name == "face" and len(column) and len(column[-1]) == 0:
-                raise MeshError(source, f"element {name}", "complete rows", "a row that ends early")
+    return [instance(str(frame), geometry[shape], graph.get(frame)[0]) for frame, shape in placed]
 
 
 def _check_stl(file: BinaryIO, loaded: dict[str, Any], source: str) -> None:
@@ -176,7 +154,6 @@ def _check_off(file: BinaryIO, _loaded: dict[str, Any], source: str) -> None:
 
 
 _COMPLETENESS: dict[str, Callable[[BinaryIO, dict[str, Any], str], None]] = {
-    "ply": _check_ply,
     "stl": _check_stl,
     "off": _check_off,
 }

@@ -30,7 +30,8 @@ def glb(mesh_file: MeshFile, w: npt.NDArray[np.floating[Any]], colors: bool) -> 
         w: (n,), per vertex of `mesh_file.mesh`.
         colors: also write w, linear as glTF's vertex colours are, to `COLOR_0`. An existing one is replaced.
     """
-    packed = _annotate(mesh_file.gltf, mesh_file.parts, w, colors) if mesh_file.gltf else _plain(mesh_file, w, colors)
+    asset = mesh_file.gltf
+    packed = _annotate(asset, mesh_file.parts, w, colors) if asset else _plain(mesh_file, w, colors)
     packed.header["buffers"] = [{"byteLength": len(packed.binary)}]
     return encode_glb(packed.header, bytes(packed.binary))
 
@@ -96,7 +97,7 @@ def _one_buffer(asset: Gltf) -> _Packed:
         view["byteOffset"] = view.get("byteOffset", 0) + offsets[view["buffer"]]
         view["buffer"] = 0
     for image in packed.header.get("images", []):
-        uri = image.get("uri", "data:")
+        uri = str(image.get("uri", "data:"))
         data = None if uri.startswith("data:") else reference(uri, asset.folder)
         if data is not None:
             del image["uri"]
