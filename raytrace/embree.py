@@ -19,7 +19,6 @@ from typing import Any
 
 import embreex.rtcore_scene
 import llvmlite.binding
-import numba
 import numpy as np
 import numpy.typing as npt
 from numba import types
@@ -80,7 +79,7 @@ _occluded8 = types.ExternalFunction("rtcOccluded8", _call)
 
 @inline
 def intersect8(scene, packet, valid):
-    """Closest hit of each valid lane: TFAR, NG, U, V, PRIM_ID and GEOM_ID of `packet` are overwritten (GEOM_ID INVALID: a miss).
+    """Closest hit of each valid lane: overwrites TFAR and the hit rows of `packet`; GEOM_ID is INVALID on a miss.
 
     Args: scene: handle, uint64. packet: float32 (21, 8), aligned. valid: int32 (8,), aligned, −1 traced, 0 not.
     """
@@ -170,7 +169,9 @@ class TriangleScene:
             if len(faces):
                 geometry = _library.rtcNewGeometry(device, _TRIANGLE)
                 for kind, layout, buffer in ((_VERTEX, _FLOAT3, self.vertices), (_INDEX, _UINT3, self.faces)):
-                    _library.rtcSetSharedGeometryBuffer(geometry, kind, 0, layout, buffer.ctypes.data, 0, 12, len(buffer))
+                    _library.rtcSetSharedGeometryBuffer(
+                        geometry, kind, 0, layout, buffer.ctypes.data, 0, 12, len(buffer)
+                    )
                 _library.rtcCommitGeometry(geometry)
                 _library.rtcAttachGeometry(scene, geometry)
                 _library.rtcReleaseGeometry(geometry)

@@ -1,6 +1,6 @@
 """Face and vertex normals, shared by the baker and the renderer.
 
-Degenerate faces (zero area) never contribute, and nothing here returns NaN: a normal that does not exist is the zero vector.
+Degenerate faces (zero area) never contribute, and nothing here returns NaN: a normal that does not exist is zero.
 Source: Gouraud 1971 (equal), 12.31–12.33; Thürmer & Wüthrich 1998 (angle).
 """
 
@@ -33,7 +33,9 @@ def face_normals(vertices: Floats, faces: Ints) -> tuple[Floats, Floats]:
     a, b, c = (vertices[faces[:, i]] for i in range(3))
     cross = np.cross(b - a, c - a)
     double_area = np.linalg.norm(cross, axis=1)
-    edges = np.sort([np.linalg.norm(b - a, axis=1), np.linalg.norm(c - b, axis=1), np.linalg.norm(a - c, axis=1)], axis=0)
+    edges = np.sort(
+        [np.linalg.norm(b - a, axis=1), np.linalg.norm(c - b, axis=1), np.linalg.norm(a - c, axis=1)], axis=0
+    )
     solid = double_area > 4 * np.finfo(np.float64).eps * edges[1] * edges[2]
     return normalize(np.where(solid[:, None], cross, 0.0)), np.where(solid, 0.5 * double_area, 0.0)
 

@@ -1,0 +1,190 @@
+"""Which points of a mesh are baked: coincident vertices once, each with a hemisphere and a safe ray origin."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import IntFlag
+from typing import Any, Literal
+
+import numpy as np
+import numpy.typing as npt
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+
+from raytrace.errors import MeshError, OptionError
+from raytrace.mesh import Mesh
+from raytrace.normals import Weighting, accumulate, corner_weights, face_normals, normalize
+from raytrace.placement import Placement, ray_offset
+
+Normals = Literal["angle", "area", "equal", "file"]
+Floats = npt.NDArray[np.float64]
+Ints = npt.NDArray[np.int64]
+
+CREASE = np.cos(np.radians(30.0))  # coincident vertices whose faces differ by more stay apart: a hard edge
+SAME = 1.0 - 1e-9
+_NEIGHBOURS = 64
+
+
+class Flag(IntFlag):
+    """Why a vertex is not an ordinary one; unreferenced and degenerate ones get w = 1."""
+
+    UNREFERENCED = 1  # no face uses it
+    DEGENERATE = 2  # every face that uses it has zero area, or its own normal was asked for and is missing
+    OPPOSED = 4  # no direction sees the front of all its faces; rays start above most of them
+
+
+@dataclass(frozen=True, eq=False)
+class Points:
+    """Where hemispheres are gathered.
+
+    Attributes:
+        origins, normals: float32 (k, 3), ray origins in placed units and unit axes of the hemispheres.
+        numbers: uint32 (k,), what each point's random choices are keyed by.
+    """
+
+    origins: npt.NDArray[np.float32]
+    normals: npt.NDArray[np.float32]
+    numbers: npt.NDArray[np.uint32]
+
+    def __len__(self) -> int:
+        return len(self.numbers)
+
+    def __getitem__(self, which: slice | npt.NDArray[Any]) -> Points:
+        return Points(self.origins[which], self.normals[which], self.numbers[which])
+
+
+@dataclass(frozen=True, eq=False)
+class Receivers:
+    """The points to bake, and whose they are.
+
+    Attributes:
+        points: one for every group of coincident vertices, numbered by the first vertex of the group.
+        of_vertex: int64 (n,), the row of each vertex in `points`, −1 for none.
+        flags: uint8 (n,), `Flag`s of each vertex.
+        faces: int64 (m', 3), the faces that are not degenerate.
+    """
+
+    points: Points
+    of_vertex: Ints
+    flags: npt.NDArray[np.uint8]
+    faces: Ints
+
+
+def find_receivers(mesh: Mesh, placement: Placement, normals: Normals = "angle") -> Receivers:
+    """Weld, orient and lift the vertices of `mesh`.
+
+    Raises:
+        OptionError: `normals` is not one of the four, or "file" for a mesh that has none.
+    """
+    if normals not in ("angle", "area", "equal", "file"):
+        raise OptionError("normals", "angle, area, equal or file", repr(normals))
+    if normals == "file" and mesh.normals is None:
+        raise MeshError(mesh.source, "normals", "vertex normals in the mesh", "none")
+    vertices = placement.vertices.astype(np.float64)
+    count = len(vertices)
+    flags = np.zeros(count, np.uint8)
+    flags[np.bincount(mesh.faces.ravel(), minlength=count) == 0] = Flag.UNREFERENCED
+
+    face_normal, area = face_normals(vertices, mesh.faces)
+    solid = area > 0
+    faces, face_normal, area = mesh.faces[solid], face_normal[solid], area[solid]
+    corner, weight = faces.ravel(), corner_weights(vertices, faces, area, _weighting(normals))
+    weighted = (weight[..., None] * face_normal[:, None]).reshape(-1, 3)
+    own = accumulate(corner, weighted, count)
+    axis = normalize(own if mesh.normals is None or normals != "file" else mesh.normals)
+
+    group = weld(placement.vertices, axis, SAME if normals == "file" else CREASE)
+    groups = int(group.max()) + 1
+    first = np.full(groups, count, np.int64)
+    np.minimum.at(first, group, np.arange(count))
+    lift = normalize(accumulate(group, own, groups))
+    seat, corner_normal = group[corner], np.repeat(face_normal, 3, axis=0)
+    lift, clearance = outermost_normal(lift, seat, corner_normal)
+
+    magnitude = np.zeros((groups, 3))
+    np.maximum.at(magnitude, seat, np.repeat(np.abs(vertices[faces]).max(axis=1), 3, axis=0))
+    if normals == "file":
+        axis = axis[first]
+        lift = np.where(np.einsum("ij,ij->i", lift, axis)[:, None] < 0, -lift, lift)
+    else:
+        axis = lift
+    origin = vertices[first] + ray_offset(lift, magnitude, clearance)[:, None] * lift
+
+    usable = np.logical_and(lift.any(axis=1), axis.any(axis=1))
+    flags[~usable[group] & (flags == 0)] = Flag.DEGENERATE
+    flags[usable[group] & (clearance <= 0)[group]] = Flag.OPPOSED
+    index = np.where(usable, np.cumsum(usable) - 1, -1)
+    points = Points(origin.astype(np.float32), axis.astype(np.float32), first.astype(np.uint32))
+    return Receivers(
+        points[usable],
+        index[group],
+        flags,
+        faces,
+    )
+
+
+def _weighting(normals: Normals) -> Weighting:
+    return "angle" if normals == "file" else normals
+
+
+def weld(positions: npt.NDArray[np.float32], normals: Floats, agreement: float) -> Ints:
+    """Group (n,) of each vertex: vertices at the same place whose normals agree share a group, numbered from 0.
+
+    Args: positions (n, 3); normals (n, 3), unit or zero (agrees with none); agreement: the least cosine.
+    """
+    count = len(positions)
+    x, y, z = (positions + np.float32(0.0)).T  # −0 becomes 0
+    order = np.lexsort((z, y, x))
+    same = np.ones(count - 1, bool)
+    for coordinate in (x, y, z):
+        same &= coordinate[order[1:]] == coordinate[order[:-1]]
+    run = np.concatenate([[0], np.cumsum(~same)])
+    pairs: list[tuple[npt.NDArray[Any], npt.NDArray[Any]]] = []
+    for step in range(1, min(_NEIGHBOURS, count - 1) + 1):
+        near = np.flatnonzero(run[step:] == run[:-step])
+        if not len(near):
+            break
+        a, b = order[near], order[near + step]
+        agree = np.einsum("ij,ij->i", normals[a], normals[b]) >= agreement
+        pairs.append((a[agree], b[agree]))
+    if not pairs:
+        return np.arange(count)
+    a, b = (np.concatenate(side) for side in zip(*pairs, strict=True))
+    graph = coo_array((np.ones(len(a), bool), (a, b)), shape=(count, count))
+    return connected_components(graph, directed=False)[1].astype(np.int64)
+
+
+def outermost_normal(normals: Floats, seat: Ints, faces: Floats) -> tuple[Floats, Floats]:
+    """Normals in front of all the faces that meet at a point, and their clearance: the smallest n·n_f, (k,).
+
+    Where a normal lies behind one of its faces it is moved towards that face's normal until it is in front of all
+    (the perceptron; Rosenblatt 1958), or given up after 32 moves with the clearance, then ≤ 0, it had at best.
+
+    Args:
+        normals: (k, 3), unit or zero. seat: (c,), the row of `normals` a face corner belongs to. faces: (c, 3), its
+        face's unit normal.
+    """
+    best = normals.copy()
+    clearance = np.ones(len(normals))
+    np.minimum.at(clearance, seat, np.einsum("ij,ij->i", best[seat], faces))
+    hard = np.flatnonzero(clearance <= 0)
+    mine = np.flatnonzero((clearance <= 0)[seat])
+    if not len(mine):
+        return best, clearance
+    rows = np.searchsorted(hard, seat[mine])
+    toward, current = faces[mine], best[hard]
+    for _ in range(32):
+        dots = np.einsum("ij,ij->i", current[rows], toward)
+        order = np.lexsort((dots, rows))
+        worst = order[np.concatenate([[True], rows[order][1:] != rows[order][:-1]])]
+        better = dots[worst] > clearance[hard]
+        best[hard[better]], clearance[hard[better]] = current[better], dots[worst][better]
+        stuck = dots[worst] <= 0
+        current = normalize(np.where(stuck[:, None], current + toward[worst], current))
+        if not stuck.any():
+            break
+    gone = hard[~best[hard].any(axis=1)]
+    first = np.full(len(normals), -1)
+    first[seat[::-1]] = np.arange(len(seat))[::-1]
+    best[gone], clearance[gone] = faces[first[gone]], -1.0
+    return best, clearance
