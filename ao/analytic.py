@@ -12,7 +12,8 @@ w = 1 − [L(τ, D) − e^(−τD) L(0, D)]/(1 − e^(−τD)) when exponential.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from math import acos, asin, atan, atan2, cos, exp, expm1, hypot, inf, isinf, pi, sin, sqrt
+from itertools import pairwise
+from math import acos, asin, atan2, cos, exp, expm1, hypot, inf, isinf, pi, sin, sqrt
 
 from scipy.integrate import quad
 
@@ -37,7 +38,7 @@ def _obscurance(transform: Callable[[float, float], float], tau: float | None, m
 
 def _integral(integrand: Callable[[float], float], low: float, high: float, breaks: Sequence[float] = ()) -> float:
     edges = [low, *sorted(b for b in breaks if low < b < high), high]
-    return sum(quad(integrand, a, b, epsabs=1e-12, epsrel=1e-12, limit=200)[0] for a, b in zip(edges, edges[1:]))
+    return sum(quad(integrand, a, b, epsabs=1e-11, epsrel=1e-11, limit=200)[0] for a, b in pairwise(edges))
 
 
 def _upright(
@@ -134,8 +135,10 @@ def corner(first: float, second: float, tau: float | None = None) -> float:
     def transform(t: float, limit: float) -> float:
         facing = _upright(lambda a: min(first / cos(a), second / sin(a)), inf, t, limit, (1e-300, pi / 2),
                           (atan2(second, first),))  # fmt: skip
-        past = [_upright(lambda a, d=d: d / cos(a), inf, t, limit, (0.0, pi / 2)) for d in (first, second)]
-        return facing + sum(past)
+        return facing + sum(
+            _upright(lambda azimuth, d=d: d / cos(azimuth), inf, t, limit, (0.0, pi / 2))  # type: ignore[misc]
+            for d in (first, second)
+        )
 
     return 0.25 if tau is None else _obscurance(transform, tau)
 
@@ -149,23 +152,22 @@ def box(sides: tuple[float, float, float, float], height: float, tau: float | No
     _require(min(*sides, height) > 0, f"sides, height: expected > 0, got {sides}, {height}")
 
     def transform(t: float, limit: float) -> float:
-        total = 0.0
-        for a, b in zip(sides, (*sides[1:], sides[0]), strict=True):
 
-            def to_wall(azimuth: float, a: float = a, b: float = b) -> float:
+        def quadrant(a: float, b: float) -> float:
+            def to_wall(azimuth: float) -> float:
                 return min(a / max(cos(azimuth), 1e-300), b / max(sin(azimuth), 1e-300))
+
+            def top(azimuth: float) -> float:
+                return float(shell(t, height, min(limit, hypot(to_wall(azimuth), height))))
 
             breaks = [atan2(b, a)]
             for reach in (limit, sqrt(max(limit**2 - height**2, 0.0))):  # where D leaves a wall, and its top edge
                 breaks += [acos(a / reach)] if a < reach < inf else []
                 breaks += [asin(b / reach)] if b < reach < inf else []
-            total += _upright(to_wall, height, t, limit, (0.0, pi / 2), breaks)
-            if height < limit:
-                total += _integral(
-                    lambda azimuth, wall=to_wall: float(shell(t, height, min(limit, hypot(wall(azimuth), height)))),
-                    0.0, pi / 2, breaks,
-                ) / pi  # fmt: skip
-        return total
+            walls = _upright(to_wall, height, t, limit, (0.0, pi / 2), breaks)
+            return walls + (_integral(top, 0.0, pi / 2, breaks) / pi if height < limit else 0.0)
+
+        return sum(quadrant(a, b) for a, b in zip(sides, (*sides[1:], sides[0]), strict=True))
 
     return _obscurance(transform, tau, max_distance)
 
@@ -234,7 +236,7 @@ def cylinder(radius: float, height: float, offset: float = 0.0, tau: float | Non
     def transform(t: float, _: float) -> float:
         def integrand(v: float) -> float:  # C sinγ = R sin v
             gamma = asin(radius * sin(v) / centre)
-            near = centre * cos(gamma) - radius * cos(v)
+            near = max(centre * cos(gamma) - radius * cos(v), 0.0)
             slope = radius * cos(v) / (centre * cos(gamma))
             return sin(towards + gamma) * float(bickley(3, t * near)) * slope
 

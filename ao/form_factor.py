@@ -36,9 +36,9 @@ def polygon_form_factor(polygon: npt.ArrayLike, point: npt.ArrayLike, normal: np
     Returns:
         F in [0, 1].
     """
-    normal = np.asarray(normal, dtype=np.float64)
-    normal = normal / np.linalg.norm(normal)
-    seen = clipped_to_horizon(np.asarray(polygon, np.float64) - np.asarray(point, np.float64), normal)
+    up = np.asarray(normal, dtype=np.float64)
+    up = up / np.linalg.norm(up)
+    seen = clipped_to_horizon(np.asarray(polygon, np.float64) - np.asarray(point, np.float64), up)
     if len(seen) < 3:
         return 0.0
     seen /= np.linalg.norm(seen, axis=1, keepdims=True)
@@ -46,5 +46,5 @@ def polygon_form_factor(polygon: npt.ArrayLike, point: npt.ArrayLike, normal: np
     across = np.cross(seen, following)
     sine = np.linalg.norm(across, axis=1)
     angle = np.arctan2(sine, (seen * following).sum(axis=1))
-    turns = angle * np.divide(across @ normal, sine, out=np.zeros_like(sine), where=sine > 0)
+    turns = angle * np.divide(across @ up, sine, out=np.zeros_like(sine), where=sine > 0)
     return float(abs(turns.sum()) / (2 * np.pi))

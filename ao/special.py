@@ -24,8 +24,8 @@ def bickley(n: int, x: npt.ArrayLike) -> npt.NDArray[np.float64]:
     Returns:
         float64, the shape of x; absolute error below 1e-13.
     """
-    x = np.asarray(x, dtype=np.float64)
-    return np.exp(-x[..., None] * _COSH) @ (_WEIGHTS / _COSH**n)
+    depth = np.minimum(np.asarray(x, dtype=np.float64)[..., None] * _COSH, 700.0)  # e^(−700) is nil, and no underflow
+    return np.asarray(np.exp(-depth) @ (_WEIGHTS / _COSH**n), dtype=np.float64)
 
 
 def shell(tau: float, near: npt.ArrayLike, far: npt.ArrayLike) -> npt.NDArray[np.float64]:
