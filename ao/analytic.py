@@ -150,6 +150,8 @@ def box(sides: tuple[float, float, float, float], height: float, tau: float | No
     The unit cube from the centre of its floor is box((.5, .5, .5, .5), 1): .553728 for τ = 1, .975138 for τ = 5.
     """
     _require(min(*sides, height) > 0, f"sides, height: expected > 0, got {sides}, {height}")
+    if tau is None and isinf(max_distance):
+        return 0.0
 
     def transform(t: float, limit: float) -> float:
 
@@ -220,6 +222,8 @@ def inside_sphere(radius: float, tau: float | None = None) -> float:
 def inside_cylinder(radius: float, tau: float | None = None) -> float:
     """p on the inner face of an infinite cylinder: 0 binary, 1 − (4/π) ∫₀^{π/2} cosψ Ki3(2τR cosψ) dψ exponential."""
     _require(radius > 0, f"radius: expected > 0, got {radius}")
+    if tau is None:
+        return 0.0
     return _obscurance(lambda t, _: _extruded(lambda a: 2 * radius * sin(a), t, (0.0, pi)), tau)
 
 
