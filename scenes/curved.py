@@ -16,8 +16,8 @@ from .configurations import ClosedForm, Floats, Setting, posed
 from .shapes import Part, icosphere, inscribed_radius, join, patches, polygon, tube
 
 BOTH: tuple[Falloff, ...] = (Binary(), Exponential(tau=1.0))
-SUBDIVISIONS = 6
-SIDES = 1024
+SUBDIVISIONS = 5
+SIDES = 512
 LENGTH = 200.0
 
 
@@ -206,6 +206,7 @@ def _cylinder() -> Setting:
         (radius * vertices + [0, 0, height], faces),
         lambda tau, limit: [analytic.cylinder(radius, height, x, tau) for x in offsets],
         lambda tau, limit: [analytic.cylinder(inner, height, x, tau) for x in offsets],
+        (Binary(), Exponential(tau=3.0)),
         seed=36,
         missing=_missing(far),
     )

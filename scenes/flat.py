@@ -150,7 +150,7 @@ def _trenches() -> list[Setting]:
     def wall(tau: float | None, limit: float) -> list[float]:
         return [analytic.wall(width - x, depth, tau, limit) for x, _, _ in points]
 
-    falloffs = (*BOTH, *limits)
+    falloffs = (Binary(), Exponential(tau=2.0), *limits)
     return [
         _setting("trench", points, [right, left], trench, falloffs, beyond=length - 1),
         _setting("wall", points, [right], wall, falloffs, beyond=length - 1, seed=16),
@@ -200,7 +200,7 @@ def _tilted() -> Setting:
         mesh=posed((vertices, faces), 19, normals, source="tilted normal"),
         points=7 * np.arange(3),
         exact=lambda tau, limit: [analytic.tilted_normal(t) for t in tilts],
-        falloffs=BOTH,
+        falloffs=(Binary(),),
         normals="file",
     )
 
@@ -211,7 +211,7 @@ def _triangles(seed: int) -> Setting:
     The directions to their corners are those of a triangulated sphere, and each corner moves along its direction.
     """
     rng = np.random.default_rng(100 + seed)
-    directions = rng.normal(size=(14, 3))
+    directions = rng.normal(size=(9, 3))
     directions, faces = hull(directions / np.linalg.norm(directions, axis=1, keepdims=True))
     chosen = faces[rng.random(len(faces)) < 0.4]
     occluders = list(directions[chosen] * rng.uniform(0.5, 3.0, size=(len(chosen), 3, 1)))
