@@ -15,7 +15,7 @@ import numpy.typing as npt
 from raytrace.errors import OptionError
 
 Length = float | str
-DEFAULT_HALF_DISTANCE = "20%"
+DEFAULT_HALF_DISTANCE = "50%"
 
 
 def resolve_length(field: str, length: Length, radius: float) -> float:
