@@ -97,9 +97,8 @@ def bake(
 @app.command()
 def info(mesh: Annotated[Path, typer.Argument(metavar="MESH", help="A mesh file.")]) -> None:
     """Tell what a mesh file holds and what a bake would make of it."""
-    from scenes.load import load
-
     from scenes.info import describe
+    from scenes.load import load
 
     rows = describe(load(mesh))
     width = max(len(name) for name, _ in rows)
@@ -129,10 +128,9 @@ def demo(
     quiet: Quiet = False,
 ) -> None:
     """Bake a built-in scene and take its picture: temple.ply with w, temple.png to look at."""
-    from scenes.write import check_target
-
     from raytrace.errors import OutputError
     from scenes.demo import TARGETS, make
+    from scenes.write import check_target
 
     try:
         output.mkdir(parents=True, exist_ok=True)

@@ -68,6 +68,13 @@ def _mix(x):
 
 
 @inline
+def choose(number, key, sets):
+    """A point's direction set and its turn in radians."""
+    chance = _mix(_mix(number) ^ key)
+    return chance % np.uint32(sets), _mix(chance) * (2.0 * np.pi / 4294967296.0)
+
+
+@inline
 def turned_frame(n, turn):
     """Orthonormal tangents of the unit normal `n` (Duff et al. 2017), turned about it by `turn` radians."""
     x, y, z = np.float64(n[0]), np.float64(n[1]), np.float64(n[2])
@@ -83,13 +90,13 @@ def turned_frame(n, turn):
 
 
 @kernel
-def gather(scene, packet, valid, origins, normals, points, directions, batches, key, tau, reach, limit, out):
+def gather(scene, packet, valid, origins, normals, numbers, directions, batches, key, tau, reach, limit, out):
     """Obscurance of a block of points.
 
     Args:
         scene, packet, valid: see raytrace.embree.
         origins, normals: float32 (n, 3), in the scene's units.
-        points: uint32 (n,), the number that keys a point's random choices.
+        numbers: uint32 (n,), what a point's random choices are keyed by.
         directions, batches, key: a DirectionTable's.
         tau: rate of the exponential μ in the scene's units, or 0 for the binary μ.
         reach: length of every ray; limit: max_distance, at which the exponential μ is 1, or inf.
@@ -101,10 +108,9 @@ def gather(scene, packet, valid, origins, normals, points, directions, batches, 
     total = np.zeros(BATCHES)
     scale = -1.0 / np.expm1(-tau * limit) if tau > 0.0 else 1.0
     for i in range(len(origins)):
-        chance = _mix(_mix(points[i]) ^ key)
-        chosen = chance % np.uint32(sets)
+        chosen, turn = choose(numbers[i], key, sets)
         n = normals[i]
-        t, b = turned_frame(n, _mix(chance) * (2.0 * np.pi / 4294967296.0))
+        t, b = turned_frame(n, turn)
         local, batch = directions[chosen], batches[chosen]
         size[:] = 0.0
         total[:] = 0.0

@@ -12,8 +12,10 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
 from raytrace.errors import MeshError, OptionError
+from raytrace.jit import kernel
 from raytrace.mesh import Mesh
-from raytrace.normals import Weighting, accumulate, corner_weights, face_normals, normalize
+from raytrace.normals import face_normals, normalize, vertex_sums
+from raytrace.outermost import outermost_normals
 from raytrace.placement import Placement, ray_offset
 
 Normals = Literal["angle", "area", "equal", "file"]
@@ -86,45 +88,32 @@ def find_receivers(mesh: Mesh, placement: Placement, normals: Normals = "angle")
     flags[np.bincount(mesh.faces.ravel(), minlength=count) == 0] = Flag.UNREFERENCED
 
     face_normal, area = face_normals(vertices, mesh.faces)
+    own = vertex_sums(vertices, mesh.faces, face_normal, area, "angle" if normals == "file" else normals)
+    axes = normalize(mesh.normals) if mesh.normals is not None and normals == "file" else normalize(own)
     solid = area > 0
-    faces, face_normal, area = mesh.faces[solid], face_normal[solid], area[solid]
-    corner, weight = faces.ravel(), corner_weights(vertices, faces, area, _weighting(normals))
-    weighted = (weight[..., None] * face_normal[:, None]).reshape(-1, 3)
-    own = accumulate(corner, weighted, count)
-    axis = normalize(own if mesh.normals is None or normals != "file" else mesh.normals)
+    faces, face_normal = mesh.faces[solid], face_normal[solid]
 
-    group = weld(placement.vertices, axis, SAME if normals == "file" else CREASE)
+    group = weld(placement.vertices, axes, SAME if normals == "file" else CREASE)
     groups = int(group.max()) + 1
     first = np.full(groups, count, np.int64)
     np.minimum.at(first, group, np.arange(count))
-    lift = normalize(accumulate(group, own, groups))
-    seat, corner_normal = group[corner], np.repeat(face_normal, 3, axis=0)
-    lift, clearance = outermost_normal(lift, seat, corner_normal)
-
-    magnitude = np.zeros((groups, 3))
-    np.maximum.at(magnitude, seat, np.repeat(np.abs(vertices[faces]).max(axis=1), 3, axis=0))
+    joined: Floats = np.stack([np.bincount(group, own[:, axis], groups) for axis in range(3)], axis=1)
+    lift, clearance = outermost_normals(normalize(joined), group[faces], face_normal)
+    magnitude = np.zeros(groups)
+    _largest_coordinates(vertices, faces, group, magnitude)
     if normals == "file":
-        axis = axis[first]
-        lift = np.where(np.einsum("ij,ij->i", lift, axis)[:, None] < 0, -lift, lift)
+        axes = axes[first]
+        lift = np.where(np.einsum("ij,ij->i", lift, axes)[:, None] < 0, -lift, lift)
     else:
-        axis = lift
+        axes = lift
     origin = vertices[first] + ray_offset(lift, magnitude, clearance)[:, None] * lift
 
-    usable = np.logical_and(lift.any(axis=1), axis.any(axis=1))
+    usable = np.logical_and(lift.any(axis=1), axes.any(axis=1))
     flags[~usable[group] & (flags == 0)] = Flag.DEGENERATE
     flags[usable[group] & (clearance <= 0)[group]] = Flag.OPPOSED
     index = np.where(usable, np.cumsum(usable) - 1, -1)
-    points = Points(origin.astype(np.float32), axis.astype(np.float32), first.astype(np.uint32))
-    return Receivers(
-        points[usable],
-        index[group],
-        flags,
-        faces,
-    )
-
-
-def _weighting(normals: Normals) -> Weighting:
-    return "angle" if normals == "file" else normals
+    points = Points(origin.astype(np.float32), axes.astype(np.float32), first.astype(np.uint32))
+    return Receivers(points[usable], index[group], flags, faces)
 
 
 def weld(positions: npt.NDArray[np.float32], normals: Floats, agreement: float) -> Ints:
@@ -154,37 +143,13 @@ def weld(positions: npt.NDArray[np.float32], normals: Floats, agreement: float) 
     return connected_components(graph, directed=False)[1].astype(np.int64)
 
 
-def outermost_normal(normals: Floats, seat: Ints, faces: Floats) -> tuple[Floats, Floats]:
-    """Normals in front of all the faces that meet at a point, and their clearance: the smallest n·n_f, (k,).
-
-    Where a normal lies behind one of its faces it is moved towards that face's normal until it is in front of all
-    (the perceptron; Rosenblatt 1958), or given up after 32 moves with the clearance, then ≤ 0, it had at best.
-
-    Args:
-        normals: (k, 3), unit or zero. seat: (c,), the row of `normals` a face corner belongs to. faces: (c, 3), its
-        face's unit normal.
-    """
-    best = normals.copy()
-    clearance = np.ones(len(normals))
-    np.minimum.at(clearance, seat, np.einsum("ij,ij->i", best[seat], faces))
-    hard = np.flatnonzero(clearance <= 0)
-    mine = np.flatnonzero((clearance <= 0)[seat])
-    if not len(mine):
-        return best, clearance
-    rows = np.searchsorted(hard, seat[mine])
-    toward, current = faces[mine], best[hard]
-    for _ in range(32):
-        dots = np.einsum("ij,ij->i", current[rows], toward)
-        order = np.lexsort((dots, rows))
-        worst = order[np.concatenate([[True], rows[order][1:] != rows[order][:-1]])]
-        better = dots[worst] > clearance[hard]
-        best[hard[better]], clearance[hard[better]] = current[better], dots[worst][better]
-        stuck = dots[worst] <= 0
-        current = normalize(np.where(stuck[:, None], current + toward[worst], current))
-        if not stuck.any():
-            break
-    gone = hard[~best[hard].any(axis=1)]
-    first = np.full(len(normals), -1)
-    first[seat[::-1]] = np.arange(len(seat))[::-1]
-    best[gone], clearance[gone] = faces[first[gone]], -1.0
-    return best, clearance
+@kernel
+def _largest_coordinates(vertices, faces, group, magnitude):
+    for f in range(len(faces)):
+        largest = 0.0
+        for corner in range(3):
+            for axis in range(3):
+                largest = max(largest, abs(vertices[faces[f, corner], axis]))
+        for corner in range(3):
+            row = group[faces[f, corner]]
+            magnitude[row] = max(magnitude[row], largest)

@@ -8,9 +8,8 @@ import platform
 from importlib.metadata import PackageNotFoundError, version
 from typing import Any
 
-from raytrace.atomic import atomic_write
-
 from raytrace import embree
+from raytrace.atomic import atomic_write
 
 from .bake import Bake
 

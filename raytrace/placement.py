@@ -43,8 +43,8 @@ def ray_offset(
     """Distance (n,) along unit `normals` (n, 3) at which a ray's origin is surely above the surface it starts on.
 
     Args:
-        magnitude: (n, 3), the largest |coordinate| on each axis among the corners of the faces that meet there.
+        magnitude: (n,), the largest |coordinate| among the corners of the faces that meet there.
         clearance: (n,), the smallest cosine between the normal and those faces' normals; below .1 it counts as .1.
     """
-    error = OFFSET_ULPS * ULP * np.einsum("ij,ij->i", np.abs(normals), magnitude)
+    error = OFFSET_ULPS * ULP * np.abs(normals).sum(axis=1) * magnitude
     return error / np.maximum(clearance, 0.1)

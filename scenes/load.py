@@ -41,6 +41,12 @@ class MeshFile:
     parts: tuple[Part, ...]
     gltf: Gltf | None = None
 
+    @classmethod
+    def of(cls, mesh: Mesh) -> MeshFile:
+        """A mesh made in memory, as if read from a file of its one object."""
+        whole = Part(mesh.source, slice(0, len(mesh.vertices)), slice(0, len(mesh.faces)))
+        return cls(Path(mesh.source), mesh, (whole,))
+
 
 def load(path: str | os.PathLike[str]) -> MeshFile:
     """Read a mesh file, its format told by the ending.

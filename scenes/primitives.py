@@ -9,7 +9,6 @@ import numpy.typing as npt
 
 from raytrace.mesh import Mesh
 
-Vector = Sequence[float]
 Floats = npt.NDArray[np.float64]
 
 
@@ -20,12 +19,12 @@ def merge(meshes: Sequence[Mesh], source: str) -> Mesh:
     return Mesh(np.concatenate([mesh.vertices for mesh in meshes]), faces, source=source)
 
 
-def grid(corner: Vector, along: Vector, across: Vector, fineness: float) -> Mesh:
+def grid(corner: npt.ArrayLike, along: npt.ArrayLike, across: npt.ArrayLike, fineness: float) -> Mesh:
     """A parallelogram with normal along × across, cut into triangles with legs of at most `fineness`."""
-    corner, along, across = (np.asarray(v, np.float64) for v in (corner, along, across))
-    cells = [max(int(np.ceil(np.linalg.norm(side) / fineness)), 1) for side in (along, across)]
+    sides = np.asarray([along, across], np.float64)
+    cells = [max(int(np.ceil(np.linalg.norm(side) / fineness)), 1) for side in sides]
     s, t = np.meshgrid(*(np.linspace(0, 1, count + 1) for count in cells), indexing="ij")
-    vertices = corner + s[..., None] * along + t[..., None] * across
+    vertices = np.asarray(corner, np.float64) + s[..., None] * sides[0] + t[..., None] * sides[1]
     return Mesh(vertices.reshape(-1, 3), _cells(cells[0] + 1, cells[1] + 1), source="grid")
 
 
@@ -35,24 +34,24 @@ def _cells(rows: int, columns: int) -> npt.NDArray[np.int64]:
     return np.stack([np.stack([a, b, c], -1), np.stack([a, c, d], -1)], axis=2).reshape(-1, 3)
 
 
-def box(centre: Vector, size: Vector, fineness: float) -> Mesh:
+def box(centre: npt.ArrayLike, size: npt.ArrayLike, fineness: float) -> Mesh:
     """An axis-aligned box, outward normals, its six sides not joined at the edges (hard edges)."""
-    sides = []
+    sides, extent = [], np.asarray(size, np.float64)
     for axis in range(3):
         u, v = (axis + 1) % 3, (axis + 2) % 3
         for sign in (1.0, -1.0):
-            low = np.asarray(centre, np.float64) - np.asarray(size, np.float64) / 2
+            low = np.asarray(centre, np.float64) - extent / 2
             along, across = np.zeros(3), np.zeros(3)
-            along[u], across[v] = size[u], size[v]
+            along[u], across[v] = extent[u], extent[v]
             if sign > 0:
-                low[axis] += size[axis]
+                low[axis] += extent[axis]
             else:
                 along, across = across, along
             sides.append(grid(low, along, across, fineness))
     return merge(sides, source="box")
 
 
-def cylinder(base: Vector, radius: float, height: float, fineness: float) -> Mesh:
+def cylinder(base: npt.ArrayLike, radius: float, height: float, fineness: float) -> Mesh:
     """The side of a cylinder that stands on `base` along z, outward normals, no caps."""
     around = max(int(np.ceil(2 * np.pi * radius / fineness)), 8)
     up = max(int(np.ceil(height / fineness)), 1)

@@ -30,10 +30,7 @@ def glb(mesh_file: MeshFile, w: npt.NDArray[np.floating[Any]], colors: bool) -> 
         w: (n,), per vertex of `mesh_file.mesh`.
         colors: also write w, linear as glTF's vertex colours are, to `COLOR_0`. An existing one is replaced.
     """
-    if mesh_file.gltf:
-        packed = _annotate(mesh_file.gltf, mesh_file.parts, w, colors)
-    else:
-        packed = _plain(mesh_file, w, colors)
+    packed = _annotate(mesh_file.gltf, mesh_file.parts, w, colors) if mesh_file.gltf else _plain(mesh_file, w, colors)
     packed.header["buffers"] = [{"byteLength": len(packed.binary)}]
     return encode_glb(packed.header, bytes(packed.binary))
 
