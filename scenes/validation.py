@@ -5,13 +5,14 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
+from math import isinf
 from typing import Protocol
 
 import numpy as np
 import numpy.typing as npt
 
 from ao.bake import bake as _bake
-from ao.falloff import Falloff
+from ao.falloff import Exponential, Falloff
 
 from .configurations import Configuration
 from .curved import curved_settings
@@ -100,3 +101,28 @@ def run(
     """
     chosen = configurations() if lines is None else lines
     return [compare(line, measure(line, bake, samples, seed, threads)) for line in chosen]
+
+
+def described(falloff: Falloff) -> str:
+    """A falloff in a few words: "binary", "τ = 2, D = 1.5"."""
+    kind = f"τ = {falloff.tau:g}" if isinstance(falloff, Exponential) else "binary"
+    limit = float(falloff.max_distance)
+    return kind if isinf(limit) else f"{kind}, D = {limit:.3g}"
+
+
+def table(results: Sequence[Result]) -> str:
+    """The results as lines of text: measured, exact, error, what of it is allowed, verdict, and a count at the end.
+
+    The error allowed includes the bound on a stand-in's own error, which has its own column.
+    """
+    name, kind = (max((len(text) for text in column), default=0) for column in (
+        [r.name for r in results], [described(r.falloff) for r in results]))  # fmt: skip
+    head = f"{'closed form':{name}}  {'falloff':{kind}}  measured     exact      error   allowed  stand-in"
+    rows = [
+        f"{r.name:{name}}  {described(r.falloff):{kind}}  {r.measured:.6f}  {r.exact:.6f}  {r.error:+.6f}  "
+        f"{r.allowed:.6f}  {r.truncation:.6f}  {'ok' if r.ok else 'FAILED'}"
+        for r in results
+    ]
+    failed = sum(not r.ok for r in results)
+    verdict = f"{failed} of {len(results)} failed" if failed else f"all {len(results)} within what is allowed"
+    return "\n".join([head, *rows, verdict])

@@ -40,7 +40,7 @@ def two_boxes() -> Part:
     return join([(cube, faces), (turned, faces)])
 
 
-def hills(side: int = 9) -> Part:
+def hills(side: int = 8) -> Part:
     """A height field with ridges and hollows."""
     steps = np.linspace(-1, 1, side)
     x, y = (axis.ravel() for axis in np.meshgrid(steps, steps, indexing="ij"))

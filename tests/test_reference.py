@@ -20,12 +20,13 @@ SETTINGS = {
     "exponential within 0.9": (ao.Exponential(tau=1.7, max_distance=0.9), 1.7, 0.9),
 }
 SEEDS = 8
+RAYS = 1200
 
 
 @cache
 def truth(name: str, setting: str) -> reference.Reference:
     _, tau, limit = SETTINGS[setting]
-    return reference.bake(*MESHES[name], tau, limit, rays=1500, seed=3)
+    return reference.bake(*MESHES[name], tau, limit, rays=RAYS, seed=3)
 
 
 def z_scores(name: str, setting: str, w: np.ndarray) -> np.ndarray:
@@ -34,7 +35,7 @@ def z_scores(name: str, setting: str, w: np.ndarray) -> np.ndarray:
     A vertex whose rays all agreed may still hide a part 1/rays of disagreement.
     """
     slow = truth(name, setting)
-    floor = 1 / 1500
+    floor = 1 / RAYS
     spread = w.var(axis=0, ddof=1) / len(w)
     return (w.mean(axis=0) - slow.w) / np.sqrt(slow.error**2 + spread + floor**2)
 
