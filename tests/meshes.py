@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from scenes.shapes import Part, hull, join
+from scenes.shapes import Part, generic_rotation, hull, join
 
 
 def soup_over_floor(seed: int, triangles: int = 14) -> Part:
@@ -18,7 +18,7 @@ def soup_over_floor(seed: int, triangles: int = 14) -> Part:
     return join([(grid, floor), (corners.reshape(-1, 3), np.arange(3 * triangles).reshape(-1, 3))])
 
 
-def torus(major: int = 10, minor: int = 7, tube: float = 0.45) -> Part:
+def torus(major: int = 9, minor: int = 6, tube: float = 0.45) -> Part:
     """A coarse torus of radius 1, smooth enough that no vertex normal lies behind a face."""
     u, v = np.meshgrid(np.arange(major), np.arange(minor), indexing="ij")
     a, b = 2 * np.pi * u.ravel() / major, 2 * np.pi * v.ravel() / minor
@@ -50,5 +50,15 @@ def hills(side: int = 8) -> Part:
     return np.stack([x, y, z], axis=-1), np.concatenate(faces)
 
 
-MESHES = {"soup": soup_over_floor(1), "other soup": soup_over_floor(2), "torus": torus(), "boxes": two_boxes()}
-MESHES["hills"] = hills()
+def turned(part: Part) -> Part:
+    """`part` off every coordinate axis: a normal at ±0 has either of two frames, by its sign."""
+    return generic_rotation(6).apply(part[0]), part[1]
+
+
+MESHES = {
+    "soup": turned(soup_over_floor(1)),
+    "other soup": turned(soup_over_floor(2)),
+    "torus": turned(torus()),
+    "boxes": turned(two_boxes()),
+    "hills": turned(hills()),
+}

@@ -118,13 +118,13 @@ SCENES: dict[str, tuple[Callable[[float | None, float], float], Distance, bool]]
 }
 
 
-@pytest.mark.parametrize("limit", [inf, 0.55, 1.3, 3.0])
+CASES = [(name, limit) for name, scene in SCENES.items() for limit in ((inf, 0.55, 1.3, 3.0) if scene[2] else (inf,))]
+
+
 @pytest.mark.parametrize("tau", [None, 0.4, 3.0])
-@pytest.mark.parametrize("name", SCENES)
-def test_matches_quasi_monte_carlo(name: str, tau: float | None, limit: float) -> None:
-    closed_form, distance, has_limit = SCENES[name]
-    if not has_limit and limit < inf:
-        return
+@pytest.mark.parametrize(("name", "limit"), CASES)
+def test_matches_quasi_monte_carlo(name: str, limit: float, tau: float | None) -> None:
+    closed_form, distance, _ = SCENES[name]
     tolerance = 4e-4 if tau is None else 1.5e-4
     assert closed_form(tau, limit) == pytest.approx(integrated(distance, tau, limit), abs=tolerance)
 
@@ -221,7 +221,7 @@ def covered(polygon: np.ndarray, normal: np.ndarray) -> float:
 def test_polygon_form_factor_matches_quasi_monte_carlo() -> None:
     rng = np.random.default_rng(5)
     below = 0
-    for _ in range(40):
+    for _ in range(20):
         triangle, normal = rng.normal(size=(3, 3)), rng.normal(size=3)
         normal /= np.linalg.norm(normal)
         below += 0 < (triangle @ normal < 0).sum() < 3
@@ -229,7 +229,7 @@ def test_polygon_form_factor_matches_quasi_monte_carlo() -> None:
         assert polygon_form_factor(triangle + point, point, 3 * normal) == pytest.approx(
             covered(triangle, normal), abs=5e-4
         )
-    assert below > 10
+    assert below > 5
 
 
 def test_polygon_form_factor_of_known_shapes() -> None:
