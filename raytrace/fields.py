@@ -24,7 +24,7 @@ def _triple(value: Any) -> Any:
 
 def _direction(value: tuple[float, float, float]) -> tuple[float, float, float]:
     if value == (0.0, 0.0, 0.0):
-        raise ValueError("Input should be a vector other than zero")
+        raise ValueError("a vector other than zero")
     return value
 
 
@@ -32,12 +32,31 @@ def _vector(value: Any) -> Any:
     return value.tolist() if isinstance(value, np.ndarray) else value
 
 
+def within(interval: str) -> AfterValidator:
+    """Accepts a float in an interval written as mathematicians do, such as "[0, 1)"; never NaN."""
+    low, high = (float(bound) for bound in interval[1:-1].split(","))
+
+    def check(value: float) -> float:
+        above = value > low or (value == low and interval[0] == "[")
+        below = value < high or (value == high and interval[-1] == "]")
+        if not (above and below):
+            raise ValueError(f"a number in {interval}")
+        return value
+
+    return AfterValidator(check)
+
+
 Real = Annotated[float, Field(allow_inf_nan=False)]
-Fraction = Annotated[float, Field(ge=0, le=1, allow_inf_nan=False)]
-Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
-NonNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]
-Slope = Annotated[float, Field(ge=1e-6, le=100, allow_inf_nan=False)]
-Index = Annotated[float, Field(ge=1, le=1e6, allow_inf_nan=False)]
+Fraction = Annotated[float, within("[0, 1]")]
+Positive = Annotated[float, within("(0, inf)")]
+NonNegative = Annotated[float, within("[0, inf)")]
+Slope = Annotated[float, within("[1e-6, 100]")]
+Index = Annotated[float, within("[1, 1e6]")]
+Exponent = Annotated[float, within("(0, 1e6]")]
+Smoothness = Annotated[float, within("[0, 1)")]
+Spacing = Annotated[float, within("[1e-3, 1e6]")]
+Angle = Annotated[float, within("[0, 1.5707963267948966]")]
+HalfAngle = Annotated[float, within("(0, 1.5707963267948966]")]
 
 Reflectance = Annotated[tuple[Fraction, Fraction, Fraction], BeforeValidator(_triple)]
 Radiance = Annotated[tuple[NonNegative, NonNegative, NonNegative], BeforeValidator(_triple)]
@@ -58,7 +77,7 @@ class Parameters(BaseModel):
             raise option_error(error, type(self).__name__) from None
 
     def to_dict(self) -> dict[str, Any]:
-        """Plain numbers, strings and lists, ready for a TOML scene; only what differs from the defaults, and the tag."""
+        """Plain numbers, strings and lists, ready for a TOML scene: the tag, and what differs from the defaults."""
         tag = {name: getattr(self, name) for name in ("model", "light") if name in type(self).model_fields}
         return tag | self.model_dump(mode="json", exclude_defaults=True, exclude_none=True)
 
@@ -76,6 +95,13 @@ def option_error(error: ValidationError, source: str) -> OptionError:
         return cause
     field = "".join(f"[{part}]" if isinstance(part, int) else f".{part}" for part in fault["loc"]).lstrip(".")
     message = fault["msg"].removeprefix("Value error, ").removeprefix("Input should be ")
+    if fault["type"] == "union_tag_not_found":
+        return OptionError(fault["ctx"]["discriminator"].strip("'"), "a value", "nothing", source)
+    if fault["type"] == "union_tag_invalid":
+        context = fault["ctx"]
+        return OptionError(
+            context["discriminator"].strip("'"), f"one of {context['expected_tags']}", context["tag"], source
+        )
     if fault["type"] == "missing":
         return OptionError(field, "a value", "nothing", source)
     if fault["type"] == "extra_forbidden":

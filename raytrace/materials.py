@@ -9,67 +9,29 @@ Reflectances are RGB in [0, 1] (one number means three equal ones), angles radia
 
 from __future__ import annotations
 
-from math import cos, pi, sin
-from typing import Annotated, Any, ClassVar, Literal, NamedTuple
+from math import cos, sin
+from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
 import numpy.typing as npt
 from pydantic import Field, TypeAdapter, ValidationError, model_validator
 
 from raytrace.errors import OptionError
-from raytrace.fields import Direction, Fraction, Indices, Parameters, Positive, Radiance, Reflectance, Slope, option_error
+from raytrace.fields import (
+    Angle,
+    Direction,
+    Fraction,
+    Positive,
+    Reflectance,
+    Slope,
+    Smoothness,
+    Spacing,
+    option_error,
+)
+from raytrace.material_base import RGB, BaseMaterial, Diffuse, Microfacet, TwoTerm
 from raytrace.models import rows
 from raytrace.models.constants import cap_angle, gaussian_constant, power_series
-
-RGB = tuple[float, float, float]
-
-
-class Packed(NamedTuple):
-    """A material as kernels take it: integer kind, and a float64 row of `rows.WIDTH`."""
-
-    kind: int
-    row: npt.NDArray[np.float64]
-
-
-class BaseMaterial(Parameters):
-    """What every material has: emission I_e and the two-sided option (|n·l| in place of ⟨n·l⟩)."""
-
-    kind: ClassVar[int]
-    emission: Radiance = (0.0, 0.0, 0.0)
-    two_sided: bool = False
-
-    def pack(self) -> Packed:
-        """The kind and parameter row that `raytrace.models.dispatch.evaluate` takes."""
-        row = np.zeros(rows.WIDTH)
-        row[rows.EMISSION : rows.EMISSION + 3] = self.emission
-        row[rows.AMBIENT : rows.AMBIENT + 3] = self._ambient()
-        row[rows.ALPHA], row[rows.TWO_SIDED] = self._alpha(), float(self.two_sided)
-        row[rows.GRAIN : rows.GRAIN + 3] = self._grain()
-        parameters = self._parameters()
-        row[rows.MODEL : rows.MODEL + len(parameters)] = parameters
-        return Packed(self.kind, row)
-
-    def _ambient(self) -> RGB:
-        raise TypeError(f"{type(self).__name__} is not a material")
-
-    def _alpha(self) -> float:
-        return 1.0
-
-    def _grain(self) -> RGB:
-        return (0.0, 0.0, 0.0)
-
-    def _parameters(self) -> list[float]:
-        raise TypeError(f"{type(self).__name__} is not a material")
-
-
-class Diffuse(BaseMaterial):
-    """A material with a Lambert-like body of albedo ρ; `k_a`, the ambient reflectance, is ρ unless given."""
-
-    albedo: Reflectance
-    k_a: Reflectance | None = None
-
-    def _ambient(self) -> RGB:
-        return self.albedo if self.k_a is None else self.k_a
+from raytrace.presets import preset
 
 
 class Lambert(Diffuse):
@@ -87,31 +49,13 @@ class OrenNayar(Diffuse):
 
     model: Literal["oren_nayar"] = "oren_nayar"
     kind: ClassVar[int] = rows.OREN_NAYAR
-    sigma: float = Field(ge=0, le=pi / 2, allow_inf_nan=False)
+    sigma: Angle
 
     def _parameters(self) -> list[float]:
         return [*self.albedo, self.sigma]
 
 
-class _Microfacet(Diffuse):
-    """k_d = 1 − k_s of a Lambertian body under k_s of mirror facets.
-
-    `eta`: index per channel, ≥ 1. `colour`: specular colour at normal incidence, shifting to the light's at grazing;
-    without it each channel has its own Fresnel reflectance. `form`: "conserving", or the printed "book", 4 times as bright.
-    """
-
-    k_s: Fraction = 1.0
-    eta: Indices = (1.5, 1.5, 1.5)
-    colour: Reflectance | None = None
-    form: Literal["conserving", "book"] = "conserving"
-
-    def _common(self) -> list[float]:
-        colour = self.colour or (0.0, 0.0, 0.0)
-        normalisation = 1 / (4 * pi) if self.form == "conserving" else 1 / pi
-        return [*self.albedo, self.k_s, *self.eta, float(self.colour is not None), *colour, normalisation]
-
-
-class CookTorrance(_Microfacet):
+class CookTorrance(Microfacet):
     """Isotropic microfacets of RMS slope `m` in [1e-6, 100] (12.34–12.52).
 
     `gaussian_c` scales the Gaussian distribution; left out, it is chosen so that the distribution has Beckmann's norm.
@@ -135,7 +79,7 @@ class CookTorrance(_Microfacet):
         return self
 
 
-class EllipticalBeckmann(_Microfacet):
+class EllipticalBeckmann(Microfacet):
     """Microfacets of RMS slopes `m_parallel` along the grain and `m_perpendicular` across it, each in [1e-6, 100].
 
     `grain`: world vector, projected into the tangent plane; left out, the renderer's tangent (the UV frame) is used.
@@ -154,27 +98,7 @@ class EllipticalBeckmann(_Microfacet):
         return [*self._common(), self.m_parallel, self.m_perpendicular]
 
 
-class _TwoTerm(BaseMaterial):
-    """Diffuse k_d and specular k_s, k_d + k_s ≤ 1 in each channel; `k_a` is k_d unless given; exponent > 0."""
-
-    k_d: Reflectance
-    k_s: Reflectance = (0.0, 0.0, 0.0)
-    exponent: float = Field(default=20.0, gt=0, le=1e6, allow_inf_nan=False)
-    k_a: Reflectance | None = None
-
-    @model_validator(mode="after")
-    def _absorbs(self) -> _TwoTerm:
-        for channel, (diffuse, specular) in enumerate(zip(self.k_d, self.k_s, strict=True)):
-            if diffuse + specular > 1 + 1e-9:
-                got = f"{diffuse} + {specular} = {diffuse + specular:g}"
-                raise OptionError(f"k_d + k_s [{channel}]", "at most 1", got, type(self).__name__)
-        return self
-
-    def _ambient(self) -> RGB:
-        return self.k_d if self.k_a is None else self.k_a
-
-
-class _PhongFamily(_TwoTerm):
+class _PhongFamily(TwoTerm):
     """k_d ⟨n·l⟩ + k_s W S; `weight` W = 1 ("one") or cosθ ("cosine")."""
 
     weight: Literal["one", "cosine"] = "one"
@@ -197,7 +121,7 @@ class BlinnPhong(_PhongFamily):
     kind: ClassVar[int] = rows.BLINN_PHONG
 
 
-class PoulinFournier(_TwoTerm):
+class PoulinFournier(TwoTerm):
     """Parallel cylinders of radius 1: axes `spacing` apart, the floor at height `floor` in [0, 1] above them.
 
     `grain`: world vector along the cylinders; left out, the renderer's tangent (the UV frame) is used.
@@ -205,7 +129,7 @@ class PoulinFournier(_TwoTerm):
 
     model: Literal["poulin_fournier"] = "poulin_fournier"
     kind: ClassVar[int] = rows.POULIN_FOURNIER
-    spacing: float = Field(default=2.0, ge=1e-3, le=1e6, allow_inf_nan=False)
+    spacing: Spacing = 2.0
     floor: Fraction = 0.0
     grain: Direction | None = None
 
@@ -227,7 +151,7 @@ class Strauss(BaseMaterial):
     model: Literal["strauss"] = "strauss"
     kind: ClassVar[int] = rows.STRAUSS
     colour: Reflectance
-    smoothness: float = Field(ge=0, lt=1, allow_inf_nan=False)
+    smoothness: Smoothness
     metalness: Fraction = 0.0
     transparency: Fraction = 0.0
 
@@ -256,10 +180,7 @@ def material_from_dict(data: dict[str, Any]) -> BaseMaterial:
     Raises: OptionError naming the material, the field, what is accepted and what came.
     """
     if "preset" in data:
-        from raytrace.presets import preset
-
-        changes = {name: value for name, value in data.items() if name != "preset"}
-        data = preset(data["preset"]).to_dict() | changes
+        data = preset(data["preset"]) | {name: value for name, value in data.items() if name != "preset"}
     try:
         material: BaseMaterial = _ADAPTER.validate_python(data)
     except ValidationError as error:

@@ -39,6 +39,7 @@ def reflect(
     shape = np.broadcast_shapes(*(a.shape for a in given))
     flat = [np.ascontiguousarray(np.broadcast_to(normalize(a), shape)).reshape(-1, 3) for a in given]
     kind, row = material.pack()
-    out = np.empty((len(flat[0]), 3))
-    reflect_rows(kind, row, *flat, out)
+    out = np.empty_like(flat[0])
+    normals, lights, viewers, grains = flat
+    reflect_rows(kind, row, normals, lights, viewers, grains, out)
     return out.reshape(shape).astype(np.float32 if single else np.float64)

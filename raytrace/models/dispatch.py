@@ -55,7 +55,7 @@ def evaluate(kind, row, n, l, v, grain):
     """Reflected RGB per unit incident RGB.
 
     Args: kind and row of a packed material; unit normal n; unit directions l to the light and v to the viewer; grain,
-        the tangent along which an anisotropic surface is brushed (need not be unit or exactly tangent; zero: the row's).
+        along which an anisotropic surface is brushed (projected into the tangent plane; zero: the row's).
     """
     if row[TWO_SIDED] == 1.0 and dot(n, l) < 0.0:
         n = scale(-1.0, n)

@@ -1,12 +1,13 @@
 """Poulin–Fournier: parallel cylinders of radius 1 on a floor; brushed metal, records, woven and turned surfaces.
 
 Axes lie `spacing` apart at height 0 and run along the grain; the floor lies at height `floor` in [0, 1], so that each
-cylinder shows a cap |θ| ≤ Θ. The reflected light is the average, over what the viewer sees of one period, of the facets'
-own k_d ⟨n'·l⟩ + k_s ⟨n'·h⟩^m where they are lit. Everything is constant along the grain, so arcs of the cross-section
-are intersected, and both integrals over the common arc are closed: the diffuse one exactly, the specular one through a
-Chebyshev polynomial of cos^(m+1), as in the paper.
+cylinder shows a cap |θ| ≤ Θ. The reflected light is the average, over what the viewer sees of one period, of the
+facets' own k_d ⟨n'·l⟩ + k_s ⟨n'·h⟩^m where they are lit. Everything is constant along the grain, so arcs of the
+cross-section are intersected, and both integrals over the common arc are closed: the diffuse one exactly, the
+specular one through a Chebyshev polynomial of cos^(m+1), as in the paper.
 
-Row: k_d (RGB), k_s (RGB), exponent m, spacing, Θ, sinΘ, cosΘ, Chebyshev domain X, odd coefficients of ∫cos^(m+1), highest first.
+Row: k_d (RGB), k_s (RGB), exponent m, spacing, Θ, sinΘ, cosΘ, Chebyshev domain X, `TERMS` odd coefficients of
+∫cos^(m+1), highest order first.
 Source: Poulin & Fournier 1990, "A Model for Anisotropic Reflection", added cylinders.
 """
 
