@@ -61,6 +61,6 @@ PRESETS: dict[str, dict[str, Any]] = {
 
 def preset(name: str) -> dict[str, Any]:
     """The values of a named material. Raises: OptionError listing the names."""
-    if name not in PRESETS:
+    if not isinstance(name, str) or name not in PRESETS:
         raise OptionError("preset", "one of " + ", ".join(sorted(PRESETS)), name, "material")
     return dict(PRESETS[name])
