@@ -1,0 +1,80 @@
+"""The one door to all reflection models, for kernels that meet many materials.
+
+    red, green, blue = evaluate(kind, row, n, l, v, grain)
+
+`kind` and `row` come from a material's `pack()`; directions are triples of unit vectors pointing away from the surface.
+The result is the reflected RGB for unit incident RGB: BRDF·(n·l) for physical models, k_d⟨n·l⟩ + k_s S for Phong-type
+ones; zero, everywhere, for a light at or below the horizon.
+"""
+
+from __future__ import annotations
+
+from raytrace.jit import inline
+from raytrace.models import cook_torrance, lambert, oren_nayar, phong, poulin_fournier, strauss
+from raytrace.models.rows import (
+    ALPHA,
+    AMBIENT,
+    BLINN_PHONG,
+    COOK_TORRANCE,
+    ELLIPTICAL_BECKMANN,
+    EMISSION,
+    GRAIN,
+    LAMBERT,
+    OREN_NAYAR,
+    PHONG,
+    STRAUSS,
+    TWO_SIDED,
+)
+from raytrace.vector import dot, scale
+
+_lambert, _phong, _blinn = lambert.evaluate, phong.evaluate_phong, phong.evaluate_blinn
+_cook_torrance, _elliptical = cook_torrance.evaluate, cook_torrance.evaluate_elliptical
+_oren_nayar, _strauss, _poulin_fournier = oren_nayar.evaluate, strauss.evaluate, poulin_fournier.evaluate
+
+
+@inline
+def emission(row):
+    """I_e, emitted RGB."""
+    return (row[EMISSION], row[EMISSION + 1], row[EMISSION + 2])
+
+
+@inline
+def ambient(row):
+    """k_a, RGB reflected of unit ambient light."""
+    return (row[AMBIENT], row[AMBIENT + 1], row[AMBIENT + 2])
+
+
+@inline
+def alpha(row):
+    """Opacity in [0, 1]."""
+    return row[ALPHA]
+
+
+@inline
+def evaluate(kind, row, n, l, v, grain):
+    """Reflected RGB per unit incident RGB.
+
+    Args: kind and row of a packed material; unit normal n; unit directions l to the light and v to the viewer; grain,
+        along which an anisotropic surface is brushed (projected into the tangent plane; zero: the row's).
+    """
+    if row[TWO_SIDED] == 1.0 and dot(n, l) < 0.0:
+        n = scale(-1.0, n)
+    if dot(n, l) <= 0.0:
+        return (0.0, 0.0, 0.0)
+    if kind == LAMBERT:
+        return _lambert(row, n, l)
+    if kind == PHONG:
+        return _phong(row, n, l, v)
+    if kind == BLINN_PHONG:
+        return _blinn(row, n, l, v)
+    if kind == COOK_TORRANCE:
+        return _cook_torrance(row, n, l, v)
+    if kind == OREN_NAYAR:
+        return _oren_nayar(row, n, l, v)
+    if kind == STRAUSS:
+        return _strauss(row, n, l, v)
+    if dot(grain, grain) == 0.0:
+        grain = (row[GRAIN], row[GRAIN + 1], row[GRAIN + 2])
+    if kind == ELLIPTICAL_BECKMANN:
+        return _elliptical(row, n, l, v, grain)
+    return _poulin_fournier(row, n, l, v, grain)

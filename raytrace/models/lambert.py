@@ -1,0 +1,25 @@
+"""Lambert: the ideal diffuse reflector, equally bright from everywhere.
+
+Row: albedo ρ (RGB).
+Source: Lambert 1760; (12.18).
+"""
+
+from __future__ import annotations
+
+from math import pi
+
+from raytrace.jit import inline
+from raytrace.models.rows import MODEL
+from raytrace.vector import dot
+
+
+@inline
+def lambert(albedo, n, l):
+    """f n·l = (ρ/π)(n·l), one channel, n·l > 0."""
+    return albedo / pi * dot(n, l)  # (12.18)
+
+
+@inline
+def evaluate(row, n, l):
+    """Reflected RGB per unit incident RGB for a packed row."""
+    return (lambert(row[MODEL], n, l), lambert(row[MODEL + 1], n, l), lambert(row[MODEL + 2], n, l))

@@ -1,0 +1,25 @@
+"""The parameter row: how a material reaches a kernel.
+
+A material is an integer kind and one row of `WIDTH` float64. Every row begins with the same head; the model's own
+parameters follow from column `MODEL` on, in the order its file states.
+
+======== ======= ==========================================================
+column   columns content
+======== ======= ==========================================================
+EMISSION 3       I_e, emitted RGB
+AMBIENT  3       k_a, RGB reflected of unit ambient light
+ALPHA    1       opacity of the pixel (Strauss: 1 − t; otherwise 1)
+TWO_SIDE 1       1: |n·l| instead of ⟨n·l⟩
+GRAIN    3       grain as a world vector, zero: the caller's grain is used
+MODEL    …       the model's parameters
+======== ======= ==========================================================
+"""
+
+from __future__ import annotations
+
+WIDTH = 44
+EMISSION, AMBIENT, ALPHA, TWO_SIDED, GRAIN, MODEL = 0, 3, 6, 7, 8, 11
+
+LAMBERT, PHONG, BLINN_PHONG, COOK_TORRANCE, ELLIPTICAL_BECKMANN, OREN_NAYAR, STRAUSS, POULIN_FOURNIER = range(8)
+
+TERMS = 20  # Chebyshev coefficients in a Poulin–Fournier row

@@ -1,0 +1,188 @@
+"""Lights: what arrives, and that nothing is skipped which matters."""
+
+from math import cos, pi, radians, sin
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from raytrace.errors import OptionError
+from raytrace.light_kernels import cannot_matter_at, cannot_matter_in, incident
+from raytrace.lights import (
+    AmbientLight,
+    DirectionalLight,
+    PointLight,
+    SpotLight,
+    irradiance,
+    light_from_dict,
+    pack_lights,
+)
+
+ORIGIN = (0.0, 0.0, 0.0)
+
+
+def arriving(light, point=ORIGIN):
+    l, distance, rgb = incident(*light.pack(), tuple(map(float, point)))
+    return np.array(l), distance, np.array(rgb)
+
+
+def test_point_light_falls_off_with_the_square_of_distance():
+    l, distance, rgb = arriving(PointLight(position=(0, 0, 3), intensity=(9, 18, 27)))
+    np.testing.assert_allclose(l, [0, 0, 1])
+    assert distance == 3
+    np.testing.assert_allclose(rgb, [1, 2, 3])
+
+
+def test_general_attenuation():
+    _, _, rgb = arriving(PointLight(position=(0, 2, 0), intensity=22, attenuation=(1, 3, 1)))
+    np.testing.assert_allclose(rgb, 22 / (1 + 3 * 2 + 4))
+
+
+def test_directional_light_is_not_attenuated():
+    l, distance, rgb = arriving(DirectionalLight(direction=(0, 0, -5), intensity=4), (7, 8, 9))
+    np.testing.assert_allclose(l, [0, 0, 1])
+    assert distance == np.inf
+    np.testing.assert_allclose(rgb, 4)
+
+
+def test_spot_light_within_and_outside_its_cone():
+    spot = SpotLight(
+        position=ORIGIN, direction=(0, 0, 2), half_angle=radians(30), exponent=3, attenuation=(1, 0, 0), intensity=5
+    )
+    for degrees in (0, 10, 29.99):
+        a = radians(degrees)
+        np.testing.assert_allclose(arriving(spot, (4 * sin(a), 0, 4 * cos(a)))[2], 5 * cos(a) ** 3)
+    for degrees in (30.01, 90, 180):
+        a = radians(degrees)
+        assert (arriving(spot, (4 * sin(a), 0, 4 * cos(a)))[2] == 0).all()
+
+
+def test_ambient_light_has_no_direction():
+    l, _, rgb = arriving(AmbientLight(intensity=(0.1, 0.2, 0.3)), (1, 2, 3))
+    assert (l == 0).all()
+    np.testing.assert_allclose(rgb, [0.1, 0.2, 0.3])
+
+
+def test_at_the_light_itself_everything_is_finite():
+    for light in (PointLight(position=ORIGIN), SpotLight(position=ORIGIN, direction=(1, 0, 0), half_angle=0.5)):
+        for point in (ORIGIN, (1e-160, 0, 0), (1e-20, 0, 0)):
+            l, distance, rgb = arriving(light, point)
+            assert np.isfinite([*l, distance, *rgb]).all()
+
+
+def test_photometry_law():
+    n, l = np.array([0, 0, 1.0]), np.array([0, 0.6, 0.8])
+    assert irradiance(100, n, l, 5) == pytest.approx(100 * 0.8 / 25)
+    assert irradiance(100, n, -l, 5) == 0
+    assert irradiance([1, 2], n, np.array([l, n]), [1, 2]).tolist() == pytest.approx([0.8, 0.5])
+
+
+def test_irradiance_is_incident_light_times_cosine():
+    lamp = PointLight(position=(0, 3, 4), intensity=100)
+    l, distance, rgb = arriving(lamp)
+    assert irradiance(100, [0, 0, 1], l, distance) == pytest.approx(rgb[0] * l[2])
+
+
+coordinate = st.floats(-10, 10)
+vectors = st.tuples(coordinate, coordinate, coordinate)
+directions = vectors.filter(lambda a: np.linalg.norm(a) > 1e-3)
+positive = st.floats(0, 100)
+locals_ = {"position": vectors, "intensity": positive, "attenuation": st.sampled_from(
+    [(0, 0, 1), (1, 0, 0), (1, 0.5, 0.1), (0, 1, 0)])}  # fmt: skip
+lights = st.one_of(
+    st.builds(PointLight, **locals_),
+    st.builds(
+        SpotLight, direction=directions, half_angle=st.floats(0.01, pi / 2), exponent=st.floats(0, 50), **locals_
+    ),
+    st.builds(DirectionalLight, direction=directions, intensity=positive),
+    st.builds(AmbientLight, intensity=positive),
+)
+thresholds = st.sampled_from([0.0, 1e-3, 0.1, 3.0])
+
+
+@settings(deadline=None, max_examples=300, derandomize=True)
+@given(lights, vectors, directions, thresholds)
+def test_what_is_skipped_at_a_point_brings_at_most_the_threshold(light, point, normal, threshold):
+    n = np.array(normal) / np.linalg.norm(normal)
+    l, _, rgb = arriving(light, point)
+    brought = rgb.max() * (1 if light.kind == AmbientLight.kind else max(0, n @ l))
+    skipped = cannot_matter_at(*light.pack(), point, tuple(n), threshold)
+    if skipped:
+        assert brought <= threshold
+    elif threshold == 0:
+        assert brought > 0 or rgb.max() * (n @ l) == 0  # zero skips all that is exactly nothing
+
+
+@settings(deadline=None, max_examples=600, derandomize=True)
+@given(
+    lights, vectors, st.tuples(*[st.floats(0, 5)] * 3), directions, st.floats(0, pi), thresholds, st.integers(0, 1000)
+)
+def test_a_skipped_box_holds_only_skipped_points(light, low, size, axis, spread, threshold, seed):
+    high = tuple(a + b for a, b in zip(low, size, strict=True))
+    axis = np.array(axis) / np.linalg.norm(axis)
+    if not cannot_matter_in(*light.pack(), low, high, tuple(axis), spread, threshold):
+        return
+    rng = np.random.default_rng(seed)
+    corners = np.array(np.meshgrid([0, 1], [0, 1], [0, 1])).reshape(3, -1).T
+    for at in np.vstack([corners, rng.random((20, 3))]):
+        point = tuple(np.array(low) + at * size)
+        side = np.cross(axis, rng.normal(size=3))
+        side /= np.linalg.norm(side)
+        bound = spread * rng.random()
+        n = np.cos(bound) * axis + np.sin(bound) * side
+        assert cannot_matter_at(*light.pack(), point, tuple(n), threshold)
+
+
+def test_boxes_are_skipped_when_far_outside_or_behind():
+    lamp = PointLight(position=ORIGIN, intensity=1)
+    assert lamp.cannot_matter_in((100, 0, 0), (101, 1, 1), threshold=1e-3)
+    assert not lamp.cannot_matter_in((10, 0, 0), (11, 1, 1), threshold=1e-3)
+    assert not lamp.cannot_matter_in((100, 0, 0), (101, 1, 1))
+    assert lamp.cannot_matter_in((10, 0, 0), (11, 1, 1), axis=(1, 0, 0), spread=0.3)
+    assert not lamp.cannot_matter_in((10, 0, 0), (11, 1, 1), axis=(-1, 0, 0), spread=0.3)
+    spot = SpotLight(position=ORIGIN, direction=(1, 0, 0), half_angle=0.3)
+    assert spot.cannot_matter_in((-3, -1, -1), (-2, 1, 1))
+    assert not spot.cannot_matter_in((2, -1, -1), (3, 1, 1))
+    sun = DirectionalLight(direction=(0, 0, -1))
+    assert sun.cannot_matter_in((0, 0, 0), (1, 1, 1), axis=(0, 0, -1), spread=1.0)
+    assert not sun.cannot_matter_in((0, 0, 0), (1, 1, 1), axis=(0, 0, -1), spread=1.6)
+    assert AmbientLight(intensity=0).cannot_matter_in((0, 0, 0), (1, 1, 1))
+
+
+def test_points_are_skipped_when_facing_away():
+    sun = DirectionalLight(direction=(0, 0, -1))
+    assert sun.cannot_matter_at(ORIGIN, (0, 0, -1))
+    assert not sun.cannot_matter_at(ORIGIN, (0, 0.6, 0.8))
+    assert not AmbientLight().cannot_matter_at(ORIGIN, (0, 0, -1))
+
+
+@pytest.mark.parametrize(
+    ("make", "field", "expected"),
+    [
+        (lambda: PointLight(position=(0, 0, float("inf"))), "position[2]", "finite"),
+        (lambda: PointLight(position=ORIGIN, intensity=-1), "intensity[0]", "[0, inf)"),
+        (lambda: PointLight(position=ORIGIN, attenuation=(0, 0, 0)), "attenuation", "not all zero"),
+        (lambda: DirectionalLight(direction=ORIGIN), "direction", "other than zero"),
+        (lambda: SpotLight(position=ORIGIN, direction=(1, 0, 0), half_angle=2), "half_angle", "(0, 1.57"),
+        (lambda: light_from_dict({"light": "laser"}), "light", "spot"),
+    ],
+)
+def test_a_wrong_value_is_named(make, field, expected):
+    with pytest.raises(OptionError) as caught:
+        make()
+    assert caught.value.field == field
+    assert expected in caught.value.expected
+
+
+def test_round_trip_and_packing():
+    some = [
+        PointLight(position=(1, 2, 3)),
+        SpotLight(position=(1, 2, 3), direction=(1, 0, 0), half_angle=0.5, exponent=2),
+        DirectionalLight(direction=(1, 0, 0), intensity=(1, 2, 3)),
+        AmbientLight(intensity=0.5),
+    ]
+    assert [light_from_dict(light.to_dict()) for light in some] == some
+    kinds, rows = pack_lights(some)
+    assert kinds.tolist() == [0, 2, 1, 3]
+    assert rows.shape[0] == 4

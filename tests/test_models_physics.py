@@ -1,0 +1,201 @@
+"""What a physical model must obey: reciprocity, no more light out than in, exact limits; and how the others fail."""
+
+import numpy as np
+import pytest
+
+from raytrace.materials import (
+    BlinnPhong,
+    CookTorrance,
+    EllipticalBeckmann,
+    Lambert,
+    OrenNayar,
+    Phong,
+    PoulinFournier,
+    Strauss,
+)
+from raytrace.models.checks import NORMAL as N
+from raytrace.models.checks import asymmetry, directional_albedo, towards
+from raytrace.models.oren_nayar import shape
+from raytrace.models.oren_nayar_reference import reference_shape
+from raytrace.reflect import reflect
+
+MIRROR = {"albedo": 1.0, "k_s": 1.0, "eta": 1e6}  # η = 1e6: F = 1 to 4e-6
+
+
+def albedo(material, incidence, width=None):
+    return directional_albedo(material, incidence, width)[0]
+
+
+def hemisphere(count, seed):
+    rng = np.random.default_rng(seed)
+    w = rng.normal(size=(count, 3))
+    w[:, 2] = np.abs(w[:, 2])
+    return w / np.linalg.norm(w, axis=1)[:, None]
+
+
+PHYSICAL = [
+    Lambert(albedo=0.8),
+    CookTorrance(albedo=0.5, k_s=0.6, m=0.2, eta=(1.3, 1.5, 2.4)),
+    CookTorrance(albedo=0.5, k_s=0.6, m=0.5, eta=1.5, form="book", colour=(0.9, 0.5, 0.2)),
+    CookTorrance(albedo=0.5, k_s=0.6, m=0.4, eta=1.5, distribution="gaussian"),
+    EllipticalBeckmann(albedo=0.5, k_s=0.6, m_parallel=0.1, m_perpendicular=0.6, grain=(1, 2, 0)),
+    OrenNayar(albedo=0.9, sigma=0.3),
+    OrenNayar(albedo=0.9, sigma=1.2),
+]
+
+
+@pytest.mark.parametrize("material", PHYSICAL, ids=lambda m: f"{m.model} {hash(m) % 1000}")
+def test_reciprocity(material):
+    assert asymmetry(material) < 1e-6
+
+
+@pytest.mark.parametrize(
+    "material", [Phong(k_d=0.3, k_s=0.6), BlinnPhong(k_d=0.3, k_s=0.6), Strauss(colour=0.5, smoothness=0.5)]
+)
+def test_empirical_models_are_not_reciprocal(material):
+    """Documented, not hidden: k_s S has no cosine, so dividing by n·l cannot be symmetric."""
+    assert asymmetry(material) > 0.5
+
+
+@pytest.mark.parametrize("material", [Phong(k_d=0.3, k_s=0.6, weight="cosine"), PoulinFournier(k_d=0.4, k_s=0)])
+def test_cosine_weight_and_diffuse_cylinders_are_reciprocal(material):
+    assert asymmetry(material, 2000) < 1e-6
+
+
+INCIDENCES = np.radians([0, 20, 40, 60, 75, 85, 89])
+
+
+@pytest.mark.parametrize("m", [0.05, 0.1, 0.3, 0.6, 1.0])
+def test_white_furnace_of_conserving_mirrors(m):
+    """F = 1 everywhere, so that only D and G are weighed."""
+    beckmann = CookTorrance(m=m, **MIRROR)
+    for incidence in INCIDENCES:
+        assert albedo(beckmann, incidence, width=m) <= 1 + 1e-4
+    assert albedo(beckmann, 0.0, width=m) > (0.99 if m <= 0.3 else 0.4)
+
+
+@pytest.mark.parametrize("m", [0.1, 0.4, 1.0])
+def test_white_furnace_of_gaussian_and_elliptical_mirrors(m):
+    gaussian = CookTorrance(m=m, distribution="gaussian", **MIRROR)
+    elliptical = EllipticalBeckmann(m_parallel=m / 2, m_perpendicular=m, grain=(1, 0, 0), **MIRROR)
+    for incidence in INCIDENCES:
+        assert albedo(gaussian, incidence, width=m) <= 1 + 1e-4
+        assert albedo(elliptical, incidence, width=m) <= 1 + 1e-4
+
+
+def test_book_form_reflects_four_times_the_light():
+    assert albedo(CookTorrance(m=0.1, form="book", **MIRROR), 0.0, width=0.1) == pytest.approx(4.00, abs=0.01)
+    glass = CookTorrance(albedo=0, k_s=1, m=0.1, eta=1.5, form="book")
+    assert albedo(glass, np.radians(85), width=0.1) == pytest.approx(1.82, abs=0.05)
+
+
+def test_white_furnace_of_mixtures():
+    for k_s in (0.0, 0.3, 1.0):
+        for m in (0.1, 0.5):
+            for incidence in INCIDENCES:
+                body = albedo(Lambert(albedo=1.0), incidence)
+                coat = albedo(CookTorrance(albedo=0, k_s=1, m=m, eta=1.5), incidence, width=m)
+                assert (1 - k_s) * body + k_s * coat <= 1 + 1e-4
+
+
+@pytest.mark.parametrize(("sigma", "expected"), [(0.1, 1.0138), (0.3, 1.0442), (0.6, 0.9949)])
+def test_oren_nayar_fit_exceeds_one_near_grazing(sigma, expected):
+    assert albedo(OrenNayar(albedo=1, sigma=sigma), np.radians(89)) == pytest.approx(expected, abs=2e-4)
+
+
+def test_oren_nayar_excess_is_at_most_five_percent():
+    sigmas = [0.05, 0.1, 0.2, 0.3, 0.4, 0.5, 0.7, 1.0, 1.5]
+    worst = max(albedo(OrenNayar(albedo=1, sigma=s), a) for s in sigmas for a in np.radians([0, 60, 80, 87, 89, 89.9]))
+    assert 1.04 < worst < 1.05
+
+
+def test_oren_nayar_with_sigma_zero_is_lambert():
+    l, v = hemisphere(1000, 5), hemisphere(1000, 6)
+    np.testing.assert_allclose(
+        reflect(OrenNayar(albedo=0.7, sigma=0), N, l, v), reflect(Lambert(albedo=0.7), N, l, v), rtol=1e-14
+    )
+
+
+def test_cook_torrance_without_specular_is_lambert():
+    l, v = hemisphere(1000, 5), hemisphere(1000, 6)
+    np.testing.assert_allclose(
+        reflect(CookTorrance(albedo=0.7, k_s=0, m=0.2), N, l, v), reflect(Lambert(albedo=0.7), N, l, v), rtol=1e-14
+    )
+
+
+@pytest.mark.parametrize("form", ["conserving", "book"])
+def test_equal_slopes_are_isotropic(form):
+    l, v = hemisphere(1000, 5), hemisphere(1000, 6)
+    shared = {"albedo": 0.5, "k_s": 0.7, "eta": 1.5, "form": form}
+    elliptical = EllipticalBeckmann(m_parallel=0.3, m_perpendicular=0.3, grain=(1, 2, 3), **shared)
+    np.testing.assert_allclose(
+        reflect(elliptical, N, l, v), reflect(CookTorrance(m=0.3, **shared), N, l, v), rtol=1e-10
+    )
+
+
+def test_no_slope_along_the_grain_is_a_mirror_along_it():
+    """m_∥ → 0: the lobe's width along the grain goes to zero with m_∥, and no light is lost."""
+    l = towards(np.array(0.5), np.array(np.pi / 2))
+    tilt = np.linspace(-0.5, 0.5, 20001)
+    r = l * [-1, -1, 1]
+    v = r + tilt[:, None] * [1, 0, 0]
+    widths = []
+    for m in (0.1, 0.01, 0.001):
+        material = EllipticalBeckmann(m_parallel=m, m_perpendicular=0.3, grain=(1, 0, 0), **MIRROR)
+        lobe = reflect(material, N, l, v)[:, 0]
+        widths.append(np.sqrt(np.sum(lobe * tilt**2) / np.sum(lobe)))
+    assert widths[0] / widths[1] == pytest.approx(10, rel=0.1)
+    assert widths[1] / widths[2] == pytest.approx(10, rel=0.01)
+
+
+def test_flat_cylinders_are_blinn_phong():
+    l, v = hemisphere(1000, 5), hemisphere(1000, 6)
+    paint = {"k_d": 0.3, "k_s": 0.5, "exponent": 12.0}
+    flat = reflect(PoulinFournier(floor=1, spacing=3, **paint), N, l, v)
+    np.testing.assert_allclose(flat, reflect(BlinnPhong(**paint), N, l, v), rtol=1e-12)
+
+
+def test_cylinders_shine_across_their_grain():
+    """Light and viewer across the grain meet facets turned halfway; along the grain the highlight stays narrow."""
+    material = PoulinFournier(k_d=0, k_s=1, exponent=200, spacing=3, grain=(1, 0, 0))
+    l, across, along = towards(0.6, np.pi / 2), towards(0.2, np.pi / 2), towards(0.2, 0.0)
+    assert reflect(material, N, l, across)[0] > 0.05
+    assert reflect(material, N, towards(0.6, 0.0), along)[0] < 1e-3
+
+
+def fit_errors(sigma, angles, order=48):
+    """Errors of the fit's A and B relative to n·l, and of A + .9 B, over a grid of angles in degrees."""
+    first, second = [], []
+    for theta_i in np.radians(angles):
+        for theta_r in np.radians(angles):
+            for phi in np.linspace(0, np.pi, 5):
+                l, v = towards(theta_i), towards(theta_r, phi)
+                exact, fit = reference_shape(sigma, l, v, order), shape(sigma, tuple(N), tuple(l), tuple(v))
+                first.append((fit[0] - exact[0]) / l[2])
+                second.append((fit[1] - exact[1]) / l[2])
+    return np.array(first), np.array(second)
+
+
+@pytest.mark.parametrize("sigma", [0.2, 0.5, 1.0])
+def test_oren_nayar_fit_against_the_integral(sigma):
+    """To 75° within .2 anywhere and .06 RMS of a value near 1."""
+    first, second = fit_errors(sigma, [5, 30, 55, 75], order=32)
+    total = first + 0.9 * second
+    assert np.sqrt(np.mean(total**2)) < 0.06
+    assert np.abs(total).max() < 0.2
+    assert np.sqrt(np.mean(second**2)) < 0.05
+
+
+def test_reference_integral_of_a_nearly_flat_surface_is_lambert():
+    l, v = towards(0.4), towards(0.8, 1.0)
+    first, second = reference_shape(1e-3, l, v)
+    assert first == pytest.approx(l[2], rel=1e-4)
+    assert second < 1e-3
+
+
+def test_two_sided_material_is_lit_from_below():
+    l, v = towards(0.4), towards(0.8, 1.0)
+    for two_sided, expected in ((True, 0.7 / np.pi * l[2]), (False, 0)):
+        assert reflect(Lambert(albedo=0.7, two_sided=two_sided), N, -l, v)[0] == pytest.approx(expected)
+    one, two = Phong(k_d=0.5, k_s=0.5), Phong(k_d=0.5, k_s=0.5, two_sided=True)
+    np.testing.assert_allclose(reflect(two, N, -l, -v), reflect(one, -N, -l, -v))

@@ -1,0 +1,142 @@
+"""Every formula a second time: plain NumPy, angles and trigonometry, one pair of directions at a time, one channel."""
+
+import numpy as np
+
+PI = np.pi
+
+
+def pos(x):
+    return max(0.0, x)
+
+
+def unit(a):
+    return np.asarray(a, float) / np.linalg.norm(a)
+
+
+def angle(a, b):
+    return np.arctan2(np.linalg.norm(np.cross(a, b)), a @ b)
+
+
+def lambert(rho, n, l, v):
+    return rho / PI * pos(n @ l)
+
+
+def phong(k_d, k_s, m, n, l, v, halfway=False, cosine=False):
+    if n @ l <= 0:
+        return 0.0
+    s = pos(n @ unit(l + v)) ** m if halfway else pos((2 * (n @ l) * n - l) @ v) ** m
+    return k_d * (n @ l) + k_s * s * (n @ l if cosine else 1.0)
+
+
+def fresnel(eta, c):
+    g = np.sqrt(max(0.0, eta**2 + c**2 - 1))
+    return 0.5 * ((g - c) / (g + c)) ** 2 * (1 + ((c * (g + c) - 1) / (c * (g - c) + 1)) ** 2)
+
+
+def cook_torrance(rho, k_s, eta, n, l, v, distribution, book=False, colour=None):
+    """`eta` and the result are RGB; `distribution(h)` is D."""
+    nl, nv = n @ l, n @ v
+    if nl <= 0:
+        return np.zeros(3)
+    out = np.full(3, (1 - k_s) * rho / PI * nl)
+    if nv <= 0:
+        return out
+    h = unit(l + v)
+    nh, vh = n @ h, v @ h
+    g = min(1.0, 2 * nh * nv / vh, 2 * nh * nl / vh)
+    f = np.array([fresnel(e, vh) for e in eta])
+    if colour is not None:
+        f0 = np.array([fresnel(e, 1.0) for e in eta])
+        f = (colour + (1 - colour) * np.maximum(0, f - f0) / (1 - f0)) * f.mean()
+    return out + nl * k_s * distribution(h) * g * f / ((1 if book else 4) * PI * nl * nv)
+
+
+def beckmann(n, m):
+    def density(h):
+        a = angle(n, h)
+        return np.exp(-((np.tan(a) / m) ** 2)) / (m**2 * np.cos(a) ** 4)
+
+    return density
+
+
+def elliptical(n, g, m1, m2):
+    def density(h):
+        a = angle(n, h)
+        p = np.arctan2(h @ np.cross(n, g), h @ g)
+        return np.exp(-(np.tan(a) ** 2) * ((np.cos(p) / m1) ** 2 + (np.sin(p) / m2) ** 2)) / (m1 * m2 * np.cos(a) ** 4)
+
+    return density
+
+
+def gaussian(n, m, c):
+    return lambda h: c * np.exp(-((angle(n, h) / m) ** 2))
+
+
+def oren_nayar(rho, sigma, n, l, v):
+    if n @ l <= 0:
+        return 0.0
+    ti, tr = angle(n, l), angle(n, v)
+    a, b = max(ti, tr), min(ti, tr)
+    x, y = l - (n @ l) * n, v - (n @ v) * n
+    cos_delta = np.cos(angle(x, y))
+    s2 = sigma**2
+    c1 = 1 - 0.5 * s2 / (s2 + 0.33)
+    c2 = 0.45 * s2 / (s2 + 0.09) * (np.sin(a) - (0 if cos_delta >= 0 else (2 * b / PI) ** 3))
+    c3 = 0.125 * s2 / (s2 + 0.09) * (4 * a * b / PI**2) ** 2
+    bracket = c1 + c2 * cos_delta * np.tan(b) + c3 * (1 - abs(cos_delta)) * np.tan((a + b) / 2)
+    l1 = rho / PI * np.cos(ti) * bracket
+    l2 = 0.17 * rho**2 / PI * np.cos(ti) * s2 / (s2 + 0.13) * (1 - cos_delta * (2 * b / PI) ** 2)
+    return pos(l1 + l2)
+
+
+def strauss_f(x, k=1.12):
+    return (1 / (x - k) ** 2 - 1 / k**2) / (1 / (1 - k) ** 2 - 1 / k**2)
+
+
+def strauss_g(x, k=1.01):
+    return (1 / (1 - k) ** 2 - 1 / (x - k) ** 2) / (1 / (1 - k) ** 2 - 1 / k**2)
+
+
+def strauss(c, s, m, t, n, l, v):
+    if n @ l <= 0:
+        return 0.0
+    xi, xr = 2 * angle(n, l) / PI, min(1.0, 2 * angle(n, v) / PI)
+    r_d = (1 - s**3) * (1 - t)
+    r_n = 1 - t - r_d
+    q_d = (n @ l) * (1 - m * s) * r_d * c
+    r_j = min(1.0, r_n + (r_n + 0.1) * strauss_f(xi) * strauss_g(xi) * strauss_g(xr))
+    r_s = pos((2 * (n @ l) * n - l) @ v) ** (3 / (1 - s)) * r_j
+    return q_d + r_s * (1 + m * (1 - strauss_f(xi)) * (c - 1))
+
+
+def cylinders(k_d, k_s, m, spacing, floor, n, l, v, g, count=200_000):
+    """Poulin–Fournier by brute force: facets of one period, each tested against circles of the neighbours."""
+    b = np.cross(n, g)
+    x = (np.arange(count) + 0.5) / count * spacing  # by place across the grain, so dA = dx/cosθ
+    nearest = np.round(x / spacing) * spacing
+    off = x - nearest
+    height = np.sqrt(np.maximum(0, 1 - off**2))
+    on_cap = (np.abs(off) < 1) & (height > floor)
+    z = np.where(on_cap, height, floor)
+    slope = np.where(on_cap, off, 0.0)
+    up = np.where(on_cap, height, 1.0)
+    facet = slope[:, None] * b + up[:, None] * n
+    area = 1 / np.maximum(up, 1e-12)
+
+    def reached(w):
+        across, rise = w @ b, w @ n
+        free = facet @ w > 0
+        for k in range(-40, 41):
+            # the ray (x, z) + s (across, rise) may not pass through circle k where it stands above the floor
+            px = x - k * spacing
+            own = on_cap & (np.abs(nearest - k * spacing) < 1e-9)
+            aa, bb, cc = across**2 + rise**2, px * across + z * rise, px**2 + z**2 - 1
+            disc = bb**2 - aa * cc
+            far = (-bb + np.sqrt(np.maximum(disc, 0))) / aa
+            free &= own | (disc <= 0) | (far <= 1e-9) | (z + far * rise <= floor)
+        return free
+
+    both = reached(l) & reached(v)
+    h = unit(l + v)
+    value = k_d * np.maximum(0, facet @ l) + k_s * np.maximum(0, facet @ h) ** m
+    return np.sum(value * np.maximum(0, facet @ v) * area * both) * spacing / count / (spacing * (n @ v))
