@@ -295,6 +295,14 @@ def test_hierarchy_repeated_and_mirrored_nodes(tmp_path):
     assert (np.einsum("ij,ij->i", face_normals, file.mesh.normals[file.mesh.faces[:, 0]]) > 0).all()
 
 
+def test_deep_hierarchies_are_no_burden(tmp_path):
+    builder = Builder()
+    builder.mesh(builder.primitive(TRIANGLE, [[0, 1, 2]]))
+    nodes = [{"mesh": 0, "translation": [1, 0, 0], "children": [number + 1]} for number in range(3000)]
+    file = read(tmp_path, "m.glb", builder.glb([*nodes, {"mesh": 0}], [0]))
+    assert [file.mesh.vertices[part.vertices][0, 0] for part in file.parts] == [*range(1, 3001), 3000]
+
+
 def test_normals_go_by_the_inverse_transpose(tmp_path):
     builder = Builder()
     slope = np.array([[0, 0, 0], [1, 0, 1], [0, 1, 0]], dtype="<f4")
