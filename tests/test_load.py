@@ -465,6 +465,12 @@ def test_mistakes_are_one_line(tmp_path, name, data, expected, capfd):
     assert capfd.readouterr() == ("", "")
 
 
+def test_the_librarys_log_stays_quiet(tmp_path, caplog):
+    data = ascii_stl(("one", VERTICES[FACES])).replace(b"normal 0 0 0", b"normal none at all")
+    assert len(read(tmp_path, "m.stl", data).mesh.faces) == 3
+    assert caplog.records == []
+
+
 def test_files_that_are_none(tmp_path):
     (tmp_path / "folder.ply").mkdir()
     os.mkfifo(tmp_path / "pipe.ply")
