@@ -150,19 +150,31 @@ def primitives(header: dict[str, Any]) -> Iterator[Primitive]:
 def read_instances(asset: Gltf, source: str) -> list[Instance]:
     """The drawn triangle primitives, in the order of `primitives`.
 
-    Only what geometry needs is handed to trimesh, with nodes named by their number and one primitive a mesh, so
-    that its answers can be told apart whatever the file's own names are.
-
     Raises:
         MeshError: sparse or compressed positions or indices, which are not supported.
         Exception: whatever trimesh raises on a malformed file.
     """
     from trimesh.exchange.load import mesh_loaders
 
-    header = asset.header
-    drawn = list(primitives(header))
+    drawn = list(primitives(asset.header))
     if not drawn:
         return []
+    plain = _plain_header(asset, drawn, source)
+    loaded = mesh_loaders["gltf"](
+        file_obj=io.BytesIO(json.dumps(plain).encode()),
+        resolver={str(number): memoryview(buffer) for number, buffer in enumerate(asset.buffers)},
+        skip_materials=True,
+    )
+    world = world_matrices(loaded["graph"], loaded["base_frame"])
+    return [_instance(piece, asset.header, loaded["geometry"], world[str(piece.node)]) for piece in drawn]
+
+
+def _plain_header(asset: Gltf, drawn: list[Primitive], source: str) -> dict[str, Any]:
+    """Only what geometry needs, with nodes named by their number and one primitive a mesh.
+
+    So trimesh's answers can be told apart whatever the file's own names are, and nothing else of it can fail.
+    """
+    header = asset.header
     kinds = list(dict.fromkeys((piece.mesh, piece.place) for piece in drawn))
     used: set[int] = set()
     meshes = []
@@ -182,7 +194,7 @@ def read_instances(asset: Gltf, source: str) -> list[Instance]:
         for number, node in enumerate(header["nodes"])
     ]
     nested = {child for node in nodes for child in node.get("children", [])}
-    plain_header = {
+    return {
         "asset": {"version": "2.0"},
         "scenes": [{"nodes": [n for n in range(len(nodes)) if n not in nested]}],
         "nodes": nodes,
@@ -191,14 +203,6 @@ def read_instances(asset: Gltf, source: str) -> list[Instance]:
         "bufferViews": header["bufferViews"],
         "buffers": [{"uri": str(number)} for number in range(len(asset.buffers))],
     }
-
-    loaded = mesh_loaders["gltf"](
-        file_obj=io.BytesIO(json.dumps(plain_header).encode()),
-        resolver={str(number): memoryview(buffer) for number, buffer in enumerate(asset.buffers)},
-        skip_materials=True,
-    )
-    world = world_matrices(loaded["graph"], loaded["base_frame"])
-    return [_instance(piece, header, loaded["geometry"], world[str(piece.node)]) for piece in drawn]
 
 
 def _instance(
