@@ -105,7 +105,7 @@ def shape(row, n, l, v, grain):
 
 @inline
 def terms(row, n, l, v, grain):
-    """Diffuse and specular RGB reflected per unit incident RGB for a packed row; zero for a viewer below the surface."""
+    """Diffuse and specular RGB reflected per unit incident RGB for a packed row; zero for a viewer from below."""
     if dot(n, v) <= 0.0:
         return (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
     diffuse, specular = shape(row, n, l, v, grain)
