@@ -14,6 +14,7 @@ import pytest
 import ao
 from ao.falloff import Binary, Exponential
 from ao.hemisphere import DirectionTable
+from raytrace import Mesh
 from scenes import validation
 from scenes.configurations import Configuration
 from scenes.shapes import icosphere, inscribed_radius, tube
@@ -206,7 +207,7 @@ def test_own_triangle_hits_fail(lift: float, monkeypatch: pytest.MonkeyPatch) ->
 
 
 def test_an_ignored_distance_limit_fails() -> None:
-    def bake(mesh: ao.bake, falloff: ao.falloff.Falloff, **options: object) -> ao.Bake:
+    def bake(mesh: Mesh, falloff: ao.falloff.Falloff, **options: object) -> ao.Bake:
         return ao.bake(mesh, replace(falloff, max_distance=np.inf), **options)
 
     limited = {label(line) for line in CHEAP if not isinf(float(line.falloff.max_distance))}
@@ -214,7 +215,7 @@ def test_an_ignored_distance_limit_fails() -> None:
 
 
 def test_a_half_distance_taken_for_a_rate_fails() -> None:
-    def bake(mesh: ao.bake, falloff: ao.falloff.Falloff, **options: object) -> ao.Bake:
+    def bake(mesh: Mesh, falloff: ao.falloff.Falloff, **options: object) -> ao.Bake:
         if isinstance(falloff, Exponential):
             falloff = replace(falloff, tau=falloff.tau * log(2))
         return ao.bake(mesh, falloff, **options)
