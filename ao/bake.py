@@ -154,7 +154,7 @@ def _gather_all(
     advance: Callable[[int], None],
 ) -> npt.NDArray[np.float64]:
     """`gather` over all points: float64 (k, 5)."""
-    table = DirectionTable.make(samples, key)
+    table = DirectionTable.make(samples, len(points), key)
     out = np.empty((len(points), 5))
     tau = (mu.tau or 0.0) / placement.scale
     limit = mu.max_distance * placement.scale

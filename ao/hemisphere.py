@@ -47,8 +47,9 @@ class DirectionTable:
     key: np.uint32
 
     @classmethod
-    def make(cls, samples: int, key: np.uint32) -> DirectionTable:
-        sets = int(np.clip(_TABLE_POINTS // samples, 8, 256))
+    def make(cls, samples: int, points: int, key: np.uint32) -> DirectionTable:
+        """A table for gathering at `points` points: no more sets than there are points to draw them."""
+        sets = int(np.clip(_TABLE_POINTS // samples, 8, min(max(points, 8), 256)))
         u, v = owen_sobol(sets, samples, key)
         order = np.argsort(v, axis=1, kind="stable")
         batches = (np.arange(samples) * min(BATCHES, samples) // samples).astype(np.uint8)[order]

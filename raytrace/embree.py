@@ -89,6 +89,7 @@ def intersect8(scene, packet, valid):
     ids = packet.view(np.uint32)
     for lane in range(LANES):
         ids[GEOM_ID, lane] = INVALID
+        ids[INST_ID, lane] = INVALID
     _intersect8(valid.ctypes.data, scene, packet.ctypes.data, 0)
 
 

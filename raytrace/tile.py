@@ -14,7 +14,6 @@ from .entries import (
     DEPTH,
     DIFFUSE,
     EMISSION,
-    GEOMETRIC,
     LIT,
     NORMAL,
     OBJECT,
@@ -28,7 +27,7 @@ from .jit import inline, kernel
 from .lighting import BACKGROUND, FARTHEST, PRIMARY, RETIRED, light_entries
 from .models.dispatch import alpha
 from .models.rows import MODEL
-from .surface import GOURAUD, fill
+from .surface import GOURAUD, fill, vertex_entry
 from .vector import add, dot, load, scale, unit
 
 TILE = 16  # pixels a side
@@ -112,10 +111,10 @@ def approach(origin, direction):
 @inline
 def retired(sums):
     """Whether a pixel's samples agree to about a step of an 8-bit picture."""
+    spread = 0.0
     for c in range(3):
-        if sqrt(sums[HIGH + c]) - sqrt(sums[LOW + c]) > AGREE:
-            return False
-    return True
+        spread = max(spread, sqrt(sums[HIGH + c]) - sqrt(sums[LOW + c]))
+    return spread <= AGREE
 
 
 @inline
@@ -228,7 +227,9 @@ def render_tile(
                     x, y = x0 + p % wide, y0 + p // wide
                     chosen = mix(mix(y * view.width + x) ^ view.key) % np.uint32(sets)
                     place = view.offsets[chosen]
-                    origin, direction = viewing_ray(view, x + 0.5 + place[0, s], y + 0.5 + place[1, s], place[2, s], place[3, s])
+                    origin, direction = viewing_ray(
+                        view, x + 0.5 + place[0, s], y + 0.5 + place[1, s], place[2, s], place[3, s]
+                    )
                     near = add(origin, scale(approach(origin, direction), direction))
                     for axis in range(3):
                         eyes[lane, axis] = origin[axis]
@@ -274,7 +275,10 @@ def render_tile(
 
 
 @kernel
-def light_vertices(geometry, lights, eye, forward, orthographic, form, shadows, packet, valid, entries, active, queue, light, item, first, last, out, counts):
+def light_vertices(
+    geometry, lights, eye, forward, orthographic, form, shadows, item, first, last, packet, valid, entries, active,
+    queue, light, out, counts,
+):  # fmt: skip
     """Gouraud's first step: light the vertices [first, last) of an object's stretch of `geometry.w`, into `out`.
 
     Args: out: float64 (w, 14), the columns AMBIENT to LIT of an entry.
@@ -283,7 +287,7 @@ def light_vertices(geometry, lights, eye, forward, orthographic, form, shadows, 
     for start in range(first, last, CAPACITY):
         stop = min(start + CAPACITY, last)
         for k in range(start, stop):
-            vertex_entry(entries[k - start], geometry, item, own + k, eye, forward, orthographic)
+            vertex_entry(entries[k - start], geometry, item, own + k, load3(eye), load3(forward), orthographic)
             entries[k - start, W] = geometry.w[k]
         light_entries(
             geometry, lights, entries, stop - start, active, form, shadows, packet, valid, queue, light, counts

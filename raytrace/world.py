@@ -25,7 +25,7 @@ class Geometry(NamedTuple):
     """Arrays for kernels; rows of `objects` columns are a scene's objects, in order.
 
     Attributes:
-        handle: Embree scene. vertices, normals: float32 (v, 3), each shape's in a frame of its own. faces: int64 (f, 3),
+        handle: Embree scene. vertices, normals: float32 (v, 3), each shape's in its own frame. faces: int64 (f, 3),
         indices into them. uv: float32 (v, 2). w: float64, obscurance, each object's in a stretch of its own.
         first_vertex, first_face, first_w: int64 (o,), where an object's stretches begin.
         to_world: float64 (o, 3, 4); normal_to_world: (o, 3, 3); mirrored: −1 where the transform mirrors, else 1.
@@ -123,7 +123,7 @@ def build(scene: Scene) -> World:
         piece = pieces[id(item.shape)]
         matrix = place @ item.transform @ np.linalg.inv(piece.from_shape) if piece.scene else np.eye(4)
         if piece.scene:
-            geometries.append(Instance(piece.scene, matrix[:3]))
+            geometries.append(Instance(piece.scene, matrix[:3].astype(np.float32)))
             magnitude[row] = 4.0  # the ray's own way into the instance's frame is rounded too
         else:
             geometries.append(Triangles(piece.vertices, item.shape.mesh.faces))
@@ -185,7 +185,8 @@ def _shared(shape: Shape) -> _Piece:
 def _single(shape: Shape, matrix: Floats) -> _Piece:
     mesh, linear = shape.mesh, matrix[:3, :3]
     vertices = (mesh.vertices @ linear.T + matrix[:3, 3]).astype(np.float32)
-    normals, authored = _smooth_normals(mesh, vertices, np.linalg.inv(linear).T, np.sign(np.linalg.det(linear)))
+    orientation = -1.0 if np.linalg.det(linear) < 0 else 1.0
+    normals, authored = _smooth_normals(mesh, vertices, np.linalg.inv(linear).T.astype(np.float64), orientation)
     return _Piece(vertices, normals, authored, None, matrix)
 
 
