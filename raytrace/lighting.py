@@ -61,6 +61,15 @@ def begin(entry, geometry, lights, form):
 
 
 @inline
+def count_directed(lights):
+    """How many lights come from somewhere, ambient ones left out."""
+    found = 0
+    for j in range(len(lights.kinds)):
+        found += lights.kinds[j] != AMBIENT_LIGHT
+    return found
+
+
+@inline
 def select_lights(lights, entries, count, active):
     """Fill `active` with the lights that can matter to some of the first `count` entries, and return how many."""
     low, high = (np.inf, np.inf, np.inf), (-np.inf, -np.inf, -np.inf)
@@ -109,10 +118,7 @@ def light_entries(geometry, lights, entries, count, active, form, shadows, packe
     for e in range(count):
         begin(entries[e], geometry, lights, form)
     used = select_lights(lights, entries, count, active)
-    directional = 0
-    for j in range(len(lights.kinds)):
-        directional += lights.kinds[j] != AMBIENT_LIGHT
-    counts[CULLED] += (directional - used) * count
+    counts[CULLED] += (count_directed(lights) - used) * count
     for a in range(used):
         j = active[a]
         kind, light_row = lights.kinds[j], lights.rows[j]

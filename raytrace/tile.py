@@ -24,7 +24,7 @@ from .entries import (
     W,
 )
 from .jit import inline, kernel
-from .lighting import BACKGROUND, FARTHEST, PRIMARY, RETIRED, light_entries
+from .lighting import BACKGROUND, FARTHEST, PRIMARY, RETIRED, count_directed, light_entries
 from .models.dispatch import alpha
 from .models.rows import MODEL
 from .surface import GOURAUD, fill, vertex_entry
@@ -203,6 +203,7 @@ def render_tile(
     ids = packet.view(np.uint32)
     eyes, backs = np.empty((LANES, 3)), np.empty((LANES, 3))
     sets = len(view.offsets)
+    directed = count_directed(lights)
     sums[:] = 0.0
     for p in range(pixels):
         todo[p] = p
@@ -242,7 +243,7 @@ def render_tile(
                 for lane in range(lanes):
                     p = todo[(first + lane) // batch]
                     if ids[GEOM_ID, lane] == INVALID:
-                        counts[BACKGROUND] += len(lights.kinds)
+                        counts[BACKGROUND] += directed
                         develop(entries[0], geometry, sums[p], background, 0)
                         continue
                     outer = ids[INST_ID, lane]
