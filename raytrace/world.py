@@ -82,7 +82,6 @@ class _Piece(NamedTuple):
 
     vertices: npt.NDArray[np.float32]
     normals: npt.NDArray[np.float32]
-    authored: bool
     scene: TriangleScene | None
     from_shape: Floats  # (4, 4)
 
@@ -150,7 +149,7 @@ def build(scene: Scene) -> World:
         to_world=to_world,
         normal_to_world=normal_to_world,
         mirrored=mirrored,
-        authored=np.array([pieces[id(item.shape)].authored for item in scene.objects]),
+        authored=np.array([item.shape.mesh.normals is not None for item in scene.objects]),
         magnitude=magnitude,
         texture=np.array([textures.index(t) if (t := item.shape.texture) else -1 for item in scene.objects]),
         kinds=kinds,
@@ -178,29 +177,27 @@ def _shared(shape: Shape) -> _Piece:
     placement = Placement.of(mesh)
     matrix = np.diag([placement.scale, placement.scale, placement.scale, 1.0])
     matrix[:3, 3] = -placement.scale * mesh.centre
-    normals, authored = _smooth_normals(mesh, placement.vertices, np.eye(3), 1.0)
-    return _Piece(placement.vertices, normals, authored, TriangleScene(placement.vertices, mesh.faces), matrix)
+    normals = _smooth_normals(mesh).astype(np.float32)
+    return _Piece(placement.vertices, normals, TriangleScene(placement.vertices, mesh.faces), matrix)
 
 
 def _single(shape: Shape, matrix: Floats) -> _Piece:
     mesh, linear = shape.mesh, matrix[:3, :3]
     vertices = (mesh.vertices @ linear.T + matrix[:3, 3]).astype(np.float32)
-    orientation = -1.0 if np.linalg.det(linear) < 0 else 1.0
-    normals, authored = _smooth_normals(mesh, vertices, np.linalg.inv(linear).T.astype(np.float64), orientation)
-    return _Piece(vertices, normals, authored, None, matrix)
+    normals = normalize(_smooth_normals(mesh) @ np.linalg.inv(linear)).astype(np.float32)
+    return _Piece(vertices, normals, None, matrix)
 
 
-def _smooth_normals(
-    mesh: Mesh, vertices: npt.NDArray[np.float32], normal_matrix: Floats, orientation: float
-) -> tuple[npt.NDArray[np.float32], bool]:
-    """Unit normals (n, 3) at the placed `vertices`, and whether they are the mesh's own; zero where there is none."""
+def _smooth_normals(mesh: Mesh) -> Floats:
+    """Unit normals (n, 3) in the mesh's own frame, its own if it has some; zero where there is none."""
     if mesh.normals is not None:
-        return normalize(mesh.normals @ normal_matrix.T).astype(np.float32), True
+        return normalize(mesh.normals)
+    vertices = Placement.of(mesh).vertices
     placed = vertices.astype(np.float64)
     own = vertex_sums(placed, mesh.faces, *face_normals(placed, mesh.faces))
     group = weld(vertices, normalize(own), CREASE)
     joined: Floats = np.stack([np.bincount(group, own[:, axis]) for axis in range(3)], axis=1)
-    return (orientation * normalize(joined)[group]).astype(np.float32), False
+    return normalize(joined)[group]
 
 
 def _place_lights(lights: tuple[BaseLight, ...], centre: Floats, scale: float) -> Lights:

@@ -297,7 +297,7 @@ def test_a_lens_blurs_what_is_out_of_focus_only():
     edge = Object(Shape(grid((0, -5, 0), (5, 0, 0), (0, 10, 0), 10), Lambert(albedo=0, emission=1)))
     settings = Settings(width=64, height=8, samples=256)
     sharp, lens, far = (
-        render(Scene((edge,)), Camera((0, 0, 4), (0, 0, 0), (0, 1, 0), aperture=a, focus=f), settings).layers["beauty"]
+        render(Scene((edge,)), Camera((0, 0, 4), (0, 0, 0), (0, 1, 0), 3.0, None, a, f), settings).layers["beauty"]
         for a, f in ((0.0, None), (0.3, None), (0.3, 2.0))
     )
 
