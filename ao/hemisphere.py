@@ -10,6 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from raytrace.chance import mix
 from raytrace.embree import (
     DIR_X,
     DIR_Y,
@@ -58,7 +59,7 @@ class DirectionTable:
 
 
 @inline
-def _mix(x):
+def mix(x):
     """`raytrace.sampling.mix` for one value."""
     x = np.uint32(x)
     x = np.uint32(x ^ (x >> np.uint32(16)))
@@ -71,8 +72,8 @@ def _mix(x):
 @inline
 def choose(number, key, sets):
     """A point's direction set and its turn in radians."""
-    chance = _mix(_mix(number) ^ key)
-    return chance % np.uint32(sets), _mix(chance) * (2.0 * np.pi / 4294967296.0)
+    chance = mix(mix(number) ^ key)
+    return chance % np.uint32(sets), mix(chance) * (2.0 * np.pi / 4294967296.0)
 
 
 @inline

@@ -31,12 +31,12 @@ from .lights import AMBIENT as AMBIENT_LIGHT
 from .models.dispatch import ambient, emission, terms
 from .surface import put, take
 from .vector import dot
+from .view import FARTHEST
 
 OFF, AMBIENT_ONLY, BOOK = range(3)
 PRIMARY, SHADOW, BACKGROUND, BEHIND, UNREACHED, BLACK, CULLED, RETIRED = range(8)
 COUNTERS = 8
 SHORT = 1.0 - 1e-5  # of the way to a light: what touches the light itself is no obstacle
-FARTHEST = 8.0  # longer than anything in the world
 
 
 @inline

@@ -17,7 +17,8 @@ from .parallel import run_blocks, thread_count
 from .sampling import mix, owen_sobol, seed_key
 from .scene import Scene
 from .settings import Settings
-from .tile import CAPACITY, FILM, SUMS, TILE, View, light_vertices, render_tile
+from .tile import CAPACITY, FILM, SUMS, TILE, light_vertices, render_tile
+from .view import View, mark_seen
 from .world import World, build
 
 Floats = npt.NDArray[np.float64]
@@ -64,6 +65,25 @@ def render(
         | {"primary_agreed": int(counts[RETIRED])},
         seconds={"build": built - start, "render": time.perf_counter() - built},
     )
+
+
+def seen_vertices(
+    scene: Scene, camera: Camera, settings: Settings, threads: int | None = None
+) -> npt.NDArray[np.bool_]:
+    """Which vertices of `scene.flattened()` a rendering with these settings may read: bool (n,).
+
+    Errors as `render`.
+    """
+    world = build(scene)
+    view = _view(world, camera, settings)
+    left, top, wide, high = settings.crop or (0, 0, settings.width, settings.height)
+    seen = np.zeros(len(world.geometry.w), np.bool_)
+
+    def work(first: int, last: int) -> None:
+        mark_seen(world.geometry, view, left, left + wide, top + first, top + last, *new_packet(), seen)
+
+    run_blocks(high, 8, work, thread_count(threads))
+    return seen
 
 
 class _Renderer:

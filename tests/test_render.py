@@ -10,7 +10,7 @@ from raytrace.camera import Camera
 from raytrace.frame import LAYERS
 from raytrace.lights import AmbientLight, DirectionalLight, PointLight, SpotLight
 from raytrace.materials import BlinnPhong, Lambert, Phong
-from raytrace.render import render
+from raytrace.render import render, seen_vertices
 from raytrace.scene import Object, Scene, Shape
 from raytrace.settings import Settings
 from scenes.primitives import box, grid
@@ -267,6 +267,18 @@ def test_obscurance_in_a_picture_is_the_bakers():
         x, y, z = scene.flattened().vertices[vertex]
         camera = Camera((x + 1e-6, y + 1e-6, z + 3), (x + 1e-6, y + 1e-6, z), (0, 1, 0), height=1e-6)
         np.testing.assert_allclose(pixel(render(scene, camera, ONE), "obscurance"), baked.w[vertex], atol=1e-4)
+
+
+@pytest.mark.parametrize("shading", ["phong", "gouraud"])
+def test_vertices_that_no_pixel_sees_need_no_obscurance(still, shading):
+    settings = Settings(width=48, height=32, samples=4, shading=shading)
+    mesh = still.flattened()
+    seen = seen_vertices(still, CAMERA, settings)
+    assert 0.2 < seen.mean() < 0.8
+    whole, part = (ao.bake(mesh, samples=16, only=only).w for only in (None, seen))
+    a, b = (render(still.with_obscurance(w), CAMERA, settings).layers for w in (whole, part))
+    for name, layer in a.items():
+        np.testing.assert_array_equal(b[name], layer)
 
 
 def test_the_two_forms_weight_what_they_say(still):
