@@ -59,17 +59,6 @@ class DirectionTable:
 
 
 @inline
-def mix(x):
-    """`raytrace.sampling.mix` for one value."""
-    x = np.uint32(x)
-    x = np.uint32(x ^ (x >> np.uint32(16)))
-    x = np.uint32(x * np.uint32(0x7FEB352D))
-    x = np.uint32(x ^ (x >> np.uint32(15)))
-    x = np.uint32(x * np.uint32(0x846CA68B))
-    return np.uint32(x ^ (x >> np.uint32(16)))
-
-
-@inline
 def choose(number, key, sets):
     """A point's direction set and its turn in radians."""
     chance = mix(mix(number) ^ key)
