@@ -17,7 +17,7 @@ from raytrace.models.checks import NORMAL as N
 from raytrace.models.checks import asymmetry, directional_albedo, towards
 from raytrace.models.oren_nayar import shape
 from raytrace.models.oren_nayar_reference import reference_shape
-from raytrace.reflect import reflect
+from raytrace.reflection import reflect
 
 MIRROR = {"albedo": 1.0, "k_s": 1.0, "eta": 1e6}  # η = 1e6: F = 1 to 4e-6
 
