@@ -30,10 +30,12 @@ def write_image(path: str | os.PathLike[str], pixels: npt.ArrayLike) -> None:
     image.set_pixels(oiio.ROI(), np.ascontiguousarray(encoded))
     scratch = target.with_name(f".{os.getpid()}-{target.name}")
     try:
-        if not image.write(str(scratch), "uint8", "png"):
-            raise OutputError(f"{target}: cannot write: {image.geterror()}")
-        os.replace(scratch, target)
+        written = image.write(str(scratch), "uint8", "png")
+        if written:
+            os.replace(scratch, target)
     except OSError as error:
-        raise error if isinstance(error, OutputError) else OutputError(f"{target}: cannot write: {error}") from error
+        raise OutputError(f"{target}: cannot write: {error}") from error
     finally:
         scratch.unlink(missing_ok=True)
+    if not written:
+        raise OutputError(f"{target}: cannot write: {image.geterror()}")

@@ -30,7 +30,8 @@ def reflect(
             pointing away from the surface. They are normalised here; a zero vector reflects nothing.
         grain: tangents (…, 3) along which an anisotropic surface is brushed; default: the material's own grain.
 
-    Returns: (…, 3), float32 if every array given is float32, else float64; never negative, zero where n·l ≤ 0.
+    Returns: (…, 3), float32 if every array given is float32, else float64; never negative, zero where n·l ≤ 0. A viewer
+        below the surface sees no microfacets and no cylinders; diffuse terms do not ask where the viewer is.
     """
     from raytrace.models.array import reflect_rows
 
