@@ -1,0 +1,7 @@
+"""Ambient occlusion and obscurance, baked at the vertices of a mesh."""
+
+from .bake import Bake, bake
+from .falloff import Binary, Exponential, Falloff
+from .receivers import Flag
+
+__all__ = ["Bake", "Binary", "Exponential", "Falloff", "Flag", "bake"]

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import os
+import tempfile
 from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
 
-from raytrace.errors import OutputError
+from .atomic import atomic_write
+from .errors import OutputError
 
 
 def encode_srgb(linear: npt.ArrayLike) -> npt.NDArray[np.float32]:
@@ -18,24 +20,22 @@ def encode_srgb(linear: npt.ArrayLike) -> npt.NDArray[np.float32]:
 
 
 def write_image(path: str | os.PathLike[str], pixels: npt.ArrayLike) -> None:
-    """Write linear RGB `pixels` (h, w, 3), row 0 at the top, as an 8-bit sRGB PNG. Raises: OutputError."""
+    """Write linear `pixels` (h, w) or (h, w, channels), row 0 at the top, as an 8-bit sRGB PNG, whole or not at all.
+
+    Raises:
+        OutputError: the file cannot be written.
+    """
     import OpenImageIO as oiio
 
-    target = Path(path)
     encoded = encode_srgb(pixels)
+    encoded = encoded.reshape(*encoded.shape[:2], -1)
     height, width, channels = encoded.shape
     spec = oiio.ImageSpec(width, height, channels, "uint8")
     spec.attribute("oiio:ColorSpace", "sRGB")
     image = oiio.ImageBuf(spec)
     image.set_pixels(oiio.ROI(), np.ascontiguousarray(encoded))
-    scratch = target.with_name(f".{os.getpid()}-{target.name}")
-    try:
-        written = image.write(str(scratch), "uint8", "png")
-        if written:
-            os.replace(scratch, target)
-    except OSError as error:
-        raise OutputError(f"{target}: cannot write: {error}") from error
-    finally:
-        scratch.unlink(missing_ok=True)
-    if not written:
-        raise OutputError(f"{target}: cannot write: {image.geterror()}")
+    with atomic_write(path) as file, tempfile.TemporaryDirectory() as scratch:
+        whole = Path(scratch) / "image.png"
+        if not image.write(str(whole), "uint8", "png"):
+            raise OutputError(f"{path}: cannot write: {image.geterror()}")
+        file.write(whole.read_bytes())

@@ -36,7 +36,7 @@ def source_hash(root: Path = ROOT) -> str:
 
 
 def user_cache() -> Path:
-    """Parent of the kernel caches: the first writable of ``NUMBA_CACHE_DIR``, the user's cache, the temporary folder."""
+    """Parent of the kernel caches: the first writable of ``NUMBA_CACHE_DIR``, the user's cache, the temporary one."""
     xdg = os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache"
     chosen = os.environ.get("NUMBA_CACHE_DIR")
     wanted = [Path(chosen)] if chosen else []

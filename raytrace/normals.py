@@ -1,6 +1,6 @@
 """Face and vertex normals, shared by the baker and the renderer.
 
-Degenerate faces (zero area) never contribute, and nothing here returns NaN: a normal that does not exist is the zero vector.
+Degenerate faces (zero area) never contribute, and nothing here returns NaN: a normal that does not exist is zero.
 Source: Gouraud 1971 (equal), 12.31–12.33; Thürmer & Wüthrich 1998 (angle).
 """
 
@@ -11,6 +11,9 @@ from typing import Literal
 import numpy as np
 import numpy.typing as npt
 
+from .jit import inline, kernel
+
+EPSILON = float(np.finfo(np.float64).eps)
 Weighting = Literal["angle", "area", "equal"]
 Floats = npt.NDArray[np.float64]
 Ints = npt.NDArray[np.integer]
@@ -30,33 +33,24 @@ def face_normals(vertices: Floats, faces: Ints) -> tuple[Floats, Floats]:
 
     A face is degenerate when its area is zero to rounding: below 4 ulp of the product of its two longest edges.
     """
-    a, b, c = (vertices[faces[:, i]] for i in range(3))
-    cross = np.cross(b - a, c - a)
-    double_area = np.linalg.norm(cross, axis=1)
-    edges = np.sort([np.linalg.norm(b - a, axis=1), np.linalg.norm(c - b, axis=1), np.linalg.norm(a - c, axis=1)], axis=0)
-    solid = double_area > 4 * np.finfo(np.float64).eps * edges[1] * edges[2]
-    return normalize(np.where(solid[:, None], cross, 0.0)), np.where(solid, 0.5 * double_area, 0.0)
+    normals, areas = np.zeros((len(faces), 3)), np.zeros(len(faces))
+    _face_normals(np.ascontiguousarray(vertices, np.float64), np.ascontiguousarray(faces, np.int64), normals, areas)
+    return normals, areas
 
 
-def corner_angles(vertices: Floats, faces: Ints) -> Floats:
-    """Interior angles (m, 3) in radians at each face corner."""
-    points = vertices[faces]
-    ahead = np.roll(points, -1, axis=1) - points
-    behind = np.roll(points, 1, axis=1) - points
-    sine = np.linalg.norm(np.cross(ahead, behind), axis=2)
-    return np.arctan2(sine, np.einsum("fij,fij->fi", ahead, behind))
+def vertex_sums(
+    vertices: Floats, faces: Ints, normals: Floats, areas: Floats, weighting: Weighting = "angle"
+) -> Floats:
+    """Weighted sums (n, 3) of the unit face normals at each vertex, zero where they cancel to rounding.
 
-
-def corner_weights(vertices: Floats, faces: Ints, areas: Floats, weighting: Weighting = "angle") -> Floats:
-    """Weight (m, 3) of a face's unit normal at each of its corners; zero on degenerate faces.
-
-    equal (12.31), area (12.32), or angle (12.33, which does not change when a face is cut up differently).
+    Weights: equal (12.31), area (12.32), or interior angle (12.33, which does not change when a face is cut up).
+    Args: `normals` and `areas` as `face_normals` gives them.
     """
-    if weighting == "angle":
-        weights = corner_angles(vertices, faces)
-    else:
-        weights = np.repeat((areas if weighting == "area" else np.ones_like(areas))[:, None], 3, axis=1)
-    return np.where(areas[:, None] > 0, weights, 0.0)
+    sums, magnitude = np.zeros((len(vertices), 3)), np.zeros(len(vertices))
+    kind = {"equal": 0, "area": 1, "angle": 2}[weighting]
+    vertices, faces = np.ascontiguousarray(vertices, np.float64), np.ascontiguousarray(faces, np.int64)
+    _vertex_sums(vertices, faces, normals, areas, kind, sums, magnitude)
+    return np.where((np.abs(sums).max(axis=1) <= 1e-12 * magnitude)[:, None], 0.0, sums)
 
 
 def vertex_normals(vertices: Floats, faces: Ints, weighting: Weighting = "angle") -> Floats:
@@ -64,14 +58,51 @@ def vertex_normals(vertices: Floats, faces: Ints, weighting: Weighting = "angle"
 
     Args: vertices (n, 3) float64, any unit; faces (m, 3) indices.
     """
-    normals, areas = face_normals(vertices, faces)
-    weights = corner_weights(vertices, faces, areas, weighting)
-    return normalize(accumulate(faces.ravel(), (weights[..., None] * normals[:, None]).reshape(-1, 3), len(vertices)))
+    return normalize(vertex_sums(vertices, faces, *face_normals(vertices, faces), weighting))
 
 
-def accumulate(index: Ints, values: Floats, length: int) -> Floats:
-    """Sum of the rows of `values` (k, 3) that share an index: (length, 3). What cancels to rounding is zero."""
-    total = np.stack([np.bincount(index, values[:, axis], length) for axis in range(3)], axis=1)
-    magnitude = np.bincount(index, np.abs(values).sum(axis=1), length)
-    cancelled = np.abs(total).max(axis=1) <= 1e-12 * magnitude
-    return np.where(cancelled[:, None], 0.0, total)
+@inline
+def _edge(vertices, a, b):
+    return vertices[b, 0] - vertices[a, 0], vertices[b, 1] - vertices[a, 1], vertices[b, 2] - vertices[a, 2]
+
+
+@inline
+def _dot(a, b):
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+
+
+@inline
+def _cross(a, b):
+    return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
+
+
+@kernel
+def _face_normals(vertices, faces, normals, areas):
+    for f in range(len(faces)):
+        i, j, k = faces[f]
+        a, b, c = _edge(vertices, i, j), _edge(vertices, j, k), _edge(vertices, k, i)
+        cross = _cross(a, b)
+        double = np.sqrt(_dot(cross, cross))
+        aa, bb, cc = _dot(a, a), _dot(b, b), _dot(c, c)
+        shortest = min(aa, bb, cc)
+        longest = np.sqrt(aa * bb if shortest == cc else (bb * cc if shortest == aa else cc * aa))
+        if double > 4.0 * EPSILON * longest:
+            areas[f] = 0.5 * double
+            for axis in range(3):
+                normals[f, axis] = cross[axis] / double
+
+
+@kernel
+def _vertex_sums(vertices, faces, normals, areas, kind, sums, magnitude):
+    for f in range(len(faces)):
+        if areas[f] > 0.0:
+            for corner in range(3):
+                i, j, k = faces[f, corner], faces[f, (corner + 1) % 3], faces[f, (corner + 2) % 3]
+                weight = 1.0  # (12.31)
+                if kind == 1:
+                    weight = areas[f]  # (12.32)
+                elif kind == 2:
+                    weight = np.arctan2(2.0 * areas[f], _dot(_edge(vertices, i, j), _edge(vertices, i, k)))  # (12.33)
+                magnitude[i] += weight
+                for axis in range(3):
+                    sums[i, axis] += weight * normals[f, axis]

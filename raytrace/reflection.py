@@ -8,7 +8,6 @@ import numpy as np
 import numpy.typing as npt
 
 from raytrace.materials import BaseMaterial
-from raytrace.normals import normalize
 
 
 def reflect(
@@ -34,6 +33,7 @@ def reflect(
         below the surface sees no microfacets and no cylinders; diffuse terms do not ask where the viewer is.
     """
     from raytrace.models.array import reflect_rows
+    from raytrace.normals import normalize
 
     given = [np.asarray(a) for a in (n, l, v, np.zeros(3, np.asarray(n).dtype) if grain is None else grain)]
     single = all(a.dtype == np.float32 for a in given)

@@ -37,27 +37,26 @@ def normalised_angle(cosine):
 
 
 @inline
-def channel(colour, metalness, diffuse, specular, grey):
-    """Q_d + Q_s: the highlight of a metal takes its colour, save at grazing."""
-    return diffuse * colour + specular * (1.0 + metalness * (1.0 - grey) * (colour - 1.0))  # Q_d + r_s c_s
+def highlight_colour(colour, metalness, grey):
+    """c_s: the highlight of a metal takes its colour, save at grazing."""
+    return 1.0 + metalness * (1.0 - grey) * (colour - 1.0)
 
 
 @inline
-def evaluate(row, n, l, v):
-    """Reflected RGB per unit incident RGB for a packed row."""
+def terms(row, n, l, v):
+    """Diffuse and specular RGB reflected per unit incident RGB for a packed row."""
     smoothness, metalness, transparency = row[MODEL + 3], row[MODEL + 4], row[MODEL + 5]
     nl = dot(n, l)
-    r_d = (1.0 - smoothness * smoothness * smoothness) * (
-        1.0 - transparency
-    )  # 1 − s³ makes the change from dull to mirror look linear
+    r_d = (1.0 - smoothness * smoothness * smoothness) * (1.0 - transparency)
     r_n = max(0.0, 1.0 - transparency - r_d)
     diffuse = nl * (1.0 - metalness * smoothness) * r_d
     x_i, x_r = normalised_angle(nl), normalised_angle(dot(n, v))
     f = fresnel_like(x_i)
     r_j = min(1.0, r_n + (r_n + K_J) * f * shadowing(x_i) * shadowing(x_r))  # adjusted by F and G
     specular = max(0.0, min(1.0, dot(mirror(n, l), v))) ** (3.0 / (1.0 - smoothness)) * r_j
-    return (
-        channel(row[MODEL], metalness, diffuse, specular, f),
-        channel(row[MODEL + 1], metalness, diffuse, specular, f),
-        channel(row[MODEL + 2], metalness, diffuse, specular, f),
+    red, green, blue = row[MODEL], row[MODEL + 1], row[MODEL + 2]
+    return (diffuse * red, diffuse * green, diffuse * blue), (
+        specular * highlight_colour(red, metalness, f),
+        specular * highlight_colour(green, metalness, f),
+        specular * highlight_colour(blue, metalness, f),
     )

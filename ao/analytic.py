@@ -1,0 +1,249 @@
+"""Closed forms of w(p) = (1/π) ∫ μ(d) cosθ dω (12.71), the ground truths of validation.
+
+Every function returns w as a float, 1 = open. `tau` is the rate τ > 0, in 1/length, of μ(x) = 1 − e^(−τx) (12.74), or
+None for the binary μ (0 on a hit). Lengths share one unit. p lies on a plane, normal up, unless said otherwise.
+Scenes of planes, where a limit D is offered, take it as `max_distance`: μ(x) = (1 − e^(−τx))/(1 − e^(−τD)) below D
+and 1 beyond. Where no antiderivative exists, one adaptive quadrature is left, good to 1e-10.
+
+All follow from one transform of a scene, L(τ, D) = (1/π) ∫_{d<D} e^(−τd) cosθ dω, as w = 1 − L(0, D) when binary and
+w = 1 − [L(τ, D) − e^(−τD) L(0, D)]/(1 − e^(−τD)) when exponential. Arguments outside their range raise ValueError.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from itertools import pairwise
+from math import acos, asin, atan2, cos, exp, expm1, hypot, inf, isinf, pi, sin, sqrt
+
+from scipy.integrate import quad
+
+from .special import bickley, shell
+
+
+def _require(condition: bool, message: str) -> None:
+    if not condition:
+        raise ValueError(message)
+
+
+def _obscurance(transform: Callable[[float, float], float], tau: float | None, max_distance: float = inf) -> float:
+    _require(tau is None or 0 < tau < inf, f"tau: expected a finite rate > 0 or None, got {tau}")
+    _require(max_distance > 0, f"max_distance: expected > 0, got {max_distance}")
+    if tau is None:
+        return 1.0 - transform(0.0, max_distance)
+    if isinf(max_distance):
+        return 1.0 - transform(tau, inf)
+    nearer = transform(tau, max_distance) - exp(-tau * max_distance) * transform(0.0, max_distance)
+    return 1.0 + nearer / expm1(-tau * max_distance)
+
+
+def _integral(integrand: Callable[[float], float], low: float, high: float, breaks: Sequence[float] = ()) -> float:
+    edges = [low, *sorted(b for b in breaks if low < b < high), high]
+    return sum(quad(integrand, a, b, epsabs=1e-11, epsrel=1e-11, limit=200)[0] for a, b in pairwise(edges))
+
+
+def _upright(
+    distance: Callable[[float], float],
+    height: float,
+    tau: float,
+    limit: float,
+    azimuths: tuple[float, float],
+    breaks: Sequence[float] = (),
+) -> float:
+    """L of walls perpendicular to the floor: (1/π) ∫ shell(τ, ρ(φ), √(ρ² + h²)) dφ, ρ the distance at azimuth φ."""
+
+    def integrand(azimuth: float) -> float:
+        near = distance(azimuth)
+        far = min(limit, hypot(near, height))
+        return float(shell(tau, near, far)) if near < far else 0.0
+
+    return _integral(integrand, *azimuths, breaks) / pi
+
+
+def _extruded(distance: Callable[[float], float], tau: float, angles: tuple[float, float]) -> float:
+    """L of what is infinite along y: (2/π) ∫ sinφ Ki3(τρ(φ)) dφ, ρ the distance at angle φ from +x in the xz plane."""
+    return 2 / pi * _integral(lambda angle: sin(angle) * float(bickley(3, tau * distance(angle))), *angles)
+
+
+def tilted_normal(tilt: float) -> float:
+    """Normal tilted by `tilt` (0…π, radians) over an infinite plane through p: ½(1 + cosδ) for every μ.
+
+    What lies below the plane is hit at distance 0, where μ = 0, so binary and exponential agree.
+    """
+    _require(0 <= tilt <= pi, f"tilt: expected 0 to π, got {tilt}")
+    return (1 + cos(tilt)) / 2
+
+
+def dome(radius: float, tau: float | None = None, max_distance: float = inf) -> float:
+    """Dome of the given radius R centred at p: 0 binary, 1 − e^(−τR) exponential, without variance."""
+    return _obscurance(lambda t, limit: exp(-t * radius) if radius < limit else 0.0, tau, max_distance)
+
+
+def ceiling(height: float, tau: float | None = None, max_distance: float = inf) -> float:
+    """Infinite ceiling at height h: (h/D)² binary, 1 − 2E3(τh) exponential and unlimited."""
+    return disk(height, inf, tau, max_distance)
+
+
+def disk(height: float, radius: float, tau: float | None = None, max_distance: float = inf) -> float:
+    """Disk of radius R at height h, centred over p and parallel to the plane.
+
+    Binary h²/(h² + R²); exponential 1 − 2[E3(τh) − c² E3(τ√(h² + R²))], c² = h²/(h² + R²). D cuts the disk to the
+    radius √(D² − h²).
+    """
+    _require(height > 0 and radius > 0, f"height, radius: expected > 0, got {height}, {radius}")
+
+    def transform(t: float, limit: float) -> float:
+        return 2 * float(shell(t, height, min(limit, hypot(height, radius)))) if height < limit else 0.0
+
+    return _obscurance(transform, tau, max_distance)
+
+
+def wall(distance: float, height: float = inf, tau: float | None = None, max_distance: float = inf) -> float:
+    """Wall of the given height h (∞ allowed) and infinite length, standing at distance d from p.
+
+    Binary ½(1 + d/√(d² + h²)), so ½ for h = ∞; exponential for h = ∞: 1 − (2/π)[Ki1(τd) − Ki3(τd)].
+    """
+    _require(distance > 0 and height > 0, f"distance, height: expected > 0, got {distance}, {height}")
+    return trench(inf, distance, height, tau, max_distance)
+
+
+def trench(left: float, right: float, height: float, tau: float | None = None, max_distance: float = inf) -> float:
+    """Floor of an infinitely long trench of the given depth h, between walls at distances x = left and W − x = right.
+
+    Binary ½[(W−x)/√((W−x)² + h²) + x/√(x² + h²)]. A wall at ∞ is absent.
+    """
+    _require(min(left, right, height) > 0, f"left, right, height: expected > 0, got {left}, {right}, {height}")
+
+    def one(d: float, t: float, limit: float) -> float:
+        if d >= limit:
+            return 0.0
+        if t == 0.0 and isinf(limit):
+            return 0.5 - (0.5 * d / hypot(d, height) if height < inf else 0.0)
+        reach = acos(d / limit)
+        top = acos(min(1.0, d / sqrt(limit**2 - height**2))) if limit > height and not isinf(limit) else 0.0
+        return 2 * _upright(lambda a: d / cos(a), height, t, limit, (0.0, reach), (top,))
+
+    return _obscurance(lambda t, limit: one(left, t, limit) + one(right, t, limit), tau, max_distance)
+
+
+def corner(first: float, second: float, tau: float | None = None) -> float:
+    """Two perpendicular walls of infinite height and length, at the given distances from p: ¼ binary.
+
+    Exponential 1 − (1/π) ∫ E3(τρ(φ)) dφ over the three quadrants of azimuth that a wall closes.
+    """
+    _require(min(first, second) > 0, f"first, second: expected > 0, got {first}, {second}")
+
+    def transform(t: float, limit: float) -> float:
+        facing = _upright(lambda a: min(first / cos(a), second / sin(a)), inf, t, limit, (1e-300, pi / 2),
+                          (atan2(second, first),))  # fmt: skip
+        return facing + sum(
+            _upright(lambda azimuth, d=d: d / cos(azimuth), inf, t, limit, (0.0, pi / 2))  # type: ignore[misc]
+            for d in (first, second)
+        )
+
+    return 0.25 if tau is None else _obscurance(transform, tau)
+
+
+def box(sides: tuple[float, float, float, float], height: float, tau: float | None = None,
+        max_distance: float = inf) -> float:  # fmt: skip
+    """Floor of a closed box, p at distances `sides` = (+x, +y, −x, −y) from its four walls: 0 binary and unlimited.
+
+    The unit cube from the centre of its floor is box((.5, .5, .5, .5), 1): .553728 for τ = 1, .975138 for τ = 5.
+    """
+    _require(min(*sides, height) > 0, f"sides, height: expected > 0, got {sides}, {height}")
+    if tau is None and isinf(max_distance):
+        return 0.0
+
+    def transform(t: float, limit: float) -> float:
+
+        def quadrant(a: float, b: float) -> float:
+            def to_wall(azimuth: float) -> float:
+                return min(a / max(cos(azimuth), 1e-300), b / max(sin(azimuth), 1e-300))
+
+            def top(azimuth: float) -> float:
+                return float(shell(t, height, min(limit, hypot(to_wall(azimuth), height))))
+
+            breaks = [atan2(b, a)]
+            for reach in (limit, sqrt(max(limit**2 - height**2, 0.0))):  # where D leaves a wall, and its top edge
+                breaks += [acos(a / reach)] if a < reach < inf else []
+                breaks += [asin(b / reach)] if b < reach < inf else []
+            walls = _upright(to_wall, height, t, limit, (0.0, pi / 2), breaks)
+            return walls + (_integral(top, 0.0, pi / 2, breaks) / pi if height < limit else 0.0)
+
+        return sum(quadrant(a, b) for a, b in zip(sides, (*sides[1:], sides[0]), strict=True))
+
+    return _obscurance(transform, tau, max_distance)
+
+
+def groove(angle: float, distance: float, tau: float | None = None) -> float:
+    """V-groove of interior angle α (0…π, radians), p on one side at `distance` s from the edge: sin²(α/2) binary.
+
+    In the cross-section the other side is met at ρ(φ) = s sinα/sin(φ − α), φ > α (law of sines).
+    """
+    _require(0 < angle < pi and distance > 0, f"angle, distance: expected 0 to π, > 0, got {angle}, {distance}")
+    if tau is None:
+        return sin(angle / 2) ** 2
+    return _obscurance(
+        lambda t, _: _extruded(lambda a: distance * sin(angle) / max(sin(a - angle), 1e-300), t, (angle, pi)), tau
+    )
+
+
+def sphere(radius: float, height: float, offset: float = 0.0, tau: float | None = None) -> float:
+    """Sphere of radius R whose centre is H ≥ R above the plane, r aside: 1 − R²H/(r² + H²)^{3/2} binary.
+
+    Exponential 1 − 2(H/C) ∫ e^(−τd(γ)) cosγ sinγ dγ, γ the angle to the centre, C = √(r² + H²) its distance and
+    d = C cosγ − √(R² − C² sin²γ); the azimuthal mean of cosθ is (H/C) cosγ.
+    """
+    _require(0 < radius <= height, f"radius: expected 0 to height ({height}), got {radius}")
+    centre = hypot(offset, height)
+    if tau is None:
+        return 1.0 - radius**2 * height / centre**3
+
+    def transform(t: float, _: float) -> float:
+        def integrand(v: float) -> float:  # C sinγ = R sin v removes the square root's end-point
+            cosine = sqrt(1 - (radius * sin(v) / centre) ** 2)
+            return exp(-t * (centre * cosine - radius * cos(v))) * (radius / centre) ** 2 * sin(v) * cos(v)
+
+        return 2 * height / centre * _integral(integrand, 0.0, pi / 2)
+
+    return _obscurance(transform, tau)
+
+
+def inside_sphere(radius: float, tau: float | None = None) -> float:
+    """p on the inner face of a sphere: 0 binary, 1 − 2[1 − (1 + a)e^(−a)]/a² with a = 2τR exponential."""
+    _require(radius > 0, f"radius: expected > 0, got {radius}")
+
+    def transform(t: float, _: float) -> float:
+        a = 2 * t * radius
+        return 2 * (-expm1(-a) - a * exp(-a)) / a**2 if a > 1e-4 else 1 - 2 * a / 3
+
+    return _obscurance(transform, tau)
+
+
+def inside_cylinder(radius: float, tau: float | None = None) -> float:
+    """p on the inner face of an infinite cylinder: 0 binary, 1 − (4/π) ∫₀^{π/2} cosψ Ki3(2τR cosψ) dψ exponential."""
+    _require(radius > 0, f"radius: expected > 0, got {radius}")
+    if tau is None:
+        return 0.0
+    return _obscurance(lambda t, _: _extruded(lambda a: 2 * radius * sin(a), t, (0.0, pi)), tau)
+
+
+def cylinder(radius: float, height: float, offset: float = 0.0, tau: float | None = None) -> float:
+    """Infinite cylinder parallel to the plane, axis H ≥ R above it and x aside: 1 − RH/(x² + H²) binary.
+
+    Exponential by its cross-section, a circle met at C cosγ − √(R² − C² sin²γ), γ the angle to its centre.
+    """
+    _require(0 < radius <= height, f"radius: expected 0 to height ({height}), got {radius}")
+    centre, towards = hypot(offset, height), atan2(height, offset)
+    if tau is None:
+        return 1.0 - radius * height / centre**2
+
+    def transform(t: float, _: float) -> float:
+        def integrand(v: float) -> float:  # C sinγ = R sin v
+            gamma = asin(radius * sin(v) / centre)
+            near = max(centre * cos(gamma) - radius * cos(v), 0.0)
+            slope = radius * cos(v) / (centre * cos(gamma))
+            return sin(towards + gamma) * float(bickley(3, t * near)) * slope
+
+        return 2 / pi * _integral(integrand, -pi / 2, pi / 2)
+
+    return _obscurance(transform, tau)

@@ -1,0 +1,146 @@
+"""The estimator: w(p) = (1/π) ∫ μ(d) cosθ dω (12.71) by cosine-weighted directions, eight rays a packet.
+
+With directions of density cosθ/π the integral is the plain mean of μ, so a fully open point is exactly 1.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from raytrace.chance import mix
+from raytrace.embree import (
+    DIR_X,
+    DIR_Y,
+    DIR_Z,
+    GEOM_ID,
+    INVALID,
+    LANES,
+    ORG_X,
+    ORG_Y,
+    ORG_Z,
+    TFAR,
+    intersect8,
+    occluded8,
+)
+from raytrace.jit import inline, kernel
+from raytrace.sampling import cosine_hemisphere, owen_sobol
+
+BATCHES = 8
+_TABLE_POINTS = 1 << 18
+
+
+@dataclass(frozen=True)
+class DirectionTable:
+    """Scrambled direction sets that the points of a mesh draw from, each turned about its own normal.
+
+    Attributes:
+        directions: float32 (sets, 3, samples) about +z, ordered by azimuth, which keeps the rays of a packet together.
+        batches: uint8 (sets, samples), which of the `BATCHES` consecutive stretches of the Sobol sequence a direction
+            belongs to; their spread carries the error estimate.
+        key: uint32 from which each point draws its set and its turn.
+    """
+
+    directions: npt.NDArray[np.float32]
+    batches: npt.NDArray[np.uint8]
+    key: np.uint32
+
+    @classmethod
+    def make(cls, samples: int, points: int, key: np.uint32) -> DirectionTable:
+        """A table for gathering at `points` points: no more sets than there are points to draw them."""
+        sets = int(np.clip(_TABLE_POINTS // samples, 8, min(max(points, 8), 256)))
+        u, v = owen_sobol(sets, samples, key)
+        order = np.argsort(v, axis=1, kind="stable")
+        batches = (np.arange(samples) * min(BATCHES, samples) // samples).astype(np.uint8)[order]
+        u, v = np.take_along_axis(u, order, 1), np.take_along_axis(v, order, 1)
+        return cls(np.ascontiguousarray(cosine_hemisphere(u, v), np.float32), batches, key)
+
+
+@inline
+def choose(number, key, sets):
+    """A point's direction set and its turn in radians."""
+    chance = mix(mix(number) ^ key)
+    return chance % np.uint32(sets), mix(chance) * (2.0 * np.pi / 4294967296.0)
+
+
+@inline
+def turned_frame(n, turn):
+    """Orthonormal tangents of the unit normal `n` (Duff et al. 2017), turned about it by `turn` radians."""
+    x, y, z = np.float64(n[0]), np.float64(n[1]), np.float64(n[2])
+    sign = 1.0 if z >= 0.0 else -1.0
+    a = -1.0 / (sign + z)
+    b = x * y * a
+    c, s = np.cos(turn), np.sin(turn)
+    tx, ty, tz = 1.0 + sign * x * x * a, sign * b, -sign * x
+    bx, by, bz = b, sign + y * y * a, -y
+    t = np.float32(c * tx + s * bx), np.float32(c * ty + s * by), np.float32(c * tz + s * bz)
+    b2 = np.float32(c * bx - s * tx), np.float32(c * by - s * ty), np.float32(c * bz - s * tz)
+    return t, b2
+
+
+@kernel
+def gather(scene, packet, valid, origins, normals, numbers, directions, batches, key, tau, reach, limit, out):
+    """Obscurance of a block of points.
+
+    Args:
+        scene, packet, valid: see raytrace.embree.
+        origins, normals: float32 (n, 3), in the scene's units.
+        numbers: uint32 (n,), what a point's random choices are keyed by.
+        directions, batches, key: a DirectionTable's.
+        tau: rate of the exponential μ in the scene's units, or 0 for the binary μ.
+        reach: length of every ray; limit: max_distance, at which the exponential μ is 1, or inf.
+        out: float64 (n, 5): w, the variance between batches, and the mean of μ·direction (x, y, z).
+    """
+    sets, _, samples = directions.shape
+    used = min(BATCHES, samples)
+    size = np.zeros(BATCHES)
+    total = np.zeros(BATCHES)
+    scale = -1.0 / np.expm1(-tau * limit) if tau > 0.0 else 1.0
+    for i in range(len(origins)):
+        chosen, turn = choose(numbers[i], key, sets)
+        n = normals[i]
+        t, b = turned_frame(n, turn)
+        local, batch = directions[chosen], batches[chosen]
+        size[:] = 0.0
+        total[:] = 0.0
+        x = y = z = 0.0
+        for lane in range(LANES):
+            packet[ORG_X, lane] = origins[i, 0]
+            packet[ORG_Y, lane] = origins[i, 1]
+            packet[ORG_Z, lane] = origins[i, 2]
+        for first in range(0, samples, LANES):
+            lanes = min(LANES, samples - first)
+            for lane in range(LANES):
+                valid[lane] = -1 if lane < lanes else 0
+            for lane in range(lanes):
+                lx, ly, lz = local[0, first + lane], local[1, first + lane], local[2, first + lane]
+                packet[DIR_X, lane] = lx * t[0] + ly * b[0] + lz * n[0]
+                packet[DIR_Y, lane] = lx * t[1] + ly * b[1] + lz * n[1]
+                packet[DIR_Z, lane] = lx * t[2] + ly * b[2] + lz * n[2]
+                packet[TFAR, lane] = reach
+            if tau > 0.0:
+                intersect8(scene, packet, valid)
+            else:
+                occluded8(scene, packet, valid)
+            for lane in range(lanes):
+                mu = 1.0
+                if tau > 0.0:
+                    if packet.view(np.uint32)[GEOM_ID, lane] != INVALID:
+                        mu = -np.expm1(-tau * packet[TFAR, lane]) * scale  # (12.74)
+                elif packet[TFAR, lane] < 0.0:
+                    mu = 0.0
+                total[batch[first + lane]] += mu
+                size[batch[first + lane]] += 1.0
+                x += mu * local[0, first + lane]
+                y += mu * local[1, first + lane]
+                z += mu * local[2, first + lane]
+        w = total.sum() / samples
+        spread = 0.0
+        for k in range(used):
+            spread += (total[k] / size[k] - w) ** 2
+        out[i, 0] = min(w, 1.0)
+        out[i, 1] = spread / (used - 1) if used > 1 else 0.0
+        for axis in range(3):
+            out[i, 2 + axis] = (x * t[axis] + y * b[axis] + z * n[axis]) / samples

@@ -1,0 +1,138 @@
+"""Which points of a mesh are baked: coincident vertices once, each with a hemisphere and a safe ray origin."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import IntFlag
+from typing import Any, Literal
+
+import numpy as np
+import numpy.typing as npt
+
+from raytrace.errors import MeshError, OptionError
+from raytrace.jit import kernel
+from raytrace.mesh import Mesh
+from raytrace.normals import face_normals, normalize, vertex_sums
+from raytrace.outermost import outermost_normals
+from raytrace.placement import Placement, ray_offset
+from raytrace.weld import CREASE, weld
+
+Normals = Literal["angle", "area", "equal", "file"]
+Floats = npt.NDArray[np.float64]
+Ints = npt.NDArray[np.int64]
+
+SAME = 1.0 - 1e-9
+
+
+class Flag(IntFlag):
+    """Why a vertex is not an ordinary one; unreferenced and degenerate ones get w = 1."""
+
+    UNREFERENCED = 1  # no face uses it
+    DEGENERATE = 2  # every face that uses it has zero area, or its own normal was asked for and is missing
+    OPPOSED = 4  # no direction sees the front of all its faces; rays start above most of them
+
+
+@dataclass(frozen=True, eq=False)
+class Points:
+    """Where hemispheres are gathered.
+
+    Attributes:
+        origins, normals: float32 (k, 3), ray origins in placed units and unit axes of the hemispheres.
+        numbers: uint32 (k,), what each point's random choices are keyed by.
+    """
+
+    origins: npt.NDArray[np.float32]
+    normals: npt.NDArray[np.float32]
+    numbers: npt.NDArray[np.uint32]
+
+    def __len__(self) -> int:
+        return len(self.numbers)
+
+    def __getitem__(self, which: slice | npt.NDArray[Any]) -> Points:
+        return Points(self.origins[which], self.normals[which], self.numbers[which])
+
+
+@dataclass(frozen=True, eq=False)
+class Receivers:
+    """The points to bake, and whose they are.
+
+    Attributes:
+        points: one for every group of coincident vertices, numbered by the first vertex of the group.
+        of_vertex: int64 (n,), the row of each vertex in `points`, −1 for none.
+        flags: uint8 (n,), `Flag`s of each vertex.
+        faces: int64 (m', 3), the faces that are not degenerate.
+    """
+
+    points: Points
+    of_vertex: Ints
+    flags: npt.NDArray[np.uint8]
+    faces: Ints
+
+    def only(self, wanted: npt.NDArray[np.bool_]) -> Receivers:
+        """The points of the `wanted` vertices, bool (n,); the other vertices have none.
+
+        Raises:
+            OptionError: `wanted` is not one truth value a vertex.
+        """
+        if wanted.shape != self.of_vertex.shape or wanted.dtype != np.bool_:
+            raise OptionError("only", f"bool ({len(self.of_vertex)},)", f"{wanted.dtype} {wanted.shape}")
+        mine = np.where(wanted, self.of_vertex, -1)
+        kept, rows = np.unique(mine[mine >= 0], return_inverse=True)
+        mine[mine >= 0] = rows
+        return Receivers(self.points[kept], mine, self.flags, self.faces)
+
+
+def find_receivers(mesh: Mesh, placement: Placement, normals: Normals = "angle") -> Receivers:
+    """Weld, orient and lift the vertices of `mesh`.
+
+    Raises:
+        OptionError: `normals` is not one of the four, or "file" for a mesh that has none.
+    """
+    if normals not in ("angle", "area", "equal", "file"):
+        raise OptionError("normals", "angle, area, equal or file", repr(normals))
+    if normals == "file" and mesh.normals is None:
+        raise MeshError(mesh.source, "normals", "vertex normals in the mesh", "none")
+    vertices = placement.vertices.astype(np.float64)
+    count = len(vertices)
+    flags = np.zeros(count, np.uint8)
+    flags[np.bincount(mesh.faces.ravel(), minlength=count) == 0] = Flag.UNREFERENCED
+
+    face_normal, area = face_normals(vertices, mesh.faces)
+    own = vertex_sums(vertices, mesh.faces, face_normal, area, "angle" if normals == "file" else normals)
+    axes = normalize(mesh.normals) if mesh.normals is not None and normals == "file" else normalize(own)
+    solid = area > 0
+    faces, face_normal = mesh.faces[solid], face_normal[solid]
+
+    group = weld(placement.vertices, axes, SAME if normals == "file" else CREASE)
+    groups = int(group.max()) + 1
+    first = np.full(groups, count, np.int64)
+    np.minimum.at(first, group, np.arange(count))
+    joined: Floats = np.stack([np.bincount(group, own[:, axis], groups) for axis in range(3)], axis=1)
+    lift, clearance = outermost_normals(normalize(joined), group[faces], face_normal)
+    magnitude = np.zeros(groups)
+    _largest_coordinates(vertices, faces, group, magnitude)
+    if normals == "file":
+        axes = axes[first]
+        lift = np.where(np.einsum("ij,ij->i", lift, axes)[:, None] < 0, -lift, lift)
+    else:
+        axes = lift
+    origin = vertices[first] + ray_offset(lift, magnitude, clearance)[:, None] * lift
+
+    usable = np.logical_and(lift.any(axis=1), axes.any(axis=1))
+    flags[~usable[group] & (flags == 0)] = Flag.DEGENERATE
+    flags[usable[group] & (clearance <= 0)[group]] = Flag.OPPOSED
+    index = np.where(usable, np.cumsum(usable) - 1, -1)
+    points = Points(origin.astype(np.float32), axes.astype(np.float32), first.astype(np.uint32))
+    return Receivers(points[usable], index[group], flags, faces)
+
+
+@kernel
+def _largest_coordinates(vertices, faces, group, magnitude):
+    for f in range(len(faces)):
+        largest = 0.0
+        for corner in range(3):
+            for axis in range(3):
+                largest = max(largest, abs(vertices[faces[f, corner], axis]))
+        for corner in range(3):
+            row = group[faces[f, corner]]
+            magnitude[row] = max(magnitude[row], largest)

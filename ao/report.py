@@ -1,0 +1,60 @@
+"""What a bake tells about itself: the report that `--report` writes."""
+
+from __future__ import annotations
+
+import json
+import os
+import platform
+from importlib.metadata import PackageNotFoundError, version
+from typing import Any
+
+from raytrace import embree
+from raytrace.atomic import atomic_write
+
+from .bake import Bake
+
+
+def versions() -> dict[str, str]:
+    """Versions of everything that can change a result."""
+    found = {"python": platform.python_version(), "embree": embree.version()}
+    for package in ("obscurance", "embreex", "numba", "numpy", "scipy", "trimesh"):
+        try:
+            found[package] = version(package)
+        except PackageNotFoundError:
+            found[package] = "unknown"
+    return found
+
+
+def report(bake: Bake, options: dict[str, Any], seconds: dict[str, float]) -> dict[str, Any]:
+    """The report as JSON-ready values.
+
+    Args:
+        options: every effective option of the command, `seed` among them.
+        seconds: `load` and `write`; the bake adds `build` and `bake`.
+    """
+    return {
+        "vertices": len(bake.w),
+        "rays": bake.rays,
+        "rays_skipped": bake.rays_skipped,
+        "seconds": seconds | bake.seconds,
+        "rmse_estimate": bake.rmse,
+        "flagged": bake.flagged,
+        "falloff": {
+            "form": "binary" if bake.mu.tau is None else "exponential",
+            "tau": bake.mu.tau,
+            "max_distance": "inf" if bake.mu.max_distance == float("inf") else bake.mu.max_distance,
+        },
+        "seed": options["seed"],
+        "options": options,
+        "versions": versions(),
+    }
+
+
+def write_report(path: str | os.PathLike[str], bake: Bake, options: dict[str, Any], seconds: dict[str, float]) -> None:
+    """Write `report` as JSON, whole or not at all.
+
+    Raises:
+        OutputError: it cannot be written.
+    """
+    with atomic_write(path) as file:
+        file.write((json.dumps(report(bake, options, seconds), indent=2, allow_nan=False) + "\n").encode())

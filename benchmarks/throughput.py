@@ -1,0 +1,172 @@
+"""Kernel throughput against a bare loop over the same rays: what the estimator costs beyond Embree itself.
+
+    python -m benchmarks.throughput [MESH] [--samples 256] [--rounds 7]
+
+The bare loop loads precomputed origins and directions into packets of eight and asks the same Embree scene, storing
+nothing but a hit count. Both run on all cores, in turn; the JSON holds every round, the table medians and ratios.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import platform
+import time
+from pathlib import Path
+from statistics import median
+
+import numpy as np
+
+from ao import Binary, Exponential
+from ao.hemisphere import DirectionTable, choose, gather, turned_frame
+from ao.receivers import find_receivers
+from ao.report import versions
+from raytrace.embree import (
+    DIR_X,
+    DIR_Y,
+    DIR_Z,
+    GEOM_ID,
+    INVALID,
+    LANES,
+    ORG_X,
+    ORG_Y,
+    ORG_Z,
+    TFAR,
+    TriangleScene,
+    intersect8,
+    new_packet,
+    occluded8,
+)
+from raytrace.jit import kernel
+from raytrace.parallel import run_blocks, thread_count
+from raytrace.placement import Placement
+from raytrace.sampling import seed_key
+from scenes.load import load
+from scenes.temple import temple
+
+BLOCK = 2048
+
+
+@kernel
+def bare(scene, packet, valid, origins, directions, reach, closest, hits):
+    """Trace `directions` (k, 3, samples) from `origins` (k, 3) and count the hits of each point: int64 (k,)."""
+    for i in range(len(origins)):
+        for lane in range(LANES):
+            packet[ORG_X, lane] = origins[i, 0]
+            packet[ORG_Y, lane] = origins[i, 1]
+            packet[ORG_Z, lane] = origins[i, 2]
+        count = 0
+        for first in range(0, directions.shape[2], LANES):
+            for lane in range(LANES):
+                packet[DIR_X, lane] = directions[i, 0, first + lane]
+                packet[DIR_Y, lane] = directions[i, 1, first + lane]
+                packet[DIR_Z, lane] = directions[i, 2, first + lane]
+                packet[TFAR, lane] = reach
+            if closest:
+                intersect8(scene, packet, valid)
+                for lane in range(LANES):
+                    count += packet.view(np.uint32)[GEOM_ID, lane] != INVALID
+            else:
+                occluded8(scene, packet, valid)
+                for lane in range(LANES):
+                    count += packet[TFAR, lane] < 0.0
+        hits[i] = count
+
+
+@kernel
+def world_directions(normals, numbers, local, key, out):
+    """The directions that `ao.hemisphere.gather` would trace, float32 (k, 3, samples)."""
+    for i in range(len(normals)):
+        chosen, turn = choose(numbers[i], key, len(local))
+        n = normals[i]
+        t, b = turned_frame(n, turn)
+        for axis in range(3):
+            for s in range(local.shape[2]):
+                out[i, axis, s] = (
+                    local[chosen, 0, s] * t[axis] + local[chosen, 1, s] * b[axis] + local[chosen, 2, s] * n[axis]
+                )
+
+
+def measure(path: Path | None, samples: int, rounds: int) -> dict[str, object]:
+    """Time both loops `rounds` times in turn, for the binary and the exponential falloff."""
+    mesh = load(path).mesh if path else temple()
+    placement = Placement.of(mesh)
+    receivers = find_receivers(mesh, placement)
+    scene = TriangleScene(placement.vertices, receivers.faces)
+    count = min(len(receivers.points), 20_000_000 // samples)
+    points = receivers.points[np.arange(count)]
+    table = DirectionTable.make(samples, count, seed_key(0))
+    directions = np.empty((count, 3, samples), np.float32)
+    world_directions(points.normals, points.numbers, table.directions, table.key, directions)
+    threads = thread_count(None)
+    out, hits = np.empty((count, 5)), np.empty(count, np.int64)
+    results: dict[str, object] = {}
+    for name, falloff in (("binary", Binary()), ("exponential", Exponential())):
+        mu = falloff.resolve(mesh.radius)
+        tau = (mu.tau or 0.0) / placement.scale
+
+        def ours(a: int, b: int, tau: float = tau) -> None:
+            some = points[a:b]
+            gather(
+                scene.handle, *new_packet(), some.origins, some.normals, some.numbers,
+                table.directions, table.batches, table.key, tau, placement.diagonal, np.inf, out[a:b],
+            )  # fmt: skip
+
+        def theirs(a: int, b: int, closest: bool = tau > 0) -> None:
+            bare(
+                scene.handle, *new_packet(), points.origins[a:b], directions[a:b],
+                np.float32(placement.diagonal), closest, hits[a:b],
+            )  # fmt: skip
+
+        for work in (ours, theirs):
+            run_blocks(count, BLOCK, work, threads)
+        if not mu.tau and not np.allclose(out[:, 0], 1 - hits / samples, atol=1e-12):
+            raise SystemExit("the two loops do not trace the same rays")
+        times: dict[str, list[float]] = {"gather": [], "bare": []}
+        for _ in range(rounds):
+            for key, work in (("gather", ours), ("bare", theirs)):
+                start = time.perf_counter()
+                run_blocks(count, BLOCK, work, threads)
+                times[key].append(time.perf_counter() - start)
+        ratios = [b / a for a, b in zip(times["gather"], times["bare"], strict=True)]
+        rays = count * samples
+        results[name] = {
+            "seconds": times,
+            "mrays_per_s": {key: rays / median(values) / 1e6 for key, values in times.items()},
+            "throughput_ratio": {"median": median(ratios), "min": min(ratios), "max": max(ratios)},
+        }
+    return {
+        "mesh": str(path.name if path else "temple"),
+        "points": count,
+        "samples": samples,
+        "threads": threads,
+        "cpu": platform.processor() or platform.machine(),
+        "cores": os.cpu_count(),
+        "versions": versions(),
+        "results": results,
+    }
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("mesh", nargs="?", type=Path)
+    parser.add_argument("--samples", type=int, default=256, help="a multiple of 8")
+    parser.add_argument("--rounds", type=int, default=7)
+    arguments = parser.parse_args()
+    found = measure(arguments.mesh, arguments.samples, arguments.rounds)
+    folder = Path(__file__).parent / "results"
+    folder.mkdir(exist_ok=True)
+    target = folder / "throughput.json"
+    target.write_text(json.dumps(found, indent=2) + "\n")
+    for name, row in found["results"].items():  # type: ignore[attr-defined]
+        speed, ratio = row["mrays_per_s"], row["throughput_ratio"]
+        print(
+            f"{found['mesh']} {name:<12} gather {speed['gather']:.1f}, bare {speed['bare']:.1f} Mrays/s,"
+            f" ratio {ratio['median']:.3f} ({ratio['min']:.3f}–{ratio['max']:.3f})"
+        )
+    print(target)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,90 @@
+"""Where a picture is taken from: rays through the pixels of a perspective or orthographic view."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import isfinite
+
+import numpy as np
+import numpy.typing as npt
+
+from .errors import OptionError
+from .mesh import Mesh
+from .normals import normalize
+
+Floats = npt.NDArray[np.float64]
+Vector = tuple[float, float, float]
+
+
+@dataclass(frozen=True)
+class Camera:
+    """A view of the scene.
+
+    Attributes:
+        position, target, up: (3,), world units; `up` need not be perpendicular to the view.
+        field_of_view: full vertical angle of a perspective view in degrees, in (0, 180).
+        height: full height of an orthographic view in world units, or None for a perspective one.
+        aperture: diameter of a thin lens in world units; 0 is a pinhole, everything sharp.
+        focus: distance from `position` at which all is sharp; None: at `target`.
+
+    Raises:
+        OptionError: a value out of range, or a view that has no direction.
+    """
+
+    position: Vector
+    target: Vector
+    up: Vector = (0.0, 0.0, 1.0)
+    field_of_view: float = 35.0
+    height: float | None = None
+    aperture: float = 0.0
+    focus: float | None = None
+
+    def __post_init__(self) -> None:
+        for name in ("position", "target", "up"):
+            values = tuple(getattr(self, name))
+            if len(values) != 3 or not all(isfinite(value) for value in values):
+                raise OptionError(name, "three finite numbers", values, "camera")
+        if not 0 < self.field_of_view < 180:
+            raise OptionError("field_of_view", "degrees above 0 and below 180", self.field_of_view, "camera")
+        for name, low in (("height", 0.0), ("focus", 0.0)):
+            value = getattr(self, name)
+            if value is not None and not low < value < float("inf"):
+                raise OptionError(name, "a finite length above 0", value, "camera")
+        if not 0 <= self.aperture < float("inf"):
+            raise OptionError("aperture", "a finite length of 0 or more", self.aperture, "camera")
+        right, _, forward = self.axes()
+        if not forward.any():
+            raise OptionError("target", "a point other than position", self.target, "camera")
+        if not right.any():
+            raise OptionError("up", "a direction other than the view's", self.up, "camera")
+
+    @classmethod
+    def framing(cls, mesh: Mesh, direction: Vector, up: Vector = (0.0, 0.0, 1.0), aspect: float = 1.0) -> Camera:
+        """A camera in `direction` from the mesh's centre, just far enough away to see every vertex.
+
+        Args: aspect: width over height of the picture.
+        """
+        view = cls((0.0, 0.0, 0.0), _vector(-normalize(np.array(direction))), up)
+        right, above, forward = view.axes()
+        half = np.tan(np.radians(view.field_of_view / 2))
+        offset = mesh.vertices - mesh.centre
+        across = np.maximum(np.abs(offset @ right) / aspect, np.abs(offset @ above))
+        distance = 1.05 * float(np.max(across / half - offset @ forward)) or 1.0
+        return cls(_vector(mesh.centre - distance * forward), _vector(mesh.centre), up)
+
+    def axes(self) -> tuple[Floats, Floats, Floats]:
+        """Unit vectors to the right, upwards and forward of the picture; zero where there is none."""
+        forward = normalize(np.subtract(self.target, self.position))
+        right = normalize(np.cross(forward, normalize(np.array(self.up))))
+        return right, np.cross(right, forward), forward
+
+    def directions(self, x: Floats, y: Floats) -> Floats:
+        """Unit directions (…, 3) of a pinhole through film points; y in [−1, 1] spans the view upwards."""
+        right, above, forward = self.axes()
+        half = np.tan(np.radians(self.field_of_view / 2))
+        return normalize(forward + half * (x[..., None] * right + y[..., None] * above))
+
+
+def _vector(values: Floats) -> Vector:
+    x, y, z = (float(c) for c in values)
+    return x, y, z

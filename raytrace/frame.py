@@ -1,0 +1,46 @@
+"""A rendered picture: its layers and what it took to make them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+LAYERS = {
+    "beauty": 4,
+    "ambient": 3,
+    "diffuse": 3,
+    "specular": 3,
+    "emission": 3,
+    "obscurance": 1,
+    "shadow": 1,
+    "depth": 1,
+    "normal": 3,
+    "albedo": 3,
+    "object_id": 1,
+}
+"""Channels of each layer.
+
+beauty is RGBA, linear, colour premultiplied by coverage; its RGB is ((ambient + diffuse) + specular) + emission in
+float32, the background counted as emission. shadow is the part of the light that δ lets through (1 lit); depth the
+distance to the camera, inf where nothing was hit; normal a world vector; object_id the object's row plus 1, 0 for none.
+depth, normal and object_id are the nearest sample's of a pixel, all others means.
+"""
+
+
+@dataclass(frozen=True, eq=False)
+class Frame:
+    """What `raytrace.render` returns.
+
+    Attributes:
+        layers: float32 (height, width, channels) for each name of `LAYERS`, row 0 at the top.
+        rays: traced, by kind: primary, shadow.
+        rays_skipped: shadow rays not traced, by reason.
+        seconds: build, render.
+    """
+
+    layers: dict[str, npt.NDArray[np.float32]]
+    rays: dict[str, int]
+    rays_skipped: dict[str, int]
+    seconds: dict[str, float]

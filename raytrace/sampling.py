@@ -1,0 +1,79 @@
+"""Low-discrepancy points and the warp to cosine-weighted directions.
+
+Owen-scrambled Sobol points: Sobol 1967's first two dimensions under nested uniform scrambling (Owen 1995), exact
+down to the cell that holds one point and uniform below it, every random bit a hash of (key, set, dimension, node).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+UInts = npt.NDArray[np.uint32]
+Floats = npt.NDArray[np.float64]
+
+
+def mix(values: npt.ArrayLike) -> UInts:
+    """Bijective 32-bit integer hash, so that counters become random bits (Wellons 2018, lowbias32)."""
+    x = np.array(values, np.uint32)
+    x ^= x >> np.uint32(16)
+    x *= np.uint32(0x7FEB352D)
+    x ^= x >> np.uint32(15)
+    x *= np.uint32(0x846CA68B)
+    x ^= x >> np.uint32(16)
+    return x
+
+
+def seed_key(seed: int) -> np.uint32:
+    """A 32-bit key from a seed of up to 64 bits."""
+    low, high = mix([seed & 0xFFFFFFFF]), np.uint32(seed >> 32)
+    return mix(low ^ high)[0]
+
+
+def sobol(count: int) -> tuple[UInts, UInts]:
+    """The first `count` Sobol points in two dimensions as 32-bit fractions: two arrays (count,)."""
+    index = np.arange(count, dtype=np.uint32)
+    first, second = np.zeros_like(index), np.zeros_like(index)
+    column = np.uint32(1 << 31)
+    for bit in range(32):
+        on = (index >> np.uint32(bit)) & np.uint32(1)
+        first ^= on * np.uint32(1 << (31 - bit))
+        second ^= on * column
+        column ^= column >> np.uint32(1)  # the Pascal matrix, direction numbers of the polynomial x + 1
+    return first, second
+
+
+def owen_scramble(points: UInts, keys: UInts, levels: int) -> UInts:
+    """Nested uniform scrambling of `points` (n,), once for each of `keys` (k,): (k, n) fractions.
+
+    Each of the top `levels` bits is flipped by a random bit of its node in the binary tree; what lies below is
+    drawn uniformly in the cell, which equals full scrambling while a cell holds at most one point.
+    """
+    scrambled = np.broadcast_to(points, (len(keys), len(points))).copy()
+    key = keys[:, None]
+    for level in range(levels):
+        node = (points.astype(np.uint64) >> np.uint64(32 - level)).astype(np.uint32) | np.uint32(1 << level)
+        scrambled ^= (mix(mix(node) ^ key) & np.uint32(1)) << np.uint32(31 - level)
+    cell = (points.astype(np.uint64) >> np.uint64(32 - levels)).astype(np.uint32) | np.uint32(1 << levels)
+    below = np.uint32((1 << (32 - levels)) - 1)
+    return (scrambled & ~below) | (mix(mix(cell) ^ key ^ np.uint32(0x9E3779B9)) & below)
+
+
+def owen_sobol(sets: int, count: int, key: np.uint32) -> tuple[Floats, Floats]:
+    """`sets` independently scrambled Sobol sets of `count` points: two arrays (sets, count) in (0, 1)."""
+    levels = max(count - 1, 1).bit_length()
+    first, second = sobol(count)
+    numbers = np.arange(2 * sets, dtype=np.uint32)
+    keys = mix(mix(numbers) ^ key)
+    bits = owen_scramble(first, keys[:sets], levels), owen_scramble(second, keys[sets:], levels)
+    u, v = (np.ldexp(b + np.float64(0.5), -32) for b in bits)
+    return u, v
+
+
+def cosine_hemisphere(u: Floats, v: Floats) -> Floats:
+    """Directions about +z with density cosθ/π from `u`, `v` in (0, 1): stacked before the last axis, (…, 3, n).
+
+    Polar map (Malley's method): a uniform point on the disk, lifted to the hemisphere.
+    """
+    radius, azimuth = np.sqrt(u), 2 * np.pi * v
+    return np.stack([radius * np.cos(azimuth), radius * np.sin(azimuth), np.sqrt(1 - u)], axis=-2)

@@ -1,0 +1,106 @@
+"""What is rendered: shapes, where they stand, what they are made of, and what lights them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+import numpy.typing as npt
+
+from .errors import OptionError
+from .mesh import Mesh
+
+if TYPE_CHECKING:
+    from .lights import BaseLight
+    from .material_base import BaseMaterial
+    from .texture import Texture
+
+Floats = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Shape:
+    """A mesh and its surface; many objects may share one.
+
+    Attributes:
+        mesh: in the shape's own frame; its `normals`, where given, are used for smooth shading.
+        material: what it is made of.
+        uv: float64 (n, 2) texture coordinates, v upwards, or None.
+        texture: albedo, multiplied into the material's diffuse and ambient reflectance per channel; needs `uv`.
+    """
+
+    mesh: Mesh
+    material: BaseMaterial
+    uv: Floats | None = None
+    texture: Texture | None = None
+
+    def __post_init__(self) -> None:
+        if self.texture is not None and self.uv is None:
+            raise OptionError("uv", "texture coordinates for a textured shape", "none", self.mesh.source)
+        if self.uv is not None and self.uv.shape != (len(self.mesh.vertices), 2):
+            raise OptionError("uv", f"shape ({len(self.mesh.vertices)}, 2)", self.uv.shape, self.mesh.source)
+
+
+@dataclass(frozen=True, eq=False)
+class Object:
+    """A shape in its place.
+
+    Attributes:
+        shape: shared shapes become Embree instances.
+        transform: float64 (4, 4), affine, columns; the shape's frame to the world.
+        name: for messages and reports.
+        w: float64 (n,), obscurance at the shape's vertices where this object stands, or None: open everywhere.
+    """
+
+    shape: Shape
+    transform: Floats = field(default_factory=lambda: np.eye(4))
+    name: str = "object"
+    w: Floats | None = None
+
+    def __post_init__(self) -> None:
+        matrix = np.asarray(self.transform, np.float64)
+        affine = matrix.shape == (4, 4) and np.isfinite(matrix).all() and (matrix[3] == [0, 0, 0, 1]).all()
+        if not affine or np.linalg.det(matrix[:3, :3]) == 0:
+            raise OptionError("transform", "a finite, invertible affine (4, 4) matrix", matrix.tolist(), self.name)
+        if self.w is not None and self.w.shape != (len(self.shape.mesh.vertices),):
+            raise OptionError("w", f"shape ({len(self.shape.mesh.vertices)},)", self.w.shape, self.name)
+        object.__setattr__(self, "transform", matrix)
+
+
+@dataclass(frozen=True, eq=False)
+class Scene:
+    """Objects and lights.
+
+    Attributes:
+        objects: at least one.
+        lights: point, directional, spot and ambient lights.
+        background: linear RGB where a ray meets nothing.
+    """
+
+    objects: tuple[Object, ...]
+    lights: tuple[BaseLight, ...] = ()
+    background: tuple[float, float, float] = (0.0, 0.0, 0.0)
+
+    def __post_init__(self) -> None:
+        if not self.objects:
+            raise OptionError("objects", "at least one", "none", "scene")
+
+    def flattened(self) -> Mesh:
+        """All objects as one mesh in world space, in order: what a bake of the whole scene takes."""
+        vertices, faces, start = [], [], 0
+        for item in self.objects:
+            mesh, linear = item.shape.mesh, item.transform[:3, :3]
+            vertices.append(mesh.vertices @ linear.T + item.transform[:3, 3])
+            corners = mesh.faces[:, ::-1] if np.linalg.det(linear) < 0 else mesh.faces
+            faces.append(corners + start)
+            start += len(mesh.vertices)
+        return Mesh(np.concatenate(vertices), np.concatenate(faces), source="scene")
+
+    def with_obscurance(self, w: Floats | Sequence[float]) -> Scene:
+        """The same scene with w (n,) of `flattened()` dealt out to its objects."""
+        ends = np.cumsum([len(item.shape.mesh.vertices) for item in self.objects])
+        values = np.split(np.asarray(w, np.float64), ends[:-1])
+        objects = tuple(replace(item, w=part) for item, part in zip(self.objects, values, strict=True))
+        return replace(self, objects=objects)

@@ -1,0 +1,60 @@
+"""How a picture is made: size, samples, interpolation, what is switched on."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal, get_args
+
+from .errors import OptionError
+
+Shading = Literal["constant", "gouraud", "phong", "quadratic"]
+ObscuranceForm = Literal["off", "ambient", "book"]
+MAX_SIZE, MAX_SAMPLES = 32768, 4096
+
+
+@dataclass(frozen=True)
+class Settings:
+    """Settings of a rendering.
+
+    Attributes:
+        width, height: pixels.
+        samples: most rays a pixel; pixels whose first samples agree get no more.
+        shading: interpolation over a face: constant, Gouraud, Phong, or quadratic (van Overveld & Wyvill).
+        obscurance: how w(p) enters: "ambient" weights the ambient term, "book" ambient and diffuse (12.75), "off".
+        shadows: trace shadow rays for the visibility δ(p, j).
+        terminator: move shadow rays' origins off a coarse mesh onto the smooth surface that its normals describe.
+        crop: (x, y, width, height) in pixels from the upper left; only these are rendered.
+        seed: of the pixel samples.
+
+    Raises:
+        OptionError: a value out of range.
+    """
+
+    width: int = 960
+    height: int = 640
+    samples: int = 16
+    shading: Shading = "phong"
+    obscurance: ObscuranceForm = "ambient"
+    shadows: bool = True
+    terminator: bool = True
+    crop: tuple[int, int, int, int] | None = None
+    seed: int = 0
+
+    def __post_init__(self) -> None:
+        for name, low, high in (
+            ("width", 1, MAX_SIZE),
+            ("height", 1, MAX_SIZE),
+            ("samples", 1, MAX_SAMPLES),
+            ("seed", 0, 2**64 - 1),
+        ):
+            value = getattr(self, name)
+            if isinstance(value, bool) or not isinstance(value, int) or not low <= value <= high:
+                raise OptionError(name, f"a whole number from {low} to {high}", value, "render")
+        for name, allowed in (("shading", get_args(Shading)), ("obscurance", get_args(ObscuranceForm))):
+            if getattr(self, name) not in allowed:
+                raise OptionError(name, "one of " + ", ".join(allowed), getattr(self, name), "render")
+        if self.crop is not None:
+            x, y, width, height = self.crop
+            inside = x >= 0 and y >= 0 and x + width <= self.width and y + height <= self.height
+            if not (inside and width > 0 and height > 0):
+                raise OptionError("crop", f"a part of {self.width}×{self.height} pixels", self.crop, "render")

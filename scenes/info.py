@@ -1,0 +1,38 @@
+"""What a mesh file holds, in words and numbers."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ao.receivers import Flag, find_receivers
+from raytrace.normals import face_normals
+from raytrace.placement import Placement
+
+from .load import MeshFile
+
+
+def describe(source: MeshFile) -> list[tuple[str, str]]:
+    """Rows (name, value) about a file's objects, its extent, its defects and what a bake would do with it."""
+    mesh = source.mesh
+    receivers = find_receivers(mesh, Placement.of(mesh))
+    _, area = face_normals(mesh.vertices, mesh.faces)
+    edges = np.sort(mesh.faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1)
+    uses = np.unique(edges[:, 0] * len(mesh.vertices) + edges[:, 1], return_counts=True)[1]
+    low, high = mesh.vertices.min(axis=0), mesh.vertices.max(axis=0)
+    rows = [
+        ("file", str(source.path)),
+        ("objects", f"{len(source.parts)}: " + ", ".join(part.name for part in source.parts[:8])),
+        ("vertices", f"{len(mesh.vertices):,}"),
+        ("faces", f"{len(mesh.faces):,}, {len(mesh.faces) - len(receivers.faces):,} of them degenerate"),
+        ("edges", f"{len(uses):,}: {(uses == 1).sum():,} open, {(uses > 2).sum():,} between three faces or more"),
+        ("bounds", " – ".join("(" + ", ".join(f"{c:.6g}" for c in corner) + ")" for corner in (low, high))),
+        ("radius", f"{mesh.radius:.6g}, of the bounding sphere: 100 % for relative distances"),
+        ("area", f"{area.sum():.6g}"),
+        ("normals", "none in the file" if mesh.normals is None else "in the file"),
+        ("points to bake", f"{len(receivers.points):,}, coincident vertices once"),
+    ]
+    for flag in Flag:
+        count = int(np.count_nonzero(receivers.flags & flag))
+        if count:
+            rows.append((f"{(flag.name or '').lower()} vertices", f"{count:,}"))
+    return rows

@@ -1,0 +1,190 @@
+"""Mesh files of every format trimesh reads, with the user's vertices exactly as stored."""
+
+from __future__ import annotations
+
+import io
+import logging
+import os
+import re
+import warnings
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, BinaryIO
+
+from raytrace.errors import MeshError
+from raytrace.mesh import Mesh
+
+from .flatten import Instance, Part, flatten, instance, world_matrices
+from .gltf import Gltf, decode, read_instances
+from .obj import read_obj
+from .ply import read_ply
+
+
+@dataclass(frozen=True)
+class MeshFile:
+    """A mesh file's content.
+
+    Attributes:
+        path: where it was read.
+        mesh: all objects, node hierarchies applied and repeated nodes repeated, in world space. The vertices of
+            each object are those of the file, in its order: none merged, split, dropped or added.
+        parts: the objects, consecutive in `mesh`.
+        gltf: the asset as stored, when the file is glTF or GLB.
+    """
+
+    path: Path
+    mesh: Mesh
+    parts: tuple[Part, ...]
+    gltf: Gltf | None = None
+
+    @classmethod
+    def of(cls, mesh: Mesh) -> MeshFile:
+        """A mesh made in memory, as if read from a file of its one object."""
+        whole = Part(mesh.source, slice(0, len(mesh.vertices)), slice(0, len(mesh.faces)))
+        return cls(Path(mesh.source), mesh, (whole,))
+
+
+def load(path: str | os.PathLike[str]) -> MeshFile:
+    """Read a mesh file, its format told by the ending.
+
+    Polygons are cut into triangles. Point clouds, lines and cameras beside meshes are left out. A file's own
+    normals fill `mesh.normals` (PLY `nx ny nz`, OBJ `vn` with one normal a vertex, glTF `NORMAL`). Materials and
+    textures are not read. Files that a glTF refers to are read only from its own folder or below.
+
+    Raises:
+        MeshError: the file is missing, unreadable, empty, incomplete, of another format than its ending says,
+            without triangles, or has indices out of range or coordinates that are not finite.
+    """
+    path = Path(path)
+    source = str(path)
+    kind = path.suffix.lower().removeprefix(".")
+    with _quiet(), _as_mesh_errors(path, kind):
+        if path.is_dir():
+            raise MeshError(path, "file", "a mesh file", "a folder")
+        if not path.exists():
+            raise MeshError(path, "file", "an existing file", "none")
+        if not path.is_file():
+            raise MeshError(path, "file", "a mesh file", "something that is not a regular file")
+        if kind != "obj" and kind not in _trimesh_formats():
+            raise MeshError(path, "ending", "one of obj " + " ".join(_trimesh_formats()), path.suffix or "none")
+        if path.stat().st_size == 0:
+            raise MeshError(path, "content", f"a {kind.upper()} mesh", "an empty file")
+        asset = None
+        with path.open("rb") as file:
+            if kind in ("glb", "gltf"):
+                asset = decode(file.read(), path)
+                instances = read_instances(asset, source)
+            elif kind == "obj":
+                instances = read_obj(file.read(), path.stem, source)
+            elif kind == "ply":
+                instances = read_ply(file, path.stem, source)
+            else:
+                instances = _read(file, kind, path.stem, source)
+        # Every primitive of a glTF keeps its part: the GLB writer counts on it.
+        solid = [instance for instance in instances if asset or len(instance.faces)]
+        if not solid:
+            points = sum(len(instance.vertices) for instance in instances)
+            raise MeshError(path, "faces", "at least one triangle", f"none, and {points} points")
+        mesh, parts = flatten(solid, source)
+    return MeshFile(path, mesh, parts, asset)
+
+
+def _trimesh_formats() -> list[str]:
+    """Endings of the mesh formats trimesh can read here; some need a further package."""
+    from trimesh.exchange.load import mesh_formats
+
+    return sorted(mesh_formats() - {"obj", "xyz", "stl_ascii"})
+
+
+def _read(file: BinaryIO, kind: str, name: str, source: str) -> list[Instance]:
+    """Geometry by trimesh's loader for `kind`, not by trimesh.load, which would merge vertices in some formats."""
+    from trimesh.exchange.load import mesh_loaders
+
+    if kind == "off" or (kind == "stl" and not _is_binary_stl(file)):
+        # trimesh would need a further package to guess an encoding other than UTF-8.
+        file = io.BytesIO(file.read().decode("utf-8", "replace").encode())
+    loaded = mesh_loaders[kind](file_obj=file, file_type=kind, resolver=None)
+    if kind in _COMPLETENESS:
+        _COMPLETENESS[kind](file, loaded, source)
+    if "geometry" not in loaded:
+        return [instance(name, loaded)]
+    geometry = loaded["geometry"]
+    if "graph" not in loaded:
+        return [instance(label, arrays) for label, arrays in geometry.items()]
+    edges = [
+        edge if isinstance(edge, dict) else {"frame_from": edge[0], "frame_to": edge[1], **edge[2]}
+        for edge in loaded["graph"]
+    ]
+    world = world_matrices(edges, loaded.get("base_frame", "world"))
+    return [
+        instance(str(edge["frame_to"]), geometry[edge["geometry"]], world[edge["frame_to"]])
+        for edge in edges
+        if edge.get("geometry") in geometry
+    ]
+
+
+def _check_stl(file: BinaryIO, loaded: dict[str, Any], source: str) -> None:
+    """trimesh takes an ASCII solid that ends early for no solid, and a short binary file for ASCII."""
+    solids = loaded["geometry"].values() if "geometry" in loaded else [loaded]
+    count = sum(len(solid["vertices"]) for solid in solids)
+    file.seek(0)
+    if not _is_binary_stl(file):
+        stored = len(re.findall(rb"^\s*vertex\s", file.read(), re.MULTILINE | re.IGNORECASE))
+        if stored != count or stored == 0:
+            raise MeshError(source, "content", "complete ASCII or binary STL", "neither: damaged or cut off")
+
+
+def _is_binary_stl(file: BinaryIO) -> bool:
+    """Whether the length is the one that the binary header announces. Leaves the position at the start."""
+    announced = int.from_bytes(file.read(84)[80:84], "little")
+    length = file.seek(0, os.SEEK_END)
+    file.seek(0)
+    return length == 84 + 50 * announced
+
+
+def _check_off(file: BinaryIO, _loaded: dict[str, Any], source: str) -> None:
+    """trimesh takes a file that ends early for a shorter one."""
+    file.seek(0)
+    text = re.sub(r"#.*", "", file.read().decode("utf-8", "replace"))
+    rows = [row.split() for row in text[text.index("OFF") + 3 :].splitlines() if row.strip()]
+    expected = 1 + int(rows[0][0]) + int(rows[0][1])
+    if len(rows) < expected or len(rows[expected - 1]) <= int(rows[expected - 1][0]):
+        raise MeshError(source, "content", f"{rows[0][0]} vertices and {rows[0][1]} faces", "an end before that")
+
+
+_COMPLETENESS: dict[str, Callable[[BinaryIO, dict[str, Any], str], None]] = {
+    "stl": _check_stl,
+    "off": _check_off,
+}
+
+
+@contextmanager
+def _as_mesh_errors(path: Path, kind: str) -> Iterator[None]:
+    """Everything a parser may raise on hostile data, as one clear line."""
+    try:
+        yield
+    except MeshError:
+        raise
+    except OSError as reason:
+        raise MeshError(path, "file", "a readable file", reason.strerror or reason) from None
+    except MemoryError:
+        raise MeshError(path, "content", "sizes that fit into memory", "larger ones") from None
+    except Exception as reason:
+        detail = " ".join(f"{type(reason).__name__}: {reason}".split())[:160]
+        raise MeshError(path, "content", f"a complete and valid {kind.upper()} file", detail) from None
+
+
+@contextmanager
+def _quiet() -> Iterator[None]:
+    """Neither trimesh's log nor NumPy's warnings about a file's numbers reach the user."""
+    logger = logging.getLogger("trimesh")
+    level = logger.level
+    logger.setLevel(logging.CRITICAL + 1)
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            yield
+    finally:
+        logger.setLevel(level)

@@ -1,0 +1,99 @@
+"""glTF files made by hand, and a reader of what the specification demands of them, for the tests."""
+
+import json
+import struct
+
+import numpy as np
+
+COMPONENTS = {5121: "<u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
+WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4}
+
+TRIANGLE = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0]], dtype="<f4")
+QUAD = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]], dtype="<f4")
+
+
+class Builder:
+    """A glTF document with one buffer."""
+
+    def __init__(self):
+        self.header = {"asset": {"version": "2.0"}, "scene": 0, "meshes": [], "accessors": [], "bufferViews": []}
+        self.binary = b""
+
+    def accessor(self, array, kind, **fields):
+        component = next(code for code, dtype in COMPONENTS.items() if np.dtype(dtype) == array.dtype)
+        self.header["bufferViews"].append({"buffer": 0, "byteOffset": len(self.binary), "byteLength": array.nbytes})
+        self.binary += array.tobytes() + b"\0" * (-array.nbytes % 4)
+        self.header["accessors"].append(
+            {
+                "bufferView": len(self.header["bufferViews"]) - 1,
+                "componentType": component,
+                "count": len(array),
+                "type": kind,
+                **fields,
+            }
+        )
+        return len(self.header["accessors"]) - 1
+
+    def primitive(self, vertices, faces=None, normals=None, **fields):
+        attributes = {"POSITION": self.accessor(vertices, "VEC3")}
+        if normals is not None:
+            attributes["NORMAL"] = self.accessor(normals.astype("<f4"), "VEC3")
+        made = {"attributes": attributes, **fields}
+        if faces is not None:
+            made["indices"] = self.accessor(np.asarray(faces, dtype="<u2").ravel(), "SCALAR")
+        return made
+
+    def mesh(self, *primitives, **fields):
+        self.header["meshes"].append({"primitives": list(primitives), **fields})
+        return len(self.header["meshes"]) - 1
+
+    def glb(self, nodes, roots=None, **fields):
+        roots = list(range(len(nodes))) if roots is None else roots
+        header = self.header | {"nodes": nodes, "scenes": [{"nodes": roots}], **fields}
+        header["buffers"] = [{"byteLength": len(self.binary)}]
+        content = json.dumps(header).encode()
+        content += b" " * (-len(content) % 4)
+        chunks = struct.pack("<I4s", len(content), b"JSON") + content
+        chunks += struct.pack("<I4s", len(self.binary), b"BIN\0") + self.binary
+        return struct.pack("<4sII", b"glTF", 2, 12 + len(chunks)) + chunks
+
+
+def check_glb(data):
+    """Header and binary chunk of a GLB file, after checking container, buffer views and accessors."""
+    magic, version, length = struct.unpack_from("<4sII", data)
+    assert (magic, version, length) == (b"glTF", 2, len(data))
+    size, kind = struct.unpack_from("<I4s", data, 12)
+    assert kind == b"JSON"
+    assert size % 4 == 0
+    header = json.loads(data[20 : 20 + size])
+    binary_size, kind = struct.unpack_from("<I4s", data, 20 + size)
+    assert kind == b"BIN\0"
+    assert binary_size % 4 == 0
+    binary = data[28 + size :]
+    assert len(binary) == binary_size
+    (buffer,) = header["buffers"]
+    assert set(buffer) == {"byteLength"}
+    assert binary_size - 4 < buffer["byteLength"] <= binary_size
+    for view in header["bufferViews"]:
+        assert view["buffer"] == 0
+        assert view.get("byteOffset", 0) + view["byteLength"] <= buffer["byteLength"]
+    for accessor in header["accessors"]:
+        view = header["bufferViews"][accessor["bufferView"]]
+        item = np.dtype(COMPONENTS[accessor["componentType"]]).itemsize
+        start = accessor.get("byteOffset", 0)
+        assert (start + view.get("byteOffset", 0)) % item == 0
+        assert start + item * WIDTHS[accessor["type"]] * accessor["count"] <= view["byteLength"]
+    for mesh in header["meshes"]:
+        for primitive in mesh["primitives"]:
+            counts = {header["accessors"][n]["count"] for n in primitive["attributes"].values()}
+            assert len(counts) == 1
+    return header, binary
+
+
+def values(header, binary, number):
+    """The array of an accessor."""
+    accessor = header["accessors"][number]
+    start = header["bufferViews"][accessor["bufferView"]].get("byteOffset", 0) + accessor.get("byteOffset", 0)
+    width = WIDTHS[accessor["type"]]
+    array = np.frombuffer(binary, COMPONENTS[accessor["componentType"]], accessor["count"] * width, start)
+    return array if width == 1 else array.reshape(-1, width)

@@ -1,0 +1,64 @@
+"""Small non-convex meshes that several test modules bake."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from scenes.shapes import Part, generic_rotation, hull, join
+
+
+def soup_over_floor(seed: int, triangles: int = 14) -> Part:
+    """Random triangles above a floor, none touching another's vertices."""
+    rng = np.random.default_rng(seed)
+    corners = rng.uniform(-1, 1, (triangles, 1, 3)) + rng.normal(scale=0.35, size=(triangles, 3, 3)) + [0, 0, 2]
+    steps = np.linspace(-2, 2, 4)
+    grid = np.array([(x, y, 0.0) for x in steps for y in steps])
+    cell = np.array([i * 4 + j for i in range(3) for j in range(3)])
+    floor = np.concatenate([np.stack([cell, cell + 4, cell + 5], -1), np.stack([cell, cell + 5, cell + 1], -1)])
+    return join([(grid, floor), (corners.reshape(-1, 3), np.arange(3 * triangles).reshape(-1, 3))])
+
+
+def torus(major: int = 9, minor: int = 6, tube: float = 0.45) -> Part:
+    """A coarse torus of radius 1, smooth enough that no vertex normal lies behind a face."""
+    u, v = np.meshgrid(np.arange(major), np.arange(minor), indexing="ij")
+    a, b = 2 * np.pi * u.ravel() / major, 2 * np.pi * v.ravel() / minor
+    ring = 1 + tube * np.cos(b)
+    vertices = np.stack([ring * np.cos(a), ring * np.sin(a), tube * np.sin(b)], axis=-1)
+
+    def index(i: np.ndarray, j: np.ndarray) -> np.ndarray:
+        return (i % major * minor + j % minor).ravel()
+
+    p, q, r, s = index(u, v), index(u + 1, v), index(u + 1, v + 1), index(u, v + 1)
+    return vertices, np.concatenate([np.stack([p, q, r], axis=-1), np.stack([p, r, s], axis=-1)])
+
+
+def two_boxes() -> Part:
+    """Two boxes a little apart, the second turned."""
+    cube, faces = hull([(x, y, z) for x in (0.0, 1.0) for y in (0.0, 1.0) for z in (0.0, 1.0)])
+    c, s = np.cos(0.4), np.sin(0.4)
+    turned = cube @ np.array([[c, s, 0], [-s, c, 0], [0, 0, 1]]) * [0.8, 1.4, 0.7] + [1.6, -0.2, 0.1]
+    return join([(cube, faces), (turned, faces)])
+
+
+def hills(side: int = 8) -> Part:
+    """A height field with ridges and hollows."""
+    steps = np.linspace(-1, 1, side)
+    x, y = (axis.ravel() for axis in np.meshgrid(steps, steps, indexing="ij"))
+    z = 0.35 * np.sin(5 * x + 1) * np.cos(4 * y) + 0.2 * np.sin(9 * x * y)
+    cell = np.array([i * side + j for i in range(side - 1) for j in range(side - 1)])
+    faces = [np.stack([cell, cell + side, cell + side + 1], -1), np.stack([cell, cell + side + 1, cell + 1], -1)]
+    return np.stack([x, y, z], axis=-1), np.concatenate(faces)
+
+
+def turned(part: Part) -> Part:
+    """`part` off every coordinate axis: a normal at ±0 has either of two frames, by its sign."""
+    return generic_rotation(6).apply(part[0]), part[1]
+
+
+MESHES = {
+    "soup": turned(soup_over_floor(1)),
+    "other soup": turned(soup_over_floor(2)),
+    "torus": turned(torus()),
+    "boxes": turned(two_boxes()),
+    "hills": turned(hills()),
+}

@@ -1,0 +1,93 @@
+"""A slow baker that shares nothing with the fast one: brute-force intersection and random directions in float64.
+
+Only NumPy: no acceleration structure, no Embree, no low-discrepancy points, its own normals, frames and μ.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+LIFT = 1e-9  # of the mesh's extent; float64 needs no more
+
+
+@dataclass(frozen=True)
+class Reference:
+    """w (n,) and its standard error (n,), from the spread of independent rays."""
+
+    w: np.ndarray
+    error: np.ndarray
+
+
+def nearest_hits(origins: np.ndarray, directions: np.ndarray, corners: np.ndarray) -> np.ndarray:
+    """Distance (r,) to the nearest of triangles (m, 3, 3) along unit rays (r, 3), or ∞.
+
+    Möller & Trumbore 1997, both sides, all triangles for every ray.
+    """
+    nearest = np.full(len(directions), np.inf)
+    for a, b, c in corners:
+        e1, e2 = b - a, c - a
+        p = np.cross(directions, e2)
+        det = p @ e1
+        with np.errstate(divide="ignore", invalid="ignore"):
+            s = origins - a
+            u = np.einsum("ij,ij->i", s, p) / det
+            q = np.cross(s, e1)
+            v = np.einsum("ij,ij->i", directions, q) / det
+            t = q @ e2 / det
+            hit = (det != 0) & (u >= 0) & (v >= 0) & (u + v <= 1) & (t > 0)
+        nearest = np.where(hit & (t < nearest), t, nearest)
+    return nearest
+
+
+def angle_weighted_normals(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
+    """Unit vertex normals (n, 3), each face weighted by its angle there (Thürmer & Wüthrich 1998)."""
+    normals = np.zeros_like(vertices)
+    for face in faces:
+        for k in range(3):
+            here, ahead, behind = vertices[face[k]], vertices[face[(k + 1) % 3]], vertices[face[(k + 2) % 3]]
+            e, f = ahead - here, behind - here
+            across = np.cross(e, f)
+            size = np.linalg.norm(across)
+            normals[face[k]] += across / size * math.atan2(size, e @ f)
+    return normals / np.linalg.norm(normals, axis=1, keepdims=True)
+
+
+def cosine_directions(rng: np.random.Generator, normal: np.ndarray, count: int) -> np.ndarray:
+    """Random unit directions (count, 3) of density cosθ/π: the normal plus a uniform point of the unit sphere."""
+    sphere = rng.normal(size=(count, 3))
+    directions = normal + sphere / np.linalg.norm(sphere, axis=1, keepdims=True)
+    return directions / np.linalg.norm(directions, axis=1, keepdims=True)
+
+
+def mu(distance: np.ndarray, tau: float | None, max_distance: float) -> np.ndarray:
+    """μ by its definition: binary for τ = None, else (1 − e^(−τx))/(1 − e^(−τD)) below D and 1 beyond."""
+    near = distance < max_distance
+    if tau is None:
+        return np.where(near & np.isfinite(distance), 0.0, 1.0)
+    value = np.ones_like(distance)
+    value[near] = (1 - np.exp(-tau * distance[near])) / (1 - np.exp(-tau * max_distance))
+    return value
+
+
+def bake(
+    vertices: np.ndarray,
+    faces: np.ndarray,
+    tau: float | None,
+    max_distance: float = math.inf,
+    rays: int = 4096,
+    seed: int = 0,
+) -> Reference:
+    """w at every vertex, all of which must have faces."""
+    rng = np.random.default_rng(seed)
+    normals = angle_weighted_normals(vertices, faces)
+    lift = LIFT * np.ptp(vertices, axis=0).max()
+    w, error = np.empty(len(vertices)), np.empty(len(vertices))
+    for i, (vertex, normal) in enumerate(zip(vertices, normals, strict=True)):
+        directions = cosine_directions(rng, normal, rays)
+        origins = np.broadcast_to(vertex + lift * normal, directions.shape)
+        value = mu(nearest_hits(origins, directions, vertices[faces]), tau, max_distance)
+        w[i], error[i] = value.mean(), value.std(ddof=1) / math.sqrt(rays)
+    return Reference(w, error)

@@ -1,0 +1,134 @@
+"""Files appear whole or not at all."""
+
+import errno
+import os
+
+import pytest
+
+from raytrace.atomic import atomic_write, check_writable
+from raytrace.errors import OutputError
+
+
+def names(folder):
+    return sorted(entry.name for entry in folder.iterdir())
+
+
+def test_the_content_appears_when_the_block_ends(tmp_path):
+    target = tmp_path / "w.npy"
+    with atomic_write(target) as file:
+        file.write(b"all of it")
+        assert not target.exists()
+    assert target.read_bytes() == b"all of it"
+    assert names(tmp_path) == ["w.npy"]
+
+
+@pytest.mark.parametrize("failure", [KeyboardInterrupt, ValueError, MemoryError])
+def test_a_failing_block_leaves_an_existing_file_and_nothing_else(tmp_path, failure):
+    target = tmp_path / "w.npy"
+    target.write_bytes(b"before")
+
+    def interrupted():
+        with atomic_write(target) as file:
+            file.write(b"half")
+            raise failure
+
+    with pytest.raises(failure):
+        interrupted()
+    assert target.read_bytes() == b"before"
+    assert names(tmp_path) == ["w.npy"]
+
+
+@pytest.mark.parametrize("call", ["fsync", "replace"])
+def test_a_full_disk_is_one_line_and_leaves_an_existing_file(tmp_path, monkeypatch, call):
+    def full(*_arguments):
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    target = tmp_path / "w.npy"
+    target.write_bytes(b"before")
+    monkeypatch.setattr(os, call, full)
+    with pytest.raises(OutputError) as error, atomic_write(target) as file:
+        file.write(b"half")
+    assert str(error.value) == f"{target}: cannot write: No space left on device"
+    assert target.read_bytes() == b"before"
+    assert names(tmp_path) == ["w.npy"]
+
+
+@pytest.mark.skipif(not os.path.exists("/dev/full"), reason="needs the device that is always full")
+@pytest.mark.parametrize("size", [10, 10_000_000])
+def test_a_write_the_system_refuses(tmp_path, monkeypatch, size):
+    """The error may come from the write itself or, for a small one, from the flush."""
+    opened = os.open
+    monkeypatch.setattr(os, "open", lambda _path, _flags, _mode: opened("/dev/full", os.O_WRONLY))
+    with pytest.raises(OutputError, match="No space left"), atomic_write(tmp_path / "w.npy") as file:
+        file.write(bytes(size))
+    assert names(tmp_path) == []
+
+
+@pytest.mark.skipif(os.name == "nt", reason="POSIX modes")
+@pytest.mark.parametrize(("mask", "mode"), [(0o022, 0o644), (0o077, 0o600), (0o002, 0o664)])
+def test_the_mode_is_the_umasks(tmp_path, mask, mode):
+    before = os.umask(mask)
+    try:
+        with atomic_write(tmp_path / "w.npy") as file:
+            file.write(b"x")
+    finally:
+        os.umask(before)
+    assert (tmp_path / "w.npy").stat().st_mode & 0o777 == mode
+
+
+def test_a_link_keeps_pointing_at_the_file_it_names(tmp_path):
+    (tmp_path / "real").mkdir()
+    link = tmp_path / "link.npy"
+    link.symlink_to(tmp_path / "real" / "w.npy")
+    with atomic_write(link) as file:
+        file.write(b"x")
+    assert link.is_symlink()
+    assert (tmp_path / "real" / "w.npy").read_bytes() == b"x"
+
+
+def test_a_name_as_long_as_the_system_allows(tmp_path):
+    with atomic_write(tmp_path / ("n" * 255)) as file:
+        file.write(b"x")
+    assert names(tmp_path) == ["n" * 255]
+
+
+def unwritable(tmp_path):
+    (tmp_path / "folder").mkdir()
+    (tmp_path / "file").write_bytes(b"")
+    (tmp_path / "null.npy").symlink_to(os.devnull)
+    return {
+        "folder": "it is a folder",
+        "missing/w.npy": "there is no folder",
+        "file/w.npy": "there is no folder",
+        "n" * 256: "too long",
+        "null.npy": "not a regular file",
+    }
+
+
+@pytest.mark.parametrize("kind", range(5))
+def test_targets_that_cannot_be_written_are_told_before_and_during(tmp_path, kind):
+    name, reason = list(unwritable(tmp_path).items())[kind]
+    before = names(tmp_path)
+    with pytest.raises(OutputError, match=reason) as early:
+        check_writable(tmp_path / name)
+    with pytest.raises(OutputError, match=reason) as late, atomic_write(tmp_path / name):
+        pass
+    assert str(early.value) == str(late.value)
+    assert str(early.value).startswith(str(tmp_path / name))
+    assert "\n" not in str(early.value)
+    assert names(tmp_path) == before
+
+
+@pytest.mark.skipif(not os.path.isdir("/proc/self"), reason="needs a folder that refuses files even to root")
+def test_a_folder_that_refuses_files():
+    with pytest.raises(OutputError, match=r"/proc/self/w\.npy: cannot write: "):
+        check_writable("/proc/self/w.npy")
+
+
+def test_checking_leaves_nothing_and_touches_nothing(tmp_path):
+    target = tmp_path / "w.npy"
+    check_writable(target)
+    assert names(tmp_path) == []
+    target.write_bytes(b"before")
+    check_writable(target)
+    assert target.read_bytes() == b"before"

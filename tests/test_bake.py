@@ -1,0 +1,144 @@
+"""The bake as a whole: what it counts, what it promises of its own error, what it refuses."""
+
+import numpy as np
+import pytest
+import trimesh
+
+import ao
+from raytrace import Mesh, OptionError
+from scenes.temple import temple
+
+
+@pytest.fixture(scope="module")
+def colonnade():
+    return temple(fineness=0.6)
+
+
+@pytest.fixture(scope="module")
+def reference(colonnade):
+    return ao.bake(colonnade, ao.Binary(), samples=16384, seed=999).w
+
+
+@pytest.mark.parametrize("samples", [16, 100, 256])
+@pytest.mark.parametrize("seed", [0, 1])
+def test_the_estimated_rmse_is_the_true_one(colonnade, reference, samples, seed):
+    baked = ao.bake(colonnade, ao.Binary(), samples=samples, seed=seed)
+    true = np.sqrt(np.mean((baked.w - reference) ** 2))
+    assert true / 1.4 < baked.rmse < true * 1.4
+
+
+def test_the_estimated_errors_tell_where_the_error_is(colonnade, reference):
+    baked = ao.bake(colonnade, ao.Binary(), samples=64)
+    off = np.abs(baked.w - reference)
+    order = np.argsort(baked.error)
+    quiet, noisy = off[order[: len(off) // 4]], off[order[-len(off) // 4 :]]
+    assert np.sqrt(np.mean(noisy**2)) > 2 * np.sqrt(np.mean(quiet**2))
+    assert np.mean(off <= 2 * baked.error + 1e-12) > 0.85
+
+
+def test_agreement_alone_never_reads_as_certainty(colonnade):
+    baked = ao.bake(colonnade, ao.Binary(), samples=16)
+    assert (baked.error > 0).all()
+
+
+def test_rays_are_counted():
+    told = []
+    sphere = trimesh.creation.icosphere(subdivisions=3)
+    soup = Mesh(sphere.triangles.reshape(-1, 3), np.arange(3 * len(sphere.faces)).reshape(-1, 3))
+    baked = ao.bake(soup, ao.Binary(), samples=10, progress=lambda done, total: told.append((done, total)))
+    points, calibration = len(sphere.vertices), 256
+    assert baked.rays == 10 * (points + calibration)
+    assert baked.rays_skipped == {"duplicate": 10 * (len(soup.vertices) - points), "no_normal": 0, "not_wanted": 0}
+    assert told[-1] == (baked.rays, baked.rays)
+
+
+def test_coincident_vertices_get_the_same_value(colonnade):
+    baked = ao.bake(colonnade, ao.Binary(), samples=64)
+    doubled = Mesh(
+        np.vstack([colonnade.vertices, colonnade.vertices]),
+        np.vstack([colonnade.faces, colonnade.faces + len(colonnade.vertices)]),
+    )
+    again = ao.bake(doubled, ao.Binary(), samples=64)
+    np.testing.assert_array_equal(again.w[: len(baked.w)], again.w[len(baked.w) :])
+    assert again.rays == baked.rays
+
+
+def test_vertices_without_a_normal_are_open_and_flagged():
+    mesh = Mesh([[0, 0, 0], [1, 0, 0], [0, 1, 0], [5, 5, 5], [2, 0, 0]], [[0, 1, 2], [4, 4, 0]])
+    baked = ao.bake(mesh)
+    assert baked.w.tolist() == [1.0] * 5
+    assert baked.error[3:].tolist() == [0, 0]
+    assert baked.flagged == {"unreferenced": 1, "degenerate": 1, "opposed": 0}
+    assert baked.rays_skipped["no_normal"] == 2 * 256
+
+
+def test_a_mesh_of_degenerate_faces_alone_is_open():
+    baked = ao.bake(Mesh([[0, 0, 0], [1, 0, 0], [2, 0, 0]], [[0, 1, 2]]))
+    assert baked.w.tolist() == [1.0] * 3
+    assert baked.rays == 0
+    assert baked.rmse == 0
+
+
+def test_bent_normals_lean_away_from_a_wall():
+    floor = trimesh.creation.box((10, 10, 0.1))
+    wall = trimesh.creation.box((0.1, 10, 5), trimesh.transformations.translation_matrix((1.0, 0, 2.55)))
+    both = trimesh.util.concatenate([floor.subdivide().subdivide(), wall])
+    mesh = Mesh(both.vertices, both.faces)
+    baked = ao.bake(mesh, ao.Binary(), samples=1024)
+    at = np.flatnonzero((np.abs(mesh.vertices - [0, 0, 0.05]) < 1e-9).all(axis=1))
+    bent = baked.bent_normals[at[0]]
+    assert np.linalg.norm(bent) == pytest.approx(1)
+    assert bent[0] < -0.2
+    assert abs(bent[1]) < 0.02
+    assert bent[2] > 0.5
+
+
+def test_bent_normals_are_exact_for_the_open_plane():
+    mesh = Mesh([[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 1, 2]])
+    baked = ao.bake(mesh, samples=4096)
+    np.testing.assert_allclose(baked.bent_normals, [[0, 0, 1]] * 3, atol=2e-3)
+    assert baked.w.tolist() == [1.0] * 3
+
+
+@pytest.mark.parametrize(
+    ("field", "value"),
+    [
+        ("samples", 0),
+        ("samples", -4),
+        ("samples", 2**20 + 1),
+        ("samples", 1.5),
+        ("samples", True),
+        ("seed", -1),
+        ("seed", 2**64),
+        ("threads", 0),
+        ("normals", "up"),
+    ],
+)
+def test_arguments_out_of_range_are_named(colonnade, field, value):
+    with pytest.raises(OptionError, match=f"{field}: expected"):
+        ao.bake(colonnade, **{field: value})
+
+
+@pytest.mark.parametrize("samples", [1, 3, 8, 9, 255])
+def test_any_number_of_samples_is_traced_exactly(samples):
+    """Inside a closed box binary w is 0, whatever the number; a forgotten lane would leave it open."""
+    box = trimesh.creation.box()
+    baked = ao.bake(Mesh(box.vertices, box.faces[:, ::-1]), ao.Binary(), samples=samples)
+    assert not baked.w.any()
+
+
+def test_large_seeds_are_seeds_of_their_own(colonnade):
+    small, large = (ao.bake(colonnade, ao.Binary(), samples=8, seed=seed).w for seed in (1, 1 + 2**33))
+    assert not np.array_equal(small, large)
+
+
+def test_a_bake_of_some_vertices_is_that_part_of_the_whole(colonnade):
+    wanted = np.arange(len(colonnade.vertices)) % 3 == 0
+    whole = ao.bake(colonnade, samples=16)
+    part = ao.bake(colonnade, samples=16, only=wanted)
+    np.testing.assert_array_equal(part.w[wanted], whole.w[wanted])
+    assert (part.w[~wanted] == 1).all()
+    assert part.rays < 0.5 * whole.rays
+    assert part.rays_skipped["not_wanted"] == 16 * np.count_nonzero(~wanted)
+    with pytest.raises(OptionError, match="only: expected bool"):
+        ao.bake(colonnade, only=wanted[:-1])

@@ -1,0 +1,211 @@
+"""The command as a user meets it: a process, its files, its exit status and its one line."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+import trimesh
+
+ROOT = Path(__file__).resolve().parent.parent
+COMMAND = [sys.executable, str(ROOT / "cli.py")]
+
+
+def obscurance(*arguments, **options):
+    return subprocess.run(
+        [*COMMAND, *map(str, arguments)], capture_output=True, text=True, check=False, timeout=300, **options
+    )
+
+
+def refused(result, *words, status=2):
+    """One line on standard error that holds `words`, nothing on standard output."""
+    assert result.returncode == status, result.stderr
+    assert result.stdout == ""
+    assert result.stderr.count("\n") == 1, result.stderr
+    for word in words:
+        assert word in result.stderr
+    assert "Traceback" not in result.stderr
+
+
+@pytest.fixture
+def cube(tmp_path):
+    path = tmp_path / "cube.ply"
+    trimesh.creation.box().export(path)
+    return path
+
+
+@pytest.mark.parametrize("ending", ["npy", "npz", "ply", "glb"])
+def test_every_output_format_is_written(tmp_path, cube, ending):
+    output = tmp_path / f"out.{ending}"
+    result = obscurance("bake", cube, "-o", output, "--samples", 16)
+    assert result.returncode == 0, result.stderr
+    assert output.stat().st_size > 0
+    assert "8 vertices" in result.stdout
+    assert sorted(path.name for path in tmp_path.iterdir()) == sorted(["cube.ply", output.name])
+
+
+def test_the_values_are_those_of_the_library(tmp_path, cube):
+    import ao
+    from scenes.load import load
+
+    target = tmp_path / "w.npy"
+    options = ("--half-distance", "30%", "--max-distance", "2", "--samples", 64, "--seed", 7, "--normals", "area")
+    assert obscurance("bake", cube, "-o", target, *options).returncode == 0
+    falloff = ao.Exponential(half_distance="30%", max_distance=2)
+    expected = ao.bake(load(cube).mesh, falloff, samples=64, seed=7, normals="area").w
+    np.testing.assert_array_equal(np.load(target), expected.astype(np.float32))
+
+
+def test_the_same_command_gives_the_same_bytes(tmp_path, cube):
+    for name in ("a", "b"):
+        for ending in ("npy", "npz", "ply", "glb"):
+            assert obscurance("bake", cube, "-o", tmp_path / f"{name}.{ending}", "--samples", 32).returncode == 0
+    for ending in ("npy", "npz", "ply", "glb"):
+        assert (tmp_path / f"a.{ending}").read_bytes() == (tmp_path / f"b.{ending}").read_bytes()
+
+
+def test_the_report_holds_the_contract(tmp_path, cube):
+    report = tmp_path / "r.json"
+    target = tmp_path / "w.npy"
+    assert obscurance("bake", cube, "-o", target, "--samples", 16, "--seed", 3, "--report", report).returncode == 0
+    found = json.loads(report.read_text())
+    assert {"rays", "rays_skipped", "seconds", "rmse_estimate", "flagged", "versions", "seed", "options"} <= set(found)
+    assert set(found["seconds"]) == {"load", "build", "bake", "write"}
+    assert found["rays"] == 16 * (8 + 8)
+    assert found["seed"] == 3
+    assert found["options"]["falloff"] == "exponential"
+    assert found["options"]["threads"] >= 1
+    assert found["falloff"]["tau"] == pytest.approx(np.log(2) / (0.5 * 3**0.5 / 2))
+
+
+def test_quiet_is_quiet(tmp_path, cube):
+    result = obscurance("bake", cube, "-o", tmp_path / "w.npy", "--samples", 8, "--quiet")
+    assert (result.returncode, result.stdout) == (0, "")
+
+
+def test_info_tells_what_is_in_a_file(cube):
+    result = obscurance("info", cube)
+    assert result.returncode == 0
+    for fact in ("vertices", "8", "faces", "12", "radius", "0.866025", "0 open"):
+        assert fact in result.stdout
+
+
+def test_the_demonstration_makes_a_mesh_and_a_picture(tmp_path):
+    result = obscurance("demo", "-o", tmp_path / "demo")
+    assert result.returncode == 0, result.stderr
+    mesh = trimesh.load(tmp_path / "demo" / "temple.ply", process=False)
+    w = mesh.metadata["_ply_raw"]["vertex"]["data"]["obscurance"]
+    assert 0 <= w.min() < 0.1
+    assert w.max() == 1
+    assert (tmp_path / "demo" / "temple.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_help_needs_no_heavy_import():
+    code = "import sys, cli; print([m for m in ('numpy', 'numba', 'trimesh', 'scipy') if m in sys.modules])"
+    result = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, check=True)
+    assert result.stdout.strip() == "[]"
+    assert "bake" in obscurance("--help").stdout
+
+
+BAD_OPTIONS = [
+    (("--samples", "0"), ("samples", "1 to", "got 0")),
+    (("--samples", "many"), ("--samples", "integer")),
+    (("--samples", "99999999"), ("samples", "got 99999999")),
+    (("--tau", "-1"), ("tau", "above 0")),
+    (("--tau", "0"), ("tau", "above 0")),
+    (("--tau", "nan"), ("tau", "finite")),
+    (("--tau", "1", "--half-distance", "2"), ("tau", "either")),
+    (("--half-distance", "-5%"), ("half_distance", "above 0")),
+    (("--max-distance", "0"), ("max_distance", "above 0")),
+    (("--max-distance", "near"), ("max_distance", "near")),
+    (("--falloff", "binary", "--tau", "1"), ("--tau", "exponential")),
+    (("--falloff", "linear"), ("--falloff", "linear")),
+    (("--threads", "0"), ("threads", "got 0")),
+    (("--seed", "-1"), ("seed", "got -1")),
+    (("--normals", "file"), ("normals", "cube.ply")),
+    (("--method", "magic"), ("--method", "magic")),
+    (("--colour", "red"), ("--colour",)),
+]
+
+
+@pytest.mark.parametrize(("options", "words"), BAD_OPTIONS, ids=[" ".join(o) for o, _ in BAD_OPTIONS])
+def test_bad_options_are_named_and_nothing_is_written(tmp_path, cube, options, words):
+    target = tmp_path / "w.npy"
+    target.write_text("precious")
+    refused(obscurance("bake", cube, "-o", target, *options), *words)
+    assert target.read_text() == "precious"
+    assert len(list(tmp_path.iterdir())) == 2
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "words"),
+    [
+        ("missing.ply", None, ("existing file",)),
+        ("empty.obj", b"", ("empty",)),
+        ("noise.ply", b"\x89PNG\r\n\x1a\n not a mesh", ("PLY",)),
+        ("cloud.obj", b"v 0 0 0\nv 1 0 0\nv 0 1 0\n", ("faces",)),
+        ("nan.obj", b"v 0 0 nan\nv 1 0 0\nv 0 1 0\nf 1 2 3\n", ("finite",)),
+        ("inf.obj", b"v 0 0 inf\nv 1 0 0\nv 0 1 0\nf 1 2 3\n", ("finite",)),
+        ("range.obj", b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 9\n", ("from 1 to 3", "got 9")),
+        ("what.xyz", b"0 0 0\n", (".xyz",)),
+    ],
+)
+def test_bad_meshes_are_named_and_nothing_is_written(tmp_path, name, content, words):
+    mesh = tmp_path / name
+    if content is not None:
+        mesh.write_bytes(content)
+    before = sorted(tmp_path.iterdir())
+    for command in (("bake", mesh, "-o", tmp_path / "w.npy"), ("info", mesh)):
+        refused(obscurance(*command), name, *words)
+    assert sorted(tmp_path.iterdir()) == before
+
+
+def test_a_folder_is_not_a_mesh(tmp_path):
+    refused(obscurance("info", tmp_path), "folder")
+
+
+@pytest.mark.parametrize("target", ["w.txt", "w", "no/such/folder/w.npy", "."])
+def test_bad_targets_are_refused_before_the_work(tmp_path, cube, target):
+    refused(obscurance("bake", cube, "-o", tmp_path / target))
+
+
+def test_a_report_that_cannot_be_written_is_refused_before_the_work(tmp_path, cube):
+    target = tmp_path / "w.npy"
+    refused(obscurance("bake", cube, "-o", target, "--report", tmp_path / "no" / "r.json"), "r.json")
+    assert not target.exists()
+
+
+def test_usage_mistakes_take_one_line():
+    refused(obscurance("bake"), "Missing")
+    refused(obscurance("cook"), "cook")
+
+
+@pytest.mark.skipif(os.name == "nt", reason="signals")
+def test_an_interrupt_leaves_nothing_behind(tmp_path):
+    mesh = tmp_path / "ball.ply"
+    trimesh.creation.icosphere(subdivisions=5).export(mesh)
+    target = tmp_path / "w.npy"
+    target.write_text("precious")
+    process = subprocess.Popen(
+        [*COMMAND, "bake", mesh, "-o", target, "--samples", "100000"], stdout=subprocess.PIPE, stderr=subprocess.PIPE
+    )
+    time.sleep(4)
+    process.send_signal(signal.SIGINT)
+    _, errors = process.communicate(timeout=60)
+    assert process.returncode == 130
+    assert b"interrupted" in errors
+    assert b"Traceback" not in errors
+    assert target.read_text() == "precious"
+    assert len(list(tmp_path.iterdir())) == 2
+
+
+def test_a_cold_cache_says_that_it_compiles(tmp_path, cube):
+    environment = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path / "cache")}
+    command = ("bake", cube, "-o", tmp_path / "w.npy", "--samples", 8)
+    assert "compiling" in obscurance(*command, env=environment).stderr
+    assert "compiling" not in obscurance(*command, env=environment).stderr

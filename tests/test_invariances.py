@@ -1,0 +1,205 @@
+"""What must not change w, what must change it one way only, and how fast its error falls."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+from math import inf
+
+import numpy as np
+import pytest
+from meshes import MESHES, hills, soup_over_floor
+from scipy.spatial import Delaunay
+
+import ao
+from ao import analytic
+from ao.falloff import Falloff
+from raytrace import Mesh
+from scenes.shapes import Part, generic_rotation, hull, icosphere, join
+
+FALLOFFS = [ao.Binary(), ao.Binary(0.8), ao.Exponential(tau=1.5), ao.Exponential(tau=1.5, max_distance=0.8)]
+NAMES = ["binary", "binary limited", "exponential", "exponential limited"]
+SEEDS = 12
+SAMPLES = 128
+
+falloffs = pytest.mark.parametrize("falloff", FALLOFFS, ids=NAMES)
+meshes = pytest.mark.parametrize("name", ["soup", "torus", "hills"])
+
+
+def spread_over_seeds(part: Part, falloff: Falloff, normals: np.ndarray | None = None, first: int = 0) -> np.ndarray:
+    """w (seeds, n) of SEEDS bakes."""
+    kind = "angle" if normals is None else "file"
+    mesh = Mesh(*part, normals)
+    return np.array([
+        ao.bake(mesh, falloff, samples=SAMPLES, seed=first + k, normals=kind).w for k in range(SEEDS)
+    ])  # fmt: skip
+
+
+def assert_same_in_the_mean(a: np.ndarray, b: np.ndarray) -> None:
+    """Two sets of bakes (seeds, n) differ by no more than their spread explains."""
+    error = np.sqrt(a.var(axis=0, ddof=1) / len(a) + b.var(axis=0, ddof=1) / len(b) + 1e-3**2)
+    z = (a.mean(axis=0) - b.mean(axis=0)) / error
+    assert np.abs(z).max() < 5.0
+    assert np.mean(z**2) < 1.8
+
+
+@falloffs
+@meshes
+def test_rotation(name: str, falloff: Falloff) -> None:
+    vertices, faces = MESHES[name]
+    turned = generic_rotation(4).apply(vertices), faces
+    assert_same_in_the_mean(spread_over_seeds((vertices, faces), falloff), spread_over_seeds(turned, falloff, first=50))
+
+
+def test_rotation_test_can_fail() -> None:
+    vertices, faces = hills()
+    flatter = vertices * [1.0, 1.0, 0.9], faces
+    with pytest.raises(AssertionError):
+        assert_same_in_the_mean(
+            spread_over_seeds((vertices, faces), ao.Binary()), spread_over_seeds(flatter, ao.Binary(), first=50)
+        )
+
+
+@falloffs
+@meshes
+def test_translation_far_away(name: str, falloff: Falloff) -> None:
+    vertices, faces = MESHES[name]
+    vertices = np.round(vertices * 2**20) / 2**20  # exact after the move, too
+    far = np.array([1e6, -1e6, 1e6])
+    moved = vertices + far
+    np.testing.assert_array_equal(moved - far, vertices)
+    here, there = (ao.bake(Mesh(v, faces), falloff, samples=SAMPLES).w for v in (vertices, moved))
+    assert np.abs(here - there).max() <= 1 / SAMPLES + 1e-6  # a ray at an edge may fall on its other side
+    assert np.mean(np.abs(here - there) > 1e-6) < 0.1
+
+
+@meshes
+@pytest.mark.parametrize("scale", [1e-6, 0.37, 1024.0, 3e7])
+def test_scale_with_its_rate(name: str, scale: float) -> None:
+    vertices, faces = MESHES[name]
+    for plain, scaled in (
+        (ao.Binary(0.8), ao.Binary(0.8 * scale)),
+        (ao.Exponential(tau=1.5), ao.Exponential(tau=1.5 / scale)),
+        (ao.Exponential(tau=1.5, max_distance=0.8), ao.Exponential(tau=1.5 / scale, max_distance=0.8 * scale)),
+    ):
+        w = ao.bake(Mesh(vertices, faces), plain, samples=SAMPLES).w
+        again = ao.bake(Mesh(scale * vertices, faces), scaled, samples=SAMPLES).w
+        assert np.abs(w - again).max() <= 1 / SAMPLES + 1e-6
+        assert np.mean(np.abs(w - again) > 1e-5) < 0.1
+
+
+@falloffs
+def test_vertex_permutation(falloff: Falloff) -> None:
+    vertices, faces = hills()
+    order = np.random.default_rng(0).permutation(len(vertices))
+    place = np.argsort(order)
+    shuffled = spread_over_seeds((vertices[order], place[faces]), falloff, first=50)[:, place]
+    assert_same_in_the_mean(spread_over_seeds((vertices, faces), falloff), shuffled)
+
+
+@falloffs
+@meshes
+def test_face_permutation_and_doubled_faces(name: str, falloff: Falloff) -> None:
+    vertices, faces = MESHES[name]
+    w = ao.bake(Mesh(vertices, faces), falloff, samples=SAMPLES).w
+    order = np.random.default_rng(1).permutation(len(faces))
+    for other in (np.roll(faces[order], 1, axis=1), np.concatenate([faces, faces])):
+        again = ao.bake(Mesh(vertices, other), falloff, samples=SAMPLES).w
+        assert np.abs(w - again).max() <= 1 / SAMPLES + 1e-6  # normals may round otherwise
+        assert np.mean(np.abs(w - again) > 1e-6) < 0.1
+
+
+@falloffs
+@meshes
+def test_windings_do_not_matter_once_normals_are_given(name: str, falloff: Falloff) -> None:
+    vertices, faces = MESHES[name]
+    normals = np.zeros_like(vertices)
+    a, b, c = vertices[faces].transpose(1, 0, 2)
+    np.add.at(normals, faces.ravel(), np.repeat(np.cross(b - a, c - a), 3, axis=0))
+    w, flipped = (
+        ao.bake(Mesh(vertices, f, normals), falloff, samples=SAMPLES, normals="file").w for f in (faces, faces[:, ::-1])
+    )
+    assert np.abs(w - flipped).max() <= 1 / SAMPLES + 1e-6
+    assert np.mean(np.abs(w - flipped) > 1e-6) < 0.1
+
+
+@meshes
+def test_monotone_in_rate_and_limit(name: str) -> None:
+    mesh = Mesh(*MESHES[name])
+
+    def w(falloff: Falloff) -> np.ndarray:
+        return ao.bake(mesh, falloff, samples=SAMPLES).w
+
+    rising = [w(ao.Binary())] + [w(ao.Exponential(tau=tau)) for tau in (0.01, 0.3, 1.0, 4.0, 50.0)] + [np.ones(1)]
+    falling_in_limit = [w(ao.Binary(limit)) for limit in (inf, 3.0, 1.0, 0.3, 0.05)]
+    falling_too = [w(ao.Exponential(tau=1.0, max_distance=limit)) for limit in (inf, 3.0, 1.0, 0.3, 0.05)]
+    for ordered in (rising, falling_in_limit, falling_too):
+        for low, high in pairwise(ordered):
+            assert (low <= high + 1e-9).all()
+        assert (ordered[0] < ordered[-1] - 0.01).any()
+
+
+@falloffs
+def test_convex_meshes_are_open(falloff: Falloff) -> None:
+    points = np.random.default_rng(2).normal(size=(60, 3))
+    points /= np.linalg.norm(points, axis=1, keepdims=True)
+    for part in (icosphere(2), hull(points), hull(points * [1.0, 1.0, 0.05] + 100.0), hull(1e-5 * points)):
+        for normals in ("angle", "area", "equal"):
+            baked = ao.bake(Mesh(*part), falloff, samples=SAMPLES, normals=normals)
+            assert (baked.w == 1.0).all()
+
+
+@falloffs
+def test_same_bits_for_any_number_of_threads(falloff: Falloff) -> None:
+    mesh = Mesh(*icosphere(3))
+    cave = Mesh(mesh.vertices * (1 + 0.2 * np.sin(9 * mesh.vertices[:, :1])), mesh.faces[:, ::-1])
+    one, two, three = (ao.bake(cave, falloff, samples=2048, seed=5, threads=k) for k in (1, 2, 3))
+    for other in (two, three):
+        for field in ("w", "error", "bent_normals", "flags"):
+            assert getattr(one, field).tobytes() == getattr(other, field).tobytes()
+
+
+def test_another_seed_is_another_result() -> None:
+    mesh = Mesh(*soup_over_floor(1))
+    results = {ao.bake(mesh, ao.Binary(), samples=64, seed=seed).w.tobytes() for seed in (0, 1, 2**32, 2**64 - 1)}
+    assert len(results) == 4
+
+
+def slope(counts: np.ndarray, rmse: np.ndarray) -> float:
+    """Exponent of rmse ∝ N^slope by least squares."""
+    return float(np.polyfit(np.log(counts), np.log(rmse), 1)[0])
+
+
+def cube_with_points_on_its_floor(count: int) -> tuple[Part, list[tuple[float, float, float, float]]]:
+    """The closed unit cube, facing inward, and the distances of the first `count` vertices from its four walls."""
+    points = np.random.default_rng(3).uniform(0.1, 0.9, (count, 2))
+    floor = np.concatenate([points, [(0, 0), (1, 0), (1, 1), (0, 1)]])
+    triangles = Delaunay(floor).simplices
+    a, b, c = floor[triangles].transpose(1, 0, 2)
+    clockwise = (b - a)[:, 0] * (c - a)[:, 1] < (b - a)[:, 1] * (c - a)[:, 0]
+    triangles[clockwise] = triangles[clockwise][:, ::-1]
+    corners, faces = hull([(x, y, z) for x in (0, 1) for y in (0, 1) for z in (0, 1)])
+    others = faces[:, ::-1][(corners[faces][:, :, 2] > 0).any(axis=1)]
+    part = join([(np.pad(floor, ((0, 0), (0, 1))), triangles.astype(np.int64)), (corners, others)])
+    return part, [(1 - x, 1 - y, x, y) for x, y in points]
+
+
+@pytest.mark.parametrize(("tau", "bound"), [(5.0, -1.2), (1.0, -1.08)])
+def test_smooth_error_falls_as_fast_as_promised(tau: float, bound: float) -> None:
+    """At τ = 1 the creases of the cube, where μ has kinks, leave about N^(−1.15)."""
+    (vertices, faces), sides = cube_with_points_on_its_floor(16)
+    mesh = Mesh(generic_rotation(8).apply(vertices), faces)
+    truth = [analytic.box(side, 1.0, tau) for side in sides]
+    counts = 2 ** np.arange(4, 11, 2)
+    errors = [
+        [ao.bake(mesh, ao.Exponential(tau=tau), samples=int(n), seed=seed).w[:16] - truth for seed in range(8)]
+        for n in counts
+    ]
+    assert slope(counts, np.sqrt(np.mean(np.square(errors), axis=(1, 2)))) <= bound
+
+
+def test_error_at_edges_falls_as_fast_as_promised() -> None:
+    mesh = Mesh(*hills())
+    counts = 2 ** np.arange(4, 11, 2)
+    truth = np.mean([ao.bake(mesh, ao.Binary(), samples=8192, seed=900 + k).w for k in range(4)], axis=0)
+    errors = [[ao.bake(mesh, ao.Binary(), samples=int(n), seed=seed).w - truth for seed in range(6)] for n in counts]
+    assert slope(counts, np.sqrt(np.mean(np.square(errors), axis=(1, 2)))) <= -0.7

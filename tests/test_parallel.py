@@ -1,0 +1,57 @@
+"""Blocks on threads: all of them, once, stopped when told."""
+
+import threading
+import time
+
+import numpy as np
+import pytest
+
+from raytrace import OptionError
+from raytrace.parallel import run_blocks, thread_count
+
+
+@pytest.mark.parametrize(("count", "block"), [(0, 4), (1, 4), (4, 4), (10, 3)])
+def test_every_item_is_worked_on_once(count, block):
+    seen, told = np.zeros(count, int), []
+
+    def work(start, stop):
+        seen[start:stop] += 1
+
+    run_blocks(count, block, work, 3, told.append)
+    assert (seen == 1).all()
+    assert sum(told) == count
+
+
+def test_an_exception_drops_what_has_not_begun():
+    begun = []
+
+    def work(start, _stop):
+        begun.append(start)
+        time.sleep(0.01)
+        raise ZeroDivisionError
+
+    with pytest.raises(ZeroDivisionError):
+        run_blocks(1000, 1, work, 2)
+    assert len(begun) < 100
+
+
+def test_an_interrupt_in_the_main_thread_stops_the_work():
+    begun = []
+
+    def work(start, _stop):
+        begun.append(threading.get_ident())
+        time.sleep(0.005)
+
+    def interrupt(_items):
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        run_blocks(10_000, 1, work, 2, interrupt)
+    assert threading.get_ident() not in begun
+    assert len(begun) < 1000
+
+
+@pytest.mark.parametrize("threads", [0, -1, 1.5, True, 100_000, "2"])
+def test_thread_counts_are_whole_and_positive(threads):
+    with pytest.raises(OptionError, match="threads: expected a whole number from 1 to 4096"):
+        thread_count(threads)

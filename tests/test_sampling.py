@@ -1,0 +1,53 @@
+"""Points and warps: nets stay nets under scrambling, densities are what they say."""
+
+import numpy as np
+import pytest
+from scipy import stats
+from scipy.stats import qmc
+
+from raytrace.sampling import cosine_hemisphere, mix, owen_sobol, seed_key, sobol
+
+
+def test_sobol_points_are_the_published_ones():
+    ours = np.stack(sobol(256), axis=1) * 2.0**-32
+    published = qmc.Sobol(2, scramble=False).random(256)
+    assert {tuple(p) for p in ours} == {tuple(p) for p in published}
+
+
+@pytest.mark.parametrize("log_count", [0, 3, 6, 8])
+def test_every_scrambled_set_is_a_net(log_count):
+    """Every elementary interval of area 1/n holds one point, as for the unscrambled (0, m, 2)-net."""
+    count = 1 << log_count
+    u, v = owen_sobol(50, count, seed_key(3))
+    for split in range(log_count + 1):
+        cell = np.floor(u * 2**split) * 2 ** (log_count - split) + np.floor(v * 2 ** (log_count - split))
+        np.testing.assert_array_equal(np.sort(cell, axis=1), np.broadcast_to(np.arange(count), cell.shape))
+
+
+def test_each_point_of_a_set_is_uniform_over_scrambles():
+    u, v = owen_sobol(20_000, 4, seed_key(1))
+    for values in (u[:, 0], u[:, 3], v[:, 0], v[:, 2]):
+        assert stats.kstest(values, "uniform").pvalue > 1e-4
+    assert abs(np.corrcoef(u[:, 0], v[:, 0])[0, 1]) < 0.03
+
+
+def test_seeds_and_sets_differ():
+    first, second = owen_sobol(4, 64, seed_key(0))[0], owen_sobol(4, 64, seed_key(1))[0]
+    assert len(np.unique(np.concatenate([first, second]), axis=0)) == 8
+    assert seed_key(2**40) != seed_key(0)
+
+
+def test_hash_is_a_bijection_on_a_sample():
+    assert len(np.unique(mix(np.arange(1 << 20)))) == 1 << 20
+
+
+def test_directions_have_density_cosine_over_pi():
+    u, v = owen_sobol(64, 1024, seed_key(5))
+    d = np.moveaxis(cosine_hemisphere(u, v), 1, -1).reshape(-1, 3)
+    np.testing.assert_allclose(np.linalg.norm(d, axis=1), 1, atol=1e-12)
+    assert (d[:, 2] > 0).all()
+    # Under cosθ/π: E z = 2/3, E z² = 1/2, E x = 0, E x² = 1/4.
+    np.testing.assert_allclose(d.mean(axis=0), [0, 0, 2 / 3], atol=1e-3)
+    np.testing.assert_allclose((d**2).mean(axis=0), [0.25, 0.25, 0.5], atol=1e-3)
+    # A uniform hemisphere has E z = 1/2 and must not pass.
+    assert abs(d[:, 2].mean() - 0.5) > 0.1

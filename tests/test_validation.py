@@ -1,0 +1,225 @@
+"""The validation table as a test, its statistics, and proof that it can fail."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import replace
+from functools import cache
+from math import isinf, log, nan, pi
+
+import numpy as np
+import pytest
+
+import ao
+from ao.falloff import Binary, Exponential
+from ao.hemisphere import DirectionTable
+from raytrace import Mesh
+from scenes import validation
+from scenes.configurations import Configuration
+from scenes.shapes import icosphere, inscribed_radius, tube
+
+LINES = validation.configurations()
+POLYGONS = [line for line in LINES if line.name.startswith("polygon")]
+SEEDS = 20
+
+
+def label(line: Configuration) -> str:
+    return f"{line.name}, {validation.described(line.falloff)}"
+
+
+@contextmanager
+def one_direction_table() -> Iterator[None]:
+    """Lines of one seed share their directions: make them once, not ninety times."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(DirectionTable, "make", cache(DirectionTable.make))
+        yield
+
+
+@cache
+def results(seed: int) -> list[validation.Result]:
+    with one_direction_table():
+        return validation.run(seed=seed)
+
+
+@pytest.mark.parametrize("seed", [0, 1, 2])
+@pytest.mark.parametrize("row", range(len(LINES)), ids=[f"{i}: {label(line)}" for i, line in enumerate(LINES)])
+def test_matches_the_closed_form(row: int, seed: int) -> None:
+    result = results(seed)[row]
+    assert result.ok, result
+    assert abs(result.error) <= result.allowed
+
+
+def test_targets_are_not_watered_down() -> None:
+    for line in LINES:
+        assert line.target <= (0.004 if isinstance(line.falloff, Binary) else 0.001)
+        assert line.truncation + line.tessellation <= 6.5e-4
+        if line.name.startswith("nothing above"):
+            assert line.allowed == 0.0
+        if line.name == "dome":
+            assert line.target <= 1e-6
+    for name in ("closed unit cube", "inside a sphere", "dome"):
+        assert any(line.name == name and line.target == 1e-6 and (line.exact == 0).all() for line in LINES)
+
+
+def test_every_closed_form_has_a_line() -> None:
+    names = " ".join(line.name for line in LINES)
+    for name in (
+        "nothing above: plane", "nothing above: cube", "nothing above: tetrahedron", "nothing above: icosphere", "dome",
+        "ceiling", "coaxial disk", "wall", "infinite wall", "corner of two walls", "V-groove", "trench",
+        "sphere above a plane", "inside a sphere", "inside a cylinder", "cylinder parallel to a plane",
+        "closed unit cube", "tilted normal", "polygons by Lambert's formula",
+    ):  # fmt: skip
+        assert name in names
+    for name in {line.name for line in LINES} - {"tilted normal"}:
+        kinds = {type(line.falloff) for line in LINES if line.name == name}
+        assert kinds == ({Binary} if "olygon" in name else {Binary, Exponential}), name
+    limited = {line.name for line in LINES if not isinf(float(line.falloff.max_distance))}
+    assert {"ceiling", "closed unit cube", "coaxial disk", "trench", "infinite wall"} <= limited
+
+
+def polygon_errors(samples: int, seed: int) -> np.ndarray:
+    with one_direction_table():
+        return np.concatenate([validation.measure(line, ao.bake, samples, seed) - line.exact for line in POLYGONS])
+
+
+@pytest.mark.parametrize("samples", [4096, 100, 13])
+def test_polygons_show_no_bias(samples: int) -> None:
+    errors = np.array([polygon_errors(samples, seed) for seed in range(SEEDS)])
+    scores = errors.mean(axis=0) / (errors.std(axis=0, ddof=1) / np.sqrt(SEEDS))
+    assert len(scores) >= 10
+    # Student's t with 19 degrees of freedom: 4.5 is passed by chance once in 4,000 scores
+    assert np.abs(scores).max() < 4.5
+    assert np.mean(np.square(scores)) < 2.2
+
+
+def test_nan_is_a_failure() -> None:
+    line = LINES[0]
+    measured = np.where(np.arange(len(line.points)) == 3, nan, line.exact)
+    assert not validation.compare(line, measured).ok
+
+
+def test_the_printed_table_tells_a_failure() -> None:
+    good, bad = results(0)[:3], replace(results(0)[5], measured=0.5, ok=False)
+    text = validation.table(good)
+    assert text.count("\n") == 4
+    assert text.endswith("all 3 within what is allowed")
+    assert "FAILED" not in text
+    text = validation.table([*good, bad])
+    assert text.endswith("1 of 4 failed")
+    assert text.splitlines()[-2].endswith("FAILED")
+
+
+def test_tessellation_bounds_hold() -> None:
+    directions = np.random.default_rng(0).normal(size=(2000, 3))
+    directions /= np.linalg.norm(directions, axis=1, keepdims=True)
+    vertices, faces = icosphere(2)
+    a, b, c = vertices[faces].transpose(1, 0, 2)
+    normal = np.cross(b - a, c - a)
+    with np.errstate(divide="ignore"):
+        radius = np.abs(np.einsum("ij,ij->i", normal, a)) / np.abs(directions @ normal.T)
+    inside = inscribed_radius((vertices, faces))
+    assert inside <= radius.min(axis=1).min() < radius.min(axis=1).max() <= 1.0
+    assert inscribed_radius(tube(16, 4.0)) == pytest.approx(np.cos(pi / 16))
+
+
+# Wrong estimators. Each must be told from a right one by several of a few cheap lines.
+
+CHEAP = [
+    line
+    for line in LINES
+    if line.name
+    in (
+        "nothing above: plane",
+        "nothing above: cube from outside",
+        "ceiling",
+        "trench",
+        "closed unit cube",
+        "corner of two walls",
+    )
+] + POLYGONS[:2]
+
+
+def failures(bake: validation.Baker) -> list[validation.Result]:
+    with one_direction_table():
+        return [result for result in validation.run(bake, lines=CHEAP) if not result.ok]
+
+
+def altered(change: Callable[[np.ndarray], np.ndarray]) -> validation.Baker:
+    """`ao.bake` with its w passed through `change`."""
+
+    def bake(*args: object, **options: object) -> ao.Bake:
+        baked = ao.bake(*args, **options)  # type: ignore[arg-type]
+        return replace(baked, w=change(baked.w))
+
+    return bake
+
+
+def other_directions(monkeypatch: pytest.MonkeyPatch, cosine: Callable[[np.ndarray], np.ndarray]) -> None:
+    """Make the baker draw directions whose cosθ is `cosine(u)` for a uniform u."""
+
+    def directions(u: np.ndarray, v: np.ndarray) -> np.ndarray:
+        z, azimuth = cosine(u), 2 * np.pi * v
+        r = np.sqrt(np.maximum(1 - z * z, 0))
+        return np.stack([r * np.cos(azimuth), r * np.sin(azimuth), z], axis=-2)
+
+    monkeypatch.setattr("ao.hemisphere.cosine_hemisphere", directions)
+
+
+def test_the_true_estimator_passes_however_it_is_wrapped(monkeypatch: pytest.MonkeyPatch) -> None:
+    assert failures(altered(lambda w: w)) == []
+    other_directions(monkeypatch, lambda u: np.sqrt(1 - u))
+    assert failures(ao.bake) == []
+
+
+def test_uniform_directions_fail(monkeypatch: pytest.MonkeyPatch) -> None:
+    other_directions(monkeypatch, lambda u: u)
+    failed = failures(ao.bake)
+    assert len(failed) >= 8
+    assert {type(result.falloff) for result in failed} == {Binary, Exponential}
+
+
+def test_a_missing_cosine_fails(monkeypatch: pytest.MonkeyPatch) -> None:
+    other_directions(monkeypatch, lambda u: u)  # density 1/2π, so that (1/π) ∫ μ dω is twice the mean
+    assert len(failures(altered(lambda w: 2 * w))) >= 8
+
+
+def test_a_cosine_counted_twice_fails(monkeypatch: pytest.MonkeyPatch) -> None:
+    other_directions(monkeypatch, lambda u: np.cbrt(u))
+    assert len(failures(ao.bake)) >= 8
+
+
+@pytest.mark.parametrize("factor", [pi, 1 / pi, 0.5, pi / 3.2], ids=["forgotten", "twice", "2π for π", "3.2 for π"])
+def test_a_wrong_pi_fails(factor: float) -> None:
+    failed = failures(altered(lambda w: factor * w))
+    assert len(failed) >= len(CHEAP) - 4  # all but those that are 0
+
+
+def test_the_complement_of_mu_fails() -> None:
+    assert len(failures(altered(lambda w: 1 - w))) >= len(CHEAP) - 4  # all but those near ½
+
+
+@pytest.mark.parametrize("lift", [-1.0, 0.0], ids=["below the surface", "on the surface"])
+def test_own_triangle_hits_fail(lift: float, monkeypatch: pytest.MonkeyPatch) -> None:
+    offset = ao.receivers.ray_offset
+    monkeypatch.setattr("ao.receivers.ray_offset", lambda *args: lift * offset(*args))
+    failed = failures(ao.bake)
+    assert any(result.name.startswith("nothing above") for result in failed)
+
+
+def test_an_ignored_distance_limit_fails() -> None:
+    def bake(mesh: Mesh, falloff: ao.falloff.Falloff, **options: object) -> ao.Bake:
+        return ao.bake(mesh, replace(falloff, max_distance=np.inf), **options)
+
+    limited = {label(line) for line in CHEAP if not isinf(float(line.falloff.max_distance))}
+    assert len(failures(bake)) == len(limited)
+
+
+def test_a_half_distance_taken_for_a_rate_fails() -> None:
+    def bake(mesh: Mesh, falloff: ao.falloff.Falloff, **options: object) -> ao.Bake:
+        if isinstance(falloff, Exponential):
+            falloff = replace(falloff, tau=falloff.tau * log(2))
+        return ao.bake(mesh, falloff, **options)
+
+    exponential = [line for line in CHEAP if isinstance(line.falloff, Exponential) and line.allowed > 0]
+    assert len(failures(bake)) == len(exponential)
