@@ -9,7 +9,7 @@ from raytrace.jit import kernel
 from raytrace.light_kernels import cannot_matter_at, incident
 from raytrace.lights import AMBIENT, AmbientLight, DirectionalLight, PointLight, SpotLight, pack_lights
 from raytrace.materials import CookTorrance, Lambert, OrenNayar, Phong, pack_materials
-from raytrace.models.dispatch import ambient, emission, evaluate
+from raytrace.models.dispatch import ambient, emission, evaluate, terms
 from raytrace.reflection import reflect
 from raytrace.vector import add, load
 
@@ -84,6 +84,19 @@ def test_a_threshold_changes_the_sum_by_no_more_than_it_promises():
     difference = np.abs(exact - coarse)
     assert difference.max() > 0
     assert difference.max() <= 5 * 1e-2 * 1.5  # five lights; the lobe of m = .3 stays below 1.5
+
+
+def test_terms_are_the_body_s_and_the_highlight_s():
+    """The diffuse term of a glossy material is that of the same material without its gloss."""
+    n, l, v, none = (0.0, 0.0, 1.0), (0.6, 0.0, 0.8), (-0.48, 0.36, 0.8), (0.0, 0.0, 0.0)
+    for glossy, matte in (
+        (Phong(k_d=0.3, k_s=0.5), Phong(k_d=0.3)),
+        (CookTorrance(albedo=0.8, k_s=0.5, m=0.3), Lambert(albedo=0.4)),
+    ):
+        diffuse, specular = terms(*glossy.pack(), n, l, v, none)
+        np.testing.assert_allclose(diffuse, evaluate(*matte.pack(), n, l, v, none), rtol=1e-14)
+        np.testing.assert_allclose(add(diffuse, specular), evaluate(*glossy.pack(), n, l, v, none))
+        assert min(specular) > 0
 
 
 def test_materials_and_lights_are_declared_without_compiling():
