@@ -124,16 +124,33 @@ def interpolate_lit(entry, geometry, item, face, u, v, vertex_light):
 
 
 @kernel
-def render_tile(
-    geometry, lights, view, x0, y0, x1, y1, samples, shading, form, shadows, terminator, background, vertex_light,
-    world_scale, packet, valid, entries, sums, todo, active, queue, light, film, counts,
+def render_tiles(
+    geometry, lights, view, left, top, first, last, samples, shading, form, shadows, terminator, background,
+    vertex_light, world_scale, packet, valid, entries, sums, todo, active, queue, light, film, counts,
 ):  # fmt: skip
-    """Render the pixels [x0, x1) × [y0, y1) of `view` into `film`, float32 (y1 − y0, x1 − x0, 4 or FILM).
+    """Render the tiles [first, last), counted along the rows of `film`, float32 (height, width, 4 or FILM).
 
-    Args: vertex_light: float64 (n, 14), lit vertices for Gouraud shading; packet … light: scratch; counts: int64.
+    Args: left, top: the film's place in the whole picture; vertex_light: float64 (n, 14), lit vertices for Gouraud
+        shading; packet … light: scratch; counts: int64.
     """
-    wide = x1 - x0
-    pixels = wide * (y1 - y0)
+    columns = -(-film.shape[1] // TILE)
+    for tile in range(first, last):
+        x, y = tile % columns * TILE, tile // columns * TILE
+        render_tile(
+            geometry, lights, view, left + x, top + y, samples, shading, form, shadows, terminator, background,
+            vertex_light, world_scale, packet, valid, entries, sums, todo, active, queue, light,
+            film[y : y + TILE, x : x + TILE], counts,
+        )  # fmt: skip
+
+
+@inline
+def render_tile(
+    geometry, lights, view, x0, y0, samples, shading, form, shadows, terminator, background, vertex_light, world_scale,
+    packet, valid, entries, sums, todo, active, queue, light, film, counts,
+):  # fmt: skip
+    """Render one tile, `film`, whose first pixel is (x0, y0) of the whole picture."""
+    wide = film.shape[1]
+    pixels = film.shape[0] * wide
     ids = packet.view(np.uint32)
     eyes, backs = np.empty((LANES, 3)), np.empty((LANES, 3))
     directed = count_directed(lights)
