@@ -28,7 +28,7 @@ def borrow(_context: Any, value: Any) -> Any:
 
     def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
         (kind,), (given,) = signature.args, arguments
-        if not isinstance(kind, types.BaseTuple):
+        if isinstance(kind, types.Array):
             return uncounted(context, builder, kind, given)
         members = [
             uncounted(context, builder, member, builder.extract_value(given, position))
