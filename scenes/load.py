@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, BinaryIO
 
-from raytrace.errors import MeshError
+from raytrace.errors import InputError, MeshError
 from raytrace.mesh import Mesh
 
 from .flatten import Instance, Part, flatten, instance, world_matrices
@@ -175,11 +175,11 @@ _COMPLETENESS: dict[str, Callable[[BinaryIO, dict[str, Any], str], None]] = {
 
 @contextmanager
 def mesh_errors(path: Path) -> Iterator[None]:
-    """Everything a parser may raise on the hostile data of a mesh file, as one clear line: a MeshError."""
+    """Everything a parser may raise on the hostile data of a mesh file, as one clear line."""
     try:
         with _quiet():
             yield
-    except MeshError:
+    except InputError:
         raise
     except OSError as reason:
         raise MeshError(path, "file", "a readable file", reason.strerror or reason) from None

@@ -54,7 +54,7 @@ def _squares(solid: npt.NDArray[np.bool_], side: int, cuts: int) -> npt.NDArray[
     else:
         beyond[1:] = solid[:-1]
     cells = np.argwhere(solid & ~beyond)
-    first = (cells + [int(side > 0), 0, 0]) * cuts
+    first = (cells + np.array([int(side > 0), 0, 0])) * cuts
     parts = np.stack([np.zeros(cuts * cuts, np.int64), *np.indices((cuts, cuts)).reshape(2, -1)], axis=-1)
     turn = np.array([[0, 0, 0], [0, 1, 0], [0, 1, 1], [0, 0, 1]])[::side]
     return (first[:, None, None] + parts[None, :, None] + turn).reshape(-1, 4, 3)
