@@ -68,6 +68,19 @@ class Receivers:
     flags: npt.NDArray[np.uint8]
     faces: Ints
 
+    def only(self, wanted: npt.NDArray[np.bool_]) -> Receivers:
+        """The points of the `wanted` vertices, bool (n,); the other vertices have none.
+
+        Raises:
+            OptionError: `wanted` is not one truth value a vertex.
+        """
+        if wanted.shape != self.of_vertex.shape or wanted.dtype != np.bool_:
+            raise OptionError("only", f"bool ({len(self.of_vertex)},)", f"{wanted.dtype} {wanted.shape}")
+        mine = np.where(wanted, self.of_vertex, -1)
+        kept, rows = np.unique(mine[mine >= 0], return_inverse=True)
+        mine[mine >= 0] = rows
+        return Receivers(self.points[kept], mine, self.flags, self.faces)
+
 
 def find_receivers(mesh: Mesh, placement: Placement, normals: Normals = "angle") -> Receivers:
     """Weld, orient and lift the vertices of `mesh`.

@@ -89,6 +89,7 @@ def intersect8(scene, packet, valid):
     ids = packet.view(np.uint32)
     for lane in range(LANES):
         ids[GEOM_ID, lane] = INVALID
+        ids[INST_ID, lane] = INVALID
     _intersect8(valid.ctypes.data, scene, packet.ctypes.data, 0)
 
 
@@ -181,7 +182,7 @@ class Instance:
     def geometry(self, device: int) -> int:
         """A new, uncommitted Embree geometry; keep `self` alive as long as it."""
         made: int = _library.rtcNewGeometry(device, _INSTANCE)
-        _library.rtcSetGeometryInstancedScene(made, self.scene.handle)
+        _library.rtcSetGeometryInstancedScene(made, int(self.scene.handle))
         _library.rtcSetGeometryTransform(made, 0, _FLOAT3X4_ROWS, self.matrix.ctypes.data)
         return made
 

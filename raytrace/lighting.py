@@ -31,12 +31,12 @@ from .lights import AMBIENT as AMBIENT_LIGHT
 from .models.dispatch import ambient, emission, terms
 from .surface import put, take
 from .vector import dot
+from .view import FARTHEST
 
 OFF, AMBIENT_ONLY, BOOK = range(3)
 PRIMARY, SHADOW, BACKGROUND, BEHIND, UNREACHED, BLACK, CULLED, RETIRED = range(8)
 COUNTERS = 8
 SHORT = 1.0 - 1e-5  # of the way to a light: what touches the light itself is no obstacle
-FARTHEST = 8.0  # longer than anything in the world
 
 
 @inline
@@ -58,6 +58,15 @@ def begin(entry, geometry, lights, form):
     put(entry, EMISSION, emission(row))
     entry[SENT] = 0.0
     entry[LIT] = 0.0
+
+
+@inline
+def count_directed(lights):
+    """How many lights come from somewhere, ambient ones left out."""
+    found = 0
+    for j in range(len(lights.kinds)):
+        found += lights.kinds[j] != AMBIENT_LIGHT
+    return found
 
 
 @inline
@@ -109,10 +118,7 @@ def light_entries(geometry, lights, entries, count, active, form, shadows, packe
     for e in range(count):
         begin(entries[e], geometry, lights, form)
     used = select_lights(lights, entries, count, active)
-    directional = 0
-    for j in range(len(lights.kinds)):
-        directional += lights.kinds[j] != AMBIENT_LIGHT
-    counts[CULLED] += (directional - used) * count
+    counts[CULLED] += (count_directed(lights) - used) * count
     for a in range(used):
         j = active[a]
         kind, light_row = lights.kinds[j], lights.rows[j]

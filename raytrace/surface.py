@@ -26,6 +26,7 @@ from .shading import centroid, phong_normal, quadratic_normal
 from .vector import add, cross, dot, load, scale, subtract, unit
 
 CONSTANT, GOURAUD, PHONG, QUADRATIC = range(4)
+VERTEX_CLEARANCE = 0.1  # a vertex normal may lean that far from a face around it
 SMOOTH = 0.8660254037844387  # cos 30°: a computed normal that leans away farther marks a hard edge
 
 
@@ -146,3 +147,23 @@ def fill(entry, geometry, item, face, u, v, eye, backward, shading, terminator):
     entry[W] = (1.0 - u - v) * geometry.w[own + i] + u * geometry.w[own + j] + v * geometry.w[own + k]
     entry[OBJECT] = item
     entry[DEPTH] = sqrt(dot(offset, offset))
+
+
+@inline
+def vertex_entry(entry, geometry, item, vertex, eye, forward, orthographic):
+    """Write an entry for a vertex (its row in the shape's arrays) as Gouraud shading lights it."""
+    point = transform(geometry.to_world[item], load(geometry.vertices, vertex))
+    normal = unit(rotate(geometry.normal_to_world[item], load(geometry.normals, vertex)))
+    backward = scale(-1.0, forward) if orthographic else unit(subtract(eye, point))
+    side = 1.0 if dot(normal, backward) >= 0.0 else -1.0
+    entry[FRONT] = 1.0 if side > 0.0 or geometry.rows[item, TWO_SIDED] == 1.0 else 0.0
+    normal = scale(side, normal)
+    largest = max(abs(point[0]), abs(point[1]), abs(point[2]))
+    put(entry, POINT, point)
+    put(entry, ORIGIN, lift(geometry, item, point, scale(1.0 / VERTEX_CLEARANCE, normal), largest))
+    put(entry, NORMAL, normal)
+    put(entry, VIEW, backward)
+    put(entry, GRAIN, (0.0, 0.0, 0.0))
+    put(entry, TINT, (1.0, 1.0, 1.0))
+    put(entry, GEOMETRIC, normal)
+    entry[OBJECT] = item

@@ -3,18 +3,15 @@
 from __future__ import annotations
 
 from math import sqrt
-from typing import Any, NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
-from .embree import DIR_X, GEOM_ID, INST_ID, INVALID, LANES, ORG_X, PRIM_ID, TFAR, U, V, intersect8
+from .embree import GEOM_ID, INVALID, LANES, U, V, intersect8
 from .entries import (
     AMBIENT,
     DEPTH,
     DIFFUSE,
     EMISSION,
-    GEOMETRIC,
     LIT,
     NORMAL,
     OBJECT,
@@ -25,11 +22,12 @@ from .entries import (
     W,
 )
 from .jit import inline, kernel
-from .lighting import BACKGROUND, FARTHEST, PRIMARY, RETIRED, light_entries
+from .lighting import BACKGROUND, PRIMARY, RETIRED, count_directed, light_entries
 from .models.dispatch import alpha
 from .models.rows import MODEL
-from .surface import GOURAUD, fill
-from .vector import add, dot, load, scale, unit
+from .surface import GOURAUD, fill, vertex_entry
+from .vector import load
+from .view import aim, load3, struck
 
 TILE = 16  # pixels a side
 FIRST = 4  # samples before a pixel may be retired
@@ -44,78 +42,13 @@ SUMS = FILM + 9
 AGREE = 1.0 / 256.0  # of the square root of a linear value, about one step of an 8-bit picture
 
 
-class View(NamedTuple):
-    """A camera in the world's own units, and where in a pixel its samples fall.
-
-    Attributes:
-        eye, right, above, forward: float64 (3,). half: tangent of half the vertical angle, or half the height of an
-        orthographic view; orthographic: whether. lens: radius; focus: distance of what is sharp. width, height: of the
-        whole picture. offsets: float64 (sets, 4, samples), place in the pixel, from its centre, and on the unit lens.
-        key: uint32.
-    """
-
-    eye: npt.NDArray[np.float64]
-    right: npt.NDArray[np.float64]
-    above: npt.NDArray[np.float64]
-    forward: npt.NDArray[np.float64]
-    half: float
-    orthographic: bool
-    lens: float
-    focus: float
-    width: int
-    height: int
-    offsets: npt.NDArray[np.float64]
-    key: Any
-
-
-@inline
-def viewing_ray(view, x, y, lens_x, lens_y):
-    """Origin and unit direction through the film point (x, y) in pixels from the upper left."""
-    right, above, forward = load3(view.right), load3(view.above), load3(view.forward)
-    a = view.half * (2.0 * x - view.width) / view.height
-    b = view.half * (1.0 - 2.0 * y / view.height)
-    across = add(scale(a, right), scale(b, above))
-    eye = load3(view.eye)
-    if view.orthographic:
-        return add(eye, across), forward
-    direction = unit(add(forward, across))
-    if view.lens > 0.0:
-        sharp = scale(view.focus / dot(direction, forward), direction)
-        shift = add(scale(view.lens * lens_x, right), scale(view.lens * lens_y, above))
-        return add(eye, shift), unit(add(sharp, scale(-1.0, shift)))
-    return eye, direction
-
-
-@inline
-def load3(a):
-    """A (3,) array as a triple."""
-    return a[0], a[1], a[2]
-
-
-@inline
-def mix(x):
-    """`raytrace.sampling.mix` of one value."""
-    x = np.uint32(x)
-    x = np.uint32(x ^ (x >> np.uint32(16)))
-    x = np.uint32(x * np.uint32(0x7FEB352D))
-    x = np.uint32(x ^ (x >> np.uint32(15)))
-    x = np.uint32(x * np.uint32(0x846CA68B))
-    return np.uint32(x ^ (x >> np.uint32(16)))
-
-
-@inline
-def approach(origin, direction):
-    """How far a ray can go before it comes near the world, which lies within 2 of the centre."""
-    return max(0.0, -dot(origin, direction) - 2.0)
-
-
 @inline
 def retired(sums):
     """Whether a pixel's samples agree to about a step of an 8-bit picture."""
+    spread = 0.0
     for c in range(3):
-        if sqrt(sums[HIGH + c]) - sqrt(sums[LOW + c]) > AGREE:
-            return False
-    return True
+        spread = max(spread, sqrt(sums[HIGH + c]) - sqrt(sums[LOW + c]))
+    return spread <= AGREE
 
 
 @inline
@@ -203,7 +136,7 @@ def render_tile(
     pixels = wide * (y1 - y0)
     ids = packet.view(np.uint32)
     eyes, backs = np.empty((LANES, 3)), np.empty((LANES, 3))
-    sets = len(view.offsets)
+    directed = count_directed(lights)
     sums[:] = 0.0
     for p in range(pixels):
         todo[p] = p
@@ -224,29 +157,21 @@ def render_tile(
                     valid[lane] = -1 if lane < lanes else 0
                 for lane in range(lanes):
                     p = todo[(first + lane) // batch]
-                    s = done + (first + lane) % batch
-                    x, y = x0 + p % wide, y0 + p // wide
-                    chosen = mix(mix(y * view.width + x) ^ view.key) % np.uint32(sets)
-                    place = view.offsets[chosen]
-                    origin, direction = viewing_ray(view, x + 0.5 + place[0, s], y + 0.5 + place[1, s], place[2, s], place[3, s])
-                    near = add(origin, scale(approach(origin, direction), direction))
+                    origin, direction = aim(
+                        packet, lane, view, x0 + p % wide, y0 + p // wide, done + (first + lane) % batch
+                    )
                     for axis in range(3):
                         eyes[lane, axis] = origin[axis]
                         backs[lane, axis] = -direction[axis]
-                        packet[ORG_X + axis, lane] = near[axis]
-                        packet[DIR_X + axis, lane] = direction[axis]
-                    packet[TFAR, lane] = FARTHEST
                 intersect8(geometry.handle, packet, valid)
                 counts[PRIMARY] += lanes
                 for lane in range(lanes):
                     p = todo[(first + lane) // batch]
                     if ids[GEOM_ID, lane] == INVALID:
-                        counts[BACKGROUND] += len(lights.kinds)
+                        counts[BACKGROUND] += directed
                         develop(entries[0], geometry, sums[p], background, 0)
                         continue
-                    outer = ids[INST_ID, lane]
-                    item = int(ids[GEOM_ID, lane] if outer == INVALID else outer)
-                    face = int(ids[PRIM_ID, lane])
+                    item, face = struck(ids, lane)
                     u, v = np.float64(packet[U, lane]), np.float64(packet[V, lane])
                     entry = entries[count]
                     fill(entry, geometry, item, face, u, v, load(eyes, lane), load(backs, lane), shading, terminator)
@@ -274,7 +199,10 @@ def render_tile(
 
 
 @kernel
-def light_vertices(geometry, lights, eye, forward, orthographic, form, shadows, packet, valid, entries, active, queue, light, item, first, last, out, counts):
+def light_vertices(
+    geometry, lights, eye, forward, orthographic, form, shadows, item, first, last, packet, valid, entries, active,
+    queue, light, out, counts,
+):  # fmt: skip
     """Gouraud's first step: light the vertices [first, last) of an object's stretch of `geometry.w`, into `out`.
 
     Args: out: float64 (w, 14), the columns AMBIENT to LIT of an entry.
@@ -283,7 +211,7 @@ def light_vertices(geometry, lights, eye, forward, orthographic, form, shadows, 
     for start in range(first, last, CAPACITY):
         stop = min(start + CAPACITY, last)
         for k in range(start, stop):
-            vertex_entry(entries[k - start], geometry, item, own + k, eye, forward, orthographic)
+            vertex_entry(entries[k - start], geometry, item, own + k, load3(eye), load3(forward), orthographic)
             entries[k - start, W] = geometry.w[k]
         light_entries(
             geometry, lights, entries, stop - start, active, form, shadows, packet, valid, queue, light, counts

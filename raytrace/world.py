@@ -25,7 +25,7 @@ class Geometry(NamedTuple):
     """Arrays for kernels; rows of `objects` columns are a scene's objects, in order.
 
     Attributes:
-        handle: Embree scene. vertices, normals: float32 (v, 3), each shape's in a frame of its own. faces: int64 (f, 3),
+        handle: Embree scene. vertices, normals: float32 (v, 3), each shape's in its own frame. faces: int64 (f, 3),
         indices into them. uv: float32 (v, 2). w: float64, obscurance, each object's in a stretch of its own.
         first_vertex, first_face, first_w: int64 (o,), where an object's stretches begin.
         to_world: float64 (o, 3, 4); normal_to_world: (o, 3, 3); mirrored: −1 where the transform mirrors, else 1.
@@ -82,7 +82,6 @@ class _Piece(NamedTuple):
 
     vertices: npt.NDArray[np.float32]
     normals: npt.NDArray[np.float32]
-    authored: bool
     scene: TriangleScene | None
     from_shape: Floats  # (4, 4)
 
@@ -123,7 +122,7 @@ def build(scene: Scene) -> World:
         piece = pieces[id(item.shape)]
         matrix = place @ item.transform @ np.linalg.inv(piece.from_shape) if piece.scene else np.eye(4)
         if piece.scene:
-            geometries.append(Instance(piece.scene, matrix[:3]))
+            geometries.append(Instance(piece.scene, matrix[:3].astype(np.float32)))
             magnitude[row] = 4.0  # the ray's own way into the instance's frame is rounded too
         else:
             geometries.append(Triangles(piece.vertices, item.shape.mesh.faces))
@@ -150,7 +149,7 @@ def build(scene: Scene) -> World:
         to_world=to_world,
         normal_to_world=normal_to_world,
         mirrored=mirrored,
-        authored=np.array([pieces[id(item.shape)].authored for item in scene.objects]),
+        authored=np.array([item.shape.mesh.normals is not None for item in scene.objects]),
         magnitude=magnitude,
         texture=np.array([textures.index(t) if (t := item.shape.texture) else -1 for item in scene.objects]),
         kinds=kinds,
@@ -178,28 +177,27 @@ def _shared(shape: Shape) -> _Piece:
     placement = Placement.of(mesh)
     matrix = np.diag([placement.scale, placement.scale, placement.scale, 1.0])
     matrix[:3, 3] = -placement.scale * mesh.centre
-    normals, authored = _smooth_normals(mesh, placement.vertices, np.eye(3), 1.0)
-    return _Piece(placement.vertices, normals, authored, TriangleScene(placement.vertices, mesh.faces), matrix)
+    normals = _smooth_normals(mesh).astype(np.float32)
+    return _Piece(placement.vertices, normals, TriangleScene(placement.vertices, mesh.faces), matrix)
 
 
 def _single(shape: Shape, matrix: Floats) -> _Piece:
     mesh, linear = shape.mesh, matrix[:3, :3]
     vertices = (mesh.vertices @ linear.T + matrix[:3, 3]).astype(np.float32)
-    normals, authored = _smooth_normals(mesh, vertices, np.linalg.inv(linear).T, np.sign(np.linalg.det(linear)))
-    return _Piece(vertices, normals, authored, None, matrix)
+    normals = normalize(_smooth_normals(mesh) @ np.linalg.inv(linear)).astype(np.float32)
+    return _Piece(vertices, normals, None, matrix)
 
 
-def _smooth_normals(
-    mesh: Mesh, vertices: npt.NDArray[np.float32], normal_matrix: Floats, orientation: float
-) -> tuple[npt.NDArray[np.float32], bool]:
-    """Unit normals (n, 3) at the placed `vertices`, and whether they are the mesh's own; zero where there is none."""
+def _smooth_normals(mesh: Mesh) -> Floats:
+    """Unit normals (n, 3) in the mesh's own frame, its own if it has some; zero where there is none."""
     if mesh.normals is not None:
-        return normalize(mesh.normals @ normal_matrix.T).astype(np.float32), True
+        return normalize(mesh.normals)
+    vertices = Placement.of(mesh).vertices
     placed = vertices.astype(np.float64)
     own = vertex_sums(placed, mesh.faces, *face_normals(placed, mesh.faces))
     group = weld(vertices, normalize(own), CREASE)
     joined: Floats = np.stack([np.bincount(group, own[:, axis]) for axis in range(3)], axis=1)
-    return (orientation * normalize(joined)[group]).astype(np.float32), False
+    return normalize(joined)[group]
 
 
 def _place_lights(lights: tuple[BaseLight, ...], centre: Floats, scale: float) -> Lights:
