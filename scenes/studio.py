@@ -35,8 +35,8 @@ def three_lights(camera: Camera) -> tuple[BaseLight, ...]:
         return DirectionalLight(direction=(x, y, z), intensity=intensity)
 
     return (
-        light((0.65, -0.75, 0.7), (2.7, 2.6, 2.45)),
+        light((0.65, -0.75, 0.7), (3.2, 3.1, 2.9)),
         light((-0.9, -0.2, 0.6), (0.5, 0.58, 0.7)),
-        light((-0.3, -0.6, -1.0), (1.3, 1.3, 1.35)),
+        light((-0.3, -0.6, -1.0), (1.6, 1.6, 1.65)),
         AmbientLight(intensity=(0.15, 0.16, 0.18)),
     )

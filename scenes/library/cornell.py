@@ -100,15 +100,20 @@ material = "white"
 
 [[objects]]
 name = "lamp"
-builtin = "box"
-size = [0.5, 0.4, 0.02]
-translate = [0.0, 0.0, 1.985]
-material = { model = "lambert", albedo = 0.5, emission = [4.0, 3.6, 2.9] }
+builtin = "plane"
+size = [0.5, 0.4]
+rotate = [180.0, 0.0, 0.0]
+translate = [0.0, -0.1, 1.99]
+material = { model = "lambert", albedo = 0.5, emission = [1.0, 0.9, 0.7] }
 
+# A spot light over a whole hemisphere with exponent 1 shines as a small panel does.
 [[lights]]
-light = "point"
-position = [0.0, 0.0, 1.9]
-intensity = [6.6, 6.0, 5.0]
+light = "spot"
+position = [0.0, -0.1, 1.97]
+direction = [0.0, 0.0, -1.0]
+half_angle = 1.5707
+exponent = 1.0
+intensity = [11.5, 10.3, 8.2]
 
 [[lights]]
 light = "ambient"

@@ -17,9 +17,9 @@ _HEAD = """\
 background = [0.05, 0.05, 0.06]
 
 [camera]
-position = [0.0, -9.2, 5.6]
-target = [0.0, -0.05, 0.3]
-field_of_view = 30.0
+position = [0.0, -9.2, 6.0]
+target = [0.0, -0.12, 0.3]
+field_of_view = 26.0
 
 [obscurance]
 half_distance = 0.5
@@ -51,12 +51,12 @@ intensity = [185.0, 178.0, 165.0]
 [[lights]]
 light = "point"
 position = [6.0, -3.0, 3.5]
-intensity = [32.0, 36.0, 42.0]
+intensity = [60.0, 68.0, 80.0]
 
 [[lights]]
 light = "directional"
-direction = [0.2, -0.9, -0.5]
-intensity = [0.7, 0.7, 0.75]
+direction = [0.1, -0.5, -0.9]
+intensity = [0.9, 0.9, 0.95]
 
 [[lights]]
 light = "ambient"

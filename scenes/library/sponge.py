@@ -8,13 +8,12 @@ def sponge() -> str:
 background = [0.04, 0.04, 0.05]
 
 [camera]
-position = [2.9, -3.9, 2.5]
-target = [0.0, 0.0, 0.86]
+position = [2.9, -4.6, 3.1]
+target = [0.0, 0.0, 0.9]
 field_of_view = 30.0
 
 [obscurance]
 half_distance = 0.3
-samples = 256
 
 [[objects]]
 builtin = "sponge"
@@ -22,7 +21,7 @@ level = 3
 size = 2.0
 fineness = 0.04
 translate = [0.0, 0.0, 1.0]
-material = { model = "lambert", albedo = [0.82, 0.62, 0.36] }
+material = { model = "lambert", albedo = [0.85, 0.6, 0.32] }
 
 [[objects]]
 name = "floor"
@@ -33,10 +32,10 @@ material = { model = "lambert", albedo = 0.45 }
 
 [[lights]]
 light = "directional"
-direction = [-0.45, 0.75, -0.75]
-intensity = [0.9, 0.85, 0.75]
+direction = [-0.75, 0.3, -0.6]
+intensity = [1.1, 1.0, 0.85]
 
 [[lights]]
 light = "ambient"
-intensity = [0.75, 0.78, 0.85]
+intensity = [0.42, 0.45, 0.52]
 """

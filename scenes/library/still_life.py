@@ -61,7 +61,7 @@ radius = 0.27
 height = 0.85
 fineness = 0.03
 translate = [-0.62, 0.28, 0.425]
-material = "copper"
+material = "strauss_copper"
 
 [[objects]]
 name = "plate"
@@ -70,7 +70,7 @@ radius = 0.72
 height = 0.05
 fineness = 0.03
 translate = [0.42, -0.12, 0.025]
-material = "silver"
+material = { preset = "plastic", albedo = [0.62, 0.66, 0.7] }
 
 [[objects]]
 name = "orange"
@@ -118,14 +118,14 @@ copies = [
 light = "spot"
 position = [-2.6, -2.6, 4.4]
 direction = [2.6, 2.75, -4.1]
-half_angle = 0.36
-exponent = 14.0
-intensity = [105.0, 92.0, 68.0]
+half_angle = 0.38
+exponent = 18.0
+intensity = [150.0, 132.0, 100.0]
 
 [[lights]]
 light = "point"
 position = [4.0, -3.0, 2.5]
-intensity = [3.0, 3.6, 5.0]
+intensity = [4.5, 5.4, 7.5]
 
 [[lights]]
 light = "ambient"
