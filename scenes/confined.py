@@ -27,6 +27,8 @@ def confined(name: str, folder: Path, source: object, field: str) -> Path:
             raise SceneError(source, field, "an existing file", shown(name))
         if not target.is_file():
             raise SceneError(source, field, "a file", f"{shown(name)}, which is none")
+    except SceneError:
+        raise
     except (OSError, ValueError, RuntimeError):
         raise SceneError(source, field, "a readable file", shown(name)) from None
     return folder / name

@@ -57,9 +57,9 @@ def _load(path: Path) -> dict[str, Any]:
         if not path.is_file():
             raise SceneError(path, "file", "a scene file", "something that is not a regular file")
         content = path.read_bytes()
+    except SceneError:
+        raise
     except (OSError, ValueError) as reason:
-        if isinstance(reason, SceneError):
-            raise
         raise SceneError(path, "file", "a readable file", getattr(reason, "strerror", None) or reason) from None
     if not content.strip():
         raise SceneError(path, "content", "a TOML scene", "an empty file")
@@ -72,6 +72,8 @@ def _load(path: Path) -> dict[str, Any]:
         message, _, place = str(reason).removesuffix(")").rpartition(" (at ")
         got = "a mistake: " + " ".join(re.sub(r"^[A-Z]", lambda m: m[0].lower(), message).split())
         raise SceneError(path, place, "valid TOML", got) from None
+    except ValueError as reason:
+        raise SceneError(path, "content", "valid TOML", f"a mistake: {shown(reason)}") from None
     except RecursionError:
         raise SceneError(path, "content", "tables of a few levels", "very many") from None
 

@@ -24,7 +24,7 @@ from .load import mesh_errors, read_objects
 from .located import check_keys, joined, located, shown
 from .obj import read_textured_obj
 from .primitives import Geometry
-from .schema import ObjectTable
+from .schema import ObjectTable, Transform
 from .solids import SOLIDS, Solid
 from .studio import NEUTRAL
 from .transforms import matrix_of
@@ -95,8 +95,7 @@ class ObjectReader:
             shape = self._shape(table, path, geometry, material, texture)
             return [Object(shape, name=table.name or table.builtin)]
 
-        known = [key for key in ObjectTable.model_fields if key != "builtin"]
-        check_keys(self._source, path, table.model_extra or {}, known)
+        check_keys(self._source, path, table.model_extra or {}, _keys("mesh"))
         field = joined(path, "mesh")
         mesh = confined(table.mesh or "", self._source.parent, self._source, field)
         with located(self._source, field):
@@ -155,11 +154,16 @@ class ObjectReader:
         if kind is None:
             field = joined(path, "builtin")
             raise SceneError(self._source, field, "one of " + ", ".join(SOLIDS), shown(table.builtin))
-        own = [key for key in ObjectTable.model_fields if key != "mesh"]
         parameters = table.model_extra or {}
-        check_keys(self._source, path, parameters, [*own, *kind.model_fields])
+        check_keys(self._source, path, parameters, [*kind.model_fields, *_keys("builtin")])
         with located(self._source, path):
             return kind(**parameters)
+
+
+def _keys(kind: str) -> list[str]:
+    """The keys of an entry that has the key `kind`, "mesh" or "builtin"."""
+    keys = [*(key for key in ObjectTable.model_fields if key not in Transform.model_fields), *Transform.model_fields]
+    return [key for key in keys if key == kind or key not in ("mesh", "builtin")]
 
 
 def _read(path: Path, textured: bool) -> Geometry:
