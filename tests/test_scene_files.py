@@ -177,7 +177,9 @@ def test_copies_share_one_shape_and_follow_the_objects_own_transform(tmp_path):
 
 def test_what_is_the_same_is_one_shape(tmp_path):
     mesh = '[[objects]]\nmesh = "square.obj"\n'
-    text = mesh + mesh + mesh + 'material = "gold"\n' + mesh + "own_normals = false\n" + mesh + 'texture = "paint.png"\n'
+    text = (
+        mesh + mesh + mesh + 'material = "gold"\n' + mesh + "own_normals = false\n" + mesh + 'texture = "paint.png"\n'
+    )
     shapes = [item.shape for item in scene(tmp_path, text + PLAIN + PLAIN).scene.objects]
     assert shapes[0] is shapes[1]
     assert shapes[5] is shapes[6]
@@ -238,9 +240,7 @@ MISTAKES = {
     "objects[0]: expected either mesh or builtin, got neither": '[[objects]]\nmaterial = "gold"',
     "objects[0]: expected either mesh or builtin, got both": PLAIN + 'mesh = "square.obj"',
     "objects[1].material: expected one of": PLAIN + PLAIN + 'material = "glod"',
-    'gold, grey_card, moon, plastic, red_plastic, silver, strauss_copper, velvet_clay, vinyl_record, white_standard, got "glod"': (
-        PLAIN + 'material = "glod"'
-    ),
+    'vinyl_record, white_standard, got "glod"': PLAIN + 'material = "glod"',
     "objects[0].material: expected a name or a table, got 3": PLAIN + "material = 3",
     "objects[0].material.albedo[0]: expected a number in [0, 1], got 2": (
         PLAIN + 'material = { model = "lambert", albedo = 2 }'
@@ -258,17 +258,19 @@ MISTAKES = {
     "objects[0].fineness: expected a length that makes at most": '[[objects]]\nbuiltin = "box"\nfineness = 1e-9',
     'objects[0].mesh: expected an existing file, got "none.obj"': '[[objects]]\nmesh = "none.obj"',
     'objects[0].mesh: expected a file, got "folder"': '[[objects]]\nmesh = "folder"',
-    'objects[0].mesh: expected a path in the scene\'s folder or below, got "../x.obj"': '[[objects]]\nmesh = "../x.obj"',
-    "objects[0].mesh: expected a path in the scene's folder or below, got \"/etc/passwd\"": (
+    'objects[0].mesh: expected a path in the scene\'s folder or below, got "../x.obj"': (
+        '[[objects]]\nmesh = "../x.obj"'
+    ),
+    'objects[0].mesh: expected a path in the scene\'s folder or below, got "/etc/passwd"': (
         '[[objects]]\nmesh = "/etc/passwd"'
     ),
     'objects[0].mesh: expected a path in the scene\'s folder or below, got "http://a.b/x.obj"': (
         '[[objects]]\nmesh = "http://a.b/x.obj"'
     ),
-    "objects[0].mesh: expected a path in the scene's folder or below, got \"..\\x.obj\"": (
+    'objects[0].mesh: expected a path in the scene\'s folder or below, got "..\\x.obj"': (
         "[[objects]]\nmesh = '..\\x.obj'"
     ),
-    "objects[0].mesh: expected a path in the scene's folder or below, got \"c:x.obj\"": '[[objects]]\nmesh = "c:x.obj"',
+    'objects[0].mesh: expected a path in the scene\'s folder or below, got "c:x.obj"': '[[objects]]\nmesh = "c:x.obj"',
     'objects[0].mesh: expected a path in the scene\'s folder or below, got "out.obj", a link out of it': (
         '[[objects]]\nmesh = "out.obj"'
     ),
@@ -396,7 +398,7 @@ def test_not_utf8(tmp_path):
 
 @pytest.mark.parametrize("content", [b"", b" \n\t\n"])
 def test_an_empty_file(tmp_path, content):
-    with pytest.raises(SceneError, match="scene.toml: content: expected a TOML scene, got an empty file"):
+    with pytest.raises(SceneError, match=r"scene\.toml: content: expected a TOML scene, got an empty file"):
         scene(tmp_path, content)
 
 
@@ -424,7 +426,9 @@ def test_a_mesh_alone(tmp_path):
     assert len(item.shape.mesh.vertices) == 4
     assert len(made.scene.lights) == 4
     assert made.camera.up == (0, 1, 0)
-    stl = "solid s\nfacet normal 0 0 1\nouter loop\nvertex 0 0 0\nvertex 1 0 0\nvertex 0 1 0\nendloop\nendfacet\nendsolid"
+    stl = (
+        "solid s\nfacet normal 0 0 1\nouter loop\nvertex 0 0 0\nvertex 1 0 0\nvertex 0 1 0\nendloop\nendfacet\nendsolid"
+    )
     (tmp_path / "it.stl").write_text(stl)
     assert read_scene(tmp_path / "it.stl").camera.up == (0, 0, 1)
     with pytest.raises(MeshError, match=r"it\.xyz: ending"):
@@ -432,7 +436,8 @@ def test_a_mesh_alone(tmp_path):
 
 
 def test_obscurance_comes_as_it_was_asked(tmp_path):
-    corner = '[[objects]]\nbuiltin = "plane"\nfineness = 0.25\ncopies = [{ translate = [0.5, 0, 0] }, { rotate = [0, 90, 0] }]'
+    corner = '[[objects]]\nbuiltin = "plane"\nfineness = 0.25\n'
+    corner += "copies = [{ translate = [0.5, 0, 0] }, { rotate = [0, 90, 0] }]"
     small = "[render]\nwidth = 32\nheight = 32\n"
     made = scene(tmp_path, small + "[obscurance]\nsamples = 64\n" + corner)
     baked, bake = obscured(made)
@@ -452,7 +457,7 @@ def test_obscurance_comes_as_it_was_asked(tmp_path):
 
 def test_a_baked_file_of_something_else(tmp_path):
     made = scene(tmp_path, '[obscurance]\nbaked = "w.npy"\n' + PLAIN, **{"w.npy": "no array"})
-    with pytest.raises(SceneError, match="w.npy: content: expected w as obscurance bake writes it"):
+    with pytest.raises(SceneError, match=r"w\.npy: content: expected w as obscurance bake writes it"):
         obscured(made)
     np.save(tmp_path / "w.npy", np.ones(3))
     with pytest.raises(SceneError, match=r"w.npy: w: expected shape \(9,\), .*, got \(3,\)"):
@@ -461,7 +466,7 @@ def test_a_baked_file_of_something_else(tmp_path):
     with pytest.raises(SceneError, match=r"w.npy: w: expected values in \[0, 1\]"):
         obscured(made)
     zipped = scene(tmp_path, '[obscurance]\nbaked = "w.npz"\n' + PLAIN, **{"w.npz": "no archive"})
-    with pytest.raises(SceneError, match="w.npz: content"):
+    with pytest.raises(SceneError, match=r"w\.npz: content"):
         obscured(zipped)
     np.savez(tmp_path / "w.npz", w=np.linspace(0, 1, 9))
     assert obscured(zipped)[0].objects[0].w[-1] == 1
