@@ -101,7 +101,7 @@ def test_importing_the_loader_does_not_import_trimesh():
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
 
 
-@pytest.mark.skipif(sys.platform != "linux", reason="ru_maxrss in KiB")
+@pytest.mark.skipif(sys.platform != "linux", reason="reads /proc")
 def test_a_large_mesh_loads_lightly(tmp_path):
     side = 1000
     grid = np.arange(side * side).reshape(side, side)
