@@ -59,18 +59,25 @@ class Camera:
             raise OptionError("up", "a direction other than the view's", self.up, "camera")
 
     @classmethod
-    def framing(cls, mesh: Mesh, direction: Vector, up: Vector = (0.0, 0.0, 1.0), aspect: float = 1.0) -> Camera:
+    def framing(
+        cls,
+        mesh: Mesh,
+        direction: Vector,
+        up: Vector = (0.0, 0.0, 1.0),
+        aspect: float = 1.0,
+        field_of_view: float = 35.0,
+    ) -> Camera:
         """A camera in `direction` from the mesh's centre, just far enough away to see every vertex.
 
-        Args: aspect: width over height of the picture.
+        Args: aspect: width over height of the picture. field_of_view: vertical, in degrees.
         """
-        view = cls((0.0, 0.0, 0.0), _vector(-normalize(np.array(direction))), up)
+        view = cls((0.0, 0.0, 0.0), _vector(-normalize(np.array(direction))), up, field_of_view)
         right, above, forward = view.axes()
         half = np.tan(np.radians(view.field_of_view / 2))
         offset = mesh.vertices - mesh.centre
         across = np.maximum(np.abs(offset @ right) / aspect, np.abs(offset @ above))
         distance = 1.05 * float(np.max(across / half - offset @ forward)) or 1.0
-        return cls(_vector(mesh.centre - distance * forward), _vector(mesh.centre), up)
+        return cls(_vector(mesh.centre - distance * forward), _vector(mesh.centre), up, field_of_view)
 
     def axes(self) -> tuple[Floats, Floats, Floats]:
         """Unit vectors to the right, upwards and forward of the picture; zero where there is none."""

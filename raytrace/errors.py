@@ -5,6 +5,7 @@
     ObscuranceError
     ├── InputError (ValueError)       the user's input is wrong: exit status 2
     │   ├── MeshError                 a mesh or mesh file
+    │   ├── SceneError                a scene file
     │   └── OptionError               an option or parameter value
     ├── OutputError (OSError)         a target that cannot be written: exit status 2
     └── EmbreeError (RuntimeError)    Embree reported an error, or is not version 4
@@ -36,6 +37,10 @@ class InputError(ObscuranceError, ValueError):
 
 class MeshError(InputError):
     """A mesh, or a file that should hold one, cannot be used."""
+
+
+class SceneError(InputError):
+    """A scene file cannot be used; `field` is the path to the value, such as `objects[2].material`."""
 
 
 class OptionError(InputError):

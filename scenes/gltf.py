@@ -117,18 +117,22 @@ def encode_glb(header: dict[str, Any], binary: bytes) -> bytes:
     return struct.pack("<III", _GLB_MAGIC, 2, 12 + len(chunks)) + chunks
 
 
+def roots(header: dict[str, Any]) -> list[int]:
+    """The nodes on which the default scene stands; a file without scenes shows every node that is no child."""
+    nodes = header.get("nodes", [])
+    children = {child for node in nodes for child in node.get("children", [])}
+    scenes = header.get("scenes", [{"nodes": [n for n in range(len(nodes)) if n not in children]}])
+    return list(scenes[header.get("scene", 0)].get("nodes", []))
+
+
 def primitives(header: dict[str, Any]) -> Iterator[Primitive]:
     """The triangle primitives the default scene draws, depth first, children in their order.
-
-    A file without scenes shows every node that is no child.
 
     Raises:
         ValueError: the nodes are no tree, or a primitive is a triangle fan, which trimesh does not read.
     """
     nodes = header.get("nodes", [])
-    children = {child for node in nodes for child in node.get("children", [])}
-    scenes = header.get("scenes", [{"nodes": [n for n in range(len(nodes)) if n not in children]}])
-    stack = list(reversed(scenes[header.get("scene", 0)].get("nodes", [])))
+    stack = list(reversed(roots(header)))
     seen: set[int] = set()
     while stack:
         number = stack.pop()

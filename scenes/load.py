@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, BinaryIO
 
-from raytrace.errors import MeshError
+from raytrace.errors import InputError, MeshError
 from raytrace.mesh import Mesh
 
 from .flatten import Instance, Part, flatten, instance, world_matrices
@@ -58,9 +58,23 @@ def load(path: str | os.PathLike[str]) -> MeshFile:
             without triangles, or has indices out of range or coordinates that are not finite.
     """
     path = Path(path)
+    instances, asset = read_objects(path)
+    with mesh_errors(path):
+        mesh, parts = flatten(instances, str(path))
+    return MeshFile(path, mesh, parts, asset)
+
+
+def read_objects(path: Path) -> tuple[list[Instance], Gltf | None]:
+    """The placed objects of a mesh file as it stores them, at least one, and the asset when it is glTF or GLB.
+
+    Of a glTF they are its drawn primitives, in the order of `gltf.primitives`.
+
+    Raises:
+        MeshError: as `load`, but for indices and coordinates, which `raytrace.Mesh` checks.
+    """
     source = str(path)
     kind = path.suffix.lower().removeprefix(".")
-    with _quiet(), _as_mesh_errors(path, kind):
+    with mesh_errors(path):
         if path.is_dir():
             raise MeshError(path, "file", "a mesh file", "a folder")
         if not path.exists():
@@ -87,8 +101,7 @@ def load(path: str | os.PathLike[str]) -> MeshFile:
         if not solid:
             points = sum(len(instance.vertices) for instance in instances)
             raise MeshError(path, "faces", "at least one triangle", f"none, and {points} points")
-        mesh, parts = flatten(solid, source)
-    return MeshFile(path, mesh, parts, asset)
+    return solid, asset
 
 
 def _trimesh_formats() -> list[str]:
@@ -161,11 +174,12 @@ _COMPLETENESS: dict[str, Callable[[BinaryIO, dict[str, Any], str], None]] = {
 
 
 @contextmanager
-def _as_mesh_errors(path: Path, kind: str) -> Iterator[None]:
-    """Everything a parser may raise on hostile data, as one clear line."""
+def mesh_errors(path: Path) -> Iterator[None]:
+    """Everything a parser may raise on the hostile data of a mesh file, as one clear line."""
     try:
-        yield
-    except MeshError:
+        with _quiet():
+            yield
+    except InputError:
         raise
     except OSError as reason:
         raise MeshError(path, "file", "a readable file", reason.strerror or reason) from None
@@ -173,7 +187,8 @@ def _as_mesh_errors(path: Path, kind: str) -> Iterator[None]:
         raise MeshError(path, "content", "sizes that fit into memory", "larger ones") from None
     except Exception as reason:
         detail = " ".join(f"{type(reason).__name__}: {reason}".split())[:160]
-        raise MeshError(path, "content", f"a complete and valid {kind.upper()} file", detail) from None
+        kind = path.suffix.upper().removeprefix(".")
+        raise MeshError(path, "content", f"a complete and valid {kind} file", detail) from None
 
 
 @contextmanager

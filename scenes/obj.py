@@ -20,9 +20,13 @@ from .polygons import fan_triangles
 _VERTEX = re.compile(r"^[ \t]*v[ \t]+(\S+[ \t]+\S+[ \t]+\S+)", re.MULTILINE)
 _VERTEX_LINE = re.compile(r"^[ \t]*v[ \t]", re.MULTILINE)
 _NORMAL = re.compile(r"^[ \t]*vn[ \t]+(\S+[ \t]+\S+[ \t]+\S+)", re.MULTILINE)
+_TEXTURE = re.compile(r"^[ \t]*vt[ \t]+(\S+[ \t]+\S+)", re.MULTILINE)
 _FACE = re.compile(r"^[ \t]*f[ \t]+([^#\n]*)", re.MULTILINE)
 _STATEMENT = re.compile(r"^[ \t]*(v|vt|vn|f)[ \t]+([^#\n]*)", re.MULTILINE)
 _CORNER_WITHOUT_NORMAL = re.compile(r"(?<!\S)(?![^/\s]+/[^/\s]*/[^/\s]+(?!\S))\S")
+_CORNER_WITHOUT_UV = re.compile(r"(?<!\S)(?![^/\s]+/[^/\s]+)\S")
+
+Floats = npt.NDArray[np.float64]
 
 
 def read_obj(data: bytes, name: str, source: str) -> list[Instance]:
@@ -42,8 +46,48 @@ def read_obj(data: bytes, name: str, source: str) -> list[Instance]:
             outside the file's lines.
         ValueError: text that is not numbers.
     """
+    vertices, normals, faces, sizes = _statements(_text(data), source)
+    corners = _indices(re.sub(r"/\S*", "", faces), len(vertices), source, "v")
+    vertex_normals = None
+    if len(normals) and not _CORNER_WITHOUT_NORMAL.search(faces):
+        choice = _normal_indices(faces, len(normals), source)
+        vertex_normals = _one_each(normals[choice], corners, len(vertices))
+    return [Instance(name, vertices, fan_triangles(corners, sizes), vertex_normals)]
+
+
+def read_textured_obj(data: bytes, name: str, source: str) -> tuple[Instance, Floats]:
+    """All faces of the file with texture coordinates uv (n, 2), v upwards.
+
+    Every combination of a vertex with a texture coordinate, and with a normal where every face has them, becomes a
+    vertex of its own, so that seams and hard edges stay.
+
+    Raises:
+        MeshError: as `read_obj`, or a corner without texture coordinates.
+        ValueError: text that is not numbers.
+    """
+    text = _text(data)
+    vertices, normals, faces, sizes = _statements(text, source)
+    uv = _rows(_TEXTURE.findall(text), 2)
+    if not len(uv) or _CORNER_WITHOUT_UV.search(faces):
+        raise MeshError(source, "vt", "texture coordinates on every corner of a face", "none on some")
+    columns = [_indices(re.sub(r"/\S*", "", faces), len(vertices), source, "v")]
+    columns.append(_indices(re.sub(r"(?<!\S)[^/\s]+/([^/\s]+)\S*", r"\1", faces), len(uv), source, "vt"))
+    has_normals = len(normals) > 0 and not _CORNER_WITHOUT_NORMAL.search(faces)
+    if has_normals:
+        columns.append(_normal_indices(faces, len(normals), source))
+    kinds, corners = np.unique(np.stack(columns, axis=1), axis=0, return_inverse=True)
+    triangles = fan_triangles(corners.ravel(), sizes)
+    own = normals[kinds[:, 2]] if has_normals else None
+    return Instance(name, vertices[kinds[:, 0]], triangles, own), uv[kinds[:, 1]]
+
+
+def _text(data: bytes) -> str:
     text = data.decode("utf-8", "replace").removeprefix("\ufeff").replace("\r\n", "\n").replace("\r", "\n")
-    text = text.replace("\\\n", " ")
+    return text.replace("\\\n", " ")
+
+
+def _statements(text: str, source: str) -> tuple[Floats, Floats, str, npt.NDArray[np.int64]]:
+    """Vertices, normals, the faces' corners as text with positive indices, and how many each face has."""
     vertices = _rows(_VERTEX.findall(text))
     short = sum(1 for _ in _VERTEX_LINE.finditer(text)) - len(vertices)
     if short:
@@ -56,16 +100,15 @@ def read_obj(data: bytes, name: str, source: str) -> list[Instance]:
     sizes = np.array([len(line.split()) for line in faces.splitlines()], dtype=np.int64)
     if (sizes < 3).any():
         raise MeshError(source, f"face {int(np.argmax(sizes < 3)) + 1}", "three corners or more", int(sizes.min()))
-    corners = _indices(re.sub(r"/\S*", "", faces), len(vertices), source, "v")
-    vertex_normals = None
-    if len(normals) and not _CORNER_WITHOUT_NORMAL.search(faces):
-        choice = _indices(re.sub(r"[^/\s]+/[^/\s]*/", "", faces), len(normals), source, "vn")
-        vertex_normals = _one_each(normals[choice], corners, len(vertices))
-    return [Instance(name, vertices, fan_triangles(corners, sizes), vertex_normals)]
+    return vertices, normals, faces, sizes
 
 
-def _rows(lines: list[str]) -> npt.NDArray[np.float64]:
-    return np.fromstring(" ".join(lines), sep=" ").reshape(-1, 3)
+def _normal_indices(faces: str, count: int, source: str) -> npt.NDArray[np.int64]:
+    return _indices(re.sub(r"[^/\s]+/[^/\s]*/", "", faces), count, source, "vn")
+
+
+def _rows(lines: list[str], width: int = 3) -> Floats:
+    return np.fromstring(" ".join(lines), sep=" ").reshape(-1, width)
 
 
 def _absolute(text: str) -> str:

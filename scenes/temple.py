@@ -7,7 +7,7 @@ import numpy.typing as npt
 
 from raytrace.mesh import Mesh
 
-from .primitives import box, cylinder, merge
+from .primitives import Geometry, box, merge, tube
 
 COLUMNS = (5, 3)  # along x and along y
 SPACING = 1.5
@@ -33,7 +33,7 @@ def temple(fineness: float = 0.07) -> Mesh:
     parts.append(box((0, 0, top + 0.475), (*(2 * half + 0.4), 0.15), fineness))
     parts.append(box((0, 0, top + 0.7), (*(2 * half - 0.6), 0.3), fineness))
     parts.append(box((0, 0, floor + 0.45), (1.5, 0.9, 0.9), fineness))
-    return merge(parts, source="temple")
+    return merge(parts, source="temple").mesh
 
 
 def _ring() -> npt.NDArray[np.float64]:
@@ -43,11 +43,11 @@ def _ring() -> npt.NDArray[np.float64]:
     return grid[outer]
 
 
-def _column(position: npt.NDArray[np.float64], floor: float, fineness: float) -> Mesh:
+def _column(position: npt.NDArray[np.float64], floor: float, fineness: float) -> Geometry:
     x, y = position
     cap = 0.14
     side = 2.6 * COLUMN_RADIUS
-    shaft = cylinder((x, y, floor + cap), COLUMN_RADIUS, COLUMN_HEIGHT - 2 * cap, fineness)
+    shaft = tube((x, y, floor + cap), COLUMN_RADIUS, COLUMN_HEIGHT - 2 * cap, fineness)
     base = box((x, y, floor + cap / 2), (side, side, cap), fineness)
     capital = box((x, y, floor + COLUMN_HEIGHT - cap / 2), (side, side, cap), fineness)
     return merge([shaft, base, capital], source="column")

@@ -1,0 +1,77 @@
+"""A glTF or GLB file as a scene: objects, materials, base colour textures, camera and lights."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from raytrace.errors import MeshError
+from raytrace.mesh import Mesh
+from raytrace.scene import Object, Scene, Shape
+from raytrace.settings import Settings
+
+from . import gltf_camera, gltf_lights
+from .description import SceneDescription
+from .flatten import Instance
+from .gltf import Gltf, Primitive, primitives
+from .gltf_materials import material_of
+from .gltf_nodes import node_matrices
+from .gltf_texture import Textures
+from .load import mesh_errors, read_objects
+from .studio import BACKGROUND, Y_UP, framing, three_lights
+
+
+def read_gltf(path: Path, settings: Settings) -> SceneDescription:
+    """A whole glTF scene; y is up, as glTF has it.
+
+    Without a camera everything is framed; without lights there are three of our own.
+
+    Raises:
+        MeshError: the file cannot be read (`scenes.load.load`).
+        SceneError: a texture, light or camera cannot be used.
+    """
+    objects, asset = gltf_objects(path)
+    with mesh_errors(path):
+        world = node_matrices(asset.header)
+        camera = gltf_camera.camera(asset.header, world, path)
+        lights = gltf_lights.lights(asset.header, world, path)
+    scene = Scene(objects, lights, BACKGROUND)
+    camera = camera or framing(scene, Y_UP, settings.width, settings.height)
+    return SceneDescription(Scene(objects, lights or three_lights(camera), BACKGROUND), camera, settings)
+
+
+def gltf_objects(path: Path) -> tuple[tuple[Object, ...], Gltf]:
+    """The drawn primitives of a file, those of one mesh sharing their shapes, and the asset.
+
+    Objects that their nodes flatten to nothing (a scale of zero hides, in glTF) are left out.
+
+    Raises:
+        MeshError: the file cannot be read, or draws no triangles.
+        SceneError: a texture cannot be used.
+    """
+    instances, asset = read_objects(path)
+    if asset is None:
+        raise MeshError(path, "file", "glTF or GLB", path.suffix)
+    with mesh_errors(path):
+        textures = Textures(asset, path)
+        shapes: dict[tuple[int, int], Shape] = {}
+        objects = []
+        for piece, placed in zip(primitives(asset.header), instances, strict=True):
+            matrix = np.eye(4) if placed.matrix is None else placed.matrix
+            if not len(placed.faces) or not np.linalg.det(matrix[:3, :3]):
+                continue
+            key = (piece.mesh, piece.place)
+            if key not in shapes:
+                shapes[key] = _shape(asset, piece, placed, textures, path)
+            objects.append(Object(shapes[key], matrix, placed.name))
+    if not objects:
+        raise MeshError(path, "nodes", "at least one triangle to see", "none")
+    return tuple(objects), asset
+
+
+def _shape(asset: Gltf, piece: Primitive, placed: Instance, textures: Textures, path: Path) -> Shape:
+    primitive = asset.header["meshes"][piece.mesh]["primitives"][piece.place]
+    mesh = Mesh(placed.vertices, placed.faces, placed.normals, source=f"{path}: {placed.name}")
+    uv, texture = textures.of(primitive) or (None, None)
+    return Shape(mesh, material_of(asset.header, primitive), uv, texture)

@@ -1,0 +1,48 @@
+"""Faults of a scene file, each with the path of the value that is wrong."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
+
+from raytrace.errors import InputError, MeshError, SceneError
+
+_LONGEST = 100
+
+
+def shown(value: object) -> str:
+    """A value as a message shows it: on one line, strings in quotes, long ones cut short."""
+    text = f'"{value}"' if isinstance(value, str) else " ".join(str(value).split())
+    text = text.replace("\n", "\\n").replace("\r", "\\r")
+    return text if len(text) <= _LONGEST else text[: _LONGEST - 1] + "…"
+
+
+def joined(path: str, field: str) -> str:
+    """The path of a field within the table at `path`; "" is the whole file."""
+    return path + field if not path or not field or field.startswith("[") else f"{path}.{field}"
+
+
+def check_keys(source: object, path: str, keys: Iterable[str], known: Iterable[str]) -> None:
+    """Raises: SceneError: one of `keys` is not among the `known`."""
+    known = list(known)
+    for key in keys:
+        if key not in known:
+            raise SceneError(source, joined(path, key), "one of " + ", ".join(known), "an unknown key")
+
+
+@contextmanager
+def located(source: object, path: str) -> Iterator[None]:
+    """Errors raised within name the scene file `source` and the field's path, which starts with `path`."""
+    try:
+        yield
+    except SceneError:
+        raise
+    except MeshError as fault:
+        field = f"{path}: {fault.source}: {fault.field}"
+        raise SceneError(source, field, fault.expected, fault.got) from None
+    except InputError as fault:
+        raise SceneError(source, joined(path, fault.field), fault.expected, _one_line(fault.got)) from None
+
+
+def _one_line(got: object) -> str:
+    return shown(got).strip('"') if isinstance(got, str) else shown(got)

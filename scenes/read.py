@@ -1,0 +1,45 @@
+"""Any file that can be rendered, as a scene."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+from raytrace.scene import Object, Scene, Shape
+from raytrace.settings import Settings
+
+from .description import SceneDescription
+from .gltf_scene import read_gltf
+from .load import load
+from .scene_file import read_toml
+from .studio import BACKGROUND, NEUTRAL, Y_UP, Z_UP, framing, three_lights
+
+Z_UP_ENDINGS = (".stl", ".3mf")
+
+
+def read_scene(path: str | os.PathLike[str], size: tuple[int, int] | None = None) -> SceneDescription:
+    """A scene by the file's ending: `.toml` (docs/scenes.md), `.glb` or `.gltf`, or any other mesh alone.
+
+    A mesh alone is matt grey, framed whole, under three lights; its y is up, or z if it is STL or 3MF, formats of
+    construction and printing where z is. One baked file of the mesh fits it: vertices stay as they are.
+
+    Args:
+        path: the file.
+        size: width and height of the picture in pixels in place of the file's own; automatic framing goes by it.
+
+    Raises:
+        SceneError: a fault of a scene file, with the path of the value.
+        MeshError: a mesh or glTF file cannot be read.
+        OptionError: `size` is out of range.
+    """
+    path = Path(path)
+    ending = path.suffix.lower()
+    if ending == ".toml":
+        return read_toml(path, size)
+    settings = Settings(*size) if size else Settings()
+    if ending in (".glb", ".gltf"):
+        return read_gltf(path, settings)
+    objects = (Object(Shape(load(path).mesh, NEUTRAL), name=path.stem),)
+    scene = Scene(objects, background=BACKGROUND)
+    camera = framing(scene, Z_UP if ending in Z_UP_ENDINGS else Y_UP, settings.width, settings.height)
+    return SceneDescription(Scene(objects, three_lights(camera), BACKGROUND), camera, settings)

@@ -1,0 +1,176 @@
+"""The `[[materials]]` and `[[objects]]` of a TOML scene."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy.typing as npt
+
+from raytrace.errors import SceneError
+from raytrace.material_base import BaseMaterial
+from raytrace.materials import material_from_dict
+from raytrace.mesh import Mesh
+from raytrace.presets import PRESETS
+from raytrace.scene import Object, Shape
+from raytrace.texture import Texture
+
+from .confined import confined
+from .flatten import flatten
+from .gltf_scene import gltf_objects
+from .load import mesh_errors, read_objects
+from .located import check_keys, joined, located, shown
+from .obj import read_textured_obj
+from .primitives import Geometry
+from .schema import ObjectTable, Transform
+from .solids import SOLIDS, Solid
+from .studio import NEUTRAL
+from .transforms import matrix_of
+
+
+def named_materials(tables: Sequence[dict[str, Any]], source: object) -> dict[str, BaseMaterial]:
+    """Materials by name: the presets, then those of `[[materials]]`.
+
+    Raises:
+        SceneError: a name is missing or given twice, or a material has a bad value.
+    """
+    made = {name: material_from_dict({"preset": name}) for name in PRESETS}
+    own: set[str] = set()
+    for number, table in enumerate(tables):
+        path = f"materials[{number}]"
+        name = table.get("name")
+        if not isinstance(name, str) or not name:
+            raise SceneError(source, joined(path, "name"), "a name", shown(name) if "name" in table else "nothing")
+        if name in own:
+            raise SceneError(source, joined(path, "name"), "a name of its own", f"{shown(name)} again")
+        own.add(name)
+        with located(source, path):
+            made[name] = material_from_dict({key: value for key, value in table.items() if key != "name"})
+    return made
+
+
+class ObjectReader:
+    """Makes objects; what is the same in several of them, in mesh, material and texture, becomes one shape."""
+
+    def __init__(self, source: Path, materials: dict[str, BaseMaterial]) -> None:
+        self._source, self._materials = source, materials
+        self._geometry: dict[Any, Geometry] = {}
+        self._textures: dict[Path, Texture] = {}
+        self._gltf: dict[Path, tuple[Object, ...]] = {}
+        self._shapes: dict[Any, Shape] = {}
+
+    def read(self, table: ObjectTable, path: str) -> list[Object]:
+        """The objects of one entry, whose path in the file is `path`: one for each copy, or more for a glTF file.
+
+        Raises:
+            SceneError: a bad or missing value or file.
+        """
+        pieces = self._pieces(table, path)
+        own = matrix_of(table, self._source, path)
+        copies: list[tuple[str, npt.NDArray[Any]]] = [("", own)]
+        if table.copies is not None:
+            tables = enumerate(table.copies)
+            matrices = [matrix_of(copy, self._source, f"{path}.copies[{number}]") for number, copy in tables]
+            copies = [(f" {number}", matrix @ own) for number, matrix in enumerate(matrices)]
+        objects = []
+        for suffix, matrix in copies:
+            for piece in pieces:
+                with located(self._source, path):
+                    objects.append(replace(piece, transform=matrix @ piece.transform, name=piece.name + suffix))
+        return objects
+
+    def _pieces(self, table: ObjectTable, path: str) -> list[Object]:
+        """The entry's objects before its own transform."""
+        if (table.mesh is None) == (table.builtin is None):
+            got = "neither" if table.mesh is None else "both"
+            raise SceneError(self._source, path, "either mesh or builtin", got)
+        material = None if table.material is None else self._material(table.material, joined(path, "material"))
+        texture = None if table.texture is None else self._texture(table.texture, joined(path, "texture"))
+        if table.builtin is not None:
+            solid = self._solid(table, path)
+            with located(self._source, path):
+                geometry = self._once(solid, solid.geometry)
+            shape = self._shape(table, path, geometry, material, texture)
+            return [Object(shape, name=table.name or table.builtin)]
+
+        check_keys(self._source, path, table.model_extra or {}, _keys("mesh"))
+        field = joined(path, "mesh")
+        mesh = confined(table.mesh or "", self._source.parent, self._source, field)
+        with located(self._source, field):
+            if mesh.suffix.lower() in (".glb", ".gltf"):
+                return self._gltf_pieces(mesh, table, path, material, texture)
+            geometry = self._once((mesh, texture is None), lambda: _read(mesh, texture is not None))
+        return [Object(self._shape(table, path, geometry, material, texture), name=table.name or mesh.stem)]
+
+    def _gltf_pieces(
+        self, mesh: Path, table: ObjectTable, path: str, material: BaseMaterial | None, texture: Texture | None
+    ) -> list[Object]:
+        if mesh not in self._gltf:
+            self._gltf[mesh] = gltf_objects(mesh)[0]
+        pieces = []
+        for item in self._gltf[mesh]:
+            shape = item.shape
+            geometry = self._once(shape, lambda shape=shape: Geometry(shape.mesh, shape.uv))
+            # A material of the entry's own takes the place of the file's with its texture.
+            kept = texture or (shape.texture if material is None else None)
+            made = self._shape(table, path, geometry, material or shape.material, kept)
+            name = item.name if table.name is None else f"{table.name} {item.name}"
+            pieces.append(replace(item, shape=made, name=name))
+        return pieces
+
+    def _once(self, key: Any, make: Any) -> Geometry:
+        if key not in self._geometry:
+            self._geometry[key] = make()
+        return self._geometry[key]
+
+    def _shape(
+        self, table: ObjectTable, path: str, geometry: Geometry, material: BaseMaterial | None, texture: Texture | None
+    ) -> Shape:
+        if texture is not None and geometry.uv is None:
+            raise SceneError(self._source, joined(path, "texture"), "a mesh with texture coordinates", "one without")
+        material = material or NEUTRAL
+        key = (geometry, material, texture, table.own_normals)
+        if key not in self._shapes:
+            mesh = geometry.mesh if table.own_normals else replace(geometry.mesh, normals=None)
+            self._shapes[key] = Shape(mesh, material, geometry.uv, texture)
+        return self._shapes[key]
+
+    def _material(self, given: str | dict[str, Any], path: str) -> BaseMaterial:
+        if isinstance(given, str):
+            if given not in self._materials:
+                raise SceneError(self._source, path, "one of " + ", ".join(sorted(self._materials)), shown(given))
+            return self._materials[given]
+        with located(self._source, path):
+            return material_from_dict(given)
+
+    def _texture(self, given: str, path: str) -> Texture:
+        file = confined(given, self._source.parent, self._source, path)
+        return self._textures.setdefault(file, Texture(file))
+
+    def _solid(self, table: ObjectTable, path: str) -> Solid:
+        kind = SOLIDS.get(table.builtin or "")
+        if kind is None:
+            field = joined(path, "builtin")
+            raise SceneError(self._source, field, "one of " + ", ".join(SOLIDS), shown(table.builtin))
+        parameters = table.model_extra or {}
+        check_keys(self._source, path, parameters, [*kind.model_fields, *_keys("builtin")])
+        with located(self._source, path):
+            return kind(**parameters)
+
+
+def _keys(kind: str) -> list[str]:
+    """The keys of an entry that has the key `kind`, "mesh" or "builtin"."""
+    keys = [*(key for key in ObjectTable.model_fields if key not in Transform.model_fields), *Transform.model_fields]
+    return [key for key in keys if key == kind or key not in ("mesh", "builtin")]
+
+
+def _read(path: Path, textured: bool) -> Geometry:
+    """Any mesh file but glTF. Texture coordinates are read of OBJ only, where `textured`."""
+    if textured and path.suffix.lower() == ".obj":
+        with mesh_errors(path):
+            placed, uv = read_textured_obj(path.read_bytes(), path.stem, str(path))
+            return Geometry(Mesh(placed.vertices, placed.faces, placed.normals, source=str(path)), uv)
+    with mesh_errors(path):
+        return Geometry(flatten(read_objects(path)[0], str(path))[0])

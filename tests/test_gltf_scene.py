@@ -1,0 +1,315 @@
+"""glTF scenes: objects, materials, textures, camera and lights as the specification means them."""
+
+import base64
+import json
+from math import cos, degrees, pi, radians, sqrt
+
+import numpy as np
+import pytest
+from gltf_files import QUAD, TRIANGLE, Builder
+from scipy.integrate import quad
+
+from raytrace.errors import InputError, MeshError, SceneError
+from raytrace.lights import AmbientLight, DirectionalLight, PointLight, SpotLight
+from raytrace.materials import CookTorrance, Lambert, Strauss
+from raytrace.reflect import reflect
+from scenes.gltf_lights import spot_exponent
+from scenes.read import read_scene
+from scenes.studio import NEUTRAL
+
+UV = np.array([[0, 0], [1, 0], [0, 1]], dtype="<f4")
+PUNCTUAL = "KHR_lights_punctual"
+
+
+def read(folder, builder, nodes, name="scene.glb", **fields):
+    path = folder / name
+    path.write_bytes(builder.glb(nodes, **fields))
+    return read_scene(path)
+
+
+def triangle(**fields):
+    """A builder with one triangle as mesh 0."""
+    builder = Builder()
+    builder.mesh(builder.primitive(TRIANGLE, **fields))
+    return builder
+
+
+def with_light(folder, light, **node):
+    builder = triangle()
+    node = {**node, "extensions": {PUNCTUAL: {"light": 0}}}
+    return read(folder, builder, [{"mesh": 0}, node], extensions={PUNCTUAL: {"lights": [light]}}).scene.lights[0]
+
+
+def with_material(folder, material, **fields):
+    builder = triangle(material=0)
+    made = read(folder, builder, [{"mesh": 0}], materials=[material], **fields)
+    return made.scene.objects[0].shape.material
+
+
+def test_hierarchy_and_shared_shapes(tmp_path):
+    builder = Builder()
+    builder.mesh(builder.primitive(TRIANGLE, normals=np.tile([0, 0, 1.0], (3, 1))), builder.primitive(QUAD, [0, 1, 2]))
+    nodes = [
+        {"name": "a", "translation": [1, 0, 0], "children": [1], "mesh": 0},
+        {"name": "b", "rotation": [0, 0, sqrt(0.5), sqrt(0.5)], "scale": [2, 2, 2], "children": [2]},
+        {"name": "c", "matrix": [1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 3, 0, 1], "mesh": 0},
+        {"name": "hidden", "scale": [0, 0, 0], "mesh": 0},
+    ]
+    objects = read(tmp_path, builder, nodes, roots=[0, 3]).scene.objects
+    assert [item.name for item in objects] == ["a[0]", "a[1]", "c[0]", "c[1]"]
+    assert objects[0].shape is objects[2].shape
+    assert objects[1].shape is objects[3].shape
+    np.testing.assert_allclose((objects[2].transform @ [1, 0, 0, 1])[:3], [-5, 2, 0], atol=1e-6)
+    assert objects[0].shape.mesh.normals is not None
+    assert objects[1].shape.mesh.normals is None
+
+
+def test_without_camera_and_lights(tmp_path):
+    made = read(tmp_path, triangle(), [{"mesh": 0}])
+    assert made.camera.up == (0, 1, 0)
+    assert [type(light) for light in made.scene.lights] == [DirectionalLight] * 3 + [AmbientLight]
+    assert made.scene.objects[0].shape.material is NEUTRAL
+
+
+def test_the_first_camera_in_the_tree(tmp_path):
+    nodes = [
+        {"mesh": 0, "children": [1]},
+        {"translation": [0, 0, 5], "children": [2]},
+        {"rotation": [0, sqrt(0.5), 0, sqrt(0.5)], "camera": 1},
+        {"camera": 0},
+    ]
+    cameras = [
+        {"type": "orthographic", "orthographic": {"xmag": 3, "ymag": 2, "znear": 0, "zfar": 1}},
+        {"type": "perspective", "perspective": {"yfov": 0.6, "znear": 0.1}},
+    ]
+    camera = read(tmp_path, triangle(), nodes, roots=[0, 3], cameras=cameras).camera
+    assert camera.field_of_view == pytest.approx(degrees(0.6))
+    right, above, forward = camera.axes()
+    np.testing.assert_allclose(camera.position, [0, 0, 5])
+    np.testing.assert_allclose([right, above, forward], [[0, 0, -1], [0, 1, 0], [-1, 0, 0]], atol=1e-12)
+    camera = read(tmp_path, triangle(), nodes, roots=[3, 0], cameras=cameras).camera
+    assert camera.height == 4
+
+
+def test_point_light_in_candela(tmp_path):
+    light = with_light(tmp_path, {"type": "point", "intensity": 10, "color": [1, 0.5, 0]}, translation=[1, 2, 3])
+    assert light == PointLight(position=(1, 2, 3), intensity=(10, 5, 0))
+
+
+def test_directional_light_shines_along_the_nodes_minus_z(tmp_path):
+    light = with_light(tmp_path, {"type": "directional"}, rotation=[sqrt(0.5), 0, 0, sqrt(0.5)])
+    assert light.intensity == (1, 1, 1)
+    np.testing.assert_allclose(light.direction, [0, 1, 0], atol=1e-12)
+
+
+def test_spot_light(tmp_path):
+    spot = {"innerConeAngle": 0.3, "outerConeAngle": 0.5}
+    light = with_light(tmp_path, {"type": "spot", "intensity": 7, "spot": spot}, translation=[0, 4, 0])
+    assert isinstance(light, SpotLight)
+    assert light.position == (0, 4, 0)
+    assert light.direction == (0, 0, -1)
+    assert light.half_angle == 0.5
+    assert light.exponent == spot_exponent(0.3, 0.5)
+    assert with_light(tmp_path, {"type": "spot", "spot": {}}).half_angle == pytest.approx(pi / 4)
+
+
+@pytest.mark.parametrize(("inner", "outer"), [(0, 45), (20, 30), (0, 90), (44, 45), (0, 1), (60, 90)])
+def test_a_spots_edge_keeps_its_power(inner, outer):
+    inner, outer = radians(inner), radians(outer)
+    exponent = spot_exponent(inner, outer)
+
+    def gltf(c):
+        return min(max((c - cos(outer)) / (cos(inner) - cos(outer)), 0), 1) ** 2
+
+    wanted, _ = quad(gltf, cos(outer), 1, points=[cos(inner)])
+    power, _ = quad(lambda c: max(c, 0) ** exponent, max(cos(outer), 0), 1)
+    assert power == pytest.approx(wanted, rel=1e-6)
+
+
+def test_a_hard_edged_spot_has_exponent_zero():
+    assert spot_exponent(0.4, 0.4) == 0
+    assert spot_exponent(pi / 2, pi / 2) == 0
+
+
+def test_a_bad_light_is_named(tmp_path):
+    with pytest.raises(SceneError, match=rf"scene.glb: extensions.{PUNCTUAL}.lights\[0\].intensity\[0\]: expected"):
+        with_light(tmp_path, {"type": "point", "intensity": -1})
+    with pytest.raises(SceneError, match=r"lights\[0\].light: expected one of .*, got laser"):
+        with_light(tmp_path, {"type": "laser"})
+
+
+def test_a_bad_camera_is_named(tmp_path):
+    cameras = [{"type": "perspective", "perspective": {"yfov": 4}}]
+    with pytest.raises(SceneError, match=r"scene.glb: cameras\[0\].field_of_view: expected degrees"):
+        read(tmp_path, triangle(), [{"mesh": 0}, {"camera": 0}], cameras=cameras)
+    with pytest.raises(MeshError, match=r"scene.glb: content"):
+        read(tmp_path, triangle(), [{"mesh": 0}, {"camera": 3}], cameras=cameras)
+
+
+def test_matt_material(tmp_path):
+    surface = {"baseColorFactor": [0.2, 0.4, 0.6, 1], "metallicFactor": 0}
+    made = with_material(tmp_path, {"pbrMetallicRoughness": surface, "doubleSided": True})
+    assert made == Lambert(albedo=(0.2, 0.4, 0.6), two_sided=True)
+    assert with_material(tmp_path, {"name": "white"}) == Lambert(albedo=1.0)
+
+
+@pytest.mark.parametrize("metallic", [0.0, 0.5, 1.0])
+def test_reflectance_at_normal_incidence_is_gltfs(tmp_path, metallic):
+    base, roughness = np.array([0.9, 0.5, 0.3]), 0.6
+    surface = {"baseColorFactor": [*base, 1], "metallicFactor": metallic, "roughnessFactor": roughness}
+    made = with_material(tmp_path, {"pbrMetallicRoughness": surface})
+    assert isinstance(made, CookTorrance)
+    assert made.m == pytest.approx(roughness**2)
+    up = [0, 0, 1]
+    black = made.model_copy(update={"albedo": (0.0, 0.0, 0.0)})
+    m = roughness**2
+    specular = 0.04 * (1 - metallic) + base * metallic
+    np.testing.assert_allclose(reflect(black, up, up, up), specular / (4 * pi * m**2), rtol=1e-6)
+    diffuse = reflect(made, up, up, up) - reflect(black, up, up, up)
+    np.testing.assert_allclose(diffuse, 0.9 * (1 - metallic) * base / pi, rtol=1e-6)
+
+
+def test_emission_unlit_and_transparent(tmp_path):
+    strength = {"KHR_materials_emissive_strength": {"emissiveStrength": 5}}
+    glow = with_material(tmp_path, {"emissiveFactor": [1, 0.5, 0], "extensions": strength})
+    assert glow.emission == (5, 2.5, 0)
+    surface = {"baseColorFactor": [0.2, 0.4, 0.6, 0.25]}
+    unlit = with_material(tmp_path, {"pbrMetallicRoughness": surface, "extensions": {"KHR_materials_unlit": {}}})
+    assert unlit == Lambert(albedo=0.0, emission=(0.2, 0.4, 0.6))
+    glass = with_material(tmp_path, {"pbrMetallicRoughness": surface, "alphaMode": "BLEND"})
+    assert isinstance(glass, Strauss)
+    assert glass.transparency == 0.75
+    opaque = with_material(tmp_path, {"pbrMetallicRoughness": surface})
+    assert not isinstance(opaque, Strauss)
+
+
+def textured(builder, image, coordinates=UV, **fields):
+    """Scene fields that give the builder's only primitive a texture with that image."""
+    primitive = builder.header["meshes"][0]["primitives"][0]
+    primitive["material"] = 0
+    if coordinates is not None:
+        primitive["attributes"]["TEXCOORD_0"] = builder.accessor(coordinates, "VEC2", **fields)
+    surface = {"baseColorTexture": {"index": 0}, "metallicFactor": 0}
+    return {
+        "materials": [{"pbrMetallicRoughness": surface}],
+        "textures": [{"source": 0}],
+        "images": [image],
+    }
+
+
+def test_texture_coordinates_point_upwards(tmp_path):
+    builder = triangle()
+    shape = read(tmp_path, builder, [{"mesh": 0}], **textured(builder, {"uri": "data:image/png;base64,QUJD"})).scene
+    shape = shape.objects[0].shape
+    assert shape.texture.data == b"ABC"
+    assert shape.texture.srgb
+    np.testing.assert_array_equal(shape.uv, [[0, 1], [1, 1], [0, 0]])
+
+
+@pytest.mark.parametrize("kind", ["<u1", "<u2"])
+def test_normalized_texture_coordinates(tmp_path, kind):
+    builder = triangle()
+    coordinates = (UV * np.iinfo(kind).max).astype(kind)
+    fields = textured(builder, {"uri": "data:image/png;base64,QUJD"}, coordinates, normalized=True)
+    shape = read(tmp_path, builder, [{"mesh": 0}], **fields).scene.objects[0].shape
+    np.testing.assert_array_equal(shape.uv, [[0, 1], [1, 1], [0, 0]])
+
+
+def test_an_image_inside_the_file_is_one_texture(tmp_path):
+    builder = triangle()
+    content = np.frombuffer(b"picture!", "<u1")
+    view = builder.header["accessors"][builder.accessor(content, "SCALAR")]["bufferView"]
+    fields = textured(builder, {"bufferView": view, "mimeType": "image/png"})
+    first = builder.header["meshes"][0]["primitives"][0]
+    builder.mesh({**first})
+    one, other = read(tmp_path, builder, [{"mesh": 0}, {"mesh": 1}], **fields).scene.objects
+    assert one.shape is not other.shape
+    assert one.shape.texture is other.shape.texture
+    assert one.shape.texture.data == b"picture!"
+
+
+def test_an_image_beside_the_file(tmp_path):
+    (tmp_path / "a b.png").write_bytes(b"picture")
+    builder = triangle()
+    shape = read(tmp_path, builder, [{"mesh": 0}], **textured(builder, {"uri": "a%20b.png"})).scene.objects[0].shape
+    assert shape.texture.path == tmp_path / "a b.png"
+    assert shape.texture.data is None
+
+
+@pytest.mark.parametrize(
+    ("uri", "message"),
+    [
+        ("none.png", 'expected an existing file, got "none.png"'),
+        ("../out.png", 'expected a path in the scene\'s folder or below, got "../out.png"'),
+        ("%2e%2e/out.png", 'expected a path in the scene\'s folder or below, got "../out.png"'),
+        ("https://x.y/out.png", "expected a path in the scene's folder or below"),
+        ("data:image/png;base64,", "expected an image in base64"),
+    ],
+)
+def test_images_out_of_reach(tmp_path, uri, message):
+    (tmp_path / "out.png").write_bytes(b"picture")
+    folder = tmp_path / "inside"
+    folder.mkdir()
+    builder = triangle()
+    with pytest.raises(SceneError) as caught:
+        read(folder, builder, [{"mesh": 0}], **textured(builder, {"uri": uri}))
+    assert f"scene.glb: images[0].uri: {message}" in str(caught.value)
+
+
+def test_a_texture_without_coordinates_is_left_out(tmp_path):
+    builder = triangle()
+    fields = textured(builder, {"uri": "none.png"}, coordinates=None)
+    assert read(tmp_path, builder, [{"mesh": 0}], **fields).scene.objects[0].shape.texture is None
+
+
+def test_hostile_texture_coordinates(tmp_path):
+    for change in ({"byteOffset": 10**6}, {"count": 10**6}, {"type": "SCALAR"}, {"componentType": 5122}):
+        builder = triangle()
+        fields = textured(builder, {"uri": "data:image/png;base64,QUJD"}, **change)
+        with pytest.raises(MeshError, match=r"scene\.glb: content"):
+            read(tmp_path, builder, [{"mesh": 0}], **fields)
+    builder = triangle()
+    fields = textured(builder, {"uri": "data:image/png;base64,QUJD"}, np.full((3, 2), np.inf, "<f4"))
+    with pytest.raises(MeshError, match=r"scene\.glb: content"):
+        read(tmp_path, builder, [{"mesh": 0}], **fields)
+
+
+def test_text_gltf(tmp_path):
+    builder = triangle()
+    uri = "data:application/octet-stream;base64," + base64.b64encode(builder.binary).decode()
+    header = builder.header | {"nodes": [{"mesh": 0}], "scenes": [{"nodes": [0]}]}
+    header["buffers"] = [{"uri": uri, "byteLength": len(builder.binary)}]
+    (tmp_path / "scene.gltf").write_text(json.dumps(header))
+    assert len(read_scene(tmp_path / "scene.gltf").scene.objects) == 1
+
+
+@pytest.mark.parametrize("key", ["materials", "textures", "images", "cameras", "extensions"])
+@pytest.mark.parametrize("value", [[], [3], 3, {}, None])
+def test_malformed_headers_are_one_line(tmp_path, key, value):
+    builder = triangle()
+    fields = textured(builder, {"uri": "data:image/png;base64,QUJD"})
+    fields["cameras"] = [{"type": "perspective", "perspective": {"yfov": 1}}]
+    fields["extensions"] = {PUNCTUAL: {"lights": [{"type": "point"}]}}
+    nodes = [{"mesh": 0}, {"camera": 0, "extensions": {PUNCTUAL: {"light": 0}}}]
+    assert read(tmp_path, builder, nodes, **fields).scene.lights == (PointLight(position=(0, 0, 0)),)
+    with pytest.raises(InputError) as caught:
+        read(tmp_path, builder, nodes, **fields | {key: value})
+    assert "\n" not in str(caught.value)
+
+
+def test_a_gltf_in_a_toml_scene_keeps_its_materials_unless_told_otherwise(tmp_path):
+    builder = triangle()
+    fields = textured(builder, {"uri": "data:image/png;base64,QUJD"})
+    nodes = [{"mesh": 0, "translation": [1, 0, 0], "name": "x"}, {"mesh": 0}]
+    (tmp_path / "it.glb").write_bytes(builder.glb(nodes, **fields))
+    entry = '[[objects]]\nmesh = "it.glb"\nscale = 2\n'
+    text = entry + "copies = [{ translate = [0, 5, 0] }, {}]\n" + entry + 'material = "gold"\nname = "bar"\n'
+    (tmp_path / "scene.toml").write_text(text)
+    objects = read_scene(tmp_path / "scene.toml").scene.objects
+    assert [item.name for item in objects] == ["x 0", "node 1 0", "x 1", "node 1 1", "bar x", "bar node 1"]
+    assert len({id(item.shape) for item in objects}) == 2
+    assert objects[0].shape.texture.data == b"ABC"
+    np.testing.assert_allclose((objects[0].transform @ [1, 1, 1, 1])[:3], [4, 7, 2])
+    assert objects[4].shape.texture is None
+    assert objects[4].shape.material.model == "cook_torrance"
+    assert objects[4].shape.mesh is objects[0].shape.mesh
