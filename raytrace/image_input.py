@@ -1,0 +1,153 @@
+"""Reading pictures: every format OpenImageIO knows, as linear float32."""
+
+from __future__ import annotations
+
+import json
+import os
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from .errors import InputError
+from .image import NAMESPACE
+from .srgb import decode_srgb
+
+Floats = npt.NDArray[np.float32]
+
+_ROWS = 64
+_ORDER = {name: place for place, name in enumerate("RGBAXYZ")}
+
+
+def read_image(path: str | os.PathLike[str]) -> tuple[dict[str, Floats], dict[str, str]]:
+    """Read a picture: its layers, and the metadata that `write_frame` stored.
+
+    Values of 8- and 16-bit files are taken as sRGB unless the file says that they are linear; straight alpha becomes
+    premultiplied. Of a file with several parts the first is read.
+
+    Returns:
+        layers: float32 (h, w, channels), linear, row 0 at the top, by name; channels that belong to no layer, which
+            are all of a PNG or JPEG, are "beauty": grey, grey and alpha, RGB or RGBA, premultiplied.
+        metadata: as given to `write_frame`; empty for files from elsewhere.
+
+    Raises:
+        InputError: `path` is missing, a folder, not an image, or damaged.
+    """
+    image = open_image(path)
+    spec = image.spec()
+    groups = _layers(list(spec.channelnames))
+    layers = {name: np.empty((spec.height, spec.width, len(group)), np.float32) for name, group in groups.items()}
+    values = table(spec)
+    for first in range(0, spec.height, _ROWS):
+        end = min(first + _ROWS, spec.height)
+        block = read_rows(image, path, first, end)
+        for name, group in groups.items():
+            layers[name][first:end] = _linear(block[..., group], values, spec.alpha_channel in group)
+    return layers, _metadata(spec)
+
+
+def open_image(path: str | os.PathLike[str], content: Path | None = None) -> Any:
+    """An `OpenImageIO.ImageInput`, alpha left as it is in the file.
+
+    Args:
+        path: the file, and its name in messages.
+        content: the file to open in its place.
+
+    Raises:
+        InputError: `path` is missing, a folder, or not an image.
+    """
+    import OpenImageIO as oiio
+
+    file = Path(path) if content is None else content
+    if file.is_dir():
+        raise InputError(os.fspath(path), "file", "an image file", "a folder")
+    if not file.exists():
+        raise InputError(os.fspath(path), "file", "an existing file", "none")
+    if not file.is_file():
+        raise InputError(os.fspath(path), "file", "an image file", "something that is not a regular file")
+    try:
+        file.open("rb").close()
+    except OSError as reason:
+        raise InputError(os.fspath(path), "file", "a readable file", reason.strerror or reason) from None
+    wanted = oiio.ImageSpec()
+    wanted.attribute("oiio:UnassociatedAlpha", 1)
+    image = oiio.ImageInput.open(str(file), wanted)
+    if image is None:
+        raise InputError(os.fspath(path), "content", "an image", _one_line(oiio.geterror(), file))
+    if image.spec().deep or image.spec().depth > 1:
+        raise InputError(os.fspath(path), "content", "a flat image", "a deep or volume image")
+    return image
+
+
+def read_rows(image: Any, path: str | os.PathLike[str], first: int, end: int) -> npt.NDArray[Any]:
+    """Rows [first, end) of an opened image: uint8 or uint16 codes, or float32; shape (end - first, width, channels).
+
+    Raises:
+        InputError: these rows are damaged or missing.
+    """
+    spec = image.spec()
+    top = spec.y
+    numbers = image.read_scanlines(0, 0, top + first, top + end, 0, 0, spec.nchannels, _codes(spec) or "float")
+    if numbers is None or image.has_error:
+        raise InputError(os.fspath(path), "content", "a complete image", _one_line(image.geterror(), Path(path)))
+    return np.asarray(numbers).reshape(end - first, spec.width, spec.nchannels)
+
+
+def table(spec: Any, srgb: bool | None = None) -> Floats | None:
+    """Linear values of all codes of an 8- or 16-bit file, None for a file of floats.
+
+    Args:
+        srgb: whether codes are sRGB-encoded; None asks the file.
+    """
+    codes = _codes(spec)
+    if codes is None:
+        return None
+    values = np.linspace(0.0, 1.0, 256 if codes == "uint8" else 65536)
+    if srgb is None:
+        srgb = not spec.get_string_attribute("oiio:ColorSpace").startswith("lin")
+    return decode_srgb(values) if srgb else values.astype(np.float32)
+
+
+def _codes(spec: Any) -> str | None:
+    """The unsigned integer type to read the file as, None for floats."""
+    text = str(spec.format)
+    return text if text in ("uint8", "uint16") else None
+
+
+def _linear(numbers: npt.NDArray[Any], values: Floats | None, has_alpha: bool) -> Floats:
+    if values is None:
+        return numbers
+    linear = values[numbers]
+    if has_alpha:
+        linear[..., -1] = numbers[..., -1] / np.float32(len(values) - 1)
+        linear[..., :-1] *= linear[..., -1:]
+    return linear
+
+
+def _layers(names: list[str]) -> dict[str, list[int]]:
+    """Channel numbers of each layer, R G B A and X Y Z in that order."""
+    layers: dict[str, list[int]] = {}
+    for number, name in enumerate(names):
+        layers.setdefault(name.rpartition(".")[0] or "beauty", []).append(number)
+    for group in layers.values():
+        group.sort(key=lambda number: _ORDER.get(names[number].rpartition(".")[2].upper(), len(_ORDER)))
+    return layers
+
+
+def _metadata(spec: Any) -> dict[str, str]:
+    found = {each.name: each.value for each in spec.extra_attribs}
+    metadata = {name.removeprefix(NAMESPACE): str(text) for name, text in found.items() if name.startswith(NAMESPACE)}
+    if metadata:
+        return metadata
+    try:
+        described = json.loads(found.get("ImageDescription", ""))
+    except (TypeError, ValueError):
+        return {}
+    return {name: str(text) for name, text in described.items()} if isinstance(described, dict) else {}
+
+
+def _one_line(reason: str, file: Path) -> str:
+    """OpenImageIO's message, without the file's name, which stands before it already."""
+    lines = [line.replace(f' ("{file}")', "").replace(str(file), file.name) for line in reason.splitlines()]
+    return " ".join(dict.fromkeys(line.strip() for line in lines if line.strip())) or "damaged or cut off"
