@@ -71,10 +71,10 @@ def write_frame(
 ) -> None:
     """Write a frame.
 
-    An EXR file holds R, G, B, A of the beauty and `layer.channel` of every other layer: R, G, B; X, Y, Z of normals; Z of
-    depth; ID of object_id; Y of the rest. In the other formats the beauty has straight alpha (JPEG: none, over black);
-    a background other than black, which shows as colour where the coverage is 0, makes the picture opaque.
-    At most some rows are held in memory besides the frame.
+    An EXR file holds R, G, B, A of the beauty and `layer.channel` of every other layer: R, G, B of colours; X, Y, Z of
+    normals; Z of depth; ID of object_id; Y of the rest. In the other formats the beauty has straight alpha (JPEG: none,
+    over black); a background other than black, which shows as colour where the coverage is 0, makes it opaque.
+    Only some rows are held in memory besides the frame.
 
     Args:
         path: the target; its ending is one of `FORMATS`.
@@ -197,15 +197,15 @@ def _write(
     with atomic_path(path) as scratch:
         if format_name != "openexr":
             _reserve(scratch, spec.image_bytes() + _SPARE)
-        output = oiio.ImageOutput.create(format_name)
+        output: Any = oiio.ImageOutput.create(format_name)
         done = output.open(str(scratch), spec)
-        for first in range(0, spec.height if done else 0, _ROWS):
-            end = min(first + _ROWS, spec.height)
-            done = output.write_scanlines(first, end, 0, np.ascontiguousarray(rows(first, end)))
-            if not done:
-                break
-        closed = output.close()
-        if not (done and closed) or not _complete(scratch, spec.height):
+        try:
+            for first in range(0, spec.height, _ROWS):
+                end = min(first + _ROWS, spec.height)
+                done = done and output.write_scanlines(first, end, 0, np.ascontiguousarray(rows(first, end)))
+        finally:
+            done = output.close() and done
+        if not (done and _complete(scratch, spec.height)):
             detail = " ".join(output.geterror().replace(str(scratch), "").split())
             raise OutputError(f"{os.fspath(path)}: cannot write: {detail or 'the disk took only a part of it'}")
 

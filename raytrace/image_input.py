@@ -4,6 +4,9 @@ from __future__ import annotations
 
 import json
 import os
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +20,8 @@ from .srgb import decode_srgb
 Floats = npt.NDArray[np.float32]
 
 _ROWS = 64
-_ORDER = {name: place for place, name in enumerate("RGBAXYZ")}
+_printing = threading.Lock()
+_ORDER = {name: place for place, name in enumerate("RGBXYZA")}
 
 
 def read_image(path: str | os.PathLike[str]) -> tuple[dict[str, Floats], dict[str, str]]:
@@ -72,7 +76,8 @@ def open_image(path: str | os.PathLike[str], content: Path | None = None) -> Any
         raise InputError(os.fspath(path), "file", "a readable file", reason.strerror or reason) from None
     wanted = oiio.ImageSpec()
     wanted.attribute("oiio:UnassociatedAlpha", 1)
-    image = oiio.ImageInput.open(str(file), wanted)
+    with _silenced():
+        image = oiio.ImageInput.open(str(file), wanted)
     if image is None:
         raise InputError(os.fspath(path), "content", "an image", _one_line(oiio.geterror(), file))
     if image.spec().deep or image.spec().depth > 1:
@@ -88,9 +93,11 @@ def read_rows(image: Any, path: str | os.PathLike[str], first: int, end: int) ->
     """
     spec = image.spec()
     top = spec.y
-    numbers = image.read_scanlines(0, 0, top + first, top + end, 0, 0, spec.nchannels, _codes(spec) or "float")
-    if numbers is None or image.has_error:
-        raise InputError(os.fspath(path), "content", "a complete image", _one_line(image.geterror(), Path(path)))
+    with _silenced():
+        numbers = image.read_scanlines(0, 0, top + first, top + end, 0, 0, spec.nchannels, _codes(spec) or "float")
+    reason = image.geterror()
+    if numbers is None or "premature end" in reason.lower():  # other messages about JPEG data are warnings
+        raise InputError(os.fspath(path), "content", "a complete image", _one_line(reason, Path(path)))
     return np.asarray(numbers).reshape(end - first, spec.width, spec.nchannels)
 
 
@@ -107,6 +114,23 @@ def table(spec: Any, srgb: bool | None = None) -> Floats | None:
     if srgb is None:
         srgb = not spec.get_string_attribute("oiio:ColorSpace").startswith("lin")
     return decode_srgb(values) if srgb else values.astype(np.float32)
+
+
+@contextmanager
+def _silenced() -> Iterator[None]:
+    """Hold back what libpng prints on the standard error by itself; OpenImageIO's message says the same."""
+    with _printing, open(os.devnull, "wb") as nowhere:
+        try:
+            kept = os.dup(2)
+        except OSError:  # there is none
+            yield
+            return
+        try:
+            os.dup2(nowhere.fileno(), 2)
+            yield
+        finally:
+            os.dup2(kept, 2)
+            os.close(kept)
 
 
 def _codes(spec: Any) -> str | None:
@@ -126,7 +150,7 @@ def _linear(numbers: npt.NDArray[Any], values: Floats | None, has_alpha: bool) -
 
 
 def _layers(names: list[str]) -> dict[str, list[int]]:
-    """Channel numbers of each layer, R G B A and X Y Z in that order."""
+    """Channel numbers of each layer: R G B, X Y Z, then A."""
     layers: dict[str, list[int]] = {}
     for number, name in enumerate(names):
         layers.setdefault(name.rpartition(".")[0] or "beauty", []).append(number)
