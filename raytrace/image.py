@@ -100,9 +100,10 @@ def write_frame(
 
 
 def write_image(path: str | os.PathLike[str], pixels: npt.ArrayLike) -> None:
-    """Write linear `pixels` (h, w) or (h, w, channels), row 0 at the top, as an sRGB PNG, TIFF or JPEG.
+    """Write linear `pixels`, row 0 at the top, as an sRGB PNG, TIFF or JPEG.
 
-    Four channels are premultiplied RGBA.
+    Args:
+        pixels: (h, w) or (h, w, 1) grey, (h, w, 3) RGB, (h, w, 4) premultiplied RGBA.
 
     Raises:
         OptionError: another ending.
@@ -165,6 +166,7 @@ def _write_picture(path: str | os.PathLike[str], pixels: Floats, metadata: Mappi
     spec.attribute("oiio:UnassociatedAlpha", 1)
     if _format(path) == "jpeg":
         spec.attribute("Compression", "jpeg:95")
+        spec.attribute("jpeg:subsampling", "4:4:4")
 
     def rows(first: int, end: int) -> Floats:
         block = pixels[first:end]

@@ -15,6 +15,7 @@ import numpy.typing as npt
 
 from .errors import InputError
 from .image import NAMESPACE
+from .settings import MAX_SIZE
 from .srgb import decode_srgb
 
 Floats = npt.NDArray[np.float32]
@@ -36,30 +37,29 @@ def read_image(path: str | os.PathLike[str]) -> tuple[dict[str, Floats], dict[st
         metadata: as given to `write_frame`; empty for files from elsewhere.
 
     Raises:
-        InputError: `path` is missing, a folder, not an image, or damaged.
+        InputError: `path` is missing, a folder, not an image, damaged, or more than 32768 pixels wide or high.
     """
     image = open_image(path)
     spec = image.spec()
     groups = _layers(list(spec.channelnames))
     layers = {name: np.empty((spec.height, spec.width, len(group)), np.float32) for name, group in groups.items()}
     values = table(spec)
-    for first in range(0, spec.height, _ROWS):
-        end = min(first + _ROWS, spec.height)
-        block = read_rows(image, path, first, end)
+    for rows, block in blocks(image, path):
         for name, group in groups.items():
-            layers[name][first:end] = _linear(block[..., group], values, spec.alpha_channel in group)
+            layers[name][rows] = _linear(block[..., group], values, spec.alpha_channel in group)
     return layers, _metadata(spec)
 
 
-def open_image(path: str | os.PathLike[str], content: Path | None = None) -> Any:
+def open_image(path: str | os.PathLike[str], content: Path | None = None, max_side: int = MAX_SIZE) -> Any:
     """An `OpenImageIO.ImageInput`, alpha left as it is in the file.
 
     Args:
         path: the file, and its name in messages.
         content: the file to open in its place.
+        max_side: most pixels in width and height.
 
     Raises:
-        InputError: `path` is missing, a folder, or not an image.
+        InputError: `path` is missing, a folder, not an image, or too large.
     """
     import OpenImageIO as oiio
 
@@ -80,25 +80,36 @@ def open_image(path: str | os.PathLike[str], content: Path | None = None) -> Any
         image = oiio.ImageInput.open(str(file), wanted)
     if image is None:
         raise InputError(os.fspath(path), "content", "an image", _one_line(oiio.geterror(), file))
-    if image.spec().deep or image.spec().depth > 1:
+    spec = image.spec()
+    if max(spec.width, spec.height) > max_side:
+        size = f"{spec.width}×{spec.height}"
+        raise InputError(os.fspath(path), "size", f"at most {max_side}×{max_side} pixels", size)
+    if spec.deep or spec.depth > 1:
         raise InputError(os.fspath(path), "content", "a flat image", "a deep or volume image")
     return image
 
 
-def read_rows(image: Any, path: str | os.PathLike[str], first: int, end: int) -> npt.NDArray[Any]:
-    """Rows [first, end) of an opened image: uint8 or uint16 codes, or float32; shape (end - first, width, channels).
+def blocks(image: Any, path: str | os.PathLike[str]) -> Iterator[tuple[slice, npt.NDArray[Any]]]:
+    """The opened image from the top, some rows at a time: which rows, and uint8 or uint16 codes, or float32.
 
     Raises:
         InputError: these rows are damaged or missing.
     """
     spec = image.spec()
-    top = spec.y
-    with _silenced():
-        numbers = image.read_scanlines(0, 0, top + first, top + end, 0, 0, spec.nchannels, _codes(spec) or "float")
-    reason = image.geterror()
-    if numbers is None or "premature end" in reason.lower():  # other messages about JPEG data are warnings
-        raise InputError(os.fspath(path), "content", "a complete image", _one_line(reason, Path(path)))
-    return np.asarray(numbers).reshape(end - first, spec.width, spec.nchannels)
+    kind = _codes(spec) or "float"
+    step = spec.tile_height or _ROWS
+    for first in range(0, spec.height, step):
+        end = min(first + step, spec.height)
+        rows, channels = (spec.y + first, spec.y + end), (0, spec.nchannels)
+        with _silenced():
+            if spec.tile_width:
+                numbers = image.read_tiles(0, 0, spec.x, spec.x + spec.width, *rows, 0, 1, *channels, kind)
+            else:
+                numbers = image.read_scanlines(0, 0, *rows, 0, *channels, kind)
+        reason = image.geterror()
+        if numbers is None or "premature end" in reason.lower():  # other messages about JPEG data are warnings
+            raise InputError(os.fspath(path), "content", "a complete image", _one_line(reason, Path(path)))
+        yield slice(first, end), np.asarray(numbers).reshape(end - first, spec.width, spec.nchannels)
 
 
 def table(spec: Any, srgb: bool | None = None) -> Floats | None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import tempfile
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, nullcontext
@@ -13,11 +12,9 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from .errors import InputError
-from .image_input import open_image, read_rows, table
+from .image_input import blocks, open_image, table
 
 MAX_SIDE = 16384
-_ROWS = 64
 
 Floats = npt.NDArray[np.float32]
 Integers = npt.NDArray[np.int64]
@@ -102,12 +99,8 @@ def _opened(texture: Texture) -> Iterator[Any]:
         if folder is not None and texture.data is not None:
             content = Path(folder) / f"texture{texture.path.suffix}"
             content.write_bytes(texture.data)
-        image = open_image(texture.path, content)
+        image = open_image(texture.path, content, MAX_SIDE)
         try:
-            spec = image.spec()
-            if max(spec.width, spec.height) > MAX_SIDE:
-                expected = f"at most {MAX_SIDE}×{MAX_SIDE} texels"
-                raise InputError(os.fspath(texture.path), "size", expected, f"{spec.width}×{spec.height}")
             yield image
         finally:
             image.close()
@@ -139,8 +132,7 @@ def _fill(pyramid: list[Floats], image: Any, texture: Texture) -> None:
 def _read(linear: Floats, image: Any, texture: Texture) -> None:
     spec = image.spec()
     values = table(spec, texture.srgb)
-    for first in range(0, spec.height, _ROWS):
-        end = min(first + _ROWS, spec.height)
-        numbers = read_rows(image, texture.path, first, end)
-        colour = numbers[..., :3] if spec.nchannels >= 3 else numbers[..., :1]
-        linear[first:end] = colour if values is None else values[colour]
+    channels = 3 if spec.nchannels >= 3 else 1
+    for rows, numbers in blocks(image, texture.path):
+        colour = numbers[..., :channels]
+        linear[rows] = colour if values is None else values[colour]

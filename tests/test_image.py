@@ -212,6 +212,7 @@ except OSError as reason:
     run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
     assert run.stdout.startswith(f"OutputError {target}: cannot write: ")
     assert len(run.stdout.splitlines()) == 1
+    assert run.stderr == ""
     assert target.read_bytes() == b"before"
     assert names(tmp_path) == [target.name]
 
@@ -315,6 +316,37 @@ def test_pictures_by_pillow(tmp_path, mode):
             expected[..., :-1] *= shown[..., -1:]
     layers, _ = read_image(tmp_path / "a.png")
     np.testing.assert_allclose(layers["beauty"][..., : expected.shape[2]], expected, atol=1e-6)
+
+
+@pytest.mark.parametrize("ending", [".exr", ".tif"])
+def test_tiles_and_windows_of_other_programs(tmp_path, ending):
+    pixels = np.random.default_rng(0).random((100, 130, 3), np.float32)
+    spec = oiio.ImageSpec(130, 100, 3, "float")
+    spec.x, spec.y, spec.full_width, spec.full_height = 10, 20, 300, 200
+    for side in (0, 32):
+        spec.tile_width = spec.tile_height = side
+        output = oiio.ImageOutput.create(str(tmp_path / f"a{ending}"))
+        assert output.open(str(tmp_path / f"a{ending}"), spec)
+        assert output.write_image(pixels)
+        output.close()
+        np.testing.assert_array_equal(read_image(tmp_path / f"a{ending}")[0]["beauty"], pixels)
+
+
+def test_an_image_that_claims_to_be_huge(tmp_path):
+    """A few bytes that would fill the memory."""
+    output = oiio.ImageOutput.create("png")
+    output.open(str(tmp_path / "a.png"), oiio.ImageSpec(40000, 1, 1, "uint8"))
+    output.write_image(np.zeros((1, 40000, 1), np.uint8))
+    output.close()
+    with pytest.raises(InputError, match=r"a\.png: size: expected at most 32768×32768 pixels, got 40000×1"):
+        read_image(tmp_path / "a.png")
+
+
+@pytest.mark.parametrize("name", ["a?b=1.exr", "ä ö #%d.png", "x.0001.tif"])
+def test_names_that_libraries_like_to_interpret(tmp_path, name):
+    write_frame(tmp_path / name, frame(), {})
+    assert names(tmp_path) == [name]
+    assert "beauty" in read_image(tmp_path / name)[0]
 
 
 def test_a_frame_takes_little_memory_beside_itself(tmp_path):

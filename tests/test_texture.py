@@ -239,5 +239,5 @@ def test_what_cannot_be_read_is_one_line_that_names_the_file(tmp_path, capfd, ki
 
 def test_huge_images_are_refused_before_they_are_read(tmp_path, monkeypatch):
     monkeypatch.setattr(module, "MAX_SIDE", 7)
-    with pytest.raises(InputError, match="size: expected at most 7×7 texels, got 8×4"):
+    with pytest.raises(InputError, match="size: expected at most 7×7 pixels, got 8×4"):
         pack_textures([png(tmp_path / "a.png", codes(4, 8))])
