@@ -29,6 +29,7 @@ CHANNELS = {"normal": "XYZ", "depth": "Z", "object_id": ("ID",)}
 _BY_COUNT = {1: "Y", 2: "YA", 3: "RGB", 4: "RGBA"}
 _ALWAYS_FLOAT = ("depth", "object_id")
 _LARGEST_HALF = np.float32(65504.0)
+_ENDS = {"png": b"IEND\xaeB`\x82", "jpeg": b"\xff\xd9"}
 _ROWS = 64
 _SPARE = 1 << 20
 
@@ -207,9 +208,10 @@ def _write(
                 done = done and output.write_scanlines(first, end, 0, np.ascontiguousarray(rows(first, end)))
         finally:
             done = output.close() and done
-        if not (done and _complete(scratch, spec.height)):
-            detail = " ".join(output.geterror().replace(str(scratch), "").split())
-            raise OutputError(f"{os.fspath(path)}: cannot write: {detail or 'the disk took only a part of it'}")
+        reason = output.geterror()
+        if not done or "Write error" in reason or not _complete(scratch, format_name, spec.height):
+            first_line = reason.replace(str(scratch), "").strip().split("\n")[0]
+            raise OutputError(f"{os.fspath(path)}: cannot write: {first_line or 'the disk took only a part of it'}")
 
 
 def _reserve(scratch: Path, size: int) -> None:
@@ -220,13 +222,15 @@ def _reserve(scratch: Path, size: int) -> None:
         file.flush()
 
 
-def _complete(scratch: Path, height: int) -> bool:
-    """Whether the last row can be read back: writers buffer, and some don't tell that the rest was refused."""
+def _complete(scratch: Path, format_name: str, height: int) -> bool:
+    """Whether the file has its end: writers buffer, and don't all tell that the last bytes were refused."""
     import OpenImageIO as oiio
 
+    if format_name in _ENDS:
+        return scratch.read_bytes().endswith(_ENDS[format_name])
     image = oiio.ImageInput.open(str(scratch))
     if image is None:
         oiio.geterror()
         return False
     last = image.read_scanlines(0, 0, height - 1, height, 0, 0, 1, "float")
-    return last is not None and not image.has_error
+    return last is not None and not image.geterror()

@@ -40,18 +40,31 @@ def sample_texture(texels, levels, first, count, u, v, footprint):
 def bilinear(texels, levels, level, u, v):
     """Linear RGB within a level; texel centres lie at half integers. (u, v) that are not finite count as 0."""
     start, width, height = levels[level, 0], levels[level, 1], levels[level, 2]
-    x = wrapped(u) * width - 0.5
-    y = wrapped(-v) * height - 0.5
-    column, row = np.floor(x), np.floor(y)
-    s, t = x - column, y - row
-    left, right = int(column) % width, int(column + 1.0) % width
-    upper, lower = start + int(row) % height * width, start + int(row + 1.0) % height * width
-    a, b, c, d = texels[upper + left], texels[upper + right], texels[lower + left], texels[lower + right]
+    left, right, s = neighbours(wrapped(u), width)
+    upper, lower, t = neighbours(wrapped(-v), height)
+    upper, lower = start + upper * width, start + lower * width
     return (
-        lerp(t, lerp(s, a[0], b[0]), lerp(s, c[0], d[0])),
-        lerp(t, lerp(s, a[1], b[1]), lerp(s, c[1], d[1])),
-        lerp(t, lerp(s, a[2], b[2]), lerp(s, c[2], d[2])),
+        blend(texels, upper + left, upper + right, lower + left, lower + right, s, t, 0),
+        blend(texels, upper + left, upper + right, lower + left, lower + right, s, t, 1),
+        blend(texels, upper + left, upper + right, lower + left, lower + right, s, t, 2),
     )
+
+
+@inline
+def neighbours(place, size):
+    """Along an axis of `size` texels: the two around `place`, in [0, 1), and the part of the way to the second."""
+    x = place * size - 0.5
+    before = np.floor(x)
+    first = int(before) if before >= 0.0 else size - 1
+    second = first + 1 if first + 1 < size else 0
+    return first, second, x - before
+
+
+@inline
+def blend(texels, a, b, c, d, s, t, channel):
+    """Bilinear mean of four texels: a, b above, c, d below."""
+    above = lerp(s, texels[a, channel], texels[b, channel])
+    return lerp(t, above, lerp(s, texels[c, channel], texels[d, channel]))
 
 
 @inline

@@ -4,6 +4,8 @@ import numpy as np
 
 from raytrace.frame import LAYERS, Frame
 
+METADATA = {"scene": "Säule “7”: a=b", "seed": "7", "version": "0.1.0", "samples": "16", "obscurance": "book"}
+
 
 def frame(height=70, width=90, seed=0):
     """Every layer with its own values; pixels of the left column have no coverage."""
