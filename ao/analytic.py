@@ -1,7 +1,7 @@
-"""Closed forms of w(p) = (1/π) ∫ μ(d) cosθ dω, the ground truths of validation.
+"""Closed forms of w(p) = (1/π) ∫ μ(d) cosθ dω (12.71), the ground truths of validation.
 
-Every function returns w as a float, 1 = open. `tau` is the rate τ > 0 of μ(x) = 1 − e^(−τx) in 1/length, or None for
-the binary μ (0 on a hit). Lengths share one unit. p lies on a plane with its normal up unless said otherwise.
+Every function returns w as a float, 1 = open. `tau` is the rate τ > 0, in 1/length, of μ(x) = 1 − e^(−τx) (12.74), or
+None for the binary μ (0 on a hit). Lengths share one unit. p lies on a plane, normal up, unless said otherwise.
 Scenes of planes, where a limit D is offered, take it as `max_distance`: μ(x) = (1 − e^(−τx))/(1 − e^(−τD)) below D
 and 1 beyond. Where no antiderivative exists, one adaptive quadrature is left, good to 1e-10.
 

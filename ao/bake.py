@@ -68,6 +68,7 @@ def bake(
     threads: int | None = None,
     normals: Normals = "angle",
     progress: Progress | None = None,
+    only: npt.NDArray[np.bool_] | None = None,
 ) -> Bake:
     """Obscurance w(p) = (1/π) ∫ μ(d) cosθ dω (12.71) at every vertex of `mesh`.
 
@@ -79,6 +80,7 @@ def bake(
         threads: None for all cores.
         normals: hemisphere axes: incident faces weighted by "angle", "area" or "equal", or "file", the mesh's own.
         progress: called with (rays traced, rays in all) as the work goes on.
+        only: bool (n,), the vertices whose w is wanted; the others get 1. None: all.
 
     Raises:
         OptionError: an argument is out of range.
@@ -93,6 +95,8 @@ def bake(
     start = time.perf_counter()
     placement = Placement.of(mesh)
     receivers = find_receivers(mesh, placement, normals)
+    if only is not None:
+        receivers = receivers.only(only)
     prepared = time.perf_counter()
     scene = TriangleScene(placement.vertices, receivers.faces)
     built = time.perf_counter()
@@ -130,7 +134,8 @@ def bake(
         rays=rays,
         rays_skipped={
             "duplicate": samples * int(np.count_nonzero(baked) - len(points)),
-            "no_normal": samples * int(np.count_nonzero(~baked)),
+            "no_normal": samples * int(np.count_nonzero(receivers.flags & (Flag.UNREFERENCED | Flag.DEGENERATE))),
+            "not_wanted": samples * int(np.count_nonzero(~only)) if only is not None else 0,
         },
         rmse=float(np.sqrt(np.mean(error**2))),
         seconds={"build": built - prepared, "bake": finished - built + prepared - start},
@@ -154,7 +159,7 @@ def _gather_all(
     advance: Callable[[int], None],
 ) -> npt.NDArray[np.float64]:
     """`gather` over all points: float64 (k, 5)."""
-    table = DirectionTable.make(samples, key)
+    table = DirectionTable.make(samples, len(points), key)
     out = np.empty((len(points), 5))
     tau = (mu.tau or 0.0) / placement.scale
     limit = mu.max_distance * placement.scale

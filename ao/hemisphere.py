@@ -10,6 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from raytrace.chance import mix
 from raytrace.embree import (
     DIR_X,
     DIR_Y,
@@ -47,8 +48,9 @@ class DirectionTable:
     key: np.uint32
 
     @classmethod
-    def make(cls, samples: int, key: np.uint32) -> DirectionTable:
-        sets = int(np.clip(_TABLE_POINTS // samples, 8, 256))
+    def make(cls, samples: int, points: int, key: np.uint32) -> DirectionTable:
+        """A table for gathering at `points` points: no more sets than there are points to draw them."""
+        sets = int(np.clip(_TABLE_POINTS // samples, 8, min(max(points, 8), 256)))
         u, v = owen_sobol(sets, samples, key)
         order = np.argsort(v, axis=1, kind="stable")
         batches = (np.arange(samples) * min(BATCHES, samples) // samples).astype(np.uint8)[order]
@@ -57,21 +59,10 @@ class DirectionTable:
 
 
 @inline
-def _mix(x):
-    """`raytrace.sampling.mix` for one value."""
-    x = np.uint32(x)
-    x = np.uint32(x ^ (x >> np.uint32(16)))
-    x = np.uint32(x * np.uint32(0x7FEB352D))
-    x = np.uint32(x ^ (x >> np.uint32(15)))
-    x = np.uint32(x * np.uint32(0x846CA68B))
-    return np.uint32(x ^ (x >> np.uint32(16)))
-
-
-@inline
 def choose(number, key, sets):
     """A point's direction set and its turn in radians."""
-    chance = _mix(_mix(number) ^ key)
-    return chance % np.uint32(sets), _mix(chance) * (2.0 * np.pi / 4294967296.0)
+    chance = mix(mix(number) ^ key)
+    return chance % np.uint32(sets), mix(chance) * (2.0 * np.pi / 4294967296.0)
 
 
 @inline

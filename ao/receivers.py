@@ -8,8 +8,6 @@ from typing import Any, Literal
 
 import numpy as np
 import numpy.typing as npt
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 
 from raytrace.errors import MeshError, OptionError
 from raytrace.jit import kernel
@@ -17,14 +15,13 @@ from raytrace.mesh import Mesh
 from raytrace.normals import face_normals, normalize, vertex_sums
 from raytrace.outermost import outermost_normals
 from raytrace.placement import Placement, ray_offset
+from raytrace.weld import CREASE, weld
 
 Normals = Literal["angle", "area", "equal", "file"]
 Floats = npt.NDArray[np.float64]
 Ints = npt.NDArray[np.int64]
 
-CREASE = np.cos(np.radians(30.0))  # coincident vertices whose faces differ by more stay apart: a hard edge
 SAME = 1.0 - 1e-9
-_NEIGHBOURS = 64
 
 
 class Flag(IntFlag):
@@ -71,6 +68,19 @@ class Receivers:
     flags: npt.NDArray[np.uint8]
     faces: Ints
 
+    def only(self, wanted: npt.NDArray[np.bool_]) -> Receivers:
+        """The points of the `wanted` vertices, bool (n,); the other vertices have none.
+
+        Raises:
+            OptionError: `wanted` is not one truth value a vertex.
+        """
+        if wanted.shape != self.of_vertex.shape or wanted.dtype != np.bool_:
+            raise OptionError("only", f"bool ({len(self.of_vertex)},)", f"{wanted.dtype} {wanted.shape}")
+        mine = np.where(wanted, self.of_vertex, -1)
+        kept, rows = np.unique(mine[mine >= 0], return_inverse=True)
+        mine[mine >= 0] = rows
+        return Receivers(self.points[kept], mine, self.flags, self.faces)
+
 
 def find_receivers(mesh: Mesh, placement: Placement, normals: Normals = "angle") -> Receivers:
     """Weld, orient and lift the vertices of `mesh`.
@@ -114,33 +124,6 @@ def find_receivers(mesh: Mesh, placement: Placement, normals: Normals = "angle")
     index = np.where(usable, np.cumsum(usable) - 1, -1)
     points = Points(origin.astype(np.float32), axes.astype(np.float32), first.astype(np.uint32))
     return Receivers(points[usable], index[group], flags, faces)
-
-
-def weld(positions: npt.NDArray[np.float32], normals: Floats, agreement: float) -> Ints:
-    """Group (n,) of each vertex: vertices at the same place whose normals agree share a group, numbered from 0.
-
-    Args: positions (n, 3); normals (n, 3), unit or zero (agrees with none); agreement: the least cosine.
-    """
-    count = len(positions)
-    x, y, z = (positions + np.float32(0.0)).T  # −0 becomes 0
-    order = np.lexsort((z, y, x))
-    same = np.ones(count - 1, bool)
-    for coordinate in (x, y, z):
-        same &= coordinate[order[1:]] == coordinate[order[:-1]]
-    run = np.concatenate([[0], np.cumsum(~same)])
-    pairs: list[tuple[npt.NDArray[Any], npt.NDArray[Any]]] = []
-    for step in range(1, min(_NEIGHBOURS, count - 1) + 1):
-        near = np.flatnonzero(run[step:] == run[:-step])
-        if not len(near):
-            break
-        a, b = order[near], order[near + step]
-        agree = np.einsum("ij,ij->i", normals[a], normals[b]) >= agreement
-        pairs.append((a[agree], b[agree]))
-    if not pairs:
-        return np.arange(count)
-    a, b = (np.concatenate(side) for side in zip(*pairs, strict=True))
-    graph = coo_array((np.ones(len(a), bool), (a, b)), shape=(count, count))
-    return connected_components(graph, directed=False)[1].astype(np.int64)
 
 
 @kernel

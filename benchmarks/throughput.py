@@ -96,7 +96,7 @@ def measure(path: Path | None, samples: int, rounds: int) -> dict[str, object]:
     scene = TriangleScene(placement.vertices, receivers.faces)
     count = min(len(receivers.points), 20_000_000 // samples)
     points = receivers.points[np.arange(count)]
-    table = DirectionTable.make(samples, seed_key(0))
+    table = DirectionTable.make(samples, count, seed_key(0))
     directions = np.empty((count, 3, samples), np.float32)
     world_directions(points.normals, points.numbers, table.directions, table.key, directions)
     threads = thread_count(None)

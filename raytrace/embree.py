@@ -14,6 +14,7 @@ import ctypes
 import sys
 import threading
 import weakref
+from collections.abc import Sequence
 from functools import cache
 from typing import Any
 
@@ -31,9 +32,9 @@ ORG_X, ORG_Y, ORG_Z, TNEAR, DIR_X, DIR_Y, DIR_Z, TIME, TFAR, MASK, ID, FLAGS = r
 NG_X, NG_Y, NG_Z, U, V, PRIM_ID, GEOM_ID, INST_ID, INST_PRIM_ID = range(12, 21)
 INVALID = np.uint32(0xFFFFFFFF)
 
-_TRIANGLE = 0
+_TRIANGLE, _INSTANCE = 0, 121
 _INDEX, _VERTEX = 0, 1
-_UINT3, _FLOAT3 = 0x5003, 0x9003
+_UINT3, _FLOAT3, _FLOAT3X4_ROWS = 0x5003, 0x9003, 0x9134
 _ROBUST = 1 << 2
 _VERSION_PROPERTY = 0
 
@@ -51,7 +52,9 @@ _SIGNATURES: dict[str, tuple[Any, list[Any]]] = {
     "rtcSetSharedGeometryBuffer": (None, [_Pointer, _Int, ctypes.c_uint, _Int, _Pointer, _Size, _Size, _Size]),
     "rtcCommitGeometry": (None, [_Pointer]),
     "rtcReleaseGeometry": (None, [_Pointer]),
-    "rtcAttachGeometry": (ctypes.c_uint, [_Pointer, _Pointer]),
+    "rtcAttachGeometryByID": (None, [_Pointer, _Pointer, ctypes.c_uint]),
+    "rtcSetGeometryInstancedScene": (None, [_Pointer, _Pointer]),
+    "rtcSetGeometryTransform": (None, [_Pointer, ctypes.c_uint, _Int, _Pointer]),
 }
 _QUERIES = ("rtcIntersect8", "rtcOccluded8")
 
@@ -86,6 +89,7 @@ def intersect8(scene, packet, valid):
     ids = packet.view(np.uint32)
     for lane in range(LANES):
         ids[GEOM_ID, lane] = INVALID
+        ids[INST_ID, lane] = INVALID
     _intersect8(valid.ctypes.data, scene, packet.ctypes.data, 0)
 
 
@@ -143,15 +147,11 @@ def _check(device: int) -> None:
         raise EmbreeError(f"Embree: {_last_message(device)}")
 
 
-class TriangleScene:
-    """Triangles in an Embree scene: robust mode, buffers shared with the arrays given.
+class Triangles:
+    """Vertex and index buffers as Embree shares them.
 
     Args:
-        vertices: float32 (n, 3), finite. Copied once into padded memory if it is not already there.
-        faces: integer (m, 3), indices into `vertices`.
-
-    Raises:
-        EmbreeError: Embree reports an error, out of memory for instance.
+        vertices: float32 (n, 3), finite. faces: integer (m, 3), indices into `vertices`. Both are copied once.
     """
 
     def __init__(self, vertices: npt.NDArray[np.float32], faces: npt.NDArray[np.integer[Any]]) -> None:
@@ -159,6 +159,45 @@ class TriangleScene:
         self.vertices[:] = vertices
         self.faces = aligned(faces.shape, np.uint32)
         self.faces[:] = faces
+
+    def geometry(self, device: int) -> int:
+        """A new, uncommitted Embree geometry; keep `self` alive as long as it."""
+        made: int = _library.rtcNewGeometry(device, _TRIANGLE)
+        for kind, layout, data in ((_VERTEX, _FLOAT3, self.vertices), (_INDEX, _UINT3, self.faces)):
+            _library.rtcSetSharedGeometryBuffer(made, kind, 0, layout, data.ctypes.data, 0, 12, len(data))
+        return made
+
+
+class Instance:
+    """A scene placed inside another.
+
+    Args:
+        scene: what is placed. matrix: float32 (3, 4), its coordinates to the outer scene's.
+    """
+
+    def __init__(self, scene: EmbreeScene, matrix: npt.NDArray[np.float32]) -> None:
+        self.scene = scene
+        self.matrix = np.ascontiguousarray(matrix, np.float32)
+
+    def geometry(self, device: int) -> int:
+        """A new, uncommitted Embree geometry; keep `self` alive as long as it."""
+        made: int = _library.rtcNewGeometry(device, _INSTANCE)
+        _library.rtcSetGeometryInstancedScene(made, int(self.scene.handle))
+        _library.rtcSetGeometryTransform(made, 0, _FLOAT3X4_ROWS, self.matrix.ctypes.data)
+        return made
+
+
+class EmbreeScene:
+    """Triangles and instances in an Embree scene, robust mode.
+
+    A hit's GEOM_ID is the row in `geometries`, or 0 inside an instance whose row is INST_ID.
+
+    Raises:
+        EmbreeError: Embree reports an error, out of memory for instance.
+    """
+
+    def __init__(self, geometries: Sequence[Triangles | Instance]) -> None:
+        self.geometries = tuple(geometries)
         with _lock:
             device = _device()
             scene = _library.rtcNewScene(device)
@@ -166,15 +205,18 @@ class TriangleScene:
             self._release = weakref.finalize(self, _library.rtcReleaseScene, scene)
             self._release.atexit = False
             _library.rtcSetSceneFlags(scene, _ROBUST)
-            if len(faces):
-                geometry = _library.rtcNewGeometry(device, _TRIANGLE)
-                for kind, layout, buffer in ((_VERTEX, _FLOAT3, self.vertices), (_INDEX, _UINT3, self.faces)):
-                    _library.rtcSetSharedGeometryBuffer(
-                        geometry, kind, 0, layout, buffer.ctypes.data, 0, 12, len(buffer)
-                    )
+            for row, source in enumerate(self.geometries):
+                geometry = source.geometry(device)
                 _library.rtcCommitGeometry(geometry)
-                _library.rtcAttachGeometry(scene, geometry)
+                _library.rtcAttachGeometryByID(scene, geometry, row)
                 _library.rtcReleaseGeometry(geometry)
             _library.rtcCommitScene(scene)
             _check(device)
         self.handle = np.uint64(scene)
+
+
+class TriangleScene(EmbreeScene):
+    """An Embree scene of one set of triangles; arguments as `Triangles`, errors as `EmbreeScene`."""
+
+    def __init__(self, vertices: npt.NDArray[np.float32], faces: npt.NDArray[np.integer[Any]]) -> None:
+        super().__init__([Triangles(vertices, faces)])

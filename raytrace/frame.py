@@ -22,10 +22,10 @@ LAYERS = {
 }
 """Channels of each layer.
 
-beauty is RGBA, linear, colour premultiplied by coverage; its RGB is ((ambient + diffuse) + specular) + emission in float32,
-the background counted as emission. shadow is the part of the light that δ lets through (1 lit); depth the distance to the
-camera, inf where nothing was hit; normal a world vector; object_id the object's row plus 1, 0 for none. depth, normal and
-object_id are the nearest sample's of a pixel, all others means.
+beauty is RGBA, linear, colour premultiplied by coverage; its RGB is ((ambient + diffuse) + specular) + emission in
+float32, the background counted as emission. shadow is the part of the light that δ lets through (1 lit); depth the
+distance to the camera, inf where nothing was hit; normal a world vector; object_id the object's row plus 1, 0 for none.
+depth, normal and object_id are the nearest sample's of a pixel, all others means.
 """
 
 

@@ -16,10 +16,11 @@ from typing import Any, NamedTuple
 from urllib.parse import unquote
 
 import numpy as np
+import numpy.typing as npt
 
 from raytrace.errors import MeshError
 
-from .flatten import Instance
+from .flatten import Instance, world_matrices
 
 _GLB_MAGIC, _JSON_CHUNK, _BIN_CHUNK = 0x46546C67, 0x4E4F534A, 0x004E4942
 _TRIANGLES, _TRIANGLE_STRIP, _TRIANGLE_FAN = 4, 5, 6
@@ -149,20 +150,31 @@ def primitives(header: dict[str, Any]) -> Iterator[Primitive]:
 def read_instances(asset: Gltf, source: str) -> list[Instance]:
     """The drawn triangle primitives, in the order of `primitives`.
 
-    Only what geometry needs is handed to trimesh, with nodes named by their number and one primitive a mesh, so
-    that its answers can be told apart whatever the file's own names are.
-
     Raises:
         MeshError: sparse or compressed positions or indices, which are not supported.
         Exception: whatever trimesh raises on a malformed file.
     """
     from trimesh.exchange.load import mesh_loaders
-    from trimesh.scene.transforms import SceneGraph
 
-    header = asset.header
-    drawn = list(primitives(header))
+    drawn = list(primitives(asset.header))
     if not drawn:
         return []
+    plain = _plain_header(asset, drawn, source)
+    loaded = mesh_loaders["gltf"](
+        file_obj=io.BytesIO(json.dumps(plain).encode()),
+        resolver={str(number): memoryview(buffer) for number, buffer in enumerate(asset.buffers)},
+        skip_materials=True,
+    )
+    world = world_matrices(loaded["graph"], loaded["base_frame"])
+    return [_instance(piece, asset.header, loaded["geometry"], world[str(piece.node)]) for piece in drawn]
+
+
+def _plain_header(asset: Gltf, drawn: list[Primitive], source: str) -> dict[str, Any]:
+    """Only what geometry needs, with nodes named by their number and one primitive a mesh.
+
+    So trimesh's answers can be told apart whatever the file's own names are, and nothing else of it can fail.
+    """
+    header = asset.header
     kinds = list(dict.fromkeys((piece.mesh, piece.place) for piece in drawn))
     used: set[int] = set()
     meshes = []
@@ -182,7 +194,7 @@ def read_instances(asset: Gltf, source: str) -> list[Instance]:
         for number, node in enumerate(header["nodes"])
     ]
     nested = {child for node in nodes for child in node.get("children", [])}
-    plain_header = {
+    return {
         "asset": {"version": "2.0"},
         "scenes": [{"nodes": [n for n in range(len(nodes)) if n not in nested]}],
         "nodes": nodes,
@@ -192,18 +204,10 @@ def read_instances(asset: Gltf, source: str) -> list[Instance]:
         "buffers": [{"uri": str(number)} for number in range(len(asset.buffers))],
     }
 
-    loaded = mesh_loaders["gltf"](
-        file_obj=io.BytesIO(json.dumps(plain_header).encode()),
-        resolver={str(number): memoryview(buffer) for number, buffer in enumerate(asset.buffers)},
-        skip_materials=True,
-    )
-    graph = SceneGraph(base_frame=loaded["base_frame"], repair_rigid=None)
-    for edge in loaded["graph"]:
-        graph.update(**edge)
-    return [_instance(piece, header, loaded["geometry"], graph) for piece in drawn]
 
-
-def _instance(piece: Primitive, header: dict[str, Any], geometry: dict[str, Any], graph: Any) -> Instance:
+def _instance(
+    piece: Primitive, header: dict[str, Any], geometry: dict[str, Any], matrix: npt.NDArray[np.float64]
+) -> Instance:
     arrays = geometry[f"{piece.mesh}/{piece.place}"]
     mesh = header["meshes"][piece.mesh]
     name = header["nodes"][piece.node].get("name") or mesh.get("name") or f"node {piece.node}"
@@ -214,7 +218,7 @@ def _instance(piece: Primitive, header: dict[str, Any], geometry: dict[str, Any]
     if position.get("normalized"):
         # glTF 2.0, section 3.11: c / (2^(bits-1) - 1), not below -1, for signed; c / (2^bits - 1) for unsigned.
         vertices = np.maximum(vertices / np.iinfo(vertices.dtype).max, -1.0)
-    return Instance(name, vertices, arrays["faces"], arrays.get("vertex_normals"), graph.get(str(piece.node))[0])
+    return Instance(name, vertices, arrays["faces"], arrays.get("vertex_normals"), matrix)
 
 
 def _check_stored(header: dict[str, Any], number: int, source: str) -> None:

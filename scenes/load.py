@@ -16,7 +16,7 @@ from typing import Any, BinaryIO
 from raytrace.errors import MeshError
 from raytrace.mesh import Mesh
 
-from .flatten import Instance, Part, flatten, instance
+from .flatten import Instance, Part, flatten, instance, world_matrices
 from .gltf import Gltf, decode, read_instances
 from .obj import read_obj
 from .ply import read_ply
@@ -101,7 +101,6 @@ def _trimesh_formats() -> list[str]:
 def _read(file: BinaryIO, kind: str, name: str, source: str) -> list[Instance]:
     """Geometry by trimesh's loader for `kind`, not by trimesh.load, which would merge vertices in some formats."""
     from trimesh.exchange.load import mesh_loaders
-    from trimesh.scene.transforms import SceneGraph
 
     if kind == "off" or (kind == "stl" and not _is_binary_stl(file)):
         # trimesh would need a further package to guess an encoding other than UTF-8.
@@ -114,14 +113,16 @@ def _read(file: BinaryIO, kind: str, name: str, source: str) -> list[Instance]:
     geometry = loaded["geometry"]
     if "graph" not in loaded:
         return [instance(label, arrays) for label, arrays in geometry.items()]
-    graph = SceneGraph(base_frame=loaded.get("base_frame"), repair_rigid=None)
-    placed = []
-    for edge in loaded["graph"]:
-        edge = edge if isinstance(edge, dict) else {"frame_from": edge[0], "frame_to": edge[1], **edge[2]}
-        graph.update(**edge)
-        if edge.get("geometry") in geometry:
-            placed.append((edge["frame_to"], edge["geometry"]))
-    return [instance(str(frame), geometry[shape], graph.get(frame)[0]) for frame, shape in placed]
+    edges = [
+        edge if isinstance(edge, dict) else {"frame_from": edge[0], "frame_to": edge[1], **edge[2]}
+        for edge in loaded["graph"]
+    ]
+    world = world_matrices(edges, loaded.get("base_frame", "world"))
+    return [
+        instance(str(edge["frame_to"]), geometry[edge["geometry"]], world[edge["frame_to"]])
+        for edge in edges
+        if edge.get("geometry") in geometry
+    ]
 
 
 def _check_stl(file: BinaryIO, loaded: dict[str, Any], source: str) -> None:

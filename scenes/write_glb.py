@@ -23,7 +23,7 @@ def glb(mesh_file: MeshFile, w: npt.NDArray[np.floating[Any]], colors: bool) -> 
 
     A glTF source is kept as stored, with all its nodes, materials, textures, animations and extensions; only the
     attributes are added, and meshes that several nodes share are given to each node separately, because each
-    instance has its own w. Every other source becomes one node a part, in world space.
+    instance has its own w. Every other source becomes one node a part, in world space and of a plain white material.
 
     Args:
         mesh_file: what was baked.

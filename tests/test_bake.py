@@ -48,7 +48,7 @@ def test_rays_are_counted():
     baked = ao.bake(soup, ao.Binary(), samples=10, progress=lambda done, total: told.append((done, total)))
     points, calibration = len(sphere.vertices), 256
     assert baked.rays == 10 * (points + calibration)
-    assert baked.rays_skipped == {"duplicate": 10 * (len(soup.vertices) - points), "no_normal": 0}
+    assert baked.rays_skipped == {"duplicate": 10 * (len(soup.vertices) - points), "no_normal": 0, "not_wanted": 0}
     assert told[-1] == (baked.rays, baked.rays)
 
 
@@ -130,3 +130,15 @@ def test_any_number_of_samples_is_traced_exactly(samples):
 def test_large_seeds_are_seeds_of_their_own(colonnade):
     small, large = (ao.bake(colonnade, ao.Binary(), samples=8, seed=seed).w for seed in (1, 1 + 2**33))
     assert not np.array_equal(small, large)
+
+
+def test_a_bake_of_some_vertices_is_that_part_of_the_whole(colonnade):
+    wanted = np.arange(len(colonnade.vertices)) % 3 == 0
+    whole = ao.bake(colonnade, samples=16)
+    part = ao.bake(colonnade, samples=16, only=wanted)
+    np.testing.assert_array_equal(part.w[wanted], whole.w[wanted])
+    assert (part.w[~wanted] == 1).all()
+    assert part.rays < 0.5 * whole.rays
+    assert part.rays_skipped["not_wanted"] == 16 * np.count_nonzero(~wanted)
+    with pytest.raises(OptionError, match="only: expected bool"):
+        ao.bake(colonnade, only=wanted[:-1])

@@ -87,6 +87,7 @@ def sound(values, what):
 @example((np.array([0, 0, 1.0]),) * 3, np.float64)
 @example((np.array([0, 0, 1.0]), np.array([0, 0, 1.0]), np.array([0, 0, -1.0])), np.float64)
 @example((np.array([0, 0, 1.0]), np.array([1, 0, 1e-7]), np.array([-1, 0, 1e-7])), np.float32)
+@example((np.array([0, 0, 1.0]), np.array([1, 0, 1e-100]), np.array([1, 0, 1e-100])), np.float64)
 @example((np.array([0, 0, 1.0]), np.array([1, 0, 1e-300]), np.array([-1, 0, 1e-300])), np.float64)
 def test_every_material_is_finite_and_not_negative(frame, dtype):
     n, l, v = (np.asarray(a, dtype).astype(np.float64)[None] for a in frame)

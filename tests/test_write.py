@@ -211,6 +211,19 @@ def test_glb_from_gltf_with_several_buffers(tmp_path):
     np.testing.assert_array_equal(load(tmp_path / "out.glb").mesh.vertices, QUAD)
 
 
+def test_each_of_several_instances_has_its_own_values(tmp_path):
+    builder = Builder()
+    builder.mesh(builder.primitive(TRIANGLE, [[0, 1, 2]]))
+    (tmp_path / "in.glb").write_bytes(builder.glb([{"mesh": 0}] * 4))
+    result = bake(12)
+    write(tmp_path / "out.glb", result, load(tmp_path / "in.glb"))
+    header, binary = check_glb((tmp_path / "out.glb").read_bytes())
+    attributes = [header["meshes"][node["mesh"]]["primitives"][0]["attributes"] for node in header["nodes"]]
+    stored = [values(header, binary, attribute["_OBSCURANCE"]) for attribute in attributes]
+    np.testing.assert_array_equal(np.concatenate(stored), result.w.astype(np.float32))
+    assert len({attribute["POSITION"] for attribute in attributes}) == 1
+
+
 @pytest.mark.parametrize("kind", ["plain", "gltf"])
 def test_glb_colours_when_asked(tmp_path, kind):
     source = mesh_file() if kind == "plain" else textured(tmp_path)

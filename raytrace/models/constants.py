@@ -23,8 +23,8 @@ def cap_angle(spacing: float, floor: float) -> float:
 
 
 def power_series(exponent: float) -> tuple[float, list[float]]:
-    """Domain X and odd Chebyshev coefficients, highest first, of ∫_0^x cos^(m+1); beyond X it is constant to 1e-8."""
-    domain = min(pi / 2, float(np.arccos(1e-8 ** (1.0 / (exponent + 1.0)))))
+    """Domain X and odd Chebyshev coefficients, highest first, of ∫_0^x cos^(m+1); beyond X it is constant to 1e-6."""
+    domain = min(pi / 2, float(np.arccos(1e-6 ** (1.0 / (exponent + 1.0)))))
     integrand = np.polynomial.Chebyshev.interpolate(
         lambda x: np.cos(x) ** (exponent + 1.0), 2 * (TERMS - 1), domain=[-domain, domain]
     )

@@ -32,11 +32,11 @@ def shifted_colour(colour, eta, reflectance):
 
 @inline
 def combine(row, nl, nv, h, nh, vh, distribution):
-    """k_d f_d + k_s f_s per channel, times n·l."""
+    """k_d f_d and k_s f_s per channel, times n·l."""
     base = (1.0 - row[K_S]) * nl / pi  # (12.34)
     diffuse = (row[MODEL] * base, row[MODEL + 1] * base, row[MODEL + 2] * base)
     if nv <= 0.0 or nh <= 0.0 or vh <= 0.0:
-        return diffuse
+        return diffuse, (0.0, 0.0, 0.0)
     lobe = row[K_S] * row[NORMALISATION] * distribution * attenuation(nh, nl, nv, vh) / nv  # (12.46)
     red, green, blue = fresnel(row[ETA], vh), fresnel(row[ETA + 1], vh), fresnel(row[ETA + 2], vh)
     if row[SHIFTED] == 1.0:
@@ -44,12 +44,12 @@ def combine(row, nl, nv, h, nh, vh, distribution):
         red = shifted_colour(row[COLOUR], row[ETA], red)
         green = shifted_colour(row[COLOUR + 1], row[ETA + 1], green)
         blue = shifted_colour(row[COLOUR + 2], row[ETA + 2], blue)
-    return (diffuse[0] + lobe * red, diffuse[1] + lobe * green, diffuse[2] + lobe * blue)
+    return diffuse, (lobe * red, lobe * green, lobe * blue)
 
 
 @inline
-def evaluate(row, n, l, v):
-    """Reflected RGB per unit incident RGB for a packed row, isotropic."""
+def terms(row, n, l, v):
+    """Diffuse and specular RGB reflected per unit incident RGB for a packed row, isotropic."""
     h = halfway(l, v)
     nh = dot(n, h)
     lifted = cross(n, h)  # |n × h| = sinθ_a, exact where 1 − (n·h)² cancels
@@ -62,8 +62,8 @@ def evaluate(row, n, l, v):
 
 
 @inline
-def evaluate_elliptical(row, n, l, v, grain):
-    """Reflected RGB per unit incident RGB for a packed row, facets of two slopes about a grain."""
+def terms_elliptical(row, n, l, v, grain):
+    """Diffuse and specular RGB reflected per unit incident RGB for a packed row, facets of two slopes about a grain."""
     h = halfway(l, v)
     nh = dot(n, h)
     distribution = 0.0

@@ -25,11 +25,11 @@ from raytrace.models.rows import (
     STRAUSS,
     TWO_SIDED,
 )
-from raytrace.vector import dot, scale
+from raytrace.vector import add, dot, scale
 
-_lambert, _phong, _blinn = lambert.evaluate, phong.evaluate_phong, phong.evaluate_blinn
-_cook_torrance, _elliptical = cook_torrance.evaluate, cook_torrance.evaluate_elliptical
-_oren_nayar, _strauss, _poulin_fournier = oren_nayar.evaluate, strauss.evaluate, poulin_fournier.evaluate
+_lambert, _phong, _blinn = lambert.terms, phong.terms_phong, phong.terms_blinn
+_cook_torrance, _elliptical = cook_torrance.terms, cook_torrance.terms_elliptical
+_oren_nayar, _strauss, _poulin_fournier = oren_nayar.terms, strauss.terms, poulin_fournier.terms
 
 
 @inline
@@ -51,8 +51,8 @@ def alpha(row):
 
 
 @inline
-def evaluate(kind, row, n, l, v, grain):
-    """Reflected RGB per unit incident RGB.
+def terms(kind, row, n, l, v, grain):
+    """Diffuse and specular RGB reflected per unit incident RGB.
 
     Args: kind and row of a packed material; unit normal n; unit directions l to the light and v to the viewer; grain,
         along which an anisotropic surface is brushed (projected into the tangent plane; zero: the row's).
@@ -60,7 +60,7 @@ def evaluate(kind, row, n, l, v, grain):
     if row[TWO_SIDED] == 1.0 and dot(n, l) < 0.0:
         n = scale(-1.0, n)
     if dot(n, l) <= 0.0:
-        return (0.0, 0.0, 0.0)
+        return (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
     if kind == LAMBERT:
         return _lambert(row, n, l)
     if kind == PHONG:
@@ -78,3 +78,10 @@ def evaluate(kind, row, n, l, v, grain):
     if kind == ELLIPTICAL_BECKMANN:
         return _elliptical(row, n, l, v, grain)
     return _poulin_fournier(row, n, l, v, grain)
+
+
+@inline
+def evaluate(kind, row, n, l, v, grain):
+    """Reflected RGB per unit incident RGB: the sum of `terms`."""
+    diffuse, specular = terms(kind, row, n, l, v, grain)
+    return add(diffuse, specular)

@@ -20,6 +20,7 @@ def lambert(albedo, n, l):
 
 
 @inline
-def evaluate(row, n, l):
-    """Reflected RGB per unit incident RGB for a packed row."""
-    return (lambert(row[MODEL], n, l), lambert(row[MODEL + 1], n, l), lambert(row[MODEL + 2], n, l))
+def terms(row, n, l):
+    """Diffuse and specular RGB reflected per unit incident RGB for a packed row."""
+    diffuse = (lambert(row[MODEL], n, l), lambert(row[MODEL + 1], n, l), lambert(row[MODEL + 2], n, l))
+    return diffuse, (0.0, 0.0, 0.0)

@@ -42,12 +42,13 @@ def shape(sigma, n, l, v):
 
 
 @inline
-def evaluate(row, n, l, v):
-    """Reflected RGB per unit incident RGB for a packed row."""
+def terms(row, n, l, v):
+    """Diffuse and specular RGB reflected per unit incident RGB for a packed row."""
     first, second = shape(row[MODEL + 3], n, l, v)
     red, green, blue = row[MODEL], row[MODEL + 1], row[MODEL + 2]
-    return (
+    diffuse = (
         max(0.0, red / pi * (first + red * second)),
         max(0.0, green / pi * (first + green * second)),
         max(0.0, blue / pi * (first + blue * second)),
     )
+    return diffuse, (0.0, 0.0, 0.0)

@@ -25,22 +25,19 @@ def blinn_highlight(n, l, v, exponent):
 
 @inline
 def combine(row, cosine, highlight):
-    """k_d cosθ + k_s W(θ) S per channel (12.28), for cosθ = n·l > 0."""
+    """k_d cosθ and k_s W(θ) S per channel (12.28), for cosθ = n·l > 0."""
     weighted = highlight * cosine if row[MODEL + 7] == 1.0 else highlight
-    return (
-        row[MODEL] * cosine + row[MODEL + 3] * weighted,
-        row[MODEL + 1] * cosine + row[MODEL + 4] * weighted,
-        row[MODEL + 2] * cosine + row[MODEL + 5] * weighted,
-    )
+    diffuse = (row[MODEL] * cosine, row[MODEL + 1] * cosine, row[MODEL + 2] * cosine)
+    return diffuse, (row[MODEL + 3] * weighted, row[MODEL + 4] * weighted, row[MODEL + 5] * weighted)
 
 
 @inline
-def evaluate_phong(row, n, l, v):
-    """Reflected RGB per unit incident RGB for a packed row, r·v form."""
+def terms_phong(row, n, l, v):
+    """Diffuse and specular RGB reflected per unit incident RGB for a packed row, r·v form."""
     return combine(row, dot(n, l), phong_highlight(n, l, v, row[MODEL + 6]))
 
 
 @inline
-def evaluate_blinn(row, n, l, v):
-    """Reflected RGB per unit incident RGB for a packed row, n·h form."""
+def terms_blinn(row, n, l, v):
+    """Diffuse and specular RGB reflected per unit incident RGB for a packed row, n·h form."""
     return combine(row, dot(n, l), blinn_highlight(n, l, v, row[MODEL + 6]))

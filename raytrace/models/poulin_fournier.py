@@ -104,13 +104,13 @@ def shape(row, n, l, v, grain):
 
 
 @inline
-def evaluate(row, n, l, v, grain):
-    """Reflected RGB per unit incident RGB for a packed row; zero for a viewer below the surface."""
+def terms(row, n, l, v, grain):
+    """Diffuse and specular RGB reflected per unit incident RGB for a packed row; zero for a viewer from below."""
     if dot(n, v) <= 0.0:
-        return (0.0, 0.0, 0.0)
+        return (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
     diffuse, specular = shape(row, n, l, v, grain)
-    return (
-        row[MODEL] * diffuse + row[K_S] * specular,
-        row[MODEL + 1] * diffuse + row[K_S + 1] * specular,
-        row[MODEL + 2] * diffuse + row[K_S + 2] * specular,
+    return (row[MODEL] * diffuse, row[MODEL + 1] * diffuse, row[MODEL + 2] * diffuse), (
+        row[K_S] * specular,
+        row[K_S + 1] * specular,
+        row[K_S + 2] * specular,
     )

@@ -17,9 +17,9 @@ MODEL    …       the model's parameters
 
 from __future__ import annotations
 
-WIDTH = 44
+WIDTH = 40
 EMISSION, AMBIENT, ALPHA, TWO_SIDED, GRAIN, MODEL = 0, 3, 6, 7, 8, 11
 
 LAMBERT, PHONG, BLINN_PHONG, COOK_TORRANCE, ELLIPTICAL_BECKMANN, OREN_NAYAR, STRAUSS, POULIN_FOURNIER = range(8)
 
-TERMS = 20  # Chebyshev coefficients in a Poulin–Fournier row
+TERMS = 16  # Chebyshev coefficients in a Poulin–Fournier row

@@ -37,14 +37,14 @@ def normalised_angle(cosine):
 
 
 @inline
-def channel(colour, metalness, diffuse, specular, grey):
-    """Q_d + Q_s: the highlight of a metal takes its colour, save at grazing."""
-    return diffuse * colour + specular * (1.0 + metalness * (1.0 - grey) * (colour - 1.0))  # (12.68)
+def highlight_colour(colour, metalness, grey):
+    """c_s: the highlight of a metal takes its colour, save at grazing."""
+    return 1.0 + metalness * (1.0 - grey) * (colour - 1.0)  # (12.68)
 
 
 @inline
-def evaluate(row, n, l, v):
-    """Reflected RGB per unit incident RGB for a packed row."""
+def terms(row, n, l, v):
+    """Diffuse and specular RGB reflected per unit incident RGB for a packed row."""
     smoothness, metalness, transparency = row[MODEL + 3], row[MODEL + 4], row[MODEL + 5]
     nl = dot(n, l)
     r_d = (1.0 - smoothness * smoothness * smoothness) * (1.0 - transparency)  # (12.66)
@@ -54,8 +54,9 @@ def evaluate(row, n, l, v):
     f = fresnel_like(x_i)
     r_j = min(1.0, r_n + (r_n + K_J) * f * shadowing(x_i) * shadowing(x_r))  # (12.69)
     specular = max(0.0, min(1.0, dot(mirror(n, l), v))) ** (3.0 / (1.0 - smoothness)) * r_j  # (12.67)
-    return (
-        channel(row[MODEL], metalness, diffuse, specular, f),
-        channel(row[MODEL + 1], metalness, diffuse, specular, f),
-        channel(row[MODEL + 2], metalness, diffuse, specular, f),
+    red, green, blue = row[MODEL], row[MODEL + 1], row[MODEL + 2]
+    return (diffuse * red, diffuse * green, diffuse * blue), (
+        specular * highlight_colour(red, metalness, f),
+        specular * highlight_colour(green, metalness, f),
+        specular * highlight_colour(blue, metalness, f),
     )

@@ -1,0 +1,95 @@
+"""The sphere strips of docs/models: `python -m benchmarks.model_strips`, or `make model-strips`.
+
+Each picture is a row of spheres under one directional light and faint ambient light, seen from the front without
+perspective, over the model's main parameter. Light arriving is π for physical models, so that ρ = 1 facing it is white.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+
+from raytrace.image import write_image
+from raytrace.materials import (
+    BaseMaterial,
+    BlinnPhong,
+    CookTorrance,
+    EllipticalBeckmann,
+    Lambert,
+    OrenNayar,
+    Phong,
+    PoulinFournier,
+    Strauss,
+)
+from raytrace.models.constants import eta_from_reflectance
+from raytrace.normals import normalize
+from raytrace.reflect import reflect
+
+FOLDER = Path(__file__).parent.parent / "docs" / "models"
+SIZE, SAMPLES = 112, 3
+LIGHT = normalize(np.array([-0.5, 0.6, 0.75]))
+FRONT = normalize(np.array([0.0, 0.25, 1.0]))
+VIEW = np.array([0.0, 0.0, 1.0])
+AMBIENT, BACKGROUND = 0.04, 0.02
+COPPER = (eta_from_reflectance(0.95), eta_from_reflectance(0.64), eta_from_reflectance(0.54))
+BRUSHED = {"albedo": 0.0, "k_s": 1.0, "eta": 45.0, "k_a": 0.9, "grain": (0, 1, 0)}
+
+
+def sphere(material: BaseMaterial, light: np.ndarray, intensity: float) -> np.ndarray:
+    """Linear RGB (SIZE, SIZE, 3) of one sphere."""
+    place = (np.arange(SIZE * SAMPLES) + 0.5) / (SIZE * SAMPLES) * 2 - 1
+    x, y = np.meshgrid(1.05 * place, -1.05 * place)
+    inside = x * x + y * y < 1
+    n = np.stack([x, y, np.sqrt(np.maximum(0, 1 - x * x - y * y))], axis=-1)
+    row = material.pack().row
+    colour = intensity * reflect(material, n, light, VIEW) + row[:3] + AMBIENT * row[3:6]
+    pixels = np.where(inside[..., None], colour, BACKGROUND)
+    return pixels.reshape(SIZE, SAMPLES, SIZE, SAMPLES, 3).mean(axis=(1, 3))
+
+
+Strip = tuple[Callable[[float], BaseMaterial], list[float], np.ndarray, float]
+STRIPS: dict[str, Strip] = {
+    "lambert": (lambda x: Lambert(albedo=x), [0.05, 0.1, 0.2, 0.4, 0.7, 1.0], LIGHT, np.pi),
+    "phong": (lambda x: Phong(k_d=(0.5, 0.1, 0.1), k_s=0.5, exponent=x), [2, 5, 15, 50, 150, 500], LIGHT, 1.0),
+    "blinn_phong": (
+        lambda x: BlinnPhong(k_d=(0.1, 0.2, 0.5), k_s=0.5, exponent=x), [2, 5, 15, 50, 150, 500], LIGHT, 1.0,
+    ),
+    "cook_torrance": (
+        lambda x: CookTorrance(albedo=0, k_s=1, m=x, eta=COPPER, k_a=(0.95, 0.64, 0.54)),
+        [0.1, 0.15, 0.22, 0.33, 0.5, 0.8], LIGHT, 1.0,
+    ),
+    "cook_torrance_plastic": (
+        lambda x: CookTorrance(albedo=(0.1, 0.35, 0.15), k_s=x, m=0.2),
+        [0, 0.2, 0.4, 0.6, 0.8, 1.0], LIGHT, np.pi,
+    ),
+    "elliptical_beckmann": (
+        lambda x: EllipticalBeckmann(m_parallel=0.2 / x, m_perpendicular=0.2 * x, **BRUSHED),
+        [1, 1.3, 1.7, 2.2, 3, 4], LIGHT, 0.3,
+    ),
+    "oren_nayar": (lambda x: OrenNayar(albedo=0.8, sigma=x), [0, 0.1, 0.2, 0.35, 0.6, 1.0], FRONT, np.pi),
+    "strauss": (
+        lambda x: Strauss(colour=(0.8, 0.45, 0.25), smoothness=x, metalness=0.8),
+        [0, 0.3, 0.5, 0.7, 0.85, 0.95], LIGHT, 1.0,
+    ),
+    "strauss_metalness": (
+        lambda x: Strauss(colour=(0.8, 0.45, 0.25), smoothness=0.7, metalness=x),
+        [0, 0.2, 0.4, 0.6, 0.8, 1.0], LIGHT, 1.0,
+    ),
+    "poulin_fournier": (
+        lambda x: PoulinFournier(k_d=0.2, k_s=0.8, exponent=60, spacing=3, floor=x, grain=(0, 1, 0)),
+        [0, 0.3, 0.6, 0.8, 0.95, 1], LIGHT, 1.0,
+    ),
+}  # fmt: skip
+
+
+def main() -> None:
+    for name, (make, values, light, intensity) in STRIPS.items():
+        spheres = [sphere(make(value), light, intensity) for value in values]
+        write_image(FOLDER / f"{name}.png", np.concatenate(spheres, axis=1))
+        print(FOLDER / f"{name}.png", values)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,81 @@
+"""Evaluations per second and core of every reflection model: `python -m benchmarks.model_throughput`.
+
+One compiled loop over a million random (n, l, v, grain) above the surface, one packed material, one thread: the
+dispatch, the unpacking of the row and the memory traffic are all counted. Median and best of nine runs.
+"""
+
+from __future__ import annotations
+
+import json
+import platform
+import time
+from pathlib import Path
+
+import numba
+import numpy as np
+
+from raytrace.materials import (
+    BaseMaterial,
+    BlinnPhong,
+    CookTorrance,
+    EllipticalBeckmann,
+    Lambert,
+    OrenNayar,
+    Phong,
+    PoulinFournier,
+    Strauss,
+)
+from raytrace.models.array import reflect_rows
+
+COUNT, RUNS = 1_000_000, 9
+RESULT = Path(__file__).parent / "results" / "model_throughput.json"
+MATERIALS: list[BaseMaterial] = [
+    Lambert(albedo=0.5),
+    Phong(k_d=0.3, k_s=0.5),
+    BlinnPhong(k_d=0.3, k_s=0.5),
+    CookTorrance(albedo=0.5, k_s=0.5, m=0.3),
+    EllipticalBeckmann(albedo=0.5, k_s=0.5, m_parallel=0.1, m_perpendicular=0.3),
+    OrenNayar(albedo=0.5, sigma=0.3),
+    Strauss(colour=0.5, smoothness=0.5, metalness=0.5),
+    PoulinFournier(k_d=0.4, k_s=0.4, spacing=2.5, floor=0.2),
+]
+
+
+def random_directions(seed: int = 0) -> list[np.ndarray]:
+    """n, l, v, grain: (COUNT, 3) unit vectors, l and v above the surface of n."""
+    n, l, v, grain = np.random.default_rng(seed).normal(size=(4, COUNT, 3))
+    for w in (n, l, v, grain):
+        w /= np.linalg.norm(w, axis=1)[:, None]
+    for w in (l, v):
+        w *= np.sign(np.sum(w * n, axis=1))[:, None]
+    return [n, l, v, grain]
+
+
+def measure(material: BaseMaterial, directions: list[np.ndarray]) -> dict[str, float]:
+    """Million evaluations a second: median and best."""
+    kind, row = material.pack()
+    out = np.empty((COUNT, 3))
+    reflect_rows(kind, row, *directions, out)
+    seconds = []
+    for _ in range(RUNS):
+        start = time.perf_counter()
+        reflect_rows(kind, row, *directions, out)
+        seconds.append(time.perf_counter() - start)
+    return {"median": COUNT / np.median(seconds) / 1e6, "best": COUNT / min(seconds) / 1e6}
+
+
+def main() -> None:
+    directions = random_directions()
+    rates = {}
+    for material in MATERIALS:
+        name = type(material).__name__
+        rates[name] = measure(material, directions)
+        print(f"{name:20} {rates[name]['median']:6.1f} M/s median  {rates[name]['best']:6.1f} M/s best")
+    RESULT.parent.mkdir(exist_ok=True)
+    machine = {"cpu": platform.processor() or platform.machine(), "python": platform.python_version()}
+    versions = {"numba": numba.__version__, "numpy": np.__version__}
+    RESULT.write_text(json.dumps({**machine, **versions, "evaluations": COUNT, "rates": rates}, indent=1) + "\n")
+
+
+if __name__ == "__main__":
+    main()

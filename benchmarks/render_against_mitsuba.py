@@ -1,0 +1,191 @@
+"""Our renderer beside Mitsuba 3's `direct` integrator: the same picture, and the time it takes.
+
+    python -m benchmarks.render_against_mitsuba --peer PEER_PYTHON MESH [MESH …]
+
+PEER_PYTHON is the interpreter of an environment that has mitsuba; its LLVM variants need DRJIT_LIBLLVM_PATH. The
+scene is the mesh on a ground plane under four point lights, Lambert, 1920×1080. Agreement: one light at a time, 64 samples,
+no terminator correction, relative RMSE over the pixels whose neighbourhood is smooth in both pictures. Time: one sample a
+pixel, all four lights (Mitsuba: four emitter samples), both warm, in turn.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import subprocess
+import tempfile
+import time
+from pathlib import Path
+from statistics import median
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import trimesh
+
+from ao.report import versions
+from raytrace import Mesh
+from raytrace.camera import Camera
+from raytrace.lights import PointLight
+from raytrace.materials import Lambert
+from raytrace.normals import vertex_normals
+from raytrace.render import render
+from raytrace.scene import Object, Scene, Shape
+from raytrace.settings import Settings
+from scenes.load import load
+from scenes.primitives import grid
+
+ALBEDO = (0.6, 0.5, 0.4)
+WIDTH, HEIGHT, SAMPLES = 1920, 1080, 64
+
+
+def make_scene(mesh: Mesh) -> tuple[Scene, Camera, list[Mesh], list[PointLight]]:
+    """The mesh, y up, on a ground plane, under four lights."""
+    r, (x, _, z) = mesh.radius, mesh.centre
+    floor = mesh.vertices[:, 1].min()
+    ground = grid((x - 4 * r, floor, z - 4 * r), (0, 0, 8 * r), (8 * r, 0, 0), 8 * r)
+    meshes = [
+        Mesh(m.vertices.astype(np.float32), m.faces, vertex_normals(m.vertices, m.faces).astype(np.float32))
+        for m in (mesh, ground)
+    ]
+    positions = mesh.centre + r * np.array([[2, 3, -2], [-2, 3.5, -1.5], [0.5, 4, 2], [1, 2.5, -3]])
+    lights = [PointLight(position=tuple(map(float, p)), intensity=8 * r * r) for p in positions]
+    camera = Camera.framing(mesh, (0.3, 0.35, -1), (0, 1, 0), aspect=WIDTH / HEIGHT)
+    objects = tuple(Object(Shape(m, Lambert(albedo=ALBEDO, two_sided=True))) for m in meshes)
+    return Scene(objects, tuple(lights)), camera, meshes, lights
+
+
+def export(folder: Path, camera: Camera, meshes: list[Mesh], lights: list[PointLight]) -> Path:
+    """The scene as JSON and PLY files for the peer."""
+    paths = []
+    for number, mesh in enumerate(meshes):
+        paths.append(str(folder / f"{number}.ply"))
+        made = trimesh.Trimesh(mesh.vertices, mesh.faces, vertex_normals=mesh.normals, process=False)
+        made.export(paths[-1], vertex_normal=True)
+    description = {
+        "meshes": paths,
+        "albedo": ALBEDO,
+        "lights": [{"position": light.position, "intensity": light.intensity} for light in lights],
+        "camera": {
+            "position": camera.position,
+            "target": camera.target,
+            "up": camera.up,
+            "field_of_view": camera.field_of_view,
+        },
+        "width": WIDTH,
+        "height": HEIGHT,
+    }
+    target = folder / "scene.json"
+    target.write_text(json.dumps(description))
+    return target
+
+
+class Peer:
+    """The peer's process, asked one picture at a time."""
+
+    def __init__(self, python: str, scene: Path) -> None:
+        script = Path(__file__).parent / "peers" / "mitsuba_direct.py"
+        self.process = subprocess.Popen(
+            [python, str(script), str(scene)],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            text=True,
+            cwd=scene.parent,
+        )
+        self.version = self._line().split()[1]
+
+    def _line(self) -> str:
+        assert self.process.stdout
+        line = self.process.stdout.readline()
+        if not line:
+            raise SystemExit("the peer has ended; see its message above")
+        return line
+
+    def render(self, samples: int, light: str, target: str = "-") -> float:
+        """Seconds the peer took for a picture, saved to `target`."""
+        assert self.process.stdin
+        self.process.stdin.write(f"render {samples} {light} {target}\n")
+        self.process.stdin.flush()
+        return float(self._line())
+
+
+def smooth(image: npt.NDArray[np.floating], tolerance: float) -> npt.NDArray[np.bool_]:
+    """Pixels whose eight neighbours differ from them by at most `tolerance` relative to the picture's mean."""
+    grey = image.mean(axis=2)
+    calm = np.ones(grey.shape, bool)
+    calm[[0, -1]], calm[:, [0, -1]] = False, False
+    for dy in (-1, 0, 1):
+        for dx in (-1, 0, 1):
+            calm &= np.abs(np.roll(grey, (dy, dx), (0, 1)) - grey) <= tolerance * grey.mean()
+    return calm
+
+
+def compare(path: Path, python: str, rounds: int) -> dict[str, Any]:
+    """Agreement and times on one mesh."""
+    scene, camera, meshes, lights = make_scene(load(path).mesh)
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        peer = Peer(python, export(folder, camera, meshes, lights))
+        ours = np.zeros((HEIGHT, WIDTH, 3))
+        theirs = np.zeros((HEIGHT, WIDTH, 3))
+        settings = Settings(width=WIDTH, height=HEIGHT, samples=SAMPLES, terminator=False, obscurance="off")
+        for number, light in enumerate(lights):
+            peer.render(SAMPLES, str(number), str(folder / "peer.npy"))
+            theirs += np.load(folder / "peer.npy")[..., :3]
+            frame = render(Scene(scene.objects, (light,)), camera, settings, layers=False)
+            ours += frame.layers["beauty"][..., :3]
+        mask = smooth(ours, 0.05) & smooth(theirs, 0.05) & (theirs.sum(axis=2) > 0)
+        difference = (ours - theirs)[mask]
+        rmse = float(np.sqrt(np.mean(difference**2)) / np.mean(theirs[mask]))
+
+        once = Settings(width=WIDTH, height=HEIGHT, samples=1, obscurance="off")
+        times: dict[str, list[float]] = {"ours": [], "mitsuba": []}
+        for turn in range(rounds + 2):
+            start = time.perf_counter()
+            frame = render(scene, camera, once, layers=False)
+            seconds = time.perf_counter() - start
+            asked = peer.render(1, "all")
+            if turn >= 2:
+                times["ours"].append(seconds)
+                times["mitsuba"].append(asked)
+        ratios = [b / a for a, b in zip(times["ours"], times["mitsuba"], strict=True)]
+    return {
+        "mesh": path.name,
+        "relative_rmse": rmse,
+        "compared_pixels": float(mask.mean()),
+        "seconds": times,
+        "rays": frame.rays,
+        "speed_ratio": {"median": median(ratios), "min": min(ratios), "max": max(ratios)},
+        "versions": versions() | {"mitsuba": peer.version},
+    }
+
+
+def describe(row: dict[str, Any]) -> str:
+    """A result in one line."""
+    seconds = {name: median(values) for name, values in row["seconds"].items()}
+    ratio = row["speed_ratio"]
+    return (
+        f"{row['mesh']}: relative RMSE {row['relative_rmse']:.5f} over {row['compared_pixels']:.0%} of the pixels; "
+        f"ours {seconds['ours']:.3f} s, Mitsuba {seconds['mitsuba']:.3f} s, "
+        f"{ratio['median']:.2f}× faster ({ratio['min']:.2f}–{ratio['max']:.2f})"
+    )
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("meshes", nargs="+", type=Path)
+    parser.add_argument("--peer", required=True, help="a Python interpreter that has mitsuba")
+    parser.add_argument("--rounds", type=int, default=7)
+    arguments = parser.parse_args()
+    results = []
+    for path in arguments.meshes:
+        row = compare(path, arguments.peer, arguments.rounds)
+        results.append(row)
+        print(describe(row))
+    target = Path(__file__).parent / "results" / "render_against_mitsuba.json"
+    target.parent.mkdir(exist_ok=True)
+    target.write_text(json.dumps(results, indent=2) + "\n")
+
+
+if __name__ == "__main__":
+    main()

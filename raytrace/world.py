@@ -1,0 +1,212 @@
+"""A scene as kernels read it: one Embree scene, flat arrays, everything recentred and scaled to about unit size."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from . import lights as light_rows
+from .embree import EmbreeScene, Instance, Triangles, TriangleScene
+from .lights import BaseLight, pack_lights
+from .materials import pack_materials
+from .mesh import Mesh
+from .normals import face_normals, normalize, vertex_sums
+from .placement import Placement
+from .scene import Object, Scene, Shape
+from .weld import CREASE, weld
+
+Floats = npt.NDArray[np.float64]
+
+
+class Geometry(NamedTuple):
+    """Arrays for kernels; rows of `objects` columns are a scene's objects, in order.
+
+    Attributes:
+        handle: Embree scene. vertices, normals: float32 (v, 3), each shape's in its own frame. faces: int64 (f, 3),
+        indices into them. uv: float32 (v, 2). w: float64, obscurance, each object's in a stretch of its own.
+        first_vertex, first_face, first_w: int64 (o,), where an object's stretches begin.
+        to_world: float64 (o, 3, 4); normal_to_world: (o, 3, 3); mirrored: −1 where the transform mirrors, else 1.
+        authored: whether the normals are the source's own. magnitude: least |coordinate| that ray offsets reckon with.
+        texture: int64 (o,), −1 for none. kinds, rows: the objects' packed materials.
+    """
+
+    handle: Any
+    vertices: npt.NDArray[np.float32]
+    normals: npt.NDArray[np.float32]
+    faces: npt.NDArray[np.int64]
+    uv: npt.NDArray[np.float32]
+    w: Floats
+    first_vertex: npt.NDArray[np.int64]
+    first_face: npt.NDArray[np.int64]
+    first_w: npt.NDArray[np.int64]
+    to_world: Floats
+    normal_to_world: Floats
+    mirrored: Floats
+    authored: npt.NDArray[np.bool_]
+    magnitude: Floats
+    texture: npt.NDArray[np.int64]
+    kinds: npt.NDArray[np.int64]
+    rows: Floats
+
+
+class Lights(NamedTuple):
+    """Packed lights in the world's own units: kinds int64 (k,), rows float64 (k, …)."""
+
+    kinds: npt.NDArray[np.int64]
+    rows: Floats
+
+
+@dataclass(frozen=True, eq=False)
+class World:
+    """A scene ready for kernels.
+
+    Attributes:
+        geometry, lights: what kernels read. embree: keeps the scene and its buffers alive.
+        centre, scale: a world point p stands at (p − centre) · scale here; scale is a power of two.
+        textures: the scene's textures, in the order of `geometry.texture`.
+    """
+
+    geometry: Geometry
+    lights: Lights
+    embree: EmbreeScene
+    centre: Floats
+    scale: float
+    textures: tuple[Any, ...]
+
+
+class _Piece(NamedTuple):
+    """A shape in the frame it is traced in."""
+
+    vertices: npt.NDArray[np.float32]
+    normals: npt.NDArray[np.float32]
+    scene: TriangleScene | None
+    from_shape: Floats  # (4, 4)
+
+
+def build(scene: Scene) -> World:
+    """Make the Embree scene and the arrays of `scene`.
+
+    A shape that one object uses is placed once and for all; one that several use becomes instances.
+
+    Raises:
+        EmbreeError: Embree failed, out of memory for instance.
+    """
+    whole = _bounds(scene)
+    placement = Placement.of(whole)
+    centre, scale = whole.centre, placement.scale
+    place = np.diag([scale, scale, scale, 1.0])
+    place[:3, 3] = -scale * centre
+
+    uses: dict[int, list[Object]] = {}
+    for item in scene.objects:
+        uses.setdefault(id(item.shape), []).append(item)
+    shapes = {key: items[0].shape for key, items in uses.items()}
+    order = {key: row for row, key in enumerate(shapes)}
+    pieces = {
+        key: _shared(shapes[key]) if len(items) > 1 else _single(shapes[key], place @ items[0].transform)
+        for key, items in uses.items()
+    }
+    vertex_starts = _starts([len(shape.mesh.vertices) for shape in shapes.values()])
+    face_starts = _starts([len(shape.mesh.faces) for shape in shapes.values()])
+    w_starts = _starts([len(item.shape.mesh.vertices) for item in scene.objects])
+    textures = tuple(dict.fromkeys(shape.texture for shape in shapes.values() if shape.texture))
+
+    geometries: list[Triangles | Instance] = []
+    count = len(scene.objects)
+    to_world, normal_to_world = np.empty((count, 3, 4)), np.empty((count, 3, 3))
+    mirrored, magnitude = np.ones(count), np.zeros(count)
+    for row, item in enumerate(scene.objects):
+        piece = pieces[id(item.shape)]
+        matrix = place @ item.transform @ np.linalg.inv(piece.from_shape) if piece.scene else np.eye(4)
+        if piece.scene:
+            geometries.append(Instance(piece.scene, matrix[:3].astype(np.float32)))
+            magnitude[row] = 4.0  # the ray's own way into the instance's frame is rounded too
+        else:
+            geometries.append(Triangles(piece.vertices, item.shape.mesh.faces))
+        to_world[row] = matrix[:3]
+        normal_to_world[row] = np.linalg.inv(matrix[:3, :3]).T
+        mirrored[row] = np.sign(np.linalg.det(item.transform[:3, :3]))
+    embree = EmbreeScene(geometries)
+
+    rank = [order[id(item.shape)] for item in scene.objects]
+    kinds, rows = pack_materials([item.shape.material for item in scene.objects])
+    uv = [np.zeros((len(s.mesh.vertices), 2)) if s.uv is None else s.uv for s in shapes.values()]
+    w = [np.ones(len(item.shape.mesh.vertices)) if item.w is None else item.w for item in scene.objects]
+    corner_rows = [s.mesh.faces + start for s, start in zip(shapes.values(), vertex_starts, strict=True)]
+    geometry = Geometry(
+        handle=embree.handle,
+        vertices=np.concatenate([piece.vertices for piece in pieces.values()]),
+        normals=np.concatenate([piece.normals for piece in pieces.values()]),
+        faces=np.concatenate(corner_rows),
+        uv=np.concatenate(uv).astype(np.float32),
+        w=np.concatenate(w),
+        first_vertex=vertex_starts[rank],
+        first_face=face_starts[rank],
+        first_w=w_starts,
+        to_world=to_world,
+        normal_to_world=normal_to_world,
+        mirrored=mirrored,
+        authored=np.array([item.shape.mesh.normals is not None for item in scene.objects]),
+        magnitude=magnitude,
+        texture=np.array([textures.index(t) if (t := item.shape.texture) else -1 for item in scene.objects]),
+        kinds=kinds,
+        rows=rows,
+    )
+    return World(geometry, _place_lights(scene.lights, centre, scale), embree, centre, scale, textures)
+
+
+def _bounds(scene: Scene) -> Mesh:
+    """The corners of all objects' bounding boxes, in the world: what the world is centred and scaled by."""
+    corners = []
+    for item in scene.objects:
+        low, high = item.shape.mesh.vertices.min(axis=0), item.shape.mesh.vertices.max(axis=0)
+        grid = np.array(np.meshgrid(*zip(low, high, strict=True))).reshape(3, -1).T
+        corners.append(grid @ item.transform[:3, :3].T + item.transform[:3, 3])
+    return Mesh(np.concatenate(corners), np.array([[0, 1, 2]]), source="scene")
+
+
+def _starts(lengths: list[int]) -> npt.NDArray[np.int64]:
+    return np.concatenate([[0], np.cumsum(lengths[:-1])]).astype(np.int64)
+
+
+def _shared(shape: Shape) -> _Piece:
+    mesh = shape.mesh
+    placement = Placement.of(mesh)
+    matrix = np.diag([placement.scale, placement.scale, placement.scale, 1.0])
+    matrix[:3, 3] = -placement.scale * mesh.centre
+    normals = _smooth_normals(mesh).astype(np.float32)
+    return _Piece(placement.vertices, normals, TriangleScene(placement.vertices, mesh.faces), matrix)
+
+
+def _single(shape: Shape, matrix: Floats) -> _Piece:
+    mesh, linear = shape.mesh, matrix[:3, :3]
+    vertices = (mesh.vertices @ linear.T + matrix[:3, 3]).astype(np.float32)
+    normals = normalize(_smooth_normals(mesh) @ np.linalg.inv(linear)).astype(np.float32)
+    return _Piece(vertices, normals, None, matrix)
+
+
+def _smooth_normals(mesh: Mesh) -> Floats:
+    """Unit normals (n, 3) in the mesh's own frame, its own if it has some; zero where there is none."""
+    if mesh.normals is not None:
+        return normalize(mesh.normals)
+    vertices = Placement.of(mesh).vertices
+    placed = vertices.astype(np.float64)
+    own = vertex_sums(placed, mesh.faces, *face_normals(placed, mesh.faces))
+    group = weld(vertices, normalize(own), CREASE)
+    joined: Floats = np.stack([np.bincount(group, own[:, axis]) for axis in range(3)], axis=1)
+    return normalize(joined)[group]
+
+
+def _place_lights(lights: tuple[BaseLight, ...], centre: Floats, scale: float) -> Lights:
+    """Positions and attenuation in the world's own units; black lights are left out."""
+    kinds, rows = pack_lights(list(lights))
+    rows[:, light_rows.POSITION : light_rows.POSITION + 3] = scale * (
+        rows[:, light_rows.POSITION : light_rows.POSITION + 3] - centre
+    )
+    rows[:, light_rows.RADIAL + 1] /= scale
+    rows[:, light_rows.RADIAL + 2] /= scale**2
+    bright = rows[:, light_rows.INTENSITY : light_rows.INTENSITY + 3].any(axis=1)
+    return Lights(kinds[bright], rows[bright])

@@ -1,0 +1,111 @@
+"""Mesh files made by hand, for the tests."""
+
+import struct
+
+import numpy as np
+import pytest
+from gltf_files import QUAD, Builder
+
+from raytrace.errors import MeshError
+from scenes.load import load
+
+# Two squares that share an edge; vertex 2 repeats vertex 1, vertex 6 is unused.
+VERTICES = np.array([[0, 0, 0], [1, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0.25], [2, 0, 0], [9, 9, 9]])
+FACES = np.array([[0, 1, 3], [0, 3, 4], [2, 5, 3]])
+NORMALS = np.tile([0.0, 0.6, 0.8], (len(VERTICES), 1))
+
+
+def ply(vertices=VERTICES, faces=FACES, order="<", normals=None, texture=False):
+    """A binary PLY file."""
+    names = ["x", "y", "z"] + (["nx", "ny", "nz"] if normals is not None else []) + (["s", "t"] if texture else [])
+    rows = np.zeros((len(vertices), len(names)), dtype=f"{order}f4")
+    rows[:, :3] = vertices
+    if normals is not None:
+        rows[:, 3:6] = normals
+    if texture:
+        rows[:, -2:] = np.arange(2 * len(vertices)).reshape(-1, 2)
+    packed = np.zeros(len(faces), dtype=[("n", "u1"), ("i", f"{order}i4", np.shape(faces)[1])])
+    packed["n"], packed["i"] = np.shape(faces)[1], faces
+    header = ["ply", f"format binary_{'little' if order == '<' else 'big'}_endian 1.0"]
+    header += [f"element vertex {len(vertices)}", *(f"property float {name}" for name in names)]
+    header += [f"element face {len(faces)}", "property list uchar int vertex_indices", "end_header\n"]
+    return "\n".join(header).encode() + rows.tobytes() + packed.tobytes()
+
+
+def ascii_ply(vertices=VERTICES, faces=FACES):
+    header = ["ply", "format ascii 1.0", f"element vertex {len(vertices)}"]
+    header += [f"property double {name}" for name in "xyz"]
+    header += [f"element face {len(faces)}", "property list uchar int vertex_indices", "end_header"]
+    rows = [" ".join(map(str, vertex)) for vertex in vertices]
+    rows += [" ".join(map(str, [len(face), *face])) for face in faces]
+    return "\n".join([*header, *rows, ""]).encode()
+
+
+def off(vertices=VERTICES, faces=FACES):
+    rows = [" ".join(map(str, vertex)) for vertex in vertices]
+    rows += [" ".join(map(str, [len(face), *face])) for face in faces]
+    return "\n".join(["OFF", "# made for a test", f"{len(vertices)} {len(faces)} 0", *rows, ""]).encode()
+
+
+def obj(vertices=VERTICES, faces=FACES):
+    rows = ["v {} {} {}".format(*vertex) for vertex in vertices]
+    rows += ["f " + " ".join(str(index + 1) for index in face) for face in faces]
+    return "\n".join([*rows, ""]).encode()
+
+
+def stl(triangles):
+    packed = np.zeros(len(triangles), dtype=[("n", "<f4", 3), ("v", "<f4", (3, 3)), ("a", "<u2")])
+    packed["v"] = triangles
+    return bytes(80) + len(triangles).to_bytes(4, "little") + packed.tobytes()
+
+
+def ascii_stl(*solids):
+    lines = []
+    for name, triangles in solids:
+        lines.append(f"solid {name}")
+        for triangle in triangles:
+            lines += ["facet normal 0 0 0", "outer loop"]
+            lines += ["vertex {} {} {}".format(*corner) for corner in triangle]
+            lines += ["endloop", "endfacet"]
+        lines.append(f"endsolid {name}")
+    return "\n".join([*lines, ""]).encode()
+
+
+def glb():
+    builder = Builder()
+    builder.mesh(builder.primitive(QUAD, [[0, 1, 2], [0, 2, 3]]))
+    return builder.glb([{"mesh": 0, "name": "quad"}])
+
+
+def read(tmp_path, name, data):
+    path = tmp_path / name
+    path.write_bytes(data)
+    return load(path)
+
+
+def mistake(tmp_path, name, data):
+    """The message of the error that loading `data` must give."""
+    with pytest.raises(MeshError) as error:
+        read(tmp_path, name, data)
+    message = str(error.value)
+    assert "\n" not in message
+    assert str(tmp_path / name) in message
+    return message
+
+
+def mixed_ply(order="<"):
+    """Triangles, a quadrilateral and a pentagon, with a list and a number of no interest in each row."""
+    header = ["ply", f"format binary_{'little' if order == '<' else 'big'}_endian 1.0"]
+    header += [f"element vertex {len(VERTICES)}", *(f"property double {name}" for name in ("x", "y", "z"))]
+    header += [*(f"property float {name}" for name in ("nx", "ny", "nz")), "element face 3", "property uchar flags"]
+    header += ["property list uchar int vertex_indices", "property list uchar float texcoord", "end_header\n"]
+    rows = np.zeros(len(VERTICES), dtype=[("v", f"{order}f8", 3), ("n", f"{order}f4", 3)])
+    rows["v"], rows["n"] = VERTICES, NORMALS
+    data = "\n".join(header).encode() + rows.tobytes()
+    for polygon in MIXED:
+        data += struct.pack(f"{order}BB{len(polygon)}iB2f", 7, len(polygon), *polygon, 2, 0.5, 0.5)
+    return data
+
+
+MIXED = [[0, 1, 3], [0, 1, 5, 3, 4], [2, 5, 3, 0]]
+MIXED_FANS = [[0, 1, 3], [0, 1, 5], [0, 5, 3], [0, 3, 4], [2, 5, 3], [2, 3, 0]]

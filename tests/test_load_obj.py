@@ -1,0 +1,79 @@
+"""Wavefront OBJ: exactly the `v` lines, whatever the faces say."""
+
+import numpy as np
+import pytest
+from mesh_files import FACES, VERTICES, mistake, read
+
+
+def obj_with(faces, extra="", vertices=VERTICES):
+    rows = ["v {} {} {}".format(*vertex) for vertex in vertices]
+    return ("\n".join(rows) + f"\n{extra}\n{faces}\n").encode()
+
+
+@pytest.mark.parametrize(
+    "faces",
+    [
+        "f 1/1 2/2 4/3\nf 1/2 4/1 5/3\nf 3/1 6/1 4/2",
+        "f 1/1/1 2/2/1 4/3/1\nf 1/2/1 4/1/1 5/3/1\nf 3/1/1 6/1/1 4/2/1",
+        "f 1//1 2//1 4//1\nf 1//1 4//1 5//1\nf 3//1 6//1 4//1",
+        "f 1//1 2//1 4//1\nf 1 4 5\nf 3//1 6//1 4//1",
+        "usemtl a\nf 1 2 4\nusemtl b\nf 1 4 5\nusemtl a\nf 3 6 4",
+        "o a\nf 1 2 4\no b\ng g\ns 1\nf 1 4 5\no a\nf 3 6 4",
+        "f -7 -6 -4\nf -7 -4 -3\nf -5 -2 -4",
+        "  f\t1 2 4 # one\r\nf 1 4 \\\n5\nf 3 6 4",
+    ],
+)
+def test_obj_vertices_are_the_v_lines(tmp_path, faces):
+    file = read(tmp_path, "m.obj", obj_with(faces, "mtllib missing.mtl\nvt 0 0\nvt 1 0\nvt 1 1\nvn 0 0 1"))
+    assert np.array_equal(file.mesh.vertices, VERTICES)
+    assert np.array_equal(file.mesh.faces, FACES)
+    assert len(file.parts) == 1
+
+
+def test_obj_relative_indices_count_from_their_own_line(tmp_path):
+    text = b"v 0 0 0\nv 1 0 0\nv 0 1 0\nvn 0 0 1\nf -3//-1 -2//-1 -1//-1\nv 5 5 5\nvn 1 0 0\nf -1//-1 -3//-2 -2//-2\n"
+    file = read(tmp_path, "m.obj", text)
+    assert file.mesh.faces.tolist() == [[0, 1, 2], [3, 1, 2]]
+    np.testing.assert_array_equal(file.mesh.normals, [[0, 0, 1]] * 3 + [[1, 0, 0]])
+
+
+def test_obj_colours_beside_vertices_do_not_matter(tmp_path):
+    file = read(tmp_path, "m.obj", b"v 0 0 0 nan nan nan\nv 1 0 0 .5 .5 .5\nv 0 1 0\nf 1 2 3\n")
+    assert file.mesh.vertices.tolist() == [[0, 0, 0], [1, 0, 0], [0, 1, 0]]
+
+
+def test_obj_normals_where_each_vertex_has_one(tmp_path):
+    normals = "vn 0 0 1\nvn 0 1 0\nvn 0 0 1"
+    file = read(tmp_path, "m.obj", obj_with("f 1//1 2//2 4//3\nf 1//3 4//1 5//1", normals))
+    np.testing.assert_array_equal(file.mesh.normals[[0, 1, 3, 4]], [[0, 0, 1], [0, 1, 0], [0, 0, 1], [0, 0, 1]])
+    assert np.isnan(file.mesh.normals[[2, 5, 6]]).all()
+
+
+@pytest.mark.parametrize("faces", ["f 1//1 2//1 4//1\nf 1//2 4//1 5//1", "f 1//1 2//1 4//1\nf 1 4 5", "f 1/1 2/1 4/1"])
+def test_obj_normals_are_none_where_vertices_have_several_or_corners_none(tmp_path, faces):
+    assert read(tmp_path, "m.obj", obj_with(faces, "vn 0 0 1\nvn 0 1 0\nvt 0 0")).mesh.normals is None
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ("f 1 2 99", "v indices from 1 to 7, got 99"),
+        ("f 0 1 2", "got 0"),
+        ("f -8 -2 -1", "got 0"),
+        ("f -1 -2 -99", "got -91"),
+        ("f 1//1 2//1 3//5", "vn indices from 1 to 1, got 5"),
+        ("f 1 2", "three corners or more, got 2"),
+        ("f 1 2 4\nf", "m.obj"),
+        ("f a b c", "unmatched data"),
+        ("v 1 2\nf 1 2 3", "three coordinates"),
+        ("v 1 2 oops\nf 1 2 3", "unmatched data"),
+        ("v nan 0 0\nf 1 2 3", "finite coordinates"),
+        ("f 1 2 99999999999999999999999", "indices from 1 to 7"),
+        ("l 1 2", "at least one triangle, got none, and 7 points"),
+    ],
+)
+def test_obj_mistakes(tmp_path, text, expected):
+    if text == "f 1 2 4\nf":
+        assert len(read(tmp_path, "m.obj", obj_with(text)).mesh.faces) == 1
+    else:
+        assert expected in mistake(tmp_path, "m.obj", obj_with(text, "vn 0 0 1"))

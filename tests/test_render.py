@@ -1,0 +1,360 @@
+"""Pictures against arithmetic: worked examples, shadow edges where geometry puts them, layers that add up."""
+
+import numpy as np
+import pytest
+import trimesh
+
+import ao
+from raytrace import Mesh, OptionError
+from raytrace.camera import Camera
+from raytrace.frame import LAYERS
+from raytrace.lights import AmbientLight, DirectionalLight, PointLight, SpotLight
+from raytrace.materials import BlinnPhong, Lambert, Phong
+from raytrace.render import render, seen_vertices
+from raytrace.scene import Object, Scene, Shape
+from raytrace.settings import Settings
+from scenes.primitives import box, grid
+
+ONE = Settings(width=1, height=1, samples=1)
+PAINT = {"k_d": 0.3, "k_s": 0.6, "k_a": 0.3, "exponent": 3, "emission": 2}
+PLANE = Mesh([[-50, 0, 50], [50, 0, 50], [0, 0, -80]], [[0, 1, 2]])
+
+
+def pixel(frame, layer="beauty"):
+    assert frame.layers[layer].shape[:2] == (1, 1)
+    return frame.layers[layer][0, 0]
+
+
+def sphere(radius=1.0, centre=(0.0, 0.0, 0.0), subdivisions=4):
+    made = trimesh.creation.icosphere(subdivisions=subdivisions, radius=radius)
+    return Mesh(made.vertices + centre, made.faces)
+
+
+def white(mesh, **fields):
+    return Object(Shape(mesh, Lambert(albedo=0.8, **fields)))
+
+
+@pytest.mark.parametrize(
+    ("material", "viewer", "expected"),
+    [
+        (BlinnPhong(**PAINT), (0, 1, 1), 8.764768),
+        (Phong(**PAINT), (0, 1, 1), 5.745584),
+        (Phong(**PAINT), (-1, 1, 0), 12.045584),
+    ],
+)
+def test_worked_example_a(material, viewer, expected):
+    lights = (AmbientLight(intensity=1), DirectionalLight(direction=(-1, -1, 0), intensity=12))
+    camera = Camera(tuple(3.0 * np.array(viewer)), (0, 0, 0), (0.1, 1, 0.2), field_of_view=0.01)
+    frame = render(Scene((Object(Shape(PLANE, material)),), lights), camera, ONE)
+    np.testing.assert_allclose(pixel(frame)[:3], expected, atol=1e-5)
+
+
+@pytest.mark.parametrize(
+    ("shading", "k_s", "expected"), [("constant", 0, 5.9), ("gouraud", 0.6, 5.151757), ("phong", 0.6, 11.790821)]
+)
+def test_worked_example_b(shading, k_s, expected):
+    mesh = Mesh([[2, 2, 1], [6, 2, 1], [4, 5, 1]], [[0, 1, 2]], [[-1, -1, 1], [1, 0, 0], [0, 1, 1]])
+    lights = (AmbientLight(intensity=1), DirectionalLight(direction=(0, 0, -1), intensity=12))
+    scene = Scene((Object(Shape(mesh, BlinnPhong(**PAINT | {"k_s": k_s}))),), lights)
+    camera = Camera((4, 3, 5), (4, 3, 1), (0, 1, 0), height=1e-4)
+    frame = render(scene, camera, Settings(width=1, height=1, samples=1, shading=shading, terminator=False))
+    np.testing.assert_allclose(pixel(frame)[:3], expected, atol=1e-5)
+
+
+def test_quadratic_shading_turns_where_linear_stays_flat():
+    """Equal normals leaning along an edge: linear interpolation is constant, the quadratic one meets the chord."""
+    n = np.array([1, 0, 1]) / 2**0.5
+    mesh = Mesh([[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 1, 2]], [n, n, n])
+    scene = Scene((Object(Shape(mesh, Lambert(albedo=1))),), (DirectionalLight(direction=(0, 0, -1)),))
+    camera = Camera((0.5, 0.0001, 5), (0.5, 0.0001, 0), (0, 1, 0), height=1e-6)
+    normals = {}
+    for shading in ("phong", "quadratic"):
+        frame = render(scene, camera, Settings(width=1, height=1, samples=1, shading=shading))
+        normals[shading] = pixel(frame, "normal")
+    np.testing.assert_allclose(normals["phong"], n, atol=1e-6)
+    # On the edge w = x at s = ½: n + b/2 + a/4 with a = 3 (2 n·x) x, b = −a, so x: n_x − 3 n_x/2.
+    expected = n + np.array([-1.5 * n[0], 0, 0])
+    np.testing.assert_allclose(normals["quadratic"], expected / np.linalg.norm(expected), atol=1e-3)
+
+
+def test_a_shadows_edge_lies_where_the_light_puts_it():
+    """A half-plane at z = 1 over a floor, the light at (−1, 0, 3): the edge falls on x = ½."""
+    floor, roof = grid((-4, -4, 0), (8, 0, 0), (0, 8, 0), 8), grid((-4, -4, 1), (4, 0, 0), (0, 8, 0), 8)
+    scene = Scene((white(floor), white(roof)), (PointLight(position=(-1, 0, 3), intensity=10),))
+    camera = Camera((0.5, 0.0, 9), (0.5, 0.0, 0), (0, 1, 0), height=0.5)
+    frame = render(scene, camera, Settings(width=100, height=100, samples=1))
+    x = 0.5 + (np.arange(100) + 0.5 - 50) / 100 * 0.5
+    lit = frame.layers["shadow"][..., 0] > 0.5
+    on_floor = x > 0.0 + 1e-9
+    pixel_width = 0.5 / 100
+    assert (lit[:, on_floor & (x > 0.5 + pixel_width)]).all()
+    assert not (lit[:, on_floor & (x < 0.5 - pixel_width)]).any()
+    dark = frame.layers["diffuse"][~lit]
+    assert (dark == 0).all()
+
+
+def test_the_lit_floor_obeys_the_photometry_law():
+    floor = grid((-4, -4, 0), (8, 0, 0), (0, 8, 0), 8)
+    scene = Scene((white(floor),), (PointLight(position=(1, 0, 2), intensity=10),))
+    frame = render(scene, Camera((0, 0, 9), (0, 0, 0), (0, 1, 0), height=4), Settings(width=32, height=32, samples=1))
+    x = (np.arange(32) + 0.5 - 16) / 16 * 2
+    squared = (x[None, :] - 1) ** 2 + x[:, None] ** 2 + 4
+    expected = 0.8 / np.pi * 10 * 2 / squared**1.5
+    np.testing.assert_allclose(frame.layers["beauty"][..., 0], expected, rtol=1e-4)
+
+
+@pytest.fixture(scope="module")
+def still():
+    objects = (
+        white(grid((-3, -3, -1), (6, 0, 0), (0, 6, 0), 6)),
+        Object(Shape(sphere(), Phong(k_d=(0.5, 0.3, 0.2), k_s=0.4, emission=0.05))),
+        Object(Shape(box((1.5, 0, -0.5), (0.6, 0.6, 1), 1), BlinnPhong(k_d=0.2, k_s=0.7))),
+    )
+    lights = (
+        AmbientLight(intensity=0.2),
+        PointLight(position=(2, -3, 4), intensity=30),
+        DirectionalLight(direction=(1, 1, -2), intensity=0.5),
+        SpotLight(position=(0, 0, 5), direction=(0, 0, -1), half_angle=0.3, intensity=20),
+    )
+    w = np.linspace(0, 1, sum(len(item.shape.mesh.vertices) for item in objects))
+    return Scene(objects, lights, background=(0.1, 0.2, 0.3)).with_obscurance(w)
+
+
+CAMERA = Camera((3, -6, 3), (0, 0, 0))
+SMALL = Settings(width=96, height=64, samples=16)
+
+
+@pytest.fixture(scope="module")
+def picture(still):
+    return render(still, CAMERA, SMALL)
+
+
+def test_the_layers_add_up_exactly(picture):
+    parts = picture.layers
+    total = ((parts["ambient"] + parts["diffuse"]) + parts["specular"]) + parts["emission"]
+    np.testing.assert_array_equal(parts["beauty"][..., :3], total)
+    assert {name: layer.shape[2] for name, layer in parts.items()} == LAYERS
+
+
+def test_nothing_is_negative_or_undefined(picture):
+    for name, layer in picture.layers.items():
+        assert not np.isnan(layer).any(), name
+        if name != "normal":
+            assert (layer >= 0).all(), name
+    miss = picture.layers["object_id"][..., 0] == 0
+    assert np.isinf(picture.layers["depth"][miss]).all()
+    empty = picture.layers["beauty"][..., 3] == 0
+    np.testing.assert_allclose(picture.layers["beauty"][empty][:, :3], np.tile([0.1, 0.2, 0.3], (empty.sum(), 1)))
+
+
+@pytest.mark.parametrize("threads", [1, 2, 3])
+def test_the_picture_does_not_depend_on_threads(still, picture, threads):
+    again = render(still, CAMERA, SMALL, threads=threads)
+    for name, layer in picture.layers.items():
+        np.testing.assert_array_equal(again.layers[name], layer)
+    assert again.rays == picture.rays
+    assert again.rays_skipped == picture.rays_skipped
+
+
+def test_another_seed_is_another_picture(still, picture):
+    again = render(still, CAMERA, Settings(width=96, height=64, samples=16, seed=1))
+    assert not np.array_equal(again.layers["beauty"], picture.layers["beauty"])
+    assert np.abs(again.layers["beauty"] - picture.layers["beauty"]).mean() < 0.01
+
+
+def test_a_crop_is_a_part_of_the_whole(still, picture):
+    again = render(still, CAMERA, Settings(width=96, height=64, samples=16, crop=(20, 8, 33, 29)))
+    np.testing.assert_array_equal(again.layers["beauty"], picture.layers["beauty"][8:37, 20:53])
+
+
+def test_beauty_alone_is_the_same_beauty(still, picture):
+    again = render(still, CAMERA, SMALL, layers=False)
+    assert set(again.layers) == {"beauty"}
+    np.testing.assert_array_equal(again.layers["beauty"], picture.layers["beauty"])
+
+
+def test_every_ray_is_traced_or_accounted_for(still):
+    frame = render(still, CAMERA, Settings(width=96, height=64, samples=1))
+    skipped = frame.rays_skipped
+    assert frame.rays["primary"] == 96 * 64
+    assert frame.rays["shadow"] + sum(skipped.values()) == 3 * 96 * 64
+
+
+def test_pixels_that_agree_are_retired_and_the_others_go_on(still, picture):
+    assert picture.rays["primary"] + picture.rays_skipped["primary_agreed"] == 16 * 96 * 64
+    assert 0.3 < picture.rays_skipped["primary_agreed"] / (12 * 96 * 64) < 1
+    many = render(still, CAMERA, Settings(width=96, height=64, samples=256)).layers["beauty"]
+    few = render(still, CAMERA, Settings(width=96, height=64, samples=4)).layers["beauty"]
+    error = [np.sqrt(np.mean((layer - many) ** 2)) for layer in (picture.layers["beauty"], few)]
+    assert error[0] < 0.6 * error[1]
+
+
+def test_skipping_changes_nothing(still):
+    """Black, distant and unseen lights added to a scene leave every bit of the picture as it was."""
+    more = (
+        PointLight(position=(0, 0, 3), intensity=0),
+        SpotLight(position=(0, 0, 9), direction=(0, 0, 1), half_angle=0.2, intensity=99),
+        DirectionalLight(direction=(0, 0, 1), intensity=0),
+    )
+    settings = Settings(width=48, height=32, samples=1)
+    before = render(still, CAMERA, settings)
+    after = render(Scene(still.objects, still.lights + more, still.background), CAMERA, settings)
+    np.testing.assert_array_equal(after.layers["beauty"], before.layers["beauty"])
+    assert after.rays == before.rays
+
+
+def test_instances_look_like_copies():
+    ball = sphere(subdivisions=3)
+    turn = trimesh.transformations.rotation_matrix(0.7, (1, 2, 3))
+    places = [
+        trimesh.transformations.translation_matrix((x, 0, 0)) @ turn @ np.diag([1, 1, 0.5 + abs(x) / 4, 1])
+        for x in (-2.5, 0, 2.5)
+    ]
+    material = Phong(k_d=0.4, k_s=0.5)
+    shared = Shape(ball, material)
+    instances = tuple(Object(shared, place) for place in places)
+    copies = tuple(Object(Shape(ball, material), place) for place in places)
+    lights = (PointLight(position=(3, -4, 5), intensity=40),)
+    settings = Settings(width=120, height=60, samples=1)
+    a, b = (render(Scene(objects, lights), CAMERA, settings).layers for objects in (instances, copies))
+    same = a["object_id"] == b["object_id"]
+    assert same.mean() > 0.999
+    far = np.abs(a["beauty"] - b["beauty"]).max(axis=2) > 1e-3
+    assert far.mean() < 0.003
+
+
+def test_a_mirrored_object_is_lit_on_its_outside():
+    mirror = np.diag([-1.0, 1, 1, 1])
+    scene = Scene((Object(Shape(sphere(), Lambert(albedo=1)), mirror),), (DirectionalLight(direction=(0, 1, 0)),))
+    frame = render(scene, Camera((0, -5, 0), (0, 0, 0), field_of_view=10), ONE)
+    np.testing.assert_allclose(pixel(frame)[:3], 1 / np.pi, rtol=1e-2)
+    np.testing.assert_allclose(pixel(frame, "normal"), [0, -1, 0], atol=0.05)
+
+
+@pytest.mark.parametrize(("scale", "offset"), [(1e-4, 0), (1, 0), (1e5, 0), (1, 1e6)])
+def test_a_lit_sphere_has_no_dark_pixel_on_its_lit_side(scale, offset):
+    centre = np.array([offset, offset, offset], float)
+    ball = sphere(scale, centre, subdivisions=5)
+    light = PointLight(position=tuple(centre + scale * np.array([0, -50, 0])), intensity=scale**2 * 1e4)
+    camera = Camera(tuple(centre + scale * np.array([0, -6, 0])), tuple(centre), height=2.2 * scale)
+    frame = render(Scene((white(ball),), (light,)), camera, Settings(width=200, height=200, samples=1))
+    facing = -frame.layers["normal"][..., 1]
+    seen = (frame.layers["object_id"][..., 0] > 0) & (facing > 0.15)
+    assert seen.sum() > 10_000
+    assert (frame.layers["shadow"][seen] == 1).all()
+    assert (frame.layers["beauty"][seen][:, 0] > 0).all()
+
+
+@pytest.mark.parametrize("two_sided", [False, True])
+@pytest.mark.parametrize("turn", [0.0, 0.3])
+def test_no_light_leaks_into_a_closed_box(two_sided, turn):
+    matrix = trimesh.transformations.rotation_matrix(turn, (1, 2, 3))
+    room = Object(Shape(box((0, 0, 0), (2, 2, 2), 0.5), Lambert(albedo=0.8, two_sided=two_sided)), matrix)
+    lights = tuple(PointLight(position=p, intensity=1000) for p in [(3, 0, 0), (0, -3, 1), (1.2, 1.3, 4)])
+    camera = Camera((0.1, 0.2, 0.1), (1, 0.5, 0.2), field_of_view=100)
+    frame = render(Scene((room,), lights), camera, Settings(width=128, height=128, samples=4))
+    assert (frame.layers["beauty"][..., :3] == 0).all()
+    assert (frame.layers["object_id"] > 0).all()
+
+
+def test_obscurance_in_a_picture_is_the_bakers():
+    mesh = box((0, 0, 0), (1, 1, 1), 0.25)
+    floor = grid((-2, -2, -0.5), (4, 0, 0), (0, 4, 0), 0.25)
+    scene = Scene((white(mesh), white(floor)))
+    baked = ao.bake(scene.flattened(), samples=64)
+    scene = scene.with_obscurance(baked.w)
+    for vertex in (len(mesh.vertices) + 10, len(mesh.vertices) + 100, len(mesh.vertices) + 37):
+        x, y, z = scene.flattened().vertices[vertex]
+        camera = Camera((x + 1e-6, y + 1e-6, z + 3), (x + 1e-6, y + 1e-6, z), (0, 1, 0), height=1e-6)
+        np.testing.assert_allclose(pixel(render(scene, camera, ONE), "obscurance"), baked.w[vertex], atol=1e-4)
+
+
+@pytest.mark.parametrize("shading", ["phong", "gouraud"])
+def test_vertices_that_no_pixel_sees_need_no_obscurance(still, shading):
+    settings = Settings(width=48, height=32, samples=4, shading=shading)
+    mesh = still.flattened()
+    seen = seen_vertices(still, CAMERA, settings)
+    assert 0.2 < seen.mean() < 0.8
+    whole, part = (ao.bake(mesh, samples=16, only=only).w for only in (None, seen))
+    a, b = (render(still.with_obscurance(w), CAMERA, settings).layers for w in (whole, part))
+    for name, layer in a.items():
+        np.testing.assert_array_equal(b[name], layer)
+
+
+def test_the_two_forms_weight_what_they_say(still):
+    layers = {
+        form: render(still, CAMERA, Settings(width=48, height=32, samples=1, obscurance=form)).layers
+        for form in ("off", "ambient", "book")
+    }
+    w = layers["off"]["obscurance"]
+    hit = layers["off"]["object_id"][..., 0] > 0
+    weighted = layers["off"]["ambient"] * w
+    np.testing.assert_allclose(layers["ambient"]["ambient"][hit], weighted[hit], rtol=1e-5)
+    np.testing.assert_array_equal(layers["ambient"]["diffuse"], layers["off"]["diffuse"])
+    np.testing.assert_allclose(layers["book"]["ambient"][hit], weighted[hit], rtol=1e-5)
+    np.testing.assert_allclose(layers["book"]["diffuse"][hit], (layers["off"]["diffuse"] * w)[hit], rtol=1e-5)
+    np.testing.assert_array_equal(layers["book"]["specular"], layers["off"]["specular"])
+
+
+def test_the_back_of_a_one_sided_surface_reflects_nothing():
+    for two_sided, expected in ((False, 0.0), (True, 1 / np.pi)):
+        scene = Scene(
+            (Object(Shape(PLANE, Lambert(albedo=1, two_sided=two_sided))),), (DirectionalLight(direction=(0, 1, 0)),)
+        )
+        frame = render(scene, Camera((0, -5, 0.1), (0, 0, 0.1), (1, 0, 0)), ONE)
+        np.testing.assert_allclose(pixel(frame)[:3], expected, rtol=1e-6)
+
+
+def test_a_lens_blurs_what_is_out_of_focus_only():
+    edge = Object(Shape(grid((0, -5, 0), (5, 0, 0), (0, 10, 0), 10), Lambert(albedo=0, emission=1)))
+    settings = Settings(width=64, height=8, samples=256)
+    sharp, lens, far = (
+        render(Scene((edge,)), Camera((0, 0, 4), (0, 0, 0), (0, 1, 0), 3.0, None, a, f), settings).layers["beauty"]
+        for a, f in ((0.0, None), (0.3, None), (0.3, 2.0))
+    )
+
+    def width(image):
+        return np.count_nonzero((image[4, :, 0] > 0.02) & (image[4, :, 0] < 0.98))
+
+    assert width(sharp) <= 3
+    assert width(lens) <= 3
+    assert width(far) > 6
+
+
+def test_progress_ends_at_the_end(still):
+    told = []
+    render(still, CAMERA, Settings(width=40, height=40, samples=1), progress=lambda *done: told.append(done))
+    assert told[-1] == (9, 9)
+
+
+@pytest.mark.parametrize(
+    ("fields", "words"),
+    [
+        ({"width": 0}, "width"),
+        ({"samples": 0}, "samples"),
+        ({"shading": "flat"}, "shading"),
+        ({"obscurance": "yes"}, "obscurance"),
+        ({"crop": (0, 0, 2000, 1)}, "crop"),
+        ({"seed": -1}, "seed"),
+    ],
+)
+def test_settings_out_of_range_are_named(fields, words):
+    with pytest.raises(OptionError, match=words):
+        Settings(**fields)
+
+
+@pytest.mark.parametrize(
+    ("fields", "words"),
+    [
+        ({"target": (0, 0, 1)}, "target"),
+        ({"up": (0, 0, 3)}, "up"),
+        ({"position": (np.nan, 0, 0)}, "position"),
+        ({"field_of_view": 180}, "field_of_view"),
+        ({"height": 0}, "height"),
+        ({"aperture": -1}, "aperture"),
+        ({"focus": 0}, "focus"),
+    ],
+)
+def test_cameras_out_of_range_are_named(fields, words):
+    with pytest.raises(OptionError, match=f"camera: {words}"):
+        Camera(**{"position": (0, 0, 1), "target": (0, 0, 0), "up": (0, 1, 0)} | fields)
