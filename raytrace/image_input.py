@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import stat
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -64,14 +65,15 @@ def open_image(path: str | os.PathLike[str], content: Path | None = None, max_si
     import OpenImageIO as oiio
 
     file = Path(path) if content is None else content
-    if file.is_dir():
-        raise InputError(os.fspath(path), "file", "an image file", "a folder")
-    if not file.exists():
-        raise InputError(os.fspath(path), "file", "an existing file", "none")
-    if not file.is_file():
-        raise InputError(os.fspath(path), "file", "an image file", "something that is not a regular file")
     try:
+        mode = file.stat().st_mode
+        if stat.S_ISDIR(mode):
+            raise InputError(os.fspath(path), "file", "an image file", "a folder")
+        if not stat.S_ISREG(mode):
+            raise InputError(os.fspath(path), "file", "an image file", "something that is not a regular file")
         file.open("rb").close()
+    except FileNotFoundError:
+        raise InputError(os.fspath(path), "file", "an existing file", "none") from None
     except OSError as reason:
         raise InputError(os.fspath(path), "file", "a readable file", reason.strerror or reason) from None
     wanted = oiio.ImageSpec()

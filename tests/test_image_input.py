@@ -32,10 +32,17 @@ def unreadable(folder):
     (folder / "text.png").write_text("not an image\n")
     (folder / "folder.png").mkdir()
     (folder / "null.png").symlink_to(os.devnull)
-    return {"missing.png": "existing file, got none", "text.png": "content", "folder.png": "folder", "null.png": "reg"}
+    return {
+        "missing.png": "existing file, got none",
+        "text.png": "content",
+        "text.png/a.png": "Not a directory",
+        "folder.png": "folder",
+        "null.png": "regular",
+        "n" * 300: "too long",
+    }
 
 
-@pytest.mark.parametrize("kind", range(4))
+@pytest.mark.parametrize("kind", range(6))
 def test_files_that_are_no_images(tmp_path, kind):
     name, message = list(unreadable(tmp_path).items())[kind]
     with pytest.raises(InputError, match=message) as error:
