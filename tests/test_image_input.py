@@ -92,3 +92,13 @@ def test_an_image_that_claims_to_be_huge(tmp_path):
     output.close()
     with pytest.raises(InputError, match=r"a\.png: size: expected at most 32768×32768 pixels, got 40000×1"):
         read_image(tmp_path / "a.png")
+
+
+def test_stray_bytes_in_a_jpeg_are_no_fault(tmp_path, capfd):
+    """Cameras leave them; every viewer shows such files."""
+    write_frame(tmp_path / "a.jpg", frame(), {})
+    content = (tmp_path / "a.jpg").read_bytes()
+    (tmp_path / "b.jpg").write_bytes(content[:-2] + b"\0\0" + content[-2:])
+    whole, stray = (read_image(tmp_path / name)[0]["beauty"] for name in ("a.jpg", "b.jpg"))
+    np.testing.assert_array_equal(whole, stray)
+    assert capfd.readouterr() == ("", "")
