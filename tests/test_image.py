@@ -114,6 +114,21 @@ def test_sixteen_bits_in_tiff(tmp_path):
     assert pillow(tmp_path / "a.tif").getpixel((3, 2)) == pytest.approx((188, 137, 3, 255), abs=1)
 
 
+def test_srgb_transfer():
+    linear = np.array([0, 0.0031308, 0.18, 0.214041, 0.5, 1, 7, -1])
+    expected = [0, 0.04045, 0.461356, 0.5, 0.735357, 1, 1, 0]
+    np.testing.assert_allclose(encode_srgb(linear), expected, atol=2e-6)
+
+
+def test_pixels_come_back(tmp_path):
+    pixels = np.random.default_rng(0).random((5, 7, 3)).astype(np.float32)
+    write_image(tmp_path / "a.png", pixels)
+    stored = np.asarray(pillow(tmp_path / "a.png"))
+    assert stored.shape == (5, 7, 3)
+    np.testing.assert_array_equal(stored, np.round(encode_srgb(pixels) * 255))
+    assert names(tmp_path) == ["a.png"]
+
+
 def test_the_transfer_has_its_inverse():
     values = np.linspace(0, 1, 1001)
     np.testing.assert_allclose(decode_srgb(encode_srgb(values)), values, atol=2e-6)
@@ -274,6 +289,8 @@ def test_a_layer_that_the_frame_lacks(tmp_path):
 def test_a_missing_folder_is_told_before_the_work(tmp_path):
     with pytest.raises(OutputError, match="there is no folder"):
         check_image_target(tmp_path / "missing" / "a.exr")
+    with pytest.raises(OutputError, match="there is no folder"):
+        write_image(tmp_path / "missing" / "a.png", np.zeros((2, 2, 3)))
 
 
 def test_endings_in_capitals(tmp_path):
