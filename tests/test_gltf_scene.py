@@ -7,12 +7,12 @@ from math import cos, degrees, pi, radians, sqrt
 import numpy as np
 import pytest
 from gltf_files import QUAD, TRIANGLE, Builder
+from raytrace.reflect import reflect
 from scipy.integrate import quad
 
 from raytrace.errors import InputError, MeshError, SceneError
 from raytrace.lights import AmbientLight, DirectionalLight, PointLight, SpotLight
 from raytrace.materials import CookTorrance, Lambert, Strauss
-from raytrace.reflect import reflect
 from scenes.gltf_lights import spot_exponent
 from scenes.read import read_scene
 from scenes.studio import NEUTRAL

@@ -13,7 +13,16 @@ from raytrace.materials import BlinnPhong, Lambert, Phong
 from raytrace.rendering import render, seen_vertices
 from raytrace.scene import Object, Scene, Shape
 from raytrace.settings import Settings
-from scenes.primitives import box, grid
+from scenes import primitives
+
+
+def grid(*arguments):
+    return primitives.plane(*arguments).mesh
+
+
+def box(*arguments):
+    return primitives.box(*arguments).mesh
+
 
 ONE = Settings(width=1, height=1, samples=1)
 PAINT = {"k_d": 0.3, "k_s": 0.6, "k_a": 0.3, "exponent": 3, "emission": 2}
