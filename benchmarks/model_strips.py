@@ -25,7 +25,7 @@ from raytrace.materials import (
 )
 from raytrace.models.constants import eta_from_reflectance
 from raytrace.normals import normalize
-from raytrace.reflect import reflect
+from raytrace.reflection import reflect
 
 FOLDER = Path(__file__).parent.parent / "docs" / "models"
 SIZE, SAMPLES = 112, 3

@@ -19,7 +19,7 @@ import numpy as np
 
 from raytrace.materials import BaseMaterial, CookTorrance, EllipticalBeckmann, Lambert
 from raytrace.models.microfacet import fresnel
-from raytrace.reflect import reflect
+from raytrace.reflection import reflect
 
 N = np.array([0.0, 0.0, 1.0])
 COUNT, TOLERANCE = 2000, 2e-5

@@ -3,9 +3,9 @@
     python -m benchmarks.render_against_mitsuba --peer PEER_PYTHON MESH [MESH …]
 
 PEER_PYTHON is the interpreter of an environment that has mitsuba; its LLVM variants need DRJIT_LIBLLVM_PATH. The
-scene is the mesh on a ground plane under four point lights, Lambert, 1920×1080. Agreement: one light at a time, 64 samples,
-no terminator correction, relative RMSE over the pixels whose neighbourhood is smooth in both pictures. Time: one sample a
-pixel, all four lights (Mitsuba: four emitter samples), both warm, in turn.
+scene is the mesh on a ground plane under four point lights, Lambert, 1920×1080. Agreement: one light at a time,
+64 samples, no terminator correction, relative RMSE over the pixels whose neighbourhood is smooth in both pictures.
+Time: one sample a pixel, all four lights (Mitsuba: four emitter samples), both warm, in turn.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ from raytrace.camera import Camera
 from raytrace.lights import PointLight
 from raytrace.materials import Lambert
 from raytrace.normals import vertex_normals
-from raytrace.render import render
+from raytrace.rendering import render
 from raytrace.scene import Object, Scene, Shape
 from raytrace.settings import Settings
 from scenes.load import load

@@ -1,6 +1,111 @@
-"""Ray casting on Embree and local illumination; knows nothing of baking, scene files or the command line."""
+"""Ray casting on Embree and local illumination; knows nothing of baking, scene files or the command line.
+
+Names are imported when they are first used, so that `import raytrace` costs nothing.
+"""
+
+from __future__ import annotations
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
 
 from .errors import EmbreeError, InputError, MeshError, ObscuranceError, OptionError, OutputError
 from .mesh import Mesh
 
-__all__ = ["EmbreeError", "InputError", "Mesh", "MeshError", "ObscuranceError", "OptionError", "OutputError"]
+if TYPE_CHECKING:
+    from .camera import Camera
+    from .frame import Frame
+    from .lights import AmbientLight, DirectionalLight, Light, PointLight, SpotLight, irradiance, light_from_dict
+    from .materials import (
+        BlinnPhong,
+        CookTorrance,
+        EllipticalBeckmann,
+        Lambert,
+        Material,
+        OrenNayar,
+        Phong,
+        PoulinFournier,
+        Strauss,
+        material_from_dict,
+    )
+    from .presets import PRESETS
+    from .reflection import reflect
+    from .rendering import render
+    from .scene import Object, Scene, Shape
+    from .settings import Settings
+    from .texture import Texture
+
+_HOMES = {
+    "camera": ("Camera",),
+    "frame": ("Frame",),
+    "lights": (
+        "AmbientLight",
+        "DirectionalLight",
+        "Light",
+        "PointLight",
+        "SpotLight",
+        "irradiance",
+        "light_from_dict",
+    ),
+    "materials": (
+        "BlinnPhong",
+        "CookTorrance",
+        "EllipticalBeckmann",
+        "Lambert",
+        "Material",
+        "OrenNayar",
+        "Phong",
+        "PoulinFournier",
+        "Strauss",
+        "material_from_dict",
+    ),
+    "presets": ("PRESETS",),
+    "reflection": ("reflect",),
+    "rendering": ("render",),
+    "scene": ("Object", "Scene", "Shape"),
+    "settings": ("Settings",),
+    "texture": ("Texture",),
+}
+_HOME = {name: module for module, names in _HOMES.items() for name in names}
+
+__all__ = [
+    "PRESETS",
+    "AmbientLight",
+    "BlinnPhong",
+    "Camera",
+    "CookTorrance",
+    "DirectionalLight",
+    "EllipticalBeckmann",
+    "EmbreeError",
+    "Frame",
+    "InputError",
+    "Lambert",
+    "Light",
+    "Material",
+    "Mesh",
+    "MeshError",
+    "Object",
+    "ObscuranceError",
+    "OptionError",
+    "OrenNayar",
+    "OutputError",
+    "Phong",
+    "PointLight",
+    "PoulinFournier",
+    "Scene",
+    "Settings",
+    "Shape",
+    "SpotLight",
+    "Strauss",
+    "Texture",
+    "irradiance",
+    "light_from_dict",
+    "material_from_dict",
+    "reflect",
+    "render",
+]
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _HOME:
+        raise AttributeError(f"module 'raytrace' has no attribute {name!r}")
+    return getattr(import_module(f".{_HOME[name]}", __name__), name)

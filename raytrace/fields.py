@@ -5,7 +5,7 @@ A wrong value raises `OptionError`, which names the class, the field, the accept
 
 from __future__ import annotations
 
-from typing import Annotated, Any, Self
+from typing import Annotated, Any
 
 import numpy as np
 from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, ValidationError
@@ -80,11 +80,6 @@ class Parameters(BaseModel):
         """Plain numbers, strings and lists, ready for a TOML scene: the tag, and what differs from the defaults."""
         tag = {name: getattr(self, name) for name in ("model", "light") if name in type(self).model_fields}
         return tag | self.model_dump(mode="json", exclude_defaults=True, exclude_none=True)
-
-    @classmethod
-    def from_dict(cls, data: dict[str, Any]) -> Self:
-        """The inverse of `to_dict`. Raises: OptionError."""
-        return cls(**data)
 
 
 def option_error(error: ValidationError, source: str) -> OptionError:

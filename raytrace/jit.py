@@ -74,4 +74,4 @@ def kernel(function: F) -> F:
 
 def inline(function: F) -> F:
     """Compile a helper that kernels call; it is compiled into each of them."""
-    return numba.njit(nogil=True, error_model="numpy")(function)
+    return numba.njit(nogil=True, error_model="numpy", forceinline=True)(function)

@@ -30,7 +30,7 @@ from .light_kernels import cannot_matter_in, incident
 from .lights import AMBIENT as AMBIENT_LIGHT
 from .models.dispatch import ambient, emission, terms
 from .surface import put, take
-from .vector import dot
+from .vector import add, dot
 from .view import FARTHEST
 
 OFF, AMBIENT_ONLY, BOOK = range(3)
@@ -40,22 +40,27 @@ SHORT = 1.0 - 1e-5  # of the way to a light: what touches the light itself is no
 
 
 @inline
-def begin(entry, geometry, lights, form):
-    """Emission and ambient light of an entry; diffuse and specular light start at zero."""
-    item = int(entry[OBJECT])
-    row = geometry.rows[item]
+def ambient_light(lights):
+    """I_a: the sum of all ambient lights."""
     total = (0.0, 0.0, 0.0)
     for j in range(len(lights.kinds)):
         if lights.kinds[j] == AMBIENT_LIGHT:
             _, _, arriving = incident(AMBIENT_LIGHT, lights.rows[j], total)
-            total = (total[0] + arriving[0], total[1] + arriving[1], total[2] + arriving[2])
-    k_a = ambient(row)
+            total = add(total, arriving)
+    return total
+
+
+@inline
+def begin(entry, geometry, total, form):
+    """Emission and reflected ambient light of an entry; diffuse and specular light start at zero."""
+    material = geometry.rows[int(entry[OBJECT])]
+    k_a = ambient(material)
     w = 1.0 if form == OFF else entry[W]
     for c in range(3):
         entry[AMBIENT + c] = k_a[c] * total[c] * entry[TINT + c] * w
         entry[DIFFUSE + c] = 0.0
         entry[SPECULAR + c] = 0.0
-    put(entry, EMISSION, emission(row))
+    put(entry, EMISSION, emission(material))
     entry[SENT] = 0.0
     entry[LIT] = 0.0
 
@@ -115,8 +120,9 @@ def light_entries(geometry, lights, entries, count, active, form, shadows, packe
     Args: active: scratch int64 (lights,); queue: scratch int64 (8,); light: scratch float64 (8, 6); counts: int64
         (COUNTERS,), added to.
     """
+    total = ambient_light(lights)
     for e in range(count):
-        begin(entries[e], geometry, lights, form)
+        begin(entries[e], geometry, total, form)
     used = select_lights(lights, entries, count, active)
     counts[CULLED] += (count_directed(lights) - used) * count
     for a in range(used):

@@ -19,7 +19,6 @@ from pydantic import Field, TypeAdapter, ValidationError, model_validator
 
 from raytrace.errors import OptionError
 from raytrace.fields import Direction, HalfAngle, NonNegative, Parameters, Point, Radiance, option_error
-from raytrace.normals import normalize
 
 POINT, DIRECTIONAL, SPOT, AMBIENT = range(4)
 # Row: intensity RGB, position, unit direction of travel, a0, a1, a2, cosine of the half-angle, half-angle, exponent.
@@ -116,7 +115,7 @@ class SpotLight(_Local):
 
     def _fill(self, row: npt.NDArray[np.float64]) -> None:
         super()._fill(row)
-        row[DIRECTION : DIRECTION + 3] = normalize(np.array(self.direction))
+        row[DIRECTION : DIRECTION + 3] = _unit(self.direction)
         row[COS_HALF_ANGLE], row[HALF_ANGLE] = max(0.0, cos(self.half_angle)), self.half_angle
         row[EXPONENT] = self.exponent
 
@@ -129,7 +128,7 @@ class DirectionalLight(BaseLight):
     direction: Direction
 
     def _fill(self, row: npt.NDArray[np.float64]) -> None:
-        row[DIRECTION : DIRECTION + 3] = normalize(np.array(self.direction))
+        row[DIRECTION : DIRECTION + 3] = _unit(self.direction)
 
 
 class AmbientLight(BaseLight):
@@ -171,6 +170,12 @@ def irradiance(
     """
     cosine = np.maximum(0.0, np.sum(np.multiply(n, l), axis=-1))
     return np.asarray(np.multiply(intensity, cosine) / np.square(distance))
+
+
+def _unit(direction: tuple[float, float, float]) -> npt.NDArray[np.float64]:
+    from raytrace.normals import normalize
+
+    return normalize(np.array(direction))
 
 
 def _triple(value: npt.ArrayLike) -> tuple[float, float, float]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from abc import abstractmethod
 from math import pi
 from typing import ClassVar, Literal, NamedTuple
 
@@ -41,8 +42,9 @@ class BaseMaterial(Parameters):
         row[rows.MODEL : rows.MODEL + len(parameters)] = parameters
         return Packed(self.kind, row)
 
+    @abstractmethod
     def _ambient(self) -> RGB:
-        raise TypeError(f"{type(self).__name__} is not a material")
+        """k_a."""
 
     def _alpha(self) -> float:
         return 1.0
@@ -50,8 +52,9 @@ class BaseMaterial(Parameters):
     def _grain(self) -> RGB:
         return (0.0, 0.0, 0.0)
 
+    @abstractmethod
     def _parameters(self) -> list[float]:
-        raise TypeError(f"{type(self).__name__} is not a material")
+        """The columns from `rows.MODEL` on, in the order the model's file states."""
 
 
 class Diffuse(BaseMaterial):

@@ -156,7 +156,7 @@ class Strauss(BaseMaterial):
     transparency: Fraction = 0.0
 
     def _ambient(self) -> RGB:
-        r_d = (1 - self.smoothness**3) * (1 - self.transparency)  # (12.66)
+        r_d = (1 - self.smoothness**3) * (1 - self.transparency)
         red, green, blue = self.colour
         return (r_d * red, r_d * green, r_d * blue)
 

@@ -1,7 +1,8 @@
 """Normals of surfaces given by functions, and of polygons; all unit, zero where none exists.
 
 Vertex normals of meshes are in `raytrace.normals`.
-Source: (12.29–12.30); Sutherland, Sproull & Schumacker 1974 for Martin Newell's sums.
+Source: (12.29) and the textbook chapter's polygon normals; Martin Newell's sums after Sutherland, Sproull &
+Schumacker 1974.
 """
 
 from __future__ import annotations
@@ -55,7 +56,7 @@ def averaged_normal(polygon: npt.ArrayLike) -> Floats:
 
 
 def newell_sums(polygon: npt.ArrayLike) -> Floats:
-    """(a, b, c) of Martin Newell's plane: twice the areas (3,) of the polygon's projections (12.30)."""
+    """(a, b, c) of Martin Newell's plane: twice the areas (3,) of the polygon's projections."""
     points = _polygon(polygon)
     points = points - points[0]  # far from the origin the products would cancel
     following = np.roll(points, -1, axis=0)

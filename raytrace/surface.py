@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from math import sqrt
-
 import numpy as np
 
 from .entries import (
@@ -20,7 +18,7 @@ from .entries import (
     W,
 )
 from .jit import inline
-from .models.rows import TWO_SIDED
+from .models.rows import ELLIPTICAL_BECKMANN, POULIN_FOURNIER, TWO_SIDED
 from .placement import OFFSET_ULPS, ULP
 from .shading import centroid, phong_normal, quadratic_normal
 from .vector import add, cross, dot, load, scale, subtract, unit
@@ -61,10 +59,19 @@ def transform(matrix, a):
 @inline
 def corner_normal(geometry, item, vertex, face):
     """A corner's unit normal in the world: the source's own, or a computed one unless it marks a hard edge."""
-    n = unit(rotate(geometry.normal_to_world[item], load(geometry.normals, vertex)))
+    n = load(geometry.normals, vertex)
+    if not geometry.placed[item]:
+        n = unit(rotate(geometry.normal_to_world[item], n))
     if geometry.authored[item]:
         return n if dot(n, n) > 0.0 else face
     return n if dot(n, face) > SMOOTH else face
+
+
+@inline
+def corner(geometry, item, vertex):
+    """A vertex's place in the world."""
+    p = load(geometry.vertices, vertex)
+    return p if geometry.placed[item] else transform(geometry.to_world[item], p)
 
 
 @inline
@@ -100,18 +107,15 @@ def tangent(geometry, i, j, k, edge1, edge2):
 
 
 @inline
-def fill(entry, geometry, item, face, u, v, eye, backward, shading, terminator):
+def fill(entry, geometry, item, face, u, v, depth, backward, shading, terminator):
     """Write an entry for a hit.
 
-    Args: item: row of the object; face: of its shape; u, v: barycentrics; eye: where the viewing ray began, backward:
-        unit direction against it.
+    Args: item: row of the object; face: of its shape; u, v: barycentrics; depth: distance to the viewer; backward: unit
+        direction against the viewing ray.
     """
-    row = geometry.first_face[item] + face
-    i, j, k = geometry.faces[row, 0], geometry.faces[row, 1], geometry.faces[row, 2]
-    world = geometry.to_world[item]
-    p0 = transform(world, load(geometry.vertices, i))
-    p1 = transform(world, load(geometry.vertices, j))
-    p2 = transform(world, load(geometry.vertices, k))
+    f = geometry.first_face[item] + face
+    i, j, k = geometry.faces[f, 0], geometry.faces[f, 1], geometry.faces[f, 2]
+    p0, p1, p2 = corner(geometry, item, i), corner(geometry, item, j), corner(geometry, item, k)
     edge1, edge2 = subtract(p1, p0), subtract(p2, p0)
     point = add(p0, add(scale(u, edge1), scale(v, edge2)))
     geometric = scale(geometry.mirrored[item], unit(cross(edge1, edge2)))
@@ -135,24 +139,27 @@ def fill(entry, geometry, item, face, u, v, eye, backward, shading, terminator):
     largest = 0.0
     for axis in range(3):
         largest = max(largest, abs(p0[axis]), abs(p1[axis]), abs(p2[axis]))
-    offset = subtract(eye, point)
     put(entry, POINT, lit)
     put(entry, ORIGIN, lift(geometry, item, origin, geometric, largest))
     put(entry, NORMAL, normal)
     put(entry, VIEW, backward)
-    put(entry, GRAIN, tangent(geometry, i, j, k, edge1, edge2))
+    kind = geometry.kinds[item]
+    grain = (0.0, 0.0, 0.0)
+    if kind in (ELLIPTICAL_BECKMANN, POULIN_FOURNIER):
+        grain = tangent(geometry, i, j, k, edge1, edge2)
+    put(entry, GRAIN, grain)
     put(entry, TINT, (1.0, 1.0, 1.0))
     put(entry, GEOMETRIC, geometric)
     own = geometry.first_w[item] - geometry.first_vertex[item]
     entry[W] = (1.0 - u - v) * geometry.w[own + i] + u * geometry.w[own + j] + v * geometry.w[own + k]
     entry[OBJECT] = item
-    entry[DEPTH] = sqrt(dot(offset, offset))
+    entry[DEPTH] = depth
 
 
 @inline
 def vertex_entry(entry, geometry, item, vertex, eye, forward, orthographic):
     """Write an entry for a vertex (its row in the shape's arrays) as Gouraud shading lights it."""
-    point = transform(geometry.to_world[item], load(geometry.vertices, vertex))
+    point = corner(geometry, item, vertex)
     normal = unit(rotate(geometry.normal_to_world[item], load(geometry.normals, vertex)))
     backward = scale(-1.0, forward) if orthographic else unit(subtract(eye, point))
     side = 1.0 if dot(normal, backward) >= 0.0 else -1.0

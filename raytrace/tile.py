@@ -6,7 +6,8 @@ from math import sqrt
 
 import numpy as np
 
-from .embree import GEOM_ID, INVALID, LANES, U, V, intersect8
+from .borrow import borrow
+from .embree import GEOM_ID, INVALID, LANES, TFAR, U, V, intersect8
 from .entries import (
     AMBIENT,
     DEPTH,
@@ -58,8 +59,8 @@ def develop(entry, geometry, sums, background, id_offset):
     colour = background
     if id_offset > 0:
         item = int(entry[OBJECT])
-        row = geometry.rows[item]
-        opacity = alpha(row)
+        material = geometry.rows[item]
+        opacity = alpha(material)
         colour = (0.0, 0.0, 0.0)
         for part, column in ((AMBIENT, FILM_AMBIENT), (DIFFUSE, FILM_DIFFUSE), (SPECULAR, FILM_SPECULAR)):
             for c in range(3):
@@ -67,7 +68,7 @@ def develop(entry, geometry, sums, background, id_offset):
             colour = (colour[0] + entry[part], colour[1] + entry[part + 1], colour[2] + entry[part + 2])
         for c in range(3):
             sums[FILM_EMISSION + c] += entry[EMISSION + c]
-            sums[FILM_ALBEDO + c] += row[MODEL + c] * entry[TINT + c]
+            sums[FILM_ALBEDO + c] += material[MODEL + c] * entry[TINT + c]
         colour = (colour[0] + entry[EMISSION], colour[1] + entry[EMISSION + 1], colour[2] + entry[EMISSION + 2])
         sums[ALPHA] += opacity
         sums[FILM_W] += entry[W]
@@ -87,27 +88,26 @@ def develop(entry, geometry, sums, background, id_offset):
 
 
 @inline
-def finish(sums, film, scale_of_world):
+def finish(sums, film, y, x, scale_of_world):
     """Turn a pixel's sums into its layers, float32; beauty is the float32 sum of the others."""
-    count = np.float64(sums[SAMPLES])
-    layers = len(film) > 4
+    share = 1.0 / sums[SAMPLES]
     for c in range(3):
-        beauty = np.float32(sums[FILM_AMBIENT + c] / count)
-        beauty = np.float32(beauty + np.float32(sums[FILM_DIFFUSE + c] / count))
-        beauty = np.float32(beauty + np.float32(sums[FILM_SPECULAR + c] / count))
-        film[BEAUTY + c] = np.float32(beauty + np.float32(sums[FILM_EMISSION + c] / count))
-    film[BEAUTY + 3] = sums[ALPHA] / count
-    if layers:
+        beauty = np.float32(sums[FILM_AMBIENT + c] * share)
+        beauty = np.float32(beauty + np.float32(sums[FILM_DIFFUSE + c] * share))
+        beauty = np.float32(beauty + np.float32(sums[FILM_SPECULAR + c] * share))
+        film[y, x, BEAUTY + c] = np.float32(beauty + np.float32(sums[FILM_EMISSION + c] * share))
+    film[y, x, BEAUTY + 3] = sums[ALPHA] * share
+    if film.shape[2] > 4:
         for column in range(FILM_AMBIENT, FILM_W):
-            film[column] = sums[column] / count
+            film[y, x, column] = sums[column] * share
         shaded = max(sums[SHADED], 1.0)
-        film[FILM_W] = sums[FILM_W] / shaded if sums[SHADED] > 0.0 else 1.0
-        film[FILM_SHADOW] = sums[FILM_SHADOW] / shaded if sums[SHADED] > 0.0 else 1.0
-        film[FILM_DEPTH] = sums[FILM_DEPTH] / scale_of_world
-        film[FILM_ID] = sums[FILM_ID]
+        film[y, x, FILM_W] = sums[FILM_W] / shaded if sums[SHADED] > 0.0 else 1.0
+        film[y, x, FILM_SHADOW] = sums[FILM_SHADOW] / shaded if sums[SHADED] > 0.0 else 1.0
+        film[y, x, FILM_DEPTH] = sums[FILM_DEPTH] / scale_of_world
+        film[y, x, FILM_ID] = sums[FILM_ID]
         for c in range(3):
-            film[FILM_NORMAL + c] = sums[FILM_NORMAL + c]
-            film[FILM_ALBEDO + c] = sums[FILM_ALBEDO + c] / shaded
+            film[y, x, FILM_NORMAL + c] = sums[FILM_NORMAL + c]
+            film[y, x, FILM_ALBEDO + c] = sums[FILM_ALBEDO + c] / shaded
 
 
 @inline
@@ -124,18 +124,38 @@ def interpolate_lit(entry, geometry, item, face, u, v, vertex_light):
 
 
 @kernel
-def render_tile(
-    geometry, lights, view, x0, y0, x1, y1, samples, shading, form, shadows, terminator, background, vertex_light,
-    world_scale, packet, valid, entries, sums, todo, active, queue, light, film, counts,
+def render_tiles(
+    geometry, lights, view, left, top, first, last, samples, shading, form, shadows, terminator, background,
+    vertex_light, world_scale, packet, valid, entries, sums, todo, active, queue, light, film, counts,
 ):  # fmt: skip
-    """Render the pixels [x0, x1) × [y0, y1) of `view` into `film`, float32 (y1 − y0, x1 − x0, 4 or FILM).
+    """Render the tiles [first, last), counted along the rows of `film`, float32 (height, width, 4 or FILM).
 
-    Args: vertex_light: float64 (n, 14), lit vertices for Gouraud shading; packet … light: scratch; counts: int64.
+    Args: left, top: the film's place in the whole picture; vertex_light: float64 (n, 14), lit vertices for Gouraud
+        shading; packet … light: scratch; counts: int64.
     """
-    wide = x1 - x0
-    pixels = wide * (y1 - y0)
+    geometry, lights, view, vertex_light = borrow(geometry), borrow(lights), borrow(view), borrow(vertex_light)
+    packet, valid, entries, sums, todo = borrow(packet), borrow(valid), borrow(entries), borrow(sums), borrow(todo)
+    active, queue, light, film, counts = borrow(active), borrow(queue), borrow(light), borrow(film), borrow(counts)
+    columns = -(-film.shape[1] // TILE)
+    for tile in range(first, last):
+        x, y = tile % columns * TILE, tile // columns * TILE
+        render_tile(
+            geometry, lights, view, left + x, top + y, samples, shading, form, shadows, terminator, background,
+            vertex_light, world_scale, packet, valid, entries, sums, todo, active, queue, light,
+            film[y : y + TILE, x : x + TILE], counts,
+        )  # fmt: skip
+
+
+@inline
+def render_tile(
+    geometry, lights, view, x0, y0, samples, shading, form, shadows, terminator, background, vertex_light, world_scale,
+    packet, valid, entries, sums, todo, active, queue, light, film, counts,
+):  # fmt: skip
+    """Render one tile, `film`, whose first pixel is (x0, y0) of the whole picture."""
+    wide = film.shape[1]
+    pixels = film.shape[0] * wide
     ids = packet.view(np.uint32)
-    eyes, backs = np.empty((LANES, 3)), np.empty((LANES, 3))
+    starts, backs = np.empty(LANES), np.empty((LANES, 3))
     directed = count_directed(lights)
     sums[:] = 0.0
     for p in range(pixels):
@@ -157,11 +177,9 @@ def render_tile(
                     valid[lane] = -1 if lane < lanes else 0
                 for lane in range(lanes):
                     p = todo[(first + lane) // batch]
-                    origin, direction = aim(
-                        packet, lane, view, x0 + p % wide, y0 + p // wide, done + (first + lane) % batch
-                    )
+                    sample = done + (first + lane) % batch
+                    starts[lane], direction = aim(packet, lane, view, x0 + p % wide, y0 + p // wide, sample)
                     for axis in range(3):
-                        eyes[lane, axis] = origin[axis]
                         backs[lane, axis] = -direction[axis]
                 intersect8(geometry.handle, packet, valid)
                 counts[PRIMARY] += lanes
@@ -173,8 +191,9 @@ def render_tile(
                         continue
                     item, face = struck(ids, lane)
                     u, v = np.float64(packet[U, lane]), np.float64(packet[V, lane])
+                    depth = starts[lane] + packet[TFAR, lane]
                     entry = entries[count]
-                    fill(entry, geometry, item, face, u, v, load(eyes, lane), load(backs, lane), shading, terminator)
+                    fill(entry, geometry, item, face, u, v, depth, load(backs, lane), shading, terminator)
                     entry[PIXEL] = p
                     if shading == GOURAUD:
                         interpolate_lit(entry, geometry, item, face, u, v, vertex_light)
@@ -195,7 +214,7 @@ def render_tile(
             counts[RETIRED] += (pending - left) * (samples - done)
         pending = left
     for p in range(pixels):
-        finish(sums[p], film[p // wide, p % wide], world_scale)
+        finish(sums[p], film, p // wide, p % wide, world_scale)
 
 
 @kernel
@@ -207,6 +226,10 @@ def light_vertices(
 
     Args: out: float64 (w, 14), the columns AMBIENT to LIT of an entry.
     """
+    geometry, lights, entries, packet, valid = (
+        borrow(geometry), borrow(lights), borrow(entries), borrow(packet), borrow(valid)
+    )  # fmt: skip
+    active, queue, light, out, counts = borrow(active), borrow(queue), borrow(light), borrow(out), borrow(counts)
     own = geometry.first_vertex[item] - geometry.first_w[item]
     for start in range(first, last, CAPACITY):
         stop = min(start + CAPACITY, last)

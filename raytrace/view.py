@@ -71,18 +71,23 @@ def approach(origin, direction):
 
 @inline
 def aim(packet, lane, view, x, y, sample):
-    """Put a pixel's viewing ray into a lane; returns where it truly begins, and its unit direction."""
-    chosen = mix(mix(y * view.width + x) ^ view.key) % np.uint32(len(view.offsets))
-    place = view.offsets[chosen]
+    """Put a pixel's viewing ray into a lane; returns how far from the viewer it starts, and its unit direction."""
+    k = mix(mix(y * view.width + x) ^ view.key) % np.uint32(len(view.offsets))
+    offsets = view.offsets
     origin, direction = viewing_ray(
-        view, x + 0.5 + place[0, sample], y + 0.5 + place[1, sample], place[2, sample], place[3, sample]
+        view,
+        x + 0.5 + offsets[k, 0, sample],
+        y + 0.5 + offsets[k, 1, sample],
+        offsets[k, 2, sample],
+        offsets[k, 3, sample],
     )
-    near = add(origin, scale(approach(origin, direction), direction))
+    start = approach(origin, direction)
+    near = add(origin, scale(start, direction))
     for axis in range(3):
         packet[ORG_X + axis, lane] = near[axis]
         packet[DIR_X + axis, lane] = direction[axis]
     packet[TFAR, lane] = FARTHEST
-    return origin, direction
+    return start, direction
 
 
 @inline

@@ -29,7 +29,8 @@ class Geometry(NamedTuple):
         indices into them. uv: float32 (v, 2). w: float64, obscurance, each object's in a stretch of its own.
         first_vertex, first_face, first_w: int64 (o,), where an object's stretches begin.
         to_world: float64 (o, 3, 4); normal_to_world: (o, 3, 3); mirrored: −1 where the transform mirrors, else 1.
-        authored: whether the normals are the source's own. magnitude: least |coordinate| that ray offsets reckon with.
+        placed: bool (o,), whether the arrays hold world coordinates already. authored: whether the normals are the
+        source's own. magnitude: least |coordinate| that ray offsets reckon with.
         texture: int64 (o,), −1 for none. kinds, rows: the objects' packed materials.
     """
 
@@ -45,6 +46,7 @@ class Geometry(NamedTuple):
     to_world: Floats
     normal_to_world: Floats
     mirrored: Floats
+    placed: npt.NDArray[np.bool_]
     authored: npt.NDArray[np.bool_]
     magnitude: Floats
     texture: npt.NDArray[np.int64]
@@ -149,6 +151,7 @@ def build(scene: Scene) -> World:
         to_world=to_world,
         normal_to_world=normal_to_world,
         mirrored=mirrored,
+        placed=np.array([pieces[id(item.shape)].scene is None for item in scene.objects]),
         authored=np.array([item.shape.mesh.normals is not None for item in scene.objects]),
         magnitude=magnitude,
         texture=np.array([textures.index(t) if (t := item.shape.texture) else -1 for item in scene.objects]),

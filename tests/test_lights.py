@@ -140,6 +140,10 @@ def test_boxes_are_skipped_when_far_outside_or_behind():
     assert not lamp.cannot_matter_in((10, 0, 0), (11, 1, 1), threshold=1e-3)
     assert not lamp.cannot_matter_in((100, 0, 0), (101, 1, 1))
     assert lamp.cannot_matter_in((10, 0, 0), (11, 1, 1), axis=(1, 0, 0), spread=0.3)
+    # turned away from the lamp as seen from the box's centre, but not as seen from its near corner
+    slanted = (sin(0.2), cos(0.2), 0)
+    assert not lamp.cannot_matter_at((1, -1, 0), slanted)
+    assert not lamp.cannot_matter_in((1, -1, -1), (3, 1, 1), axis=slanted, spread=0.0)
     assert not lamp.cannot_matter_in((10, 0, 0), (11, 1, 1), axis=(-1, 0, 0), spread=0.3)
     spot = SpotLight(position=ORIGIN, direction=(1, 0, 0), half_angle=0.3)
     assert spot.cannot_matter_in((-3, -1, -1), (-2, 1, 1))

@@ -20,7 +20,7 @@ from raytrace.materials import (
 )
 from raytrace.models import dispatch, rows
 from raytrace.presets import PRESETS
-from raytrace.reflect import reflect
+from raytrace.reflection import reflect
 
 REFUSED = [
     (lambda: Lambert(albedo=1.2), "Lambert", "albedo[0]", "[0, 1]", 1.2),

@@ -18,7 +18,7 @@ from raytrace.materials import (
 )
 from raytrace.models import rows
 from raytrace.models.array import reflect_rows
-from raytrace.reflect import reflect
+from raytrace.reflection import reflect
 
 TINY, NEARLY_ONE = 1e-6, float(np.nextafter(1.0, 0.0))
 EXTREMES = [

@@ -10,7 +10,7 @@ from raytrace.camera import Camera
 from raytrace.frame import LAYERS
 from raytrace.lights import AmbientLight, DirectionalLight, PointLight, SpotLight
 from raytrace.materials import BlinnPhong, Lambert, Phong
-from raytrace.render import render, seen_vertices
+from raytrace.rendering import render, seen_vertices
 from raytrace.scene import Object, Scene, Shape
 from raytrace.settings import Settings
 from scenes.primitives import box, grid

@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from raytrace.materials import BlinnPhong, Phong
-from raytrace.reflect import reflect
+from raytrace.reflection import reflect
 from raytrace.shading import centroid, face_normal, interpolate, phong_normal, quadratic_normal
 
 P = [(2.0, 2.0, 1.0), (6.0, 2.0, 1.0), (4.0, 5.0, 1.0)]

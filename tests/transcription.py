@@ -109,34 +109,31 @@ def strauss(c, s, m, t, n, l, v):
     return q_d + r_s * (1 + m * (1 - strauss_f(xi)) * (c - 1))
 
 
-def cylinders(k_d, k_s, m, spacing, floor, n, l, v, g, count=200_000):
-    """Poulin–Fournier by brute force: facets of one period, each tested against circles of the neighbours."""
+def cylinders(k_d, k_s, m, spacing, floor, n, l, v, g, count=20_000):
+    """Poulin–Fournier by brute force: pieces of one period, each tested against the circles of its neighbours."""
     b = np.cross(n, g)
-    x = (np.arange(count) + 0.5) / count * spacing  # by place across the grain, so dA = dx/cosθ
-    nearest = np.round(x / spacing) * spacing
-    off = x - nearest
-    height = np.sqrt(np.maximum(0, 1 - off**2))
-    on_cap = (np.abs(off) < 1) & (height > floor)
-    z = np.where(on_cap, height, floor)
-    slope = np.where(on_cap, off, 0.0)
-    up = np.where(on_cap, height, 1.0)
-    facet = slope[:, None] * b + up[:, None] * n
-    area = 1 / np.maximum(up, 1e-12)
+    middle = (np.arange(count) + 0.5) / count
+    cap = np.arccos(max(floor, np.sqrt(max(0.0, 1 - spacing**2 / 4))))
+    theta = cap * (2 * middle - 1)
+    x = np.concatenate([np.sin(theta), np.sin(cap) + (spacing - 2 * np.sin(cap)) * middle])
+    z = np.concatenate([np.cos(theta), np.full(count, np.cos(cap))])
+    area = np.concatenate([np.full(count, 2 * cap / count), np.full(count, (spacing - 2 * np.sin(cap)) / count)])
+    on_cap = np.arange(2 * count) < count
+    facet = np.where(on_cap, x, 0.0)[:, None] * b + np.where(on_cap, z, 1.0)[:, None] * n
 
     def reached(w):
         across, rise = w @ b, w @ n
         free = facet @ w > 0
         for k in range(-40, 41):
-            # the ray (x, z) + s (across, rise) may not pass through circle k where it stands above the floor
+            # where the ray (x, z) + s (across, rise) leaves circle k, it may not stand above the floor
             px = x - k * spacing
-            own = on_cap & (np.abs(nearest - k * spacing) < 1e-9)
             aa, bb, cc = across**2 + rise**2, px * across + z * rise, px**2 + z**2 - 1
             disc = bb**2 - aa * cc
             far = (-bb + np.sqrt(np.maximum(disc, 0))) / aa
-            free &= own | (disc <= 0) | (far <= 1e-9) | (z + far * rise <= floor)
+            free &= (on_cap & (k == 0)) | (disc <= 0) | (far <= 1e-9) | (z + far * rise <= np.cos(cap))
         return free
 
     both = reached(l) & reached(v)
     h = unit(l + v)
     value = k_d * np.maximum(0, facet @ l) + k_s * np.maximum(0, facet @ h) ** m
-    return np.sum(value * np.maximum(0, facet @ v) * area * both) * spacing / count / (spacing * (n @ v))
+    return np.sum(value * np.maximum(0, facet @ v) * area * both) / (spacing * (n @ v))

@@ -7,7 +7,7 @@ import numpy.typing as npt
 from numpy.polynomial.legendre import leggauss
 
 from raytrace.material_base import BaseMaterial
-from raytrace.reflect import reflect
+from raytrace.reflection import reflect
 
 NORMAL = np.array([0.0, 0.0, 1.0])
 

@@ -27,17 +27,17 @@ def shifted_colour(colour, eta, reflectance):
     normal *= normal
     if normal >= 1.0:
         return colour
-    return colour + (1.0 - colour) * max(0.0, reflectance - normal) / (1.0 - normal)  # (12.51)
+    return colour + (1.0 - colour) * max(0.0, reflectance - normal) / (1.0 - normal)  # colour shift
 
 
 @inline
 def combine(row, nl, nv, h, nh, vh, distribution):
     """k_d f_d and k_s f_s per channel, times n·l."""
-    base = (1.0 - row[K_S]) * nl / pi  # (12.34)
+    base = (1.0 - row[K_S]) * nl / pi  # k_d f_d, (12.18)
     diffuse = (row[MODEL] * base, row[MODEL + 1] * base, row[MODEL + 2] * base)
     if nv <= 0.0 or nh <= 0.0 or vh <= 0.0:
         return diffuse, (0.0, 0.0, 0.0)
-    lobe = row[K_S] * row[NORMALISATION] * distribution * attenuation(nh, nl, nv, vh) / nv  # (12.46)
+    lobe = row[K_S] * row[NORMALISATION] * distribution * attenuation(nh, nl, nv, vh) / nv  # k_s f_s
     red, green, blue = fresnel(row[ETA], vh), fresnel(row[ETA + 1], vh), fresnel(row[ETA + 2], vh)
     if row[SHIFTED] == 1.0:
         lobe *= (red + green + blue) / 3.0

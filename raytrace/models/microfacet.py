@@ -1,6 +1,6 @@
 """What microfacet models share: Fresnel reflectance, facet distributions, the V-groove attenuation.
 
-Source: Torrance & Sparrow 1967; Beckmann & Spizzichino 1963; Cook & Torrance 1982; (12.39–12.48).
+Source: Torrance & Sparrow 1967; Beckmann & Spizzichino 1963; Cook & Torrance 1982; (12.34–12.52).
 """
 
 from __future__ import annotations

@@ -32,12 +32,12 @@ def shape(sigma, n, l, v):
     s2 = sigma * sigma
     rough = s2 / (s2 + 0.09)
     ratio = 2.0 * beta / pi
-    c1 = 1.0 - 0.5 * s2 / (s2 + 0.33)  # (12.62)
+    c1 = 1.0 - 0.5 * s2 / (s2 + 0.33)  # C1, C2, C3: (12.62–12.64)
     c2 = 0.45 * rough * (sin_alpha if cos_delta >= 0.0 else sin_alpha - ratio * ratio * ratio)
     c3 = 4.0 * alpha * beta / (pi * pi)
     c3 = 0.125 * rough * c3 * c3
-    first = c1 * nl + c2 * cos_delta * tan_beta + c3 * (1.0 - abs(cos_delta)) * tan_mean
-    second = 0.17 * nl * s2 / (s2 + 0.13) * (1.0 - cos_delta * ratio * ratio)
+    first = c1 * nl + c2 * cos_delta * tan_beta + c3 * (1.0 - abs(cos_delta)) * tan_mean  # L1
+    second = 0.17 * nl * s2 / (s2 + 0.13) * (1.0 - cos_delta * ratio * ratio)  # L2
     return first, second
 
 

@@ -23,7 +23,7 @@ def reference_shape(sigma: float, l: npt.ArrayLike, v: npt.ArrayLike, order: int
     end = min(np.pi / 2, 8.0 * sigma)
     nodes, weights = np.polynomial.legendre.leggauss(order)
     theta, d_theta = 0.5 * end * (nodes + 1.0), 0.5 * end * weights
-    phi = (np.arange(4 * order) + 0.5) * (2.0 * np.pi / (4 * order))
+    phi = np.asarray((np.arange(4 * order) + 0.5) * (2.0 * np.pi / (4 * order)), np.float64)
     density = np.exp(-(theta**2) / (2.0 * sigma**2)) * np.sin(theta) * d_theta
     density /= density.sum() * len(phi)
 
@@ -33,7 +33,7 @@ def reference_shape(sigma: float, l: npt.ArrayLike, v: npt.ArrayLike, order: int
     la, va, lo = (np.maximum(0.0, directions @ w) for directions, w in ((facet, l), (facet, v), (opposite, l)))
     lit, seen = _uncovered(na, l[2], la), _uncovered(na, v[2], va)
     projected = va / (na * v[2])
-    first = la * projected * np.minimum(lit, seen)  # (12.57), (12.59)
+    first = la * projected * np.minimum(lit, seen)  # (12.58) with its GAF
 
     start_lit, start_seen = 1.0 - _uncovered(na, l[2], lo), 1.0 - seen
     spread = np.cos(2.0 * theta)[:, None]

@@ -8,7 +8,6 @@ import numpy as np
 import numpy.typing as npt
 
 from raytrace.materials import BaseMaterial
-from raytrace.normals import normalize
 
 
 def reflect(
@@ -30,9 +29,11 @@ def reflect(
             pointing away from the surface. They are normalised here; a zero vector reflects nothing.
         grain: tangents (…, 3) along which an anisotropic surface is brushed; default: the material's own grain.
 
-    Returns: (…, 3), float32 if every array given is float32, else float64; never negative, zero where n·l ≤ 0.
+    Returns: (…, 3), float32 if every array given is float32, else float64; never negative, zero where n·l ≤ 0. A viewer
+        below the surface sees no microfacets and no cylinders; diffuse terms do not ask where the viewer is.
     """
     from raytrace.models.array import reflect_rows
+    from raytrace.normals import normalize
 
     given = [np.asarray(a) for a in (n, l, v, np.zeros(3, np.asarray(n).dtype) if grain is None else grain)]
     single = all(a.dtype == np.float32 for a in given)

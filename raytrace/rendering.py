@@ -17,7 +17,7 @@ from .parallel import run_blocks, thread_count
 from .sampling import mix, owen_sobol, seed_key
 from .scene import Scene
 from .settings import Settings
-from .tile import CAPACITY, FILM, SUMS, TILE, light_vertices, render_tile
+from .tile import CAPACITY, FILM, SUMS, TILE, light_vertices, render_tiles
 from .view import View, mark_seen
 from .world import World, build
 
@@ -27,6 +27,7 @@ Progress = Callable[[int, int], None]
 _SHADINGS = ("constant", "gouraud", "phong", "quadratic")
 _FORMS = ("off", "ambient", "book")
 _SETS = 256
+_TILES = 32  # handed to a kernel at once: handing over takes as long as a tile of background
 _LIT = LIT + 1 - AMBIENT
 _SKIPPED = {"behind": BEHIND, "unreached": UNREACHED, "black": BLACK, "culled": CULLED, "background": BACKGROUND}
 
@@ -116,28 +117,18 @@ class _Renderer:
                 progress(done, tiles)
 
         def work(first: int, last: int) -> None:
-            scratch = _Scratch(len(self.world.lights.kinds))
-            for tile in range(first, last):
-                self._tile(tile % columns * TILE, tile // columns * TILE, scratch)
-            with_counts(scratch.counts)
-
-        def with_counts(counts: npt.NDArray[np.int64]) -> None:
-            finished.append(counts)
+            scratch, settings, world = _Scratch(len(self.world.lights.kinds)), self.settings, self.world
+            render_tiles(
+                world.geometry, world.lights, self.view, self.left, self.top, first, last, settings.samples,
+                self.shading, self.form, settings.shadows, settings.terminator, self.background, self.vertex_light,
+                world.scale, scratch.packet, scratch.valid, scratch.entries, scratch.sums, scratch.todo,
+                scratch.active, scratch.queue, scratch.light, self.film, scratch.counts,
+            )  # fmt: skip
+            finished.append(scratch.counts)
 
         finished: list[npt.NDArray[np.int64]] = []
-        run_blocks(tiles, 8, work, self.threads, advance)
+        run_blocks(tiles, _TILES, work, self.threads, advance)
         self.counts += np.sum(finished, axis=0)
-
-    def _tile(self, x: int, y: int, scratch: _Scratch) -> None:
-        part = self.film[y : y + TILE, x : x + TILE]
-        x0, y0 = self.left + x, self.top + y
-        settings, world = self.settings, self.world
-        render_tile(
-            world.geometry, world.lights, self.view, x0, y0, x0 + part.shape[1], y0 + part.shape[0], settings.samples,
-            self.shading, self.form, settings.shadows, settings.terminator, self.background, self.vertex_light,
-            world.scale, scratch.packet, scratch.valid, scratch.entries, scratch.sums, scratch.todo, scratch.active,
-            scratch.queue, scratch.light, part, scratch.counts,
-        )  # fmt: skip
 
     def _light_all_vertices(self) -> None:
         world, view = self.world, self.view
