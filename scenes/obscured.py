@@ -11,7 +11,7 @@ import numpy.typing as npt
 import ao
 from ao.bake import Progress
 from raytrace.errors import SceneError
-from raytrace.render import seen_vertices
+from raytrace.rendering import seen_vertices
 from raytrace.scene import Scene
 
 from .description import SceneDescription
