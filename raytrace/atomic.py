@@ -24,14 +24,34 @@ def atomic_write(path: str | os.PathLike[str]) -> Iterator[BinaryIO]:
     Raises:
         OutputError: the file cannot be created, written or renamed. Other exceptions of the block pass through.
     """
+    with _replacing(path) as (_, handle), os.fdopen(handle, "wb") as file:
+        yield file
+        file.flush()
+        os.fsync(file.fileno())
+
+
+@contextmanager
+def atomic_path(path: str | os.PathLike[str]) -> Iterator[Path]:
+    """`atomic_write` for libraries that open files themselves: the name of an empty file for them to overwrite.
+
+    Raises:
+        OutputError: the file cannot be created, flushed or renamed. Other exceptions of the block pass through.
+    """
+    with _replacing(path) as (temporary, handle):
+        os.close(handle)
+        yield temporary
+        with temporary.open("rb+") as file:
+            os.fsync(file.fileno())
+
+
+@contextmanager
+def _replacing(path: str | os.PathLike[str]) -> Iterator[tuple[Path, int]]:
+    """A temporary file, and its open handle, that replaces `path` when the block ends without an exception."""
     try:
         target = _regular_target(path)
         temporary, handle = _create_beside(target)
         try:
-            with os.fdopen(handle, "wb") as file:
-                yield file
-                file.flush()
-                os.fsync(file.fileno())
+            yield temporary, handle
             os.replace(temporary, target)
         except BaseException:
             with suppress(OSError):

@@ -1,10 +1,117 @@
-"""PNG output: the sRGB transfer, and files that appear whole or not at all."""
+"""Pictures on disk, read back by OpenImageIO, by Pillow, and by our own reader."""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
 
 import numpy as np
+import OpenImageIO as oiio
+import PIL.Image
 import pytest
+from frames import METADATA, frame, plain
 
-from raytrace.errors import OutputError
-from raytrace.image import encode_srgb, write_image
+from raytrace.errors import OptionError, OutputError
+from raytrace.frame import LAYERS
+from raytrace.image import FORMATS, check_image_target, write_frame, write_image
+from raytrace.image_input import read_image
+from raytrace.srgb import decode_srgb, encode_srgb
+
+ENDINGS = tuple(FORMATS)
+PICTURES = [ending for ending in ENDINGS if ending != ".exr"]
+
+
+def foreign(path):
+    """The file as OpenImageIO reads it by itself: channel names, and floats."""
+    image = oiio.ImageInput.open(str(path))
+    return image.spec(), image.read_image("float")
+
+
+def pillow(path):
+    with PIL.Image.open(path) as picture:
+        return picture.copy()
+
+
+def python(code):
+    """Run code in a process of its own."""
+    here = Path(__file__).parent
+    path = os.pathsep.join(str(each) for each in (here, here.parent))
+    environment = {**os.environ, "PYTHONPATH": path}
+    return subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False, env=environment)
+
+
+def names(folder):
+    return sorted(entry.name for entry in folder.iterdir())
+
+
+def test_all_layers_come_back_from_an_exr_bit_for_bit(tmp_path):
+    written = frame()
+    write_frame(tmp_path / "a.exr", written, METADATA)
+    layers, metadata = read_image(tmp_path / "a.exr")
+    assert metadata == METADATA
+    assert set(layers) == set(LAYERS)
+    for name, layer in written.layers.items():
+        np.testing.assert_array_equal(layers[name], layer, name)
+        assert layers[name].dtype == np.float32
+
+
+def test_channels_have_the_names_that_other_programs_look_for(tmp_path):
+    written = frame()
+    write_frame(tmp_path / "a.exr", written, METADATA)
+    spec, pixels = foreign(tmp_path / "a.exr")
+    column = {name: pixels[..., i] for i, name in enumerate(spec.channelnames)}
+    np.testing.assert_array_equal(np.stack([column[c] for c in "RGBA"], -1), written.layers["beauty"])
+    np.testing.assert_array_equal(column["normal.Y"], written.layers["normal"][..., 1])
+    np.testing.assert_array_equal(column["depth.Z"], written.layers["depth"][..., 0])
+    np.testing.assert_array_equal(column["object_id.ID"], written.layers["object_id"][..., 0])
+    np.testing.assert_array_equal(column["obscurance.Y"], written.layers["obscurance"][..., 0])
+    assert spec.get_string_attribute("compression") == "zip"
+    assert spec.get_string_attribute("obscurance:seed") == "7"
+
+
+def test_layers_read_back_sum_to_the_beauty(tmp_path):
+    write_frame(tmp_path / "a.exr", frame(), {})
+    layers, _ = read_image(tmp_path / "a.exr")
+    total = ((layers["ambient"] + layers["diffuse"]) + layers["specular"]) + layers["emission"]
+    np.testing.assert_array_equal(total, layers["beauty"][..., :3])
+
+
+def test_half_halves_all_but_depth_and_object_id(tmp_path):
+    written = frame()
+    written.layers["diffuse"][3, 4] = (1e6, -1e6, 65504.0)
+    write_frame(tmp_path / "a.exr", written, {}, half=True)
+    spec, _ = foreign(tmp_path / "a.exr")
+    for name, kind in zip(spec.channelnames, spec.channelformats, strict=True):
+        assert str(kind) == ("float" if name in ("depth.Z", "object_id.ID") else "half")
+    layers, _ = read_image(tmp_path / "a.exr")
+    np.testing.assert_array_equal(layers["object_id"], written.layers["object_id"])
+    np.testing.assert_array_equal(layers["diffuse"][3, 4], [65504.0, -65504.0, 65504.0])
+    np.testing.assert_allclose(layers["albedo"], written.layers["albedo"], rtol=2**-11, atol=2**-24)
+
+
+def test_chosen_layers_only(tmp_path):
+    write_frame(tmp_path / "a.exr", frame(), {}, layers=["depth", "beauty"])
+    assert set(read_image(tmp_path / "a.exr")[0]) == {"depth", "beauty"}
+
+
+@pytest.mark.parametrize(
+    ("linear", "code"), [(0.0, 0), (0.001, 3), (0.18, 118), (0.5, 188), (1.0, 255), (7.0, 255), (-1.0, 0)]
+)
+def test_srgb_codes(tmp_path, linear, code):
+    write_frame(tmp_path / "a.png", plain((linear, linear, linear, 1.0)), {})
+    assert pillow(tmp_path / "a.png").getpixel((3, 2)) == (code, code, code, 255)
+    write_image(tmp_path / "b.png", np.full((20, 30), linear))
+    assert pillow(tmp_path / "b.png").getpixel((3, 2)) == code
+    write_frame(tmp_path / "a.jpg", plain((linear, linear, linear, 1.0)), {})
+    assert pillow(tmp_path / "a.jpg").getpixel((3, 2)) == pytest.approx((code,) * 3, abs=1)
+
+
+def test_sixteen_bits_in_tiff(tmp_path):
+    write_frame(tmp_path / "a.tif", plain((0.5, 0.25, 0.001, 1.0)), {})
+    spec, pixels = foreign(tmp_path / "a.tif")
+    assert str(spec.format) == "uint16"
+    np.testing.assert_allclose(pixels[0, 0, :3], encode_srgb([0.5, 0.25, 0.001]), atol=0.51 / 65535)
+    assert pillow(tmp_path / "a.tif").getpixel((3, 2)) == pytest.approx((188, 137, 3, 255), abs=1)
 
 
 def test_srgb_transfer():
@@ -14,16 +121,200 @@ def test_srgb_transfer():
 
 
 def test_pixels_come_back(tmp_path):
-    import OpenImageIO as oiio
-
     pixels = np.random.default_rng(0).random((5, 7, 3)).astype(np.float32)
     write_image(tmp_path / "a.png", pixels)
-    stored = oiio.ImageBuf(str(tmp_path / "a.png")).get_pixels(oiio.UINT8)
+    stored = np.asarray(pillow(tmp_path / "a.png"))
     assert stored.shape == (5, 7, 3)
-    np.testing.assert_array_equal(stored, np.round(encode_srgb(pixels) * 255).astype(np.uint8))
-    assert [p.name for p in tmp_path.iterdir()] == ["a.png"]
+    np.testing.assert_array_equal(stored, np.round(encode_srgb(pixels) * 255))
+    assert names(tmp_path) == ["a.png"]
 
 
-def test_a_folder_that_does_not_exist(tmp_path):
-    with pytest.raises(OutputError, match="nowhere"):
-        write_image(tmp_path / "nowhere" / "a.png", np.zeros((2, 2, 3)))
+def test_the_transfer_has_its_inverse():
+    values = np.linspace(0, 1, 1001)
+    np.testing.assert_allclose(decode_srgb(encode_srgb(values)), values, atol=2e-6)
+
+
+@pytest.mark.parametrize("ending", PICTURES)
+def test_files_say_that_they_are_srgb(tmp_path, ending):
+    write_frame(tmp_path / f"a{ending}", plain((0.5, 0.5, 0.5, 1.0)), {})
+    spec, _ = foreign(tmp_path / f"a{ending}")
+    assert spec.get_string_attribute("oiio:ColorSpace").startswith("srgb")
+
+
+def test_alpha_is_straight_in_png_and_tiff_and_black_shows_through_in_jpeg(tmp_path):
+    covered = plain((0.25, 0.125, 0.0, 0.5))
+    write_frame(tmp_path / "a.png", covered, {})
+    write_frame(tmp_path / "a.jpg", covered, {})
+    write_frame(tmp_path / "a.tiff", covered, {})
+    assert pillow(tmp_path / "a.png").getpixel((0, 0)) == (188, 137, 0, 128)
+    assert pillow(tmp_path / "a.jpg").getpixel((0, 0)) == pytest.approx((137, 99, 0), abs=2)
+    spec, _ = foreign(tmp_path / "a.tiff")
+    assert spec.get_int_attribute("tiff:UnassociatedAlpha") == 1
+    for ending, error in ((".png", 0.004), (".tiff", 2e-5)):
+        layers, _ = read_image(tmp_path / f"a{ending}")
+        np.testing.assert_allclose(layers["beauty"][0, 0], (0.25, 0.125, 0.0, 0.5), atol=error)
+
+
+def test_no_coverage_is_transparent_black(tmp_path):
+    write_frame(tmp_path / "a.png", frame(), {})
+    picture = pillow(tmp_path / "a.png")
+    assert picture.mode == "RGBA"
+    assert picture.getpixel((0, 5)) == (0, 0, 0, 0)
+
+
+def test_a_coloured_background_makes_the_picture_opaque(tmp_path):
+    written = frame()
+    written.layers["beauty"][:, 0, :3] = 0.5
+    write_frame(tmp_path / "a.png", written, {})
+    picture = pillow(tmp_path / "a.png")
+    assert picture.mode == "RGB"
+    assert picture.getpixel((0, 5)) == (188, 188, 188)
+    expected = encode_srgb(written.layers["beauty"][..., :3])
+    np.testing.assert_allclose(np.asarray(picture) / 255, expected, atol=0.51 / 255)
+
+
+def test_one_layer_of_fractions_as_a_grey_picture(tmp_path):
+    written = frame()
+    write_frame(tmp_path / "a.png", written, {}, layers=["shadow"])
+    picture = pillow(tmp_path / "a.png")
+    assert picture.mode == "L"
+    expected = encode_srgb(written.layers["shadow"][..., 0])
+    np.testing.assert_allclose(np.asarray(picture) / 255, expected, atol=0.51 / 255)
+
+
+@pytest.mark.parametrize("ending", ENDINGS)
+def test_metadata_comes_back(tmp_path, ending):
+    write_frame(tmp_path / f"a{ending}", frame(), METADATA)
+    assert read_image(tmp_path / f"a{ending}")[1] == METADATA
+    write_frame(tmp_path / f"b{ending}", frame(), {})
+    assert read_image(tmp_path / f"b{ending}")[1] == {}
+
+
+@pytest.mark.parametrize("ending", ENDINGS)
+def test_the_same_picture_gives_the_same_bytes_without_a_time(tmp_path, ending):
+    for name in ("a", "b"):
+        write_frame(tmp_path / f"{name}{ending}", frame(), METADATA)
+    first, second = ((tmp_path / f"{name}{ending}").read_bytes() for name in ("a", "b"))
+    assert first == second
+    assert not any(word in first for word in (b"capDate", b"DateTime", b"tIME"))
+    spec, _ = foreign(tmp_path / f"a{ending}")
+    assert spec.get_string_attribute("DateTime") == ""
+    write_frame(tmp_path / f"b{ending}", frame(seed=1), METADATA)
+    assert (tmp_path / f"b{ending}").read_bytes() != first
+
+
+@pytest.mark.parametrize("ending", ENDINGS)
+@pytest.mark.parametrize("size", [(1, 1), (63, 2), (64, 1), (65, 3)])
+def test_sizes_around_a_block_of_rows(tmp_path, ending, size):
+    written = frame(*size)
+    write_frame(tmp_path / f"a{ending}", written, {})
+    assert read_image(tmp_path / f"a{ending}")[0]["beauty"].shape[:2] == size
+
+
+FULL_DISK = """
+import resource, sys
+from frames import METADATA, frame
+from raytrace import image
+if not {reserve}:
+    image._reserve = lambda *_: None
+resource.setrlimit(resource.RLIMIT_FSIZE, ({limit}, {limit}))
+try:
+    image.write_frame({target!r}, frame(), METADATA)
+except OSError as reason:
+    print(type(reason).__name__, reason)
+"""
+
+
+@pytest.mark.skipif(os.name == "nt", reason="POSIX limits")
+@pytest.mark.parametrize(
+    ("ending", "reserve"), [*((ending, True) for ending in ENDINGS), (".png", False), (".tif", False)]
+)
+@pytest.mark.parametrize("share", [0.0, 0.5, 0.999])
+def test_a_full_disk_is_one_line_and_leaves_the_old_file(tmp_path, ending, reserve, share):
+    """A limit on file sizes stands for the full disk. It is noticed even if the room ran out after it was reserved."""
+    target = tmp_path / f"a{ending}"
+    write_frame(target, frame(), METADATA)
+    limit = int(share * target.stat().st_size)
+    target.write_bytes(b"before")
+    run = python(FULL_DISK.format(reserve=reserve, limit=limit, target=str(target)))
+    assert run.stdout.startswith(f"OutputError {target}: cannot write: ")
+    assert len(run.stdout.splitlines()) == 1
+    assert run.stderr == ""
+    assert target.read_bytes() == b"before"
+    assert names(tmp_path) == [target.name]
+
+
+@pytest.mark.parametrize("ending", ENDINGS)
+def test_an_interrupt_leaves_the_old_file(tmp_path, monkeypatch, ending):
+    def interrupted(*_):
+        raise KeyboardInterrupt
+
+    target = tmp_path / f"a{ending}"
+    target.write_bytes(b"before")
+    monkeypatch.setattr(np, "ascontiguousarray", interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        write_frame(target, frame(), {})
+    assert target.read_bytes() == b"before"
+    assert names(tmp_path) == [target.name]
+
+
+@pytest.mark.parametrize(
+    ("name", "options", "message"),
+    [
+        ("a.gif", {}, r"output: expected a name ending in \.exr .*, got .*a\.gif"),
+        ("a", {}, "output: expected a name ending"),
+        ("a.png", {"half": True}, r"half: expected an output that ends in \.exr"),
+        ("a.exr", {"layers": ["beauty", "colour"]}, "layers: expected names out of .*, got colour"),
+        ("a.exr", {"layers": []}, "layers: expected at least one layer, each once, got none"),
+        ("a.exr", {"layers": ["depth", "depth"]}, "layers: expected at least one layer, each once"),
+        ("a.png", {"layers": ["depth"]}, r"layers: expected one layer of colours in a \.png file.*, got depth"),
+        ("a.jpg", {"layers": ["beauty", "albedo"]}, "layers: expected one layer"),
+    ],
+)
+def test_what_cannot_be_written_is_told_before_the_work(tmp_path, name, options, message):
+    with pytest.raises(OptionError, match=message) as early:
+        check_image_target(tmp_path / name, **options)
+    with pytest.raises(OptionError) as late:
+        write_frame(tmp_path / name, frame(), {}, **options)
+    assert str(early.value) == str(late.value)
+    assert "\n" not in str(early.value)
+    assert names(tmp_path) == []
+
+
+def test_a_layer_that_the_frame_lacks(tmp_path):
+    with pytest.raises(OptionError, match="expected layers of the frame: beauty, got depth"):
+        write_frame(tmp_path / "a.exr", plain((0, 0, 0, 1)), {}, layers=["depth"])
+
+
+def test_a_missing_folder_is_told_before_the_work(tmp_path):
+    with pytest.raises(OutputError, match="there is no folder"):
+        check_image_target(tmp_path / "missing" / "a.exr")
+    with pytest.raises(OutputError, match="there is no folder"):
+        write_image(tmp_path / "missing" / "a.png", np.zeros((2, 2, 3)))
+
+
+def test_endings_in_capitals(tmp_path):
+    write_frame(tmp_path / "A.PNG", plain((0.5, 0.5, 0.5, 1)), {})
+    assert pillow(tmp_path / "A.PNG").getpixel((0, 0)) == (188, 188, 188, 255)
+
+
+@pytest.mark.parametrize("name", ["a?b=1.exr", "ä ö #%d.png", "x.0001.tif"])
+def test_names_that_libraries_like_to_interpret(tmp_path, name):
+    write_frame(tmp_path / name, frame(), {})
+    assert names(tmp_path) == [name]
+    assert "beauty" in read_image(tmp_path / name)[0]
+
+
+def test_a_frame_takes_little_memory_beside_itself(tmp_path):
+    """The rows in hand, not a second frame; measured after a small one has loaded the libraries."""
+    code = f"""
+import resource
+from frames import frame
+from raytrace.image import write_frame
+write_frame({str(tmp_path / "small.exr")!r}, frame(), {{}})
+large = frame(700, 1500)
+before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+write_frame({str(tmp_path / "large.exr")!r}, large, {{}})
+print((resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before) / 1024)
+"""
+    assert float(python(code).stdout) < 50  # MiB; the frame has 92

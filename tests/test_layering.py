@@ -7,7 +7,10 @@ import pytest
 
 ROOT = Path(__file__).resolve().parent.parent
 LAYERS = ("raytrace", "ao", "scenes", "cli")
-DOORS = {"embreex": {"raytrace/embree.py"}, "OpenImageIO": {"raytrace/image.py"}}
+DOORS = {
+    "embreex": {"raytrace/embree.py"},
+    "OpenImageIO": {f"raytrace/{name}.py" for name in ("image", "image_input", "compare", "texture")},
+}
 
 
 def files():

@@ -1,0 +1,243 @@
+"""Textures: what is read, what the pyramid holds, and what a look-up returns."""
+
+import io
+import os
+from pathlib import Path
+
+import numpy as np
+import PIL.Image
+import pytest
+from frames import plain
+
+from raytrace import texture as module
+from raytrace.errors import InputError
+from raytrace.image import write_frame
+from raytrace.jit import kernel
+from raytrace.srgb import decode_srgb
+from raytrace.texture import Texture, pack_textures
+from raytrace.texture_kernel import sample_texture
+
+
+@kernel
+def looked_up(texels, levels, first, count, u, v, footprint):
+    out = np.empty((len(u), 3))
+    for i in range(len(u)):
+        out[i] = sample_texture(texels, levels, first, count, u[i], v[i], footprint[i])
+    return out
+
+
+def sample(packed, u, v, footprint=0.0, texture=0):
+    u, v, footprint = (np.array(each, float).ravel() for each in np.broadcast_arrays(u, v, footprint))
+    first, count = packed.first[texture], packed.count[texture]
+    return looked_up(packed.texels, packed.levels, first, count, u, v, footprint)
+
+
+def png(path, codes, **options):
+    PIL.Image.fromarray(np.asarray(codes, np.uint8)).save(path, **options)
+    return Texture(path)
+
+
+def codes(height=8, width=8, channels=3, seed=0):
+    return np.random.default_rng(seed).integers(0, 256, (height, width, channels), np.uint8)
+
+
+def level(packed, number):
+    start, width, height = packed.levels[number]
+    return packed.texels[start : start + width * height].reshape(height, width, 3)
+
+
+def reference(image, u, v):
+    """Bilinear look-up with repetition, by NumPy."""
+    height, width = image.shape[:2]
+    x, y = u * width - 0.5, (1 - v) * height - 0.5
+    column, row = np.floor(x).astype(int), np.floor(y).astype(int)
+    s, t = (x - column)[:, None], (y - row)[:, None]
+    at = [[image[(row + i) % height, (column + j) % width] for j in (0, 1)] for i in (0, 1)]
+    return (1 - t) * ((1 - s) * at[0][0] + s * at[0][1]) + t * ((1 - s) * at[1][0] + s * at[1][1])
+
+
+def test_texel_centres_return_the_texels_rows_upwards(tmp_path):
+    image = codes(5, 7)
+    packed = pack_textures([png(tmp_path / "a.png", image)])
+    row, column = np.divmod(np.arange(35), 7)
+    found = sample(packed, (column + 0.5) / 7, 1 - (row + 0.5) / 5)
+    np.testing.assert_allclose(found.reshape(5, 7, 3), decode_srgb(image / 255), atol=1e-6)
+
+
+@pytest.mark.parametrize("size", [(1, 1), (5, 7), (8, 8), (1, 6), (6, 1)])
+def test_look_ups_against_numpy_also_far_outside(tmp_path, size):
+    image = codes(*size)
+    packed = pack_textures([png(tmp_path / "a.png", image)])
+    u, v = np.random.default_rng(1).uniform(-3, 4, (2, 500))
+    expected = reference(decode_srgb(image / 255).astype(float), u, v)
+    np.testing.assert_allclose(sample(packed, u, v), expected, atol=1e-9)
+
+
+def test_repetition(tmp_path):
+    packed = pack_textures([png(tmp_path / "a.png", codes())])
+    u, v = np.random.default_rng(1).random((2, 100))
+    for footprint in (0.0, 0.2, 0.7):
+        here = sample(packed, u, v, footprint)
+        np.testing.assert_allclose(sample(packed, u + 3, v - 5, footprint), here, atol=1e-9)
+
+
+@pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf, 1e300, -1e-300])
+def test_coordinates_that_no_texture_has_stay_inside_the_arrays(tmp_path, value):
+    packed = pack_textures([png(tmp_path / "a.png", codes())])
+    for u, v, footprint in ((value, 0.5, 0.0), (0.5, value, 0.3), (0.5, 0.5, value)):
+        found = sample(packed, u, v, footprint)
+        assert ((found >= 0) & (found <= 1)).all()
+
+
+@pytest.mark.parametrize("size", [(16, 16), (13, 7), (1, 5)])
+def test_a_constant_texture_is_constant_at_any_footprint(tmp_path, size):
+    packed = pack_textures([png(tmp_path / "a.png", np.full((*size, 3), (10, 128, 250)))])
+    u, v = np.random.default_rng(1).random((2, 50))
+    expected = decode_srgb(np.array((10, 128, 250)) / 255)
+    for footprint in (0.0, 0.01, 0.1, 0.3, 1.0, 50.0):
+        np.testing.assert_allclose(sample(packed, u, v, footprint), np.tile(expected, (50, 1)), rtol=1e-5)
+
+
+def test_a_checkerboard_fades_to_its_mean(tmp_path):
+    squares = 255 * (np.indices((32, 32)).sum(axis=0) % 2)
+    packed = pack_textures([png(tmp_path / "a.png", np.repeat(squares[..., None], 3, axis=2))])
+    u, v = np.random.default_rng(1).random((2, 200))
+    spread = [np.ptp(sample(packed, u, v, footprint)) for footprint in (0, 1.2 / 32, 1.6 / 32)]
+    assert spread[0] > spread[1] > spread[2] > 0
+    for footprint in (2 / 32, 0.2, 1.0, 9.0):
+        np.testing.assert_allclose(sample(packed, u, v, footprint), 0.5, atol=1e-6)
+
+
+def test_every_level_of_a_power_of_two_keeps_the_linear_mean(tmp_path):
+    image = codes(32, 64)
+    packed = pack_textures([png(tmp_path / "a.png", image)])
+    sizes = [(64, 32), (32, 16), (16, 8), (8, 4), (4, 2), (2, 1), (1, 1)]
+    assert [tuple(row[1:]) for row in packed.levels] == sizes
+    linear = decode_srgb(image / 255).astype(float)
+    for number in range(len(sizes)):
+        np.testing.assert_allclose(level(packed, number).mean(axis=(0, 1)), linear.mean(axis=(0, 1)), rtol=1e-5)
+    halves = linear.reshape(16, 2, 32, 2, 3).mean(axis=(1, 3))
+    np.testing.assert_allclose(level(packed, 1), halves, atol=1e-6)
+
+
+def test_odd_sizes_keep_the_mean_nearly(tmp_path):
+    image = codes(37, 53)
+    packed = pack_textures([png(tmp_path / "a.png", image)])
+    linear = decode_srgb(image / 255).mean(axis=(0, 1))
+    np.testing.assert_allclose(level(packed, len(packed.levels) - 1)[0, 0], linear, atol=0.06)
+
+
+def test_between_two_levels(tmp_path):
+    packed = pack_textures([png(tmp_path / "a.png", codes(8, 16))])
+    u, v = np.random.default_rng(1).random((2, 50))
+    fine, coarse = (reference(level(packed, number).astype(float), u, v) for number in (1, 2))
+    np.testing.assert_allclose(sample(packed, u, v, 2 / 16), fine, atol=1e-9)
+    np.testing.assert_allclose(sample(packed, u, v, 2**1.25 / 16), 0.75 * fine + 0.25 * coarse, atol=1e-9)
+    np.testing.assert_allclose(sample(packed, u, v, 4 / 16), coarse, atol=1e-9)
+
+
+@pytest.mark.parametrize("mode", ["L", "LA", "RGB", "RGBA", "P", "1"])
+def test_channels_and_palettes(tmp_path, mode):
+    """Alpha is ignored: the colour is the file's, not faded."""
+    source = PIL.Image.fromarray(codes(channels=4) if "A" in mode else codes()).convert(mode)
+    source.save(tmp_path / "a.png")
+    shown = np.asarray(source.convert("LA" if mode == "LA" else "RGBA" if mode == "RGBA" else "RGB"))
+    colour = np.broadcast_to(shown[..., :1] if mode == "LA" else shown[..., :3], (8, 8, 3))
+    packed = pack_textures([Texture(tmp_path / "a.png")])
+    np.testing.assert_allclose(level(packed, 0), decode_srgb(colour / 255), atol=1e-6)
+
+
+def test_sixteen_bits(tmp_path):
+    grey = np.random.default_rng(0).integers(0, 1 << 16, (8, 8)).astype(np.uint16)
+    PIL.Image.fromarray(grey).save(tmp_path / "a.png")
+    packed = pack_textures([Texture(tmp_path / "a.png")])
+    np.testing.assert_allclose(level(packed, 0)[..., 1], decode_srgb(grey / 65535), atol=1e-6)
+
+
+def test_jpeg_within_its_loss(tmp_path):
+    ramp = np.repeat(np.tile(np.linspace(0, 255, 32), (32, 1))[..., None], 3, axis=2)
+    packed = pack_textures([png(tmp_path / "a.jpg", ramp, quality=95)])
+    np.testing.assert_allclose(level(packed, 0), decode_srgb(ramp / 255), atol=0.03)
+
+
+def test_values_that_are_not_srgb(tmp_path):
+    image = codes()
+    png(tmp_path / "a.png", image)
+    packed = pack_textures([Texture(tmp_path / "a.png", srgb=False)])
+    np.testing.assert_allclose(level(packed, 0), image / 255, atol=1e-6)
+
+
+def test_floats_are_linear(tmp_path):
+    write_frame(tmp_path / "a.exr", plain((0.5, 3.0, 0.125, 1.0)), {}, layers=["beauty"])
+    packed = pack_textures([Texture(tmp_path / "a.exr")])
+    np.testing.assert_array_equal(level(packed, 0)[4, 5], (0.5, 3.0, 0.125))
+
+
+@pytest.mark.parametrize("name", ["scene.glb image 0", "paint.png"])
+@pytest.mark.parametrize("kind", ["PNG", "JPEG"])
+def test_bytes_are_like_the_file(tmp_path, name, kind):
+    content = io.BytesIO()
+    PIL.Image.fromarray(codes()).save(content, kind)
+    (tmp_path / f"a.{kind}").write_bytes(content.getvalue())
+    packed = pack_textures([Texture(Path(name), content.getvalue()), Texture(tmp_path / f"a.{kind}")])
+    np.testing.assert_array_equal(level(packed, 0), level(packed, packed.first[1]))
+
+
+def test_only_the_seen_ones_are_read_and_equal_ones_once(tmp_path):
+    seen = png(tmp_path / "a.png", codes())
+    other = png(tmp_path / "b.png", codes(4, 4, seed=1))
+    packed = pack_textures([None, seen, other, Texture(tmp_path / "a.png"), None])
+    assert packed.count.tolist() == [0, 4, 3, 4, 0]
+    assert packed.first[1] == packed.first[3]
+    assert len(packed.texels) == 64 + 16 + 4 + 1 + 16 + 4 + 1
+    np.testing.assert_array_equal(sample(packed, 0.3, 0.4, texture=0), [[1, 1, 1]])
+    expected = reference(decode_srgb(codes(4, 4, seed=1) / 255).astype(float), np.array([0.3]), np.array([0.4]))
+    np.testing.assert_allclose(sample(packed, 0.3, 0.4, texture=2), expected, atol=1e-9)
+
+
+def test_no_textures_are_arrays_that_a_kernel_takes():
+    packed = pack_textures([])
+    assert packed.texels.shape == (0, 3)
+    assert packed.levels.shape == (0, 3)
+    assert packed.first.shape == packed.count.shape == (0,)
+    assert [each.dtype for each in (packed.texels, packed.levels, packed.first)] == [np.float32, np.int64, np.int64]
+    packed = pack_textures([None])
+    np.testing.assert_array_equal(sample(packed, 0.3, 0.4, 0.1), [[1, 1, 1]])
+
+
+def broken(folder):
+    whole = io.BytesIO()
+    PIL.Image.fromarray(codes(64, 64)).save(whole, "PNG")
+    (folder / "cut.png").write_bytes(whole.getvalue()[:5000])
+    (folder / "text.png").write_text("not an image")
+    (folder / "empty.png").write_bytes(b"")
+    (folder / "folder.png").mkdir()
+    return {
+        "missing.png": "an existing file, got none",
+        "cut.png": "a complete image",
+        "text.png": "an image",
+        "empty.png": "an image",
+        "folder.png": "got a folder",
+    }
+
+
+@pytest.mark.parametrize("kind", range(5))
+def test_what_cannot_be_read_is_one_line_that_names_the_file(tmp_path, capfd, kind):
+    name, message = list(broken(tmp_path).items())[kind]
+    path = tmp_path / name
+    with pytest.raises(InputError, match=message) as error:
+        pack_textures([Texture(path)])
+    assert str(error.value).startswith(f"{path}: ")
+    assert "\n" not in str(error.value)
+    if path.is_file():
+        with pytest.raises(InputError, match=message) as error:
+            pack_textures([Texture(Path("scene.glb image 2"), path.read_bytes())])
+        assert str(error.value).startswith("scene.glb image 2: ")
+        assert os.sep not in str(error.value)
+    assert capfd.readouterr() == ("", "")
+
+
+def test_huge_images_are_refused_before_they_are_read(tmp_path, monkeypatch):
+    monkeypatch.setattr(module, "MAX_SIDE", 7)
+    with pytest.raises(InputError, match="size: expected at most 7×7 pixels, got 8×4"):
+        pack_textures([png(tmp_path / "a.png", codes(4, 8))])
