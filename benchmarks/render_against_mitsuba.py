@@ -33,7 +33,7 @@ from raytrace.rendering import render
 from raytrace.scene import Object, Scene, Shape
 from raytrace.settings import Settings
 from scenes.load import load
-from scenes.primitives import grid
+from scenes.primitives import plane
 
 ALBEDO = (0.6, 0.5, 0.4)
 WIDTH, HEIGHT, SAMPLES = 1920, 1080, 64
@@ -43,7 +43,7 @@ def make_scene(mesh: Mesh) -> tuple[Scene, Camera, list[Mesh], list[PointLight]]
     """The mesh, y up, on a ground plane, under four lights."""
     r, (x, _, z) = mesh.radius, mesh.centre
     floor = mesh.vertices[:, 1].min()
-    ground = grid((x - 4 * r, floor, z - 4 * r), (0, 0, 8 * r), (8 * r, 0, 0), 8 * r)
+    ground = plane((x - 4 * r, floor, z - 4 * r), (0, 0, 8 * r), (8 * r, 0, 0), 8 * r).mesh
     meshes = [
         Mesh(m.vertices.astype(np.float32), m.faces, vertex_normals(m.vertices, m.faces).astype(np.float32))
         for m in (mesh, ground)
