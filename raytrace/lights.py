@@ -18,7 +18,7 @@ import numpy.typing as npt
 from pydantic import Field, TypeAdapter, ValidationError, model_validator
 
 from raytrace.errors import OptionError
-from raytrace.fields import Direction, HalfAngle, NonNegative, Parameters, Point, Radiance, Range, option_error
+from raytrace.fields import Direction, HalfAngle, Length, NonNegative, Parameters, Point, Radiance, option_error
 
 POINT, DIRECTIONAL, SPOT, AMBIENT = range(4)
 # Row: intensity RGB, position, unit direction of travel, a0, a1, a2, cosine of the half-angle, half-angle, exponent,
@@ -90,7 +90,7 @@ class _Local(BaseLight):
 
     position: Point
     attenuation: tuple[NonNegative, NonNegative, NonNegative] = (0.0, 0.0, 1.0)
-    range: Range | None = None
+    range: Length | None = None
 
     def _fill(self, row: npt.NDArray[np.float64]) -> None:
         row[POSITION : POSITION + 3] = self.position

@@ -4,11 +4,10 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from raytrace.image import write_image
-
 import ao
 from ao.bake import Progress
 from raytrace.camera import Camera
+from raytrace.image import write_image
 from raytrace.picture import picture
 
 from .load import MeshFile
