@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 import time
 from collections.abc import Callable
 
@@ -12,12 +13,27 @@ from .camera import Camera
 from .embree import LANES, aligned, new_packet
 from .entries import AMBIENT, LIT, WIDTH
 from .frame import LAYERS, Frame
-from .lighting import BACKGROUND, BEHIND, BLACK, COUNTERS, CULLED, PRIMARY, RETIRED, SHADOW, UNREACHED
+from .lighting import (
+    BACKGROUND,
+    BEHIND,
+    BLACK,
+    COUNTERS,
+    CULLED,
+    PRIMARY,
+    RETIRED,
+    SHADOW,
+    UNREACHED,
+    Scratch,
+    Style,
+)
 from .parallel import run_blocks, thread_count
 from .sampling import mix, owen_sobol, seed_key
 from .scene import Scene
 from .settings import Settings
+from .surface import GOURAUD
+from .texture import Texture, pack_textures
 from .tile import CAPACITY, FILM, SUMS, TILE, light_vertices, render_tiles
+from .tint import Textures
 from .view import View, mark_seen
 from .world import World, build
 
@@ -49,6 +65,7 @@ def render(
 
     Raises:
         OptionError: `threads` out of range.
+        InputError: a texture that a ray has met cannot be read.
         EmbreeError: Embree failed, out of memory for instance.
     """
     settings = settings or Settings()
@@ -93,21 +110,29 @@ class _Renderer:
     def __init__(
         self, world: World, scene: Scene, camera: Camera, settings: Settings, layers: bool, threads: int
     ) -> None:
-        self.world, self.settings, self.threads = world, settings, threads
+        self.world, self.threads = world, threads
         self.view = _view(world, camera, settings)
-        self.background = scene.background
-        self.shading, self.form = _SHADINGS.index(settings.shading), _FORMS.index(settings.obscurance)
-        self.left, self.top, wide, high = settings.crop or (0, 0, settings.width, settings.height)
+        self.style = Style(
+            settings.samples,
+            _SHADINGS.index(settings.shading),
+            _FORMS.index(settings.obscurance),
+            settings.shadows,
+            settings.terminator,
+            scene.background,
+        )
+        left, top, wide, high = settings.crop or (0, 0, settings.width, settings.height)
+        self.corner = left, top
         self.film = np.empty((high, wide, FILM if layers else LAYERS["beauty"]), np.float32)
         self.counts = np.zeros(COUNTERS, np.int64)
         self.vertex_light = np.zeros((0, _LIT))
+        self.textures = _pack([None] * len(world.textures))
+        self.reading = threading.Lock()
 
     def run(self, progress: Progress | None) -> None:
-        if self.settings.shading == "gouraud":
+        if self.style.shading == GOURAUD:
             self._light_all_vertices()
         high, wide, _ = self.film.shape
-        columns = -(-wide // TILE)
-        tiles = columns * -(-high // TILE)
+        tiles = -(-wide // TILE) * -(-high // TILE)
         done = 0
 
         def advance(count: int) -> None:
@@ -117,33 +142,45 @@ class _Renderer:
                 progress(done, tiles)
 
         def work(first: int, last: int) -> None:
-            scratch, settings, world = _Scratch(len(self.world.lights.kinds)), self.settings, self.world
-            render_tiles(
-                world.geometry, world.lights, self.view, self.left, self.top, first, last, settings.samples,
-                self.shading, self.form, settings.shadows, settings.terminator, self.background, self.vertex_light,
-                world.scale, scratch.packet, scratch.valid, scratch.entries, scratch.sums, scratch.todo,
-                scratch.active, scratch.queue, scratch.light, self.film, scratch.counts,
-            )  # fmt: skip
-            finished.append(scratch.counts)
+            wanted = np.zeros(len(self.world.textures), np.int64)
+            counts = self._tiles(first, last, wanted)
+            while wanted.any():
+                self._read(wanted)
+                wanted[:] = 0
+                counts = self._tiles(first, last, wanted)
+            finished.append(counts)
 
         finished: list[npt.NDArray[np.int64]] = []
         run_blocks(tiles, _TILES, work, self.threads, advance)
         self.counts += np.sum(finished, axis=0)
 
+    def _tiles(self, first: int, last: int, wanted: npt.NDArray[np.int64]) -> npt.NDArray[np.int64]:
+        """Render tiles and return their counts; `wanted` is set for textures to be read before they can be right."""
+        world, scratch = self.world, _new_scratch(len(self.world.lights.kinds))
+        render_tiles(
+            world.geometry, world.lights, self.textures, self.view, self.style, self.vertex_light, scratch,
+            self.corner, (first, last), world.scale, wanted, self.film,
+        )  # fmt: skip
+        return scratch.counts
+
+    def _read(self, wanted: npt.NDArray[np.int64]) -> None:
+        """Read the wanted textures, and those already read again with them."""
+        with self.reading:
+            missing = (wanted > 0) & (self.textures.depth == 0)
+            if missing.any():
+                keep = missing | (self.textures.depth > 0)
+                self.textures = _pack([t if kept else None for t, kept in zip(self.world.textures, keep, strict=True)])
+
     def _light_all_vertices(self) -> None:
-        world, view = self.world, self.view
-        self.vertex_light = np.zeros((len(world.geometry.w), _LIT))
-        ends = np.append(world.geometry.first_w[1:], len(world.geometry.w))
+        geometry, lights = self.world.geometry, self.world.lights
+        self.vertex_light = np.zeros((len(geometry.w), _LIT))
+        ends = np.append(geometry.first_w[1:], len(geometry.w))
         finished: list[npt.NDArray[np.int64]] = []
-        for item, (begin, end) in enumerate(zip(world.geometry.first_w, ends, strict=True)):
+        for item, (begin, end) in enumerate(zip(geometry.first_w, ends, strict=True)):
 
             def work(first: int, last: int, item: int = item, begin: int = int(begin)) -> None:
-                scratch = _Scratch(len(world.lights.kinds))
-                light_vertices(
-                    world.geometry, world.lights, view.eye, view.forward, view.orthographic, self.form,
-                    self.settings.shadows, item, begin + first, begin + last, scratch.packet, scratch.valid,
-                    scratch.entries, scratch.active, scratch.queue, scratch.light, self.vertex_light, scratch.counts,
-                )  # fmt: skip
+                scratch, span = _new_scratch(len(lights.kinds)), (begin + first, begin + last)
+                light_vertices(geometry, lights, self.view, self.style, scratch, item, span, self.vertex_light)
                 finished.append(scratch.counts)
 
             run_blocks(int(end - begin), 4 * CAPACITY, work, self.threads)
@@ -159,18 +196,22 @@ class _Renderer:
         return found
 
 
-class _Scratch:
-    """One thread's working memory."""
+def _pack(textures: list[Texture | None]) -> Textures:
+    packed = pack_textures(textures)
+    return Textures(packed.texels, packed.levels, packed.first, packed.count)
 
-    def __init__(self, lights: int) -> None:
-        self.packet, self.valid = new_packet()
-        self.entries = aligned((CAPACITY, WIDTH), np.float64)
-        self.sums = aligned((TILE * TILE, SUMS), np.float64)
-        self.todo = np.zeros(TILE * TILE, np.int64)
-        self.active = np.zeros(max(lights, 1), np.int64)
-        self.queue = np.zeros(LANES, np.int64)
-        self.light = np.zeros((LANES, 6))
-        self.counts = np.zeros(COUNTERS, np.int64)
+
+def _new_scratch(lights: int) -> Scratch:
+    return Scratch(
+        *new_packet(),
+        entries=aligned((CAPACITY, WIDTH), np.float64),
+        sums=aligned((TILE * TILE, SUMS), np.float64),
+        todo=np.zeros(TILE * TILE, np.int64),
+        active=np.zeros(max(lights, 1), np.int64),
+        queue=np.zeros(LANES, np.int64),
+        arriving=np.zeros((LANES, 6)),
+        counts=np.zeros(COUNTERS, np.int64),
+    )
 
 
 def _view(world: World, camera: Camera, settings: Settings) -> View:

@@ -7,7 +7,7 @@ from math import sqrt
 import numpy as np
 
 from .borrow import borrow
-from .embree import GEOM_ID, INVALID, LANES, TFAR, U, V, intersect8
+from .embree import DIR_X, DIR_Y, DIR_Z, GEOM_ID, ID, INVALID, LANES, TFAR, U, V, intersect8
 from .entries import (
     AMBIENT,
     DEPTH,
@@ -27,8 +27,8 @@ from .lighting import BACKGROUND, PRIMARY, RETIRED, count_directed, light_entrie
 from .models.dispatch import alpha
 from .models.rows import MODEL
 from .surface import GOURAUD, fill, vertex_entry
-from .vector import load
-from .view import aim, load3, struck
+from .tint import apply_tint, tint
+from .view import aim, load3, pixel_width, struck
 
 TILE = 16  # pixels a side
 FIRST = 4  # samples before a pixel may be retired
@@ -124,39 +124,62 @@ def interpolate_lit(entry, geometry, item, face, u, v, vertex_light):
 
 
 @kernel
-def render_tiles(
-    geometry, lights, view, left, top, first, last, samples, shading, form, shadows, terminator, background,
-    vertex_light, world_scale, packet, valid, entries, sums, todo, active, queue, light, film, counts,
-):  # fmt: skip
-    """Render the tiles [first, last), counted along the rows of `film`, float32 (height, width, 4 or FILM).
+def render_tiles(geometry, lights, textures, view, style, vertex_light, scratch, corner, span, scale, wanted, film):
+    """Render the tiles [span[0], span[1]), counted along the rows of `film`, float32 (height, width, 4 or FILM).
 
-    Args: left, top: the film's place in the whole picture; vertex_light: float64 (n, 14), lit vertices for Gouraud
-        shading; packet … light: scratch; counts: int64.
+    Args: vertex_light: float64 (n, 14), lit vertices for Gouraud shading; corner: (x, y) of the film in the whole
+        picture; scale: of the world; wanted: int64 (textures,), set to 1 for every texture that was met but is not read
+        yet: the tiles must be rendered again.
     """
-    geometry, lights, view, vertex_light = borrow(geometry), borrow(lights), borrow(view), borrow(vertex_light)
-    packet, valid, entries, sums, todo = borrow(packet), borrow(valid), borrow(entries), borrow(sums), borrow(todo)
-    active, queue, light, film, counts = borrow(active), borrow(queue), borrow(light), borrow(film), borrow(counts)
+    geometry, lights, textures, view = borrow(geometry), borrow(lights), borrow(textures), borrow(view)
+    vertex_light, scratch, wanted, film = borrow(vertex_light), borrow(scratch), borrow(wanted), borrow(film)
     columns = -(-film.shape[1] // TILE)
-    for tile in range(first, last):
+    for tile in range(span[0], span[1]):
         x, y = tile % columns * TILE, tile // columns * TILE
-        render_tile(
-            geometry, lights, view, left + x, top + y, samples, shading, form, shadows, terminator, background,
-            vertex_light, world_scale, packet, valid, entries, sums, todo, active, queue, light,
-            film[y : y + TILE, x : x + TILE], counts,
-        )  # fmt: skip
+        part = film[y : y + TILE, x : x + TILE]
+        place = corner[0] + x, corner[1] + y
+        render_tile(geometry, lights, textures, view, style, vertex_light, scratch, place, wanted, part)
+        for p in range(part.shape[0] * part.shape[1]):
+            finish(scratch.sums[p], part, p // part.shape[1], p % part.shape[1], scale)
 
 
 @inline
-def render_tile(
-    geometry, lights, view, x0, y0, samples, shading, form, shadows, terminator, background, vertex_light, world_scale,
-    packet, valid, entries, sums, todo, active, queue, light, film, counts,
-):  # fmt: skip
-    """Render one tile, `film`, whose first pixel is (x0, y0) of the whole picture."""
+def render_tile(geometry, lights, textures, view, style, vertex_light, scratch, place, wanted, film):
+    """Gather the sums of one tile, `film`, whose first pixel is `place` of the whole picture."""
     wide = film.shape[1]
     pixels = film.shape[0] * wide
-    ids = packet.view(np.uint32)
-    starts, backs = np.empty(LANES), np.empty((LANES, 3))
-    directed = count_directed(lights)
+    sums, todo = scratch.sums, scratch.todo
+    clear(sums, todo, pixels)
+    pending, done = pixels, 0
+    while pending > 0 and done < style.samples:
+        batch = min(FIRST, style.samples - done)
+        total = pending * batch
+        for start in range(0, total, CAPACITY):
+            stop = min(start + CAPACITY, total)
+            count = 0
+            for first in range(start, stop, LANES):
+                turn = first, min(LANES, stop - first), batch, done
+                count = cast(
+                    geometry, lights, textures, view, style, vertex_light, scratch, place, wide, wanted, turn, count
+                )
+            if style.shading != GOURAUD and count > 0:
+                light_entries(geometry, lights, style, scratch, count)
+            for e in range(count):
+                develop(scratch.entries[e], geometry, sums[int(scratch.entries[e, PIXEL])], style.background, 1)
+        done += batch
+        left = 0
+        for k in range(pending):
+            if done < style.samples and not retired(sums[todo[k]]):
+                todo[left] = todo[k]
+                left += 1
+        if done < style.samples:
+            scratch.counts[RETIRED] += (pending - left) * (style.samples - done)
+        pending = left
+
+
+@inline
+def clear(sums, todo, pixels):
+    """Nothing gathered yet, everything to do."""
     sums[:] = 0.0
     for p in range(pixels):
         todo[p] = p
@@ -164,81 +187,62 @@ def render_tile(
         for c in range(3):
             sums[p, LOW + c] = np.inf
             sums[p, HIGH + c] = -np.inf
-    pending, done = pixels, 0
-    while pending > 0 and done < samples:
-        batch = min(FIRST, samples - done)
-        total = pending * batch
-        for start in range(0, total, CAPACITY):
-            count = 0
-            stop = min(start + CAPACITY, total)
-            for first in range(start, stop, LANES):
-                lanes = min(LANES, stop - first)
-                for lane in range(LANES):
-                    valid[lane] = -1 if lane < lanes else 0
-                for lane in range(lanes):
-                    p = todo[(first + lane) // batch]
-                    sample = done + (first + lane) % batch
-                    starts[lane], direction = aim(packet, lane, view, x0 + p % wide, y0 + p // wide, sample)
-                    for axis in range(3):
-                        backs[lane, axis] = -direction[axis]
-                intersect8(geometry.handle, packet, valid)
-                counts[PRIMARY] += lanes
-                for lane in range(lanes):
-                    p = todo[(first + lane) // batch]
-                    if ids[GEOM_ID, lane] == INVALID:
-                        counts[BACKGROUND] += directed
-                        develop(entries[0], geometry, sums[p], background, 0)
-                        continue
-                    item, face = struck(ids, lane)
-                    u, v = np.float64(packet[U, lane]), np.float64(packet[V, lane])
-                    depth = starts[lane] + packet[TFAR, lane]
-                    entry = entries[count]
-                    fill(entry, geometry, item, face, u, v, depth, load(backs, lane), shading, terminator)
-                    entry[PIXEL] = p
-                    if shading == GOURAUD:
-                        interpolate_lit(entry, geometry, item, face, u, v, vertex_light)
-                    count += 1
-            if shading != GOURAUD and count > 0:
-                light_entries(
-                    geometry, lights, entries, count, active, form, shadows, packet, valid, queue, light, counts
-                )
-            for e in range(count):
-                develop(entries[e], geometry, sums[int(entries[e, PIXEL])], background, 1)
-        done += batch
-        left = 0
-        for k in range(pending):
-            if done < samples and not retired(sums[todo[k]]):
-                todo[left] = todo[k]
-                left += 1
-        if done < samples:
-            counts[RETIRED] += (pending - left) * (samples - done)
-        pending = left
-    for p in range(pixels):
-        finish(sums[p], film, p // wide, p % wide, world_scale)
+
+
+@inline
+def cast(geometry, lights, textures, view, style, vertex_light, scratch, place, wide, wanted, turn, count):
+    """One packet of viewing rays; hits become entries from `count` on. Returns how many entries there are then.
+
+    Args: turn: the packet's first sample and its number of samples, samples a pixel in this pass and before it.
+    """
+    first, lanes, batch, done = turn
+    packet, valid, todo = scratch.packet, scratch.valid, scratch.todo
+    for lane in range(LANES):
+        valid[lane] = -1 if lane < lanes else 0
+    for lane in range(lanes):
+        p = todo[(first + lane) // batch]
+        sample = done + (first + lane) % batch
+        packet[ID, lane] = aim(packet, lane, view, place[0] + p % wide, place[1] + p // wide, sample)
+    intersect8(geometry.handle, packet, valid)
+    scratch.counts[PRIMARY] += lanes
+    ids = packet.view(np.uint32)
+    for lane in range(lanes):
+        p = todo[(first + lane) // batch]
+        if ids[GEOM_ID, lane] == INVALID:
+            scratch.counts[BACKGROUND] += count_directed(lights)
+            develop(scratch.entries[0], geometry, scratch.sums[p], style.background, 0)
+            continue
+        item, face = struck(ids, lane)
+        u, v = np.float64(packet[U, lane]), np.float64(packet[V, lane])
+        depth = np.float64(packet[ID, lane]) + packet[TFAR, lane]
+        backward = -np.float64(packet[DIR_X, lane]), -np.float64(packet[DIR_Y, lane]), -np.float64(packet[DIR_Z, lane])
+        entry = scratch.entries[count]
+        fill(entry, geometry, item, face, u, v, depth, backward, style.shading, style.terminator)
+        tint(entry, geometry, textures, wanted, item, face, u, v, pixel_width(view, depth))
+        entry[PIXEL] = p
+        if style.shading == GOURAUD:
+            interpolate_lit(entry, geometry, item, face, u, v, vertex_light)
+            apply_tint(entry)
+        count += 1
+    return count
 
 
 @kernel
-def light_vertices(
-    geometry, lights, eye, forward, orthographic, form, shadows, item, first, last, packet, valid, entries, active,
-    queue, light, out, counts,
-):  # fmt: skip
-    """Gouraud's first step: light the vertices [first, last) of an object's stretch of `geometry.w`, into `out`.
+def light_vertices(geometry, lights, view, style, scratch, item, span, out):
+    """Gouraud's first step: light the vertices [span[0], span[1]) of an object's stretch of `geometry.w`, into `out`.
 
     Args: out: float64 (w, 14), the columns AMBIENT to LIT of an entry.
     """
-    geometry, lights, entries, packet, valid = (
-        borrow(geometry), borrow(lights), borrow(entries), borrow(packet), borrow(valid)
-    )  # fmt: skip
-    active, queue, light, out, counts = borrow(active), borrow(queue), borrow(light), borrow(out), borrow(counts)
+    geometry, lights, view, scratch, out = borrow(geometry), borrow(lights), borrow(view), borrow(scratch), borrow(out)
+    entries = scratch.entries
     own = geometry.first_vertex[item] - geometry.first_w[item]
-    for start in range(first, last, CAPACITY):
-        stop = min(start + CAPACITY, last)
+    for start in range(span[0], span[1], CAPACITY):
+        stop = min(start + CAPACITY, span[1])
         for k in range(start, stop):
-            vertex_entry(entries[k - start], geometry, item, own + k, load3(eye), load3(forward), orthographic)
-            entries[k - start, W] = geometry.w[k]
-        light_entries(
-            geometry, lights, entries, stop - start, active, form, shadows, packet, valid, queue, light, counts
-        )
+            entry = entries[k - start]
+            vertex_entry(entry, geometry, item, own + k, load3(view.eye), load3(view.forward), view.orthographic)
+            entry[W] = geometry.w[k]
+        light_entries(geometry, lights, style, scratch, stop - start)
         for k in range(start, stop):
             for column in range(AMBIENT, LIT + 1):
                 out[k, column - AMBIENT] = entries[k - start, column]

@@ -64,6 +64,13 @@ def load3(a):
 
 
 @inline
+def pixel_width(view, depth):
+    """Width of a pixel at a distance from the viewer."""
+    width = 2.0 * view.half / view.height
+    return width if view.orthographic else width * depth
+
+
+@inline
 def approach(origin, direction):
     """How far a ray can go before it comes near the world, which lies within 2 of the centre."""
     return max(0.0, -dot(origin, direction) - 2.0)
@@ -71,7 +78,7 @@ def approach(origin, direction):
 
 @inline
 def aim(packet, lane, view, x, y, sample):
-    """Put a pixel's viewing ray into a lane; returns how far from the viewer it starts, and its unit direction."""
+    """Put a pixel's viewing ray into a lane; returns how far from the viewer it starts."""
     k = mix(mix(y * view.width + x) ^ view.key) % np.uint32(len(view.offsets))
     offsets = view.offsets
     origin, direction = viewing_ray(
@@ -87,7 +94,7 @@ def aim(packet, lane, view, x, y, sample):
         packet[ORG_X + axis, lane] = near[axis]
         packet[DIR_X + axis, lane] = direction[axis]
     packet[TFAR, lane] = FARTHEST
-    return start, direction
+    return start
 
 
 @inline

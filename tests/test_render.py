@@ -13,7 +13,16 @@ from raytrace.materials import BlinnPhong, Lambert, Phong
 from raytrace.rendering import render, seen_vertices
 from raytrace.scene import Object, Scene, Shape
 from raytrace.settings import Settings
-from scenes.primitives import box, plane
+from scenes import primitives
+
+
+def grid(*arguments):
+    return primitives.plane(*arguments).mesh
+
+
+def box(*arguments):
+    return primitives.box(*arguments).mesh
+
 
 ONE = Settings(width=1, height=1, samples=1)
 PAINT = {"k_d": 0.3, "k_s": 0.6, "k_a": 0.3, "exponent": 3, "emission": 2}
@@ -79,7 +88,7 @@ def test_quadratic_shading_turns_where_linear_stays_flat():
 
 def test_a_shadows_edge_lies_where_the_light_puts_it():
     """A half-plane at z = 1 over a floor, the light at (−1, 0, 3): the edge falls on x = ½."""
-    floor, roof = plane((-4, -4, 0), (8, 0, 0), (0, 8, 0), 8).mesh, plane((-4, -4, 1), (4, 0, 0), (0, 8, 0), 8).mesh
+    floor, roof = grid((-4, -4, 0), (8, 0, 0), (0, 8, 0), 8), grid((-4, -4, 1), (4, 0, 0), (0, 8, 0), 8)
     scene = Scene((white(floor), white(roof)), (PointLight(position=(-1, 0, 3), intensity=10),))
     camera = Camera((0.5, 0.0, 9), (0.5, 0.0, 0), (0, 1, 0), height=0.5)
     frame = render(scene, camera, Settings(width=100, height=100, samples=1))
@@ -94,7 +103,7 @@ def test_a_shadows_edge_lies_where_the_light_puts_it():
 
 
 def test_the_lit_floor_obeys_the_photometry_law():
-    floor = plane((-4, -4, 0), (8, 0, 0), (0, 8, 0), 8).mesh
+    floor = grid((-4, -4, 0), (8, 0, 0), (0, 8, 0), 8)
     scene = Scene((white(floor),), (PointLight(position=(1, 0, 2), intensity=10),))
     frame = render(scene, Camera((0, 0, 9), (0, 0, 0), (0, 1, 0), height=4), Settings(width=32, height=32, samples=1))
     x = (np.arange(32) + 0.5 - 16) / 16 * 2
@@ -106,9 +115,9 @@ def test_the_lit_floor_obeys_the_photometry_law():
 @pytest.fixture(scope="module")
 def still():
     objects = (
-        white(plane((-3, -3, -1), (6, 0, 0), (0, 6, 0), 6).mesh),
+        white(grid((-3, -3, -1), (6, 0, 0), (0, 6, 0), 6)),
         Object(Shape(sphere(), Phong(k_d=(0.5, 0.3, 0.2), k_s=0.4, emission=0.05))),
-        Object(Shape(box((1.5, 0, -0.5), (0.6, 0.6, 1), 1).mesh, BlinnPhong(k_d=0.2, k_s=0.7))),
+        Object(Shape(box((1.5, 0, -0.5), (0.6, 0.6, 1), 1), BlinnPhong(k_d=0.2, k_s=0.7))),
     )
     lights = (
         AmbientLight(intensity=0.2),
@@ -249,7 +258,7 @@ def test_a_lit_sphere_has_no_dark_pixel_on_its_lit_side(scale, offset):
 @pytest.mark.parametrize("turn", [0.0, 0.3])
 def test_no_light_leaks_into_a_closed_box(two_sided, turn):
     matrix = trimesh.transformations.rotation_matrix(turn, (1, 2, 3))
-    room = Object(Shape(box((0, 0, 0), (2, 2, 2), 0.5).mesh, Lambert(albedo=0.8, two_sided=two_sided)), matrix)
+    room = Object(Shape(box((0, 0, 0), (2, 2, 2), 0.5), Lambert(albedo=0.8, two_sided=two_sided)), matrix)
     lights = tuple(PointLight(position=p, intensity=1000) for p in [(3, 0, 0), (0, -3, 1), (1.2, 1.3, 4)])
     camera = Camera((0.1, 0.2, 0.1), (1, 0.5, 0.2), field_of_view=100)
     frame = render(Scene((room,), lights), camera, Settings(width=128, height=128, samples=4))
@@ -258,8 +267,8 @@ def test_no_light_leaks_into_a_closed_box(two_sided, turn):
 
 
 def test_obscurance_in_a_picture_is_the_bakers():
-    mesh = box((0, 0, 0), (1, 1, 1), 0.25).mesh
-    floor = plane((-2, -2, -0.5), (4, 0, 0), (0, 4, 0), 0.25).mesh
+    mesh = box((0, 0, 0), (1, 1, 1), 0.25)
+    floor = grid((-2, -2, -0.5), (4, 0, 0), (0, 4, 0), 0.25)
     scene = Scene((white(mesh), white(floor)))
     baked = ao.bake(scene.flattened(), samples=64)
     scene = scene.with_obscurance(baked.w)
@@ -306,7 +315,7 @@ def test_the_back_of_a_one_sided_surface_reflects_nothing():
 
 
 def test_a_lens_blurs_what_is_out_of_focus_only():
-    edge = Object(Shape(plane((0, -5, 0), (5, 0, 0), (0, 10, 0), 10).mesh, Lambert(albedo=0, emission=1)))
+    edge = Object(Shape(grid((0, -5, 0), (5, 0, 0), (0, 10, 0), 10), Lambert(albedo=0, emission=1)))
     settings = Settings(width=64, height=8, samples=256)
     sharp, lens, far = (
         render(Scene((edge,)), Camera((0, 0, 4), (0, 0, 0), (0, 1, 0), 3.0, None, a, f), settings).layers["beauty"]
