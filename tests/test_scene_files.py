@@ -304,7 +304,9 @@ MISTAKES = {
     "objects[0].copies[1].scale: expected numbers other than 0": PLAIN + "copies = [{}, { scale = [1, 0, 1] }]",
     "objects[0].copies[0].mesh: expected one of translate, rotate": PLAIN + 'copies = [{ mesh = "square.obj" }]',
     'objects[0].own_normals: expected true or false, got "no"': PLAIN + 'own_normals = "no"',
-    "materials[0].name: expected a name on one line, got nothing": '[[materials]]\nmodel = "lambert"\nalbedo = 1\n' + PLAIN,
+    "materials[0].name: expected a name on one line, got nothing": (
+        '[[materials]]\nmodel = "lambert"\nalbedo = 1\n' + PLAIN
+    ),
     'materials[1].name: expected a name of its own, got "a" again': (
         2 * '[[materials]]\nname = "a"\npreset = "gold"\n' + PLAIN
     ),
