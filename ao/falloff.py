@@ -30,7 +30,7 @@ def resolve_length(field: str, length: Length, radius: float) -> float:
             value = float(length.strip()[:-1]) / 100 * radius
         else:
             value = float(length)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         raise OptionError(field, expected, repr(length)) from None
     if not value > 0:
         raise OptionError(field, expected, repr(length))

@@ -9,6 +9,7 @@ from typing import Annotated, Any
 
 import numpy as np
 from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, ValidationError
+from pydantic_core import ErrorDetails
 
 from raytrace.errors import OptionError
 
@@ -50,6 +51,7 @@ Real = Annotated[float, Field(allow_inf_nan=False)]
 Fraction = Annotated[float, within("[0, 1]")]
 Positive = Annotated[float, within("(0, inf)")]
 NonNegative = Annotated[float, within("[0, inf)")]
+Length = Annotated[float, within("[1e-100, 1e100]")]  # products of a few neither vanish nor overflow
 Slope = Annotated[float, within("[1e-6, 100]")]
 Index = Annotated[float, within("[1, 1e6]")]
 Exponent = Annotated[float, within("(0, 1e6]")]
@@ -89,7 +91,6 @@ def option_error(error: ValidationError, source: str) -> OptionError:
     if isinstance(cause, OptionError):
         return cause
     field = "".join(f"[{part}]" if isinstance(part, int) else f".{part}" for part in fault["loc"]).lstrip(".")
-    message = fault["msg"].removeprefix("Value error, ").removeprefix("Input should be ")
     if fault["type"] == "union_tag_not_found":
         return OptionError(fault["ctx"]["discriminator"].strip("'"), "a value", "nothing", source)
     if fault["type"] == "union_tag_invalid":
@@ -101,4 +102,21 @@ def option_error(error: ValidationError, source: str) -> OptionError:
         return OptionError(field, "a value", "nothing", source)
     if fault["type"] == "extra_forbidden":
         return OptionError(field, "no such field", fault["input"], source)
-    return OptionError(field, message[:1].lower() + message[1:], fault["input"], source)
+    return OptionError(field, expectation(fault), fault["input"], source)
+
+
+_EXPECTATIONS = {
+    "bool_type": "true or false",
+    "float_type": "a number",
+    "float_parsing": "a number",
+    "int_type": "a whole number",
+    "list_type": "a list",
+    "string_type": "a text",
+    "tuple_type": "a list",
+}
+
+
+def expectation(fault: ErrorDetails) -> str:
+    """What pydantic would have accepted, in a few words."""
+    message = fault["msg"].removeprefix("Value error, ").removeprefix("Input should be ")
+    return _EXPECTATIONS.get(fault["type"], message[:1].lower() + message[1:])

@@ -18,6 +18,7 @@ from raytrace.lights import (
     EXPONENT,
     HALF_ANGLE,
     INTENSITY,
+    INVERSE_RANGE,
     POSITION,
     RADIAL,
     SPOT,
@@ -35,8 +36,12 @@ def triple(row, column):
 
 @inline
 def radial(row, distance):
-    """1/(a0 + a1 d + a2 d²) (12.26)."""
-    return 1.0 / max(FLOOR, row[RADIAL] + distance * (row[RADIAL + 1] + distance * row[RADIAL + 2]))
+    """1/(a0 + a1 d + a2 d²) (12.26), times the window of the range."""
+    part = distance * row[INVERSE_RANGE]
+    if part >= 1.0:
+        return 0.0
+    part *= part
+    return (1.0 - part * part) / max(FLOOR, row[RADIAL] + distance * (row[RADIAL + 1] + distance * row[RADIAL + 2]))
 
 
 @inline

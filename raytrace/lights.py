@@ -18,11 +18,13 @@ import numpy.typing as npt
 from pydantic import Field, TypeAdapter, ValidationError, model_validator
 
 from raytrace.errors import OptionError
-from raytrace.fields import Direction, HalfAngle, NonNegative, Parameters, Point, Radiance, option_error
+from raytrace.fields import Direction, HalfAngle, Length, NonNegative, Parameters, Point, Radiance, option_error
 
 POINT, DIRECTIONAL, SPOT, AMBIENT = range(4)
-# Row: intensity RGB, position, unit direction of travel, a0, a1, a2, cosine of the half-angle, half-angle, exponent.
-INTENSITY, POSITION, DIRECTION, RADIAL, COS_HALF_ANGLE, HALF_ANGLE, EXPONENT, WIDTH = 0, 3, 6, 9, 12, 13, 14, 15
+# Row: intensity RGB, position, unit direction of travel, a0, a1, a2, cosine of the half-angle, half-angle, exponent,
+# 1/range (0: without end).
+INTENSITY, POSITION, DIRECTION, RADIAL, COS_HALF_ANGLE, HALF_ANGLE, EXPONENT = 0, 3, 6, 9, 12, 13, 14
+INVERSE_RANGE, WIDTH = 15, 16
 
 
 class PackedLight(NamedTuple):
@@ -81,14 +83,19 @@ class BaseLight(Parameters):
 
 
 class _Local(BaseLight):
-    """A light with a place and radial attenuation 1/(a0 + a1 d + a2 d²); (0, 0, 1) is the physical law."""
+    """A light with a place and radial attenuation 1/(a0 + a1 d + a2 d²); (0, 0, 1) is the physical law.
+
+    `range`: the distance at which it ends: attenuation times 1 − (d/range)⁴, zero beyond (glTF, KHR_lights_punctual).
+    """
 
     position: Point
     attenuation: tuple[NonNegative, NonNegative, NonNegative] = (0.0, 0.0, 1.0)
+    range: Length | None = None
 
     def _fill(self, row: npt.NDArray[np.float64]) -> None:
         row[POSITION : POSITION + 3] = self.position
         row[RADIAL : RADIAL + 3] = self.attenuation
+        row[INVERSE_RANGE] = 0.0 if self.range is None else 1.0 / self.range
 
     @model_validator(mode="after")
     def _attenuates(self) -> _Local:

@@ -43,7 +43,7 @@ def _light(stored: dict[str, Any], matrix: Floats) -> BaseLight:
     intensity = [stored.get("intensity", 1.0) * channel for channel in stored.get("color", [1, 1, 1])]
     values: dict[str, Any] = {"light": stored["type"], "intensity": intensity}
     if stored["type"] != "directional":
-        values["position"] = matrix[:3, 3]
+        values |= {"position": matrix[:3, 3], "range": stored.get("range")}
     if stored["type"] != "point":
         values["direction"] = -matrix[:3, 2]
     if stored["type"] == "spot":

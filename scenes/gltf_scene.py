@@ -36,8 +36,7 @@ def read_gltf(path: Path, settings: Settings) -> SceneDescription:
         world = node_matrices(asset.header)
         camera = gltf_camera.camera(asset.header, world, path)
         lights = gltf_lights.lights(asset.header, world, path)
-    scene = Scene(objects, lights, BACKGROUND)
-    camera = camera or framing(scene, Y_UP, settings.width, settings.height)
+        camera = camera or framing(Scene(objects), Y_UP, settings.width, settings.height)
     return SceneDescription(Scene(objects, lights or three_lights(camera), BACKGROUND), camera, settings)
 
 

@@ -19,6 +19,7 @@ def shown(value: object) -> str:
 
 def joined(path: str, field: str) -> str:
     """The path of a field within the table at `path`; "" is the whole file."""
+    field = field if field.isprintable() else repr(field)
     return path + field if not path or not field or field.startswith("[") else f"{path}.{field}"
 
 

@@ -12,6 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from raytrace.mesh import Mesh
+from raytrace.normals import normalize
 
 Floats = npt.NDArray[np.float64]
 
@@ -37,8 +38,7 @@ def merge(pieces: Sequence[Geometry], source: str) -> Geometry:
 def plane(corner: npt.ArrayLike, along: npt.ArrayLike, across: npt.ArrayLike, fineness: float) -> Geometry:
     """A parallelogram with normal along × across, cut into triangles with legs of at most `fineness`."""
     start, s_side, t_side = (np.asarray(vector, np.float64) for vector in (corner, along, across))
-    normal = np.cross(s_side, t_side)
-    normal /= np.linalg.norm(normal)
+    normal = normalize(np.cross(s_side, t_side))
 
     def surface(s: Floats, t: Floats) -> tuple[Floats, Floats]:
         return start + s * s_side + t * t_side, np.broadcast_to(normal, (*np.broadcast(s, t).shape[:-1], 3))

@@ -8,6 +8,8 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 import ao
 from ao.bake import MAX_SAMPLES
 from raytrace.camera import Camera
@@ -142,4 +144,5 @@ def _camera(table: CameraTable, scene: Scene, settings: Settings, path: Path) ->
             raise SceneError(path, "camera.direction", "a vector other than zero", list(direction))
         aspect = settings.width / settings.height
         view = {name: values.pop(name) for name in ("up", "field_of_view") if name in values}
-        return replace(Camera.framing(scene.flattened(), direction, aspect=aspect, **view), **values)
+        with np.errstate(over="ignore", invalid="ignore"):
+            return replace(Camera.framing(scene.flattened(), direction, aspect=aspect, **view), **values)

@@ -41,8 +41,9 @@ def named_materials(tables: Sequence[dict[str, Any]], source: object) -> dict[st
     for number, table in enumerate(tables):
         path = f"materials[{number}]"
         name = table.get("name")
-        if not isinstance(name, str) or not name:
-            raise SceneError(source, joined(path, "name"), "a name", shown(name) if "name" in table else "nothing")
+        if not isinstance(name, str) or not name or not name.isprintable():
+            got = shown(name) if "name" in table else "nothing"
+            raise SceneError(source, joined(path, "name"), "a name on one line", got)
         if name in own:
             raise SceneError(source, joined(path, "name"), "a name of its own", f"{shown(name)} again")
         own.add(name)

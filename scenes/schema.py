@@ -11,7 +11,7 @@ from typing import Annotated, Any, get_args
 from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, StrictBool, ValidationError
 
 from raytrace.errors import SceneError
-from raytrace.fields import Radiance
+from raytrace.fields import Radiance, expectation
 
 from .located import joined, shown
 
@@ -38,7 +38,7 @@ def _affine(rows: list[list[float]]) -> list[list[float]]:
     return rows
 
 
-Number = Annotated[float, Field(strict=True, allow_inf_nan=False)]
+Number = Annotated[float, Field(strict=True, allow_inf_nan=False, ge=-1e100, le=1e100)]
 Whole = Annotated[int, Field(strict=True)]
 Vector = tuple[Number, Number, Number]
 Length = Annotated[Any, BeforeValidator(_length)]
@@ -151,8 +151,7 @@ def _scene_error(error: ValidationError, source: object) -> SceneError:
     if fault["type"] in ("too_short", "model_type", "model_attributes_type", "dict_type"):
         expected = "at least one" if fault["type"] == "too_short" else "a table"
         return SceneError(source, path, expected, "none" if fault["input"] == [] else shown(fault["input"]))
-    message = fault["msg"].removeprefix("Value error, ").removeprefix("Input should be ")
-    return SceneError(source, path, message[:1].lower() + message[1:], shown(fault["input"]))
+    return SceneError(source, path, expectation(fault), shown(fault["input"]))
 
 
 _WORDS = {"objects": "at least one"}

@@ -12,7 +12,7 @@ from typing import Annotated, Any
 from pydantic import BeforeValidator, Field
 
 from raytrace.errors import OptionError
-from raytrace.fields import Parameters, Positive
+from raytrace.fields import Length, Parameters
 
 from . import primitives
 from .menger import menger
@@ -27,13 +27,13 @@ def _triple(value: Any) -> Any:
     return (value,) * 3 if isinstance(value, int | float) and not isinstance(value, bool) else value
 
 
-Sides = Annotated[tuple[Positive, Positive, Positive], BeforeValidator(_triple)]
+Sides = Annotated[tuple[Length, Length, Length], BeforeValidator(_triple)]
 
 
 class Solid(Parameters):
     """Base: the fineness of the mesh, a 32nd of the longest side unless given."""
 
-    fineness: Positive | None = None
+    fineness: Length | None = None
 
     def geometry(self) -> Geometry:
         """The mesh, with texture coordinates where the shape has some.
@@ -59,7 +59,7 @@ class Solid(Parameters):
 class Plane(Solid):
     """A rectangle in z = 0 facing +z, `size` along x and y; u along x, v along y."""
 
-    size: tuple[Positive, Positive] = (1.0, 1.0)
+    size: tuple[Length, Length] = (1.0, 1.0)
 
     def _longest(self) -> float:
         return max(self.size)
@@ -91,7 +91,7 @@ class Box(Solid):
 class Sphere(Solid):
     """A sphere of `radius`, poles on z."""
 
-    radius: Positive = 0.5
+    radius: Length = 0.5
 
     def _longest(self) -> float:
         return 2 * self.radius
@@ -106,8 +106,8 @@ class Sphere(Solid):
 class Cylinder(Solid):
     """A closed cylinder of `radius` and `height`, axis z."""
 
-    radius: Positive = 0.5
-    height: Positive = 1.0
+    radius: Length = 0.5
+    height: Length = 1.0
 
     def _longest(self) -> float:
         return max(2 * self.radius, self.height)
@@ -122,7 +122,7 @@ class Cylinder(Solid):
 class Temple(Solid):
     """A colonnade on steps, about 8 × 5 × 4 units, z up; fineness .07 unless given."""
 
-    fineness: Positive = 0.07
+    fineness: Length = 0.07
 
     def _longest(self) -> float:
         return 8.0
@@ -137,7 +137,7 @@ class Temple(Solid):
 class Sponge(Solid):
     """A Menger sponge of `size`, each cube without its middle seventh `level` times over, 0 to 4."""
 
-    size: Positive = 1.0
+    size: Length = 1.0
     level: Annotated[int, Field(strict=True, ge=0, le=4)] = 3
 
     def _longest(self) -> float:

@@ -155,6 +155,6 @@ def sizes(solid: Solid):
 
 
 def test_too_fine_a_mesh_is_refused_before_it_is_made():
-    for solid in (Plane(size=(1e9, 1e-9), fineness=0.1), Sponge(level=4, fineness=1e-5), Sphere(fineness=1e-300)):
+    for solid in (Plane(size=(1e9, 1e-9), fineness=0.1), Sponge(level=4, fineness=1e-5), Sphere(fineness=1e-100)):
         with pytest.raises(OptionError, match="fineness: expected a length that makes at most 20,000,000 triangles"):
             solid.geometry()

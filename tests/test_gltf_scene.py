@@ -7,12 +7,12 @@ from math import cos, degrees, pi, radians, sqrt
 import numpy as np
 import pytest
 from gltf_files import QUAD, TRIANGLE, Builder
-from raytrace.reflect import reflect
 from scipy.integrate import quad
 
 from raytrace.errors import InputError, MeshError, SceneError
 from raytrace.lights import AmbientLight, DirectionalLight, PointLight, SpotLight
 from raytrace.materials import CookTorrance, Lambert, Strauss
+from raytrace.reflection import reflect
 from scenes.gltf_lights import spot_exponent
 from scenes.read import read_scene
 from scenes.studio import NEUTRAL
@@ -94,6 +94,13 @@ def test_the_first_camera_in_the_tree(tmp_path):
 def test_point_light_in_candela(tmp_path):
     light = with_light(tmp_path, {"type": "point", "intensity": 10, "color": [1, 0.5, 0]}, translation=[1, 2, 3])
     assert light == PointLight(position=(1, 2, 3), intensity=(10, 5, 0))
+
+
+def test_the_range_of_a_light(tmp_path):
+    assert with_light(tmp_path, {"type": "point", "range": 4}) == PointLight(position=(0, 0, 0), range=4)
+    assert with_light(tmp_path, {"type": "spot", "spot": {}, "range": 2}).range == 2
+    with pytest.raises(SceneError, match=r"lights\[0\].range: expected a number in"):
+        with_light(tmp_path, {"type": "point", "range": 0})
 
 
 def test_directional_light_shines_along_the_nodes_minus_z(tmp_path):

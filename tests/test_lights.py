@@ -39,6 +39,21 @@ def test_general_attenuation():
     np.testing.assert_allclose(rgb, 22 / (1 + 3 * 2 + 4))
 
 
+@pytest.mark.parametrize(
+    "light",
+    [PointLight(position=ORIGIN, range=4), SpotLight(position=ORIGIN, direction=(1, 0, 0), half_angle=1, range=4)],
+)
+def test_light_ends_at_its_range(light):
+    for distance in (1e-3, 1, 2, 3.999):
+        rgb = arriving(light, (distance, 0, 0))[2]
+        np.testing.assert_allclose(rgb, (1 - (distance / 4) ** 4) / distance**2)
+    for distance in (4, 4.001, 1e9):
+        assert (arriving(light, (distance, 0, 0))[2] == 0).all()
+        assert light.cannot_matter_at((distance, 0, 0), (-1, 0, 0))
+    assert light.cannot_matter_in((4.001, -1, -1), (5, 1, 1))
+    assert not light.cannot_matter_in((3.99, -1, -1), (5, 1, 1))
+
+
 def test_directional_light_is_not_attenuated():
     l, distance, rgb = arriving(DirectionalLight(direction=(0, 0, -5), intensity=4), (7, 8, 9))
     np.testing.assert_allclose(l, [0, 0, 1])
@@ -89,7 +104,7 @@ vectors = st.tuples(coordinate, coordinate, coordinate)
 directions = vectors.filter(lambda a: np.linalg.norm(a) > 1e-3)
 positive = st.floats(0, 100)
 locals_ = {"position": vectors, "intensity": positive, "attenuation": st.sampled_from(
-    [(0, 0, 1), (1, 0, 0), (1, 0.5, 0.1), (0, 1, 0)])}  # fmt: skip
+    [(0, 0, 1), (1, 0, 0), (1, 0.5, 0.1), (0, 1, 0)]), "range": st.none() | st.floats(0.01, 30)}  # fmt: skip
 lights = st.one_of(
     st.builds(PointLight, **locals_),
     st.builds(
@@ -166,6 +181,7 @@ def test_points_are_skipped_when_facing_away():
     [
         (lambda: PointLight(position=(0, 0, float("inf"))), "position[2]", "finite"),
         (lambda: PointLight(position=ORIGIN, intensity=-1), "intensity[0]", "[0, inf)"),
+        (lambda: PointLight(position=ORIGIN, range=0), "range", "[1e-100, 1e100]"),
         (lambda: PointLight(position=ORIGIN, attenuation=(0, 0, 0)), "attenuation", "not all zero"),
         (lambda: DirectionalLight(direction=ORIGIN), "direction", "other than zero"),
         (lambda: SpotLight(position=ORIGIN, direction=(1, 0, 0), half_angle=2), "half_angle", "(0, 1.57"),
@@ -182,7 +198,7 @@ def test_a_wrong_value_is_named(make, field, expected):
 def test_round_trip_and_packing():
     some = [
         PointLight(position=(1, 2, 3)),
-        SpotLight(position=(1, 2, 3), direction=(1, 0, 0), half_angle=0.5, exponent=2),
+        SpotLight(position=(1, 2, 3), direction=(1, 0, 0), half_angle=0.5, exponent=2, range=7),
         DirectionalLight(direction=(1, 0, 0), intensity=(1, 2, 3)),
         AmbientLight(intensity=0.5),
     ]

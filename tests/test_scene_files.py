@@ -247,13 +247,14 @@ MISTAKES = {
     ),
     "objects[0].material.model: expected one of": PLAIN + 'material = { model = "lambret" }',
     "objects[0].material.model: expected a value": PLAIN + "material = { albedo = 1 }",
+    "objects[0].'a\\nb': expected one of": PLAIN + '"a\\nb" = 1',
     "objects[0].radius: expected one of fineness, size, name, builtin, material": PLAIN + "radius = 2",
     "objects[0].colour: expected one of name, mesh, material": '[[objects]]\nmesh = "square.obj"\ncolour = 1',
     'objects[0].builtin: expected one of plane, box, sphere, cylinder, temple, sponge, got "cone"': (
         '[[objects]]\nbuiltin = "cone"'
     ),
-    "objects[0].size[1]: expected a number in (0, inf), got 0": PLAIN + "size = [1, 0]",
-    "objects[0].radius: expected a number in (0, inf), got nan": '[[objects]]\nbuiltin = "sphere"\nradius = nan',
+    "objects[0].size[1]: expected a number in [1e-100, 1e100], got 0": PLAIN + "size = [1, 0]",
+    "objects[0].radius: expected a number in [1e-100, 1e100], got nan": '[[objects]]\nbuiltin = "sphere"\nradius = nan',
     "objects[0].level: expected": '[[objects]]\nbuiltin = "sponge"\nlevel = 9',
     "objects[0].fineness: expected a length that makes at most": '[[objects]]\nbuiltin = "box"\nfineness = 1e-9',
     'objects[0].mesh: expected an existing file, got "none.obj"': '[[objects]]\nmesh = "none.obj"',
@@ -283,7 +284,7 @@ MISTAKES = {
         '[[objects]]\nbuiltin = "sponge"\nlevel = 1\ntexture = "paint.png"'
     ),
     "plain.obj: vt: expected texture coordinates": '[[objects]]\nmesh = "plain.obj"\ntexture = "paint.png"',
-    'objects[0].translate[0]: expected a valid number, got "1"': PLAIN + 'translate = ["1", 0, 0]',
+    'objects[0].translate[0]: expected a number, got "1"': PLAIN + 'translate = ["1", 0, 0]',
     "objects[0].translate": PLAIN + "translate = [1, 0]",
     "objects[0].translate[2]: expected a finite number, got nan": PLAIN + "translate = [1, 0, nan]",
     "objects[0].scale: expected numbers other than 0": PLAIN + "scale = 0",
@@ -302,8 +303,10 @@ MISTAKES = {
     "objects[0].copies: expected at least one, got none": PLAIN + "copies = []",
     "objects[0].copies[1].scale: expected numbers other than 0": PLAIN + "copies = [{}, { scale = [1, 0, 1] }]",
     "objects[0].copies[0].mesh: expected one of translate, rotate": PLAIN + 'copies = [{ mesh = "square.obj" }]',
-    'objects[0].own_normals: expected a valid boolean, got "no"': PLAIN + 'own_normals = "no"',
-    "materials[0].name: expected a name, got nothing": '[[materials]]\nmodel = "lambert"\nalbedo = 1\n' + PLAIN,
+    'objects[0].own_normals: expected true or false, got "no"': PLAIN + 'own_normals = "no"',
+    "materials[0].name: expected a name on one line, got nothing": (
+        '[[materials]]\nmodel = "lambert"\nalbedo = 1\n' + PLAIN
+    ),
     'materials[1].name: expected a name of its own, got "a" again': (
         2 * '[[materials]]\nname = "a"\npreset = "gold"\n' + PLAIN
     ),
@@ -340,8 +343,8 @@ MISTAKES = {
     "camera.fov: expected one of position, target, direction, up": "[camera]\nfov = 3\n" + PLAIN,
     "camera: expected a table, got 3": "camera = 3\n" + PLAIN,
     "render.width: expected a whole number from 1 to 32768, got 0": "[render]\nwidth = 0\n" + PLAIN,
-    "render.width: expected a valid integer, got 10.0": "[render]\nwidth = 10.0\n" + PLAIN,
-    "render.samples: expected a valid integer, got True": "[render]\nsamples = true\n" + PLAIN,
+    "render.width: expected a whole number, got 10.0": "[render]\nwidth = 10.0\n" + PLAIN,
+    "render.samples: expected a whole number, got True": "[render]\nsamples = true\n" + PLAIN,
     "render.shading: expected one of constant, gouraud, phong, quadratic, got flat": (
         '[render]\nshading = "flat"\n' + PLAIN
     ),
