@@ -34,6 +34,12 @@ class FalloffForm(StrEnum):
     binary = "binary"
 
 
+class Metric(StrEnum):
+    flip = "flip"
+    rms = "rms"
+    max = "max"
+
+
 class NormalsFrom(StrEnum):
     angle = "angle"
     area = "area"
@@ -117,10 +123,101 @@ def validate(
     """Bake scenes whose answer is known in closed form; exit status 1 if one is off."""
     from scenes.validation import run, table
 
-    with _compiling():
+    with _compiling("hemisphere"):
         results = run(samples=samples, seed=seed, threads=threads)
     print(table(results))
     if not all(result.ok for result in results):
+        raise typer.Exit(1)
+
+
+@app.command()
+def render(
+    scene: Annotated[Path, typer.Argument(metavar="SCENE", help="A .toml scene, a .glb or .gltf, or any mesh.")],
+    output: Annotated[Path, typer.Option("--output", "-o", help="Image, by ending: .exr .png .tif .jpg")],
+    width: Annotated[int | None, typer.Option(help="Pixels; with --height, in place of the scene's.")] = None,
+    height: Annotated[int | None, typer.Option(help="Pixels.")] = None,
+    samples: Annotated[int | None, typer.Option(help="Most rays a pixel.")] = None,
+    shading: Annotated[str | None, typer.Option(help="constant, gouraud, phong or quadratic.")] = None,
+    obscurance: Annotated[str | None, typer.Option(help="How w enters: ambient, book or off.")] = None,
+    shadows: Annotated[bool | None, typer.Option("--shadows/--no-shadows", help="Trace shadow rays.")] = None,
+    crop: Annotated[str | None, typer.Option(metavar="X,Y,W,H", help="Only these pixels.")] = None,
+    seed: Annotated[int | None, typer.Option(help="Another seed, other places in the pixels.")] = None,
+    preview: Annotated[bool, typer.Option("--preview", help="A quarter of the size, few rays.")] = False,
+    half: Annotated[bool, typer.Option("--half", help="16-bit floats in an .exr.")] = False,
+    threads: Threads = None,
+    report: Annotated[Path | None, typer.Option(help="Also write a JSON report.")] = None,
+    quiet: Quiet = False,
+) -> None:
+    """Render a scene: local illumination, shadows and obscurance; an .exr holds every layer."""
+    from raytrace.atomic import check_writable
+    from raytrace.errors import OptionError
+    from raytrace.image import check_image_target
+    from raytrace.parallel import thread_count
+
+    if (width is None) != (height is None):
+        raise OptionError("size", "--width and --height together", "one of them")
+    check_image_target(output, half)
+    if report:
+        check_writable(report)
+    given = {"samples": samples, "shading": shading, "obscurance": obscurance, "shadows": shadows, "seed": seed}
+    changes: dict[str, Any] = {name: value for name, value in given.items() if value is not None}
+    if crop is not None:
+        changes["crop"] = _crop(crop)
+    from scenes.picture import adjusted, take, write_report
+    from scenes.read import read_scene
+
+    size = None if width is None or height is None else (width, height)
+    description = adjusted(read_scene(scene, size), changes, preview)
+    with _compiling("tile"), _progress(quiet, "rays") as baking, _progress(quiet, "tiles") as rendering:
+        picture = take(scene, description, output, half, threads, baking, rendering)
+    if report:
+        write_report(report, scene, description.settings, picture, thread_count(threads))
+    if not quiet:
+        rays = sum(picture.frame.rays.values())
+        seconds = picture.seconds["render"]
+        print(
+            f"{output}: {description.settings.width}×{description.settings.height}, {rays / 1e6:.1f} M rays in"
+            f" {seconds:.2f} s, {sum(picture.frame.rays_skipped.values()) / 1e6:.1f} M not needed;"
+            f" obscurance {description.settings.obscurance} ({picture.seconds['bake']:.2f} s)"
+        )
+
+
+@app.command()
+def scenes(
+    name: Annotated[str | None, typer.Argument(help="A built-in scene; without one they are listed.")] = None,
+    output: Annotated[Path | None, typer.Option("--output", "-o", help="Write it as TOML, to edit.")] = None,
+) -> None:
+    """List the built-in scenes, or write one."""
+    from raytrace.errors import OptionError
+    from scenes.builtin import BUILTIN, builtin_toml, write_builtin
+
+    if name is None:
+        if output is not None:
+            raise OptionError("NAME", "the scene to write", "none")
+        width = max(map(len, BUILTIN))
+        for each, scene in BUILTIN.items():
+            print(f"{each:<{width}}  {scene.summary}")
+    elif output is None:
+        print(builtin_toml(name), end="")
+    else:
+        write_builtin(name, output)
+
+
+@app.command()
+def compare(
+    a: Annotated[Path, typer.Argument(metavar="A", help="The reference image.")],
+    b: Annotated[Path, typer.Argument(metavar="B", help="The image to judge.")],
+    threshold: Annotated[float | None, typer.Option(help="Exit status 1 if the metric is above it.")] = None,
+    metric: Annotated[Metric, typer.Option(help="What the threshold applies to.")] = Metric.flip,
+    difference: Annotated[Path | None, typer.Option(help="Write the FLIP map: .png .tif .jpg")] = None,
+) -> None:
+    """Tell how far apart two images are."""
+    from raytrace.compare import compare as measure
+
+    found = measure(a, b, difference)
+    for name in ("mean_error", "rms_error", "max_error", "psnr", "flip"):
+        print(f"{name:<10}  {getattr(found, name):.6g}")
+    if threshold is not None and not found.within(threshold, metric.value):
         raise typer.Exit(1)
 
 
@@ -140,7 +237,7 @@ def demo(
         raise OutputError(f"{output}: cannot make this folder: {reason.strerror}") from None
     mesh_target, picture_target = (output / name for name in TARGETS)
     check_target(mesh_target)
-    with _progress(quiet) as progress, _compiling():
+    with _progress(quiet, "rays") as progress, _compiling("hemisphere"):
         baked = make(mesh_target, picture_target, progress)
     if not quiet:
         print(_summary(baked, mesh_target))
@@ -164,44 +261,49 @@ def _bake(
 ) -> Any:
     import ao
 
-    with _progress(quiet) as progress, _compiling():
+    with _progress(quiet, "rays") as progress, _compiling("hemisphere"):
         return ao.bake(mesh, falloff, samples, seed, threads, normals, progress)
 
 
 @contextmanager
-def _compiling() -> Iterator[None]:
-    """Say why a first run is slow to begin."""
+def _compiling(module: str) -> Iterator[None]:
+    """Say why a first run is slow to begin. Args: module: whose kernels it needs."""
     from raytrace.jit import is_warm
 
-    if not is_warm():
-        print("First run of this version: compiling kernels, some ten seconds…", file=sys.stderr)
+    if not is_warm(module):
+        print("First run of this version: compiling kernels takes some seconds…", file=sys.stderr)
     yield
 
 
 @contextmanager
-def _progress(quiet: bool) -> Iterator[Callable[[int, int], None] | None]:
-    """A progress bar on a terminal's standard error: rays per second and time left."""
+def _progress(quiet: bool, unit: str) -> Iterator[Callable[[int, int], None] | None]:
+    """A progress bar on a terminal's standard error, once there is progress: a rate and the time left."""
     if quiet or not sys.stderr.isatty():
         yield None
         return
     from rich.console import Console
     from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 
-    columns = (
-        BarColumn(),
-        TextColumn("{task.percentage:3.0f} %"),
-        TextColumn("{task.fields[rate]}"),
-        TimeRemainingColumn(),
-    )
-    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
-        task = bar.add_task("bake", rate="")
-        start = time.perf_counter()
+    figures = TextColumn("{task.percentage:3.0f} % {task.fields[rate]}")
+    bar = Progress(BarColumn(), figures, TimeRemainingColumn(), console=Console(stderr=True), transient=True)
+    task = bar.add_task("", rate="")
+    start = time.perf_counter()
 
-        def advance(done: int, total: int) -> None:
-            rate = done / max(time.perf_counter() - start, 1e-6)
-            bar.update(task, completed=done, total=total, rate=f"{rate / 1e6:.1f} Mrays/s")
+    def advance(done: int, total: int) -> None:
+        nonlocal start
+        if not bar.live.is_started:
+            start = time.perf_counter()
+            bar.start()
+        rate = done / max(time.perf_counter() - start, 1e-6)
+        text = f"{rate / 1e6:.1f} M {unit}/s" if rate >= 1e5 else f"{rate:.0f} {unit}/s"
+        bar.update(task, completed=done, total=total, rate=text)
+        if done >= total:
+            bar.stop()
 
+    try:
         yield advance
+    finally:
+        bar.stop()
 
 
 def _summary(baked: ao.Bake, target: Path) -> str:
@@ -212,6 +314,16 @@ def _summary(baked: ao.Bake, target: Path) -> str:
     )
     flagged = ", ".join(f"{count} {name}" for name, count in baked.flagged.items() if count)
     return f"{text}\nflagged vertices: {flagged}" if flagged else text
+
+
+def _crop(text: str) -> tuple[int, int, int, int]:
+    from raytrace.errors import OptionError
+
+    try:
+        x, y, width, height = (int(part) for part in text.split(","))
+    except ValueError:
+        raise OptionError("--crop", "four whole numbers X,Y,W,H", repr(text)) from None
+    return x, y, width, height
 
 
 def _plain(value: object) -> object:

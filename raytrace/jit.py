@@ -57,9 +57,9 @@ def cache_folder() -> Path:
     return user_cache() / source_hash()
 
 
-def is_warm() -> bool:
-    """Whether an earlier run has left compiled kernels for these sources (a cold run compiles for some seconds)."""
-    return any(cache_folder().glob("**/*.nbc"))
+def is_warm(module: str) -> bool:
+    """Whether an earlier run has left the compiled kernels of a module, such as "tile", as its source is now."""
+    return any(cache_folder().glob(f"**/{module}.*.nbc"))
 
 
 def kernel(function: F) -> F:

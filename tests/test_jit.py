@@ -72,11 +72,11 @@ def test_a_cache_that_cannot_be_written_is_passed_over(project):
 
 
 def test_a_folder_is_warm_once_a_kernel_is_in_it(project):
-    code = "from raytrace.jit import is_warm; print(is_warm())"
+    code = "from raytrace.jit import is_warm; print(is_warm('loop'), is_warm('helper'))"
     cache = str(project / "cache")
-    assert run(project, code, NUMBA_CACHE_DIR=cache) == "False"
+    assert run(project, code, NUMBA_CACHE_DIR=cache) == "False False"
     run(project, ANSWER, NUMBA_CACHE_DIR=cache)
-    assert run(project, code, NUMBA_CACHE_DIR=cache) == "True"
+    assert run(project, code, NUMBA_CACHE_DIR=cache) == "True False"
 
 
 def test_numbas_own_setting_is_left_alone():
