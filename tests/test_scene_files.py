@@ -9,7 +9,7 @@ import pytest
 
 import ao
 from raytrace.camera import Camera
-from raytrace.errors import InputError, MeshError, SceneError
+from raytrace.errors import InputError, MeshError, OptionError, SceneError
 from raytrace.lights import AmbientLight, DirectionalLight, PointLight
 from raytrace.materials import OrenNayar
 from raytrace.settings import Settings
@@ -123,6 +123,8 @@ def test_size_in_place_of_the_files_own(tmp_path):
     scene(tmp_path, "[render]\nwidth = 100\nheight = 100\n" + PLAIN)
     made = read_scene(tmp_path / "scene.toml", (400, 300))
     assert (made.settings.width, made.settings.height) == (400, 300)
+    with pytest.raises(OptionError, match="render: width: expected a whole number from 1 to 32768, got 0"):
+        read_scene(tmp_path / "scene.toml", (0, 300))
 
 
 @pytest.mark.parametrize("extra", ["", "direction = [1, 0, 0.2]\n", "field_of_view = 70\n", "up = [0, 1, 0]\n"])
