@@ -10,6 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from raytrace.borrow import borrow
 from raytrace.chance import mix
 from raytrace.embree import (
     DIR_X,
@@ -93,6 +94,8 @@ def gather(scene, packet, valid, origins, normals, numbers, directions, batches,
         reach: length of every ray; limit: max_distance, at which the exponential μ is 1, or inf.
         out: float64 (n, 5): w, the variance between batches, and the mean of μ·direction (x, y, z).
     """
+    packet, valid, origins, normals = borrow(packet), borrow(valid), borrow(origins), borrow(normals)
+    directions, batches, out = borrow(directions), borrow(batches), borrow(out)
     sets, _, samples = directions.shape
     used = min(BATCHES, samples)
     size = np.zeros(BATCHES)

@@ -4,8 +4,8 @@ The only importer of embreex. Its extension module is linked to the Embree it sh
 ctypes resolves Embree's whole C API without guessing where a wheel keeps the library. The addresses are handed to
 LLVM by name, which keeps compiled kernels valid in the next process.
 
-A packet is a float32 array (21, 8), 32-byte aligned: the 12 rows of RTCRay8, then the 9 rows of RTCHit8.
-Rows are named below; identifiers are the same memory viewed as uint32. Embree's flags are left at zero.
+A packet is a float32 array (22, 8), 32-byte aligned: the 12 rows of RTCRay8, the 9 rows of RTCHit8, and a row that is
+Embree's arguments of a query. Rows are named below; identifiers are the same memory viewed as uint32.
 """
 
 from __future__ import annotations
@@ -30,12 +30,15 @@ from .jit import inline
 LANES = 8
 ORG_X, ORG_Y, ORG_Z, TNEAR, DIR_X, DIR_Y, DIR_Z, TIME, TFAR, MASK, ID, FLAGS = range(12)
 NG_X, NG_Y, NG_Z, U, V, PRIM_ID, GEOM_ID, INST_ID, INST_PRIM_ID = range(12, 21)
+ARGUMENTS = 21
+_ARGUMENTS_AT = ARGUMENTS * LANES * 4
 INVALID = np.uint32(0xFFFFFFFF)
 
 _TRIANGLE, _INSTANCE = 0, 121
 _INDEX, _VERTEX = 0, 1
 _UINT3, _FLOAT3, _FLOAT3X4_ROWS = 0x5003, 0x9003, 0x9134
 _ROBUST = 1 << 2
+_COHERENT = 1 << 16
 _VERSION_PROPERTY = 0
 
 _Pointer, _Size, _Int = ctypes.c_void_p, ctypes.c_size_t, ctypes.c_int
@@ -84,19 +87,19 @@ _occluded8 = types.ExternalFunction("rtcOccluded8", _call)
 def intersect8(scene, packet, valid):
     """Closest hit of each valid lane: overwrites TFAR and the hit rows of `packet`; GEOM_ID is INVALID on a miss.
 
-    Args: scene: handle, uint64. packet: float32 (21, 8), aligned. valid: int32 (8,), aligned, −1 traced, 0 not.
+    Args: scene: handle, uint64. packet: float32 (22, 8), aligned. valid: int32 (8,), aligned, −1 traced, 0 not.
     """
     ids = packet.view(np.uint32)
     for lane in range(LANES):
         ids[GEOM_ID, lane] = INVALID
         ids[INST_ID, lane] = INVALID
-    _intersect8(valid.ctypes.data, scene, packet.ctypes.data, 0)
+    _intersect8(valid.ctypes.data, scene, packet.ctypes.data, packet.ctypes.data + _ARGUMENTS_AT)
 
 
 @inline
 def occluded8(scene, packet, valid):
     """Any hit of each valid lane: TFAR of `packet` becomes −inf where something stands in the way."""
-    _occluded8(valid.ctypes.data, scene, packet.ctypes.data, 0)
+    _occluded8(valid.ctypes.data, scene, packet.ctypes.data, packet.ctypes.data + _ARGUMENTS_AT)
 
 
 def aligned(shape: tuple[int, ...], dtype: npt.DTypeLike) -> npt.NDArray[Any]:
@@ -107,10 +110,15 @@ def aligned(shape: tuple[int, ...], dtype: npt.DTypeLike) -> npt.NDArray[Any]:
     return raw[start : start + size].view(dtype).reshape(shape)
 
 
-def new_packet() -> tuple[npt.NDArray[np.float32], npt.NDArray[np.int32]]:
-    """A packet ready for tracing from tnear 0 with no mask, and its `valid` lanes, all on."""
-    packet = aligned((21, LANES), np.float32)
-    packet.view(np.uint32)[MASK] = INVALID
+def new_packet(coherent: bool = False) -> tuple[npt.NDArray[np.float32], npt.NDArray[np.int32]]:
+    """A packet ready for tracing from tnear 0 with no mask, and its `valid` lanes, all on.
+
+    Args: coherent: whether its rays will run closely side by side, as a camera's do.
+    """
+    packet = aligned((22, LANES), np.float32)
+    ids = packet.view(np.uint32)
+    ids[MASK] = INVALID
+    ids[ARGUMENTS, :2] = (_COHERENT if coherent else 0), INVALID  # flags, features
     valid = aligned((LANES,), np.int32)
     valid[:] = -1
     return packet, valid

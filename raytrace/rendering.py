@@ -98,7 +98,7 @@ def seen_vertices(
     seen = np.zeros(len(world.geometry.w), np.bool_)
 
     def work(first: int, last: int) -> None:
-        mark_seen(world.geometry, view, left, left + wide, top + first, top + last, *new_packet(), seen)
+        mark_seen(world.geometry, view, left, left + wide, top + first, top + last, *new_packet(coherent=True), seen)
 
     run_blocks(high, 8, work, thread_count(threads))
     return seen
@@ -203,7 +203,7 @@ def _pack(textures: list[Texture | None]) -> Textures:
 
 def _new_scratch(lights: int) -> Scratch:
     return Scratch(
-        *new_packet(),
+        *new_packet(coherent=True),
         entries=aligned((CAPACITY, WIDTH), np.float64),
         sums=aligned((TILE * TILE, SUMS), np.float64),
         todo=np.zeros(TILE * TILE, np.int64),
