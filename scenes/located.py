@@ -12,9 +12,8 @@ _LONGEST = 100
 
 def shown(value: object) -> str:
     """A value as a message shows it: on one line, strings in quotes, long ones cut short."""
-    text = f'"{value}"' if isinstance(value, str) else " ".join(str(value).split())
-    text = text.replace("\n", "\\n").replace("\r", "\\r")
-    return text if len(text) <= _LONGEST else text[: _LONGEST - 1] + "…"
+    text = _one_line(value)
+    return f'"{text}"' if isinstance(value, str) else text
 
 
 def joined(path: str, field: str) -> str:
@@ -45,5 +44,6 @@ def located(source: object, path: str) -> Iterator[None]:
         raise SceneError(source, joined(path, fault.field), fault.expected, _one_line(fault.got)) from None
 
 
-def _one_line(got: object) -> str:
-    return shown(got).strip('"') if isinstance(got, str) else shown(got)
+def _one_line(value: object) -> str:
+    text = str(value).replace("\n", "\\n").replace("\r", "\\r")
+    return text if len(text) <= _LONGEST else text[: _LONGEST - 1] + "…"

@@ -34,9 +34,9 @@ def read_scene(path: str | os.PathLike[str], size: tuple[int, int] | None = None
     """
     path = Path(path)
     ending = path.suffix.lower()
+    settings = Settings(*size) if size else Settings()
     if ending == ".toml":
         return read_toml(path, size)
-    settings = Settings(*size) if size else Settings()
     if ending in (".glb", ".gltf"):
         return read_gltf(path, settings)
     objects = (Object(Shape(load(path).mesh, NEUTRAL), name=path.stem),)

@@ -7,6 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from raytrace.camera import Camera
 from raytrace.errors import OptionError
 from raytrace.light_kernels import cannot_matter_at, cannot_matter_in, incident
 from raytrace.lights import (
@@ -18,6 +19,11 @@ from raytrace.lights import (
     light_from_dict,
     pack_lights,
 )
+from raytrace.materials import Lambert
+from raytrace.rendering import render
+from raytrace.scene import Object, Scene, Shape
+from raytrace.settings import Settings
+from scenes.primitives import plane
 
 ORIGIN = (0.0, 0.0, 0.0)
 
@@ -52,6 +58,17 @@ def test_light_ends_at_its_range(light):
         assert light.cannot_matter_at((distance, 0, 0), (-1, 0, 0))
     assert light.cannot_matter_in((4.001, -1, -1), (5, 1, 1))
     assert not light.cannot_matter_in((3.99, -1, -1), (5, 1, 1))
+
+
+@pytest.mark.parametrize("size", [1e-3, 1.0, 1e5])
+def test_a_range_is_kept_at_any_scale_of_the_scene(size):
+    floor = Object(Shape(plane((-size, -size, 0), (2 * size, 0, 0), (0, 2 * size, 0), size).mesh, Lambert(albedo=1)))
+    camera = Camera((0, 0, size), ORIGIN, up=(0, 1, 0), field_of_view=1)
+    once = Settings(width=1, height=1, samples=1, obscurance="off")
+    for reach in (2.0, 0.5, 0.49):
+        lamp = PointLight(position=(0, 0, 0.5 * size), intensity=size**2, range=reach * size)
+        seen = render(Scene((floor,), (lamp,)), camera, once).layers["diffuse"][0, 0]
+        np.testing.assert_allclose(seen, max(0, 1 - (0.5 / reach) ** 4) * 4 / pi, rtol=1e-3)
 
 
 def test_directional_light_is_not_attenuated():

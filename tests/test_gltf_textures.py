@@ -1,0 +1,84 @@
+"""Textures of glTF scenes: inside the file, beside it, and out of reach."""
+
+import numpy as np
+import pytest
+from gltf_scenes import UV, read, textured, triangle
+
+from raytrace.errors import MeshError, SceneError
+
+
+def test_texture_coordinates_point_upwards(tmp_path):
+    builder = triangle()
+    shape = read(tmp_path, builder, [{"mesh": 0}], **textured(builder, {"uri": "data:image/png;base64,QUJD"})).scene
+    shape = shape.objects[0].shape
+    assert shape.texture.data == b"ABC"
+    assert shape.texture.srgb
+    np.testing.assert_array_equal(shape.uv, [[0, 1], [1, 1], [0, 0]])
+
+
+@pytest.mark.parametrize("kind", ["<u1", "<u2"])
+def test_normalized_texture_coordinates(tmp_path, kind):
+    builder = triangle()
+    coordinates = (UV * np.iinfo(kind).max).astype(kind)
+    fields = textured(builder, {"uri": "data:image/png;base64,QUJD"}, coordinates, normalized=True)
+    shape = read(tmp_path, builder, [{"mesh": 0}], **fields).scene.objects[0].shape
+    np.testing.assert_array_equal(shape.uv, [[0, 1], [1, 1], [0, 0]])
+
+
+def test_an_image_inside_the_file_is_one_texture(tmp_path):
+    builder = triangle()
+    content = np.frombuffer(b"picture!", "<u1")
+    view = builder.header["accessors"][builder.accessor(content, "SCALAR")]["bufferView"]
+    fields = textured(builder, {"bufferView": view, "mimeType": "image/png"})
+    first = builder.header["meshes"][0]["primitives"][0]
+    builder.mesh({**first})
+    one, other = read(tmp_path, builder, [{"mesh": 0}, {"mesh": 1}], **fields).scene.objects
+    assert one.shape is not other.shape
+    assert one.shape.texture is other.shape.texture
+    assert one.shape.texture.data == b"picture!"
+
+
+def test_an_image_beside_the_file(tmp_path):
+    (tmp_path / "a b.png").write_bytes(b"picture")
+    builder = triangle()
+    shape = read(tmp_path, builder, [{"mesh": 0}], **textured(builder, {"uri": "a%20b.png"})).scene.objects[0].shape
+    assert shape.texture.path == tmp_path / "a b.png"
+    assert shape.texture.data is None
+
+
+@pytest.mark.parametrize(
+    ("uri", "message"),
+    [
+        ("none.png", 'expected an existing file, got "none.png"'),
+        ("../out.png", 'expected a path in the scene\'s folder or below, got "../out.png"'),
+        ("%2e%2e/out.png", 'expected a path in the scene\'s folder or below, got "../out.png"'),
+        ("https://x.y/out.png", "expected a path in the scene's folder or below"),
+        ("data:image/png;base64,", "expected an image in base64"),
+    ],
+)
+def test_images_out_of_reach(tmp_path, uri, message):
+    (tmp_path / "out.png").write_bytes(b"picture")
+    folder = tmp_path / "inside"
+    folder.mkdir()
+    builder = triangle()
+    with pytest.raises(SceneError) as caught:
+        read(folder, builder, [{"mesh": 0}], **textured(builder, {"uri": uri}))
+    assert f"scene.glb: images[0].uri: {message}" in str(caught.value)
+
+
+def test_a_texture_without_coordinates_is_left_out(tmp_path):
+    builder = triangle()
+    fields = textured(builder, {"uri": "none.png"}, coordinates=None)
+    assert read(tmp_path, builder, [{"mesh": 0}], **fields).scene.objects[0].shape.texture is None
+
+
+def test_hostile_texture_coordinates(tmp_path):
+    for change in ({"byteOffset": 10**6}, {"count": 10**6}, {"type": "SCALAR"}, {"componentType": 5122}):
+        builder = triangle()
+        fields = textured(builder, {"uri": "data:image/png;base64,QUJD"}, **change)
+        with pytest.raises(MeshError, match=r"scene\.glb: content"):
+            read(tmp_path, builder, [{"mesh": 0}], **fields)
+    builder = triangle()
+    fields = textured(builder, {"uri": "data:image/png;base64,QUJD"}, np.full((3, 2), np.inf, "<f4"))
+    with pytest.raises(MeshError, match=r"scene\.glb: content"):
+        read(tmp_path, builder, [{"mesh": 0}], **fields)

@@ -1,0 +1,221 @@
+"""Scene files: every mistake is one line with its place."""
+
+import re
+
+import numpy as np
+import pytest
+from scene_texts import PLAIN, SQUARE, scene
+
+from raytrace.errors import InputError, SceneError
+from scenes.obscured import obscured
+from scenes.read import read_scene
+
+MISTAKES = {
+    "objects: expected at least one, got nothing": "background = 0.1",
+    "objects: expected at least one, got none": "objects = []",
+    "objects: expected": "objects = 3",
+    'objects[0]: expected a table, got "x"': 'objects = ["x"]',
+    "line 2, column 8: expected valid TOML, got a mistake": "a = 1\n[camera\n",
+    "end of document: expected valid TOML": "a = [1,",
+    "sky: expected one of background, camera, render, obscurance, materials, objects, lights, got an unknown key": (
+        "sky = 1\n" + PLAIN
+    ),
+    "objects[0]: expected either mesh or builtin, got neither": '[[objects]]\nmaterial = "gold"',
+    "objects[0]: expected either mesh or builtin, got both": PLAIN + 'mesh = "square.obj"',
+    "objects[1].material: expected one of": PLAIN + PLAIN + 'material = "glod"',
+    'vinyl_record, white_standard, got "glod"': PLAIN + 'material = "glod"',
+    "objects[0].material: expected a name or a table, got 3": PLAIN + "material = 3",
+    "objects[0].material.albedo[0]: expected a number in [0, 1], got 2": (
+        PLAIN + 'material = { model = "lambert", albedo = 2 }'
+    ),
+    "objects[0].material.model: expected one of": PLAIN + 'material = { model = "lambret" }',
+    "objects[0].material.model: expected a value": PLAIN + "material = { albedo = 1 }",
+    "objects[0].'a\\nb': expected one of": PLAIN + '"a\\nb" = 1',
+    "objects[0].radius: expected one of fineness, size, name, builtin, material": PLAIN + "radius = 2",
+    "objects[0].colour: expected one of name, mesh, material": '[[objects]]\nmesh = "square.obj"\ncolour = 1',
+    'objects[0].builtin: expected one of plane, box, sphere, cylinder, temple, sponge, got "cone"': (
+        '[[objects]]\nbuiltin = "cone"'
+    ),
+    "objects[0].size[1]: expected a number in [1e-100, 1e100], got 0": PLAIN + "size = [1, 0]",
+    "objects[0].radius: expected a number in [1e-100, 1e100], got nan": '[[objects]]\nbuiltin = "sphere"\nradius = nan',
+    "objects[0].level: expected": '[[objects]]\nbuiltin = "sponge"\nlevel = 9',
+    "objects[0].fineness: expected a length that makes at most": '[[objects]]\nbuiltin = "box"\nfineness = 1e-9',
+    'objects[0].mesh: expected an existing file, got "none.obj"': '[[objects]]\nmesh = "none.obj"',
+    'objects[0].mesh: expected a file, got "folder"': '[[objects]]\nmesh = "folder"',
+    'objects[0].mesh: expected a path in the scene\'s folder or below, got "../x.obj"': (
+        '[[objects]]\nmesh = "../x.obj"'
+    ),
+    'objects[0].mesh: expected a path in the scene\'s folder or below, got "/etc/passwd"': (
+        '[[objects]]\nmesh = "/etc/passwd"'
+    ),
+    'objects[0].mesh: expected a path in the scene\'s folder or below, got "http://a.b/x.obj"': (
+        '[[objects]]\nmesh = "http://a.b/x.obj"'
+    ),
+    'objects[0].mesh: expected a path in the scene\'s folder or below, got "..\\x.obj"': (
+        "[[objects]]\nmesh = '..\\x.obj'"
+    ),
+    'objects[0].mesh: expected a path in the scene\'s folder or below, got "c:x.obj"': '[[objects]]\nmesh = "c:x.obj"',
+    'objects[0].mesh: expected a path in the scene\'s folder or below, got "out.obj", a link out of it': (
+        '[[objects]]\nmesh = "out.obj"'
+    ),
+    'objects[0].mesh: expected a path in the scene\'s folder or below, got ""': '[[objects]]\nmesh = ""',
+    "objects[0].mesh: expected a readable file": '[[objects]]\nmesh = "a\\u0000b"',
+    "broken.obj: content: expected a complete and valid OBJ file": '[[objects]]\nmesh = "broken.obj"',
+    "paint.png: ending: expected one of obj": '[[objects]]\nmesh = "paint.png"',
+    'objects[0].texture: expected an existing file, got "no.png"': PLAIN + 'texture = "no.png"',
+    "objects[0].texture: expected a mesh with texture coordinates, got one without": (
+        '[[objects]]\nbuiltin = "sponge"\nlevel = 1\ntexture = "paint.png"'
+    ),
+    "plain.obj: vt: expected texture coordinates": '[[objects]]\nmesh = "plain.obj"\ntexture = "paint.png"',
+    'objects[0].translate[0]: expected a number, got "1"': PLAIN + 'translate = ["1", 0, 0]',
+    "objects[0].translate": PLAIN + "translate = [1, 0]",
+    "objects[0].translate[2]: expected a finite number, got nan": PLAIN + "translate = [1, 0, nan]",
+    "objects[0].scale: expected numbers other than 0": PLAIN + "scale = 0",
+    "objects[0].axis: expected axis and angle together, got one alone": PLAIN + "angle = 3",
+    "objects[0].axis: expected a vector other than zero": PLAIN + "axis = [0, 0, 0]\nangle = 3",
+    "objects[0].rotate: expected either rotate, or axis and angle, got both": (
+        PLAIN + "rotate = [0, 0, 0]\naxis = [0, 0, 1]\nangle = 3"
+    ),
+    "objects[0].matrix: expected nothing beside it, got scale": (
+        PLAIN + "scale = 2\nmatrix = [[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]"
+    ),
+    "objects[0].matrix: expected four rows of four numbers": PLAIN + "matrix = [[1, 0], [0, 1]]",
+    "objects[0].matrix: expected an invertible matrix": (
+        PLAIN + "matrix = [[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 0, 0], [0, 0, 0, 1]]"
+    ),
+    "objects[0].copies: expected at least one, got none": PLAIN + "copies = []",
+    "objects[0].copies[1].scale: expected numbers other than 0": PLAIN + "copies = [{}, { scale = [1, 0, 1] }]",
+    "objects[0].copies[0].mesh: expected one of translate, rotate": PLAIN + 'copies = [{ mesh = "square.obj" }]',
+    'objects[0].own_normals: expected true or false, got "no"': PLAIN + 'own_normals = "no"',
+    "materials[0].name: expected a name on one line, got nothing": (
+        '[[materials]]\nmodel = "lambert"\nalbedo = 1\n' + PLAIN
+    ),
+    'materials[1].name: expected a name of its own, got "a" again': (
+        2 * '[[materials]]\nname = "a"\npreset = "gold"\n' + PLAIN
+    ),
+    "materials[0].preset: expected one of": '[[materials]]\nname = "a"\npreset = "glod"\n' + PLAIN,
+    "materials[0].albdo: expected no such field": (
+        '[[materials]]\nname = "a"\nmodel = "lambert"\nalbdo = 1\nalbedo = 1\n' + PLAIN
+    ),
+    "lights[0].intensity[0]: expected a number in [0, inf), got nan": (
+        PLAIN + '[[lights]]\nlight = "ambient"\nintensity = nan'
+    ),
+    "lights[1].position: expected a value, got nothing": (
+        PLAIN + '[[lights]]\nlight = "ambient"\n[[lights]]\nlight = "point"'
+    ),
+    "lights[0].light: expected one of": PLAIN + '[[lights]]\nlight = "laser"',
+    "lights[0].half_angle: expected a number in": (
+        PLAIN + '[[lights]]\nlight = "spot"\nposition = [0, 0, 1]\ndirection = [0, 0, -1]\nhalf_angle = 45'
+    ),
+    "camera.field_of_view: expected degrees above 0 and below 180, got 180": "[camera]\nfield_of_view = 180\n" + PLAIN,
+    "camera.target: expected position and target together, got nothing": "[camera]\nposition = [1, 2, 3]\n" + PLAIN,
+    "camera.target: expected a point other than position": (
+        "[camera]\nposition = [1, 2, 3]\ntarget = [1, 2, 3]\n" + PLAIN
+    ),
+    "camera.up: expected a direction other than the view's": (
+        "[camera]\nposition = [0, 0, 3]\ntarget = [0, 0, 0]\n" + PLAIN
+    ),
+    "camera.direction: expected either direction, or position and target, got both": (
+        "[camera]\nposition = [1, 0, 3]\ntarget = [0, 0, 0]\ndirection = [1, 0, 0]\n" + PLAIN
+    ),
+    "camera.direction: expected a vector other than zero": "[camera]\ndirection = [0, 0, 0]\n" + PLAIN,
+    "camera.height: expected either height or field_of_view, got both": (
+        "[camera]\nheight = 3\nfield_of_view = 30\n" + PLAIN
+    ),
+    "camera.aperture: expected a finite length of 0 or more, got -1": "[camera]\naperture = -1\n" + PLAIN,
+    "camera.fov: expected one of position, target, direction, up": "[camera]\nfov = 3\n" + PLAIN,
+    "camera: expected a table, got 3": "camera = 3\n" + PLAIN,
+    "render.width: expected a whole number from 1 to 32768, got 0": "[render]\nwidth = 0\n" + PLAIN,
+    "render.width: expected a whole number, got 10.0": "[render]\nwidth = 10.0\n" + PLAIN,
+    "render.samples: expected a whole number, got True": "[render]\nsamples = true\n" + PLAIN,
+    "render.shading: expected one of constant, gouraud, phong, quadratic, got flat": (
+        '[render]\nshading = "flat"\n' + PLAIN
+    ),
+    "render.crop: expected a part of 960×640 pixels": "[render]\ncrop = [0, 0, 961, 1]\n" + PLAIN,
+    "render.obscurance: expected one of width": '[render]\nobscurance = "off"\n' + PLAIN,
+    'obscurance.form: expected one of off, ambient, book, got "on"': '[obscurance]\nform = "on"\n' + PLAIN,
+    'obscurance.falloff: expected one of exponential, binary, got "linear"': (
+        '[obscurance]\nfalloff = "linear"\n' + PLAIN
+    ),
+    'obscurance.tau: expected falloff = "exponential" with it, got 1.0': (
+        '[obscurance]\nfalloff = "binary"\ntau = 1\n' + PLAIN
+    ),
+    "obscurance.tau: expected either tau or half_distance, got both": (
+        "[obscurance]\nhalf_distance = 1\ntau = 1\n" + PLAIN
+    ),
+    "obscurance.tau: expected a finite rate above 0, got 0.0": "[obscurance]\ntau = 0\n" + PLAIN,
+    "obscurance.max_distance: expected a length above 0": '[obscurance]\nmax_distance = "-3%"\n' + PLAIN,
+    "obscurance.half_distance: expected a length": "[obscurance]\nhalf_distance = true\n" + PLAIN,
+    "obscurance.samples: expected a whole number from 1 to": "[obscurance]\nsamples = 0\n" + PLAIN,
+    "obscurance.seed: expected a whole number from 0 to": "[obscurance]\nseed = -1\n" + PLAIN,
+    'obscurance.samples: expected nothing beside form = "off", got 3': (
+        '[obscurance]\nform = "off"\nsamples = 3\n' + PLAIN
+    ),
+    "obscurance.seed: expected nothing beside baked but form, got 3": (
+        '[obscurance]\nbaked = "w.npy"\nseed = 3\n' + PLAIN
+    ),
+    'obscurance.baked: expected an existing file, got "none.npy"': '[obscurance]\nbaked = "none.npy"\n' + PLAIN,
+    'obscurance.baked: expected a name ending in .npy, .npz, got "paint.png"': (
+        '[obscurance]\nbaked = "paint.png"\n' + PLAIN
+    ),
+}
+
+
+@pytest.mark.parametrize(("message", "text"), MISTAKES.items(), ids=[m[:50] for m in MISTAKES])
+def test_a_mistake_is_one_line_with_its_path(tmp_path, message, text):
+    folder = tmp_path / "inside"
+    (folder / "folder").mkdir(parents=True)
+    (tmp_path / "x.obj").write_text(SQUARE)
+    (folder / "out.obj").symlink_to(tmp_path / "x.obj")
+    plain = "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n"
+    with pytest.raises(SceneError) as caught:
+        scene(folder, text, **{"broken.obj": "v a b c\nf 1 2 3\n", "plain.obj": plain, "w.npy": "-"})
+    line = str(caught.value)
+    assert line.startswith(str(folder / "scene.toml"))
+    assert message in line
+    assert "\n" not in line
+    assert len(line) < 500
+
+
+def test_not_utf8(tmp_path):
+    with pytest.raises(SceneError, match=re.escape("scene.toml: line 2: expected UTF-8, got byte 0xff")):
+        scene(tmp_path, b"# fine\n# \xff\n")
+
+
+@pytest.mark.parametrize("content", [b"", b" \n\t\n"])
+def test_an_empty_file(tmp_path, content):
+    with pytest.raises(SceneError, match=r"scene\.toml: content: expected a TOML scene, got an empty file"):
+        scene(tmp_path, content)
+
+
+@pytest.mark.parametrize("ending", ["toml", "glb", "gltf", "ply"])
+def test_missing_files_and_folders(tmp_path, ending):
+    with pytest.raises(InputError, match=f"none.{ending}: file: expected an existing file, got none"):
+        read_scene(tmp_path / f"none.{ending}")
+    (tmp_path / f"folder.{ending}").mkdir()
+    with pytest.raises(InputError, match=f"folder.{ending}: file: expected .*, got a folder"):
+        read_scene(tmp_path / f"folder.{ending}")
+
+
+def test_hostile_toml(tmp_path):
+    for text in ("a = " + "[" * 100_000, "a." * 3000 + "b = 1", "width = " + "9" * 5000, PLAIN + "scale = 1e-200"):
+        with pytest.raises(SceneError) as caught:
+            scene(tmp_path, text)
+        assert len(str(caught.value)) < 1000 + len(str(tmp_path))
+
+
+def test_a_baked_file_of_something_else(tmp_path):
+    made = scene(tmp_path, '[obscurance]\nbaked = "w.npy"\n' + PLAIN, **{"w.npy": "no array"})
+    with pytest.raises(SceneError, match=r"w\.npy: content: expected w as obscurance bake writes it"):
+        obscured(made)
+    np.save(tmp_path / "w.npy", np.ones(3))
+    with pytest.raises(SceneError, match=r"w.npy: w: expected shape \(9,\), .*, got \(3,\)"):
+        obscured(made)
+    np.save(tmp_path / "w.npy", np.full(9, 2.0))
+    with pytest.raises(SceneError, match=r"w.npy: w: expected values in \[0, 1\]"):
+        obscured(made)
+    zipped = scene(tmp_path, '[obscurance]\nbaked = "w.npz"\n' + PLAIN, **{"w.npz": "no archive"})
+    with pytest.raises(SceneError, match=r"w\.npz: content"):
+        obscured(zipped)
+    np.savez(tmp_path / "w.npz", w=np.linspace(0, 1, 9))
+    assert obscured(zipped)[0].objects[0].w[-1] == 1
