@@ -212,6 +212,5 @@ def _place_lights(lights: tuple[BaseLight, ...], centre: Floats, scale: float) -
     rows[:, light_rows.RADIAL + 1] /= scale
     rows[:, light_rows.RADIAL + 2] /= scale**2
     rows[:, light_rows.INVERSE_RANGE] /= scale
-    rows[:, light_rows.INVERSE_RANGE] /= scale
     bright = rows[:, light_rows.INTENSITY : light_rows.INTENSITY + 3].any(axis=1)
     return Lights(kinds[bright], rows[bright])

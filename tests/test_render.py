@@ -102,6 +102,22 @@ def test_a_shadows_edge_lies_where_the_light_puts_it():
     assert (dark == 0).all()
 
 
+@pytest.mark.parametrize("scale", [1.0, 1000.0])
+def test_a_light_reaches_as_far_as_its_range(scale):
+    """Times 1 − (d/range)⁴, and nothing beyond; at any scale of the scene."""
+    floor = grid((-4 * scale, -4 * scale, 0), (8 * scale, 0, 0), (0, 8 * scale, 0), 8 * scale)
+    light = PointLight(position=(0, 0, scale), intensity=scale**2, range=2 * scale)
+    camera = Camera((0, 0, 9 * scale), (0, 0, 0), (0, 1, 0), height=6 * scale)
+    frame = render(Scene((white(floor),), (light,)), camera, Settings(width=64, height=64, samples=1))
+    x = (np.arange(64) + 0.5 - 32) / 32 * 3
+    squared = x[None, :] ** 2 + x[:, None] ** 2 + 1
+    window = np.maximum(1 - (squared / 4) ** 2, 0)
+    np.testing.assert_allclose(
+        frame.layers["beauty"][..., 0], 0.8 / np.pi / squared**1.5 * window, rtol=1e-4, atol=1e-6
+    )
+    assert frame.rays_skipped["unreached"] + frame.rays_skipped["culled"] == np.count_nonzero(squared >= 4)
+
+
 def test_the_lit_floor_obeys_the_photometry_law():
     floor = grid((-4, -4, 0), (8, 0, 0), (0, 8, 0), 8)
     scene = Scene((white(floor),), (PointLight(position=(1, 0, 2), intensity=10),))
