@@ -10,7 +10,7 @@ from __future__ import annotations
 from math import acos, asin, pi, sqrt
 
 from raytrace.jit import inline
-from raytrace.lights import (
+from raytrace.light_rows import (
     AMBIENT,
     COS_HALF_ANGLE,
     DIRECTION,

@@ -30,7 +30,7 @@ from .entries import (
 )
 from .jit import inline
 from .light_kernels import cannot_matter_in, incident
-from .lights import AMBIENT as AMBIENT_LIGHT
+from .light_rows import AMBIENT as AMBIENT_LIGHT
 from .models.dispatch import ambient, emission, terms
 from .surface import put, take
 from .vector import add, dot

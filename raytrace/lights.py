@@ -19,12 +19,21 @@ from pydantic import Field, TypeAdapter, ValidationError, model_validator
 
 from raytrace.errors import OptionError
 from raytrace.fields import Direction, HalfAngle, Length, NonNegative, Parameters, Point, Radiance, option_error
-
-POINT, DIRECTIONAL, SPOT, AMBIENT = range(4)
-# Row: intensity RGB, position, unit direction of travel, a0, a1, a2, cosine of the half-angle, half-angle, exponent,
-# 1/range (0: without end).
-INTENSITY, POSITION, DIRECTION, RADIAL, COS_HALF_ANGLE, HALF_ANGLE, EXPONENT = 0, 3, 6, 9, 12, 13, 14
-INVERSE_RANGE, WIDTH = 15, 16
+from raytrace.light_rows import (
+    AMBIENT,
+    COS_HALF_ANGLE,
+    DIRECTION,
+    DIRECTIONAL,
+    EXPONENT,
+    HALF_ANGLE,
+    INTENSITY,
+    INVERSE_RANGE,
+    POINT,
+    POSITION,
+    RADIAL,
+    SPOT,
+    WIDTH,
+)
 
 
 class PackedLight(NamedTuple):

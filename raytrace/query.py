@@ -24,7 +24,7 @@ from .embree import (
     occluded8,
 )
 from .errors import OptionError
-from .jit import kernel
+from .jit import inline, kernel
 from .parallel import run_blocks, thread_count
 
 _BLOCK = 1 << 16
@@ -45,18 +45,25 @@ class Hits:
     barycentric: npt.NDArray[np.float32]
 
 
+@inline
+def _load(packet, valid, first, origins, directions, reach):
+    """Fill a packet with the rays from `first` on; lanes beyond the last are not valid."""
+    count = len(origins)
+    for lane in range(LANES):
+        ray = min(first + lane, count - 1)
+        valid[lane] = -1 if first + lane < count else 0
+        for axis in range(3):
+            packet[ORG_X + axis, lane] = origins[ray, axis]
+            packet[DIR_X + axis, lane] = directions[ray, axis]
+        packet[TFAR, lane] = reach[ray]
+
+
 @kernel
 def _closest(scene, packet, valid, origins, directions, reach, distance, face, barycentric):
     ids = packet.view(np.uint32)
     count = len(origins)
     for first in range(0, count, LANES):
-        for lane in range(LANES):
-            ray = min(first + lane, count - 1)
-            valid[lane] = -1 if first + lane < count else 0
-            for axis in range(3):
-                packet[ORG_X + axis, lane] = origins[ray, axis]
-                packet[DIR_X + axis, lane] = directions[ray, axis]
-            packet[TFAR, lane] = reach[ray]
+        _load(packet, valid, first, origins, directions, reach)
         intersect8(scene, packet, valid)
         for lane in range(min(LANES, count - first)):
             if ids[GEOM_ID, lane] != INVALID:
@@ -73,13 +80,7 @@ def _closest(scene, packet, valid, origins, directions, reach, distance, face, b
 def _any(scene, packet, valid, origins, directions, reach, hit):
     count = len(origins)
     for first in range(0, count, LANES):
-        for lane in range(LANES):
-            ray = min(first + lane, count - 1)
-            valid[lane] = -1 if first + lane < count else 0
-            for axis in range(3):
-                packet[ORG_X + axis, lane] = origins[ray, axis]
-                packet[DIR_X + axis, lane] = directions[ray, axis]
-            packet[TFAR, lane] = reach[ray]
+        _load(packet, valid, first, origins, directions, reach)
         occluded8(scene, packet, valid)
         for lane in range(min(LANES, count - first)):
             hit[first + lane] = packet[TFAR, lane] < 0.0

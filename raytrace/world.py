@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from . import lights as light_rows
+from . import light_rows
 from .embree import EmbreeScene, Instance, Triangles, TriangleScene
 from .lights import BaseLight, pack_lights
 from .materials import pack_materials

@@ -7,23 +7,29 @@ from pathlib import Path
 import ao
 from ao.bake import Progress
 from raytrace.camera import Camera
-from raytrace.image import write_image
-from raytrace.picture import picture
+from raytrace.image import write_frame
+from raytrace.lights import AmbientLight
+from raytrace.materials import Lambert
+from raytrace.rendering import render
+from raytrace.scene import Object, Scene, Shape
+from raytrace.settings import Settings
 
 from .load import MeshFile
 from .temple import temple
 from .write import write
 
 TARGETS = ("temple.ply", "temple.png")
-_WIDTH, _HEIGHT = 960, 640
-_BACKGROUND = 0.05
+_SETTINGS = Settings(width=960, height=640)
+_BACKGROUND = (0.05, 0.05, 0.05)
 
 
 def make(mesh_target: Path, picture_target: Path, progress: Progress | None = None) -> ao.Bake:
-    """Bake the temple with the default options; write the mesh with w, and a picture of w as a grey value."""
+    """Bake the temple with the default options; write the mesh with w, and a picture of it in ambient light alone."""
     mesh = temple()
     baked = ao.bake(mesh, progress=progress)
     write(mesh_target, baked, MeshFile.of(mesh))
-    camera = Camera.framing(mesh, (0.8, -1.6, 0.55), aspect=_WIDTH / _HEIGHT)
-    write_image(picture_target, picture(mesh, baked.w, camera, _WIDTH, _HEIGHT, background=_BACKGROUND))
+    white = Object(Shape(mesh, Lambert(albedo=1)), w=baked.w)
+    scene = Scene((white,), (AmbientLight(intensity=1),), _BACKGROUND)
+    camera = Camera.framing(mesh, (0.8, -1.6, 0.55), aspect=_SETTINGS.width / _SETTINGS.height)
+    write_frame(picture_target, render(scene, camera, _SETTINGS, layers=False), {"scene": "temple"})
     return baked

@@ -1,0 +1,21 @@
+"""The light row: how a light reaches a kernel, an integer kind and one row of `WIDTH` float64.
+
+============== ======= ===============================================
+column         columns content
+============== ======= ===============================================
+INTENSITY      3       RGB
+POSITION       3       of point and spot lights
+DIRECTION      3       unit, the way the light travels
+RADIAL         3       a0, a1, a2
+COS_HALF_ANGLE 1       of a spot's cone
+HALF_ANGLE     1       radians
+EXPONENT       1       of the cosine within the cone
+INVERSE_RANGE  1       1/range, 0 without end
+============== ======= ===============================================
+"""
+
+from __future__ import annotations
+
+POINT, DIRECTIONAL, SPOT, AMBIENT = range(4)
+INTENSITY, POSITION, DIRECTION, RADIAL = 0, 3, 6, 9
+COS_HALF_ANGLE, HALF_ANGLE, EXPONENT, INVERSE_RANGE, WIDTH = 12, 13, 14, 15, 16
