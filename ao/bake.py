@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -61,7 +62,7 @@ class Bake:
 
 
 def bake(
-    mesh: Mesh,
+    mesh: Mesh | Any,
     falloff: Falloff | None = None,
     samples: int = 256,
     seed: int = 0,
@@ -73,7 +74,8 @@ def bake(
     """Obscurance w(p) = (1/π) ∫ μ(d) cosθ dω (12.71) at every vertex of `mesh`.
 
     Args:
-        mesh: the surface; both sides of every face occlude.
+        mesh: the surface, a `raytrace.Mesh` or anything with `vertices` and `faces`, a `trimesh.Trimesh` for instance;
+            both sides of every face occlude.
         falloff: μ, `Binary` or `Exponential`; by default `Exponential()`.
         samples: rays a vertex, 1 to 2²⁰. Powers of two are sampled best.
         seed: 0 to 2⁶⁴ − 1. The same seed gives the same bits for any number of threads.
@@ -90,6 +92,7 @@ def bake(
     _check_whole("samples", samples, 1, MAX_SAMPLES)
     _check_whole("seed", seed, 0, 2**64 - 1)
     workers = thread_count(threads)
+    mesh = mesh if isinstance(mesh, Mesh) else Mesh(mesh.vertices, mesh.faces)
     mu = (falloff or Exponential()).resolve(mesh.radius)
 
     start = time.perf_counter()

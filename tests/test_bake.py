@@ -142,3 +142,8 @@ def test_a_bake_of_some_vertices_is_that_part_of_the_whole(colonnade):
     assert part.rays_skipped["not_wanted"] == 16 * np.count_nonzero(~wanted)
     with pytest.raises(OptionError, match="only: expected bool"):
         ao.bake(colonnade, only=wanted[:-1])
+
+
+def test_a_trimesh_is_a_mesh_too():
+    ball = trimesh.creation.icosphere(subdivisions=2)
+    np.testing.assert_array_equal(ao.bake(ball, samples=8).w, ao.bake(Mesh(ball.vertices, ball.faces), samples=8).w)
