@@ -271,7 +271,7 @@ def _compiling(module: str) -> Iterator[None]:
     from raytrace.jit import is_warm
 
     if not is_warm(module):
-        print("First run of this version: compiling kernels takes some seconds…", file=sys.stderr)
+        print("First run of this version: compiling kernels takes up to half a minute…", file=sys.stderr)
     yield
 
 
