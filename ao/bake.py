@@ -40,7 +40,7 @@ class Bake:
         flags: uint8 (n,), `ao.Flag`s.
         rays: number of rays traced.
         rays_skipped: rays not traced, by reason.
-        rmse: estimated root mean square of w's sampling error over all vertices.
+        rmse: estimated root mean square of w's sampling error over the vertices asked for.
         seconds: `build` (Embree scene) and `bake` (everything else that makes w).
         mu: the falloff used, in mesh units.
     """
@@ -125,6 +125,7 @@ def bake(
 
     vertex = receivers.of_vertex
     baked = vertex >= 0
+    wanted = np.ones(len(vertex), bool) if only is None else only
     w, error, bent = np.ones(len(vertex)), np.zeros(len(vertex)), np.zeros((len(vertex), 3))
     w[baked], error[baked] = estimate[vertex[baked], 0], np.sqrt(variance[vertex[baked]])
     bent[baked] = _directions(estimate[:, 2:], points.normals)[vertex[baked]]
@@ -138,9 +139,9 @@ def bake(
         rays_skipped={
             "duplicate": samples * int(np.count_nonzero(baked) - len(points)),
             "no_normal": samples * int(np.count_nonzero(receivers.flags & (Flag.UNREFERENCED | Flag.DEGENERATE))),
-            "not_wanted": samples * int(np.count_nonzero(~only)) if only is not None else 0,
+            "not_wanted": samples * int(np.count_nonzero(~wanted)),
         },
-        rmse=float(np.sqrt(np.mean(error**2))),
+        rmse=float(np.sqrt(np.sum(error**2) / max(np.count_nonzero(wanted), 1))),
         seconds={"build": built - prepared, "bake": finished - built + prepared - start},
         mu=mu,
     )
