@@ -125,7 +125,7 @@ def bake(
 
     vertex = receivers.of_vertex
     baked = vertex >= 0
-    wanted = np.ones(len(vertex), bool) if only is None else only
+    wanted: npt.NDArray[np.bool_] = np.ones(len(vertex), np.bool_) if only is None else only
     w, error, bent = np.ones(len(vertex)), np.zeros(len(vertex)), np.zeros((len(vertex), 3))
     w[baked], error[baked] = estimate[vertex[baked], 0], np.sqrt(variance[vertex[baked]])
     bent[baked] = _directions(estimate[:, 2:], points.normals)[vertex[baked]]
@@ -141,7 +141,7 @@ def bake(
             "no_normal": samples * int(np.count_nonzero(receivers.flags & (Flag.UNREFERENCED | Flag.DEGENERATE))),
             "not_wanted": samples * int(np.count_nonzero(~wanted)),
         },
-        rmse=float(np.sqrt(np.sum(error**2) / max(np.count_nonzero(wanted), 1))),
+        rmse=float(np.sqrt(np.sum(error**2) / max(int(np.count_nonzero(wanted)), 1))),
         seconds={"build": built - prepared, "bake": finished - built + prepared - start},
         mu=mu,
     )
