@@ -19,7 +19,7 @@ OPTIONS = {
     "plane_wall": ("--width", "640", "--height", "400"),
     "cornell": ("--width", "480", "--height", "480"),
     "temple": ("--width", "640", "--height", "400"),
-    "sponge": ("--width", "480", "--height", "480"),
+    "sponge": ("--width", "640", "--height", "427"),
     "materials": ("--width", "640", "--height", "400"),
     "still_life": ("--width", "640", "--height", "400"),
 }
