@@ -290,16 +290,17 @@ def _progress(quiet: bool, unit: str) -> Iterator[Callable[[int, int], None] | N
     figures = TextColumn("{task.percentage:3.0f} % {task.fields[rate]}")
     bar = Progress(BarColumn(), figures, TimeRemainingColumn(), console=Console(stderr=True), transient=True)
     task = bar.add_task("", rate="")
-    start = time.perf_counter()
+    start, before = time.perf_counter(), 0
 
     def advance(done: int, total: int) -> None:
-        nonlocal start
-        if not bar.live.is_started:
-            start = time.perf_counter()
+        nonlocal start, before
+        if bar.live.is_started:
+            rate = (done - before) / max(time.perf_counter() - start, 1e-6)
+            text = f"{rate / 1e6:.1f} M {unit}/s" if rate >= 1e5 else f"{rate:.0f} {unit}/s"
+            bar.update(task, completed=done, total=total, rate=text)
+        else:
+            start, before = time.perf_counter(), done
             bar.start()
-        rate = done / max(time.perf_counter() - start, 1e-6)
-        text = f"{rate / 1e6:.1f} M {unit}/s" if rate >= 1e5 else f"{rate:.0f} {unit}/s"
-        bar.update(task, completed=done, total=total, rate=text)
         if done >= total:
             bar.stop()
 
@@ -312,7 +313,7 @@ def _progress(quiet: bool, unit: str) -> Iterator[Callable[[int, int], None] | N
 def _summary(baked: ao.Bake, target: Path) -> str:
     rate = baked.rays / max(baked.seconds["bake"], 1e-9) / 1e6
     text = (
-        f"{target}: {len(baked.w):,} vertices, {baked.rays / 1e6:.1f} M rays in {baked.seconds['bake']:.2f} s"
+        f"{target}: {len(baked.w):,} vertices, {baked.rays:,} rays in {baked.seconds['bake']:.2f} s"
         f" ({rate:.1f} Mrays/s), estimated RMSE {baked.rmse:.4f}"
     )
     flagged = ", ".join(f"{count} {name}" for name, count in baked.flagged.items() if count)

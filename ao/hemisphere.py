@@ -38,7 +38,8 @@ class DirectionTable:
     """Scrambled direction sets that the points of a mesh draw from, each turned about its own normal.
 
     Attributes:
-        directions: float32 (sets, 3, samples) about +z, ordered by azimuth, which keeps the rays of a packet together.
+        directions: float32 (sets, 3, samples) about +z, ordered by azimuth, which keeps the rays of a packet together;
+            the last is repeated up to a multiple of 8.
         batches: uint8 (sets, samples), which of the `BATCHES` consecutive stretches of the Sobol sequence a direction
             belongs to; their spread carries the error estimate.
         key: uint32 from which each point draws its set and its turn.
@@ -56,7 +57,8 @@ class DirectionTable:
         order = np.argsort(v, axis=1, kind="stable")
         batches = (np.arange(samples) * min(BATCHES, samples) // samples).astype(np.uint8)[order]
         u, v = np.take_along_axis(u, order, 1), np.take_along_axis(v, order, 1)
-        return cls(np.ascontiguousarray(cosine_hemisphere(u, v), np.float32), batches, key)
+        directions = np.pad(cosine_hemisphere(u, v), ((0, 0), (0, 0), (0, -samples % LANES)), mode="edge")
+        return cls(np.ascontiguousarray(directions, np.float32), batches, key)
 
 
 @inline
@@ -96,46 +98,49 @@ def gather(scene, packet, valid, origins, normals, numbers, directions, batches,
     """
     packet, valid, origins, normals = borrow(packet), borrow(valid), borrow(origins), borrow(normals)
     directions, batches, out = borrow(directions), borrow(batches), borrow(out)
-    sets, _, samples = directions.shape
+    sets, samples = batches.shape
     used = min(BATCHES, samples)
     size = np.zeros(BATCHES)
+    for k in range(samples):
+        size[batches[0, k]] += 1.0
     total = np.zeros(BATCHES)
-    scale = -1.0 / np.expm1(-tau * limit) if tau > 0.0 else 1.0
+    exponential = tau > 0.0
+    scale = -1.0 / np.expm1(-tau * limit) if exponential else 1.0
+    ids = packet.view(np.uint32)
     for i in range(len(origins)):
         chosen, turn = choose(numbers[i], key, sets)
         n = normals[i]
         t, b = turned_frame(n, turn)
         local, batch = directions[chosen], batches[chosen]
-        size[:] = 0.0
         total[:] = 0.0
         x = y = z = 0.0
         for lane in range(LANES):
+            valid[lane] = -1
             packet[ORG_X, lane] = origins[i, 0]
             packet[ORG_Y, lane] = origins[i, 1]
             packet[ORG_Z, lane] = origins[i, 2]
         for first in range(0, samples, LANES):
             lanes = min(LANES, samples - first)
+            for lane in range(lanes, LANES):
+                valid[lane] = 0
             for lane in range(LANES):
-                valid[lane] = -1 if lane < lanes else 0
-            for lane in range(lanes):
                 lx, ly, lz = local[0, first + lane], local[1, first + lane], local[2, first + lane]
                 packet[DIR_X, lane] = lx * t[0] + ly * b[0] + lz * n[0]
                 packet[DIR_Y, lane] = lx * t[1] + ly * b[1] + lz * n[1]
                 packet[DIR_Z, lane] = lx * t[2] + ly * b[2] + lz * n[2]
                 packet[TFAR, lane] = reach
-            if tau > 0.0:
+            if exponential:
                 intersect8(scene, packet, valid)
             else:
                 occluded8(scene, packet, valid)
             for lane in range(lanes):
                 mu = 1.0
-                if tau > 0.0:
-                    if packet.view(np.uint32)[GEOM_ID, lane] != INVALID:
+                if exponential:
+                    if ids[GEOM_ID, lane] != INVALID:
                         mu = -np.expm1(-tau * packet[TFAR, lane]) * scale  # (12.74)
                 elif packet[TFAR, lane] < 0.0:
-                    mu = 0.0
+                    continue  # μ = 0
                 total[batch[first + lane]] += mu
-                size[batch[first + lane]] += 1.0
                 x += mu * local[0, first + lane]
                 y += mu * local[1, first + lane]
                 z += mu * local[2, first + lane]
