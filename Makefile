@@ -4,7 +4,7 @@ BIN    := $(VENV)/bin
 STAMP  := $(VENV)/.installed
 
 .DEFAULT_GOAL := help
-.PHONY: help install demo test test-all lint bench model-strips clean
+.PHONY: help install demo test test-all lint bench model-strips gallery clean
 
 help: ## list the targets
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "  make %-10s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
@@ -37,6 +37,9 @@ bench: $(STAMP) ## the throughput benchmark; writes benchmarks/results/
 
 model-strips: $(STAMP) ## the sphere pictures of docs/models
 	$(BIN)/python -m benchmarks.model_strips
+
+gallery: $(STAMP) ## the pictures of docs/gallery
+	$(BIN)/python -m benchmarks.gallery
 
 clean: ## remove the environment and everything made
 	rm -rf $(VENV) demo build *.egg-info .pytest_cache .mypy_cache .ruff_cache

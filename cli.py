@@ -213,7 +213,10 @@ def compare(
 ) -> None:
     """Tell how far apart two images are."""
     from raytrace.compare import compare as measure
+    from raytrace.errors import OptionError
 
+    if threshold is not None and not threshold >= 0:
+        raise OptionError("--threshold", "a number in [0, inf)", threshold)
     found = measure(a, b, difference)
     for name in ("mean_error", "rms_error", "max_error", "psnr", "flip"):
         print(f"{name:<10}  {getattr(found, name):.6g}")

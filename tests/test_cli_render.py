@@ -1,0 +1,242 @@
+"""`obscurance render`, `scenes` and `compare` as processes: what is asked for is what the files hold."""
+
+import json
+
+import numpy as np
+import pytest
+import trimesh
+from command import obscurance
+from gltf_files import Builder
+from render_scenes import BALL, SMALL, write_ball
+
+from ao.report import versions
+from raytrace.frame import LAYERS
+from raytrace.image import FORMATS
+from raytrace.image_input import read_image
+from scenes.builtin import BUILTIN
+
+SUMMANDS = ("ambient", "diffuse", "specular", "emission")
+
+
+def rendered(scene, output, *options):
+    """Layers of the picture of a scene, 48×32 unless `options` say otherwise."""
+    result = obscurance("render", scene, "-o", output, *SMALL, *options)
+    assert result.returncode == 0, result.stderr
+    return read_image(output)[0]
+
+
+def check_sum(layers):
+    """The layers that are light add up to the beauty."""
+    total = sum(layers[name].astype(np.float64) for name in SUMMANDS)
+    np.testing.assert_allclose(total, layers["beauty"][..., :3], rtol=1e-6, atol=1e-6)
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    return tmp_path_factory.mktemp("ball")
+
+
+@pytest.fixture(scope="module")
+def scene(folder):
+    return write_ball(folder)
+
+
+@pytest.fixture(scope="module")
+def whole(scene, folder):
+    """The picture that the others are compared with, and its report, made on one thread."""
+    return rendered(scene, folder / "whole.exr", "--report", folder / "whole.json", "--threads", 1)
+
+
+@pytest.mark.parametrize("name", BUILTIN)
+def test_every_builtin_scene_renders(tmp_path, name):
+    written = tmp_path / f"{name}.toml"
+    assert obscurance("scenes", name, "-o", written).returncode == 0
+    layers = rendered(written, tmp_path / "picture.exr")
+    assert set(layers) == set(LAYERS)
+    assert layers["beauty"].shape == (32, 48, 4)
+    assert layers["beauty"][..., :3].std() > 0.02
+    assert layers["obscurance"].min() < 0.9
+    check_sum(layers)
+
+
+def test_the_scenes_are_listed():
+    result = obscurance("scenes")
+    assert result.returncode == 0
+    assert [line.split()[0] for line in result.stdout.splitlines()] == list(BUILTIN)
+    assert obscurance("scenes", "cornell").stdout == BUILTIN["cornell"].toml()
+
+
+@pytest.mark.parametrize("ending", FORMATS)
+def test_every_ending_with_its_metadata(tmp_path, scene, ending):
+    target = tmp_path / f"picture{ending}"
+    result = obscurance("render", scene, "-o", target, *SMALL, "--obscurance", "off", "--seed", 7)
+    assert result.returncode == 0, result.stderr
+    assert target.name in result.stdout
+    layers, metadata = read_image(target)
+    assert layers["beauty"].shape[:2] == (32, 48)
+    assert set(layers) == (set(LAYERS) if ending == ".exr" else {"beauty"})
+    assert metadata == {
+        "scene": "ball.toml",
+        "version": versions()["obscurance"],
+        "samples": "4",
+        "seed": "7",
+        "shading": "phong",
+        "obscurance": "off",
+    }
+    assert list(tmp_path.iterdir()) == [target]
+
+
+def test_layers_add_up_and_say_what_is_there(whole):
+    check_sum(whole)
+    assert set(np.unique(whole["object_id"])) == {0, 1, 2}
+    empty = whole["beauty"][..., 3] == 0
+    assert 0 < empty.mean() < 1
+    assert np.isinf(whole["depth"][empty]).all()
+    assert 3 < whole["depth"].min() < 4.5
+    assert whole["shadow"].min() == 0
+    assert whole["shadow"].max() == 1
+    np.testing.assert_allclose(np.linalg.norm(whole["normal"][~empty], axis=-1), 1, atol=1e-6)
+
+
+def test_half_floats_are_near(scene, folder, whole):
+    layers = rendered(scene, folder / "half.exr", "--half")
+    np.testing.assert_allclose(layers["beauty"], whole["beauty"], rtol=1e-3, atol=1e-6)
+    assert (folder / "half.exr").stat().st_size < (folder / "whole.exr").stat().st_size
+
+
+@pytest.mark.parametrize("threads", [1, 2])
+def test_the_same_command_gives_the_same_bytes_on_any_threads(scene, folder, whole, threads):
+    rendered(scene, folder / "again.exr", "--threads", threads)
+    assert (folder / "again.exr").read_bytes() == (folder / "whole.exr").read_bytes()
+
+
+def test_another_seed_is_another_picture(scene, folder, whole):
+    layers = rendered(scene, folder / "seed.exr", "--seed", 1)
+    assert not np.array_equal(layers["beauty"], whole["beauty"])
+
+
+def test_a_crop_is_that_part_of_the_whole(scene, folder, whole):
+    layers = rendered(scene, folder / "crop.exr", "--crop", "5,7,21,18")
+    for name, layer in layers.items():
+        np.testing.assert_array_equal(layer, whole[name][7:25, 5:26], err_msg=name)
+
+
+def test_a_preview_is_small_and_cheap(scene, folder, whole):
+    report = folder / "preview.json"
+    size = ("--width", 96, "--height", 64, "--samples", 64)
+    assert rendered(scene, folder / "preview.exr", *size, "--preview", "--report", report)["beauty"].shape[:2] == (
+        16,
+        24,
+    )
+    preview, full = (json.loads((folder / f"{name}.json").read_text())["rays"] for name in ("preview", "whole"))
+    assert preview["primary"] <= 24 * 16 * 4
+    assert preview["bake"] < full["bake"]
+
+
+def test_the_forms_of_obscurance(scene, folder, whole):
+    off, book = (rendered(scene, folder / f"{form}.exr", "--obscurance", form) for form in ("off", "book"))
+    w = whole["obscurance"]
+    assert off["obscurance"].min() == 1
+    assert w.min() < 0.8
+    assert (whole["ambient"] <= off["ambient"]).all()
+    np.testing.assert_array_equal(whole["diffuse"], off["diffuse"])
+    np.testing.assert_array_equal(whole["ambient"], book["ambient"])
+    np.testing.assert_array_equal(whole["specular"], book["specular"])
+    assert (book["diffuse"] <= whole["diffuse"] + 1e-7).all()
+    assert (book["diffuse"] < 0.9 * whole["diffuse"]).any()
+
+
+def test_the_shadings_differ(scene, folder, whole):
+    made = [rendered(scene, folder / f"{s}.exr", "--shading", s) for s in ("constant", "gouraud", "quadratic")]
+    pictures = [whole["beauty"], *(layers["beauty"] for layers in made)]
+    for number, one in enumerate(pictures):
+        for other in pictures[:number]:
+            assert np.abs(one - other).max() > 1e-3
+    facets = made[0]["normal"][made[0]["object_id"][..., 0] == 2]
+    assert len(np.unique(facets.round(5), axis=0)) < len(np.unique(whole["normal"].round(5).reshape(-1, 3), axis=0))
+
+
+def test_without_shadows(scene, folder, whole):
+    report = folder / "lit.json"
+    layers = rendered(scene, folder / "lit.exr", "--no-shadows", "--report", report)
+    assert layers["shadow"].min() == 1
+    assert json.loads(report.read_text())["rays"]["shadow"] == 0
+    assert layers["beauty"].sum() > whole["beauty"].sum()
+
+
+def test_the_report_holds_the_contract(whole, folder):
+    found = json.loads((folder / "whole.json").read_text())
+    assert set(found) == {"scene", "settings", "rays", "rays_skipped", "seconds", "rmse_estimate", "versions"}
+    assert {"width": 48, "height": 32, "samples": 4, "shading": "phong", "threads": 1}.items() <= found[
+        "settings"
+    ].items()
+    assert set(found["rays"]) == {"primary", "shadow", "bake"}
+    assert found["rays"]["primary"] == 48 * 32 * 4
+    reasons = {"behind", "unreached", "black", "culled", "background", "primary_agreed"}
+    assert reasons <= set(found["rays_skipped"])
+    assert found["rays"]["shadow"] + sum(found["rays_skipped"][reason] for reason in reasons) == 48 * 32 * 4
+    assert set(found["seconds"]) == {"bake", "build", "render", "write"}
+    assert 0 < found["rmse_estimate"] < 0.05
+
+
+def test_quiet_is_quiet(scene, folder):
+    result = obscurance("render", scene, "-o", folder / "quiet.png", *SMALL, "--obscurance", "off", "-q")
+    assert (result.returncode, result.stdout, result.stderr) == (0, "", "")
+
+
+def test_a_mesh_alone_and_its_baked_file(tmp_path):
+    mesh = tmp_path / "ring.ply"
+    trimesh.creation.torus(0.5, 0.2).export(mesh)
+    alone = rendered(mesh, tmp_path / "alone.exr")
+    assert 0.1 < alone["beauty"][..., 3].mean() < 0.9
+    check_sum(alone)
+    assert obscurance("bake", mesh, "-o", tmp_path / "w.npy").returncode == 0
+    table = '[[objects]]\nmesh = "ring.ply"\n'
+    (tmp_path / "now.toml").write_text(table)
+    (tmp_path / "then.toml").write_text(f'[obscurance]\nbaked = "w.npy"\n{table}')
+    now, then = (rendered(tmp_path / f"{name}.toml", tmp_path / f"{name}.exr") for name in ("now", "then"))
+    assert now["obscurance"].min() < 0.9
+    for name in ("obscurance", "beauty"):
+        np.testing.assert_allclose(then[name], now[name], rtol=2e-7, atol=2e-7)  # the file holds float32
+
+
+def test_a_glb_with_its_camera_and_light(tmp_path):
+    builder = Builder()
+    square = np.array([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]], dtype="<f4")
+    builder.mesh(builder.primitive(square, [0, 1, 2, 0, 2, 3]))
+    nodes = [
+        {"mesh": 0},
+        {"camera": 0, "translation": [0, 0, 1]},
+        {"translation": [0, 0, 2], "extensions": {"KHR_lights_punctual": {"light": 0}}},
+    ]
+    lamp = {"type": "point", "intensity": 4.0, "color": [1.0, 0.5, 0.0]}
+    cameras = [{"type": "perspective", "perspective": {"yfov": 0.2, "znear": 0.1}}]
+    content = builder.glb(nodes, cameras=cameras, extensions={"KHR_lights_punctual": {"lights": [lamp]}})
+    (tmp_path / "square.glb").write_bytes(content)
+    layers = rendered(tmp_path / "square.glb", tmp_path / "square.exr")
+    assert layers["beauty"][..., 3].min() == 1
+    colour = layers["beauty"][16, 24]
+    assert colour[0] > 0.1
+    np.testing.assert_allclose(colour[:3] / colour[0], [1, 0.5, 0], atol=1e-6)
+
+
+def test_a_camera_inside_a_wall_is_allowed(tmp_path):
+    inside = write_ball(tmp_path, BALL.replace("[0.0, -4.0, 2.0]", "[0.0, 0.1, 0.4]"))
+    layers = rendered(inside, tmp_path / "inside.exr")
+    assert np.isfinite(layers["beauty"]).all()
+
+
+def test_compare(tmp_path, scene, folder, whole):
+    same = obscurance("compare", folder / "whole.exr", folder / "whole.exr", "--threshold", 0)
+    assert same.returncode == 0, same.stderr
+    figures = dict(line.split() for line in same.stdout.splitlines())
+    assert figures == {"mean_error": "0", "rms_error": "0", "max_error": "0", "psnr": "inf", "flip": "0"}
+    other = tmp_path / "other.png"
+    rendered(scene, other, "--no-shadows", "--obscurance", "off")
+    pair, found = (folder / "whole.exr", other), tmp_path / "flip.png"
+    assert obscurance("compare", *pair).returncode == 0
+    different = obscurance("compare", *pair, "--threshold", 0.001, "--difference", found)
+    assert different.returncode == 1
+    assert float(dict(line.split() for line in different.stdout.splitlines())["flip"]) > 0.001
+    assert read_image(found)[0]["beauty"].shape == (32, 48, 3)
+    assert obscurance("compare", *pair, "--threshold", 10, "--metric", "max").returncode == 0
