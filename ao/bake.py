@@ -98,6 +98,7 @@ def bake(
     start = time.perf_counter()
     placement = Placement.of(mesh)
     receivers = find_receivers(mesh, placement, normals)
+    crowd = len(receivers.points)  # before `only`, so that it changes no direction
     if only is not None:
         receivers = receivers.only(only)
     prepared = time.perf_counter()
@@ -116,7 +117,8 @@ def bake(
             progress(done, rays)
 
     def trace(which: Points, key: np.uint32) -> npt.NDArray[np.float64]:
-        return _gather_all(scene, placement, which, mu, samples, key, workers, advance)
+        table = DirectionTable.make(samples, crowd, key)
+        return _gather_all(scene, placement, which, mu, table, workers, advance)
 
     key = seed_key(seed)
     estimate = trace(points, key)
@@ -157,13 +159,12 @@ def _gather_all(
     placement: Placement,
     points: Points,
     mu: Mu,
-    samples: int,
-    key: np.uint32,
+    table: DirectionTable,
     threads: int,
     advance: Callable[[int], None],
 ) -> npt.NDArray[np.float64]:
     """`gather` over all points: float64 (k, 5)."""
-    table = DirectionTable.make(samples, len(points), key)
+    samples = table.batches.shape[1]
     out = np.empty((len(points), 5))
     tau = (mu.tau or 0.0) / placement.scale
     limit = mu.max_distance * placement.scale

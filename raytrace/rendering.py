@@ -94,7 +94,7 @@ def seen_vertices(
     """
     world = build(scene)
     view = _view(world, camera, settings)
-    left, top, wide, high = settings.crop or (0, 0, settings.width, settings.height)
+    left, top, wide, high = _whole_tiles(settings)
     seen = np.zeros(len(world.geometry.w), np.bool_)
 
     def work(first: int, last: int) -> None:
@@ -120,8 +120,10 @@ class _Renderer:
             settings.terminator,
             scene.background,
         )
-        left, top, wide, high = settings.crop or (0, 0, settings.width, settings.height)
+        left, top, wide, high = _whole_tiles(settings)
         self.corner = left, top
+        x, y, self.width, self.height = settings.crop or (0, 0, settings.width, settings.height)
+        self.margin = x - left, y - top
         self.film = np.empty((high, wide, FILM if layers else LAYERS["beauty"]), np.float32)
         self.counts = np.zeros(COUNTERS, np.int64)
         self.vertex_light = np.zeros((0, _LIT))
@@ -187,13 +189,24 @@ class _Renderer:
         self.counts += np.sum(finished, axis=0)
 
     def layers(self) -> dict[str, npt.NDArray[np.float32]]:
-        """The film's channels by layer, as views."""
+        """The crop's channels by layer, as views."""
         found, first = {}, 0
+        x, y = self.margin
+        crop = self.film[y : y + self.height, x : x + self.width]
         for name, channels in LAYERS.items():
             if first < self.film.shape[2]:
-                found[name] = self.film[..., first : first + channels]
+                found[name] = crop[..., first : first + channels]
             first += channels
         return found
+
+
+def _whole_tiles(settings: Settings) -> tuple[int, int, int, int]:
+    """Left, top, width and height of the tiles that the crop touches: pixels of a tile look at one another."""
+    x, y, wide, high = settings.crop or (0, 0, settings.width, settings.height)
+    left, top = x // TILE * TILE, y // TILE * TILE
+    right = min(-(-(x + wide) // TILE) * TILE, settings.width)
+    bottom = min(-(-(y + high) // TILE) * TILE, settings.height)
+    return left, top, right - left, bottom - top
 
 
 def _pack(textures: list[Texture | None]) -> Textures:

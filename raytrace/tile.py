@@ -44,12 +44,28 @@ AGREE = 1.0 / 256.0  # of the square root of a linear value, about one step of a
 
 
 @inline
-def retired(sums):
-    """Whether a pixel's samples agree to about a step of an 8-bit picture."""
-    spread = 0.0
+def spread(sums, p, q):
+    """How far the samples of two pixels of the tile are apart, all together, in the square root of linear values."""
+    widest = 0.0
     for c in range(3):
-        spread = max(spread, sqrt(sums[HIGH + c]) - sqrt(sums[LOW + c]))
-    return spread <= AGREE
+        high = max(sums[p, HIGH + c], sums[q, HIGH + c])
+        widest = max(widest, sqrt(high) - sqrt(min(sums[p, LOW + c], sums[q, LOW + c])))
+    return widest
+
+
+@inline
+def retired(sums, p, wide, pixels):
+    """Whether a pixel's samples agree among themselves, and roughly with those of its neighbours in the tile."""
+    if spread(sums, p, p) > AGREE:
+        return False
+    x = p % wide
+    roughly = 4.0 * AGREE
+    return not (
+        (x > 0 and spread(sums, p, p - 1) > roughly)
+        or (x + 1 < wide and spread(sums, p, p + 1) > roughly)
+        or (p >= wide and spread(sums, p, p - wide) > roughly)
+        or (p + wide < pixels and spread(sums, p, p + wide) > roughly)
+    )
 
 
 @inline
@@ -169,7 +185,7 @@ def render_tile(geometry, lights, textures, view, style, vertex_light, scratch, 
         done += batch
         left = 0
         for k in range(pending):
-            if done < style.samples and not retired(sums[todo[k]]):
+            if done < style.samples and not retired(sums, todo[k], wide, pixels):
                 todo[left] = todo[k]
                 left += 1
         if done < style.samples:

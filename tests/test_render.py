@@ -187,9 +187,12 @@ def test_another_seed_is_another_picture(still, picture):
     assert np.abs(again.layers["beauty"] - picture.layers["beauty"]).mean() < 0.01
 
 
-def test_a_crop_is_a_part_of_the_whole(still, picture):
-    again = render(still, CAMERA, Settings(width=96, height=64, samples=16, crop=(20, 8, 33, 29)))
-    np.testing.assert_array_equal(again.layers["beauty"], picture.layers["beauty"][8:37, 20:53])
+@pytest.mark.parametrize("crop", [(20, 8, 33, 29), (0, 0, 1, 1), (95, 63, 1, 1), (37, 21, 7, 3)])
+def test_a_crop_is_a_part_of_the_whole(still, picture, crop):
+    again = render(still, CAMERA, Settings(width=96, height=64, samples=16, crop=crop))
+    x, y, width, height = crop
+    for name, layer in picture.layers.items():
+        np.testing.assert_array_equal(again.layers[name], layer[y : y + height, x : x + width])
 
 
 def test_beauty_alone_is_the_same_beauty(still, picture):
