@@ -7,6 +7,7 @@ longest leg of a mesh triangle, and thus how fine w(p) can be.
 from __future__ import annotations
 
 import math
+from abc import ABC, abstractmethod
 from typing import Annotated, Any
 
 from pydantic import BeforeValidator, Field
@@ -30,7 +31,7 @@ def _triple(value: Any) -> Any:
 Sides = Annotated[tuple[Length, Length, Length], BeforeValidator(_triple)]
 
 
-class Solid(Parameters):
+class Solid(Parameters, ABC):
     """Base: the fineness of the mesh, a 32nd of the longest side unless given."""
 
     fineness: Length | None = None
@@ -46,14 +47,17 @@ class Solid(Parameters):
             raise OptionError("fineness", expected, f"{length:g}", type(self).__name__.lower())
         return self._make(length)
 
+    @abstractmethod
     def _longest(self) -> float:
-        raise NotImplementedError
+        """The longest side."""
 
+    @abstractmethod
     def _area(self) -> float:
-        raise NotImplementedError
+        """Of the whole surface, roughly."""
 
+    @abstractmethod
     def _make(self, fineness: float) -> Geometry:
-        raise NotImplementedError
+        """The mesh with edges of at most `fineness`."""
 
 
 class Plane(Solid):

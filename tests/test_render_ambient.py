@@ -1,0 +1,48 @@
+"""Ambient light alone: a picture of the baked w against an occlusion image made pixel by pixel, without the baker."""
+
+import numpy as np
+import trimesh
+
+import ao
+from raytrace import Camera, Lambert, Mesh, Object, Scene, Settings, Shape, render
+from raytrace.embree import TriangleScene
+from raytrace.lights import AmbientLight
+from raytrace.query import occluded
+from scenes import primitives
+
+REACH = 1.0
+RAYS = 4096
+
+
+def test_ambient_light_is_the_brute_force_occlusion_image():
+    ball = trimesh.creation.icosphere(subdivisions=5, radius=0.7)
+    meshes = (
+        primitives.plane((-2, -2, -1), (4, 0, 0), (0, 4, 0), 0.04).mesh,
+        primitives.box((0.9, 0.3, -0.45), (0.8, 0.8, 0.8), 0.04).mesh,
+        Mesh(ball.vertices + [-0.5, -0.2, -0.2], ball.faces),
+    )
+    white = tuple(Object(Shape(mesh, Lambert(albedo=1))) for mesh in meshes)
+    scene = Scene(white, (AmbientLight(intensity=1),))
+    whole = scene.flattened()
+    scene = scene.with_obscurance(ao.bake(whole, ao.Binary(max_distance=REACH), samples=1024).w)
+    camera = Camera((1.5, -4, 2), (0, 0, -0.5))
+    layers = render(scene, camera, Settings(width=48, height=32, samples=1)).layers
+
+    hit = layers["object_id"][..., 0] > 0
+    rows, columns = np.nonzero(hit)
+    directions = camera.directions((2 * columns + 1 - 48) / 32, 1 - (2 * rows + 1) / 32)
+    normals = layers["normal"][hit].astype(float)
+    points = camera.position + layers["depth"][..., 0][hit].astype(float)[:, None] * directions + 1e-4 * normals
+    embree = TriangleScene(np.float32(whole.vertices), whole.faces)
+    rng = np.random.default_rng(0)
+    blocked = np.zeros(len(points))
+    for _ in range(RAYS):
+        ball_points = rng.normal(size=points.shape)
+        ball_points /= np.linalg.norm(ball_points, axis=1, keepdims=True)
+        blocked += occluded(
+            embree, points, normals + ball_points, REACH / np.linalg.norm(normals + ball_points, axis=1)
+        )
+    error = layers["beauty"][..., 0][hit] - (1 - blocked / RAYS)
+    assert hit.sum() > 500
+    assert np.sqrt(np.mean(error**2)) < 0.01
+    assert abs(error.mean()) < 0.002
