@@ -19,7 +19,7 @@ def test_ambient_light_is_the_brute_force_occlusion_image():
     meshes = (
         primitives.plane((-2, -2, -1), (4, 0, 0), (0, 4, 0), 0.04).mesh,
         primitives.box((0.9, 0.3, -0.45), (0.8, 0.8, 0.8), 0.04).mesh,
-        Mesh(ball.vertices + [-0.5, -0.2, -0.2], ball.faces),
+        Mesh(np.add(ball.vertices, (-0.5, -0.2, -0.2)), ball.faces),
     )
     white = tuple(Object(Shape(mesh, Lambert(albedo=1))) for mesh in meshes)
     scene = Scene(white, (AmbientLight(intensity=1),))
