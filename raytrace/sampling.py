@@ -4,7 +4,7 @@ Owen-scrambled Sobol points: Sobol 1967's first two dimensions under nested unif
 down to the cell that holds one point and uniform below it, every random bit a hash of (key, set, dimension, node).
 
 Jittered golden lattice: the rank-1 lattice of the golden ratio (Kronecker 1884), each point moved at random by up to
-one stratum in either coordinate. Where a function jumps, as visibility does, it needs a fifth fewer points than Sobol's;
+one stratum in either coordinate. Where a function jumps, as visibility does, it needs a fifth fewer points than Sobol;
 the jitter keeps smooth functions from being hit at the same places of every stratum.
 """
 
