@@ -64,7 +64,9 @@ def bake(
         str | None, typer.Option(help='Distance that closes half, in mesh units or "50%" of the radius (the default).')
     ] = None,
     max_distance: Annotated[str, typer.Option(help='No occlusion from farther: mesh units, "25%" or inf.')] = "inf",
-    samples: Annotated[int, typer.Option(help="Rays a vertex; powers of two are best.")] = 256,
+    samples: Annotated[int | None, typer.Option(help="Rays a vertex, 256; the most with --tolerance.")] = None,
+    tolerance: Annotated[float | None, typer.Option(help="RMS error of w to bake to, by as few rays as do.")] = None,
+    reconstruct: Annotated[bool, typer.Option(help="Let vertices learn from their neighbours.")] = True,
     seed: Annotated[int, typer.Option(help="Another seed, another set of rays.")] = 0,
     threads: Threads = None,
     normals: Annotated[
@@ -76,6 +78,7 @@ def bake(
 ) -> None:
     """Bake obscurance w(p) at every vertex of a mesh."""
     options = {key: _plain(value) for key, value in locals().items() if key not in ("report", "quiet")}
+    import ao
     from raytrace.atomic import check_writable
     from scenes.write import check_target, write
 
@@ -88,7 +91,11 @@ def bake(
     start = time.perf_counter()
     source = load(mesh)
     loaded = time.perf_counter()
-    baked = _bake(source.mesh, chosen, samples, seed, threads, normals.value, quiet)
+    with _progress(quiet, "rays") as progress, _compiling("hemisphere"):
+        baked = ao.bake(
+            source.mesh, chosen, samples, seed, threads, normals.value, progress,
+            tolerance=tolerance, reconstruct=reconstruct,
+        )  # fmt: skip
     tracing = time.perf_counter()
     write(output, baked, source, colors=colors)
     seconds = {"load": loaded - start, "write": time.perf_counter() - tracing}
@@ -257,15 +264,6 @@ def _falloff(form: FalloffForm, tau: float | None, half_distance: str | None, ma
         if value is not None:
             raise OptionError(name, "--falloff exponential with it", "--falloff binary")
     return ao.Binary(max_distance)
-
-
-def _bake(
-    mesh: Any, falloff: ao.Falloff, samples: int, seed: int, threads: int | None, normals: Any, quiet: bool
-) -> Any:
-    import ao
-
-    with _progress(quiet, "rays") as progress, _compiling("hemisphere"):
-        return ao.bake(mesh, falloff, samples, seed, threads, normals, progress)
 
 
 @contextmanager
