@@ -1,0 +1,98 @@
+"""From measured runs to the time that a wanted error takes, speed-ups and their means."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from statistics import median
+from typing import Any
+
+TARGETS = (0.01, 0.004)
+
+
+@dataclass(frozen=True)
+class Point:
+    """One rung of a method's ladder on one mesh and falloff, all rounds together: medians, and the range of seconds."""
+
+    setting: float
+    seconds: float
+    fastest: float
+    slowest: float
+    build: float
+    rmse: float
+    p99: float
+    largest: float
+    mean: float
+
+    @classmethod
+    def of(cls, run: dict[str, Any]) -> Point:
+        """Of a run's `setting`, and its `seconds`, `build`, `rmse`, `p99`, `largest` and `mean`, lists over rounds."""
+        times = run["seconds"]
+        middle = {name: median(run[name]) for name in ("build", "rmse", "p99", "largest", "mean")}
+        return cls(run["setting"], median(times), min(times), max(times), **middle)
+
+
+Curves = dict[tuple[str, str], dict[str, list[Point]]]
+
+
+def curves(runs: Iterable[dict[str, Any]]) -> Curves:
+    """Points of every method, by (mesh, falloff) and method, in the order measured."""
+    found: Curves = {}
+    for run in runs:
+        found.setdefault((run["mesh"], run["falloff"]), {}).setdefault(run["method"], []).append(Point.of(run))
+    return found
+
+
+@dataclass(frozen=True)
+class TimeTo:
+    """Seconds until a wanted RMSE, and how they were found.
+
+    Attributes:
+        how: "between" two measured points; "beyond" the best one, along the last two; "below": already the cheapest
+            run is better than asked, and its time is what it takes.
+    """
+
+    seconds: float
+    how: str
+
+
+def time_to(points: Sequence[Point], rmse: float) -> TimeTo | None:
+    """Seconds a method needs for `rmse`: its curve, straight between measured points in log–log.
+
+    Points are taken by their time, so a ladder may climb rays upwards or a tolerance downwards. None where the curve
+    cannot tell: no points, or an end above `rmse` that does not fall.
+    """
+    curve = sorted(points, key=lambda point: point.seconds)
+    if not curve:
+        return None
+    if curve[0].rmse <= rmse:
+        return TimeTo(curve[0].seconds, "below")
+    for a, b in pairwise(curve):
+        if b.rmse <= rmse:
+            return TimeTo(_along(a, b, rmse) if b.rmse > 0 else b.seconds, "between")
+    if len(curve) < 2 or not (curve[-1].rmse < curve[-2].rmse and curve[-1].seconds > curve[-2].seconds):
+        return None
+    return TimeTo(_along(curve[-2], curve[-1], rmse), "beyond")
+
+
+def _along(a: Point, b: Point, rmse: float) -> float:
+    part = math.log(a.rmse / rmse) / math.log(a.rmse / b.rmse)
+    return math.exp(math.log(a.seconds) + part * math.log(b.seconds / a.seconds))
+
+
+def best(times: Iterable[TimeTo | None]) -> TimeTo | None:
+    """The shortest of those that are known."""
+    return min((time for time in times if time), key=lambda time: time.seconds, default=None)
+
+
+def speed_up(ours: TimeTo | None, theirs: TimeTo | None) -> float | None:
+    """How many times as long they take, or None where a time is not known."""
+    return theirs.seconds / ours.seconds if ours and theirs else None
+
+
+def geometric_mean(values: Iterable[float | None]) -> float | None:
+    """Of the values that are known; None without any."""
+    logs = [math.log(value) for value in values if value is not None]
+    return math.exp(sum(logs) / len(logs)) if logs else None
