@@ -14,6 +14,7 @@ import argparse
 import json
 import tempfile
 import time
+from contextlib import ExitStack
 from pathlib import Path
 from statistics import median
 from typing import Any
@@ -94,9 +95,10 @@ def smooth(image: npt.NDArray[np.floating], tolerance: float) -> npt.NDArray[np.
 def compare(path: Path, python: str, rounds: int) -> dict[str, Any]:
     """Agreement and times on one mesh."""
     scene, camera, meshes, lights = make_scene(load(path).mesh)
-    with tempfile.TemporaryDirectory() as name:
-        folder = Path(name)
-        peer = Process(python, "mitsuba_direct.py", export(folder, camera, meshes, lights))
+    with ExitStack() as stack:
+        folder = Path(stack.enter_context(tempfile.TemporaryDirectory()))
+        description = export(folder, camera, meshes, lights)
+        peer = stack.enter_context(Process(python, "mitsuba_direct.py", description))
         ours = np.zeros((HEIGHT, WIDTH, 3))
         theirs = np.zeros((HEIGHT, WIDTH, 3))
         settings = Settings(width=WIDTH, height=HEIGHT, samples=SAMPLES, terminator=False, obscurance="off")

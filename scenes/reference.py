@@ -13,7 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ao.falloff import Mu
-from ao.receivers import find_receivers
+from ao.receivers import Points, find_receivers
 from raytrace.embree import TriangleScene
 from raytrace.mesh import Mesh
 from raytrace.parallel import run_blocks, thread_count
@@ -69,11 +69,17 @@ def reference(
     """
     placement = Placement.of(mesh)
     receivers = find_receivers(mesh, placement)
-    points = receivers.points
-    chance = np.random.default_rng(_SEED)
-    chosen = np.sort(chance.permutation(len(points))[:vertices])
-    points = points[chosen]
     scene = TriangleScene(placement.vertices, receivers.faces)
+    order = np.random.default_rng(_SEED).permutation(len(receivers.points))
+    points = receivers.points[np.sort(order[:vertices])]
+    return Reference(points.numbers.astype(np.int64), trace(scene, placement, points, mus, rays, threads))
+
+
+def trace(
+    scene: TriangleScene, placement: Placement, points: Points, mus: Sequence[Mu], rays: int, threads: int | None = None
+) -> Floats:
+    """w (falloffs, k) at `points`: plain means over `rays` closest hits, the same directions whatever the origins."""
+    chance = np.random.default_rng(_SEED)
     sets = cosine_hemisphere(*owen_sobol(_SETS, rays, seed_key(_SEED))).astype(np.float32)
     drawn = chance.integers(_SETS, size=len(points))
     frames = _turned_frames(points.normals, chance.uniform(0, 2 * np.pi, len(points)))
@@ -88,7 +94,7 @@ def reference(
             w[row, first:last] = mu(distance).reshape(-1, rays).mean(axis=1)
 
     run_blocks(len(points), max(_BLOCK_RAYS // rays, 1), work, thread_count(threads))
-    return Reference(points.numbers.astype(np.int64), w)
+    return w
 
 
 def _turned_frames(normals: npt.NDArray[np.float32], turns: Floats) -> npt.NDArray[np.float32]:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import json
 import subprocess
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -36,7 +37,17 @@ class Process:
             text=True,
         )
         self.script = script
-        self.about = self._message()
+        try:
+            self.about = self._message()
+        except PeerFailed:
+            self.close()
+            raise
+
+    def __enter__(self) -> Process:
+        return self
+
+    def __exit__(self, *reason: object) -> None:
+        self.close()
 
     def ask(self, **request: Any) -> dict[str, Any]:
         """The peer's answer to a request.
@@ -45,18 +56,14 @@ class Process:
             PeerFailed: it has ended.
         """
         assert self.process.stdin
-        try:
+        with suppress(BrokenPipeError):  # the missing answer tells
             self.process.stdin.write(json.dumps(request) + "\n")
             self.process.stdin.flush()
-        except BrokenPipeError:
-            pass  # the missing answer tells
         return self._message()
 
     def close(self) -> None:
         """End the peer: it stops at the end of its requests."""
-        assert self.process.stdin
-        self.process.stdin.close()
-        self.process.wait()
+        self.process.communicate()
 
     def _message(self) -> dict[str, Any]:
         assert self.process.stdout

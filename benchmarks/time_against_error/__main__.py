@@ -20,7 +20,7 @@ from .machine import machine
 from .measure import Plan, measure_mesh, warm_up
 from .methods import METHODS
 from .present import present
-from .programs import find_programs, peer_option
+from .programs import open_programs, peer_option
 from .results import write_results
 from .suite import builtin, from_folder
 
@@ -37,21 +37,7 @@ def main() -> None:
     arguments = parser.parse_args()
     start = time.perf_counter()
     plan = QUICK if arguments.quick else FULL
-    programs, missing = find_programs(dict(arguments.peer))
-    for name, reason in missing.items():
-        print(f"{name} is left out: {reason}")
-    methods = [method for method in METHODS if method.program in programs]
     specimens = builtin(arguments.quick) + (from_folder(arguments.meshes, arguments.quick) if arguments.meshes else [])
-    results: dict[str, Any] = {
-        "machine": machine(),
-        "versions": {name: program.version for name, program in programs.items()},
-        "missing": missing,
-        "plan": asdict(plan),
-        "targets": TARGETS,
-        "methods": [asdict(method) for method in methods],
-        "meshes": [],
-        "runs": [],
-    }
     if arguments.quick:
         results_folder = docs_folder = ROOT / "build" / "time_against_error"
     else:
@@ -59,13 +45,27 @@ def main() -> None:
     for folder in (results_folder, docs_folder):
         folder.mkdir(parents=True, exist_ok=True)
     target = results_folder / "time_against_error.json"
-    warm_up(programs, methods)
-    for specimen in specimens:
-        about, runs = measure_mesh(specimen, programs, methods, plan, lambda text: print(text, flush=True))
-        results["meshes"].append(about)
-        results["runs"] += runs
-        results["minutes"] = (time.perf_counter() - start) / 60
-        write_results(target, results)
+    with open_programs(dict(arguments.peer)) as (programs, missing):
+        for name, reason in missing.items():
+            print(f"{name} is left out: {reason}")
+        methods = [method for method in METHODS if method.program in programs]
+        results: dict[str, Any] = {
+            "machine": machine(),
+            "versions": {name: program.version for name, program in programs.items()},
+            "missing": missing,
+            "plan": asdict(plan),
+            "targets": TARGETS,
+            "methods": [asdict(method) for method in methods],
+            "meshes": [],
+            "runs": [],
+        }
+        warm_up(programs, methods)
+        for specimen in specimens:
+            about, runs = measure_mesh(specimen, programs, methods, plan, lambda text: print(text, flush=True))
+            results["meshes"].append(about)
+            results["runs"] += runs
+            results["minutes"] = (time.perf_counter() - start) / 60
+            write_results(target, results)
     print(f"\n{present(results, docs_folder)}\n{target}, {docs_folder}: {results['minutes']:.1f} minutes")
 
 

@@ -18,7 +18,7 @@ import numpy as np
 from scenes.reference import RAYS, Errors
 
 from .methods import METHODS, OURS, Method
-from .programs import Program, Task, find_programs, peer_option
+from .programs import Program, Task, open_programs, peer_option
 from .references import cached_reference
 from .suite import Specimen, builtin, falloffs, from_folder
 from .tables import markdown
@@ -60,10 +60,10 @@ def main() -> None:
     parser.add_argument("--meshes", type=Path, metavar="FOLDER", help="the three smallest mesh files in it, as well")
     peer_option(parser)
     arguments = parser.parse_args()
-    programs, missing = find_programs(dict(arguments.peer))
-    methods = [method for method in METHODS if method.program in programs and method.setting == "samples"]
     specimens = builtin(quick=True) + (from_folder(arguments.meshes, quick=True) if arguments.meshes else [])
-    rows = [row for specimen in specimens for row in compare(specimen, programs, methods, arguments.samples)]
+    with open_programs(dict(arguments.peer)) as (programs, missing):
+        methods = [method for method in METHODS if method.program in programs and method.setting == "samples"]
+        rows = [row for specimen in specimens for row in compare(specimen, programs, methods, arguments.samples)]
     versions = ", ".join(program.version for name, program in programs.items() if name != OURS)
     notes = [f"{name} is missing: {reason}" for name, reason in missing.items()]
     text = f"# Agreement with the reference\n\n{versions}; reference of {RAYS:,} rays. {' '.join(notes)}".rstrip()

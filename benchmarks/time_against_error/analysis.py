@@ -10,6 +10,7 @@ from statistics import median
 from typing import Any
 
 TARGETS = (0.01, 0.004)
+LEAST_SLOPE = -0.4  # a curve that ends flatter is held up by a bias and is not continued; random rays have −1/2
 
 
 @dataclass(frozen=True)
@@ -62,7 +63,7 @@ def time_to(points: Sequence[Point], rmse: float) -> TimeTo | None:
     """Seconds a method needs for `rmse`: its curve, straight between measured points in log–log.
 
     Points are taken by their time, so a ladder may climb rays upwards or a tolerance downwards. None where the curve
-    cannot tell: no points, or an end above `rmse` that does not fall.
+    cannot tell: no points, or an end above `rmse` that falls no faster than `LEAST_SLOPE`.
     """
     curve = sorted(points, key=lambda point: point.seconds)
     if not curve:
@@ -72,9 +73,14 @@ def time_to(points: Sequence[Point], rmse: float) -> TimeTo | None:
     for a, b in pairwise(curve):
         if b.rmse <= rmse:
             return TimeTo(_along(a, b, rmse) if b.rmse > 0 else b.seconds, "between")
-    if len(curve) < 2 or not (curve[-1].rmse < curve[-2].rmse and curve[-1].seconds > curve[-2].seconds):
+    if len(curve) < 2 or _slope(*curve[-2:]) > LEAST_SLOPE:
         return None
     return TimeTo(_along(curve[-2], curve[-1], rmse), "beyond")
+
+
+def _slope(a: Point, b: Point) -> float:
+    """d log RMSE / d log seconds."""
+    return math.log(b.rmse / a.rmse) / math.log(b.seconds / a.seconds) if b.seconds > a.seconds else math.inf
 
 
 def _along(a: Point, b: Point, rmse: float) -> float:

@@ -6,7 +6,8 @@ import argparse
 import sys
 import tempfile
 import time
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Protocol
@@ -89,31 +90,27 @@ class Ours:
 
 
 class Peer:
-    """A peer's script in a process of its own.
+    """A peer's script in a process of its own; `folder` takes its answers."""
 
-    Raises:
-        PeerFailed: it does not start.
-    """
-
-    def __init__(self, name: str, python: Path) -> None:
-        self.process = Process(python, f"ao_{name}.py")
-        self.version: str = self.process.about["version"]
-        self.folder = tempfile.TemporaryDirectory()
+    def __init__(self, process: Process, folder: Path) -> None:
+        self.process, self.target = process, folder / "w.npy"
+        self.version: str = process.about["version"]
 
     def bake(self, task: Task, falloff: ao.Falloff, seed: int, arguments: Mapping[str, Any]) -> Made:
         mu: Mu = falloff.resolve(task.mesh.radius)
         options = dict(arguments)
-        samples, target = options.pop("samples"), Path(self.folder.name) / "w.npy"
+        samples = int(options.pop("samples"))
         answer = self.process.ask(
-            mesh=str(task.arrays), samples=int(samples), seed=seed, tau=(mu.tau or 0.0) / task.scale,
-            reach=mu.max_distance * task.scale, options=options, target=str(target),
+            mesh=str(task.arrays), samples=samples, seed=seed, tau=(mu.tau or 0.0) / task.scale,
+            reach=mu.max_distance * task.scale, options=options, target=str(self.target),
         )  # fmt: skip
         w = np.full(len(task.mesh.vertices), np.nan)
-        w[task.numbers] = np.load(target)
+        w[task.numbers] = np.load(self.target)
         return Made(answer["build"] + answer["trace"], answer["build"], w)
 
 
-def find_programs(given: Mapping[str, Path]) -> tuple[dict[str, Program], dict[str, str]]:
+@contextmanager
+def open_programs(given: Mapping[str, Path]) -> Iterator[tuple[dict[str, Program], dict[str, str]]]:
     """Ours and every peer that starts, and why the others do not.
 
     Args:
@@ -122,17 +119,20 @@ def find_programs(given: Mapping[str, Path]) -> tuple[dict[str, Program], dict[s
     """
     programs: dict[str, Program] = {OURS: Ours()}
     missing = {}
-    for name in PEERS:
-        made = Path(sys.executable) if name == "embreex" else ENVIRONMENTS / name / "bin" / "python"
-        python = given.get(name, made)
-        if not python.exists():
-            missing[name] = f"no interpreter {python}: `make peers`, or --peer {name}=PYTHON"
-            continue
-        try:
-            programs[name] = Peer(name, python)
-        except PeerFailed as reason:
-            missing[name] = str(reason)
-    return programs, missing
+    with ExitStack() as stack:
+        for name in PEERS:
+            made = Path(sys.executable) if name == "embreex" else ENVIRONMENTS / name / "bin" / "python"
+            python = given.get(name, made)
+            if not python.exists():
+                missing[name] = f"no interpreter {python}: `make peers`, or --peer {name}=PYTHON"
+                continue
+            try:
+                process = stack.enter_context(Process(python, f"ao_{name}.py"))
+            except PeerFailed as reason:
+                missing[name] = str(reason)
+                continue
+            programs[name] = Peer(process, Path(stack.enter_context(tempfile.TemporaryDirectory())))
+        yield programs, missing
 
 
 def peer_option(parser: argparse.ArgumentParser) -> None:

@@ -55,7 +55,7 @@ def builtin(quick: bool) -> list[Specimen]:
     """Meshes that need no file, coarse to a million vertices; with `quick` three small ones."""
     few = [
         Specimen("pebble", lambda: stone(3)),
-        Specimen("temple", lambda: temple(0.14)),
+        Specimen("temple", lambda: temple(0.3 if quick else 0.14)),
         Specimen("stone", lambda: stone(5 if quick else 6), "stone"),
     ]
     if quick:
@@ -63,7 +63,7 @@ def builtin(quick: bool) -> list[Specimen]:
     return [
         *few,
         Specimen("solids", solids),
-        Specimen("sponge", lambda: menger(3, 1.0, 1)),
+        Specimen("sponge", lambda: menger(2, 1.0, 6)),
         Specimen("stone ×4", lambda: subdivided(stone(6), 1), "stone", dense=True),
         Specimen("stone ×16", lambda: subdivided(stone(6), 2), "stone", dense=True),
         Specimen("coral", lambda: stone(8, octaves=6), dense=True),
