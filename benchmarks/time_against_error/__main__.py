@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import argparse
 import time
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
@@ -26,17 +26,19 @@ from .suite import builtin, from_folder
 
 ROOT = Path(__file__).parent.parent.parent
 FULL = Plan(rounds=3, reference_rays=16384, reference_vertices=8192, patience=1.0)
-QUICK = Plan(rounds=2, reference_rays=8192, reference_vertices=2048, patience=0.15)
+QUICK = Plan(rounds=2, reference_rays=8192, reference_vertices=2048, patience=0.2)
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--quick", action="store_true", help="few meshes, few rays: minutes rather than half an hour")
     parser.add_argument("--meshes", type=Path, metavar="FOLDER", help="also the mesh files in this folder")
+    parser.add_argument("--patience", type=float, default=1.0, help="a factor on the time that methods may take")
     peer_option(parser)
     arguments = parser.parse_args()
     start = time.perf_counter()
     plan = QUICK if arguments.quick else FULL
+    plan = replace(plan, patience=plan.patience * arguments.patience)
     specimens = builtin(arguments.quick) + (from_folder(arguments.meshes, arguments.quick) if arguments.meshes else [])
     if arguments.quick:
         results_folder = docs_folder = ROOT / "build" / "time_against_error"
@@ -50,6 +52,7 @@ def main() -> None:
             print(f"{name} is left out: {reason}")
         methods = [method for method in METHODS if method.program in programs]
         results: dict[str, Any] = {
+            "form": "quick" if arguments.quick else "full",
             "machine": machine(),
             "versions": {name: program.version for name, program in programs.items()},
             "missing": missing,

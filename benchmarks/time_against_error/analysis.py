@@ -51,7 +51,7 @@ class TimeTo:
     """Seconds until a wanted RMSE, and how they were found.
 
     Attributes:
-        how: "between" two measured points; "beyond" the best one, along the last two; "below": already the cheapest
+        how: "between" two measured points; "beyond" the best one, from the last two; "below": already the cheapest
             run is better than asked, and its time is what it takes.
     """
 
@@ -73,14 +73,21 @@ def time_to(points: Sequence[Point], rmse: float) -> TimeTo | None:
     for a, b in pairwise(curve):
         if b.rmse <= rmse:
             return TimeTo(_along(a, b, rmse) if b.rmse > 0 else b.seconds, "between")
-    if len(curve) < 2 or _slope(*curve[-2:]) > LEAST_SLOPE:
+    return _beyond(*curve[-2:], rmse) if len(curve) > 1 else None
+
+
+def _beyond(a: Point, b: Point, rmse: float) -> TimeTo | None:
+    """On past `b`: RMSE by a power of the effort, seconds in proportion to it beyond their fixed part.
+
+    The effort is the setting, where it rises as rays do, and else the seconds themselves.
+    """
+    effort = (a.setting, b.setting) if b.setting > a.setting else (a.seconds, b.seconds)
+    power = math.log(b.rmse / a.rmse) / math.log(effort[1] / effort[0])
+    if power > LEAST_SLOPE:
         return None
-    return TimeTo(_along(curve[-2], curve[-1], rmse), "beyond")
-
-
-def _slope(a: Point, b: Point) -> float:
-    """d log RMSE / d log seconds."""
-    return math.log(b.rmse / a.rmse) / math.log(b.seconds / a.seconds) if b.seconds > a.seconds else math.inf
+    wanted = effort[1] * (rmse / b.rmse) ** (1 / power)
+    rate = max((b.seconds - a.seconds) / (effort[1] - effort[0]), 0.0)
+    return TimeTo(b.seconds + rate * (wanted - effort[1]), "beyond")
 
 
 def _along(a: Point, b: Point, rmse: float) -> float:

@@ -20,7 +20,7 @@ from .references import cached_reference
 from .suite import Specimen, falloffs, stone
 
 STEP = 4.0  # a rung takes about this many times as long as the one before
-ENOUGH = 3.0  # seconds of one rung after which no further round is begun
+ENOUGH = 2.0  # seconds of one rung after which no further round is begun
 
 Say = Callable[[str], None]
 

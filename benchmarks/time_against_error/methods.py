@@ -29,7 +29,7 @@ class Method:
     ladder: tuple[float, ...] = SAMPLES
     options: Mapping[str, Any] = field(default_factory=dict)
     falloffs: tuple[str, ...] = ("binary", "exponential")
-    seconds: float = 20.0
+    seconds: float = 30.0
     most_vertices: int = 10**9
 
 

@@ -38,7 +38,8 @@ def _origin(results: dict[str, Any]) -> str:
     lines = [
         "# Time against error",
         "",
-        f"Made by `python -m benchmarks.time_against_error` in {results['minutes']:.0f} minutes on {machine['cpu']},"
+        f"Made by `python -m benchmarks.time_against_error`, {results['form']} form, in"
+        f" {results['minutes']:.0f} minutes on {machine['cpu']},"
         f" {machine['threads']} threads, load {machine['load']:.1f} before the start, {machine['system']}; {versions}.",
         f"Seeds 0 to {plan['rounds'] - 1}, one a round; reference of {plan['reference_rays']:,} rays at"
         f" {plan['reference_vertices']:,} vertices or all.",
