@@ -62,18 +62,18 @@ class TimeTo:
 def time_to(points: Sequence[Point], rmse: float) -> TimeTo | None:
     """Seconds a method needs for `rmse`: its curve, straight between measured points in log–log.
 
-    Points are taken by their time, so a ladder may climb rays upwards or a tolerance downwards. None where the curve
-    cannot tell: no points, or an end above `rmse` that falls no faster than `LEAST_SLOPE`.
+    Args: points: in the order of the ladder, from fast to good.
+
+    None where the curve cannot tell: no points, or an end above `rmse` that falls no faster than `LEAST_SLOPE`.
     """
-    curve = sorted(points, key=lambda point: point.seconds)
-    if not curve:
+    if not points:
         return None
-    if curve[0].rmse <= rmse:
-        return TimeTo(curve[0].seconds, "below")
-    for a, b in pairwise(curve):
+    if points[0].rmse <= rmse:
+        return TimeTo(points[0].seconds, "below")
+    for a, b in pairwise(points):
         if b.rmse <= rmse:
             return TimeTo(_along(a, b, rmse) if b.rmse > 0 else b.seconds, "between")
-    return _beyond(*curve[-2:], rmse) if len(curve) > 1 else None
+    return _beyond(points[-2], points[-1], rmse) if len(points) > 1 else None
 
 
 def _beyond(a: Point, b: Point, rmse: float) -> TimeTo | None:

@@ -21,6 +21,7 @@ PLOTS = {
 }
 AXES = {"rmse": "RMSE", "p99": "99th percentile of |error|", "largest": "largest |error|"}
 COLUMNS = 3
+LEGEND = 0.5  # inches
 
 
 def plot(results: dict[str, Any], found: Curves, folder: Path) -> None:
@@ -36,7 +37,7 @@ def plot(results: dict[str, Any], found: Curves, folder: Path) -> None:
             figure, axes = plt.subplots(rows, COLUMNS, figsize=(4 * COLUMNS, 3.1 * rows), squeeze=False)
             for panel, mesh in zip(axes.flat, meshes, strict=False):
                 for name, points in found[mesh, falloff].items():
-                    seen = sorted((p.seconds, getattr(p, kind)) for p in points if getattr(p, kind) > 0)
+                    seen = [(p.seconds, getattr(p, kind)) for p in points if getattr(p, kind) > 0]
                     weight = 2.2 if name in ours else 1.1
                     panel.plot(*zip(*seen, strict=True), "o-", ms=3, lw=weight, color=colours[name], label=name)
                 panel.set(xscale="log", yscale="log", title=f"{mesh}, {sizes[mesh]:,} vertices")
@@ -55,7 +56,6 @@ def plot(results: dict[str, Any], found: Curves, folder: Path) -> None:
                 text: line for panel in axes.flat for line, text in zip(*panel.get_legend_handles_labels(), strict=True)
             }
             figure.legend(handles.values(), handles.keys(), loc="upper center", ncols=4, frameon=False, fontsize=9)
-            figure.suptitle(" ")
-            figure.tight_layout()
+            figure.tight_layout(rect=(0, 0, 1, 1 - LEGEND / figure.get_figheight()))
             figure.savefig(folder / f"{kind}-{falloff.replace(' ', '-').replace('%', '')}.png", dpi=80)
             plt.close(figure)
