@@ -82,6 +82,8 @@ def _beyond(a: Point, b: Point, rmse: float) -> TimeTo | None:
     The effort is the setting, where it rises as rays do, and else the seconds themselves.
     """
     effort = (a.setting, b.setting) if b.setting > a.setting else (a.seconds, b.seconds)
+    if effort[1] <= effort[0]:
+        return None
     power = math.log(b.rmse / a.rmse) / math.log(effort[1] / effort[0])
     if power > LEAST_SLOPE:
         return None
