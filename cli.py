@@ -232,6 +232,34 @@ def compare(
 
 
 @app.command()
+def bench(
+    mesh: Annotated[Path | None, typer.Argument(metavar="[MESH]", help="A mesh file; without one, a temple.")] = None,
+    falloff: Annotated[
+        FalloffForm, typer.Option(help="μ: how occlusion fades with distance.")
+    ] = FalloffForm.exponential,
+    max_distance: Annotated[str, typer.Option(help='No occlusion from farther: mesh units, "25%" or inf.')] = "inf",
+    seed: Annotated[int, typer.Option(help="Of the first round; the next ones follow.")] = 0,
+    threads: Threads = None,
+    report: Annotated[Path | None, typer.Option(help="Also write every round as JSON.")] = None,
+) -> None:
+    """Measure bake time against error on this machine."""
+    options = {key: _plain(value) for key, value in locals().items() if key != "report"}
+    from raytrace.atomic import check_writable
+    from scenes.bench import mesh_to_bench, run, table, write_report
+
+    chosen = _falloff(falloff, None, None, max_distance)
+    if report:
+        check_writable(report)
+    judged = mesh_to_bench(mesh)
+    with _compiling("hemisphere"):
+        rows = run(judged, chosen, seed=seed, threads=threads)
+    print(f"{judged.source}: {len(judged.vertices):,} vertices, {len(judged.faces):,} faces")
+    print(table(rows))
+    if report:
+        write_report(report, judged, rows, options, threads)
+
+
+@app.command()
 def demo(
     output: Annotated[Path, typer.Option("--output", "-o", help="Folder for the mesh and the picture.")] = Path("demo"),
     quiet: Quiet = False,
