@@ -70,6 +70,14 @@ class Receivers:
     flags: npt.NDArray[np.uint8]
     faces: Ints
 
+    @property
+    def first_vertex(self) -> Ints:
+        """The first vertex (k,) of each point."""
+        vertices = np.flatnonzero(self.of_vertex >= 0)[::-1]
+        first = np.empty(len(self.points), np.int64)
+        first[self.of_vertex[vertices]] = vertices
+        return first
+
     def only(self, wanted: npt.NDArray[np.bool_]) -> Receivers:
         """The points of the `wanted` vertices, bool (n,); the other vertices have none.
 

@@ -71,8 +71,9 @@ def reference(
     receivers = find_receivers(mesh, placement)
     scene = TriangleScene(placement.vertices, receivers.faces)
     order = np.random.default_rng(_SEED).permutation(len(receivers.points))
-    points = receivers.points[np.sort(order[:vertices])]
-    return Reference(points.numbers.astype(np.int64), trace(scene, placement, points, mus, rays, threads))
+    chosen = np.sort(order[:vertices])
+    points = receivers.points[chosen]
+    return Reference(receivers.first_vertex[chosen], trace(scene, placement, points, mus, rays, threads))
 
 
 def trace(

@@ -49,7 +49,7 @@ class Task:
         """The points, normals and origins of our own baker, coincident vertices once, written to `target`."""
         placement = Placement.of(mesh)
         receivers = find_receivers(mesh, placement)
-        points, numbers = receivers.points, receivers.points.numbers.astype(np.int64)
+        points, numbers = receivers.points, receivers.first_vertex
         np.savez(
             target, vertices=placement.vertices, faces=receivers.faces.astype(np.uint32), origins=points.origins,
             normals=points.normals, numbers=numbers, of_vertex=receivers.of_vertex,
