@@ -16,6 +16,8 @@ from .vector import add, cross, dot, load, scale, subtract
 
 Floats = npt.NDArray[np.float64]
 Ints = npt.NDArray[np.int64]
+_WIDTH = 2.0  # of a cell, in mean distances between points
+_FEW = 12  # cells of a face's bounding box that are all visited
 _FINEST = 2.0**-18  # of the extent: cells are numbered within 21 bits
 
 
@@ -25,6 +27,10 @@ class Contacts(NamedTuple):
     point: Ints
     face: Ints
     distance: Floats
+
+    def only(self, which: npt.NDArray[np.bool_] | slice) -> Contacts:
+        """Some of the pairs; `which` is bool (j,) or a slice."""
+        return Contacts(self.point[which], self.face[which], self.distance[which])
 
 
 def find_contacts(points: Floats, reach: Floats, vertices: Floats, faces: Ints, seats: Ints) -> Contacts:
@@ -37,25 +43,23 @@ def find_contacts(points: Floats, reach: Floats, vertices: Floats, faces: Ints, 
     none = Contacts(np.zeros(0, np.int64), np.zeros(0, np.int64), np.zeros(0))
     if not len(points) or not len(faces):
         return none
-    edges = vertices[faces[:, 1:]] - vertices[faces[:, :1]]
-    area = 0.5 * float(np.linalg.norm(np.cross(edges[:, 0], edges[:, 1]), axis=1).sum())
     widest = float(reach.max())
     extent = float(np.ptp(points, axis=0).max()) + 2 * widest
-    cell = max(np.sqrt(area / len(points)), 4 * widest, _FINEST * extent)
+    cell = max(_WIDTH * np.sqrt(_area(vertices, faces) / len(points)), 4 * widest, _FINEST * extent)
     low = points.min(axis=0) - widest
     cells = np.floor((points - low) / cell).astype(np.int64)
     size = 1 << (2 * len(points)).bit_length()
-    bucket = _buckets(cells, size - 1)
-    order = np.argsort(bucket, kind="stable")
-    starts = np.searchsorted(bucket[order], np.arange(size + 1))
+    starts, order = np.zeros(size + 1, np.int64), np.empty(len(cells), np.int64)
+    _sort(cells, starts, order)
     high = np.ceil((points.max(axis=0) - low) / cell).astype(np.int64)
 
-    found = none
+    found = Contacts(*(np.empty(len(points), kind) for kind in (np.int64, np.int64, np.float64)))
     while True:
         count = _pairs(points, reach, widest, vertices, faces, seats, low, high, cell, starts, order, cells, *found)
         if count <= len(found.point):
             break
         found = Contacts(np.empty(count, np.int64), np.empty(count, np.int64), np.empty(count))
+    found = found.only(slice(count))
     order = np.lexsort((found.face, found.point))
     return Contacts(found.point[order], found.face[order], found.distance[order])
 
@@ -67,11 +71,28 @@ def _hash(x, y, z, mask):
 
 
 @kernel
-def _buckets(cells, mask):
-    out = np.empty(len(cells), np.int64)
+def _sort(cells, starts, order):
+    """Order points by the hash of their cell: bucket b holds order[starts[b] : starts[b + 1]]."""
+    mask = len(starts) - 2
+    bucket = np.empty(len(cells), np.int64)
     for i in range(len(cells)):
-        out[i] = _hash(cells[i, 0], cells[i, 1], cells[i, 2], mask)
-    return out
+        bucket[i] = _hash(cells[i, 0], cells[i, 1], cells[i, 2], mask)
+        starts[bucket[i]] += 1
+    for b in range(mask + 1):
+        starts[b + 1] += starts[b]
+    for i in range(len(cells) - 1, -1, -1):
+        starts[bucket[i]] -= 1
+        order[starts[bucket[i]]] = i
+
+
+@kernel
+def _area(vertices, faces):
+    total = 0.0
+    for f in range(len(faces)):
+        a, b, c = load(vertices, faces[f, 0]), load(vertices, faces[f, 1]), load(vertices, faces[f, 2])
+        normal = cross(subtract(b, a), subtract(c, a))
+        total += 0.5 * np.sqrt(dot(normal, normal))
+    return total
 
 
 @inline
@@ -116,19 +137,31 @@ def _span(corners, u, v, left, right):
     return low, high
 
 
+@inline
+def _cells(bottom, top, low, cell, high):
+    """First and last number of the cells that hold [bottom, top] along one axis, within 0 and `high`."""
+    return max(int(np.floor((bottom - low) / cell)), 0), min(int(np.floor((top - low) / cell)), high)
+
+
 @kernel
 def _pairs(points, reach, widest, vertices, faces, seats, low, high, cell, starts, order, cells, point, face, distance):
     """Write the pairs into point, face, distance as far as they fit, and return how many there are."""
     count = 0
     mask = len(starts) - 2
-    corners = np.empty((3, 3))
-    at = np.empty(3, np.int64)
+    corners, bottom, top = np.empty((3, 3)), np.empty(3), np.empty(3)
+    begin, end, at = np.empty(3, np.int64), np.empty(3, np.int64), np.empty(3, np.int64)
     for f in range(len(faces)):
-        for k in range(3):
-            for axis in range(3):
+        size = 1
+        for axis in range(3):
+            for k in range(3):
                 corners[k, axis] = vertices[faces[f, k], axis]
+            bottom[axis] = min(corners[0, axis], corners[1, axis], corners[2, axis]) - widest
+            top[axis] = max(corners[0, axis], corners[1, axis], corners[2, axis]) + widest
+            begin[axis], end[axis] = _cells(bottom[axis], top[axis], low[axis], cell, high[axis])
+            size *= max(end[axis] - begin[axis] + 1, 0)
         a, b, c = load(corners, 0), load(corners, 1), load(corners, 2)
         normal = cross(subtract(b, a), subtract(c, a))
+        length = np.sqrt(dot(normal, normal)) * (1.0 + 1e-9)
         w = 0
         if abs(normal[1]) > abs(normal[w]):
             w = 1
@@ -137,30 +170,40 @@ def _pairs(points, reach, widest, vertices, faces, seats, low, high, cell, start
         u, v = (w + 1) % 3, (w + 2) % 3
         slope_u, slope_v = -normal[u] / normal[w], -normal[v] / normal[w]
         slack = widest + 0.5 * cell * (abs(slope_u) + abs(slope_v))
-        bottom, top = corners[:, u].min() - widest, corners[:, u].max() + widest
-        low_w, high_w = corners[:, w].min() - widest, corners[:, w].max() + widest
-        for i in range(max(int(np.floor((bottom - low[u]) / cell)), 0),
-                       min(int(np.floor((top - low[u]) / cell)), high[u]) + 1):
+        for i in range(begin[u], end[u] + 1):
+            first_j, last_j = begin[v], end[v]
             left = low[u] + i * cell
-            first, last = _span(corners, u, v, left - widest, left + cell + widest)
-            if first > last:
-                continue
-            for j in range(max(int(np.floor((first - widest - low[v]) / cell)), 0),
-                           min(int(np.floor((last + widest - low[v]) / cell)), high[v]) + 1):
-                middle_u, middle_v = left + 0.5 * cell - corners[0, u], low[v] + (j + 0.5) * cell - corners[0, v]
-                level = corners[0, w] + slope_u * middle_u + slope_v * middle_v
-                deepest, highest = max(level - slack, low_w), min(level + slack, high_w)
-                for k in range(max(int(np.floor((deepest - low[w]) / cell)), 0),
-                               min(int(np.floor((highest - low[w]) / cell)), high[w]) + 1):
+            if size > _FEW:
+                first, last = _span(corners, u, v, left - widest, left + cell + widest)
+                if first > last:
+                    continue
+                first_j, last_j = _cells(first - widest, last + widest, low[v], cell, high[v])
+            for j in range(first_j, last_j + 1):
+                first_k, last_k = begin[w], end[w]
+                if size > _FEW:
+                    middle_u, middle_v = left + 0.5 * cell - corners[0, u], low[v] + (j + 0.5) * cell - corners[0, v]
+                    level = corners[0, w] + slope_u * middle_u + slope_v * middle_v
+                    deepest, highest = max(level - slack, bottom[w]), min(level + slack, top[w])
+                    first_k, last_k = _cells(deepest, highest, low[w], cell, high[w])
+                for k in range(first_k, last_k + 1):
                     at[u], at[v], at[w] = i, j, k
                     bucket = _hash(at[0], at[1], at[2], mask)
                     for place in range(starts[bucket], starts[bucket + 1]):
                         row = order[place]
-                        if cells[row, 0] != at[0] or cells[row, 1] != at[1] or cells[row, 2] != at[2]:
+                        p = points[row, 0], points[row, 1], points[row, 2]
+                        if (
+                            p[0] < bottom[0] or p[0] > top[0]
+                            or p[1] < bottom[1] or p[1] > top[1]
+                            or p[2] < bottom[2] or p[2] > top[2]
+                        ):  # fmt: skip
                             continue
                         if seats[f, 0] == row or seats[f, 1] == row or seats[f, 2] == row:
                             continue
-                        away = distance_to_triangle(load(points, row), a, b, c)
+                        if cells[row, 0] != at[0] or cells[row, 1] != at[1] or cells[row, 2] != at[2]:
+                            continue
+                        if abs(dot(normal, subtract(p, a))) > reach[row] * length:
+                            continue
+                        away = distance_to_triangle(p, a, b, c)
                         if away <= reach[row]:
                             if count < len(point):
                                 point[count], face[count], distance[count] = row, f, away

@@ -21,7 +21,7 @@ Floats = npt.NDArray[np.float64]
 Ints = npt.NDArray[np.int64]
 
 TOUCHING = 4.0  # roundings of a coordinate; the point's and the face's own make 2
-SLIVER = 1.0 / 32.0
+FLAT = 1.0 / 32.0
 _ENOUGH = 0.3  # clearance with which a search for a better direction ends
 _SAME_PLANE = 0.9999
 
@@ -39,15 +39,21 @@ def ray_origins(
     """
     lift, clearance = lift.copy(), clearance.copy()
     rounded = TOUCHING * ULP * np.abs(points).sum(axis=1)
-    touched = find_contacts(points, rounded, vertices, faces, seats)
+    extent, size = _extents(vertices, faces), np.zeros(len(points))
+    _largest(extent, seats, size)
+    offset = ray_offset(lift, size, clearance)
+    reach = np.maximum(4.0 * offset, rounded)  # so far that turning a lift seldom asks for more
+    near = find_contacts(points, reach, vertices, faces, seats)
+    touched = near.only(near.distance <= rounded[near.point])
     if len(touched.point):
         _step_out(points, lift, clearance, touched, vertices, faces, face_normals, seats)
-
-    extent, size = _extents(vertices, faces), np.zeros(len(points))
-    np.maximum.at(size, seats, extent[:, None])
-    np.maximum.at(size, touched.point, extent[touched.face])
-    offset = ray_offset(lift, size, clearance)
-    near = find_contacts(points, 2.0 * offset, vertices, faces, seats)
+        np.maximum.at(size, touched.point, extent[touched.face])
+        offset = ray_offset(lift, size, clearance)
+        rows = np.flatnonzero(2.0 * offset > reach)
+        number = np.full(len(points), -1)
+        number[rows] = np.arange(len(rows))
+        more = find_contacts(points[rows], 2.0 * offset[rows], vertices, faces, number[seats])
+        _stop_short(points, lift, rounded, rows[more.point], more.face, vertices, faces, face_normals, offset)
     _stop_short(points, lift, rounded, near.point, near.face, vertices, faces, face_normals, offset)
     return points + offset[:, None] * lift
 
@@ -90,11 +96,11 @@ def _step_out(
 
 
 def _extents(vertices: Floats, faces: Ints) -> Floats:
-    """For each face the largest |coordinate| of its corners, and more for a sliver, (m,).
+    """For each face the largest |coordinate| of its corners, and more for a flat one, (m,).
 
     Embree takes the distance of a triangle's plane from a normal that it computes in float32, whose relative error
-    grows with longest edge/height, over the distance of a corner. Bounded: the offset of a sliver's corner is 10⁻⁵ of
-    the placed mesh, no more.
+    is that of a coordinate over the sine of the largest angle, times the distance of a corner. Bounded: the offset
+    beside a flat triangle is 10⁻⁵ of the placed mesh, no more.
     """
     extent = np.zeros(len(faces))
     _face_extents(vertices, faces, extent)
@@ -108,10 +114,10 @@ def _face_extents(vertices, faces, extent):
         for axis in range(3):
             extent[f] = max(extent[f], abs(a[axis]), abs(b[axis]), abs(c[axis]))
         ab, bc, ca = subtract(b, a), subtract(c, b), subtract(a, c)
-        longest = max(dot(ab, ab), dot(bc, bc), dot(ca, ca))
+        x, y, z = np.sqrt(dot(ab, ab)), np.sqrt(dot(bc, bc)), np.sqrt(dot(ca, ca))
         normal = cross(ab, bc)
-        slender = longest * np.sqrt(longest / max(dot(normal, normal), 1e-300))  # longest · longest/height
-        extent[f] = max(extent[f], min(SLIVER * slender, 8.0))
+        slender = x * y * z / max(np.sqrt(dot(normal, normal)), 1e-150)  # longest edge/sine of the largest angle
+        extent[f] = max(extent[f], min(FLAT * slender, 8.0))
 
 
 @kernel
@@ -127,6 +133,14 @@ def _stop_short(points, lift, rounded, point, face, vertices, faces, normals, of
             passed = rounded[row] < ahead < 2.0 * offset[row]
             if passed and distance_to_triangle(add(p, scale(ahead, up)), a, b, c) <= rounded[row]:
                 offset[row] = min(offset[row], 0.5 * ahead)
+
+
+@kernel
+def _largest(extent, seats, size):
+    for f in range(len(seats)):
+        for corner in range(3):
+            row = seats[f, corner]
+            size[row] = max(size[row], extent[f])
 
 
 @inline
