@@ -33,17 +33,18 @@ class Contacts(NamedTuple):
         return Contacts(self.point[which], self.face[which], self.distance[which])
 
 
-def find_contacts(points: Floats, reach: Floats, vertices: Floats, faces: Ints, seats: Ints) -> Contacts:
-    """The faces within `reach` of points, those left out that the point is a corner of.
+def find_contacts(
+    points: Floats, reach: Floats, margin: Floats, vertices: Floats, faces: Ints, seats: Ints
+) -> Contacts:
+    """The faces within the larger of `reach` and `margin` of points, those left out that the point is a corner of.
 
     Args:
-        points (k, 3), reach (k,). vertices (n, 3), faces (m, 3), none degenerate.
+        points (k, 3), reach (k,). vertices (n, 3), faces (m, 3), none degenerate, margin (m,).
         seats: (m, 3), the row of `points` that each face corner is.
     """
-    none = Contacts(np.zeros(0, np.int64), np.zeros(0, np.int64), np.zeros(0))
     if not len(points) or not len(faces):
-        return none
-    widest = float(reach.max())
+        return _room(0)
+    widest = max(float(reach.max()), float(margin.max()))
     extent = float(np.ptp(points, axis=0).max()) + 2 * widest
     cell = max(_WIDTH * np.sqrt(_area(vertices, faces) / len(points)), 4 * widest, _FINEST * extent)
     low = points.min(axis=0) - widest
@@ -53,15 +54,20 @@ def find_contacts(points: Floats, reach: Floats, vertices: Floats, faces: Ints, 
     _sort(cells, starts, order)
     high = np.ceil((points.max(axis=0) - low) / cell).astype(np.int64)
 
-    found = Contacts(*(np.empty(len(points), kind) for kind in (np.int64, np.int64, np.float64)))
+    found = _room(len(points))
     while True:
-        count = _pairs(points, reach, widest, vertices, faces, seats, low, high, cell, starts, order, cells, *found)
+        grid = low, high, cell, starts, order, cells
+        count = _pairs(points, reach, margin, widest, vertices, faces, seats, *grid, *found)
         if count <= len(found.point):
             break
-        found = Contacts(np.empty(count, np.int64), np.empty(count, np.int64), np.empty(count))
+        found = _room(count)
     found = found.only(slice(count))
     order = np.lexsort((found.face, found.point))
     return Contacts(found.point[order], found.face[order], found.distance[order])
+
+
+def _room(count: int) -> Contacts:
+    return Contacts(np.empty(count, np.int64), np.empty(count, np.int64), np.empty(count))
 
 
 @inline
@@ -97,7 +103,7 @@ def _area(vertices, faces):
 
 @inline
 def distance_to_triangle(p, a, b, c):
-    """Distance of a point from the nearest point of a triangle. Source: Ericson, Real-Time Collision Detection, 5.1.5."""
+    """Distance of a point from a triangle. Source: Ericson, Real-Time Collision Detection, 5.1.5."""
     ab, ac, ap = subtract(b, a), subtract(c, a), subtract(p, a)
     d1, d2 = dot(ab, ap), dot(ac, ap)
     bp, cp = subtract(p, b), subtract(p, c)
@@ -144,7 +150,9 @@ def _cells(bottom, top, low, cell, high):
 
 
 @kernel
-def _pairs(points, reach, widest, vertices, faces, seats, low, high, cell, starts, order, cells, point, face, distance):
+def _pairs(
+    points, reach, margin, widest, vertices, faces, seats, low, high, cell, starts, order, cells, point, face, distance
+):
     """Write the pairs into point, face, distance as far as they fit, and return how many there are."""
     count = 0
     mask = len(starts) - 2
@@ -201,10 +209,11 @@ def _pairs(points, reach, widest, vertices, faces, seats, low, high, cell, start
                             continue
                         if cells[row, 0] != at[0] or cells[row, 1] != at[1] or cells[row, 2] != at[2]:
                             continue
-                        if abs(dot(normal, subtract(p, a))) > reach[row] * length:
+                        near = max(reach[row], margin[f])
+                        if abs(dot(normal, subtract(p, a))) > near * length:
                             continue
                         away = distance_to_triangle(p, a, b, c)
-                        if away <= reach[row]:
+                        if away <= near:
                             if count < len(point):
                                 point[count], face[count], distance[count] = row, f, away
                             count += 1

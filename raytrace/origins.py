@@ -38,13 +38,14 @@ def ray_origins(
         seats: (m, 3), the row of `points` that each face corner is.
     """
     lift, clearance = lift.copy(), clearance.copy()
-    rounded = TOUCHING * ULP * np.abs(points).sum(axis=1)
-    extent, size = _extents(vertices, faces), np.zeros(len(points))
+    extent, rounding, size = np.zeros(len(faces)), np.zeros(len(faces)), np.zeros(len(points))
+    _measure(vertices, faces, face_normals, extent, rounding)
     _largest(extent, seats, size)
     offset = ray_offset(lift, size, clearance)
-    reach = np.maximum(4.0 * offset, rounded)  # so far that turning a lift seldom asks for more
-    near = find_contacts(points, reach, vertices, faces, seats)
-    touched = near.only(near.distance <= rounded[near.point])
+    own = TOUCHING * ULP * np.abs(points).sum(axis=1)
+    reach = np.maximum(4.0 * offset, own)  # so far that turning a lift seldom asks for more
+    near = find_contacts(points, reach, rounding, vertices, faces, seats)
+    touched = near.only(near.distance <= np.maximum(own[near.point], rounding[near.face]))
     if len(touched.point):
         _step_out(points, lift, clearance, touched, vertices, faces, face_normals, seats)
         np.maximum.at(size, touched.point, extent[touched.face])
@@ -52,9 +53,9 @@ def ray_origins(
         rows = np.flatnonzero(2.0 * offset > reach)
         number = np.full(len(points), -1)
         number[rows] = np.arange(len(rows))
-        more = find_contacts(points[rows], 2.0 * offset[rows], vertices, faces, number[seats])
-        _stop_short(points, lift, rounded, rows[more.point], more.face, vertices, faces, face_normals, offset)
-    _stop_short(points, lift, rounded, near.point, near.face, vertices, faces, face_normals, offset)
+        more = find_contacts(points[rows], 2.0 * offset[rows], rounding, vertices, faces, number[seats])
+        near = Contacts(*(np.append(a, b) for a, b in zip(near, (rows[more.point], *more[1:]), strict=True)))
+    _stop_short(points, lift, own, rounding, near.point, near.face, vertices, faces, face_normals, offset)
     return points + offset[:, None] * lift
 
 
@@ -87,7 +88,7 @@ def _step_out(
     _choose(starts, normals, angle, own, kept)
 
     row, normals, angle = row[kept], normals[kept], angle[kept]
-    start = np.stack([np.bincount(row, angle * normals[:, axis], len(rows)) for axis in range(3)], axis=1)
+    start: Floats = np.stack([np.bincount(row, angle * normals[:, axis], len(rows)) for axis in range(3)], axis=1)
     length = np.linalg.norm(start, axis=1, keepdims=True)
     start = np.where(length > 1e-9, start / np.where(length > 1e-9, length, 1.0), lift[rows])
     moved, room = outermost_normals(start, row[:, None], normals, _ENOUGH)
@@ -95,24 +96,21 @@ def _step_out(
     lift[rows[free]], clearance[rows[free]] = moved[free], room[free]
 
 
-def _extents(vertices: Floats, faces: Ints) -> Floats:
-    """For each face the largest |coordinate| of its corners, and more for a flat one, (m,).
-
-    Embree takes the distance of a triangle's plane from a normal that it computes in float32, whose relative error
-    is that of a coordinate over the sine of the largest angle, times the distance of a corner. Bounded: the offset
-    beside a flat triangle is 10⁻⁵ of the placed mesh, no more.
-    """
-    extent = np.zeros(len(faces))
-    _face_extents(vertices, faces, extent)
-    return extent
-
-
 @kernel
-def _face_extents(vertices, faces, extent):
+def _measure(vertices, faces, normals, extent, rounding):
+    """For each face the `extent` that offsets reckon with, and how far from it a point may be that touches it.
+
+    The extent is the largest |coordinate| of the corners, and more for a flat triangle: Embree takes the distance of
+    its plane from a normal that it computes in float32, whose relative error is that of a coordinate over the sine of
+    the largest angle, times the distance of a corner. Bounded: the offset beside a flat triangle is 10⁻⁵ of the placed
+    mesh, no more.
+    """
     for f in range(len(faces)):
         a, b, c = load(vertices, faces[f, 0]), load(vertices, faces[f, 1]), load(vertices, faces[f, 2])
         for axis in range(3):
-            extent[f] = max(extent[f], abs(a[axis]), abs(b[axis]), abs(c[axis]))
+            largest = max(abs(a[axis]), abs(b[axis]), abs(c[axis]))
+            extent[f] = max(extent[f], largest)
+            rounding[f] += TOUCHING * ULP * abs(normals[f, axis]) * largest
         ab, bc, ca = subtract(b, a), subtract(c, b), subtract(a, c)
         x, y, z = np.sqrt(dot(ab, ab)), np.sqrt(dot(bc, bc)), np.sqrt(dot(ca, ca))
         normal = cross(ab, bc)
@@ -121,7 +119,7 @@ def _face_extents(vertices, faces, extent):
 
 
 @kernel
-def _stop_short(points, lift, rounded, point, face, vertices, faces, normals, offset):
+def _stop_short(points, lift, own, rounding, point, face, vertices, faces, normals, offset):
     """Halve the way of each offset to the first face that it would pass, the faces it touches left out."""
     for i in range(len(point)):
         row, f = point[i], face[i]
@@ -130,8 +128,9 @@ def _stop_short(points, lift, rounded, point, face, vertices, faces, normals, of
         facing = dot(n, up)
         if facing != 0.0:
             ahead = dot(n, subtract(a, p)) / facing
-            passed = rounded[row] < ahead < 2.0 * offset[row]
-            if passed and distance_to_triangle(add(p, scale(ahead, up)), a, b, c) <= rounded[row]:
+            touching = max(own[row], rounding[f])
+            passed = touching < ahead < 2.0 * offset[row]
+            if passed and distance_to_triangle(add(p, scale(ahead, up)), a, b, c) <= touching:
                 offset[row] = min(offset[row], 0.5 * ahead)
 
 
