@@ -1,4 +1,4 @@
-"""Faces wound at random, books of pages on one edge, sheets welded to their own backs, floors of 10⁷ box sizes."""
+"""Faces wound at random, books of pages on one edge, sheets welded to their own backs, boxes on huge floors."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def topology(long: bool, threads: int | None) -> Iterator[Line]:
         ("sphere wound inward, the file's normals outward", inward(sphere), sphere[0], None, 1.0, 0.0),
         (f"book of {PAGES} pages on one edge", book, None, readers, sin(pi / PAGES) ** 2, ERROR + missed),
         ("sheet welded to its own back", (flat[0], np.concatenate([flat[1], flat[1][:, ::-1]])), None, None, 1.0, 0.0),
-        ("box in the middle of a floor 10⁴ times as wide", join([box, grid(1, 2e4)]), None, feet, _FOOT, ERROR),
+        ("box in the middle of a floor 10⁷ times as wide", join([box, grid(1, 2e7)]), None, feet, _FOOT, ERROR),
     ):  # fmt: skip
         worst, missing = 0.0, 0
         for pose in poses:
