@@ -175,7 +175,7 @@ def _gather_all(
         some = points[first:last]
         gather(
             scene.handle, packet, valid, some.origins, some.normals, some.numbers,
-            table.directions, table.batches, table.key, tau, reach, limit, out[first:last],
+            table.directions, table.batches, table.mean, table.key, tau, reach, limit, out[first:last],
         )  # fmt: skip
 
     run_blocks(len(out), max(_BLOCK_RAYS // samples, 1), work, threads, advance)

@@ -27,38 +27,43 @@ from raytrace.embree import (
     occluded8,
 )
 from raytrace.jit import inline, kernel
-from raytrace.sampling import cosine_hemisphere, owen_sobol
+from raytrace.sampling import cosine_hemisphere, jittered_lattice
 
 BATCHES = 8
 _TABLE_POINTS = 1 << 18
+_SECTOR = 2 * LANES  # rays that share a sector of azimuth
 
 
 @dataclass(frozen=True)
 class DirectionTable:
-    """Scrambled direction sets that the points of a mesh draw from, each turned about its own normal.
+    """Sets of directions that the points of a mesh draw from, each turned about its own normal.
 
     Attributes:
-        directions: float32 (sets, 3, samples) about +z, ordered by azimuth, which keeps the rays of a packet together;
-            the last is repeated up to a multiple of 8.
-        batches: uint8 (sets, samples), which of the `BATCHES` consecutive stretches of the Sobol sequence a direction
-            belongs to; their spread carries the error estimate.
+        directions: float32 (sets, 3, samples) about +z, ordered so that the rays of a packet run close together: by
+            sectors of azimuth, then by height; the last is repeated up to a multiple of 8.
+        batches: uint8 (sets, samples), which of the `BATCHES` interleaved parts of the lattice a direction belongs to;
+            their spread carries the error estimate.
+        mean: float64 (sets, 3), mean direction.
         key: uint32 from which each point draws its set and its turn.
     """
 
     directions: npt.NDArray[np.float32]
     batches: npt.NDArray[np.uint8]
+    mean: npt.NDArray[np.float64]
     key: np.uint32
 
     @classmethod
     def make(cls, samples: int, points: int, key: np.uint32) -> DirectionTable:
         """A table for gathering at `points` points: no more sets than there are points to draw them."""
         sets = int(np.clip(_TABLE_POINTS // samples, 8, min(max(points, 8), 256)))
-        u, v = owen_sobol(sets, samples, key)
-        order = np.argsort(v, axis=1, kind="stable")
-        batches = (np.arange(samples) * min(BATCHES, samples) // samples).astype(np.uint8)[order]
+        u, v = jittered_lattice(sets, samples, key)
+        by_azimuth = np.argsort(np.argsort(v, axis=1, kind="stable"), axis=1, kind="stable")
+        order = np.argsort(by_azimuth // _SECTOR + u, axis=1, kind="stable")
+        batches = (np.arange(samples) % BATCHES).astype(np.uint8)[order]
         u, v = np.take_along_axis(u, order, 1), np.take_along_axis(v, order, 1)
-        directions = np.pad(cosine_hemisphere(u, v), ((0, 0), (0, 0), (0, -samples % LANES)), mode="edge")
-        return cls(np.ascontiguousarray(directions, np.float32), batches, key)
+        directions = cosine_hemisphere(u, v)
+        padded = np.pad(directions, ((0, 0), (0, 0), (0, -samples % LANES)), mode="edge")
+        return cls(np.ascontiguousarray(padded, np.float32), batches, directions.mean(axis=2), key)
 
 
 @inline
@@ -84,26 +89,26 @@ def turned_frame(n, turn):
 
 
 @kernel
-def gather(scene, packet, valid, origins, normals, numbers, directions, batches, key, tau, reach, limit, out):
+def gather(scene, packet, valid, origins, normals, numbers, directions, batches, mean, key, tau, reach, limit, out):
     """Obscurance of a block of points.
 
     Args:
         scene, packet, valid: see raytrace.embree.
         origins, normals: float32 (n, 3), in the scene's units.
         numbers: uint32 (n,), what a point's random choices are keyed by.
-        directions, batches, key: a DirectionTable's.
+        directions, batches, mean, key: a DirectionTable's.
         tau: rate of the exponential μ in the scene's units, or 0 for the binary μ.
         reach: length of every ray; limit: max_distance, at which the exponential μ is 1, or inf.
         out: float64 (n, 5): w, the variance between batches, and the mean of μ·direction (x, y, z).
     """
     packet, valid, origins, normals = borrow(packet), borrow(valid), borrow(origins), borrow(normals)
-    directions, batches, out = borrow(directions), borrow(batches), borrow(out)
+    directions, batches, mean, out = borrow(directions), borrow(batches), borrow(mean), borrow(out)
     sets, samples = batches.shape
     used = min(BATCHES, samples)
     size = np.zeros(BATCHES)
     for k in range(samples):
         size[batches[0, k]] += 1.0
-    total = np.zeros(BATCHES)
+    lost = np.zeros(BATCHES)
     exponential = tau > 0.0
     scale = -1.0 / np.expm1(-tau * limit) if exponential else 1.0
     ids = packet.view(np.uint32)
@@ -112,7 +117,7 @@ def gather(scene, packet, valid, origins, normals, numbers, directions, batches,
         n = normals[i]
         t, b = turned_frame(n, turn)
         local, batch = directions[chosen], batches[chosen]
-        total[:] = 0.0
+        lost[:] = 0.0
         x = y = z = 0.0
         for lane in range(LANES):
             valid[lane] = -1
@@ -134,21 +139,23 @@ def gather(scene, packet, valid, origins, normals, numbers, directions, batches,
             else:
                 occluded8(scene, packet, valid)
             for lane in range(lanes):
-                mu = 1.0
+                loss = 1.0  # 1 − μ
                 if exponential:
-                    if ids[GEOM_ID, lane] != INVALID:
-                        mu = -np.expm1(-tau * packet[TFAR, lane]) * scale  # (12.74)
-                elif packet[TFAR, lane] < 0.0:
-                    continue  # μ = 0
-                total[batch[first + lane]] += mu
-                x += mu * local[0, first + lane]
-                y += mu * local[1, first + lane]
-                z += mu * local[2, first + lane]
-        w = total.sum() / samples
+                    if ids[GEOM_ID, lane] == INVALID:
+                        continue
+                    loss += np.expm1(-tau * packet[TFAR, lane]) * scale  # (12.74)
+                elif packet[TFAR, lane] >= 0.0:
+                    continue
+                lost[batch[first + lane]] += loss
+                x += loss * local[0, first + lane]
+                y += loss * local[1, first + lane]
+                z += loss * local[2, first + lane]
+        mean_loss = lost.sum() / samples
         spread = 0.0
         for k in range(used):
-            spread += (total[k] / size[k] - w) ** 2
-        out[i, 0] = min(w, 1.0)
+            spread += (lost[k] / size[k] - mean_loss) ** 2
+        out[i, 0] = min(max(1.0 - mean_loss, 0.0), 1.0)
         out[i, 1] = spread / (used - 1) if used > 1 else 0.0
+        x, y, z = mean[chosen, 0] - x / samples, mean[chosen, 1] - y / samples, mean[chosen, 2] - z / samples
         for axis in range(3):
-            out[i, 2 + axis] = (x * t[axis] + y * b[axis] + z * n[axis]) / samples
+            out[i, 2 + axis] = x * t[axis] + y * b[axis] + z * n[axis]

@@ -17,6 +17,8 @@ from raytrace.outermost import outermost_normals
 from raytrace.placement import Placement
 from raytrace.weld import CREASE, weld
 
+from .curve import morton_order
+
 Normals = Literal["angle", "area", "equal", "file"]
 Floats = npt.NDArray[np.float64]
 Ints = npt.NDArray[np.int64]
@@ -57,7 +59,7 @@ class Receivers:
     """The points to bake, and whose they are.
 
     Attributes:
-        points: one for every group of coincident vertices, numbered by the first vertex of the group.
+        points: one for every group of coincident vertices, numbered along a curve that keeps neighbours together.
         of_vertex: int64 (n,), the row of each vertex in `points`, −1 for none.
         flags: uint8 (n,), `Flag`s of each vertex.
         faces: int64 (m', 3), the faces that are not degenerate.
@@ -119,6 +121,10 @@ def find_receivers(mesh: Mesh, placement: Placement, normals: Normals = "angle")
     usable = np.logical_and(lift.any(axis=1), axes.any(axis=1))
     flags[~usable[group] & (flags == 0)] = Flag.DEGENERATE
     flags[usable[group] & (clearance <= 0)[group]] = Flag.OPPOSED
-    index = np.where(usable, np.cumsum(usable) - 1, -1)
-    points = Points(origin.astype(np.float32), axes.astype(np.float32), first.astype(np.uint32))
-    return Receivers(points[usable], index[group], flags, faces)
+    rows = np.flatnonzero(usable)
+    rows = rows[morton_order(origin[rows])]
+    index = np.full(groups, -1)
+    index[rows] = np.arange(len(rows))
+    numbers = np.arange(len(rows), dtype=np.uint32)
+    points = Points(origin[rows].astype(np.float32), axes[rows].astype(np.float32), numbers)
+    return Receivers(points, index[group], flags, faces)

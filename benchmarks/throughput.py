@@ -110,7 +110,7 @@ def measure(path: Path | None, samples: int, rounds: int) -> dict[str, object]:
             some = points[a:b]
             gather(
                 scene.handle, *new_packet(), some.origins, some.normals, some.numbers,
-                table.directions, table.batches, table.key, tau, placement.diagonal, np.inf, out[a:b],
+                table.directions, table.batches, table.mean, table.key, tau, placement.diagonal, np.inf, out[a:b],
             )  # fmt: skip
 
         def theirs(a: int, b: int, closest: bool = tau > 0) -> None:

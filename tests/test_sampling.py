@@ -5,7 +5,7 @@ import pytest
 from scipy import stats
 from scipy.stats import qmc
 
-from raytrace.sampling import cosine_hemisphere, mix, owen_sobol, seed_key, sobol
+from raytrace.sampling import cosine_hemisphere, jittered_lattice, mix, owen_sobol, seed_key, sobol
 
 
 def test_sobol_points_are_the_published_ones():
@@ -51,3 +51,19 @@ def test_directions_have_density_cosine_over_pi():
     np.testing.assert_allclose((d**2).mean(axis=0), [0.25, 0.25, 0.5], atol=1e-3)
     # A uniform hemisphere has E z = 1/2 and must not pass.
     assert abs(d[:, 2].mean() - 0.5) > 0.1
+
+
+@pytest.mark.parametrize("count", [1, 7, 64])
+def test_a_lattice_has_one_point_in_every_stratum(count):
+    u, v = jittered_lattice(50, count, seed_key(3))
+    np.testing.assert_array_equal(np.floor(u * count), np.broadcast_to(np.arange(count), u.shape))
+    # v of the unjittered lattice: neighbours are at least 1/(√5 count) apart, so each gap holds at most 3 points.
+    order = np.sort(v, axis=1)
+    assert (order[:, 3:] - order[:, :-3] > 1 / (3 * count)).all()
+
+
+def test_each_point_of_a_lattice_is_uniform_once_it_is_turned():
+    u, v = jittered_lattice(20_000, 4, seed_key(1))
+    turned = (v[:, 1] + np.random.default_rng(0).random(len(v))) % 1
+    for values in (4 * u[:, 0], 4 * u[:, 3] - 3, turned):
+        assert stats.kstest(values, "uniform").pvalue > 1e-4
