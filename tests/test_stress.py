@@ -34,7 +34,8 @@ def test_the_long_form_holds() -> None:
 
 def test_long_poses_hold_every_scale_offset_and_a_turn() -> None:
     found = poses(long=True)
-    assert {(p.scale, p.offset) for p in found if p.turn is not None} == {(s, o) for s in SCALES for o in OFFSETS}
+    assert {(p.scale, p.offset) for p in found} == {(s, o) for s in SCALES for o in OFFSETS}
+    assert {(p.scale, p.turn) for p in found} == {(s, t) for s in SCALES for t in (None, 5, 6)}
     assert min(SCALES) == pytest.approx(1e-9)
     assert max(SCALES) == pytest.approx(1e9)
     assert max(OFFSETS) == 1e8

@@ -76,8 +76,9 @@ class Pose:
 
 
 def poses(long: bool) -> list[Pose]:
-    """Scales 1e-9 to 1e9, offsets 0 to 1e8, turned and not: all of them, or a few that hold each value once."""
+    """Scales 1e-9 to 1e9 times offsets 0 to 1e8, turned two ways or not: all, or a few that hold the extremes."""
     if long:
-        return [Pose(*values) for values in product(SCALES, OFFSETS, (None, 5, 6))]
+        pairs = product(enumerate(SCALES), enumerate(OFFSETS))
+        return [Pose(scale, offset, (None, 5, 6)[(i + j) % 3]) for (i, scale), (j, offset) in pairs]
     few = [(1.0, 0.0, 5), (1e-9, 1e6, 6), (1e9, 1e8, None), (1e-3, 1e2, 7), (1e6, 1e4, 8)]
     return [Pose(*values) for values in few]

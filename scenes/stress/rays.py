@@ -16,35 +16,37 @@ from raytrace.resolution import coarseness
 from ..shapes import Floats, Part
 from .line import LEAKS, MILLION, SELF_HITS, Line, undefined
 from .pose import Pose, poses
-from .solids import closed, convex, inward
+from .solids import FLAT, TORN, closed, convex, inward
 
 SAMPLES = 256
+_SINGLE = [Pose(scale, offset, 9, True) for scale, offset in ((1.0, 10.0), (1e-6, 100.0), (1e6, 1000.0))]
 
 
 def self_hits(long: bool, threads: int | None) -> Iterator[Line]:
     """Convex meshes, where w is exactly 1: a line for each, over all poses."""
     for name, part in convex().items():
-        yield _share(name, part, 1.0, "self-hits/M", SELF_HITS, long, threads)
+        single = [] if name in FLAT else _SINGLE
+        yield _share(name, part, 1.0, "self-hits/M", SELF_HITS, poses(long) + single, threads)
 
 
 def leaks(long: bool, threads: int | None) -> Iterator[Line]:
     """Closed meshes seen from inside, where the binary w is exactly 0: a line for each, over all poses."""
     for name, part in closed().items():
-        yield _share(f"{name}, inside", inward(part), 0.0, "leaks/M", LEAKS, long, threads)
+        single = [] if name in TORN else _SINGLE
+        yield _share(f"{name}, inside", inward(part), 0.0, "leaks/M", LEAKS, poses(long) + single, threads)
     count = 4_000_000 if long else 1_000_000
     for name in ("icosphere", "torus", "cube with T-junctions", "slab 1000:1000:1"):
         yield _random_rays(name, closed()[name], count, threads)
 
 
-def _share(name: str, part: Part, truth: float, quantity: str, allowed: float, long: bool, threads: int | None) -> Line:
-    """Rays that make w differ from `truth`, a million, over the poses.
-
-    Stored as float32 far away it must have faces that float32 can hold, and no T-junctions, which rounding tears open.
-    """
+def _share(
+    name: str, part: Part, truth: float, quantity: str, allowed: float, where: list[Pose], threads: int | None
+) -> Line:
+    """Rays that make w differ from `truth`, a million, over the poses; stored as float32 where that can hold it."""
     wrong = rays = missing = used = 0
-    for pose in _with_single(long):
+    for pose in where:
         mesh = pose.mesh(part)
-        if pose.single and ("T-junctions" in name or coarseness(mesh).vertices):
+        if pose.single and coarseness(mesh).vertices:
             continue
         baked = bake(mesh, Binary(), samples=SAMPLES, threads=threads)
         used += 1
@@ -52,11 +54,6 @@ def _share(name: str, part: Part, truth: float, quantity: str, allowed: float, l
         wrong += round(float(np.abs(baked.w - truth).sum()) * SAMPLES)
         missing += undefined(baked.w, baked.error, baked.bent_normals)
     return Line(name, f"{used} poses, {rays / MILLION:.0f} M rays", quantity, wrong / rays * MILLION, allowed, missing)
-
-
-def _with_single(long: bool) -> list[Pose]:
-    single = [Pose(scale, offset, 9, True) for scale, offset in ((1.0, 10.0), (1e-6, 100.0), (1e6, 1000.0))]
-    return poses(long) + single
 
 
 def _random_rays(name: str, part: Part, count: int, threads: int | None) -> Line:

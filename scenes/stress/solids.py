@@ -71,6 +71,10 @@ _SIDES = [
 ]  # fmt: skip
 
 
+TORN = {"cube with T-junctions"}  # by the rounding to float32 far from the origin
+FLAT = TORN | {"plane", "cube, hard edges", "coarse cube, hard edges"}  # sides that this rounding makes truly bumpy
+
+
 def convex() -> dict[str, Part]:
     """Convex parts and open planes, by name."""
     return {
