@@ -15,6 +15,7 @@ from typer.exceptions import TyperException
 
 if TYPE_CHECKING:
     import ao
+    from raytrace.mesh import Mesh
 
 app = typer.Typer(
     add_completion=False,
@@ -91,6 +92,7 @@ def bake(
     start = time.perf_counter()
     source = load(mesh)
     loaded = time.perf_counter()
+    warnings = _warn(source.mesh)
     with _progress(quiet, "rays") as progress, _compiling("hemisphere"):
         baked = ao.bake(
             source.mesh, chosen, samples, seed, threads, normals.value, progress,
@@ -104,7 +106,7 @@ def bake(
         from raytrace.parallel import thread_count
 
         options["threads"] = thread_count(threads)
-        write_report(report, baked, options, seconds)
+        write_report(report, baked, options, seconds, warnings)
     if not quiet:
         print(_summary(baked, output))
 
@@ -126,14 +128,36 @@ def validate(
     samples: Annotated[int, typer.Option(help="Rays a vertex.")] = 4096,
     seed: Annotated[int, typer.Option(help="Another seed, another set of rays.")] = 0,
     threads: Threads = None,
+    stress: Annotated[bool, typer.Option("--stress", help="Instead, everything that strains numbers.")] = False,
+    long: Annotated[bool, typer.Option("--long", help="With --stress: every pose, for minutes.")] = False,
 ) -> None:
     """Bake scenes whose answer is known in closed form; exit status 1 if one is off."""
+    if stress:
+        _stress(samples, seed, threads, long)
+        return
+    from raytrace.errors import OptionError
     from scenes.validation import run, table
 
+    if long:
+        raise OptionError("--long", "--stress with it", "no --stress")
     with _compiling("hemisphere"):
         results = run(samples=samples, seed=seed, threads=threads)
     print(table(results))
     if not all(result.ok for result in results):
+        raise typer.Exit(1)
+
+
+def _stress(samples: int, seed: int, threads: int | None, long: bool) -> None:
+    from raytrace.errors import OptionError
+    from scenes.stress.line import table
+    from scenes.stress.suite import run
+
+    if (samples, seed) != (4096, 0):
+        raise OptionError("--samples, --seed", "neither of them with --stress", f"{samples}, {seed}")
+    with _compiling("hemisphere"), _progress(False, "groups") as progress:
+        lines = run(long, threads, progress)
+    print(table(lines))
+    if not all(line.ok for line in lines):
         raise typer.Exit(1)
 
 
@@ -292,6 +316,16 @@ def _falloff(form: FalloffForm, tau: float | None, half_distance: str | None, ma
         if value is not None:
             raise OptionError(name, "--falloff exponential with it", "--falloff binary")
     return ao.Binary(max_distance)
+
+
+def _warn(mesh: Mesh) -> list[str]:
+    """Tell on standard error what the precision of a mesh does to results."""
+    from raytrace.resolution import precision_warnings
+
+    warnings = precision_warnings(mesh)
+    for warning in warnings:
+        print(f"warning: {warning}", file=sys.stderr)
+    return warnings
 
 
 @contextmanager

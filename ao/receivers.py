@@ -10,11 +10,11 @@ import numpy as np
 import numpy.typing as npt
 
 from raytrace.errors import MeshError, OptionError
-from raytrace.jit import kernel
 from raytrace.mesh import Mesh
 from raytrace.normals import face_normals, normalize, vertex_sums
+from raytrace.origins import ray_origins
 from raytrace.outermost import outermost_normals
-from raytrace.placement import Placement, ray_offset
+from raytrace.placement import Placement
 from raytrace.weld import CREASE, weld
 
 from .curve import morton_order
@@ -119,14 +119,12 @@ def find_receivers(mesh: Mesh, placement: Placement, normals: Normals = "angle")
     np.minimum.at(first, group, np.arange(count))
     joined: Floats = np.stack([np.bincount(group, own[:, axis], groups) for axis in range(3)], axis=1)
     lift, clearance = outermost_normals(normalize(joined), group[faces], face_normal)
-    magnitude = np.zeros(groups)
-    _largest_coordinates(vertices, faces, group, magnitude)
     if normals == "file":
         axes = axes[first]
         lift = np.where(np.einsum("ij,ij->i", lift, axes)[:, None] < 0, -lift, lift)
     else:
         axes = lift
-    origin = vertices[first] + ray_offset(lift, magnitude, clearance)[:, None] * lift
+    origin = ray_origins(vertices[first], lift, clearance, vertices, faces, face_normal, group[faces])
 
     usable = np.logical_and(lift.any(axis=1), axes.any(axis=1))
     flags[~usable[group] & (flags == 0)] = Flag.DEGENERATE
@@ -138,15 +136,3 @@ def find_receivers(mesh: Mesh, placement: Placement, normals: Normals = "angle")
     numbers = np.arange(len(rows), dtype=np.uint32)
     points = Points(origin[rows].astype(np.float32), axes[rows].astype(np.float32), numbers)
     return Receivers(points, index[group], flags, faces)
-
-
-@kernel
-def _largest_coordinates(vertices, faces, group, magnitude):
-    for f in range(len(faces)):
-        largest = 0.0
-        for corner in range(3):
-            for axis in range(3):
-                largest = max(largest, abs(vertices[faces[f, corner], axis]))
-        for corner in range(3):
-            row = group[faces[f, corner]]
-            magnitude[row] = max(magnitude[row], largest)

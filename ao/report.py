@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 import platform
+from collections.abc import Sequence
 from importlib.metadata import PackageNotFoundError, version
 from typing import Any
 
@@ -25,12 +26,15 @@ def versions() -> dict[str, str]:
     return found
 
 
-def report(bake: Bake, options: dict[str, Any], seconds: dict[str, float]) -> dict[str, Any]:
+def report(
+    bake: Bake, options: dict[str, Any], seconds: dict[str, float], warnings: Sequence[str] = ()
+) -> dict[str, Any]:
     """The report as JSON-ready values.
 
     Args:
         options: every effective option of the command, `seed` among them.
         seconds: `load` and `write`; the bake adds `build` and `bake`.
+        warnings: what limits the result, see `raytrace.resolution`.
     """
     return {
         "vertices": len(bake.w),
@@ -39,6 +43,7 @@ def report(bake: Bake, options: dict[str, Any], seconds: dict[str, float]) -> di
         "seconds": seconds | bake.seconds,
         "rmse_estimate": bake.rmse,
         "flagged": bake.flagged,
+        "warnings": list(warnings),
         "falloff": {
             "form": "binary" if bake.mu.tau is None else "exponential",
             "tau": bake.mu.tau,
@@ -50,11 +55,17 @@ def report(bake: Bake, options: dict[str, Any], seconds: dict[str, float]) -> di
     }
 
 
-def write_report(path: str | os.PathLike[str], bake: Bake, options: dict[str, Any], seconds: dict[str, float]) -> None:
+def write_report(
+    path: str | os.PathLike[str],
+    bake: Bake,
+    options: dict[str, Any],
+    seconds: dict[str, float],
+    warnings: Sequence[str] = (),
+) -> None:
     """Write `report` as JSON, whole or not at all.
 
     Raises:
         OutputError: it cannot be written.
     """
     with atomic_write(path) as file:
-        file.write((json.dumps(report(bake, options, seconds), indent=2, allow_nan=False) + "\n").encode())
+        file.write((json.dumps(report(bake, options, seconds, warnings), indent=2, allow_nan=False) + "\n").encode())

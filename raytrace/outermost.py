@@ -5,37 +5,38 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from .jit import kernel
+from .jit import inline, kernel
+from .vector import dot, load
 
 Floats = npt.NDArray[np.float64]
 Ints = npt.NDArray[np.int64]
 
 
-def outermost_normals(normals: Floats, seats: Ints, face_normals: Floats) -> tuple[Floats, Floats]:
+def outermost_normals(normals: Floats, seats: Ints, face_normals: Floats, enough: float = 0.0) -> tuple[Floats, Floats]:
     """Normals in front of all the faces that meet at a point, and their clearance: the smallest n·n_f, (k,).
 
-    Only a normal that lies behind one of its faces is moved, see `_outermost`.
+    Only a normal that clears its faces by no more than `enough` is moved, see `_outermost`.
 
     Args:
-        normals: (k, 3), unit or zero. seats: (m, 3), the row of `normals` that each face corner belongs to.
+        normals: (k, 3), unit or zero. seats: (m, any), the rows of `normals` that each face counts for.
         face_normals: (m, 3), unit.
     """
     moved = normals.copy()
     clearance = np.ones(len(normals))
     _least_cosines(moved, seats, face_normals, clearance)
-    face, corner = np.nonzero((clearance <= 0)[seats])
+    face, corner = np.nonzero((clearance <= enough)[seats])
     order = np.argsort(seats[face, corner], kind="stable")
     face = face[order]
     rows, starts = np.unique(seats[face, corner[order]], return_index=True)
     if len(rows):
-        _outermost(moved, clearance, rows, np.append(starts, len(face)), face_normals[face])
+        _outermost(moved, clearance, rows, np.append(starts, len(face)), face_normals[face], enough)
     return moved, clearance
 
 
 @kernel
 def _least_cosines(normals, seats, face_normals, clearance):
     for f in range(len(seats)):
-        for corner in range(3):
+        for corner in range(seats.shape[1]):
             row = seats[f, corner]
             cosine = 0.0
             for axis in range(3):
@@ -44,16 +45,18 @@ def _least_cosines(normals, seats, face_normals, clearance):
 
 
 @kernel
-def _outermost(normals, clearance, rows, starts, faces):
-    """Move each normal of `rows` towards the face it lies most behind until it is in front of all its faces.
+def _outermost(normals, clearance, rows, starts, faces, enough):
+    """Move each normal of `rows` towards the face it clears least until it clears all its faces by `enough`.
 
-    The perceptron (Rosenblatt 1958) ends within 1/γ² moves if some normal has the clearance γ. After 1,000 moves the
-    best normal met is kept, with a clearance ≤ 0.
+    The perceptron (Rosenblatt 1958) ends within 1/γ² moves if some normal has the clearance γ and none is asked for.
+    After 1,000 moves the best normal met is kept, but not for the two sides of a sheet, in which it would lie: there
+    the normal stays what it was, or is the first face's where it was zero.
     """
     for k in range(len(rows)):
         row = rows[k]
         mine = faces[starts[k] : starts[k + 1]]
-        x, y, z = normals[row]
+        before = load(normals, row)
+        x, y, z = before
         best = -2.0
         for _ in range(1000):
             length = np.sqrt(x * x + y * y + z * z)
@@ -62,13 +65,28 @@ def _outermost(normals, clearance, rows, starts, faces):
                 length = 1.0
             least, worst = 2.0, 0
             for f in range(len(mine)):
-                dot = (x * mine[f, 0] + y * mine[f, 1] + z * mine[f, 2]) / length
-                if dot < least:
-                    least, worst = dot, f
+                cosine = dot((x, y, z), load(mine, f)) / length
+                if cosine < least:
+                    least, worst = cosine, f
             if least > best:
                 best = least
                 normals[row, 0], normals[row, 1], normals[row, 2] = x / length, y / length, z / length
-            if least > 0.0:
+            if least > enough:
                 break
             x, y, z = x + mine[worst, 0], y + mine[worst, 1], z + mine[worst, 2]
+        if best <= 0.0 and _two_sides(mine):
+            if dot(before, before) == 0.0:
+                before = load(mine, 0)
+            normals[row, 0], normals[row, 1], normals[row, 2] = before
+            best = -1.0
         clearance[row] = best
+
+
+@inline
+def _two_sides(normals):
+    """Whether two of the normals look opposite ways, as those of the two sides of a sheet."""
+    for i in range(len(normals)):
+        for j in range(i):
+            if dot(load(normals, i), load(normals, j)) < -0.9999:
+                return True
+    return False

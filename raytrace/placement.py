@@ -44,7 +44,7 @@ def ray_offset(
 
     Args:
         magnitude: (n,), the largest |coordinate| among the corners of the faces that meet there.
-        clearance: (n,), the smallest cosine between the normal and those faces' normals; below .1 it counts as .1.
+        clearance: (n,), the smallest cosine between the normal and those faces' normals; below .01 it counts as .01.
     """
     error = OFFSET_ULPS * ULP * np.abs(normals).sum(axis=1) * magnitude
-    return error / np.maximum(clearance, 0.1)
+    return error / np.maximum(clearance, 0.01)

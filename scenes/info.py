@@ -7,6 +7,7 @@ import numpy as np
 from ao.receivers import Flag, find_receivers
 from raytrace.normals import face_normals
 from raytrace.placement import Placement
+from raytrace.resolution import precision_warnings
 
 from .load import MeshFile
 
@@ -35,4 +36,5 @@ def describe(source: MeshFile) -> list[tuple[str, str]]:
         count = int(np.count_nonzero(receivers.flags & flag))
         if count:
             rows.append((f"{(flag.name or '').lower()} vertices", f"{count:,}"))
+    rows += [("warning", warning.removeprefix(f"{mesh.source}: ")) for warning in precision_warnings(mesh)]
     return rows

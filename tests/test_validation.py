@@ -15,6 +15,7 @@ import ao
 from ao.falloff import Binary, Exponential
 from ao.hemisphere import DirectionTable
 from raytrace import Mesh
+from raytrace.placement import ray_offset
 from scenes import validation
 from scenes.configurations import Configuration
 from scenes.shapes import icosphere, inscribed_radius, tube
@@ -203,8 +204,8 @@ def test_the_complement_of_mu_fails() -> None:
 
 @pytest.mark.parametrize("lift", [-1.0, 0.0], ids=["below the surface", "on the surface"])
 def test_own_triangle_hits_fail(lift: float, monkeypatch: pytest.MonkeyPatch) -> None:
-    offset = ao.receivers.ray_offset
-    monkeypatch.setattr("ao.receivers.ray_offset", lambda *args: lift * offset(*args))
+    offset = ray_offset
+    monkeypatch.setattr("raytrace.origins.ray_offset", lambda *args: lift * offset(*args))
     failed = failures(ao.bake)
     assert any(result.name.startswith("nothing above") for result in failed)
 

@@ -1,0 +1,104 @@
+"""Convex solids, where nothing may be hit from a vertex, and closed ones, where every ray from inside must hit."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..menger import menger
+from ..primitives import box
+from ..shapes import Floats, Part, hull, icosphere, join, tube
+
+
+def grid(cells: int, size: float = 1.0) -> Part:
+    """A square in z = 0 facing +z, centred."""
+    steps = np.linspace(-size / 2, size / 2, cells + 1)
+    x, y = (axis.ravel() for axis in np.meshgrid(steps, steps, indexing="ij"))
+    first = np.array([i * (cells + 1) + j for i in range(cells) for j in range(cells)])
+    right, across = first + cells + 1, first + cells + 2
+    faces = np.concatenate([np.stack([first, right, across], -1), np.stack([first, across, first + 1], -1)])
+    return np.stack([x, y, np.zeros_like(x)], axis=-1), faces
+
+
+def cube(cells: int) -> Part:
+    """The unit cube, each side with vertices of its own: hard edges."""
+    mesh = box((0, 0, 0), (1, 1, 1), 1 / cells).mesh
+    return np.array(mesh.vertices), mesh.faces
+
+
+def ellipsoid(points: int, axes: tuple[float, float, float]) -> Part:
+    """Convex hull of random points on an ellipsoid: flat triangles where it is flat."""
+    directions = np.random.default_rng(0).normal(size=(points, 3))
+    return hull(directions / np.linalg.norm(directions, axis=1, keepdims=True) * axes)
+
+
+def torus(major: int = 60, minor: int = 30, thickness: float = 0.45) -> Part:
+    """A torus of radius 1 about z."""
+    u, v = (axis.ravel() for axis in np.meshgrid(np.arange(major), np.arange(minor), indexing="ij"))
+    a, b = 2 * np.pi * u / major, 2 * np.pi * v / minor
+    ring = 1 + thickness * np.cos(b)
+    vertices = np.stack([ring * np.cos(a), ring * np.sin(a), thickness * np.sin(b)], axis=-1)
+    right, up = (u + 1) % major * minor, (v + 1) % minor
+    here, beside, above, across = u * minor + v, right + v, u * minor + up, right + up
+    return vertices, np.concatenate([np.stack([here, beside, across], -1), np.stack([here, across, above], -1)])
+
+
+def junctions(cells: int = 12) -> Part:
+    """A closed cube whose sides are cut unlike, so that the vertices of one lie on the edges of the next."""
+    sides = []
+    for side, turn in enumerate(_SIDES):
+        vertices, faces = grid(cells if side % 2 else 1 + side)
+        sides.append(((vertices + np.array([0, 0, 0.5])) @ turn.T, faces))
+    return join(sides)
+
+
+def stretched(part: Part, axes: tuple[float, float, float]) -> Part:
+    """A part scaled along x, y and z."""
+    return part[0] * axes, part[1]
+
+
+def inward(part: Part) -> Part:
+    """A part with its faces turned round."""
+    return part[0], part[1][:, ::-1]
+
+
+def _turn(x: tuple[int, int, int], y: tuple[int, int, int]) -> Floats:
+    return np.stack([x, y, np.cross(x, y)], axis=1).astype(np.float64)
+
+
+_SIDES = [
+    _turn((1, 0, 0), (0, 1, 0)), _turn((0, 1, 0), (0, 0, 1)), _turn((0, 0, 1), (1, 0, 0)),
+    _turn((0, 1, 0), (1, 0, 0)), _turn((0, 0, 1), (0, 1, 0)), _turn((1, 0, 0), (0, 0, 1)),
+]  # fmt: skip
+
+
+TORN = {"cube with T-junctions"}  # by the rounding to float32 far from the origin
+FLAT = TORN | {"plane", "cube, hard edges", "coarse cube, hard edges"}  # sides that this rounding makes truly bumpy
+
+
+def convex() -> dict[str, Part]:
+    """Convex parts and open planes, by name."""
+    return {
+        "icosphere": icosphere(5),
+        "cube, hard edges": cube(32),
+        "coarse cube, hard edges": cube(8),
+        "plane": grid(100),
+        "cube with T-junctions": junctions(),
+        "ellipsoid 1000:1:1": ellipsoid(2000, (1, 1e-3, 1e-3)),
+        "ellipsoid 1000:1000:1": ellipsoid(2000, (1, 1, 1e-3)),
+        "prism of slivers 10⁴:1": tube(64, 1e3),
+    }
+
+
+def closed() -> dict[str, Part]:
+    """Closed parts that face outward, by name."""
+    sponge = menger(2, 1.0, 1)
+    return {
+        "icosphere": icosphere(4),
+        "torus": torus(),
+        "cube, hard edges": cube(32),
+        "coarse cube, hard edges": cube(8),
+        "cube with T-junctions": junctions(),
+        "Menger sponge": (np.array(sponge.vertices), sponge.faces),
+        "slab 1000:1000:1": stretched(cube(8), (1, 1, 1e-3)),
+        "ellipsoid 1000:1000:1": ellipsoid(2000, (1, 1, 1e-3)),
+    }

@@ -1,0 +1,110 @@
+"""Origins of rays where surfaces meet: each case once leaked, hit itself, or took the wrong side."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import ao
+from raytrace import Mesh
+from raytrace.contacts import find_contacts
+from raytrace.outermost import outermost_normals
+from scenes.shapes import generic_rotation, icosphere, join
+from scenes.stress.solids import cube, ellipsoid, grid, inward
+
+
+def binary(part, turn, samples=256):
+    return ao.bake(Mesh(generic_rotation(turn).apply(part[0]), part[1]), ao.Binary(), samples=samples).w
+
+
+@pytest.mark.parametrize("turn", range(4))
+def test_a_turned_room_with_hard_edges_is_closed(turn):
+    """Vertices of one wall began exactly on the next, and one ray in ten passed through it."""
+    assert (binary(inward(cube(8)), turn) == 0).all()
+
+
+@pytest.mark.parametrize("turn", range(4))
+def test_a_turned_cube_with_hard_edges_is_open(turn):
+    assert (binary(cube(8), turn, 1024) == 1).all()
+
+
+def test_flat_triangles_do_not_hit_themselves():
+    """Their planes are known to Embree less well than their corners."""
+    assert (binary(ellipsoid(2000, (1, 1e-3, 1e-3)), 2) == 1).mean() > 0.999
+
+
+def test_acute_wedges_are_closed():
+    """The rim of a lens, one to 10,000: a ray must start clear of both sides."""
+    assert (binary(inward(ellipsoid(2000, (1, 1, 1e-4))), 1) == 0).all()
+
+
+def test_a_sheet_welded_to_its_own_back_keeps_a_side():
+    """The normals of both sides cancel, and what was left of them lay in the sheet."""
+    vertices, faces = grid(4)
+    for turn in range(4):
+        assert (binary((vertices, np.concatenate([faces, faces[:, ::-1]])), turn) == 1).all()
+
+
+def test_contacts_with_the_files_normals_against_the_winding():
+    """A floor and the foot of a wall, all faces wound the wrong way round."""
+    floor = grid(1, 8.0)
+    wall = np.array([[0, -1, 0], [0, 1, 0], [0, 0, 2.0], [0, 0, 0]]), np.array([[0, 3, 2], [3, 1, 2]])
+    vertices, faces = join([wall, floor])
+    normals = np.array([[1, 0, 0.0]] * 4 + [[0, 0, 1.0]] * 4)
+    for each in (faces, faces[:, ::-1]):
+        mesh = Mesh(vertices, each, normals)
+        w = ao.bake(mesh, ao.Binary(), samples=4096, normals="file").w
+        assert w[3] == pytest.approx(0.5, abs=0.004)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_contacts_are_those_of_brute_force(seed):
+    rng = np.random.default_rng(seed)
+    sphere = icosphere(2)
+    needles = rng.normal(size=(40, 1, 3)) + rng.normal(size=(40, 3, 3)) * rng.choice([1e-3, 3.0], size=(40, 1, 3))
+    vertices, faces = join([sphere, grid(3, 1.7), (needles.reshape(-1, 3), np.arange(120).reshape(-1, 3))])
+    points = np.concatenate([vertices, rng.normal(size=(200, 3))])
+    reach, margin = rng.uniform(0, 0.3, len(points)), rng.uniform(0, 0.1, len(faces))
+    found = find_contacts(points, reach, margin, vertices, faces, faces)
+    corners = vertices[faces]
+    expected = {
+        (i, f)
+        for i, p in enumerate(points)
+        for f in np.flatnonzero(_distances(p, corners) <= np.maximum(reach[i], margin))
+        if i not in faces[f]
+    }
+    assert len(expected) > 100
+    assert set(zip(found.point.tolist(), found.face.tolist(), strict=True)) == expected
+    assert (np.diff(found.point) >= 0).all()
+    exact = [_distances(points[i], corners[[f]])[0] for i, f in zip(found.point, found.face, strict=True)]
+    np.testing.assert_allclose(found.distance, exact, atol=1e-12)
+
+
+def _distances(p, corners):
+    """From a point to triangles (m, 3, 3): the plane where the foot is inside, else the nearest edge."""
+    a, b, c = corners.transpose(1, 0, 2)
+    normal = np.cross(b - a, c - a)
+    length = np.linalg.norm(normal, axis=1)
+    height = np.einsum("ij,ij->i", p - a, normal) / length
+    inside = np.ones(len(corners), bool)
+    nearest = np.full(len(corners), np.inf)
+    for q, r in ((a, b), (b, c), (c, a)):
+        inside &= np.einsum("ij,ij->i", np.cross(r - q, p - q), normal) >= 0
+        along = np.clip(np.einsum("ij,ij->i", p - q, r - q) / ((r - q) ** 2).sum(axis=1), 0, 1)
+        nearest = np.minimum(nearest, np.linalg.norm(p - q - along[:, None] * (r - q), axis=1))
+    return np.where(inside, np.abs(height), nearest)
+
+
+def test_no_points_and_no_faces_have_no_contacts():
+    nothing = np.zeros((0, 3))
+    none = np.zeros((0, 3), np.int64)
+    vertices, faces = grid(1)
+    assert len(find_contacts(nothing, np.zeros(0), np.zeros(len(faces)), vertices, faces, faces).point) == 0
+    assert len(find_contacts(vertices, np.ones(len(vertices)), np.zeros(0), vertices, none, none).point) == 0
+
+
+def test_clearance_is_asked_for():
+    start = np.array([[1.0, 0.0, 0.0]])
+    moved, clearance = outermost_normals(start, np.zeros((2, 1), np.int64), np.array([[1.0, 0, 0], [0, 1.0, 0]]), 0.3)
+    assert clearance[0] >= 0.3
+    assert moved[0] @ moved[0] == pytest.approx(1)

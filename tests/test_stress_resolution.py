@@ -1,0 +1,72 @@
+"""Precision that a mesh lacks is told: in Python, on standard error, in the report and by `info`."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+import trimesh
+from command import obscurance
+
+from raytrace import Mesh
+from raytrace.resolution import TILT, coarseness, precision_warnings
+from scenes.shapes import icosphere, join
+from scenes.stress.pose import Pose
+
+
+def test_a_mesh_far_from_the_origin_is_told_by_how_it_is_stored():
+    part = icosphere(4)
+    assert precision_warnings(Pose(1.0, 1e5, 1).mesh(part)) == []
+    (text,) = precision_warnings(Pose(1.0, 1e5, 1, single=True).mesh(part, "far.ply"))
+    assert text.startswith("far.ply: normals of 2,562 of 2,562 vertices are uncertain by")
+    assert "as stored have steps of 0.0078" in text
+
+
+def test_a_detail_too_small_for_the_whole_is_told():
+    part = icosphere(3)
+    for size, told in ((1e-3, 0), (1e-7, len(part[0]))):
+        scene = join(
+            [(np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0.0]]), np.array([[0, 1, 2]])), (size * part[0] + 0.4, part[1])]
+        )
+        found = coarseness(Mesh(*scene))
+        assert found.vertices == told
+        assert not found.stored
+
+
+@pytest.mark.parametrize("scale", [1e-9, 1.0, 1e9])
+def test_the_figure_is_the_tilt_that_rounding_makes(scale):
+    """Normals of a sphere rounded to float32, against those it had: the median is foretold within a factor of 5."""
+    part = icosphere(4)
+    exact = Pose(scale, 3e4, 1).mesh(part)
+    rounded = Pose(scale, 3e4, 1, single=True).mesh(part)
+    a, b = (
+        trimesh.Trimesh((m.vertices - exact.centre) / scale, m.faces, process=False).vertex_normals
+        for m in (exact, rounded)
+    )
+    actual = np.median(np.linalg.norm(np.cross(a, b), axis=1))
+    found = coarseness(rounded)
+    assert found.tilt > TILT
+    assert 0.2 * found.tilt < actual < found.tilt
+
+
+def test_faces_without_area_are_not_its_business():
+    assert (
+        precision_warnings(Mesh([[0, 0, 0], [1, 0, 0], [0, 1, 0], [2, 0, 0]], [[0, 1, 2], [0, 1, 3], [1, 1, 1]])) == []
+    )
+
+
+def test_the_command_says_so(tmp_path):
+    far, near = tmp_path / "far.ply", tmp_path / "near.ply"
+    part = icosphere(2)
+    for path, offset in ((far, 1e5), (near, 0.0)):
+        trimesh.Trimesh(Pose(1.0, offset, 1).vertices(part[0]), part[1], process=False).export(path)
+    for path, count in ((far, 1), (near, 0)):
+        report = tmp_path / "report.json"
+        done = obscurance("bake", path, "-o", tmp_path / "w.npy", "--samples", 8, "--report", report)
+        assert done.returncode == 0, done.stderr
+        told = [line for line in done.stderr.splitlines() if line.startswith("warning: ")]
+        assert len(told) == count
+        warnings = json.loads(report.read_text())["warnings"]
+        assert [f"warning: {text}" for text in warnings] == told
+        assert obscurance("info", path).stdout.count("\nwarning") == count
