@@ -35,6 +35,12 @@ class FalloffForm(StrEnum):
     binary = "binary"
 
 
+class Hidden(StrEnum):
+    ignore = "ignore"
+    mark = "mark"
+    fill = "fill"
+
+
 class Metric(StrEnum):
     flip = "flip"
     rms = "rms"
@@ -73,7 +79,11 @@ def bake(
     normals: Annotated[
         NormalsFrom, typer.Option(help="Vertex normals: face weighting, or the file's.")
     ] = NormalsFrom.angle,
+    hidden: Annotated[
+        Hidden, typer.Option(help="Vertices inside closed solids: no such thing, flagged, or filled from others.")
+    ] = Hidden.ignore,
     report: Annotated[Path | None, typer.Option(help="Also write a JSON report.")] = None,
+    debug_image: Annotated[Path | None, typer.Option(help="Also write a picture that marks flagged vertices.")] = None,
     colors: Annotated[bool, typer.Option("--colors", help="Give a .glb the vertex colours COLOR_0 = w too.")] = False,
     quiet: Quiet = False,
 ) -> None:
@@ -87,6 +97,10 @@ def bake(
     check_target(output)
     if report:
         check_writable(report)
+    if debug_image:
+        from scenes.marked import check_marked_target
+
+        check_marked_target(debug_image)
     from scenes.load import load
 
     start = time.perf_counter()
@@ -96,7 +110,7 @@ def bake(
     with _progress(quiet, "rays") as progress, _compiling("hemisphere"):
         baked = ao.bake(
             source.mesh, chosen, samples, seed, threads, normals.value, progress,
-            tolerance=tolerance, reconstruct=reconstruct,
+            tolerance=tolerance, reconstruct=reconstruct, hidden=hidden.value,
         )  # fmt: skip
     tracing = time.perf_counter()
     write(output, baked, source, colors=colors)
@@ -107,6 +121,10 @@ def bake(
 
         options["threads"] = thread_count(threads)
         write_report(report, baked, options, seconds, warnings)
+    if debug_image:
+        from scenes.marked import write_marked
+
+        write_marked(debug_image, source.mesh, baked)
     if not quiet:
         print(_summary(baked, output))
 

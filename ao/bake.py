@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -17,6 +17,7 @@ from raytrace.placement import Placement
 from raytrace.sampling import mix, seed_key
 
 from .falloff import Exponential, Falloff, Mu
+from .hidden import Hidden, filled, hidden_points
 from .neighbours import Neighbours
 from .receivers import Flag, Normals, Points, Receivers, find_receivers
 from .reconstruct import SPREAD_REACH, shared_out
@@ -74,6 +75,7 @@ def bake(
     only: npt.NDArray[np.bool_] | None = None,
     tolerance: float | None = None,
     reconstruct: bool = True,
+    hidden: Hidden = "ignore",
 ) -> Bake:
     """Obscurance w(p) = (1/π) ∫ μ(d) cosθ dω (12.71) at every vertex of `mesh`.
 
@@ -90,6 +92,8 @@ def bake(
         tolerance: root mean square error of w to bake to, 1e-5 to 1: rays and baked vertices are chosen to meet it, the
             other vertices are told from their neighbours. None: every vertex gets `samples` rays.
         reconstruct: whether a vertex's estimate is drawn towards its neighbours' by what they are worth.
+        hidden: "ignore": both sides of faces are surface. "mark": faces bound solids, and vertices that mostly see
+            backs, being inside one, are flagged. "fill": besides, they get the values of the nearest that are not.
 
     Raises:
         OptionError: an argument is out of range.
@@ -99,6 +103,8 @@ def bake(
     most = (DEFAULT_SAMPLES if tolerance is None else _MOST_FOR_TOLERANCE) if samples is None else samples
     _check_whole("samples", most, 1, MAX_SAMPLES)
     _check_whole("seed", seed, 0, 2**64 - 1)
+    if hidden not in ("ignore", "mark", "fill"):
+        raise OptionError("hidden", "ignore, mark or fill", repr(hidden))
     if tolerance is not None:
         _check_tolerance(tolerance, only, reconstruct)
     workers = thread_count(threads)
@@ -125,6 +131,12 @@ def bake(
 
     vertex = receivers.of_vertex
     baked = vertex >= 0
+    if hidden != "ignore":
+        inside = hidden_points(scene, receivers.points, placement.diagonal, key, workers)
+        receivers.flags[baked] |= np.where(inside[vertex[baked]], Flag.HIDDEN, 0).astype(np.uint8)
+        if hidden == "fill":
+            rows = filled(estimate.rows, inside, receivers.points, _neighbours(receivers), workers)
+            estimate = replace(estimate, rows=rows)
     wanted: npt.NDArray[np.bool_] = np.ones(len(vertex), np.bool_) if only is None else only
     w, error, bent = np.ones(len(vertex)), np.zeros(len(vertex)), np.zeros((len(vertex), 3))
     w[baked] = np.clip(estimate.rows[vertex[baked], 0], 0.0, 1.0)

@@ -32,6 +32,7 @@ class Flag(IntFlag):
     UNREFERENCED = 1  # no face uses it
     DEGENERATE = 2  # every face that uses it has zero area, or its own normal was asked for and is missing
     OPPOSED = 4  # no direction sees the front of all its faces; rays start above most of them
+    HIDDEN = 8  # most of what it sees are backs of faces: it is inside a solid; looked for when asked
 
 
 @dataclass(frozen=True, eq=False)
