@@ -81,7 +81,7 @@ def open_image(path: str | os.PathLike[str], content: Path | None = None, max_si
     with _silenced():
         image = oiio.ImageInput.open(str(file), wanted)
     if image is None:
-        raise InputError(os.fspath(path), "content", "an image", _one_line(oiio.geterror(), file))
+        raise InputError(os.fspath(path), "content", "an image", _reason(oiio, file))
     spec = image.spec()
     if max(spec.width, spec.height) > max_side:
         size = f"{spec.width}×{spec.height}"
@@ -108,9 +108,9 @@ def blocks(image: Any, path: str | os.PathLike[str]) -> Iterator[tuple[slice, np
                 numbers = image.read_tiles(0, 0, spec.x, spec.x + spec.width, *rows, 0, 1, *channels, kind)
             else:
                 numbers = image.read_scanlines(0, 0, *rows, 0, *channels, kind)
-        reason = image.geterror()
+        reason = _reason(image, Path(path))
         if numbers is None or "premature end" in reason.lower():  # other messages about JPEG data are warnings
-            raise InputError(os.fspath(path), "content", "a complete image", _one_line(reason, Path(path)))
+            raise InputError(os.fspath(path), "content", "a complete image", reason)
         yield slice(first, end), np.asarray(numbers).reshape(end - first, spec.width, spec.nchannels)
 
 
@@ -184,7 +184,11 @@ def _metadata(spec: Any) -> dict[str, str]:
     return {name: str(text) for name, text in described.items()} if isinstance(described, dict) else {}
 
 
-def _one_line(reason: str, file: Path) -> str:
-    """OpenImageIO's message, without the file's name, which stands before it already."""
+def _reason(reader: Any, file: Path) -> str:
+    """The message of OpenImageIO, or of an image, without the file's name, which stands before it already."""
+    try:
+        reason: str = reader.geterror()
+    except UnicodeDecodeError:  # it quotes the damaged bytes
+        reason = ""
     lines = [line.replace(f' ("{file}")', "").replace(str(file), file.name) for line in reason.splitlines()]
     return " ".join(dict.fromkeys(line.strip() for line in lines if line.strip())) or "damaged or cut off"

@@ -93,7 +93,7 @@ def read_objects(path: Path) -> tuple[list[Instance], Gltf | None]:
             elif kind == "obj":
                 instances = read_obj(file.read(), path.stem, source)
             elif kind == "ply":
-                instances = read_ply(file, path.stem, source)
+                instances = read_ply(file.read(), path.stem, source)
             else:
                 instances = _read(file, kind, path.stem, source)
         # Every primitive of a glTF keeps its part: the GLB writer counts on it.
