@@ -21,6 +21,7 @@ from .srgb import decode_srgb
 
 Floats = npt.NDArray[np.float32]
 
+GROWTH, SPARE = 1100, 1 << 26  # deflate grows 1032-fold at most; 64 MiB hold 4096×4096 pixels of four bytes
 _ROWS = 64
 _printing = threading.Lock()
 _ORDER = {name: place for place, name in enumerate("RGBXYZA")}
@@ -60,7 +61,7 @@ def open_image(path: str | os.PathLike[str], content: Path | None = None, max_si
         max_side: most pixels in width and height.
 
     Raises:
-        InputError: `path` is missing, a folder, not an image, or too large.
+        InputError: `path` is missing, a folder, not an image, too large, or claims more pixels than its bytes can hold.
     """
     import OpenImageIO as oiio
 
@@ -86,6 +87,10 @@ def open_image(path: str | os.PathLike[str], content: Path | None = None, max_si
     if max(spec.width, spec.height) > max_side:
         size = f"{spec.width}×{spec.height}"
         raise InputError(os.fspath(path), "size", f"at most {max_side}×{max_side} pixels", size)
+    claimed = max(spec.image_bytes(True), spec.tile_bytes(True))
+    if claimed > GROWTH * file.stat().st_size + SPARE:
+        content = f"{spec.width}×{spec.height} of {spec.nchannels} channels"
+        raise InputError(os.fspath(path), "size", f"pixels that {file.stat().st_size:,} bytes can hold", content)
     if spec.deep or spec.depth > 1:
         raise InputError(os.fspath(path), "content", "a flat image", "a deep or volume image")
     return image
@@ -179,7 +184,7 @@ def _metadata(spec: Any) -> dict[str, str]:
         return metadata
     try:
         described = json.loads(found.get("ImageDescription", ""))
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, RecursionError):
         return {}
     return {name: str(text) for name, text in described.items()} if isinstance(described, dict) else {}
 

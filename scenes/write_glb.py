@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import copy
+from functools import cache
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -96,13 +98,17 @@ def _one_buffer(asset: Gltf) -> _Packed:
     for view in packed.header.get("bufferViews", []):
         view["byteOffset"] = view.get("byteOffset", 0) + offsets[view["buffer"]]
         view["buffer"] = 0
+    read = cache(Path.read_bytes)
+    views: dict[int, int] = {}
     for image in packed.header.get("images", []):
         uri = str(image.get("uri", "data:"))
-        data = None if uri.startswith("data:") else reference(uri, asset.folder)
+        data = None if uri.startswith("data:") else reference(uri, asset.path.parent, read)
         if data is not None:
             del image["uri"]
             image.setdefault("mimeType", "image/png" if data.startswith(b"\x89PNG") else "image/jpeg")
-            image["bufferView"] = packed.bytes_view(data)
+            if id(data) not in views:
+                views[id(data)] = packed.bytes_view(data)
+            image["bufferView"] = views[id(data)]
     return packed
 
 

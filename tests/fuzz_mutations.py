@@ -7,6 +7,7 @@ import re
 import struct
 import zipfile
 import zlib
+from contextlib import suppress
 
 import fuzz_seeds
 
@@ -162,7 +163,8 @@ def _png(content, rng):
     for _ in range(rng.choice((1, 2))):
         chosen = rng.choice(chunks)
         if chosen[0] == b"IDAT" and rng.random() < 0.5:
-            chosen[1] = zlib.compress(damaged(zlib.decompress(chosen[1]), rng))
+            with suppress(zlib.error):
+                chosen[1] = zlib.compress(damaged(zlib.decompress(chosen[1]), rng))
         else:
             chosen[1] = damaged(chosen[1], rng)
     made = content[:8]

@@ -112,7 +112,9 @@ EXTRAS = {
     "cameras": [{"type": "perspective", "perspective": {"yfov": 0.8, "znear": 0.1, "zfar": 100}}],
     "extensions": {
         "KHR_lights_punctual": {
-            "lights": [{"type": "spot", "intensity": 5, "range": 9, "spot": {"innerConeAngle": 0.1}, "color": [1, 1, 0]}]
+            "lights": [
+                {"type": "spot", "intensity": 5, "range": 9, "spot": {"innerConeAngle": 0.1}, "color": [1, 1, 0]}
+            ]
         }
     },
 }

@@ -20,14 +20,12 @@ import traceback
 import warnings
 from pathlib import Path
 
-sys.path[:0] = [str(Path(__file__).resolve().parent), str(Path(__file__).resolve().parent.parent)]
-
 import fuzz_mutations
 import fuzz_seeds
 
 SECONDS = 10  # of processor time for one input
 SPARE = 2 << 30  # address space beyond what the process has once it is warm
-CONSTANT, FACTOR = 256 << 20, 4096  # an input of k bytes may take CONSTANT + FACTOR k bytes
+CONSTANT, FACTOR = 64 << 20, 256  # an input of k bytes may take CONSTANT + FACTOR k bytes
 PICTURES = ("png", "jpeg", "exr", "tiff")
 OUT_OF_MEMORY = "sizes that fit into memory"
 
@@ -252,9 +250,11 @@ def main(seed, first, end, progress):
 
 def modest():
     """Built-in shapes and copies are work that a few bytes may ask for on purpose: here no more than a little."""
+    import scenes.flatten
     import scenes.solids
 
     scenes.solids.MAX_TRIANGLES = 20_000
+    scenes.flatten.MAX_COPIED = 200_000
 
 
 def warm(inside, made):

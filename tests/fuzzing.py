@@ -1,9 +1,10 @@
 """Runs damaged inputs through processes of their own: a crash, a hang or a lack of memory ends only such a process.
 
-    python tests/fuzzing.py [COUNT [SEED]]     COUNT inputs (60,000), then a table; exit status 1 after any finding
+python tests/fuzzing.py [COUNT [SEED]]     COUNT inputs (60,000), then a table; exit status 1 after any finding
 """
 
 import json
+import os
 import signal
 import subprocess
 import sys
@@ -13,6 +14,7 @@ from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 WORKER = Path(__file__).resolve().parent / "fuzz_worker.py"
+ENVIRONMENT = os.environ | {"PYTHONPATH": str(WORKER.parent.parent)}
 COUNT = 60_000
 BATCH = 2000
 SILENCE = 120  # seconds of wall time without a result: asleep
@@ -56,7 +58,7 @@ def _process(seed, first, end):
         with tempfile.TemporaryFile("w+") as output, tempfile.TemporaryFile("w+") as errors:
             try:
                 status = subprocess.run(
-                    command, stdout=output, stderr=errors, timeout=SILENCE + 0.2 * (end - first), check=False
+                    command, stdout=output, stderr=errors, timeout=SILENCE + 0.2 * (end - first), check=False, env=ENVIRONMENT
                 ).returncode
             except subprocess.TimeoutExpired:
                 status = "asleep"
