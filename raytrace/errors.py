@@ -32,7 +32,7 @@ class InputError(ObscuranceError, ValueError):
 
     def __init__(self, source: object, field: str, expected: str, got: object) -> None:
         self.source, self.field, self.expected, self.got = str(source), field, expected, got
-        text = f"{self.source}: {shortened(field)}: expected {expected}, got {shortened(got)}"
+        text = f"{self.source}: {shortened(field)}: expected {shortened(expected, 1000)}, got {shortened(got)}"
         super().__init__(printable(text))
 
 

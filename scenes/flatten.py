@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from raytrace.errors import MeshError
+from raytrace.errors import InputError, MeshError
 from raytrace.mesh import Mesh
 
 from .polygons import fan_triangles
@@ -61,7 +61,7 @@ def instance(
     return Instance(name, vertices, faces, normals, matrix)
 
 
-def check_copies(rows: int, stored: int, source: object) -> None:
+def check_copies(rows: int, stored: int, source: object, error: type[InputError] = MeshError) -> None:
     """Refuse a small file that fills the memory by repeating what it holds.
 
     Args:
@@ -69,11 +69,11 @@ def check_copies(rows: int, stored: int, source: object) -> None:
         stored: bytes that hold them.
 
     Raises:
-        MeshError: more rows than bytes, and than `MAX_COPIED`.
+        error: more rows than bytes, and than `MAX_COPIED`.
     """
     limit = max(stored, MAX_COPIED)
     if rows > limit:
-        raise MeshError(source, "objects", f"at most {limit:,} vertices and triangles with all copies", f"{rows:,}")
+        raise error(source, "objects", f"at most {limit:,} vertices and triangles with all copies", f"{rows:,}")
 
 
 def world_matrices(edges: Iterable[dict[str, Any]], base: Any) -> dict[Any, npt.NDArray[np.float64]]:

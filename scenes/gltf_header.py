@@ -218,4 +218,6 @@ def _check(kind: type[_Table], header: Any, source: object) -> None:
             path = joined(path, f"[{part}]" if isinstance(part, int) else part)
         missing = fault["type"] == "missing"
         expected = "a value" if missing else _WORDS.get(fault["type"]) or expectation(fault)
+        if fault["type"] == "union_tag_invalid":
+            expected = "one of " + fault["ctx"]["expected_tags"]
         raise MeshError(source, path or "content", expected, "nothing" if missing else shown(fault["input"])) from None

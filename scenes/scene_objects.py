@@ -92,7 +92,7 @@ class ObjectReader:
             self._stored |= rows
         each = sum(rows[id(item.shape.mesh)] for item in pieces)
         self._placed += each * (1 if table.copies is None else len(table.copies))
-        check_copies(self._placed, sum(self._stored.values()), self._source)
+        check_copies(self._placed, sum(self._stored.values()), self._source, SceneError)
 
     def _pieces(self, table: ObjectTable, path: str) -> list[Object]:
         """The entry's objects before its own transform."""

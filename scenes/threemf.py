@@ -89,7 +89,9 @@ def read_3mf(file: BinaryIO, source: str) -> list[Instance]:
         items = {name: _parse(archive, entry, _Reader(name, objects)) for name, entry in models.items()}
     build = items[next(name for name in models if name.endswith(ROOT))]
     _check_build(build, objects, unpacked, source)
-    arrays = {key: (np.array(o.vertices).reshape(-1, 3), np.array(o.faces).reshape(-1, 3)) for key, o in objects.items()}
+    arrays = {
+        key: (np.array(o.vertices).reshape(-1, 3), np.array(o.faces).reshape(-1, 3)) for key, o in objects.items()
+    }
     placed = []
     stack = build[::-1]
     while stack:

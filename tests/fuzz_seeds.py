@@ -136,6 +136,8 @@ def archive(**members):
     return target.getvalue()
 
 
+KINDS = {"bmp": "bmp", "hdr": "hdr", "targa": "tga", "webp": "webp", "sgi": "sgi", "dpx": "dpx", "pnm": "ppm",
+         "gif": "gif", "iff": "iff", "fits": "fits", "ico": "ico", "rla": "rla", "jpegxl": "jxl"}  # fmt: skip
 MODEL = b"""<?xml version="1.0" encoding="UTF-8"?>
 <model unit="millimeter" xmlns="http://schemas.microsoft.com/3dmanufacturing/core/2015/02">
 <resources>
@@ -234,6 +236,7 @@ def seeds():
         "jpeg": [("m.jpg", image("jpeg", 40, 30))],
         "exr": [("m.exr", image("openexr", 20, 30, 4, "half")), ("m.exr", image("openexr", 40, 30, 3, "float", tiled=1))],
         "tiff": [("m.tif", image("tiff", 20, 10, 3, "uint16")), ("m.tif", image("tiff", 40, 30, 4, "float", tiled=1))],
+        "pictures": [(f"m.{ending}", image(kind, 20, 10)) for kind, ending in KINDS.items()],
         "array": [("w.npy", arrays()[0]), ("w.npz", arrays()[1])],
     }  # fmt: skip
 

@@ -26,7 +26,7 @@ import fuzz_seeds
 SECONDS = 10  # of processor time for one input
 SPARE = 2 << 30  # address space beyond what the process has once it is warm
 CONSTANT, FACTOR = 64 << 20, 256  # an input of k bytes may take CONSTANT + FACTOR k bytes
-PICTURES = ("png", "jpeg", "exr", "tiff")
+PICTURES = ("png", "jpeg", "exr", "tiff", "pictures")
 OUT_OF_MEMORY = "sizes that fit into memory"
 
 

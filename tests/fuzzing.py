@@ -58,7 +58,12 @@ def _process(seed, first, end):
         with tempfile.TemporaryFile("w+") as output, tempfile.TemporaryFile("w+") as errors:
             try:
                 status = subprocess.run(
-                    command, stdout=output, stderr=errors, timeout=SILENCE + 0.2 * (end - first), check=False, env=ENVIRONMENT
+                    command,
+                    stdout=output,
+                    stderr=errors,
+                    timeout=SILENCE + 0.2 * (end - first),
+                    check=False,
+                    env=ENVIRONMENT,
                 ).returncode
             except subprocess.TimeoutExpired:
                 status = "asleep"
