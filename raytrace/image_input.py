@@ -87,10 +87,12 @@ def open_image(path: str | os.PathLike[str], content: Path | None = None, max_si
     if max(spec.width, spec.height) > max_side:
         size = f"{spec.width}×{spec.height}"
         raise InputError(os.fspath(path), "size", f"at most {max_side}×{max_side} pixels", size)
+    if min(spec.width, spec.height, spec.nchannels) < 1:
+        raise InputError(os.fspath(path), "size", "one pixel or more", f"{spec.width}×{spec.height}")
     claimed = max(spec.image_bytes(True), spec.tile_bytes(True))
     if claimed > GROWTH * file.stat().st_size + SPARE:
-        content = f"{spec.width}×{spec.height} of {spec.nchannels} channels"
-        raise InputError(os.fspath(path), "size", f"pixels that {file.stat().st_size:,} bytes can hold", content)
+        expected = f"pixels that {file.stat().st_size:,} bytes can hold"
+        raise InputError(os.fspath(path), "size", expected, f"{spec.width}×{spec.height} of {spec.nchannels} channels")
     if spec.deep or spec.depth > 1:
         raise InputError(os.fspath(path), "content", "a flat image", "a deep or volume image")
     return image

@@ -11,7 +11,6 @@ import numpy.typing as npt
 
 from .errors import MeshError
 
-
 LARGEST = 1e100  # products of three coordinates don't overflow
 
 

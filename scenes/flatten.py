@@ -14,7 +14,6 @@ from raytrace.mesh import Mesh
 
 from .polygons import fan_triangles
 
-
 MAX_COPIED = 20_000_000
 
 

@@ -19,8 +19,8 @@ from .gltf_header import check_appearance
 from .gltf_materials import material_of
 from .gltf_nodes import node_matrices
 from .gltf_texture import Textures
-from .located import located
 from .load import mesh_errors, read_objects
+from .located import located
 from .studio import BACKGROUND, Y_UP, framing, three_lights
 
 

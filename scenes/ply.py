@@ -57,22 +57,27 @@ def read_ply(data: bytes, name: str, source: str) -> list[Instance]:
     header, order, start = _header(data)
     elements = _elements(header)
     text = order == "ascii"
+    found, expected = [], [np.empty(0, np.int64)]
     if text:
-        data, start = np.fromstring(data[start:].decode("ascii"), sep=" ").tobytes(), 0
+        lines = data[start:].decode("ascii")
+        found = [count for count in (len(line.split()) for line in lines.splitlines()) if count]
+        data, start = np.fromstring(lines, sep=" ").tobytes(), 0
         for element in elements:
             element.properties = {name: ("d", counted and "d") for name, (_, counted) in element.properties.items()}
     vertices = normals = None
     corners, sizes = np.empty(0, np.int64), np.empty(0, np.int64)
     for element in elements:
         columns, lists, start = _rows(data, start, _ORDERS[order], element, source)
+        singles = np.full(element.count, len(columns))
+        expected.append(sum((1 + sizes for _, sizes in lists.values()), singles))
         if element.name == "vertex" and element.count:
             vertices = np.stack([columns[axis] for axis in "xyz"], axis=1)
             if {"nx", "ny", "nz"} <= set(columns):
                 normals = np.stack([columns[axis] for axis in ("nx", "ny", "nz")], axis=1)
         elif element.name == "face":
             corners, sizes = next((lists[label] for label in _INDICES if label in lists), (corners, sizes))
-    if text and start != len(data):
-        raise MeshError(source, "content", "as many numbers as the header announces", "more")
+    if text and not np.array_equal(found, np.concatenate(expected)):
+        raise MeshError(source, "rows", "one line for each, with as many numbers as the header says", "others")
     if vertices is None:
         raise MeshError(source, "elements", "one of vertices", "none")
     return [Instance(name, vertices, fan_triangles(_whole(corners), sizes), normals)]

@@ -25,10 +25,9 @@ from .scene_objects import ObjectReader, named_materials
 from .schema import CameraTable, Document, ObscuranceTable, parse_document
 from .studio import FROM, Z_UP, three_lights
 
-
 _PARTS = 100  # tomllib takes memory by the square of their number
 _LONG_KEY = re.compile(
-    r"""(?<![\w-])(?:(?:[\w-]++|"(?:[^"\\\n]|\\.)*+"|'[^'\n]*+')[ \t]*+\.[ \t]*+){%d}""" % (_PARTS - 1)
+    r"""(?<![\w-])(?:(?:[\w-]++|"(?:[^"\\\n]|\\.)*+"|'[^'\n]*+')[ \t]*+\.[ \t]*+){""" + f"{_PARTS - 1}}}"
 )
 
 

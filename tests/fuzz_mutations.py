@@ -5,6 +5,7 @@ import io
 import json
 import re
 import struct
+import sys
 import zipfile
 import zlib
 from contextlib import suppress
@@ -14,17 +15,21 @@ import fuzz_seeds
 WORDS = [
     b"0", b"-1", b"1", b"7", b"255", b"4294967295", b"4294967296", b"-2147483648", b"9223372036854775808", b"1e308",
     b"-1e308", b"5e-324", b"1e999", b"nan", b"inf", b"-inf", b"0x10", b"1.5", b"99999999999999999999", b"\n", b"\r\n",
-    b"\0", b" ", b"\x0c", b"/", b"//", b"\\\n", b"#", b"\xff\xfe", b"\xe2\x80\xa8", b"\xc2\xa0", b"\x1b[31m", b"a" * 300,
-    b"1" * 5000, b"element face 3\n", b"element vertex -1\n", b"property list int double x\n", b"property uint64 y\n",
+    b"\0", b" ", b"\x0c", b"/", b"//", b"\\\n", b"#", b"\xff\xfe", b"\xe2\x80\xa8", b"\xc2\xa0", b"\x1b[31m",
+    b"a" * 300, b"1" * 5000, b"element face 3\n", b"element vertex -1\n", b"property list int double x\n",
+    b"property uint64 y\n",
     b"property list uint uint vertex_indices\n", b"format binary_big_endian 1.0\n", b"end_header\n", b"f 1 2 3\n",
-    b"f 1/1/1 2/2/2 -1/-1/-1\n", b"v 1 2\n", b"vn 0 0 0\n", b"endsolid", b"solid x\n", b"vertex 1 2 3\n", b"OFF", b"COFF",
-    b'<component objectid="2"/>', b'<item objectid="2"/>', b"<!DOCTYPE x [<!ENTITY a SYSTEM 'file:///etc/passwd'>]>",
+    b"f 1/1/1 2/2/2 -1/-1/-1\n", b"v 1 2\n", b"vn 0 0 0\n",
+    b"endsolid", b"solid x\n", b"vertex 1 2 3\n", b"OFF",
+    b"COFF", b'<component objectid="2"/>', b'<item objectid="2"/>',
+    b"<!DOCTYPE x [<!ENTITY a SYSTEM 'file:///etc/passwd'>]>",
     b"&a;", b"</mesh>", b'path="/../secret"',
 ]  # fmt: skip
 PATHS = [
     "../secret.bin", "/etc/passwd", "http://127.0.0.1:9/a", "file:///etc/passwd", "link.bin", "out/secret.bin", "..",
     ".", "", "sub/../../secret.bin", "%2e%2e/secret.bin", "m.gltf", "m.toml", "m.bin", "paint.png", "\\\\a\\b", "c:a",
-    "C:/a", "a\0b", "sub/quad.glb", "w.npy", "square.obj", "pipe", "~/a", "data:,", "data:;base64,AAAA", "data:;base64,%",
+    "C:/a", "a\0b", "sub/quad.glb", "w.npy", "square.obj", "pipe", "~/a", "data:,", "data:;base64,AAAA",
+    "data:;base64,%",
 ]  # fmt: skip
 NUMBERS = [-1, 0, 1, 2, 3, 5, 7, 1000, 2**31 - 1, 2**31, 2**32, 2**53, 2**63, 2**64, 10**30, -(2**63), 0.5, -0.0, 1e-9,
            1e-100, 1e100, 1e308, -1e308, 5e-324, float("inf"), float("-inf"), float("nan")]  # fmt: skip
@@ -35,6 +40,15 @@ LONGEST = 1 << 16
 
 def spoiled(family, rng):
     """The name and bytes of a damaged file of a family, by a `random.Random`."""
+    usual = sys.getrecursionlimit()
+    sys.setrecursionlimit(100_000)  # copies of deeply nested trees
+    try:
+        return _spoiled(family, rng)
+    finally:
+        sys.setrecursionlimit(usual)
+
+
+def _spoiled(family, rng):
     name, content = rng.choice(fuzz_seeds.seeds()[family])
     if family == "glb" and rng.random() < 0.7:
         return name, _glb(content, rng)

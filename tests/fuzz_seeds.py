@@ -8,6 +8,7 @@ from functools import cache
 
 import numpy as np
 import OpenImageIO as oiio
+import PIL.Image
 from gltf_files import QUAD, TRIANGLE, Builder
 from mesh_files import FACES, NORMALS, VERTICES, ascii_ply, ascii_stl, mixed_ply, obj, off, ply, stl
 
@@ -137,7 +138,7 @@ def archive(**members):
 
 
 KINDS = {"bmp": "bmp", "hdr": "hdr", "targa": "tga", "webp": "webp", "sgi": "sgi", "dpx": "dpx", "pnm": "ppm",
-         "gif": "gif", "iff": "iff", "fits": "fits", "ico": "ico", "rla": "rla", "jpegxl": "jxl"}  # fmt: skip
+         "iff": "iff", "fits": "fits", "ico": "ico", "rla": "rla", "jpegxl": "jxl"}  # fmt: skip
 MODEL = b"""<?xml version="1.0" encoding="UTF-8"?>
 <model unit="millimeter" xmlns="http://schemas.microsoft.com/3dmanufacturing/core/2015/02">
 <resources>
@@ -163,6 +164,7 @@ def image(format_name, width=9, height=7, channels=3, kind="uint8", **attributes
     folder = _folder()
     path = folder / f"seed.{format_name}"
     spec = oiio.ImageSpec(width, height, channels, kind)
+    spec.attribute("DateTime", "2020:01:01 00:00:00")
     for name, value in attributes.items():
         spec.attribute(name, value)
     if attributes.get("tiled"):
@@ -174,7 +176,14 @@ def image(format_name, width=9, height=7, channels=3, kind="uint8", **attributes
     output.close()
     content = path.read_bytes()
     path.unlink()
-    return content
+    # A DPX file tells its name and its hour.
+    return content[:36] + bytes(124) + content[160:] if format_name == "dpx" else content
+
+
+def gif():
+    target = io.BytesIO()
+    PIL.Image.fromarray(np.arange(200, dtype=np.uint8).reshape(10, 20)).save(target, "GIF")
+    return target.getvalue()
 
 
 @cache
@@ -195,7 +204,7 @@ def arrays(count=4):
 
 def companions():
     """What lies beside the file under test: name to content."""
-    header, binary = gltf()
+    _, binary = gltf()
     npy, npz = arrays()
     return {
         "square.obj": OBJ.replace(b"f 1//1 2//1 3//1 4//1\n", b""),
@@ -220,7 +229,7 @@ def seeds():
     many = np.random.default_rng(1).integers(0, 7, (300, 3))
     embedded = json.loads(json.dumps(header))
     return {
-        "ply_ascii": [("m.ply", ascii_ply()), ("m.ply", ascii_ply(VERTICES, [[0, 1, 3, 4]])), ("m.ply", _mixed_ascii())],
+        "ply_ascii": [("m.ply", data) for data in (ascii_ply(), ascii_ply(faces=[[0, 1, 3, 4]]), _mixed_ascii())],
         "ply": [("m.ply", ply()), ("m.ply", ply(order=">", normals=NORMALS)), ("m.ply", ply(faces=many, texture=True))],
         "ply_mixed": [("m.ply", mixed_ply()), ("m.ply", mixed_ply(">"))],
         "obj": [("m.obj", OBJ), ("m.obj", obj()), ("m.obj", obj(faces=many))],
@@ -234,9 +243,12 @@ def seeds():
         "toml": [("m.toml", TOML), ("m.toml", BAKED)],
         "png": [("m.png", image("png")), ("m.png", image("png", 40, 30, 4)), ("m.png", image("png", 9, 7, 1))],
         "jpeg": [("m.jpg", image("jpeg", 40, 30))],
-        "exr": [("m.exr", image("openexr", 20, 30, 4, "half")), ("m.exr", image("openexr", 40, 30, 3, "float", tiled=1))],
+        "exr": [
+            ("m.exr", image("openexr", 20, 30, 4, "half")),
+            ("m.exr", image("openexr", 40, 30, 3, "float", tiled=1)),
+        ],
         "tiff": [("m.tif", image("tiff", 20, 10, 3, "uint16")), ("m.tif", image("tiff", 40, 30, 4, "float", tiled=1))],
-        "pictures": [(f"m.{ending}", image(kind, 20, 10)) for kind, ending in KINDS.items()],
+        "pictures": [*((f"m.{ending}", image(kind, 20, 10)) for kind, ending in KINDS.items()), ("m.gif", gif())],
         "array": [("w.npy", arrays()[0]), ("w.npz", arrays()[1])],
     }  # fmt: skip
 

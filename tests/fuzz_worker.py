@@ -189,6 +189,8 @@ def memory(field="VmRSS"):
 
 def silent(stream):
     """What a library has printed by itself since the last call."""
+    sys.stdout.flush()
+    sys.stderr.flush()
     text = os.pread(stream, 500, 0)
     os.ftruncate(stream, 0)
     os.lseek(stream, 0, os.SEEK_SET)
@@ -199,6 +201,7 @@ def main(seed, first, end, progress):
     kept = progress is None
     results = os.fdopen(os.dup(1), "w")
     folder = Path(tempfile.mkdtemp(prefix="fuzz-")).resolve()
+    fuzz_seeds.seeds()
     inside = prepared(folder)
     modest()
     warm(inside, folder / "made")
@@ -217,9 +220,7 @@ def main(seed, first, end, progress):
         family = family_of(index)
         if progress:
             os.pwrite(progress, f"{index:<12}".encode(), 0)
-        sys.setrecursionlimit(100_000)
         name, content = fuzz_mutations.spoiled(family, random_of(seed, index))
-        sys.setrecursionlimit(1000)
         path = inside / name
         spared = path.read_bytes() if path.exists() else None
         path.write_bytes(content)
