@@ -105,7 +105,7 @@ def _chunks(data: bytes, path: Path) -> tuple[bytes, bytes | None]:
 
 def encode_glb(header: dict[str, Any], binary: bytes) -> bytes:
     """A GLB file. The header should declare one buffer, without URI, of `len(binary)` bytes."""
-    content = json.dumps(header, separators=(",", ":"), ensure_ascii=False).encode("utf-8")
+    content = json.dumps(header, separators=(",", ":")).encode("ascii")
     content += b" " * (-len(content) % 4)
     binary += b"\0" * (-len(binary) % 4)
     chunks = struct.pack("<II", len(content), _JSON_CHUNK) + content

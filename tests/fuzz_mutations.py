@@ -63,7 +63,7 @@ def _spoiled(family, rng):
         return name, damaged(content, rng)
     tree = mutated(content, rng, toml=family == "toml")
     text = toml_text(tree) if family == "toml" else json.dumps(tree)
-    data = text.encode("utf-8", "surrogatepass")
+    data = text.encode("utf-8", "surrogatepass")[: 4 * LONGEST]
     return name, damaged(data, rng) if rng.random() < 0.15 else data
 
 
@@ -162,7 +162,7 @@ def _glb(content, rng):
     header, binary = json.loads(content[20 : 20 + size]), content[28 + size :]
     if rng.random() < 0.2:
         binary = damaged(binary, rng)
-    text = json.dumps(mutated(header, rng)).encode()
+    text = json.dumps(mutated(header, rng)).encode()[: 4 * LONGEST]
     chunks = struct.pack("<I4s", len(text), b"JSON") + text + struct.pack("<I4s", len(binary), b"BIN\0") + binary
     return struct.pack("<4sII", b"glTF", 2, 12 + len(chunks)) + chunks
 

@@ -24,6 +24,7 @@ from raytrace.texture import Texture, pack_textures
 from scenes.info import describe
 from scenes.load import MeshFile, load
 from scenes.obscured import obscured
+from scenes.polygons import fan_triangles
 from scenes.read import read_scene
 from scenes.write import write
 
@@ -45,6 +46,13 @@ def triangle():
     builder = Builder()
     builder.mesh(builder.primitive(TRIANGLE))
     return builder
+
+
+def baked(count):
+    """A bake of that many vertices."""
+    return SimpleNamespace(
+        w=np.ones(count), error=np.zeros(count), bent_normals=np.zeros((count, 3)), flags=np.zeros(count, np.uint8)
+    )
 
 
 def model(**replaced):
@@ -187,6 +195,14 @@ def test_gltf_faults_have_a_path(tmp_path, change, expected):
     assert expected in scene_mistake(tmp_path, content, "m.glb")
 
 
+def test_gltf_names_that_are_no_text(tmp_path):
+    """JSON can write half a character; a GLB file keeps it."""
+    file = read(tmp_path, "m.glb", triangle().glb([{"mesh": 0, "name": "\ud800"}]))
+    write(tmp_path / "w.glb", baked(3), file)
+    assert [part.name for part in load(tmp_path / "w.glb").parts] == ["\ud800"]
+    assert ("objects", r"1: \ud800") in describe(file)
+
+
 def test_a_material_that_is_refused_is_named(tmp_path):
     builder = triangle()
     builder.header["meshes"][0]["primitives"][0]["material"] = 0
@@ -210,20 +226,23 @@ def test_3mf_mistakes(tmp_path, old, new, expected):
     assert expected in mistake(tmp_path, "m.3mf", model(a=(old, new)))
 
 
-def test_3mf_components_that_double(tmp_path):
-    """57 objects of two components each stand for 2^57 copies."""
-    for mesh in (b"<vertex ", b"<nothing "):
-        chain = b"".join(
-            b'<object id="%d"><components><component objectid="%d"/><component objectid="%d"/></components></object>'
-            % (number, number - 1, number - 1)
-            for number in range(3, 60)
-        )
-        data = model(
-            a=(b"</resources>", chain + b"</resources>"),
-            b=(b'item objectid="2"', b'item objectid="59"'),
-            c=(b"<vertex ", mesh),
-        )
-        assert "with all copies, got" in mistake(tmp_path, "m.3mf", data)
+@pytest.mark.parametrize(
+    ("triangles", "expected"), [(b"<triangle ", "vertices and triangles with all"), (b"<nothing ", "objects with all")]
+)
+def test_3mf_components_that_double(tmp_path, triangles, expected):
+    """57 objects of two components each stand for 2^57 copies, be it of nothing."""
+    chain = b"".join(
+        b'<object id="%d"><components><component objectid="%d"/><component objectid="%d"/></components></object>'
+        % (number, number - 1, number - 1)
+        for number in range(3, 60)
+    )
+    data = model(
+        a=(b"</resources>", chain + b"</resources>"),
+        b=(b'item objectid="2"', b'item objectid="59"'),
+        c=(b"<triangle ", triangles),
+        d=(b"<vertex ", triangles.replace(b"triangle", b"vertex")),
+    )
+    assert expected in mistake(tmp_path, "m.3mf", data)
 
 
 def test_archives_that_unpack_to_very_much(tmp_path, monkeypatch):
@@ -260,23 +279,29 @@ def test_copies_in_a_toml_scene_end_somewhere(tmp_path, monkeypatch):
 
 
 @pytest.mark.parametrize("ending", ["npy", "npz"])
-def test_baked_files_are_not_trusted(tmp_path, ending):
-    """Headers of huge, old and broken arrays."""
-    plain = fuzz_seeds.arrays()[0]
-    contents = [
-        plain.replace(b"(4,)", b"(9999999999999,)").replace(b" " * 13 + b"\n", b"\n"),
-        plain.replace(b"<f4'", b"|O8'"),
-        plain.replace(b"(4,), }", b"(4,), ("),
-        plain.replace(b"(4,), }", b"(4L,),}"),
-        plain[:-1],
-        b"",
-    ]
+@pytest.mark.parametrize(
+    ("old", "new", "expected"),
+    [
+        (b"(4,), }" + b" " * 9, b"(9999999999,), }", "w: expected shape"),
+        (b"<f4'", b"|O8'", "w: expected numbers, got object"),
+        (b"(4,), }", b"(4,), (", "content: expected w as obscurance bake writes it"),
+        (b"(4,), }", b"(4L,),}", None),
+        (b"\x93NUMPY", b"", "content: expected w as obscurance bake writes it"),
+    ],
+)
+def test_baked_files_are_not_trusted(tmp_path, ending, old, new, expected):
+    """Headers of huge, broken and old arrays."""
+    content = fuzz_seeds.arrays()[0]
+    assert old in content
+    content = content.replace(old, new)
+    (tmp_path / f"w.{ending}").write_bytes(content if ending == "npy" else fuzz_seeds.archive(**{"w.npy": content}))
     (tmp_path / "m.toml").write_text(toml_text(PLANE | {"obscurance": {"baked": f"w.{ending}"}}))
-    for content in contents[:-3] + contents[-2:]:
-        data = content if ending == "npy" else fuzz_seeds.archive(**{"w.npy": content})
-        (tmp_path / f"w.{ending}").write_bytes(data)
-        with pytest.raises(SceneError, match=rf"w\.{ending}: "):
-            obscured(read_scene(tmp_path / "m.toml"))
+    description = read_scene(tmp_path / "m.toml")
+    if expected is None:
+        obscured(description)
+        return
+    with pytest.raises(SceneError, match=rf"w\.{ending}: {expected}"):
+        obscured(description)
 
 
 def png(width, height, rows=b""):
@@ -300,9 +325,8 @@ def test_images_that_claim_more_than_they_can_hold(tmp_path):
 
 
 def test_an_exr_whose_message_is_no_text(tmp_path):
-    content = bytearray(fuzz_seeds.image("openexr"))
-    at = content.index(b"channels\0chlist\0")
-    content[at : at + 2] = b"\xff\x80"
+    content = bytearray(fuzz_seeds.image("openexr", 20, 30, 4, "half"))
+    content[content.index(b"channels\0chlist\0")] = 0x80
     (tmp_path / "m.exr").write_bytes(bytes(content))
     with pytest.raises(InputError, match="content: expected an image") as error:
         read_image(tmp_path / "m.exr")
@@ -324,16 +348,12 @@ def test_writing_what_float32_cannot_hold(tmp_path):
     normals = np.tile([0.0, 1e300, -1e300], (len(VERTICES), 1))
     normals[0] = np.inf
     file = MeshFile.of(Mesh(VERTICES * 1e50, FACES, normals))
-    count = len(VERTICES)
-    baked = SimpleNamespace(
-        w=np.ones(count), error=np.zeros(count), bent_normals=np.zeros((count, 3)), flags=np.zeros(count, np.uint8)
-    )
-    write(tmp_path / "m.ply", baked, file)
+    write(tmp_path / "m.ply", baked(len(VERTICES)), file)
     again = load(tmp_path / "m.ply").mesh
     np.testing.assert_array_equal(again.vertices, VERTICES * 1e50)
     np.testing.assert_allclose(again.normals[1], [0, 1, -1])
     with pytest.raises(OptionError, match=r"coordinates up to 1e\+38 in a \.glb, got 9e\+50"):
-        write(tmp_path / "m.glb", baked, file)
+        write(tmp_path / "m.glb", baked(len(VERTICES)), file)
 
 
 def test_polygons_of_very_many_corners(tmp_path):
@@ -345,6 +365,8 @@ def test_polygons_of_very_many_corners(tmp_path):
 
 
 def test_missing_corners_are_not_passed_over(tmp_path):
+    with pytest.raises(ValueError, match="5 corners for polygons of 6"):
+        fan_triangles(np.arange(5), np.array([3, 3]))
     for bad in (b"f x 2 3", b"f 1 2 3x", b"f 1 2 \xc2\xa0"):
         with pytest.raises(MeshError):
             read(tmp_path, "m.obj", obj() + bad + b"\nf 1 2 3\n")
