@@ -35,7 +35,7 @@ from .entries import (
 )
 from .jit import inline
 from .lane_memory import load_row, store_row
-from .lanes import WIDE, count, first, highest, lowest, pick, select, some
+from .lanes import count, double, first, highest, lane_numbers, lowest, pick, select, single, some
 from .light_kernels import cannot_matter_in, incident
 from .light_rows import AMBIENT as AMBIENT_LIGHT
 from .models.dispatch import alpha, ambient, emission, terms_wide
@@ -135,26 +135,32 @@ def count_directed(lights):
 
 
 @inline
-def bounds(scratch, packets, column, origin):
-    """Low and high corner of a place of the first `packets` entries, less another one, or of the place alone."""
-    big = np.float32(np.inf)
-    low, high = (big, big, big), (-big, -big, -big)
-    for e in range(packets):
-        there = load_row(scratch.items, e) >= 0
-        p = take(scratch.entries[e], column)
-        if origin >= 0:
-            p = subtract(p, take(scratch.entries[e], origin))
-        low = (
-            min(low[0], lowest(select(there, p[0], big))),
-            min(low[1], lowest(select(there, p[1], big))),
-            min(low[2], lowest(select(there, p[2], big))),
-        )
-        high = (
-            max(high[0], highest(select(there, p[0], -big))),
-            max(high[1], highest(select(there, p[1], -big))),
-            max(high[2], highest(select(there, p[2], -big))),
-        )
-    return low, high
+def grown(box, there, p):
+    """Low and high corners, lanes, extended by the points p where the mask `there` is set."""
+    low, high = box
+    nowhere = np.float32(np.inf)
+    return (
+        (
+            min(low[0], select(there, p[0], nowhere)),
+            min(low[1], select(there, p[1], nowhere)),
+            min(low[2], select(there, p[2], nowhere)),
+        ),
+        (
+            max(high[0], select(there, p[0], -nowhere)),
+            max(high[1], select(there, p[1], -nowhere)),
+            max(high[2], select(there, p[2], -nowhere)),
+        ),
+    )
+
+
+@inline
+def corners(box):
+    """Low and high corner of a box whose corners are lanes."""
+    low, high = box
+    return (
+        (lowest(low[0]), lowest(low[1]), lowest(low[2])),
+        (highest(high[0]), highest(high[1]), highest(high[2])),
+    )
 
 
 @inline
@@ -163,9 +169,16 @@ def select_lights(geometry, lights, scratch, packets):
 
     Fills `active` and `hidden` of `scratch`; returns how many there are.
     """
-    low, high = bounds(scratch, packets, POINT, -1)
-    start = bounds(scratch, packets, ORIGIN, -1)
-    shift = bounds(scratch, packets, ORIGIN, POINT)
+    nowhere = single(double(lane_numbers())) + np.float32(np.inf)
+    empty = (nowhere, nowhere, nowhere), scale(-1.0, (nowhere, nowhere, nowhere))
+    points, origins, shifts = empty, empty, empty
+    for e in range(packets):
+        there = load_row(scratch.items, e) >= 0
+        point, origin = take(scratch.entries[e], POINT), take(scratch.entries[e], ORIGIN)
+        points, origins = grown(points, there, point), grown(origins, there, origin)
+        shifts = grown(shifts, there, subtract(origin, point))
+    low, high = corners(points)
+    start, shift = corners(origins), corners(shifts)
     used = 0
     for j in range(len(lights.kinds)):
         kind, row = lights.kinds[j], lights.rows[j]
@@ -189,7 +202,9 @@ def light_entries(geometry, lights, style, scratch, packets):
     used = select_lights(geometry, lights, scratch, packets) if points > 0 else 0
     scratch.counts[CULLED] += (count_directed(lights) - used) * points
     for e in range(packets):
-        light_entry(scratch.entries[e], load_row(scratch.items, e), used, geometry, lights, style, scratch)
+        items = load_row(scratch.items, e)
+        if some(items >= 0):
+            light_entry(scratch.entries[e], items, used, geometry, lights, style, scratch)
 
 
 @inline
@@ -232,6 +247,13 @@ def light_entry(entry, items, used, geometry, lights, style, scratch):
         store_row(entry, SPECULAR + c, specular[c])
     store_row(entry, SENT, sent)
     store_row(entry, LIT, lit)
+    store_row(entry, SHADOW, let_through(sent, lit))
+
+
+@inline
+def let_through(sent, lit):
+    """The part of the light that δ lets through, 1 where there is none."""
+    return select(sent > 0.0, lit / sent, 1.0)
 
 
 @inline
@@ -244,9 +266,8 @@ def masked(mask, a):
 def reflect(entry, items, reached, n, l, geometry):
     """Diffuse and specular RGB per unit of light from `l`, each point by its own material."""
     view, grain = take(entry, VIEW), take(entry, GRAIN)
-    item = pick(items, first(reached))
-    left = reached & (items != item)
-    diffuse, specular = terms_wide(geometry.kinds[item], geometry.rows[item], n, l, view, grain, reached)
+    diffuse, specular = scale(0.0, n), scale(0.0, n)
+    left = reached
     while some(left):
         item = pick(items, first(left))
         mine = left & (items == item)

@@ -14,6 +14,7 @@ from .embree import aligned, new_packet
 from .entries import FILM, WIDTH
 from .film import SUMS, TILE
 from .frame import LAYERS, Frame
+from .lanes import WIDE
 from .lighting import (
     BACKGROUND,
     BEHIND,
@@ -34,7 +35,6 @@ from .scene import Scene
 from .settings import Settings
 from .surface import GOURAUD
 from .texture import Texture, pack_textures
-from .lanes import WIDE
 from .tile import PACKETS, light_vertices, render_tiles
 from .tint import Textures
 from .view import View, mark_seen
@@ -46,9 +46,18 @@ Progress = Callable[[int, int], None]
 _SHADINGS = ("constant", "gouraud", "phong", "quadratic")
 _FORMS = ("off", "ambient", "book")
 _SETS = 256
-_TILES = 32  # handed to a kernel at once: handing over takes as long as a tile of background
+_CENTRE = np.empty((0, 4, 1))  # no sets of places: every ray goes through its pixel's centre
+_SHARES = 16  # of a picture for each thread: handing over takes as long as some tiles
+_LONGEST = 256  # samples of tiles in a share: what Ctrl-C waits for
 _LIT = 14  # columns that lighting makes, see `raytrace.tile.lit_column`
-_SKIPPED = {"behind": BEHIND, "unreached": UNREACHED, "black": BLACK, "culled": CULLED, "unobstructed": UNOBSTRUCTED, "background": BACKGROUND}
+_SKIPPED = {
+    "behind": BEHIND,
+    "unreached": UNREACHED,
+    "black": BLACK,
+    "culled": CULLED,
+    "unobstructed": UNOBSTRUCTED,
+    "background": BACKGROUND,
+}
 
 
 def render(
@@ -158,7 +167,8 @@ class _Renderer:
             finished.append(counts)
 
         finished: list[npt.NDArray[np.int64]] = []
-        run_blocks(tiles, _TILES, work, self.threads, advance)
+        share = min(tiles // (_SHARES * self.threads), _LONGEST // self.style.samples)
+        run_blocks(tiles, max(share, 1), work, self.threads, advance)
         self.counts += np.sum(finished, axis=0)
 
     def _tiles(self, first: int, last: int, wanted: npt.NDArray[np.int64]) -> npt.NDArray[np.int64]:
@@ -255,7 +265,7 @@ def _view(world: World, camera: Camera, settings: Settings) -> View:
         focus=distance * world.scale,
         width=settings.width,
         height=settings.height,
-        offsets=_offsets(settings.samples, settings.seed)[: 0 if settings.samples == 1 and not camera.aperture else None],
+        offsets=_offsets(settings.samples, settings.seed) if settings.samples > 1 or camera.aperture else _CENTRE,
         key=seed_key(settings.seed),
     )
 

@@ -24,7 +24,7 @@ from .film import TILE, clear, column_of, develop, finish, mean, retired, row_of
 from .jit import inline, kernel
 from .lane_memory import gather, gather3, load_row, store_row
 from .lanes import WIDE, count, double, first, lane_numbers, pick, select, single, some
-from .lighting import BACKGROUND, PRIMARY, RETIRED, count_directed, light_entries
+from .lighting import BACKGROUND, PRIMARY, RETIRED, count_directed, let_through, light_entries
 from .surface import GOURAUD, fill, vertex_entry
 from .tint import apply_tint, tint
 from .vector import scale
@@ -51,11 +51,8 @@ def render_tiles(geometry, lights, textures, view, style, vertex_light, scratch,
         size = min(TILE, film.shape[1] - left), min(TILE, film.shape[0] - top)
         place = corner[0] + left, corner[1] + top
         pixels = list_pixels(scratch, size)
-        if style.samples > 1:
-            gather_samples(scene, scratch, place, size, pixels, wanted)
-            pixels = list_pixels(scratch, size)
-        else:
-            shoot(scene, scratch, place, pixels, 0, 1, wanted)
+        gather_samples(scene, scratch, place, size, pixels, wanted)
+        pixels = list_pixels(scratch, size)
         for e in range(-(-pixels // WIDE)):
             entry = scratch.entries[e]
             if style.samples > 1:
@@ -77,54 +74,50 @@ def list_pixels(scratch, size):
 
 @inline
 def gather_samples(scene, scratch, place, size, pending, wanted):
-    """Gather a tile's sums: a few samples of all `pending` pixels, then more of those that don't agree."""
-    _, _, _, _, style, _ = scene
-    sums, todo = scratch.sums, scratch.todo
-    clear(sums)
-    done = 0
-    while pending > 0 and done < style.samples:
+    """Gather a tile's sums: a few samples of all `pending` pixels, then more of those that don't agree.
+
+    With one sample a pixel there is nothing to add up: the entries are the pixels. Args: place: of the tile in the whole
+    picture.
+    """
+    geometry, lights, _, _, style, _ = scene
+    todo, entries, counts = scratch.todo, scratch.entries, scratch.counts
+    for done in range(0, style.samples, FIRST):
         batch = min(FIRST, style.samples - done)
-        packets = shoot(scene, scratch, place, pending, done, batch, wanted)
-        for e in range(packets):
-            k = e % (packets // batch) * WIDE
-            develop(scratch.entries[e], sums, todo[k:], min(WIDE, pending - k), style.layers)
-        done += batch
-        left = 0
-        for k in range(pending):
-            if done < style.samples and not retired(sums, todo[k], size):
-                todo[left] = todo[k]
-                left += 1
-        if done < style.samples:
-            scratch.counts[RETIRED] += (pending - left) * (style.samples - done)
-        pending = left
+        groups = -(-pending // WIDE)
+        for e in range(batch * groups):
+            sample, k = done + e // groups, e % groups
+            pixels, there = load_row(todo, k), lane_numbers() < pending - k * WIDE
+            x, y = column_of(pixels) + place[0], row_of(pixels) + place[1]
+            items = cast(scene, scratch, entries[e], x, y, sample, there, wanted)
+            store_row(scratch.items, e, items)
+            counts[PRIMARY] += count(there)
+            counts[BACKGROUND] += count(there & (items < 0)) * count_directed(lights)
+        if style.shading != GOURAUD:
+            light_entries(geometry, lights, style, scratch, batch * groups)
+        if style.samples == 1:
+            return
+        if done == 0:
+            clear(scratch.sums)
+        for e in range(batch * groups):
+            k = e % groups * WIDE
+            develop(entries[e], scratch.sums, todo[k:], min(WIDE, pending - k), style.layers)
+        pending = keep(scratch, size, pending, style.samples - done - batch)
+        if pending == 0:
+            return
 
 
 @inline
-def shoot(scene, scratch, place, pending, done, batch, wanted):
-    """Samples [done, done + batch) of the pixels on the list, traced and lit: returns how many entries there are.
-
-    Args: place: of the tile in the whole picture.
-    """
-    geometry, lights, _, _, style, _ = scene
-    counts, packets = scratch.counts, 0
-    for sample in range(done, done + batch):
-        for k in range(-(-pending // WIDE)):
-            pixels = load_row(scratch.todo, k)
-            x, y = column_of(pixels) + place[0], row_of(pixels) + place[1]
-            there = lane_numbers() < pending - k * WIDE
-            items = cast(scene, scratch, scratch.entries[packets], x, y, sample, there, wanted)
-            store_row(scratch.items, packets, items)
-            counts[PRIMARY] += count(there)
-            counts[BACKGROUND] += count(there & (items < 0)) * count_directed(lights)
-            packets += 1
-    if style.shading != GOURAUD:
-        light_entries(geometry, lights, style, scratch, packets)
-    if style.layers:
-        for e in range(packets):
-            entry = scratch.entries[e]
-            sent, lit = load_row(entry, SENT), load_row(entry, LIT)
-            store_row(entry, SHADOW, select(sent > 0.0, lit / sent, 1.0))
-    return packets
+def keep(scratch, size, pending, remaining):
+    """Strike the pixels that need none of the remaining samples off the list; returns how many still do."""
+    left = 0
+    if remaining > 0:
+        for k in range(pending):
+            p = scratch.todo[k]
+            if not retired(scratch.sums, p, size):
+                scratch.todo[left] = p
+                left += 1
+        scratch.counts[RETIRED] += (pending - left) * remaining
+    return left
 
 
 @inline
@@ -171,7 +164,7 @@ def blank(entry, style):
     store_row(entry, LIT, 0.0)
     if style.layers:
         for column in range(W, FILM):
-            store_row(entry, column, 1.0 if column == W else 0.0)
+            store_row(entry, column, 1.0 if column <= SHADOW else 0.0)
 
 
 @inline
@@ -185,6 +178,7 @@ def interpolate_lit(entry, geometry, item, mine, faces, u, v, vertex_light):
         total = double(1.0 - u - v) * gather(vertex_light, i * width + at)
         total += double(u) * gather(vertex_light, j * width + at) + double(v) * gather(vertex_light, k * width + at)
         put1(entry, lit_column(column), mine, single(total))
+    put1(entry, SHADOW, mine, let_through(load_row(entry, SENT), load_row(entry, LIT)))
 
 
 @inline
