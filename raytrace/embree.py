@@ -128,9 +128,7 @@ def aligned(shape: tuple[int, ...], dtype: npt.DTypeLike) -> npt.NDArray[Any]:
     return raw[start : start + size].view(dtype).reshape(shape)
 
 
-def new_packet(
-    lanes: int = LANES, coherent: bool = False
-) -> tuple[npt.NDArray[np.float32], npt.NDArray[np.int32]]:
+def new_packet(lanes: int = LANES, coherent: bool = False) -> tuple[npt.NDArray[np.float32], npt.NDArray[np.int32]]:
     """A packet ready for tracing from tnear 0 with no mask, and its `valid` lanes, all on.
 
     Args: lanes: 8 or 16. coherent: whether its rays will run closely side by side, as a camera's do.

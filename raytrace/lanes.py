@@ -50,7 +50,9 @@ class _LanesModel(models.PrimitiveModel):  # type: ignore[misc]
 def _splat(builder: Any, scalar: Any) -> Any:
     vector = ir.VectorType(scalar.type, WIDE)
     first = builder.insert_element(ir.Constant(vector, ir.Undefined), scalar, _INDEX(0))
-    return builder.shuffle_vector(first, ir.Constant(vector, ir.Undefined), ir.Constant(ir.VectorType(_INDEX, WIDE), None))
+    return builder.shuffle_vector(
+        first, ir.Constant(vector, ir.Undefined), ir.Constant(ir.VectorType(_INDEX, WIDE), None)
+    )
 
 
 def _widened(context: Any, builder: Any, value: Any, kind: types.Type, lanes: Lanes) -> Any:
@@ -175,7 +177,9 @@ def _convert(to: Lanes, emit: Callable[[Any, Any, Any], Any]) -> Any:
 
 
 single = _convert(SINGLE, lambda b, x, to: b.fptrunc(x, to))
-double = _convert(DOUBLE, lambda b, x, to: b.sitofp(x, to) if isinstance(x.type.element, ir.IntType) else b.fpext(x, to))
+double = _convert(
+    DOUBLE, lambda b, x, to: b.sitofp(x, to) if isinstance(x.type.element, ir.IntType) else b.fpext(x, to)
+)
 
 
 @intrinsic

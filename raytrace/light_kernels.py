@@ -125,4 +125,4 @@ def angle(a, b):
 @inline
 def turned_away(l, opening, axis, spread):
     """Whether every normal within `spread` of `axis` turns away from every direction within `opening` of l."""
-    return angle(l, axis) >= 0.5 * pi + opening + spread + 1e-9
+    return spread < 0.5 * pi and angle(l, axis) >= 0.5 * pi + opening + spread + 1e-9

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from typing import Any, NamedTuple
+from weakref import WeakKeyDictionary
 
 import numpy as np
 import numpy.typing as npt
@@ -92,13 +93,23 @@ class _Piece(NamedTuple):
 
 
 def build(scene: Scene) -> World:
-    """Make the Embree scene and the arrays of `scene`.
+    """The Embree scene and the arrays of `scene`, made when they are first asked for and kept as long as the scene.
 
     A shape that one object uses is placed once and for all; one that several use becomes instances.
 
     Raises:
         EmbreeError: Embree failed, out of memory for instance.
     """
+    world = _worlds.get(scene)
+    if world is None:
+        world = _worlds[scene] = _build(scene)
+    return world
+
+
+_worlds: WeakKeyDictionary[Scene, World] = WeakKeyDictionary()
+
+
+def _build(scene: Scene) -> World:
     whole = _bounds(scene)
     placement = Placement.of(whole)
     centre, scale = whole.centre, placement.scale
