@@ -5,7 +5,8 @@ ctypes resolves Embree's whole C API without guessing where a wheel keeps the li
 LLVM by name, which keeps compiled kernels valid in the next process.
 
 A packet is a float32 array (22, 8) or (22, 16), 64-byte aligned: the 12 rows of RTCRay8 or RTCRay16, the 9 rows of the
-hit, and a row that is Embree's arguments of a query. Rows are named below; identifiers are the same memory viewed as uint32.
+hit, and a row that is Embree's arguments of a query. Rows are named below; identifiers are the same memory viewed as
+uint32.
 """
 
 from __future__ import annotations

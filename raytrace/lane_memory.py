@@ -5,11 +5,11 @@ from __future__ import annotations
 from typing import Any
 
 from llvmlite import ir
-from numba.core import types
+from numba import types
 from numba.extending import intrinsic
 from numba.np.arrayobj import make_array
 
-from .lanes import _INDEX, MASK, WIDE, Lanes, _vector, _widened
+from .lanes import INDEX, MASK, WIDE, Lanes, llvm_type, widened
 
 _FOUR = 4
 
@@ -27,7 +27,7 @@ def load_row(_typing: Any, array: Any, row: Any) -> Any:
 
     def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
         start = builder.mul(arguments[1], ir.IntType(64)(WIDE))
-        return builder.load(_pointer(context, builder, array, arguments[0], start, _vector(kind)), align=64)
+        return builder.load(_pointer(context, builder, array, arguments[0], start, llvm_type(kind)), align=64)
 
     return kind(array, types.int64), generate
 
@@ -40,11 +40,11 @@ def store_row(_typing: Any, array: Any, row: Any, value: Any) -> Any:
     def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
         vector = arguments[2]
         if value == MASK:
-            vector = builder.sext(vector, _vector(kind))
+            vector = builder.sext(vector, llvm_type(kind))
         elif not isinstance(value, Lanes):
-            vector = _widened(context, builder, vector, value, kind)
+            vector = widened(context, builder, vector, value, kind)
         start = builder.mul(arguments[1], ir.IntType(64)(WIDE))
-        builder.store(vector, _pointer(context, builder, array, arguments[0], start, _vector(kind)), align=64)
+        builder.store(vector, _pointer(context, builder, array, arguments[0], start, llvm_type(kind)), align=64)
         return context.get_dummy_value()
 
     return types.void(array, types.int64, value), generate
@@ -55,7 +55,7 @@ def _transpose(builder: Any, rows: list[Any]) -> list[Any]:
 
     def mix(a: Any, b: Any, order: list[int]) -> Any:
         mask = [block + (i if i < _FOUR else i - _FOUR + WIDE) for block in range(0, WIDE, _FOUR) for i in order]
-        return builder.shuffle_vector(a, b, ir.Constant(ir.VectorType(_INDEX, WIDE), mask))
+        return builder.shuffle_vector(a, b, ir.Constant(ir.VectorType(INDEX, WIDE), mask))
 
     low, high = [0, 4, 1, 5], [2, 6, 3, 7]
     a, b, c, d = rows
@@ -71,13 +71,13 @@ def gather3(_typing: Any, array: Any, rows: Any) -> Any:
     The array must own a fourth number behind its last triple, see `raytrace.embree.aligned`.
     """
     kind = Lanes(array.dtype)
-    element = _vector(kind).element
+    element = llvm_type(kind).element
     four = ir.VectorType(element, _FOUR)
 
     def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
         quads = []
         for lane in range(WIDE):
-            row = builder.sext(builder.extract_element(arguments[1], _INDEX(lane)), ir.IntType(64))
+            row = builder.sext(builder.extract_element(arguments[1], INDEX(lane)), ir.IntType(64))
             start = builder.mul(row, ir.IntType(64)(3))
             quads.append(builder.load(_pointer(context, builder, array, arguments[0], start, four), align=4))
         rows = []
@@ -92,7 +92,7 @@ def gather3(_typing: Any, array: Any, rows: Any) -> Any:
 
 def _join(builder: Any, a: Any, b: Any) -> Any:
     size = 2 * a.type.count
-    return builder.shuffle_vector(a, b, ir.Constant(ir.VectorType(_INDEX, size), list(range(size))))
+    return builder.shuffle_vector(a, b, ir.Constant(ir.VectorType(INDEX, size), list(range(size))))
 
 
 @intrinsic
@@ -101,11 +101,11 @@ def gather(_typing: Any, array: Any, places: Any) -> Any:
     kind = Lanes(array.dtype)
 
     def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-        found = ir.Constant(_vector(kind), ir.Undefined)
+        found = ir.Constant(llvm_type(kind), ir.Undefined)
         for lane in range(WIDE):
-            place = builder.sext(builder.extract_element(arguments[1], _INDEX(lane)), ir.IntType(64))
+            place = builder.sext(builder.extract_element(arguments[1], INDEX(lane)), ir.IntType(64))
             value = builder.load(_pointer(context, builder, array, arguments[0], place, found.type.element))
-            found = builder.insert_element(found, value, _INDEX(lane))
+            found = builder.insert_element(found, value, INDEX(lane))
         return found
 
     return kind(array, places), generate
@@ -123,11 +123,11 @@ def scatter4(_typing: Any, array: Any, begin: Any, places: Any, mask: Any, value
         target, origin, at, wanted, given = arguments
         rows = _transpose(builder, [builder.extract_value(given, i) for i in range(_FOUR)])
         for lane in range(WIDE):
-            with builder.if_then(builder.extract_element(wanted, _INDEX(lane))):
-                place = builder.sext(builder.extract_element(at, _INDEX(lane)), ir.IntType(64))
+            with builder.if_then(builder.extract_element(wanted, INDEX(lane))):
+                place = builder.sext(builder.extract_element(at, INDEX(lane)), ir.IntType(64))
                 place = builder.add(place, origin)
                 block = [lane // _FOUR * _FOUR + i for i in range(_FOUR)]
-                order = ir.Constant(ir.VectorType(_INDEX, _FOUR), block)
+                order = ir.Constant(ir.VectorType(INDEX, _FOUR), block)
                 row = rows[lane % _FOUR]
                 part = builder.shuffle_vector(row, ir.Constant(row.type, ir.Undefined), order)
                 builder.store(part, _pointer(context, builder, array, target, place, four), align=4)

@@ -19,7 +19,7 @@ from numba.extending import intrinsic, lower_builtin, models, register_model, ty
 WIDE = 16
 
 
-class Lanes(types.Type):  # type: ignore[misc]
+class Lanes(types.Type):
     """`WIDE` values of one Numba scalar type."""
 
     def __init__(self, dtype: types.Type) -> None:
@@ -34,28 +34,28 @@ _ELEMENT = {
     types.int32: ir.IntType(32),
     types.boolean: ir.IntType(1),
 }
-_INDEX = ir.IntType(32)
+INDEX = ir.IntType(32)
 
 
-def _vector(lanes: Lanes) -> ir.VectorType:
+def llvm_type(lanes: Lanes) -> ir.VectorType:
     return ir.VectorType(_ELEMENT[lanes.dtype], WIDE)
 
 
 @register_model(Lanes)
-class _LanesModel(models.PrimitiveModel):  # type: ignore[misc]
+class _LanesModel(models.PrimitiveModel):
     def __init__(self, manager: Any, kind: Lanes) -> None:
-        super().__init__(manager, kind, _vector(kind))
+        super().__init__(manager, kind, llvm_type(kind))
 
 
 def _splat(builder: Any, scalar: Any) -> Any:
     vector = ir.VectorType(scalar.type, WIDE)
-    first = builder.insert_element(ir.Constant(vector, ir.Undefined), scalar, _INDEX(0))
+    first = builder.insert_element(ir.Constant(vector, ir.Undefined), scalar, INDEX(0))
     return builder.shuffle_vector(
-        first, ir.Constant(vector, ir.Undefined), ir.Constant(ir.VectorType(_INDEX, WIDE), None)
+        first, ir.Constant(vector, ir.Undefined), ir.Constant(ir.VectorType(INDEX, WIDE), None)
     )
 
 
-def _widened(context: Any, builder: Any, value: Any, kind: types.Type, lanes: Lanes) -> Any:
+def widened(context: Any, builder: Any, value: Any, kind: types.Type, lanes: Lanes) -> Any:
     """`value` as the LLVM vector of `lanes`; scalars are cast and repeated."""
     if isinstance(kind, Lanes):
         return value
@@ -83,7 +83,7 @@ def _operator(function: Any, emit: Callable[..., Any], result: Callable[[Lanes],
     def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
         lanes = _common(*signature.args)
         assert lanes
-        a, b = (_widened(context, builder, v, t, lanes) for v, t in zip(arguments, signature.args, strict=True))
+        a, b = (widened(context, builder, v, t, lanes) for v, t in zip(arguments, signature.args, strict=True))
         return emit(builder, isinstance(lanes.dtype, types.Float), a, b)
 
     scalars = types.Number, types.Boolean
@@ -160,7 +160,7 @@ def select(typing: Any, condition: Any, a: Any, b: Any) -> Any:
     def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
         chosen, *given = arguments
         if isinstance(kind, Lanes):
-            x, y = (_widened(context, builder, v, t, kind) for v, t in zip(given, signature.args[1:], strict=True))
+            x, y = (widened(context, builder, v, t, kind) for v, t in zip(given, signature.args[1:], strict=True))
         else:
             x, y = (context.cast(builder, v, t, kind) for v, t in zip(given, signature.args[1:], strict=True))
         return builder.select(chosen, x, y)
@@ -171,7 +171,7 @@ def select(typing: Any, condition: Any, a: Any, b: Any) -> Any:
 def _convert(to: Lanes, emit: Callable[[Any, Any, Any], Any]) -> Any:
     @intrinsic
     def convert(_typing: Any, a: Any) -> Any:
-        return to(a), lambda context, builder, signature, arguments: emit(builder, arguments[0], _vector(to))
+        return to(a), lambda context, builder, signature, arguments: emit(builder, arguments[0], llvm_type(to))
 
     return convert
 
@@ -185,7 +185,7 @@ double = _convert(
 @intrinsic
 def lane_numbers(_typing: Any) -> Any:
     """0, 1, … as int32."""
-    return WHOLE(), lambda *_: ir.Constant(_vector(WHOLE), list(range(WIDE)))
+    return WHOLE(), lambda *_: ir.Constant(llvm_type(WHOLE), list(range(WIDE)))
 
 
 def _bits(builder: Any, mask: Any) -> Any:
@@ -248,7 +248,7 @@ def _reduced(name: str) -> Any:
     @intrinsic
     def reduce(_typing: Any, a: Any) -> Any:
         def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-            kind = ir.FunctionType(_ELEMENT[a.dtype], [_vector(a)])
+            kind = ir.FunctionType(_ELEMENT[a.dtype], [llvm_type(a)])
             function = builder.module.declare_intrinsic(f"llvm.vector.reduce.{name}.v{WIDE}f32", (), kind)
             return builder.call(function, arguments)
 

@@ -53,8 +53,9 @@ def angular(row, cosine):
 def incident(kind, row, point):
     """(l, distance, RGB): unit direction to the light, how far it is (for the shadow ray), what arrives unshadowed.
 
-    The point may be a triple of lanes. Directional: distance is infinite. Ambient light has no direction: l = 0, distance 0, so that no material reflects
-    it through n·l; add k_a I_a instead. At the very place of a point light l = 0 too.
+    The point may be a triple of lanes. Directional: distance is infinite. Ambient light has no direction: l = 0,
+    distance 0, so that no material reflects it through n·l; add k_a I_a instead. At the very place of a point light
+    l = 0 too.
     """
     intensity = triple(row, INTENSITY)
     zero = scale(0.0, point)  # of the point's own type

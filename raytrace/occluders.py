@@ -26,15 +26,15 @@ Floats = npt.NDArray[np.float64]
 SLACK = 2.0**-18  # of the largest coordinate: sixteen times what Embree's edge tests can be off
 ROUNDED = np.float32(2.0**-20)  # relative error of a place on the way, and more
 GRID = 8  # clusters along a mesh's longest side, at most
-_FACES = 24  # in a cluster on average, at least, where there are many
-_BOXES = 1024
+_FACES = 2  # in a cluster, about, where there are few
+_BOXES = 1024  # of all objects together, about
 
 
 def cluster(vertices: npt.NDArray[np.float32], faces: npt.NDArray[np.int64], objects: int) -> Floats:
     """Boxes (n, 2, 3), low and high corners, around the faces of a mesh, a share of all objects' number of boxes."""
     low, high = vertices.min(axis=0), vertices.max(axis=0)
     side = float((high - low).max()) or 1.0
-    finest = np.sqrt(min(len(faces) / _FACES, _BOXES / objects) / 2)
+    finest = np.sqrt(min(len(faces) / _FACES, _BOXES / objects) / 5)  # a sphere goes through some 4 n² cells of n³
     size = side / np.clip(np.ceil(finest), 1, GRID)
     cells = np.maximum(1, np.ceil((high - low) / size)).astype(np.int64)
     boxes = np.empty((int(cells.prod()), 2, 3), np.float32)

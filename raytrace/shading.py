@@ -1,7 +1,8 @@
 """Interpolation over a triangle: constant, Gouraud, Phong and quadratic shading, as kernels.
 
-Each for scalars or lanes. All take a hit's barycentrics as Embree gives them: u, v weigh corners 1 and 2, and 1 − u − v weighs corner 0. Points,
-normals and colours are triples. A normal that does not exist is the zero vector, which reflects nothing.
+All take a hit's barycentrics as Embree gives them: u, v weigh corners 1 and 2, and 1 − u − v weighs corner 0. Points,
+normals and colours are triples of floats, or of lanes of them. A normal that does not exist is the zero vector, which
+reflects nothing.
 
 - constant: light `centroid` with `face_normal` once, for the whole face;
 - Gouraud 1971: light the corners, then `interpolate` their colours;

@@ -76,8 +76,9 @@ def list_pixels(scratch, size):
 def gather_samples(scene, scratch, place, size, pending, wanted):
     """Gather a tile's sums: a few samples of all `pending` pixels, then more of those that don't agree.
 
-    With one sample a pixel there is nothing to add up: the entries are the pixels. Args: place: of the tile in the whole
-    picture.
+    With one sample a pixel there is nothing to add up: the entries are the pixels.
+
+    Args: place, size: of the tile in the whole picture.
     """
     geometry, lights, _, _, style, _ = scene
     todo, entries, counts = scratch.todo, scratch.entries, scratch.counts

@@ -239,8 +239,11 @@ def _place_lights(lights: tuple[BaseLight, ...], centre: Floats, scale: float) -
     rows[:, light_rows.POSITION : light_rows.POSITION + 3] = scale * (
         rows[:, light_rows.POSITION : light_rows.POSITION + 3] - centre
     )
-    rows[:, light_rows.RADIAL + 1] /= scale
-    rows[:, light_rows.RADIAL + 2] /= scale**2
+    radial = rows[:, light_rows.RADIAL : light_rows.RADIAL + 3]
+    radial /= scale ** np.arange(3)
+    largest = np.where(radial.any(axis=1), radial.max(axis=1), 1.0)[:, None]  # kept out of what float32 can hold
+    radial /= largest
+    rows[:, light_rows.INTENSITY : light_rows.INTENSITY + 3] /= largest
     rows[:, light_rows.INVERSE_RANGE] /= scale
     bright = rows[:, light_rows.INTENSITY : light_rows.INTENSITY + 3].any(axis=1)
     return Lights(kinds[bright], rows[bright])
