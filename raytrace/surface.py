@@ -99,6 +99,12 @@ def smooth_origin(p, p0, p1, p2, n0, n1, n2, u, v):
 
 
 @inline
+def between(a, b, c, u, v):
+    """A float64 value within a face, from its corners'; exactly theirs where all are the same."""
+    return a + (double(u) * (b - a) + double(v) * (c - a))
+
+
+@inline
 def tangent(geometry, i, j, k, edge1, edge2):
     """Unit direction in which u grows over the face, zero without texture coordinates."""
     u0, v0 = double(gather(geometry.uv, 2 * i)), double(gather(geometry.uv, 2 * i + 1))
@@ -151,8 +157,7 @@ def fill(entry, geometry, item, mine, faces, u, v, backward, style):
     if style.weighted:
         own = geometry.first_w[item] - geometry.first_vertex[item]
         w0, w1, w2 = gather(geometry.w, i + own), gather(geometry.w, j + own), gather(geometry.w, k + own)
-        weighted = double(1.0 - u - v) * w0 + double(u) * w1 + double(v) * w2
-        put1(entry, W, mine, single(weighted))
+        put1(entry, W, mine, single(between(w0, w1, w2, u, v)))
 
 
 @inline

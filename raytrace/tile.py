@@ -25,7 +25,7 @@ from .jit import inline, kernel
 from .lane_memory import gather, gather3, load_row, store_row
 from .lanes import WIDE, count, double, first, lane_numbers, pick, select, single, some
 from .lighting import BACKGROUND, PRIMARY, RETIRED, count_directed, let_through, light_entries
-from .surface import GOURAUD, fill, vertex_entry
+from .surface import GOURAUD, between, fill, vertex_entry
 from .tint import apply_tint, tint
 from .vector import scale
 from .view import aim, load3, pixel_width, struck
@@ -176,9 +176,9 @@ def interpolate_lit(entry, geometry, item, mine, faces, u, v, vertex_light):
     width = vertex_light.shape[1]
     for column in range(width):
         at = column + own * width
-        total = double(1.0 - u - v) * gather(vertex_light, i * width + at)
-        total += double(u) * gather(vertex_light, j * width + at) + double(v) * gather(vertex_light, k * width + at)
-        put1(entry, lit_column(column), mine, single(total))
+        a, b = gather(vertex_light, i * width + at), gather(vertex_light, j * width + at)
+        c = gather(vertex_light, k * width + at)
+        put1(entry, lit_column(column), mine, single(between(a, b, c, u, v)))
     put1(entry, SHADOW, mine, let_through(load_row(entry, SENT), load_row(entry, LIT)))
 
 

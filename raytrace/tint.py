@@ -12,7 +12,7 @@ from .entries import AMBIENT, DIFFUSE, TINT, put, take
 from .jit import inline
 from .lane_memory import gather, gather3
 from .lanes import WIDE, double, pick, select, single
-from .surface import corner, doubled
+from .surface import between, corner, doubled
 from .texture_kernel import sample_texture
 from .vector import cross, dot, multiply, subtract
 
@@ -42,7 +42,7 @@ def tint(entry, geometry, textures, wanted, item, mine, faces, u, v, width):
     u0, v0 = texture_place(geometry, i)
     u1, v1 = texture_place(geometry, j)
     u2, v2 = texture_place(geometry, k)
-    s0, s1 = interpolate_pair(u0, u1, u2, u, v), interpolate_pair(v0, v1, v2, u, v)
+    s0, s1 = between(u0, u1, u2, u, v), between(v0, v1, v2, u, v)
     p0 = corner(geometry, item, i)
     edge1, edge2 = subtract(corner(geometry, item, j), p0), subtract(corner(geometry, item, k), p0)
     across = cross(doubled(edge1), doubled(edge2))
@@ -62,12 +62,6 @@ def tint(entry, geometry, textures, wanted, item, mine, faces, u, v, width):
 def texture_place(geometry, vertices):
     """Texture coordinates of vertices, lanes of float64."""
     return double(gather(geometry.uv, 2 * vertices)), double(gather(geometry.uv, 2 * vertices + 1))
-
-
-@inline
-def interpolate_pair(a, b, c, u, v):
-    """A float64 value within a face, from its corners'."""
-    return double(1.0 - u - v) * a + double(u) * b + double(v) * c
 
 
 @inline
