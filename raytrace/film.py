@@ -51,13 +51,13 @@ def beauty(entry):
 
 
 @inline
-def develop(entry, sums, pixels, lanes, layers):
-    """Add the first `lanes` lanes of an entry to their pixels' sums."""
+def develop(entry, sums, pixels, batch, layers):
+    """Add the first lanes of an entry, `batch` for each of `pixels`, to their sums."""
     colour = beauty(entry)
     for c in range(3):
         store_row(entry, BEAUTY + c, colour[c])
-    for lane in range(lanes):
-        sum_ = sums[pixels[lane]]
+    for lane in range(len(pixels) * batch):
+        sum_ = sums[pixels[lane // batch]]
         for column in range(ALPHA, W):
             sum_[column] += entry[column, lane]
         for c in range(3):

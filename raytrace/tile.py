@@ -84,24 +84,27 @@ def gather_samples(scene, scratch, place, size, pending, wanted):
     todo, entries, counts = scratch.todo, scratch.entries, scratch.counts
     for done in range(0, style.samples, FIRST):
         batch = min(FIRST, style.samples - done)
-        groups = -(-pending // WIDE)
-        for e in range(batch * groups):
-            sample, k = done + e // groups, e % groups
-            pixels, there = load_row(todo, k), lane_numbers() < pending - k * WIDE
+        each = WIDE // batch  # pixels a packet, all samples of a pixel on end
+        packets = -(-pending // each)
+        turn = (lane_numbers() * (256 // batch + 1)) >> 8  # lane // batch
+        for e in range(packets):
+            there = turn < min(each, pending - e * each)
+            pixels = gather(todo, select(there, turn, 0) + e * each)
             x, y = column_of(pixels) + place[0], row_of(pixels) + place[1]
-            items = cast(scene, scratch, entries[e], x, y, sample, there, wanted)
+            samples = lane_numbers() - turn * batch + done
+            items = cast(scene, scratch, entries[e], x, y, samples, there, wanted)
             store_row(scratch.items, e, items)
             counts[PRIMARY] += count(there)
             counts[BACKGROUND] += count(there & (items < 0)) * count_directed(lights)
         if style.shading != GOURAUD:
-            light_entries(geometry, lights, style, scratch, batch * groups)
+            light_entries(geometry, lights, style, scratch, packets)
         if style.samples == 1:
             return
         if done == 0:
             clear(scratch.sums)
-        for e in range(batch * groups):
-            k = e % groups * WIDE
-            develop(entries[e], scratch.sums, todo[k:], min(WIDE, pending - k), style.layers)
+        for e in range(packets):
+            k = e * each
+            develop(entries[e], scratch.sums, todo[k : min(k + each, pending)], batch, style.layers)
         pending = keep(scratch, size, pending, style.samples - done - batch)
         if pending == 0:
             return
@@ -122,14 +125,14 @@ def keep(scratch, size, pending, remaining):
 
 
 @inline
-def cast(scene, scratch, entry, x, y, sample, there, wanted):
+def cast(scene, scratch, entry, x, y, samples, there, wanted):
     """One packet of viewing rays, where the mask `there` is set; the hits become an entry.
 
     Returns the rows of the objects that were hit, −1 for none.
     """
     geometry, _, textures, view, style, vertex_light = scene
     packet = scratch.packet
-    start = aim(packet, view, x, y, sample)
+    start = aim(packet, view, x, y, samples)
     store_row(scratch.valid, 0, there)
     intersect16(geometry.handle, packet, scratch.valid)
     items, faces = struck(packet)

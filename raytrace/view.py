@@ -79,16 +79,17 @@ def approach(origin, direction):
 
 
 @inline
-def aim(packet, view, x, y, sample):
+def aim(packet, view, x, y, samples):
     """Make `packet` the viewing rays of sixteen pixels; returns how far from the viewer they start, float32.
 
-    Args: x, y: int32 lanes, of the whole picture. sample: number of the sample, the same for all.
+    Args: x, y: int32 lanes, of the whole picture. samples: int32 lanes, numbers of the samples.
     """
     film_x, film_y = double(x) + 0.5, double(y) + 0.5
     lens_x, lens_y = 0.0 * film_x, 0.0 * film_x
     offsets = view.offsets
     if len(offsets) > 0:
         for lane in range(WIDE):
+            sample = pick(samples, lane)
             k = mix(mix(pick(y, lane) * view.width + pick(x, lane)) ^ view.key) % np.uint32(len(offsets))
             film_x = replace(film_x, lane, pick(film_x, lane) + offsets[k, 0, sample])
             film_y = replace(film_y, lane, pick(film_y, lane) + offsets[k, 1, sample])
@@ -120,7 +121,7 @@ def mark_seen(geometry, view, left, right, first, last, packet, valid, seen):
             pixels = lane_numbers() + x
             store_row(valid, 0, pixels < right)
             for sample in range(max(1, view.offsets.shape[2])):
-                aim(packet, view, pixels, 0 * pixels + y, sample)
+                aim(packet, view, pixels, 0 * pixels + y, 0 * pixels + sample)
                 intersect16(geometry.handle, packet, valid)
                 items, faces = struck(packet)
                 for lane in range(min(WIDE, right - x)):
