@@ -26,15 +26,18 @@ SENT, LIT 1 each  luminous sum over lights before δ, and after
 
 from __future__ import annotations
 
+import numpy as np
+
 from .jit import inline
 from .lane_memory import load_row, store_row
 from .lanes import select
 
-BEAUTY, ALPHA, AMBIENT, DIFFUSE, SPECULAR, EMISSION = 0, 3, 4, 7, 10, 13
-W, SHADOW, DEPTH, NORMAL, ALBEDO, ID = 16, 17, 18, 19, 22, 25
+# Numba compiles a function anew for every constant of Python's that it is given, but only once for NumPy's.
+BEAUTY, ALPHA, AMBIENT, DIFFUSE, SPECULAR, EMISSION = np.array([0, 3, 4, 7, 10, 13])
+W, SHADOW, DEPTH, NORMAL, ALBEDO, ID = np.array([16, 17, 18, 19, 22, 25])
 FILM = 26
-POINT, ORIGIN, VIEW, GRAIN, TINT = range(26, 41, 3)
-FRONT, SENT, LIT = 41, 42, 43
+POINT, ORIGIN, VIEW, GRAIN, TINT = np.arange(26, 41, 3)
+FRONT, SENT, LIT = np.array([41, 42, 43])
 WIDTH = 44
 
 

@@ -78,9 +78,9 @@ def develop(entry, sums, pixels, batch, layers):
 
 
 @inline
-def mean(sums, pixels, lanes, layers, entry):
-    """Turn the sums of `lanes` pixels into the lanes of an entry."""
-    for lane in range(lanes):
+def mean(sums, pixels, layers, entry):
+    """Turn the sums of up to sixteen pixels into the lanes of an entry."""
+    for lane in range(len(pixels)):
         sum_ = sums[pixels[lane]]
         share = 1.0 / sum_[SAMPLES]
         for column in range(ALPHA, W):

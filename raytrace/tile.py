@@ -41,24 +41,48 @@ def render_tiles(geometry, lights, textures, view, style, vertex_light, scratch,
     Args: vertex_light: float64 (n, 14), lit vertices for Gouraud shading; corner: (x, y) of the film in the whole
         picture; scale: of the world; wanted: int64 (textures,), set to 1 for every texture that was met but is not read
         yet: the tiles must be rendered again.
+
+    A few samples of all pixels of a tile come first, then more of those that don't agree.
     """
     geometry, lights, textures, view = borrow(geometry), borrow(lights), borrow(textures), borrow(view)
     vertex_light, scratch, wanted, film = borrow(vertex_light), borrow(scratch), borrow(wanted), borrow(film)
     scene = geometry, lights, textures, view, style, vertex_light
-    columns = -(-film.shape[1] // TILE)
+    entries, todo, counts, directed = scratch.entries, scratch.todo, scratch.counts, count_directed(lights)
     for tile in range(span[0], span[1]):
+        columns = -(-film.shape[1] // TILE)
         left, top = tile % columns * TILE, tile // columns * TILE
         size = min(TILE, film.shape[1] - left), min(TILE, film.shape[0] - top)
-        place = corner[0] + left, corner[1] + top
-        pixels = list_pixels(scratch, size)
-        gather_samples(scene, scratch, place, size, pixels, wanted)
-        pixels = list_pixels(scratch, size)
-        for e in range(-(-pixels // WIDE)):
-            entry = scratch.entries[e]
+        pending = list_pixels(scratch, size)
+        for done in range(0, style.samples, FIRST):
+            batch = min(FIRST, style.samples - done)
+            each = WIDE // batch  # pixels a packet, all samples of a pixel on end
+            turn = (lane_numbers() * (256 // batch + 1)) >> 8  # lane // batch
+            packets = -(-pending // each)
+            for e in range(packets):
+                there = turn < min(each, pending - e * each)
+                pixels = gather(todo, select(there, turn, 0) + e * each)
+                x, y = column_of(pixels) + (corner[0] + left), row_of(pixels) + (corner[1] + top)
+                items = cast(scene, scratch, entries[e], x, y, lane_numbers() - turn * batch + done, there, wanted)
+                store_row(scratch.items, e, items)
+                counts[PRIMARY] += count(there)
+                counts[BACKGROUND] += count(there & (items < 0)) * directed
+            if style.shading != GOURAUD:
+                light_entries(geometry, lights, style, scratch, packets)
             if style.samples > 1:
-                mean(scratch.sums, scratch.todo[e * WIDE :], min(WIDE, pixels - e * WIDE), style.layers, entry)
-            there = lane_numbers() < pixels - e * WIDE
-            finish(entry, load_row(scratch.todo, e), there, scale, film, left, top)
+                if done == 0:
+                    clear(scratch.sums)
+                for e in range(packets):
+                    k = e * each
+                    develop(entries[e], scratch.sums, todo[k : min(k + each, pending)], batch, style.layers)
+                pending = keep(scratch, size, pending, style.samples - done - batch)
+                if pending == 0:
+                    break
+        pixels_in_all = list_pixels(scratch, size)
+        for k in range(0, pixels_in_all, WIDE):
+            entry = entries[k // WIDE]  # with one sample a pixel that is the pixel
+            if style.samples > 1:
+                mean(scratch.sums, todo[k : min(k + WIDE, pixels_in_all)], style.layers, entry)
+            finish(entry, load_row(todo, k // WIDE), lane_numbers() < pixels_in_all - k, scale, film, left, top)
 
 
 @inline
@@ -70,44 +94,6 @@ def list_pixels(scratch, size):
         scratch.todo[left] = p
         left += p % TILE < size[0] and p // TILE < size[1]
     return left
-
-
-@inline
-def gather_samples(scene, scratch, place, size, pending, wanted):
-    """Gather a tile's sums: a few samples of all `pending` pixels, then more of those that don't agree.
-
-    With one sample a pixel there is nothing to add up: the entries are the pixels.
-
-    Args: place, size: of the tile in the whole picture.
-    """
-    geometry, lights, _, _, style, _ = scene
-    todo, entries, counts = scratch.todo, scratch.entries, scratch.counts
-    for done in range(0, style.samples, FIRST):
-        batch = min(FIRST, style.samples - done)
-        each = WIDE // batch  # pixels a packet, all samples of a pixel on end
-        packets = -(-pending // each)
-        turn = (lane_numbers() * (256 // batch + 1)) >> 8  # lane // batch
-        for e in range(packets):
-            there = turn < min(each, pending - e * each)
-            pixels = gather(todo, select(there, turn, 0) + e * each)
-            x, y = column_of(pixels) + place[0], row_of(pixels) + place[1]
-            samples = lane_numbers() - turn * batch + done
-            items = cast(scene, scratch, entries[e], x, y, samples, there, wanted)
-            store_row(scratch.items, e, items)
-            counts[PRIMARY] += count(there)
-            counts[BACKGROUND] += count(there & (items < 0)) * count_directed(lights)
-        if style.shading != GOURAUD:
-            light_entries(geometry, lights, style, scratch, packets)
-        if style.samples == 1:
-            return
-        if done == 0:
-            clear(scratch.sums)
-        for e in range(packets):
-            k = e * each
-            develop(entries[e], scratch.sums, todo[k : min(k + each, pending)], batch, style.layers)
-        pending = keep(scratch, size, pending, style.samples - done - batch)
-        if pending == 0:
-            return
 
 
 @inline
