@@ -12,8 +12,6 @@ import numpy.typing as npt
 
 from .embree import DIR_X, ORG_X, TFAR, occluded16
 from .entries import (
-    ALBEDO,
-    ALPHA,
     AMBIENT,
     DIFFUSE,
     EMISSION,
@@ -30,7 +28,6 @@ from .entries import (
     VIEW,
     W,
     put,
-    put1,
     take,
 )
 from .jit import inline
@@ -38,8 +35,7 @@ from .lane_memory import load_row, store_row
 from .lanes import count, double, first, highest, lane_numbers, lowest, pick, select, single, some
 from .light_kernels import cannot_matter_in, incident
 from .light_rows import AMBIENT as AMBIENT_LIGHT
-from .models.dispatch import alpha, ambient, emission, terms_wide
-from .models.rows import MODEL
+from .models.dispatch import ambient, emission, terms_wide
 from .occluders import obstructed
 from .vector import add, choose, dot, multiply, scale, subtract
 from .view import FARTHEST
@@ -106,7 +102,7 @@ def ambient_light(lights):
 
 @inline
 def begin(entry, items, geometry, total, form):
-    """What needs no light that comes from somewhere: emission, reflected ambient light, opacity, colour."""
+    """What needs no light that comes from somewhere: emission and reflected ambient light."""
     left = items >= 0
     tint = take(entry, TINT)
     w = load_row(entry, W)
@@ -114,14 +110,11 @@ def begin(entry, items, geometry, total, form):
         item = pick(items, first(left))
         mine = left & (items == item)
         material = geometry.rows[item]
-        colour = (material[MODEL], material[MODEL + 1], material[MODEL + 2])
         reflected = multiply(multiply(ambient(material), total), tint)
         if form != OFF:
             reflected = scale(w, reflected)
         put(entry, AMBIENT, mine, reflected)
         put(entry, EMISSION, mine, emission(material))
-        put(entry, ALBEDO, mine, multiply(colour, tint))
-        put1(entry, ALPHA, mine, alpha(material))
         left = left & ~mine
 
 

@@ -7,6 +7,8 @@ import numpy as np
 from .borrow import borrow
 from .embree import DIR_X, TFAR, U, V, intersect16
 from .entries import (
+    ALBEDO,
+    ALPHA,
     AMBIENT,
     BEAUTY,
     DEPTH,
@@ -16,7 +18,9 @@ from .entries import (
     LIT,
     SENT,
     SHADOW,
+    TINT,
     W,
+    put,
     put1,
     take,
 )
@@ -25,9 +29,11 @@ from .jit import inline, kernel
 from .lane_memory import gather, gather3, load_row, store_row
 from .lanes import WIDE, count, double, first, lane_numbers, pick, select, single, some
 from .lighting import BACKGROUND, PRIMARY, RETIRED, count_directed, let_through, light_entries
+from .models.dispatch import alpha
+from .models.rows import MODEL
 from .surface import GOURAUD, between, fill, vertex_entry
 from .tint import apply_tint, tint
-from .vector import scale
+from .vector import multiply, scale
 from .view import aim, load3, pixel_width, struck
 
 FIRST = 4  # samples before a pixel may be retired
@@ -48,8 +54,8 @@ def render_tiles(geometry, lights, textures, view, style, vertex_light, scratch,
     vertex_light, scratch, wanted, film = borrow(vertex_light), borrow(scratch), borrow(wanted), borrow(film)
     scene = geometry, lights, textures, view, style, vertex_light
     entries, todo, counts, directed = scratch.entries, scratch.todo, scratch.counts, count_directed(lights)
+    columns = -(-film.shape[1] // TILE)
     for tile in range(span[0], span[1]):
-        columns = -(-film.shape[1] // TILE)
         left, top = tile % columns * TILE, tile // columns * TILE
         size = min(TILE, film.shape[1] - left), min(TILE, film.shape[0] - top)
         pending = list_pixels(scratch, size)
@@ -136,6 +142,10 @@ def cast(scene, scratch, entry, x, y, samples, there, wanted):
         mine = left & (items == item)
         fill(entry, geometry, item, mine, faces, u, v, backward, style)
         tint(entry, geometry, textures, wanted, item, mine, faces, u, v, pixel_width(view, depth))
+        material = geometry.rows[item]
+        put1(entry, ALPHA, mine, alpha(material))
+        if style.layers:
+            put(entry, ALBEDO, mine, multiply(take(entry, TINT), load3(material[MODEL:])))
         if style.shading == GOURAUD:
             interpolate_lit(entry, geometry, item, mine, faces, u, v, vertex_light)
             apply_tint(entry, mine)
