@@ -27,6 +27,7 @@ app = typer.Typer(
 
 class Method(StrEnum):
     vertex = "vertex"
+    surface = "surface"
 
 
 class FalloffForm(StrEnum):
@@ -55,7 +56,9 @@ Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="No progress bar, no 
 def bake(
     mesh: Annotated[Path, typer.Argument(metavar="INPUT", help="A mesh file: PLY, OBJ, STL, OFF, GLB, glTF, 3MF, …")],
     output: Annotated[Path, typer.Option("--output", "-o", help="Target, by ending: .npy .npz .ply .glb")],
-    method: Annotated[Method, typer.Option(help="Sample at the vertices.")] = Method.vertex,
+    method: Annotated[
+        Method, typer.Option(help="Sample at the vertices, or all over the faces and fit the vertices to it.")
+    ] = Method.vertex,
     falloff: Annotated[
         FalloffForm, typer.Option(help="μ: how occlusion fades with distance.")
     ] = FalloffForm.exponential,
@@ -88,7 +91,7 @@ def bake(
     start = time.perf_counter()
     source = load(mesh)
     loaded = time.perf_counter()
-    baked = _bake(source.mesh, chosen, samples, seed, threads, normals.value, quiet)
+    baked = _bake(method, source.mesh, chosen, samples, seed, threads, normals.value, quiet)
     tracing = time.perf_counter()
     write(output, baked, source, colors=colors)
     seconds = {"load": loaded - start, "write": time.perf_counter() - tracing}
@@ -260,12 +263,21 @@ def _falloff(form: FalloffForm, tau: float | None, half_distance: str | None, ma
 
 
 def _bake(
-    mesh: Any, falloff: ao.Falloff, samples: int, seed: int, threads: int | None, normals: Any, quiet: bool
-) -> Any:
+    method: Method,
+    mesh: Any,
+    falloff: ao.Falloff,
+    samples: int,
+    seed: int,
+    threads: int | None,
+    normals: Any,
+    quiet: bool,
+) -> ao.Bake:
     import ao
 
-    with _progress(quiet, "rays") as progress, _compiling("hemisphere"):
-        return ao.bake(mesh, falloff, samples, seed, threads, normals, progress)
+    on_surface = method is Method.surface
+    make = ao.bake_surface if on_surface else ao.bake
+    with _progress(quiet, "rays") as progress, _compiling("surface_gather" if on_surface else "hemisphere"):
+        return make(mesh, falloff, samples, seed, threads, normals, progress)
 
 
 @contextmanager
