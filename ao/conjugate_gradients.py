@@ -28,7 +28,7 @@ def solve(matrix: csr_array, right: Floats, start: Floats, free: npt.NDArray[np.
     inverse = np.where(usable, 1 / np.where(usable, diagonal, 1.0), 0.0)
     x = start.copy()
     residual = right - matrix @ x
-    stop = _TOLERANCE**2 * dot(inverse * right, right)
+    stop = _TOLERANCE**2 * (dot(inverse * right, right) + dot(diagonal * start, start))
     step = inverse * residual
     size = dot(residual, step)
     for _ in range(_STEPS):

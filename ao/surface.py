@@ -68,19 +68,16 @@ def bake_surface(
     scene = TriangleScene(placement.vertices, receivers.faces)
     built = time.perf_counter()
 
-    patch = Patch.of(placement, receivers.faces[wanted[receivers.faces].any(axis=1)], receivers.of_vertex)
-    points = receivers.points
-    moments, counts = gather(
-        scene, placement, patch, points.normals, mu, samples, seed_key(seed), workers, progress
-    )  # fmt: skip
-    fit = _fit(patch, reveal_interiors(moments, counts, patch.seats, len(points)), len(points))
+    patch = Patch.of(placement, receivers, wanted)
+    moments, counts = gather(scene, placement, patch, mu, samples, seed_key(seed), workers, progress)
+    fit = _fit(patch, reveal_interiors(patch, moments, counts))
 
     row = receivers.of_vertex
     baked = mine.of_vertex >= 0
     w, error, bent = np.ones(len(row)), np.zeros(len(row)), np.zeros((len(row), 3))
     w[baked], error[baked] = fit.w[row[baked]], fit.error[row[baked]]
-    direction = normalize(fit.bent)
-    bent[baked] = np.where(direction.any(axis=1, keepdims=True), direction, points.normals)[row[baked]]
+    direction = normalize(fit.bent[row[baked]])
+    bent[baked] = np.where(direction.any(axis=1, keepdims=True), direction, receivers.points.normals[row[baked]])
     finished = time.perf_counter()
     traced = counts.sum(axis=0)
     return Bake(
@@ -110,9 +107,9 @@ class _Fit:
     bent: Floats
 
 
-def _fit(patch: Patch, moments: Floats, points: int) -> _Fit:
+def _fit(patch: Patch, moments: Floats) -> _Fit:
     """Fit 1 − w, so that where nothing is closed w is exactly 1."""
-    seats = patch.seats
+    seats, points = patch.seats, patch.unknowns
     even, odd = (
         Half(
             normal_matrix(seats, moments[:, half, MATRIX:RIGHT], points),

@@ -66,6 +66,8 @@ def roughness(corners: Floats, seats: Ints, normals: Floats, areas: Floats, agre
 
     Args: corners: (m, 3, 3). seats: (m, 3), the unknown at each corner. normals: (m, 3), unit. areas: (m,), above 0.
     """
+    if not len(seats):
+        return csr_array((count, count))
     tail, head = seats[:, [1, 2, 0]].ravel(), seats[:, [2, 0, 1]].ravel()  # of the edge opposite each corner
     low, high = np.minimum(tail, head), np.maximum(tail, head)
     order = np.lexsort((high, low))
@@ -95,8 +97,8 @@ def cross_validated(
     Tried are powers of four of the ratio of the two matrices' traces, down from where both weigh alike as long as the
     prediction improves, and up if it does not at once.
     """
-    data = sum(float(half.matrix.diagonal().sum()) for half in halves)
-    unit = data / max(float(smoothness.diagonal().sum()), 1e-300)
+    data, rough = sum(half.matrix.diagonal().sum() for half in halves), smoothness.diagonal().sum()
+    unit = float(data / rough) if rough > 0 else 0.0
 
     def attempt(power: int, starts: tuple[Floats, Floats]) -> tuple[float, int, tuple[Floats, Floats]]:
         prior = unit * _STEP**power * smoothness + tie

@@ -33,7 +33,7 @@ from .hemisphere import turned_frame
 from .surface_samples import GOLDEN, place
 
 HIDDEN = 1e-4  # weight of a sample that sees the back of things; not 0, so that what is buried has a value too
-_MOSTLY = 0.75
+_MOSTLY = 0.5
 SQUARES, MATRIX, RIGHT, MOMENTS = 0, 1, 7, 19
 TRACED, BELOW, SEEN = 0, 1, 2
 

@@ -15,6 +15,7 @@ from raytrace.sampling import mix
 
 from .bake import Progress
 from .falloff import Mu
+from .receivers import Receivers
 from .surface_gather import HIDDEN, MOMENTS, SEEN, gather_faces, lattices
 from .surface_samples import Samples, along_curve
 
@@ -31,28 +32,36 @@ class Patch:
 
     Attributes:
         corners: float64 (m, 3, 3). normals: float64 (m, 3), unit. areas: float64 (m,), above 0.
-        seats: int64 (m, 3), the row of each corner in `Receivers.points`.
+        seats: int64 (m, 3), the unknown at each corner: its row in `Receivers.points`, or one behind those for a
+            vertex without a point.
+        axes: float32 (m, 3, 3), unit normals of the corners' points, or 0.
+        unknowns: how many there are.
     """
 
     corners: Floats
     normals: Floats
     areas: Floats
     seats: Ints
+    axes: npt.NDArray[np.float32]
+    unknowns: int
 
     @classmethod
-    def of(cls, placement: Placement, faces: Ints, of_vertex: Ints) -> Patch:
-        """The patch of `faces` (k, 3), none degenerate, less those with a corner that no point stands for."""
-        faces = faces[(of_vertex[faces] >= 0).all(axis=1)]
+    def of(cls, placement: Placement, receivers: Receivers, wanted: npt.NDArray[np.bool_]) -> Patch:
+        """The patch of all faces that have a corner among the `wanted` vertices, bool (n,)."""
         vertices = placement.vertices.astype(np.float64)
+        faces = receivers.faces[wanted[receivers.faces].any(axis=1)]
         faces = faces[along_curve(vertices[faces].mean(axis=1))]
-        return cls(vertices[faces], *face_normals(vertices, faces), of_vertex[faces])
+        seat, normals = receivers.of_vertex.copy(), receivers.points.normals
+        without = np.flatnonzero(seat < 0)
+        seat[without] = len(normals) + np.arange(len(without))
+        axes = np.concatenate([normals, np.zeros((len(without), 3), np.float32)])
+        return cls(vertices[faces], *face_normals(vertices, faces), seat[faces], axes[seat[faces]], len(axes))
 
 
 def gather(
     scene: TriangleScene,
     placement: Placement,
     patch: Patch,
-    axes: npt.NDArray[np.float32],
     mu: Mu,
     samples: int,
     key: np.uint32,
@@ -61,7 +70,7 @@ def gather(
 ) -> tuple[Floats, Ints]:
     """Moments (m, 2, 19) and counts (m, 3) of the faces of `patch`, see `gather_faces`.
 
-    Args: axes: (n, 3), unit normals that `patch.seats` points to. samples: rays for each of those in use.
+    Args: samples: rays for every unknown.
     """
     moments, counts = np.zeros((len(patch.seats), 2, MOMENTS)), np.zeros((len(patch.seats), 3), np.int64)
     if not len(patch.seats):
@@ -76,7 +85,7 @@ def gather(
 
     def work(a: int, b: int) -> None:
         gather_faces(
-            scene.handle, *new_packet(), patch.corners[a:b], patch.normals[a:b], axes[patch.seats[a:b]],
+            scene.handle, *new_packet(), patch.corners[a:b], patch.normals[a:b], patch.axes[a:b],
             spread.starts[a : b + 1], spread.ends[a : b + 1], spread.weights[a:b], spread.shift, directions, key,
             tau, placement.diagonal, limit, moments[a:b], counts[a:b],
         )  # fmt: skip
@@ -91,13 +100,13 @@ def gather(
     return moments, counts
 
 
-def reveal_interiors(moments: Floats, counts: Ints, seats: Ints, points: int) -> Floats:
+def reveal_interiors(patch: Patch, moments: Floats, counts: Ints) -> Floats:
     """Moments with samples weighted in full where no vertex of the face can see a way out.
 
     Hidden samples step back behind visible ones at the same vertex. Where there are none, in a room whose walls
     face outwards for instance, they are all that counts.
     """
-    seen = np.zeros(points, np.bool_)
+    seen, seats = np.zeros(patch.unknowns, np.bool_), patch.seats
     seen[seats[counts[:, SEEN] > 0]] = True
-    mixed: npt.NDArray[np.bool_] = seen[seats].any(axis=1)
-    return np.where(mixed[:, None, None], moments, moments / HIDDEN)
+    interior = ~(seen[seats[:, 0]] | seen[seats[:, 1]] | seen[seats[:, 2]])
+    return np.where(interior[:, None, None], moments / HIDDEN, moments)
