@@ -8,7 +8,7 @@ from scipy.sparse import csr_array
 
 Floats = npt.NDArray[np.float64]
 
-_TOLERANCE = 1e-7
+FINE, COARSE = 1e-7, 1e-4
 _STEPS = 1000
 _ROUNDS = 20
 
@@ -18,17 +18,24 @@ def dot(a: Floats, b: Floats) -> float:
     return float(np.einsum("i,i->", a, b))
 
 
-def solve(matrix: csr_array, right: Floats, start: Floats, free: npt.NDArray[np.bool_] | None = None) -> Floats:
+def solve(
+    matrix: csr_array,
+    right: Floats,
+    start: Floats,
+    free: npt.NDArray[np.bool_] | None = None,
+    tolerance: float = FINE,
+) -> Floats:
     """Solve matrix · x = right, positive semidefinite, by conjugate gradients with Jacobi's preconditioner.
 
     Args: start: (n,), where to begin. free: bool (n,), the unknowns to solve for; the others keep their start.
+        tolerance: of the residual, as a part of the right side.
     """
     diagonal = matrix.diagonal()
     usable = diagonal > 0 if free is None else (diagonal > 0) & free
     inverse = np.where(usable, 1 / np.where(usable, diagonal, 1.0), 0.0)
     x = start.copy()
     residual = right - matrix @ x
-    stop = _TOLERANCE**2 * (dot(inverse * right, right) + dot(diagonal * start, start))
+    stop = tolerance**2 * (dot(inverse * right, right) + dot(diagonal * start, start))
     step = inverse * residual
     size = dot(residual, step)
     for _ in range(_STEPS):

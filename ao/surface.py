@@ -19,7 +19,7 @@ from raytrace.sampling import seed_key
 from raytrace.weld import CREASE
 
 from .bake import MAX_SAMPLES, Bake, Progress, _check_whole
-from .conjugate_gradients import solve, solve_within
+from .conjugate_gradients import COARSE, solve, solve_within
 from .falloff import Exponential, Falloff
 from .receivers import Flag, Normals, find_receivers
 from .surface_fit import Half, cross_validated, normal_matrix, right_side, roughness, ties
@@ -129,7 +129,7 @@ def _fit(patch: Patch, moments: Floats) -> _Fit:
     relaxed = solve_within((matrix + alpha * _RELAXED * smoothness + tie).tocsr(), right, closed)
     both = moments.sum(axis=1)
     bent = [
-        solve(whole, right_side(seats, both[:, column : column + 3], points), np.zeros(points))
+        solve(whole, right_side(seats, both[:, column : column + 3], points), np.zeros(points), tolerance=COARSE)
         for column in range(RIGHT + 3, MOMENTS, 3)
     ]
     variance = _local_mean(matrix, (np.clip(first, 0, 1) - np.clip(second, 0, 1)) ** 2 / 4)

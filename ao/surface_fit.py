@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy.sparse import coo_array, csr_array
 
-from .conjugate_gradients import dot, solve
+from .conjugate_gradients import COARSE, dot, solve
 
 Floats = npt.NDArray[np.float64]
 Ints = npt.NDArray[np.int64]
@@ -102,7 +102,10 @@ def cross_validated(
 
     def attempt(power: int, starts: tuple[Floats, Floats]) -> tuple[float, int, tuple[Floats, Floats]]:
         prior = unit * _STEP**power * smoothness + tie
-        x, y = (solve(half.matrix + prior, half.right, at) for half, at in zip(halves, starts, strict=True))
+        x, y = (
+            solve(half.matrix + prior, half.right, at, tolerance=COARSE)
+            for half, at in zip(halves, starts, strict=True)
+        )
         return halves[1].misfit(x) + halves[0].misfit(y), power, (x, y)
 
     best = attempt(0, (start, start))
