@@ -28,6 +28,7 @@ app = typer.Typer(
 
 class Method(StrEnum):
     vertex = "vertex"
+    surface = "surface"
 
 
 class FalloffForm(StrEnum):
@@ -62,7 +63,9 @@ Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="No progress bar, no 
 def bake(
     mesh: Annotated[Path, typer.Argument(metavar="INPUT", help="A mesh file: PLY, OBJ, STL, OFF, GLB, glTF, 3MF, …")],
     output: Annotated[Path, typer.Option("--output", "-o", help="Target, by ending: .npy .npz .ply .glb")],
-    method: Annotated[Method, typer.Option(help="Sample at the vertices.")] = Method.vertex,
+    method: Annotated[
+        Method, typer.Option(help="Sample at the vertices, or all over the faces and fit the vertices to it.")
+    ] = Method.vertex,
     falloff: Annotated[
         FalloffForm, typer.Option(help="μ: how occlusion fades with distance.")
     ] = FalloffForm.exponential,
@@ -94,6 +97,10 @@ def bake(
     from scenes.write import check_target, write
 
     chosen = _falloff(falloff, tau, half_distance, max_distance)
+    if method is Method.surface:
+        _only_at_vertices(
+            tolerance=tolerance is not None, reconstruct=not reconstruct, hidden=hidden is not Hidden.ignore
+        )
     check_target(output)
     if report:
         check_writable(report)
@@ -107,11 +114,13 @@ def bake(
     source = load(mesh)
     loaded = time.perf_counter()
     warnings = _warn(source.mesh)
-    with _progress(quiet, "rays") as progress, _compiling("hemisphere"):
-        baked = ao.bake(
-            source.mesh, chosen, samples, seed, threads, normals.value, progress,
-            tolerance=tolerance, reconstruct=reconstruct, hidden=hidden.value,
-        )  # fmt: skip
+    on_surface = method is Method.surface
+    with _progress(quiet, "rays") as progress, _compiling("surface_gather" if on_surface else "hemisphere"):
+        common: Any = source.mesh, chosen, samples, seed, threads, normals.value, progress
+        if on_surface:
+            baked = ao.bake_surface(*common)
+        else:
+            baked = ao.bake(*common, tolerance=tolerance, reconstruct=reconstruct, hidden=hidden.value)
     tracing = time.perf_counter()
     write(output, baked, source, colors=colors)
     seconds = {"load": loaded - start, "write": time.perf_counter() - tracing}
@@ -334,6 +343,15 @@ def _falloff(form: FalloffForm, tau: float | None, half_distance: str | None, ma
         if value is not None:
             raise OptionError(name, "--falloff exponential with it", "--falloff binary")
     return ao.Binary(max_distance)
+
+
+def _only_at_vertices(**given: bool) -> None:
+    """Refuse options of the vertex method that were given to another."""
+    from raytrace.errors import OptionError
+
+    for name, is_given in given.items():
+        if is_given:
+            raise OptionError(f"--{name}", "--method vertex with it", "--method surface")
 
 
 def _warn(mesh: Mesh) -> list[str]:
