@@ -7,6 +7,7 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from enum import StrEnum
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -114,13 +115,12 @@ def bake(
     source = load(mesh)
     loaded = time.perf_counter()
     warnings = _warn(source.mesh)
-    on_surface = method is Method.surface
-    with _progress(quiet, "rays") as progress, _compiling("surface_gather" if on_surface else "hemisphere"):
-        common: Any = source.mesh, chosen, samples, seed, threads, normals.value, progress
-        if on_surface:
-            baked = ao.bake_surface(*common)
-        else:
-            baked = ao.bake(*common, tolerance=tolerance, reconstruct=reconstruct, hidden=hidden.value)
+    make: Any = ao.bake_surface
+    if method is Method.vertex:
+        make = partial(ao.bake, tolerance=tolerance, reconstruct=reconstruct, hidden=hidden.value)
+    kernels = "hemisphere" if method is Method.vertex else "surface_gather"
+    with _progress(quiet, "rays") as progress, _compiling(kernels):
+        baked = make(source.mesh, chosen, samples, seed, threads, normals.value, progress)
     tracing = time.perf_counter()
     write(output, baked, source, colors=colors)
     seconds = {"load": loaded - start, "write": time.perf_counter() - tracing}
