@@ -82,10 +82,7 @@ def test_coordinates_that_overflow_or_vanish(tmp_path):
     for size in (1e-200, 1e-9, 1e152):
         rows = dict(describe(MeshFile.of(Mesh(VERTICES * size, FACES))))
         assert float(rows["radius"].split(",")[0]) == pytest.approx(7.79423 * size, rel=1e-5)
-    assert float(rows["area"]) == np.inf
-    assert float(dict(describe(MeshFile.of(Mesh(VERTICES * 1e100, FACES))))["area"]) == pytest.approx(
-        1.54e200, rel=1e-2
-    )
+        assert float(rows["area"]) == pytest.approx(1.53033 * size**2, rel=1e-5)
     assert np.isfinite(Placement.of(Mesh(VERTICES * 1e-310, FACES)).vertices).all()
 
 
