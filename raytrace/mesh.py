@@ -11,7 +11,7 @@ import numpy.typing as npt
 
 from .errors import MeshError
 
-LARGEST = 1e100  # products of three coordinates don't overflow
+LARGEST = 5e153  # squares of coordinates and their differences don't overflow
 
 
 @dataclass(frozen=True, eq=False)
@@ -19,7 +19,7 @@ class Mesh:
     """Triangles over vertices, in the order and units they came in.
 
     Attributes:
-        vertices: float64 (n, 3), within ±1e100, n ≥ 1. Any length unit.
+        vertices: float64 (n, 3), within ±5e153, n ≥ 1. Any length unit.
         faces: int64 (m, 3), m ≥ 1, indices into `vertices`. Degenerate and doubled faces are allowed.
         normals: float64 (n, 3), the source's own vertex normals of any length (zero or NaN: none there), or None.
         source: what to call this mesh in messages, a file name for instance.
@@ -83,4 +83,6 @@ class Mesh:
     @cached_property
     def radius(self) -> float:
         """Radius of the bounding sphere about `centre`: what a relative distance ("25%") is a part of."""
-        return float(np.sqrt(((self.vertices - self.centre) ** 2).sum(axis=1).max()))
+        offset = self.vertices - self.centre
+        largest = np.abs(offset).max()  # no underflow in the squares
+        return float(largest * np.sqrt(((offset / largest) ** 2).sum(axis=1).max())) if largest > 0 else 0.0

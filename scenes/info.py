@@ -16,8 +16,9 @@ from .load import MeshFile
 def describe(source: MeshFile) -> list[tuple[str, str]]:
     """Rows (name, value) about a file's objects, its extent, its defects and what a bake would do with it."""
     mesh = source.mesh
-    receivers = find_receivers(mesh, Placement.of(mesh))
-    _, area = face_normals(mesh.vertices, mesh.faces)
+    placement = Placement.of(mesh)
+    receivers = find_receivers(mesh, placement)
+    _, area = face_normals(placement.vertices.astype(np.float64), mesh.faces)
     edges = np.sort(mesh.faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1)
     uses = np.unique(edges[:, 0] * len(mesh.vertices) + edges[:, 1], return_counts=True)[1]
     low, high = mesh.vertices.min(axis=0), mesh.vertices.max(axis=0)
@@ -29,7 +30,7 @@ def describe(source: MeshFile) -> list[tuple[str, str]]:
         ("edges", f"{len(uses):,}: {(uses == 1).sum():,} open, {(uses > 2).sum():,} between three faces or more"),
         ("bounds", " – ".join("(" + ", ".join(f"{c:.6g}" for c in corner) + ")" for corner in (low, high))),
         ("radius", f"{mesh.radius:.6g}, of the bounding sphere: 100 % for relative distances"),
-        ("area", f"{area.sum():.6g}"),
+        ("area", f"{float(area.sum()) / placement.scale / placement.scale:.6g}"),
         ("normals", "none in the file" if mesh.normals is None else "in the file"),
         ("points to bake", f"{len(receivers.points):,}, coincident vertices once"),
     ]

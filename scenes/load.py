@@ -1,4 +1,4 @@
-"""Mesh files: our own readers of OBJ, PLY, STL, glTF and 3MF, trimesh for the rest; vertices exactly as stored."""
+"""Mesh files: OBJ, PLY, STL, glTF and 3MF by our own readers, others by trimesh; vertices exactly as stored."""
 
 from __future__ import annotations
 

@@ -78,8 +78,11 @@ def test_info_prints_no_control_characters(tmp_path):
 
 
 def test_coordinates_that_overflow_or_vanish(tmp_path):
-    assert "finite coordinates up to 1e+100" in mistake(tmp_path, "m.ply", ascii_ply(VERTICES * 1e200))
-    assert Mesh(VERTICES * 1e99, FACES).radius > 0
+    assert "finite coordinates up to 5e+153" in mistake(tmp_path, "m.ply", ascii_ply(VERTICES * 1e200))
+    for size in (1e-200, 1e-9, 1e152):
+        rows = dict(describe(MeshFile.of(Mesh(VERTICES * size, FACES))))
+        assert float(rows["radius"].split(",")[0]) == pytest.approx(7.79423 * size, rel=1e-5)
+        assert float(rows["area"]) == pytest.approx(1.53033 * size**2, rel=1e-5)
     assert np.isfinite(Placement.of(Mesh(VERTICES * 1e-310, FACES)).vertices).all()
 
 
