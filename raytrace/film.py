@@ -24,7 +24,8 @@ from .entries import (
 )
 from .jit import inline
 from .lane_memory import load_row, scatter4, store_row
-from .lanes import WIDE, pick
+from .lane_questions import pick
+from .lanes import WIDE
 from .vector import add
 
 _BITS = 4

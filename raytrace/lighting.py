@@ -5,10 +5,7 @@ I(p) = I_e + k_a I_a·w + Σ_j δ(p, j) I_L(j) (diffuse_j + specular_j); the boo
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 import numpy as np
-import numpy.typing as npt
 
 from .embree import DIR_X, ORG_X, TFAR, occluded16
 from .entries import (
@@ -32,61 +29,17 @@ from .entries import (
 )
 from .jit import inline
 from .lane_memory import load_row, store_row
-from .lanes import count, double, first, highest, lane_numbers, lowest, pick, select, single, some
+from .lane_questions import count, first, highest, lane_numbers, lowest, pick, some
+from .lanes import double, select, single
 from .light_kernels import cannot_matter_in, incident
 from .light_rows import AMBIENT as AMBIENT_LIGHT
 from .models.dispatch import ambient, emission, terms_wide
 from .occluders import obstructed
+from .scratch import BEHIND, BLACK, BOOK, CULLED, OFF, SHADOW_RAYS, UNOBSTRUCTED, UNREACHED
 from .vector import add, choose, dot, multiply, scale, subtract
 from .view import FARTHEST
 
-OFF, AMBIENT_ONLY, BOOK = range(3)
-PRIMARY, SHADOW_RAYS, BACKGROUND, BEHIND, UNREACHED, BLACK, CULLED, UNOBSTRUCTED, RETIRED = range(9)
-COUNTERS = 9
 SHORT = 1.0 - 1e-5  # of the way to a light: what touches the light itself is no obstacle
-
-
-class Style(NamedTuple):
-    """How a picture is made, for kernels.
-
-    Attributes:
-        samples: most a pixel. shading, form: numbers of the interpolation and of the obscurance form. shadows,
-        terminator: whether. layers: whether all of them are wanted, not beauty alone; weighted: whether w is.
-        background: linear RGB.
-    """
-
-    samples: int
-    shading: int
-    form: int
-    shadows: bool
-    terminator: bool
-    layers: bool
-    weighted: bool
-    background: tuple[float, float, float]
-
-
-class Scratch(NamedTuple):
-    """What one thread works with.
-
-    Attributes:
-        packet, valid: rays (`raytrace.embree.new_packet`), sixteen.
-        entries: float32 (packets, WIDTH, 16), points to be lit; items: int32 (packets, 16), rows of their objects, −1
-        for none. sums: float64 (pixels, …), a tile's film. order: int32 (pixels,), a tile's pixels so that sixteen on
-        end are neighbours; todo: int32 (pixels + 16,), those that want more samples. active: int64 (lights,), lights
-        that can matter; hidden: bool (lights,), whether something may stand between those and the points.
-        counts: int64 (COUNTERS,).
-    """
-
-    packet: npt.NDArray[np.float32]
-    valid: npt.NDArray[np.int32]
-    entries: npt.NDArray[np.float32]
-    items: npt.NDArray[np.int32]
-    sums: npt.NDArray[np.float64]
-    order: npt.NDArray[np.int32]
-    todo: npt.NDArray[np.int32]
-    active: npt.NDArray[np.int64]
-    hidden: npt.NDArray[np.bool_]
-    counts: npt.NDArray[np.int64]
 
 
 @inline

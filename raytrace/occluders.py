@@ -18,7 +18,8 @@ import numpy.typing as npt
 from .embree import aligned
 from .jit import inline, kernel
 from .lane_memory import load_row
-from .lanes import WIDE, select, some
+from .lane_questions import some
+from .lanes import WIDE, select
 from .light_rows import DIRECTION, DIRECTIONAL, POSITION
 from .view import FARTHEST
 

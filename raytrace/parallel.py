@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable
-from concurrent.futures import FIRST_COMPLETED, ThreadPoolExecutor, wait
+from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
+from itertools import islice
 
 from .errors import OptionError
 
@@ -34,15 +35,19 @@ def run_blocks(
     """Call `work(start, stop)` over [0, count) in blocks, on `threads` threads.
 
     `work` must release the GIL to gain anything and write only its own rows. `progress` is told, on this thread,
-    how many items each finished block had. An exception or Ctrl-C drops the blocks that have not begun.
+    how many items each finished block had. An exception or Ctrl-C drops the blocks that have not begun. Only two blocks
+    a thread are handed over at a time, as waiting takes longer the more there are to wait for.
     """
     with ThreadPoolExecutor(threads) as pool:
-        pending = {
-            pool.submit(work, start, min(start + block, count)): min(block, count - start)
-            for start in range(0, count, block)
-        }
+        pending: dict[Future[None], int] = {}
+        starts = iter(range(0, count, block))
         try:
-            while pending:
+            while True:
+                for start in islice(starts, 2 * threads - len(pending)):
+                    size = min(block, count - start)
+                    pending[pool.submit(work, start, start + size)] = size
+                if not pending:
+                    return
                 done, _ = wait(pending, timeout=0.1, return_when=FIRST_COMPLETED)
                 for future in done:
                     future.result()

@@ -10,34 +10,34 @@ import numpy as np
 import numpy.typing as npt
 
 from .camera import Camera
-from .embree import aligned, new_packet
-from .entries import FILM, WIDTH
-from .film import SUMS, TILE
+from .embree import new_packet
+from .entries import FILM
+from .film import TILE
 from .frame import LAYERS, Frame
 from .lanes import WIDE
-from .lighting import (
+from .parallel import run_blocks, thread_count
+from .scene import Scene
+from .scratch import (
     BACKGROUND,
     BEHIND,
     BLACK,
     COUNTERS,
     CULLED,
+    PACKETS,
     PRIMARY,
     RETIRED,
     SHADOW_RAYS,
     UNOBSTRUCTED,
     UNREACHED,
-    Scratch,
     Style,
+    new_scratch,
 )
-from .parallel import run_blocks, thread_count
-from .sampling import mix, owen_sobol, seed_key
-from .scene import Scene
 from .settings import Settings
 from .surface import GOURAUD
 from .texture import Texture, pack_textures
-from .tile import PACKETS, light_vertices, render_tiles
+from .tile import light_vertices, render_tiles
 from .tint import Textures
-from .view import View, mark_seen
+from .view import mark_seen, place_camera
 from .world import World, build
 
 Floats = npt.NDArray[np.float64]
@@ -45,8 +45,6 @@ Progress = Callable[[int, int], None]
 
 _SHADINGS = ("constant", "gouraud", "phong", "quadratic")
 _FORMS = ("off", "ambient", "book")
-_SETS = 256
-_CENTRE = np.empty((0, 4, 1))  # no sets of places: every ray goes through its pixel's centre
 _SHARES = 16  # of a picture for each thread: handing over takes as long as some tiles
 _LONGEST = 256  # samples of tiles in a share: what Ctrl-C waits for
 _LIT = 14  # columns that lighting makes, see `raytrace.tile.lit_column`
@@ -105,7 +103,7 @@ def seen_vertices(
     Errors as `render`.
     """
     world = build(scene)
-    view = _view(world, camera, settings)
+    view = place_camera(camera, settings, world.centre, world.scale)
     left, top, wide, high = _whole_tiles(settings)
     seen = np.zeros(len(world.geometry.w), np.bool_)
 
@@ -123,7 +121,7 @@ class _Renderer:
         self, world: World, scene: Scene, camera: Camera, settings: Settings, layers: bool, threads: int
     ) -> None:
         self.world, self.threads = world, threads
-        self.view = _view(world, camera, settings)
+        self.view = place_camera(camera, settings, world.centre, world.scale)
         self.style = Style(
             settings.samples,
             _SHADINGS.index(settings.shading),
@@ -173,7 +171,7 @@ class _Renderer:
 
     def _tiles(self, first: int, last: int, wanted: npt.NDArray[np.int64]) -> npt.NDArray[np.int64]:
         """Render tiles and return their counts; `wanted` is set for textures to be read before they can be right."""
-        world, scratch = self.world, _new_scratch(len(self.world.lights.kinds))
+        world, scratch = self.world, new_scratch(len(self.world.lights.kinds))
         render_tiles(
             world.geometry, world.lights, self.textures, self.view, self.style, self.vertex_light, scratch,
             self.corner, (first, last), world.scale, wanted, self.film,
@@ -196,7 +194,7 @@ class _Renderer:
         for item, (begin, end) in enumerate(zip(geometry.first_w, ends, strict=True)):
 
             def work(first: int, last: int, item: int = item, begin: int = int(begin)) -> None:
-                scratch, span = _new_scratch(len(lights.kinds)), (begin + first, begin + last)
+                scratch, span = new_scratch(len(lights.kinds)), (begin + first, begin + last)
                 light_vertices(geometry, lights, self.view, self.style, scratch, item, span, self.vertex_light)
                 finished.append(scratch.counts)
 
@@ -227,63 +225,3 @@ def _whole_tiles(settings: Settings) -> tuple[int, int, int, int]:
 def _pack(textures: list[Texture | None]) -> Textures:
     packed = pack_textures(textures)
     return Textures(packed.texels, packed.levels, packed.first, packed.count)
-
-
-def _new_scratch(lights: int) -> Scratch:
-    return Scratch(
-        *new_packet(WIDE, coherent=True),
-        entries=aligned((PACKETS, WIDTH, WIDE), np.float32),
-        items=aligned((PACKETS, WIDE), np.int32),
-        sums=aligned((TILE * TILE, SUMS), np.float64),
-        order=_order(),
-        todo=aligned((TILE * TILE + WIDE,), np.int32),
-        active=np.zeros(max(lights, 1), np.int64),
-        hidden=np.zeros(max(lights, 1), np.bool_),
-        counts=np.zeros(COUNTERS, np.int64),
-    )
-
-
-def _order() -> npt.NDArray[np.int32]:
-    """The pixels of a tile, row · TILE + column, in blocks of 4×4, which make a packet."""
-    pixels = np.arange(TILE * TILE, dtype=np.int32).reshape(TILE // 4, 4, TILE // 4, 4)
-    return pixels.transpose(0, 2, 1, 3).ravel()
-
-
-def _view(world: World, camera: Camera, settings: Settings) -> View:
-    right, above, forward = camera.axes()
-    position = np.array(camera.position)
-    distance = camera.focus or float(np.linalg.norm(np.subtract(camera.target, position)))
-    perspective = float(np.tan(np.radians(camera.field_of_view / 2)))
-    return View(
-        eye=(position - world.centre) * world.scale,
-        right=right,
-        above=above,
-        forward=forward,
-        half=perspective if camera.height is None else camera.height / 2 * world.scale,
-        orthographic=camera.height is not None,
-        lens=camera.aperture / 2 * world.scale,
-        focus=distance * world.scale,
-        width=settings.width,
-        height=settings.height,
-        offsets=_offsets(settings.samples, settings.seed) if settings.samples > 1 or camera.aperture else _CENTRE,
-        key=seed_key(settings.seed),
-    )
-
-
-def _offsets(samples: int, seed: int) -> Floats:
-    """Places of a pixel's samples (sets, 4, samples): under a tent filter of radius 1 pixel, and on the unit lens.
-
-    One sample a pixel falls on its centre.
-    """
-    key = seed_key(seed)
-    x, y = (_tent(u) for u in owen_sobol(_SETS, samples, key))
-    if samples == 1:
-        x, y = np.zeros_like(x), np.zeros_like(y)
-    u, v = owen_sobol(_SETS, samples, mix([key ^ np.uint32(0x5BD1E995)])[0])
-    radius, angle = np.sqrt(u), 2 * np.pi * v
-    return np.stack([x, y, radius * np.cos(angle), radius * np.sin(angle)], axis=1)
-
-
-def _tent(u: Floats) -> Floats:
-    """u in (0, 1) to a place with density 1 − |x| on (−1, 1)."""
-    return np.where(u < 0.5, np.sqrt(2 * u) - 1, 1 - np.sqrt(2 - 2 * u))

@@ -27,17 +27,16 @@ from .entries import (
 from .film import TILE, clear, column_of, develop, finish, mean, retired, row_of
 from .jit import inline, kernel
 from .lane_memory import gather, gather3, load_row, store_row
-from .lanes import WIDE, count, double, first, lane_numbers, pick, select, single, some
-from .lighting import BACKGROUND, PRIMARY, RETIRED, count_directed, let_through, light_entries
+from .lane_questions import count, first, lane_numbers, pick, some
+from .lanes import WIDE, double, select, single
+from .lighting import count_directed, let_through, light_entries
 from .models.dispatch import alpha
 from .models.rows import MODEL
+from .scratch import BACKGROUND, FIRST, PACKETS, PRIMARY, RETIRED
 from .surface import GOURAUD, between, fill, vertex_entry
 from .tint import apply_tint, tint
 from .vector import multiply, scale
 from .view import aim, load3, pixel_width, struck
-
-FIRST = 4  # samples before a pixel may be retired
-PACKETS = TILE * TILE * FIRST // WIDE  # lit together
 
 
 @kernel

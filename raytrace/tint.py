@@ -11,7 +11,8 @@ import numpy.typing as npt
 from .entries import AMBIENT, DIFFUSE, TINT, put, take
 from .jit import inline
 from .lane_memory import gather, gather3
-from .lanes import WIDE, double, pick, select, single
+from .lane_questions import pick
+from .lanes import WIDE, double, select, single
 from .surface import between, corner, doubled
 from .texture_kernel import sample_texture
 from .vector import cross, dot, multiply, subtract

@@ -7,13 +7,21 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from .camera import Camera
 from .chance import mix
 from .embree import DIR_X, GEOM_ID, INST_ID, ORG_X, PRIM_ID, TFAR, intersect16
 from .jit import inline, kernel
 from .lane_memory import load_row, store_row
-from .lanes import WIDE, double, lane_numbers, pick, replace, select, single
+from .lane_questions import lane_numbers, pick, replace
+from .lanes import WIDE, double, select, single
+from .sampling import mix as mix_array
+from .sampling import owen_sobol, seed_key
+from .settings import Settings
 from .vector import add, dot, scale, unit
 
+Floats = npt.NDArray[np.float64]
+_SETS = 256
+_CENTRE = np.empty((0, 4, 1))  # no sets of places: every ray goes through its pixel's centre
 FARTHEST = 8.0  # longer than anything in the world
 
 
@@ -39,6 +47,47 @@ class View(NamedTuple):
     height: int
     offsets: npt.NDArray[np.float64]
     key: Any
+
+
+def place_camera(camera: Camera, settings: Settings, centre: Floats, scale: float) -> View:
+    """A camera as kernels want it, in a world whose points p stand at (p − centre) · scale."""
+    right, above, forward = camera.axes()
+    position = np.array(camera.position)
+    distance = camera.focus or float(np.linalg.norm(np.subtract(camera.target, position)))
+    perspective = float(np.tan(np.radians(camera.field_of_view / 2)))
+    return View(
+        eye=(position - centre) * scale,
+        right=right,
+        above=above,
+        forward=forward,
+        half=perspective if camera.height is None else camera.height / 2 * scale,
+        orthographic=camera.height is not None,
+        lens=camera.aperture / 2 * scale,
+        focus=distance * scale,
+        width=settings.width,
+        height=settings.height,
+        offsets=_offsets(settings.samples, settings.seed) if settings.samples > 1 or camera.aperture else _CENTRE,
+        key=seed_key(settings.seed),
+    )
+
+
+def _offsets(samples: int, seed: int) -> Floats:
+    """Places of a pixel's samples (sets, 4, samples): under a tent filter of radius 1 pixel, and on the unit lens.
+
+    One sample a pixel falls on its centre.
+    """
+    key = seed_key(seed)
+    x, y = (_tent(u) for u in owen_sobol(_SETS, samples, key))
+    if samples == 1:
+        x, y = np.zeros_like(x), np.zeros_like(y)
+    u, v = owen_sobol(_SETS, samples, mix_array([key ^ np.uint32(0x5BD1E995)])[0])
+    radius, angle = np.sqrt(u), 2 * np.pi * v
+    return np.stack([x, y, radius * np.cos(angle), radius * np.sin(angle)], axis=1)
+
+
+def _tent(u: Floats) -> Floats:
+    """u in (0, 1) to a place with density 1 − |x| on (−1, 1)."""
+    return np.where(u < 0.5, np.sqrt(2 * u) - 1, 1 - np.sqrt(2 - 2 * u))
 
 
 @inline

@@ -8,20 +8,8 @@ import pytest
 from raytrace.embree import aligned
 from raytrace.jit import kernel
 from raytrace.lane_memory import gather, gather3, load_row, scatter4, store_row
-from raytrace.lanes import (
-    WIDE,
-    count,
-    double,
-    first,
-    highest,
-    lane_numbers,
-    lowest,
-    pick,
-    replace,
-    select,
-    single,
-    some,
-)
+from raytrace.lane_questions import count, first, highest, lane_numbers, lowest, pick, replace, some
+from raytrace.lanes import WIDE, double, select, single
 from raytrace.vector import cross, dot, unit
 
 NUMBERS = np.arange(WIDE)

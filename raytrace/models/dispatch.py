@@ -13,7 +13,8 @@ from __future__ import annotations
 import numpy as np
 
 from raytrace.jit import inline
-from raytrace.lanes import WIDE, pick, replace
+from raytrace.lane_questions import pick, replace
+from raytrace.lanes import WIDE
 from raytrace.models import cook_torrance, lambert, oren_nayar, phong, poulin_fournier, strauss
 from raytrace.models.rows import (
     ALPHA,
