@@ -73,12 +73,14 @@ def bake(
         NormalsFrom, typer.Option(help="Vertex normals: face weighting, or the file's.")
     ] = NormalsFrom.angle,
     report: Annotated[Path | None, typer.Option(help="Also write a JSON report.")] = None,
+    resume: Annotated[bool, typer.Option("--resume", help="Continue an interrupted bake to this target.")] = False,
     colors: Annotated[bool, typer.Option("--colors", help="Give a .glb the vertex colours COLOR_0 = w too.")] = False,
     quiet: Quiet = False,
 ) -> None:
     """Bake obscurance w(p) at every vertex of a mesh."""
-    options = {key: _plain(value) for key, value in locals().items() if key not in ("report", "quiet")}
+    options = {key: _plain(value) for key, value in locals().items() if key not in ("report", "quiet", "resume")}
     import ao
+    from ao.checkpoint import Checkpoint
     from raytrace.atomic import check_writable
     from scenes.write import check_target, write
 
@@ -91,13 +93,14 @@ def bake(
     start = time.perf_counter()
     source = load(mesh)
     loaded = time.perf_counter()
-    with _progress(quiet, "rays") as progress, _compiling("hemisphere"):
-        baked = ao.bake(
-            source.mesh, chosen, samples, seed, threads, normals.value, progress,
-            tolerance=tolerance, reconstruct=reconstruct,
-        )  # fmt: skip
-    tracing = time.perf_counter()
-    write(output, baked, source, colors=colors)
+    with Checkpoint(f"{output}.partial", resume, _note) as checkpoint:
+        with _progress(quiet, "rays") as progress, _compiling("hemisphere"):
+            baked = ao.bake(
+                source.mesh, chosen, samples, seed, threads, normals.value, progress,
+                tolerance=tolerance, reconstruct=reconstruct, checkpoint=checkpoint,
+            )  # fmt: skip
+        tracing = time.perf_counter()
+        write(output, baked, source, colors=colors)
     seconds = {"load": loaded - start, "write": time.perf_counter() - tracing}
     if report:
         from ao.report import write_report
@@ -377,13 +380,17 @@ def main() -> None:
     except MemoryError:
         status = _fail("out of memory", 1)
     if status == 130:
-        print("interrupted; nothing was written", file=sys.stderr)
+        print("interrupted; the target was not written", file=sys.stderr)
     sys.exit(status)
 
 
 def _fail(message: str, status: int) -> int:
-    print("obscurance: " + " ".join(message.split()), file=sys.stderr)
+    _note(message)
     return status
+
+
+def _note(message: str) -> None:
+    print("obscurance: " + " ".join(message.split()), file=sys.stderr)
 
 
 if __name__ == "__main__":
