@@ -88,19 +88,24 @@ def bake(
     ] = Hidden.ignore,
     report: Annotated[Path | None, typer.Option(help="Also write a JSON report.")] = None,
     debug_image: Annotated[Path | None, typer.Option(help="Also write a picture that marks flagged vertices.")] = None,
+    resume: Annotated[bool, typer.Option("--resume", help="Continue an interrupted bake to this target.")] = False,
     colors: Annotated[bool, typer.Option("--colors", help="Give a .glb the vertex colours COLOR_0 = w too.")] = False,
     quiet: Quiet = False,
 ) -> None:
     """Bake obscurance w(p) at every vertex of a mesh."""
-    options = {key: _plain(value) for key, value in locals().items() if key not in ("report", "quiet")}
+    options = {key: _plain(value) for key, value in locals().items() if key not in ("report", "quiet", "resume")}
     import ao
+    from ao.checkpoint import Checkpoint
     from raytrace.atomic import check_writable
     from scenes.write import check_target, write
 
     chosen = _falloff(falloff, tau, half_distance, max_distance)
     if method is Method.surface:
         _only_at_vertices(
-            tolerance=tolerance is not None, reconstruct=not reconstruct, hidden=hidden is not Hidden.ignore
+            tolerance=tolerance is not None,
+            reconstruct=not reconstruct,
+            hidden=hidden is not Hidden.ignore,
+            resume=resume,
         )
     check_target(output)
     if report:
@@ -115,14 +120,17 @@ def bake(
     source = load(mesh)
     loaded = time.perf_counter()
     warnings = _warn(source.mesh)
-    make: Any = ao.bake_surface
-    if method is Method.vertex:
-        make = partial(ao.bake, tolerance=tolerance, reconstruct=reconstruct, hidden=hidden.value)
-    kernels = "hemisphere" if method is Method.vertex else "surface_gather"
-    with _progress(quiet, "rays") as progress, _compiling(kernels):
-        baked = make(source.mesh, chosen, samples, seed, threads, normals.value, progress)
-    tracing = time.perf_counter()
-    write(output, baked, source, colors=colors)
+    with Checkpoint(f"{output}.partial", resume, _note) as checkpoint:
+        make: Any = ao.bake_surface
+        if method is Method.vertex:
+            make = partial(
+                ao.bake, tolerance=tolerance, reconstruct=reconstruct, hidden=hidden.value, checkpoint=checkpoint
+            )
+        kernels = "hemisphere" if method is Method.vertex else "surface_gather"
+        with _progress(quiet, "rays") as progress, _compiling(kernels):
+            baked = make(source.mesh, chosen, samples, seed, threads, normals.value, progress)
+        tracing = time.perf_counter()
+        write(output, baked, source, colors=colors)
     seconds = {"load": loaded - start, "write": time.perf_counter() - tracing}
     if report:
         from ao.report import write_report
@@ -447,13 +455,17 @@ def main() -> None:
     except MemoryError:
         status = _fail("out of memory", 1)
     if status == 130:
-        print("interrupted; nothing was written", file=sys.stderr)
+        print("interrupted; the target was not written", file=sys.stderr)
     sys.exit(status)
 
 
 def _fail(message: str, status: int) -> int:
-    print("obscurance: " + " ".join(message.split()), file=sys.stderr)
+    _note(message)
     return status
+
+
+def _note(message: str) -> None:
+    print("obscurance: " + " ".join(message.split()), file=sys.stderr)
 
 
 if __name__ == "__main__":

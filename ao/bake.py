@@ -16,6 +16,7 @@ from raytrace.parallel import thread_count
 from raytrace.placement import Placement
 from raytrace.sampling import mix, seed_key
 
+from .checkpoint import Checkpoint
 from .falloff import Exponential, Falloff, Mu
 from .hidden import Hidden, filled, hidden_points
 from .neighbours import Neighbours
@@ -41,7 +42,7 @@ class Bake:
         error: float64 (n,), estimated standard error of w.
         bent_normals: float64 (n, 3), unit mean direction of what is open; the normal where nothing is, 0 where none.
         flags: uint8 (n,), `ao.Flag`s.
-        rays: number of rays traced.
+        rays: number of rays traced, by an interrupted run too.
         rays_skipped: rays not traced, by reason.
         rmse: estimated root mean square of w's sampling error over the vertices asked for.
         seconds: `build` (Embree scene) and `bake` (everything else that makes w).
@@ -76,6 +77,7 @@ def bake(
     tolerance: float | None = None,
     reconstruct: bool = True,
     hidden: Hidden = "ignore",
+    checkpoint: Checkpoint | None = None,
 ) -> Bake:
     """Obscurance w(p) = (1/π) ∫ μ(d) cosθ dω (12.71) at every vertex of `mesh`.
 
@@ -94,9 +96,11 @@ def bake(
         reconstruct: whether a vertex's estimate is drawn towards its neighbours' by what they are worth.
         hidden: "ignore": both sides of faces are surface. "mark": faces bound solids, and vertices that mostly see
             backs, being inside one, are flagged. "fill": besides, they get the values of the nearest that are not.
+        checkpoint: keeps what is traced, and is asked for what an interrupted run traced; the bits are the same.
 
     Raises:
         OptionError: an argument is out of range.
+        InputError, OutputError: `checkpoint` cannot be used (`Checkpoint`).
         MeshError: `normals="file"` for a mesh without normals.
         EmbreeError: Embree failed, out of memory for instance.
     """
@@ -121,7 +125,9 @@ def bake(
     scene = TriangleScene(placement.vertices, receivers.faces)
     built = time.perf_counter()
 
-    tracer = Tracer(scene, placement, mu, workers, crowd, progress)
+    if checkpoint:
+        checkpoint.begin(placement, receivers, mu, crowd, most, tolerance, seed, normals, reconstruct)
+    tracer = Tracer(scene, placement, mu, workers, crowd, progress, checkpoint)
     key = seed_key(seed)
     if tolerance is not None and len(receivers.points):
         estimate = estimate_to(tracer, receivers.points, _neighbours(receivers), tolerance, most, key)

@@ -12,6 +12,7 @@ from raytrace.embree import TriangleScene, new_packet
 from raytrace.parallel import run_blocks
 from raytrace.placement import Placement
 
+from .checkpoint import Checkpoint
 from .falloff import Mu
 from .hemisphere import DirectionTable, gather
 from .receivers import Points
@@ -28,8 +29,8 @@ class Tracer:
     Attributes:
         scene, placement: the mesh in Embree and where it is. mu: the falloff, in mesh units. threads: how many.
         crowd: points of the whole mesh, wanted or not.
-        progress: called with (rays traced, rays expected in all).
-        expected: rays expected in all; whoever plans the work adds to it. rays: rays traced.
+        progress: called with (rays traced, rays expected in all). checkpoint: what keeps traced rows, if anything.
+        expected: rays expected in all; whoever plans the work adds to it. rays: rays traced or copied.
     """
 
     scene: TriangleScene
@@ -38,6 +39,7 @@ class Tracer:
     threads: int
     crowd: int
     progress: Progress | None = None
+    checkpoint: Checkpoint | None = None
     expected: int = 0
     rays: int = 0
 
@@ -48,18 +50,26 @@ class Tracer:
         tau = (self.mu.tau or 0.0) / self.placement.scale
         limit = self.mu.max_distance * self.placement.scale
         reach = min(limit, self.placement.diagonal)
+        checkpoint = self.checkpoint
+        call = checkpoint.call(points.numbers, samples, key) if checkpoint else b""
 
         def work(first: int, last: int) -> None:
+            if checkpoint and checkpoint.copy(call, first, out[first:last]):
+                return
             some = points[first:last]
             gather(
                 self.scene.handle, *new_packet(), some.origins, some.normals, some.numbers,
                 table.directions, table.batches, table.mean, table.key, tau, reach, limit, out[first:last],
             )  # fmt: skip
+            if checkpoint:
+                checkpoint.add(call, first, out[first:last])
 
         run_blocks(len(out), max(_BLOCK_RAYS // samples, 1), work, self.threads, lambda n: self._advance(n * samples))
         return out
 
     def _advance(self, rays: int) -> None:
         self.rays += rays
+        if self.checkpoint:
+            self.checkpoint.save()
         if self.progress:
             self.progress(self.rays, max(self.rays, self.expected))

@@ -1,0 +1,131 @@
+"""A file of finished blocks of rows: appended to, flushed to the disk, held by one process, whole after any crash."""
+
+from __future__ import annotations
+
+import os
+import struct
+import sys
+import zlib
+from contextlib import suppress
+from io import FileIO
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+
+from raytrace.errors import OutputError
+
+if sys.platform != "win32":
+    import fcntl
+
+MAGIC = b"obscurance journal 1\n"
+IDENTITY = 32  # bytes
+_COLUMNS = 5
+_RECORD = struct.Struct("<16sqqI")  # call, first row, last row, CRC-32 of these and of the rows
+_FIELDS = struct.Struct("<16sqq")
+
+Block = tuple[bytes, int, int]
+
+
+def record(call: bytes, first: int, rows: npt.NDArray[np.float64]) -> bytes:
+    """One block as it is stored. Args: call: 16 bytes. first: number of its first row. rows: (k, 5)."""
+    fields, content = (call, first, first + len(rows)), rows.astype("<f8").tobytes()
+    return _RECORD.pack(*fields, zlib.crc32(content, zlib.crc32(_FIELDS.pack(*fields)))) + content
+
+
+class Journal:
+    """An open journal, locked against other processes until it is closed or the process ends, however it ends.
+
+    Attributes:
+        path: the file. identity: what it belongs to, 32 bytes, or None if it has no header yet.
+        blocks: where the rows (last − first, 5) of each (call, first, last) begin in the file.
+
+    Raises:
+        OutputError: another process holds it, or it is a file of something else.
+        OSError: the file cannot be opened or read.
+    """
+
+    def __init__(self, path: Path, create: bool) -> None:
+        self.path = path
+        self._file = _hold(path, create)
+        self.blocks: dict[Block, int] = {}
+        try:
+            self._read()
+        except BaseException:
+            self._file.close()
+            raise
+
+    def _read(self) -> None:
+        """Learn what is in the file, up to the first record that is torn."""
+        head = self._file.read(len(MAGIC) + IDENTITY)
+        self.identity = head[len(MAGIC) :] if head.startswith(MAGIC) and len(head) == len(MAGIC) + IDENTITY else None
+        if self.identity is None and not MAGIC.startswith(head[: len(MAGIC)].rstrip(b"\0")):
+            raise OutputError(f"{self.path}: content: expected the journal of a bake or no such file, got another file")
+        self._end = self._file.tell() if self.identity else 0
+        while self.identity and len(start := self._file.read(_RECORD.size)) == _RECORD.size:
+            call, first, last, check = _RECORD.unpack(start)
+            size = (last - first) * _COLUMNS * 8
+            if not 0 < size <= os.fstat(self._file.fileno()).st_size:
+                break
+            content = self._file.read(size)
+            if len(content) < size or zlib.crc32(content, zlib.crc32(start[: _FIELDS.size])) != check:
+                break
+            self.blocks[call, first, last] = self._end + _RECORD.size
+            self._end = self._file.tell()
+
+    def start(self, identity: bytes) -> None:
+        """Empty the file and make it the journal of `identity`."""
+        self.blocks.clear()
+        self._end, self.identity = 0, None
+        self.append(MAGIC + identity)
+        self.identity = identity
+        if sys.platform != "win32":
+            folder = os.open(self.path.absolute().parent, os.O_RDONLY)
+            try:
+                os.fsync(folder)  # so that a power failure leaves the name too
+            finally:
+                os.close(folder)
+
+    def rows(self, block: Block) -> npt.NDArray[np.float64]:
+        """The rows (k, 5) of one of `blocks`."""
+        self._file.seek(self.blocks[block])
+        content = self._file.read((block[2] - block[1]) * _COLUMNS * 8)
+        return np.frombuffer(content, "<f8").reshape(-1, _COLUMNS)
+
+    def append(self, content: bytes) -> None:
+        """Write `content` behind the last whole record; it is on the disk when this returns."""
+        self._file.seek(self._end)
+        self._file.truncate()
+        rest = memoryview(content)
+        while rest:  # a nearly full disk takes a part and refuses the next
+            rest = rest[self._file.write(rest) :]
+        os.fsync(self._file.fileno())
+        self._end += len(content)
+
+    def close(self) -> None:
+        self._file.close()
+
+    def remove(self) -> None:
+        """Delete the file and let go of it."""
+        with suppress(OSError):
+            self.path.unlink()
+        self.close()
+
+
+def _hold(path: Path, create: bool) -> FileIO:
+    while True:
+        handle = os.open(path, os.O_RDWR | (os.O_CREAT if create else 0) | getattr(os, "O_BINARY", 0), 0o666)
+        file = FileIO(handle, "r+")
+        try:
+            if sys.platform != "win32":
+                fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            if os.path.samestat(os.fstat(handle), path.stat()):
+                return file
+        except BlockingIOError:
+            file.close()
+            raise OutputError(f"{path}: another bake to the same target is at work") from None
+        except FileNotFoundError:
+            pass  # its holder removed it between our opening and locking it
+        file.close()
+        if not create and not path.exists():
+            raise FileNotFoundError(path)
