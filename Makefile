@@ -4,10 +4,10 @@ BIN    := $(VENV)/bin
 STAMP  := $(VENV)/.installed
 
 .DEFAULT_GOAL := help
-.PHONY: help install demo test test-all lint bench model-strips gallery clean
+.PHONY: help install demo test test-all lint bench bench-peers peers model-strips gallery clean
 
 help: ## list the targets
-	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "  make %-10s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
+	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "  make %-12s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
 
 $(STAMP): pyproject.toml
 	@command -v $(PYTHON) >/dev/null || { echo "$(PYTHON) not found; set PYTHON=/path/to/python" >&2; exit 1; }
@@ -34,6 +34,21 @@ lint: $(STAMP) ## format and fix what can be fixed
 
 bench: $(STAMP) ## the throughput benchmark; writes benchmarks/results/
 	$(BIN)/python -m benchmarks.throughput
+
+PEERS := .peers/mitsuba .peers/open3d .peers/blender
+.peers/mitsuba: PACKAGE := mitsuba==3.9.1
+.peers/open3d:  PACKAGE := open3d==0.20.0
+.peers/blender: PACKAGE := bpy==5.0.1
+
+$(PEERS):
+	$(PYTHON) -m venv $@
+	$@/bin/python -m pip install --quiet --disable-pip-version-check $(PACKAGE) || { rm -rf $@; exit 1; }
+
+peers: ## environments of the other bakers, in .peers/; one that cannot be had is left out
+	-@$(MAKE) --no-print-directory --keep-going $(PEERS)
+
+bench-peers: $(STAMP) ## bake time against error, ours and the peers'; MESHES=FOLDER adds files, QUICK=1 is for minutes
+	$(BIN)/python -m benchmarks.time_against_error $(if $(QUICK),--quick) $(if $(MESHES),--meshes '$(MESHES)')
 
 model-strips: $(STAMP) ## the sphere pictures of docs/models
 	$(BIN)/python -m benchmarks.model_strips

@@ -28,11 +28,18 @@ app = typer.Typer(
 
 class Method(StrEnum):
     vertex = "vertex"
+    surface = "surface"
 
 
 class FalloffForm(StrEnum):
     exponential = "exponential"
     binary = "binary"
+
+
+class Hidden(StrEnum):
+    ignore = "ignore"
+    mark = "mark"
+    fill = "fill"
 
 
 class Metric(StrEnum):
@@ -56,7 +63,9 @@ Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="No progress bar, no 
 def bake(
     mesh: Annotated[Path, typer.Argument(metavar="INPUT", help="A mesh file: PLY, OBJ, STL, OFF, GLB, glTF, 3MF, …")],
     output: Annotated[Path, typer.Option("--output", "-o", help="Target, by ending: .npy .npz .ply .glb")],
-    method: Annotated[Method, typer.Option(help="Sample at the vertices.")] = Method.vertex,
+    method: Annotated[
+        Method, typer.Option(help="Sample at the vertices, or all over the faces and fit the vertices to it.")
+    ] = Method.vertex,
     falloff: Annotated[
         FalloffForm, typer.Option(help="μ: how occlusion fades with distance.")
     ] = FalloffForm.exponential,
@@ -65,32 +74,53 @@ def bake(
         str | None, typer.Option(help='Distance that closes half, in mesh units or "50%" of the radius (the default).')
     ] = None,
     max_distance: Annotated[str, typer.Option(help='No occlusion from farther: mesh units, "25%" or inf.')] = "inf",
-    samples: Annotated[int, typer.Option(help="Rays a vertex; powers of two are best.")] = 256,
+    samples: Annotated[int | None, typer.Option(help="Rays a vertex, 256; the most with --tolerance.")] = None,
+    tolerance: Annotated[float | None, typer.Option(help="RMS error of w to bake to, by as few rays as do.")] = None,
+    reconstruct: Annotated[bool, typer.Option(help="Let vertices learn from their neighbours.")] = True,
     seed: Annotated[int, typer.Option(help="Another seed, another set of rays.")] = 0,
     threads: Threads = None,
     normals: Annotated[
         NormalsFrom, typer.Option(help="Vertex normals: face weighting, or the file's.")
     ] = NormalsFrom.angle,
+    hidden: Annotated[
+        Hidden, typer.Option(help="Vertices inside closed solids: no such thing, flagged, or filled from others.")
+    ] = Hidden.ignore,
     report: Annotated[Path | None, typer.Option(help="Also write a JSON report.")] = None,
+    debug_image: Annotated[Path | None, typer.Option(help="Also write a picture that marks flagged vertices.")] = None,
     colors: Annotated[bool, typer.Option("--colors", help="Give a .glb the vertex colours COLOR_0 = w too.")] = False,
     quiet: Quiet = False,
 ) -> None:
     """Bake obscurance w(p) at every vertex of a mesh."""
     options = {key: _plain(value) for key, value in locals().items() if key not in ("report", "quiet")}
+    import ao
     from raytrace.atomic import check_writable
     from scenes.write import check_target, write
 
     chosen = _falloff(falloff, tau, half_distance, max_distance)
+    if method is Method.surface:
+        _only_at_vertices(
+            tolerance=tolerance is not None, reconstruct=not reconstruct, hidden=hidden is not Hidden.ignore
+        )
     check_target(output)
     if report:
         check_writable(report)
+    if debug_image:
+        from scenes.marked import check_marked_target
+
+        check_marked_target(debug_image)
     from scenes.load import load
 
     start = time.perf_counter()
     source = load(mesh)
     loaded = time.perf_counter()
     warnings = _warn(source.mesh)
-    baked = _bake(source.mesh, chosen, samples, seed, threads, normals.value, quiet)
+    on_surface = method is Method.surface
+    with _progress(quiet, "rays") as progress, _compiling("surface_gather" if on_surface else "hemisphere"):
+        common: Any = source.mesh, chosen, samples, seed, threads, normals.value, progress
+        if on_surface:
+            baked = ao.bake_surface(*common)
+        else:
+            baked = ao.bake(*common, tolerance=tolerance, reconstruct=reconstruct, hidden=hidden.value)
     tracing = time.perf_counter()
     write(output, baked, source, colors=colors)
     seconds = {"load": loaded - start, "write": time.perf_counter() - tracing}
@@ -100,6 +130,10 @@ def bake(
 
         options["threads"] = thread_count(threads)
         write_report(report, baked, options, seconds, warnings)
+    if debug_image:
+        from scenes.marked import write_marked
+
+        write_marked(debug_image, source.mesh, baked)
     if not quiet:
         print(_summary(baked, output))
 
@@ -249,6 +283,34 @@ def compare(
 
 
 @app.command()
+def bench(
+    mesh: Annotated[Path | None, typer.Argument(metavar="[MESH]", help="A mesh file; without one, a temple.")] = None,
+    falloff: Annotated[
+        FalloffForm, typer.Option(help="μ: how occlusion fades with distance.")
+    ] = FalloffForm.exponential,
+    max_distance: Annotated[str, typer.Option(help='No occlusion from farther: mesh units, "25%" or inf.')] = "inf",
+    seed: Annotated[int, typer.Option(help="Of the first round; the next ones follow.")] = 0,
+    threads: Threads = None,
+    report: Annotated[Path | None, typer.Option(help="Also write every round as JSON.")] = None,
+) -> None:
+    """Measure bake time against error on this machine."""
+    options = {key: _plain(value) for key, value in locals().items() if key != "report"}
+    from raytrace.atomic import check_writable
+    from scenes.bench import mesh_to_bench, run, table, write_report
+
+    chosen = _falloff(falloff, None, None, max_distance)
+    if report:
+        check_writable(report)
+    judged = mesh_to_bench(mesh)
+    with _compiling("hemisphere"):
+        rows = run(judged, chosen, seed=seed, threads=threads)
+    print(f"{judged.source}: {len(judged.vertices):,} vertices, {len(judged.faces):,} faces")
+    print(table(rows))
+    if report:
+        write_report(report, judged, rows, options, threads)
+
+
+@app.command()
 def demo(
     output: Annotated[Path, typer.Option("--output", "-o", help="Folder for the mesh and the picture.")] = Path("demo"),
     quiet: Quiet = False,
@@ -283,13 +345,13 @@ def _falloff(form: FalloffForm, tau: float | None, half_distance: str | None, ma
     return ao.Binary(max_distance)
 
 
-def _bake(
-    mesh: Any, falloff: ao.Falloff, samples: int, seed: int, threads: int | None, normals: Any, quiet: bool
-) -> Any:
-    import ao
+def _only_at_vertices(**given: bool) -> None:
+    """Refuse options of the vertex method that were given to another."""
+    from raytrace.errors import OptionError
 
-    with _progress(quiet, "rays") as progress, _compiling("hemisphere"):
-        return ao.bake(mesh, falloff, samples, seed, threads, normals, progress)
+    for name, is_given in given.items():
+        if is_given:
+            raise OptionError(f"--{name}", "--method vertex with it", "--method surface")
 
 
 def _warn(mesh: Mesh) -> list[str]:

@@ -3,5 +3,6 @@
 from .bake import Bake, bake
 from .falloff import Binary, Exponential, Falloff
 from .receivers import Flag
+from .surface import bake_surface
 
-__all__ = ["Bake", "Binary", "Exponential", "Falloff", "Flag", "bake"]
+__all__ = ["Bake", "Binary", "Exponential", "Falloff", "Flag", "bake", "bake_surface"]

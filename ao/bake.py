@@ -3,30 +3,33 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from raytrace.embree import TriangleScene, new_packet
+from raytrace.embree import TriangleScene
 from raytrace.errors import OptionError
 from raytrace.mesh import Mesh
-from raytrace.parallel import run_blocks, thread_count
+from raytrace.parallel import thread_count
 from raytrace.placement import Placement
 from raytrace.sampling import mix, seed_key
 
 from .falloff import Exponential, Falloff, Mu
-from .hemisphere import DirectionTable, gather
-from .receivers import Flag, Normals, Points, find_receivers
+from .hidden import Hidden, filled, hidden_points
+from .neighbours import Neighbours
+from .receivers import Flag, Normals, Points, Receivers, find_receivers
+from .reconstruct import SPREAD_REACH, shared_out
+from .reconstruct import reconstruct as drawn_to_neighbours
+from .tolerance import Estimate, estimate_to
+from .trace import Progress, Tracer
 
 MAX_SAMPLES = 1 << 20
-_BLOCK_RAYS = 1 << 19
+DEFAULT_SAMPLES = 256
+_MOST_FOR_TOLERANCE = 1 << 14
 _CALIBRATION_SHARE = 32
 _CALIBRATION_LEAST = 256
-
-Progress = Callable[[int, int], None]
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,12 +67,15 @@ class Bake:
 def bake(
     mesh: Mesh | Any,
     falloff: Falloff | None = None,
-    samples: int = 256,
+    samples: int | None = None,
     seed: int = 0,
     threads: int | None = None,
     normals: Normals = "angle",
     progress: Progress | None = None,
     only: npt.NDArray[np.bool_] | None = None,
+    tolerance: float | None = None,
+    reconstruct: bool = True,
+    hidden: Hidden = "ignore",
 ) -> Bake:
     """Obscurance w(p) = (1/π) ∫ μ(d) cosθ dω (12.71) at every vertex of `mesh`.
 
@@ -77,20 +83,30 @@ def bake(
         mesh: the surface, a `raytrace.Mesh` or anything with `vertices` and `faces`, a `trimesh.Trimesh` for instance;
             both sides of every face occlude.
         falloff: μ, `Binary` or `Exponential`; by default `Exponential()`.
-        samples: rays a vertex, 1 to 2²⁰. Powers of two are sampled best.
+        samples: rays a vertex, 1 to 2²⁰, by default 256; with a tolerance the most, by default 2¹⁴.
         seed: 0 to 2⁶⁴ − 1. The same seed gives the same bits for any number of threads.
         threads: None for all cores.
         normals: hemisphere axes: incident faces weighted by "angle", "area" or "equal", or "file", the mesh's own.
         progress: called with (rays traced, rays in all) as the work goes on.
-        only: bool (n,), the vertices whose w is wanted; the others get 1. None: all.
+        only: bool (n,), the vertices whose w is wanted; the others get 1. None: all. Turns reconstruction off.
+        tolerance: root mean square error of w to bake to, 1e-5 to 1: rays and baked vertices are chosen to meet it, the
+            other vertices are told from their neighbours. None: every vertex gets `samples` rays.
+        reconstruct: whether a vertex's estimate is drawn towards its neighbours' by what they are worth.
+        hidden: "ignore": both sides of faces are surface. "mark": faces bound solids, and vertices that mostly see
+            backs, being inside one, are flagged. "fill": besides, they get the values of the nearest that are not.
 
     Raises:
         OptionError: an argument is out of range.
         MeshError: `normals="file"` for a mesh without normals.
         EmbreeError: Embree failed, out of memory for instance.
     """
-    _check_whole("samples", samples, 1, MAX_SAMPLES)
+    most = (DEFAULT_SAMPLES if tolerance is None else _MOST_FOR_TOLERANCE) if samples is None else samples
+    _check_whole("samples", most, 1, MAX_SAMPLES)
     _check_whole("seed", seed, 0, 2**64 - 1)
+    if hidden not in ("ignore", "mark", "fill"):
+        raise OptionError("hidden", "ignore, mark or fill", repr(hidden))
+    if tolerance is not None:
+        _check_tolerance(tolerance, only, reconstruct)
     workers = thread_count(threads)
     mesh = mesh if isinstance(mesh, Mesh) else Mesh(mesh.vertices, mesh.faces)
     mu = (falloff or Exponential()).resolve(mesh.radius)
@@ -105,43 +121,40 @@ def bake(
     scene = TriangleScene(placement.vertices, receivers.faces)
     built = time.perf_counter()
 
-    points = receivers.points
-    calibration = _calibration_subset(len(points))
-    rays = samples * (len(points) + len(calibration))
-    done = 0
-
-    def advance(gathered: int) -> None:
-        nonlocal done
-        done += gathered * samples
-        if progress:
-            progress(done, rays)
-
-    def trace(which: Points, key: np.uint32) -> npt.NDArray[np.float64]:
-        table = DirectionTable.make(samples, crowd, key)
-        return _gather_all(scene, placement, which, mu, table, workers, advance)
-
+    tracer = Tracer(scene, placement, mu, workers, crowd, progress)
     key = seed_key(seed)
-    estimate = trace(points, key)
-    again = trace(points[calibration], mix([key ^ np.uint32(0xA5A5A5A5)])[0])
-    variance = _variance(estimate, again, calibration, samples)
+    if tolerance is not None and len(receivers.points):
+        estimate = estimate_to(tracer, receivers.points, _neighbours(receivers), tolerance, most, key)
+    else:
+        joined = _neighbours(receivers) if reconstruct and only is None else None
+        estimate = _estimate(tracer, receivers.points, joined, most, key)
 
     vertex = receivers.of_vertex
     baked = vertex >= 0
+    if hidden != "ignore":
+        inside = hidden_points(scene, receivers.points, placement.diagonal, key, workers)
+        receivers.flags[baked] |= np.where(inside[vertex[baked]], Flag.HIDDEN, 0).astype(np.uint8)
+        if hidden == "fill":
+            rows = filled(estimate.rows, inside, receivers.points, _neighbours(receivers), workers)
+            estimate = replace(estimate, rows=rows)
     wanted: npt.NDArray[np.bool_] = np.ones(len(vertex), np.bool_) if only is None else only
     w, error, bent = np.ones(len(vertex)), np.zeros(len(vertex)), np.zeros((len(vertex), 3))
-    w[baked], error[baked] = estimate[vertex[baked], 0], np.sqrt(variance[vertex[baked]])
-    bent[baked] = _directions(estimate[:, 2:], points.normals)[vertex[baked]]
+    w[baked] = np.clip(estimate.rows[vertex[baked], 0], 0.0, 1.0)
+    error[baked] = np.sqrt(estimate.variance[vertex[baked]])
+    bent[baked] = _directions(estimate.rows[:, 1:], receivers.points.normals)[vertex[baked]]
     finished = time.perf_counter()
     return Bake(
         w=w,
         error=error,
         bent_normals=bent,
         flags=receivers.flags,
-        rays=rays,
+        rays=tracer.rays,
         rays_skipped={
-            "duplicate": samples * int(np.count_nonzero(baked) - len(points)),
-            "no_normal": samples * int(np.count_nonzero(receivers.flags & (Flag.UNREFERENCED | Flag.DEGENERATE))),
-            "not_wanted": samples * int(np.count_nonzero(~wanted)),
+            "duplicate": estimate.samples * int(np.count_nonzero(baked) - len(receivers.points)),
+            "no_normal": estimate.samples
+            * int(np.count_nonzero(receivers.flags & (Flag.UNREFERENCED | Flag.DEGENERATE))),
+            "not_wanted": estimate.samples * int(np.count_nonzero(~wanted)),
+            "predicted": estimate.samples * estimate.predicted,
         },
         rmse=float(np.sqrt(np.sum(error**2) / max(int(np.count_nonzero(wanted)), 1))),
         seconds={"build": built - prepared, "bake": finished - built + prepared - start},
@@ -149,66 +162,49 @@ def bake(
     )
 
 
+def _neighbours(receivers: Receivers) -> Neighbours:
+    return Neighbours.of(receivers.of_vertex[receivers.faces], receivers.points.normals)
+
+
+def _estimate(tracer: Tracer, points: Points, neighbours: Neighbours | None, samples: int, key: np.uint32) -> Estimate:
+    """Every point with `samples` rays, some twice to learn the error; drawn to `neighbours` if they are given."""
+    calibration = _calibration_subset(len(points))
+    tracer.expected = samples * (len(points) + len(calibration))
+    rows = tracer.gather(points, samples, key)
+    again = tracer.gather(points[calibration], samples, mix([key ^ np.uint32(0xA5A5A5A5)])[0])[:, 0]
+    w = rows[:, 0]
+    level = float(np.mean((w[calibration] - again) ** 2)) / 2 if len(points) else 0.0
+    if neighbours is None:
+        return Estimate(rows[:, [0, 2, 3, 4]], shared_out(rows[:, 1], level), samples, 0)
+    variance = shared_out(neighbours.smooth(rows[:, 1], SPREAD_REACH), level)
+    drawn, error = drawn_to_neighbours(neighbours, w, variance)
+    # squared error of what was drawn, beside that of the raw estimate, measured by the independent one
+    change = float(np.mean((drawn[calibration] - again) ** 2 - (w[calibration] - again) ** 2)) if len(points) else 0.0
+    if change >= 0:
+        return Estimate(rows[:, [0, 2, 3, 4]], variance, samples, 0)
+    expected = float(np.mean(error))
+    error *= np.clip((level + change) / expected, 0.5, 2.0) if expected > 0 else 1.0
+    return Estimate(np.column_stack([drawn, rows[:, 2:]]), error, samples, 0)
+
+
+def _check_tolerance(tolerance: object, only: object, reconstruct: bool) -> None:
+    if isinstance(tolerance, bool) or not isinstance(tolerance, int | float) or not 1e-5 <= tolerance <= 1:
+        raise OptionError("tolerance", "a number from 1e-5 to 1", tolerance)
+    if only is not None:
+        raise OptionError("only", "no mask of vertices together with a tolerance", "both")
+    if not reconstruct:
+        raise OptionError("reconstruct", "True together with a tolerance", reconstruct)
+
+
 def _check_whole(name: str, value: object, low: int, high: int) -> None:
     if isinstance(value, bool) or not isinstance(value, int | np.integer) or not low <= value <= high:
         raise OptionError(name, f"a whole number from {low} to {high}", value)
-
-
-def _gather_all(
-    scene: TriangleScene,
-    placement: Placement,
-    points: Points,
-    mu: Mu,
-    table: DirectionTable,
-    threads: int,
-    advance: Callable[[int], None],
-) -> npt.NDArray[np.float64]:
-    """`gather` over all points: float64 (k, 5)."""
-    samples = table.batches.shape[1]
-    out = np.empty((len(points), 5))
-    tau = (mu.tau or 0.0) / placement.scale
-    limit = mu.max_distance * placement.scale
-    reach = min(limit, placement.diagonal)
-
-    def work(first: int, last: int) -> None:
-        packet, valid = new_packet()
-        some = points[first:last]
-        gather(
-            scene.handle, packet, valid, some.origins, some.normals, some.numbers,
-            table.directions, table.batches, table.mean, table.key, tau, reach, limit, out[first:last],
-        )  # fmt: skip
-
-    run_blocks(len(out), max(_BLOCK_RAYS // samples, 1), work, threads, advance)
-    return out
 
 
 def _calibration_subset(count: int) -> npt.NDArray[np.int64]:
     """Evenly spread points to bake a second time with independent scrambles: one in 32, 256 at least."""
     wanted = min(count, max(_CALIBRATION_LEAST, count // _CALIBRATION_SHARE))
     return np.arange(wanted) * count // max(wanted, 1)
-
-
-def _variance(
-    estimate: npt.NDArray[np.float64],
-    again: npt.NDArray[np.float64],
-    calibration: npt.NDArray[np.int64],
-    samples: int,
-) -> npt.NDArray[np.float64]:
-    """Variance (k,) of each estimate.
-
-    Half the squared difference of two independent scrambles is an unbiased variance. Its mean over the calibration
-    points fixes the level; each point's spread between batches, drawn towards the mean by one degree of freedom so
-    that lucky agreement never reads as certainty, tells how the level is shared out.
-    """
-    spread = estimate[:, 1]
-    if not len(calibration):
-        return spread
-    level = float(np.mean((estimate[calibration, 0] - again[:, 0]) ** 2)) / 2
-    typical = float(np.mean(spread[calibration]))
-    if typical == 0:
-        return np.full(len(spread), level)
-    freedom = min(8, samples) - 1
-    return level / typical * (freedom * spread + typical) / (freedom + 1)
 
 
 def _directions(means: npt.NDArray[np.float64], normals: npt.NDArray[np.float32]) -> npt.NDArray[np.float64]:

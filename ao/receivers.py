@@ -32,6 +32,7 @@ class Flag(IntFlag):
     UNREFERENCED = 1  # no face uses it
     DEGENERATE = 2  # every face that uses it has zero area, or its own normal was asked for and is missing
     OPPOSED = 4  # no direction sees the front of all its faces; rays start above most of them
+    HIDDEN = 8  # most of what it sees are backs of faces: it is inside a solid; looked for when asked
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,6 +70,14 @@ class Receivers:
     of_vertex: Ints
     flags: npt.NDArray[np.uint8]
     faces: Ints
+
+    @property
+    def first_vertex(self) -> Ints:
+        """The first vertex (k,) of each point."""
+        vertices = np.flatnonzero(self.of_vertex >= 0)[::-1]
+        first = np.empty(len(self.points), np.int64)
+        first[self.of_vertex[vertices]] = vertices
+        return first
 
     def only(self, wanted: npt.NDArray[np.bool_]) -> Receivers:
         """The points of the `wanted` vertices, bool (n,); the other vertices have none.

@@ -9,10 +9,13 @@ from collections.abc import Sequence
 from importlib.metadata import PackageNotFoundError, version
 from typing import Any
 
+import numpy as np
+
 from raytrace import embree
 from raytrace.atomic import atomic_write
 
 from .bake import Bake
+from .receivers import Flag
 
 
 def versions() -> dict[str, str]:
@@ -43,6 +46,11 @@ def report(
         "seconds": seconds | bake.seconds,
         "rmse_estimate": bake.rmse,
         "flagged": bake.flagged,
+        "flagged_vertices": {
+            str(flag.name).lower(): np.flatnonzero(bake.flags & flag).tolist()
+            for flag in Flag
+            if (bake.flags & flag).any()
+        },
         "warnings": list(warnings),
         "falloff": {
             "form": "binary" if bake.mu.tau is None else "exponential",

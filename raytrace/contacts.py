@@ -12,12 +12,14 @@ import numpy as np
 import numpy.typing as npt
 
 from .jit import inline, kernel
+from .parallel import run_blocks, thread_count
 from .vector import add, cross, dot, load, scale, subtract
 
 Floats = npt.NDArray[np.float64]
 Ints = npt.NDArray[np.int64]
 _WIDTH = 2.0  # of a cell, in mean distances between points
 _FEW = 12  # cells of a face's bounding box that are all visited
+_BLOCK = 1 << 16  # faces
 _FINEST = 2.0**-18  # of the extent: cells are numbered within 21 bits
 
 
@@ -54,16 +56,21 @@ def find_contacts(
     _sort(cells, starts, order)
     high = np.ceil((points.max(axis=0) - low) / cell).astype(np.int64)
 
-    found = _room(len(points))
-    while True:
-        grid = low, high, cell, starts, order, cells
-        count = _pairs(points, reach, margin, widest, vertices, faces, seats, *grid, *found)
-        if count <= len(found.point):
-            break
-        found = _room(count)
-    found = found.only(slice(count))
-    order = np.lexsort((found.face, found.point))
-    return Contacts(found.point[order], found.face[order], found.distance[order])
+    grid = low, high, cell, starts, order, cells[order]  # what is sorted by cell is read in the order of memory
+    points, reach = points[order], reach[order]
+    parts: list[Contacts] = [_room(0)] * -(-len(faces) // _BLOCK)
+
+    def search(first: int, last: int) -> None:
+        found = _room(_BLOCK // 16)
+        some = points, reach, margin[first:last], widest, vertices, faces[first:last], seats[first:last]
+        while (count := _pairs(*some, *grid, *found)) > len(found.point):
+            found = _room(count)
+        parts[first // _BLOCK] = Contacts(found.point, found.face + first, found.distance).only(slice(count))
+
+    run_blocks(len(faces), _BLOCK, search, thread_count(None))
+    point, face, distance = (np.concatenate(column) for column in zip(*parts, strict=True))
+    order = np.lexsort((face, point))
+    return Contacts(point[order], face[order], distance[order])
 
 
 def _room(count: int) -> Contacts:
@@ -153,7 +160,10 @@ def _cells(bottom, top, low, cell, high):
 def _pairs(
     points, reach, margin, widest, vertices, faces, seats, low, high, cell, starts, order, cells, point, face, distance
 ):
-    """Write the pairs into point, face, distance as far as they fit, and return how many there are."""
+    """Write the pairs into point, face, distance as far as they fit, and return how many there are.
+
+    Args: points, reach, cells: in the `order` of their buckets.
+    """
     count = 0
     mask = len(starts) - 2
     corners, bottom, top = np.empty((3, 3)), np.empty(3), np.empty(3)
@@ -197,19 +207,19 @@ def _pairs(
                     at[u], at[v], at[w] = i, j, k
                     bucket = _hash(at[0], at[1], at[2], mask)
                     for place in range(starts[bucket], starts[bucket + 1]):
-                        row = order[place]
-                        p = points[row, 0], points[row, 1], points[row, 2]
+                        p = points[place, 0], points[place, 1], points[place, 2]
                         if (
                             p[0] < bottom[0] or p[0] > top[0]
                             or p[1] < bottom[1] or p[1] > top[1]
                             or p[2] < bottom[2] or p[2] > top[2]
                         ):  # fmt: skip
                             continue
+                        row = order[place]
                         if seats[f, 0] == row or seats[f, 1] == row or seats[f, 2] == row:
                             continue
-                        if cells[row, 0] != at[0] or cells[row, 1] != at[1] or cells[row, 2] != at[2]:
+                        if cells[place, 0] != at[0] or cells[place, 1] != at[1] or cells[place, 2] != at[2]:
                             continue
-                        near = max(reach[row], margin[f])
+                        near = max(reach[place], margin[f])
                         if abs(dot(normal, subtract(p, a))) > near * length:
                             continue
                         away = distance_to_triangle(p, a, b, c)

@@ -4,8 +4,9 @@ The only importer of embreex. Its extension module is linked to the Embree it sh
 ctypes resolves Embree's whole C API without guessing where a wheel keeps the library. The addresses are handed to
 LLVM by name, which keeps compiled kernels valid in the next process.
 
-A packet is a float32 array (22, 8), 32-byte aligned: the 12 rows of RTCRay8, the 9 rows of RTCHit8, and a row that is
-Embree's arguments of a query. Rows are named below; identifiers are the same memory viewed as uint32.
+A packet is a float32 array (22, 8) or (22, 16), 64-byte aligned: the 12 rows of RTCRay8 or RTCRay16, the 9 rows of the
+hit, and a row that is Embree's arguments of a query. Rows are named below; identifiers are the same memory viewed as
+uint32.
 """
 
 from __future__ import annotations
@@ -59,7 +60,7 @@ _SIGNATURES: dict[str, tuple[Any, list[Any]]] = {
     "rtcSetGeometryInstancedScene": (None, [_Pointer, _Pointer]),
     "rtcSetGeometryTransform": (None, [_Pointer, ctypes.c_uint, _Int, _Pointer]),
 }
-_QUERIES = ("rtcIntersect8", "rtcOccluded8")
+_QUERIES = ("rtcIntersect8", "rtcOccluded8", "rtcIntersect16", "rtcOccluded16")
 
 
 def _open_library() -> ctypes.CDLL:
@@ -81,6 +82,8 @@ _library = _open_library()
 _call = types.void(types.uintp, types.uintp, types.uintp, types.uintp)
 _intersect8 = types.ExternalFunction("rtcIntersect8", _call)
 _occluded8 = types.ExternalFunction("rtcOccluded8", _call)
+_intersect16 = types.ExternalFunction("rtcIntersect16", _call)
+_occluded16 = types.ExternalFunction("rtcOccluded16", _call)
 
 
 @inline
@@ -102,6 +105,22 @@ def occluded8(scene, packet, valid):
     _occluded8(valid.ctypes.data, scene, packet.ctypes.data, packet.ctypes.data + _ARGUMENTS_AT)
 
 
+@inline
+def intersect16(scene, packet, valid):
+    """`intersect8` of sixteen lanes."""
+    ids = packet.view(np.uint32)
+    for lane in range(2 * LANES):
+        ids[GEOM_ID, lane] = INVALID
+        ids[INST_ID, lane] = INVALID
+    _intersect16(valid.ctypes.data, scene, packet.ctypes.data, packet.ctypes.data + 2 * _ARGUMENTS_AT)
+
+
+@inline
+def occluded16(scene, packet, valid):
+    """`occluded8` of sixteen lanes."""
+    _occluded16(valid.ctypes.data, scene, packet.ctypes.data, packet.ctypes.data + 2 * _ARGUMENTS_AT)
+
+
 def aligned(shape: tuple[int, ...], dtype: npt.DTypeLike) -> npt.NDArray[Any]:
     """Zeroed array that starts on a 64-byte boundary and owns 16 spare bytes behind its end, as Embree wants."""
     size = int(np.prod(shape)) * np.dtype(dtype).itemsize
@@ -110,16 +129,16 @@ def aligned(shape: tuple[int, ...], dtype: npt.DTypeLike) -> npt.NDArray[Any]:
     return raw[start : start + size].view(dtype).reshape(shape)
 
 
-def new_packet(coherent: bool = False) -> tuple[npt.NDArray[np.float32], npt.NDArray[np.int32]]:
+def new_packet(lanes: int = LANES, coherent: bool = False) -> tuple[npt.NDArray[np.float32], npt.NDArray[np.int32]]:
     """A packet ready for tracing from tnear 0 with no mask, and its `valid` lanes, all on.
 
-    Args: coherent: whether its rays will run closely side by side, as a camera's do.
+    Args: lanes: 8 or 16. coherent: whether its rays will run closely side by side, as a camera's do.
     """
-    packet = aligned((22, LANES), np.float32)
+    packet = aligned((22, lanes), np.float32)
     ids = packet.view(np.uint32)
     ids[MASK] = INVALID
     ids[ARGUMENTS, :2] = (_COHERENT if coherent else 0), INVALID  # flags, features
-    valid = aligned((LANES,), np.int32)
+    valid = aligned((lanes,), np.int32)
     valid[:] = -1
     return packet, valid
 

@@ -1,31 +1,60 @@
-"""One row a point that is to be lit: what shading needs of it, and what lighting makes of it.
+"""Sixteen points at once: what shading needs of them, what lighting makes of them, and what the film keeps.
 
-Float64 columns, so that a kernel's scratch is one array. Positions are in the world's own units.
+An entry is a float32 array (WIDTH, 16), a column of the table a row of it. Positions are in the world's own units.
+The first `FILM` columns are those of the film, the layers of `raytrace.frame` in their order.
 
 ========= ======= =====================================================================
 column    columns content
 ========= ======= =====================================================================
+BEAUTY    4       sum of the next four, and opacity
+AMBIENT … 3 each  ambient, diffuse, specular and emitted RGB; the background counts as emitted
+W         1       obscurance w(p)
+SHADOW    1       the part of the light that δ lets through
+DEPTH     1       distance to the viewer, infinite where nothing is hit
+NORMAL    3       unit shading normal on the viewer's side; zero reflects nothing
+ALBEDO    3       the material's colour times its texture
+ID        1       row of the object plus 1, 0 for none
 POINT     3       where light is gathered (a face's centroid under constant shading)
 ORIGIN    3       where its shadow rays begin, safely above the surface
-NORMAL    3       unit shading normal on the viewer's side; zero reflects nothing
 VIEW      3       unit direction to the viewer
 GRAIN     3       tangent along u of the texture coordinates; zero where there are none
 TINT      3       albedo texture, 1 without
-GEOMETRIC 3       unit normal of the face, on the viewer's side
-FRONT     1       whether the viewer sees a side that reflects
-W         1       obscurance w(p)
-OBJECT    1       row of the object
-DEPTH     1       distance to the viewer
-PIXEL     1       pixel of the tile
-AMBIENT … 3 each  ambient, diffuse, specular and emitted RGB
+FRONT     1       1 where the viewer sees a side that reflects, else 0
 SENT, LIT 1 each  luminous sum over lights before δ, and after
 ========= ======= =====================================================================
 """
 
 from __future__ import annotations
 
-POINT, ORIGIN, NORMAL, VIEW, GRAIN, TINT, GEOMETRIC = range(0, 21, 3)
-FRONT, W, OBJECT, DEPTH, PIXEL = range(21, 26)
-AMBIENT, DIFFUSE, SPECULAR, EMISSION = range(26, 38, 3)
-SENT, LIT = 38, 39
-WIDTH = 40
+import numpy as np
+
+from .jit import inline
+from .lane_memory import load_row, store_row
+from .lanes import select
+
+# Numba compiles a function anew for every constant of Python's that it is given, but only once for NumPy's.
+BEAUTY, ALPHA, AMBIENT, DIFFUSE, SPECULAR, EMISSION = np.array([0, 3, 4, 7, 10, 13])
+W, SHADOW, DEPTH, NORMAL, ALBEDO, ID = np.array([16, 17, 18, 19, 22, 25])
+FILM = 26
+POINT, ORIGIN, VIEW, GRAIN, TINT = np.arange(26, 41, 3)
+FRONT, SENT, LIT = np.array([41, 42, 43])
+WIDTH = 44
+
+
+@inline
+def take(entry, column):
+    """Three columns."""
+    return load_row(entry, column), load_row(entry, column + 1), load_row(entry, column + 2)
+
+
+@inline
+def put(entry, column, mine, a):
+    """Write three columns in the lanes of the mask `mine`."""
+    for c in range(3):
+        put1(entry, column + c, mine, a[c])
+
+
+@inline
+def put1(entry, column, mine, a):
+    """Write a column in the lanes of the mask `mine`."""
+    store_row(entry, column, select(mine, a, load_row(entry, column)))

@@ -32,7 +32,22 @@ class InputError(ObscuranceError, ValueError):
 
     def __init__(self, source: object, field: str, expected: str, got: object) -> None:
         self.source, self.field, self.expected, self.got = str(source), field, expected, got
-        super().__init__(f"{self.source}: {field}: expected {expected}, got {got}")
+        text = f"{self.source}: {shortened(field)}: expected {shortened(expected, 1000)}, got {shortened(got)}"
+        super().__init__(printable(text))
+
+
+def shortened(value: object, longest: int = 200) -> str:
+    """A value's text, the end of a long one left out."""
+    try:
+        text = str(value)
+    except RecursionError:
+        return "deeply nested lists or tables"
+    return text if len(text) <= longest else text[: longest - 1] + "…"
+
+
+def printable(text: str) -> str:
+    """The text on one line, with escapes for what moves a terminal's cursor or has no glyph."""
+    return text if text.isprintable() else "".join(c if c.isprintable() else ascii(c)[1:-1] for c in text)
 
 
 class MeshError(InputError):

@@ -21,6 +21,7 @@ from .srgb import decode_srgb
 
 Floats = npt.NDArray[np.float32]
 
+GROWTH, SPARE = 1100, 1 << 26  # deflate grows 1032-fold at most; 64 MiB hold 4096×4096 pixels of four bytes
 _ROWS = 64
 _printing = threading.Lock()
 _ORDER = {name: place for place, name in enumerate("RGBXYZA")}
@@ -60,7 +61,7 @@ def open_image(path: str | os.PathLike[str], content: Path | None = None, max_si
         max_side: most pixels in width and height.
 
     Raises:
-        InputError: `path` is missing, a folder, not an image, or too large.
+        InputError: `path` is missing, a folder, not an image, too large, or claims more pixels than its bytes can hold.
     """
     import OpenImageIO as oiio
 
@@ -81,11 +82,17 @@ def open_image(path: str | os.PathLike[str], content: Path | None = None, max_si
     with _silenced():
         image = oiio.ImageInput.open(str(file), wanted)
     if image is None:
-        raise InputError(os.fspath(path), "content", "an image", _one_line(oiio.geterror(), file))
+        raise InputError(os.fspath(path), "content", "an image", _reason(oiio, file))
     spec = image.spec()
     if max(spec.width, spec.height) > max_side:
         size = f"{spec.width}×{spec.height}"
         raise InputError(os.fspath(path), "size", f"at most {max_side}×{max_side} pixels", size)
+    if min(spec.width, spec.height, spec.nchannels) < 1:
+        raise InputError(os.fspath(path), "size", "one pixel or more", f"{spec.width}×{spec.height}")
+    claimed = max(spec.image_bytes(True), spec.tile_bytes(True))
+    if claimed > GROWTH * file.stat().st_size + SPARE:
+        expected = f"pixels that {file.stat().st_size:,} bytes can hold"
+        raise InputError(os.fspath(path), "size", expected, f"{spec.width}×{spec.height} of {spec.nchannels} channels")
     if spec.deep or spec.depth > 1:
         raise InputError(os.fspath(path), "content", "a flat image", "a deep or volume image")
     return image
@@ -108,9 +115,9 @@ def blocks(image: Any, path: str | os.PathLike[str]) -> Iterator[tuple[slice, np
                 numbers = image.read_tiles(0, 0, spec.x, spec.x + spec.width, *rows, 0, 1, *channels, kind)
             else:
                 numbers = image.read_scanlines(0, 0, *rows, 0, *channels, kind)
-        reason = image.geterror()
+        reason = _reason(image, Path(path))
         if numbers is None or "premature end" in reason.lower():  # other messages about JPEG data are warnings
-            raise InputError(os.fspath(path), "content", "a complete image", _one_line(reason, Path(path)))
+            raise InputError(os.fspath(path), "content", "a complete image", reason)
         yield slice(first, end), np.asarray(numbers).reshape(end - first, spec.width, spec.nchannels)
 
 
@@ -179,12 +186,16 @@ def _metadata(spec: Any) -> dict[str, str]:
         return metadata
     try:
         described = json.loads(found.get("ImageDescription", ""))
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, RecursionError):
         return {}
     return {name: str(text) for name, text in described.items()} if isinstance(described, dict) else {}
 
 
-def _one_line(reason: str, file: Path) -> str:
-    """OpenImageIO's message, without the file's name, which stands before it already."""
+def _reason(reader: Any, file: Path) -> str:
+    """The message of OpenImageIO, or of an image, without the file's name, which stands before it already."""
+    try:
+        reason: str = reader.geterror()
+    except UnicodeDecodeError:  # it quotes the damaged bytes
+        reason = ""
     lines = [line.replace(f' ("{file}")', "").replace(str(file), file.name) for line in reason.splitlines()]
     return " ".join(dict.fromkeys(line.strip() for line in lines if line.strip())) or "damaged or cut off"

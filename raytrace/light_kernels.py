@@ -7,9 +7,10 @@ incident light in each channel, so what k skipped lights would have reflected is
 
 from __future__ import annotations
 
-from math import acos, asin, pi, sqrt
+from math import acos, asin, inf, pi, sqrt
 
 from raytrace.jit import inline
+from raytrace.lanes import select
 from raytrace.light_rows import (
     AMBIENT,
     COS_HALF_ANGLE,
@@ -23,7 +24,7 @@ from raytrace.light_rows import (
     RADIAL,
     SPOT,
 )
-from raytrace.vector import dot, scale, subtract, unit
+from raytrace.vector import add, dot, scale, subtract, unit
 
 FLOOR = 1e-30  # of the attenuation's denominator: finite at the light itself
 
@@ -37,9 +38,7 @@ def triple(row, column):
 @inline
 def radial(row, distance):
     """1/(a0 + a1 d + a2 d²) (12.26), times the window of the range."""
-    part = distance * row[INVERSE_RANGE]
-    if part >= 1.0:
-        return 0.0
+    part = min(1.0, distance * row[INVERSE_RANGE])
     part *= part
     return (1.0 - part * part) / max(FLOOR, row[RADIAL] + distance * (row[RADIAL + 1] + distance * row[RADIAL + 2]))
 
@@ -47,23 +46,23 @@ def radial(row, distance):
 @inline
 def angular(row, cosine):
     """cos^{a_l} φ within the cone, 0 outside, φ the angle to the spot's axis."""
-    if cosine < row[COS_HALF_ANGLE]:
-        return 0.0
-    return min(1.0, cosine) ** row[EXPONENT]
+    return select(cosine < row[COS_HALF_ANGLE], 0.0, max(0.0, min(1.0, cosine)) ** row[EXPONENT])
 
 
 @inline
 def incident(kind, row, point):
     """(l, distance, RGB): unit direction to the light, how far it is (for the shadow ray), what arrives unshadowed.
 
-    Directional: distance is infinite. Ambient light has no direction: l = 0, distance 0, so that no material reflects
-    it through n·l; add k_a I_a instead. At the very place of a point light l = 0 too.
+    The point may be a triple of lanes. Directional: distance is infinite. Ambient light has no direction: l = 0,
+    distance 0, so that no material reflects it through n·l; add k_a I_a instead. At the very place of a point light
+    l = 0 too.
     """
     intensity = triple(row, INTENSITY)
+    zero = scale(0.0, point)  # of the point's own type
     if kind == AMBIENT:
-        return (0.0, 0.0, 0.0), 0.0, intensity
+        return zero, zero[0], add(zero, intensity)
     if kind == DIRECTIONAL:
-        return scale(-1.0, triple(row, DIRECTION)), float("inf"), intensity
+        return subtract(zero, triple(row, DIRECTION)), zero[0] + inf, add(zero, intensity)
     towards = subtract(triple(row, POSITION), point)
     l = unit(towards)
     distance = sqrt(dot(towards, towards))
@@ -127,4 +126,4 @@ def angle(a, b):
 @inline
 def turned_away(l, opening, axis, spread):
     """Whether every normal within `spread` of `axis` turns away from every direction within `opening` of l."""
-    return angle(l, axis) >= 0.5 * pi + opening + spread + 1e-9
+    return spread < 0.5 * pi and angle(l, axis) >= 0.5 * pi + opening + spread + 1e-9

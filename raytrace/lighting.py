@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from .embree import DIR_X, LANES, ORG_X, TFAR, occluded8
+from .embree import DIR_X, ORG_X, TFAR, occluded16
 from .entries import (
     AMBIENT,
     DIFFUSE,
@@ -19,26 +19,30 @@ from .entries import (
     GRAIN,
     LIT,
     NORMAL,
-    OBJECT,
     ORIGIN,
     POINT,
     SENT,
+    SHADOW,
     SPECULAR,
     TINT,
     VIEW,
     W,
+    put,
+    take,
 )
 from .jit import inline
+from .lane_memory import load_row, store_row
+from .lanes import count, double, first, highest, lane_numbers, lowest, pick, select, single, some
 from .light_kernels import cannot_matter_in, incident
 from .light_rows import AMBIENT as AMBIENT_LIGHT
-from .models.dispatch import ambient, emission, terms
-from .surface import put, take
-from .vector import add, dot
+from .models.dispatch import ambient, emission, terms_wide
+from .occluders import obstructed
+from .vector import add, choose, dot, multiply, scale, subtract
 from .view import FARTHEST
 
 OFF, AMBIENT_ONLY, BOOK = range(3)
-PRIMARY, SHADOW, BACKGROUND, BEHIND, UNREACHED, BLACK, CULLED, RETIRED = range(8)
-COUNTERS = 8
+PRIMARY, SHADOW_RAYS, BACKGROUND, BEHIND, UNREACHED, BLACK, CULLED, UNOBSTRUCTED, RETIRED = range(9)
+COUNTERS = 9
 SHORT = 1.0 - 1e-5  # of the way to a light: what touches the light itself is no obstacle
 
 
@@ -47,7 +51,8 @@ class Style(NamedTuple):
 
     Attributes:
         samples: most a pixel. shading, form: numbers of the interpolation and of the obscurance form. shadows,
-        terminator: whether. background: linear RGB.
+        terminator: whether. layers: whether all of them are wanted, not beauty alone; weighted: whether w is.
+        background: linear RGB.
     """
 
     samples: int
@@ -55,28 +60,32 @@ class Style(NamedTuple):
     form: int
     shadows: bool
     terminator: bool
+    layers: bool
+    weighted: bool
     background: tuple[float, float, float]
 
 
 class Scratch(NamedTuple):
-    """One thread's working memory.
+    """What one thread works with.
 
     Attributes:
-        packet, valid: rays (`raytrace.embree.new_packet`); ID holds how far from the viewer a viewing ray starts.
-        entries: float64 (k, entries.WIDTH), points to be lit. sums: float64 (pixels, …), a tile's film.
-        todo: int64 (pixels,), pixels that want more samples. active: int64 (lights,), lights that can matter.
-        queue: int64 (8,), entries whose shadow rays wait; arriving: float64 (8, 6), the diffuse and specular RGB that
-        they would let through. counts: int64 (COUNTERS,).
+        packet, valid: rays (`raytrace.embree.new_packet`), sixteen.
+        entries: float32 (packets, WIDTH, 16), points to be lit; items: int32 (packets, 16), rows of their objects, −1
+        for none. sums: float64 (pixels, …), a tile's film. order: int32 (pixels,), a tile's pixels so that sixteen on
+        end are neighbours; todo: int32 (pixels + 16,), those that want more samples. active: int64 (lights,), lights
+        that can matter; hidden: bool (lights,), whether something may stand between those and the points.
+        counts: int64 (COUNTERS,).
     """
 
     packet: npt.NDArray[np.float32]
     valid: npt.NDArray[np.int32]
-    entries: npt.NDArray[np.float64]
+    entries: npt.NDArray[np.float32]
+    items: npt.NDArray[np.int32]
     sums: npt.NDArray[np.float64]
-    todo: npt.NDArray[np.int64]
+    order: npt.NDArray[np.int32]
+    todo: npt.NDArray[np.int32]
     active: npt.NDArray[np.int64]
-    queue: npt.NDArray[np.int64]
-    arriving: npt.NDArray[np.float64]
+    hidden: npt.NDArray[np.bool_]
     counts: npt.NDArray[np.int64]
 
 
@@ -92,18 +101,21 @@ def ambient_light(lights):
 
 
 @inline
-def begin(entry, geometry, total, form):
-    """Emission and reflected ambient light of an entry; diffuse and specular light start at zero."""
-    material = geometry.rows[int(entry[OBJECT])]
-    k_a = ambient(material)
-    w = 1.0 if form == OFF else entry[W]
-    for c in range(3):
-        entry[AMBIENT + c] = k_a[c] * total[c] * entry[TINT + c] * w
-        entry[DIFFUSE + c] = 0.0
-        entry[SPECULAR + c] = 0.0
-    put(entry, EMISSION, emission(material))
-    entry[SENT] = 0.0
-    entry[LIT] = 0.0
+def begin(entry, items, geometry, total, form):
+    """What needs no light that comes from somewhere: emission and reflected ambient light."""
+    left = items >= 0
+    tint = take(entry, TINT)
+    w = load_row(entry, W)
+    while some(left):
+        item = pick(items, first(left))
+        mine = left & (items == item)
+        material = geometry.rows[item]
+        reflected = multiply(multiply(ambient(material), total), tint)
+        if form != OFF:
+            reflected = scale(w, reflected)
+        put(entry, AMBIENT, mine, reflected)
+        put(entry, EMISSION, mine, emission(material))
+        left = left & ~mine
 
 
 @inline
@@ -116,102 +128,158 @@ def count_directed(lights):
 
 
 @inline
-def select_lights(lights, entries, count, active):
-    """Fill `active` with the lights that can matter to some of the first `count` entries, and return how many."""
-    low, high = (np.inf, np.inf, np.inf), (-np.inf, -np.inf, -np.inf)
-    for e in range(count):
-        p = take(entries[e], POINT)
-        low = (min(low[0], p[0]), min(low[1], p[1]), min(low[2], p[2]))
-        high = (max(high[0], p[0]), max(high[1], p[1]), max(high[2], p[2]))
+def grown(box, there, p):
+    """Low and high corners, lanes, extended by the points p where the mask `there` is set."""
+    low, high = box
+    nowhere = np.float32(np.inf)
+    return (
+        (
+            min(low[0], select(there, p[0], nowhere)),
+            min(low[1], select(there, p[1], nowhere)),
+            min(low[2], select(there, p[2], nowhere)),
+        ),
+        (
+            max(high[0], select(there, p[0], -nowhere)),
+            max(high[1], select(there, p[1], -nowhere)),
+            max(high[2], select(there, p[2], -nowhere)),
+        ),
+    )
+
+
+@inline
+def corners(box):
+    """Low and high corner of a box whose corners are lanes."""
+    low, high = box
+    return (
+        (lowest(low[0]), lowest(low[1]), lowest(low[2])),
+        (highest(high[0]), highest(high[1]), highest(high[2])),
+    )
+
+
+@inline
+def select_lights(geometry, lights, scratch, packets):
+    """Find the lights that can matter to some of the first `packets` entries, and which of them may be hidden.
+
+    Fills `active` and `hidden` of `scratch`; returns how many there are.
+    """
+    nowhere = single(double(lane_numbers())) + np.float32(np.inf)
+    empty = (nowhere, nowhere, nowhere), scale(-1.0, (nowhere, nowhere, nowhere))
+    points, origins, shifts = empty, empty, empty
+    for e in range(packets):
+        there = load_row(scratch.items, e) >= 0
+        point, origin = take(scratch.entries[e], POINT), take(scratch.entries[e], ORIGIN)
+        points, origins = grown(points, there, point), grown(origins, there, origin)
+        shifts = grown(shifts, there, subtract(origin, point))
+    low, high = corners(points)
+    start, shift = corners(origins), corners(shifts)
     used = 0
     for j in range(len(lights.kinds)):
-        kind = lights.kinds[j]
-        if kind == AMBIENT_LIGHT or cannot_matter_in(kind, lights.rows[j], low, high, (0.0, 0.0, 1.0), np.pi, 0.0):
+        kind, row = lights.kinds[j], lights.rows[j]
+        if kind == AMBIENT_LIGHT or cannot_matter_in(kind, row, low, high, (0.0, 0.0, 1.0), np.pi, 0.0):
             continue
-        active[used] = j
+        scratch.active[used] = j
+        scratch.hidden[used] = obstructed(geometry.boxes, start, shift, kind, row)
         used += 1
     return used
 
 
 @inline
-def flush(geometry, scratch, waiting):
-    """Trace the first `waiting` queued shadow rays and add what arrives."""
-    for lane in range(LANES):
-        scratch.valid[lane] = -1 if lane < waiting else 0
-    occluded8(geometry.handle, scratch.packet, scratch.valid)
-    for lane in range(waiting):
-        if scratch.packet[TFAR, lane] >= 0.0:
-            add_light(scratch.entries[scratch.queue[lane]], scratch.arriving[lane])
-    scratch.counts[SHADOW] += waiting
-
-
-@inline
-def add_light(entry, arriving):
-    """Add a light's diffuse and specular RGB, and its share of what got through."""
-    for c in range(3):
-        entry[DIFFUSE + c] += arriving[c]
-        entry[SPECULAR + c] += arriving[3 + c]
-        entry[LIT] += arriving[c] + arriving[3 + c]
-
-
-@inline
-def light_entries(geometry, lights, style, scratch, count):
-    """Light the first `count` entries of `scratch`."""
-    entries, packet, counts = scratch.entries, scratch.packet, scratch.counts
+def light_entries(geometry, lights, style, scratch, packets):
+    """Light the first `packets` entries of `scratch`."""
     total = ambient_light(lights)
-    for e in range(count):
-        begin(entries[e], geometry, total, style.form)
-    used = select_lights(lights, entries, count, scratch.active)
-    counts[CULLED] += (count_directed(lights) - used) * count
+    points = 0
+    for e in range(packets):
+        items = load_row(scratch.items, e)
+        begin(scratch.entries[e], items, geometry, total, style.form)
+        points += count(items >= 0)
+    used = select_lights(geometry, lights, scratch, packets) if points > 0 else 0
+    scratch.counts[CULLED] += (count_directed(lights) - used) * points
+    for e in range(packets):
+        items = load_row(scratch.items, e)
+        if some(items >= 0):
+            light_entry(scratch.entries[e], items, used, geometry, lights, style, scratch)
+
+
+@inline
+def light_entry(entry, items, used, geometry, lights, style, scratch):
+    """Add up the first `used` active lights of sixteen points."""
+    counts = scratch.counts
+    point, n, tint = take(entry, POINT), take(entry, NORMAL), take(entry, TINT)
+    seen = (items >= 0) & (load_row(entry, FRONT) > 0.0)
+    zero = scale(0.0, point)
+    diffuse, specular, sent, lit = zero, zero, zero[0], zero[0]
     for a in range(used):
         j = scratch.active[a]
-        waiting = 0
-        for e in range(count):
-            entry = entries[e]
-            distance = reflect_light(entry, geometry, lights.kinds[j], lights.rows[j], style, scratch, waiting)
-            if distance < 0.0:
-                continue
-            if not style.shadows:
-                add_light(entry, scratch.arriving[waiting])
-                continue
-            for axis in range(3):
-                packet[ORG_X + axis, waiting] = entry[ORIGIN + axis]
-            packet[TFAR, waiting] = min(distance * SHORT, FARTHEST)
-            scratch.queue[waiting] = e
-            waiting += 1
-            if waiting == LANES:
-                flush(geometry, scratch, waiting)
-                waiting = 0
-        if waiting > 0:
-            flush(geometry, scratch, waiting)
+        l, distance, intensity = incident(lights.kinds[j], lights.rows[j], point)
+        facing = seen & (dot(n, l) > 0.0)
+        reached = facing & (intensity[0] + intensity[1] + intensity[2] > 0.0)
+        counts[BEHIND] += count(items >= 0) - count(facing)
+        counts[UNREACHED] += count(facing) - count(reached)
+        if not some(reached):
+            continue
+        body, highlight = reflect(entry, items, reached, n, l, geometry)
+        body = multiply(multiply(intensity, body), tint)
+        if style.form == BOOK:
+            body = scale(load_row(entry, W), body)
+        highlight = multiply(intensity, highlight)
+        brought = add(body, highlight)
+        brightness = brought[0] + brought[1] + brought[2]
+        bright = reached & (brightness > 0.0)
+        counts[BLACK] += count(reached) - count(bright)
+        open_ = bright
+        if style.shadows:
+            if scratch.hidden[a]:
+                open_ = bright & unshadowed(entry, bright, l, distance, geometry, scratch)
+            else:
+                counts[UNOBSTRUCTED] += count(bright)
+        diffuse, specular = add(diffuse, masked(open_, body)), add(specular, masked(open_, highlight))
+        sent += select(bright, brightness, 0.0)
+        lit += select(open_, brightness, 0.0)
+    for c in range(3):
+        store_row(entry, DIFFUSE + c, diffuse[c])
+        store_row(entry, SPECULAR + c, specular[c])
+    store_row(entry, SENT, sent)
+    store_row(entry, LIT, lit)
+    store_row(entry, SHADOW, let_through(sent, lit))
 
 
 @inline
-def reflect_light(entry, geometry, kind, light, style, scratch, lane):
-    """Diffuse and specular RGB of one light before its shadow, into `lane` of `scratch.arriving`, with the direction.
+def let_through(sent, lit):
+    """The part of the light that δ lets through, 1 where there is none."""
+    return select(sent > 0.0, lit / sent, 1.0)
 
-    Returns how far the light is, or −1 if it brings nothing, which is counted.
-    """
-    n = take(entry, NORMAL)
-    l, distance, intensity = incident(kind, light, take(entry, POINT))
-    if entry[FRONT] == 0.0 or dot(n, l) <= 0.0:
-        scratch.counts[BEHIND] += 1
-        return -1.0
-    if intensity[0] + intensity[1] + intensity[2] == 0.0:
-        scratch.counts[UNREACHED] += 1
-        return -1.0
-    item = int(entry[OBJECT])
-    diffuse, specular = terms(geometry.kinds[item], geometry.rows[item], n, l, take(entry, VIEW), take(entry, GRAIN))
-    w = entry[W] if style.form == BOOK else 1.0
-    sent = 0.0
-    for c in range(3):
-        scratch.arriving[lane, c] = intensity[c] * diffuse[c] * entry[TINT + c] * w
-        scratch.arriving[lane, 3 + c] = intensity[c] * specular[c]
-        sent += scratch.arriving[lane, c] + scratch.arriving[lane, 3 + c]
-    if sent == 0.0:
-        scratch.counts[BLACK] += 1
-        return -1.0
-    entry[SENT] += sent
+
+@inline
+def masked(mask, a):
+    """A triple of lanes where the mask is set, elsewhere zero."""
+    return (select(mask, a[0], 0.0), select(mask, a[1], 0.0), select(mask, a[2], 0.0))
+
+
+@inline
+def reflect(entry, items, reached, n, l, geometry):
+    """Diffuse and specular RGB per unit of light from `l`, each point by its own material."""
+    view, grain = take(entry, VIEW), take(entry, GRAIN)
+    diffuse, specular = scale(0.0, n), scale(0.0, n)
+    left = reached
+    while some(left):
+        item = pick(items, first(left))
+        mine = left & (items == item)
+        d, s = terms_wide(geometry.kinds[item], geometry.rows[item], n, l, view, grain, mine)
+        diffuse, specular = choose(mine, d, diffuse), choose(mine, s, specular)
+        left = left & ~mine
+    return diffuse, specular
+
+
+@inline
+def unshadowed(entry, wanted, l, distance, geometry, scratch):
+    """The mask of the points that see the light: a shadow ray for each of `wanted`."""
+    packet = scratch.packet
+    origin = take(entry, ORIGIN)
     for axis in range(3):
-        scratch.packet[DIR_X + axis, lane] = l[axis]
-    return distance
+        store_row(packet, ORG_X + axis, origin[axis])
+        store_row(packet, DIR_X + axis, l[axis])
+    store_row(packet, TFAR, min(distance * SHORT, FARTHEST))
+    store_row(scratch.valid, 0, wanted)
+    occluded16(geometry.handle, packet, scratch.valid)
+    scratch.counts[SHADOW_RAYS] += count(wanted)
+    return load_row(packet, TFAR) >= 0.0

@@ -11,20 +11,22 @@ import numpy.typing as npt
 
 from .errors import MeshError
 
+LARGEST = 1e100  # products of three coordinates don't overflow
+
 
 @dataclass(frozen=True, eq=False)
 class Mesh:
     """Triangles over vertices, in the order and units they came in.
 
     Attributes:
-        vertices: float64 (n, 3), finite, n ≥ 1. Any length unit.
+        vertices: float64 (n, 3), within ±1e100, n ≥ 1. Any length unit.
         faces: int64 (m, 3), m ≥ 1, indices into `vertices`. Degenerate and doubled faces are allowed.
         normals: float64 (n, 3), the source's own vertex normals of any length (zero or NaN: none there), or None.
         source: what to call this mesh in messages, a file name for instance.
 
     Raises:
-        MeshError: an array has a wrong shape or type, is empty, has coordinates that are not finite,
-            or indices out of range.
+        MeshError: an array has a wrong shape or type, is empty, has coordinates that are not finite or too
+            large, or indices out of range.
     """
 
     vertices: npt.NDArray[np.float64]
@@ -35,11 +37,14 @@ class Mesh:
     def __post_init__(self) -> None:
         object.__setattr__(self, "vertices", self._array("vertices", self.vertices, np.float64))
         object.__setattr__(self, "faces", self._array("faces", self.faces, np.int64))
-        bad = ~np.isfinite(self.vertices).all(axis=1)
+        bad = ~(np.abs(self.vertices) <= LARGEST).all(axis=1)
         if bad.any():
             first = int(np.argmax(bad))
             raise MeshError(
-                self.source, f"vertices[{first}]", "finite coordinates", f"{self.vertices[first]} ({bad.sum()} such)"
+                self.source,
+                f"vertices[{first}]",
+                f"finite coordinates up to {LARGEST:g}",
+                f"{self.vertices[first]} ({bad.sum()} such)",
             )
         outside = ((self.faces < 0) | (self.faces >= len(self.vertices))).any(axis=1)
         if outside.any():

@@ -31,7 +31,7 @@ class Placement:
     @classmethod
     def of(cls, mesh: Mesh) -> Placement:
         extent = float((mesh.vertices.max(axis=0) / 2 - mesh.vertices.min(axis=0) / 2).max())
-        exponent = -math.frexp(extent)[1] if extent > 0 else 0
+        exponent = min(-math.frexp(extent)[1], 1023) if extent > 0 else 0  # 2^1024 is no number
         placed = np.ldexp(mesh.vertices - mesh.centre, exponent).astype(np.float32)
         diagonal = 1.001 * float(np.linalg.norm(placed.max(axis=0).astype(np.float64) - placed.min(axis=0)))
         return cls(placed, math.ldexp(1.0, exponent), max(diagonal, 1e-30))

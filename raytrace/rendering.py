@@ -10,9 +10,11 @@ import numpy as np
 import numpy.typing as npt
 
 from .camera import Camera
-from .embree import LANES, aligned, new_packet
-from .entries import AMBIENT, LIT, WIDTH
+from .embree import aligned, new_packet
+from .entries import FILM, WIDTH
+from .film import SUMS, TILE
 from .frame import LAYERS, Frame
+from .lanes import WIDE
 from .lighting import (
     BACKGROUND,
     BEHIND,
@@ -21,7 +23,8 @@ from .lighting import (
     CULLED,
     PRIMARY,
     RETIRED,
-    SHADOW,
+    SHADOW_RAYS,
+    UNOBSTRUCTED,
     UNREACHED,
     Scratch,
     Style,
@@ -32,7 +35,7 @@ from .scene import Scene
 from .settings import Settings
 from .surface import GOURAUD
 from .texture import Texture, pack_textures
-from .tile import CAPACITY, FILM, SUMS, TILE, light_vertices, render_tiles
+from .tile import PACKETS, light_vertices, render_tiles
 from .tint import Textures
 from .view import View, mark_seen
 from .world import World, build
@@ -43,9 +46,18 @@ Progress = Callable[[int, int], None]
 _SHADINGS = ("constant", "gouraud", "phong", "quadratic")
 _FORMS = ("off", "ambient", "book")
 _SETS = 256
-_TILES = 32  # handed to a kernel at once: handing over takes as long as a tile of background
-_LIT = LIT + 1 - AMBIENT
-_SKIPPED = {"behind": BEHIND, "unreached": UNREACHED, "black": BLACK, "culled": CULLED, "background": BACKGROUND}
+_CENTRE = np.empty((0, 4, 1))  # no sets of places: every ray goes through its pixel's centre
+_SHARES = 16  # of a picture for each thread: handing over takes as long as some tiles
+_LONGEST = 256  # samples of tiles in a share: what Ctrl-C waits for
+_LIT = 14  # columns that lighting makes, see `raytrace.tile.lit_column`
+_SKIPPED = {
+    "behind": BEHIND,
+    "unreached": UNREACHED,
+    "black": BLACK,
+    "culled": CULLED,
+    "unobstructed": UNOBSTRUCTED,
+    "background": BACKGROUND,
+}
 
 
 def render(
@@ -78,7 +90,7 @@ def render(
     counts = renderer.counts
     return Frame(
         layers=renderer.layers(),
-        rays={"primary": int(counts[PRIMARY]), "shadow": int(counts[SHADOW])},
+        rays={"primary": int(counts[PRIMARY]), "shadow": int(counts[SHADOW_RAYS])},
         rays_skipped={name: int(counts[column]) for name, column in _SKIPPED.items()}
         | {"primary_agreed": int(counts[RETIRED])},
         seconds={"build": built - start, "render": time.perf_counter() - built},
@@ -98,7 +110,7 @@ def seen_vertices(
     seen = np.zeros(len(world.geometry.w), np.bool_)
 
     def work(first: int, last: int) -> None:
-        mark_seen(world.geometry, view, left, left + wide, top + first, top + last, *new_packet(coherent=True), seen)
+        mark_seen(world.geometry, view, left, left + wide, top + first, top + last, *new_packet(WIDE, True), seen)
 
     run_blocks(high, 8, work, thread_count(threads))
     return seen
@@ -118,6 +130,8 @@ class _Renderer:
             _FORMS.index(settings.obscurance),
             settings.shadows,
             settings.terminator,
+            layers,
+            layers or settings.obscurance != "off",
             scene.background,
         )
         left, top, wide, high = _whole_tiles(settings)
@@ -153,7 +167,8 @@ class _Renderer:
             finished.append(counts)
 
         finished: list[npt.NDArray[np.int64]] = []
-        run_blocks(tiles, _TILES, work, self.threads, advance)
+        share = min(tiles // (_SHARES * self.threads), _LONGEST // self.style.samples)
+        run_blocks(tiles, max(share, 1), work, self.threads, advance)
         self.counts += np.sum(finished, axis=0)
 
     def _tiles(self, first: int, last: int, wanted: npt.NDArray[np.int64]) -> npt.NDArray[np.int64]:
@@ -185,7 +200,7 @@ class _Renderer:
                 light_vertices(geometry, lights, self.view, self.style, scratch, item, span, self.vertex_light)
                 finished.append(scratch.counts)
 
-            run_blocks(int(end - begin), 4 * CAPACITY, work, self.threads)
+            run_blocks(int(end - begin), 4 * PACKETS * WIDE, work, self.threads)
         self.counts += np.sum(finished, axis=0)
 
     def layers(self) -> dict[str, npt.NDArray[np.float32]]:
@@ -216,15 +231,22 @@ def _pack(textures: list[Texture | None]) -> Textures:
 
 def _new_scratch(lights: int) -> Scratch:
     return Scratch(
-        *new_packet(coherent=True),
-        entries=aligned((CAPACITY, WIDTH), np.float64),
+        *new_packet(WIDE, coherent=True),
+        entries=aligned((PACKETS, WIDTH, WIDE), np.float32),
+        items=aligned((PACKETS, WIDE), np.int32),
         sums=aligned((TILE * TILE, SUMS), np.float64),
-        todo=np.zeros(TILE * TILE, np.int64),
+        order=_order(),
+        todo=aligned((TILE * TILE + WIDE,), np.int32),
         active=np.zeros(max(lights, 1), np.int64),
-        queue=np.zeros(LANES, np.int64),
-        arriving=np.zeros((LANES, 6)),
+        hidden=np.zeros(max(lights, 1), np.bool_),
         counts=np.zeros(COUNTERS, np.int64),
     )
+
+
+def _order() -> npt.NDArray[np.int32]:
+    """The pixels of a tile, row · TILE + column, in blocks of 4×4, which make a packet."""
+    pixels = np.arange(TILE * TILE, dtype=np.int32).reshape(TILE // 4, 4, TILE // 4, 4)
+    return pixels.transpose(0, 2, 1, 3).ravel()
 
 
 def _view(world: World, camera: Camera, settings: Settings) -> View:
@@ -243,7 +265,7 @@ def _view(world: World, camera: Camera, settings: Settings) -> View:
         focus=distance * world.scale,
         width=settings.width,
         height=settings.height,
-        offsets=_offsets(settings.samples, settings.seed),
+        offsets=_offsets(settings.samples, settings.seed) if settings.samples > 1 or camera.aperture else _CENTRE,
         key=seed_key(settings.seed),
     )
 

@@ -20,6 +20,13 @@ if TYPE_CHECKING:
 Floats = npt.NDArray[np.float64]
 
 
+def _frozen(array: Floats) -> Floats:
+    """A copy that nobody can change, as what is made from a scene is kept with it."""
+    copy = np.array(array)
+    copy.flags.writeable = False
+    return copy
+
+
 @dataclass(frozen=True, eq=False)
 class Shape:
     """A mesh and its surface; many objects may share one.
@@ -39,8 +46,10 @@ class Shape:
     def __post_init__(self) -> None:
         if self.texture is not None and self.uv is None:
             raise OptionError("uv", "texture coordinates for a textured shape", "none", self.mesh.source)
-        if self.uv is not None and self.uv.shape != (len(self.mesh.vertices), 2):
-            raise OptionError("uv", f"shape ({len(self.mesh.vertices)}, 2)", self.uv.shape, self.mesh.source)
+        if self.uv is not None:
+            if self.uv.shape != (len(self.mesh.vertices), 2):
+                raise OptionError("uv", f"shape ({len(self.mesh.vertices)}, 2)", self.uv.shape, self.mesh.source)
+            object.__setattr__(self, "uv", _frozen(self.uv))
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,7 +75,9 @@ class Object:
             raise OptionError("transform", "a finite, invertible affine (4, 4) matrix", matrix.tolist(), self.name)
         if self.w is not None and self.w.shape != (len(self.shape.mesh.vertices),):
             raise OptionError("w", f"shape ({len(self.shape.mesh.vertices)},)", self.w.shape, self.name)
-        object.__setattr__(self, "transform", matrix)
+        object.__setattr__(self, "transform", _frozen(matrix))
+        if self.w is not None:
+            object.__setattr__(self, "w", _frozen(self.w))
 
 
 @dataclass(frozen=True, eq=False)

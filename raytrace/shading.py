@@ -1,7 +1,8 @@
 """Interpolation over a triangle: constant, Gouraud, Phong and quadratic shading, as kernels.
 
 All take a hit's barycentrics as Embree gives them: u, v weigh corners 1 and 2, and 1 − u − v weighs corner 0. Points,
-normals and colours are triples of floats. A normal that does not exist is the zero vector, which reflects nothing.
+normals and colours are triples of floats, or of lanes of them. A normal that does not exist is the zero vector, which
+reflects nothing.
 
 - constant: light `centroid` with `face_normal` once, for the whole face;
 - Gouraud 1971: light the corners, then `interpolate` their colours;
@@ -13,6 +14,7 @@ normals and colours are triples of floats. A normal that does not exist is the z
 from __future__ import annotations
 
 from raytrace.jit import inline
+from raytrace.lanes import select
 from raytrace.vector import add, cross, dot, scale, subtract, unit
 
 
@@ -45,9 +47,7 @@ def edge_term(p0, p1, n0, n1):
     """n_ij = n_i + n_j − a_ij, where a = 3((n_i + n_j)·w)/(w·w) w makes ∫ n(s)·w ds = 0 along the edge w."""
     total, w = add(n0, n1), subtract(p1, p0)
     length2 = dot(w, w)
-    if length2 == 0.0:
-        return total
-    return subtract(total, scale(3.0 * dot(total, w) / length2, w))
+    return subtract(total, scale(select(length2 > 0.0, 3.0 * dot(total, w) / length2, 0.0), w))
 
 
 @inline

@@ -1,43 +1,23 @@
-"""From a hit to a point that can be lit: position, normals by the chosen interpolation, and a safe ray origin."""
+"""From hits to points that can be lit: position, normals by the chosen interpolation, and a safe ray origin.
+
+All of it sixteen points at a time, in lanes; a whole call is about one object.
+"""
 
 from __future__ import annotations
 
-import numpy as np
-
-from .entries import (
-    DEPTH,
-    FRONT,
-    GEOMETRIC,
-    GRAIN,
-    NORMAL,
-    OBJECT,
-    ORIGIN,
-    POINT,
-    TINT,
-    VIEW,
-    W,
-)
+from .entries import FRONT, GRAIN, NORMAL, ORIGIN, POINT, TINT, VIEW, W, put, put1
 from .jit import inline
+from .lane_memory import gather, gather3
+from .lanes import double, select, single
 from .models.rows import ELLIPTICAL_BECKMANN, POULIN_FOURNIER, TWO_SIDED
 from .placement import OFFSET_ULPS, ULP
 from .shading import centroid, phong_normal, quadratic_normal
-from .vector import add, cross, dot, load, scale, subtract, unit
+from .vector import add, choose, cross, dot, scale, subtract, unit
 
 CONSTANT, GOURAUD, PHONG, QUADRATIC = range(4)
 VERTEX_CLEARANCE = 0.1  # a vertex normal may lean that far from a face around it
 SMOOTH = 0.8660254037844387  # cos 30°: a computed normal that leans away farther marks a hard edge
-
-
-@inline
-def put(entry, column, a):
-    """Store a triple."""
-    entry[column], entry[column + 1], entry[column + 2] = a
-
-
-@inline
-def take(entry, column):
-    """Read a triple."""
-    return entry[column], entry[column + 1], entry[column + 2]
+GROWN = 2.0**30  # times the product of two edges is neither lost nor infinite in float32
 
 
 @inline
@@ -51,35 +31,58 @@ def rotate(matrix, a):
 
 
 @inline
-def transform(matrix, a):
-    """`matrix` (3, 4) times the point a."""
-    return add(rotate(matrix, a), (matrix[0, 3], matrix[1, 3], matrix[2, 3]))
+def corner(geometry, item, vertices):
+    """Vertices' places in the world."""
+    p = gather3(geometry.vertices, vertices)
+    if geometry.placed[item]:
+        return p
+    matrix = geometry.to_world[item]
+    return add(rotate(matrix, p), (matrix[0, 3], matrix[1, 3], matrix[2, 3]))
 
 
 @inline
-def corner_normal(geometry, item, vertex, face):
+def vertex_normal(geometry, item, vertices):
+    """Vertices' unit normals in the world; zero where there is none."""
+    n = gather3(geometry.normals, vertices)
+    if geometry.placed[item]:
+        return n
+    return unit(rotate(geometry.normal_to_world[item], n))
+
+
+@inline
+def corner_normal(geometry, item, vertices, face):
     """A corner's unit normal in the world: the source's own, or a computed one unless it marks a hard edge."""
-    n = load(geometry.normals, vertex)
-    if not geometry.placed[item]:
-        n = unit(rotate(geometry.normal_to_world[item], n))
+    n = vertex_normal(geometry, item, vertices)
     if geometry.authored[item]:
-        return n if dot(n, n) > 0.0 else face
-    return n if dot(n, face) > SMOOTH else face
+        return choose(dot(n, n) > 0.0, n, face)
+    return choose(dot(n, face) > SMOOTH, n, face)
 
 
 @inline
-def corner(geometry, item, vertex):
-    """A vertex's place in the world."""
-    p = load(geometry.vertices, vertex)
-    return p if geometry.placed[item] else transform(geometry.to_world[item], p)
+def face_normal(edge1, edge2):
+    """Unit normal of a face from two edges; their product is rounded only once, however thin the face."""
+    a, b = doubled(edge1), doubled(edge2)
+    across = scale(GROWN, cross(a, b))
+    return unit((single(across[0]), single(across[1]), single(across[2])))
 
 
 @inline
-def lift(geometry, item, point, normal, largest):
-    """`point` moved along `normal` by more than the rounding of a hit on a triangle of coordinates up to `largest`."""
-    size = max(geometry.magnitude[item], largest)
+def doubled(a):
+    """A triple of lanes in double precision."""
+    return double(a[0]), double(a[1]), double(a[2])
+
+
+@inline
+def largest(p):
+    """The largest |coordinate|."""
+    return max(max(abs(p[0]), abs(p[1])), abs(p[2]))
+
+
+@inline
+def lift(geometry, item, point, normal, size):
+    """`point` moved along `normal` by more than the rounding of a hit on a triangle of coordinates up to `size`."""
     ulps = OFFSET_ULPS * ULP * (abs(normal[0]) + abs(normal[1]) + abs(normal[2]))
-    return add(point, scale(ulps * size, normal))
+    return add(point, scale(ulps * max(geometry.magnitude[item], size), normal))
 
 
 @inline
@@ -96,81 +99,80 @@ def smooth_origin(p, p0, p1, p2, n0, n1, n2, u, v):
 
 
 @inline
-def tangent(geometry, i, j, k, edge1, edge2):
-    """Unit direction in which u grows over the face, zero without texture coordinates."""
-    du1, dv1 = geometry.uv[j, 0] - geometry.uv[i, 0], geometry.uv[j, 1] - geometry.uv[i, 1]
-    du2, dv2 = geometry.uv[k, 0] - geometry.uv[i, 0], geometry.uv[k, 1] - geometry.uv[i, 1]
-    area = np.float64(du1 * dv2 - du2 * dv1)
-    if area == 0.0:
-        return (0.0, 0.0, 0.0)
-    return unit(scale(1.0 / area, subtract(scale(np.float64(dv2), edge1), scale(np.float64(dv1), edge2))))
+def between(a, b, c, u, v):
+    """A float64 value within a face, from its corners'; exactly theirs where all are the same."""
+    return a + (double(u) * (b - a) + double(v) * (c - a))
 
 
 @inline
-def fill(entry, geometry, item, face, u, v, depth, backward, shading, terminator):
-    """Write an entry for a hit.
+def tangent(geometry, i, j, k, edge1, edge2):
+    """Unit direction in which u grows over the face, zero without texture coordinates."""
+    u0, v0 = double(gather(geometry.uv, 2 * i)), double(gather(geometry.uv, 2 * i + 1))
+    du1, dv1 = double(gather(geometry.uv, 2 * j)) - u0, double(gather(geometry.uv, 2 * j + 1)) - v0
+    du2, dv2 = double(gather(geometry.uv, 2 * k)) - u0, double(gather(geometry.uv, 2 * k + 1)) - v0
+    area = du1 * dv2 - du2 * dv1
+    along = subtract(scale(dv2, doubled(edge1)), scale(dv1, doubled(edge2)))
+    u = unit(scale(select(area == 0.0, 0.0, 1.0 / area), along))
+    return single(u[0]), single(u[1]), single(u[2])
 
-    Args: item: row of the object; face: of its shape; u, v: barycentrics; depth: distance to the viewer; backward: unit
-        direction against the viewing ray.
+
+@inline
+def fill(entry, geometry, item, mine, faces, u, v, backward, style):
+    """Write what lighting needs of hits on one object.
+
+    Args: item: row of the object; mine: mask of the lanes that have hit it; faces: of its shape; u, v: barycentrics;
+        backward: unit directions against the viewing rays.
     """
-    f = geometry.first_face[item] + face
-    i, j, k = geometry.faces[f, 0], geometry.faces[f, 1], geometry.faces[f, 2]
+    i, j, k = gather3(geometry.faces, select(mine, faces, 0) + geometry.first_face[item])
     p0, p1, p2 = corner(geometry, item, i), corner(geometry, item, j), corner(geometry, item, k)
     edge1, edge2 = subtract(p1, p0), subtract(p2, p0)
     point = add(p0, add(scale(u, edge1), scale(v, edge2)))
-    geometric = scale(geometry.mirrored[item], unit(cross(edge1, edge2)))
+    geometric = scale(geometry.mirrored[item], face_normal(edge1, edge2))
     n0 = corner_normal(geometry, item, i, geometric)
     n1 = corner_normal(geometry, item, j, geometric)
     n2 = corner_normal(geometry, item, k, geometric)
-    side = 1.0 if dot(geometric, backward) >= 0.0 else -1.0
-    entry[FRONT] = 1.0 if side > 0.0 or geometry.rows[item, TWO_SIDED] == 1.0 else 0.0
+    side = select(dot(geometric, backward) >= 0.0, 1.0, -1.0)
     geometric, n0, n1, n2 = scale(side, geometric), scale(side, n0), scale(side, n1), scale(side, n2)
 
     origin, lit, normal = point, point, geometric
-    if shading == CONSTANT:
+    if style.shading == CONSTANT:
         lit = centroid(p0, p1, p2)
     else:
-        if terminator:
+        if style.terminator:
             origin = smooth_origin(point, p0, p1, p2, n0, n1, n2, u, v)
-        if shading == QUADRATIC:
+        if style.shading == QUADRATIC:
             normal = quadratic_normal(p0, p1, p2, n0, n1, n2, u, v)
         else:
             normal = phong_normal(n0, n1, n2, u, v)
-    largest = 0.0
-    for axis in range(3):
-        largest = max(largest, abs(p0[axis]), abs(p1[axis]), abs(p2[axis]))
-    put(entry, POINT, lit)
-    put(entry, ORIGIN, lift(geometry, item, origin, geometric, largest))
-    put(entry, NORMAL, normal)
-    put(entry, VIEW, backward)
-    kind = geometry.kinds[item]
-    grain = (0.0, 0.0, 0.0)
-    if kind in (ELLIPTICAL_BECKMANN, POULIN_FOURNIER):
-        grain = tangent(geometry, i, j, k, edge1, edge2)
-    put(entry, GRAIN, grain)
-    put(entry, TINT, (1.0, 1.0, 1.0))
-    put(entry, GEOMETRIC, geometric)
-    own = geometry.first_w[item] - geometry.first_vertex[item]
-    entry[W] = (1.0 - u - v) * geometry.w[own + i] + u * geometry.w[own + j] + v * geometry.w[own + k]
-    entry[OBJECT] = item
-    entry[DEPTH] = depth
+    size = max(max(largest(p0), largest(p1)), largest(p2))
+    put(entry, POINT, mine, lit)
+    put(entry, ORIGIN, mine, lift(geometry, item, origin, geometric, size))
+    put(entry, NORMAL, mine, normal)
+    put(entry, VIEW, mine, backward)
+    put(entry, TINT, mine, (1.0, 1.0, 1.0))
+    two_sided = geometry.rows[item, TWO_SIDED] == 1.0
+    put1(entry, FRONT, mine, select((side > 0.0) | two_sided, 1.0, 0.0))
+    if geometry.kinds[item] in (ELLIPTICAL_BECKMANN, POULIN_FOURNIER):
+        put(entry, GRAIN, mine, tangent(geometry, i, j, k, edge1, edge2))
+    if style.weighted:
+        own = geometry.first_w[item] - geometry.first_vertex[item]
+        w0, w1, w2 = gather(geometry.w, i + own), gather(geometry.w, j + own), gather(geometry.w, k + own)
+        put1(entry, W, mine, single(between(w0, w1, w2, u, v)))
 
 
 @inline
-def vertex_entry(entry, geometry, item, vertex, eye, forward, orthographic):
-    """Write an entry for a vertex (its row in the shape's arrays) as Gouraud shading lights it."""
-    point = corner(geometry, item, vertex)
-    normal = unit(rotate(geometry.normal_to_world[item], load(geometry.normals, vertex)))
-    backward = scale(-1.0, forward) if orthographic else unit(subtract(eye, point))
-    side = 1.0 if dot(normal, backward) >= 0.0 else -1.0
-    entry[FRONT] = 1.0 if side > 0.0 or geometry.rows[item, TWO_SIDED] == 1.0 else 0.0
+def vertex_entry(entry, geometry, item, mine, vertices, eye, forward, orthographic):
+    """Write an entry for vertices (their rows in the shape's arrays) as Gouraud shading lights them."""
+    point = corner(geometry, item, vertices)
+    normal = vertex_normal(geometry, item, vertices)
+    backward = add(scale(0.0, point), scale(-1.0, forward)) if orthographic else unit(subtract(eye, point))
+    side = select(dot(normal, backward) >= 0.0, 1.0, -1.0)
     normal = scale(side, normal)
-    largest = max(abs(point[0]), abs(point[1]), abs(point[2]))
-    put(entry, POINT, point)
-    put(entry, ORIGIN, lift(geometry, item, point, scale(1.0 / VERTEX_CLEARANCE, normal), largest))
-    put(entry, NORMAL, normal)
-    put(entry, VIEW, backward)
-    put(entry, GRAIN, (0.0, 0.0, 0.0))
-    put(entry, TINT, (1.0, 1.0, 1.0))
-    put(entry, GEOMETRIC, normal)
-    entry[OBJECT] = item
+    put(entry, POINT, mine, point)
+    put(entry, ORIGIN, mine, lift(geometry, item, point, scale(1.0 / VERTEX_CLEARANCE, normal), largest(point)))
+    put(entry, NORMAL, mine, normal)
+    put(entry, VIEW, mine, backward)
+    put(entry, TINT, mine, (1.0, 1.0, 1.0))
+    put(entry, GRAIN, mine, (0.0, 0.0, 0.0))
+    two_sided = geometry.rows[item, TWO_SIDED] == 1.0
+    put1(entry, FRONT, mine, select((side > 0.0) | two_sided, 1.0, 0.0))

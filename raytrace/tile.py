@@ -1,142 +1,43 @@
-"""One tile of a picture: viewing rays in packets, their hits lit together, pixels that agree early retired early."""
+"""One tile of a picture: viewing rays in packets, their hits lit together, pixels that agree retired early."""
 
 from __future__ import annotations
-
-from math import sqrt
 
 import numpy as np
 
 from .borrow import borrow
-from .embree import DIR_X, DIR_Y, DIR_Z, GEOM_ID, ID, INVALID, LANES, TFAR, U, V, intersect8
+from .embree import DIR_X, TFAR, U, V, intersect16
 from .entries import (
+    ALBEDO,
+    ALPHA,
     AMBIENT,
+    BEAUTY,
     DEPTH,
-    DIFFUSE,
     EMISSION,
+    FILM,
+    ID,
     LIT,
-    NORMAL,
-    OBJECT,
-    PIXEL,
     SENT,
-    SPECULAR,
+    SHADOW,
     TINT,
     W,
+    put,
+    put1,
+    take,
 )
+from .film import TILE, clear, column_of, develop, finish, mean, retired, row_of
 from .jit import inline, kernel
-from .lighting import BACKGROUND, PRIMARY, RETIRED, count_directed, light_entries
+from .lane_memory import gather, gather3, load_row, store_row
+from .lanes import WIDE, count, double, first, lane_numbers, pick, select, single, some
+from .lighting import BACKGROUND, PRIMARY, RETIRED, count_directed, let_through, light_entries
 from .models.dispatch import alpha
 from .models.rows import MODEL
-from .surface import GOURAUD, fill, vertex_entry
+from .surface import GOURAUD, between, fill, vertex_entry
 from .tint import apply_tint, tint
+from .vector import multiply, scale
 from .view import aim, load3, pixel_width, struck
 
-TILE = 16  # pixels a side
 FIRST = 4  # samples before a pixel may be retired
-CAPACITY = TILE * TILE * FIRST  # entries lit together
-
-# Columns of the film; the layers of `raytrace.frame` in their order. SUM_… are a pixel's float64 sums.
-BEAUTY, FILM_AMBIENT, FILM_DIFFUSE, FILM_SPECULAR, FILM_EMISSION = 0, 4, 7, 10, 13
-FILM_W, FILM_SHADOW, FILM_DEPTH, FILM_NORMAL, FILM_ALBEDO, FILM_ID = 16, 17, 18, 19, 22, 25
-FILM = 26
-ALPHA, SHADED, SAMPLES, LOW, HIGH = FILM, FILM + 1, FILM + 2, FILM + 3, FILM + 6
-SUMS = FILM + 9
-AGREE = 1.0 / 256.0  # of the square root of a linear value, about one step of an 8-bit picture
-
-
-@inline
-def spread(sums, p, q):
-    """How far the samples of two pixels of the tile are apart, all together, in the square root of linear values."""
-    widest = 0.0
-    for c in range(3):
-        high = max(sums[p, HIGH + c], sums[q, HIGH + c])
-        widest = max(widest, sqrt(high) - sqrt(min(sums[p, LOW + c], sums[q, LOW + c])))
-    return widest
-
-
-@inline
-def retired(sums, p, wide, pixels):
-    """Whether a pixel's samples agree among themselves, and roughly with those of its neighbours in the tile."""
-    if spread(sums, p, p) > AGREE:
-        return False
-    x = p % wide
-    roughly = 4.0 * AGREE
-    return not (
-        (x > 0 and spread(sums, p, p - 1) > roughly)
-        or (x + 1 < wide and spread(sums, p, p + 1) > roughly)
-        or (p >= wide and spread(sums, p, p - wide) > roughly)
-        or (p + wide < pixels and spread(sums, p, p + wide) > roughly)
-    )
-
-
-@inline
-def develop(entry, geometry, sums, background, id_offset):
-    """Add an entry, or the background where `id_offset` is zero, to its pixel's sums."""
-    sums[SAMPLES] += 1.0
-    colour = background
-    if id_offset > 0:
-        item = int(entry[OBJECT])
-        material = geometry.rows[item]
-        opacity = alpha(material)
-        colour = (0.0, 0.0, 0.0)
-        for part, column in ((AMBIENT, FILM_AMBIENT), (DIFFUSE, FILM_DIFFUSE), (SPECULAR, FILM_SPECULAR)):
-            for c in range(3):
-                sums[column + c] += entry[part + c]
-            colour = (colour[0] + entry[part], colour[1] + entry[part + 1], colour[2] + entry[part + 2])
-        for c in range(3):
-            sums[FILM_EMISSION + c] += entry[EMISSION + c]
-            sums[FILM_ALBEDO + c] += material[MODEL + c] * entry[TINT + c]
-        colour = (colour[0] + entry[EMISSION], colour[1] + entry[EMISSION + 1], colour[2] + entry[EMISSION + 2])
-        sums[ALPHA] += opacity
-        sums[FILM_W] += entry[W]
-        sums[FILM_SHADOW] += entry[LIT] / entry[SENT] if entry[SENT] > 0.0 else 1.0
-        sums[SHADED] += 1.0
-        if entry[DEPTH] < sums[FILM_DEPTH]:
-            sums[FILM_DEPTH] = entry[DEPTH]
-            sums[FILM_ID] = item + 1.0
-            for c in range(3):
-                sums[FILM_NORMAL + c] = entry[NORMAL + c]
-    else:
-        for c in range(3):
-            sums[FILM_EMISSION + c] += background[c]
-    for c in range(3):
-        sums[LOW + c] = min(sums[LOW + c], colour[c])
-        sums[HIGH + c] = max(sums[HIGH + c], colour[c])
-
-
-@inline
-def finish(sums, film, y, x, scale_of_world):
-    """Turn a pixel's sums into its layers, float32; beauty is the float32 sum of the others."""
-    share = 1.0 / sums[SAMPLES]
-    for c in range(3):
-        beauty = np.float32(sums[FILM_AMBIENT + c] * share)
-        beauty = np.float32(beauty + np.float32(sums[FILM_DIFFUSE + c] * share))
-        beauty = np.float32(beauty + np.float32(sums[FILM_SPECULAR + c] * share))
-        film[y, x, BEAUTY + c] = np.float32(beauty + np.float32(sums[FILM_EMISSION + c] * share))
-    film[y, x, BEAUTY + 3] = sums[ALPHA] * share
-    if film.shape[2] > 4:
-        for column in range(FILM_AMBIENT, FILM_W):
-            film[y, x, column] = sums[column] * share
-        shaded = max(sums[SHADED], 1.0)
-        film[y, x, FILM_W] = sums[FILM_W] / shaded if sums[SHADED] > 0.0 else 1.0
-        film[y, x, FILM_SHADOW] = sums[FILM_SHADOW] / shaded if sums[SHADED] > 0.0 else 1.0
-        film[y, x, FILM_DEPTH] = sums[FILM_DEPTH] / scale_of_world
-        film[y, x, FILM_ID] = sums[FILM_ID]
-        for c in range(3):
-            film[y, x, FILM_NORMAL + c] = sums[FILM_NORMAL + c]
-            film[y, x, FILM_ALBEDO + c] = sums[FILM_ALBEDO + c] / shaded
-
-
-@inline
-def interpolate_lit(entry, geometry, item, face, u, v, vertex_light):
-    """Gouraud: the entry's light is interpolated between its corners'."""
-    row = geometry.first_face[item] + face
-    own = geometry.first_w[item] - geometry.first_vertex[item]
-    for column in range(AMBIENT, LIT + 1):
-        total = 0.0
-        for corner in range(3):
-            weight = (1.0 - u - v) if corner == 0 else (u if corner == 1 else v)
-            total += weight * vertex_light[own + geometry.faces[row, corner], column - AMBIENT]
-        entry[column] = total
+PACKETS = TILE * TILE * FIRST // WIDE  # lit together
 
 
 @kernel
@@ -146,119 +47,165 @@ def render_tiles(geometry, lights, textures, view, style, vertex_light, scratch,
     Args: vertex_light: float64 (n, 14), lit vertices for Gouraud shading; corner: (x, y) of the film in the whole
         picture; scale: of the world; wanted: int64 (textures,), set to 1 for every texture that was met but is not read
         yet: the tiles must be rendered again.
+
+    A few samples of all pixels of a tile come first, then more of those that don't agree.
     """
     geometry, lights, textures, view = borrow(geometry), borrow(lights), borrow(textures), borrow(view)
     vertex_light, scratch, wanted, film = borrow(vertex_light), borrow(scratch), borrow(wanted), borrow(film)
+    scene = geometry, lights, textures, view, style, vertex_light
+    entries, todo, counts, directed = scratch.entries, scratch.todo, scratch.counts, count_directed(lights)
     columns = -(-film.shape[1] // TILE)
     for tile in range(span[0], span[1]):
-        x, y = tile % columns * TILE, tile // columns * TILE
-        part = film[y : y + TILE, x : x + TILE]
-        place = corner[0] + x, corner[1] + y
-        render_tile(geometry, lights, textures, view, style, vertex_light, scratch, place, wanted, part)
-        for p in range(part.shape[0] * part.shape[1]):
-            finish(scratch.sums[p], part, p // part.shape[1], p % part.shape[1], scale)
+        left, top = tile % columns * TILE, tile // columns * TILE
+        size = min(TILE, film.shape[1] - left), min(TILE, film.shape[0] - top)
+        pending = list_pixels(scratch, size)
+        for done in range(0, style.samples, FIRST):
+            batch = min(FIRST, style.samples - done)
+            each = WIDE // batch  # pixels a packet, all samples of a pixel on end
+            turn = (lane_numbers() * (256 // batch + 1)) >> 8  # lane // batch
+            packets = -(-pending // each)
+            for e in range(packets):
+                there = turn < min(each, pending - e * each)
+                pixels = gather(todo, select(there, turn, 0) + e * each)
+                x, y = column_of(pixels) + (corner[0] + left), row_of(pixels) + (corner[1] + top)
+                items = cast(scene, scratch, entries[e], x, y, lane_numbers() - turn * batch + done, there, wanted)
+                store_row(scratch.items, e, items)
+                counts[PRIMARY] += count(there)
+                counts[BACKGROUND] += count(there & (items < 0)) * directed
+            if style.shading != GOURAUD:
+                light_entries(geometry, lights, style, scratch, packets)
+            if style.samples > 1:
+                if done == 0:
+                    clear(scratch.sums)
+                for e in range(packets):
+                    k = e * each
+                    develop(entries[e], scratch.sums, todo[k : min(k + each, pending)], batch, style.layers)
+                pending = keep(scratch, size, pending, style.samples - done - batch)
+                if pending == 0:
+                    break
+        pixels_in_all = list_pixels(scratch, size)
+        for k in range(0, pixels_in_all, WIDE):
+            entry = entries[k // WIDE]  # with one sample a pixel that is the pixel
+            if style.samples > 1:
+                mean(scratch.sums, todo[k : min(k + WIDE, pixels_in_all)], style.layers, entry)
+            finish(entry, load_row(todo, k // WIDE), lane_numbers() < pixels_in_all - k, scale, film, left, top)
 
 
 @inline
-def render_tile(geometry, lights, textures, view, style, vertex_light, scratch, place, wanted, film):
-    """Gather the sums of one tile, `film`, whose first pixel is `place` of the whole picture."""
-    wide = film.shape[1]
-    pixels = film.shape[0] * wide
-    sums, todo = scratch.sums, scratch.todo
-    clear(sums, todo, pixels)
-    pending, done = pixels, 0
-    while pending > 0 and done < style.samples:
-        batch = min(FIRST, style.samples - done)
-        total = pending * batch
-        for start in range(0, total, CAPACITY):
-            stop = min(start + CAPACITY, total)
-            count = 0
-            for first in range(start, stop, LANES):
-                turn = first, min(LANES, stop - first), batch, done
-                count = cast(
-                    geometry, lights, textures, view, style, vertex_light, scratch, place, wide, wanted, turn, count
-                )
-            if style.shading != GOURAUD and count > 0:
-                light_entries(geometry, lights, style, scratch, count)
-            for e in range(count):
-                develop(scratch.entries[e], geometry, sums[int(scratch.entries[e, PIXEL])], style.background, 1)
-        done += batch
-        left = 0
+def list_pixels(scratch, size):
+    """Put all pixels of a tile of this size, (wide, high), on the list `todo`; returns how many."""
+    left = 0
+    for k in range(TILE * TILE):
+        p = scratch.order[k]
+        scratch.todo[left] = p
+        left += p % TILE < size[0] and p // TILE < size[1]
+    return left
+
+
+@inline
+def keep(scratch, size, pending, remaining):
+    """Strike the pixels that need none of the remaining samples off the list; returns how many still do."""
+    left = 0
+    if remaining > 0:
         for k in range(pending):
-            if done < style.samples and not retired(sums, todo[k], wide, pixels):
-                todo[left] = todo[k]
+            p = scratch.todo[k]
+            if not retired(scratch.sums, p, size):
+                scratch.todo[left] = p
                 left += 1
-        if done < style.samples:
-            scratch.counts[RETIRED] += (pending - left) * (style.samples - done)
-        pending = left
+        scratch.counts[RETIRED] += (pending - left) * remaining
+    return left
 
 
 @inline
-def clear(sums, todo, pixels):
-    """Nothing gathered yet, everything to do."""
-    sums[:] = 0.0
-    for p in range(pixels):
-        todo[p] = p
-        sums[p, FILM_DEPTH] = np.inf
-        for c in range(3):
-            sums[p, LOW + c] = np.inf
-            sums[p, HIGH + c] = -np.inf
+def cast(scene, scratch, entry, x, y, samples, there, wanted):
+    """One packet of viewing rays, where the mask `there` is set; the hits become an entry.
 
-
-@inline
-def cast(geometry, lights, textures, view, style, vertex_light, scratch, place, wide, wanted, turn, count):
-    """One packet of viewing rays; hits become entries from `count` on. Returns how many entries there are then.
-
-    Args: turn: the packet's first sample and its number of samples, samples a pixel in this pass and before it.
+    Returns the rows of the objects that were hit, −1 for none.
     """
-    first, lanes, batch, done = turn
-    packet, valid, todo = scratch.packet, scratch.valid, scratch.todo
-    for lane in range(LANES):
-        valid[lane] = -1 if lane < lanes else 0
-    for lane in range(lanes):
-        p = todo[(first + lane) // batch]
-        sample = done + (first + lane) % batch
-        packet[ID, lane] = aim(packet, lane, view, place[0] + p % wide, place[1] + p // wide, sample)
-    intersect8(geometry.handle, packet, valid)
-    scratch.counts[PRIMARY] += lanes
-    ids = packet.view(np.uint32)
-    for lane in range(lanes):
-        p = todo[(first + lane) // batch]
-        if ids[GEOM_ID, lane] == INVALID:
-            scratch.counts[BACKGROUND] += count_directed(lights)
-            develop(scratch.entries[0], geometry, scratch.sums[p], style.background, 0)
-            continue
-        item, face = struck(ids, lane)
-        u, v = np.float64(packet[U, lane]), np.float64(packet[V, lane])
-        depth = np.float64(packet[ID, lane]) + packet[TFAR, lane]
-        backward = -np.float64(packet[DIR_X, lane]), -np.float64(packet[DIR_Y, lane]), -np.float64(packet[DIR_Z, lane])
-        entry = scratch.entries[count]
-        fill(entry, geometry, item, face, u, v, depth, backward, style.shading, style.terminator)
-        tint(entry, geometry, textures, wanted, item, face, u, v, pixel_width(view, depth))
-        entry[PIXEL] = p
+    geometry, _, textures, view, style, vertex_light = scene
+    packet = scratch.packet
+    start = aim(packet, view, x, y, samples)
+    store_row(scratch.valid, 0, there)
+    intersect16(geometry.handle, packet, scratch.valid)
+    items, faces = struck(packet)
+    items = select(there, items, -1)
+    blank(entry, style)
+    left = items >= 0
+    depth = start + load_row(packet, TFAR)
+    u, v = load_row(packet, U), load_row(packet, V)
+    backward = scale(-1.0, take(packet, DIR_X))
+    if style.layers:
+        store_row(entry, DEPTH, select(left, depth, np.inf))
+        store_row(entry, ID, single(double(items + 1)))
+    while some(left):
+        item = pick(items, first(left))
+        mine = left & (items == item)
+        fill(entry, geometry, item, mine, faces, u, v, backward, style)
+        tint(entry, geometry, textures, wanted, item, mine, faces, u, v, pixel_width(view, depth))
+        material = geometry.rows[item]
+        put1(entry, ALPHA, mine, alpha(material))
+        if style.layers:
+            put(entry, ALBEDO, mine, multiply(take(entry, TINT), load3(material[MODEL:])))
         if style.shading == GOURAUD:
-            interpolate_lit(entry, geometry, item, face, u, v, vertex_light)
-            apply_tint(entry)
-        count += 1
-    return count
+            interpolate_lit(entry, geometry, item, mine, faces, u, v, vertex_light)
+            apply_tint(entry, mine)
+        left = left & ~mine
+    return items
+
+
+@inline
+def blank(entry, style):
+    """An entry that has met nothing but the background."""
+    for column in range(BEAUTY, EMISSION):
+        store_row(entry, column, 0.0)
+    for c in range(3):
+        store_row(entry, EMISSION + c, style.background[c])
+    store_row(entry, SENT, 0.0)
+    store_row(entry, LIT, 0.0)
+    if style.layers:
+        for column in range(W, FILM):
+            store_row(entry, column, 1.0 if column <= SHADOW else 0.0)
+
+
+@inline
+def interpolate_lit(entry, geometry, item, mine, faces, u, v, vertex_light):
+    """Gouraud: the light of hits is interpolated between their faces' corners'."""
+    i, j, k = gather3(geometry.faces, select(mine, faces, 0) + geometry.first_face[item])
+    own = geometry.first_w[item] - geometry.first_vertex[item]
+    width = vertex_light.shape[1]
+    for column in range(width):
+        at = column + own * width
+        a, b = gather(vertex_light, i * width + at), gather(vertex_light, j * width + at)
+        c = gather(vertex_light, k * width + at)
+        put1(entry, lit_column(column), mine, single(between(a, b, c, u, v)))
+    put1(entry, SHADOW, mine, let_through(load_row(entry, SENT), load_row(entry, LIT)))
+
+
+@inline
+def lit_column(number):
+    """The columns that lighting makes, one after the other: AMBIENT to EMISSION, SENT and LIT."""
+    return AMBIENT + number if number < W - AMBIENT else SENT + number - (W - AMBIENT)
 
 
 @kernel
 def light_vertices(geometry, lights, view, style, scratch, item, span, out):
     """Gouraud's first step: light the vertices [span[0], span[1]) of an object's stretch of `geometry.w`, into `out`.
 
-    Args: out: float64 (w, 14), the columns AMBIENT to LIT of an entry.
+    Args: out: float64 (w, 14), the columns of `lit_column`.
     """
     geometry, lights, view, scratch, out = borrow(geometry), borrow(lights), borrow(view), borrow(scratch), borrow(out)
-    entries = scratch.entries
     own = geometry.first_vertex[item] - geometry.first_w[item]
-    for start in range(span[0], span[1], CAPACITY):
-        stop = min(start + CAPACITY, span[1])
-        for k in range(start, stop):
-            entry = entries[k - start]
-            vertex_entry(entry, geometry, item, own + k, load3(view.eye), load3(view.forward), view.orthographic)
-            entry[W] = geometry.w[k]
-        light_entries(geometry, lights, style, scratch, stop - start)
-        for k in range(start, stop):
-            for column in range(AMBIENT, LIT + 1):
-                out[k, column - AMBIENT] = entries[k - start, column]
+    for begin in range(span[0], span[1], PACKETS * WIDE):
+        packets = -(-min(PACKETS * WIDE, span[1] - begin) // WIDE)
+        for e in range(packets):
+            entry, k = scratch.entries[e], begin + e * WIDE
+            mine = lane_numbers() < span[1] - k
+            at = select(mine, lane_numbers(), 0) + k
+            vertex_entry(entry, geometry, item, mine, at + own, load3(view.eye), load3(view.forward), view.orthographic)
+            store_row(entry, W, single(gather(geometry.w, at)))
+            store_row(scratch.items, e, select(mine, item, -1))
+        light_entries(geometry, lights, style, scratch, packets)
+        for e in range(packets):
+            for lane in range(min(WIDE, span[1] - begin - e * WIDE)):
+                for column in range(out.shape[1]):
+                    out[begin + e * WIDE + lane, column] = scratch.entries[e, lit_column(column), lane]

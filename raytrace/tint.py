@@ -8,11 +8,13 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from .entries import AMBIENT, DIFFUSE, TINT
+from .entries import AMBIENT, DIFFUSE, TINT, put, take
 from .jit import inline
-from .surface import corner, put
+from .lane_memory import gather, gather3
+from .lanes import WIDE, double, pick, select, single
+from .surface import between, corner, doubled
 from .texture_kernel import sample_texture
-from .vector import cross, dot, subtract
+from .vector import cross, dot, multiply, subtract
 
 
 class Textures(NamedTuple):
@@ -25,10 +27,10 @@ class Textures(NamedTuple):
 
 
 @inline
-def tint(entry, geometry, textures, wanted, item, face, u, v, width):
+def tint(entry, geometry, textures, wanted, item, mine, faces, u, v, width):
     """Set an entry's TINT, or mark its texture in `wanted` if it has to be read first.
 
-    Args: item, face, u, v: the hit; width: of a pixel at the hit, in the world's own units.
+    Args: item, mine, faces, u, v: hits as in `raytrace.surface.fill`; width: of a pixel there, in the world's units.
     """
     texture = geometry.texture[item]
     if texture < 0:
@@ -36,29 +38,35 @@ def tint(entry, geometry, textures, wanted, item, face, u, v, width):
     if textures.depth[texture] == 0:
         wanted[texture] = 1
         return
-    f = geometry.first_face[item] + face
-    i, j, k = geometry.faces[f, 0], geometry.faces[f, 1], geometry.faces[f, 2]
-    uv = geometry.uv
-    t = 1.0 - u - v
-    s0 = t * uv[i, 0] + u * uv[j, 0] + v * uv[k, 0]
-    s1 = t * uv[i, 1] + u * uv[j, 1] + v * uv[k, 1]
+    i, j, k = gather3(geometry.faces, select(mine, faces, 0) + geometry.first_face[item])
+    u0, v0 = texture_place(geometry, i)
+    u1, v1 = texture_place(geometry, j)
+    u2, v2 = texture_place(geometry, k)
+    s0, s1 = between(u0, u1, u2, u, v), between(v0, v1, v2, u, v)
     p0 = corner(geometry, item, i)
-    normal = cross(subtract(corner(geometry, item, j), p0), subtract(corner(geometry, item, k), p0))
-    area = sqrt(dot(normal, normal))
-    covered = abs((uv[j, 0] - uv[i, 0]) * (uv[k, 1] - uv[i, 1]) - (uv[k, 0] - uv[i, 0]) * (uv[j, 1] - uv[i, 1]))
-    footprint = width * sqrt(covered / area) if area > 0.0 else 0.0
-    put(
-        entry,
-        TINT,
-        sample_texture(
-            textures.texels, textures.levels, textures.start[texture], textures.depth[texture], s0, s1, footprint
-        ),
-    )
+    edge1, edge2 = subtract(corner(geometry, item, j), p0), subtract(corner(geometry, item, k), p0)
+    across = cross(doubled(edge1), doubled(edge2))
+    area = sqrt(dot(across, across))
+    covered = abs((u1 - u0) * (v2 - v0) - (u2 - u0) * (v1 - v0))
+    footprint = width * single(select(area > 0.0, sqrt(covered / area), 0.0))
+    for lane in range(WIDE):
+        if pick(mine, lane):
+            at = np.float64(pick(s0, lane)), np.float64(pick(s1, lane)), np.float64(pick(footprint, lane))
+            first, depth = textures.start[texture], textures.depth[texture]
+            entry[TINT, lane], entry[TINT + 1, lane], entry[TINT + 2, lane] = sample_texture(
+                textures.texels, textures.levels, first, depth, at[0], at[1], at[2]
+            )
 
 
 @inline
-def apply_tint(entry):
+def texture_place(geometry, vertices):
+    """Texture coordinates of vertices, lanes of float64."""
+    return double(gather(geometry.uv, 2 * vertices)), double(gather(geometry.uv, 2 * vertices + 1))
+
+
+@inline
+def apply_tint(entry, mine):
     """Multiply light that was gathered without the texture by it."""
-    for c in range(3):
-        entry[AMBIENT + c] *= entry[TINT + c]
-        entry[DIFFUSE + c] *= entry[TINT + c]
+    tint = take(entry, TINT)
+    put(entry, AMBIENT, mine, multiply(take(entry, AMBIENT), tint))
+    put(entry, DIFFUSE, mine, multiply(take(entry, DIFFUSE), tint))

@@ -1,4 +1,4 @@
-"""Three-vectors for kernels: tuples of three floats, which stay in registers."""
+"""Three-vectors for kernels: tuples of three floats, or of three lanes of floats, which stay in registers."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from math import sqrt
 import numpy as np
 
 from raytrace.jit import inline
+from raytrace.lanes import select
 
 
 @inline
@@ -34,6 +35,12 @@ def scale(s, a):
 
 
 @inline
+def multiply(a, b):
+    """Componentwise product: light through a colour."""
+    return (a[0] * b[0], a[1] * b[1], a[2] * b[2])
+
+
+@inline
 def add(a, b):
     """a + b"""
     return (a[0] + b[0], a[1] + b[1], a[2] + b[2])
@@ -46,12 +53,17 @@ def subtract(a, b):
 
 
 @inline
+def choose(condition, a, b):
+    """a where the condition holds, else b."""
+    return (select(condition, a[0], b[0]), select(condition, a[1], b[1]), select(condition, a[2], b[2]))
+
+
+@inline
 def unit(a):
-    """a/|a|; the zero vector for a vector without a direction (zero, or shorter than 1e-150)."""
-    length = sqrt(dot(a, a))
-    if length < 1e-150:
-        return (0.0, 0.0, 0.0)
-    return scale(1.0 / length, a)
+    """a/|a|; the zero vector for a vector without a direction (zero, or shorter than 1e-150;
+    in lanes of float32 1e-22)."""
+    square = dot(a, a)
+    return scale(select(square > 1e-300, 1.0 / sqrt(square), 0.0), a)
 
 
 @inline

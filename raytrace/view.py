@@ -8,8 +8,10 @@ import numpy as np
 import numpy.typing as npt
 
 from .chance import mix
-from .embree import DIR_X, GEOM_ID, INST_ID, INVALID, LANES, ORG_X, PRIM_ID, TFAR, intersect8
+from .embree import DIR_X, GEOM_ID, INST_ID, ORG_X, PRIM_ID, TFAR, intersect16
 from .jit import inline, kernel
+from .lane_memory import load_row, store_row
+from .lanes import WIDE, double, lane_numbers, pick, replace, select, single
 from .vector import add, dot, scale, unit
 
 FARTHEST = 8.0  # longer than anything in the world
@@ -21,8 +23,8 @@ class View(NamedTuple):
     Attributes:
         eye, right, above, forward: float64 (3,). half: tangent of half the vertical angle, or half the height of an
         orthographic view; orthographic: whether. lens: radius; focus: distance of what is sharp. width, height: of the
-        whole picture. offsets: float64 (sets, 4, samples), place in the pixel, from its centre, and on the unit lens.
-        key: uint32.
+        whole picture. offsets: float64 (sets, 4, samples), place in the pixel, from its centre, and on the unit lens;
+        no sets where every ray goes through its pixel's centre from the eye. key: uint32.
     """
 
     eye: npt.NDArray[np.float64]
@@ -41,20 +43,20 @@ class View(NamedTuple):
 
 @inline
 def viewing_ray(view, x, y, lens_x, lens_y):
-    """Origin and unit direction through the film point (x, y) in pixels from the upper left."""
+    """Origin and unit direction, lanes, through the film points (x, y) in pixels from the upper left."""
     right, above, forward = load3(view.right), load3(view.above), load3(view.forward)
-    a = view.half * (2.0 * x - view.width) / view.height
-    b = view.half * (1.0 - 2.0 * y / view.height)
+    a = (2.0 * x - view.width) * (view.half / view.height)
+    b = (view.height - 2.0 * y) * (view.half / view.height)
     across = add(scale(a, right), scale(b, above))
-    eye = load3(view.eye)
     if view.orthographic:
-        return add(eye, across), forward
-    direction = unit(add(forward, across))
-    if view.lens > 0.0:
-        sharp = scale(view.focus / dot(direction, forward), direction)
-        shift = add(scale(view.lens * lens_x, right), scale(view.lens * lens_y, above))
-        return add(eye, shift), unit(add(sharp, scale(-1.0, shift)))
-    return eye, direction
+        shift, direction = across, add(scale(0.0, across), forward)
+    else:
+        shift, direction = scale(0.0, across), unit(add(forward, across))
+        if view.lens > 0.0:
+            sharp = scale(view.focus / dot(direction, forward), direction)
+            shift = add(scale(view.lens * lens_x, right), scale(view.lens * lens_y, above))
+            direction = unit(add(sharp, scale(-1.0, shift)))
+    return add(load3(view.eye), shift), direction
 
 
 @inline
@@ -67,61 +69,64 @@ def load3(a):
 def pixel_width(view, depth):
     """Width of a pixel at a distance from the viewer."""
     width = 2.0 * view.half / view.height
-    return width if view.orthographic else width * depth
+    return width * (0.0 * depth + 1.0 if view.orthographic else depth)
 
 
 @inline
 def approach(origin, direction):
     """How far a ray can go before it comes near the world, which lies within 2 of the centre."""
-    return max(0.0, -dot(origin, direction) - 2.0)
+    return max(0.0, -2.0 - dot(origin, direction))
 
 
 @inline
-def aim(packet, lane, view, x, y, sample):
-    """Put a pixel's viewing ray into a lane; returns how far from the viewer it starts."""
-    k = mix(mix(y * view.width + x) ^ view.key) % np.uint32(len(view.offsets))
+def aim(packet, view, x, y, samples):
+    """Make `packet` the viewing rays of sixteen pixels; returns how far from the viewer they start, float32.
+
+    Args: x, y: int32 lanes, of the whole picture. samples: int32 lanes, numbers of the samples.
+    """
+    film_x, film_y = double(x) + 0.5, double(y) + 0.5
+    lens_x, lens_y = 0.0 * film_x, 0.0 * film_x
     offsets = view.offsets
-    origin, direction = viewing_ray(
-        view,
-        x + 0.5 + offsets[k, 0, sample],
-        y + 0.5 + offsets[k, 1, sample],
-        offsets[k, 2, sample],
-        offsets[k, 3, sample],
-    )
+    if len(offsets) > 0:
+        for lane in range(WIDE):
+            sample = pick(samples, lane)
+            k = mix(mix(pick(y, lane) * view.width + pick(x, lane)) ^ view.key) % np.uint32(len(offsets))
+            film_x = replace(film_x, lane, pick(film_x, lane) + offsets[k, 0, sample])
+            film_y = replace(film_y, lane, pick(film_y, lane) + offsets[k, 1, sample])
+            lens_x = replace(lens_x, lane, offsets[k, 2, sample])
+            lens_y = replace(lens_y, lane, offsets[k, 3, sample])
+    origin, direction = viewing_ray(view, film_x, film_y, lens_x, lens_y)
     start = approach(origin, direction)
     near = add(origin, scale(start, direction))
     for axis in range(3):
-        packet[ORG_X + axis, lane] = near[axis]
-        packet[DIR_X + axis, lane] = direction[axis]
-    packet[TFAR, lane] = FARTHEST
-    return start
+        store_row(packet, ORG_X + axis, single(near[axis]))
+        store_row(packet, DIR_X + axis, single(direction[axis]))
+    store_row(packet, TFAR, FARTHEST)
+    return single(start)
 
 
 @inline
-def struck(ids, lane):
-    """Row of the object and of the face that a lane has hit."""
-    outer = ids[INST_ID, lane]
-    item = ids[GEOM_ID, lane] if outer == INVALID else outer
-    return int(item), int(ids[PRIM_ID, lane])
+def struck(packet):
+    """Rows of the objects and of the faces that a packet has hit, int32 lanes; the object is −1 for a miss."""
+    ids = packet.view(np.int32)
+    outer, inner = load_row(ids, INST_ID), load_row(ids, GEOM_ID)
+    return select((inner >= 0) & (outer >= 0), outer, inner), load_row(ids, PRIM_ID)
 
 
 @kernel
 def mark_seen(geometry, view, left, right, first, last, packet, valid, seen):
     """Set `seen`, bool (w,), for the vertices of all faces that a sample of the rows [first, last) meets."""
-    ids = packet.view(np.uint32)
-    samples = view.offsets.shape[2]
-    total = (right - left) * samples
     for y in range(first, last):
-        for start in range(0, total, LANES):
-            lanes = min(LANES, total - start)
-            for lane in range(LANES):
-                valid[lane] = -1 if lane < lanes else 0
-            for lane in range(lanes):
-                aim(packet, lane, view, left + (start + lane) // samples, y, (start + lane) % samples)
-            intersect8(geometry.handle, packet, valid)
-            for lane in range(lanes):
-                if ids[GEOM_ID, lane] != INVALID:
-                    item, face = struck(ids, lane)
-                    own = geometry.first_w[item] - geometry.first_vertex[item]
-                    for corner in range(3):
-                        seen[own + geometry.faces[geometry.first_face[item] + face, corner]] = True
+        for x in range(left, right, WIDE):
+            pixels = lane_numbers() + x
+            store_row(valid, 0, pixels < right)
+            for sample in range(max(1, view.offsets.shape[2])):
+                aim(packet, view, pixels, 0 * pixels + y, 0 * pixels + sample)
+                intersect16(geometry.handle, packet, valid)
+                items, faces = struck(packet)
+                for lane in range(min(WIDE, right - x)):
+                    item = pick(items, lane)
+                    if item >= 0:
+                        own = geometry.first_w[item] - geometry.first_vertex[item]
+                        for corner in range(3):
+                            seen[own + geometry.faces[geometry.first_face[item] + pick(faces, lane), corner]] = True

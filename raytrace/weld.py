@@ -22,14 +22,18 @@ def weld(positions: npt.NDArray[np.float32], normals: Floats, agreement: float) 
     Args: positions (n, 3); normals (n, 3), unit or zero (agrees with none); agreement: the least cosine.
     """
     count = len(positions)
-    x, y, z = (positions + np.float32(0.0)).T  # −0 becomes 0
+    rows = _repeated(positions + np.float32(0.0))  # −0 becomes 0
+    if not len(rows):
+        return np.arange(count)
+    x, y, z = (positions[rows] + np.float32(0.0)).T
     order = np.lexsort((z, y, x))
-    same = np.ones(count - 1, bool)
+    same = np.ones(len(rows) - 1, bool)
     for coordinate in (x, y, z):
         same &= coordinate[order[1:]] == coordinate[order[:-1]]
     run = np.concatenate([[0], np.cumsum(~same)])
     pairs: list[tuple[npt.NDArray[Any], npt.NDArray[Any]]] = []
-    for step in range(1, min(_NEIGHBOURS, count - 1) + 1):
+    order = rows[order]
+    for step in range(1, min(_NEIGHBOURS, len(rows) - 1) + 1):
         near = np.flatnonzero(run[step:] == run[:-step])
         if not len(near):
             break
@@ -41,3 +45,12 @@ def weld(positions: npt.NDArray[np.float32], normals: Floats, agreement: float) 
     a, b = (np.concatenate(side) for side in zip(*pairs, strict=True))
     graph = coo_array((np.ones(len(a), bool), (a, b)), shape=(count, count))
     return connected_components(graph, directed=False)[1].astype(np.int64)
+
+
+def _repeated(positions: npt.NDArray[np.float32]) -> Ints:
+    """Rows, ascending, of all positions (n, 3) that occur more than once, and perhaps of a few more."""
+    x, y, z = np.ascontiguousarray(positions).view(np.uint32).T.astype(np.uint64)
+    keys = x * np.uint64(0x9E3779B97F4A7C15) ^ y * np.uint64(0xC2B2AE3D27D4EB4F) ^ z * np.uint64(0x165667B19E3779F9)
+    ordered = np.sort(keys)
+    twice = ordered[1:][ordered[1:] == ordered[:-1]]
+    return np.flatnonzero(np.isin(keys, twice)) if len(twice) else np.zeros(0, np.int64)

@@ -4,16 +4,18 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from typing import Any, NamedTuple
+from weakref import WeakKeyDictionary
 
 import numpy as np
 import numpy.typing as npt
 
 from . import light_rows
-from .embree import EmbreeScene, Instance, Triangles, TriangleScene
+from .embree import EmbreeScene, Instance, Triangles, TriangleScene, aligned
 from .lights import BaseLight, pack_lights
 from .materials import pack_materials
 from .mesh import Mesh
 from .normals import face_normals, normalize, vertex_sums
+from .occluders import SLACK, cluster, pack_boxes
 from .placement import Placement
 from .scene import Object, Scene, Shape
 from .weld import CREASE, weld
@@ -25,19 +27,20 @@ class Geometry(NamedTuple):
     """Arrays for kernels; rows of `objects` columns are a scene's objects, in order.
 
     Attributes:
-        handle: Embree scene. vertices, normals: float32 (v, 3), each shape's in its own frame. faces: int64 (f, 3),
+        handle: Embree scene. vertices, normals: float32 (v, 3), each shape's in its own frame. faces: int32 (f, 3),
         indices into them. uv: float32 (v, 2). w: float64, obscurance, each object's in a stretch of its own.
         first_vertex, first_face, first_w: int64 (o,), where an object's stretches begin.
         to_world: float64 (o, 3, 4); normal_to_world: (o, 3, 3); mirrored: −1 where the transform mirrors, else 1.
         placed: bool (o,), whether the arrays hold world coordinates already. authored: whether the normals are the
         source's own. magnitude: least |coordinate| that ray offsets reckon with.
-        texture: int64 (o,), −1 for none. kinds, rows: the objects' packed materials.
+        texture: int64 (o,), −1 for none. kinds, rows: the objects' packed materials. boxes: around all that casts
+        shadows (`raytrace.occluders.pack_boxes`).
     """
 
     handle: Any
     vertices: npt.NDArray[np.float32]
     normals: npt.NDArray[np.float32]
-    faces: npt.NDArray[np.int64]
+    faces: npt.NDArray[np.int32]
     uv: npt.NDArray[np.float32]
     w: Floats
     first_vertex: npt.NDArray[np.int64]
@@ -52,6 +55,7 @@ class Geometry(NamedTuple):
     texture: npt.NDArray[np.int64]
     kinds: npt.NDArray[np.int64]
     rows: Floats
+    boxes: npt.NDArray[np.float32]
 
 
 class Lights(NamedTuple):
@@ -89,13 +93,23 @@ class _Piece(NamedTuple):
 
 
 def build(scene: Scene) -> World:
-    """Make the Embree scene and the arrays of `scene`.
+    """The Embree scene and the arrays of `scene`, made when they are first asked for and kept as long as the scene.
 
     A shape that one object uses is placed once and for all; one that several use becomes instances.
 
     Raises:
         EmbreeError: Embree failed, out of memory for instance.
     """
+    world = _worlds.get(scene)
+    if world is None:
+        world = _worlds[scene] = _build(scene)
+    return world
+
+
+_worlds: WeakKeyDictionary[Scene, World] = WeakKeyDictionary()
+
+
+def _build(scene: Scene) -> World:
     whole = _bounds(scene)
     placement = Placement.of(whole)
     centre, scale = whole.centre, placement.scale
@@ -117,6 +131,7 @@ def build(scene: Scene) -> World:
     textures = tuple(dict.fromkeys(shape.texture for shape in shapes.values() if shape.texture))
 
     geometries: list[Triangles | Instance] = []
+    boxes = []
     count = len(scene.objects)
     to_world, normal_to_world = np.empty((count, 3, 4)), np.empty((count, 3, 3))
     mirrored, magnitude = np.ones(count), np.zeros(count)
@@ -126,8 +141,11 @@ def build(scene: Scene) -> World:
         if piece.scene:
             geometries.append(Instance(piece.scene, matrix[:3].astype(np.float32)))
             magnitude[row] = 4.0  # the ray's own way into the instance's frame is rounded too
+            corners = _corners(piece.vertices) @ matrix[:3, :3].T + matrix[:3, 3]
+            boxes.append(np.stack([corners.min(axis=0) - 4 * SLACK, corners.max(axis=0) + 4 * SLACK])[None])
         else:
             geometries.append(Triangles(piece.vertices, item.shape.mesh.faces))
+            boxes.append(cluster(piece.vertices, item.shape.mesh.faces, count))
         to_world[row] = matrix[:3]
         normal_to_world[row] = np.linalg.inv(matrix[:3, :3]).T
         mirrored[row] = np.sign(np.linalg.det(item.transform[:3, :3]))
@@ -140,9 +158,9 @@ def build(scene: Scene) -> World:
     corner_rows = [s.mesh.faces + start for s, start in zip(shapes.values(), vertex_starts, strict=True)]
     geometry = Geometry(
         handle=embree.handle,
-        vertices=np.concatenate([piece.vertices for piece in pieces.values()]),
-        normals=np.concatenate([piece.normals for piece in pieces.values()]),
-        faces=np.concatenate(corner_rows),
+        vertices=_joined([piece.vertices for piece in pieces.values()], np.float32),
+        normals=_joined([piece.normals for piece in pieces.values()], np.float32),
+        faces=_joined(corner_rows, np.int32),
         uv=np.concatenate(uv).astype(np.float32),
         w=np.concatenate(w),
         first_vertex=vertex_starts[rank],
@@ -157,6 +175,7 @@ def build(scene: Scene) -> World:
         texture=np.array([textures.index(t) if (t := item.shape.texture) else -1 for item in scene.objects]),
         kinds=kinds,
         rows=rows,
+        boxes=pack_boxes(np.concatenate(boxes)),
     )
     return World(geometry, _place_lights(scene.lights, centre, scale), embree, centre, scale, textures)
 
@@ -165,10 +184,21 @@ def _bounds(scene: Scene) -> Mesh:
     """The corners of all objects' bounding boxes, in the world: what the world is centred and scaled by."""
     corners = []
     for item in scene.objects:
-        low, high = item.shape.mesh.vertices.min(axis=0), item.shape.mesh.vertices.max(axis=0)
-        grid = np.array(np.meshgrid(*zip(low, high, strict=True))).reshape(3, -1).T
-        corners.append(grid @ item.transform[:3, :3].T + item.transform[:3, 3])
+        corners.append(_corners(item.shape.mesh.vertices) @ item.transform[:3, :3].T + item.transform[:3, 3])
     return Mesh(np.concatenate(corners), np.array([[0, 1, 2]]), source="scene")
+
+
+def _corners(points: npt.NDArray[np.floating[Any]]) -> Floats:
+    """The corners (8, 3) of the points' bounding box."""
+    ends = zip(points.min(axis=0), points.max(axis=0), strict=True)
+    return np.array(np.meshgrid(*ends), np.float64).reshape(3, -1).T
+
+
+def _joined(parts: list[npt.NDArray[Any]], dtype: type[np.generic]) -> npt.NDArray[Any]:
+    """The rows of all `parts`, (n, 3), as `raytrace.lane_memory.gather3` wants them."""
+    joined = aligned((sum(map(len, parts)), 3), dtype)
+    np.concatenate(parts, out=joined, casting="same_kind")
+    return joined
 
 
 def _starts(lengths: list[int]) -> npt.NDArray[np.int64]:
@@ -209,8 +239,11 @@ def _place_lights(lights: tuple[BaseLight, ...], centre: Floats, scale: float) -
     rows[:, light_rows.POSITION : light_rows.POSITION + 3] = scale * (
         rows[:, light_rows.POSITION : light_rows.POSITION + 3] - centre
     )
-    rows[:, light_rows.RADIAL + 1] /= scale
-    rows[:, light_rows.RADIAL + 2] /= scale**2
+    radial = rows[:, light_rows.RADIAL : light_rows.RADIAL + 3]
+    radial /= scale ** np.arange(3)
+    largest = np.where(radial.any(axis=1), radial.max(axis=1), 1.0)[:, None]  # kept out of what float32 can hold
+    radial /= largest
+    rows[:, light_rows.INTENSITY : light_rows.INTENSITY + 3] /= largest
     rows[:, light_rows.INVERSE_RANGE] /= scale
     bright = rows[:, light_rows.INTENSITY : light_rows.INTENSITY + 3].any(axis=1)
     return Lights(kinds[bright], rows[bright])

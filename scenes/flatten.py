@@ -9,9 +9,12 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from raytrace.errors import InputError, MeshError
 from raytrace.mesh import Mesh
 
 from .polygons import fan_triangles
+
+MAX_COPIED = 20_000_000
 
 
 @dataclass(frozen=True)
@@ -57,6 +60,21 @@ def instance(
     return Instance(name, vertices, faces, normals, matrix)
 
 
+def check_copies(rows: int, stored: int, source: object, error: type[InputError] = MeshError) -> None:
+    """Refuse a small file that fills the memory by repeating what it holds.
+
+    Args:
+        rows: vertices and triangles, counted wherever they are placed. Each takes a byte or more where it is stored.
+        stored: bytes that hold them.
+
+    Raises:
+        error: more rows than bytes, and than `MAX_COPIED`.
+    """
+    limit = max(stored, MAX_COPIED)
+    if rows > limit:
+        raise error(source, "objects", f"at most {limit:,} vertices and triangles with all copies", f"{rows:,}")
+
+
 def world_matrices(edges: Iterable[dict[str, Any]], base: Any) -> dict[Any, npt.NDArray[np.float64]]:
     """The (4, 4) map from each frame of a tree to `base`.
 
@@ -70,7 +88,7 @@ def world_matrices(edges: Iterable[dict[str, Any]], base: Any) -> dict[Any, npt.
     Raises:
         ValueError: a frame is not below `base`.
     """
-    parents = {edge["frame_to"]: (edge.get("frame_from", base), edge.get("matrix", np.eye(4))) for edge in edges}
+    parents = {edge["frame_to"]: (edge.get("frame_from", base), edge.get("matrix")) for edge in edges}
     world = {base: np.eye(4)}
     for frame in parents:
         path: list[Any] = []
@@ -81,7 +99,7 @@ def world_matrices(edges: Iterable[dict[str, Any]], base: Any) -> dict[Any, npt.
             frame = parents[frame][0]
         for step in reversed(path):
             parent, matrix = parents[step]
-            world[step] = world[parent] @ np.asarray(matrix, dtype=np.float64)
+            world[step] = world[parent] if matrix is None else world[parent] @ np.asarray(matrix, dtype=np.float64)
     return world
 
 

@@ -26,6 +26,8 @@ from raytrace.material_base import BaseMaterial
 from raytrace.materials import material_from_dict
 from raytrace.models.constants import eta_from_reflectance
 
+from .gltf import Gltf
+from .gltf_accessors import entry
 from .studio import NEUTRAL
 
 DIELECTRIC_F0 = 0.04
@@ -33,11 +35,11 @@ _LEAST_SLOPE = 0.02  # sharper highlights of lights without extent are smaller t
 _FACETS = 0.1
 
 
-def material_of(header: dict[str, Any], primitive: dict[str, Any]) -> BaseMaterial:
+def material_of(asset: Gltf, primitive: dict[str, Any]) -> BaseMaterial:
     """The material of a primitive. Raises: Exception: a malformed header."""
     if "material" not in primitive:
         return NEUTRAL
-    stored = header["materials"][primitive["material"]]
+    stored = entry(asset, "materials", primitive["material"])
     extensions = stored.get("extensions", {})
     surface = stored.get("pbrMetallicRoughness", {"metallicFactor": 0.0})
     *base, alpha = (float(c) for c in np.clip(surface.get("baseColorFactor", [1, 1, 1, 1]), 0, 1))
@@ -45,7 +47,7 @@ def material_of(header: dict[str, Any], primitive: dict[str, Any]) -> BaseMateri
     glow = [strength * value for value in stored.get("emissiveFactor", [0, 0, 0])]
     common: dict[str, Any] = {"emission": glow, "two_sided": bool(stored.get("doubleSided", False))}
 
-    if "KHR_materials_unlit" in extensions and base_texture(header, primitive) is None:
+    if "KHR_materials_unlit" in extensions and base_texture(asset, primitive) is None:
         return material_from_dict(common | {"model": "lambert", "albedo": 0.0, "emission": base})
     roughness = float(np.clip(surface.get("roughnessFactor", 1.0), 0, 1))
     metallic = float(np.clip(surface.get("metallicFactor", 1.0), 0, 1))
@@ -63,10 +65,10 @@ def material_of(header: dict[str, Any], primitive: dict[str, Any]) -> BaseMateri
     return material_from_dict(common | {"model": "cook_torrance"})
 
 
-def base_texture(header: dict[str, Any], primitive: dict[str, Any]) -> dict[str, Any] | None:
+def base_texture(asset: Gltf, primitive: dict[str, Any]) -> dict[str, Any] | None:
     """The texture reference (`index`, `texCoord`) of the base colour of a primitive's material, or None."""
     if "material" not in primitive:
         return None
-    surface = header["materials"][primitive["material"]].get("pbrMetallicRoughness", {})
+    surface = entry(asset, "materials", primitive["material"]).get("pbrMetallicRoughness", {})
     reference: dict[str, Any] | None = surface.get("baseColorTexture")
     return reference

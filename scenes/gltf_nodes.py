@@ -15,6 +15,7 @@ from .flatten import world_matrices
 from .gltf import roots
 
 Floats = npt.NDArray[np.float64]
+_PLACED = {"matrix", "translation", "rotation", "scale"}
 
 
 def node_matrices(header: dict[str, Any]) -> dict[int, Floats]:
@@ -30,7 +31,8 @@ def node_matrices(header: dict[str, Any]) -> dict[int, Floats]:
         parent, number = stack.pop()
         if len(edges) >= len(nodes):
             raise ValueError("the nodes are no tree")
-        edges.append({"frame_to": number, "frame_from": parent, "matrix": _local(nodes[number])})
+        edge = {"frame_to": number, "frame_from": parent}
+        edges.append(edge if _PLACED.isdisjoint(nodes[number]) else edge | {"matrix": _local(nodes[number])})
         stack.extend((number, child) for child in reversed(nodes[number].get("children", [])))
     world = world_matrices(edges, -1)
     return {edge["frame_to"]: world[edge["frame_to"]] for edge in edges}
@@ -40,7 +42,8 @@ def _local(node: dict[str, Any]) -> Floats:
     if "matrix" in node:
         return np.array(node["matrix"], np.float64).reshape(4, 4).T
     made = np.eye(4)
-    rotation = Rotation.from_quat(node.get("rotation", [0, 0, 0, 1])).as_matrix()
-    made[:3, :3] = rotation * np.array(node.get("scale", [1, 1, 1]), np.float64)
-    made[:3, 3] = node.get("translation", [0, 0, 0])
+    if "rotation" in node:
+        made[:3, :3] = Rotation.from_quat(node["rotation"]).as_matrix()
+    made[:3, :3] *= node.get("scale", 1.0)
+    made[:3, 3] = node.get("translation", 0.0)
     return made

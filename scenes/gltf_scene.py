@@ -15,10 +15,12 @@ from . import gltf_camera, gltf_lights
 from .description import SceneDescription
 from .flatten import Instance
 from .gltf import Gltf, Primitive, primitives
+from .gltf_header import check_appearance
 from .gltf_materials import material_of
 from .gltf_nodes import node_matrices
 from .gltf_texture import Textures
 from .load import mesh_errors, read_objects
+from .located import located
 from .studio import BACKGROUND, Y_UP, framing, three_lights
 
 
@@ -53,7 +55,8 @@ def gltf_objects(path: Path) -> tuple[tuple[Object, ...], Gltf]:
     if asset is None:
         raise MeshError(path, "file", "glTF or GLB", path.suffix)
     with mesh_errors(path):
-        textures = Textures(asset, path)
+        check_appearance(asset.header, path)
+        textures = Textures(asset)
         shapes: dict[tuple[int, int], Shape] = {}
         objects = []
         for piece, placed in zip(primitives(asset.header), instances, strict=True):
@@ -73,4 +76,5 @@ def _shape(asset: Gltf, piece: Primitive, placed: Instance, textures: Textures, 
     primitive = asset.header["meshes"][piece.mesh]["primitives"][piece.place]
     mesh = Mesh(placed.vertices, placed.faces, placed.normals, source=f"{path}: {placed.name}")
     uv, texture = textures.of(primitive) or (None, None)
-    return Shape(mesh, material_of(asset.header, primitive), uv, texture)
+    with located(path, f"materials[{primitive.get('material')}]"):
+        return Shape(mesh, material_of(asset, primitive), uv, texture)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ao.receivers import Flag, find_receivers
+from raytrace.errors import printable
 from raytrace.normals import face_normals
 from raytrace.placement import Placement
 from raytrace.resolution import precision_warnings
@@ -21,8 +22,8 @@ def describe(source: MeshFile) -> list[tuple[str, str]]:
     uses = np.unique(edges[:, 0] * len(mesh.vertices) + edges[:, 1], return_counts=True)[1]
     low, high = mesh.vertices.min(axis=0), mesh.vertices.max(axis=0)
     rows = [
-        ("file", str(source.path)),
-        ("objects", f"{len(source.parts)}: " + ", ".join(part.name for part in source.parts[:8])),
+        ("file", printable(str(source.path))),
+        ("objects", f"{len(source.parts)}: " + ", ".join(printable(part.name) for part in source.parts[:8])),
         ("vertices", f"{len(mesh.vertices):,}"),
         ("faces", f"{len(mesh.faces):,}, {len(mesh.faces) - len(receivers.faces):,} of them degenerate"),
         ("edges", f"{len(uses):,}: {(uses == 1).sum():,} open, {(uses > 2).sum():,} between three faces or more"),

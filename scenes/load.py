@@ -1,4 +1,4 @@
-"""Mesh files of every format trimesh reads, with the user's vertices exactly as stored."""
+"""Mesh files: our own readers of OBJ, PLY, STL, glTF and 3MF, trimesh for the rest; vertices exactly as stored."""
 
 from __future__ import annotations
 
@@ -7,19 +7,22 @@ import logging
 import os
 import re
 import warnings
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, BinaryIO
+from typing import BinaryIO
 
 from raytrace.errors import InputError, MeshError
 from raytrace.mesh import Mesh
 
-from .flatten import Instance, Part, flatten, instance, world_matrices
-from .gltf import Gltf, decode, read_instances
+from .flatten import Instance, Part, check_copies, flatten, instance, world_matrices
+from .gltf import Gltf, decode
+from .gltf_instances import read_instances
 from .obj import read_obj
 from .ply import read_ply
+from .stl import read_stl
+from .threemf import check_archive, read_3mf
 
 
 @dataclass(frozen=True)
@@ -89,11 +92,15 @@ def read_objects(path: Path) -> tuple[list[Instance], Gltf | None]:
         with path.open("rb") as file:
             if kind in ("glb", "gltf"):
                 asset = decode(file.read(), path)
-                instances = read_instances(asset, source)
+                instances = read_instances(asset)
             elif kind == "obj":
                 instances = read_obj(file.read(), path.stem, source)
             elif kind == "ply":
-                instances = read_ply(file, path.stem, source)
+                instances = read_ply(file.read(), path.stem, source)
+            elif kind == "stl":
+                instances = read_stl(file.read(), path.stem, source)
+            elif kind == "3mf":
+                instances = read_3mf(file, source)
             else:
                 instances = _read(file, kind, path.stem, source)
         # Every primitive of a glTF keeps its part: the GLB writer counts on it.
@@ -115,12 +122,14 @@ def _read(file: BinaryIO, kind: str, name: str, source: str) -> list[Instance]:
     """Geometry by trimesh's loader for `kind`, not by trimesh.load, which would merge vertices in some formats."""
     from trimesh.exchange.load import mesh_loaders
 
-    if kind == "off" or (kind == "stl" and not _is_binary_stl(file)):
+    if kind == "3dxml":
+        check_archive(file, source)
+    if kind == "off":
         # trimesh would need a further package to guess an encoding other than UTF-8.
         file = io.BytesIO(file.read().decode("utf-8", "replace").encode())
     loaded = mesh_loaders[kind](file_obj=file, file_type=kind, resolver=None)
-    if kind in _COMPLETENESS:
-        _COMPLETENESS[kind](file, loaded, source)
+    if kind == "off":
+        _check_off(file, source)
     if "geometry" not in loaded:
         return [instance(name, loaded)]
     geometry = loaded["geometry"]
@@ -131,33 +140,16 @@ def _read(file: BinaryIO, kind: str, name: str, source: str) -> list[Instance]:
         for edge in loaded["graph"]
     ]
     world = world_matrices(edges, loaded.get("base_frame", "world"))
-    return [
+    placed = [
         instance(str(edge["frame_to"]), geometry[edge["geometry"]], world[edge["frame_to"]])
         for edge in edges
         if edge.get("geometry") in geometry
     ]
+    check_copies(sum(len(each.vertices) + len(each.faces) for each in placed), file.seek(0, os.SEEK_END), source)
+    return placed
 
 
-def _check_stl(file: BinaryIO, loaded: dict[str, Any], source: str) -> None:
-    """trimesh takes an ASCII solid that ends early for no solid, and a short binary file for ASCII."""
-    solids = loaded["geometry"].values() if "geometry" in loaded else [loaded]
-    count = sum(len(solid["vertices"]) for solid in solids)
-    file.seek(0)
-    if not _is_binary_stl(file):
-        stored = len(re.findall(rb"^\s*vertex\s", file.read(), re.MULTILINE | re.IGNORECASE))
-        if stored != count or stored == 0:
-            raise MeshError(source, "content", "complete ASCII or binary STL", "neither: damaged or cut off")
-
-
-def _is_binary_stl(file: BinaryIO) -> bool:
-    """Whether the length is the one that the binary header announces. Leaves the position at the start."""
-    announced = int.from_bytes(file.read(84)[80:84], "little")
-    length = file.seek(0, os.SEEK_END)
-    file.seek(0)
-    return length == 84 + 50 * announced
-
-
-def _check_off(file: BinaryIO, _loaded: dict[str, Any], source: str) -> None:
+def _check_off(file: BinaryIO, source: str) -> None:
     """trimesh takes a file that ends early for a shorter one."""
     file.seek(0)
     text = re.sub(r"#.*", "", file.read().decode("utf-8", "replace"))
@@ -165,12 +157,6 @@ def _check_off(file: BinaryIO, _loaded: dict[str, Any], source: str) -> None:
     expected = 1 + int(rows[0][0]) + int(rows[0][1])
     if len(rows) < expected or len(rows[expected - 1]) <= int(rows[expected - 1][0]):
         raise MeshError(source, "content", f"{rows[0][0]} vertices and {rows[0][1]} faces", "an end before that")
-
-
-_COMPLETENESS: dict[str, Callable[[BinaryIO, dict[str, Any], str], None]] = {
-    "stl": _check_stl,
-    "off": _check_off,
-}
 
 
 @contextmanager

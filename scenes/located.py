@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 
-from raytrace.errors import InputError, MeshError, SceneError
+from raytrace.errors import InputError, MeshError, SceneError, shortened
 
 _LONGEST = 100
 
@@ -45,5 +45,4 @@ def located(source: object, path: str) -> Iterator[None]:
 
 
 def _one_line(value: object) -> str:
-    text = str(value).replace("\n", "\\n").replace("\r", "\\r")
-    return text if len(text) <= _LONGEST else text[: _LONGEST - 1] + "…"
+    return shortened(value, _LONGEST).replace("\n", "\\n").replace("\r", "\\r")

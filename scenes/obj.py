@@ -97,14 +97,14 @@ def _statements(text: str, source: str) -> tuple[Floats, Floats, str, npt.NDArra
     if "-" in faces:
         faces = _absolute(text)
     del text
-    sizes = np.array([len(line.split()) for line in faces.splitlines()], dtype=np.int64)
+    sizes = np.array([len(line.split()) for line in faces.split("\n")] if faces else [], dtype=np.int64)
     if (sizes < 3).any():
         raise MeshError(source, f"face {int(np.argmax(sizes < 3)) + 1}", "three corners or more", int(sizes.min()))
     return vertices, normals, faces, sizes
 
 
 def _normal_indices(faces: str, count: int, source: str) -> npt.NDArray[np.int64]:
-    return _indices(re.sub(r"[^/\s]+/[^/\s]*/", "", faces), count, source, "vn")
+    return _indices(re.sub(r"(?<!\S)[^/\s]+/[^/\s]*/", "", faces), count, source, "vn")
 
 
 def _rows(lines: list[str], width: int = 3) -> Floats:

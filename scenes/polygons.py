@@ -17,7 +17,12 @@ def fan_triangles(corners: npt.NDArray[np.integer[Any]], sizes: npt.NDArray[np.i
 
     Returns:
         int64 (m, 3).
+
+    Raises:
+        ValueError: `corners` has another length than the sum of `sizes`.
     """
+    if sizes.sum() != len(corners):
+        raise ValueError(f"{len(corners)} corners for polygons of {sizes.sum()}")
     vertices = corners.astype(np.int64)
     if (sizes == 3).all():
         return vertices.reshape(-1, 3)

@@ -25,6 +25,11 @@ from .scene_objects import ObjectReader, named_materials
 from .schema import CameraTable, Document, ObscuranceTable, parse_document
 from .studio import FROM, Z_UP, three_lights
 
+_PARTS = 100  # tomllib takes memory by the square of their number
+_LONG_KEY = re.compile(
+    r"""(?<![\w-])(?:(?:[\w-]++|"(?:[^"\\\n]|\\.)*+"|'[^'\n]*+')[ \t]*+\.[ \t]*+){""" + f"{_PARTS - 1}}}"
+)
+
 
 def read_toml(path: Path, size: tuple[int, int] | None = None) -> SceneDescription:
     """A TOML scene; files it names are looked for in its own folder and below.
@@ -66,7 +71,12 @@ def _load(path: Path) -> dict[str, Any]:
     if not content.strip():
         raise SceneError(path, "content", "a TOML scene", "an empty file")
     try:
-        return tomllib.loads(content.decode("utf-8-sig"))
+        text = content.decode("utf-8-sig")
+        if _LONG_KEY.search(text):
+            raise SceneError(path, "content", f"keys of fewer than {_PARTS} parts", "a longer one")
+        return tomllib.loads(text)
+    except SceneError:
+        raise
     except UnicodeDecodeError as reason:
         line = content.count(b"\n", 0, reason.start) + 1
         raise SceneError(path, f"line {line}", "UTF-8", f"byte {content[reason.start]:#04x}") from None

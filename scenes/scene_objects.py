@@ -18,7 +18,7 @@ from raytrace.scene import Object, Shape
 from raytrace.texture import Texture
 
 from .confined import confined
-from .flatten import flatten
+from .flatten import check_copies, flatten
 from .gltf_scene import gltf_objects
 from .load import mesh_errors, read_objects
 from .located import check_keys, joined, located, shown
@@ -61,6 +61,8 @@ class ObjectReader:
         self._textures: dict[Path, Texture] = {}
         self._gltf: dict[Path, tuple[Object, ...]] = {}
         self._shapes: dict[Any, Shape] = {}
+        self._stored: dict[int, int] = {}
+        self._placed = 0
 
     def read(self, table: ObjectTable, path: str) -> list[Object]:
         """The objects of one entry, whose path in the file is `path`: one for each copy, or more for a glTF file.
@@ -69,6 +71,7 @@ class ObjectReader:
             SceneError: a bad or missing value or file.
         """
         pieces = self._pieces(table, path)
+        self._check_copies(pieces, table)
         own = matrix_of(table, self._source, path)
         copies: list[tuple[str, npt.NDArray[Any]]] = [("", own)]
         if table.copies is not None:
@@ -81,6 +84,15 @@ class ObjectReader:
                 with located(self._source, path):
                     objects.append(replace(piece, transform=matrix @ piece.transform, name=piece.name + suffix))
         return objects
+
+    def _check_copies(self, pieces: list[Object], table: ObjectTable) -> None:
+        """Count vertices and triangles, those of mesh files once and those of all copies."""
+        rows = {id(item.shape.mesh): len(item.shape.mesh.vertices) + len(item.shape.mesh.faces) for item in pieces}
+        if table.mesh is not None:
+            self._stored |= rows
+        each = sum(rows[id(item.shape.mesh)] for item in pieces)
+        self._placed += each * (1 if table.copies is None else len(table.copies))
+        check_copies(self._placed, sum(self._stored.values()), self._source, SceneError)
 
     def _pieces(self, table: ObjectTable, path: str) -> list[Object]:
         """The entry's objects before its own transform."""

@@ -76,7 +76,7 @@ class ObjectTable(Transform):
     material: Annotated[Any, BeforeValidator(_name_or_table)] = None
     texture: str | None = None
     own_normals: StrictBool = True
-    copies: Annotated[list[Transform], Field(min_length=1)] | None = None
+    copies: Annotated[list[Transform], Field(min_length=1, fail_fast=True)] | None = None
 
 
 class CameraTable(Table):
@@ -125,9 +125,9 @@ class Document(Table):
     camera: CameraTable = CameraTable()
     render: RenderTable = RenderTable()
     obscurance: ObscuranceTable = ObscuranceTable()
-    materials: list[dict[str, Any]] = []
-    objects: Annotated[list[ObjectTable], Field(min_length=1)]
-    lights: list[dict[str, Any]] = []
+    materials: Annotated[list[dict[str, Any]], Field(fail_fast=True)] = []
+    objects: Annotated[list[ObjectTable], Field(min_length=1, fail_fast=True)]
+    lights: Annotated[list[dict[str, Any]], Field(fail_fast=True)] = []
 
 
 def parse_document(data: dict[str, Any], source: object) -> Document:

@@ -17,6 +17,8 @@ from raytrace.errors import OptionError
 from .load import MeshFile
 from .write_glb import glb
 
+_LONGEST = 1e38
+
 
 class Baked(Protocol):
     """What is written of a bake, per vertex of the mesh and in its order.
@@ -66,7 +68,7 @@ def write(path: str | os.PathLike[str], bake: Baked, mesh_file: MeshFile, *, col
         colors: also give a .glb the vertex colours `COLOR_0` = w.
 
     Raises:
-        OptionError: unknown ending.
+        OptionError: unknown ending, or coordinates that a .glb cannot hold.
         OutputError: the file cannot be written; an existing one is untouched.
     """
     content = _writer(path)(bake, mesh_file, colors)
@@ -101,12 +103,13 @@ def _npz(bake: Baked, _mesh_file: MeshFile, _colors: bool) -> memoryview:
 
 def _ply(bake: Baked, mesh_file: MeshFile, _colors: bool) -> bytes:
     mesh = mesh_file.mesh
-    single = np.array_equal(mesh.vertices.astype(np.float32), mesh.vertices)
+    with np.errstate(over="ignore"):
+        single = np.array_equal(mesh.vertices.astype(np.float32), mesh.vertices)
     fields = [(axis, "<f4" if single else "<f8") for axis in "xyz"]
     columns = dict(zip("xyz", mesh.vertices.T, strict=True))
     if mesh.normals is not None:
         fields += [(axis, "<f4") for axis in ("nx", "ny", "nz")]
-        columns |= zip(("nx", "ny", "nz"), np.nan_to_num(mesh.normals).T, strict=True)
+        columns |= zip(("nx", "ny", "nz"), _storable(mesh.normals).T, strict=True)
     fields += [("obscurance", "<f4"), ("red", "u1"), ("green", "u1"), ("blue", "u1")]
     grey = np.rint(np.clip(bake.w, 0, 1) * 255)
     columns |= {"obscurance": bake.w, "red": grey, "green": grey, "blue": grey}
@@ -127,6 +130,13 @@ def _ply(bake: Baked, mesh_file: MeshFile, _colors: bool) -> bytes:
         "end_header\n",
     ]
     return "\n".join(header).encode() + vertices.tobytes() + faces.tobytes()
+
+
+def _storable(normals: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+    """Normals (n, 3) without NaN, those too long for float32 shortened."""
+    finite = np.nan_to_num(normals)
+    longest = np.abs(finite).max(axis=1, keepdims=True)
+    return finite / np.where(longest > _LONGEST, longest, 1.0)
 
 
 def _glb(bake: Baked, mesh_file: MeshFile, colors: bool) -> bytes:

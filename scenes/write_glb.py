@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import copy
+from functools import cache
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
+from raytrace.errors import OptionError
 from raytrace.mesh import Mesh
 
 from .flatten import Part
@@ -15,6 +18,7 @@ from .gltf import Gltf, encode_glb, primitives, reference
 from .load import MeshFile
 
 _FLOAT, _UNSIGNED_BYTE, _UNSIGNED_INT = 5126, 5121, 5125
+_LARGEST = 1e38  # of float32, and of a difference of two
 _ARRAY_BUFFER, _ELEMENT_ARRAY_BUFFER = 34962, 34963
 
 
@@ -29,6 +33,9 @@ def glb(mesh_file: MeshFile, w: npt.NDArray[np.floating[Any]], colors: bool) -> 
         mesh_file: what was baked.
         w: (n,), per vertex of `mesh_file.mesh`.
         colors: also write w, linear as glTF's vertex colours are, to `COLOR_0`. An existing one is replaced.
+
+    Raises:
+        OptionError: coordinates of a source that is no glTF are too large for float32.
     """
     asset = mesh_file.gltf
     packed = _annotate(asset, mesh_file.parts, w, colors) if asset else _plain(mesh_file, w, colors)
@@ -96,13 +103,17 @@ def _one_buffer(asset: Gltf) -> _Packed:
     for view in packed.header.get("bufferViews", []):
         view["byteOffset"] = view.get("byteOffset", 0) + offsets[view["buffer"]]
         view["buffer"] = 0
+    read = cache(Path.read_bytes)
+    views: dict[int, int] = {}
     for image in packed.header.get("images", []):
         uri = str(image.get("uri", "data:"))
-        data = None if uri.startswith("data:") else reference(uri, asset.folder)
+        data = None if uri.startswith("data:") else reference(uri, asset.path.parent, read)
         if data is not None:
             del image["uri"]
             image.setdefault("mimeType", "image/png" if data.startswith(b"\x89PNG") else "image/jpeg")
-            image["bufferView"] = packed.bytes_view(data)
+            if id(data) not in views:
+                views[id(data)] = packed.bytes_view(data)
+            image["bufferView"] = views[id(data)]
     return packed
 
 
@@ -134,6 +145,8 @@ def _geometry(packed: _Packed, mesh: Mesh, part: Part) -> tuple[dict[str, int], 
     """Attributes, indices, and the origin of positions that float32 cannot hold about zero."""
     vertices = mesh.vertices[part.vertices]
     origin = None
+    if np.abs(vertices).max() > _LARGEST:
+        raise OptionError("output", f"coordinates up to {_LARGEST:g} in a .glb", f"{np.abs(vertices).max():g}")
     if not np.array_equal(vertices.astype("<f4"), vertices):
         origin = (vertices.min(axis=0) + vertices.max(axis=0)) / 2
         vertices = vertices - origin

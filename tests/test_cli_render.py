@@ -172,7 +172,7 @@ def test_the_report_holds_the_contract(whole, folder):
     ].items()
     assert set(found["rays"]) == {"primary", "shadow", "bake"}
     assert found["rays"]["primary"] == 48 * 32 * 4
-    reasons = {"behind", "unreached", "black", "culled", "background", "primary_agreed"}
+    reasons = {"behind", "unreached", "black", "culled", "unobstructed", "background", "primary_agreed"}
     assert reasons <= set(found["rays_skipped"])
     assert found["rays"]["shadow"] + sum(found["rays_skipped"][reason] for reason in reasons) == 48 * 32 * 4
     assert set(found["seconds"]) == {"bake", "build", "render", "write"}

@@ -52,4 +52,4 @@ def test_the_public_names_are_these():
 
     assert {name: hasattr(ao, name) for name in ao.__all__} == dict.fromkeys(ao.__all__, True)
     assert {name: hasattr(raytrace, name) for name in raytrace.__all__} == dict.fromkeys(raytrace.__all__, True)
-    assert set(ao.__all__) == {"Bake", "Binary", "Exponential", "Falloff", "Flag", "bake"}
+    assert set(ao.__all__) == {"Bake", "Binary", "Exponential", "Falloff", "Flag", "bake", "bake_surface"}

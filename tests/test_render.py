@@ -309,6 +309,39 @@ def test_vertices_that_no_pixel_sees_need_no_obscurance(still, shading):
         np.testing.assert_array_equal(b[name], layer)
 
 
+def test_what_is_there_does_not_depend_on_shading(still):
+    settings = {"width": 48, "height": 32, "samples": 4}
+    phong, *others = (
+        render(still, CAMERA, Settings(**settings, shading=shading)).layers
+        for shading in ("phong", "gouraud", "constant", "quadratic")
+    )
+    assert len(np.unique(phong["albedo"])) > 3
+    for other in others:
+        np.testing.assert_array_equal(other["beauty"][..., 3], phong["beauty"][..., 3])
+        for name in ("albedo", "obscurance", "depth", "object_id", "emission"):
+            np.testing.assert_allclose(other[name], phong[name], rtol=1e-6)
+
+
+@pytest.mark.parametrize("size", [1e-30, 1e-3, 1e25])
+@pytest.mark.parametrize("attenuation", [(0, 0, 1), (0, 1, 0), (1, 0, 0)])
+def test_the_picture_does_not_depend_on_the_unit_of_length(size, attenuation):
+    """Also where squares of lengths are beyond float32."""
+
+    def seen(unit):
+        shapes = grid((-4, -4, 0), (8, 0, 0), (0, 8, 0), 8), sphere(subdivisions=3)
+        objects = tuple(white(Mesh(mesh.vertices * unit, mesh.faces)) for mesh in shapes)
+        power = unit ** float(np.dot(attenuation, (0, 1, 2)))
+        place = tuple(unit * np.array([2.0, -3.0, 4.0]))
+        lamp = PointLight(position=place, intensity=30 * power, attenuation=attenuation, range=20 * unit)
+        camera = Camera(tuple(unit * np.array([3.0, -6.0, 3.0])), (0, 0, 0))
+        return render(Scene(objects, (lamp,)), camera, Settings(width=48, height=32, samples=1)).layers["beauty"]
+
+    expected = seen(1.0)
+    assert expected[..., :3].max() > 0.1
+    off = np.abs(seen(size) - expected).max(axis=2) > 1e-5 * expected.max()
+    assert off.mean() < 0.005  # pixels on an edge
+
+
 def test_the_two_forms_weight_what_they_say(still):
     layers = {
         form: render(still, CAMERA, Settings(width=48, height=32, samples=1, obscurance=form)).layers

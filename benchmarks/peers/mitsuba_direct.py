@@ -1,6 +1,7 @@
 """Mitsuba 3's `direct` integrator on a scene handed over as JSON; run by `benchmarks.render_against_mitsuba`.
 
-Reads one command a line: `render SPP LIGHT|all TARGET.npy`, answers with the seconds it took.
+A request names the `samples` a pixel, the rows of the `lights` that shine and a `target` (.npy, or null) for the
+picture; the answer is the `seconds` it took.
 """
 
 import json
@@ -9,6 +10,7 @@ import time
 
 import mitsuba as mi
 import numpy as np
+from serve import serve
 
 mi.set_variant("llvm_ad_rgb")
 
@@ -17,9 +19,9 @@ def vector(values):
     return mi.ScalarPoint3f(*values)
 
 
-def load(description, light):
+def load(description, shining):
     camera = description["camera"]
-    lights = description["lights"] if light == "all" else [description["lights"][int(light)]]
+    lights = [description["lights"][row] for row in shining]
     shapes = {
         f"shape{i}": {
             "type": "ply",
@@ -74,17 +76,19 @@ def main():
     with open(sys.argv[1]) as file:
         description = json.load(file)
     scenes = {}
-    print("ready", mi.__version__, flush=True)
-    for line in sys.stdin:
-        _, spp, light, target = line.split()
-        if light not in scenes:
-            scenes[light] = load(description, light)
+
+    def answer(request):
+        shining = tuple(request["lights"])
+        if shining not in scenes:
+            scenes[shining] = load(description, shining)
         start = time.perf_counter()
-        image = np.array(mi.render(scenes[light], spp=int(spp)))
+        image = np.array(mi.render(scenes[shining], spp=request["samples"]))
         seconds = time.perf_counter() - start
-        if target != "-":
-            np.save(target, image)
-        print(seconds, flush=True)
+        if request["target"]:
+            np.save(request["target"], image)
+        return {"seconds": seconds}
+
+    serve({"version": mi.__version__}, answer)
 
 
 if __name__ == "__main__":

@@ -3,13 +3,17 @@
     red, green, blue = evaluate(kind, row, n, l, v, grain)
 
 `kind` and `row` come from a material's `pack()`; directions are triples of unit vectors pointing away from the surface.
+`terms_wide` is the same for sixteen points of one material, in lanes.
 The result is the reflected RGB for unit incident RGB: BRDF·(n·l) for physical models, k_d⟨n·l⟩ + k_s S for Phong-type
 ones; zero, everywhere, for a light at or below the horizon.
 """
 
 from __future__ import annotations
 
+import numpy as np
+
 from raytrace.jit import inline
+from raytrace.lanes import WIDE, pick, replace
 from raytrace.models import cook_torrance, lambert, oren_nayar, phong, poulin_fournier, strauss
 from raytrace.models.rows import (
     ALPHA,
@@ -78,6 +82,43 @@ def terms(kind, row, n, l, v, grain):
     if kind == ELLIPTICAL_BECKMANN:
         return _elliptical(row, n, l, v, grain)
     return _poulin_fournier(row, n, l, v, grain)
+
+
+@inline
+def terms_wide(kind, row, n, l, v, grain, wanted):
+    """`terms` in lanes, of float32, for n·l > 0; garbage in lanes where the mask `wanted` is not set."""
+    if kind == LAMBERT:
+        return _spread(_lambert(row, n, l), n[0])
+    if kind == PHONG:
+        return _phong(row, n, l, v)
+    if kind == BLINN_PHONG:
+        return _blinn(row, n, l, v)
+    zero = scale(0.0, n)
+    diffuse, specular = zero, zero
+    for lane in range(WIDE):
+        if pick(wanted, lane):
+            d, s = terms(kind, row, _lane(n, lane), _lane(l, lane), _lane(v, lane), _lane(grain, lane))
+            diffuse, specular = _replaced(diffuse, lane, d), _replaced(specular, lane, s)
+    return diffuse, specular
+
+
+@inline
+def _spread(parts, lanes):
+    """Diffuse lanes with specular zeros in lanes."""
+    diffuse, (red, green, blue) = parts
+    return diffuse, (red + 0.0 * lanes, green + 0.0 * lanes, blue + 0.0 * lanes)
+
+
+@inline
+def _lane(a, lane):
+    """One lane of a triple, in double precision."""
+    return (np.float64(pick(a[0], lane)), np.float64(pick(a[1], lane)), np.float64(pick(a[2], lane)))
+
+
+@inline
+def _replaced(a, lane, b):
+    """A triple of lanes with one lane replaced."""
+    return (replace(a[0], lane, b[0]), replace(a[1], lane, b[1]), replace(a[2], lane, b[2]))
 
 
 @inline

@@ -1,0 +1,138 @@
+"""Baking some points of a dense mesh and telling the others from them.
+
+Every point belongs to the baked point that is nearest along edges, its owner; baked points whose points touch are
+neighbours. A point between baked ones is predicted by the plane through its owner's and its owner's neighbours' values
+(weighted least squares over the tangent plane), so that what varies linearly over the surface is predicted exactly.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+from scipy.sparse import coo_array
+
+from raytrace.jit import kernel
+from raytrace.parallel import run_blocks
+
+from .neighbours import Neighbours
+from .receivers import Points
+
+Floats = npt.NDArray[np.float64]
+Ints = npt.NDArray[np.int64]
+Bools = npt.NDArray[np.bool_]
+
+_BLOCK = 1 << 14
+_MOST = 32  # baked points that a prediction looks at
+
+
+def owners(neighbours: Neighbours, baked: Bools) -> Ints:
+    """For each point the nearest of the `baked` ones (k,), by number of edges; −1 where no path leads to one."""
+    owner = np.where(baked, np.arange(len(baked)), -1)
+    queue = np.empty(len(baked), np.int64)
+    queue[: np.count_nonzero(baked)] = np.flatnonzero(baked)
+    _flood(neighbours.starts, neighbours.others, owner, queue, int(np.count_nonzero(baked)))
+    return owner
+
+
+@kernel
+def _flood(starts, others, owner, queue, last):
+    first = 0
+    while first < last:
+        i = queue[first]
+        first += 1
+        for k in range(starts[i], starts[i + 1]):
+            j = others[k]
+            if j >= 0 and owner[j] < 0:
+                owner[j] = owner[i]
+                queue[last] = j
+                last += 1
+
+
+def coarser(neighbours: Neighbours, owner: Ints, normals: npt.NDArray[np.float32]) -> tuple[Neighbours, Ints]:
+    """Neighbours among the baked points, each found once, and the baked points themselves, ascending.
+
+    Args: owner: (k,), as `owners` gives it, ≥ 0 everywhere. normals: float32 (k, 3), of all points.
+    """
+    baked = np.flatnonzero(owner == np.arange(len(owner)))
+    row = np.empty(len(owner), np.int64)
+    row[baked] = np.arange(len(baked))
+    mine = np.repeat(owner, np.diff(neighbours.starts))
+    other = np.where(neighbours.others >= 0, owner[neighbours.others], mine)
+    crossing = mine != other
+    a, b = row[mine[crossing]], row[other[crossing]]
+    pairs = coo_array((np.ones(len(a), np.bool_), (a, b)), shape=(len(baked), len(baked))).tocsr()
+    others = pairs.indices.astype(np.int32)
+    return Neighbours.weighted(pairs.indptr.astype(np.int64), others, normals[baked]), baked
+
+
+def fill(points: Points, owner: Ints, near: Neighbours, baked: Ints, values: Floats, threads: int) -> Floats:
+    """Values (k, c) at all points from those at the baked ones, (b, c), which are kept as they are.
+
+    Args: near, baked: as `coarser` gives them.
+    """
+    row = np.empty(len(points), np.int64)
+    row[baked] = np.arange(len(baked))
+    out = np.empty((len(points), values.shape[1]))
+
+    row_of_owner = row[owner]
+
+    def work(first: int, last: int) -> None:
+        scratch = np.empty((_MOST, 4))
+        _fill(
+            points.origins, points.normals, row_of_owner, baked, near.starts, near.others, values, scratch,
+            first, last, out,
+        )  # fmt: skip
+
+    run_blocks(len(points), _BLOCK, work, threads)
+    return out
+
+
+@kernel
+def _fill(origins, normals, owner, baked, starts, others, values, scratch, first, last, out):
+    for i in range(first, last):
+        o = owner[i]
+        if baked[o] == i:
+            out[i] = values[o]
+            continue
+        n = normals[i]
+        count, spread = 0, 0.0
+        for k in range(starts[o] - 1, min(starts[o + 1], starts[o] + _MOST - 1)):
+            c = baked[o if k < starts[o] else others[k]]
+            cosine, squared = 0.0, 0.0
+            for axis in range(3):
+                d = np.float64(origins[c, axis]) - origins[i, axis]
+                cosine += n[axis] * normals[c, axis]
+                squared += d * d
+                scratch[count, axis] = d
+            scratch[count, 3] = max(cosine, 1e-3) ** 8
+            spread += squared
+            count += 1
+        spread = max(spread / count, 1e-30)
+        # moments of the weighted samples in the tangent plane
+        tx, ty, tz = (0.0, n[2], -n[1]) if abs(n[0]) < 0.6 else (-n[2], 0.0, n[0])
+        length = np.sqrt(tx * tx + ty * ty + tz * tz)
+        tx, ty, tz = tx / length, ty / length, tz / length
+        bx, by, bz = n[1] * tz - n[2] * ty, n[2] * tx - n[0] * tz, n[0] * ty - n[1] * tx
+        s0 = su = sv = suu = suv = svv = 0.0
+        for k in range(count):
+            x, y, z = scratch[k, 0], scratch[k, 1], scratch[k, 2]
+            u, v = (x * tx + y * ty + z * tz) / np.sqrt(spread), (x * bx + y * by + z * bz) / np.sqrt(spread)
+            w = scratch[k, 3] / (0.1 + (x * x + y * y + z * z) / spread) ** 2
+            scratch[k, 0], scratch[k, 1], scratch[k, 3] = u, v, w
+            s0 += w
+            su += w * u
+            sv += w * v
+            suu += w * u * u
+            suv += w * u * v
+            svv += w * v * v
+        suu += 0.02 * s0  # a plane through samples in a row, or too few of them, leans no further than they do
+        svv += 0.02 * s0
+        # first row of the inverse moments: the plane's value at the point itself
+        a, b, c2 = suu * svv - suv * suv, suv * sv - su * svv, su * suv - suu * sv
+        det = s0 * a + su * b + sv * c2
+        for column in range(values.shape[1]):
+            total = 0.0
+            for k in range(1, count):
+                q = scratch[k, 3] * (a + b * scratch[k, 0] + c2 * scratch[k, 1]) / det
+                total += q * (values[others[starts[o] + k - 1], column] - values[o, column])
+            out[i, column] = values[o, column] + total

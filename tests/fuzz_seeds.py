@@ -1,0 +1,257 @@
+"""Valid files of every format that is read, small and rich, for the fuzzer to spoil."""
+
+import base64
+import io
+import json
+import zipfile
+from functools import cache
+
+import numpy as np
+import OpenImageIO as oiio
+import PIL.Image
+from gltf_files import QUAD, TRIANGLE, Builder
+from mesh_files import FACES, NORMALS, VERTICES, ascii_ply, ascii_stl, mixed_ply, obj, off, ply, stl
+
+OBJ = b"""\
+mtllib square.mtl
+o first
+v 0 0 0 1 0 0
+v 1 0 0 # right
+v 1 1 0
+v 0 1 .25
+vt 0 0
+vt 1 0
+vt 1 1
+vn 0 0 1
+usemtl paint
+g a
+s 1
+f 1/1/1 2/2/1 3/3/1
+f 1/1/1 -2/-1/1 \\
+  -1/3/1
+l 1 2
+f 1//1 2//1 3//1 4//1
+"""
+MTL = b"newmtl paint\nKd 1 0 0\nmap_Kd ../secret.png\n"
+TETRAHEDRON = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]], "<f4")
+SIDES = [[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]]
+
+TOML = {
+    "background": [0.05, 0.05, 0.06],
+    "camera": {"position": [3.0, -6.0, 2.5], "target": [0.0, 0.0, 0.6], "field_of_view": 30.0, "aperture": 0.01},
+    "render": {"width": 8, "height": 6, "samples": 2, "shading": "gouraud", "crop": [0, 0, 4, 4], "seed": 3},
+    "obscurance": {"form": "ambient", "half_distance": "20%", "max_distance": "inf", "samples": 4},
+    "materials": [
+        {"name": "glaze", "model": "cook_torrance", "albedo": [0.1, 0.25, 0.5], "k_s": 0.3, "m": 0.15},
+        {"name": "lines", "model": "poulin_fournier", "k_d": 0.2, "k_s": 0.5, "spacing": 1.5, "floor": 0.3},
+        {"name": "cloth", "model": "oren_nayar", "albedo": 0.5, "sigma": 0.3},
+        {"name": "other", "preset": "gold"},
+    ],
+    "objects": [
+        {"mesh": "square.obj", "material": "glaze", "rotate": [90.0, 0.0, 0.0], "texture": "paint.png"},
+        {"builtin": "plane", "size": [8.0, 8.0], "fineness": 2.0, "material": {"model": "lambert", "albedo": 0.5}},
+        {
+            "name": "pearl",
+            "builtin": "sphere",
+            "radius": 0.2,
+            "fineness": 0.1,
+            "material": "silver",
+            "copies": [{"translate": [1.0, 0.5, 0.2]}, {"axis": [1, 0, 0], "angle": 30.0, "scale": [1.0, 1.0, 0.8]}],
+        },
+        {"mesh": "sub/quad.glb", "own_normals": False, "matrix": np.eye(4).tolist()},
+        {"builtin": "sponge", "level": 1, "fineness": 0.5, "scale": 0.5},
+    ],
+    "lights": [
+        {"light": "directional", "direction": [-0.5, 0.7, -0.8], "intensity": 2.5},
+        {"light": "spot", "position": [-2.0, -2.0, 4.0], "direction": [2.0, 2.0, -4.0], "half_angle": 0.436,
+         "exponent": 8.0, "intensity": [60.0, 55.0, 45.0], "range": 40.0},
+        {"light": "point", "position": [0.0, 0.0, 4.0], "intensity": 3.0},
+        {"light": "ambient", "intensity": 0.3},
+    ],
+}  # fmt: skip
+BAKED = {
+    "objects": [{"builtin": "plane", "fineness": 1.0}],
+    "obscurance": {"baked": "w.npz"},
+    "render": {"width": 4, "height": 4},
+}
+
+
+def quad_glb():
+    return builder().glb(NODES, **EXTRAS)
+
+
+def builder():
+    """A mesh of two primitives, and one with texture coordinates and a stride."""
+    made = Builder()
+    made.mesh(
+        made.primitive(QUAD, [[0, 1, 2], [0, 2, 3]], np.tile([0.0, 0.0, 1.0], (4, 1)), material=0),
+        made.primitive(TETRAHEDRON, SIDES, material=1),
+    )
+    textured = made.primitive(TRIANGLE, material=2)
+    textured["attributes"]["TEXCOORD_0"] = made.accessor(np.array([[0, 0], [1, 0], [0, 1]], "<f4"), "VEC2")
+    made.header["bufferViews"][-1]["byteStride"] = 8
+    made.mesh(textured, made.primitive(TETRAHEDRON, mode=5), name="strip")
+    return made
+
+
+NODES = [
+    {"mesh": 0, "name": "quad", "children": [1, 2], "translation": [1, 2, 3]},
+    {"mesh": 1, "rotation": [0, 0, 0.6, 0.8], "scale": [1, 2, -1]},
+    {"camera": 0, "matrix": np.eye(4).ravel().tolist(), "children": [3]},
+    {"extensions": {"KHR_lights_punctual": {"light": 0}}, "translation": [0, 0, 5]},
+    {"mesh": 0, "name": "again"},
+]
+EXTRAS = {
+    "scenes": [{"nodes": [0, 4]}],
+    "materials": [
+        {"pbrMetallicRoughness": {"baseColorFactor": [1, 0, 0, 0.5], "metallicFactor": 0.5}, "alphaMode": "BLEND"},
+        {"emissiveFactor": [1, 1, 0], "extensions": {"KHR_materials_unlit": {}}, "doubleSided": True},
+        {"pbrMetallicRoughness": {"baseColorTexture": {"index": 0, "texCoord": 0}, "roughnessFactor": 0.4}},
+    ],
+    "textures": [{"source": 0, "sampler": 0}],
+    "images": [{"uri": "paint.png"}],
+    "cameras": [{"type": "perspective", "perspective": {"yfov": 0.8, "znear": 0.1, "zfar": 100}}],
+    "extensions": {
+        "KHR_lights_punctual": {
+            "lights": [
+                {"type": "spot", "intensity": 5, "range": 9, "spot": {"innerConeAngle": 0.1}, "color": [1, 1, 0]}
+            ]
+        }
+    },
+}
+
+
+def gltf():
+    """Header and the content of `m.bin`."""
+    made = builder()
+    header = made.header | {"nodes": NODES} | EXTRAS
+    return header | {"buffers": [{"uri": "m.bin", "byteLength": len(made.binary)}]}, made.binary
+
+
+def archive(**members):
+    """A zip file."""
+    target = io.BytesIO()
+    with zipfile.ZipFile(target, "w", zipfile.ZIP_DEFLATED) as file:
+        for name, content in members.items():
+            file.writestr(zipfile.ZipInfo(name), content, zipfile.ZIP_DEFLATED)
+    return target.getvalue()
+
+
+KINDS = {"bmp": "bmp", "hdr": "hdr", "targa": "tga", "webp": "webp", "sgi": "sgi", "dpx": "dpx", "pnm": "ppm",
+         "iff": "iff", "fits": "fits", "ico": "ico", "rla": "rla", "jpegxl": "jxl"}  # fmt: skip
+MODEL = b"""<?xml version="1.0" encoding="UTF-8"?>
+<model unit="millimeter" xmlns="http://schemas.microsoft.com/3dmanufacturing/core/2015/02">
+<resources>
+<object id="1" name="one" type="model"><mesh>
+<vertices><vertex x="0" y="0" z="0"/><vertex x="1" y="0" z="0"/><vertex x="0" y="1" z="0"/><vertex x="0" y="0" z="1"/>
+</vertices><triangles><triangle v1="0" v2="2" v3="1"/><triangle v1="0" v2="1" v3="3"/></triangles></mesh></object>
+<object id="2" type="model"><components><component objectid="1"/>
+<component objectid="1" transform="1 0 0 0 1 0 0 0 1 5 0 0"/></components></object>
+</resources>
+<build><item objectid="2" transform="1 0 0 0 1 0 0 0 1 0 0 2"/><item objectid="1"/></build>
+</model>
+"""
+XAML = b"""<Page xmlns="http://schemas.microsoft.com/winfx/2006/xaml/presentation"><ModelVisual3D>
+<ModelVisual3D.Transform><MatrixTransform3D Matrix="1 0 0 0 0 1 0 0 0 0 1 0 1 2 3 1"/></ModelVisual3D.Transform>
+<GeometryModel3D><GeometryModel3D.Geometry><MeshGeometry3D Positions="0,0,0 1,0,0 0,1,0" Normals="0,0,1 0,0,1 0,0,1"
+ TriangleIndices="0 1 2"/></GeometryModel3D.Geometry></GeometryModel3D></ModelVisual3D></Page>
+"""
+
+
+@cache
+def image(format_name, width=9, height=7, channels=3, kind="uint8", **attributes):
+    """An image file's bytes."""
+    folder = _folder()
+    path = folder / f"seed.{format_name}"
+    spec = oiio.ImageSpec(width, height, channels, kind)
+    spec.attribute("DateTime", "2020:01:01 00:00:00")
+    for name, value in attributes.items():
+        spec.attribute(name, value)
+    if attributes.get("tiled"):
+        spec.tile_width = spec.tile_height = 16
+    output = oiio.ImageOutput.create(format_name)
+    assert output.open(str(path), spec), output.geterror()
+    pixels = np.random.default_rng(0).integers(0, 256, (height, width, channels)).astype(np.uint8)
+    assert output.write_image(pixels if kind == "uint8" else (pixels / 256).astype(np.float32)), output.geterror()
+    output.close()
+    content = path.read_bytes()
+    path.unlink()
+    # A DPX file tells its name and its hour.
+    return content[:36] + bytes(124) + content[160:] if format_name == "dpx" else content
+
+
+def gif():
+    target = io.BytesIO()
+    PIL.Image.fromarray(np.arange(200, dtype=np.uint8).reshape(10, 20)).save(target, "GIF")
+    return target.getvalue()
+
+
+@cache
+def _folder():
+    import tempfile
+    from pathlib import Path
+
+    return Path(tempfile.mkdtemp(prefix="fuzz-seeds-"))
+
+
+def arrays(count=4):
+    """w of that many vertices as .npy and .npz."""
+    plain, packed = io.BytesIO(), io.BytesIO()
+    np.save(plain, np.full(count, 0.5, np.float32))
+    np.savez_compressed(packed, w=np.full(count, 0.5), error=np.zeros(count))
+    return plain.getvalue(), packed.getvalue()
+
+
+def companions():
+    """What lies beside the file under test: name to content."""
+    _, binary = gltf()
+    npy, npz = arrays()
+    return {
+        "square.obj": OBJ.replace(b"f 1//1 2//1 3//1 4//1\n", b""),
+        "square.mtl": MTL,
+        "paint.png": image("png"),
+        "sub/paint.png": image("png"),
+        "m.bin": binary,
+        "sub/quad.glb": quad_glb(),
+        "w.npy": npy,
+        "w.npz": npz,
+    }
+
+
+def _embedded():
+    return "data:image/png;base64," + base64.b64encode(image("png")).decode()
+
+
+@cache
+def seeds():
+    """Family to its valid files, each a name and a content: bytes, or a JSON-like tree."""
+    header, _ = gltf()
+    many = np.random.default_rng(1).integers(0, 7, (300, 3))
+    embedded = json.loads(json.dumps(header))
+    return {
+        "ply_ascii": [("m.ply", data) for data in (ascii_ply(), ascii_ply(faces=[[0, 1, 3, 4]]), _mixed_ascii())],
+        "ply": [("m.ply", ply()), ("m.ply", ply(order=">", normals=NORMALS)), ("m.ply", ply(faces=many, texture=True))],
+        "ply_mixed": [("m.ply", mixed_ply()), ("m.ply", mixed_ply(">"))],
+        "obj": [("m.obj", OBJ), ("m.obj", obj()), ("m.obj", obj(faces=many))],
+        "stl": [("m.stl", stl(VERTICES[FACES])), ("m.stl", stl(VERTICES[many]))],
+        "stl_ascii": [("m.stl", ascii_stl(("a", VERTICES[FACES]), ("b b", VERTICES[FACES])))],
+        "off": [("m.off", off()), ("m.off", off(faces=[[0, 1, 3, 4]]))],
+        "glb": [("m.glb", quad_glb())],
+        "gltf": [("m.gltf", header), ("m.gltf", embedded | {"images": [{"uri": _embedded()}]})],
+        "3mf": [("m.3mf", archive(**{"3D/3dmodel.model": MODEL, "a.txt": b"x"}))],
+        "xaml": [("m.xaml", XAML)],
+        "toml": [("m.toml", TOML), ("m.toml", BAKED)],
+        "png": [("m.png", image("png")), ("m.png", image("png", 40, 30, 4)), ("m.png", image("png", 9, 7, 1))],
+        "jpeg": [("m.jpg", image("jpeg", 40, 30))],
+        "exr": [
+            ("m.exr", image("openexr", 20, 30, 4, "half")),
+            ("m.exr", image("openexr", 40, 30, 3, "float", tiled=1)),
+        ],
+        "tiff": [("m.tif", image("tiff", 20, 10, 3, "uint16")), ("m.tif", image("tiff", 40, 30, 4, "float", tiled=1))],
+        "pictures": [*((f"m.{ending}", image(kind, 20, 10)) for kind, ending in KINDS.items()), ("m.gif", gif())],
+        "array": [("w.npy", arrays()[0]), ("w.npz", arrays()[1])],
+    }  # fmt: skip
+
+
+def _mixed_ascii():
+    return ascii_ply().replace(b"face 3", b"face 4") + b"5 0 1 5 3 4\n"

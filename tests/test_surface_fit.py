@@ -1,0 +1,169 @@
+"""Samples of a surface, the least-squares problem and its solver, each by itself."""
+
+import numpy as np
+import pytest
+import trimesh
+from scipy.optimize import lsq_linear
+from scipy.sparse import coo_array, csr_array
+from scipy.spatial import Delaunay
+
+from ao.conjugate_gradients import solve, solve_within
+from ao.surface_fit import Half, cross_validated, normal_matrix, right_side, roughness, ties
+from ao.surface_samples import Samples, along_curve, place
+from raytrace.normals import face_normals
+
+
+def barycentric(samples):
+    """Face (k,) and coordinates (k, 3) of all samples."""
+    face = np.repeat(np.arange(len(samples.weights)), np.diff(samples.starts))
+    at = [place.py_func(k, samples.shift, samples.ends[f], samples.ends[f + 1]) for k, f in enumerate(face)]
+    return face, np.array(at)
+
+
+@pytest.mark.parametrize("count", [1, 7, 100, 3000])
+@pytest.mark.parametrize("shift", [0.0, 0.37, 0.999])
+def test_every_sample_lies_on_one_face_and_they_share_out_the_area(count, shift):
+    areas = np.random.default_rng(0).lognormal(sigma=1.5, size=200)
+    samples = Samples.spread(areas, count, shift)
+    assert samples.starts[0] == 0
+    assert samples.starts[-1] == count
+    assert (np.abs(np.diff(samples.starts) - np.diff(samples.ends)) <= 1 + 1e-9).all()
+    np.testing.assert_allclose((samples.weights * np.diff(samples.ends)).sum(), 1)
+    _, at = barycentric(samples)
+    np.testing.assert_allclose(at.sum(axis=1), 1)
+    assert (at >= -1e-12).all()
+
+
+def test_samples_are_spread_evenly_within_a_face():
+    """A function's mean over a triangle, by 128 samples, is closer than what 2,000 random ones would give."""
+    samples = Samples.spread(np.ones(1), 128, 0.5)
+    _, at = barycentric(samples)
+    np.testing.assert_allclose(at.mean(axis=0), 1 / 3, atol=3e-3)
+    np.testing.assert_allclose((at[:, 0] * at[:, 1]).mean(), 1 / 12, atol=1.5e-3)
+
+
+def test_small_faces_have_some_samples_too():
+    areas = np.concatenate([np.ones(100), np.full(100, 1e-9)])
+    samples = Samples.spread(areas, 4000, 0.5)
+    assert np.diff(samples.starts)[100:].min() >= 3
+
+
+def test_the_curve_keeps_neighbours_together():
+    points = np.random.default_rng(0).uniform(-1, 1, (2000, 3))
+    steps = np.linalg.norm(np.diff(points[along_curve(points)], axis=0), axis=1)
+    assert np.mean(steps) < 0.25 * np.mean(np.linalg.norm(np.diff(points, axis=0), axis=1))
+
+
+def rough(mesh, seats=None, agreement=np.cos(np.radians(30))):
+    seats = mesh.faces if seats is None else seats
+    return roughness(mesh.triangles, seats, *face_normals(mesh.vertices, mesh.faces), agreement, int(seats.max()) + 1)
+
+
+def test_roughness_is_the_squared_jump_of_the_gradients_on_a_plane():
+    rng = np.random.default_rng(3)
+    vertices = np.append(rng.uniform(size=(30, 2)), np.zeros((30, 1)), axis=1)
+    mesh = trimesh.Trimesh(vertices, Delaunay(vertices[:, :2]).simplices, process=False)
+    mesh.fix_normals()
+    x = rng.normal(size=30)
+    gradients = []
+    for face in mesh.faces:
+        system = np.append(vertices[face, :2], np.ones((3, 1)), axis=1)
+        gradients.append(np.linalg.solve(system, x[face])[:2])
+    jumps = np.diff(np.array(gradients)[mesh.face_adjacency], axis=1)[:, 0]
+    expected = ((jumps**2).sum(axis=1) * mesh.area_faces[mesh.face_adjacency].sum(axis=1)).sum()
+    assert x @ (rough(mesh) @ x) == pytest.approx(expected)
+    linear = vertices @ [0.3, -2, 0] + 0.7
+    assert linear @ (rough(mesh) @ linear) == pytest.approx(0, abs=1e-9)
+
+
+def test_hard_edges_are_not_smoothed_over():
+    box = trimesh.creation.box()
+    matrix = rough(box)
+    x = np.random.default_rng(0).normal(size=8)
+    folds = x @ (rough(box, agreement=-1) @ x)
+    assert 0 < x @ (matrix @ x) < 0.8 * folds  # the diagonals of the sides remain
+    apart = np.arange(36).reshape(-1, 3)
+    assert rough(box, apart).nnz == 0
+
+
+def random_problem(count=40, seed=0):
+    rng = np.random.default_rng(seed)
+    b = rng.random((200, count)) * (rng.random((200, count)) < 0.1)
+    f = rng.normal(0.5, 1.0, 200)
+    return b, f, csr_array(b.T @ b + 1e-3 * np.eye(count)), b.T @ f
+
+
+def test_conjugate_gradients_solve():
+    _, _, matrix, right = random_problem()
+    np.testing.assert_allclose(solve(matrix, right, np.zeros(40)), np.linalg.solve(matrix.toarray(), right), atol=1e-5)
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_the_bounded_minimum_is_the_one_of_scipy(seed):
+    b, f, matrix, right = random_problem(seed=seed)
+    found = solve_within(matrix, right, np.full(40, 0.5))
+    expected = lsq_linear(np.concatenate([b, np.sqrt(1e-3) * np.eye(40)]), np.append(f, np.zeros(40)), (0, 1)).x
+    assert (expected < 1e-6).any()
+    np.testing.assert_allclose(found, expected, atol=1e-4)
+    plain = np.clip(np.linalg.solve(matrix.toarray(), right), 0, 1)
+    assert np.abs(plain - expected).max() > 1e-2  # a clamp at the end would not do
+
+
+def fit(noise, smooth, per_face=3, seed=0):
+    """α chosen for samples of a function on a plane's grid, as a part of that at which R and the data weigh alike."""
+    rng = np.random.default_rng(seed)
+    side = 12
+    steps = np.linspace(0, 1, side)
+    vertices = np.array([(x, y, 0.0) for x in steps for y in steps])
+    cell = np.array([i * side + j for i in range(side - 1) for j in range(side - 1)])
+    faces = np.concatenate(
+        [np.stack([cell, cell + side, cell + side + 1], -1), np.stack([cell, cell + side + 1, cell + 1], -1)]
+    )
+    grid = trimesh.Trimesh(vertices, faces, process=False)
+    count = side * side
+    halves = []
+    for _ in (0, 1):
+        face = np.repeat(np.arange(len(faces)), per_face)
+        b = rng.dirichlet([1, 1, 1], len(face))
+        at = np.einsum("kc,kci->ki", b, vertices[faces[face]])
+        f = smooth(at) + noise * rng.normal(size=len(face))
+        matrix = coo_array(
+            (b.ravel(), (np.repeat(np.arange(len(face)), 3), faces[face].ravel())), shape=(len(face), count)
+        )
+        matrix = matrix.tocsr()
+        halves.append(Half((matrix.T @ matrix).tocsr(), matrix.T @ f, float(f @ f)))
+    smoothness = rough(grid)
+    tie = ties(faces, np.full(len(faces), 1e-9), count)
+    alpha, fits = cross_validated(tuple(halves), smoothness, tie, np.zeros(count))
+    unit = sum(half.matrix.diagonal().sum() for half in halves) / smoothness.diagonal().sum()
+    return alpha / unit, fits, vertices
+
+
+def test_smoothing_grows_with_noise_and_vanishes_with_samples():
+    def wave(at):
+        return np.sin(7 * at[:, 0]) * np.cos(5 * at[:, 1])
+
+    alphas = [fit(noise, wave)[0] for noise in (0.0, 0.3, 1.0)]
+    assert alphas[0] < alphas[1] < alphas[2]
+    counts = [fit(0.3, wave, per_face)[0] for per_face in (3, 30, 300)]
+    assert counts[0] > counts[1] > counts[2]
+
+
+def test_linear_functions_are_reproduced_whatever_the_smoothing():
+    def linear(at):
+        return at @ [0.3, 0.5, 0] + 0.1
+
+    _, fits, vertices = fit(0.0, linear)
+    for x in fits:
+        np.testing.assert_allclose(x, linear(vertices), atol=1e-4)
+
+
+def test_face_parts_add_up_to_the_whole():
+    rng = np.random.default_rng(0)
+    seats = rng.integers(0, 9, (20, 3))
+    b, f = rng.dirichlet([1, 1, 1], 20), rng.random(20)
+    rows = np.zeros((20, 9))
+    np.add.at(rows, (np.arange(20)[:, None], seats), b)
+    upper = np.stack([b[:, i] * b[:, j] for i in range(3) for j in range(i, 3)], axis=1)
+    np.testing.assert_allclose(normal_matrix(seats, upper, 9).toarray(), rows.T @ rows)
+    np.testing.assert_allclose(right_side(seats, b * f[:, None], 9), rows.T @ f)
