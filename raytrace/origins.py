@@ -21,7 +21,7 @@ Floats = npt.NDArray[np.float64]
 Ints = npt.NDArray[np.int64]
 
 TOUCHING = 4.0  # roundings of a coordinate; the point's and the face's own make 2
-FLAT = 1.0 / 32.0
+FLAT = 1.0 / 16.0
 _ENOUGH = 0.3  # clearance with which a search for a better direction ends
 _SAME_PLANE = 0.9999
 
@@ -38,9 +38,10 @@ def ray_origins(
         seats: (m, 3), the row of `points` that each face corner is.
     """
     lift, clearance = lift.copy(), clearance.copy()
-    extent, rounding, size = np.zeros(len(faces)), np.zeros(len(faces)), np.zeros(len(points))
-    _measure(vertices, faces, face_normals, extent, rounding)
-    _largest(extent, seats, size)
+    extent, flat, rounding, size = *(np.zeros(len(faces)) for _ in range(3)), np.zeros(len(points))
+    _measure(vertices, faces, face_normals, extent, flat, rounding)
+    _spread(flat, seats, size)
+    _largest(np.maximum(extent, flat), seats, size)
     offset = ray_offset(lift, size, clearance)
     own = TOUCHING * ULP * np.abs(points).sum(axis=1)
     reach = np.maximum(4.0 * offset, own)  # so far that turning a lift seldom asks for more
@@ -48,7 +49,7 @@ def ray_origins(
     touched = near.only(near.distance <= np.maximum(own[near.point], rounding[near.face]))
     if len(touched.point):
         _step_out(points, lift, clearance, touched, vertices, faces, face_normals, seats)
-        np.maximum.at(size, touched.point, extent[touched.face])
+        np.maximum.at(size, touched.point, np.maximum(extent, flat)[touched.face])
         offset = ray_offset(lift, size, clearance)
         rows = np.flatnonzero(2.0 * offset > reach)
         number = np.full(len(points), -1)
@@ -97,13 +98,13 @@ def _step_out(
 
 
 @kernel
-def _measure(vertices, faces, normals, extent, rounding):
-    """For each face the `extent` that offsets reckon with, and how far from it a point may be that touches it.
+def _measure(vertices, faces, normals, extent, flat, rounding):
+    """What offsets reckon with, for each face, and how far from it a point may be that touches it.
 
-    The extent is the largest |coordinate| of the corners, and more for a flat triangle: Embree takes the distance of
-    its plane from a normal that it computes in float32, whose relative error is that of a coordinate over the sine of
-    the largest angle, times the distance of a corner. Bounded: the offset beside a flat triangle is 10⁻⁵ of the placed
-    mesh, no more.
+    `extent` is the largest |coordinate| of the corners. `flat` is as large as that may be beside a flat triangle:
+    Embree takes the distance of its plane from a normal that it computes in float32, whose relative error is that of a
+    coordinate over the sine of the largest angle, times the distance of a corner. Bounded: the offset there is 10⁻⁵ of
+    the placed mesh, no more.
     """
     for f in range(len(faces)):
         a, b, c = load(vertices, faces[f, 0]), load(vertices, faces[f, 1]), load(vertices, faces[f, 2])
@@ -115,7 +116,7 @@ def _measure(vertices, faces, normals, extent, rounding):
         x, y, z = np.sqrt(dot(ab, ab)), np.sqrt(dot(bc, bc)), np.sqrt(dot(ca, ca))
         normal = cross(ab, bc)
         slender = x * y * z / max(np.sqrt(dot(normal, normal)), 1e-150)  # longest edge/sine of the largest angle
-        extent[f] = max(extent[f], min(FLAT * slender, 8.0))
+        flat[f] = min(FLAT * slender, 8.0)
 
 
 @kernel
@@ -140,6 +141,18 @@ def _largest(extent, seats, size):
         for corner in range(3):
             row = seats[f, corner]
             size[row] = max(size[row], extent[f])
+
+
+@kernel
+def _spread(flat, seats, size):
+    """The largest `flat` of the faces around a point and around its neighbours, whose rays pass by them closely."""
+    around = np.zeros(len(size))
+    _largest(flat, seats, around)
+    for f in range(len(seats)):
+        largest = max(around[seats[f, 0]], around[seats[f, 1]], around[seats[f, 2]])
+        for corner in range(3):
+            row = seats[f, corner]
+            size[row] = max(size[row], largest)
 
 
 @inline

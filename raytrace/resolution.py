@@ -38,8 +38,7 @@ class Coarseness:
 
 def coarseness(mesh: Mesh) -> Coarseness:
     """Look for vertices that rounding leaves without a reliable normal."""
-    single = bool((mesh.vertices.astype(np.float32) == mesh.vertices).all())
-    kind = np.float32 if single else np.float64
+    kind = np.float32 if _rounded_to_single(mesh.vertices) else np.float64
     placement = Placement.of(mesh)
     placed = np.ldexp(mesh.vertices - mesh.centre, int(np.log2(placement.scale)))
     stored = _spacing(mesh.vertices, kind) * placement.scale
@@ -70,6 +69,16 @@ def precision_warnings(mesh: Mesh) -> list[str]:
         f" {np.degrees(found.tilt):.2g}° (median): {what} have steps of {found.spacing:.2g},"
         " too coarse for the faces there"
     ]
+
+
+def _rounded_to_single(vertices: npt.NDArray[np.float64]) -> bool:
+    """Whether coordinates were rounded to float32: all are float32 numbers, and last bits are used.
+
+    About half of them are set by rounding; coordinates on a coarser grid, such as whole numbers, are exact.
+    """
+    with np.errstate(over="ignore"):
+        single = vertices.astype(np.float32)
+    return bool((single == vertices).all()) and float(np.mean(single.view(np.uint32) & 1)) > 1 / 16
 
 
 def _spacing(vertices: npt.NDArray[np.float64], kind: type[np.floating]) -> npt.NDArray[np.float64]:

@@ -13,6 +13,7 @@ from raytrace import Mesh
 from raytrace.resolution import TILT, coarseness, precision_warnings
 from scenes.shapes import icosphere, join
 from scenes.stress.pose import Pose
+from scenes.stress.solids import grid
 
 
 def test_a_mesh_far_from_the_origin_is_told_by_how_it_is_stored():
@@ -48,6 +49,13 @@ def test_the_figure_is_the_tilt_that_rounding_makes(scale):
     found = coarseness(rounded)
     assert found.tilt > TILT
     assert 0.2 * found.tilt < actual < found.tilt
+
+
+def test_whole_numbers_far_away_are_exact():
+    """They are float32 numbers, but nothing was rounded to them."""
+    vertices, faces = grid(8, 8.0)
+    assert precision_warnings(Mesh(vertices + 1e6, faces)) == []
+    assert precision_warnings(Mesh(Pose(turn=1).vertices(vertices).astype(np.float32) + np.float32(1e6), faces)) != []
 
 
 def test_faces_without_area_are_not_its_business():
