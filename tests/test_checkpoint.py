@@ -3,12 +3,14 @@
 import errno
 import json
 import os
+import signal
 import subprocess
 import sys
+import time
 
 import numpy as np
 import pytest
-from command import ROOT
+from command import ROOT, obscurance, refused
 from meshes import hills
 
 import ao
@@ -209,6 +211,7 @@ import resource, signal, sys
 resource.setrlimit(resource.RLIMIT_FSIZE, (200_000, 200_000))
 signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
 sys.path.insert(0, "tests")
+from pathlib import Path
 import test_checkpoint as t
 told = []
 assert t.bits(t.bake(Path(sys.argv[1]), told)) == t.bits(t.ao.bake(t.MESH, **t.OPTIONS))
@@ -228,6 +231,38 @@ def test_a_file_that_may_not_grow_further(path, whole):
     assert told.count("going on without checkpoints") == 1
     assert 100_000 < int(size) <= 200_000
     assert bits(bake(path, resume=True)) == whole
+
+
+AT_ONCE = """
+import warnings
+from ao.checkpoint import Checkpoint
+Checkpoint.__init__.__defaults__ = (False, warnings.warn, 0.0, 0.0)
+import cli
+cli.main()
+"""
+
+
+@POSIX
+def test_the_command_continues_after_an_interrupt(tmp_path):
+    mesh, target, journal = tmp_path / "hills.obj", tmp_path / "w.npz", tmp_path / "w.npz.partial"
+    lines = [f"v {x} {y} {z}" for x, y, z in MESH.vertices] + [f"f {a} {b} {c}" for a, b, c in MESH.faces + 1]
+    mesh.write_text("\n".join(lines))
+    arguments = [mesh, "--samples", "8192", "--quiet"]
+    command = [sys.executable, "-c", AT_ONCE, "bake", *arguments, "-o", target]
+    process = subprocess.Popen(command, cwd=ROOT, stderr=subprocess.PIPE, text=True)
+    while process.poll() is None and (not journal.exists() or journal.stat().st_size < 5000):
+        time.sleep(0.01)
+    process.send_signal(signal.SIGINT)
+    _, errors = process.communicate(timeout=60)
+    assert process.returncode == 130, errors
+    assert f"{journal} keeps the finished part; the same command with --resume continues from it" in errors
+    assert not target.exists()
+    assert obscurance("bake", *arguments, "-o", target, "--resume").stderr == ""
+    assert obscurance("bake", *arguments, "-o", tmp_path / "whole.npz").returncode == 0
+    assert target.read_bytes() == (tmp_path / "whole.npz").read_bytes()
+    assert not journal.exists()
+    journal.write_text("mine")
+    refused(obscurance("bake", *arguments, "-o", target), "w.npz.partial", "another file")
 
 
 def killed(tmp_path, kills, options):
