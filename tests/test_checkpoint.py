@@ -1,0 +1,288 @@
+"""Interrupted bakes: what was traced is kept, what is continued has the same bits."""
+
+import errno
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+
+import numpy as np
+import pytest
+from command import ROOT, obscurance, refused
+from meshes import hills
+
+import ao
+import ao.trace
+from ao.checkpoint import Checkpoint
+from ao.journal import IDENTITY, MAGIC, Journal
+from raytrace.errors import InputError, OutputError
+from raytrace.mesh import Mesh
+
+MESH = Mesh(*hills(70))
+OPTIONS = {"samples": 1024, "threads": 2}
+POSIX = pytest.mark.skipif(os.name == "nt", reason="POSIX locks, limits and signals")
+
+
+class Stopped(Exception):
+    pass
+
+
+def bake(path, tell=None, stop=None, options=OPTIONS, **settings):
+    """Bake with a journal from the first block on; `stop`: the share of the rays after which it fails."""
+    told = [] if tell is None else tell
+
+    def progress(done, total):
+        if stop is not None and done >= stop * total:
+            raise Stopped
+
+    settings = {"after": 0, "every": 0} | settings
+    with Checkpoint(path, tell=told.append, **settings) as checkpoint:
+        return ao.bake(MESH, checkpoint=checkpoint, progress=progress, **options)
+
+
+def interrupted(path, stop=0.6, **settings):
+    with pytest.raises(Stopped):
+        bake(path, stop=stop, **settings)
+
+
+def bits(baked):
+    arrays = baked.w, baked.error, baked.bent_normals, baked.flags, np.array([baked.rays, baked.rmse])
+    return [array.tobytes() for array in arrays]
+
+
+@pytest.fixture(scope="module")
+def whole():
+    return bits(ao.bake(MESH, **OPTIONS))
+
+
+@pytest.fixture
+def path(tmp_path):
+    return tmp_path / "w.npy.partial"
+
+
+@pytest.fixture
+def traced(monkeypatch):
+    """The number of rows that were traced rather than copied."""
+    count = [0]
+    gather = ao.trace.gather
+
+    def counted(*arguments):
+        count[0] += len(arguments[-1])
+        gather(*arguments)
+
+    monkeypatch.setattr(ao.trace, "gather", counted)
+    return count
+
+
+def test_a_continued_bake_copies_what_was_traced(path, whole, traced):
+    interrupted(path)
+    first, traced[0] = traced[0], 0
+    told = []
+    assert bits(bake(path, told, resume=True)) == whole
+    assert first > 0.5 * len(MESH.vertices)
+    assert traced[0] < 0.6 * len(MESH.vertices)
+    assert told == []
+    assert not path.exists()
+
+
+@pytest.mark.parametrize("options", [{"tolerance": 0.003}, {"samples": 512, "only": np.arange(4900) % 3 == 0}], ids=str)
+def test_every_way_to_bake_is_continued(path, options):
+    interrupted(path, 0.5, options=options)
+    assert bits(bake(path, resume=True, options=options)) == bits(ao.bake(MESH, **options))
+
+
+def test_a_short_bake_leaves_no_trace(path, whole):
+    interrupted(path, after=60)
+    assert not path.exists()
+    assert bits(bake(path, after=60)) == whole
+
+
+def test_starting_over_is_told_and_tidies_up(path, whole, traced):
+    interrupted(path)
+    traced[0] = 0
+    told = []
+    assert bits(bake(path, told, after=60)) == whole
+    assert traced[0] > len(MESH.vertices)
+    assert len(told) == 1
+    assert "--resume would continue it" in told[0]
+    assert not path.exists()
+
+
+@pytest.mark.parametrize("share", [0.0, 0.3, 0.9, 0.999])
+def test_a_torn_journal_is_used_as_far_as_it_is_whole(path, whole, share):
+    interrupted(path)
+    os.truncate(path, int(share * path.stat().st_size))
+    assert bits(bake(path, resume=True)) == whole
+
+
+def test_a_changed_byte_is_not_believed(path, whole):
+    interrupted(path)
+    content = bytearray(path.read_bytes())
+    content[len(content) // 2] ^= 1
+    path.write_bytes(content)
+    assert bits(bake(path, resume=True)) == whole
+
+
+def test_zeros_that_a_power_failure_leaves_are_not_believed(path, whole):
+    interrupted(path)
+    size = path.stat().st_size
+    os.truncate(path, size // 2)
+    os.truncate(path, size)
+    assert bits(bake(path, resume=True)) == whole
+    path.write_bytes(bytes(1000))
+    assert bits(bake(path, resume=True)) == whole
+
+
+@pytest.mark.parametrize(
+    "change", [{"seed": 1}, {"samples": 1023}, {"normals": "area"}, {"reconstruct": False}], ids=str
+)
+def test_the_journal_of_another_bake_is_refused(path, change):
+    interrupted(path)
+    before = path.read_bytes()
+    with pytest.raises(InputError, match=r"w\.npy\.partial: header: expected the journal of this very bake"):
+        bake(path, resume=True, options=OPTIONS | change)
+    assert path.read_bytes() == before
+
+
+def test_another_mesh_is_another_bake(path):
+    interrupted(path)
+    with pytest.raises(InputError), Checkpoint(path, resume=True) as checkpoint:
+        ao.bake(Mesh(MESH.vertices * [1, 1, 1.001], MESH.faces), checkpoint=checkpoint, **OPTIONS)
+
+
+def test_nothing_to_resume_is_told(path, whole):
+    told = []
+    assert bits(bake(path, told, resume=True)) == whole
+    assert "nothing to resume" in told[0]
+
+
+@pytest.mark.parametrize("resume", [False, True])
+def test_a_file_of_something_else_is_never_overwritten(path, resume):
+    path.write_text("a chapter of my thesis")
+    with pytest.raises(OutputError, match="expected the journal of a bake"):
+        bake(path, resume=resume)
+    assert path.read_text() == "a chapter of my thesis"
+
+
+@POSIX
+@pytest.mark.parametrize("resume", [False, True])
+def test_a_second_bake_to_the_same_target_is_refused(path, resume):
+    holder = Journal(path, create=True)
+    holder.start(bytes(IDENTITY))
+    with pytest.raises(OutputError, match="another bake to the same target is at work"):
+        bake(path, resume=resume)
+    holder.close()
+    assert path.read_bytes() == MAGIC + bytes(IDENTITY)
+
+
+@POSIX
+def test_of_two_bakes_that_begin_together_one_goes_on_without(path, whole, monkeypatch):
+    told, holder = [], []
+    begin = Checkpoint.begin
+
+    def begin_beside_another(*arguments):
+        begin(*arguments)
+        holder.append(Journal(path, create=True))
+
+    monkeypatch.setattr(Checkpoint, "begin", begin_beside_another)
+    assert bits(bake(path, told)) == whole
+    holder[0].close()
+    assert len(told) == 1
+    assert "another bake to the same target is at work; going on without checkpoints" in told[0]
+    assert path.exists()
+
+
+@pytest.mark.parametrize("code", [errno.ENOSPC, errno.EIO])
+def test_a_disk_that_refuses_does_not_stop_the_bake(path, whole, monkeypatch, code):
+    def refuse(*_):
+        raise OSError(code, os.strerror(code))
+
+    told = []
+    monkeypatch.setattr(Journal, "append", refuse)
+    assert bits(bake(path, told)) == whole
+    assert len(told) == 1
+    assert told[0].endswith(f"w.npy.partial: {os.strerror(code)}; going on without checkpoints")
+
+
+LIMITED = """
+import resource, signal, sys
+resource.setrlimit(resource.RLIMIT_FSIZE, (200_000, 200_000))
+signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+sys.path.insert(0, "tests")
+from pathlib import Path
+import test_checkpoint as t
+told = []
+assert t.bits(t.bake(Path(sys.argv[1]), told)) == t.bits(t.ao.bake(t.MESH, **t.OPTIONS))
+print(told)
+told = []
+t.interrupted(Path(sys.argv[1]))
+print(Path(sys.argv[1]).stat().st_size)
+"""
+
+
+@POSIX
+def test_a_file_that_may_not_grow_further(path, whole):
+    """A write that the system takes a part of; what was whole before is continued."""
+    command = [sys.executable, "-c", LIMITED, path]
+    result = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=120, check=True)
+    told, size = result.stdout.splitlines()
+    assert told.count("going on without checkpoints") == 1
+    assert 100_000 < int(size) <= 200_000
+    assert bits(bake(path, resume=True)) == whole
+
+
+AT_ONCE = """
+import warnings
+from ao.checkpoint import Checkpoint
+Checkpoint.__init__.__defaults__ = (False, warnings.warn, 0.0, 0.0)
+import cli
+cli.main()
+"""
+
+
+@POSIX
+def test_the_command_continues_after_an_interrupt(tmp_path):
+    mesh, target, journal = tmp_path / "hills.obj", tmp_path / "w.npz", tmp_path / "w.npz.partial"
+    lines = [f"v {x} {y} {z}" for x, y, z in MESH.vertices] + [f"f {a} {b} {c}" for a, b, c in MESH.faces + 1]
+    mesh.write_text("\n".join(lines))
+    arguments = [mesh, "--samples", "8192", "--quiet"]
+    command = [sys.executable, "-c", AT_ONCE, "bake", *arguments, "-o", target]
+    process = subprocess.Popen(command, cwd=ROOT, stderr=subprocess.PIPE, text=True)
+    while process.poll() is None and (not journal.exists() or journal.stat().st_size < 5000):
+        time.sleep(0.01)
+    process.send_signal(signal.SIGINT)
+    _, errors = process.communicate(timeout=60)
+    assert process.returncode == 130, errors
+    assert f"{journal} keeps the finished part; the same command with --resume continues from it" in errors
+    assert not target.exists()
+    assert obscurance("bake", *arguments, "-o", target, "--resume").stderr == ""
+    assert obscurance("bake", *arguments, "-o", tmp_path / "whole.npz").returncode == 0
+    assert target.read_bytes() == (tmp_path / "whole.npz").read_bytes()
+    assert not journal.exists()
+    journal.write_text("mine")
+    refused(obscurance("bake", *arguments, "-o", target), "w.npz.partial", "another file")
+
+
+def killed(tmp_path, kills, options):
+    command = [sys.executable, ROOT / "tests" / "killed_bakes.py", str(kills), "1", json.dumps(options), tmp_path]
+    environment = os.environ | {"PYTHONPATH": os.pathsep.join(filter(None, [str(ROOT), os.environ.get("PYTHONPATH")]))}
+    result = subprocess.run(command, capture_output=True, text=True, timeout=3600, check=False, env=environment)
+    assert result.returncode == 0, result.stderr
+    seen = json.loads(result.stdout)
+    assert seen["killed"] == kills
+    assert seen["continued"] > 0
+    assert (seen["different"], seen["failed"]) == (0, 0)
+
+
+@POSIX
+def test_killed_at_random_moments_nothing_is_lost(tmp_path):
+    killed(tmp_path, 10, {"samples": 256})
+
+
+@POSIX
+@pytest.mark.slow
+@pytest.mark.parametrize("options", [{"samples": 256}, {"tolerance": 0.005}], ids=str)
+def test_killed_at_a_hundred_random_moments_nothing_is_lost(tmp_path, options):
+    killed(tmp_path, 100, options)
