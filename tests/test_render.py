@@ -13,6 +13,7 @@ from raytrace.materials import BlinnPhong, Lambert, Phong
 from raytrace.rendering import render, seen_vertices
 from raytrace.scene import Object, Scene, Shape
 from raytrace.settings import Settings
+from raytrace.world import build
 from scenes import primitives
 
 
@@ -340,6 +341,14 @@ def test_the_picture_does_not_depend_on_the_unit_of_length(size, attenuation):
     assert expected[..., :3].max() > 0.1
     off = np.abs(seen(size) - expected).max(axis=2) > 1e-5 * expected.max()
     assert off.mean() < 0.005  # pixels on an edge
+
+
+def test_another_view_of_a_scene_needs_no_building_and_nobody_can_change_what_was_built(still):
+    assert build(still) is build(still)
+    assert build(Scene(still.objects, still.lights)) is not build(still)
+    for array in (still.objects[0].transform, still.objects[0].w):
+        with pytest.raises(ValueError, match="read-only"):
+            array[:] = 0
 
 
 def test_the_two_forms_weight_what_they_say(still):
