@@ -11,6 +11,7 @@ import numpy.typing as npt
 
 from . import light_rows
 from .embree import EmbreeScene, Instance, Triangles, TriangleScene, aligned
+from .far_lights import make_far_lights_directional
 from .lights import BaseLight, pack_lights
 from .materials import pack_materials
 from .mesh import Mesh
@@ -245,5 +246,6 @@ def _place_lights(lights: tuple[BaseLight, ...], centre: Floats, scale: float) -
     radial /= largest
     rows[:, light_rows.INTENSITY : light_rows.INTENSITY + 3] /= largest
     rows[:, light_rows.INVERSE_RANGE] /= scale
+    make_far_lights_directional(kinds, rows)
     bright = rows[:, light_rows.INTENSITY : light_rows.INTENSITY + 3].any(axis=1)
     return Lights(kinds[bright], rows[bright])

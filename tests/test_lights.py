@@ -7,8 +7,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from raytrace import light_rows
 from raytrace.camera import Camera
 from raytrace.errors import OptionError
+from raytrace.far_lights import make_far_lights_directional
 from raytrace.light_kernels import cannot_matter_at, cannot_matter_in, incident
 from raytrace.lights import (
     AmbientLight,
@@ -223,3 +225,23 @@ def test_round_trip_and_packing():
     kinds, rows = pack_lights(some)
     assert kinds.tolist() == [0, 2, 1, 3]
     assert rows.shape[0] == 4
+
+
+def test_lights_at_the_edge_of_infinity_are_directional():
+    """Their distance squared is beyond float32, which lit nothing; half-way there nothing is changed."""
+    lights = [
+        PointLight(position=(3e30, 0, 4e30), intensity=(25e60, 0, 1e60)),
+        SpotLight(position=(0, 0, 1e9), direction=(0, 0, -1), half_angle=0.3, intensity=1e18, range=1e10),
+        SpotLight(position=(0, 0, 1e9), direction=(0, 0, 1), half_angle=0.3),
+        PointLight(position=(0, 1e6, 0)),
+    ]
+    kinds, rows = pack_lights(lights)
+    near = rows[3].copy()
+    make_far_lights_directional(kinds, rows)
+    assert kinds.tolist() == [light_rows.DIRECTIONAL] * 3 + [light_rows.POINT]
+    found = [incident(int(kind), row, (0.1, 0.2, 0.3)) for kind, row in zip(kinds, rows, strict=True)]
+    np.testing.assert_allclose(found[0][0], (0.6, 0, 0.8), atol=1e-12)
+    np.testing.assert_allclose(found[0][2], (1, 0, 0.04), rtol=1e-12)
+    np.testing.assert_allclose(found[1][2], (0.9999,) * 3, rtol=1e-12)
+    assert found[2][2] == (0, 0, 0)
+    np.testing.assert_array_equal(rows[3], near)
