@@ -5,7 +5,7 @@
 PEER_PYTHON is the interpreter of an environment that has mitsuba; its LLVM variants need DRJIT_LIBLLVM_PATH. The
 scene is the mesh on a ground plane under four point lights, Lambert, 1920×1080. Agreement: one light at a time,
 64 samples, no terminator correction, relative RMSE over the pixels whose neighbourhood is smooth in both pictures.
-Time: one sample a pixel, all four lights (Mitsuba: four emitter samples), in turn, both warm: compiled, the scene built.
+Time: one sample a pixel, all four lights (Mitsuba: four emitter samples), in turn; both have compiled and built.
 """
 
 from __future__ import annotations
