@@ -24,7 +24,7 @@ Floats = npt.NDArray[np.float64]
 
 LEAST = 16  # rays a point
 _PILOT_POINTS, _PILOT_RAYS = 128, 64  # of each run
-_PROBES = (256, 1536)
+_PROBES = (512, 1536)
 _PROBE_SHARE = 32
 _COARSEST, _FEWEST, _STEP = 64, 4096, 4  # strides along the curve: at most, points left at least, from one to the next
 _RATE = 1.5  # the variance of n rays falls as n^−1.5
