@@ -8,6 +8,7 @@ import pytest
 
 import ao
 from benchmarks.peers.process import FOLDER, PeerFailed, Process
+from benchmarks.time_against_error import references
 from benchmarks.time_against_error.analysis import (
     Point,
     TimeTo,
@@ -216,11 +217,16 @@ def test_a_folder_gives_its_meshes_and_the_largest_one_subdivided(tmp_path):
     assert [s.name for s in from_folder(tmp_path, quick=True)] == ["small", "large"]
 
 
-def test_vertices_in_the_plane_of_a_foreign_face_are_not_judged():
+def test_vertices_whose_w_hangs_on_their_exact_place_are_not_judged(monkeypatch):
+    """A floor that runs into a closed room: moved far enough, the vertices in the room's wall are inside or outside."""
+    monkeypatch.setattr(references, "MOVED", 1e-2)
     floor = [[-1, -1, 0], [0, -1, 0], [1, -1, 0], [-1, 1, 0], [0, 1, 0], [1, 1, 0], [0, 0, 0]]
-    wall = [[0, -2, -1], [0, 2, -1], [0, 2, 2], [0, -2, 2]]
-    faces = [[0, 1, 6], [1, 2, 6], [2, 5, 6], [5, 4, 6], [4, 3, 6], [3, 0, 6], [7, 8, 9], [7, 9, 10]]
-    mesh = Mesh(np.array(floor + wall, float), faces)
+    room = [[x, y, z] for x in (0, 3) for y in (-2, 2) for z in (-1, 2)]
+    sides = [[0, 1, 3, 2], [4, 6, 7, 5], [0, 4, 5, 1], [2, 3, 7, 6], [0, 2, 6, 4], [1, 5, 7, 3]]
+    faces = [[0, 1, 6], [1, 2, 6], [2, 5, 6], [5, 4, 6], [4, 3, 6], [3, 0, 6]]
+    for a, b, c, d in sides:
+        faces += [[a + 7, b + 7, c + 7], [a + 7, c + 7, d + 7]]
+    mesh = Mesh(np.array(floor + room, float), faces)
     mus = [ao.Binary().resolve(mesh.radius)]
     assert well_posed(mesh, np.arange(7), mus).tolist() == [True, False, True, True, False, True, False]
 
