@@ -12,9 +12,9 @@ from __future__ import annotations
 
 import argparse
 import json
-import subprocess
 import tempfile
 import time
+from contextlib import ExitStack
 from pathlib import Path
 from statistics import median
 from typing import Any
@@ -24,6 +24,7 @@ import numpy.typing as npt
 import trimesh
 
 from ao.report import versions
+from benchmarks.peers.process import Process
 from raytrace import Mesh
 from raytrace.camera import Camera
 from raytrace.lights import PointLight
@@ -80,35 +81,6 @@ def export(folder: Path, camera: Camera, meshes: list[Mesh], lights: list[PointL
     return target
 
 
-class Peer:
-    """The peer's process, asked one picture at a time."""
-
-    def __init__(self, python: str, scene: Path) -> None:
-        script = Path(__file__).parent / "peers" / "mitsuba_direct.py"
-        self.process = subprocess.Popen(
-            [python, str(script), str(scene)],
-            stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-            text=True,
-            cwd=scene.parent,
-        )
-        self.version = self._line().split()[1]
-
-    def _line(self) -> str:
-        assert self.process.stdout
-        line = self.process.stdout.readline()
-        if not line:
-            raise SystemExit("the peer has ended; see its message above")
-        return line
-
-    def render(self, samples: int, light: str, target: str = "-") -> float:
-        """Seconds the peer took for a picture, saved to `target`."""
-        assert self.process.stdin
-        self.process.stdin.write(f"render {samples} {light} {target}\n")
-        self.process.stdin.flush()
-        return float(self._line())
-
-
 def smooth(image: npt.NDArray[np.floating], tolerance: float) -> npt.NDArray[np.bool_]:
     """Pixels whose eight neighbours differ from them by at most `tolerance` relative to the picture's mean."""
     grey = image.mean(axis=2)
@@ -123,14 +95,15 @@ def smooth(image: npt.NDArray[np.floating], tolerance: float) -> npt.NDArray[np.
 def compare(path: Path, python: str, rounds: int) -> dict[str, Any]:
     """Agreement and times on one mesh."""
     scene, camera, meshes, lights = make_scene(load(path).mesh)
-    with tempfile.TemporaryDirectory() as name:
-        folder = Path(name)
-        peer = Peer(python, export(folder, camera, meshes, lights))
+    with ExitStack() as stack:
+        folder = Path(stack.enter_context(tempfile.TemporaryDirectory()))
+        description = export(folder, camera, meshes, lights)
+        peer = stack.enter_context(Process(python, "mitsuba_direct.py", description))
         ours = np.zeros((HEIGHT, WIDTH, 3))
         theirs = np.zeros((HEIGHT, WIDTH, 3))
         settings = Settings(width=WIDTH, height=HEIGHT, samples=SAMPLES, terminator=False, obscurance="off")
         for number, light in enumerate(lights):
-            peer.render(SAMPLES, str(number), str(folder / "peer.npy"))
+            peer.ask(samples=SAMPLES, lights=[number], target=str(folder / "peer.npy"))
             theirs += np.load(folder / "peer.npy")[..., :3]
             frame = render(Scene(scene.objects, (light,)), camera, settings, layers=False)
             ours += frame.layers["beauty"][..., :3]
@@ -144,7 +117,7 @@ def compare(path: Path, python: str, rounds: int) -> dict[str, Any]:
             start = time.perf_counter()
             frame = render(scene, camera, once, layers=False)
             seconds = time.perf_counter() - start
-            asked = peer.render(1, "all")
+            asked = peer.ask(samples=1, lights=list(range(len(lights))), target=None)["seconds"]
             if turn >= 2:
                 times["ours"].append(seconds)
                 times["mitsuba"].append(asked)
@@ -156,7 +129,7 @@ def compare(path: Path, python: str, rounds: int) -> dict[str, Any]:
         "seconds": times,
         "rays": frame.rays,
         "speed_ratio": {"median": median(ratios), "min": min(ratios), "max": max(ratios)},
-        "versions": versions() | {"mitsuba": peer.version},
+        "versions": versions() | {"mitsuba": peer.about["version"]},
     }
 
 
