@@ -48,7 +48,7 @@ def _share(
         mesh = pose.mesh(part)
         if pose.single and coarseness(mesh).vertices:
             continue
-        baked = bake(mesh, Binary(), samples=SAMPLES, threads=threads)
+        baked = bake(mesh, Binary(), samples=SAMPLES, threads=threads, reconstruct=False)
         used += 1
         rays += SAMPLES * len(baked.w)
         wrong += round(float(np.abs(baked.w - truth).sum()) * SAMPLES)

@@ -9,6 +9,7 @@ import numpy as np
 
 from ao.bake import Bake, bake
 from ao.falloff import Binary
+from ao.receivers import Normals
 from raytrace.mesh import Mesh
 
 from ..shapes import Floats, Part, hull, icosphere, join, patches
@@ -53,9 +54,8 @@ _FOOT = 0.5 * (1 - 3**-0.5)
 def _bake(pose: Pose, part: Part, normals: Floats | None, threads: int | None) -> Bake:
     own = None if normals is None else pose.directions(normals)
     mesh = Mesh(pose.vertices(part[0]), part[1], own)
-    return bake(
-        mesh, Binary(), 4096 if normals is None else 256, threads=threads, normals="angle" if own is None else "file"
-    )
+    kind: Normals = "angle" if own is None else "file"
+    return bake(mesh, Binary(), 4096 if own is None else 256, threads=threads, normals=kind, reconstruct=False)
 
 
 def _book() -> tuple[Part, list[int]]:
