@@ -97,6 +97,7 @@ def estimate_to(
 ) -> Estimate:
     """Estimates whose root mean square error over all points is `tolerance`, if `most` rays a point allow it."""
     probes = _Probes(tracer, points, neighbours, _AIM * tolerance, most, key)
+    tracer.expected = tracer.rays + probes.samples * len(points)  # the most, if no point can be predicted
     field = _Field(tracer, points, neighbours, probes, key)
     for _ in range(_ROUNDS):
         field.refine((_AIM * tolerance) ** 2)

@@ -30,7 +30,7 @@ class Tracer:
         scene, placement: the mesh in Embree and where it is. mu: the falloff, in mesh units. threads: how many.
         crowd: points of the whole mesh, wanted or not.
         progress: called with (rays traced, rays expected in all). checkpoint: what keeps traced rows, if anything.
-        expected: rays expected in all; whoever plans the work adds to it. rays: rays traced or copied.
+        expected: rays expected in all, 0 while nobody has planned them. rays: rays traced or copied.
     """
 
     scene: TriangleScene
@@ -71,5 +71,5 @@ class Tracer:
         self.rays += rays
         if self.checkpoint:
             self.checkpoint.save()
-        if self.progress:
+        if self.progress and self.expected:
             self.progress(self.rays, max(self.rays, self.expected))
