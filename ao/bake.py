@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from raytrace.embree import TriangleScene
 from raytrace.errors import OptionError
 from raytrace.mesh import Mesh
 from raytrace.parallel import thread_count
@@ -21,7 +20,7 @@ from .falloff import Exponential, Falloff, Mu
 from .hidden import Hidden, filled, hidden_points
 from .neighbours import Neighbours
 from .receivers import Flag, Normals, Points, Receivers, find_receivers
-from .reconstruct import SPREAD_REACH, shared_out
+from .reconstruct import judged, shared_out
 from .reconstruct import reconstruct as drawn_to_neighbours
 from .tolerance import Estimate, estimate_to
 from .trace import Progress, Tracer
@@ -121,13 +120,10 @@ def bake(
     crowd = len(receivers.points)  # before `only`, so that it changes no direction
     if only is not None:
         receivers = receivers.only(only)
-    prepared = time.perf_counter()
-    scene = TriangleScene(placement.vertices, receivers.faces)
-    built = time.perf_counter()
 
     if checkpoint:
         checkpoint.begin(placement, receivers, mu, crowd, most, tolerance, seed, normals, reconstruct)
-    tracer = Tracer(scene, placement, mu, workers, crowd, progress, checkpoint)
+    tracer = Tracer(receivers.scene, placement, mu, workers, crowd, progress, checkpoint)
     key = seed_key(seed)
     if tolerance is not None and len(receivers.points):
         estimate = estimate_to(tracer, receivers.points, _neighbours(receivers), tolerance, most, key)
@@ -138,7 +134,7 @@ def bake(
     vertex = receivers.of_vertex
     baked = vertex >= 0
     if hidden != "ignore":
-        inside = hidden_points(scene, receivers.points, placement.diagonal, key, workers)
+        inside = hidden_points(receivers.scene, receivers.points, placement.diagonal, key, workers)
         receivers.flags[baked] |= np.where(inside[vertex[baked]], Flag.HIDDEN, 0).astype(np.uint8)
         if hidden == "fill":
             rows = filled(estimate.rows, inside, receivers.points, _neighbours(receivers), workers)
@@ -163,7 +159,7 @@ def bake(
             "predicted": estimate.samples * estimate.predicted,
         },
         rmse=float(np.sqrt(np.sum(error**2) / max(int(np.count_nonzero(wanted)), 1))),
-        seconds={"build": built - prepared, "bake": finished - built + prepared - start},
+        seconds={"build": receivers.scene.seconds, "bake": finished - start - receivers.scene.seconds},
         mu=mu,
     )
 
@@ -182,14 +178,11 @@ def _estimate(tracer: Tracer, points: Points, neighbours: Neighbours | None, sam
     level = float(np.mean((w[calibration] - again) ** 2)) / 2 if len(points) else 0.0
     if neighbours is None:
         return Estimate(rows[:, [0, 2, 3, 4]], shared_out(rows[:, 1], level), samples, 0)
-    variance = shared_out(neighbours.smooth(rows[:, 1], SPREAD_REACH), level)
-    drawn, error = drawn_to_neighbours(neighbours, w, variance)
-    # squared error of what was drawn, beside that of the raw estimate, measured by the independent one
-    change = float(np.mean((drawn[calibration] - again) ** 2 - (w[calibration] - again) ** 2)) if len(points) else 0.0
-    if change >= 0:
-        return Estimate(rows[:, [0, 2, 3, 4]], variance, samples, 0)
-    expected = float(np.mean(error))
-    error *= np.clip((level + change) / expected, 0.5, 2.0) if expected > 0 else 1.0
+    drawn, error = drawn_to_neighbours(neighbours, points, rows, level)
+    before, after = ((values[calibration] - again) ** 2 for values in (w, drawn))
+    if float(np.sum(after - before)) >= 0:
+        return Estimate(rows[:, [0, 2, 3, 4]], shared_out(rows[:, 1], level), samples, 0)
+    error *= judged(error[calibration], after - before / 2)
     return Estimate(np.column_stack([drawn, rows[:, 2:]]), error, samples, 0)
 
 

@@ -69,7 +69,7 @@ def filled(
     alone = owner < 0
     owner[alone] = np.flatnonzero(alone)
     near, known = coarser(neighbours, owner, points.normals)
-    return fill(points, owner, near, known, np.ascontiguousarray(rows[known]), threads)
+    return fill(points, np.arange(len(points)), owner, near, known, np.ascontiguousarray(rows[known]), threads)
 
 
 @kernel

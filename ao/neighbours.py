@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from raytrace.jit import inline, kernel
+from raytrace.jit import kernel
 
 Floats = npt.NDArray[np.float64]
 _CREASE = 16  # power of n·n' by which a neighbour counts less
@@ -20,9 +20,9 @@ class Neighbours:
 
     Attributes:
         starts: int64 (k + 1,).
-        others: int32 (starts[k],): the neighbours of point i are others[starts[i]:starts[i + 1]], those across an
-            inner edge twice, −1 for a corner without one.
-        weights: float32, as `others`: how much a neighbour has in common with the point, 1 for the same normal.
+        others: int32 (starts[k],): the neighbours of point i are others[starts[i]:starts[i + 1]].
+        weights: float32, as `others`: how much a neighbour has in common with the point: 1 for the same normal, half
+            as much at the end of an edge with one face.
     """
 
     starts: npt.NDArray[np.int64]
@@ -34,18 +34,27 @@ class Neighbours:
         """Args: faces: (m, 3), rows of points, −1 for a corner that is none. normals: float32 (k, 3), unit."""
         count = len(normals)
         corners = np.bincount(faces.ravel() + 1, minlength=count + 1)[1:]
-        starts = np.concatenate([[0], np.cumsum(2 * corners)])
-        others = np.full(starts[-1], -1, np.int32)
-        _list(faces, starts[:-1].copy(), others)
-        return cls.weighted(starts, others, normals)
+        listed = np.concatenate([[0], np.cumsum(2 * corners)])
+        corner = np.full(listed[-1], -1, np.int32)
+        _list(faces, listed[:-1].copy(), corner)
+        starts, others, weights = (
+            np.zeros(count + 1, np.int64),
+            np.empty_like(corner),
+            np.empty(len(corner), np.float32),
+        )
+        _join(listed, corner, starts, others, weights)
+        return cls.weighted(starts, others[: starts[-1]].copy(), weights[: starts[-1]].copy(), normals)
 
     @classmethod
     def weighted(
-        cls, starts: npt.NDArray[np.int64], others: npt.NDArray[np.int32], normals: npt.NDArray[np.float32]
+        cls,
+        starts: npt.NDArray[np.int64],
+        others: npt.NDArray[np.int32],
+        weights: npt.NDArray[np.float32],
+        normals: npt.NDArray[np.float32],
     ) -> Neighbours:
-        """The rings given, weighted by how the points' `normals`, float32 (k, 3), agree."""
-        weights = np.zeros(len(others), np.float32)
-        _weigh(starts, others, normals, weights)
+        """The rings given, their `weights` lessened where the points' `normals`, float32 (k, 3), disagree."""
+        _agree(starts, others, normals, weights)
         return cls(starts, others, weights)
 
     def among(self, which: npt.NDArray[np.bool_]) -> Neighbours:
@@ -53,65 +62,94 @@ class Neighbours:
         return Neighbours(self.starts, self.others, self.weights * which[self.others])
 
     def predict(self, values: Floats) -> Floats:
-        """The weighted mean (k,) of the neighbours' `values` (k,), the point's own left out; NaN without neighbours."""
-        out = np.empty(len(values))
-        _predict(self.starts, self.others, self.weights, values, out)
-        return out
+        """The weighted mean of the neighbours' `values` (k, …), the point's own left out; NaN without neighbours."""
+        return self._means(values, 0.0)
 
     def smooth(self, values: Floats, rounds: int) -> Floats:
-        """`values` (k,) averaged with the neighbours', `rounds` times: about `rounds` edges far."""
+        """`values` (k, …) averaged with the neighbours', `rounds` times: about `rounds` edges far."""
         for _ in range(rounds):
-            out = np.empty(len(values))
-            _smooth(self.starts, self.others, self.weights, values, out)
-            values = out
+            values = self._means(values, 1.0)
         return values
+
+    def _means(self, values: Floats, own: float) -> Floats:
+        out = np.empty((len(values), values.size // max(len(values), 1)))
+        _means(self.starts, self.others, self.weights, np.ascontiguousarray(values).reshape(out.shape), own, out)
+        return out.reshape(values.shape)
+
+    def returned(self) -> Floats:
+        """The share (k,) that a point's own value has in the mean of its own and its neighbours' predictions."""
+        out = np.empty(len(self.starts) - 1)
+        _returned(self.starts, self.others, self.weights, out)
+        return out
 
 
 @kernel
-def _list(faces, ends, others):
+def _list(faces, ends, corner):
     for f in range(len(faces)):
-        for corner in range(3):
-            i = faces[f, corner]
+        for k in range(3):
+            i = faces[f, k]
             if i >= 0:
                 for step in (1, 2):
-                    j = faces[f, (corner + step) % 3]
-                    others[ends[i]] = -1 if i == j else j
+                    j = faces[f, (k + step) % 3]
+                    corner[ends[i]] = -1 if i == j else j
                     ends[i] += 1
 
 
 @kernel
-def _weigh(starts, others, normals, weights):
+def _join(listed, corner, starts, others, weights):
+    """List every neighbour once, weighted by half the number of faces at the edge to it."""
+    count = len(starts) - 1
+    place = np.full(count, -1, np.int64)
+    last = 0
+    for i in range(count):
+        for k in range(listed[i], listed[i + 1]):
+            j = corner[k]
+            if j < 0:
+                continue
+            if place[j] < starts[i]:
+                place[j] = last
+                others[last], weights[last] = j, 0.0
+                last += 1
+            weights[place[j]] += np.float32(0.5)
+        starts[i + 1] = last
+
+
+@kernel
+def _agree(starts, others, normals, weights):
     for i in range(len(normals)):
         for k in range(starts[i], starts[i + 1]):
-            j = others[k]
-            if j >= 0:
-                cosine = np.float32(0.0)
-                for axis in range(3):
-                    cosine += normals[i, axis] * normals[j, axis]
-                weights[k] = max(cosine, np.float32(0.0)) ** _CREASE
-
-
-@inline
-def _ring_mean(starts, others, weights, values, i):
-    """(Σ w (value − own), Σ w) over the ring of point i: differences, so that equal values stay equal to the bit."""
-    total, weight = 0.0, 0.0
-    for k in range(starts[i], starts[i + 1]):
-        j = others[k]
-        if j >= 0:
-            total += weights[k] * (values[j] - values[i])
-            weight += weights[k]
-    return total, weight
+            cosine = np.float32(0.0)
+            for axis in range(3):
+                cosine += normals[i, axis] * normals[others[k], axis]
+            weights[k] *= max(cosine, np.float32(0.0)) ** _CREASE
 
 
 @kernel
-def _predict(starts, others, weights, values, out):
+def _means(starts, others, weights, values, own, out):
+    """Ring means, the point's own value weighted by `own`, of differences: equal values stay equal to the bit."""
+    columns = values.shape[1]
     for i in range(len(values)):
-        total, weight = _ring_mean(starts, others, weights, values, i)
-        out[i] = values[i] + total / weight if weight > 1e-6 else np.nan
+        weight = own
+        for c in range(columns):
+            out[i, c] = 0.0
+        for k in range(starts[i], starts[i + 1]):
+            j, w = others[k], np.float64(weights[k])
+            weight += w
+            for c in range(columns):
+                out[i, c] += w * (values[j, c] - values[i, c])
+        for c in range(columns):
+            out[i, c] = values[i, c] + out[i, c] / weight if weight > 1e-6 else np.nan
 
 
 @kernel
-def _smooth(starts, others, weights, values, out):
-    for i in range(len(values)):
-        total, weight = _ring_mean(starts, others, weights, values, i)
-        out[i] = values[i] + total / (weight + 2.0)  # others are listed twice
+def _returned(starts, others, weights, out):
+    whole = np.zeros(len(out))
+    for i in range(len(out)):
+        for k in range(starts[i], starts[i + 1]):
+            whole[i] += weights[k]
+    for i in range(len(out)):
+        out[i] = 0.0
+        for k in range(starts[i], starts[i + 1]):
+            if whole[others[k]] > 1e-6:
+                out[i] += weights[k] * weights[k] / whole[others[k]]
+        out[i] /= whole[i] + 1.0

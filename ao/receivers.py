@@ -9,6 +9,7 @@ from typing import Any, Literal
 import numpy as np
 import numpy.typing as npt
 
+from raytrace.embree import TriangleScene
 from raytrace.errors import MeshError, OptionError
 from raytrace.mesh import Mesh
 from raytrace.normals import face_normals, normalize, vertex_sums
@@ -63,13 +64,14 @@ class Receivers:
         points: one for every group of coincident vertices, numbered along a curve that keeps neighbours together.
         of_vertex: int64 (n,), the row of each vertex in `points`, −1 for none.
         flags: uint8 (n,), `Flag`s of each vertex.
-        faces: int64 (m', 3), the faces that are not degenerate.
+        faces: int64 (m', 3), the faces that are not degenerate. scene: these, to be met by rays.
     """
 
     points: Points
     of_vertex: Ints
     flags: npt.NDArray[np.uint8]
     faces: Ints
+    scene: TriangleScene
 
     @property
     def first_vertex(self) -> Ints:
@@ -90,7 +92,7 @@ class Receivers:
         mine = np.where(wanted, self.of_vertex, -1)
         kept, rows = np.unique(mine[mine >= 0], return_inverse=True)
         mine[mine >= 0] = rows
-        return Receivers(self.points[kept], mine, self.flags, self.faces)
+        return Receivers(self.points[kept], mine, self.flags, self.faces, self.scene)
 
 
 def find_receivers(mesh: Mesh, placement: Placement, normals: Normals = "angle") -> Receivers:
@@ -98,6 +100,7 @@ def find_receivers(mesh: Mesh, placement: Placement, normals: Normals = "angle")
 
     Raises:
         OptionError: `normals` is not one of the four, or "file" for a mesh that has none.
+        EmbreeError: Embree failed, out of memory for instance.
     """
     if normals not in ("angle", "area", "equal", "file"):
         raise OptionError("normals", "angle, area, equal or file", repr(normals))
@@ -125,7 +128,8 @@ def find_receivers(mesh: Mesh, placement: Placement, normals: Normals = "angle")
         lift = np.where(np.einsum("ij,ij->i", lift, axes)[:, None] < 0, -lift, lift)
     else:
         axes = lift
-    origin = ray_origins(vertices[first], lift, clearance, vertices, faces, face_normal, group[faces])
+    scene = TriangleScene(placement.vertices, faces)
+    origin = ray_origins(scene, vertices[first], lift, clearance, vertices, faces, face_normal, group[faces])
 
     usable = np.logical_and(lift.any(axis=1), axes.any(axis=1))
     flags[~usable[group] & (flags == 0)] = Flag.DEGENERATE
@@ -136,4 +140,4 @@ def find_receivers(mesh: Mesh, placement: Placement, normals: Normals = "angle")
     index[rows] = np.arange(len(rows))
     numbers = np.arange(len(rows), dtype=np.uint32)
     points = Points(origin[rows].astype(np.float32), axes[rows].astype(np.float32), numbers)
-    return Receivers(points, index[group], flags, faces)
+    return Receivers(points, index[group], flags, faces, scene)

@@ -1,9 +1,13 @@
-"""What neighbouring vertices tell about each other: estimates drawn towards their neighbours' mean by what it is worth.
+"""What neighbouring vertices tell about each other: estimates drawn towards a prediction by what it is worth.
 
-Each point has an estimate y of variance σ² and a prediction p, the mean of its neighbours' estimates, of mean square
-error t². The linear combination of least risk is y + σ²/(σ² + t²) (p − y) (Bates & Granger 1969; with t² taken from
-the data, James & Stein 1961). E(y − p)² = σ² + t² wherever the two errors are independent, so t² is what the squared
-residuals around a point have beyond σ². As samples grow, σ² vanishes before t² and the estimate is left alone.
+Each point has an estimate y of variance σ² and a prediction p of mean square error t², made without y. The linear
+combination of least risk is y + σ²/(σ² + t²) (p − y) (Bates & Granger 1969; with t² taken from the data, James & Stein
+1961). E(y − p)² = σ² + t² wherever the two errors are independent, so t² is what the squared residuals around a point
+have beyond σ². As samples grow, σ² vanishes before t² and the estimate is left alone.
+
+The prediction is the mean over the neighbours, corrected for what makes a vertex differ from them: how it leans
+towards what is closed around it, and how far its neighbours stand above its tangent plane. How much each tells is
+fitted to the mesh at hand by least squares.
 """
 
 from __future__ import annotations
@@ -11,29 +15,102 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
+from raytrace.jit import kernel
+
 from .hemisphere import BATCHES
 from .neighbours import Neighbours
+from .receivers import Points
 
 Floats = npt.NDArray[np.float64]
 
-SPREAD_REACH = 3  # edges over which the spread between batches is averaged
-_REACH = 3  # and squared residuals
+_SPREAD_REACH = 3  # edges over which the spread between batches is averaged
+_REACH = 4  # and squared residuals
+_LEAN_REACH = 3  # and what is closed around a point
 _OUTLIER = 9.0  # a residual of more than three σ is the point's own
+_RIDGE, _RIDGE_POINTS = 3e-3, 10.0
+_DOUBT = 0.25  # standard deviation of how far expected errors are off
 
 
-def reconstruct(neighbours: Neighbours, estimate: Floats, variance: Floats) -> tuple[Floats, Floats]:
-    """The estimates (k,) drawn towards their neighbours, and the mean square error expected of each, (k,).
+def reconstruct(neighbours: Neighbours, points: Points, rows: Floats, level: float) -> tuple[Floats, Floats]:
+    """w (k,) drawn towards what neighbours tell, and the mean square error expected of each, (k,).
 
-    Args: estimate: (k,); variance: (k,), of its sampling error, > 0 where it may be wrong.
+    Where all rays around a point agree, nothing is drawn.
+
+    Args: rows: (k, 5), as `ao.hemisphere.gather` makes them. level: mean square error of rows[:, 0].
     """
-    prediction = neighbours.predict(estimate)
+    estimate, spread = rows[:, 0], neighbours.smooth(rows[:, 1], _SPREAD_REACH)
+    variance = shared_out(spread, level)
+    prediction = _prediction(neighbours, points, rows, variance)
     lonely = np.isnan(prediction)
     residual = np.where(lonely, 0.0, estimate - prediction)
     squared = residual**2
     beyond = neighbours.smooth(squared - variance, _REACH)
     error = np.maximum(np.maximum(beyond, squared - _OUTLIER * variance), 0.01 * variance)
-    share = np.where(lonely | (variance <= 0), 0.0, variance / np.where(variance > 0, variance + error, 1.0))
+    told = ~lonely & (variance > 0) & (spread > 0)
+    share = np.where(told, variance / np.where(told, variance + error, 1.0), 0.0)
     return estimate - share * residual, variance * (1 - share)
+
+
+def _prediction(neighbours: Neighbours, points: Points, rows: Floats, variance: Floats) -> Floats:
+    """What each estimate is by all but its own rays, (k,); NaN without neighbours."""
+    estimate, normals = rows[:, 0], points.normals.astype(np.float64)
+    closed = 2 / 3 * normals - rows[:, 2:5]  # mean of (1 − μ)·direction
+    told = neighbours.predict(np.column_stack([estimate, closed]))
+    ring = told[:, 0].copy()
+    lonely = np.isnan(ring)
+    told[lonely] = np.column_stack([estimate, closed])[lonely]
+    wide = neighbours.smooth(told, 1)
+    own = neighbours.returned()
+    leaning = np.einsum("ij,ij->i", neighbours.smooth(wide[:, 1:], _LEAN_REACH - 1), normals)
+    rise = np.empty(len(points))
+    _rises(neighbours.starts, neighbours.others, points.origins, points.normals, rise)
+    about = np.column_stack([leaning, rise])
+    unlike = np.column_stack(
+        [(wide[:, 0] - own * estimate) / (1 - own) - told[:, 0], about - neighbours.predict(about)]
+    )
+    unlike[lonely] = 0.0
+    residual = np.where(lonely, 0.0, estimate - ring)
+    rough = np.nan_to_num(neighbours.predict(neighbours.smooth(residual**2 - variance, 2)))
+    return ring + unlike @ _fit(unlike, residual, 1 / np.maximum(variance + np.maximum(rough, 0.0), 1e-12))
+
+
+def _fit(columns: Floats, target: Floats, weight: Floats) -> Floats:
+    """Coefficients (c,) of weighted least squares, drawn to 0 where few points or like columns leave them open."""
+    matrix, right = np.einsum("ki,kj,k->ij", columns, columns, weight), np.einsum("ki,k,k->i", columns, target, weight)
+    size = np.sqrt(np.diag(matrix))
+    used = size > 0
+    size = np.where(used, size, 1.0)
+    ridge = _RIDGE + _RIDGE_POINTS / max(len(target), 1)
+    inside = matrix / np.outer(size, size) + ridge * np.eye(len(size))
+    return np.where(used, np.linalg.solve(inside, right / size) / size, 0.0)
+
+
+@kernel
+def _rises(starts, others, origins, normals, out):
+    """The mean sine by which neighbours stand above each point's tangent plane, 0 for those below."""
+    for i in range(len(out)):
+        out[i] = 0.0
+        for k in range(starts[i], starts[i + 1]):
+            height = squared = 0.0
+            for axis in range(3):
+                d = np.float64(origins[others[k], axis]) - origins[i, axis]
+                height += d * normals[i, axis]
+                squared += d * d
+            if height > 0.0:
+                out[i] += height / np.sqrt(squared)
+        out[i] /= max(starts[i + 1] - starts[i], 1)
+
+
+def judged(expected: Floats, squared: Floats) -> float:
+    """By what factor the mean of `expected` squared errors (j,) is off, from unbiased measures of them, `squared` (j,).
+
+    A measure that scatters much is mistrusted: the mean of it and 1, weighted by their variances; within 1/3 and 3.
+    """
+    told = float(np.mean(expected)) if len(expected) else 0.0
+    if told <= 0 or len(squared) <= 1:
+        return 1.0
+    scatter = float(np.var(squared)) / len(squared) / told**2
+    return float(np.clip(1 + (float(np.mean(squared)) / told - 1) / (1 + scatter / _DOUBT**2), 1 / 3, 3))
 
 
 def shared_out(spread: Floats, level: float) -> Floats:

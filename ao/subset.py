@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import numpy as np
 import numpy.typing as npt
-from scipy.sparse import coo_array
 
 from raytrace.jit import kernel
 from raytrace.parallel import run_blocks
@@ -54,45 +53,73 @@ def coarser(neighbours: Neighbours, owner: Ints, normals: npt.NDArray[np.float32
     Args: owner: (k,), as `owners` gives it, ≥ 0 everywhere. normals: float32 (k, 3), of all points.
     """
     baked = np.flatnonzero(owner == np.arange(len(owner)))
-    row = np.empty(len(owner), np.int64)
-    row[baked] = np.arange(len(baked))
-    mine = np.repeat(owner, np.diff(neighbours.starts))
-    other = np.where(neighbours.others >= 0, owner[neighbours.others], mine)
-    crossing = mine != other
-    a, b = row[mine[crossing]], row[other[crossing]]
-    pairs = coo_array((np.ones(len(a), np.bool_), (a, b)), shape=(len(baked), len(baked))).tocsr()
-    others = pairs.indices.astype(np.int32)
-    return Neighbours.weighted(pairs.indptr.astype(np.int64), others, normals[baked]), baked
+    row = np.empty(len(owner), np.int32)
+    row[baked] = np.arange(len(baked), dtype=np.int32)
+    cell = row[owner]
+    starts = np.zeros(len(baked) + 1, np.int64)
+    members = np.argsort(cell, kind="stable")
+    others = np.empty(_crossings(neighbours.starts, neighbours.others, cell), np.int32)
+    _adjacent(neighbours.starts, neighbours.others, cell, members, starts, others)
+    others = others[: starts[-1]].copy()
+    return Neighbours.weighted(starts, others, np.ones(len(others), np.float32), normals[baked]), baked
 
 
-def fill(points: Points, owner: Ints, near: Neighbours, baked: Ints, values: Floats, threads: int) -> Floats:
-    """Values (k, c) at all points from those at the baked ones, (b, c), which are kept as they are.
+@kernel
+def _crossings(starts, others, cell):
+    count = 0
+    for i in range(len(cell)):
+        for k in range(starts[i], starts[i + 1]):
+            count += others[k] >= 0 and cell[others[k]] != cell[i]
+    return count
+
+
+@kernel
+def _adjacent(starts, others, cell, members, cell_starts, cell_others):
+    """List the cells that touch each cell, once each. Args: members: points sorted by their cell."""
+    seen = np.full(len(cell_starts) - 1, -1, np.int32)
+    last = 0
+    for i in members:
+        mine = cell[i]
+        for k in range(starts[i], starts[i + 1]):
+            if others[k] >= 0:
+                other = cell[others[k]]
+                if other != mine and seen[other] != mine:
+                    seen[other] = mine
+                    cell_others[last] = other
+                    last += 1
+        cell_starts[mine + 1] = last
+
+
+def fill(
+    points: Points, wanted: Ints, owner: Ints, near: Neighbours, baked: Ints, values: Floats, threads: int
+) -> Floats:
+    """Values (j, c) at the points `wanted` (j,) from those at the baked ones, (b, c), which are kept as they are.
 
     Args: near, baked: as `coarser` gives them.
     """
     row = np.empty(len(points), np.int64)
     row[baked] = np.arange(len(baked))
-    out = np.empty((len(points), values.shape[1]))
-
-    row_of_owner = row[owner]
+    cell = row[owner[wanted]]
+    out = np.empty((len(wanted), values.shape[1]))
 
     def work(first: int, last: int) -> None:
         scratch = np.empty((_MOST, 4))
         _fill(
-            points.origins, points.normals, row_of_owner, baked, near.starts, near.others, values, scratch,
-            first, last, out,
+            points.origins, points.normals, wanted[first:last], cell[first:last], baked, near.starts, near.others,
+            values, scratch, out[first:last],
         )  # fmt: skip
 
-    run_blocks(len(points), _BLOCK, work, threads)
+    run_blocks(len(wanted), _BLOCK, work, threads)
     return out
 
 
 @kernel
-def _fill(origins, normals, owner, baked, starts, others, values, scratch, first, last, out):
-    for i in range(first, last):
-        o = owner[i]
+def _fill(origins, normals, wanted, cell, baked, starts, others, values, scratch, out):
+    for row in range(len(wanted)):
+        i = wanted[row]
+        o = cell[row]
         if baked[o] == i:
-            out[i] = values[o]
+            out[row] = values[o]
             continue
         n = normals[i]
         count, spread = 0, 0.0
@@ -135,4 +162,4 @@ def _fill(origins, normals, owner, baked, starts, others, values, scratch, first
             for k in range(1, count):
                 q = scratch[k, 3] * (a + b * scratch[k, 0] + c2 * scratch[k, 1]) / det
                 total += q * (values[others[starts[o] + k - 1], column] - values[o, column])
-            out[i, column] = values[o, column] + total
+            out[row, column] = values[o, column] + total

@@ -10,7 +10,6 @@ import numpy as np
 import numpy.typing as npt
 from scipy.sparse import csr_array
 
-from raytrace.embree import TriangleScene
 from raytrace.mesh import Mesh
 from raytrace.normals import normalize
 from raytrace.parallel import thread_count
@@ -66,12 +65,9 @@ def bake_surface(
     receivers = find_receivers(mesh, placement, normals)
     mine = receivers if only is None else receivers.only(only)
     wanted: npt.NDArray[np.bool_] = np.ones(len(mesh.vertices), np.bool_) if only is None else only
-    prepared = time.perf_counter()
-    scene = TriangleScene(placement.vertices, receivers.faces)
-    built = time.perf_counter()
 
     patch = Patch.of(placement, receivers, wanted)
-    moments, counts = gather(scene, placement, patch, mu, samples, seed_key(seed), workers, progress)
+    moments, counts = gather(receivers.scene, placement, patch, mu, samples, seed_key(seed), workers, progress)
     fit = _fit(patch, reveal_interiors(patch, moments, counts))
 
     row = receivers.of_vertex
@@ -95,7 +91,7 @@ def bake_surface(
             "below_face": int(traced[BELOW]),
         },
         rmse=float(np.sqrt(np.sum(error**2) / max(int(np.count_nonzero(wanted)), 1))),
-        seconds={"build": built - prepared, "bake": finished - built + prepared - start},
+        seconds={"build": receivers.scene.seconds, "bake": finished - start - receivers.scene.seconds},
         mu=mu,
     )
 

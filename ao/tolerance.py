@@ -16,23 +16,29 @@ from raytrace.sampling import mix
 
 from .neighbours import Neighbours
 from .receivers import Points
-from .reconstruct import SPREAD_REACH, reconstruct, shared_out
+from .reconstruct import judged, reconstruct
 from .subset import coarser, fill, owners
 from .trace import Tracer
 
 Floats = npt.NDArray[np.float64]
 
 LEAST = 16  # rays a point
-_PILOT_POINTS, _PILOT_RAYS = 128, 64  # of each run
-_PROBES = (512, 1536)
-_PROBE_SHARE = 32
-_COARSEST, _FEWEST, _STEP = 64, 4096, 4  # strides along the curve: at most, points left at least, from one to the next
+# pilots, their rays, and one point in how many is probed, at least and at most: below and above _ALL points
+_SMALL = 512, 32, 8, 64, 512
+_LARGE = 1024, 64, 32, 512, 1536
+_COARSEST, _FEWEST, _STEP = 64, 4096, 2  # strides along the curve: at most, points left at least, from one to the next
+_ALL = 16384  # points, of which fewer are all baked
 _RATE = 1.5  # the variance of n rays falls as n^−1.5
-_AIM = 0.92  # of the tolerance, so that the true error is within it though its measure is uncertain
-_GAIN = 1.25  # at most what the raw error may exceed the aim by, for reconstruction to bring it back
+_AIM = 0.9  # of the tolerance, so that the true error is within it though its measure is uncertain
+_GAIN = 1.6  # at most what the raw error may exceed the aim by, for reconstruction to bring it back
 _RUNS = 8  # stretches of the curve that tell how much that is
 _SHARED = 0.2  # variance of a neighbours' mean, relative to one neighbour's
-_LOSS = 1.1  # of the gain, for roughness is not the same everywhere
+_UNTOLD = 0.15  # part of the squared distance from a neighbours' mean that typical predictions leave
+_GAINED = 0.8  # of what drawing all points alike would gain, for roughness is not the same everywhere
+_DENSE = 0.5  # squared distance from a neighbours' mean, relative to the aim's, below which few points will be baked
+_NOISY = 0.7  # part of the mean square error asked for that baked points may have while others are predicted
+_SPARE = 0.9  # of the goal, so that one round of baking more is likely to meet it
+_MET = 1.1  # times the goal is near enough
 _ROUNDS = 3
 
 
@@ -52,22 +58,32 @@ class Estimate:
 
 
 class _Probes:
-    """The points at which the error is measured, and their two estimates."""
+    """The points at which the error is measured.
+
+    Attributes:
+        rows: int64 (j,), which points. samples: rays of each. raw: (j, 5), one estimate of each, which is their own if
+        `baked`: all points will be. other: (j,), an independent one. variance: mean square error of either.
+    """
 
     def __init__(
         self, tracer: Tracer, points: Points, neighbours: Neighbours, aim: float, most: int, key: np.uint32
     ) -> None:
-        self.samples = self._plan(tracer, points, neighbours, aim, most, key)
-        self.rows = _spread(len(points), int(np.clip(len(points) // _PROBE_SHARE, *_PROBES)))
+        self.baked = len(points) < _ALL
+        pilots, rays, share, fewest, probes = _SMALL if self.baked else _LARGE
+        self.samples = self._plan(tracer, points, neighbours, pilots, min(rays, most), aim, most, key)
+        self.rows = _spread(len(points), int(np.clip(len(points) // share, fewest, probes)))
         probed = points[self.rows]
-        self.a, self.b = (tracer.gather(probed, self.samples, _derive(key, salt))[:, 0] for salt in (3, 4))
-        self.variance = float(np.mean((self.a - self.b) ** 2)) / 2
+        self.raw = tracer.gather(probed, self.samples, key if self.baked else _derive(key, 3))
+        self.other = tracer.gather(probed, self.samples, _derive(key, 4))[:, 0]
+        self.variance = float(np.mean((self.raw[:, 0] - self.other) ** 2)) / 2
 
     @staticmethod
-    def _plan(tracer: Tracer, points: Points, neighbours: Neighbours, aim: float, most: int, key: np.uint32) -> int:
+    def _plan(
+        tracer: Tracer, points: Points, neighbours: Neighbours, pilots: int, rays: int, aim: float, most: int,
+        key: np.uint32,
+    ) -> int:  # fmt: skip
         """Rays a point for an error of about `aim` once it is drawn to its neighbours, judged by a few runs."""
-        rays = min(_PILOT_RAYS, most)
-        run = np.arange(min(_PILOT_POINTS, len(points)))
+        run = np.arange(min(pilots // _RUNS, len(points)))
         starts = np.linspace(0, len(points) - len(run), _RUNS).astype(np.int64)
         rows = np.unique(starts[:, None] + run)
         first, second = (tracer.gather(points[rows], rays, _derive(key, salt))[:, 0] for salt in (1, 2))
@@ -82,14 +98,18 @@ class _Probes:
         )
         counts = np.arange(8, most + 8, 8)
         variance = noise * (rays / counts) ** _RATE
-        told = rough + _SHARED * variance
-        drawn = _LOSS * variance * told / (variance + told) if np.isfinite(rough) else variance
+        told = _UNTOLD * rough + _SHARED * variance
+        drawn = variance * (1 - _GAINED * variance / (variance + told)) if np.isfinite(rough) else variance
+        if rough < _DENSE * aim**2:  # baked points will lie so far apart that predictions err by about as much as they
+            drawn = variance * (1 - _GAINED * variance / ((1 + _SHARED) * variance + aim**2 / 2)) * 1.5
         enough = np.maximum(drawn, variance / _GAIN**2) <= aim**2
         return int(np.clip(counts[np.argmax(enough)] if enough.any() else most, min(LEAST, most), most))
 
     def squared(self, w: Floats) -> Floats:
-        """Unbiased squared error of `w` (k,) at each probe."""
-        return (w[self.rows] - self.a) * (w[self.rows] - self.b)
+        """Unbiased squared error of `w` (j,), what all points' estimates make of the probed ones."""
+        if self.baked:
+            return (w - self.other) ** 2 - (self.raw[:, 0] - self.other) ** 2 / 2
+        return (w - self.raw[:, 0]) * (w - self.other)
 
 
 def estimate_to(
@@ -100,12 +120,12 @@ def estimate_to(
     tracer.expected = tracer.rays + probes.samples * len(points)  # the most, if no point can be predicted
     field = _Field(tracer, points, neighbours, probes, key)
     for _ in range(_ROUNDS):
-        field.refine((_AIM * tolerance) ** 2)
+        field.refine((_AIM * tolerance) ** 2, most)
         excess = field.mse / (_AIM * tolerance) ** 2
-        if excess <= 1.1 or field.samples >= most:
+        if excess <= _MET or field.samples >= most:
             break
         # two lattices of n and m rays are worth n^1.5 + m^1.5
-        field.deepen(min(most - field.samples, 8 * int(np.ceil(field.samples * (excess - 1) ** (1 / _RATE) / 8))))
+        field.deepen(int(field.samples * (excess - 1) ** (1 / _RATE)), most)
     return field.estimate()
 
 
@@ -115,11 +135,13 @@ class _Field:
     def __init__(self, tracer: Tracer, points: Points, neighbours: Neighbours, probes: _Probes, key: np.uint32) -> None:
         self.tracer, self.points, self.neighbours, self.probes, self.key = tracer, points, neighbours, probes, key
         self.samples, self.noise = probes.samples, probes.variance
-        self.stride = _COARSEST
+        self.stride = 1 if probes.baked else _COARSEST
         while self.stride > 1 and len(points) // self.stride < _FEWEST:
             self.stride //= _STEP
         self.rows = np.zeros((len(points), 5))
         self.baked = np.zeros(len(points), np.bool_)
+        if probes.baked:
+            self.rows[probes.rows], self.baked[probes.rows] = probes.raw, True
         self._bake(np.arange(len(points)) % self.stride == 0)
         self.owner = owners(neighbours, self.baked)
         self._bake(self.owner < 0)
@@ -129,43 +151,46 @@ class _Field:
         self.rows[which] = self.tracer.gather(self.points[which], self.samples, self.key)
         self.baked |= which
 
-    def refine(self, goal: float) -> None:
-        """Bake more points where predictions are worst, until the mean square error meets `goal` or all are baked."""
+    def refine(self, goal: float, most: int) -> None:
+        """Bake more points where predictions are worst until the mean square error meets `goal` or all are baked."""
         self._reconstruct()
-        while self.mse > goal and not self.baked.all():
-            self.stride = max(self.stride // _STEP, 1)
-            doubtful = self._doubtful(goal) & (np.arange(len(self.points)) % self.stride == 0)
-            self._bake(doubtful if self.stride > 1 or doubtful.any() else ~self.baked)
+        while self.mse > _MET * goal and not self.baked.all():
+            if self.stride == 1 and float(np.mean(self.doubt[self.baked])) > _NOISY * goal and self.samples < most:
+                self.deepen(self.samples // 2, most)
+            else:
+                self.stride = max(self.stride // _STEP, 1)
+                doubtful = self._doubtful(_SPARE * goal) & (np.arange(len(self.points)) % self.stride == 0)
+                self._bake(doubtful if self.stride > 1 or doubtful.any() else ~self.baked)
             self._reconstruct()
 
     def _reconstruct(self) -> None:
-        """Set w and its expected squared error from the baked points, and measure the mean square error."""
+        """Draw the baked points to their neighbours, and measure the mean square error of what all points become."""
         self.owner = owners(self.neighbours, self.baked)
         if self.baked.all():
-            near, baked = self.neighbours, np.arange(len(self.points))
+            self.near, known = self.neighbours, np.arange(len(self.points))
         else:
-            near, baked = coarser(self.neighbours, self.owner, self.points.normals)
-        estimate = self.rows[baked, 0]
-        variance = shared_out(near.smooth(self.rows[baked, 1], SPREAD_REACH), self.noise)
-        drawn, error = reconstruct(near, estimate, variance)
-        self.w = fill(
-            self.points, self.owner, near, baked, np.column_stack([drawn, self.rows[baked, 2:]]), self.tracer.threads
-        )
-        residual = np.nan_to_num(estimate - near.predict(estimate))
+            self.near, known = coarser(self.neighbours, self.owner, self.points.normals)
+        raw = self.rows[known]
+        drawn, error = reconstruct(self.near, self.points[known], raw, self.noise)
+        self.known, self.values = known, np.column_stack([drawn, raw[:, 2:]])
+        residual = np.nan_to_num(raw[:, 0] - self.near.predict(raw[:, 0]))
         self.doubt = np.zeros(len(self.points))
-        self.doubt[baked] = np.maximum(near.smooth(residual**2, 2), variance)
+        self.doubt[known] = np.maximum(self.near.smooth(residual**2, 2), error)
         self.doubt = self.doubt[self.owner]
-        self._judge(baked, error)
+        self._judge(known, error)
+
+    def _fill(self, wanted: npt.NDArray[np.int64]) -> Floats:
+        """Values (j, 4) at the points `wanted` (j,), from those at the baked ones."""
+        return fill(self.points, wanted, self.owner, self.near, self.known, self.values, self.tracer.threads)
 
     def _judge(self, baked: npt.NDArray[np.int64], error: Floats) -> None:
         """Bring the expected squared errors to the level that the probes show, and set their mean."""
         rows = self.probes.rows
-        squared, predicted = self.probes.squared(self.w[:, 0]), ~self.baked[rows]
+        squared, predicted = self.probes.squared(self._fill(rows)[:, 0]), ~self.baked[rows]
         told = float(np.sum(self.doubt[rows][predicted]))
         self.doubt *= max(float(np.sum(squared[predicted])), 0.0) / told if told > 0 else 0.0
         self.doubt[baked] = error
-        told = float(np.sum(self.doubt[rows]))
-        self.doubt *= np.clip(float(np.sum(squared)) / told, 0.5, 2.0) if told > 0 else 1.0
+        self.doubt *= judged(self.doubt[rows], squared)
         self.mse = float(np.mean(self.doubt))
 
     def _doubtful(self, goal: float) -> npt.NDArray[np.bool_]:
@@ -180,8 +205,9 @@ class _Field:
         doubtful[order[fine[-1] + 1 if len(fine) else 0 :]] = True
         return doubtful
 
-    def deepen(self, samples: int) -> None:
-        """Give every baked point `samples` more rays."""
+    def deepen(self, samples: int, most: int) -> None:
+        """Give every baked point about `samples` more rays, up to `most` in all."""
+        samples = min(max(8 * round(samples / 8), 8), most - self.samples)
         more = self.tracer.gather(self.points[self.baked], samples, _derive(self.key, 5 + self.samples))
         ours, theirs = (float(n) ** _RATE for n in (self.samples, samples))
         share = theirs / (ours + theirs)
@@ -190,7 +216,8 @@ class _Field:
         self.samples += samples
 
     def estimate(self) -> Estimate:
-        return Estimate(self.w, self.doubt, self.samples, int(np.count_nonzero(~self.baked)))
+        rows = self._fill(np.arange(len(self.points)))
+        return Estimate(rows, self.doubt, self.samples, int(np.count_nonzero(~self.baked)))
 
 
 def _spread(count: int, wanted: int) -> npt.NDArray[np.int64]:

@@ -23,7 +23,6 @@ import numpy.typing as npt
 import ao
 from ao.receivers import find_receivers
 from ao.report import versions
-from raytrace.embree import TriangleScene
 from raytrace.mesh import Mesh
 from raytrace.normals import face_normals, normalize
 from raytrace.placement import Placement, ray_offset
@@ -48,7 +47,7 @@ class Points:
         placement = Placement.of(mesh)
         receivers = find_receivers(mesh, placement)
         vertices = placement.vertices.astype(np.float64)
-        self.scene = TriangleScene(placement.vertices, receivers.faces)
+        self.scene = receivers.scene
         self.normals, areas = face_normals(vertices, receivers.faces)
         random = np.random.default_rng(12345)
         ends = np.cumsum(areas)

@@ -33,7 +33,6 @@ from raytrace.embree import (
     ORG_Y,
     ORG_Z,
     TFAR,
-    TriangleScene,
     intersect8,
     new_packet,
     occluded8,
@@ -93,7 +92,7 @@ def measure(path: Path | None, samples: int, rounds: int) -> dict[str, object]:
     mesh = load(path).mesh if path else temple()
     placement = Placement.of(mesh)
     receivers = find_receivers(mesh, placement)
-    scene = TriangleScene(placement.vertices, receivers.faces)
+    scene = receivers.scene
     count = min(len(receivers.points), 20_000_000 // samples)
     points = receivers.points[np.arange(count)]
     table = DirectionTable.make(samples, count, seed_key(0))

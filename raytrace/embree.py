@@ -14,6 +14,7 @@ from __future__ import annotations
 import ctypes
 import sys
 import threading
+import time
 import weakref
 from collections.abc import Sequence
 from functools import cache
@@ -60,7 +61,7 @@ _SIGNATURES: dict[str, tuple[Any, list[Any]]] = {
     "rtcSetGeometryInstancedScene": (None, [_Pointer, _Pointer]),
     "rtcSetGeometryTransform": (None, [_Pointer, ctypes.c_uint, _Int, _Pointer]),
 }
-_QUERIES = ("rtcIntersect8", "rtcOccluded8", "rtcIntersect16", "rtcOccluded16")
+_QUERIES = ("rtcIntersect8", "rtcOccluded8", "rtcIntersect16", "rtcOccluded16", "rtcPointQuery")
 
 
 def _open_library() -> ctypes.CDLL:
@@ -84,6 +85,7 @@ _intersect8 = types.ExternalFunction("rtcIntersect8", _call)
 _occluded8 = types.ExternalFunction("rtcOccluded8", _call)
 _intersect16 = types.ExternalFunction("rtcIntersect16", _call)
 _occluded16 = types.ExternalFunction("rtcOccluded16", _call)
+point_query = types.ExternalFunction("rtcPointQuery", types.boolean(*(types.uintp,) * 5))  # see raytrace.nearby
 
 
 @inline
@@ -219,12 +221,16 @@ class EmbreeScene:
 
     A hit's GEOM_ID is the row in `geometries`, or 0 inside an instance whose row is INST_ID.
 
+    Attributes:
+        handle: what kernels trace in. seconds: how long it took to build.
+
     Raises:
         EmbreeError: Embree reports an error, out of memory for instance.
     """
 
     def __init__(self, geometries: Sequence[Triangles | Instance]) -> None:
         self.geometries = tuple(geometries)
+        start = time.perf_counter()
         with _lock:
             device = _device()
             scene = _library.rtcNewScene(device)
@@ -240,6 +246,7 @@ class EmbreeScene:
             _library.rtcCommitScene(scene)
             _check(device)
         self.handle = np.uint64(scene)
+        self.seconds = time.perf_counter() - start
 
 
 class TriangleScene(EmbreeScene):

@@ -12,7 +12,8 @@ import hashlib
 import os
 import sys
 import tempfile
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from functools import cache
 from pathlib import Path
 from typing import Any, TypeVar
@@ -64,10 +65,26 @@ def is_warm(module: str) -> bool:
 
 def kernel(function: F) -> F:
     """Compile a hot loop on first call: no Python objects, no GIL, cached on disk."""
+    with _own_cache():
+        return numba.njit(nogil=True, cache=True, error_model="numpy")(function)
+
+
+def callback(signature: Any) -> Callable[[F], Any]:
+    """Compile a function of this signature for C to call by its `address`, cached like a kernel."""
+
+    def compile_(function: F) -> Any:
+        with _own_cache():
+            return numba.cfunc(signature, cache=True)(function)
+
+    return compile_
+
+
+@contextmanager
+def _own_cache() -> Iterator[None]:
     before = numba.config.CACHE_DIR
     numba.config.CACHE_DIR = str(cache_folder())
     try:
-        return numba.njit(nogil=True, cache=True, error_model="numpy")(function)
+        yield
     finally:
         numba.config.CACHE_DIR = before
 

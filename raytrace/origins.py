@@ -12,6 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from .contacts import Contacts, distance_to_triangle, find_contacts
+from .embree import TriangleScene
 from .jit import inline, kernel
 from .outermost import outermost_normals
 from .placement import ULP, ray_offset
@@ -27,11 +28,19 @@ _SAME_PLANE = 0.9999
 
 
 def ray_origins(
-    points: Floats, lift: Floats, clearance: Floats, vertices: Floats, faces: Ints, face_normals: Floats, seats: Ints
+    scene: TriangleScene,
+    points: Floats,
+    lift: Floats,
+    clearance: Floats,
+    vertices: Floats,
+    faces: Ints,
+    face_normals: Floats,
+    seats: Ints,
 ) -> Floats:
     """Ray origins (k, 3) of `points` (k, 3) in placed coordinates.
 
     Args:
+        scene: holds exactly the `faces`.
         lift: (k, 3), unit, or zero for points without origins; in front of the point's own faces with the least
             cosine `clearance` (k,).
         vertices (n, 3), faces (m, 3), none degenerate, with unit face_normals (m, 3).
@@ -45,7 +54,7 @@ def ray_origins(
     offset = ray_offset(lift, size, clearance)
     own = TOUCHING * ULP * np.abs(points).sum(axis=1)
     reach = np.maximum(4.0 * offset, own)  # so far that turning a lift seldom asks for more
-    near = find_contacts(points, reach, rounding, vertices, faces, seats)
+    near = find_contacts(scene, points, reach, rounding, vertices, faces, seats)
     touched = near.only(near.distance <= np.maximum(own[near.point], rounding[near.face]))
     if len(touched.point):
         _step_out(points, lift, clearance, touched, vertices, faces, face_normals, seats)
@@ -54,7 +63,7 @@ def ray_origins(
         rows = np.flatnonzero(2.0 * offset > reach)
         number = np.full(len(points), -1)
         number[rows] = np.arange(len(rows))
-        more = find_contacts(points[rows], 2.0 * offset[rows], rounding, vertices, faces, number[seats])
+        more = find_contacts(scene, points[rows], 2.0 * offset[rows], rounding, vertices, faces, number[seats])
         near = Contacts(*(np.append(a, b) for a, b in zip(near, (rows[more.point], *more[1:]), strict=True)))
     _stop_short(points, lift, own, rounding, near.point, near.face, vertices, faces, face_normals, offset)
     return points + offset[:, None] * lift

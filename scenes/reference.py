@@ -69,11 +69,10 @@ def reference(
     """
     placement = Placement.of(mesh)
     receivers = find_receivers(mesh, placement)
-    scene = TriangleScene(placement.vertices, receivers.faces)
     order = np.random.default_rng(_SEED).permutation(len(receivers.points))
     chosen = np.sort(order[:vertices])
     points = receivers.points[chosen]
-    return Reference(receivers.first_vertex[chosen], trace(scene, placement, points, mus, rays, threads))
+    return Reference(receivers.first_vertex[chosen], trace(receivers.scene, placement, points, mus, rays, threads))
 
 
 def trace(

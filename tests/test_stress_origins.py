@@ -8,6 +8,7 @@ import pytest
 import ao
 from raytrace import Mesh
 from raytrace.contacts import find_contacts
+from raytrace.embree import TriangleScene
 from raytrace.outermost import outermost_normals
 from scenes.shapes import generic_rotation, icosphere, join
 from scenes.stress.solids import cube, ellipsoid, grid, inward
@@ -65,7 +66,8 @@ def test_contacts_are_those_of_brute_force(seed):
     vertices, faces = join([sphere, grid(3, 1.7), (needles.reshape(-1, 3), np.arange(120).reshape(-1, 3))])
     points = np.concatenate([vertices, rng.normal(size=(200, 3))])
     reach, margin = rng.uniform(0, 0.3, len(points)), rng.uniform(0, 0.1, len(faces))
-    found = find_contacts(points, reach, margin, vertices, faces, faces)
+    scene = TriangleScene(vertices.astype(np.float32), faces)
+    found = find_contacts(scene, points, reach, margin, vertices, faces, faces)
     corners = vertices[faces]
     expected = {
         (i, f)
@@ -99,8 +101,9 @@ def test_no_points_and_no_faces_have_no_contacts():
     nothing = np.zeros((0, 3))
     none = np.zeros((0, 3), np.int64)
     vertices, faces = grid(1)
-    assert len(find_contacts(nothing, np.zeros(0), np.zeros(len(faces)), vertices, faces, faces).point) == 0
-    assert len(find_contacts(vertices, np.ones(len(vertices)), np.zeros(0), vertices, none, none).point) == 0
+    scene = TriangleScene(vertices.astype(np.float32), faces)
+    assert len(find_contacts(scene, nothing, np.zeros(0), np.zeros(len(faces)), vertices, faces, faces).point) == 0
+    assert len(find_contacts(scene, vertices, np.ones(len(vertices)), np.zeros(0), vertices, none, none).point) == 0
 
 
 def test_clearance_is_asked_for():

@@ -18,7 +18,6 @@ import numpy.typing as npt
 from ao.falloff import Mu
 from ao.receivers import find_receivers
 from raytrace.atomic import atomic_write
-from raytrace.embree import TriangleScene
 from raytrace.jit import user_cache
 from raytrace.mesh import Mesh
 from raytrace.placement import ULP, Placement
@@ -53,16 +52,15 @@ def well_posed(mesh: Mesh, vertices: npt.NDArray[np.int64], mus: Sequence[Mu]) -
     """Whether w at each of `vertices` (k,) stays within `JUMP` as its ray origin moves to four sides by `MOVED`."""
     placement = Placement.of(mesh)
     receivers = find_receivers(mesh, placement)
-    scene = TriangleScene(placement.vertices, receivers.faces)
     points = receivers.points[receivers.of_vertex[vertices]]
-    before = trace(scene, placement, points, mus, JUMP_RAYS)
+    before = trace(receivers.scene, placement, points, mus, JUMP_RAYS)
     helper = np.where(np.abs(points.normals[:, :1]) < 0.5, [[1.0, 0, 0]], [[0, 1.0, 0]])
     along = np.cross(points.normals, helper)
     along /= np.linalg.norm(along, axis=1, keepdims=True)
     steady = np.ones(len(vertices), np.bool_)
     for side in (along, -along, np.cross(points.normals, along), -np.cross(points.normals, along)):
         moved = replace(points, origins=(points.origins + MOVED * side).astype(np.float32))
-        steady &= (np.abs(trace(scene, placement, moved, mus, JUMP_RAYS) - before) < JUMP).all(axis=0)
+        steady &= (np.abs(trace(receivers.scene, placement, moved, mus, JUMP_RAYS) - before) < JUMP).all(axis=0)
     return steady
 
 
