@@ -10,11 +10,12 @@ import numpy as np
 import numpy.typing as npt
 
 from .camera import Camera
-from .embree import new_packet
+from .embree import aligned, new_packet
 from .entries import FILM
 from .film import TILE
 from .frame import LAYERS, Frame
 from .lanes import WIDE
+from .light_rows import AMBIENT as AMBIENT_LIGHT
 from .parallel import run_blocks, thread_count
 from .scene import Scene
 from .scratch import (
@@ -188,6 +189,8 @@ class _Renderer:
 
     def _light_all_vertices(self) -> None:
         geometry, lights = self.world.geometry, self.world.lights
+        shadows = self.style.shadows and (lights.kinds != AMBIENT_LIGHT).any()
+        origins = self.world.vertex_origins if shadows else aligned((0, 3), np.float32)
         self.vertex_light = np.zeros((len(geometry.w), _LIT))
         ends = np.append(geometry.first_w[1:], len(geometry.w))
         finished: list[npt.NDArray[np.int64]] = []
@@ -195,7 +198,7 @@ class _Renderer:
 
             def work(first: int, last: int, item: int = item, begin: int = int(begin)) -> None:
                 scratch, span = new_scratch(len(lights.kinds)), (begin + first, begin + last)
-                light_vertices(geometry, lights, self.view, self.style, scratch, item, span, self.vertex_light)
+                light_vertices(geometry, lights, self.view, self.style, scratch, origins, item, span, self.vertex_light)
                 finished.append(scratch.counts)
 
             run_blocks(int(end - begin), 4 * PACKETS * WIDE, work, self.threads)

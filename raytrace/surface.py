@@ -15,7 +15,6 @@ from .shading import centroid, phong_normal, quadratic_normal
 from .vector import add, choose, cross, dot, scale, subtract, unit
 
 CONSTANT, GOURAUD, PHONG, QUADRATIC = range(4)
-VERTEX_CLEARANCE = 0.1  # a vertex normal may lean that far from a face around it
 SMOOTH = 0.8660254037844387  # cos 30°: a computed normal that leans away farther marks a hard edge
 GROWN = 2.0**30  # times the product of two edges is neither lost nor infinite in float32
 
@@ -161,15 +160,22 @@ def fill(entry, geometry, item, mine, faces, u, v, backward, style):
 
 
 @inline
-def vertex_entry(entry, geometry, item, mine, vertices, eye, forward, orthographic):
-    """Write an entry for vertices (their rows in the shape's arrays) as Gouraud shading lights them."""
+def vertex_entry(entry, geometry, origins, item, mine, rows, eye, forward, orthographic):
+    """Write an entry for vertices as Gouraud shading lights them.
+
+    Args: origins: of `raytrace.vertices.vertex_origins`, or none where no shadow is looked for; rows: of `geometry.w`.
+    """
+    vertices = rows + (geometry.first_vertex[item] - geometry.first_w[item])
     point = corner(geometry, item, vertices)
     normal = vertex_normal(geometry, item, vertices)
     backward = add(scale(0.0, point), scale(-1.0, forward)) if orthographic else unit(subtract(eye, point))
     side = select(dot(normal, backward) >= 0.0, 1.0, -1.0)
     normal = scale(side, normal)
     put(entry, POINT, mine, point)
-    put(entry, ORIGIN, mine, lift(geometry, item, point, scale(1.0 / VERTEX_CLEARANCE, normal), largest(point)))
+    if len(origins) > 0:
+        put(entry, ORIGIN, mine, gather3(origins, rows + select(side < 0.0, len(origins) - len(geometry.w), 0)))
+    else:
+        put(entry, ORIGIN, mine, point)
     put(entry, NORMAL, mine, normal)
     put(entry, VIEW, mine, backward)
     put(entry, TINT, mine, (1.0, 1.0, 1.0))

@@ -187,20 +187,21 @@ def lit_column(number):
 
 
 @kernel
-def light_vertices(geometry, lights, view, style, scratch, item, span, out):
+def light_vertices(geometry, lights, view, style, scratch, origins, item, span, out):
     """Gouraud's first step: light the vertices [span[0], span[1]) of an object's stretch of `geometry.w`, into `out`.
 
-    Args: out: float64 (w, 14), the columns of `lit_column`.
+    Args: origins: see `raytrace.surface.vertex_entry`; out: float64 (w, 14), the columns of `lit_column`.
     """
-    geometry, lights, view, scratch, out = borrow(geometry), borrow(lights), borrow(view), borrow(scratch), borrow(out)
-    own = geometry.first_vertex[item] - geometry.first_w[item]
+    geometry, lights, view = borrow(geometry), borrow(lights), borrow(view)
+    scratch, origins, out = borrow(scratch), borrow(origins), borrow(out)
+    eye, forward = load3(view.eye), load3(view.forward)
     for begin in range(span[0], span[1], PACKETS * WIDE):
         packets = -(-min(PACKETS * WIDE, span[1] - begin) // WIDE)
         for e in range(packets):
             entry, k = scratch.entries[e], begin + e * WIDE
             mine = lane_numbers() < span[1] - k
             at = select(mine, lane_numbers(), 0) + k
-            vertex_entry(entry, geometry, item, mine, at + own, load3(view.eye), load3(view.forward), view.orthographic)
+            vertex_entry(entry, geometry, origins, item, mine, at, eye, forward, view.orthographic)
             store_row(entry, W, single(gather(geometry.w, at)))
             store_row(scratch.items, e, select(mine, item, -1))
         light_entries(geometry, lights, style, scratch, packets)

@@ -47,6 +47,11 @@ def weld(positions: npt.NDArray[np.float32], normals: Floats, agreement: float) 
     return connected_components(graph, directed=False)[1].astype(np.int64)
 
 
+def sum_groups(group: Ints, values: Floats) -> Floats:
+    """Sums (k, 3) of the `values` (n, 3) of each group."""
+    return np.stack([np.bincount(group, values[:, axis]) for axis in range(3)], axis=1)
+
+
 def _repeated(positions: npt.NDArray[np.float32]) -> Ints:
     """Rows, ascending, of all positions (n, 3) that occur more than once, and perhaps of a few more."""
     x, y, z = np.ascontiguousarray(positions).view(np.uint32).T.astype(np.uint64)

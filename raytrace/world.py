@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any, NamedTuple
 from weakref import WeakKeyDictionary
 
@@ -15,11 +16,11 @@ from .far_lights import make_far_lights_directional
 from .lights import BaseLight, pack_lights
 from .materials import pack_materials
 from .mesh import Mesh
-from .normals import face_normals, normalize, vertex_sums
+from .normals import normalize
 from .occluders import SLACK, cluster, pack_boxes
 from .placement import Placement
 from .scene import Object, Scene, Shape
-from .weld import CREASE, weld
+from .vertices import INSTANCED, smooth_normals, vertex_origins
 
 Floats = npt.NDArray[np.float64]
 
@@ -83,6 +84,11 @@ class World:
     scale: float
     textures: tuple[Any, ...]
 
+    @cached_property
+    def vertex_origins(self) -> npt.NDArray[np.float32]:
+        """`raytrace.vertices.vertex_origins`, made when it is first asked for."""
+        return vertex_origins(self.geometry)
+
 
 class _Piece(NamedTuple):
     """A shape in the frame it is traced in."""
@@ -141,7 +147,7 @@ def _build(scene: Scene) -> World:
         matrix = place @ item.transform @ np.linalg.inv(piece.from_shape) if piece.scene else np.eye(4)
         if piece.scene:
             geometries.append(Instance(piece.scene, matrix[:3].astype(np.float32)))
-            magnitude[row] = 4.0  # the ray's own way into the instance's frame is rounded too
+            magnitude[row] = INSTANCED
             corners = _corners(piece.vertices) @ matrix[:3, :3].T + matrix[:3, 3]
             boxes.append(np.stack([corners.min(axis=0) - 4 * SLACK, corners.max(axis=0) + 4 * SLACK])[None])
         else:
@@ -211,27 +217,15 @@ def _shared(shape: Shape) -> _Piece:
     placement = Placement.of(mesh)
     matrix = np.diag([placement.scale, placement.scale, placement.scale, 1.0])
     matrix[:3, 3] = -placement.scale * mesh.centre
-    normals = _smooth_normals(mesh).astype(np.float32)
+    normals = smooth_normals(mesh).astype(np.float32)
     return _Piece(placement.vertices, normals, TriangleScene(placement.vertices, mesh.faces), matrix)
 
 
 def _single(shape: Shape, matrix: Floats) -> _Piece:
     mesh, linear = shape.mesh, matrix[:3, :3]
     vertices = (mesh.vertices @ linear.T + matrix[:3, 3]).astype(np.float32)
-    normals = normalize(_smooth_normals(mesh) @ np.linalg.inv(linear)).astype(np.float32)
+    normals = normalize(smooth_normals(mesh) @ np.linalg.inv(linear)).astype(np.float32)
     return _Piece(vertices, normals, None, matrix)
-
-
-def _smooth_normals(mesh: Mesh) -> Floats:
-    """Unit normals (n, 3) in the mesh's own frame, its own if it has some; zero where there is none."""
-    if mesh.normals is not None:
-        return normalize(mesh.normals)
-    vertices = Placement.of(mesh).vertices
-    placed = vertices.astype(np.float64)
-    own = vertex_sums(placed, mesh.faces, *face_normals(placed, mesh.faces))
-    group = weld(vertices, normalize(own), CREASE)
-    joined: Floats = np.stack([np.bincount(group, own[:, axis]) for axis in range(3)], axis=1)
-    return normalize(joined)[group]
 
 
 def _place_lights(lights: tuple[BaseLight, ...], centre: Floats, scale: float) -> Lights:

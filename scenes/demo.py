@@ -7,6 +7,7 @@ from pathlib import Path
 import ao
 from ao.bake import Progress
 from raytrace.camera import Camera
+from raytrace.errors import OutputError
 from raytrace.image import write_frame
 from raytrace.lights import AmbientLight
 from raytrace.materials import Lambert
@@ -16,11 +17,21 @@ from raytrace.settings import Settings
 
 from .load import MeshFile
 from .temple import temple
-from .write import write
+from .write import check_target, write
 
-TARGETS = ("temple.ply", "temple.png")
 _SETTINGS = Settings(width=960, height=640)
 _BACKGROUND = (0.05, 0.05, 0.05)
+
+
+def targets(folder: Path) -> tuple[Path, Path]:
+    """The mesh and the picture in a folder, which is made. Raises: OutputError: they cannot be written."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as reason:
+        raise OutputError(f"{folder}: cannot make this folder: {reason.strerror}") from None
+    mesh, picture = folder / "temple.ply", folder / "temple.png"
+    check_target(mesh)
+    return mesh, picture
 
 
 def make(mesh_target: Path, picture_target: Path, progress: Progress | None = None) -> ao.Bake:

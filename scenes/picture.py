@@ -39,14 +39,22 @@ class Picture:
     bake: ao.Bake | None
     seconds: dict[str, float]
 
+    def summary(self, target: Path, settings: Settings) -> str:
+        """What was rendered to where, and what it took."""
+        return (
+            f"{target}: {settings.width}×{settings.height}, {sum(self.frame.rays.values()) / 1e6:.1f} M rays in"
+            f" {self.seconds['render']:.2f} s, {sum(self.frame.rays_skipped.values()) / 1e6:.1f} M not needed;"
+            f" obscurance {settings.obscurance} ({self.seconds['bake']:.2f} s)"
+        )
+
 
 def adjusted(description: SceneDescription, changes: Mapping[str, Any], preview: bool) -> SceneDescription:
-    """The description with some `Settings` changed; a preview is a quarter as wide and high, with few rays.
+    """The description with the `Settings` changed that are not None; a preview: a quarter as wide and high, few rays.
 
     Raises:
         OptionError: a setting out of range.
     """
-    settings = replace(description.settings, **changes)
+    settings = replace(description.settings, **{name: value for name, value in changes.items() if value is not None})
     bake = description.bake
     if settings.obscurance == "off":
         bake = replace(bake, source="off")

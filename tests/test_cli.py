@@ -1,4 +1,4 @@
-"""The command as a user meets it: a process, its files, its exit status and its one line."""
+"""The command as a user meets it: its files, its exit status and its one line."""
 
 import json
 import os
@@ -10,7 +10,7 @@ import time
 import numpy as np
 import pytest
 import trimesh
-from command import COMMAND, ROOT, obscurance, refused
+from command import COMMAND, ROOT, obscurance, process, refused
 
 
 @pytest.fixture
@@ -43,9 +43,9 @@ def test_the_values_are_those_of_the_library(tmp_path, cube):
 
 
 def test_the_same_command_gives_the_same_bytes(tmp_path, cube):
-    for name in ("a", "b"):
+    for name, run in (("a", obscurance), ("b", process)):
         for ending in ("npy", "npz", "ply", "glb"):
-            assert obscurance("bake", cube, "-o", tmp_path / f"{name}.{ending}", "--samples", 32).returncode == 0
+            assert run("bake", cube, "-o", tmp_path / f"{name}.{ending}", "--samples", 32).returncode == 0
     for ending in ("npy", "npz", "ply", "glb"):
         assert (tmp_path / f"a.{ending}").read_bytes() == (tmp_path / f"b.{ending}").read_bytes()
 
@@ -90,7 +90,7 @@ def test_help_needs_no_heavy_import():
     code = "import sys, cli; print([m for m in ('numpy', 'numba', 'trimesh', 'scipy') if m in sys.modules])"
     result = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, check=True)
     assert result.stdout.strip() == "[]"
-    assert "bake" in obscurance("--help").stdout
+    assert "bake" in process("--help").stdout
 
 
 BAD_OPTIONS = [
@@ -162,7 +162,7 @@ def test_a_report_that_cannot_be_written_is_refused_before_the_work(tmp_path, cu
 
 
 def test_usage_mistakes_take_one_line():
-    refused(obscurance("bake"), "Missing")
+    refused(process("bake"), "Missing")
     refused(obscurance("cook"), "cook")
 
 
@@ -172,13 +172,13 @@ def test_an_interrupt_leaves_nothing_behind(tmp_path):
     trimesh.creation.icosphere(subdivisions=5).export(mesh)
     target = tmp_path / "w.npy"
     target.write_text("precious")
-    process = subprocess.Popen(
+    running = subprocess.Popen(
         [*COMMAND, "bake", mesh, "-o", target, "--samples", "100000"], stdout=subprocess.PIPE, stderr=subprocess.PIPE
     )
     time.sleep(4)
-    process.send_signal(signal.SIGINT)
-    _, errors = process.communicate(timeout=60)
-    assert process.returncode == 130
+    running.send_signal(signal.SIGINT)
+    _, errors = running.communicate(timeout=60)
+    assert running.returncode == 130
     assert b"interrupted" in errors
     assert b"Traceback" not in errors
     assert target.read_text() == "precious"
@@ -188,5 +188,5 @@ def test_an_interrupt_leaves_nothing_behind(tmp_path):
 def test_a_cold_cache_says_that_it_compiles(tmp_path, cube):
     environment = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path / "cache")}
     command = ("bake", cube, "-o", tmp_path / "w.npy", "--samples", 8)
-    assert "compiling" in obscurance(*command, env=environment).stderr
-    assert "compiling" not in obscurance(*command, env=environment).stderr
+    assert "compiling" in process(*command, env=environment).stderr
+    assert "compiling" not in process(*command, env=environment).stderr

@@ -1,4 +1,4 @@
-"""`obscurance render`, `scenes` and `compare` as processes: what is asked for is what the files hold."""
+"""`obscurance render`, `scenes` and `compare` as commands: what is asked for is what the files hold."""
 
 import json
 

@@ -110,7 +110,7 @@ def test_the_driver_notices(tmp_path, monkeypatch, step, finding):
         "import os, sys",
         f"sys.path.insert(0, {os.path.dirname(fuzz_worker.__file__)!r})",
         "import fuzz_worker",
-        "fuzz_worker.SECONDS = 1",
+        "fuzz_worker.SECONDS = 0.3",
         "fuzz_worker.warm = lambda inside, made: None",
         "def consume(family, path, made, index):",
         f"    {step}",

@@ -1,58 +1,22 @@
-"""One small case for each fault that fuzzing or its preparation found; see docs/reliability.md."""
+"""One small case for each fault in mesh files that fuzzing or its preparation found; see docs/reliability.md."""
 
-import json
-import struct
 import time
-import zlib
-from types import SimpleNamespace
 
 import fuzz_seeds
 import numpy as np
-import OpenImageIO as oiio
 import pytest
-from fuzz_mutations import toml_text
-from gltf_files import TRIANGLE, Builder
+from found_faults import baked, triangle
 from mesh_files import FACES, VERTICES, ascii_ply, ascii_stl, mistake, obj, ply, read
 
 import scenes.flatten
 import scenes.threemf
-from raytrace.errors import InputError, MeshError, OptionError, SceneError
-from raytrace.image_input import read_image
+from raytrace.errors import MeshError, OptionError
 from raytrace.mesh import Mesh
 from raytrace.placement import Placement
-from raytrace.texture import Texture, pack_textures
 from scenes.info import describe
 from scenes.load import MeshFile, load
-from scenes.obscured import obscured
 from scenes.polygons import fan_triangles
-from scenes.read import read_scene
 from scenes.write import write
-
-PLANE = {"objects": [{"builtin": "plane", "fineness": 1.0}]}
-
-
-def scene_mistake(tmp_path, text, name="m.toml"):
-    """The message of the error that reading this scene must give."""
-    (tmp_path / name).write_bytes(text if isinstance(text, bytes) else text.encode())
-    with pytest.raises(InputError) as error:
-        read_scene(tmp_path / name, (8, 6))
-    message = str(error.value)
-    assert message.isprintable()
-    assert message.startswith(str(tmp_path))
-    return message
-
-
-def triangle():
-    builder = Builder()
-    builder.mesh(builder.primitive(TRIANGLE))
-    return builder
-
-
-def baked(count):
-    """A bake of that many vertices."""
-    return SimpleNamespace(
-        w=np.ones(count), error=np.zeros(count), bent_normals=np.zeros((count, 3)), flags=np.zeros(count, np.uint8)
-    )
 
 
 def model(**replaced):
@@ -61,15 +25,6 @@ def model(**replaced):
         assert old in content
         content = content.replace(old, new)
     return fuzz_seeds.archive(**{"3D/3dmodel.model": content})
-
-
-def test_messages_are_printable_and_short(tmp_path):
-    message = scene_mistake(tmp_path, 'background = "\\u001b[31m"\n' + toml_text(PLANE))
-    assert r"\x1b[31m" in message
-    long = InputError("m.ply", "f" * 5000, "e", "g\n" * 5000)
-    assert len(str(long)) < 700
-    assert str(long).isprintable()
-    assert (long.field, long.got) == ("f" * 5000, "g\n" * 5000)
 
 
 def test_info_prints_no_control_characters(tmp_path):
@@ -133,87 +88,6 @@ def test_stl_with_very_many_solids_of_one_name(tmp_path):
     assert time.process_time() - start < 5
 
 
-def test_one_gltf_array_is_not_placed_without_end(tmp_path, monkeypatch):
-    monkeypatch.setattr(scenes.flatten, "MAX_COPIED", 1000)
-    assert len(read(tmp_path, "m.glb", triangle().glb([{"mesh": 0}] * 250)).parts) == 250
-    message = mistake(tmp_path, "m.glb", triangle().glb([{"mesh": 0}] * 251))
-    assert "objects: expected at most 1,000 vertices and triangles with all copies, got 1,004" in message
-
-
-def test_a_large_gltf_is_no_copy(tmp_path, monkeypatch):
-    monkeypatch.setattr(scenes.flatten, "MAX_COPIED", 1)
-    assert len(read(tmp_path, "m.glb", triangle().glb([{"mesh": 0}])).mesh.faces) == 1
-
-
-@pytest.mark.parametrize("stride", [4, 8])
-def test_overlapping_gltf_rows_are_refused(tmp_path, stride):
-    builder = triangle()
-    builder.header["bufferViews"][0]["byteStride"] = stride
-    assert "does not fit" in mistake(tmp_path, "m.glb", builder.glb([{"mesh": 0}]))
-
-
-def test_gltf_buffers_of_one_file_are_read_once(tmp_path, monkeypatch):
-    from pathlib import Path
-
-    calls = []
-    original = Path.read_bytes
-    monkeypatch.setattr(Path, "read_bytes", lambda path: calls.append(path.name) or original(path))
-    builder = triangle()
-    (tmp_path / "m.bin").write_bytes(builder.binary)
-    names = ["m.bin", "./m.bin", "x/../m.bin"] * 5
-    header = builder.header | {"buffers": [{"uri": name, "byteLength": len(builder.binary)} for name in names]}
-    header |= {"nodes": [{"mesh": 0}], "scenes": [{"nodes": [0]}]}
-    (tmp_path / "m.gltf").write_text(json.dumps(header))
-    (tmp_path / "x").mkdir()
-    load(tmp_path / "m.gltf")
-    assert calls.count("m.bin") == 1
-
-
-@pytest.mark.parametrize(
-    ("change", "expected"),
-    [
-        (lambda h: h["nodes"][0].update(mesh="0"), 'nodes[0].mesh: expected a whole number, got "0"'),
-        (lambda h: h["nodes"][0].update(mesh=-1), "nodes[0].mesh: expected greater than or equal to 0"),
-        (lambda h: h["nodes"][0].update(matrix=[0, 1]), "nodes[0].matrix: expected"),
-        (lambda h: h["bufferViews"][0].update(byteOffset=-4), "bufferViews[0].byteOffset"),
-        (lambda h: h["bufferViews"][0].update(buffer=9), "there is no buffers[9]"),
-        (lambda h: h["accessors"][0].update(bufferView=9), "there is no bufferViews[9]"),
-        (lambda h: h["accessors"][0].update(type="MAT4"), "accessors[0]: expected VEC3"),
-        (lambda h: h["accessors"][0].update(count=1e300), "accessors[0].count: expected a whole number"),
-        (lambda h: h.update(scene=9), "there is no scenes[9]"),
-        (lambda h: h.update(nodes=[1] * 1000), "nodes[0]: expected an object, got 1"),
-        (lambda h: h.update(materials=[{"emissiveFactor": "x"}]), "materials[0].emissiveFactor: expected"),
-        (lambda h: h.update(cameras=[{"type": "x" * 5000}]), "cameras[0]: expected one of 'perspective'"),
-        (
-            lambda h: h.update(materials=[{"pbrMetallicRoughness": {"baseColorFactor": [1, 1]}}]),
-            "materials[0].pbrMetallicRoughness.baseColorFactor[2]: expected a value, got nothing",
-        ),
-    ],
-)
-def test_gltf_faults_have_a_path(tmp_path, change, expected):
-    builder = triangle()
-    builder.header |= {"nodes": [{"mesh": 0}], "scenes": [{"nodes": [0]}]}
-    change(builder.header)
-    content = builder.glb(builder.header["nodes"], **{"scenes": builder.header["scenes"]})
-    assert expected in scene_mistake(tmp_path, content, "m.glb")
-
-
-def test_gltf_names_that_are_no_text(tmp_path):
-    """JSON can write half a character; a GLB file keeps it."""
-    file = read(tmp_path, "m.glb", triangle().glb([{"mesh": 0, "name": "\ud800"}]))
-    write(tmp_path / "w.glb", baked(3), file)
-    assert [part.name for part in load(tmp_path / "w.glb").parts] == ["\ud800"]
-    assert ("objects", r"1: \ud800") in describe(file)
-
-
-def test_a_material_that_is_refused_is_named(tmp_path):
-    builder = triangle()
-    builder.header["meshes"][0]["primitives"][0]["material"] = 0
-    materials = [{"emissiveFactor": [-1, 0, 0]}]
-    message = scene_mistake(tmp_path, builder.glb([{"mesh": 0}], materials=materials), "m.glb")
-    assert "m.glb: materials[0].emission[0]: expected a number in [0, inf), got -1" in message
-
-
 @pytest.mark.parametrize(
     ("old", "new", "expected"),
     [
@@ -260,91 +134,6 @@ def test_xml_entities_reach_no_file(tmp_path):
     assert "3MF file" in mistake(tmp_path, "m.3mf", model(a=declared, b=(b'name="one"', b'name="&e;"')))
     file = read(tmp_path, "m.3mf", model(a=declared, b=(b"</build>", b"&e;</build>")))
     assert {part.name for part in file.parts} == {"one"}
-
-
-def test_toml_keys_of_very_many_parts(tmp_path):
-    start = time.process_time()
-    for key in ("a.", '"a b" . ', "'.'."):
-        text = "objects." + key * 20_000 + "b = 1\n"
-        assert "keys of fewer than 100 parts" in scene_mistake(tmp_path, text)
-    assert time.process_time() - start < 2
-    numbers = "background = [" + "0.5," * 500 + "]\n" + toml_text(PLANE)
-    assert "background: expected" in scene_mistake(tmp_path, numbers)
-
-
-def test_copies_in_a_toml_scene_end_somewhere(tmp_path, monkeypatch):
-    monkeypatch.setattr(scenes.flatten, "MAX_COPIED", 1000)
-    (tmp_path / "m.obj").write_bytes(obj())
-    copied = {"mesh": "m.obj", "copies": [{}] * 101}
-    assert "m.toml: objects: expected at most 1,000" in scene_mistake(tmp_path, toml_text({"objects": [copied]}))
-    several = {"objects": [{"builtin": "plane", "fineness": 0.1, "size": [1 + n, 1.0]} for n in range(4)]}
-    assert "m.toml: objects: expected at most 1,000" in scene_mistake(tmp_path, toml_text(several))
-
-
-@pytest.mark.parametrize("ending", ["npy", "npz"])
-@pytest.mark.parametrize(
-    ("old", "new", "expected"),
-    [
-        (b"(4,), }" + b" " * 9, b"(9999999999,), }", "w: expected shape"),
-        (b"<f4'", b"|O8'", "w: expected numbers, got object"),
-        (b"(4,), }", b"(4,), (", "content: expected w as obscurance bake writes it"),
-        (b"(4,), }", b"(4L,),}", None),
-        (b"\x93NUMPY", b"", "content: expected w as obscurance bake writes it"),
-    ],
-)
-def test_baked_files_are_not_trusted(tmp_path, ending, old, new, expected):
-    """Headers of huge, broken and old arrays."""
-    content = fuzz_seeds.arrays()[0]
-    assert old in content
-    content = content.replace(old, new)
-    (tmp_path / f"w.{ending}").write_bytes(content if ending == "npy" else fuzz_seeds.archive(**{"w.npy": content}))
-    (tmp_path / "m.toml").write_text(toml_text(PLANE | {"obscurance": {"baked": f"w.{ending}"}}))
-    description = read_scene(tmp_path / "m.toml")
-    if expected is None:
-        obscured(description)
-        return
-    with pytest.raises(SceneError, match=rf"w\.{ending}: {expected}"):
-        obscured(description)
-
-
-def png(width, height, rows=b""):
-    """A PNG that claims a size."""
-    body = struct.pack(">IIBBBBB", width, height, 8, 2, 0, 0, 0)
-    made = b"\x89PNG\r\n\x1a\n"
-    for kind, content in ((b"IHDR", body), (b"IDAT", zlib.compress(rows)), (b"IEND", b"")):
-        made += struct.pack(">I", len(content)) + kind + content + struct.pack(">I", zlib.crc32(kind + content))
-    return made
-
-
-def test_images_that_claim_more_than_they_can_hold(tmp_path):
-    (tmp_path / "m.png").write_bytes(png(16000, 16000))
-    with pytest.raises(InputError, match="size: expected pixels that 65 bytes can hold, got 16000×16000 of 3 channels"):
-        read_image(tmp_path / "m.png")
-    flat = oiio.ImageOutput.create("png")
-    assert flat.open(str(tmp_path / "flat.png"), oiio.ImageSpec(6000, 6000, 3, "uint8"))
-    flat.write_image(np.zeros((6000, 6000, 3), np.uint8))
-    flat.close()
-    assert read_image(tmp_path / "flat.png")[0]["beauty"].shape == (6000, 6000, 3)
-
-
-def test_an_exr_whose_message_is_no_text(tmp_path):
-    content = bytearray(fuzz_seeds.image("openexr", 20, 30, 4, "half"))
-    content[content.index(b"channels\0chlist\0")] = 0x80
-    (tmp_path / "m.exr").write_bytes(bytes(content))
-    with pytest.raises(InputError, match="content: expected an image") as error:
-        read_image(tmp_path / "m.exr")
-    assert str(error.value).isprintable()
-
-
-def test_an_image_without_pixels(tmp_path):
-    (tmp_path / "m.ppm").write_bytes(b"P6\n7 0\n255\n")
-    with pytest.raises(InputError, match=r"m\.ppm: "):
-        read_image(tmp_path / "m.ppm")
-    content = bytearray(fuzz_seeds.image("targa"))
-    content[14:16] = bytes(2)
-    (tmp_path / "m.tga").write_bytes(content)
-    with pytest.raises(InputError, match=r"m\.tga: "):
-        pack_textures([Texture(tmp_path / "m.tga")])
 
 
 def test_writing_what_float32_cannot_hold(tmp_path):

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import trimesh
-from command import obscurance
+from command import process
 
 import ao
 from raytrace import Mesh, OptionError
@@ -97,7 +97,7 @@ def test_an_unknown_policy_is_a_mistake(solids: Mesh) -> None:
 
 def test_the_command_reports_and_marks_them(solids: Mesh, tmp_path: Path) -> None:
     trimesh.Trimesh(solids.vertices, solids.faces, process=False).export(tmp_path / "solids.ply")
-    done = obscurance(
+    done = process(
         "bake", "solids.ply", "-o", "w.npy", "--samples", "16", "--hidden", "fill",
         "--report", "r.json", "--debug-image", "marked.png", cwd=tmp_path,
     )  # fmt: skip
@@ -110,6 +110,6 @@ def test_the_command_reports_and_marks_them(solids: Mesh, tmp_path: Path) -> Non
 
 
 def test_a_debug_image_must_be_a_picture(tmp_path: Path) -> None:
-    done = obscurance("bake", "none.ply", "-o", "w.npy", "--debug-image", "marked.txt", cwd=tmp_path)
+    done = process("bake", "none.ply", "-o", "w.npy", "--debug-image", "marked.txt", cwd=tmp_path)
     assert done.returncode == 2
     assert done.stderr.count("\n") == 1

@@ -1,47 +1,14 @@
 """Pictures on disk, read back by OpenImageIO, by Pillow, and by our own reader."""
 
-import os
-import subprocess
-import sys
-from pathlib import Path
-
 import numpy as np
-import OpenImageIO as oiio
-import PIL.Image
 import pytest
 from frames import METADATA, frame, plain
+from pictures import ENDINGS, PICTURES, foreign, names, pillow, python
 
-from raytrace.errors import OptionError, OutputError
 from raytrace.frame import LAYERS
-from raytrace.image import FORMATS, check_image_target, write_frame, write_image
+from raytrace.image import write_frame, write_image
 from raytrace.image_input import read_image
 from raytrace.srgb import decode_srgb, encode_srgb
-
-ENDINGS = tuple(FORMATS)
-PICTURES = [ending for ending in ENDINGS if ending != ".exr"]
-
-
-def foreign(path):
-    """The file as OpenImageIO reads it by itself: channel names, and floats."""
-    image = oiio.ImageInput.open(str(path))
-    return image.spec(), image.read_image("float")
-
-
-def pillow(path):
-    with PIL.Image.open(path) as picture:
-        return picture.copy()
-
-
-def python(code):
-    """Run code in a process of its own."""
-    here = Path(__file__).parent
-    path = os.pathsep.join(str(each) for each in (here, here.parent))
-    environment = {**os.environ, "PYTHONPATH": path}
-    return subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False, env=environment)
-
-
-def names(folder):
-    return sorted(entry.name for entry in folder.iterdir())
 
 
 def test_all_layers_come_back_from_an_exr_bit_for_bit(tmp_path):
@@ -209,88 +176,6 @@ def test_sizes_around_a_block_of_rows(tmp_path, ending, size):
     written = frame(*size)
     write_frame(tmp_path / f"a{ending}", written, {})
     assert read_image(tmp_path / f"a{ending}")[0]["beauty"].shape[:2] == size
-
-
-FULL_DISK = """
-import resource, sys
-from frames import METADATA, frame
-from raytrace import image
-if not {reserve}:
-    image._reserve = lambda *_: None
-resource.setrlimit(resource.RLIMIT_FSIZE, ({limit}, {limit}))
-try:
-    image.write_frame({target!r}, frame(), METADATA)
-except OSError as reason:
-    print(type(reason).__name__, reason)
-"""
-
-
-@pytest.mark.skipif(os.name == "nt", reason="POSIX limits")
-@pytest.mark.parametrize(
-    ("ending", "reserve"), [*((ending, True) for ending in ENDINGS), (".png", False), (".tif", False)]
-)
-@pytest.mark.parametrize("share", [0.0, 0.5, 0.999])
-def test_a_full_disk_is_one_line_and_leaves_the_old_file(tmp_path, ending, reserve, share):
-    """A limit on file sizes stands for the full disk. It is noticed even if the room ran out after it was reserved."""
-    target = tmp_path / f"a{ending}"
-    write_frame(target, frame(), METADATA)
-    limit = int(share * target.stat().st_size)
-    target.write_bytes(b"before")
-    run = python(FULL_DISK.format(reserve=reserve, limit=limit, target=str(target)))
-    assert run.stdout.startswith(f"OutputError {target}: cannot write: ")
-    assert len(run.stdout.splitlines()) == 1
-    assert run.stderr == ""
-    assert target.read_bytes() == b"before"
-    assert names(tmp_path) == [target.name]
-
-
-@pytest.mark.parametrize("ending", ENDINGS)
-def test_an_interrupt_leaves_the_old_file(tmp_path, monkeypatch, ending):
-    def interrupted(*_):
-        raise KeyboardInterrupt
-
-    target = tmp_path / f"a{ending}"
-    target.write_bytes(b"before")
-    monkeypatch.setattr(np, "ascontiguousarray", interrupted)
-    with pytest.raises(KeyboardInterrupt):
-        write_frame(target, frame(), {})
-    assert target.read_bytes() == b"before"
-    assert names(tmp_path) == [target.name]
-
-
-@pytest.mark.parametrize(
-    ("name", "options", "message"),
-    [
-        ("a.gif", {}, r"output: expected a name ending in \.exr .*, got .*a\.gif"),
-        ("a", {}, "output: expected a name ending"),
-        ("a.png", {"half": True}, r"half: expected an output that ends in \.exr"),
-        ("a.exr", {"layers": ["beauty", "colour"]}, "layers: expected names out of .*, got colour"),
-        ("a.exr", {"layers": []}, "layers: expected at least one layer, each once, got none"),
-        ("a.exr", {"layers": ["depth", "depth"]}, "layers: expected at least one layer, each once"),
-        ("a.png", {"layers": ["depth"]}, r"layers: expected one layer of colours in a \.png file.*, got depth"),
-        ("a.jpg", {"layers": ["beauty", "albedo"]}, "layers: expected one layer"),
-    ],
-)
-def test_what_cannot_be_written_is_told_before_the_work(tmp_path, name, options, message):
-    with pytest.raises(OptionError, match=message) as early:
-        check_image_target(tmp_path / name, **options)
-    with pytest.raises(OptionError) as late:
-        write_frame(tmp_path / name, frame(), {}, **options)
-    assert str(early.value) == str(late.value)
-    assert "\n" not in str(early.value)
-    assert names(tmp_path) == []
-
-
-def test_a_layer_that_the_frame_lacks(tmp_path):
-    with pytest.raises(OptionError, match="expected layers of the frame: beauty, got depth"):
-        write_frame(tmp_path / "a.exr", plain((0, 0, 0, 1)), {}, layers=["depth"])
-
-
-def test_a_missing_folder_is_told_before_the_work(tmp_path):
-    with pytest.raises(OutputError, match="there is no folder"):
-        check_image_target(tmp_path / "missing" / "a.exr")
-    with pytest.raises(OutputError, match="there is no folder"):
-        write_image(tmp_path / "missing" / "a.png", np.zeros((2, 2, 3)))
 
 
 def test_endings_in_capitals(tmp_path):

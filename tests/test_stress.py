@@ -58,8 +58,11 @@ def test_rays_that_start_on_the_surface_fail(monkeypatch: pytest.MonkeyPatch) ->
 
 def test_rays_that_mind_only_their_own_faces_fail(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("raytrace.origins._step_out", lambda *arguments: None)
-    lines = list(islice(rays.leaks(False, None), 8))
-    assert {line.case for line in lines if not line.ok} >= {"cube, hard edges, inside", "cube with T-junctions, inside"}
+    edged = {name: rays.closed()[name] for name in ("cube, hard edges", "cube with T-junctions")}
+    monkeypatch.setattr(rays, "closed", lambda: edged)
+    monkeypatch.setattr(rays, "poses", lambda long: [Pose(turn=4)])
+    monkeypatch.setattr(rays, "_SINGLE", [])
+    assert len(failed(islice(rays.leaks(False, None), 2))) == 2
     assert len(failed(contacts(False, None))) >= 3
 
 
@@ -86,7 +89,7 @@ def test_differences_beyond_the_error_estimate_fail(monkeypatch: pytest.MonkeyPa
 
     module_bake = module.bake
     monkeypatch.setattr(module, "bake", bake)
-    assert len(failed(defects(False, None))) >= 8
+    assert len(failed(islice(defects(False, None), 3))) == 3
 
 
 def test_pictures_without_shadow_rays_fail(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -1,6 +1,7 @@
 """Baking from samples of the surface: what it must reproduce, what it is for, and what it says of itself."""
 
 import json
+from functools import cache
 
 import numpy as np
 import pytest
@@ -140,11 +141,17 @@ def test_it_spends_no_more_rays_than_the_vertex_method(samples):
     assert ((baked.w >= 0) & (baked.w <= 1)).all()
 
 
+@cache
+def coarse_temple(falloff):
+    """The mesh, and what many rays make of it."""
+    mesh = temple(fineness=0.6)
+    return mesh, ao.bake_surface(mesh, falloff, samples=4096, seed=99).w
+
+
 @pytest.mark.parametrize("samples", [16, 64, 256])
 @pytest.mark.parametrize("falloff", [ao.Binary(), ao.Exponential()], ids=["binary", "exponential"])
 def test_the_estimated_rmse_is_near_the_true_one(samples, falloff):
-    mesh = temple(fineness=0.6)
-    reference = ao.bake_surface(mesh, falloff, samples=4096, seed=99).w
+    mesh, reference = coarse_temple(falloff)
     bakes = [ao.bake_surface(mesh, falloff, samples=samples, seed=seed) for seed in range(3)]
     true = np.sqrt(np.mean([(baked.w - reference) ** 2 for baked in bakes]))
     told = np.sqrt(np.mean([baked.rmse**2 for baked in bakes]))

@@ -1,0 +1,88 @@
+"""What options of the command may be, and what they mean. Heavy imports wait until one is made use of."""
+
+from __future__ import annotations
+
+from enum import StrEnum
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    import ao
+
+
+class Method(StrEnum):
+    vertex = "vertex"
+    surface = "surface"
+
+
+class FalloffForm(StrEnum):
+    exponential = "exponential"
+    binary = "binary"
+
+
+class Hidden(StrEnum):
+    ignore = "ignore"
+    mark = "mark"
+    fill = "fill"
+
+
+class Metric(StrEnum):
+    flip = "flip"
+    rms = "rms"
+    max = "max"
+
+
+class NormalsFrom(StrEnum):
+    angle = "angle"
+    area = "area"
+    equal = "equal"
+    file = "file"
+
+
+def make_falloff(form: FalloffForm, tau: float | None, half_distance: str | None, max_distance: str) -> ao.Falloff:
+    """The falloff that four options describe. Raises: OptionError: they don't go together."""
+    import ao
+    from raytrace.errors import OptionError
+
+    if form is FalloffForm.exponential:
+        return ao.Exponential(tau, half_distance, max_distance)
+    for name, value in (("--tau", tau), ("--half-distance", half_distance)):
+        if value is not None:
+            raise OptionError(name, "--falloff exponential with it", "--falloff binary")
+    return ao.Binary(max_distance)
+
+
+def only_at_vertices(**given: bool) -> None:
+    """Refuse options of the vertex method that were given to another. Raises: OptionError."""
+    from raytrace.errors import OptionError
+
+    for name, is_given in given.items():
+        if is_given:
+            raise OptionError(f"--{name}", "--method vertex with it", "--method surface")
+
+
+def parse_crop(text: str) -> tuple[int, int, int, int]:
+    """Left, top, width and height of "X,Y,W,H". Raises: OptionError."""
+    from raytrace.errors import OptionError
+
+    try:
+        x, y, width, height = (int(part) for part in text.split(","))
+    except ValueError:
+        raise OptionError("--crop", "four whole numbers X,Y,W,H", repr(text)) from None
+    return x, y, width, height
+
+
+def parse_size(width: int | None, height: int | None) -> tuple[int, int] | None:
+    """Both or neither. Raises: OptionError."""
+    from raytrace.errors import OptionError
+
+    if width is None and height is None:
+        return None
+    if width is None or height is None:
+        raise OptionError("size", "--width and --height together", "one of them")
+    return width, height
+
+
+def plain(value: object) -> object:
+    """An option as a JSON report has it."""
+    return str(value) if isinstance(value, Path | StrEnum) else value

@@ -1,0 +1,94 @@
+"""One small case for each fault of the glTF reader that fuzzing or its preparation found; see docs/reliability.md."""
+
+import json
+
+import pytest
+from found_faults import baked, scene_mistake, triangle
+from mesh_files import mistake, read
+
+import scenes.flatten
+import scenes.threemf
+from scenes.info import describe
+from scenes.load import load
+from scenes.write import write
+
+
+def test_one_gltf_array_is_not_placed_without_end(tmp_path, monkeypatch):
+    monkeypatch.setattr(scenes.flatten, "MAX_COPIED", 1000)
+    assert len(read(tmp_path, "m.glb", triangle().glb([{"mesh": 0}] * 250)).parts) == 250
+    message = mistake(tmp_path, "m.glb", triangle().glb([{"mesh": 0}] * 251))
+    assert "objects: expected at most 1,000 vertices and triangles with all copies, got 1,004" in message
+
+
+def test_a_large_gltf_is_no_copy(tmp_path, monkeypatch):
+    monkeypatch.setattr(scenes.flatten, "MAX_COPIED", 1)
+    assert len(read(tmp_path, "m.glb", triangle().glb([{"mesh": 0}])).mesh.faces) == 1
+
+
+@pytest.mark.parametrize("stride", [4, 8])
+def test_overlapping_gltf_rows_are_refused(tmp_path, stride):
+    builder = triangle()
+    builder.header["bufferViews"][0]["byteStride"] = stride
+    assert "does not fit" in mistake(tmp_path, "m.glb", builder.glb([{"mesh": 0}]))
+
+
+def test_gltf_buffers_of_one_file_are_read_once(tmp_path, monkeypatch):
+    from pathlib import Path
+
+    calls = []
+    original = Path.read_bytes
+    monkeypatch.setattr(Path, "read_bytes", lambda path: calls.append(path.name) or original(path))
+    builder = triangle()
+    (tmp_path / "m.bin").write_bytes(builder.binary)
+    names = ["m.bin", "./m.bin", "x/../m.bin"] * 5
+    header = builder.header | {"buffers": [{"uri": name, "byteLength": len(builder.binary)} for name in names]}
+    header |= {"nodes": [{"mesh": 0}], "scenes": [{"nodes": [0]}]}
+    (tmp_path / "m.gltf").write_text(json.dumps(header))
+    (tmp_path / "x").mkdir()
+    load(tmp_path / "m.gltf")
+    assert calls.count("m.bin") == 1
+
+
+@pytest.mark.parametrize(
+    ("change", "expected"),
+    [
+        (lambda h: h["nodes"][0].update(mesh="0"), 'nodes[0].mesh: expected a whole number, got "0"'),
+        (lambda h: h["nodes"][0].update(mesh=-1), "nodes[0].mesh: expected greater than or equal to 0"),
+        (lambda h: h["nodes"][0].update(matrix=[0, 1]), "nodes[0].matrix: expected"),
+        (lambda h: h["bufferViews"][0].update(byteOffset=-4), "bufferViews[0].byteOffset"),
+        (lambda h: h["bufferViews"][0].update(buffer=9), "there is no buffers[9]"),
+        (lambda h: h["accessors"][0].update(bufferView=9), "there is no bufferViews[9]"),
+        (lambda h: h["accessors"][0].update(type="MAT4"), "accessors[0]: expected VEC3"),
+        (lambda h: h["accessors"][0].update(count=1e300), "accessors[0].count: expected a whole number"),
+        (lambda h: h.update(scene=9), "there is no scenes[9]"),
+        (lambda h: h.update(nodes=[1] * 1000), "nodes[0]: expected an object, got 1"),
+        (lambda h: h.update(materials=[{"emissiveFactor": "x"}]), "materials[0].emissiveFactor: expected"),
+        (lambda h: h.update(cameras=[{"type": "x" * 5000}]), "cameras[0]: expected one of 'perspective'"),
+        (
+            lambda h: h.update(materials=[{"pbrMetallicRoughness": {"baseColorFactor": [1, 1]}}]),
+            "materials[0].pbrMetallicRoughness.baseColorFactor[2]: expected a value, got nothing",
+        ),
+    ],
+)
+def test_gltf_faults_have_a_path(tmp_path, change, expected):
+    builder = triangle()
+    builder.header |= {"nodes": [{"mesh": 0}], "scenes": [{"nodes": [0]}]}
+    change(builder.header)
+    content = builder.glb(builder.header["nodes"], **{"scenes": builder.header["scenes"]})
+    assert expected in scene_mistake(tmp_path, content, "m.glb")
+
+
+def test_gltf_names_that_are_no_text(tmp_path):
+    """JSON can write half a character; a GLB file keeps it."""
+    file = read(tmp_path, "m.glb", triangle().glb([{"mesh": 0, "name": "\ud800"}]))
+    write(tmp_path / "w.glb", baked(3), file)
+    assert [part.name for part in load(tmp_path / "w.glb").parts] == ["\ud800"]
+    assert ("objects", r"1: \ud800") in describe(file)
+
+
+def test_a_material_that_is_refused_is_named(tmp_path):
+    builder = triangle()
+    builder.header["meshes"][0]["primitives"][0]["material"] = 0
+    materials = [{"emissiveFactor": [-1, 0, 0]}]
+    message = scene_mistake(tmp_path, builder.glb([{"mesh": 0}], materials=materials), "m.glb")
+    assert "m.glb: materials[0].emission[0]: expected a number in [0, inf), got -1" in message

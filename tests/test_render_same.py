@@ -1,0 +1,177 @@
+"""What must not change a picture: threads, crops, layers, skipping, instances, units, what nobody sees."""
+
+import numpy as np
+import pytest
+import trimesh
+from rendered import CAMERA, SMALL, grid, sphere, still_scene, white
+
+import ao
+from raytrace import Mesh
+from raytrace.camera import Camera
+from raytrace.frame import LAYERS
+from raytrace.lights import DirectionalLight, PointLight, SpotLight
+from raytrace.materials import Phong
+from raytrace.rendering import render, seen_vertices
+from raytrace.scene import Object, Scene, Shape
+from raytrace.settings import Settings
+from raytrace.world import build
+
+
+@pytest.fixture(scope="module")
+def still():
+    return still_scene()
+
+
+@pytest.fixture(scope="module")
+def picture(still):
+    return render(still, CAMERA, SMALL)
+
+
+def test_the_layers_add_up_exactly(picture):
+    parts = picture.layers
+    total = ((parts["ambient"] + parts["diffuse"]) + parts["specular"]) + parts["emission"]
+    np.testing.assert_array_equal(parts["beauty"][..., :3], total)
+    assert {name: layer.shape[2] for name, layer in parts.items()} == LAYERS
+
+
+def test_nothing_is_negative_or_undefined(picture):
+    for name, layer in picture.layers.items():
+        assert not np.isnan(layer).any(), name
+        if name != "normal":
+            assert (layer >= 0).all(), name
+    miss = picture.layers["object_id"][..., 0] == 0
+    assert np.isinf(picture.layers["depth"][miss]).all()
+    empty = picture.layers["beauty"][..., 3] == 0
+    np.testing.assert_allclose(picture.layers["beauty"][empty][:, :3], np.tile([0.1, 0.2, 0.3], (empty.sum(), 1)))
+
+
+@pytest.mark.parametrize("threads", [1, 2, 3])
+def test_the_picture_does_not_depend_on_threads(still, picture, threads):
+    again = render(still, CAMERA, SMALL, threads=threads)
+    for name, layer in picture.layers.items():
+        np.testing.assert_array_equal(again.layers[name], layer)
+    assert again.rays == picture.rays
+    assert again.rays_skipped == picture.rays_skipped
+
+
+def test_another_seed_is_another_picture(still, picture):
+    again = render(still, CAMERA, Settings(width=96, height=64, samples=16, seed=1))
+    assert not np.array_equal(again.layers["beauty"], picture.layers["beauty"])
+    assert np.abs(again.layers["beauty"] - picture.layers["beauty"]).mean() < 0.01
+
+
+@pytest.mark.parametrize("crop", [(20, 8, 33, 29), (0, 0, 1, 1), (95, 63, 1, 1), (37, 21, 7, 3)])
+def test_a_crop_is_a_part_of_the_whole(still, picture, crop):
+    again = render(still, CAMERA, Settings(width=96, height=64, samples=16, crop=crop))
+    x, y, width, height = crop
+    for name, layer in picture.layers.items():
+        np.testing.assert_array_equal(again.layers[name], layer[y : y + height, x : x + width])
+
+
+def test_beauty_alone_is_the_same_beauty(still, picture):
+    again = render(still, CAMERA, SMALL, layers=False)
+    assert set(again.layers) == {"beauty"}
+    np.testing.assert_array_equal(again.layers["beauty"], picture.layers["beauty"])
+
+
+def test_every_ray_is_traced_or_accounted_for(still):
+    frame = render(still, CAMERA, Settings(width=96, height=64, samples=1))
+    skipped = frame.rays_skipped
+    assert frame.rays["primary"] == 96 * 64
+    assert frame.rays["shadow"] + sum(skipped.values()) == 3 * 96 * 64
+
+
+def test_pixels_that_agree_are_retired_and_the_others_go_on(still, picture):
+    assert picture.rays["primary"] + picture.rays_skipped["primary_agreed"] == 16 * 96 * 64
+    assert 0.3 < picture.rays_skipped["primary_agreed"] / (12 * 96 * 64) < 1
+    many = render(still, CAMERA, Settings(width=96, height=64, samples=256)).layers["beauty"]
+    few = render(still, CAMERA, Settings(width=96, height=64, samples=4)).layers["beauty"]
+    error = [np.sqrt(np.mean((layer - many) ** 2)) for layer in (picture.layers["beauty"], few)]
+    assert error[0] < 0.6 * error[1]
+
+
+def test_skipping_changes_nothing(still):
+    """Black, distant and unseen lights added to a scene leave every bit of the picture as it was."""
+    more = (
+        PointLight(position=(0, 0, 3), intensity=0),
+        SpotLight(position=(0, 0, 9), direction=(0, 0, 1), half_angle=0.2, intensity=99),
+        DirectionalLight(direction=(0, 0, 1), intensity=0),
+    )
+    settings = Settings(width=48, height=32, samples=1)
+    before = render(still, CAMERA, settings)
+    after = render(Scene(still.objects, still.lights + more, still.background), CAMERA, settings)
+    np.testing.assert_array_equal(after.layers["beauty"], before.layers["beauty"])
+    assert after.rays == before.rays
+
+
+def test_instances_look_like_copies():
+    ball = sphere(subdivisions=3)
+    turn = trimesh.transformations.rotation_matrix(0.7, (1, 2, 3))
+    places = [
+        trimesh.transformations.translation_matrix((x, 0, 0)) @ turn @ np.diag([1, 1, 0.5 + abs(x) / 4, 1])
+        for x in (-2.5, 0, 2.5)
+    ]
+    material = Phong(k_d=0.4, k_s=0.5)
+    shared = Shape(ball, material)
+    instances = tuple(Object(shared, place) for place in places)
+    copies = tuple(Object(Shape(ball, material), place) for place in places)
+    lights = (PointLight(position=(3, -4, 5), intensity=40),)
+    settings = Settings(width=120, height=60, samples=1)
+    a, b = (render(Scene(objects, lights), CAMERA, settings).layers for objects in (instances, copies))
+    same = a["object_id"] == b["object_id"]
+    assert same.mean() > 0.999
+    far = np.abs(a["beauty"] - b["beauty"]).max(axis=2) > 1e-3
+    assert far.mean() < 0.003
+
+
+@pytest.mark.parametrize("shading", ["phong", "gouraud"])
+def test_vertices_that_no_pixel_sees_need_no_obscurance(still, shading):
+    settings = Settings(width=48, height=32, samples=4, shading=shading)
+    mesh = still.flattened()
+    seen = seen_vertices(still, CAMERA, settings)
+    assert 0.2 < seen.mean() < 0.8
+    whole, part = (ao.bake(mesh, samples=16, only=only, reconstruct=False).w for only in (None, seen))
+    a, b = (render(still.with_obscurance(w), CAMERA, settings).layers for w in (whole, part))
+    for name, layer in a.items():
+        np.testing.assert_array_equal(b[name], layer)
+
+
+def test_what_is_there_does_not_depend_on_shading(still):
+    settings = {"width": 48, "height": 32, "samples": 4}
+    phong, *others = (
+        render(still, CAMERA, Settings(**settings, shading=shading)).layers
+        for shading in ("phong", "gouraud", "constant", "quadratic")
+    )
+    assert len(np.unique(phong["albedo"])) > 3
+    for other in others:
+        np.testing.assert_array_equal(other["beauty"][..., 3], phong["beauty"][..., 3])
+        for name in ("albedo", "obscurance", "depth", "object_id", "emission"):
+            np.testing.assert_allclose(other[name], phong[name], rtol=1e-6)
+
+
+@pytest.mark.parametrize("size", [1e-30, 1e-3, 1e25])
+@pytest.mark.parametrize("attenuation", [(0, 0, 1), (0, 1, 0), (1, 0, 0)])
+def test_the_picture_does_not_depend_on_the_unit_of_length(size, attenuation):
+    """Also where squares of lengths are beyond float32."""
+
+    def seen(unit):
+        shapes = grid((-4, -4, 0), (8, 0, 0), (0, 8, 0), 8), sphere(subdivisions=3)
+        objects = tuple(white(Mesh(mesh.vertices * unit, mesh.faces)) for mesh in shapes)
+        power = unit ** float(np.dot(attenuation, (0, 1, 2)))
+        place = tuple(unit * np.array([2.0, -3.0, 4.0]))
+        lamp = PointLight(position=place, intensity=30 * power, attenuation=attenuation, range=20 * unit)
+        camera = Camera(tuple(unit * np.array([3.0, -6.0, 3.0])), (0, 0, 0))
+        return render(Scene(objects, (lamp,)), camera, Settings(width=48, height=32, samples=1)).layers["beauty"]
+
+    expected = seen(1.0)
+    assert expected[..., :3].max() > 0.1
+    off = np.abs(seen(size) - expected).max(axis=2) > 1e-5 * expected.max()
+    assert off.mean() < 0.005  # pixels on an edge
+
+
+def test_another_view_of_a_scene_needs_no_building_and_nobody_can_change_what_was_built(still):
+    assert build(still) is build(still)
+    assert build(Scene(still.objects, still.lights)) is not build(still)
+    for array in (still.objects[0].transform, still.objects[0].w):
+        with pytest.raises(ValueError, match="read-only"):
+            array[:] = 0
