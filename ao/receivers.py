@@ -16,7 +16,7 @@ from raytrace.normals import face_normals, normalize, vertex_sums
 from raytrace.origins import ray_origins
 from raytrace.outermost import outermost_normals
 from raytrace.placement import Placement
-from raytrace.weld import CREASE, weld
+from raytrace.weld import CREASE, sum_groups, weld
 
 from .curve import morton_order
 
@@ -121,8 +121,7 @@ def find_receivers(mesh: Mesh, placement: Placement, normals: Normals = "angle")
     groups = int(group.max()) + 1
     first = np.full(groups, count, np.int64)
     np.minimum.at(first, group, np.arange(count))
-    joined: Floats = np.stack([np.bincount(group, own[:, axis], groups) for axis in range(3)], axis=1)
-    lift, clearance = outermost_normals(normalize(joined), group[faces], face_normal)
+    lift, clearance = outermost_normals(normalize(sum_groups(group, own)), group[faces], face_normal)
     if normals == "file":
         axes = axes[first]
         lift = np.where(np.einsum("ij,ij->i", lift, axes)[:, None] < 0, -lift, lift)

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import numpy.typing as npt
 
-from .embree import aligned
+from .embree import TriangleScene, aligned
 from .mesh import Mesh
 from .models.rows import TWO_SIDED
 from .normals import face_normals, normalize, vertex_sums
@@ -56,7 +56,10 @@ def vertex_origins(geometry: Geometry) -> npt.NDArray[np.float32]:
     away = 0.0 if geometry.placed.all() else INSTANCED  # all that is reckoned with is in proportion to coordinates
     points, vertices = points + away, vertices + away
     sides = (1.0, -1.0) if geometry.rows[:, TWO_SIDED].any() else (1.0,)
-    found = [ray_origins(points, s * lift, clearance, vertices, faces, s * face_normal, seats)[group] for s in sides]
+    scene = TriangleScene(vertices.astype(np.float32), faces)
+    found = [
+        ray_origins(scene, points, s * lift, clearance, vertices, faces, s * face_normal, seats)[group] for s in sides
+    ]
     origins = aligned((len(sides) * len(group), 3), np.float32)
     origins[:] = np.concatenate(found) - away
     return origins
