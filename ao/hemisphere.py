@@ -31,6 +31,7 @@ from raytrace.sampling import cosine_hemisphere, jittered_lattice
 
 BATCHES = 6  # the lattice steps by 6 × golden ratio = .708 within a part, as irrational as one can wish
 _TABLE_POINTS = 1 << 18
+_SHARERS = 32  # points to a set at least; they turn it each its own way
 _SECTOR = 2 * LANES  # rays that share a sector of azimuth
 
 
@@ -54,8 +55,8 @@ class DirectionTable:
 
     @classmethod
     def make(cls, samples: int, points: int, key: np.uint32) -> DirectionTable:
-        """A table for gathering at `points` points: no more sets than there are points to draw them."""
-        sets = int(np.clip(_TABLE_POINTS // samples, 8, min(max(points, 8), 256)))
+        """A table for gathering at `points` points: so many sets that making them costs little beside that."""
+        sets = int(np.clip(_TABLE_POINTS // samples, 8, min(max(points // _SHARERS, 8), 256)))
         u, v = jittered_lattice(sets, samples, key)
         by_azimuth = np.argsort(np.argsort(v, axis=1, kind="stable"), axis=1, kind="stable")
         order = np.argsort(by_azimuth // _SECTOR + u, axis=1, kind="stable")

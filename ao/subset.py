@@ -57,11 +57,24 @@ def coarser(neighbours: Neighbours, owner: Ints, normals: npt.NDArray[np.float32
     row[baked] = np.arange(len(baked), dtype=np.int32)
     cell = row[owner]
     starts = np.zeros(len(baked) + 1, np.int64)
-    members = np.argsort(cell, kind="stable")
+    members = np.empty(len(cell), np.int64)
+    _sort(cell, np.zeros(len(baked) + 1, np.int64), members)
     others = np.empty(_crossings(neighbours.starts, neighbours.others, cell), np.int32)
     _adjacent(neighbours.starts, neighbours.others, cell, members, starts, others)
     others = others[: starts[-1]].copy()
     return Neighbours.weighted(starts, others, np.ones(len(others), np.float32), normals[baked]), baked
+
+
+@kernel
+def _sort(cell, ends, members):
+    """List the points by their cell, in order."""
+    for i in range(len(cell)):
+        ends[cell[i] + 1] += 1
+    for c in range(len(ends) - 1):
+        ends[c + 1] += ends[c]
+    for i in range(len(cell)):
+        members[ends[cell[i]]] = i
+        ends[cell[i]] += 1
 
 
 @kernel

@@ -22,10 +22,9 @@ Ints = npt.NDArray[np.integer]
 def normalize(vectors: Floats) -> Floats:
     """Unit vectors along `vectors` (…, 3); zero, and what is not finite, becomes zero."""
     vectors = np.asarray(vectors, np.float64)
-    largest = np.max(np.abs(vectors), axis=-1, keepdims=True)
-    usable = np.isfinite(largest) & (largest > 0)
-    scaled = np.where(usable, vectors / np.where(usable, largest, 1.0), 0.0)  # no overflow or underflow in the squares
-    return scaled / np.where(usable, np.linalg.norm(scaled, axis=-1, keepdims=True), 1.0)
+    out = np.zeros(vectors.shape)
+    _normalize(np.ascontiguousarray(vectors).reshape(-1, 3), out.reshape(-1, 3))
+    return out
 
 
 def face_normals(vertices: Floats, faces: Ints) -> tuple[Floats, Floats]:
@@ -50,7 +49,7 @@ def vertex_sums(
     kind = {"equal": 0, "area": 1, "angle": 2}[weighting]
     vertices, faces = np.ascontiguousarray(vertices, np.float64), np.ascontiguousarray(faces, np.int64)
     _vertex_sums(vertices, faces, normals, areas, kind, sums, magnitude)
-    return np.where((np.abs(sums).max(axis=1) <= 1e-12 * magnitude)[:, None], 0.0, sums)
+    return sums
 
 
 def vertex_normals(vertices: Floats, faces: Ints, weighting: Weighting = "angle") -> Floats:
@@ -74,6 +73,17 @@ def _dot(a, b):
 @inline
 def _cross(a, b):
     return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
+
+
+@kernel
+def _normalize(vectors, out):
+    for i in range(len(vectors)):
+        x, y, z = vectors[i, 0], vectors[i, 1], vectors[i, 2]
+        largest = max(abs(x), abs(y), abs(z))
+        if largest > 0.0 and np.isfinite(x) and np.isfinite(y) and np.isfinite(z):
+            x, y, z = x / largest, y / largest, z / largest  # no overflow or underflow in the squares
+            length = np.sqrt(x * x + y * y + z * z)
+            out[i, 0], out[i, 1], out[i, 2] = x / length, y / length, z / length
 
 
 @kernel
@@ -106,3 +116,6 @@ def _vertex_sums(vertices, faces, normals, areas, kind, sums, magnitude):
                 magnitude[i] += weight
                 for axis in range(3):
                     sums[i, axis] += weight * normals[f, axis]
+    for i in range(len(sums)):
+        if max(abs(sums[i, 0]), abs(sums[i, 1]), abs(sums[i, 2])) <= 1e-12 * magnitude[i]:
+            sums[i] = 0.0

@@ -52,7 +52,7 @@ def ray_origins(
     _spread(flat, seats, size)
     _largest(np.maximum(extent, flat), seats, size)
     offset = ray_offset(lift, size, clearance)
-    own = TOUCHING * ULP * np.abs(points).sum(axis=1)
+    own = TOUCHING * ULP * (np.abs(points) @ np.ones(3))
     reach = np.maximum(4.0 * offset, own)  # so far that turning a lift seldom asks for more
     near = find_contacts(scene, points, reach, rounding, vertices, faces, seats)
     touched = near.only(near.distance <= np.maximum(own[near.point], rounding[near.face]))

@@ -46,5 +46,5 @@ def ray_offset(
         magnitude: (n,), the largest |coordinate| among the corners of the faces that meet there.
         clearance: (n,), the smallest cosine between the normal and those faces' normals; below .01 it counts as .01.
     """
-    error = OFFSET_ULPS * ULP * np.abs(normals).sum(axis=1) * magnitude
+    error = OFFSET_ULPS * ULP * (np.abs(normals) @ np.ones(3)) * magnitude
     return error / np.maximum(clearance, 0.01)
