@@ -11,6 +11,7 @@ import numpy.typing as npt
 
 from raytrace.embree import TriangleScene
 from raytrace.errors import OptionError
+from raytrace.memory import check_memory
 from raytrace.mesh import Mesh
 from raytrace.parallel import thread_count
 from raytrace.placement import Placement
@@ -19,6 +20,7 @@ from raytrace.sampling import mix, seed_key
 from .checkpoint import Checkpoint
 from .falloff import Exponential, Falloff, Mu
 from .hidden import Hidden, filled, hidden_points
+from .memory import vertex_bytes
 from .neighbours import Neighbours
 from .receivers import Flag, Normals, Points, Receivers, find_receivers
 from .reconstruct import SPREAD_REACH, shared_out
@@ -102,6 +104,7 @@ def bake(
         OptionError: an argument is out of range.
         InputError, OutputError: `checkpoint` cannot be used (`Checkpoint`).
         MeshError: `normals="file"` for a mesh without normals.
+        MemoryLimitError: the bake would not fit into memory.
         EmbreeError: Embree failed, out of memory for instance.
     """
     most = (DEFAULT_SAMPLES if tolerance is None else _MOST_FOR_TOLERANCE) if samples is None else samples
@@ -114,6 +117,10 @@ def bake(
     workers = thread_count(threads)
     mesh = mesh if isinstance(mesh, Mesh) else Mesh(mesh.vertices, mesh.faces)
     mu = (falloff or Exponential()).resolve(mesh.radius)
+    size = len(mesh.vertices), len(mesh.faces)
+    needed = vertex_bytes(*size, most, tolerance is not None, hidden == "fill")
+    plain = {"a plain bake, without tolerance or fill,": vertex_bytes(*size, DEFAULT_SAMPLES)}
+    check_memory(mesh.source, needed, describe_work(mesh), plain)
 
     start = time.perf_counter()
     placement = Placement.of(mesh)
@@ -166,6 +173,11 @@ def bake(
         seconds={"build": built - prepared, "bake": finished - built + prepared - start},
         mu=mu,
     )
+
+
+def describe_work(mesh: Mesh) -> str:
+    """What a bake does, for messages about memory."""
+    return f"to bake {len(mesh.vertices):,} vertices and {len(mesh.faces):,} faces"
 
 
 def _neighbours(receivers: Receivers) -> Neighbours:

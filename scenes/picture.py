@@ -15,7 +15,8 @@ from ao.report import versions
 from raytrace.atomic import atomic_write
 from raytrace.frame import Frame
 from raytrace.image import check_image_target, write_frame
-from raytrace.rendering import render
+from raytrace.memory import check_memory
+from raytrace.rendering import describe_work, render, rendering_bytes
 from raytrace.settings import Settings
 
 from .description import SceneDescription
@@ -84,9 +85,12 @@ def take(
         InputError: a texture or a baked file cannot be read.
         OptionError: the ending of `output`, or `threads`.
         OutputError: it cannot be written.
+        MemoryLimitError: the picture or the bake for it would not fit into memory.
         EmbreeError: Embree failed, out of memory for instance.
     """
     layers = check_image_target(output, half)
+    needed = rendering_bytes(description.scene, description.settings, layers is None)
+    check_memory(source, needed, describe_work(description.scene, description.settings))
     start = time.perf_counter()
     scene, baked = obscured(description, threads, baking)
     prepared = time.perf_counter()
