@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from enum import StrEnum
 from functools import partial
@@ -119,7 +119,7 @@ def bake(
     start = time.perf_counter()
     source = load(mesh)
     loaded = time.perf_counter()
-    warnings = _warn(source.mesh)
+    warnings = _warn([source.mesh])
     with Checkpoint(f"{output}.partial", resume, _note) as checkpoint:
         make: Any = ao.bake_surface
         if method is Method.vertex:
@@ -234,10 +234,11 @@ def render(
 
     size = None if width is None or height is None else (width, height)
     description = adjusted(read_scene(scene, size), changes, preview)
+    warnings = _warn(item.shape.mesh for item in description.scene.objects)
     with _compiling("tile"), _progress(quiet, "rays") as baking, _progress(quiet, "tiles") as rendering:
         picture = take(scene, description, output, half, threads, baking, rendering)
     if report:
-        write_report(report, scene, description.settings, picture, thread_count(threads))
+        write_report(report, scene, description.settings, picture, thread_count(threads), warnings)
     if not quiet:
         rays = sum(picture.frame.rays.values())
         seconds = picture.seconds["render"]
@@ -362,11 +363,12 @@ def _only_at_vertices(**given: bool) -> None:
             raise OptionError(f"--{name}", "--method vertex with it", "--method surface")
 
 
-def _warn(mesh: Mesh) -> list[str]:
-    """Tell on standard error what the precision of a mesh does to results."""
+def _warn(meshes: Iterable[Mesh]) -> list[str]:
+    """Tell on standard error what the precision of meshes does to results, once of each."""
     from raytrace.resolution import precision_warnings
 
-    warnings = precision_warnings(mesh)
+    each = {id(mesh): mesh for mesh in meshes}.values()
+    warnings = list(dict.fromkeys(warning for mesh in each for warning in precision_warnings(mesh)))
     for warning in warnings:
         print(f"warning: {warning}", file=sys.stderr)
     return warnings

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import time
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -114,8 +114,15 @@ def metadata(source: Path, description: SceneDescription) -> dict[str, str]:
     }
 
 
-def write_report(path: Path, source: Path, settings: Settings, picture: Picture, threads: int) -> None:
-    """Write what a rendering took as JSON, whole or not at all. Raises: OutputError."""
+def write_report(
+    path: Path, source: Path, settings: Settings, picture: Picture, threads: int, warnings: Sequence[str] = ()
+) -> None:
+    """Write what a rendering took as JSON, whole or not at all.
+
+    Args: warnings: what limits the picture, see `raytrace.resolution`.
+
+    Raises: OutputError.
+    """
     made = picture.bake
     content = {
         "scene": str(source),
@@ -125,6 +132,7 @@ def write_report(path: Path, source: Path, settings: Settings, picture: Picture,
         | ({f"bake_{reason}": count for reason, count in made.rays_skipped.items()} if made else {}),
         "seconds": picture.seconds,
         "rmse_estimate": made.rmse if made else None,
+        "warnings": list(warnings),
         "versions": versions(),
     }
     with atomic_write(path) as file:
