@@ -16,7 +16,7 @@ from raytrace.mesh import Mesh
 from .polygons import fan_triangles
 
 MAX_COPIED = 20_000_000
-_ROW = 150  # bytes of a placed vertex or triangle, with copies on the way to a mesh
+_ROW = 80  # bytes of a placed vertex or triangle, with copies on the way to a mesh
 
 
 @dataclass(frozen=True)

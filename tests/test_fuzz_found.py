@@ -2,6 +2,7 @@
 
 import json
 import struct
+import sys
 import time
 import zlib
 from types import SimpleNamespace
@@ -11,6 +12,7 @@ import numpy as np
 import OpenImageIO as oiio
 import pytest
 from fuzz_mutations import toml_text
+from fuzz_worker import memory, reset_peak
 from gltf_files import TRIANGLE, Builder
 from mesh_files import FACES, VERTICES, ascii_ply, ascii_stl, mistake, obj, ply, read
 
@@ -70,6 +72,18 @@ def test_messages_are_printable_and_short(tmp_path):
     assert len(str(long)) < 700
     assert str(long).isprintable()
     assert (long.field, long.got) == ("f" * 5000, "g\n" * 5000)
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="/proc tells")
+@pytest.mark.xfail(strict=False, reason="pairs of points and faces in contact are listed, however many there are")
+def test_unused_vertices_on_coinciding_faces_take_no_memory_by_the_square(tmp_path):
+    path = tmp_path / "m.obj"
+    path.write_bytes(300 * obj())  # all faces use the first few vertices
+    describe(read(tmp_path, "small.obj", obj()))
+    before = memory()
+    reset_peak()
+    describe(load(path))
+    assert memory("VmHWM") - before < 256 * path.stat().st_size + (64 << 20)
 
 
 def test_info_prints_no_control_characters(tmp_path):
