@@ -87,7 +87,7 @@ def bake(
     start = time.perf_counter()
     source = load(mesh)
     loaded = time.perf_counter()
-    warnings = warn(source.mesh)
+    warnings = warn([source.mesh])
     with Checkpoint(f"{output}.partial", resume, note) as checkpoint:
         make: Any = ao.bake_surface
         if method is choices.Method.vertex:
@@ -185,10 +185,11 @@ def render(
     from scenes.read import read_scene
 
     description = adjusted(read_scene(scene, size), given, preview)
+    warnings = warn(item.shape.mesh for item in description.scene.objects)
     with compiling("tile"), progress(quiet, "rays") as baking, progress(quiet, "tiles") as rendering:
         picture = take(scene, description, output, half, threads, baking, rendering)
     if report:
-        write_report(report, scene, description.settings, picture, thread_count(threads))
+        write_report(report, scene, description.settings, picture, thread_count(threads), warnings)
     if not quiet:
         print(picture.summary(output, description.settings))
 

@@ -10,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from raytrace.errors import OptionError
+from raytrace.memory import check_memory
 from raytrace.mesh import Mesh
 from raytrace.parallel import thread_count
 from raytrace.placement import Placement
@@ -18,6 +19,7 @@ from raytrace.sampling import mix, seed_key
 from .checkpoint import Checkpoint
 from .falloff import Exponential, Falloff, Mu
 from .hidden import Hidden, filled, hidden_points
+from .memory import vertex_bytes
 from .neighbours import Neighbours
 from .receivers import Flag, Normals, Points, Receivers, find_receivers
 from .reconstruct import judged, shared_out
@@ -101,6 +103,7 @@ def bake(
         OptionError: an argument is out of range.
         InputError, OutputError: `checkpoint` cannot be used (`Checkpoint`).
         MeshError: `normals="file"` for a mesh without normals.
+        MemoryLimitError: the bake would not fit into memory.
         EmbreeError: Embree failed, out of memory for instance.
     """
     most = (DEFAULT_SAMPLES if tolerance is None else _MOST_FOR_TOLERANCE) if samples is None else samples
@@ -113,6 +116,10 @@ def bake(
     workers = thread_count(threads)
     mesh = mesh if isinstance(mesh, Mesh) else Mesh(mesh.vertices, mesh.faces)
     mu = (falloff or Exponential()).resolve(mesh.radius)
+    size = len(mesh.vertices), len(mesh.faces)
+    needed = vertex_bytes(*size, most, tolerance is not None, hidden == "fill")
+    plain = {"a plain bake, without tolerance or fill,": vertex_bytes(*size, DEFAULT_SAMPLES)}
+    check_memory(mesh.source, needed, describe_work(mesh), plain)
 
     start = time.perf_counter()
     placement = Placement.of(mesh)
@@ -162,6 +169,11 @@ def bake(
         seconds={"build": receivers.scene.seconds, "bake": finished - start - receivers.scene.seconds},
         mu=mu,
     )
+
+
+def describe_work(mesh: Mesh) -> str:
+    """What a bake does, for messages about memory."""
+    return f"to bake {len(mesh.vertices):,} vertices and {len(mesh.faces):,} faces"
 
 
 def _neighbours(receivers: Receivers) -> Neighbours:

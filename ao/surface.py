@@ -10,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy.sparse import csr_array
 
+from raytrace.memory import check_memory
 from raytrace.mesh import Mesh
 from raytrace.normals import normalize
 from raytrace.parallel import thread_count
@@ -17,9 +18,10 @@ from raytrace.placement import Placement
 from raytrace.sampling import seed_key
 from raytrace.weld import CREASE
 
-from .bake import DEFAULT_SAMPLES, MAX_SAMPLES, Bake, _check_whole
+from .bake import DEFAULT_SAMPLES, MAX_SAMPLES, Bake, _check_whole, describe_work
 from .conjugate_gradients import COARSE, solve, solve_within
 from .falloff import Exponential, Falloff
+from .memory import surface_bytes, vertex_bytes
 from .receivers import Flag, Normals, find_receivers
 from .surface_fit import Half, cross_validated, normal_matrix, right_side, roughness, ties
 from .surface_gather import BELOW, MATRIX, MOMENTS, RIGHT, SQUARES, TRACED
@@ -59,6 +61,9 @@ def bake_surface(
     workers = thread_count(threads)
     mesh = mesh if isinstance(mesh, Mesh) else Mesh(mesh.vertices, mesh.faces)
     mu = (falloff or Exponential()).resolve(mesh.radius)
+    size = len(mesh.vertices), len(mesh.faces)
+    at_vertices = {"the vertex method": vertex_bytes(*size, DEFAULT_SAMPLES)}
+    check_memory(mesh.source, surface_bytes(*size), describe_work(mesh) + " by the surface method", at_vertices)
 
     start = time.perf_counter()
     placement = Placement.of(mesh)
@@ -68,7 +73,8 @@ def bake_surface(
 
     patch = Patch.of(placement, receivers, wanted)
     moments, counts = gather(receivers.scene, placement, patch, mu, samples, seed_key(seed), workers, progress)
-    fit = _fit(patch, reveal_interiors(patch, moments, counts))
+    reveal_interiors(patch, moments, counts)
+    fit = _fit(patch, moments)
 
     row = receivers.of_vertex
     baked = mine.of_vertex >= 0

@@ -68,13 +68,7 @@ def roughness(corners: Floats, seats: Ints, normals: Floats, areas: Floats, agre
     """
     if not len(seats):
         return csr_array((count, count))
-    tail, head = seats[:, [1, 2, 0]].ravel(), seats[:, [2, 0, 1]].ravel()  # of the edge opposite each corner
-    low, high = np.minimum(tail, head), np.maximum(tail, head)
-    order = np.lexsort((high, low))
-    fresh = np.concatenate([[True], (np.diff(low[order]) != 0) | (np.diff(high[order]) != 0), [True]])
-    first = np.flatnonzero(fresh)
-    first = first[:-1][(np.diff(first) == 2) & (low != high)[order[first[:-1]]]]
-    one, two = order[first], order[first + 1]
+    one, two = _inner_edges(seats)
     smooth = np.einsum("ij,ij->i", normals[one // 3], normals[two // 3]) >= agreement
     one, two = one[smooth], two[smooth]
     edge = np.roll(corners, 1, axis=1) - np.roll(corners, -1, axis=1)
@@ -84,9 +78,21 @@ def roughness(corners: Floats, seats: Ints, normals: Floats, areas: Floats, agre
     weight = np.sqrt(areas[one // 3] + areas[two // 3])
     values = np.concatenate([slope[one], slope[two]], axis=1) * weight[:, None]
     columns = np.concatenate([seats[one // 3], seats[two // 3]], axis=1)
-    rows = np.repeat(np.arange(len(one)), 6)
-    jumps = coo_array((values.ravel(), (rows, columns.ravel())), shape=(len(one), count)).tocsr()
+    del edge, length, slope, weight
+    jumps = csr_array((values.ravel(), columns.ravel(), np.arange(0, values.size + 1, 6)), shape=(len(one), count))
+    jumps.sum_duplicates()
     return (jumps.T @ jumps).tocsr()
+
+
+def _inner_edges(seats: Ints) -> tuple[Ints, Ints]:
+    """Edges of exactly two faces: where each is opposite a corner in `seats.ravel()`, in one face and in the other."""
+    tail, head = seats[:, [1, 2, 0]].ravel(), seats[:, [2, 0, 1]].ravel()
+    low, high = np.minimum(tail, head), np.maximum(tail, head)
+    order = np.lexsort((high, low))
+    fresh = np.concatenate([[True], (np.diff(low[order]) != 0) | (np.diff(high[order]) != 0), [True]])
+    first = np.flatnonzero(fresh)
+    first = first[:-1][(np.diff(first) == 2) & (low != high)[order[first[:-1]]]]
+    return order[first], order[first + 1]
 
 
 def cross_validated(

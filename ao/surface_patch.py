@@ -100,8 +100,8 @@ def gather(
     return moments, counts
 
 
-def reveal_interiors(patch: Patch, moments: Floats, counts: Ints) -> Floats:
-    """Moments with samples weighted in full where no vertex of the face can see a way out.
+def reveal_interiors(patch: Patch, moments: Floats, counts: Ints) -> None:
+    """Weight samples in full, in place, where no vertex of the face can see a way out.
 
     Hidden samples step back behind visible ones at the same vertex. Where there are none, in a room whose walls
     face outwards for instance, they are all that counts.
@@ -109,4 +109,4 @@ def reveal_interiors(patch: Patch, moments: Floats, counts: Ints) -> Floats:
     seen, seats = np.zeros(patch.unknowns, np.bool_), patch.seats
     seen[seats[counts[:, SEEN] > 0]] = True
     interior = ~(seen[seats[:, 0]] | seen[seats[:, 1]] | seen[seats[:, 2]])
-    return np.where(interior[:, None, None], moments / HIDDEN, moments)
+    moments[interior] /= HIDDEN

@@ -8,7 +8,7 @@ from __future__ import annotations
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
-from .errors import EmbreeError, InputError, MeshError, ObscuranceError, OptionError, OutputError
+from .errors import EmbreeError, InputError, MemoryLimitError, MeshError, ObscuranceError, OptionError, OutputError
 from .mesh import Mesh
 
 if TYPE_CHECKING:
@@ -81,6 +81,7 @@ __all__ = [
     "Lambert",
     "Light",
     "Material",
+    "MemoryLimitError",
     "Mesh",
     "MeshError",
     "Object",

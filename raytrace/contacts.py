@@ -17,6 +17,7 @@ from .vector import add, dot, load, scale, subtract
 Floats = npt.NDArray[np.float64]
 Ints = npt.NDArray[np.int64]
 _BLOCK = 1 << 14  # points
+_MOST = 64  # contacts of one point; of more, those with the lowest rows are kept
 _FEW = 64  # faces that the boxes of Embree's hierarchy put near a point: room for these at first
 
 
@@ -116,10 +117,12 @@ def _pairs(
     Returns how many there are, and how many faces at most were near one point, of which only those in `near` count.
     """
     count, most = 0, 0
+    kept, distances = np.empty(_MOST, np.int64), np.empty(_MOST)
     for i in range(len(points)):
         p = load(points, i)
         several = faces_near(scene, callback, p, max(reach[i], widest) + slack, query, context, near)
         most = max(most, several)
+        last = 0
         for k in range(HEAD, min(HEAD + several, len(near))):
             f = near[k]
             row = first + i
@@ -131,7 +134,16 @@ def _pairs(
                 continue
             away = distance_to_triangle(p, a, b, c)
             if away <= within:
-                if count < len(point):
-                    point[count], face[count], distance[count] = row, f, away
-                count += 1
+                place = last
+                if last == _MOST:
+                    place = int(np.argmax(kept))
+                    if f > kept[place]:
+                        continue
+                else:
+                    last += 1
+                kept[place], distances[place] = f, away
+        for k in range(last):
+            if count < len(point):
+                point[count], face[count], distance[count] = first + i, kept[k], distances[k]
+            count += 1
     return count, most

@@ -6,7 +6,8 @@
     ├── InputError (ValueError)       the user's input is wrong: exit status 2
     │   ├── MeshError                 a mesh or mesh file
     │   ├── SceneError                a scene file
-    │   └── OptionError               an option or parameter value
+    │   ├── OptionError               an option or parameter value
+    │   └── MemoryLimitError          work that does not fit into memory
     ├── OutputError (OSError)         a target that cannot be written: exit status 2
     └── EmbreeError (RuntimeError)    Embree reported an error, or is not version 4
 
@@ -63,6 +64,10 @@ class OptionError(InputError):
 
     def __init__(self, field: str, expected: str, got: object, source: object = "options") -> None:
         super().__init__(source, field, expected, got)
+
+
+class MemoryLimitError(InputError):
+    """Work on this input takes more memory than there is; raised before it begins."""
 
 
 class OutputError(ObscuranceError, OSError):

@@ -10,6 +10,7 @@ from __future__ import annotations
 import getpass
 import hashlib
 import os
+import shutil
 import sys
 import tempfile
 from collections.abc import Callable, Iterator
@@ -23,6 +24,7 @@ import numba
 F = TypeVar("F", bound=Callable[..., Any])
 
 PACKAGES = ("raytrace", "ao")
+_ROOM = 16 << 20  # bytes; all kernels take less than 5 MB
 ROOT = Path(__file__).resolve().parent.parent
 
 
@@ -36,55 +38,84 @@ def source_hash(root: Path = ROOT) -> str:
     return digest.hexdigest()[:16]
 
 
-def user_cache() -> Path:
-    """Parent of the kernel caches: the first writable of ``NUMBA_CACHE_DIR``, the user's cache, the temporary one."""
-    xdg = os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache"
-    chosen = os.environ.get("NUMBA_CACHE_DIR")
-    wanted = [Path(chosen)] if chosen else []
-    wanted += [Path(xdg) / "obscurance", Path(tempfile.gettempdir()) / f"obscurance-{getpass.getuser()}"]
-    for folder in wanted:
+def user_cache() -> Path | None:
+    """Parent of the kernel caches, the first with room of ``NUMBA_CACHE_DIR``, the user's cache, the temporary folder.
+
+    None where nothing can be written: kernels are then compiled anew in every process.
+    """
+    for place in (_chosen, _users, _temporary):
         try:
+            folder = place()
             folder.mkdir(parents=True, exist_ok=True)
             with tempfile.TemporaryFile(dir=folder):
-                return folder
-        except OSError:
+                if shutil.disk_usage(folder).free >= _ROOM:
+                    return folder
+        except (OSError, LookupError, RuntimeError):
             continue
-    return wanted[-1]
+    return None
+
+
+def _chosen() -> Path:
+    """Raises: LookupError: nothing is chosen."""
+    chosen = os.environ.get("NUMBA_CACHE_DIR")
+    if not chosen:
+        raise LookupError
+    return Path(chosen)
+
+
+def _users() -> Path:
+    """Raises: RuntimeError: a user without a home."""
+    return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "obscurance"
+
+
+def _temporary() -> Path:
+    """Raises: OSError: there is none."""
+    return Path(tempfile.gettempdir()) / f"obscurance-{_name()}"
+
+
+def _name() -> str:
+    try:
+        return getpass.getuser()
+    except (LookupError, OSError, ImportError):  # a user without a name, as containers have them
+        return str(os.getuid())
 
 
 @cache
-def cache_folder() -> Path:
-    """Folder of compiled kernels for exactly these sources."""
-    return user_cache() / source_hash()
+def cache_folder() -> Path | None:
+    """Folder of compiled kernels for exactly these sources, if one can be written."""
+    parent = user_cache()
+    return parent / source_hash() if parent else None
 
 
 def is_warm(module: str) -> bool:
     """Whether an earlier run has left the compiled kernels of a module, such as "tile", as its source is now."""
-    return any(cache_folder().glob(f"**/{module}.*.nbc"))
+    folder = cache_folder()
+    return folder is not None and any(folder.glob(f"**/{module}.*.nbc"))
 
 
 def kernel(function: F) -> F:
     """Compile a hot loop on first call: no Python objects, no GIL, cached on disk."""
-    with _own_cache():
-        return numba.njit(nogil=True, cache=True, error_model="numpy")(function)
+    with _own_cache() as cached:
+        return numba.njit(nogil=True, cache=cached, error_model="numpy")(function)
 
 
 def callback(signature: Any) -> Callable[[F], Any]:
     """Compile a function of this signature for C to call by its `address`, cached like a kernel."""
 
     def compile_(function: F) -> Any:
-        with _own_cache():
-            return numba.cfunc(signature, cache=True)(function)
+        with _own_cache() as cached:
+            return numba.cfunc(signature, cache=cached)(function)
 
     return compile_
 
 
 @contextmanager
-def _own_cache() -> Iterator[None]:
-    before = numba.config.CACHE_DIR
-    numba.config.CACHE_DIR = str(cache_folder())
+def _own_cache() -> Iterator[bool]:
+    """Numba's cache in `cache_folder` meanwhile; whether there is one."""
+    before, folder = numba.config.CACHE_DIR, cache_folder()
+    numba.config.CACHE_DIR = str(folder or "")
     try:
-        yield
+        yield folder is not None
     finally:
         numba.config.CACHE_DIR = before
 

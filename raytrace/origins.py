@@ -46,6 +46,13 @@ def ray_origins(
         vertices (n, 3), faces (m, 3), none degenerate, with unit face_normals (m, 3).
         seats: (m, 3), the row of `points` that each face corner is.
     """
+
+    def contacts(rows: Ints, reach: Floats) -> Contacts:
+        number = np.full(len(points), -1)
+        number[rows] = np.arange(len(rows))
+        found = find_contacts(scene, points[rows], reach[rows], rounding, vertices, faces, number[seats])
+        return Contacts(rows[found.point], found.face, found.distance)
+
     lift, clearance = lift.copy(), clearance.copy()
     extent, flat, rounding, size = *(np.zeros(len(faces)) for _ in range(3)), np.zeros(len(points))
     _measure(vertices, faces, face_normals, extent, flat, rounding)
@@ -54,17 +61,15 @@ def ray_origins(
     offset = ray_offset(lift, size, clearance)
     own = TOUCHING * ULP * (np.abs(points) @ np.ones(3))
     reach = np.maximum(4.0 * offset, own)  # so far that turning a lift seldom asks for more
-    near = find_contacts(scene, points, reach, rounding, vertices, faces, seats)
+    has_lift = (lift != 0.0) @ np.ones(3) > 0
+    near = contacts(np.flatnonzero(has_lift), reach)
     touched = near.only(near.distance <= np.maximum(own[near.point], rounding[near.face]))
     if len(touched.point):
         _step_out(points, lift, clearance, touched, vertices, faces, face_normals, seats)
         np.maximum.at(size, touched.point, np.maximum(extent, flat)[touched.face])
         offset = ray_offset(lift, size, clearance)
-        rows = np.flatnonzero(2.0 * offset > reach)
-        number = np.full(len(points), -1)
-        number[rows] = np.arange(len(rows))
-        more = find_contacts(scene, points[rows], 2.0 * offset[rows], rounding, vertices, faces, number[seats])
-        near = Contacts(*(np.append(a, b) for a, b in zip(near, (rows[more.point], *more[1:]), strict=True)))
+        more = contacts(np.flatnonzero(has_lift & (2.0 * offset > reach)), 2.0 * offset)
+        near = Contacts(*(np.append(a, b) for a, b in zip(near, more, strict=True)))
     _stop_short(points, lift, own, rounding, near.point, near.face, vertices, faces, face_normals, offset)
     return points + offset[:, None] * lift
 

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import os
+import threading
 from collections.abc import Callable
-from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
-from itertools import islice
+from queue import Empty, SimpleQueue
 
 from .errors import OptionError
 
@@ -32,28 +32,57 @@ def run_blocks(
     threads: int,
     progress: Callable[[int], None] | None = None,
 ) -> None:
-    """Call `work(start, stop)` over [0, count) in blocks, on `threads` threads.
+    """Call `work(start, stop)` over [0, count) in blocks, on `threads` threads, or as many as the system grants.
 
     `work` must release the GIL to gain anything and write only its own rows. `progress` is told, on this thread,
-    how many items each finished block had. An exception or Ctrl-C drops the blocks that have not begun. Only two blocks
-    a thread are handed over at a time, as waiting takes longer the more there are to wait for.
+    how many items each finished block had. An exception or Ctrl-C drops the blocks that have not begun.
     """
-    with ThreadPoolExecutor(threads) as pool:
-        pending: dict[Future[None], int] = {}
-        starts = iter(range(0, count, block))
+    starts = iter(range(0, count, block))
+    finished: SimpleQueue[int | BaseException] = SimpleQueue()
+    taking, over = threading.Lock(), threading.Event()
+
+    def work_off() -> None:
+        while not over.is_set():
+            with taking:
+                start = next(starts, None)
+            if start is None:
+                return
+            stop = min(start + block, count)
+            try:
+                work(start, stop)
+            except BaseException as failure:
+                finished.put(failure)
+                return
+            finished.put(stop - start)
+
+    workers: list[threading.Thread] = []
+    try:
+        _start(workers, work_off, min(threads, -(-count // block)))
+        if not workers:
+            work_off()
+        left = count
+        while left > 0:
+            try:
+                size = finished.get(timeout=0.1)
+            except Empty:
+                continue
+            if isinstance(size, BaseException):
+                raise size
+            left -= size
+            if progress:
+                progress(size)
+    finally:
+        over.set()
+        for worker in workers:
+            worker.join()
+
+
+def _start(workers: list[threading.Thread], work: Callable[[], None], most: int) -> None:
+    """Add up to `most` running threads to `workers`; a system short of memory or of processes grants fewer."""
+    for _ in range(most):
+        worker = threading.Thread(target=work)
         try:
-            while True:
-                for start in islice(starts, 2 * threads - len(pending)):
-                    size = min(block, count - start)
-                    pending[pool.submit(work, start, start + size)] = size
-                if not pending:
-                    return
-                done, _ = wait(pending, timeout=0.1, return_when=FIRST_COMPLETED)
-                for future in done:
-                    future.result()
-                    size = pending.pop(future)
-                    if progress:
-                        progress(size)
-        except BaseException:
-            pool.shutdown(wait=True, cancel_futures=True)
-            raise
+            worker.start()
+        except RuntimeError:
+            return
+        workers.append(worker)

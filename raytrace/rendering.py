@@ -16,6 +16,7 @@ from .film import TILE
 from .frame import LAYERS, Frame
 from .lanes import WIDE
 from .light_rows import AMBIENT as AMBIENT_LIGHT
+from .memory import check_memory
 from .parallel import run_blocks, thread_count
 from .scene import Scene
 from .scratch import (
@@ -49,6 +50,7 @@ _FORMS = ("off", "ambient", "book")
 _SHARES = 16  # of a picture for each thread: handing over takes as long as some tiles
 _LONGEST = 256  # samples of tiles in a share: what Ctrl-C waits for
 _LIT = 14  # columns that lighting makes, see `raytrace.tile.lit_column`
+_BASE, _WORLD_VERTEX, _WORLD_FACE = 100 << 20, 120, 103  # bytes, `rendering_bytes`
 _SKIPPED = {
     "behind": BEHIND,
     "unreached": UNREACHED,
@@ -77,9 +79,11 @@ def render(
     Raises:
         OptionError: `threads` out of range.
         InputError: a texture that a ray has met cannot be read.
+        MemoryLimitError: the scene and the picture would not fit into memory.
         EmbreeError: Embree failed, out of memory for instance.
     """
     settings = settings or Settings()
+    check_memory("scene", rendering_bytes(scene, settings, layers), describe_work(scene, settings))
     workers = thread_count(threads)
     start = time.perf_counter()
     world = build(scene)
@@ -94,6 +98,22 @@ def render(
         | {"primary_agreed": int(counts[RETIRED])},
         seconds={"build": built - start, "render": time.perf_counter() - built},
     )
+
+
+def rendering_bytes(scene: Scene, settings: Settings, layers: bool) -> int:
+    """Bytes that `render` takes at its peak beside the scene; fitted to measurements (`ao.memory`)."""
+    meshes = {id(item.shape): item.shape.mesh for item in scene.objects}.values()
+    vertices, faces = sum(len(mesh.vertices) for mesh in meshes), sum(len(mesh.faces) for mesh in meshes)
+    lit = sum(len(item.shape.mesh.vertices) for item in scene.objects) * (settings.shading == "gouraud")
+    _, _, wide, high = _whole_tiles(settings)
+    film = 4 * wide * high * (FILM if layers else LAYERS["beauty"])
+    return _BASE + _WORLD_VERTEX * vertices + _WORLD_FACE * faces + 8 * _LIT * lit + film
+
+
+def describe_work(scene: Scene, settings: Settings) -> str:
+    """What a rendering does, for messages about memory."""
+    faces = sum(len(item.shape.mesh.faces) for item in scene.objects)
+    return f"to render {faces:,} faces in {settings.width:,}×{settings.height:,} pixels"
 
 
 def seen_vertices(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -19,11 +19,12 @@ def note(message: str) -> None:
     print("obscurance: " + " ".join(message.split()), file=sys.stderr)
 
 
-def warn(mesh: Mesh) -> list[str]:
-    """Tell on standard error what the precision of a mesh does to results."""
+def warn(meshes: Iterable[Mesh]) -> list[str]:
+    """Tell on standard error what the precision of meshes does to results, once of each."""
     from raytrace.resolution import precision_warnings
 
-    warnings = precision_warnings(mesh)
+    each = {id(mesh): mesh for mesh in meshes}.values()
+    warnings = list(dict.fromkeys(warning for mesh in each for warning in precision_warnings(mesh)))
     for warning in warnings:
         print(f"warning: {warning}", file=sys.stderr)
     return warnings

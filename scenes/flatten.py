@@ -10,11 +10,13 @@ import numpy as np
 import numpy.typing as npt
 
 from raytrace.errors import InputError, MeshError
+from raytrace.memory import check_memory
 from raytrace.mesh import Mesh
 
 from .polygons import fan_triangles
 
 MAX_COPIED = 20_000_000
+_ROW = 80  # bytes of a placed vertex or triangle, with copies on the way to a mesh
 
 
 @dataclass(frozen=True)
@@ -69,10 +71,12 @@ def check_copies(rows: int, stored: int, source: object, error: type[InputError]
 
     Raises:
         error: more rows than bytes, and than `MAX_COPIED`.
+        MemoryLimitError: they would not fit into memory.
     """
     limit = max(stored, MAX_COPIED)
     if rows > limit:
         raise error(source, "objects", f"at most {limit:,} vertices and triangles with all copies", f"{rows:,}")
+    check_memory(source, _ROW * rows, f"to place {rows:,} vertices and triangles")
 
 
 def world_matrices(edges: Iterable[dict[str, Any]], base: Any) -> dict[Any, npt.NDArray[np.float64]]:

@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import BinaryIO
 
 from raytrace.errors import InputError, MeshError
+from raytrace.memory import check_memory
 from raytrace.mesh import Mesh
 
 from .flatten import Instance, Part, check_copies, flatten, instance, world_matrices
@@ -23,6 +24,10 @@ from .obj import read_obj
 from .ply import read_ply
 from .stl import read_stl
 from .threemf import check_archive, read_3mf
+
+# Bytes of memory a byte of file at the peak of reading: of archives and glTF less, what they hold is counted later.
+_PEAK = {"obj": 7.0, "ply": 5.0, "stl": 6.0, "glb": 2.0, "gltf": 2.0, "3mf": 1.0}
+_PEAK_OF_TRIMESH = 22.0
 
 
 @dataclass(frozen=True)
@@ -59,6 +64,7 @@ def load(path: str | os.PathLike[str]) -> MeshFile:
     Raises:
         MeshError: the file is missing, unreadable, empty, incomplete, of another format than its ending says,
             without triangles, or has indices out of range or coordinates that are not finite.
+        MemoryLimitError: it would not fit into memory.
     """
     path = Path(path)
     instances, asset = read_objects(path)
@@ -88,6 +94,8 @@ def read_objects(path: Path) -> tuple[list[Instance], Gltf | None]:
             raise MeshError(path, "ending", "one of obj " + " ".join(_trimesh_formats()), path.suffix or "none")
         if path.stat().st_size == 0:
             raise MeshError(path, "content", f"a {kind.upper()} mesh", "an empty file")
+        size = path.stat().st_size
+        check_memory(source, int(_PEAK.get(kind, _PEAK_OF_TRIMESH) * size), f"to read {size:,} bytes")
         asset = None
         with path.open("rb") as file:
             if kind in ("glb", "gltf"):

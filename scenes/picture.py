@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import time
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -15,7 +15,8 @@ from ao.report import versions
 from raytrace.atomic import atomic_write
 from raytrace.frame import Frame
 from raytrace.image import check_image_target, write_frame
-from raytrace.rendering import render
+from raytrace.memory import check_memory
+from raytrace.rendering import describe_work, render, rendering_bytes
 from raytrace.settings import Settings
 
 from .description import SceneDescription
@@ -92,9 +93,12 @@ def take(
         InputError: a texture or a baked file cannot be read.
         OptionError: the ending of `output`, or `threads`.
         OutputError: it cannot be written.
+        MemoryLimitError: the picture or the bake for it would not fit into memory.
         EmbreeError: Embree failed, out of memory for instance.
     """
     layers = check_image_target(output, half)
+    needed = rendering_bytes(description.scene, description.settings, layers is None)
+    check_memory(source, needed, describe_work(description.scene, description.settings))
     start = time.perf_counter()
     scene, baked = obscured(description, threads, baking)
     prepared = time.perf_counter()
@@ -118,8 +122,15 @@ def metadata(source: Path, description: SceneDescription) -> dict[str, str]:
     }
 
 
-def write_report(path: Path, source: Path, settings: Settings, picture: Picture, threads: int) -> None:
-    """Write what a rendering took as JSON, whole or not at all. Raises: OutputError."""
+def write_report(
+    path: Path, source: Path, settings: Settings, picture: Picture, threads: int, warnings: Sequence[str] = ()
+) -> None:
+    """Write what a rendering took as JSON, whole or not at all.
+
+    Args: warnings: what limits the picture, see `raytrace.resolution`.
+
+    Raises: OutputError.
+    """
     made = picture.bake
     content = {
         "scene": str(source),
@@ -129,6 +140,7 @@ def write_report(path: Path, source: Path, settings: Settings, picture: Picture,
         | ({f"bake_{reason}": count for reason, count in made.rays_skipped.items()} if made else {}),
         "seconds": picture.seconds,
         "rmse_estimate": made.rmse if made else None,
+        "warnings": list(warnings),
         "versions": versions(),
     }
     with atomic_write(path) as file:

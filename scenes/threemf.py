@@ -17,6 +17,7 @@ import numpy as np
 import numpy.typing as npt
 
 from raytrace.errors import MeshError
+from raytrace.memory import check_memory
 
 from .flatten import Instance, check_copies
 
@@ -24,6 +25,7 @@ ROOT = "3d/3dmodel.model"
 GROWTH, SPARE = 100, 1 << 24  # an archive may unpack to 100 times its size, and always to 16 MiB
 MAX_PLACED = 1_000_000
 _BLOCK = 1 << 16
+_READ = 2  # bytes of memory a byte of XML
 
 Floats = npt.NDArray[np.float64]
 Key = tuple[str, str]  # model file and object id
@@ -104,13 +106,14 @@ def read_3mf(file: BinaryIO, source: str) -> list[Instance]:
 
 
 def check_archive(file: BinaryIO, source: str) -> int:
-    """The bytes that a ZIP archive unpacks to. Raises: MeshError: beyond measure."""
+    """The bytes that a ZIP archive unpacks to. Raises: MeshError: beyond measure. MemoryLimitError."""
     limit = GROWTH * file.seek(0, os.SEEK_END) + SPARE
     with zipfile.ZipFile(file) as archive:
         unpacked = sum(entry.file_size for entry in archive.infolist())
     file.seek(0)
     if unpacked > limit:
         raise MeshError(source, "content", f"an archive that unpacks to at most {limit:,} bytes", f"{unpacked:,}")
+    check_memory(source, _READ * unpacked, f"to read {unpacked:,} bytes of XML")
     return unpacked
 
 

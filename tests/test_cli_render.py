@@ -166,7 +166,8 @@ def test_without_shadows(scene, folder, whole):
 
 def test_the_report_holds_the_contract(whole, folder):
     found = json.loads((folder / "whole.json").read_text())
-    assert set(found) == {"scene", "settings", "rays", "rays_skipped", "seconds", "rmse_estimate", "versions"}
+    keys = {"scene", "settings", "rays", "rays_skipped", "seconds", "rmse_estimate", "warnings", "versions"}
+    assert set(found) == keys
     assert {"width": 48, "height": 32, "samples": 4, "shading": "phong", "threads": 1}.items() <= found[
         "settings"
     ].items()

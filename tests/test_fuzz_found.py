@@ -1,11 +1,13 @@
 """One small case for each fault in mesh files that fuzzing or its preparation found; see docs/reliability.md."""
 
+import sys
 import time
 
 import fuzz_seeds
 import numpy as np
 import pytest
 from found_faults import baked, triangle
+from fuzz_worker import memory, reset_peak
 from mesh_files import FACES, VERTICES, ascii_ply, ascii_stl, mistake, obj, ply, read
 
 import scenes.flatten
@@ -25,6 +27,17 @@ def model(**replaced):
         assert old in content
         content = content.replace(old, new)
     return fuzz_seeds.archive(**{"3D/3dmodel.model": content})
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="/proc tells")
+def test_unused_vertices_on_coinciding_faces_take_no_memory_by_the_square(tmp_path):
+    path = tmp_path / "m.obj"
+    path.write_bytes(300 * obj())  # all faces use the first few vertices
+    describe(read(tmp_path, "small.obj", obj()))
+    before = memory()
+    reset_peak()
+    describe(load(path))
+    assert memory("VmHWM") - before < 256 * path.stat().st_size + (64 << 20)
 
 
 def test_info_prints_no_control_characters(tmp_path):

@@ -71,6 +71,34 @@ def test_a_cache_that_cannot_be_written_is_passed_over(project):
     assert run(project, ANSWER, **nowhere) == "1 0"
 
 
+NO_TEMPORARY_FOLDER = "import tempfile; tempfile.tempdir = '/dev/null/x'; "
+
+
+@pytest.mark.skipif(os.name != "posix", reason="/dev/null")
+def test_without_any_place_for_a_cache_kernels_are_compiled_anew(project):
+    nowhere = {"NUMBA_CACHE_DIR": "/dev/null/x", "XDG_CACHE_HOME": "", "HOME": "/dev/null"}
+    code = "from raytrace.jit import cache_folder, is_warm; print(cache_folder(), is_warm('loop'))"
+    assert run(project, NO_TEMPORARY_FOLDER + code, **nowhere) == "None False"
+    assert run(project, NO_TEMPORARY_FOLDER + ANSWER, **nowhere) == "1 0"
+
+
+@pytest.mark.skipif(os.name != "posix", reason="numbers of users")
+def test_a_user_without_name_and_home_has_a_cache(project):
+    stranger = "import getpass, os, pathlib, pwd; [os.environ.pop(n, 0) for n in ('HOME', 'LOGNAME', 'USER')]; "
+    stranger += "[os.environ.pop(n, 0) for n in ('LNAME', 'USERNAME', 'XDG_CACHE_HOME', 'NUMBA_CACHE_DIR')]; "
+    stranger += "os.getuid = lambda: 12345; "
+    code = "from raytrace.jit import user_cache; print(user_cache())"
+    assert run(project, stranger + code, TMPDIR=str(project)) == str(project / "obscurance-12345")
+
+
+def test_a_full_disk_is_passed_over(project):
+    full = "import shutil; before = shutil.disk_usage; "
+    full += "shutil.disk_usage = lambda f: before(f)._replace(free=5 if f.name == 'full' else 1 << 30); "
+    places = {"NUMBA_CACHE_DIR": str(project / "full"), "XDG_CACHE_HOME": str(project)}
+    code = "from raytrace.jit import user_cache; print(user_cache())"
+    assert run(project, full + code, **places) == str(project / "obscurance")
+
+
 def test_a_folder_is_warm_once_a_kernel_is_in_it(project):
     code = "from raytrace.jit import is_warm; print(is_warm('loop'), is_warm('helper'))"
     cache = str(project / "cache")

@@ -10,7 +10,7 @@ from raytrace import OptionError
 from raytrace.parallel import run_blocks, thread_count
 
 
-@pytest.mark.parametrize(("count", "block"), [(0, 4), (1, 4), (4, 4), (10, 3)])
+@pytest.mark.parametrize(("count", "block"), [(0, 4), (1, 4), (4, 4), (10, 3), (100_000, 7)])
 def test_every_item_is_worked_on_once(count, block):
     seen, told = np.zeros(count, int), []
 
@@ -33,6 +33,25 @@ def test_an_exception_drops_what_has_not_begun():
     with pytest.raises(ZeroDivisionError):
         run_blocks(1000, 1, work, 2)
     assert len(begun) < 100
+
+
+@pytest.mark.parametrize("granted", [0, 2])
+def test_a_system_that_grants_few_threads_gets_all_work_done(granted, monkeypatch):
+    start, begun, seen = threading.Thread.start, [], np.zeros(1000, int)
+
+    def start_some(thread):
+        if len(begun) == granted:
+            raise RuntimeError("can't start new thread")
+        begun.append(thread)
+        start(thread)
+
+    def work(first, last):
+        seen[first:last] += 1
+
+    monkeypatch.setattr(threading.Thread, "start", start_some)
+    run_blocks(1000, 3, work, 64)
+    assert (seen == 1).all()
+    assert len(begun) == granted
 
 
 def test_an_interrupt_in_the_main_thread_stops_the_work():

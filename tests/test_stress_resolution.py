@@ -78,3 +78,20 @@ def test_the_command_says_so(tmp_path):
         warnings = json.loads(report.read_text())["warnings"]
         assert [f"warning: {text}" for text in warnings] == told
         assert obscurance("info", path).stdout.count("\nwarning") == count
+
+
+def test_so_does_that_for_pictures_once_for_each_mesh(tmp_path):
+    part = icosphere(2)
+    for name, offset in (("far", 1e5), ("near", 0.0)):
+        made = trimesh.Trimesh(Pose(1.0, offset, 1).vertices(part[0]), part[1], process=False)
+        made.export(tmp_path / f"{name}.ply")
+    objects = [f'[[objects]]\nmesh = "{name}.ply"\n' for name in ("far", "far", "near")]
+    (tmp_path / "scene.toml").write_text("\n".join(objects))
+    for scene, count in (("scene.toml", 1), ("far.ply", 1), ("near.ply", 0)):
+        report = tmp_path / "report.json"
+        size = "--width", 8, "--height", 8, "--samples", 1, "--obscurance", "off"
+        done = obscurance("render", tmp_path / scene, "-o", tmp_path / "p.png", *size, "--report", report)
+        assert done.returncode == 0, done.stderr
+        told = [line for line in done.stderr.splitlines() if line.startswith("warning: ")]
+        assert len(told) == count, done.stderr
+        assert [f"warning: {text}" for text in json.loads(report.read_text())["warnings"]] == told

@@ -9,8 +9,10 @@ faster ones do not. Such vertices are found by moving the ray origins by less th
 from __future__ import annotations
 
 import hashlib
+import tempfile
 from collections.abc import Sequence
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
@@ -34,7 +36,7 @@ def cached_reference(task: Task, mus: Sequence[Mu], rays: int, vertices: int) ->
 
     The key covers the points, normals and ray origins, so a change of what is baked makes another reference.
     """
-    folder = user_cache() / "references"
+    folder = (user_cache() or Path(tempfile.gettempdir())) / "references"
     folder.mkdir(exist_ok=True)
     path = folder / f"{_key(task, mus, rays, vertices)}.npz"
     if path.exists():

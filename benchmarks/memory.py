@@ -1,0 +1,139 @@
+"""Estimated and measured memory of bakes and pictures, each in a process of its own.
+
+    python -m benchmarks.memory [VERTICES ...]     by default 200000 and 600000
+
+Measured is how far the peak rises above what the process held before, the mesh included: Linux only.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+
+import ao
+from ao.memory import surface_bytes, vertex_bytes
+from ao.report import versions
+from raytrace.camera import Camera
+from raytrace.materials import Lambert
+from raytrace.mesh import Mesh
+from raytrace.rendering import render, rendering_bytes
+from raytrace.scene import Object, Scene, Shape
+from raytrace.settings import Settings
+
+SAMPLES = 16
+FILM = Settings(width=1920, height=1080, samples=1)
+CAMERA = Camera((4.0, 0.0, 0.0), (0.0, 0.0, 0.0))
+
+
+def bumpy_sphere(vertices: int) -> Mesh:
+    """Rings of about so many vertices, twice as many faces."""
+    columns = int(np.sqrt(2 * vertices))
+    rows = vertices // columns
+    polar, azimuth = np.meshgrid(
+        (np.arange(rows) + 0.5) / rows * np.pi, np.arange(columns) / columns * 2 * np.pi, indexing="ij"
+    )
+    radius = 1 + 0.15 * np.sin(9 * polar) * np.sin(11 * azimuth) + 0.05 * np.sin(41 * polar) * np.cos(37 * azimuth)
+    ring = np.sin(polar)
+    points = np.stack([ring * np.cos(azimuth), ring * np.sin(azimuth), np.cos(polar)], axis=-1) * radius[..., None]
+    at = np.arange(rows - 1)[:, None] * columns + np.arange(columns)
+    right = np.arange(rows - 1)[:, None] * columns + (np.arange(columns) + 1) % columns
+    lower, upper = (at, at + columns, right), (right, at + columns, right + columns)
+    faces = np.concatenate([np.stack(each, axis=-1).reshape(-1, 3) for each in (lower, upper)])
+    return Mesh(points.reshape(-1, 3), faces, source="bumpy sphere")
+
+
+def loose_triangles(vertices: int) -> Mesh:
+    """Triangles anywhere, none of which shares a vertex."""
+    chance, count = np.random.default_rng(0), vertices // 3
+    corners = chance.uniform(-1, 1, (count, 1, 3)) + chance.normal(size=(count, 3, 3)) * 0.5 / np.cbrt(count)
+    return Mesh(corners.reshape(-1, 3), np.arange(3 * count).reshape(-1, 3), source="loose triangles")
+
+
+def scene_of(mesh: Mesh) -> Scene:
+    return Scene((Object(Shape(mesh, Lambert(albedo=0.5))),))
+
+
+Way = tuple[Callable[[Mesh], object], Callable[[int, int, Mesh], int]]
+WAYS: dict[str, Way] = {
+    "--samples 16": (
+        lambda mesh: ao.bake(mesh, samples=SAMPLES),
+        lambda n, m, _: vertex_bytes(n, m, SAMPLES),
+    ),
+    "--tolerance .05": (
+        lambda mesh: ao.bake(mesh, tolerance=0.05),
+        lambda n, m, _: vertex_bytes(n, m, 1 << 14, predicts=True),
+    ),
+    "--hidden fill": (
+        lambda mesh: ao.bake(mesh, samples=SAMPLES, hidden="fill"),
+        lambda n, m, _: vertex_bytes(n, m, SAMPLES, fills=True),
+    ),
+    "--method surface": (
+        lambda mesh: ao.bake_surface(mesh, samples=SAMPLES),
+        lambda n, m, _: surface_bytes(n, m),
+    ),
+    "render 1920×1080": (
+        lambda mesh: render(scene_of(mesh), CAMERA, FILM),
+        lambda _n, _m, mesh: rendering_bytes(scene_of(mesh), FILM, True),
+    ),
+}
+
+
+def rise(make: Callable[[int], Mesh], vertices: int, way: str) -> dict[str, object]:
+    """What one way takes on one mesh, in a forked process that has touched neither Embree nor a thread."""
+    receive, send = os.pipe()
+    child = os.fork()
+    if child == 0:
+        mesh = make(vertices)
+        Path("/proc/self/clear_refs").write_text("5")
+        before = status("VmRSS")
+        work, estimate = WAYS[way]
+        told = estimate(len(mesh.vertices), len(mesh.faces), mesh)
+        work(mesh)
+        row = {
+            "mesh": mesh.source,
+            "vertices": len(mesh.vertices),
+            "faces": len(mesh.faces),
+            "way": way,
+            "measured": status("VmHWM") - before,
+            "estimated": told,
+        }
+        os.write(send, json.dumps(row).encode())
+        os._exit(0)
+    os.close(send)
+    with os.fdopen(receive) as pipe:
+        found: dict[str, object] = json.loads(pipe.read())
+    os.waitpid(child, 0)
+    return found
+
+
+def status(field: str) -> int:
+    lines = Path("/proc/self/status").read_text().splitlines()
+    return next(int(line.split()[1]) << 10 for line in lines if line.startswith(field + ":"))
+
+
+def main() -> None:
+    sizes = [int(size) for size in sys.argv[1:]] or [200_000, 600_000]
+    rows = []
+    for way in WAYS:
+        rise(bumpy_sphere, 1000, way)  # compiles
+        for make in (bumpy_sphere, loose_triangles):
+            for size in sizes:
+                row = rise(make, size, way)
+                rows.append(row)
+                measured, estimated = (int(str(row[name])) >> 20 for name in ("measured", "estimated"))
+                print(
+                    f"{row['mesh']:<16} {row['vertices']:>9,} {row['faces']:>9,}  {way:<17}"
+                    f" {measured:>6,} MiB {estimated:>6,} MiB {estimated / measured:>5.2f}",
+                    flush=True,
+                )
+    target = Path(__file__).parent / "results" / "memory.json"
+    target.write_text(json.dumps({"rows": rows, "versions": versions()}, indent=2) + "\n")
+
+
+if __name__ == "__main__":
+    main()
