@@ -26,7 +26,8 @@ LEAST = 16  # rays a point
 # pilots, their rays, and one point in how many is probed, at least and at most: below and above _ALL points
 _SMALL = 512, 32, 8, 64, 512
 _LARGE = 1024, 64, 32, 512, 1536
-_COARSEST, _FEWEST, _STEP = 64, 4096, 2  # strides along the curve: at most, points left at least, from one to the next
+_COARSEST, _FEWEST = 64, 4096  # stride along the curve at first, points left at least
+_HALVED = 1.3  # by what the error of predictions falls when the stride is halved
 _ALL = 16384  # points, of which fewer are all baked
 _RATE = 1.5  # the variance of n rays falls as n^−1.5
 _AIM = 0.9  # of the tolerance, so that the true error is within it though its measure is uncertain
@@ -137,7 +138,7 @@ class _Field:
         self.samples, self.noise = probes.samples, probes.variance
         self.stride = 1 if probes.baked else _COARSEST
         while self.stride > 1 and len(points) // self.stride < _FEWEST:
-            self.stride //= _STEP
+            self.stride //= 2
         self.rows = np.zeros((len(points), 5))
         self.baked = np.zeros(len(points), np.bool_)
         if probes.baked:
@@ -158,7 +159,7 @@ class _Field:
             if self.stride == 1 and float(np.mean(self.doubt[self.baked])) > _NOISY * goal and self.samples < most:
                 self.deepen(self.samples // 2, most)
             else:
-                self.stride = max(self.stride // _STEP, 1)
+                self.stride = max(self.stride // self._step(goal), 1)
                 doubtful = self._doubtful(_SPARE * goal) & (np.arange(len(self.points)) % self.stride == 0)
                 self._bake(doubtful if self.stride > 1 or doubtful.any() else ~self.baked)
             self._reconstruct()
@@ -192,6 +193,11 @@ class _Field:
         self.doubt[baked] = error
         self.doubt *= judged(self.doubt[rows], squared)
         self.mse = float(np.mean(self.doubt))
+
+    def _step(self, goal: float) -> int:
+        """By what to divide the stride: 2, or more where predictions are so far off that all the next rounds fail."""
+        excess = float(np.sqrt(np.mean(self.doubt[~self.baked]) / goal))
+        return int(2 ** max(np.log(max(excess, 1.0)) / np.log(_HALVED) - 2, 1))
 
     def _doubtful(self, goal: float) -> npt.NDArray[np.bool_]:
         """The points too ill predicted for `goal`: the fewest whose baking leaves enough to the others."""

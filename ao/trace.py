@@ -17,7 +17,8 @@ from .falloff import Mu
 from .hemisphere import DirectionTable, gather
 from .receivers import Points
 
-_BLOCK_RAYS = 1 << 19
+_BLOCK_RAYS, _LEAST_RAYS = 1 << 19, 1 << 14  # of a block of work
+_BLOCKS = 32  # at least, if they are not too small: for threads to share evenly
 
 Progress = Callable[[int, int], None]
 
@@ -42,10 +43,11 @@ class Tracer:
     checkpoint: Checkpoint | None = None
     expected: int = 0
     rays: int = 0
+    _last: DirectionTable | None = None
 
     def gather(self, points: Points, samples: int, key: np.uint32) -> npt.NDArray[np.float64]:
         """Rows (k, 5) of `ao.hemisphere.gather` for `points` with `samples` rays each, directions drawn by `key`."""
-        table = DirectionTable.make(samples, self.crowd, key)
+        table = self._table(samples, key)
         out = np.empty((len(points), 5))
         tau = (self.mu.tau or 0.0) / self.placement.scale
         limit = self.mu.max_distance * self.placement.scale
@@ -64,8 +66,15 @@ class Tracer:
             if checkpoint:
                 checkpoint.add(call, first, out[first:last])
 
-        run_blocks(len(out), max(_BLOCK_RAYS // samples, 1), work, self.threads, lambda n: self._advance(n * samples))
+        rays = min(max(len(points) * samples // _BLOCKS, _LEAST_RAYS), _BLOCK_RAYS)  # whatever the number of threads
+        run_blocks(len(out), max(rays // samples, 1), work, self.threads, lambda n: self._advance(n * samples))
         return out
+
+    def _table(self, samples: int, key: np.uint32) -> DirectionTable:
+        """The last table again if it is the same."""
+        if self._last is None or (len(self._last.batches[0]), self._last.key) != (samples, key):
+            self._last = DirectionTable.make(samples, self.crowd, key)
+        return self._last
 
     def _advance(self, rays: int) -> None:
         self.rays += rays

@@ -16,7 +16,7 @@ from .vector import add, dot, load, scale, subtract
 
 Floats = npt.NDArray[np.float64]
 Ints = npt.NDArray[np.int64]
-_BLOCK = 1 << 14  # points
+_BLOCK = 1 << 12  # points
 _MOST = 64  # contacts of one point; of more, those with the lowest rows are kept
 _FEW = 64  # faces that the boxes of Embree's hierarchy put near a point: room for these at first
 

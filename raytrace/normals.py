@@ -12,7 +12,9 @@ import numpy as np
 import numpy.typing as npt
 
 from .jit import inline, kernel
+from .parallel import run_blocks, thread_count
 
+_BLOCK = 1 << 16  # faces
 EPSILON = float(np.finfo(np.float64).eps)
 Weighting = Literal["angle", "area", "equal"]
 Floats = npt.NDArray[np.float64]
@@ -46,9 +48,17 @@ def vertex_sums(
     Args: `normals` and `areas` as `face_normals` gives them.
     """
     sums, magnitude = np.zeros((len(vertices), 3)), np.zeros(len(vertices))
-    kind = {"equal": 0, "area": 1, "angle": 2}[weighting]
     vertices, faces = np.ascontiguousarray(vertices, np.float64), np.ascontiguousarray(faces, np.int64)
-    _vertex_sums(vertices, faces, normals, areas, kind, sums, magnitude)
+    weights = np.ones((len(faces), 3))  # (12.31)
+    if weighting == "area":
+        weights *= areas[:, None]  # (12.32)
+    elif weighting == "angle":
+
+        def measure(first: int, last: int) -> None:
+            _angles(vertices, faces[first:last], areas[first:last], weights[first:last])
+
+        run_blocks(len(faces), _BLOCK, measure, thread_count(None))
+    _vertex_sums(faces, normals, areas, weights, sums, magnitude)
     return sums
 
 
@@ -103,19 +113,23 @@ def _face_normals(vertices, faces, normals, areas):
 
 
 @kernel
-def _vertex_sums(vertices, faces, normals, areas, kind, sums, magnitude):
+def _angles(vertices, faces, areas, out):
+    """Interior angles (12.33)."""
+    for f in range(len(faces)):
+        for corner in range(3):
+            i, j, k = faces[f, corner], faces[f, (corner + 1) % 3], faces[f, (corner + 2) % 3]
+            out[f, corner] = np.arctan2(2.0 * areas[f], _dot(_edge(vertices, i, j), _edge(vertices, i, k)))
+
+
+@kernel
+def _vertex_sums(faces, normals, areas, weights, sums, magnitude):
     for f in range(len(faces)):
         if areas[f] > 0.0:
             for corner in range(3):
-                i, j, k = faces[f, corner], faces[f, (corner + 1) % 3], faces[f, (corner + 2) % 3]
-                weight = 1.0  # (12.31)
-                if kind == 1:
-                    weight = areas[f]  # (12.32)
-                elif kind == 2:
-                    weight = np.arctan2(2.0 * areas[f], _dot(_edge(vertices, i, j), _edge(vertices, i, k)))  # (12.33)
-                magnitude[i] += weight
+                i = faces[f, corner]
+                magnitude[i] += weights[f, corner]
                 for axis in range(3):
-                    sums[i, axis] += weight * normals[f, axis]
+                    sums[i, axis] += weights[f, corner] * normals[f, axis]
     for i in range(len(sums)):
         if max(abs(sums[i, 0]), abs(sums[i, 1]), abs(sums[i, 2])) <= 1e-12 * magnitude[i]:
             sums[i] = 0.0
