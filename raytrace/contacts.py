@@ -9,7 +9,7 @@ import numpy.typing as npt
 
 from .embree import TriangleScene, aligned
 from .jit import inline, kernel
-from .nearby import HEAD, faces_near, nearby_callback
+from .nearby import HEAD, NOTE, faces_near
 from .parallel import run_blocks, thread_count
 from .placement import ULP
 from .vector import add, dot, load, scale, subtract
@@ -54,7 +54,7 @@ def find_contacts(
         query, context = aligned((8,), np.float32), aligned((64,), np.uint32)
         some = query, context, first, points[first:last], reach[first:last], margin, widest, slack
         while True:
-            count, most = _pairs(scene.handle, nearby_callback(), near, *some, vertices, faces, seats, *found)
+            count, most = _pairs(scene.handle, NOTE, near, *some, vertices, faces, seats, *found)
             if count <= len(found.point) and HEAD + most <= len(near):
                 break
             found, near = _room(count), np.empty(HEAD + most, np.int64)
@@ -109,7 +109,7 @@ def _beside(p, reach, a, b, c):
 
 @kernel
 def _pairs(
-    scene, callback, near, query, context, first, points, reach, margin, widest, slack, vertices, faces, seats,
+    scene, note, near, query, context, first, points, reach, margin, widest, slack, vertices, faces, seats,
     point, face, distance,
 ):  # fmt: skip
     """Write the pairs into point, face, distance as far as they fit.
@@ -120,7 +120,7 @@ def _pairs(
     kept, distances = np.empty(_MOST, np.int64), np.empty(_MOST)
     for i in range(len(points)):
         p = load(points, i)
-        several = faces_near(scene, callback, p, max(reach[i], widest) + slack, query, context, near)
+        several = faces_near(scene, note, p, max(reach[i], widest) + slack, query, context, near)
         most = max(most, several)
         last = 0
         for k in range(HEAD, min(HEAD + several, len(near))):

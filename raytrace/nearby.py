@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from functools import cache
 from typing import Any
 
 import numba
@@ -29,33 +28,31 @@ def _array_at(_typing: Any, address: Any) -> Any:
     return pointer(address), generate
 
 
-@cache
-def nearby_callback() -> int:
-    """Address of the callback that `faces_near` wants: it notes a face's row, or only counts where room is short."""
+@callback(types.boolean(types.CPointer(types.int64)))
+def _note(arguments):
+    """Note a face's row, or only count it where room is short."""
+    given = numba.carray(arguments, 3)
+    head = numba.carray(_array_at(given[_USER]), HEAD)
+    if head[0] < head[1]:
+        numba.carray(_array_at(given[_USER]), HEAD + head[1])[HEAD + head[0]] = given[_PRIM_ID] & 0xFFFFFFFF
+    head[0] += 1
+    return False
 
-    @callback(types.boolean(types.CPointer(types.int64)))
-    def note(arguments):
-        given = numba.carray(arguments, 3)
-        head = numba.carray(_array_at(given[_USER]), HEAD)
-        if head[0] < head[1]:
-            numba.carray(_array_at(given[_USER]), HEAD + head[1])[HEAD + head[0]] = given[_PRIM_ID] & 0xFFFFFFFF
-        head[0] += 1
-        return False
 
-    return int(note.address)
+NOTE = int(_note.address)
 
 
 @inline
-def faces_near(scene, callback, point, radius, query, context, near):
+def faces_near(scene, note, point, radius, query, context, near):
     """Write the rows of all faces within `radius` of a point, and of some farther ones, into near[HEAD:].
 
     Returns their number; those that find no room are only counted.
     Args:
-        scene: handle of a TriangleScene. callback: `nearby_callback()`. point: triple of float64.
+        scene: handle of a TriangleScene. note: `NOTE`, which no cached kernel may hold. point: triple of float64.
         query: float32 (8,), context: uint32 (64,), aligned scratch. near: int64 (more than HEAD,).
     """
     near[0], near[1] = 0, len(near) - HEAD
     query[0], query[1], query[2], query[3], query[4] = point[0], point[1], point[2], 0.0, radius
     context[_INSTANCES], context[_INSTANCES + 1] = INVALID, INVALID
-    point_query(scene, query.ctypes.data, context.ctypes.data, callback, near.ctypes.data)
+    point_query(scene, query.ctypes.data, context.ctypes.data, note, near.ctypes.data)
     return near[0]

@@ -65,7 +65,18 @@ def watch(folder):
 
     opened = []
     own = Path(__file__).resolve().parent.parent
-    system = [sys.prefix, sys.base_prefix, "/usr", "/lib", "/etc/ld", "/proc/self", "/dev/null", "/sys"]
+    proc = ["/proc/self", "/proc/meminfo"]
+    system = [sys.prefix, sys.base_prefix, "/usr", "/lib", "/etc/ld", *proc, "/dev/null", "/sys"]
+        sys.prefix,
+        sys.base_prefix,
+        "/usr",
+        "/lib",
+        "/etc/ld",
+        "/proc/self",
+        "/proc/meminfo",
+        "/dev/null",
+        "/sys",
+    ]
     allowed = tuple(map(os.path.realpath, [folder / "inside", folder / "made", own, cache_folder(), *system]))
 
     def hook(event, arguments):
