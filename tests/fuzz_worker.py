@@ -67,16 +67,6 @@ def watch(folder):
     own = Path(__file__).resolve().parent.parent
     proc = ["/proc/self", "/proc/meminfo"]
     system = [sys.prefix, sys.base_prefix, "/usr", "/lib", "/etc/ld", *proc, "/dev/null", "/sys"]
-        sys.prefix,
-        sys.base_prefix,
-        "/usr",
-        "/lib",
-        "/etc/ld",
-        "/proc/self",
-        "/proc/meminfo",
-        "/dev/null",
-        "/sys",
-    ]
     allowed = tuple(map(os.path.realpath, [folder / "inside", folder / "made", own, cache_folder(), *system]))
 
     def hook(event, arguments):
