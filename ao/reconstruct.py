@@ -28,7 +28,7 @@ _REACH = 4  # and squared residuals
 _LEAN_REACH = 3  # and what is closed around a point
 _OUTLIER = 9.0  # a residual of more than three σ is the point's own
 _RIDGE, _RIDGE_POINTS = 3e-3, 10.0
-_DOUBT = 0.25  # standard deviation of how far expected errors are off
+_DOUBT = 0.5  # standard deviation of how far expected errors are off
 
 
 def reconstruct(neighbours: Neighbours, points: Points, rows: Floats, level: float) -> tuple[Floats, Floats]:

@@ -23,16 +23,15 @@ from .trace import Tracer
 Floats = npt.NDArray[np.float64]
 
 LEAST = 16  # rays a point
-# pilots, their rays, and one point in how many is probed, at least and at most: below and above _ALL points
-_SMALL = 512, 32, 8, 64, 512
-_LARGE = 1024, 64, 32, 512, 1536
+# runs of pilots, pilots at most, their rays; one point in how many is probed, at least and at most
+_SMALL = 2, 512, 16, 8, 128, 768  # below _ALL points
+_LARGE = 8, 1024, 64, 32, 512, 1536
 _COARSEST, _FEWEST = 64, 4096  # stride along the curve at first, points left at least
 _HALVED = 1.3  # by what the error of predictions falls when the stride is halved
 _ALL = 16384  # points, of which fewer are all baked
 _RATE = 1.5  # the variance of n rays falls as n^−1.5
-_AIM = 0.9  # of the tolerance, so that the true error is within it though its measure is uncertain
+_AIM = 0.88  # of the tolerance, so that the true error is within it though its measure is uncertain
 _GAIN = 1.6  # at most what the raw error may exceed the aim by, for reconstruction to bring it back
-_RUNS = 8  # stretches of the curve that tell how much that is
 _SHARED = 0.2  # variance of a neighbours' mean, relative to one neighbour's
 _UNTOLD = 0.15  # part of the squared distance from a neighbours' mean that typical predictions leave
 _GAINED = 0.8  # of what drawing all points alike would gain, for roughness is not the same everywhere
@@ -70,8 +69,9 @@ class _Probes:
         self, tracer: Tracer, points: Points, neighbours: Neighbours, aim: float, most: int, key: np.uint32
     ) -> None:
         self.baked = len(points) < _ALL
-        pilots, rays, share, fewest, probes = _SMALL if self.baked else _LARGE
-        self.samples = self._plan(tracer, points, neighbours, pilots, min(rays, most), aim, most, key)
+        runs, pilots, rays, share, fewest, probes = _SMALL if self.baked else _LARGE
+        run = min(pilots, max(len(points) // share, 128)) // runs
+        self.samples = self._plan(tracer, points, neighbours, runs, run, min(rays, most), aim, most, key)
         self.rows = _spread(len(points), int(np.clip(len(points) // share, fewest, probes)))
         probed = points[self.rows]
         self.raw = tracer.gather(probed, self.samples, key if self.baked else _derive(key, 3))
@@ -80,13 +80,13 @@ class _Probes:
 
     @staticmethod
     def _plan(
-        tracer: Tracer, points: Points, neighbours: Neighbours, pilots: int, rays: int, aim: float, most: int,
+        tracer: Tracer, points: Points, neighbours: Neighbours, runs: int, run: int, rays: int, aim: float, most: int,
         key: np.uint32,
     ) -> int:  # fmt: skip
         """Rays a point for an error of about `aim` once it is drawn to its neighbours, judged by a few runs."""
-        run = np.arange(min(pilots // _RUNS, len(points)))
-        starts = np.linspace(0, len(points) - len(run), _RUNS).astype(np.int64)
-        rows = np.unique(starts[:, None] + run)
+        pilots = np.arange(min(run, len(points)))
+        starts = np.linspace(0, len(points) - len(pilots), runs).astype(np.int64)
+        rows = np.unique(starts[:, None] + pilots)
         first, second = (tracer.gather(points[rows], rays, _derive(key, salt))[:, 0] for salt in (1, 2))
         noise = float(np.mean((first - second) ** 2)) / 2
         values = np.full(len(points), np.nan)
