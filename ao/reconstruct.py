@@ -28,7 +28,7 @@ _REACH = 4  # and squared residuals
 _LEAN_REACH = 3  # and what is closed around a point
 _OUTLIER = 9.0  # a residual of more than three σ is the point's own
 _RIDGE, _RIDGE_POINTS = 3e-3, 10.0
-_DOUBT = 0.5  # standard deviation of how far expected errors are off
+_USUAL, _DOUBT = 1.25, 0.5  # factor by which expected squared errors are off, and its standard deviation
 
 
 def reconstruct(neighbours: Neighbours, points: Points, rows: Floats, level: float) -> tuple[Floats, Floats]:
@@ -104,13 +104,13 @@ def _rises(starts, others, origins, normals, out):
 def judged(expected: Floats, squared: Floats) -> float:
     """By what factor the mean of `expected` squared errors (j,) is off, from unbiased measures of them, `squared` (j,).
 
-    A measure that scatters much is mistrusted: the mean of it and 1, weighted by their variances; within 1/3 and 3.
+    A measure that scatters much is mistrusted: the mean of it and what is usual, weighted by their variances.
     """
     told = float(np.mean(expected)) if len(expected) else 0.0
     if told <= 0 or len(squared) <= 1:
         return 1.0
     scatter = float(np.var(squared)) / len(squared) / told**2
-    return float(np.clip(1 + (float(np.mean(squared)) / told - 1) / (1 + scatter / _DOUBT**2), 1 / 3, 3))
+    return float(np.clip(_USUAL + (float(np.mean(squared)) / told - _USUAL) / (1 + scatter / _DOUBT**2), 1 / 3, 3))
 
 
 def shared_out(spread: Floats, level: float) -> Floats:
