@@ -109,7 +109,7 @@ def judged(expected: Floats, squared: Floats) -> float:
     told = float(np.mean(expected)) if len(expected) else 0.0
     if told <= 0 or len(squared) <= 1:
         return 1.0
-    scatter = float(np.var(squared)) / len(squared) / told**2
+    scatter = (float(np.var(squared)) / told**2 + 2.0) / len(squared)  # few may agree by luck
     return float(np.clip(_USUAL + (float(np.mean(squared)) / told - _USUAL) / (1 + scatter / _DOUBT**2), 1 / 3, 3))
 
 

@@ -1,8 +1,9 @@
 """Baking to a tolerance: as many rays at as few points as a root mean square error asks for.
 
 Probes, points spread over the mesh, are baked twice with independent directions. Whatever w is made of the other rays,
-(w − a)(w − b) over the probes' two estimates a and b is an unbiased measure of its mean square error. It decides how
-many rays a point gets, where predicting points from their neighbours is good enough, and what is reported.
+(w − a)(w − b) over the probes' two estimates a and b is an unbiased measure of its mean square error. On small meshes,
+all of whose points are baked, a is part of w and the measure is (w − b)² − (a − b)²/2. It decides where predicting
+points from their neighbours is good enough, whether more rays are needed, and what is reported.
 """
 
 from __future__ import annotations
@@ -15,6 +16,7 @@ import numpy.typing as npt
 from raytrace.sampling import mix
 
 from .neighbours import Neighbours
+from .plan import RATE, plan, sampling_variance
 from .receivers import Points
 from .reconstruct import judged, reconstruct
 from .subset import coarser, fill, owners
@@ -22,21 +24,15 @@ from .trace import Tracer
 
 Floats = npt.NDArray[np.float64]
 
-LEAST = 16  # rays a point
 # runs of pilots, pilots at most, their rays; one point in how many is probed, at least and at most
 _SMALL = 2, 512, 16, 8, 128, 768  # below _ALL points
 _LARGE = 8, 1024, 64, 32, 512, 1536
 _COARSEST, _FEWEST = 64, 4096  # stride along the curve at first, points left at least
 _HALVED = 1.3  # by what the error of predictions falls when the stride is halved
 _ALL = 16384  # points, of which fewer are all baked
-_RATE = 1.5  # the variance of n rays falls as n^−1.5
 _AIM = 0.88  # of the tolerance, so that the true error is within it though its measure is uncertain
-_GAIN = 1.6  # at most what the raw error may exceed the aim by, for reconstruction to bring it back
-_SHARED = 0.2  # variance of a neighbours' mean, relative to one neighbour's
-_UNTOLD = 0.15  # part of the squared distance from a neighbours' mean that typical predictions leave
-_GAINED = 0.8  # of what drawing all points alike would gain, for roughness is not the same everywhere
-_DENSE = 0.5  # squared distance from a neighbours' mean, relative to the aim's, below which few points will be baked
 _NOISY = 0.7  # part of the mean square error asked for that baked points may have while others are predicted
+_FEW = 0.5  # part of the points: where more are baked already, the rest is cheaper than more rays for all
 _SPARE = 0.9  # of the goal, so that one round of baking more is likely to meet it
 _MET = 1.1  # times the goal is near enough
 _ROUNDS = 3
@@ -71,40 +67,13 @@ class _Probes:
         self.baked = len(points) < _ALL
         runs, pilots, rays, share, fewest, probes = _SMALL if self.baked else _LARGE
         run = min(pilots, max(len(points) // share, 128)) // runs
-        self.samples = self._plan(tracer, points, neighbours, runs, run, min(rays, most), aim, most, key)
+        keys = _derive(key, 1), _derive(key, 2)
+        self.samples = plan(tracer, points, neighbours, runs, run, min(rays, most), aim, most, keys)
         self.rows = _spread(len(points), int(np.clip(len(points) // share, fewest, probes)))
         probed = points[self.rows]
         self.raw = tracer.gather(probed, self.samples, key if self.baked else _derive(key, 3))
         self.other = tracer.gather(probed, self.samples, _derive(key, 4))[:, 0]
-        self.variance = float(np.mean((self.raw[:, 0] - self.other) ** 2)) / 2
-
-    @staticmethod
-    def _plan(
-        tracer: Tracer, points: Points, neighbours: Neighbours, runs: int, run: int, rays: int, aim: float, most: int,
-        key: np.uint32,
-    ) -> int:  # fmt: skip
-        """Rays a point for an error of about `aim` once it is drawn to its neighbours, judged by a few runs."""
-        pilots = np.arange(min(run, len(points)))
-        starts = np.linspace(0, len(points) - len(pilots), runs).astype(np.int64)
-        rows = np.unique(starts[:, None] + pilots)
-        first, second = (tracer.gather(points[rows], rays, _derive(key, salt))[:, 0] for salt in (1, 2))
-        noise = float(np.mean((first - second) ** 2)) / 2
-        values = np.full(len(points), np.nan)
-        values[rows] = first
-        inside = neighbours.among(np.isfinite(values))
-        residual = (values - inside.predict(np.nan_to_num(values)))[rows]
-        # E (y − p)² = σ² + t², and t² = s² + κ σ² where neighbours of variance σ² predict
-        rough = (
-            max(float(np.nanmean(residual**2)) - (1 + _SHARED) * noise, 0.0) if np.isfinite(residual).any() else np.inf
-        )
-        counts = np.arange(8, most + 8, 8)
-        variance = noise * (rays / counts) ** _RATE
-        told = _UNTOLD * rough + _SHARED * variance
-        drawn = variance * (1 - _GAINED * variance / (variance + told)) if np.isfinite(rough) else variance
-        if rough < _DENSE * aim**2:  # baked points will lie so far apart that predictions err by about as much as they
-            drawn = variance * (1 - _GAINED * variance / ((1 + _SHARED) * variance + aim**2 / 2)) * 1.5
-        enough = np.maximum(drawn, variance / _GAIN**2) <= aim**2
-        return int(np.clip(counts[np.argmax(enough)] if enough.any() else most, min(LEAST, most), most))
+        self.variance = sampling_variance(self.raw[:, 0], self.other, self.samples)
 
     def squared(self, w: Floats) -> Floats:
         """Unbiased squared error of `w` (j,), what all points' estimates make of the probed ones."""
@@ -126,7 +95,7 @@ def estimate_to(
         if excess <= _MET or field.samples >= most:
             break
         # two lattices of n and m rays are worth n^1.5 + m^1.5
-        field.deepen(int(field.samples * (excess - 1) ** (1 / _RATE)), most)
+        field.deepen(int(field.samples * (excess - 1) ** (1 / RATE)), most)
     return field.estimate()
 
 
@@ -156,7 +125,8 @@ class _Field:
         """Bake more points where predictions are worst until the mean square error meets `goal` or all are baked."""
         self._reconstruct()
         while self.mse > _MET * goal and not self.baked.all():
-            if self.stride == 1 and float(np.mean(self.doubt[self.baked])) > _NOISY * goal and self.samples < most:
+            noisy = float(np.mean(self.doubt[self.baked])) > _NOISY * goal and self.samples < most
+            if self.stride == 1 and noisy and float(np.mean(self.baked)) < _FEW:
                 self.deepen(self.samples // 2, most)
             else:
                 self.stride = max(self.stride // self._step(goal), 1)
@@ -215,7 +185,7 @@ class _Field:
         """Give every baked point about `samples` more rays, up to `most` in all."""
         samples = min(max(8 * round(samples / 8), 8), most - self.samples)
         more = self.tracer.gather(self.points[self.baked], samples, _derive(self.key, 5 + self.samples))
-        ours, theirs = (float(n) ** _RATE for n in (self.samples, samples))
+        ours, theirs = (float(n) ** RATE for n in (self.samples, samples))
         share = theirs / (ours + theirs)
         self.rows[self.baked] += share * (more - self.rows[self.baked])
         self.noise *= ours / (ours + theirs)

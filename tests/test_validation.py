@@ -51,6 +51,15 @@ def test_matches_the_closed_form(row: int, seed: int) -> None:
     assert abs(result.error) <= result.allowed
 
 
+@pytest.mark.parametrize("line", LINES, ids=label)
+def test_a_bake_to_a_tolerance_matches_the_closed_form(line: Configuration) -> None:
+    """Root mean square over the mesh; single vertices may be off by more."""
+    baked = ao.bake(line.mesh, line.falloff, tolerance=0.002, normals=line.normals)
+    error = np.abs(baked.w[line.points] - line.exact)
+    assert error.max() <= 4 * 0.002 + line.truncation + line.tessellation
+    assert np.sqrt(np.mean(error**2)) <= 2 * 0.002 + line.truncation + line.tessellation
+
+
 def test_targets_are_not_watered_down() -> None:
     for line in LINES:
         assert line.target <= (0.004 if isinstance(line.falloff, Binary) else 0.001)
