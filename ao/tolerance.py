@@ -32,7 +32,6 @@ _HALVED = 1.3  # by what the error of predictions falls when the stride is halve
 _ALL = 16384  # points, of which fewer are all baked
 _AIM = 0.88  # of the tolerance, so that the true error is within it though its measure is uncertain
 _NOISY = 0.7  # part of the mean square error asked for that baked points may have while others are predicted
-_FEW = 0.5  # part of the points: where more are baked already, the rest is cheaper than more rays for all
 _SPARE = 0.9  # of the goal, so that one round of baking more is likely to meet it
 _MET = 1.1  # times the goal is near enough
 _ROUNDS = 3
@@ -89,13 +88,11 @@ def estimate_to(
     probes = _Probes(tracer, points, neighbours, _AIM * tolerance, most, key)
     tracer.expected = tracer.rays + probes.samples * len(points)  # the most, if no point can be predicted
     field = _Field(tracer, points, neighbours, probes, key)
+    goal = (_AIM * tolerance) ** 2
     for _ in range(_ROUNDS):
-        field.refine((_AIM * tolerance) ** 2, most)
-        excess = field.mse / (_AIM * tolerance) ** 2
-        if excess <= _MET or field.samples >= most:
+        field.refine(goal, most)
+        if not field.deepen_to(goal, most):
             break
-        # two lattices of n and m rays are worth n^1.5 + m^1.5
-        field.deepen(int(field.samples * (excess - 1) ** (1 / RATE)), most)
     return field.estimate()
 
 
@@ -125,14 +122,23 @@ class _Field:
         """Bake more points where predictions are worst until the mean square error meets `goal` or all are baked."""
         self._reconstruct()
         while self.mse > _MET * goal and not self.baked.all():
-            noisy = float(np.mean(self.doubt[self.baked])) > _NOISY * goal and self.samples < most
-            if self.stride == 1 and noisy and float(np.mean(self.baked)) < _FEW:
-                self.deepen(self.samples // 2, most)
+            if self.stride == 1 and self._deepening_pays(goal, most):
+                self.deepen_to(goal, most)
             else:
                 self.stride = max(self.stride // self._step(goal), 1)
                 doubtful = self._doubtful(_SPARE * goal) & (np.arange(len(self.points)) % self.stride == 0)
                 self._bake(doubtful if self.stride > 1 or doubtful.any() else ~self.baked)
             self._reconstruct()
+
+    def _missing(self, goal: float) -> int:
+        """Rays that every baked point lacks for `goal`: two lattices of n and m rays are worth n^1.5 + m^1.5."""
+        return int(self.samples * max(self.mse / goal - 1, 0.0) ** (1 / RATE))
+
+    def _deepening_pays(self, goal: float, most: int) -> bool:
+        """Whether the baked points' noise is in the way, and more rays for them are fewer than rays for the rest."""
+        share = float(np.mean(self.baked))
+        noisy = float(np.mean(self.doubt[self.baked])) > _NOISY * goal and self.samples < most
+        return noisy and share * self._missing(goal) < (1 - share) * self.samples
 
     def _reconstruct(self) -> None:
         """Draw the baked points to their neighbours, and measure the mean square error of what all points become."""
@@ -181,15 +187,18 @@ class _Field:
         doubtful[order[fine[-1] + 1 if len(fine) else 0 :]] = True
         return doubtful
 
-    def deepen(self, samples: int, most: int) -> None:
-        """Give every baked point about `samples` more rays, up to `most` in all."""
-        samples = min(max(8 * round(samples / 8), 8), most - self.samples)
+    def deepen_to(self, goal: float, most: int) -> bool:
+        """Give every baked point the rays that `goal` lacks, up to `most` in all; whether any were lacking."""
+        if self.mse <= _MET * goal or self.samples >= most:
+            return False
+        samples = min(max(8 * round(self._missing(goal) / 8), 8), most - self.samples)
         more = self.tracer.gather(self.points[self.baked], samples, _derive(self.key, 5 + self.samples))
         ours, theirs = (float(n) ** RATE for n in (self.samples, samples))
         share = theirs / (ours + theirs)
         self.rows[self.baked] += share * (more - self.rows[self.baked])
         self.noise *= ours / (ours + theirs)
         self.samples += samples
+        return True
 
     def estimate(self) -> Estimate:
         rows = self._fill(np.arange(len(self.points)))
