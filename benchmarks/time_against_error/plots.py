@@ -33,6 +33,8 @@ def plot(results: dict[str, Any], found: Curves, folder: Path) -> None:
     for kind, falloffs in PLOTS.items():
         for falloff in falloffs:
             meshes = [mesh for mesh in sizes if (mesh, falloff) in found]
+            if not meshes:
+                continue
             rows = math.ceil(len(meshes) / COLUMNS)
             figure, axes = plt.subplots(rows, COLUMNS, figsize=(4 * COLUMNS, 3.1 * rows), squeeze=False)
             for panel, mesh in zip(axes.flat, meshes, strict=False):
