@@ -124,7 +124,7 @@ def open_programs(given: Mapping[str, Path]) -> Iterator[tuple[dict[str, Program
             made = Path(sys.executable) if name == "embreex" else ENVIRONMENTS / name / "bin" / "python"
             python = given.get(name, made)
             if not python.exists():
-                missing[name] = f"no interpreter {python}: `make peers`, or --peer {name}=PYTHON"
+                missing[name] = f"no interpreter: `make peers`, or --peer {name}=PYTHON"
                 continue
             try:
                 process = stack.enter_context(Process(python, f"ao_{name}.py"))
