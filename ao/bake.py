@@ -21,6 +21,7 @@ from .falloff import Exponential, Falloff, Mu
 from .hidden import Hidden, filled, hidden_points
 from .memory import vertex_bytes
 from .neighbours import Neighbours
+from .plan import sampling_variance
 from .receivers import Flag, Normals, Points, Receivers, find_receivers
 from .reconstruct import judged, shared_out
 from .reconstruct import reconstruct as drawn_to_neighbours
@@ -31,7 +32,7 @@ MAX_SAMPLES = 1 << 20
 DEFAULT_SAMPLES = 256
 _MOST_FOR_TOLERANCE = 1 << 14
 _CALIBRATION_SHARE = 32
-_CALIBRATION_LEAST = 256
+_CALIBRATION_LEAST = 128
 
 
 @dataclass(frozen=True, eq=False)
@@ -187,7 +188,9 @@ def _estimate(tracer: Tracer, points: Points, neighbours: Neighbours | None, sam
     rows = tracer.gather(points, samples, key)
     again = tracer.gather(points[calibration], samples, mix([key ^ np.uint32(0xA5A5A5A5)])[0])[:, 0]
     w = rows[:, 0]
-    level = float(np.mean((w[calibration] - again) ** 2)) / 2 if len(points) else 0.0
+    level = sampling_variance(w[calibration], again, samples)
+    if len(points) and not rows[:, 1].any() and (w == w[0]).all():  # of n rays that agree, one more may differ (Laplace)
+        level = min(level, tracer.rays**-2.0)
     if neighbours is None:
         return Estimate(rows[:, [0, 2, 3, 4]], shared_out(rows[:, 1], level), samples, 0)
     drawn, error = drawn_to_neighbours(neighbours, points, rows, level)
@@ -213,7 +216,7 @@ def _check_whole(name: str, value: object, low: int, high: int) -> None:
 
 
 def _calibration_subset(count: int) -> npt.NDArray[np.int64]:
-    """Evenly spread points to bake a second time with independent scrambles: one in 32, 256 at least."""
+    """Evenly spread points to bake a second time with independent directions: one in 32, 128 at least."""
     wanted = min(count, max(_CALIBRATION_LEAST, count // _CALIBRATION_SHARE))
     return np.arange(wanted) * count // max(wanted, 1)
 

@@ -31,7 +31,7 @@ from raytrace.sampling import cosine_hemisphere, jittered_lattice
 
 BATCHES = 6  # the lattice steps by 6 × golden ratio = .708 within a part, as irrational as one can wish
 _TABLE_POINTS = 1 << 18
-_SHARERS = 32  # points to a set at least; they turn it each its own way
+_SHARERS = 64  # points to a set at least; they turn it each its own way
 _SECTOR = 2 * LANES  # rays that share a sector of azimuth
 
 
@@ -42,7 +42,7 @@ class DirectionTable:
     Attributes:
         directions: float32 (sets, 3, samples) about +z, ordered so that the rays of a packet run close together: by
             sectors of azimuth, then by height; the last is repeated up to a multiple of 8.
-        batches: uint8 (sets, samples), which of the `BATCHES` interleaved parts of the lattice a direction belongs to;
+        batches: uint8 (samples,), which of the `BATCHES` interleaved parts of the lattice a direction belongs to;
             their spread carries the error estimate.
         mean: float64 (sets, 3), mean direction.
         key: uint32 from which each point draws its set and its turn.
@@ -58,13 +58,12 @@ class DirectionTable:
         """A table for gathering at `points` points: so many sets that making them costs little beside that."""
         sets = int(np.clip(_TABLE_POINTS // samples, 8, min(max(points // _SHARERS, 8), 256)))
         u, v = jittered_lattice(sets, samples, key)
-        by_azimuth = np.argsort(np.argsort(v, axis=1, kind="stable"), axis=1, kind="stable")
-        order = np.argsort(by_azimuth // _SECTOR + u, axis=1, kind="stable")
-        batches = (np.arange(samples) % BATCHES).astype(np.uint8)[order]
-        u, v = np.take_along_axis(u, order, 1), np.take_along_axis(v, order, 1)
-        directions = cosine_hemisphere(u, v)
-        padded = np.pad(directions, ((0, 0), (0, 0), (0, -samples % LANES)), mode="edge")
-        return cls(np.ascontiguousarray(padded, np.float32), batches, directions.mean(axis=2), key)
+        sector = np.argsort(np.argsort(v[0])) // _SECTOR
+        order = np.argsort(sector, kind="stable")  # u ascends already
+        directions = cosine_hemisphere(u[:, order], v[:, order])
+        padded = np.empty((sets, 3, samples + -samples % LANES), np.float32)
+        padded[:, :, :samples], padded[:, :, samples:] = directions, directions[:, :, -1:]
+        return cls(padded, (order % BATCHES).astype(np.uint8), directions.mean(axis=2), key)
 
 
 @inline
@@ -104,11 +103,11 @@ def gather(scene, packet, valid, origins, normals, numbers, directions, batches,
     """
     packet, valid, origins, normals = borrow(packet), borrow(valid), borrow(origins), borrow(normals)
     directions, batches, mean, out = borrow(directions), borrow(batches), borrow(mean), borrow(out)
-    sets, samples = batches.shape
+    sets, samples = len(directions), len(batches)
     used = min(BATCHES, samples)
     size = np.zeros(BATCHES)
     for k in range(samples):
-        size[batches[0, k]] += 1.0
+        size[batches[k]] += 1.0
     lost = np.zeros(BATCHES)
     exponential = tau > 0.0
     scale = -1.0 / np.expm1(-tau * limit) if exponential else 1.0
@@ -117,7 +116,7 @@ def gather(scene, packet, valid, origins, normals, numbers, directions, batches,
         chosen, turn = choose(numbers[i], key, sets)
         n = normals[i]
         t, b = turned_frame(n, turn)
-        local, batch = directions[chosen], batches[chosen]
+        local = directions[chosen]
         lost[:] = 0.0
         x = y = z = 0.0
         for lane in range(LANES):
@@ -147,7 +146,7 @@ def gather(scene, packet, valid, origins, normals, numbers, directions, batches,
                     loss += np.expm1(-tau * packet[TFAR, lane]) * scale  # (12.74)
                 elif packet[TFAR, lane] >= 0.0:
                     continue
-                lost[batch[first + lane]] += loss
+                lost[batches[first + lane]] += loss
                 x += loss * local[0, first + lane]
                 y += loss * local[1, first + lane]
                 z += loss * local[2, first + lane]

@@ -70,8 +70,8 @@ class _Probes:
         self.samples = plan(tracer, points, neighbours, runs, run, min(rays, most), aim, most, keys)
         self.rows = _spread(len(points), int(np.clip(len(points) // share, fewest, probes)))
         probed = points[self.rows]
-        self.raw = tracer.gather(probed, self.samples, key if self.baked else _derive(key, 3))
         self.other = tracer.gather(probed, self.samples, _derive(key, 4))[:, 0]
+        self.raw = tracer.gather(probed, self.samples, key if self.baked else _derive(key, 3))
         self.variance = sampling_variance(self.raw[:, 0], self.other, self.samples)
 
     def squared(self, w: Floats) -> Floats:

@@ -72,7 +72,7 @@ class Tracer:
 
     def _table(self, samples: int, key: np.uint32) -> DirectionTable:
         """The last table again if it is the same."""
-        if self._last is None or (len(self._last.batches[0]), self._last.key) != (samples, key):
+        if self._last is None or (len(self._last.batches), self._last.key) != (samples, key):
             self._last = DirectionTable.make(samples, self.crowd, key)
         return self._last
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from queue import Empty, SimpleQueue
 
 from .errors import OptionError
@@ -32,7 +32,7 @@ def run_blocks(
     threads: int,
     progress: Callable[[int], None] | None = None,
 ) -> None:
-    """Call `work(start, stop)` over [0, count) in blocks, on `threads` threads, or as many as the system grants.
+    """Call `work(start, stop)` over [0, count) in blocks, on this thread and others: `threads`, if so many are granted.
 
     `work` must release the GIL to gain anything and write only its own rows. `progress` is told, on this thread,
     how many items each finished block had. An exception or Ctrl-C drops the blocks that have not begun.
@@ -41,40 +41,49 @@ def run_blocks(
     finished: SimpleQueue[int | BaseException] = SimpleQueue()
     taking, over = threading.Lock(), threading.Event()
 
+    def work_one() -> bool:
+        with taking:
+            start = next(starts, None)
+        if start is None or over.is_set():
+            return False
+        stop = min(start + block, count)
+        work(start, stop)
+        finished.put(stop - start)
+        return True
+
     def work_off() -> None:
-        while not over.is_set():
-            with taking:
-                start = next(starts, None)
-            if start is None:
-                return
-            stop = min(start + block, count)
-            try:
-                work(start, stop)
-            except BaseException as failure:
-                finished.put(failure)
-                return
-            finished.put(stop - start)
+        try:
+            while work_one():
+                pass
+        except BaseException as failure:
+            finished.put(failure)
 
     workers: list[threading.Thread] = []
     try:
-        _start(workers, work_off, min(threads, -(-count // block)))
-        if not workers:
-            work_off()
-        left = count
+        _start(workers, work_off, min(threads, -(-count // block)) - 1)
+        left, busy = count, True
         while left > 0:
-            try:
-                size = finished.get(timeout=0.1)
-            except Empty:
-                continue
-            if isinstance(size, BaseException):
-                raise size
-            left -= size
-            if progress:
-                progress(size)
+            busy = busy and work_one()
+            for size in _taken(finished, wait=not busy):
+                if isinstance(size, BaseException):
+                    raise size
+                left -= size
+                if progress:
+                    progress(size)
     finally:
         over.set()
         for worker in workers:
             worker.join()
+
+
+def _taken(finished: SimpleQueue[int | BaseException], wait: bool) -> Iterator[int | BaseException]:
+    """What has been put there; if nothing has, and `wait`, what is within a tenth of a second, for Ctrl-C to get in."""
+    try:
+        yield finished.get(wait, 0.1)
+        while True:
+            yield finished.get_nowait()
+    except Empty:
+        return
 
 
 def _start(workers: list[threading.Thread], work: Callable[[], None], most: int) -> None:

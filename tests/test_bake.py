@@ -46,7 +46,7 @@ def test_rays_are_counted():
     sphere = trimesh.creation.icosphere(subdivisions=3)
     soup = Mesh(sphere.triangles.reshape(-1, 3), np.arange(3 * len(sphere.faces)).reshape(-1, 3))
     baked = ao.bake(soup, ao.Binary(), samples=10, progress=lambda done, total: told.append((done, total)))
-    points, calibration = len(sphere.vertices), 256
+    points, calibration = len(sphere.vertices), 128
     assert baked.rays == 10 * (points + calibration)
     skipped = {"duplicate": 10 * (len(soup.vertices) - points), "no_normal": 0, "not_wanted": 0, "predicted": 0}
     assert baked.rays_skipped == skipped
@@ -78,6 +78,23 @@ def test_a_mesh_of_degenerate_faces_alone_is_open():
     assert baked.w.tolist() == [1.0] * 3
     assert baked.rays == 0
     assert baked.rmse == 0
+
+
+@pytest.mark.parametrize("samples", [1, 16, 256])
+def test_rays_of_one_vertex_that_agree_by_luck_are_no_certainty(samples):
+    corner = Mesh(
+        [[0, 0, 0], [1, 0, 0], [0, 1, 0], [0.3, 0.3, 0.1], [0.4, 0.3, 0.1], [0.3, 0.4, 0.1]], [[0, 1, 2], [3, 4, 5]]
+    )
+    only = np.arange(6) == 0
+    told = [ao.bake(corner, ao.Binary(), samples=samples, seed=seed, only=only).error[0] for seed in range(20)]
+    assert min(told) > 0.2 / samples
+
+
+def test_rays_that_all_agree_tell_an_error_that_vanishes_with_their_number():
+    sphere = trimesh.creation.icosphere(subdivisions=3)
+    baked = ao.bake(sphere, ao.Binary(), samples=64)
+    assert (baked.w == 1).all()
+    assert 0 < baked.rmse < 1e-4
 
 
 def test_bent_normals_lean_away_from_a_wall():
