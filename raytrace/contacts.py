@@ -22,7 +22,7 @@ _FEW = 64  # faces that the boxes of Embree's hierarchy put near a point: room f
 
 
 class Contacts(NamedTuple):
-    """Pairs of a point and a face near it: `point`, `face` int64 (j,), `distance` float64 (j,), sorted by point."""
+    """Pairs of a point and a face near it: `point`, `face` int64 (j,), `distance` float64 (j,), sorted by point, then face."""
 
     point: Ints
     face: Ints
@@ -62,8 +62,7 @@ def find_contacts(
 
     run_blocks(len(points), _BLOCK, search, thread_count(None))
     point, face, distance = (np.concatenate(column) for column in zip(*parts, strict=True))
-    order = np.lexsort((face, point))
-    return Contacts(point[order], face[order], distance[order])
+    return Contacts(point, face, distance)
 
 
 def _room(count: int) -> Contacts:
@@ -134,14 +133,14 @@ def _pairs(
                 continue
             away = distance_to_triangle(p, a, b, c)
             if away <= within:
-                place = last
-                if last == _MOST:
-                    place = int(np.argmax(kept))
-                    if f > kept[place]:
-                        continue
-                else:
-                    last += 1
+                if last == _MOST and f > kept[last - 1]:
+                    continue
+                place = min(last, _MOST - 1)
+                while place > 0 and kept[place - 1] > f:
+                    kept[place], distances[place] = kept[place - 1], distances[place - 1]
+                    place -= 1
                 kept[place], distances[place] = f, away
+                last = min(last + 1, _MOST)
         for k in range(last):
             if count < len(point):
                 point[count], face[count], distance[count] = first + i, kept[k], distances[k]

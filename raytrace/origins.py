@@ -14,7 +14,8 @@ import numpy.typing as npt
 from .contacts import Contacts, distance_to_triangle, find_contacts
 from .embree import TriangleScene
 from .jit import inline, kernel
-from .outermost import outermost_normals
+from .outermost import outermost_normal
+from .parallel import run_blocks, thread_count
 from .placement import ULP, ray_offset
 from .vector import add, cross, dot, load, scale, subtract
 
@@ -25,6 +26,7 @@ TOUCHING = 4.0  # roundings of a coordinate; the point's and the face's own make
 FLAT = 1.0 / 16.0
 _ENOUGH = 0.3  # clearance with which a search for a better direction ends
 _SAME_PLANE = 0.9999
+_BLOCK = 1 << 12  # points
 
 
 def ray_origins(
@@ -85,30 +87,124 @@ def _step_out(
     seats: Ints,
 ) -> None:
     """Turn `lift` and `clearance` of touched points in front of what they touch, too, where there is a way."""
-    rows = np.unique(touched.point)
+    first = np.flatnonzero(np.diff(touched.point, prepend=-1))
+    rows, ends = touched.point[first], np.append(first, len(touched.point))
     number = np.full(len(points), -1)
     number[rows] = np.arange(len(rows))
-    own_face, corner = np.nonzero(number[seats] >= 0)
-    row = np.concatenate([number[seats[own_face, corner]], number[touched.point]])
-    face = np.concatenate([own_face, touched.face])
-    own = np.arange(len(row)) < len(own_face)
-    order = np.lexsort((face, row))
-    row, face, own = row[order], face[order], own[order]
-    starts = np.searchsorted(row, np.arange(len(rows) + 1))
-    normals = face_normals[face]
-    behind = own & (np.einsum("ij,ij->i", normals, lift[rows][row]) < 0)  # seen from its other side
-    normals[behind] *= -1.0
-    kept, angle = np.zeros(len(row), np.bool_), np.zeros(len(row))
-    _angles(points[rows][row], vertices, faces[face], angle)
-    _choose(starts, normals, angle, own, kept)
+    starts = np.zeros(len(rows) + 2, np.int64)
+    _count(number, seats, starts)
+    own = np.empty(starts[-1], np.int64)
+    _list(number, seats, starts, own)
+    most = int(np.max(np.diff(starts[:-1]) + np.diff(ends)))
 
-    row, normals, angle = row[kept], normals[kept], angle[kept]
-    start: Floats = np.stack([np.bincount(row, angle * normals[:, axis], len(rows)) for axis in range(3)], axis=1)
-    length = np.linalg.norm(start, axis=1, keepdims=True)
-    start = np.where(length > 1e-9, start / np.where(length > 1e-9, length, 1.0), lift[rows])
-    moved, room = outermost_normals(start, row[:, None], normals, _ENOUGH)
-    free = room > 0
-    lift[rows[free]], clearance[rows[free]] = moved[free], room[free]
+    def work(a: int, b: int) -> None:
+        scratch = np.empty((most, 3)), np.empty(most), np.empty(most, np.bool_), np.empty((most, 3))
+        _turn(
+            rows[a:b], starts[a:], own, ends[a:], touched.face, points, vertices, faces, face_normals, *scratch, lift,
+            clearance,
+        )  # fmt: skip
+
+    run_blocks(len(rows), _BLOCK, work, thread_count(None))
+
+
+@kernel
+def _count(number, seats, starts):
+    """Count the corners at each point, `number` ≥ 0, into starts[number + 2], and add them up."""
+    for f in range(len(seats)):
+        for corner in range(3):
+            row = number[seats[f, corner]]
+            if row >= 0:
+                starts[row + 2] += 1
+    for row in range(2, len(starts)):
+        starts[row] += starts[row - 1]
+
+
+@kernel
+def _list(number, seats, starts, out):
+    """List the faces of those corners, ascending, from out[starts[number]] on, which ends up where the next begin."""
+    for f in range(len(seats)):
+        for corner in range(3):
+            row = number[seats[f, corner]]
+            if row >= 0:
+                out[starts[row + 1]] = f
+                starts[row + 1] += 1
+
+
+@kernel
+def _turn(
+    rows, starts, own, ends, touched, points, vertices, faces, face_normals, normals, angles, mine, kept, lift, clearance
+):  # fmt: skip
+    """Turn the lifts of some points, see `_step_out`.
+
+    Args:
+        rows: (j,), which. own: their own faces, starts[k] to starts[k + 1] for the k-th; touched: those that they
+            touch, ends[k] to ends[k + 1]; ascending.
+        normals, kept: (most, 3), angles, mine: (most,), scratch for the faces of one point.
+    """
+    for k in range(len(rows)):
+        row = rows[k]
+        p, up = load(points, row), load(lift, row)
+        i, j, count = starts[k], ends[k], 0
+        while i < starts[k + 1] or j < ends[k + 1]:
+            mine[count] = j == ends[k + 1] or (i < starts[k + 1] and own[i] < touched[j])
+            f = own[i] if mine[count] else touched[j]
+            i, j = (i + 1, j) if mine[count] else (i, j + 1)
+            n = load(face_normals, f)
+            if mine[count] and dot(n, up) < 0.0:  # seen from its other side
+                n = scale(-1.0, n)
+            normals[count, 0], normals[count, 1], normals[count, 2] = n
+            angles[count] = _angle_about(p, vertices, faces[f])
+            count += 1
+        x, y, z = 0.0, 0.0, 0.0
+        last = 0
+        for i in range(count):
+            if _obeyed(i, normals[:count], angles, mine):
+                n = load(normals, i)
+                x, y, z = x + angles[i] * n[0], y + angles[i] * n[1], z + angles[i] * n[2]
+                kept[last, 0], kept[last, 1], kept[last, 2] = n
+                last += 1
+        length = np.sqrt(x * x + y * y + z * z)
+        start = (x / length, y / length, z / length) if length > 1e-9 else up
+        moved, room = outermost_normal(start, kept[:last], _ENOUGH)
+        if room > 0.0:
+            lift[row, 0], lift[row, 1], lift[row, 2] = moved
+            clearance[row] = room
+
+
+@inline
+def _obeyed(i, normals, angles, own):
+    """Whether a point is in front of its i-th face: see the module about faces that look opposite ways."""
+    balance, opposed = 0.0, False
+    n = load(normals, i)
+    for j in range(len(normals)):
+        cosine = dot(n, load(normals, j))
+        if cosine > _SAME_PLANE:
+            balance += angles[j]
+        elif cosine < -_SAME_PLANE:
+            balance -= angles[j]
+            opposed = True
+    return not opposed or balance > 1e-3 or (balance > -1e-3 and own[i])
+
+
+@inline
+def _angle(a, b):
+    normal = cross(a, b)
+    return np.arctan2(np.sqrt(dot(normal, normal)), dot(a, b))
+
+
+@inline
+def _angle_about(p, vertices, face):
+    """Angle that a face fills about a point on it: a corner's own, π on an edge, 2π inside."""
+    angle, tiny = 2.0 * np.pi, 16.0 * ULP
+    for k in range(3):
+        a = subtract(load(vertices, face[k]), p)
+        b = subtract(load(vertices, face[(k + 1) % 3]), p)
+        if np.sqrt(dot(a, a)) <= tiny:
+            return _angle(b, subtract(load(vertices, face[(k + 2) % 3]), p))
+        along, across = subtract(b, a), cross(a, b)
+        if np.sqrt(dot(across, across)) <= tiny * np.sqrt(dot(along, along)):
+            angle = np.pi
+    return angle
 
 
 @kernel
@@ -167,46 +263,3 @@ def _spread(flat, seats, size):
         for corner in range(3):
             row = seats[f, corner]
             size[row] = max(size[row], largest)
-
-
-@inline
-def _angle(a, b):
-    normal = cross(a, b)
-    return np.arctan2(np.sqrt(dot(normal, normal)), dot(a, b))
-
-
-@kernel
-def _angles(points, vertices, faces, out):
-    """Angle that each face fills about a point on it: a corner's own, π on an edge, 2π inside."""
-    for i in range(len(points)):
-        p = load(points, i)
-        out[i] = 2.0 * np.pi
-        for k in range(3):
-            a = subtract(load(vertices, faces[i, k]), p)
-            b = subtract(load(vertices, faces[i, (k + 1) % 3]), p)
-            c = subtract(load(vertices, faces[i, (k + 2) % 3]), p)
-            tiny = 16.0 * ULP
-            if np.sqrt(dot(a, a)) <= tiny:
-                out[i] = _angle(b, c)
-                break
-            along, across = subtract(b, a), cross(a, b)
-            if np.sqrt(dot(across, across)) <= tiny * np.sqrt(dot(along, along)):
-                out[i] = np.pi
-
-
-@kernel
-def _choose(starts, normals, angles, own, kept):
-    """Mark the faces to be obeyed: see the module about faces that look opposite ways."""
-    for k in range(len(starts) - 1):
-        for i in range(starts[k], starts[k + 1]):
-            balance, opposed = 0.0, False
-            for j in range(starts[k], starts[k + 1]):
-                cosine = 0.0
-                for axis in range(3):
-                    cosine += normals[i, axis] * normals[j, axis]
-                if cosine > _SAME_PLANE:
-                    balance += angles[j]
-                elif cosine < -_SAME_PLANE:
-                    balance -= angles[j]
-                    opposed = True
-            kept[i] = not opposed or balance > 1e-3 or (balance > -1e-3 and own[i])

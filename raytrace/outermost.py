@@ -15,7 +15,7 @@ Ints = npt.NDArray[np.int64]
 def outermost_normals(normals: Floats, seats: Ints, face_normals: Floats, enough: float = 0.0) -> tuple[Floats, Floats]:
     """Normals in front of all the faces that meet at a point, and their clearance: the smallest n·n_f, (k,).
 
-    Only a normal that clears its faces by no more than `enough` is moved, see `_outermost`.
+    Only a normal that clears its faces by no more than `enough` is moved, see `_moved`.
 
     Args:
         normals: (k, 3), unit or zero. seats: (m, any), the rows of `normals` that each face counts for.
@@ -46,40 +46,49 @@ def _least_cosines(normals, seats, face_normals, clearance):
 
 @kernel
 def _outermost(normals, clearance, rows, starts, faces, enough):
-    """Move each normal of `rows` towards the face it clears least until it clears all its faces by `enough`.
+    for k in range(len(rows)):
+        row = rows[k]
+        moved, clearance[row] = _moved(load(normals, row), faces[starts[k] : starts[k + 1]], enough)
+        normals[row, 0], normals[row, 1], normals[row, 2] = moved
+
+
+@inline
+def outermost_normal(normal, faces, enough):
+    """`outermost_normals` of one point. Args: faces: (any, 3), the unit normals that meet there."""
+    least = 1.0
+    for f in range(len(faces)):
+        least = min(least, dot(normal, load(faces, f)))
+    return (normal, least) if least > enough else _moved(normal, faces, enough)
+
+
+@inline
+def _moved(before, faces, enough):
+    """A normal moved towards the face it clears least until it clears all `faces` by `enough`, and its clearance.
 
     The perceptron (Rosenblatt 1958) ends within 1/γ² moves if some normal has the clearance γ and none is asked for.
     After 1,000 moves the best normal met is kept, but not for the two sides of a sheet, in which it would lie: there
     the normal stays what it was, or is the first face's where it was zero.
     """
-    for k in range(len(rows)):
-        row = rows[k]
-        mine = faces[starts[k] : starts[k + 1]]
-        before = load(normals, row)
-        x, y, z = before
-        best = -2.0
-        for _ in range(1000):
-            length = np.sqrt(x * x + y * y + z * z)
-            if length < 1e-12:
-                x, y, z = mine[0]
-                length = 1.0
-            least, worst = 2.0, 0
-            for f in range(len(mine)):
-                cosine = dot((x, y, z), load(mine, f)) / length
-                if cosine < least:
-                    least, worst = cosine, f
-            if least > best:
-                best = least
-                normals[row, 0], normals[row, 1], normals[row, 2] = x / length, y / length, z / length
-            if least > enough:
-                break
-            x, y, z = x + mine[worst, 0], y + mine[worst, 1], z + mine[worst, 2]
-        if best <= 0.0 and _two_sides(mine):
-            if dot(before, before) == 0.0:
-                before = load(mine, 0)
-            normals[row, 0], normals[row, 1], normals[row, 2] = before
-            best = -1.0
-        clearance[row] = best
+    x, y, z = before
+    best, found = -2.0, before
+    for _ in range(1000):
+        length = np.sqrt(x * x + y * y + z * z)
+        if length < 1e-12:
+            x, y, z = load(faces, 0)
+            length = 1.0
+        least, worst = 2.0, 0
+        for f in range(len(faces)):
+            cosine = dot((x, y, z), load(faces, f)) / length
+            if cosine < least:
+                least, worst = cosine, f
+        if least > best:
+            best, found = least, (x / length, y / length, z / length)
+        if least > enough:
+            break
+        x, y, z = x + faces[worst, 0], y + faces[worst, 1], z + faces[worst, 2]
+    if best <= 0.0 and _two_sides(faces):
+        return (load(faces, 0) if dot(before, before) == 0.0 else before), -1.0
+    return found, best
 
 
 @inline
