@@ -39,7 +39,7 @@ def find_contacts(
     """The faces within the larger of `reach` and `margin` of points, those left out that the point is a corner of.
 
     Args:
-        scene: holds exactly the `faces`. points (k, 3), reach (k,).
+        scene: holds exactly the `faces`. points (k, 3). reach (k,), negative for points that are left out.
         vertices (n, 3), faces (m, 3), none degenerate, margin (m,).
         seats: (m, 3), the row of `points` that each face corner is.
     """
@@ -98,12 +98,8 @@ def distance_to_triangle(p, a, b, c):
 
 @inline
 def _beside(p, reach, a, b, c):
-    """Whether the box around a triangle is farther from `p` than `reach` along some axis."""
-    beside = False
-    for axis in range(3):
-        beside |= min(a[axis], b[axis], c[axis]) - reach > p[axis]
-        beside |= max(a[axis], b[axis], c[axis]) + reach < p[axis]
-    return beside
+    """Whether the interval from the least to the largest of a, b and c is farther from `p` than `reach`."""
+    return min(a, b, c) - reach > p or max(a, b, c) + reach < p
 
 
 @kernel
@@ -118,6 +114,8 @@ def _pairs(
     count, most = 0, 0
     kept, distances = np.empty(_MOST, np.int64), np.empty(_MOST)
     for i in range(len(points)):
+        if reach[i] < 0.0:
+            continue
         p = load(points, i)
         several = faces_near(scene, note, p, max(reach[i], widest) + slack, query, context, near)
         most = max(most, several)
@@ -129,7 +127,9 @@ def _pairs(
                 continue
             within = max(reach[i], margin[f])
             a, b, c = load(vertices, faces[f, 0]), load(vertices, faces[f, 1]), load(vertices, faces[f, 2])
-            if _beside(p, within, a, b, c):
+            if _beside(p[0], within, a[0], b[0], c[0]) or _beside(p[1], within, a[1], b[1], c[1]):
+                continue
+            if _beside(p[2], within, a[2], b[2], c[2]):
                 continue
             away = distance_to_triangle(p, a, b, c)
             if away <= within:

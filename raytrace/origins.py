@@ -49,11 +49,8 @@ def ray_origins(
         seats: (m, 3), the row of `points` that each face corner is.
     """
 
-    def contacts(rows: Ints, reach: Floats) -> Contacts:
-        number = np.full(len(points), -1)
-        number[rows] = np.arange(len(rows))
-        found = find_contacts(scene, points[rows], reach[rows], rounding, vertices, faces, number[seats])
-        return Contacts(rows[found.point], found.face, found.distance)
+    def contacts(reach: Floats) -> Contacts:
+        return find_contacts(scene, points, reach, rounding, vertices, faces, seats)
 
     lift, clearance = lift.copy(), clearance.copy()
     extent, flat, rounding, size = *(np.zeros(len(faces)) for _ in range(3)), np.zeros(len(points))
@@ -63,14 +60,14 @@ def ray_origins(
     offset = ray_offset(lift, size, clearance)
     own = TOUCHING * ULP * (np.abs(points) @ np.ones(3))
     reach = np.maximum(4.0 * offset, own)  # so far that turning a lift seldom asks for more
-    has_lift = (lift != 0.0) @ np.ones(3) > 0
-    near = contacts(np.flatnonzero(has_lift), reach)
+    reach[(lift == 0.0).all(axis=1)] = -1.0
+    near = contacts(reach)
     touched = near.only(near.distance <= np.maximum(own[near.point], rounding[near.face]))
     if len(touched.point):
         _step_out(points, lift, clearance, touched, vertices, faces, face_normals, seats)
         np.maximum.at(size, touched.point, np.maximum(extent, flat)[touched.face])
         offset = ray_offset(lift, size, clearance)
-        more = contacts(np.flatnonzero(has_lift & (2.0 * offset > reach)), 2.0 * offset)
+        more = contacts(np.where((reach >= 0.0) & (2.0 * offset > reach), 2.0 * offset, -1.0))
         near = Contacts(*(np.append(a, b) for a, b in zip(near, more, strict=True)))
     _stop_short(points, lift, own, rounding, near.point, near.face, vertices, faces, face_normals, offset)
     return points + offset[:, None] * lift
