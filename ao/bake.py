@@ -134,9 +134,9 @@ def bake(
     tracer = Tracer(receivers.scene, placement, mu, workers, crowd, progress, checkpoint)
     key = seed_key(seed)
     if tolerance is not None and len(receivers.points):
-        estimate = estimate_to(tracer, receivers.points, _neighbours(receivers), tolerance, most, key)
+        estimate = estimate_to(tracer, receivers.points, _neighbours(receivers, workers), tolerance, most, key)
     else:
-        joined = _neighbours(receivers) if reconstruct and only is None else None
+        joined = _neighbours(receivers, workers) if reconstruct and only is None else None
         estimate = _estimate(tracer, receivers.points, joined, most, key)
 
     vertex = receivers.of_vertex
@@ -145,7 +145,7 @@ def bake(
         inside = hidden_points(receivers.scene, receivers.points, placement.diagonal, key, workers)
         receivers.flags[baked] |= np.where(inside[vertex[baked]], Flag.HIDDEN, 0).astype(np.uint8)
         if hidden == "fill":
-            rows = filled(estimate.rows, inside, receivers.points, _neighbours(receivers), workers)
+            rows = filled(estimate.rows, inside, receivers.points, _neighbours(receivers, workers))
             estimate = replace(estimate, rows=rows)
     wanted: npt.NDArray[np.bool_] = np.ones(len(vertex), np.bool_) if only is None else only
     w, error, bent = np.ones(len(vertex)), np.zeros(len(vertex)), np.zeros((len(vertex), 3))
@@ -177,8 +177,8 @@ def describe_work(mesh: Mesh) -> str:
     return f"to bake {len(mesh.vertices):,} vertices and {len(mesh.faces):,} faces"
 
 
-def _neighbours(receivers: Receivers) -> Neighbours:
-    return Neighbours.of(receivers.of_vertex[receivers.faces], receivers.points.normals)
+def _neighbours(receivers: Receivers, threads: int) -> Neighbours:
+    return Neighbours.of(receivers.of_vertex[receivers.faces], receivers.points.normals, threads)
 
 
 def _estimate(tracer: Tracer, points: Points, neighbours: Neighbours | None, samples: int, key: np.uint32) -> Estimate:
@@ -189,7 +189,7 @@ def _estimate(tracer: Tracer, points: Points, neighbours: Neighbours | None, sam
     again = tracer.gather(points[calibration], samples, mix([key ^ np.uint32(0xA5A5A5A5)])[0])[:, 0]
     w = rows[:, 0]
     level = sampling_variance(w[calibration], again, samples)
-    if len(points) and not rows[:, 1].any() and (w == w[0]).all():  # of n rays that agree, one more may differ (Laplace)
+    if len(points) and not rows[:, 1].any() and (w == w[0]).all():  # of n rays that agree, the next may not (Laplace)
         level = min(level, tracer.rays**-2.0)
     if neighbours is None:
         return Estimate(rows[:, [0, 2, 3, 4]], shared_out(rows[:, 1], level), samples, 0)

@@ -62,14 +62,14 @@ def hidden_points(
 
 
 def filled(
-    rows: npt.NDArray[np.float64], hidden: npt.NDArray[np.bool_], points: Points, neighbours: Neighbours, threads: int
+    rows: npt.NDArray[np.float64], hidden: npt.NDArray[np.bool_], points: Points, neighbours: Neighbours
 ) -> npt.NDArray[np.float64]:
     """`rows` (k, c), those of the hidden points told from the nearest that aren't; kept where there are none."""
     owner = owners(neighbours, ~hidden)
     alone = owner < 0
     owner[alone] = np.flatnonzero(alone)
     near, known = coarser(neighbours, owner, points.normals)
-    return fill(points, np.arange(len(points)), owner, near, known, np.ascontiguousarray(rows[known]), threads)
+    return fill(points, np.arange(len(points)), owner, near, known, np.ascontiguousarray(rows[known]))
 
 
 @kernel

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -9,9 +10,11 @@ import numpy as np
 import numpy.typing as npt
 
 from raytrace.jit import kernel
+from raytrace.parallel import run_blocks
 
 Floats = npt.NDArray[np.float64]
 _CREASE = 16  # power of n·n' by which a neighbour counts less
+_BLOCK = 1 << 13  # points
 
 
 @dataclass(frozen=True, eq=False)
@@ -23,14 +26,16 @@ class Neighbours:
         others: int32 (starts[k],): the neighbours of point i are others[starts[i]:starts[i + 1]].
         weights: float32, as `others`: how much a neighbour has in common with the point: 1 for the same normal, half
             as much at the end of an edge with one face.
+        threads: how many work on means.
     """
 
     starts: npt.NDArray[np.int64]
     others: npt.NDArray[np.int32]
     weights: npt.NDArray[np.float32]
+    threads: int
 
     @classmethod
-    def of(cls, faces: npt.NDArray[np.integer[Any]], normals: npt.NDArray[np.float32]) -> Neighbours:
+    def of(cls, faces: npt.NDArray[np.integer[Any]], normals: npt.NDArray[np.float32], threads: int) -> Neighbours:
         """Args: faces: (m, 3), rows of points, −1 for a corner that is none. normals: float32 (k, 3), unit."""
         count = len(normals)
         corners = np.bincount(faces.ravel() + 1, minlength=count + 1)[1:]
@@ -43,7 +48,7 @@ class Neighbours:
             np.empty(len(corner), np.float32),
         )
         _join(listed, corner, starts, others, weights)
-        return cls.weighted(starts, others[: starts[-1]].copy(), weights[: starts[-1]].copy(), normals)
+        return cls.weighted(starts, others[: starts[-1]].copy(), weights[: starts[-1]].copy(), normals, threads)
 
     @classmethod
     def weighted(
@@ -52,14 +57,20 @@ class Neighbours:
         others: npt.NDArray[np.int32],
         weights: npt.NDArray[np.float32],
         normals: npt.NDArray[np.float32],
+        threads: int,
     ) -> Neighbours:
         """The rings given, their `weights` lessened where the points' `normals`, float32 (k, 3), disagree."""
-        _agree(starts, others, normals, weights)
-        return cls(starts, others, weights)
+        found = cls(starts, others, weights, threads)
+        found.each(lambda first, last: _agree(first, last, starts, others, normals, weights))
+        return found
 
     def among(self, which: npt.NDArray[np.bool_]) -> Neighbours:
         """The same rings, but only points of `which`, bool (k,), count."""
-        return Neighbours(self.starts, self.others, self.weights * which[self.others])
+        return Neighbours(self.starts, self.others, self.weights * which[self.others], self.threads)
+
+    def each(self, work: Callable[[int, int], None]) -> None:
+        """Call `work(first, last)` for blocks of points, on threads."""
+        run_blocks(len(self.starts) - 1, _BLOCK, work, self.threads)
 
     def predict(self, values: Floats) -> Floats:
         """The weighted mean of the neighbours' `values` (k, …), the point's own left out; NaN without neighbours."""
@@ -73,13 +84,15 @@ class Neighbours:
 
     def _means(self, values: Floats, own: float) -> Floats:
         out = np.empty((len(values), values.size // max(len(values), 1)))
-        _means(self.starts, self.others, self.weights, np.ascontiguousarray(values).reshape(out.shape), own, out)
+        rows = np.ascontiguousarray(values).reshape(out.shape)
+        self.each(lambda first, last: _means(first, last, self.starts, self.others, self.weights, rows, own, out))
         return out.reshape(values.shape)
 
     def returned(self) -> Floats:
         """The share (k,) that a point's own value has in the mean of its own and its neighbours' predictions."""
-        out = np.empty(len(self.starts) - 1)
-        _returned(self.starts, self.others, self.weights, out)
+        whole, out = np.empty(len(self.starts) - 1), np.empty(len(self.starts) - 1)
+        self.each(lambda first, last: _sums(first, last, self.starts, self.weights, whole))
+        self.each(lambda first, last: _returned(first, last, self.starts, self.others, self.weights, whole, out))
         return out
 
 
@@ -115,8 +128,8 @@ def _join(listed, corner, starts, others, weights):
 
 
 @kernel
-def _agree(starts, others, normals, weights):
-    for i in range(len(normals)):
+def _agree(first, last, starts, others, normals, weights):
+    for i in range(first, last):
         for k in range(starts[i], starts[i + 1]):
             cosine = np.float32(0.0)
             for axis in range(3):
@@ -125,29 +138,30 @@ def _agree(starts, others, normals, weights):
 
 
 @kernel
-def _means(starts, others, weights, values, own, out):
+def _means(first, last, starts, others, weights, values, own, out):
     """Ring means, the point's own value weighted by `own`, of differences: equal values stay equal to the bit."""
-    columns = values.shape[1]
-    for i in range(len(values)):
+    for i in range(first, last):
         weight = own
-        for c in range(columns):
-            out[i, c] = 0.0
         for k in range(starts[i], starts[i + 1]):
-            j, w = others[k], np.float64(weights[k])
-            weight += w
-            for c in range(columns):
-                out[i, c] += w * (values[j, c] - values[i, c])
-        for c in range(columns):
-            out[i, c] = values[i, c] + out[i, c] / weight if weight > 1e-6 else np.nan
+            weight += np.float64(weights[k])
+        for c in range(values.shape[1]):
+            mine, difference = values[i, c], 0.0
+            for k in range(starts[i], starts[i + 1]):
+                difference += np.float64(weights[k]) * (values[others[k], c] - mine)
+            out[i, c] = mine + difference / weight if weight > 1e-6 else np.nan
 
 
 @kernel
-def _returned(starts, others, weights, out):
-    whole = np.zeros(len(out))
-    for i in range(len(out)):
+def _sums(first, last, starts, weights, out):
+    for i in range(first, last):
+        out[i] = 0.0
         for k in range(starts[i], starts[i + 1]):
-            whole[i] += weights[k]
-    for i in range(len(out)):
+            out[i] += weights[k]
+
+
+@kernel
+def _returned(first, last, starts, others, weights, whole, out):
+    for i in range(first, last):
         out[i] = 0.0
         for k in range(starts[i], starts[i + 1]):
             if whole[others[k]] > 1e-6:

@@ -63,7 +63,8 @@ def _prediction(neighbours: Neighbours, points: Points, rows: Floats, variance: 
     own = neighbours.returned()
     leaning = np.einsum("ij,ij->i", neighbours.smooth(wide[:, 1:], _LEAN_REACH - 1), normals)
     rise = np.empty(len(points))
-    _rises(neighbours.starts, neighbours.others, points.origins, points.normals, rise)
+    starts, others = neighbours.starts, neighbours.others
+    neighbours.each(lambda first, last: _rises(first, last, starts, others, points.origins, points.normals, rise))
     about = np.column_stack([leaning, rise])
     unlike = np.column_stack(
         [(wide[:, 0] - own * estimate) / (1 - own) - told[:, 0], about - neighbours.predict(about)]
@@ -86,9 +87,9 @@ def _fit(columns: Floats, target: Floats, weight: Floats) -> Floats:
 
 
 @kernel
-def _rises(starts, others, origins, normals, out):
+def _rises(first, last, starts, others, origins, normals, out):
     """The mean sine by which neighbours stand above each point's tangent plane, 0 for those below."""
-    for i in range(len(out)):
+    for i in range(first, last):
         out[i] = 0.0
         for k in range(starts[i], starts[i + 1]):
             height = squared = 0.0

@@ -62,7 +62,8 @@ def coarser(neighbours: Neighbours, owner: Ints, normals: npt.NDArray[np.float32
     others = np.empty(_crossings(neighbours.starts, neighbours.others, cell), np.int32)
     _adjacent(neighbours.starts, neighbours.others, cell, members, starts, others)
     others = others[: starts[-1]].copy()
-    return Neighbours.weighted(starts, others, np.ones(len(others), np.float32), normals[baked]), baked
+    alike = np.ones(len(others), np.float32)
+    return Neighbours.weighted(starts, others, alike, normals[baked], neighbours.threads), baked
 
 
 @kernel
@@ -103,9 +104,7 @@ def _adjacent(starts, others, cell, members, cell_starts, cell_others):
         cell_starts[mine + 1] = last
 
 
-def fill(
-    points: Points, wanted: Ints, owner: Ints, near: Neighbours, baked: Ints, values: Floats, threads: int
-) -> Floats:
+def fill(points: Points, wanted: Ints, owner: Ints, near: Neighbours, baked: Ints, values: Floats) -> Floats:
     """Values (j, c) at the points `wanted` (j,) from those at the baked ones, (b, c), which are kept as they are.
 
     Args: near, baked: as `coarser` gives them.
@@ -122,7 +121,7 @@ def fill(
             values, scratch, out[first:last],
         )  # fmt: skip
 
-    run_blocks(len(wanted), _BLOCK, work, threads)
+    run_blocks(len(wanted), _BLOCK, work, near.threads)
     return out
 
 

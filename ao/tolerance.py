@@ -1,9 +1,9 @@
 """Baking to a tolerance: as many rays at as few points as a root mean square error asks for.
 
-Probes, points spread over the mesh, are baked twice with independent directions. Whatever w is made of the other rays,
-(w − a)(w − b) over the probes' two estimates a and b is an unbiased measure of its mean square error. On small meshes,
-all of whose points are baked, a is part of w and the measure is (w − b)² − (a − b)²/2. It decides where predicting
-points from their neighbours is good enough, whether more rays are needed, and what is reported.
+Probes, points spread over the mesh, are baked twice with independent directions. Where w is made of other rays, (w − a)
+(w − b) over a probe's two estimates a and b is an unbiased measure of its mean square error; once the probe is baked, a
+is part of w and the measure is (w − b)² − (a − b)²/2. It decides where predicting points from their neighbours is good
+enough, whether more rays are needed, and what is reported.
 """
 
 from __future__ import annotations
@@ -56,29 +56,32 @@ class _Probes:
     """The points at which the error is measured.
 
     Attributes:
-        rows: int64 (j,), which points. samples: rays of each. raw: (j, 5), one estimate of each, which is their own if
-        `baked`: all points will be. other: (j,), an independent one. variance: mean square error of either.
+        rows: int64 (j,), which points. samples: rays of each. raw: (j, 5), one estimate of each, its own if it is
+        baked; other: (j,), an independent one. variance: mean square error of either. all_baked: whether all points are
+        going to be.
     """
 
     def __init__(
         self, tracer: Tracer, points: Points, neighbours: Neighbours, aim: float, most: int, key: np.uint32
     ) -> None:
-        self.baked = len(points) < _ALL
-        runs, pilots, rays, share, fewest, probes = _SMALL if self.baked else _LARGE
+        self.all_baked = len(points) < _ALL
+        runs, pilots, rays, share, fewest, probes = _SMALL if self.all_baked else _LARGE
         run = min(pilots, max(len(points) // share, 128)) // runs
         keys = _derive(key, 1), _derive(key, 2)
         self.samples = plan(tracer, points, neighbours, runs, run, min(rays, most), aim, most, keys)
         self.rows = _spread(len(points), int(np.clip(len(points) // share, fewest, probes)))
         probed = points[self.rows]
         self.other = tracer.gather(probed, self.samples, _derive(key, 4))[:, 0]
-        self.raw = tracer.gather(probed, self.samples, key if self.baked else _derive(key, 3))
+        self.raw = tracer.gather(probed, self.samples, key)
         self.variance = sampling_variance(self.raw[:, 0], self.other, self.samples)
 
-    def squared(self, w: Floats) -> Floats:
-        """Unbiased squared error of `w` (j,), what all points' estimates make of the probed ones."""
-        if self.baked:
-            return (w - self.other) ** 2 - (self.raw[:, 0] - self.other) ** 2 / 2
-        return (w - self.raw[:, 0]) * (w - self.other)
+    def squared(self, w: Floats, baked: npt.NDArray[np.bool_]) -> Floats:
+        """Unbiased squared error (j,) of `w` (j,), what all points' estimates make of the probed ones.
+
+        Args: baked: (j,), which of them have a part in it themselves.
+        """
+        own = (w - self.other) ** 2 - (self.raw[:, 0] - self.other) ** 2 / 2
+        return np.where(baked, own, (w - self.raw[:, 0]) * (w - self.other))
 
 
 def estimate_to(
@@ -102,21 +105,23 @@ class _Field:
     def __init__(self, tracer: Tracer, points: Points, neighbours: Neighbours, probes: _Probes, key: np.uint32) -> None:
         self.tracer, self.points, self.neighbours, self.probes, self.key = tracer, points, neighbours, probes, key
         self.samples, self.noise = probes.samples, probes.variance
-        self.stride = 1 if probes.baked else _COARSEST
+        self.stride = 1 if probes.all_baked else _COARSEST
         while self.stride > 1 and len(points) // self.stride < _FEWEST:
             self.stride //= 2
         self.rows = np.zeros((len(points), 5))
         self.baked = np.zeros(len(points), np.bool_)
-        if probes.baked:
-            self.rows[probes.rows], self.baked[probes.rows] = probes.raw, True
         self._bake(np.arange(len(points)) % self.stride == 0)
         self.owner = owners(neighbours, self.baked)
         self._bake(self.owner < 0)
 
     def _bake(self, which: npt.NDArray[np.bool_]) -> None:
         which = which & ~self.baked
-        self.rows[which] = self.tracer.gather(self.points[which], self.samples, self.key)
         self.baked |= which
+        if self.samples == self.probes.samples:
+            probed = which[self.probes.rows]
+            self.rows[self.probes.rows[probed]] = self.probes.raw[probed]
+            which[self.probes.rows] = False
+        self.rows[which] = self.tracer.gather(self.points[which], self.samples, self.key)
 
     def refine(self, goal: float, most: int) -> None:
         """Bake more points where predictions are worst until the mean square error meets `goal` or all are baked."""
@@ -158,12 +163,13 @@ class _Field:
 
     def _fill(self, wanted: npt.NDArray[np.int64]) -> Floats:
         """Values (j, 4) at the points `wanted` (j,), from those at the baked ones."""
-        return fill(self.points, wanted, self.owner, self.near, self.known, self.values, self.tracer.threads)
+        return fill(self.points, wanted, self.owner, self.near, self.known, self.values)
 
     def _judge(self, baked: npt.NDArray[np.int64], error: Floats) -> None:
         """Bring the expected squared errors to the level that the probes show, and set their mean."""
         rows = self.probes.rows
-        squared, predicted = self.probes.squared(self._fill(rows)[:, 0]), ~self.baked[rows]
+        predicted = ~self.baked[rows]
+        squared = self.probes.squared(self._fill(rows)[:, 0], ~predicted)
         told = float(np.sum(self.doubt[rows][predicted]))
         self.doubt *= max(float(np.sum(squared[predicted])), 0.0) / told if told > 0 else 0.0
         self.doubt[baked] = error
@@ -177,15 +183,13 @@ class _Field:
 
     def _doubtful(self, goal: float) -> npt.NDArray[np.bool_]:
         """The points too ill predicted for `goal`: the fewest whose baking leaves enough to the others."""
-        rest = np.flatnonzero(~self.baked)
-        order = rest[np.argsort(self.doubt[rest], kind="stable")]
+        rest = np.sort(self.doubt[~self.baked])
         once_baked = float(np.mean(self.doubt[self.baked]))
         allowance = goal * len(self.points) - once_baked * int(np.count_nonzero(self.baked))
-        kept = np.cumsum(self.doubt[order]) + once_baked * np.arange(len(order) - 1, -1, -1)
+        kept = np.cumsum(rest) + once_baked * np.arange(len(rest) - 1, -1, -1)
         fine = np.flatnonzero(kept <= max(allowance, 0.0))
-        doubtful = np.zeros(len(self.points), np.bool_)
-        doubtful[order[fine[-1] + 1 if len(fine) else 0 :]] = True
-        return doubtful
+        worst = rest[fine[-1]] if len(fine) else -1.0
+        return ~self.baked & (self.doubt > worst)
 
     def deepen_to(self, goal: float, most: int) -> bool:
         """Give every baked point the rays that `goal` lacks, up to `most` in all; whether any were lacking."""

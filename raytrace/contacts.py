@@ -22,7 +22,7 @@ _FEW = 64  # faces that the boxes of Embree's hierarchy put near a point: room f
 
 
 class Contacts(NamedTuple):
-    """Pairs of a point and a face near it: `point`, `face` int64 (j,), `distance` float64 (j,), sorted by point, then face."""
+    """Pairs of a point and a face near it, sorted: `point`, `face` int64 (j,), `distance` float64 (j,)."""
 
     point: Ints
     face: Ints

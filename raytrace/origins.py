@@ -129,7 +129,8 @@ def _list(number, seats, starts, out):
 
 @kernel
 def _turn(
-    rows, starts, own, ends, touched, points, vertices, faces, face_normals, normals, angles, mine, kept, lift, clearance
+    rows, starts, own, ends, touched, points, vertices, faces, face_normals, normals, angles, mine, kept, lift,
+    clearance,
 ):  # fmt: skip
     """Turn the lifts of some points, see `_step_out`.
 

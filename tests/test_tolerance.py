@@ -96,7 +96,7 @@ def test_what_varies_linearly_is_filled_in_exactly() -> None:
     faces = np.concatenate([np.stack([cell, cell + 20, cell + 21], -1), np.stack([cell, cell + 21, cell + 1], -1)])
     mesh = Mesh(np.stack([x, y, 0 * x], -1), faces)
     receivers = find_receivers(mesh, Placement.of(mesh))
-    near = Neighbours.of(receivers.of_vertex[receivers.faces], receivers.points.normals)
+    near = Neighbours.of(receivers.of_vertex[receivers.faces], receivers.points.normals, 2)
     baked = np.arange(400) % 4 == 0
     owner = owners(near, baked)
     assert baked[owner].all()
