@@ -12,6 +12,7 @@ import numpy.typing as npt
 from raytrace.errors import OptionError
 from raytrace.memory import check_memory
 from raytrace.mesh import Mesh
+from raytrace.normals import normalize
 from raytrace.parallel import thread_count
 from raytrace.placement import Placement
 from raytrace.sampling import mix, seed_key
@@ -222,5 +223,5 @@ def _calibration_subset(count: int) -> npt.NDArray[np.int64]:
 
 
 def _directions(means: npt.NDArray[np.float64], normals: npt.NDArray[np.float32]) -> npt.NDArray[np.float64]:
-    length = np.linalg.norm(means, axis=1, keepdims=True)
-    return np.where(length > 1e-9, means / np.where(length > 1e-9, length, 1.0), normals)
+    told = np.einsum("ij,ij->i", means, means) > 1e-18
+    return np.where(told[:, None], normalize(means), normals)

@@ -16,8 +16,8 @@ def morton_order(points: npt.NDArray[np.floating[Any]]) -> npt.NDArray[np.int64]
     """Rows of `points` (n, 3), finite, along the Z-shaped curve through their bounding cube; ties keep their order."""
     if not len(points):
         return np.zeros(0, np.int64)
-    low = points.min(axis=0).astype(np.float64)
-    extent = float((points.max(axis=0) - low).max())
+    low = np.array([column.min() for column in points.T], np.float64)
+    extent = max(float(column.max() - least) for column, least in zip(points.T, low, strict=True))
     codes = np.empty(len(points), np.uint32)
     _codes(points, low, (2.0**_LEVELS - 1.0) / extent if extent > 0 else 0.0, codes)
     return np.argsort(codes, kind="stable")

@@ -12,7 +12,7 @@ import numpy.typing as npt
 from raytrace.embree import TriangleScene
 from raytrace.errors import MeshError, OptionError
 from raytrace.mesh import Mesh
-from raytrace.normals import face_normals, normalize, vertex_sums
+from raytrace.normals import face_normals, given, normalize, vertex_sums
 from raytrace.origins import ray_origins
 from raytrace.outermost import outermost_normals
 from raytrace.placement import Placement
@@ -114,23 +114,25 @@ def find_receivers(mesh: Mesh, placement: Placement, normals: Normals = "angle")
     face_normal, area = face_normals(vertices, mesh.faces)
     own = vertex_sums(vertices, mesh.faces, face_normal, area, "angle" if normals == "file" else normals)
     axes = normalize(mesh.normals) if mesh.normals is not None and normals == "file" else normalize(own)
-    solid = area > 0
-    faces, face_normal = mesh.faces[solid], face_normal[solid]
+    faces = mesh.faces
+    if not area.all():
+        faces, face_normal = faces[area > 0], face_normal[area > 0]
 
     group = weld(placement.vertices, axes, SAME if normals == "file" else CREASE)
     groups = int(group.max()) + 1
     first = np.full(groups, count, np.int64)
     np.minimum.at(first, group, np.arange(count))
-    lift, clearance = outermost_normals(normalize(sum_groups(group, own)), group[faces], face_normal)
+    seats = group[faces]
+    lift, clearance = outermost_normals(normalize(sum_groups(group, own)), seats, face_normal)
     if normals == "file":
         axes = axes[first]
         lift = np.where(np.einsum("ij,ij->i", lift, axes)[:, None] < 0, -lift, lift)
     else:
         axes = lift
     scene = TriangleScene(placement.vertices, faces)
-    origin = ray_origins(scene, vertices[first], lift, clearance, vertices, faces, face_normal, group[faces])
+    origin = ray_origins(scene, vertices[first], lift, clearance, vertices, faces, face_normal, seats)
 
-    usable = np.logical_and(lift.any(axis=1), axes.any(axis=1))
+    usable = given(lift) & given(axes)
     flags[~usable[group] & (flags == 0)] = Flag.DEGENERATE
     flags[usable[group] & (clearance <= 0)[group]] = Flag.OPPOSED
     rows = np.flatnonzero(usable)

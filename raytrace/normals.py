@@ -14,7 +14,7 @@ import numpy.typing as npt
 from .jit import inline, kernel
 from .parallel import run_blocks, thread_count
 
-_BLOCK = 1 << 16  # faces
+_BLOCK = 1 << 15  # faces
 EPSILON = float(np.finfo(np.float64).eps)
 Weighting = Literal["angle", "area", "equal"]
 Floats = npt.NDArray[np.float64]
@@ -29,13 +29,24 @@ def normalize(vectors: Floats) -> Floats:
     return out
 
 
+def given(vectors: Floats) -> npt.NDArray[np.bool_]:
+    """Which of the `vectors` (n, 3) are not zero, (n,)."""
+    x, y, z = vectors.T
+    return (x != 0) | (y != 0) | (z != 0)
+
+
 def face_normals(vertices: Floats, faces: Ints) -> tuple[Floats, Floats]:
     """Unit normals (m, 3) and areas (m,) of triangles; both zero for a degenerate face.
 
     A face is degenerate when its area is zero to rounding: below 4 ulp of the product of its two longest edges.
     """
     normals, areas = np.zeros((len(faces), 3)), np.zeros(len(faces))
-    _face_normals(np.ascontiguousarray(vertices, np.float64), np.ascontiguousarray(faces, np.int64), normals, areas)
+    vertices, faces = np.ascontiguousarray(vertices, np.float64), np.ascontiguousarray(faces, np.int64)
+
+    def work(first: int, last: int) -> None:
+        _face_normals(vertices, faces[first:last], normals[first:last], areas[first:last])
+
+    run_blocks(len(faces), _BLOCK, work, thread_count(None))
     return normals, areas
 
 

@@ -14,6 +14,7 @@ import numpy.typing as npt
 from .contacts import Contacts, distance_to_triangle, find_contacts
 from .embree import TriangleScene
 from .jit import inline, kernel
+from .normals import given
 from .outermost import outermost_normal
 from .parallel import run_blocks, thread_count
 from .placement import ULP, ray_offset
@@ -26,7 +27,7 @@ TOUCHING = 4.0  # roundings of a coordinate; the point's and the face's own make
 FLAT = 1.0 / 16.0
 _ENOUGH = 0.3  # clearance with which a search for a better direction ends
 _SAME_PLANE = 0.9999
-_BLOCK = 1 << 12  # points
+_POINTS, _FACES = 1 << 12, 1 << 15  # of a block of work
 
 
 def ray_origins(
@@ -54,13 +55,17 @@ def ray_origins(
 
     lift, clearance = lift.copy(), clearance.copy()
     extent, flat, rounding, size = *(np.zeros(len(faces)) for _ in range(3)), np.zeros(len(points))
-    _measure(vertices, faces, face_normals, extent, flat, rounding)
+
+    def measure(a: int, b: int) -> None:
+        _measure(vertices, faces[a:b], face_normals[a:b], extent[a:b], flat[a:b], rounding[a:b])
+
+    run_blocks(len(faces), _FACES, measure, thread_count(None))
     _spread(flat, seats, size)
     _largest(np.maximum(extent, flat), seats, size)
     offset = ray_offset(lift, size, clearance)
     own = TOUCHING * ULP * (np.abs(points) @ np.ones(3))
     reach = np.maximum(4.0 * offset, own)  # so far that turning a lift seldom asks for more
-    reach[(lift == 0.0).all(axis=1)] = -1.0
+    reach[~given(lift)] = -1.0
     near = contacts(reach)
     touched = near.only(near.distance <= np.maximum(own[near.point], rounding[near.face]))
     if len(touched.point):
@@ -101,7 +106,7 @@ def _step_out(
             clearance,
         )  # fmt: skip
 
-    run_blocks(len(rows), _BLOCK, work, thread_count(None))
+    run_blocks(len(rows), _POINTS, work, thread_count(None))
 
 
 @kernel

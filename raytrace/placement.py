@@ -30,11 +30,13 @@ class Placement:
 
     @classmethod
     def of(cls, mesh: Mesh) -> Placement:
-        extent = float((mesh.vertices.max(axis=0) / 2 - mesh.vertices.min(axis=0) / 2).max())
+        low, high = mesh.bounds
+        extent = float((high / 2 - low / 2).max())
         exponent = min(-math.frexp(extent)[1], 1023) if extent > 0 else 0  # 2^1024 is no number
-        placed = np.ldexp(mesh.vertices - mesh.centre, exponent).astype(np.float32)
-        diagonal = 1.001 * float(np.linalg.norm(placed.max(axis=0).astype(np.float64) - placed.min(axis=0)))
-        return cls(placed, math.ldexp(1.0, exponent), max(diagonal, 1e-30))
+        scale = math.ldexp(1.0, exponent)
+        placed, least, most = (((at - mesh.centre) * scale).astype(np.float32) for at in (mesh.vertices, low, high))
+        diagonal = 1.001 * float(np.linalg.norm(most.astype(np.float64) - least))
+        return cls(placed, scale, max(diagonal, 1e-30))
 
 
 def ray_offset(
