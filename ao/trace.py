@@ -17,7 +17,7 @@ from .falloff import Mu
 from .hemisphere import DirectionTable, gather
 from .receivers import Points
 
-_BLOCK_RAYS, _LEAST_RAYS = 1 << 19, 1 << 12  # of a block of work
+_BLOCK_RAYS, _LEAST_RAYS = 1 << 19, 1 << 13  # of a block of work
 _BLOCKS = 32  # at least, if they are not too small: for threads to share evenly
 
 Progress = Callable[[int, int], None]

@@ -12,6 +12,7 @@ uint32.
 from __future__ import annotations
 
 import ctypes
+import math
 import sys
 import threading
 import time
@@ -125,7 +126,7 @@ def occluded16(scene, packet, valid):
 
 def aligned(shape: tuple[int, ...], dtype: npt.DTypeLike) -> npt.NDArray[Any]:
     """Zeroed array that starts on a 64-byte boundary and owns 16 spare bytes behind its end, as Embree wants."""
-    size = int(np.prod(shape)) * np.dtype(dtype).itemsize
+    size = math.prod(shape) * np.dtype(dtype).itemsize
     raw = np.zeros(size + 80, np.uint8)
     start = -raw.ctypes.data % 64
     return raw[start : start + size].view(dtype).reshape(shape)
