@@ -88,6 +88,23 @@ def turned_frame(n, turn):
     return t, b2
 
 
+@inline
+def start_from(packet, origin):
+    for lane in range(LANES):
+        packet[ORG_X, lane], packet[ORG_Y, lane], packet[ORG_Z, lane] = origin[0], origin[1], origin[2]
+
+
+@inline
+def aim(packet, local, first, t, b, n, reach):
+    """Turn eight of the directions `local` about +z, (3, samples), into the frame t, b, n; rays of length `reach`."""
+    for lane in range(LANES):
+        x, y, z = local[0, first + lane], local[1, first + lane], local[2, first + lane]
+        packet[DIR_X, lane] = x * t[0] + y * b[0] + z * n[0]
+        packet[DIR_Y, lane] = x * t[1] + y * b[1] + z * n[1]
+        packet[DIR_Z, lane] = x * t[2] + y * b[2] + z * n[2]
+        packet[TFAR, lane] = reach
+
+
 @kernel
 def gather(scene, packet, valid, origins, normals, numbers, directions, batches, mean, key, tau, reach, limit, out):
     """Obscurance of a block of points.
@@ -119,21 +136,12 @@ def gather(scene, packet, valid, origins, normals, numbers, directions, batches,
         local = directions[chosen]
         lost[:] = 0.0
         x = y = z = 0.0
-        for lane in range(LANES):
-            valid[lane] = -1
-            packet[ORG_X, lane] = origins[i, 0]
-            packet[ORG_Y, lane] = origins[i, 1]
-            packet[ORG_Z, lane] = origins[i, 2]
+        valid[:] = -1
+        start_from(packet, origins[i])
         for first in range(0, samples, LANES):
             lanes = min(LANES, samples - first)
-            for lane in range(lanes, LANES):
-                valid[lane] = 0
-            for lane in range(LANES):
-                lx, ly, lz = local[0, first + lane], local[1, first + lane], local[2, first + lane]
-                packet[DIR_X, lane] = lx * t[0] + ly * b[0] + lz * n[0]
-                packet[DIR_Y, lane] = lx * t[1] + ly * b[1] + lz * n[1]
-                packet[DIR_Z, lane] = lx * t[2] + ly * b[2] + lz * n[2]
-                packet[TFAR, lane] = reach
+            valid[lanes:] = 0
+            aim(packet, local, first, t, b, n, reach)
             if exponential:
                 intersect8(scene, packet, valid)
             else:

@@ -18,10 +18,6 @@ from raytrace.embree import (
     NG_X,
     NG_Y,
     NG_Z,
-    ORG_X,
-    ORG_Y,
-    ORG_Z,
-    TFAR,
     TriangleScene,
     intersect8,
     new_packet,
@@ -29,7 +25,7 @@ from raytrace.embree import (
 from raytrace.jit import kernel
 from raytrace.parallel import run_blocks
 
-from .hemisphere import DirectionTable, choose, turned_frame
+from .hemisphere import DirectionTable, aim, choose, start_from, turned_frame
 from .neighbours import Neighbours
 from .receivers import Points
 from .subset import coarser, fill, owners
@@ -84,16 +80,10 @@ def _look(scene, packet, valid, origins, normals, numbers, directions, key, reac
         n = normals[i]
         t, b = turned_frame(n, turn)
         local = directions[chosen]
-        for lane in range(LANES):
-            packet[ORG_X, lane], packet[ORG_Y, lane], packet[ORG_Z, lane] = origins[i]
+        start_from(packet, origins[i])
         count = 0
         for first in range(0, samples, LANES):
-            for lane in range(LANES):
-                lx, ly, lz = local[0, first + lane], local[1, first + lane], local[2, first + lane]
-                packet[DIR_X, lane] = lx * t[0] + ly * b[0] + lz * n[0]
-                packet[DIR_Y, lane] = lx * t[1] + ly * b[1] + lz * n[1]
-                packet[DIR_Z, lane] = lx * t[2] + ly * b[2] + lz * n[2]
-                packet[TFAR, lane] = reach
+            aim(packet, local, first, t, b, n, reach)
             intersect8(scene, packet, valid)
             for lane in range(LANES):
                 if ids[GEOM_ID, lane] != INVALID:
