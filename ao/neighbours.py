@@ -73,25 +73,30 @@ class Neighbours:
         run_blocks(len(self.starts) - 1, _BLOCK, work, self.threads)
 
     def predict(self, values: Floats) -> Floats:
-        """The weighted mean of the neighbours' `values` (k, …), the point's own left out; NaN without neighbours."""
+        """The weighted mean of the neighbours' `values` (k,) or (k, c), the point's own left out; NaN without any."""
         return self._means(values, 0.0)
 
     def smooth(self, values: Floats, rounds: int) -> Floats:
-        """`values` (k, …) averaged with the neighbours', `rounds` times: about `rounds` edges far."""
+        """`values` (k,) or (k, c) averaged with the neighbours', `rounds` times: about `rounds` edges far."""
         for _ in range(rounds):
             values = self._means(values, 1.0)
         return values
 
     def _means(self, values: Floats, own: float) -> Floats:
-        out = np.empty((len(values), values.size // max(len(values), 1)))
-        rows = np.ascontiguousarray(values).reshape(out.shape)
-        self.each(lambda first, last: _means(first, last, self.starts, self.others, self.weights, rows, own, out))
-        return out.reshape(values.shape)
+        values, out = np.ascontiguousarray(values), np.empty(values.shape, values.dtype)
+        means = _mean if values.ndim == 1 else _means
+        self.each(lambda first, last: means(first, last, self.starts, self.others, self.weights, values, own, out))
+        return out
+
+    def own(self) -> Floats:
+        """The share (k,) that a point's own value has in its mean with the neighbours'."""
+        out = np.empty(len(self.starts) - 1)
+        self.each(lambda first, last: _own(first, last, self.starts, self.weights, out))
+        return out
 
     def returned(self) -> Floats:
         """The share (k,) that a point's own value has in the mean of its own and its neighbours' predictions."""
-        whole, out = np.empty(len(self.starts) - 1), np.empty(len(self.starts) - 1)
-        self.each(lambda first, last: _sums(first, last, self.starts, self.weights, whole))
+        whole, out = 1 / self.own() - 1, np.empty(len(self.starts) - 1)
         self.each(lambda first, last: _returned(first, last, self.starts, self.others, self.weights, whole, out))
         return out
 
@@ -140,23 +145,39 @@ def _agree(first, last, starts, others, normals, weights):
 @kernel
 def _means(first, last, starts, others, weights, values, own, out):
     """Ring means, the point's own value weighted by `own`, of differences: equal values stay equal to the bit."""
+    columns = values.shape[1]
+    difference = np.zeros(columns, values.dtype)
     for i in range(first, last):
-        weight = own
+        weight, mine = own, values[i]
+        difference[:] = 0.0
         for k in range(starts[i], starts[i + 1]):
-            weight += np.float64(weights[k])
-        for c in range(values.shape[1]):
-            mine, difference = values[i, c], 0.0
-            for k in range(starts[i], starts[i + 1]):
-                difference += np.float64(weights[k]) * (values[others[k], c] - mine)
-            out[i, c] = mine + difference / weight if weight > 1e-6 else np.nan
+            w, theirs = np.float64(weights[k]), values[others[k]]
+            weight += w
+            for c in range(columns):
+                difference[c] += w * (theirs[c] - mine[c])
+        for c in range(columns):
+            out[i, c] = mine[c] + difference[c] / weight if weight > 1e-6 else np.nan
 
 
 @kernel
-def _sums(first, last, starts, weights, out):
+def _mean(first, last, starts, others, weights, values, own, out):
+    """`_means` of one column, in a register."""
     for i in range(first, last):
-        out[i] = 0.0
+        weight, difference, mine = own, 0.0, values[i]
         for k in range(starts[i], starts[i + 1]):
-            out[i] += weights[k]
+            w = np.float64(weights[k])
+            weight += w
+            difference += w * (values[others[k]] - mine)
+        out[i] = mine + difference / weight if weight > 1e-6 else np.nan
+
+
+@kernel
+def _own(first, last, starts, weights, out):
+    for i in range(first, last):
+        weight = 1.0
+        for k in range(starts[i], starts[i + 1]):
+            weight += weights[k]
+        out[i] = 1.0 / weight
 
 
 @kernel

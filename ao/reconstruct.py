@@ -7,7 +7,7 @@ have beyond σ². As samples grow, σ² vanishes before t² and the estimate is 
 
 The prediction is the mean over the neighbours, corrected for what makes a vertex differ from them: how it leans
 towards what is closed around it, and how far its neighbours stand above its tangent plane. How much each tells is
-fitted to the mesh at hand by least squares.
+fitted by least squares, to the whole mesh and then to the surroundings of each point.
 """
 
 from __future__ import annotations
@@ -16,6 +16,7 @@ import numpy as np
 import numpy.typing as npt
 
 from raytrace.jit import kernel
+from raytrace.vector import add, cross, dot, load, scale
 
 from .hemisphere import BATCHES
 from .neighbours import Neighbours
@@ -26,9 +27,10 @@ Floats = npt.NDArray[np.float64]
 _SPREAD_REACH = 3  # edges over which the spread between batches is averaged
 _REACH = 4  # and squared residuals
 _LEAN_REACH = 3  # and what is closed around a point
+_FIT_REACH = 4  # and what corrections are fitted to
 _OUTLIER = 9.0  # a residual of more than three σ is the point's own
 _RIDGE, _RIDGE_POINTS = 3e-3, 10.0
-_USUAL, _DOUBT = 1.25, 0.5  # factor by which expected squared errors are off, and its standard deviation
+_USUAL, _DOUBT = 1.0, 0.5  # factor by which expected squared errors are off, and its standard deviation
 
 
 def reconstruct(neighbours: Neighbours, points: Points, rows: Floats, level: float) -> tuple[Floats, Floats]:
@@ -40,7 +42,7 @@ def reconstruct(neighbours: Neighbours, points: Points, rows: Floats, level: flo
     """
     estimate, spread = rows[:, 0], neighbours.smooth(rows[:, 1], _SPREAD_REACH)
     variance = shared_out(spread, level)
-    prediction = _prediction(neighbours, points, rows, variance)
+    prediction, part = _prediction(neighbours, points, rows, variance)
     lonely = np.isnan(prediction)
     residual = np.where(lonely, 0.0, estimate - prediction)
     squared = residual**2
@@ -48,11 +50,11 @@ def reconstruct(neighbours: Neighbours, points: Points, rows: Floats, level: flo
     error = np.maximum(np.maximum(beyond, squared - _OUTLIER * variance), 0.01 * variance)
     told = ~lonely & (variance > 0) & (spread > 0)
     share = np.where(told, variance / np.where(told, variance + error, 1.0), 0.0)
-    return estimate - share * residual, variance * (1 - share)
+    return estimate - share * residual, variance * (1 - share * (1 - 2 * part))
 
 
-def _prediction(neighbours: Neighbours, points: Points, rows: Floats, variance: Floats) -> Floats:
-    """What each estimate is by all but its own rays, (k,); NaN without neighbours."""
+def _prediction(neighbours: Neighbours, points: Points, rows: Floats, variance: Floats) -> tuple[Floats, Floats]:
+    """What each estimate is by its neighbours', (k,), NaN without; and which part it has in that itself, (k,)."""
     estimate, normals = rows[:, 0], points.normals.astype(np.float64)
     closed = 2 / 3 * normals - rows[:, 2:5]  # mean of (1 − μ)·direction
     told = neighbours.predict(np.column_stack([estimate, closed]))
@@ -72,7 +74,10 @@ def _prediction(neighbours: Neighbours, points: Points, rows: Floats, variance: 
     unlike[lonely] = 0.0
     residual = np.where(lonely, 0.0, estimate - ring)
     rough = np.nan_to_num(neighbours.predict(neighbours.smooth(residual**2 - variance, 2)))
-    return ring + unlike @ _fit(unlike, residual, 1 / np.maximum(variance + np.maximum(rough, 0.0), 1e-12))
+    weight = 1 / np.maximum(variance + np.maximum(rough, 0.0), 1e-12)
+    everywhere = unlike @ _fit(unlike, residual, weight)
+    around, part = _fitted_around(neighbours, unlike, residual - everywhere, weight)
+    return ring + everywhere + around, part
 
 
 def _fit(columns: Floats, target: Floats, weight: Floats) -> Floats:
@@ -84,6 +89,44 @@ def _fit(columns: Floats, target: Floats, weight: Floats) -> Floats:
     ridge = _RIDGE + _RIDGE_POINTS / max(len(target), 1)
     inside = matrix / np.outer(size, size) + ridge * np.eye(len(size))
     return np.where(used, np.linalg.solve(inside, right / size) / size, 0.0)
+
+
+def _fitted_around(neighbours: Neighbours, columns: Floats, target: Floats, weight: Floats) -> tuple[Floats, Floats]:
+    """`target` (k,) by least squares from three `columns` (k, 3), fitted anew around each point; its own part in that.
+
+    Coefficients are drawn to 0 as if a typical surrounding had told that.
+    """
+    size = np.sqrt(np.einsum("ki,ki,k->i", columns, columns, weight) / max(len(target), 1))
+    scaled = columns / np.where(size > 0, size, 1.0)
+    moments, fit, part = np.empty((len(target), 9), np.float32), np.empty(len(target)), np.empty(len(target))
+    neighbours.each(lambda first, last: _products(first, last, scaled, target, weight, moments))
+    moments = neighbours.smooth(moments, _FIT_REACH)
+    neighbours.each(lambda first, last: _solutions(first, last, scaled, moments, fit, part))
+    own = neighbours.own()
+    return fit, np.minimum(
+        part * weight * own * (1 + own) / 2, 0.5
+    )  # about the part in four rounds, for valences from 1 to 8
+
+
+@kernel
+def _products(first, last, columns, target, weight, out):
+    for i in range(first, last):
+        a, b, c = load(columns, i)
+        values = a * a, a * b, a * c, b * b, b * c, c * c, a * target[i], b * target[i], c * target[i]
+        for k in range(9):
+            out[i, k] = weight[i] * values[k]
+
+
+@kernel
+def _solutions(first, last, columns, moments, fit, part):
+    for i in range(first, last):
+        m = moments[i]
+        x, y, z = (1.0 + m[0], m[1], m[2]), (m[1], 1.0 + m[3], m[4]), (m[2], m[4], 1.0 + m[5])
+        yz, zx, xy = cross(y, z), cross(z, x), cross(x, y)  # columns of the inverse, times the determinant
+        mine, determinant = load(columns, i), dot(x, yz)
+        solved = add(add(scale(mine[0], yz), scale(mine[1], zx)), scale(mine[2], xy))
+        fit[i] = dot(solved, (m[6], m[7], m[8])) / determinant
+        part[i] = dot(solved, mine) / determinant
 
 
 @kernel
