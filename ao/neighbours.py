@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 import numpy.typing as npt
@@ -13,6 +13,7 @@ from raytrace.jit import kernel
 from raytrace.parallel import run_blocks
 
 Floats = npt.NDArray[np.float64]
+Real = TypeVar("Real", np.float32, np.float64)
 _CREASE = 16  # power of n·n' by which a neighbour counts less
 _BLOCK = 1 << 13  # points
 
@@ -72,17 +73,17 @@ class Neighbours:
         """Call `work(first, last)` for blocks of points, on threads."""
         run_blocks(len(self.starts) - 1, _BLOCK, work, self.threads)
 
-    def predict(self, values: Floats) -> Floats:
+    def predict(self, values: npt.NDArray[Real]) -> npt.NDArray[Real]:
         """The weighted mean of the neighbours' `values` (k,) or (k, c), the point's own left out; NaN without any."""
         return self._means(values, 0.0)
 
-    def smooth(self, values: Floats, rounds: int) -> Floats:
+    def smooth(self, values: npt.NDArray[Real], rounds: int) -> npt.NDArray[Real]:
         """`values` (k,) or (k, c) averaged with the neighbours', `rounds` times: about `rounds` edges far."""
         for _ in range(rounds):
             values = self._means(values, 1.0)
         return values
 
-    def _means(self, values: Floats, own: float) -> Floats:
+    def _means(self, values: npt.NDArray[Real], own: float) -> npt.NDArray[Real]:
         values, out = np.ascontiguousarray(values), np.empty(values.shape, values.dtype)
         means = _mean if values.ndim == 1 else _means
         self.each(lambda first, last: means(first, last, self.starts, self.others, self.weights, values, own, out))

@@ -100,8 +100,8 @@ def _fitted_around(neighbours: Neighbours, columns: Floats, target: Floats, weig
     scaled = columns / np.where(size > 0, size, 1.0)
     moments, fit, part = np.empty((len(target), 9), np.float32), np.empty(len(target)), np.empty(len(target))
     neighbours.each(lambda first, last: _products(first, last, scaled, target, weight, moments))
-    moments = neighbours.smooth(moments, _FIT_REACH)
-    neighbours.each(lambda first, last: _solutions(first, last, scaled, moments, fit, part))
+    around = neighbours.smooth(moments, _FIT_REACH)
+    neighbours.each(lambda first, last: _solutions(first, last, scaled, around, fit, part))
     own = neighbours.own()
     return fit, np.minimum(
         part * weight * own * (1 + own) / 2, 0.5
