@@ -64,8 +64,8 @@ def filled(
     owner = owners(neighbours, ~hidden)
     alone = owner < 0
     owner[alone] = np.flatnonzero(alone)
-    near, known = coarser(neighbours, owner, points.normals)
-    return fill(points, np.arange(len(points)), owner, near, known, np.ascontiguousarray(rows[known]))
+    near, known, cell = coarser(neighbours, owner, points.normals)
+    return fill(points, np.arange(len(points)), near, known, cell, np.ascontiguousarray(rows[known]))
 
 
 @kernel

@@ -15,7 +15,7 @@ from raytrace.parallel import run_blocks
 Floats = npt.NDArray[np.float64]
 Real = TypeVar("Real", np.float32, np.float64)
 _CREASE = 16  # power of n·n' by which a neighbour counts less
-_BLOCK = 1 << 13  # points
+_BLOCK = 1 << 11  # points
 
 
 @dataclass(frozen=True, eq=False)

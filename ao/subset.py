@@ -18,6 +18,7 @@ from .receivers import Points
 
 Floats = npt.NDArray[np.float64]
 Ints = npt.NDArray[np.int64]
+Cells = npt.NDArray[np.int32]
 Bools = npt.NDArray[np.bool_]
 
 _BLOCK = 1 << 14
@@ -47,8 +48,8 @@ def _flood(starts, others, owner, queue, last):
                 last += 1
 
 
-def coarser(neighbours: Neighbours, owner: Ints, normals: npt.NDArray[np.float32]) -> tuple[Neighbours, Ints]:
-    """Neighbours among the baked points, each found once, and the baked points themselves, ascending.
+def coarser(neighbours: Neighbours, owner: Ints, normals: npt.NDArray[np.float32]) -> tuple[Neighbours, Ints, Cells]:
+    """Neighbours among the baked points, the baked points (b,), ascending, and which of them owns each point, (k,).
 
     Args: owner: (k,), as `owners` gives it, ≥ 0 everywhere. normals: float32 (k, 3), of all points.
     """
@@ -56,6 +57,8 @@ def coarser(neighbours: Neighbours, owner: Ints, normals: npt.NDArray[np.float32
     row = np.empty(len(owner), np.int32)
     row[baked] = np.arange(len(baked), dtype=np.int32)
     cell = row[owner]
+    if len(baked) == len(owner):
+        return neighbours, baked, cell
     starts = np.zeros(len(baked) + 1, np.int64)
     members = np.empty(len(cell), np.int64)
     _sort(cell, np.zeros(len(baked) + 1, np.int64), members)
@@ -63,7 +66,7 @@ def coarser(neighbours: Neighbours, owner: Ints, normals: npt.NDArray[np.float32
     _adjacent(neighbours.starts, neighbours.others, cell, members, starts, others)
     others = others[: starts[-1]].copy()
     alike = np.ones(len(others), np.float32)
-    return Neighbours.weighted(starts, others, alike, normals[baked], neighbours.threads), baked
+    return Neighbours.weighted(starts, others, alike, normals[baked], neighbours.threads), baked, cell
 
 
 @kernel
@@ -104,20 +107,17 @@ def _adjacent(starts, others, cell, members, cell_starts, cell_others):
         cell_starts[mine + 1] = last
 
 
-def fill(points: Points, wanted: Ints, owner: Ints, near: Neighbours, baked: Ints, values: Floats) -> Floats:
+def fill(points: Points, wanted: Ints, near: Neighbours, baked: Ints, cell: Cells, values: Floats) -> Floats:
     """Values (j, c) at the points `wanted` (j,) from those at the baked ones, (b, c), which are kept as they are.
 
-    Args: near, baked: as `coarser` gives them.
+    Args: near, baked, cell: as `coarser` gives them.
     """
-    row = np.empty(len(points), np.int64)
-    row[baked] = np.arange(len(baked))
-    cell = row[owner[wanted]]
-    out = np.empty((len(wanted), values.shape[1]))
+    cells, out = cell[wanted], np.empty((len(wanted), values.shape[1]))
 
     def work(first: int, last: int) -> None:
         scratch = np.empty((_MOST, 4))
         _fill(
-            points.origins, points.normals, wanted[first:last], cell[first:last], baked, near.starts, near.others,
+            points.origins, points.normals, wanted[first:last], cells[first:last], baked, near.starts, near.others,
             values, scratch, out[first:last],
         )  # fmt: skip
 

@@ -100,7 +100,13 @@ def estimate_to(
 
 
 class _Field:
-    """w over all points, from rays at some of them."""
+    """w over all points, from rays at some of them.
+
+    Attributes:
+        baked: bool (k,). owner, near, known, cell: `owners` and `coarser` of these. rows: (k, 5), what rays tell.
+        values: (b, 4), the baked points' reconstructed w and means of μ·direction; error: (b,), mean square error of w.
+        between: (b,), that of the points told from each, of which there are told (b,). mse: that of all points.
+    """
 
     def __init__(self, tracer: Tracer, points: Points, neighbours: Neighbours, probes: _Probes, key: np.uint32) -> None:
         self.tracer, self.points, self.neighbours, self.probes, self.key = tracer, points, neighbours, probes, key
@@ -111,8 +117,8 @@ class _Field:
         self.rows = np.zeros((len(points), 5))
         self.baked = np.zeros(len(points), np.bool_)
         self._bake(np.arange(len(points)) % self.stride == 0)
-        self.owner = owners(neighbours, self.baked)
-        self._bake(self.owner < 0)
+        if (self.owner < 0).any():
+            self._bake(self.owner < 0)
 
     def _bake(self, which: npt.NDArray[np.bool_]) -> None:
         which = which & ~self.baked
@@ -122,6 +128,7 @@ class _Field:
             self.rows[self.probes.rows[probed]] = self.probes.raw[probed]
             which[self.probes.rows] = False
         self.rows[which] = self.tracer.gather(self.points[which], self.samples, self.key)
+        self.owner = owners(self.neighbours, self.baked)
 
     def refine(self, goal: float, most: int) -> None:
         """Bake more points where predictions are worst until the mean square error meets `goal` or all are baked."""
@@ -142,54 +149,49 @@ class _Field:
     def _deepening_pays(self, goal: float, most: int) -> bool:
         """Whether the baked points' noise is in the way, and more rays for them are fewer than rays for the rest."""
         share = float(np.mean(self.baked))
-        noisy = float(np.mean(self.doubt[self.baked])) > _NOISY * goal and self.samples < most
+        noisy = float(np.mean(self.error)) > _NOISY * goal and self.samples < most
         return noisy and share * self._missing(goal) < (1 - share) * self.samples
 
     def _reconstruct(self) -> None:
         """Draw the baked points to their neighbours, and measure the mean square error of what all points become."""
-        self.owner = owners(self.neighbours, self.baked)
-        if self.baked.all():
-            self.near, known = self.neighbours, np.arange(len(self.points))
-        else:
-            self.near, known = coarser(self.neighbours, self.owner, self.points.normals)
-        raw = self.rows[known]
-        drawn, error = reconstruct(self.near, self.points[known], raw, self.noise)
-        self.known, self.values = known, np.column_stack([drawn, raw[:, 2:]])
+        self.near, self.known, self.cell = coarser(self.neighbours, self.owner, self.points.normals)
+        raw = self.rows[self.known]
+        drawn, self.error = reconstruct(self.near, self.points[self.known], raw, self.noise)
+        self.values = np.column_stack([drawn, raw[:, 2:]])
         residual = np.nan_to_num(raw[:, 0] - self.near.predict(raw[:, 0]))
-        self.doubt = np.zeros(len(self.points))
-        self.doubt[known] = np.maximum(self.near.smooth(residual**2, 2), error)
-        self.doubt = self.doubt[self.owner]
-        self._judge(known, error)
+        self.between = np.maximum(self.near.smooth(residual**2, 2), self.error)
+        self._judge()
 
     def _fill(self, wanted: npt.NDArray[np.int64]) -> Floats:
         """Values (j, 4) at the points `wanted` (j,), from those at the baked ones."""
-        return fill(self.points, wanted, self.owner, self.near, self.known, self.values)
+        return fill(self.points, wanted, self.near, self.known, self.cell, self.values)
 
-    def _judge(self, baked: npt.NDArray[np.int64], error: Floats) -> None:
+    def _judge(self) -> None:
         """Bring the expected squared errors to the level that the probes show, and set their mean."""
         rows = self.probes.rows
-        predicted = ~self.baked[rows]
+        predicted, cell = ~self.baked[rows], self.cell[rows]
         squared = self.probes.squared(self._fill(rows)[:, 0], ~predicted)
-        told = float(np.sum(self.doubt[rows][predicted]))
-        self.doubt *= max(float(np.sum(squared[predicted])), 0.0) / told if told > 0 else 0.0
-        self.doubt[baked] = error
-        self.doubt *= judged(self.doubt[rows], squared)
-        self.mse = float(np.mean(self.doubt))
+        told = float(np.sum(self.between[cell[predicted]]))
+        self.between *= max(float(np.sum(squared[predicted])), 0.0) / told if told > 0 else 0.0
+        level = judged(np.where(predicted, self.between[cell], self.error[cell]), squared)
+        self.between *= level
+        self.error *= level
+        self.told = np.bincount(self.cell, minlength=len(self.known)) - 1
+        self.mse = float(self.told @ self.between + np.sum(self.error)) / max(len(self.points), 1)
 
     def _step(self, goal: float) -> int:
         """By what to divide the stride: 2, or more where predictions are so far off that all the next rounds fail."""
-        excess = float(np.sqrt(np.mean(self.doubt[~self.baked]) / goal))
+        excess = float(np.sqrt(self.told @ self.between / np.sum(self.told) / goal))
         return int(2 ** max(np.log(max(excess, 1.0)) / np.log(_HALVED) - 2, 1))
 
     def _doubtful(self, goal: float) -> npt.NDArray[np.bool_]:
         """The points too ill predicted for `goal`: the fewest whose baking leaves enough to the others."""
-        rest = np.sort(self.doubt[~self.baked])
-        once_baked = float(np.mean(self.doubt[self.baked]))
-        allowance = goal * len(self.points) - once_baked * int(np.count_nonzero(self.baked))
-        kept = np.cumsum(rest) + once_baked * np.arange(len(rest) - 1, -1, -1)
-        fine = np.flatnonzero(kept <= max(allowance, 0.0))
-        worst = rest[fine[-1]] if len(fine) else -1.0
-        return ~self.baked & (self.doubt > worst)
+        order = np.argsort(self.between, kind="stable")
+        told, once_baked = np.cumsum(self.told[order]), float(np.mean(self.error))
+        kept = np.cumsum((self.told * self.between)[order]) + once_baked * (told[-1] - told)
+        fine = np.flatnonzero(kept <= goal * len(self.points) - float(np.sum(self.error)))
+        worst = self.between[order[fine[-1]]] if len(fine) else -1.0
+        return ~self.baked & (self.between > worst)[self.cell]
 
     def deepen_to(self, goal: float, most: int) -> bool:
         """Give every baked point the rays that `goal` lacks, up to `most` in all; whether any were lacking."""
@@ -206,7 +208,8 @@ class _Field:
 
     def estimate(self) -> Estimate:
         rows = self._fill(np.arange(len(self.points)))
-        return Estimate(rows, self.doubt, self.samples, int(np.count_nonzero(~self.baked)))
+        variance = np.where(self.baked, self.error[self.cell], self.between[self.cell])
+        return Estimate(rows, variance, self.samples, int(np.count_nonzero(~self.baked)))
 
 
 def _spread(count: int, wanted: int) -> npt.NDArray[np.int64]:

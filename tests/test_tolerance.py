@@ -100,10 +100,10 @@ def test_what_varies_linearly_is_filled_in_exactly() -> None:
     baked = np.arange(400) % 4 == 0
     owner = owners(near, baked)
     assert baked[owner].all()
-    joined, rows = coarser(near, owner, receivers.points.normals)
+    joined, rows, cell = coarser(near, owner, receivers.points.normals)
     place = receivers.points.origins.astype(np.float64)
     value = np.column_stack([0.2 + 0.3 * place[:, 0] - 0.1 * place[:, 1], np.full(400, 0.7)])
-    filled = fill(receivers.points, np.arange(400), owner, joined, rows, value[rows])
+    filled = fill(receivers.points, np.arange(400), joined, rows, cell, value[rows])
     np.testing.assert_array_equal(filled[rows], value[rows])
     assert np.abs(filled[:, 0] - value[:, 0]).max() < 0.02  # on the rim it leans on one side
     assert rms(filled[:, 0] - value[:, 0]) < 0.004
