@@ -16,6 +16,7 @@ import numpy as np
 import numpy.typing as npt
 
 from raytrace.jit import kernel
+from raytrace.products import product
 from raytrace.vector import add, cross, dot, load, scale
 
 from .hemisphere import BATCHES
@@ -75,7 +76,7 @@ def _prediction(neighbours: Neighbours, points: Points, rows: Floats, variance: 
     residual = np.where(lonely, 0.0, estimate - ring)
     rough = np.nan_to_num(neighbours.predict(neighbours.smooth(residual**2 - variance, 2)))
     weight = 1 / np.maximum(variance + np.maximum(rough, 0.0), 1e-12)
-    everywhere = unlike @ _fit(unlike, residual, weight)
+    everywhere = product(unlike, _fit(unlike, residual, weight))
     around, part = _fitted_around(neighbours, unlike, residual - everywhere, weight)
     return ring + everywhere + around, part
 

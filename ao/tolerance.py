@@ -177,11 +177,11 @@ class _Field:
         self.between *= level
         self.error *= level
         self.told = np.bincount(self.cell, minlength=len(self.known)) - 1
-        self.mse = float(self.told @ self.between + np.sum(self.error)) / max(len(self.points), 1)
+        self.mse = float(np.sum(self.told * self.between) + np.sum(self.error)) / max(len(self.points), 1)
 
     def _step(self, goal: float) -> int:
         """By what to divide the stride: 2, or more where predictions are so far off that all the next rounds fail."""
-        excess = float(np.sqrt(self.told @ self.between / np.sum(self.told) / goal))
+        excess = float(np.sqrt(np.sum(self.told * self.between) / np.sum(self.told) / goal))
         return int(2 ** max(np.log(max(excess, 1.0)) / np.log(_HALVED) - 2, 1))
 
     def _doubtful(self, goal: float) -> npt.NDArray[np.bool_]:

@@ -11,6 +11,7 @@ import numpy.typing as npt
 from .errors import OptionError
 from .mesh import Mesh
 from .normals import normalize
+from .products import product
 
 Floats = npt.NDArray[np.float64]
 Vector = tuple[float, float, float]
@@ -75,8 +76,8 @@ class Camera:
         right, above, forward = view.axes()
         half = np.tan(np.radians(view.field_of_view / 2))
         offset = mesh.vertices - mesh.centre
-        across = np.maximum(np.abs(offset @ right) / aspect, np.abs(offset @ above))
-        distance = 1.05 * float(np.max(across / half - offset @ forward)) or 1.0
+        across = np.maximum(np.abs(product(offset, right)) / aspect, np.abs(product(offset, above)))
+        distance = 1.05 * float(np.max(across / half - product(offset, forward))) or 1.0
         return cls(_vector(mesh.centre - distance * forward), _vector(mesh.centre), up, field_of_view)
 
     def axes(self) -> tuple[Floats, Floats, Floats]:

@@ -18,6 +18,7 @@ from .normals import given
 from .outermost import outermost_normal
 from .parallel import run_blocks, thread_count
 from .placement import ULP, ray_offset
+from .products import product
 from .vector import add, cross, dot, load, scale, subtract
 
 Floats = npt.NDArray[np.float64]
@@ -63,7 +64,7 @@ def ray_origins(
     _spread(flat, seats, size)
     _largest(np.maximum(extent, flat), seats, size)
     offset = ray_offset(lift, size, clearance)
-    own = TOUCHING * ULP * (np.abs(points) @ np.ones(3))
+    own = TOUCHING * ULP * product(np.abs(points), np.ones(3))
     reach = np.maximum(4.0 * offset, own)  # so far that turning a lift seldom asks for more
     reach[~given(lift)] = -1.0
     near = contacts(reach)

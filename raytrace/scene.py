@@ -11,6 +11,7 @@ import numpy.typing as npt
 
 from .errors import OptionError
 from .mesh import Mesh
+from .products import product
 
 if TYPE_CHECKING:
     from .lights import BaseLight
@@ -103,7 +104,7 @@ class Scene:
         vertices, faces, start = [], [], 0
         for item in self.objects:
             mesh, linear = item.shape.mesh, item.transform[:3, :3]
-            vertices.append(mesh.vertices @ linear.T + item.transform[:3, 3])
+            vertices.append(product(mesh.vertices, linear.T) + item.transform[:3, 3])
             corners = mesh.faces[:, ::-1] if np.linalg.det(linear) < 0 else mesh.faces
             faces.append(corners + start)
             start += len(mesh.vertices)

@@ -14,6 +14,7 @@ from .normals import face_normals, normalize, vertex_sums
 from .origins import ray_origins
 from .outermost import outermost_normals
 from .placement import Placement
+from .products import product
 from .weld import CREASE, sum_groups, weld
 
 if TYPE_CHECKING:
@@ -76,8 +77,8 @@ def _in_the_world(geometry: Geometry) -> tuple[Floats, Ints, Floats]:
         own = geometry.vertices[start : start + count].astype(np.float64)
         normal = geometry.normals[start : start + count].astype(np.float64)
         if not geometry.placed[item]:
-            own = own @ geometry.to_world[item, :, :3].T + geometry.to_world[item, :, 3]
-            normal = normal @ geometry.normal_to_world[item].T
+            own = product(own, geometry.to_world[item, :, :3].T) + geometry.to_world[item, :, 3]
+            normal = product(normal, geometry.normal_to_world[item].T)
         corners = geometry.faces[geometry.first_face[item] : ends[item]] - start + geometry.first_w[item]
         vertices.append(own)
         faces.append(corners[:, ::-1] if geometry.mirrored[item] < 0 else corners)

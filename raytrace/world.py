@@ -19,6 +19,7 @@ from .mesh import Mesh
 from .normals import normalize
 from .occluders import SLACK, cluster, pack_boxes
 from .placement import Placement
+from .products import product
 from .scene import Object, Scene, Shape
 from .vertices import INSTANCED, smooth_normals, vertex_origins
 
@@ -223,8 +224,8 @@ def _shared(shape: Shape) -> _Piece:
 
 def _single(shape: Shape, matrix: Floats) -> _Piece:
     mesh, linear = shape.mesh, matrix[:3, :3]
-    vertices = (mesh.vertices @ linear.T + matrix[:3, 3]).astype(np.float32)
-    normals = normalize(smooth_normals(mesh) @ np.linalg.inv(linear)).astype(np.float32)
+    vertices = (product(mesh.vertices, linear.T) + matrix[:3, 3]).astype(np.float32)
+    normals = normalize(product(smooth_normals(mesh), np.linalg.inv(linear))).astype(np.float32)
     return _Piece(vertices, normals, None, matrix)
 
 
