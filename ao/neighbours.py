@@ -15,7 +15,7 @@ from raytrace.parallel import run_blocks
 Floats = npt.NDArray[np.float64]
 Real = TypeVar("Real", np.float32, np.float64)
 _CREASE = 16  # power of n·n' by which a neighbour counts less
-_BLOCK = 1 << 11  # points
+_BLOCK = 1 << 13  # points, about: starting a thread for fewer costs more than it gains
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,7 +71,8 @@ class Neighbours:
 
     def each(self, work: Callable[[int, int], None]) -> None:
         """Call `work(first, last)` for blocks of points, on threads."""
-        run_blocks(len(self.starts) - 1, _BLOCK, work, self.threads)
+        count = len(self.starts) - 1
+        run_blocks(count, -(-count // max(round(count / _BLOCK), 1)) or 1, work, self.threads)
 
     def predict(self, values: npt.NDArray[Real]) -> npt.NDArray[Real]:
         """The weighted mean of the neighbours' `values` (k,) or (k, c), the point's own left out; NaN without any."""
