@@ -19,6 +19,7 @@ from raytrace.sampling import seed_key
 from raytrace.weld import CREASE
 
 from .bake import DEFAULT_SAMPLES, MAX_SAMPLES, Bake, _check_whole, describe_work
+from .checkpoint import Checkpoint
 from .conjugate_gradients import COARSE, solve, solve_within
 from .falloff import Exponential, Falloff
 from .memory import surface_bytes, vertex_bytes
@@ -43,6 +44,7 @@ def bake_surface(
     normals: Normals = "angle",
     progress: Progress | None = None,
     only: npt.NDArray[np.bool_] | None = None,
+    checkpoint: Checkpoint | None = None,
 ) -> Bake:
     """Obscurance w(p) = (1/π) ∫ μ(d) cosθ dω (12.71) over the faces of `mesh`, fitted by one value a vertex.
 
@@ -71,8 +73,11 @@ def bake_surface(
     mine = receivers if only is None else receivers.only(only)
     wanted: npt.NDArray[np.bool_] = np.ones(len(mesh.vertices), np.bool_) if only is None else only
 
+    if checkpoint:
+        checkpoint.begin(placement, receivers, "surface", mu, samples, seed, normals)
     patch = Patch.of(placement, receivers, wanted)
-    moments, counts = gather(receivers.scene, placement, patch, mu, samples, seed_key(seed), workers, progress)
+    key = seed_key(seed)
+    moments, counts = gather(receivers.scene, placement, patch, mu, samples, key, workers, progress, checkpoint)
     reveal_interiors(patch, moments, counts)
     fit = _fit(patch, moments)
 

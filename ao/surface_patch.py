@@ -13,11 +13,12 @@ from raytrace.parallel import run_blocks
 from raytrace.placement import Placement
 from raytrace.sampling import mix
 
-from .bake import Progress
+from .checkpoint import Checkpoint
 from .falloff import Mu
 from .receivers import Receivers
 from .surface_gather import HIDDEN, MOMENTS, SEEN, gather_faces, lattices
 from .surface_samples import Samples, along_curve
+from .trace import Progress
 
 Floats = npt.NDArray[np.float64]
 Ints = npt.NDArray[np.int64]
@@ -67,6 +68,7 @@ def gather(
     key: np.uint32,
     threads: int,
     progress: Progress | None,
+    checkpoint: Checkpoint | None,
 ) -> tuple[Floats, Ints]:
     """Moments (m, 2, 19) and counts (m, 3) of the faces of `patch`, see `gather_faces`.
 
@@ -81,18 +83,25 @@ def gather(
     directions = lattices(rays)
     tau = (mu.tau or 0.0) / placement.scale
     limit = mu.max_distance * placement.scale
+    call = checkpoint.call(patch.seats, samples, key) if checkpoint else b""
     done = 0
 
     def work(a: int, b: int) -> None:
+        if checkpoint and checkpoint.copy(call, a, moments[a:b], counts[a:b]):
+            return
         gather_faces(
             scene.handle, *new_packet(), patch.corners[a:b], patch.normals[a:b], patch.axes[a:b],
             spread.starts[a : b + 1], spread.ends[a : b + 1], spread.weights[a:b], spread.shift, directions, key,
             tau, placement.diagonal, limit, moments[a:b], counts[a:b],
         )  # fmt: skip
+        if checkpoint:
+            checkpoint.add(call, a, moments[a:b], counts[a:b])
 
     def advance(faces: int) -> None:
         nonlocal done
         done += faces
+        if checkpoint:
+            checkpoint.save()
         if progress:
             progress(count * rays * done // len(moments), count * rays)
 
