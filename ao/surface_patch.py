@@ -33,7 +33,7 @@ class Patch:
 
     Attributes:
         corners: float64 (m, 3, 3). normals: float64 (m, 3), unit. areas: float64 (m,), above 0.
-        seats: int64 (m, 3), the unknown at each corner: its row in `Receivers.points`, or one behind those for a
+        seats: int32 (m, 3), the unknown at each corner: its row in `Receivers.points`, or one behind those for a
             vertex without a point.
         axes: float32 (m, 3, 3), unit normals of the corners' points, or 0.
         unknowns: how many there are.
@@ -42,7 +42,7 @@ class Patch:
     corners: Floats
     normals: Floats
     areas: Floats
-    seats: Ints
+    seats: npt.NDArray[np.int32]
     axes: npt.NDArray[np.float32]
     unknowns: int
 
@@ -56,7 +56,15 @@ class Patch:
         without = np.flatnonzero(seat < 0)
         seat[without] = len(normals) + np.arange(len(without))
         axes = np.concatenate([normals, np.zeros((len(without), 3), np.float32)])
-        return cls(vertices[faces], *face_normals(vertices, faces), seat[faces], axes[seat[faces]], len(axes))
+        return cls(
+            vertices[faces], *face_normals(vertices, faces), seat[faces].astype(np.int32), axes[seat[faces]], len(axes)
+        )
+
+    def part(self, faces: Ints) -> Patch:
+        """Some of the faces, with unknowns of their own."""
+        own, seats = np.unique(self.seats[faces], return_inverse=True)
+        local = seats.reshape(-1, 3).astype(np.int32)
+        return Patch(self.corners[faces], self.normals[faces], self.areas[faces], local, self.axes[faces], len(own))
 
 
 def gather(
@@ -70,11 +78,11 @@ def gather(
     progress: Progress | None,
     checkpoint: Checkpoint | None,
 ) -> tuple[Floats, Ints]:
-    """Moments (m, 2, 19) and counts (m, 3) of the faces of `patch`, see `gather_faces`.
+    """Moments (m, 29) and counts (m, 3) of the faces of `patch`, see `gather_faces`.
 
     Args: samples: rays for every unknown.
     """
-    moments, counts = np.zeros((len(patch.seats), 2, MOMENTS)), np.zeros((len(patch.seats), 3), np.int64)
+    moments, counts = np.zeros((len(patch.seats), MOMENTS)), np.zeros((len(patch.seats), 3), np.int64)
     if not len(patch.seats):
         return moments, counts
     rays = int(np.clip(samples // 2 // LANES * LANES, LANES, _MOST_RAYS))

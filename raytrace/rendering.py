@@ -36,7 +36,7 @@ from .scratch import (
 )
 from .settings import Settings
 from .surface import GOURAUD
-from .texture import Texture, pack_textures
+from .texture import Texture, pack_textures, texture_bytes
 from .tile import light_vertices, render_tiles
 from .tint import Textures
 from .view import mark_seen, place_camera
@@ -107,7 +107,8 @@ def rendering_bytes(scene: Scene, settings: Settings, layers: bool) -> int:
     lit = sum(len(item.shape.mesh.vertices) for item in scene.objects) * (settings.shading == "gouraud")
     _, _, wide, high = _whole_tiles(settings)
     film = 4 * wide * high * (FILM if layers else LAYERS["beauty"])
-    return _BASE + _WORLD_VERTEX * vertices + _WORLD_FACE * faces + 8 * _LIT * lit + film
+    textures = texture_bytes(item.shape.texture for item in scene.objects)
+    return _BASE + _WORLD_VERTEX * vertices + _WORLD_FACE * faces + 8 * _LIT * lit + film + textures
 
 
 def describe_work(scene: Scene, settings: Settings) -> str:
@@ -123,7 +124,7 @@ def seen_vertices(
 
     Errors as `render`.
     """
-    world = build(scene)
+    world = build(scene, keep=False)  # what is baked for them makes another scene of it
     view = place_camera(camera, settings, world.centre, world.scale)
     left, top, wide, high = _whole_tiles(settings)
     seen = np.zeros(len(world.geometry.w), np.bool_)

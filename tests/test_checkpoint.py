@@ -110,7 +110,7 @@ def test_a_bake_interrupted_after_its_last_ray_traces_none(path, whole_surface, 
         raise Stopped
 
     with monkeypatch.context() as patch:
-        patch.setattr(ao.surface, "_fit", stop)
+        patch.setattr(ao.surface, "fit_values", stop)
         interrupted(path, stop=None, make=ao.bake_surface)
     traced[0] = 0
     assert bits(bake(path, make=ao.bake_surface, resume=True)) == whole_surface
