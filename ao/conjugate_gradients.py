@@ -24,9 +24,9 @@ def dot(a: Floats, b: Floats) -> float:
     return float(np.einsum("i,i->", a, b))
 
 
-def multiply(matrix: csr_array, x: Floats, threads: int) -> Floats:
-    """matrix · x."""
-    out = np.empty(len(x))
+def multiply(matrix: csr_array, x: Floats, threads: int, out: Floats | None = None) -> Floats:
+    """matrix · x, into `out` if it is given."""
+    out = np.empty(len(x)) if out is None else out
     starts, columns = matrix.indptr.view(np.uint32), matrix.indices.view(np.uint32)  # no sign to be minded
 
     def work(first: int, last: int) -> None:
@@ -69,15 +69,16 @@ def solve(
     stop = tolerance**2 * (dot(inverse * right, right) + dot(diagonal * start, start))
     step = inverse * residual
     size = dot(residual, step)
+    scratch = np.empty(len(x))  # new arrays cost more than what is done to them
     for _ in range(_STEPS):
         if size <= stop:
             break
-        image = multiply(matrix, step, threads)
+        image = multiply(matrix, step, threads, scratch)
         length = size / dot(step, image)
-        x += length * step
         image *= length
         residual -= image
-        scaled = np.multiply(inverse, residual, out=image)
+        x += np.multiply(step, length, out=scratch)
+        scaled = np.multiply(inverse, residual, out=scratch)
         size, before = dot(residual, scaled), size
         step *= size / before
         step += scaled
