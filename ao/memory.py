@@ -10,7 +10,7 @@ _BASE = 75 << 20  # kernels, Embree, threads
 _TABLE, _DIRECTION = 1 << 18, 100  # directions in a table, and bytes for each while it is made
 _VERTEX, _FACE = 264, 136
 _PREDICTING_FACE, _FILLING_FACE = 160, 300
-_SURFACE_VERTEX, _SURFACE_FACE = 408, 1160
+_SURFACE_VERTEX, _SURFACE_FACE = 72, 660
 
 
 def vertex_bytes(vertices: int, faces: int, samples: int, predicts: bool = False, fills: bool = False) -> int:

@@ -50,7 +50,7 @@ _FORMS = ("off", "ambient", "book")
 _SHARES = 16  # of a picture for each thread: handing over takes as long as some tiles
 _LONGEST = 256  # samples of tiles in a share: what Ctrl-C waits for
 _LIT = 14  # columns that lighting makes, see `raytrace.tile.lit_column`
-_BASE, _WORLD_VERTEX, _WORLD_FACE = 100 << 20, 120, 103  # bytes, `rendering_bytes`
+_BASE, _WORLD_VERTEX, _WORLD_FACE = 50 << 20, 64, 104  # bytes, `rendering_bytes`
 _SKIPPED = {
     "behind": BEHIND,
     "unreached": UNREACHED,

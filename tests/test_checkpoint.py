@@ -15,8 +15,10 @@ from meshes import hills
 
 import ao
 import ao.surface_patch
+import ao.surface_values
 import ao.trace
 from ao.checkpoint import Checkpoint
+from ao.conjugate_gradients import solve_within
 from ao.journal import IDENTITY, MAGIC, Journal
 from raytrace.errors import InputError, OutputError
 from raytrace.mesh import Mesh
@@ -115,6 +117,23 @@ def test_a_bake_interrupted_after_its_last_ray_traces_none(path, whole_surface, 
     traced[0] = 0
     assert bits(bake(path, make=ao.bake_surface, resume=True)) == whole_surface
     assert traced[0] == 0
+
+
+def test_a_fit_is_continued_where_it_was_interrupted(path, whole_surface, traced, monkeypatch):
+    def stop(*_, **__):
+        raise Stopped
+
+    with monkeypatch.context() as patch:
+        patch.setattr(ao.surface_values, "solve", stop)  # the bent normals'
+        interrupted(path, stop=None, make=ao.bake_surface)
+    solved = []
+    with monkeypatch.context() as patch:
+        patch.setattr(ao.surface_values, "cross_validated", stop)
+        patch.setattr(ao.surface_values, "solve_within", lambda *a, **k: solved.append(a) or solve_within(*a, **k))
+        traced[0] = 0
+        assert bits(bake(path, make=ao.bake_surface, resume=True)) == whole_surface
+    assert traced[0] == 0
+    assert len(solved) == 1  # the relaxed one
 
 
 def test_much_that_waits_is_written_before_a_minute(path, monkeypatch):
