@@ -73,7 +73,6 @@ def bake(
             tolerance=tolerance is not None,
             reconstruct=not reconstruct,
             hidden=hidden is not choices.Hidden.ignore,
-            resume=resume,
         )
     check_target(output)
     if report:
@@ -91,12 +90,10 @@ def bake(
     with Checkpoint(f"{output}.partial", resume, note) as checkpoint:
         make: Any = ao.bake_surface
         if method is choices.Method.vertex:
-            make = partial(
-                ao.bake, tolerance=tolerance, reconstruct=reconstruct, hidden=hidden.value, checkpoint=checkpoint
-            )
+            make = partial(ao.bake, tolerance=tolerance, reconstruct=reconstruct, hidden=hidden.value)
         kernels = "hemisphere" if method is choices.Method.vertex else "surface_gather"
         with progress(quiet, "rays") as advance, compiling(kernels):
-            baked = make(source.mesh, chosen, samples, seed, threads, normals.value, advance)
+            baked = make(source.mesh, chosen, samples, seed, threads, normals.value, advance, checkpoint=checkpoint)
         tracing = time.perf_counter()
         write(output, baked, source, colors=colors)
     seconds = {"load": loaded - start, "write": time.perf_counter() - tracing}

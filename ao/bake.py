@@ -118,10 +118,7 @@ def bake(
     workers = thread_count(threads)
     mesh = mesh if isinstance(mesh, Mesh) else Mesh(mesh.vertices, mesh.faces)
     mu = (falloff or Exponential()).resolve(mesh.radius)
-    size = len(mesh.vertices), len(mesh.faces)
-    needed = vertex_bytes(*size, most, tolerance is not None, hidden == "fill")
-    plain = {"a plain bake, without tolerance or fill,": vertex_bytes(*size, DEFAULT_SAMPLES)}
-    check_memory(mesh.source, needed, describe_work(mesh), plain)
+    check_memory(mesh.source, vertex_bytes(len(mesh.vertices), len(mesh.faces), most), describe_work(mesh))
 
     start = time.perf_counter()
     placement = Placement.of(mesh)

@@ -11,6 +11,7 @@ from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
 from types import TracebackType
+from typing import Any
 
 import llvmlite.binding
 import numpy as np
@@ -26,13 +27,15 @@ from .receivers import Receivers
 
 AFTER = 60.0  # seconds of work until a journal is begun
 EVERY = 5.0  # seconds between writes
+_MOST_WAITING = 1 << 26  # bytes that are written at once, due or not
 
 
 class Checkpoint:
-    """The journal of one bake, for `ao.bake` inside a `with` block that also writes what was baked.
+    """The journal of one bake, for `ao.bake` or `ao.bake_surface` in a `with` block that also writes what was baked.
 
     Rows depend only on what their call is named by and on the header's hash, so copied ones are the bits that tracing
-    would give. The file appears after a minute of work, is deleted when the block ends well, and kept when it does not.
+    would give. The file appears after a minute of work, or when much waits to be written. It is deleted when the block
+    ends well, and kept when it does not.
 
     Args:
         path: the journal, best beside the target. resume: continue what it holds.
@@ -104,29 +107,50 @@ class Checkpoint:
         if found and found.identity == self._identity:
             self.tell(f"{self.path}: left by an interrupted run; --resume would continue it; starting over")
 
-    def call(self, numbers: npt.NDArray[np.uint32], samples: int, key: np.uint32) -> bytes:
-        """Name of the rays of `samples` directions, drawn by `key`, from the points of these numbers: 16 bytes."""
+    def call(self, numbers: npt.NDArray[np.integer[Any]], samples: int, key: np.uint32) -> bytes:
+        """Name of the rays of `samples` directions, drawn by `key`, from what these numbers tell apart: 16 bytes."""
         digest = hashlib.blake2b(repr((samples, int(key))).encode(), digest_size=16)
         digest.update(np.ascontiguousarray(numbers).data)
         return digest.digest()
 
-    def copy(self, call: bytes, first: int, rows: npt.NDArray[np.float64]) -> bool:
-        """Fill `rows` (k, 5) of a call, from number `first` on, if the journal has them; from any thread."""
-        block = call, first, first + len(rows)
+    def copy(self, call: bytes, first: int, *tables: npt.NDArray[Any]) -> bool:
+        """Fill the rows of a call, from number `first` on, if the journal has them; from any thread.
+
+        Args: tables: one or more, contiguous, (k, …): columns of the same k rows.
+        """
+        block = call, first, first + len(tables[0])
         with self._lock:
             if self._journal is None or block not in self._journal.blocks:
                 return False
-            rows[:] = self._journal.rows(block)
+            content = self._journal.content(block)
+        begin = 0
+        for table in tables:
+            table[:] = np.frombuffer(content, table.dtype, table.size, begin).reshape(table.shape)
+            begin += table.nbytes
         return True
 
-    def add(self, call: bytes, first: int, rows: npt.NDArray[np.float64]) -> None:
-        """Take note of traced rows; from any thread."""
+    def add(self, call: bytes, first: int, *tables: npt.NDArray[Any]) -> None:
+        """Take note of traced rows, see `copy`; from any thread."""
         if not self._given_up:
-            self._pending.append(record(call, first, rows))
+            content = b"".join(table.tobytes() for table in tables)
+            self._pending.append(record((call, first, first + len(tables[0])), content))
+
+    def once(self, name: str, compute: Callable[[], npt.NDArray[np.float64]]) -> npt.NDArray[np.float64]:
+        """What `compute` returns, (k,), unless the journal has it; from the thread that writes."""
+        block = hashlib.blake2b(name.encode(), digest_size=16).digest(), 0, 0
+        if self._journal and block in self._journal.blocks:
+            return np.frombuffer(self._journal.content(block))
+        values = compute()
+        if not self._given_up:
+            self._pending.append(record(block, values.tobytes()))
+            self.save()
+        return values
 
     def save(self) -> None:
-        """Write what was added if it is time to."""
-        if not self._given_up and time.monotonic() >= self._due:
+        """Write what was added if it is time to, or if much was."""
+        if self._given_up:
+            return
+        if time.monotonic() >= self._due or sum(map(len, self._pending)) >= _MOST_WAITING:
             self._write()
             self._due = time.monotonic() + self.every
 

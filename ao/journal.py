@@ -1,4 +1,4 @@
-"""A file of finished blocks of rows: appended to, flushed to the disk, held by one process, whole after any crash."""
+"""A file of finished blocks of work: appended to, flushed to the disk, held by one process, whole after any crash."""
 
 from __future__ import annotations
 
@@ -10,9 +10,6 @@ from contextlib import suppress
 from io import FileIO
 from pathlib import Path
 
-import numpy as np
-import numpy.typing as npt
-
 from raytrace.errors import OutputError
 
 if sys.platform != "win32":
@@ -20,16 +17,15 @@ if sys.platform != "win32":
 
 MAGIC = b"obscurance journal 1\n"
 IDENTITY = 32  # bytes
-_COLUMNS = 5
-_RECORD = struct.Struct("<16sqqI")  # call, first row, last row, CRC-32 of these and of the rows
-_FIELDS = struct.Struct("<16sqq")
+_RECORD = struct.Struct("<16sqqqI")  # call, first row, last row, bytes of content, CRC-32 of these and of the content
+_FIELDS = struct.Struct("<16sqqq")
 
 Block = tuple[bytes, int, int]
 
 
-def record(call: bytes, first: int, rows: npt.NDArray[np.float64]) -> bytes:
-    """One block as it is stored. Args: call: 16 bytes. first: number of its first row. rows: (k, 5)."""
-    fields, content = (call, first, first + len(rows)), rows.astype("<f8").tobytes()
+def record(block: Block, content: bytes) -> bytes:
+    """One block as it is stored."""
+    fields = *block, len(content)
     return _RECORD.pack(*fields, zlib.crc32(content, zlib.crc32(_FIELDS.pack(*fields)))) + content
 
 
@@ -38,7 +34,7 @@ class Journal:
 
     Attributes:
         path: the file. identity: what it belongs to, 32 bytes, or None if it has no header yet.
-        blocks: where the rows (last − first, 5) of each (call, first, last) begin in the file.
+        blocks: of each (call of 16 bytes, first row, last row), where its content begins in the file, and its bytes.
 
     Raises:
         OutputError: another process holds it, or it is a file of something else.
@@ -48,7 +44,7 @@ class Journal:
     def __init__(self, path: Path, create: bool) -> None:
         self.path = path
         self._file = _hold(path, create)
-        self.blocks: dict[Block, int] = {}
+        self.blocks: dict[Block, tuple[int, int]] = {}
         try:
             self._read()
         except BaseException:
@@ -63,14 +59,13 @@ class Journal:
             raise OutputError(f"{self.path}: content: expected the journal of a bake or no such file, got another file")
         self._end = self._file.tell() if self.identity else 0
         while self.identity and len(start := self._file.read(_RECORD.size)) == _RECORD.size:
-            call, first, last, check = _RECORD.unpack(start)
-            size = (last - first) * _COLUMNS * 8
+            call, first, last, size, check = _RECORD.unpack(start)
             if not 0 < size <= os.fstat(self._file.fileno()).st_size:
                 break
             content = self._file.read(size)
             if len(content) < size or zlib.crc32(content, zlib.crc32(start[: _FIELDS.size])) != check:
                 break
-            self.blocks[call, first, last] = self._end + _RECORD.size
+            self.blocks[call, first, last] = self._end + _RECORD.size, size
             self._end = self._file.tell()
 
     def start(self, identity: bytes) -> None:
@@ -86,11 +81,11 @@ class Journal:
             finally:
                 os.close(folder)
 
-    def rows(self, block: Block) -> npt.NDArray[np.float64]:
-        """The rows (k, 5) of one of `blocks`."""
-        self._file.seek(self.blocks[block])
-        content = self._file.read((block[2] - block[1]) * _COLUMNS * 8)
-        return np.frombuffer(content, "<f8").reshape(-1, _COLUMNS)
+    def content(self, block: Block) -> bytes:
+        """What was recorded of one of `blocks`."""
+        begin, size = self.blocks[block]
+        self._file.seek(begin)
+        return self._file.read(size)
 
     def append(self, content: bytes) -> None:
         """Write `content` behind the last whole record; it is on the disk when this returns."""

@@ -34,7 +34,8 @@ from .surface_samples import GOLDEN, place
 
 HIDDEN = 1e-4  # weight of a sample that sees the back of things; not 0, so that what is buried has a value too
 _MOSTLY = 0.5
-SQUARES, MATRIX, RIGHT, MOMENTS = 0, 1, 7, 19
+SQUARES, MATRIX, RIGHT, HALF = 0, 1, 7, 10  # of either half of the samples
+BENT, MOMENTS = 2 * HALF, 2 * HALF + 9
 TRACED, BELOW, SEEN = 0, 1, 2
 
 _SHIFTS = 256
@@ -90,8 +91,8 @@ def gather_faces(
         directions: `lattices`. key: uint32 to draw from them by.
         tau: rate of the exponential μ in the scene's units, or 0 for the binary μ.
         reach: length of every ray; limit: max_distance, from which on μ is 1, or inf.
-        moments: float64 (n, 2, 19), added to: for the even and the odd samples, Σ y² of y = 1 − w, the upper triangle
-            of Σ b bᵀ, and Σ b y, Σ b ȳ_x, Σ b ȳ_y, Σ b ȳ_z, with ȳ the mean of μ·direction; weighted.
+        moments: float64 (n, 29), added to: for the even and for the odd samples Σ y² of y = 1 − w, the upper triangle
+            of Σ b bᵀ, and Σ b y; for all Σ b ȳ_x, Σ b ȳ_y, Σ b ȳ_z, with ȳ the mean of μ·direction; weighted.
         counts: int64 (n, 3), added to: rays traced, rays below the face, samples that are not hidden.
     """
     packet, valid, corners, normals, axes, directions, moments, counts = (
@@ -156,13 +157,14 @@ def gather_faces(
                 weight *= HIDDEN
             else:
                 counts[f, SEEN] += 1
-            row = moments[f, k & 1]
+            row, half = moments[f], (k & 1) * HALF
             values /= traced
-            row[SQUARES] += weight * values[0] * values[0]
-            entry = MATRIX
+            row[half + SQUARES] += weight * values[0] * values[0]
+            entry = half + MATRIX
             for i in range(3):
                 for j in range(i, 3):
                     row[entry] += weight * b[i] * b[j]
                     entry += 1
-                for q in range(4):
-                    row[RIGHT + 3 * q + i] += weight * b[i] * values[q]
+                row[half + RIGHT + i] += weight * b[i] * values[0]
+                for q in range(3):
+                    row[BENT + 3 * q + i] += weight * b[i] * values[1 + q]

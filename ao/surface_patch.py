@@ -13,11 +13,12 @@ from raytrace.parallel import run_blocks
 from raytrace.placement import Placement
 from raytrace.sampling import mix
 
-from .bake import Progress
+from .checkpoint import Checkpoint
 from .falloff import Mu
 from .receivers import Receivers
 from .surface_gather import HIDDEN, MOMENTS, SEEN, gather_faces, lattices
 from .surface_samples import Samples, along_curve
+from .trace import Progress
 
 Floats = npt.NDArray[np.float64]
 Ints = npt.NDArray[np.int64]
@@ -32,7 +33,7 @@ class Patch:
 
     Attributes:
         corners: float64 (m, 3, 3). normals: float64 (m, 3), unit. areas: float64 (m,), above 0.
-        seats: int64 (m, 3), the unknown at each corner: its row in `Receivers.points`, or one behind those for a
+        seats: int32 (m, 3), the unknown at each corner: its row in `Receivers.points`, or one behind those for a
             vertex without a point.
         axes: float32 (m, 3, 3), unit normals of the corners' points, or 0.
         unknowns: how many there are.
@@ -41,7 +42,7 @@ class Patch:
     corners: Floats
     normals: Floats
     areas: Floats
-    seats: Ints
+    seats: npt.NDArray[np.int32]
     axes: npt.NDArray[np.float32]
     unknowns: int
 
@@ -55,7 +56,15 @@ class Patch:
         without = np.flatnonzero(seat < 0)
         seat[without] = len(normals) + np.arange(len(without))
         axes = np.concatenate([normals, np.zeros((len(without), 3), np.float32)])
-        return cls(vertices[faces], *face_normals(vertices, faces), seat[faces], axes[seat[faces]], len(axes))
+        return cls(
+            vertices[faces], *face_normals(vertices, faces), seat[faces].astype(np.int32), axes[seat[faces]], len(axes)
+        )
+
+    def part(self, faces: Ints) -> Patch:
+        """Some of the faces, with unknowns of their own."""
+        own, seats = np.unique(self.seats[faces], return_inverse=True)
+        local = seats.reshape(-1, 3).astype(np.int32)
+        return Patch(self.corners[faces], self.normals[faces], self.areas[faces], local, self.axes[faces], len(own))
 
 
 def gather(
@@ -67,12 +76,13 @@ def gather(
     key: np.uint32,
     threads: int,
     progress: Progress | None,
+    checkpoint: Checkpoint | None,
 ) -> tuple[Floats, Ints]:
-    """Moments (m, 2, 19) and counts (m, 3) of the faces of `patch`, see `gather_faces`.
+    """Moments (m, 29) and counts (m, 3) of the faces of `patch`, see `gather_faces`.
 
     Args: samples: rays for every unknown.
     """
-    moments, counts = np.zeros((len(patch.seats), 2, MOMENTS)), np.zeros((len(patch.seats), 3), np.int64)
+    moments, counts = np.zeros((len(patch.seats), MOMENTS)), np.zeros((len(patch.seats), 3), np.int64)
     if not len(patch.seats):
         return moments, counts
     rays = int(np.clip(samples // 2 // LANES * LANES, LANES, _MOST_RAYS))
@@ -81,18 +91,25 @@ def gather(
     directions = lattices(rays)
     tau = (mu.tau or 0.0) / placement.scale
     limit = mu.max_distance * placement.scale
+    call = checkpoint.call(patch.seats, samples, key) if checkpoint else b""
     done = 0
 
     def work(a: int, b: int) -> None:
+        if checkpoint and checkpoint.copy(call, a, moments[a:b], counts[a:b]):
+            return
         gather_faces(
             scene.handle, *new_packet(), patch.corners[a:b], patch.normals[a:b], patch.axes[a:b],
             spread.starts[a : b + 1], spread.ends[a : b + 1], spread.weights[a:b], spread.shift, directions, key,
             tau, placement.diagonal, limit, moments[a:b], counts[a:b],
         )  # fmt: skip
+        if checkpoint:
+            checkpoint.add(call, a, moments[a:b], counts[a:b])
 
     def advance(faces: int) -> None:
         nonlocal done
         done += faces
+        if checkpoint:
+            checkpoint.save()
         if progress:
             progress(count * rays * done // len(moments), count * rays)
 

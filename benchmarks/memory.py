@@ -66,11 +66,11 @@ WAYS: dict[str, Way] = {
     ),
     "--tolerance .05": (
         lambda mesh: ao.bake(mesh, tolerance=0.05),
-        lambda n, m, _: vertex_bytes(n, m, 1 << 14, predicts=True),
+        lambda n, m, _: vertex_bytes(n, m, 1 << 14),
     ),
     "--hidden fill": (
         lambda mesh: ao.bake(mesh, samples=SAMPLES, hidden="fill"),
-        lambda n, m, _: vertex_bytes(n, m, SAMPLES, fills=True),
+        lambda n, m, _: vertex_bytes(n, m, SAMPLES),
     ),
     "--method surface": (
         lambda mesh: ao.bake_surface(mesh, samples=SAMPLES),

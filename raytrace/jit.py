@@ -17,6 +17,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from functools import cache
 from pathlib import Path
+from pickle import UnpicklingError
 from typing import Any, TypeVar
 
 import numba
@@ -96,7 +97,11 @@ def is_warm(module: str) -> bool:
 def kernel(function: F) -> F:
     """Compile a hot loop on first call: no Python objects, no GIL, cached on disk."""
     with _own_cache() as cached:
-        return numba.njit(nogil=True, cache=cached, error_model="numpy")(function)
+        compiled = numba.njit(nogil=True, cache=cached, error_model="numpy")(function)
+    if cached:
+        store = compiled._cache
+        store.load_overload, store.save_overload = _if_it_can(store.load_overload), _if_it_can(store.save_overload)
+    return compiled
 
 
 def callback(signature: Any) -> Callable[[F], Any]:
@@ -104,9 +109,22 @@ def callback(signature: Any) -> Callable[[F], Any]:
 
     def compile_(function: F) -> Any:
         with _own_cache() as cached:
-            return numba.cfunc(signature, cache=cached)(function)
+            store = _if_it_can(lambda: numba.cfunc(signature, cache=cached)(function))
+            return store() or numba.cfunc(signature)(function)
 
     return compile_
+
+
+def _if_it_can(use: Callable[..., Any]) -> Callable[..., Any]:
+    """`use` of the cache, or None: its disk may have filled up, a crash may have left half a file."""
+
+    def attempt(*arguments: Any) -> Any:
+        try:
+            return use(*arguments)
+        except (OSError, EOFError, UnpicklingError):
+            return None
+
+    return attempt
 
 
 @contextmanager

@@ -36,7 +36,7 @@ from .scratch import (
 )
 from .settings import Settings
 from .surface import GOURAUD
-from .texture import Texture, pack_textures
+from .texture import Texture, pack_textures, texture_bytes
 from .tile import light_vertices, render_tiles
 from .tint import Textures
 from .view import mark_seen, place_camera
@@ -50,7 +50,7 @@ _FORMS = ("off", "ambient", "book")
 _SHARES = 16  # of a picture for each thread: handing over takes as long as some tiles
 _LONGEST = 256  # samples of tiles in a share: what Ctrl-C waits for
 _LIT = 14  # columns that lighting makes, see `raytrace.tile.lit_column`
-_BASE, _WORLD_VERTEX, _WORLD_FACE = 100 << 20, 120, 103  # bytes, `rendering_bytes`
+_BASE, _WORLD_VERTEX, _WORLD_FACE = 50 << 20, 64, 104  # bytes, `rendering_bytes`
 _SKIPPED = {
     "behind": BEHIND,
     "unreached": UNREACHED,
@@ -107,7 +107,8 @@ def rendering_bytes(scene: Scene, settings: Settings, layers: bool) -> int:
     lit = sum(len(item.shape.mesh.vertices) for item in scene.objects) * (settings.shading == "gouraud")
     _, _, wide, high = _whole_tiles(settings)
     film = 4 * wide * high * (FILM if layers else LAYERS["beauty"])
-    return _BASE + _WORLD_VERTEX * vertices + _WORLD_FACE * faces + 8 * _LIT * lit + film
+    textures = texture_bytes(item.shape.texture for item in scene.objects)
+    return _BASE + _WORLD_VERTEX * vertices + _WORLD_FACE * faces + 8 * _LIT * lit + film + textures
 
 
 def describe_work(scene: Scene, settings: Settings) -> str:
@@ -123,7 +124,7 @@ def seen_vertices(
 
     Errors as `render`.
     """
-    world = build(scene)
+    world = build(scene, keep=False)  # what is baked for them makes another scene of it
     view = place_camera(camera, settings, world.centre, world.scale)
     left, top, wide, high = _whole_tiles(settings)
     seen = np.zeros(len(world.geometry.w), np.bool_)

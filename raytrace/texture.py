@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager, nullcontext
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import contextmanager, nullcontext, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -12,9 +12,12 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from .errors import InputError
 from .image_input import blocks, open_image, table
 
 MAX_SIDE = 16384
+_TEXEL = 16  # bytes of a texel with its share of the coarser levels
+_WORKING = 12  # bytes of a texel while the coarser levels are made
 
 Floats = npt.NDArray[np.float32]
 Integers = npt.NDArray[np.int64]
@@ -90,6 +93,20 @@ def pack_textures(textures: Sequence[Texture | None]) -> PackedTextures:
     entries = np.array([places[texture] for texture in textures], np.int64).reshape(-1, 2)
     table_of_levels = np.array(levels, np.int64).reshape(-1, 3)
     return PackedTextures(texels, table_of_levels, entries[:, 0].copy(), entries[:, 1].copy())
+
+
+def texture_bytes(textures: Iterable[Texture | None]) -> int:
+    """Bytes that `pack_textures` takes at its peak, called as rays meet one after the other; by headers.
+
+    A file that cannot be read counts nothing: perhaps no ray meets it.
+    """
+    texels = [0]
+    for texture in dict.fromkeys(textures):
+        if texture is not None:
+            with suppress(InputError), _opened(texture) as image:
+                texels.append(image.spec().width * image.spec().height)
+    before = sum(texels) - min(texels[1:], default=0)  # what was packed the time before is let go of afterwards
+    return _TEXEL * (sum(texels) + before) + _WORKING * max(texels)
 
 
 @contextmanager

@@ -100,17 +100,21 @@ class _Piece(NamedTuple):
     from_shape: Floats  # (4, 4)
 
 
-def build(scene: Scene) -> World:
-    """The Embree scene and the arrays of `scene`, made when they are first asked for and kept as long as the scene.
+def build(scene: Scene, keep: bool = True) -> World:
+    """The Embree scene and the arrays of `scene`, made when they are first asked for.
 
     A shape that one object uses is placed once and for all; one that several use becomes instances.
+
+    Args: keep: as long as the scene, for the next who asks.
 
     Raises:
         EmbreeError: Embree failed, out of memory for instance.
     """
     world = _worlds.get(scene)
     if world is None:
-        world = _worlds[scene] = _build(scene)
+        world = _build(scene)
+        if keep:
+            _worlds[scene] = world
     return world
 
 

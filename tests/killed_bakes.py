@@ -1,4 +1,4 @@
-"""Bakes killed at random moments and resumed. A script: KILLS SEED OPTIONS FOLDER; prints what it saw as JSON.
+"""Bakes killed at random moments and resumed. A script: KILLS SEED METHOD OPTIONS FOLDER; prints what it saw as JSON.
 
 Each bake is forked from this process, which has imported everything but touched neither Embree nor a thread.
 """
@@ -20,10 +20,10 @@ from raytrace.atomic import atomic_write
 from raytrace.mesh import Mesh
 
 
-def bake_to(target, options, **settings):
+def bake_to(target, make, options, **settings):
     """What `obscurance bake` does, with a file that holds every bit of the result."""
     with Checkpoint(f"{target}.partial", tell=lambda _: None, **settings) as checkpoint:
-        baked = ao.bake(Mesh(*hills(130)), threads=2, checkpoint=checkpoint, **options)
+        baked = make(Mesh(*hills(130)), threads=2, checkpoint=checkpoint, **options)
         with atomic_write(target) as file:
             for rows in (baked.w, baked.error, baked.bent_normals, baked.flags, np.array([baked.rays, baked.rmse])):
                 file.write(rows.tobytes())
@@ -41,19 +41,19 @@ def forked(work):
     return child
 
 
-def main(kills, seed, options, folder):
+def main(kills, seed, make, options, folder):
     chance = random.Random(seed)
     reference, target = folder / "reference", folder / "target"
     journal = Path(f"{target}.partial")
     for _ in range(2):  # the first may compile
         start = time.monotonic()
-        assert os.waitpid(forked(lambda: bake_to(reference, options)), 0)[1] == 0
+        assert os.waitpid(forked(lambda: bake_to(reference, make, options)), 0)[1] == 0
         took = time.monotonic() - start
     wanted = reference.read_bytes()
     seen = {"killed": 0, "finished": 0, "continued": 0, "different": 0, "failed": 0}
     while seen["killed"] < kills or not target.exists():
         held = journal.stat().st_size if journal.exists() else 0
-        child = forked(lambda: bake_to(target, options, resume=True, after=0, every=0))
+        child = forked(lambda: bake_to(target, make, options, resume=True, after=0, every=0))
         if seen["killed"] < kills:
             time.sleep(chance.uniform(0, took))
             os.kill(child, signal.SIGKILL)
@@ -73,4 +73,5 @@ def main(kills, seed, options, folder):
 
 
 if __name__ == "__main__":
-    main(int(sys.argv[1]), int(sys.argv[2]), json.loads(sys.argv[3]), Path(sys.argv[4]))
+    make = {"vertex": ao.bake, "surface": ao.bake_surface}[sys.argv[3]]
+    main(int(sys.argv[1]), int(sys.argv[2]), make, json.loads(sys.argv[4]), Path(sys.argv[5]))

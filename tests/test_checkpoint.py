@@ -14,14 +14,18 @@ from command import ROOT, obscurance, refused
 from meshes import hills
 
 import ao
+import ao.surface_patch
+import ao.surface_values
 import ao.trace
 from ao.checkpoint import Checkpoint
+from ao.conjugate_gradients import solve_within
 from ao.journal import IDENTITY, MAGIC, Journal
 from raytrace.errors import InputError, OutputError
 from raytrace.mesh import Mesh
 
 MESH = Mesh(*hills(70))
 OPTIONS = {"samples": 1024, "threads": 2}
+METHODS = {"vertex": ao.bake, "surface": ao.bake_surface}
 POSIX = pytest.mark.skipif(os.name == "nt", reason="POSIX locks, limits and signals")
 
 
@@ -29,7 +33,7 @@ class Stopped(Exception):
     pass
 
 
-def bake(path, tell=None, stop=None, options=OPTIONS, **settings):
+def bake(path, tell=None, stop=None, options=OPTIONS, make=ao.bake, **settings):
     """Bake with a journal from the first block on; `stop`: the share of the rays after which it fails."""
     told = [] if tell is None else tell
 
@@ -39,7 +43,7 @@ def bake(path, tell=None, stop=None, options=OPTIONS, **settings):
 
     settings = {"after": 0, "every": 0} | settings
     with Checkpoint(path, tell=told.append, **settings) as checkpoint:
-        return ao.bake(MESH, checkpoint=checkpoint, progress=progress, **options)
+        return make(MESH, checkpoint=checkpoint, progress=progress, **options)
 
 
 def interrupted(path, stop=0.6, **settings):
@@ -57,6 +61,11 @@ def whole():
     return bits(ao.bake(MESH, **OPTIONS))
 
 
+@pytest.fixture(scope="module")
+def whole_surface():
+    return bits(ao.bake_surface(MESH, **OPTIONS))
+
+
 @pytest.fixture
 def path(tmp_path):
     return tmp_path / "w.npy.partial"
@@ -64,15 +73,15 @@ def path(tmp_path):
 
 @pytest.fixture
 def traced(monkeypatch):
-    """The number of rows that were traced rather than copied."""
+    """The number of rows or faces that were traced rather than copied."""
     count = [0]
-    gather = ao.trace.gather
+    for module, name in ((ao.trace, "gather"), (ao.surface_patch, "gather_faces")):
 
-    def counted(*arguments):
-        count[0] += len(arguments[-1])
-        gather(*arguments)
+        def counted(*arguments, gather=getattr(module, name)):
+            count[0] += len(arguments[-1])
+            gather(*arguments)
 
-    monkeypatch.setattr(ao.trace, "gather", counted)
+        monkeypatch.setattr(module, name, counted)
     return count
 
 
@@ -87,10 +96,65 @@ def test_a_continued_bake_copies_what_was_traced(path, whole, traced):
     assert not path.exists()
 
 
-@pytest.mark.parametrize("options", [{"tolerance": 0.003}, {"samples": 512, "only": np.arange(4900) % 3 == 0}], ids=str)
-def test_every_way_to_bake_is_continued(path, options):
-    interrupted(path, 0.5, options=options)
-    assert bits(bake(path, resume=True, options=options)) == bits(ao.bake(MESH, **options))
+def test_a_continued_bake_of_the_surface_copies_what_was_traced(path, whole_surface, traced):
+    interrupted(path, make=ao.bake_surface)
+    first, traced[0] = traced[0], 0
+    told = []
+    assert bits(bake(path, told, make=ao.bake_surface, resume=True)) == whole_surface
+    assert first > 0.5 * len(MESH.faces)
+    assert traced[0] < 0.6 * len(MESH.faces)
+    assert told == []
+    assert not path.exists()
+
+
+def test_a_bake_interrupted_after_its_last_ray_traces_none(path, whole_surface, traced, monkeypatch):
+    def stop(*_):
+        raise Stopped
+
+    with monkeypatch.context() as patch:
+        patch.setattr(ao.surface, "fit_values", stop)
+        interrupted(path, stop=None, make=ao.bake_surface)
+    traced[0] = 0
+    assert bits(bake(path, make=ao.bake_surface, resume=True)) == whole_surface
+    assert traced[0] == 0
+
+
+def test_a_fit_is_continued_where_it_was_interrupted(path, whole_surface, traced, monkeypatch):
+    def stop(*_, **__):
+        raise Stopped
+
+    with monkeypatch.context() as patch:
+        patch.setattr(ao.surface_values, "solve", stop)  # the bent normals'
+        interrupted(path, stop=None, make=ao.bake_surface)
+    solved = []
+    with monkeypatch.context() as patch:
+        patch.setattr(ao.surface_values, "cross_validated", stop)
+        patch.setattr(ao.surface_values, "solve_within", lambda *a, **k: solved.append(a) or solve_within(*a, **k))
+        traced[0] = 0
+        assert bits(bake(path, make=ao.bake_surface, resume=True)) == whole_surface
+    assert traced[0] == 0
+    assert len(solved) == 1  # the relaxed one
+
+
+def test_much_that_waits_is_written_before_a_minute(path, monkeypatch):
+    monkeypatch.setattr(ao.checkpoint, "_MOST_WAITING", 300_000)
+    interrupted(path, make=ao.bake_surface, after=60)
+    assert path.stat().st_size > 300_000
+
+
+THIRD = {"samples": 512, "only": np.arange(4900) % 3 == 0}
+WAYS = [
+    ("vertex", {"tolerance": 0.003}),
+    ("vertex", THIRD),
+    ("surface", {"samples": 512, "only": np.arange(4900) < 900}),
+]
+
+
+@pytest.mark.parametrize(("method", "options"), WAYS, ids=str)
+def test_every_way_to_bake_is_continued(path, method, options):
+    make = METHODS[method]
+    interrupted(path, 0.5, options=options, make=make)
+    assert bits(bake(path, resume=True, options=options, make=make)) == bits(make(MESH, **options))
 
 
 def test_a_short_bake_leaves_no_trace(path, whole):
@@ -111,10 +175,12 @@ def test_starting_over_is_told_and_tidies_up(path, whole, traced):
 
 
 @pytest.mark.parametrize("share", [0.0, 0.3, 0.9, 0.999])
-def test_a_torn_journal_is_used_as_far_as_it_is_whole(path, whole, share):
-    interrupted(path)
+@pytest.mark.parametrize("method", METHODS)
+def test_a_torn_journal_is_used_as_far_as_it_is_whole(path, whole, whole_surface, share, method):
+    interrupted(path, make=METHODS[method])
     os.truncate(path, int(share * path.stat().st_size))
-    assert bits(bake(path, resume=True)) == whole
+    expected = whole if method == "vertex" else whole_surface
+    assert bits(bake(path, resume=True, make=METHODS[method])) == expected
 
 
 def test_a_changed_byte_is_not_believed(path, whole):
@@ -135,15 +201,27 @@ def test_zeros_that_a_power_failure_leaves_are_not_believed(path, whole):
     assert bits(bake(path, resume=True)) == whole
 
 
+CHANGES = [{"seed": 1}, {"samples": 1023}, {"normals": "area"}, {"reconstruct": False}]
+
+
 @pytest.mark.parametrize(
-    "change", [{"seed": 1}, {"samples": 1023}, {"normals": "area"}, {"reconstruct": False}], ids=str
+    ("method", "change"),
+    [("vertex", change) for change in CHANGES] + [("surface", change) for change in CHANGES[:3]],
+    ids=str,
 )
-def test_the_journal_of_another_bake_is_refused(path, change):
-    interrupted(path)
+def test_the_journal_of_another_bake_is_refused(path, method, change):
+    make = METHODS[method]
+    interrupted(path, make=make)
     before = path.read_bytes()
     with pytest.raises(InputError, match=r"w\.npy\.partial: header: expected the journal of this very bake"):
-        bake(path, resume=True, options=OPTIONS | change)
+        bake(path, resume=True, options=OPTIONS | change, make=make)
     assert path.read_bytes() == before
+
+
+def test_a_bake_by_the_other_method_is_another_bake(path):
+    interrupted(path)
+    with pytest.raises(InputError, match="expected the journal of this very bake"):
+        bake(path, resume=True, make=ao.bake_surface)
 
 
 def test_another_mesh_is_another_bake(path):
@@ -194,14 +272,16 @@ def test_of_two_bakes_that_begin_together_one_goes_on_without(path, whole, monke
     assert path.exists()
 
 
-@pytest.mark.parametrize("code", [errno.ENOSPC, errno.EIO])
-def test_a_disk_that_refuses_does_not_stop_the_bake(path, whole, monkeypatch, code):
+@pytest.mark.parametrize(
+    ("code", "method"), [(errno.ENOSPC, "vertex"), (errno.EIO, "vertex"), (errno.ENOSPC, "surface")]
+)
+def test_a_disk_that_refuses_does_not_stop_the_bake(path, whole, whole_surface, monkeypatch, code, method):
     def refuse(*_):
         raise OSError(code, os.strerror(code))
 
     told = []
     monkeypatch.setattr(Journal, "append", refuse)
-    assert bits(bake(path, told)) == whole
+    assert bits(bake(path, told, make=METHODS[method])) == (whole if method == "vertex" else whole_surface)
     assert len(told) == 1
     assert told[0].endswith(f"w.npy.partial: {os.strerror(code)}; going on without checkpoints")
 
@@ -243,11 +323,12 @@ cli.main()
 
 
 @POSIX
-def test_the_command_continues_after_an_interrupt(tmp_path):
+@pytest.mark.parametrize("method", METHODS)
+def test_the_command_continues_after_an_interrupt(tmp_path, method):
     mesh, target, journal = tmp_path / "hills.obj", tmp_path / "w.npz", tmp_path / "w.npz.partial"
     lines = [f"v {x} {y} {z}" for x, y, z in MESH.vertices] + [f"f {a} {b} {c}" for a, b, c in MESH.faces + 1]
     mesh.write_text("\n".join(lines))
-    arguments = [mesh, "--samples", "8192", "--quiet"]
+    arguments = [mesh, "--samples", "8192", "--quiet", "--method", method]
     command = [sys.executable, "-c", AT_ONCE, "bake", *arguments, "-o", target]
     process = subprocess.Popen(command, cwd=ROOT, stderr=subprocess.PIPE, text=True)
     while process.poll() is None and (not journal.exists() or journal.stat().st_size < 5000):
@@ -265,8 +346,9 @@ def test_the_command_continues_after_an_interrupt(tmp_path):
     refused(obscurance("bake", *arguments, "-o", target), "w.npz.partial", "another file")
 
 
-def killed(tmp_path, kills, options):
-    command = [sys.executable, ROOT / "tests" / "killed_bakes.py", str(kills), "1", json.dumps(options), tmp_path]
+def killed(tmp_path, kills, method, options):
+    script = ROOT / "tests" / "killed_bakes.py"
+    command = [sys.executable, script, str(kills), "1", method, json.dumps(options), tmp_path]
     environment = os.environ | {"PYTHONPATH": os.pathsep.join(filter(None, [str(ROOT), os.environ.get("PYTHONPATH")]))}
     result = subprocess.run(command, capture_output=True, text=True, timeout=3600, check=False, env=environment)
     assert result.returncode == 0, result.stderr
@@ -277,12 +359,17 @@ def killed(tmp_path, kills, options):
 
 
 @POSIX
-def test_killed_at_random_moments_nothing_is_lost(tmp_path):
-    killed(tmp_path, 10, {"samples": 256})
+@pytest.mark.parametrize("method", METHODS)
+def test_killed_at_random_moments_nothing_is_lost(tmp_path, method):
+    killed(tmp_path, 10, method, {"samples": 256})
 
 
 @POSIX
 @pytest.mark.slow
-@pytest.mark.parametrize("options", [{"samples": 256}, {"tolerance": 0.005}], ids=str)
-def test_killed_at_a_hundred_random_moments_nothing_is_lost(tmp_path, options):
-    killed(tmp_path, 100, options)
+@pytest.mark.parametrize(
+    ("method", "options"),
+    [("vertex", {"samples": 256}), ("vertex", {"tolerance": 0.005}), ("surface", {"samples": 256})],
+    ids=str,
+)
+def test_killed_at_a_hundred_random_moments_nothing_is_lost(tmp_path, method, options):
+    killed(tmp_path, 100, method, options)

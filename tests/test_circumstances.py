@@ -69,6 +69,19 @@ def test_without_a_place_for_caches_the_bytes_are_the_same_after_one_notice(bake
     assert said.startswith("First run of this version: compiling kernels")
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize("method", ["vertex", "surface"])
+def test_a_cache_whose_disk_fills_up_changes_no_byte(bake, method, tmp_path):
+    code = "import errno; from numba.core.caching import IndexDataCacheFile\n"
+    code += "def full(self, name, data):\n    open(self._data_path(name), 'wb').write(b'half a kernel')\n"
+    code += "    raise OSError(errno.ENOSPC, 'No space left on device')\n"
+    code += "IndexDataCacheFile._save_data = full\nimport cli; cli.main()"
+    content, said = bake("--method", method, code=code, env=os.environ | {"NUMBA_CACHE_DIR": str(tmp_path)})
+    assert content == bake("--method", method)[0]
+    assert said.count("\n") == 1
+    assert said.startswith("First run of this version: compiling kernels")
+
+
 @LINUX
 @pytest.mark.slow
 def test_folders_without_permission_are_no_obstacle(tmp_path):

@@ -99,6 +99,38 @@ def test_a_full_disk_is_passed_over(project):
     assert run(project, full + code, **places) == str(project / "obscurance")
 
 
+FULL = "import resource; resource.setrlimit(resource.RLIMIT_FSIZE, (50, 50)); "
+CALLBACK = """
+from numba import types
+from .jit import callback
+
+@callback(types.int64(types.int64))
+def twice(x):
+    return 2 * x
+"""
+
+
+@pytest.mark.skipif(os.name != "posix", reason="limits")
+def test_a_disk_that_fills_while_kernels_are_written_is_no_obstacle(project):
+    (project / "raytrace" / "back.py").write_text(CALLBACK)
+    code = ANSWER + "; from raytrace.back import twice; print(twice.ctypes(4))"
+    cache = project / "cache"
+    assert run(project, FULL + code, NUMBA_CACHE_DIR=str(cache)) == "1 0\n8"
+    assert not [path for path in cache.rglob("*") if path.is_file() and path.stat().st_size]
+    assert run(project, code, NUMBA_CACHE_DIR=str(cache)) == "1 0\n8"
+    assert run(project, code, NUMBA_CACHE_DIR=str(cache)) == "1 1\n8"
+
+
+@pytest.mark.parametrize("ending", ["nbi", "nbc"])
+@pytest.mark.parametrize("length", [0, 30])
+def test_half_a_file_in_the_cache_is_passed_over(project, ending, length):
+    cache = project / "cache"
+    assert run(project, ANSWER, NUMBA_CACHE_DIR=str(cache)) == "1 0"
+    for path in cache.rglob(f"*.{ending}"):
+        os.truncate(path, length)
+    assert run(project, ANSWER, NUMBA_CACHE_DIR=str(cache)) == "1 0"
+
+
 def test_a_folder_is_warm_once_a_kernel_is_in_it(project):
     code = "from raytrace.jit import is_warm; print(is_warm('loop'), is_warm('helper'))"
     cache = str(project / "cache")

@@ -10,6 +10,7 @@ import pytest
 from command import ROOT
 from mesh_files import FACES, VERTICES, ply
 from meshes import hills
+from PIL import Image
 
 import ao
 import raytrace.memory
@@ -17,6 +18,7 @@ from ao.memory import surface_bytes, vertex_bytes
 from raytrace import InputError, Lambert, MemoryLimitError, Mesh, Object, Scene, Settings, Shape
 from raytrace.memory import available, check_memory
 from raytrace.rendering import rendering_bytes
+from raytrace.texture import Texture
 from scenes.load import load
 
 MIB = 1 << 20
@@ -117,8 +119,8 @@ WORK = {
 @pytest.mark.parametrize("name", WORK)
 def test_everything_big_asks_first(name, monkeypatch):
     mesh = Mesh(*hills(10), source="hills.ply")
-    monkeypatch.setattr(raytrace.memory, "available", lambda: 50 * MIB)
-    with pytest.raises(MemoryLimitError, match=r"expected at most 50 MiB.* faces"):
+    monkeypatch.setattr(raytrace.memory, "available", lambda: 30 * MIB)
+    with pytest.raises(MemoryLimitError, match=r"expected at most 30 MiB.* faces"):
         WORK[name](mesh)
 
 
@@ -143,14 +145,54 @@ def test_files_are_not_read_if_they_would_not_fit(ending, tmp_path, monkeypatch)
 
 def test_more_to_do_takes_more():
     assert vertex_bytes(10**6, 2 * 10**6, 256) < vertex_bytes(10**6, 2 * 10**6, 1 << 20)
-    assert vertex_bytes(10**6, 2 * 10**6, 256) < vertex_bytes(10**6, 2 * 10**6, 256, predicts=True)
     assert vertex_bytes(10**6, 2 * 10**6, 256) < surface_bytes(10**6, 2 * 10**6)
     item = scene(Mesh(*hills(4)))
     small, large = (rendering_bytes(item, Settings(width=1024, height=side), True) for side in (1024, 4096))
     assert large - small == 3 * 1024 * 1024 * 104
 
 
-SMALL = "import raytrace.memory as m; m.available = lambda: 250 << 20; import cli; cli.main()"
+def test_textures_are_counted_once_each_by_their_headers(tmp_path):
+    mesh = Mesh(*hills(4))
+
+    def needed(*names):
+        places = [Texture(tmp_path / name) for name in names]
+        shapes = [Shape(mesh, Lambert(albedo=0.5), np.zeros((16, 2)), place) for place in places]
+        items = [Object(shape) for shape in shapes or [Shape(mesh, Lambert(albedo=0.5))]]
+        return rendering_bytes(Scene(tuple(items)), Settings(width=64, height=64), False)
+
+    for name, size in (("large.png", (512, 256)), ("small.jpg", (64, 32))):
+        Image.new("RGB", size).save(tmp_path / name)
+    (tmp_path / "damaged.png").write_bytes(b"no image")
+    large, small = 512 * 256, 64 * 32
+    assert needed("damaged.png") == needed()
+    assert needed("large.png") - needed() == 28 * large
+    another = needed("large.png", "damaged.png") - needed("large.png")  # of the second object
+    assert needed("large.png", "large.png") - needed("large.png") == another
+    assert needed("large.png", "small.jpg") - needed("large.png") - another == 16 * small + 16 * large
+
+
+@LINUX
+def test_textures_take_what_is_told(tmp_path):
+    Image.new("RGB", (2048, 2048)).save(tmp_path / "t.png")
+    code = """
+import sys
+from pathlib import Path
+from raytrace.texture import Texture, pack_textures, texture_bytes
+def status(field):
+    return next(int(line.split()[1]) << 10 for line in open("/proc/self/status") if line.startswith(field + ":"))
+texture = Texture(Path(sys.argv[1]))
+told = texture_bytes([texture])
+before = status("VmRSS")
+Path("/proc/self/clear_refs").write_text("5")
+pack_textures([texture])
+print((status("VmHWM") - before) / told)
+"""
+    command = [sys.executable, "-c", code, tmp_path / "t.png"]
+    result = subprocess.run(command, capture_output=True, text=True, check=True, cwd=ROOT)
+    assert 0.7 < float(result.stdout) < 1.2
+
+
+SMALL = "import raytrace.memory as m; m.available = lambda: 160 << 20; import cli; cli.main()"
 
 
 def test_the_command_refuses_with_one_line(tmp_path):
@@ -168,7 +210,7 @@ def test_the_command_refuses_with_one_line(tmp_path):
     result = bake("--method", "surface")
     assert (result.returncode, result.stdout) == (2, "")
     assert re.fullmatch(
-        r"obscurance: .*hills.ply: memory: expected at most 250 MiB, what is available, got about 3\d\d MiB to bake"
+        r"obscurance: .*hills.ply: memory: expected at most 160 MiB, what is available, got about 18\d MiB to bake"
         r" 108,900 vertices and 216,482 faces by the surface method; the vertex method takes about 1\d\d MiB",
         result.stderr.splitlines()[-1],
     )

@@ -1,11 +1,14 @@
 """What must not change a picture: threads, crops, layers, skipping, instances, units, what nobody sees."""
 
+import weakref
+
 import numpy as np
 import pytest
 import trimesh
 from rendered import CAMERA, SMALL, grid, sphere, still_scene, white
 
 import ao
+import raytrace.world
 from raytrace import Mesh
 from raytrace.camera import Camera
 from raytrace.frame import LAYERS
@@ -134,6 +137,23 @@ def test_vertices_that_no_pixel_sees_need_no_obscurance(still, shading):
     a, b = (render(still.with_obscurance(w), CAMERA, settings).layers for w in (whole, part))
     for name, layer in a.items():
         np.testing.assert_array_equal(b[name], layer)
+
+
+def test_what_tells_which_vertices_are_seen_is_let_go_of(still, monkeypatch):
+    """So a picture that bakes holds one Embree scene at a time."""
+    made = []
+
+    def build_and_watch(scene, original=raytrace.world._build):
+        world = original(scene)
+        made.append(weakref.ref(world.embree))
+        return world
+
+    monkeypatch.setattr(raytrace.world, "_build", build_and_watch)
+    scene = Scene(still.objects, still.lights)
+    seen_vertices(scene, CAMERA, SMALL)
+    assert [embree() for embree in made] == [None]
+    render(scene, CAMERA, SMALL)
+    assert made[1]() is build(scene).embree
 
 
 def test_what_is_there_does_not_depend_on_shading(still):

@@ -11,6 +11,7 @@ from meshes import hills
 from scipy.spatial.transform import Rotation
 
 import ao
+import ao.surface_values
 from benchmarks.surface_error import Points
 from raytrace import Mesh, OptionError
 from scenes import validation
@@ -139,6 +140,23 @@ def test_it_spends_no_more_rays_than_the_vertex_method(samples):
     assert samples * 400 - 32 < total <= samples * 400
     assert told[-1] == (total, total)
     assert ((baked.w >= 0) & (baked.w <= 1)).all()
+
+
+def test_some_stretches_of_a_large_mesh_tell_how_smooth_it_is(monkeypatch):
+    mesh = Mesh(*hills(70))
+    tried = []
+
+    def cross_validated(problem, start, original=ao.surface_values.cross_validated):
+        tried.append(len(problem.stencil.seats))
+        return original(problem, start)
+
+    monkeypatch.setattr(ao.surface_values, "cross_validated", cross_validated)
+    whole = ao.bake_surface(mesh, samples=64)
+    monkeypatch.setattr(ao.surface_values, "_RUN", 128)
+    part = ao.bake_surface(mesh, samples=64)
+    assert tried == [len(mesh.faces), 32 * 128]
+    assert np.sqrt(np.mean((part.w - whole.w) ** 2)) < 0.25 * whole.rmse
+    assert part.rmse == pytest.approx(whole.rmse, rel=0.1)
 
 
 @cache
