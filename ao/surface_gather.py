@@ -21,7 +21,6 @@ from raytrace.embree import (
     NG_X,
     NG_Y,
     NG_Z,
-    ORG_X,
     TFAR,
     intersect8,
 )
@@ -29,7 +28,7 @@ from raytrace.jit import inline, kernel
 from raytrace.placement import OFFSET_ULPS, ULP
 from raytrace.sampling import cosine_hemisphere
 
-from .hemisphere import turned_frame
+from .hemisphere import aim, start_from, turned_frame
 from .surface_samples import GOLDEN, place
 
 HIDDEN = 1e-4  # weight of a sample that sees the back of things; not 0, so that what is buried has a value too
@@ -101,7 +100,7 @@ def gather_faces(
     ids = packet.view(np.uint32)
     samples = directions.shape[2]
     scale = -1.0 / np.expm1(-tau * limit) if tau > 0.0 else 1.0
-    values, b, side = np.zeros(4), np.zeros(3), np.zeros(3)
+    values, b, side, origin = np.zeros(4), np.zeros(3), np.zeros(3), np.zeros(3)
     for f in range(len(corners)):
         g = normals[f]
         largest = 0.0
@@ -116,21 +115,17 @@ def gather_faces(
             for axis in range(3):
                 side[axis] = front * g[axis]
                 at = b[0] * corners[f, 0, axis] + b[1] * corners[f, 1, axis] + b[2] * corners[f, 2, axis]
-                for lane in range(LANES):
-                    packet[ORG_X + axis, lane] = at + lift * side[axis]
+                origin[axis] = at + lift * side[axis]
+            start_from(packet, origin)
             chosen, turn = _draw(k, key)
             local = directions[chosen]
             t, u = turned_frame(n, turn)
             values[:] = 0.0
             traced = backs = 0
             for start in range(0, samples, LANES):
+                aim(packet, local, start, t, u, n, reach)
                 for lane in range(LANES):
-                    lx, ly, lz = local[0, start + lane], local[1, start + lane], local[2, start + lane]
-                    x = lx * t[0] + ly * u[0] + lz * n[0]
-                    y = lx * t[1] + ly * u[1] + lz * n[1]
-                    z = lx * t[2] + ly * u[2] + lz * n[2]
-                    packet[DIR_X, lane], packet[DIR_Y, lane], packet[DIR_Z, lane] = x, y, z
-                    packet[TFAR, lane] = reach
+                    x, y, z = packet[DIR_X, lane], packet[DIR_Y, lane], packet[DIR_Z, lane]
                     valid[lane] = -1 if x * side[0] + y * side[1] + z * side[2] > 0.0 else 0
                     traced -= valid[lane]
                 intersect8(scene, packet, valid)
