@@ -3,7 +3,8 @@
 Each point has an estimate y of variance σ² and a prediction p of mean square error t², made without y. The linear
 combination of least risk is y + σ²/(σ² + t²) (p − y) (Bates & Granger 1969; with t² taken from the data, James & Stein
 1961). E(y − p)² = σ² + t² wherever the two errors are independent, so t² is what the squared residuals around a point
-have beyond σ². As samples grow, σ² vanishes before t² and the estimate is left alone.
+have beyond σ². As samples grow, σ² vanishes before t² and the estimate is left alone. Of a prediction that a small part
+h of y has gone into, E(y − w)(p − w) = h σ²: what is drawn then errs by σ² (1 − s (1 − 2 h)) where a share s is drawn.
 
 The prediction is the mean over the neighbours, corrected for what makes a vertex differ from them: how it leans
 towards what is closed around it, and how far its neighbours stand above its tangent plane. How much each tells is
@@ -104,9 +105,8 @@ def _fitted_around(neighbours: Neighbours, columns: Floats, target: Floats, weig
     around = neighbours.smooth(moments, _FIT_REACH)
     neighbours.each(lambda first, last: _solutions(first, last, scaled, around, fit, part))
     own = neighbours.own()
-    return fit, np.minimum(
-        part * weight * own * (1 + own) / 2, 0.5
-    )  # about the part in four rounds, for valences from 1 to 8
+    own *= (1 + own) / 2  # about what four rounds leave, for valences from 1 to 8
+    return fit, np.minimum(part * weight * own, 0.5)
 
 
 @kernel
