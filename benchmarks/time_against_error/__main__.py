@@ -42,8 +42,7 @@ def main() -> None:
     plan = QUICK if arguments.quick else FULL
     plan = replace(plan, patience=plan.patience * arguments.patience)
     specimens = builtin(arguments.quick) + (from_folder(arguments.meshes, arguments.quick) if arguments.meshes else [])
-    if arguments.dense:
-        specimens = [each for each in specimens if each.dense and len(each.make().vertices) >= MANY]
+    specimens = [each for each in specimens if (each.dense and len(each.make().vertices) >= MANY) == arguments.dense]
     if arguments.quick:
         results_folder = docs_folder = ROOT / "build" / "time_against_error"
     else:
