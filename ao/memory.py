@@ -1,14 +1,14 @@
 """How much memory a bake takes beside its mesh, told from counts.
 
 The coefficients are fitted to measured peaks (`python -m benchmarks.memory`): of a smooth mesh and of loose triangles
-of 200,000 and 600,000 vertices they tell 0.85 to 1.22 times what was measured. Threads add next to nothing.
+of 200,000 and 600,000 vertices they tell 0.94 to 1.56 times what was measured. Threads add next to nothing.
 """
 
 from __future__ import annotations
 
 _BASE = 40 << 20  # kernels, Embree, threads
 _TABLE, _DIRECTION = 1 << 18, 100  # directions in a table, and bytes for each while it is made
-_VERTEX, _FACE = 320, 180  # where points are found, which takes more than a tolerance or filling does later
+_VERTEX, _FACE = 560, 60
 _SURFACE_VERTEX, _SURFACE_FACE = 72, 660
 
 
