@@ -45,6 +45,7 @@ def bake(
     samples: Annotated[int | None, typer.Option(help="Rays a vertex, 256; the most with --tolerance.")] = None,
     tolerance: Annotated[float | None, typer.Option(help="RMS error of w to bake to, by as few rays as do.")] = None,
     reconstruct: Annotated[bool, typer.Option(help="Let vertices learn from their neighbours.")] = True,
+    skip: Annotated[bool, typer.Option(help="Leave out rays that certainly meet nothing; w is the same.")] = True,
     seed: Annotated[int, typer.Option(help="Another seed, another set of rays.")] = 0,
     threads: Threads = None,
     normals: Annotated[
@@ -72,6 +73,7 @@ def bake(
         choices.only_at_vertices(
             tolerance=tolerance is not None,
             reconstruct=not reconstruct,
+            skip=not skip,
             hidden=hidden is not choices.Hidden.ignore,
         )
     check_target(output)
@@ -90,7 +92,7 @@ def bake(
     with Checkpoint(f"{output}.partial", resume, note) as checkpoint:
         make: Any = ao.bake_surface
         if method is choices.Method.vertex:
-            make = partial(ao.bake, tolerance=tolerance, reconstruct=reconstruct, hidden=hidden.value)
+            make = partial(ao.bake, tolerance=tolerance, reconstruct=reconstruct, skip=skip, hidden=hidden.value)
         kernels = "hemisphere" if method is choices.Method.vertex else "surface_gather"
         with progress(quiet, "rays") as advance, compiling(kernels):
             baked = make(source.mesh, chosen, samples, seed, threads, normals.value, advance, checkpoint=checkpoint)

@@ -20,6 +20,7 @@ from raytrace.sampling import mix, seed_key
 from .checkpoint import Checkpoint
 from .falloff import Exponential, Falloff, Mu
 from .hidden import Hidden, filled, hidden_points
+from .horizon import Horizons
 from .memory import vertex_bytes
 from .neighbours import Neighbours
 from .plan import sampling_variance
@@ -48,6 +49,8 @@ class Bake:
         rays: number of rays traced, by an interrupted run too.
         rays_skipped: rays not traced, by reason.
         rmse: estimated root mean square of w's sampling error over the vertices asked for.
+        skip_seconds: what finding rays to skip took, by reason, on all threads together; where it is nothing to speak
+            of it is left out.
         seconds: `build` (Embree scene) and `bake` (everything else that makes w).
         mu: the falloff used, in mesh units.
     """
@@ -58,6 +61,7 @@ class Bake:
     flags: npt.NDArray[np.uint8]
     rays: int
     rays_skipped: dict[str, int]
+    skip_seconds: dict[str, float] = field(compare=False)
     rmse: float
     seconds: dict[str, float] = field(compare=False)
     mu: Mu
@@ -80,6 +84,7 @@ def bake(
     tolerance: float | None = None,
     reconstruct: bool = True,
     hidden: Hidden = "ignore",
+    skip: bool = True,
     checkpoint: Checkpoint | None = None,
 ) -> Bake:
     """Obscurance w(p) = (1/π) ∫ μ(d) cosθ dω (12.71) at every vertex of `mesh`.
@@ -99,6 +104,8 @@ def bake(
         reconstruct: whether a vertex's estimate is drawn towards its neighbours' by what they are worth.
         hidden: "ignore": both sides of faces are surface. "mark": faces bound solids, and vertices that mostly see
             backs, being inside one, are flagged. "fill": besides, they get the values of the nearest that are not.
+        skip: whether rays that certainly meet nothing are left out where telling them costs less than tracing them;
+            the bits are the same.
         checkpoint: keeps what is traced, and is asked for what an interrupted run traced; the bits are the same.
 
     Raises:
@@ -124,12 +131,13 @@ def bake(
     placement = Placement.of(mesh)
     receivers = find_receivers(mesh, placement, normals)
     crowd = len(receivers.points)  # before `only`, so that it changes no direction
+    horizons = Horizons(placement, receivers, mu) if skip else None
     if only is not None:
         receivers = receivers.only(only)
 
     if checkpoint:
         checkpoint.begin(placement, receivers, mu, crowd, most, tolerance, seed, normals, reconstruct)
-    tracer = Tracer(receivers.scene, placement, mu, workers, crowd, progress, checkpoint)
+    tracer = Tracer(receivers.scene, placement, mu, workers, crowd, horizons, progress, checkpoint)
     key = seed_key(seed)
     if tolerance is not None and len(receivers.points):
         estimate = estimate_to(tracer, receivers.points, _neighbours(receivers, workers), tolerance, most, key)
@@ -156,14 +164,16 @@ def bake(
         error=error,
         bent_normals=bent,
         flags=receivers.flags,
-        rays=tracer.rays,
+        rays=tracer.rays - tracer.skipped,
         rays_skipped={
+            "open": tracer.skipped,
             "duplicate": estimate.samples * int(np.count_nonzero(baked) - len(receivers.points)),
             "no_normal": estimate.samples
             * int(np.count_nonzero(receivers.flags & (Flag.UNREFERENCED | Flag.DEGENERATE))),
             "not_wanted": estimate.samples * int(np.count_nonzero(~wanted)),
             "predicted": estimate.samples * estimate.predicted,
         },
+        skip_seconds={"open": sum(horizons.seconds)} if horizons else {},
         rmse=float(np.sqrt(np.sum(error**2) / max(int(np.count_nonzero(wanted)), 1))),
         seconds={"build": receivers.scene.seconds, "bake": finished - start - receivers.scene.seconds},
         mu=mu,

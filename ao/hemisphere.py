@@ -32,7 +32,9 @@ from raytrace.sampling import cosine_hemisphere, jittered_lattice
 BATCHES = 6  # the lattice steps by 6 × golden ratio = .708 within a part, as irrational as one can wish
 _TABLE_POINTS = 1 << 18
 _SHARERS = 64  # points to a set at least; they turn it each its own way
-_SECTOR = 2 * LANES  # rays that share a sector of azimuth
+_TOGETHER = 2 * LANES  # rays that share a part of azimuth in the order of a table
+SECTORS = 16  # of azimuth, in each of which a point has a horizon
+_STEEPEST = 50.0  # slope from which on the sector is uncertain, and rays count as no steeper
 
 
 @dataclass(frozen=True)
@@ -45,25 +47,35 @@ class DirectionTable:
         batches: uint8 (samples,), which of the `BATCHES` interleaved parts of the lattice a direction belongs to;
             their spread carries the error estimate.
         mean: float64 (sets, 3), mean direction.
+        sectors: uint8 (sets, samples), slopes: float32 (sets, samples): the part of azimuth that each is in, and
+            z/√(x² + y²).
         key: uint32 from which each point draws its set and its turn.
     """
 
     directions: npt.NDArray[np.float32]
     batches: npt.NDArray[np.uint8]
     mean: npt.NDArray[np.float64]
+    sectors: npt.NDArray[np.uint8]
+    slopes: npt.NDArray[np.float32]
     key: np.uint32
+
+    @property
+    def samples(self) -> int:
+        return len(self.batches)
 
     @classmethod
     def make(cls, samples: int, points: int, key: np.uint32) -> DirectionTable:
         """A table for gathering at `points` points: so many sets that making them costs little beside that."""
         sets = int(np.clip(_TABLE_POINTS // samples, 8, min(max(points // _SHARERS, 8), 256)))
         u, v = jittered_lattice(sets, samples, key)
-        sector = np.argsort(np.argsort(v[0])) // _SECTOR
-        order = np.argsort(sector, kind="stable")  # u ascends already
-        directions = cosine_hemisphere(u[:, order], v[:, order])
+        part = np.argsort(np.argsort(v[0])) // _TOGETHER
+        order = np.argsort(part, kind="stable")  # u ascends already
+        u, v = u[:, order], v[:, order]
+        directions = cosine_hemisphere(u, v)
         padded = np.empty((sets, 3, samples + -samples % LANES), np.float32)
         padded[:, :, :samples], padded[:, :, samples:] = directions, directions[:, :, -1:]
-        return cls(padded, (order % BATCHES).astype(np.uint8), directions.mean(axis=2), key)
+        sectors, slopes = (v * SECTORS).astype(np.uint8), np.minimum(np.sqrt(1 / u - 1), _STEEPEST).astype(np.float32)
+        return cls(padded, (order % BATCHES).astype(np.uint8), directions.mean(axis=2), sectors, slopes, key)
 
 
 @inline
@@ -106,21 +118,28 @@ def aim(packet, local, first, t, b, n, reach):
 
 
 @kernel
-def gather(scene, packet, valid, origins, normals, numbers, directions, batches, mean, key, tau, reach, limit, out):
+def gather(
+    scene, packet, valid, origins, normals, numbers, directions, batches, mean, sectors, slopes, key, tau, reach, limit,
+    horizons, traced, out,
+):  # fmt: skip
     """Obscurance of a block of points.
 
     Args:
         scene, packet, valid: see raytrace.embree.
         origins, normals: float32 (n, 3), in the scene's units.
         numbers: uint32 (n,), what a point's random choices are keyed by.
-        directions, batches, mean, key: a DirectionTable's.
+        directions, batches, mean, sectors, slopes, key: a DirectionTable's.
         tau: rate of the exponential μ in the scene's units, or 0 for the binary μ.
         reach: length of every ray; limit: max_distance, at which the exponential μ is 1, or inf.
+        horizons: float32 (n, 16), slopes above which rays are open and not traced, or (0, 16).
+        traced: uint32 (n,): rays traced.
         out: float64 (n, 5): w, the variance between batches, and the mean of μ·direction (x, y, z).
     """
     packet, valid, origins, normals = borrow(packet), borrow(valid), borrow(origins), borrow(normals)
     directions, batches, mean, out = borrow(directions), borrow(batches), borrow(mean), borrow(out)
+    sectors, slopes, horizons, traced = borrow(sectors), borrow(slopes), borrow(horizons), borrow(traced)
     sets, samples = len(directions), len(batches)
+    below, batches_below = np.zeros((3, samples + LANES), np.float32), np.zeros(samples + LANES, np.uint8)
     used = min(BATCHES, samples)
     size = np.zeros(BATCHES)
     for k in range(samples):
@@ -133,13 +152,22 @@ def gather(scene, packet, valid, origins, normals, numbers, directions, batches,
         chosen, turn = choose(numbers[i], key, sets)
         n = normals[i]
         t, b = turned_frame(n, turn)
-        local = directions[chosen]
+        local, of_batch, rays = directions[chosen], batches, samples
+        if len(horizons):
+            rays = 0
+            for k in range(samples):
+                for axis in range(3):
+                    below[axis, rays] = local[axis, k]
+                batches_below[rays] = batches[k]
+                rays += slopes[chosen, k] <= horizons[i, sectors[chosen, k]]
+            local, of_batch = below, batches_below
+        traced[i] = rays
         lost[:] = 0.0
         x = y = z = 0.0
         valid[:] = -1
         start_from(packet, origins[i])
-        for first in range(0, samples, LANES):
-            lanes = min(LANES, samples - first)
+        for first in range(0, rays, LANES):
+            lanes = min(LANES, rays - first)
             valid[lanes:] = 0
             aim(packet, local, first, t, b, n, reach)
             if exponential:
@@ -154,7 +182,7 @@ def gather(scene, packet, valid, origins, normals, numbers, directions, batches,
                     loss += np.expm1(-tau * packet[TFAR, lane]) * scale  # (12.74)
                 elif packet[TFAR, lane] >= 0.0:
                     continue
-                lost[batches[first + lane]] += loss
+                lost[of_batch[first + lane]] += loss
                 x += loss * local[0, first + lane]
                 y += loss * local[1, first + lane]
                 z += loss * local[2, first + lane]

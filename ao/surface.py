@@ -96,6 +96,7 @@ def bake_surface(
             "not_wanted": samples * int(np.count_nonzero(~wanted)),
             "below_face": int(traced[BELOW]),
         },
+        skip_seconds={},
         rmse=float(np.sqrt(np.sum(error**2) / max(int(np.count_nonzero(wanted)), 1))),
         seconds={"build": built, "bake": finished - start - built},
         mu=mu,

@@ -15,6 +15,7 @@ from raytrace.placement import Placement
 from .checkpoint import Checkpoint
 from .falloff import Mu
 from .hemisphere import DirectionTable, gather
+from .horizon import NO_HORIZONS, Horizons
 from .receivers import Points
 
 _BLOCK_RAYS, _LEAST_RAYS = 1 << 19, 1 << 13  # of a block of work
@@ -30,8 +31,10 @@ class Tracer:
     Attributes:
         scene, placement: the mesh in Embree and where it is. mu: the falloff, in mesh units. threads: how many.
         crowd: points of the whole mesh, wanted or not.
+        horizons: what tells rays that need no tracing, if anything.
         progress: called with (rays traced, rays expected in all). checkpoint: what keeps traced rows, if anything.
-        expected: rays expected in all, 0 while nobody has planned them. rays: rays traced or copied.
+        expected: rays expected in all, 0 while nobody has planned them. rays: rays asked for. skipped: those of them
+            that were not traced, now or by the run whose rows were copied.
     """
 
     scene: TriangleScene
@@ -39,40 +42,45 @@ class Tracer:
     mu: Mu
     threads: int
     crowd: int
+    horizons: Horizons | None = None
     progress: Progress | None = None
     checkpoint: Checkpoint | None = None
     expected: int = 0
     rays: int = 0
+    skipped: int = 0
     _last: DirectionTable | None = None
 
     def gather(self, points: Points, samples: int, key: np.uint32) -> npt.NDArray[np.float64]:
         """Rows (k, 5) of `ao.hemisphere.gather` for `points` with `samples` rays each, directions drawn by `key`."""
         table = self._table(samples, key)
-        out = np.empty((len(points), 5))
+        out, traced = np.empty((len(points), 5)), np.empty(len(points), np.uint32)
         tau = (self.mu.tau or 0.0) / self.placement.scale
         limit = self.mu.max_distance * self.placement.scale
         reach = min(limit, self.placement.diagonal)
+        horizons = self.horizons if self.horizons and self.horizons.pay(points, table) else None
         checkpoint = self.checkpoint
         call = checkpoint.call(points.numbers, samples, key) if checkpoint else b""
 
         def work(first: int, last: int) -> None:
-            if checkpoint and checkpoint.copy(call, first, out[first:last]):
+            if checkpoint and checkpoint.copy(call, first, out[first:last], traced[first:last]):
                 return
             some = points[first:last]
             gather(
                 self.scene.handle, *new_packet(), some.origins, some.normals, some.numbers,
-                table.directions, table.batches, table.mean, table.key, tau, reach, limit, out[first:last],
+                table.directions, table.batches, table.mean, table.sectors, table.slopes, table.key, tau, reach, limit,
+                horizons.above(some, table) if horizons else NO_HORIZONS, traced[first:last], out[first:last],
             )  # fmt: skip
             if checkpoint:
-                checkpoint.add(call, first, out[first:last])
+                checkpoint.add(call, first, out[first:last], traced[first:last])
 
         rays = min(max(len(points) * samples // _BLOCKS, _LEAST_RAYS), _BLOCK_RAYS)  # whatever the number of threads
         run_blocks(len(out), max(rays // samples, 1), work, self.threads, lambda n: self._advance(n * samples))
+        self.skipped += len(points) * samples - int(np.sum(traced, dtype=np.int64))
         return out
 
     def _table(self, samples: int, key: np.uint32) -> DirectionTable:
         """The last table again if it is the same."""
-        if self._last is None or (len(self._last.batches), self._last.key) != (samples, key):
+        if self._last is None or (self._last.samples, self._last.key) != (samples, key):
             self._last = DirectionTable.make(samples, self.crowd, key)
         return self._last
 

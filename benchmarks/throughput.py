@@ -20,6 +20,7 @@ import numpy as np
 
 from ao import Binary, Exponential
 from ao.hemisphere import DirectionTable, choose, gather, turned_frame
+from ao.horizon import NO_HORIZONS
 from ao.receivers import find_receivers
 from ao.report import versions
 from raytrace.embree import (
@@ -99,7 +100,7 @@ def measure(path: Path | None, samples: int, rounds: int) -> dict[str, object]:
     directions = np.empty((count, 3, samples), np.float32)
     world_directions(points.normals, points.numbers, table.directions, table.key, directions)
     threads = thread_count(None)
-    out, hits = np.empty((count, 5)), np.empty(count, np.int64)
+    out, traced, hits = np.empty((count, 5)), np.empty(count, np.uint32), np.empty(count, np.int64)
     results: dict[str, object] = {}
     for name, falloff in (("binary", Binary()), ("exponential", Exponential())):
         mu = falloff.resolve(mesh.radius)
@@ -109,7 +110,8 @@ def measure(path: Path | None, samples: int, rounds: int) -> dict[str, object]:
             some = points[a:b]
             gather(
                 scene.handle, *new_packet(), some.origins, some.normals, some.numbers,
-                table.directions, table.batches, table.mean, table.key, tau, placement.diagonal, np.inf, out[a:b],
+                table.directions, table.batches, table.mean, table.sectors, table.slopes, table.key, tau,
+                placement.diagonal, np.inf, NO_HORIZONS, traced[a:b], out[a:b],
             )  # fmt: skip
 
         def theirs(a: int, b: int, closest: bool = tau > 0) -> None:

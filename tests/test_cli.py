@@ -173,7 +173,9 @@ def test_an_interrupt_leaves_nothing_behind(tmp_path):
     target = tmp_path / "w.npy"
     target.write_text("precious")
     running = subprocess.Popen(
-        [*COMMAND, "bake", mesh, "-o", target, "--samples", "100000"], stdout=subprocess.PIPE, stderr=subprocess.PIPE
+        [*COMMAND, "bake", mesh, "-o", target, "--samples", "100000", "--no-skip"],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
     )
     time.sleep(4)
     running.send_signal(signal.SIGINT)
