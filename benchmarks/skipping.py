@@ -22,7 +22,7 @@ from .time_against_error.suite import Specimen, builtin, falloffs
 TARGET = Path(__file__).parent / "results" / "skipping.json"
 SAMPLES = (128, 256, 1024, 4096)
 ROUNDS = 3
-MOST_RAYS = 6e7  # of a bake that is measured
+MOST_RAYS = 4.5e7  # of a bake that is measured
 
 
 def measure(specimen: Specimen) -> list[dict[str, object]]:
