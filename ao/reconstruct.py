@@ -32,7 +32,7 @@ _LEAN_REACH = 3  # and what is closed around a point
 _FIT_REACH = 4  # and what corrections are fitted to
 _OUTLIER = 9.0  # a residual of more than three σ is the point's own
 _RIDGE, _RIDGE_POINTS = 3e-3, 10.0
-_USUAL, _DOUBT = 1.0, 0.5  # factor by which expected squared errors are off, and its standard deviation
+_USUAL, _DOUBT = 1.0, 0.3  # factor by which expected squared errors are off, and its standard deviation
 
 
 def reconstruct(neighbours: Neighbours, points: Points, rows: Floats, level: float) -> tuple[Floats, Floats]:

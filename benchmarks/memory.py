@@ -25,7 +25,7 @@ from raytrace.rendering import render, rendering_bytes
 from raytrace.scene import Object, Scene, Shape
 from raytrace.settings import Settings
 
-SAMPLES = 16
+SAMPLES = 256
 FILM = Settings(width=1920, height=1080, samples=1)
 CAMERA = Camera((4.0, 0.0, 0.0), (0.0, 0.0, 0.0))
 
@@ -60,7 +60,7 @@ def scene_of(mesh: Mesh) -> Scene:
 
 Way = tuple[Callable[[Mesh], object], Callable[[int, int, Mesh], int]]
 WAYS: dict[str, Way] = {
-    "--samples 16": (
+    "--samples 256": (
         lambda mesh: ao.bake(mesh, samples=SAMPLES),
         lambda n, m, _: vertex_bytes(n, m, SAMPLES),
     ),
