@@ -74,10 +74,12 @@ def progress(quiet: bool, unit: str) -> Iterator[Callable[[int, int], None] | No
 
 def bake_summary(baked: ao.Bake, target: Path) -> str:
     """What was baked to where, at which rate and how well."""
-    rate = baked.rays / max(baked.seconds["bake"], 1e-9) / 1e6
+    clear = baked.rays_skipped.get("open", 0)
+    rays = baked.rays + clear
     text = (
-        f"{target}: {len(baked.w):,} vertices, {baked.rays:,} rays in {baked.seconds['bake']:.2f} s"
-        f" ({rate:.1f} Mrays/s), estimated RMSE {baked.rmse:.4f}"
+        f"{target}: {len(baked.w):,} vertices, {rays:,} rays{f', {clear:,} of them certainly open,' if clear else ''}"
+        f" in {baked.seconds['bake']:.2f} s ({rays / max(baked.seconds['bake'], 1e-9) / 1e6:.1f} Mrays/s),"
+        f" estimated RMSE {baked.rmse:.4f}"
     )
     flagged = ", ".join(f"{count} {name}" for name, count in baked.flagged.items() if count)
     return f"{text}\nflagged vertices: {flagged}" if flagged else text

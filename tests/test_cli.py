@@ -64,6 +64,15 @@ def test_the_report_holds_the_contract(tmp_path, cube):
     assert found["falloff"]["tau"] == pytest.approx(np.log(2) / (0.5 * 3**0.5 / 2))
 
 
+def test_rays_that_are_certainly_open_are_told_and_change_nothing(tmp_path, cube):
+    told = obscurance("bake", cube, "-o", tmp_path / "a.npz", "--samples", 512)
+    assert "rays, 8,192 of them certainly open, in" in told.stdout
+    told = obscurance("bake", cube, "-o", tmp_path / "b.npz", "--samples", 512, "--no-skip")
+    assert "8,192 rays in" in told.stdout
+    assert (tmp_path / "a.npz").read_bytes() == (tmp_path / "b.npz").read_bytes()
+    refused(obscurance("bake", cube, "-o", tmp_path / "c.npy", "--method", "surface", "--no-skip"), "--skip", "surface")
+
+
 def test_quiet_is_quiet(tmp_path, cube):
     result = obscurance("bake", cube, "-o", tmp_path / "w.npy", "--samples", 8, "--quiet")
     assert (result.returncode, result.stdout) == (0, "")
