@@ -25,7 +25,7 @@ from .memory import vertex_bytes
 from .neighbours import Neighbours
 from .plan import sampling_variance
 from .receivers import Flag, Normals, Points, Receivers, find_receivers
-from .reconstruct import judged, shared_out
+from .reconstruct import judged, moderated, shared_out
 from .reconstruct import reconstruct as drawn_to_neighbours
 from .tolerance import Estimate, estimate_to
 from .trace import Progress, Tracer
@@ -200,11 +200,11 @@ def _estimate(tracer: Tracer, points: Points, neighbours: Neighbours | None, sam
     if len(points) and not rows[:, 1].any() and (w == w[0]).all():  # of n rays that agree, the next may not (Laplace)
         level = min(level, tracer.rays**-2.0)
     if neighbours is None:
-        return Estimate(rows[:, [0, 2, 3, 4]], shared_out(rows[:, 1], level), samples, 0)
+        return Estimate(rows[:, [0, 2, 3, 4]], moderated(shared_out(rows[:, 1], level)), samples, 0)
     drawn, error = drawn_to_neighbours(neighbours, points, rows, level)
     before, after = ((values[calibration] - again) ** 2 for values in (w, drawn))
     if float(np.sum(after - before)) >= 0:
-        return Estimate(rows[:, [0, 2, 3, 4]], shared_out(rows[:, 1], level), samples, 0)
+        return Estimate(rows[:, [0, 2, 3, 4]], moderated(shared_out(rows[:, 1], level)), samples, 0)
     error *= judged(error[calibration], after - before / 2)
     return Estimate(np.column_stack([drawn, rows[:, 2:]]), error, samples, 0)
 
