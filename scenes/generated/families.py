@@ -12,7 +12,7 @@ from raytrace.mesh import Mesh
 from ..shapes import Part
 from .at_hand import dense_base
 from .damage import DAMAGES, Damage, damaged
-from .dense import Rng, log_uniform, posed
+from .dense import Rng, log_uniform, posed, refined, sized, unit
 from .inserts import blades, character, eyes, pipes, posts, slab_with_posts
 from .layers import crossing_planes, nested_shells, planar_sets, scale_jumps, terraces, thin_sheets
 
@@ -45,19 +45,31 @@ class _Damaged:
         return posed(damaged(self._damage, base, size, self._surplus, rng), rng, self._name)
 
 
-def families(given: Iterable[Mesh] = ()) -> dict[str, Family]:
-    """All families by name: those of parts put together, those of damage to meshes at hand.
+class _Given:
+    def __init__(self, mesh: Mesh) -> None:
+        self._part, self._source = (np.array(mesh.vertices), mesh.faces), mesh.source
 
-    Args: given: meshes to be damaged as well, each in each way; their families have their `source` in the name.
+    def __call__(self, rng: Rng, size: int) -> Mesh:
+        return posed(sized(lambda h: refined(unit(self._part), h), size), rng, self._source)
+
+
+def families(given: Iterable[Mesh] = ()) -> dict[str, Family]:
+    """All families by name: parts put together, and damage to the meshes at hand.
+
+    Args: given: meshes in place of those at hand; the families are then what they are and each damage to each of them,
+        called by their `source`, refined until they have as many vertices as asked for.
     """
-    found: dict[str, Family] = {name: _Drawn(make) for name, make in _MADE.items()}
-    for name, (damage, surplus) in DAMAGES.items():
-        found[name] = _Drawn(_Damaged(name, damage, surplus))
+    given = list(given)
+    if not given:
+        made = {name: _Drawn(make) for name, make in _MADE.items()}
+        return {**made, **{name: _Drawn(_Damaged(name, *how)) for name, how in DAMAGES.items()}}
+    found: dict[str, Family] = {}
     for mesh in given:
         part = np.array(mesh.vertices), mesh.faces
-        for name, (damage, surplus) in DAMAGES.items():
+        found[mesh.source] = _Drawn(_Given(mesh))
+        for name, how in DAMAGES.items():
             title = f"{mesh.source}, {name}"
-            found[title] = _Drawn(_Damaged(title, damage, surplus, part))
+            found[title] = _Drawn(_Damaged(title, *how, given=part))
     return found
 
 
