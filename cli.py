@@ -135,7 +135,7 @@ def validate(
     long: Annotated[bool, typer.Option("--long", help="With --stress, minutes; with --generated, hours.")] = False,
     family: Annotated[list[str] | None, typer.Option(help="With --generated: only this family; repeatable.")] = None,
 ) -> None:
-    """Bake scenes whose answer is known in closed form; exit status 1 if one is off."""
+    """Bake scenes whose answer is known in closed form, or as said below; exit status 1 if one is off."""
     from raytrace.errors import OptionError
     from scenes import validation
     from scenes.stress import line, suite

@@ -39,7 +39,7 @@ def open_plane(rng: Rng) -> Make:
 
 def colonnade(rng: Rng) -> Make:
     """The temple."""
-    return lambda h: unit(_part(temple(8 * min(h, 0.3))))
+    return lambda h: unit(_part(temple(8 * h)))
 
 
 def sponge(rng: Rng) -> Make:
@@ -86,12 +86,8 @@ BASES: tuple[Base, ...] = (shape, open_plane, colonnade, sponge, winding, built_
 
 
 def dense_base(rng: Rng, given: Part | None = None) -> Callable[[int], Part]:
-    """A base of any number of vertices: `given`, or one at hand; displaced by a smooth field of slope 0 to 1."""
-    if given is None:
-        make = BASES[rng.integers(len(BASES))](rng)
-    else:
-        part = unit(given)
-        make = lambda h: refined(part, h)  # noqa: E731
+    """A base of any number of vertices: `given`, of unit size, or one at hand; displaced smoothly or not at all."""
+    make = BASES[rng.integers(len(BASES))](rng) if given is None else lambda h: refined(given, h)
     bend = displacement(rng, rng.choice([0.0, 1.0]) * rng.uniform(0.1, 1.0))
 
     def dense(size: int) -> Part:

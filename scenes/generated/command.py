@@ -6,6 +6,7 @@ import secrets
 from collections.abc import Collection, Sequence
 from pathlib import Path
 
+from ao.bake import MAX_SAMPLES
 from raytrace.errors import OptionError
 
 from ..load import load
@@ -22,8 +23,12 @@ def validate_generated(
         long: every family with every falloff and tolerance, a verdict each. wanted: the families; all if empty.
 
     Raises:
-        OptionError: no such family. MeshError: a mesh file cannot be read.
+        OptionError: no such family, or an option out of range. MeshError: a mesh file cannot be read.
     """
+    if not 2 <= samples <= 2 * MAX_SAMPLES:
+        raise OptionError("samples", f"a whole number from 2 to {2 * MAX_SAMPLES}", samples)
+    if seed is not None and not 0 <= seed < 1 << 64:
+        raise OptionError("seed", f"a whole number from 0 to {(1 << 64) - 1}", seed)
     given = [load(path).mesh for path in files]
     seed = secrets.randbelow(1 << 31) if seed is None else seed
     cases = suite.long_cases(seed, given) if long else suite.short_cases(seed, given)

@@ -55,16 +55,14 @@ DECIMATED = 3  # by what `decimated` divides the number of vertices
 def cut(part: Part, rng: Rng) -> Part:
     """Holes, some of them tiny, and now and then everything on one side of a plane gone."""
     vertices, faces = part
+    holes, speckled, side = rng.integers(3, 40), rng.choice([0.0, 0.003]), rng.normal(size=3)
+    gone = rng.choice([0.0, rng.uniform(0.1, 0.5)])
     middle, size = vertices[faces].mean(axis=1), extent(part)
-    kept = np.ones(len(faces), np.bool_)
-    for _ in range(rng.integers(3, 40)):
-        kept &= (
-            np.linalg.norm(middle - middle[rng.integers(len(middle))], axis=1) > log_uniform(rng, 0.003, 0.12) * size
-        )
-    kept &= rng.random(len(faces)) > rng.choice([0.0, 0.003])
-    if rng.random() < 0.5:
-        side = middle @ rng.normal(size=3)
-        kept &= side > np.quantile(side, rng.uniform(0.1, 0.5))
+    kept = middle @ side >= np.quantile(middle @ side, gone)
+    for _ in range(holes):
+        radius, about = log_uniform(rng, 0.003, 0.12) * size, middle[int(rng.random() * len(middle))]
+        kept &= np.linalg.norm(middle - about, axis=1) > radius
+    kept &= rng.random(len(faces)) >= speckled
     return used((vertices, faces[kept])) if kept.any() else part
 
 
@@ -83,13 +81,13 @@ def doubled(part: Part, rng: Rng) -> Part:
 def unwelded(part: Part, rng: Rng) -> Part:
     """Faces with corners of their own, all or some; perhaps a hair apart, perhaps wound at random."""
     vertices, faces = part
-    loose = rng.random(len(faces)) < rng.choice([0.2, 1.0])
+    share, apart, wound = rng.choice([0.2, 1.0]), rng.choice([0.0, log_uniform(rng, 1e-6, 3e-2)]), rng.random() < 0.3
+    loose = rng.random(len(faces)) < share
     corners = vertices[faces[loose]].reshape(-1, 3)
-    if rng.random() < 0.5:
-        corners = corners + log_uniform(rng, 1e-6, 3e-2) * edge_length(part) * rng.normal(size=corners.shape)
+    corners = corners + apart * edge_length(part) * rng.normal(size=corners.shape)
     own = len(vertices) + np.arange(len(corners)).reshape(-1, 3)
     faces = np.concatenate([faces[~loose], own])
-    if rng.random() < 0.3:
+    if wound:
         faces = np.where(rng.random(len(faces))[:, None] < 0.5, faces, faces[:, ::-1])
     return used((np.concatenate([vertices, corners]), faces))
 
@@ -177,14 +175,14 @@ def damaged(damage: Damage, dense: Callable[[int], Part], size: int, surplus: fl
     Args: dense: a part of any number of places. surplus: times `size`, how many it had better begin with.
     """
     state, best = rng.bit_generator.state, None
-    for _ in range(6):
+    for attempt in range(20):
         rng.bit_generator.state = state
-        part = damage(dense(int(surplus * size)), rng)
+        part = damage(dense(max(int(surplus * size), 100)), rng)
         count = places(part)
         if best is None or (places(best) < size and count > places(best)) or size <= count < places(best):
             best = part
-        if size <= count <= 1.6 * size:
+        if size <= count <= 1.6 * size or (attempt >= 4 and places(best) >= size):
             break
-        surplus *= 1.25 * size / max(count, size // 8)
+        surplus *= 1.5 if attempt >= 4 else 1.25 * size / max(count, size // 8)
     assert best is not None
     return best

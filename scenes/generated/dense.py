@@ -107,20 +107,18 @@ def sized(make: Make, size: int, most: float = SURPLUS) -> Part:
 
     Where the number jumps past that, the coarsest found that has `size`.
     """
-    low, high, fineness, counts, found = 0.0, np.inf, 0.05, [0, 0], None
-    for _ in range(16):
+    low, high, fineness, before, found = 0.0, np.inf, 0.05, 0, None
+    for _ in range(24):
         part = make(fineness)
         count = places(part)
-        if counts[-2:] == [count, count] and count >= size:
-            break
-        counts.append(count)
         if count >= size:
             found, low = part, max(low, fineness)
-            if count <= most * size:
+            if count <= most * size or count == before:
                 break
         else:
             high = min(high, fineness)
-        guess = fineness * float(np.sqrt(count / (1.1 * size)))
+        guess = fineness * float(np.sqrt(count / (1.1 * size))) * (0.5 if count == before else 1.0)
+        before = count
         fineness = guess if low < guess < high else float(np.sqrt(max(low, high / 8) * min(high, 8 * low)))
     if found is None:
         raise ValueError(f"no fineness down to {fineness:g} gives {size} vertices")

@@ -8,7 +8,8 @@ import numpy as np
 import numpy.typing as npt
 from scipy.sparse import csr_array
 
-from ao.bake import Bake
+from ao.bake import Bake, bake
+from ao.falloff import Falloff
 from ao.receivers import Flag
 from raytrace.mesh import Mesh
 
@@ -22,7 +23,7 @@ class Figures:
     """How a bake compares with the truth.
 
     Attributes:
-        true: root mean square error of w, without the truth's own. told: what the bake says of it.
+        true: root mean square error of w. told: what the bake says of it.
         largest: |error| of the vertex that is farthest off.
         vertices: number of vertices with a w. beyond: how many are off by more than `NEAR` and than `FAR` times the
             error told for them, that of the truth added in squares.
@@ -46,20 +47,49 @@ class Figures:
         return 1.0 if self.true == self.told else self.true / self.told if self.told > 0 else float("inf")
 
 
-def judge(mesh: Mesh, baked: Bake, truth: Bake, tolerance: float) -> Figures:
-    """Compare `baked` with `truth`, of another seed and without reconstruction, both of `mesh`."""
-    some = (truth.flags & (Flag.UNREFERENCED | Flag.DEGENERATE)) == 0
-    off = (baked.w - truth.w)[some]
-    variance = truth.error[some] ** 2
-    expected = np.sqrt(baked.error[some] ** 2 + variance)
+@dataclass(frozen=True, eq=False)
+class Truth:
+    """Two plain bakes of a mesh with independent rays.
+
+    Attributes:
+        halves: float64 (2, n), w of each. w: (n,), their mean.
+        variance: (n,), squared error to expect of that: what the bakes tell, or their difference where it is more.
+        some: bool (n,), the vertices that have a w.
+    """
+
+    halves: Floats
+    w: Floats
+    variance: Floats
+    some: npt.NDArray[np.bool_]
+
+
+def find_truth(mesh: Mesh, falloff: Falloff, samples: int, seed: int, threads: int | None = None) -> Truth:
+    """w by `samples` rays a vertex in all, from 2 on; its seeds are `seed` and the one after."""
+    bakes = [bake(mesh, falloff, samples // 2, seed + k, threads, reconstruct=False) for k in (0, 1)]
+    halves = np.stack([baked.w for baked in bakes])
+    variance = np.maximum(bakes[0].error ** 2 + bakes[1].error ** 2, (halves[0] - halves[1]) ** 2) / 4
+    some = (bakes[0].flags & (Flag.UNREFERENCED | Flag.DEGENERATE)) == 0
+    return Truth(halves, halves.mean(axis=0), variance, some)
+
+
+def judge(mesh: Mesh, baked: Bake, truth: Truth, tolerance: float) -> Figures:
+    """Compare `baked` with the `truth` of `mesh`, which it has no rays in common with.
+
+    With the two halves a and b of the truth the mean of (w − a)(w − b) is the mean square error without bias.
+    """
+    some, error = truth.some, baked.error[truth.some]
+    squared = np.prod(baked.w - truth.halves, axis=0)[some]
+    off = np.abs(baked.w - truth.w)[some]
+    expected = np.sqrt(error**2 + truth.variance[some])
     arrays = baked.w, baked.error, baked.bent_normals
+    count = max(len(off), 1)
     return Figures(
-        true=float(np.sqrt(max(np.sum(off**2 - variance) / max(len(off), 1), 0.0))),
-        told=float(np.sqrt(np.sum(baked.error[some] ** 2) / max(len(off), 1))),
-        largest=float(np.abs(off).max(initial=0.0)),
+        true=float(np.sqrt(np.maximum(np.sum(squared) / count, 0.0))),
+        told=float(np.sqrt(np.sum(error**2) / count)),
+        largest=float(off.max(initial=0.0)),
         vertices=len(off),
-        beyond=(int((np.abs(off) > NEAR * expected).sum()), int((np.abs(off) > FAR * expected).sum())),
-        rays=baked.rays / max(len(off), 1),
+        beyond=(int((off > NEAR * expected).sum()), int((off > FAR * expected).sum())),
+        rays=baked.rays / count,
         outstanding=int((outstanding(mesh, baked.w) - outstanding(mesh, truth.w) > _OUTSTANDING * tolerance).sum()),
         undefined=sum(int(np.count_nonzero(~np.isfinite(array))) for array in arrays),
     )

@@ -15,7 +15,7 @@ from ao.falloff import Binary, Exponential, Falloff
 from raytrace.mesh import Mesh
 
 from .families import LARGE, SMALL, families
-from .judge import Figures, judge
+from .judge import Figures, find_truth, judge
 
 TOLERANCES = (0.02, 0.01, 0.005)
 TRUTH = 4096
@@ -106,7 +106,7 @@ def run(
 ) -> Iterator[Outcome]:
     """Bake and judge every case. The truth is kept from one case to the next where they share it.
 
-    Args: bake: what is judged. samples: rays a vertex of the truth. given: meshes as `families` takes them.
+    Args: bake: what is judged. samples: rays a vertex of the truth, at least 2. given: meshes as `families` takes them.
     """
     given = list(given)
     drawn: tuple[object, ...] = ()
@@ -118,7 +118,7 @@ def run(
         kind, falloff = list(falloffs(mesh).items())[case.falloff]
         if known != (*drawn, kind):
             known = (*drawn, kind)
-            truth = _bake(mesh, falloff, samples, case.seed % _APART + _APART, threads, reconstruct=False)
+            truth = find_truth(mesh, falloff, samples, case.seed % _APART + _APART, threads)
         seed = (case.seed + case.again) % _APART
         baked = bake(mesh, falloff, seed=seed, tolerance=case.tolerance, threads=threads)
         yield Outcome(case, kind, judge(mesh, baked, truth, case.tolerance))
