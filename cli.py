@@ -124,28 +124,44 @@ def info(mesh: Annotated[Path, typer.Argument(metavar="MESH", help="A mesh file.
 
 @app.command()
 def validate(
+    meshes: Annotated[
+        list[Path] | None, typer.Argument(metavar="[MESH]...", help="With --generated: in place of those at hand.")
+    ] = None,
     samples: Annotated[int, typer.Option(help="Rays a vertex.")] = 4096,
-    seed: Annotated[int, typer.Option(help="Another seed, another set of rays.")] = 0,
+    seed: Annotated[int | None, typer.Option(help="Another seed, other rays and other generated meshes.")] = None,
     threads: Threads = None,
     stress: Annotated[bool, typer.Option("--stress", help="Instead, everything that strains numbers.")] = False,
-    long: Annotated[bool, typer.Option("--long", help="With --stress: every pose, for minutes.")] = False,
+    generated: Annotated[bool, typer.Option("--generated", help="Instead, --tolerance on meshes drawn anew.")] = False,
+    long: Annotated[bool, typer.Option("--long", help="With --stress, minutes; with --generated, hours.")] = False,
+    family: Annotated[list[str] | None, typer.Option(help="With --generated: only this family; repeatable.")] = None,
 ) -> None:
-    """Bake scenes whose answer is known in closed form; exit status 1 if one is off."""
+    """Bake scenes whose answer is known in closed form, or as said below; exit status 1 if one is off."""
     from raytrace.errors import OptionError
     from scenes import validation
     from scenes.stress import line, suite
 
-    if long and not stress:
-        raise OptionError("--long", "--stress with it", "no --stress")
-    if stress and (samples, seed) != (4096, 0):
-        raise OptionError("--samples, --seed", "neither of them with --stress", f"{samples}, {seed}")
+    if long and not (stress or generated):
+        raise OptionError("--long", "--stress or --generated with it", "neither")
+    if stress and (samples, seed, generated) != (4096, None, False):
+        raise OptionError(
+            "--samples, --seed, --generated", "none of them with --stress", f"{samples}, {seed}, {generated}"
+        )
+    if (meshes or family) and not generated:
+        raise OptionError("MESH, --family", "--generated with them", "no --generated")
+    if generated:
+        from scenes.generated.command import validate_generated
+
+        with compiling("hemisphere"):
+            if not validate_generated(meshes or [], samples, seed, threads, long, family or ()):
+                raise typer.Exit(1)
+        return
     results: Any
     table: Callable[[Any], str]
     with compiling("hemisphere"), progress(not stress, "groups") as advance:
         if stress:
             results, table = suite.run(long, threads, advance), line.table
         else:
-            results, table = validation.run(samples=samples, seed=seed, threads=threads), validation.table
+            results, table = validation.run(samples=samples, seed=seed or 0, threads=threads), validation.table
     print(table(results))
     if not all(result.ok for result in results):
         raise typer.Exit(1)
