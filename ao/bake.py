@@ -15,7 +15,7 @@ from raytrace.mesh import Mesh
 from raytrace.normals import normalize
 from raytrace.parallel import thread_count
 from raytrace.placement import Placement
-from raytrace.sampling import mix, seed_key
+from raytrace.sampling import seed_key
 
 from .checkpoint import Checkpoint
 from .falloff import Exponential, Falloff, Mu
@@ -23,18 +23,14 @@ from .hidden import Hidden, filled, hidden_points
 from .horizon import Horizons
 from .memory import vertex_bytes
 from .neighbours import Neighbours
-from .plan import sampling_variance
-from .receivers import Flag, Normals, Points, Receivers, find_receivers
-from .reconstruct import judged, moderated, shared_out
-from .reconstruct import reconstruct as drawn_to_neighbours
+from .receivers import Flag, Normals, Receivers, find_receivers
+from .sampled import place_samples, rays_of_corners, sampled, with_corners
 from .tolerance import Estimate, estimate_to
 from .trace import Progress, Tracer
 
 MAX_SAMPLES = 1 << 20
 DEFAULT_SAMPLES = 256
 _MOST_FOR_TOLERANCE = 1 << 14
-_CALIBRATION_SHARE = 32
-_CALIBRATION_LEAST = 128
 
 
 @dataclass(frozen=True, eq=False)
@@ -139,12 +135,7 @@ def bake(
         checkpoint.begin(placement, receivers, mu, crowd, most, tolerance, seed, normals, reconstruct)
     tracer = Tracer(receivers.scene, placement, mu, workers, crowd, horizons, progress, checkpoint)
     key = seed_key(seed)
-    if tolerance is not None and len(receivers.points):
-        estimate = estimate_to(tracer, receivers.points, _neighbours(receivers, workers), tolerance, most, key)
-    else:
-        joined = _neighbours(receivers, workers) if reconstruct and only is None else None
-        estimate = _estimate(tracer, receivers.points, joined, most, key)
-
+    estimate = _estimate(tracer, receivers, tolerance, most, key, reconstruct and only is None)
     vertex = receivers.of_vertex
     baked = vertex >= 0
     if hidden != "ignore":
@@ -189,24 +180,29 @@ def _neighbours(receivers: Receivers, threads: int) -> Neighbours:
     return Neighbours.of(receivers.of_vertex[receivers.faces], receivers.points.normals, threads)
 
 
-def _estimate(tracer: Tracer, points: Points, neighbours: Neighbours | None, samples: int, key: np.uint32) -> Estimate:
-    """Every point with `samples` rays, some twice to learn the error; drawn to `neighbours` if they are given."""
-    calibration = _calibration_subset(len(points))
-    tracer.expected = samples * (len(points) + len(calibration))
-    rows = tracer.gather(points, samples, key)
-    again = tracer.gather(points[calibration], samples, mix([key ^ np.uint32(0xA5A5A5A5)])[0])[:, 0]
-    w = rows[:, 0]
-    level = sampling_variance(w[calibration], again, samples)
-    if len(points) and not rows[:, 1].any() and (w == w[0]).all():  # of n rays that agree, the next may not (Laplace)
-        level = min(level, tracer.rays**-2.0)
-    if neighbours is None:
-        return Estimate(rows[:, [0, 2, 3, 4]], moderated(shared_out(rows[:, 1], level)), samples, 0)
-    drawn, error = drawn_to_neighbours(neighbours, points, rows, level)
-    before, after = ((values[calibration] - again) ** 2 for values in (w, drawn))
-    if float(np.sum(after - before)) >= 0:
-        return Estimate(rows[:, [0, 2, 3, 4]], moderated(shared_out(rows[:, 1], level)), samples, 0)
-    error *= judged(error[calibration], after - before / 2)
-    return Estimate(np.column_stack([drawn, rows[:, 2:]]), error, samples, 0)
+def _estimate(
+    tracer: Tracer, receivers: Receivers, tolerance: float | None, most: int, key: np.uint32, drawn: bool
+) -> Estimate:
+    """Estimates at all points: with `most` rays each, or as many as a tolerance needs; `drawn` to neighbours or not."""
+    ordinary, rows = receivers.ordinary()
+    corners, places = receivers.corners, receivers.corners.places
+    if tolerance is None or not len(receivers.points):
+        samples = place_samples(most, False)
+        tracer.later = rays_of_corners(corners, samples)
+        joined = _neighbours(ordinary, tracer.threads) if drawn else None
+        estimate = sampled(tracer, ordinary.points, joined, most, key)
+    elif len(rows):
+        estimate = estimate_to(tracer, ordinary.points, _neighbours(ordinary, tracer.threads), tolerance, most, key)
+        samples = place_samples(estimate.samples, True)
+    else:  # none to plan rays by but places, of which the mean of some 18 is asked for
+        alone = Neighbours.of(np.zeros((0, 3), np.int64), places.normals, tracer.threads)
+        found = estimate_to(tracer, places, alone, min(2 * tolerance, 1.0), most, key)
+        nothing = Estimate(np.zeros((0, 4)), np.zeros(0), found.samples, 0)
+        return with_corners(nothing, rows, found, corners)
+    if not len(corners):
+        return estimate
+    tracer.later = 0
+    return with_corners(estimate, rows, sampled(tracer, places, None, samples, key), corners)
 
 
 def _check_tolerance(tolerance: object, only: object, reconstruct: bool) -> None:
@@ -221,12 +217,6 @@ def _check_tolerance(tolerance: object, only: object, reconstruct: bool) -> None
 def _check_whole(name: str, value: object, low: int, high: int) -> None:
     if isinstance(value, bool) or not isinstance(value, int | np.integer) or not low <= value <= high:
         raise OptionError(name, f"a whole number from {low} to {high}", value)
-
-
-def _calibration_subset(count: int) -> npt.NDArray[np.int64]:
-    """Evenly spread points to bake a second time with independent directions: one in 32, 128 at least."""
-    wanted = min(count, max(_CALIBRATION_LEAST, count // _CALIBRATION_SHARE))
-    return np.arange(wanted) * count // max(wanted, 1)
 
 
 def _directions(means: npt.NDArray[np.float64], normals: npt.NDArray[np.float32]) -> npt.NDArray[np.float64]:
