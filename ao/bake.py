@@ -19,7 +19,7 @@ from raytrace.sampling import seed_key
 
 from .checkpoint import Checkpoint
 from .falloff import Exponential, Falloff, Mu
-from .hidden import Hidden, filled, hidden_points
+from .hidden import Hidden, filled, hidden_points, inside_other_parts
 from .horizon import Horizons
 from .memory import vertex_bytes
 from .neighbours import Neighbours
@@ -79,7 +79,7 @@ def bake(
     only: npt.NDArray[np.bool_] | None = None,
     tolerance: float | None = None,
     reconstruct: bool = True,
-    hidden: Hidden = "ignore",
+    hidden: Hidden = "auto",
     skip: bool = True,
     checkpoint: Checkpoint | None = None,
 ) -> Bake:
@@ -98,8 +98,9 @@ def bake(
         tolerance: root mean square error of w to bake to, 1e-5 to 1: rays and baked vertices are chosen to meet it, the
             other vertices are told from their neighbours. None: every vertex gets `samples` rays.
         reconstruct: whether a vertex's estimate is drawn towards its neighbours' by what they are worth.
-        hidden: "ignore": both sides of faces are surface. "mark": faces bound solids, and vertices that mostly see
-            backs, being inside one, are flagged. "fill": besides, they get the values of the nearest that are not.
+        hidden: "auto": vertices inside a closed part of the mesh that is not their own are flagged, and get the values
+            of the nearest that are not. "ignore": both sides of faces are surface. "mark": faces bound solids, and
+            vertices that mostly see backs, being inside one, are flagged. "fill": besides, they are filled.
         skip: whether rays that certainly meet nothing are left out where telling them costs less than tracing them;
             the bits are the same.
         checkpoint: keeps what is traced, and is asked for what an interrupted run traced; the bits are the same.
@@ -114,8 +115,8 @@ def bake(
     most = (DEFAULT_SAMPLES if tolerance is None else _MOST_FOR_TOLERANCE) if samples is None else samples
     _check_whole("samples", most, 1, MAX_SAMPLES)
     _check_whole("seed", seed, 0, 2**64 - 1)
-    if hidden not in ("ignore", "mark", "fill"):
-        raise OptionError("hidden", "ignore, mark or fill", repr(hidden))
+    if hidden not in ("auto", "ignore", "mark", "fill"):
+        raise OptionError("hidden", "auto, ignore, mark or fill", repr(hidden))
     if tolerance is not None:
         _check_tolerance(tolerance, only, reconstruct)
     workers = thread_count(threads)
@@ -138,10 +139,10 @@ def bake(
     estimate = _estimate(tracer, receivers, tolerance, most, key, reconstruct and only is None)
     vertex = receivers.of_vertex
     baked = vertex >= 0
-    if hidden != "ignore":
-        inside = hidden_points(receivers.scene, receivers.points, placement.diagonal, key, workers)
+    inside = _inside(receivers, placement, hidden, key, workers)
+    if inside.any():
         receivers.flags[baked] |= np.where(inside[vertex[baked]], Flag.HIDDEN, 0).astype(np.uint8)
-        if hidden == "fill":
+        if hidden != "mark":
             rows = filled(estimate.rows, inside, receivers.points, _neighbours(receivers, workers))
             estimate = replace(estimate, rows=rows)
     wanted: npt.NDArray[np.bool_] = np.ones(len(vertex), np.bool_) if only is None else only
@@ -174,6 +175,19 @@ def bake(
 def describe_work(mesh: Mesh) -> str:
     """What a bake does, for messages about memory."""
     return f"to bake {len(mesh.vertices):,} vertices and {len(mesh.faces):,} faces"
+
+
+def _inside(
+    receivers: Receivers, placement: Placement, hidden: Hidden, key: np.uint32, threads: int
+) -> npt.NDArray[np.bool_]:
+    """Which points (k,) are inside a solid, as `hidden` has it."""
+    count, faces, reach = len(receivers.points), len(receivers.faces), placement.diagonal
+    if hidden == "ignore":
+        return np.zeros(count, np.bool_)
+    if hidden == "auto":
+        return inside_other_parts(receivers, placement.vertices, reach, key, threads)
+    any_back, nobody = np.zeros(faces, np.int64), np.full(count, -1)
+    return hidden_points(receivers.scene, receivers.points, reach, key, threads, any_back, nobody)
 
 
 def _neighbours(receivers: Receivers, threads: int) -> Neighbours:

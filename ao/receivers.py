@@ -37,7 +37,7 @@ class Flag(IntFlag):
     UNREFERENCED = 1  # no face uses it
     DEGENERATE = 2  # every face that uses it has zero area, or its own normal was asked for and is missing
     OPPOSED = 4  # no direction sees the front of all its faces; w is the mean over its corners
-    HIDDEN = 8  # most of what it sees are backs of faces: it is inside a solid; looked for when asked
+    HIDDEN = 8  # most of what it sees are backs of faces: it is inside a solid
     FOLDED = 16  # its normal lies behind one of its faces; w is the mean over its corners
 
 
