@@ -94,7 +94,8 @@ def bake(
         threads: None for all cores.
         normals: hemisphere axes: incident faces weighted by "angle", "area" or "equal", or "file", the mesh's own.
         progress: called with (rays traced, rays in all) as the work goes on.
-        only: bool (n,), the vertices whose w is wanted; the others get 1. None: all. Turns reconstruction off.
+        only: bool (n,), the vertices whose w is wanted; the others get 1. None: all. Turns reconstruction off;
+            hidden ones are filled from those wanted.
         tolerance: root mean square error of w to bake to, 1e-5 to 1: rays and baked vertices are chosen to meet it, the
             other vertices are told from their neighbours. None: every vertex gets `samples` rays.
         reconstruct: whether a vertex's estimate is drawn towards its neighbours' by what they are worth.
@@ -139,12 +140,13 @@ def bake(
     estimate = _estimate(tracer, receivers, tolerance, most, key, reconstruct and only is None)
     vertex = receivers.of_vertex
     baked = vertex >= 0
-    inside = _inside(receivers, placement, hidden, key, workers)
+    inside = _inside(receivers, placement, hidden, crowd, workers)
     if inside.any():
         receivers.flags[baked] |= np.where(inside[vertex[baked]], Flag.HIDDEN, 0).astype(np.uint8)
         if hidden != "mark":
-            rows = filled(estimate.rows, inside, receivers.points, _neighbours(receivers, workers))
-            estimate = replace(estimate, rows=rows)
+            known = np.column_stack([estimate.rows, estimate.variance])
+            rows = filled(known, inside, receivers.points, _neighbours(receivers, workers))
+            estimate = replace(estimate, rows=rows[:, :4], variance=np.maximum(rows[:, 4], 0.0))
     wanted: npt.NDArray[np.bool_] = np.ones(len(vertex), np.bool_) if only is None else only
     w, error, bent = np.ones(len(vertex)), np.zeros(len(vertex)), np.zeros((len(vertex), 3))
     w[baked] = np.clip(estimate.rows[vertex[baked], 0], 0.0, 1.0)
@@ -178,16 +180,16 @@ def describe_work(mesh: Mesh) -> str:
 
 
 def _inside(
-    receivers: Receivers, placement: Placement, hidden: Hidden, key: np.uint32, threads: int
+    receivers: Receivers, placement: Placement, hidden: Hidden, crowd: int, threads: int
 ) -> npt.NDArray[np.bool_]:
     """Which points (k,) are inside a solid, as `hidden` has it."""
     count, faces, reach = len(receivers.points), len(receivers.faces), placement.diagonal
     if hidden == "ignore":
         return np.zeros(count, np.bool_)
     if hidden == "auto":
-        return inside_other_parts(receivers, placement.vertices, reach, key, threads)
+        return inside_other_parts(receivers, placement.vertices, reach, crowd, threads)
     any_back, nobody = np.zeros(faces, np.int64), np.full(count, -1)
-    return hidden_points(receivers.scene, receivers.points, reach, key, threads, any_back, nobody)
+    return hidden_points(receivers.scene, receivers.points, reach, crowd, threads, any_back, nobody)
 
 
 def _neighbours(receivers: Receivers, threads: int) -> Neighbours:

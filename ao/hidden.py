@@ -35,15 +35,16 @@ from .subset import coarser, fill, owners
 Hidden = Literal["auto", "ignore", "mark", "fill"]
 RAYS = 32
 _MOSTLY = 0.5
+_KEY = np.uint32(0x51DE)
 _BLOCK = 1 << 12
 
 
 def inside_other_parts(
-    receivers: Receivers, vertices: npt.NDArray[np.float32], reach: float, key: np.uint32, threads: int
+    receivers: Receivers, vertices: npt.NDArray[np.float32], reach: float, crowd: int, threads: int
 ) -> npt.NDArray[np.bool_]:
     """Whether each of the receivers' points is hidden (k,) in a closed part that it does not belong to.
 
-    Args: vertices: float32 (n, 3), placed. reach: as `hidden_points`.
+    Args: vertices: float32 (n, 3), placed. reach, crowd: as `hidden_points`.
     """
     points, faces = receivers.points, receivers.faces
     inside = np.zeros(len(points), np.bool_)
@@ -56,7 +57,7 @@ def inside_other_parts(
     rows = inside_boxes(points.origins, own, vertices, faces, part, closed)
     if len(rows):
         solid = np.where(closed[part], part, -1)
-        inside[rows] = hidden_points(receivers.scene, points[rows], reach, key, threads, solid, own[rows])
+        inside[rows] = hidden_points(receivers.scene, points[rows], reach, crowd, threads, solid, own[rows])
     return inside
 
 
@@ -64,19 +65,21 @@ def hidden_points(
     scene: TriangleScene,
     points: Points,
     reach: float,
-    key: np.uint32,
+    crowd: int,
     threads: int,
     part: npt.NDArray[np.int64],
     own: npt.NDArray[np.int64],
 ) -> npt.NDArray[np.bool_]:
     """Whether each point is hidden (k,): more than half of its `RAYS` rays end on the back of a face.
 
+    Every bake of a mesh says the same, whatever its seed and whichever vertices it is asked for.
+
     Args:
-        reach: length of the rays, in placed units.
+        reach: length of the rays, in placed units. crowd: points of the whole mesh.
         part: (m,), the part of each face of the scene, −1 if its back hides nothing. own: (k,), that of each point,
             whose backs don't hide it.
     """
-    table = DirectionTable.make(RAYS, len(points), key)
+    table = DirectionTable.make(RAYS, crowd, _KEY)
     backs = np.empty(len(points))
 
     def work(first: int, last: int) -> None:
