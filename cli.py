@@ -53,8 +53,8 @@ def bake(
     ] = choices.NormalsFrom.angle,
     hidden: Annotated[
         choices.Hidden,
-        typer.Option(help="Vertices inside closed solids: no such thing, flagged, or filled from others."),
-    ] = choices.Hidden.ignore,
+        typer.Option(help="Vertices inside solids: fill inside closed parts (auto), ignore; mark or fill by backs."),
+    ] = choices.Hidden.auto,
     report: Annotated[Path | None, typer.Option(help="Also write a JSON report.")] = None,
     debug_image: Annotated[Path | None, typer.Option(help="Also write a picture that marks flagged vertices.")] = None,
     resume: Annotated[bool, typer.Option("--resume", help="Continue an interrupted bake to this target.")] = False,
@@ -74,7 +74,7 @@ def bake(
             tolerance=tolerance is not None,
             reconstruct=not reconstruct,
             skip=not skip,
-            hidden=hidden is not choices.Hidden.ignore,
+            hidden=hidden is not choices.Hidden.auto,
         )
     check_target(output)
     if report:
