@@ -111,7 +111,8 @@ def rendering_bytes(scene: Scene, settings: Settings, layers: bool) -> int:
     vertices, faces = sum(len(mesh.vertices) for mesh in meshes), sum(len(mesh.faces) for mesh in meshes)
     lit = sum(len(item.shape.mesh.vertices) for item in scene.objects) * (settings.shading == "gouraud")
     _, _, wide, high = _whole_tiles(settings)
-    film = 4 * wide * high * (FILM if layers else LAYERS["beauty"]) + _EDGES * _tiles(wide, high)
+    film = 4 * wide * high * (FILM if layers else LAYERS["beauty"])
+    film += _EDGES * _tiles(wide, high) * (settings.samples > FIRST)
     textures = texture_bytes(item.shape.texture for item in scene.objects)
     return _BASE + _WORLD_VERTEX * vertices + _WORLD_FACE * faces + 8 * _LIT * lit + film + textures
 
