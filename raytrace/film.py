@@ -20,13 +20,14 @@ from .entries import (
     SHADOW,
     SPECULAR,
     W,
+    put,
     take,
 )
 from .jit import inline
 from .lane_memory import load_row, scatter4, store_row
-from .lane_questions import pick
+from .lane_questions import pick, some
 from .lanes import WIDE
-from .vector import add
+from .vector import add, scale
 
 _BITS = 4
 TILE = 1 << _BITS  # pixels a side
@@ -51,6 +52,15 @@ def clear(sums):
 def beauty(entry):
     """The sum of an entry's light, RGB."""
     return add(add(add(take(entry, AMBIENT), take(entry, DIFFUSE)), take(entry, SPECULAR)), take(entry, EMISSION))
+
+
+@inline
+def add_background(entry, items, background):
+    """Let the background show through what is transparent: what else lies behind is not traced."""
+    clear = (items >= 0) & (load_row(entry, ALPHA) < 1.0)
+    if some(clear):
+        shown = scale(1.0 - load_row(entry, ALPHA), background)
+        put(entry, EMISSION, clear, add(take(entry, EMISSION), shown))
 
 
 @inline

@@ -9,7 +9,6 @@ import numpy as np
 
 from .embree import DIR_X, ORG_X, TFAR, occluded16
 from .entries import (
-    ALPHA,
     AMBIENT,
     BACK,
     DIFFUSE,
@@ -209,15 +208,6 @@ def light_entry(entry, items, used, geometry, lights, style, scratch):
     store_row(entry, SENT, sent)
     store_row(entry, LIT, lit)
     store_row(entry, SHADOW, let_through(sent, lit))
-
-
-@inline
-def add_background(entry, items, background):
-    """Let the background show through what is transparent: what else lies behind is not traced."""
-    clear = (items >= 0) & (load_row(entry, ALPHA) < 1.0)
-    if some(clear):
-        shown = scale(1.0 - load_row(entry, ALPHA), background)
-        put(entry, EMISSION, clear, add(take(entry, EMISSION), shown))
 
 
 @inline

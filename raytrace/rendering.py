@@ -41,6 +41,7 @@ from .settings import Settings, Shading
 from .surface import GOURAUD
 from .texture import Texture, pack_textures, texture_bytes
 from .tile import light_vertices, render_tiles
+from .tiling import tile_count, whole_tiles
 from .tint import Textures
 from .view import mark_seen, place_camera
 from .world import World, build
@@ -110,9 +111,9 @@ def rendering_bytes(scene: Scene, settings: Settings, layers: bool) -> int:
     meshes = {id(item.shape): item.shape.mesh for item in scene.objects}.values()
     vertices, faces = sum(len(mesh.vertices) for mesh in meshes), sum(len(mesh.faces) for mesh in meshes)
     lit = sum(len(item.shape.mesh.vertices) for item in scene.objects) * (settings.shading == "gouraud")
-    _, _, wide, high = _whole_tiles(settings)
+    _, _, wide, high = whole_tiles(settings)
     film = 4 * wide * high * (FILM if layers else LAYERS["beauty"])
-    film += _EDGES * _tiles(wide, high) * (settings.samples > FIRST)
+    film += _EDGES * tile_count(wide, high) * (settings.samples > FIRST)
     textures = texture_bytes(item.shape.texture for item in scene.objects)
     return _BASE + _WORLD_VERTEX * vertices + _WORLD_FACE * faces + 8 * _LIT * lit + film + textures
 
@@ -132,7 +133,7 @@ def seen_vertices(
     """
     world = build(scene, settings.normals, keep=False)  # what is baked for them makes another scene of it
     view = place_camera(camera, settings, world.centre, world.scale)
-    left, top, wide, high = _whole_tiles(settings)
+    left, top, wide, high = whole_tiles(settings)
     seen = np.zeros(len(world.geometry.w), np.bool_)
 
     def work(first: int, last: int) -> None:
@@ -160,7 +161,7 @@ class _Renderer:
             layers or settings.obscurance != "off",
             scene.background,
         )
-        left, top, wide, high = _whole_tiles(settings)
+        left, top, wide, high = whole_tiles(settings)
         self.corner = left, top
         x, y, self.width, self.height = settings.crop or (0, 0, settings.width, settings.height)
         self.margin = x - left, y - top
@@ -174,7 +175,7 @@ class _Renderer:
         if self.style.shading == GOURAUD:
             self._light_all_vertices()
         high, wide, _ = self.film.shape
-        tiles = _tiles(wide, high)
+        tiles = tile_count(wide, high)
         self.edges = np.empty((tiles if self.style.samples > FIRST else 0, 4, TILE, EDGE), np.float32)
         done = 0
 
@@ -247,20 +248,6 @@ class _Renderer:
                 found[name] = crop[..., first : first + channels]
             first += channels
         return found
-
-
-def _whole_tiles(settings: Settings) -> tuple[int, int, int, int]:
-    """Left, top, width and height of the tiles that the crop touches, and of those around: neighbours tell of edges."""
-    x, y, wide, high = settings.crop or (0, 0, settings.width, settings.height)
-    left, top = max(x // TILE - 1, 0) * TILE, max(y // TILE - 1, 0) * TILE
-    right = min((-(-(x + wide) // TILE) + 1) * TILE, settings.width)
-    bottom = min((-(-(y + high) // TILE) + 1) * TILE, settings.height)
-    return left, top, right - left, bottom - top
-
-
-def _tiles(wide: int, high: int) -> int:
-    """How many tiles a film has."""
-    return -(-wide // TILE) * -(-high // TILE)
 
 
 def _pack(textures: list[Texture | None]) -> Textures:

@@ -28,12 +28,12 @@ from .entries import (
     put1,
     take,
 )
-from .film import TILE, agrees, clear, column_of, develop, finish, keep_edge, mean, recalled, row_of
+from .film import TILE, add_background, agrees, clear, column_of, develop, finish, keep_edge, mean, recalled, row_of
 from .jit import inline, kernel
 from .lane_memory import gather, gather3, load_row, store_row
 from .lane_questions import count, first, lane_numbers, pick, some
 from .lanes import WIDE, double, select, single
-from .lighting import add_background, count_directed, let_through, light_entries
+from .lighting import count_directed, let_through, light_entries
 from .models.dispatch import alpha
 from .models.rows import MODEL
 from .scratch import BACKGROUND, FIRST, PACKETS, PRIMARY, RETIRED

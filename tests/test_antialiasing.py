@@ -40,7 +40,7 @@ def test_every_pixel_along_an_edge_has_its_share_of_it(at, axis):
 def test_the_picture_does_not_depend_on_where_tiles_begin(left, top, monkeypatch):
     still = still_scene()
     whole = render(still, CAMERA, SMALL).layers
-    monkeypatch.setattr(module, "_whole_tiles", lambda _: (left, top, 96 - left, 64 - top))
+    monkeypatch.setattr(module, "whole_tiles", lambda _: (left, top, 96 - left, 64 - top))
     crop = (left + 1, top + 1, 95 - left, 63 - top)
     part = render(still, CAMERA, Settings(width=96, height=64, samples=16, crop=crop)).layers
     for name, layer in whole.items():

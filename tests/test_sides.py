@@ -8,7 +8,7 @@ from raytrace import Mesh
 from raytrace import world as world_module
 from raytrace.camera import Camera
 from raytrace.lights import AmbientLight, DirectionalLight, PointLight
-from raytrace.materials import Lambert, Strauss
+from raytrace.materials import Lambert, OrenNayar, Phong, Strauss
 from raytrace.reflection import reflect
 from raytrace.rendering import render
 from raytrace.scene import Object, Scene, Shape
@@ -116,6 +116,20 @@ def test_the_background_shows_through_what_is_transparent(shading, samples):
     np.testing.assert_array_equal(blue.layers["beauty"][..., 3], np.float32(0.25))
     assert blue.background == (0.1, 0.2, 0.8)
     assert black.layers["beauty"][..., :3].any()
+
+
+@pytest.mark.parametrize("material", [Phong(k_d=0.4, k_s=0.6, exponent=5), OrenNayar(albedo=0.7, sigma=0.5)])
+@pytest.mark.parametrize("shading", ["constant", "flat"])
+def test_a_face_has_one_colour(shading, material):
+    """Also with a lamp and a viewer near by, and where the model asks for the viewer."""
+    big = Mesh([[-3, -3, 0], [3, -3, 0], [0, 4, 0]], [[0, 1, 2]])
+    lamp = PointLight(position=(1, 0, 1), intensity=3)
+    settings = Settings(width=24, height=24, samples=1, shading=shading)
+    frame = render(Scene((Object(Shape(big, material)),), (lamp,)), Camera((0.4, -1, 2), (0, 0, 0)), settings)
+    assert (frame.layers["object_id"] == 1).all()
+    assert (np.ptp(frame.layers["beauty"], axis=(0, 1)) == 0).all()
+    assert frame.layers["beauty"][..., :3].min() > 0
+    assert frame.layers["specular"].any() == (shading == "flat" and isinstance(material, Phong))
 
 
 def test_nothing_shows_through_what_is_opaque():
