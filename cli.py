@@ -174,7 +174,11 @@ def render(
     width: Annotated[int | None, typer.Option(help="Pixels; with --height, in place of the scene's.")] = None,
     height: Annotated[int | None, typer.Option(help="Pixels.")] = None,
     samples: Annotated[int | None, typer.Option(help="Most rays a pixel.")] = None,
-    shading: Annotated[str | None, typer.Option(help="constant, gouraud, phong or quadratic.")] = None,
+    shading: Annotated[str | None, typer.Option(help="constant, flat, gouraud, phong or quadratic.")] = None,
+    normals: Annotated[
+        choices.NormalsFrom | None,
+        typer.Option(help="Vertex normals: face weighting, or the file's where it has some."),
+    ] = None,
     obscurance: Annotated[str | None, typer.Option(help="How w enters: ambient, book or off.")] = None,
     shadows: Annotated[bool | None, typer.Option("--shadows/--no-shadows", help="Trace shadow rays.")] = None,
     crop: Annotated[str | None, typer.Option(metavar="X,Y,W,H", help="Only these pixels.")] = None,
@@ -195,6 +199,7 @@ def render(
     if report:
         check_writable(report)
     given: dict[str, Any] = {"samples": samples, "shading": shading, "obscurance": obscurance}
+    given["normals"] = None if normals is None else normals.value
     given |= {"shadows": shadows, "seed": seed, "crop": None if crop is None else choices.parse_crop(crop)}
     from scenes.picture import adjusted, take, write_report
     from scenes.read import read_scene

@@ -41,7 +41,7 @@ def write_marked(target: Path, mesh: Mesh, baked: ao.Bake) -> None:
         OptionError: not the ending of a picture. OutputError: the file cannot be written.
     """
     camera = Camera.framing(mesh, (0.55, -1.0, 0.4), aspect=_WIDTH / _HEIGHT)
-    white = Object(Shape(mesh, Lambert(albedo=1, two_sided=True)), w=baked.w)
+    white = Object(Shape(mesh, Lambert(albedo=1, two_sided="viewer")), w=baked.w)
     scene = Scene((white,), (AmbientLight(intensity=1),), (0.05, 0.05, 0.05))
     frame = render(scene, camera, Settings(width=_WIDTH, height=_HEIGHT), layers=False)
     picture = np.array(frame.layers["beauty"][..., :3])
