@@ -65,7 +65,7 @@ def bake(
     options = {key: choices.plain(value) for key, value in locals().items() if key not in ("report", "quiet", "resume")}
     import ao
     from ao.checkpoint import Checkpoint
-    from raytrace.atomic import check_writable
+    from raytrace.outputs import check_ending, check_outputs
     from scenes.write import check_target, write
 
     chosen = choices.make_falloff(falloff, tau, half_distance, max_distance)
@@ -78,15 +78,18 @@ def bake(
         )
     check_target(output)
     if report:
-        check_writable(report)
+        check_ending("--report", report, ".json")
     if debug_image:
         from scenes.marked import check_marked_target
 
         check_marked_target(debug_image)
+    outputs = {"--output": output, "--report": report, "--debug-image": debug_image}
+    check_outputs(outputs, [mesh])
     from scenes.load import load
 
     start = time.perf_counter()
     source = load(mesh)
+    check_outputs(outputs, source.files)
     loaded = time.perf_counter()
     warnings = warn([source.mesh])
     with Checkpoint(f"{output}.partial", resume, note) as checkpoint:
@@ -170,20 +173,23 @@ def render(
     quiet: Quiet = False,
 ) -> None:
     """Render a scene: local illumination, shadows and obscurance; an .exr holds every layer."""
-    from raytrace.atomic import check_writable
     from raytrace.image import check_image_target
+    from raytrace.outputs import check_ending, check_outputs
     from raytrace.parallel import thread_count
 
     size = choices.parse_size(width, height)
     check_image_target(output, half)
     if report:
-        check_writable(report)
+        check_ending("--report", report, ".json")
+    outputs = {"--output": output, "--report": report}
+    check_outputs(outputs, [scene])
     given: dict[str, Any] = {"samples": samples, "shading": shading, "obscurance": obscurance}
     given |= {"shadows": shadows, "seed": seed, "crop": None if crop is None else choices.parse_crop(crop)}
     from scenes.picture import adjusted, take, write_report
     from scenes.read import read_scene
 
     description = adjusted(read_scene(scene, size), given, preview)
+    check_outputs(outputs, description.files)
     warnings = warn(item.shape.mesh for item in description.scene.objects)
     with compiling("tile"), progress(quiet, "rays") as baking, progress(quiet, "tiles") as rendering:
         picture = take(scene, description, output, half, threads, baking, rendering)
@@ -244,12 +250,13 @@ def bench(
 ) -> None:
     """Measure bake time against error on this machine."""
     options = {key: choices.plain(value) for key, value in locals().items() if key != "report"}
-    from raytrace.atomic import check_writable
+    from raytrace.outputs import check_ending, check_outputs
     from scenes.bench import mesh_to_bench, run, table, write_report
 
     chosen = choices.make_falloff(falloff, None, None, max_distance)
     if report:
-        check_writable(report)
+        check_ending("--report", report, ".json")
+        check_outputs({"--report": report}, [mesh] if mesh else [])
     judged = mesh_to_bench(mesh)
     with compiling("hemisphere"):
         rows = run(judged, chosen, seed=seed, threads=threads)

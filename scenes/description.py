@@ -39,9 +39,11 @@ class SceneDescription:
         camera: the file's own, or one that frames everything.
         settings: of the picture.
         bake: of w(p); its source is "off" exactly when `settings.obscurance` is.
+        files: every file that the scene is made of: its own, meshes, textures, w.
     """
 
     scene: Scene
     camera: Camera
     settings: Settings = field(default_factory=Settings)
     bake: BakeOptions = field(default_factory=BakeOptions)
+    files: tuple[Path, ...] = ()

@@ -39,7 +39,8 @@ def read_gltf(path: Path, settings: Settings) -> SceneDescription:
         camera = gltf_camera.camera(asset.header, world, path)
         lights = gltf_lights.lights(asset.header, world, path)
         camera = camera or framing(Scene(objects), Y_UP, settings.width, settings.height)
-    return SceneDescription(Scene(objects, lights or three_lights(camera), BACKGROUND), camera, settings)
+    scene = Scene(objects, lights or three_lights(camera), BACKGROUND)
+    return SceneDescription(scene, camera, settings, files=asset.files)
 
 
 def gltf_objects(path: Path) -> tuple[tuple[Object, ...], Gltf]:

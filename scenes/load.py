@@ -47,6 +47,11 @@ class MeshFile:
     parts: tuple[Part, ...]
     gltf: Gltf | None = None
 
+    @property
+    def files(self) -> tuple[Path, ...]:
+        """Every file that was read, or will be when the mesh is written."""
+        return self.gltf.files if self.gltf else (self.path,)
+
     @classmethod
     def of(cls, mesh: Mesh) -> MeshFile:
         """A mesh made in memory, as if read from a file of its one object."""

@@ -39,7 +39,9 @@ def read_scene(path: str | os.PathLike[str], size: tuple[int, int] | None = None
         return read_toml(path, size)
     if ending in (".glb", ".gltf"):
         return read_gltf(path, settings)
-    objects = (Object(Shape(load(path).mesh, NEUTRAL), name=path.stem),)
+    source = load(path)
+    objects = (Object(Shape(source.mesh, NEUTRAL), name=path.stem),)
     scene = Scene(objects, background=BACKGROUND)
     camera = framing(scene, Z_UP if ending in Z_UP_ENDINGS else Y_UP, settings.width, settings.height)
-    return SceneDescription(Scene(objects, three_lights(camera), BACKGROUND), camera, settings)
+    lit = Scene(objects, three_lights(camera), BACKGROUND)
+    return SceneDescription(lit, camera, settings, files=source.files)

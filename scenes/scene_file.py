@@ -52,7 +52,8 @@ def read_toml(path: Path, size: tuple[int, int] | None = None) -> SceneDescripti
     camera = _camera(document.camera, scene, settings, path)
     if not lights:
         scene = replace(scene, lights=three_lights(camera))
-    return SceneDescription(scene, camera, settings, bake)
+    baked = (bake.source,) if isinstance(bake.source, Path) else ()
+    return SceneDescription(scene, camera, settings, bake, (path, *reader.files, *baked))
 
 
 def _load(path: Path) -> dict[str, Any]:

@@ -53,7 +53,11 @@ def named_materials(tables: Sequence[dict[str, Any]], source: object) -> dict[st
 
 
 class ObjectReader:
-    """Makes objects; what is the same in several of them, in mesh, material and texture, becomes one shape."""
+    """Makes objects; what is the same in several of them, in mesh, material and texture, becomes one shape.
+
+    Attributes:
+        files: what was read, or will be.
+    """
 
     def __init__(self, source: Path, materials: dict[str, BaseMaterial]) -> None:
         self._source, self._materials = source, materials
@@ -62,6 +66,7 @@ class ObjectReader:
         self._gltf: dict[Path, tuple[Object, ...]] = {}
         self._shapes: dict[Any, Shape] = {}
         self._stored: dict[int, int] = {}
+        self.files: list[Path] = []
         self._placed = 0
 
     def read(self, table: ObjectTable, path: str) -> list[Object]:
@@ -111,6 +116,7 @@ class ObjectReader:
         check_keys(self._source, path, table.model_extra or {}, _keys("mesh"))
         field = joined(path, "mesh")
         mesh = confined(table.mesh or "", self._source.parent, self._source, field)
+        self.files.append(mesh)
         with located(self._source, field):
             if mesh.suffix.lower() in (".glb", ".gltf"):
                 return self._gltf_pieces(mesh, table, path, material, texture)
@@ -121,7 +127,8 @@ class ObjectReader:
         self, mesh: Path, table: ObjectTable, path: str, material: BaseMaterial | None, texture: Texture | None
     ) -> list[Object]:
         if mesh not in self._gltf:
-            self._gltf[mesh] = gltf_objects(mesh)[0]
+            self._gltf[mesh], asset = gltf_objects(mesh)
+            self.files.extend(asset.files)
         pieces = []
         for item in self._gltf[mesh]:
             shape = item.shape
@@ -160,6 +167,7 @@ class ObjectReader:
 
     def _texture(self, given: str, path: str) -> Texture:
         file = confined(given, self._source.parent, self._source, path)
+        self.files.append(file)
         return self._textures.setdefault(file, Texture(file))
 
     def _solid(self, table: ObjectTable, path: str) -> Solid:
