@@ -13,7 +13,7 @@ from raytrace.errors import InputError, MeshError
 from raytrace.memory import check_memory
 from raytrace.mesh import Mesh
 
-from .polygons import fan_triangles
+from .polygons import triangulate
 
 MAX_COPIED = 20_000_000
 _ROW = 80  # bytes of a placed vertex or triangle, with copies on the way to a mesh
@@ -58,7 +58,8 @@ def instance(
     faces = arrays.get("faces")
     faces = np.empty((0, 3), dtype=np.int64) if faces is None else np.asarray(faces)
     if faces.ndim == 2 and faces.shape[1] != 3:
-        faces = fan_triangles(faces.ravel(), np.full(len(faces), faces.shape[1]))
+        corners = faces.ravel()
+        faces = triangulate(vertices, corners, np.full(len(faces), faces.shape[1]), name).take(corners)
     return Instance(name, vertices, faces, normals, matrix)
 
 

@@ -1,11 +1,9 @@
-"""Mesh files: OBJ, PLY, STL, glTF and 3MF by our own readers, others by trimesh; vertices exactly as stored."""
+"""Mesh files: OBJ, PLY, STL, OFF, glTF and 3MF by our own readers, others by trimesh; vertices exactly as stored."""
 
 from __future__ import annotations
 
-import io
 import logging
 import os
-import re
 import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -21,6 +19,7 @@ from .flatten import Instance, Part, check_copies, flatten, instance, world_matr
 from .gltf import Gltf, decode
 from .gltf_instances import read_instances
 from .obj import read_obj
+from .off import read_off
 from .ply import read_ply
 from .stl import read_stl
 from .threemf import check_archive, read_3mf
@@ -112,6 +111,8 @@ def read_objects(path: Path) -> tuple[list[Instance], Gltf | None]:
                 instances = read_ply(file.read(), path.stem, source)
             elif kind == "stl":
                 instances = read_stl(file.read(), path.stem, source)
+            elif kind == "off":
+                instances = read_off(file.read(), path.stem, source)
             elif kind == "3mf":
                 instances = read_3mf(file, source)
             else:
@@ -137,12 +138,7 @@ def _read(file: BinaryIO, kind: str, name: str, source: str) -> list[Instance]:
 
     if kind == "3dxml":
         check_archive(file, source)
-    if kind == "off":
-        # trimesh would need a further package to guess an encoding other than UTF-8.
-        file = io.BytesIO(file.read().decode("utf-8", "replace").encode())
     loaded = mesh_loaders[kind](file_obj=file, file_type=kind, resolver=None)
-    if kind == "off":
-        _check_off(file, source)
     if "geometry" not in loaded:
         return [instance(name, loaded)]
     geometry = loaded["geometry"]
@@ -160,16 +156,6 @@ def _read(file: BinaryIO, kind: str, name: str, source: str) -> list[Instance]:
     ]
     check_copies(sum(len(each.vertices) + len(each.faces) for each in placed), file.seek(0, os.SEEK_END), source)
     return placed
-
-
-def _check_off(file: BinaryIO, source: str) -> None:
-    """trimesh takes a file that ends early for a shorter one."""
-    file.seek(0)
-    text = re.sub(r"#.*", "", file.read().decode("utf-8", "replace"))
-    rows = [row.split() for row in text[text.index("OFF") + 3 :].splitlines() if row.strip()]
-    expected = 1 + int(rows[0][0]) + int(rows[0][1])
-    if len(rows) < expected or len(rows[expected - 1]) <= int(rows[expected - 1][0]):
-        raise MeshError(source, "content", f"{rows[0][0]} vertices and {rows[0][1]} faces", "an end before that")
 
 
 @contextmanager

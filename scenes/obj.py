@@ -15,7 +15,7 @@ import numpy.typing as npt
 from raytrace.errors import MeshError
 
 from .flatten import Instance
-from .polygons import fan_triangles
+from .polygons import triangulate
 
 _VERTEX = re.compile(r"^[ \t]*v[ \t]+(\S+[ \t]+\S+[ \t]+\S+)", re.MULTILINE)
 _VERTEX_LINE = re.compile(r"^[ \t]*v[ \t]", re.MULTILINE)
@@ -33,7 +33,7 @@ def read_obj(data: bytes, name: str, source: str) -> list[Instance]:
     """All faces of the file, in its order.
 
     Objects, groups and materials divide no vertices in OBJ, so the whole file is one instance. Polygons become
-    fans. Normals are taken where every face has them and each vertex has only one. Texture coordinates, colours
+    triangles. Normals are taken where every face has them and each vertex has only one. Texture coordinates, colours
     and material files are not read. Negative indices count back from their own line, as the format has it.
 
     Args:
@@ -52,7 +52,7 @@ def read_obj(data: bytes, name: str, source: str) -> list[Instance]:
     if len(normals) and not _CORNER_WITHOUT_NORMAL.search(faces):
         choice = _normal_indices(faces, len(normals), source)
         vertex_normals = _one_each(normals[choice], corners, len(vertices))
-    return [Instance(name, vertices, fan_triangles(corners, sizes), vertex_normals)]
+    return [Instance(name, vertices, triangulate(vertices, corners, sizes, source).take(corners), vertex_normals)]
 
 
 def read_textured_obj(data: bytes, name: str, source: str) -> tuple[Instance, Floats]:
@@ -76,7 +76,7 @@ def read_textured_obj(data: bytes, name: str, source: str) -> tuple[Instance, Fl
     if has_normals:
         columns.append(_normal_indices(faces, len(normals), source))
     kinds, corners = np.unique(np.stack(columns, axis=1), axis=0, return_inverse=True)
-    triangles = fan_triangles(corners.ravel(), sizes)
+    triangles = triangulate(vertices, columns[0], sizes, source).take(corners.ravel())
     own = normals[kinds[:, 2]] if has_normals else None
     return Instance(name, vertices[kinds[:, 0]], triangles, own), uv[kinds[:, 1]]
 

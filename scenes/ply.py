@@ -18,7 +18,7 @@ import numpy.typing as npt
 from raytrace.errors import MeshError
 
 from .flatten import Instance
-from .polygons import fan_triangles
+from .polygons import triangulate
 
 _TYPES = {
     "char": "b", "uchar": "B", "short": "h", "ushort": "H", "int": "i", "uint": "I", "float": "f", "double": "d",
@@ -43,7 +43,7 @@ class _Element:
 
 
 def read_ply(data: bytes, name: str, source: str) -> list[Instance]:
-    """The vertices and triangles of a PLY file, polygons cut into fans, with its normals if it has `nx ny nz`.
+    """The vertices and triangles of a PLY file, polygons cut into triangles, with its normals if it has `nx ny nz`.
 
     Args:
         data: the file's bytes.
@@ -80,7 +80,8 @@ def read_ply(data: bytes, name: str, source: str) -> list[Instance]:
         raise MeshError(source, "rows", "one line for each, with as many numbers as the header says", "others")
     if vertices is None:
         raise MeshError(source, "elements", "one of vertices", "none")
-    return [Instance(name, vertices, fan_triangles(_whole(corners), sizes), normals)]
+    corners = _whole(corners)
+    return [Instance(name, vertices, triangulate(vertices, corners, sizes, source).take(corners), normals)]
 
 
 def _header(data: bytes) -> tuple[list[list[str]], str, int]:
