@@ -86,12 +86,13 @@ def bake(
     outputs = {"--output": output, "--report": report, "--debug-image": debug_image}
     check_outputs(outputs, [mesh])
     from scenes.load import load
+    from scenes.lost import lost
 
     start = time.perf_counter()
-    source = load(mesh)
+    source = load(mesh, output)
     check_outputs(outputs, source.files)
     loaded = time.perf_counter()
-    warnings = warn([source.mesh])
+    warnings = warn([source.mesh], [*source.notes, *lost(output, source, colors)])
     with Checkpoint(f"{output}.partial", resume, note) as checkpoint:
         make: Any = ao.bake_surface
         if method is choices.Method.vertex:

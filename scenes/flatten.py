@@ -13,6 +13,7 @@ from raytrace.errors import InputError, MeshError
 from raytrace.memory import check_memory
 from raytrace.mesh import Mesh
 
+from .detail import Detail
 from .polygons import triangulate
 
 MAX_COPIED = 20_000_000
@@ -29,6 +30,9 @@ class Instance:
         faces: (m, 3) integers, indices into `vertices`.
         normals: (n, 3) numbers per vertex in the object's own frame, or None.
         matrix: (4, 4) affine map to the world for column vectors, or None for the identity.
+        notes: what is to be told about the object.
+        detail: what else the file holds of the object, if that was asked for.
+        unread: what the file holds and nobody reads, in words.
     """
 
     name: str
@@ -36,6 +40,9 @@ class Instance:
     faces: npt.NDArray[Any]
     normals: npt.NDArray[Any] | None = None
     matrix: npt.NDArray[np.float64] | None = None
+    notes: tuple[str, ...] = ()
+    detail: Detail | None = None
+    unread: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -59,7 +66,8 @@ def instance(
     faces = np.empty((0, 3), dtype=np.int64) if faces is None else np.asarray(faces)
     if faces.ndim == 2 and faces.shape[1] != 3:
         corners = faces.ravel()
-        faces = triangulate(vertices, corners, np.full(len(faces), faces.shape[1]), name).take(corners)
+        triangles = triangulate(vertices, corners, np.full(len(faces), faces.shape[1]), name)
+        return Instance(name, vertices, triangles.take(corners), normals, matrix, triangles.notes)
     return Instance(name, vertices, faces, normals, matrix)
 
 

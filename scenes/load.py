@@ -15,8 +15,10 @@ from raytrace.errors import InputError, MeshError
 from raytrace.memory import check_memory
 from raytrace.mesh import Mesh
 
+from .detail import Detail
 from .flatten import Instance, Part, check_copies, flatten, instance, world_matrices
 from .gltf import Gltf, decode
+from .gltf_detail import gltf_detail
 from .gltf_instances import read_instances
 from .obj import read_obj
 from .off import read_off
@@ -25,8 +27,9 @@ from .stl import read_stl
 from .threemf import check_archive, read_3mf
 
 # Bytes of memory a byte of file at the peak of reading: of archives and glTF less, what they hold is counted later.
-_PEAK = {"obj": 7.0, "ply": 5.0, "stl": 6.0, "glb": 2.0, "gltf": 2.0, "3mf": 1.0}
+_PEAK = {"obj": 7.0, "ply": 7.5, "stl": 6.0, "glb": 2.0, "gltf": 2.0, "3mf": 1.0}
 _PEAK_OF_TRIMESH = 22.0
+_KEPT = 2.5  # besides, where details are kept
 
 
 @dataclass(frozen=True)
@@ -39,17 +42,24 @@ class MeshFile:
             each object are those of the file, in its order: none merged, split, dropped or added.
         parts: the objects, consecutive in `mesh`.
         gltf: the asset as stored, when the file is glTF or GLB.
+        detail: what else the file holds that the target can hold too, if one was named.
+        notes: what is to be told about the objects.
+        unread: what the file holds and the mesh lacks, in words, if a target was named.
     """
 
     path: Path
     mesh: Mesh
     parts: tuple[Part, ...]
     gltf: Gltf | None = None
+    detail: Detail | None = None
+    notes: tuple[str, ...] = ()
+    unread: tuple[str, ...] = ()
 
     @property
     def files(self) -> tuple[Path, ...]:
         """Every file that was read, or will be when the mesh is written."""
-        return self.gltf.files if self.gltf else (self.path,)
+        own = self.gltf.files if self.gltf else (self.path,)
+        return own + (self.detail.files if self.detail else ())
 
     @classmethod
     def of(cls, mesh: Mesh) -> MeshFile:
@@ -58,12 +68,16 @@ class MeshFile:
         return cls(Path(mesh.source), mesh, (whole,))
 
 
-def load(path: str | os.PathLike[str]) -> MeshFile:
+def load(path: str | os.PathLike[str], target: str | os.PathLike[str] | None = None) -> MeshFile:
     """Read a mesh file, its format told by the ending.
 
     Polygons are cut into triangles. Point clouds, lines and cameras beside meshes are left out. A file's own
-    normals fill `mesh.normals` (PLY `nx ny nz`, OBJ `vn` with one normal a vertex, glTF `NORMAL`). Materials and
-    textures are not read. Files that a glTF refers to are read only from its own folder or below.
+    normals fill `mesh.normals` (PLY `nx ny nz`, OBJ `vn` with one normal a vertex, glTF `NORMAL`). Materials,
+    textures and the like are read for a target only. Files that a file refers to are read only from its own folder or
+    below.
+
+    Args:
+        target: the file that `scenes.write.write` is to make of it: what that can hold besides is read too.
 
     Raises:
         MeshError: the file is missing, unreadable, empty, incomplete, of another format than its ending says,
@@ -71,16 +85,24 @@ def load(path: str | os.PathLike[str]) -> MeshFile:
         MemoryLimitError: it would not fit into memory.
     """
     path = Path(path)
-    instances, asset = read_objects(path)
+    kind = "" if target is None else Path(target).suffix.lower()
+    instances, asset = read_objects(path, kind in (".ply", ".glb"))
     with mesh_errors(path):
         mesh, parts = flatten(instances, str(path))
-    return MeshFile(path, mesh, parts, asset)
+        detail = instances[0].detail if len(instances) == 1 else None
+        unread = tuple(dict.fromkeys(words for instance in instances for words in instance.unread))
+        if asset and kind == ".ply":
+            detail, unread = gltf_detail(asset, instances, mesh.faces)
+    notes = tuple(f"{path}: {note}" for instance in instances for note in instance.notes)
+    return MeshFile(path, mesh, parts, asset, detail, notes, unread)
 
 
-def read_objects(path: Path) -> tuple[list[Instance], Gltf | None]:
+def read_objects(path: Path, keep: bool = False) -> tuple[list[Instance], Gltf | None]:
     """The placed objects of a mesh file as it stores them, at least one, and the asset when it is glTF or GLB.
 
     Of a glTF they are its drawn primitives, in the order of `gltf.primitives`.
+
+    Args: keep: also the `Instance.detail` of OBJ and PLY.
 
     Raises:
         MeshError: as `load`, but for indices and coordinates, which `raytrace.Mesh` checks.
@@ -99,16 +121,17 @@ def read_objects(path: Path) -> tuple[list[Instance], Gltf | None]:
         if path.stat().st_size == 0:
             raise MeshError(path, "content", f"a {kind.upper()} mesh", "an empty file")
         size = path.stat().st_size
-        check_memory(source, int(_PEAK.get(kind, _PEAK_OF_TRIMESH) * size), f"to read {size:,} bytes")
+        needed = _PEAK.get(kind, _PEAK_OF_TRIMESH) + (_KEPT if keep else 0)
+        check_memory(source, int(needed * size), f"to read {size:,} bytes")
         asset = None
         with path.open("rb") as file:
             if kind in ("glb", "gltf"):
                 asset = decode(file.read(), path)
                 instances = read_instances(asset)
             elif kind == "obj":
-                instances = read_obj(file.read(), path.stem, source)
+                instances = read_obj(file.read(), path.stem, source, path.parent if keep else None)
             elif kind == "ply":
-                instances = read_ply(file.read(), path.stem, source)
+                instances = read_ply(file.read(), path.stem, source, keep)
             elif kind == "stl":
                 instances = read_stl(file.read(), path.stem, source)
             elif kind == "off":

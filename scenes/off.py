@@ -49,4 +49,6 @@ def read_off(data: bytes, name: str, source: str) -> list[Instance]:
     if (sizes < 0).any():
         raise ValueError("a face of fewer than no corners")
     triangles = triangulate(places[:, :3], corners, sizes, source)
-    return [Instance(name, places[:, :3], triangles.take(corners), places[:, 3:] if width == 6 else None)]
+    normals = places[:, 3:] if width == 6 else None
+    unread = ("colours",) if "C" in match[1] or any(len(f) > s + 1 for f, s in zip(faces, sizes, strict=True)) else ()
+    return [Instance(name, places[:, :3], triangles.take(corners), normals, None, triangles.notes, None, unread)]

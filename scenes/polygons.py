@@ -39,6 +39,12 @@ class Triangles(NamedTuple):
     crossing: int
     places: Integers | None
 
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What is to be told about the polygons."""
+        who = f"{self.crossing:,} polygons cross themselves" if self.crossing > 1 else "1 polygon crosses itself"
+        return (f"{who}: no triangles between the corners fill what does",) if self.crossing else ()
+
     def take(self, values: npt.NDArray[Any]) -> npt.NDArray[Any]:
         """Values of the corners (c,) as those of the triangles (m, 3)."""
         return values.reshape(-1, 3) if self.places is None else values[self.places]

@@ -10,7 +10,7 @@ import numpy as np
 import OpenImageIO as oiio
 import PIL.Image
 from gltf_files import QUAD, TRIANGLE, Builder
-from mesh_files import FACES, NORMALS, VERTICES, ascii_ply, ascii_stl, mixed_ply, obj, off, ply, stl
+from mesh_files import FACES, NORMALS, VERTICES, ascii_ply, ascii_stl, mixed_ply, obj, off, ply, rich_ply, stl
 
 OBJ = b"""\
 mtllib square.mtl
@@ -231,7 +231,7 @@ def seeds():
     return {
         "ply_ascii": [("m.ply", data) for data in (ascii_ply(), ascii_ply(faces=[[0, 1, 3, 4]]), _mixed_ascii())],
         "ply": [("m.ply", ply()), ("m.ply", ply(order=">", normals=NORMALS)), ("m.ply", ply(faces=many, texture=True))],
-        "ply_mixed": [("m.ply", mixed_ply()), ("m.ply", mixed_ply(">"))],
+        "ply_mixed": [("m.ply", mixed_ply()), ("m.ply", mixed_ply(">")), ("m.ply", rich_ply())],
         "obj": [("m.obj", OBJ), ("m.obj", obj()), ("m.obj", obj(faces=many))],
         "stl": [("m.stl", stl(VERTICES[FACES])), ("m.stl", stl(VERTICES[many]))],
         "stl_ascii": [("m.stl", ascii_stl(("a", VERTICES[FACES]), ("b b", VERTICES[FACES])))],
