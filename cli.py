@@ -164,6 +164,7 @@ def render(
     samples: Annotated[int | None, typer.Option(help="Most rays a pixel.")] = None,
     shading: Annotated[str | None, typer.Option(help="constant, gouraud, phong or quadratic.")] = None,
     obscurance: Annotated[str | None, typer.Option(help="How w enters: ambient, book or off.")] = None,
+    baked: Annotated[Path | None, typer.Option(help="w from this file of a bake: .npy .npz .ply .glb")] = None,
     shadows: Annotated[bool | None, typer.Option("--shadows/--no-shadows", help="Trace shadow rays.")] = None,
     crop: Annotated[str | None, typer.Option(metavar="X,Y,W,H", help="Only these pixels.")] = None,
     seed: Annotated[int | None, typer.Option(help="Another seed, other places in the pixels.")] = None,
@@ -188,10 +189,13 @@ def render(
     given |= {"shadows": shadows, "seed": seed, "crop": None if crop is None else choices.parse_crop(crop)}
     from scenes.picture import adjusted, take, write_report
     from scenes.read import read_scene
+    from scenes.stored_w import check_stored
 
-    description = adjusted(read_scene(scene, size), given, preview)
+    if baked:
+        check_stored(baked)
+    description = adjusted(read_scene(scene, size), given, preview, baked)
     check_outputs(outputs, description.files)
-    warnings = warn(item.shape.mesh for item in description.scene.objects)
+    warnings = warn((item.shape.mesh for item in description.scene.objects), description.notes)
     with compiling("tile"), progress(quiet, "rays") as baking, progress(quiet, "tiles") as rendering:
         picture = take(scene, description, output, half, threads, baking, rendering)
     if report:

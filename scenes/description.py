@@ -17,8 +17,8 @@ class BakeOptions:
     """Where w(p) comes from.
 
     Attributes:
-        source: "bake" it for this picture, "off" (w = 1), or a `.npy` or `.npz` file of `obscurance bake` with one
-            value a vertex of `Scene.flattened()`.
+        source: "bake" it for this picture, "off" (w = 1), or a file of `obscurance bake` with one value a vertex of
+            `Scene.flattened()`: `.npy`, `.npz`, `.ply`, `.glb`, `.gltf`.
         falloff: μ of a bake.
         samples: rays a vertex of a bake, 1 to 2²⁰.
         seed: of a bake, 0 to 2⁶⁴ − 1.
@@ -40,6 +40,7 @@ class SceneDescription:
         settings: of the picture.
         bake: of w(p); its source is "off" exactly when `settings.obscurance` is.
         files: every file that the scene is made of: its own, meshes, textures, w.
+        notes: what is to be told about them.
     """
 
     scene: Scene
@@ -47,3 +48,4 @@ class SceneDescription:
     settings: Settings = field(default_factory=Settings)
     bake: BakeOptions = field(default_factory=BakeOptions)
     files: tuple[Path, ...] = ()
+    notes: tuple[str, ...] = ()

@@ -33,6 +33,7 @@ class Instance:
         notes: what is to be told about the object.
         detail: what else the file holds of the object, if that was asked for.
         unread: what the file holds and nobody reads, in words.
+        w: (n,) obscurance that a bake has left in the file, unchecked, or None.
     """
 
     name: str
@@ -43,6 +44,12 @@ class Instance:
     notes: tuple[str, ...] = ()
     detail: Detail | None = None
     unread: tuple[str, ...] = ()
+    w: npt.NDArray[Any] | None = None
+
+    @property
+    def is_flattened(self) -> bool:
+        """Whether there is nothing to see: no faces, or a matrix of no volume."""
+        return not len(self.faces) or (self.matrix is not None and not np.linalg.det(self.matrix[:3, :3]))
 
 
 @dataclass(frozen=True)

@@ -61,9 +61,9 @@ def gltf_objects(path: Path) -> tuple[tuple[Object, ...], Gltf]:
         shapes: dict[tuple[int, int], Shape] = {}
         objects = []
         for piece, placed in zip(primitives(asset.header), instances, strict=True):
-            matrix = np.eye(4) if placed.matrix is None else placed.matrix
-            if not len(placed.faces) or not np.linalg.det(matrix[:3, :3]):
+            if placed.is_flattened:
                 continue
+            matrix = np.eye(4) if placed.matrix is None else placed.matrix
             key = (piece.mesh, piece.place)
             if key not in shapes:
                 shapes[key] = _shape(asset, piece, placed, textures, path)

@@ -11,6 +11,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import BinaryIO
 
+import numpy as np
+import numpy.typing as npt
+
 from raytrace.errors import InputError, MeshError
 from raytrace.memory import check_memory
 from raytrace.mesh import Mesh
@@ -45,6 +48,7 @@ class MeshFile:
         detail: what else the file holds that the target can hold too, if one was named.
         notes: what is to be told about the objects.
         unread: what the file holds and the mesh lacks, in words, if a target was named.
+        w: (n,) obscurance that a bake has left in the file, unchecked, or None.
     """
 
     path: Path
@@ -54,6 +58,7 @@ class MeshFile:
     detail: Detail | None = None
     notes: tuple[str, ...] = ()
     unread: tuple[str, ...] = ()
+    w: npt.NDArray[np.float64] | None = None
 
     @property
     def files(self) -> tuple[Path, ...]:
@@ -94,7 +99,9 @@ def load(path: str | os.PathLike[str], target: str | os.PathLike[str] | None = N
         if asset and kind == ".ply":
             detail, unread = gltf_detail(asset, instances, mesh.faces)
     notes = tuple(f"{path}: {note}" for instance in instances for note in instance.notes)
-    return MeshFile(path, mesh, parts, asset, detail, notes, unread)
+    stored = [np.asarray(instance.w, np.float64) for instance in instances if instance.w is not None]
+    w = np.concatenate(stored) if len(stored) == len(instances) else None
+    return MeshFile(path, mesh, parts, asset, detail, notes, unread, w)
 
 
 def read_objects(path: Path, keep: bool = False) -> tuple[list[Instance], Gltf | None]:

@@ -87,9 +87,11 @@ def read_textured_obj(data: bytes, name: str, source: str) -> tuple[Instance, Fl
     if has_normals:
         columns.append(_normal_indices(faces, len(normals), source))
     kinds, corners = np.unique(np.stack(columns, axis=1), axis=0, return_inverse=True)
-    triangles = triangulate(vertices, columns[0], sizes, source).take(corners.ravel())
+    triangles = triangulate(vertices, columns[0], sizes, source)
     own = normals[kinds[:, 2]] if has_normals else None
-    return Instance(name, vertices[kinds[:, 0]], triangles, own), uv[kinds[:, 1]]
+    return Instance(name, vertices[kinds[:, 0]], triangles.take(corners.ravel()), own, notes=triangles.notes), uv[
+        kinds[:, 1]
+    ]
 
 
 def _coordinates(text: str, faces: str, source: str) -> PerCorner | None:

@@ -69,7 +69,7 @@ def read_ply(data: bytes, name: str, source: str, keep: bool = False) -> list[In
         data, start = np.fromstring(lines, sep=" ").tobytes(), 0
         for element in elements:
             element.properties = {name: ("d", counted and "d") for name, (_, counted) in element.properties.items()}
-    vertices = normals = None
+    vertices = normals = w = None
     corners, sizes = np.empty(0, np.int64), np.empty(0, np.int64)
     for element in elements:
         columns, lists, start = _rows(data, start, _ORDERS[order], element, source)
@@ -79,6 +79,7 @@ def read_ply(data: bytes, name: str, source: str, keep: bool = False) -> list[In
         expected.append(sum((1 + sizes for _, sizes in lists.values()), singles))
         if element.name == "vertex" and element.count:
             vertices = np.stack([columns[axis] for axis in "xyz"], axis=1)
+            w = columns.get("obscurance")
             if {"nx", "ny", "nz"} <= set(columns):
                 normals = np.stack([columns[axis] for axis in ("nx", "ny", "nz")], axis=1)
         elif element.name == "face":
@@ -91,7 +92,7 @@ def read_ply(data: bytes, name: str, source: str, keep: bool = False) -> list[In
     triangles = triangulate(vertices, corners, sizes, source)
     comments = tuple(" ".join(line) for line in header if line[:1] in (["comment"], ["obj_info"])) if keep else ()
     detail = ply_detail(tuple(stored), comments, corners, sizes, triangles) if keep else None
-    return [Instance(name, vertices, triangles.take(corners), normals, None, triangles.notes, detail)]
+    return [Instance(name, vertices, triangles.take(corners), normals, None, triangles.notes, detail, w=w)]
 
 
 def _stored(element: _Element, declared: dict[str, tuple[str, str]], columns: Columns, lists: Lists) -> Element:

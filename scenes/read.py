@@ -44,4 +44,4 @@ def read_scene(path: str | os.PathLike[str], size: tuple[int, int] | None = None
     scene = Scene(objects, background=BACKGROUND)
     camera = framing(scene, Z_UP if ending in Z_UP_ENDINGS else Y_UP, settings.width, settings.height)
     lit = Scene(objects, three_lights(camera), BACKGROUND)
-    return SceneDescription(lit, camera, settings, files=source.files)
+    return SceneDescription(lit, camera, settings, files=source.files, notes=source.notes)

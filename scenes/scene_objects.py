@@ -57,6 +57,7 @@ class ObjectReader:
 
     Attributes:
         files: what was read, or will be.
+        notes: what is to be told about meshes.
     """
 
     def __init__(self, source: Path, materials: dict[str, BaseMaterial]) -> None:
@@ -67,6 +68,7 @@ class ObjectReader:
         self._shapes: dict[Any, Shape] = {}
         self._stored: dict[int, int] = {}
         self.files: list[Path] = []
+        self.notes: list[str] = []
         self._placed = 0
 
     def read(self, table: ObjectTable, path: str) -> list[Object]:
@@ -120,7 +122,7 @@ class ObjectReader:
         with located(self._source, field):
             if mesh.suffix.lower() in (".glb", ".gltf"):
                 return self._gltf_pieces(mesh, table, path, material, texture)
-            geometry = self._once((mesh, texture is None), lambda: _read(mesh, texture is not None))
+            geometry = self._once((mesh, texture is None), lambda: self._read(mesh, texture is not None))
         return [Object(self._shape(table, path, geometry, material, texture), name=table.name or mesh.stem)]
 
     def _gltf_pieces(
@@ -139,6 +141,17 @@ class ObjectReader:
             name = item.name if table.name is None else f"{table.name} {item.name}"
             pieces.append(replace(item, shape=made, name=name))
         return pieces
+
+    def _read(self, path: Path, textured: bool) -> Geometry:
+        """Any mesh file but glTF. Texture coordinates are read of OBJ only, where `textured`."""
+        with mesh_errors(path):
+            if textured and path.suffix.lower() == ".obj":
+                placed, uv = read_textured_obj(path.read_bytes(), path.stem, str(path))
+                self.notes += [f"{path}: {note}" for note in placed.notes]
+                return Geometry(Mesh(placed.vertices, placed.faces, placed.normals, source=str(path)), uv)
+            instances, _ = read_objects(path)
+            self.notes += [f"{path}: {note}" for instance in instances for note in instance.notes]
+            return Geometry(flatten(instances, str(path))[0])
 
     def _once(self, key: Any, make: Any) -> Geometry:
         if key not in self._geometry:
@@ -185,13 +198,3 @@ def _keys(kind: str) -> list[str]:
     """The keys of an entry that has the key `kind`, "mesh" or "builtin"."""
     keys = [*(key for key in ObjectTable.model_fields if key not in Transform.model_fields), *Transform.model_fields]
     return [key for key in keys if key == kind or key not in ("mesh", "builtin")]
-
-
-def _read(path: Path, textured: bool) -> Geometry:
-    """Any mesh file but glTF. Texture coordinates are read of OBJ only, where `textured`."""
-    if textured and path.suffix.lower() == ".obj":
-        with mesh_errors(path):
-            placed, uv = read_textured_obj(path.read_bytes(), path.stem, str(path))
-            return Geometry(Mesh(placed.vertices, placed.faces, placed.normals, source=str(path)), uv)
-    with mesh_errors(path):
-        return Geometry(flatten(read_objects(path)[0], str(path))[0])

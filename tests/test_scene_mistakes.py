@@ -155,7 +155,7 @@ MISTAKES = {
         '[obscurance]\nbaked = "w.npy"\nseed = 3\n' + PLAIN
     ),
     'obscurance.baked: expected an existing file, got "none.npy"': '[obscurance]\nbaked = "none.npy"\n' + PLAIN,
-    'obscurance.baked: expected a name ending in .npy, .npz, got "paint.png"': (
+    'obscurance.baked: expected a name ending in .npy, .npz, .ply, .glb, .gltf, got "paint.png"': (
         '[obscurance]\nbaked = "paint.png"\n' + PLAIN
     ),
 }

@@ -1,0 +1,94 @@
+"""w that a bake has stored is rendered and shown."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+import trimesh
+from command import obscurance, refused
+from gltf_files import QUAD, TRIANGLE, Builder
+from mesh_files import ply
+
+from raytrace.image_input import read_image
+
+SIZE = ("--width", 48, "--height", 32, "--samples", 4)
+CORNER = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0], [1, 0, 1], [0, 0, 1]], float)
+FACES = np.array([[0, 1, 2], [0, 2, 3], [0, 5, 4], [0, 4, 1]])
+PLAIN = '[[objects]]\nmesh = "{mesh}"\n[obscurance]\nbaked = "{baked}"\n'
+
+
+@pytest.fixture
+def folder(tmp_path, monkeypatch):
+    """A corner of two squares, as OBJ, and w of it baked to every format."""
+    monkeypatch.chdir(tmp_path)
+    trimesh.Trimesh(CORNER, FACES, process=False).export(tmp_path / "corner.ply")
+    for target in ("w.npy", "w.npz", "w.ply", "w.glb"):
+        assert obscurance("bake", "corner.ply", "-o", target, "--samples", 64, "--seed", 3).returncode == 0
+    return tmp_path
+
+
+def picture(scene, *options):
+    """The layer of w, of a picture without further rays for it."""
+    done = obscurance("render", scene, "-o", "p.exr", *SIZE, "--report", "p.json", *options)
+    assert done.returncode == 0, done.stderr
+    assert "bake" not in json.loads(Path("p.json").read_text())["rays"]
+    return read_image("p.exr")[0]["obscurance"]
+
+
+@pytest.mark.parametrize("ending", ["npz", "ply", "glb"])
+def test_every_format_gives_the_same_picture(folder, ending):
+    expected = None
+    for baked in ("w.npy", f"w.{ending}"):
+        (folder / "s.toml").write_text(PLAIN.format(mesh="corner.ply", baked=baked))
+        found = picture("s.toml")
+        assert found.min() < 0.9
+        expected = found if expected is None else expected
+        np.testing.assert_array_equal(found, expected)
+    np.testing.assert_array_equal(picture("corner.ply", "--baked", f"w.{ending}").shape, expected.shape)
+
+
+@pytest.mark.parametrize("ending", ["ply", "glb"])
+def test_a_baked_mesh_is_rendered_with_its_own_w(folder, ending):
+    stored = picture(f"w.{ending}", "--baked", f"w.{ending}")
+    np.testing.assert_array_equal(stored, picture(f"w.{ending}", "--baked", "w.npy"))
+    assert stored.min() < 0.9
+
+
+def test_instances_of_a_glb_have_their_own_w_and_flattened_nodes_none(folder):
+    builder = Builder()
+    builder.mesh(builder.primitive(QUAD, [[0, 1, 2], [0, 2, 3]]))
+    builder.mesh(builder.primitive(TRIANGLE, [[0, 1, 2]]))
+    turned = [0.7071067811865476, 0, 0, 0.7071067811865476]
+    nodes = [{"mesh": 0}, {"mesh": 1, "scale": [0, 1, 1]}, {"mesh": 0, "rotation": turned}]
+    (folder / "in.glb").write_bytes(builder.glb(nodes))
+    assert obscurance("bake", "in.glb", "-o", "out.glb", "--samples", 64).returncode == 0
+    assert picture("out.glb", "--baked", "out.glb").min() < 0.9
+
+
+def test_w_of_another_mesh_is_refused(folder):
+    (folder / "other.ply").write_bytes(ply())
+    assert obscurance("bake", "other.ply", "-o", "o.glb", "--samples", 8).returncode == 0
+    render = ("render", "corner.ply", "-o", "p.png", *SIZE, "--baked")
+    refused(obscurance(*render, "o.glb"), "o.glb: w: expected 6 values, one a vertex of the scene, got 7")
+    refused(obscurance(*render, "corner.ply"), "corner.ply: w: expected obscurance at every vertex", "got none")
+    refused(obscurance(*render, "gone.ply"), "--baked: expected an existing file, got gone.ply")
+    refused(obscurance(*render, "w.obj"), "--baked: expected a name ending in .npy, .npz, .ply, .glb, .gltf")
+    refused(obscurance(*render, "w.ply", "--obscurance", "off"), "--baked: expected --obscurance ambient or book")
+    assert not (folder / "p.png").exists()
+
+
+def test_values_that_are_no_w_are_refused(folder):
+    data = (folder / "w.ply").read_bytes()
+    w = np.load("w.npy")
+    (folder / "bad.ply").write_bytes(data.replace(w[:1].tobytes(), np.array([1.5], "<f4").tobytes()))
+    refused(obscurance("render", "corner.ply", "-o", "p.png", *SIZE, "--baked", "bad.ply"), "values in [0, 1]")
+    assert "1 values are not in [0, 1]" in obscurance("info", "bad.ply").stdout
+
+
+@pytest.mark.parametrize("ending", ["ply", "glb"])
+def test_info_shows_stored_w(folder, ending):
+    w = np.load("w.npy")
+    line = next(row for row in obscurance("info", f"w.{ending}").stdout.splitlines() if row.startswith("stored w"))
+    assert line.split(maxsplit=2)[2] == f"{w.min():.4g} to {w.max():.4g}, mean {w.mean(dtype=np.float64):.4g}"
+    assert "stored w        none in the file" in obscurance("info", "corner.ply").stdout
