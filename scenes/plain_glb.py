@@ -9,6 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from raytrace.errors import OptionError
+from raytrace.normals import vertex_normals
 from raytrace.srgb import decode_srgb
 
 from .detail import Detail, Paint, PerCorner
@@ -89,11 +90,16 @@ def _cut(mesh_file: MeshFile, detail: Detail) -> list[_Piece]:
     several = [values for values in (detail.uv, detail.normals) if values is not None]
     pieces = []
     used = np.unique(paint)
+    smooth = mesh.normals
+    if smooth is None and detail.normals is None:
+        corners = None if detail.uv is None else detail.uv.at_vertices(detail.corners, len(mesh.vertices))
+        if len(used) > 1 or (detail.uv is not None and corners is None):  # seams must not turn into hard edges
+            smooth = vertex_normals(mesh.vertices, mesh.faces)
     for number in used:
         own = places[paint == number] if len(used) > 1 else places
         vertices, faces, first = _split(detail.corners, own, several, len(mesh.vertices) if len(used) == 1 else 0)
         rows = {id(values): values.rows[values.of[first]] for values in several}
-        normals = rows.get(id(detail.normals), None if mesh.normals is None else mesh.normals[vertices])
+        normals = rows.get(id(detail.normals), None if smooth is None else smooth[vertices])
         pieces.append(_Piece(vertices, faces, normals, rows.get(id(detail.uv)), int(number)))
     return pieces
 

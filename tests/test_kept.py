@@ -261,3 +261,17 @@ def test_colours_of_a_3mf_file_are_told(tmp_path):
     assert model != MODEL
     file = read(tmp_path, "m.3mf", archive(**{"3D/3dmodel.model": model}))
     assert "materials and colours" in lost(tmp_path / "w.ply", file)[0]
+
+
+def test_seams_of_a_mesh_without_normals_are_no_edges_in_a_glb(tmp_path):
+    write_obj(tmp_path, "f 1/1 2/2 3/3 4/4\nf 1/5 5/3 6/1 2/5\n")
+    bake(tmp_path, "m.obj", "out.glb")
+    mesh = load(tmp_path / "out.glb").mesh
+    assert len(mesh.vertices) == 8
+    for repeated, original in ((6, 0), (7, 1)):
+        np.testing.assert_array_equal(mesh.vertices[repeated], mesh.vertices[original])
+        np.testing.assert_allclose(mesh.normals[repeated], mesh.normals[original])
+    np.testing.assert_allclose(mesh.normals[0], np.array([0, 1, 1]) / 2**0.5, atol=1e-6)
+    write_obj(tmp_path, NO_SEAM)
+    bake(tmp_path, "m.obj", "out.glb")
+    assert load(tmp_path / "out.glb").mesh.normals is None
