@@ -57,6 +57,7 @@ def bake(
     ] = choices.Hidden.ignore,
     report: Annotated[Path | None, typer.Option(help="Also write a JSON report.")] = None,
     debug_image: Annotated[Path | None, typer.Option(help="Also write a picture that marks flagged vertices.")] = None,
+    up: Annotated[choices.Up | None, typer.Option(help="With --debug-image: the axis that is up; y, of STL z.")] = None,
     resume: Annotated[bool, typer.Option("--resume", help="Continue an interrupted bake to this target.")] = False,
     colors: Annotated[bool, typer.Option("--colors", help="Give a .glb the vertex colours COLOR_0 = w too.")] = False,
     quiet: Quiet = False,
@@ -65,6 +66,7 @@ def bake(
     options = {key: choices.plain(value) for key, value in locals().items() if key not in ("report", "quiet", "resume")}
     import ao
     from ao.checkpoint import Checkpoint
+    from raytrace.errors import OptionError
     from raytrace.outputs import check_ending, check_outputs
     from scenes.write import check_target, write
 
@@ -83,6 +85,8 @@ def bake(
         from scenes.marked import check_marked_target
 
         check_marked_target(debug_image)
+    elif up:
+        raise OptionError("--up", "--debug-image with it; w does not depend on it", "none")
     outputs = {"--output": output, "--report": report, "--debug-image": debug_image}
     check_outputs(outputs, [mesh])
     from scenes.load import load
@@ -111,8 +115,9 @@ def bake(
         write_report(report, baked, options, seconds, warnings)
     if debug_image:
         from scenes.marked import write_marked
+        from scenes.studio import up_axis
 
-        write_marked(debug_image, source.mesh, baked)
+        write_marked(debug_image, source.mesh, baked, up_axis(mesh, up))
     if not quiet:
         print(bake_summary(baked, output))
 
@@ -166,6 +171,7 @@ def render(
     obscurance: Annotated[str | None, typer.Option(help="How w enters: ambient, book or off.")] = None,
     baked: Annotated[Path | None, typer.Option(help="w from this file of a bake: .npy .npz .ply .glb")] = None,
     shadows: Annotated[bool | None, typer.Option("--shadows/--no-shadows", help="Trace shadow rays.")] = None,
+    up: Annotated[choices.Up | None, typer.Option(help="The axis that is up in a mesh file; y, of STL z.")] = None,
     crop: Annotated[str | None, typer.Option(metavar="X,Y,W,H", help="Only these pixels.")] = None,
     seed: Annotated[int | None, typer.Option(help="Another seed, other places in the pixels.")] = None,
     preview: Annotated[bool, typer.Option("--preview", help="A quarter of the size, few rays.")] = False,
@@ -193,7 +199,7 @@ def render(
 
     if baked:
         check_stored(baked)
-    description = adjusted(read_scene(scene, size), given, preview, baked)
+    description = adjusted(read_scene(scene, size, up), given, preview, baked)
     check_outputs(outputs, description.files)
     warnings = warn((item.shape.mesh for item in description.scene.objects), description.notes)
     with compiling("tile"), progress(quiet, "rays") as baking, progress(quiet, "tiles") as rendering:
