@@ -59,7 +59,9 @@ def bake(
     debug_image: Annotated[Path | None, typer.Option(help="Also write a picture that marks flagged vertices.")] = None,
     up: Annotated[choices.Up | None, typer.Option(help="With --debug-image: the axis that is up; y, of STL z.")] = None,
     resume: Annotated[bool, typer.Option("--resume", help="Continue an interrupted bake to this target.")] = False,
-    colors: Annotated[bool, typer.Option("--colors", help="Give a .glb the vertex colours COLOR_0 = w too.")] = False,
+    colors: Annotated[
+        bool, typer.Option("--colors", help="Vertex colours w: COLOR_0 of .glb, or in place of a .ply's own.")
+    ] = False,
     quiet: Quiet = False,
 ) -> None:
     """Bake obscurance w(p) at every vertex of a mesh."""

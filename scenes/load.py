@@ -14,7 +14,7 @@ from typing import BinaryIO
 import numpy as np
 import numpy.typing as npt
 
-from raytrace.errors import InputError, MeshError
+from raytrace.errors import InputError, MeshError, printable
 from raytrace.memory import check_memory
 from raytrace.mesh import Mesh
 
@@ -98,7 +98,7 @@ def load(path: str | os.PathLike[str], target: str | os.PathLike[str] | None = N
         unread = tuple(dict.fromkeys(words for instance in instances for words in instance.unread))
         if asset and kind == ".ply":
             detail, unread = gltf_detail(asset, instances, mesh.faces)
-    notes = tuple(f"{path}: {note}" for instance in instances for note in instance.notes)
+    notes = tuple(printable(f"{path}: {note}") for instance in instances for note in instance.notes)
     stored = [np.asarray(instance.w, np.float64) for instance in instances if instance.w is not None]
     w = np.concatenate(stored) if len(stored) == len(instances) else None
     return MeshFile(path, mesh, parts, asset, detail, notes, unread, w)

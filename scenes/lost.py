@@ -4,7 +4,10 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from raytrace.errors import printable
+
 from .load import MeshFile
+from .obj_detail import PAINT_WORDS
 from .plain_glb import attribute_name, fits_float
 from .ply_detail import own_colors
 from .write_ply import has_own_colors
@@ -25,7 +28,7 @@ def lost(target: Path, mesh_file: MeshFile, colors: bool = False) -> list[str]:
     told = [f"{target}: does not keep of {mesh_file.path}: {', '.join(missing)}"] if missing else []
     if kind == ".ply" and not colors and has_own_colors(mesh_file.detail):
         told.append(f"{target}: keeps the colours of {mesh_file.path}; w is in its property obscurance alone")
-    return told
+    return [printable(line) for line in told]
 
 
 def _of_ply(mesh_file: MeshFile, colors: bool) -> list[str]:
@@ -33,7 +36,7 @@ def _of_ply(mesh_file: MeshFile, colors: bool) -> list[str]:
     missing = ["its colours"] if colors and has_own_colors(detail) else []
     if detail is None or not detail.elements:
         missing += _objects(mesh_file)
-        missing += mesh_file.unread
+        missing += [words for words in mesh_file.unread if not words.startswith(PAINT_WORDS)]
     if detail and detail.normals is not None:
         missing.append("normals of vertices that have several")
     if detail and detail.paints:

@@ -45,9 +45,9 @@ def read_mtl(path: Path, beside: Callable[[str], Path | None]) -> tuple[dict[str
             with_picture = found and _starts(found).startswith(_PICTURES)
             given[name][key] = found if with_picture else None
             if not with_picture:
-                left.append(f"texture {rest}")
-        elif name and (key.startswith(("map_", "bump", "disp", "decal", "refl", "norm"))):
-            left.append(f"texture {rest} of {key}")
+                left.append(f"texture of {key} ({rest or 'no name'})")
+        elif name and key.startswith(("map_", "bump", "disp", "decal", "refl", "norm")):
+            left.append(f"texture of {key} ({rest or 'no name'})")
     for name, values in given.items():
         made[name] = _paint(name, values)
     return made, left

@@ -11,6 +11,7 @@ from .detail import Detail, Floats, Integers, Paint, PerCorner
 from .mtl import read_mtl
 from .polygons import Triangles
 
+PAINT_WORDS = ("texture of", "material library")  # how what is missing of materials begins
 _COLOURED = re.compile(r"^[ \t]*v((?:[ \t]+\S+){6})[ \t]*(?:#.*)?$", re.MULTILINE)
 _LIBRARY = re.compile(r"^[ \t]*mtllib[ \t]+([^#\n]+)", re.MULTILINE)
 _USED = re.compile(r"^[ \t]*(f|usemtl)\b[ \t]*([^#\n]*)", re.MULTILINE)

@@ -17,7 +17,8 @@ import numpy.typing as npt
 from raytrace.errors import MeshError
 from raytrace.mesh import LARGEST
 
-MAX_EAR_WORK = 1 << 32  # squared numbers of corners, summed over polygons whose ears are clipped: seconds, or a minute
+MAX_EAR_WORK = 1 << 28  # squared numbers of corners, summed over polygons whose ears are clipped: at most 20 s or so
+_EAR_WORK_PER_CORNER = 128  # and so much more for each
 _BLOCK = 1 << 17  # corners that are looked at together
 _FLAT = 1e-7  # of a polygon's area: how far a triangle of a fan may be turned over
 _OVERLAP = 1e-5  # of a polygon's area: how much may be covered twice or not at all
@@ -108,7 +109,7 @@ def _triangulate(
             diagonal.append(found.diagonal)
             crossing += found.crossing
             work += float((sizes[found.concave].astype(np.float64) ** 2).sum())
-            if work > MAX_EAR_WORK:
+            if work > MAX_EAR_WORK + _EAR_WORK_PER_CORNER * len(corners):
                 limit = f"concave polygons of at most {int(MAX_EAR_WORK**0.5):,} corners, of fewer if there are many"
                 raise MeshError(source, "faces", limit, f"one of {int(sizes[found.concave].max()):,}")
             for polygon in found.concave.tolist():

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy.typing as npt
 
-from raytrace.errors import SceneError
+from raytrace.errors import SceneError, printable
 from raytrace.material_base import BaseMaterial
 from raytrace.materials import material_from_dict
 from raytrace.mesh import Mesh
@@ -147,10 +147,10 @@ class ObjectReader:
         with mesh_errors(path):
             if textured and path.suffix.lower() == ".obj":
                 placed, uv = read_textured_obj(path.read_bytes(), path.stem, str(path))
-                self.notes += [f"{path}: {note}" for note in placed.notes]
+                self.notes += [printable(f"{path}: {note}") for note in placed.notes]
                 return Geometry(Mesh(placed.vertices, placed.faces, placed.normals, source=str(path)), uv)
             instances, _ = read_objects(path)
-            self.notes += [f"{path}: {note}" for instance in instances for note in instance.notes]
+            self.notes += [printable(f"{path}: {note}") for instance in instances for note in instance.notes]
             return Geometry(flatten(instances, str(path))[0])
 
     def _once(self, key: Any, make: Any) -> Geometry:

@@ -209,9 +209,16 @@ def test_what_is_missing_of_materials_is_told(tmp_path):
     (tmp_path / "paint.png").write_text("no picture")
     (tmp_path / "m.obj").write_text((tmp_path / "m.obj").read_text() + "mtllib ../gone.mtl\no a\no b\nl 1 2\n")
     told = bake(tmp_path, "m.obj", "out.glb")
-    for words in ("texture paint.png", "material library ../gone.mtl", "names of objects and groups", "lines"):
+    for words in (
+        "texture of map_Kd (paint.png)",
+        "material library ../gone.mtl",
+        "names of objects and groups",
+        "lines",
+    ):
         assert words in told
-    assert "materials" in bake(tmp_path, "m.obj", "out.ply")
+    told = bake(tmp_path, "m.obj", "out.ply")
+    assert "materials" in told
+    assert "texture of" not in told
 
 
 def test_materials_and_textures_are_inputs(tmp_path):
