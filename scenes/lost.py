@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import numpy as np
+
 from raytrace.errors import printable
 
 from .load import MeshFile
@@ -54,6 +56,9 @@ def _of_glb(mesh_file: MeshFile, colors: bool) -> list[str]:
         return missing
     if colors and detail.colors is not None:
         missing.append("its colours")
+    several = detail.paint_of is not None and np.ptp(detail.paint_of) > 0
+    if several and len(np.unique(detail.corners)) < len(mesh_file.mesh.vertices):
+        missing.append("vertices that no face uses")
     if (detail.sizes != 3).any():
         missing.append("polygons, which become triangles")
     names = {"POSITION", "NORMAL", "_OBSCURANCE"}

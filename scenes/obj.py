@@ -62,7 +62,8 @@ def read_obj(data: bytes, name: str, source: str, folder: Path | None = None) ->
     detail, unread = None, tuple[str, ...]()
     if folder is not None:
         uv = _coordinates(text, faces, source)
-        detail, unread = obj_detail(text, folder, corners, sizes, triangles, uv, several, len(vertices))
+        has_normals = several is not None or vertex_normals is not None
+        detail, unread = obj_detail(text, folder, corners, sizes, triangles, uv, several, has_normals, len(vertices))
     return [Instance(name, vertices, triangles.take(corners), vertex_normals, None, triangles.notes, detail, unread)]
 
 

@@ -14,7 +14,10 @@ from .polygons import Triangles
 PAINT_WORDS = ("texture of", "material library")  # how what is missing of materials begins
 _COLOURED = re.compile(r"^[ \t]*v((?:[ \t]+\S+){6})[ \t]*(?:#.*)?$", re.MULTILINE)
 _LIBRARY = re.compile(r"^[ \t]*mtllib[ \t]+([^#\n]+)", re.MULTILINE)
-_USED = re.compile(r"^[ \t]*(f|usemtl)\b[ \t]*([^#\n]*)", re.MULTILINE)
+_USED = re.compile(r"^[ \t]*(f|usemtl)[ \t]+([^#\n]*)", re.MULTILINE)
+_SMOOTHED = re.compile(r"^[ \t]*s[ \t]+(\S+)", re.MULTILINE)
+_WITH_UV = re.compile(r"^[ \t]*f[ \t][^#\n]*[^/\s]/[^/\s]", re.MULTILINE)
+_WITH_NORMAL = re.compile(r"^[ \t]*f[ \t][^#\n]*/[^/\s]*/[^/\s]", re.MULTILINE)
 _NAMED = re.compile(r"^[ \t]*[og][ \t]+([^#\n]*\S)", re.MULTILINE)
 _OTHER = re.compile(r"^[ \t]*(l|p|curv|curv2|surf)[ \t]", re.MULTILINE)
 
@@ -27,27 +30,35 @@ def obj_detail(
     triangles: Triangles,
     uv: PerCorner | None,
     normals: PerCorner | None,
+    has_normals: bool,
     vertex_count: int,
 ) -> tuple[Detail, tuple[str, ...]]:
     """All of an OBJ file that can be kept, and the rest in words.
 
     Args:
         text: of the file. folder: where it is; its material libraries and their pictures are there or below.
-        corners, sizes: of its polygons. uv, normals: of their corners.
+        corners, sizes: of its polygons. uv, normals: of their corners; has_normals: these, or one for each vertex.
     """
     unread = []
     names = set(_NAMED.findall(text))
     if len(names) > 1:
         unread.append("names of objects and groups")
+    if len(set(_SMOOTHED.findall(text))) > 1:
+        unread.append("smoothing groups")
     if _OTHER.search(text):
         unread.append("lines, points, curves and surfaces")
+    if uv is None and _WITH_UV.search(text):
+        unread.append("texture coordinates, which some corners lack")
+    if not has_normals and _WITH_NORMAL.search(text):
+        unread.append("normals, which some corners lack")
     if uv is not None and not np.isfinite(uv.rows).all():
         uv = None
         unread.append("texture coordinates, some of which are not finite")
+    colors = _colors(text, vertex_count)
+    if colors is None and _COLOURED.search(text):
+        unread.append("colours, which some vertices lack or have outside of [0, 1]")
     paints, paint_of, files, left = _paints(text, folder, len(sizes))
-    detail = Detail(
-        corners, sizes, triangles, uv, normals, _colors(text, vertex_count), {}, paints, paint_of, files=files
-    )
+    detail = Detail(corners, sizes, triangles, uv, normals, colors, {}, paints, paint_of, files=files)
     return detail, (*unread, *left)
 
 
@@ -57,7 +68,7 @@ def _colors(text: str, vertex_count: int) -> Floats | None:
     if not rows or len(rows) != vertex_count:
         return None
     try:
-        colors = np.array(" ".join(rows).split(), np.float64).reshape(-1, 6)[:, 3:]
+        colors = np.fromstring(" ".join(rows), sep=" ").reshape(vertex_count, 6)[:, 3:]
     except ValueError:
         return None
     return colors if (colors >= 0).all() and (colors <= 1).all() else None

@@ -282,3 +282,17 @@ def test_seams_of_a_mesh_without_normals_are_no_edges_in_a_glb(tmp_path):
     write_obj(tmp_path, NO_SEAM)
     bake(tmp_path, "m.obj", "out.glb")
     assert load(tmp_path / "out.glb").mesh.normals is None
+
+
+def test_what_only_some_corners_of_an_obj_have_is_told(tmp_path):
+    write_obj(tmp_path, "vn 0 0 1\ns 1\nf 1/1/1 2/2/1 3/3/1\ns 2\nf 1 3 4\nusemtl a\nf 1 2 6\nusemtl b\nf 1 2 4\n")
+    told = bake(tmp_path, "m.obj", "out.glb")
+    for words in (
+        "texture coordinates, which some corners lack",
+        "normals, which some corners lack",
+        "smoothing groups",
+        "vertices that no face uses",
+    ):
+        assert words in told
+    (tmp_path / "c.obj").write_text("v 0 0 0 1 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")
+    assert "colours, which some vertices lack" in bake(tmp_path, "c.obj", "out.ply")
