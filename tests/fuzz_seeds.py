@@ -195,17 +195,19 @@ def _folder():
 
 
 def arrays(count=4):
-    """w of that many vertices as .npy and .npz."""
+    """w of that many vertices as .npy and .npz, and beside the vertices of a .ply."""
     plain, packed = io.BytesIO(), io.BytesIO()
     np.save(plain, np.full(count, 0.5, np.float32))
     np.savez_compressed(packed, w=np.full(count, 0.5), error=np.zeros(count))
-    return plain.getvalue(), packed.getvalue()
+    halves = np.full((count, 3), 0.5)
+    mesh = ply(VERTICES[:count], [[0, 1, 3]], normals=halves).replace(b"float nx", b"float obscurance")
+    return plain.getvalue(), packed.getvalue(), mesh
 
 
 def companions():
     """What lies beside the file under test: name to content."""
     _, binary = gltf()
-    npy, npz = arrays()
+    npy, npz, _ = arrays()
     return {
         "square.obj": OBJ.replace(b"f 1//1 2//1 3//1 4//1\n", b""),
         "square.mtl": MTL,
@@ -249,7 +251,7 @@ def seeds():
         ],
         "tiff": [("m.tif", image("tiff", 20, 10, 3, "uint16")), ("m.tif", image("tiff", 40, 30, 4, "float", tiled=1))],
         "pictures": [*((f"m.{ending}", image(kind, 20, 10)) for kind, ending in KINDS.items()), ("m.gif", gif())],
-        "array": [("w.npy", arrays()[0]), ("w.npz", arrays()[1])],
+        "array": [(f"w.{kind}", data) for kind, data in zip(("npy", "npz", "ply"), arrays(), strict=True)],
     }  # fmt: skip
 
 
