@@ -11,6 +11,8 @@ from raytrace.camera import Camera
 from raytrace.scene import Scene
 from raytrace.settings import Settings
 
+from .primitives import Origin
+
 
 @dataclass(frozen=True)
 class BakeOptions:
@@ -41,6 +43,7 @@ class SceneDescription:
         bake: of w(p); its source is "off" exactly when `settings.obscurance` is.
         files: every file that the scene is made of: its own, meshes, textures, w.
         notes: what is to be told about them.
+        origins: of the vertices of each object, None where they are its file's one by one; or nothing, if all are.
     """
 
     scene: Scene
@@ -49,3 +52,4 @@ class SceneDescription:
     bake: BakeOptions = field(default_factory=BakeOptions)
     files: tuple[Path, ...] = ()
     notes: tuple[str, ...] = ()
+    origins: tuple[Origin | None, ...] = ()

@@ -19,6 +19,7 @@ from .detail import PerCorner
 from .flatten import Instance
 from .obj_detail import obj_detail
 from .polygons import triangulate
+from .primitives import Origin
 
 _VERTEX = re.compile(r"^[ \t]*v[ \t]+(\S+[ \t]+\S+[ \t]+\S+)", re.MULTILINE)
 _VERTEX_LINE = re.compile(r"^[ \t]*v[ \t]", re.MULTILINE)
@@ -67,8 +68,8 @@ def read_obj(data: bytes, name: str, source: str, folder: Path | None = None) ->
     return [Instance(name, vertices, triangles.take(corners), vertex_normals, None, triangles.notes, detail, unread)]
 
 
-def read_textured_obj(data: bytes, name: str, source: str) -> tuple[Instance, Floats]:
-    """All faces of the file with texture coordinates uv (n, 2), v upwards.
+def read_textured_obj(data: bytes, name: str, source: str) -> tuple[Instance, Floats, Origin]:
+    """All faces of the file with texture coordinates uv (n, 2), v upwards, and which vertices of the file they have.
 
     Every combination of a vertex with a texture coordinate, and with a normal where every face has them, becomes a
     vertex of its own, so that seams and hard edges stay.
@@ -90,9 +91,9 @@ def read_textured_obj(data: bytes, name: str, source: str) -> tuple[Instance, Fl
     kinds, corners = np.unique(np.stack(columns, axis=1), axis=0, return_inverse=True)
     triangles = triangulate(vertices, columns[0], sizes, source)
     own = normals[kinds[:, 2]] if has_normals else None
-    return Instance(name, vertices[kinds[:, 0]], triangles.take(corners.ravel()), own, notes=triangles.notes), uv[
-        kinds[:, 1]
-    ]
+    faces_of_kinds = triangles.take(corners.ravel())
+    made = Instance(name, vertices[kinds[:, 0]], faces_of_kinds, own, notes=triangles.notes)
+    return made, uv[kinds[:, 1]], Origin(kinds[:, 0], len(vertices))
 
 
 def _coordinates(text: str, faces: str, source: str) -> PerCorner | None:

@@ -4,6 +4,9 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import numpy as np
+import numpy.typing as npt
+
 import ao
 from ao.bake import Progress
 from raytrace.rendering import seen_vertices
@@ -30,8 +33,7 @@ def obscured(
     if options.source == "off":
         return scene, None
     if isinstance(options.source, Path):
-        count = sum(len(item.shape.mesh.vertices) for item in scene.objects)
-        return scene.with_obscurance(read_w(options.source, count)), None
+        return scene.with_obscurance(_stored(description, options.source)), None
     wanted = seen_vertices(scene, description.camera, description.settings, threads)
     made = ao.bake(
         scene.flattened(),
@@ -43,3 +45,15 @@ def obscured(
         only=wanted,
     )
     return scene.with_obscurance(made.w), made
+
+
+def _stored(description: SceneDescription, path: Path) -> npt.NDArray[np.float64]:
+    """w of all vertices of the scene, from a file that has one for each, or one for each vertex of its mesh files."""
+    counts = [len(item.shape.mesh.vertices) for item in description.scene.objects]
+    origins = description.origins or (None,) * len(counts)
+    of_files = [origin.total if origin else count for origin, count in zip(origins, counts, strict=True)]
+    w = read_w(path, sum(of_files), sum(counts))
+    if len(w) != sum(of_files):
+        return w
+    parts = np.split(w, np.cumsum(of_files)[:-1])
+    return np.concatenate([part[origin.of] if origin else part for origin, part in zip(origins, parts, strict=True)])

@@ -53,8 +53,9 @@ def read_toml(path: Path, size: tuple[int, int] | None = None) -> SceneDescripti
     camera = _camera(document.camera, scene, settings, path)
     if not lights:
         scene = replace(scene, lights=three_lights(camera))
+    origins = tuple(reader.origin(item) for item in objects)
     baked = (bake.source,) if isinstance(bake.source, Path) else ()
-    return SceneDescription(scene, camera, settings, bake, (path, *reader.files, *baked), tuple(reader.notes))
+    return SceneDescription(scene, camera, settings, bake, (path, *reader.files, *baked), tuple(reader.notes), origins)
 
 
 def _load(path: Path) -> dict[str, Any]:

@@ -23,7 +23,7 @@ from .gltf_scene import gltf_objects
 from .load import mesh_errors, read_objects
 from .located import check_keys, joined, located, shown
 from .obj import read_textured_obj
-from .primitives import Geometry
+from .primitives import Geometry, Origin
 from .schema import ObjectTable, Transform
 from .solids import SOLIDS, Solid
 from .studio import NEUTRAL
@@ -67,6 +67,7 @@ class ObjectReader:
         self._gltf: dict[Path, tuple[Object, ...]] = {}
         self._shapes: dict[Any, Shape] = {}
         self._stored: dict[int, int] = {}
+        self._origins: dict[int, Origin] = {}
         self.files: list[Path] = []
         self.notes: list[str] = []
         self._placed = 0
@@ -91,6 +92,10 @@ class ObjectReader:
                 with located(self._source, path):
                     objects.append(replace(piece, transform=matrix @ piece.transform, name=piece.name + suffix))
         return objects
+
+    def origin(self, item: Object) -> Origin | None:
+        """Where the vertices of one of the objects come from, if they are not its file's one by one."""
+        return self._origins.get(id(item.shape))
 
     def _check_copies(self, pieces: list[Object], table: ObjectTable) -> None:
         """Count vertices and triangles, those of mesh files once and those of all copies."""
@@ -146,9 +151,10 @@ class ObjectReader:
         """Any mesh file but glTF. Texture coordinates are read of OBJ only, where `textured`."""
         with mesh_errors(path):
             if textured and path.suffix.lower() == ".obj":
-                placed, uv = read_textured_obj(path.read_bytes(), path.stem, str(path))
+                placed, uv, origin = read_textured_obj(path.read_bytes(), path.stem, str(path))
                 self.notes += [printable(f"{path}: {note}") for note in placed.notes]
-                return Geometry(Mesh(placed.vertices, placed.faces, placed.normals, source=str(path)), uv)
+                mesh = Mesh(placed.vertices, placed.faces, placed.normals, source=str(path))
+                return Geometry(mesh, uv, origin)
             instances, _ = read_objects(path)
             self.notes += [printable(f"{path}: {note}") for instance in instances for note in instance.notes]
             return Geometry(flatten(instances, str(path))[0])
@@ -168,6 +174,8 @@ class ObjectReader:
         if key not in self._shapes:
             mesh = geometry.mesh if table.own_normals else replace(geometry.mesh, normals=None)
             self._shapes[key] = Shape(mesh, material, geometry.uv, texture)
+            if geometry.origin:
+                self._origins[id(self._shapes[key])] = geometry.origin
         return self._shapes[key]
 
     def _material(self, given: str | dict[str, Any], path: str) -> BaseMaterial:

@@ -209,7 +209,7 @@ def test_a_baked_file_of_something_else(tmp_path):
     with pytest.raises(SceneError, match=r"w\.npy: content: expected w as obscurance bake writes it"):
         obscured(made)
     np.save(tmp_path / "w.npy", np.ones(3))
-    with pytest.raises(SceneError, match=r"w.npy: w: expected shape \(9,\), .*, got \(3,\)"):
+    with pytest.raises(SceneError, match=r"w.npy: w: expected 9 values, .*, got 3"):
         obscured(made)
     np.save(tmp_path / "w.npy", np.full(9, 2.0))
     with pytest.raises(SceneError, match=r"w.npy: w: expected values in \[0, 1\]"):

@@ -9,6 +9,7 @@ import trimesh
 from command import obscurance, refused
 from gltf_files import QUAD, TRIANGLE, Builder
 from mesh_files import ply
+from PIL import Image
 
 from raytrace.image_input import read_image
 
@@ -92,3 +93,21 @@ def test_info_shows_stored_w(folder, ending):
     line = next(row for row in obscurance("info", f"w.{ending}").stdout.splitlines() if row.startswith("stored w"))
     assert line.split(maxsplit=2)[2] == f"{w.min():.4g} to {w.max():.4g}, mean {w.mean(dtype=np.float64):.4g}"
     assert "stored w        none in the file" in obscurance("info", "corner.ply").stdout
+
+
+def test_w_of_an_obj_fits_it_with_a_texture_too(folder):
+    """Seams give vertices twice in the picture, and the file has w of each once."""
+    Image.new("RGB", (2, 2), (255, 255, 255)).save(folder / "paint.png")
+    places = "".join(f"v {x} {y} {z}\n" for x, y, z in CORNER)
+    text = "v .5 .5 .5\n" + places + "vt 0 0\nvt 1 0\nvt 1 1\n"
+    corners = [" ".join(f"{v + 2}/{(v + k) % 3 + 1}" for v in face) for k, face in enumerate(FACES.tolist())]
+    (folder / "corner.obj").write_text(text + "".join(f"f {row}\n" for row in corners))
+    assert obscurance("bake", "corner.obj", "-o", "o.npy", "--samples", 64, "--seed", 3).returncode == 0
+    (folder / "plain.toml").write_text(PLAIN.format(mesh="corner.obj", baked="o.npy"))
+    textured = PLAIN.format(mesh="corner.obj", baked="o.npy").replace("[obs", 'texture = "paint.png"\n[obs')
+    (folder / "textured.toml").write_text(textured)
+    np.testing.assert_array_equal(picture("textured.toml"), picture("plain.toml"))
+    np.save("wrong.npy", np.ones(5))
+    (folder / "wrong.toml").write_text(textured.replace("o.npy", "wrong.npy"))
+    words = ("expected 7 values, one a vertex of the scene's files, or 10, one a vertex of the scene, got 5",)
+    refused(obscurance("render", "wrong.toml", "-o", "p.png", *SIZE), *words)
