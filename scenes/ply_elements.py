@@ -71,7 +71,7 @@ def encode_ply(elements: Sequence[Element], comments: Sequence[str]) -> bytes:
             counted = f"list {NAMES[column.counted]} " if column.counted else ""
             lines.append(f"property {counted}{NAMES[column.kind]} {column.name}")
         data.append(_rows(fitting))
-    return b"".join(["\n".join([*lines, "end_header\n"]).encode("utf-8", "replace"), *data])
+    return b"".join(["\n".join([*lines, "end_header\n"]).encode("latin-1", "replace"), *data])
 
 
 def _rows(element: Element) -> bytes:

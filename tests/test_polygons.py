@@ -113,3 +113,14 @@ def test_work_without_measure_is_refused(tmp_path):
     with pytest.raises(MeshError, match="faces: expected concave polygons of at most 16,384 corners"):
         triangulate(comb, np.arange(count), np.array([count]))
     assert "one of 16,484" in mistake(tmp_path, "m.obj", obj(comb, np.arange(count)[None]))
+
+
+@pytest.mark.parametrize("first", range(8))
+def test_bent_polygons_are_cut_as_their_newell_plane_shows_them(first):
+    bent = np.column_stack([3 * np.sin(U[:, 0] / 3), U[:, 1], 3 * np.cos(U[:, 0] / 3)])
+    corners = np.roll(np.arange(8), first)
+    faces = triangulate(bent, corners, np.array([8])).take(corners)
+    normal = np.cross(bent, np.roll(bent, -1, axis=0)).sum(axis=0)
+    parts = areas(bent, faces, normal / np.linalg.norm(normal))
+    assert (parts > 0).all()
+    assert parts.sum() == pytest.approx(np.linalg.norm(normal) / 2)
