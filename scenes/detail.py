@@ -75,3 +75,28 @@ class Detail:
     elements: tuple[Element, ...] = ()
     comments: tuple[str, ...] = ()
     files: tuple[Path, ...] = ()
+
+
+def split_corners(
+    corners: Integers, places: Integers, several: list[PerCorner], keep: int
+) -> tuple[Integers, Integers, Integers]:
+    """One vertex for every combination of a vertex with what its corners have.
+
+    Args: places: (m, 3) of triangles in `corners`. keep: how many vertices come first, used or not.
+
+    Returns: vertices (k,), faces (m, 3), and the place of a corner like each of the new vertices (k,).
+    """
+    flat = places.ravel()
+    key = np.zeros(len(flat), np.int64)
+    for values in several:
+        _, key = np.unique(key * (int(values.of.max()) + 1) + values.of[flat], return_inverse=True)
+    own = corners[flat]
+    _, first, inverse = np.unique(own * (int(key.max()) + 1) + key, return_index=True, return_inverse=True)
+    vertices = own[first]
+    if not keep:
+        return vertices, inverse.reshape(-1, 3), flat[first]
+    repeated = np.concatenate([[False], vertices[1:] == vertices[:-1]])
+    slots = np.where(repeated, keep + np.cumsum(repeated) - 1, vertices)
+    whole, like = np.arange(keep + int(repeated.sum())), np.full(keep + int(repeated.sum()), flat[0])
+    whole[slots], like[slots] = vertices, flat[first]
+    return whole, slots[inverse].reshape(-1, 3), like

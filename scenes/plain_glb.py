@@ -12,7 +12,7 @@ from raytrace.errors import OptionError
 from raytrace.normals import vertex_normals
 from raytrace.srgb import decode_srgb
 
-from .detail import Detail, Paint, PerCorner
+from .detail import Detail, Paint, split_corners
 from .flatten import Part
 from .glb_buffer import ELEMENT_ARRAY_BUFFER, FLOAT, UNSIGNED_INT, Packed
 from .load import MeshFile
@@ -97,36 +97,13 @@ def _cut(mesh_file: MeshFile, detail: Detail) -> list[_Piece]:
             smooth = vertex_normals(mesh.vertices, mesh.faces)
     for number in used:
         own = places[paint == number] if len(used) > 1 else places
-        vertices, faces, first = _split(detail.corners, own, several, len(mesh.vertices) if len(used) == 1 else 0)
+        vertices, faces, first = split_corners(
+            detail.corners, own, several, len(mesh.vertices) if len(used) == 1 else 0
+        )
         rows = {id(values): values.rows[values.of[first]] for values in several}
         normals = rows.get(id(detail.normals), None if smooth is None else smooth[vertices])
         pieces.append(_Piece(vertices, faces, normals, rows.get(id(detail.uv)), int(number)))
     return pieces
-
-
-def _split(
-    corners: Integers, places: Integers, several: list[PerCorner], keep: int
-) -> tuple[Integers, Integers, Integers]:
-    """One vertex for every combination of a vertex with what its corners have.
-
-    Args: places: (m, 3) of triangles in `corners`. keep: how many vertices come first, used or not.
-
-    Returns: vertices (k,), faces (m, 3), and the place of a corner like each of the new vertices (k,).
-    """
-    flat = places.ravel()
-    key = np.zeros(len(flat), np.int64)
-    for values in several:
-        _, key = np.unique(key * (int(values.of.max()) + 1) + values.of[flat], return_inverse=True)
-    own = corners[flat]
-    _, first, inverse = np.unique(own * (int(key.max()) + 1) + key, return_index=True, return_inverse=True)
-    vertices = own[first]
-    if not keep:
-        return vertices, inverse.reshape(-1, 3), flat[first]
-    repeated = np.concatenate([[False], vertices[1:] == vertices[:-1]])
-    slots = np.where(repeated, keep + np.cumsum(repeated) - 1, vertices)
-    whole, like = np.arange(keep + int(repeated.sum())), np.full(keep + int(repeated.sum()), flat[0])
-    whole[slots], like[slots] = vertices, flat[first]
-    return whole, slots[inverse].reshape(-1, 3), like
 
 
 def _origin(vertices: Floats) -> Floats | None:

@@ -12,7 +12,6 @@ import numpy.typing as npt
 from raytrace.errors import SceneError, printable
 from raytrace.material_base import BaseMaterial
 from raytrace.materials import material_from_dict
-from raytrace.mesh import Mesh
 from raytrace.presets import PRESETS
 from raytrace.scene import Object, Shape
 from raytrace.texture import Texture
@@ -22,11 +21,11 @@ from .flatten import check_copies, flatten
 from .gltf_scene import gltf_objects
 from .load import mesh_errors, read_objects
 from .located import check_keys, joined, located, shown
-from .obj import read_textured_obj
 from .primitives import Geometry, Origin
 from .schema import ObjectTable, Transform
 from .solids import SOLIDS, Solid
 from .studio import NEUTRAL
+from .textured import ENDINGS, read_textured
 from .transforms import matrix_of
 
 
@@ -148,13 +147,12 @@ class ObjectReader:
         return pieces
 
     def _read(self, path: Path, textured: bool) -> Geometry:
-        """Any mesh file but glTF. Texture coordinates are read of OBJ only, where `textured`."""
+        """Any mesh file but glTF. Texture coordinates are read of OBJ and PLY, where `textured`."""
         with mesh_errors(path):
-            if textured and path.suffix.lower() == ".obj":
-                placed, uv, origin = read_textured_obj(path.read_bytes(), path.stem, str(path))
-                self.notes += [printable(f"{path}: {note}") for note in placed.notes]
-                mesh = Mesh(placed.vertices, placed.faces, placed.normals, source=str(path))
-                return Geometry(mesh, uv, origin)
+            if textured and path.suffix.lower() in ENDINGS:
+                geometry, notes = read_textured(path)
+                self.notes += notes
+                return geometry
             instances, _ = read_objects(path)
             self.notes += [printable(f"{path}: {note}") for instance in instances for note in instance.notes]
             return Geometry(flatten(instances, str(path))[0])

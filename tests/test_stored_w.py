@@ -31,10 +31,14 @@ def folder(tmp_path, monkeypatch):
 
 def picture(scene, *options):
     """The layer of w, of a picture without further rays for it."""
+    return picture_of("obscurance", scene, *options)
+
+
+def picture_of(layer, scene, *options):
     done = obscurance("render", scene, "-o", "p.exr", *SIZE, "--report", "p.json", *options)
     assert done.returncode == 0, done.stderr
     assert "bake" not in json.loads(Path("p.json").read_text())["rays"]
-    return read_image("p.exr")[0]["obscurance"]
+    return read_image("p.exr")[0][layer]
 
 
 @pytest.mark.parametrize("ending", ["npz", "ply", "glb"])
@@ -111,3 +115,25 @@ def test_w_of_an_obj_fits_it_with_a_texture_too(folder):
     (folder / "wrong.toml").write_text(textured.replace("o.npy", "wrong.npy"))
     words = ("expected 7 values, one a vertex of the scene's files, or 10, one a vertex of the scene, got 5",)
     refused(obscurance("render", "wrong.toml", "-o", "p.png", *SIZE), *words)
+
+
+@pytest.mark.parametrize("seams", [False, True])
+def test_a_baked_ply_keeps_its_texture_in_a_scene(folder, seams):
+    """The texture coordinates and w of an OBJ come through a PLY: the picture is the same."""
+    Image.fromarray(np.random.default_rng(1).integers(0, 256, (8, 8, 3), np.uint8)).save(folder / "paint.png")
+    text = "".join(f"v {x} {y} {z}\nvt {x} {z + y / 2}\n" for x, y, z in CORNER) + "vt .3 .9\n"
+    for number, face in enumerate(FACES.tolist()):
+        shift = 1 if seams and number == 2 else 0
+        text += "f " + " ".join(f"{v + 1}/{v + 1 + shift}" for v in face) + "\n"
+    (folder / "corner.obj").write_text(text)
+    assert obscurance("bake", "corner.obj", "-o", "corner2.ply", "--samples", 64).returncode == 0
+    for name in ("corner.obj", "corner2.ply"):
+        scene = PLAIN.format(mesh=name, baked="corner2.ply").replace("[obs", 'texture = "paint.png"\n[obs')
+        (folder / f"{name}.toml").write_text(scene)
+    one, two = (picture_of("beauty", f"{name}.toml") for name in ("corner.obj", "corner2.ply"))
+    np.testing.assert_allclose(one, two, atol=0.03)  # edges of texels are sampled by the order of vertices
+    assert np.ptp(one[..., :3], axis=2).max() > 0.05
+    (folder / "bare.toml").write_text('[[objects]]\nmesh = "corner.ply"\ntexture = "paint.png"\n')
+    refused(
+        obscurance("render", "bare.toml", "-o", "p.png", *SIZE), "objects[0].texture", "a mesh with texture coordinates"
+    )
