@@ -53,8 +53,8 @@ def bake(
     ] = choices.NormalsFrom.angle,
     hidden: Annotated[
         choices.Hidden,
-        typer.Option(help="Vertices inside closed solids: no such thing, flagged, or filled from others."),
-    ] = choices.Hidden.ignore,
+        typer.Option(help="Vertices inside solids: fill inside closed parts (auto), ignore; mark or fill by backs."),
+    ] = choices.Hidden.auto,
     report: Annotated[Path | None, typer.Option(help="Also write a JSON report.")] = None,
     debug_image: Annotated[Path | None, typer.Option(help="Also write a picture that marks flagged vertices.")] = None,
     up: Annotated[choices.Up | None, typer.Option(help="With --debug-image: the axis that is up; y, of STL z.")] = None,
@@ -78,7 +78,7 @@ def bake(
             tolerance=tolerance is not None,
             reconstruct=not reconstruct,
             skip=not skip,
-            hidden=hidden is not choices.Hidden.ignore,
+            hidden=hidden is not choices.Hidden.auto,
         )
     check_target(output)
     if report:
@@ -135,28 +135,44 @@ def info(mesh: Annotated[Path, typer.Argument(metavar="MESH", help="A mesh file.
 
 @app.command()
 def validate(
+    meshes: Annotated[
+        list[Path] | None, typer.Argument(metavar="[MESH]...", help="With --generated: in place of those at hand.")
+    ] = None,
     samples: Annotated[int, typer.Option(help="Rays a vertex.")] = 4096,
-    seed: Annotated[int, typer.Option(help="Another seed, another set of rays.")] = 0,
+    seed: Annotated[int | None, typer.Option(help="Another seed, other rays and other generated meshes.")] = None,
     threads: Threads = None,
     stress: Annotated[bool, typer.Option("--stress", help="Instead, everything that strains numbers.")] = False,
-    long: Annotated[bool, typer.Option("--long", help="With --stress: every pose, for minutes.")] = False,
+    generated: Annotated[bool, typer.Option("--generated", help="Instead, --tolerance on meshes drawn anew.")] = False,
+    long: Annotated[bool, typer.Option("--long", help="With --stress, minutes; with --generated, hours.")] = False,
+    family: Annotated[list[str] | None, typer.Option(help="With --generated: only this family; repeatable.")] = None,
 ) -> None:
-    """Bake scenes whose answer is known in closed form; exit status 1 if one is off."""
+    """Bake scenes whose answer is known in closed form, or as said below; exit status 1 if one is off."""
     from raytrace.errors import OptionError
     from scenes import validation
     from scenes.stress import line, suite
 
-    if long and not stress:
-        raise OptionError("--long", "--stress with it", "no --stress")
-    if stress and (samples, seed) != (4096, 0):
-        raise OptionError("--samples, --seed", "neither of them with --stress", f"{samples}, {seed}")
+    if long and not (stress or generated):
+        raise OptionError("--long", "--stress or --generated with it", "neither")
+    if stress and (samples, seed, generated) != (4096, None, False):
+        raise OptionError(
+            "--samples, --seed, --generated", "none of them with --stress", f"{samples}, {seed}, {generated}"
+        )
+    if (meshes or family) and not generated:
+        raise OptionError("MESH, --family", "--generated with them", "no --generated")
+    if generated:
+        from scenes.generated.command import validate_generated
+
+        with compiling("hemisphere"):
+            if not validate_generated(meshes or [], samples, seed, threads, long, family or ()):
+                raise typer.Exit(1)
+        return
     results: Any
     table: Callable[[Any], str]
     with compiling("hemisphere"), progress(not stress, "groups") as advance:
         if stress:
             results, table = suite.run(long, threads, advance), line.table
         else:
-            results, table = validation.run(samples=samples, seed=seed, threads=threads), validation.table
+            results, table = validation.run(samples=samples, seed=seed or 0, threads=threads), validation.table
     print(table(results))
     if not all(result.ok for result in results):
         raise typer.Exit(1)
@@ -169,7 +185,11 @@ def render(
     width: Annotated[int | None, typer.Option(help="Pixels; with --height, in place of the scene's.")] = None,
     height: Annotated[int | None, typer.Option(help="Pixels.")] = None,
     samples: Annotated[int | None, typer.Option(help="Most rays a pixel.")] = None,
-    shading: Annotated[str | None, typer.Option(help="constant, gouraud, phong or quadratic.")] = None,
+    shading: Annotated[str | None, typer.Option(help="constant, flat, gouraud, phong or quadratic.")] = None,
+    normals: Annotated[
+        choices.NormalsFrom | None,
+        typer.Option(help="Vertex normals: face weighting, or the file's where it has some."),
+    ] = None,
     obscurance: Annotated[str | None, typer.Option(help="How w enters: ambient, book or off.")] = None,
     baked: Annotated[Path | None, typer.Option(help="w from this file of a bake: .npy .npz .ply .glb")] = None,
     shadows: Annotated[bool | None, typer.Option("--shadows/--no-shadows", help="Trace shadow rays.")] = None,
@@ -194,6 +214,7 @@ def render(
     outputs = {"--output": output, "--report": report}
     check_outputs(outputs, [scene])
     given: dict[str, Any] = {"samples": samples, "shading": shading, "obscurance": obscurance}
+    given["normals"] = None if normals is None else normals.value
     given |= {"shadows": shadows, "seed": seed, "crop": None if crop is None else choices.parse_crop(crop)}
     from scenes.picture import adjusted, take, write_report
     from scenes.read import read_scene

@@ -96,6 +96,11 @@ class Neighbours:
         self.each(lambda first, last: _own(first, last, self.starts, self.weights, out))
         return out
 
+    def own_share(self) -> Floats:
+        """About the share (k,) that a point's own value has after four rounds of `smooth`, for valences from 1 to 8."""
+        own = self.own()
+        return own * (1 + own) / 2
+
     def returned(self) -> Floats:
         """The share (k,) that a point's own value has in the mean of its own and its neighbours' predictions."""
         whole, out = 1 / self.own() - 1, np.empty(len(self.starts) - 1)

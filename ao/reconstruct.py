@@ -31,6 +31,7 @@ _REACH = 4  # and squared residuals
 _LEAN_REACH = 3  # and what is closed around a point
 _FIT_REACH = 4  # and what corrections are fitted to
 _OUTLIER = 9.0  # a residual of more than three σ is the point's own
+_TYPICAL = 0.2  # of their mean in each expected squared error
 _RIDGE, _RIDGE_POINTS = 3e-3, 10.0
 _USUAL, _DOUBT = 1.0, 0.3  # factor by which expected squared errors are off, and its standard deviation
 
@@ -52,7 +53,7 @@ def reconstruct(neighbours: Neighbours, points: Points, rows: Floats, level: flo
     error = np.maximum(np.maximum(beyond, squared - _OUTLIER * variance), 0.01 * variance)
     told = ~lonely & (variance > 0) & (spread > 0)
     share = np.where(told, variance / np.where(told, variance + error, 1.0), 0.0)
-    return estimate - share * residual, variance * (1 - share * (1 - 2 * part))
+    return estimate - share * residual, moderated(variance * (1 - share * (1 - 2 * part)))
 
 
 def _prediction(neighbours: Neighbours, points: Points, rows: Floats, variance: Floats) -> tuple[Floats, Floats]:
@@ -104,9 +105,7 @@ def _fitted_around(neighbours: Neighbours, columns: Floats, target: Floats, weig
     neighbours.each(lambda first, last: _products(first, last, scaled, target, weight, moments))
     around = neighbours.smooth(moments, _FIT_REACH)
     neighbours.each(lambda first, last: _solutions(first, last, scaled, around, fit, part))
-    own = neighbours.own()
-    own *= (1 + own) / 2  # about what four rounds leave, for valences from 1 to 8
-    return fit, np.minimum(part * weight * own, 0.5)
+    return fit, np.minimum(part * weight * neighbours.own_share(), 0.5)
 
 
 @kernel
@@ -156,6 +155,11 @@ def judged(expected: Floats, squared: Floats) -> float:
         return 1.0
     scatter = (float(np.var(squared)) / told**2 + 2.0) / len(squared)  # few may agree by luck
     return float(np.clip(_USUAL + (float(np.mean(squared)) / told - _USUAL) / (1 + scatter / _DOUBT**2), 1 / 3, 3))
+
+
+def moderated(squared: Floats, typical: float = _TYPICAL) -> Floats:
+    """Expected squared errors (k,) shrunk towards their mean, for they are uncertain themselves."""
+    return squared + typical * (np.mean(squared) - squared) if len(squared) else squared
 
 
 def shared_out(spread: Floats, level: float) -> Floats:

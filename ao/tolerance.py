@@ -1,9 +1,8 @@
 """Baking to a tolerance: as many rays at as few points as a root mean square error asks for.
 
-Probes, points spread over the mesh, are baked twice with independent directions. Where w is made of other rays, (w − a)
-(w − b) over a probe's two estimates a and b is an unbiased measure of its mean square error; once the probe is baked, a
-is part of w and the measure is (w − b)² − (a − b)²/2. It decides where predicting points from their neighbours is good
-enough, whether more rays are needed, and what is reported.
+Points far apart are baked first and the others predicted from them; halving the distance goes on where predictions are
+poor. Then every point that is not baked gets a few rays of its own (`screening`), which find the jumps of w that no
+prediction can know of, and more points are baked where they show that it is needed. Probes say when to stop.
 """
 
 from __future__ import annotations
@@ -13,28 +12,29 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from raytrace.sampling import mix
-
 from .neighbours import Neighbours
-from .plan import RATE, plan, sampling_variance
+from .plan import RATE
+from .probes import Probes, derive
 from .receivers import Points
 from .reconstruct import judged, reconstruct
+from .screening import Screening
 from .subset import coarser, fill, owners
 from .trace import Tracer
 
 Floats = npt.NDArray[np.float64]
 
-# runs of pilots, pilots at most, their rays; one point in how many is probed, at least and at most
-_SMALL = 2, 512, 16, 8, 128, 768  # below _ALL points
-_LARGE = 8, 1024, 64, 32, 512, 1536
 _COARSEST, _FEWEST = 64, 4096  # stride along the curve at first, points left at least
 _HALVED = 1.3  # by what the error of predictions falls when the stride is halved
-_ALL = 16384  # points, of which fewer are all baked
 _AIM = 0.88  # of the tolerance, so that the true error is within it though its measure is uncertain
-_NOISY = 0.7  # part of the mean square error asked for that baked points may have while others are predicted
+_COARSE = 4.0  # times the goal that predictions may miss before screening corrects them
+_JUMP = 5.0  # aims: larger errors of predictions are taken for jumps, which screening finds
 _SPARE = 0.9  # of the goal, so that one round of baking more is likely to meet it
 _MET = 1.1  # times the goal is near enough
-_ROUNDS = 3
+_ROUNDS = 12
+_LEFT = 0.03  # of the points may be outliers still
+_WORTH = 1 / 32  # of the points, worth a round of baking
+_ONCE_BAKED = 0.7  # of the goal at most, the squared error of points baked among others
+_DEEPER = np.array([0, 0.25, 0.35, 0.5, 0.7, 1, 1.4, 2, 2.8, 4, 8, 16, 32])  # times as many rays more, to choose from
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,50 +52,16 @@ class Estimate:
     predicted: int
 
 
-class _Probes:
-    """The points at which the error is measured.
-
-    Attributes:
-        rows: int64 (j,), which points. samples: rays of each. raw: (j, 5), one estimate of each, its own if it is
-        baked; other: (j,), an independent one. variance: mean square error of either. all_baked: whether all points are
-        going to be.
-    """
-
-    def __init__(
-        self, tracer: Tracer, points: Points, neighbours: Neighbours, aim: float, most: int, key: np.uint32
-    ) -> None:
-        self.all_baked = len(points) < _ALL
-        runs, pilots, rays, share, fewest, probes = _SMALL if self.all_baked else _LARGE
-        run = min(pilots, max(len(points) // share, 128)) // runs
-        keys = _derive(key, 1), _derive(key, 2)
-        self.samples = plan(tracer, points, neighbours, runs, run, min(rays, most), aim, most, keys)
-        self.rows = _spread(len(points), int(np.clip(len(points) // share, fewest, probes)))
-        probed = points[self.rows]
-        self.other = tracer.gather(probed, self.samples, _derive(key, 4))[:, 0]
-        self.raw = tracer.gather(probed, self.samples, key)
-        self.variance = sampling_variance(self.raw[:, 0], self.other, self.samples)
-
-    def squared(self, w: Floats, baked: npt.NDArray[np.bool_]) -> Floats:
-        """Unbiased squared error (j,) of `w` (j,), what all points' estimates make of the probed ones.
-
-        Args: baked: (j,), which of them have a part in it themselves.
-        """
-        own = (w - self.other) ** 2 - (self.raw[:, 0] - self.other) ** 2 / 2
-        return np.where(baked, own, (w - self.raw[:, 0]) * (w - self.other))
-
-
 def estimate_to(
     tracer: Tracer, points: Points, neighbours: Neighbours, tolerance: float, most: int, key: np.uint32
 ) -> Estimate:
     """Estimates whose root mean square error over all points is `tolerance`, if `most` rays a point allow it."""
-    probes = _Probes(tracer, points, neighbours, _AIM * tolerance, most, key)
+    aim = _AIM * tolerance
+    probes = Probes(tracer, points, neighbours, aim, most, key)
     tracer.expected = tracer.rays + probes.samples * len(points)  # the most, if no point can be predicted
-    field = _Field(tracer, points, neighbours, probes, key)
-    goal = (_AIM * tolerance) ** 2
-    for _ in range(_ROUNDS):
-        field.refine(goal, most)
-        if not field.deepen_to(goal, most):
-            break
+    field = _Field(tracer, points, neighbours, probes, aim, key)
+    field.bake_coarsely()
+    field.refine(most)
     return field.estimate()
 
 
@@ -103,14 +69,19 @@ class _Field:
     """w over all points, from rays at some of them.
 
     Attributes:
-        baked: bool (k,). owner, near, known, cell: `owners` and `coarser` of these. rows: (k, 5), what rays tell.
-        values: (b, 4), the baked points' reconstructed w and means of μ·direction; error: (b,), mean square error of w.
-        between: (b,), that of the points told from each, of which there are told (b,). mse: that of all points.
+        baked: bool (k,). owner, near, known, cell: `owners` and `coarser` of these. rows: (k, 5), what rays give.
+        values: (b, 4), the baked points' reconstructed w and means of μ·direction.
+        w: (k,), of all points; error: (k,), its expected square error. mse: the mean of that.
+        samples: rays of a baked point; noise: mean square error of what they alone give.
     """
 
-    def __init__(self, tracer: Tracer, points: Points, neighbours: Neighbours, probes: _Probes, key: np.uint32) -> None:
+    def __init__(
+        self, tracer: Tracer, points: Points, neighbours: Neighbours, probes: Probes, aim: float, key: np.uint32
+    ) -> None:
         self.tracer, self.points, self.neighbours, self.probes, self.key = tracer, points, neighbours, probes, key
+        self.aim, self.goal, self.tolerance = aim, aim**2, aim / _AIM
         self.samples, self.noise = probes.samples, probes.variance
+        self.screening: Screening | None = None
         self.stride = 1 if probes.all_baked else _COARSEST
         while self.stride > 1 and len(points) // self.stride < _FEWEST:
             self.stride //= 2
@@ -130,94 +101,143 @@ class _Field:
         self.rows[which] = self.tracer.gather(self.points[which], self.samples, self.key)
         self.owner = owners(self.neighbours, self.baked)
 
-    def refine(self, goal: float, most: int) -> None:
-        """Bake more points where predictions are worst until the mean square error meets `goal` or all are baked."""
+    def bake_coarsely(self) -> None:
+        """Bake more points where predictions are worst until screening can do the rest, or all are baked."""
+        goal = _COARSE * self.goal
         self._reconstruct()
-        while self.mse > _MET * goal and not self.baked.all():
-            if self.stride == 1 and self._deepening_pays(goal, most):
-                self.deepen_to(goal, most)
-            else:
-                self.stride = max(self.stride // self._step(goal), 1)
-                doubtful = self._doubtful(_SPARE * goal) & (np.arange(len(self.points)) % self.stride == 0)
-                self._bake(doubtful if self.stride > 1 or doubtful.any() else ~self.baked)
+        while self.mse > goal and not self.baked.all():
+            self._bake(self._doubtful(goal))
             self._reconstruct()
 
-    def _missing(self, goal: float) -> int:
-        """Rays that every baked point lacks for `goal`: two lattices of n and m rays are worth n^1.5 + m^1.5."""
-        return int(self.samples * max(self.mse / goal - 1, 0.0) ** (1 / RATE))
+    def refine(self, most: int) -> None:
+        """Screen what is predicted, and bake outliers and doubtful points or trace more rays until the goal is met."""
+        if not self.baked.all():
+            self.screening = Screening(
+                self.tracer, self.points, self.neighbours, ~self.baked, self.tolerance, self.probes, derive(self.key, 3)
+            )
+            self._reconstruct()
+        for _ in range(_ROUNDS):
+            chosen = self._outliers()
+            few = np.count_nonzero(chosen) <= _LEFT * len(self.points)
+            if self.mse > _MET * self.goal and few:
+                if self.stride > 1:
+                    chosen |= self._doubtful(self.goal)
+                else:
+                    more, doubtful = self._cheapest(most)
+                    if more:
+                        self._deepen(more)
+                    chosen |= doubtful
+            elif few:
+                return
+            self._bake(chosen)
+            self._reconstruct()
 
-    def _deepening_pays(self, goal: float, most: int) -> bool:
-        """Whether the baked points' noise is in the way, and more rays for them are fewer than rays for the rest."""
-        share = float(np.mean(self.baked))
-        noisy = float(np.mean(self.error)) > _NOISY * goal and self.samples < most
-        return noisy and share * self._missing(goal) < (1 - share) * self.samples
+    def _outliers(self) -> npt.NDArray[np.bool_]:
+        if self.screening is None:
+            return np.zeros(len(self.points), np.bool_)
+        return self.screening.outliers(self.w) & ~self.baked
 
     def _reconstruct(self) -> None:
-        """Draw the baked points to their neighbours, and measure the mean square error of what all points become."""
+        """Shrink the baked points towards their neighbours, predict the others, and measure the error of all."""
         self.near, self.known, self.cell = coarser(self.neighbours, self.owner, self.points.normals)
         raw = self.rows[self.known]
-        drawn, self.error = reconstruct(self.near, self.points[self.known], raw, self.noise)
+        drawn, error = reconstruct(self.near, self.points[self.known], raw, self.noise)
         self.values = np.column_stack([drawn, raw[:, 2:]])
-        residual = np.nan_to_num(raw[:, 0] - self.near.predict(raw[:, 0]))
-        self.between = np.maximum(self.near.smooth(residual**2, 2), self.error)
-        self._judge()
-
-    def _fill(self, wanted: npt.NDArray[np.int64]) -> Floats:
-        """Values (j, 4) at the points `wanted` (j,), from those at the baked ones."""
-        return fill(self.points, wanted, self.near, self.known, self.cell, self.values)
-
-    def _judge(self) -> None:
-        """Bring the expected squared errors to the level that the probes show, and set their mean."""
+        residual = np.nan_to_num(raw[:, 0] - self.near.predict(raw[:, 0])) ** 2
+        jump = np.inf if self.screening else (_JUMP * self.aim) ** 2
+        between = np.maximum(self.near.smooth(np.minimum(residual, jump), 2), error)
+        self.error = np.where(self.baked, error[self.cell], between[self.cell])
         rows = self.probes.rows
-        predicted, cell = ~self.baked[rows], self.cell[rows]
-        squared = self.probes.squared(self._fill(rows)[:, 0], ~predicted)
-        told = float(np.sum(self.between[cell[predicted]]))
-        self.between *= max(float(np.sum(squared[predicted])), 0.0) / told if told > 0 else 0.0
-        level = judged(np.where(predicted, self.between[cell], self.error[cell]), squared)
-        self.between *= level
-        self.error *= level
-        self.told = np.bincount(self.cell, minlength=len(self.known)) - 1
-        self.mse = float(np.sum(self.told * self.between) + np.sum(self.error)) / max(len(self.points), 1)
+        if self.screening is None or self.baked.all():
+            self._rescale(self._fill(rows, 1)[:, 0], jump)
+        else:
+            self.w = self._fill(np.arange(len(self.points)), 1)[:, 0]
+            self._rescale(self.w[rows], jump)
+            self.w = self.screening.correct(self.w, self.error, ~self.baked)
+            self._rescale(self.w[rows], jump)
+        self.mse = float(np.mean(self.error))
 
-    def _step(self, goal: float) -> int:
-        """By what to divide the stride: 2, or more where predictions are so far off that all the next rounds fail."""
-        excess = float(np.sqrt(np.sum(self.told * self.between) / np.sum(self.told) / goal))
-        return int(2 ** max(np.log(max(excess, 1.0)) / np.log(_HALVED) - 2, 1))
+    def _fill(self, wanted: npt.NDArray[np.int64], columns: int = 4) -> Floats:
+        """Values (j, columns) at the points `wanted` (j,), from those at the baked ones."""
+        values = np.ascontiguousarray(self.values[:, :columns])
+        return fill(self.points, wanted, self.near, self.known, self.cell, values)
+
+    def _rescale(self, probed: Floats, jump: float) -> None:
+        """Bring expected squared errors to the level that the probes' w, `probed` (j,), show, `jump` at most each."""
+        rows = self.probes.rows
+        predicted = ~self.baked[rows]
+        squared = np.minimum(self.probes.squared(probed, ~predicted), jump)
+        expected = float(np.sum(self.error[rows[predicted]]))
+        if expected > 0:
+            self.error[~self.baked] *= max(float(np.sum(squared[predicted])), 0.0) / expected
+        self.error *= judged(self.error[rows], squared)
 
     def _doubtful(self, goal: float) -> npt.NDArray[np.bool_]:
-        """The points too ill predicted for `goal`: the fewest whose baking leaves enough to the others."""
-        order = np.argsort(self.between, kind="stable")
-        told, once_baked = np.cumsum(self.told[order]), float(np.mean(self.error))
-        kept = np.cumsum((self.told * self.between)[order]) + once_baked * (told[-1] - told)
-        fine = np.flatnonzero(kept <= goal * len(self.points) - float(np.sum(self.error)))
-        worst = self.between[order[fine[-1]]] if len(fine) else -1.0
-        return ~self.baked & (self.between > worst)[self.cell]
+        """Points half as far apart as baked ones, or nearer still if predictions are far off, where these fail."""
+        excess = float(np.sqrt(np.mean(self.error[~self.baked]) / goal))
+        between, order, total, count = self._cells()
+        error = float(np.mean(self.error[self.baked]))
+        fine = self._fine(total, count, error, min(error, _ONCE_BAKED * goal), _SPARE * goal)
+        worst = between[order[fine - 1]] if fine else -1.0
+        doubtful = ~self.baked & (between > worst)[self.cell]
+        self.stride //= int(2 ** max(np.log(max(excess, 1.0)) / np.log(_HALVED) - 2, 1))
+        while self.stride > 1:
+            chosen = doubtful & (np.arange(len(self.points)) % self.stride == 0)
+            if np.count_nonzero(chosen) >= _WORTH * len(self.points):
+                return chosen
+            self.stride //= 2
+        self.stride = 1
+        return doubtful if doubtful.any() else ~self.baked
 
-    def deepen_to(self, goal: float, most: int) -> bool:
-        """Give every baked point the rays that `goal` lacks, up to `most` in all; whether any were lacking."""
-        if self.mse <= _MET * goal or self.samples >= most:
-            return False
-        samples = min(max(8 * round(self._missing(goal) / 8), 8), most - self.samples)
-        more = self.tracer.gather(self.points[self.baked], samples, _derive(self.key, 5 + self.samples))
-        ours, theirs = (float(n) ** RATE for n in (self.samples, samples))
-        share = theirs / (ours + theirs)
-        self.rows[self.baked] += share * (more - self.rows[self.baked])
-        self.noise *= ours / (ours + theirs)
-        self.samples += samples
-        return True
+    def _cells(self) -> tuple[Floats, npt.NDArray[np.int64], Floats, Floats]:
+        """Mean error of the points predicted in each cell; cells in its order; running sums of errors and of points."""
+        count = np.bincount(self.cell, minlength=len(self.known)) - 1
+        total = np.bincount(self.cell, np.where(self.baked, 0.0, self.error), len(self.known))
+        between = total / np.maximum(count, 1)
+        order = np.argsort(between, kind="stable")
+        return between, order, np.cumsum(total[order]), np.cumsum(count[order], dtype=np.float64)
+
+    def _fine(self, total: Floats, count: Floats, error: float, once_baked: float, goal: float) -> int:
+        """How many cells may stay predicted if the others' points get `once_baked` and baked ones have `error`."""
+        number = len(self.points)
+        baked = number - count[-1]
+        kept = total + once_baked * (count[-1] - count) + error * baked
+        return int(np.flatnonzero(kept <= goal * number)[-1]) + 1 if (kept <= goal * number).any() else 0
+
+    def _cheapest(self, most: int) -> tuple[int, npt.NDArray[np.bool_]]:
+        """How many rays more for every baked point, and which points besides, reach the goal with the fewest rays."""
+        between, order, total, count = self._cells()
+        number, error = np.count_nonzero(self.baked), float(np.mean(self.error[self.baked]))
+        best: tuple[float, int, int] = np.inf, most - self.samples, 0
+        for more in np.unique(np.minimum(8 * np.round(_DEEPER * self.samples / 8), most - self.samples).astype(int)):
+            lessened = error * self._lessened(int(more))
+            fine = self._fine(total, count, lessened, min(lessened, _ONCE_BAKED * self.goal), _SPARE * self.goal)
+            left = count[-1] - (count[fine - 1] if fine else 0)
+            if fine or number + left == len(self.points):
+                if not fine and min(lessened, self.goal) > _MET * self.goal:
+                    continue
+                best = min(best, (number * more + left * (self.samples + more), int(more), fine))
+        _, more, fine = best
+        doubtful = np.zeros(len(between), np.bool_)
+        doubtful[order[fine:]] = True
+        return more, ~self.baked & doubtful[self.cell]
+
+    def _lessened(self, more: int) -> float:
+        """By what `more` rays multiply the variance of a baked point: lattices of n, m rays are worth n^1.5 + m^1.5."""
+        ours, theirs = (float(n) ** RATE for n in (self.samples, more))
+        return ours / (ours + theirs)
+
+    def _deepen(self, more: int) -> None:
+        """Give every baked point `more` rays."""
+        rows = self.tracer.gather(self.points[self.baked], more, derive(self.key, 5 + self.samples))
+        kept = self._lessened(more)
+        self.rows[self.baked] += (1 - kept) * (rows - self.rows[self.baked])
+        self.noise *= kept
+        self.samples += more
 
     def estimate(self) -> Estimate:
         rows = self._fill(np.arange(len(self.points)))
-        variance = np.where(self.baked, self.error[self.cell], self.between[self.cell])
-        return Estimate(rows, variance, self.samples, int(np.count_nonzero(~self.baked)))
-
-
-def _spread(count: int, wanted: int) -> npt.NDArray[np.int64]:
-    """`wanted` of `count` rows, one from each equal stretch of the curve, all if there are no more."""
-    wanted = min(count, wanted)
-    chance = np.ldexp(mix(np.arange(wanted, dtype=np.uint32)).astype(np.float64), -32)
-    return ((np.arange(wanted) + chance) * (count / max(wanted, 1))).astype(np.int64)
-
-
-def _derive(key: np.uint32, salt: int) -> np.uint32:
-    return mix(mix([salt]) ^ key)[0]
+        if self.screening and not self.baked.all():
+            rows[:, 0] = self.screening.replace_outliers(self.w, self.error, ~self.baked)
+            self._rescale(rows[self.probes.rows, 0], np.inf)
+        return Estimate(rows, self.error, self.samples, int(np.count_nonzero(~self.baked)))

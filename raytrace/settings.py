@@ -7,7 +7,8 @@ from typing import Literal, get_args
 
 from .errors import OptionError
 
-Shading = Literal["constant", "gouraud", "phong", "quadratic"]
+Shading = Literal["constant", "flat", "gouraud", "phong", "quadratic"]
+Normals = Literal["file", "angle", "area", "equal"]
 ObscuranceForm = Literal["off", "ambient", "book"]
 MAX_SIZE, MAX_SAMPLES = 32768, 4096
 
@@ -19,12 +20,15 @@ class Settings:
     Attributes:
         width, height: pixels.
         samples: most rays a pixel; pixels whose first samples agree get no more.
-        shading: interpolation over a face: constant, Gouraud, Phong, or quadratic (van Overveld & Wyvill).
+        shading: interpolation over a face: constant (the textbook's, without specular terms), flat (constant with
+            them), Gouraud, Phong, or quadratic (van Overveld & Wyvill).
         obscurance: how w(p) enters: "ambient" weights the ambient term, "book" ambient and diffuse (12.75), "off".
         shadows: trace shadow rays for the visibility δ(p, j).
         terminator: move shadow rays' origins off a coarse mesh onto the smooth surface that its normals describe.
         crop: (x, y, width, height) in pixels from the upper left; only these are rendered.
         seed: of the pixel samples.
+        normals: of vertices: "file", a mesh's own where it has some and else "angle"; or means over the faces around a
+            vertex, weighted by "angle" (12.33), "area" (12.32) or "equal" (12.31), whatever the mesh has.
 
     Raises:
         OptionError: a value out of range.
@@ -39,6 +43,7 @@ class Settings:
     terminator: bool = True
     crop: tuple[int, int, int, int] | None = None
     seed: int = 0
+    normals: Normals = "file"
 
     def __post_init__(self) -> None:
         for name, low, high in (
@@ -50,7 +55,8 @@ class Settings:
             value = getattr(self, name)
             if isinstance(value, bool) or not isinstance(value, int) or not low <= value <= high:
                 raise OptionError(name, f"a whole number from {low} to {high}", value, "render")
-        for name, allowed in (("shading", get_args(Shading)), ("obscurance", get_args(ObscuranceForm))):
+        texts = {"shading": Shading, "normals": Normals, "obscurance": ObscuranceForm}
+        for name, allowed in ((name, get_args(texts[name])) for name in texts):
             if getattr(self, name) not in allowed:
                 raise OptionError(name, "one of " + ", ".join(allowed), getattr(self, name), "render")
         if self.crop is not None:

@@ -34,14 +34,16 @@ def obscured(
         return scene, None
     if isinstance(options.source, Path):
         return scene.with_obscurance(_stored(description, options.source)), None
-    wanted = seen_vertices(scene, description.camera, description.settings, threads)
+    settings = description.settings
+    wanted = seen_vertices(scene, description.camera, settings, threads)
     made = ao.bake(
         scene.flattened(),
         options.falloff,
         options.samples,
         options.seed,
         threads,
-        progress=progress,
+        "angle" if settings.normals == "file" else settings.normals,
+        progress,
         only=wanted,
     )
     return scene.with_obscurance(made.w), made

@@ -9,6 +9,7 @@ ROOT = Path(__file__).resolve().parent.parent
 LAYERS = ("raytrace", "ao", "scenes", "cli")
 DOORS = {
     "embreex": {"raytrace/embree.py"},
+    "fast_simplification": {"scenes/generated/damage.py"},
     "OpenImageIO": {f"raytrace/{name}.py" for name in ("image", "image_input", "compare", "texture")},
 }
 

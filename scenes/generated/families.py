@@ -1,0 +1,102 @@
+"""The families by name: each draws a mesh from a random generator, and nothing of it is the same the next time."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from pathlib import Path
+from typing import Protocol
+
+import numpy as np
+
+from raytrace.errors import MeshError
+from raytrace.mesh import Mesh
+
+from ..shapes import Part
+from .at_hand import dense_base
+from .damage import DAMAGES, Damage, damaged
+from .dense import Rng, extent, log_uniform, posed, refined, sized, unit, used
+from .inserts import blades, character, eyes, pipes, posts, slab_with_posts
+from .layers import crossing_planes, nested_shells, planar_sets, scale_jumps, terraces, thin_sheets
+
+SMALL = 17_000  # places of vertices; fewer than 16,384 points are never predicted
+LARGE = 60_000
+
+
+class Family(Protocol):
+    """A way to draw meshes."""
+
+    def __call__(self, rng: Rng, size: int | None = None) -> Mesh:
+        """A mesh with vertices at `size` places, seldom more than twice as many; 17,000 to 60,000 for None."""
+        ...
+
+
+class _Drawn:
+    def __init__(self, make: Callable[[Rng, int], Mesh]) -> None:
+        self._make = make
+
+    def __call__(self, rng: Rng, size: int | None = None) -> Mesh:
+        return self._make(rng, int(log_uniform(rng, SMALL, LARGE / 1.3)) if size is None else size)
+
+
+class _Damaged:
+    def __init__(self, name: str, damage: Damage, surplus: float, given: Part | None = None) -> None:
+        self._name, self._damage, self._surplus, self._given = name, damage, surplus, given
+
+    def __call__(self, rng: Rng, size: int) -> Mesh:
+        base = dense_base(rng, self._given)
+        return posed(damaged(self._damage, base, size, self._surplus, rng), rng, self._name)
+
+
+class _Given:
+    def __init__(self, name: str, part: Part) -> None:
+        self._name, self._part = name, part
+
+    def __call__(self, rng: Rng, size: int) -> Mesh:
+        return posed(sized(lambda h: refined(self._part, h), size), rng, self._name)
+
+
+def _unit(mesh: Mesh) -> Part:
+    part = used((np.array(mesh.vertices), mesh.faces))
+    if not len(part[1]) or extent(part) == 0:
+        raise MeshError(mesh.source, "faces", "some that are not points", "none")
+    return unit(part)
+
+
+def families(given: Iterable[Mesh] = ()) -> dict[str, Family]:
+    """All families by name: parts put together, and damage to the meshes at hand.
+
+    Args: given: meshes in place of those at hand; the families are then what they are and each damage to each of them,
+        called by their file's name, refined until they have as many vertices as asked for.
+
+    Raises:
+        MeshError: a given mesh has no extent.
+    """
+    given = list(given)
+    if not given:
+        made = {name: _Drawn(make) for name, make in _MADE.items()}
+        return {**made, **{name: _Drawn(_Damaged(name, *how)) for name, how in DAMAGES.items()}}
+    found: dict[str, Family] = {}
+    short = [Path(mesh.source).name for mesh in given]
+    called = short if len(set(short)) == len(short) else [mesh.source for mesh in given]
+    for mesh, title in zip(given, called, strict=True):
+        part = _unit(mesh)
+        found[title] = _Drawn(_Given(title, part))
+        for name, how in DAMAGES.items():
+            found[f"{title}, {name}"] = _Drawn(_Damaged(f"{title}, {name}", *how, given=part))
+    return found
+
+
+_MADE: dict[str, Callable[[Rng, int], Mesh]] = {
+    "slab with posts": slab_with_posts,
+    "posts": posts,
+    "pipes": pipes,
+    "eyes": eyes,
+    "character": character,
+    "thin sheets": thin_sheets,
+    "blades": blades,
+    "nested shells": nested_shells,
+    "terraces": terraces,
+    "scale jumps": scale_jumps,
+    "planar sets": planar_sets,
+    "crossing planes": crossing_planes,
+}
