@@ -26,7 +26,7 @@ _OUTLIER, _JUMP = 2.25, 3.25  # standard deviations
 _SPREAD_REACH = 3  # edges over which the spread between batches is averaged
 _REACH = 4  # and residuals; see `Neighbours.own_share`
 _TYPICAL = 0.4  # of the mean of expected squared errors in each: few rays cannot tell that there is none
-_CERTAIN = 1.5  # standard deviations of the excess over σ² that may be chance
+_CERTAIN = 1.0  # standard deviations of the excess over σ² that may be chance
 
 
 class Screening:

@@ -171,7 +171,9 @@ class _Field:
         squared = np.minimum(self.probes.squared(probed, ~predicted), jump)
         expected = float(np.sum(self.error[rows[predicted]]))
         if expected > 0:
-            self.error[~self.baked] *= max(float(np.sum(squared[predicted])), 0.0) / expected
+            measured = float(np.sum(squared[predicted]))
+            doubt = float(np.sqrt(np.sum(squared[predicted] ** 2))) if measured < expected else 0.0
+            self.error[~self.baked] *= (max(measured, 0.0) + doubt) / (expected + doubt)
         self.error *= judged(self.error[rows], squared)
 
     def _doubtful(self, goal: float) -> npt.NDArray[np.bool_]:
