@@ -19,12 +19,13 @@ from raytrace.sampling import seed_key
 
 from .checkpoint import Checkpoint
 from .falloff import Exponential, Falloff, Mu
-from .hidden import Hidden, filled, hidden_points, inside_other_parts
+from .hidden import Hidden, hidden_points, inside_other_parts
 from .horizon import Horizons
 from .memory import vertex_bytes
 from .neighbours import Neighbours
 from .receivers import Flag, Normals, Receivers, find_receivers
 from .sampled import place_samples, rays_of_corners, sampled, with_corners
+from .subset import owners
 from .tolerance import Estimate, estimate_to
 from .trace import Progress, Tracer
 
@@ -137,16 +138,21 @@ def bake(
         checkpoint.begin(placement, receivers, mu, crowd, most, tolerance, seed, normals, reconstruct)
     tracer = Tracer(receivers.scene, placement, mu, workers, crowd, horizons, progress, checkpoint)
     key = seed_key(seed)
-    estimate = _estimate(tracer, receivers, tolerance, most, key, reconstruct and only is None)
     vertex = receivers.of_vertex
     baked = vertex >= 0
     inside = _inside(receivers, placement, hidden, crowd, workers)
-    if inside.any():
-        receivers.flags[baked] |= np.where(inside[vertex[baked]], Flag.HIDDEN, 0).astype(np.uint8)
-        if hidden != "mark":
-            known = np.column_stack([estimate.rows, estimate.variance])
-            rows = filled(known, inside, receivers.points, _neighbours(receivers, workers))
-            estimate = replace(estimate, rows=rows[:, :4], variance=np.maximum(rows[:, 4], 0.0))
+    receivers.flags[baked] |= np.where(inside[vertex[baked]], Flag.HIDDEN, 0).astype(np.uint8)
+    if inside.any() and hidden != "mark":
+        nearest = owners(_neighbours(receivers, workers), ~inside)
+        untraced = inside & (nearest >= 0)
+        traced = receivers.only(baked & ~untraced[vertex])
+        estimate = _estimate(tracer, traced, tolerance, most, key, reconstruct and only is None)
+        row = np.cumsum(~untraced) - 1
+        filled = row[np.where(untraced, nearest, np.arange(len(untraced)))]
+        estimate = replace(estimate, rows=estimate.rows[filled], variance=estimate.variance[filled])
+    else:
+        untraced = np.zeros(len(receivers.points), np.bool_)
+        estimate = _estimate(tracer, receivers, tolerance, most, key, reconstruct and only is None)
     wanted: npt.NDArray[np.bool_] = np.ones(len(vertex), np.bool_) if only is None else only
     w, error, bent = np.ones(len(vertex)), np.zeros(len(vertex)), np.zeros((len(vertex), 3))
     w[baked] = np.clip(estimate.rows[vertex[baked], 0], 0.0, 1.0)
@@ -166,6 +172,7 @@ def bake(
             * int(np.count_nonzero(receivers.flags & (Flag.UNREFERENCED | Flag.DEGENERATE))),
             "not_wanted": estimate.samples * int(np.count_nonzero(~wanted)),
             "predicted": estimate.samples * estimate.predicted,
+            "hidden": estimate.samples * int(np.count_nonzero(untraced)),
         },
         skip_seconds={"open": sum(horizons.seconds)} if horizons else {},
         rmse=float(np.sqrt(np.sum(error**2) / max(int(np.count_nonzero(wanted)), 1))),

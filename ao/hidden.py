@@ -28,9 +28,7 @@ from raytrace.parallel import run_blocks
 
 from .closed_parts import closed_parts, inside_boxes
 from .hemisphere import DirectionTable, aim, choose, start_from, turned_frame
-from .neighbours import Neighbours
 from .receivers import Points, Receivers
-from .subset import coarser, fill, owners
 
 Hidden = Literal["auto", "ignore", "mark", "fill"]
 RAYS = 32
@@ -91,17 +89,6 @@ def hidden_points(
 
     run_blocks(len(points), _BLOCK, work, threads)
     return backs > _MOSTLY
-
-
-def filled(
-    rows: npt.NDArray[np.float64], hidden: npt.NDArray[np.bool_], points: Points, neighbours: Neighbours
-) -> npt.NDArray[np.float64]:
-    """`rows` (k, c), those of the hidden points told from the nearest that aren't; kept where there are none."""
-    owner = owners(neighbours, ~hidden)
-    alone = owner < 0
-    owner[alone] = np.flatnonzero(alone)
-    near, known, cell = coarser(neighbours, owner, points.normals)
-    return fill(points, np.arange(len(points)), near, known, cell, np.ascontiguousarray(rows[known]))
 
 
 @kernel

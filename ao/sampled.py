@@ -22,7 +22,7 @@ Ints = npt.NDArray[np.int64]
 _CALIBRATION_SHARE = 32
 _CALIBRATION_LEAST = 128
 _PLACE_SHARE = 8  # of the rays that a point gets, for each of some 18 places about a corner: they err as much together
-_PLACE_SHARE_RAW = 4  # where points are drawn to neighbours besides
+_PLACE_SHARE_RAW = 3  # where points are drawn to neighbours besides
 
 
 def sampled(tracer: Tracer, points: Points, neighbours: Neighbours | None, samples: int, key: np.uint32) -> Estimate:

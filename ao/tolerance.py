@@ -126,9 +126,11 @@ class _Field:
                     chosen |= self._doubtful(self.goal)
                 else:
                     more, doubtful = self._cheapest(most)
+                    chosen |= doubtful
                     if more:
                         self._deepen(more)
-                    chosen |= doubtful
+                    elif not chosen.any():
+                        return
             elif few:
                 return
             self._bake(chosen)
@@ -217,9 +219,7 @@ class _Field:
             lessened = error * self._lessened(int(more))
             fine = self._fine(total, count, lessened, min(lessened, _ONCE_BAKED * self.goal), _SPARE * self.goal)
             left = count[-1] - (count[fine - 1] if fine else 0)
-            if fine or number + left == len(self.points):
-                if not fine and min(lessened, self.goal) > _MET * self.goal:
-                    continue
+            if fine or left or lessened <= _MET * self.goal:
                 best = min(best, (number * more + left * (self.samples + more), int(more), fine))
         _, more, fine = best
         doubtful = np.zeros(len(between), np.bool_)

@@ -48,7 +48,7 @@ def test_rays_are_counted():
     baked = ao.bake(soup, ao.Binary(), samples=10, progress=lambda done, total: told.append((done, total)))
     points, calibration = len(sphere.vertices), 128
     assert baked.rays == 10 * (points + calibration)
-    skipped = dict.fromkeys(("open", "no_normal", "not_wanted", "predicted"), 0)
+    skipped = dict.fromkeys(("open", "no_normal", "not_wanted", "predicted", "hidden"), 0)
     skipped["duplicate"] = 10 * (len(soup.vertices) - points)
     assert baked.rays_skipped == skipped
     assert told[-1] == (baked.rays, baked.rays)

@@ -121,9 +121,13 @@ def test_what_is_inside_is_found_and_nothing_else(solids: Mesh) -> None:
 
 
 def test_hidden_vertices_take_their_neighbours_values(solids: Mesh) -> None:
-    plain, baked = (ao.bake(solids, ao.Binary(), samples=256, hidden=policy) for policy in ("ignore", "fill"))
+    plain, baked = (
+        ao.bake(solids, ao.Binary(), samples=256, hidden=policy, reconstruct=False) for policy in ("ignore", "fill")
+    )
     found = (baked.flags & ao.Flag.HIDDEN) != 0
     np.testing.assert_array_equal(baked.w[~found], plain.w[~found])
+    assert baked.rays_skipped["hidden"] > 0
+    assert baked.rays + sum(baked.rays_skipped.values()) == plain.rays + sum(plain.rays_skipped.values())
     assert plain.w[found].max() < 0.05
     top = found & (np.abs(solids.vertices[:, 2] - 0.5) < 1e-6)
     assert top.sum() > 20
