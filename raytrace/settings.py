@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal, get_args
 
-from .errors import OptionError
+from .errors import OptionError, nearest_name
 
 Shading = Literal["constant", "gouraud", "phong", "quadratic"]
 ObscuranceForm = Literal["off", "ambient", "book"]
@@ -51,8 +51,9 @@ class Settings:
             if isinstance(value, bool) or not isinstance(value, int) or not low <= value <= high:
                 raise OptionError(name, f"a whole number from {low} to {high}", value, "render")
         for name, allowed in (("shading", get_args(Shading)), ("obscurance", get_args(ObscuranceForm))):
-            if getattr(self, name) not in allowed:
-                raise OptionError(name, "one of " + ", ".join(allowed), getattr(self, name), "render")
+            value = getattr(self, name)
+            if value not in allowed:
+                raise OptionError(name, "one of " + ", ".join(allowed), value, "render", nearest_name(value, allowed))
         if self.crop is not None:
             x, y, width, height = self.crop
             inside = x >= 0 and y >= 0 and x + width <= self.width and y + height <= self.height
