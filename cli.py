@@ -143,7 +143,7 @@ def validate(
     meshes: Annotated[
         list[Path] | None, typer.Argument(metavar="[MESH]...", help="With --generated: in place of those at hand.")
     ] = None,
-    samples: Annotated[int, typer.Option(help="Rays a vertex.")] = 4096,
+    samples: Annotated[int, typer.Option(help="Rays a vertex; the error allowed goes by it.")] = 4096,
     seed: Annotated[int | None, typer.Option(help="Another seed, other rays and other generated meshes.")] = None,
     threads: Threads = None,
     stress: Annotated[bool, typer.Option("--stress", help="Instead, everything that strains numbers.")] = False,
