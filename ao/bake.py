@@ -65,6 +65,10 @@ class Bake:
     seconds: dict[str, float] = field(compare=False)
     mu: Mu
 
+    def __repr__(self) -> str:
+        range_ = f"w from {self.w.min():.3f} to {self.w.max():.3f}"
+        return f"<Bake of {len(self.w):,} vertices: {range_}, RMSE {self.rmse:.2g}, {self.rays:,} rays>"
+
     @property
     def flagged(self) -> dict[str, int]:
         """Number of vertices that carry each `Flag`, by its name in lower case."""

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable
+from inspect import Parameter, Signature
 from typing import Annotated, Any
 
 import numpy as np
@@ -77,6 +78,11 @@ class Parameters(BaseModel):
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
+    @classmethod
+    def __pydantic_init_subclass__(cls, **kwargs: Any) -> None:
+        super().__pydantic_init_subclass__(**kwargs)
+        cls.__signature__ = _signature(cls)
+
     def __init__(self, **data: Any) -> None:
         try:
             super().__init__(**data)
@@ -87,6 +93,26 @@ class Parameters(BaseModel):
         """Plain numbers, strings and lists, ready for a TOML scene: the tag, and what differs from the defaults."""
         tag = {name: getattr(self, name) for name in ("model", "light") if name in type(self).model_fields}
         return tag | self.model_dump(mode="json", exclude_defaults=True, exclude_none=True)
+
+
+class _Written(str):
+    """An annotation as the source has it, without quotes."""
+
+    def __repr__(self) -> str:
+        return str(self)
+
+
+def _signature(cls: type[BaseModel]) -> Signature:
+    """What may be given, needed values first, by the names of their types in this module, for `help`."""
+    written: dict[str, str] = {}
+    for base in reversed(cls.__mro__):
+        written |= vars(base).get("__annotations__", {})
+    chosen = {name: field for name, field in cls.model_fields.items() if name not in ("model", "light")}
+    return Signature([
+        Parameter(name, Parameter.KEYWORD_ONLY, default=Parameter.empty if field.is_required() else field.default,
+                  annotation=_Written(written[name]))
+        for name, field in sorted(chosen.items(), key=lambda item: not item[1].is_required())
+    ])  # fmt: skip
 
 
 def option_error(error: ValidationError, source: str, fields: Iterable[str] = ()) -> OptionError:

@@ -52,6 +52,10 @@ class Shape:
                 raise OptionError("uv", f"shape ({len(self.mesh.vertices)}, 2)", self.uv.shape, self.mesh.source)
             object.__setattr__(self, "uv", _frozen(self.uv))
 
+    def __repr__(self) -> str:
+        texture = "" if self.texture is None else f", {self.texture.path.name}"
+        return f"<Shape {self.mesh!r}, {self.material!r}{texture}>"
+
 
 @dataclass(frozen=True, eq=False)
 class Object:
@@ -68,6 +72,9 @@ class Object:
     transform: Floats = field(default_factory=lambda: np.eye(4))
     name: str = "object"
     w: Floats | None = None
+
+    def __repr__(self) -> str:
+        return f"<Object {self.name!r}: {self.shape!r}{'' if self.w is None else ', with w'}>"
 
     def __post_init__(self) -> None:
         matrix = np.asarray(self.transform, np.float64)

@@ -3,13 +3,20 @@
 import re
 from pathlib import Path
 
+from raytrace.image_input import read_image
+
 README = (Path(__file__).resolve().parent.parent / "README.md").read_text()
 
 
-def test_the_python_example_runs(capsys):
-    (code,) = re.findall(r"```python\n(.*?)```", README, re.DOTALL)
-    exec(compile(code, "README.md", "exec"), {})
+def test_the_python_examples_run_one_after_the_other(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    names = {}
+    for code in re.findall(r"```python\n(.*?)```", README, re.DOTALL):
+        exec(compile(code, "README.md", "exec"), names)
     assert "[" in capsys.readouterr().out
+    picture = read_image(tmp_path / "corner.png")[0]["beauty"]
+    assert picture.shape == (320, 480, 3)
+    assert picture.std() > 0.1
 
 
 def test_every_command_of_the_readme_exists():
