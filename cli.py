@@ -248,6 +248,24 @@ def scenes(
 
 
 @app.command()
+def materials(
+    name: Annotated[str | None, typer.Argument(help="A preset, or a scene file with --check.")] = None,
+    check: Annotated[
+        bool, typer.Option("--check", help="Measure albedo by angle and reciprocity; an Oren-Nayar fit's error.")
+    ] = False,
+) -> None:
+    """List the material presets, write one as TOML, or measure."""
+    from scenes import material_figures
+
+    if check:
+        print("\n\n".join(material_figures.check(*each) for each in material_figures.named_materials(name)))
+    elif name is None:
+        print(columns(material_figures.presets()))
+    else:
+        print(material_figures.preset_toml(name), end="")
+
+
+@app.command()
 def compare(
     a: Annotated[Path, typer.Argument(metavar="A", help="The reference image.")],
     b: Annotated[Path, typer.Argument(metavar="B", help="The image to judge.")],
