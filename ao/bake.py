@@ -120,6 +120,7 @@ def bake(
     """
     most = (DEFAULT_SAMPLES if tolerance is None else _MOST_FOR_TOLERANCE) if samples is None else samples
     check_arguments(most, seed, threads, tolerance, reconstruct, hidden, only)
+    only = None if only is None else np.asarray(only)
     workers = thread_count(threads)
     mesh = mesh_of(mesh)
     mu = falloff_of(falloff).resolve(mesh.radius)

@@ -51,6 +51,7 @@ def bake_surface(
     """
     samples = DEFAULT_SAMPLES if samples is None else samples
     check_arguments(samples, seed, threads)
+    only = None if only is None else np.asarray(only)
     workers = thread_count(threads)
     mesh = mesh_of(mesh)
     mu = falloff_of(falloff).resolve(mesh.radius)

@@ -18,6 +18,10 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from difflib import get_close_matches
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
 
 
 class ObscuranceError(Exception):
@@ -49,6 +53,20 @@ def nearest_name(given: object, names: Iterable[str]) -> str | None:
     initials = [name for name in by_case if "".join(part[:1] for part in name.split("_")) == word]
     found = initials or (begun if len(begun) == 1 else get_close_matches(word, by_case, n=1))
     return by_case[found[0]] if found else None
+
+
+def check_type(value: object, kind: type, source: str, field: str, expected: str) -> None:
+    """Refuse a value of another type. Raises: OptionError."""
+    if not isinstance(value, kind):
+        raise OptionError(field, expected, repr(value), source)
+
+
+def numbers(values: Any, source: str, field: str, expected: str) -> npt.NDArray[np.float64]:
+    """`values` as a float64 array. Raises: OptionError: they are no numbers."""
+    try:
+        return np.asarray(values, np.float64)
+    except (TypeError, ValueError):
+        raise OptionError(field, expected, repr(values), source) from None
 
 
 def shortened(value: object, longest: int = 200) -> str:

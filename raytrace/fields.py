@@ -134,6 +134,8 @@ def option_error(error: ValidationError, source: str, fields: Iterable[str] = ()
         return OptionError(field, "a value", "nothing", source)
     if fault["type"] == "extra_forbidden":
         return OptionError(field, "one of " + ", ".join(fields), "an unknown key", source, nearest_name(field, fields))
+    if not field:
+        return OptionError(source, "a table of names and values", repr(fault["input"]), "value")
     near = nearest_name(fault["input"], _quoted(fault["ctx"]["expected"])) if fault["type"] == "literal_error" else None
     return OptionError(field, expectation(fault), fault["input"], source, near)
 

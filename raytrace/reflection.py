@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from raytrace.errors import check_type
 from raytrace.materials import BaseMaterial
 
 
@@ -39,6 +40,7 @@ def reflect(
     single = all(a.dtype == np.float32 for a in given)
     shape = np.broadcast_shapes(*(a.shape for a in given))
     flat = [np.ascontiguousarray(np.broadcast_to(normalize(a), shape)).reshape(-1, 3) for a in given]
+    check_type(material, BaseMaterial, "reflect", "material", "a material, such as raytrace.Lambert(albedo=0.5)")
     kind, row = material.pack()
     out = np.empty_like(flat[0])
     normals, lights, viewers, grains = flat

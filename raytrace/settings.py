@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal, get_args
 
-from .errors import OptionError, nearest_name
+from .errors import OptionError, check_type, nearest_name
 
 Shading = Literal["constant", "gouraud", "phong", "quadratic"]
 ObscuranceForm = Literal["off", "ambient", "book"]
@@ -55,6 +56,10 @@ class Settings:
             if value not in allowed:
                 raise OptionError(name, "one of " + ", ".join(allowed), value, "render", nearest_name(value, allowed))
         if self.crop is not None:
+            expected = f"four whole numbers x, y, width, height in {self.width}×{self.height} pixels"
+            check_type(self.crop, Sequence, "render", "crop", expected)
+            if len(self.crop) != 4 or not all(isinstance(value, int) for value in self.crop):
+                raise OptionError("crop", expected, self.crop, "render")
             x, y, width, height = self.crop
             inside = x >= 0 and y >= 0 and x + width <= self.width and y + height <= self.height
             if not (inside and width > 0 and height > 0):

@@ -21,7 +21,9 @@ if TYPE_CHECKING:
 
 def note(message: str) -> None:
     """One line on standard error."""
-    print("obscurance: " + " ".join(message.split()), file=sys.stderr)
+    from raytrace.errors import printable
+
+    print("obscurance: " + printable(" ".join(message.split())), file=sys.stderr)
 
 
 _PLAIN = str.maketrans({
@@ -67,12 +69,13 @@ def output_failed(failure: OSError) -> int:
 
 def warn(meshes: Iterable[Mesh]) -> list[str]:
     """Tell on standard error what the precision of meshes does to results, once of each."""
+    from raytrace.errors import printable
     from raytrace.resolution import precision_warnings
 
     each = {id(mesh): mesh for mesh in meshes}.values()
     warnings = list(dict.fromkeys(warning for mesh in each for warning in precision_warnings(mesh)))
     for warning in warnings:
-        print(f"warning: {warning}", file=sys.stderr)
+        print(f"warning: {printable(warning)}", file=sys.stderr)
     return warnings
 
 
@@ -135,11 +138,12 @@ def progress(quiet: bool, *units: str) -> Iterator[tuple[Advance | None, ...]]:
 
 def bake_summary(baked: ao.Bake, target: Path) -> str:
     """What was baked to where, what it took and how good it is."""
+    from raytrace.errors import printable
+
     clear = baked.rays_skipped.get("open", 0)
     rays = f"{baked.rays:,} rays traced{f' and {clear:,} certainly open' if clear else ''}"
-    text = (
-        f"{target}: {len(baked.w):,} vertices, {rays} in {baked.seconds['bake']:.2f} s, estimated RMSE {baked.rmse:.4f}"
-    )
+    took = f"in {baked.seconds['bake']:.2f} s, estimated RMSE {baked.rmse:.4f}"
+    text = f"{printable(str(target))}: {len(baked.w):,} vertices, {rays} {took}"
     flagged = ", ".join(f"{count} {name}" for name, count in baked.flagged.items() if count)
     return f"{text}\nflagged vertices: {flagged}" if flagged else text
 

@@ -74,6 +74,11 @@ def test_file_names_that_are_no_text(tmp_path):
         told = obscurance("render", strange + ".ply", "-o", strange + ending, *size)
         assert told.returncode == 0, told.stderr
         refused(obscurance("compare", strange + ending, strange + ending), "path in UTF-8")
+    told = obscurance("bake", strange + ".ply", "-o", tmp_path / "a\x1b[31m.npy", "--samples", 8)
+    assert "a\\x1b[31m.npy: 8 vertices" in told.stdout
+    refused(
+        obscurance("bake", strange + ".ply", "-o", tmp_path / "\x1b[31m" / "a.npy"), "\\x1b[31m/a.npy: cannot write"
+    )
     os.mkdir(strange)
     refused(obscurance("render", strange + ".ply", "-o", strange + "/x.png"), "UTF-8")
 
