@@ -83,7 +83,11 @@ class Parameters(BaseModel):
         super().__pydantic_init_subclass__(**kwargs)
         cls.__signature__ = _signature(cls)
 
-    def __init__(self, **data: Any) -> None:
+    def __init__(self, *unnamed: Any, **data: Any) -> None:
+        if unnamed:
+            kind = type(self).__name__
+            example = f"{kind}({next(iter(type(self).__signature__.parameters))}=…)"
+            raise OptionError("values", f"each by its name, as in {example}", ", ".join(map(repr, unnamed)), kind)
         try:
             super().__init__(**data)
         except ValidationError as error:

@@ -68,6 +68,8 @@ WRONG = {
     "raytrace.Camera.framing(BALL, 'front')": "camera: direction: expected three numbers, got 'front'",
     "raytrace.Settings(crop=(1, 2))": "render: crop: expected four whole numbers",
     "raytrace.Settings(crop='all!')": "render: crop: expected four whole numbers",
+    "raytrace.Lambert(0.5)": "Lambert: values: expected each by its name, as in Lambert(albedo=…), got 0.5",
+    "raytrace.PointLight((0, 0, 1))": "as in PointLight(position=…), got (0, 0, 1)",
     "raytrace.material_from_dict('gold')": "material: expected a table of names and values, got 'gold'",
     "raytrace.light_from_dict('sun')": "light: expected a table of names and values, got 'sun'",
     "ao.bake(BALL, only=[True])": "only: expected bool (42,)",
