@@ -157,7 +157,6 @@ def validate(
     from scenes import validation
     from scenes.stress import line, suite
 
-    check_arguments(samples, seed or 0, threads)
     if long and not (stress or generated):
         raise OptionError("long", "--stress or --generated with it", "neither")
     if stress and (samples, seed, generated) != (4096, None, False):
@@ -173,6 +172,7 @@ def validate(
             if not validate_generated(meshes or [], samples, seed, threads, long, family or ()):
                 raise typer.Exit(1)
         return
+    check_arguments(samples, seed or 0, threads)
     results: Any
     table: Callable[[Any], str]
     with compiling("hemisphere"), progress(not stress, "groups") as (advance,):

@@ -95,7 +95,8 @@ def _command(app: Any, arguments: Sequence[str]) -> Any:
 
 def _shown(parameter: Any) -> str:
     """An option by its long name, an argument as help shows it."""
-    return str(parameter.opts[0] if parameter.opts[0].startswith("-") else parameter.metavar or parameter.name.upper())
+    name = parameter.opts[0]
+    return str(name if name.startswith("-") else (parameter.metavar or parameter.name.upper()).strip("[]."))
 
 
 def _given(parameter: Any) -> str:
