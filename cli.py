@@ -64,8 +64,8 @@ def bake(
     ] = choices.NormalsFrom.angle,
     hidden: Annotated[
         choices.Hidden,
-        typer.Option(help="Vertices inside closed solids: no such thing, flagged, or filled from others."),
-    ] = choices.Hidden.ignore,
+        typer.Option(help="Vertices inside solids: fill inside closed parts (auto), ignore; mark or fill by backs."),
+    ] = choices.Hidden.auto,
     report: Annotated[Path | None, typer.Option(help="Also write a JSON report.")] = None,
     debug_image: Annotated[Path | None, typer.Option(help="Also write a picture that marks flagged vertices.")] = None,
     resume: Annotated[bool, typer.Option("--resume", help="Continue an interrupted bake to this target.")] = False,
@@ -89,7 +89,7 @@ def bake(
             tolerance=tolerance is not None,
             reconstruct=not reconstruct,
             skip=not skip,
-            hidden=hidden is not choices.Hidden.ignore,
+            hidden=hidden is not choices.Hidden.auto,
         )
     check_target(output)
     if report:
@@ -192,7 +192,11 @@ def render(
     width: Annotated[int | None, typer.Option(help="Pixels; with --height, in place of the scene's.")] = None,
     height: Annotated[int | None, typer.Option(help="Pixels.")] = None,
     samples: Annotated[int | None, typer.Option(help="Most rays a pixel.")] = None,
-    shading: Annotated[str | None, typer.Option(help="constant, gouraud, phong or quadratic.")] = None,
+    shading: Annotated[str | None, typer.Option(help="constant, flat, gouraud, phong or quadratic.")] = None,
+    normals: Annotated[
+        choices.NormalsFrom | None,
+        typer.Option(help="Vertex normals: face weighting, or the file's where it has some."),
+    ] = None,
     obscurance: Annotated[str | None, typer.Option(help="How w enters: ambient, book or off.")] = None,
     shadows: Annotated[bool | None, typer.Option("--shadows/--no-shadows", help="Trace shadow rays.")] = None,
     crop: Annotated[str | None, typer.Option(metavar="X,Y,W,H", help="Only these pixels.")] = None,
@@ -214,6 +218,7 @@ def render(
     if report:
         check_writable(report)
     given: dict[str, Any] = {"samples": samples, "shading": shading, "obscurance": obscurance}
+    given["normals"] = None if normals is None else normals.value
     given |= {"shadows": shadows, "seed": seed, "crop": None if crop is None else choices.parse_crop(crop)}
     from scenes.picture import adjusted, take, write_report
     from scenes.read import read_scene

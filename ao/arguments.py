@@ -29,8 +29,8 @@ def check_arguments(
         _check_whole("samples", samples, 1, MAX_SAMPLES)
     _check_whole("seed", seed, 0, 2**64 - 1)
     thread_count(threads)
-    if hidden not in ("ignore", "mark", "fill"):
-        raise OptionError("hidden", "ignore, mark or fill", repr(hidden))
+    if hidden not in ("auto", "ignore", "mark", "fill"):
+        raise OptionError("hidden", "auto, ignore, mark or fill", repr(hidden))
     if tolerance is None:
         return
     if isinstance(tolerance, bool) or not isinstance(tolerance, int | float) or not 1e-5 <= tolerance <= 1:

@@ -14,26 +14,22 @@ from raytrace.mesh import Mesh
 from raytrace.normals import normalize
 from raytrace.parallel import thread_count
 from raytrace.placement import Placement
-from raytrace.sampling import mix, seed_key
+from raytrace.sampling import seed_key
 
 from .arguments import check_arguments, falloff_of, mesh_of
 from .checkpoint import Checkpoint
 from .falloff import Falloff, Mu
-from .hidden import Hidden, filled, hidden_points
+from .hidden import Hidden, filled, hidden_points, inside_other_parts
 from .horizon import Horizons
 from .memory import vertex_bytes
 from .neighbours import Neighbours
-from .plan import sampling_variance
-from .receivers import Flag, Normals, Points, Receivers, find_receivers
-from .reconstruct import judged, moderated, shared_out
-from .reconstruct import reconstruct as drawn_to_neighbours
+from .receivers import Flag, Normals, Receivers, find_receivers
+from .sampled import place_samples, rays_of_corners, sampled, with_corners
 from .tolerance import Estimate, estimate_to
 from .trace import Progress, Tracer
 
 DEFAULT_SAMPLES = 256
 _MOST_FOR_TOLERANCE = 1 << 14
-_CALIBRATION_SHARE = 32
-_CALIBRATION_LEAST = 128
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,7 +82,7 @@ def bake(
     only: npt.NDArray[np.bool_] | None = None,
     tolerance: float | None = None,
     reconstruct: bool = True,
-    hidden: Hidden = "ignore",
+    hidden: Hidden = "auto",
     skip: bool = True,
     checkpoint: Checkpoint | None = None,
 ) -> Bake:
@@ -101,12 +97,14 @@ def bake(
         threads: None for all cores.
         normals: hemisphere axes: incident faces weighted by "angle", "area" or "equal", or "file", the mesh's own.
         progress: called with (rays traced, rays in all) as the work goes on.
-        only: bool (n,), the vertices whose w is wanted; the others get 1. None: all. Turns reconstruction off.
+        only: bool (n,), the vertices whose w is wanted; the others get 1. None: all. Turns reconstruction off;
+            hidden ones are filled from those wanted.
         tolerance: root mean square error of w to bake to, 1e-5 to 1: rays and baked vertices are chosen to meet it, the
             other vertices are told from their neighbours. None: every vertex gets `samples` rays.
         reconstruct: whether a vertex's estimate is drawn towards its neighbours' by what they are worth.
-        hidden: "ignore": both sides of faces are surface. "mark": faces bound solids, and vertices that mostly see
-            backs, being inside one, are flagged. "fill": besides, they get the values of the nearest that are not.
+        hidden: "auto": vertices inside a closed part of the mesh that is not their own are flagged, and get the values
+            of the nearest that are not. "ignore": both sides of faces are surface. "mark": faces bound solids, and
+            vertices that mostly see backs, being inside one, are flagged. "fill": besides, they are filled.
         skip: whether rays that certainly meet nothing are left out where telling them costs less than tracing them;
             the bits are the same.
         checkpoint: keeps what is traced, and is asked for what an interrupted run traced; the bits are the same.
@@ -138,20 +136,16 @@ def bake(
         checkpoint.begin(placement, receivers, mu, crowd, most, tolerance, seed, normals, reconstruct)
     tracer = Tracer(receivers.scene, placement, mu, workers, crowd, horizons, progress, checkpoint)
     key = seed_key(seed)
-    if tolerance is not None and len(receivers.points):
-        estimate = estimate_to(tracer, receivers.points, _neighbours(receivers, workers), tolerance, most, key)
-    else:
-        joined = _neighbours(receivers, workers) if reconstruct and only is None else None
-        estimate = _estimate(tracer, receivers.points, joined, most, key)
-
+    estimate = _estimate(tracer, receivers, tolerance, most, key, reconstruct and only is None)
     vertex = receivers.of_vertex
     baked = vertex >= 0
-    if hidden != "ignore":
-        inside = hidden_points(receivers.scene, receivers.points, placement.diagonal, key, workers)
+    inside = _inside(receivers, placement, hidden, crowd, workers)
+    if inside.any():
         receivers.flags[baked] |= np.where(inside[vertex[baked]], Flag.HIDDEN, 0).astype(np.uint8)
-        if hidden == "fill":
-            rows = filled(estimate.rows, inside, receivers.points, _neighbours(receivers, workers))
-            estimate = replace(estimate, rows=rows)
+        if hidden != "mark":
+            known = np.column_stack([estimate.rows, estimate.variance])
+            rows = filled(known, inside, receivers.points, _neighbours(receivers, workers))
+            estimate = replace(estimate, rows=rows[:, :4], variance=np.maximum(rows[:, 4], 0.0))
     wanted: npt.NDArray[np.bool_] = np.ones(len(vertex), np.bool_) if only is None else only
     w, error, bent = np.ones(len(vertex)), np.zeros(len(vertex)), np.zeros((len(vertex), 3))
     w[baked] = np.clip(estimate.rows[vertex[baked], 0], 0.0, 1.0)
@@ -184,34 +178,46 @@ def describe_work(mesh: Mesh) -> str:
     return f"to bake {len(mesh.vertices):,} vertices and {len(mesh.faces):,} faces"
 
 
+def _inside(
+    receivers: Receivers, placement: Placement, hidden: Hidden, crowd: int, threads: int
+) -> npt.NDArray[np.bool_]:
+    """Which points (k,) are inside a solid, as `hidden` has it."""
+    count, faces, reach = len(receivers.points), len(receivers.faces), placement.diagonal
+    if hidden == "ignore":
+        return np.zeros(count, np.bool_)
+    if hidden == "auto":
+        return inside_other_parts(receivers, placement.vertices, reach, crowd, threads)
+    any_back, nobody = np.zeros(faces, np.int64), np.full(count, -1)
+    return hidden_points(receivers.scene, receivers.points, reach, crowd, threads, any_back, nobody)
+
+
 def _neighbours(receivers: Receivers, threads: int) -> Neighbours:
     return Neighbours.of(receivers.of_vertex[receivers.faces], receivers.points.normals, threads)
 
 
-def _estimate(tracer: Tracer, points: Points, neighbours: Neighbours | None, samples: int, key: np.uint32) -> Estimate:
-    """Every point with `samples` rays, some twice to learn the error; drawn to `neighbours` if they are given."""
-    calibration = _calibration_subset(len(points))
-    tracer.expected = samples * (len(points) + len(calibration))
-    rows = tracer.gather(points, samples, key)
-    again = tracer.gather(points[calibration], samples, mix([key ^ np.uint32(0xA5A5A5A5)])[0])[:, 0]
-    w = rows[:, 0]
-    level = sampling_variance(w[calibration], again, samples)
-    if len(points) and not rows[:, 1].any() and (w == w[0]).all():  # of n rays that agree, the next may not (Laplace)
-        level = min(level, tracer.rays**-2.0)
-    if neighbours is None:
-        return Estimate(rows[:, [0, 2, 3, 4]], moderated(shared_out(rows[:, 1], level)), samples, 0)
-    drawn, error = drawn_to_neighbours(neighbours, points, rows, level)
-    before, after = ((values[calibration] - again) ** 2 for values in (w, drawn))
-    if float(np.sum(after - before)) >= 0:
-        return Estimate(rows[:, [0, 2, 3, 4]], moderated(shared_out(rows[:, 1], level)), samples, 0)
-    error *= judged(error[calibration], after - before / 2)
-    return Estimate(np.column_stack([drawn, rows[:, 2:]]), error, samples, 0)
-
-
-def _calibration_subset(count: int) -> npt.NDArray[np.int64]:
-    """Evenly spread points to bake a second time with independent directions: one in 32, 128 at least."""
-    wanted = min(count, max(_CALIBRATION_LEAST, count // _CALIBRATION_SHARE))
-    return np.arange(wanted) * count // max(wanted, 1)
+def _estimate(
+    tracer: Tracer, receivers: Receivers, tolerance: float | None, most: int, key: np.uint32, drawn: bool
+) -> Estimate:
+    """Estimates at all points: with `most` rays each, or as many as a tolerance needs; `drawn` to neighbours or not."""
+    ordinary, rows = receivers.ordinary()
+    corners, places = receivers.corners, receivers.corners.places
+    if tolerance is None or not len(receivers.points):
+        samples = place_samples(most, False)
+        tracer.later = rays_of_corners(corners, samples)
+        joined = _neighbours(ordinary, tracer.threads) if drawn else None
+        estimate = sampled(tracer, ordinary.points, joined, most, key)
+    elif len(rows):
+        estimate = estimate_to(tracer, ordinary.points, _neighbours(ordinary, tracer.threads), tolerance, most, key)
+        samples = place_samples(estimate.samples, True)
+    else:  # none to plan rays by but places, of which the mean of some 18 is asked for
+        alone = Neighbours.of(np.zeros((0, 3), np.int64), places.normals, tracer.threads)
+        found = estimate_to(tracer, places, alone, min(2 * tolerance, 1.0), most, key)
+        nothing = Estimate(np.zeros((0, 4)), np.zeros(0), found.samples, 0)
+        return with_corners(nothing, rows, found, corners)
+    if not len(corners):
+        return estimate
+    tracer.later = 0
+    return with_corners(estimate, rows, sampled(tracer, places, None, samples, key), corners)
 
 
 def _directions(means: npt.NDArray[np.float64], normals: npt.NDArray[np.float32]) -> npt.NDArray[np.float64]:

@@ -80,8 +80,10 @@ class Checkpoint:
         """Find out what there is to continue. Args: everything that decides rows; `settings` by their repr."""
         versions = source_hash(), embree.version(), np.__version__, llvmlite.binding.get_host_cpu_name()
         digest = hashlib.blake2b(repr((versions, placement.scale, placement.diagonal, settings)).encode())
-        points = receivers.points
-        for array in (placement.vertices, receivers.faces, points.origins, points.normals, points.numbers):
+        arrays: list[npt.NDArray[Any]] = [placement.vertices, receivers.faces]
+        for points in (receivers.points, receivers.corners.places):
+            arrays += [points.origins, points.normals, points.numbers]
+        for array in arrays:
             digest.update(repr((array.shape, array.dtype)).encode())
             digest.update(np.ascontiguousarray(array).data)
         self._identity = digest.digest()[:32]

@@ -18,6 +18,7 @@ from raytrace.embree import (
     NG_X,
     NG_Y,
     NG_Z,
+    PRIM_ID,
     TriangleScene,
     intersect8,
     new_packet,
@@ -25,32 +26,67 @@ from raytrace.embree import (
 from raytrace.jit import kernel
 from raytrace.parallel import run_blocks
 
+from .closed_parts import closed_parts, inside_boxes
 from .hemisphere import DirectionTable, aim, choose, start_from, turned_frame
 from .neighbours import Neighbours
-from .receivers import Points
+from .receivers import Points, Receivers
 from .subset import coarser, fill, owners
 
-Hidden = Literal["ignore", "mark", "fill"]
+Hidden = Literal["auto", "ignore", "mark", "fill"]
 RAYS = 32
 _MOSTLY = 0.5
+_KEY = np.uint32(0x51DE)
 _BLOCK = 1 << 12
 
 
+def inside_other_parts(
+    receivers: Receivers, vertices: npt.NDArray[np.float32], reach: float, crowd: int, threads: int
+) -> npt.NDArray[np.bool_]:
+    """Whether each of the receivers' points is hidden (k,) in a closed part that it does not belong to.
+
+    Args: vertices: float32 (n, 3), placed. reach, crowd: as `hidden_points`.
+    """
+    points, faces = receivers.points, receivers.faces
+    inside = np.zeros(len(points), np.bool_)
+    part, closed = closed_parts(vertices, faces)
+    if not closed.any() or not len(points):
+        return inside
+    own_of_vertex = np.full(len(vertices), -1)
+    own_of_vertex[faces] = part[:, None]
+    own = own_of_vertex[receivers.first_vertex]
+    rows = inside_boxes(points.origins, own, vertices, faces, part, closed)
+    if len(rows):
+        solid = np.where(closed[part], part, -1)
+        inside[rows] = hidden_points(receivers.scene, points[rows], reach, crowd, threads, solid, own[rows])
+    return inside
+
+
 def hidden_points(
-    scene: TriangleScene, points: Points, reach: float, key: np.uint32, threads: int
+    scene: TriangleScene,
+    points: Points,
+    reach: float,
+    crowd: int,
+    threads: int,
+    part: npt.NDArray[np.int64],
+    own: npt.NDArray[np.int64],
 ) -> npt.NDArray[np.bool_]:
     """Whether each point is hidden (k,): more than half of its `RAYS` rays end on the back of a face.
 
-    Args: reach: length of the rays, in placed units.
+    Every bake of a mesh says the same, whatever its seed and whichever vertices it is asked for.
+
+    Args:
+        reach: length of the rays, in placed units. crowd: points of the whole mesh.
+        part: (m,), the part of each face of the scene, −1 if its back hides nothing. own: (k,), that of each point,
+            whose backs don't hide it.
     """
-    table = DirectionTable.make(RAYS, len(points), key)
+    table = DirectionTable.make(RAYS, crowd, _KEY)
     backs = np.empty(len(points))
 
     def work(first: int, last: int) -> None:
         some = points[first:last]
         _look(
             scene.handle, *new_packet(), some.origins, some.normals, some.numbers, table.directions, table.key, reach,
-            backs[first:last],
+            part, own[first:last], backs[first:last],
         )  # fmt: skip
 
     run_blocks(len(points), _BLOCK, work, threads)
@@ -69,10 +105,10 @@ def filled(
 
 
 @kernel
-def _look(scene, packet, valid, origins, normals, numbers, directions, key, reach, backs):
+def _look(scene, packet, valid, origins, normals, numbers, directions, key, reach, part, own, backs):
     """The part of each point's rays that end on the back of a face, (n,)."""
     packet, valid, origins, normals = borrow(packet), borrow(valid), borrow(origins), borrow(normals)
-    directions, backs = borrow(directions), borrow(backs)
+    directions, part, own, backs = borrow(directions), borrow(part), borrow(own), borrow(backs)
     sets, _, samples = directions.shape
     ids = packet.view(np.uint32)
     for i in range(len(origins)):
@@ -86,7 +122,10 @@ def _look(scene, packet, valid, origins, normals, numbers, directions, key, reac
             aim(packet, local, first, t, b, n, reach)
             intersect8(scene, packet, valid)
             for lane in range(LANES):
-                if ids[GEOM_ID, lane] != INVALID:
+                if ids[GEOM_ID, lane] == INVALID:
+                    continue
+                solid = part[ids[PRIM_ID, lane]]
+                if solid >= 0 and solid != own[i]:
                     along = packet[DIR_X, lane] * packet[NG_X, lane] + packet[DIR_Y, lane] * packet[NG_Y, lane]
                     count += along + packet[DIR_Z, lane] * packet[NG_Z, lane] > 0.0
         backs[i] = count / samples

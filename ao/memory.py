@@ -9,6 +9,7 @@ from __future__ import annotations
 _BASE = 40 << 20  # kernels, Embree, threads
 _TABLE, _DIRECTION = 1 << 18, 100  # directions in a table, and bytes for each while it is made
 _VERTEX, _FACE = 560, 60
+_CORNER = 450
 _SURFACE_VERTEX, _SURFACE_FACE = 72, 660
 
 
@@ -16,6 +17,11 @@ def vertex_bytes(vertices: int, faces: int, samples: int) -> int:
     """Bytes that `ao.bake` takes at its peak, to a tolerance of at most so many samples too."""
     directions = samples * min(max(_TABLE // samples, 8), 256)
     return _BASE + _DIRECTION * directions + _VERTEX * vertices + _FACE * faces
+
+
+def corner_bytes(corners: int) -> int:
+    """Bytes that the corners of folded vertices take besides."""
+    return _CORNER * corners
 
 
 def surface_bytes(vertices: int, faces: int) -> int:

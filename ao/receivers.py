@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from enum import IntFlag
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 import numpy.typing as npt
 
 from raytrace.embree import TriangleScene
 from raytrace.errors import MeshError, OptionError
+from raytrace.memory import check_memory
 from raytrace.mesh import Mesh
 from raytrace.normals import face_normals, given, normalize, vertex_sums
 from raytrace.origins import ray_origins
@@ -18,7 +19,10 @@ from raytrace.outermost import outermost_normals
 from raytrace.placement import Placement
 from raytrace.weld import CREASE, sum_groups, weld
 
+from .corners import Corners, find_corners
 from .curve import morton_order
+from .memory import corner_bytes
+from .points import Points
 
 Normals = Literal["angle", "area", "equal", "file"]
 Floats = npt.NDArray[np.float64]
@@ -32,28 +36,9 @@ class Flag(IntFlag):
 
     UNREFERENCED = 1  # no face uses it
     DEGENERATE = 2  # every face that uses it has zero area, or its own normal was asked for and is missing
-    OPPOSED = 4  # no direction sees the front of all its faces; rays start above most of them
-    HIDDEN = 8  # most of what it sees are backs of faces: it is inside a solid; looked for when asked
-
-
-@dataclass(frozen=True, eq=False)
-class Points:
-    """Where hemispheres are gathered.
-
-    Attributes:
-        origins, normals: float32 (k, 3), ray origins in placed units and unit axes of the hemispheres.
-        numbers: uint32 (k,), what each point's random choices are keyed by.
-    """
-
-    origins: npt.NDArray[np.float32]
-    normals: npt.NDArray[np.float32]
-    numbers: npt.NDArray[np.uint32]
-
-    def __len__(self) -> int:
-        return len(self.numbers)
-
-    def __getitem__(self, which: slice | npt.NDArray[Any]) -> Points:
-        return Points(self.origins[which], self.normals[which], self.numbers[which])
+    OPPOSED = 4  # no direction sees the front of all its faces; w is the mean over its corners
+    HIDDEN = 8  # most of what it sees are backs of faces: it is inside a solid
+    FOLDED = 16  # its normal lies behind one of its faces; w is the mean over its corners
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,12 +47,14 @@ class Receivers:
 
     Attributes:
         points: one for every group of coincident vertices, numbered along a curve that keeps neighbours together.
+        corners: what the points that are folded or opposed are baked by instead.
         of_vertex: int64 (n,), the row of each vertex in `points`, −1 for none.
         flags: uint8 (n,), `Flag`s of each vertex.
         faces: int64 (m', 3), the faces that are not degenerate. scene: these, to be met by rays.
     """
 
     points: Points
+    corners: Corners
     of_vertex: Ints
     flags: npt.NDArray[np.uint8]
     faces: Ints
@@ -92,7 +79,15 @@ class Receivers:
         mine = np.where(wanted, self.of_vertex, -1)
         kept, rows = np.unique(mine[mine >= 0], return_inverse=True)
         mine[mine >= 0] = rows
-        return Receivers(self.points[kept], mine, self.flags, self.faces, self.scene)
+        return Receivers(self.points[kept], self.corners.only(kept), mine, self.flags, self.faces, self.scene)
+
+    def ordinary(self) -> tuple[Receivers, Ints]:
+        """What is baked by a hemisphere of its own, and the rows of these in `points`."""
+        if not len(self.corners):
+            return self, np.arange(len(self.points))
+        own = np.ones(len(self.points) + 1, np.bool_)
+        own[self.corners.rows] = False
+        return self.only(own[self.of_vertex]), np.flatnonzero(own[:-1])
 
 
 def find_receivers(mesh: Mesh, placement: Placement, normals: Normals = "angle") -> Receivers:
@@ -100,6 +95,7 @@ def find_receivers(mesh: Mesh, placement: Placement, normals: Normals = "angle")
 
     Raises:
         OptionError: `normals` is not one of the four, or "file" for a mesh that has none.
+        MemoryLimitError: the corners of folded vertices would not fit into memory.
         EmbreeError: Embree failed, out of memory for instance.
     """
     if normals not in ("angle", "area", "equal", "file"):
@@ -123,9 +119,11 @@ def find_receivers(mesh: Mesh, placement: Placement, normals: Normals = "angle")
     first = np.full(groups, count, np.int64)
     np.minimum.at(first, group, np.arange(count))
     seats = group[faces]
-    lift, clearance = outermost_normals(normalize(sum_groups(group, own)), seats, face_normal)
+    usual = normalize(sum_groups(group, own))
+    lift, clearance = outermost_normals(usual, seats, face_normal)
+    folded = (clearance <= 0) | (lift != usual).any(axis=1)
     if normals == "file":
-        axes = axes[first]
+        axes, folded = axes[first], np.zeros(groups, np.bool_)
         lift = np.where(np.einsum("ij,ij->i", lift, axes)[:, None] < 0, -lift, lift)
     else:
         axes = lift
@@ -134,11 +132,18 @@ def find_receivers(mesh: Mesh, placement: Placement, normals: Normals = "angle")
 
     usable = given(lift) & given(axes)
     flags[~usable[group] & (flags == 0)] = Flag.DEGENERATE
-    flags[usable[group] & (clearance <= 0)[group]] = Flag.OPPOSED
+    flags[(usable & folded)[group]] = Flag.FOLDED
+    flags[(usable & (clearance <= 0))[group]] = Flag.OPPOSED
     rows = np.flatnonzero(usable)
     rows = rows[morton_order(origin[rows])]
     index = np.full(groups, -1)
     index[rows] = np.arange(len(rows))
     numbers = np.arange(len(rows), dtype=np.uint32)
     points = Points(origin[rows].astype(np.float32), axes[rows].astype(np.float32), numbers)
-    return Receivers(points, index[group], flags, faces, scene)
+    corners, torn = Corners.none(), np.sort(index[usable & folded])
+    if len(torn):
+        wanted = np.where(folded, index, -1)[seats]
+        count = int(np.count_nonzero(wanted >= 0))
+        check_memory(mesh.source, corner_bytes(count), f"for the {count:,} corners of folded vertices")
+        corners = find_corners(scene, vertices, faces, face_normal, wanted, torn, len(rows))
+    return Receivers(points, corners, index[group], flags, faces, scene)

@@ -22,7 +22,7 @@ Floats = npt.NDArray[np.float64]
 Bools = npt.NDArray[np.bool_]
 
 _RAYS = 0.16  # times 1/aim: a prediction that is 20 aims off differs by 4 to 6 standard deviations
-_OUTLIER, _JUMP = 2.25, 3.0  # standard deviations
+_OUTLIER, _JUMP = 2.25, 3.25  # standard deviations
 _SPREAD_REACH = 3  # edges over which the spread between batches is averaged
 _REACH = 4  # and residuals; see `Neighbours.own_share`
 _TYPICAL = 0.4  # of the mean of expected squared errors in each: few rays cannot tell that there is none
@@ -62,13 +62,15 @@ class Screening:
         Their expected squared `error` (k,) is raised in place where residuals show more than it.
         """
         smooth, variance, own = self._neighbours.smooth, self.variance, self._own
-        residual = np.where(free, self.estimate - predicted, 0.0)
+        residual = np.where(free, self.estimate - predicted, 0.0).astype(np.float32)
         shared = smooth(residual, _REACH)
-        moments = smooth(np.column_stack([residual * shared - own * variance * free, shared**2]), _REACH)
+        moments = smooth(
+            np.column_stack([residual * shared - own * variance * free, shared**2]).astype(np.float32), _REACH
+        )
         part = np.clip(moments[:, 0] / np.maximum(moments[:, 1], 1e-12), 0.0, 1.0)  # least squares
         corrected = predicted + np.where(free, part * shared, 0.0)
-        residual = np.where(free, self.estimate - corrected, 0.0)
-        excess = smooth(np.where(free, residual**2 - variance * (1 - 2 * part * own), 0.0), _REACH)
+        squared = (self.estimate - corrected) ** 2
+        excess = smooth(np.where(free, squared - variance * (1 - 2 * part * own), 0.0).astype(np.float32), _REACH)
         excess -= _CERTAIN * np.sqrt(2 * own) * variance
         error[free] = np.maximum(moderated(error[free], _TYPICAL), excess[free])
         return corrected

@@ -31,7 +31,8 @@ _JUMP = 5.0  # aims: larger errors of predictions are taken for jumps, which scr
 _SPARE = 0.9  # of the goal, so that one round of baking more is likely to meet it
 _MET = 1.1  # times the goal is near enough
 _ROUNDS = 12
-_LEFT = 2e-3  # of the points may be outliers still
+_LEFT = 0.03  # of the points may be outliers still
+_WORTH = 1 / 32  # of the points, worth a round of baking
 _ONCE_BAKED = 0.7  # of the goal at most, the squared error of points baked among others
 _DEEPER = np.array([0, 0.25, 0.35, 0.5, 0.7, 1, 1.4, 2, 2.8, 4, 8, 16, 32])  # times as many rays more, to choose from
 
@@ -148,17 +149,18 @@ class _Field:
         self.error = np.where(self.baked, error[self.cell], between[self.cell])
         rows = self.probes.rows
         if self.screening is None or self.baked.all():
-            self._rescale(self._fill(rows)[:, 0], jump)
+            self._rescale(self._fill(rows, 1)[:, 0], jump)
         else:
-            self.w = self._fill(np.arange(len(self.points)))[:, 0]
+            self.w = self._fill(np.arange(len(self.points)), 1)[:, 0]
             self._rescale(self.w[rows], jump)
             self.w = self.screening.correct(self.w, self.error, ~self.baked)
             self._rescale(self.w[rows], jump)
         self.mse = float(np.mean(self.error))
 
-    def _fill(self, wanted: npt.NDArray[np.int64]) -> Floats:
-        """Values (j, 4) at the points `wanted` (j,), from those at the baked ones."""
-        return fill(self.points, wanted, self.near, self.known, self.cell, self.values)
+    def _fill(self, wanted: npt.NDArray[np.int64], columns: int = 4) -> Floats:
+        """Values (j, columns) at the points `wanted` (j,), from those at the baked ones."""
+        values = np.ascontiguousarray(self.values[:, :columns])
+        return fill(self.points, wanted, self.near, self.known, self.cell, values)
 
     def _rescale(self, probed: Floats, jump: float) -> None:
         """Bring expected squared errors to the level that the probes' w, `probed` (j,), show, `jump` at most each."""
@@ -173,14 +175,19 @@ class _Field:
     def _doubtful(self, goal: float) -> npt.NDArray[np.bool_]:
         """Points half as far apart as baked ones, or nearer still if predictions are far off, where these fail."""
         excess = float(np.sqrt(np.mean(self.error[~self.baked]) / goal))
-        least = 2 if self.screening else 1
-        self.stride = max(self.stride // int(2 ** max(np.log(max(excess, 1.0)) / np.log(_HALVED) - 2, least)), 1)
         between, order, total, count = self._cells()
         error = float(np.mean(self.error[self.baked]))
         fine = self._fine(total, count, error, min(error, _ONCE_BAKED * goal), _SPARE * goal)
         worst = between[order[fine - 1]] if fine else -1.0
-        doubtful = ~self.baked & (between > worst)[self.cell] & (np.arange(len(self.points)) % self.stride == 0)
-        return doubtful if self.stride > 1 or doubtful.any() else ~self.baked
+        doubtful = ~self.baked & (between > worst)[self.cell]
+        self.stride //= int(2 ** max(np.log(max(excess, 1.0)) / np.log(_HALVED) - 2, 1))
+        while self.stride > 1:
+            chosen = doubtful & (np.arange(len(self.points)) % self.stride == 0)
+            if np.count_nonzero(chosen) >= _WORTH * len(self.points):
+                return chosen
+            self.stride //= 2
+        self.stride = 1
+        return doubtful if doubtful.any() else ~self.baked
 
     def _cells(self) -> tuple[Floats, npt.NDArray[np.int64], Floats, Floats]:
         """Mean error of the points predicted in each cell; cells in its order; running sums of errors and of points."""

@@ -33,8 +33,8 @@ class Tracer:
         crowd: points of the whole mesh, wanted or not.
         horizons: what tells rays that need no tracing, if anything.
         progress: called with (rays traced, rays expected in all). checkpoint: what keeps traced rows, if anything.
-        expected: rays expected in all, 0 while nobody has planned them. rays: rays asked for. skipped: those of them
-            that were not traced, now or by the run whose rows were copied.
+        expected: rays expected in all, 0 while nobody has planned them. later: besides, of corners. rays: rays asked
+            for. skipped: those of them that were not traced, now or by the run whose rows were copied.
     """
 
     scene: TriangleScene
@@ -46,6 +46,7 @@ class Tracer:
     progress: Progress | None = None
     checkpoint: Checkpoint | None = None
     expected: int = 0
+    later: int = 0
     rays: int = 0
     skipped: int = 0
     _last: DirectionTable | None = None
@@ -89,4 +90,4 @@ class Tracer:
         if self.checkpoint:
             self.checkpoint.save()
         if self.progress and self.expected:
-            self.progress(self.rays, max(self.rays, self.expected))
+            self.progress(self.rays, max(self.rays, self.expected + self.later))

@@ -52,7 +52,7 @@ def make_scene(mesh: Mesh) -> tuple[Scene, Camera, list[Mesh], list[PointLight]]
     positions = mesh.centre + r * np.array([[2, 3, -2], [-2, 3.5, -1.5], [0.5, 4, 2], [1, 2.5, -3]])
     lights = [PointLight(position=tuple(map(float, p)), intensity=8 * r * r) for p in positions]
     camera = Camera.framing(mesh, (0.3, 0.35, -1), (0, 1, 0), aspect=WIDTH / HEIGHT)
-    objects = tuple(Object(Shape(m, Lambert(albedo=ALBEDO, two_sided=True))) for m in meshes)
+    objects = tuple(Object(Shape(m, Lambert(albedo=ALBEDO, two_sided="viewer"))) for m in meshes)
     return Scene(objects, tuple(lights)), camera, meshes, lights
 
 

@@ -16,10 +16,11 @@ ALBEDO    3       the material's colour times its texture
 ID        1       row of the object plus 1, 0 for none
 POINT     3       where light is gathered (a face's centroid under constant shading)
 ORIGIN    3       where its shadow rays begin, safely above the surface
+BACK      3       where those to lights behind begin, if the material turns to the light
 VIEW      3       unit direction to the viewer
-GRAIN     3       tangent along u of the texture coordinates; zero where there are none
+TANGENT   3       along u of the texture coordinates; zero where there are none
 TINT      3       albedo texture, 1 without
-FRONT     1       1 where the viewer sees a side that reflects, else 0
+FRONT     1       lights seen: 0 none, ON_THIS_SIDE, ON_BOTH_SIDES of the surface
 SENT, LIT 1 each  luminous sum over lights before δ, and after
 ========= ======= =====================================================================
 """
@@ -36,9 +37,10 @@ from .lanes import select
 BEAUTY, ALPHA, AMBIENT, DIFFUSE, SPECULAR, EMISSION = np.array([0, 3, 4, 7, 10, 13])
 W, SHADOW, DEPTH, NORMAL, ALBEDO, ID = np.array([16, 17, 18, 19, 22, 25])
 FILM = 26
-POINT, ORIGIN, VIEW, GRAIN, TINT = np.arange(26, 41, 3)
-FRONT, SENT, LIT = np.array([41, 42, 43])
-WIDTH = 44
+POINT, ORIGIN, BACK, VIEW, TANGENT, TINT = np.arange(26, 44, 3)
+FRONT, SENT, LIT = np.array([44, 45, 46])
+WIDTH = 47
+ON_THIS_SIDE, ON_BOTH_SIDES = 1.0, 2.0
 
 
 @inline

@@ -8,7 +8,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable
 from inspect import Parameter, Signature
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 import numpy as np
 from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, ValidationError
@@ -29,6 +29,12 @@ def _triple(value: Any) -> Any:
 def _direction(value: tuple[float, float, float]) -> tuple[float, float, float]:
     if value == (0.0, 0.0, 0.0):
         raise ValueError("a vector other than zero")
+    return value
+
+
+def _side(value: Any) -> Any:
+    if not isinstance(value, bool) and value != "viewer":
+        raise ValueError('true, false or "viewer"')
     return value
 
 
@@ -71,6 +77,7 @@ Radiance = Annotated[tuple[NonNegative, NonNegative, NonNegative], BeforeValidat
 Indices = Annotated[tuple[Index, Index, Index], BeforeValidator(_triple)]
 Point = Annotated[tuple[Real, Real, Real], BeforeValidator(_vector)]
 Direction = Annotated[Point, AfterValidator(_direction)]
+Sides = Annotated[bool | Literal["viewer"], BeforeValidator(_side)]
 
 
 class Parameters(BaseModel):

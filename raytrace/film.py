@@ -20,20 +20,23 @@ from .entries import (
     SHADOW,
     SPECULAR,
     W,
+    put,
     take,
 )
 from .jit import inline
 from .lane_memory import load_row, scatter4, store_row
-from .lane_questions import pick
+from .lane_questions import pick, some
 from .lanes import WIDE
-from .vector import add
+from .vector import add, scale
 
 _BITS = 4
 TILE = 1 << _BITS  # pixels a side
 # Columns of a pixel's float64 sums: those of an entry, and then
 SHADED, SAMPLES, LOW, HIGH = FILM, FILM + 1, FILM + 2, FILM + 5
 SUMS = FILM + 8
+EDGE = 7  # of a pixel on a tile's edge: LOW, HIGH, and 1 if it was retired
 AGREE = 1.0 / 256.0  # of the square root of a linear value, about one step of an 8-bit picture
+ROUGHLY = 4.0 * AGREE
 
 
 @inline
@@ -49,6 +52,15 @@ def clear(sums):
 def beauty(entry):
     """The sum of an entry's light, RGB."""
     return add(add(add(take(entry, AMBIENT), take(entry, DIFFUSE)), take(entry, SPECULAR)), take(entry, EMISSION))
+
+
+@inline
+def add_background(entry, items, background):
+    """Let the background show through what is transparent: what else lies behind is not traced."""
+    clear = (items >= 0) & (load_row(entry, ALPHA) < 1.0)
+    if some(clear):
+        shown = scale(1.0 - load_row(entry, ALPHA), background)
+        put(entry, EMISSION, clear, add(take(entry, EMISSION), shown))
 
 
 @inline
@@ -131,28 +143,77 @@ def finish(entry, pixels, wanted, scale_of_world, film, left, top):
 
 
 @inline
-def spread(sums, p, q):
-    """How far the samples of two pixels of the tile are apart, all together, in the square root of linear values."""
+def spread(a, b):
+    """How far the samples of two pixels are apart, all together, in the square root of linear values.
+
+    Args: a, b: the least and the largest of each channel, six numbers from LOW on.
+    """
     widest = 0.0
     for c in range(3):
-        high = max(sums[p, HIGH + c], sums[q, HIGH + c])
-        widest = max(widest, sqrt(high) - sqrt(min(sums[p, LOW + c], sums[q, LOW + c])))
+        high, low = max(a[3 + c], b[3 + c]), min(a[c], b[c])
+        widest = max(widest, sqrt(np.float64(high)) - sqrt(np.float64(low)))
     return widest
 
 
 @inline
-def retired(sums, p, size):
+def agrees(sums, p, size):
     """Whether a pixel's samples agree among themselves, and roughly with those of its neighbours in the tile.
 
     Args: size: of the tile, (wide, high).
     """
-    if spread(sums, p, p) > AGREE:
+    own = sums[p, LOW:]
+    if spread(own, own) > AGREE:
         return False
     x, y = column_of(p), row_of(p)
-    roughly = 4.0 * AGREE
     return not (
-        (x > 0 and spread(sums, p, p - 1) > roughly)
-        or (x + 1 < size[0] and spread(sums, p, p + 1) > roughly)
-        or (y > 0 and spread(sums, p, p - TILE) > roughly)
-        or (y + 1 < size[1] and spread(sums, p, p + TILE) > roughly)
+        (x > 0 and spread(own, sums[p - 1, LOW:]) > ROUGHLY)
+        or (x + 1 < size[0] and spread(own, sums[p + 1, LOW:]) > ROUGHLY)
+        or (y > 0 and spread(own, sums[p - TILE, LOW:]) > ROUGHLY)
+        or (y + 1 < size[1] and spread(own, sums[p + TILE, LOW:]) > ROUGHLY)
     )
+
+
+@inline
+def keep_edge(sums, p, size, retired, edges):
+    """Keep a pixel on the tile's left, right, upper or lower edge for the tile there.
+
+    Args: edges: float32 (4, TILE, EDGE), the tile's.
+    """
+    x, y = column_of(p), row_of(p)
+    if x == 0:
+        keep_pixel(sums[p], retired, edges[0, y])
+    if x == size[0] - 1:
+        keep_pixel(sums[p], retired, edges[1, y])
+    if y == 0:
+        keep_pixel(sums[p], retired, edges[2, x])
+    if y == size[1] - 1:
+        keep_pixel(sums[p], retired, edges[3, x])
+
+
+@inline
+def keep_pixel(sums, retired, row):
+    """Fill a row of `edges`."""
+    for c in range(6):
+        row[c] = sums[LOW + c]
+    row[6] = 1.0 if retired else 0.0
+
+
+@inline
+def recalled(edges, tile, columns, p):
+    """Whether a pixel was retired, but a neighbour in another tile is unlike it.
+
+    Args: edges: float32 (tiles, 4, TILE, EDGE), of all tiles; columns: tiles in a row.
+    """
+    x, y = column_of(p), row_of(p)
+    return (
+        (x == 0 and tile % columns > 0 and unlike(edges[tile, 0, y], edges[tile - 1, 1, y]))
+        or (x == TILE - 1 and tile % columns + 1 < columns and unlike(edges[tile, 1, y], edges[tile + 1, 0, y]))
+        or (y == 0 and tile >= columns and unlike(edges[tile, 2, x], edges[tile - columns, 3, x]))
+        or (y == TILE - 1 and tile + columns < len(edges) and unlike(edges[tile, 3, x], edges[tile + columns, 2, x]))
+    )
+
+
+@inline
+def unlike(own, other):
+    """Whether a pixel was retired that a neighbour is unlike; rows of `edges`."""
+    return own[6] == 1.0 and spread(own, other) > ROUGHLY

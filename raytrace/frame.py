@@ -25,9 +25,10 @@ LAYERS = {
 """Channels of each layer.
 
 beauty is RGBA, linear, colour premultiplied by coverage; its RGB is ((ambient + diffuse) + specular) + emission in
-float32, the background counted as emission. shadow is the part of the light that δ lets through (1 lit); depth the
-distance to the camera, inf where nothing was hit; normal a world vector; object_id the object's row plus 1, 0 for none.
-depth, normal and object_id are the nearest sample's of a pixel, all others means.
+float32. The background counts as emission, also what shows of it through transparent surfaces. shadow is the part of
+the light that δ lets through (1 lit); depth the distance to the camera, inf where nothing was hit; normal a world
+vector; object_id the object's row plus 1, 0 for none. depth, normal and object_id are the nearest sample's of a pixel,
+all others means.
 """
 
 
@@ -40,12 +41,14 @@ class Frame:
         rays: traced, by kind: primary, shadow.
         rays_skipped: shadow rays not traced, by reason.
         seconds: build, render.
+        background: linear RGB that is in the beauty already wherever the coverage is below 1.
     """
 
     layers: dict[str, npt.NDArray[np.float32]]
     rays: dict[str, int]
     rays_skipped: dict[str, int]
     seconds: dict[str, float]
+    background: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
     def __repr__(self) -> str:
         height, width = self.layers["beauty"].shape[:2]

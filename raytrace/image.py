@@ -76,7 +76,7 @@ def write_frame(
 
     An EXR file holds R, G, B, A of the beauty and `layer.channel` of every other layer: R, G, B of colours; X, Y, Z of
     normals; Z of depth; ID of object_id; Y of the rest. In the other formats the beauty has straight alpha (JPEG: none,
-    over black); a background other than black, which shows as colour where the coverage is 0, makes it opaque.
+    over black); a background other than black, which is in the beauty already, makes it opaque.
     Only some rows are held in memory besides the frame.
 
     Args:
@@ -99,7 +99,7 @@ def write_frame(
         _write_layers(path, {name: frame.layers[name] for name in names}, metadata, half)
     else:
         assert chosen is not None
-        _write_picture(path, frame.layers[chosen[0]], metadata)
+        _write_picture(path, frame.layers[chosen[0]], metadata, opaque=any(frame.background))
 
 
 def write_image(path: str | os.PathLike[str], pixels: npt.ArrayLike) -> None:
@@ -157,10 +157,13 @@ def _write_layers(
     _write(path, spec, metadata, rows)
 
 
-def _write_picture(path: str | os.PathLike[str], pixels: Floats, metadata: Mapping[str, str]) -> None:
+def _write_picture(
+    path: str | os.PathLike[str], pixels: Floats, metadata: Mapping[str, str], opaque: bool = False
+) -> None:
     import OpenImageIO as oiio
 
-    straight = pixels.shape[2] == 4 and _format(path) != "jpeg" and not _has_background(pixels)
+    opaque = opaque or _format(path) == "jpeg" or (pixels.shape[2] == 4 and _has_background(pixels))
+    straight = pixels.shape[2] == 4 and not opaque
     if pixels.shape[2] == 4 and not straight:
         pixels = pixels[..., :3]
     height, width, channels = pixels.shape

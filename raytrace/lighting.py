@@ -10,17 +10,19 @@ import numpy as np
 from .embree import DIR_X, ORG_X, TFAR, occluded16
 from .entries import (
     AMBIENT,
+    BACK,
     DIFFUSE,
     EMISSION,
     FRONT,
-    GRAIN,
     LIT,
     NORMAL,
+    ON_THIS_SIDE,
     ORIGIN,
     POINT,
     SENT,
     SHADOW,
     SPECULAR,
+    TANGENT,
     TINT,
     VIEW,
     W,
@@ -36,6 +38,7 @@ from .light_rows import AMBIENT as AMBIENT_LIGHT
 from .models.dispatch import ambient, emission, terms_wide
 from .occluders import obstructed
 from .scratch import BEHIND, BLACK, BOOK, CULLED, OFF, SHADOW_RAYS, UNOBSTRUCTED, UNREACHED
+from .surface import CONSTANT
 from .vector import add, choose, dot, multiply, scale, subtract
 from .view import FARTHEST
 
@@ -123,6 +126,10 @@ def select_lights(geometry, lights, scratch, packets):
         point, origin = take(scratch.entries[e], POINT), take(scratch.entries[e], ORIGIN)
         points, origins = grown(points, there, point), grown(origins, there, origin)
         shifts = grown(shifts, there, subtract(origin, point))
+        both = there & (load_row(scratch.entries[e], FRONT) > ON_THIS_SIDE)
+        if some(both):
+            back = take(scratch.entries[e], BACK)
+            origins, shifts = grown(origins, both, back), grown(shifts, both, subtract(back, point))
     low, high = corners(points)
     start, shift = corners(origins), corners(shifts)
     used = 0
@@ -157,20 +164,27 @@ def light_entries(geometry, lights, style, scratch, packets):
 def light_entry(entry, items, used, geometry, lights, style, scratch):
     """Add up the first `used` active lights of sixteen points."""
     counts = scratch.counts
-    point, n, tint = take(entry, POINT), take(entry, NORMAL), take(entry, TINT)
+    point, n, tint, ahead = take(entry, POINT), take(entry, NORMAL), take(entry, TINT), take(entry, ORIGIN)
     seen = (items >= 0) & (load_row(entry, FRONT) > 0.0)
+    both = (items >= 0) & (load_row(entry, FRONT) > ON_THIS_SIDE)
     zero = scale(0.0, point)
     diffuse, specular, sent, lit = zero, zero, zero[0], zero[0]
     for a in range(used):
         j = scratch.active[a]
         l, distance, intensity = incident(lights.kinds[j], lights.rows[j], point)
-        facing = seen & (dot(n, l) > 0.0)
+        side, origin = n, ahead
+        behind = both & (dot(n, l) < 0.0)
+        if some(behind):
+            side, origin = choose(behind, scale(-1.0, n), n), choose(behind, take(entry, BACK), ahead)
+        facing = seen & (dot(side, l) > 0.0)
         reached = facing & (intensity[0] + intensity[1] + intensity[2] > 0.0)
         counts[BEHIND] += count(items >= 0) - count(facing)
         counts[UNREACHED] += count(facing) - count(reached)
         if not some(reached):
             continue
-        body, highlight = reflect(entry, items, reached, n, l, geometry)
+        body, highlight = reflect(entry, items, reached, side, l, geometry)
+        if style.shading == CONSTANT:
+            highlight = zero
         body = multiply(multiply(intensity, body), tint)
         if style.form == BOOK:
             body = scale(load_row(entry, W), body)
@@ -182,7 +196,7 @@ def light_entry(entry, items, used, geometry, lights, style, scratch):
         open_ = bright
         if style.shadows:
             if scratch.hidden[a]:
-                open_ = bright & unshadowed(entry, bright, l, distance, geometry, scratch)
+                open_ = bright & unshadowed(origin, bright, l, distance, geometry, scratch)
             else:
                 counts[UNOBSTRUCTED] += count(bright)
         diffuse, specular = add(diffuse, masked(open_, body)), add(specular, masked(open_, highlight))
@@ -211,23 +225,22 @@ def masked(mask, a):
 @inline
 def reflect(entry, items, reached, n, l, geometry):
     """Diffuse and specular RGB per unit of light from `l`, each point by its own material."""
-    view, grain = take(entry, VIEW), take(entry, GRAIN)
+    view, tangent = take(entry, VIEW), take(entry, TANGENT)
     diffuse, specular = scale(0.0, n), scale(0.0, n)
     left = reached
     while some(left):
         item = pick(items, first(left))
         mine = left & (items == item)
-        d, s = terms_wide(geometry.kinds[item], geometry.rows[item], n, l, view, grain, mine)
+        d, s = terms_wide(geometry.kinds[item], geometry.rows[item], n, l, view, tangent, mine)
         diffuse, specular = choose(mine, d, diffuse), choose(mine, s, specular)
         left = left & ~mine
     return diffuse, specular
 
 
 @inline
-def unshadowed(entry, wanted, l, distance, geometry, scratch):
+def unshadowed(origin, wanted, l, distance, geometry, scratch):
     """The mask of the points that see the light: a shadow ray for each of `wanted`."""
     packet = scratch.packet
-    origin = take(entry, ORIGIN)
     for axis in range(3):
         store_row(packet, ORG_X + axis, origin[axis])
         store_row(packet, DIR_X + axis, l[axis])

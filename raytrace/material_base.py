@@ -11,7 +11,7 @@ import numpy.typing as npt
 from pydantic import model_validator
 
 from raytrace.errors import OptionError
-from raytrace.fields import Exponent, Fraction, Indices, Parameters, Radiance, Reflectance
+from raytrace.fields import Exponent, Fraction, Indices, Parameters, Radiance, Reflectance, Sides
 from raytrace.models import rows
 
 RGB = tuple[float, float, float]
@@ -24,20 +24,32 @@ class Packed(NamedTuple):
     row: npt.NDArray[np.float64]
 
 
+def normalized(vector: RGB) -> npt.NDArray[np.float64]:
+    """The unit vector (3,) along `vector`; zero stays zero. Squares neither overflow nor vanish."""
+    scaled = np.array(vector) / (np.abs(vector).max() or 1.0)
+    return np.asarray(scaled / (np.linalg.norm(scaled) or 1.0))
+
+
 class BaseMaterial(Parameters):
-    """What every material has: emission I_e and the two-sided option (|n·l| in place of ⟨n·l⟩)."""
+    """What every material has: emission I_e, and which sides of a surface reflect.
+
+    `two_sided`: False: the one that the normal points away from. True: the normal turns to the light, n·l → |n·l|, so
+    light on either side is seen from both, as through paper. "viewer": it turns to the viewer, so each side reflects
+    what falls on it, as an opaque sheet does.
+    """
 
     kind: ClassVar[int]
     emission: Radiance = (0.0, 0.0, 0.0)
-    two_sided: bool = False
+    two_sided: Sides = False
 
     def pack(self) -> Packed:
         """The kind and parameter row that `raytrace.models.dispatch.evaluate` takes."""
         row = np.zeros(rows.WIDTH)
         row[rows.EMISSION : rows.EMISSION + 3] = self.emission
         row[rows.AMBIENT : rows.AMBIENT + 3] = self._ambient()
-        row[rows.ALPHA], row[rows.TWO_SIDED] = self._alpha(), float(self.two_sided)
-        row[rows.GRAIN : rows.GRAIN + 3] = self._grain()
+        row[rows.ALPHA] = self._alpha()
+        row[rows.TWO_SIDED] = rows.TO_VIEWER if self.two_sided == "viewer" else rows.TO_LIGHT * self.two_sided
+        row[rows.GRAIN : rows.GRAIN + 3] = normalized(self._grain())
         parameters = self._parameters()
         row[rows.MODEL : rows.MODEL + len(parameters)] = parameters
         return Packed(self.kind, row)

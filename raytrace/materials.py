@@ -83,7 +83,7 @@ class CookTorrance(Microfacet):
 class EllipticalBeckmann(Microfacet):
     """Microfacets of RMS slopes `m_parallel` along the grain and `m_perpendicular` across it, each in [1e-6, 100].
 
-    `grain`: world vector, projected into the tangent plane; left out, the renderer's tangent (the UV frame) is used.
+    `grain`: world vector, projected into the tangent plane; left out, the surface's tangent (where u grows) is used.
     """
 
     model: Literal["elliptical_beckmann"] = "elliptical_beckmann"
@@ -125,7 +125,7 @@ class BlinnPhong(_PhongFamily):
 class PoulinFournier(TwoTerm):
     """Parallel cylinders of radius 1: axes `spacing` apart, the floor at height `floor` in [0, 1] above them.
 
-    `grain`: world vector along the cylinders; left out, the renderer's tangent (the UV frame) is used.
+    `grain`: world vector along the cylinders; left out, the surface's tangent (where u grows) is used.
     """
 
     model: Literal["poulin_fournier"] = "poulin_fournier"

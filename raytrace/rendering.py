@@ -5,6 +5,8 @@ from __future__ import annotations
 import threading
 import time
 from collections.abc import Callable
+from functools import partial
+from typing import get_args
 
 import numpy as np
 import numpy.typing as npt
@@ -13,7 +15,7 @@ from .camera import Camera
 from .embree import aligned, new_packet
 from .entries import FILM
 from .errors import check_type
-from .film import TILE
+from .film import EDGE, TILE
 from .frame import LAYERS, Frame
 from .lanes import WIDE
 from .light_rows import AMBIENT as AMBIENT_LIGHT
@@ -26,6 +28,7 @@ from .scratch import (
     BLACK,
     COUNTERS,
     CULLED,
+    FIRST,
     PACKETS,
     PRIMARY,
     RETIRED,
@@ -35,10 +38,11 @@ from .scratch import (
     Style,
     new_scratch,
 )
-from .settings import Settings
+from .settings import Settings, Shading
 from .surface import GOURAUD
 from .texture import Texture, pack_textures, texture_bytes
 from .tile import light_vertices, render_tiles
+from .tiling import tile_count, whole_tiles
 from .tint import Textures
 from .view import mark_seen, place_camera
 from .world import World, build
@@ -46,11 +50,12 @@ from .world import World, build
 Floats = npt.NDArray[np.float64]
 Progress = Callable[[int, int], None]
 
-_SHADINGS = ("constant", "gouraud", "phong", "quadratic")
+_SHADINGS = get_args(Shading)
 _FORMS = ("off", "ambient", "book")
 _SHARES = 16  # of a picture for each thread: handing over takes as long as some tiles
 _LONGEST = 256  # samples of tiles in a share: what Ctrl-C waits for
 _LIT = 14  # columns that lighting makes, see `raytrace.tile.lit_column`
+_EDGES = 4 * 4 * TILE * EDGE  # bytes of what tiles know of one another, each
 _BASE, _WORLD_VERTEX, _WORLD_FACE = 50 << 20, 64, 104  # bytes, `rendering_bytes`
 _SKIPPED = {
     "behind": BEHIND,
@@ -89,7 +94,7 @@ def render(
     check_memory("scene", rendering_bytes(scene, settings, layers), describe_work(scene, settings))
     workers = thread_count(threads)
     start = time.perf_counter()
-    world = build(scene)
+    world = build(scene, settings.normals)
     built = time.perf_counter()
     renderer = _Renderer(world, scene, camera, settings, layers, workers)
     renderer.run(progress)
@@ -100,6 +105,7 @@ def render(
         rays_skipped={name: int(counts[column]) for name, column in _SKIPPED.items()}
         | {"primary_agreed": int(counts[RETIRED])},
         seconds={"build": built - start, "render": time.perf_counter() - built},
+        background=scene.background,
     )
 
 
@@ -108,8 +114,9 @@ def rendering_bytes(scene: Scene, settings: Settings, layers: bool) -> int:
     meshes = {id(item.shape): item.shape.mesh for item in scene.objects}.values()
     vertices, faces = sum(len(mesh.vertices) for mesh in meshes), sum(len(mesh.faces) for mesh in meshes)
     lit = sum(len(item.shape.mesh.vertices) for item in scene.objects) * (settings.shading == "gouraud")
-    _, _, wide, high = _whole_tiles(settings)
+    _, _, wide, high = whole_tiles(settings)
     film = 4 * wide * high * (FILM if layers else LAYERS["beauty"])
+    film += _EDGES * tile_count(wide, high) * (settings.samples > FIRST)
     textures = texture_bytes(item.shape.texture for item in scene.objects)
     return _BASE + _WORLD_VERTEX * vertices + _WORLD_FACE * faces + 8 * _LIT * lit + film + textures
 
@@ -127,9 +134,9 @@ def seen_vertices(
 
     Errors as `render`.
     """
-    world = build(scene, keep=False)  # what is baked for them makes another scene of it
+    world = build(scene, settings.normals, keep=False)  # what is baked for them makes another scene of it
     view = place_camera(camera, settings, world.centre, world.scale)
-    left, top, wide, high = _whole_tiles(settings)
+    left, top, wide, high = whole_tiles(settings)
     seen = np.zeros(len(world.geometry.w), np.bool_)
 
     def work(first: int, last: int) -> None:
@@ -157,7 +164,7 @@ class _Renderer:
             layers or settings.obscurance != "off",
             scene.background,
         )
-        left, top, wide, high = _whole_tiles(settings)
+        left, top, wide, high = whole_tiles(settings)
         self.corner = left, top
         x, y, self.width, self.height = settings.crop or (0, 0, settings.width, settings.height)
         self.margin = x - left, y - top
@@ -171,7 +178,8 @@ class _Renderer:
         if self.style.shading == GOURAUD:
             self._light_all_vertices()
         high, wide, _ = self.film.shape
-        tiles = -(-wide // TILE) * -(-high // TILE)
+        tiles = tile_count(wide, high)
+        self.edges = np.empty((tiles if self.style.samples > FIRST else 0, 4, TILE, EDGE), np.float32)
         done = 0
 
         def advance(count: int) -> None:
@@ -180,26 +188,31 @@ class _Renderer:
             if progress:
                 progress(done, tiles)
 
-        def work(first: int, last: int) -> None:
+        def work(first: int, last: int, again: bool = False) -> None:
             wanted = np.zeros(len(self.world.textures), np.int64)
-            counts = self._tiles(first, last, wanted)
+            counts = self._tiles(first, last, wanted, again)
             while wanted.any():
                 self._read(wanted)
                 wanted[:] = 0
-                counts = self._tiles(first, last, wanted)
+                counts = self._tiles(first, last, wanted, again)
             finished.append(counts)
 
         finished: list[npt.NDArray[np.int64]] = []
-        share = min(tiles // (_SHARES * self.threads), _LONGEST // self.style.samples)
-        run_blocks(tiles, max(share, 1), work, self.threads, advance)
+        share = max(min(tiles // (_SHARES * self.threads), _LONGEST // self.style.samples), 1)
+        run_blocks(tiles, share, work, self.threads, advance)
+        if len(self.edges) > 0:
+            run_blocks(tiles, share, partial(work, again=True), self.threads)
         self.counts += np.sum(finished, axis=0)
 
-    def _tiles(self, first: int, last: int, wanted: npt.NDArray[np.int64]) -> npt.NDArray[np.int64]:
-        """Render tiles and return their counts; `wanted` is set for textures to be read before they can be right."""
+    def _tiles(self, first: int, last: int, wanted: npt.NDArray[np.int64], again: bool) -> npt.NDArray[np.int64]:
+        """Render tiles and return their counts; `wanted` is set for textures to be read before they can be right.
+
+        Args: again: only the pixels that their neighbours in other tiles recall.
+        """
         world, scratch = self.world, new_scratch(len(self.world.lights.kinds))
         render_tiles(
             world.geometry, world.lights, self.textures, self.view, self.style, self.vertex_light, scratch,
-            self.corner, (first, last), world.scale, wanted, self.film,
+            self.corner, (first, last), world.scale, wanted, self.film, self.edges, again,
         )  # fmt: skip
         return scratch.counts
 
@@ -240,15 +253,6 @@ class _Renderer:
         return found
 
 
-def _whole_tiles(settings: Settings) -> tuple[int, int, int, int]:
-    """Left, top, width and height of the tiles that the crop touches: pixels of a tile look at one another."""
-    x, y, wide, high = settings.crop or (0, 0, settings.width, settings.height)
-    left, top = x // TILE * TILE, y // TILE * TILE
-    right = min(-(-(x + wide) // TILE) * TILE, settings.width)
-    bottom = min(-(-(y + high) // TILE) * TILE, settings.height)
-    return left, top, right - left, bottom - top
-
-
 def _pack(textures: list[Texture | None]) -> Textures:
     packed = pack_textures(textures)
-    return Textures(packed.texels, packed.levels, packed.first, packed.count)
+    return Textures(packed.texels, packed.levels, packed.first, packed.count, packed.wrap)

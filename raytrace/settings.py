@@ -8,7 +8,8 @@ from typing import Literal, get_args
 
 from .errors import OptionError, check_type, nearest_name
 
-Shading = Literal["constant", "gouraud", "phong", "quadratic"]
+Shading = Literal["constant", "flat", "gouraud", "phong", "quadratic"]
+Normals = Literal["file", "angle", "area", "equal"]
 ObscuranceForm = Literal["off", "ambient", "book"]
 MAX_SIZE, MAX_SAMPLES = 32768, 4096
 
@@ -20,12 +21,15 @@ class Settings:
     Attributes:
         width, height: pixels.
         samples: most rays a pixel; pixels whose first samples agree get no more.
-        shading: interpolation over a face: constant, Gouraud, Phong, or quadratic (van Overveld & Wyvill).
+        shading: interpolation over a face: constant (the textbook's, without specular terms), flat (constant with
+            them), Gouraud, Phong, or quadratic (van Overveld & Wyvill).
         obscurance: how w(p) enters: "ambient" weights the ambient term, "book" ambient and diffuse (12.75), "off".
         shadows: trace shadow rays for the visibility δ(p, j).
         terminator: move shadow rays' origins off a coarse mesh onto the smooth surface that its normals describe.
         crop: (x, y, width, height) in pixels from the upper left; only these are rendered.
         seed: of the pixel samples.
+        normals: of vertices: "file", a mesh's own where it has some and else "angle"; or means over the faces around a
+            vertex, weighted by "angle" (12.33), "area" (12.32) or "equal" (12.31), whatever the mesh has.
 
     Raises:
         OptionError: a value out of range.
@@ -40,6 +44,7 @@ class Settings:
     terminator: bool = True
     crop: tuple[int, int, int, int] | None = None
     seed: int = 0
+    normals: Normals = "file"
 
     def __post_init__(self) -> None:
         for name, low, high in (
@@ -51,7 +56,8 @@ class Settings:
             value = getattr(self, name)
             if isinstance(value, bool) or not isinstance(value, int) or not low <= value <= high:
                 raise OptionError(name, f"a whole number from {low} to {high}", value, "render")
-        for name, allowed in (("shading", get_args(Shading)), ("obscurance", get_args(ObscuranceForm))):
+        texts = {"shading": Shading, "normals": Normals, "obscurance": ObscuranceForm}
+        for name, allowed in ((name, get_args(texts[name])) for name in texts):
             value = getattr(self, name)
             if value not in allowed:
                 raise OptionError(name, "one of " + ", ".join(allowed), value, "render", nearest_name(value, allowed))

@@ -5,16 +5,30 @@ All of it sixteen points at a time, in lanes; a whole call is about one object.
 
 from __future__ import annotations
 
-from .entries import FRONT, GRAIN, NORMAL, ORIGIN, POINT, TINT, VIEW, W, put, put1
+from .entries import (
+    BACK,
+    FRONT,
+    NORMAL,
+    ON_BOTH_SIDES,
+    ON_THIS_SIDE,
+    ORIGIN,
+    POINT,
+    TANGENT,
+    TINT,
+    VIEW,
+    W,
+    put,
+    put1,
+)
 from .jit import inline
 from .lane_memory import gather, gather3
 from .lanes import double, select, single
-from .models.rows import ELLIPTICAL_BECKMANN, POULIN_FOURNIER, TWO_SIDED
+from .models.rows import ELLIPTICAL_BECKMANN, GRAIN, POULIN_FOURNIER, TO_LIGHT, TO_VIEWER, TWO_SIDED
 from .placement import OFFSET_ULPS, ULP
 from .shading import centroid, phong_normal, quadratic_normal
-from .vector import add, choose, cross, dot, scale, subtract, unit
+from .vector import add, choose, cross, dot, load3, scale, subtract, unit
 
-CONSTANT, GOURAUD, PHONG, QUADRATIC = range(4)
+CONSTANT, FLAT, GOURAUD, PHONG, QUADRATIC = range(5)
 SMOOTH = 0.8660254037844387  # cos 30°: a computed normal that leans away farther marks a hard edge
 GROWN = 2.0**30  # times the product of two edges is neither lost nor infinite in float32
 
@@ -116,11 +130,37 @@ def tangent(geometry, i, j, k, edge1, edge2):
 
 
 @inline
-def fill(entry, geometry, item, mine, faces, u, v, backward, style):
+def needs_tangent(geometry, item):
+    """Whether an object's material is brushed along the surface's tangent."""
+    row = geometry.rows[item]
+    own = row[GRAIN] != 0.0 or row[GRAIN + 1] != 0.0 or row[GRAIN + 2] != 0.0
+    return not own and geometry.kinds[item] in (ELLIPTICAL_BECKMANN, POULIN_FOURNIER)
+
+
+@inline
+def lights_seen(geometry, item, side):
+    """The column FRONT of points that are seen from their own side (`side` > 0) or from behind."""
+    if geometry.rows[item, TWO_SIDED] == TO_LIGHT:
+        return select(side > 0.0, ON_BOTH_SIDES, ON_BOTH_SIDES)
+    if geometry.rows[item, TWO_SIDED] == TO_VIEWER:
+        return select(side > 0.0, ON_THIS_SIDE, ON_THIS_SIDE)
+    return select(side > 0.0, ON_THIS_SIDE, 0.0)
+
+
+@inline
+def towards_viewer(view, point):
+    """Unit directions from points to the eye of a view."""
+    if view.orthographic:
+        return add(scale(0.0, point), scale(-1.0, load3(view.forward)))
+    return unit(subtract(load3(view.eye), point))
+
+
+@inline
+def fill(entry, geometry, item, mine, faces, u, v, backward, view, style):
     """Write what lighting needs of hits on one object.
 
     Args: item: row of the object; mine: mask of the lanes that have hit it; faces: of its shape; u, v: barycentrics;
-        backward: unit directions against the viewing rays.
+        backward: unit directions against the viewing rays, of `view`.
     """
     i, j, k = gather3(geometry.faces, select(mine, faces, 0) + geometry.first_face[item])
     p0, p1, p2 = corner(geometry, item, i), corner(geometry, item, j), corner(geometry, item, k)
@@ -134,8 +174,9 @@ def fill(entry, geometry, item, mine, faces, u, v, backward, style):
     geometric, n0, n1, n2 = scale(side, geometric), scale(side, n0), scale(side, n1), scale(side, n2)
 
     origin, lit, normal = point, point, geometric
-    if style.shading == CONSTANT:
+    if style.shading in (CONSTANT, FLAT):
         lit = centroid(p0, p1, p2)
+        backward = towards_viewer(view, lit)
     else:
         if style.terminator:
             origin = smooth_origin(point, p0, p1, p2, n0, n1, n2, u, v)
@@ -146,13 +187,18 @@ def fill(entry, geometry, item, mine, faces, u, v, backward, style):
     size = max(max(largest(p0), largest(p1)), largest(p2))
     put(entry, POINT, mine, lit)
     put(entry, ORIGIN, mine, lift(geometry, item, origin, geometric, size))
+    if geometry.rows[item, TWO_SIDED] == TO_LIGHT:
+        behind = point
+        if style.terminator and style.shading not in (CONSTANT, FLAT):
+            n0, n1, n2 = scale(-1.0, n0), scale(-1.0, n1), scale(-1.0, n2)
+            behind = smooth_origin(point, p0, p1, p2, n0, n1, n2, u, v)
+        put(entry, BACK, mine, lift(geometry, item, behind, scale(-1.0, geometric), size))
     put(entry, NORMAL, mine, normal)
     put(entry, VIEW, mine, backward)
     put(entry, TINT, mine, (1.0, 1.0, 1.0))
-    two_sided = geometry.rows[item, TWO_SIDED] == 1.0
-    put1(entry, FRONT, mine, select((side > 0.0) | two_sided, 1.0, 0.0))
-    if geometry.kinds[item] in (ELLIPTICAL_BECKMANN, POULIN_FOURNIER):
-        put(entry, GRAIN, mine, tangent(geometry, i, j, k, edge1, edge2))
+    put1(entry, FRONT, mine, lights_seen(geometry, item, side))
+    if needs_tangent(geometry, item):
+        put(entry, TANGENT, mine, tangent(geometry, i, j, k, edge1, edge2))
     if style.weighted:
         own = geometry.first_w[item] - geometry.first_vertex[item]
         w0, w1, w2 = gather(geometry.w, i + own), gather(geometry.w, j + own), gather(geometry.w, k + own)
@@ -160,7 +206,7 @@ def fill(entry, geometry, item, mine, faces, u, v, backward, style):
 
 
 @inline
-def vertex_entry(entry, geometry, origins, item, mine, rows, eye, forward, orthographic):
+def vertex_entry(entry, geometry, origins, item, mine, rows, view):
     """Write an entry for vertices as Gouraud shading lights them.
 
     Args: origins: of `raytrace.vertices.vertex_origins`, or none where no shadow is looked for; rows: of `geometry.w`.
@@ -168,17 +214,19 @@ def vertex_entry(entry, geometry, origins, item, mine, rows, eye, forward, ortho
     vertices = rows + (geometry.first_vertex[item] - geometry.first_w[item])
     point = corner(geometry, item, vertices)
     normal = vertex_normal(geometry, item, vertices)
-    backward = add(scale(0.0, point), scale(-1.0, forward)) if orthographic else unit(subtract(eye, point))
+    backward = towards_viewer(view, point)
     side = select(dot(normal, backward) >= 0.0, 1.0, -1.0)
     normal = scale(side, normal)
     put(entry, POINT, mine, point)
     if len(origins) > 0:
-        put(entry, ORIGIN, mine, gather3(origins, rows + select(side < 0.0, len(origins) - len(geometry.w), 0)))
+        below = len(origins) - len(geometry.w)
+        put(entry, ORIGIN, mine, gather3(origins, rows + select(side < 0.0, below, 0)))
+        put(entry, BACK, mine, gather3(origins, rows + select(side < 0.0, 0, below)))
     else:
         put(entry, ORIGIN, mine, point)
+        put(entry, BACK, mine, point)
     put(entry, NORMAL, mine, normal)
     put(entry, VIEW, mine, backward)
     put(entry, TINT, mine, (1.0, 1.0, 1.0))
-    put(entry, GRAIN, mine, (0.0, 0.0, 0.0))
-    two_sided = geometry.rows[item, TWO_SIDED] == 1.0
-    put1(entry, FRONT, mine, select((side > 0.0) | two_sided, 1.0, 0.0))
+    put(entry, TANGENT, mine, (0.0, 0.0, 0.0))
+    put1(entry, FRONT, mine, lights_seen(geometry, item, side))

@@ -5,19 +5,22 @@ from __future__ import annotations
 import tempfile
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager, nullcontext, suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal, get_args
 
 import numpy as np
 import numpy.typing as npt
 
-from .errors import InputError
+from .errors import InputError, OptionError
 from .image_input import blocks, open_image, table
 
 MAX_SIDE = 16384
 _TEXEL = 16  # bytes of a texel with its share of the coarser levels
 _WORKING = 12  # bytes of a texel while the coarser levels are made
+Wrap = Literal["repeat", "mirrored_repeat", "clamp_to_edge"]
+WRAPS: tuple[Wrap, ...] = get_args(Wrap)
+"""glTF's wrap modes; kernels know them by their places here."""
 
 Floats = npt.NDArray[np.float32]
 Integers = npt.NDArray[np.int64]
@@ -31,11 +34,28 @@ class Texture:
         path: the file, or what to call the image in messages when `data` is given.
         data: the file's content, or None to read `path`.
         srgb: whether its values are sRGB-encoded, as colour textures are. Files of floats are always linear.
+        wrap: what lies beyond [0, 1] along u and along v, as glTF has it: "repeat", "mirrored_repeat" (every other
+            copy is reversed) or "clamp_to_edge" (the texels of the edge go on). One name means both.
+
+    Raises:
+        OptionError: another mode.
     """
 
     path: Path
     data: bytes | None = None
     srgb: bool = True
+    wrap: tuple[Wrap, Wrap] = ("repeat", "repeat")
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "wrap", wrap_modes(self.wrap))
+
+
+def wrap_modes(given: Any) -> tuple[Wrap, Wrap]:
+    """The modes along u and v of one name, or of two. Raises: OptionError."""
+    modes = (given, given) if isinstance(given, str) else tuple(given) if isinstance(given, list | tuple) else ()
+    if len(modes) != 2 or not all(isinstance(mode, str) and mode in WRAPS for mode in modes):
+        raise OptionError("wrap", "one or two of " + ", ".join(WRAPS), given, "texture")
+    return modes
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,16 +69,18 @@ class PackedTextures:
         levels: int64 (m, 3): first texel, width, height of each level; finest first.
         first: int64 (t,): each texture's finest level.
         count: int64 (t,): each texture's number of levels, 0 if it was left out.
+        wrap: int64 (t, 2): its modes along u and v, places in `WRAPS`.
     """
 
     texels: Floats
     levels: Integers
     first: Integers
     count: Integers
+    wrap: Integers
 
 
 def pack_textures(textures: Sequence[Texture | None]) -> PackedTextures:
-    """Read textures; equal ones once.
+    """Read textures; those of one image once, however they are wrapped.
 
     Alpha is ignored; grey becomes RGB. Files may have 8 or 16 bits, floats, a palette, one to four channels.
 
@@ -72,7 +94,8 @@ def pack_textures(textures: Sequence[Texture | None]) -> PackedTextures:
     places: dict[Texture | None, tuple[int, int]] = {None: (0, 0)}
     levels: list[tuple[int, int, int]] = []
     end = 0
-    for texture in textures:
+    images = [_image(texture) for texture in textures]
+    for texture in images:
         if texture is None or texture in places:
             continue
         with _opened(texture) as image:
@@ -90,9 +113,16 @@ def pack_textures(textures: Sequence[Texture | None]) -> PackedTextures:
                     image,
                     texture,
                 )
-    entries = np.array([places[texture] for texture in textures], np.int64).reshape(-1, 2)
+    entries = np.array([places[texture] for texture in images], np.int64).reshape(-1, 2)
     table_of_levels = np.array(levels, np.int64).reshape(-1, 3)
-    return PackedTextures(texels, table_of_levels, entries[:, 0].copy(), entries[:, 1].copy())
+    modes = [(0, 0) if texture is None else [WRAPS.index(mode) for mode in texture.wrap] for texture in textures]
+    wrap = np.array(modes, np.int64).reshape(-1, 2)
+    return PackedTextures(texels, table_of_levels, entries[:, 0].copy(), entries[:, 1].copy(), wrap)
+
+
+def _image(texture: Texture | None) -> Texture | None:
+    """What two textures of one image have in common."""
+    return texture and replace(texture, wrap=("repeat", "repeat"))
 
 
 def texture_bytes(textures: Iterable[Texture | None]) -> int:
@@ -101,7 +131,7 @@ def texture_bytes(textures: Iterable[Texture | None]) -> int:
     A file that cannot be read counts nothing: perhaps no ray meets it.
     """
     texels = [0]
-    for texture in dict.fromkeys(textures):
+    for texture in dict.fromkeys(_image(texture) for texture in textures):
         if texture is not None:
             with suppress(InputError), _opened(texture) as image:
                 texels.append(image.spec().width * image.spec().height)

@@ -1,4 +1,8 @@
-"""One tile of a picture: viewing rays in packets, their hits lit together, pixels that agree retired early."""
+"""One tile of a picture: viewing rays in packets, their hits lit together, pixels that agree retired early.
+
+A pixel's first few samples decide together with its neighbours' whether it needs more. Neighbours in other tiles are
+known only when all tiles have been rendered, so pixels that one of them is unlike are taken up again then.
+"""
 
 from __future__ import annotations
 
@@ -24,7 +28,7 @@ from .entries import (
     put1,
     take,
 )
-from .film import TILE, clear, column_of, develop, finish, mean, retired, row_of
+from .film import TILE, add_background, agrees, clear, column_of, develop, finish, keep_edge, mean, recalled, row_of
 from .jit import inline, kernel
 from .lane_memory import gather, gather3, load_row, store_row
 from .lane_questions import count, first, lane_numbers, pick, some
@@ -35,34 +39,42 @@ from .models.rows import MODEL
 from .scratch import BACKGROUND, FIRST, PACKETS, PRIMARY, RETIRED
 from .surface import GOURAUD, between, fill, vertex_entry
 from .tint import apply_tint, tint
-from .vector import multiply, scale
-from .view import aim, load3, pixel_width, struck
+from .vector import load3, multiply, scale
+from .view import aim, pixel_width, struck
 
 
 @kernel
-def render_tiles(geometry, lights, textures, view, style, vertex_light, scratch, corner, span, scale, wanted, film):
+def render_tiles(
+    geometry, lights, textures, view, style, vertex_light, scratch, corner, span, scale, wanted, film, edges, again
+):
     """Render the tiles [span[0], span[1]), counted along the rows of `film`, float32 (height, width, 4 or FILM).
 
     Args: vertex_light: float64 (n, 14), lit vertices for Gouraud shading; corner: (x, y) of the film in the whole
         picture; scale: of the world; wanted: int64 (textures,), set to 1 for every texture that was met but is not read
-        yet: the tiles must be rendered again.
+        yet: the tiles must be rendered again. edges: float32 (tiles, 4, TILE, EDGE), what tiles know of one another,
+        written by a first call for all tiles; again: only the pixels that those tell to need all samples after all.
 
     A few samples of all pixels of a tile come first, then more of those that don't agree.
     """
     geometry, lights, textures, view = borrow(geometry), borrow(lights), borrow(textures), borrow(view)
     vertex_light, scratch, wanted, film = borrow(vertex_light), borrow(scratch), borrow(wanted), borrow(film)
+    edges = borrow(edges)
     scene = geometry, lights, textures, view, style, vertex_light
     entries, todo, counts, directed = scratch.entries, scratch.todo, scratch.counts, count_directed(lights)
     columns = -(-film.shape[1] // TILE)
     for tile in range(span[0], span[1]):
         left, top = tile % columns * TILE, tile // columns * TILE
         size = min(TILE, film.shape[1] - left), min(TILE, film.shape[0] - top)
-        pending = list_pixels(scratch, size)
+        pending = list_recalled(scratch, size, edges, tile, columns) if again else list_pixels(scratch, size)
+        if again:
+            scratch.counts[RETIRED] -= pending * (style.samples - FIRST)
         for done in range(0, style.samples, FIRST):
             batch = min(FIRST, style.samples - done)
             each = WIDE // batch  # pixels a packet, all samples of a pixel on end
             turn = (lane_numbers() * (256 // batch + 1)) >> 8  # lane // batch
             packets = -(-pending // each)
+            if pending == 0:
+                break
             for e in range(packets):
                 there = turn < min(each, pending - e * each)
                 pixels = gather(todo, select(there, turn, 0) + e * each)
@@ -73,21 +85,22 @@ def render_tiles(geometry, lights, textures, view, style, vertex_light, scratch,
                 counts[BACKGROUND] += count(there & (items < 0)) * directed
             if style.shading != GOURAUD:
                 light_entries(geometry, lights, style, scratch, packets)
+            for e in range(packets):
+                add_background(entries[e], load_row(scratch.items, e), style.background)
             if style.samples > 1:
                 if done == 0:
                     clear(scratch.sums)
                 for e in range(packets):
                     k = e * each
                     develop(entries[e], scratch.sums, todo[k : min(k + each, pending)], batch, style.layers)
-                pending = keep(scratch, size, pending, style.samples - done - batch)
-                if pending == 0:
-                    break
-        pixels_in_all = list_pixels(scratch, size)
-        for k in range(0, pixels_in_all, WIDE):
+                if done == 0 and style.samples > FIRST and not again:
+                    pending = keep(scratch, size, pending, style.samples - FIRST, edges[tile])
+        taken = pending if again else list_pixels(scratch, size)
+        for k in range(0, taken, WIDE):
             entry = entries[k // WIDE]  # with one sample a pixel that is the pixel
             if style.samples > 1:
-                mean(scratch.sums, todo[k : min(k + WIDE, pixels_in_all)], style.layers, entry)
-            finish(entry, load_row(todo, k // WIDE), lane_numbers() < pixels_in_all - k, scale, film, left, top)
+                mean(scratch.sums, todo[k : min(k + WIDE, taken)], style.layers, entry)
+            finish(entry, load_row(todo, k // WIDE), lane_numbers() < taken - k, scale, film, left, top)
 
 
 @inline
@@ -102,16 +115,31 @@ def list_pixels(scratch, size):
 
 
 @inline
-def keep(scratch, size, pending, remaining):
-    """Strike the pixels that need none of the remaining samples off the list; returns how many still do."""
+def list_recalled(scratch, size, edges, tile, columns):
+    """Put the pixels of a tile that need more samples for a neighbour in another tile on the list; returns how many."""
     left = 0
-    if remaining > 0:
-        for k in range(pending):
-            p = scratch.todo[k]
-            if not retired(scratch.sums, p, size):
-                scratch.todo[left] = p
-                left += 1
-        scratch.counts[RETIRED] += (pending - left) * remaining
+    for k in range(TILE * TILE):
+        p = scratch.order[k]
+        if p % TILE < size[0] and p // TILE < size[1] and recalled(edges, tile, columns, p):
+            scratch.todo[left] = p
+            left += 1
+    return left
+
+
+@inline
+def keep(scratch, size, pending, remaining, edges):
+    """Strike the pixels that need none of the remaining samples off the list; returns how many still do.
+
+    Args: edges: of the tile, filled for its neighbours.
+    """
+    left = 0
+    for k in range(pending):
+        p = scratch.todo[k]
+        retired = agrees(scratch.sums, p, size)
+        keep_edge(scratch.sums, p, size, retired, edges)
+        scratch.todo[left] = p
+        left += not retired
+    scratch.counts[RETIRED] += (pending - left) * remaining
     return left
 
 
@@ -139,7 +167,7 @@ def cast(scene, scratch, entry, x, y, samples, there, wanted):
     while some(left):
         item = pick(items, first(left))
         mine = left & (items == item)
-        fill(entry, geometry, item, mine, faces, u, v, backward, style)
+        fill(entry, geometry, item, mine, faces, u, v, backward, view, style)
         tint(entry, geometry, textures, wanted, item, mine, faces, u, v, pixel_width(view, depth))
         material = geometry.rows[item]
         put1(entry, ALPHA, mine, alpha(material))
@@ -194,14 +222,13 @@ def light_vertices(geometry, lights, view, style, scratch, origins, item, span, 
     """
     geometry, lights, view = borrow(geometry), borrow(lights), borrow(view)
     scratch, origins, out = borrow(scratch), borrow(origins), borrow(out)
-    eye, forward = load3(view.eye), load3(view.forward)
     for begin in range(span[0], span[1], PACKETS * WIDE):
         packets = -(-min(PACKETS * WIDE, span[1] - begin) // WIDE)
         for e in range(packets):
             entry, k = scratch.entries[e], begin + e * WIDE
             mine = lane_numbers() < span[1] - k
             at = select(mine, lane_numbers(), 0) + k
-            vertex_entry(entry, geometry, origins, item, mine, at, eye, forward, view.orthographic)
+            vertex_entry(entry, geometry, origins, item, mine, at, view)
             store_row(entry, W, single(gather(geometry.w, at)))
             store_row(scratch.items, e, select(mine, item, -1))
         light_entries(geometry, lights, style, scratch, packets)

@@ -25,6 +25,7 @@ class Textures(NamedTuple):
     levels: npt.NDArray[np.int64]
     start: npt.NDArray[np.int64]
     depth: npt.NDArray[np.int64]
+    wrap: npt.NDArray[np.int64]
 
 
 @inline
@@ -55,7 +56,7 @@ def tint(entry, geometry, textures, wanted, item, mine, faces, u, v, width):
             at = np.float64(pick(s0, lane)), np.float64(pick(s1, lane)), np.float64(pick(footprint, lane))
             first, depth = textures.start[texture], textures.depth[texture]
             entry[TINT, lane], entry[TINT + 1, lane], entry[TINT + 2, lane] = sample_texture(
-                textures.texels, textures.levels, first, depth, at[0], at[1], at[2]
+                textures.texels, textures.levels, first, depth, textures.wrap[texture], at[0], at[1], at[2]
             )
 
 

@@ -17,6 +17,12 @@ def load(array, i):
 
 
 @inline
+def load3(a):
+    """A (3,) array as a triple."""
+    return a[0], a[1], a[2]
+
+
+@inline
 def dot(a, b):
     """a·b"""
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]

@@ -15,6 +15,7 @@ from .origins import ray_origins
 from .outermost import outermost_normals
 from .placement import Placement
 from .products import product
+from .settings import Normals
 from .weld import CREASE, sum_groups, weld
 
 if TYPE_CHECKING:
@@ -26,13 +27,17 @@ Ints = npt.NDArray[np.int64]
 INSTANCED = 4.0  # the ray's own way into an instance's frame is rounded too, as if coordinates were that large
 
 
-def smooth_normals(mesh: Mesh) -> Floats:
-    """Unit normals (n, 3) in the mesh's own frame, its own if it has some; zero where there is none."""
-    if mesh.normals is not None:
+def smooth_normals(mesh: Mesh, normals: Normals = "file") -> Floats:
+    """Unit normals (n, 3) in the mesh's own frame; zero where there is none.
+
+    Args: normals: as `raytrace.settings.Settings` has it.
+    """
+    if normals == "file" and mesh.normals is not None:
         return normalize(mesh.normals)
     vertices = Placement.of(mesh).vertices
     placed = vertices.astype(np.float64)
-    own = vertex_sums(placed, mesh.faces, *face_normals(placed, mesh.faces))
+    weighting = "angle" if normals == "file" else normals
+    own = vertex_sums(placed, mesh.faces, *face_normals(placed, mesh.faces), weighting)
     group = weld(vertices, normalize(own), CREASE)
     return normalize(sum_groups(group, own))[group]
 

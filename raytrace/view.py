@@ -17,7 +17,7 @@ from .lanes import WIDE, double, select, single
 from .sampling import mix as mix_array
 from .sampling import owen_sobol, seed_key
 from .settings import Settings
-from .vector import add, dot, scale, unit
+from .vector import add, dot, load3, scale, unit
 
 Floats = npt.NDArray[np.float64]
 _SETS = 256
@@ -106,12 +106,6 @@ def viewing_ray(view, x, y, lens_x, lens_y):
             shift = add(scale(view.lens * lens_x, right), scale(view.lens * lens_y, above))
             direction = unit(add(sharp, scale(-1.0, shift)))
     return add(load3(view.eye), shift), direction
-
-
-@inline
-def load3(a):
-    """A (3,) array as a triple."""
-    return a[0], a[1], a[2]
 
 
 @inline

@@ -21,6 +21,7 @@ from .occluders import SLACK, cluster, pack_boxes
 from .placement import Placement
 from .products import product
 from .scene import Object, Scene, Shape
+from .settings import Normals
 from .vertices import INSTANCED, smooth_normals, vertex_origins
 
 Floats = npt.NDArray[np.float64]
@@ -76,6 +77,7 @@ class World:
         geometry, lights: what kernels read. embree: keeps the scene and its buffers alive.
         centre, scale: a world point p stands at (p − centre) · scale here; scale is a power of two.
         textures: the scene's textures, in the order of `geometry.texture`.
+        normals: of vertices, see `raytrace.settings.Settings`.
     """
 
     geometry: Geometry
@@ -84,6 +86,7 @@ class World:
     centre: Floats
     scale: float
     textures: tuple[Any, ...]
+    normals: Normals = "file"
 
     @cached_property
     def vertex_origins(self) -> npt.NDArray[np.float32]:
@@ -100,8 +103,8 @@ class _Piece(NamedTuple):
     from_shape: Floats  # (4, 4)
 
 
-def build(scene: Scene, keep: bool = True) -> World:
-    """The Embree scene and the arrays of `scene`, made when they are first asked for.
+def build(scene: Scene, normals: Normals = "file", keep: bool = True) -> World:
+    """The Embree scene and the arrays of `scene` with such vertex normals, made when they are first asked for.
 
     A shape that one object uses is placed once and for all; one that several use becomes instances.
 
@@ -111,8 +114,8 @@ def build(scene: Scene, keep: bool = True) -> World:
         EmbreeError: Embree failed, out of memory for instance.
     """
     world = _worlds.get(scene)
-    if world is None:
-        world = _build(scene)
+    if world is None or world.normals != normals:
+        world = _build(scene, normals)
         if keep:
             _worlds[scene] = world
     return world
@@ -121,7 +124,7 @@ def build(scene: Scene, keep: bool = True) -> World:
 _worlds: WeakKeyDictionary[Scene, World] = WeakKeyDictionary()
 
 
-def _build(scene: Scene) -> World:
+def _build(scene: Scene, weighting: Normals) -> World:
     whole = _bounds(scene)
     placement = Placement.of(whole)
     centre, scale = whole.centre, placement.scale
@@ -134,7 +137,9 @@ def _build(scene: Scene) -> World:
     shapes = {key: items[0].shape for key, items in uses.items()}
     order = {key: row for row, key in enumerate(shapes)}
     pieces = {
-        key: _shared(shapes[key]) if len(items) > 1 else _single(shapes[key], place @ items[0].transform)
+        key: _shared(shapes[key], weighting)
+        if len(items) > 1
+        else _single(shapes[key], place @ items[0].transform, weighting)
         for key, items in uses.items()
     }
     vertex_starts = _starts([len(shape.mesh.vertices) for shape in shapes.values()])
@@ -182,14 +187,15 @@ def _build(scene: Scene) -> World:
         normal_to_world=normal_to_world,
         mirrored=mirrored,
         placed=np.array([pieces[id(item.shape)].scene is None for item in scene.objects]),
-        authored=np.array([item.shape.mesh.normals is not None for item in scene.objects]),
+        authored=np.array([weighting == "file" and item.shape.mesh.normals is not None for item in scene.objects]),
         magnitude=magnitude,
         texture=np.array([textures.index(t) if (t := item.shape.texture) else -1 for item in scene.objects]),
         kinds=kinds,
         rows=rows,
         boxes=pack_boxes(np.concatenate(boxes)),
     )
-    return World(geometry, _place_lights(scene.lights, centre, scale), embree, centre, scale, textures)
+    lights = _place_lights(scene.lights, centre, scale)
+    return World(geometry, lights, embree, centre, scale, textures, weighting)
 
 
 def _bounds(scene: Scene) -> Mesh:
@@ -217,19 +223,19 @@ def _starts(lengths: list[int]) -> npt.NDArray[np.int64]:
     return np.concatenate([[0], np.cumsum(lengths[:-1])]).astype(np.int64)
 
 
-def _shared(shape: Shape) -> _Piece:
+def _shared(shape: Shape, weighting: Normals) -> _Piece:
     mesh = shape.mesh
     placement = Placement.of(mesh)
     matrix = np.diag([placement.scale, placement.scale, placement.scale, 1.0])
     matrix[:3, 3] = -placement.scale * mesh.centre
-    normals = smooth_normals(mesh).astype(np.float32)
+    normals = smooth_normals(mesh, weighting).astype(np.float32)
     return _Piece(placement.vertices, normals, TriangleScene(placement.vertices, mesh.faces), matrix)
 
 
-def _single(shape: Shape, matrix: Floats) -> _Piece:
+def _single(shape: Shape, matrix: Floats, weighting: Normals) -> _Piece:
     mesh, linear = shape.mesh, matrix[:3, :3]
     vertices = (product(mesh.vertices, linear.T) + matrix[:3, 3]).astype(np.float32)
-    normals = normalize(product(smooth_normals(mesh), np.linalg.inv(linear))).astype(np.float32)
+    normals = normalize(product(smooth_normals(mesh, weighting), np.linalg.inv(linear))).astype(np.float32)
     return _Piece(vertices, normals, None, matrix)
 
 

@@ -23,6 +23,7 @@ class FalloffForm(StrEnum):
 
 
 class Hidden(StrEnum):
+    auto = "auto"
     ignore = "ignore"
     mark = "mark"
     fill = "fill"

@@ -22,6 +22,7 @@ Quadruple = tuple[Number, Number, Number, Number]
 T = TypeVar("T")
 Many = Annotated[list[T], Field(fail_fast=True)]  # the first fault is enough
 Text = Annotated[str, Field(strict=True)]
+WrapMode = Literal[10497, 33648, 33071]
 
 
 class _Table(BaseModel):
@@ -120,6 +121,12 @@ class _Holder(_Table):
 
 class _Texture(_Table):
     source: Whole | None = None
+    sampler: Whole = 0
+
+
+class _Sampler(_Table):
+    wrapS: WrapMode = 10497
+    wrapT: WrapMode = 10497
 
 
 class _TextureReference(_Table):
@@ -190,6 +197,7 @@ class _Extensions(_Table):
 class _Appearance(_Table):
     nodes: Many[_Holder] = []
     textures: Many[_Texture] = []
+    samplers: Many[_Sampler] = []
     materials: Many[_Material] = []
     cameras: Many[Annotated[_PerspectiveCamera | _OrthographicCamera, Field(discriminator="type")]] = []
     extensions: _Extensions = _Extensions()

@@ -9,6 +9,7 @@ nearest here is Cook–Torrance's of RMS slope m = α, whose weights are k_d = 1
 - alpha mode BLEND with a base alpha below 1: Strauss, the one model with transparency;
 - KHR_materials_unlit without texture: emission of the base colour, and no reflection;
 - emission: emissiveFactor times KHR_materials_emissive_strength;
+- doubleSided: both sides reflect what falls on them, two_sided = "viewer";
 - no material, or one without the metallic-roughness table: the neutral matt grey, or matt white.
 
 The ambient reflectance is the base colour. Of textures only the base colour's is used; a metallic-roughness texture
@@ -45,7 +46,7 @@ def material_of(asset: Gltf, primitive: dict[str, Any]) -> BaseMaterial:
     *base, alpha = (float(c) for c in np.clip(surface.get("baseColorFactor", [1, 1, 1, 1]), 0, 1))
     strength = extensions.get("KHR_materials_emissive_strength", {}).get("emissiveStrength", 1.0)
     glow = [strength * value for value in stored.get("emissiveFactor", [0, 0, 0])]
-    common: dict[str, Any] = {"emission": glow, "two_sided": bool(stored.get("doubleSided", False))}
+    common: dict[str, Any] = {"emission": glow, "two_sided": "viewer" if stored.get("doubleSided") else False}
 
     if "KHR_materials_unlit" in extensions and base_texture(asset, primitive) is None:
         return material_from_dict(common | {"model": "lambert", "albedo": 0.0, "emission": base})

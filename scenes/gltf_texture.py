@@ -1,11 +1,12 @@
 """Base colour textures of a glTF file and the coordinates they are looked up by.
 
-Wrapping is always repetition, and filtering the renderer's: samplers are not read, nor KHR_texture_transform.
-Format: Khronos glTF 2.0 specification, sections 3.6.2 and 3.8.
+Of samplers the wrap modes are read; filtering is the renderer's. KHR_texture_transform is not read.
+Format: Khronos glTF 2.0 specification, sections 3.6.2, 3.8 and 5.26.
 """
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 from urllib.parse import unquote
 
@@ -13,7 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from raytrace.errors import SceneError
-from raytrace.texture import Texture
+from raytrace.texture import Texture, Wrap
 
 from .confined import confined
 from .gltf import Gltf, reference
@@ -22,6 +23,8 @@ from .gltf_materials import base_texture
 from .located import shown
 
 Floats = npt.NDArray[np.float64]
+_REPEAT = 10497
+_MODES: dict[int, Wrap] = {_REPEAT: "repeat", 33648: "mirrored_repeat", 33071: "clamp_to_edge"}
 
 
 class Textures:
@@ -29,7 +32,7 @@ class Textures:
 
     def __init__(self, asset: Gltf) -> None:
         self._asset, self._path = asset, asset.path
-        self._made: dict[int, Texture] = {}
+        self._made: dict[tuple[int, tuple[Wrap, Wrap]], Texture] = {}
 
     def of(self, primitive: dict[str, Any]) -> tuple[Floats, Texture] | None:
         """Coordinates uv (n, 2), v upwards, and the texture of a primitive that has both, or None.
@@ -42,12 +45,20 @@ class Textures:
         if used is None:
             return None
         attribute = f"TEXCOORD_{used.get('texCoord', 0)}"
-        image = entry(self._asset, "textures", used["index"]).get("source")
+        stored = entry(self._asset, "textures", used["index"])
+        image = stored.get("source")
         if attribute not in primitive["attributes"] or image is None:
             return None
-        if image not in self._made:
-            self._made[image] = self._texture(image)
-        return _coordinates(self._asset, primitive["attributes"][attribute]), self._made[image]
+        key = image, self._wrap(stored)
+        if key not in self._made:
+            self._made[key] = replace(self._texture(image), wrap=key[1])
+        return _coordinates(self._asset, primitive["attributes"][attribute]), self._made[key]
+
+    def _wrap(self, texture: dict[str, Any]) -> tuple[Wrap, Wrap]:
+        """The modes of a texture's sampler, or repetition without one."""
+        sampler = entry(self._asset, "samplers", texture["sampler"]) if "sampler" in texture else {}
+        along_u, along_v = (_MODES[sampler.get(axis, _REPEAT)] for axis in ("wrapS", "wrapT"))
+        return along_u, along_v
 
     def _texture(self, number: int) -> Texture:
         stored = entry(self._asset, "images", number)

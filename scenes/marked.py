@@ -21,9 +21,10 @@ COLOURS = {
     ao.Flag.UNREFERENCED: (0.1, 0.3, 1.0),
     ao.Flag.DEGENERATE: (1.0, 0.8, 0.0),
     ao.Flag.OPPOSED: (0.0, 0.8, 0.9),
+    ao.Flag.FOLDED: (0.1, 0.8, 0.1),
     ao.Flag.HIDDEN: (1.0, 0.0, 0.6),
 }
-"""Linear RGB of the dot on a vertex: blue, yellow, cyan, magenta; the last flag of a vertex wins."""
+"""Linear RGB of the dot on a vertex: blue, yellow, cyan, green, magenta; the last flag of a vertex wins."""
 
 _WIDTH, _HEIGHT, _DOT = 960, 720, 2
 
@@ -40,7 +41,7 @@ def write_marked(target: Path, mesh: Mesh, baked: ao.Bake) -> None:
         OptionError: not the ending of a picture. OutputError: the file cannot be written.
     """
     camera = Camera.framing(mesh, (0.55, -1.0, 0.4), aspect=_WIDTH / _HEIGHT)
-    white = Object(Shape(mesh, Lambert(albedo=1, two_sided=True)), w=baked.w)
+    white = Object(Shape(mesh, Lambert(albedo=1, two_sided="viewer")), w=baked.w)
     scene = Scene((white,), (AmbientLight(intensity=1),), (0.05, 0.05, 0.05))
     frame = render(scene, camera, Settings(width=_WIDTH, height=_HEIGHT), layers=False)
     picture = np.array(frame.layers["beauty"][..., :3])

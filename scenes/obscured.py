@@ -40,14 +40,16 @@ def obscured(
     if isinstance(options.source, Path):
         count = sum(len(item.shape.mesh.vertices) for item in scene.objects)
         return scene.with_obscurance(_read(options.source, count)), None
-    wanted = seen_vertices(scene, description.camera, description.settings, threads)
+    settings = description.settings
+    wanted = seen_vertices(scene, description.camera, settings, threads)
     made = ao.bake(
         scene.flattened(),
         options.falloff,
         options.samples,
         options.seed,
         threads,
-        progress=progress,
+        "angle" if settings.normals == "file" else settings.normals,
+        progress,
         only=wanted,
     )
     return scene.with_obscurance(made.w), made

@@ -120,6 +120,7 @@ def metadata(source: Path, description: SceneDescription) -> dict[str, str]:
         "samples": str(settings.samples),
         "seed": str(settings.seed),
         "shading": settings.shading,
+        "normals": settings.normals,
         "obscurance": settings.obscurance,
     }
 

@@ -72,7 +72,12 @@ def reference(
     order = np.random.default_rng(_SEED).permutation(len(receivers.points))
     chosen = np.sort(order[:vertices])
     points = receivers.points[chosen]
-    return Reference(receivers.first_vertex[chosen], trace(receivers.scene, placement, points, mus, rays, threads))
+    w = trace(receivers.scene, placement, points, mus, rays, threads)
+    corners = receivers.corners.only(chosen)
+    if len(corners):
+        places = trace(receivers.scene, placement, corners.places, mus, rays, threads)
+        w[:, corners.rows] = corners.mean(places.T).T
+    return Reference(receivers.first_vertex[chosen], w)
 
 
 def trace(

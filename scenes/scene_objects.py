@@ -58,7 +58,7 @@ class ObjectReader:
     def __init__(self, source: Path, materials: dict[str, BaseMaterial]) -> None:
         self._source, self._materials = source, materials
         self._geometry: dict[Any, Geometry] = {}
-        self._textures: dict[Path, Texture] = {}
+        self._textures: dict[Texture, Texture] = {}
         self._gltf: dict[Path, tuple[Object, ...]] = {}
         self._shapes: dict[Any, Shape] = {}
         self._stored: dict[int, int] = {}
@@ -101,7 +101,9 @@ class ObjectReader:
             unknown = (nearest_name(key, ("mesh", "builtin")) for key in table.model_extra or {})
             raise SceneError(self._source, path, "either mesh or builtin", got, next(filter(None, unknown), None))
         material = None if table.material is None else self._material(table.material, joined(path, "material"))
-        texture = None if table.texture is None else self._texture(table.texture, joined(path, "texture"))
+        if table.wrap is not None and table.texture is None:
+            raise SceneError(self._source, joined(path, "wrap"), "texture with it", "none")
+        texture = None if table.texture is None else self._texture(table, path)
         if table.builtin is not None:
             solid = self._solid(table, path)
             with located(self._source, path):
@@ -161,9 +163,10 @@ class ObjectReader:
         with located(self._source, path):
             return material_from_dict(given)
 
-    def _texture(self, given: str, path: str) -> Texture:
-        file = confined(given, self._source.parent, self._source, path)
-        return self._textures.setdefault(file, Texture(file))
+    def _texture(self, table: ObjectTable, path: str) -> Texture:
+        file = confined(table.texture or "", self._source.parent, self._source, joined(path, "texture"))
+        texture = Texture(file, wrap=table.wrap or ("repeat", "repeat"))
+        return self._textures.setdefault(texture, texture)
 
     def _solid(self, table: ObjectTable, path: str) -> Solid:
         kind = SOLIDS.get(table.builtin or "")

@@ -10,8 +10,9 @@ from typing import Annotated, Any, get_args
 
 from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, StrictBool, ValidationError
 
-from raytrace.errors import SceneError, nearest_name
+from raytrace.errors import OptionError, SceneError, nearest_name
 from raytrace.fields import Radiance, expectation, first_fault
+from raytrace.texture import wrap_modes
 
 from .located import joined, shown
 
@@ -30,6 +31,13 @@ def _length(value: Any) -> Any:
     if isinstance(value, bool) or not isinstance(value, int | float | str):
         raise ValueError('a length, such as 0.5, "25%" or inf')
     return value
+
+
+def _wrap(value: Any) -> Any:
+    try:
+        return wrap_modes(value)
+    except OptionError as error:
+        raise ValueError(error.expected) from None
 
 
 def _affine(rows: list[list[float]]) -> list[list[float]]:
@@ -75,6 +83,7 @@ class ObjectTable(Transform):
     builtin: str | None = None
     material: Annotated[Any, BeforeValidator(_name_or_table)] = None
     texture: str | None = None
+    wrap: Annotated[Any, BeforeValidator(_wrap)] = None
     own_normals: StrictBool = True
     copies: Annotated[list[Transform], Field(min_length=1, fail_fast=True)] | None = None
 
@@ -99,6 +108,7 @@ class RenderTable(Table):
     height: Whole | None = None
     samples: Whole | None = None
     shading: str | None = None
+    normals: str | None = None
     shadows: StrictBool | None = None
     terminator: StrictBool | None = None
     crop: tuple[Whole, Whole, Whole, Whole] | None = None

@@ -48,7 +48,8 @@ TOML = {
         {"name": "other", "preset": "gold"},
     ],
     "objects": [
-        {"mesh": "square.obj", "material": "glaze", "rotate": [90.0, 0.0, 0.0], "texture": "paint.png"},
+        {"mesh": "square.obj", "material": "glaze", "rotate": [90.0, 0.0, 0.0], "texture": "paint.png",
+         "wrap": ["repeat", "clamp_to_edge"]},
         {"builtin": "plane", "size": [8.0, 8.0], "fineness": 2.0, "material": {"model": "lambert", "albedo": 0.5}},
         {
             "name": "pearl",
@@ -109,6 +110,7 @@ EXTRAS = {
         {"pbrMetallicRoughness": {"baseColorTexture": {"index": 0, "texCoord": 0}, "roughnessFactor": 0.4}},
     ],
     "textures": [{"source": 0, "sampler": 0}],
+    "samplers": [{"wrapS": 33071, "wrapT": 33648, "magFilter": 9729}],
     "images": [{"uri": "paint.png"}],
     "cameras": [{"type": "perspective", "perspective": {"yfov": 0.8, "znear": 0.1, "zfar": 100}}],
     "extensions": {

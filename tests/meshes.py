@@ -62,3 +62,11 @@ MESHES = {
     "boxes": turned(two_boxes()),
     "hills": turned(hills()),
 }
+
+
+def crumpled(part: Part, share: float, seed: int) -> Part:
+    """`part` with noise of `share` of its mean edge in each coordinate, so that it folds over itself."""
+    vertices, faces = part
+    edges = vertices[faces] - vertices[np.roll(faces, 1, axis=1)]
+    size = share * float(np.linalg.norm(edges, axis=2).mean())
+    return vertices + np.random.default_rng(seed).normal(scale=size, size=vertices.shape), faces

@@ -91,3 +91,49 @@ def bake(
         value = mu(nearest_hits(origins, directions, vertices[faces]), tau, max_distance)
         w[i], error[i] = value.mean(), value.std(ddof=1) / math.sqrt(rays)
     return Reference(w, error)
+
+
+def folded(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
+    """The vertices whose angle-weighted normal lies behind one of their own faces."""
+    normals = angle_weighted_normals(vertices, faces)
+    a, b, c = vertices[faces].transpose(1, 0, 2)
+    across = np.cross(b - a, c - a)
+    behind = np.einsum("fkj,fj->fk", normals[faces], across) <= 0
+    return np.unique(faces[behind])
+
+
+def corner_means(
+    vertices: np.ndarray,
+    faces: np.ndarray,
+    which: np.ndarray,
+    tau: float | None,
+    places: int = 30,
+    rays: int = 40,
+    seed: int = 0,
+) -> np.ndarray:
+    """w (k,) at the vertices `which` (k,): the mean over the angles of their corners, of w close by on each face.
+
+    At random directions and distances, a 20th to a 60th of the way to the opposite edge, with the face's own normal.
+    """
+    rng = np.random.default_rng(seed)
+    lift = LIFT * np.ptp(vertices, axis=0).max()
+    means = np.empty(len(which))
+    for i, vertex in enumerate(which):
+        total = angles = 0.0
+        for face in faces[(faces == vertex).any(axis=1)]:
+            k = int(np.argmax(face == vertex))
+            here = vertices[vertex]
+            one, other = vertices[face[(k + 1) % 3]] - here, vertices[face[(k + 2) % 3]] - here
+            normal = np.cross(one, other)
+            angle = math.atan2(np.linalg.norm(normal), one @ other)
+            normal /= np.linalg.norm(normal)
+            turn = rng.uniform(0, angle, places)[:, None]
+            s, t = np.sin(angle - turn) / np.linalg.norm(one), np.sin(turn) / np.linalg.norm(other)
+            edge = (s * one + t * other) / (s + t)
+            origins = here + edge * rng.uniform(1 / 60, 1 / 20, (places, 1)) + lift * normal
+            directions = cosine_directions(rng, normal, places * rays)
+            hits = nearest_hits(np.repeat(origins, rays, axis=0), directions, vertices[faces])
+            total += angle * mu(hits, tau, math.inf).mean()
+            angles += angle
+        means[i] = total / angles
+    return means

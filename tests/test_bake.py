@@ -70,7 +70,7 @@ def test_vertices_without_a_normal_are_open_and_flagged():
     baked = ao.bake(mesh)
     assert baked.w.tolist() == [1.0] * 5
     assert baked.error[3:].tolist() == [0, 0]
-    assert baked.flagged == {"unreferenced": 1, "degenerate": 1, "opposed": 0, "hidden": 0}
+    assert baked.flagged == {"unreferenced": 1, "degenerate": 1, "opposed": 0, "hidden": 0, "folded": 0}
     assert baked.rays_skipped["no_normal"] == 2 * 256
 
 
@@ -153,8 +153,9 @@ def test_large_seeds_are_seeds_of_their_own(colonnade):
 
 def test_a_bake_of_some_vertices_is_that_part_of_the_whole(colonnade):
     wanted = np.arange(len(colonnade.vertices)) % 3 == 0
-    whole = ao.bake(colonnade, samples=16, reconstruct=False)
-    part = ao.bake(colonnade, samples=16, only=wanted)
+    whole = ao.bake(colonnade, samples=16, reconstruct=False, hidden="mark")
+    part = ao.bake(colonnade, samples=16, only=wanted, hidden="mark")
+    np.testing.assert_array_equal(part.flags[wanted], whole.flags[wanted])
     np.testing.assert_array_equal(part.w[wanted], whole.w[wanted])
     assert (part.w[~wanted] == 1).all()
     assert part.rays < 0.5 * whole.rays

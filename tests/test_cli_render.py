@@ -81,6 +81,7 @@ def test_every_ending_with_its_metadata(tmp_path, scene, ending):
         "samples": "4",
         "seed": "7",
         "shading": "phong",
+        "normals": "file",
         "obscurance": "off",
     }
     assert list(tmp_path.iterdir()) == [target]
@@ -147,7 +148,7 @@ def test_the_forms_of_obscurance(scene, folder, whole):
 
 
 def test_the_shadings_differ(scene, folder, whole):
-    made = [rendered(scene, folder / f"{s}.exr", "--shading", s) for s in ("constant", "gouraud", "quadratic")]
+    made = [rendered(scene, folder / f"{s}.exr", "--shading", s) for s in ("constant", "flat", "gouraud", "quadratic")]
     pictures = [whole["beauty"], *(layers["beauty"] for layers in made)]
     for number, one in enumerate(pictures):
         for other in pictures[:number]:

@@ -51,24 +51,28 @@ VECTOR = st.lists(NUMBER, min_size=3, max_size=3)
 COLOUR = SHARE | st.lists(SHARE, min_size=3, max_size=3)
 PATH = st.sampled_from([*PATHS, "square.obj", "sub/quad.glb", "paint.png"])
 INDEX = st.integers(0, 3)
+WRAP = st.sampled_from(["repeat", "mirrored_repeat", "clamp_to_edge", "clamp"])
 PLACE = {"translate": VECTOR, "rotate": VECTOR, "axis": VECTOR, "angle": NUMBER, "scale": NUMBER | VECTOR}
 MATERIAL = table(
     {"model": st.sampled_from(["lambert", "phong", "cook_torrance", "oren_nayar", "strauss", "poulin_fournier"])},
-    albedo=COLOUR, k_d=COLOUR, k_s=COLOUR, exponent=NUMBER, m=SHARE, colour=COLOUR, smoothness=SHARE, spacing=NUMBER,
+    albedo=COLOUR, two_sided=st.sampled_from([True, "viewer"]),
+    k_d=COLOUR, k_s=COLOUR, exponent=NUMBER, m=SHARE, colour=COLOUR, smoothness=SHARE, spacing=NUMBER,
 )  # fmt: skip
 SCENE = st.fixed_dictionaries(
     {
         "objects": many(
             table({"builtin": st.sampled_from([*scenes.solids.SOLIDS])}, fineness=NUMBER, size=NUMBER, radius=NUMBER,
                   level=INDEX, material=MATERIAL | st.just("gold"), copies=many(table({}, **PLACE)), **PLACE)
-            | table({"mesh": PATH}, texture=PATH, own_normals=st.booleans(), material=MATERIAL, **PLACE)
+            | table({"mesh": PATH}, texture=PATH, own_normals=st.booleans(),
+                    wrap=WRAP | st.lists(WRAP, max_size=3), material=MATERIAL, **PLACE)
         )
     },
     optional={
         "background": likely(COLOUR),
         "camera": table({}, position=VECTOR, target=VECTOR, up=VECTOR, field_of_view=NUMBER, height=NUMBER,
                         aperture=NUMBER, focus=NUMBER, direction=VECTOR),
-        "render": table({}, samples=INDEX, shading=st.sampled_from(["phong", "quadratic"]), seed=st.integers()),
+        "render": table({}, samples=INDEX, shading=st.sampled_from(["phong", "flat"]),
+                        normals=st.sampled_from(["file", "area", "none"]), seed=st.integers()),
         "obscurance": table({}, form=st.sampled_from(["book", "off"]), baked=PATH, tau=NUMBER, samples=INDEX,
                             half_distance=NUMBER | st.sampled_from(["25%", "inf", "nan%"])),
         "materials": many(st.fixed_dictionaries({"name": st.text(max_size=3)}, optional={"preset": st.just("gold")})),

@@ -145,7 +145,7 @@ def test_a_bad_camera_is_named(tmp_path):
 def test_matt_material(tmp_path):
     surface = {"baseColorFactor": [0.2, 0.4, 0.6, 1], "metallicFactor": 0}
     made = with_material(tmp_path, {"pbrMetallicRoughness": surface, "doubleSided": True})
-    assert made == Lambert(albedo=(0.2, 0.4, 0.6), two_sided=True)
+    assert made == Lambert(albedo=(0.2, 0.4, 0.6), two_sided="viewer")
     assert with_material(tmp_path, {"name": "white"}) == Lambert(albedo=1.0)
 
 

@@ -38,6 +38,46 @@ def test_an_image_inside_the_file_is_one_texture(tmp_path):
     assert one.shape.texture.data == b"picture!"
 
 
+def test_wrap_modes_of_samplers(tmp_path):
+    """Repetition by default, as glTF has it; one image by two samplers is two textures."""
+    builder = triangle()
+    fields = textured(builder, {"uri": "data:image/png;base64,QUJD"})
+    for number in range(1, 4):
+        builder.mesh({**builder.header["meshes"][0]["primitives"][0], "material": number})
+    surface = fields["materials"][0]["pbrMetallicRoughness"]
+    fields["materials"] = [
+        {"pbrMetallicRoughness": {**surface, "baseColorTexture": {"index": n}}} for n in (0, 1, 2, 3)
+    ]
+    fields["samplers"] = [{"wrapS": 33071, "wrapT": 33648, "magFilter": 9729}, {"wrapT": 33071}]
+    fields["textures"] = [{"source": 0}, {"source": 0, "sampler": 0}, {"source": 0, "sampler": 1}, {"source": 0}]
+    objects = read(tmp_path, builder, [{"mesh": n} for n in range(4)], **fields).scene.objects
+    textures = [item.shape.texture for item in objects]
+    assert [texture.wrap for texture in textures] == [
+        ("repeat", "repeat"),
+        ("clamp_to_edge", "mirrored_repeat"),
+        ("repeat", "clamp_to_edge"),
+        ("repeat", "repeat"),
+    ]
+    assert textures[0] is textures[3]
+
+
+@pytest.mark.parametrize(
+    ("sampler", "message"),
+    [
+        ({"wrapS": 1}, r"samplers\[0\]\.wrapS: expected 10497, 33648 or 33071, got 1"),
+        ({"wrapT": "x"}, r"samplers\[0\]\.wrapT: expected 10497, 33648 or 33071"),
+        (3, r"samplers\[0\]: expected an object"),
+        (None, r"there is no samplers\[0\]"),
+    ],
+)
+def test_hostile_samplers(tmp_path, sampler, message):
+    builder = triangle()
+    fields = textured(builder, {"uri": "data:image/png;base64,QUJD"})
+    fields["textures"] = [{"source": 0, "sampler": 0}]
+    with pytest.raises(MeshError, match=message):
+        read(tmp_path, builder, [{"mesh": 0}], **fields, **({} if sampler is None else {"samplers": [sampler]}))
+
+
 def test_an_image_beside_the_file(tmp_path):
     (tmp_path / "a b.png").write_bytes(b"picture")
     builder = triangle()

@@ -19,7 +19,7 @@ from scenes.stress.solids import cube, inward
 
 SETTINGS = Settings(width=48, height=48, samples=4, shading="gouraud")
 WHITE = Lambert(albedo=0.8)
-TWO_SIDED = Lambert(albedo=0.8, two_sided=True)
+TWO_SIDED = Lambert(albedo=0.8, two_sided="viewer")
 POSES = [(size, away, turn) for size in (1e-4, 1.0, 1e5) for away in (0.0, 1e6) for turn in (0, 1)]
 ROOM = Mesh(*inward(cube(6)))  # within ±1/2
 LAMPS = np.array([[3, 2, 2.5], [-3, 2.5, -2], [0.3, -4, 0.2], [0, 0, 3.0]])

@@ -9,10 +9,12 @@ import numpy as np
 import pytest
 import trimesh
 from command import process
+from meshes import crumpled as noisy
 
 import ao
 from raytrace import Mesh, OptionError
 from raytrace.image_input import read_image
+from scenes.shapes import icosphere
 
 
 @pytest.fixture(scope="module")
@@ -42,9 +44,72 @@ def outside(mesh: Mesh) -> np.ndarray:
     return off_ball & off_block
 
 
-def test_both_sides_are_surface_unless_asked(solids: Mesh) -> None:
-    baked = ao.bake(solids, ao.Binary(), samples=64)
+def test_both_sides_are_surface_if_asked(solids: Mesh) -> None:
+    baked = ao.bake(solids, ao.Binary(), samples=64, hidden="ignore")
     assert baked.flagged["hidden"] == 0
+
+
+def parts(*meshes: trimesh.Trimesh) -> Mesh:
+    both = trimesh.util.concatenate(list(meshes))
+    return Mesh(both.vertices, both.faces)
+
+
+def test_inside_closed_parts_vertices_are_filled_by_default(solids: Mesh) -> None:
+    baked, filled = ao.bake(solids, ao.Binary(), samples=64), ao.bake(solids, ao.Binary(), samples=64, hidden="fill")
+    np.testing.assert_array_equal(baked.flags, filled.flags)
+    np.testing.assert_array_equal(baked.w, filled.w)
+    assert baked.flagged["hidden"] > 100
+
+
+def test_hard_edges_stored_apart_close_a_part_too(solids: Mesh) -> None:
+    loose = Mesh(solids.vertices[solids.faces].reshape(-1, 3), np.arange(solids.faces.size).reshape(-1, 3))
+    found = ao.bake(loose, ao.Binary(), samples=16).flags & ao.Flag.HIDDEN != 0
+    assert found[inside(loose)].all()
+    assert not found[outside(loose)].any()
+
+
+def test_nothing_but_closed_parts_hides_by_default() -> None:
+    """Backs of open sheets, of a part's own faces, and of rooms whose faces look inwards are in sight of the eye."""
+    ball, floor = trimesh.creation.icosphere(subdivisions=3), trimesh.creation.box((6, 6, 1))
+    floor = floor.subdivide().subdivide().subdivide()
+    floor.apply_translation((0, 0, -0.5))
+    dome = trimesh.creation.icosphere(subdivisions=3, radius=2.5)
+    dome.update_faces((dome.triangles[:, :, 2] > 0.01).all(axis=1))
+    room = trimesh.creation.box((3, 3, 3)).subdivide()
+    room.invert()
+    through = trimesh.creation.box((0.5, 0.5, 5)).subdivide().subdivide()
+    through.apply_translation((0.7, 0.7, 0))
+    crumpled = trimesh.Trimesh(*noisy(icosphere(3), 0.5, 0), process=False)
+    for mesh in (parts(dome, floor), parts(room, through), parts(crumpled), parts(crumpled, dome)):
+        plain, baked = (ao.bake(mesh, samples=16, hidden=policy) for policy in ("ignore", "auto"))
+        assert baked.flagged["hidden"] == 0
+        np.testing.assert_array_equal(baked.w, plain.w)
+    assert ao.bake(parts(dome, floor), samples=16, hidden="mark").flagged["hidden"] > 0
+    assert ao.bake(parts(crumpled), samples=16, hidden="mark").flagged["hidden"] > 0
+    ball.apply_translation((0, 0, 0.1))
+    assert ao.bake(parts(ball, floor, dome), samples=16).flagged["hidden"] > 0
+
+
+def test_interpolation_no_longer_carries_the_dark_of_what_is_buried_into_sight() -> None:
+    """A coarse block that a ball is half sunk into: w in the visible parts of triangles with buried corners."""
+    block = trimesh.creation.box((4, 4, 1)).subdivide().subdivide().subdivide()
+    fine = block.subdivide().subdivide().subdivide()
+    ball = trimesh.creation.icosphere(subdivisions=4)
+    ball.apply_translation((0.03, 0.02, 0.5))
+    coarse, dense = parts(block, ball), parts(fine, ball)
+    truth = ao.bake(dense, ao.Binary(), samples=256, hidden="ignore")
+    x, y, z = dense.vertices[: len(fine.vertices)].T
+    seen = np.flatnonzero((np.abs(z - 0.5) < 1e-6) & ((x - 0.03) ** 2 + (y - 0.02) ** 2 > 1.05**2))
+    where = trimesh.proximity.closest_point_naive(block, fine.vertices[seen])[2]
+    weights = trimesh.triangles.points_to_barycentric(block.triangles[where], fine.vertices[seen])
+    off = {}
+    for policy in ("ignore", "auto"):
+        baked = ao.bake(coarse, ao.Binary(), samples=256, hidden=policy)
+        corners = block.faces[where]
+        near = inside(coarse)[corners].any(axis=1)
+        error = (weights * baked.w[corners]).sum(axis=1) - truth.w[seen]
+        off[policy] = float(np.sqrt(np.mean(error[near] ** 2)))
+    assert off["auto"] < off["ignore"] / 2
 
 
 def test_what_is_inside_is_found_and_nothing_else(solids: Mesh) -> None:

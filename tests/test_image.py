@@ -1,5 +1,7 @@
 """Pictures on disk, read back by OpenImageIO, by Pillow, and by our own reader."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from frames import METADATA, frame, plain
@@ -138,6 +140,15 @@ def test_a_coloured_background_makes_the_picture_opaque(tmp_path):
     assert picture.getpixel((0, 5)) == (188, 188, 188)
     expected = encode_srgb(written.layers["beauty"][..., :3])
     np.testing.assert_allclose(np.asarray(picture) / 255, expected, atol=0.51 / 255)
+
+
+def test_a_coloured_background_that_is_nowhere_bare_makes_the_picture_opaque_too(tmp_path):
+    """It is in the colour already: dividing by alpha would be wrong."""
+    seen = replace(plain((0.25, 0.125, 0.5, 0.5)), background=(0.0, 0.0, 0.8))
+    for ending in (".png", ".tif"):
+        write_frame(tmp_path / f"a{ending}", seen, {})
+        assert foreign(tmp_path / f"a{ending}")[0].nchannels == 3
+    assert pillow(tmp_path / "a.png").getpixel((0, 0)) == (137, 99, 188)
 
 
 def test_one_layer_of_fractions_as_a_grey_picture(tmp_path):

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from raytrace.errors import OptionError
 from raytrace.materials import (
     BlinnPhong,
     CookTorrance,
@@ -199,3 +200,14 @@ def test_two_sided_material_is_lit_from_below():
         assert reflect(Lambert(albedo=0.7, two_sided=two_sided), N, -l, v)[0] == pytest.approx(expected)
     one, two = Phong(k_d=0.5, k_s=0.5), Phong(k_d=0.5, k_s=0.5, two_sided=True)
     np.testing.assert_allclose(reflect(two, N, -l, -v), reflect(one, -N, -l, -v))
+
+
+def test_an_opaque_sheet_reflects_on_the_viewer_s_side():
+    l, v = towards(0.4), towards(0.8, 1.0)
+    one, sheet = Phong(k_d=0.5, k_s=0.5), Phong(k_d=0.5, k_s=0.5, two_sided="viewer")
+    np.testing.assert_array_equal(reflect(sheet, N, l, v), reflect(one, N, l, v))
+    np.testing.assert_allclose(reflect(sheet, N, -l, -v), reflect(one, -N, -l, -v))
+    assert not reflect(sheet, N, -l, v).any()
+    assert not reflect(sheet, N, l, -v).any()
+    with pytest.raises(OptionError, match='Phong: two_sided: expected true, false or "viewer", got both'):
+        Phong(k_d=0.5, two_sided="both")

@@ -5,6 +5,7 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
+from raytrace.errors import OptionError
 from raytrace.materials import (
     BlinnPhong,
     CookTorrance,
@@ -142,15 +143,47 @@ def test_directions_broadcast_and_need_not_be_unit():
     np.testing.assert_allclose(out[2, 3], reflect(material, n / 7, 3 * l[2, 0], v[3]), rtol=1e-12)
 
 
-def test_grain_of_the_surface_goes_before_the_material_s():
-    shared = {"albedo": 0.0, "k_s": 1.0, "m_parallel": 0.1, "m_perpendicular": 0.5}
+@pytest.mark.parametrize(
+    "brushed",
+    [
+        lambda **own: EllipticalBeckmann(albedo=0, m_parallel=0.1, m_perpendicular=0.5, **own),
+        lambda **own: PoulinFournier(k_d=0.2, k_s=0.5, spacing=3, **own),
+    ],
+)
+def test_a_material_s_own_grain_goes_before_the_tangent_of_the_surface(brushed):
     n, l, v = np.array([0, 0, 1.0]), np.array([1, 0, 1.0]), np.array([0.2, 0.3, 1])
-    along_x = reflect(EllipticalBeckmann(grain=(1, 0, 0), **shared), n, l, v)
-    along_y = reflect(EllipticalBeckmann(grain=(0, 1, 0), **shared), n, l, v)
+    along_x, along_y = (reflect(brushed(grain=g), n, l, v) for g in ((1, 0, 0), (0, 1, 0)))
     assert not np.allclose(along_x, along_y)
-    both = EllipticalBeckmann(grain=(1, 0, 0), **shared)
-    np.testing.assert_array_equal(reflect(both, n, l, v, grain=[0, 1, 0]), along_y)
-    np.testing.assert_array_equal(reflect(EllipticalBeckmann(**shared), n, l, v, grain=[0, 1, 0.5]), along_y)
+    np.testing.assert_array_equal(reflect(brushed(grain=(1, 0, 0)), n, l, v, grain=[0, 1, 0]), along_x)
+    np.testing.assert_array_equal(reflect(brushed(grain=(1e-200, 0, 0)), n, l, v, grain=[0, 1, 0]), along_x)
+    np.testing.assert_array_equal(reflect(brushed(grain=(1e200, 0, 0)), n, l, v, grain=[0, 1, 0]), along_x)
+    np.testing.assert_array_equal(reflect(brushed(), n, l, v, grain=[0, 1, 0.5]), along_y)
+
+
+@pytest.mark.parametrize("name", ["n", "l", "v", "grain"])
+@pytest.mark.parametrize(
+    ("value", "message"),
+    [
+        ([0, np.nan, 1], r"expected finite numbers, got \[ 0. nan  1.\] \(1 such\)"),
+        ([[0, 0, 1], [np.inf, 0, 1], [0, np.nan, 0]], r"expected finite numbers, got \[inf  0.  1.\] \(2 such\)"),
+        ([0, 0], r"expected an array of shape \(…, 3\), got shape \(2,\)"),
+        (np.nan, r"expected an array of shape \(…, 3\), got shape \(\)"),
+        ([[0, 0, 1], [1]], r"expected an array of shape \(…, 3\), got rows of different lengths"),
+        ("up", "expected real numbers"),
+        ([0, 0, 1j], "expected real numbers, got complex128"),
+    ],
+)
+def test_directions_that_are_none_are_refused_by_name(name, value, message):
+    given = {"n": [0, 0, 1], "l": [0, 0, 1], "v": [0, 0, 1], "grain": [1, 0, 0]}
+    with pytest.raises(OptionError, match=f"^reflect: {name}: {message}"):
+        reflect(CookTorrance(albedo=0.3, m=0.4), **given | {name: value})
+
+
+def test_directions_that_do_not_broadcast_are_refused():
+    with pytest.raises(
+        OptionError, match=r"n, l, v, grain: expected shapes that broadcast, got n \(2, 3\), l \(5, 3\)"
+    ):
+        reflect(CookTorrance(albedo=0.3, m=0.4), np.ones((2, 3)), np.ones((5, 3)), [0, 0, 1])
 
 
 def test_rows_are_wide_enough():

@@ -13,8 +13,9 @@ from raytrace.settings import Settings
     [
         ({"width": 0}, "width"),
         ({"samples": 0}, "samples"),
-        ({"shading": "flat"}, "shading"),
+        ({"shading": "smooth"}, "shading"),
         ({"obscurance": "yes"}, "obscurance"),
+        ({"normals": "own"}, "normals"),
         ({"crop": (0, 0, 2000, 1)}, "crop"),
         ({"seed": -1}, "seed"),
     ],

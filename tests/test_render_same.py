@@ -85,7 +85,9 @@ def test_every_ray_is_traced_or_accounted_for(still):
 
 
 def test_pixels_that_agree_are_retired_and_the_others_go_on(still, picture):
-    assert picture.rays["primary"] + picture.rays_skipped["primary_agreed"] == 16 * 96 * 64
+    twice = picture.rays["primary"] + picture.rays_skipped["primary_agreed"] - 16 * 96 * 64
+    assert twice % 4 == 0  # the first samples of pixels that a neighbour in another tile has recalled
+    assert 0 <= twice < 0.01 * picture.rays["primary"]
     assert 0.3 < picture.rays_skipped["primary_agreed"] / (12 * 96 * 64) < 1
     many = render(still, CAMERA, Settings(width=96, height=64, samples=256)).layers["beauty"]
     few = render(still, CAMERA, Settings(width=96, height=64, samples=4)).layers["beauty"]
@@ -143,8 +145,8 @@ def test_what_tells_which_vertices_are_seen_is_let_go_of(still, monkeypatch):
     """So a picture that bakes holds one Embree scene at a time."""
     made = []
 
-    def build_and_watch(scene, original=raytrace.world._build):
-        world = original(scene)
+    def build_and_watch(*arguments, original=raytrace.world._build):
+        world = original(*arguments)
         made.append(weakref.ref(world.embree))
         return world
 

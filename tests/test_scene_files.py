@@ -14,6 +14,7 @@ from raytrace.errors import MeshError, OptionError
 from raytrace.lights import AmbientLight, DirectionalLight, PointLight
 from raytrace.materials import OrenNayar
 from raytrace.settings import Settings
+from raytrace.texture import Texture
 from scenes.obscured import obscured
 from scenes.read import read_scene
 
@@ -39,6 +40,7 @@ shadows = false
 terminator = false
 crop = [10, 20, 30, 40]
 seed = 7
+normals = "area"
 [obscurance]
 form = "book"
 falloff = "exponential"
@@ -56,6 +58,7 @@ name = "it"
 mesh = "square.obj"
 material = "chalk"
 texture = "paint.png"
+wrap = ["clamp_to_edge", "mirrored_repeat"]
 translate = [1, 0, 0]
 rotate = [0, 0, 90]
 scale = 2
@@ -69,7 +72,7 @@ intensity = 0.2
 """,
     )
     assert made.camera == Camera((1, 2, 3), (0, 0, 0), (0, 1, 0), 50, aperture=0.1, focus=2.5)
-    assert made.settings == Settings(320, 200, 4, "gouraud", "book", False, False, (10, 20, 30, 40), 7)
+    assert made.settings == Settings(320, 200, 4, "gouraud", "book", False, False, (10, 20, 30, 40), 7, "area")
     assert made.bake.source == "bake"
     assert made.bake.falloff == ao.Exponential(tau=2.0, max_distance="25%")
     assert (made.bake.samples, made.bake.seed) == (64, 3)
@@ -81,7 +84,7 @@ intensity = 0.2
     (item,) = made.scene.objects
     assert item.name == "it"
     assert item.shape.material == OrenNayar(albedo=0.9, sigma=0.3)
-    assert item.shape.texture.path == tmp_path / "paint.png"
+    assert item.shape.texture == Texture(tmp_path / "paint.png", wrap=("clamp_to_edge", "mirrored_repeat"))
     np.testing.assert_allclose(item.transform @ [1, 0, 0, 1], [1, 2, 0, 1], atol=1e-15)
 
 

@@ -66,6 +66,14 @@ MISTAKES = {
     "objects[0].texture: expected a mesh with texture coordinates, got one without": (
         '[[objects]]\nbuiltin = "sponge"\nlevel = 1\ntexture = "paint.png"'
     ),
+    'objects[0].wrap: expected one or two of repeat, mirrored_repeat, clamp_to_edge, got "clamp"': (
+        PLAIN + 'texture = "paint.png"\nwrap = "clamp"'
+    ),
+    "objects[0].wrap: expected one or two of": PLAIN + 'texture = "paint.png"\nwrap = ["repeat", 3]',
+    "objects[0].wrap: expected texture with it, got none": PLAIN + 'wrap = "repeat"',
+    'objects[0].material.two_sided: expected true, false or "viewer", got light': (
+        PLAIN + 'material = { model = "lambert", albedo = 1, two_sided = "light" }'
+    ),
     "plain.obj: vt: expected texture coordinates": '[[objects]]\nmesh = "plain.obj"\ntexture = "paint.png"',
     'objects[0].translate[0]: expected a number, got "1"': PLAIN + 'translate = ["1", 0, 0]',
     "objects[0].translate": PLAIN + "translate = [1, 0]",
@@ -128,9 +136,10 @@ MISTAKES = {
     "render.width: expected a whole number from 1 to 32768, got 0": "[render]\nwidth = 0\n" + PLAIN,
     "render.width: expected a whole number, got 10.0": "[render]\nwidth = 10.0\n" + PLAIN,
     "render.samples: expected a whole number, got True": "[render]\nsamples = true\n" + PLAIN,
-    "render.shading: expected one of constant, gouraud, phong, quadratic, got flat": (
-        '[render]\nshading = "flat"\n' + PLAIN
+    "render.shading: expected one of constant, flat, gouraud, phong, quadratic, got smooth": (
+        '[render]\nshading = "smooth"\n' + PLAIN
     ),
+    "render.normals: expected one of file, angle, area, equal, got own": '[render]\nnormals = "own"\n' + PLAIN,
     "render.crop: expected a part of 960×640 pixels": "[render]\ncrop = [0, 0, 961, 1]\n" + PLAIN,
     "render.obscurance: expected one of width": '[render]\nobscurance = "off"\n' + PLAIN,
     'obscurance.form: expected one of off, ambient, book, got "on"': '[obscurance]\nform = "on"\n' + PLAIN,

@@ -1,7 +1,9 @@
 """Textures: what is read, what the pyramid holds, and what a look-up returns."""
 
 import io
+import itertools
 import os
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -10,26 +12,26 @@ import pytest
 from frames import plain
 
 from raytrace import texture as module
-from raytrace.errors import InputError
+from raytrace.errors import InputError, OptionError
 from raytrace.image import write_frame
 from raytrace.jit import kernel
 from raytrace.srgb import decode_srgb
-from raytrace.texture import Texture, pack_textures
+from raytrace.texture import WRAPS, Texture, pack_textures
 from raytrace.texture_kernel import sample_texture
 
 
 @kernel
-def looked_up(texels, levels, first, count, u, v, footprint):
+def looked_up(texels, levels, first, count, wrap, u, v, footprint):
     out = np.empty((len(u), 3))
     for i in range(len(u)):
-        out[i] = sample_texture(texels, levels, first, count, u[i], v[i], footprint[i])
+        out[i] = sample_texture(texels, levels, first, count, wrap, u[i], v[i], footprint[i])
     return out
 
 
 def sample(packed, u, v, footprint=0.0, texture=0):
     u, v, footprint = (np.array(each, float).ravel() for each in np.broadcast_arrays(u, v, footprint))
     first, count = packed.first[texture], packed.count[texture]
-    return looked_up(packed.texels, packed.levels, first, count, u, v, footprint)
+    return looked_up(packed.texels, packed.levels, first, count, packed.wrap[texture], u, v, footprint)
 
 
 def png(path, codes, **options):
@@ -46,13 +48,21 @@ def level(packed, number):
     return packed.texels[start : start + width * height].reshape(height, width, 3)
 
 
-def reference(image, u, v):
-    """Bilinear look-up with repetition, by NumPy."""
+WRAPPED = {
+    "repeat": lambda i, n: i % n,
+    "mirrored_repeat": lambda i, n: np.where(i // n % 2 == 0, i % n, n - 1 - i % n),
+    "clamp_to_edge": lambda i, n: np.clip(i, 0, n - 1),
+}
+
+
+def reference(image, u, v, wrap=("repeat", "repeat")):
+    """Bilinear look-up by NumPy: texels of the endless image that a wrap mode stands for."""
     height, width = image.shape[:2]
+    across, down = (WRAPPED[mode] for mode in wrap)
     x, y = u * width - 0.5, (1 - v) * height - 0.5
     column, row = np.floor(x).astype(int), np.floor(y).astype(int)
     s, t = (x - column)[:, None], (y - row)[:, None]
-    at = [[image[(row + i) % height, (column + j) % width] for j in (0, 1)] for i in (0, 1)]
+    at = [[image[down(row + i, height), across(column + j, width)] for j in (0, 1)] for i in (0, 1)]
     return (1 - t) * ((1 - s) * at[0][0] + s * at[0][1]) + t * ((1 - s) * at[1][0] + s * at[1][1])
 
 
@@ -81,9 +91,43 @@ def test_repetition(tmp_path):
         np.testing.assert_allclose(sample(packed, u + 3, v - 5, footprint), here, atol=1e-9)
 
 
+@pytest.mark.parametrize("wrap", list(itertools.product(WRAPS, WRAPS)))
+@pytest.mark.parametrize("size", [(1, 1), (5, 7), (8, 8), (1, 6)])
+def test_wrap_modes_against_numpy(tmp_path, size, wrap):
+    image = codes(*size)
+    packed = pack_textures([replace(png(tmp_path / "a.png", image), wrap=wrap)])
+    u, v = np.random.default_rng(1).uniform(-3, 4, (2, 500))
+    expected = reference(decode_srgb(image / 255).astype(float), u, v, wrap)
+    np.testing.assert_allclose(sample(packed, u, v), expected, atol=1e-9)
+    if size == (8, 8):
+        halves = reference(level(packed, 1).astype(float), u, v, wrap)
+        np.testing.assert_allclose(sample(packed, u, v, 2 / 8), halves, atol=1e-9)
+
+
+def test_a_clamped_edge_takes_nothing_of_the_opposite_one(tmp_path):
+    image = np.zeros((4, 4, 3))
+    image[:, 0] = 255
+    png(tmp_path / "a.png", image)
+    packed = pack_textures([Texture(tmp_path / "a.png"), Texture(tmp_path / "a.png", wrap="clamp_to_edge")])
+    ends = np.array([0.0, 1e-9, 1 - 1e-9, 1.0])
+    np.testing.assert_allclose(sample(packed, ends, 0.5)[:, 0], 0.5, atol=1e-6)
+    np.testing.assert_allclose(sample(packed, ends, 0.5, texture=1)[:, 0], [1, 1, 0, 0], atol=1e-6)
+    assert packed.first[0] == packed.first[1]  # one image
+    assert len(packed.texels) == 16 + 4 + 1
+
+
+@pytest.mark.parametrize("wrap", ["clamp", ("repeat",), ("repeat", "repeat", "repeat"), (1, 2), None, 3, [[], []]])
+def test_a_wrap_mode_that_there_is_not(wrap):
+    with pytest.raises(
+        OptionError, match="texture: wrap: expected one or two of repeat, mirrored_repeat, clamp_to_edge"
+    ):
+        Texture(Path("a.png"), wrap=wrap)
+
+
+@pytest.mark.parametrize("wrap", WRAPS)
 @pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf, 1e300, -1e-300])
-def test_coordinates_that_no_texture_has_stay_inside_the_arrays(tmp_path, value):
-    packed = pack_textures([png(tmp_path / "a.png", codes())])
+def test_coordinates_that_no_texture_has_stay_inside_the_arrays(tmp_path, value, wrap):
+    packed = pack_textures([replace(png(tmp_path / "a.png", codes()), wrap=wrap)])
     for u, v, footprint in ((value, 0.5, 0.0), (0.5, value, 0.3), (0.5, 0.5, value)):
         found = sample(packed, u, v, footprint)
         assert ((found >= 0) & (found <= 1)).all()

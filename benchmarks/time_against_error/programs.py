@@ -85,7 +85,7 @@ class Ours:
 
     def bake(self, task: Task, falloff: ao.Falloff, seed: int, arguments: Mapping[str, Any]) -> Made:
         start = time.perf_counter()
-        baked = ao.bake(task.mesh, falloff, seed=seed, **arguments)
+        baked = ao.bake(task.mesh, falloff, seed=seed, hidden="ignore", **arguments)
         return Made(time.perf_counter() - start, baked.seconds["build"], baked.w)
 
 

@@ -51,7 +51,10 @@ def cached_reference(task: Task, mus: Sequence[Mu], rays: int, vertices: int) ->
 
 
 def well_posed(mesh: Mesh, vertices: npt.NDArray[np.int64], mus: Sequence[Mu]) -> npt.NDArray[np.bool_]:
-    """Whether w at each of `vertices` (k,) stays within `JUMP` as its ray origin moves to four sides by `MOVED`."""
+    """Whether w at each of `vertices` (k,) stays within `JUMP` as its ray origin moves to four sides by `MOVED`.
+
+    Vertices without a hemisphere of their own (`ao.corners`) are not: other programs cannot be given any.
+    """
     placement = Placement.of(mesh)
     receivers = find_receivers(mesh, placement)
     points = receivers.points[receivers.of_vertex[vertices]]
@@ -59,7 +62,7 @@ def well_posed(mesh: Mesh, vertices: npt.NDArray[np.int64], mus: Sequence[Mu]) -
     helper = np.where(np.abs(points.normals[:, :1]) < 0.5, [[1.0, 0, 0]], [[0, 1.0, 0]])
     along = np.cross(points.normals, helper)
     along /= np.linalg.norm(along, axis=1, keepdims=True)
-    steady = np.ones(len(vertices), np.bool_)
+    steady = ~np.isin(receivers.of_vertex[vertices], receivers.corners.rows)
     for side in (along, -along, np.cross(points.normals, along), -np.cross(points.normals, along)):
         moved = replace(points, origins=(points.origins + MOVED * side).astype(np.float32))
         steady &= (np.abs(trace(receivers.scene, placement, moved, mus, JUMP_RAYS) - before) < JUMP).all(axis=0)

@@ -8,7 +8,7 @@ from raytrace.vector import load
 
 
 @kernel
-def reflect_rows(kind, row, n, l, v, grain, out):
-    """Fill `out` (k, 3) with the reflected RGB of one packed material for unit vectors n, l, v, grain (k, 3)."""
+def reflect_rows(kind, row, n, l, v, tangent, out):
+    """Fill `out` (k, 3) with the reflected RGB of one packed material for unit vectors n, l, v, tangent (k, 3)."""
     for i in range(len(out)):
-        out[i, 0], out[i, 1], out[i, 2] = evaluate(kind, row, load(n, i), load(l, i), load(v, i), load(grain, i))
+        out[i, 0], out[i, 1], out[i, 2] = evaluate(kind, row, load(n, i), load(l, i), load(v, i), load(tangent, i))

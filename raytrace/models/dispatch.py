@@ -1,11 +1,12 @@
 """The one door to all reflection models, for kernels that meet many materials.
 
-    red, green, blue = evaluate(kind, row, n, l, v, grain)
+    red, green, blue = evaluate(kind, row, n, l, v, tangent)
 
 `kind` and `row` come from a material's `pack()`; directions are triples of unit vectors pointing away from the surface.
 `terms_wide` is the same for sixteen points of one material, in lanes.
 The result is the reflected RGB for unit incident RGB: BRDF·(n·l) for physical models, k_d⟨n·l⟩ + k_s S for Phong-type
-ones; zero, everywhere, for a light at or below the horizon.
+ones; zero, everywhere, for a light at or below the horizon. A material without a grain of its own is brushed along the
+surface's `tangent`.
 """
 
 from __future__ import annotations
@@ -28,6 +29,8 @@ from raytrace.models.rows import (
     OREN_NAYAR,
     PHONG,
     STRAUSS,
+    TO_LIGHT,
+    TO_VIEWER,
     TWO_SIDED,
 )
 from raytrace.vector import add, dot, scale
@@ -56,14 +59,23 @@ def alpha(row):
 
 
 @inline
-def terms(kind, row, n, l, v, grain):
-    """Diffuse and specular RGB reflected per unit incident RGB.
+def facing(row, n, l, v):
+    """The normal of the side that reflects: n, or −n where a two-sided material turns it to the light or the viewer."""
+    if row[TWO_SIDED] == TO_LIGHT and dot(n, l) < 0.0:
+        return scale(-1.0, n)
+    if row[TWO_SIDED] == TO_VIEWER and dot(n, v) < 0.0:
+        return scale(-1.0, n)
+    return n
 
-    Args: kind and row of a packed material; unit normal n; unit directions l to the light and v to the viewer; grain,
-        along which an anisotropic surface is brushed (projected into the tangent plane; zero: the row's).
+
+@inline
+def terms(kind, row, n, l, v, tangent):
+    """Diffuse and specular RGB reflected per unit incident RGB by the side that n points away from.
+
+    Args: kind and row of a packed material; unit normal n; unit directions l to the light and v to the viewer; tangent
+        of the surface, along which an anisotropic material without a grain of its own is brushed. Either is projected
+        into the tangent plane; without both some direction in it is taken.
     """
-    if row[TWO_SIDED] == 1.0 and dot(n, l) < 0.0:
-        n = scale(-1.0, n)
     if dot(n, l) <= 0.0:
         return (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
     if kind == LAMBERT:
@@ -78,15 +90,16 @@ def terms(kind, row, n, l, v, grain):
         return _oren_nayar(row, n, l, v)
     if kind == STRAUSS:
         return _strauss(row, n, l, v)
+    grain = (row[GRAIN], row[GRAIN + 1], row[GRAIN + 2])
     if dot(grain, grain) == 0.0:
-        grain = (row[GRAIN], row[GRAIN + 1], row[GRAIN + 2])
+        grain = tangent
     if kind == ELLIPTICAL_BECKMANN:
         return _elliptical(row, n, l, v, grain)
     return _poulin_fournier(row, n, l, v, grain)
 
 
 @inline
-def terms_wide(kind, row, n, l, v, grain, wanted):
+def terms_wide(kind, row, n, l, v, tangent, wanted):
     """`terms` in lanes, of float32, for n·l > 0; garbage in lanes where the mask `wanted` is not set."""
     if kind == LAMBERT:
         return _spread(_lambert(row, n, l), n[0])
@@ -98,7 +111,7 @@ def terms_wide(kind, row, n, l, v, grain, wanted):
     diffuse, specular = zero, zero
     for lane in range(WIDE):
         if pick(wanted, lane):
-            d, s = terms(kind, row, _lane(n, lane), _lane(l, lane), _lane(v, lane), _lane(grain, lane))
+            d, s = terms(kind, row, _lane(n, lane), _lane(l, lane), _lane(v, lane), _lane(tangent, lane))
             diffuse, specular = _replaced(diffuse, lane, d), _replaced(specular, lane, s)
     return diffuse, specular
 
@@ -123,7 +136,7 @@ def _replaced(a, lane, b):
 
 
 @inline
-def evaluate(kind, row, n, l, v, grain):
-    """Reflected RGB per unit incident RGB: the sum of `terms`."""
-    diffuse, specular = terms(kind, row, n, l, v, grain)
+def evaluate(kind, row, n, l, v, tangent):
+    """Reflected RGB per unit incident RGB: the sum of `terms` of the side that reflects."""
+    diffuse, specular = terms(kind, row, facing(row, n, l, v), l, v, tangent)
     return add(diffuse, specular)

@@ -9,8 +9,8 @@ column   columns content
 EMISSION 3       I_e, emitted RGB
 AMBIENT  3       k_a, RGB reflected of unit ambient light
 ALPHA    1       opacity of the pixel (Strauss: 1 − t; otherwise 1)
-TWO_SIDE 1       1: |n·l| instead of ⟨n·l⟩
-GRAIN    3       grain as a world vector, zero: the caller's grain is used
+TWO_SIDE 1       0, or the side the normal turns to: TO_LIGHT or TO_VIEWER
+GRAIN    3       unit direction of the grain in the world; zero: the surface's tangent is used
 MODEL    …       the model's parameters
 ======== ======= ==========================================================
 """
@@ -19,6 +19,7 @@ from __future__ import annotations
 
 WIDTH = 40
 EMISSION, AMBIENT, ALPHA, TWO_SIDED, GRAIN, MODEL = 0, 3, 6, 7, 8, 11
+TO_LIGHT, TO_VIEWER = 1.0, 2.0
 
 LAMBERT, PHONG, BLINN_PHONG, COOK_TORRANCE, ELLIPTICAL_BECKMANN, OREN_NAYAR, STRAUSS, POULIN_FOURNIER = range(8)
 

@@ -35,7 +35,8 @@ def contacts(long: bool, threads: int | None) -> Iterator[Line]:
     for contact in _contacts():
         worst, missing = 0.0, 0
         for pose in poses:
-            w = bake(pose.mesh(contact.part), Binary(), samples=4096, threads=threads, reconstruct=False).w
+            mesh = pose.mesh(contact.part)
+            w = bake(mesh, Binary(), samples=4096, threads=threads, reconstruct=False, hidden="ignore").w
             worst = float(np.maximum(worst, np.abs(w[contact.points] - contact.expected).max()))
             missing += undefined(w)
         yield Line(contact.name, f"{len(poses)} poses", "error of w", worst, ERROR, missing)

@@ -7,6 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from raytrace.camera import Camera
+from raytrace.fields import Sides
 from raytrace.frame import Frame
 from raytrace.lights import BaseLight, DirectionalLight, PointLight
 from raytrace.materials import Lambert
@@ -27,7 +28,7 @@ def pictures(long: bool, threads: int | None) -> Iterator[Line]:
     """A line for each kind of light, over the poses."""
     size = 1024 if long else 256
 
-    def take(pose: Pose, part: Part, light: BaseLight, eye: Floats, two_sided: bool = False) -> Frame:
+    def take(pose: Pose, part: Part, light: BaseLight, eye: Floats, two_sided: Sides = False) -> Frame:
         """A picture of a part of about unit size from `eye`, in the part's own frame."""
         scene = Scene((Object(Shape(pose.mesh(part), Lambert(albedo=0.8, two_sided=two_sided))),), (light,))
         where = _place(pose, part, eye)
@@ -68,7 +69,8 @@ def pictures(long: bool, threads: int | None) -> Iterator[Line]:
         lit = seen = missing = 0
         part = join([(0.4 * solid[0], solid[1]), (floor[0] - np.array([0, 0, 0.5]), floor[1])])
         for pose in _POSES:
-            for two_sided in (False, True):
+            sides: tuple[Sides, ...] = (False, "viewer")
+            for two_sided in sides:
                 frame = take(pose, part, _lamp(pose, part, np.array([0.04, 0.08, 0.02])), above, two_sided)
                 lit += int(np.count_nonzero(frame.layers["diffuse"][_hit(frame)].any(axis=1)))
                 seen += int(np.count_nonzero(_hit(frame)))

@@ -1,0 +1,55 @@
+"""Which pixels get all samples: a silhouette is smoothed wherever it lies, and tiles leave no trace."""
+
+import numpy as np
+import pytest
+from rendered import CAMERA, SMALL, still_scene
+
+from raytrace import Mesh
+from raytrace import rendering as module
+from raytrace.camera import Camera
+from raytrace.materials import Lambert
+from raytrace.rendering import render
+from raytrace.scene import Object, Scene, Shape
+from raytrace.settings import Settings
+
+SIDE = 64
+
+
+def half_plane(at, axis):
+    """A glowing half-plane that begins `at` pixels from the left or the lower side; the picture, (row, column)."""
+    low, high = np.full(2, -500.0), np.full(2, 500.0)
+    low[axis] = at
+    corners = [[low[0], low[1], 0], [high[0], low[1], 0], [high[0], high[1], 0], [low[0], high[1], 0]]
+    glow = Object(Shape(Mesh(corners, [[0, 1, 2], [0, 2, 3]]), Lambert(albedo=0, emission=1)))
+    camera = Camera((SIDE / 2, SIDE / 2, 50), (SIDE / 2, SIDE / 2, 0), (0, 1, 0), height=SIDE)
+    frame = render(Scene((glow,)), camera, Settings(width=SIDE, height=SIDE, samples=64))
+    return frame.layers["beauty"][::-1, :, 0]
+
+
+@pytest.mark.parametrize("axis", [0, 1])
+@pytest.mark.parametrize("at", [16.2, 23.8, 24.2, 31.8, 32.2, 47.8])
+def test_every_pixel_along_an_edge_has_its_share_of_it(at, axis):
+    """The filter of the pixels beyond the edge's own reaches over it by 0.3: its samples must be looked for there."""
+    picture = half_plane(at, axis)
+    beside = int(at) + (1 if at % 1 > 0.5 else -1)
+    line = picture[:, beside] if axis == 0 else picture[beside]
+    assert ((line > 0) & (line < 1)).all()
+
+
+@pytest.mark.parametrize(("left", "top"), [(0, 5), (7, 0), (9, 13)])
+def test_the_picture_does_not_depend_on_where_tiles_begin(left, top, monkeypatch):
+    still = still_scene()
+    whole = render(still, CAMERA, SMALL).layers
+    monkeypatch.setattr(module, "whole_tiles", lambda _: (left, top, 96 - left, 64 - top))
+    crop = (left + 1, top + 1, 95 - left, 63 - top)
+    part = render(still, CAMERA, Settings(width=96, height=64, samples=16, crop=crop)).layers
+    for name, layer in whole.items():
+        np.testing.assert_array_equal(part[name], layer[top + 1 :, left + 1 :])
+
+
+def test_pixels_on_a_tile_s_edge_that_agree_with_all_around_stay_retired():
+    camera = Camera((0, 0, 50), (0, 0, 0), (0, 1, 0), height=1)
+    glow = Object(Shape(Mesh([[-9, -9, 0], [9, -9, 0], [0, 9, 0]], [[0, 1, 2]]), Lambert(albedo=0, emission=1)))
+    frame = render(Scene((glow,)), camera, Settings(width=40, height=40, samples=64))
+    assert frame.rays["primary"] == 4 * 40 * 40
+    assert frame.rays_skipped["primary_agreed"] == 60 * 40 * 40
