@@ -52,7 +52,7 @@ COMMANDS = [
     ("bake a.ply -o w.npy --max-distance -1", "bake --max-distance", "got '-1'"),
     ("bake a.ply -o w.npy --normals vertex", "bake --normals: expected one of angle, area, equal, file, got vertex"),
     ("bake a.ply -o w.npy --normals aera", "did you mean area?"),
-    ("bake a.ply -o w.npy --hidden yes", "bake --hidden: expected one of ignore, mark, fill, got yes"),
+    ("bake a.ply -o w.npy --hidden yes", "bake --hidden: expected one of auto, ignore, mark, fill, got yes"),
     ("bake a.ply -o w.npy --method surfaces", "got surfaces; did you mean surface?"),
     ("bake a.ply -o w.npy --method surface --tolerance .1", "bake --tolerance: expected --method vertex with it"),
     ("bake a.ply -o w.npy --method surface --no-skip", "bake --no-skip: expected --method vertex with it"),
