@@ -68,8 +68,11 @@ def bake(
     ] = choices.Hidden.auto,
     report: Annotated[Path | None, typer.Option(help="Also write a JSON report.")] = None,
     debug_image: Annotated[Path | None, typer.Option(help="Also write a picture that marks flagged vertices.")] = None,
+    up: Annotated[choices.Up | None, typer.Option(help="With --debug-image: the axis that is up; y, of STL z.")] = None,
     resume: Annotated[bool, typer.Option("--resume", help="Continue an interrupted bake to this target.")] = False,
-    colors: Annotated[bool, typer.Option("--colors", help="Give a .glb the vertex colours COLOR_0 = w too.")] = False,
+    colors: Annotated[
+        bool, typer.Option("--colors", help="Vertex colours w: COLOR_0 of .glb, or in place of a .ply's own.")
+    ] = False,
     quiet: Quiet = False,
 ) -> None:
     """Bake obscurance w(p) at every vertex of a mesh."""
@@ -77,7 +80,8 @@ def bake(
     import ao
     from ao.arguments import check_arguments
     from ao.checkpoint import Checkpoint
-    from raytrace.atomic import check_writable
+    from raytrace.errors import OptionError
+    from raytrace.outputs import check_ending, check_outputs
     from scenes.write import check_target, write
 
     chosen = choices.make_falloff(falloff, tau, half_distance, max_distance)
@@ -93,18 +97,24 @@ def bake(
         )
     check_target(output)
     if report:
-        check_writable(report)
+        check_ending("--report", report, ".json")
     if debug_image:
         from scenes.marked import check_marked_target
 
         with choices.named("debug_image"):
             check_marked_target(debug_image)
+    elif up:
+        raise OptionError("up", "--debug-image with it; w does not depend on it", "none")
+    outputs = {"--output": output, "--report": report, "--debug-image": debug_image}
+    check_outputs(outputs, [mesh])
     from scenes.load import load
+    from scenes.lost import lost
 
     start = time.perf_counter()
-    source = load(mesh)
+    source = load(mesh, output)
+    check_outputs(outputs, source.files)
     loaded = time.perf_counter()
-    warnings = warn([source.mesh])
+    warnings = warn([source.mesh], [*source.notes, *lost(output, source, colors)])
     with Checkpoint(f"{output}.partial", resume, note) as checkpoint:
         make: Any = ao.bake_surface
         if method is choices.Method.vertex:
@@ -123,8 +133,9 @@ def bake(
         write_report(report, baked, options, seconds, warnings)
     if debug_image:
         from scenes.marked import write_marked
+        from scenes.studio import up_axis
 
-        write_marked(debug_image, source.mesh, baked)
+        write_marked(debug_image, source.mesh, baked, up_axis(mesh, up))
     if not quiet:
         print(bake_summary(baked, output))
 
@@ -198,7 +209,9 @@ def render(
         typer.Option(help="Vertex normals: face weighting, or the file's where it has some."),
     ] = None,
     obscurance: Annotated[str | None, typer.Option(help="How w enters: ambient, book or off.")] = None,
+    baked: Annotated[Path | None, typer.Option(help="w from this file of a bake: .npy .npz .ply .glb")] = None,
     shadows: Annotated[bool | None, typer.Option("--shadows/--no-shadows", help="Trace shadow rays.")] = None,
+    up: Annotated[choices.Up | None, typer.Option(help="The axis that is up in a mesh file; y, of STL z.")] = None,
     crop: Annotated[str | None, typer.Option(metavar="X,Y,W,H", help="Only these pixels.")] = None,
     seed: Annotated[int | None, typer.Option(help="Another seed, other places in the pixels.")] = None,
     preview: Annotated[bool, typer.Option("--preview", help="A quarter of the size, few rays.")] = False,
@@ -208,23 +221,29 @@ def render(
     quiet: Quiet = False,
 ) -> None:
     """Render a scene; an .exr holds every layer."""
-    from raytrace.atomic import check_writable
     from raytrace.image import check_image_target
+    from raytrace.outputs import check_ending, check_outputs
     from raytrace.parallel import thread_count
 
     size = choices.parse_size(width, height)
     thread_count(threads)
     check_image_target(output, half)
     if report:
-        check_writable(report)
+        check_ending("--report", report, ".json")
+    outputs = {"--output": output, "--report": report}
+    check_outputs(outputs, [scene])
     given: dict[str, Any] = {"samples": samples, "shading": shading, "obscurance": obscurance}
     given["normals"] = None if normals is None else normals.value
     given |= {"shadows": shadows, "seed": seed, "crop": None if crop is None else choices.parse_crop(crop)}
     from scenes.picture import adjusted, take, write_report
     from scenes.read import read_scene
+    from scenes.stored_w import check_stored
 
-    description = adjusted(read_scene(scene, size), given, preview)
-    warnings = warn(item.shape.mesh for item in description.scene.objects)
+    if baked:
+        check_stored(baked)
+    description = adjusted(read_scene(scene, size, up), given, preview, baked)
+    check_outputs(outputs, description.files)
+    warnings = warn((item.shape.mesh for item in description.scene.objects), description.notes)
     with compiling("tile"), progress(quiet, "rays", "tiles") as (baking, rendering):
         picture = take(scene, description, output, half, threads, baking, rendering)
     if report:
@@ -307,12 +326,13 @@ def bench(
     """Measure bake time against error on this machine."""
     options = {key: choices.plain(value) for key, value in locals().items() if key != "report"}
     from ao.arguments import check_arguments
-    from raytrace.atomic import check_writable
+    from raytrace.outputs import check_ending, check_outputs
     from scenes.bench import mesh_to_bench, run, table, write_report
 
     chosen = choices.make_falloff(falloff, None, None, max_distance)
     if report:
-        check_writable(report)
+        check_ending("--report", report, ".json")
+        check_outputs({"--report": report}, [mesh] if mesh else [])
     check_arguments(seed=seed, threads=threads)
     judged = mesh_to_bench(mesh)
     with compiling("hemisphere"):

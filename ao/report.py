@@ -21,7 +21,7 @@ from .receivers import Flag
 def versions() -> dict[str, str]:
     """Versions of everything that can change a result."""
     found = {"python": platform.python_version(), "embree": embree.version()}
-    for package in ("obscurance", "embreex", "numba", "numpy", "scipy", "trimesh"):
+    for package in ("obscurance", "embreex", "numba", "numpy", "scipy", "trimesh", "mapbox_earcut"):
         try:
             found[package] = version(package)
         except PackageNotFoundError:

@@ -26,7 +26,7 @@ _OUTLIER, _JUMP = 2.25, 3.25  # standard deviations
 _SPREAD_REACH = 3  # edges over which the spread between batches is averaged
 _REACH = 4  # and residuals; see `Neighbours.own_share`
 _TYPICAL = 0.4  # of the mean of expected squared errors in each: few rays cannot tell that there is none
-_CERTAIN = 1.5  # standard deviations of the excess over σ² that may be chance
+_CERTAIN = 1.0  # standard deviations of the excess over σ² that may be chance
 
 
 class Screening:
@@ -64,9 +64,8 @@ class Screening:
         smooth, variance, own = self._neighbours.smooth, self.variance, self._own
         residual = np.where(free, self.estimate - predicted, 0.0).astype(np.float32)
         shared = smooth(residual, _REACH)
-        moments = smooth(
-            np.column_stack([residual * shared - own * variance * free, shared**2]).astype(np.float32), _REACH
-        )
+        products = np.column_stack([residual * shared - own * variance * free, shared**2])
+        moments = smooth(products.astype(np.float32), _REACH)
         part = np.clip(moments[:, 0] / np.maximum(moments[:, 1], 1e-12), 0.0, 1.0)  # least squares
         corrected = predicted + np.where(free, part * shared, 0.0)
         squared = (self.estimate - corrected) ** 2
@@ -80,11 +79,3 @@ class Screening:
         squared = (self.estimate - predicted) ** 2 / np.maximum(self.variance, 1e-30)
         jumps = np.where(self.screened & (squared > _JUMP**2), np.float32(1), np.float32(0))
         return (squared > _OUTLIER**2) | (self._neighbours.smooth(jumps, 1) > 0)
-
-    def replace_outliers(self, predicted: Floats, error: Floats, free: Bools) -> Floats:
-        """`predicted` (k,), outliers among it shrunk towards their own estimates; their `error` changes in place."""
-        residual = self.estimate - predicted
-        off = free & (residual**2 > _OUTLIER**2 * self.variance)
-        part = np.where(off, residual**2 / np.maximum(residual**2 + self.variance, 1e-30), 0.0)
-        error[off] = (part * self.variance)[off]
-        return predicted + part * residual

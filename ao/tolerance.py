@@ -92,14 +92,16 @@ class _Field:
             self._bake(self.owner < 0)
 
     def _bake(self, which: npt.NDArray[np.bool_]) -> None:
-        which = which & ~self.baked
+        self._trace(which & ~self.baked)
+        self.owner = owners(self.neighbours, self.baked)
+
+    def _trace(self, which: npt.NDArray[np.bool_]) -> None:
         self.baked |= which
         if self.samples == self.probes.samples:
             probed = which[self.probes.rows]
             self.rows[self.probes.rows[probed]] = self.probes.raw[probed]
             which[self.probes.rows] = False
         self.rows[which] = self.tracer.gather(self.points[which], self.samples, self.key)
-        self.owner = owners(self.neighbours, self.baked)
 
     def bake_coarsely(self) -> None:
         """Bake more points where predictions are worst until screening can do the rest, or all are baked."""
@@ -169,7 +171,9 @@ class _Field:
         squared = np.minimum(self.probes.squared(probed, ~predicted), jump)
         expected = float(np.sum(self.error[rows[predicted]]))
         if expected > 0:
-            self.error[~self.baked] *= max(float(np.sum(squared[predicted])), 0.0) / expected
+            measured = float(np.sum(squared[predicted]))
+            doubt = float(np.sqrt(np.sum(squared[predicted] ** 2))) if measured < expected else 0.0
+            self.error[~self.baked] *= (max(measured, 0.0) + doubt) / (expected + doubt)
         self.error *= judged(self.error[rows], squared)
 
     def _doubtful(self, goal: float) -> npt.NDArray[np.bool_]:
@@ -236,8 +240,12 @@ class _Field:
         self.samples += more
 
     def estimate(self) -> Estimate:
+        """What all points become; the few outliers that are left are traced, too, and stay as they are."""
         rows = self._fill(np.arange(len(self.points)))
         if self.screening and not self.baked.all():
-            rows[:, 0] = self.screening.replace_outliers(self.w, self.error, ~self.baked)
-            self._rescale(rows[self.probes.rows, 0], np.inf)
+            rows[:, 0] = self.w
+            left = self._outliers()
+            self._trace(left.copy())
+            rows[left] = self.rows[left][:, [0, 2, 3, 4]]
+            self.error[left] = self.noise
         return Estimate(rows, self.error, self.samples, int(np.count_nonzero(~self.baked)))

@@ -12,6 +12,7 @@ import numpy.typing as npt
 from .errors import InputError, OptionError
 from .image import check_image_target, write_image
 from .image_input import read_image
+from .outputs import check_outputs
 from .srgb import decode_srgb
 
 Floats = npt.NDArray[np.float32]
@@ -60,12 +61,13 @@ def compare(
 
     Raises:
         InputError: a file cannot be read, holds values that are not finite, or the sizes differ.
-        OptionError, OutputError: `difference` cannot be written.
+        OptionError, OutputError: `difference` cannot be written, or is `a` or `b`.
     """
     import OpenImageIO as oiio
 
     if difference is not None:
         check_image_target(difference, layers=("beauty",))
+        check_outputs({"--difference": difference}, (a, b))
     reference, test = _colour(a), _colour(b)
     if reference.shape != test.shape:
         sizes = [f"{pixels.shape[1]}×{pixels.shape[0]} pixels" for pixels in (reference, test)]

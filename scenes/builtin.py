@@ -8,6 +8,7 @@ from typing import NamedTuple
 
 from raytrace.atomic import atomic_write
 from raytrace.errors import OptionError, nearest_name
+from raytrace.outputs import check_ending, check_outputs
 
 from .library.cornell import cornell
 from .library.materials import materials
@@ -45,9 +46,11 @@ def write_builtin(name: str, path: str | os.PathLike[str]) -> None:
     """Write a built-in scene's TOML to `path`, whole or not at all.
 
     Raises:
-        OptionError: no such scene.
+        OptionError: no such scene, a name that does not end in .toml, or an existing file that is no scene.
         OutputError: the file cannot be written.
     """
     content = builtin_toml(name)
+    check_ending("--output", path, ".toml")
+    check_outputs({"--output": path})
     with atomic_write(path) as file:
         file.write(content.encode())

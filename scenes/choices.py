@@ -35,6 +35,12 @@ class Metric(StrEnum):
     max = "max"
 
 
+class Up(StrEnum):
+    x = "x"
+    y = "y"
+    z = "z"
+
+
 class NormalsFrom(StrEnum):
     angle = "angle"
     area = "area"

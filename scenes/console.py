@@ -67,13 +67,14 @@ def output_failed(failure: OSError) -> int:
     return 1
 
 
-def warn(meshes: Iterable[Mesh]) -> list[str]:
-    """Tell on standard error what the precision of meshes does to results, once of each."""
+def warn(meshes: Iterable[Mesh], others: Iterable[str] = ()) -> list[str]:
+    """Tell on standard error what the precision of meshes does to results, and what others there are, once of each."""
     from raytrace.errors import printable
     from raytrace.resolution import precision_warnings
 
     each = {id(mesh): mesh for mesh in meshes}.values()
     warnings = list(dict.fromkeys(warning for mesh in each for warning in precision_warnings(mesh)))
+    warnings += list(dict.fromkeys(others))
     for warning in warnings:
         print(f"warning: {printable(warning)}", file=sys.stderr)
     return warnings

@@ -11,26 +11,27 @@ from raytrace.errors import OutputError
 from raytrace.image import write_frame
 from raytrace.lights import AmbientLight
 from raytrace.materials import Lambert
+from raytrace.outputs import check_outputs
 from raytrace.rendering import render
 from raytrace.scene import Object, Scene, Shape
 from raytrace.settings import Settings
 
 from .load import MeshFile
 from .temple import temple
-from .write import check_target, write
+from .write import write
 
 _SETTINGS = Settings(width=960, height=640)
 _BACKGROUND = (0.05, 0.05, 0.05)
 
 
 def targets(folder: Path) -> tuple[Path, Path]:
-    """The mesh and the picture in a folder, which is made. Raises: OutputError: they cannot be written."""
+    """The mesh and the picture in a folder, which is made. Raises: OptionError, OutputError: they cannot be written."""
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as reason:
         raise OutputError(f"{folder}: cannot make this folder: {reason.strerror}") from None
     mesh, picture = folder / "temple.ply", folder / "temple.png"
-    check_target(mesh)
+    check_outputs({"temple.ply": mesh, "temple.png": picture})
     return mesh, picture
 
 

@@ -13,7 +13,8 @@ from raytrace.errors import InputError, MeshError
 from raytrace.memory import check_memory
 from raytrace.mesh import Mesh
 
-from .polygons import fan_triangles
+from .detail import Detail
+from .polygons import triangulate
 
 MAX_COPIED = 20_000_000
 _ROW = 80  # bytes of a placed vertex or triangle, with copies on the way to a mesh
@@ -29,6 +30,10 @@ class Instance:
         faces: (m, 3) integers, indices into `vertices`.
         normals: (n, 3) numbers per vertex in the object's own frame, or None.
         matrix: (4, 4) affine map to the world for column vectors, or None for the identity.
+        notes: what is to be told about the object.
+        detail: what else the file holds of the object, if that was asked for.
+        unread: what the file holds and nobody reads, in words.
+        w: (n,) obscurance that a bake has left in the file, unchecked, or None.
     """
 
     name: str
@@ -36,6 +41,15 @@ class Instance:
     faces: npt.NDArray[Any]
     normals: npt.NDArray[Any] | None = None
     matrix: npt.NDArray[np.float64] | None = None
+    notes: tuple[str, ...] = ()
+    detail: Detail | None = None
+    unread: tuple[str, ...] = ()
+    w: npt.NDArray[Any] | None = None
+
+    @property
+    def is_flattened(self) -> bool:
+        """Whether there is nothing to see: no faces, or a matrix of no volume."""
+        return not len(self.faces) or (self.matrix is not None and not np.linalg.det(self.matrix[:3, :3]))
 
 
 @dataclass(frozen=True)
@@ -58,7 +72,9 @@ def instance(
     faces = arrays.get("faces")
     faces = np.empty((0, 3), dtype=np.int64) if faces is None else np.asarray(faces)
     if faces.ndim == 2 and faces.shape[1] != 3:
-        faces = fan_triangles(faces.ravel(), np.full(len(faces), faces.shape[1]))
+        corners = faces.ravel()
+        triangles = triangulate(vertices, corners, np.full(len(faces), faces.shape[1]), name)
+        return Instance(name, vertices, triangles.take(corners), normals, matrix, triangles.notes)
     return Instance(name, vertices, faces, normals, matrix)
 
 

@@ -37,6 +37,14 @@ class Gltf:
     header: dict[str, Any]
     buffers: tuple[bytes, ...]
 
+    @property
+    def files(self) -> tuple[Path, ...]:
+        """The file itself and those beside it that it names, buffers and images."""
+        entries = [*self.header.get("buffers", []), *self.header.get("images", [])]
+        names = [str(entry.get("uri", "data:")) for entry in entries]
+        beside = [_beside(name, self.path.parent) for name in dict.fromkeys(names) if not name.startswith("data:")]
+        return self.path, *(path for path in beside if path)
+
 
 class Primitive(NamedTuple):
     """A drawn piece of triangles: indices of its node and mesh, and its place among the mesh's primitives."""
@@ -78,9 +86,18 @@ def reference(uri: str, folder: Path, read: Callable[[Path], bytes] = Path.read_
     try:
         if uri.startswith("data:"):
             return base64.b64decode(uri.partition("base64,")[2])
+        target = _beside(uri, folder)
+        return read(target) if target else None
+    except (OSError, ValueError):
+        return None
+
+
+def _beside(uri: str, folder: Path) -> Path | None:
+    """The existing file inside `folder` that a relative URI names, or None."""
+    try:
         root = folder.resolve()
         target = (root / unquote(uri)).resolve()
-        return read(target) if target.is_relative_to(root) and target.is_file() else None
+        return target if target.is_relative_to(root) and target.is_file() else None
     except (OSError, ValueError):
         return None
 

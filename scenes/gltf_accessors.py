@@ -15,7 +15,7 @@ from raytrace.errors import MeshError
 from .gltf import Gltf
 
 _COMPONENTS = {5120: "<i1", 5121: "<u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
-_COLUMNS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3}
+_COLUMNS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4}
 
 
 def entry(asset: Gltf, key: str, number: int) -> Any:
@@ -42,7 +42,7 @@ def values(asset: Gltf, number: int, kind: str) -> npt.NDArray[Any]:
     """The values of an accessor as stored, (count, columns) and read-only, without a copy.
 
     Args:
-        kind: the type that it must have: SCALAR, VEC2, VEC3.
+        kind: the type that it must have: SCALAR, VEC2, VEC3, VEC4.
 
     Raises:
         MeshError: an accessor that is sparse, compressed, empty or of another type.

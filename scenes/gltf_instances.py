@@ -32,18 +32,18 @@ def read_instances(asset: Gltf) -> list[Instance]:
         key = (piece.mesh, piece.place)
         if key not in arrays:
             arrays[key] = _arrays(asset, entry(asset, "meshes", piece.mesh)["primitives"][piece.place])
-        vertices, faces, normals = arrays[key]
+        vertices, faces, normals, w = arrays[key]
         rows += len(vertices) + len(faces)
         check_copies(rows, sum(map(len, asset.buffers)), asset.path)
-        made.append(Instance(_name(piece, asset.header), vertices, faces, normals, world[piece.node]))
+        made.append(Instance(_name(piece, asset.header), vertices, faces, normals, world[piece.node], w=w))
     return made
 
 
-_Arrays = tuple[npt.NDArray[Any], npt.NDArray[Any], npt.NDArray[Any] | None]
+_Arrays = tuple[npt.NDArray[Any], npt.NDArray[Any], npt.NDArray[Any] | None, npt.NDArray[Any] | None]
 
 
 def _arrays(asset: Gltf, primitive: dict[str, Any]) -> _Arrays:
-    """Vertices, faces and normals."""
+    """Vertices, faces, normals and w."""
     attributes = primitive["attributes"]
     if "POSITION" not in attributes:
         raise ValueError("a primitive without POSITION")
@@ -56,10 +56,21 @@ def _arrays(asset: Gltf, primitive: dict[str, Any]) -> _Arrays:
     else:
         corners = np.arange(len(vertices))
     if primitive.get("mode") != TRIANGLE_STRIP:
-        return vertices, corners.reshape(-1, 3), normals
+        return vertices, corners.reshape(-1, 3), normals, _stored_w(asset, attributes, len(vertices))
     faces = np.stack([corners[:-2], corners[1:-1], corners[2:]], axis=1) if len(corners) > 2 else corners[:0, None]
     faces[1::2] = faces[1::2, ::-1]
-    return vertices, faces.reshape(-1, 3), normals
+    return vertices, faces.reshape(-1, 3), normals, _stored_w(asset, attributes, len(vertices))
+
+
+def _stored_w(asset: Gltf, attributes: dict[str, int], count: int) -> npt.NDArray[Any] | None:
+    """What a bake has left, unless an attribute of that name is something else."""
+    if "_OBSCURANCE" not in attributes:
+        return None
+    try:
+        w = values(asset, attributes["_OBSCURANCE"], "SCALAR").ravel()
+    except ValueError:
+        return None
+    return w if len(w) == count and w.dtype.kind == "f" else None
 
 
 def _name(piece: Primitive, header: dict[str, Any]) -> str:

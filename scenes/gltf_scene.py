@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from raytrace.errors import MeshError
+from raytrace.errors import MeshError, OptionError
 from raytrace.mesh import Mesh
 from raytrace.scene import Object, Scene, Shape
 from raytrace.settings import Settings
@@ -21,25 +21,30 @@ from .gltf_nodes import node_matrices
 from .gltf_texture import Textures
 from .load import mesh_errors, read_objects
 from .located import located
-from .studio import BACKGROUND, Y_UP, framing, three_lights
+from .studio import BACKGROUND, framing, three_lights, up_axis
 
 
-def read_gltf(path: Path, settings: Settings) -> SceneDescription:
-    """A whole glTF scene; y is up, as glTF has it.
+def read_gltf(path: Path, settings: Settings, up: str | None = None) -> SceneDescription:
+    """A whole glTF scene; y is up, as glTF has it, unless `up` says otherwise.
 
     Without a camera everything is framed; without lights there are three of our own.
 
     Raises:
         MeshError: the file cannot be read (`scenes.load.load`).
         SceneError: a texture, light or camera cannot be used.
+        OptionError: `up`, and the file has a camera of its own.
     """
     objects, asset = gltf_objects(path)
     with mesh_errors(path):
         world = node_matrices(asset.header)
         camera = gltf_camera.camera(asset.header, world, path)
         lights = gltf_lights.lights(asset.header, world, path)
-        camera = camera or framing(Scene(objects), Y_UP, settings.width, settings.height)
-    return SceneDescription(Scene(objects, lights or three_lights(camera), BACKGROUND), camera, settings)
+        if camera and up is not None:
+            raise OptionError("--up", "a file without a camera", f"{path}, which has one")
+        axis = up_axis(path, up)
+        camera = camera or framing(Scene(objects).flattened(), axis, settings.width, settings.height)
+    scene = Scene(objects, lights or three_lights(camera), BACKGROUND)
+    return SceneDescription(scene, camera, settings, files=asset.files)
 
 
 def gltf_objects(path: Path) -> tuple[tuple[Object, ...], Gltf]:
@@ -60,9 +65,9 @@ def gltf_objects(path: Path) -> tuple[tuple[Object, ...], Gltf]:
         shapes: dict[tuple[int, int], Shape] = {}
         objects = []
         for piece, placed in zip(primitives(asset.header), instances, strict=True):
-            matrix = np.eye(4) if placed.matrix is None else placed.matrix
-            if not len(placed.faces) or not np.linalg.det(matrix[:3, :3]):
+            if placed.is_flattened:
                 continue
+            matrix = np.eye(4) if placed.matrix is None else placed.matrix
             key = (piece.mesh, piece.place)
             if key not in shapes:
                 shapes[key] = _shape(asset, piece, placed, textures, path)

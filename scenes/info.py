@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+import numpy.typing as npt
 
 from ao.receivers import Flag, find_receivers
 from raytrace.errors import printable
@@ -32,11 +33,26 @@ def describe(source: MeshFile) -> list[tuple[str, str]]:
         ("radius", f"{mesh.radius:.6g}, of the bounding sphere: 100 % for relative distances"),
         ("area", f"{float(area.sum()) / placement.scale / placement.scale:.6g}"),
         ("normals", "none in the file" if mesh.normals is None else "in the file"),
+        ("stored w", _stored(source.w)),
         ("points to bake", f"{len(receivers.points):,}, coincident vertices once"),
     ]
     for flag in Flag:
         count = int(np.count_nonzero(receivers.flags & flag))
         if count:
             rows.append((f"{(flag.name or '').lower()} vertices", f"{count:,}"))
+    rows += [("warning", note.removeprefix(f"{source.path}: ")) for note in source.notes]
     rows += [("warning", warning.removeprefix(f"{mesh.source}: ")) for warning in precision_warnings(mesh)]
     return rows
+
+
+def _stored(w: npt.NDArray[np.float64] | None) -> str:
+    """Range and mean of the w that a bake has left in the file."""
+    if w is None:
+        return "none in the file"
+    finite = w[np.isfinite(w)]
+    if not len(finite):
+        return "in the file, none of it finite"
+    with np.errstate(over="ignore"):
+        text = f"{finite.min():.4g} to {finite.max():.4g}, mean {finite.mean():.4g}"
+    strange = len(w) - int(((w >= 0) & (w <= 1)).sum())
+    return f"{text}; {strange:,} values are not in [0, 1]" if strange else text

@@ -1,11 +1,9 @@
-"""Mesh files: OBJ, PLY, STL, glTF and 3MF by our own readers, others by trimesh; vertices exactly as stored."""
+"""Mesh files: OBJ, PLY, STL, OFF, glTF and 3MF by our own readers, others by trimesh; vertices exactly as stored."""
 
 from __future__ import annotations
 
-import io
 import logging
 import os
-import re
 import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -13,21 +11,28 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import BinaryIO
 
-from raytrace.errors import InputError, MeshError
+import numpy as np
+import numpy.typing as npt
+
+from raytrace.errors import InputError, MeshError, printable
 from raytrace.memory import check_memory
 from raytrace.mesh import Mesh
 
+from .detail import Detail
 from .flatten import Instance, Part, check_copies, flatten, instance, world_matrices
 from .gltf import Gltf, decode
+from .gltf_detail import gltf_detail
 from .gltf_instances import read_instances
 from .obj import read_obj
+from .off import read_off
 from .ply import read_ply
 from .stl import read_stl
 from .threemf import check_archive, read_3mf
 
 # Bytes of memory a byte of file at the peak of reading: of archives and glTF less, what they hold is counted later.
-_PEAK = {"obj": 7.0, "ply": 5.0, "stl": 6.0, "glb": 2.0, "gltf": 2.0, "3mf": 1.0}
+_PEAK = {"obj": 7.0, "ply": 7.5, "stl": 6.0, "glb": 2.0, "gltf": 2.0, "3mf": 1.0}
 _PEAK_OF_TRIMESH = 22.0
+_KEPT = 2.5  # besides, where details are kept
 
 
 @dataclass(frozen=True)
@@ -40,12 +45,26 @@ class MeshFile:
             each object are those of the file, in its order: none merged, split, dropped or added.
         parts: the objects, consecutive in `mesh`.
         gltf: the asset as stored, when the file is glTF or GLB.
+        detail: what else the file holds that the target can hold too, if one was named.
+        notes: what is to be told about the objects.
+        unread: what the file holds and the mesh lacks, in words, if a target was named.
+        w: (n,) obscurance that a bake has left in the file, unchecked, or None.
     """
 
     path: Path
     mesh: Mesh
     parts: tuple[Part, ...]
     gltf: Gltf | None = None
+    detail: Detail | None = None
+    notes: tuple[str, ...] = ()
+    unread: tuple[str, ...] = ()
+    w: npt.NDArray[np.float64] | None = None
+
+    @property
+    def files(self) -> tuple[Path, ...]:
+        """Every file that was read, or will be when the mesh is written."""
+        own = self.gltf.files if self.gltf else (self.path,)
+        return own + (self.detail.files if self.detail else ())
 
     @classmethod
     def of(cls, mesh: Mesh) -> MeshFile:
@@ -54,12 +73,16 @@ class MeshFile:
         return cls(Path(mesh.source), mesh, (whole,))
 
 
-def load(path: str | os.PathLike[str]) -> MeshFile:
+def load(path: str | os.PathLike[str], target: str | os.PathLike[str] | None = None) -> MeshFile:
     """Read a mesh file, its format told by the ending.
 
     Polygons are cut into triangles. Point clouds, lines and cameras beside meshes are left out. A file's own
-    normals fill `mesh.normals` (PLY `nx ny nz`, OBJ `vn` with one normal a vertex, glTF `NORMAL`). Materials and
-    textures are not read. Files that a glTF refers to are read only from its own folder or below.
+    normals fill `mesh.normals` (PLY `nx ny nz`, OBJ `vn` with one normal a vertex, glTF `NORMAL`). Materials,
+    textures and the like are read for a target only. Files that a file refers to are read only from its own folder or
+    below.
+
+    Args:
+        target: the file that `scenes.write.write` is to make of it: what that can hold besides is read too.
 
     Raises:
         MeshError: the file is missing, unreadable, empty, incomplete, of another format than its ending says,
@@ -67,16 +90,26 @@ def load(path: str | os.PathLike[str]) -> MeshFile:
         MemoryLimitError: it would not fit into memory.
     """
     path = Path(path)
-    instances, asset = read_objects(path)
+    kind = "" if target is None else Path(target).suffix.lower()
+    instances, asset = read_objects(path, kind in (".ply", ".glb"))
     with mesh_errors(path):
         mesh, parts = flatten(instances, str(path))
-    return MeshFile(path, mesh, parts, asset)
+        detail = instances[0].detail if len(instances) == 1 else None
+        unread = tuple(dict.fromkeys(words for instance in instances for words in instance.unread))
+        if asset and kind == ".ply":
+            detail, unread = gltf_detail(asset, instances, mesh.faces)
+    notes = tuple(printable(f"{path}: {note}") for instance in instances for note in instance.notes)
+    stored = [np.asarray(instance.w, np.float64) for instance in instances if instance.w is not None]
+    w = np.concatenate(stored) if len(stored) == len(instances) else None
+    return MeshFile(path, mesh, parts, asset, detail, notes, unread, w)
 
 
-def read_objects(path: Path) -> tuple[list[Instance], Gltf | None]:
+def read_objects(path: Path, keep: bool = False) -> tuple[list[Instance], Gltf | None]:
     """The placed objects of a mesh file as it stores them, at least one, and the asset when it is glTF or GLB.
 
     Of a glTF they are its drawn primitives, in the order of `gltf.primitives`.
+
+    Args: keep: also the `Instance.detail` of OBJ and PLY.
 
     Raises:
         MeshError: as `load`, but for indices and coordinates, which `raytrace.Mesh` checks.
@@ -95,18 +128,21 @@ def read_objects(path: Path) -> tuple[list[Instance], Gltf | None]:
         if path.stat().st_size == 0:
             raise MeshError(path, "content", f"a {kind.upper()} mesh", "an empty file")
         size = path.stat().st_size
-        check_memory(source, int(_PEAK.get(kind, _PEAK_OF_TRIMESH) * size), f"to read {size:,} bytes")
+        needed = _PEAK.get(kind, _PEAK_OF_TRIMESH) + (_KEPT if keep else 0)
+        check_memory(source, int(needed * size), f"to read {size:,} bytes")
         asset = None
         with path.open("rb") as file:
             if kind in ("glb", "gltf"):
                 asset = decode(file.read(), path)
                 instances = read_instances(asset)
             elif kind == "obj":
-                instances = read_obj(file.read(), path.stem, source)
+                instances = read_obj(file.read(), path.stem, source, path.parent if keep else None)
             elif kind == "ply":
-                instances = read_ply(file.read(), path.stem, source)
+                instances = read_ply(file.read(), path.stem, source, keep)
             elif kind == "stl":
                 instances = read_stl(file.read(), path.stem, source)
+            elif kind == "off":
+                instances = read_off(file.read(), path.stem, source)
             elif kind == "3mf":
                 instances = read_3mf(file, source)
             else:
@@ -132,12 +168,7 @@ def _read(file: BinaryIO, kind: str, name: str, source: str) -> list[Instance]:
 
     if kind == "3dxml":
         check_archive(file, source)
-    if kind == "off":
-        # trimesh would need a further package to guess an encoding other than UTF-8.
-        file = io.BytesIO(file.read().decode("utf-8", "replace").encode())
     loaded = mesh_loaders[kind](file_obj=file, file_type=kind, resolver=None)
-    if kind == "off":
-        _check_off(file, source)
     if "geometry" not in loaded:
         return [instance(name, loaded)]
     geometry = loaded["geometry"]
@@ -155,16 +186,6 @@ def _read(file: BinaryIO, kind: str, name: str, source: str) -> list[Instance]:
     ]
     check_copies(sum(len(each.vertices) + len(each.faces) for each in placed), file.seek(0, os.SEEK_END), source)
     return placed
-
-
-def _check_off(file: BinaryIO, source: str) -> None:
-    """trimesh takes a file that ends early for a shorter one."""
-    file.seek(0)
-    text = re.sub(r"#.*", "", file.read().decode("utf-8", "replace"))
-    rows = [row.split() for row in text[text.index("OFF") + 3 :].splitlines() if row.strip()]
-    expected = 1 + int(rows[0][0]) + int(rows[0][1])
-    if len(rows) < expected or len(rows[expected - 1]) <= int(rows[expected - 1][0]):
-        raise MeshError(source, "content", f"{rows[0][0]} vertices and {rows[0][1]} faces", "an end before that")
 
 
 @contextmanager

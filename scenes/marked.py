@@ -17,6 +17,8 @@ from raytrace.rendering import render
 from raytrace.scene import Object, Scene, Shape
 from raytrace.settings import Settings
 
+from .studio import Z_UP, Vector, framing
+
 COLOURS = {
     ao.Flag.UNREFERENCED: (0.1, 0.3, 1.0),
     ao.Flag.DEGENERATE: (1.0, 0.8, 0.0),
@@ -34,13 +36,13 @@ def check_marked_target(target: Path) -> None:
     check_image_target(target, layers=("beauty",))
 
 
-def write_marked(target: Path, mesh: Mesh, baked: ao.Bake) -> None:
-    """Write the mesh in ambient light times w, with a dot on each flagged vertex.
+def write_marked(target: Path, mesh: Mesh, baked: ao.Bake, up: Vector = Z_UP) -> None:
+    """Write the mesh in ambient light times w, with a dot on each flagged vertex. Args: up: one of `studio.UP`.
 
     Raises:
         OptionError: not the ending of a picture. OutputError: the file cannot be written.
     """
-    camera = Camera.framing(mesh, (0.55, -1.0, 0.4), aspect=_WIDTH / _HEIGHT)
+    camera = framing(mesh, up, _WIDTH, _HEIGHT)
     white = Object(Shape(mesh, Lambert(albedo=1, two_sided="viewer")), w=baked.w)
     scene = Scene((white,), (AmbientLight(intensity=1),), (0.05, 0.05, 0.05))
     frame = render(scene, camera, Settings(width=_WIDTH, height=_HEIGHT), layers=False)

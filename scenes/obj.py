@@ -8,14 +8,18 @@ Format: Wavefront Advanced Visualizer manual, appendix B1.
 from __future__ import annotations
 
 import re
+from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
 
 from raytrace.errors import MeshError
 
+from .detail import PerCorner
 from .flatten import Instance
-from .polygons import fan_triangles
+from .obj_detail import obj_detail
+from .polygons import triangulate
+from .primitives import Origin
 
 _VERTEX = re.compile(r"^[ \t]*v[ \t]+(\S+[ \t]+\S+[ \t]+\S+)", re.MULTILINE)
 _VERTEX_LINE = re.compile(r"^[ \t]*v[ \t]", re.MULTILINE)
@@ -29,34 +33,43 @@ _CORNER_WITHOUT_UV = re.compile(r"(?<!\S)(?![^/\s]+/[^/\s]+)\S")
 Floats = npt.NDArray[np.float64]
 
 
-def read_obj(data: bytes, name: str, source: str) -> list[Instance]:
+def read_obj(data: bytes, name: str, source: str, folder: Path | None = None) -> list[Instance]:
     """All faces of the file, in its order.
 
     Objects, groups and materials divide no vertices in OBJ, so the whole file is one instance. Polygons become
-    fans. Normals are taken where every face has them and each vertex has only one. Texture coordinates, colours
-    and material files are not read. Negative indices count back from their own line, as the format has it.
+    triangles. Normals are taken where every face has them and each vertex has only one. Negative indices count back
+    from their own line, as the format has it.
 
     Args:
         data: the file's bytes.
         name: what to call the instance.
         source: the file's name for messages.
+        folder: where it is; also texture coordinates, all normals, colours and materials are read, as its detail.
 
     Raises:
         MeshError: a vertex with fewer than three coordinates, a face with fewer than three corners, an index
             outside the file's lines.
         ValueError: text that is not numbers.
     """
-    vertices, normals, faces, sizes = _statements(_text(data), source)
+    text = _text(data)
+    vertices, normals, faces, sizes = _statements(text, source)
     corners = _indices(re.sub(r"/\S*", "", faces), len(vertices), source, "v")
-    vertex_normals = None
+    vertex_normals = several = None
     if len(normals) and not _CORNER_WITHOUT_NORMAL.search(faces):
         choice = _normal_indices(faces, len(normals), source)
         vertex_normals = _one_each(normals[choice], corners, len(vertices))
-    return [Instance(name, vertices, fan_triangles(corners, sizes), vertex_normals)]
+        several = PerCorner(normals, choice) if vertex_normals is None else None
+    triangles = triangulate(vertices, corners, sizes, source)
+    detail, unread = None, tuple[str, ...]()
+    if folder is not None:
+        uv = _coordinates(text, faces, source)
+        has_normals = several is not None or vertex_normals is not None
+        detail, unread = obj_detail(text, folder, corners, sizes, triangles, uv, several, has_normals, len(vertices))
+    return [Instance(name, vertices, triangles.take(corners), vertex_normals, None, triangles.notes, detail, unread)]
 
 
-def read_textured_obj(data: bytes, name: str, source: str) -> tuple[Instance, Floats]:
-    """All faces of the file with texture coordinates uv (n, 2), v upwards.
+def read_textured_obj(data: bytes, name: str, source: str) -> tuple[Instance, Floats, Origin]:
+    """All faces of the file with texture coordinates uv (n, 2), v upwards, and which vertices of the file they have.
 
     Every combination of a vertex with a texture coordinate, and with a normal where every face has them, becomes a
     vertex of its own, so that seams and hard edges stay.
@@ -67,18 +80,28 @@ def read_textured_obj(data: bytes, name: str, source: str) -> tuple[Instance, Fl
     """
     text = _text(data)
     vertices, normals, faces, sizes = _statements(text, source)
-    uv = _rows(_TEXTURE.findall(text), 2)
-    if not len(uv) or _CORNER_WITHOUT_UV.search(faces):
+    coordinates = _coordinates(text, faces, source)
+    if coordinates is None:
         raise MeshError(source, "vt", "texture coordinates on every corner of a face", "none on some")
-    columns = [_indices(re.sub(r"/\S*", "", faces), len(vertices), source, "v")]
-    columns.append(_indices(re.sub(r"(?<!\S)[^/\s]+/([^/\s]+)\S*", r"\1", faces), len(uv), source, "vt"))
+    uv, choice = coordinates
+    columns = [_indices(re.sub(r"/\S*", "", faces), len(vertices), source, "v"), choice]
     has_normals = len(normals) > 0 and not _CORNER_WITHOUT_NORMAL.search(faces)
     if has_normals:
         columns.append(_normal_indices(faces, len(normals), source))
     kinds, corners = np.unique(np.stack(columns, axis=1), axis=0, return_inverse=True)
-    triangles = fan_triangles(corners.ravel(), sizes)
+    triangles = triangulate(vertices, columns[0], sizes, source)
     own = normals[kinds[:, 2]] if has_normals else None
-    return Instance(name, vertices[kinds[:, 0]], triangles, own), uv[kinds[:, 1]]
+    faces_of_kinds = triangles.take(corners.ravel())
+    made = Instance(name, vertices[kinds[:, 0]], faces_of_kinds, own, notes=triangles.notes)
+    return made, uv[kinds[:, 1]], Origin(kinds[:, 0], len(vertices))
+
+
+def _coordinates(text: str, faces: str, source: str) -> PerCorner | None:
+    """Texture coordinates of all corners, or None if some corner has none."""
+    uv = _rows(_TEXTURE.findall(text), 2)
+    if not len(uv) or _CORNER_WITHOUT_UV.search(faces):
+        return None
+    return PerCorner(uv, _indices(re.sub(r"(?<!\S)[^/\s]+/([^/\s]+)\S*", r"\1", faces), len(uv), source, "vt"))
 
 
 def _text(data: bytes) -> str:

@@ -2,23 +2,18 @@
 
 from __future__ import annotations
 
-import warnings
-import zipfile
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
-from typing import IO
 
 import numpy as np
 import numpy.typing as npt
 
 import ao
 from ao.bake import Progress
-from raytrace.errors import SceneError
 from raytrace.rendering import seen_vertices
 from raytrace.scene import Scene
 
 from .description import SceneDescription
+from .stored_w import read_w
 
 
 def obscured(
@@ -38,8 +33,7 @@ def obscured(
     if options.source == "off":
         return scene, None
     if isinstance(options.source, Path):
-        count = sum(len(item.shape.mesh.vertices) for item in scene.objects)
-        return scene.with_obscurance(_read(options.source, count)), None
+        return scene.with_obscurance(_stored(description, options.source)), None
     settings = description.settings
     wanted = seen_vertices(scene, description.camera, settings, threads)
     made = ao.bake(
@@ -55,35 +49,13 @@ def obscured(
     return scene.with_obscurance(made.w), made
 
 
-def _read(path: Path, count: int) -> npt.NDArray[np.float64]:
-    """w (count,) of a `.npy` file, or of the array `w` of a `.npz` file. Only its header is read if that is another."""
-    try:
-        with _member(path) as file, warnings.catch_warnings():
-            warnings.simplefilter("ignore")
-            version = np.lib.format.read_magic(file)
-            headers = {(1, 0): np.lib.format.read_array_header_1_0, (2, 0): np.lib.format.read_array_header_2_0}
-            shape, _, kind = headers[version](file)
-            if shape != (count,):
-                raise SceneError(path, "w", f"shape ({count},), one value a vertex of the scene", shape)
-            if kind.kind not in "fiu" or kind.itemsize > 16:
-                raise SceneError(path, "w", "numbers", kind)
-            data = file.read(count * kind.itemsize)
-            w = np.frombuffer(data, kind, count).astype(np.float64)
-    except SceneError:
-        raise
-    except Exception as reason:  # NumPy's and zipfile's are of a dozen kinds
-        raise SceneError(path, "content", "w as obscurance bake writes it", " ".join(str(reason).split())) from None
-    if not ((w >= 0) & (w <= 1)).all():
-        raise SceneError(path, "w", "values in [0, 1]", "others")
-    return w
-
-
-@contextmanager
-def _member(path: Path) -> Iterator[IO[bytes]]:
-    """The bytes of the array's `.npy` file, which a `.npz` file holds as a member."""
-    if path.suffix.lower() != ".npz":
-        with path.open("rb") as file:
-            yield file
-        return
-    with zipfile.ZipFile(path) as archive, archive.open("w.npy") as member:
-        yield member
+def _stored(description: SceneDescription, path: Path) -> npt.NDArray[np.float64]:
+    """w of all vertices of the scene, from a file that has one for each, or one for each vertex of its mesh files."""
+    counts = [len(item.shape.mesh.vertices) for item in description.scene.objects]
+    origins = description.origins or (None,) * len(counts)
+    of_files = [origin.total if origin else count for origin, count in zip(origins, counts, strict=True)]
+    w = read_w(path, sum(of_files), sum(counts))
+    if len(w) != sum(of_files):
+        return w
+    parts = np.split(w, np.cumsum(of_files)[:-1])
+    return np.concatenate([part[origin.of] if origin else part for origin, part in zip(origins, parts, strict=True)])

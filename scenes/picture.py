@@ -13,7 +13,7 @@ import ao
 from ao.bake import Progress
 from ao.report import versions
 from raytrace.atomic import atomic_write
-from raytrace.errors import printable
+from raytrace.errors import OptionError, printable
 from raytrace.frame import Frame
 from raytrace.image import check_image_target, write_frame
 from raytrace.memory import check_memory
@@ -51,11 +51,15 @@ class Picture:
         )
 
 
-def adjusted(description: SceneDescription, changes: Mapping[str, Any], preview: bool) -> SceneDescription:
+def adjusted(
+    description: SceneDescription, changes: Mapping[str, Any], preview: bool, baked: Path | None = None
+) -> SceneDescription:
     """The description with the `Settings` changed that are not None; a preview: a quarter as wide and high, few rays.
 
+    Args: baked: a file with w, in place of the description's own or of a bake.
+
     Raises:
-        OptionError: a setting out of range.
+        OptionError: a setting out of range, or `baked` for a picture without obscurance.
     """
     settings = replace(description.settings, **{name: value for name, value in changes.items() if value is not None})
     bake = description.bake
@@ -63,10 +67,16 @@ def adjusted(description: SceneDescription, changes: Mapping[str, Any], preview:
         bake = replace(bake, source="off")
     elif bake.source == "off":
         bake = replace(bake, source="bake")
+    files = description.files
+    if baked is not None:
+        if settings.obscurance == "off":
+            raise OptionError("--baked", "--obscurance ambient or book with it", "off")
+        bake = replace(bake, source=baked)
+        files = (*files, baked)
     if preview:
         settings = _quarter(settings)
         bake = replace(bake, samples=min(bake.samples, PREVIEW_BAKE))
-    return replace(description, settings=settings, bake=bake)
+    return replace(description, settings=settings, bake=bake, files=files)
 
 
 def _quarter(settings: Settings) -> Settings:

@@ -18,7 +18,9 @@ import numpy.typing as npt
 from raytrace.errors import MeshError
 
 from .flatten import Instance
-from .polygons import fan_triangles
+from .ply_detail import ply_detail
+from .ply_elements import Element, Property
+from .polygons import triangulate
 
 _TYPES = {
     "char": "b", "uchar": "B", "short": "h", "ushort": "H", "int": "i", "uint": "I", "float": "f", "double": "d",
@@ -42,13 +44,14 @@ class _Element:
     properties: dict[str, tuple[str, str]] = field(default_factory=dict)
 
 
-def read_ply(data: bytes, name: str, source: str) -> list[Instance]:
-    """The vertices and triangles of a PLY file, polygons cut into fans, with its normals if it has `nx ny nz`.
+def read_ply(data: bytes, name: str, source: str, keep: bool = False) -> list[Instance]:
+    """The vertices and triangles of a PLY file, polygons cut into triangles, with its normals if it has `nx ny nz`.
 
     Args:
         data: the file's bytes.
         name: what to call the instance.
         source: the file's name for messages.
+        keep: also give all elements, as the instance's detail.
 
     Raises:
         MeshError: the file ends early, or has no vertices.
@@ -57,6 +60,8 @@ def read_ply(data: bytes, name: str, source: str) -> list[Instance]:
     header, order, start = _header(data)
     elements = _elements(header)
     text = order == "ascii"
+    declared = {element.name: element.properties for element in elements}
+    stored = []
     found, expected = [], [np.empty(0, np.int64)]
     if text:
         lines = data[start:].decode("ascii")
@@ -64,14 +69,17 @@ def read_ply(data: bytes, name: str, source: str) -> list[Instance]:
         data, start = np.fromstring(lines, sep=" ").tobytes(), 0
         for element in elements:
             element.properties = {name: ("d", counted and "d") for name, (_, counted) in element.properties.items()}
-    vertices = normals = None
+    vertices = normals = w = None
     corners, sizes = np.empty(0, np.int64), np.empty(0, np.int64)
     for element in elements:
         columns, lists, start = _rows(data, start, _ORDERS[order], element, source)
+        if keep:
+            stored.append(_stored(element, declared[element.name], columns, lists))
         singles = np.full(element.count, len(columns))
         expected.append(sum((1 + sizes for _, sizes in lists.values()), singles))
         if element.name == "vertex" and element.count:
             vertices = np.stack([columns[axis] for axis in "xyz"], axis=1)
+            w = columns.get("obscurance")
             if {"nx", "ny", "nz"} <= set(columns):
                 normals = np.stack([columns[axis] for axis in ("nx", "ny", "nz")], axis=1)
         elif element.name == "face":
@@ -80,7 +88,21 @@ def read_ply(data: bytes, name: str, source: str) -> list[Instance]:
         raise MeshError(source, "rows", "one line for each, with as many numbers as the header says", "others")
     if vertices is None:
         raise MeshError(source, "elements", "one of vertices", "none")
-    return [Instance(name, vertices, fan_triangles(_whole(corners), sizes), normals)]
+    corners = _whole(corners)
+    triangles = triangulate(vertices, corners, sizes, source)
+    comments = tuple(" ".join(line) for line in header if line[:1] in (["comment"], ["obj_info"])) if keep else ()
+    detail = ply_detail(tuple(stored), comments, corners, sizes, triangles) if keep else None
+    return [Instance(name, vertices, triangles.take(corners), normals, None, triangles.notes, detail, w=w)]
+
+
+def _stored(element: _Element, declared: dict[str, tuple[str, str]], columns: Columns, lists: Lists) -> Element:
+    made = []
+    for name, (kind, counted) in declared.items():
+        if name in lists:
+            made.append(Property(name, kind, lists[name][0], counted, lists[name][1]))
+        else:
+            made.append(Property(name, kind, columns.get(name, np.empty(0, kind))))
+    return Element(element.name, element.count, tuple(made))
 
 
 def _header(data: bytes) -> tuple[list[list[str]], str, int]:

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -17,12 +18,24 @@ from raytrace.normals import normalize
 Floats = npt.NDArray[np.float64]
 
 
+class Origin(NamedTuple):
+    """Which of the `total` vertices of its file each vertex of a mesh is: `of`, int64 (n,)."""
+
+    of: npt.NDArray[np.int64]
+    total: int
+
+
 @dataclass(frozen=True, eq=False)
 class Geometry:
-    """A mesh and its texture coordinates uv, float64 (n, 2), v upwards, or None."""
+    """A mesh and its texture coordinates uv, float64 (n, 2), v upwards, or None.
+
+    Attributes:
+        origin: where the vertices come from, if they are not its file's one by one.
+    """
 
     mesh: Mesh
     uv: Floats | None = None
+    origin: Origin | None = None
 
 
 def merge(pieces: Sequence[Geometry], source: str) -> Geometry:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from pathlib import Path
 
+from raytrace.errors import OptionError
 from raytrace.scene import Object, Scene, Shape
 from raytrace.settings import Settings
 
@@ -12,12 +13,12 @@ from .description import SceneDescription
 from .gltf_scene import read_gltf
 from .load import load
 from .scene_file import read_toml
-from .studio import BACKGROUND, NEUTRAL, Y_UP, Z_UP, framing, three_lights
-
-Z_UP_ENDINGS = (".stl", ".3mf")
+from .studio import BACKGROUND, NEUTRAL, framing, three_lights, up_axis
 
 
-def read_scene(path: str | os.PathLike[str], size: tuple[int, int] | None = None) -> SceneDescription:
+def read_scene(
+    path: str | os.PathLike[str], size: tuple[int, int] | None = None, up: str | None = None
+) -> SceneDescription:
     """A scene by the file's ending: `.toml` (docs/scenes.md), `.glb` or `.gltf`, or any other mesh alone.
 
     A mesh alone is matt grey, framed whole, under three lights; its y is up, or z if it is STL or 3MF, formats of
@@ -26,20 +27,24 @@ def read_scene(path: str | os.PathLike[str], size: tuple[int, int] | None = None
     Args:
         path: the file.
         size: width and height of the picture in pixels in place of the file's own; automatic framing goes by it.
+        up: "x", "y" or "z", the axis that is up in a file that says nothing of it: where it is seen and lit from.
 
     Raises:
         SceneError: a fault of a scene file, with the path of the value.
         MeshError: a mesh or glTF file cannot be read.
-        OptionError: `size` is out of range.
+        OptionError: `size` is out of range, or `up` is of no use.
     """
     path = Path(path)
     ending = path.suffix.lower()
     settings = Settings(*size) if size else Settings()
     if ending == ".toml":
+        if up is not None:
+            raise OptionError("--up", "a mesh file; a scene has camera.up", path)
         return read_toml(path, size)
     if ending in (".glb", ".gltf"):
-        return read_gltf(path, settings)
-    objects = (Object(Shape(load(path).mesh, NEUTRAL), name=path.stem),)
-    scene = Scene(objects, background=BACKGROUND)
-    camera = framing(scene, Z_UP if ending in Z_UP_ENDINGS else Y_UP, settings.width, settings.height)
-    return SceneDescription(Scene(objects, three_lights(camera), BACKGROUND), camera, settings)
+        return read_gltf(path, settings, up)
+    source = load(path)
+    objects = (Object(Shape(source.mesh, NEUTRAL), name=path.stem),)
+    camera = framing(source.mesh, up_axis(path, up), settings.width, settings.height)
+    lit = Scene(objects, three_lights(camera), BACKGROUND)
+    return SceneDescription(lit, camera, settings, files=source.files, notes=source.notes)

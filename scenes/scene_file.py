@@ -23,6 +23,7 @@ from .description import BakeOptions, SceneDescription
 from .located import located, shown
 from .scene_objects import ObjectReader, named_materials
 from .schema import CameraTable, Document, ObscuranceTable, parse_document
+from .stored_w import ENDINGS
 from .studio import FROM, Z_UP, three_lights
 
 _PARTS = 100  # tomllib takes memory by the square of their number
@@ -52,7 +53,9 @@ def read_toml(path: Path, size: tuple[int, int] | None = None) -> SceneDescripti
     camera = _camera(document.camera, scene, settings, path)
     if not lights:
         scene = replace(scene, lights=three_lights(camera))
-    return SceneDescription(scene, camera, settings, bake)
+    origins = tuple(reader.origin(item) for item in objects)
+    baked = (bake.source,) if isinstance(bake.source, Path) else ()
+    return SceneDescription(scene, camera, settings, bake, (path, *reader.files, *baked), tuple(reader.notes), origins)
 
 
 def _load(path: Path) -> dict[str, Any]:
@@ -118,8 +121,8 @@ def _bake(table: ObscuranceTable, path: Path, settings: Settings) -> BakeOptions
     if table.baked is not None:
         excluded("nothing beside baked but form", *bake)
         file = confined(table.baked, path.parent, path, "obscurance.baked")
-        if file.suffix.lower() not in (".npy", ".npz"):
-            raise SceneError(path, "obscurance.baked", "a name ending in .npy, .npz", shown(table.baked))
+        if file.suffix.lower() not in ENDINGS:
+            raise SceneError(path, "obscurance.baked", "a name ending in " + ", ".join(ENDINGS), shown(table.baked))
         return BakeOptions(file)
     forms = {"exponential": ao.Exponential, "binary": ao.Binary}
     if table.falloff not in forms:

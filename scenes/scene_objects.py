@@ -9,10 +9,9 @@ from typing import Any
 
 import numpy.typing as npt
 
-from raytrace.errors import SceneError, nearest_name
+from raytrace.errors import SceneError, nearest_name, printable
 from raytrace.material_base import BaseMaterial
 from raytrace.materials import material_from_dict
-from raytrace.mesh import Mesh
 from raytrace.presets import PRESETS
 from raytrace.scene import Object, Shape
 from raytrace.texture import Texture
@@ -22,11 +21,11 @@ from .flatten import check_copies, flatten
 from .gltf_scene import gltf_objects
 from .load import mesh_errors, read_objects
 from .located import check_keys, joined, located, shown
-from .obj import read_textured_obj
-from .primitives import Geometry
+from .primitives import Geometry, Origin
 from .schema import ObjectTable, Transform
 from .solids import SOLIDS, Solid
 from .studio import NEUTRAL
+from .textured import ENDINGS, read_textured
 from .transforms import matrix_of
 
 
@@ -53,7 +52,12 @@ def named_materials(tables: Sequence[dict[str, Any]], source: object) -> dict[st
 
 
 class ObjectReader:
-    """Makes objects; what is the same in several of them, in mesh, material and texture, becomes one shape."""
+    """Makes objects; what is the same in several of them, in mesh, material and texture, becomes one shape.
+
+    Attributes:
+        files: what was read, or will be.
+        notes: what is to be told about meshes.
+    """
 
     def __init__(self, source: Path, materials: dict[str, BaseMaterial]) -> None:
         self._source, self._materials = source, materials
@@ -62,6 +66,9 @@ class ObjectReader:
         self._gltf: dict[Path, tuple[Object, ...]] = {}
         self._shapes: dict[Any, Shape] = {}
         self._stored: dict[int, int] = {}
+        self._origins: dict[int, Origin] = {}
+        self.files: list[Path] = []
+        self.notes: list[str] = []
         self._placed = 0
 
     def read(self, table: ObjectTable, path: str) -> list[Object]:
@@ -84,6 +91,10 @@ class ObjectReader:
                 with located(self._source, path):
                     objects.append(replace(piece, transform=matrix @ piece.transform, name=piece.name + suffix))
         return objects
+
+    def origin(self, item: Object) -> Origin | None:
+        """Where the vertices of one of the objects come from, if they are not its file's one by one."""
+        return self._origins.get(id(item.shape))
 
     def _check_copies(self, pieces: list[Object], table: ObjectTable) -> None:
         """Count vertices and triangles, those of mesh files once and those of all copies."""
@@ -114,17 +125,19 @@ class ObjectReader:
         check_keys(self._source, path, table.model_extra or {}, _keys("mesh"))
         field = joined(path, "mesh")
         mesh = confined(table.mesh or "", self._source.parent, self._source, field)
+        self.files.append(mesh)
         with located(self._source, field):
             if mesh.suffix.lower() in (".glb", ".gltf"):
                 return self._gltf_pieces(mesh, table, path, material, texture)
-            geometry = self._once((mesh, texture is None), lambda: _read(mesh, texture is not None))
+            geometry = self._once((mesh, texture is None), lambda: self._read(mesh, texture is not None))
         return [Object(self._shape(table, path, geometry, material, texture), name=table.name or mesh.stem)]
 
     def _gltf_pieces(
         self, mesh: Path, table: ObjectTable, path: str, material: BaseMaterial | None, texture: Texture | None
     ) -> list[Object]:
         if mesh not in self._gltf:
-            self._gltf[mesh] = gltf_objects(mesh)[0]
+            self._gltf[mesh], asset = gltf_objects(mesh)
+            self.files.extend(asset.files)
         pieces = []
         for item in self._gltf[mesh]:
             shape = item.shape
@@ -135,6 +148,17 @@ class ObjectReader:
             name = item.name if table.name is None else f"{table.name} {item.name}"
             pieces.append(replace(item, shape=made, name=name))
         return pieces
+
+    def _read(self, path: Path, textured: bool) -> Geometry:
+        """Any mesh file but glTF. Texture coordinates are read of OBJ and PLY, where `textured`."""
+        with mesh_errors(path):
+            if textured and path.suffix.lower() in ENDINGS:
+                geometry, notes = read_textured(path)
+                self.notes += notes
+                return geometry
+            instances, _ = read_objects(path)
+            self.notes += [printable(f"{path}: {note}") for instance in instances for note in instance.notes]
+            return Geometry(flatten(instances, str(path))[0])
 
     def _once(self, key: Any, make: Any) -> Geometry:
         if key not in self._geometry:
@@ -151,6 +175,8 @@ class ObjectReader:
         if key not in self._shapes:
             mesh = geometry.mesh if table.own_normals else replace(geometry.mesh, normals=None)
             self._shapes[key] = Shape(mesh, material, geometry.uv, texture)
+            if geometry.origin:
+                self._origins[id(self._shapes[key])] = geometry.origin
         return self._shapes[key]
 
     def _material(self, given: str | dict[str, Any], path: str) -> BaseMaterial:
@@ -165,6 +191,7 @@ class ObjectReader:
 
     def _texture(self, table: ObjectTable, path: str) -> Texture:
         file = confined(table.texture or "", self._source.parent, self._source, joined(path, "texture"))
+        self.files.append(file)
         texture = Texture(file, wrap=table.wrap or ("repeat", "repeat"))
         return self._textures.setdefault(texture, texture)
 
@@ -184,13 +211,3 @@ def _keys(kind: str) -> list[str]:
     """The keys of an entry that has the key `kind`, "mesh" or "builtin"."""
     keys = [*(key for key in ObjectTable.model_fields if key not in Transform.model_fields), *Transform.model_fields]
     return [key for key in keys if key == kind or key not in ("mesh", "builtin")]
-
-
-def _read(path: Path, textured: bool) -> Geometry:
-    """Any mesh file but glTF. Texture coordinates are read of OBJ only, where `textured`."""
-    if textured and path.suffix.lower() == ".obj":
-        with mesh_errors(path):
-            placed, uv = read_textured_obj(path.read_bytes(), path.stem, str(path))
-            return Geometry(Mesh(placed.vertices, placed.faces, placed.normals, source=str(path)), uv)
-    with mesh_errors(path):
-        return Geometry(flatten(read_objects(path)[0], str(path))[0])

@@ -2,25 +2,43 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 
 from raytrace.camera import Camera
+from raytrace.errors import OptionError
 from raytrace.lights import AmbientLight, BaseLight, DirectionalLight
 from raytrace.materials import Lambert
-from raytrace.scene import Scene
+from raytrace.mesh import Mesh
 
 Vector = tuple[float, float, float]
 
 BACKGROUND = (0.05, 0.05, 0.05)
+X_UP: Vector = (1.0, 0.0, 0.0)
 Y_UP: Vector = (0.0, 1.0, 0.0)
 Z_UP: Vector = (0.0, 0.0, 1.0)
-FROM = {Y_UP: (0.55, 0.4, 1.0), Z_UP: (0.55, -1.0, 0.4)}  # from the front, the right and above
+UP = {"x": X_UP, "y": Y_UP, "z": Z_UP}
+FROM = {X_UP: (0.4, 0.55, -1.0), Y_UP: (0.55, 0.4, 1.0), Z_UP: (0.55, -1.0, 0.4)}  # from the front, the right and above
+_Z_UP_ENDINGS = (".stl", ".3mf")
 NEUTRAL = Lambert(albedo=(0.7, 0.7, 0.7))
 
 
-def framing(scene: Scene, up: Vector, width: int, height: int) -> Camera:
-    """A camera that sees every vertex in a picture of `width` × `height` pixels; `up` is `Y_UP` or `Z_UP`."""
-    return Camera.framing(scene.flattened(), FROM[up], up, width / height)
+def up_axis(path: Path, up: str | None = None) -> Vector:
+    """The axis `up`, "x", "y" or "z", or else the one that a file's format has as a rule: y, in STL and 3MF z.
+
+    Raises: OptionError: `up` is another.
+    """
+    if up is None:
+        return Z_UP if path.suffix.lower() in _Z_UP_ENDINGS else Y_UP
+    if up not in UP:
+        raise OptionError("--up", "one of " + ", ".join(UP), up)
+    return UP[up]
+
+
+def framing(mesh: Mesh, up: Vector, width: int, height: int) -> Camera:
+    """A camera that sees every vertex in a picture of `width` × `height` pixels; `up` is one of `UP`."""
+    return Camera.framing(mesh, FROM[up], up, width / height)
 
 
 def three_lights(camera: Camera) -> tuple[BaseLight, ...]:

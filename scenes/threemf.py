@@ -46,6 +46,7 @@ class _Reader:
         self.model, self.objects = model, objects
         self.items: list[tuple[Key, Floats]] = []
         self.current = _Object("")
+        self.is_painted = False
 
     def start(self, tag: str, attributes: Mapping[str, str]) -> None:
         match tag.rpartition("}")[2]:
@@ -59,6 +60,8 @@ class _Reader:
                 self.current.faces.extend(int(attributes[corner]) for corner in ("v1", "v2", "v3"))
             case "component":
                 self.current.components.append(self._placed(attributes))
+            case "basematerials" | "colorgroup" | "texture2dgroup":
+                self.is_painted = True
             case "item":
                 self.items.append(self._placed(attributes))
 
@@ -88,7 +91,9 @@ def read_3mf(file: BinaryIO, source: str) -> list[Instance]:
     with zipfile.ZipFile(file) as archive:
         models = {_member(entry.filename): entry for entry in archive.infolist() if entry.filename.endswith(".model")}
         objects: dict[Key, _Object] = {}
-        items = {name: _parse(archive, entry, _Reader(name, objects)) for name, entry in models.items()}
+        readers = {name: _Reader(name, objects) for name in models}
+        items = {name: _parse(archive, entry, readers[name]) for name, entry in models.items()}
+    unread = ("materials and colours",) if any(reader.is_painted for reader in readers.values()) else ()
     build = items[next(name for name in models if name.endswith(ROOT))]
     _check_build(build, objects, unpacked, source)
     arrays = {
@@ -100,7 +105,7 @@ def read_3mf(file: BinaryIO, source: str) -> list[Instance]:
         key, matrix = stack.pop()
         item = objects[key]
         if item.faces:
-            placed.append(Instance(item.name, *arrays[key], None, matrix))
+            placed.append(Instance(item.name, *arrays[key], None, matrix, unread=unread))
         stack.extend((child, matrix @ local) for child, local in item.components[::-1])
     return placed
 

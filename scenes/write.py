@@ -16,8 +16,7 @@ from raytrace.errors import OptionError
 
 from .load import MeshFile
 from .write_glb import glb
-
-_LONGEST = 1e38
+from .write_ply import ply
 
 
 class Baked(Protocol):
@@ -56,16 +55,17 @@ def write(path: str | os.PathLike[str], bake: Baked, mesh_file: MeshFile, *, col
 
     - `.npy`: w, float32 (n,).
     - `.npz`: `w` float32 (n,), `error` float32 (n,), `bent_normals` float32 (n, 3), `flags` uint8 (n,).
-    - `.ply`: binary; the mesh with the float property `obscurance`, the file's own normals if it had some, and grey
-      `red green blue` = 255 w, linear: viewers multiply by it as it stands, which is what w is for. Coordinates are
-      float where that loses nothing and double otherwise.
+    - `.ply`: `obscurance`, and grey `red green blue` = 255 w, linear: viewers multiply by it as it stands, which is
+      what w is for (`write_ply.ply`). Coordinates are float where that loses nothing and double otherwise.
     - `.glb`: `_OBSCURANCE` (`write_glb.glb`).
+
+    What the source holds besides is kept if it was loaded for this target (`load`); `lost.lost` tells what is not.
 
     Args:
         path: the target, replaced if it exists.
         bake: per vertex of `mesh_file.mesh`.
         mesh_file: what was baked.
-        colors: also give a .glb the vertex colours `COLOR_0` = w.
+        colors: give a .glb the vertex colours `COLOR_0` = w, and a .ply the grey, in place of the source's colours.
 
     Raises:
         OptionError: unknown ending, or coordinates that a .glb cannot hold.
@@ -101,42 +101,8 @@ def _npz(bake: Baked, _mesh_file: MeshFile, _colors: bool) -> memoryview:
     return content.getbuffer()
 
 
-def _ply(bake: Baked, mesh_file: MeshFile, _colors: bool) -> bytes:
-    mesh = mesh_file.mesh
-    with np.errstate(over="ignore"):
-        single = np.array_equal(mesh.vertices.astype(np.float32), mesh.vertices)
-    fields = [(axis, "<f4" if single else "<f8") for axis in "xyz"]
-    columns = dict(zip("xyz", mesh.vertices.T, strict=True))
-    if mesh.normals is not None:
-        fields += [(axis, "<f4") for axis in ("nx", "ny", "nz")]
-        columns |= zip(("nx", "ny", "nz"), _storable(mesh.normals).T, strict=True)
-    fields += [("obscurance", "<f4"), ("red", "u1"), ("green", "u1"), ("blue", "u1")]
-    grey = np.rint(np.clip(bake.w, 0, 1) * 255)
-    columns |= {"obscurance": bake.w, "red": grey, "green": grey, "blue": grey}
-    vertices = np.empty(len(mesh.vertices), dtype=fields)
-    for name, column in columns.items():
-        vertices[name] = column
-    faces = np.empty(len(mesh.faces), dtype=[("count", "u1"), ("indices", "<i4", 3)])
-    faces["count"], faces["indices"] = 3, mesh.faces
-    names = {"<f4": "float", "<f8": "double", "u1": "uchar"}
-    header = [
-        "ply",
-        "format binary_little_endian 1.0",
-        "comment obscurance: 1 = open; red green blue = 255 obscurance",
-        f"element vertex {len(vertices)}",
-        *(f"property {names[kind]} {name}" for name, kind in fields),
-        f"element face {len(faces)}",
-        "property list uchar int vertex_indices",
-        "end_header\n",
-    ]
-    return "\n".join(header).encode() + vertices.tobytes() + faces.tobytes()
-
-
-def _storable(normals: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
-    """Normals (n, 3) without NaN, those too long for float32 shortened."""
-    finite = np.nan_to_num(normals)
-    longest = np.abs(finite).max(axis=1, keepdims=True)
-    return finite / np.where(longest > _LONGEST, longest, 1.0)
+def _ply(bake: Baked, mesh_file: MeshFile, colors: bool) -> bytes:
+    return ply(mesh_file, bake.w, colors)
 
 
 def _glb(bake: Baked, mesh_file: MeshFile, colors: bool) -> bytes:

@@ -10,7 +10,7 @@ import numpy as np
 import OpenImageIO as oiio
 import PIL.Image
 from gltf_files import QUAD, TRIANGLE, Builder
-from mesh_files import FACES, NORMALS, VERTICES, ascii_ply, ascii_stl, mixed_ply, obj, off, ply, stl
+from mesh_files import FACES, NORMALS, VERTICES, ascii_ply, ascii_stl, mixed_ply, obj, off, ply, rich_ply, stl
 
 OBJ = b"""\
 mtllib square.mtl
@@ -197,17 +197,19 @@ def _folder():
 
 
 def arrays(count=4):
-    """w of that many vertices as .npy and .npz."""
+    """w of that many vertices as .npy and .npz, and beside the vertices of a .ply."""
     plain, packed = io.BytesIO(), io.BytesIO()
     np.save(plain, np.full(count, 0.5, np.float32))
     np.savez_compressed(packed, w=np.full(count, 0.5), error=np.zeros(count))
-    return plain.getvalue(), packed.getvalue()
+    halves = np.full((count, 3), 0.5)
+    mesh = ply(VERTICES[:count], [[0, 1, 3]], normals=halves).replace(b"float nx", b"float obscurance")
+    return plain.getvalue(), packed.getvalue(), mesh
 
 
 def companions():
     """What lies beside the file under test: name to content."""
     _, binary = gltf()
-    npy, npz = arrays()
+    npy, npz, _ = arrays()
     return {
         "square.obj": OBJ.replace(b"f 1//1 2//1 3//1 4//1\n", b""),
         "square.mtl": MTL,
@@ -233,7 +235,7 @@ def seeds():
     return {
         "ply_ascii": [("m.ply", data) for data in (ascii_ply(), ascii_ply(faces=[[0, 1, 3, 4]]), _mixed_ascii())],
         "ply": [("m.ply", ply()), ("m.ply", ply(order=">", normals=NORMALS)), ("m.ply", ply(faces=many, texture=True))],
-        "ply_mixed": [("m.ply", mixed_ply()), ("m.ply", mixed_ply(">"))],
+        "ply_mixed": [("m.ply", mixed_ply()), ("m.ply", mixed_ply(">")), ("m.ply", rich_ply())],
         "obj": [("m.obj", OBJ), ("m.obj", obj()), ("m.obj", obj(faces=many))],
         "stl": [("m.stl", stl(VERTICES[FACES])), ("m.stl", stl(VERTICES[many]))],
         "stl_ascii": [("m.stl", ascii_stl(("a", VERTICES[FACES]), ("b b", VERTICES[FACES])))],
@@ -251,7 +253,7 @@ def seeds():
         ],
         "tiff": [("m.tif", image("tiff", 20, 10, 3, "uint16")), ("m.tif", image("tiff", 40, 30, 4, "float", tiled=1))],
         "pictures": [*((f"m.{ending}", image(kind, 20, 10)) for kind, ending in KINDS.items()), ("m.gif", gif())],
-        "array": [("w.npy", arrays()[0]), ("w.npz", arrays()[1])],
+        "array": [(f"w.{kind}", data) for kind, data in zip(("npy", "npz", "ply"), arrays(), strict=True)],
     }  # fmt: skip
 
 

@@ -89,6 +89,7 @@ def consume(family, path, made, index):
     from raytrace.errors import OptionError
     from scenes.info import describe
     from scenes.load import load
+    from scenes.lost import lost
     from scenes.obscured import obscured
     from scenes.read import read_scene
     from scenes.write import write
@@ -100,7 +101,9 @@ def consume(family, path, made, index):
         return None
     if family == "toml":
         return textures(read_scene(path, (8, 6)))
-    file = load(path)
+    target = made / f"made.{('ply', 'glb')[index % 2]}"
+    file = load(path, target)
+    lost(target, file)
     rows = describe(file)
     for name, text in rows:
         if not (name.isprintable() and text.isprintable()):

@@ -109,3 +109,22 @@ def mixed_ply(order="<"):
 
 MIXED = [[0, 1, 3], [0, 1, 5, 3, 4], [2, 5, 3, 0]]
 MIXED_FANS = [[0, 1, 3], [0, 1, 5], [0, 5, 3], [0, 3, 4], [2, 5, 3], [2, 3, 0]]
+
+XYZ = np.array([[0, 0, 0], [2, 0, 0], [2, 2, 0], [1, 0.5, 0], [0, 2, 0], [3, 3, 1]], dtype=">f4")
+POLYGONS = [[0, 1, 2, 3, 4], [1, 5, 2], [0, 1, 3, 4]]
+
+
+def rich_ply(colors=((250, 10, 0, 255),) * 6):
+    """Big-endian, with texture coordinates, colours, a quality, polygons with flags and lists, and edges."""
+    header = ["ply", "format binary_big_endian 1.0", "comment TextureFile paint.png"]
+    header += ["obj_info made by hand", "comment Gr\u00fc\u00dfe", "element vertex 6"]
+    header += [*(f"property float {name}" for name in ("x", "y", "z", "s", "t")), "property double quality"]
+    header += [*(f"property uchar {name}" for name in ("red", "green", "blue", "alpha")), "element face 3"]
+    header += ["property ushort flags", "property list uchar int vertex_indices", "property list uchar float weights"]
+    header += ["element edge 1", "property int vertex1", "property int vertex2", "end_header\n"]
+    data = "\n".join(header).encode("latin-1")
+    for number, (place, color) in enumerate(zip(XYZ, colors, strict=True)):
+        data += struct.pack(">5fd4B", *place, number / 8, number / 4, 0.5 * number, *color)
+    for polygon in POLYGONS:
+        data += struct.pack(f">HB{len(polygon)}iB1f", 7 + len(polygon), len(polygon), *polygon, 1, 0.25)
+    return data + struct.pack(">2i", 0, 5)

@@ -127,9 +127,9 @@ BAD_OPTIONS = [
 @pytest.mark.parametrize(("options", "words"), BAD_OPTIONS, ids=[" ".join(o) for o, _ in BAD_OPTIONS])
 def test_bad_options_are_named_and_nothing_is_written(tmp_path, cube, options, words):
     target = tmp_path / "w.npy"
-    target.write_text("precious")
+    target.write_bytes(b"\x93NUMPY precious")
     refused(obscurance("bake", cube, "-o", target, *options), *words)
-    assert target.read_text() == "precious"
+    assert target.read_bytes() == b"\x93NUMPY precious"
     assert len(list(tmp_path.iterdir())) == 2
 
 
@@ -181,7 +181,7 @@ def test_an_interrupt_leaves_nothing_behind(tmp_path):
     mesh = tmp_path / "ball.ply"
     trimesh.creation.icosphere(subdivisions=5).export(mesh)
     target = tmp_path / "w.npy"
-    target.write_text("precious")
+    target.write_bytes(b"\x93NUMPY precious")
     running = subprocess.Popen(
         [*COMMAND, "bake", mesh, "-o", target, "--samples", "100000", "--no-skip"],
         stdout=subprocess.PIPE,
@@ -193,7 +193,7 @@ def test_an_interrupt_leaves_nothing_behind(tmp_path):
     assert running.returncode == 130
     assert b"interrupted" in errors
     assert b"Traceback" not in errors
-    assert target.read_text() == "precious"
+    assert target.read_bytes() == b"\x93NUMPY precious"
     assert len(list(tmp_path.iterdir())) == 2
 
 

@@ -17,7 +17,7 @@ from raytrace.mesh import Mesh
 from raytrace.placement import Placement
 from scenes.info import describe
 from scenes.load import MeshFile, load
-from scenes.polygons import fan_triangles
+from scenes.polygons import triangulate
 from scenes.write import write
 
 
@@ -171,7 +171,7 @@ def test_polygons_of_very_many_corners(tmp_path):
 
 def test_missing_corners_are_not_passed_over(tmp_path):
     with pytest.raises(ValueError, match="5 corners for polygons of 6"):
-        fan_triangles(np.arange(5), np.array([3, 3]))
+        triangulate(VERTICES, np.arange(5), np.array([3, 3]))
     for bad in (b"f x 2 3", b"f 1 2 3x", b"f 1 2 \xc2\xa0"):
         with pytest.raises(MeshError):
             read(tmp_path, "m.obj", obj() + bad + b"\nf 1 2 3\n")

@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 import scenes.flatten
 import scenes.solids
 from raytrace.errors import InputError
+from scenes.mtl import read_mtl
 from scenes.read import read_scene
 
 FEW = settings(
@@ -156,3 +157,18 @@ def test_the_plain_ones_are_accepted(folder):
     (folder / "m.gltf").write_text(json.dumps(fuzz_seeds.gltf()[0]))
     assert accepted_or_refused(folder / "m.toml")
     assert accepted_or_refused(folder / "m.gltf")
+
+
+KEYS = ["newmtl", "Kd", "Ke", "Ks", "d", "Tr", "Ns", "Pm", "Pr", "map_Kd", "bump"]
+WORDS = st.sampled_from([*KEYS, "#", "\\", "-s 1 1", "a"])
+LINE = st.lists(WORDS | NUMBER.map(str) | PATH | st.text(max_size=5), max_size=5).map(" ".join)
+
+
+@FEW
+@given(st.lists(LINE, max_size=12).map("\n".join))
+def test_material_libraries(tmp_path, text):
+    (tmp_path / "m.mtl").write_text(text, encoding="utf-8", errors="replace")
+    paints, _ = read_mtl(tmp_path / "m.mtl", lambda name: None)
+    for paint in paints.values():
+        for value in (*paint.colour, *paint.emission, paint.opacity, paint.metallic, paint.roughness):
+            assert 0 <= value <= 1

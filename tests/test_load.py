@@ -14,6 +14,7 @@ from mesh_files import (
     VERTICES,
     ascii_ply,
     ascii_stl,
+    mistake,
     mixed_ply,
     obj,
     off,
@@ -113,3 +114,29 @@ def test_a_large_mesh_loads_lightly(tmp_path):
     code += "print([int(s.split()[1]) for s in open('/proc/self/status') if s.startswith('VmHWM')][0] // 1024)"
     done = subprocess.run([sys.executable, "-c", code, tmp_path / "m.ply"], check=True, capture_output=True, text=True)
     assert int(done.stdout) < 400
+
+
+@pytest.mark.parametrize(
+    ("header", "row", "has_normals"),
+    [
+        ("OFF\n", "{} {} {}", False),
+        ("OFF 7 3 0\n", "{} {} {}", False),
+        ("COFF\n", "{} {} {} 255 0 0 255", False),
+        ("NOFF # with normals\n", "{} {} {} 0 .6 .8", True),
+        ("STCNOFF\r\n", "{} {} {} 0 .6 .8 1 0 0 1 .5 .5", True),
+    ],
+)
+def test_variants_of_off(tmp_path, header, row, has_normals):
+    rows = [row.format(*vertex) for vertex in VERTICES] + ["3 0 1 3", "3 0 3 4 # last", "3 2 5 3"]
+    counts = "" if "7 3" in header else "7 3 0\n"
+    file = read(tmp_path, "m.off", (header + counts + "\n".join(rows)).encode())
+    assert np.array_equal(file.mesh.vertices, VERTICES)
+    assert np.array_equal(file.mesh.faces, FACES)
+    assert (file.mesh.normals is not None) == has_normals
+    if has_normals:
+        assert np.array_equal(file.mesh.normals, NORMALS)
+
+
+@pytest.mark.parametrize("header", ["4OFF", "nOFF", "OFF BINARY", "off", "PLY OFF"])
+def test_other_variants_of_off_are_refused(tmp_path, header):
+    assert "OFF file" in mistake(tmp_path, "m.off", off().replace(b"OFF", header.encode(), 1))

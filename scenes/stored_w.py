@@ -1,0 +1,95 @@
+"""w(p) as `obscurance bake` has stored it: in arrays, and in meshes beside their vertices."""
+
+from __future__ import annotations
+
+import warnings
+import zipfile
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import IO
+
+import numpy as np
+import numpy.typing as npt
+
+from raytrace.errors import MeshError, OptionError, SceneError
+
+from .load import read_objects
+
+ENDINGS = (".npy", ".npz", ".ply", ".glb", ".gltf")
+
+
+def check_stored(path: Path) -> None:
+    """Raises: OptionError: the name is not that of an existing file of w."""
+    if path.suffix.lower() not in ENDINGS:
+        raise OptionError("--baked", "a name ending in " + ", ".join(ENDINGS), path)
+    if not path.is_file():
+        raise OptionError("--baked", "an existing file", path)
+
+
+def read_w(path: Path, *counts: int) -> npt.NDArray[np.float64]:
+    """w (n,), n being one of `counts`: a `.npy` file, the array `w` of a `.npz` file, or that of a mesh's vertices.
+
+    Of an array only the header is read if it is of another scene.
+
+    Raises:
+        SceneError: the file cannot be read, has no w, or has it for another number of vertices.
+    """
+    try:
+        w = _of_mesh(path, counts) if path.suffix.lower() in (".ply", ".glb", ".gltf") else _of_array(path, counts)
+    except MeshError as fault:
+        raise SceneError(fault.source, fault.field, fault.expected, fault.got) from None
+    if not ((w >= 0) & (w <= 1)).all():
+        raise SceneError(path, "w", "values in [0, 1]", "others")
+    return w
+
+
+def _of_mesh(path: Path, counts: tuple[int, ...]) -> npt.NDArray[np.float64]:
+    instances, asset = read_objects(path)
+    if len(instances) == 0 or any(each.w is None for each in instances):
+        raise SceneError(path, "w", "obscurance at every vertex, as obscurance bake writes it", "none")
+    stored = [(each, each.w) for each in instances if each.w is not None]
+    if asset and sum(len(w) for _, w in stored) not in counts:  # pictures leave out what nodes flatten to nothing
+        stored = [(each, w) for each, w in stored if not each.is_flattened]
+    w = np.concatenate([np.empty(0), *(w for _, w in stored)]).astype(np.float64)
+    if len(w) not in counts:
+        raise SceneError(path, "w", _expected(counts), f"{len(w):,}")
+    return w
+
+
+def _of_array(path: Path, counts: tuple[int, ...]) -> npt.NDArray[np.float64]:
+    """w of a `.npy` file, or of the array `w` of a `.npz` file. Only its header is read if that is another."""
+    try:
+        with _member(path) as file, warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            version = np.lib.format.read_magic(file)
+            headers = {(1, 0): np.lib.format.read_array_header_1_0, (2, 0): np.lib.format.read_array_header_2_0}
+            shape, _, kind = headers[version](file)
+            if len(shape) != 1 or shape[0] not in counts:
+                raise SceneError(path, "w", _expected(counts), f"{shape[0]:,}" if len(shape) == 1 else f"shape {shape}")
+            if kind.kind not in "fiu" or kind.itemsize > 16:
+                raise SceneError(path, "w", "numbers", kind)
+            data = file.read(shape[0] * kind.itemsize)
+            w = np.frombuffer(data, kind, shape[0]).astype(np.float64)
+    except SceneError:
+        raise
+    except Exception as reason:  # NumPy's and zipfile's are of a dozen kinds
+        raise SceneError(path, "content", "w as obscurance bake writes it", " ".join(str(reason).split())) from None
+    return w
+
+
+def _expected(counts: tuple[int, ...]) -> str:
+    """In words. Args: counts: of the vertices of mesh files, and of the scene."""
+    either = f"{counts[0]:,} values, one a vertex of the scene"
+    return either if len(set(counts)) == 1 else f"{either}'s files, or {counts[1]:,}, one a vertex of the scene"
+
+
+@contextmanager
+def _member(path: Path) -> Iterator[IO[bytes]]:
+    """The bytes of the array's `.npy` file, which a `.npz` file holds as a member."""
+    if path.suffix.lower() != ".npz":
+        with path.open("rb") as file:
+            yield file
+        return
+    with zipfile.ZipFile(path) as archive, archive.open("w.npy") as member:
+        yield member

@@ -1,0 +1,299 @@
+"""What a mesh file holds comes through a bake: PLY and GLB files keep what they can, and the rest is told."""
+
+import json
+
+import numpy as np
+import PIL.Image
+import pytest
+from command import obscurance
+from fuzz_seeds import MODEL, archive
+from gltf_files import QUAD, Builder, check_glb, values
+from mesh_files import XYZ, ascii_ply, read, rich_ply, stl
+
+from raytrace.srgb import decode_srgb, encode_srgb
+from scenes.load import load
+from scenes.lost import lost
+
+
+def bake(folder, source, target, *options):
+    """What the command tells on standard error."""
+    done = obscurance(
+        "bake", folder / source, "-o", folder / target, "--samples", 8, "--report", folder / "r.json", *options
+    )
+    assert done.returncode == 0, done.stderr
+    told = done.stderr.replace(str(folder) + "/", "")
+    assert all("warning: " + line.replace(str(folder) + "/", "") in told for line in report(folder))
+    return told
+
+
+def report(folder):
+    return json.loads((folder / "r.json").read_text())["warnings"]
+
+
+def columns(path):
+    """The properties of a PLY file's elements by element and name, as our reader has them."""
+    (detail,) = [load(path, "x.ply").detail]
+    return {element.name: {c.name: c for c in element.properties} for element in detail.elements}, detail
+
+
+def test_a_ply_keeps_everything(tmp_path):
+    (tmp_path / "rich.ply").write_bytes(rich_ply())
+    told = bake(tmp_path, "rich.ply", "out.ply")
+    before, _ = columns(tmp_path / "rich.ply")
+    after, detail = columns(tmp_path / "out.ply")
+    assert list(after) == ["vertex", "face", "edge"]
+    assert list(after["vertex"]) == [*before["vertex"], "obscurance"]
+    for element, properties in before.items():
+        for name, column in properties.items():
+            again = after[element][name]
+            assert (again.kind, again.counted) == (column.kind, column.counted)
+            np.testing.assert_array_equal(again.values, column.values)
+            np.testing.assert_array_equal(again.sizes, column.sizes)
+    assert detail.comments == ("comment TextureFile paint.png", "obj_info made by hand", "comment Grüße")
+    assert "comment Grüße\n".encode("latin-1") in (tmp_path / "out.ply").read_bytes()
+    assert detail.sizes.tolist() == [5, 3, 4]
+    assert np.array_equal(load(tmp_path / "out.ply").mesh.faces, load(tmp_path / "rich.ply").mesh.faces)
+    assert told.count("\n") == 1
+    assert "keeps the colours of rich.ply" in told
+
+
+def test_a_second_bake_of_what_was_baked_replaces_its_w_and_grey(tmp_path):
+    (tmp_path / "plain.ply").write_bytes(ascii_ply())
+    assert bake(tmp_path, "plain.ply", "one.ply") == ""
+    assert bake(tmp_path, "one.ply", "two.ply", "--seed", 5, "--max-distance", 0.1) == ""
+    vertex = columns(tmp_path / "two.ply")[0]["vertex"]
+    assert list(vertex) == ["x", "y", "z", "obscurance", "red", "green", "blue"]
+    np.testing.assert_array_equal(vertex["red"].values, np.rint(255 * vertex["obscurance"].values))
+    assert (tmp_path / "two.ply").read_bytes().count(b"comment obscurance") == 1
+
+
+def test_colors_replaces_the_colours_of_a_ply_and_says_so(tmp_path):
+    (tmp_path / "rich.ply").write_bytes(rich_ply())
+    assert "does not keep of rich.ply: its colours" in bake(tmp_path, "rich.ply", "out.ply", "--colors")
+    vertex = columns(tmp_path / "out.ply")[0]["vertex"]
+    np.testing.assert_array_equal(vertex["green"].values, np.rint(255 * vertex["obscurance"].values))
+
+
+def test_numbers_of_text_that_a_type_cannot_hold_get_one_that_can(tmp_path):
+    text = ascii_ply().replace(b"property double x", b"property float x").replace(b"9.0 9.0 9.0", b"0.1 9 9")
+    text = text.replace(b"list uchar int", b"list uchar uchar")
+    (tmp_path / "m.ply").write_bytes(text)
+    bake(tmp_path, "m.ply", "out.ply")
+    vertex = columns(tmp_path / "out.ply")[0]["vertex"]
+    assert vertex["x"].kind == "d"
+    assert vertex["x"].values[-1] == 0.1
+
+
+def test_a_glb_keeps_of_a_ply_what_it_can_and_tells_the_rest(tmp_path):
+    (tmp_path / "rich.ply").write_bytes(rich_ply())
+    told = bake(tmp_path, "rich.ply", "out.glb")
+    rest = "polygons, which become triangles, flags of faces, weights of faces, elements edge"
+    assert told == f"warning: out.glb: does not keep of rich.ply: {rest}\n"
+    header, binary = check_glb((tmp_path / "out.glb").read_bytes())
+    (primitive,) = header["meshes"][0]["primitives"]
+    found = {name: values(header, binary, number) for name, number in primitive["attributes"].items()}
+    assert set(found) == {"POSITION", "TEXCOORD_0", "COLOR_0", "_QUALITY", "_OBSCURANCE"}
+    np.testing.assert_array_equal(found["POSITION"], XYZ)
+    np.testing.assert_allclose(found["TEXCOORD_0"], np.stack([np.arange(6) / 8, 1 - np.arange(6) / 4], axis=1))
+    np.testing.assert_allclose(found["COLOR_0"][0], [*decode_srgb(np.array([250, 10, 0]) / 255), 1], rtol=1e-6)
+    np.testing.assert_array_equal(found["_QUALITY"], np.arange(6) / 2)
+
+
+OBJ = """mtllib paint.mtl
+v 0 0 0 1 0 0
+v 1 0 0 0 1 0
+v 1 1 0 0 0 1
+v 0 1 0 1 1 1
+v 0 0 1 .5 .5 .5
+v 1 0 1 .5 .5 .5
+vt 0 0
+vt 1 0
+vt 1 1
+vt 0 1
+vt .25 .75
+"""
+SEAM = "f 1/1 2/2 3/3 4/4\nf 1/5 2/3 6/1 5/2\n"
+NO_SEAM = "f 1/1 2/2 3/3 4/4\nf 1/1 2/2 6/3 5/5\n"
+MTL = """newmtl red
+Kd .8 .1 .1
+map_Kd paint.png
+newmtl glass
+Kd .2 .3 .4
+d .5
+Pm .25
+Pr .75
+Ke 0 .5 0
+"""
+
+
+def write_obj(folder, faces):
+    (folder / "m.obj").write_text(OBJ + faces)
+    (folder / "paint.mtl").write_text(MTL)
+    PIL.Image.new("RGB", (2, 2), (200, 10, 10)).save(folder / "paint.png")
+
+
+def test_a_ply_keeps_polygons_colours_and_texture_coordinates_of_an_obj(tmp_path):
+    write_obj(tmp_path, NO_SEAM)
+    told = bake(tmp_path, "m.obj", "out.ply")
+    assert told == "warning: out.ply: keeps the colours of m.obj; w is in its property obscurance alone\n"
+    elements, detail = columns(tmp_path / "out.ply")
+    assert detail.sizes.tolist() == [4, 4]
+    assert elements["vertex"]["red"].values.tolist() == [255, 0, 0, 255, 128, 128]
+    uv = np.stack([elements["vertex"][name].values for name in "st"], axis=1)
+    np.testing.assert_array_equal(uv, [[0, 0], [1, 0], [1, 1], [0, 1], [0.25, 0.75], [1, 1]])
+
+
+def test_texture_coordinates_with_seams_go_to_the_corners_of_a_ply(tmp_path):
+    write_obj(tmp_path, SEAM)
+    bake(tmp_path, "m.obj", "out.ply")
+    elements, detail = columns(tmp_path / "out.ply")
+    assert "s" not in elements["vertex"]
+    expected = [0, 0, 1, 0, 1, 1, 0, 1, 0.25, 0.75, 1, 1, 0, 0, 1, 0]
+    assert elements["face"]["texcoord"].values.tolist() == expected
+    assert "texcoord" not in bake(tmp_path, "out.ply", "again.glb")
+    header, binary = check_glb((tmp_path / "again.glb").read_bytes())
+    uv = values(header, binary, header["meshes"][0]["primitives"][0]["attributes"]["TEXCOORD_0"])
+    assert len(uv) == 8
+    assert len(detail.corners) == 8
+
+
+@pytest.mark.parametrize("ending", ["ply", "glb"])
+def test_several_normals_of_a_vertex(tmp_path, ending):
+    faces = "vn 0 0 1\nvn 0 -1 0\nf 1//1 2//1 3//1\nf 1//2 6//2 2//2\n"
+    (tmp_path / "m.obj").write_text("\n".join(line for line in OBJ.splitlines() if "mtllib" not in line) + "\n" + faces)
+    told = bake(tmp_path, "m.obj", f"out.{ending}")
+    assert ("normals of vertices that have several" in told) == (ending == "ply")
+    if ending == "glb":
+        header, binary = check_glb((tmp_path / "out.glb").read_bytes())
+        (primitive,) = header["meshes"][0]["primitives"]
+        normals = values(header, binary, primitive["attributes"]["NORMAL"])
+        corners = values(header, binary, primitive["indices"]).reshape(-1, 3)
+        np.testing.assert_array_equal(normals[corners], [[[0, 0, 1]] * 3, [[0, -1, 0]] * 3])
+
+
+def test_a_glb_keeps_materials_textures_and_seams_of_an_obj(tmp_path):
+    write_obj(tmp_path, "usemtl red\n" + SEAM.replace("\nf", "\nusemtl glass\nf"))
+    told = bake(tmp_path, "m.obj", "out.glb")
+    assert told == "warning: out.glb: does not keep of m.obj: polygons, which become triangles\n"
+    header, binary = check_glb((tmp_path / "out.glb").read_bytes())
+    one, two = header["meshes"][0]["primitives"]
+    names = [header["materials"][piece["material"]] for piece in (one, two)]
+    assert [material["name"] for material in names] == ["red", "glass"]
+    red, glass = (material["pbrMetallicRoughness"] for material in names)
+    assert red["baseColorFactor"] == [0.8, 0.1, 0.1, 1]
+    assert glass == {"baseColorFactor": [0.2, 0.3, 0.4, 0.5], "metallicFactor": 0.25, "roughnessFactor": 0.75}
+    assert names[1]["alphaMode"] == "BLEND"
+    assert names[1]["emissiveFactor"] == [0, 0.5, 0]
+    image = header["images"][header["textures"][red["baseColorTexture"]["index"]]["source"]]
+    view = header["bufferViews"][image["bufferView"]]
+    picture = binary[view["byteOffset"] : view["byteOffset"] + view["byteLength"]]
+    assert picture == (tmp_path / "paint.png").read_bytes()
+    uv = values(header, binary, two["attributes"]["TEXCOORD_0"])
+    corners = values(header, binary, two["indices"]).reshape(-1, 3)
+    np.testing.assert_array_equal(uv[corners][0], [[0.25, 0.25], [1, 0], [0, 1]])
+    places = values(header, binary, two["attributes"]["POSITION"])
+    np.testing.assert_array_equal(places[corners][0], [[0, 0, 0], [1, 0, 0], [1, 0, 1]])
+    colors = values(header, binary, one["attributes"]["COLOR_0"])
+    assert sorted(map(tuple, colors.tolist())) == [(0, 0, 1), (0, 1, 0), (1, 0, 0), (1, 1, 1)]
+
+
+def test_vertices_without_seams_keep_their_order_in_a_glb(tmp_path):
+    write_obj(tmp_path, SEAM)
+    bake(tmp_path, "m.obj", "out.glb")
+    w = load(tmp_path / "out.glb").mesh.vertices
+    np.testing.assert_array_equal(w[:6], load(tmp_path / "m.obj").mesh.vertices)
+    np.testing.assert_array_equal(w[6:], [[0, 0, 0], [1, 0, 0]])
+
+
+def test_what_is_missing_of_materials_is_told(tmp_path):
+    write_obj(tmp_path, "usemtl red\n" + SEAM)
+    (tmp_path / "paint.png").write_text("no picture")
+    (tmp_path / "m.obj").write_text((tmp_path / "m.obj").read_text() + "mtllib ../gone.mtl\no a\no b\nl 1 2\n")
+    told = bake(tmp_path, "m.obj", "out.glb")
+    for words in (
+        "texture of map_Kd (paint.png)",
+        "material library ../gone.mtl",
+        "names of objects and groups",
+        "lines",
+    ):
+        assert words in told
+    told = bake(tmp_path, "m.obj", "out.ply")
+    assert "materials" in told
+    assert "texture of" not in told
+
+
+def test_materials_and_textures_are_inputs(tmp_path):
+    write_obj(tmp_path, "usemtl red\n" + SEAM)
+    done = obscurance("bake", tmp_path / "m.obj", "-o", tmp_path / "o.glb", "--debug-image", tmp_path / "paint.png")
+    assert done.returncode == 2
+    assert "--debug-image: expected a file that is not read" in done.stderr
+
+
+def test_a_ply_keeps_colours_and_texture_coordinates_of_a_gltf(tmp_path):
+    builder = Builder()
+    primitive = builder.primitive(QUAD, [[0, 1, 2], [0, 2, 3]])
+    primitive["attributes"]["TEXCOORD_0"] = builder.accessor(QUAD[:, :2].copy(), "VEC2")
+    primitive["attributes"]["COLOR_0"] = builder.accessor((QUAD * 0.5).astype("<f4"), "VEC3")
+    builder.mesh(primitive)
+    builder.mesh(builder.primitive(QUAD + np.float32(2), [[0, 1, 2]]))
+    data = builder.glb([{"mesh": 0}, {"mesh": 1}], materials=[{"name": "paint"}])
+    (tmp_path / "in.glb").write_bytes(data)
+    told = bake(tmp_path, "in.glb", "out.ply")
+    assert "does not keep of in.glb: nodes, materials\n" in told
+    vertex = columns(tmp_path / "out.ply")[0]["vertex"]
+    np.testing.assert_array_equal(vertex["t"].values[:4], 1 - QUAD[:, 1])
+    expected = np.rint(255 * encode_srgb(QUAD[:, 0] * 0.5))
+    np.testing.assert_array_equal(vertex["red"].values, [*expected, 255, 255, 255, 255])
+
+
+def test_nothing_is_told_where_nothing_is_lost(tmp_path):
+    (tmp_path / "m.stl").write_bytes(stl(QUAD[[[0, 1, 2], [0, 2, 3]]]))
+    for target in ("w.npy", "w.npz", "w.ply", "w.glb"):
+        assert bake(tmp_path, "m.stl", target) == ""
+
+
+def test_polygons_that_cross_themselves_are_told(tmp_path):
+    (tmp_path / "bow.obj").write_text("v 0 0 0\nv 1 1 0\nv 1 0 0\nv 0 1 0\nf 1 2 3 4\n")
+    assert "bow.obj: 1 polygon crosses itself" in bake(tmp_path, "bow.obj", "w.npy")
+
+
+def test_colours_of_an_off_file_are_told(tmp_path):
+    file = read(tmp_path, "m.off", b"OFF\n3 1 0\n0 0 0\n1 0 0\n0 1 0\n3 0 1 2 255 0 0\n")
+    assert "colours" in lost(tmp_path / "w.ply", file)[0]
+
+
+def test_colours_of_a_3mf_file_are_told(tmp_path):
+    model = MODEL.replace(
+        b"<resources>", b'<resources><basematerials id="99"><base name="a" displaycolor="#F00"/></basematerials>'
+    )
+    assert model != MODEL
+    file = read(tmp_path, "m.3mf", archive(**{"3D/3dmodel.model": model}))
+    assert "materials and colours" in lost(tmp_path / "w.ply", file)[0]
+
+
+def test_seams_of_a_mesh_without_normals_are_no_edges_in_a_glb(tmp_path):
+    write_obj(tmp_path, "f 1/1 2/2 3/3 4/4\nf 1/5 5/3 6/1 2/5\n")
+    bake(tmp_path, "m.obj", "out.glb")
+    mesh = load(tmp_path / "out.glb").mesh
+    assert len(mesh.vertices) == 8
+    for repeated, original in ((6, 0), (7, 1)):
+        np.testing.assert_array_equal(mesh.vertices[repeated], mesh.vertices[original])
+        np.testing.assert_allclose(mesh.normals[repeated], mesh.normals[original])
+    np.testing.assert_allclose(mesh.normals[0], np.array([0, 1, 1]) / 2**0.5, atol=1e-6)
+    write_obj(tmp_path, NO_SEAM)
+    bake(tmp_path, "m.obj", "out.glb")
+    assert load(tmp_path / "out.glb").mesh.normals is None
+
+
+def test_what_only_some_corners_of_an_obj_have_is_told(tmp_path):
+    write_obj(tmp_path, "vn 0 0 1\ns 1\nf 1/1/1 2/2/1 3/3/1\ns 2\nf 1 3 4\nusemtl a\nf 1 2 6\nusemtl b\nf 1 2 4\n")
+    told = bake(tmp_path, "m.obj", "out.glb")
+    for words in (
+        "texture coordinates, which some corners lack",
+        "normals, which some corners lack",
+        "smoothing groups",
+        "vertices that no face uses",
+    ):
+        assert words in told
+    (tmp_path / "c.obj").write_text("v 0 0 0 1 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")
+    assert "colours, which some vertices lack" in bake(tmp_path, "c.obj", "out.ply")
