@@ -4,7 +4,7 @@ BIN    := $(VENV)/bin
 STAMP  := $(VENV)/.installed
 
 .DEFAULT_GOAL := help
-.PHONY: help install demo test test-all lint bench bench-peers peers model-strips gallery clean
+.PHONY: help install demo test test-all lint bench bench-peers peers pictures clean
 
 help: ## list the targets
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "  make %-12s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
@@ -50,11 +50,9 @@ peers: ## environments of the other bakers, in .peers/; one that cannot be had i
 bench-peers: $(STAMP) ## bake time against error, ours and the peers'; MESHES=FOLDER adds files, QUICK=1 is for minutes
 	$(BIN)/python -m benchmarks.time_against_error $(if $(QUICK),--quick) $(if $(MESHES),--meshes '$(MESHES)')
 
-model-strips: $(STAMP) ## the sphere pictures of docs/models
-	$(BIN)/python -m benchmarks.model_strips
-
-gallery: $(STAMP) ## the pictures of docs/gallery
+pictures: $(STAMP) ## the pictures of docs: gallery, temple and the models' spheres
 	$(BIN)/python -m benchmarks.gallery
+	$(BIN)/python -m benchmarks.model_strips
 
 clean: ## remove the environment and everything made
 	rm -rf $(VENV) demo build *.egg-info .pytest_cache .mypy_cache .ruff_cache

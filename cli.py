@@ -11,33 +11,44 @@ from typing import Annotated, Any
 
 import typer
 from typer.exceptions import TyperException
+from typer.main import get_command
 
 from scenes import choices
-from scenes.console import bake_summary, columns, compiling, note, progress, warn
+from scenes.console import (
+    bake_summary,
+    columns,
+    compiling,
+    note,
+    output_failed,
+    progress,
+    readable_output,
+    warn,
+)
+from scenes.usage import mistake_in_words, option_in_words
 
 app = typer.Typer(
     add_completion=False,
-    no_args_is_help=True,
     rich_markup_mode=None,
     pretty_exceptions_enable=False,
+    context_settings={"help_option_names": ["-h", "--help"]},
     help="Bake ambient occlusion and obscurance, 1 = open, with Embree.",
 )
 
 Threads = Annotated[int | None, typer.Option(help="Threads; all cores by default. Results don't depend on it.")]
-Form = Annotated[choices.FalloffForm, typer.Option(help="μ: how occlusion fades with distance.")]
+Form = Annotated[choices.FalloffForm, typer.Option(help="How occlusion fades with distance.")]
 MaxDistance = Annotated[str, typer.Option(help='No occlusion from farther: mesh units, "25%" or inf.')]
 Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="No progress bar, no summary.")]
 
 
 @app.command()
 def bake(
-    mesh: Annotated[Path, typer.Argument(metavar="INPUT", help="A mesh file: PLY, OBJ, STL, OFF, GLB, glTF, 3MF, …")],
+    mesh: Annotated[Path, typer.Argument(metavar="INPUT", help="A mesh file: PLY, OBJ, STL, OFF, GLB, glTF, 3MF, ...")],
     output: Annotated[Path, typer.Option("--output", "-o", help="Target, by ending: .npy .npz .ply .glb")],
     method: Annotated[
         choices.Method, typer.Option(help="Sample at the vertices, or all over the faces and fit the vertices to it.")
     ] = choices.Method.vertex,
     falloff: Form = choices.FalloffForm.exponential,
-    tau: Annotated[float | None, typer.Option(help="Rate τ of the exponential μ, per mesh unit.")] = None,
+    tau: Annotated[float | None, typer.Option(help="Rate of the exponential falloff, per mesh unit.")] = None,
     half_distance: Annotated[
         str | None, typer.Option(help='Distance that closes half, in mesh units or "50%" of the radius (the default).')
     ] = None,
@@ -67,12 +78,16 @@ def bake(
     """Bake obscurance w(p) at every vertex of a mesh."""
     options = {key: choices.plain(value) for key, value in locals().items() if key not in ("report", "quiet", "resume")}
     import ao
+    from ao.arguments import check_arguments
     from ao.checkpoint import Checkpoint
     from raytrace.errors import OptionError
     from raytrace.outputs import check_ending, check_outputs
     from scenes.write import check_target, write
 
     chosen = choices.make_falloff(falloff, tau, half_distance, max_distance)
+    choices.only_in_glb(colors, output)
+    choices.no_raw_tolerance(tolerance, reconstruct)
+    check_arguments(samples, seed, threads, tolerance)
     if method is choices.Method.surface:
         choices.only_at_vertices(
             tolerance=tolerance is not None,
@@ -86,9 +101,10 @@ def bake(
     if debug_image:
         from scenes.marked import check_marked_target
 
-        check_marked_target(debug_image)
+        with choices.named("debug_image"):
+            check_marked_target(debug_image)
     elif up:
-        raise OptionError("--up", "--debug-image with it; w does not depend on it", "none")
+        raise OptionError("up", "--debug-image with it; w does not depend on it", "none")
     outputs = {"--output": output, "--report": report, "--debug-image": debug_image}
     check_outputs(outputs, [mesh])
     from scenes.load import load
@@ -104,7 +120,7 @@ def bake(
         if method is choices.Method.vertex:
             make = partial(ao.bake, tolerance=tolerance, reconstruct=reconstruct, skip=skip, hidden=hidden.value)
         kernels = "hemisphere" if method is choices.Method.vertex else "surface_gather"
-        with progress(quiet, "rays") as advance, compiling(kernels):
+        with progress(quiet, "rays") as (advance,), compiling(kernels):
             baked = make(source.mesh, chosen, samples, seed, threads, normals.value, advance, checkpoint=checkpoint)
         tracing = time.perf_counter()
         write(output, baked, source, colors=colors)
@@ -126,7 +142,7 @@ def bake(
 
 @app.command()
 def info(mesh: Annotated[Path, typer.Argument(metavar="MESH", help="A mesh file.")]) -> None:
-    """Tell what a mesh file holds and what a bake would make of it."""
+    """Tell what a mesh file holds and what would be baked of it."""
     from scenes.info import describe
     from scenes.load import load
 
@@ -138,7 +154,7 @@ def validate(
     meshes: Annotated[
         list[Path] | None, typer.Argument(metavar="[MESH]...", help="With --generated: in place of those at hand.")
     ] = None,
-    samples: Annotated[int, typer.Option(help="Rays a vertex.")] = 4096,
+    samples: Annotated[int, typer.Option(help="Rays a vertex; the error allowed goes by it.")] = 4096,
     seed: Annotated[int | None, typer.Option(help="Another seed, other rays and other generated meshes.")] = None,
     threads: Threads = None,
     stress: Annotated[bool, typer.Option("--stress", help="Instead, everything that strains numbers.")] = False,
@@ -146,19 +162,20 @@ def validate(
     long: Annotated[bool, typer.Option("--long", help="With --stress, minutes; with --generated, hours.")] = False,
     family: Annotated[list[str] | None, typer.Option(help="With --generated: only this family; repeatable.")] = None,
 ) -> None:
-    """Bake scenes whose answer is known in closed form, or as said below; exit status 1 if one is off."""
+    """Bake scenes of known obscurance; exit status 1 if one is off."""
+    from ao.arguments import check_arguments
     from raytrace.errors import OptionError
     from scenes import validation
     from scenes.stress import line, suite
 
     if long and not (stress or generated):
-        raise OptionError("--long", "--stress or --generated with it", "neither")
+        raise OptionError("long", "--stress or --generated with it", "neither")
     if stress and (samples, seed, generated) != (4096, None, False):
         raise OptionError(
             "--samples, --seed, --generated", "none of them with --stress", f"{samples}, {seed}, {generated}"
         )
     if (meshes or family) and not generated:
-        raise OptionError("MESH, --family", "--generated with them", "no --generated")
+        raise OptionError("meshes" if meshes else "family", "--generated with it", "no --generated")
     if generated:
         from scenes.generated.command import validate_generated
 
@@ -166,9 +183,10 @@ def validate(
             if not validate_generated(meshes or [], samples, seed, threads, long, family or ()):
                 raise typer.Exit(1)
         return
+    check_arguments(samples, seed or 0, threads)
     results: Any
     table: Callable[[Any], str]
-    with compiling("hemisphere"), progress(not stress, "groups") as advance:
+    with compiling("hemisphere"), progress(not stress, "groups") as (advance,):
         if stress:
             results, table = suite.run(long, threads, advance), line.table
         else:
@@ -202,12 +220,13 @@ def render(
     report: Annotated[Path | None, typer.Option(help="Also write a JSON report.")] = None,
     quiet: Quiet = False,
 ) -> None:
-    """Render a scene: local illumination, shadows and obscurance; an .exr holds every layer."""
+    """Render a scene; an .exr holds every layer."""
     from raytrace.image import check_image_target
     from raytrace.outputs import check_ending, check_outputs
     from raytrace.parallel import thread_count
 
     size = choices.parse_size(width, height)
+    thread_count(threads)
     check_image_target(output, half)
     if report:
         check_ending("--report", report, ".json")
@@ -225,7 +244,7 @@ def render(
     description = adjusted(read_scene(scene, size, up), given, preview, baked)
     check_outputs(outputs, description.files)
     warnings = warn((item.shape.mesh for item in description.scene.objects), description.notes)
-    with compiling("tile"), progress(quiet, "rays") as baking, progress(quiet, "tiles") as rendering:
+    with compiling("tile"), progress(quiet, "rays", "tiles") as (baking, rendering):
         picture = take(scene, description, output, half, threads, baking, rendering)
     if report:
         write_report(report, scene, description.settings, picture, thread_count(threads), warnings)
@@ -244,12 +263,30 @@ def scenes(
 
     if name is None:
         if output is not None:
-            raise OptionError("NAME", "the scene to write", "none")
+            raise OptionError("name", "the scene to write", "nothing")
         print(columns([(each, scene.summary) for each, scene in BUILTIN.items()]))
     elif output is None:
         print(builtin_toml(name), end="")
     else:
         write_builtin(name, output)
+
+
+@app.command()
+def materials(
+    name: Annotated[str | None, typer.Argument(help="A preset, or a scene file with --check.")] = None,
+    check: Annotated[
+        bool, typer.Option("--check", help="Measure albedo by angle and reciprocity; an Oren-Nayar fit's error.")
+    ] = False,
+) -> None:
+    """List the material presets, write one as TOML, or measure."""
+    from scenes import material_figures
+
+    if check:
+        print("\n\n".join(material_figures.check(*each) for each in material_figures.named_materials(name)))
+    elif name is None:
+        print(columns(material_figures.presets()))
+    else:
+        print(material_figures.preset_toml(name), end="")
 
 
 @app.command()
@@ -263,9 +300,13 @@ def compare(
     """Tell how far apart two images are."""
     from raytrace.compare import compare as measure
     from raytrace.errors import OptionError
+    from raytrace.image import check_image_target
 
     if threshold is not None and not threshold >= 0:
-        raise OptionError("--threshold", "a number in [0, inf)", threshold)
+        raise OptionError("threshold", "a number in [0, inf)", threshold)
+    if difference:
+        with choices.named("difference"):
+            check_image_target(difference, layers=("beauty",))
     found = measure(a, b, difference)
     figures = ("mean_error", "rms_error", "max_error", "psnr", "flip")
     print(columns([(name, f"{getattr(found, name):.6g}") for name in figures]))
@@ -284,6 +325,7 @@ def bench(
 ) -> None:
     """Measure bake time against error on this machine."""
     options = {key: choices.plain(value) for key, value in locals().items() if key != "report"}
+    from ao.arguments import check_arguments
     from raytrace.outputs import check_ending, check_outputs
     from scenes.bench import mesh_to_bench, run, table, write_report
 
@@ -291,6 +333,7 @@ def bench(
     if report:
         check_ending("--report", report, ".json")
         check_outputs({"--report": report}, [mesh] if mesh else [])
+    check_arguments(seed=seed, threads=threads)
     judged = mesh_to_bench(mesh)
     with compiling("hemisphere"):
         rows = run(judged, chosen, seed=seed, threads=threads)
@@ -305,35 +348,57 @@ def demo(
     output: Annotated[Path, typer.Option("--output", "-o", help="Folder for the mesh and the picture.")] = Path("demo"),
     quiet: Quiet = False,
 ) -> None:
-    """Bake a built-in scene and take its picture: temple.ply with w, temple.png to look at."""
+    """Bake a built-in scene and take its picture."""
     from scenes.demo import make, targets
 
     mesh_target, picture_target = targets(output)
-    with progress(quiet, "rays") as advance, compiling("hemisphere"):
+    with progress(quiet, "rays") as (advance,), compiling("hemisphere"):
         baked = make(mesh_target, picture_target, advance)
     if not quiet:
         print(bake_summary(baked, mesh_target))
         print(f"picture: {picture_target}")
 
 
+@app.callback(invoke_without_command=True)
+def start(
+    context: typer.Context,
+    version: Annotated[bool, typer.Option("--version", help="Tell the version and end.")] = False,
+) -> None:
+    """Bake ambient occlusion and obscurance, 1 = open, with Embree."""
+    if version:
+        from importlib.metadata import version as installed
+
+        print("obscurance", installed("obscurance"))
+        raise typer.Exit
+    if context.invoked_subcommand is None:
+        print(context.get_help())
+
+
 def main() -> None:
     """Run the command. Exit status: 0 done, 2 the user's input, 1 anything else, 130 interrupted."""
     from raytrace.errors import InputError, ObscuranceError, OutputError
 
-    try:
-        status = app(standalone_mode=False)
-    except KeyboardInterrupt:
-        status = 130
-    except TyperException as mistake:
-        status = _fail(mistake.format_message(), 2)
-    except (InputError, OutputError) as mistake:
-        status = _fail(str(mistake), 2)
-    except ObscuranceError as failure:
-        status = _fail(str(failure), 1)
-    except MemoryError:
-        status = _fail("out of memory", 1)
-    if status == 130:
-        print("interrupted; the target was not written", file=sys.stderr)
+    arguments, commands = sys.argv[1:], get_command(app)
+    with readable_output():
+        try:
+            status = commands.main(arguments, "obscurance", standalone_mode=False)
+            sys.stdout.flush()
+        except KeyboardInterrupt:
+            status = 130
+        except TyperException as mistake:
+            status = _fail(mistake_in_words(mistake, commands, arguments), 2)
+        except InputError as mistake:
+            status = _fail(option_in_words(mistake, commands, arguments), 2)
+        except OutputError as mistake:
+            status = _fail(str(mistake), 2)
+        except ObscuranceError as failure:
+            status = _fail(str(failure), 1)
+        except MemoryError:
+            status = _fail("out of memory", 1)
+        except OSError as failure:
+            status = output_failed(failure)
+        if status == 130:
+            print("interrupted; the target was not written", file=sys.stderr)
     sys.exit(status)
 
 

@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from raytrace.errors import OptionError
 from raytrace.memory import check_memory
 from raytrace.mesh import Mesh
 from raytrace.normals import normalize
@@ -17,8 +16,9 @@ from raytrace.parallel import thread_count
 from raytrace.placement import Placement
 from raytrace.sampling import seed_key
 
+from .arguments import check_arguments, falloff_of, mesh_of
 from .checkpoint import Checkpoint
-from .falloff import Exponential, Falloff, Mu
+from .falloff import Falloff, Mu
 from .hidden import Hidden, hidden_points, inside_other_parts
 from .horizon import Horizons
 from .memory import vertex_bytes
@@ -29,7 +29,6 @@ from .subset import owners
 from .tolerance import Estimate, estimate_to
 from .trace import Progress, Tracer
 
-MAX_SAMPLES = 1 << 20
 DEFAULT_SAMPLES = 256
 _MOST_FOR_TOLERANCE = 1 << 14
 
@@ -63,6 +62,10 @@ class Bake:
     seconds: dict[str, float] = field(compare=False)
     mu: Mu
 
+    def __repr__(self) -> str:
+        range_ = f"w from {self.w.min():.3f} to {self.w.max():.3f}"
+        return f"<Bake of {len(self.w):,} vertices: {range_}, RMSE {self.rmse:.2g}, {self.rays:,} rays>"
+
     @property
     def flagged(self) -> dict[str, int]:
         """Number of vertices that carry each `Flag`, by its name in lower case."""
@@ -71,7 +74,7 @@ class Bake:
 
 def bake(
     mesh: Mesh | Any,
-    falloff: Falloff | None = None,
+    falloff: Falloff | str | None = None,
     samples: int | None = None,
     seed: int = 0,
     threads: int | None = None,
@@ -89,7 +92,7 @@ def bake(
     Args:
         mesh: the surface, a `raytrace.Mesh` or anything with `vertices` and `faces`, a `trimesh.Trimesh` for instance;
             both sides of every face occlude.
-        falloff: μ, `Binary` or `Exponential`; by default `Exponential()`.
+        falloff: μ, `Binary(…)` or `Exponential(…)`, or "binary" or "exponential"; by default `Exponential()`.
         samples: rays a vertex, 1 to 2²⁰, by default 256; with a tolerance the most, by default 2¹⁴.
         seed: 0 to 2⁶⁴ − 1. The same seed gives the same bits for any number of threads.
         threads: None for all cores.
@@ -110,20 +113,16 @@ def bake(
     Raises:
         OptionError: an argument is out of range.
         InputError, OutputError: `checkpoint` cannot be used (`Checkpoint`).
-        MeshError: `normals="file"` for a mesh without normals.
+        MeshError: `mesh` is none, or `normals="file"` for a mesh without normals.
         MemoryLimitError: the bake would not fit into memory.
         EmbreeError: Embree failed, out of memory for instance.
     """
     most = (DEFAULT_SAMPLES if tolerance is None else _MOST_FOR_TOLERANCE) if samples is None else samples
-    _check_whole("samples", most, 1, MAX_SAMPLES)
-    _check_whole("seed", seed, 0, 2**64 - 1)
-    if hidden not in ("auto", "ignore", "mark", "fill"):
-        raise OptionError("hidden", "auto, ignore, mark or fill", repr(hidden))
-    if tolerance is not None:
-        _check_tolerance(tolerance, only, reconstruct)
+    check_arguments(most, seed, threads, tolerance, reconstruct, hidden, only)
+    only = None if only is None else np.asarray(only)
     workers = thread_count(threads)
-    mesh = mesh if isinstance(mesh, Mesh) else Mesh(mesh.vertices, mesh.faces)
-    mu = (falloff or Exponential()).resolve(mesh.radius)
+    mesh = mesh_of(mesh)
+    mu = falloff_of(falloff).resolve(mesh.radius)
     check_memory(mesh.source, vertex_bytes(len(mesh.vertices), len(mesh.faces), most), describe_work(mesh))
 
     start = time.perf_counter()
@@ -226,20 +225,6 @@ def _estimate(
         return estimate
     tracer.later = 0
     return with_corners(estimate, rows, sampled(tracer, places, None, samples, key), corners)
-
-
-def _check_tolerance(tolerance: object, only: object, reconstruct: bool) -> None:
-    if isinstance(tolerance, bool) or not isinstance(tolerance, int | float) or not 1e-5 <= tolerance <= 1:
-        raise OptionError("tolerance", "a number from 1e-5 to 1", tolerance)
-    if only is not None:
-        raise OptionError("only", "no mask of vertices together with a tolerance", "both")
-    if not reconstruct:
-        raise OptionError("reconstruct", "True together with a tolerance", reconstruct)
-
-
-def _check_whole(name: str, value: object, low: int, high: int) -> None:
-    if isinstance(value, bool) or not isinstance(value, int | np.integer) or not low <= value <= high:
-        raise OptionError(name, f"a whole number from {low} to {high}", value)
 
 
 def _directions(means: npt.NDArray[np.float64], normals: npt.NDArray[np.float32]) -> npt.NDArray[np.float64]:

@@ -15,9 +15,10 @@ from raytrace.parallel import thread_count
 from raytrace.placement import Placement
 from raytrace.sampling import seed_key
 
-from .bake import DEFAULT_SAMPLES, MAX_SAMPLES, Bake, _check_whole, describe_work
+from .arguments import check_arguments, falloff_of, mesh_of
+from .bake import DEFAULT_SAMPLES, Bake, describe_work
 from .checkpoint import Checkpoint
-from .falloff import Exponential, Falloff
+from .falloff import Falloff
 from .memory import surface_bytes, vertex_bytes
 from .receivers import Flag, Normals, find_receivers
 from .surface_gather import BELOW, TRACED
@@ -28,7 +29,7 @@ from .trace import Progress
 
 def bake_surface(
     mesh: Mesh | Any,
-    falloff: Falloff | None = None,
+    falloff: Falloff | str | None = None,
     samples: int | None = None,
     seed: int = 0,
     threads: int | None = None,
@@ -49,11 +50,11 @@ def bake_surface(
     Raises: as `ao.bake`.
     """
     samples = DEFAULT_SAMPLES if samples is None else samples
-    _check_whole("samples", samples, 1, MAX_SAMPLES)
-    _check_whole("seed", seed, 0, 2**64 - 1)
+    check_arguments(samples, seed, threads)
+    only = None if only is None else np.asarray(only)
     workers = thread_count(threads)
-    mesh = mesh if isinstance(mesh, Mesh) else Mesh(mesh.vertices, mesh.faces)
-    mu = (falloff or Exponential()).resolve(mesh.radius)
+    mesh = mesh_of(mesh)
+    mu = falloff_of(falloff).resolve(mesh.radius)
     size = len(mesh.vertices), len(mesh.faces)
     at_vertices = {"the vertex method": vertex_bytes(*size, DEFAULT_SAMPLES)}
     check_memory(mesh.source, surface_bytes(*size), describe_work(mesh) + " by the surface method", at_vertices)

@@ -1,11 +1,13 @@
-"""The pictures of docs/gallery: `python -m benchmarks.gallery`, or `make gallery`.
+"""The pictures of docs/gallery, and docs/temple.png: `python -m benchmarks.gallery`, part of `make pictures`.
 
-Every built-in scene is written and rendered by the commands that docs/gallery.md shows, which is written too.
+Every built-in scene is written and rendered by the commands that docs/gallery.md shows, which is written too; the
+temple is what `obscurance demo` makes. `tests/test_docs_pictures.py` says when they are out of date.
 """
 
 from __future__ import annotations
 
 import shlex
+import shutil
 import subprocess
 import sys
 import tempfile
@@ -26,7 +28,7 @@ OPTIONS = {
 HEAD = """\
 # Gallery
 
-The built-in scenes, each made by the two lines below it. `make gallery` makes them all again.
+The built-in scenes, each made by the two lines below it. `make pictures` makes them all again.
 """
 
 
@@ -39,21 +41,30 @@ def commands(name: str) -> tuple[list[str], list[str]]:
     )
 
 
+def page() -> str:
+    """The text of docs/gallery.md."""
+    text = HEAD
+    for name, scene in BUILTIN.items():
+        code = "\n".join(shlex.join(command) for command in commands(name))
+        text += f"\n## {name}: {scene.summary}\n\n![{scene.summary}](gallery/{name}.png)\n\n```sh\n{code}\n```\n"
+    return text
+
+
+def run(command: list[str], folder: str) -> None:
+    """Run an `obscurance` command in a folder."""
+    subprocess.run([sys.executable, str(ROOT / "cli.py"), *command[1:]], cwd=folder, check=True)
+
+
 def main() -> None:
     FOLDER.mkdir(exist_ok=True)
-    text = HEAD
     with tempfile.TemporaryDirectory() as folder:
-        for name, scene in BUILTIN.items():
-            shown = []
+        for name in BUILTIN:
             for command in commands(name):
-                line = [sys.executable, str(ROOT / "cli.py"), *command[1:]]
-                subprocess.run(line, cwd=folder, check=True)
-                shown.append(shlex.join(command))
-            picture = f"{name}.png"
-            (FOLDER / picture).write_bytes((Path(folder) / picture).read_bytes())
-            code = "\n".join(shown)
-            text += f"\n## {name}: {scene.summary}\n\n![{scene.summary}](gallery/{picture})\n\n```sh\n{code}\n```\n"
-    (ROOT / "docs" / "gallery.md").write_text(text)
+                run(command, folder)
+            shutil.copy(f"{folder}/{name}.png", FOLDER)
+        run(["obscurance", "demo"], folder)
+        shutil.copy(f"{folder}/demo/temple.png", ROOT / "docs")
+    (ROOT / "docs" / "gallery.md").write_text(page())
 
 
 if __name__ == "__main__":

@@ -1,4 +1,4 @@
-"""The sphere strips of docs/models: `python -m benchmarks.model_strips`, or `make model-strips`.
+"""The sphere strips of docs/models: `python -m benchmarks.model_strips`, part of `make pictures`.
 
 Each picture is a row of spheres under one directional light and faint ambient light, seen from the front without
 perspective, over the model's main parameter. Light arriving is π for physical models, so that ρ = 1 facing it is white.
@@ -84,11 +84,16 @@ STRIPS: dict[str, Strip] = {
 }  # fmt: skip
 
 
+def picture(name: str) -> np.ndarray:
+    """Linear RGB (SIZE, SIZE · k, 3) of a strip of k spheres."""
+    make, values, light, intensity = STRIPS[name]
+    return np.concatenate([sphere(make(value), light, intensity) for value in values], axis=1)
+
+
 def main() -> None:
-    for name, (make, values, light, intensity) in STRIPS.items():
-        spheres = [sphere(make(value), light, intensity) for value in values]
-        write_image(FOLDER / f"{name}.png", np.concatenate(spheres, axis=1))
-        print(FOLDER / f"{name}.png", values)
+    for name, strip in STRIPS.items():
+        write_image(FOLDER / f"{name}.png", picture(name))
+        print(FOLDER / f"{name}.png", strip[1])
 
 
 if __name__ == "__main__":

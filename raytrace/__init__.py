@@ -27,6 +27,15 @@ if TYPE_CHECKING:
         Strauss,
         material_from_dict,
     )
+    from .normals import face_normals, vertex_normals
+    from .polygon_normals import (
+        averaged_normal,
+        corner_normals,
+        implicit_normals,
+        newell_normal,
+        newell_sums,
+        parametric_normals,
+    )
     from .presets import PRESETS
     from .reflection import reflect
     from .rendering import render
@@ -57,6 +66,15 @@ _HOMES = {
         "PoulinFournier",
         "Strauss",
         "material_from_dict",
+    ),
+    "normals": ("face_normals", "vertex_normals"),
+    "polygon_normals": (
+        "averaged_normal",
+        "corner_normals",
+        "implicit_normals",
+        "newell_normal",
+        "newell_sums",
+        "parametric_normals",
     ),
     "presets": ("PRESETS",),
     "reflection": ("reflect",),
@@ -98,11 +116,19 @@ __all__ = [
     "SpotLight",
     "Strauss",
     "Texture",
+    "averaged_normal",
+    "corner_normals",
+    "face_normals",
+    "implicit_normals",
     "irradiance",
     "light_from_dict",
     "material_from_dict",
+    "newell_normal",
+    "newell_sums",
+    "parametric_normals",
     "reflect",
     "render",
+    "vertex_normals",
 ]
 
 

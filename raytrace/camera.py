@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import isfinite
+from numbers import Real
 
 import numpy as np
 import numpy.typing as npt
 
-from .errors import OptionError
+from .errors import OptionError, check_type, numbers
 from .mesh import Mesh
 from .normals import normalize
 from .products import product
@@ -42,9 +42,13 @@ class Camera:
 
     def __post_init__(self) -> None:
         for name in ("position", "target", "up"):
-            values = tuple(getattr(self, name))
-            if len(values) != 3 or not all(isfinite(value) for value in values):
-                raise OptionError(name, "three finite numbers", values, "camera")
+            given = getattr(self, name)
+            values = numbers(given, "camera", name, "three finite numbers")
+            if values.shape != (3,) or not np.isfinite(values).all():
+                raise OptionError(name, "three finite numbers", given, "camera")
+        for name in ("field_of_view", "height", "aperture", "focus"):
+            if getattr(self, name) is not None:
+                check_type(getattr(self, name), Real, "camera", name, "a number")
         if not 0 < self.field_of_view < 180:
             raise OptionError("field_of_view", "degrees above 0 and below 180", self.field_of_view, "camera")
         for name, low in (("height", 0.0), ("focus", 0.0)):
@@ -72,7 +76,11 @@ class Camera:
 
         Args: aspect: width over height of the picture. field_of_view: vertical, in degrees.
         """
-        view = cls((0.0, 0.0, 0.0), _vector(-normalize(np.array(direction))), up, field_of_view)
+        check_type(mesh, Mesh, "camera", "mesh", "a raytrace.Mesh")
+        towards = numbers(direction, "camera", "direction", "three numbers")
+        if towards.shape != (3,):
+            raise OptionError("direction", "three numbers", direction, "camera")
+        view = cls((0.0, 0.0, 0.0), _vector(-normalize(towards)), up, field_of_view)
         right, above, forward = view.axes()
         half = np.tan(np.radians(view.field_of_view / 2))
         offset = mesh.vertices - mesh.centre

@@ -16,6 +16,13 @@ Every message is one line that says where, which field, what was expected and wh
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+from difflib import get_close_matches
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
 
 class ObscuranceError(Exception):
     """Root of every exception raised on purpose."""
@@ -29,12 +36,37 @@ class InputError(ObscuranceError, ValueError):
         field: the part of it that is wrong.
         expected: what would have been accepted.
         got: what came instead.
+        nearest: what was probably meant.
     """
 
-    def __init__(self, source: object, field: str, expected: str, got: object) -> None:
-        self.source, self.field, self.expected, self.got = str(source), field, expected, got
+    def __init__(self, source: object, field: str, expected: str, got: object, nearest: str | None = None) -> None:
+        self.source, self.field, self.expected, self.got, self.nearest = str(source), field, expected, got, nearest
         text = f"{self.source}: {shortened(field)}: expected {shortened(expected, 1000)}, got {shortened(got)}"
-        super().__init__(printable(text))
+        super().__init__(printable(f"{text}; did you mean {nearest}?" if nearest else text))
+
+
+def nearest_name(given: object, names: Iterable[str]) -> str | None:
+    """The one of `names` that was probably meant by `given`, if it is like one of them."""
+    by_case = {name.lower(): name for name in names}
+    word = str(given).lower()[:80]
+    begun = [name for name in by_case if len(word) > 1 and name.startswith(word)]
+    initials = [name for name in by_case if "".join(part[:1] for part in name.split("_")) == word]
+    found = initials or (begun if len(begun) == 1 else get_close_matches(word, by_case, n=1))
+    return by_case[found[0]] if found else None
+
+
+def check_type(value: object, kind: type, source: str, field: str, expected: str) -> None:
+    """Refuse a value of another type. Raises: OptionError."""
+    if not isinstance(value, kind):
+        raise OptionError(field, expected, repr(value), source)
+
+
+def numbers(values: Any, source: str, field: str, expected: str) -> npt.NDArray[np.float64]:
+    """`values` as a float64 array. Raises: OptionError: they are no numbers."""
+    try:
+        return np.asarray(values, np.float64)
+    except (TypeError, ValueError):
+        raise OptionError(field, expected, repr(values), source) from None
 
 
 def shortened(value: object, longest: int = 200) -> str:
@@ -51,6 +83,15 @@ def printable(text: str) -> str:
     return text if text.isprintable() else "".join(c if c.isprintable() else ascii(c)[1:-1] for c in text)
 
 
+def is_utf8(text: str) -> bool:
+    """Whether UTF-8 can write the text: not if it is a file name of other bytes."""
+    try:
+        text.encode()
+    except UnicodeEncodeError:
+        return False
+    return True
+
+
 class MeshError(InputError):
     """A mesh, or a file that should hold one, cannot be used."""
 
@@ -62,8 +103,10 @@ class SceneError(InputError):
 class OptionError(InputError):
     """A parameter is out of range or contradicts another."""
 
-    def __init__(self, field: str, expected: str, got: object, source: object = "options") -> None:
-        super().__init__(source, field, expected, got)
+    def __init__(
+        self, field: str, expected: str, got: object, source: object = "options", nearest: str | None = None
+    ) -> None:
+        super().__init__(source, field, expected, got, nearest)
 
 
 class MemoryLimitError(InputError):

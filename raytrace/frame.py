@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import numpy as np
 import numpy.typing as npt
@@ -47,3 +49,17 @@ class Frame:
     rays_skipped: dict[str, int]
     seconds: dict[str, float]
     background: tuple[float, float, float] = (0.0, 0.0, 0.0)
+
+    def __repr__(self) -> str:
+        height, width = self.layers["beauty"].shape[:2]
+        rays = ", ".join(f"{count:,} {kind}" for kind, count in self.rays.items())
+        return f"<Frame {width}×{height}: {', '.join(self.layers)}; rays: {rays}>"
+
+    def _repr_png_(self) -> bytes:
+        """The beauty as a PNG: what notebooks show."""
+        from .image import write_frame
+
+        with TemporaryDirectory() as folder:
+            picture = Path(folder) / "frame.png"
+            write_frame(picture, self, {})
+            return picture.read_bytes()

@@ -16,7 +16,7 @@ import numpy as np
 import numpy.typing as npt
 
 from .atomic import atomic_path, check_writable
-from .errors import OptionError, OutputError
+from .errors import OptionError, OutputError, is_utf8, printable
 from .frame import LAYERS, Frame
 from .srgb import encode_srgb
 
@@ -59,6 +59,8 @@ def check_image_target(
         if len(layers) > 1 or layers[0] in DATA:
             got = ", ".join(layers)
             raise OptionError("layers", f"one layer of colours in a {Path(path).suffix} file, or an .exr file", got)
+    if not is_utf8(os.path.dirname(os.path.realpath(path))):
+        raise OutputError(printable(f"{os.fspath(path)}: cannot write: an image's folder must have a name in UTF-8"))
     check_writable(path)
     return None if layers is None else tuple(layers)
 
@@ -197,7 +199,7 @@ def _write(
     spec.attribute("DateTime", "")  # or OpenImageIO puts in the present time
     if format_name in ("openexr", "png"):
         for name, text in metadata.items():
-            spec.attribute(NAMESPACE + name, text)
+            spec.attribute(NAMESPACE + name, printable(text))
     elif metadata:
         spec.attribute("ImageDescription", json.dumps(dict(metadata)))
     with atomic_path(path) as scratch:

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from .errors import InputError
+from .errors import InputError, is_utf8
 from .image import NAMESPACE
 from .settings import MAX_SIZE
 from .srgb import decode_srgb
@@ -77,6 +77,8 @@ def open_image(path: str | os.PathLike[str], content: Path | None = None, max_si
         raise InputError(os.fspath(path), "file", "an existing file", "none") from None
     except OSError as reason:
         raise InputError(os.fspath(path), "file", "a readable file", reason.strerror or reason) from None
+    if not is_utf8(str(file)):
+        raise InputError(os.fspath(path), "file", "a path in UTF-8", "other bytes")
     wanted = oiio.ImageSpec()
     wanted.attribute("oiio:UnassociatedAlpha", 1)
     with _silenced():

@@ -10,7 +10,7 @@ Source: (12.8), (12.26); the lecture notes on light sources.
 
 from __future__ import annotations
 
-from math import cos, pi
+from math import cos, pi, radians
 from typing import Annotated, Any, ClassVar, Literal, NamedTuple
 
 import numpy as np
@@ -121,7 +121,7 @@ class PointLight(_Local):
 
 
 class SpotLight(_Local):
-    """A point light within `half_angle` (radians, in (0, π/2]) of `direction`, times cos^exponent of the angle."""
+    """A point light within `half_angle` (degrees, in (0, 90]) of `direction`, times cos^exponent of the angle."""
 
     light: Literal["spot"] = "spot"
     kind: ClassVar[int] = SPOT
@@ -132,7 +132,8 @@ class SpotLight(_Local):
     def _fill(self, row: npt.NDArray[np.float64]) -> None:
         super()._fill(row)
         row[DIRECTION : DIRECTION + 3] = _unit(self.direction)
-        row[COS_HALF_ANGLE], row[HALF_ANGLE] = max(0.0, cos(self.half_angle)), self.half_angle
+        angle = radians(self.half_angle)
+        row[COS_HALF_ANGLE], row[HALF_ANGLE] = max(0.0, cos(angle)), angle
         row[EXPONENT] = self.exponent
 
 

@@ -57,6 +57,9 @@ class Mesh:
                 raise MeshError(self.source, "normals", f"one per vertex ({len(self.vertices)})", len(normals))
             object.__setattr__(self, "normals", normals)
 
+    def __repr__(self) -> str:
+        return f"<Mesh {self.source!r}: {len(self.vertices):,} vertices, {len(self.faces):,} faces>"
+
     def _array(self, name: str, values: Any, dtype: type[np.generic]) -> npt.NDArray[Any]:
         try:
             array = np.array(values)

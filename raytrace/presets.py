@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from raytrace.errors import OptionError
+from raytrace.errors import OptionError, nearest_name
 from raytrace.models.constants import eta_from_reflectance
 
 RGB = tuple[float, float, float]
@@ -62,5 +62,6 @@ PRESETS: dict[str, dict[str, Any]] = {
 def preset(name: str) -> dict[str, Any]:
     """The values of a named material. Raises: OptionError listing the names."""
     if not isinstance(name, str) or name not in PRESETS:
-        raise OptionError("preset", "one of " + ", ".join(sorted(PRESETS)), name, "material")
+        names = sorted(PRESETS)
+        raise OptionError("preset", "one of " + ", ".join(names), name, "material", nearest_name(name, names))
     return dict(PRESETS[name])

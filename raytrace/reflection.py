@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from raytrace.errors import OptionError
+from raytrace.errors import OptionError, check_type
 from raytrace.materials import BaseMaterial
 
 
@@ -50,6 +50,7 @@ def reflect(
         got = ", ".join(f"{name} {a.shape}" for name, a in arrays.items())
         raise OptionError("n, l, v, grain", "shapes that broadcast", got, "reflect") from None
     flat = [np.ascontiguousarray(np.broadcast_to(normalize(a), shape)).reshape(-1, 3) for a in given]
+    check_type(material, BaseMaterial, "reflect", "material", "a material, such as raytrace.Lambert(albedo=0.5)")
     kind, row = material.pack()
     out = np.empty_like(flat[0])
     normals, lights, viewers, grains = flat

@@ -14,6 +14,7 @@ import numpy.typing as npt
 from .camera import Camera
 from .embree import aligned, new_packet
 from .entries import FILM
+from .errors import check_type
 from .film import EDGE, TILE
 from .frame import LAYERS, Frame
 from .lanes import WIDE
@@ -82,12 +83,14 @@ def render(
         progress: called with (tiles done, tiles in all).
 
     Raises:
-        OptionError: `threads` out of range.
+        OptionError: `threads` out of range, or something else than a scene, a camera and settings.
         InputError: a texture that a ray has met cannot be read.
         MemoryLimitError: the scene and the picture would not fit into memory.
         EmbreeError: Embree failed, out of memory for instance.
     """
-    settings = settings or Settings()
+    settings = Settings() if settings is None else settings
+    for field, value, kind in (("scene", scene, Scene), ("camera", camera, Camera), ("settings", settings, Settings)):
+        check_type(value, kind, "render", field, f"a raytrace.{kind.__name__}")
     check_memory("scene", rendering_bytes(scene, settings, layers), describe_work(scene, settings))
     workers = thread_count(threads)
     start = time.perf_counter()

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import numpy.typing as npt
 
-from .errors import OptionError
+from .errors import OptionError, check_type, numbers
 from .mesh import Mesh
 from .products import product
 
@@ -45,12 +45,22 @@ class Shape:
     texture: Texture | None = None
 
     def __post_init__(self) -> None:
+        from .material_base import BaseMaterial
+
+        check_type(self.mesh, Mesh, "shape", "mesh", "a raytrace.Mesh")
+        expected = 'a material, such as raytrace.Lambert(albedo=0.5) or material_from_dict({"preset": "gold"})'
+        check_type(self.material, BaseMaterial, "shape", "material", expected)
         if self.texture is not None and self.uv is None:
             raise OptionError("uv", "texture coordinates for a textured shape", "none", self.mesh.source)
         if self.uv is not None:
+            object.__setattr__(self, "uv", numbers(self.uv, self.mesh.source, "uv", "an array of numbers (n, 2)"))
             if self.uv.shape != (len(self.mesh.vertices), 2):
                 raise OptionError("uv", f"shape ({len(self.mesh.vertices)}, 2)", self.uv.shape, self.mesh.source)
             object.__setattr__(self, "uv", _frozen(self.uv))
+
+    def __repr__(self) -> str:
+        texture = "" if self.texture is None else f", {self.texture.path.name}"
+        return f"<Shape {self.mesh!r}, {self.material!r}{texture}>"
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,8 +79,14 @@ class Object:
     name: str = "object"
     w: Floats | None = None
 
+    def __repr__(self) -> str:
+        return f"<Object {self.name!r}: {self.shape!r}{'' if self.w is None else ', with w'}>"
+
     def __post_init__(self) -> None:
-        matrix = np.asarray(self.transform, np.float64)
+        check_type(self.shape, Shape, self.name, "shape", "a raytrace.Shape(mesh, material)")
+        matrix = numbers(self.transform, self.name, "transform", "a (4, 4) matrix")
+        if self.w is not None:
+            object.__setattr__(self, "w", numbers(self.w, self.name, "w", "an array of numbers (n,)"))
         affine = matrix.shape == (4, 4) and np.isfinite(matrix).all() and (matrix[3] == [0, 0, 0, 1]).all()
         if not affine or np.linalg.det(matrix[:3, :3]) == 0:
             raise OptionError("transform", "a finite, invertible affine (4, 4) matrix", matrix.tolist(), self.name)
@@ -96,8 +112,21 @@ class Scene:
     background: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
     def __post_init__(self) -> None:
+        from .lights import BaseLight
+
+        for name, kind, expected in (
+            ("objects", Object, "raytrace.Objects in a tuple or list"),
+            ("lights", BaseLight, "lights, such as raytrace.PointLight, in a tuple or list"),
+        ):
+            values = getattr(self, name)
+            check_type(values, Sequence, "scene", name, expected)
+            for number, value in enumerate(values):
+                check_type(value, kind, "scene", f"{name}[{number}]", expected)
+            object.__setattr__(self, name, tuple(values))
         if not self.objects:
             raise OptionError("objects", "at least one", "none", "scene")
+        if numbers(self.background, "scene", "background", "three numbers").shape != (3,):
+            raise OptionError("background", "three numbers", repr(self.background), "scene")
 
     def flattened(self) -> Mesh:
         """All objects as one mesh in world space, in order: what a bake of the whole scene takes."""

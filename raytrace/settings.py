@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal, get_args
 
-from .errors import OptionError
+from .errors import OptionError, check_type, nearest_name
 
 Shading = Literal["constant", "flat", "gouraud", "phong", "quadratic"]
 Normals = Literal["file", "angle", "area", "equal"]
@@ -57,9 +58,14 @@ class Settings:
                 raise OptionError(name, f"a whole number from {low} to {high}", value, "render")
         texts = {"shading": Shading, "normals": Normals, "obscurance": ObscuranceForm}
         for name, allowed in ((name, get_args(texts[name])) for name in texts):
-            if getattr(self, name) not in allowed:
-                raise OptionError(name, "one of " + ", ".join(allowed), getattr(self, name), "render")
+            value = getattr(self, name)
+            if value not in allowed:
+                raise OptionError(name, "one of " + ", ".join(allowed), value, "render", nearest_name(value, allowed))
         if self.crop is not None:
+            expected = f"four whole numbers x, y, width, height in {self.width}×{self.height} pixels"
+            check_type(self.crop, Sequence, "render", "crop", expected)
+            if len(self.crop) != 4 or not all(isinstance(value, int) for value in self.crop):
+                raise OptionError("crop", expected, self.crop, "render")
             x, y, width, height = self.crop
             inside = x >= 0 and y >= 0 and x + width <= self.width and y + height <= self.height
             if not (inside and width > 0 and height > 0):

@@ -7,7 +7,7 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 from raytrace.atomic import atomic_write
-from raytrace.errors import OptionError
+from raytrace.errors import OptionError, nearest_name
 from raytrace.outputs import check_ending, check_outputs
 
 from .library.cornell import cornell
@@ -38,7 +38,7 @@ BUILTIN: dict[str, Builtin] = {
 def builtin_toml(name: str) -> str:
     """A built-in scene as TOML, which `scenes.read.read_scene` reads. Raises: OptionError: no such scene."""
     if name not in BUILTIN:
-        raise OptionError("name", "one of " + ", ".join(BUILTIN), name, "scenes")
+        raise OptionError("name", "one of " + ", ".join(BUILTIN), name, nearest=nearest_name(name, BUILTIN))
     return BUILTIN[name].toml()
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -53,7 +55,7 @@ def make_falloff(form: FalloffForm, tau: float | None, half_distance: str | None
 
     if form is FalloffForm.exponential:
         return ao.Exponential(tau, half_distance, max_distance)
-    for name, value in (("--tau", tau), ("--half-distance", half_distance)):
+    for name, value in (("tau", tau), ("half_distance", half_distance)):
         if value is not None:
             raise OptionError(name, "--falloff exponential with it", "--falloff binary")
     return ao.Binary(max_distance)
@@ -65,7 +67,34 @@ def only_at_vertices(**given: bool) -> None:
 
     for name, is_given in given.items():
         if is_given:
-            raise OptionError(f"--{name}", "--method vertex with it", "--method surface")
+            raise OptionError(name, "--method vertex with it", "--method surface")
+
+
+def no_raw_tolerance(tolerance: float | None, reconstruct: bool) -> None:
+    """Refuse raw estimates to a tolerance. Raises: OptionError."""
+    from raytrace.errors import OptionError
+
+    if tolerance is not None and not reconstruct:
+        raise OptionError("reconstruct", "--samples with it", "--tolerance")
+
+
+@contextmanager
+def named(option: str) -> Iterator[None]:
+    """Errors raised within about the option `option`, whatever the function called has for a name."""
+    from raytrace.errors import OptionError
+
+    try:
+        yield
+    except OptionError as fault:
+        raise OptionError(option, fault.expected, fault.got, nearest=fault.nearest) from None
+
+
+def only_in_glb(colors: bool, output: Path) -> None:
+    """Refuse vertex colours COLOR_0 for a target that has none. Raises: OptionError."""
+    from raytrace.errors import OptionError
+
+    if colors and output.suffix.lower() != ".glb":
+        raise OptionError("colors", "a .glb output with it", output)
 
 
 def parse_crop(text: str) -> tuple[int, int, int, int]:
@@ -75,7 +104,7 @@ def parse_crop(text: str) -> tuple[int, int, int, int]:
     try:
         x, y, width, height = (int(part) for part in text.split(","))
     except ValueError:
-        raise OptionError("--crop", "four whole numbers X,Y,W,H", repr(text)) from None
+        raise OptionError("crop", "four whole numbers X,Y,W,H", repr(text)) from None
     return x, y, width, height
 
 
@@ -86,7 +115,8 @@ def parse_size(width: int | None, height: int | None) -> tuple[int, int] | None:
     if width is None and height is None:
         return None
     if width is None or height is None:
-        raise OptionError("size", "--width and --height together", "one of them")
+        missing = "width" if width is None else "height"
+        raise OptionError(missing, "--width and --height together", "one of them")
     return width, height
 
 

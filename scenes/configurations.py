@@ -29,6 +29,9 @@ ClosedForm = Callable[[float | None, float], npt.ArrayLike]
 BINARY_TARGET = 0.004
 EXPONENTIAL_TARGET = 0.001
 ZERO_VARIANCE_TARGET = 1e-6
+SAMPLES = 4096  # that the targets are meant for
+MOST_SAMPLES = 16384  # beyond which they fall no more
+BINARY_RATE, EXPONENTIAL_RATE = 0.75, 0.85  # the powers of the number of rays by which they fall
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -67,12 +70,13 @@ class Setting:
         exact = np.broadcast_to(np.asarray(self.exact(mu.tau, mu.max_distance), np.float64), self.points.shape)
         other = exact if self.bracket is None else np.asarray(self.bracket(mu.tau, mu.max_distance), np.float64)
         closed = mu.tau is None and self.missing == 0.0 and bool((exact == 0.0).all())
+        rate = 0.0
         if bool((exact == 1.0).all()):
             target = 0.0
         elif self.certain or closed:
             target = ZERO_VARIANCE_TARGET
         else:
-            target = BINARY_TARGET if mu.tau is None else EXPONENTIAL_TARGET
+            target, rate = (BINARY_TARGET, BINARY_RATE) if mu.tau is None else (EXPONENTIAL_TARGET, EXPONENTIAL_RATE)
         return Configuration(
             name=self.name,
             mesh=self.mesh,
@@ -81,6 +85,7 @@ class Setting:
             normals=self.normals,
             exact=exact,
             target=target,
+            rate=rate,
             truncation=self.missing * float(1.0 - mu(self.beyond)),
             tessellation=float(np.abs(exact - other).max()),
         )
@@ -94,6 +99,7 @@ class Configuration:
         name, mesh, points, falloff, normals: see `Setting`.
         exact: float64 (k,), w of the closed form at `points`.
         target: the error allowed to the estimator at 4,096 rays; 0 where w must be exactly 1.
+        rate: with N rays it is (4096/N)^rate of that, but at most 1.
         truncation, tessellation: bounds on the stand-in's own error in w.
     """
 
@@ -104,13 +110,19 @@ class Configuration:
     normals: Normals
     exact: Floats
     target: float
+    rate: float
     truncation: float
     tessellation: float
 
     @property
     def allowed(self) -> float:
-        """The largest |measured − exact| that passes."""
-        return self.target + self.truncation + self.tessellation
+        """The largest |measured − exact| that passes at 4,096 rays."""
+        return self.allowed_with(SAMPLES)
+
+    def allowed_with(self, samples: int) -> float:
+        """The largest |measured − exact| that passes with `samples` rays."""
+        target = min(self.target * (SAMPLES / min(samples, MOST_SAMPLES)) ** self.rate, 1.0)
+        return target + self.truncation + self.tessellation
 
 
 def posed(part: Part, seed: int | None = None, normals: Floats | None = None, source: str = "mesh") -> Mesh:

@@ -8,7 +8,7 @@ gives e = 0.
 
 from __future__ import annotations
 
-from math import cos, pi
+from math import cos, degrees, pi
 from typing import Any
 
 import numpy as np
@@ -20,6 +20,7 @@ from raytrace.lights import BaseLight, light_from_dict
 from .located import located
 
 Floats = npt.NDArray[np.float64]
+FLOAT32_RIGHT_ANGLE = 1.5707964
 EXTENSION = "KHR_lights_punctual"
 
 
@@ -48,8 +49,9 @@ def _light(stored: dict[str, Any], matrix: Floats) -> BaseLight:
         values["direction"] = -matrix[:3, 2]
     if stored["type"] == "spot":
         cone = stored.get("spot", {})
-        values["half_angle"] = cone.get("outerConeAngle", pi / 4)
-        values["exponent"] = spot_exponent(cone.get("innerConeAngle", 0.0), values["half_angle"])
+        outer = cone.get("outerConeAngle", pi / 4)
+        values["half_angle"] = 90.0 if pi / 2 < outer <= FLOAT32_RIGHT_ANGLE else degrees(outer)
+        values["exponent"] = spot_exponent(cone.get("innerConeAngle", 0.0), outer)
     return light_from_dict(values)
 
 

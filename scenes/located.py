@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 
-from raytrace.errors import InputError, MeshError, SceneError, shortened
+from raytrace.errors import InputError, MeshError, SceneError, nearest_name, shortened
 
 _LONGEST = 100
 
@@ -27,7 +27,8 @@ def check_keys(source: object, path: str, keys: Iterable[str], known: Iterable[s
     known = list(known)
     for key in keys:
         if key not in known:
-            raise SceneError(source, joined(path, key), "one of " + ", ".join(known), "an unknown key")
+            near = nearest_name(key, known)
+            raise SceneError(source, joined(path, key), "one of " + ", ".join(known), "an unknown key", near)
 
 
 @contextmanager
@@ -39,9 +40,10 @@ def located(source: object, path: str) -> Iterator[None]:
         raise
     except MeshError as fault:
         field = f"{path}: {fault.source}: {fault.field}"
-        raise SceneError(source, field, fault.expected, fault.got) from None
+        raise SceneError(source, field, fault.expected, fault.got, fault.nearest) from None
     except InputError as fault:
-        raise SceneError(source, joined(path, fault.field), fault.expected, _one_line(fault.got)) from None
+        got = _one_line(fault.got)
+        raise SceneError(source, joined(path, fault.field), fault.expected, got, fault.nearest) from None
 
 
 def _one_line(value: object) -> str:

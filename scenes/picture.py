@@ -13,7 +13,7 @@ import ao
 from ao.bake import Progress
 from ao.report import versions
 from raytrace.atomic import atomic_write
-from raytrace.errors import OptionError
+from raytrace.errors import OptionError, printable
 from raytrace.frame import Frame
 from raytrace.image import check_image_target, write_frame
 from raytrace.memory import check_memory
@@ -43,9 +43,10 @@ class Picture:
 
     def summary(self, target: Path, settings: Settings) -> str:
         """What was rendered to where, and what it took."""
+        traced, skipped = sum(self.frame.rays.values()), sum(self.frame.rays_skipped.values())
         return (
-            f"{target}: {settings.width}×{settings.height}, {sum(self.frame.rays.values()) / 1e6:.1f} M rays in"
-            f" {self.seconds['render']:.2f} s, {sum(self.frame.rays_skipped.values()) / 1e6:.1f} M not needed;"
+            f"{printable(str(target))}: {settings.width}×{settings.height}, {traced / 1e6:.1f} M rays in"
+            f" {self.seconds['render']:.2f} s, {skipped / 1e6:.1f} M not needed;"
             f" obscurance {settings.obscurance} ({self.seconds['bake']:.2f} s)"
         )
 

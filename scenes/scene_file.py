@@ -11,9 +11,9 @@ from typing import Any
 import numpy as np
 
 import ao
-from ao.bake import MAX_SAMPLES
+from ao.arguments import MAX_SAMPLES
 from raytrace.camera import Camera
-from raytrace.errors import SceneError
+from raytrace.errors import OptionError, SceneError, nearest_name
 from raytrace.lights import light_from_dict
 from raytrace.scene import Scene
 from raytrace.settings import Settings
@@ -104,8 +104,8 @@ def _settings(document: Document, path: Path, size: tuple[int, int] | None) -> S
         return made
     try:
         return replace(made, obscurance=form)  # type: ignore[arg-type]
-    except ValueError:
-        raise SceneError(path, "obscurance.form", "one of off, ambient, book", shown(form)) from None
+    except OptionError as fault:
+        raise SceneError(path, "obscurance.form", fault.expected, shown(form), fault.nearest) from None
 
 
 def _bake(table: ObscuranceTable, path: Path, settings: Settings) -> BakeOptions:
@@ -126,7 +126,8 @@ def _bake(table: ObscuranceTable, path: Path, settings: Settings) -> BakeOptions
         return BakeOptions(file)
     forms = {"exponential": ao.Exponential, "binary": ao.Binary}
     if table.falloff not in forms:
-        raise SceneError(path, "obscurance.falloff", "one of " + ", ".join(forms), shown(table.falloff))
+        near = nearest_name(table.falloff, forms)
+        raise SceneError(path, "obscurance.falloff", "one of " + ", ".join(forms), shown(table.falloff), near)
     if table.falloff == "binary":
         excluded('falloff = "exponential" with it', "tau", "half_distance")
     given = table.given()

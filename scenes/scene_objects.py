@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy.typing as npt
 
-from raytrace.errors import SceneError, printable
+from raytrace.errors import SceneError, nearest_name, printable
 from raytrace.material_base import BaseMaterial
 from raytrace.materials import material_from_dict
 from raytrace.presets import PRESETS
@@ -109,7 +109,8 @@ class ObjectReader:
         """The entry's objects before its own transform."""
         if (table.mesh is None) == (table.builtin is None):
             got = "neither" if table.mesh is None else "both"
-            raise SceneError(self._source, path, "either mesh or builtin", got)
+            unknown = (nearest_name(key, ("mesh", "builtin")) for key in table.model_extra or {})
+            raise SceneError(self._source, path, "either mesh or builtin", got, next(filter(None, unknown), None))
         material = None if table.material is None else self._material(table.material, joined(path, "material"))
         if table.wrap is not None and table.texture is None:
             raise SceneError(self._source, joined(path, "wrap"), "texture with it", "none")
@@ -181,7 +182,9 @@ class ObjectReader:
     def _material(self, given: str | dict[str, Any], path: str) -> BaseMaterial:
         if isinstance(given, str):
             if given not in self._materials:
-                raise SceneError(self._source, path, "one of " + ", ".join(sorted(self._materials)), shown(given))
+                names = sorted(self._materials)
+                near = nearest_name(given, names)
+                raise SceneError(self._source, path, "one of " + ", ".join(names), shown(given), near)
             return self._materials[given]
         with located(self._source, path):
             return material_from_dict(given)
@@ -196,7 +199,8 @@ class ObjectReader:
         kind = SOLIDS.get(table.builtin or "")
         if kind is None:
             field = joined(path, "builtin")
-            raise SceneError(self._source, field, "one of " + ", ".join(SOLIDS), shown(table.builtin))
+            near = nearest_name(table.builtin, SOLIDS)
+            raise SceneError(self._source, field, "one of " + ", ".join(SOLIDS), shown(table.builtin), near)
         parameters = table.model_extra or {}
         check_keys(self._source, path, parameters, [*kind.model_fields, *_keys("builtin")])
         with located(self._source, path):

@@ -10,8 +10,8 @@ from typing import Annotated, Any, get_args
 
 from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, StrictBool, ValidationError
 
-from raytrace.errors import OptionError, SceneError
-from raytrace.fields import Radiance, expectation
+from raytrace.errors import OptionError, SceneError, nearest_name
+from raytrace.fields import Radiance, expectation, first_fault
 from raytrace.texture import wrap_modes
 
 from .located import joined, shown
@@ -149,13 +149,15 @@ def parse_document(data: dict[str, Any], source: object) -> Document:
 
 
 def _scene_error(error: ValidationError, source: object) -> SceneError:
-    fault = error.errors()[0]
+    fault = first_fault(error)
     location = fault["loc"]
     path = ""
     for part in location:
         path = joined(path, f"[{part}]" if isinstance(part, int) else part)
     if fault["type"] == "extra_forbidden":
-        return SceneError(source, path, "one of " + ", ".join(_keys_beside(location)), "an unknown key")
+        keys = _keys_beside(location)
+        near = nearest_name(location[-1], keys)
+        return SceneError(source, path, "one of " + ", ".join(keys), "an unknown key", near)
     if fault["type"] == "missing":
         return SceneError(source, path, _WORDS.get(str(location[-1]), "a value"), "nothing")
     if fault["type"] in ("too_short", "model_type", "model_attributes_type", "dict_type"):

@@ -14,7 +14,7 @@ import numpy.typing as npt
 from ao.bake import bake as _bake
 from ao.falloff import Exponential, Falloff
 
-from .configurations import Configuration
+from .configurations import SAMPLES, Configuration
 from .curved import curved_settings
 from .flat import flat_settings
 
@@ -61,7 +61,7 @@ def configurations() -> tuple[Configuration, ...]:
 
 
 def measure(
-    configuration: Configuration, bake: Baker = _bake, samples: int = 4096, seed: int = 0, threads: int | None = None
+    configuration: Configuration, bake: Baker = _bake, samples: int = SAMPLES, seed: int = 0, threads: int | None = None
 ) -> npt.NDArray[np.float64]:
     """Measured w (k,) at the configuration's points."""
     mesh, falloff = configuration.mesh, configuration.falloff
@@ -69,8 +69,9 @@ def measure(
     return baked.w[configuration.points]
 
 
-def compare(configuration: Configuration, measured: npt.NDArray[np.float64]) -> Result:
-    """The verdict on w (k,) measured at the configuration's points."""
+def compare(configuration: Configuration, measured: npt.NDArray[np.float64], samples: int = SAMPLES) -> Result:
+    """The verdict on w (k,) measured at the configuration's points with `samples` rays."""
+    allowed = configuration.allowed_with(samples)
     error = measured - configuration.exact
     worst = int(np.argmax(np.abs(error)))  # a NaN counts as the largest
     return Result(
@@ -79,15 +80,15 @@ def compare(configuration: Configuration, measured: npt.NDArray[np.float64]) -> 
         measured=float(measured[worst]),
         exact=float(configuration.exact[worst]),
         error=float(error[worst]),
-        allowed=configuration.allowed,
+        allowed=allowed,
         truncation=configuration.truncation + configuration.tessellation,
-        ok=bool(abs(error[worst]) <= configuration.allowed),
+        ok=bool(abs(error[worst]) <= allowed),
     )
 
 
 def run(
     bake: Baker = _bake,
-    samples: int = 4096,
+    samples: int = SAMPLES,
     seed: int = 0,
     threads: int | None = None,
     lines: Sequence[Configuration] | None = None,
@@ -96,11 +97,11 @@ def run(
 
     Args:
         bake: called as `ao.bake` is.
-        samples, seed, threads: passed on to it. Allowed errors are meant for 4,096 samples.
+        samples, seed, threads: passed on to it. Allowed errors go by the number of samples.
         lines: the configurations; all of them for None.
     """
     chosen = configurations() if lines is None else lines
-    return [compare(line, measure(line, bake, samples, seed, threads)) for line in chosen]
+    return [compare(line, measure(line, bake, samples, seed, threads), samples) for line in chosen]
 
 
 def described(falloff: Falloff) -> str:

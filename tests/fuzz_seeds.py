@@ -64,7 +64,7 @@ TOML = {
     ],
     "lights": [
         {"light": "directional", "direction": [-0.5, 0.7, -0.8], "intensity": 2.5},
-        {"light": "spot", "position": [-2.0, -2.0, 4.0], "direction": [2.0, 2.0, -4.0], "half_angle": 0.436,
+        {"light": "spot", "position": [-2.0, -2.0, 4.0], "direction": [2.0, 2.0, -4.0], "half_angle": 25.0,
          "exponent": 8.0, "intensity": [60.0, 55.0, 45.0], "range": 40.0},
         {"light": "point", "position": [0.0, 0.0, 4.0], "intensity": 3.0},
         {"light": "ambient", "intensity": 0.3},

@@ -51,7 +51,7 @@ def still_scene():
         AmbientLight(intensity=0.2),
         PointLight(position=(2, -3, 4), intensity=30),
         DirectionalLight(direction=(1, 1, -2), intensity=0.5),
-        SpotLight(position=(0, 0, 5), direction=(0, 0, -1), half_angle=0.3, intensity=20),
+        SpotLight(position=(0, 0, 5), direction=(0, 0, -1), half_angle=17.2, intensity=20),
     )
     w = np.linspace(0, 1, sum(len(item.shape.mesh.vertices) for item in objects))
     return Scene(objects, lights, background=(0.1, 0.2, 0.3)).with_obscurance(w)

@@ -74,4 +74,4 @@ def test_the_command_prints_a_table_and_writes_a_report(tmp_path):
 
 def test_the_command_refuses_what_it_cannot_measure(tmp_path):
     refused(obscurance("bench", tmp_path / "none.obj"), "none.obj", "an existing file")
-    refused(obscurance("bench", "--max-distance", "-1"), "max_distance")
+    refused(obscurance("bench", "--max-distance", "-1"), "--max-distance")

@@ -57,7 +57,7 @@ def test_a_fault_of_the_scene_is_named_with_its_place(tmp_path, fault):
         (("--height", 48), ("--width", "--height")),
         (("--width", 0, "--height", 32), ("width", "got 0")),
         (("--width", 99999, "--height", 32), ("width", "got 99999")),
-        (("--width", "wide", "--height", 32), ("--width", "integer")),
+        (("--width", "wide", "--height", 32), ("--width", "whole number")),
         (("--samples", 0), ("samples", "got 0")),
         (("--crop", "1,2,3"), ("--crop", "1,2,3")),
         (("--crop", "a,b,c,d"), ("--crop", "a,b,c,d")),

@@ -78,7 +78,8 @@ SCENE = st.fixed_dictionaries(
                             half_distance=NUMBER | st.sampled_from(["25%", "inf", "nan%"])),
         "materials": many(st.fixed_dictionaries({"name": st.text(max_size=3)}, optional={"preset": st.just("gold")})),
         "lights": many(table({"light": st.sampled_from(["point", "spot", "directional", "ambient"])}, position=VECTOR,
-                             direction=VECTOR, intensity=COLOUR, range=NUMBER, half_angle=SHARE, exponent=NUMBER)),
+                             direction=VECTOR, intensity=COLOUR, range=NUMBER,
+                             half_angle=st.floats(0, 99), exponent=NUMBER)),
     },
 )  # fmt: skip
 HEADER = st.fixed_dictionaries(

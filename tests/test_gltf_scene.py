@@ -102,9 +102,11 @@ def test_spot_light(tmp_path):
     assert isinstance(light, SpotLight)
     assert light.position == (0, 4, 0)
     assert light.direction == (0, 0, -1)
-    assert light.half_angle == 0.5
+    assert light.half_angle == degrees(0.5)
     assert light.exponent == spot_exponent(0.3, 0.5)
-    assert with_light(tmp_path, {"type": "spot", "spot": {}}).half_angle == pytest.approx(pi / 4)
+    assert with_light(tmp_path, {"type": "spot", "spot": {}}).half_angle == 45
+    rounded = {"type": "spot", "spot": {"outerConeAngle": 1.5707964}}
+    assert with_light(tmp_path, rounded).half_angle == 90
 
 
 @pytest.mark.parametrize(("inner", "outer"), [(0, 45), (20, 30), (0, 90), (44, 45), (0, 1), (60, 90)])

@@ -27,7 +27,7 @@ REFUSED = [
     (lambda: Lambert(albedo=(0.1, 0.2, -0.1)), "Lambert", "albedo[2]", "[0, 1]", -0.1),
     (lambda: Lambert(albedo=float("nan")), "Lambert", "albedo[0]", "[0, 1]", None),
     (lambda: Lambert(), "Lambert", "albedo", "a value", "nothing"),
-    (lambda: Lambert(albedo=1, shine=3), "Lambert", "shine", "no such field", 3),
+    (lambda: Lambert(albedo=1, shine=3), "Lambert", "shine", "albedo", "an unknown key"),
     (lambda: Phong(k_d=0.7, k_s=0.4), "Phong", "k_d + k_s [0]", "at most 1", "0.7 + 0.4 = 1.1"),
     (lambda: BlinnPhong(k_d=(0, 0, 1), k_s=0.1), "BlinnPhong", "k_d + k_s [2]", "at most 1", None),
     (lambda: Phong(k_d=0.5, exponent=0), "Phong", "exponent", "(0, 1e6]", 0),
@@ -39,14 +39,14 @@ REFUSED = [
     (lambda: CookTorrance(albedo=0.5, m=0.1, gaussian_c=1), "CookTorrance", "gaussian_c", "gaussian", "beckmann"),
     (lambda: EllipticalBeckmann(albedo=0, m_parallel=0.1, m_perpendicular=-1), "EllipticalBeckmann",
      "m_perpendicular", "[1e-6, 100]", -1),
-    (lambda: OrenNayar(albedo=0.5, sigma=2), "OrenNayar", "sigma", "[0, 1.57", 2),
+    (lambda: OrenNayar(albedo=0.5, sigma=2), "OrenNayar", "sigma", "radians in [0, π/2]", 2),
     (lambda: Strauss(colour=0.5, smoothness=1), "Strauss", "smoothness", "[0, 1)", 1),
     (lambda: Strauss(colour=0.5, smoothness=0.5, metalness="shiny"), "Strauss", "metalness", "number", "shiny"),
     (lambda: material_from_dict({"model": "marble"}), "material", "model", "lambert", "marble"),
     (lambda: material_from_dict({"albedo": 1}), "material", "model", "a value", "nothing"),
     (lambda: material_from_dict({"model": "phong", "k_d": 2}), "Phong", "k_d[0]", "[0, 1]", 2),
     (lambda: material_from_dict({"preset": "unobtainium"}), "material", "preset", "gold", "unobtainium"),
-    (lambda: material_from_dict({"preset": "clay", "sigma": -1}), "OrenNayar", "sigma", "[0, 1.57", -1),
+    (lambda: material_from_dict({"preset": "clay", "sigma": -1}), "OrenNayar", "sigma", "radians in [0, π/2]", -1),
 ]  # fmt: skip
 
 

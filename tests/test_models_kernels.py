@@ -45,7 +45,7 @@ LIGHTS = [
     AmbientLight(intensity=(0.1, 0.2, 0.3)),
     PointLight(position=(0, 0, 3), intensity=(5, 6, 7)),
     PointLight(position=(0, 0, 400), intensity=1),
-    SpotLight(position=(2, 2, 2), direction=(-1, -1, -1), half_angle=0.6, exponent=2, intensity=9),
+    SpotLight(position=(2, 2, 2), direction=(-1, -1, -1), half_angle=34.4, exponent=2, intensity=9),
     DirectionalLight(direction=(0.3, 0.1, -1), intensity=0.8),
 ]
 

@@ -42,7 +42,7 @@ LIGHTS = (
     PointLight(position=(2, -3, 4), intensity=30),
     PointLight(position=(-4, 0.5, -0.7), intensity=30),
     DirectionalLight(direction=(1, 1, -2), intensity=0.5),
-    SpotLight(position=(0, 0, 5), direction=(0, 0, -1), half_angle=0.3, intensity=20),
+    SpotLight(position=(0, 0, 5), direction=(0, 0, -1), half_angle=17.2, intensity=20),
 )
 FLOOR = primitives.plane((-3, -3, -1), (6, 0, 0), (0, 6, 0), 6).mesh
 FINE = primitives.plane((-3, -3, -1), (6, 0, 0), (0, 6, 0), 0.2).mesh

@@ -3,13 +3,37 @@
 import re
 from pathlib import Path
 
+import numpy as np
+
+from raytrace.image_input import read_image
+
 README = (Path(__file__).resolve().parent.parent / "README.md").read_text()
 
 
-def test_the_python_example_runs(capsys):
-    (code,) = re.findall(r"```python\n(.*?)```", README, re.DOTALL)
-    exec(compile(code, "README.md", "exec"), {})
+def test_the_python_examples_run_one_after_the_other(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    names = {}
+    for code in re.findall(r"```python\n(.*?)```", README, re.DOTALL):
+        exec(compile(code, "README.md", "exec"), names)
     assert "[" in capsys.readouterr().out
+    picture = read_image(tmp_path / "corner.png")[0]["beauty"]
+    assert picture.shape == (320, 480, 3)
+    assert picture.std() > 0.1
+
+
+def test_the_examples_of_the_page_about_normals():
+    page = (Path(__file__).resolve().parent.parent / "docs" / "normals.md").read_text()
+    (code,) = re.findall(r"```python\n(.*?)```", page, re.DOTALL)
+    names = {}
+    exec(compile(code, "normals.md", "exec"), names)
+    shown = re.findall(r"^(\w+\(.*\))  # [^\[]*(\[.*\])$", code, re.MULTILINE)
+    assert len(shown) == 3
+    for call, result in shown:
+        np.testing.assert_allclose(eval(call, names), eval(result), atol=1e-9)
+    import raytrace
+
+    for function in re.findall(r"^\| `(\w+)\(", page, re.MULTILINE):
+        assert function in raytrace.__all__
 
 
 def test_every_command_of_the_readme_exists():

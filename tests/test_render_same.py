@@ -99,7 +99,7 @@ def test_skipping_changes_nothing(still):
     """Black, distant and unseen lights added to a scene leave every bit of the picture as it was."""
     more = (
         PointLight(position=(0, 0, 3), intensity=0),
-        SpotLight(position=(0, 0, 9), direction=(0, 0, 1), half_angle=0.2, intensity=99),
+        SpotLight(position=(0, 0, 9), direction=(0, 0, 1), half_angle=11.5, intensity=99),
         DirectionalLight(direction=(0, 0, 1), intensity=0),
     )
     settings = Settings(width=48, height=32, samples=1)

@@ -102,7 +102,7 @@ MISTAKES = {
         2 * '[[materials]]\nname = "a"\npreset = "gold"\n' + PLAIN
     ),
     "materials[0].preset: expected one of": '[[materials]]\nname = "a"\npreset = "glod"\n' + PLAIN,
-    "materials[0].albdo: expected no such field": (
+    "materials[0].albdo: expected one of emission, two_sided, albedo, k_a, model, got an unknown key; did you mean": (
         '[[materials]]\nname = "a"\nmodel = "lambert"\nalbdo = 1\nalbedo = 1\n' + PLAIN
     ),
     "lights[0].intensity[0]: expected a number in [0, inf), got nan": (
@@ -112,8 +112,8 @@ MISTAKES = {
         PLAIN + '[[lights]]\nlight = "ambient"\n[[lights]]\nlight = "point"'
     ),
     "lights[0].light: expected one of": PLAIN + '[[lights]]\nlight = "laser"',
-    "lights[0].half_angle: expected a number in": (
-        PLAIN + '[[lights]]\nlight = "spot"\nposition = [0, 0, 1]\ndirection = [0, 0, -1]\nhalf_angle = 45'
+    "lights[0].half_angle: expected degrees in (0, 90], got 95": (
+        PLAIN + '[[lights]]\nlight = "spot"\nposition = [0, 0, 1]\ndirection = [0, 0, -1]\nhalf_angle = 95'
     ),
     "camera.field_of_view: expected degrees above 0 and below 180, got 180": "[camera]\nfield_of_view = 180\n" + PLAIN,
     "camera.target: expected position and target together, got nothing": "[camera]\nposition = [1, 2, 3]\n" + PLAIN,

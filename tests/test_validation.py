@@ -60,6 +60,34 @@ def test_a_bake_to_a_tolerance_matches_the_closed_form(line: Configuration) -> N
     assert np.sqrt(np.mean(error**2)) <= 2 * 0.002 + line.truncation + line.tessellation
 
 
+@pytest.mark.parametrize("samples", [1, 3, 16, 100, 1024])
+def test_what_is_allowed_goes_by_the_number_of_rays(samples: int) -> None:
+    with one_direction_table():
+        found = validation.run(samples=samples)
+    assert [result for result in found if not result.ok] == []
+    tight = [abs(result.error) / result.allowed for result in found if line_target(result) > 1e-6]
+    assert max(tight) > 0.25
+
+
+def line_target(result: validation.Result) -> float:
+    return next(line.target for line in LINES if (line.name, line.falloff) == (result.name, result.falloff))
+
+
+def test_more_rays_are_allowed_less() -> None:
+    for line in LINES:
+        if line.target > 1e-6:
+            allowed = [line.allowed_with(samples) for samples in (100, 4096, 16384, 1 << 20)]
+            assert allowed == sorted(allowed, reverse=True)
+            assert allowed[1] == line.allowed > allowed[2]
+            assert line.allowed_with(1) <= 1 + line.truncation + line.tessellation
+
+
+def test_a_wrong_estimator_fails_with_few_rays_too(monkeypatch: pytest.MonkeyPatch) -> None:
+    other_directions(monkeypatch, lambda u: u)
+    with one_direction_table():
+        assert sum(not result.ok for result in validation.run(samples=64, lines=CHEAP)) >= 6
+
+
 def test_targets_are_not_watered_down() -> None:
     for line in LINES:
         assert line.target <= (0.004 if isinstance(line.falloff, Binary) else 0.001)

@@ -6,8 +6,8 @@ import secrets
 from collections.abc import Collection, Sequence
 from pathlib import Path
 
-from ao.bake import MAX_SAMPLES
-from raytrace.errors import OptionError
+from ao.arguments import MAX_SAMPLES, check_arguments
+from raytrace.errors import OptionError, nearest_name
 
 from ..load import load
 from . import suite, verdict
@@ -27,15 +27,14 @@ def validate_generated(
     """
     if not 2 <= samples <= 2 * MAX_SAMPLES:
         raise OptionError("samples", f"a whole number from 2 to {2 * MAX_SAMPLES}", samples)
-    if seed is not None and not 0 <= seed < 1 << 64:
-        raise OptionError("seed", f"a whole number from 0 to {(1 << 64) - 1}", seed)
+    check_arguments(seed=seed or 0, threads=threads)
     given = [load(path).mesh for path in files]
     seed = secrets.randbelow(1 << 31) if seed is None else seed
     cases = suite.long_cases(seed, given) if long else suite.short_cases(seed, given)
     known = dict.fromkeys(case.family for case in cases)
     for name in wanted:
         if name not in known:
-            raise OptionError("--family", "one of " + ", ".join(known), name)
+            raise OptionError("family", "one of " + ", ".join(known), name, nearest=nearest_name(name, known))
     outcomes = []
     print(verdict.HEAD)
     chosen = [case for case in cases if not wanted or case.family in wanted]

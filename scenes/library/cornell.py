@@ -111,7 +111,7 @@ material = { model = "lambert", albedo = 0.5, emission = [1.0, 0.9, 0.7] }
 light = "spot"
 position = [0.0, -0.1, 1.97]
 direction = [0.0, 0.0, -1.0]
-half_angle = 1.5707
+half_angle = 90.0
 exponent = 1.0
 intensity = [11.5, 10.3, 8.2]
 

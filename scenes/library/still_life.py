@@ -118,7 +118,7 @@ copies = [
 light = "spot"
 position = [-2.6, -2.6, 4.4]
 direction = [2.6, 2.75, -4.1]
-half_angle = 0.38
+half_angle = 21.77
 exponent = 18.0
 intensity = [150.0, 132.0, 100.0]
 
