@@ -19,13 +19,13 @@ from raytrace.sampling import seed_key
 from .arguments import check_arguments, falloff_of, mesh_of
 from .checkpoint import Checkpoint
 from .falloff import Falloff, Mu
-from .hidden import Hidden, hidden_points, inside_other_parts
+from .hidden import Fill, Hidden, hidden_points, inside_other_parts
 from .horizon import Horizons
 from .memory import vertex_bytes
 from .neighbours import Neighbours
+from .probes import derive
 from .receivers import Flag, Normals, Receivers, find_receivers
 from .sampled import place_samples, rays_of_corners, sampled, with_corners
-from .subset import owners
 from .tolerance import Estimate, estimate_to
 from .trace import Progress, Tracer
 
@@ -142,13 +142,17 @@ def bake(
     inside = _inside(receivers, placement, hidden, crowd, workers)
     receivers.flags[baked] |= np.where(inside[vertex[baked]], Flag.HIDDEN, 0).astype(np.uint8)
     if inside.any() and hidden != "mark":
-        nearest = owners(_neighbours(receivers, workers), ~inside)
-        untraced = inside & (nearest >= 0)
+        filling = Fill.of(receivers.points, _neighbours(receivers, workers), inside)
+        untraced = ~filling.traced
         traced = receivers.only(baked & ~untraced[vertex])
         estimate = _estimate(tracer, traced, tolerance, most, key, reconstruct and only is None)
-        row = np.cumsum(~untraced) - 1
-        filled = row[np.where(untraced, nearest, np.arange(len(untraced)))]
-        estimate = replace(estimate, rows=estimate.rows[filled], variance=estimate.variance[filled])
+        known = np.column_stack([estimate.rows, estimate.variance])
+        if tolerance is not None:  # errors at the edge of what is hidden stand for many
+            edge = filling.sources
+            again = sampled(tracer, traced.points[edge], None, min(4 * estimate.samples, most), derive(key, 6))
+            known[edge] = np.column_stack([again.rows, again.variance])
+        rows = filling.extrapolate(known)
+        estimate = replace(estimate, rows=rows[:, :4], variance=rows[:, 4])
     else:
         untraced = np.zeros(len(receivers.points), np.bool_)
         estimate = _estimate(tracer, receivers, tolerance, most, key, reconstruct and only is None)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
@@ -28,7 +29,9 @@ from raytrace.parallel import run_blocks
 
 from .closed_parts import closed_parts, inside_boxes
 from .hemisphere import DirectionTable, aim, choose, start_from, turned_frame
+from .neighbours import Neighbours
 from .receivers import Points, Receivers
+from .subset import coarser, fill, owners
 
 Hidden = Literal["auto", "ignore", "mark", "fill"]
 RAYS = 32
@@ -89,6 +92,57 @@ def hidden_points(
 
     run_blocks(len(points), _BLOCK, work, threads)
     return backs > _MOSTLY
+
+
+@dataclass(frozen=True, eq=False)
+class Fill:
+    """How points that are not traced get values from those nearest along the surface that are.
+
+    Attributes:
+        traced: bool (k,). points: all of them. near, cell: `ao.subset.coarser` of the traced ones.
+    """
+
+    traced: npt.NDArray[np.bool_]
+    points: Points
+    near: Neighbours
+    cell: npt.NDArray[np.int32]
+
+    @classmethod
+    def of(cls, points: Points, neighbours: Neighbours, inside: npt.NDArray[np.bool_]) -> Fill:
+        """Those `inside` (k,) are not traced, unless no path of edges leads out."""
+        owner = owners(neighbours, ~inside)
+        alone = owner < 0
+        owner[alone] = np.flatnonzero(alone)
+        near, _, cell = coarser(neighbours, owner, points.normals)
+        return cls(~inside | alone, points, near, cell)
+
+    @property
+    def sources(self) -> npt.NDArray[np.bool_]:
+        """Which of the b traced points others are told from: their owners, and the neighbours of these."""
+        owning = np.zeros(len(self.near.starts) - 1, np.bool_)
+        owning[self.cell[~self.traced]] = True
+        sources = owning.copy()
+        sources[self.near.others[np.repeat(owning, np.diff(self.near.starts))]] = True
+        return sources
+
+    def extrapolate(self, known: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+        """Rows (k, c) of all points, by planes that are followed for about one edge: farther on, noise would grow.
+
+        Args: known: (b, c), the rows of the traced points, the last column their variance.
+        """
+        traced, valence = np.flatnonzero(self.traced), np.diff(self.near.starts)
+        places = self.points.origins.astype(np.float64)
+        here = np.repeat(np.arange(len(traced)), valence)
+        lengths = np.linalg.norm(places[traced[self.near.others]] - places[traced[here]], axis=1)
+        edge = np.bincount(here, lengths, len(traced)) / np.maximum(valence, 1)
+        owner = places[traced[self.cell]]
+        away = places - owner
+        distance = np.maximum(np.linalg.norm(away, axis=1), 1e-30)
+        away *= np.minimum(1.0, edge[self.cell] / distance)[:, None]
+        moved = replace(self.points, origins=(owner + away).astype(np.float32))
+        every = np.arange(len(places))
+        return fill(moved, every, self.near, traced, self.cell, np.ascontiguousarray(known), variances=1)
+
 
 
 @kernel

@@ -107,10 +107,14 @@ def _adjacent(starts, others, cell, members, cell_starts, cell_others):
         cell_starts[mine + 1] = last
 
 
-def fill(points: Points, wanted: Ints, near: Neighbours, baked: Ints, cell: Cells, values: Floats) -> Floats:
+def fill(
+    points: Points, wanted: Ints, near: Neighbours, baked: Ints, cell: Cells, values: Floats, variances: int = 0
+) -> Floats:
     """Values (j, c) at the points `wanted` (j,) from those at the baked ones, (b, c), which are kept as they are.
 
-    Args: near, baked, cell: as `coarser` gives them.
+    Args:
+        near, baked, cell: as `coarser` gives them.
+        variances: number of columns, the last ones, that are variances of independent values.
     """
     cells, out = cell[wanted], np.empty((len(wanted), values.shape[1]))
 
@@ -118,7 +122,7 @@ def fill(points: Points, wanted: Ints, near: Neighbours, baked: Ints, cell: Cell
         scratch = np.empty((_MOST, 4))
         _fill(
             points.origins, points.normals, wanted[first:last], cells[first:last], baked, near.starts, near.others,
-            values, scratch, out[first:last],
+            values, values.shape[1] - variances, scratch, out[first:last],
         )  # fmt: skip
 
     run_blocks(len(wanted), _BLOCK, work, near.threads)
@@ -126,7 +130,7 @@ def fill(points: Points, wanted: Ints, near: Neighbours, baked: Ints, cell: Cell
 
 
 @kernel
-def _fill(origins, normals, wanted, cell, baked, starts, others, values, scratch, out):
+def _fill(origins, normals, wanted, cell, baked, starts, others, values, plain, scratch, out):
     for row in range(len(wanted)):
         i = wanted[row]
         o = cell[row]
@@ -169,9 +173,13 @@ def _fill(origins, normals, wanted, cell, baked, starts, others, values, scratch
         # first row of the inverse moments: the plane's value at the point itself
         a, b, c2 = suu * svv - suv * suv, suv * sv - su * svv, su * suv - suu * sv
         det = s0 * a + su * b + sv * c2
+        own = 1.0
+        for k in range(1, count):
+            scratch[k, 3] *= (a + b * scratch[k, 0] + c2 * scratch[k, 1]) / det
+            own -= scratch[k, 3]
         for column in range(values.shape[1]):
             total = 0.0
             for k in range(1, count):
-                q = scratch[k, 3] * (a + b * scratch[k, 0] + c2 * scratch[k, 1]) / det
-                total += q * (values[others[starts[o] + k - 1], column] - values[o, column])
-            out[row, column] = values[o, column] + total
+                value, q = values[others[starts[o] + k - 1], column], scratch[k, 3]
+                total += q * (value - values[o, column]) if column < plain else q * q * value
+            out[row, column] = total + values[o, column] * (1.0 if column < plain else own * own)

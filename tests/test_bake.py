@@ -55,12 +55,12 @@ def test_rays_are_counted():
 
 
 def test_coincident_vertices_get_the_same_value(colonnade):
-    baked = ao.bake(colonnade, ao.Binary(), samples=64)
+    baked = ao.bake(colonnade, ao.Binary(), samples=64, hidden="ignore")
     doubled = Mesh(
         np.vstack([colonnade.vertices, colonnade.vertices]),
         np.vstack([colonnade.faces, colonnade.faces + len(colonnade.vertices)]),
     )
-    again = ao.bake(doubled, ao.Binary(), samples=64)
+    again = ao.bake(doubled, ao.Binary(), samples=64, hidden="ignore")
     np.testing.assert_array_equal(again.w[: len(baked.w)], again.w[len(baked.w) :])
     assert again.rays == baked.rays
 
