@@ -8,6 +8,7 @@ from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 from typing import Annotated, Any
+from warnings import catch_warnings
 
 import typer
 from typer.exceptions import TyperException
@@ -120,8 +121,10 @@ def bake(
         if method is choices.Method.vertex:
             make = partial(ao.bake, tolerance=tolerance, reconstruct=reconstruct, skip=skip, hidden=hidden.value)
         kernels = "hemisphere" if method is choices.Method.vertex else "surface_gather"
-        with progress(quiet, "rays") as (advance,), compiling(kernels):
+        unmet = catch_warnings(record=True, action="always", category=ao.ToleranceWarning)
+        with progress(quiet, "rays") as (advance,), compiling(kernels), unmet as raised:
             baked = make(source.mesh, chosen, samples, seed, threads, normals.value, advance, checkpoint=checkpoint)
+        warnings += warn([], [str(warning.message) for warning in raised])
         tracing = time.perf_counter()
         write(output, baked, source, colors=colors)
     seconds = {"load": loaded - start, "write": time.perf_counter() - tracing}

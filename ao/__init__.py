@@ -4,5 +4,6 @@ from .bake import Bake, bake
 from .falloff import Binary, Exponential, Falloff
 from .receivers import Flag
 from .surface import bake_surface
+from .tolerance import ToleranceWarning
 
-__all__ = ["Bake", "Binary", "Exponential", "Falloff", "Flag", "bake", "bake_surface"]
+__all__ = ["Bake", "Binary", "Exponential", "Falloff", "Flag", "ToleranceWarning", "bake", "bake_surface"]

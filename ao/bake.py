@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+import warnings
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -26,7 +27,7 @@ from .neighbours import Neighbours
 from .probes import derive
 from .receivers import Flag, Normals, Receivers, find_receivers
 from .sampled import place_samples, rays_of_corners, sampled, with_corners
-from .tolerance import Estimate, estimate_to
+from .tolerance import Estimate, ToleranceWarning, estimate_to
 from .trace import Progress, Tracer
 
 DEFAULT_SAMPLES = 256
@@ -101,7 +102,7 @@ def bake(
         only: bool (n,), the vertices whose w is wanted; the others get 1. None: all. Turns reconstruction off;
             hidden ones are filled from those wanted.
         tolerance: root mean square error of w to bake to, 1e-5 to 1: rays and baked vertices are chosen to meet it, the
-            other vertices are told from their neighbours. None: every vertex gets `samples` rays.
+            other vertices are predicted from their neighbours. None: every vertex gets `samples` rays.
         reconstruct: whether a vertex's estimate is drawn towards its neighbours' by what they are worth.
         hidden: "auto": vertices inside a closed part of the mesh that is not their own are flagged, and get the values
             of the nearest that are not. "ignore": both sides of faces are surface. "mark": faces bound solids, and
@@ -116,6 +117,9 @@ def bake(
         MeshError: `mesh` is none, or `normals="file"` for a mesh without normals.
         MemoryLimitError: the bake would not fit into memory.
         EmbreeError: Embree failed, out of memory for instance.
+
+    Warns:
+        ToleranceWarning: the `tolerance` is not met, with too few `samples` allowed for instance.
     """
     most = (DEFAULT_SAMPLES if tolerance is None else _MOST_FOR_TOLERANCE) if samples is None else samples
     check_arguments(most, seed, threads, tolerance, reconstruct, hidden, only)
@@ -149,6 +153,7 @@ def bake(
         known = np.column_stack([estimate.rows, estimate.variance])
         if tolerance is not None:  # errors at the edge of what is hidden stand for many
             edge = filling.sources
+            edge[traced.corners.rows] = False
             again = sampled(tracer, traced.points[edge], None, min(4 * estimate.samples, most), derive(key, 6))
             known[edge] = np.column_stack([again.rows, again.variance])
         rows = filling.extrapolate(known)
@@ -161,6 +166,11 @@ def bake(
     w[baked] = np.clip(estimate.rows[vertex[baked], 0], 0.0, 1.0)
     error[baked] = np.sqrt(estimate.variance[vertex[baked]])
     bent[baked] = _directions(estimate.rows[:, 1:], receivers.points.normals)[vertex[baked]]
+    rmse = float(np.sqrt(np.sum(error**2) / max(int(np.count_nonzero(wanted)), 1)))
+    if tolerance is not None and rmse > tolerance:
+        reason = f": {most:,} rays a vertex were allowed" if estimate.samples >= most else ""
+        text = f"tolerance {tolerance:g} is not met, the estimated RMSE is {rmse:.3g}{reason}"
+        warnings.warn(text, ToleranceWarning, stacklevel=2)
     finished = time.perf_counter()
     return Bake(
         w=w,
@@ -178,7 +188,7 @@ def bake(
             "hidden": estimate.samples * int(np.count_nonzero(untraced)),
         },
         skip_seconds={"open": sum(horizons.seconds)} if horizons else {},
-        rmse=float(np.sqrt(np.sum(error**2) / max(int(np.count_nonzero(wanted)), 1))),
+        rmse=rmse,
         seconds={"build": receivers.scene.seconds, "bake": finished - start - receivers.scene.seconds},
         mu=mu,
     )

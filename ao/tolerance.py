@@ -37,6 +37,10 @@ _ONCE_BAKED = 0.7  # of the goal at most, the squared error of points baked amon
 _DEEPER = np.array([0, 0.25, 0.35, 0.5, 0.7, 1, 1.4, 2, 2.8, 4, 8, 16, 32])  # times as many rays more, to choose from
 
 
+class ToleranceWarning(UserWarning):
+    """A bake's estimated error exceeds the tolerance asked for."""
+
+
 @dataclass(frozen=True, eq=False)
 class Estimate:
     """What a bake knows about its points.

@@ -50,7 +50,7 @@ def test_a_dense_mesh_costs_what_its_shape_does() -> None:
     """The same surface in four times as many faces takes far less than four times the rays."""
     coarse, dense = (ao.bake(Mesh(*hills(side)), ao.Binary(), tolerance=0.01) for side in (150, 300))
     assert dense.rays_skipped["predicted"] > 0
-    assert dense.rays < 2.2 * coarse.rays
+    assert dense.rays < 2.6 * coarse.rays
     sparse = ao.bake(Mesh(*hills(300)), ao.Binary(), samples=64)
     assert dense.rays < sparse.rays / 2
 
@@ -75,7 +75,8 @@ def test_threads_change_nothing_and_seeds_do() -> None:
 
 
 def test_samples_are_the_most() -> None:
-    baked = ao.bake(MESHES["hills"], ao.Binary(), samples=32, tolerance=1e-4)
+    with pytest.warns(ao.ToleranceWarning, match="tolerance 0.0001 is not met.*32 rays a vertex were allowed"):
+        baked = ao.bake(MESHES["hills"], ao.Binary(), samples=32, tolerance=1e-4)
     assert baked.rmse > 1e-3
     assert baked.rays_skipped["predicted"] == 0
 
