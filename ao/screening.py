@@ -25,6 +25,7 @@ _RAYS = 0.16  # times 1/aim: a prediction that is 20 aims off differs by 4 to 6 
 _OUTLIER, _JUMP = 2.25, 3.25  # standard deviations
 _SPREAD_REACH = 3  # edges over which the spread between batches is averaged
 _REACH = 4  # and residuals; see `Neighbours.own_share`
+_MOST = 0.36  # variance of n rays · n^RATE, where w is about one half and all of it is edges
 _TYPICAL = 0.4  # of the mean of expected squared errors in each: few rays cannot tell that there is none
 _CERTAIN = 1.0  # standard deviations of the excess over σ² that may be chance
 
@@ -52,7 +53,8 @@ class Screening:
         off = self.estimate[probes.rows] - (probes.raw[:, 0] + probes.other) / 2
         level = float(np.mean(off[known] ** 2)) - probes.variance / 2 if known.any() else 0.0
         usual = probes.variance * (probes.samples / self.samples) ** RATE
-        self.variance = shared_out(neighbours.smooth(spread, _SPREAD_REACH), max(level, usual / 4))
+        variance = shared_out(neighbours.smooth(spread, _SPREAD_REACH), max(level, usual / 4))
+        self.variance = np.minimum(variance, _MOST * self.samples**-RATE)
         self._neighbours = neighbours
         self._own = neighbours.own_share()
 
