@@ -184,7 +184,7 @@ def bake(
             "no_normal": estimate.samples
             * int(np.count_nonzero(receivers.flags & (Flag.UNREFERENCED | Flag.DEGENERATE))),
             "not_wanted": estimate.samples * int(np.count_nonzero(~wanted)),
-            "predicted": estimate.samples * estimate.predicted,
+            "predicted": (estimate.samples - estimate.screened) * estimate.predicted,
             "hidden": estimate.samples * int(np.count_nonzero(untraced)),
         },
         skip_seconds={"open": sum(horizons.seconds)} if horizons else {},

@@ -25,13 +25,13 @@ Floats = npt.NDArray[np.float64]
 
 _COARSEST, _FEWEST = 64, 4096  # stride along the curve at first, points left at least
 _HALVED = 1.3  # by what the error of predictions falls when the stride is halved
-_AIM = 0.88  # of the tolerance, so that the true error is within it though its measure is uncertain
+_AIM = 0.88  # of the tolerance: its square is the goal, for what measures the error is uncertain
 _COARSE = 4.0  # times the goal that predictions may miss before screening corrects them
 _JUMP = 5.0  # aims: larger errors of predictions are taken for jumps, which screening finds
 _SPARE = 0.9  # of the goal, so that one round of baking more is likely to meet it
 _MET = 1.1  # times the goal is near enough
-_ROUNDS = 12
-_LEFT = 0.03  # of the points may be outliers still
+_ROUNDS = 12  # of baking more, at most
+_LEFT = 0.03  # of the points may be outliers until the end, when they are baked, too
 _WORTH = 1 / 32  # of the points, worth a round of baking
 _ONCE_BAKED = 0.7  # of the goal at most, the squared error of points baked among others
 _DEEPER = np.array([0, 0.25, 0.35, 0.5, 0.7, 1, 1.4, 2, 2.8, 4, 8, 16, 32])  # times as many rays more, to choose from
@@ -47,13 +47,14 @@ class Estimate:
 
     Attributes:
         rows: float64 (k, 4), w and the mean of μ·direction (x, y, z). variance: (k,), mean square error of w expected.
-        samples: rays that a baked point got. predicted: number of points that got none.
+        samples: rays that a baked point got. predicted: number of points that were not baked; screened: rays of each.
     """
 
     rows: Floats
     variance: Floats
     samples: int
     predicted: int
+    screened: int = 0
 
 
 def estimate_to(
@@ -252,4 +253,5 @@ class _Field:
             self._trace(left.copy())
             rows[left] = self.rows[left][:, [0, 2, 3, 4]]
             self.error[left] = self.noise
-        return Estimate(rows, self.error, self.samples, int(np.count_nonzero(~self.baked)))
+        screened = self.screening.samples if self.screening else 0
+        return Estimate(rows, self.error, self.samples, int(np.count_nonzero(~self.baked)), screened)
