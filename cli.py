@@ -86,7 +86,7 @@ def bake(
     from scenes.write import check_target, write
 
     chosen = choices.make_falloff(falloff, tau, half_distance, max_distance)
-    choices.only_in_glb(colors, output)
+    choices.only_in_meshes(colors, output)
     choices.no_raw_tolerance(tolerance, reconstruct)
     check_arguments(samples, seed, threads, tolerance)
     if method is choices.Method.surface:

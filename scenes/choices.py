@@ -89,12 +89,12 @@ def named(option: str) -> Iterator[None]:
         raise OptionError(option, fault.expected, fault.got, nearest=fault.nearest) from None
 
 
-def only_in_glb(colors: bool, output: Path) -> None:
-    """Refuse vertex colours COLOR_0 for a target that has none. Raises: OptionError."""
+def only_in_meshes(colors: bool, output: Path) -> None:
+    """Refuse vertex colours for a target that has none. Raises: OptionError."""
     from raytrace.errors import OptionError
 
-    if colors and output.suffix.lower() != ".glb":
-        raise OptionError("colors", "a .glb output with it", output)
+    if colors and output.suffix.lower() not in (".glb", ".ply"):
+        raise OptionError("colors", "a .glb or .ply output with it", output)
 
 
 def parse_crop(text: str) -> tuple[int, int, int, int]:

@@ -61,7 +61,7 @@ COMMANDS = [
     ("bake a.ply -o w.npy --threads 0", "bake --threads: expected a whole number from 1 to 4096, got 0"),
     ("bake a.ply -o w.npy --report folder", "bake --report: expected a name ending in .json, got folder"),
     ("bake a.ply -o w.npy --debug-image m.bmp", "bake --debug-image: expected a name ending in", "got m.bmp"),
-    ("bake a.ply -o w.npy --colors", "bake --colors: expected a .glb output with it, got w.npy"),
+    ("bake a.ply -o w.npy --colors", "bake --colors: expected a .glb or .ply output with it, got w.npy"),
     ("bake a.ply -o w.npy -qz", "got -z"),
     ("bake a.ply -o w.npy --quiet=yes", "bake --quiet: expected the option alone, got a value"),
     ("info", "info: expected MESH, got nothing"),

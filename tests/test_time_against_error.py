@@ -183,12 +183,14 @@ def test_what_a_peer_prints_does_not_disturb_its_answers(tmp_path):
 
 def test_the_numpy_peer_bakes_what_we_bake(tmp_path):
     mesh = stone(3)
+    ordinary = ao.bake(mesh, samples=1).flags == 0
+    assert ordinary.mean() > 0.99
     task = Task.of(mesh, tmp_path / "mesh.npz")
     with open_programs({name: tmp_path / "none" for name in PEERS if name != "embreex"}) as (programs, _):
         assert set(programs) == {OURS, "embreex"}
         for falloff in falloffs(mesh).values():
             ours, theirs = (programs[name].bake(task, falloff, 0, {"samples": 1024}) for name in (OURS, "embreex"))
-            difference = ours.w - theirs.w
+            difference = (ours.w - theirs.w)[ordinary]
             assert np.sqrt(np.mean(difference**2)) < 0.005
             assert abs(difference.mean()) < 5e-4
             assert 0 < theirs.build < theirs.seconds
