@@ -145,16 +145,18 @@ def _rises(first, last, starts, others, origins, normals, out):
         out[i] /= max(starts[i + 1] - starts[i], 1)
 
 
-def judged(expected: Floats, squared: Floats) -> float:
+def judged(expected: Floats, squared: Floats, everywhere: Floats) -> float:
     """By what factor the mean of `expected` squared errors (j,) is off, from unbiased measures of them, `squared` (j,).
 
-    A measure that scatters much is mistrusted: the mean of it and what is usual, weighted by their variances.
+    A measure that scatters much is mistrusted: the mean of it and what is usual, weighted by their variances. So is one
+    where few points have most of the error `everywhere`, expected of all (k,), for it may have missed these.
     """
-    told = float(np.mean(expected)) if len(expected) else 0.0
-    if told <= 0 or len(squared) <= 1:
+    mean = float(np.mean(expected)) if len(expected) else 0.0
+    if mean <= 0 or len(squared) <= 1:
         return 1.0
-    scatter = (float(np.var(squared)) / told**2 + 2.0) / len(squared)  # few may agree by luck
-    return float(np.clip(_USUAL + (float(np.mean(squared)) / told - _USUAL) / (1 + scatter / _DOUBT**2), 1 / 3, 3))
+    uneven = float(np.mean(everywhere**2) / np.mean(everywhere) ** 2)
+    scatter = (float(np.var(squared)) / mean**2 + 2 * uneven) / len(squared)
+    return float(np.clip(_USUAL + (float(np.mean(squared)) / mean - _USUAL) / (1 + scatter / _DOUBT**2), 1 / 3, 3))
 
 
 def moderated(squared: Floats, typical: float = _TYPICAL) -> Floats:

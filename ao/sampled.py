@@ -41,7 +41,7 @@ def sampled(tracer: Tracer, points: Points, neighbours: Neighbours | None, sampl
     before, after = ((values[calibration] - again) ** 2 for values in (w, drawn))
     if float(np.sum(after - before)) >= 0:
         return Estimate(rows[:, [0, 2, 3, 4]], moderated(shared_out(rows[:, 1], level)), samples, 0)
-    error *= judged(error[calibration], after - before / 2)
+    error *= judged(error[calibration], after - before / 2, error)
     return Estimate(np.column_stack([drawn, rows[:, 2:]]), error, samples, 0)
 
 

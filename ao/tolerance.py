@@ -176,12 +176,13 @@ class _Field:
         rows = self.probes.rows
         predicted = ~self.baked[rows]
         squared = np.minimum(self.probes.squared(probed, ~predicted), jump)
-        expected = float(np.sum(self.error[rows[predicted]]))
-        if expected > 0:
-            measured = float(np.sum(squared[predicted]))
-            doubt = float(np.sqrt(np.sum(squared[predicted] ** 2))) if measured < expected else 0.0
-            self.error[~self.baked] *= (max(measured, 0.0) + doubt) / (expected + doubt)
-        self.error *= judged(self.error[rows], squared)
+        expected, measured = self.error[rows[predicted]], squared[predicted]
+        if expected.any():
+            less = float(np.sum(measured)) < float(np.sum(expected))
+            chance = 2 * len(expected) * np.mean(self.error[~self.baked] ** 2)
+            doubt = float(np.sqrt(np.sum(measured**2) + chance)) if less else 0.0
+            self.error[~self.baked] *= (max(float(np.sum(measured)), 0.0) + doubt) / (float(np.sum(expected)) + doubt)
+        self.error *= judged(self.error[rows], squared, self.error)
 
     def _doubtful(self, goal: float) -> npt.NDArray[np.bool_]:
         """Points half as far apart as baked ones, or nearer still if predictions are far off, where these fail."""
