@@ -1,11 +1,12 @@
 """The `obscurance` command for the tests of the command line: within this process, or as one of its own."""
 
 import os
+import signal
 import subprocess
 import sys
 import tempfile
 import traceback
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 import cli
@@ -38,6 +39,30 @@ def process(*arguments, **options):
     return subprocess.run(
         [*COMMAND, *map(str, arguments)], capture_output=True, text=True, check=False, timeout=300, **options
     )
+
+
+@contextmanager
+def started(command, **options):
+    """A process that goes on beside the test, with what it starts killed when the test leaves it.
+
+    `Popen.send_signal(signal.SIGINT)` reaches it also where the shell starts the tests with interrupts ignored, which
+    processes inherit: as `make test &` in a script does.
+    """
+    posix = os.name == "posix"
+    heeded = signal.signal(signal.SIGINT, signal.default_int_handler)  # what is ignored here is so in the process
+    try:
+        running = subprocess.Popen([str(word) for word in command], start_new_session=posix, **options)
+    finally:
+        signal.signal(signal.SIGINT, heeded)
+    with running:
+        try:
+            yield running
+        finally:
+            if posix:
+                with suppress(ProcessLookupError, PermissionError):  # it has ended, with all it started
+                    os.killpg(running.pid, signal.SIGKILL)
+            else:
+                running.kill()
 
 
 def _status():

@@ -10,7 +10,7 @@ import time
 
 import numpy as np
 import pytest
-from command import ROOT, obscurance, refused
+from command import ROOT, obscurance, refused, started
 from meshes import hills
 
 import ao
@@ -330,12 +330,14 @@ def test_the_command_continues_after_an_interrupt(tmp_path, method):
     mesh.write_text("\n".join(lines))
     arguments = [mesh, "--samples", "8192", "--quiet", "--method", method]
     command = [sys.executable, "-c", AT_ONCE, "bake", *arguments, "-o", target]
-    process = subprocess.Popen(command, cwd=ROOT, stderr=subprocess.PIPE, text=True)
-    while process.poll() is None and (not journal.exists() or journal.stat().st_size < 5000):
-        time.sleep(0.01)
-    process.send_signal(signal.SIGINT)
-    _, errors = process.communicate(timeout=60)
-    assert process.returncode == 130, errors
+    with started(command, cwd=ROOT, stderr=subprocess.PIPE, text=True) as running:
+        latest = time.monotonic() + 300
+        while running.poll() is None and (not journal.exists() or journal.stat().st_size < 5000):
+            assert time.monotonic() < latest, "no checkpoint in five minutes"
+            time.sleep(0.01)
+        running.send_signal(signal.SIGINT)
+        _, errors = running.communicate(timeout=60)
+    assert running.returncode == 130, errors
     assert f"{journal} keeps the finished part; the same command with --resume continues from it" in errors
     assert not target.exists()
     assert obscurance("bake", *arguments, "-o", target, "--resume").stderr == ""
@@ -350,9 +352,11 @@ def killed(tmp_path, kills, method, options):
     script = ROOT / "tests" / "killed_bakes.py"
     command = [sys.executable, script, str(kills), "1", method, json.dumps(options), tmp_path]
     environment = os.environ | {"PYTHONPATH": os.pathsep.join(filter(None, [str(ROOT), os.environ.get("PYTHONPATH")]))}
-    result = subprocess.run(command, capture_output=True, text=True, timeout=3600, check=False, env=environment)
-    assert result.returncode == 0, result.stderr
-    seen = json.loads(result.stdout)
+    pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
+    with started(command, env=environment, **pipes) as running:  # it forks: the bakes are to end with it
+        output, errors = running.communicate(timeout=3600)
+    assert running.returncode == 0, errors
+    seen = json.loads(output)
     assert seen["killed"] == kills
     assert seen["continued"] > 0
     assert (seen["different"], seen["failed"]) == (0, 0)

@@ -10,7 +10,7 @@ import time
 import numpy as np
 import pytest
 import trimesh
-from command import COMMAND, ROOT, obscurance, process, refused
+from command import COMMAND, ROOT, obscurance, process, refused, started
 
 
 @pytest.fixture
@@ -182,14 +182,11 @@ def test_an_interrupt_leaves_nothing_behind(tmp_path):
     trimesh.creation.icosphere(subdivisions=5).export(mesh)
     target = tmp_path / "w.npy"
     target.write_bytes(b"\x93NUMPY precious")
-    running = subprocess.Popen(
-        [*COMMAND, "bake", mesh, "-o", target, "--samples", "100000", "--no-skip"],
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-    )
-    time.sleep(4)
-    running.send_signal(signal.SIGINT)
-    _, errors = running.communicate(timeout=60)
+    command = [*COMMAND, "bake", mesh, "-o", target, "--samples", "100000", "--no-skip"]
+    with started(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as running:
+        time.sleep(4)
+        running.send_signal(signal.SIGINT)
+        _, errors = running.communicate(timeout=60)
     assert running.returncode == 130
     assert b"interrupted" in errors
     assert b"Traceback" not in errors

@@ -8,7 +8,7 @@ import time
 import numpy as np
 import pytest
 import trimesh
-from command import COMMAND, obscurance, refused
+from command import COMMAND, obscurance, refused, started
 from render_scenes import BALL, SMALL, write_ball
 
 from raytrace.image import write_image
@@ -157,13 +157,12 @@ def test_an_interrupt_leaves_nothing_behind(tmp_path, ending):
     scene, target = write_ball(tmp_path, blurred), tmp_path / f"picture.{ending}"
     target.write_bytes(PRECIOUS[ending])
     size = ("--width", "2048", "--height", "2048", "--samples", "512", "--obscurance", "off")
-    process = subprocess.Popen(
-        [*COMMAND, "render", scene, "-o", target, *size], stdout=subprocess.PIPE, stderr=subprocess.PIPE
-    )
-    time.sleep(3)
-    process.send_signal(signal.SIGINT)
-    _, errors = process.communicate(timeout=60)
-    assert process.returncode == 130
+    command = [*COMMAND, "render", scene, "-o", target, *size]
+    with started(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as running:
+        time.sleep(3)
+        running.send_signal(signal.SIGINT)
+        _, errors = running.communicate(timeout=60)
+    assert running.returncode == 130
     assert b"interrupted" in errors
     assert b"Traceback" not in errors
     assert target.read_bytes() == PRECIOUS[ending]
