@@ -267,7 +267,7 @@ def scenes(
     if name is None:
         if output is not None:
             raise OptionError("name", "the scene to write", "nothing")
-        print(columns([(each, scene.summary) for each, scene in BUILTIN.items()]))
+        print(columns(list(BUILTIN.items())))
     elif output is None:
         print(builtin_toml(name), end="")
     else:

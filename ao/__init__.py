@@ -1,9 +1,7 @@
-"""Ambient occlusion and obscurance, baked at the vertices of a mesh."""
+"""Ambient occlusion and obscurance, baked at the vertices of a mesh. The public names stand in `__init__.pyi`."""
 
-from .bake import Bake, bake
-from .falloff import Binary, Exponential, Falloff
-from .receivers import Flag
-from .surface import bake_surface
-from .tolerance import ToleranceWarning
+from __future__ import annotations
 
-__all__ = ["Bake", "Binary", "Exponential", "Falloff", "Flag", "ToleranceWarning", "bake", "bake_surface"]
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

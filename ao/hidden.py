@@ -144,7 +144,6 @@ class Fill:
         return fill(moved, every, self.near, traced, self.cell, np.ascontiguousarray(known), variances=1)
 
 
-
 @kernel
 def _look(scene, packet, valid, origins, normals, numbers, directions, key, reach, part, own, backs):
     """The part of each point's rays that end on the back of a face, (n,)."""

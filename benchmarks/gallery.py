@@ -44,9 +44,9 @@ def commands(name: str) -> tuple[list[str], list[str]]:
 def page() -> str:
     """The text of docs/gallery.md."""
     text = HEAD
-    for name, scene in BUILTIN.items():
+    for name, summary in BUILTIN.items():
         code = "\n".join(shlex.join(command) for command in commands(name))
-        text += f"\n## {name}: {scene.summary}\n\n![{scene.summary}](gallery/{name}.png)\n\n```sh\n{code}\n```\n"
+        text += f"\n## {name}: {summary}\n\n![{summary}](gallery/{name}.png)\n\n```sh\n{code}\n```\n"
     return text
 
 

@@ -21,6 +21,7 @@ from pickle import UnpicklingError
 from typing import Any, TypeVar
 
 import numba
+import platformdirs
 
 F = TypeVar("F", bound=Callable[..., Any])
 
@@ -66,7 +67,10 @@ def _chosen() -> Path:
 
 def _users() -> Path:
     """Raises: RuntimeError: a user without a home."""
-    return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "obscurance"
+    folder = platformdirs.user_cache_path("obscurance", appauthor=False)
+    if not folder.is_absolute():  # earlier releases leave a "~" as it is
+        raise RuntimeError
+    return folder
 
 
 def _temporary() -> Path:

@@ -2,6 +2,7 @@
 
 import tomllib
 from dataclasses import replace
+from importlib import resources
 
 import numpy as np
 import pytest
@@ -25,8 +26,10 @@ COUNTS = {  # objects, shapes, lights
 }
 
 
-def test_all_are_counted():
+def test_all_are_counted_and_every_file_is_listed():
     assert set(COUNTS) == set(BUILTIN)
+    files = (resources.files("scenes") / "library").iterdir()
+    assert {file.name for file in files} == {f"{name}.toml" for name in BUILTIN}
 
 
 @pytest.mark.parametrize("name", COUNTS)

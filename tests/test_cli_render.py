@@ -13,7 +13,7 @@ from ao.report import versions
 from raytrace.frame import LAYERS
 from raytrace.image import FORMATS
 from raytrace.image_input import read_image
-from scenes.builtin import BUILTIN
+from scenes.builtin import BUILTIN, builtin_toml
 
 SUMMANDS = ("ambient", "diffuse", "specular", "emission")
 
@@ -63,7 +63,7 @@ def test_the_scenes_are_listed():
     result = obscurance("scenes")
     assert result.returncode == 0
     assert [line.split()[0] for line in result.stdout.splitlines()] == list(BUILTIN)
-    assert obscurance("scenes", "cornell").stdout == BUILTIN["cornell"].toml()
+    assert obscurance("scenes", "cornell").stdout == builtin_toml("cornell")
 
 
 @pytest.mark.parametrize("ending", FORMATS)

@@ -71,6 +71,19 @@ def test_a_cache_that_cannot_be_written_is_passed_over(project):
     assert run(project, ANSWER, **nowhere) == "1 0"
 
 
+WHERE = "from raytrace.jit import user_cache; print(user_cache())"
+
+
+def test_the_cache_is_in_the_users_folder_of_caches_unless_another_is_chosen(project):
+    chosen, home = project / "chosen", project / "home"
+    users = {"linux": ".cache/obscurance", "darwin": "Library/Caches/obscurance"}.get(sys.platform)
+    if users is None:
+        pytest.skip("no home folder to set")
+    nothing = {"NUMBA_CACHE_DIR": "", "XDG_CACHE_HOME": "", "HOME": str(home)}
+    assert run(project, WHERE, **nothing) == str(home / users)
+    assert run(project, WHERE, **nothing | {"NUMBA_CACHE_DIR": str(chosen)}) == str(chosen)
+
+
 NO_TEMPORARY_FOLDER = "import tempfile; tempfile.tempdir = '/dev/null/x'; "
 
 

@@ -45,12 +45,3 @@ def test_relative_imports_stay_within_their_package():
         for node in ast.walk(ast.parse(path.read_text())):
             if isinstance(node, ast.ImportFrom):
                 assert node.level <= max(depth, 0), path
-
-
-def test_the_public_names_are_these():
-    import ao
-    import raytrace
-
-    assert {name: hasattr(ao, name) for name in ao.__all__} == dict.fromkeys(ao.__all__, True)
-    assert {name: hasattr(raytrace, name) for name in raytrace.__all__} == dict.fromkeys(raytrace.__all__, True)
-    assert set(ao.__all__) == {"Bake", "Binary", "Exponential", "Falloff", "Flag", "bake", "bake_surface"}

@@ -249,7 +249,7 @@ def test_own_triangle_hits_fail(lift: float, monkeypatch: pytest.MonkeyPatch) ->
 
 
 def test_an_ignored_distance_limit_fails() -> None:
-    def bake(mesh: Mesh, falloff: ao.falloff.Falloff, **options: object) -> ao.Bake:
+    def bake(mesh: Mesh, falloff: ao.Falloff, **options: object) -> ao.Bake:
         return ao.bake(mesh, replace(falloff, max_distance=np.inf), **options)
 
     limited = {label(line) for line in CHEAP if not isinf(float(line.falloff.max_distance))}
@@ -257,7 +257,7 @@ def test_an_ignored_distance_limit_fails() -> None:
 
 
 def test_a_half_distance_taken_for_a_rate_fails() -> None:
-    def bake(mesh: Mesh, falloff: ao.falloff.Falloff, **options: object) -> ao.Bake:
+    def bake(mesh: Mesh, falloff: ao.Falloff, **options: object) -> ao.Bake:
         if isinstance(falloff, Exponential):
             falloff = replace(falloff, tau=falloff.tau * log(2))
         return ao.bake(mesh, falloff, **options)

@@ -1,0 +1,19 @@
+# The public names, imported when first used; type checkers read them here, and so does the package.
+from .builtin import BUILTIN as BUILTIN
+from .builtin import builtin_toml as builtin_toml
+from .builtin import write_builtin as write_builtin
+from .description import BakeOptions as BakeOptions
+from .description import SceneDescription as SceneDescription
+from .load import MeshFile as MeshFile
+from .load import load as load
+from .read import read_scene as read_scene
+from .solids import SOLIDS as SOLIDS
+from .solids import Box as Box
+from .solids import Cylinder as Cylinder
+from .solids import Plane as Plane
+from .solids import Solid as Solid
+from .solids import Sphere as Sphere
+from .solids import Sponge as Sponge
+from .solids import Temple as Temple
+from .stored_w import read_w as read_w
+from .write import write as write
