@@ -211,7 +211,10 @@ def render(
         choices.NormalsFrom | None,
         typer.Option(help="Vertex normals: face weighting, or the file's where it has some."),
     ] = None,
-    obscurance: Annotated[str | None, typer.Option(help="How w enters: ambient, book or off.")] = None,
+    obscurance: Annotated[
+        str | None,
+        typer.Option(help="What w weights: ambient light; book: diffuse too, as the textbook has it (12.75); off."),
+    ] = None,
     baked: Annotated[Path | None, typer.Option(help="w from this file of a bake: .npy .npz .ply .glb")] = None,
     shadows: Annotated[bool | None, typer.Option("--shadows/--no-shadows", help="Trace shadow rays.")] = None,
     up: Annotated[choices.Up | None, typer.Option(help="The axis that is up in a mesh file; y, of STL z.")] = None,

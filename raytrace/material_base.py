@@ -83,8 +83,8 @@ class Microfacet(Diffuse):
     """k_d = 1 − k_s of a Lambertian body under k_s of mirror facets.
 
     `eta`: index per channel, ≥ 1. `colour`: specular colour at normal incidence, shifting to the light's at grazing;
-    without it each channel has its own Fresnel reflectance. `form`: "conserving", or the printed "book", 4 times as
-    bright.
+    without it each channel has its own Fresnel reflectance. `form`: "conserving", or "book", as the
+    textbook prints it, 4 times as bright.
     """
 
     k_s: Fraction = 1.0

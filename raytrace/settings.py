@@ -23,7 +23,8 @@ class Settings:
         samples: most rays a pixel; pixels whose first samples agree get no more.
         shading: interpolation over a face: constant (the textbook's, without specular terms), flat (constant with
             them), Gouraud, Phong, or quadratic (van Overveld & Wyvill).
-        obscurance: how w(p) enters: "ambient" weights the ambient term, "book" ambient and diffuse (12.75), "off".
+        obscurance: what w(p) weights: "ambient" light alone; "book", the textbook's (12.75): ambient and diffuse
+            light; "off": nothing.
         shadows: trace shadow rays for the visibility δ(p, j).
         terminator: move shadow rays' origins off a coarse mesh onto the smooth surface that its normals describe.
         crop: (x, y, width, height) in pixels from the upper left; only these are rendered.
