@@ -1,4 +1,8 @@
-"""Blocks of work on threads: progress, Ctrl-C and results that don't depend on the number of threads."""
+"""Blocks of work on threads: progress, Ctrl-C and results that don't depend on the number of threads.
+
+Not concurrent.futures, whose pool fails where the system grants fewer threads than asked for: here the calling thread
+works too, so one is enough, and an interrupt waits for no more than the blocks at work (docs/reliability.md).
+"""
 
 from __future__ import annotations
 

@@ -1,5 +1,7 @@
 """glTF 2.0 files as they are stored: the JSON header and the bytes of its buffers.
 
+An own reader because an output keeps all of the file that it does not change, references must stay in the file's
+folder, and memory is bounded: 256 times the bytes of a file + 64 MiB at most (docs/reliability.md).
 Format: Khronos glTF 2.0 specification, chapter 4 (GLB container), section 3.6 (buffers), 3.7 (meshes).
 """
 

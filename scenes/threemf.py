@@ -1,6 +1,7 @@
 """3MF: meshes in XML in a ZIP archive, placed by components and build items.
 
-Nothing is kept of the XML but the numbers, and no archive is unpacked that would grow beyond measure.
+An own reader because damaged archives must neither crash nor grow: nothing is kept of the XML but the numbers, at most
+100 times an archive's bytes + 16 MiB are unpacked, and copies are counted before they are made (docs/reliability.md).
 Format: 3D Manufacturing Format, core specification 1.3, chapters 3 and 4; production extension 1.1 for `path`.
 """
 
