@@ -18,10 +18,11 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from difflib import get_close_matches
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-import numpy as np
-import numpy.typing as npt
+if TYPE_CHECKING:
+    import numpy as np
+    import numpy.typing as npt
 
 
 class ObscuranceError(Exception):
@@ -63,6 +64,8 @@ def check_type(value: object, kind: type, source: str, field: str, expected: str
 
 def numbers(values: Any, source: str, field: str, expected: str) -> npt.NDArray[np.float64]:
     """`values` as a float64 array. Raises: OptionError: they are no numbers."""
+    import numpy as np  # so that mistakes and --help wait for no NumPy
+
     try:
         return np.asarray(values, np.float64)
     except (TypeError, ValueError):
