@@ -185,7 +185,7 @@ class _Field:
         self.error *= judged(self.error[rows], squared, self.error)
 
     def _doubtful(self, goal: float) -> npt.NDArray[np.bool_]:
-        """Points half as far apart as baked ones, or nearer still if predictions are far off, where these fail."""
+        """Points nearer together than the baked ones, by half or more, where predictions fail `goal`; lowers the stride."""
         excess = float(np.sqrt(np.mean(self.error[~self.baked]) / goal))
         between, order, total, count = self._cells()
         error = float(np.mean(self.error[self.baked]))
