@@ -185,7 +185,7 @@ class _Field:
         self.error *= judged(self.error[rows], squared, self.error)
 
     def _doubtful(self, goal: float) -> npt.NDArray[np.bool_]:
-        """Points nearer together than the baked ones, by half or more, where predictions fail `goal`; lowers the stride."""
+        """Points nearer together than baked ones, by half or more, where predictions fail `goal`; lowers the stride."""
         excess = float(np.sqrt(np.mean(self.error[~self.baked]) / goal))
         between, order, total, count = self._cells()
         error = float(np.mean(self.error[self.baked]))
