@@ -21,7 +21,7 @@ from .trace import Tracer
 Floats = npt.NDArray[np.float64]
 Bools = npt.NDArray[np.bool_]
 
-_RAYS = 0.16  # times 1/aim: a prediction that is 20 aims off differs by 4 to 6 standard deviations
+_RAYS = 0.16  # times 1/tolerance: a prediction that is 20 tolerances off differs by 4 to 6 standard deviations
 _OUTLIER, _JUMP = 2.25, 3.25  # standard deviations
 _SPREAD_REACH = 3  # edges over which the spread between batches is averaged
 _REACH = 4  # and residuals; see `Neighbours.own_share`
@@ -39,10 +39,10 @@ class Screening:
     """
 
     def __init__(
-        self, tracer: Tracer, points: Points, neighbours: Neighbours, which: Bools, aim: float, probes: Probes,
+        self, tracer: Tracer, points: Points, neighbours: Neighbours, which: Bools, tolerance: float, probes: Probes,
         key: np.uint32,
     ) -> None:  # fmt: skip
-        self.samples = min(8 * max(round(_RAYS / aim / 8), 1), probes.samples)
+        self.samples = min(8 * max(round(_RAYS / tolerance / 8), 1), probes.samples)
         rows = tracer.gather(points[which], self.samples, key)
         self.estimate = np.zeros(len(points))
         self.screened = which
