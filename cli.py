@@ -14,8 +14,8 @@ import typer
 from typer.exceptions import TyperException
 from typer.main import get_command
 
-from scenes import choices
-from scenes.console import (
+from scenes.commands import options as choices
+from scenes.commands.console import (
     bake_summary,
     columns,
     compiling,
@@ -25,7 +25,7 @@ from scenes.console import (
     readable_output,
     warn,
 )
-from scenes.usage import mistake_in_words, option_in_words
+from scenes.commands.usage import mistake_in_words, option_in_words
 
 app = typer.Typer(
     add_completion=False,
@@ -80,10 +80,10 @@ def bake(
     options = {key: choices.plain(value) for key, value in locals().items() if key not in ("report", "quiet", "resume")}
     import ao
     from ao.arguments import check_arguments
-    from ao.checkpoint import Checkpoint
+    from ao.trace.checkpoint import Checkpoint
     from raytrace.errors import OptionError
-    from raytrace.outputs import check_ending, check_outputs
-    from scenes.write import check_target, write
+    from raytrace.system.outputs import check_ending, check_outputs
+    from scenes.writers.write import check_target, write
 
     chosen = choices.make_falloff(falloff, tau, half_distance, max_distance)
     choices.only_in_meshes(colors, output)
@@ -100,7 +100,7 @@ def bake(
     if report:
         check_ending("--report", report, ".json")
     if debug_image:
-        from scenes.marked import check_marked_target
+        from scenes.commands.flag_image import check_marked_target
 
         with choices.named("debug_image"):
             check_marked_target(debug_image)
@@ -108,8 +108,8 @@ def bake(
         raise OptionError("up", "--debug-image with it; w does not depend on it", "none")
     outputs = {"--output": output, "--report": report, "--debug-image": debug_image}
     check_outputs(outputs, [mesh])
-    from scenes.load import load
-    from scenes.lost import lost
+    from scenes.readers.load import load
+    from scenes.writers.losses import lost
 
     start = time.perf_counter()
     source = load(mesh, output)
@@ -130,13 +130,13 @@ def bake(
     seconds = {"load": loaded - start, "write": time.perf_counter() - tracing}
     if report:
         from ao.report import write_report
-        from raytrace.parallel import thread_count
+        from raytrace.system.threads import thread_count
 
         options["threads"] = thread_count(threads)
         write_report(report, baked, options, seconds, warnings)
     if debug_image:
-        from scenes.marked import write_marked
-        from scenes.studio import up_axis
+        from scenes.commands.flag_image import write_marked
+        from scenes.description.defaults import up_axis
 
         write_marked(debug_image, source.mesh, baked, up_axis(mesh, up))
     if not quiet:
@@ -146,8 +146,8 @@ def bake(
 @app.command()
 def info(mesh: Annotated[Path, typer.Argument(metavar="MESH", help="A mesh file.")]) -> None:
     """Tell what a mesh file holds and what would be baked of it."""
-    from scenes.info import describe
-    from scenes.load import load
+    from scenes.commands.info import describe
+    from scenes.readers.load import load
 
     print(columns(describe(load(mesh))))
 
@@ -168,8 +168,8 @@ def validate(
     """Bake scenes of known obscurance; exit status 1 if one is off."""
     from ao.arguments import check_arguments
     from raytrace.errors import OptionError
-    from scenes import validation
     from scenes.stress import line, suite
+    from scenes.validation import table as validation
 
     if long and not (stress or generated):
         raise OptionError("long", "--stress or --generated with it", "neither")
@@ -227,9 +227,9 @@ def render(
     quiet: Quiet = False,
 ) -> None:
     """Render a scene; an .exr holds every layer."""
-    from raytrace.image import check_image_target
-    from raytrace.outputs import check_ending, check_outputs
-    from raytrace.parallel import thread_count
+    from raytrace.image.write import check_image_target
+    from raytrace.system.outputs import check_ending, check_outputs
+    from raytrace.system.threads import thread_count
 
     size = choices.parse_size(width, height)
     thread_count(threads)
@@ -241,9 +241,9 @@ def render(
     given: dict[str, Any] = {"samples": samples, "shading": shading, "obscurance": obscurance}
     given["normals"] = None if normals is None else normals.value
     given |= {"shadows": shadows, "seed": seed, "crop": None if crop is None else choices.parse_crop(crop)}
-    from scenes.picture import adjusted, take, write_report
-    from scenes.read import read_scene
-    from scenes.stored_w import check_stored
+    from scenes.commands.render import adjusted, take, write_report
+    from scenes.description.read import read_scene
+    from scenes.readers.stored_w import check_stored
 
     if baked:
         check_stored(baked)
@@ -265,7 +265,7 @@ def scenes(
 ) -> None:
     """List the built-in scenes, or write one."""
     from raytrace.errors import OptionError
-    from scenes.builtin import BUILTIN, builtin_toml, write_builtin
+    from scenes.library.catalogue import BUILTIN, builtin_toml, write_builtin
 
     if name is None:
         if output is not None:
@@ -285,7 +285,7 @@ def materials(
     ] = False,
 ) -> None:
     """List the material presets, write one as TOML, or measure."""
-    from scenes import material_figures
+    from scenes.commands import materials as material_figures
 
     if check:
         print("\n\n".join(material_figures.check(*each) for each in material_figures.named_materials(name)))
@@ -304,9 +304,9 @@ def compare(
     difference: Annotated[Path | None, typer.Option(help="Write the FLIP map: .png .tif .jpg")] = None,
 ) -> None:
     """Tell how far apart two images are."""
-    from raytrace.compare import compare as measure
     from raytrace.errors import OptionError
-    from raytrace.image import check_image_target
+    from raytrace.image.compare import compare as measure
+    from raytrace.image.write import check_image_target
 
     if threshold is not None and not threshold >= 0:
         raise OptionError("threshold", "a number in [0, inf)", threshold)
@@ -332,8 +332,8 @@ def bench(
     """Measure bake time against error on this machine."""
     options = {key: choices.plain(value) for key, value in locals().items() if key != "report"}
     from ao.arguments import check_arguments
-    from raytrace.outputs import check_ending, check_outputs
-    from scenes.bench import mesh_to_bench, run, table, write_report
+    from raytrace.system.outputs import check_ending, check_outputs
+    from scenes.commands.bench import mesh_to_bench, run, table, write_report
 
     chosen = choices.make_falloff(falloff, None, None, max_distance)
     if report:
@@ -355,7 +355,7 @@ def demo(
     quiet: Quiet = False,
 ) -> None:
     """Bake a built-in scene and take its picture."""
-    from scenes.demo import make, targets
+    from scenes.commands.demo import make, targets
 
     mesh_target, picture_target = targets(output)
     with progress(quiet, "rays") as (advance,), compiling("hemisphere"):

@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 
 from raytrace.errors import MeshError, OptionError, nearest_name
-from raytrace.mesh import Mesh
-from raytrace.parallel import thread_count
+from raytrace.mesh.mesh import Mesh
+from raytrace.system.threads import thread_count
 
 from .falloff import Binary, Exponential, Falloff
 

@@ -11,11 +11,11 @@ from typing import Any
 
 import numpy as np
 
-from raytrace import embree
-from raytrace.atomic import atomic_write
+from raytrace.embree import library as embree
+from raytrace.system.atomic import atomic_write
 
-from .bake import Bake
-from .receivers import Flag
+from .gather.receivers import Flag
+from .vertex_method import Bake
 
 
 def versions() -> dict[str, str]:

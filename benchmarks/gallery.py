@@ -13,7 +13,7 @@ import sys
 import tempfile
 from pathlib import Path
 
-from scenes.builtin import BUILTIN
+from scenes.library.catalogue import BUILTIN
 
 ROOT = Path(__file__).parent.parent
 FOLDER = ROOT / "docs" / "gallery"

@@ -22,13 +22,13 @@ import numpy.typing as npt
 
 from ao.report import versions
 from raytrace.camera import Camera
-from raytrace.light_kernels import incident
-from raytrace.lights import PointLight
-from raytrace.materials import Lambert
-from raytrace.rendering import render
+from raytrace.lights.kernels import incident
+from raytrace.lights.sources import PointLight
+from raytrace.materials.materials import Lambert
+from raytrace.renderer.render import render
 from raytrace.scene import Object, Scene, Shape
 from raytrace.settings import Settings
-from scenes.solids import Box, Plane
+from scenes.geometry.builtin_shapes import Box, Plane
 
 KEPT = 10
 SIDE, RANGE, BLOCKS = 20.0, 1.2, 64

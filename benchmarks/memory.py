@@ -19,9 +19,9 @@ import ao
 from ao.memory import surface_bytes, vertex_bytes
 from ao.report import versions
 from raytrace.camera import Camera
-from raytrace.materials import Lambert
-from raytrace.mesh import Mesh
-from raytrace.rendering import render, rendering_bytes
+from raytrace.materials.materials import Lambert
+from raytrace.mesh.mesh import Mesh
+from raytrace.renderer.render import render, rendering_bytes
 from raytrace.scene import Object, Scene, Shape
 from raytrace.settings import Settings
 

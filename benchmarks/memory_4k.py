@@ -17,7 +17,7 @@ import time
 from pathlib import Path
 
 from ao.report import versions
-from scenes.builtin import BUILTIN, write_builtin
+from scenes.library.catalogue import BUILTIN, write_builtin
 
 ROOT = Path(__file__).parent.parent
 WIDTH, HEIGHT = 3840, 2160

@@ -7,7 +7,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from raytrace.materials import (  # fmt: skip
+from raytrace.brdf.oren_nayar import shape
+from raytrace.brdf.oren_nayar_reference import reference_shape
+from raytrace.materials.energy import NORMAL, asymmetry, directional_albedo, towards
+from raytrace.materials.materials import (
     BaseMaterial,
     BlinnPhong,
     CookTorrance,
@@ -18,9 +21,6 @@ from raytrace.materials import (  # fmt: skip
     PoulinFournier,
     Strauss,
 )
-from raytrace.models.checks import NORMAL, asymmetry, directional_albedo, towards
-from raytrace.models.oren_nayar import shape
-from raytrace.models.oren_nayar_reference import reference_shape
 
 DEGREES = [0, 20, 40, 60, 75, 80, 85, 87, 89, 89.9]
 SLOPES = [0.05, 0.1, 0.2, 0.3, 0.45, 0.6, 0.8, 1.0]

@@ -11,8 +11,9 @@ from pathlib import Path
 
 import numpy as np
 
-from raytrace.image import write_image
-from raytrace.materials import (
+from raytrace.brdf.coefficients import eta_from_reflectance
+from raytrace.image.write import write_image
+from raytrace.materials.materials import (
     BaseMaterial,
     BlinnPhong,
     CookTorrance,
@@ -23,9 +24,8 @@ from raytrace.materials import (
     PoulinFournier,
     Strauss,
 )
-from raytrace.models.constants import eta_from_reflectance
-from raytrace.normals import normalize
-from raytrace.reflection import reflect
+from raytrace.materials.reflect import reflect
+from raytrace.mesh.normals import normalize
 
 FOLDER = Path(__file__).parent.parent / "docs" / "models"
 SIZE, SAMPLES = 112, 3

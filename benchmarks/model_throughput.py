@@ -14,7 +14,8 @@ from pathlib import Path
 import numba
 import numpy as np
 
-from raytrace.materials import (
+from raytrace.brdf.dispatch import reflect_rows
+from raytrace.materials.materials import (
     BaseMaterial,
     BlinnPhong,
     CookTorrance,
@@ -25,7 +26,6 @@ from raytrace.materials import (
     PoulinFournier,
     Strauss,
 )
-from raytrace.models.array import reflect_rows
 
 COUNT, RUNS = 1_000_000, 9
 RESULT = Path(__file__).parent / "results" / "model_throughput.json"

@@ -17,9 +17,9 @@ import sys
 import mitsuba as mi
 import numpy as np
 
-from raytrace.materials import BaseMaterial, CookTorrance, EllipticalBeckmann, Lambert
-from raytrace.models.microfacet import fresnel
-from raytrace.reflection import reflect
+from raytrace.brdf.microfacet import fresnel
+from raytrace.materials.materials import BaseMaterial, CookTorrance, EllipticalBeckmann, Lambert
+from raytrace.materials.reflect import reflect
 
 N = np.array([0.0, 0.0, 1.0])
 COUNT, TOLERANCE = 2000, 2e-5

@@ -27,14 +27,14 @@ from ao.report import versions
 from benchmarks.peers.process import Process
 from raytrace import Mesh
 from raytrace.camera import Camera
-from raytrace.lights import PointLight
-from raytrace.materials import Lambert
-from raytrace.normals import vertex_normals
-from raytrace.rendering import render
+from raytrace.lights.sources import PointLight
+from raytrace.materials.materials import Lambert
+from raytrace.mesh.normals import vertex_normals
+from raytrace.renderer.render import render
 from raytrace.scene import Object, Scene, Shape
 from raytrace.settings import Settings
-from scenes.load import load
-from scenes.primitives import plane
+from scenes.geometry.primitives import plane
+from scenes.readers.load import load
 
 ALBEDO = (0.6, 0.5, 0.4)
 WIDTH, HEIGHT, SAMPLES = 1920, 1080, 64

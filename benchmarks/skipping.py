@@ -15,7 +15,7 @@ import numpy as np
 
 import ao
 from ao.report import versions
-from scenes.load import load
+from scenes.readers.load import load
 
 from .time_against_error.suite import Specimen, builtin, falloffs
 

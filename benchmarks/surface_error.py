@@ -21,14 +21,15 @@ import numpy as np
 import numpy.typing as npt
 
 import ao
-from ao.receivers import find_receivers
+from ao.gather.receivers import find_receivers
 from ao.report import versions
-from raytrace.mesh import Mesh
-from raytrace.normals import face_normals, normalize
-from raytrace.placement import Placement, ray_offset
-from raytrace.query import intersect
-from raytrace.sampling import cosine_hemisphere, owen_sobol
-from scenes.load import load
+from raytrace.embree.rays import intersect
+from raytrace.mesh.mesh import Mesh
+from raytrace.mesh.normals import face_normals, normalize
+from raytrace.mesh.placement import Placement, ray_offset
+from raytrace.sampling.sequences import owen_sobol
+from raytrace.sampling.warps import cosine_hemisphere
+from scenes.readers.load import load
 
 Floats = npt.NDArray[np.float64]
 FALLOFFS = {"exponential": ao.Exponential(), "binary": ao.Binary()}

@@ -19,11 +19,11 @@ from statistics import median
 import numpy as np
 
 from ao import Binary, Exponential
-from ao.hemisphere import DirectionTable, choose, gather, turned_frame
-from ao.horizon import NO_HORIZONS
-from ao.receivers import find_receivers
+from ao.gather.hemisphere import DirectionTable, choose, gather, turned_frame
+from ao.gather.receivers import find_receivers
 from ao.report import versions
-from raytrace.embree import (
+from ao.skip.horizon import NO_HORIZONS
+from raytrace.embree.packets import (
     DIR_X,
     DIR_Y,
     DIR_Z,
@@ -38,12 +38,12 @@ from raytrace.embree import (
     new_packet,
     occluded8,
 )
-from raytrace.jit import kernel
-from raytrace.parallel import run_blocks, thread_count
-from raytrace.placement import Placement
-from raytrace.sampling import seed_key
-from scenes.load import load
-from scenes.temple import temple
+from raytrace.kernel.jit import kernel
+from raytrace.mesh.placement import Placement
+from raytrace.sampling.hash import seed_key
+from raytrace.system.threads import run_blocks, thread_count
+from scenes.geometry.temple import temple
+from scenes.readers.load import load
 
 BLOCK = 2048
 
@@ -76,7 +76,7 @@ def bare(scene, packet, valid, origins, directions, reach, closest, hits):
 
 @kernel
 def world_directions(normals, numbers, local, key, out):
-    """The directions that `ao.hemisphere.gather` would trace, float32 (k, 3, samples)."""
+    """The directions that `ao.gather.hemisphere.gather` would trace, float32 (k, 3, samples)."""
     for i in range(len(normals)):
         chosen, turn = choose(numbers[i], key, len(local))
         n = normals[i]

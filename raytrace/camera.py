@@ -9,9 +9,9 @@ import numpy as np
 import numpy.typing as npt
 
 from .errors import OptionError, check_type, numbers
-from .mesh import Mesh
-from .normals import normalize
-from .products import product
+from .kernel.arrays import product
+from .mesh.mesh import Mesh
+from .mesh.normals import normalize
 
 Floats = npt.NDArray[np.float64]
 Vector = tuple[float, float, float]

@@ -10,13 +10,13 @@ import numpy as np
 import numpy.typing as npt
 
 from .errors import OptionError, check_type, numbers
-from .mesh import Mesh
-from .products import product
+from .kernel.arrays import product
+from .mesh.mesh import Mesh
 
 if TYPE_CHECKING:
-    from .lights import BaseLight
-    from .material_base import BaseMaterial
-    from .texture import Texture
+    from .image.texture import Texture
+    from .lights.sources import BaseLight
+    from .materials.base import BaseMaterial
 
 Floats = npt.NDArray[np.float64]
 
@@ -45,7 +45,7 @@ class Shape:
     texture: Texture | None = None
 
     def __post_init__(self) -> None:
-        from .material_base import BaseMaterial
+        from .materials.base import BaseMaterial
 
         check_type(self.mesh, Mesh, "shape", "mesh", "a raytrace.Mesh")
         expected = 'a material, such as raytrace.Lambert(albedo=0.5) or material_from_dict({"preset": "gold"})'
@@ -112,7 +112,7 @@ class Scene:
     background: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
     def __post_init__(self) -> None:
-        from .lights import BaseLight
+        from .lights.sources import BaseLight
 
         for name, kind, expected in (
             ("objects", Object, "raytrace.Objects in a tuple or list"),

@@ -7,7 +7,7 @@ import pytest
 from gltf_files import TRIANGLE, Builder
 
 from raytrace.errors import InputError
-from scenes.read import read_scene
+from scenes.description.read import read_scene
 
 PLANE = {"objects": [{"builtin": "plane", "fineness": 1.0}]}
 

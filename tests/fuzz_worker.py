@@ -61,7 +61,7 @@ def prepared(folder):
 
 def watch(folder):
     """Note every file that Python opens outside of the folder, but for modules and what is written on purpose."""
-    from raytrace.jit import cache_folder
+    from raytrace.kernel.jit import cache_folder
 
     opened = []
     own = Path(__file__).resolve().parent.parent
@@ -87,12 +87,12 @@ def consume(family, path, made, index):
         return look(path)
     import ao
     from raytrace.errors import OptionError
-    from scenes.info import describe
-    from scenes.load import load
-    from scenes.lost import lost
-    from scenes.obscured import obscured
-    from scenes.read import read_scene
-    from scenes.write import write
+    from scenes.commands.info import describe
+    from scenes.commands.picture_bake import obscured
+    from scenes.description.read import read_scene
+    from scenes.readers.load import load
+    from scenes.writers.losses import lost
+    from scenes.writers.write import write
 
     if family == "array":
         scene = path.with_name("m.toml")
@@ -123,16 +123,16 @@ def consume(family, path, made, index):
 
 
 def textures(description):
-    from raytrace.texture import pack_textures
+    from raytrace.image.texture import pack_textures
 
     wanted = [item.shape.texture for item in description.scene.objects if item.shape.texture]
     pack_textures(list(dict.fromkeys(wanted)))
 
 
 def look(path):
-    from raytrace.compare import compare
-    from raytrace.image_input import read_image
-    from raytrace.texture import Texture, pack_textures
+    from raytrace.image.compare import compare
+    from raytrace.image.read import read_image
+    from raytrace.image.texture import Texture, pack_textures
 
     refused = []
     for step in (lambda: read_image(path), lambda: compare(path, path), lambda: pack_textures([Texture(path)])):
@@ -260,11 +260,11 @@ def main(seed, first, end, progress):
 
 def modest():
     """Built-in shapes and copies are work that a few bytes may ask for on purpose: here no more than a little."""
-    import scenes.flatten
-    import scenes.solids
+    import scenes.geometry.builtin_shapes
+    import scenes.geometry.instances
 
-    scenes.solids.MAX_TRIANGLES = 20_000
-    scenes.flatten.MAX_COPIED = 200_000
+    scenes.geometry.builtin_shapes.MAX_TRIANGLES = 20_000
+    scenes.geometry.instances.MAX_COPIED = 200_000
 
 
 def warm(inside, made):

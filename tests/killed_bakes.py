@@ -15,9 +15,9 @@ import numpy as np
 from meshes import hills
 
 import ao
-from ao.checkpoint import Checkpoint
-from raytrace.atomic import atomic_write
-from raytrace.mesh import Mesh
+from ao.trace.checkpoint import Checkpoint
+from raytrace.mesh.mesh import Mesh
+from raytrace.system.atomic import atomic_write
 
 
 def bake_to(target, make, options, **settings):

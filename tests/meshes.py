@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from scenes.shapes import Part, generic_rotation, hull, join
+from scenes.geometry.polyhedra import Part, generic_rotation, hull, join
 
 
 def soup_over_floor(seed: int, triangles: int = 14) -> Part:

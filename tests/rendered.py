@@ -5,11 +5,11 @@ import trimesh
 
 from raytrace import Mesh
 from raytrace.camera import Camera
-from raytrace.lights import AmbientLight, DirectionalLight, PointLight, SpotLight
-from raytrace.materials import BlinnPhong, Lambert, Phong
+from raytrace.lights.sources import AmbientLight, DirectionalLight, PointLight, SpotLight
+from raytrace.materials.materials import BlinnPhong, Lambert, Phong
 from raytrace.scene import Object, Scene, Shape
 from raytrace.settings import Settings
-from scenes import primitives
+from scenes.geometry import primitives
 
 
 def grid(*arguments):

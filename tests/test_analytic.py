@@ -11,9 +11,9 @@ from scipy.integrate import quad
 from scipy.special import expn, iti0k0
 from scipy.stats import qmc
 
-from ao import analytic
-from ao.form_factor import polygon_form_factor
-from ao.special import bickley, shell
+from ao.analytic import closed_forms as analytic
+from ao.analytic.form_factor import polygon_form_factor
+from ao.analytic.special import bickley, shell
 
 Distance = Callable[[np.ndarray, np.ndarray, np.ndarray], np.ndarray]
 

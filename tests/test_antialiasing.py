@@ -5,10 +5,10 @@ import pytest
 from rendered import CAMERA, SMALL, still_scene
 
 from raytrace import Mesh
-from raytrace import rendering as module
 from raytrace.camera import Camera
-from raytrace.materials import Lambert
-from raytrace.rendering import render
+from raytrace.materials.materials import Lambert
+from raytrace.renderer import render as module
+from raytrace.renderer.render import render
 from raytrace.scene import Object, Scene, Shape
 from raytrace.settings import Settings
 

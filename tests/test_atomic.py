@@ -5,8 +5,8 @@ import os
 
 import pytest
 
-from raytrace.atomic import atomic_write, check_writable
 from raytrace.errors import OutputError
+from raytrace.system.atomic import atomic_write, check_writable
 
 
 def names(folder):

@@ -6,7 +6,7 @@ import trimesh
 
 import ao
 from raytrace import Mesh, OptionError
-from scenes.temple import temple
+from scenes.geometry.temple import temple
 
 
 @pytest.fixture(scope="module")

@@ -7,10 +7,10 @@ from command import obscurance, refused
 
 import ao
 from ao import Binary, Exponential
-from raytrace.mesh import Mesh
-from scenes.bench import run, table
-from scenes.reference import reference
-from scenes.shapes import icosphere
+from raytrace.mesh.mesh import Mesh
+from scenes.commands.bench import run, table
+from scenes.geometry.polyhedra import icosphere
+from scenes.validation.reference import reference
 
 
 def room(half=1.0):

@@ -7,14 +7,14 @@ from importlib import resources
 import numpy as np
 import pytest
 
+from raytrace.brdf import layout as rows
 from raytrace.errors import OptionError, OutputError
-from raytrace.materials import material_from_dict
-from raytrace.models import rows
-from raytrace.normals import face_normals
-from raytrace.presets import PRESETS
-from scenes.builtin import BUILTIN, builtin_toml, write_builtin
-from scenes.read import read_scene
-from scenes.solids import SOLIDS, Box, Cylinder, Plane, Solid, Sphere, Sponge
+from raytrace.materials.materials import material_from_dict
+from raytrace.materials.presets import PRESETS
+from raytrace.mesh.normals import face_normals
+from scenes.description.read import read_scene
+from scenes.geometry.builtin_shapes import SOLIDS, Box, Cylinder, Plane, Solid, Sphere, Sponge
+from scenes.library.catalogue import BUILTIN, builtin_toml, write_builtin
 
 COUNTS = {  # objects, shapes, lights
     "plane_wall": (2, 2, 3),

@@ -14,14 +14,14 @@ from command import ROOT, obscurance, refused, started
 from meshes import hills
 
 import ao
-import ao.surface_patch
-import ao.surface_values
-import ao.trace
-from ao.checkpoint import Checkpoint
-from ao.conjugate_gradients import solve_within
-from ao.journal import IDENTITY, MAGIC, Journal
+import ao.least_squares.fit
+import ao.least_squares.patch
+import ao.trace.tracer
+from ao.least_squares.conjugate_gradients import solve_within
+from ao.trace.checkpoint import Checkpoint
+from ao.trace.journal import IDENTITY, MAGIC, Journal
 from raytrace.errors import InputError, OutputError
-from raytrace.mesh import Mesh
+from raytrace.mesh.mesh import Mesh
 
 MESH = Mesh(*hills(70))
 OPTIONS = {"samples": 1024, "threads": 2}
@@ -75,7 +75,7 @@ def path(tmp_path):
 def traced(monkeypatch):
     """The number of rows or faces that were traced rather than copied."""
     count = [0]
-    for module, name in ((ao.trace, "gather"), (ao.surface_patch, "gather_faces")):
+    for module, name in ((ao.trace.tracer, "gather"), (ao.least_squares.patch, "gather_faces")):
 
         def counted(*arguments, gather=getattr(module, name)):
             count[0] += len(arguments[-1])
@@ -112,7 +112,7 @@ def test_a_bake_interrupted_after_its_last_ray_traces_none(path, whole_surface, 
         raise Stopped
 
     with monkeypatch.context() as patch:
-        patch.setattr(ao.surface, "fit_values", stop)
+        patch.setattr(ao.surface_method, "fit_values", stop)
         interrupted(path, stop=None, make=ao.bake_surface)
     traced[0] = 0
     assert bits(bake(path, make=ao.bake_surface, resume=True)) == whole_surface
@@ -124,12 +124,12 @@ def test_a_fit_is_continued_where_it_was_interrupted(path, whole_surface, traced
         raise Stopped
 
     with monkeypatch.context() as patch:
-        patch.setattr(ao.surface_values, "solve", stop)  # the bent normals'
+        patch.setattr(ao.least_squares.fit, "solve", stop)  # the bent normals'
         interrupted(path, stop=None, make=ao.bake_surface)
     solved = []
     with monkeypatch.context() as patch:
-        patch.setattr(ao.surface_values, "cross_validated", stop)
-        patch.setattr(ao.surface_values, "solve_within", lambda *a, **k: solved.append(a) or solve_within(*a, **k))
+        patch.setattr(ao.least_squares.fit, "cross_validated", stop)
+        patch.setattr(ao.least_squares.fit, "solve_within", lambda *a, **k: solved.append(a) or solve_within(*a, **k))
         traced[0] = 0
         assert bits(bake(path, make=ao.bake_surface, resume=True)) == whole_surface
     assert traced[0] == 0
@@ -137,7 +137,7 @@ def test_a_fit_is_continued_where_it_was_interrupted(path, whole_surface, traced
 
 
 def test_much_that_waits_is_written_before_a_minute(path, monkeypatch):
-    monkeypatch.setattr(ao.checkpoint, "_MOST_WAITING", 300_000)
+    monkeypatch.setattr(ao.trace.checkpoint, "_MOST_WAITING", 300_000)
     interrupted(path, make=ao.bake_surface, after=60)
     assert path.stat().st_size > 300_000
 

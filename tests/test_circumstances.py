@@ -9,7 +9,7 @@ from command import ROOT, obscurance
 from mesh_files import ply
 from meshes import hills
 
-SMALL_BLOCKS = "import ao.trace; ao.trace._BLOCK_RAYS //= 512; "  # enough of them for 64 threads
+SMALL_BLOCKS = "import ao.trace.tracer; ao.trace.tracer._BLOCK_RAYS //= 512; "  # enough of them for 64 threads
 LINUX = pytest.mark.skipif(sys.platform != "linux", reason="needs Linux")
 
 
@@ -50,7 +50,7 @@ def test_any_number_of_threads_gives_the_same_bytes(bake, expected, threads):
 @LINUX
 def test_threads_that_the_system_refuses_are_done_without(bake, expected):
     """Address space for the stacks of some of 64 threads."""
-    code = SMALL_BLOCKS + "import resource; from raytrace.memory import _UNTOUCHED; from pathlib import Path;"
+    code = SMALL_BLOCKS + "import resource; from raytrace.system.memory import _UNTOUCHED; from pathlib import Path;"
     code += "used = int(Path('/proc/self/statm').read_text().split()[0]) * resource.getpagesize();"
     code += "most = used + _UNTOUCHED + (280 << 20);"
     code += "resource.setrlimit(resource.RLIMIT_AS, (most, most)); import cli; cli.main()"

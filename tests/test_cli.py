@@ -32,7 +32,7 @@ def test_every_output_format_is_written(tmp_path, cube, ending):
 
 def test_the_values_are_those_of_the_library(tmp_path, cube):
     import ao
-    from scenes.load import load
+    from scenes.readers.load import load
 
     target = tmp_path / "w.npy"
     options = ("--half-distance", "30%", "--max-distance", "2", "--samples", 64, "--seed", 7, "--normals", "area")

@@ -11,7 +11,7 @@ import trimesh
 from command import COMMAND, obscurance, refused, started
 from render_scenes import BALL, SMALL, write_ball
 
-from raytrace.image import write_image
+from raytrace.image.write import write_image
 
 PRECIOUS = {"png": b"\x89PNG\r\n\x1a\n precious", "exr": b"\x76\x2f\x31\x01 precious"}
 TEXTURED = '[[objects]]\nbuiltin = "plane"\ntexture = "paint.png"\n[obscurance]\nform = "off"\n'

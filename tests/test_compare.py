@@ -8,9 +8,9 @@ import pytest
 from frames import frame, plain
 from scipy.ndimage import gaussian_filter
 
-from raytrace.compare import Comparison, compare
 from raytrace.errors import InputError, OptionError
-from raytrace.image import write_frame, write_image
+from raytrace.image.compare import Comparison, compare
+from raytrace.image.write import write_frame, write_image
 
 
 def exr(path, pixels):

@@ -7,8 +7,8 @@ import pytest
 
 import ao
 from raytrace import Mesh
-from scenes.console import progress
-from scenes.shapes import icosphere
+from scenes.commands.console import progress
+from scenes.geometry.polyhedra import icosphere
 
 
 class Terminal(io.StringIO):

@@ -2,25 +2,25 @@
 
 from __future__ import annotations
 
+import ao.bake
 import numpy as np
 import pytest
 from meshes import crumpled
 from reference import corner_means, folded
 
 import ao
-import ao.bake
-from ao.checkpoint import Checkpoint
-from ao.corners import Corners
+from ao.gather.corners import Corners
+from ao.gather.points import Points
+from ao.gather.receivers import find_receivers
 from ao.memory import corner_bytes
-from ao.points import Points
-from ao.receivers import find_receivers
-from ao.trace import Tracer
+from ao.trace.checkpoint import Checkpoint
+from ao.trace.tracer import Tracer
 from raytrace import MemoryLimitError, Mesh
-from raytrace.placement import Placement
-from raytrace.sampling import seed_key
-from scenes.reference import reference
-from scenes.shapes import icosphere, join
+from raytrace.mesh.placement import Placement
+from raytrace.sampling.hash import seed_key
+from scenes.geometry.polyhedra import icosphere, join
 from scenes.stress.solids import grid
+from scenes.validation.reference import reference
 
 TORN = ao.Flag.FOLDED | ao.Flag.OPPOSED
 FALLOFFS = [(None, ao.Binary()), (2.0, ao.Exponential(tau=2.0))]
@@ -203,6 +203,6 @@ def test_means_keep_equal_values_and_combine_variances():
 
 def test_corners_that_do_not_fit_into_memory_are_refused(monkeypatch):
     mesh = Mesh(*crumpled(icosphere(4), 0.5, 0), None)
-    monkeypatch.setattr("raytrace.memory.available", lambda: corner_bytes(3000))
+    monkeypatch.setattr("raytrace.system.memory.available", lambda: corner_bytes(3000))
     with pytest.raises(MemoryLimitError, match="corners of folded vertices"):
         find_receivers(mesh, Placement.of(mesh))

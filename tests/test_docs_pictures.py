@@ -10,10 +10,10 @@ from command import obscurance
 
 from benchmarks.gallery import commands, page
 from benchmarks.model_strips import STRIPS, picture
-from raytrace.compare import compare
-from raytrace.image import write_image
-from raytrace.image_input import read_image
-from scenes.builtin import BUILTIN
+from raytrace.image.compare import compare
+from raytrace.image.read import read_image
+from raytrace.image.write import write_image
+from scenes.library.catalogue import BUILTIN
 
 DOCS = Path(__file__).resolve().parent.parent / "docs"
 ALLOWED = 0.003  # mean FLIP; a picture of another version of the renderer is .01 and more away

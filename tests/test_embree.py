@@ -4,9 +4,10 @@ import numpy as np
 import pytest
 import trimesh
 
-from raytrace import EmbreeError, OptionError, embree
-from raytrace.embree import TriangleScene
-from raytrace.query import intersect, occluded
+from raytrace import EmbreeError, OptionError
+from raytrace.embree import library as embree
+from raytrace.embree.rays import intersect, occluded
+from raytrace.embree.scene import TriangleScene
 
 SQUARE = np.float32([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]])
 SQUARE_FACES = np.array([[0, 1, 2], [0, 2, 3]])

@@ -6,22 +6,22 @@ import pytest
 from found_faults import baked, scene_mistake, triangle
 from mesh_files import mistake, read
 
-import scenes.flatten
-import scenes.threemf
-from scenes.info import describe
-from scenes.load import load
-from scenes.write import write
+import scenes.geometry.instances
+import scenes.readers.threemf
+from scenes.commands.info import describe
+from scenes.readers.load import load
+from scenes.writers.write import write
 
 
 def test_one_gltf_array_is_not_placed_without_end(tmp_path, monkeypatch):
-    monkeypatch.setattr(scenes.flatten, "MAX_COPIED", 1000)
+    monkeypatch.setattr(scenes.geometry.instances, "MAX_COPIED", 1000)
     assert len(read(tmp_path, "m.glb", triangle().glb([{"mesh": 0}] * 250)).parts) == 250
     message = mistake(tmp_path, "m.glb", triangle().glb([{"mesh": 0}] * 251))
     assert "objects: expected at most 1,000 vertices and triangles with all copies, got 1,004" in message
 
 
 def test_a_large_gltf_is_no_copy(tmp_path, monkeypatch):
-    monkeypatch.setattr(scenes.flatten, "MAX_COPIED", 1)
+    monkeypatch.setattr(scenes.geometry.instances, "MAX_COPIED", 1)
     assert len(read(tmp_path, "m.glb", triangle().glb([{"mesh": 0}])).mesh.faces) == 1
 
 

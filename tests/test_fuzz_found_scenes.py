@@ -12,13 +12,13 @@ from found_faults import PLANE, scene_mistake
 from fuzz_mutations import toml_text
 from mesh_files import obj
 
-import scenes.flatten
-import scenes.threemf
+import scenes.geometry.instances
+import scenes.readers.threemf
 from raytrace.errors import InputError, SceneError
-from raytrace.image_input import read_image
-from raytrace.texture import Texture, pack_textures
-from scenes.obscured import obscured
-from scenes.read import read_scene
+from raytrace.image.read import read_image
+from raytrace.image.texture import Texture, pack_textures
+from scenes.commands.picture_bake import obscured
+from scenes.description.read import read_scene
 
 
 def test_messages_are_printable_and_short(tmp_path):
@@ -41,7 +41,7 @@ def test_toml_keys_of_very_many_parts(tmp_path):
 
 
 def test_copies_in_a_toml_scene_end_somewhere(tmp_path, monkeypatch):
-    monkeypatch.setattr(scenes.flatten, "MAX_COPIED", 1000)
+    monkeypatch.setattr(scenes.geometry.instances, "MAX_COPIED", 1000)
     (tmp_path / "m.obj").write_bytes(obj())
     copied = {"mesh": "m.obj", "copies": [{}] * 101}
     assert "m.toml: objects: expected at most 1,000" in scene_mistake(tmp_path, toml_text({"objects": [copied]}))

@@ -8,11 +8,11 @@ from fuzz_mutations import PATHS, toml_text
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-import scenes.flatten
-import scenes.solids
+import scenes.geometry.builtin_shapes
+import scenes.geometry.instances
 from raytrace.errors import InputError
-from scenes.mtl import read_mtl
-from scenes.read import read_scene
+from scenes.description.read import read_scene
+from scenes.readers.mtl import read_mtl
 
 FEW = settings(
     max_examples=60,
@@ -62,8 +62,9 @@ MATERIAL = table(
 SCENE = st.fixed_dictionaries(
     {
         "objects": many(
-            table({"builtin": st.sampled_from([*scenes.solids.SOLIDS])}, fineness=NUMBER, size=NUMBER, radius=NUMBER,
-                  level=INDEX, material=MATERIAL | st.just("gold"), copies=many(table({}, **PLACE)), **PLACE)
+            table({"builtin": st.sampled_from([*scenes.geometry.builtin_shapes.SOLIDS])}, fineness=NUMBER, size=NUMBER,
+                  radius=NUMBER, level=INDEX, material=MATERIAL | st.just("gold"), copies=many(table({}, **PLACE)),
+                  **PLACE)
             | table({"mesh": PATH}, texture=PATH, own_normals=st.booleans(),
                     wrap=WRAP | st.lists(WRAP, max_size=3), material=MATERIAL, **PLACE)
         )
@@ -119,8 +120,8 @@ def folder(tmp_path_factory):
         (inside / name).parent.mkdir(parents=True, exist_ok=True)
         (inside / name).write_bytes(content)
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(scenes.solids, "MAX_TRIANGLES", 20_000)
-        patch.setattr(scenes.flatten, "MAX_COPIED", 200_000)
+        patch.setattr(scenes.geometry.builtin_shapes, "MAX_TRIANGLES", 20_000)
+        patch.setattr(scenes.geometry.instances, "MAX_COPIED", 200_000)
         yield inside
 
 

@@ -23,7 +23,7 @@ from scenes.generated.families import families
 from scenes.generated.judge import Figures, Truth, find_truth, judge, outstanding
 from scenes.generated.suite import Case, Outcome, draw, falloffs, long_cases, run, short_cases
 from scenes.generated.verdict import FEW, HEAD, LIMITS, Limits, row, table, verdict, verdicts
-from scenes.shapes import icosphere
+from scenes.geometry.polyhedra import icosphere
 
 SPARSE = 5_000
 SEED = int(os.environ.get("GENERATED_SEED") or secrets.randbelow(1 << 31))

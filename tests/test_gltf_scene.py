@@ -11,12 +11,12 @@ from gltf_scenes import read, textured, triangle
 from scipy.integrate import quad
 
 from raytrace.errors import InputError, MeshError, SceneError
-from raytrace.lights import AmbientLight, DirectionalLight, PointLight, SpotLight
-from raytrace.materials import CookTorrance, Lambert, Strauss
-from raytrace.reflection import reflect
-from scenes.gltf_lights import spot_exponent
-from scenes.read import read_scene
-from scenes.studio import NEUTRAL
+from raytrace.lights.sources import AmbientLight, DirectionalLight, PointLight, SpotLight
+from raytrace.materials.materials import CookTorrance, Lambert, Strauss
+from raytrace.materials.reflect import reflect
+from scenes.description.defaults import NEUTRAL
+from scenes.description.gltf_lights import spot_exponent
+from scenes.description.read import read_scene
 
 PUNCTUAL = "KHR_lights_punctual"
 

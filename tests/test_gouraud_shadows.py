@@ -7,14 +7,14 @@ import pytest
 import trimesh
 
 from raytrace.camera import Camera
-from raytrace.lights import PointLight
-from raytrace.materials import Lambert
-from raytrace.mesh import Mesh
-from raytrace.rendering import render
+from raytrace.lights.sources import PointLight
+from raytrace.materials.materials import Lambert
+from raytrace.mesh.mesh import Mesh
+from raytrace.renderer.render import render
 from raytrace.scene import Object, Scene, Shape
 from raytrace.settings import Settings
-from scenes import primitives
-from scenes.shapes import generic_rotation
+from scenes.geometry import primitives
+from scenes.geometry.polyhedra import generic_rotation
 from scenes.stress.solids import cube, inward
 
 SETTINGS = Settings(width=48, height=48, samples=4, shading="gouraud")

@@ -13,8 +13,8 @@ from meshes import crumpled as noisy
 
 import ao
 from raytrace import Mesh, OptionError
-from raytrace.image_input import read_image
-from scenes.shapes import icosphere
+from raytrace.image.read import read_image
+from scenes.geometry.polyhedra import icosphere
 
 
 @pytest.fixture(scope="module")

@@ -5,17 +5,17 @@ import pytest
 from meshes import MESHES, hills
 
 import ao
-import ao.horizon
-from ao.box_tree import BoxTree
-from ao.checkpoint import Checkpoint
-from ao.hemisphere import SECTORS, DirectionTable, choose, turned_frame
-from ao.horizon import Horizons
-from ao.receivers import find_receivers
+import ao.skip.horizon
+from ao.gather.hemisphere import SECTORS, DirectionTable, choose, turned_frame
+from ao.gather.receivers import find_receivers
+from ao.skip.bvh16 import BoxTree
+from ao.skip.horizon import Horizons
+from ao.trace.checkpoint import Checkpoint
 from raytrace import Mesh
-from raytrace.placement import Placement
-from scenes.primitives import box
-from scenes.shapes import icosphere
-from scenes.temple import temple
+from raytrace.mesh.placement import Placement
+from scenes.geometry.polyhedra import icosphere
+from scenes.geometry.primitives import box
+from scenes.geometry.temple import temple
 
 FALLOFFS = {
     "binary": ao.Binary(),

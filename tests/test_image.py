@@ -7,10 +7,10 @@ import pytest
 from frames import METADATA, frame, plain
 from pictures import ENDINGS, PICTURES, foreign, names, pillow, python
 
-from raytrace.frame import LAYERS
-from raytrace.image import write_frame, write_image
-from raytrace.image_input import read_image
-from raytrace.srgb import decode_srgb, encode_srgb
+from raytrace.image.frame import LAYERS
+from raytrace.image.read import read_image
+from raytrace.image.srgb import decode_srgb, encode_srgb
+from raytrace.image.write import write_frame, write_image
 
 
 def test_all_layers_come_back_from_an_exr_bit_for_bit(tmp_path):

@@ -9,9 +9,9 @@ import pytest
 from frames import METADATA, frame
 
 from raytrace.errors import InputError
-from raytrace.image import write_frame
-from raytrace.image_input import read_image
-from raytrace.srgb import decode_srgb
+from raytrace.image.read import read_image
+from raytrace.image.srgb import decode_srgb
+from raytrace.image.write import write_frame
 
 
 @pytest.mark.parametrize("ending", [".exr", ".png", ".tif", ".jpg"])

@@ -10,7 +10,7 @@ from frames import METADATA, frame, plain
 from pictures import ENDINGS, names, python
 
 from raytrace.errors import OptionError, OutputError
-from raytrace.image import check_image_target, write_frame, write_image
+from raytrace.image.write import check_image_target, write_frame, write_image
 
 FULL_DISK = """
 import json, resource, sys

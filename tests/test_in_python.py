@@ -12,7 +12,7 @@ import ao
 import raytrace
 from raytrace import Mesh
 from raytrace.errors import MeshError, OptionError
-from scenes.shapes import icosphere
+from scenes.geometry.polyhedra import icosphere
 
 BALL = Mesh(*icosphere(1), source="ball")
 MODELS = (

@@ -10,10 +10,10 @@ import pytest
 from meshes import MESHES, hills, soup_over_floor
 
 import ao
-from ao import analytic
+from ao.analytic import closed_forms as analytic
 from ao.falloff import Falloff
 from raytrace import Mesh
-from scenes.shapes import Part, generic_rotation, hull, icosphere, join
+from scenes.geometry.polyhedra import Part, generic_rotation, hull, icosphere, join
 
 FALLOFFS = [ao.Binary(), ao.Binary(0.8), ao.Exponential(tau=1.5), ao.Exponential(tau=1.5, max_distance=0.8)]
 NAMES = ["binary", "binary limited", "exponential", "exponential limited"]

@@ -65,13 +65,13 @@ def test_a_cache_that_cannot_be_written_is_passed_over(project):
     blocked = project / "file"
     blocked.touch()
     nowhere = {"NUMBA_CACHE_DIR": str(blocked / "x"), "XDG_CACHE_HOME": str(blocked), "TMPDIR": str(project)}
-    code = "from raytrace.jit import user_cache; print(user_cache())"
+    code = "from raytrace.kernel.jit import user_cache; print(user_cache())"
     assert run(project, code, **nowhere | {"XDG_CACHE_HOME": str(project)}) == str(project / "obscurance")
     assert Path(run(project, code, **nowhere)).parent == project
     assert run(project, ANSWER, **nowhere) == "1 0"
 
 
-WHERE = "from raytrace.jit import user_cache; print(user_cache())"
+WHERE = "from raytrace.kernel.jit import user_cache; print(user_cache())"
 
 
 def test_the_cache_is_in_the_users_folder_of_caches_unless_another_is_chosen(project):
@@ -90,7 +90,7 @@ NO_TEMPORARY_FOLDER = "import tempfile; tempfile.tempdir = '/dev/null/x'; "
 @pytest.mark.skipif(os.name != "posix", reason="/dev/null")
 def test_without_any_place_for_a_cache_kernels_are_compiled_anew(project):
     nowhere = {"NUMBA_CACHE_DIR": "/dev/null/x", "XDG_CACHE_HOME": "", "HOME": "/dev/null"}
-    code = "from raytrace.jit import cache_folder, is_warm; print(cache_folder(), is_warm('loop'))"
+    code = "from raytrace.kernel.jit import cache_folder, is_warm; print(cache_folder(), is_warm('loop'))"
     assert run(project, NO_TEMPORARY_FOLDER + code, **nowhere) == "None False"
     assert run(project, NO_TEMPORARY_FOLDER + ANSWER, **nowhere) == "1 0"
 
@@ -100,7 +100,7 @@ def test_a_user_without_name_and_home_has_a_cache(project):
     stranger = "import getpass, os, pathlib, pwd; [os.environ.pop(n, 0) for n in ('HOME', 'LOGNAME', 'USER')]; "
     stranger += "[os.environ.pop(n, 0) for n in ('LNAME', 'USERNAME', 'XDG_CACHE_HOME', 'NUMBA_CACHE_DIR')]; "
     stranger += "os.getuid = lambda: 12345; "
-    code = "from raytrace.jit import user_cache; print(user_cache())"
+    code = "from raytrace.kernel.jit import user_cache; print(user_cache())"
     assert run(project, stranger + code, TMPDIR=str(project)) == str(project / "obscurance-12345")
 
 
@@ -108,7 +108,7 @@ def test_a_full_disk_is_passed_over(project):
     full = "import shutil; before = shutil.disk_usage; "
     full += "shutil.disk_usage = lambda f: before(f)._replace(free=5 if f.name == 'full' else 1 << 30); "
     places = {"NUMBA_CACHE_DIR": str(project / "full"), "XDG_CACHE_HOME": str(project)}
-    code = "from raytrace.jit import user_cache; print(user_cache())"
+    code = "from raytrace.kernel.jit import user_cache; print(user_cache())"
     assert run(project, full + code, **places) == str(project / "obscurance")
 
 
@@ -145,7 +145,7 @@ def test_half_a_file_in_the_cache_is_passed_over(project, ending, length):
 
 
 def test_a_folder_is_warm_once_a_kernel_is_in_it(project):
-    code = "from raytrace.jit import is_warm; print(is_warm('loop'), is_warm('helper'))"
+    code = "from raytrace.kernel.jit import is_warm; print(is_warm('loop'), is_warm('helper'))"
     cache = str(project / "cache")
     assert run(project, code, NUMBA_CACHE_DIR=cache) == "False False"
     run(project, ANSWER, NUMBA_CACHE_DIR=cache)
@@ -153,7 +153,5 @@ def test_a_folder_is_warm_once_a_kernel_is_in_it(project):
 
 
 def test_numbas_own_setting_is_left_alone():
-    code = (
-        "import numba; before = numba.config.CACHE_DIR; import raytrace.query; print(numba.config.CACHE_DIR == before)"
-    )
+    code = "import numba as n; old = n.config.CACHE_DIR; import raytrace.embree.rays; print(n.config.CACHE_DIR == old)"
     assert run(ROOT, code) == "True"

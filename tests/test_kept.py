@@ -10,9 +10,9 @@ from fuzz_seeds import MODEL, archive
 from gltf_files import QUAD, Builder, check_glb, values
 from mesh_files import XYZ, ascii_ply, read, rich_ply, stl
 
-from raytrace.srgb import decode_srgb, encode_srgb
-from scenes.load import load
-from scenes.lost import lost
+from raytrace.image.srgb import decode_srgb, encode_srgb
+from scenes.readers.load import load
+from scenes.writers.losses import lost
 
 
 def bake(folder, source, target, *options):

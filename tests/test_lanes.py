@@ -5,12 +5,12 @@ import math
 import numpy as np
 import pytest
 
-from raytrace.embree import aligned
-from raytrace.jit import kernel
-from raytrace.lane_memory import gather, gather3, load_row, scatter4, store_row
-from raytrace.lane_questions import count, first, highest, lane_numbers, lowest, pick, replace, some
-from raytrace.lanes import WIDE, double, select, single
-from raytrace.vector import cross, dot, unit
+from raytrace.kernel.arrays import aligned
+from raytrace.kernel.jit import kernel
+from raytrace.kernel.simd import WIDE, double, select, single
+from raytrace.kernel.simd_masks import count, first, highest, lane_numbers, lowest, pick, replace, some
+from raytrace.kernel.simd_memory import gather, gather3, load_row, scatter4, store_row
+from raytrace.kernel.vector import cross, dot, unit
 
 NUMBERS = np.arange(WIDE)
 

@@ -7,12 +7,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from raytrace import light_rows
 from raytrace.camera import Camera
 from raytrace.errors import OptionError
-from raytrace.far_lights import make_far_lights_directional
-from raytrace.light_kernels import cannot_matter_at, cannot_matter_in, incident
-from raytrace.lights import (
+from raytrace.lights import layout as light_rows
+from raytrace.lights.far_lights import make_far_lights_directional
+from raytrace.lights.kernels import cannot_matter_at, cannot_matter_in, incident
+from raytrace.lights.sources import (
     AmbientLight,
     DirectionalLight,
     PointLight,
@@ -21,11 +21,11 @@ from raytrace.lights import (
     light_from_dict,
     pack_lights,
 )
-from raytrace.materials import Lambert
-from raytrace.rendering import render
+from raytrace.materials.materials import Lambert
+from raytrace.renderer.render import render
 from raytrace.scene import Object, Scene, Shape
 from raytrace.settings import Settings
-from scenes.primitives import plane
+from scenes.geometry.primitives import plane
 
 ORIGIN = (0.0, 0.0, 0.0)
 

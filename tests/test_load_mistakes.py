@@ -10,7 +10,7 @@ from gltf_files import QUAD, TRIANGLE, Builder
 from mesh_files import FACES, NORMALS, VERTICES, ascii_ply, ascii_stl, glb, mistake, mixed_ply, obj, off, ply, read, stl
 
 from raytrace.errors import MeshError
-from scenes.load import load
+from scenes.readers.load import load
 
 
 @pytest.mark.parametrize(

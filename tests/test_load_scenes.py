@@ -10,7 +10,7 @@ from gltf_files import QUAD, TRIANGLE, Builder
 from mesh_files import read
 
 from raytrace.errors import MeshError
-from scenes.load import load
+from scenes.readers.load import load
 
 
 def test_hierarchy_repeated_and_mirrored_nodes(tmp_path):

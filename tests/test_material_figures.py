@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from command import obscurance, refused
 
-from raytrace.materials import CookTorrance, EllipticalBeckmann, Lambert, OrenNayar, Phong, material_from_dict
-from raytrace.models.checks import directional_albedo
-from raytrace.presets import PRESETS
-from scenes.material_figures import albedo, check, fit_error, preset_toml
+from raytrace.materials.energy import directional_albedo
+from raytrace.materials.materials import CookTorrance, EllipticalBeckmann, Lambert, OrenNayar, Phong, material_from_dict
+from raytrace.materials.presets import PRESETS
+from scenes.commands.materials import albedo, check, fit_error, preset_toml
 
 
 def test_the_presets_are_listed():

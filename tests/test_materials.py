@@ -5,8 +5,10 @@ import tomllib
 import numpy as np
 import pytest
 
+from raytrace.brdf import dispatch
+from raytrace.brdf import layout as rows
 from raytrace.errors import OptionError
-from raytrace.materials import (
+from raytrace.materials.materials import (
     BlinnPhong,
     CookTorrance,
     EllipticalBeckmann,
@@ -18,9 +20,8 @@ from raytrace.materials import (
     material_from_dict,
     pack_materials,
 )
-from raytrace.models import dispatch, rows
-from raytrace.presets import PRESETS
-from raytrace.reflection import reflect
+from raytrace.materials.presets import PRESETS
+from raytrace.materials.reflect import reflect
 
 REFUSED = [
     (lambda: Lambert(albedo=1.2), "Lambert", "albedo[0]", "[0, 1]", 1.2),

@@ -13,13 +13,13 @@ from meshes import hills
 from PIL import Image
 
 import ao
-import raytrace.memory
+import raytrace.system.memory
 from ao.memory import surface_bytes, vertex_bytes
 from raytrace import InputError, Lambert, MemoryLimitError, Mesh, Object, Scene, Settings, Shape
-from raytrace.memory import available, check_memory
-from raytrace.rendering import rendering_bytes
-from raytrace.texture import Texture
-from scenes.load import load
+from raytrace.image.texture import Texture
+from raytrace.renderer.render import rendering_bytes
+from raytrace.system.memory import available, check_memory
+from scenes.readers.load import load
 
 MIB = 1 << 20
 LINUX = pytest.mark.skipif(sys.platform != "linux", reason="/proc tells")
@@ -76,7 +76,7 @@ def test_what_makes_no_sense_limits_nothing(tmp_path, content):
 
 @LINUX
 def test_an_address_space_limits_it():
-    code = "from raytrace.memory import available; print(available())"
+    code = "from raytrace.system.memory import available; print(available())"
     limit = 4 << 30
     result = subprocess.run(
         [sys.executable, "-c", code],
@@ -90,7 +90,7 @@ def test_an_address_space_limits_it():
 
 
 def test_the_line_says_what_needs_how_much_and_what_would_do(monkeypatch):
-    monkeypatch.setattr(raytrace.memory, "available", lambda: 300 * MIB)
+    monkeypatch.setattr(raytrace.system.memory, "available", lambda: 300 * MIB)
     check_memory("m.ply", 300 * MIB, "to bake")
     with pytest.raises(MemoryLimitError) as told:
         check_memory("m.ply", 3 << 30, "to bake", {"the first": 400 * MIB, "the other": 200 * MIB})
@@ -119,7 +119,7 @@ WORK = {
 @pytest.mark.parametrize("name", WORK)
 def test_everything_big_asks_first(name, monkeypatch):
     mesh = Mesh(*hills(10), source="hills.ply")
-    monkeypatch.setattr(raytrace.memory, "available", lambda: 30 * MIB)
+    monkeypatch.setattr(raytrace.system.memory, "available", lambda: 30 * MIB)
     with pytest.raises(MemoryLimitError, match=r"expected at most 30 MiB.* faces"):
         WORK[name](mesh)
 
@@ -128,7 +128,7 @@ def test_everything_big_asks_first(name, monkeypatch):
 def test_files_are_not_read_if_they_would_not_fit(ending, tmp_path, monkeypatch):
     import trimesh
 
-    from scenes.read import read_scene
+    from scenes.description.read import read_scene
 
     path = tmp_path / f"m.{ending}"
     if ending == "ply":
@@ -138,7 +138,7 @@ def test_files_are_not_read_if_they_would_not_fit(ending, tmp_path, monkeypatch)
         path.write_text('[[objects]]\nmesh = "m.ply"\n')
     else:
         trimesh.creation.icosphere(1).export(path)
-    monkeypatch.setattr(raytrace.memory, "available", lambda: 100)
+    monkeypatch.setattr(raytrace.system.memory, "available", lambda: 100)
     with pytest.raises(InputError, match="memory: expected at most 0 MiB"):
         read_scene(path) if ending == "toml" else load(path)
 
@@ -192,7 +192,7 @@ print((status("VmHWM") - before) / told)
     assert 0.7 < float(result.stdout) < 1.2
 
 
-SMALL = "import raytrace.memory as m; m.available = lambda: 160 << 20; import cli; cli.main()"
+SMALL = "import raytrace.system.memory as m; m.available = lambda: 160 << 20; import cli; cli.main()"
 
 
 def test_the_command_refuses_with_one_line(tmp_path):

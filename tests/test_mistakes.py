@@ -7,7 +7,7 @@ import pytest
 import trimesh
 from command import obscurance, refused
 
-from raytrace.image import write_image
+from raytrace.image.write import write_image
 
 COMMANDS = [
     ("bkae a.ply -o w.npy", "command: expected one of bake, info", "bkae; did you mean bake? See obscurance --help"),

@@ -5,13 +5,13 @@ import sys
 
 import numpy as np
 
-from raytrace.jit import kernel
-from raytrace.light_kernels import cannot_matter_at, incident
-from raytrace.lights import AMBIENT, AmbientLight, DirectionalLight, PointLight, SpotLight, pack_lights
-from raytrace.materials import CookTorrance, Lambert, OrenNayar, Phong, pack_materials
-from raytrace.models.dispatch import ambient, emission, evaluate, terms
-from raytrace.reflection import reflect
-from raytrace.vector import add, load
+from raytrace.brdf.dispatch import ambient, emission, evaluate, terms
+from raytrace.kernel.jit import kernel
+from raytrace.kernel.vector import add, load
+from raytrace.lights.kernels import cannot_matter_at, incident
+from raytrace.lights.sources import AMBIENT, AmbientLight, DirectionalLight, PointLight, SpotLight, pack_lights
+from raytrace.materials.materials import CookTorrance, Lambert, OrenNayar, Phong, pack_materials
+from raytrace.materials.reflect import reflect
 
 
 @kernel
@@ -101,7 +101,8 @@ def test_terms_are_the_body_s_and_the_highlight_s():
 
 def test_materials_and_lights_are_declared_without_compiling():
     code = (
-        "import sys; import raytrace.materials as m, raytrace.lights, raytrace.reflection, raytrace.image; "
+        "import sys; import raytrace.materials.materials as m, raytrace.materials.reflect; "
+        "import raytrace.lights.sources, raytrace.image.write; "
         "m.CookTorrance(albedo=.5, m=.2).pack(); m.PoulinFournier(k_d=.5).pack(); "
         "print([x for x in ('numba', 'OpenImageIO', 'scipy', 'embreex') if x in sys.modules])"
     )

@@ -3,8 +3,12 @@
 import numpy as np
 import pytest
 
+from raytrace.brdf.oren_nayar import shape
+from raytrace.brdf.oren_nayar_reference import reference_shape
 from raytrace.errors import OptionError
-from raytrace.materials import (
+from raytrace.materials.energy import NORMAL as N
+from raytrace.materials.energy import asymmetry, directional_albedo, towards
+from raytrace.materials.materials import (
     BlinnPhong,
     CookTorrance,
     EllipticalBeckmann,
@@ -14,11 +18,7 @@ from raytrace.materials import (
     PoulinFournier,
     Strauss,
 )
-from raytrace.models.checks import NORMAL as N
-from raytrace.models.checks import asymmetry, directional_albedo, towards
-from raytrace.models.oren_nayar import shape
-from raytrace.models.oren_nayar_reference import reference_shape
-from raytrace.reflection import reflect
+from raytrace.materials.reflect import reflect
 
 MIRROR = {"albedo": 1.0, "k_s": 1.0, "eta": 1e6}  # η = 1e6: F = 1 to 4e-6
 

@@ -5,8 +5,10 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
+from raytrace.brdf import layout as rows
+from raytrace.brdf.dispatch import reflect_rows
 from raytrace.errors import OptionError
-from raytrace.materials import (
+from raytrace.materials.materials import (
     BlinnPhong,
     CookTorrance,
     EllipticalBeckmann,
@@ -17,9 +19,7 @@ from raytrace.materials import (
     Strauss,
     pack_materials,
 )
-from raytrace.models import rows
-from raytrace.models.array import reflect_rows
-from raytrace.reflection import reflect
+from raytrace.materials.reflect import reflect
 
 TINY, NEARLY_ONE = 1e-6, float(np.nextafter(1.0, 0.0))
 EXTREMES = [

@@ -4,7 +4,10 @@ import numpy as np
 import pytest
 import transcription as plain
 
-from raytrace.materials import (
+from raytrace.brdf.coefficients import gaussian_constant
+from raytrace.brdf.microfacet import fresnel
+from raytrace.brdf.strauss import fresnel_like, shadowing
+from raytrace.materials.materials import (
     BlinnPhong,
     CookTorrance,
     EllipticalBeckmann,
@@ -14,10 +17,7 @@ from raytrace.materials import (
     PoulinFournier,
     Strauss,
 )
-from raytrace.models.constants import gaussian_constant
-from raytrace.models.microfacet import fresnel
-from raytrace.models.strauss import fresnel_like, shadowing
-from raytrace.reflection import reflect
+from raytrace.materials.reflect import reflect
 
 GRAIN = np.array([0.3, 0.9, -0.2])
 

@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 from raytrace.errors import OptionError
-from raytrace.normals import vertex_normals
-from raytrace.polygon_normals import (
+from raytrace.mesh.analytic_normals import (
     averaged_normal,
     corner_normals,
     implicit_normals,
@@ -13,6 +12,7 @@ from raytrace.polygon_normals import (
     newell_sums,
     parametric_normals,
 )
+from raytrace.mesh.normals import vertex_normals
 
 BENT = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0.5]])
 

@@ -6,19 +6,20 @@ import numpy as np
 import pytest
 import trimesh
 
-from raytrace import world
 from raytrace.camera import Camera
-from raytrace.embree import TriangleScene, aligned
-from raytrace.lights import AmbientLight, DirectionalLight, PointLight, SpotLight, pack_lights
-from raytrace.materials import Lambert, Phong
-from raytrace.mesh import Mesh
-from raytrace.occluders import cluster, obstructed, pack_boxes
-from raytrace.query import occluded
-from raytrace.rendering import render
+from raytrace.embree.rays import occluded
+from raytrace.embree.scene import TriangleScene
+from raytrace.kernel.arrays import aligned
+from raytrace.lights.sources import AmbientLight, DirectionalLight, PointLight, SpotLight, pack_lights
+from raytrace.materials.materials import Lambert, Phong
+from raytrace.mesh.mesh import Mesh
+from raytrace.renderer import render_scene as world
+from raytrace.renderer.render import render
 from raytrace.scene import Object, Scene, Shape
 from raytrace.settings import Settings
-from raytrace.view import FARTHEST
-from scenes import primitives
+from raytrace.shade.camera_rays import FARTHEST
+from raytrace.shade.shaft_culling import cluster, obstructed, pack_boxes
+from scenes.geometry import primitives
 
 CAMERA = Camera((3, -6, 3), (0, 0, 0))
 

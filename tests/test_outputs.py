@@ -11,9 +11,9 @@ from mesh_files import ply
 from PIL import Image
 
 from raytrace.errors import OptionError, OutputError
-from raytrace.image import write_image
-from raytrace.outputs import check_ending, check_outputs
-from scenes.read import read_scene
+from raytrace.image.write import write_image
+from raytrace.system.outputs import check_ending, check_outputs
+from scenes.description.read import read_scene
 
 SCENE = '[[objects]]\nmesh = "mesh.ply"\n[[objects]]\nbuiltin = "plane"\ntexture = "paint.png"\n'
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from raytrace import OptionError
-from raytrace.parallel import run_blocks, thread_count
+from raytrace.system.threads import run_blocks, thread_count
 
 
 @pytest.mark.parametrize(("count", "block"), [(0, 4), (1, 4), (4, 4), (10, 3), (100_000, 7)])

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
-from raytrace.image_input import read_image
+from raytrace.image.read import read_image
 
 README = (Path(__file__).resolve().parent.parent / "README.md").read_text()
 

@@ -8,12 +8,12 @@ import trimesh
 from meshes import hills
 
 import ao
-from ao.neighbours import Neighbours
-from ao.receivers import Points, find_receivers
-from ao.reconstruct import reconstruct, shared_out
+from ao.denoise.one_ring import Neighbours
+from ao.denoise.shrinkage import reconstruct, shared_out
+from ao.gather.receivers import Points, find_receivers
 from raytrace import Mesh
-from raytrace.placement import Placement
-from scenes.temple import temple
+from raytrace.mesh.placement import Placement
+from scenes.geometry.temple import temple
 
 BOX = trimesh.creation.box()
 SCENES = {

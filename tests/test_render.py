@@ -8,9 +8,9 @@ from rendered import CAMERA, ONE, PLANE, box, grid, pixel, sphere, still_scene, 
 import ao
 from raytrace import Mesh
 from raytrace.camera import Camera
-from raytrace.lights import AmbientLight, DirectionalLight, PointLight
-from raytrace.materials import BlinnPhong, Lambert, Phong
-from raytrace.rendering import render
+from raytrace.lights.sources import AmbientLight, DirectionalLight, PointLight
+from raytrace.materials.materials import BlinnPhong, Lambert, Phong
+from raytrace.renderer.render import render
 from raytrace.scene import Object, Scene, Shape
 from raytrace.settings import Settings
 

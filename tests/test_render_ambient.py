@@ -5,10 +5,10 @@ import trimesh
 
 import ao
 from raytrace import Camera, Lambert, Mesh, Object, Scene, Settings, Shape, render
-from raytrace.embree import TriangleScene
-from raytrace.lights import AmbientLight
-from raytrace.query import occluded
-from scenes import primitives
+from raytrace.embree.rays import occluded
+from raytrace.embree.scene import TriangleScene
+from raytrace.lights.sources import AmbientLight
+from scenes.geometry import primitives
 
 REACH = 1.0
 RAYS = 4096

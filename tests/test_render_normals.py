@@ -10,14 +10,14 @@ from rendered import ONE, pixel, white
 
 from raytrace import Mesh
 from raytrace.camera import Camera
-from raytrace.image_input import read_image
-from raytrace.lights import DirectionalLight
-from raytrace.materials import EllipticalBeckmann, PoulinFournier
-from raytrace.rendering import render
+from raytrace.image.read import read_image
+from raytrace.lights.sources import DirectionalLight
+from raytrace.materials.materials import EllipticalBeckmann, PoulinFournier
+from raytrace.renderer.render import render
 from raytrace.scene import Object, Scene, Shape
 from raytrace.settings import Settings
-from scenes.primitives import sphere
-from scenes.read import read_scene
+from scenes.description.read import read_scene
+from scenes.geometry.primitives import sphere
 
 RING = np.radians([0, 20, 130, 260])
 SLOPE = np.column_stack([np.cos(RING), np.sin(RING), -0.15 * np.array([1, 1.2, 0.7, 1])])

@@ -8,16 +8,16 @@ import trimesh
 from rendered import CAMERA, SMALL, grid, sphere, still_scene, white
 
 import ao
-import raytrace.world
+import raytrace.renderer.render_scene
 from raytrace import Mesh
 from raytrace.camera import Camera
-from raytrace.frame import LAYERS
-from raytrace.lights import DirectionalLight, PointLight, SpotLight
-from raytrace.materials import Phong
-from raytrace.rendering import render, seen_vertices
+from raytrace.image.frame import LAYERS
+from raytrace.lights.sources import DirectionalLight, PointLight, SpotLight
+from raytrace.materials.materials import Phong
+from raytrace.renderer.render import render, seen_vertices
+from raytrace.renderer.render_scene import build
 from raytrace.scene import Object, Scene, Shape
 from raytrace.settings import Settings
-from raytrace.world import build
 
 
 @pytest.fixture(scope="module")
@@ -145,12 +145,12 @@ def test_what_tells_which_vertices_are_seen_is_let_go_of(still, monkeypatch):
     """So a picture that bakes holds one Embree scene at a time."""
     made = []
 
-    def build_and_watch(*arguments, original=raytrace.world._build):
+    def build_and_watch(*arguments, original=raytrace.renderer.render_scene._build):
         world = original(*arguments)
         made.append(weakref.ref(world.embree))
         return world
 
-    monkeypatch.setattr(raytrace.world, "_build", build_and_watch)
+    monkeypatch.setattr(raytrace.renderer.render_scene, "_build", build_and_watch)
     scene = Scene(still.objects, still.lights)
     seen_vertices(scene, CAMERA, SMALL)
     assert [embree() for embree in made] == [None]

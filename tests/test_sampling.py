@@ -5,7 +5,10 @@ import pytest
 from scipy import stats
 from scipy.stats import qmc
 
-from raytrace.sampling import cosine_hemisphere, jittered_lattice, mix, owen_sobol, seed_key, sobol
+from raytrace.sampling.hash import mix_array as mix
+from raytrace.sampling.hash import seed_key
+from raytrace.sampling.sequences import jittered_lattice, owen_sobol, sobol
+from raytrace.sampling.warps import cosine_hemisphere
 
 
 def test_sobol_points_are_the_published_ones():

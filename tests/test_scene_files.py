@@ -11,12 +11,12 @@ from scene_texts import PLAIN, SQUARE, scene
 import ao
 from raytrace.camera import Camera
 from raytrace.errors import MeshError, OptionError
-from raytrace.lights import AmbientLight, DirectionalLight, PointLight
-from raytrace.materials import OrenNayar
+from raytrace.image.texture import Texture
+from raytrace.lights.sources import AmbientLight, DirectionalLight, PointLight
+from raytrace.materials.materials import OrenNayar
 from raytrace.settings import Settings
-from raytrace.texture import Texture
-from scenes.obscured import obscured
-from scenes.read import read_scene
+from scenes.commands.picture_bake import obscured
+from scenes.description.read import read_scene
 
 
 def test_everything_said_arrives(tmp_path):

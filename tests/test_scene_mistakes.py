@@ -7,8 +7,8 @@ import pytest
 from scene_texts import PLAIN, SQUARE, scene
 
 from raytrace.errors import InputError, SceneError
-from scenes.obscured import obscured
-from scenes.read import read_scene
+from scenes.commands.picture_bake import obscured
+from scenes.description.read import read_scene
 
 MISTAKES = {
     "objects: expected at least one, got nothing": "background = 0.1",

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 import ao
-from ao.screening import Screening
+from ao.adaptive.screening import Screening
 from raytrace import Mesh
-from scenes.shapes import join
+from scenes.geometry.polyhedra import join
 
 TOLERANCE = 0.01
 

@@ -5,9 +5,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from raytrace.materials import BlinnPhong, Phong
-from raytrace.reflection import reflect
-from raytrace.shading import centroid, face_normal, interpolate, phong_normal, quadratic_normal
+from raytrace.materials.materials import BlinnPhong, Phong
+from raytrace.materials.reflect import reflect
+from raytrace.shade.interpolation import centroid, face_normal, interpolate, phong_normal, quadratic_normal
 
 P = [(2.0, 2.0, 1.0), (6.0, 2.0, 1.0), (4.0, 5.0, 1.0)]
 NORMALS = [tuple(np.array(n) / np.linalg.norm(n)) for n in ([-1, -1, 1], [1, 0, 0], [0, 1, 1])]

@@ -5,15 +5,15 @@ import pytest
 from rendered import ONE, PLANE, grid, pixel, sphere, white
 
 from raytrace import Mesh
-from raytrace import world as world_module
 from raytrace.camera import Camera
-from raytrace.lights import AmbientLight, DirectionalLight, PointLight
-from raytrace.materials import Lambert, OrenNayar, Phong, Strauss
-from raytrace.reflection import reflect
-from raytrace.rendering import render
+from raytrace.lights.sources import AmbientLight, DirectionalLight, PointLight
+from raytrace.materials.materials import Lambert, OrenNayar, Phong, Strauss
+from raytrace.materials.reflect import reflect
+from raytrace.renderer import render_scene as world_module
+from raytrace.renderer.render import render
 from raytrace.scene import Object, Scene, Shape
 from raytrace.settings import Settings
-from scenes.shapes import generic_rotation
+from scenes.geometry.polyhedra import generic_rotation
 
 SIDES = (False, True, "viewer")
 SHADINGS = ("constant", "flat", "gouraud", "phong", "quadratic")

@@ -11,7 +11,7 @@ from gltf_files import QUAD, TRIANGLE, Builder
 from mesh_files import ply
 from PIL import Image
 
-from raytrace.image_input import read_image
+from raytrace.image.read import read_image
 
 SIZE = ("--width", 48, "--height", 32, "--samples", 4)
 CORNER = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0], [1, 0, 1], [0, 0, 1]], float)

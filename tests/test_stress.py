@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from command import obscurance, refused
 
-from raytrace.placement import ray_offset
+from raytrace.mesh.placement import ray_offset
 from scenes.stress import limits, rays
 from scenes.stress.contacts import contacts
 from scenes.stress.defects import defects
@@ -52,12 +52,12 @@ def test_a_pose_is_a_similarity() -> None:
 
 
 def test_rays_that_start_on_the_surface_fail(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("raytrace.origins.ray_offset", lambda *arguments: 0.0 * ray_offset(*arguments))
+    monkeypatch.setattr("raytrace.ray_origins.origins.ray_offset", lambda *arguments: 0.0 * ray_offset(*arguments))
     assert len(failed(islice(rays.self_hits(False, None), 3))) >= 2
 
 
 def test_rays_that_mind_only_their_own_faces_fail(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("raytrace.origins._step_out", lambda *arguments: None)
+    monkeypatch.setattr("raytrace.ray_origins.origins._step_out", lambda *arguments: None)
     edged = {name: rays.closed()[name] for name in ("cube, hard edges", "cube with T-junctions")}
     monkeypatch.setattr(rays, "closed", lambda: edged)
     monkeypatch.setattr(rays, "poses", lambda long: [Pose(turn=4)])
@@ -67,8 +67,8 @@ def test_rays_that_mind_only_their_own_faces_fail(monkeypatch: pytest.MonkeyPatc
 
 
 def test_offsets_that_pass_through_a_plate_fail(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("raytrace.origins.ray_offset", lambda *arguments: 4 * ray_offset(*arguments))
-    monkeypatch.setattr("raytrace.origins._stop_short", lambda *arguments: None)
+    monkeypatch.setattr("raytrace.ray_origins.origins.ray_offset", lambda *arguments: 4 * ray_offset(*arguments))
+    monkeypatch.setattr("raytrace.ray_origins.origins._stop_short", lambda *arguments: None)
     assert any("face to face" in line.case for line in contacts(False, None) if not line.ok)
 
 

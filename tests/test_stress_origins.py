@@ -7,10 +7,10 @@ import pytest
 
 import ao
 from raytrace import Mesh
-from raytrace.contacts import find_contacts
-from raytrace.embree import TriangleScene
-from raytrace.outermost import outermost_normals
-from scenes.shapes import generic_rotation, icosphere, join
+from raytrace.embree.scene import TriangleScene
+from raytrace.ray_origins.clearance import outermost_normals
+from raytrace.ray_origins.contacts import find_contacts
+from scenes.geometry.polyhedra import generic_rotation, icosphere, join
 from scenes.stress.solids import cube, ellipsoid, grid, inward
 
 

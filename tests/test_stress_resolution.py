@@ -10,8 +10,8 @@ import trimesh
 from command import obscurance
 
 from raytrace import Mesh
-from raytrace.resolution import TILT, coarseness, precision_warnings
-from scenes.shapes import icosphere, join
+from raytrace.mesh.precision import TILT, coarseness, precision_warnings
+from scenes.geometry.polyhedra import icosphere, join
 from scenes.stress.pose import Pose
 from scenes.stress.solids import grid
 

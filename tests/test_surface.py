@@ -11,12 +11,12 @@ from meshes import hills
 from scipy.spatial.transform import Rotation
 
 import ao
-import ao.surface_values
+import ao.least_squares.fit
 from benchmarks.surface_error import Points
 from raytrace import Mesh, OptionError
-from scenes import validation
-from scenes.shapes import icosphere, join
-from scenes.temple import temple
+from scenes.geometry.polyhedra import icosphere, join
+from scenes.geometry.temple import temple
+from scenes.validation import table as validation
 
 
 def grid(side, size=2.0):
@@ -146,13 +146,13 @@ def test_some_stretches_of_a_large_mesh_tell_how_smooth_it_is(monkeypatch):
     mesh = Mesh(*hills(70))
     tried = []
 
-    def cross_validated(problem, start, original=ao.surface_values.cross_validated):
+    def cross_validated(problem, start, original=ao.least_squares.fit.cross_validated):
         tried.append(len(problem.stencil.seats))
         return original(problem, start)
 
-    monkeypatch.setattr(ao.surface_values, "cross_validated", cross_validated)
+    monkeypatch.setattr(ao.least_squares.fit, "cross_validated", cross_validated)
     whole = ao.bake_surface(mesh, samples=64)
-    monkeypatch.setattr(ao.surface_values, "_RUN", 128)
+    monkeypatch.setattr(ao.least_squares.fit, "_RUN", 128)
     part = ao.bake_surface(mesh, samples=64)
     assert tried == [len(mesh.faces), 32 * 128]
     assert np.sqrt(np.mean((part.w - whole.w) ** 2)) < 0.25 * whole.rmse

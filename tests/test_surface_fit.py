@@ -7,11 +7,11 @@ from scipy.optimize import lsq_linear
 from scipy.sparse import csr_array
 from scipy.spatial import Delaunay
 
-from ao.conjugate_gradients import multiply, solve, solve_within
-from ao.stencil import Stencil, find_hinges
-from ao.surface_fit import Half, Problem, add_ties, cross_validated, normal_matrix, right_side, roughness
-from ao.surface_samples import Samples, along_curve, place
-from raytrace.normals import face_normals
+from ao.least_squares.conjugate_gradients import multiply, solve, solve_within
+from ao.least_squares.pattern import Stencil, find_hinges
+from ao.least_squares.problem import Half, Problem, add_ties, cross_validated, normal_matrix, right_side, roughness
+from ao.least_squares.samples import Samples, along_curve, place
+from raytrace.mesh.normals import face_normals
 
 
 def barycentric(samples):

@@ -9,7 +9,7 @@ from scipy.sparse.csgraph import connected_components
 
 import ao
 from raytrace import Mesh
-from scenes import validation
+from scenes.validation import table as validation
 
 SIZE = 0.02
 SAMPLES = 4096

@@ -11,13 +11,13 @@ import PIL.Image
 import pytest
 from frames import plain
 
-from raytrace import texture as module
 from raytrace.errors import InputError, OptionError
-from raytrace.image import write_frame
-from raytrace.jit import kernel
-from raytrace.srgb import decode_srgb
-from raytrace.texture import WRAPS, Texture, pack_textures
-from raytrace.texture_kernel import sample_texture
+from raytrace.image import texture as module
+from raytrace.image.srgb import decode_srgb
+from raytrace.image.texture import WRAPS, Texture, pack_textures
+from raytrace.image.texture_lookup import sample_texture
+from raytrace.image.write import write_frame
+from raytrace.kernel.jit import kernel
 
 
 @kernel

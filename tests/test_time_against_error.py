@@ -9,15 +9,7 @@ import pytest
 import ao
 from benchmarks.peers.process import FOLDER, PeerFailed, Process
 from benchmarks.time_against_error import references
-from benchmarks.time_against_error.analysis import (
-    Point,
-    TimeTo,
-    best,
-    curves,
-    geometric_mean,
-    speed_up,
-    time_to,
-)
+from benchmarks.time_against_error.analysis import Point, TimeTo, best, curves, geometric_mean, speed_up, time_to
 from benchmarks.time_against_error.measure import Climb, Plan, climb_all
 from benchmarks.time_against_error.methods import METHODS, OURS, Method
 from benchmarks.time_against_error.programs import PEERS, Made, Task, open_programs
@@ -25,10 +17,10 @@ from benchmarks.time_against_error.references import well_posed
 from benchmarks.time_against_error.results import write_results
 from benchmarks.time_against_error.suite import falloffs, from_folder, stone, subdivided
 from benchmarks.time_against_error.tables import tables
-from raytrace.mesh import Mesh
-from raytrace.normals import face_normals
-from scenes.reference import Errors, Reference
-from scenes.solids import Box
+from raytrace.mesh.mesh import Mesh
+from raytrace.mesh.normals import face_normals
+from scenes.geometry.builtin_shapes import Box
+from scenes.validation.reference import Errors, Reference
 
 
 def run_of(setting, seconds, rmse, mesh="m", falloff="binary", method=OURS):

@@ -7,12 +7,12 @@ import pytest
 from meshes import hills
 
 import ao
-from ao.neighbours import Neighbours
-from ao.receivers import find_receivers
-from ao.subset import coarser, fill, owners
+from ao.denoise.one_ring import Neighbours
+from ao.denoise.upsampling import coarser, fill, owners
+from ao.gather.receivers import find_receivers
 from raytrace import Mesh, OptionError
-from raytrace.placement import Placement
-from scenes.temple import temple
+from raytrace.mesh.placement import Placement
+from scenes.geometry.temple import temple
 
 MESHES = {"hills": Mesh(*hills(60)), "temple": temple(fineness=0.6)}
 

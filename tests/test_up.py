@@ -7,8 +7,8 @@ from gltf_files import TRIANGLE, Builder
 from mesh_files import ply, stl
 
 from raytrace.errors import OptionError
-from raytrace.image_input import read_image
-from scenes.read import read_scene
+from raytrace.image.read import read_image
+from scenes.description.read import read_scene
 
 SIZE = ("--width", 40, "--height", 40, "--samples", 4)
 ROOF = np.array([[0, 0, 0], [4, 0, 0], [4, 2, 0], [0, 2, 0], [0, 1, 3], [4, 1, 1]], float)  # its ridge is up in z

@@ -13,12 +13,12 @@ import pytest
 
 import ao
 from ao.falloff import Binary, Exponential
-from ao.hemisphere import DirectionTable
+from ao.gather.hemisphere import DirectionTable
 from raytrace import Mesh
-from raytrace.placement import ray_offset
-from scenes import validation
-from scenes.configurations import Configuration
-from scenes.shapes import icosphere, inscribed_radius, tube
+from raytrace.mesh.placement import ray_offset
+from scenes.geometry.polyhedra import icosphere, inscribed_radius, tube
+from scenes.validation import table as validation
+from scenes.validation.configurations import Configuration
 
 LINES = validation.configurations()
 POLYGONS = [line for line in LINES if line.name.startswith("polygon")]
@@ -204,7 +204,7 @@ def other_directions(monkeypatch: pytest.MonkeyPatch, cosine: Callable[[np.ndarr
         r = np.sqrt(np.maximum(1 - z * z, 0))
         return np.stack([r * np.cos(azimuth), r * np.sin(azimuth), z], axis=-2)
 
-    monkeypatch.setattr("ao.hemisphere.cosine_hemisphere", directions)
+    monkeypatch.setattr("ao.gather.hemisphere.cosine_hemisphere", directions)
 
 
 def test_the_true_estimator_passes_however_it_is_wrapped(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -243,7 +243,7 @@ def test_the_complement_of_mu_fails() -> None:
 @pytest.mark.parametrize("lift", [-1.0, 0.0], ids=["below the surface", "on the surface"])
 def test_own_triangle_hits_fail(lift: float, monkeypatch: pytest.MonkeyPatch) -> None:
     offset = ray_offset
-    monkeypatch.setattr("raytrace.origins.ray_offset", lambda *args: lift * offset(*args))
+    monkeypatch.setattr("raytrace.ray_origins.origins.ray_offset", lambda *args: lift * offset(*args))
     failed = failures(ao.bake)
     assert any(result.name.startswith("nothing above") for result in failed)
 

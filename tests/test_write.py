@@ -13,10 +13,10 @@ import trimesh
 from gltf_files import QUAD, TRIANGLE, Builder, check_glb, values
 
 from raytrace.errors import OptionError, OutputError
-from raytrace.mesh import Mesh
-from scenes.flatten import Part
-from scenes.load import MeshFile, load
-from scenes.write import check_target, write
+from raytrace.mesh.mesh import Mesh
+from scenes.geometry.instances import Part
+from scenes.readers.load import MeshFile, load
+from scenes.writers.write import check_target, write
 
 
 def mesh_file(vertices=QUAD, faces=((0, 1, 2), (0, 2, 3)), normals=None):

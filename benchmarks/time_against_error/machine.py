@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from ao.report import versions
-from raytrace.parallel import thread_count
+from raytrace.system.threads import thread_count
 
 
 def machine() -> dict[str, Any]:

@@ -11,7 +11,7 @@ from statistics import median
 from typing import Any
 
 import ao
-from scenes.reference import Errors, Reference
+from scenes.validation.reference import Errors, Reference
 
 from .analysis import TARGETS
 from .methods import Method

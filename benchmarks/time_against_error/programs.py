@@ -17,10 +17,10 @@ import numpy.typing as npt
 
 import ao
 from ao.falloff import Mu
-from ao.receivers import find_receivers
+from ao.gather.receivers import find_receivers
 from benchmarks.peers.process import PeerFailed, Process
-from raytrace.mesh import Mesh
-from raytrace.placement import Placement
+from raytrace.mesh.mesh import Mesh
+from raytrace.mesh.placement import Placement
 
 from .methods import OURS
 

@@ -18,12 +18,12 @@ import numpy as np
 import numpy.typing as npt
 
 from ao.falloff import Mu
-from ao.receivers import find_receivers
-from raytrace.atomic import atomic_write
-from raytrace.jit import user_cache
-from raytrace.mesh import Mesh
-from raytrace.placement import ULP, Placement
-from scenes.reference import Reference, reference, trace
+from ao.gather.receivers import find_receivers
+from raytrace.kernel.jit import user_cache
+from raytrace.mesh.mesh import Mesh
+from raytrace.mesh.placement import ULP, Placement
+from raytrace.system.atomic import atomic_write
+from scenes.validation.reference import Reference, reference, trace
 
 from .programs import Task
 
@@ -32,7 +32,7 @@ JUMP, JUMP_RAYS = 0.05, 1024
 
 
 def cached_reference(task: Task, mus: Sequence[Mu], rays: int, vertices: int) -> Reference:
-    """`scenes.reference.reference` at well-posed vertices, from the cache if exactly this one has been made before.
+    """`scenes.validation.reference` at well-posed vertices, from the cache if exactly this one has been made before.
 
     The key covers the points, normals and ray origins, so a change of what is baked makes another reference.
     """
@@ -53,7 +53,7 @@ def cached_reference(task: Task, mus: Sequence[Mu], rays: int, vertices: int) ->
 def well_posed(mesh: Mesh, vertices: npt.NDArray[np.int64], mus: Sequence[Mu]) -> npt.NDArray[np.bool_]:
     """Whether w at each of `vertices` (k,) stays within `JUMP` as its ray origin moves to four sides by `MOVED`.
 
-    Vertices without a hemisphere of their own (`ao.corners`) are not: other programs cannot be given any.
+    Vertices without a hemisphere of their own (`ao.gather.corners`) are not: other programs cannot be given any.
     """
     placement = Placement.of(mesh)
     receivers = find_receivers(mesh, placement)

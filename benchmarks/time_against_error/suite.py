@@ -10,13 +10,13 @@ import numpy as np
 import numpy.typing as npt
 
 import ao
-from raytrace.mesh import Mesh
-from scenes.load import load
-from scenes.menger import menger
-from scenes.primitives import merge, plane
-from scenes.shapes import icosphere
-from scenes.solids import Box, Cylinder, Sphere
-from scenes.temple import temple
+from raytrace.mesh.mesh import Mesh
+from scenes.geometry.builtin_shapes import Box, Cylinder, Sphere
+from scenes.geometry.menger import menger
+from scenes.geometry.polyhedra import icosphere
+from scenes.geometry.primitives import merge, plane
+from scenes.geometry.temple import temple
+from scenes.readers.load import load
 
 ENDINGS = (".obj", ".ply", ".stl", ".off")
 LIMIT = 0.05  # of the diagonal

@@ -1,1 +1,1 @@
-"""Mesh families drawn from a seed, to judge a bake on meshes that nothing was tuned to."""
+"""Mesh families drawn by seed, to judge tolerances on meshes never seen."""

@@ -9,13 +9,13 @@ from pathlib import Path
 
 import numpy as np
 
-from raytrace.mesh import Mesh
+from raytrace.mesh.mesh import Mesh
 
-from ..builtin import BUILTIN, write_builtin
-from ..menger import menger
-from ..read import read_scene
-from ..shapes import Part, join
-from ..temple import temple
+from ..description.read import read_scene
+from ..geometry.menger import menger
+from ..geometry.polyhedra import Part, join
+from ..geometry.temple import temple
+from ..library.catalogue import BUILTIN, write_builtin
 from .dense import Make, Rng, displacement, refined, sized, unit, used
 from .pieces import knot, plane, solid
 

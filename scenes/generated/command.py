@@ -9,7 +9,7 @@ from pathlib import Path
 from ao.arguments import MAX_SAMPLES, check_arguments
 from raytrace.errors import OptionError, nearest_name
 
-from ..load import load
+from ..readers.load import load
 from . import suite, verdict
 
 

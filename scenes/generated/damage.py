@@ -8,7 +8,7 @@ import fast_simplification
 import numpy as np
 import numpy.typing as npt
 
-from ..shapes import Floats, Part, join
+from ..geometry.polyhedra import Floats, Part, join
 from .dense import Rng, extent, field, log_uniform, places, used, welded
 
 Ints = npt.NDArray[np.int64]

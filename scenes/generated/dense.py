@@ -7,9 +7,9 @@ from collections.abc import Callable
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from raytrace.mesh import Mesh
+from raytrace.mesh.mesh import Mesh
 
-from ..shapes import Floats, Part
+from ..geometry.polyhedra import Floats, Part
 
 Rng = np.random.Generator
 Field = Callable[[Floats], Floats]

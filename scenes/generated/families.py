@@ -9,9 +9,9 @@ from typing import Protocol
 import numpy as np
 
 from raytrace.errors import MeshError
-from raytrace.mesh import Mesh
+from raytrace.mesh.mesh import Mesh
 
-from ..shapes import Part
+from ..geometry.polyhedra import Part
 from .at_hand import dense_base
 from .damage import DAMAGES, Damage, damaged
 from .dense import Rng, extent, log_uniform, posed, refined, sized, unit, used

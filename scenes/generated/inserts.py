@@ -6,9 +6,9 @@ from collections.abc import Callable
 
 import numpy as np
 
-from raytrace.mesh import Mesh
+from raytrace.mesh.mesh import Mesh
 
-from ..shapes import Floats, Part, join
+from ..geometry.polyhedra import Floats, Part, join
 from .dense import Make, Rng, displacement, field, log_uniform, posed, sized
 from .pieces import ball, box, capsule, cells, cylinder, knot, moved, random_turn, ring, sheet, solid
 

@@ -8,10 +8,10 @@ import numpy as np
 import numpy.typing as npt
 from scipy.sparse import csr_array
 
-from ao.bake import Bake, bake
 from ao.falloff import Falloff
-from ao.receivers import Flag
-from raytrace.mesh import Mesh
+from ao.gather.receivers import Flag
+from ao.vertex_method import Bake, bake
+from raytrace.mesh.mesh import Mesh
 
 Floats = npt.NDArray[np.float64]
 NEAR, FAR = 2.5, 6.0  # times its own error: that hardly any vertex's w, that next to none may be off

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 from scipy.spatial import Delaunay
 
-from raytrace.mesh import Mesh
+from raytrace.mesh.mesh import Mesh
 
-from ..shapes import Floats, Part, join
+from ..geometry.polyhedra import Floats, Part, join
 from .dense import Make, Rng, displacement, field, log_uniform, posed, sized
 from .pieces import ball, box, cells, moved, plane, random_turn, sheet, solid
 

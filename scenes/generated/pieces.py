@@ -7,9 +7,9 @@ from collections.abc import Callable
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from ..primitives import box as hard_box
-from ..primitives import cylinder as hard_cylinder
-from ..shapes import Floats, Part
+from ..geometry.polyhedra import Floats, Part
+from ..geometry.primitives import box as hard_box
+from ..geometry.primitives import cylinder as hard_cylinder
 from .dense import Make, Rng, welded
 
 Surface = Callable[[Floats, Floats], Floats]

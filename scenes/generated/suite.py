@@ -9,10 +9,10 @@ from typing import Protocol
 
 import numpy as np
 
-from ao.bake import Bake
-from ao.bake import bake as _bake
 from ao.falloff import Binary, Exponential, Falloff
-from raytrace.mesh import Mesh
+from ao.vertex_method import Bake
+from ao.vertex_method import bake as _bake
+from raytrace.mesh.mesh import Mesh
 
 from .families import LARGE, SMALL, families
 from .judge import Figures, find_truth, judge

@@ -1,0 +1,1 @@
+"""The stability suite: poses, contacts, defects, limits of float32."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from ..validation import compare, configurations, described, measure
+from ..validation.table import compare, configurations, described, measure
 from .line import Line, undefined
 from .pose import poses
 

@@ -7,10 +7,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ao.bake import bake
 from ao.falloff import Binary
+from ao.vertex_method import bake
 
-from ..shapes import Part, hull, join
+from ..geometry.polyhedra import Part, hull, join
 from .line import ERROR, Line, undefined
 from .pose import Pose
 from .solids import grid, inward

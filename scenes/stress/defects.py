@@ -6,11 +6,11 @@ from collections.abc import Callable, Iterator
 
 import numpy as np
 
-from ao.bake import Bake, bake
 from ao.falloff import Exponential
-from raytrace.mesh import Mesh
+from ao.vertex_method import Bake, bake
+from raytrace.mesh.mesh import Mesh
 
-from ..shapes import Part, join, polygon
+from ..geometry.polyhedra import Part, join, polygon
 from .line import Line, undefined
 from .pose import Pose
 from .solids import torus

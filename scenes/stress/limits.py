@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from raytrace.resolution import precision_warnings
+from raytrace.mesh.precision import precision_warnings
 
-from ..shapes import Part, icosphere, join
-from ..validation import configurations
+from ..geometry.polyhedra import Part, icosphere, join
+from ..validation.table import configurations
 from .line import Line
 from .pose import Pose, poses
 from .solids import closed, convex, grid, stretched

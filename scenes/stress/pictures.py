@@ -7,15 +7,15 @@ from collections.abc import Iterator
 import numpy as np
 
 from raytrace.camera import Camera
-from raytrace.fields import Sides
-from raytrace.frame import Frame
-from raytrace.lights import BaseLight, DirectionalLight, PointLight
-from raytrace.materials import Lambert
-from raytrace.rendering import render
+from raytrace.image.frame import Frame
+from raytrace.lights.sources import BaseLight, DirectionalLight, PointLight
+from raytrace.materials.materials import Lambert
+from raytrace.renderer.render import render
 from raytrace.scene import Object, Scene, Shape
 from raytrace.settings import Settings
+from raytrace.system.parameters import Sides
 
-from ..shapes import Floats, Part, icosphere, join
+from ..geometry.polyhedra import Floats, Part, icosphere, join
 from .line import LEAKS, MILLION, SELF_HITS, Line, undefined
 from .pose import Pose
 from .solids import cube, grid

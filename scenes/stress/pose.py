@@ -9,10 +9,10 @@ import numpy as np
 import numpy.typing as npt
 
 from ao.falloff import Exponential, Falloff
-from raytrace.mesh import Mesh
+from raytrace.mesh.mesh import Mesh
 
-from ..configurations import Configuration
-from ..shapes import Part, generic_rotation
+from ..geometry.polyhedra import Part, generic_rotation
+from ..validation.configurations import Configuration
 
 Floats = npt.NDArray[np.float64]
 _AWAY = np.array([0.6, -0.48, 0.64])

@@ -6,14 +6,14 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from ao.bake import bake
 from ao.falloff import Binary
-from raytrace.embree import TriangleScene
-from raytrace.placement import Placement
-from raytrace.query import occluded
-from raytrace.resolution import coarseness
+from ao.vertex_method import bake
+from raytrace.embree.rays import occluded
+from raytrace.embree.scene import TriangleScene
+from raytrace.mesh.placement import Placement
+from raytrace.mesh.precision import coarseness
 
-from ..shapes import Floats, Part
+from ..geometry.polyhedra import Floats, Part
 from .line import LEAKS, MILLION, SELF_HITS, Line, undefined
 from .pose import Pose, poses
 from .solids import FLAT, TORN, closed, convex, inward

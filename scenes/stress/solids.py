@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..menger import menger
-from ..primitives import box
-from ..shapes import Floats, Part, hull, icosphere, join, tube
+from ..geometry.menger import menger
+from ..geometry.polyhedra import Floats, Part, hull, icosphere, join, tube
+from ..geometry.primitives import box
 
 
 def grid(cells: int, size: float = 1.0) -> Part:

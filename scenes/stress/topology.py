@@ -7,12 +7,12 @@ from math import pi, sin
 
 import numpy as np
 
-from ao.bake import Bake, bake
 from ao.falloff import Binary
-from ao.receivers import Normals
-from raytrace.mesh import Mesh
+from ao.gather.receivers import Normals
+from ao.vertex_method import Bake, bake
+from raytrace.mesh.mesh import Mesh
 
-from ..shapes import Floats, Part, hull, icosphere, join, patches
+from ..geometry.polyhedra import Floats, Part, hull, icosphere, join, patches
 from .line import ERROR, Line, undefined
 from .pose import Pose
 from .solids import grid, inward

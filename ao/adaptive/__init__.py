@@ -1,0 +1,1 @@
+"""How many rays at which points: to a tolerance, or as many as given."""

@@ -1,0 +1,74 @@
+"""Estimates from a number of rays that is given, at points and at the corners that stand for some of them."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import numpy.typing as npt
+
+from raytrace.sampling.hash import mix_array as mix
+
+from ..denoise.one_ring import Neighbours
+from ..denoise.shrinkage import judged, moderated, reconstruct, shared_out
+from ..gather.corners import Corners
+from ..gather.points import Points
+from ..trace.tracer import Tracer
+from .ray_budget import sampling_variance
+from .tolerance import Estimate
+
+Ints = npt.NDArray[np.int64]
+
+_CALIBRATION_SHARE = 32
+_CALIBRATION_LEAST = 128
+_PLACE_SHARE = 8  # of the rays that a point gets, for each of some 18 places about a corner: they err as much together
+_PLACE_SHARE_RAW = 3  # where points are drawn to neighbours besides
+
+
+def sampled(tracer: Tracer, points: Points, neighbours: Neighbours | None, samples: int, key: np.uint32) -> Estimate:
+    """Every point with `samples` rays, some twice to learn the error; drawn to `neighbours` if they are given."""
+    calibration = _calibration_subset(len(points))
+    tracer.expected = tracer.rays + samples * (len(points) + len(calibration))
+    rows = tracer.gather(points, samples, key)
+    again = tracer.gather(points[calibration], samples, mix([key ^ np.uint32(0xA5A5A5A5)])[0])[:, 0]
+    w = rows[:, 0]
+    level = sampling_variance(w[calibration], again, samples)
+    if len(points) and not rows[:, 1].any() and (w == w[0]).all():  # of n rays that agree, the next may not (Laplace)
+        level = min(level, tracer.rays**-2.0)
+    if neighbours is None:
+        return Estimate(rows[:, [0, 2, 3, 4]], moderated(shared_out(rows[:, 1], level)), samples, 0)
+    drawn, error = reconstruct(neighbours, points, rows, level)
+    before, after = ((values[calibration] - again) ** 2 for values in (w, drawn))
+    if float(np.sum(after - before)) >= 0:
+        return Estimate(rows[:, [0, 2, 3, 4]], moderated(shared_out(rows[:, 1], level)), samples, 0)
+    error *= judged(error[calibration], after - before / 2, error)
+    return Estimate(np.column_stack([drawn, rows[:, 2:]]), error, samples, 0)
+
+
+def place_samples(samples: int, drawn: bool) -> int:
+    """Rays for each place of a corner where points get `samples`, and are `drawn` to their neighbours or are not."""
+    return -(-samples // (_PLACE_SHARE_RAW if drawn else _PLACE_SHARE))
+
+
+def rays_of_corners(corners: Corners, samples: int) -> int:
+    """How many rays `with_corners` asks for."""
+    return samples * (len(corners.places) + len(_calibration_subset(len(corners.places))))
+
+
+def with_corners(estimate: Estimate, rows: Ints, found: Estimate, corners: Corners) -> Estimate:
+    """Estimates of all points.
+
+    Args: estimate: of the points `rows` (i,). found: of the places of `corners`, which stand for all other points.
+    """
+    values, variance = np.empty((len(rows) + len(corners), 4)), np.empty(len(rows) + len(corners))
+    values[rows], variance[rows] = estimate.rows, estimate.variance
+    values[corners.rows, :1] = corners.mean(found.rows[:, :1])
+    values[corners.rows, 1:] = corners.mean_direction(found.rows[:, 1:])
+    variance[corners.rows] = corners.variance(found.variance)
+    return replace(estimate, rows=values, variance=variance)
+
+
+def _calibration_subset(count: int) -> Ints:
+    """Evenly spread points to bake a second time with independent directions: one in 32, 128 at least."""
+    wanted = min(count, max(_CALIBRATION_LEAST, count // _CALIBRATION_SHARE))
+    return np.arange(wanted) * count // max(wanted, 1)

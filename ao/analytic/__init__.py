@@ -1,0 +1,1 @@
+"""Exact w(p) of open and closed configurations."""

@@ -1,0 +1,197 @@
+"""Which points of a mesh are joined by an edge, and means over them that stop at creases."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, TypeVar
+
+import numpy as np
+import numpy.typing as npt
+
+from raytrace.kernel.jit import kernel
+from raytrace.system.threads import run_blocks
+
+Floats = npt.NDArray[np.float64]
+Real = TypeVar("Real", np.float32, np.float64)
+_CREASE = 16  # power of n·n' by which a neighbour counts less
+_BLOCK = 1 << 13  # points, about: starting a thread for fewer costs more than it gains
+
+
+@dataclass(frozen=True, eq=False)
+class Neighbours:
+    """The one-ring of every point.
+
+    Attributes:
+        starts: int64 (k + 1,).
+        others: int32 (starts[k],): the neighbours of point i are others[starts[i]:starts[i + 1]].
+        weights: float32, as `others`: how much a neighbour has in common with the point: 1 for the same normal, half
+            as much at the end of an edge with one face.
+        threads: how many work on means.
+    """
+
+    starts: npt.NDArray[np.int64]
+    others: npt.NDArray[np.int32]
+    weights: npt.NDArray[np.float32]
+    threads: int
+
+    @classmethod
+    def of(cls, faces: npt.NDArray[np.integer[Any]], normals: npt.NDArray[np.float32], threads: int) -> Neighbours:
+        """Args: faces: (m, 3), rows of points, −1 for a corner that is none. normals: float32 (k, 3), unit."""
+        count = len(normals)
+        corners = np.bincount(faces.ravel() + 1, minlength=count + 1)[1:]
+        listed = np.concatenate([[0], np.cumsum(2 * corners)])
+        corner = np.full(listed[-1], -1, np.int32)
+        _list(faces, listed[:-1].copy(), corner)
+        starts, others, weights = (
+            np.zeros(count + 1, np.int64),
+            np.empty_like(corner),
+            np.empty(len(corner), np.float32),
+        )
+        _join(listed, corner, starts, others, weights)
+        return cls.weighted(starts, others[: starts[-1]].copy(), weights[: starts[-1]].copy(), normals, threads)
+
+    @classmethod
+    def weighted(
+        cls,
+        starts: npt.NDArray[np.int64],
+        others: npt.NDArray[np.int32],
+        weights: npt.NDArray[np.float32],
+        normals: npt.NDArray[np.float32],
+        threads: int,
+    ) -> Neighbours:
+        """The rings given, their `weights` lessened where the points' `normals`, float32 (k, 3), disagree."""
+        found = cls(starts, others, weights, threads)
+        found.each(lambda first, last: _agree(first, last, starts, others, normals, weights))
+        return found
+
+    def among(self, which: npt.NDArray[np.bool_]) -> Neighbours:
+        """The same rings, but only points of `which`, bool (k,), count."""
+        return Neighbours(self.starts, self.others, self.weights * which[self.others], self.threads)
+
+    def each(self, work: Callable[[int, int], None]) -> None:
+        """Call `work(first, last)` for blocks of points, on threads."""
+        count = len(self.starts) - 1
+        run_blocks(count, -(-count // max(round(count / _BLOCK), 1)) or 1, work, self.threads)
+
+    def predict(self, values: npt.NDArray[Real]) -> npt.NDArray[Real]:
+        """The weighted mean of the neighbours' `values` (k,) or (k, c), the point's own left out; NaN without any."""
+        return self._means(values, 0.0)
+
+    def smooth(self, values: npt.NDArray[Real], rounds: int) -> npt.NDArray[Real]:
+        """`values` (k,) or (k, c) averaged with the neighbours', `rounds` times: about `rounds` edges far."""
+        for _ in range(rounds):
+            values = self._means(values, 1.0)
+        return values
+
+    def _means(self, values: npt.NDArray[Real], own: float) -> npt.NDArray[Real]:
+        values, out = np.ascontiguousarray(values), np.empty(values.shape, values.dtype)
+        means = _mean if values.ndim == 1 else _means
+        self.each(lambda first, last: means(first, last, self.starts, self.others, self.weights, values, own, out))
+        return out
+
+    def own(self) -> Floats:
+        """The share (k,) that a point's own value has in its mean with the neighbours'."""
+        out = np.empty(len(self.starts) - 1)
+        self.each(lambda first, last: _own(first, last, self.starts, self.weights, out))
+        return out
+
+    def own_share(self) -> Floats:
+        """About the share (k,) that a point's own value has after four rounds of `smooth`, for valences from 1 to 8."""
+        own = self.own()
+        return own * (1 + own) / 2
+
+    def returned(self) -> Floats:
+        """The share (k,) that a point's own value has in the mean of its own and its neighbours' predictions."""
+        whole, out = 1 / self.own() - 1, np.empty(len(self.starts) - 1)
+        self.each(lambda first, last: _returned(first, last, self.starts, self.others, self.weights, whole, out))
+        return out
+
+
+@kernel
+def _list(faces, ends, corner):
+    for f in range(len(faces)):
+        for k in range(3):
+            i = faces[f, k]
+            if i >= 0:
+                for step in (1, 2):
+                    j = faces[f, (k + step) % 3]
+                    corner[ends[i]] = -1 if i == j else j
+                    ends[i] += 1
+
+
+@kernel
+def _join(listed, corner, starts, others, weights):
+    """List every neighbour once, weighted by half the number of faces at the edge to it."""
+    count = len(starts) - 1
+    place = np.full(count, -1, np.int64)
+    last = 0
+    for i in range(count):
+        for k in range(listed[i], listed[i + 1]):
+            j = corner[k]
+            if j < 0:
+                continue
+            if place[j] < starts[i]:
+                place[j] = last
+                others[last], weights[last] = j, 0.0
+                last += 1
+            weights[place[j]] += np.float32(0.5)
+        starts[i + 1] = last
+
+
+@kernel
+def _agree(first, last, starts, others, normals, weights):
+    for i in range(first, last):
+        for k in range(starts[i], starts[i + 1]):
+            cosine = np.float32(0.0)
+            for axis in range(3):
+                cosine += normals[i, axis] * normals[others[k], axis]
+            weights[k] *= max(cosine, np.float32(0.0)) ** _CREASE
+
+
+@kernel
+def _means(first, last, starts, others, weights, values, own, out):
+    """Ring means, the point's own value weighted by `own`, of differences: equal values stay equal to the bit."""
+    columns = values.shape[1]
+    difference = np.zeros(columns, values.dtype)
+    for i in range(first, last):
+        weight, mine = own, values[i]
+        difference[:] = 0.0
+        for k in range(starts[i], starts[i + 1]):
+            w, theirs = np.float64(weights[k]), values[others[k]]
+            weight += w
+            for c in range(columns):
+                difference[c] += w * (theirs[c] - mine[c])
+        for c in range(columns):
+            out[i, c] = mine[c] + difference[c] / weight if weight > 1e-6 else np.nan
+
+
+@kernel
+def _mean(first, last, starts, others, weights, values, own, out):
+    """`_means` of one column, in a register."""
+    for i in range(first, last):
+        weight, difference, mine = own, 0.0, values[i]
+        for k in range(starts[i], starts[i + 1]):
+            w = np.float64(weights[k])
+            weight += w
+            difference += w * (values[others[k]] - mine)
+        out[i] = mine + difference / weight if weight > 1e-6 else np.nan
+
+
+@kernel
+def _own(first, last, starts, weights, out):
+    for i in range(first, last):
+        weight = 1.0
+        for k in range(starts[i], starts[i + 1]):
+            weight += weights[k]
+        out[i] = 1.0 / weight
+
+
+@kernel
+def _returned(first, last, starts, others, weights, whole, out):
+    for i in range(first, last):
+        out[i] = 0.0
+        for k in range(starts[i], starts[i + 1]):
+            if whole[others[k]] > 1e-6:
+                out[i] += weights[k] * weights[k] / whole[others[k]]
+        out[i] /= whole[i] + 1.0

@@ -1,0 +1,1 @@
+"""A hemisphere at a point: which points, from where, in which directions."""

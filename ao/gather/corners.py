@@ -1,0 +1,126 @@
+"""Vertices whose faces share no hemisphere, because the surface folds there: w as the mean over their corners.
+
+Where the average normal of a vertex lies behind one of its own faces, no hemisphere about one axis stands for what the
+faces see. There w(p) is the mean of w over the directions in which the surface leaves the vertex: each incident face
+counts by its angle there, and is looked at close to the vertex with its own normal.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from raytrace.embree.scene import TriangleScene
+from raytrace.mesh.placement import ray_offset
+from raytrace.ray_origins.origins import ray_origins
+
+from .points import Points
+
+Floats = npt.NDArray[np.float64]
+Ints = npt.NDArray[np.int64]
+
+SPREAD = 3  # points to a corner, in the middles of equal parts of its angle
+_INSIDE = 1.0 / 32.0  # of the way to the opposite edge; from 1/16 to 1/64 w hardly changes
+_FARTHEST = 0.25
+_OFFSETS = 32.0  # ray offsets that a point is away from the vertex if that is no farther
+_CANCELLED = 0.2  # length of a mean direction, relative to those it is the mean of, that means nothing
+
+
+@dataclass(frozen=True, eq=False)
+class Corners:
+    """What some points of a mesh are the means of.
+
+    Attributes:
+        rows: int64 (j,), ascending: the points.
+        starts: int64 (j + 1,): the i-th has starts[i] to starts[i + 1] of the k places.
+        places: k points near it, in its faces. weights: float64 (k,), of sum 1 for each point.
+    """
+
+    rows: Ints
+    starts: Ints
+    places: Points
+    weights: Floats
+
+    @classmethod
+    def none(cls) -> Corners:
+        nothing = np.zeros((0, 3), np.float32)
+        return cls(np.zeros(0, np.int64), np.zeros(1, np.int64), Points(nothing, nothing, np.zeros(0, np.uint32)),
+                   np.zeros(0))  # fmt: skip
+
+    def __len__(self) -> int:
+        return len(self.rows)
+
+    def only(self, kept: Ints) -> Corners:
+        """Those of the points `kept`, ascending rows, which are numbered anew in that order."""
+        mine = np.isin(self.rows, kept)
+        if not mine.any():
+            return Corners.none()
+        counts = np.diff(self.starts)
+        which = np.repeat(mine, counts)
+        starts = np.concatenate([[0], np.cumsum(counts[mine])])
+        return Corners(np.searchsorted(kept, self.rows[mine]), starts, self.places[which], self.weights[which])
+
+    def mean(self, values: Floats) -> Floats:
+        """Means (j, c) of `values` (k, c); equal values keep every bit."""
+        first = values[self.starts[:-1]]
+        apart = (values - np.repeat(first, np.diff(self.starts), axis=0)) * self.weights[:, None]
+        return first + np.add.reduceat(apart, self.starts[:-1], axis=0)
+
+    def variance(self, values: Floats) -> Floats:
+        """Variance (j,) of means of independent values of variances `values` (k,)."""
+        return np.add.reduceat(self.weights**2 * values, self.starts[:-1])
+
+    def mean_direction(self, vectors: Floats) -> Floats:
+        """Means (j, 3) of `vectors` (k, 3); zero where they cancel out, as those of the two sides of a sheet."""
+        mean, lengths = self.mean(vectors), self.mean(np.linalg.norm(vectors, axis=1)[:, None])
+        return np.where(np.linalg.norm(mean, axis=1)[:, None] > _CANCELLED * lengths, mean, 0.0)
+
+
+def find_corners(
+    scene: TriangleScene, vertices: Floats, faces: Ints, face_normals: Floats, seats: Ints, rows: Ints, first: int
+) -> Corners:
+    """The corners of points.
+
+    Args:
+        scene: holds exactly the `faces`. vertices (n, 3), faces (m, 3), none degenerate, with unit face_normals (m, 3).
+        seats: (m, 3), the point that each face corner is, if it is one of those wanted; −1 otherwise.
+        rows: (j,), ascending, all points in `seats`. first: what places are numbered from.
+    """
+    face, corner = np.nonzero(seats >= 0)
+    order = np.argsort(seats[face, corner], kind="stable")
+    face, corner = face[order], corner[order]
+    starts = np.searchsorted(seats[face, corner], np.append(rows, rows[-1] + 1))
+    here, ahead, behind = (vertices[faces[face, (corner + step) % 3]] for step in range(3))
+    normal = face_normals[face]
+    one, other = ahead - here, behind - here
+    a, b = np.linalg.norm(one, axis=1), np.linalg.norm(other, axis=1)
+    double = np.linalg.norm(np.cross(one, other), axis=1)
+    angle = np.arctan2(double, np.einsum("ij,ij->i", one, other))
+
+    extent = np.abs(np.stack([here, ahead, behind])).max(axis=(0, 2))
+    height = double / np.linalg.norm(other - one, axis=1)
+    inside = np.clip(_OFFSETS * ray_offset(normal, extent, np.ones(len(face))) / height, _INSIDE, _FARTHEST)
+    turn = np.full(seats.shape, len(face))
+    turn[face, corner] = np.arange(len(face))
+    origins = np.empty((len(face), SPREAD, 3), np.float32)
+    nowhere = np.zeros((1, 3))
+    for part in range(SPREAD):
+        theta = (part + 0.5) / SPREAD * angle
+        s, t = np.sin(angle - theta) / a, np.sin(theta) / b
+        along = (s[:, None] * one + t[:, None] * other) / (s + t)[:, None]
+        places = np.concatenate([here + inside[:, None] * along, nowhere])
+        lift = np.concatenate([normal, nowhere])
+        origins[:, part] = ray_origins(
+            scene, places, lift, np.ones(len(lift)), vertices, faces, face_normals, turn
+        )[:-1]  # fmt: skip
+    total = np.add.reduceat(angle, starts[:-1])
+    weights = angle / np.repeat(total, np.diff(starts)) / SPREAD
+    numbers = first + np.arange(SPREAD * len(face), dtype=np.uint32)
+    return Corners(
+        rows,
+        SPREAD * starts,
+        Points(origins.reshape(-1, 3), np.repeat(normal, SPREAD, axis=0).astype(np.float32), numbers),
+        np.repeat(weights, SPREAD),
+    )

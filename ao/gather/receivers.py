@@ -1,0 +1,149 @@
+"""Which points of a mesh are baked: coincident vertices once, each with a hemisphere and a safe ray origin."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import IntFlag
+from typing import Literal
+
+import numpy as np
+import numpy.typing as npt
+
+from raytrace.embree.scene import TriangleScene
+from raytrace.errors import MeshError, OptionError
+from raytrace.mesh.mesh import Mesh
+from raytrace.mesh.normals import face_normals, given, normalize, vertex_sums
+from raytrace.mesh.placement import Placement
+from raytrace.mesh.weld import CREASE, sum_groups, weld
+from raytrace.ray_origins.clearance import outermost_normals
+from raytrace.ray_origins.origins import ray_origins
+from raytrace.system.memory import check_memory
+
+from ..memory import corner_bytes
+from .corners import Corners, find_corners
+from .morton import morton_order
+from .points import Points
+
+Normals = Literal["angle", "area", "equal", "file"]
+Floats = npt.NDArray[np.float64]
+Ints = npt.NDArray[np.int64]
+
+SAME = 1.0 - 1e-9
+
+
+class Flag(IntFlag):
+    """Why a vertex is not an ordinary one; unreferenced and degenerate ones get w = 1."""
+
+    UNREFERENCED = 1  # no face uses it
+    DEGENERATE = 2  # every face that uses it has zero area, or its own normal was asked for and is missing
+    OPPOSED = 4  # no direction sees the front of all its faces; w is the mean over its corners
+    HIDDEN = 8  # most of what it sees are backs of faces: it is inside a solid
+    FOLDED = 16  # its normal lies behind one of its faces; w is the mean over its corners
+
+
+@dataclass(frozen=True, eq=False)
+class Receivers:
+    """The points to bake, and whose they are.
+
+    Attributes:
+        points: one for every group of coincident vertices, numbered along a curve that keeps neighbours together.
+        corners: what the points that are folded or opposed are baked by instead.
+        of_vertex: int64 (n,), the row of each vertex in `points`, −1 for none.
+        flags: uint8 (n,), `Flag`s of each vertex.
+        faces: int64 (m', 3), the faces that are not degenerate. scene: these, to be met by rays.
+    """
+
+    points: Points
+    corners: Corners
+    of_vertex: Ints
+    flags: npt.NDArray[np.uint8]
+    faces: Ints
+    scene: TriangleScene
+
+    @property
+    def first_vertex(self) -> Ints:
+        """The first vertex (k,) of each point."""
+        vertices = np.flatnonzero(self.of_vertex >= 0)[::-1]
+        first = np.empty(len(self.points), np.int64)
+        first[self.of_vertex[vertices]] = vertices
+        return first
+
+    def only(self, wanted: npt.NDArray[np.bool_]) -> Receivers:
+        """The points of the `wanted` vertices, bool (n,); the other vertices have none.
+
+        Raises:
+            OptionError: `wanted` is not one truth value a vertex.
+        """
+        if wanted.shape != self.of_vertex.shape or wanted.dtype != np.bool_:
+            raise OptionError("only", f"bool ({len(self.of_vertex)},)", f"{wanted.dtype} {wanted.shape}")
+        mine = np.where(wanted, self.of_vertex, -1)
+        kept, rows = np.unique(mine[mine >= 0], return_inverse=True)
+        mine[mine >= 0] = rows
+        return Receivers(self.points[kept], self.corners.only(kept), mine, self.flags, self.faces, self.scene)
+
+    def ordinary(self) -> tuple[Receivers, Ints]:
+        """What is baked by a hemisphere of its own, and the rows of these in `points`."""
+        if not len(self.corners):
+            return self, np.arange(len(self.points))
+        own = np.ones(len(self.points) + 1, np.bool_)
+        own[self.corners.rows] = False
+        return self.only(own[self.of_vertex]), np.flatnonzero(own[:-1])
+
+
+def find_receivers(mesh: Mesh, placement: Placement, normals: Normals = "angle") -> Receivers:
+    """Weld, orient and lift the vertices of `mesh`.
+
+    Raises:
+        OptionError: `normals` is not one of the four, or "file" for a mesh that has none.
+        MemoryLimitError: the corners of folded vertices would not fit into memory.
+        EmbreeError: Embree failed, out of memory for instance.
+    """
+    if normals not in ("angle", "area", "equal", "file"):
+        raise OptionError("normals", "angle, area, equal or file", repr(normals))
+    if normals == "file" and mesh.normals is None:
+        raise MeshError(mesh.source, "normals", "vertex normals in the mesh", "none")
+    vertices = placement.vertices.astype(np.float64)
+    count = len(vertices)
+    flags = np.zeros(count, np.uint8)
+    flags[np.bincount(mesh.faces.ravel(), minlength=count) == 0] = Flag.UNREFERENCED
+
+    face_normal, area = face_normals(vertices, mesh.faces)
+    own = vertex_sums(vertices, mesh.faces, face_normal, area, "angle" if normals == "file" else normals)
+    axes = normalize(mesh.normals) if mesh.normals is not None and normals == "file" else normalize(own)
+    faces = mesh.faces
+    if not area.all():
+        faces, face_normal = faces[area > 0], face_normal[area > 0]
+
+    group = weld(placement.vertices, axes, SAME if normals == "file" else CREASE)
+    groups = int(group.max()) + 1
+    first = np.full(groups, count, np.int64)
+    np.minimum.at(first, group, np.arange(count))
+    seats = group[faces]
+    usual = normalize(sum_groups(group, own))
+    lift, clearance = outermost_normals(usual, seats, face_normal)
+    folded = (clearance <= 0) | (lift != usual).any(axis=1)
+    if normals == "file":
+        axes, folded = axes[first], np.zeros(groups, np.bool_)
+        lift = np.where(np.einsum("ij,ij->i", lift, axes)[:, None] < 0, -lift, lift)
+    else:
+        axes = lift
+    scene = TriangleScene(placement.vertices, faces)
+    origin = ray_origins(scene, vertices[first], lift, clearance, vertices, faces, face_normal, seats)
+
+    usable = given(lift) & given(axes)
+    flags[~usable[group] & (flags == 0)] = Flag.DEGENERATE
+    flags[(usable & folded)[group]] = Flag.FOLDED
+    flags[(usable & (clearance <= 0))[group]] = Flag.OPPOSED
+    rows = np.flatnonzero(usable)
+    rows = rows[morton_order(origin[rows])]
+    index = np.full(groups, -1)
+    index[rows] = np.arange(len(rows))
+    numbers = np.arange(len(rows), dtype=np.uint32)
+    points = Points(origin[rows].astype(np.float32), axes[rows].astype(np.float32), numbers)
+    corners, torn = Corners.none(), np.sort(index[usable & folded])
+    if len(torn):
+        wanted = np.where(folded, index, -1)[seats]
+        count = int(np.count_nonzero(wanted >= 0))
+        check_memory(mesh.source, corner_bytes(count), f"for the {count:,} corners of folded vertices")
+        corners = find_corners(scene, vertices, faces, face_normal, wanted, torn, len(rows))
+    return Receivers(points, corners, index[group], flags, faces, scene)

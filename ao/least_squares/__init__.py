@@ -1,0 +1,1 @@
+"""Least-squares vertex baking (Kavan, Bargteil & Sloan 2011)."""

@@ -1,0 +1,106 @@
+"""Large sparse symmetric systems, solved to the same bits on any number of cores."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+from scipy.sparse import csr_array
+
+from raytrace.kernel.jit import kernel
+from raytrace.system.threads import run_blocks
+
+Floats = npt.NDArray[np.float64]
+Bools = npt.NDArray[np.bool_]
+
+FINE, COARSE = 1e-6, 1e-4
+_STAGES = COARSE, 1e-5, FINE
+_STEPS = 1000
+_ROUNDS = 20
+_BLOCK = 1 << 16  # rows
+
+
+def dot(a: Floats, b: Floats) -> float:
+    """Σ a_i b_i, by NumPy: BLAS, and with it `scipy.sparse.linalg.cg`, sums in an order that depends on its threads."""
+    return float(np.einsum("i,i->", a, b))
+
+
+def multiply(matrix: csr_array, x: Floats, threads: int, out: Floats | None = None) -> Floats:
+    """matrix · x, into `out` if it is given."""
+    out = np.empty(len(x)) if out is None else out
+    starts, columns = matrix.indptr.view(np.uint32), matrix.indices.view(np.uint32)  # no sign to be minded
+
+    def work(first: int, last: int) -> None:
+        _multiply(starts[first : last + 1], columns, matrix.data, x, out[first:last])
+
+    if threads == 1 or len(x) <= _BLOCK:
+        work(0, len(x))
+    else:
+        run_blocks(len(x), _BLOCK, work, threads)
+    return out
+
+
+@kernel
+def _multiply(starts, columns, values, x, out):
+    for i in range(len(out)):
+        total = 0.0
+        for k in range(starts[i], starts[i + 1]):
+            total += values[k] * x[columns[k]]
+        out[i] = total
+
+
+def solve(
+    matrix: csr_array,
+    right: Floats,
+    start: Floats,
+    free: Bools | None = None,
+    tolerance: float = FINE,
+    threads: int = 1,
+) -> Floats:
+    """Solve matrix · x = right, positive semidefinite, by conjugate gradients with Jacobi's preconditioner.
+
+    Args: start: (n,), where to begin. free: bool (n,), the unknowns to solve for; the others keep their start.
+        tolerance: of the residual, as a part of the right side.
+    """
+    diagonal = matrix.diagonal()
+    usable = diagonal > 0 if free is None else (diagonal > 0) & free
+    inverse = np.where(usable, 1 / np.where(usable, diagonal, 1.0), 0.0)
+    x = start.copy()
+    residual = right - multiply(matrix, x, threads)
+    stop = tolerance**2 * (dot(inverse * right, right) + dot(diagonal * start, start))
+    step = inverse * residual
+    size = dot(residual, step)
+    scratch = np.empty(len(x))  # new arrays cost more than what is done to them
+    for _ in range(_STEPS):
+        if size <= stop:
+            break
+        image = multiply(matrix, step, threads, scratch)
+        length = size / dot(step, image)
+        image *= length
+        residual -= image
+        x += np.multiply(step, length, out=scratch)
+        scaled = np.multiply(inverse, residual, out=scratch)
+        size, before = dot(residual, scaled), size
+        step *= size / before
+        step += scaled
+    return x
+
+
+def solve_within(matrix: csr_array, right: Floats, start: Floats, tolerance: float = FINE, threads: int = 1) -> Floats:
+    """Minimise ½ xᵀ matrix x − xᵀ right over 0 ≤ x ≤ 1, by a primal-dual active set, found roughly first.
+
+    Args: as `solve`; tolerance: COARSE or FINE.
+    Source: Hintermüller, Ito & Kunisch 2002, The primal-dual active set strategy as a semismooth Newton method.
+    """
+    x = solve(matrix, right, start, None, COARSE, threads)
+    low, high = x < 0, x > 1
+    for accuracy in _STAGES[: _STAGES.index(tolerance) + 1]:
+        for _ in range(_ROUNDS):
+            held = low | high
+            x = solve(matrix, right, np.where(held, high, np.clip(x, 0, 1)), ~held, accuracy, threads)
+            pull = right - multiply(matrix, x, threads)
+            now = np.where(held, low & (pull < 0), x < 0), np.where(held, high & (pull > 0), x > 1)
+            same = np.array_equal(low, now[0]) and np.array_equal(high, now[1])
+            low, high = now
+            if same:
+                break
+    return np.clip(x, 0, 1)

@@ -1,0 +1,153 @@
+"""Obscurance over a surface, gathered into the moments of each face from which values at the vertices are fitted.
+
+At a point of a face the hemisphere is the one a renderer shades with: about the normal interpolated between the
+vertices, less what lies below the face, which no ray from there can reach.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from raytrace.embree.packets import DIR_X, DIR_Y, DIR_Z, GEOM_ID, INVALID, LANES, NG_X, NG_Y, NG_Z, TFAR, intersect8
+from raytrace.kernel.borrow import borrow
+from raytrace.kernel.jit import inline, kernel
+from raytrace.mesh.placement import OFFSET_ULPS, ULP
+from raytrace.sampling.hash import mix
+from raytrace.sampling.warps import cosine_hemisphere
+
+from ..gather.hemisphere import aim, start_from, turned_frame
+from .samples import GOLDEN, place
+
+HIDDEN = 1e-4  # weight of a sample that sees the back of things; not 0, so that what is buried has a value too
+_MOSTLY = 0.5
+SQUARES, MATRIX, RIGHT, HALF = 0, 1, 7, 10  # of either half of the samples
+BENT, MOMENTS = 2 * HALF, 2 * HALF + 9
+TRACED, BELOW, SEEN = 0, 1, 2
+
+_SHIFTS = 256
+_PLASTIC = 1 / 1.324717957244746  # Roberts 2018: n·(1/p, 1/p²) mod 1, p³ = p + 1, is a sequence of low discrepancy
+
+
+def lattices(rays: int) -> npt.NDArray[np.float32]:
+    """Fibonacci lattices of `rays` cosine-weighted directions about +z, shifted in height: (256, 3, rays).
+
+    `rays` is a multiple of 8; they are ordered by azimuth, which keeps those of a packet together.
+    """
+    number = np.arange(rays)
+    azimuth = number * GOLDEN % 1
+    order = np.argsort(azimuth)
+    shift = (np.arange(_SHIFTS)[:, None] + 0.5) / _SHIFTS
+    heights = (number[order] + shift) / rays
+    return cosine_hemisphere(heights, np.broadcast_to(azimuth[order], heights.shape)).astype(np.float32)
+
+
+@inline
+def _draw(k, key):
+    """Sample `k`'s lattice and turn in radians: neighbours complement one another, even and odd are independent."""
+    chance = np.uint32(key + np.uint32(k & 1))
+    first, second = mix(chance) / 4294967296.0, mix(mix(chance)) / 4294967296.0
+    rank = k >> 1
+    lattice = int((rank * _PLASTIC + first) % 1.0 * _SHIFTS)
+    return lattice, 2.0 * np.pi * ((rank * (_PLASTIC * _PLASTIC) + second) % 1.0)
+
+
+@inline
+def _shading_normal(axes, b, g):
+    x = b[0] * axes[0, 0] + b[1] * axes[1, 0] + b[2] * axes[2, 0]
+    y = b[0] * axes[0, 1] + b[1] * axes[1, 1] + b[2] * axes[2, 1]
+    z = b[0] * axes[0, 2] + b[1] * axes[1, 2] + b[2] * axes[2, 2]
+    length = np.sqrt(x * x + y * y + z * z)
+    if length < 1e-6:
+        return g[0], g[1], g[2]
+    return x / length, y / length, z / length
+
+
+@kernel
+def gather_faces(
+    scene, packet, valid, corners, normals, axes, starts, ends, weights, shift, directions, key, tau, reach, limit,
+    moments, counts,
+):  # fmt: skip
+    """Gather a block of faces.
+
+    Args:
+        scene, packet, valid: see raytrace.embree.
+        corners: float64 (n, 3, 3), in the scene's units. normals: float64 (n, 3), unit, of the faces.
+        axes: float32 (n, 3, 3), unit normals at the corners.
+        starts, ends: (n + 1,), weights: (n,), shift: see `surface_samples.Samples`.
+        directions: `lattices`. key: uint32 to draw from them by.
+        tau: rate of the exponential μ in the scene's units, or 0 for the binary μ.
+        reach: length of every ray; limit: max_distance, from which on μ is 1, or inf.
+        moments: float64 (n, 29), added to: for the even and for the odd samples Σ y² of y = 1 − w, the upper triangle
+            of Σ b bᵀ, and Σ b y; for all Σ b ȳ_x, Σ b ȳ_y, Σ b ȳ_z, with ȳ the mean of μ·direction; weighted.
+        counts: int64 (n, 3), added to: rays traced, rays below the face, samples that are not hidden.
+    """
+    packet, valid, corners, normals, axes, directions, moments, counts = (
+        borrow(packet), borrow(valid), borrow(corners), borrow(normals), borrow(axes), borrow(directions),
+        borrow(moments), borrow(counts))  # fmt: skip
+    ids = packet.view(np.uint32)
+    samples = directions.shape[2]
+    scale = -1.0 / np.expm1(-tau * limit) if tau > 0.0 else 1.0
+    values, b, side, origin = np.zeros(4), np.zeros(3), np.zeros(3), np.zeros(3)
+    for f in range(len(corners)):
+        g = normals[f]
+        largest = 0.0
+        for corner in range(3):
+            for axis in range(3):
+                largest = max(largest, abs(corners[f, corner, axis]))
+        lift = OFFSET_ULPS * ULP * (abs(g[0]) + abs(g[1]) + abs(g[2])) * largest
+        for k in range(starts[f], starts[f + 1]):
+            b[0], b[1], b[2] = place(k, shift, ends[f], ends[f + 1])
+            n = _shading_normal(axes[f], b, g)
+            front = 1.0 if n[0] * g[0] + n[1] * g[1] + n[2] * g[2] >= 0.0 else -1.0
+            for axis in range(3):
+                side[axis] = front * g[axis]
+                at = b[0] * corners[f, 0, axis] + b[1] * corners[f, 1, axis] + b[2] * corners[f, 2, axis]
+                origin[axis] = at + lift * side[axis]
+            start_from(packet, origin)
+            chosen, turn = _draw(k, key)
+            local = directions[chosen]
+            t, u = turned_frame(n, turn)
+            values[:] = 0.0
+            traced = backs = 0
+            for start in range(0, samples, LANES):
+                aim(packet, local, start, t, u, n, reach)
+                for lane in range(LANES):
+                    x, y, z = packet[DIR_X, lane], packet[DIR_Y, lane], packet[DIR_Z, lane]
+                    valid[lane] = -1 if x * side[0] + y * side[1] + z * side[2] > 0.0 else 0
+                    traced -= valid[lane]
+                intersect8(scene, packet, valid)
+                for lane in range(LANES):
+                    if valid[lane] == 0:
+                        continue
+                    mu = 1.0
+                    x, y, z = packet[DIR_X, lane], packet[DIR_Y, lane], packet[DIR_Z, lane]
+                    if ids[GEOM_ID, lane] != INVALID:
+                        if x * packet[NG_X, lane] + y * packet[NG_Y, lane] + z * packet[NG_Z, lane] > 0.0:
+                            backs += 1
+                        if packet[TFAR, lane] < limit:
+                            mu = -np.expm1(-tau * packet[TFAR, lane]) * scale if tau > 0.0 else 0.0  # (12.74)
+                    values[0] += 1.0 - mu
+                    values[1] += mu * x
+                    values[2] += mu * y
+                    values[3] += mu * z
+            counts[f, TRACED] += traced
+            counts[f, BELOW] += samples - traced
+            if traced == 0:
+                continue
+            weight = weights[f]
+            if backs > _MOSTLY * traced:
+                weight *= HIDDEN
+            else:
+                counts[f, SEEN] += 1
+            row, half = moments[f], (k & 1) * HALF
+            values /= traced
+            row[half + SQUARES] += weight * values[0] * values[0]
+            entry = half + MATRIX
+            for i in range(3):
+                for j in range(i, 3):
+                    row[entry] += weight * b[i] * b[j]
+                    entry += 1
+                row[half + RIGHT + i] += weight * b[i] * values[0]
+                for q in range(3):
+                    row[BENT + 3 * q + i] += weight * b[i] * values[1 + q]

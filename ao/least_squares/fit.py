@@ -1,0 +1,112 @@
+"""Values at the vertices from the moments of the faces."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from raytrace.mesh.weld import CREASE
+
+from .conjugate_gradients import COARSE, multiply, solve, solve_within
+from .face_moments import BENT, HALF, MATRIX, MOMENTS, RIGHT, SQUARES
+from .patch import Patch
+from .pattern import Stencil, find_hinges
+from .problem import Half, Problem, cross_validated, normal_matrix, right_side, roughness
+
+Floats = npt.NDArray[np.float64]
+Ints = npt.NDArray[np.int64]
+Once = Callable[[str, Callable[[], Floats]], Floats]
+
+_TIE = 1e-7
+_RELAXED = 1 / 16
+_RUNS, _RUN = 32, 1 << 13  # stretches of the curve, and faces in each, that stand for all where there are many more
+
+
+@dataclass(frozen=True, eq=False)
+class Fit:
+    """Attributes: w, error: float64 (k,). bent: float64 (k, 3), mean of μ·direction."""
+
+    w: Floats
+    error: Floats
+    bent: Floats
+
+
+def state(patch: Patch, moments: Floats, threads: int) -> tuple[Problem, Problem]:
+    """The problem, and one like it, or itself, that is small enough to be solved many times.
+
+    Args: moments: (m, 29), as `gather` gives them.
+    """
+    diagonal = MATRIX + np.array([0, 3, 5])
+    trace = sum(float(moments[:, column].sum()) for column in (*diagonal, *(HALF + diagonal)))
+    ties = _TIE * trace / max(float(patch.areas.sum()), 1e-300) * patch.areas
+    whole = _problem(patch, moments, ties, threads)
+    if len(moments) <= 2 * _RUNS * _RUN:
+        return whole, whole
+    starts = np.arange(_RUNS) * (len(moments) - _RUN) // (_RUNS - 1)
+    some = (starts[:, None] + np.arange(_RUN)).ravel()
+    return whole, _problem(patch.part(some), moments[some], ties[some], threads)
+
+
+def fit_values(problem: Problem, trial: Problem, once: Once) -> Fit:
+    """Fit 1 − w, so that where nothing is closed w is exactly 1.
+
+    Args: problem, trial: from `state`. once: called with what is long to compute, and a name of it.
+    """
+
+    def fit_halves() -> Floats:
+        alpha, fits = cross_validated(trial, _level(trial))
+        if trial is not problem:
+            start = _level(problem)
+            fits = problem.fit(problem.halves[0], alpha, start), problem.fit(problem.halves[1], alpha, start)
+        return np.concatenate([[alpha], *fits])
+
+    alpha, first, second = np.split(once("halves", fit_halves), [1, 1 + problem.bent.shape[1]])
+    stencil, threads, (even, odd) = problem.stencil, problem.threads, problem.halves
+    right, data = even.right + odd.right, even.values + odd.values
+    variance = _local_mean(stencil, data, (np.clip(first, 0, 1) - np.clip(second, 0, 1)) ** 2 / 4, threads)
+
+    def fit_all() -> tuple[Floats, Floats]:
+        matrix = problem.system(data, alpha[0])
+        closed = once("closed", lambda: solve_within(matrix, right, (first + second) / 2, threads=threads))
+        zeros = np.zeros(len(right))
+        bent = once(
+            "bent", lambda: np.concatenate([solve(matrix, at, zeros, None, COARSE, threads) for at in problem.bent])
+        )
+        return closed, bent.reshape(3, -1).T
+
+    closed, bent = fit_all()
+    matrix = problem.system(data, alpha[0] * _RELAXED)
+    relaxed = once("relaxed", lambda: solve_within(matrix, right, closed, COARSE, threads))
+    return Fit(1 - closed, np.sqrt(variance + (closed - relaxed) ** 2), bent)
+
+
+def _problem(patch: Patch, moments: Floats, ties: Floats, threads: int) -> Problem:
+    hinges = find_hinges(patch.seats, patch.normals, CREASE, patch.unknowns)
+    stencil = Stencil.of(patch.seats, hinges, patch.unknowns)
+    even, odd = (
+        Half(
+            normal_matrix(stencil, moments[:, a + MATRIX : a + RIGHT]),
+            right_side(stencil, moments[:, a + RIGHT : a + HALF]),
+            float(moments[:, a + SQUARES].sum()),
+        )
+        for a in (0, HALF)
+    )
+    bent = np.stack([right_side(stencil, moments[:, a : a + 3]) for a in range(BENT, MOMENTS, 3)])
+    return Problem(stencil, (even, odd), roughness(stencil, hinges, patch.corners, patch.areas), ties, bent, threads)
+
+
+def _level(problem: Problem) -> Floats:
+    """All vertices alike: where to start."""
+    right, mass = (sum(part) for part in zip(*((h.right.sum(), h.values.sum()) for h in problem.halves), strict=True))
+    return np.full(problem.bent.shape[1], right / max(mass, 1e-300))
+
+
+def _local_mean(stencil: Stencil, data: Floats, values: Floats, threads: int) -> Floats:
+    """Means of `values` (k,) over each vertex and its neighbours, drawn towards that of all by a tenth."""
+    weights = stencil.matrix(data)
+    mass, sums = (multiply(weights, x, threads) for x in (np.ones(len(values)), values))
+    local = np.where(mass > 0, sums / np.where(mass > 0, mass, 1.0), values)
+    return 0.9 * local + 0.1 * float(np.mean(values))

@@ -1,0 +1,130 @@
+"""The faces that are sampled, and the sampling of them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from raytrace.embree.packets import LANES, new_packet
+from raytrace.embree.scene import TriangleScene
+from raytrace.mesh.normals import face_normals
+from raytrace.mesh.placement import Placement
+from raytrace.sampling.hash import mix_array as mix
+from raytrace.system.threads import run_blocks
+
+from ..falloff import Mu
+from ..gather.receivers import Receivers
+from ..trace.checkpoint import Checkpoint
+from ..trace.tracer import Progress
+from .face_moments import HIDDEN, MOMENTS, SEEN, gather_faces, lattices
+from .samples import Samples, along_curve
+
+Floats = npt.NDArray[np.float64]
+Ints = npt.NDArray[np.int64]
+
+_MOST_RAYS = 32
+_BLOCK_RAYS = 1 << 19
+
+
+@dataclass(frozen=True, eq=False)
+class Patch:
+    """Faces in the placed mesh's units, along a space-filling curve.
+
+    Attributes:
+        corners: float64 (m, 3, 3). normals: float64 (m, 3), unit. areas: float64 (m,), above 0.
+        seats: int32 (m, 3), the unknown at each corner: its row in `Receivers.points`, or one behind those for a
+            vertex without a point.
+        axes: float32 (m, 3, 3), unit normals of the corners' points, or 0.
+        unknowns: how many there are.
+    """
+
+    corners: Floats
+    normals: Floats
+    areas: Floats
+    seats: npt.NDArray[np.int32]
+    axes: npt.NDArray[np.float32]
+    unknowns: int
+
+    @classmethod
+    def of(cls, placement: Placement, receivers: Receivers, wanted: npt.NDArray[np.bool_]) -> Patch:
+        """The patch of all faces that have a corner among the `wanted` vertices, bool (n,)."""
+        vertices = placement.vertices.astype(np.float64)
+        faces = receivers.faces[wanted[receivers.faces].any(axis=1)]
+        faces = faces[along_curve(vertices[faces].mean(axis=1))]
+        seat, normals = receivers.of_vertex.copy(), receivers.points.normals
+        without = np.flatnonzero(seat < 0)
+        seat[without] = len(normals) + np.arange(len(without))
+        axes = np.concatenate([normals, np.zeros((len(without), 3), np.float32)])
+        return cls(
+            vertices[faces], *face_normals(vertices, faces), seat[faces].astype(np.int32), axes[seat[faces]], len(axes)
+        )
+
+    def part(self, faces: Ints) -> Patch:
+        """Some of the faces, with unknowns of their own."""
+        own, seats = np.unique(self.seats[faces], return_inverse=True)
+        local = seats.reshape(-1, 3).astype(np.int32)
+        return Patch(self.corners[faces], self.normals[faces], self.areas[faces], local, self.axes[faces], len(own))
+
+
+def gather(
+    scene: TriangleScene,
+    placement: Placement,
+    patch: Patch,
+    mu: Mu,
+    samples: int,
+    key: np.uint32,
+    threads: int,
+    progress: Progress | None,
+    checkpoint: Checkpoint | None,
+) -> tuple[Floats, Ints]:
+    """Moments (m, 29) and counts (m, 3) of the faces of `patch`, see `gather_faces`.
+
+    Args: samples: rays for every unknown.
+    """
+    moments, counts = np.zeros((len(patch.seats), MOMENTS)), np.zeros((len(patch.seats), 3), np.int64)
+    if not len(patch.seats):
+        return moments, counts
+    rays = int(np.clip(samples // 2 // LANES * LANES, LANES, _MOST_RAYS))
+    count = max(samples * len(np.unique(patch.seats)) // rays, 1)
+    spread = Samples.spread(patch.areas, count, float(np.ldexp(mix([key])[0], -32)))
+    directions = lattices(rays)
+    tau = (mu.tau or 0.0) / placement.scale
+    limit = mu.max_distance * placement.scale
+    call = checkpoint.call(patch.seats, samples, key) if checkpoint else b""
+    done = 0
+
+    def work(a: int, b: int) -> None:
+        if checkpoint and checkpoint.copy(call, a, moments[a:b], counts[a:b]):
+            return
+        gather_faces(
+            scene.handle, *new_packet(), patch.corners[a:b], patch.normals[a:b], patch.axes[a:b],
+            spread.starts[a : b + 1], spread.ends[a : b + 1], spread.weights[a:b], spread.shift, directions, key,
+            tau, placement.diagonal, limit, moments[a:b], counts[a:b],
+        )  # fmt: skip
+        if checkpoint:
+            checkpoint.add(call, a, moments[a:b], counts[a:b])
+
+    def advance(faces: int) -> None:
+        nonlocal done
+        done += faces
+        if checkpoint:
+            checkpoint.save()
+        if progress:
+            progress(count * rays * done // len(moments), count * rays)
+
+    run_blocks(len(moments), max(len(moments) * _BLOCK_RAYS // (count * rays), 1), work, threads, advance)
+    return moments, counts
+
+
+def reveal_interiors(patch: Patch, moments: Floats, counts: Ints) -> None:
+    """Weight samples in full, in place, where no vertex of the face can see a way out.
+
+    Hidden samples step back behind visible ones at the same vertex. Where there are none, in a room whose walls
+    face outwards for instance, they are all that counts.
+    """
+    seen, seats = np.zeros(patch.unknowns, np.bool_), patch.seats
+    seen[seats[counts[:, SEEN] > 0]] = True
+    interior = ~(seen[seats[:, 0]] | seen[seats[:, 1]] | seen[seats[:, 2]])
+    moments[interior] /= HIDDEN

@@ -1,0 +1,1 @@
+"""Conservative horizons: rays that cannot hit anything are counted without tracing."""

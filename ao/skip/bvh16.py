@@ -1,0 +1,135 @@
+"""Boxes around boxes around triangles, sixteen children to a node, for kernels that ask sixteen at once."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from raytrace.kernel.arrays import aligned
+from raytrace.kernel.jit import inline, kernel
+from raytrace.kernel.simd import WIDE
+from raytrace.kernel.vector import cross, dot, load, subtract
+from raytrace.mesh.placement import ULP
+from raytrace.system.threads import run_blocks, thread_count
+
+_BLOCK = 1 << 10  # leaves
+_GROWN = np.float32(1.0 + 2.0**-20)  # half sides, for their rounding
+
+
+@dataclass(frozen=True, eq=False)
+class BoxTree:
+    """Triangles by sixteens, boxes around each sixteen of these, and so on up to one node, the last.
+
+    Unused places hold NaN, which compares as false.
+
+    Attributes:
+        triangles: float32 (leaves, 10, 16), the corners' coordinates, and how far off Embree may take a flat triangle
+            to be. Boxes are larger by twice that.
+        boxes: float32 (nodes, 6, 16), centres and half sides of a node's children; levels follow each other upwards.
+        starts: int64 (levels + 1,), the first node of each level, the lowest one's children being leaves.
+    """
+
+    triangles: npt.NDArray[np.float32]
+    boxes: npt.NDArray[np.float32]
+    starts: npt.NDArray[np.int64]
+
+    @classmethod
+    def of(
+        cls, vertices: npt.NDArray[np.float32], faces: npt.NDArray[np.int64], of_vertex: npt.NDArray[np.int64]
+    ) -> BoxTree:
+        """The tree over `faces` (m, 3) of `vertices` (n, 3).
+
+        Args: of_vertex: (n,), each vertex's place along a curve, −1 for none. Faces are taken in the order of their
+            first corners.
+        """
+        order = np.empty(len(faces), np.int64)
+        _sort(faces, of_vertex, np.zeros(len(of_vertex) + 2, np.int64), order)
+        leaves = max(-(-len(faces) // WIDE), 1)
+        triangles, around = aligned((leaves, 10, WIDE), np.float32), np.empty((leaves, 6), np.float32)
+
+        def fill(first: int, last: int) -> None:
+            _fill(vertices, faces, order[first * WIDE : last * WIDE], triangles[first:last], around[first:last])
+
+        run_blocks(leaves, _BLOCK, fill, thread_count(None))
+        levels, starts = [], [0]
+        while True:
+            nodes = -(-len(around) // WIDE)
+            level, above = np.empty((nodes, 6, WIDE), np.float32), np.empty((nodes, 6), np.float32)
+            _enclose(around, level, above)
+            levels.append(level)
+            starts.append(starts[-1] + nodes)
+            if nodes == 1:
+                break
+            around = above
+        boxes = aligned((starts[-1], 6, WIDE), np.float32)
+        np.concatenate(levels, out=boxes)
+        return cls(triangles, boxes, np.array(starts))
+
+
+@kernel
+def _sort(faces, of_vertex, first, order):
+    """Order faces by their least corner along the curve. Args: first: zeros (n + 2,), scratch."""
+    last = len(of_vertex)
+    least = np.empty(len(faces), np.int64)
+    for f in range(len(faces)):
+        least[f] = last
+        for corner in range(3):
+            place = of_vertex[faces[f, corner]]
+            if 0 <= place < least[f]:
+                least[f] = place
+        first[least[f] + 1] += 1
+    for i in range(last + 1):
+        first[i + 1] += first[i]
+    for f in range(len(faces)):
+        order[first[least[f]]] = f
+        first[least[f]] += 1
+
+
+@kernel
+def _fill(vertices, faces, order, triangles, around):
+    """Write triangles into leaves and the boxes (leaves, 6), low and high corners, around these."""
+    for leaf in range(len(triangles)):
+        triangles[leaf] = np.nan
+        around[leaf, :3], around[leaf, 3:] = np.inf, -np.inf
+        for lane in range(min(WIDE, len(order) - leaf * WIDE)):
+            corners = faces[order[leaf * WIDE + lane]]
+            off = np.float32(_off(load(vertices, corners[0]), load(vertices, corners[1]), load(vertices, corners[2])))
+            triangles[leaf, 9, lane] = off
+            for corner in range(3):
+                for axis in range(3):
+                    x = vertices[corners[corner], axis]
+                    triangles[leaf, 3 * corner + axis, lane] = x
+                    around[leaf, axis] = min(around[leaf, axis], x - 2 * off)
+                    around[leaf, 3 + axis] = max(around[leaf, 3 + axis], x + 2 * off)
+
+
+@inline
+def _off(a, b, c):
+    """A rounding of the longest edge over the sine of the smallest angle."""
+    ab, bc, ca = subtract(b, a), subtract(c, b), subtract(a, c)
+    normal = cross(ab, bc)
+    x, y, z = dot(ab, ab), dot(bc, bc), dot(ca, ca)
+    longest, shortest = max(max(x, y), z), min(min(x, y), z)
+    others = np.sqrt(x * y * z / max(shortest, 1e-300))  # the product of the two longer ones
+    return ULP * np.sqrt(longest) * others / max(np.sqrt(dot(normal, normal)), 1e-150)
+
+
+@kernel
+def _enclose(around, level, above):
+    """Write the boxes `around` (c, 6) into nodes of sixteen, and the boxes around these."""
+    for node in range(len(level)):
+        above[node, :3], above[node, 3:] = np.inf, -np.inf
+        for lane in range(WIDE):
+            k = node * WIDE + lane
+            for axis in range(3):
+                if k >= len(around):
+                    level[node, axis, lane] = level[node, 3 + axis, lane] = np.nan
+                    continue
+                low, high = around[k, axis], around[k, 3 + axis]
+                centre = np.float32(0.5) * (low + high)
+                level[node, axis, lane] = centre
+                level[node, 3 + axis, lane] = max(high - centre, centre - low) * _GROWN
+                above[node, axis] = min(above[node, axis], low)
+                above[node, 3 + axis] = max(above[node, 3 + axis], high)

@@ -1,0 +1,73 @@
+"""Cook–Torrance: mirror facets under a Fresnel interface, over a Lambertian base.
+
+f = k_d ρ/π + k_s f_s with k_d = 1 − k_s, and f_s = D G F/(4π (n·l)(n·v)), which conserves energy, or the printed
+f_s = D G F/(π (n·l)(n·v)), four times as bright.
+
+Row: ρ (RGB), k_s, η (RGB), shifted (1: the specular colour is used), specular colour (RGB), normalisation 1/(4π) or
+1/π; then either m and the Gaussian's c (0: Beckmann), or the two slopes of the elliptical distribution.
+Source: Cook & Torrance 1982; (12.34–12.52).
+"""
+
+from __future__ import annotations
+
+from math import pi, sqrt
+
+from ..kernel.jit import inline
+from ..kernel.vector import cross, dot, halfway, perpendicular
+from .layout import MODEL
+from .microfacet import attenuation, beckmann, fresnel, gaussian
+
+K_S, ETA, SHIFTED, COLOUR, NORMALISATION, M = MODEL + 3, MODEL + 4, MODEL + 7, MODEL + 8, MODEL + 11, MODEL + 12
+
+
+@inline
+def shifted_colour(colour, eta, reflectance):
+    """Specular colour per unit light, moving from `colour` at normal incidence to the light's own at grazing."""
+    normal = (eta - 1.0) / (eta + 1.0)
+    normal *= normal
+    if normal >= 1.0:
+        return colour
+    return colour + (1.0 - colour) * max(0.0, reflectance - normal) / (1.0 - normal)  # colour shift
+
+
+@inline
+def combine(row, nl, nv, h, nh, vh, distribution):
+    """k_d f_d and k_s f_s per channel, times n·l."""
+    base = (1.0 - row[K_S]) * nl / pi  # k_d f_d, (12.18)
+    diffuse = (row[MODEL] * base, row[MODEL + 1] * base, row[MODEL + 2] * base)
+    if nv <= 0.0 or nh <= 0.0 or vh <= 0.0:
+        return diffuse, (0.0, 0.0, 0.0)
+    lobe = row[K_S] * row[NORMALISATION] * distribution * attenuation(nh, nl, nv, vh) / nv  # k_s f_s
+    red, green, blue = fresnel(row[ETA], vh), fresnel(row[ETA + 1], vh), fresnel(row[ETA + 2], vh)
+    if row[SHIFTED] == 1.0:
+        lobe *= (red + green + blue) / 3.0
+        red = shifted_colour(row[COLOUR], row[ETA], red)
+        green = shifted_colour(row[COLOUR + 1], row[ETA + 1], green)
+        blue = shifted_colour(row[COLOUR + 2], row[ETA + 2], blue)
+    return diffuse, (lobe * red, lobe * green, lobe * blue)
+
+
+@inline
+def terms(row, n, l, v):
+    """Diffuse and specular RGB reflected per unit incident RGB for a packed row, isotropic."""
+    h = halfway(l, v)
+    nh = dot(n, h)
+    lifted = cross(n, h)  # |n × h| = sinθ_a, exact where 1 − (n·h)² cancels
+    sine = sqrt(dot(lifted, lifted))
+    distribution = 0.0
+    if nh > 0.0:
+        c = row[M + 1]
+        distribution = gaussian(sine, nh, row[M], c) if c > 0.0 else beckmann(sine, 0.0, nh, row[M], row[M])
+    return combine(row, dot(n, l), dot(n, v), h, nh, dot(v, h), distribution)
+
+
+@inline
+def terms_elliptical(row, n, l, v, grain):
+    """Diffuse and specular RGB reflected per unit incident RGB for a packed row, facets of two slopes about a grain."""
+    h = halfway(l, v)
+    nh = dot(n, h)
+    distribution = 0.0
+    if nh > 0.0:
+        g, across = perpendicular(n, grain)
+        distribution = beckmann(dot(h, g), dot(h, across), nh, row[M], row[M + 1])
+    return combine(row, dot(n, l), dot(n, v), h, nh, dot(v, h), distribution)

@@ -1,0 +1,149 @@
+"""The one door to all reflection models, for kernels that meet many materials.
+
+    red, green, blue = evaluate(kind, row, n, l, v, tangent)
+
+`kind` and `row` come from a material's `pack()`; directions are triples of unit vectors pointing away from the surface.
+`terms_wide` is the same for sixteen points of one material, in lanes.
+The result is the reflected RGB for unit incident RGB: BRDF·(n·l) for physical models, k_d⟨n·l⟩ + k_s S for Phong-type
+ones; zero, everywhere, for a light at or below the horizon. A material without a grain of its own is brushed along the
+surface's `tangent`.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..kernel.jit import inline, kernel
+from ..kernel.simd import WIDE
+from ..kernel.simd_masks import pick, replace
+from ..kernel.vector import add, dot, load, scale
+from . import cook_torrance, lambert, oren_nayar, phong, poulin_fournier, strauss
+from .layout import (
+    ALPHA,
+    AMBIENT,
+    BLINN_PHONG,
+    COOK_TORRANCE,
+    ELLIPTICAL_BECKMANN,
+    EMISSION,
+    GRAIN,
+    LAMBERT,
+    OREN_NAYAR,
+    PHONG,
+    STRAUSS,
+    TO_LIGHT,
+    TO_VIEWER,
+    TWO_SIDED,
+)
+
+_lambert, _phong, _blinn = lambert.terms, phong.terms_phong, phong.terms_blinn
+_cook_torrance, _elliptical = cook_torrance.terms, cook_torrance.terms_elliptical
+_oren_nayar, _strauss, _poulin_fournier = oren_nayar.terms, strauss.terms, poulin_fournier.terms
+
+
+@inline
+def emission(row):
+    """I_e, emitted RGB."""
+    return (row[EMISSION], row[EMISSION + 1], row[EMISSION + 2])
+
+
+@inline
+def ambient(row):
+    """k_a, RGB reflected of unit ambient light."""
+    return (row[AMBIENT], row[AMBIENT + 1], row[AMBIENT + 2])
+
+
+@inline
+def alpha(row):
+    """Opacity in [0, 1]."""
+    return row[ALPHA]
+
+
+@inline
+def facing(row, n, l, v):
+    """The normal of the side that reflects: n, or −n where a two-sided material turns it to the light or the viewer."""
+    if row[TWO_SIDED] == TO_LIGHT and dot(n, l) < 0.0:
+        return scale(-1.0, n)
+    if row[TWO_SIDED] == TO_VIEWER and dot(n, v) < 0.0:
+        return scale(-1.0, n)
+    return n
+
+
+@inline
+def terms(kind, row, n, l, v, tangent):
+    """Diffuse and specular RGB reflected per unit incident RGB by the side that n points away from.
+
+    Args: kind and row of a packed material; unit normal n; unit directions l to the light and v to the viewer; tangent
+        of the surface, along which an anisotropic material without a grain of its own is brushed. Either is projected
+        into the tangent plane; without both some direction in it is taken.
+    """
+    if dot(n, l) <= 0.0:
+        return (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
+    if kind == LAMBERT:
+        return _lambert(row, n, l)
+    if kind == PHONG:
+        return _phong(row, n, l, v)
+    if kind == BLINN_PHONG:
+        return _blinn(row, n, l, v)
+    if kind == COOK_TORRANCE:
+        return _cook_torrance(row, n, l, v)
+    if kind == OREN_NAYAR:
+        return _oren_nayar(row, n, l, v)
+    if kind == STRAUSS:
+        return _strauss(row, n, l, v)
+    grain = (row[GRAIN], row[GRAIN + 1], row[GRAIN + 2])
+    if dot(grain, grain) == 0.0:
+        grain = tangent
+    if kind == ELLIPTICAL_BECKMANN:
+        return _elliptical(row, n, l, v, grain)
+    return _poulin_fournier(row, n, l, v, grain)
+
+
+@inline
+def terms_wide(kind, row, n, l, v, tangent, wanted):
+    """`terms` in lanes, of float32, for n·l > 0; garbage in lanes where the mask `wanted` is not set."""
+    if kind == LAMBERT:
+        return _spread(_lambert(row, n, l), n[0])
+    if kind == PHONG:
+        return _phong(row, n, l, v)
+    if kind == BLINN_PHONG:
+        return _blinn(row, n, l, v)
+    zero = scale(0.0, n)
+    diffuse, specular = zero, zero
+    for lane in range(WIDE):
+        if pick(wanted, lane):
+            d, s = terms(kind, row, _lane(n, lane), _lane(l, lane), _lane(v, lane), _lane(tangent, lane))
+            diffuse, specular = _replaced(diffuse, lane, d), _replaced(specular, lane, s)
+    return diffuse, specular
+
+
+@inline
+def _spread(parts, lanes):
+    """Diffuse lanes with specular zeros in lanes."""
+    diffuse, (red, green, blue) = parts
+    return diffuse, (red + 0.0 * lanes, green + 0.0 * lanes, blue + 0.0 * lanes)
+
+
+@inline
+def _lane(a, lane):
+    """One lane of a triple, in double precision."""
+    return (np.float64(pick(a[0], lane)), np.float64(pick(a[1], lane)), np.float64(pick(a[2], lane)))
+
+
+@inline
+def _replaced(a, lane, b):
+    """A triple of lanes with one lane replaced."""
+    return (replace(a[0], lane, b[0]), replace(a[1], lane, b[1]), replace(a[2], lane, b[2]))
+
+
+@inline
+def evaluate(kind, row, n, l, v, tangent):
+    """Reflected RGB per unit incident RGB: the sum of `terms` of the side that reflects."""
+    diffuse, specular = terms(kind, row, facing(row, n, l, v), l, v, tangent)
+    return add(diffuse, specular)
+
+
+@kernel
+def reflect_rows(kind, row, n, l, v, tangent, out):
+    """Fill `out` (k, 3) with the reflected RGB of one packed material for unit vectors n, l, v, tangent (k, 3)."""
+    for i in range(len(out)):
+        out[i, 0], out[i, 1], out[i, 2] = evaluate(kind, row, load(n, i), load(l, i), load(v, i), load(tangent, i))

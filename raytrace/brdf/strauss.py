@@ -1,0 +1,62 @@
+"""Strauss: an empirical model with parameters an artist can turn: colour, smoothness, metalness, transparency.
+
+Row: colour c (RGB), smoothness s, metalness m, transparency t.
+F takes the angle of incidence, as in the paper; the printed shader takes the mean of both angles.
+Source: Strauss 1990; (12.65–12.70).
+"""
+
+from __future__ import annotations
+
+from math import acos, pi
+
+from ..kernel.jit import inline
+from ..kernel.vector import dot, mirror
+from .layout import MODEL
+
+K_F, K_G, K_J = 1.12, 1.01, 0.1
+
+
+@inline
+def fresnel_like(x):
+    """F(x), x = 2θ/π in [0, 1]: 0 at normal incidence, 1 at grazing."""
+    low, high = 1.0 / (K_F * K_F), 1.0 / ((1.0 - K_F) * (1.0 - K_F))
+    return (1.0 / ((x - K_F) * (x - K_F)) - low) / (high - low)  # F, Strauss 1990
+
+
+@inline
+def shadowing(x):
+    """G(x), x = 2θ/π in [0, 1]: 1 at normal incidence, 0 at grazing."""
+    low, high = 1.0 / (K_G * K_G), 1.0 / ((1.0 - K_G) * (1.0 - K_G))
+    return (high - 1.0 / ((x - K_G) * (x - K_G))) / (high - low)  # G, Strauss 1990
+
+
+@inline
+def normalised_angle(cosine):
+    """2θ/π, kept within [0, 1]."""
+    return 2.0 / pi * acos(max(0.0, min(1.0, cosine)))
+
+
+@inline
+def highlight_colour(colour, metalness, grey):
+    """c_s: the highlight of a metal takes its colour, save at grazing."""
+    return 1.0 + metalness * (1.0 - grey) * (colour - 1.0)
+
+
+@inline
+def terms(row, n, l, v):
+    """Diffuse and specular RGB reflected per unit incident RGB for a packed row."""
+    smoothness, metalness, transparency = row[MODEL + 3], row[MODEL + 4], row[MODEL + 5]
+    nl = dot(n, l)
+    r_d = (1.0 - smoothness * smoothness * smoothness) * (1.0 - transparency)
+    r_n = max(0.0, 1.0 - transparency - r_d)
+    diffuse = nl * (1.0 - metalness * smoothness) * r_d
+    x_i, x_r = normalised_angle(nl), normalised_angle(dot(n, v))
+    f = fresnel_like(x_i)
+    r_j = min(1.0, r_n + (r_n + K_J) * f * shadowing(x_i) * shadowing(x_r))  # adjusted by F and G
+    specular = max(0.0, min(1.0, dot(mirror(n, l), v))) ** (3.0 / (1.0 - smoothness)) * r_j
+    red, green, blue = row[MODEL], row[MODEL + 1], row[MODEL + 2]
+    return (diffuse * red, diffuse * green, diffuse * blue), (
+        specular * highlight_colour(red, metalness, f),
+        specular * highlight_colour(green, metalness, f),
+        specular * highlight_colour(blue, metalness, f),
+    )

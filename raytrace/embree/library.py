@@ -1,0 +1,86 @@
+"""Embree's C library: its functions, its one device, its errors.
+
+The only importer of embreex. Its extension module is linked to the Embree it ships, so opening that module with
+ctypes resolves Embree's whole C API without guessing where a wheel keeps the library. The addresses are handed to
+LLVM by name, which keeps compiled kernels valid in the next process.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import sys
+from functools import cache
+from typing import Any
+
+import embreex.rtcore_scene
+import llvmlite.binding
+
+from ..errors import EmbreeError
+
+_VERSION_PROPERTY = 0
+
+_Pointer, _Size, _Int = ctypes.c_void_p, ctypes.c_size_t, ctypes.c_int
+_SIGNATURES: dict[str, tuple[Any, list[Any]]] = {
+    "rtcNewDevice": (_Pointer, [ctypes.c_char_p]),
+    "rtcGetDeviceProperty": (ctypes.c_ssize_t, [_Pointer, _Int]),
+    "rtcGetDeviceError": (_Int, [_Pointer]),
+    "rtcGetDeviceLastErrorMessage": (ctypes.c_char_p, [_Pointer]),
+    "rtcNewScene": (_Pointer, [_Pointer]),
+    "rtcSetSceneFlags": (None, [_Pointer, _Int]),
+    "rtcCommitScene": (None, [_Pointer]),
+    "rtcReleaseScene": (None, [_Pointer]),
+    "rtcNewGeometry": (_Pointer, [_Pointer, _Int]),
+    "rtcSetSharedGeometryBuffer": (None, [_Pointer, _Int, ctypes.c_uint, _Int, _Pointer, _Size, _Size, _Size]),
+    "rtcCommitGeometry": (None, [_Pointer]),
+    "rtcReleaseGeometry": (None, [_Pointer]),
+    "rtcAttachGeometryByID": (None, [_Pointer, _Pointer, ctypes.c_uint]),
+    "rtcSetGeometryInstancedScene": (None, [_Pointer, _Pointer]),
+    "rtcSetGeometryTransform": (None, [_Pointer, ctypes.c_uint, _Int, _Pointer]),
+}
+_QUERIES = ("rtcIntersect8", "rtcOccluded8", "rtcIntersect16", "rtcOccluded16", "rtcPointQuery")
+
+
+def _open_library() -> ctypes.CDLL:
+    path = "embree4.dll" if sys.platform == "win32" else embreex.rtcore_scene.__file__
+    library = ctypes.CDLL(path)
+    try:
+        for name, (result, arguments) in _SIGNATURES.items():
+            function = getattr(library, name)
+            function.restype, function.argtypes = result, arguments
+        for name in _QUERIES:
+            address = ctypes.cast(getattr(library, name), _Pointer).value
+            llvmlite.binding.add_symbol(name, address)
+    except AttributeError as missing:
+        raise EmbreeError(f"embreex: Embree library: expected version 4 with all of its C API, got {missing}") from None
+    return library
+
+
+library = _open_library()
+
+
+@cache
+def device() -> int:
+    """The process's one Embree device."""
+    device = library.rtcNewDevice(None)
+    if not device:
+        raise EmbreeError(f"Embree device: {_last_message(None)}")
+    version = library.rtcGetDeviceProperty(device, _VERSION_PROPERTY)
+    if version // 10000 != 4:
+        raise EmbreeError(f"embreex: Embree version: expected 4.x, got {version // 10000}.{version // 100 % 100}")
+    return int(device)
+
+
+def version() -> str:
+    """Embree's own version, such as '4.4.0'."""
+    number = library.rtcGetDeviceProperty(device(), _VERSION_PROPERTY)
+    return f"{number // 10000}.{number // 100 % 100}.{number % 100}"
+
+
+def _last_message(device: int | None) -> str:
+    text = library.rtcGetDeviceLastErrorMessage(device)
+    return text.decode(errors="replace") if text else "unknown error"
+
+
+def check(device: int) -> None:
+    if library.rtcGetDeviceError(device):
+        raise EmbreeError(f"Embree: {_last_message(device)}")

@@ -1,0 +1,79 @@
+"""Packets of rays, and the queries that kernels call for them.
+
+A packet is a float32 array (22, 8) or (22, 16), 64-byte aligned: the 12 rows of RTCRay8 or RTCRay16, the 9 rows of the
+hit, and a row that is Embree's arguments of a query. Rows are named below; identifiers are the same memory viewed as
+uint32.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+from numba import types
+
+from ..kernel.arrays import aligned
+from ..kernel.jit import inline
+from . import library as library  # LLVM knows Embree's functions from then on
+
+LANES = 8
+ORG_X, ORG_Y, ORG_Z, TNEAR, DIR_X, DIR_Y, DIR_Z, TIME, TFAR, MASK, ID, FLAGS = range(12)
+NG_X, NG_Y, NG_Z, U, V, PRIM_ID, GEOM_ID, INST_ID, INST_PRIM_ID = range(12, 21)
+ARGUMENTS = 21
+_ARGUMENTS_AT = ARGUMENTS * LANES * 4
+INVALID = np.uint32(0xFFFFFFFF)
+_COHERENT = 1 << 16
+
+_call = types.void(types.uintp, types.uintp, types.uintp, types.uintp)
+_intersect8 = types.ExternalFunction("rtcIntersect8", _call)
+_occluded8 = types.ExternalFunction("rtcOccluded8", _call)
+_intersect16 = types.ExternalFunction("rtcIntersect16", _call)
+_occluded16 = types.ExternalFunction("rtcOccluded16", _call)
+
+
+@inline
+def intersect8(scene, packet, valid):
+    """Closest hit of each valid lane: overwrites TFAR and the hit rows of `packet`; GEOM_ID is INVALID on a miss.
+
+    Args: scene: handle, uint64. packet: float32 (22, 8), aligned. valid: int32 (8,), aligned, −1 traced, 0 not.
+    """
+    ids = packet.view(np.uint32)
+    for lane in range(LANES):
+        ids[GEOM_ID, lane] = INVALID
+        ids[INST_ID, lane] = INVALID
+    _intersect8(valid.ctypes.data, scene, packet.ctypes.data, packet.ctypes.data + _ARGUMENTS_AT)
+
+
+@inline
+def occluded8(scene, packet, valid):
+    """Any hit of each valid lane: TFAR of `packet` becomes −inf where something stands in the way."""
+    _occluded8(valid.ctypes.data, scene, packet.ctypes.data, packet.ctypes.data + _ARGUMENTS_AT)
+
+
+@inline
+def intersect16(scene, packet, valid):
+    """`intersect8` of sixteen lanes."""
+    ids = packet.view(np.uint32)
+    for lane in range(2 * LANES):
+        ids[GEOM_ID, lane] = INVALID
+        ids[INST_ID, lane] = INVALID
+    _intersect16(valid.ctypes.data, scene, packet.ctypes.data, packet.ctypes.data + 2 * _ARGUMENTS_AT)
+
+
+@inline
+def occluded16(scene, packet, valid):
+    """`occluded8` of sixteen lanes."""
+    _occluded16(valid.ctypes.data, scene, packet.ctypes.data, packet.ctypes.data + 2 * _ARGUMENTS_AT)
+
+
+def new_packet(lanes: int = LANES, coherent: bool = False) -> tuple[npt.NDArray[np.float32], npt.NDArray[np.int32]]:
+    """A packet ready for tracing from tnear 0 with no mask, and its `valid` lanes, all on.
+
+    Args: lanes: 8 or 16. coherent: whether its rays will run closely side by side, as a camera's do.
+    """
+    packet = aligned((22, lanes), np.float32)
+    ids = packet.view(np.uint32)
+    ids[MASK] = INVALID
+    ids[ARGUMENTS, :2] = (_COHERENT if coherent else 0), INVALID  # flags, features
+    valid = aligned((lanes,), np.int32)
+    valid[:] = -1
+    return packet, valid

@@ -1,0 +1,60 @@
+"""Faces near a point, from Embree's own hierarchy: a point query whose callback notes the faces it is shown."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numba
+from numba import types
+from numba.extending import intrinsic
+
+from ..kernel.jit import callback, inline
+from . import library as library  # LLVM knows Embree's functions from then on
+from .packets import INVALID
+
+_point_query = types.ExternalFunction("rtcPointQuery", types.boolean(*(types.uintp,) * 5))
+HEAD = 2  # before the rows: how many there are, how many have room
+_PRIM_ID = 2  # RTCPointQueryFunctionArguments: query, userPtr, then primID and geomID in one word
+_USER = 1
+_INSTANCES = 32  # RTCPointQueryContext: two matrices, then the instances' identifiers
+
+
+@intrinsic
+def _array_at(_typing: Any, address: Any) -> Any:
+    """The int64 array at an address."""
+    pointer = types.CPointer(types.int64)
+
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        return builder.inttoptr(arguments[0], context.get_value_type(pointer))
+
+    return pointer(address), generate
+
+
+@callback(types.boolean(types.CPointer(types.int64)))
+def _note(arguments):
+    """Note a face's row, or only count it where room is short."""
+    given = numba.carray(arguments, 3)
+    head = numba.carray(_array_at(given[_USER]), HEAD)
+    if head[0] < head[1]:
+        numba.carray(_array_at(given[_USER]), HEAD + head[1])[HEAD + head[0]] = given[_PRIM_ID] & 0xFFFFFFFF
+    head[0] += 1
+    return False
+
+
+NOTE = int(_note.address)
+
+
+@inline
+def faces_near(scene, note, point, radius, query, context, near):
+    """Write the rows of all faces within `radius` of a point, and of some farther ones, into near[HEAD:].
+
+    Returns their number; those that find no room are only counted.
+    Args:
+        scene: handle of a TriangleScene. note: `NOTE`, which no cached kernel may hold. point: triple of float64.
+        query: float32 (8,), context: uint32 (64,), aligned scratch. near: int64 (more than HEAD,).
+    """
+    near[0], near[1] = 0, len(near) - HEAD
+    query[0], query[1], query[2], query[3], query[4] = point[0], point[1], point[2], 0.0, radius
+    context[_INSTANCES], context[_INSTANCES + 1] = INVALID, INVALID
+    _point_query(scene, query.ctypes.data, context.ctypes.data, note, near.ctypes.data)
+    return near[0]

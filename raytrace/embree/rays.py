@@ -1,0 +1,120 @@
+"""Rays as plain arrays: closest hits and occlusion for code that is not a kernel."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from ..errors import OptionError
+from ..kernel.jit import inline, kernel
+from ..system.threads import run_blocks, thread_count
+from .packets import DIR_X, GEOM_ID, INVALID, LANES, ORG_X, PRIM_ID, TFAR, U, V, intersect8, new_packet, occluded8
+from .scene import TriangleScene
+
+_BLOCK = 1 << 16
+
+
+@dataclass(frozen=True, eq=False)
+class Hits:
+    """Closest hits of k rays.
+
+    Attributes:
+        distance: float32 (k,), in units of the ray's direction; inf for a miss.
+        face: int64 (k,), row of the scene's faces, −1 for a miss.
+        barycentric: float32 (k, 3), weights of the face's three corners; 0 for a miss.
+    """
+
+    distance: npt.NDArray[np.float32]
+    face: npt.NDArray[np.int64]
+    barycentric: npt.NDArray[np.float32]
+
+
+@inline
+def _load(packet, valid, first, origins, directions, reach):
+    """Fill a packet with the rays from `first` on; lanes beyond the last are not valid."""
+    count = len(origins)
+    for lane in range(LANES):
+        ray = min(first + lane, count - 1)
+        valid[lane] = -1 if first + lane < count else 0
+        for axis in range(3):
+            packet[ORG_X + axis, lane] = origins[ray, axis]
+            packet[DIR_X + axis, lane] = directions[ray, axis]
+        packet[TFAR, lane] = reach[ray]
+
+
+@kernel
+def _closest(scene, packet, valid, origins, directions, reach, distance, face, barycentric):
+    ids = packet.view(np.uint32)
+    count = len(origins)
+    for first in range(0, count, LANES):
+        _load(packet, valid, first, origins, directions, reach)
+        intersect8(scene, packet, valid)
+        for lane in range(min(LANES, count - first)):
+            if ids[GEOM_ID, lane] != INVALID:
+                ray = first + lane
+                distance[ray] = packet[TFAR, lane]
+                face[ray] = ids[PRIM_ID, lane]
+                u, v = packet[U, lane], packet[V, lane]
+                barycentric[ray, 0] = np.float32(1.0) - u - v
+                barycentric[ray, 1] = u
+                barycentric[ray, 2] = v
+
+
+@kernel
+def _any(scene, packet, valid, origins, directions, reach, hit):
+    count = len(origins)
+    for first in range(0, count, LANES):
+        _load(packet, valid, first, origins, directions, reach)
+        occluded8(scene, packet, valid)
+        for lane in range(min(LANES, count - first)):
+            hit[first + lane] = packet[TFAR, lane] < 0.0
+
+
+def _rays(origins: Any, directions: Any, reach: Any) -> tuple[npt.NDArray[np.float32], ...]:
+    origins, directions = (np.ascontiguousarray(a, np.float32) for a in np.broadcast_arrays(origins, directions))
+    if origins.ndim != 2 or origins.shape[1] != 3:
+        raise OptionError("origins, directions", "shapes that broadcast to (k, 3)", origins.shape)
+    if not (np.isfinite(origins).all() and np.isfinite(directions).all() and directions.any(axis=1).all()):
+        raise OptionError("origins, directions", "finite origins and finite directions that are not zero", "others")
+    return origins, directions, np.ascontiguousarray(np.broadcast_to(np.float32(reach), len(origins)))
+
+
+def intersect(
+    scene: TriangleScene, origins: Any, directions: Any, reach: Any = np.inf, threads: int | None = None
+) -> Hits:
+    """Closest hits of rays with 0 ≤ distance ≤ reach.
+
+    Args:
+        origins, directions: broadcast to (k, 3), rounded to float32; scene units; directions of any length but zero.
+        reach: broadcasts to (k,), in units of the direction's length.
+
+    Raises:
+        OptionError: wrong shapes, or values that Embree would take for a miss: NaN, infinity, zero directions.
+    """
+    origins, directions, reach = _rays(origins, directions, reach)
+    count = len(origins)
+    hits = Hits(np.full(count, np.inf, np.float32), np.full(count, -1), np.zeros((count, 3), np.float32))
+
+    def work(a: int, b: int) -> None:
+        out = hits.distance[a:b], hits.face[a:b], hits.barycentric[a:b]
+        _closest(scene.handle, *new_packet(), origins[a:b], directions[a:b], reach[a:b], *out)
+
+    run_blocks(count, _BLOCK, work, thread_count(threads))
+    return hits
+
+
+def occluded(
+    scene: TriangleScene, origins: Any, directions: Any, reach: Any = np.inf, threads: int | None = None
+) -> npt.NDArray[np.bool_]:
+    """Whether anything is hit within `reach`: bool (k,). Arguments and errors as `intersect`."""
+    origins, directions, reach = _rays(origins, directions, reach)
+    hit = np.zeros(len(origins), np.bool_)
+
+    def work(a: int, b: int) -> None:
+        _any(scene.handle, *new_packet(), origins[a:b], directions[a:b], reach[a:b], hit[a:b])
+
+    run_blocks(len(hit), _BLOCK, work, thread_count(threads))
+    return hit

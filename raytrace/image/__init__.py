@@ -1,0 +1,1 @@
+"""Pixels in and out: image files, colour encoding, textures, comparison."""

@@ -1,0 +1,118 @@
+"""How much two pictures differ: OpenImageIO's error figures, and FLIP."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import numpy as np
+import numpy.typing as npt
+
+from ..errors import InputError, OptionError
+from ..system.outputs import check_outputs
+from .read import read_image
+from .srgb import decode_srgb
+from .write import check_image_target, write_image
+
+Floats = npt.NDArray[np.float32]
+Metric = Literal["flip", "rms", "max"]
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """Figures over all pixels and the channels R, G, B of linear colour.
+
+    Attributes:
+        mean_error: mean of the absolute differences.
+        rms_error: root of the mean of the squared differences.
+        max_error: largest absolute difference.
+        psnr: peak signal-to-noise ratio, decibels, the peak being the largest value in either picture and at least 1;
+            inf for equal pictures.
+        flip: mean of the FLIP map, in [0, 1]: the difference that an observer sees who alternates between the two
+            (Andersson et al. 2020; for high dynamic range, 2021), 67 pixels a degree, luminances up to 2.
+    """
+
+    mean_error: float
+    rms_error: float
+    max_error: float
+    psnr: float
+    flip: float
+
+    def within(self, threshold: float, metric: Metric = "flip") -> bool:
+        """Whether the error by `metric` is at most `threshold`. Raises: OptionError."""
+        figures = {"flip": self.flip, "rms": self.rms_error, "max": self.max_error}
+        if metric not in figures:
+            raise OptionError("metric", "one of " + ", ".join(figures), metric)
+        if not threshold >= 0.0:
+            raise OptionError("threshold", "a number in [0, inf)", threshold)
+        return figures[metric] <= threshold
+
+
+def compare(
+    a: str | os.PathLike[str], b: str | os.PathLike[str], difference: str | os.PathLike[str] | None = None
+) -> Comparison:
+    """Compare two image files: their colours over black, linear, whatever their formats. `a` is the reference.
+
+    Alpha and layers other than the beauty are not compared.
+
+    Args:
+        difference: a PNG, TIFF or JPEG to write the FLIP map to, from black, equal, by magenta to yellow.
+
+    Raises:
+        InputError: a file cannot be read, holds values that are not finite, or the sizes differ.
+        OptionError, OutputError: `difference` cannot be written, or is `a` or `b`.
+    """
+    import OpenImageIO as oiio
+
+    if difference is not None:
+        check_image_target(difference, layers=("beauty",))
+        check_outputs({"--difference": difference}, (a, b))
+    reference, test = _colour(a), _colour(b)
+    if reference.shape != test.shape:
+        sizes = [f"{pixels.shape[1]}×{pixels.shape[0]} pixels" for pixels in (reference, test)]
+        raise InputError(os.fspath(b), "size", f"{sizes[0]} as in {os.fspath(a)}", sizes[1])
+    same = np.array_equal(reference, test)
+    first, second = _buffer(reference), _buffer(test)
+    figures = oiio.ImageBufAlgo.compare(first, second, 0.0, 0.0)
+    seen = _buffer(np.zeros((*reference.shape[:2], 1), np.float32))
+    if not same:
+        seen = oiio.ImageBufAlgo.FLIP_diff(first, second)
+    if difference is not None:
+        write_image(difference, decode_srgb(_pixels(oiio.ImageBufAlgo.color_map(seen, 0, "magma"))))
+    return Comparison(
+        float(figures.meanerror),
+        float(figures.rms_error),
+        float(figures.maxerror),
+        float(figures.PSNR),
+        float(np.mean(_pixels(seen), dtype=np.float64)),
+    )
+
+
+def _colour(path: str | os.PathLike[str]) -> Floats:
+    """Linear RGB over black, (h, w, 3)."""
+    layers, _ = read_image(path)
+    if "beauty" not in layers:
+        raise InputError(os.fspath(path), "channels", "R, G, B or a grey channel", "layers " + ", ".join(layers))
+    pixels = layers["beauty"]
+    colour = pixels[..., :3] if pixels.shape[2] >= 3 else np.repeat(pixels[..., :1], 3, axis=2)
+    broken = int((~np.isfinite(colour)).any(axis=2).sum())
+    if broken:
+        raise InputError(os.fspath(path), "pixels", "finite values", f"{broken} that are infinite or not numbers")
+    return np.ascontiguousarray(colour)
+
+
+def _buffer(pixels: Floats) -> Any:
+    import OpenImageIO as oiio
+
+    spec = oiio.ImageSpec(pixels.shape[1], pixels.shape[0], pixels.shape[2], "float")
+    spec.attribute("oiio:ColorSpace", "lin_rec709_scene")
+    buffer = oiio.ImageBuf(spec)
+    buffer.set_pixels(oiio.ROI(), pixels)
+    return buffer
+
+
+def _pixels(buffer: Any) -> Floats:
+    import OpenImageIO as oiio
+
+    return np.asarray(buffer.get_pixels(oiio.FLOAT), np.float32)

@@ -1,0 +1,203 @@
+"""Reading pictures: every format OpenImageIO knows, as linear float32."""
+
+from __future__ import annotations
+
+import json
+import os
+import stat
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from ..errors import InputError, is_utf8
+from ..settings import MAX_SIZE
+from .srgb import decode_srgb
+from .write import NAMESPACE
+
+Floats = npt.NDArray[np.float32]
+
+GROWTH, SPARE = 1100, 1 << 26  # deflate grows 1032-fold at most; 64 MiB hold 4096×4096 pixels of four bytes
+_ROWS = 64
+_printing = threading.Lock()
+_ORDER = {name: place for place, name in enumerate("RGBXYZA")}
+
+
+def read_image(path: str | os.PathLike[str]) -> tuple[dict[str, Floats], dict[str, str]]:
+    """Read a picture: its layers, and the metadata that `write_frame` stored.
+
+    Values of 8- and 16-bit files are taken as sRGB unless the file says that they are linear; straight alpha becomes
+    premultiplied. Of a file with several parts the first is read.
+
+    Returns:
+        layers: float32 (h, w, channels), linear, row 0 at the top, by name; channels that belong to no layer, which
+            are all of a PNG or JPEG, are "beauty": grey, grey and alpha, RGB or RGBA, premultiplied.
+        metadata: as given to `write_frame`; empty for files from elsewhere.
+
+    Raises:
+        InputError: `path` is missing, a folder, not an image, damaged, or more than 32768 pixels wide or high.
+    """
+    image = open_image(path)
+    spec = image.spec()
+    groups = _layers(list(spec.channelnames))
+    layers = {name: np.empty((spec.height, spec.width, len(group)), np.float32) for name, group in groups.items()}
+    values = table(spec)
+    for rows, block in blocks(image, path):
+        for name, group in groups.items():
+            layers[name][rows] = _linear(block[..., group], values, spec.alpha_channel in group)
+    return layers, _metadata(spec)
+
+
+def open_image(path: str | os.PathLike[str], content: Path | None = None, max_side: int = MAX_SIZE) -> Any:
+    """An `OpenImageIO.ImageInput`, alpha left as it is in the file.
+
+    Args:
+        path: the file, and its name in messages.
+        content: the file to open in its place.
+        max_side: most pixels in width and height.
+
+    Raises:
+        InputError: `path` is missing, a folder, not an image, too large, or claims more pixels than its bytes can hold.
+    """
+    import OpenImageIO as oiio
+
+    file = Path(path) if content is None else content
+    try:
+        mode = file.stat().st_mode
+        if stat.S_ISDIR(mode):
+            raise InputError(os.fspath(path), "file", "an image file", "a folder")
+        if not stat.S_ISREG(mode):
+            raise InputError(os.fspath(path), "file", "an image file", "something that is not a regular file")
+        file.open("rb").close()
+    except FileNotFoundError:
+        raise InputError(os.fspath(path), "file", "an existing file", "none") from None
+    except OSError as reason:
+        raise InputError(os.fspath(path), "file", "a readable file", reason.strerror or reason) from None
+    if not is_utf8(str(file)):
+        raise InputError(os.fspath(path), "file", "a path in UTF-8", "other bytes")
+    wanted = oiio.ImageSpec()
+    wanted.attribute("oiio:UnassociatedAlpha", 1)
+    with _silenced():
+        image = oiio.ImageInput.open(str(file), wanted)
+    if image is None:
+        raise InputError(os.fspath(path), "content", "an image", _reason(oiio, file))
+    spec = image.spec()
+    if max(spec.width, spec.height) > max_side:
+        size = f"{spec.width}×{spec.height}"
+        raise InputError(os.fspath(path), "size", f"at most {max_side}×{max_side} pixels", size)
+    if min(spec.width, spec.height, spec.nchannels) < 1:
+        raise InputError(os.fspath(path), "size", "one pixel or more", f"{spec.width}×{spec.height}")
+    claimed = max(spec.image_bytes(True), spec.tile_bytes(True))
+    if claimed > GROWTH * file.stat().st_size + SPARE:
+        expected = f"pixels that {file.stat().st_size:,} bytes can hold"
+        raise InputError(os.fspath(path), "size", expected, f"{spec.width}×{spec.height} of {spec.nchannels} channels")
+    if spec.deep or spec.depth > 1:
+        raise InputError(os.fspath(path), "content", "a flat image", "a deep or volume image")
+    return image
+
+
+def blocks(image: Any, path: str | os.PathLike[str]) -> Iterator[tuple[slice, npt.NDArray[Any]]]:
+    """The opened image from the top, some rows at a time: which rows, and uint8 or uint16 codes, or float32.
+
+    Raises:
+        InputError: these rows are damaged or missing.
+    """
+    spec = image.spec()
+    kind = _codes(spec) or "float"
+    step = spec.tile_height or _ROWS
+    for first in range(0, spec.height, step):
+        end = min(first + step, spec.height)
+        rows, channels = (spec.y + first, spec.y + end), (0, spec.nchannels)
+        with _silenced():
+            if spec.tile_width:
+                numbers = image.read_tiles(0, 0, spec.x, spec.x + spec.width, *rows, 0, 1, *channels, kind)
+            else:
+                numbers = image.read_scanlines(0, 0, *rows, 0, *channels, kind)
+        reason = _reason(image, Path(path))
+        if numbers is None or "premature end" in reason.lower():  # other messages about JPEG data are warnings
+            raise InputError(os.fspath(path), "content", "a complete image", reason)
+        yield slice(first, end), np.asarray(numbers).reshape(end - first, spec.width, spec.nchannels)
+
+
+def table(spec: Any, srgb: bool | None = None) -> Floats | None:
+    """Linear values of all codes of an 8- or 16-bit file, None for a file of floats.
+
+    Args:
+        srgb: whether codes are sRGB-encoded; None asks the file.
+    """
+    codes = _codes(spec)
+    if codes is None:
+        return None
+    values = np.linspace(0.0, 1.0, 256 if codes == "uint8" else 65536)
+    if srgb is None:
+        srgb = not spec.get_string_attribute("oiio:ColorSpace").startswith("lin")
+    return decode_srgb(values) if srgb else values.astype(np.float32)
+
+
+@contextmanager
+def _silenced() -> Iterator[None]:
+    """Hold back what libpng prints on the standard error by itself; OpenImageIO's message says the same."""
+    with _printing, open(os.devnull, "wb") as nowhere:
+        try:
+            kept = os.dup(2)
+        except OSError:  # there is none
+            yield
+            return
+        try:
+            os.dup2(nowhere.fileno(), 2)
+            yield
+        finally:
+            os.dup2(kept, 2)
+            os.close(kept)
+
+
+def _codes(spec: Any) -> str | None:
+    """The unsigned integer type to read the file as, None for floats."""
+    text = str(spec.format)
+    return text if text in ("uint8", "uint16") else None
+
+
+def _linear(numbers: npt.NDArray[Any], values: Floats | None, has_alpha: bool) -> Floats:
+    if values is None:
+        return numbers
+    linear = values[numbers]
+    if has_alpha:
+        linear[..., -1] = numbers[..., -1] / np.float32(len(values) - 1)
+        linear[..., :-1] *= linear[..., -1:]
+    return linear
+
+
+def _layers(names: list[str]) -> dict[str, list[int]]:
+    """Channel numbers of each layer: R G B, X Y Z, then A."""
+    layers: dict[str, list[int]] = {}
+    for number, name in enumerate(names):
+        layers.setdefault(name.rpartition(".")[0] or "beauty", []).append(number)
+    for group in layers.values():
+        group.sort(key=lambda number: _ORDER.get(names[number].rpartition(".")[2].upper(), len(_ORDER)))
+    return layers
+
+
+def _metadata(spec: Any) -> dict[str, str]:
+    found = {each.name: each.value for each in spec.extra_attribs}
+    metadata = {name.removeprefix(NAMESPACE): str(text) for name, text in found.items() if name.startswith(NAMESPACE)}
+    if metadata:
+        return metadata
+    try:
+        described = json.loads(found.get("ImageDescription", ""))
+    except (TypeError, ValueError, RecursionError):
+        return {}
+    return {name: str(text) for name, text in described.items()} if isinstance(described, dict) else {}
+
+
+def _reason(reader: Any, file: Path) -> str:
+    """The message of OpenImageIO, or of an image, without the file's name, which stands before it already."""
+    try:
+        reason: str = reader.geterror()
+    except UnicodeDecodeError:  # it quotes the damaged bytes
+        reason = ""
+    lines = [line.replace(f' ("{file}")', "").replace(str(file), file.name) for line in reason.splitlines()]
+    return " ".join(dict.fromkeys(line.strip() for line in lines if line.strip())) or "damaged or cut off"

@@ -1,0 +1,93 @@
+"""Looking a texture up: bilinear within a level of its pyramid, linear between two levels (Williams 1983).
+
+What lies beyond the image goes by a wrap mode along each axis, as glTF has them: Khronos glTF 2.0 specification, 5.26.
+"""
+
+from __future__ import annotations
+
+from math import log2
+
+import numpy as np
+
+from ..kernel.jit import inline
+
+REPEAT, MIRRORED_REPEAT, CLAMP_TO_EDGE = range(3)  # places in `raytrace.texture.WRAPS`
+
+
+@inline
+def sample_texture(texels, levels, first, count, wrap, u, v, footprint):
+    """Linear RGB of a texture at (u, v).
+
+    Args:
+        texels, levels: of `PackedTextures`.
+        first, count: the texture's entries there; a texture that was left out (count 0) is white.
+        wrap: int64 (2,), its modes along u and v.
+        u, v: (0, 0) is the lower left corner of the image, (1, 1) the upper right.
+        footprint: width in uv of what a pixel sees; 0 looks at the finest level alone.
+    """
+    if count == 0:
+        return (1.0, 1.0, 1.0)
+    width = footprint * max(levels[first, 1], levels[first, 2])
+    if not width > 1.0:
+        return bilinear(texels, levels, first, wrap, u, v)
+    level = min(log2(width), count - 1.0)
+    lower = int(level)
+    r, g, b = bilinear(texels, levels, first + lower, wrap, u, v)
+    part = level - lower
+    if part > 0.0:
+        coarse = bilinear(texels, levels, first + lower + 1, wrap, u, v)
+        r += part * (coarse[0] - r)
+        g += part * (coarse[1] - g)
+        b += part * (coarse[2] - b)
+    return (r, g, b)
+
+
+@inline
+def bilinear(texels, levels, level, wrap, u, v):
+    """Linear RGB within a level; texel centres lie at half integers. (u, v) that are not finite count as 0."""
+    start, width, height = levels[level, 0], levels[level, 1], levels[level, 2]
+    left, right, s = neighbours(u, width, wrap[0])
+    upper, lower, t = neighbours(1.0 - v, height, wrap[1])
+    upper, lower = start + upper * width, start + lower * width
+    return (
+        blend(texels, upper + left, upper + right, lower + left, lower + right, s, t, 0),
+        blend(texels, upper + left, upper + right, lower + left, lower + right, s, t, 1),
+        blend(texels, upper + left, upper + right, lower + left, lower + right, s, t, 2),
+    )
+
+
+@inline
+def neighbours(place, size, wrap):
+    """Along an axis of `size` texels: the two around `place`, and the part of the way to the second."""
+    x = wrapped(place, wrap) * size - 0.5
+    before = np.floor(x)
+    first, second = int(before), int(before) + 1
+    if wrap == REPEAT:
+        return first if first >= 0 else size - 1, second if second < size else 0, x - before
+    return max(first, 0), min(second, size - 1), x - before
+
+
+@inline
+def blend(texels, a, b, c, d, s, t, channel):
+    """Bilinear mean of four texels: a, b above, c, d below."""
+    above = lerp(s, texels[a, channel], texels[b, channel])
+    return lerp(t, above, lerp(s, texels[c, channel], texels[d, channel]))
+
+
+@inline
+def wrapped(x, wrap):
+    """Where in [0, 1] the place x is looked up; 0 if x is not finite."""
+    if not np.isfinite(x):
+        return 0.0
+    if wrap == CLAMP_TO_EDGE:
+        return min(max(x, 0.0), 1.0)
+    if wrap == MIRRORED_REPEAT:
+        return 1.0 - abs(x - 2.0 * np.floor(0.5 * x) - 1.0)
+    part = x - np.floor(x)
+    return part if part < 1.0 else 0.0
+
+
+@inline
+def lerp(part, a, b):
+    """a at part 0, b at part 1, in double precision."""
+    return np.float64(a) + part * (np.float64(b) - np.float64(a))

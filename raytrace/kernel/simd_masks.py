@@ -1,0 +1,89 @@
+"""Questions about lanes: which are set, how many, what is in one of them, which is the largest."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from llvmlite import ir
+from numba.core import types
+from numba.extending import intrinsic
+
+from .simd import ELEMENT, WHOLE, WIDE, llvm_type
+
+
+@intrinsic
+def lane_numbers(_typing: Any) -> Any:
+    """0, 1, … as int32."""
+    return WHOLE(), lambda *_: ir.Constant(llvm_type(WHOLE), list(range(WIDE)))
+
+
+def _bits(builder: Any, mask: Any) -> Any:
+    return builder.bitcast(mask, ir.IntType(WIDE))
+
+
+@intrinsic
+def some(_typing: Any, mask: Any) -> Any:
+    """Whether any lane of a mask is set."""
+
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        return builder.icmp_unsigned("!=", _bits(builder, arguments[0]), ir.IntType(WIDE)(0))
+
+    return types.boolean(mask), generate
+
+
+@intrinsic
+def count(_typing: Any, mask: Any) -> Any:
+    """How many lanes of a mask are set, int64."""
+
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        return builder.zext(builder.ctpop(_bits(builder, arguments[0])), ir.IntType(64))
+
+    return types.int64(mask), generate
+
+
+@intrinsic
+def first(_typing: Any, mask: Any) -> Any:
+    """The first lane that is set in a mask that is not empty, int64."""
+
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        found = builder.cttz(_bits(builder, arguments[0]), ir.IntType(1)(0))
+        return builder.zext(found, ir.IntType(64))
+
+    return types.int64(mask), generate
+
+
+@intrinsic
+def pick(_typing: Any, a: Any, lane: Any) -> Any:
+    """One lane's value."""
+
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        return builder.extract_element(*arguments)
+
+    return a.dtype(a, types.int64), generate
+
+
+@intrinsic
+def replace(_typing: Any, a: Any, lane: Any, value: Any) -> Any:
+    """`a` with another value in one lane."""
+
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        vector, at, given = arguments
+        return builder.insert_element(vector, context.cast(builder, given, value, a.dtype), at)
+
+    return a(a, types.int64, value), generate
+
+
+def _reduced(name: str) -> Any:
+    @intrinsic
+    def reduce(_typing: Any, a: Any) -> Any:
+        def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+            kind = ir.FunctionType(ELEMENT[a.dtype], [llvm_type(a)])
+            function = builder.module.declare_intrinsic(f"llvm.vector.reduce.{name}.v{WIDE}f32", (), kind)
+            return builder.call(function, arguments)
+
+        return a.dtype(a), generate
+
+    return reduce
+
+
+lowest, highest = _reduced("fmin"), _reduced("fmax")  # of lanes of float32

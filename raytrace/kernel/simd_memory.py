@@ -1,0 +1,136 @@
+"""Lanes and arrays: rows of sixteen numbers, triples gathered from anywhere, and pixels scattered anywhere."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from llvmlite import ir
+from numba import types
+from numba.extending import intrinsic
+from numba.np.arrayobj import make_array
+
+from .simd import INDEX, MASK, WIDE, Lanes, llvm_type, widened
+
+_FOUR = 4
+
+
+def _pointer(context: Any, builder: Any, kind: Any, array: Any, element: Any, to: Any) -> Any:
+    """Address of an element of a C-contiguous array, counted from its beginning, as a pointer to `to`."""
+    data = make_array(kind)(context, builder, array).data
+    return builder.bitcast(builder.gep(data, [element]), to.as_pointer())
+
+
+@intrinsic
+def load_row(_typing: Any, array: Any, row: Any) -> Any:
+    """Row `row` of a C-contiguous array (…, WIDE) of float32, float64 or int32, which starts on a 64-byte boundary."""
+    kind = Lanes(array.dtype)
+
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        start = builder.mul(arguments[1], ir.IntType(64)(WIDE))
+        return builder.load(_pointer(context, builder, array, arguments[0], start, llvm_type(kind)), align=64)
+
+    return kind(array, types.int64), generate
+
+
+@intrinsic
+def store_row(_typing: Any, array: Any, row: Any, value: Any) -> Any:
+    """Write lanes to where `load_row` reads them; a mask becomes −1 and 0 in an int32 array, a scalar is repeated."""
+    kind = Lanes(array.dtype)
+
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        vector = arguments[2]
+        if value == MASK:
+            vector = builder.sext(vector, llvm_type(kind))
+        elif not isinstance(value, Lanes):
+            vector = widened(context, builder, vector, value, kind)
+        start = builder.mul(arguments[1], ir.IntType(64)(WIDE))
+        builder.store(vector, _pointer(context, builder, array, arguments[0], start, llvm_type(kind)), align=64)
+        return context.get_dummy_value()
+
+    return types.void(array, types.int64, value), generate
+
+
+def _transpose(builder: Any, rows: list[Any]) -> list[Any]:
+    """Four vectors that hold four 4×4 blocks side by side, each block transposed."""
+
+    def mix(a: Any, b: Any, order: list[int]) -> Any:
+        mask = [block + (i if i < _FOUR else i - _FOUR + WIDE) for block in range(0, WIDE, _FOUR) for i in order]
+        return builder.shuffle_vector(a, b, ir.Constant(ir.VectorType(INDEX, WIDE), mask))
+
+    low, high = [0, 4, 1, 5], [2, 6, 3, 7]
+    a, b, c, d = rows
+    ac, bd = mix(a, c, low), mix(b, d, low)
+    ac_high, bd_high = mix(a, c, high), mix(b, d, high)
+    return [mix(ac, bd, low), mix(ac, bd, high), mix(ac_high, bd_high, low), mix(ac_high, bd_high, high)]
+
+
+@intrinsic
+def gather3(_typing: Any, array: Any, rows: Any) -> Any:
+    """The triples of a C-contiguous array (n, 3) in the lanes' rows, three lanes of the array's own type.
+
+    The array must own a fourth number behind its last triple, see `raytrace.embree.aligned`.
+    """
+    kind = Lanes(array.dtype)
+    element = llvm_type(kind).element
+    four = ir.VectorType(element, _FOUR)
+
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        quads = []
+        for lane in range(WIDE):
+            row = builder.sext(builder.extract_element(arguments[1], INDEX(lane)), ir.IntType(64))
+            start = builder.mul(row, ir.IntType(64)(3))
+            quads.append(builder.load(_pointer(context, builder, array, arguments[0], start, four), align=4))
+        rows = []
+        for first in range(_FOUR):  # lane `first` of every block of four
+            parts = quads[first::_FOUR]
+            halves = [_join(builder, parts[0], parts[1]), _join(builder, parts[2], parts[3])]
+            rows.append(_join(builder, *halves))
+        return context.make_tuple(builder, signature.return_type, _transpose(builder, rows)[:3])
+
+    return types.UniTuple(kind, 3)(array, rows), generate
+
+
+def _join(builder: Any, a: Any, b: Any) -> Any:
+    size = 2 * a.type.count
+    return builder.shuffle_vector(a, b, ir.Constant(ir.VectorType(INDEX, size), list(range(size))))
+
+
+@intrinsic
+def gather(_typing: Any, array: Any, places: Any) -> Any:
+    """Elements of a C-contiguous array in the lanes' places, counted from its beginning, as lanes of its type."""
+    kind = Lanes(array.dtype)
+
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        found = ir.Constant(llvm_type(kind), ir.Undefined)
+        for lane in range(WIDE):
+            place = builder.sext(builder.extract_element(arguments[1], INDEX(lane)), ir.IntType(64))
+            value = builder.load(_pointer(context, builder, array, arguments[0], place, found.type.element))
+            found = builder.insert_element(found, value, INDEX(lane))
+        return found
+
+    return kind(array, places), generate
+
+
+@intrinsic
+def scatter4(_typing: Any, array: Any, begin: Any, places: Any, mask: Any, values: Any) -> Any:
+    """Write four float32 lanes as four neighbours each, from the lanes' places on, where the mask is set.
+
+    Args: array: float32, C-contiguous; begin: place in it from which the others are counted, int64.
+    """
+    four = ir.VectorType(ir.FloatType(), _FOUR)
+
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        target, origin, at, wanted, given = arguments
+        rows = _transpose(builder, [builder.extract_value(given, i) for i in range(_FOUR)])
+        for lane in range(WIDE):
+            with builder.if_then(builder.extract_element(wanted, INDEX(lane))):
+                place = builder.sext(builder.extract_element(at, INDEX(lane)), ir.IntType(64))
+                place = builder.add(place, origin)
+                block = [lane // _FOUR * _FOUR + i for i in range(_FOUR)]
+                order = ir.Constant(ir.VectorType(INDEX, _FOUR), block)
+                row = rows[lane % _FOUR]
+                part = builder.shuffle_vector(row, ir.Constant(row.type, ir.Undefined), order)
+                builder.store(part, _pointer(context, builder, array, target, place, four), align=4)
+        return context.get_dummy_value()
+
+    return types.void(array, types.int64, places, mask, values), generate

@@ -1,0 +1,98 @@
+"""Three-vectors for kernels: tuples of three floats, or of three lanes of floats, which stay in registers."""
+
+from __future__ import annotations
+
+from math import sqrt
+
+import numpy as np
+
+from .jit import inline
+from .simd import select
+
+
+@inline
+def load(array, i):
+    """Row `i` of an (n, 3) array as a double-precision tuple."""
+    return (np.float64(array[i, 0]), np.float64(array[i, 1]), np.float64(array[i, 2]))
+
+
+@inline
+def load3(a):
+    """A (3,) array as a triple."""
+    return a[0], a[1], a[2]
+
+
+@inline
+def dot(a, b):
+    """a·b"""
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+
+
+@inline
+def cross(a, b):
+    """a × b"""
+    return (a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0])
+
+
+@inline
+def scale(s, a):
+    """s a"""
+    return (s * a[0], s * a[1], s * a[2])
+
+
+@inline
+def multiply(a, b):
+    """Componentwise product: light through a colour."""
+    return (a[0] * b[0], a[1] * b[1], a[2] * b[2])
+
+
+@inline
+def add(a, b):
+    """a + b"""
+    return (a[0] + b[0], a[1] + b[1], a[2] + b[2])
+
+
+@inline
+def subtract(a, b):
+    """a − b"""
+    return (a[0] - b[0], a[1] - b[1], a[2] - b[2])
+
+
+@inline
+def choose(condition, a, b):
+    """a where the condition holds, else b."""
+    return (select(condition, a[0], b[0]), select(condition, a[1], b[1]), select(condition, a[2], b[2]))
+
+
+@inline
+def unit(a):
+    """a/|a|; the zero vector for a vector without a direction (zero, or shorter than 1e-150;
+    in lanes of float32 1e-22)."""
+    square = dot(a, a)
+    return scale(select(square > 1e-300, 1.0 / sqrt(square), 0.0), a)
+
+
+@inline
+def mirror(n, l):
+    """r = 2(n·l)n − l: direction `l` mirrored about the unit normal `n`."""
+    return subtract(scale(2.0 * dot(n, l), n), l)
+
+
+@inline
+def halfway(l, v):
+    """h = (l+v)/|l+v| (12.24); the zero vector for l = −v."""
+    return unit(add(l, v))
+
+
+@inline
+def perpendicular(n, grain):
+    """Unit tangent (g, n × g): `grain` projected into the plane of the unit normal `n`.
+
+    Where the grain is zero or along the normal it says nothing, and some tangent is returned.
+    """
+    projected = subtract(grain, scale(dot(grain, n), n))
+    if dot(projected, projected) <= 1e-20 * dot(grain, grain):
+        axis = (1.0, 0.0, 0.0) if abs(n[0]) < 0.6 else (0.0, 1.0, 0.0)
+        projected = subtract(axis, scale(dot(axis, n), n))
+    g = unit(projected)
+    return g, cross(n, g)

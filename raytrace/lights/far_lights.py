@@ -1,0 +1,28 @@
+"""Lights so far away that float32 kernels cannot tell them from directional ones, nor square their distance."""
+
+from __future__ import annotations
+
+from math import hypot
+
+import numpy as np
+import numpy.typing as npt
+
+from . import layout as light_rows
+from .kernels import incident, triple
+
+FAR = 2.0**24  # times the size of the world: over it direction and attenuation change by less than a rounding
+
+
+def make_far_lights_directional(kinds: npt.NDArray[np.int64], rows: npt.NDArray[np.float64]) -> None:
+    """Turn point and spot lights (k,), (k, light_rows.WIDTH) beyond `FAR` of the origin into directional ones in place.
+
+    Their intensity becomes what arrives at the origin. Args: in the world's own units.
+    """
+    for j, row in enumerate(rows):
+        kind = int(kinds[j])
+        if kind in (light_rows.POINT, light_rows.SPOT) and hypot(*triple(row, light_rows.POSITION)) > FAR:
+            l, _, arriving = incident(kind, row, (0.0, 0.0, 0.0))
+            row[:] = 0.0
+            row[light_rows.INTENSITY : light_rows.INTENSITY + 3] = arriving
+            row[light_rows.DIRECTION : light_rows.DIRECTION + 3] = np.negative(l)
+            kinds[j] = light_rows.DIRECTIONAL

@@ -1,0 +1,129 @@
+"""Lights in kernels: what arrives at a point, and where a light need not be asked at all.
+
+Skipping is exact for a threshold of zero. With a threshold ε > 0 every skipped light would have brought at most ε of
+incident light in each channel, so what k skipped lights would have reflected is at most k ε times the material's
+`reflect` value: at most k ε for Phong-type materials, ρ k ε/π for Lambert.
+"""
+
+from __future__ import annotations
+
+from math import acos, asin, inf, pi, sqrt
+
+from ..kernel.jit import inline
+from ..kernel.simd import select
+from ..kernel.vector import add, dot, scale, subtract, unit
+from .layout import (
+    AMBIENT,
+    COS_HALF_ANGLE,
+    DIRECTION,
+    DIRECTIONAL,
+    EXPONENT,
+    HALF_ANGLE,
+    INTENSITY,
+    INVERSE_RANGE,
+    POSITION,
+    RADIAL,
+    SPOT,
+)
+
+FLOOR = 1e-30  # of the attenuation's denominator: finite at the light itself
+
+
+@inline
+def triple(row, column):
+    """Three consecutive columns."""
+    return (row[column], row[column + 1], row[column + 2])
+
+
+@inline
+def radial(row, distance):
+    """1/(a0 + a1 d + a2 d²) (12.26), times the window of the range."""
+    part = min(1.0, distance * row[INVERSE_RANGE])
+    part *= part
+    return (1.0 - part * part) / max(FLOOR, row[RADIAL] + distance * (row[RADIAL + 1] + distance * row[RADIAL + 2]))
+
+
+@inline
+def angular(row, cosine):
+    """cos^{a_l} φ within the cone, 0 outside, φ the angle to the spot's axis."""
+    return select(cosine < row[COS_HALF_ANGLE], 0.0, max(0.0, min(1.0, cosine)) ** row[EXPONENT])
+
+
+@inline
+def incident(kind, row, point):
+    """(l, distance, RGB): unit direction to the light, how far it is (for the shadow ray), what arrives unshadowed.
+
+    The point may be a triple of lanes. Directional: distance is infinite. Ambient light has no direction: l = 0,
+    distance 0, so that no material reflects it through n·l; add k_a I_a instead. At the very place of a point light
+    l = 0 too.
+    """
+    intensity = triple(row, INTENSITY)
+    zero = scale(0.0, point)  # of the point's own type
+    if kind == AMBIENT:
+        return zero, zero[0], add(zero, intensity)
+    if kind == DIRECTIONAL:
+        return subtract(zero, triple(row, DIRECTION)), zero[0] + inf, add(zero, intensity)
+    towards = subtract(triple(row, POSITION), point)
+    l = unit(towards)
+    distance = sqrt(dot(towards, towards))
+    factor = radial(row, distance)
+    if kind == SPOT:
+        factor *= angular(row, -dot(l, triple(row, DIRECTION)))
+    return l, distance, scale(factor, intensity)
+
+
+@inline
+def cannot_matter_at(kind, row, point, normal, threshold):
+    """Whether the light is behind `point`, does not reach it, or brings at most `threshold` in every channel.
+
+    Not for two-sided materials where n·l ≤ 0: a light behind them matters.
+    """
+    l, _, rgb = incident(kind, row, point)
+    if kind != AMBIENT and dot(normal, l) <= 0.0:
+        return True
+    return max(rgb[0], rgb[1], rgb[2]) <= threshold
+
+
+@inline
+def cannot_matter_in(kind, row, low, high, axis, spread, threshold):
+    """Whether `cannot_matter_at` holds in all of the box [low, high] for all normals within `spread` of `axis`.
+
+    Conservative: the box is bounded by its sphere where angles are concerned, by its nearest point for attenuation.
+    """
+    brightest = max(row[INTENSITY], row[INTENSITY + 1], row[INTENSITY + 2])
+    if kind == AMBIENT:
+        return brightest <= threshold
+    if kind == DIRECTIONAL:
+        return brightest <= threshold or turned_away(scale(-1.0, triple(row, DIRECTION)), 0.0, axis, spread)
+
+    place = triple(row, POSITION)
+    nearest = 0.0
+    for k in range(3):
+        gap = max(low[k] - place[k], place[k] - high[k], 0.0)
+        nearest += gap * gap
+    # the hair's breadth covers the rounding of the distance
+    if brightest * radial(row, sqrt(nearest) * (1.0 - 1e-12)) <= threshold:
+        return True
+
+    centre = (0.5 * (low[0] + high[0]), 0.5 * (low[1] + high[1]), 0.5 * (low[2] + high[2]))
+    towards, half = subtract(place, centre), scale(0.5, subtract(high, low))
+    distance, radius = sqrt(dot(towards, towards)), sqrt(dot(half, half))
+    if distance <= radius:
+        return False
+    opening = asin(radius / distance)
+    l = scale(1.0 / distance, towards)
+    if turned_away(l, opening, axis, spread):
+        return True
+    return kind == SPOT and angle(scale(-1.0, l), triple(row, DIRECTION)) > row[HALF_ANGLE] + opening + 1e-9
+
+
+@inline
+def angle(a, b):
+    """Angle between unit vectors, radians."""
+    return acos(max(-1.0, min(1.0, dot(a, b))))
+
+
+@inline
+def turned_away(l, opening, axis, spread):
+    """Whether every normal within `spread` of `axis` turns away from every direction within `opening` of l."""
+    return spread < 0.5 * pi and angle(l, axis) >= 0.5 * pi + opening + spread + 1e-9

@@ -1,0 +1,200 @@
+"""Light sources: typed, checked, packed to rows for kernels; and the photometry law.
+
+    sun = Directional(direction=(0, -1, 0), intensity=3)          # shines downwards
+    lamp = PointLight(position=(0, 4, 0), intensity=(80, 75, 60))  # watts per steradian: falls off as 1/d²
+
+A light's RGB intensity is what it sends out; `incident` (in `raytrace.light_kernels`) is what arrives: intensity times
+radial and angular attenuation, before the surface's cosine. Light is attenuated on its way to the surface only.
+Source: (12.8), (12.26); the lecture notes on light sources.
+"""
+
+from __future__ import annotations
+
+from math import cos, pi, radians
+from typing import Annotated, Any, ClassVar, Literal, NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+from pydantic import Field, TypeAdapter, ValidationError, model_validator
+
+from ..errors import OptionError
+from ..system.parameters import Direction, HalfAngle, Length, NonNegative, Parameters, Point, Radiance, option_error
+from .layout import (
+    AMBIENT,
+    COS_HALF_ANGLE,
+    DIRECTION,
+    DIRECTIONAL,
+    EXPONENT,
+    HALF_ANGLE,
+    INTENSITY,
+    INVERSE_RANGE,
+    POINT,
+    POSITION,
+    RADIAL,
+    SPOT,
+    WIDTH,
+)
+
+
+class PackedLight(NamedTuple):
+    """A light as kernels take it: integer kind, and a float64 row of `WIDTH`."""
+
+    kind: int
+    row: npt.NDArray[np.float64]
+
+
+class BaseLight(Parameters):
+    """What every light has: an RGB intensity ≥ 0 (one number means white)."""
+
+    kind: ClassVar[int]
+    intensity: Radiance = (1.0, 1.0, 1.0)
+
+    def pack(self) -> PackedLight:
+        """The kind and row that `raytrace.light_kernels` takes."""
+        row = np.zeros(WIDTH)
+        row[INTENSITY : INTENSITY + 3] = self.intensity
+        self._fill(row)
+        return PackedLight(self.kind, row)
+
+    def _fill(self, row: npt.NDArray[np.float64]) -> None:
+        """Write the columns after the intensity."""
+
+    def cannot_matter_at(self, point: npt.ArrayLike, normal: npt.ArrayLike, threshold: float = 0.0) -> bool:
+        """Whether this light may be left out at a point (3,) with unit normal (3,).
+
+        True if the point faces away, lies outside the cone, or receives at most `threshold` in every channel. Leaving
+        the light out then errs by at most `threshold` of incident light, and by nothing with the default of zero.
+        """
+        from .kernels import cannot_matter_at
+
+        kind, row = self.pack()
+        return bool(cannot_matter_at(kind, row, _triple(point), _triple(normal), float(threshold)))
+
+    def cannot_matter_in(
+        self,
+        low: npt.ArrayLike,
+        high: npt.ArrayLike,
+        axis: npt.ArrayLike = (0.0, 0.0, 1.0),
+        spread: float = pi,
+        threshold: float = 0.0,
+    ) -> bool:
+        """Whether this light may be left out in all of the box [low, high], (3,) each.
+
+        `axis` (3,) unit and `spread` (radians) bound the normals found there: each lies within `spread` of `axis`; the
+        default says nothing about them, and is the one to use for two-sided materials. True only if `cannot_matter_at`
+        holds at every point of the box for every such normal.
+        """
+        from .kernels import cannot_matter_in
+
+        kind, row = self.pack()
+        box = _triple(low), _triple(high)
+        return bool(cannot_matter_in(kind, row, *box, _triple(axis), float(spread), float(threshold)))
+
+
+class _Local(BaseLight):
+    """A light with a place and radial attenuation 1/(a0 + a1 d + a2 d²); (0, 0, 1) is the physical law.
+
+    `range`: the distance at which it ends: attenuation times 1 − (d/range)⁴, zero beyond (glTF, KHR_lights_punctual).
+    """
+
+    position: Point
+    attenuation: tuple[NonNegative, NonNegative, NonNegative] = (0.0, 0.0, 1.0)
+    range: Length | None = None
+
+    def _fill(self, row: npt.NDArray[np.float64]) -> None:
+        row[POSITION : POSITION + 3] = self.position
+        row[RADIAL : RADIAL + 3] = self.attenuation
+        row[INVERSE_RANGE] = 0.0 if self.range is None else 1.0 / self.range
+
+    @model_validator(mode="after")
+    def _attenuates(self) -> _Local:
+        if not any(self.attenuation):
+            raise OptionError("attenuation", "a0, a1, a2 not all zero", list(self.attenuation), type(self).__name__)
+        return self
+
+
+class PointLight(_Local):
+    """Sends the same intensity in all directions."""
+
+    light: Literal["point"] = "point"
+    kind: ClassVar[int] = POINT
+
+
+class SpotLight(_Local):
+    """A point light within `half_angle` (degrees, in (0, 90]) of `direction`, times cos^exponent of the angle."""
+
+    light: Literal["spot"] = "spot"
+    kind: ClassVar[int] = SPOT
+    direction: Direction
+    half_angle: HalfAngle
+    exponent: NonNegative = 0.0
+
+    def _fill(self, row: npt.NDArray[np.float64]) -> None:
+        super()._fill(row)
+        row[DIRECTION : DIRECTION + 3] = _unit(self.direction)
+        angle = radians(self.half_angle)
+        row[COS_HALF_ANGLE], row[HALF_ANGLE] = max(0.0, cos(angle)), angle
+        row[EXPONENT] = self.exponent
+
+
+class DirectionalLight(BaseLight):
+    """Infinitely distant: `direction` is the way its light travels; no attenuation."""
+
+    light: Literal["directional"] = "directional"
+    kind: ClassVar[int] = DIRECTIONAL
+    direction: Direction
+
+    def _fill(self, row: npt.NDArray[np.float64]) -> None:
+        row[DIRECTION : DIRECTION + 3] = _unit(self.direction)
+
+
+class AmbientLight(BaseLight):
+    """I_a: the same from everywhere, reflected as k_a I_a."""
+
+    light: Literal["ambient"] = "ambient"
+    kind: ClassVar[int] = AMBIENT
+
+
+Light = Annotated[PointLight | DirectionalLight | SpotLight | AmbientLight, Field(discriminator="light")]
+_ADAPTER: TypeAdapter[Any] = TypeAdapter(Light)
+
+
+def light_from_dict(data: dict[str, Any]) -> BaseLight:
+    """A light from plain values: `light` ("point", "directional", "spot", "ambient") and its fields.
+
+    Raises: OptionError naming the light, the field, what is accepted and what came.
+    """
+    try:
+        light: BaseLight = _ADAPTER.validate_python(data)
+    except ValidationError as error:
+        raise option_error(error, "light") from None
+    return light
+
+
+def pack_lights(lights: list[BaseLight]) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.float64]]:
+    """Kinds (k,) int64 and rows (k, WIDTH) float64 of a list of lights."""
+    packed = [light.pack() for light in lights]
+    kinds = np.array([p.kind for p in packed], np.int64)
+    return kinds, np.array([p.row for p in packed], np.float64).reshape(-1, WIDTH)
+
+
+def irradiance(
+    intensity: npt.ArrayLike, n: npt.ArrayLike, l: npt.ArrayLike, distance: npt.ArrayLike
+) -> npt.NDArray[Any]:
+    """E = I ⟨n·l⟩/d² (12.8), W/m².
+
+    Args: intensity I in W/sr, of any shape (…,); unit vectors n and l (…, 3); distance d > 0 in metres (…,).
+    """
+    cosine = np.maximum(0.0, np.sum(np.multiply(n, l), axis=-1))
+    return np.asarray(np.multiply(intensity, cosine) / np.square(distance))
+
+
+def _unit(direction: tuple[float, float, float]) -> npt.NDArray[np.float64]:
+    from ..mesh.normals import normalize
+
+    return normalize(np.array(direction))
+
+
+def _triple(value: npt.ArrayLike) -> tuple[float, float, float]:
+    x, y, z = np.asarray(value, np.float64)
+    return float(x), float(y), float(z)

@@ -1,0 +1,1 @@
+"""Typed material parameters, presets, and reflection over arrays."""

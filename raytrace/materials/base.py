@@ -1,0 +1,118 @@
+"""What materials have in common: emission, ambient reflectance, packing into a row for kernels."""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from math import pi
+from typing import ClassVar, Literal, NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+from pydantic import model_validator
+
+from ..brdf import layout as rows
+from ..errors import OptionError
+from ..system.parameters import Exponent, Fraction, Indices, Parameters, Radiance, Reflectance, Sides
+
+RGB = tuple[float, float, float]
+
+
+class Packed(NamedTuple):
+    """A material as kernels take it: integer kind, and a float64 row of `rows.WIDTH`."""
+
+    kind: int
+    row: npt.NDArray[np.float64]
+
+
+def normalized(vector: RGB) -> npt.NDArray[np.float64]:
+    """The unit vector (3,) along `vector`; zero stays zero. Squares neither overflow nor vanish."""
+    scaled = np.array(vector) / (np.abs(vector).max() or 1.0)
+    return np.asarray(scaled / (np.linalg.norm(scaled) or 1.0))
+
+
+class BaseMaterial(Parameters):
+    """What every material has: emission I_e, and which sides of a surface reflect.
+
+    `two_sided`: False: the one that the normal points away from. True: the normal turns to the light, n·l → |n·l|, so
+    light on either side is seen from both, as through paper. "viewer": it turns to the viewer, so each side reflects
+    what falls on it, as an opaque sheet does.
+    """
+
+    kind: ClassVar[int]
+    emission: Radiance = (0.0, 0.0, 0.0)
+    two_sided: Sides = False
+
+    def pack(self) -> Packed:
+        """The kind and parameter row that `raytrace.models.dispatch.evaluate` takes."""
+        row = np.zeros(rows.WIDTH)
+        row[rows.EMISSION : rows.EMISSION + 3] = self.emission
+        row[rows.AMBIENT : rows.AMBIENT + 3] = self._ambient()
+        row[rows.ALPHA] = self._alpha()
+        row[rows.TWO_SIDED] = rows.TO_VIEWER if self.two_sided == "viewer" else rows.TO_LIGHT * self.two_sided
+        row[rows.GRAIN : rows.GRAIN + 3] = normalized(self._grain())
+        parameters = self._parameters()
+        row[rows.MODEL : rows.MODEL + len(parameters)] = parameters
+        return Packed(self.kind, row)
+
+    @abstractmethod
+    def _ambient(self) -> RGB:
+        """k_a."""
+
+    def _alpha(self) -> float:
+        return 1.0
+
+    def _grain(self) -> RGB:
+        return (0.0, 0.0, 0.0)
+
+    @abstractmethod
+    def _parameters(self) -> list[float]:
+        """The columns from `rows.MODEL` on, in the order the model's file states."""
+
+
+class Diffuse(BaseMaterial):
+    """A material with a Lambert-like body of albedo ρ; `k_a`, the ambient reflectance, is ρ unless given."""
+
+    albedo: Reflectance
+    k_a: Reflectance | None = None
+
+    def _ambient(self) -> RGB:
+        return self.albedo if self.k_a is None else self.k_a
+
+
+class Microfacet(Diffuse):
+    """k_d = 1 − k_s of a Lambertian body under k_s of mirror facets.
+
+    `eta`: index per channel, ≥ 1. `colour`: specular colour at normal incidence, shifting to the light's at grazing;
+    without it each channel has its own Fresnel reflectance. `form`: "conserving", or "book", as the
+    textbook prints it, 4 times as bright.
+    """
+
+    k_s: Fraction = 1.0
+    eta: Indices = (1.5, 1.5, 1.5)
+    colour: Reflectance | None = None
+    form: Literal["conserving", "book"] = "conserving"
+
+    def _common(self) -> list[float]:
+        colour = self.colour or (0.0, 0.0, 0.0)
+        normalisation = 1 / (4 * pi) if self.form == "conserving" else 1 / pi
+        return [*self.albedo, self.k_s, *self.eta, float(self.colour is not None), *colour, normalisation]
+
+
+class TwoTerm(BaseMaterial):
+    """Diffuse k_d and specular k_s, k_d + k_s ≤ 1 in each channel; `k_a` is k_d unless given; exponent > 0."""
+
+    k_d: Reflectance
+    k_s: Reflectance = (0.0, 0.0, 0.0)
+    exponent: Exponent = 20.0
+    k_a: Reflectance | None = None
+
+    @model_validator(mode="after")
+    def _absorbs(self) -> TwoTerm:
+        for channel, (diffuse, specular) in enumerate(zip(self.k_d, self.k_s, strict=True)):
+            if diffuse + specular > 1 + 1e-9:
+                got = f"{diffuse} + {specular} = {diffuse + specular:g}"
+                raise OptionError(f"k_d + k_s [{channel}]", "at most 1", got, type(self).__name__)
+        return self
+
+    def _ambient(self) -> RGB:
+        return self.k_d if self.k_a is None else self.k_a

@@ -1,0 +1,196 @@
+"""Materials: the parameters of every reflection model, typed and checked.
+
+    clay = OrenNayar(albedo=(0.7, 0.5, 0.4), sigma=0.5)
+    clay.to_dict()                    # {"model": "oren_nayar", "albedo": [0.7, 0.5, 0.4], "sigma": 0.5}
+    material_from_dict({"preset": "clay", "sigma": 0.2})
+
+Reflectances are RGB in [0, 1] (one number means three equal ones), angles radians. Formulas: `raytrace.models`;
+the types that signatures name (`Reflectance`, `Slope`, …) and their ranges: `raytrace.fields`.
+"""
+
+from __future__ import annotations
+
+from math import cos, sin
+from typing import Annotated, Any, ClassVar, Literal
+
+import numpy as np
+import numpy.typing as npt
+from pydantic import Field, TypeAdapter, ValidationError, model_validator
+
+from ..brdf import layout as rows
+from ..brdf.coefficients import cap_angle, gaussian_constant, power_series
+from ..errors import OptionError
+from ..system.parameters import (
+    Angle,
+    Direction,
+    Fraction,
+    Positive,
+    Reflectance,
+    Slope,
+    Smoothness,
+    Spacing,
+    option_error,
+)
+from .base import RGB, BaseMaterial, Diffuse, Microfacet, TwoTerm
+from .presets import preset
+
+
+class Lambert(Diffuse):
+    """f = ρ/π (12.18)."""
+
+    model: Literal["lambert"] = "lambert"
+    kind: ClassVar[int] = rows.LAMBERT
+
+    def _parameters(self) -> list[float]:
+        return [*self.albedo]
+
+
+class OrenNayar(Diffuse):
+    """Rough diffuse surface; `sigma` is the standard deviation of facet slope angles, radians in [0, π/2]."""
+
+    model: Literal["oren_nayar"] = "oren_nayar"
+    kind: ClassVar[int] = rows.OREN_NAYAR
+    sigma: Angle
+
+    def _parameters(self) -> list[float]:
+        return [*self.albedo, self.sigma]
+
+
+class CookTorrance(Microfacet):
+    """Isotropic microfacets of RMS slope `m` in [1e-6, 100] (12.34–12.52).
+
+    `gaussian_c` scales the Gaussian distribution; left out, it is chosen so that the distribution has Beckmann's norm.
+    """
+
+    model: Literal["cook_torrance"] = "cook_torrance"
+    kind: ClassVar[int] = rows.COOK_TORRANCE
+    m: Slope
+    distribution: Literal["beckmann", "gaussian"] = "beckmann"
+    gaussian_c: Positive | None = None
+
+    def _parameters(self) -> list[float]:
+        if self.distribution == "beckmann":
+            return [*self._common(), self.m, 0.0]
+        return [*self._common(), self.m, gaussian_constant(self.m) if self.gaussian_c is None else self.gaussian_c]
+
+    @model_validator(mode="after")
+    def _c_is_used(self) -> CookTorrance:
+        if self.gaussian_c is not None and self.distribution != "gaussian":
+            raise OptionError("gaussian_c", 'distribution = "gaussian" with it', self.distribution, "CookTorrance")
+        return self
+
+
+class EllipticalBeckmann(Microfacet):
+    """Microfacets of RMS slopes `m_parallel` along the grain and `m_perpendicular` across it, each in [1e-6, 100].
+
+    `grain`: world vector, projected into the tangent plane; left out, the surface's tangent (where u grows) is used.
+    """
+
+    model: Literal["elliptical_beckmann"] = "elliptical_beckmann"
+    kind: ClassVar[int] = rows.ELLIPTICAL_BECKMANN
+    m_parallel: Slope
+    m_perpendicular: Slope
+    grain: Direction | None = None
+
+    def _grain(self) -> RGB:
+        return self.grain or (0.0, 0.0, 0.0)
+
+    def _parameters(self) -> list[float]:
+        return [*self._common(), self.m_parallel, self.m_perpendicular]
+
+
+class _PhongFamily(TwoTerm):
+    """k_d ⟨n·l⟩ + k_s W S; `weight` W = 1 ("one") or cosθ ("cosine")."""
+
+    weight: Literal["one", "cosine"] = "one"
+
+    def _parameters(self) -> list[float]:
+        return [*self.k_d, *self.k_s, self.exponent, float(self.weight == "cosine")]
+
+
+class Phong(_PhongFamily):
+    """S = ⟨r·v⟩^exponent (12.22–12.23)."""
+
+    model: Literal["phong"] = "phong"
+    kind: ClassVar[int] = rows.PHONG
+
+
+class BlinnPhong(_PhongFamily):
+    """S = ⟨n·h⟩^exponent (12.25)."""
+
+    model: Literal["blinn_phong"] = "blinn_phong"
+    kind: ClassVar[int] = rows.BLINN_PHONG
+
+
+class PoulinFournier(TwoTerm):
+    """Parallel cylinders of radius 1: axes `spacing` apart, the floor at height `floor` in [0, 1] above them.
+
+    `grain`: world vector along the cylinders; left out, the surface's tangent (where u grows) is used.
+    """
+
+    model: Literal["poulin_fournier"] = "poulin_fournier"
+    kind: ClassVar[int] = rows.POULIN_FOURNIER
+    spacing: Spacing = 2.0
+    floor: Fraction = 0.0
+    grain: Direction | None = None
+
+    def _grain(self) -> RGB:
+        return self.grain or (0.0, 0.0, 0.0)
+
+    def _parameters(self) -> list[float]:
+        domain, series = power_series(self.exponent)
+        cap = cap_angle(self.spacing, self.floor)
+        return [*self.k_d, *self.k_s, self.exponent, self.spacing, cap, sin(cap), cos(cap), domain, *series]
+
+
+class Strauss(BaseMaterial):
+    """Colour, `smoothness` in [0, 1), `metalness` and `transparency` in [0, 1] (12.65–12.70).
+
+    Its ambient reflectance is Q_a = (1 − s³)(1 − t) c and its alpha 1 − t.
+    """
+
+    model: Literal["strauss"] = "strauss"
+    kind: ClassVar[int] = rows.STRAUSS
+    colour: Reflectance
+    smoothness: Smoothness
+    metalness: Fraction = 0.0
+    transparency: Fraction = 0.0
+
+    def _ambient(self) -> RGB:
+        r_d = (1 - self.smoothness**3) * (1 - self.transparency)
+        red, green, blue = self.colour
+        return (r_d * red, r_d * green, r_d * blue)
+
+    def _alpha(self) -> float:
+        return 1.0 - self.transparency
+
+    def _parameters(self) -> list[float]:
+        return [*self.colour, self.smoothness, self.metalness, self.transparency]
+
+
+Material = Annotated[
+    Lambert | Phong | BlinnPhong | CookTorrance | EllipticalBeckmann | OrenNayar | Strauss | PoulinFournier,
+    Field(discriminator="model"),
+]
+_ADAPTER: TypeAdapter[Any] = TypeAdapter(Material)
+
+
+def material_from_dict(data: dict[str, Any]) -> BaseMaterial:
+    """A material from plain values: `model` and its fields, or `preset` and the fields to change in it.
+
+    Raises: OptionError naming the material, the field, what is accepted and what came.
+    """
+    if "preset" in data:
+        data = preset(data["preset"]) | {name: value for name, value in data.items() if name != "preset"}
+    try:
+        material: BaseMaterial = _ADAPTER.validate_python(data)
+    except ValidationError as error:
+        raise option_error(error, "material") from None
+    return material
+
+
+def pack_materials(materials: list[BaseMaterial]) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.float64]]:
+    """Kinds (k,) int64 and rows (k, rows.WIDTH) float64 of a list of materials, for a kernel that meets them all."""
+    packed = [material.pack() for material in materials]
+    kinds = np.array([p.kind for p in packed], np.int64)
+    return kinds, np.array([p.row for p in packed], np.float64).reshape(-1, rows.WIDTH)

@@ -1,0 +1,1 @@
+"""Geometry in float64: meshes, normals, welding, placement in render space, precision."""

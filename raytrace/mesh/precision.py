@@ -1,0 +1,113 @@
+"""Whether coordinates are fine enough for a mesh's faces, as its file stores them and as float32 rays see them.
+
+A rounding of δ tilts a face of height h by about δ/h; where the faces around a vertex are tilted so, no ray from there
+can be right. Heights below 10⁻⁵ of the coordinates are reported: a tilt of .01, half a degree.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from ..kernel.jit import kernel
+from .mesh import Mesh
+from .normals import _cross, _dot, _edge
+from .placement import Placement
+
+TILT = 0.01
+
+
+@dataclass(frozen=True)
+class Coarseness:
+    """What rounding does to a mesh.
+
+    Attributes:
+        vertices: how many have a normal that is uncertain by more than `TILT`.
+        tilt: median of what those are uncertain by, radians.
+        spacing: largest distance of neighbouring float32 numbers among the coordinates of their faces, mesh units.
+        stored: whether the mesh's own coordinates are that coarse; else only the recentred ones that rays see.
+    """
+
+    vertices: int
+    tilt: float
+    spacing: float
+    stored: bool
+
+
+def coarseness(mesh: Mesh) -> Coarseness:
+    """Look for vertices that rounding leaves without a reliable normal."""
+    kind = np.float32 if _rounded_to_single(mesh.vertices) else np.float64
+    placement = Placement.of(mesh)
+    placed = np.ldexp(mesh.vertices - mesh.centre, int(np.log2(placement.scale)))
+    stored = _spacing(mesh.vertices, kind) * placement.scale
+    seen = _spacing(placed, np.float32)
+    tilt, spacing = np.zeros(len(placed)), np.zeros(len(placed))
+    weight = np.zeros(len(placed))
+    _tilts(placed, mesh.faces, np.maximum(stored, seen), tilt, weight, spacing)
+    tilt = np.divide(tilt, weight, out=np.zeros_like(tilt), where=weight > 0)
+    bad = tilt > TILT
+    if not bad.any():
+        return Coarseness(0, 0.0, 0.0, False)
+    return Coarseness(
+        vertices=int(np.count_nonzero(bad)),
+        tilt=float(np.median(tilt[bad])),
+        spacing=float(spacing[bad].max() / placement.scale),
+        stored=bool((stored[bad] >= seen[bad]).mean() > 0.5),
+    )
+
+
+def precision_warnings(mesh: Mesh) -> list[str]:
+    """What a user must know about the precision of `mesh`: a line, or none."""
+    found = coarseness(mesh)
+    if not found.vertices:
+        return []
+    what = "its coordinates as stored" if found.stored else "float32 coordinates from the centre of the mesh"
+    return [
+        f"{mesh.source}: normals of {found.vertices:,} of {len(mesh.vertices):,} vertices are uncertain by"
+        f" {np.degrees(found.tilt):.2g}° (median): {what} have steps of {found.spacing:.2g},"
+        " too coarse for the faces there"
+    ]
+
+
+def _rounded_to_single(vertices: npt.NDArray[np.float64]) -> bool:
+    """Whether coordinates were rounded to float32: all are float32 numbers, and last bits are used.
+
+    About half of them are set by rounding; coordinates on a coarser grid, such as whole numbers, are exact.
+    """
+    with np.errstate(over="ignore"):
+        single = vertices.astype(np.float32)
+    return bool((single == vertices).all()) and float(np.mean(single.view(np.uint32) & 1)) > 1 / 16
+
+
+def _spacing(vertices: npt.NDArray[np.float64], kind: type[np.floating]) -> npt.NDArray[np.float64]:
+    """Distance (n,) of neighbouring numbers of a kind at each vertex's largest coordinate."""
+    with np.errstate(over="ignore"):
+        largest = np.abs(vertices).max(axis=1).astype(kind)
+    return np.spacing(np.minimum(largest, np.finfo(kind).max)).astype(np.float64)
+
+
+@kernel
+def _tilts(vertices, faces, spacing, tilt, weight, widest):
+    """Sum δ/h of each vertex's faces, weighted by their angles there, and the largest spacing among their corners."""
+    for f in range(len(faces)):
+        i, j, k = faces[f]
+        ab, bc, ca = _edge(vertices, i, j), _edge(vertices, j, k), _edge(vertices, k, i)
+        normal = _cross(ab, bc)
+        double = np.sqrt(_dot(normal, normal))
+        longest = np.sqrt(max(_dot(ab, ab), _dot(bc, bc), _dot(ca, ca)))
+        if double <= 1e-15 * longest * longest:
+            continue  # without area from the start
+        coarse = max(spacing[i], spacing[j], spacing[k])
+        tilted = min(0.5 * coarse * longest / double, 1.0)
+        for corner in range(3):
+            v = faces[f, corner]
+            ahead, behind = (
+                _edge(vertices, v, faces[f, (corner + 1) % 3]),
+                _edge(vertices, v, faces[f, (corner + 2) % 3]),
+            )
+            angle = np.arctan2(double, _dot(ahead, behind))
+            weight[v] += angle
+            tilt[v] += angle * tilted
+            widest[v] = max(widest[v], coarse)

@@ -1,0 +1,101 @@
+"""Normals that see the front of every face around a vertex, which ray origins need and averages do not promise."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from ..kernel.jit import inline, kernel
+from ..kernel.vector import dot, load
+
+Floats = npt.NDArray[np.float64]
+Ints = npt.NDArray[np.int64]
+
+
+def outermost_normals(normals: Floats, seats: Ints, face_normals: Floats, enough: float = 0.0) -> tuple[Floats, Floats]:
+    """Normals in front of all the faces that meet at a point, and their clearance: the smallest n·n_f, (k,).
+
+    Only a normal that clears its faces by no more than `enough` is moved, see `_moved`.
+
+    Args:
+        normals: (k, 3), unit or zero. seats: (m, any), the rows of `normals` that each face counts for.
+        face_normals: (m, 3), unit.
+    """
+    moved = normals.copy()
+    clearance = np.ones(len(normals))
+    _least_cosines(moved, seats, face_normals, clearance)
+    face, corner = np.nonzero((clearance <= enough)[seats])
+    order = np.argsort(seats[face, corner], kind="stable")
+    face = face[order]
+    rows, starts = np.unique(seats[face, corner[order]], return_index=True)
+    if len(rows):
+        _outermost(moved, clearance, rows, np.append(starts, len(face)), face_normals[face], enough)
+    return moved, clearance
+
+
+@kernel
+def _least_cosines(normals, seats, face_normals, clearance):
+    for f in range(len(seats)):
+        for corner in range(seats.shape[1]):
+            row = seats[f, corner]
+            cosine = 0.0
+            for axis in range(3):
+                cosine += normals[row, axis] * face_normals[f, axis]
+            clearance[row] = min(clearance[row], cosine)
+
+
+@kernel
+def _outermost(normals, clearance, rows, starts, faces, enough):
+    for k in range(len(rows)):
+        row = rows[k]
+        moved, clearance[row] = _moved(load(normals, row), faces[starts[k] : starts[k + 1]], enough)
+        normals[row, 0], normals[row, 1], normals[row, 2] = moved
+
+
+@inline
+def outermost_normal(normal, faces, enough):
+    """`outermost_normals` of one point. Args: faces: (any, 3), the unit normals that meet there."""
+    least = 1.0
+    for f in range(len(faces)):
+        least = min(least, dot(normal, load(faces, f)))
+    return (normal, least) if least > enough else _moved(normal, faces, enough)
+
+
+@inline
+def _moved(before, faces, enough):
+    """A normal moved towards the face it clears least until it clears all `faces` by `enough`, and its clearance.
+
+    The perceptron (Rosenblatt 1958) ends within 1/γ² moves if some normal has the clearance γ and none is asked for.
+    After 1,000 moves the best normal met is kept, but not for the two sides of a sheet, in which it would lie: there
+    the normal stays what it was, or is the first face's where it was zero.
+    """
+    x, y, z = before
+    best, found = -2.0, before
+    for _ in range(1000):
+        length = np.sqrt(x * x + y * y + z * z)
+        if length < 1e-12:
+            x, y, z = load(faces, 0)
+            length = 1.0
+        least, worst = 2.0, 0
+        for f in range(len(faces)):
+            cosine = dot((x, y, z), load(faces, f)) / length
+            if cosine < least:
+                least, worst = cosine, f
+        if least > best:
+            best, found = least, (x / length, y / length, z / length)
+        if least > enough:
+            break
+        x, y, z = x + faces[worst, 0], y + faces[worst, 1], z + faces[worst, 2]
+    if best <= 0.0 and _two_sides(faces):
+        return (load(faces, 0) if dot(before, before) == 0.0 else before), -1.0
+    return found, best
+
+
+@inline
+def _two_sides(normals):
+    """Whether two of the normals look opposite ways, as those of the two sides of a sheet."""
+    for i in range(len(normals)):
+        for j in range(i):
+            if dot(load(normals, i), load(normals, j)) < -0.9999:
+                return True
+    return False

@@ -1,0 +1,87 @@
+"""What vertices have beside their places: smooth normals, and where shadow rays begin when they are lit themselves."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from ..brdf.layout import TWO_SIDED
+from ..embree.scene import TriangleScene
+from ..kernel.arrays import aligned, product
+from ..mesh.mesh import Mesh
+from ..mesh.normals import face_normals, normalize, vertex_sums
+from ..mesh.placement import Placement
+from ..mesh.weld import CREASE, sum_groups, weld
+from ..ray_origins.clearance import outermost_normals
+from ..ray_origins.origins import ray_origins
+from ..settings import Normals
+from ..shade.records import Geometry
+
+Floats = npt.NDArray[np.float64]
+Ints = npt.NDArray[np.int64]
+
+INSTANCED = 4.0  # the ray's own way into an instance's frame is rounded too, as if coordinates were that large
+
+
+def smooth_normals(mesh: Mesh, normals: Normals = "file") -> Floats:
+    """Unit normals (n, 3) in the mesh's own frame; zero where there is none.
+
+    Args: normals: as `raytrace.settings.Settings` has it.
+    """
+    if normals == "file" and mesh.normals is not None:
+        return normalize(mesh.normals)
+    vertices = Placement.of(mesh).vertices
+    placed = vertices.astype(np.float64)
+    weighting = "angle" if normals == "file" else normals
+    own = vertex_sums(placed, mesh.faces, *face_normals(placed, mesh.faces), weighting)
+    group = weld(vertices, normalize(own), CREASE)
+    return normalize(sum_groups(group, own))[group]
+
+
+def vertex_origins(geometry: Geometry) -> npt.NDArray[np.float32]:
+    """Where shadow rays begin that leave the vertices of all objects, in the order of `geometry.w`: float32 (n, 3).
+
+    They are in front of all faces of the scene that meet at a vertex (`raytrace.origins`). Where a surface has two
+    sides there are n more, for vertices seen from behind.
+    """
+    vertices, faces, normals = _in_the_world(geometry)
+    face_normal, area = face_normals(vertices, faces)
+    own = vertex_sums(vertices, faces, face_normal, area)
+    faces, face_normal = faces[area > 0], face_normal[area > 0]
+
+    group = weld(vertices.astype(np.float32), normals, CREASE)
+    _, first = np.unique(group, return_index=True)
+    points, seats = vertices[first], group[faces]
+    lift, clearance = outermost_normals(normalize(sum_groups(group, own)), seats, face_normal)
+    lift = np.where(np.einsum("ij,ij->i", lift, normals[first])[:, None] < 0, -lift, lift)
+
+    away = 0.0 if geometry.placed.all() else INSTANCED  # all that is reckoned with is in proportion to coordinates
+    points, vertices = points + away, vertices + away
+    sides = (1.0, -1.0) if geometry.rows[:, TWO_SIDED].any() else (1.0,)
+    scene = TriangleScene(vertices.astype(np.float32), faces)
+    found = [
+        ray_origins(scene, points, s * lift, clearance, vertices, faces, s * face_normal, seats)[group] for s in sides
+    ]
+    origins = aligned((len(sides) * len(group), 3), np.float32)
+    origins[:] = np.concatenate(found) - away
+    return origins
+
+
+def _in_the_world(geometry: Geometry) -> tuple[Floats, Ints, Floats]:
+    """All objects as one mesh in the world's own units, faces wound outwards: vertices, faces, unit vertex normals."""
+    vertices, faces, normals = [], [], []
+    counts = np.diff(geometry.first_w, append=len(geometry.w))
+    begins = np.unique(geometry.first_face)
+    ends = np.append(begins, len(geometry.faces))[np.searchsorted(begins, geometry.first_face) + 1]
+    for item, count in enumerate(counts):
+        start = geometry.first_vertex[item]
+        own = geometry.vertices[start : start + count].astype(np.float64)
+        normal = geometry.normals[start : start + count].astype(np.float64)
+        if not geometry.placed[item]:
+            own = product(own, geometry.to_world[item, :, :3].T) + geometry.to_world[item, :, 3]
+            normal = product(normal, geometry.normal_to_world[item].T)
+        corners = geometry.faces[geometry.first_face[item] : ends[item]] - start + geometry.first_w[item]
+        vertices.append(own)
+        faces.append(corners[:, ::-1] if geometry.mirrored[item] < 0 else corners)
+        normals.append(normalize(normal))
+    return np.concatenate(vertices), np.concatenate(faces).astype(np.int64), np.concatenate(normals)

@@ -1,0 +1,1 @@
+"""Hashes, low-discrepancy points, and warps of them to directions."""

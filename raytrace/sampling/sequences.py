@@ -1,0 +1,77 @@
+"""Low-discrepancy points of the unit square.
+
+Owen-scrambled Sobol points: Sobol 1967's first two dimensions under nested uniform scrambling (Owen 1995), exact
+down to the cell that holds one point and uniform below it, every random bit a hash of (key, set, dimension, node).
+
+Jittered golden lattice: the rank-1 lattice of the golden ratio (Kronecker 1884), each point moved at random by up to
+one stratum in either coordinate. Where a function jumps, as visibility does, it needs a fifth fewer points than Sobol;
+the jitter keeps smooth functions from being hit at the same places of every stratum.
+
+Not scipy.stats.qmc: it has no such lattice, which errs by .0168 instead of Sobol's .0199 at 64 rays, and the state of
+its generator would make bits depend on the order of work (docs/experiments.md).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from .hash import mix_array
+
+UInts = npt.NDArray[np.uint32]
+Floats = npt.NDArray[np.float64]
+
+GOLDEN = (5**0.5 - 1) / 2
+
+
+def sobol(count: int) -> tuple[UInts, UInts]:
+    """The first `count` Sobol points in two dimensions as 32-bit fractions: two arrays (count,)."""
+    index = np.arange(count, dtype=np.uint32)
+    first, second = np.zeros_like(index), np.zeros_like(index)
+    column = np.uint32(1 << 31)
+    for bit in range(32):
+        on = (index >> np.uint32(bit)) & np.uint32(1)
+        first ^= on * np.uint32(1 << (31 - bit))
+        second ^= on * column
+        column ^= column >> np.uint32(1)  # the Pascal matrix, direction numbers of the polynomial x + 1
+    return first, second
+
+
+def owen_scramble(points: UInts, keys: UInts, levels: int) -> UInts:
+    """Nested uniform scrambling of `points` (n,), once for each of `keys` (k,): (k, n) fractions.
+
+    Each of the top `levels` bits is flipped by a random bit of its node in the binary tree; what lies below is
+    drawn uniformly in the cell, which equals full scrambling while a cell holds at most one point.
+    """
+    scrambled = np.broadcast_to(points, (len(keys), len(points))).copy()
+    key = keys[:, None]
+    for level in range(levels):
+        node = (points.astype(np.uint64) >> np.uint64(32 - level)).astype(np.uint32) | np.uint32(1 << level)
+        scrambled ^= (mix_array(mix_array(node) ^ key) & np.uint32(1)) << np.uint32(31 - level)
+    cell = (points.astype(np.uint64) >> np.uint64(32 - levels)).astype(np.uint32) | np.uint32(1 << levels)
+    below = np.uint32((1 << (32 - levels)) - 1)
+    return (scrambled & ~below) | (mix_array(mix_array(cell) ^ key ^ np.uint32(0x9E3779B9)) & below)
+
+
+def owen_sobol(sets: int, count: int, key: np.uint32) -> tuple[Floats, Floats]:
+    """`sets` independently scrambled Sobol sets of `count` points: two arrays (sets, count) in (0, 1)."""
+    levels = max(count - 1, 1).bit_length()
+    first, second = sobol(count)
+    numbers = np.arange(2 * sets, dtype=np.uint32)
+    keys = mix_array(mix_array(numbers) ^ key)
+    bits = owen_scramble(first, keys[:sets], levels), owen_scramble(second, keys[sets:], levels)
+    u, v = (np.ldexp(b + np.float64(0.5), -32) for b in bits)
+    return u, v
+
+
+def jittered_lattice(sets: int, count: int, key: np.uint32) -> tuple[Floats, Floats]:
+    """`sets` independent lattices of `count` points, ordered by u: two arrays (sets, count) in (0, 1).
+
+    The v of a whole set are to be turned (mod 1) by a random amount, as directions are about their axis.
+    """
+    rank = np.arange(count)
+    keys = mix_array(mix_array(np.arange(2 * sets, dtype=np.uint32)) ^ key)[:, None]
+    chance = np.ldexp(mix_array(mix_array(rank.astype(np.uint32)) ^ keys) + 0.5, -32)
+    u = (rank + chance[:sets]) / count
+    v = (rank * GOLDEN + chance[sets:] / count) % 1.0
+    return u, v

@@ -1,0 +1,1 @@
+"""Kernels from a packet of camera rays to pixels."""

@@ -1,0 +1,174 @@
+"""Viewing rays: a camera in the world's own units, and its packets."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from ..camera import Camera
+from ..embree.packets import DIR_X, GEOM_ID, INST_ID, ORG_X, PRIM_ID, TFAR, intersect16
+from ..kernel.jit import inline, kernel
+from ..kernel.simd import WIDE, double, select, single
+from ..kernel.simd_masks import lane_numbers, pick, replace
+from ..kernel.simd_memory import load_row, store_row
+from ..kernel.vector import add, dot, load3, scale, unit
+from ..sampling.hash import mix, mix_array, seed_key
+from ..sampling.sequences import owen_sobol
+from ..settings import Settings
+
+Floats = npt.NDArray[np.float64]
+_SETS = 256
+_CENTRE = np.empty((0, 4, 1))  # no sets of places: every ray goes through its pixel's centre
+FARTHEST = 8.0  # longer than anything in the world
+
+
+class View(NamedTuple):
+    """A camera in the world's own units, and where in a pixel its samples fall.
+
+    Attributes:
+        eye, right, above, forward: float64 (3,). half: tangent of half the vertical angle, or half the height of an
+        orthographic view; orthographic: whether. lens: radius; focus: distance of what is sharp. width, height: of the
+        whole picture. offsets: float64 (sets, 4, samples), place in the pixel, from its centre, and on the unit lens;
+        no sets where every ray goes through its pixel's centre from the eye. key: uint32.
+    """
+
+    eye: npt.NDArray[np.float64]
+    right: npt.NDArray[np.float64]
+    above: npt.NDArray[np.float64]
+    forward: npt.NDArray[np.float64]
+    half: float
+    orthographic: bool
+    lens: float
+    focus: float
+    width: int
+    height: int
+    offsets: npt.NDArray[np.float64]
+    key: Any
+
+
+def place_camera(camera: Camera, settings: Settings, centre: Floats, scale: float) -> View:
+    """A camera as kernels want it, in a world whose points p stand at (p − centre) · scale."""
+    right, above, forward = camera.axes()
+    position = np.array(camera.position)
+    distance = camera.focus or float(np.linalg.norm(np.subtract(camera.target, position)))
+    perspective = float(np.tan(np.radians(camera.field_of_view / 2)))
+    return View(
+        eye=(position - centre) * scale,
+        right=right,
+        above=above,
+        forward=forward,
+        half=perspective if camera.height is None else camera.height / 2 * scale,
+        orthographic=camera.height is not None,
+        lens=camera.aperture / 2 * scale,
+        focus=distance * scale,
+        width=settings.width,
+        height=settings.height,
+        offsets=_offsets(settings.samples, settings.seed) if settings.samples > 1 or camera.aperture else _CENTRE,
+        key=seed_key(settings.seed),
+    )
+
+
+def _offsets(samples: int, seed: int) -> Floats:
+    """Places of a pixel's samples (sets, 4, samples): under a tent filter of radius 1 pixel, and on the unit lens.
+
+    One sample a pixel falls on its centre.
+    """
+    key = seed_key(seed)
+    x, y = (_tent(u) for u in owen_sobol(_SETS, samples, key))
+    if samples == 1:
+        x, y = np.zeros_like(x), np.zeros_like(y)
+    u, v = owen_sobol(_SETS, samples, mix_array([key ^ np.uint32(0x5BD1E995)])[0])
+    radius, angle = np.sqrt(u), 2 * np.pi * v
+    return np.stack([x, y, radius * np.cos(angle), radius * np.sin(angle)], axis=1)
+
+
+def _tent(u: Floats) -> Floats:
+    """u in (0, 1) to a place with density 1 − |x| on (−1, 1)."""
+    return np.where(u < 0.5, np.sqrt(2 * u) - 1, 1 - np.sqrt(2 - 2 * u))
+
+
+@inline
+def viewing_ray(view, x, y, lens_x, lens_y):
+    """Origin and unit direction, lanes, through the film points (x, y) in pixels from the upper left."""
+    right, above, forward = load3(view.right), load3(view.above), load3(view.forward)
+    a = (2.0 * x - view.width) * (view.half / view.height)
+    b = (view.height - 2.0 * y) * (view.half / view.height)
+    across = add(scale(a, right), scale(b, above))
+    if view.orthographic:
+        shift, direction = across, add(scale(0.0, across), forward)
+    else:
+        shift, direction = scale(0.0, across), unit(add(forward, across))
+        if view.lens > 0.0:
+            sharp = scale(view.focus / dot(direction, forward), direction)
+            shift = add(scale(view.lens * lens_x, right), scale(view.lens * lens_y, above))
+            direction = unit(add(sharp, scale(-1.0, shift)))
+    return add(load3(view.eye), shift), direction
+
+
+@inline
+def pixel_width(view, depth):
+    """Width of a pixel at a distance from the viewer."""
+    width = 2.0 * view.half / view.height
+    return width * (0.0 * depth + 1.0 if view.orthographic else depth)
+
+
+@inline
+def approach(origin, direction):
+    """How far a ray can go before it comes near the world, which lies within 2 of the centre."""
+    return max(0.0, -2.0 - dot(origin, direction))
+
+
+@inline
+def aim(packet, view, x, y, samples):
+    """Make `packet` the viewing rays of sixteen pixels; returns how far from the viewer they start, float32.
+
+    Args: x, y: int32 lanes, of the whole picture. samples: int32 lanes, numbers of the samples.
+    """
+    film_x, film_y = double(x) + 0.5, double(y) + 0.5
+    lens_x, lens_y = 0.0 * film_x, 0.0 * film_x
+    offsets = view.offsets
+    if len(offsets) > 0:
+        for lane in range(WIDE):
+            sample = pick(samples, lane)
+            k = mix(mix(pick(y, lane) * view.width + pick(x, lane)) ^ view.key) % np.uint32(len(offsets))
+            film_x = replace(film_x, lane, pick(film_x, lane) + offsets[k, 0, sample])
+            film_y = replace(film_y, lane, pick(film_y, lane) + offsets[k, 1, sample])
+            lens_x = replace(lens_x, lane, offsets[k, 2, sample])
+            lens_y = replace(lens_y, lane, offsets[k, 3, sample])
+    origin, direction = viewing_ray(view, film_x, film_y, lens_x, lens_y)
+    start = approach(origin, direction)
+    near = add(origin, scale(start, direction))
+    for axis in range(3):
+        store_row(packet, ORG_X + axis, single(near[axis]))
+        store_row(packet, DIR_X + axis, single(direction[axis]))
+    store_row(packet, TFAR, FARTHEST)
+    return single(start)
+
+
+@inline
+def struck(packet):
+    """Rows of the objects and of the faces that a packet has hit, int32 lanes; the object is −1 for a miss."""
+    ids = packet.view(np.int32)
+    outer, inner = load_row(ids, INST_ID), load_row(ids, GEOM_ID)
+    return select((inner >= 0) & (outer >= 0), outer, inner), load_row(ids, PRIM_ID)
+
+
+@kernel
+def mark_seen(geometry, view, left, right, first, last, packet, valid, seen):
+    """Set `seen`, bool (w,), for the vertices of all faces that a sample of the rows [first, last) meets."""
+    for y in range(first, last):
+        for x in range(left, right, WIDE):
+            pixels = lane_numbers() + x
+            store_row(valid, 0, pixels < right)
+            for sample in range(max(1, view.offsets.shape[2])):
+                aim(packet, view, pixels, 0 * pixels + y, 0 * pixels + sample)
+                intersect16(geometry.handle, packet, valid)
+                items, faces = struck(packet)
+                for lane in range(min(WIDE, right - x)):
+                    item = pick(items, lane)
+                    if item >= 0:
+                        own = geometry.first_w[item] - geometry.first_vertex[item]
+                        for corner in range(3):
+                            seen[own + geometry.faces[geometry.first_face[item] + pick(faces, lane), corner]] = True

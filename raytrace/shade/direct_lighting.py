@@ -1,0 +1,251 @@
+"""The sum over lights (12.75): ambient, diffuse and specular light of many points, a shadow ray only where one matters.
+
+I(p) = I_e + k_a I_a·w + Σ_j δ(p, j) I_L(j) (diffuse_j + specular_j); the book's form weights diffuse light by w too.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..brdf.dispatch import ambient, emission, terms_wide
+from ..embree.packets import DIR_X, ORG_X, TFAR, occluded16
+from ..kernel.jit import inline
+from ..kernel.simd import double, select, single
+from ..kernel.simd_masks import count, first, highest, lane_numbers, lowest, pick, some
+from ..kernel.simd_memory import load_row, store_row
+from ..kernel.vector import add, choose, dot, multiply, scale, subtract
+from ..lights.kernels import cannot_matter_in, incident
+from ..lights.layout import AMBIENT as AMBIENT_LIGHT
+from .camera_rays import FARTHEST
+from .interaction import CONSTANT
+from .shading_points import (
+    AMBIENT,
+    BACK,
+    DIFFUSE,
+    EMISSION,
+    FRONT,
+    LIT,
+    NORMAL,
+    ON_THIS_SIDE,
+    ORIGIN,
+    POINT,
+    SENT,
+    SHADOW,
+    SPECULAR,
+    TANGENT,
+    TINT,
+    VIEW,
+    W,
+    put,
+    take,
+)
+from .shaft_culling import obstructed
+from .workspace import BEHIND, BLACK, BOOK, CULLED, OFF, SHADOW_RAYS, UNOBSTRUCTED, UNREACHED
+
+SHORT = 1.0 - 1e-5  # of the way to a light: what touches the light itself is no obstacle
+
+
+@inline
+def ambient_light(lights):
+    """I_a: the sum of all ambient lights."""
+    total = (0.0, 0.0, 0.0)
+    for j in range(len(lights.kinds)):
+        if lights.kinds[j] == AMBIENT_LIGHT:
+            _, _, arriving = incident(AMBIENT_LIGHT, lights.rows[j], total)
+            total = add(total, arriving)
+    return total
+
+
+@inline
+def begin(entry, items, geometry, total, form):
+    """What needs no light that comes from somewhere: emission and reflected ambient light."""
+    left = items >= 0
+    tint = take(entry, TINT)
+    w = load_row(entry, W)
+    while some(left):
+        item = pick(items, first(left))
+        mine = left & (items == item)
+        material = geometry.rows[item]
+        reflected = multiply(multiply(ambient(material), total), tint)
+        if form != OFF:
+            reflected = scale(w, reflected)
+        put(entry, AMBIENT, mine, reflected)
+        put(entry, EMISSION, mine, emission(material))
+        left = left & ~mine
+
+
+@inline
+def count_directed(lights):
+    """How many lights come from somewhere, ambient ones left out."""
+    found = 0
+    for j in range(len(lights.kinds)):
+        found += lights.kinds[j] != AMBIENT_LIGHT
+    return found
+
+
+@inline
+def grown(box, there, p):
+    """Low and high corners, lanes, extended by the points p where the mask `there` is set."""
+    low, high = box
+    nowhere = np.float32(np.inf)
+    return (
+        (
+            min(low[0], select(there, p[0], nowhere)),
+            min(low[1], select(there, p[1], nowhere)),
+            min(low[2], select(there, p[2], nowhere)),
+        ),
+        (
+            max(high[0], select(there, p[0], -nowhere)),
+            max(high[1], select(there, p[1], -nowhere)),
+            max(high[2], select(there, p[2], -nowhere)),
+        ),
+    )
+
+
+@inline
+def corners(box):
+    """Low and high corner of a box whose corners are lanes."""
+    low, high = box
+    return (
+        (lowest(low[0]), lowest(low[1]), lowest(low[2])),
+        (highest(high[0]), highest(high[1]), highest(high[2])),
+    )
+
+
+@inline
+def select_lights(geometry, lights, scratch, packets):
+    """Find the lights that can matter to some of the first `packets` entries, and which of them may be hidden.
+
+    Fills `active` and `hidden` of `scratch`; returns how many there are.
+    """
+    nowhere = single(double(lane_numbers())) + np.float32(np.inf)
+    empty = (nowhere, nowhere, nowhere), scale(-1.0, (nowhere, nowhere, nowhere))
+    points, origins, shifts = empty, empty, empty
+    for e in range(packets):
+        there = load_row(scratch.items, e) >= 0
+        point, origin = take(scratch.entries[e], POINT), take(scratch.entries[e], ORIGIN)
+        points, origins = grown(points, there, point), grown(origins, there, origin)
+        shifts = grown(shifts, there, subtract(origin, point))
+        both = there & (load_row(scratch.entries[e], FRONT) > ON_THIS_SIDE)
+        if some(both):
+            back = take(scratch.entries[e], BACK)
+            origins, shifts = grown(origins, both, back), grown(shifts, both, subtract(back, point))
+    low, high = corners(points)
+    start, shift = corners(origins), corners(shifts)
+    used = 0
+    for j in range(len(lights.kinds)):
+        kind, row = lights.kinds[j], lights.rows[j]
+        if kind == AMBIENT_LIGHT or cannot_matter_in(kind, row, low, high, (0.0, 0.0, 1.0), np.pi, 0.0):
+            continue
+        scratch.active[used] = j
+        scratch.hidden[used] = obstructed(geometry.boxes, start, shift, kind, row)
+        used += 1
+    return used
+
+
+@inline
+def light_entries(geometry, lights, style, scratch, packets):
+    """Light the first `packets` entries of `scratch`."""
+    total = ambient_light(lights)
+    points = 0
+    for e in range(packets):
+        items = load_row(scratch.items, e)
+        begin(scratch.entries[e], items, geometry, total, style.form)
+        points += count(items >= 0)
+    used = select_lights(geometry, lights, scratch, packets) if points > 0 else 0
+    scratch.counts[CULLED] += (count_directed(lights) - used) * points
+    for e in range(packets):
+        items = load_row(scratch.items, e)
+        if some(items >= 0):
+            light_entry(scratch.entries[e], items, used, geometry, lights, style, scratch)
+
+
+@inline
+def light_entry(entry, items, used, geometry, lights, style, scratch):
+    """Add up the first `used` active lights of sixteen points."""
+    counts = scratch.counts
+    point, n, tint, ahead = take(entry, POINT), take(entry, NORMAL), take(entry, TINT), take(entry, ORIGIN)
+    seen = (items >= 0) & (load_row(entry, FRONT) > 0.0)
+    both = (items >= 0) & (load_row(entry, FRONT) > ON_THIS_SIDE)
+    zero = scale(0.0, point)
+    diffuse, specular, sent, lit = zero, zero, zero[0], zero[0]
+    for a in range(used):
+        j = scratch.active[a]
+        l, distance, intensity = incident(lights.kinds[j], lights.rows[j], point)
+        side, origin = n, ahead
+        behind = both & (dot(n, l) < 0.0)
+        if some(behind):
+            side, origin = choose(behind, scale(-1.0, n), n), choose(behind, take(entry, BACK), ahead)
+        facing = seen & (dot(side, l) > 0.0)
+        reached = facing & (intensity[0] + intensity[1] + intensity[2] > 0.0)
+        counts[BEHIND] += count(items >= 0) - count(facing)
+        counts[UNREACHED] += count(facing) - count(reached)
+        if not some(reached):
+            continue
+        body, highlight = reflect(entry, items, reached, side, l, geometry)
+        if style.shading == CONSTANT:
+            highlight = zero
+        body = multiply(multiply(intensity, body), tint)
+        if style.form == BOOK:
+            body = scale(load_row(entry, W), body)
+        highlight = multiply(intensity, highlight)
+        brought = add(body, highlight)
+        brightness = brought[0] + brought[1] + brought[2]
+        bright = reached & (brightness > 0.0)
+        counts[BLACK] += count(reached) - count(bright)
+        open_ = bright
+        if style.shadows:
+            if scratch.hidden[a]:
+                open_ = bright & unshadowed(origin, bright, l, distance, geometry, scratch)
+            else:
+                counts[UNOBSTRUCTED] += count(bright)
+        diffuse, specular = add(diffuse, masked(open_, body)), add(specular, masked(open_, highlight))
+        sent += select(bright, brightness, 0.0)
+        lit += select(open_, brightness, 0.0)
+    for c in range(3):
+        store_row(entry, DIFFUSE + c, diffuse[c])
+        store_row(entry, SPECULAR + c, specular[c])
+    store_row(entry, SENT, sent)
+    store_row(entry, LIT, lit)
+    store_row(entry, SHADOW, let_through(sent, lit))
+
+
+@inline
+def let_through(sent, lit):
+    """The part of the light that δ lets through, 1 where there is none."""
+    return select(sent > 0.0, lit / sent, 1.0)
+
+
+@inline
+def masked(mask, a):
+    """A triple of lanes where the mask is set, elsewhere zero."""
+    return (select(mask, a[0], 0.0), select(mask, a[1], 0.0), select(mask, a[2], 0.0))
+
+
+@inline
+def reflect(entry, items, reached, n, l, geometry):
+    """Diffuse and specular RGB per unit of light from `l`, each point by its own material."""
+    view, tangent = take(entry, VIEW), take(entry, TANGENT)
+    diffuse, specular = scale(0.0, n), scale(0.0, n)
+    left = reached
+    while some(left):
+        item = pick(items, first(left))
+        mine = left & (items == item)
+        d, s = terms_wide(geometry.kinds[item], geometry.rows[item], n, l, view, tangent, mine)
+        diffuse, specular = choose(mine, d, diffuse), choose(mine, s, specular)
+        left = left & ~mine
+    return diffuse, specular
+
+
+@inline
+def unshadowed(origin, wanted, l, distance, geometry, scratch):
+    """The mask of the points that see the light: a shadow ray for each of `wanted`."""
+    packet = scratch.packet
+    for axis in range(3):
+        store_row(packet, ORG_X + axis, origin[axis])
+        store_row(packet, DIR_X + axis, l[axis])
+    store_row(packet, TFAR, min(distance * SHORT, FARTHEST))
+    store_row(scratch.valid, 0, wanted)
+    occluded16(geometry.handle, packet, scratch.valid)
+    scratch.counts[SHADOW_RAYS] += count(wanted)
+    return load_row(packet, TFAR) >= 0.0

@@ -1,0 +1,219 @@
+"""From lit entries to pixels: samples are summed up, and pixels whose samples agree need no more."""
+
+from __future__ import annotations
+
+from math import sqrt
+
+import numpy as np
+
+from ..kernel.jit import inline
+from ..kernel.simd import WIDE
+from ..kernel.simd_masks import pick, some
+from ..kernel.simd_memory import load_row, scatter4, store_row
+from ..kernel.vector import add, scale
+from .shading_points import (
+    ALBEDO,
+    ALPHA,
+    AMBIENT,
+    BEAUTY,
+    DEPTH,
+    DIFFUSE,
+    EMISSION,
+    FILM,
+    ID,
+    NORMAL,
+    SHADOW,
+    SPECULAR,
+    W,
+    put,
+    take,
+)
+
+_BITS = 4
+TILE = 1 << _BITS  # pixels a side
+# Columns of a pixel's float64 sums: those of an entry, and then
+SHADED, SAMPLES, LOW, HIGH = FILM, FILM + 1, FILM + 2, FILM + 5
+SUMS = FILM + 8
+EDGE = 7  # of a pixel on a tile's edge: LOW, HIGH, and 1 if it was retired
+AGREE = 1.0 / 256.0  # of the square root of a linear value, about one step of an 8-bit picture
+ROUGHLY = 4.0 * AGREE
+
+
+@inline
+def clear(sums):
+    """Nothing gathered yet."""
+    sums[:] = 0.0
+    sums[:, DEPTH] = np.inf
+    sums[:, LOW : LOW + 3] = np.inf
+    sums[:, HIGH : HIGH + 3] = -np.inf
+
+
+@inline
+def beauty(entry):
+    """The sum of an entry's light, RGB."""
+    return add(add(add(take(entry, AMBIENT), take(entry, DIFFUSE)), take(entry, SPECULAR)), take(entry, EMISSION))
+
+
+@inline
+def add_background(entry, items, background):
+    """Let the background show through what is transparent: what else lies behind is not traced."""
+    clear = (items >= 0) & (load_row(entry, ALPHA) < 1.0)
+    if some(clear):
+        shown = scale(1.0 - load_row(entry, ALPHA), background)
+        put(entry, EMISSION, clear, add(take(entry, EMISSION), shown))
+
+
+@inline
+def develop(entry, sums, pixels, batch, layers):
+    """Add the first lanes of an entry, `batch` for each of `pixels`, to their sums."""
+    colour = beauty(entry)
+    for c in range(3):
+        store_row(entry, BEAUTY + c, colour[c])
+    for lane in range(len(pixels) * batch):
+        sum_ = sums[pixels[lane // batch]]
+        for column in range(ALPHA, W):
+            sum_[column] += entry[column, lane]
+        for c in range(3):
+            sum_[LOW + c] = min(sum_[LOW + c], entry[BEAUTY + c, lane])
+            sum_[HIGH + c] = max(sum_[HIGH + c], entry[BEAUTY + c, lane])
+        sum_[SAMPLES] += 1.0
+        if layers and entry[ID, lane] > 0.0:
+            sum_[SHADED] += 1.0
+            sum_[W] += entry[W, lane]
+            sum_[SHADOW] += entry[SHADOW, lane]
+            for c in range(3):
+                sum_[ALBEDO + c] += entry[ALBEDO + c, lane]
+            if entry[DEPTH, lane] < sum_[DEPTH]:
+                sum_[DEPTH] = entry[DEPTH, lane]
+                sum_[ID] = entry[ID, lane]
+                for c in range(3):
+                    sum_[NORMAL + c] = entry[NORMAL + c, lane]
+
+
+@inline
+def mean(sums, pixels, layers, entry):
+    """Turn the sums of up to sixteen pixels into the lanes of an entry."""
+    for lane in range(len(pixels)):
+        sum_ = sums[pixels[lane]]
+        share = 1.0 / sum_[SAMPLES]
+        for column in range(ALPHA, W):
+            entry[column, lane] = sum_[column] * share
+        if layers:
+            hit = sum_[SHADED] > 0.0
+            share = 1.0 / max(sum_[SHADED], 1.0)
+            entry[W, lane] = sum_[W] * share if hit else 1.0
+            entry[SHADOW, lane] = sum_[SHADOW] * share if hit else 1.0
+            for c in range(3):
+                entry[ALBEDO + c, lane] = sum_[ALBEDO + c] * share
+                entry[NORMAL + c, lane] = sum_[NORMAL + c]
+            entry[DEPTH, lane] = sum_[DEPTH]
+            entry[ID, lane] = sum_[ID]
+
+
+@inline
+def column_of(pixels):
+    """Columns of pixels of a tile."""
+    return pixels & (TILE - 1)
+
+
+@inline
+def row_of(pixels):
+    """Rows of pixels of a tile."""
+    return pixels >> _BITS
+
+
+@inline
+def finish(entry, pixels, wanted, scale_of_world, film, left, top):
+    """Write the lanes `wanted` of an entry into the film, float32 (height, width, 4 or FILM).
+
+    Args: pixels: of the tile, lanes; left, top: of the tile in the film.
+    """
+    _, width, channels = film.shape
+    colour = beauty(entry)
+    begin = (top * width + left) * channels
+    places = (row_of(pixels) * width + column_of(pixels)) * channels
+    scatter4(film, begin, places, wanted, (colour[0], colour[1], colour[2], load_row(entry, ALPHA)))
+    if channels > AMBIENT:
+        store_row(entry, DEPTH, load_row(entry, DEPTH) / scale_of_world)
+        for lane in range(WIDE):
+            if pick(wanted, lane):
+                x, y = left + column_of(pick(pixels, lane)), top + row_of(pick(pixels, lane))
+                for column in range(AMBIENT, FILM):
+                    film[y, x, column] = entry[column, lane]
+
+
+@inline
+def spread(a, b):
+    """How far the samples of two pixels are apart, all together, in the square root of linear values.
+
+    Args: a, b: the least and the largest of each channel, six numbers from LOW on.
+    """
+    widest = 0.0
+    for c in range(3):
+        high, low = max(a[3 + c], b[3 + c]), min(a[c], b[c])
+        widest = max(widest, sqrt(np.float64(high)) - sqrt(np.float64(low)))
+    return widest
+
+
+@inline
+def agrees(sums, p, size):
+    """Whether a pixel's samples agree among themselves, and roughly with those of its neighbours in the tile.
+
+    Args: size: of the tile, (wide, high).
+    """
+    own = sums[p, LOW:]
+    if spread(own, own) > AGREE:
+        return False
+    x, y = column_of(p), row_of(p)
+    return not (
+        (x > 0 and spread(own, sums[p - 1, LOW:]) > ROUGHLY)
+        or (x + 1 < size[0] and spread(own, sums[p + 1, LOW:]) > ROUGHLY)
+        or (y > 0 and spread(own, sums[p - TILE, LOW:]) > ROUGHLY)
+        or (y + 1 < size[1] and spread(own, sums[p + TILE, LOW:]) > ROUGHLY)
+    )
+
+
+@inline
+def keep_edge(sums, p, size, retired, edges):
+    """Keep a pixel on the tile's left, right, upper or lower edge for the tile there.
+
+    Args: edges: float32 (4, TILE, EDGE), the tile's.
+    """
+    x, y = column_of(p), row_of(p)
+    if x == 0:
+        keep_pixel(sums[p], retired, edges[0, y])
+    if x == size[0] - 1:
+        keep_pixel(sums[p], retired, edges[1, y])
+    if y == 0:
+        keep_pixel(sums[p], retired, edges[2, x])
+    if y == size[1] - 1:
+        keep_pixel(sums[p], retired, edges[3, x])
+
+
+@inline
+def keep_pixel(sums, retired, row):
+    """Fill a row of `edges`."""
+    for c in range(6):
+        row[c] = sums[LOW + c]
+    row[6] = 1.0 if retired else 0.0
+
+
+@inline
+def recalled(edges, tile, columns, p):
+    """Whether a pixel was retired, but a neighbour in another tile is unlike it.
+
+    Args: edges: float32 (tiles, 4, TILE, EDGE), of all tiles; columns: tiles in a row.
+    """
+    x, y = column_of(p), row_of(p)
+    return (
+        (x == 0 and tile % columns > 0 and unlike(edges[tile, 0, y], edges[tile - 1, 1, y]))
+        or (x == TILE - 1 and tile % columns + 1 < columns and unlike(edges[tile, 1, y], edges[tile + 1, 0, y]))
+        or (y == 0 and tile >= columns and unlike(edges[tile, 2, x], edges[tile - columns, 3, x]))
+        or (y == TILE - 1 and tile + columns < len(edges) and unlike(edges[tile, 3, x], edges[tile + columns, 2, x]))
+    )
+
+
+@inline
+def unlike(own, other):
+    """Whether a pixel was retired that a neighbour is unlike; rows of `edges`."""
+    return own[6] == 1.0 and spread(own, other) > ROUGHLY

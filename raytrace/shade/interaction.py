@@ -1,0 +1,232 @@
+"""From hits to points that can be lit: position, normals by the chosen interpolation, and a safe ray origin.
+
+All of it sixteen points at a time, in lanes; a whole call is about one object.
+"""
+
+from __future__ import annotations
+
+from ..brdf.layout import ELLIPTICAL_BECKMANN, GRAIN, POULIN_FOURNIER, TO_LIGHT, TO_VIEWER, TWO_SIDED
+from ..kernel.jit import inline
+from ..kernel.simd import double, select, single
+from ..kernel.simd_memory import gather, gather3
+from ..kernel.vector import add, choose, cross, dot, load3, scale, subtract, unit
+from ..mesh.placement import OFFSET_ULPS, ULP
+from .interpolation import centroid, phong_normal, quadratic_normal
+from .shading_points import (
+    BACK,
+    FRONT,
+    NORMAL,
+    ON_BOTH_SIDES,
+    ON_THIS_SIDE,
+    ORIGIN,
+    POINT,
+    TANGENT,
+    TINT,
+    VIEW,
+    W,
+    put,
+    put1,
+)
+
+CONSTANT, FLAT, GOURAUD, PHONG, QUADRATIC = range(5)
+SMOOTH = 0.8660254037844387  # cos 30°: a computed normal that leans away farther marks a hard edge
+GROWN = 2.0**30  # times the product of two edges is neither lost nor infinite in float32
+
+
+@inline
+def rotate(matrix, a):
+    """The linear part of `matrix` (3, ≥3) times a."""
+    return (
+        matrix[0, 0] * a[0] + matrix[0, 1] * a[1] + matrix[0, 2] * a[2],
+        matrix[1, 0] * a[0] + matrix[1, 1] * a[1] + matrix[1, 2] * a[2],
+        matrix[2, 0] * a[0] + matrix[2, 1] * a[1] + matrix[2, 2] * a[2],
+    )
+
+
+@inline
+def corner(geometry, item, vertices):
+    """Vertices' places in the world."""
+    p = gather3(geometry.vertices, vertices)
+    if geometry.placed[item]:
+        return p
+    matrix = geometry.to_world[item]
+    return add(rotate(matrix, p), (matrix[0, 3], matrix[1, 3], matrix[2, 3]))
+
+
+@inline
+def vertex_normal(geometry, item, vertices):
+    """Vertices' unit normals in the world; zero where there is none."""
+    n = gather3(geometry.normals, vertices)
+    if geometry.placed[item]:
+        return n
+    return unit(rotate(geometry.normal_to_world[item], n))
+
+
+@inline
+def corner_normal(geometry, item, vertices, face):
+    """A corner's unit normal in the world: the source's own, or a computed one unless it marks a hard edge."""
+    n = vertex_normal(geometry, item, vertices)
+    if geometry.authored[item]:
+        return choose(dot(n, n) > 0.0, n, face)
+    return choose(dot(n, face) > SMOOTH, n, face)
+
+
+@inline
+def face_normal(edge1, edge2):
+    """Unit normal of a face from two edges; their product is rounded only once, however thin the face."""
+    a, b = doubled(edge1), doubled(edge2)
+    across = scale(GROWN, cross(a, b))
+    return unit((single(across[0]), single(across[1]), single(across[2])))
+
+
+@inline
+def doubled(a):
+    """A triple of lanes in double precision."""
+    return double(a[0]), double(a[1]), double(a[2])
+
+
+@inline
+def largest(p):
+    """The largest |coordinate|."""
+    return max(max(abs(p[0]), abs(p[1])), abs(p[2]))
+
+
+@inline
+def lift(geometry, item, point, normal, size):
+    """`point` moved along `normal` by more than the rounding of a hit on a triangle of coordinates up to `size`."""
+    ulps = OFFSET_ULPS * ULP * (abs(normal[0]) + abs(normal[1]) + abs(normal[2]))
+    return add(point, scale(ulps * max(geometry.magnitude[item], size), normal))
+
+
+@inline
+def smooth_origin(p, p0, p1, p2, n0, n1, n2, u, v):
+    """The point on the surface that the normals describe, above `p` where the face cuts a convex one short.
+
+    Source: Hanika 2021, "Hacking the Shadow Terminator".
+    """
+    d0 = min(0.0, dot(subtract(p, p0), n0))
+    d1 = min(0.0, dot(subtract(p, p1), n1))
+    d2 = min(0.0, dot(subtract(p, p2), n2))
+    rise = add(add(scale((1.0 - u - v) * d0, n0), scale(u * d1, n1)), scale(v * d2, n2))
+    return subtract(p, rise)
+
+
+@inline
+def between(a, b, c, u, v):
+    """A float64 value within a face, from its corners'; exactly theirs where all are the same."""
+    return a + (double(u) * (b - a) + double(v) * (c - a))
+
+
+@inline
+def tangent(geometry, i, j, k, edge1, edge2):
+    """Unit direction in which u grows over the face, zero without texture coordinates."""
+    u0, v0 = double(gather(geometry.uv, 2 * i)), double(gather(geometry.uv, 2 * i + 1))
+    du1, dv1 = double(gather(geometry.uv, 2 * j)) - u0, double(gather(geometry.uv, 2 * j + 1)) - v0
+    du2, dv2 = double(gather(geometry.uv, 2 * k)) - u0, double(gather(geometry.uv, 2 * k + 1)) - v0
+    area = du1 * dv2 - du2 * dv1
+    along = subtract(scale(dv2, doubled(edge1)), scale(dv1, doubled(edge2)))
+    u = unit(scale(select(area == 0.0, 0.0, 1.0 / area), along))
+    return single(u[0]), single(u[1]), single(u[2])
+
+
+@inline
+def needs_tangent(geometry, item):
+    """Whether an object's material is brushed along the surface's tangent."""
+    row = geometry.rows[item]
+    own = row[GRAIN] != 0.0 or row[GRAIN + 1] != 0.0 or row[GRAIN + 2] != 0.0
+    return not own and geometry.kinds[item] in (ELLIPTICAL_BECKMANN, POULIN_FOURNIER)
+
+
+@inline
+def lights_seen(geometry, item, side):
+    """The column FRONT of points that are seen from their own side (`side` > 0) or from behind."""
+    if geometry.rows[item, TWO_SIDED] == TO_LIGHT:
+        return select(side > 0.0, ON_BOTH_SIDES, ON_BOTH_SIDES)
+    if geometry.rows[item, TWO_SIDED] == TO_VIEWER:
+        return select(side > 0.0, ON_THIS_SIDE, ON_THIS_SIDE)
+    return select(side > 0.0, ON_THIS_SIDE, 0.0)
+
+
+@inline
+def towards_viewer(view, point):
+    """Unit directions from points to the eye of a view."""
+    if view.orthographic:
+        return add(scale(0.0, point), scale(-1.0, load3(view.forward)))
+    return unit(subtract(load3(view.eye), point))
+
+
+@inline
+def fill(entry, geometry, item, mine, faces, u, v, backward, view, style):
+    """Write what lighting needs of hits on one object.
+
+    Args: item: row of the object; mine: mask of the lanes that have hit it; faces: of its shape; u, v: barycentrics;
+        backward: unit directions against the viewing rays, of `view`.
+    """
+    i, j, k = gather3(geometry.faces, select(mine, faces, 0) + geometry.first_face[item])
+    p0, p1, p2 = corner(geometry, item, i), corner(geometry, item, j), corner(geometry, item, k)
+    edge1, edge2 = subtract(p1, p0), subtract(p2, p0)
+    point = add(p0, add(scale(u, edge1), scale(v, edge2)))
+    geometric = scale(geometry.mirrored[item], face_normal(edge1, edge2))
+    n0 = corner_normal(geometry, item, i, geometric)
+    n1 = corner_normal(geometry, item, j, geometric)
+    n2 = corner_normal(geometry, item, k, geometric)
+    side = select(dot(geometric, backward) >= 0.0, 1.0, -1.0)
+    geometric, n0, n1, n2 = scale(side, geometric), scale(side, n0), scale(side, n1), scale(side, n2)
+
+    origin, lit, normal = point, point, geometric
+    if style.shading in (CONSTANT, FLAT):
+        lit = centroid(p0, p1, p2)
+        backward = towards_viewer(view, lit)
+    else:
+        if style.terminator:
+            origin = smooth_origin(point, p0, p1, p2, n0, n1, n2, u, v)
+        if style.shading == QUADRATIC:
+            normal = quadratic_normal(p0, p1, p2, n0, n1, n2, u, v)
+        else:
+            normal = phong_normal(n0, n1, n2, u, v)
+    size = max(max(largest(p0), largest(p1)), largest(p2))
+    put(entry, POINT, mine, lit)
+    put(entry, ORIGIN, mine, lift(geometry, item, origin, geometric, size))
+    if geometry.rows[item, TWO_SIDED] == TO_LIGHT:
+        behind = point
+        if style.terminator and style.shading not in (CONSTANT, FLAT):
+            n0, n1, n2 = scale(-1.0, n0), scale(-1.0, n1), scale(-1.0, n2)
+            behind = smooth_origin(point, p0, p1, p2, n0, n1, n2, u, v)
+        put(entry, BACK, mine, lift(geometry, item, behind, scale(-1.0, geometric), size))
+    put(entry, NORMAL, mine, normal)
+    put(entry, VIEW, mine, backward)
+    put(entry, TINT, mine, (1.0, 1.0, 1.0))
+    put1(entry, FRONT, mine, lights_seen(geometry, item, side))
+    if needs_tangent(geometry, item):
+        put(entry, TANGENT, mine, tangent(geometry, i, j, k, edge1, edge2))
+    if style.weighted:
+        own = geometry.first_w[item] - geometry.first_vertex[item]
+        w0, w1, w2 = gather(geometry.w, i + own), gather(geometry.w, j + own), gather(geometry.w, k + own)
+        put1(entry, W, mine, single(between(w0, w1, w2, u, v)))
+
+
+@inline
+def vertex_entry(entry, geometry, origins, item, mine, rows, view):
+    """Write an entry for vertices as Gouraud shading lights them.
+
+    Args: origins: of `raytrace.vertices.vertex_origins`, or none where no shadow is looked for; rows: of `geometry.w`.
+    """
+    vertices = rows + (geometry.first_vertex[item] - geometry.first_w[item])
+    point = corner(geometry, item, vertices)
+    normal = vertex_normal(geometry, item, vertices)
+    backward = towards_viewer(view, point)
+    side = select(dot(normal, backward) >= 0.0, 1.0, -1.0)
+    normal = scale(side, normal)
+    put(entry, POINT, mine, point)
+    if len(origins) > 0:
+        below = len(origins) - len(geometry.w)
+        put(entry, ORIGIN, mine, gather3(origins, rows + select(side < 0.0, below, 0)))
+        put(entry, BACK, mine, gather3(origins, rows + select(side < 0.0, 0, below)))
+    else:
+        put(entry, ORIGIN, mine, point)
+        put(entry, BACK, mine, point)
+    put(entry, NORMAL, mine, normal)
+    put(entry, VIEW, mine, backward)
+    put(entry, TINT, mine, (1.0, 1.0, 1.0))
+    put(entry, TANGENT, mine, (0.0, 0.0, 0.0))
+    put1(entry, FRONT, mine, lights_seen(geometry, item, side))

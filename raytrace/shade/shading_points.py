@@ -1,0 +1,62 @@
+"""Sixteen points at once: what shading needs of them, what lighting makes of them, and what the film keeps.
+
+An entry is a float32 array (WIDTH, 16), a column of the table a row of it. Positions are in the world's own units.
+The first `FILM` columns are those of the film, the layers of `raytrace.frame` in their order.
+
+========= ======= =====================================================================
+column    columns content
+========= ======= =====================================================================
+BEAUTY    4       sum of the next four, and opacity
+AMBIENT … 3 each  ambient, diffuse, specular and emitted RGB; the background counts as emitted
+W         1       obscurance w(p)
+SHADOW    1       the part of the light that δ lets through
+DEPTH     1       distance to the viewer, infinite where nothing is hit
+NORMAL    3       unit shading normal on the viewer's side; zero reflects nothing
+ALBEDO    3       the material's colour times its texture
+ID        1       row of the object plus 1, 0 for none
+POINT     3       where light is gathered (a face's centroid under constant shading)
+ORIGIN    3       where its shadow rays begin, safely above the surface
+BACK      3       where those to lights behind begin, if the material turns to the light
+VIEW      3       unit direction to the viewer
+TANGENT   3       along u of the texture coordinates; zero where there are none
+TINT      3       albedo texture, 1 without
+FRONT     1       lights seen: 0 none, ON_THIS_SIDE, ON_BOTH_SIDES of the surface
+SENT, LIT 1 each  luminous sum over lights before δ, and after
+========= ======= =====================================================================
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..kernel.jit import inline
+from ..kernel.simd import select
+from ..kernel.simd_memory import load_row, store_row
+
+# Numba compiles a function anew for every constant of Python's that it is given, but only once for NumPy's.
+BEAUTY, ALPHA, AMBIENT, DIFFUSE, SPECULAR, EMISSION = np.array([0, 3, 4, 7, 10, 13])
+W, SHADOW, DEPTH, NORMAL, ALBEDO, ID = np.array([16, 17, 18, 19, 22, 25])
+FILM = 26
+POINT, ORIGIN, BACK, VIEW, TANGENT, TINT = np.arange(26, 44, 3)
+FRONT, SENT, LIT = np.array([44, 45, 46])
+WIDTH = 47
+ON_THIS_SIDE, ON_BOTH_SIDES = 1.0, 2.0
+
+
+@inline
+def take(entry, column):
+    """Three columns."""
+    return load_row(entry, column), load_row(entry, column + 1), load_row(entry, column + 2)
+
+
+@inline
+def put(entry, column, mine, a):
+    """Write three columns in the lanes of the mask `mine`."""
+    for c in range(3):
+        put1(entry, column + c, mine, a[c])
+
+
+@inline
+def put1(entry, column, mine, a):
+    """Write a column in the lanes of the mask `mine`."""
+    store_row(entry, column, select(mine, a, load_row(entry, column)))

@@ -1,0 +1,115 @@
+"""Which lights nothing can hide: boxes around all that casts shadows, against the shaft from lit points to a light.
+
+A shaft is the union of all shadow rays from a box of origins to a light (Haines & Wallace 1991, "Shaft Culling for
+Efficient Ray-Traced Radiosity"). The cross-section of the shaft, part t of the way, is a box whose sides move linearly
+with t, so a box meets the shaft where six linear inequalities in t hold together. Where no box does, no shadow ray
+need be traced.
+
+The test errs on the side of tracing: ends and boxes are larger than Embree's rounding. A box that is exactly flat,
+like those of a floor, is not thickened across: a ray from above it that runs upwards is never found to meet it, since
+Embree's signs are exact there. So a floor does not hide the light from the points on it, lifted as they are.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from ..kernel.arrays import aligned
+from ..kernel.jit import inline, kernel
+from ..kernel.simd import WIDE, select
+from ..kernel.simd_masks import some
+from ..kernel.simd_memory import load_row
+from ..lights.layout import DIRECTION, DIRECTIONAL, POSITION
+from .camera_rays import FARTHEST
+
+Floats = npt.NDArray[np.float64]
+SLACK = 2.0**-18  # of the largest coordinate: sixteen times what Embree's edge tests can be off
+ROUNDED = np.float32(2.0**-20)  # relative error of a place on the way, and more
+GRID = 8  # clusters along a mesh's longest side, at most
+_FACES = 2  # in a cluster, about, where there are few
+_BOXES = 1024  # of all objects together, about
+
+
+def cluster(vertices: npt.NDArray[np.float32], faces: npt.NDArray[np.int64], objects: int) -> Floats:
+    """Boxes (n, 2, 3), low and high corners, around the faces of a mesh, a share of all objects' number of boxes."""
+    low, high = vertices.min(axis=0), vertices.max(axis=0)
+    side = float((high - low).max()) or 1.0
+    finest = np.sqrt(min(len(faces) / _FACES, _BOXES / objects) / 5)  # a sphere goes through some 4 n² cells of n³
+    size = side / np.clip(np.ceil(finest), 1, GRID)
+    cells = np.maximum(1, np.ceil((high - low) / size)).astype(np.int64)
+    boxes = np.empty((int(cells.prod()), 2, 3), np.float32)
+    boxes[:, 0], boxes[:, 1] = np.inf, -np.inf
+    _enclose(vertices, faces, low, np.float32(1 / size), cells, boxes)
+    return boxes[boxes[:, 0, 0] <= boxes[:, 1, 0]].astype(np.float64)
+
+
+@kernel
+def _enclose(vertices, faces, low, per_length, cells, boxes):
+    """Grow the box of the grid's cell that a face's centre lies in around the face."""
+    for f in range(len(faces)):
+        cell = 0
+        for axis in range(3):
+            sum_ = vertices[faces[f, 0], axis] + vertices[faces[f, 1], axis] + vertices[faces[f, 2], axis]
+            at = int((sum_ / np.float32(3.0) - low[axis]) * per_length)
+            cell = cell * cells[axis] + max(0, min(cells[axis] - 1, at))
+        for corner in range(3):
+            for axis in range(3):
+                x = vertices[faces[f, corner], axis]
+                boxes[cell, 0, axis] = min(boxes[cell, 0, axis], x)
+                boxes[cell, 1, axis] = max(boxes[cell, 1, axis], x)
+
+
+def pack_boxes(boxes: Floats) -> npt.NDArray[np.float32]:
+    """Boxes (n, 2, 3) thickened and packed for `obstructed`: float32 (⌈n/16⌉, 6, 16), low and high corners."""
+    thick = SLACK * np.maximum(1.0, np.abs(boxes).max())
+    flat = boxes[:, 0] == boxes[:, 1]
+    grown = np.stack([boxes[:, 0] - np.where(flat, 0, thick), boxes[:, 1] + np.where(flat, 0, thick)], axis=1)
+    groups = -(-len(boxes) // WIDE)
+    padded = np.full((groups * WIDE, 6), np.nan)
+    padded[: len(boxes)] = grown.reshape(-1, 6)
+    packed = aligned((groups, 6, WIDE), np.float32)
+    packed[:] = padded.reshape(groups, WIDE, 6).transpose(0, 2, 1)
+    return packed
+
+
+@inline
+def obstructed(boxes, start, shift, kind, row):
+    """Whether some box may meet a shadow ray to a light.
+
+    Args: boxes: of `pack_boxes`. start: corners of a box of the rays' origins, float32; shift: of a box of the
+        origins less the points that are lit. kind, row: of the light, not an ambient one.
+    """
+    size = 1.0
+    for axis in range(3):
+        size = max(size, abs(start[0][axis]), abs(start[1][axis]), abs(row[POSITION + axis]))
+    slack = SLACK * size
+    if kind == DIRECTIONAL:
+        away = (-FARTHEST * row[DIRECTION], -FARTHEST * row[DIRECTION + 1], -FARTHEST * row[DIRECTION + 2])
+        end_low = (start[0][0] + away[0] - slack, start[0][1] + away[1] - slack, start[0][2] + away[2] - slack)
+        end_high = (start[1][0] + away[0] + slack, start[1][1] + away[1] + slack, start[1][2] + away[2] + slack)
+    else:
+        lamp = (row[POSITION], row[POSITION + 1], row[POSITION + 2])
+        end_low = (lamp[0] + shift[0][0] - slack, lamp[1] + shift[0][1] - slack, lamp[2] + shift[0][2] - slack)
+        end_high = (lamp[0] + shift[1][0] + slack, lamp[1] + shift[1][1] + slack, lamp[2] + shift[1][2] + slack)
+    for group in range(len(boxes)):
+        box = boxes[group]
+        begin = 0.0 * load_row(box, 0)
+        end = begin + 1.0
+        for axis in range(3):
+            begin, end = narrowed(begin, end, load_row(box, 3 + axis) - start[0][axis], end_low[axis] - start[0][axis])
+            begin, end = narrowed(begin, end, start[1][axis] - load_row(box, axis), start[1][axis] - end_high[axis])
+        if some(begin * (1.0 - ROUNDED) <= end * (1.0 + ROUNDED)):
+            return True
+    return False
+
+
+@inline
+def narrowed(begin, end, room, pace):
+    """The part [begin, end] of the way in which also t · pace ≤ room."""
+    pace = np.float32(pace)
+    if pace > 0.0:
+        return begin, min(room * (np.float32(1.0) / pace), end)
+    if pace < 0.0:
+        return max(room * (np.float32(1.0) / pace), begin), end
+    return begin, select(room < 0.0, -1.0, end)

@@ -1,0 +1,84 @@
+"""What the kernels of a picture are told, work with and count."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from ..embree.packets import new_packet
+from ..kernel.arrays import aligned
+from ..kernel.simd import WIDE
+from .film import SUMS, TILE
+from .shading_points import WIDTH
+
+FIRST = 4  # samples before a pixel may be retired
+PACKETS = TILE * TILE * FIRST // WIDE  # lit together
+OFF, AMBIENT_ONLY, BOOK = range(3)
+PRIMARY, SHADOW_RAYS, BACKGROUND, BEHIND, UNREACHED, BLACK, CULLED, UNOBSTRUCTED, RETIRED = range(9)
+COUNTERS = 9
+
+
+class Style(NamedTuple):
+    """How a picture is made, for kernels.
+
+    Attributes:
+        samples: most a pixel. shading, form: numbers of the interpolation and of the obscurance form. shadows,
+        terminator: whether. layers: whether all of them are wanted, not beauty alone; weighted: whether w is.
+        background: linear RGB.
+    """
+
+    samples: int
+    shading: int
+    form: int
+    shadows: bool
+    terminator: bool
+    layers: bool
+    weighted: bool
+    background: tuple[float, float, float]
+
+
+class Scratch(NamedTuple):
+    """What one thread works with.
+
+    Attributes:
+        packet, valid: rays (`raytrace.embree.new_packet`), sixteen.
+        entries: float32 (packets, WIDTH, 16), points to be lit; items: int32 (packets, 16), rows of their objects, −1
+        for none. sums: float64 (pixels, …), a tile's film. order: int32 (pixels,), a tile's pixels so that sixteen on
+        end are neighbours; todo: int32 (pixels + 16,), those that want more samples. active: int64 (lights,), lights
+        that can matter; hidden: bool (lights,), whether something may stand between those and the points.
+        counts: int64 (COUNTERS,).
+    """
+
+    packet: npt.NDArray[np.float32]
+    valid: npt.NDArray[np.int32]
+    entries: npt.NDArray[np.float32]
+    items: npt.NDArray[np.int32]
+    sums: npt.NDArray[np.float64]
+    order: npt.NDArray[np.int32]
+    todo: npt.NDArray[np.int32]
+    active: npt.NDArray[np.int64]
+    hidden: npt.NDArray[np.bool_]
+    counts: npt.NDArray[np.int64]
+
+
+def new_scratch(lights: int) -> Scratch:
+    """Scratch for a scene with so many lights."""
+    return Scratch(
+        *new_packet(WIDE, coherent=True),
+        entries=aligned((PACKETS, WIDTH, WIDE), np.float32),
+        items=aligned((PACKETS, WIDE), np.int32),
+        sums=aligned((TILE * TILE, SUMS), np.float64),
+        order=_order(),
+        todo=aligned((TILE * TILE + WIDE,), np.int32),
+        active=np.zeros(max(lights, 1), np.int64),
+        hidden=np.zeros(max(lights, 1), np.bool_),
+        counts=np.zeros(COUNTERS, np.int64),
+    )
+
+
+def _order() -> npt.NDArray[np.int32]:
+    """The pixels of a tile, row · TILE + column, in blocks of 4×4, which make a packet."""
+    pixels = np.arange(TILE * TILE, dtype=np.int32).reshape(TILE // 4, 4, TILE // 4, 4)
+    return pixels.transpose(0, 2, 1, 3).ravel()

@@ -1,0 +1,1 @@
+"""Files, memory, threads, and checked parameters."""

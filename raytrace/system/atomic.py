@@ -1,0 +1,101 @@
+"""Files that appear whole or not at all."""
+
+from __future__ import annotations
+
+import os
+import secrets
+import stat
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from typing import BinaryIO
+
+from ..errors import OutputError
+
+
+@contextmanager
+def atomic_write(path: str | os.PathLike[str]) -> Iterator[BinaryIO]:
+    """Open a binary file whose content takes the name `path` only when the block ends without an exception.
+
+    The bytes go to a temporary file in the same folder, are flushed to the disk and renamed over `path`. When
+    anything fails, an interrupt included, the temporary is removed and an existing `path` keeps its content.
+    A symbolic link is followed: the file it names is replaced. The file mode is the umask's.
+
+    Raises:
+        OutputError: the file cannot be created, written or renamed. Other exceptions of the block pass through.
+    """
+    with _replacing(path) as (_, handle), os.fdopen(handle, "wb") as file:
+        yield file
+        file.flush()
+        os.fsync(file.fileno())
+
+
+@contextmanager
+def atomic_path(path: str | os.PathLike[str]) -> Iterator[Path]:
+    """`atomic_write` for libraries that open files themselves: the name of an empty file for them to overwrite.
+
+    Raises:
+        OutputError: the file cannot be created, flushed or renamed. Other exceptions of the block pass through.
+    """
+    with _replacing(path) as (temporary, handle):
+        os.close(handle)
+        yield temporary
+        with temporary.open("rb+") as file:
+            os.fsync(file.fileno())
+
+
+@contextmanager
+def _replacing(path: str | os.PathLike[str]) -> Iterator[tuple[Path, int]]:
+    """A temporary file, and its open handle, that replaces `path` when the block ends without an exception."""
+    try:
+        target = _regular_target(path)
+        temporary, handle = _create_beside(target)
+        try:
+            yield temporary, handle
+            os.replace(temporary, target)
+        except BaseException:
+            with suppress(OSError):
+                temporary.unlink()
+            raise
+    except OSError as reason:
+        if isinstance(reason, OutputError):
+            raise
+        raise _cannot_write(path, reason) from None
+
+
+def check_writable(path: str | os.PathLike[str]) -> None:
+    """Find out before the work whether `atomic_write(path)` will be able to start.
+
+    Raises:
+        OutputError: the folder is missing or refuses new files, or `path` is something other than a file.
+    """
+    try:
+        temporary, handle = _create_beside(_regular_target(path))
+        os.close(handle)
+        temporary.unlink()
+    except OSError as reason:
+        if isinstance(reason, OutputError):
+            raise
+        raise _cannot_write(path, reason) from None
+
+
+def _regular_target(path: str | os.PathLike[str]) -> Path:
+    """The file that `path` names after symbolic links; it need not exist."""
+    target = Path(os.path.realpath(path))
+    if not target.parent.is_dir():
+        raise OutputError(f"{os.fspath(path)}: cannot write: there is no folder {target.parent}")
+    if target.is_dir():
+        raise OutputError(f"{os.fspath(path)}: cannot write: it is a folder")
+    if target.exists() and not stat.S_ISREG(target.stat().st_mode):
+        raise OutputError(f"{os.fspath(path)}: cannot write: it is not a regular file")
+    return target
+
+
+def _create_beside(target: Path) -> tuple[Path, int]:
+    # os.open rather than tempfile: tempfile's mode is 0600 whatever the umask.
+    temporary = target.parent / f".obscurance-{secrets.token_hex(6)}.part"
+    return temporary, os.open(temporary, os.O_WRONLY | os.O_CREAT | os.O_EXCL | getattr(os, "O_BINARY", 0), 0o666)
+
+
+def _cannot_write(path: str | os.PathLike[str], reason: OSError) -> OutputError:
+    return OutputError(f"{os.fspath(path)}: cannot write: {reason.strerror or reason}")

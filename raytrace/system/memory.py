@@ -1,0 +1,105 @@
+"""Whether work fits into memory, asked before it begins: where a system overcommits, an allocation does not fail, the
+process is killed in the middle of its work instead.
+"""
+
+from __future__ import annotations
+
+import os
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+from ..errors import MemoryLimitError
+
+_NO_LIMIT = 1 << 60  # kernels write about 2^63 for none
+_UNTOUCHED = 256 << 20  # address space that stacks, arenas and pools of threads reserve and never touch
+
+
+def available(root: Path = Path("/")) -> int | None:
+    """Bytes that this process can still fill: the least of what the system, control groups and RLIMIT_AS leave.
+
+    None where nothing tells. Args: root: where `proc` and `sys` are.
+    """
+    rooms = [*_system(root / "proc"), *_control_groups(root), *_address_space(root / "proc")]
+    return max(min(rooms), 0) if rooms else None
+
+
+def check_memory(source: object, needed: int, work: str, instead: dict[str, int] | None = None) -> None:
+    """Refuse work that does not fit.
+
+    Args:
+        source: what to name in the message. needed: bytes beside those in use now. work: such as "to bake 8 vertices".
+        instead: bytes that other ways to reach the same need, by name, best first.
+
+    Raises:
+        MemoryLimitError: less than `needed` is available.
+    """
+    room = available()
+    if room is None or needed <= room:
+        return
+    fitting = [f"{way} takes about {_text(size)}" for way, size in (instead or {}).items() if size <= room]
+    advice = fitting[0] if fitting else f"{room / needed:.0%} of that work would fit"
+    raise MemoryLimitError(
+        source, "memory", f"at most {_text(room)}, what is available", f"about {_text(needed)} {work}; {advice}"
+    )
+
+
+def _text(size: int) -> str:
+    return f"{size / 2**30:.1f} GiB" if size >= 1 << 30 else f"{size / 2**20:.0f} MiB"
+
+
+def _system(proc: Path) -> Iterator[int]:
+    try:
+        fields = dict(line.split(":") for line in (proc / "meminfo").read_text().splitlines())
+        yield int(fields["MemAvailable"].split()[0]) << 10
+    except (OSError, KeyError, ValueError):
+        if hasattr(os, "sysconf") and "SC_PHYS_PAGES" in os.sysconf_names:
+            yield os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
+
+
+def _control_groups(root: Path) -> Iterator[int]:
+    """What the process's own groups and all above leave, by cgroup v1 and v2; pages of files count as free."""
+    mounts = root / "sys" / "fs" / "cgroup"
+    try:
+        groups = (root / "proc" / "self" / "cgroup").read_text().splitlines()
+    except OSError:
+        return
+    for group in groups:
+        _, controllers, path = group.split(":", 2)
+        if controllers == "":
+            mount, names = mounts, ("memory.max", "memory.current", "inactive_file")
+        elif "memory" in controllers.split(","):
+            mount = mounts / "memory"
+            names = "memory.limit_in_bytes", "memory.usage_in_bytes", "total_inactive_file"
+        else:
+            continue
+        own = mount / path.lstrip("/")
+        for folder in (own, *own.parents):
+            yield from _left(folder, *names)
+            if folder == mount:
+                break
+
+
+def _left(folder: Path, limit: str, used: str, idle: str) -> Iterator[int]:
+    try:
+        most = int((folder / limit).read_text())  # v2 has the word max where there is none
+        statistics = dict(line.split() for line in (folder / "memory.stat").read_text().splitlines())
+        if most < _NO_LIMIT:
+            yield most - int((folder / used).read_text()) + int(statistics.get(idle, 0))
+    except (OSError, ValueError):
+        return
+
+
+def _address_space(proc: Path) -> Iterator[int]:
+    if sys.platform == "win32":
+        return
+    import resource
+
+    limit = resource.getrlimit(resource.RLIMIT_AS)[0]
+    if limit == resource.RLIM_INFINITY:
+        return
+    try:
+        pages = int((proc / "self" / "statm").read_text().split()[0])
+    except OSError:
+        pages = 0
+    yield limit - pages * resource.getpagesize() - _UNTOUCHED

@@ -1,0 +1,155 @@
+"""What the command says while it works and when it is done."""
+
+from __future__ import annotations
+
+import codecs
+import io
+import os
+import sys
+import time
+import unicodedata
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import contextmanager, suppress
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    import ao
+    from raytrace.mesh.mesh import Mesh
+
+
+def note(message: str) -> None:
+    """One line on standard error."""
+    from raytrace.errors import printable
+
+    print("obscurance: " + printable(" ".join(message.split())), file=sys.stderr)
+
+
+_PLAIN = str.maketrans({
+    "τ": "tau", "μ": "mu", "ρ": "rho", "σ": "sigma", "η": "eta", "π": "pi", "ω": "omega", "θ": "theta", "φ": "phi",
+    "×": "x", "−": "-", "–": "-", "°": " degrees", "∫": "integral ", "∥": "|", "⊥": "_|_", "≤": "<=", "≥": ">=",
+    "…": "...", "“": '"', "”": '"', "’": "'", "→": "->", "·": "*", "∞": "inf", "²": "^2", "³": "^3", "—": "-",
+})  # fmt: skip
+
+
+def _in_plain_letters(fault: UnicodeError) -> tuple[str, int]:
+    """What stands for characters that an output cannot hold: letters that read alike, else escapes."""
+    if not isinstance(fault, UnicodeEncodeError):
+        raise fault
+    characters = fault.object[fault.start : fault.end].translate(_PLAIN)
+    letters = unicodedata.normalize("NFKD", characters).translate(_PLAIN)
+    return "".join(c if c.isascii() else "" if unicodedata.combining(c) else ascii(c)[1:-1] for c in letters), fault.end
+
+
+@contextmanager
+def readable_output() -> Iterator[None]:
+    """Let standard output and standard error write any text, whatever their encoding, while this lasts."""
+    codecs.register_error("plain-letters", _in_plain_letters)
+    kept = {}
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):
+            kept[stream] = stream.errors
+            stream.reconfigure(errors="plain-letters")
+    try:
+        yield
+    finally:
+        for stream, errors in kept.items():
+            stream.reconfigure(errors=errors)
+
+
+def output_failed(failure: OSError) -> int:
+    """Exit status after a failure of the system's, told in one line unless nobody reads the pipe any more."""
+    with suppress(OSError, ValueError):  # what is still buffered has nowhere to go
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+    if not isinstance(failure, BrokenPipeError):
+        note(f"{failure.filename or 'standard output'}: {failure.strerror or failure}")
+    return 1
+
+
+def warn(meshes: Iterable[Mesh], others: Iterable[str] = ()) -> list[str]:
+    """Tell on standard error what the precision of meshes does to results, and what others there are, once of each."""
+    from raytrace.errors import printable
+    from raytrace.mesh.precision import precision_warnings
+
+    each = {id(mesh): mesh for mesh in meshes}.values()
+    warnings = list(dict.fromkeys(warning for mesh in each for warning in precision_warnings(mesh)))
+    warnings += list(dict.fromkeys(others))
+    for warning in warnings:
+        print(f"warning: {printable(warning)}", file=sys.stderr)
+    return warnings
+
+
+@contextmanager
+def compiling(module: str) -> Iterator[None]:
+    """Say why a first run is slow to begin. Args: module: whose kernels it needs."""
+    from raytrace.kernel.jit import is_warm
+
+    if not is_warm(module):
+        print("First run of this version: compiling kernels takes up to half a minute…", file=sys.stderr)
+    yield
+
+
+Advance = Callable[[int, int], None]
+
+
+@contextmanager
+def progress(quiet: bool, *units: str) -> Iterator[tuple[Advance | None, ...]]:
+    """Progress bars on a terminal's standard error, one after the other, each from its first call on.
+
+    Each is called with (done, total); the total is a guess and may change. A bar is full when the next one begins, and
+    the last when the work is done.
+
+    Args: units: what each bar counts, for its rate.
+    """
+    if quiet or not sys.stderr.isatty():
+        yield (None,) * len(units)
+        return
+    from rich.console import Console
+    from rich.progress import BarColumn, Progress, TaskID, TextColumn, TimeRemainingColumn
+
+    figures = TextColumn("{task.percentage:3.0f} % {task.fields[rate]}")
+    bars = Progress(BarColumn(), figures, TimeRemainingColumn(), console=Console(stderr=True), transient=True)
+    began: dict[TaskID, tuple[float, int]] = {}
+
+    def advance(task: TaskID, unit: str, done: int, total: int) -> None:
+        if task not in began:
+            fill()
+            began[task] = time.perf_counter(), done
+            bars.start()
+            bars.update(task, visible=True)
+        start, before = began[task]
+        rate = (done - before) / max(time.perf_counter() - start, 1e-6)
+        text = f"{rate / 1e6:.1f} M {unit}/s" if rate >= 1e5 else f"{rate:.0f} {unit}/s"
+        bars.update(task, completed=done, total=total, rate=text)
+
+    def fill() -> None:
+        for task in began:
+            bars.update(task, completed=bars.tasks[task].total)
+            bars.refresh()
+            bars.update(task, visible=False)
+
+    tasks = [bars.add_task("", visible=False, rate="") for _ in units]
+    try:
+        yield tuple(partial(advance, task, unit) for task, unit in zip(tasks, units, strict=True))
+        fill()
+    finally:
+        bars.stop()
+
+
+def bake_summary(baked: ao.Bake, target: Path) -> str:
+    """What was baked to where, what it took and how good it is."""
+    from raytrace.errors import printable
+
+    clear = baked.rays_skipped.get("open", 0)
+    rays = f"{baked.rays:,} rays traced{f' and {clear:,} certainly open' if clear else ''}"
+    took = f"in {baked.seconds['bake']:.2f} s, estimated RMSE {baked.rmse:.4f}"
+    text = f"{printable(str(target))}: {len(baked.w):,} vertices, {rays} {took}"
+    flagged = ", ".join(f"{count} {name}" for name, count in baked.flagged.items() if count)
+    return f"{text}\nflagged vertices: {flagged}" if flagged else text
+
+
+def columns(rows: Sequence[tuple[str, str]]) -> str:
+    """Names and values, aligned."""
+    width = max(len(name) for name, _ in rows)
+    return "\n".join(f"{name:<{width}}  {value}" for name, value in rows)

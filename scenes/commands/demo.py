@@ -1,0 +1,47 @@
+"""The demonstration: bake the temple and take its picture."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import ao
+from ao.vertex_method import Progress
+from raytrace.camera import Camera
+from raytrace.errors import OutputError
+from raytrace.image.write import write_frame
+from raytrace.lights.sources import AmbientLight
+from raytrace.materials.materials import Lambert
+from raytrace.renderer.render import render
+from raytrace.scene import Object, Scene, Shape
+from raytrace.settings import Settings
+from raytrace.system.outputs import check_outputs
+
+from ..geometry.temple import temple
+from ..readers.load import MeshFile
+from ..writers.write import write
+
+_SETTINGS = Settings(width=960, height=640)
+_BACKGROUND = (0.05, 0.05, 0.05)
+
+
+def targets(folder: Path) -> tuple[Path, Path]:
+    """The mesh and the picture in a folder, which is made. Raises: OptionError, OutputError: they cannot be written."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as reason:
+        raise OutputError(f"{folder}: cannot make this folder: {reason.strerror}") from None
+    mesh, picture = folder / "temple.ply", folder / "temple.png"
+    check_outputs({"temple.ply": mesh, "temple.png": picture})
+    return mesh, picture
+
+
+def make(mesh_target: Path, picture_target: Path, progress: Progress | None = None) -> ao.Bake:
+    """Bake the temple with the default options; write the mesh with w, and a picture of it in ambient light alone."""
+    mesh = temple()
+    baked = ao.bake(mesh, progress=progress)
+    write(mesh_target, baked, MeshFile.of(mesh))
+    white = Object(Shape(mesh, Lambert(albedo=1)), w=baked.w)
+    scene = Scene((white,), (AmbientLight(intensity=1),), _BACKGROUND)
+    camera = Camera.framing(mesh, (0.8, -1.6, 0.55), aspect=_SETTINGS.width / _SETTINGS.height)
+    write_frame(picture_target, render(scene, camera, _SETTINGS, layers=False), {"scene": "temple"})
+    return baked

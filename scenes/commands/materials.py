@@ -1,0 +1,142 @@
+"""`obscurance materials`: the presets, and what can be measured of a material."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from raytrace.brdf.oren_nayar import shape
+from raytrace.brdf.oren_nayar_reference import reference_shape
+from raytrace.errors import OptionError, nearest_name
+from raytrace.materials.base import BaseMaterial, Diffuse, Microfacet
+from raytrace.materials.energy import NORMAL, asymmetry, directional_albedo, towards
+from raytrace.materials.materials import EllipticalBeckmann, OrenNayar, PoulinFournier, material_from_dict
+from raytrace.materials.presets import PRESETS
+
+ANGLES = (0, 20, 40, 60, 75, 85, 89)  # degrees from the normal
+_RECIPROCAL = 1e-6
+_ORDER = 384  # of the quadrature: narrow highlights of empirical models want many points
+_FIT_ANGLES, _FIT_TURNS, _FIT_ORDER = (5, 30, 55, 75), (0, 60, 120, 180), 64
+_CHANNELS = ("red", "green", "blue")
+_SCENES = (".toml", ".glb", ".gltf")
+
+
+def presets() -> list[tuple[str, str]]:
+    """Name and content of every preset."""
+    return [(name, _written(values)) for name, values in PRESETS.items()]
+
+
+def preset_toml(name: str) -> str:
+    """A preset as an entry of a scene's `[[materials]]`. Raises: OptionError: there is none of this name."""
+    lines = [f"{key} = {_value(value, 17)}" for key, value in _preset(name).items()]
+    return "\n".join(["[[materials]]", f'name = "my_{name}"', *lines, ""])
+
+
+def named_materials(name: str | None) -> list[tuple[str, BaseMaterial]]:
+    """The materials of a preset, of all for None, or of the objects of a scene file.
+
+    Raises:
+        OptionError: no preset of this name, nor a scene file. InputError: a fault of the scene.
+    """
+    if name is None:
+        return [(each, material_from_dict({"preset": each})) for each in PRESETS]
+    if Path(name).suffix.lower() not in _SCENES:
+        return [(name, material_from_dict(_preset(name)))]
+    from ..description.read import read_scene
+
+    found: dict[BaseMaterial, list[str]] = {}
+    for item in read_scene(name).scene.objects:
+        found.setdefault(item.shape.material, []).append(item.name)
+    return [(", ".join(names[:3]) + (", …" if len(names) > 3 else ""), material) for material, names in found.items()]
+
+
+def check(name: str, material: BaseMaterial) -> str:
+    """Albedo by angle of incidence and reciprocity of a material; of an Oren–Nayar one also how far the fit is off.
+
+    The albedo is the part of the light arriving from one direction that is reflected: physical models must not exceed
+    1. Empirical models reflect light of intensity 1 where physical ones want π, so theirs is divided by π.
+    """
+    lines = [f"{name}: {_written(material.to_dict())}"]
+    lines.append("  albedo at      " + "".join(f"{f'{angle}°':>7}" for angle in ANGLES))
+    for title, turned in _orientations(material):
+        values = np.array([albedo(turned, np.radians(angle)) for angle in ANGLES])
+        grey = bool(np.ptp(values, axis=1).max() < 1e-4)
+        for channel, column in zip(("all",) if grey else _CHANNELS, values.T, strict=False):
+            lines.append(f"    {title + channel:<13}" + "".join(f"{value:7.3f}" for value in column))
+    apart = asymmetry(material)
+    verdict = "reciprocal" if apart < _RECIPROCAL else "not reciprocal"
+    lines.append(f"  |f(l, v) − f(v, l)| / larger: at most {apart:.1e}, {verdict}")
+    if isinstance(material, OrenNayar) and material.sigma > 0:
+        rms, largest = fit_error(material)
+        lines += _fit_lines(material)
+        lines.append(f"    fit less integral, directions to 75°: {rms:.3f} RMS, {largest:.3f} largest")
+    return "\n".join(lines)
+
+
+def albedo(material: BaseMaterial, incidence: float) -> Any:
+    """∫ f cosθ_v dω (3,) for light at `incidence` radians: the part of it that is reflected."""
+    if not isinstance(material, Microfacet):
+        scale = 1.0 if isinstance(material, Diffuse) else np.pi
+        return directional_albedo(material, incidence, order=_ORDER) / scale
+    slope = getattr(material, "m", None) or max(material.m_parallel, material.m_perpendicular)  # type: ignore[attr-defined]
+    lobe = directional_albedo(material.model_copy(update={"albedo": (0.0, 0.0, 0.0)}), incidence, slope, _ORDER)
+    return lobe + (1 - material.k_s) * np.array(material.albedo)
+
+
+def fit_error(material: OrenNayar) -> tuple[float, float]:
+    """Root mean square and largest difference of fit and integral (`oren_nayar_reference`), in parts of ρ/π."""
+    rho, errors = float(np.mean(material.albedo)), []
+    angles = np.radians(_FIT_ANGLES)
+    for theta_l in angles:
+        for theta_v in angles:
+            for turn in np.radians(_FIT_TURNS):
+                l, v = towards(theta_l), towards(theta_v, turn)
+                fit = shape(material.sigma, tuple(NORMAL), tuple(l), tuple(v))
+                exact = reference_shape(material.sigma, l, v, _FIT_ORDER)
+                errors.append((fit[0] - exact[0] + rho * (fit[1] - exact[1])) / l[2])
+    return float(np.sqrt(np.mean(np.square(errors)))), float(np.abs(errors).max())
+
+
+def _fit_lines(material: OrenNayar) -> list[str]:
+    """What the model has for f in its plane of incidence, and the integral that it fits."""
+    lines = []
+    for title, turn in (("back to the light", 0.0), ("away from it", np.pi)):
+        rows = []
+        for angle in np.radians(ANGLES):
+            l, v = towards(angle), towards(angle, turn)
+            pair = shape(material.sigma, tuple(NORMAL), tuple(l), tuple(v)), reference_shape(material.sigma, l, v)
+            rows.append([(first + np.mean(material.albedo) * second) / l[2] for first, second in pair])
+        lines.append(f"  f in parts of ρ/π, seen {title} at the same angle")
+        for name, column in zip(("fit", "integral"), np.array(rows).T, strict=True):
+            lines.append(f"    {name:<13}" + "".join(f"{value:7.3f}" for value in column))
+    return lines
+
+
+def _orientations(material: BaseMaterial) -> Sequence[tuple[str, BaseMaterial]]:
+    """Anisotropic materials along and across their grain, others as they are."""
+    if not isinstance(material, EllipticalBeckmann | PoulinFournier):
+        return [("", material)]
+    along, across = (material.model_copy(update={"grain": grain}) for grain in ((1.0, 0, 0), (0, 1.0, 0)))
+    return [("along ", along), ("across ", across)]
+
+
+def _preset(name: str) -> dict[str, Any]:
+    if name not in PRESETS:
+        expected = "a scene file or one of " + ", ".join(sorted(PRESETS))
+        raise OptionError("name", expected, name, nearest=nearest_name(name, PRESETS))
+    return PRESETS[name]
+
+
+def _written(values: dict[str, Any]) -> str:
+    return ", ".join(f"{key} = {_value(value)}" for key, value in values.items())
+
+
+def _value(value: Any, digits: int = 5) -> str:
+    """A value as TOML has it, one number for three equal ones."""
+    if isinstance(value, list | tuple):
+        parts = [_value(each, digits) for each in value]
+        return parts[0] if len(set(parts)) == 1 else f"[{', '.join(parts)}]"
+    return f"{value:.{digits}g}" if isinstance(value, float) else f'"{value}"' if isinstance(value, str) else str(value)

@@ -1,0 +1,61 @@
+"""A described scene with its w(p): baked for the picture, read from a file, or left open."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+
+import ao
+from ao.vertex_method import Progress
+from raytrace.renderer.render import seen_vertices
+from raytrace.scene import Scene
+
+from ..description.description import SceneDescription
+from ..readers.stored_w import read_w
+
+
+def obscured(
+    description: SceneDescription, threads: int | None = None, progress: Progress | None = None
+) -> tuple[Scene, ao.Bake | None]:
+    """The scene with w(p) as `description.bake` asks, and the bake if there was one.
+
+    Only vertices that the picture can show are baked; the others get w = 1.
+
+    Args: threads, progress: as `ao.bake` takes them.
+
+    Raises:
+        SceneError: the baked file cannot be read, or is another scene's.
+        OptionError, EmbreeError: as `ao.bake`.
+    """
+    scene, options = description.scene, description.bake
+    if options.source == "off":
+        return scene, None
+    if isinstance(options.source, Path):
+        return scene.with_obscurance(_stored(description, options.source)), None
+    settings = description.settings
+    wanted = seen_vertices(scene, description.camera, settings, threads)
+    made = ao.bake(
+        scene.flattened(),
+        options.falloff,
+        options.samples,
+        options.seed,
+        threads,
+        "angle" if settings.normals == "file" else settings.normals,
+        progress,
+        only=wanted,
+    )
+    return scene.with_obscurance(made.w), made
+
+
+def _stored(description: SceneDescription, path: Path) -> npt.NDArray[np.float64]:
+    """w of all vertices of the scene, from a file that has one for each, or one for each vertex of its mesh files."""
+    counts = [len(item.shape.mesh.vertices) for item in description.scene.objects]
+    origins = description.origins or (None,) * len(counts)
+    of_files = [origin.total if origin else count for origin, count in zip(origins, counts, strict=True)]
+    w = read_w(path, sum(of_files), sum(counts))
+    if len(w) != sum(of_files):
+        return w
+    parts = np.split(w, np.cumsum(of_files)[:-1])
+    return np.concatenate([part[origin.of] if origin else part for origin, part in zip(origins, parts, strict=True)])

@@ -1,0 +1,160 @@
+"""From a scene file to an image file: bake what the picture needs, render it, write it, tell about it."""
+
+from __future__ import annotations
+
+import json
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import ao
+from ao.report import versions
+from ao.vertex_method import Progress
+from raytrace.errors import OptionError, printable
+from raytrace.image.frame import Frame
+from raytrace.image.write import check_image_target, write_frame
+from raytrace.renderer.render import describe_work, render, rendering_bytes
+from raytrace.settings import Settings
+from raytrace.system.atomic import atomic_write
+from raytrace.system.memory import check_memory
+
+from ..description.description import SceneDescription
+from .picture_bake import obscured
+
+PREVIEW = 4  # a preview's sides are that much shorter
+PREVIEW_BAKE = 32  # and it bakes with that many rays a vertex
+
+
+@dataclass(frozen=True)
+class Picture:
+    """What `take` made.
+
+    Attributes:
+        frame: the layers that the file's format holds, and the renderer's counts.
+        bake: of the obscurance, or None if there was none.
+        seconds: bake, build, render, write.
+    """
+
+    frame: Frame
+    bake: ao.Bake | None
+    seconds: dict[str, float]
+
+    def summary(self, target: Path, settings: Settings) -> str:
+        """What was rendered to where, and what it took."""
+        traced, skipped = sum(self.frame.rays.values()), sum(self.frame.rays_skipped.values())
+        return (
+            f"{printable(str(target))}: {settings.width}×{settings.height}, {traced / 1e6:.1f} M rays in"
+            f" {self.seconds['render']:.2f} s, {skipped / 1e6:.1f} M not needed;"
+            f" obscurance {settings.obscurance} ({self.seconds['bake']:.2f} s)"
+        )
+
+
+def adjusted(
+    description: SceneDescription, changes: Mapping[str, Any], preview: bool, baked: Path | None = None
+) -> SceneDescription:
+    """The description with the `Settings` changed that are not None; a preview: a quarter as wide and high, few rays.
+
+    Args: baked: a file with w, in place of the description's own or of a bake.
+
+    Raises:
+        OptionError: a setting out of range, or `baked` for a picture without obscurance.
+    """
+    settings = replace(description.settings, **{name: value for name, value in changes.items() if value is not None})
+    bake = description.bake
+    if settings.obscurance == "off":
+        bake = replace(bake, source="off")
+    elif bake.source == "off":
+        bake = replace(bake, source="bake")
+    files = description.files
+    if baked is not None:
+        if settings.obscurance == "off":
+            raise OptionError("--baked", "--obscurance ambient or book with it", "off")
+        bake = replace(bake, source=baked)
+        files = (*files, baked)
+    if preview:
+        settings = _quarter(settings)
+        bake = replace(bake, samples=min(bake.samples, PREVIEW_BAKE))
+    return replace(description, settings=settings, bake=bake, files=files)
+
+
+def _quarter(settings: Settings) -> Settings:
+    width, height = max(settings.width // PREVIEW, 1), max(settings.height // PREVIEW, 1)
+    crop = settings.crop
+    if crop:
+        x, y = min(crop[0] // PREVIEW, width - 1), min(crop[1] // PREVIEW, height - 1)
+        crop = x, y, min(max(crop[2] // PREVIEW, 1), width - x), min(max(crop[3] // PREVIEW, 1), height - y)
+    return replace(settings, width=width, height=height, crop=crop, samples=min(settings.samples, 4))
+
+
+def take(
+    source: Path,
+    description: SceneDescription,
+    output: Path,
+    half: bool = False,
+    threads: int | None = None,
+    baking: Progress | None = None,
+    rendering: Progress | None = None,
+) -> Picture:
+    """Make the picture of a described scene and write it.
+
+    Args: source: the scene file, for the picture's metadata. half: 16-bit floats in EXR. baking, rendering: progress.
+
+    Raises:
+        InputError: a texture or a baked file cannot be read.
+        OptionError: the ending of `output`, or `threads`.
+        OutputError: it cannot be written.
+        MemoryLimitError: the picture or the bake for it would not fit into memory.
+        EmbreeError: Embree failed, out of memory for instance.
+    """
+    layers = check_image_target(output, half)
+    needed = rendering_bytes(description.scene, description.settings, layers is None)
+    check_memory(source, needed, describe_work(description.scene, description.settings))
+    start = time.perf_counter()
+    scene, baked = obscured(description, threads, baking)
+    prepared = time.perf_counter()
+    frame = render(scene, description.camera, description.settings, layers is None, threads, rendering)
+    rendered = time.perf_counter()
+    write_frame(output, frame, metadata(source, description), half)
+    seconds = {"bake": prepared - start, **frame.seconds, "write": time.perf_counter() - rendered}
+    return Picture(frame, baked, seconds)
+
+
+def metadata(source: Path, description: SceneDescription) -> dict[str, str]:
+    """What an image file tells of its making; nothing that changes from run to run."""
+    settings = description.settings
+    return {
+        "scene": source.name,
+        "version": versions()["obscurance"],
+        "samples": str(settings.samples),
+        "seed": str(settings.seed),
+        "shading": settings.shading,
+        "normals": settings.normals,
+        "obscurance": settings.obscurance,
+    }
+
+
+def write_report(
+    path: Path, source: Path, settings: Settings, picture: Picture, threads: int, warnings: Sequence[str] = ()
+) -> None:
+    """Write what a rendering took as JSON, whole or not at all.
+
+    Args: warnings: what limits the picture, see `raytrace.resolution`.
+
+    Raises: OutputError.
+    """
+    made = picture.bake
+    content = {
+        "scene": str(source),
+        "settings": vars(settings) | {"threads": threads},
+        "rays": picture.frame.rays | ({"bake": made.rays} if made else {}),
+        "rays_skipped": picture.frame.rays_skipped
+        | ({f"bake_{reason}": count for reason, count in made.rays_skipped.items()} if made else {}),
+        "seconds": picture.seconds,
+        "rmse_estimate": made.rmse if made else None,
+        "warnings": list(warnings),
+        "versions": versions(),
+    }
+    with atomic_write(path) as file:
+        file.write((json.dumps(content, indent=2, allow_nan=False) + "\n").encode())

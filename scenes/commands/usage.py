@@ -1,0 +1,119 @@
+"""Mistakes on the command line: one line that says what was expected, what came, what was meant and where help is."""
+
+from __future__ import annotations
+
+import os
+import re
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from raytrace.errors import InputError
+
+_OPTIONS = ("options", "render")  # what errors about options of the command name as their source
+
+
+def mistake_in_words(mistake: Any, app: Any, arguments: Sequence[str]) -> str:
+    """A mistake that the parser found.
+
+    Args: mistake: its `TyperException`. app: the group of all commands. arguments: what was typed.
+    """
+    from raytrace.errors import nearest_name
+
+    command = _command(app, arguments)
+    place = command.name if command else ""
+    cause = mistake.__cause__
+    near = None
+    if hasattr(mistake, "possibilities"):
+        given = mistake.option_name
+        names = [name for item in (command or app).params for name in (*item.opts, *item.secondary_opts)]
+        expected, got, near = "one of its options", given, nearest_name(given, [*names, "--help"])
+    elif hasattr(mistake, "option_name"):
+        place = f"{place} {mistake.option_name}".lstrip()
+        takes = "requires" in mistake.message
+        expected, got = ("a value", "nothing") if takes else ("the option alone", "a value")
+    elif getattr(mistake, "param", None) is not None and cause is not None:
+        fault = cause.errors()[0]
+        place, got = f"{place} {_shown(mistake.param)}", fault["input"]
+        expected, near = _expectation(fault)
+    elif getattr(mistake, "param", None) is not None:
+        expected, got = _shown(mistake.param), "nothing"
+    elif command is None:
+        given = arguments[0] if arguments else "nothing"
+        place, expected, got = "command", "one of " + ", ".join(app.commands), given
+        near = nearest_name(given, app.commands)
+    elif extra := re.fullmatch(r"Got unexpected extra argument\(?s?\)? \((.*)\)", mistake.message):
+        expected, got = "no more arguments", extra[1]
+    else:
+        expected, got = "valid arguments", mistake.format_message()
+    return _line(place, expected, got, near, command)
+
+
+def option_in_words(mistake: InputError, app: Any, arguments: Sequence[str]) -> str:
+    """A mistake that the command itself found: an option by its name, where there is one of that name."""
+    from raytrace.errors import OptionError
+
+    command = _command(app, arguments)
+    if (mistake.field, mistake.got) == ("file", "none"):
+        return str(mistake) + _file_meant(Path(mistake.source))
+    if command is None or not isinstance(mistake, OptionError) or mistake.source not in _OPTIONS:
+        return str(mistake)
+    field = mistake.field
+    shown = {item.name: _given(item) for item in command.params}.get(field, field)
+    return _line(f"{command.name} {shown}", mistake.expected, mistake.got, mistake.nearest, command)
+
+
+def _line(place: str, expected: str, got: object, near: str | None, command: Any) -> str:
+    from raytrace.errors import printable, shortened
+
+    name = f" {command.name}" if command else ""
+    given = shortened(got) or '""'
+    hint = f"did you mean {near}? See" if near else "see"
+    text = f"expected {expected}, got {given}; {hint} obscurance{name} --help"
+    return printable(f"{place}: {text}" if place else text)
+
+
+def _file_meant(missing: Path) -> str:
+    """The name beside a missing file, or of a built-in scene, that is like its own."""
+    from raytrace.errors import nearest_name, printable
+
+    from ..library.catalogue import BUILTIN
+
+    if missing.name in BUILTIN:
+        return f"; obscurance scenes {missing.name} -o {missing.name}.toml writes that built-in scene"
+    try:
+        near = nearest_name(missing.name, sorted(os.listdir(missing.parent))[:10_000])
+    except OSError:
+        return ""
+    return printable(f"; did you mean {missing.with_name(near)}?") if near else ""
+
+
+def _command(app: Any, arguments: Sequence[str]) -> Any:
+    return app.commands.get(arguments[0]) if arguments else None
+
+
+def _shown(parameter: Any) -> str:
+    """An option by its long name, an argument as help shows it."""
+    name = parameter.opts[0]
+    return str(name if name.startswith("-") else (parameter.metavar or parameter.name.upper()).strip("[]."))
+
+
+def _given(parameter: Any) -> str:
+    """As `_shown`, but a switch that is on by default by the name that turns it off."""
+    off = parameter.default is True and parameter.secondary_opts
+    return str(parameter.secondary_opts[0]) if off else _shown(parameter)
+
+
+def _expectation(fault: dict[str, Any]) -> tuple[str, str | None]:
+    from raytrace.errors import nearest_name
+
+    if fault["type"].startswith("int"):
+        return "a whole number", None
+    if fault["type"].startswith("float"):
+        return "a number", None
+    message = str(fault["msg"])
+    names = re.findall("'([^']*)'", message.partition(" is not one of ")[2])
+    if names:
+        return "one of " + ", ".join(names), nearest_name(fault["input"], names)
+    return message, None

@@ -1,0 +1,1 @@
+"""From a TOML or glTF file to a scene."""

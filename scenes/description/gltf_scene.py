@@ -1,0 +1,85 @@
+"""A glTF or GLB file as a scene: objects, materials, base colour textures, camera and lights."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from raytrace.errors import MeshError, OptionError
+from raytrace.mesh.mesh import Mesh
+from raytrace.scene import Object, Scene, Shape
+from raytrace.settings import Settings
+
+from ..field_errors import located
+from ..geometry.instances import Instance
+from ..gltf.container import Gltf, Primitive, primitives
+from ..gltf.nodes import node_matrices
+from ..gltf.schema import check_appearance
+from ..readers.load import mesh_errors, read_objects
+from . import gltf_camera, gltf_lights
+from .defaults import BACKGROUND, framing, three_lights, up_axis
+from .description import SceneDescription
+from .gltf_materials import material_of
+from .gltf_textures import Textures
+
+
+def read_gltf(path: Path, settings: Settings, up: str | None = None) -> SceneDescription:
+    """A whole glTF scene; y is up, as glTF has it, unless `up` says otherwise.
+
+    Without a camera everything is framed; without lights there are three of our own.
+
+    Raises:
+        MeshError: the file cannot be read (`scenes.load.load`).
+        SceneError: a texture, light or camera cannot be used.
+        OptionError: `up`, and the file has a camera of its own.
+    """
+    objects, asset = gltf_objects(path)
+    with mesh_errors(path):
+        world = node_matrices(asset.header)
+        camera = gltf_camera.camera(asset.header, world, path)
+        lights = gltf_lights.lights(asset.header, world, path)
+        if camera and up is not None:
+            raise OptionError("--up", "a file without a camera", f"{path}, which has one")
+        axis = up_axis(path, up)
+        camera = camera or framing(Scene(objects).flattened(), axis, settings.width, settings.height)
+    scene = Scene(objects, lights or three_lights(camera), BACKGROUND)
+    return SceneDescription(scene, camera, settings, files=asset.files)
+
+
+def gltf_objects(path: Path) -> tuple[tuple[Object, ...], Gltf]:
+    """The drawn primitives of a file, those of one mesh sharing their shapes, and the asset.
+
+    Objects that their nodes flatten to nothing (a scale of zero hides, in glTF) are left out.
+
+    Raises:
+        MeshError: the file cannot be read, or draws no triangles.
+        SceneError: a texture cannot be used.
+    """
+    instances, asset = read_objects(path)
+    if asset is None:
+        raise MeshError(path, "file", "glTF or GLB", path.suffix)
+    with mesh_errors(path):
+        check_appearance(asset.header, path)
+        textures = Textures(asset)
+        shapes: dict[tuple[int, int], Shape] = {}
+        objects = []
+        for piece, placed in zip(primitives(asset.header), instances, strict=True):
+            if placed.is_flattened:
+                continue
+            matrix = np.eye(4) if placed.matrix is None else placed.matrix
+            key = (piece.mesh, piece.place)
+            if key not in shapes:
+                shapes[key] = _shape(asset, piece, placed, textures, path)
+            objects.append(Object(shapes[key], matrix, placed.name))
+    if not objects:
+        raise MeshError(path, "nodes", "at least one triangle to see", "none")
+    return tuple(objects), asset
+
+
+def _shape(asset: Gltf, piece: Primitive, placed: Instance, textures: Textures, path: Path) -> Shape:
+    primitive = asset.header["meshes"][piece.mesh]["primitives"][piece.place]
+    mesh = Mesh(placed.vertices, placed.faces, placed.normals, source=f"{path}: {placed.name}")
+    uv, texture = textures.of(primitive) or (None, None)
+    with located(path, f"materials[{primitive.get('material')}]"):
+        return Shape(mesh, material_of(asset, primitive), uv, texture)

@@ -1,0 +1,50 @@
+"""Any file that can be rendered, as a scene."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+from raytrace.errors import OptionError
+from raytrace.scene import Object, Scene, Shape
+from raytrace.settings import Settings
+
+from ..readers.load import load
+from .defaults import BACKGROUND, NEUTRAL, framing, three_lights, up_axis
+from .description import SceneDescription
+from .gltf_scene import read_gltf
+from .toml_scene import read_toml
+
+
+def read_scene(
+    path: str | os.PathLike[str], size: tuple[int, int] | None = None, up: str | None = None
+) -> SceneDescription:
+    """A scene by the file's ending: `.toml` (docs/scenes.md), `.glb` or `.gltf`, or any other mesh alone.
+
+    A mesh alone is matt grey, framed whole, under three lights; its y is up, or z if it is STL or 3MF, formats of
+    construction and printing where z is. One baked file of the mesh fits it: vertices stay as they are.
+
+    Args:
+        path: the file.
+        size: width and height of the picture in pixels in place of the file's own; automatic framing goes by it.
+        up: "x", "y" or "z", the axis that is up in a file that says nothing of it: where it is seen and lit from.
+
+    Raises:
+        SceneError: a fault of a scene file, with the path of the value.
+        MeshError: a mesh or glTF file cannot be read.
+        OptionError: `size` is out of range, or `up` is of no use.
+    """
+    path = Path(path)
+    ending = path.suffix.lower()
+    settings = Settings(*size) if size else Settings()
+    if ending == ".toml":
+        if up is not None:
+            raise OptionError("--up", "a mesh file; a scene has camera.up", path)
+        return read_toml(path, size)
+    if ending in (".glb", ".gltf"):
+        return read_gltf(path, settings, up)
+    source = load(path)
+    objects = (Object(Shape(source.mesh, NEUTRAL), name=path.stem),)
+    camera = framing(source.mesh, up_axis(path, up), settings.width, settings.height)
+    lit = Scene(objects, three_lights(camera), BACKGROUND)
+    return SceneDescription(lit, camera, settings, files=source.files, notes=source.notes)

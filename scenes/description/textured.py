@@ -1,0 +1,43 @@
+"""Mesh files with their texture coordinates, as geometry of scenes."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from raytrace.errors import printable
+from raytrace.mesh.mesh import Mesh
+
+from ..geometry.detail import split_corners
+from ..geometry.primitives import Geometry, Origin
+from ..readers.load import read_objects
+from ..readers.obj import read_textured_obj
+
+ENDINGS = (".obj", ".ply")
+
+
+def read_textured(path: Path) -> tuple[Geometry, list[str]]:
+    """An OBJ or PLY file with its texture coordinates, without them if a PLY has none, and what is to be told.
+
+    Vertices whose corners have several coordinates repeat.
+
+    Raises: MeshError, and what parsers raise.
+    """
+    if path.suffix.lower() == ".obj":
+        instance, uv, origin = read_textured_obj(path.read_bytes(), path.stem, str(path))
+        mesh = Mesh(instance.vertices, instance.faces, instance.normals, source=str(path))
+        return Geometry(mesh, uv, origin), [printable(f"{path}: {note}") for note in instance.notes]
+    (instance,), _ = read_objects(path, keep=True)
+    mesh = Mesh(instance.vertices, instance.faces, instance.normals, source=str(path))
+    notes = [printable(f"{path}: {note}") for note in instance.notes]
+    detail = instance.detail
+    if detail is None or detail.uv is None:
+        return Geometry(mesh), notes
+    places = detail.triangles.take(np.arange(len(detail.corners)))
+    vertices, faces, like = split_corners(detail.corners, places, [detail.uv], len(mesh.vertices))
+    if len(vertices) == len(mesh.vertices):
+        return Geometry(mesh, detail.uv.at_vertices(detail.corners, len(vertices))), notes
+    normals = None if mesh.normals is None else mesh.normals[vertices]
+    split = Mesh(mesh.vertices[vertices], faces, normals, source=str(path))
+    return Geometry(split, detail.uv.rows[detail.uv.of[like]], Origin(vertices, len(mesh.vertices))), notes

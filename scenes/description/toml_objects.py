@@ -1,0 +1,213 @@
+"""The `[[materials]]` and `[[objects]]` of a TOML scene."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy.typing as npt
+
+from raytrace.errors import SceneError, nearest_name, printable
+from raytrace.image.texture import Texture
+from raytrace.materials.base import BaseMaterial
+from raytrace.materials.materials import material_from_dict
+from raytrace.materials.presets import PRESETS
+from raytrace.scene import Object, Shape
+
+from ..field_errors import check_keys, joined, located, shown
+from ..geometry.builtin_shapes import SOLIDS, Solid
+from ..geometry.instances import check_copies, flatten
+from ..geometry.primitives import Geometry, Origin
+from ..readers.load import mesh_errors, read_objects
+from ..safe_paths import confined
+from .defaults import NEUTRAL
+from .gltf_scene import gltf_objects
+from .schema import ObjectTable, Transform
+from .textured import ENDINGS, read_textured
+from .transforms import matrix_of
+
+
+def named_materials(tables: Sequence[dict[str, Any]], source: object) -> dict[str, BaseMaterial]:
+    """Materials by name: the presets, then those of `[[materials]]`.
+
+    Raises:
+        SceneError: a name is missing or given twice, or a material has a bad value.
+    """
+    made = {name: material_from_dict({"preset": name}) for name in PRESETS}
+    own: set[str] = set()
+    for number, table in enumerate(tables):
+        path = f"materials[{number}]"
+        name = table.get("name")
+        if not isinstance(name, str) or not name or not name.isprintable():
+            got = shown(name) if "name" in table else "nothing"
+            raise SceneError(source, joined(path, "name"), "a name on one line", got)
+        if name in own:
+            raise SceneError(source, joined(path, "name"), "a name of its own", f"{shown(name)} again")
+        own.add(name)
+        with located(source, path):
+            made[name] = material_from_dict({key: value for key, value in table.items() if key != "name"})
+    return made
+
+
+class ObjectReader:
+    """Makes objects; what is the same in several of them, in mesh, material and texture, becomes one shape.
+
+    Attributes:
+        files: what was read, or will be.
+        notes: what is to be told about meshes.
+    """
+
+    def __init__(self, source: Path, materials: dict[str, BaseMaterial]) -> None:
+        self._source, self._materials = source, materials
+        self._geometry: dict[Any, Geometry] = {}
+        self._textures: dict[Texture, Texture] = {}
+        self._gltf: dict[Path, tuple[Object, ...]] = {}
+        self._shapes: dict[Any, Shape] = {}
+        self._stored: dict[int, int] = {}
+        self._origins: dict[int, Origin] = {}
+        self.files: list[Path] = []
+        self.notes: list[str] = []
+        self._placed = 0
+
+    def read(self, table: ObjectTable, path: str) -> list[Object]:
+        """The objects of one entry, whose path in the file is `path`: one for each copy, or more for a glTF file.
+
+        Raises:
+            SceneError: a bad or missing value or file.
+        """
+        pieces = self._pieces(table, path)
+        self._check_copies(pieces, table)
+        own = matrix_of(table, self._source, path)
+        copies: list[tuple[str, npt.NDArray[Any]]] = [("", own)]
+        if table.copies is not None:
+            tables = enumerate(table.copies)
+            matrices = [matrix_of(copy, self._source, f"{path}.copies[{number}]") for number, copy in tables]
+            copies = [(f" {number}", matrix @ own) for number, matrix in enumerate(matrices)]
+        objects = []
+        for suffix, matrix in copies:
+            for piece in pieces:
+                with located(self._source, path):
+                    objects.append(replace(piece, transform=matrix @ piece.transform, name=piece.name + suffix))
+        return objects
+
+    def origin(self, item: Object) -> Origin | None:
+        """Where the vertices of one of the objects come from, if they are not its file's one by one."""
+        return self._origins.get(id(item.shape))
+
+    def _check_copies(self, pieces: list[Object], table: ObjectTable) -> None:
+        """Count vertices and triangles, those of mesh files once and those of all copies."""
+        rows = {id(item.shape.mesh): len(item.shape.mesh.vertices) + len(item.shape.mesh.faces) for item in pieces}
+        if table.mesh is not None:
+            self._stored |= rows
+        each = sum(rows[id(item.shape.mesh)] for item in pieces)
+        self._placed += each * (1 if table.copies is None else len(table.copies))
+        check_copies(self._placed, sum(self._stored.values()), self._source, SceneError)
+
+    def _pieces(self, table: ObjectTable, path: str) -> list[Object]:
+        """The entry's objects before its own transform."""
+        if (table.mesh is None) == (table.builtin is None):
+            got = "neither" if table.mesh is None else "both"
+            unknown = (nearest_name(key, ("mesh", "builtin")) for key in table.model_extra or {})
+            raise SceneError(self._source, path, "either mesh or builtin", got, next(filter(None, unknown), None))
+        material = None if table.material is None else self._material(table.material, joined(path, "material"))
+        if table.wrap is not None and table.texture is None:
+            raise SceneError(self._source, joined(path, "wrap"), "texture with it", "none")
+        texture = None if table.texture is None else self._texture(table, path)
+        if table.builtin is not None:
+            solid = self._solid(table, path)
+            with located(self._source, path):
+                geometry = self._once(solid, solid.geometry)
+            shape = self._shape(table, path, geometry, material, texture)
+            return [Object(shape, name=table.name or table.builtin)]
+
+        check_keys(self._source, path, table.model_extra or {}, _keys("mesh"))
+        field = joined(path, "mesh")
+        mesh = confined(table.mesh or "", self._source.parent, self._source, field)
+        self.files.append(mesh)
+        with located(self._source, field):
+            if mesh.suffix.lower() in (".glb", ".gltf"):
+                return self._gltf_pieces(mesh, table, path, material, texture)
+            geometry = self._once((mesh, texture is None), lambda: self._read(mesh, texture is not None))
+        return [Object(self._shape(table, path, geometry, material, texture), name=table.name or mesh.stem)]
+
+    def _gltf_pieces(
+        self, mesh: Path, table: ObjectTable, path: str, material: BaseMaterial | None, texture: Texture | None
+    ) -> list[Object]:
+        if mesh not in self._gltf:
+            self._gltf[mesh], asset = gltf_objects(mesh)
+            self.files.extend(asset.files)
+        pieces = []
+        for item in self._gltf[mesh]:
+            shape = item.shape
+            geometry = self._once(shape, lambda shape=shape: Geometry(shape.mesh, shape.uv))
+            # A material of the entry's own takes the place of the file's with its texture.
+            kept = texture or (shape.texture if material is None else None)
+            made = self._shape(table, path, geometry, material or shape.material, kept)
+            name = item.name if table.name is None else f"{table.name} {item.name}"
+            pieces.append(replace(item, shape=made, name=name))
+        return pieces
+
+    def _read(self, path: Path, textured: bool) -> Geometry:
+        """Any mesh file but glTF. Texture coordinates are read of OBJ and PLY, where `textured`."""
+        with mesh_errors(path):
+            if textured and path.suffix.lower() in ENDINGS:
+                geometry, notes = read_textured(path)
+                self.notes += notes
+                return geometry
+            instances, _ = read_objects(path)
+            self.notes += [printable(f"{path}: {note}") for instance in instances for note in instance.notes]
+            return Geometry(flatten(instances, str(path))[0])
+
+    def _once(self, key: Any, make: Any) -> Geometry:
+        if key not in self._geometry:
+            self._geometry[key] = make()
+        return self._geometry[key]
+
+    def _shape(
+        self, table: ObjectTable, path: str, geometry: Geometry, material: BaseMaterial | None, texture: Texture | None
+    ) -> Shape:
+        if texture is not None and geometry.uv is None:
+            raise SceneError(self._source, joined(path, "texture"), "a mesh with texture coordinates", "one without")
+        material = material or NEUTRAL
+        key = (geometry, material, texture, table.own_normals)
+        if key not in self._shapes:
+            mesh = geometry.mesh if table.own_normals else replace(geometry.mesh, normals=None)
+            self._shapes[key] = Shape(mesh, material, geometry.uv, texture)
+            if geometry.origin:
+                self._origins[id(self._shapes[key])] = geometry.origin
+        return self._shapes[key]
+
+    def _material(self, given: str | dict[str, Any], path: str) -> BaseMaterial:
+        if isinstance(given, str):
+            if given not in self._materials:
+                names = sorted(self._materials)
+                near = nearest_name(given, names)
+                raise SceneError(self._source, path, "one of " + ", ".join(names), shown(given), near)
+            return self._materials[given]
+        with located(self._source, path):
+            return material_from_dict(given)
+
+    def _texture(self, table: ObjectTable, path: str) -> Texture:
+        file = confined(table.texture or "", self._source.parent, self._source, joined(path, "texture"))
+        self.files.append(file)
+        texture = Texture(file, wrap=table.wrap or ("repeat", "repeat"))
+        return self._textures.setdefault(texture, texture)
+
+    def _solid(self, table: ObjectTable, path: str) -> Solid:
+        kind = SOLIDS.get(table.builtin or "")
+        if kind is None:
+            field = joined(path, "builtin")
+            near = nearest_name(table.builtin, SOLIDS)
+            raise SceneError(self._source, field, "one of " + ", ".join(SOLIDS), shown(table.builtin), near)
+        parameters = table.model_extra or {}
+        check_keys(self._source, path, parameters, [*kind.model_fields, *_keys("builtin")])
+        with located(self._source, path):
+            return kind(**parameters)
+
+
+def _keys(kind: str) -> list[str]:
+    """The keys of an entry that has the key `kind`, "mesh" or "builtin"."""
+    keys = [*(key for key in ObjectTable.model_fields if key not in Transform.model_fields), *Transform.model_fields]
+    return [key for key in keys if key == kind or key not in ("mesh", "builtin")]

@@ -1,0 +1,162 @@
+"""TOML scenes: from the text to a scene description."""
+
+from __future__ import annotations
+
+import re
+import tomllib
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+import ao
+from ao.arguments import MAX_SAMPLES
+from raytrace.camera import Camera
+from raytrace.errors import OptionError, SceneError, nearest_name
+from raytrace.lights.sources import light_from_dict
+from raytrace.scene import Scene
+from raytrace.settings import Settings
+
+from ..field_errors import located, shown
+from ..readers.stored_w import ENDINGS
+from ..safe_paths import confined
+from .defaults import FROM, Z_UP, three_lights
+from .description import BakeOptions, SceneDescription
+from .schema import CameraTable, Document, ObscuranceTable, parse_document
+from .toml_objects import ObjectReader, named_materials
+
+_PARTS = 100  # tomllib takes memory by the square of their number
+_LONG_KEY = re.compile(
+    r"""(?<![\w-])(?:(?:[\w-]++|"(?:[^"\\\n]|\\.)*+"|'[^'\n]*+')[ \t]*+\.[ \t]*+){""" + f"{_PARTS - 1}}}"
+)
+
+
+def read_toml(path: Path, size: tuple[int, int] | None = None) -> SceneDescription:
+    """A TOML scene; files it names are looked for in its own folder and below.
+
+    Args: size: width and height of the picture in place of the file's own.
+
+    Raises:
+        SceneError: the file cannot be read, is no TOML, or has a missing, unknown or bad value; says which.
+    """
+    document = parse_document(_load(path), path)
+    settings = _settings(document, path, size)
+    bake = _bake(document.obscurance, path, settings)
+    reader = ObjectReader(path, named_materials(document.materials, path))
+    objects = [item for n, table in enumerate(document.objects) for item in reader.read(table, f"objects[{n}]")]
+    lights = []
+    for number, table in enumerate(document.lights):
+        with located(path, f"lights[{number}]"):
+            lights.append(light_from_dict(table))
+    scene = Scene(tuple(objects), tuple(lights), document.background)
+    camera = _camera(document.camera, scene, settings, path)
+    if not lights:
+        scene = replace(scene, lights=three_lights(camera))
+    origins = tuple(reader.origin(item) for item in objects)
+    baked = (bake.source,) if isinstance(bake.source, Path) else ()
+    return SceneDescription(scene, camera, settings, bake, (path, *reader.files, *baked), tuple(reader.notes), origins)
+
+
+def _load(path: Path) -> dict[str, Any]:
+    try:
+        if path.is_dir():
+            raise SceneError(path, "file", "a scene file", "a folder")
+        if not path.exists():
+            raise SceneError(path, "file", "an existing file", "none")
+        if not path.is_file():
+            raise SceneError(path, "file", "a scene file", "something that is not a regular file")
+        content = path.read_bytes()
+    except SceneError:
+        raise
+    except (OSError, ValueError) as reason:
+        raise SceneError(path, "file", "a readable file", getattr(reason, "strerror", None) or reason) from None
+    if not content.strip():
+        raise SceneError(path, "content", "a TOML scene", "an empty file")
+    try:
+        text = content.decode("utf-8-sig")
+        if _LONG_KEY.search(text):
+            raise SceneError(path, "content", f"keys of fewer than {_PARTS} parts", "a longer one")
+        return tomllib.loads(text)
+    except SceneError:
+        raise
+    except UnicodeDecodeError as reason:
+        line = content.count(b"\n", 0, reason.start) + 1
+        raise SceneError(path, f"line {line}", "UTF-8", f"byte {content[reason.start]:#04x}") from None
+    except tomllib.TOMLDecodeError as reason:
+        message, _, place = str(reason).removesuffix(")").rpartition(" (at ")
+        got = "a mistake: " + " ".join(re.sub(r"^[A-Z]", lambda m: m[0].lower(), message).split())
+        raise SceneError(path, place, "valid TOML", got) from None
+    except ValueError as reason:
+        raise SceneError(path, "content", "valid TOML", f"a mistake: {shown(reason)}") from None
+    except RecursionError:
+        raise SceneError(path, "content", "tables of a few levels", "very many") from None
+
+
+def _settings(document: Document, path: Path, size: tuple[int, int] | None) -> Settings:
+    values = document.render.given()
+    if size is not None:
+        values["width"], values["height"] = size
+    with located(path, "render"):
+        made = Settings(**values)
+    form = document.obscurance.form
+    if form is None:
+        return made
+    try:
+        return replace(made, obscurance=form)  # type: ignore[arg-type]
+    except OptionError as fault:
+        raise SceneError(path, "obscurance.form", fault.expected, shown(form), fault.nearest) from None
+
+
+def _bake(table: ObscuranceTable, path: Path, settings: Settings) -> BakeOptions:
+    def excluded(expected: str, *names: str) -> None:
+        for name in names:
+            if name in table.model_fields_set:
+                raise SceneError(path, f"obscurance.{name}", expected, shown(getattr(table, name)))
+
+    bake = ("falloff", "tau", "half_distance", "max_distance", "samples", "seed")
+    if settings.obscurance == "off":
+        excluded('nothing beside form = "off"', "baked", *bake)
+        return BakeOptions("off")
+    if table.baked is not None:
+        excluded("nothing beside baked but form", *bake)
+        file = confined(table.baked, path.parent, path, "obscurance.baked")
+        if file.suffix.lower() not in ENDINGS:
+            raise SceneError(path, "obscurance.baked", "a name ending in " + ", ".join(ENDINGS), shown(table.baked))
+        return BakeOptions(file)
+    forms = {"exponential": ao.Exponential, "binary": ao.Binary}
+    if table.falloff not in forms:
+        near = nearest_name(table.falloff, forms)
+        raise SceneError(path, "obscurance.falloff", "one of " + ", ".join(forms), shown(table.falloff), near)
+    if table.falloff == "binary":
+        excluded('falloff = "exponential" with it', "tau", "half_distance")
+    given = table.given()
+    with located(path, "obscurance"):
+        falloff = forms[table.falloff](**{k: given[k] for k in ("tau", "half_distance", "max_distance") if k in given})
+    options = BakeOptions(falloff=falloff, **{name: given[name] for name in ("samples", "seed") if name in given})
+    for name, low, high in (("samples", 1, MAX_SAMPLES), ("seed", 0, 2**64 - 1)):
+        if not low <= getattr(options, name) <= high:
+            expected = f"a whole number from {low} to {high}"
+            raise SceneError(path, f"obscurance.{name}", expected, getattr(options, name))
+    return options
+
+
+def _camera(table: CameraTable, scene: Scene, settings: Settings, path: Path) -> Camera:
+    values = table.given()
+    if "height" in values and "field_of_view" in values:
+        raise SceneError(path, "camera.height", "either height or field_of_view", "both")
+    if ("position" in values) != ("target" in values):
+        missing = "target" if "position" in values else "position"
+        raise SceneError(path, f"camera.{missing}", "position and target together", "nothing")
+    with located(path, "camera"):
+        if "position" in values:
+            if "direction" in values:
+                raise SceneError(path, "camera.direction", "either direction, or position and target", "both")
+            return Camera(**values)
+        direction = values.pop("direction", FROM[Z_UP])
+        if not any(direction):
+            raise SceneError(path, "camera.direction", "a vector other than zero", list(direction))
+        aspect = settings.width / settings.height
+        view = {name: values.pop(name) for name in ("up", "field_of_view") if name in values}
+        with np.errstate(over="ignore", invalid="ignore"):
+            return replace(Camera.framing(scene.flattened(), direction, aspect=aspect, **view), **values)

@@ -1,0 +1,1 @@
+"""Geometry in memory: polygons, instances, attributes, primitives, built-in shapes."""

@@ -1,0 +1,165 @@
+"""The shapes that a scene file makes by name, `builtin = "sphere"`, with their parameters.
+
+All stand about the origin, but for the temple, which stands on z = 0. Lengths are scene units; `fineness` is the
+longest leg of a mesh triangle, and thus how fine w(p) can be.
+"""
+
+from __future__ import annotations
+
+import math
+from abc import ABC, abstractmethod
+from typing import Annotated, Any
+
+from pydantic import BeforeValidator, Field
+
+from raytrace.errors import OptionError
+from raytrace.system.parameters import Length, Parameters
+
+from . import primitives
+from .menger import menger
+from .primitives import Geometry
+from .temple import temple
+
+MAX_TRIANGLES = 20_000_000
+_CELLS = 32  # along the longest side, where no fineness is given
+
+
+def _triple(value: Any) -> Any:
+    return (value,) * 3 if isinstance(value, int | float) and not isinstance(value, bool) else value
+
+
+Sides = Annotated[tuple[Length, Length, Length], BeforeValidator(_triple)]
+
+
+class Solid(Parameters, ABC):
+    """Base: the fineness of the mesh, a 32nd of the longest side unless given."""
+
+    fineness: Length | None = None
+
+    def geometry(self) -> Geometry:
+        """The mesh, with texture coordinates where the shape has some.
+
+        Raises: OptionError: more than `MAX_TRIANGLES`.
+        """
+        length = self._longest() / _CELLS if self.fineness is None else self.fineness
+        if not 2 * max(self._longest() / length, self._area() / length / length) <= MAX_TRIANGLES:
+            expected = f"a length that makes at most {MAX_TRIANGLES:,} triangles"
+            raise OptionError("fineness", expected, f"{length:g}", type(self).__name__.lower())
+        return self._make(length)
+
+    @abstractmethod
+    def _longest(self) -> float:
+        """The longest side."""
+
+    @abstractmethod
+    def _area(self) -> float:
+        """Of the whole surface, roughly."""
+
+    @abstractmethod
+    def _make(self, fineness: float) -> Geometry:
+        """The mesh with edges of at most `fineness`."""
+
+
+class Plane(Solid):
+    """A rectangle in z = 0 facing +z, `size` along x and y; u along x, v along y."""
+
+    size: tuple[Length, Length] = (1.0, 1.0)
+
+    def _longest(self) -> float:
+        return max(self.size)
+
+    def _area(self) -> float:
+        return self.size[0] * self.size[1]
+
+    def _make(self, fineness: float) -> Geometry:
+        x, y = self.size
+        return primitives.plane((-x / 2, -y / 2, 0), (x, 0, 0), (0, y, 0), fineness)
+
+
+class Box(Solid):
+    """A box of `size` along x, y and z (one number: a cube)."""
+
+    size: Sides = (1.0, 1.0, 1.0)
+
+    def _longest(self) -> float:
+        return max(self.size)
+
+    def _area(self) -> float:
+        x, y, z = self.size
+        return 2 * (x * y + y * z + z * x)
+
+    def _make(self, fineness: float) -> Geometry:
+        return primitives.box((0, 0, 0), self.size, fineness)
+
+
+class Sphere(Solid):
+    """A sphere of `radius`, poles on z."""
+
+    radius: Length = 0.5
+
+    def _longest(self) -> float:
+        return 2 * self.radius
+
+    def _area(self) -> float:
+        return 4 * math.pi * self.radius**2 * math.pi / 2
+
+    def _make(self, fineness: float) -> Geometry:
+        return primitives.sphere(self.radius, fineness)
+
+
+class Cylinder(Solid):
+    """A closed cylinder of `radius` and `height`, axis z."""
+
+    radius: Length = 0.5
+    height: Length = 1.0
+
+    def _longest(self) -> float:
+        return max(2 * self.radius, self.height)
+
+    def _area(self) -> float:
+        return 2 * math.pi * self.radius * (self.height + 2 * self.radius)
+
+    def _make(self, fineness: float) -> Geometry:
+        return primitives.cylinder(self.radius, self.height, fineness)
+
+
+class Temple(Solid):
+    """A colonnade on steps, about 8 × 5 × 4 units, z up; fineness .07 unless given."""
+
+    fineness: Length = 0.07
+
+    def _longest(self) -> float:
+        return 8.0
+
+    def _area(self) -> float:
+        return 700.0
+
+    def _make(self, fineness: float) -> Geometry:
+        return Geometry(temple(fineness))
+
+
+class Sponge(Solid):
+    """A Menger sponge of `size`, each cube without its middle seventh `level` times over, 0 to 4."""
+
+    size: Length = 1.0
+    level: Annotated[int, Field(strict=True, ge=0, le=4)] = 3
+
+    def _longest(self) -> float:
+        return self.size
+
+    def _area(self) -> float:
+        return (2 * (20 / 9) ** self.level + 4 * (8 / 9) ** self.level) * self.size**2
+
+    def _make(self, fineness: float) -> Geometry:
+        cuts = max(math.ceil(self.size / 3**self.level / fineness), 1)
+        return Geometry(menger(self.level, self.size, cuts))
+
+
+SOLIDS: dict[str, type[Solid]] = {
+    "plane": Plane,
+    "box": Box,
+    "sphere": Sphere,
+    "cylinder": Cylinder,
+    "temple": Temple,
+    "sponge": Sponge,
+}

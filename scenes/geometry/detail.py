@@ -1,0 +1,102 @@
+"""What a mesh file holds of its surface besides vertices, triangles and normals, for files that are written of it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from .elements import Element
+from .polygons import Triangles
+
+Floats = npt.NDArray[np.float64]
+Integers = npt.NDArray[np.int64]
+
+
+class PerCorner(NamedTuple):
+    """Values of the polygons' corners: `rows` (k, w), and for each corner (c,) which of them it has."""
+
+    rows: Floats
+    of: Integers
+
+    def at_vertices(self, corners: Integers, count: int) -> Floats | None:
+        """The values by vertex (count, w), 0 where no corner is; None if some vertex has several."""
+        values = np.zeros((count, self.rows.shape[1]))
+        values[corners] = self.rows[self.of]
+        return values if np.array_equal(values[corners], self.rows[self.of], equal_nan=True) else None
+
+
+@dataclass(frozen=True)
+class Paint:
+    """A material as OBJ libraries have it: a name, linear colours in [0, 1], glTF's factors, and a picture.
+
+    Attributes:
+        texture: an existing PNG or JPEG, multiplied into `colour`; coordinates as the file has them.
+    """
+
+    name: str
+    colour: tuple[float, float, float] = (1.0, 1.0, 1.0)
+    opacity: float = 1.0
+    metallic: float = 0.0
+    roughness: float = 1.0
+    emission: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    texture: Path | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Detail:
+    """See the module. All arrays go by the file's own vertices and polygons, whose order the mesh has too.
+
+    Attributes:
+        corners: (c,) vertex indices, polygon after polygon.
+        sizes: (p,) corners of each polygon.
+        triangles: how the mesh's faces were cut from the polygons.
+        uv: texture coordinates, v upwards, or None.
+        normals: where some vertex has several, or None: then `Mesh.normals` are all there are.
+        colors: (n, 3) or (n, 4), red green blue and alpha in [0, 1], sRGB-encoded, or None.
+        numbers: further (n,) values of the vertices by name.
+        paints, paint_of: the materials, and (p,) which of them each polygon has, −1: none; or None.
+        elements, comments: everything, if it was a PLY file.
+        files: read beside the mesh file, or to be read when it is written.
+    """
+
+    corners: Integers
+    sizes: Integers
+    triangles: Triangles
+    uv: PerCorner | None = None
+    normals: PerCorner | None = None
+    colors: Floats | None = None
+    numbers: dict[str, npt.NDArray[np.float64]] = field(default_factory=dict)
+    paints: tuple[Paint, ...] = ()
+    paint_of: Integers | None = None
+    elements: tuple[Element, ...] = ()
+    comments: tuple[str, ...] = ()
+    files: tuple[Path, ...] = ()
+
+
+def split_corners(
+    corners: Integers, places: Integers, several: list[PerCorner], keep: int
+) -> tuple[Integers, Integers, Integers]:
+    """One vertex for every combination of a vertex with what its corners have.
+
+    Args: places: (m, 3) of triangles in `corners`. keep: how many vertices come first, used or not.
+
+    Returns: vertices (k,), faces (m, 3), and the place of a corner like each of the new vertices (k,).
+    """
+    flat = places.ravel()
+    key = np.zeros(len(flat), np.int64)
+    for values in several:
+        _, key = np.unique(key * (int(values.of.max()) + 1) + values.of[flat], return_inverse=True)
+    own = corners[flat]
+    _, first, inverse = np.unique(own * (int(key.max()) + 1) + key, return_index=True, return_inverse=True)
+    vertices = own[first]
+    if not keep:
+        return vertices, inverse.reshape(-1, 3), flat[first]
+    repeated = np.concatenate([[False], vertices[1:] == vertices[:-1]])
+    slots = np.where(repeated, keep + np.cumsum(repeated) - 1, vertices)
+    whole, like = np.arange(keep + int(repeated.sum())), np.full(keep + int(repeated.sum()), flat[0])
+    whole[slots], like[slots] = vertices, flat[first]
+    return whole, slots[inverse].reshape(-1, 3), like

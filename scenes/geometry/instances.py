@@ -1,0 +1,172 @@
+"""Placed pieces of geometry become one mesh in world space."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from raytrace.errors import InputError, MeshError
+from raytrace.mesh.mesh import Mesh
+from raytrace.system.memory import check_memory
+
+from .detail import Detail
+from .polygons import triangulate
+
+MAX_COPIED = 20_000_000
+_ROW = 80  # bytes of a placed vertex or triangle, with copies on the way to a mesh
+
+
+@dataclass(frozen=True)
+class Instance:
+    """Triangles as a file stores them, and where its scene places them.
+
+    Attributes:
+        name: what the file calls the object.
+        vertices: (n, 3) numbers, in the object's own frame.
+        faces: (m, 3) integers, indices into `vertices`.
+        normals: (n, 3) numbers per vertex in the object's own frame, or None.
+        matrix: (4, 4) affine map to the world for column vectors, or None for the identity.
+        notes: what is to be told about the object.
+        detail: what else the file holds of the object, if that was asked for.
+        unread: what the file holds and nobody reads, in words.
+        w: (n,) obscurance that a bake has left in the file, unchecked, or None.
+    """
+
+    name: str
+    vertices: npt.NDArray[Any]
+    faces: npt.NDArray[Any]
+    normals: npt.NDArray[Any] | None = None
+    matrix: npt.NDArray[np.float64] | None = None
+    notes: tuple[str, ...] = ()
+    detail: Detail | None = None
+    unread: tuple[str, ...] = ()
+    w: npt.NDArray[Any] | None = None
+
+    @property
+    def is_flattened(self) -> bool:
+        """Whether there is nothing to see: no faces, or a matrix of no volume."""
+        return not len(self.faces) or (self.matrix is not None and not np.linalg.det(self.matrix[:3, :3]))
+
+
+@dataclass(frozen=True)
+class Part:
+    """One placed object of a file: `mesh.vertices[part.vertices]`, `mesh.faces[part.faces]`."""
+
+    name: str
+    vertices: slice
+    faces: slice
+
+
+def instance(
+    name: str,
+    arrays: dict[str, Any],
+    matrix: npt.NDArray[np.float64] | None = None,
+    normals: npt.NDArray[Any] | None = None,
+) -> Instance:
+    """An object as trimesh's loaders give it: `vertices` and perhaps `faces`, all of one number of corners."""
+    vertices = np.asarray(arrays.get("vertices", np.empty((0, 3))))
+    faces = arrays.get("faces")
+    faces = np.empty((0, 3), dtype=np.int64) if faces is None else np.asarray(faces)
+    if faces.ndim == 2 and faces.shape[1] != 3:
+        corners = faces.ravel()
+        triangles = triangulate(vertices, corners, np.full(len(faces), faces.shape[1]), name)
+        return Instance(name, vertices, triangles.take(corners), normals, matrix, triangles.notes)
+    return Instance(name, vertices, faces, normals, matrix)
+
+
+def check_copies(rows: int, stored: int, source: object, error: type[InputError] = MeshError) -> None:
+    """Refuse a small file that fills the memory by repeating what it holds.
+
+    Args:
+        rows: vertices and triangles, counted wherever they are placed. Each takes a byte or more where it is stored.
+        stored: bytes that hold them.
+
+    Raises:
+        error: more rows than bytes, and than `MAX_COPIED`.
+        MemoryLimitError: they would not fit into memory.
+    """
+    limit = max(stored, MAX_COPIED)
+    if rows > limit:
+        raise error(source, "objects", f"at most {limit:,} vertices and triangles with all copies", f"{rows:,}")
+    check_memory(source, _ROW * rows, f"to place {rows:,} vertices and triangles")
+
+
+def world_matrices(edges: Iterable[dict[str, Any]], base: Any) -> dict[Any, npt.NDArray[np.float64]]:
+    """The (4, 4) map from each frame of a tree to `base`.
+
+    trimesh's scene graph would do, but takes minutes for a chain of a thousand nodes.
+
+    Args:
+        edges: as trimesh's loaders give them: `frame_to`, `frame_from` (the base if missing), `matrix` (the identity
+            if missing).
+        base: the root.
+
+    Raises:
+        ValueError: a frame is not below `base`.
+    """
+    parents = {edge["frame_to"]: (edge.get("frame_from", base), edge.get("matrix")) for edge in edges}
+    world = {base: np.eye(4)}
+    for frame in parents:
+        path: list[Any] = []
+        while frame not in world:
+            if frame not in parents or len(path) > len(parents):
+                raise ValueError(f"node {frame} is not part of the scene's tree")
+            path.append(frame)
+            frame = parents[frame][0]
+        for step in reversed(path):
+            parent, matrix = parents[step]
+            world[step] = world[parent] if matrix is None else world[parent] @ np.asarray(matrix, dtype=np.float64)
+    return world
+
+
+def flatten(instances: Sequence[Instance], source: str) -> tuple[Mesh, tuple[Part, ...]]:
+    """One mesh of all instances, in their order, in world space.
+
+    A mirroring matrix (negative determinant) reverses the winding of its faces, so that an outside stays an outside.
+    Normals go by the inverse transpose; where only some instances have them, the others' are NaN.
+
+    Raises:
+        MeshError: the arrays are not a mesh (`raytrace.Mesh`).
+    """
+    parts = []
+    vertex = face = 0
+    for placed in instances:
+        vertex_end, face_end = vertex + len(placed.vertices), face + len(placed.faces)
+        parts.append(Part(placed.name, slice(vertex, vertex_end), slice(face, face_end)))
+        vertex, face = vertex_end, face_end
+    if len(instances) == 1 and instances[0].matrix is None:
+        only = instances[0]
+        return Mesh(only.vertices, only.faces, only.normals, source=source), tuple(parts)
+    vertices = np.empty((vertex, 3))
+    faces = np.empty((face, 3), dtype=np.int64)
+    has_normals = any(placed.normals is not None for placed in instances)
+    normals = np.full((vertex, 3), np.nan) if has_normals else None
+    for placed, part in zip(instances, parts, strict=True):
+        _place(placed, part, vertices, faces, normals, source)
+    return Mesh(vertices, faces, normals, source=source), tuple(parts)
+
+
+def _place(
+    placed: Instance,
+    part: Part,
+    vertices: npt.NDArray[np.float64],
+    faces: npt.NDArray[np.int64],
+    normals: npt.NDArray[np.float64] | None,
+    source: str,
+) -> None:
+    matrix = np.eye(4) if placed.matrix is None else placed.matrix
+    linear = matrix[:3, :3]
+    mirrored = np.linalg.det(linear) < 0
+    vertices[part.vertices] = placed.vertices @ linear.T + matrix[:3, 3]
+    # Indices are checked against the object's own vertices: shifted ones could fall into a neighbour's range.
+    own = Mesh(vertices[part.vertices], placed.faces, source=f"{source}: {placed.name}")
+    faces[part.faces] = (own.faces[:, ::-1] if mirrored else own.faces) + part.vertices.start
+    if normals is not None and placed.normals is not None:
+        x, y, z = linear
+        # The cofactor matrix is det·inverse transpose, and exists for a flattening matrix too.
+        cofactor = np.stack([np.cross(y, z), np.cross(z, x), np.cross(x, y)])
+        normals[part.vertices] = placed.normals @ cofactor.T * (-1 if mirrored else 1)

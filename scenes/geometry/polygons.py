@@ -1,0 +1,235 @@
+"""Polygons to triangles.
+
+A polygon that its first corner sees whole, every convex one among them, is cut into a fan about that corner. Others are
+seen along their Newell normal: four corners are cut by the other diagonal, more by clipping ears (mapbox_earcut; Held
+2001, "FIST: fast industrial-strength triangulation of polygons"). A hole that a pair of coinciding edges ties to the
+outline stays open.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any, NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from raytrace.errors import MeshError
+from raytrace.mesh.mesh import LARGEST
+
+MAX_EAR_WORK = 1 << 28  # squared numbers of corners, summed over polygons whose ears are clipped: at most 20 s or so
+_EAR_WORK_PER_CORNER = 128  # and so much more for each
+_BLOCK = 1 << 17  # corners that are looked at together
+_FLAT = 1e-7  # of a polygon's area: how far a triangle of a fan may be turned over
+_OVERLAP = 1e-5  # of a polygon's area: how much may be covered twice or not at all
+
+Integers = npt.NDArray[np.int64]
+Floats = npt.NDArray[np.float64]
+
+
+class Triangles(NamedTuple):
+    """How polygons are cut.
+
+    Attributes:
+        counts: (p,) triangles of each polygon.
+        crossing: how many polygons no triangles between their own corners fill, because they cross themselves.
+        places: (m, 3) places in the list of corners, in the polygons' order; None if all polygons are triangles.
+    """
+
+    counts: Integers
+    crossing: int
+    places: Integers | None
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What is to be told about the polygons."""
+        who = f"{self.crossing:,} polygons cross themselves" if self.crossing > 1 else "1 polygon crosses itself"
+        return (f"{who}: no triangles between the corners fill what does",) if self.crossing else ()
+
+    def take(self, values: npt.NDArray[Any]) -> npt.NDArray[Any]:
+        """Values of the corners (c,) as those of the triangles (m, 3)."""
+        return values.reshape(-1, 3) if self.places is None else values[self.places]
+
+
+class _Views(NamedTuple):
+    """Polygons as their first corners see them.
+
+    Attributes:
+        normals: (p, 3) unit Newell normals, 0 if there is none.
+        offsets: (k, 3) corners from the first corner of each, the largest coordinate ±1.
+        areas: (p,) twice the area that the outline goes round, in the same unit.
+        fills: (p,) whether the fan about the first corner fills the polygon: a fan covers each point as often as the
+            outline winds around it, so it does unless triangles are turned over.
+    """
+
+    normals: Floats
+    offsets: Floats
+    areas: Floats
+    fills: npt.NDArray[np.bool_]
+
+
+def triangulate(
+    vertices: npt.NDArray[Any],
+    corners: npt.NDArray[np.integer[Any]],
+    sizes: npt.NDArray[np.integer[Any]],
+    source: object = "polygons",
+) -> Triangles:
+    """Cut polygons into triangles between their own corners, wound as they are.
+
+    Where an index points at no vertex, or a coordinate is none, all become fans: `raytrace.Mesh` tells the fault.
+
+    Args:
+        vertices: (n, 3).
+        corners: (sum of sizes,) vertex indices, polygon after polygon.
+        sizes: (p,) corners of each polygon. One of fewer than three gives no triangle.
+        source: the file's name for messages.
+
+    Raises:
+        MeshError: concave polygons of so many corners that to cut them could take minutes.
+        ValueError: `corners` has another length than the sum of `sizes`.
+    """
+    return _triangulate(vertices, corners, sizes.astype(np.int64), source)
+
+
+def _triangulate(
+    vertices: npt.NDArray[Any], corners: npt.NDArray[np.integer[Any]], sizes: Integers, source: object
+) -> Triangles:
+    if sizes.sum() != len(corners):
+        raise ValueError(f"{len(corners)} corners for polygons of {sizes.sum()}")
+    counts = np.maximum(sizes - 2, 0)
+    if (sizes == 3).all():
+        return Triangles(counts, 0, None)
+    starts = np.cumsum(sizes) - sizes
+    diagonal: list[Integers] = []
+    clipped: dict[int, Integers] = {}
+    crossing, work = 0, 0.0
+    if _usable(vertices, corners):
+        for polygons in _blocks(_doubtful(vertices, corners, starts, sizes), sizes):
+            found = _Block(vertices, corners, starts, sizes, polygons)
+            diagonal.append(found.diagonal)
+            crossing += found.crossing
+            work += float((sizes[found.concave].astype(np.float64) ** 2).sum())
+            if work > MAX_EAR_WORK + _EAR_WORK_PER_CORNER * len(corners):
+                limit = f"concave polygons of at most {int(MAX_EAR_WORK**0.5):,} corners, of fewer if there are many"
+                raise MeshError(source, "faces", limit, f"one of {int(sizes[found.concave].max()):,}")
+            for polygon in found.concave.tolist():
+                clipped[polygon], fits = found.clip(polygon)
+                crossing += not fits
+    counts[list(clipped)] = [len(local) for local in clipped.values()]
+    begins = np.cumsum(counts) - counts
+    step = np.arange(counts.sum()) - np.repeat(begins, counts)
+    first = np.repeat(starts, counts)
+    places = np.stack([first, first + step + 1, first + step + 2], axis=1)
+    for polygon, local in clipped.items():
+        places[begins[polygon] : begins[polygon] + len(local)] = starts[polygon] + local
+    if diagonal:
+        other = np.concatenate(diagonal)
+        for row, turned in enumerate(([1, 2, 3], [1, 3, 0])):
+            places[begins[other] + row] = starts[other][:, None] + turned
+    return Triangles(counts, crossing, places)
+
+
+class _Block:
+    """Some polygons of four corners and more, and which of them a fan does not fill.
+
+    Attributes:
+        diagonal: numbers of those of four corners that their other diagonal cuts.
+        crossing: how many of four corners neither diagonal cuts.
+        concave: numbers of those of more corners.
+    """
+
+    def __init__(
+        self,
+        vertices: npt.NDArray[Any],
+        corners: npt.NDArray[np.integer[Any]],
+        starts: Integers,
+        sizes: Integers,
+        polygons: Integers,
+    ) -> None:
+        sizes, starts = sizes[polygons], starts[polygons]
+        begins = np.cumsum(sizes) - sizes
+        points = vertices[corners[np.repeat(starts - begins, sizes) + np.arange(sizes.sum())]].astype(np.float64)
+        self._view = _view(points, sizes)
+        self._polygons, self._begins, self._sizes = polygons, begins, sizes
+        concave = ~self._view.fills
+        four = np.flatnonzero(concave & (sizes == 4))
+        rolled = points[begins[four][:, None] + [1, 2, 3, 0]].reshape(-1, 3)
+        fills = _view(rolled, sizes[four]).fills if len(four) else np.empty(0, np.bool_)
+        self.diagonal = polygons[four[fills]]
+        self.crossing = int((~fills).sum())
+        self.concave: Integers = polygons[concave & (sizes > 4)]
+
+    def clip(self, polygon: int) -> tuple[Integers, bool]:
+        """Triangles (t, 3) of one of the concave polygons, numbered from its first corner, and whether they fill it."""
+        import mapbox_earcut
+
+        number = int(np.searchsorted(self._polygons, polygon))
+        begin = self._begins[number]
+        normal = self._view.normals[number]
+        along = np.cross(normal, np.eye(3)[np.argmin(np.abs(normal))])
+        along /= max(float(np.linalg.norm(along)), 1e-300)
+        plane = np.stack([along, np.cross(normal, along)], axis=1)
+        flat = np.ascontiguousarray(self._view.offsets[begin : begin + self._sizes[number]] @ plane)
+        ears = mapbox_earcut.triangulate_float64(flat, np.array([len(flat)], np.uint32))
+        local = ears.reshape(-1, 3).astype(np.int64)
+        if not len(local):
+            fan = np.arange(1, len(flat) - 1)
+            return np.stack([0 * fan, fan, fan + 1], axis=1), False
+        a, b, c = (flat[local[:, corner]] for corner in range(3))
+        covered = float(np.abs(np.linalg.det(np.stack([b - a, c - a], axis=1))).sum())
+        area = float(self._view.areas[number])
+        return local, abs(covered - area) <= _OVERLAP * covered
+
+
+def _view(points: Floats, sizes: Integers) -> _Views:
+    begins = np.cumsum(sizes) - sizes
+    of = np.repeat(np.arange(len(sizes)), sizes)
+    offsets = points - points[begins][of]
+    largest = np.maximum.reduceat(np.abs(offsets).max(axis=1), begins)
+    offsets /= np.where(largest > 0, largest, 1.0)[of][:, None]
+    after = np.roll(offsets, -1, axis=0)  # the next polygon's first, which is 0 too, after the last of each
+    cross = np.cross(offsets, after)
+    normals = np.add.reduceat(cross, begins)
+    size = np.linalg.norm(cross, axis=1)
+    areas = np.linalg.norm(normals, axis=1)
+    gross = np.add.reduceat(size, begins)
+    balanced = (areas <= 1e-12 * gross) & (gross > 0)
+    if balanced.any():  # seen along the normal of the largest triangle
+        peaks = np.flatnonzero(balanced[of] & (size == np.maximum.reduceat(size, begins)[of]))
+        polygons, first = np.unique(of[peaks], return_index=True)
+        normals[polygons] = cross[peaks[first]]
+    length = np.linalg.norm(normals, axis=1)
+    normals /= np.where(length > 0, length, 1.0)[:, None]
+    normal = normals[of]
+    signed = np.einsum("ij,ij->i", cross, normal)
+    fills = np.minimum.reduceat(signed, begins) >= -_FLAT * np.add.reduceat(np.abs(signed), begins)
+    return _Views(normals, offsets, areas, fills)
+
+
+def _usable(vertices: npt.NDArray[Any], corners: npt.NDArray[np.integer[Any]]) -> bool:
+    if not len(corners) or corners.min() < 0 or corners.max() >= len(vertices):
+        return False
+    return bool(np.abs(vertices).max() <= LARGEST)
+
+
+def _doubtful(
+    vertices: npt.NDArray[Any], corners: npt.NDArray[np.integer[Any]], starts: Integers, sizes: Integers
+) -> Integers:
+    """Numbers of the polygons of more than three corners, but for quadrilaterals whose two triangles face one way."""
+    doubtful = sizes > 3
+    four = np.flatnonzero(sizes == 4)
+    for block in np.split(four, range(_BLOCK, len(four), _BLOCK)):
+        places = corners[starts[block]], *(corners[starts[block] + n] for n in (1, 2, 3))
+        first, *others = (vertices[place].astype(np.float64).T for place in places)
+        (ax, ay, az), (bx, by, bz), (cx, cy, cz) = (other - first for other in others)
+        with np.errstate(over="ignore", invalid="ignore"):
+            facing = (ay * bz - az * by) * (by * cz - bz * cy) + (az * bx - ax * bz) * (bz * cx - bx * cz)
+            facing += (ax * by - ay * bx) * (bx * cy - by * cx)
+        doubtful[block] = ~(facing > 0)
+    return np.flatnonzero(doubtful)
+
+
+def _blocks(polygons: Integers, sizes: Integers) -> Iterator[Integers]:
+    """The polygons in runs of few corners, at least one polygon each."""
+    block = np.cumsum(sizes[polygons]) // _BLOCK
+    yield from np.split(polygons, np.flatnonzero(np.diff(block)) + 1) if len(polygons) else ()

@@ -1,0 +1,138 @@
+"""Finely meshed planes, boxes, spheres and cylinders: what the built-in scenes are made of.
+
+Each has exact normals, hard edges where its sides meet, and texture coordinates from 0 to 1 over every side.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from raytrace.mesh.mesh import Mesh
+from raytrace.mesh.normals import normalize
+
+Floats = npt.NDArray[np.float64]
+
+
+class Origin(NamedTuple):
+    """Which of the `total` vertices of its file each vertex of a mesh is: `of`, int64 (n,)."""
+
+    of: npt.NDArray[np.int64]
+    total: int
+
+
+@dataclass(frozen=True, eq=False)
+class Geometry:
+    """A mesh and its texture coordinates uv, float64 (n, 2), v upwards, or None.
+
+    Attributes:
+        origin: where the vertices come from, if they are not its file's one by one.
+    """
+
+    mesh: Mesh
+    uv: Floats | None = None
+    origin: Origin | None = None
+
+
+def merge(pieces: Sequence[Geometry], source: str) -> Geometry:
+    """All `pieces`, made by this module, as one; vertices and faces in order."""
+    meshes = [piece.mesh for piece in pieces]
+    starts = np.cumsum([0] + [len(mesh.vertices) for mesh in meshes[:-1]])
+    faces = np.concatenate([mesh.faces + start for mesh, start in zip(meshes, starts, strict=True)])
+    normals = np.concatenate([mesh.normals for mesh in meshes if mesh.normals is not None])
+    mesh = Mesh(np.concatenate([mesh.vertices for mesh in meshes]), faces, normals, source=source)
+    return Geometry(mesh, np.concatenate([piece.uv for piece in pieces if piece.uv is not None]))
+
+
+def plane(corner: npt.ArrayLike, along: npt.ArrayLike, across: npt.ArrayLike, fineness: float) -> Geometry:
+    """A parallelogram with normal along × across, cut into triangles with legs of at most `fineness`."""
+    start, s_side, t_side = (np.asarray(vector, np.float64) for vector in (corner, along, across))
+    normal = normalize(np.cross(s_side, t_side))
+
+    def surface(s: Floats, t: Floats) -> tuple[Floats, Floats]:
+        return start + s * s_side + t * t_side, np.broadcast_to(normal, (*np.broadcast(s, t).shape[:-1], 3))
+
+    cells = [max(int(np.ceil(np.linalg.norm(side) / fineness)), 1) for side in (s_side, t_side)]
+    return _patch(surface, cells[0], cells[1], "plane")
+
+
+def box(centre: npt.ArrayLike, size: npt.ArrayLike, fineness: float) -> Geometry:
+    """An axis-aligned box, outward normals."""
+    sides, extent = [], np.asarray(size, np.float64)
+    for axis in range(3):
+        u, v = (axis + 1) % 3, (axis + 2) % 3
+        for sign in (1.0, -1.0):
+            low = np.asarray(centre, np.float64) - extent / 2
+            along, across = np.zeros(3), np.zeros(3)
+            along[u], across[v] = extent[u], extent[v]
+            if sign > 0:
+                low[axis] += extent[axis]
+            else:
+                along, across = across, along
+            sides.append(plane(low, along, across, fineness))
+    return merge(sides, source="box")
+
+
+def sphere(radius: float, fineness: float) -> Geometry:
+    """A sphere about the origin, poles on z; u runs around from +x, v from pole to pole upwards."""
+
+    def surface(s: Floats, t: Floats) -> tuple[Floats, Floats]:
+        across = np.sin(np.pi * np.minimum(t, 1 - t))
+        normal = np.concatenate(np.broadcast_arrays(*_ring(s, across), -np.cos(np.pi * t)), axis=-1)
+        return radius * normal, normal
+
+    rows = max(int(np.ceil(np.pi * radius / fineness)), 4)
+    return _patch(surface, 2 * rows, rows, "sphere")
+
+
+def tube(base: npt.ArrayLike, radius: float, height: float, fineness: float) -> Geometry:
+    """The side of a cylinder that stands on `base` along z, outward normals, no caps."""
+
+    def surface(s: Floats, t: Floats) -> tuple[Floats, Floats]:
+        x, y, z = np.broadcast_arrays(*_ring(s, np.ones_like(t)), height * t)
+        sideways = np.concatenate([x, y, np.zeros_like(z)], axis=-1)
+        return np.asarray(base, np.float64) + radius * sideways + z * [0.0, 0.0, 1.0], sideways
+
+    return _patch(surface, _around(radius, fineness), max(int(np.ceil(height / fineness)), 1), "tube")
+
+
+def cylinder(radius: float, height: float, fineness: float) -> Geometry:
+    """A closed cylinder about the origin, axis z."""
+
+    def cap(side: float) -> Callable[[Floats, Floats], tuple[Floats, Floats]]:
+        def surface(s: Floats, t: Floats) -> tuple[Floats, Floats]:
+            x, y = np.broadcast_arrays(*_ring(side * s, radius * (1 - t)))
+            z = np.full_like(x, side * height / 2)
+            return np.concatenate([x, y, z], axis=-1), np.broadcast_to([0.0, 0.0, side], (*x.shape[:-1], 3))
+
+        return surface
+
+    around, rings = _around(radius, fineness), max(int(np.ceil(radius / fineness)), 1)
+    caps = [_patch(cap(side), around, rings, "cap") for side in (1.0, -1.0)]
+    return merge([tube((0, 0, -height / 2), radius, height, fineness), *caps], source="cylinder")
+
+
+def _around(radius: float, fineness: float) -> int:
+    return max(int(np.ceil(2 * np.pi * radius / fineness)), 8)
+
+
+def _ring(turn: Floats, radius: Floats) -> tuple[Floats, Floats]:
+    """x and y of a circle; whole turns meet exactly."""
+    angle = 2 * np.pi * np.mod(turn, 1.0)
+    return radius * np.cos(angle), radius * np.sin(angle)
+
+
+def _patch(surface: Callable[[Floats, Floats], tuple[Floats, Floats]], rows: int, columns: int, name: str) -> Geometry:
+    """A surface given by points and unit normals (…, 3) of s and t (…, 1) in [0, 1], facing ∂s × ∂t."""
+    s, t = np.meshgrid(np.linspace(0, 1, rows + 1), np.linspace(0, 1, columns + 1), indexing="ij")
+    points, normals = (values.reshape(-1, 3) for values in surface(s[..., None], t[..., None]))
+    index = np.arange((rows + 1) * (columns + 1)).reshape(rows + 1, columns + 1)
+    a, b, c, d = index[:-1, :-1], index[1:, :-1], index[1:, 1:], index[:-1, 1:]
+    faces = np.stack([np.stack([a, b, c], -1), np.stack([a, c, d], -1)], axis=2).reshape(-1, 3)
+    corners = points[faces]
+    distinct = (corners != np.roll(corners, 1, axis=1)).any(axis=2).all(axis=1)
+    return Geometry(Mesh(points, faces[distinct], normals, source=name), np.stack([s.ravel(), t.ravel()], axis=-1))

@@ -1,0 +1,79 @@
+"""The drawn triangles of a glTF file, where its nodes place them.
+
+Format: Khronos glTF 2.0 specification, section 3.7.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from ..geometry.instances import Instance, check_copies
+from .accessors import entry, normalized, values
+from .container import TRIANGLE_STRIP, Gltf, Primitive, primitives
+from .nodes import node_matrices
+
+
+def read_instances(asset: Gltf) -> list[Instance]:
+    """The drawn triangle primitives, in the order of `primitives`; those of one mesh share their arrays.
+
+    Raises:
+        MeshError: sparse or compressed values, which are not supported, or very many copies.
+        ValueError: nodes that are no tree, or indices of what is not there.
+    """
+    drawn = list(primitives(asset.header))
+    world = node_matrices(asset.header)
+    arrays: dict[tuple[int, int], _Arrays] = {}
+    rows = 0
+    made = []
+    for piece in drawn:
+        key = (piece.mesh, piece.place)
+        if key not in arrays:
+            arrays[key] = _arrays(asset, entry(asset, "meshes", piece.mesh)["primitives"][piece.place])
+        vertices, faces, normals, w = arrays[key]
+        rows += len(vertices) + len(faces)
+        check_copies(rows, sum(map(len, asset.buffers)), asset.path)
+        made.append(Instance(_name(piece, asset.header), vertices, faces, normals, world[piece.node], w=w))
+    return made
+
+
+_Arrays = tuple[npt.NDArray[Any], npt.NDArray[Any], npt.NDArray[Any] | None, npt.NDArray[Any] | None]
+
+
+def _arrays(asset: Gltf, primitive: dict[str, Any]) -> _Arrays:
+    """Vertices, faces, normals and w."""
+    attributes = primitive["attributes"]
+    if "POSITION" not in attributes:
+        raise ValueError("a primitive without POSITION")
+    vertices = values(asset, attributes["POSITION"], "VEC3")
+    if entry(asset, "accessors", attributes["POSITION"]).get("normalized"):
+        vertices = normalized(vertices)
+    normals = normalized(values(asset, attributes["NORMAL"], "VEC3")) if "NORMAL" in attributes else None
+    if "indices" in primitive:
+        corners = values(asset, primitive["indices"], "SCALAR").ravel()
+    else:
+        corners = np.arange(len(vertices))
+    if primitive.get("mode") != TRIANGLE_STRIP:
+        return vertices, corners.reshape(-1, 3), normals, _stored_w(asset, attributes, len(vertices))
+    faces = np.stack([corners[:-2], corners[1:-1], corners[2:]], axis=1) if len(corners) > 2 else corners[:0, None]
+    faces[1::2] = faces[1::2, ::-1]
+    return vertices, faces.reshape(-1, 3), normals, _stored_w(asset, attributes, len(vertices))
+
+
+def _stored_w(asset: Gltf, attributes: dict[str, int], count: int) -> npt.NDArray[Any] | None:
+    """What a bake has left, unless an attribute of that name is something else."""
+    if "_OBSCURANCE" not in attributes:
+        return None
+    try:
+        w = values(asset, attributes["_OBSCURANCE"], "SCALAR").ravel()
+    except ValueError:
+        return None
+    return w if len(w) == count and w.dtype.kind == "f" else None
+
+
+def _name(piece: Primitive, header: dict[str, Any]) -> str:
+    mesh = header["meshes"][piece.mesh]
+    name: str = header["nodes"][piece.node].get("name") or mesh.get("name") or f"node {piece.node}"
+    return f"{name}[{piece.place}]" if len(mesh["primitives"]) > 1 else name

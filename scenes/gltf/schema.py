@@ -1,0 +1,231 @@
+"""The part of a glTF header that is read, as types: whatever is not like them is refused by name.
+
+Indices are whole numbers from 0; whether they point at something is found where they are used.
+Format: Khronos glTF 2.0 specification, section 5.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, Literal, TypeVar
+
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError
+
+from raytrace.errors import MeshError
+from raytrace.system.parameters import expectation
+
+from ..field_errors import joined, shown
+
+Whole = Annotated[int, Field(strict=True, ge=0, lt=2**53)]
+Number = Annotated[float, Field(strict=True, allow_inf_nan=False, ge=-1e100, le=1e100)]
+Vector = tuple[Number, Number, Number]
+Quadruple = tuple[Number, Number, Number, Number]
+T = TypeVar("T")
+Many = Annotated[list[T], Field(fail_fast=True)]  # the first fault is enough
+Text = Annotated[str, Field(strict=True)]
+WrapMode = Literal[10497, 33648, 33071]
+
+
+class _Table(BaseModel):
+    """Base: keys that are not read may be anything."""
+
+    model_config = ConfigDict(extra="ignore")
+
+
+def _version_two(value: str) -> str:
+    if not value.startswith("2."):
+        raise ValueError("glTF 2.0")
+    return value
+
+
+class _Asset(_Table):
+    version: Annotated[Text, AfterValidator(_version_two)]
+
+
+class _Scene(_Table):
+    nodes: Many[Whole] = []
+
+
+class _Node(_Table):
+    name: Text = ""
+    children: Many[Whole] = []
+    mesh: Whole = 0
+    matrix: Annotated[list[Number], Field(min_length=16, max_length=16)] = []
+    translation: Vector = (0, 0, 0)
+    rotation: Quadruple = (0, 0, 0, 1)
+    scale: Vector = (1, 1, 1)
+
+
+class _Primitive(_Table):
+    attributes: dict[str, Whole]
+    indices: Whole = 0
+    material: Whole = 0
+    mode: Whole = 4
+
+
+class _Mesh(_Table):
+    name: Text = ""
+    primitives: Many[_Primitive]
+
+
+class _Accessor(_Table):
+    bufferView: Whole = 0
+    byteOffset: Whole = 0
+    componentType: Whole
+    count: Whole
+    type: Text
+    normalized: bool = False
+
+
+class _View(_Table):
+    buffer: Whole
+    byteOffset: Whole = 0
+    byteLength: Whole
+    byteStride: Whole = 0
+    extensions: dict[str, Any] = {}
+
+
+class _Buffer(_Table):
+    uri: Text = ""
+    byteLength: Whole
+
+
+class _Image(_Table):
+    uri: Text = ""
+    bufferView: Whole = 0
+
+
+class _Geometry(_Table):
+    asset: _Asset
+    scene: Whole = 0
+    scenes: Many[_Scene] = []
+    nodes: Many[_Node] = []
+    meshes: Many[_Mesh] = []
+    accessors: Many[_Accessor] = []
+    bufferViews: Many[_View] = []
+    buffers: Many[_Buffer] = []
+    images: Many[_Image] = []
+
+
+class _PlacedLight(_Table):
+    light: Whole | None = None
+
+
+class _NodeExtensions(_Table):
+    KHR_lights_punctual: _PlacedLight = _PlacedLight()
+
+
+class _Holder(_Table):
+    camera: Whole = 0
+    extensions: _NodeExtensions = _NodeExtensions()
+
+
+class _Texture(_Table):
+    source: Whole | None = None
+    sampler: Whole = 0
+
+
+class _Sampler(_Table):
+    wrapS: WrapMode = 10497
+    wrapT: WrapMode = 10497
+
+
+class _TextureReference(_Table):
+    index: Whole
+    texCoord: Whole = 0
+
+
+class _Surface(_Table):
+    baseColorFactor: Quadruple = (1, 1, 1, 1)
+    baseColorTexture: _TextureReference | None = None
+    metallicFactor: Number = 1
+    roughnessFactor: Number = 1
+
+
+class _Strength(_Table):
+    emissiveStrength: Number = 1
+
+
+class _MaterialExtensions(_Table):
+    KHR_materials_emissive_strength: _Strength = _Strength()
+
+
+class _Material(_Table):
+    pbrMetallicRoughness: _Surface = _Surface()
+    emissiveFactor: Vector = (0, 0, 0)
+    extensions: _MaterialExtensions = _MaterialExtensions()
+
+
+class _Perspective(_Table):
+    yfov: Number
+
+
+class _Orthographic(_Table):
+    ymag: Number
+
+
+class _PerspectiveCamera(_Table):
+    type: Literal["perspective"]
+    perspective: _Perspective
+
+
+class _OrthographicCamera(_Table):
+    type: Literal["orthographic"]
+    orthographic: _Orthographic
+
+
+class _Spot(_Table):
+    innerConeAngle: Number = 0
+    outerConeAngle: Number = 1
+
+
+class _Light(_Table):
+    type: Text
+    color: Vector = (1, 1, 1)
+    intensity: Number = 1
+    range: Number | None = None
+    spot: _Spot = _Spot()
+
+
+class _Lights(_Table):
+    lights: Many[_Light]
+
+
+class _Extensions(_Table):
+    KHR_lights_punctual: _Lights | None = None
+
+
+class _Appearance(_Table):
+    nodes: Many[_Holder] = []
+    textures: Many[_Texture] = []
+    samplers: Many[_Sampler] = []
+    materials: Many[_Material] = []
+    cameras: Many[Annotated[_PerspectiveCamera | _OrthographicCamera, Field(discriminator="type")]] = []
+    extensions: _Extensions = _Extensions()
+
+
+_WORDS = {"model_type": "an object", "dict_type": "an object"}
+
+
+def check_geometry(header: Any, source: object) -> None:
+    """What a mesh needs. Raises: MeshError: the first value that is not of its type, by its path."""
+    _check(_Geometry, header, source)
+
+
+def check_appearance(header: Any, source: object) -> None:
+    """What a picture needs besides. Raises: MeshError: the first value that is not of its type, by its path."""
+    _check(_Appearance, header, source)
+
+
+def _check(kind: type[_Table], header: Any, source: object) -> None:
+    try:
+        kind.model_validate(header)
+    except ValidationError as error:
+        fault = error.errors(include_url=False)[0]
+        path = ""
+        for part in fault["loc"]:
+            path = joined(path, f"[{part}]" if isinstance(part, int) else part)
+        missing = fault["type"] == "missing"
+        expected = "a value" if missing else _WORDS.get(fault["type"]) or expectation(fault)
+        if fault["type"] == "union_tag_invalid":
+            expected = "one of " + fault["ctx"]["expected_tags"]
+        raise MeshError(source, path or "content", expected, "nothing" if missing else shown(fault["input"])) from None

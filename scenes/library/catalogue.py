@@ -1,0 +1,40 @@
+"""The built-in scenes: each a TOML file that stands alone and is meant to be edited."""
+
+from __future__ import annotations
+
+import os
+from importlib import resources
+
+from raytrace.errors import OptionError, nearest_name
+from raytrace.system.atomic import atomic_write
+from raytrace.system.outputs import check_ending, check_outputs
+
+BUILTIN = {  # name to what one sees; the files are in library/
+    "plane_wall": "an open plane with a wall and its shadow",
+    "cornell": "a closed room with coloured walls, lamp and camera inside",
+    "temple": "a colonnade in the evening sun",
+    "sponge": "a Menger sponge, nearly all ambient light",
+    "materials": "a grid of spheres, one of every material",
+    "still_life": "fruit, a cup and books under a spot light",
+}
+
+
+def builtin_toml(name: str) -> str:
+    """A built-in scene as TOML, which `scenes.read.read_scene` reads. Raises: OptionError: no such scene."""
+    if name not in BUILTIN:
+        raise OptionError("name", "one of " + ", ".join(BUILTIN), name, nearest=nearest_name(name, BUILTIN))
+    return (resources.files("scenes") / "library" / f"{name}.toml").read_text(encoding="utf-8")
+
+
+def write_builtin(name: str, path: str | os.PathLike[str]) -> None:
+    """Write a built-in scene's TOML to `path`, whole or not at all.
+
+    Raises:
+        OptionError: no such scene, a name that does not end in .toml, or an existing file that is no scene.
+        OutputError: the file cannot be written.
+    """
+    content = builtin_toml(name)
+    check_ending("--output", path, ".toml")
+    check_outputs({"--output": path})
+    with atomic_write(path) as file:
+        file.write(content.encode())

@@ -1,0 +1,220 @@
+"""Mesh files: OBJ, PLY, STL, OFF, glTF and 3MF by our own readers, others by trimesh; vertices exactly as stored."""
+
+from __future__ import annotations
+
+import logging
+import os
+import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import BinaryIO
+
+import numpy as np
+import numpy.typing as npt
+
+from raytrace.errors import InputError, MeshError, printable
+from raytrace.mesh.mesh import Mesh
+from raytrace.system.memory import check_memory
+
+from ..geometry.detail import Detail
+from ..geometry.instances import Instance, Part, check_copies, flatten, instance, world_matrices
+from ..gltf.container import Gltf, decode
+from ..gltf.detail import gltf_detail
+from ..gltf.instances import read_instances
+from .obj import read_obj
+from .off import read_off
+from .ply import read_ply
+from .stl import read_stl
+from .threemf import check_archive, read_3mf
+
+# Bytes of memory a byte of file at the peak of reading: of archives and glTF less, what they hold is counted later.
+_PEAK = {"obj": 7.0, "ply": 7.5, "stl": 6.0, "glb": 2.0, "gltf": 2.0, "3mf": 1.0}
+_PEAK_OF_TRIMESH = 22.0
+_KEPT = 2.5  # besides, where details are kept
+
+
+@dataclass(frozen=True)
+class MeshFile:
+    """A mesh file's content.
+
+    Attributes:
+        path: where it was read.
+        mesh: all objects, node hierarchies applied and repeated nodes repeated, in world space. The vertices of
+            each object are those of the file, in its order: none merged, split, dropped or added.
+        parts: the objects, consecutive in `mesh`.
+        gltf: the asset as stored, when the file is glTF or GLB.
+        detail: what else the file holds that the target can hold too, if one was named.
+        notes: what is to be told about the objects.
+        unread: what the file holds and the mesh lacks, in words, if a target was named.
+        w: (n,) obscurance that a bake has left in the file, unchecked, or None.
+    """
+
+    path: Path
+    mesh: Mesh
+    parts: tuple[Part, ...]
+    gltf: Gltf | None = None
+    detail: Detail | None = None
+    notes: tuple[str, ...] = ()
+    unread: tuple[str, ...] = ()
+    w: npt.NDArray[np.float64] | None = None
+
+    @property
+    def files(self) -> tuple[Path, ...]:
+        """Every file that was read, or will be when the mesh is written."""
+        own = self.gltf.files if self.gltf else (self.path,)
+        return own + (self.detail.files if self.detail else ())
+
+    @classmethod
+    def of(cls, mesh: Mesh) -> MeshFile:
+        """A mesh made in memory, as if read from a file of its one object."""
+        whole = Part(mesh.source, slice(0, len(mesh.vertices)), slice(0, len(mesh.faces)))
+        return cls(Path(mesh.source), mesh, (whole,))
+
+
+def load(path: str | os.PathLike[str], target: str | os.PathLike[str] | None = None) -> MeshFile:
+    """Read a mesh file, its format told by the ending.
+
+    Polygons are cut into triangles. Point clouds, lines and cameras beside meshes are left out. A file's own
+    normals fill `mesh.normals` (PLY `nx ny nz`, OBJ `vn` with one normal a vertex, glTF `NORMAL`). Materials,
+    textures and the like are read for a target only. Files that a file refers to are read only from its own folder or
+    below.
+
+    Args:
+        target: the file that `scenes.write.write` is to make of it: what that can hold besides is read too.
+
+    Raises:
+        MeshError: the file is missing, unreadable, empty, incomplete, of another format than its ending says,
+            without triangles, or has indices out of range or coordinates that are not finite.
+        MemoryLimitError: it would not fit into memory.
+    """
+    path = Path(path)
+    kind = "" if target is None else Path(target).suffix.lower()
+    instances, asset = read_objects(path, kind in (".ply", ".glb"))
+    with mesh_errors(path):
+        mesh, parts = flatten(instances, str(path))
+        detail = instances[0].detail if len(instances) == 1 else None
+        unread = tuple(dict.fromkeys(words for instance in instances for words in instance.unread))
+        if asset and kind == ".ply":
+            detail, unread = gltf_detail(asset, instances, mesh.faces)
+    notes = tuple(printable(f"{path}: {note}") for instance in instances for note in instance.notes)
+    stored = [np.asarray(instance.w, np.float64) for instance in instances if instance.w is not None]
+    w = np.concatenate(stored) if len(stored) == len(instances) else None
+    return MeshFile(path, mesh, parts, asset, detail, notes, unread, w)
+
+
+def read_objects(path: Path, keep: bool = False) -> tuple[list[Instance], Gltf | None]:
+    """The placed objects of a mesh file as it stores them, at least one, and the asset when it is glTF or GLB.
+
+    Of a glTF they are its drawn primitives, in the order of `gltf.primitives`.
+
+    Args: keep: also the `Instance.detail` of OBJ and PLY.
+
+    Raises:
+        MeshError: as `load`, but for indices and coordinates, which `raytrace.Mesh` checks.
+    """
+    source = str(path)
+    kind = path.suffix.lower().removeprefix(".")
+    with mesh_errors(path):
+        if path.is_dir():
+            raise MeshError(path, "file", "a mesh file", "a folder")
+        if not path.exists():
+            raise MeshError(path, "file", "an existing file", "none")
+        if not path.is_file():
+            raise MeshError(path, "file", "a mesh file", "something that is not a regular file")
+        if kind != "obj" and kind not in _trimesh_formats():
+            raise MeshError(path, "ending", "one of obj " + " ".join(_trimesh_formats()), path.suffix or "none")
+        if path.stat().st_size == 0:
+            raise MeshError(path, "content", f"a {kind.upper()} mesh", "an empty file")
+        size = path.stat().st_size
+        needed = _PEAK.get(kind, _PEAK_OF_TRIMESH) + (_KEPT if keep else 0)
+        check_memory(source, int(needed * size), f"to read {size:,} bytes")
+        asset = None
+        with path.open("rb") as file:
+            if kind in ("glb", "gltf"):
+                asset = decode(file.read(), path)
+                instances = read_instances(asset)
+            elif kind == "obj":
+                instances = read_obj(file.read(), path.stem, source, path.parent if keep else None)
+            elif kind == "ply":
+                instances = read_ply(file.read(), path.stem, source, keep)
+            elif kind == "stl":
+                instances = read_stl(file.read(), path.stem, source)
+            elif kind == "off":
+                instances = read_off(file.read(), path.stem, source)
+            elif kind == "3mf":
+                instances = read_3mf(file, source)
+            else:
+                instances = _read(file, kind, path.stem, source)
+        # Every primitive of a glTF keeps its part: the GLB writer counts on it.
+        solid = [instance for instance in instances if asset or len(instance.faces)]
+        if not solid:
+            points = sum(len(instance.vertices) for instance in instances)
+            raise MeshError(path, "faces", "at least one triangle", f"none, and {points} points")
+    return solid, asset
+
+
+def _trimesh_formats() -> list[str]:
+    """Endings of the mesh formats trimesh can read here; some need a further package."""
+    from trimesh.exchange.load import mesh_formats
+
+    return sorted(mesh_formats() - {"obj", "xyz", "stl_ascii"})
+
+
+def _read(file: BinaryIO, kind: str, name: str, source: str) -> list[Instance]:
+    """Geometry by trimesh's loader for `kind`, not by trimesh.load, which would merge vertices in some formats."""
+    from trimesh.exchange.load import mesh_loaders
+
+    if kind == "3dxml":
+        check_archive(file, source)
+    loaded = mesh_loaders[kind](file_obj=file, file_type=kind, resolver=None)
+    if "geometry" not in loaded:
+        return [instance(name, loaded)]
+    geometry = loaded["geometry"]
+    if "graph" not in loaded:
+        return [instance(label, arrays) for label, arrays in geometry.items()]
+    edges = [
+        edge if isinstance(edge, dict) else {"frame_from": edge[0], "frame_to": edge[1], **edge[2]}
+        for edge in loaded["graph"]
+    ]
+    world = world_matrices(edges, loaded.get("base_frame", "world"))
+    placed = [
+        instance(str(edge["frame_to"]), geometry[edge["geometry"]], world[edge["frame_to"]])
+        for edge in edges
+        if edge.get("geometry") in geometry
+    ]
+    check_copies(sum(len(each.vertices) + len(each.faces) for each in placed), file.seek(0, os.SEEK_END), source)
+    return placed
+
+
+@contextmanager
+def mesh_errors(path: Path) -> Iterator[None]:
+    """Everything a parser may raise on the hostile data of a mesh file, as one clear line."""
+    try:
+        with _quiet():
+            yield
+    except InputError:
+        raise
+    except OSError as reason:
+        raise MeshError(path, "file", "a readable file", reason.strerror or reason) from None
+    except MemoryError:
+        raise MeshError(path, "content", "sizes that fit into memory", "larger ones") from None
+    except Exception as reason:
+        detail = " ".join(f"{type(reason).__name__}: {reason}".split())[:160]
+        kind = path.suffix.upper().removeprefix(".")
+        raise MeshError(path, "content", f"a complete and valid {kind} file", detail) from None
+
+
+@contextmanager
+def _quiet() -> Iterator[None]:
+    """Neither trimesh's log nor NumPy's warnings about a file's numbers reach the user."""
+    logger = logging.getLogger("trimesh")
+    level = logger.level
+    logger.setLevel(logging.CRITICAL + 1)
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            yield
+    finally:
+        logger.setLevel(level)

@@ -1,0 +1,166 @@
+"""3MF: meshes in XML in a ZIP archive, placed by components and build items.
+
+An own reader because damaged archives must neither crash nor grow: nothing is kept of the XML but the numbers, at most
+100 times an archive's bytes + 16 MiB are unpacked, and copies are counted before they are made (docs/reliability.md).
+Format: 3D Manufacturing Format, core specification 1.3, chapters 3 and 4; production extension 1.1 for `path`.
+"""
+
+from __future__ import annotations
+
+import os
+import zipfile
+from array import array
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import BinaryIO
+
+import numpy as np
+import numpy.typing as npt
+
+from raytrace.errors import MeshError
+from raytrace.system.memory import check_memory
+
+from ..geometry.instances import Instance, check_copies
+
+ROOT = "3d/3dmodel.model"
+GROWTH, SPARE = 100, 1 << 24  # an archive may unpack to 100 times its size, and always to 16 MiB
+MAX_PLACED = 1_000_000
+_BLOCK = 1 << 16
+_READ = 2  # bytes of memory a byte of XML
+
+Floats = npt.NDArray[np.float64]
+Key = tuple[str, str]  # model file and object id
+
+
+@dataclass
+class _Object:
+    name: str
+    vertices: array[float] = field(default_factory=lambda: array("d"))
+    faces: array[int] = field(default_factory=lambda: array("q"))
+    components: list[tuple[Key, Floats]] = field(default_factory=list)
+
+
+class _Reader:
+    """What the XML parser calls: collects the objects and build items of one model file."""
+
+    def __init__(self, model: str, objects: dict[Key, _Object]) -> None:
+        self.model, self.objects = model, objects
+        self.items: list[tuple[Key, Floats]] = []
+        self.current = _Object("")
+        self.is_painted = False
+
+    def start(self, tag: str, attributes: Mapping[str, str]) -> None:
+        match tag.rpartition("}")[2]:
+            case "object":
+                number = attributes["id"]
+                self.current = _Object(attributes.get("name", number))
+                self.objects[self.model, number] = self.current
+            case "vertex":
+                self.current.vertices.extend(float(attributes[axis]) for axis in "xyz")
+            case "triangle":
+                self.current.faces.extend(int(attributes[corner]) for corner in ("v1", "v2", "v3"))
+            case "component":
+                self.current.components.append(self._placed(attributes))
+            case "basematerials" | "colorgroup" | "texture2dgroup":
+                self.is_painted = True
+            case "item":
+                self.items.append(self._placed(attributes))
+
+    def _placed(self, attributes: Mapping[str, str]) -> tuple[Key, Floats]:
+        path = next((value for name, value in attributes.items() if name.rpartition("}")[2] == "path"), "")
+        matrix = np.eye(4)
+        if "transform" in attributes:
+            matrix[:3] = np.array(attributes["transform"].split(), np.float64).reshape(4, 3).T
+        return (_member(path) or self.model, attributes["objectid"]), matrix
+
+    def close(self) -> list[tuple[Key, Floats]]:
+        return self.items
+
+
+def read_3mf(file: BinaryIO, source: str) -> list[Instance]:
+    """The meshes where the build items place them; those of one object share their arrays.
+
+    Args:
+        file: the archive.
+        source: the file's name for messages.
+
+    Raises:
+        MeshError: an archive that unpacks to very much, or very many copies.
+        Exception: zipfile's, lxml's and others on malformed content.
+    """
+    unpacked = check_archive(file, source)
+    with zipfile.ZipFile(file) as archive:
+        models = {_member(entry.filename): entry for entry in archive.infolist() if entry.filename.endswith(".model")}
+        objects: dict[Key, _Object] = {}
+        readers = {name: _Reader(name, objects) for name in models}
+        items = {name: _parse(archive, entry, readers[name]) for name, entry in models.items()}
+    unread = ("materials and colours",) if any(reader.is_painted for reader in readers.values()) else ()
+    build = items[next(name for name in models if name.endswith(ROOT))]
+    _check_build(build, objects, unpacked, source)
+    arrays = {
+        key: (np.array(o.vertices).reshape(-1, 3), np.array(o.faces).reshape(-1, 3)) for key, o in objects.items()
+    }
+    placed = []
+    stack = build[::-1]
+    while stack:
+        key, matrix = stack.pop()
+        item = objects[key]
+        if item.faces:
+            placed.append(Instance(item.name, *arrays[key], None, matrix, unread=unread))
+        stack.extend((child, matrix @ local) for child, local in item.components[::-1])
+    return placed
+
+
+def check_archive(file: BinaryIO, source: str) -> int:
+    """The bytes that a ZIP archive unpacks to. Raises: MeshError: beyond measure. MemoryLimitError."""
+    limit = GROWTH * file.seek(0, os.SEEK_END) + SPARE
+    with zipfile.ZipFile(file) as archive:
+        unpacked = sum(entry.file_size for entry in archive.infolist())
+    file.seek(0)
+    if unpacked > limit:
+        raise MeshError(source, "content", f"an archive that unpacks to at most {limit:,} bytes", f"{unpacked:,}")
+    check_memory(source, _READ * unpacked, f"to read {unpacked:,} bytes of XML")
+    return unpacked
+
+
+def _member(path: str) -> str:
+    return path.strip("/").lower()
+
+
+def _parse(archive: zipfile.ZipFile, entry: zipfile.ZipInfo, reader: _Reader) -> list[tuple[Key, Floats]]:
+    from lxml import etree
+
+    parser = etree.XMLParser(target=reader, resolve_entities=False, no_network=True, load_dtd=False, huge_tree=False)
+    with archive.open(entry) as content:
+        while block := content.read(_BLOCK):
+            parser.feed(block)
+    made: list[tuple[Key, Floats]] = parser.close()
+    return made
+
+
+def _check_build(build: list[tuple[Key, Floats]], objects: dict[Key, _Object], stored: int, source: str) -> None:
+    """Count what is placed before it is made: a few objects of components can mean any number of copies."""
+    rows: dict[Key, int] = {}
+    count: dict[Key, int] = {}
+
+    def visit(key: Key) -> None:
+        if key in rows:
+            if rows[key] < 0:
+                raise MeshError(source, f"object {key[1]}", "components other than itself", "a cycle")
+            return
+        if key not in objects:
+            raise MeshError(source, f"object {key[1]}", "an object of the file", "none")
+        rows[key], item = -1, objects[key]
+        for child, _ in item.components:
+            visit(child)
+        own = len(item.vertices) // 3 + len(item.faces) // 3
+        rows[key], count[key] = (
+            start + sum(table[child] for child, _ in item.components) for start, table in ((own, rows), (1, count))
+        )
+
+    for key, _ in build:
+        visit(key)
+    check_copies(sum(rows[key] for key, _ in build), stored, source)
+    placed = sum(count[key] for key, _ in build)
+    if placed > MAX_PLACED:
+        raise MeshError(source, "build", f"at most {MAX_PLACED:,} objects with all copies", f"{placed:,}")

@@ -1,0 +1,136 @@
+"""What a validation configuration is: a mesh, the vertices to look at, and the exact w there.
+
+Infinite and round geometry has finite stand-ins, and each says by how much its own w may differ from the closed form:
+
+* Truncation: directions of cosine weight `missing` meet the infinite geometry but not the stand-in, all at distances
+  ≥ `beyond`; so w differs by at most missing · (1 − μ(beyond)).
+* Tessellation: the stand-in lies between the true shape and a smaller (or larger) one whose w, `bracket`, is known as
+  well; so w differs by at most the difference of the two.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from math import inf
+
+import numpy as np
+import numpy.typing as npt
+
+from ao.falloff import Falloff
+from ao.gather.receivers import Normals
+from raytrace.mesh.mesh import Mesh
+
+from ..geometry.polyhedra import Part, generic_rotation
+
+Floats = npt.NDArray[np.float64]
+ClosedForm = Callable[[float | None, float], npt.ArrayLike]
+
+BINARY_TARGET = 0.004
+EXPONENTIAL_TARGET = 0.001
+ZERO_VARIANCE_TARGET = 1e-6
+SAMPLES = 4096  # that the targets are meant for
+MOST_SAMPLES = 16384  # beyond which they fall no more
+BINARY_RATE, EXPONENTIAL_RATE = 0.75, 0.85  # the powers of the number of rays by which they fall
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Setting:
+    """A scene of known w, for any falloff in `falloffs`.
+
+    Attributes:
+        name: what the closed form is of.
+        mesh: the stand-in.
+        points: int64 (k,), the vertices whose w is known.
+        exact: (τ or None, max_distance) → w, (k,) or one number for all.
+        falloffs: those it is to be baked with.
+        normals: as `ao.bake` takes it.
+        missing, beyond: see the module; 0 and ∞ for geometry that is finite already.
+        bracket: (τ or None, max_distance) → w of the other bound of the tessellation, or None for flat geometry.
+        certain: μ is the same in all directions, so that the estimate has no variance.
+    """
+
+    name: str
+    mesh: Mesh
+    points: npt.NDArray[np.int64]
+    exact: ClosedForm
+    falloffs: tuple[Falloff, ...]
+    normals: Normals = "angle"
+    missing: float = 0.0
+    beyond: float = inf
+    bracket: ClosedForm | None = None
+    certain: bool = False
+
+    def configurations(self) -> list[Configuration]:
+        """This setting under each of its falloffs."""
+        return [self._with(falloff) for falloff in self.falloffs]
+
+    def _with(self, falloff: Falloff) -> Configuration:
+        mu = falloff.resolve(self.mesh.radius)
+        exact = np.broadcast_to(np.asarray(self.exact(mu.tau, mu.max_distance), np.float64), self.points.shape)
+        other = exact if self.bracket is None else np.asarray(self.bracket(mu.tau, mu.max_distance), np.float64)
+        closed = mu.tau is None and self.missing == 0.0 and bool((exact == 0.0).all())
+        rate = 0.0
+        if bool((exact == 1.0).all()):
+            target = 0.0
+        elif self.certain or closed:
+            target = ZERO_VARIANCE_TARGET
+        else:
+            target, rate = (BINARY_TARGET, BINARY_RATE) if mu.tau is None else (EXPONENTIAL_TARGET, EXPONENTIAL_RATE)
+        return Configuration(
+            name=self.name,
+            mesh=self.mesh,
+            points=self.points,
+            falloff=falloff,
+            normals=self.normals,
+            exact=exact,
+            target=target,
+            rate=rate,
+            truncation=self.missing * float(1.0 - mu(self.beyond)),
+            tessellation=float(np.abs(exact - other).max()),
+        )
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Configuration:
+    """One line of the validation table.
+
+    Attributes:
+        name, mesh, points, falloff, normals: see `Setting`.
+        exact: float64 (k,), w of the closed form at `points`.
+        target: the error allowed to the estimator at 4,096 rays; 0 where w must be exactly 1.
+        rate: with N rays it is (4096/N)^rate of that, but at most 1.
+        truncation, tessellation: bounds on the stand-in's own error in w.
+    """
+
+    name: str
+    mesh: Mesh
+    points: npt.NDArray[np.int64]
+    falloff: Falloff
+    normals: Normals
+    exact: Floats
+    target: float
+    rate: float
+    truncation: float
+    tessellation: float
+
+    @property
+    def allowed(self) -> float:
+        """The largest |measured − exact| that passes at 4,096 rays."""
+        return self.allowed_with(SAMPLES)
+
+    def allowed_with(self, samples: int) -> float:
+        """The largest |measured − exact| that passes with `samples` rays."""
+        target = min(self.target * (SAMPLES / min(samples, MOST_SAMPLES)) ** self.rate, 1.0)
+        return target + self.truncation + self.tessellation
+
+
+def posed(part: Part, seed: int | None = None, normals: Floats | None = None, source: str = "mesh") -> Mesh:
+    """`part` as a Mesh, rotated and moved generically by `seed`; left where it is for None."""
+    vertices, faces = part
+    if seed is not None:
+        rotation = generic_rotation(seed)
+        shift = np.random.default_rng(seed).normal(size=3) * np.ptp(vertices, axis=0).max()
+        vertices = rotation.apply(vertices) + shift
+        normals = None if normals is None else rotation.apply(normals)
+    return Mesh(vertices, faces, normals, source=source)

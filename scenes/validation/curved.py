@@ -1,0 +1,212 @@
+"""Validation settings of spheres, cylinders and disks: tessellated, with w known between two bounds."""
+
+from __future__ import annotations
+
+from math import asin, cos, exp, hypot, pi, sin, sqrt
+
+import numpy as np
+import numpy.typing as npt
+from scipy.integrate import quad
+
+from ao.analytic import closed_forms as analytic
+from ao.analytic.special import bickley
+from ao.falloff import Binary, Exponential, Falloff
+
+from ..geometry.polyhedra import Part, icosphere, inscribed_radius, join, patches, polygon, tube
+from .configurations import ClosedForm, Floats, Setting, posed
+
+BOTH: tuple[Falloff, ...] = (Binary(), Exponential(tau=1.0))
+SUBDIVISIONS = 5
+SIDES = 512
+LENGTH = 200.0
+
+
+def curved_settings() -> list[Setting]:
+    """Every setting with curved surfaces."""
+    sphere = icosphere(SUBDIVISIONS)
+    return [
+        _dome(sphere),
+        _disk(0.8, 0.5, 31),
+        _disk(0.7, 1.4, 32),
+        _sphere_above(sphere),
+        _inside_sphere(sphere),
+        _inside_cylinder(),
+        _cylinder(),
+    ]
+
+
+def _receivers_only(count: int, points: npt.NDArray[np.int64], normals: npt.ArrayLike) -> Floats:
+    """Vertex normals (count, 3) at `points`, and none elsewhere: the stand-in's other vertices need no bake."""
+    all_normals = np.full((count, 3), np.nan)
+    all_normals[points] = normals
+    return all_normals
+
+
+def _above_plane(
+    name: str,
+    points: npt.ArrayLike,
+    part: Part,
+    exact: ClosedForm,
+    bracket: ClosedForm,
+    falloffs: tuple[Falloff, ...] = BOTH,
+    *,
+    seed: int,
+    missing: float = 0.0,
+    certain: bool = False,
+) -> Setting:
+    """Receivers in the plane z = 0 under `part`, whose own vertices are not baked."""
+    receivers = np.asarray(points, dtype=np.float64)
+    vertices, faces = join([patches(receivers), part])
+    which = 3 * np.arange(len(receivers))
+    normals = _receivers_only(len(vertices), which, (0.0, 0.0, 1.0))
+    return Setting(
+        name=name,
+        mesh=posed((vertices, faces), seed, normals, source=name),
+        points=which,
+        exact=exact,
+        falloffs=falloffs,
+        normals="file",
+        missing=missing,
+        beyond=LENGTH / 2,
+        bracket=bracket,
+        certain=certain,
+    )
+
+
+def _dome(sphere: Part) -> Setting:
+    radius = 1.5
+    vertices, faces = sphere
+    cap = faces[vertices[faces][:, :, 2].max(axis=1) > -0.1]
+    inner = radius * inscribed_radius((vertices, cap))
+    limited = (Binary(1.2), Exponential(tau=1.0, max_distance=2.0))
+    return _above_plane(
+        "dome",
+        [(0.0, 0.0, 0.0)],
+        (radius * vertices, cap),
+        lambda tau, limit: analytic.dome(radius, tau, limit),
+        lambda tau, limit: analytic.dome(inner, tau, limit),
+        (*BOTH, Exponential(tau=0.001), Exponential(tau=10.0), *limited),
+        seed=30,
+        certain=True,
+    )
+
+
+def _disk(radius: float, height: float, seed: int) -> Setting:
+    angle = 2 * pi * np.arange(SIDES) / SIDES
+    rim = np.stack([radius * np.cos(angle), radius * np.sin(angle), np.full(SIDES, height)], axis=-1)
+    reach = 0.5 * (height + hypot(radius, height))
+    return _above_plane(
+        "coaxial disk",
+        [(0.0, 0.0, 0.0)],
+        polygon(rim),
+        lambda tau, limit: analytic.disk(height, radius, tau, limit),
+        lambda tau, limit: analytic.disk(height, radius * cos(pi / SIDES), tau, limit),
+        (*BOTH, Binary(reach), Exponential(tau=3.0, max_distance=reach)),
+        seed=seed,
+    )
+
+
+def _sphere_above(sphere: Part) -> Setting:
+    radius, height, offsets = 0.8, 1.0, (0.0, 0.6, 1.5)
+    inner = radius * inscribed_radius(sphere)
+    return _above_plane(
+        "sphere above a plane",
+        [(x * cos(k), x * sin(k), 0.0) for k, x in enumerate(offsets)],
+        (radius * sphere[0] + [0, 0, height], sphere[1]),
+        lambda tau, limit: [analytic.sphere(radius, height, x, tau) for x in offsets],
+        lambda tau, limit: [analytic.sphere(inner, height, x, tau) for x in offsets],
+        (*BOTH, Exponential(tau=4.0)),
+        seed=33,
+    )
+
+
+def chord_within(angle: float, radius: float, inner: float) -> float:
+    """Least length of a chord from a corner p of a convex shape that holds the concentric circle of radius `inner`.
+
+    The hull of p, at distance `radius` from the centre, and that circle is left at R cosψ + √(r² − R² sin²ψ), ψ the
+    angle to the centre; beside it nothing is known, so 0.
+    """
+    within = inner**2 - (radius * sin(angle)) ** 2
+    return radius * cos(angle) + sqrt(within) if within > 0 else 0.0
+
+
+def _inside_sphere(sphere: Part) -> Setting:
+    radius = 0.5
+    inner, points = radius * inscribed_radius(sphere), np.arange(0, len(sphere[0]), len(sphere[0]) // 16)
+    vertices, faces = radius * sphere[0], sphere[1][:, ::-1]
+    normals = _receivers_only(len(vertices), points, -sphere[0][points])
+
+    def bracket(tau: float | None, limit: float) -> float:
+        if tau is None:
+            return 0.0
+
+        def reached(angle: float) -> float:
+            return exp(-tau * chord_within(angle, radius, inner)) * 2 * sin(angle) * cos(angle)
+
+        edge = asin(inner / radius)
+        return 1.0 - quad(reached, 0, edge, epsabs=1e-11)[0] - quad(reached, edge, pi / 2, epsabs=1e-11)[0]
+
+    return Setting(
+        name="inside a sphere",
+        mesh=posed((vertices, faces), 34, normals, source="inside a sphere"),
+        points=points,
+        exact=lambda tau, limit: analytic.inside_sphere(radius, tau),
+        falloffs=(*BOTH, Exponential(tau=5.0)),
+        normals="file",
+        bracket=bracket,
+    )
+
+
+def _missing(reach: float) -> float:
+    """Cosine weight of the directions that leave an infinite cylinder's neighbourhood at its two ends.
+
+    What lies beyond ±LENGTH/2 along y and within `reach` of that line is seen at angles below a = 2·reach/LENGTH from
+    ±y: at most 2πa² of solid angle, where cosθ ≤ a; over π.
+    """
+    return 2 * (2 * reach / LENGTH) ** 3
+
+
+def _inside_cylinder() -> Setting:
+    radius = 0.5
+    inner, points = radius * cos(pi / SIDES), SIDES + np.arange(0, SIDES, SIDES // 16)
+    vertices, faces = tube(SIDES, LENGTH / radius, 3)
+    normals = _receivers_only(len(vertices), points, -vertices[points])
+
+    def bracket(tau: float | None, limit: float) -> float:
+        if tau is None:
+            return 0.0
+
+        def reached(angle: float) -> float:
+            return 4 / pi * cos(angle) * float(bickley(3, tau * chord_within(angle, radius, inner)))
+
+        edge = asin(inner / radius)
+        return 1.0 - quad(reached, 0, edge, epsabs=1e-11)[0] - quad(reached, edge, pi / 2, epsabs=1e-11)[0]
+
+    return Setting(
+        name="inside a cylinder",
+        mesh=posed((radius * vertices, faces[:, ::-1]), 35, normals, source="inside a cylinder"),
+        points=points,
+        exact=lambda tau, limit: analytic.inside_cylinder(radius, tau),
+        falloffs=(*BOTH, Exponential(tau=5.0)),
+        normals="file",
+        missing=_missing(2 * radius),
+        beyond=LENGTH / 2,
+        bracket=bracket,
+    )
+
+
+def _cylinder() -> Setting:
+    radius, height, offsets = 0.4, 0.6, (0.0, 0.5, -1.5)
+    inner = radius * cos(pi / SIDES)
+    vertices, faces = tube(SIDES, LENGTH / radius)
+    far = height + radius + max(map(abs, offsets))
+    return _above_plane(
+        "cylinder parallel to a plane",
+        [(x, 0.0, 0.0) for x in offsets],
+        (radius * vertices + [0, 0, height], faces),
+        lambda tau, limit: [analytic.cylinder(radius, height, x, tau) for x in offsets],
+        lambda tau, limit: [analytic.cylinder(inner, height, x, tau) for x in offsets],
+        (Binary(), Exponential(tau=3.0)),
+        seed=36,
+        missing=_missing(far),
+    )

@@ -1,0 +1,233 @@
+"""Validation settings of planes and polygons, where the only error beside the estimator's is truncation."""
+
+from __future__ import annotations
+
+from math import cos, inf, pi, radians, sin
+
+import numpy as np
+
+from ao.analytic import closed_forms as analytic
+from ao.analytic.form_factor import polygon_form_factor
+from ao.falloff import Binary, Exponential, Falloff
+
+from ..geometry.polyhedra import Part, generic_rotation, hull, icosphere, join, patches, polygon
+from .configurations import ClosedForm, Floats, Setting, posed
+
+UP = np.array([0.0, 0.0, 1.0])
+BOTH: tuple[Falloff, ...] = (Binary(), Exponential(tau=1.0))
+FAR = 1000.0  # binary stand-ins of infinite walls: they miss about distance/(2·FAR)
+NEAR = 60.0  # exponential ones: e^(−τ·NEAR) of that
+# Sets whose standard error at 4,096 rays is about .001, so that an error above .004 is a fault and not bad luck; edges
+# can be so many, or lie so, that it reaches .0018.
+TRIANGLE_SEEDS = (0, 1, 2, 3, 6, 7)
+
+
+def flat_settings() -> list[Setting]:
+    """Every setting without curved surfaces."""
+    return [
+        *_open(),
+        *_ceilings(),
+        *_walls(FAR, (Binary(),)),
+        *_walls(NEAR, (Exponential(tau=0.4), Exponential(tau=2.0))),
+        *_trenches(),
+        *_boxes(),
+        _tilted(),
+        *(_triangles(seed) for seed in TRIANGLE_SEEDS),
+        _pentagon(),
+    ]
+
+
+def _setting(
+    name: str,
+    points: Floats,
+    occluders: list[Floats],
+    exact: ClosedForm,
+    falloffs: tuple[Falloff, ...],
+    *,
+    beyond: float = inf,
+    patch: float = 0.1,
+    seed: int | None = None,
+) -> Setting:
+    """Receivers in the plane z = 0 under convex polygons; what an infinite truth misses is measured by Lambert."""
+    mesh = posed(join([patches(points, patch), *map(polygon, occluders)]), seed, source=name)
+    missing = 0.0
+    if beyond < inf:
+        whole = 1.0 - np.broadcast_to(np.asarray(exact(None, inf)), len(points))
+        finite = [sum(polygon_form_factor(occluder, p, UP) for occluder in occluders) for p in points]
+        missing = float(np.abs(whole - finite).max())
+    return Setting(
+        name=name,
+        mesh=mesh,
+        points=3 * np.arange(len(points)),
+        exact=exact,
+        falloffs=falloffs,
+        missing=missing,
+        beyond=beyond,
+    )
+
+
+def _rectangle(
+    corner: tuple[float, float, float], u: tuple[float, float, float], v: tuple[float, float, float]
+) -> Floats:
+    a, b, c = np.array(corner, float), np.array(u, float), np.array(v, float)
+    return np.array([a, a + b, a + b + c, a + c])
+
+
+def _open() -> list[Setting]:
+    plane: Part = patches(np.random.default_rng(0).normal(size=(8, 3)) * [1.0, 1.0, 0.0], 0.5)
+    cube: Part = hull([(x, y, z) for x in (0, 1) for y in (0, 1) for z in (0, 1)])
+    tetrahedron: Part = hull([(1, 1, 1), (1, -1, -1), (-1, 1, -1), (-1, -1, 1)])
+    directions = np.random.default_rng(1).normal(size=(40, 3))
+    pebble: Part = hull(directions / np.linalg.norm(directions, axis=1, keepdims=True) * [1.0, 0.7, 0.2])
+    shapes = {"plane": plane, "cube from outside": cube, "tetrahedron": tetrahedron, "icosphere": icosphere(1)}
+    shapes["convex hull"] = pebble
+    return [
+        Setting(
+            name=f"nothing above: {name}",
+            mesh=posed(part, seed, source=name),
+            points=np.arange(len(part[0])),
+            exact=lambda tau, limit: 1.0,
+            falloffs=BOTH,
+        )
+        for seed, (name, part) in enumerate(shapes.items())
+    ]
+
+
+def _ceilings() -> list[Setting]:
+    size, height = 100.0, 0.7
+    points = np.array([[0.0, 0.0, 0.0], [3.0, -2.0, 0.0]])
+    slab = _rectangle((-size, -size, height), (2 * size, 0, 0), (0, 2 * size, 0))
+    limits = (Binary(2 * height), Exponential(tau=1.0, max_distance=2 * height), Binary(0.9 * height))
+    return [
+        _setting(
+            "ceiling",
+            points,
+            [slab],
+            lambda tau, limit: analytic.ceiling(height, tau, limit),
+            (*BOTH, Exponential(tau=5.0), *limits),
+            beyond=size - 3.0,
+            patch=1.0,
+            seed=10,
+        )
+    ]
+
+
+def _walls(extent: float, falloffs: tuple[Falloff, ...]) -> list[Setting]:
+    points = np.array([[0.5, 0.5, 0.0], [1.0, 0.4, 0.0]])
+    beyond, patch = extent - 2.0, 0.3 * extent
+    tall = _rectangle((0, -extent, 0), (0, 2 * extent, 0), (0, 0, extent))
+    quarter = [_rectangle((0, 0, 0), along, (0, 0, extent)) for along in ((extent, 0, 0), (0, extent, 0))]
+
+    def single(tau: float | None, limit: float) -> list[float]:
+        return [analytic.wall(x, inf, tau, limit) for x, _, _ in points]
+
+    def corner(tau: float | None, limit: float) -> list[float]:
+        return [analytic.corner(x, y, tau) for x, y, _ in points]
+
+    def groove(angle: float) -> ClosedForm:
+        return lambda tau, limit: [analytic.groove(angle, x, tau) for x, _, _ in points]
+
+    limited = () if extent == FAR else (Binary(1.5), Exponential(tau=0.4, max_distance=1.5))
+    settings = [
+        _setting("infinite wall", points, [tall], single, falloffs + limited, beyond=beyond, patch=patch, seed=11),
+        _setting("corner of two walls", points, quarter, corner, falloffs, beyond=beyond, patch=patch, seed=12),
+    ]
+    for seed, degrees in enumerate((40, 90, 140), 13):
+        angle = radians(degrees)
+        side = _rectangle((0, -extent, 0), (0, 2 * extent, 0), (extent * cos(angle), 0, extent * sin(angle)))
+        name = f"V-groove of {degrees}°"
+        settings.append(_setting(name, points, [side], groove(angle), falloffs, beyond=beyond, patch=patch, seed=seed))
+    return settings
+
+
+def _trenches() -> list[Setting]:
+    length, depth, width = 20.0, 0.8, 1.0
+    points = np.array([[0.25, 0.0, 0.0], [0.5, 1.0, 0.0], [0.9, -1.0, 0.0]])
+    right = _rectangle((width, -length, 0), (0, 2 * length, 0), (0, 0, depth))
+    left = _rectangle((0, -length, 0), (0, 2 * length, 0), (0, 0, depth))
+    limits = (Binary(0.9), Exponential(tau=2.0, max_distance=0.9))
+
+    def trench(tau: float | None, limit: float) -> list[float]:
+        return [analytic.trench(x, width - x, depth, tau, limit) for x, _, _ in points]
+
+    def wall(tau: float | None, limit: float) -> list[float]:
+        return [analytic.wall(width - x, depth, tau, limit) for x, _, _ in points]
+
+    falloffs = (Binary(), Exponential(tau=2.0), *limits)
+    return [
+        _setting("trench", points, [right, left], trench, falloffs, beyond=length - 1),
+        _setting("wall", points, [right], wall, falloffs, beyond=length - 1, seed=16),
+    ]
+
+
+def _boxes() -> list[Setting]:
+    cube = (0.5, 0.5, 0.5, 0.5), 1.0
+    limited = (Binary(0.7), Exponential(tau=1.0, max_distance=0.8), Exponential(tau=1.0, max_distance=1.2))
+    settings = []
+    for seed, name, (sides, height), falloffs in (
+        (None, "closed unit cube", cube, (*BOTH, Exponential(tau=5.0), *limited)),
+        (17, "closed unit cube, turned", cube, (*BOTH, Exponential(tau=5.0), *limited)),
+        (18, "closed box", ((0.2, 0.5, 0.9, 0.3), 0.4), (*BOTH, *limited)),
+    ):
+        xs, ys = (-sides[2], sides[0]), (-sides[3], sides[1])
+        corners = np.array([(x, y, z) for x in xs for y in ys for z in (0.0, height)])
+        vertices, faces = hull(corners)
+        faces = faces[:, ::-1][(vertices[faces][:, :, 2] > 0).any(axis=1)]
+        floor = np.array([[0, 0, 0], *corners[[0, 4, 6, 2]]], dtype=np.float64)
+        fan = np.array([[0, i, i % 4 + 1] for i in range(1, 5)])
+
+        def exact(
+            tau: float | None,
+            limit: float,
+            sides: tuple[float, float, float, float] = sides,
+            height: float = height,
+        ) -> float:
+            return analytic.box(sides, height, tau, limit)
+
+        mesh = posed(join([(floor, fan), (vertices, faces)]), seed, source=name)
+        settings.append(Setting(name=name, mesh=mesh, points=np.array([0]), exact=exact, falloffs=falloffs))
+    return settings
+
+
+def _tilted() -> Setting:
+    tilts = np.radians([15.0, 45.0, 80.0])
+    points = np.array([[0.0, 0.0, 0.0], [4.0, 0.0, 0.0], [0.0, 4.0, 0.0]])
+    angles = 2 * pi * np.arange(6) / 6
+    fan = np.concatenate([np.zeros((1, 3)), np.stack([np.cos(angles), np.sin(angles), np.zeros(6)], axis=-1)])
+    vertices = (points[:, None] + fan).reshape(-1, 3)
+    faces = np.array([[7 * k, 7 * k + 1 + i, 7 * k + 1 + (i + 1) % 6] for k in range(3) for i in range(6)])
+    normals = np.full_like(vertices, np.nan)
+    normals[::7] = [(sin(t) * cos(5 * t), sin(t) * sin(5 * t), cos(t)) for t in tilts]
+    return Setting(
+        name="tilted normal",
+        mesh=posed((vertices, faces), 19, normals, source="tilted normal"),
+        points=7 * np.arange(3),
+        exact=lambda tau, limit: [analytic.tilted_normal(t) for t in tilts],
+        falloffs=(Binary(),),
+        normals="file",
+    )
+
+
+def _triangles(seed: int) -> Setting:
+    """Triangles at any height and slant, some through the horizon, that don't overlap as seen from the origin.
+
+    The directions to their corners are those of a triangulated sphere, and each corner moves along its direction.
+    """
+    rng = np.random.default_rng(100 + seed)
+    directions = rng.normal(size=(9, 3))
+    directions, faces = hull(directions / np.linalg.norm(directions, axis=1, keepdims=True))
+    chosen = faces[rng.random(len(faces)) < 0.4]
+    occluders = list(directions[chosen] * rng.uniform(0.5, 3.0, size=(len(chosen), 3, 1)))
+    open_part = 1.0 - sum(polygon_form_factor(occluder, np.zeros(3), UP) for occluder in occluders)
+    name = f"polygons by Lambert's formula, {len(occluders)} triangles"
+    return _setting(name, np.zeros((1, 3)), occluders, lambda tau, limit: open_part, (Binary(),), seed=seed)
+
+
+def _pentagon() -> Setting:
+    angles = 2 * pi * np.arange(5) / 5
+    corners = np.stack([np.cos(angles), 1.3 * np.sin(angles), np.zeros(5)], axis=-1)
+    pentagon = generic_rotation(3).apply(corners) + np.array([0.2, 0.1, 0.6])
+    points = np.array([[0.0, 0.0, 0.0], [1.0, 0.5, 0.0], [-0.8, 0.9, 0.0], [0.5, -1.2, 0.0], [-2.0, -0.5, 0.0]])
+    covered = np.array([polygon_form_factor(pentagon, p, UP) for p in points])
+    name = "polygon by Lambert's formula, pentagon"
+    return _setting(name, points, [pentagon], lambda tau, limit: 1.0 - covered, (Binary(),), seed=20)

@@ -1,0 +1,115 @@
+"""What w should be, to judge a bake by: a plain loop over the closest hits of many rays.
+
+It shares the baker's points and normals, which define the quantity, but none of its estimator: nothing is skipped,
+stopped early or smoothed. The rays of all falloffs are the same, so one pass serves them all.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from ao.falloff import Mu
+from ao.gather.receivers import Points, find_receivers
+from raytrace.embree.rays import intersect
+from raytrace.embree.scene import TriangleScene
+from raytrace.mesh.mesh import Mesh
+from raytrace.mesh.placement import Placement
+from raytrace.sampling.hash import seed_key
+from raytrace.sampling.sequences import owen_sobol
+from raytrace.sampling.warps import cosine_hemisphere
+from raytrace.system.threads import run_blocks, thread_count
+
+RAYS, VERTICES = 16384, 8192
+_SETS, _BLOCK_RAYS = 128, 1 << 18
+_SEED = 0x5EED_0F_7EA1  # of its own, so that no bake under judgement draws the same rays
+
+Floats = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Reference:
+    """w at some vertices of a mesh.
+
+    Attributes:
+        vertices: int64 (k,), which ones.
+        w: float64 (falloffs, k).
+    """
+
+    vertices: npt.NDArray[np.int64]
+    w: Floats
+
+
+@dataclass(frozen=True)
+class Errors:
+    """How far w is from a reference: root mean square, 99th percentile of |error|, largest, and mean (the bias)."""
+
+    rmse: float
+    p99: float
+    largest: float
+    mean: float
+
+    @classmethod
+    def of(cls, w: Floats, truth: Floats) -> Errors:
+        difference = w - truth
+        size = np.abs(difference)
+        rmse = float(np.sqrt(np.mean(difference**2)))
+        return cls(rmse, float(np.quantile(size, 0.99)), float(size.max()), float(difference.mean()))
+
+
+def reference(
+    mesh: Mesh, mus: Sequence[Mu], rays: int = RAYS, vertices: int = VERTICES, threads: int | None = None
+) -> Reference:
+    """w by brute force at no more than `vertices` vertices, chosen at random among those that are baked.
+
+    Args:
+        mus: falloffs with lengths in the mesh's units.
+        rays: rays a vertex; a power of two is best. At visibility edges the error falls with rays^(−3/4).
+    """
+    placement = Placement.of(mesh)
+    receivers = find_receivers(mesh, placement)
+    order = np.random.default_rng(_SEED).permutation(len(receivers.points))
+    chosen = np.sort(order[:vertices])
+    points = receivers.points[chosen]
+    w = trace(receivers.scene, placement, points, mus, rays, threads)
+    corners = receivers.corners.only(chosen)
+    if len(corners):
+        places = trace(receivers.scene, placement, corners.places, mus, rays, threads)
+        w[:, corners.rows] = corners.mean(places.T).T
+    return Reference(receivers.first_vertex[chosen], w)
+
+
+def trace(
+    scene: TriangleScene, placement: Placement, points: Points, mus: Sequence[Mu], rays: int, threads: int | None = None
+) -> Floats:
+    """w (falloffs, k) at `points`: plain means over `rays` closest hits, the same directions whatever the origins."""
+    chance = np.random.default_rng(_SEED)
+    sets = cosine_hemisphere(*owen_sobol(_SETS, rays, seed_key(_SEED))).astype(np.float32)
+    drawn = chance.integers(_SETS, size=len(points))
+    frames = _turned_frames(points.normals, chance.uniform(0, 2 * np.pi, len(points)))
+    w = np.empty((len(mus), len(points)))
+
+    def work(first: int, last: int) -> None:
+        directions = np.matmul(frames[first:last], sets[drawn[first:last]]).transpose(0, 2, 1).reshape(-1, 3)
+        origins = np.repeat(points.origins[first:last], rays, axis=0)
+        hits = intersect(scene, origins, directions, placement.diagonal, threads=1)
+        distance = hits.distance.astype(np.float64) / placement.scale
+        for row, mu in enumerate(mus):
+            w[row, first:last] = mu(distance).reshape(-1, rays).mean(axis=1)
+
+    run_blocks(len(points), max(_BLOCK_RAYS // rays, 1), work, thread_count(threads))
+    return w
+
+
+def _turned_frames(normals: npt.NDArray[np.float32], turns: Floats) -> npt.NDArray[np.float32]:
+    """Rotations (k, 3, 3) that take +z to `normals` (k, 3), turned about them (Duff et al. 2017)."""
+    x, y, z = normals.astype(np.float64).T
+    sign = np.where(z >= 0, 1.0, -1.0)
+    a = -1 / (sign + z)
+    t = np.stack([1 + sign * x * x * a, sign * x * y * a, -sign * x], axis=-1)
+    b = np.stack([x * y * a, sign + y * y * a, -y], axis=-1)
+    c, s = np.cos(turns)[:, None], np.sin(turns)[:, None]
+    return np.stack([c * t + s * b, c * b - s * t, normals], axis=-1).astype(np.float32)

@@ -1,0 +1,129 @@
+"""The validation table: closed forms against what `ao.bake` measures."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from math import isinf
+from typing import Protocol
+
+import numpy as np
+import numpy.typing as npt
+
+from ao.falloff import Exponential, Falloff
+from ao.vertex_method import bake as _bake
+
+from .configurations import SAMPLES, Configuration
+from .curved import curved_settings
+from .flat import flat_settings
+
+
+class Baked(Protocol):
+    """What of a bake is looked at."""
+
+    @property
+    def w(self) -> npt.NDArray[np.float64]:
+        """Obscurance (n,) of the mesh's vertices."""
+
+
+Baker = Callable[..., Baked]
+
+
+@dataclass(frozen=True)
+class Result:
+    """One line of the table: the vertex of a configuration with the largest error.
+
+    Attributes:
+        name: the closed form.
+        falloff: what it was baked with.
+        measured, exact: w, 1 = open.
+        error: measured − exact; NaN where the measured w is NaN.
+        allowed: the largest |error| that passes: the estimator's target and `truncation`.
+        truncation: bound on the stand-in's own error, by its finite extent and its flat faces.
+        ok: whether it passes.
+    """
+
+    name: str
+    falloff: Falloff
+    measured: float
+    exact: float
+    error: float
+    allowed: float
+    truncation: float
+    ok: bool
+
+
+@lru_cache(maxsize=1)
+def configurations() -> tuple[Configuration, ...]:
+    """All lines of the table, binary and exponential."""
+    return tuple(line for setting in (*flat_settings(), *curved_settings()) for line in setting.configurations())
+
+
+def measure(
+    configuration: Configuration, bake: Baker = _bake, samples: int = SAMPLES, seed: int = 0, threads: int | None = None
+) -> npt.NDArray[np.float64]:
+    """Measured w (k,) at the configuration's points."""
+    mesh, falloff = configuration.mesh, configuration.falloff
+    baked = bake(mesh, falloff, samples=samples, seed=seed, threads=threads, normals=configuration.normals)
+    return baked.w[configuration.points]
+
+
+def compare(configuration: Configuration, measured: npt.NDArray[np.float64], samples: int = SAMPLES) -> Result:
+    """The verdict on w (k,) measured at the configuration's points with `samples` rays."""
+    allowed = configuration.allowed_with(samples)
+    error = measured - configuration.exact
+    worst = int(np.argmax(np.abs(error)))  # a NaN counts as the largest
+    return Result(
+        name=configuration.name,
+        falloff=configuration.falloff,
+        measured=float(measured[worst]),
+        exact=float(configuration.exact[worst]),
+        error=float(error[worst]),
+        allowed=allowed,
+        truncation=configuration.truncation + configuration.tessellation,
+        ok=bool(abs(error[worst]) <= allowed),
+    )
+
+
+def run(
+    bake: Baker = _bake,
+    samples: int = SAMPLES,
+    seed: int = 0,
+    threads: int | None = None,
+    lines: Sequence[Configuration] | None = None,
+) -> list[Result]:
+    """Bake every configuration and compare it with its closed form.
+
+    Args:
+        bake: called as `ao.bake` is.
+        samples, seed, threads: passed on to it. Allowed errors go by the number of samples.
+        lines: the configurations; all of them for None.
+    """
+    chosen = configurations() if lines is None else lines
+    return [compare(line, measure(line, bake, samples, seed, threads), samples) for line in chosen]
+
+
+def described(falloff: Falloff) -> str:
+    """A falloff in a few words: "binary", "τ = 2, D = 1.5"."""
+    kind = f"τ = {falloff.tau:g}" if isinstance(falloff, Exponential) else "binary"
+    limit = float(falloff.max_distance)
+    return kind if isinf(limit) else f"{kind}, D = {limit:.3g}"
+
+
+def table(results: Sequence[Result]) -> str:
+    """The results as lines of text: measured, exact, error, what of it is allowed, verdict, and a count at the end.
+
+    The error allowed includes the bound on a stand-in's own error, which has its own column.
+    """
+    name, kind = (max((len(text) for text in column), default=0) for column in (
+        [r.name for r in results], [described(r.falloff) for r in results]))  # fmt: skip
+    head = f"{'closed form':{name}}  {'falloff':{kind}}  measured     exact      error   allowed  stand-in"
+    rows = [
+        f"{r.name:{name}}  {described(r.falloff):{kind}}  {r.measured:.6f}  {r.exact:.6f}  {r.error:+.6f}  "
+        f"{r.allowed:.6f}  {r.truncation:.6f}  {'ok' if r.ok else 'FAILED'}"
+        for r in results
+    ]
+    failed = sum(not r.ok for r in results)
+    verdict = f"{failed} of {len(results)} failed" if failed else f"all {len(results)} within what is allowed"
+    return "\n".join([head, *rows, verdict])

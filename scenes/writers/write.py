@@ -1,0 +1,117 @@
+"""The baker's output files."""
+
+from __future__ import annotations
+
+import io
+import os
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, Protocol
+
+import numpy as np
+import numpy.typing as npt
+
+from raytrace.errors import OptionError
+from raytrace.system.atomic import atomic_write, check_writable
+
+from ..readers.load import MeshFile
+from .glb import glb
+from .ply import ply
+
+
+class Baked(Protocol):
+    """What is written of a bake, per vertex of the mesh and in its order.
+
+    Attributes:
+        w: (n,) obscurance, 1 = open.
+        error: (n,) estimated standard error of w.
+        bent_normals: (n, 3).
+        flags: (n,) unsigned bytes.
+    """
+
+    @property
+    def w(self) -> npt.NDArray[np.floating[Any]]: ...
+    @property
+    def error(self) -> npt.NDArray[np.floating[Any]]: ...
+    @property
+    def bent_normals(self) -> npt.NDArray[np.floating[Any]]: ...
+    @property
+    def flags(self) -> npt.NDArray[np.integer[Any]]: ...
+
+
+def check_target(path: str | os.PathLike[str]) -> None:
+    """Find out before the bake whether `write` will accept `path`.
+
+    Raises:
+        OptionError: the ending is none of .npy .npz .ply .glb.
+        OutputError: the folder is missing or refuses new files, or `path` is something other than a file.
+    """
+    _writer(path)
+    check_writable(path)
+
+
+def write(path: str | os.PathLike[str], bake: Baked, mesh_file: MeshFile, *, colors: bool = False) -> None:
+    """Write a bake in the format of the ending, whole or not at all; the same input gives the same bytes.
+
+    - `.npy`: w, float32 (n,).
+    - `.npz`: `w` float32 (n,), `error` float32 (n,), `bent_normals` float32 (n, 3), `flags` uint8 (n,).
+    - `.ply`: `obscurance`, and grey `red green blue` = 255 w, linear: viewers multiply by it as it stands, which is
+      what w is for (`write_ply.ply`). Coordinates are float where that loses nothing and double otherwise.
+    - `.glb`: `_OBSCURANCE` (`write_glb.glb`).
+
+    What the source holds besides is kept if it was loaded for this target (`load`); `lost.lost` tells what is not.
+
+    Args:
+        path: the target, replaced if it exists.
+        bake: per vertex of `mesh_file.mesh`.
+        mesh_file: what was baked.
+        colors: give a .glb the vertex colours `COLOR_0` = w, and a .ply the grey, in place of the source's colours.
+
+    Raises:
+        OptionError: unknown ending, or coordinates that a .glb cannot hold.
+        OutputError: the file cannot be written; an existing one is untouched.
+    """
+    content = _writer(path)(bake, mesh_file, colors)
+    with atomic_write(path) as file:
+        file.write(content)
+
+
+def _writer(path: str | os.PathLike[str]) -> Callable[[Baked, MeshFile, bool], bytes | memoryview]:
+    ending = Path(path).suffix.lower()
+    if ending not in _WRITERS:
+        raise OptionError("output", "a name ending in " + ", ".join(_WRITERS), os.fspath(path))
+    return _WRITERS[ending]
+
+
+def _npy(bake: Baked, _mesh_file: MeshFile, _colors: bool) -> memoryview:
+    content = io.BytesIO()
+    np.save(content, bake.w.astype("<f4"), allow_pickle=False)
+    return content.getbuffer()
+
+
+def _npz(bake: Baked, _mesh_file: MeshFile, _colors: bool) -> memoryview:
+    content = io.BytesIO()
+    np.savez(
+        content,
+        w=bake.w.astype("<f4"),
+        error=bake.error.astype("<f4"),
+        bent_normals=bake.bent_normals.astype("<f4"),
+        flags=bake.flags.astype(np.uint8),
+    )
+    return content.getbuffer()
+
+
+def _ply(bake: Baked, mesh_file: MeshFile, colors: bool) -> bytes:
+    return ply(mesh_file, bake.w, colors)
+
+
+def _glb(bake: Baked, mesh_file: MeshFile, colors: bool) -> bytes:
+    return glb(mesh_file, bake.w, colors)
+
+
+_WRITERS: dict[str, Callable[[Baked, MeshFile, bool], bytes | memoryview]] = {
+    ".npy": _npy,
+    ".npz": _npz,
+    ".ply": _ply,
+    ".glb": _glb,
+}
