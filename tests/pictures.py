@@ -8,7 +8,7 @@ from pathlib import Path
 import OpenImageIO as oiio
 import PIL.Image
 
-from raytrace.image.write import FORMATS
+from raytrace.image.encode import FORMATS
 
 ENDINGS = tuple(FORMATS)
 

@@ -10,9 +10,9 @@ from gltf_files import Builder
 from render_scenes import BALL, SMALL, write_ball
 
 from ao.report import versions
+from raytrace.image.encode import FORMATS
 from raytrace.image.frame import LAYERS
 from raytrace.image.read import read_image
-from raytrace.image.write import FORMATS
 from scenes.library.catalogue import BUILTIN, builtin_toml
 
 SUMMANDS = ("ambient", "diffuse", "specular", "emission")

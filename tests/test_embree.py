@@ -73,15 +73,15 @@ def test_another_major_version_is_refused(monkeypatch):
         rtcNewDevice = staticmethod(lambda _: 1)
         rtcGetDeviceProperty = staticmethod(lambda *_: 31300)
 
-    embree._device.cache_clear()
-    monkeypatch.setattr(embree, "_library", Old)
+    embree.device.cache_clear()
+    monkeypatch.setattr(embree, "library", Old)
     with pytest.raises(EmbreeError, match=r"expected 4\.x, got 3\.13"):
-        embree._device()
-    embree._device.cache_clear()
+        embree.device()
+    embree.device.cache_clear()
 
 
 def test_embrees_own_message_is_raised():
-    device = embree._device()
-    embree._library.rtcNewGeometry(device, 9999)
+    device = embree.device()
+    embree.library.rtcNewGeometry(device, 9999)
     with pytest.raises(EmbreeError, match="Embree: "):
-        embree._check(device)
+        embree.check(device)

@@ -206,7 +206,7 @@ def test_a_frame_takes_little_memory_beside_itself(tmp_path):
     code = f"""
 import resource
 from frames import frame
-from raytrace.image import write_frame
+from raytrace.image.write import write_frame
 write_frame({str(tmp_path / "small.exr")!r}, frame(), {{}})
 large = frame(700, 1500)
 before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss

@@ -25,7 +25,7 @@ ORDER = [
 DOORS = {
     "embreex": {"raytrace.embree.library"},
     "fast_simplification": {"scenes.generated.damage"},
-    "OpenImageIO": {f"raytrace.image.{name}" for name in ("write", "read", "compare", "texture")},
+    "OpenImageIO": {f"raytrace.image.{name}" for name in ("encode", "read", "compare", "texture")},
 }
 MODULES = {
     ".".join(path.relative_to(ROOT).with_suffix("").parts): path

@@ -59,9 +59,9 @@ def test_importing_the_packages_imports_nothing_heavy():
     assert fresh(code) == "[]"
 
 
-@pytest.mark.parametrize("name", ["ao.bake", "scenes.load", "scenes.write"])
-def test_a_function_is_not_hidden_by_its_module_of_the_same_name(name):
-    assert fresh(f"import {name}; print(callable({name}))") == "True"
+@pytest.mark.parametrize("package", PACKAGES)
+def test_no_module_or_folder_has_a_public_name(package):
+    assert not set(stub_names(package)) & {path.stem for path in (ROOT / package).iterdir()}
 
 
 def test_every_folder_of_modules_is_a_package():

@@ -9,6 +9,8 @@ from tempfile import TemporaryDirectory
 import numpy as np
 import numpy.typing as npt
 
+from .encode import write_picture
+
 LAYERS = {
     "beauty": 4,
     "ambient": 3,
@@ -57,9 +59,7 @@ class Frame:
 
     def _repr_png_(self) -> bytes:
         """The beauty as a PNG: what notebooks show."""
-        from .write import write_frame
-
         with TemporaryDirectory() as folder:
             picture = Path(folder) / "frame.png"
-            write_frame(picture, self, {})
+            write_picture(picture, self.layers["beauty"], {}, opaque=any(self.background))
             return picture.read_bytes()

@@ -16,8 +16,8 @@ import numpy.typing as npt
 
 from ..errors import InputError, is_utf8
 from ..settings import MAX_SIZE
+from .encode import NAMESPACE
 from .srgb import decode_srgb
-from .write import NAMESPACE
 
 Floats = npt.NDArray[np.float32]
 
