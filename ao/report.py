@@ -37,7 +37,7 @@ def report(
     Args:
         options: every effective option of the command, `seed` among them.
         seconds: `load` and `write`; the bake adds `build` and `bake`.
-        warnings: what limits the result, see `raytrace.resolution`.
+        warnings: what limits the result, see `raytrace.mesh.precision`.
     """
     return {
         "vertices": len(bake.w),

@@ -99,7 +99,7 @@ class Fill:
     """How points that are not traced get values from those nearest along the surface that are.
 
     Attributes:
-        traced: bool (k,). points: all of them. near, cell: `ao.subset.coarser` of the traced ones.
+        traced: bool (k,). points: all of them. near, cell: `ao.denoise.upsampling.coarser` of the traced ones.
     """
 
     traced: npt.NDArray[np.bool_]

@@ -103,7 +103,7 @@ class Horizons:
 def _horizons(
     origins, normals, numbers, key, sets, triangles, boxes, starts, reach, small, sector_rows, scratch, out
 ):  # fmt: skip
-    """Write the horizons of points into out, float32 (k, 16), in the frames that `ao.hemisphere.gather` turns."""
+    """Write the horizons of points into out, float32 (k, 16), in the frames that `hemisphere.gather` turns."""
     origins, normals, numbers, out = borrow(origins), borrow(normals), borrow(numbers), borrow(out)
     triangles, boxes, starts, scratch = borrow(triangles), borrow(boxes), borrow(starts), borrow(scratch)
     sectors = load_sectors(borrow(sector_rows))

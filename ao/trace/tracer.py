@@ -53,7 +53,7 @@ class Tracer:
     _last: DirectionTable | None = None
 
     def gather(self, points: Points, samples: int, key: np.uint32) -> npt.NDArray[np.float64]:
-        """Rows (k, 5) of `ao.hemisphere.gather` for `points` with `samples` rays each, directions drawn by `key`."""
+        """Rows (k, 5) of `hemisphere.gather` for `points` with `samples` rays each, directions drawn by `key`."""
         table = self._table(samples, key)
         out, traced = np.empty((len(points), 5)), np.empty(len(points), np.uint32)
         tau = (self.mu.tau or 0.0) / self.placement.scale

@@ -11,7 +11,7 @@ import numpy as np
 
 from ..kernel.jit import inline
 
-REPEAT, MIRRORED_REPEAT, CLAMP_TO_EDGE = range(3)  # places in `raytrace.texture.WRAPS`
+REPEAT, MIRRORED_REPEAT, CLAMP_TO_EDGE = range(3)  # places in `raytrace.image.texture.WRAPS`
 
 
 @inline

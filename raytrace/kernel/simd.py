@@ -2,7 +2,7 @@
 
 Lanes of float32, float64, int32 or booleans combine with each other and with scalars by the usual operators, `min`,
 `max`, `abs` and `sqrt`; a comparison makes booleans, and `select` chooses by them. A helper written with these, without
-branches on its values, serves scalars and lanes alike: `raytrace.vector` is made of such.
+branches on its values, serves scalars and lanes alike: `raytrace.kernel.vector` is made of such.
 """
 
 from __future__ import annotations

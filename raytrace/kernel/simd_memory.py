@@ -68,7 +68,7 @@ def _transpose(builder: Any, rows: list[Any]) -> list[Any]:
 def gather3(_typing: Any, array: Any, rows: Any) -> Any:
     """The triples of a C-contiguous array (n, 3) in the lanes' rows, three lanes of the array's own type.
 
-    The array must own a fourth number behind its last triple, see `raytrace.embree.aligned`.
+    The array must own a fourth number behind its last triple, see `raytrace.kernel.arrays.aligned`.
     """
     kind = Lanes(array.dtype)
     element = llvm_type(kind).element

@@ -3,7 +3,7 @@
     sun = Directional(direction=(0, -1, 0), intensity=3)          # shines downwards
     lamp = PointLight(position=(0, 4, 0), intensity=(80, 75, 60))  # watts per steradian: falls off as 1/d²
 
-A light's RGB intensity is what it sends out; `incident` (in `raytrace.light_kernels`) is what arrives: intensity times
+A light's RGB intensity is what it sends out; `incident` (in `raytrace.lights.kernels`) is what arrives: intensity times
 radial and angular attenuation, before the surface's cosine. Light is attenuated on its way to the surface only.
 Source: (12.8), (12.26); the lecture notes on light sources.
 """
@@ -50,7 +50,7 @@ class BaseLight(Parameters):
     intensity: Radiance = (1.0, 1.0, 1.0)
 
     def pack(self) -> PackedLight:
-        """The kind and row that `raytrace.light_kernels` takes."""
+        """The kind and row that `raytrace.lights.kernels` takes."""
         row = np.zeros(WIDTH)
         row[INTENSITY : INTENSITY + 3] = self.intensity
         self._fill(row)

@@ -43,7 +43,7 @@ class BaseMaterial(Parameters):
     two_sided: Sides = False
 
     def pack(self) -> Packed:
-        """The kind and parameter row that `raytrace.models.dispatch.evaluate` takes."""
+        """The kind and parameter row that `raytrace.brdf.dispatch.evaluate` takes."""
         row = np.zeros(rows.WIDTH)
         row[rows.EMISSION : rows.EMISSION + 3] = self.emission
         row[rows.AMBIENT : rows.AMBIENT + 3] = self._ambient()

@@ -4,8 +4,8 @@
     clay.to_dict()                    # {"model": "oren_nayar", "albedo": [0.7, 0.5, 0.4], "sigma": 0.5}
     material_from_dict({"preset": "clay", "sigma": 0.2})
 
-Reflectances are RGB in [0, 1] (one number means three equal ones), angles radians. Formulas: `raytrace.models`;
-the types that signatures name (`Reflectance`, `Slope`, …) and their ranges: `raytrace.fields`.
+Reflectances are RGB in [0, 1] (one number means three equal ones), angles radians. Formulas: `raytrace.brdf`;
+the types that signatures name (`Reflectance`, `Slope`, …) and their ranges: `raytrace.system.parameters`.
 """
 
 from __future__ import annotations

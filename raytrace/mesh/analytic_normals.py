@@ -1,6 +1,6 @@
 """Normals of surfaces given by functions, and of polygons; all unit, zero where none exists.
 
-Vertex normals of meshes are in `raytrace.normals`.
+Vertex normals of meshes are in `raytrace.mesh.normals`.
 Source: (12.29) and the textbook chapter's polygon normals; Martin Newell's sums after Sutherland, Sproull &
 Schumacker 1974.
 """

@@ -55,7 +55,7 @@ _SHADINGS = get_args(Shading)
 _FORMS = ("off", "ambient", "book")
 _SHARES = 16  # of a picture for each thread: handing over takes as long as some tiles
 _LONGEST = 256  # samples of tiles in a share: what Ctrl-C waits for
-_LIT = 14  # columns that lighting makes, see `raytrace.tile.lit_column`
+_LIT = 14  # columns that lighting makes, see `raytrace.shade.tile.lit_column`
 _EDGES = 4 * 4 * TILE * EDGE  # bytes of what tiles know of one another, each
 _BASE, _WORLD_VERTEX, _WORLD_FACE = 50 << 20, 64, 104  # bytes, `rendering_bytes`
 _SKIPPED = {
@@ -79,7 +79,7 @@ def render(
     """Cast rays, light what they hit, and return the picture.
 
     Args:
-        layers: make every layer of `raytrace.frame.LAYERS`; False: beauty alone, a sixth of the memory.
+        layers: make every layer of `raytrace.image.frame.LAYERS`; False: beauty alone, a sixth of the memory.
         threads: None for all cores; the picture is the same bits for any number.
         progress: called with (tiles done, tiles in all).
 

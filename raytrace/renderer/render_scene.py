@@ -49,7 +49,7 @@ class World:
 
     @cached_property
     def vertex_origins(self) -> npt.NDArray[np.float32]:
-        """`raytrace.vertices.vertex_origins`, made when it is first asked for."""
+        """`raytrace.renderer.vertex_origins.vertex_origins`, made when it is first asked for."""
         return vertex_origins(self.geometry)
 
 
@@ -172,7 +172,7 @@ def _corners(points: npt.NDArray[np.floating[Any]]) -> Floats:
 
 
 def _joined(parts: list[npt.NDArray[Any]], dtype: type[np.generic]) -> npt.NDArray[Any]:
-    """The rows of all `parts`, (n, 3), as `raytrace.lane_memory.gather3` wants them."""
+    """The rows of all `parts`, (n, 3), as `raytrace.kernel.simd_memory.gather3` wants them."""
     joined = aligned((sum(map(len, parts)), 3), dtype)
     np.concatenate(parts, out=joined, casting="same_kind")
     return joined

@@ -41,7 +41,7 @@ def smooth_normals(mesh: Mesh, normals: Normals = "file") -> Floats:
 def vertex_origins(geometry: Geometry) -> npt.NDArray[np.float32]:
     """Where shadow rays begin that leave the vertices of all objects, in the order of `geometry.w`: float32 (n, 3).
 
-    They are in front of all faces of the scene that meet at a vertex (`raytrace.origins`). Where a surface has two
+    They are in front of all faces of the scene that meet at a vertex (`raytrace.ray_origins`). Where a surface has two
     sides there are n more, for vertices seen from behind.
     """
     vertices, faces, normals = _in_the_world(geometry)

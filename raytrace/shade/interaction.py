@@ -209,7 +209,7 @@ def fill(entry, geometry, item, mine, faces, u, v, backward, view, style):
 def vertex_entry(entry, geometry, origins, item, mine, rows, view):
     """Write an entry for vertices as Gouraud shading lights them.
 
-    Args: origins: of `raytrace.vertices.vertex_origins`, or none where no shadow is looked for; rows: of `geometry.w`.
+    Args: origins: of `raytrace.renderer.vertex_origins`, or none where no shadow is looked for; rows: of `geometry.w`.
     """
     vertices = rows + (geometry.first_vertex[item] - geometry.first_w[item])
     point = corner(geometry, item, vertices)

@@ -21,7 +21,7 @@ class Geometry(NamedTuple):
         placed: bool (o,), whether the arrays hold world coordinates already. authored: whether the normals are the
         source's own. magnitude: least |coordinate| that ray offsets reckon with.
         texture: int64 (o,), −1 for none. kinds, rows: the objects' packed materials. boxes: around all that casts
-        shadows (`raytrace.occluders.pack_boxes`).
+        shadows (`raytrace.shade.shaft_culling.pack_boxes`).
     """
 
     handle: Any

@@ -1,7 +1,7 @@
 """Sixteen points at once: what shading needs of them, what lighting makes of them, and what the film keeps.
 
 An entry is a float32 array (WIDTH, 16), a column of the table a row of it. Positions are in the world's own units.
-The first `FILM` columns are those of the film, the layers of `raytrace.frame` in their order.
+The first `FILM` columns are those of the film, the layers of `raytrace.image.frame` in their order.
 
 ========= ======= =====================================================================
 column    columns content

@@ -19,7 +19,7 @@ from .shading_points import AMBIENT, DIFFUSE, TINT, put, take
 
 
 class Textures(NamedTuple):
-    """The arrays of `raytrace.texture.PackedTextures`; a texture that is not read yet has depth 0."""
+    """The arrays of `raytrace.image.texture.PackedTextures`; a texture that is not read yet has depth 0."""
 
     texels: npt.NDArray[np.float32]
     levels: npt.NDArray[np.int64]
@@ -32,7 +32,7 @@ class Textures(NamedTuple):
 def tint(entry, geometry, textures, wanted, item, mine, faces, u, v, width):
     """Set an entry's TINT, or mark its texture in `wanted` if it has to be read first.
 
-    Args: item, mine, faces, u, v: hits as in `raytrace.surface.fill`; width: of a pixel there, in the world's units.
+    Args: item, mine, faces, u, v: hits as in `interaction.fill`; width: of a pixel there, in the world's units.
     """
     texture = geometry.texture[item]
     if texture < 0:

@@ -218,7 +218,7 @@ def lit_column(number):
 def light_vertices(geometry, lights, view, style, scratch, origins, item, span, out):
     """Gouraud's first step: light the vertices [span[0], span[1]) of an object's stretch of `geometry.w`, into `out`.
 
-    Args: origins: see `raytrace.surface.vertex_entry`; out: float64 (w, 14), the columns of `lit_column`.
+    Args: origins: see `raytrace.shade.interaction.vertex_entry`; out: float64 (w, 14), the columns of `lit_column`.
     """
     geometry, lights, view = borrow(geometry), borrow(lights), borrow(view)
     scratch, origins, out = borrow(scratch), borrow(origins), borrow(out)

@@ -43,7 +43,7 @@ class Scratch(NamedTuple):
     """What one thread works with.
 
     Attributes:
-        packet, valid: rays (`raytrace.embree.new_packet`), sixteen.
+        packet, valid: rays (`raytrace.embree.packets.new_packet`), sixteen.
         entries: float32 (packets, WIDTH, 16), points to be lit; items: int32 (packets, 16), rows of their objects, −1
         for none. sums: float64 (pixels, …), a tile's film. order: int32 (pixels,), a tile's pixels so that sixteen on
         end are neighbours; todo: int32 (pixels + 16,), those that want more samples. active: int64 (lights,), lights

@@ -47,7 +47,7 @@ def mesh_to_bench(path: Path | None) -> Mesh:
     """The mesh of a file, or a coarse temple.
 
     Raises:
-        MeshError: see `scenes.load.load`.
+        MeshError: see `scenes.load`.
     """
     return temple(_FINENESS) if path is None else load(path).mesh
 

@@ -140,7 +140,7 @@ def write_report(
 ) -> None:
     """Write what a rendering took as JSON, whole or not at all.
 
-    Args: warnings: what limits the picture, see `raytrace.resolution`.
+    Args: warnings: what limits the picture, see `raytrace.mesh.precision`.
 
     Raises: OutputError.
     """

@@ -30,7 +30,7 @@ def read_gltf(path: Path, settings: Settings, up: str | None = None) -> SceneDes
     Without a camera everything is framed; without lights there are three of our own.
 
     Raises:
-        MeshError: the file cannot be read (`scenes.load.load`).
+        MeshError: the file cannot be read (`scenes.load`).
         SceneError: a texture, light or camera cannot be used.
         OptionError: `up`, and the file has a camera of its own.
     """

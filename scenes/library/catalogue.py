@@ -20,7 +20,7 @@ BUILTIN = {  # name to what one sees; the files are in library/
 
 
 def builtin_toml(name: str) -> str:
-    """A built-in scene as TOML, which `scenes.read.read_scene` reads. Raises: OptionError: no such scene."""
+    """A built-in scene as TOML, which `scenes.read_scene` reads. Raises: OptionError: no such scene."""
     if name not in BUILTIN:
         raise OptionError("name", "one of " + ", ".join(BUILTIN), name, nearest=nearest_name(name, BUILTIN))
     return (resources.files("scenes") / "library" / f"{name}.toml").read_text(encoding="utf-8")

@@ -82,7 +82,7 @@ def load(path: str | os.PathLike[str], target: str | os.PathLike[str] | None = N
     below.
 
     Args:
-        target: the file that `scenes.write.write` is to make of it: what that can hold besides is read too.
+        target: the file that `scenes.write` is to make of it: what that can hold besides is read too.
 
     Raises:
         MeshError: the file is missing, unreadable, empty, incomplete, of another format than its ending says,
