@@ -141,8 +141,8 @@ def bake_summary(baked: ao.Bake, target: Path) -> str:
     """What was baked to where, what it took and how good it is."""
     from raytrace.errors import printable
 
-    clear = baked.rays_skipped.get("open", 0)
-    rays = f"{baked.rays:,} rays traced{f' and {clear:,} certainly open' if clear else ''}"
+    skipped = baked.rays_skipped.get("open", 0)
+    rays = f"{baked.rays:,} rays traced{f', {skipped:,} skipped as provably unoccluded,' if skipped else ''}"
     took = f"in {baked.seconds['bake']:.2f} s, estimated RMSE {baked.rmse:.4f}"
     text = f"{printable(str(target))}: {len(baked.w):,} vertices, {rays} {took}"
     flagged = ", ".join(f"{count} {name}" for name, count in baked.flagged.items() if count)

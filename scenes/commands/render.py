@@ -1,8 +1,7 @@
-"""From a scene file to an image file: bake what the picture needs, render it, write it, tell about it."""
+"""From a scene description to an image file: bake the vertices that it needs, render, write."""
 
 from __future__ import annotations
 
-import json
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -17,7 +16,6 @@ from raytrace.image.frame import Frame
 from raytrace.image.write import check_image_target, write_frame
 from raytrace.renderer.render import describe_work, render, rendering_bytes
 from raytrace.settings import Settings
-from raytrace.system.atomic import atomic_write
 from raytrace.system.memory import check_memory
 
 from ..description.description import SceneDescription
@@ -45,9 +43,9 @@ class Picture:
         """What was rendered to where, and what it took."""
         traced, skipped = sum(self.frame.rays.values()), sum(self.frame.rays_skipped.values())
         return (
-            f"{printable(str(target))}: {settings.width}×{settings.height}, {traced / 1e6:.1f} M rays in"
-            f" {self.seconds['render']:.2f} s, {skipped / 1e6:.1f} M not needed;"
-            f" obscurance {settings.obscurance} ({self.seconds['bake']:.2f} s)"
+            f"{printable(str(target))}: {settings.width}×{settings.height}, {traced / 1e6:.1f} M rays traced"
+            f" and {skipped / 1e6:.1f} M skipped in {self.seconds['render']:.2f} s;"
+            f" obscurance {settings.obscurance}" + (f", baked in {self.seconds['bake']:.2f} s" if self.bake else "")
         )
 
 
@@ -135,17 +133,15 @@ def metadata(source: Path, description: SceneDescription) -> dict[str, str]:
     }
 
 
-def write_report(
-    path: Path, source: Path, settings: Settings, picture: Picture, threads: int, warnings: Sequence[str] = ()
-) -> None:
-    """Write what a rendering took as JSON, whole or not at all.
+def render_report(
+    source: Path, settings: Settings, picture: Picture, threads: int, warnings: Sequence[str] = ()
+) -> dict[str, Any]:
+    """What a rendering took, as JSON-ready values.
 
     Args: warnings: what limits the picture, see `raytrace.mesh.precision`.
-
-    Raises: OutputError.
     """
     made = picture.bake
-    content = {
+    return {
         "scene": str(source),
         "settings": vars(settings) | {"threads": threads},
         "rays": picture.frame.rays | ({"bake": made.rays} if made else {}),
@@ -156,5 +152,3 @@ def write_report(
         "warnings": list(warnings),
         "versions": versions(),
     }
-    with atomic_write(path) as file:
-        file.write((json.dumps(content, indent=2, allow_nan=False) + "\n").encode())

@@ -12,7 +12,7 @@ from raytrace.errors import MeshError
 from raytrace.mesh.mesh import Mesh
 
 from ..geometry.polyhedra import Part
-from .at_hand import dense_base
+from .bases import dense_base
 from .damage import DAMAGES, Damage, damaged
 from .dense import Rng, extent, log_uniform, posed, refined, sized, unit, used
 from .inserts import blades, character, eyes, pipes, posts, slab_with_posts
