@@ -10,7 +10,7 @@ import pytest
 from project import ROOT
 
 HELPER = """
-from .jit import inline
+from .kernel.jit import inline
 
 @inline
 def constant():
@@ -18,7 +18,7 @@ def constant():
 """
 KERNEL = """
 from .helper import constant
-from .jit import kernel
+from .kernel.jit import kernel
 
 @kernel
 def answer():
@@ -41,10 +41,11 @@ def run(folder, code, **environment):
 @pytest.fixture
 def project(tmp_path):
     package = tmp_path / "raytrace"
-    package.mkdir()
+    (package / "kernel").mkdir(parents=True)
     (tmp_path / "ao").mkdir()
-    shutil.copy(ROOT / "raytrace" / "kernel" / "jit.py", package)
-    (package / "__init__.py").touch()
+    shutil.copy(ROOT / "raytrace" / "kernel" / "jit.py", package / "kernel")
+    for folder in (package, package / "kernel"):
+        (folder / "__init__.py").touch()
     (package / "helper.py").write_text(HELPER.format(value=1))
     (package / "loop.py").write_text(KERNEL)
     return tmp_path
@@ -115,7 +116,7 @@ def test_a_full_disk_is_passed_over(project):
 FULL = "import resource; resource.setrlimit(resource.RLIMIT_FSIZE, (50, 50)); "
 CALLBACK = """
 from numba import types
-from .jit import callback
+from .kernel.jit import callback
 
 @callback(types.int64(types.int64))
 def twice(x):
