@@ -211,7 +211,7 @@ def materials(
     from scenes.commands import materials as command
 
     if check:
-        print("\n\n".join(command.check(*each) for each in command.named_materials(name)))
+        print("\n\n".join(command.check(*each) for each in command.chosen_materials(name)))
     elif name is None:
         print(columns(command.presets()))
     else:

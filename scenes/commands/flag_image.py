@@ -1,4 +1,4 @@
-"""A picture of a baked mesh on which the flagged vertices stand out, also those that other faces hide."""
+"""An image of a baked mesh with a dot on every flagged vertex, also on those that other faces hide."""
 
 from __future__ import annotations
 

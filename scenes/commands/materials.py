@@ -1,4 +1,4 @@
-"""`obscurance materials`: the presets, and what can be measured of a material."""
+"""`obscurance materials`: the presets; measured albedo, reciprocity and fit error of materials."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def preset_toml(name: str) -> str:
     return "\n".join(["[[materials]]", f'name = "my_{name}"', *lines, ""])
 
 
-def named_materials(name: str | None) -> list[tuple[str, BaseMaterial]]:
+def chosen_materials(name: str | None) -> list[tuple[str, BaseMaterial]]:
     """The materials of a preset, of all for None, or of the objects of a scene file.
 
     Raises:

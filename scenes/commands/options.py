@@ -1,4 +1,4 @@
-"""What options of the command may be, and what they mean. Heavy imports wait until one is made use of."""
+"""Choices of the command's options, and their parsing. Heavy imports wait until one is used."""
 
 from __future__ import annotations
 

@@ -27,7 +27,7 @@ PREVIEW_BAKE = 32  # and it bakes with that many rays a vertex
 
 @dataclass(frozen=True)
 class Picture:
-    """What `take` made.
+    """The result of `take`.
 
     Attributes:
         frame: the layers that the file's format holds, and the renderer's counts.
@@ -40,7 +40,7 @@ class Picture:
     seconds: dict[str, float]
 
     def summary(self, target: Path, settings: Settings) -> str:
-        """What was rendered to where, and what it took."""
+        """The line after a rendering: file, size, rays, times."""
         traced, skipped = sum(self.frame.rays.values()), sum(self.frame.rays_skipped.values())
         return (
             f"{printable(str(target))}: {settings.width}×{settings.height}, {traced / 1e6:.1f} M rays traced"
@@ -120,7 +120,7 @@ def take(
 
 
 def metadata(source: Path, description: SceneDescription) -> dict[str, str]:
-    """What an image file tells of its making; nothing that changes from run to run."""
+    """Metadata of an image file: settings and version, nothing that changes from run to run."""
     settings = description.settings
     return {
         "scene": source.name,
@@ -136,7 +136,7 @@ def metadata(source: Path, description: SceneDescription) -> dict[str, str]:
 def render_report(
     source: Path, settings: Settings, picture: Picture, threads: int, warnings: Sequence[str] = ()
 ) -> dict[str, Any]:
-    """What a rendering took, as JSON-ready values.
+    """The report of a rendering as JSON-ready values.
 
     Args: warnings: what limits the picture, see `raytrace.mesh.precision`.
     """

@@ -1,4 +1,4 @@
-"""What a scene file says: what is rendered, from where, how, and how its obscurance comes about."""
+"""The content of a scene file: scene, camera, settings, and the source of its obscurance."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ class SceneDescription:
         settings: of the picture.
         bake: of w(p); its source is "off" exactly when `settings.obscurance` is.
         files: every file that the scene is made of: its own, meshes, textures, w.
-        notes: what is to be told about them.
+        notes: warnings about them.
         origins: of the vertices of each object, None where they are its file's one by one; or nothing, if all are.
     """
 

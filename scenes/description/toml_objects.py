@@ -21,11 +21,11 @@ from ..geometry.builtin_shapes import SOLIDS, Solid
 from ..geometry.instances import check_copies, flatten
 from ..geometry.primitives import Geometry, Origin
 from ..readers.load import mesh_errors, read_objects
+from ..readers.textured import ENDINGS, read_textured
 from ..safe_paths import confined
 from .defaults import NEUTRAL
 from .gltf_scene import gltf_objects
 from .schema import ObjectTable, Transform
-from .textured import ENDINGS, read_textured
 from .transforms import matrix_of
 
 
@@ -56,7 +56,7 @@ class ObjectReader:
 
     Attributes:
         files: what was read, or will be.
-        notes: what is to be told about meshes.
+        notes: warnings about meshes.
     """
 
     def __init__(self, source: Path, materials: dict[str, BaseMaterial]) -> None:

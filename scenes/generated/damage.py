@@ -1,4 +1,4 @@
-"""What happens to meshes on their way: noise, folds, decimation, holes, doubles, seams, other triangles."""
+"""Damage that meshes suffer in practice: noise, folds, decimation, holes, doubles, seams, flipped edges."""
 
 from __future__ import annotations
 

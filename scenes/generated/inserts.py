@@ -1,4 +1,4 @@
-"""Things set into dense surfaces: posts, pipes, eyes, blades; touching exactly, intersecting, or a hair above."""
+"""Objects set into dense surfaces, exactly touching, intersecting or slightly above: posts, pipes, eyes, blades."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import numpy as np
 from raytrace.mesh.mesh import Mesh
 
 from ..geometry.polyhedra import Floats, Part, join
-from .dense import Make, Rng, displacement, field, log_uniform, posed, sized
+from .dense import Make, Rng, displacement, field, log_uniform, placed, sized
 from .pieces import ball, box, capsule, cells, cylinder, knot, moved, random_turn, ring, sheet, solid
 
 Height = Callable[[Floats], Floats]
@@ -27,7 +27,7 @@ def slab_with_posts(rng: Rng, size: int) -> Mesh:
         post = box((0.2, 0.2, 2.0), h, hard)
         return join([slab, *(moved(post, foot, turn) for foot, turn in zip(feet, turns, strict=True))])
 
-    return posed(sized(make, size), rng, "slab with posts")
+    return placed(sized(make, size), rng, "slab with posts")
 
 
 def _ground(rng: Rng) -> tuple[Make, Height]:
@@ -55,7 +55,7 @@ def posts(rng: Rng, size: int) -> Mesh:
     """Posts of any footprint, 3 to 40, on flat or wavy ground, upright or leaning."""
     ground, height = _ground(rng)
     makes = [ground, *(_post(rng, height) for _ in range(int(log_uniform(rng, 3, 41))))]
-    return posed(sized(lambda h: join([make(h) for make in makes]), size), rng, "posts")
+    return placed(sized(lambda h: join([make(h) for make in makes]), size), rng, "posts")
 
 
 def _post(rng: Rng, height: Height) -> Make:
@@ -78,7 +78,7 @@ def pipes(rng: Rng, size: int) -> Mesh:
     """Pipes, rings and winding tubes lying on the ground, half sunk into it, or a hair above."""
     ground, height = _ground(rng)
     makes = [ground, *(_pipe(rng, height) for _ in range(int(rng.integers(2, 12))))]
-    return posed(sized(lambda h: join([make(h) for make in makes]), size), rng, "pipes")
+    return placed(sized(lambda h: join([make(h) for make in makes]), size), rng, "pipes")
 
 
 def _pipe(rng: Rng, height: Height) -> Make:
@@ -127,7 +127,7 @@ def eyes(rng: Rng, size: int) -> Mesh:
                 parts.append((cover + centre, triangles[(cover[triangles][:, :, 2] > 0.2 * radius).all(axis=1)]))
         return join([(skin, faces), *parts])
 
-    return posed(sized(make, size), rng, "eyes")
+    return placed(sized(make, size), rng, "eyes")
 
 
 def blades(rng: Rng, size: int) -> Mesh:
@@ -147,7 +147,7 @@ def blades(rng: Rng, size: int) -> Mesh:
     vertices = np.stack([spine - side, spine + side], axis=2).reshape(-1, 3)
     first = (np.arange(count)[:, None] * (steps + 1) + np.arange(steps)).reshape(-1, 1) * 2
     strips = vertices, np.concatenate([first + np.array([0, 1, 3]), first + np.array([0, 3, 2])])
-    return posed(sized(lambda h: join([ground(h), strips]), size), rng, "blades")
+    return placed(sized(lambda h: join([ground(h), strips]), size), rng, "blades")
 
 
 def character(rng: Rng, size: int) -> Mesh:
@@ -167,4 +167,4 @@ def character(rng: Rng, size: int) -> Mesh:
     def make(h: float) -> Part:
         return join([moved(make(h * f), c) for make, c, f in zip(makes, centres, relative, strict=True)])
 
-    return posed(sized(make, size), rng, "character")
+    return placed(sized(make, size), rng, "character")

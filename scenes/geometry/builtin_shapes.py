@@ -1,4 +1,4 @@
-"""The shapes that a scene file makes by name, `builtin = "sphere"`, with their parameters.
+"""The built-in shapes of scene files, `builtin = "sphere"` for instance, with their parameters.
 
 All stand about the origin, but for the temple, which stands on z = 0. Lengths are scene units; `fineness` is the
 longest leg of a mesh triangle, and thus how fine w(p) can be.

@@ -1,4 +1,4 @@
-"""The part of a glTF header that is read, as types: whatever is not like them is refused by name.
+"""Types of the part of a glTF header that is read; whatever does not match is refused by name.
 
 Indices are whole numbers from 0; whether they point at something is found where they are used.
 Format: Khronos glTF 2.0 specification, section 5.

@@ -1,4 +1,4 @@
-"""Wavefront OBJ geometry over exactly the file's own `v` lines.
+"""Wavefront OBJ: geometry over exactly the file's own `v` lines.
 
 trimesh's reader splits, repeats or drops vertices as texture coordinates, materials and objects ask for, takes
 index 0 for 1 and wraps negative ones, so it cannot serve here. Memory is estimated at 7 times the bytes of a

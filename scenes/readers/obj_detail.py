@@ -1,4 +1,4 @@
-"""What an OBJ file holds besides geometry: colours, texture coordinates, materials; and what is left out, in words."""
+"""Colours, texture coordinates and materials of an OBJ file, and in words what is not kept."""
 
 from __future__ import annotations
 

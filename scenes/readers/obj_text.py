@@ -1,4 +1,4 @@
-"""The statements of a Wavefront OBJ file: vertices, and what the corners of its faces refer to.
+"""The statements of a Wavefront OBJ file: vertices, faces, and the indices at their corners.
 
 Format: Wavefront Advanced Visualizer manual, appendix B1.
 """

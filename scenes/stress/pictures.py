@@ -1,4 +1,4 @@
-"""The renderer under light that grazes, touches, is shut in or comes from the edge of infinity."""
+"""Shadows in rendered images: grazing light, light on a surface, light in a closed solid, light very far away."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The stability suite: everything that could make a bake or a picture lie, in many poses."""
+"""All stress tests, in many poses."""
 
 from __future__ import annotations
 

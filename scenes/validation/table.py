@@ -1,4 +1,4 @@
-"""The validation table: closed forms against what `ao.bake` measures."""
+"""The validation table: closed forms against the w of `ao.bake`."""
 
 from __future__ import annotations
 

@@ -16,7 +16,7 @@ from ao.falloff import Binary, Exponential
 from ao.gather.hemisphere import DirectionTable
 from raytrace import Mesh
 from raytrace.mesh.placement import ray_offset
-from scenes.geometry.polyhedra import icosphere, inscribed_radius, tube
+from scenes.geometry.polyhedra import icosphere, inscribed_radius, prism
 from scenes.validation import table as validation
 from scenes.validation.configurations import Configuration
 
@@ -161,7 +161,7 @@ def test_tessellation_bounds_hold() -> None:
         radius = np.abs(np.einsum("ij,ij->i", normal, a)) / np.abs(directions @ normal.T)
     inside = inscribed_radius((vertices, faces))
     assert inside <= radius.min(axis=1).min() < radius.min(axis=1).max() <= 1.0
-    assert inscribed_radius(tube(16, 4.0)) == pytest.approx(np.cos(pi / 16))
+    assert inscribed_radius(prism(16, 4.0)) == pytest.approx(np.cos(pi / 16))
 
 
 # Wrong estimators. Each must be told from a right one by several of a few cheap lines.
