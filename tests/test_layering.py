@@ -9,7 +9,14 @@ import pytest
 
 ROOT = Path(__file__).resolve().parent.parent
 ORDER = [
-    *("raytrace.errors", "raytrace.kernel", "raytrace.system", "raytrace.settings", "raytrace.sampling"),
+    *(
+        "raytrace.errors",
+        "raytrace.types",
+        "raytrace.kernel",
+        "raytrace.system",
+        "raytrace.settings",
+        "raytrace.sampling",
+    ),
     *("raytrace.embree", "raytrace.mesh", "raytrace.ray_origins", "raytrace.image", "raytrace.lights"),
     *("raytrace.brdf", "raytrace.materials", "raytrace.camera", "raytrace.scene", "raytrace.shade"),
     "raytrace.renderer",
