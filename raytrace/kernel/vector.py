@@ -112,7 +112,7 @@ def halfway(l, v):
 def perpendicular(n, grain):
     """Unit tangent (g, n × g): `grain` projected into the plane of the unit normal `n`.
 
-    Where the grain is zero or along the normal it says nothing, and some tangent is returned.
+    Where the grain is zero or along the normal it has no direction there, and some tangent is returned.
     """
     projected = subtract(grain, scale(dot(grain, n), n))
     if dot(projected, projected) <= 1e-20 * dot(grain, grain):

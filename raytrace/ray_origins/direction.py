@@ -74,11 +74,11 @@ def _turn(incident, surface, points, first, last, directions, clearance):
     incident, surface = borrow(incident), borrow(surface)
     own, own_starts = incident.own, incident.own_starts
     touched, touched_starts = incident.touched, incident.touched_starts
-    most = 0
+    largest = 0
     for k in range(first, last):
-        most = max(most, own_starts[k + 1] - own_starts[k] + touched_starts[k + 1] - touched_starts[k])
-    normals, kept = np.empty((most, 3)), np.empty((most, 3))
-    angles, is_own = np.empty(most), np.empty(most, np.bool_)
+        largest = max(largest, own_starts[k + 1] - own_starts[k] + touched_starts[k + 1] - touched_starts[k])
+    normals, kept = np.empty((largest, 3)), np.empty((largest, 3))
+    angles, is_own = np.empty(largest), np.empty(largest, np.bool_)
     for k in range(first, last):
         row = incident.rows[k]
         p, direction = load(points, row), load(directions, row)
@@ -103,15 +103,15 @@ def _turn(incident, surface, points, first, last, directions, clearance):
                 obeyed += 1
         size = length(total)
         start = (total[0] / size, total[1] / size, total[2] / size) if size > 1e-9 else direction
-        turned, room = outermost_normal(start, kept[:obeyed], _ENOUGH)
-        if room > 0.0:
+        turned, least = outermost_normal(start, kept[:obeyed], _ENOUGH)
+        if least > 0.0:
             store(directions, row, turned)
-            clearance[row] = room
+            clearance[row] = least
 
 
 @inline
 def _is_obeyed(i, normals, angles, is_own):
-    """Whether a point is in front of its i-th face: see the module about faces that look opposite ways."""
+    """Whether a point is taken to be in front of its i-th face; see the module on faces that look opposite ways."""
     balance, opposed = 0.0, False
     n = load(normals, i)
     for j in range(len(normals)):

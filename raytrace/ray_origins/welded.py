@@ -79,8 +79,8 @@ def weld_points(
     if not area.all():
         faces, face_normal = faces[area > 0], face_normal[area > 0]
     group = weld(vertices.astype(np.float32), normalize(sums) if normals is None else normals, agreement)
-    first = np.full(int(group.max()) + 1, len(group), np.int64)
-    np.minimum.at(first, group, np.arange(len(group)))
+    first = np.empty(int(group.max()) + 1, np.int64)
+    first[group[::-1]] = np.arange(len(group))[::-1]
     face_points = group[faces]
     mean = normalize(sum_groups(group, sums))
     directions, clearance = outermost_normals(mean, face_points, face_normal)
