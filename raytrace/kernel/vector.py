@@ -53,6 +53,12 @@ def scale(s, a):
 
 
 @inline
+def divide(a, s):
+    """a/s"""
+    return (a[0] / s, a[1] / s, a[2] / s)
+
+
+@inline
 def multiply(a, b):
     """Componentwise product: light through a colour."""
     return (a[0] * b[0], a[1] * b[1], a[2] * b[2])

@@ -46,16 +46,8 @@ class WeldedPoints(NamedTuple):
 
     def ray_origins(self, scene: TriangleScene, surface: Surface) -> Float64s:
         """Ray origins (k, 3). Args: scene: holds exactly the faces of `surface`, which is `self.surface`."""
-        magnitude = surface.magnitudes(self.face_points, len(self.first))
-        return ray_origins(
-            scene,
-            surface,
-            surface.vertices[self.first],
-            self.directions,
-            self.clearance,
-            self.face_points,
-            magnitude,
-        )
+        points, magnitude = surface.vertices[self.first], surface.magnitudes(self.face_points, len(self.first))
+        return ray_origins(scene, surface, points, self.directions, self.clearance, self.face_points, magnitude)
 
 
 def weld_points(
