@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import ao.bake
 import numpy as np
 import pytest
 from meshes import crumpled

@@ -8,16 +8,13 @@ import numpy as np
 import numpy.typing as npt
 
 from raytrace.embree.packets import LANES, new_packet
-from raytrace.embree.scene import TriangleScene
 from raytrace.mesh.normals import face_normals
 from raytrace.mesh.placement import Placement
 from raytrace.sampling.hash import mix_array as mix
 from raytrace.system.threads import run_blocks
 
-from ..falloff import Mu
 from ..gather.receivers import Receivers
-from ..trace.checkpoint import Checkpoint
-from ..trace.tracer import Progress
+from ..prepared import Prepared
 from .face_moments import HIDDEN, MOMENTS, SEEN, gather_faces, lattices
 from .samples import Samples, along_curve
 
@@ -68,21 +65,10 @@ class Patch:
         return Patch(self.corners[faces], self.normals[faces], self.areas[faces], local, self.axes[faces], len(own))
 
 
-def gather(
-    scene: TriangleScene,
-    placement: Placement,
-    patch: Patch,
-    mu: Mu,
-    samples: int,
-    key: np.uint32,
-    threads: int,
-    progress: Progress | None,
-    checkpoint: Checkpoint | None,
-) -> tuple[Floats, Ints]:
-    """Moments (m, 29) and counts (m, 3) of the faces of `patch`, see `gather_faces`.
-
-    Args: samples: rays for every unknown.
-    """
+def gather_moments(prepared: Prepared, patch: Patch) -> tuple[Floats, Ints]:
+    """Moments (m, 29) and counts (m, 3) of the faces of `patch`, see `gather_faces`."""
+    mu, placement, checkpoint = prepared.mu, prepared.placement, prepared.checkpoint
+    samples, key, progress = prepared.options.rays, prepared.key, prepared.progress
     moments, counts = np.zeros((len(patch.seats), MOMENTS)), np.zeros((len(patch.seats), 3), np.int64)
     if not len(patch.seats):
         return moments, counts
@@ -99,7 +85,7 @@ def gather(
         if checkpoint and checkpoint.copy(call, a, moments[a:b], counts[a:b]):
             return
         gather_faces(
-            scene.handle, *new_packet(), patch.corners[a:b], patch.normals[a:b], patch.axes[a:b],
+            prepared.receivers.scene.handle, *new_packet(), patch.corners[a:b], patch.normals[a:b], patch.axes[a:b],
             spread.starts[a : b + 1], spread.ends[a : b + 1], spread.weights[a:b], spread.shift, directions, key,
             tau, placement.diagonal, limit, moments[a:b], counts[a:b],
         )  # fmt: skip
@@ -114,7 +100,7 @@ def gather(
         if progress:
             progress(count * rays * done // len(moments), count * rays)
 
-    run_blocks(len(moments), max(len(moments) * _BLOCK_RAYS // (count * rays), 1), work, threads, advance)
+    run_blocks(len(moments), max(len(moments) * _BLOCK_RAYS // (count * rays), 1), work, prepared.threads, advance)
     return moments, counts
 
 
