@@ -42,7 +42,11 @@ COMMANDS = [
     ("bake a.ply -o w.npy --colours", "got --colours; did you mean --colors?"),
     ("bake a.ply -o w.npy --tolerance 0", "bake --tolerance: expected a number from 1e-5 to 1, got 0"),
     ("bake a.ply -o w.npy --tolerance 1%", "bake --tolerance: expected a number, got 1%"),
-    ("bake a.ply -o w.npy --tolerance .1 --no-reconstruct", "bake --no-reconstruct", "expected reconstruction together with a tolerance"),
+    (
+        "bake a.ply -o w.npy --tolerance .1 --no-reconstruct",
+        "bake --no-reconstruct",
+        "expected reconstruction together with a tolerance",
+    ),
     ("bake a.ply -o w.npy --falloff exp", "one of exponential, binary, got exp; did you mean exponential?"),
     ("bake a.ply -o w.npy --falloff binary --tau 2", "bake --tau: expected --falloff exponential"),
     ("bake a.ply -o w.npy --falloff binary --half-distance 2", "bake --half-distance: expected --falloff exponential"),
