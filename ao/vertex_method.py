@@ -26,7 +26,8 @@ def sample_vertices(prepared: Prepared) -> PointValues:
     point = receivers.of_vertex
     baked = point >= 0
     inside = _inside(prepared)
-    receivers.flags[baked] |= np.where(inside[point[baked]], Flag.HIDDEN, 0).astype(np.uint8)
+    if inside.any():
+        receivers.flags[baked & inside[point]] |= np.uint8(Flag.HIDDEN)
     untraced = np.zeros(len(receivers.points), np.bool_)
     if inside.any() and options.hidden != "mark":
         filling = Fill.of(receivers.points, _neighbours(receivers, tracer.threads), inside)
