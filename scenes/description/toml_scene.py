@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 import ao
-from ao.arguments import MAX_SAMPLES
+from ao.options import MAX_SAMPLES
 from raytrace.camera import Camera
 from raytrace.errors import OptionError, SceneError, nearest_name
 from raytrace.lights.sources import light_from_dict
