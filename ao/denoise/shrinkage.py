@@ -20,7 +20,7 @@ from raytrace.kernel.arrays import product
 from raytrace.kernel.jit import kernel
 from raytrace.kernel.vector import add, cross, dot, load, scale
 
-from ..gather.hemisphere import BATCHES
+from ..gather.directions import BATCHES
 from ..gather.receivers import Points
 from .one_ring import Neighbours
 
@@ -41,7 +41,7 @@ def reconstruct(neighbours: Neighbours, points: Points, rows: Floats, level: flo
 
     Where all rays around a point agree, nothing is drawn.
 
-    Args: rows: (k, 5), as `ao.gather.hemisphere.gather` makes them. level: mean square error of rows[:, 0].
+    Args: rows: (k, 5), as `gather_hemispheres` makes them. level: mean square error of rows[:, 0].
     """
     estimate, spread = rows[:, 0], neighbours.smooth(rows[:, 1], _SPREAD_REACH)
     variance = shared_out(spread, level)

@@ -29,7 +29,8 @@ from raytrace.system.threads import run_blocks
 
 from ..denoise.one_ring import Neighbours
 from ..denoise.upsampling import coarser, fill, owners
-from ..gather.hemisphere import DirectionTable, aim, choose, start_from, turned_frame
+from ..gather.directions import DirectionTable, choose, turned_frame
+from ..gather.ray_packet import aim, start_from
 from ..gather.receivers import Points, Receivers
 from .closed_parts import closed_parts, inside_boxes
 
