@@ -1,4 +1,4 @@
-"""The report of a bake that `--report` writes."""
+"""The JSON report of a bake, which `--report` writes."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ import numpy as np
 from raytrace.embree import library as embree
 
 from .gather.receivers import Flag
-from .vertex_method import Bake
+from .result import Bake
 
 
 def versions() -> dict[str, str]:

@@ -77,7 +77,7 @@ def write_json(path: str | os.PathLike[str], content: Any) -> None:
 
 
 def check_writable(path: str | os.PathLike[str]) -> None:
-    """Find out before the work whether `atomic_write(path)` will be able to start.
+    """Check before the work that `atomic_write(path)` will be able to start.
 
     Raises:
         OutputError: the folder is missing or refuses new files, or `path` is something other than a file.

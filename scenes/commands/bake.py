@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import time
 from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 from warnings import catch_warnings
@@ -84,7 +83,7 @@ class BakeCommand:
 
     def _check(self) -> ao.Falloff:
         """The falloff, if the options go together and the outputs can be written. Raises: OptionError, OutputError."""
-        from ao.arguments import check_arguments
+        from ao.options import Options
         from raytrace.errors import OptionError
         from raytrace.system.outputs import check_ending, check_outputs
 
@@ -93,14 +92,7 @@ class BakeCommand:
         falloff = make_falloff(self.falloff, self.tau, self.half_distance, self.max_distance)
         if self.colors and self.output.suffix.lower() not in (".glb", ".ply"):
             raise OptionError("colors", "a .glb or .ply output with it", self.output)
-        if self.tolerance is not None and not self.reconstruct:
-            raise OptionError("reconstruct", "--samples with it", "--tolerance")
-        check_arguments(self.samples, self.seed, self.threads, self.tolerance)
-        given = {"tolerance": self.tolerance is not None, "reconstruct": not self.reconstruct, "skip": not self.skip}
-        given["hidden"] = self.hidden is not Hidden.auto
-        for name, is_given in given.items():
-            if is_given and self.method is Method.surface:
-                raise OptionError(name, "--method vertex with it", "--method surface")
+        Options(**self._options())
         check_target(self.output)
         if self.report:
             check_ending("--report", self.report, ".json")
@@ -117,20 +109,19 @@ class BakeCommand:
     def _outputs(self) -> dict[str, Path | None]:
         return {"--output": self.output, "--report": self.report, "--debug-image": self.debug_image}
 
+    def _options(self) -> dict[str, Any]:
+        """The options that `ao.bake` takes."""
+        names = ("method", "samples", "seed", "threads", "normals", "tolerance", "reconstruct", "hidden", "skip")
+        return {name: plain(getattr(self, name)) for name in names}
+
     def _bake(self, mesh: Mesh, falloff: ao.Falloff, checkpoint: Checkpoint) -> tuple[ao.Bake, list[str]]:
         """The bake, and warnings that a tolerance was not met."""
         import ao
 
-        make: Any = ao.bake_surface
-        kernels = "surface_gather"
-        if self.method is Method.vertex:
-            how: dict[str, Any] = {"reconstruct": self.reconstruct, "skip": self.skip, "hidden": self.hidden.value}
-            make = partial(ao.bake, tolerance=self.tolerance, **how)
-            kernels = "hemisphere"
-        given = self.samples, self.seed, self.threads, self.normals.value
+        kernels = "hemisphere" if self.method is Method.vertex else "face_moments"
         unmet = catch_warnings(record=True, action="always", category=ao.ToleranceWarning)
         with progress(self.quiet, "rays") as (advance,), compiling(kernels), unmet as raised:
-            baked = make(mesh, falloff, *given, advance, checkpoint=checkpoint)
+            baked = ao.bake(mesh, falloff, progress=advance, checkpoint=checkpoint, **self._options())
         return baked, [str(warning.message) for warning in raised]
 
     def _write_report(self, path: Path, baked: ao.Bake, seconds: dict[str, float], warnings: list[str]) -> None:

@@ -9,7 +9,7 @@ from pathlib import Path
 from statistics import median
 
 import ao
-from ao.arguments import check_arguments
+from ao.options import Options
 from ao.report import versions
 from raytrace.mesh.mesh import Mesh
 from raytrace.system.atomic import write_json
@@ -112,7 +112,7 @@ def bench_file(
     if report:
         check_ending("--report", report, ".json")
         check_outputs({"--report": report}, [path] if path else [])
-    check_arguments(seed=seed, threads=threads)
+    Options(seed=seed, threads=threads)
     mesh = temple(_FINENESS) if path is None else load(path).mesh
     with compiling("hemisphere"):
         rows = run_bench(mesh, falloff, seed=seed, threads=threads)

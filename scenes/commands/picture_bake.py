@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 import ao
-from ao.vertex_method import Progress
+from ao.trace.tracer import Progress
 from raytrace.renderer.render import seen_vertices
 from raytrace.scene import Scene
 

@@ -38,11 +38,11 @@ def check_forms(
 
 def validate_closed_forms(samples: int, seed: int, threads: int | None) -> bool:
     """Print the table of closed forms; whether all are met. Raises: OptionError."""
-    from ao.arguments import check_arguments
+    from ao.options import Options
 
     from ..validation.table import run_validation, validation_table
 
-    check_arguments(samples, seed, threads)
+    Options("vertex", samples, seed, threads)
     with compiling("hemisphere"):
         results = run_validation(samples=samples, seed=seed, threads=threads)
     print(validation_table(results))
@@ -51,12 +51,12 @@ def validate_closed_forms(samples: int, seed: int, threads: int | None) -> bool:
 
 def validate_stress(threads: int | None, long: bool) -> bool:
     """Print the table of stress tests; whether all pass. Raises: OptionError."""
-    from ao.arguments import check_arguments
+    from ao.options import Options
 
     from ..stress.line import stress_table
     from ..stress.suite import run_stress
 
-    check_arguments(threads=threads)
+    Options(threads=threads)
     with compiling("hemisphere"), progress(False, "groups") as (advance,):
         lines = run_stress(long, threads, advance)
     print(stress_table(lines))
@@ -77,7 +77,7 @@ def validate_generated(
     """
     import secrets
 
-    from ao.arguments import MAX_SAMPLES, check_arguments
+    from ao.options import MAX_SAMPLES, Options
     from raytrace.errors import nearest_name
 
     from ..generated import suite, verdict
@@ -85,7 +85,7 @@ def validate_generated(
 
     if not 2 <= samples <= 2 * MAX_SAMPLES:
         raise OptionError("samples", f"a whole number from 2 to {2 * MAX_SAMPLES}", samples)
-    check_arguments(seed=seed or 0, threads=threads)
+    Options(seed=seed or 0, threads=threads)
     given = [load(path).mesh for path in files]
     seed = secrets.randbelow(1 << 31) if seed is None else seed
     cases = suite.long_cases(seed, given) if long else suite.short_cases(seed, given)
