@@ -121,7 +121,7 @@ def test_signatures_can_be_read(name):
     text = str(inspect.signature(kind))
     assert "<" not in text
     assert "Annotated" not in text
-    assert set(inspect.signature(kind).parameters) == set(kind.model_fields) - {"model", "light"}
+    assert set(inspect.signature(kind).parameters) == set(kind.__dataclass_fields__) - {"model", "light"}
     assert f"{name}{text}" in pydoc.render_doc(kind, renderer=pydoc.plaintext)
 
 

@@ -40,8 +40,8 @@ def make(mesh_target: Path, picture_target: Path, progress: Progress | None = No
     mesh = temple()
     baked = ao.bake(mesh, progress=progress)
     write(mesh_target, baked, MeshFile.of(mesh))
-    white = Object(Shape(mesh, Lambert(albedo=1)), w=baked.w)
-    scene = Scene((white,), (AmbientLight(intensity=1),), _BACKGROUND)
+    white = Object(Shape(mesh, Lambert(albedo=(1, 1, 1))), w=baked.w)
+    scene = Scene((white,), (AmbientLight(intensity=(1, 1, 1)),), _BACKGROUND)
     camera = Camera.framing(mesh, (0.8, -1.6, 0.55), aspect=_SETTINGS.width / _SETTINGS.height)
     write_frame(picture_target, render(scene, camera, _SETTINGS, layers=False), {"scene": "temple"})
     return baked
