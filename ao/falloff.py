@@ -8,13 +8,14 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Annotated
+from typing import Annotated, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 from pydantic import Field, PlainValidator, ValidationInfo
 
 from raytrace.errors import OptionError
+from raytrace.kernel.jit import inline
 from raytrace.system.parameters import Parameters
 
 Length = float | str
@@ -49,6 +50,26 @@ Rate = Annotated[float, Field(strict=True, gt=0, lt=math.inf, description="a fin
 Limit = Annotated[Length, PlainValidator(_length)]
 
 
+class KernelMu(NamedTuple):
+    """A falloff as kernels take it, in render space.
+
+    Attributes:
+        tau: rate τ of the exponential form per unit of length, 0 for the binary form.
+        limit: max_distance D, from which on μ is 1, or inf.
+        scale: 1/(1 − e^(−τD)), 1 for the binary form.
+    """
+
+    tau: float
+    limit: float
+    scale: float
+
+
+@inline
+def exponential_mu(distance, falloff):
+    """μ at a distance below the limit of a `KernelMu`, for τ > 0 (12.74)."""
+    return -np.expm1(-falloff.tau * distance) * falloff.scale
+
+
 @dataclass(frozen=True)
 class Mu:
     """A falloff whose lengths are known: what a bake computes with.
@@ -67,6 +88,11 @@ class Mu:
         if self.tau is None:
             return np.where(x < self.max_distance, 0.0, 1.0)
         return np.expm1(-self.tau * np.minimum(x, self.max_distance)) / np.expm1(-self.tau * self.max_distance)
+
+    def in_render_space(self, scale: float) -> KernelMu:
+        """The same for lengths that are multiplied by `scale`."""
+        tau, limit = (self.tau or 0.0) / scale, self.max_distance * scale
+        return KernelMu(tau, limit, -1.0 / math.expm1(-tau * limit) if tau > 0 else 1.0)
 
 
 class Binary(Parameters, kw_only=False, source="options"):

@@ -117,8 +117,8 @@ def measure(path: Path, budgets: list[int], count: int, rays: int, seeds: int) -
     for name, falloff in FALLOFFS.items():
         for samples in [*budgets, most]:
             row: dict[str, Any] = {"falloff": name, "samples": samples}
-            for method, bake in (("vertex", ao.bake), ("surface", ao.bake_surface)):
-                bakes = [bake(mesh, falloff, samples=samples, seed=seed) for seed in range(seeds)]
+            for method in ("vertex", "surface"):
+                bakes = [ao.bake(mesh, falloff, samples=samples, seed=seed, method=method) for seed in range(seeds)]
                 errors = [points.errors(baked.w, name) for baked in bakes]
                 row[method] = {key: float(np.sqrt(np.mean([e[key] ** 2 for e in errors]))) for key in errors[0]}
                 row[method]["rays"] = bakes[0].rays

@@ -5,7 +5,7 @@ With directions of density cosθ/π the integral is the plain mean of μ, so a f
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -22,13 +22,17 @@ from raytrace.embree.packets import (
     ORG_Z,
     TFAR,
     intersect8,
+    new_packet,
     occluded8,
 )
+from raytrace.embree.scene import EmbreeScene
 from raytrace.kernel.borrow import borrow
 from raytrace.kernel.jit import inline, kernel
 from raytrace.sampling.hash import mix
 from raytrace.sampling.sequences import jittered_lattice
 from raytrace.sampling.warps import cosine_hemisphere
+
+from ..falloff import exponential_mu
 
 BATCHES = 6  # the lattice steps by 6 × golden ratio = .708 within a part, as irrational as one can wish
 _TABLE_POINTS = 1 << 18
@@ -37,9 +41,33 @@ _TOGETHER = 2 * LANES  # rays that share a part of azimuth in the order of a tab
 SECTORS = 16  # of azimuth, in each of which a point has a horizon
 _STEEPEST = 50.0  # slope from which on the sector is uncertain, and rays count as no steeper
 
+W, BATCH_VARIANCE, BENT = (
+    0,
+    1,
+    2,
+)  # columns of what is gathered: w, the variance between batches, the mean of μ·direction
+COLUMNS = BENT + 3
+VALUES = [W, *range(BENT, COLUMNS)]
 
-@dataclass(frozen=True)
-class DirectionTable:
+
+class RayPacket(NamedTuple):
+    """Eight rays and the Embree scene that they are traced in.
+
+    Attributes:
+        scene: uint64, Embree's handle. rays: float32 (22, 8). valid: int32 (8,). See `raytrace.embree.packets`.
+    """
+
+    scene: np.uint64
+    rays: npt.NDArray[np.float32]
+    valid: npt.NDArray[np.int32]
+
+    @classmethod
+    def of(cls, scene: EmbreeScene) -> RayPacket:
+        """A new packet, all lanes valid."""
+        return cls(scene.handle, *new_packet())
+
+
+class DirectionTable(NamedTuple):
     """Sets of directions that the points of a mesh draw from, each turned about its own normal.
 
     Attributes:
@@ -119,26 +147,20 @@ def aim(packet, local, first, t, b, n, reach):
 
 
 @kernel
-def gather(
-    scene, packet, valid, origins, normals, numbers, directions, batches, mean, sectors, slopes, key, tau, reach, limit,
-    horizons, traced, out,
-):  # fmt: skip
-    """Obscurance of a block of points.
+def gather_hemispheres(packet, points, table, falloff, reach, horizons, traced, out):
+    """Estimate the obscurance of n points.
 
     Args:
-        scene, packet, valid: see raytrace.embree.
-        origins, normals: float32 (n, 3), in the scene's units.
-        numbers: uint32 (n,), what a point's random choices are keyed by.
-        directions, batches, mean, sectors, slopes, key: a DirectionTable's.
-        tau: rate of the exponential μ in the scene's units, or 0 for the binary μ.
-        reach: length of every ray; limit: max_distance, at which the exponential μ is 1, or inf.
+        packet: RayPacket. points: PointArrays. table: DirectionTable. falloff: KernelMu.
+        reach: length of every ray, at most falloff.limit.
         horizons: float32 (n, 16), slopes above which rays are open and not traced, or (0, 16).
-        traced: uint32 (n,): rays traced.
-        out: float64 (n, 5): w, the variance between batches, and the mean of μ·direction (x, y, z).
+        traced: uint32 (n,), written: rays traced.
+        out: float64 (n, COLUMNS), written.
     """
-    packet, valid, origins, normals = borrow(packet), borrow(valid), borrow(origins), borrow(normals)
-    directions, batches, mean, out = borrow(directions), borrow(batches), borrow(mean), borrow(out)
-    sectors, slopes, horizons, traced = borrow(sectors), borrow(slopes), borrow(horizons), borrow(traced)
+    scene, rays, valid = borrow(packet)
+    origins, normals, numbers = borrow(points)
+    directions, batches, mean, sectors, slopes, key = borrow(table)
+    horizons, traced, out = borrow(horizons), borrow(traced), borrow(out)
     sets, samples = len(directions), len(batches)
     below, batches_below = np.zeros((3, samples + LANES), np.float32), np.zeros(samples + LANES, np.uint8)
     used = min(BATCHES, samples)
@@ -146,42 +168,41 @@ def gather(
     for k in range(samples):
         size[batches[k]] += 1.0
     lost = np.zeros(BATCHES)
-    exponential = tau > 0.0
-    scale = -1.0 / np.expm1(-tau * limit) if exponential else 1.0
-    ids = packet.view(np.uint32)
+    exponential = falloff.tau > 0.0
+    ids = rays.view(np.uint32)
     for i in range(len(origins)):
         chosen, turn = choose(numbers[i], key, sets)
         n = normals[i]
         t, b = turned_frame(n, turn)
-        local, of_batch, rays = directions[chosen], batches, samples
+        local, of_batch, count = directions[chosen], batches, samples
         if len(horizons):
-            rays = 0
+            count = 0
             for k in range(samples):
                 for axis in range(3):
-                    below[axis, rays] = local[axis, k]
-                batches_below[rays] = batches[k]
-                rays += slopes[chosen, k] <= horizons[i, sectors[chosen, k]]
+                    below[axis, count] = local[axis, k]
+                batches_below[count] = batches[k]
+                count += slopes[chosen, k] <= horizons[i, sectors[chosen, k]]
             local, of_batch = below, batches_below
-        traced[i] = rays
+        traced[i] = count
         lost[:] = 0.0
         x = y = z = 0.0
         valid[:] = -1
-        start_from(packet, origins[i])
-        for first in range(0, rays, LANES):
-            lanes = min(LANES, rays - first)
+        start_from(rays, origins[i])
+        for first in range(0, count, LANES):
+            lanes = min(LANES, count - first)
             valid[lanes:] = 0
-            aim(packet, local, first, t, b, n, reach)
+            aim(rays, local, first, t, b, n, reach)
             if exponential:
-                intersect8(scene, packet, valid)
+                intersect8(scene, rays, valid)
             else:
-                occluded8(scene, packet, valid)
+                occluded8(scene, rays, valid)
             for lane in range(lanes):
                 loss = 1.0  # 1 − μ
                 if exponential:
                     if ids[GEOM_ID, lane] == INVALID:
                         continue
-                    loss += np.expm1(-tau * packet[TFAR, lane]) * scale  # (12.74)
-                elif packet[TFAR, lane] >= 0.0:
+                    loss -= exponential_mu(rays[TFAR, lane], falloff)
+                elif rays[TFAR, lane] >= 0.0:
                     continue
                 lost[of_batch[first + lane]] += loss
                 x += loss * local[0, first + lane]
@@ -191,8 +212,8 @@ def gather(
         spread = 0.0
         for k in range(used):
             spread += (lost[k] / size[k] - mean_loss) ** 2
-        out[i, 0] = min(max(1.0 - mean_loss, 0.0), 1.0)
-        out[i, 1] = spread / (used - 1) if used > 1 else 0.0
+        out[i, W] = min(max(1.0 - mean_loss, 0.0), 1.0)
+        out[i, BATCH_VARIANCE] = spread / (used - 1) if used > 1 else 0.0
         x, y, z = mean[chosen, 0] - x / samples, mean[chosen, 1] - y / samples, mean[chosen, 2] - z / samples
         for axis in range(3):
-            out[i, 2 + axis] = x * t[axis] + y * b[axis] + z * n[axis]
+            out[i, BENT + axis] = x * t[axis] + y * b[axis] + z * n[axis]

@@ -7,18 +7,16 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from raytrace.embree.packets import LANES, new_packet
-from raytrace.embree.scene import TriangleScene
+from raytrace.embree.packets import LANES
 from raytrace.mesh.normals import face_normals
 from raytrace.mesh.placement import Placement
 from raytrace.sampling.hash import mix_array as mix
 from raytrace.system.threads import run_blocks
 
-from ..falloff import Mu
+from ..gather.hemisphere import RayPacket
 from ..gather.receivers import Receivers
-from ..trace.checkpoint import Checkpoint
-from ..trace.tracer import Progress
-from .face_moments import HIDDEN, MOMENTS, SEEN, gather_faces, lattices
+from ..prepared import Prepared
+from .face_moments import HIDDEN, MOMENTS, SEEN, FaceArrays, Lattices, gather_faces
 from .samples import Samples, along_curve
 
 Floats = npt.NDArray[np.float64]
@@ -68,41 +66,28 @@ class Patch:
         return Patch(self.corners[faces], self.normals[faces], self.areas[faces], local, self.axes[faces], len(own))
 
 
-def gather(
-    scene: TriangleScene,
-    placement: Placement,
-    patch: Patch,
-    mu: Mu,
-    samples: int,
-    key: np.uint32,
-    threads: int,
-    progress: Progress | None,
-    checkpoint: Checkpoint | None,
-) -> tuple[Floats, Ints]:
-    """Moments (m, 29) and counts (m, 3) of the faces of `patch`, see `gather_faces`.
-
-    Args: samples: rays for every unknown.
-    """
+def gather_moments(prepared: Prepared, patch: Patch) -> tuple[Floats, Ints]:
+    """Moments (m, 29) and counts (m, 3) of the faces of `patch`, see `gather_faces`."""
+    placement, checkpoint = prepared.placement, prepared.checkpoint
+    samples, key, progress = prepared.options.rays, prepared.key, prepared.progress
     moments, counts = np.zeros((len(patch.seats), MOMENTS)), np.zeros((len(patch.seats), 3), np.int64)
     if not len(patch.seats):
         return moments, counts
     rays = int(np.clip(samples // 2 // LANES * LANES, LANES, _MOST_RAYS))
     count = max(samples * len(np.unique(patch.seats)) // rays, 1)
     spread = Samples.spread(patch.areas, count, float(np.ldexp(mix([key])[0], -32)))
-    directions = lattices(rays)
-    tau = (mu.tau or 0.0) / placement.scale
-    limit = mu.max_distance * placement.scale
+    lattices = Lattices.of(rays, key)
+    mu = prepared.mu.in_render_space(placement.scale)
     call = checkpoint.call(patch.seats, samples, key) if checkpoint else b""
     done = 0
 
     def work(a: int, b: int) -> None:
         if checkpoint and checkpoint.copy(call, a, moments[a:b], counts[a:b]):
             return
-        gather_faces(
-            scene.handle, *new_packet(), patch.corners[a:b], patch.normals[a:b], patch.axes[a:b],
-            spread.starts[a : b + 1], spread.ends[a : b + 1], spread.weights[a:b], spread.shift, directions, key,
-            tau, placement.diagonal, limit, moments[a:b], counts[a:b],
-        )  # fmt: skip
+        packet = RayPacket.of(prepared.receivers.scene)
+        faces = FaceArrays(patch.corners[a:b], patch.normals[a:b], patch.axes[a:b])
+        reach = placement.diagonal
+        gather_faces(packet, faces, spread.of_faces(a, b), lattices, mu, reach, moments[a:b], counts[a:b])
         if checkpoint:
             checkpoint.add(call, a, moments[a:b], counts[a:b])
 
@@ -114,7 +99,7 @@ def gather(
         if progress:
             progress(count * rays * done // len(moments), count * rays)
 
-    run_blocks(len(moments), max(len(moments) * _BLOCK_RAYS // (count * rays), 1), work, threads, advance)
+    run_blocks(len(moments), max(len(moments) * _BLOCK_RAYS // (count * rays), 1), work, prepared.threads, advance)
     return moments, counts
 
 

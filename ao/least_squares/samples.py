@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -16,8 +16,7 @@ GOLDEN = 0.6180339887498949
 _EVEN = 0.2  # a fifth as many samples again, the same number for every face, so that small ones have some
 
 
-@dataclass(frozen=True, eq=False)
-class Samples:
+class Samples(NamedTuple):
     """A Fibonacci lattice laid over faces one after the other.
 
     On the way from 0 to `count` sample k lies at k + shift: that names its face and, within it, one coordinate; the
@@ -45,6 +44,10 @@ class Samples:
         starts = np.clip(np.ceil(ends - shift), 0, count).astype(np.int64)
         starts[-1] = count
         return cls(shift, ends, starts, share / np.diff(ends))
+
+    def of_faces(self, first: int, last: int) -> Samples:
+        """Those on some of the faces."""
+        return Samples(self.shift, self.ends[first : last + 1], self.starts[first : last + 1], self.weights[first:last])
 
 
 @inline

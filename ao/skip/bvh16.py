@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -18,8 +18,7 @@ _BLOCK = 1 << 10  # leaves
 _GROWN = np.float32(1.0 + 2.0**-20)  # half sides, for their rounding
 
 
-@dataclass(frozen=True, eq=False)
-class BoxTree:
+class BoxTree(NamedTuple):
     """Triangles by sixteens, boxes around each sixteen of these, and so on up to one node, the last.
 
     Unused places hold NaN, which compares as false.

@@ -10,6 +10,7 @@ from __future__ import annotations
 import time
 from functools import cached_property
 from math import sqrt
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -89,24 +90,34 @@ class Horizons:
         return told
 
     def _walk(self, points: Points, table: DirectionTable) -> npt.NDArray[np.float32]:
-        told, tree = aligned((len(points), WIDE), np.float32), self._tree
+        slopes = aligned((len(points), WIDE), np.float32)
         small = np.float32(np.clip(3.2 * table.samples ** (-1 / 3), _FINEST, _COARSEST))
-        _horizons(
-            points.origins, points.normals, points.numbers, table.key, len(table.directions), tree.triangles,
-            tree.boxes, tree.starts, np.float32(self._reach * (1 + 1e-5)), small, _SECTORS,
-            aligned((SCRATCH, WIDE), np.float32), told,
-        )  # fmt: skip
-        return told
+        reach = np.float32(self._reach * (1 + 1e-5))
+        workspace = _Workspace(_SECTORS, aligned((SCRATCH, WIDE), np.float32))
+        _find_horizons(points.arrays, table, self._tree, reach, small, workspace, slopes)
+        return slopes
+
+
+class _Workspace(NamedTuple):
+    """Attributes: sectors: `sector_rows`. scratch: float32 (SCRATCH, 16), aligned."""
+
+    sectors: npt.NDArray[np.float32]
+    scratch: npt.NDArray[np.float32]
 
 
 @kernel
-def _horizons(
-    origins, normals, numbers, key, sets, triangles, boxes, starts, reach, small, sector_rows, scratch, out
-):  # fmt: skip
-    """Write the horizons of points into out, float32 (k, 16), in the frames that `hemisphere.gather` turns."""
-    origins, normals, numbers, out = borrow(origins), borrow(normals), borrow(numbers), borrow(out)
-    triangles, boxes, starts, scratch = borrow(triangles), borrow(boxes), borrow(starts), borrow(scratch)
-    sectors = load_sectors(borrow(sector_rows))
+def _find_horizons(points, table, tree, reach, small, workspace, out):
+    """Write the horizons of points into out, float32 (k, 16), in the frames that `gather_hemispheres` turns.
+
+    Args:
+        points: PointArrays. table: DirectionTable. tree: BoxTree. workspace: _Workspace.
+        reach: how far things count. small: sine of the half angle below which a sphere stands for what is in it.
+    """
+    origins, normals, numbers = borrow(points)
+    triangles, boxes, starts = borrow(tree)
+    sector_rows, scratch = borrow(workspace)
+    out, key, sets = borrow(out), table.key, len(table.directions)
+    sectors = load_sectors(sector_rows)
     middle, none = sectors[2], np.float32(0.0)
     levels = len(starts) - 1
     nodes, heights = np.empty(_STACK, np.int64), np.empty(_STACK, np.int64)

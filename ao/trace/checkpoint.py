@@ -31,7 +31,7 @@ _MOST_WAITING = 1 << 26  # bytes that are written at once, due or not
 
 
 class Checkpoint:
-    """The journal of one bake, for `ao.bake` or `ao.bake_surface` in a `with` block that also writes what was baked.
+    """The journal of one bake, for `ao.bake` in a `with` block that also writes what was baked.
 
     Rows depend only on what their call is named by and on the header's hash, so copied ones are the bits that tracing
     would give. The file appears after a minute of work, or when much waits to be written. It is deleted when the block

@@ -8,13 +8,12 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from raytrace.embree.packets import new_packet
 from raytrace.embree.scene import TriangleScene
 from raytrace.mesh.placement import Placement
 from raytrace.system.threads import run_blocks
 
 from ..falloff import Mu
-from ..gather.hemisphere import DirectionTable, gather
+from ..gather.hemisphere import COLUMNS, DirectionTable, RayPacket, gather_hemispheres
 from ..gather.receivers import Points
 from ..skip.horizon import NO_HORIZONS, Horizons
 from .checkpoint import Checkpoint
@@ -31,7 +30,7 @@ class Tracer:
 
     Attributes:
         scene, placement: the mesh in Embree and where it is. mu: the falloff, in mesh units. threads: how many.
-        crowd: points of the whole mesh, wanted or not.
+        total_points: how many points the whole mesh has, wanted or not.
         horizons: what tells rays that need no tracing, if anything.
         progress: called with (rays traced, rays expected in all). checkpoint: what keeps traced rows, if anything.
         expected: rays expected in all, 0 while nobody has planned them. later: besides, of corners. rays: rays asked
@@ -42,7 +41,7 @@ class Tracer:
     placement: Placement
     mu: Mu
     threads: int
-    crowd: int
+    total_points: int
     horizons: Horizons | None = None
     progress: Progress | None = None
     checkpoint: Checkpoint | None = None
@@ -53,12 +52,11 @@ class Tracer:
     _last: DirectionTable | None = None
 
     def gather(self, points: Points, samples: int, key: np.uint32) -> npt.NDArray[np.float64]:
-        """Rows (k, 5) of `hemisphere.gather` for `points` with `samples` rays each, directions drawn by `key`."""
+        """Rows (k, COLUMNS) of `gather_hemispheres`: of `points`, by `samples` rays each, directions drawn by `key`."""
         table = self._table(samples, key)
-        out, traced = np.empty((len(points), 5)), np.empty(len(points), np.uint32)
-        tau = (self.mu.tau or 0.0) / self.placement.scale
-        limit = self.mu.max_distance * self.placement.scale
-        reach = min(limit, self.placement.diagonal)
+        out, traced = np.empty((len(points), COLUMNS)), np.empty(len(points), np.uint32)
+        mu = self.mu.in_render_space(self.placement.scale)
+        reach = min(mu.limit, self.placement.diagonal)
         horizons = self.horizons if self.horizons and self.horizons.pay(points, table) else None
         checkpoint = self.checkpoint
         call = checkpoint.call(points.numbers, samples, key) if checkpoint else b""
@@ -67,11 +65,9 @@ class Tracer:
             if checkpoint and checkpoint.copy(call, first, out[first:last], traced[first:last]):
                 return
             some = points[first:last]
-            gather(
-                self.scene.handle, *new_packet(), some.origins, some.normals, some.numbers,
-                table.directions, table.batches, table.mean, table.sectors, table.slopes, table.key, tau, reach, limit,
-                horizons.above(some, table) if horizons else NO_HORIZONS, traced[first:last], out[first:last],
-            )  # fmt: skip
+            slopes = horizons.above(some, table) if horizons else NO_HORIZONS
+            packet = RayPacket.of(self.scene)
+            gather_hemispheres(packet, some.arrays, table, mu, reach, slopes, traced[first:last], out[first:last])
             if checkpoint:
                 checkpoint.add(call, first, out[first:last], traced[first:last])
 
@@ -83,7 +79,7 @@ class Tracer:
     def _table(self, samples: int, key: np.uint32) -> DirectionTable:
         """The last table again if it is the same."""
         if self._last is None or (self._last.samples, self._last.key) != (samples, key):
-            self._last = DirectionTable.make(samples, self.crowd, key)
+            self._last = DirectionTable.make(samples, self.total_points, key)
         return self._last
 
     def _advance(self, rays: int) -> None:

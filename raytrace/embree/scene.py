@@ -95,6 +95,11 @@ class EmbreeScene:
         self.handle = np.uint64(scene)
         self.seconds = time.perf_counter() - start
 
+    def release(self) -> None:
+        """Give Embree's memory back; nothing can be traced in the scene any more."""
+        self._release()
+        self.geometries, self.handle = (), np.uint64(0)
+
 
 class TriangleScene(EmbreeScene):
     """An Embree scene of one set of triangles; arguments as `Triangles`, errors as `EmbreeScene`."""

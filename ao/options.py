@@ -1,0 +1,111 @@
+"""The options of a bake, checked before any work is done."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, Literal
+
+import numpy as np
+import numpy.typing as npt
+from pydantic import Field, PlainValidator
+
+from raytrace.errors import MeshError, OptionError, nearest_name
+from raytrace.mesh.mesh import Mesh
+from raytrace.system.parameters import Parameters, Seed, Whole
+from raytrace.system.threads import thread_count
+
+from .falloff import Binary, Exponential, Falloff
+
+MAX_SAMPLES = 1 << 20
+DEFAULT_SAMPLES = 256
+_MOST_FOR_TOLERANCE = 1 << 14
+
+
+def falloff_of(given: Falloff | str | None) -> Falloff:
+    """A falloff, by its name too; the exponential one for None.
+
+    Raises:
+        OptionError: neither a falloff nor the name of one.
+    """
+    if given is None:
+        return Exponential()
+    if isinstance(given, Binary | Exponential):
+        return given
+    named = {"binary": Binary, "exponential": Exponential}
+    if isinstance(given, str) and given in named:
+        return named[given]()
+    expected = 'ao.Binary(…), ao.Exponential(…), "binary" or "exponential"'
+    near = nearest_name(given, named) if isinstance(given, str) else None
+    raise OptionError("falloff", expected, repr(given), "bake", near)
+
+
+def _checked_count(threads: int | None) -> int | None:
+    thread_count(threads)
+    return threads
+
+
+def _mask(only: Any) -> npt.NDArray[Any] | None:
+    return None if only is None else np.asarray(only)
+
+
+Method = Annotated[Literal["vertex", "surface"], Field(description="vertex or surface")]
+Normals = Annotated[Literal["angle", "area", "equal", "file"], Field(description="angle, area, equal or file")]
+Hidden = Annotated[Literal["auto", "ignore", "mark", "fill"], Field(description="auto, ignore, mark or fill")]
+Samples = Annotated[Whole, Field(ge=1, le=MAX_SAMPLES)]
+Threads = Annotated[int | None, PlainValidator(_checked_count)]
+Mask = Annotated[npt.NDArray[np.bool_] | None, PlainValidator(_mask)]
+Tolerance = Annotated[float, Field(strict=True, ge=1e-5, le=1, description="a number from 1e-5 to 1")]
+
+
+class Options(Parameters, kw_only=False, source="options"):
+    """Arguments of `ao.bake` beside the mesh, see there for units and ranges.
+
+    Raises:
+        OptionError: one is out of range, does not go with another, or is of the other method.
+    """
+
+    method: Method = "vertex"
+    falloff: Annotated[Falloff, PlainValidator(falloff_of)] = Exponential()
+    samples: Samples | None = None
+    seed: Seed = 0
+    threads: Threads = None
+    normals: Normals = "angle"
+    only: Mask = None
+    tolerance: Tolerance | None = None
+    reconstruct: bool = True
+    hidden: Hidden = "auto"
+    skip: bool = True
+
+    def __post_init__(self) -> None:
+        if self.method == "surface":
+            for name in ("tolerance", "reconstruct", "hidden", "skip"):
+                if getattr(self, name) != getattr(Options, name):
+                    raise OptionError(name, "method vertex with it", "method surface")
+        if self.tolerance is None:
+            return
+        if self.only is not None:
+            raise OptionError("only", "no mask of vertices together with a tolerance", "both")
+        if not self.reconstruct:
+            raise OptionError("reconstruct", "reconstruction together with a tolerance", "none")
+
+    @property
+    def rays(self) -> int:
+        """Rays a vertex; the most, if there is a tolerance."""
+        if self.samples is not None:
+            return self.samples
+        return DEFAULT_SAMPLES if self.tolerance is None else _MOST_FOR_TOLERANCE
+
+
+def mesh_of(given: Mesh | Any) -> Mesh:
+    """A mesh, made of anything else that has vertices and faces.
+
+    Raises:
+        MeshError: it has none, or they are no mesh.
+    """
+    if isinstance(given, Mesh):
+        return given
+    try:
+        vertices, faces = given.vertices, given.faces
+    except AttributeError:
+        expected = "a raytrace.Mesh, or anything else with vertices (n, 3) and faces (m, 3)"
+        raise MeshError("bake", "mesh", expected, repr(given)) from None
+    return Mesh(vertices, faces)

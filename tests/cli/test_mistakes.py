@@ -1,0 +1,220 @@
+"""What a newcomer mistypes: one line each, with what came, what was expected and what was probably meant."""
+
+import shlex
+
+import numpy as np
+import pytest
+import trimesh
+from command import obscurance, refused
+
+from raytrace.image.write import write_image
+
+COMMANDS = [
+    ("bkae a.ply -o w.npy", "command: expected one of bake, info", "bkae; did you mean bake? See obscurance --help"),
+    ("Bake a.ply -o w.npy", "got Bake; did you mean bake?"),
+    ("val", "got val; did you mean validate?"),
+    ("a.ply", "got a.ply; see obscurance --help"),
+    ("help", "got help; see obscurance --help"),
+    ("--verbose", "got --verbose; did you mean --version?"),
+    ("-o w.npy bake", "got -o; see obscurance --help"),
+    ("bake", "bake: expected INPUT, got nothing; see obscurance bake --help"),
+    ("bake a.ply", "bake: expected --output, got nothing"),
+    ("bake a.ply w.npy", "bake: expected --output, got nothing"),
+    ("bake a.ply b.ply -o w.npy", "bake: expected no more arguments, got b.ply"),
+    ("bake a.ply -o", "bake -o: expected a value, got nothing"),
+    ("bake a.ply -o w", "bake --output: expected a name ending in .npy", "got w;"),
+    ("bake a.ply -o w.npy.txt", "got w.npy.txt"),
+    ("bake a.ply -o folder", "got folder"),
+    ("bake a.ply -o ''", "bake --output", "got .;"),
+    ("bake a.ply -o none/w.npy", "none/w.npy: cannot write: there is no folder"),
+    ("bake b.ply -o w.npy", "b.ply: file: expected an existing file, got none; did you mean a.ply?"),
+    ("bake A.ply -o w.npy", "did you mean a.ply?"),
+    ("bake folder -o w.npy", "folder: file: expected a mesh file, got a folder"),
+    ("bake cloud.obj -o w.npy", "cloud.obj: faces: expected at least one triangle"),
+    ("bake scene.toml -o w.npy", "scene.toml: ending: expected one of obj", "got .toml"),
+    ("bake a.ply -o w.npy --samples abc", "bake --samples: expected a whole number, got abc; see obscurance bake"),
+    ("bake a.ply -o w.npy --samples 1e3", "got 1e3"),
+    ("bake a.ply -o w.npy --samples 0", "bake --samples: expected a whole number from 1 to 1048576, got 0"),
+    ("bake a.ply -o w.npy --samples=-3", "got -3"),
+    ("bake a.ply -o w.npy --sample 3", "got --sample; did you mean --samples?"),
+    ("bake a.ply -o w.npy --smaples 3", "got --smaples; did you mean --samples?"),
+    ("bake a.ply -o w.npy --max_distance 3", "got --max_distance; did you mean --max-distance?"),
+    ("bake a.ply -o w.npy --colours", "got --colours; did you mean --colors?"),
+    ("bake a.ply -o w.npy --tolerance 0", "bake --tolerance: expected a number from 1e-5 to 1, got 0"),
+    ("bake a.ply -o w.npy --tolerance 1%", "bake --tolerance: expected a number, got 1%"),
+    (
+        "bake a.ply -o w.npy --tolerance .1 --no-reconstruct",
+        "bake --no-reconstruct",
+        "expected reconstruction together with a tolerance",
+    ),
+    ("bake a.ply -o w.npy --falloff exp", "one of exponential, binary, got exp; did you mean exponential?"),
+    ("bake a.ply -o w.npy --falloff binary --tau 2", "bake --tau: expected --falloff exponential"),
+    ("bake a.ply -o w.npy --falloff binary --half-distance 2", "bake --half-distance: expected --falloff exponential"),
+    ("bake a.ply -o w.npy --tau 1 --half-distance 3", "bake --tau: expected either tau or half_distance, got both"),
+    ("bake a.ply -o w.npy --tau inf", "bake --tau: expected a finite rate above 0, got inf"),
+    ("bake a.ply -o w.npy --half-distance 10cm", "bake --half-distance: expected a length above 0", "got '10cm'"),
+    ("bake a.ply -o w.npy --max-distance -1", "bake --max-distance", "got '-1'"),
+    ("bake a.ply -o w.npy --normals vertex", "bake --normals: expected one of angle, area, equal, file, got vertex"),
+    ("bake a.ply -o w.npy --normals aera", "did you mean area?"),
+    ("bake a.ply -o w.npy --hidden yes", "bake --hidden: expected one of auto, ignore, mark, fill, got yes"),
+    ("bake a.ply -o w.npy --method surfaces", "got surfaces; did you mean surface?"),
+    ("bake a.ply -o w.npy --method surface --tolerance .1", "bake --tolerance: expected method vertex with it"),
+    ("bake a.ply -o w.npy --method surface --no-skip", "bake --no-skip: expected method vertex with it"),
+    ("bake a.ply -o w.npy --seed x", "bake --seed: expected a whole number, got x"),
+    ("bake a.ply -o w.npy --threads many", "bake --threads: expected a whole number, got many"),
+    ("bake a.ply -o w.npy --threads 0", "bake --threads: expected a whole number from 1 to 4096, got 0"),
+    ("bake a.ply -o w.npy --report folder", "bake --report: expected a name ending in .json, got folder"),
+    ("bake a.ply -o w.npy --debug-image m.bmp", "bake --debug-image: expected a name ending in", "got m.bmp"),
+    ("bake a.ply -o w.npy --colors", "bake --colors: expected a .glb or .ply output with it, got w.npy"),
+    ("bake a.ply -o w.npy -qz", "got -z"),
+    ("bake a.ply -o w.npy --quiet=yes", "bake --quiet: expected the option alone, got a value"),
+    ("info", "info: expected MESH, got nothing"),
+    ("info a.ply a.ply", "info: expected no more arguments, got a.ply"),
+    ("info picture.png", "picture.png: ending", "got .png"),
+    ("validate --samples 0", "validate --samples: expected a whole number from 1", "got 0"),
+    ("validate --long", "validate --long: expected --stress or --generated with it"),
+    ("validate a.ply", "validate MESH: expected --generated with it"),
+    ("validate --family ball", "validate --family: expected --generated with it"),
+    ("render a.ply", "render: expected --output, got nothing"),
+    ("render scene.toml -o x.bmp", "render --output: expected a name ending in .exr", "got x.bmp"),
+    ("render scene.toml -o x.png --width 100", "render --height: expected --width and --height together"),
+    ("render scene.toml -o x.png --width 0 --height 9", "render --width: expected a whole number", "got 0"),
+    ("render scene.toml -o x.png --shading goroud", "got goroud; did you mean gouraud?"),
+    ("render scene.toml -o x.png --obscurance on", "render --obscurance: expected one of off, ambient, book, got on"),
+    ("render scene.toml -o x.png --crop 1,2", "render --crop: expected four whole numbers X,Y,W,H, got '1,2'"),
+    ("render scene.toml -o x.png --crop 0,0,5000,1", "render --crop: expected a part of 960×640 pixels"),
+    ("render scene.toml -o x.png --half", "render --half: expected an output that ends in .exr, got x.png"),
+    ("render scene.toml -o x.png --no-shadow", "got --no-shadow; did you mean --no-shadows?"),
+    ("render scene.tml -o x.png", "got none; did you mean scene.toml?"),
+    ("render temple -o x.png", "got none; obscurance scenes temple -o temple.toml writes that built-in scene"),
+    ("scenes tempel", "scenes NAME: expected one of plane_wall", "got tempel; did you mean temple?"),
+    ("scenes still", "got still; did you mean still_life?"),
+    ("scenes -o x.toml", "scenes NAME: expected the scene to write, got nothing"),
+    ("scenes cornell -o folder", "scenes --output: expected a name ending in .toml, got folder"),
+    ("compare picture.png", "compare: expected B, got nothing"),
+    ("compare a.ply picture.png", "a.ply: content: expected an image"),
+    ("compare picture.png pictur.png", "pictur.png: file", "did you mean picture.png?"),
+    ("compare picture.png picture.png --metric ssim", "compare --metric: expected one of flip, rms, max, got ssim"),
+    ("compare picture.png picture.png --threshold x", "compare --threshold: expected a number, got x"),
+    ("compare picture.png picture.png --threshold -1", "compare --threshold: expected a number in [0, inf), got -1"),
+    ("compare picture.png picture.png --difference d.bmp", "compare --difference: expected a name", "got d.bmp"),
+    ("bench --falloff none", "bench --falloff: expected one of exponential, binary, got none"),
+    ("bench b.ply", "did you mean a.ply?"),
+    ("demo x", "demo: expected no more arguments, got x"),
+    ("demo -o a.ply", "a.ply: cannot make this folder"),
+]
+BOX = '[[objects]]\nbuiltin = "box"\n'
+SCENES = [
+    ("hello", "end of document: expected valid TOML"),
+    ("[camra]\n" + BOX, "camra: expected one of background", "did you mean camera?"),
+    ('[[object]]\nbuiltin = "box"', "object: expected one of background", "did you mean objects?"),
+    ('[[objects]]\nbuiltn = "box"', "objects[0]: expected either mesh or builtin, got neither; did you mean builtin?"),
+    (BOX + 'materiel = "gold"', "objects[0].materiel: expected one of", "did you mean material?"),
+    (BOX + 'material = "Golden"', 'got "Golden"; did you mean gold?'),
+    (BOX + 'material = { preset = "clya" }', "objects[0].material.preset", "got clya; did you mean clay?"),
+    (BOX + 'material = { model = "lambrt", albedo = 1 }', "got lambrt; did you mean lambert?"),
+    (BOX + 'material = { model = "phong", k_d = 1, exponnt = 3 }', ".exponnt: expected one of", "mean exponent?"),
+    (BOX + 'material = { model = "lambert", albdo = 1 }', ".albdo: expected one of", "did you mean albedo?"),
+    (BOX + 'material = { model = "lambert" }', "objects[0].material.albedo: expected a value, got nothing"),
+    (BOX + 'material = { model = "lambert", albedo = "red" }', "albedo: expected a list of numbers, got red"),
+    (BOX + 'material = { model = "lambert", albedo = 1.1 }', "albedo[0]: expected a number in [0, 1], got 1.1"),
+    (BOX + 'material = { model = "oren_nayar", albedo = 1, sigma = 30 }', "expected radians in [0, π/2], got 30"),
+    (
+        BOX + 'material = { model = "cook_torrance", albedo = 1, m = 1, distribution = "bekmann" }',
+        "distribution: expected 'beckmann' or 'gaussian', got bekmann; did you mean beckmann?",
+    ),
+    (BOX + 'material = { model = "phong", k_d = 0.8, k_s = 0.8 }', "k_d + k_s [0]: expected at most 1, got"),
+    ('[[objects]]\nbuiltin = "ball"', 'expected one of plane, box, sphere, cylinder, temple, sponge, got "ball"'),
+    ('[[objects]]\nbuiltin = "shpere"', 'got "shpere"; did you mean sphere?'),
+    ('[[objects]]\nbuiltin = "sphere"\nradius = -1', "objects[0].radius: expected a number in", "got -1"),
+    ('[[objects]]\nbuiltin = "sphere"\nraduis = 1', "objects[0].raduis", "did you mean radius?"),
+    ('[[objects]]\nmesh = "gone.obj"', 'objects[0].mesh: expected an existing file, got "gone.obj"'),
+    (BOX + "rotate = 90", "objects[0].rotate: expected a list of numbers, got 90"),
+    (BOX + "translate = [1, 2]", "objects[0].translate[2]: expected a value, got nothing"),
+    (BOX + 'texture = "paint.jpg"', 'objects[0].texture: expected an existing file, got "paint.jpg"'),
+    (BOX + "copies = [{ translat = [1, 2, 3] }]", "copies[0].translat: expected one of", "did you mean translate?"),
+    ("[camera]\nposition = [0, 0, 9]\n" + BOX, "camera.target: expected position and target together, got nothing"),
+    ("[camera]\nfov = 30\n" + BOX, "camera.fov: expected one of", "did you mean field_of_view?"),
+    ("[camera]\nfield_of_view = 200\n" + BOX, "camera.field_of_view: expected degrees above 0", "got 200"),
+    ('[camera]\nposition = "front"\n' + BOX, 'camera.position: expected a list of numbers, got "front"'),
+    ('[render]\nwidth = "big"\n' + BOX, 'render.width: expected a whole number, got "big"'),
+    ("[render]\nsamples = 0\n" + BOX, "render.samples: expected a whole number from 1 to 4096, got 0"),
+    ('[render]\nshading = "gourad"\n' + BOX, "got gourad; did you mean gouraud?"),
+    ("[render]\nshadow = true\n" + BOX, "render.shadow: expected one of", "did you mean shadows?"),
+    ('[obscurance]\nform = "ambiant"\n' + BOX, 'got "ambiant"; did you mean ambient?'),
+    ('[obscurance]\nfalloff = "exp"\n' + BOX, 'got "exp"; did you mean exponential?'),
+    ("[obscurance]\ntua = 1\n" + BOX, "obscurance.tua: expected one of", "did you mean tau?"),
+    ("[obscurance]\nsamples = 1e3\n" + BOX, "obscurance.samples: expected a whole number, got 1000.0"),
+    ('[obscurance]\nmax_distance = "far"\n' + BOX, "obscurance.max_distance: expected a length above 0", "'far'"),
+    (BOX + '[[lights]]\nlight = "pont"\nposition = [0, 0, 1]', "lights[0].light", "got pont; did you mean point?"),
+    (BOX + "[[lights]]\nposition = [0, 0, 1]", "lights[0].light: expected a value, got nothing"),
+    (BOX + '[[lights]]\nlight = "ambient"\nintesity = 1', "lights[0].intesity", "did you mean intensity?"),
+    (
+        BOX + '[[lights]]\nlight = "spot"\nposition = [0, 0, 1]\ndirection = [0, 0, 1]\nhalf_angle = 120',
+        "lights[0].half_angle: expected degrees in (0, 90], got 120",
+    ),
+    ('[[materials]]\nname = "a"\nmodel = "strauss"\ncolour = 1\nsmoothness = 1\n' + BOX, "smoothness", "[0, 1), got 1"),
+    ('background = "blue"\n' + BOX, 'background: expected a list of numbers, got "blue"'),
+]
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("mistakes")
+    trimesh.creation.box().export(folder / "a.ply")
+    (folder / "cloud.obj").write_text("v 0 0 0\n")
+    (folder / "scene.toml").write_text(BOX)
+    (folder / "folder").mkdir()
+    write_image(folder / "picture.png", np.zeros((4, 4, 3)))
+    return folder
+
+
+def check(folder, words, *arguments):
+    before = {path: path.read_bytes() for path in folder.iterdir() if path.is_file()}
+    refused(obscurance(*arguments), *words)
+    assert {path: path.read_bytes() for path in folder.iterdir() if path.is_file()} == before
+
+
+def test_there_are_enough():
+    assert len(COMMANDS) >= 60
+    assert len(SCENES) >= 30
+
+
+@pytest.mark.parametrize("case", COMMANDS, ids=[line for line, *_ in COMMANDS])
+def test_a_wrong_command(folder, monkeypatch, case):
+    line, *words = case
+    monkeypatch.chdir(folder)
+    check(folder, words, *shlex.split(line))
+
+
+@pytest.mark.parametrize("case", SCENES, ids=[repr(text)[:60] for text, *_ in SCENES])
+def test_a_wrong_scene(tmp_path, case):
+    text, *words = case
+    (tmp_path / "scene.toml").write_text(text)
+    check(tmp_path, ("scene.toml: ", *words), "render", tmp_path / "scene.toml", "-o", tmp_path / "x.png")
+
+
+@pytest.mark.parametrize("arguments", [(), ("-h",), ("--help",)])
+def test_help_of_the_whole(arguments):
+    result = obscurance(*arguments)
+    assert (result.returncode, result.stderr) == (0, "")
+    assert result.stdout.startswith("Usage: obscurance [OPTIONS] COMMAND")
+    assert result.stdout.count("\n") > 10
+    assert "..." not in result.stdout.split("Commands:")[1]  # no sentence cut short
+
+
+def test_help_of_every_command():
+    commands = [line.split()[0] for line in obscurance().stdout.split("Commands:\n")[1].splitlines()]
+    assert "bake" in commands
+    for command in commands:
+        short, long = (obscurance(command, flag) for flag in ("-h", "--help"))
+        assert short.returncode == 0
+        assert short.stdout == long.stdout
+        assert short.stdout.isascii()
+        assert short.stdout.startswith(f"Usage: obscurance {command}")
+
+
+def test_the_version():
+    result = obscurance("--version")
+    assert result.returncode == 0
+    assert result.stdout.split()[0] == "obscurance"
