@@ -15,6 +15,7 @@ from raytrace.system.faults import first_fault
 from raytrace.system.parameters import Radiance, triple
 
 from ..field_errors import shown
+from ..gltf.schema import Number, Vector
 
 
 def _name_or_table(value: Any) -> Any:
@@ -42,9 +43,7 @@ def _affine(rows: list[list[float]]) -> list[list[float]]:
     return rows
 
 
-Number = Annotated[float, Field(strict=True, allow_inf_nan=False, ge=-1e100, le=1e100)]
 Whole = Annotated[int, Field(strict=True)]
-Vector = tuple[Number, Number, Number]
 Length = Annotated[Any, BeforeValidator(_length)]
 
 
