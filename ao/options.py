@@ -11,7 +11,7 @@ from pydantic import Field, PlainValidator
 from raytrace.errors import MeshError, OptionError, nearest_name
 from raytrace.mesh.mesh import Mesh
 from raytrace.system.parameters import Parameters, Seed, Whole
-from raytrace.system.threads import thread_count
+from raytrace.system.threads import MAX_THREADS
 
 from .falloff import Binary, Exponential, Falloff
 
@@ -38,21 +38,12 @@ def falloff_of(given: Falloff | str | None) -> Falloff:
     raise OptionError("falloff", expected, repr(given), "bake", near)
 
 
-def _checked_count(threads: int | None) -> int | None:
-    thread_count(threads)
-    return threads
-
-
-def _mask(only: Any) -> npt.NDArray[Any] | None:
-    return None if only is None else np.asarray(only)
-
-
 Method = Annotated[Literal["vertex", "surface"], Field(description="vertex or surface")]
 Normals = Annotated[Literal["angle", "area", "equal", "file"], Field(description="angle, area, equal or file")]
 Hidden = Annotated[Literal["auto", "ignore", "mark", "fill"], Field(description="auto, ignore, mark or fill")]
 Samples = Annotated[Whole, Field(ge=1, le=MAX_SAMPLES)]
-Threads = Annotated[int | None, PlainValidator(_checked_count)]
-Mask = Annotated[npt.NDArray[np.bool_] | None, PlainValidator(_mask)]
+Threads = Annotated[Whole, Field(ge=1, le=MAX_THREADS)]
+Mask = Annotated[npt.NDArray[np.bool_], PlainValidator(np.asarray)]
 Tolerance = Annotated[float, Field(strict=True, ge=1e-5, le=1, description="a number from 1e-5 to 1")]
 
 
@@ -67,9 +58,9 @@ class Options(Parameters, kw_only=False, source="options"):
     falloff: Annotated[Falloff, PlainValidator(falloff_of)] = Exponential()
     samples: Samples | None = None
     seed: Seed = 0
-    threads: Threads = None
+    threads: Threads | None = None
     normals: Normals = "angle"
-    only: Mask = None
+    only: Mask | None = None
     tolerance: Tolerance | None = None
     reconstruct: bool = True
     hidden: Hidden = "auto"
