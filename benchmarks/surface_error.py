@@ -26,7 +26,8 @@ from ao.report import versions
 from raytrace.embree.rays import intersect
 from raytrace.mesh.mesh import Mesh
 from raytrace.mesh.normals import face_normals, normalize
-from raytrace.mesh.placement import Placement, ray_offset
+from raytrace.mesh.placement import Placement
+from raytrace.ray_origins.offset import ray_offset
 from raytrace.sampling.sequences import owen_sobol
 from raytrace.sampling.warps import cosine_hemisphere
 from scenes.readers.load import load

@@ -14,7 +14,8 @@ import numpy.typing as npt
 from raytrace.embree.packets import DIR_X, DIR_Y, DIR_Z, GEOM_ID, INVALID, LANES, NG_X, NG_Y, NG_Z, TFAR, intersect8
 from raytrace.kernel.borrow import borrow
 from raytrace.kernel.jit import inline, kernel
-from raytrace.mesh.placement import OFFSET_ULPS, ULP
+from raytrace.mesh.placement import ULP
+from raytrace.ray_origins.offset import OFFSET_ULPS
 from raytrace.sampling.hash import mix
 from raytrace.sampling.warps import cosine_hemisphere
 

@@ -12,8 +12,7 @@ from ..mesh.mesh import Mesh
 from ..mesh.normals import face_normals, normalize, vertex_sums
 from ..mesh.placement import Placement
 from ..mesh.weld import CREASE, sum_groups, weld
-from ..ray_origins.clearance import outermost_normals
-from ..ray_origins.origins import ray_origins
+from ..ray_origins.welded import weld_points
 from ..settings import Normals
 from ..shade.records import Geometry
 
@@ -45,24 +44,14 @@ def vertex_origins(geometry: Geometry) -> npt.NDArray[np.float32]:
     sides there are n more, for vertices seen from behind.
     """
     vertices, faces, normals = _in_the_world(geometry)
-    face_normal, area = face_normals(vertices, faces)
-    own = vertex_sums(vertices, faces, face_normal, area)
-    faces, face_normal = faces[area > 0], face_normal[area > 0]
-
-    group = weld(vertices.astype(np.float32), normals, CREASE)
-    _, first = np.unique(group, return_index=True)
-    points, seats = vertices[first], group[faces]
-    lift, clearance = outermost_normals(normalize(sum_groups(group, own)), seats, face_normal)
-    lift = np.where(np.einsum("ij,ij->i", lift, normals[first])[:, None] < 0, -lift, lift)
-
+    points = weld_points(vertices, faces, normals=normals)
     away = 0.0 if geometry.placed.all() else INSTANCED  # all that is reckoned with is in proportion to coordinates
-    points, vertices = points + away, vertices + away
-    sides = (1.0, -1.0) if geometry.rows[:, TWO_SIDED].any() else (1.0,)
-    scene = TriangleScene(vertices.astype(np.float32), faces)
-    found = [
-        ray_origins(scene, points, s * lift, clearance, vertices, faces, s * face_normal, seats)[group] for s in sides
-    ]
-    origins = aligned((len(sides) * len(group), 3), np.float32)
+    surface = points.surface(vertices + away)
+    scene = TriangleScene(surface.vertices.astype(np.float32), surface.faces)
+    found = [points.ray_origins(scene, surface)[points.group]]
+    if geometry.rows[:, TWO_SIDED].any():
+        found.append(points.reversed().ray_origins(scene, surface.reversed())[points.group])
+    origins = aligned((len(found) * len(vertices), 3), np.float32)
     origins[:] = np.concatenate(found) - away
     return origins
 

@@ -8,7 +8,14 @@ import pytest
 from project import ROOT
 
 ORDER = [
-    *("raytrace.errors", "raytrace.kernel", "raytrace.system", "raytrace.settings", "raytrace.sampling"),
+    *(
+        "raytrace.errors",
+        "raytrace.types",
+        "raytrace.kernel",
+        "raytrace.system",
+        "raytrace.settings",
+        "raytrace.sampling",
+    ),
     *("raytrace.embree", "raytrace.mesh", "raytrace.ray_origins", "raytrace.image", "raytrace.lights"),
     *("raytrace.brdf", "raytrace.materials", "raytrace.camera", "raytrace.scene", "raytrace.shade"),
     "raytrace.renderer",

@@ -15,7 +15,7 @@ import ao
 from ao.falloff import Binary, Exponential
 from ao.gather.hemisphere import DirectionTable
 from raytrace import Mesh
-from raytrace.mesh.placement import ray_offset
+from raytrace.ray_origins.offset import ray_offset
 from scenes.geometry.polyhedra import icosphere, inscribed_radius, tube
 from scenes.validation import table as validation
 from scenes.validation.configurations import Configuration
