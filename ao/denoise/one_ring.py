@@ -1,4 +1,4 @@
-"""Which points of a mesh are joined by an edge, and means over them that stop at creases."""
+"""The one-ring of every point, the points joined to it by an edge, and means over it that stop at creases."""
 
 from __future__ import annotations
 
@@ -42,13 +42,13 @@ class Neighbours:
         corners = np.bincount(faces.ravel() + 1, minlength=count + 1)[1:]
         listed = np.concatenate([[0], np.cumsum(2 * corners)])
         corner = np.full(listed[-1], -1, np.int32)
-        _list(faces, listed[:-1].copy(), corner)
+        _list_face_edges(faces, listed[:-1].copy(), corner)
         starts, others, weights = (
             np.zeros(count + 1, np.int64),
             np.empty_like(corner),
             np.empty(len(corner), np.float32),
         )
-        _join(listed, corner, starts, others, weights)
+        _merge_edges(listed, corner, starts, others, weights)
         return cls.weighted(starts, others[: starts[-1]].copy(), weights[: starts[-1]].copy(), normals, threads)
 
     @classmethod
@@ -62,7 +62,7 @@ class Neighbours:
     ) -> Neighbours:
         """The rings given, their `weights` lessened where the points' `normals`, float32 (k, 3), disagree."""
         found = cls(starts, others, weights, threads)
-        found.each(lambda first, last: _agree(first, last, starts, others, normals, weights))
+        found.each(lambda first, last: _weigh_by_normals(first, last, starts, others, normals, weights))
         return found
 
     def among(self, which: npt.NDArray[np.bool_]) -> Neighbours:
@@ -109,7 +109,7 @@ class Neighbours:
 
 
 @kernel
-def _list(faces, ends, corner):
+def _list_face_edges(faces, ends, corner):
     for f in range(len(faces)):
         for k in range(3):
             i = faces[f, k]
@@ -121,7 +121,7 @@ def _list(faces, ends, corner):
 
 
 @kernel
-def _join(listed, corner, starts, others, weights):
+def _merge_edges(listed, corner, starts, others, weights):
     """List every neighbour once, weighted by half the number of faces at the edge to it."""
     count = len(starts) - 1
     place = np.full(count, -1, np.int64)
@@ -140,7 +140,7 @@ def _join(listed, corner, starts, others, weights):
 
 
 @kernel
-def _agree(first, last, starts, others, normals, weights):
+def _weigh_by_normals(first, last, starts, others, normals, weights):
     for i in range(first, last):
         for k in range(starts[i], starts[i + 1]):
             cosine = np.float32(0.0)
@@ -155,27 +155,27 @@ def _means(first, last, starts, others, weights, values, own, out):
     columns = values.shape[1]
     difference = np.zeros(columns, values.dtype)
     for i in range(first, last):
-        weight, mine = own, values[i]
+        weight, centre = own, values[i]
         difference[:] = 0.0
         for k in range(starts[i], starts[i + 1]):
-            w, theirs = np.float64(weights[k]), values[others[k]]
+            w, value = np.float64(weights[k]), values[others[k]]
             weight += w
             for c in range(columns):
-                difference[c] += w * (theirs[c] - mine[c])
+                difference[c] += w * (value[c] - centre[c])
         for c in range(columns):
-            out[i, c] = mine[c] + difference[c] / weight if weight > 1e-6 else np.nan
+            out[i, c] = centre[c] + difference[c] / weight if weight > 1e-6 else np.nan
 
 
 @kernel
 def _mean(first, last, starts, others, weights, values, own, out):
     """`_means` of one column, in a register."""
     for i in range(first, last):
-        weight, difference, mine = own, 0.0, values[i]
+        weight, difference, centre = own, 0.0, values[i]
         for k in range(starts[i], starts[i + 1]):
             w = np.float64(weights[k])
             weight += w
-            difference += w * (values[others[k]] - mine)
-        out[i] = mine + difference / weight if weight > 1e-6 else np.nan
+            difference += w * (values[others[k]] - centre)
+        out[i] = centre + difference / weight if weight > 1e-6 else np.nan
 
 
 @kernel

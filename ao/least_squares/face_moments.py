@@ -1,4 +1,4 @@
-"""Obscurance over a surface, gathered into the moments of each face from which values at the vertices are fitted.
+"""Moments of obscurance over each face, from which values at the vertices are fitted.
 
 At a point of a face the hemisphere is the one a renderer shades with: about the normal interpolated between the
 vertices, less what lies below the face, which no ray from there can reach.
@@ -20,10 +20,11 @@ from raytrace.sampling.hash import mix
 from raytrace.sampling.warps import cosine_hemisphere
 
 from ..falloff import exponential_mu
-from ..gather.hemisphere import aim, start_from, turned_frame
+from ..gather.directions import turned_frame
+from ..gather.ray_packet import aim, start_from
 from .samples import GOLDEN, place
 
-HIDDEN = 1e-4  # weight of a sample that sees the back of things; not 0, so that what is buried has a value too
+HIDDEN = 1e-4  # weight of a sample that sees the back of things; not 0, so that hidden faces have a value too
 _MOSTLY = 0.5
 SQUARES, MATRIX, RIGHT, HALF = 0, 1, 7, 10  # of either half of the samples
 BENT, MOMENTS = 2 * HALF, 2 * HALF + 9

@@ -1,4 +1,4 @@
-"""Long bakes that survive: traced blocks go to a journal, and a later run copies them instead of tracing them."""
+"""Checkpoints of long bakes: traced blocks go to a journal, from which a later run copies them."""
 
 from __future__ import annotations
 
@@ -77,7 +77,7 @@ class Checkpoint:
             self._journal.close()
 
     def begin(self, placement: Placement, receivers: Receivers, *settings: object) -> None:
-        """Find out what there is to continue. Args: everything that decides rows; `settings` by their repr."""
+        """Open what there is to continue. Args: everything that decides rows; `settings` by their repr."""
         versions = source_hash(), embree.version(), np.__version__, llvmlite.binding.get_host_cpu_name()
         digest = hashlib.blake2b(repr((versions, placement.scale, placement.diagonal, settings)).encode())
         arrays: list[npt.NDArray[Any]] = [placement.vertices, receivers.faces]
@@ -110,7 +110,7 @@ class Checkpoint:
             self.tell(f"{self.path}: left by an interrupted run; --resume would continue it; starting over")
 
     def call(self, numbers: npt.NDArray[np.integer[Any]], samples: int, key: np.uint32) -> bytes:
-        """Name of the rays of `samples` directions, drawn by `key`, from what these numbers tell apart: 16 bytes."""
+        """Name of the rays of `samples` directions, drawn by `key`, at the points of these numbers: 16 bytes."""
         digest = hashlib.blake2b(repr((samples, int(key))).encode(), digest_size=16)
         digest.update(np.ascontiguousarray(numbers).data)
         return digest.digest()

@@ -1,4 +1,4 @@
-"""Gathering at many points: blocks of work on threads, the same bits for any number of them."""
+"""Gathering at many points, in blocks on threads, with the same bits for any number of them."""
 
 from __future__ import annotations
 
@@ -13,8 +13,10 @@ from raytrace.mesh.placement import Placement
 from raytrace.system.threads import run_blocks
 
 from ..falloff import Mu
-from ..gather.hemisphere import COLUMNS, DirectionTable, RayPacket, gather_hemispheres
-from ..gather.receivers import Points
+from ..gather.directions import DirectionTable
+from ..gather.hemisphere import COLUMNS, gather_hemispheres
+from ..gather.points import Points
+from ..gather.ray_packet import RayPacket
 from ..skip.horizon import NO_HORIZONS, Horizons
 from .checkpoint import Checkpoint
 
@@ -26,14 +28,14 @@ Progress = Callable[[int, int], None]
 
 @dataclass(eq=False)
 class Tracer:
-    """A scene to gather in.
+    """A scene in which hemispheres are gathered.
 
     Attributes:
         scene, placement: the mesh in Embree and where it is. mu: the falloff, in mesh units. threads: how many.
         total_points: how many points the whole mesh has, wanted or not.
-        horizons: what tells rays that need no tracing, if anything.
-        progress: called with (rays traced, rays expected in all). checkpoint: what keeps traced rows, if anything.
-        expected: rays expected in all, 0 while nobody has planned them. later: besides, of corners. rays: rays asked
+        horizons: finds rays that need no tracing, or None.
+        progress: called with (rays traced, rays expected in all). checkpoint: keeps traced rows, or None.
+        expected: rays expected in all, 0 while none are planned. later: besides, of corners. rays: rays asked
             for. skipped: those of them that were not traced, now or by the run whose rows were copied.
     """
 
