@@ -5,13 +5,13 @@ from __future__ import annotations
 from typing import Annotated, Any, Literal
 
 import numpy as np
-import numpy.typing as npt
 from pydantic import Field, PlainValidator
 
 from raytrace.errors import MeshError, OptionError, nearest_name
 from raytrace.mesh.mesh import Mesh
 from raytrace.system.parameters import Parameters, Seed, Whole
 from raytrace.system.threads import MAX_THREADS
+from raytrace.types import Bools
 
 from .falloff import Binary, Exponential, Falloff
 
@@ -43,7 +43,7 @@ Normals = Annotated[Literal["angle", "area", "equal", "file"], Field(description
 Hidden = Annotated[Literal["auto", "ignore", "mark", "fill"], Field(description="auto, ignore, mark or fill")]
 Samples = Annotated[Whole, Field(ge=1, le=MAX_SAMPLES)]
 Threads = Annotated[Whole, Field(ge=1, le=MAX_THREADS)]
-Mask = Annotated[npt.NDArray[np.bool_], PlainValidator(np.asarray)]
+Mask = Annotated[Bools, PlainValidator(np.asarray)]
 Tolerance = Annotated[float, Field(strict=True, ge=1e-5, le=1, description="a number from 1e-5 to 1")]
 
 

@@ -1,4 +1,4 @@
-"""Where a picture is taken from: rays through the pixels of a perspective or orthographic view."""
+"""Perspective and orthographic cameras: a view of the scene and the rays through its pixels."""
 
 from __future__ import annotations
 
@@ -6,7 +6,6 @@ from math import inf
 from typing import Annotated
 
 import numpy as np
-import numpy.typing as npt
 from pydantic import Field
 
 from .errors import OptionError, check_type, numbers
@@ -14,8 +13,8 @@ from .kernel.arrays import product
 from .mesh.mesh import Mesh
 from .mesh.normals import normalize
 from .system.parameters import Number, Parameters, Point
+from .types import Float64s
 
-Floats = npt.NDArray[np.float64]
 Vector = Annotated[Point, Field(description="three finite numbers")]
 Degrees = Annotated[Number, Field(gt=0, lt=180, description="degrees above 0 and below 180")]
 Length = Annotated[Number, Field(gt=0, lt=inf, description="a finite length above 0")]
@@ -76,19 +75,19 @@ class Camera(Parameters, kw_only=False, source="camera"):
         distance = 1.05 * float(np.max(across / half - product(offset, forward))) or 1.0
         return cls(_vector(mesh.centre - distance * forward), _vector(mesh.centre), up, field_of_view)
 
-    def axes(self) -> tuple[Floats, Floats, Floats]:
+    def axes(self) -> tuple[Float64s, Float64s, Float64s]:
         """Unit vectors to the right, upwards and forward of the picture; zero where there is none."""
         forward = normalize(np.subtract(self.target, self.position))
         right = normalize(np.cross(forward, normalize(np.array(self.up))))
         return right, np.cross(right, forward), forward
 
-    def directions(self, x: Floats, y: Floats) -> Floats:
+    def directions(self, x: Float64s, y: Float64s) -> Float64s:
         """Unit directions (…, 3) of a pinhole through film points; y in [−1, 1] spans the view upwards."""
         right, above, forward = self.axes()
         half = np.tan(np.radians(self.field_of_view / 2))
         return normalize(forward + half * (x[..., None] * right + y[..., None] * above))
 
 
-def _vector(values: Floats) -> Vector:
+def _vector(values: Float64s) -> Vector:
     x, y, z = (float(c) for c in values)
     return x, y, z

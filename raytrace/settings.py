@@ -1,4 +1,4 @@
-"""How a picture is made: size, samples, interpolation, what is switched on."""
+"""Settings of a rendering: size, samples, interpolation, what is switched on."""
 
 from __future__ import annotations
 
