@@ -11,14 +11,14 @@ Source: (12.8), (12.26); the lecture notes on light sources.
 from __future__ import annotations
 
 from math import cos, pi, radians
-from typing import Annotated, Any, ClassVar, Literal, NamedTuple
+from typing import Any, ClassVar, Literal, NamedTuple, get_args
 
 import numpy as np
 import numpy.typing as npt
-from pydantic import Field, TypeAdapter, ValidationError, model_validator
+from pydantic import model_validator
 
 from ..errors import OptionError
-from ..system.parameters import Direction, HalfAngle, Length, NonNegative, Parameters, Point, Radiance, option_error
+from ..system.parameters import Direction, HalfAngle, Length, NonNegative, Parameters, Point, Radiance, made_of
 from .layout import (
     AMBIENT,
     COS_HALF_ANGLE,
@@ -155,8 +155,7 @@ class AmbientLight(BaseLight):
     kind: ClassVar[int] = AMBIENT
 
 
-Light = Annotated[PointLight | DirectionalLight | SpotLight | AmbientLight, Field(discriminator="light")]
-_ADAPTER: TypeAdapter[Any] = TypeAdapter(Light)
+Light = PointLight | DirectionalLight | SpotLight | AmbientLight
 
 
 def light_from_dict(data: dict[str, Any]) -> BaseLight:
@@ -164,10 +163,7 @@ def light_from_dict(data: dict[str, Any]) -> BaseLight:
 
     Raises: OptionError naming the light, the field, what is accepted and what came.
     """
-    try:
-        light: BaseLight = _ADAPTER.validate_python(data)
-    except ValidationError as error:
-        raise option_error(error, "light") from None
+    light: BaseLight = made_of(data, get_args(Light), "light", "light")
     return light
 
 

@@ -45,8 +45,8 @@ def make_demo(folder: Path, quiet: bool = False) -> None:
     with progress(quiet, "rays") as (advance,), compiling("hemisphere"):
         baked = ao.bake(mesh, progress=advance)
     write(mesh_target, baked, MeshFile.of(mesh))
-    white = Object(Shape(mesh, Lambert(albedo=1)), w=baked.w)
-    scene = Scene((white,), (AmbientLight(intensity=1),), _BACKGROUND)
+    white = Object(Shape(mesh, Lambert(albedo=(1, 1, 1))), w=baked.w)
+    scene = Scene((white,), (AmbientLight(intensity=(1, 1, 1)),), _BACKGROUND)
     camera = Camera.framing(mesh, (0.8, -1.6, 0.55), aspect=_SETTINGS.width / _SETTINGS.height)
     write_frame(image_target, render(scene, camera, _SETTINGS, layers=False), {"scene": "temple"})
     if not quiet:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -82,7 +83,7 @@ def albedo(material: BaseMaterial, incidence: float) -> Any:
         scale = 1.0 if isinstance(material, Diffuse) else np.pi
         return directional_albedo(material, incidence, order=_ORDER) / scale
     slope = getattr(material, "m", None) or max(material.m_parallel, material.m_perpendicular)  # type: ignore[attr-defined]
-    lobe = directional_albedo(material.model_copy(update={"albedo": (0.0, 0.0, 0.0)}), incidence, slope, _ORDER)
+    lobe = directional_albedo(replace(material, albedo=(0.0, 0.0, 0.0)), incidence, slope, _ORDER)
     return lobe + (1 - material.k_s) * np.array(material.albedo)
 
 
@@ -119,7 +120,7 @@ def _orientations(material: BaseMaterial) -> Sequence[tuple[str, BaseMaterial]]:
     """Anisotropic materials along and across their grain, others as they are."""
     if not isinstance(material, EllipticalBeckmann | PoulinFournier):
         return [("", material)]
-    along, across = (material.model_copy(update={"grain": grain}) for grain in ((1.0, 0, 0), (0, 1.0, 0)))
+    along, across = (replace(material, grain=grain) for grain in ((1.0, 0, 0), (0, 1.0, 0)))
     return [("along ", along), ("across ", across)]
 
 

@@ -19,7 +19,7 @@ from ..readers.stored_w import read_w
 def obscured(
     description: SceneDescription, threads: int | None = None, progress: Progress | None = None
 ) -> tuple[Scene, ao.Bake | None]:
-    """The scene with w(p) as `description.bake` asks, and the bake if there was one.
+    """The scene with w(p) as `description.w_from` and `description.bake` ask, and the bake if there was one.
 
     Only vertices that the picture can show are baked; the others get w = 1.
 
@@ -30,10 +30,10 @@ def obscured(
         OptionError, EmbreeError: as `ao.bake`.
     """
     scene, options = description.scene, description.bake
-    if options.source == "off":
+    if description.w_from == "off":
         return scene, None
-    if isinstance(options.source, Path):
-        return scene.with_obscurance(_stored(description, options.source)), None
+    if isinstance(description.w_from, Path):
+        return scene.with_obscurance(_stored(description, description.w_from)), None
     settings = description.settings
     wanted = seen_vertices(scene, description.camera, settings, threads)
     made = ao.bake(

@@ -60,21 +60,19 @@ def adjusted(
         OptionError: a setting out of range, or `baked` for a picture without obscurance.
     """
     settings = replace(description.settings, **{name: value for name, value in changes.items() if value is not None})
-    bake = description.bake
+    w_from, bake, files = description.w_from, description.bake, description.files
     if settings.obscurance == "off":
-        bake = replace(bake, source="off")
-    elif bake.source == "off":
-        bake = replace(bake, source="bake")
-    files = description.files
+        w_from = "off"
+    elif w_from == "off":
+        w_from = "bake"
     if baked is not None:
         if settings.obscurance == "off":
             raise OptionError("--baked", "--obscurance ambient or book with it", "off")
-        bake = replace(bake, source=baked)
-        files = (*files, baked)
+        w_from, files = baked, (*files, baked)
     if preview:
         settings = _quarter(settings)
-        bake = replace(bake, samples=min(bake.samples, PREVIEW_BAKE))
-    return replace(description, settings=settings, bake=bake, files=files)
+        bake = replace(bake, samples=min(bake.rays, PREVIEW_BAKE))
+    return replace(description, settings=settings, w_from=w_from, bake=bake, files=files)
 
 
 def _quarter(settings: Settings) -> Settings:

@@ -15,6 +15,7 @@ from raytrace.materials.base import BaseMaterial
 from raytrace.materials.materials import material_from_dict
 from raytrace.materials.presets import PRESETS
 from raytrace.scene import Object, Shape
+from raytrace.system.faults import fields_of
 
 from ..field_errors import check_keys, joined, located, shown
 from ..geometry.builtin_shapes import SOLIDS, Solid
@@ -202,7 +203,7 @@ class ObjectReader:
             near = nearest_name(table.builtin, SOLIDS)
             raise SceneError(self._source, field, "one of " + ", ".join(SOLIDS), shown(table.builtin), near)
         parameters = table.model_extra or {}
-        check_keys(self._source, path, parameters, [*kind.model_fields, *_keys("builtin")])
+        check_keys(self._source, path, parameters, [*fields_of(kind), *_keys("builtin")])
         with located(self._source, path):
             return kind(**parameters)
 

@@ -73,7 +73,7 @@ intensity = 0.2
     )
     assert made.camera == Camera((1, 2, 3), (0, 0, 0), (0, 1, 0), 50, aperture=0.1, focus=2.5)
     assert made.settings == Settings(320, 200, 4, "gouraud", "book", False, False, (10, 20, 30, 40), 7, "area")
-    assert made.bake.source == "bake"
+    assert made.w_from == "bake"
     assert made.bake.falloff == ao.Exponential(tau=2.0, max_distance="25%")
     assert (made.bake.samples, made.bake.seed) == (64, 3)
     assert made.scene.background == (0.1, 0.2, 0.3)
@@ -91,7 +91,7 @@ intensity = 0.2
 def test_the_shortest_scene_has_defaults(tmp_path):
     made = scene(tmp_path, PLAIN)
     assert made.settings == Settings()
-    assert made.bake.source == "bake"
+    assert made.w_from == "bake"
     assert made.bake.falloff == ao.Exponential()
     assert [type(light) for light in made.scene.lights] == [DirectionalLight] * 3 + [AmbientLight]
 
@@ -194,9 +194,9 @@ def test_own_material_named_as_a_preset_wins(tmp_path):
 
 def test_obscurance_off_baked_and_binary(tmp_path):
     off = scene(tmp_path, '[obscurance]\nform = "off"\n' + PLAIN)
-    assert (off.settings.obscurance, off.bake.source) == ("off", "off")
+    assert (off.settings.obscurance, off.w_from) == ("off", "off")
     text = '[obscurance]\nbaked = "w.npy"\n' + PLAIN
-    assert scene(tmp_path, text, **{"w.npy": "-"}).bake.source == tmp_path / "w.npy"
+    assert scene(tmp_path, text, **{"w.npy": "-"}).w_from == tmp_path / "w.npy"
     binary = scene(tmp_path, '[obscurance]\nfalloff = "binary"\nmax_distance = inf\n' + PLAIN)
     assert binary.bake.falloff == ao.Binary(inf)
 
