@@ -1,12 +1,14 @@
-"""What vertices have beside their places: smooth normals, and where shadow rays begin when they are lit themselves."""
+"""Smooth vertex normals, and origins of the shadow rays of vertices for Gouraud shading."""
 
 from __future__ import annotations
+
+from typing import cast
 
 import numpy as np
 import numpy.typing as npt
 
 from ..brdf.layout import TWO_SIDED
-from ..embree.scene import TriangleScene
+from ..embree.scene import EmbreeScene, TriangleScene
 from ..kernel.arrays import aligned, product
 from ..mesh.mesh import Mesh
 from ..mesh.normals import face_normals, normalize, vertex_sums
@@ -38,16 +40,20 @@ def smooth_normals(mesh: Mesh, normals: Normals = "file") -> Floats:
     return normalize(sum_groups(group, own))[group]
 
 
-def vertex_origins(geometry: Geometry) -> npt.NDArray[np.float32]:
-    """Where shadow rays begin that leave the vertices of all objects, in the order of `geometry.w`: float32 (n, 3).
+def vertex_origins(geometry: Geometry, embree: EmbreeScene) -> npt.NDArray[np.float32]:
+    """Origins of shadow rays from the vertices of all objects in order: float32 (n, 3), in render space.
 
     They are in front of all faces of the scene that meet at a vertex (`raytrace.ray_origins`). Where a surface has two
     sides there are n more, for vertices seen from behind.
+
+    Args: embree: the scene of `geometry`; one with a single object and no degenerate faces is searched as it is.
     """
-    vertices, faces, normals = _in_the_world(geometry)
+    vertices, faces, normals = _in_render_space(geometry)
     face_normal, area = face_normals(vertices, faces)
     own = vertex_sums(vertices, faces, face_normal, area)
-    faces, face_normal = faces[area > 0], face_normal[area > 0]
+    whole = bool((area > 0).all())
+    if not whole:
+        faces, face_normal = faces[area > 0], face_normal[area > 0]
 
     group = weld(vertices.astype(np.float32), normals, CREASE)
     _, first = np.unique(group, return_index=True)
@@ -58,7 +64,9 @@ def vertex_origins(geometry: Geometry) -> npt.NDArray[np.float32]:
     away = 0.0 if geometry.placed.all() else INSTANCED  # all that is reckoned with is in proportion to coordinates
     points, vertices = points + away, vertices + away
     sides = (1.0, -1.0) if geometry.rows[:, TWO_SIDED].any() else (1.0,)
-    scene = TriangleScene(vertices.astype(np.float32), faces)
+    scene = cast(TriangleScene, embree)
+    if not (whole and len(geometry.placed) == 1):
+        scene = TriangleScene(vertices.astype(np.float32), faces)
     found = [
         ray_origins(scene, points, s * lift, clearance, vertices, faces, s * face_normal, seats)[group] for s in sides
     ]
@@ -67,19 +75,18 @@ def vertex_origins(geometry: Geometry) -> npt.NDArray[np.float32]:
     return origins
 
 
-def _in_the_world(geometry: Geometry) -> tuple[Floats, Ints, Floats]:
-    """All objects as one mesh in the world's own units, faces wound outwards: vertices, faces, unit vertex normals."""
+def _in_render_space(geometry: Geometry) -> tuple[Floats, Ints, Floats]:
+    """All objects as one mesh in render space, faces wound outwards: vertices, faces, unit vertex normals."""
     vertices, faces, normals = [], [], []
-    counts = np.diff(geometry.first_w, append=len(geometry.w))
     begins = np.unique(geometry.first_face)
     ends = np.append(begins, len(geometry.faces))[np.searchsorted(begins, geometry.first_face) + 1]
-    for item, count in enumerate(counts):
+    for item, size in enumerate(np.diff(geometry.first_w)):
         start = geometry.first_vertex[item]
-        own = geometry.vertices[start : start + count].astype(np.float64)
-        normal = geometry.normals[start : start + count].astype(np.float64)
+        own = geometry.vertices[start : start + size].astype(np.float64)
+        normal = geometry.normals[start : start + size].astype(np.float64)
         if not geometry.placed[item]:
-            own = product(own, geometry.to_world[item, :, :3].T) + geometry.to_world[item, :, 3]
-            normal = product(normal, geometry.normal_to_world[item].T)
+            own = product(own, geometry.to_render[item, :, :3].T) + geometry.to_render[item, :, 3]
+            normal = product(normal, geometry.normal_to_render[item].T)
         corners = geometry.faces[geometry.first_face[item] : ends[item]] - start + geometry.first_w[item]
         vertices.append(own)
         faces.append(corners[:, ::-1] if geometry.mirrored[item] < 0 else corners)

@@ -1,4 +1,4 @@
-"""Viewing rays: a camera in the world's own units, and its packets."""
+"""Viewing rays: a camera in render space, and its packets of sixteen rays."""
 
 from __future__ import annotations
 
@@ -21,11 +21,11 @@ from ..settings import Settings
 Floats = npt.NDArray[np.float64]
 _SETS = 256
 _CENTRE = np.empty((0, 4, 1))  # no sets of places: every ray goes through its pixel's centre
-FARTHEST = 8.0  # longer than anything in the world
+FARTHEST = 8.0  # longer than anything in render space
 
 
 class View(NamedTuple):
-    """A camera in the world's own units, and where in a pixel its samples fall.
+    """A camera in render space, and where in a pixel its samples fall.
 
     Attributes:
         eye, right, above, forward: float64 (3,). half: tangent of half the vertical angle, or half the height of an
@@ -49,7 +49,7 @@ class View(NamedTuple):
 
 
 def place_camera(camera: Camera, settings: Settings, centre: Floats, scale: float) -> View:
-    """A camera as kernels want it, in a world whose points p stand at (p − centre) · scale."""
+    """A camera as kernels take it, in a render space where points p stand at (p − centre) · scale."""
     right, above, forward = camera.axes()
     position = np.array(camera.position)
     distance = camera.focus or float(np.linalg.norm(np.subtract(camera.target, position)))
@@ -116,7 +116,7 @@ def pixel_width(view, depth):
 
 @inline
 def approach(origin, direction):
-    """How far a ray can go before it comes near the world, which lies within 2 of the centre."""
+    """Distance a ray can go before it comes near the scene, which lies within 2 of the centre of render space."""
     return max(0.0, -2.0 - dot(origin, direction))
 
 
@@ -148,27 +148,31 @@ def aim(packet, view, x, y, samples):
 
 
 @inline
-def struck(packet):
-    """Rows of the objects and of the faces that a packet has hit, int32 lanes; the object is −1 for a miss."""
+def hit_ids(packet):
+    """Rows of the objects and of their shapes' faces that a packet has hit, int32 lanes; object −1: a miss."""
     ids = packet.view(np.int32)
     outer, inner = load_row(ids, INST_ID), load_row(ids, GEOM_ID)
     return select((inner >= 0) & (outer >= 0), outer, inner), load_row(ids, PRIM_ID)
 
 
 @kernel
-def mark_seen(geometry, view, left, right, first, last, packet, valid, seen):
-    """Set `seen`, bool (w,), for the vertices of all faces that a sample of the rows [first, last) meets."""
-    for y in range(first, last):
+def mark_seen(geometry, view, columns, rows, packet, valid, seen):
+    """Set `seen`, bool (w,), for the vertices of all faces that a sample of some pixels meets.
+
+    Args: columns, rows: of the pixels, (first, end). packet, valid: of `raytrace.embree.packets.new_packet`, sixteen.
+    """
+    left, right = columns
+    for y in range(rows[0], rows[1]):
         for x in range(left, right, WIDE):
             pixels = lane_numbers() + x
             store_row(valid, 0, pixels < right)
             for sample in range(max(1, view.offsets.shape[2])):
                 aim(packet, view, pixels, 0 * pixels + y, 0 * pixels + sample)
                 intersect16(geometry.handle, packet, valid)
-                items, faces = struck(packet)
+                items, faces = hit_ids(packet)
                 for lane in range(min(WIDE, right - x)):
                     item = pick(items, lane)
                     if item >= 0:
-                        own = geometry.first_w[item] - geometry.first_vertex[item]
+                        shift = geometry.first_w[item] - geometry.first_vertex[item]
                         for corner in range(3):
-                            seen[own + geometry.faces[geometry.first_face[item] + pick(faces, lane), corner]] = True
+                            seen[shift + geometry.faces[geometry.first_face[item] + pick(faces, lane), corner]] = True

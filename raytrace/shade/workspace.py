@@ -1,4 +1,4 @@
-"""What the kernels of a picture are told, work with and count."""
+"""Options of a picture for its kernels, and the memory that one thread works with."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ COUNTERS = 9
 
 
 class Style(NamedTuple):
-    """How a picture is made, for kernels.
+    """Options of a picture.
 
     Attributes:
         samples: most a pixel. shading, form: numbers of the interpolation and of the obscurance form. shadows,
@@ -40,7 +40,7 @@ class Style(NamedTuple):
 
 
 class Scratch(NamedTuple):
-    """What one thread works with.
+    """Memory that one thread works with.
 
     Attributes:
         packet, valid: rays (`raytrace.embree.packets.new_packet`), sixteen.
@@ -48,7 +48,7 @@ class Scratch(NamedTuple):
         for none. sums: float64 (pixels, …), a tile's film. order: int32 (pixels,), a tile's pixels so that sixteen on
         end are neighbours; todo: int32 (pixels + 16,), those that want more samples. active: int64 (lights,), lights
         that can matter; hidden: bool (lights,), whether something may stand between those and the points.
-        counts: int64 (COUNTERS,).
+        missing: int64 (textures,), 1 for textures that a ray has met before they were read. counts: int64 (COUNTERS,).
     """
 
     packet: npt.NDArray[np.float32]
@@ -60,11 +60,12 @@ class Scratch(NamedTuple):
     todo: npt.NDArray[np.int32]
     active: npt.NDArray[np.int64]
     hidden: npt.NDArray[np.bool_]
+    missing: npt.NDArray[np.int64]
     counts: npt.NDArray[np.int64]
 
 
-def new_scratch(lights: int) -> Scratch:
-    """Scratch for a scene with so many lights."""
+def new_scratch(lights: int, textures: int) -> Scratch:
+    """Scratch for a scene with so many lights and textures."""
     return Scratch(
         *new_packet(WIDE, coherent=True),
         entries=aligned((PACKETS, WIDTH, WIDE), np.float32),
@@ -74,6 +75,7 @@ def new_scratch(lights: int) -> Scratch:
         todo=aligned((TILE * TILE + WIDE,), np.int32),
         active=np.zeros(max(lights, 1), np.int64),
         hidden=np.zeros(max(lights, 1), np.bool_),
+        missing=np.zeros(textures, np.int64),
         counts=np.zeros(COUNTERS, np.int64),
     )
 
