@@ -27,7 +27,7 @@ F = TypeVar("F", bound=Callable[..., Any])
 
 PACKAGES = ("raytrace", "ao")
 _ROOM = 16 << 20  # bytes; all kernels take less than 5 MB
-ROOT = Path(__file__).resolve().parent.parent
+ROOT = Path(__file__).resolve().parents[2]
 
 
 def source_hash(root: Path = ROOT) -> str:

@@ -1,0 +1,106 @@
+"""One core, too many threads, no place for caches: the same bytes."""
+
+import os
+import subprocess
+import sys
+
+import pytest
+from command import obscurance
+from mesh_files import ply
+from meshes import hills
+from project import ROOT
+
+SMALL_BLOCKS = "import ao.trace.tracer; ao.trace.tracer._BLOCK_RAYS //= 512; "  # enough of them for 64 threads
+LINUX = pytest.mark.skipif(sys.platform != "linux", reason="needs Linux")
+
+
+@pytest.fixture(scope="module")
+def bake(tmp_path_factory):
+    """Bakes hills by a command in given circumstances; returns the result's bytes and what was said."""
+    folder = tmp_path_factory.mktemp("circumstances")
+    mesh, target = folder / "hills.ply", folder / "w.npz"
+    mesh.write_bytes(ply(*hills(60)))
+
+    def run(*options, code=SMALL_BLOCKS + "import cli; cli.main()", **settings):
+        command = [sys.executable, "-c", code, "bake", mesh, "-o", target, "--samples", "64", "--quiet", *options]
+        result = subprocess.run(command, capture_output=True, text=True, check=False, cwd=ROOT, timeout=600, **settings)
+        assert result.returncode == 0, result.stderr
+        content = target.read_bytes()
+        target.unlink()
+        return content, result.stderr
+
+    return run
+
+
+@pytest.fixture(scope="module")
+def expected(bake):
+    return bake()[0]
+
+
+@LINUX
+def test_one_core_gives_the_same_bytes(bake, expected):
+    one = {min(os.sched_getaffinity(0))}
+    assert bake(preexec_fn=lambda: os.sched_setaffinity(0, one)) == (expected, "")
+
+
+@pytest.mark.parametrize("threads", ["1", "64", "4096"])
+def test_any_number_of_threads_gives_the_same_bytes(bake, expected, threads):
+    assert bake("--threads", threads) == (expected, "")
+
+
+@LINUX
+def test_threads_that_the_system_refuses_are_done_without(bake, expected):
+    """Address space for the stacks of some of 64 threads."""
+    code = SMALL_BLOCKS + "import resource; from raytrace.system.memory import _UNTOUCHED; from pathlib import Path;"
+    code += "used = int(Path('/proc/self/statm').read_text().split()[0]) * resource.getpagesize();"
+    code += "most = used + _UNTOUCHED + (280 << 20);"
+    code += "resource.setrlimit(resource.RLIMIT_AS, (most, most)); import cli; cli.main()"
+    assert bake("--threads", "64", code=code) == (expected, "")
+
+
+@LINUX
+@pytest.mark.slow
+@pytest.mark.parametrize("method", ["vertex", "surface"])
+def test_without_a_place_for_caches_the_bytes_are_the_same_after_one_notice(bake, method):
+    nowhere = {"NUMBA_CACHE_DIR": "/proc/cache", "XDG_CACHE_HOME": "", "HOME": "/dev/null"}
+    code = "import tempfile; tempfile.tempdir = '/proc/cache'; import cli; cli.main()"
+    content, said = bake("--method", method, code=code, env=os.environ | nowhere)
+    assert content == bake("--method", method)[0]
+    assert said.count("\n") == 1
+    assert said.startswith("First run of this version: compiling kernels")
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("method", ["vertex", "surface"])
+def test_a_cache_whose_disk_fills_up_changes_no_byte(bake, method, tmp_path):
+    code = "import errno; from numba.core.caching import IndexDataCacheFile\n"
+    code += "def full(self, name, data):\n    open(self._data_path(name), 'wb').write(b'half a kernel')\n"
+    code += "    raise OSError(errno.ENOSPC, 'No space left on device')\n"
+    code += "IndexDataCacheFile._save_data = full\nimport cli; cli.main()"
+    content, said = bake("--method", method, code=code, env=os.environ | {"NUMBA_CACHE_DIR": str(tmp_path)})
+    assert content == bake("--method", method)[0]
+    assert said.count("\n") == 1
+    assert said.startswith("First run of this version: compiling kernels")
+
+
+@LINUX
+@pytest.mark.slow
+def test_folders_without_permission_are_no_obstacle(tmp_path):
+    """Root may write everywhere, unless it gives up that power."""
+    mesh, target, closed = tmp_path / "hills.ply", tmp_path / "w.npz", tmp_path / "closed"
+    mesh.write_bytes(ply(*hills(60)))
+    closed.mkdir(mode=0o555)
+    given_up = "-dac_override,-dac_read_search"
+    bind = ["setpriv", f"--bounding-set={given_up}", f"--inh-caps={given_up}"] if os.getuid() == 0 else []
+    places = dict.fromkeys(("HOME", "XDG_CACHE_HOME", "NUMBA_CACHE_DIR", "TMPDIR"), str(closed))
+    code = f"import tempfile; tempfile.tempdir = {str(closed)!r}; import cli; cli.main()"
+    command = [*bind, sys.executable, "-c", code, "bake", mesh, "-o", target, "--samples", "64", "--quiet"]
+    result = subprocess.run(
+        command, capture_output=True, text=True, check=False, cwd=ROOT, timeout=600, env=os.environ | places
+    )
+    assert result.returncode == 0, result.stderr
+    assert result.stderr.count("\n") == 1
+    content = target.read_bytes()
+    assert not list(closed.iterdir())
+    assert obscurance("bake", mesh, "-o", target, "--samples", 64).returncode == 0
+    assert target.read_bytes() == content

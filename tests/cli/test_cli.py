@@ -1,0 +1,212 @@
+"""The command as a user meets it: its files, its exit status and its one line."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+
+import numpy as np
+import pytest
+import trimesh
+from command import COMMAND, obscurance, process, refused, started
+from project import ROOT
+
+
+@pytest.fixture
+def cube(tmp_path):
+    path = tmp_path / "cube.ply"
+    trimesh.creation.box().export(path)
+    return path
+
+
+@pytest.mark.parametrize("ending", ["npy", "npz", "ply", "glb"])
+def test_every_output_format_is_written(tmp_path, cube, ending):
+    output = tmp_path / f"out.{ending}"
+    result = obscurance("bake", cube, "-o", output, "--samples", 16)
+    assert result.returncode == 0, result.stderr
+    assert output.stat().st_size > 0
+    assert "8 vertices" in result.stdout
+    assert sorted(path.name for path in tmp_path.iterdir()) == sorted(["cube.ply", output.name])
+
+
+def test_the_values_are_those_of_the_library(tmp_path, cube):
+    import ao
+    from scenes.readers.load import load
+
+    target = tmp_path / "w.npy"
+    options = ("--half-distance", "30%", "--max-distance", "2", "--samples", 64, "--seed", 7, "--normals", "area")
+    assert obscurance("bake", cube, "-o", target, *options).returncode == 0
+    falloff = ao.Exponential(half_distance="30%", max_distance=2)
+    expected = ao.bake(load(cube).mesh, falloff, samples=64, seed=7, normals="area").w
+    np.testing.assert_array_equal(np.load(target), expected.astype(np.float32))
+
+
+def test_the_same_command_gives_the_same_bytes(tmp_path, cube):
+    for name, run in (("a", obscurance), ("b", process)):
+        for ending in ("npy", "npz", "ply", "glb"):
+            assert run("bake", cube, "-o", tmp_path / f"{name}.{ending}", "--samples", 32).returncode == 0
+    for ending in ("npy", "npz", "ply", "glb"):
+        assert (tmp_path / f"a.{ending}").read_bytes() == (tmp_path / f"b.{ending}").read_bytes()
+
+
+def test_the_report_holds_the_contract(tmp_path, cube):
+    report = tmp_path / "r.json"
+    target = tmp_path / "w.npy"
+    assert obscurance("bake", cube, "-o", target, "--samples", 16, "--seed", 3, "--report", report).returncode == 0
+    found = json.loads(report.read_text())
+    assert {"rays", "rays_skipped", "seconds", "rmse_estimate", "flagged", "versions", "seed", "options"} <= set(found)
+    assert set(found["seconds"]) == {"load", "build", "bake", "write"}
+    assert found["rays"] == 16 * (8 + 8)
+    assert found["seed"] == 3
+    assert found["options"]["falloff"] == "exponential"
+    assert found["options"]["threads"] >= 1
+    assert found["falloff"]["tau"] == pytest.approx(np.log(2) / (0.5 * 3**0.5 / 2))
+
+
+def test_rays_that_are_certainly_open_are_told_and_change_nothing(tmp_path, cube):
+    told = obscurance("bake", cube, "-o", tmp_path / "a.npz", "--samples", 512)
+    assert "0 rays traced and 8,192 certainly open in" in told.stdout
+    told = obscurance("bake", cube, "-o", tmp_path / "b.npz", "--samples", 512, "--no-skip")
+    assert "8,192 rays traced in" in told.stdout
+    assert (tmp_path / "a.npz").read_bytes() == (tmp_path / "b.npz").read_bytes()
+    told = obscurance("bake", cube, "-o", tmp_path / "c.npy", "--method", "surface", "--no-skip")
+    refused(told, "--no-skip", "surface")
+
+
+def test_quiet_is_quiet(tmp_path, cube):
+    result = obscurance("bake", cube, "-o", tmp_path / "w.npy", "--samples", 8, "--quiet")
+    assert (result.returncode, result.stdout) == (0, "")
+
+
+def test_info_tells_what_is_in_a_file(cube):
+    result = obscurance("info", cube)
+    assert result.returncode == 0
+    for fact in ("vertices", "8", "faces", "12", "radius", "0.866025", "0 open"):
+        assert fact in result.stdout
+
+
+def test_the_demonstration_makes_a_mesh_and_a_picture(tmp_path):
+    result = obscurance("demo", "-o", tmp_path / "demo")
+    assert result.returncode == 0, result.stderr
+    mesh = trimesh.load(tmp_path / "demo" / "temple.ply", process=False)
+    w = mesh.metadata["_ply_raw"]["vertex"]["data"]["obscurance"]
+    assert 0 <= w.min() < 0.1
+    assert w.max() == 1
+    assert (tmp_path / "demo" / "temple.png").read_bytes().startswith(b"\x89PNG")
+
+
+LIGHT = """
+import sys, cli
+sys.argv[0] = "obscurance"
+try:
+    cli.main()
+finally:
+    print([name for name in ("numpy", "numba", "trimesh", "scipy") if name in sys.modules])
+"""
+
+
+@pytest.mark.parametrize("arguments", [["--help"], ["bake", "--help"], ["cook"], ["scenes"], ["scenes", "temple"]])
+def test_help_and_mistakes_need_no_heavy_import(arguments):
+    command = [sys.executable, "-c", LIGHT, *arguments]
+    result = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
+    assert result.stdout.splitlines()[-1] == "[]", result.stderr
+
+
+BAD_OPTIONS = [
+    (("--samples", "0"), ("samples", "1 to", "got 0")),
+    (("--samples", "many"), ("--samples", "whole number", "got many")),
+    (("--samples", "99999999"), ("samples", "got 99999999")),
+    (("--tau", "-1"), ("tau", "above 0")),
+    (("--tau", "0"), ("tau", "above 0")),
+    (("--tau", "nan"), ("tau", "finite")),
+    (("--tau", "1", "--half-distance", "2"), ("tau", "either")),
+    (("--half-distance", "-5%"), ("--half-distance", "above 0")),
+    (("--max-distance", "0"), ("--max-distance", "above 0")),
+    (("--max-distance", "near"), ("--max-distance", "near")),
+    (("--falloff", "binary", "--tau", "1"), ("--tau", "exponential")),
+    (("--falloff", "linear"), ("--falloff", "linear")),
+    (("--threads", "0"), ("threads", "got 0")),
+    (("--seed", "-1"), ("seed", "got -1")),
+    (("--normals", "file"), ("normals", "cube.ply")),
+    (("--method", "magic"), ("--method", "magic")),
+    (("--colour", "red"), ("--colour",)),
+]
+
+
+@pytest.mark.parametrize(("options", "words"), BAD_OPTIONS, ids=[" ".join(o) for o, _ in BAD_OPTIONS])
+def test_bad_options_are_named_and_nothing_is_written(tmp_path, cube, options, words):
+    target = tmp_path / "w.npy"
+    target.write_bytes(b"\x93NUMPY precious")
+    refused(obscurance("bake", cube, "-o", target, *options), *words)
+    assert target.read_bytes() == b"\x93NUMPY precious"
+    assert len(list(tmp_path.iterdir())) == 2
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "words"),
+    [
+        ("missing.ply", None, ("existing file",)),
+        ("empty.obj", b"", ("empty",)),
+        ("noise.ply", b"\x89PNG\r\n\x1a\n not a mesh", ("PLY",)),
+        ("cloud.obj", b"v 0 0 0\nv 1 0 0\nv 0 1 0\n", ("faces",)),
+        ("nan.obj", b"v 0 0 nan\nv 1 0 0\nv 0 1 0\nf 1 2 3\n", ("finite",)),
+        ("inf.obj", b"v 0 0 inf\nv 1 0 0\nv 0 1 0\nf 1 2 3\n", ("finite",)),
+        ("range.obj", b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 9\n", ("from 1 to 3", "got 9")),
+        ("what.xyz", b"0 0 0\n", (".xyz",)),
+    ],
+)
+def test_bad_meshes_are_named_and_nothing_is_written(tmp_path, name, content, words):
+    mesh = tmp_path / name
+    if content is not None:
+        mesh.write_bytes(content)
+    before = sorted(tmp_path.iterdir())
+    for command in (("bake", mesh, "-o", tmp_path / "w.npy"), ("info", mesh)):
+        refused(obscurance(*command), name, *words)
+    assert sorted(tmp_path.iterdir()) == before
+
+
+def test_a_folder_is_not_a_mesh(tmp_path):
+    refused(obscurance("info", tmp_path), "folder")
+
+
+@pytest.mark.parametrize("target", ["w.txt", "w", "no/such/folder/w.npy", "."])
+def test_bad_targets_are_refused_before_the_work(tmp_path, cube, target):
+    refused(obscurance("bake", cube, "-o", tmp_path / target))
+
+
+def test_a_report_that_cannot_be_written_is_refused_before_the_work(tmp_path, cube):
+    target = tmp_path / "w.npy"
+    refused(obscurance("bake", cube, "-o", target, "--report", tmp_path / "no" / "r.json"), "r.json")
+    assert not target.exists()
+
+
+def test_usage_mistakes_take_one_line():
+    refused(process("bake"), "INPUT", "nothing")
+    refused(obscurance("cook"), "cook")
+
+
+@pytest.mark.skipif(os.name == "nt", reason="signals")
+def test_an_interrupt_leaves_nothing_behind(tmp_path):
+    mesh = tmp_path / "ball.ply"
+    trimesh.creation.icosphere(subdivisions=5).export(mesh)
+    target = tmp_path / "w.npy"
+    target.write_bytes(b"\x93NUMPY precious")
+    command = [*COMMAND, "bake", mesh, "-o", target, "--samples", "100000", "--no-skip"]
+    with started(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as running:
+        time.sleep(4)
+        running.send_signal(signal.SIGINT)
+        _, errors = running.communicate(timeout=60)
+    assert running.returncode == 130
+    assert b"interrupted" in errors
+    assert b"Traceback" not in errors
+    assert target.read_bytes() == b"\x93NUMPY precious"
+    assert len(list(tmp_path.iterdir())) == 2
+
+
+def test_a_cold_cache_says_that_it_compiles(tmp_path, cube):
+    environment = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path / "cache")}
+    command = ("bake", cube, "-o", tmp_path / "w.npy", "--samples", 8)
+    assert "compiling" in process(*command, env=environment).stderr
+    assert "compiling" not in process(*command, env=environment).stderr

@@ -1,0 +1,102 @@
+"""The `obscurance` command for the tests of the command line: within this process, or as one of its own."""
+
+import os
+import signal
+import subprocess
+import sys
+import tempfile
+import traceback
+from contextlib import contextmanager, suppress
+
+from project import ROOT
+
+import cli
+
+COMMAND = [sys.executable, str(ROOT / "cli.py")]
+
+
+def obscurance(*arguments):
+    """Run the command to its end in this process, at a tenth of the cost of a new one.
+
+    Returns: as `process` does. Also what libraries print past Python is caught.
+    """
+    line = [*COMMAND[1:], *map(str, arguments)]
+    with tempfile.TemporaryFile("w+") as output, tempfile.TemporaryFile("w+") as errors:
+        before = sys.argv
+        sys.argv = line
+        try:
+            with _redirected("stdout", 1, output), _redirected("stderr", 2, errors):
+                status = _status()
+        finally:
+            sys.argv = before
+        output.seek(0)
+        errors.seek(0)
+        return subprocess.CompletedProcess(line, status, output.read(), errors.read())
+
+
+def process(*arguments, **options):
+    """Run the command to its end as a process, with the environment, the folder or the random hashes that it has."""
+    return subprocess.run(
+        [*COMMAND, *map(str, arguments)], capture_output=True, text=True, check=False, timeout=300, **options
+    )
+
+
+@contextmanager
+def started(command, **options):
+    """A process that goes on beside the test, with what it starts killed when the test leaves it.
+
+    `Popen.send_signal(signal.SIGINT)` reaches it also where the shell starts the tests with interrupts ignored, which
+    processes inherit: as `make test &` in a script does.
+    """
+    posix = os.name == "posix"
+    heeded = signal.signal(signal.SIGINT, signal.default_int_handler)  # what is ignored here is so in the process
+    try:
+        running = subprocess.Popen([str(word) for word in command], start_new_session=posix, **options)
+    finally:
+        signal.signal(signal.SIGINT, heeded)
+    with running:
+        try:
+            yield running
+        finally:
+            if posix:
+                with suppress(ProcessLookupError, PermissionError):  # it has ended, with all it started
+                    os.killpg(running.pid, signal.SIGKILL)
+            else:
+                running.kill()
+
+
+def _status():
+    try:
+        cli.main()
+    except SystemExit as end:
+        return end.code or 0
+    except Exception:
+        traceback.print_exc()
+        return 1
+    return 0
+
+
+@contextmanager
+def _redirected(name, descriptor, file):
+    """Send a standard stream of Python and of the system to a file."""
+    stream, kept = getattr(sys, name), os.dup(descriptor)
+    stream.flush()
+    os.dup2(file.fileno(), descriptor)
+    setattr(sys, name, file)
+    try:
+        yield
+    finally:
+        file.flush()
+        setattr(sys, name, stream)
+        os.dup2(kept, descriptor)
+        os.close(kept)
+
+
+def refused(result, *words, status=2):
+    """One line on standard error that holds `words`, nothing on standard output."""
+    assert result.returncode == status, result.stderr
+    assert result.stdout == ""
+    assert result.stderr.count("\n") == 1, result.stderr
+    for word in words:
+        assert word in result.stderr
+    assert "Traceback" not in result.stderr

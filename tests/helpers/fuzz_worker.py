@@ -1,0 +1,289 @@
+"""Gives damaged files to the loaders, one after the other, in a process that may not take much time or memory.
+
+    python tests/helpers/fuzz_worker.py SEED FIRST END PROGRESS     the inputs FIRST … END - 1, as `fuzzing.run` does
+    python tests/helpers/fuzz_worker.py SEED INDEX                  one input: keeps its file and tells what happens
+
+Findings are JSON lines on standard output.
+"""
+
+import faulthandler
+import json
+import os
+import random
+import resource
+import shutil
+import signal
+import sys
+import tempfile
+import time
+import traceback
+import warnings
+from contextlib import suppress
+from pathlib import Path
+
+import fuzz_mutations
+import fuzz_seeds
+from project import ROOT
+
+SECONDS = 10  # of processor time for one input
+SPARE = 2 << 30  # address space beyond what the process has once it is warm
+CONSTANT, FACTOR = 64 << 20, 256  # an input of k bytes may take CONSTANT + FACTOR k bytes
+PICTURES = ("png", "jpeg", "exr", "tiff", "pictures")
+OUT_OF_MEMORY = "sizes that fit into memory"
+
+
+class Finding(Exception):
+    """An input did what none may do."""
+
+
+def family_of(index):
+    return list(fuzz_seeds.seeds())[index % len(fuzz_seeds.seeds())]
+
+
+def random_of(seed, index):
+    return random.Random(f"{seed}:{index}")
+
+
+def prepared(folder):
+    """The folder of the inputs, what they may refer to within it, and what they must not reach beside it."""
+    inside = folder / "inside"
+    for name, content in fuzz_seeds.companions().items():
+        target = inside / name
+        target.parent.mkdir(parents=True, exist_ok=True)
+        target.write_bytes(content)
+    (folder / "secret.bin").write_bytes(fuzz_seeds.gltf()[1])
+    (folder / "secret.png").write_bytes(fuzz_seeds.image("png"))
+    (inside / "link.bin").symlink_to(folder / "secret.bin")
+    (inside / "out").symlink_to(folder, target_is_directory=True)
+    os.mkfifo(inside / "pipe")
+    (folder / "made").mkdir()
+    return inside
+
+
+def watch(folder):
+    """Note every file that Python opens outside of the folder, but for modules and what is written on purpose."""
+    from raytrace.kernel.jit import cache_folder
+
+    opened = []
+    proc = ["/proc/self", "/proc/meminfo"]
+    system = [sys.prefix, sys.base_prefix, "/usr", "/lib", "/etc/ld", *proc, "/dev/null", "/sys"]
+    allowed = tuple(map(os.path.realpath, [folder / "inside", folder / "made", ROOT, cache_folder(), *system]))
+
+    def hook(event, arguments):
+        if event == "open" and isinstance(arguments[0], str | bytes):
+            path = os.path.realpath(os.fsdecode(arguments[0]))
+            if not path.startswith(allowed):
+                opened.append(path)
+        elif event in ("socket.connect", "subprocess.Popen", "os.system"):
+            opened.append(event)
+
+    sys.addaudithook(hook)
+    return opened
+
+
+def consume(family, path, made, index):
+    """Do with the file what the commands do."""
+    if family in PICTURES:
+        return look(path)
+    import ao
+    from raytrace.errors import OptionError
+    from scenes.commands.info import describe
+    from scenes.commands.picture_bake import obscured
+    from scenes.description.read import read_scene
+    from scenes.readers.load import load
+    from scenes.writers.losses import lost
+    from scenes.writers.write import write
+
+    if family == "array":
+        scene = path.with_name("m.toml")
+        scene.write_text(fuzz_mutations.toml_text(fuzz_seeds.BAKED | {"obscurance": {"baked": path.name}}))
+        obscured(read_scene(scene, (4, 3)))
+        return None
+    if family == "toml":
+        return textures(read_scene(path, (8, 6)))
+    target = made / f"made.{('ply', 'glb')[index % 2]}"
+    file = load(path, target)
+    lost(target, file)
+    rows = describe(file)
+    for name, text in rows:
+        if not (name.isprintable() and text.isprintable()):
+            raise Finding(f"info prints {text!r}")
+        text.encode()
+    textures(read_scene(path, (8, 6)))
+    if index % 5 == 0 and len(file.mesh.faces) < 5000:
+        baked = ao.bake(file.mesh, samples=4, threads=1)
+        if not ((baked.w >= 0) & (baked.w <= 1)).all():
+            raise Finding("w is not in [0, 1]")
+        for ending in ("ply", "npz"):
+            write(made / f"made.{ending}", baked, file, colors=True)
+        load(made / "made.ply")
+        with suppress(OptionError):  # coordinates beyond float32
+            write(made / "made.glb", baked, file, colors=True)
+            load(made / "made.glb")
+
+
+def textures(description):
+    from raytrace.image.texture import pack_textures
+
+    wanted = [item.shape.texture for item in description.scene.objects if item.shape.texture]
+    pack_textures(list(dict.fromkeys(wanted)))
+
+
+def look(path):
+    from raytrace.image.compare import compare
+    from raytrace.image.read import read_image
+    from raytrace.image.texture import Texture, pack_textures
+
+    refused = []
+    for step in (lambda: read_image(path), lambda: compare(path, path), lambda: pack_textures([Texture(path)])):
+        try:
+            step()
+        except ValueError as reason:
+            refused.append(reason)
+    if refused:
+        raise refused[0]
+
+
+def judged(family, path, made, index, opened):
+    """Whether the input was accepted; its message if it was refused. Raises: Finding."""
+    from raytrace.errors import InputError
+
+    reset_peak()
+    before, start = memory(), time.process_time()
+    message = None
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("error")
+            consume(family, path, made, index)
+    except InputError as refusal:
+        message = str(refusal)
+        if not message.isprintable():
+            raise Finding(f"not one printable line: {message!r}") from None
+        if OUT_OF_MEMORY in message:
+            raise Finding("memory was asked for before the sizes were checked: " + where(refusal)) from None
+        if len(message) > 1000 + 2 * len(str(path)):
+            raise Finding(f"a message of {len(message)} characters: {message[:300]}") from None
+        if not message.startswith(str(path.parent)):
+            raise Finding(f"the message names no file: {message}") from None
+    except Finding:
+        raise
+    except BaseException as other:
+        raise Finding(f"{type(other).__name__}: {other}; {where(other)}") from None
+    size = path.stat().st_size
+    peak = memory("VmHWM") - before
+    if peak > CONSTANT + FACTOR * size:
+        raise Finding(f"{peak >> 20} MiB for {size} bytes")
+    if opened:
+        seen = sorted(set(opened))
+        opened.clear()
+        raise Finding(f"opened {seen}")
+    return message, peak, time.process_time() - start
+
+
+def where(error):
+    chain = [error.__context__] if error.__context__ else []
+    frames = [frame for each in (error, *chain) for frame in traceback.extract_tb(each.__traceback__)]
+    return " < ".join(f"{Path(frame.filename).name}:{frame.lineno} {frame.name}" for frame in reversed(frames[-8:]))
+
+
+def reset_peak():
+    with open("/proc/self/clear_refs", "w") as file:
+        file.write("5")
+
+
+def memory(field="VmRSS"):
+    with open("/proc/self/status") as file:
+        return next(int(line.split()[1]) << 10 for line in file if line.startswith(field + ":"))
+
+
+def silent(stream):
+    """What a library has printed by itself since the last call."""
+    sys.stdout.flush()
+    sys.stderr.flush()
+    text = os.pread(stream, 500, 0)
+    os.ftruncate(stream, 0)
+    os.lseek(stream, 0, os.SEEK_SET)
+    return text.decode("utf-8", "replace")
+
+
+def main(seed, first, end, progress):
+    kept = progress is None
+    results = os.fdopen(os.dup(1), "w")
+    folder = Path(tempfile.mkdtemp(prefix="fuzz-")).resolve()
+    fuzz_seeds.seeds()
+    inside = prepared(folder)
+    modest()
+    warm(inside, folder / "made")
+    opened = watch(folder)
+    tempfile.tempdir = str(folder / "made")
+    limit = memory("VmSize") + SPARE
+    resource.setrlimit(resource.RLIMIT_AS, (limit, limit))
+    crash = os.dup(2)
+    faulthandler.register(signal.SIGPROF, file=crash, chain=True)
+    printed = os.open(folder / "made" / "printed", os.O_RDWR | os.O_CREAT)
+    if not kept:
+        os.dup2(printed, 1)
+        os.dup2(printed, 2)
+        faulthandler.enable(crash)
+    for index in range(first, end):
+        family = family_of(index)
+        if progress:
+            os.pwrite(progress, f"{index:<12}".encode(), 0)
+        name, content = fuzz_mutations.spoiled(family, random_of(seed, index))
+        path = inside / name
+        spared = path.read_bytes() if path.exists() else None
+        path.write_bytes(content)
+        signal.setitimer(signal.ITIMER_PROF, SECONDS)
+        try:
+            message, peak, seconds = judged(family, path, folder / "made", index, opened)
+            said = "" if kept else silent(printed)
+            if said:
+                raise Finding(f"printed {said!r}")
+            outcome = "refused" if message else "accepted"
+            if kept:
+                print(f"{outcome}: {message}; {peak >> 10} KiB, {seconds:.3f} s")
+            results.write(json.dumps([family, outcome, peak, seconds]) + "\n")
+        except Finding as finding:
+            if not kept:
+                silent(printed)
+            results.write(json.dumps({"index": index, "family": family, "finding": str(finding)}) + "\n")
+        signal.setitimer(signal.ITIMER_PROF, 0)
+        results.flush()
+        if kept:
+            shutil.copy(path, f"input-{index}{path.suffix}")
+        path.unlink()
+        if spared is not None:
+            path.write_bytes(spared)
+    results.close()
+    shutil.rmtree(folder)
+
+
+def modest():
+    """Built-in shapes and copies are work that a few bytes may ask for on purpose: here no more than a little."""
+    import scenes.geometry.builtin_shapes
+    import scenes.geometry.instances
+
+    scenes.geometry.builtin_shapes.MAX_TRIANGLES = 20_000
+    scenes.geometry.instances.MAX_COPIED = 200_000
+
+
+def warm(inside, made):
+    """Everything imported and compiled, all threads started."""
+    for family, files in fuzz_seeds.seeds().items():
+        for name, content in files:
+            if isinstance(content, dict):
+                text = fuzz_mutations.toml_text(content) if family == "toml" else json.dumps(content)
+                content = text.encode()
+            kept = (inside / name).read_bytes() if (inside / name).exists() else None
+            (inside / name).write_bytes(content)
+            consume(family, inside / name, made, 0)
+            (inside / name).unlink()
+            if kept is not None:
+                (inside / name).write_bytes(kept)
+
+
+if __name__ == "__main__":
+    if len(sys.argv) == 3:
+        main(sys.argv[1], int(sys.argv[2]), int(sys.argv[2]) + 1, None)
+    else:
+        main(sys.argv[1], int(sys.argv[2]), int(sys.argv[3]), os.open(sys.argv[4], os.O_WRONLY | os.O_CREAT))

@@ -1,0 +1,39 @@
+"""Bakes with a journal from the first block on, and how to interrupt them."""
+
+import numpy as np
+import pytest
+from meshes import hills
+
+import ao
+from ao.trace.checkpoint import Checkpoint
+from raytrace.mesh.mesh import Mesh
+
+MESH = Mesh(*hills(70))
+OPTIONS = {"samples": 1024, "threads": 2}
+
+
+class Stopped(Exception):
+    pass
+
+
+def bake(path, tell=None, stop=None, options=OPTIONS, make=ao.bake, **settings):
+    """Bake `MESH` with a journal at `path`; `stop` is the fraction of the rays after which it fails."""
+    told = [] if tell is None else tell
+
+    def progress(done, total):
+        if stop is not None and done >= stop * total:
+            raise Stopped
+
+    settings = {"after": 0, "every": 0} | settings
+    with Checkpoint(path, tell=told.append, **settings) as checkpoint:
+        return make(MESH, checkpoint=checkpoint, progress=progress, **options)
+
+
+def interrupted(path, stop=0.6, **settings):
+    with pytest.raises(Stopped):
+        bake(path, stop=stop, **settings)
+
+
+def bits(baked):
+    arrays = baked.w, baked.error, baked.bent_normals, baked.flags, np.array([baked.rays, baked.rmse])
+    return [array.tobytes() for array in arrays]

@@ -1,0 +1,13 @@
+"""Folders of the project, and the environment of processes that import it and these helpers."""
+
+import os
+from pathlib import Path
+
+HELPERS = Path(__file__).resolve().parent
+ROOT = HELPERS.parent.parent
+
+
+def environment(**variables):
+    """This process's environment with both folders on the path of imports, and `variables`."""
+    path = [str(ROOT), str(HELPERS), *filter(None, [os.environ.get("PYTHONPATH")])]
+    return {**os.environ, "PYTHONPATH": os.pathsep.join(path), **variables}

@@ -1,0 +1,59 @@
+"""The pictures of the documentation are what the commands beside them make; `make pictures` makes them again.
+
+Of the rendered ones a part is made, in the picture's own size: a crop is the same pixels as in the whole.
+"""
+
+import pytest
+from command import obscurance
+from project import ROOT
+
+from benchmarks.gallery import commands, page
+from benchmarks.model_strips import STRIPS, picture
+from raytrace.image.compare import compare
+from raytrace.image.read import read_image
+from raytrace.image.write import write_image
+from scenes.library.catalogue import BUILTIN
+
+DOCS = ROOT / "docs"
+ALLOWED = 0.003  # mean FLIP; a picture of another version of the renderer is .01 and more away
+PARTS = {"plane_wall": (160, 150), "cornell": (180, 200), "temple": (250, 180), "sponge": (270, 180)}
+WIDTH, HEIGHT = 128, 96
+
+
+def check_part(folder, name, x, y):
+    made, shown = folder / "made.png", folder / "shown.png"
+    write, render = commands(name)
+    assert obscurance(*write[1:-1], folder / write[-1]).returncode == 0
+    size = render[render.index("--width") :]
+    told = obscurance("render", folder / write[-1], "-o", made, *size, "--crop", f"{x},{y},{WIDTH},{HEIGHT}")
+    assert told.returncode == 0, told.stderr
+    whole = read_image(DOCS / "gallery" / f"{name}.png")[0]["beauty"]
+    assert whole.shape[:2] == (int(size[3]), int(size[1]))
+    write_image(shown, whole[y : y + HEIGHT, x : x + WIDTH])
+    assert compare(shown, made).flip <= ALLOWED
+
+
+@pytest.mark.parametrize("name", BUILTIN)
+def test_the_gallery_shows_what_its_commands_make(tmp_path, name):
+    check_part(tmp_path, name, *PARTS.get(name, (256, 152)))
+
+
+def test_the_page_of_the_gallery_is_current():
+    assert (DOCS / "gallery.md").read_text() == page()
+
+
+def test_the_temple_is_the_demonstration(tmp_path):
+    assert obscurance("demo", "-o", tmp_path).returncode == 0
+    assert compare(DOCS / "temple.png", tmp_path / "temple.png").flip <= ALLOWED
+
+
+@pytest.mark.parametrize("name", STRIPS)
+def test_the_spheres_of_the_models_are_current(tmp_path, name):
+    write_image(tmp_path / "made.png", picture(name))
+    assert compare(DOCS / "models" / f"{name}.png", tmp_path / "made.png").flip <= ALLOWED
+
+
+def test_an_outdated_picture_is_told(tmp_path):
+    shown = read_image(DOCS / "temple.png")[0]["beauty"]
+    write_image(tmp_path / "old.png", 1.06 * shown)
+    assert compare(DOCS / "temple.png", tmp_path / "old.png").flip > ALLOWED

@@ -1,0 +1,92 @@
+"""Imports run one way, between packages, between their folders and within a folder; foreign libraries have one door."""
+
+import ast
+import graphlib
+from collections import defaultdict
+
+import pytest
+from project import ROOT
+
+ORDER = [
+    *("raytrace.errors", "raytrace.kernel", "raytrace.system", "raytrace.settings", "raytrace.sampling"),
+    *("raytrace.embree", "raytrace.mesh", "raytrace.ray_origins", "raytrace.image", "raytrace.lights"),
+    *("raytrace.brdf", "raytrace.materials", "raytrace.camera", "raytrace.scene", "raytrace.shade"),
+    "raytrace.renderer",
+    *("ao.falloff", "ao.memory", "ao.arguments", "ao.gather", "ao.skip", "ao.trace", "ao.denoise", "ao.interior"),
+    *("ao.adaptive", "ao.least_squares", "ao.vertex_method", "ao.surface_method", "ao.report", "ao.analytic"),
+    *("scenes.field_errors", "scenes.safe_paths", "scenes.geometry", "scenes.gltf", "scenes.readers"),
+    *("scenes.writers", "scenes.description", "scenes.library", "scenes.validation", "scenes.stress"),
+    *("scenes.generated", "scenes.commands"),
+    "cli",
+]
+"""Every folder and every file outside folders: each may import what stands before it."""
+
+DOORS = {
+    "embreex": {"raytrace.embree.library"},
+    "fast_simplification": {"scenes.generated.damage"},
+    "OpenImageIO": {f"raytrace.image.{name}" for name in ("encode", "read", "compare", "texture")},
+}
+MODULES = {
+    ".".join(path.relative_to(ROOT).with_suffix("").parts): path
+    for top in ("raytrace", "ao", "scenes")
+    for path in sorted((ROOT / top).rglob("*.py"))
+    if path.name != "__init__.py"
+} | {"cli": ROOT / "cli.py"}
+PUBLIC = {
+    f"{top}.{alias.name}": f"{top}.{node.module}"
+    for top in ("raytrace", "ao", "scenes")
+    for node in ast.walk(ast.parse((ROOT / top / "__init__.pyi").read_text()))
+    if isinstance(node, ast.ImportFrom)
+    for alias in node.names
+}
+"""The public names, and the modules that they come from."""
+
+
+def room(module):
+    return ".".join(module.split(".")[:2])
+
+
+def imported(module):
+    """Modules of the project and foreign names that a module imports, wherever in its text."""
+    for node in ast.walk(ast.parse(MODULES[module].read_text())):
+        if isinstance(node, ast.Import):
+            yield from (alias.name for alias in node.names)
+        elif isinstance(node, ast.ImportFrom):
+            parent = ".".join(module.split(".")[: -node.level]) if node.level else ""
+            source = ".".join(part for part in (parent, node.module) if part)
+            for alias in node.names:
+                name = f"{source}.{alias.name}"
+                yield PUBLIC.get(name, name if name in MODULES else source)
+
+
+def test_every_folder_has_its_place_in_the_order():
+    assert {room(module) for module in MODULES} == set(ORDER)
+
+
+@pytest.mark.parametrize("module", MODULES)
+def test_imports_run_down_the_order_of_the_folders(module):
+    mine = ORDER.index(room(module))
+    for name in imported(module):
+        if name in MODULES:
+            assert ORDER.index(room(name)) <= mine, f"{module} imports {name}"
+
+
+@pytest.mark.parametrize("module", MODULES)
+def test_each_foreign_library_has_its_doors(module):
+    for name in imported(module):
+        doors = DOORS.get(name.split(".")[0], {module})
+        assert module in doors, f"{module} imports {name}; its doors are {doors}"
+
+
+def test_no_circle_of_imports():
+    graph = defaultdict(set)
+    for module in MODULES:
+        graph[module] = {name for name in imported(module) if name in MODULES}
+    graphlib.TopologicalSorter(graph).prepare()
+
+
+def test_folders_hold_about_a_dozen_files():
+    files = defaultdict(int)
+    for path in MODULES.values():
+        files[path.parent] += 1
+    assert max(files.values()) <= 14, max(files, key=files.get)

@@ -1,0 +1,81 @@
+"""The names of the packages: all there, shown, imported when first used; what belongs to a package is installed."""
+
+import ast
+import rlcompleter
+import subprocess
+import sys
+import tomllib
+from importlib import import_module
+from types import ModuleType
+
+import pytest
+from project import ROOT
+
+PACKAGES = ("raytrace", "ao", "scenes")
+
+
+def stub_names(package):
+    tree = ast.parse((ROOT / package / "__init__.pyi").read_text())
+    return sorted(alias.asname for node in tree.body for alias in node.names)
+
+
+@pytest.mark.parametrize("package", PACKAGES)
+def test_every_public_name_is_shown_and_is_there(package):
+    module = import_module(package)
+    assert dir(module) == sorted(module.__all__) == stub_names(package)
+    assert not any(isinstance(getattr(module, name), ModuleType) for name in dir(module))
+    assert not hasattr(module, "no_such_name")
+
+
+def test_the_public_names_of_the_baker_are_these():
+    assert stub_names("ao") == [
+        "Bake",
+        "Binary",
+        "Exponential",
+        "Falloff",
+        "Flag",
+        "ToleranceWarning",
+        "bake",
+        "bake_surface",
+    ]
+
+
+@pytest.mark.parametrize(("package", "begun", "name"), [("raytrace", "Cook", "CookTorrance"), ("ao", "ba", "bake")])
+def test_tab_completion_finds_them(package, begun, name):
+    completer = rlcompleter.Completer({package: import_module(package)})
+    found = [completer.complete(f"{package}.{begun}", number) for number in range(2)]
+    assert f"{package}.{name}" in {text and text.rstrip("()") for text in found}
+
+
+def fresh(code):
+    run = subprocess.run(
+        [sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, check=True, timeout=120
+    )
+    return run.stdout.strip()
+
+
+def test_importing_the_packages_imports_nothing_heavy():
+    code = f"import sys, {', '.join(PACKAGES)}; print([m for m in ('numpy', 'numba', 'pydantic') if m in sys.modules])"
+    assert fresh(code) == "[]"
+
+
+@pytest.mark.parametrize("package", PACKAGES)
+def test_no_module_or_folder_has_a_public_name(package):
+    assert not set(stub_names(package)) & {path.stem for path in (ROOT / package).iterdir()}
+
+
+def test_every_folder_of_modules_is_a_package():
+    for package in PACKAGES:
+        for folder in {path.parent for path in (ROOT / package).rglob("*.py")}:
+            assert (folder / "__init__.py").exists(), folder
+
+
+def test_every_file_that_is_no_module_is_installed():
+    patterns = tomllib.loads((ROOT / "pyproject.toml").read_text())["tool"]["setuptools"]["package-data"]
+    for package in PACKAGES:
+        folder = ROOT / package
+        wanted = {path for path in folder.rglob("*") if path.is_file() and "__pycache__" not in path.parts}
+        stubs = {path for path in folder.rglob("*.pyi") if (path.parent / "__init__.py").exists()}
+        listed = {path for pattern in patterns.get(package, []) for path in folder.glob(pattern)}
+        assert wanted == {path for path in wanted if path.suffix == ".py"} | stubs | listed
+    assert patterns["*"] == ["*.pyi"]

@@ -1,0 +1,51 @@
+"""What the README shows works."""
+
+import re
+
+import numpy as np
+from project import ROOT
+
+from raytrace.image.read import read_image
+
+README = (ROOT / "README.md").read_text()
+
+
+def test_the_python_examples_run_one_after_the_other(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    names = {}
+    for code in re.findall(r"```python\n(.*?)```", README, re.DOTALL):
+        exec(compile(code, "README.md", "exec"), names)
+    assert "[" in capsys.readouterr().out
+    picture = read_image(tmp_path / "corner.png")[0]["beauty"]
+    assert picture.shape == (320, 480, 3)
+    assert picture.std() > 0.1
+
+
+def test_the_examples_of_the_page_about_normals():
+    page = (ROOT / "docs" / "normals.md").read_text()
+    (code,) = re.findall(r"```python\n(.*?)```", page, re.DOTALL)
+    names = {}
+    exec(compile(code, "normals.md", "exec"), names)
+    shown = re.findall(r"^(\w+\(.*\))  # [^\[]*(\[.*\])$", code, re.MULTILINE)
+    assert len(shown) == 3
+    for call, result in shown:
+        np.testing.assert_allclose(eval(call, names), eval(result), atol=1e-9)
+    import raytrace
+
+    for function in re.findall(r"^\| `(\w+)\(", page, re.MULTILINE):
+        assert function in raytrace.__all__
+
+
+def test_every_command_of_the_readme_exists():
+    from typer.main import get_command
+
+    import cli
+
+    known = set(get_command(cli.app).commands)
+    named = set(re.findall(r"(?:bin/|`)obscurance ([a-z]+)", README))
+    assert named == known
+
+
+def test_every_file_that_the_readme_links_to_exists():
+    for target in re.findall(r"\]\(([^)]+)\)", README):
+        assert (ROOT / target).exists(), target

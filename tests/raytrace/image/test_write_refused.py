@@ -1,0 +1,104 @@
+"""Pictures that cannot be written: what is said, and what is left as it was."""
+
+import json
+import os
+from pathlib import Path
+
+import numpy as np
+import pytest
+from frames import METADATA, frame, plain
+from pictures import ENDINGS, names, python
+
+from raytrace.errors import OptionError, OutputError
+from raytrace.image.write import check_image_target, write_frame, write_image
+
+FULL_DISK = """
+import json, resource, sys
+from frames import METADATA, frame
+from raytrace.image import encode
+from raytrace.image.write import write_frame
+reserve = encode._reserve
+unlimited = resource.getrlimit(resource.RLIMIT_FSIZE)
+told = []
+for target, reserved, limit in json.loads(sys.argv[1]):
+    encode._reserve = reserve if reserved else lambda *_: None
+    resource.setrlimit(resource.RLIMIT_FSIZE, (limit, unlimited[1]))
+    try:
+        write_frame(target, frame(), METADATA)
+        told.append("")
+    except OSError as reason:
+        told.append(f"{type(reason).__name__} {reason}")
+    resource.setrlimit(resource.RLIMIT_FSIZE, unlimited)
+print(json.dumps(told))
+"""
+
+
+@pytest.mark.skipif(os.name == "nt", reason="POSIX limits")
+def test_a_full_disk_is_one_line_and_leaves_the_old_file(tmp_path):
+    """A limit on file sizes stands for the full disk. It is noticed even if the room ran out after it was reserved."""
+    cases = []
+    for ending, reserve in [*((ending, True) for ending in ENDINGS), (".png", False), (".tif", False)]:
+        for share in (0.0, 0.5, 0.999):
+            folder = tmp_path / str(len(cases))
+            folder.mkdir()
+            target = folder / f"a{ending}"
+            write_frame(target, frame(), METADATA)
+            cases.append((str(target), reserve, int(share * target.stat().st_size)))
+            target.write_bytes(b"before")
+    run = python(FULL_DISK, json.dumps(cases))
+    assert run.stderr == ""
+    for (name, *case), message in zip(cases, json.loads(run.stdout), strict=True):
+        target = Path(name)
+        assert message.startswith(f"OutputError {target}: cannot write: "), case
+        assert len(message.splitlines()) == 1, case
+        assert target.read_bytes() == b"before", case
+        assert names(target.parent) == [target.name], case
+
+
+@pytest.mark.parametrize("ending", ENDINGS)
+def test_an_interrupt_leaves_the_old_file(tmp_path, monkeypatch, ending):
+    def interrupted(*_):
+        raise KeyboardInterrupt
+
+    target = tmp_path / f"a{ending}"
+    target.write_bytes(b"before")
+    monkeypatch.setattr(np, "ascontiguousarray", interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        write_frame(target, frame(), {})
+    assert target.read_bytes() == b"before"
+    assert names(tmp_path) == [target.name]
+
+
+@pytest.mark.parametrize(
+    ("name", "options", "message"),
+    [
+        ("a.gif", {}, r"output: expected a name ending in \.exr .*, got .*a\.gif"),
+        ("a", {}, "output: expected a name ending"),
+        ("a.png", {"half": True}, r"half: expected an output that ends in \.exr"),
+        ("a.exr", {"layers": ["beauty", "colour"]}, "layers: expected names out of .*, got colour"),
+        ("a.exr", {"layers": []}, "layers: expected at least one layer, each once, got none"),
+        ("a.exr", {"layers": ["depth", "depth"]}, "layers: expected at least one layer, each once"),
+        ("a.png", {"layers": ["depth"]}, r"layers: expected one layer of colours in a \.png file.*, got depth"),
+        ("a.jpg", {"layers": ["beauty", "albedo"]}, "layers: expected one layer"),
+    ],
+)
+def test_what_cannot_be_written_is_told_before_the_work(tmp_path, name, options, message):
+    with pytest.raises(OptionError, match=message) as early:
+        check_image_target(tmp_path / name, **options)
+    with pytest.raises(OptionError) as late:
+        write_frame(tmp_path / name, frame(), {}, **options)
+    assert str(early.value) == str(late.value)
+    assert "\n" not in str(early.value)
+    assert names(tmp_path) == []
+
+
+def test_a_layer_that_the_frame_lacks(tmp_path):
+    with pytest.raises(OptionError, match="expected layers of the frame: beauty, got depth"):
+        write_frame(tmp_path / "a.exr", plain((0, 0, 0, 1)), {}, layers=["depth"])
+
+
+def test_a_missing_folder_is_told_before_the_work(tmp_path):
+    with pytest.raises(OutputError, match="there is no folder"):
+        check_image_target(tmp_path / "missing" / "a.exr")
+    with pytest.raises(OutputError, match="there is no folder"):
+        write_image(tmp_path / "missing" / "a.png", np.zeros((2, 2, 3)))

@@ -1,0 +1,232 @@
+"""Work that does not fit into memory is refused before it begins, in one line."""
+
+import re
+import resource
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+from mesh_files import FACES, VERTICES, ply
+from meshes import hills
+from PIL import Image
+from project import ROOT
+
+import ao
+import raytrace.system.memory
+import scenes.commands.picture_bake
+from ao.memory import surface_bytes, vertex_bytes
+from raytrace import InputError, Lambert, MemoryLimitError, Mesh, Object, Scene, Settings, Shape
+from raytrace.image.texture import Texture
+from raytrace.renderer import render_scene
+from raytrace.renderer.render import rendering_bytes
+from raytrace.system.memory import available, check_memory
+from scenes.commands.picture_bake import obscured
+from scenes.description.read import read_scene
+from scenes.readers.load import load
+
+MIB = 1 << 20
+LINUX = pytest.mark.skipif(sys.platform != "linux", reason="/proc tells")
+
+
+def machine(tmp_path, free="8388608", groups="", **files):
+    """A made-up `proc` and `sys`. Args: free: kB. files: of a control group, by path with _ for /."""
+    (tmp_path / "proc" / "self").mkdir(parents=True)
+    (tmp_path / "proc" / "meminfo").write_text(f"MemTotal: 16777216 kB\nMemAvailable: {free} kB\n")
+    (tmp_path / "proc" / "self" / "cgroup").write_text(groups)
+    for name, content in files.items():
+        path = tmp_path / "sys" / "fs" / "cgroup" / name
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(content)
+    return tmp_path
+
+
+def test_the_system_tells_what_is_available(tmp_path):
+    assert available(machine(tmp_path)) == 8 << 30
+
+
+def version_1(limit):
+    return {
+        "memory/jobs/memory.limit_in_bytes": f"{limit}\n",
+        "memory/jobs/memory.usage_in_bytes": f"{300 * MIB}\n",
+        "memory/jobs/memory.stat": f"cache 5\ntotal_inactive_file {100 * MIB}\n",
+    }
+
+
+def test_a_group_of_version_1_limits_it_and_file_pages_count_as_free(tmp_path):
+    root = machine(tmp_path, groups="9:name=systemd:/\n4:memory:/jobs/own\n", **version_1(1000 * MIB))
+    assert available(root) == 800 * MIB
+
+
+def test_no_limit_in_a_group_is_none(tmp_path):
+    root = machine(tmp_path, groups="4:cpu,memory:/jobs\n", **version_1(9223372036854771712))
+    assert available(root) == 8 << 30
+
+
+def test_the_tightest_group_of_version_2_counts(tmp_path):
+    files = {"memory.max": "max\n", "memory.current": "0\n", "memory.stat": ""}
+    for path, limit in (("pod", f"{700 * MIB}\n"), ("pod/own", "max\n")):
+        files |= {f"{path}/memory.max": limit, f"{path}/memory.current": f"{900 * MIB}\n"}
+        files |= {f"{path}/memory.stat": f"anon 3\ninactive_file {250 * MIB}\n"}
+    assert available(machine(tmp_path, groups="0::/pod/own\n", **files)) == 50 * MIB
+
+
+@pytest.mark.parametrize("content", ["", "garbage\n", "1:memory\n"])
+def test_what_makes_no_sense_limits_nothing(tmp_path, content):
+    root = machine(tmp_path, free="lots", groups=content if content.count(":") == 2 else "")
+    (root / "proc" / "meminfo").write_text(content)
+    assert available(root) > 0
+
+
+@LINUX
+def test_an_address_space_limits_it():
+    code = "from raytrace.system.memory import available; print(available())"
+    limit = 4 << 30
+    result = subprocess.run(
+        [sys.executable, "-c", code],
+        capture_output=True,
+        text=True,
+        check=True,
+        preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_AS, (limit, limit)),
+        cwd=ROOT,
+    )
+    assert limit - 1024 * MIB < int(result.stdout) < limit - 256 * MIB
+
+
+def test_the_line_says_what_needs_how_much_and_what_would_do(monkeypatch):
+    monkeypatch.setattr(raytrace.system.memory, "available", lambda: 300 * MIB)
+    check_memory("m.ply", 300 * MIB, "to bake")
+    with pytest.raises(MemoryLimitError) as told:
+        check_memory("m.ply", 3 << 30, "to bake", {"the first": 400 * MIB, "the other": 200 * MIB})
+    assert str(told.value) == (
+        "m.ply: memory: expected at most 300 MiB, what is available,"
+        " got about 3.0 GiB to bake; the other takes about 200 MiB"
+    )
+    with pytest.raises(MemoryLimitError, match="10% of that work would fit"):
+        check_memory("m.ply", 3000 * MIB, "to bake", {"the first": 400 * MIB})
+
+
+def scene(mesh):
+    return Scene((Object(Shape(mesh, Lambert(albedo=0.5))),))
+
+
+WORK = {
+    "bake": lambda mesh: ao.bake(mesh, samples=8),
+    "tolerance": lambda mesh: ao.bake(mesh, tolerance=0.1),
+    "surface": lambda mesh: ao.bake_surface(mesh, samples=8),
+    "render": lambda mesh: raytrace.render(
+        scene(mesh), raytrace.Camera((0, -5, 5), (0, 0, 0)), Settings(width=64, height=64)
+    ),
+}
+
+
+@pytest.mark.parametrize("name", WORK)
+def test_everything_big_asks_first(name, monkeypatch):
+    mesh = Mesh(*hills(10), source="hills.ply")
+    monkeypatch.setattr(raytrace.system.memory, "available", lambda: 30 * MIB)
+    with pytest.raises(MemoryLimitError, match=r"expected at most 30 MiB.* faces"):
+        WORK[name](mesh)
+
+
+@pytest.mark.parametrize("ending", ["ply", "off", "3mf", "glb", "toml"])
+def test_files_are_not_read_if_they_would_not_fit(ending, tmp_path, monkeypatch):
+    import trimesh
+
+    from scenes.description.read import read_scene
+
+    path = tmp_path / f"m.{ending}"
+    if ending == "ply":
+        path.write_bytes(ply(VERTICES, FACES))
+    elif ending == "toml":
+        (tmp_path / "m.ply").write_bytes(ply(VERTICES, FACES))
+        path.write_text('[[objects]]\nmesh = "m.ply"\n')
+    else:
+        trimesh.creation.icosphere(1).export(path)
+    monkeypatch.setattr(raytrace.system.memory, "available", lambda: 100)
+    with pytest.raises(InputError, match="memory: expected at most 0 MiB"):
+        read_scene(path) if ending == "toml" else load(path)
+
+
+def test_more_to_do_takes_more():
+    assert vertex_bytes(10**6, 2 * 10**6, 256) < vertex_bytes(10**6, 2 * 10**6, 1 << 20)
+    assert vertex_bytes(10**6, 2 * 10**6, 256) < surface_bytes(10**6, 2 * 10**6)
+    item = scene(Mesh(*hills(4)))
+    small, large = (rendering_bytes(item, Settings(width=1024, height=side), True) for side in (1024, 4096))
+    assert large - small == 3 * 1024 * 1024 * 104 + 3 * 64 * 64 * 1792  # pixels, and edges of tiles
+
+
+def test_textures_are_counted_once_each_by_their_headers(tmp_path):
+    mesh = Mesh(*hills(4))
+
+    def needed(*names):
+        places = [Texture(tmp_path / name) for name in names]
+        shapes = [Shape(mesh, Lambert(albedo=0.5), np.zeros((16, 2)), place) for place in places]
+        items = [Object(shape) for shape in shapes or [Shape(mesh, Lambert(albedo=0.5))]]
+        return rendering_bytes(Scene(tuple(items)), Settings(width=64, height=64), False)
+
+    for name, size in (("large.png", (512, 256)), ("small.jpg", (64, 32))):
+        Image.new("RGB", size).save(tmp_path / name)
+    (tmp_path / "damaged.png").write_bytes(b"no image")
+    large, small = 512 * 256, 64 * 32
+    assert needed("damaged.png") == needed()
+    assert needed("large.png") - needed() == 28 * large
+    another = needed("large.png", "damaged.png") - needed("large.png")  # of the second object
+    assert needed("large.png", "large.png") - needed("large.png") == another
+    assert needed("large.png", "small.jpg") - needed("large.png") - another == 16 * small + 16 * large
+
+
+@LINUX
+def test_textures_take_what_is_told(tmp_path):
+    Image.new("RGB", (2048, 2048)).save(tmp_path / "t.png")
+    code = """
+import sys
+from pathlib import Path
+from raytrace.image.texture import Texture, pack_textures, texture_bytes
+def status(field):
+    return next(int(line.split()[1]) << 10 for line in open("/proc/self/status") if line.startswith(field + ":"))
+texture = Texture(Path(sys.argv[1]))
+told = texture_bytes([texture])
+before = status("VmRSS")
+Path("/proc/self/clear_refs").write_text("5")
+pack_textures([texture])
+print((status("VmHWM") - before) / told)
+"""
+    command = [sys.executable, "-c", code, tmp_path / "t.png"]
+    result = subprocess.run(command, capture_output=True, text=True, check=True, cwd=ROOT)
+    assert 0.7 < float(result.stdout) < 1.2
+
+
+@pytest.mark.parametrize(("room", "kept"), [(None, True), (1 << 40, True), (1 << 20, False)])
+def test_geometry_is_let_go_of_where_a_bake_does_not_fit_beside_it(room, kept, tmp_path, monkeypatch):
+    (tmp_path / "s.toml").write_text('[[objects]]\nbuiltin = "sphere"\n[render]\nwidth = 8\nheight = 8\n')
+    description = read_scene(tmp_path / "s.toml")
+    monkeypatch.setattr(scenes.commands.picture_bake, "available", lambda: room)
+    baked, _ = obscured(description)
+    assert (description.scene in render_scene._scenes) == kept
+    assert baked.objects[0].w is not None
+
+
+SMALL = "import raytrace.system.memory as m; m.available = lambda: 160 << 20; import cli; cli.main()"
+
+
+def test_the_command_refuses_with_one_line(tmp_path):
+    mesh, target = tmp_path / "hills.ply", tmp_path / "w.npy"
+    vertices, faces = hills(330)
+    mesh.write_bytes(ply(vertices, faces))
+
+    def bake(*options):
+        command = [sys.executable, "-c", SMALL, "bake", mesh, "-o", target, "--samples", "8", "--quiet", *options]
+        return subprocess.run(command, capture_output=True, text=True, check=False, timeout=300, cwd=ROOT)
+
+    assert bake().returncode == 0
+    assert len(np.load(target)) == len(vertices)
+    target.unlink()
+    result = bake("--method", "surface")
+    assert (result.returncode, result.stdout) == (2, "")
+    assert re.fullmatch(
+        r"obscurance: .*hills.ply: memory: expected at most 160 MiB, what is available, got about 18\d MiB to bake"
+        r" 108,900 vertices and 216,482 faces by the surface method; the vertex method takes about 1\d\d MiB",
+        result.stderr.splitlines()[-1],
+    )
+    assert "Traceback" not in result.stderr
+    assert not target.exists()
