@@ -241,7 +241,7 @@ def render(
     given: dict[str, Any] = {"samples": samples, "shading": shading, "obscurance": obscurance}
     given["normals"] = None if normals is None else normals.value
     given |= {"shadows": shadows, "seed": seed, "crop": None if crop is None else choices.parse_crop(crop)}
-    from scenes.commands.render import adjusted, take, write_report
+    from scenes.commands.render import adjusted, make_picture, write_render_report
     from scenes.description.read import read_scene
     from scenes.readers.stored_w import check_stored
 
@@ -251,9 +251,9 @@ def render(
     check_outputs(outputs, description.files)
     warnings = warn((item.shape.mesh for item in description.scene.objects), description.notes)
     with compiling("tile"), progress(quiet, "rays", "tiles") as (baking, rendering):
-        picture = take(scene, description, output, half, threads, baking, rendering)
+        picture = make_picture(scene, description, output, half, threads, baking, rendering)
     if report:
-        write_report(report, scene, description.settings, picture, thread_count(threads), warnings)
+        write_render_report(report, scene, description.settings, picture, thread_count(threads), warnings)
     if not quiet:
         print(picture.summary(output, description.settings))
 

@@ -1,4 +1,4 @@
-"""What is rendered: shapes, where they stand, what they are made of, and what lights them."""
+"""Scenes: shapes with their materials, objects that place them, and lights."""
 
 from __future__ import annotations
 
@@ -140,7 +140,7 @@ class Scene:
         return Mesh(np.concatenate(vertices), np.concatenate(faces), source="scene")
 
     def with_obscurance(self, w: Floats | Sequence[float]) -> Scene:
-        """The same scene with w (n,) of `flattened()` dealt out to its objects."""
+        """The same scene with w (n,) of `flattened()`, an object's vertices after the other's."""
         ends = np.cumsum([len(item.shape.mesh.vertices) for item in self.objects])
         values = np.split(np.asarray(w, np.float64), ends[:-1])
         objects = tuple(replace(item, w=part) for item, part in zip(self.objects, values, strict=True))

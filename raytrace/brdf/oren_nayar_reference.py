@@ -14,8 +14,8 @@ import numpy.typing as npt
 Floats = npt.NDArray[np.float64]
 
 
-def reference_shape(sigma: float, l: npt.ArrayLike, v: npt.ArrayLike, order: int = 128) -> tuple[float, float]:
-    """(A, B) of f n·l = (ρ/π)(A + ρB), for n = (0, 0, 1): what `oren_nayar.shape` fits.
+def reference_orders(sigma: float, l: npt.ArrayLike, v: npt.ArrayLike, order: int = 128) -> tuple[float, float]:
+    """(A, B) of f n·l = (ρ/π)(A + ρB), for n = (0, 0, 1): what `oren_nayar.fitted_orders` fits.
 
     Args: sigma > 0, radians; unit vectors l, v (3,) above the surface; order: quadrature points per half axis.
     """

@@ -1,4 +1,4 @@
-"""How much two pictures differ: OpenImageIO's error figures, and FLIP."""
+"""Differences of two pictures: OpenImageIO's error figures, and FLIP (Andersson et al. 2020)."""
 
 from __future__ import annotations
 

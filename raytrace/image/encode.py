@@ -1,4 +1,4 @@
-"""Image files from layers or pixels: encoding, metadata, and whether all of it reached the disk."""
+"""Encoding of layers or pixels as image files with metadata, checked to be complete on disk."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A rendered picture: its layers and what it took to make them."""
+"""A rendered picture: its layers, counts of rays and seconds."""
 
 from __future__ import annotations
 

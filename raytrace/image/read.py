@@ -45,8 +45,8 @@ def read_image(path: str | os.PathLike[str]) -> tuple[dict[str, Floats], dict[st
     spec = image.spec()
     groups = _layers(list(spec.channelnames))
     layers = {name: np.empty((spec.height, spec.width, len(group)), np.float32) for name, group in groups.items()}
-    values = table(spec)
-    for rows, block in blocks(image, path):
+    values = decoding_table(spec)
+    for rows, block in row_blocks(image, path):
         for name, group in groups.items():
             layers[name][rows] = _linear(block[..., group], values, spec.alpha_channel in group)
     return layers, _metadata(spec)
@@ -100,7 +100,7 @@ def open_image(path: str | os.PathLike[str], content: Path | None = None, max_si
     return image
 
 
-def blocks(image: Any, path: str | os.PathLike[str]) -> Iterator[tuple[slice, npt.NDArray[Any]]]:
+def row_blocks(image: Any, path: str | os.PathLike[str]) -> Iterator[tuple[slice, npt.NDArray[Any]]]:
     """The opened image from the top, some rows at a time: which rows, and uint8 or uint16 codes, or float32.
 
     Raises:
@@ -123,7 +123,7 @@ def blocks(image: Any, path: str | os.PathLike[str]) -> Iterator[tuple[slice, np
         yield slice(first, end), np.asarray(numbers).reshape(end - first, spec.width, spec.nchannels)
 
 
-def table(spec: Any, srgb: bool | None = None) -> Floats | None:
+def decoding_table(spec: Any, srgb: bool | None = None) -> Floats | None:
     """Linear values of all codes of an 8- or 16-bit file, None for a file of floats.
 
     Args:

@@ -13,7 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ..errors import InputError, OptionError
-from .read import blocks, open_image, table
+from .read import decoding_table, open_image, row_blocks
 
 MAX_SIDE = 16384
 _TEXEL = 16  # bytes of a texel with its share of the coarser levels
@@ -178,8 +178,8 @@ def _build_pyramid(pyramid: list[Floats], image: Any, texture: Texture) -> None:
 
 def _read(linear: Floats, image: Any, texture: Texture) -> None:
     spec = image.spec()
-    values = table(spec, texture.srgb)
+    values = decoding_table(spec, texture.srgb)
     channels = 3 if spec.nchannels >= 3 else 1
-    for rows, numbers in blocks(image, texture.path):
+    for rows, numbers in row_blocks(image, texture.path):
         colour = numbers[..., :channels]
         linear[rows] = colour if values is None else values[colour]

@@ -53,10 +53,10 @@ class BaseLight(Parameters):
         """The kind and row that `raytrace.lights.kernels` takes."""
         row = np.zeros(WIDTH)
         row[INTENSITY : INTENSITY + 3] = self.intensity
-        self._fill(row)
+        self._write(row)
         return PackedLight(self.kind, row)
 
-    def _fill(self, row: npt.NDArray[np.float64]) -> None:
+    def _write(self, row: npt.NDArray[np.float64]) -> None:
         """Write the columns after the intensity."""
 
     def cannot_matter_at(self, point: npt.ArrayLike, normal: npt.ArrayLike, threshold: float = 0.0) -> bool:
@@ -101,7 +101,7 @@ class _Local(BaseLight):
     attenuation: tuple[NonNegative, NonNegative, NonNegative] = (0.0, 0.0, 1.0)
     range: Length | None = None
 
-    def _fill(self, row: npt.NDArray[np.float64]) -> None:
+    def _write(self, row: npt.NDArray[np.float64]) -> None:
         row[POSITION : POSITION + 3] = self.position
         row[RADIAL : RADIAL + 3] = self.attenuation
         row[INVERSE_RANGE] = 0.0 if self.range is None else 1.0 / self.range
@@ -129,8 +129,8 @@ class SpotLight(_Local):
     half_angle: HalfAngle
     exponent: NonNegative = 0.0
 
-    def _fill(self, row: npt.NDArray[np.float64]) -> None:
-        super()._fill(row)
+    def _write(self, row: npt.NDArray[np.float64]) -> None:
+        super()._write(row)
         row[DIRECTION : DIRECTION + 3] = _unit(self.direction)
         angle = radians(self.half_angle)
         row[COS_HALF_ANGLE], row[HALF_ANGLE] = max(0.0, cos(angle)), angle
@@ -144,7 +144,7 @@ class DirectionalLight(BaseLight):
     kind: ClassVar[int] = DIRECTIONAL
     direction: Direction
 
-    def _fill(self, row: npt.NDArray[np.float64]) -> None:
+    def _write(self, row: npt.NDArray[np.float64]) -> None:
         row[DIRECTION : DIRECTION + 3] = _unit(self.direction)
 
 

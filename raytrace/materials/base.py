@@ -1,4 +1,4 @@
-"""What materials have in common: emission, ambient reflectance, packing into a row for kernels."""
+"""Base classes of materials: emission, ambient reflectance, packing into a row for kernels."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What can be measured of any material: the light it sends back in all, and how far it is from reciprocal."""
+"""Directional albedo (the white furnace test) and reciprocity of any material, measured."""
 
 from __future__ import annotations
 

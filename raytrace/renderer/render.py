@@ -124,7 +124,7 @@ def rendering_bytes(scene: Scene, settings: Settings, layers: bool) -> int:
 
 
 def describe_work(scene: Scene, settings: Settings) -> str:
-    """What a rendering does, for messages about memory."""
+    """Description of a rendering, for messages about memory."""
     faces = sum(len(item.shape.mesh.faces) for item in scene.objects)
     return f"to render {faces:,} faces in {settings.width:,}×{settings.height:,} pixels"
 
@@ -149,7 +149,7 @@ def seen_vertices(
 
 
 class _Renderer:
-    """What the tiles of one picture share."""
+    """The state that all tiles of one picture share."""
 
     def __init__(
         self, built: RenderScene, scene: Scene, camera: Camera, settings: Settings, layers: bool, threads: int

@@ -28,7 +28,7 @@ class View(NamedTuple):
     """A camera in render space, and where in a pixel its samples fall.
 
     Attributes:
-        eye, right, above, forward: float64 (3,). half: tangent of half the vertical angle, or half the height of an
+        eye, right, up, forward: float64 (3,). half: tangent of half the vertical angle, or half the height of an
         orthographic view; orthographic: whether. lens: radius; focus: distance of what is sharp. width, height: of the
         whole picture. offsets: float64 (sets, 4, samples), place in the pixel, from its centre, and on the unit lens;
         no sets where every ray goes through its pixel's centre from the eye. key: uint32.
@@ -36,7 +36,7 @@ class View(NamedTuple):
 
     eye: npt.NDArray[np.float64]
     right: npt.NDArray[np.float64]
-    above: npt.NDArray[np.float64]
+    up: npt.NDArray[np.float64]
     forward: npt.NDArray[np.float64]
     half: float
     orthographic: bool
@@ -50,14 +50,14 @@ class View(NamedTuple):
 
 def place_camera(camera: Camera, settings: Settings, centre: Floats, scale: float) -> View:
     """A camera as kernels take it, in a render space where points p stand at (p − centre) · scale."""
-    right, above, forward = camera.axes()
+    right, up, forward = camera.axes()
     position = np.array(camera.position)
     distance = camera.focus or float(np.linalg.norm(np.subtract(camera.target, position)))
     perspective = float(np.tan(np.radians(camera.field_of_view / 2)))
     return View(
         eye=(position - centre) * scale,
         right=right,
-        above=above,
+        up=up,
         forward=forward,
         half=perspective if camera.height is None else camera.height / 2 * scale,
         orthographic=camera.height is not None,
@@ -92,17 +92,17 @@ def _tent(u: Floats) -> Floats:
 @inline
 def viewing_ray(view, x, y, lens_x, lens_y):
     """Origin and unit direction, lanes, through the film points (x, y) in pixels from the upper left."""
-    right, above, forward = load3(view.right), load3(view.above), load3(view.forward)
+    right, up, forward = load3(view.right), load3(view.up), load3(view.forward)
     a = (2.0 * x - view.width) * (view.half / view.height)
     b = (view.height - 2.0 * y) * (view.half / view.height)
-    across = add(scale(a, right), scale(b, above))
+    across = add(scale(a, right), scale(b, up))
     if view.orthographic:
         shift, direction = across, add(scale(0.0, across), forward)
     else:
         shift, direction = scale(0.0, across), unit(add(forward, across))
         if view.lens > 0.0:
             sharp = scale(view.focus / dot(direction, forward), direction)
-            shift = add(scale(view.lens * lens_x, right), scale(view.lens * lens_y, above))
+            shift = add(scale(view.lens * lens_x, right), scale(view.lens * lens_y, up))
             direction = unit(add(sharp, scale(-1.0, shift)))
     return add(load3(view.eye), shift), direction
 

@@ -1,4 +1,4 @@
-"""From hits to points that can be lit: position, normals by the chosen interpolation, and a safe ray origin.
+"""Surface interactions: from hits to points that can be lit, with interpolated normals and safe ray origins.
 
 All of it sixteen points at a time, in lanes; a whole call is about one object.
 """

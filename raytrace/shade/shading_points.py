@@ -1,4 +1,4 @@
-"""Sixteen points at once: what shading needs of them, what lighting makes of them, and what the film keeps.
+"""Layout of an entry, sixteen points at once: inputs of shading, results of lighting, layers of the film.
 
 An entry is a float32 array (WIDTH, 16), a column of the table a row of it. Positions are in render space.
 The first `FILM` columns are those of the film, the layers of `raytrace.image.frame` in their order.

@@ -1,4 +1,4 @@
-"""Which lights nothing can hide: boxes around all that casts shadows, against the shaft from lit points to a light.
+"""Shaft culling of shadow rays: lights that nothing can hide, by boxes around all that casts shadows.
 
 A shaft is the union of all shadow rays from a box of origins to a light (Haines & Wallace 1991, "Shaft Culling for
 Efficient Ray-Traced Radiosity"). The cross-section of the shaft, part t of the way, is a box whose sides move linearly

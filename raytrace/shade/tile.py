@@ -1,4 +1,4 @@
-"""One tile of a picture: viewing rays in packets, their hits lit together, pixels that agree retired early.
+"""One tile of a picture: viewing rays in packets, their hits lit together, converged pixels retired early.
 
 A pixel's first few samples decide together with its neighbours' whether it needs more. Neighbours in other tiles are
 known only when all tiles have been rendered, so pixels that one of them is unlike are taken up again then.

@@ -19,7 +19,7 @@ from ..description.description import SceneDescription
 from ..readers.stored_w import read_w
 
 
-def obscured(
+def with_obscurance(
     description: SceneDescription, threads: int | None = None, progress: Progress | None = None
 ) -> tuple[Scene, ao.Bake | None]:
     """The scene with w(p) as `description.bake` asks, and the bake if there was one.

@@ -1,4 +1,4 @@
-"""From a scene file to an image file: bake what the picture needs, render it, write it, tell about it."""
+"""Make the picture of a scene file: bake what it needs, render it, write it, report it."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from raytrace.system.atomic import atomic_write
 from raytrace.system.memory import check_memory
 
 from ..description.description import SceneDescription
-from .picture_bake import obscured
+from .picture_bake import with_obscurance
 
 PREVIEW = 4  # a preview's sides are that much shorter
 PREVIEW_BAKE = 32  # and it bakes with that many rays a vertex
@@ -29,7 +29,7 @@ PREVIEW_BAKE = 32  # and it bakes with that many rays a vertex
 
 @dataclass(frozen=True)
 class Picture:
-    """What `take` made.
+    """A picture that was made, and its costs.
 
     Attributes:
         frame: the layers that the file's format holds, and the renderer's counts.
@@ -88,7 +88,7 @@ def _quarter(settings: Settings) -> Settings:
     return replace(settings, width=width, height=height, crop=crop, samples=min(settings.samples, 4))
 
 
-def take(
+def make_picture(
     source: Path,
     description: SceneDescription,
     output: Path,
@@ -112,7 +112,7 @@ def take(
     needed = rendering_bytes(description.scene, description.settings, layers is None)
     check_memory(source, needed, describe_work(description.scene, description.settings))
     start = time.perf_counter()
-    scene, baked = obscured(description, threads, baking)
+    scene, baked = with_obscurance(description, threads, baking)
     prepared = time.perf_counter()
     frame = render(scene, description.camera, description.settings, layers is None, threads, rendering)
     rendered = time.perf_counter()
@@ -135,7 +135,7 @@ def metadata(source: Path, description: SceneDescription) -> dict[str, str]:
     }
 
 
-def write_report(
+def write_render_report(
     path: Path, source: Path, settings: Settings, picture: Picture, threads: int, warnings: Sequence[str] = ()
 ) -> None:
     """Write what a rendering took as JSON, whole or not at all.

@@ -21,7 +21,7 @@ from raytrace.image.texture import Texture
 from raytrace.renderer import render_scene
 from raytrace.renderer.render import rendering_bytes
 from raytrace.system.memory import available, check_memory
-from scenes.commands.picture_bake import obscured
+from scenes.commands.picture_bake import with_obscurance
 from scenes.description.read import read_scene
 from scenes.readers.load import load
 
@@ -201,7 +201,7 @@ def test_geometry_is_let_go_of_where_a_bake_does_not_fit_beside_it(room, kept, t
     (tmp_path / "s.toml").write_text('[[objects]]\nbuiltin = "sphere"\n[render]\nwidth = 8\nheight = 8\n')
     description = read_scene(tmp_path / "s.toml")
     monkeypatch.setattr(scenes.commands.picture_bake, "available", lambda: room)
-    baked, _ = obscured(description)
+    baked, _ = with_obscurance(description)
     assert (description.scene in render_scene._scenes) == kept
     assert baked.objects[0].w is not None
 
