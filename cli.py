@@ -79,7 +79,7 @@ def bake(
     """Bake obscurance w(p) at every vertex of a mesh."""
     options = {key: choices.plain(value) for key, value in locals().items() if key not in ("report", "quiet", "resume")}
     import ao
-    from ao.arguments import check_arguments
+    from ao.options import Options
     from ao.trace.checkpoint import Checkpoint
     from raytrace.errors import OptionError
     from raytrace.system.outputs import check_ending, check_outputs
@@ -87,15 +87,8 @@ def bake(
 
     chosen = choices.make_falloff(falloff, tau, half_distance, max_distance)
     choices.only_in_meshes(colors, output)
-    choices.no_raw_tolerance(tolerance, reconstruct)
-    check_arguments(samples, seed, threads, tolerance)
-    if method is choices.Method.surface:
-        choices.only_at_vertices(
-            tolerance=tolerance is not None,
-            reconstruct=not reconstruct,
-            skip=not skip,
-            hidden=hidden is not choices.Hidden.auto,
-        )
+    ways: Any = {"tolerance": tolerance, "reconstruct": reconstruct, "hidden": hidden.value, "skip": skip}
+    Options(method.value, samples, seed, threads, **ways)
     check_target(output)
     if report:
         check_ending("--report", report, ".json")
@@ -117,13 +110,11 @@ def bake(
     loaded = time.perf_counter()
     warnings = warn([source.mesh], [*source.notes, *lost(output, source, colors)])
     with Checkpoint(f"{output}.partial", resume, note) as checkpoint:
-        make: Any = ao.bake_surface
-        if method is choices.Method.vertex:
-            make = partial(ao.bake, tolerance=tolerance, reconstruct=reconstruct, skip=skip, hidden=hidden.value)
-        kernels = "hemisphere" if method is choices.Method.vertex else "surface_gather"
+        make: Any = partial(ao.bake, method=method.value, checkpoint=checkpoint, **ways)
+        kernels = "hemisphere" if method is choices.Method.vertex else "face_moments"
         unmet = catch_warnings(record=True, action="always", category=ao.ToleranceWarning)
         with progress(quiet, "rays") as (advance,), compiling(kernels), unmet as raised:
-            baked = make(source.mesh, chosen, samples, seed, threads, normals.value, advance, checkpoint=checkpoint)
+            baked = make(source.mesh, chosen, samples, seed, threads, normals.value, advance)
         warnings += warn([], [str(warning.message) for warning in raised])
         tracing = time.perf_counter()
         write(output, baked, source, colors=colors)
@@ -166,7 +157,7 @@ def validate(
     family: Annotated[list[str] | None, typer.Option(help="With --generated: only this family; repeatable.")] = None,
 ) -> None:
     """Bake scenes of known obscurance; exit status 1 if one is off."""
-    from ao.arguments import check_arguments
+    from ao.options import Options
     from raytrace.errors import OptionError
     from scenes.stress import line, suite
     from scenes.validation import table as validation
@@ -186,7 +177,7 @@ def validate(
             if not validate_generated(meshes or [], samples, seed, threads, long, family or ()):
                 raise typer.Exit(1)
         return
-    check_arguments(samples, seed or 0, threads)
+    Options("vertex", samples, seed or 0, threads)
     results: Any
     table: Callable[[Any], str]
     with compiling("hemisphere"), progress(not stress, "groups") as (advance,):
@@ -331,7 +322,7 @@ def bench(
 ) -> None:
     """Measure bake time against error on this machine."""
     options = {key: choices.plain(value) for key, value in locals().items() if key != "report"}
-    from ao.arguments import check_arguments
+    from ao.options import Options
     from raytrace.system.outputs import check_ending, check_outputs
     from scenes.commands.bench import mesh_to_bench, run, table, write_report
 
@@ -339,7 +330,7 @@ def bench(
     if report:
         check_ending("--report", report, ".json")
         check_outputs({"--report": report}, [mesh] if mesh else [])
-    check_arguments(seed=seed, threads=threads)
+    Options(seed=seed, threads=threads)
     judged = mesh_to_bench(mesh)
     with compiling("hemisphere"):
         rows = run(judged, chosen, seed=seed, threads=threads)

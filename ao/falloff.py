@@ -8,11 +8,14 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
 from raytrace.errors import OptionError
+from raytrace.kernel.jit import inline
+from raytrace.types import Float64s
 
 Length = float | str
 DEFAULT_HALF_DISTANCE = "50%"
@@ -37,6 +40,26 @@ def resolve_length(field: str, length: Length, radius: float) -> float:
     return value
 
 
+class KernelMu(NamedTuple):
+    """A falloff as kernels take it, in render space.
+
+    Attributes:
+        tau: rate τ of the exponential form per unit of length, 0 for the binary form.
+        limit: max_distance D, from which on μ is 1, or inf.
+        scale: 1/(1 − e^(−τD)), 1 for the binary form.
+    """
+
+    tau: float
+    limit: float
+    scale: float
+
+
+@inline
+def exponential_mu(distance, falloff):
+    """μ at a distance below the limit of a `KernelMu`, for τ > 0 (12.74)."""
+    return -np.expm1(-falloff.tau * distance) * falloff.scale
+
+
 @dataclass(frozen=True)
 class Mu:
     """A falloff whose lengths are known: what a bake computes with.
@@ -49,12 +72,17 @@ class Mu:
     tau: float | None
     max_distance: float
 
-    def __call__(self, distance: npt.ArrayLike) -> npt.NDArray[np.float64]:
+    def __call__(self, distance: npt.ArrayLike) -> Float64s:
         """μ in [0, 1] of distances (…) in mesh units."""
         x = np.asarray(distance, np.float64)
         if self.tau is None:
             return np.where(x < self.max_distance, 0.0, 1.0)
         return np.expm1(-self.tau * np.minimum(x, self.max_distance)) / np.expm1(-self.tau * self.max_distance)
+
+    def in_render_space(self, scale: float) -> KernelMu:
+        """The same for lengths that are multiplied by `scale`."""
+        tau, limit = (self.tau or 0.0) / scale, self.max_distance * scale
+        return KernelMu(tau, limit, -1.0 / math.expm1(-tau * limit) if tau > 0 else 1.0)
 
 
 @dataclass(frozen=True)

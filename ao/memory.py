@@ -1,7 +1,7 @@
-"""How much memory a bake takes beside its mesh, told from counts.
+"""Estimates of the memory that a bake takes beside its mesh, from counts.
 
 The coefficients are fitted to measured peaks (`python -m benchmarks.memory`): of a smooth mesh and of loose triangles
-of 200,000 and 600,000 vertices they tell 0.94 to 1.54 times what was measured. Threads add next to nothing.
+of 200,000 and 600,000 vertices they give 0.94 to 1.54 times what was measured. Threads add next to nothing.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ _SURFACE_VERTEX, _SURFACE_FACE = 72, 660
 
 
 def vertex_bytes(vertices: int, faces: int, samples: int) -> int:
-    """Bytes that `ao.bake` takes at its peak, to a tolerance of at most so many samples too."""
+    """Bytes that the vertex method takes at its peak, to a tolerance of at most so many samples too."""
     directions = samples * min(max(_TABLE // samples, 8), 256)
     return _BASE + _DIRECTION * directions + _VERTEX * vertices + _FACE * faces
 
@@ -25,5 +25,5 @@ def corner_bytes(corners: int) -> int:
 
 
 def surface_bytes(vertices: int, faces: int) -> int:
-    """Bytes that `ao.bake_surface` takes at its peak."""
+    """Bytes that the surface method takes at its peak."""
     return _BASE + _SURFACE_VERTEX * vertices + _SURFACE_FACE * faces

@@ -1,4 +1,4 @@
-"""What a bake tells about itself: the report that `--report` writes."""
+"""The JSON report of a bake, which `--report` writes."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from raytrace.embree import library as embree
 from raytrace.system.atomic import atomic_write
 
 from .gather.receivers import Flag
-from .vertex_method import Bake
+from .result import Bake
 
 
 def versions() -> dict[str, str]:

@@ -73,7 +73,7 @@ WAYS: dict[str, Way] = {
         lambda n, m, _: vertex_bytes(n, m, SAMPLES),
     ),
     "--method surface": (
-        lambda mesh: ao.bake_surface(mesh, samples=SAMPLES),
+        lambda mesh: ao.bake(mesh, samples=SAMPLES, method="surface"),
         lambda n, m, _: surface_bytes(n, m),
     ),
     "render 1920×1080": (

@@ -26,7 +26,8 @@ from ao.report import versions
 from raytrace.embree.rays import intersect
 from raytrace.mesh.mesh import Mesh
 from raytrace.mesh.normals import face_normals, normalize
-from raytrace.mesh.placement import Placement, ray_offset
+from raytrace.mesh.placement import Placement
+from raytrace.ray_origins.offset import ray_offset
 from raytrace.sampling.sequences import owen_sobol
 from raytrace.sampling.warps import cosine_hemisphere
 from scenes.readers.load import load
@@ -117,8 +118,8 @@ def measure(path: Path, budgets: list[int], count: int, rays: int, seeds: int) -
     for name, falloff in FALLOFFS.items():
         for samples in [*budgets, most]:
             row: dict[str, Any] = {"falloff": name, "samples": samples}
-            for method, bake in (("vertex", ao.bake), ("surface", ao.bake_surface)):
-                bakes = [bake(mesh, falloff, samples=samples, seed=seed) for seed in range(seeds)]
+            for method in ("vertex", "surface"):
+                bakes = [ao.bake(mesh, falloff, samples=samples, seed=seed, method=method) for seed in range(seeds)]
                 errors = [points.errors(baked.w, name) for baked in bakes]
                 row[method] = {key: float(np.sqrt(np.mean([e[key] ** 2 for e in errors]))) for key in errors[0]}
                 row[method]["rays"] = bakes[0].rays

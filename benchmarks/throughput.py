@@ -19,7 +19,10 @@ from statistics import median
 import numpy as np
 
 from ao import Binary, Exponential
-from ao.gather.hemisphere import DirectionTable, choose, gather, turned_frame
+from ao.falloff import KernelMu
+from ao.gather.directions import DirectionTable, choose, turned_frame
+from ao.gather.hemisphere import COLUMNS, gather_hemispheres
+from ao.gather.ray_packet import RayPacket
 from ao.gather.receivers import find_receivers
 from ao.report import versions
 from ao.skip.horizon import NO_HORIZONS
@@ -76,7 +79,7 @@ def bare(scene, packet, valid, origins, directions, reach, closest, hits):
 
 @kernel
 def world_directions(normals, numbers, local, key, out):
-    """The directions that `ao.gather.hemisphere.gather` would trace, float32 (k, 3, samples)."""
+    """The directions that `ao.gather.hemisphere.gather_hemispheres` would trace, float32 (k, 3, samples)."""
     for i in range(len(normals)):
         chosen, turn = choose(numbers[i], key, len(local))
         n = normals[i]
@@ -100,21 +103,16 @@ def measure(path: Path | None, samples: int, rounds: int) -> dict[str, object]:
     directions = np.empty((count, 3, samples), np.float32)
     world_directions(points.normals, points.numbers, table.directions, table.key, directions)
     threads = thread_count(None)
-    out, traced, hits = np.empty((count, 5)), np.empty(count, np.uint32), np.empty(count, np.int64)
+    out, traced, hits = np.empty((count, COLUMNS)), np.empty(count, np.uint32), np.empty(count, np.int64)
     results: dict[str, object] = {}
     for name, falloff in (("binary", Binary()), ("exponential", Exponential())):
-        mu = falloff.resolve(mesh.radius)
-        tau = (mu.tau or 0.0) / placement.scale
+        mu = falloff.resolve(mesh.radius).in_render_space(placement.scale)
 
-        def ours(a: int, b: int, tau: float = tau) -> None:
-            some = points[a:b]
-            gather(
-                scene.handle, *new_packet(), some.origins, some.normals, some.numbers,
-                table.directions, table.batches, table.mean, table.sectors, table.slopes, table.key, tau,
-                placement.diagonal, np.inf, NO_HORIZONS, traced[a:b], out[a:b],
-            )  # fmt: skip
+        def ours(a: int, b: int, mu: KernelMu = mu) -> None:
+            packet, some = RayPacket.of(scene), points[a:b].arrays
+            gather_hemispheres(packet, some, table, mu, placement.diagonal, NO_HORIZONS, traced[a:b], out[a:b])
 
-        def theirs(a: int, b: int, closest: bool = tau > 0) -> None:
+        def theirs(a: int, b: int, closest: bool = mu.tau > 0) -> None:
             bare(
                 scene.handle, *new_packet(), points.origins[a:b], directions[a:b],
                 np.float32(placement.diagonal), closest, hits[a:b],

@@ -13,8 +13,9 @@ import numpy as np
 import numpy.typing as npt
 
 from raytrace.embree.scene import TriangleScene
-from raytrace.mesh.placement import ray_offset
+from raytrace.ray_origins.offset import ray_offset
 from raytrace.ray_origins.origins import ray_origins
+from raytrace.ray_origins.surface import Surface
 
 from .points import Points
 
@@ -78,22 +79,21 @@ class Corners:
         return np.where(np.linalg.norm(mean, axis=1)[:, None] > _CANCELLED * lengths, mean, 0.0)
 
 
-def find_corners(
-    scene: TriangleScene, vertices: Floats, faces: Ints, face_normals: Floats, seats: Ints, rows: Ints, first: int
-) -> Corners:
+def find_corners(scene: TriangleScene, surface: Surface, seats: Ints, rows: Ints, first: int) -> Corners:
     """The corners of points.
 
     Args:
-        scene: holds exactly the `faces`. vertices (n, 3), faces (m, 3), none degenerate, with unit face_normals (m, 3).
+        scene: holds exactly the faces of `surface`.
         seats: (m, 3), the point that each face corner is, if it is one of those wanted; −1 otherwise.
         rows: (j,), ascending, all points in `seats`. first: what places are numbered from.
     """
+    vertices, faces = surface.vertices, surface.faces
     face, corner = np.nonzero(seats >= 0)
     order = np.argsort(seats[face, corner], kind="stable")
     face, corner = face[order], corner[order]
     starts = np.searchsorted(seats[face, corner], np.append(rows, rows[-1] + 1))
     here, ahead, behind = (vertices[faces[face, (corner + step) % 3]] for step in range(3))
-    normal = face_normals[face]
+    normal = surface.normals[face]
     one, other = ahead - here, behind - here
     a, b = np.linalg.norm(one, axis=1), np.linalg.norm(other, axis=1)
     double = np.linalg.norm(np.cross(one, other), axis=1)
@@ -106,15 +106,14 @@ def find_corners(
     turn[face, corner] = np.arange(len(face))
     origins = np.empty((len(face), SPREAD, 3), np.float32)
     nowhere = np.zeros((1, 3))
+    lift = np.concatenate([normal, nowhere])
+    clearance, magnitude = np.ones(len(lift)), surface.magnitudes(turn, len(lift))
     for part in range(SPREAD):
         theta = (part + 0.5) / SPREAD * angle
         s, t = np.sin(angle - theta) / a, np.sin(theta) / b
         along = (s[:, None] * one + t[:, None] * other) / (s + t)[:, None]
         places = np.concatenate([here + inside[:, None] * along, nowhere])
-        lift = np.concatenate([normal, nowhere])
-        origins[:, part] = ray_origins(
-            scene, places, lift, np.ones(len(lift)), vertices, faces, face_normals, turn
-        )[:-1]  # fmt: skip
+        origins[:, part] = ray_origins(scene, surface, places, lift, clearance, turn, magnitude)[:-1]
     total = np.add.reduceat(angle, starts[:-1])
     weights = angle / np.repeat(total, np.diff(starts)) / SPREAD
     numbers = first + np.arange(SPREAD * len(face), dtype=np.uint32)

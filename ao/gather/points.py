@@ -1,29 +1,42 @@
-"""Where hemispheres are gathered."""
+"""Points at which hemispheres are gathered."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
-import numpy as np
 import numpy.typing as npt
+
+from raytrace.types import Float32s, UInt32s
+
+
+class PointArrays(NamedTuple):
+    """`Points` as kernels take them."""
+
+    origins: Float32s
+    normals: Float32s
+    numbers: UInt32s
 
 
 @dataclass(frozen=True, eq=False)
 class Points:
-    """Where hemispheres are gathered.
+    """Points at which hemispheres are gathered.
 
     Attributes:
-        origins, normals: float32 (k, 3), ray origins in placed units and unit axes of the hemispheres.
-        numbers: uint32 (k,), what each point's random choices are keyed by.
+        origins, normals: float32 (k, 3), ray origins in render space and unit axes of the hemispheres.
+        numbers: uint32 (k,), keys of each point's random choices.
     """
 
-    origins: npt.NDArray[np.float32]
-    normals: npt.NDArray[np.float32]
-    numbers: npt.NDArray[np.uint32]
+    origins: Float32s
+    normals: Float32s
+    numbers: UInt32s
 
     def __len__(self) -> int:
         return len(self.numbers)
 
     def __getitem__(self, which: slice | npt.NDArray[Any]) -> Points:
         return Points(self.origins[which], self.normals[which], self.numbers[which])
+
+    @property
+    def arrays(self) -> PointArrays:
+        return PointArrays(self.origins, self.normals, self.numbers)

@@ -12,11 +12,9 @@ import numpy.typing as npt
 from raytrace.embree.scene import TriangleScene
 from raytrace.errors import MeshError, OptionError
 from raytrace.mesh.mesh import Mesh
-from raytrace.mesh.normals import face_normals, given, normalize, vertex_sums
+from raytrace.mesh.normals import nonzero, normalize
 from raytrace.mesh.placement import Placement
-from raytrace.mesh.weld import CREASE, sum_groups, weld
-from raytrace.ray_origins.clearance import outermost_normals
-from raytrace.ray_origins.origins import ray_origins
+from raytrace.ray_origins.welded import weld_points
 from raytrace.system.memory import check_memory
 
 from ..memory import corner_bytes
@@ -107,43 +105,33 @@ def find_receivers(mesh: Mesh, placement: Placement, normals: Normals = "angle")
     flags = np.zeros(count, np.uint8)
     flags[np.bincount(mesh.faces.ravel(), minlength=count) == 0] = Flag.UNREFERENCED
 
-    face_normal, area = face_normals(vertices, mesh.faces)
-    own = vertex_sums(vertices, mesh.faces, face_normal, area, "angle" if normals == "file" else normals)
-    axes = normalize(mesh.normals) if mesh.normals is not None and normals == "file" else normalize(own)
-    faces = mesh.faces
-    if not area.all():
-        faces, face_normal = faces[area > 0], face_normal[area > 0]
-
-    group = weld(placement.vertices, axes, SAME if normals == "file" else CREASE)
-    groups = int(group.max()) + 1
-    first = np.full(groups, count, np.int64)
-    np.minimum.at(first, group, np.arange(count))
-    seats = group[faces]
-    usual = normalize(sum_groups(group, own))
-    lift, clearance = outermost_normals(usual, seats, face_normal)
-    folded = (clearance <= 0) | (lift != usual).any(axis=1)
     if normals == "file":
-        axes, folded = axes[first], np.zeros(groups, np.bool_)
-        lift = np.where(np.einsum("ij,ij->i", lift, axes)[:, None] < 0, -lift, lift)
+        axes = normalize(np.asarray(mesh.normals))
+        welded = weld_points(vertices, mesh.faces, "angle", axes, SAME)
+        axes, folded = axes[welded.first], np.zeros(len(welded.first), np.bool_)
     else:
-        axes = lift
+        welded = weld_points(vertices, mesh.faces, normals)
+        axes = welded.directions
+        folded = (welded.clearance <= 0) | (axes != welded.normals).any(axis=1)
+    group, clearance, faces = welded.group, welded.clearance, welded.faces
+    surface = welded.surface(vertices)
     scene = TriangleScene(placement.vertices, faces)
-    origin = ray_origins(scene, vertices[first], lift, clearance, vertices, faces, face_normal, seats)
+    origin = welded.ray_origins(scene, surface)
 
-    usable = given(lift) & given(axes)
+    usable = nonzero(welded.directions) & nonzero(axes)
     flags[~usable[group] & (flags == 0)] = Flag.DEGENERATE
     flags[(usable & folded)[group]] = Flag.FOLDED
     flags[(usable & (clearance <= 0))[group]] = Flag.OPPOSED
     rows = np.flatnonzero(usable)
     rows = rows[morton_order(origin[rows])]
-    index = np.full(groups, -1)
+    index = np.full(len(usable), -1)
     index[rows] = np.arange(len(rows))
     numbers = np.arange(len(rows), dtype=np.uint32)
     points = Points(origin[rows].astype(np.float32), axes[rows].astype(np.float32), numbers)
     corners, torn = Corners.none(), np.sort(index[usable & folded])
     if len(torn):
-        wanted = np.where(folded, index, -1)[seats]
+        wanted = np.where(folded, index, -1)[welded.face_points]
         count = int(np.count_nonzero(wanted >= 0))
         check_memory(mesh.source, corner_bytes(count), f"for the {count:,} corners of folded vertices")
-        corners = find_corners(scene, vertices, faces, face_normal, wanted, torn, len(rows))
+        corners = find_corners(scene, surface, wanted, torn, len(rows))
     return Receivers(points, corners, index[group], flags, faces, scene)

@@ -1,4 +1,4 @@
-"""Obscurance over a surface, gathered into the moments of each face from which values at the vertices are fitted.
+"""Moments of obscurance over each face, from which values at the vertices are fitted.
 
 At a point of a face the hemisphere is the one a renderer shades with: about the normal interpolated between the
 vertices, less what lies below the face, which no ray from there can reach.
@@ -6,20 +6,25 @@ vertices, less what lies below the face, which no ray from there can reach.
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
-import numpy.typing as npt
 
 from raytrace.embree.packets import DIR_X, DIR_Y, DIR_Z, GEOM_ID, INVALID, LANES, NG_X, NG_Y, NG_Z, TFAR, intersect8
 from raytrace.kernel.borrow import borrow
 from raytrace.kernel.jit import inline, kernel
-from raytrace.mesh.placement import OFFSET_ULPS, ULP
+from raytrace.mesh.placement import ULP
+from raytrace.ray_origins.offset import OFFSET_ULPS
 from raytrace.sampling.hash import mix
 from raytrace.sampling.warps import cosine_hemisphere
+from raytrace.types import Float32s, Float64s
 
-from ..gather.hemisphere import aim, start_from, turned_frame
+from ..falloff import exponential_mu
+from ..gather.directions import turned_frame
+from ..gather.ray_packet import aim, start_from
 from .samples import GOLDEN, place
 
-HIDDEN = 1e-4  # weight of a sample that sees the back of things; not 0, so that what is buried has a value too
+HIDDEN = 1e-4  # weight of a sample that sees the back of things; not 0, so that hidden faces have a value too
 _MOSTLY = 0.5
 SQUARES, MATRIX, RIGHT, HALF = 0, 1, 7, 10  # of either half of the samples
 BENT, MOMENTS = 2 * HALF, 2 * HALF + 9
@@ -29,17 +34,39 @@ _SHIFTS = 256
 _PLASTIC = 1 / 1.324717957244746  # Roberts 2018: n·(1/p, 1/p²) mod 1, p³ = p + 1, is a sequence of low discrepancy
 
 
-def lattices(rays: int) -> npt.NDArray[np.float32]:
-    """Fibonacci lattices of `rays` cosine-weighted directions about +z, shifted in height: (256, 3, rays).
+class Lattices(NamedTuple):
+    """Fibonacci lattices of cosine-weighted directions about +z, shifted in height.
 
-    `rays` is a multiple of 8; they are ordered by azimuth, which keeps those of a packet together.
+    Attributes:
+        directions: float32 (256, 3, rays), ordered by azimuth, which keeps those of a packet together.
+        key: uint32 by which samples draw from them.
     """
-    number = np.arange(rays)
-    azimuth = number * GOLDEN % 1
-    order = np.argsort(azimuth)
-    shift = (np.arange(_SHIFTS)[:, None] + 0.5) / _SHIFTS
-    heights = (number[order] + shift) / rays
-    return cosine_hemisphere(heights, np.broadcast_to(azimuth[order], heights.shape)).astype(np.float32)
+
+    directions: Float32s
+    key: np.uint32
+
+    @classmethod
+    def of(cls, rays: int, key: np.uint32) -> Lattices:
+        """Lattices of `rays` directions, a multiple of 8."""
+        number = np.arange(rays)
+        azimuth = number * GOLDEN % 1
+        order = np.argsort(azimuth)
+        shift = (np.arange(_SHIFTS)[:, None] + 0.5) / _SHIFTS
+        heights = (number[order] + shift) / rays
+        directions = cosine_hemisphere(heights, np.broadcast_to(azimuth[order], heights.shape))
+        return cls(directions.astype(np.float32), key)
+
+
+class FaceArrays(NamedTuple):
+    """Faces as kernels take them, in render space.
+
+    Attributes:
+        corners: float64 (n, 3, 3). normals: float64 (n, 3), unit. axes: float32 (n, 3, 3), unit normals of the corners.
+    """
+
+    corners: Float64s
+    normals: Float64s
+    axes: Float32s
 
 
 @inline
@@ -64,30 +91,23 @@ def _shading_normal(axes, b, g):
 
 
 @kernel
-def gather_faces(
-    scene, packet, valid, corners, normals, axes, starts, ends, weights, shift, directions, key, tau, reach, limit,
-    moments, counts,
-):  # fmt: skip
-    """Gather a block of faces.
+def gather_faces(packet, faces, samples, lattices, falloff, reach, moments, counts):
+    """Gather the moments of n faces.
 
     Args:
-        scene, packet, valid: see raytrace.embree.
-        corners: float64 (n, 3, 3), in the scene's units. normals: float64 (n, 3), unit, of the faces.
-        axes: float32 (n, 3, 3), unit normals at the corners.
-        starts, ends: (n + 1,), weights: (n,), shift: see `surface_samples.Samples`.
-        directions: `lattices`. key: uint32 to draw from them by.
-        tau: rate of the exponential μ in the scene's units, or 0 for the binary μ.
-        reach: length of every ray; limit: max_distance, from which on μ is 1, or inf.
+        packet: RayPacket. faces: FaceArrays. samples: Samples, of these faces. lattices: Lattices. falloff: KernelMu.
+        reach: length of every ray.
         moments: float64 (n, 29), added to: for the even and for the odd samples Σ y² of y = 1 − w, the upper triangle
             of Σ b bᵀ, and Σ b y; for all Σ b ȳ_x, Σ b ȳ_y, Σ b ȳ_z, with ȳ the mean of μ·direction; weighted.
         counts: int64 (n, 3), added to: rays traced, rays below the face, samples that are not hidden.
     """
-    packet, valid, corners, normals, axes, directions, moments, counts = (
-        borrow(packet), borrow(valid), borrow(corners), borrow(normals), borrow(axes), borrow(directions),
-        borrow(moments), borrow(counts))  # fmt: skip
-    ids = packet.view(np.uint32)
-    samples = directions.shape[2]
-    scale = -1.0 / np.expm1(-tau * limit) if tau > 0.0 else 1.0
+    scene, rays, valid = borrow(packet)
+    corners, normals, axes = borrow(faces)
+    shift, ends, starts, weights = borrow(samples)
+    directions, key = borrow(lattices)
+    moments, counts = borrow(moments), borrow(counts)
+    ids = rays.view(np.uint32)
+    count = directions.shape[2]
     values, b, side, origin = np.zeros(4), np.zeros(3), np.zeros(3), np.zeros(3)
     for f in range(len(corners)):
         g = normals[f]
@@ -104,35 +124,35 @@ def gather_faces(
                 side[axis] = front * g[axis]
                 at = b[0] * corners[f, 0, axis] + b[1] * corners[f, 1, axis] + b[2] * corners[f, 2, axis]
                 origin[axis] = at + lift * side[axis]
-            start_from(packet, origin)
+            start_from(rays, origin)
             chosen, turn = _draw(k, key)
             local = directions[chosen]
             t, u = turned_frame(n, turn)
             values[:] = 0.0
             traced = backs = 0
-            for start in range(0, samples, LANES):
-                aim(packet, local, start, t, u, n, reach)
+            for start in range(0, count, LANES):
+                aim(rays, local, start, t, u, n, reach)
                 for lane in range(LANES):
-                    x, y, z = packet[DIR_X, lane], packet[DIR_Y, lane], packet[DIR_Z, lane]
+                    x, y, z = rays[DIR_X, lane], rays[DIR_Y, lane], rays[DIR_Z, lane]
                     valid[lane] = -1 if x * side[0] + y * side[1] + z * side[2] > 0.0 else 0
                     traced -= valid[lane]
-                intersect8(scene, packet, valid)
+                intersect8(scene, rays, valid)
                 for lane in range(LANES):
                     if valid[lane] == 0:
                         continue
                     mu = 1.0
-                    x, y, z = packet[DIR_X, lane], packet[DIR_Y, lane], packet[DIR_Z, lane]
+                    x, y, z = rays[DIR_X, lane], rays[DIR_Y, lane], rays[DIR_Z, lane]
                     if ids[GEOM_ID, lane] != INVALID:
-                        if x * packet[NG_X, lane] + y * packet[NG_Y, lane] + z * packet[NG_Z, lane] > 0.0:
+                        if x * rays[NG_X, lane] + y * rays[NG_Y, lane] + z * rays[NG_Z, lane] > 0.0:
                             backs += 1
-                        if packet[TFAR, lane] < limit:
-                            mu = -np.expm1(-tau * packet[TFAR, lane]) * scale if tau > 0.0 else 0.0  # (12.74)
+                        if rays[TFAR, lane] < falloff.limit:
+                            mu = exponential_mu(rays[TFAR, lane], falloff) if falloff.tau > 0.0 else 0.0
                     values[0] += 1.0 - mu
                     values[1] += mu * x
                     values[2] += mu * y
                     values[3] += mu * z
             counts[f, TRACED] += traced
-            counts[f, BELOW] += samples - traced
+            counts[f, BELOW] += count - traced
             if traced == 0:
                 continue
             weight = weights[f]

@@ -1,4 +1,4 @@
-"""Gathering at many points: blocks of work on threads, the same bits for any number of them."""
+"""Gathering at many points, in blocks on threads, with the same bits for any number of them."""
 
 from __future__ import annotations
 
@@ -6,16 +6,17 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
-from raytrace.embree.packets import new_packet
 from raytrace.embree.scene import TriangleScene
 from raytrace.mesh.placement import Placement
 from raytrace.system.threads import run_blocks
+from raytrace.types import Float64s
 
 from ..falloff import Mu
-from ..gather.hemisphere import DirectionTable, gather
-from ..gather.receivers import Points
+from ..gather.directions import DirectionTable
+from ..gather.hemisphere import COLUMNS, gather_hemispheres
+from ..gather.points import Points
+from ..gather.ray_packet import RayPacket
 from ..skip.horizon import NO_HORIZONS, Horizons
 from .checkpoint import Checkpoint
 
@@ -27,14 +28,14 @@ Progress = Callable[[int, int], None]
 
 @dataclass(eq=False)
 class Tracer:
-    """A scene to gather in.
+    """A scene in which hemispheres are gathered.
 
     Attributes:
         scene, placement: the mesh in Embree and where it is. mu: the falloff, in mesh units. threads: how many.
-        crowd: points of the whole mesh, wanted or not.
-        horizons: what tells rays that need no tracing, if anything.
-        progress: called with (rays traced, rays expected in all). checkpoint: what keeps traced rows, if anything.
-        expected: rays expected in all, 0 while nobody has planned them. later: besides, of corners. rays: rays asked
+        total_points: how many points the whole mesh has, wanted or not.
+        horizons: finds rays that need no tracing, or None.
+        progress: called with (rays traced, rays expected in all). checkpoint: keeps traced rows, or None.
+        expected: rays expected in all, 0 while none are planned. later: besides, of corners. rays: rays asked
             for. skipped: those of them that were not traced, now or by the run whose rows were copied.
     """
 
@@ -42,7 +43,7 @@ class Tracer:
     placement: Placement
     mu: Mu
     threads: int
-    crowd: int
+    total_points: int
     horizons: Horizons | None = None
     progress: Progress | None = None
     checkpoint: Checkpoint | None = None
@@ -52,13 +53,12 @@ class Tracer:
     skipped: int = 0
     _last: DirectionTable | None = None
 
-    def gather(self, points: Points, samples: int, key: np.uint32) -> npt.NDArray[np.float64]:
-        """Rows (k, 5) of `hemisphere.gather` for `points` with `samples` rays each, directions drawn by `key`."""
+    def gather(self, points: Points, samples: int, key: np.uint32) -> Float64s:
+        """Rows (k, COLUMNS) of `gather_hemispheres`: of `points`, by `samples` rays each, directions drawn by `key`."""
         table = self._table(samples, key)
-        out, traced = np.empty((len(points), 5)), np.empty(len(points), np.uint32)
-        tau = (self.mu.tau or 0.0) / self.placement.scale
-        limit = self.mu.max_distance * self.placement.scale
-        reach = min(limit, self.placement.diagonal)
+        out, traced = np.empty((len(points), COLUMNS)), np.empty(len(points), np.uint32)
+        mu = self.mu.in_render_space(self.placement.scale)
+        reach = min(mu.limit, self.placement.diagonal)
         horizons = self.horizons if self.horizons and self.horizons.pay(points, table) else None
         checkpoint = self.checkpoint
         call = checkpoint.call(points.numbers, samples, key) if checkpoint else b""
@@ -67,11 +67,9 @@ class Tracer:
             if checkpoint and checkpoint.copy(call, first, out[first:last], traced[first:last]):
                 return
             some = points[first:last]
-            gather(
-                self.scene.handle, *new_packet(), some.origins, some.normals, some.numbers,
-                table.directions, table.batches, table.mean, table.sectors, table.slopes, table.key, tau, reach, limit,
-                horizons.above(some, table) if horizons else NO_HORIZONS, traced[first:last], out[first:last],
-            )  # fmt: skip
+            slopes = horizons.above(some, table) if horizons else NO_HORIZONS
+            packet = RayPacket.of(self.scene)
+            gather_hemispheres(packet, some.arrays, table, mu, reach, slopes, traced[first:last], out[first:last])
             if checkpoint:
                 checkpoint.add(call, first, out[first:last], traced[first:last])
 
@@ -83,7 +81,7 @@ class Tracer:
     def _table(self, samples: int, key: np.uint32) -> DirectionTable:
         """The last table again if it is the same."""
         if self._last is None or (self._last.samples, self._last.key) != (samples, key):
-            self._last = DirectionTable.make(samples, self.crowd, key)
+            self._last = DirectionTable.make(samples, self.total_points, key)
         return self._last
 
     def _advance(self, rays: int) -> None:

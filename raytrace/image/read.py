@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import os
-import stat
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -16,10 +15,10 @@ import numpy.typing as npt
 
 from ..errors import InputError, is_utf8
 from ..settings import MAX_SIZE
+from ..system.inputs import check_regular
+from ..types import Float32s
 from .encode import NAMESPACE
 from .srgb import decode_srgb
-
-Floats = npt.NDArray[np.float32]
 
 GROWTH, SPARE = 1100, 1 << 26  # deflate grows 1032-fold at most; 64 MiB hold 4096×4096 pixels of four bytes
 _ROWS = 64
@@ -27,7 +26,7 @@ _printing = threading.Lock()
 _ORDER = {name: place for place, name in enumerate("RGBXYZA")}
 
 
-def read_image(path: str | os.PathLike[str]) -> tuple[dict[str, Floats], dict[str, str]]:
+def read_image(path: str | os.PathLike[str]) -> tuple[dict[str, Float32s], dict[str, str]]:
     """Read a picture: its layers, and the metadata that `write_frame` stored.
 
     Values of 8- and 16-bit files are taken as sRGB unless the file says that they are linear; straight alpha becomes
@@ -67,14 +66,8 @@ def open_image(path: str | os.PathLike[str], content: Path | None = None, max_si
 
     file = Path(path) if content is None else content
     try:
-        mode = file.stat().st_mode
-        if stat.S_ISDIR(mode):
-            raise InputError(os.fspath(path), "file", "an image file", "a folder")
-        if not stat.S_ISREG(mode):
-            raise InputError(os.fspath(path), "file", "an image file", "something that is not a regular file")
+        check_regular(file, "an image file", source=os.fspath(path))
         file.open("rb").close()
-    except FileNotFoundError:
-        raise InputError(os.fspath(path), "file", "an existing file", "none") from None
     except OSError as reason:
         raise InputError(os.fspath(path), "file", "a readable file", reason.strerror or reason) from None
     if not is_utf8(str(file)):
@@ -123,7 +116,7 @@ def row_blocks(image: Any, path: str | os.PathLike[str]) -> Iterator[tuple[slice
         yield slice(first, end), np.asarray(numbers).reshape(end - first, spec.width, spec.nchannels)
 
 
-def decoding_table(spec: Any, srgb: bool | None = None) -> Floats | None:
+def decoding_table(spec: Any, srgb: bool | None = None) -> Float32s | None:
     """Linear values of all codes of an 8- or 16-bit file, None for a file of floats.
 
     Args:
@@ -161,7 +154,7 @@ def _codes(spec: Any) -> str | None:
     return text if text in ("uint8", "uint16") else None
 
 
-def _linear(numbers: npt.NDArray[Any], values: Floats | None, has_alpha: bool) -> Floats:
+def _linear(numbers: npt.NDArray[Any], values: Float32s | None, has_alpha: bool) -> Float32s:
     if values is None:
         return numbers
     linear = values[numbers]

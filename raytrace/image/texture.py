@@ -10,9 +10,9 @@ from pathlib import Path
 from typing import Any, Literal, NamedTuple, get_args
 
 import numpy as np
-import numpy.typing as npt
 
 from ..errors import InputError, OptionError
+from ..types import Float32s, Int64s
 from .read import decoding_table, open_image, row_blocks
 
 MAX_SIDE = 16384
@@ -21,9 +21,6 @@ _WORKING = 12  # bytes of a texel while the coarser levels are made
 Wrap = Literal["repeat", "mirrored_repeat", "clamp_to_edge"]
 WRAPS: tuple[Wrap, ...] = get_args(Wrap)
 """glTF's wrap modes; kernels know them by their places here."""
-
-Floats = npt.NDArray[np.float32]
-Integers = npt.NDArray[np.int64]
 
 
 @dataclass(frozen=True)
@@ -72,11 +69,11 @@ class PackedTextures(NamedTuple):
         wrap: int64 (t, 2): its modes along u and v, places in `WRAPS`.
     """
 
-    texels: Floats
-    levels: Integers
-    first: Integers
-    depth: Integers
-    wrap: Integers
+    texels: Float32s
+    levels: Int64s
+    first: Int64s
+    depth: Int64s
+    wrap: Int64s
 
 
 def pack_textures(textures: Sequence[Texture | None]) -> PackedTextures:
@@ -162,7 +159,7 @@ def _sizes(width: int, height: int) -> list[tuple[int, int]]:
     return sizes
 
 
-def _build_pyramid(pyramid: list[Floats], image: Any, texture: Texture) -> None:
+def _build_pyramid(pyramid: list[Float32s], image: Any, texture: Texture) -> None:
     """Read the finest level and reduce it to the others."""
     import OpenImageIO as oiio
 
@@ -176,7 +173,7 @@ def _build_pyramid(pyramid: list[Floats], image: Any, texture: Texture) -> None:
         coarser[:] = level.get_pixels(oiio.FLOAT)
 
 
-def _read(linear: Floats, image: Any, texture: Texture) -> None:
+def _read(linear: Float32s, image: Any, texture: Texture) -> None:
     spec = image.spec()
     values = decoding_table(spec, texture.srgb)
     channels = 3 if spec.nchannels >= 3 else 1

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from math import sqrt
+from math import atan2, sqrt
 
 import numpy as np
 
@@ -20,6 +20,18 @@ def load(array, i):
 def load3(a):
     """A (3,) array as a triple."""
     return a[0], a[1], a[2]
+
+
+@inline
+def load_triangle(vertices, faces, f):
+    """The corners of face `f` of `faces` (m, 3), rows of `vertices` (n, 3)."""
+    return load(vertices, faces[f, 0]), load(vertices, faces[f, 1]), load(vertices, faces[f, 2])
+
+
+@inline
+def store(array, i, a):
+    """Write a triple to row `i` of an (n, 3) array."""
+    array[i, 0], array[i, 1], array[i, 2] = a
 
 
 @inline
@@ -41,6 +53,12 @@ def scale(s, a):
 
 
 @inline
+def divide(a, s):
+    """a/s"""
+    return (a[0] / s, a[1] / s, a[2] / s)
+
+
+@inline
 def multiply(a, b):
     """Componentwise product: light through a colour."""
     return (a[0] * b[0], a[1] * b[1], a[2] * b[2])
@@ -56,6 +74,18 @@ def add(a, b):
 def subtract(a, b):
     """a − b"""
     return (a[0] - b[0], a[1] - b[1], a[2] - b[2])
+
+
+@inline
+def length(a):
+    """|a|"""
+    return sqrt(dot(a, a))
+
+
+@inline
+def angle_between(a, b):
+    """Angle between two vectors of any length, in radians."""
+    return atan2(length(cross(a, b)), dot(a, b))
 
 
 @inline
@@ -88,7 +118,7 @@ def halfway(l, v):
 def perpendicular(n, grain):
     """Unit tangent (g, n × g): `grain` projected into the plane of the unit normal `n`.
 
-    Where the grain is zero or along the normal it says nothing, and some tangent is returned.
+    Where the grain is zero or along the normal it has no direction there, and some tangent is returned.
     """
     projected = subtract(grain, scale(dot(grain, n), n))
     if dot(projected, projected) <= 1e-20 * dot(grain, grain):

@@ -1,4 +1,4 @@
-"""Normals of surfaces given by functions, and of polygons; all unit, zero where none exists.
+"""Unit normals of surfaces given by functions, and of polygons; zero where none exists.
 
 Vertex normals of meshes are in `raytrace.mesh.normals`.
 Source: (12.29) and the textbook chapter's polygon normals; Martin Newell's sums after Sutherland, Sproull &
@@ -13,12 +13,13 @@ import numpy as np
 import numpy.typing as npt
 
 from ..errors import OptionError
-from .normals import Floats, normalize
+from ..types import Float64s
+from .normals import normalize
 
 STEP = float(np.finfo(np.float64).eps) ** (1 / 3)  # balances truncation and rounding of a central difference
 
 
-def implicit_normals(f: Callable[[Floats], Floats], points: npt.ArrayLike) -> Floats:
+def implicit_normals(f: Callable[[Float64s], Float64s], points: npt.ArrayLike) -> Float64s:
     """∇f/|∇f| (…, 3) at points (…, 3) of the surface f = 0, by central differences (about 1e-10 relative).
 
     `f` takes (…, 3) and returns (…,); it grows outwards if normals are to point outwards.
@@ -32,7 +33,7 @@ def implicit_normals(f: Callable[[Floats], Floats], points: npt.ArrayLike) -> Fl
     return normalize(gradient)
 
 
-def parametric_normals(f: Callable[[Floats, Floats], Floats], u: npt.ArrayLike, v: npt.ArrayLike) -> Floats:
+def parametric_normals(f: Callable[[Float64s, Float64s], Float64s], u: npt.ArrayLike, v: npt.ArrayLike) -> Float64s:
     """∂f/∂u × ∂f/∂v, normalised (…, 3) (12.29), by central differences (about 1e-10 relative).
 
     `f` takes parameters u, v (…,) and returns points (…, 3).
@@ -44,18 +45,18 @@ def parametric_normals(f: Callable[[Floats, Floats], Floats], u: npt.ArrayLike, 
     return normalize(np.cross(along_u, along_v))
 
 
-def corner_normals(polygon: npt.ArrayLike) -> Floats:
+def corner_normals(polygon: npt.ArrayLike) -> Float64s:
     """Unit (v_{i+1} − v_i) × (v_{i−1} − v_i) at every corner (k, 3); reflex corners point the other way."""
     points = _polygon(polygon)
     return normalize(np.cross(np.roll(points, -1, axis=0) - points, np.roll(points, 1, axis=0) - points))
 
 
-def averaged_normal(polygon: npt.ArrayLike) -> Floats:
+def averaged_normal(polygon: npt.ArrayLike) -> Float64s:
     """Unit mean (3,) of the unit corner normals; for convex polygons (use `newell_normal` for concave ones)."""
     return normalize(corner_normals(polygon).sum(axis=0))
 
 
-def newell_sums(polygon: npt.ArrayLike) -> Floats:
+def newell_sums(polygon: npt.ArrayLike) -> Float64s:
     """(a, b, c) of Martin Newell's plane: twice the areas (3,) of the polygon's projections."""
     points = _polygon(polygon)
     points = points - points[0]  # far from the origin the products would cancel
@@ -64,12 +65,12 @@ def newell_sums(polygon: npt.ArrayLike) -> Floats:
     return np.asarray(np.sum(np.roll(difference, -1, axis=1) * np.roll(total, -2, axis=1), axis=0))
 
 
-def newell_normal(polygon: npt.ArrayLike) -> Floats:
+def newell_normal(polygon: npt.ArrayLike) -> Float64s:
     """Unit normal (3,) of a polygon (k, 3), k ≥ 3, convex or not, not quite planar too."""
     return normalize(newell_sums(polygon))
 
 
-def _polygon(polygon: npt.ArrayLike) -> Floats:
+def _polygon(polygon: npt.ArrayLike) -> Float64s:
     points = np.asarray(polygon, np.float64)
     if points.ndim != 2 or points.shape[0] < 3 or points.shape[1] != 3:
         raise OptionError("polygon", "an array of shape (k, 3), k ≥ 3", points.shape, "normals")

@@ -1,4 +1,4 @@
-"""The mesh everybody passes around: checked, immutable arrays in the user's own order and units."""
+"""Triangle meshes: checked, immutable arrays in the user's own order and units."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ..errors import MeshError
+from ..types import Float64s, Int64s
 
 LARGEST = 5e153  # squares of coordinates and their differences don't overflow
 
@@ -29,9 +30,9 @@ class Mesh:
             large, or indices out of range.
     """
 
-    vertices: npt.NDArray[np.float64]
-    faces: npt.NDArray[np.int64]
-    normals: npt.NDArray[np.float64] | None = None
+    vertices: Float64s
+    faces: Int64s
+    normals: Float64s | None = None
     source: str = field(default="mesh", kw_only=True)
 
     def __post_init__(self) -> None:
@@ -78,13 +79,13 @@ class Mesh:
         return array
 
     @cached_property
-    def bounds(self) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
+    def bounds(self) -> tuple[Float64s, Float64s]:
         """Lower and upper corner (3,) of the bounding box."""
         columns = self.vertices.T  # one at a time: ten times as fast as along the rows
         return np.array([column.min() for column in columns]), np.array([column.max() for column in columns])
 
     @cached_property
-    def centre(self) -> npt.NDArray[np.float64]:
+    def centre(self) -> Float64s:
         """Centre (3,) of the bounding box."""
         low, high = self.bounds
         return low + (high - low) / 2

@@ -9,19 +9,18 @@ from __future__ import annotations
 from typing import Literal
 
 import numpy as np
-import numpy.typing as npt
 
-from ..kernel.jit import inline, kernel
+from ..kernel.jit import kernel
+from ..kernel.vector import cross, divide, dot, length, load, load_triangle, store, subtract
 from ..system.threads import run_blocks, thread_count
+from ..types import AnyInts, Bools, Float64s
 
 _BLOCK = 1 << 15  # faces
 EPSILON = float(np.finfo(np.float64).eps)
 Weighting = Literal["angle", "area", "equal"]
-Floats = npt.NDArray[np.float64]
-Ints = npt.NDArray[np.integer]
 
 
-def normalize(vectors: Floats) -> Floats:
+def normalize(vectors: Float64s) -> Float64s:
     """Unit vectors along `vectors` (…, 3); zero, and what is not finite, becomes zero."""
     vectors = np.asarray(vectors, np.float64)
     out = np.zeros(vectors.shape)
@@ -29,13 +28,13 @@ def normalize(vectors: Floats) -> Floats:
     return out
 
 
-def given(vectors: Floats) -> npt.NDArray[np.bool_]:
-    """Which of the `vectors` (n, 3) are not zero, (n,)."""
+def nonzero(vectors: Float64s) -> Bools:
+    """Whether each of the `vectors` (n, 3) is other than zero, (n,)."""
     x, y, z = vectors.T
     return (x != 0) | (y != 0) | (z != 0)
 
 
-def face_normals(vertices: Floats, faces: Ints) -> tuple[Floats, Floats]:
+def face_normals(vertices: Float64s, faces: AnyInts) -> tuple[Float64s, Float64s]:
     """Unit normals (m, 3) and areas (m,) of triangles; both zero for a degenerate face.
 
     A face is degenerate when its area is zero to rounding: below 4 ulp of the product of its two longest edges.
@@ -51,12 +50,14 @@ def face_normals(vertices: Floats, faces: Ints) -> tuple[Floats, Floats]:
 
 
 def vertex_sums(
-    vertices: Floats, faces: Ints, normals: Floats, areas: Floats, weighting: Weighting = "angle"
-) -> Floats:
+    vertices: Float64s, faces: AnyInts, normals: Float64s, areas: Float64s, weighting: Weighting = "angle"
+) -> Float64s:
     """Weighted sums (n, 3) of the unit face normals at each vertex, zero where they cancel to rounding.
 
-    Weights: equal (12.31), area (12.32), or interior angle (12.33, which does not change when a face is cut up).
-    Args: `normals` and `areas` as `face_normals` gives them.
+    Args:
+        vertices: (n, 3), any unit. faces: (m, 3), indices into them.
+        normals, areas: (m, 3), (m,), as `face_normals` returns them.
+        weighting: equal (12.31), area (12.32), or interior angle (12.33, which does not change when a face is cut up).
     """
     sums, magnitude = np.zeros((len(vertices), 3)), np.zeros(len(vertices))
     vertices, faces = np.ascontiguousarray(vertices, np.float64), np.ascontiguousarray(faces, np.int64)
@@ -73,7 +74,7 @@ def vertex_sums(
     return sums
 
 
-def vertex_normals(vertices: Floats, faces: Ints, weighting: Weighting = "angle") -> Floats:
+def vertex_normals(vertices: Float64s, faces: AnyInts, weighting: Weighting = "angle") -> Float64s:
     """Unit vertex normals (n, 3); zero where no usable face meets the vertex or its faces cancel out.
 
     Args: vertices (n, 3) float64, any unit; faces (m, 3) indices.
@@ -81,55 +82,39 @@ def vertex_normals(vertices: Floats, faces: Ints, weighting: Weighting = "angle"
     return normalize(vertex_sums(vertices, faces, *face_normals(vertices, faces), weighting))
 
 
-@inline
-def _edge(vertices, a, b):
-    return vertices[b, 0] - vertices[a, 0], vertices[b, 1] - vertices[a, 1], vertices[b, 2] - vertices[a, 2]
-
-
-@inline
-def _dot(a, b):
-    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
-
-
-@inline
-def _cross(a, b):
-    return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
-
-
 @kernel
 def _normalize(vectors, out):
     for i in range(len(vectors)):
-        x, y, z = vectors[i, 0], vectors[i, 1], vectors[i, 2]
+        x, y, z = load(vectors, i)
         largest = max(abs(x), abs(y), abs(z))
         if largest > 0.0 and np.isfinite(x) and np.isfinite(y) and np.isfinite(z):
-            x, y, z = x / largest, y / largest, z / largest  # no overflow or underflow in the squares
-            length = np.sqrt(x * x + y * y + z * z)
-            out[i, 0], out[i, 1], out[i, 2] = x / length, y / length, z / length
+            scaled = divide((x, y, z), largest)  # no overflow or underflow in the squares
+            store(out, i, divide(scaled, length(scaled)))
 
 
 @kernel
 def _face_normals(vertices, faces, normals, areas):
     for f in range(len(faces)):
-        i, j, k = faces[f]
-        a, b, c = _edge(vertices, i, j), _edge(vertices, j, k), _edge(vertices, k, i)
-        cross = _cross(a, b)
-        double = np.sqrt(_dot(cross, cross))
-        aa, bb, cc = _dot(a, a), _dot(b, b), _dot(c, c)
+        i, j, k = load_triangle(vertices, faces, f)
+        a, b, c = subtract(j, i), subtract(k, j), subtract(i, k)
+        normal = cross(a, b)
+        double = length(normal)
+        aa, bb, cc = dot(a, a), dot(b, b), dot(c, c)
         shortest = min(aa, bb, cc)
         longest = np.sqrt(aa * bb if shortest == cc else (bb * cc if shortest == aa else cc * aa))
         if double > 4.0 * EPSILON * longest:
             areas[f] = 0.5 * double
-            for axis in range(3):
-                normals[f, axis] = cross[axis] / double
+            store(normals, f, divide(normal, double))
 
 
 @kernel
 def _angles(vertices, faces, areas, out):
     """Interior angles (12.33)."""
     for f in range(len(faces)):
+        here, ahead, behind = load_triangle(vertices, faces, f)
         for corner in range(3):
-            i, j, k = faces[f, corner], faces[f, (corner + 1) % 3], faces[f, (corner + 2) % 3]
-            out[f, corner] = np.arctan2(2.0 * areas[f], _dot(_edge(vertices, i, j), _edge(vertices, i, k)))
+            out[f, corner] = np.arctan2(2.0 * areas[f], dot(subtract(ahead, here), subtract(behind, here)))
+            here, ahead, behind = ahead, behind, here
 
 
 @kernel

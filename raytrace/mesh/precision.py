@@ -1,4 +1,4 @@
-"""Whether coordinates are fine enough for a mesh's faces, as its file stores them and as float32 rays see them.
+"""Warnings of coordinates too coarse for a mesh's faces, as its file stores them or as float32 rays see them.
 
 A rounding of δ tilts a face of height h by about δ/h; where the faces around a vertex are tilted so, no ray from there
 can be right. Heights below 10⁻⁵ of the coordinates are reported: a tilt of .01, half a degree.
@@ -9,11 +9,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
 from ..kernel.jit import kernel
+from ..kernel.vector import cross, dot, length, load_triangle, subtract
+from ..types import Float64s
 from .mesh import Mesh
-from .normals import _cross, _dot, _edge
 from .placement import Placement
 
 TILT = 0.01
@@ -21,13 +21,13 @@ TILT = 0.01
 
 @dataclass(frozen=True)
 class Coarseness:
-    """What rounding does to a mesh.
+    """Vertices of a mesh whose normals rounding makes unreliable.
 
     Attributes:
         vertices: how many have a normal that is uncertain by more than `TILT`.
         tilt: median of what those are uncertain by, radians.
         spacing: largest distance of neighbouring float32 numbers among the coordinates of their faces, mesh units.
-        stored: whether the mesh's own coordinates are that coarse; else only the recentred ones that rays see.
+        stored: whether the mesh's own coordinates are that coarse; else only those of render space.
     """
 
     vertices: int
@@ -59,7 +59,7 @@ def coarseness(mesh: Mesh) -> Coarseness:
 
 
 def precision_warnings(mesh: Mesh) -> list[str]:
-    """What a user must know about the precision of `mesh`: a line, or none."""
+    """Warnings about the precision of `mesh`'s coordinates: one line, or none."""
     found = coarseness(mesh)
     if not found.vertices:
         return []
@@ -71,7 +71,7 @@ def precision_warnings(mesh: Mesh) -> list[str]:
     ]
 
 
-def _rounded_to_single(vertices: npt.NDArray[np.float64]) -> bool:
+def _rounded_to_single(vertices: Float64s) -> bool:
     """Whether coordinates were rounded to float32: all are float32 numbers, and last bits are used.
 
     About half of them are set by rounding; coordinates on a coarser grid, such as whole numbers, are exact.
@@ -81,7 +81,7 @@ def _rounded_to_single(vertices: npt.NDArray[np.float64]) -> bool:
     return bool((single == vertices).all()) and float(np.mean(single.view(np.uint32) & 1)) > 1 / 16
 
 
-def _spacing(vertices: npt.NDArray[np.float64], kind: type[np.floating]) -> npt.NDArray[np.float64]:
+def _spacing(vertices: Float64s, kind: type[np.floating]) -> Float64s:
     """Distance (n,) of neighbouring numbers of a kind at each vertex's largest coordinate."""
     with np.errstate(over="ignore"):
         largest = np.abs(vertices).max(axis=1).astype(kind)
@@ -92,22 +92,18 @@ def _spacing(vertices: npt.NDArray[np.float64], kind: type[np.floating]) -> npt.
 def _tilts(vertices, faces, spacing, tilt, weight, widest):
     """Sum δ/h of each vertex's faces, weighted by their angles there, and the largest spacing among their corners."""
     for f in range(len(faces)):
-        i, j, k = faces[f]
-        ab, bc, ca = _edge(vertices, i, j), _edge(vertices, j, k), _edge(vertices, k, i)
-        normal = _cross(ab, bc)
-        double = np.sqrt(_dot(normal, normal))
-        longest = np.sqrt(max(_dot(ab, ab), _dot(bc, bc), _dot(ca, ca)))
+        a, b, c = load_triangle(vertices, faces, f)
+        ab, bc, ca = subtract(b, a), subtract(c, b), subtract(a, c)
+        double = length(cross(ab, bc))
+        longest = np.sqrt(max(dot(ab, ab), dot(bc, bc), dot(ca, ca)))
         if double <= 1e-15 * longest * longest:
             continue  # without area from the start
-        coarse = max(spacing[i], spacing[j], spacing[k])
+        coarse = max(spacing[faces[f, 0]], spacing[faces[f, 1]], spacing[faces[f, 2]])
         tilted = min(0.5 * coarse * longest / double, 1.0)
         for corner in range(3):
             v = faces[f, corner]
-            ahead, behind = (
-                _edge(vertices, v, faces[f, (corner + 1) % 3]),
-                _edge(vertices, v, faces[f, (corner + 2) % 3]),
-            )
-            angle = np.arctan2(double, _dot(ahead, behind))
+            angle = np.arctan2(double, dot(subtract(b, a), subtract(c, a)))
             weight[v] += angle
             tilt[v] += angle * tilted
             widest[v] = max(widest[v], coarse)
+            a, b, c = b, c, a

@@ -1,4 +1,4 @@
-"""Which vertices are one point of one surface, though a file stores them apart."""
+"""Welding: vertices that a file stores apart, but that are one point of one surface, grouped."""
 
 from __future__ import annotations
 
@@ -9,14 +9,13 @@ import numpy.typing as npt
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
-Floats = npt.NDArray[np.float64]
-Ints = npt.NDArray[np.int64]
+from ..types import Float32s, Float64s, Int64s
 
 CREASE = float(np.cos(np.radians(30.0)))  # coincident vertices whose faces differ by more stay apart: a hard edge
 _NEIGHBOURS = 64
 
 
-def weld(positions: npt.NDArray[np.float32], normals: Floats, agreement: float) -> Ints:
+def weld(positions: Float32s, normals: Float64s, agreement: float) -> Int64s:
     """Group (n,) of each vertex: vertices at the same place whose normals agree share a group, numbered from 0.
 
     Args: positions (n, 3); normals (n, 3), unit or zero (agrees with none); agreement: the least cosine.
@@ -47,12 +46,12 @@ def weld(positions: npt.NDArray[np.float32], normals: Floats, agreement: float) 
     return connected_components(graph, directed=False)[1].astype(np.int64)
 
 
-def sum_groups(group: Ints, values: Floats) -> Floats:
+def sum_groups(group: Int64s, values: Float64s) -> Float64s:
     """Sums (k, 3) of the `values` (n, 3) of each group."""
     return np.stack([np.bincount(group, values[:, axis]) for axis in range(3)], axis=1)
 
 
-def _repeated(positions: npt.NDArray[np.float32]) -> Ints:
+def _repeated(positions: Float32s) -> Int64s:
     """Rows, ascending, of all positions (n, 3) that occur more than once, and perhaps of a few more."""
     x, y, z = np.ascontiguousarray(positions).view(np.uint32).T.astype(np.uint64)
     keys = x * np.uint64(0x9E3779B97F4A7C15) ^ y * np.uint64(0xC2B2AE3D27D4EB4F) ^ z * np.uint64(0x165667B19E3779F9)

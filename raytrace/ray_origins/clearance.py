@@ -1,47 +1,45 @@
-"""Normals that see the front of every face around a vertex, which ray origins need and averages do not promise."""
+"""Normals in front of every face around a vertex, as ray origins need them and averages need not be."""
 
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
+from ..kernel.counting_sort import counting_sort
 from ..kernel.jit import inline, kernel
-from ..kernel.vector import dot, load
-
-Floats = npt.NDArray[np.float64]
-Ints = npt.NDArray[np.int64]
+from ..kernel.vector import add, divide, dot, length, load, store
+from ..types import Float64s, Int64s
 
 
-def outermost_normals(normals: Floats, seats: Ints, face_normals: Floats, enough: float = 0.0) -> tuple[Floats, Floats]:
+def outermost_normals(
+    normals: Float64s, face_points: Int64s, face_normals: Float64s, enough: float = 0.0
+) -> tuple[Float64s, Float64s]:
     """Normals in front of all the faces that meet at a point, and their clearance: the smallest n·n_f, (k,).
 
-    Only a normal that clears its faces by no more than `enough` is moved, see `_moved`.
+    Only a normal that clears its faces by no more than `enough`, below 1, is moved, see `_moved`.
 
     Args:
-        normals: (k, 3), unit or zero. seats: (m, any), the rows of `normals` that each face counts for.
+        normals: (k, 3), unit or zero. face_points: int64 (m, any), the rows of `normals` that each face counts for.
         face_normals: (m, 3), unit.
     """
     moved = normals.copy()
     clearance = np.ones(len(normals))
-    _least_cosines(moved, seats, face_normals, clearance)
-    face, corner = np.nonzero((clearance <= enough)[seats])
-    order = np.argsort(seats[face, corner], kind="stable")
-    face = face[order]
-    rows, starts = np.unique(seats[face, corner[order]], return_index=True)
+    _least_cosines(moved, face_points, face_normals, clearance)
+    rows = np.flatnonzero(clearance <= enough)
     if len(rows):
-        _outermost(moved, clearance, rows, np.append(starts, len(face)), face_normals[face], enough)
+        number = np.full(len(normals), -1)
+        number[rows] = np.arange(len(rows))
+        corners, starts = counting_sort(number[face_points], len(rows))
+        faces = face_normals[corners // face_points.shape[1]]
+        _outermost(moved, clearance, rows, starts, faces, enough)
     return moved, clearance
 
 
 @kernel
-def _least_cosines(normals, seats, face_normals, clearance):
-    for f in range(len(seats)):
-        for corner in range(seats.shape[1]):
-            row = seats[f, corner]
-            cosine = 0.0
-            for axis in range(3):
-                cosine += normals[row, axis] * face_normals[f, axis]
-            clearance[row] = min(clearance[row], cosine)
+def _least_cosines(normals, face_points, face_normals, clearance):
+    for f in range(len(face_points)):
+        for corner in range(face_points.shape[1]):
+            row = face_points[f, corner]
+            clearance[row] = min(clearance[row], dot(load(normals, row), load(face_normals, f)))
 
 
 @kernel
@@ -49,7 +47,7 @@ def _outermost(normals, clearance, rows, starts, faces, enough):
     for k in range(len(rows)):
         row = rows[k]
         moved, clearance[row] = _moved(load(normals, row), faces[starts[k] : starts[k + 1]], enough)
-        normals[row, 0], normals[row, 1], normals[row, 2] = moved
+        store(normals, row, moved)
 
 
 @inline
@@ -66,26 +64,24 @@ def _moved(before, faces, enough):
     """A normal moved towards the face it clears least until it clears all `faces` by `enough`, and its clearance.
 
     The perceptron (Rosenblatt 1958) ends within 1/γ² moves if some normal has the clearance γ and none is asked for.
-    After 1,000 moves the best normal met is kept, but not for the two sides of a sheet, in which it would lie: there
+    After 1,000 moves the best normal found is kept, but not for the two sides of a sheet, in which it would lie: there
     the normal stays what it was, or is the first face's where it was zero.
     """
-    x, y, z = before
-    best, found = -2.0, before
+    normal, best, found = before, -2.0, before
     for _ in range(1000):
-        length = np.sqrt(x * x + y * y + z * z)
-        if length < 1e-12:
-            x, y, z = load(faces, 0)
-            length = 1.0
+        size = length(normal)
+        if size < 1e-12:
+            normal, size = load(faces, 0), 1.0
         least, worst = 2.0, 0
         for f in range(len(faces)):
-            cosine = dot((x, y, z), load(faces, f)) / length
+            cosine = dot(normal, load(faces, f)) / size
             if cosine < least:
                 least, worst = cosine, f
         if least > best:
-            best, found = least, (x / length, y / length, z / length)
+            best, found = least, divide(normal, size)
         if least > enough:
             break
-        x, y, z = x + faces[worst, 0], y + faces[worst, 1], z + faces[worst, 2]
+        normal = add(normal, load(faces, worst))
     if best <= 0.0 and _two_sides(faces):
         return (load(faces, 0) if dot(before, before) == 0.0 else before), -1.0
     return found, best

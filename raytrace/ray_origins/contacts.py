@@ -1,64 +1,73 @@
-"""Which faces pass by a point within a hair's breadth: seams, T-junctions, feet on floors, plates almost in contact."""
+"""Faces that points touch or almost touch: seams, T-junctions, feet on floors, plates almost in contact."""
 
 from __future__ import annotations
 
 from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
-from ..embree.point_query import HEAD, NOTE, faces_near
+from ..embree.point_query import HEAD, PointQuery, faces_near
 from ..embree.scene import TriangleScene
-from ..kernel.arrays import aligned
+from ..kernel.borrow import borrow
 from ..kernel.jit import inline, kernel
-from ..kernel.vector import add, dot, load, scale, subtract
+from ..kernel.vector import add, dot, length, load, load_triangle, scale, subtract
 from ..mesh.placement import ULP
 from ..system.threads import run_blocks, thread_count
+from ..types import Bools, Float64s, Int64s
+from .surface import Surface
 
-Floats = npt.NDArray[np.float64]
-Ints = npt.NDArray[np.int64]
 _BLOCK = 1 << 12  # points
 _MOST = 64  # contacts of one point; of more, those with the lowest rows are kept
-_FEW = 64  # faces that the boxes of Embree's hierarchy put near a point: room for these at first
+_FEW = 64  # faces that the boxes of Embree's hierarchy put near a point: places for these at first
 
 
 class Contacts(NamedTuple):
     """Pairs of a point and a face near it, sorted: `point`, `face` int64 (j,), `distance` float64 (j,)."""
 
-    point: Ints
-    face: Ints
-    distance: Floats
+    point: Int64s
+    face: Int64s
+    distance: Float64s
 
-    def only(self, which: npt.NDArray[np.bool_] | slice) -> Contacts:
+    def only(self, which: Bools | slice) -> Contacts:
         """Some of the pairs; `which` is bool (j,) or a slice."""
         return Contacts(self.point[which], self.face[which], self.distance[which])
 
 
+class _Points(NamedTuple):
+    """Points to search around: float64 (k, 3), `reach` and `radius` (k,), `face_points` int64 (m, 3), as below.
+
+    `radius` is what Embree searches: at least `reach` and every face's margin, and its own rounding.
+    """
+
+    points: Float64s
+    reach: Float64s
+    radius: Float64s
+    face_points: Int64s
+
+
 def find_contacts(
-    scene: TriangleScene, points: Floats, reach: Floats, margin: Floats, vertices: Floats, faces: Ints, seats: Ints
+    scene: TriangleScene, surface: Surface, points: Float64s, reach: Float64s, face_points: Int64s
 ) -> Contacts:
-    """The faces within the larger of `reach` and `margin` of points, those left out that the point is a corner of.
+    """The faces within the larger of `reach` and their `rounding` of points, but not those that a point is a corner of.
 
     Args:
-        scene: holds exactly the `faces`. points (k, 3). reach (k,), negative for points that are left out.
-        vertices (n, 3), faces (m, 3), none degenerate, margin (m,).
-        seats: (m, 3), the row of `points` that each face corner is.
+        scene: holds exactly the faces of `surface`. points: float64 (k, 3), render space.
+        reach: float64 (k,), negative for points that are left out.
+        face_points: int64 (m, 3), the row of `points` that each face corner is.
     """
-    if not len(points) or not len(faces):
-        return _room(0)
-    widest = float(margin.max())
-    slack = 8.0 * ULP * max(float(np.abs(points).max()), float(np.abs(vertices).max()))  # Embree's own rounding
-    parts: list[Contacts] = [_room(0)] * -(-len(points) // _BLOCK)
+    if not (reach >= 0.0).any() or not len(surface.faces):
+        return _empty(0)
+    slack = 8.0 * ULP * max(float(np.abs(points).max()), float(np.abs(surface.vertices).max()))  # Embree's own rounding
+    around = _Points(points, reach, np.maximum(reach, surface.rounding.max()) + slack, face_points)
+    parts: list[Contacts] = [_empty(0)] * -(-len(points) // _BLOCK)
 
     def search(first: int, last: int) -> None:
-        found, near = _room(_BLOCK // 16), np.empty(HEAD + _FEW, np.int64)
-        query, context = aligned((8,), np.float32), aligned((64,), np.uint32)
-        some = query, context, first, points[first:last], reach[first:last], margin, widest, slack
+        found, query = _empty(_BLOCK // 16), PointQuery.of(scene, _FEW)
         while True:
-            count, most = _pairs(scene.handle, NOTE, near, *some, vertices, faces, seats, *found)
-            if count <= len(found.point) and HEAD + most <= len(near):
+            count, largest = _search(query, around, surface, first, last, found)
+            if count <= len(found.point) and HEAD + largest <= len(query.near):
                 break
-            found, near = _room(count), np.empty(HEAD + most, np.int64)
+            found, query = _empty(count), PointQuery.of(scene, largest)
         parts[first // _BLOCK] = found.only(slice(count))
 
     run_blocks(len(points), _BLOCK, search, thread_count(None))
@@ -66,7 +75,7 @@ def find_contacts(
     return Contacts(point, face, distance)
 
 
-def _room(count: int) -> Contacts:
+def _empty(count: int) -> Contacts:
     return Contacts(np.empty(count, np.int64), np.empty(count, np.int64), np.empty(count))
 
 
@@ -93,8 +102,7 @@ def distance_to_triangle(p, a, b, c):
     else:
         total = va + vb + vc
         near = add(a, add(scale(vb / total, ab), scale(vc / total, ac)))
-    away = subtract(p, near)
-    return np.sqrt(dot(away, away))
+    return length(subtract(p, near))
 
 
 @inline
@@ -104,46 +112,44 @@ def _beside(p, reach, a, b, c):
 
 
 @kernel
-def _pairs(
-    scene, note, near, query, context, first, points, reach, margin, widest, slack, vertices, faces, seats,
-    point, face, distance,
-):  # fmt: skip
-    """Write the pairs into point, face, distance as far as they fit.
+def _search(query, around, surface, first, last, found):
+    """Write the contacts of points from `first` to `last` into `found` as far as they fit.
 
     Returns how many there are, and how many faces at most were near one point, of which only those in `near` count.
     """
-    count, most = 0, 0
+    query, around, surface, found = borrow(query), borrow(around), borrow(surface), borrow(found)
+    points, reach, face_points = around.points, around.reach, around.face_points
+    count, largest = 0, 0
     kept, distances = np.empty(_MOST, np.int64), np.empty(_MOST)
-    for i in range(len(points)):
+    for i in range(first, last):
         if reach[i] < 0.0:
             continue
         p = load(points, i)
-        several = faces_near(scene, note, p, max(reach[i], widest) + slack, query, context, near)
-        most = max(most, several)
-        last = 0
-        for k in range(HEAD, min(HEAD + several, len(near))):
-            f = near[k]
-            row = first + i
-            if seats[f, 0] == row or seats[f, 1] == row or seats[f, 2] == row:
+        several = faces_near(query, p, around.radius[i])
+        largest = max(largest, several)
+        filled = 0
+        for k in range(HEAD, min(HEAD + several, len(query.near))):
+            f = query.near[k]
+            if face_points[f, 0] == i or face_points[f, 1] == i or face_points[f, 2] == i:
                 continue
-            within = max(reach[i], margin[f])
-            a, b, c = load(vertices, faces[f, 0]), load(vertices, faces[f, 1]), load(vertices, faces[f, 2])
+            within = max(reach[i], surface.rounding[f])
+            a, b, c = load_triangle(surface.vertices, surface.faces, f)
             if _beside(p[0], within, a[0], b[0], c[0]) or _beside(p[1], within, a[1], b[1], c[1]):
                 continue
             if _beside(p[2], within, a[2], b[2], c[2]):
                 continue
             away = distance_to_triangle(p, a, b, c)
             if away <= within:
-                if last == _MOST and f > kept[last - 1]:
+                if filled == _MOST and f > kept[filled - 1]:
                     continue
-                place = min(last, _MOST - 1)
+                place = min(filled, _MOST - 1)
                 while place > 0 and kept[place - 1] > f:
                     kept[place], distances[place] = kept[place - 1], distances[place - 1]
                     place -= 1
                 kept[place], distances[place] = f, away
-                last = min(last + 1, _MOST)
-        for k in range(last):
-            if count < len(point):
-                point[count], face[count], distance[count] = first + i, kept[k], distances[k]
+                filled = min(filled + 1, _MOST)
+        for k in range(filled):
+            if count < len(found.point):
+                found.point[count], found.face[count], found.distance[count] = i, kept[k], distances[k]
             count += 1
-    return count, most
+    return count, largest

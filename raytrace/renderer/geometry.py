@@ -24,9 +24,8 @@ from ..scene import Object, Shape
 from ..settings import Normals
 from ..shade.records import Geometry
 from ..shade.shaft_culling import SLACK, cluster, pack_boxes
+from ..types import Float32s, Float64s, Int64s
 from .vertex_origins import INSTANCED, smooth_normals, vertex_origins
-
-Floats = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,13 +41,13 @@ class BuiltGeometry:
 
     arrays: Geometry
     embree: EmbreeScene
-    centre: Floats
+    centre: Float64s
     scale: float
     textures: tuple[Texture, ...]
     normals: Normals
 
     @cached_property
-    def vertex_origins(self) -> npt.NDArray[np.float32]:
+    def vertex_origins(self) -> Float32s:
         """`raytrace.renderer.vertex_origins.vertex_origins`, made when it is first asked for."""
         return vertex_origins(self.arrays, self.embree)
 
@@ -74,10 +73,10 @@ def build_geometry(objects: tuple[Object, ...], normals: Normals) -> BuiltGeomet
 class _PlacedShape(NamedTuple):
     """A shape in the frame it is traced in."""
 
-    vertices: npt.NDArray[np.float32]
-    normals: npt.NDArray[np.float32]
+    vertices: Float32s
+    normals: Float32s
     scene: TriangleScene | None
-    from_shape: Floats  # (4, 4)
+    from_shape: Float64s  # (4, 4)
 
 
 def _build(objects: tuple[Object, ...], weighting: Normals) -> BuiltGeometry:
@@ -158,7 +157,7 @@ def _bounds(objects: tuple[Object, ...]) -> Mesh:
     return Mesh(np.concatenate(corners), np.array([[0, 1, 2]]), source="scene")
 
 
-def _corners(points: npt.NDArray[np.floating[Any]]) -> Floats:
+def _corners(points: npt.NDArray[np.floating[Any]]) -> Float64s:
     """The corners (8, 3) of the points' bounding box."""
     ends = zip(points.min(axis=0), points.max(axis=0), strict=True)
     return np.array(np.meshgrid(*ends), np.float64).reshape(3, -1).T
@@ -171,7 +170,7 @@ def _joined(parts: list[npt.NDArray[Any]], dtype: type[np.generic]) -> npt.NDArr
     return joined
 
 
-def _starts(lengths: list[int]) -> npt.NDArray[np.int64]:
+def _starts(lengths: list[int]) -> Int64s:
     return np.concatenate([[0], np.cumsum(lengths[:-1])]).astype(np.int64)
 
 
@@ -184,7 +183,7 @@ def _place_instanced(shape: Shape, weighting: Normals) -> _PlacedShape:
     return _PlacedShape(placement.vertices, normals, TriangleScene(placement.vertices, mesh.faces), matrix)
 
 
-def _place_once(shape: Shape, matrix: Floats, weighting: Normals) -> _PlacedShape:
+def _place_once(shape: Shape, matrix: Float64s, weighting: Normals) -> _PlacedShape:
     mesh, linear = shape.mesh, matrix[:3, :3]
     vertices = (product(mesh.vertices, linear.T) + matrix[:3, 3]).astype(np.float32)
     normals = normalize(product(smooth_normals(mesh, weighting), np.linalg.inv(linear))).astype(np.float32)

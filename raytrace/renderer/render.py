@@ -10,7 +10,6 @@ from functools import partial
 from typing import get_args
 
 import numpy as np
-import numpy.typing as npt
 
 from ..camera import Camera
 from ..embree.packets import new_packet
@@ -47,10 +46,10 @@ from ..shade.workspace import (
 )
 from ..system.memory import check_memory
 from ..system.threads import run_blocks, thread_count
+from ..types import Bools, Float32s, Int64s
 from .render_scene import RenderScene, build
 from .tiling import tile_count, whole_tiles
 
-Floats = npt.NDArray[np.float64]
 Progress = Callable[[int, int], None]
 
 _SHADINGS = get_args(Shading)
@@ -129,9 +128,7 @@ def describe_work(scene: Scene, settings: Settings) -> str:
     return f"to render {faces:,} faces in {settings.width:,}×{settings.height:,} pixels"
 
 
-def seen_vertices(
-    scene: Scene, camera: Camera, settings: Settings, threads: int | None = None
-) -> npt.NDArray[np.bool_]:
+def seen_vertices(scene: Scene, camera: Camera, settings: Settings, threads: int | None = None) -> Bools:
     """Vertices of `scene.flattened()` that a rendering with these settings may read: bool (n,).
 
     Errors as `render`.
@@ -200,7 +197,7 @@ class _Renderer:
                 scratch = self._render(first, end, again)
             finished.append(scratch.counts)
 
-        finished: list[npt.NDArray[np.int64]] = []
+        finished: list[Int64s] = []
         share = max(min(tiles // (_SHARES * self.threads), _LONGEST // self.style.samples), 1)
         run_blocks(tiles, share, work, self.threads, advance)
         if len(self.film.edges) > 0:
@@ -219,7 +216,7 @@ class _Renderer:
         render_tiles(self.scene, self.view, self.style, self.film, scratch, (first, end), again)
         return scratch
 
-    def _read(self, missing: npt.NDArray[np.int64]) -> None:
+    def _read(self, missing: Int64s) -> None:
         """Read the missing textures, and those already read again with them."""
         with self.reading:
             unread = self.scene.textures.depth == 0
@@ -233,7 +230,7 @@ class _Renderer:
         shadows = self.style.shadows and (lights.kinds != AMBIENT_LIGHT).any()
         origins = self.geometry.vertex_origins if shadows else aligned((0, 3), np.float32)
         self.scene = self.scene._replace(lit_vertices=np.zeros((len(self.scene.w), LIGHTING)))
-        finished: list[npt.NDArray[np.int64]] = []
+        finished: list[Int64s] = []
         for item, (begin, stop) in enumerate(itertools.pairwise(first_w.tolist())):
 
             def work(first: int, end: int, item: int = item, begin: int = begin) -> None:
@@ -244,7 +241,7 @@ class _Renderer:
             run_blocks(stop - begin, 4 * PACKETS * WIDE, work, self.threads)
         self.counts += np.sum(finished, axis=0)
 
-    def layers(self) -> dict[str, npt.NDArray[np.float32]]:
+    def layers(self) -> dict[str, Float32s]:
         """The crop's channels by layer, as views."""
         found, first = {}, 0
         for name, channels in LAYERS.items():

@@ -6,7 +6,6 @@ from dataclasses import dataclass
 from weakref import WeakKeyDictionary
 
 import numpy as np
-import numpy.typing as npt
 
 from ..lights import layout as light_rows
 from ..lights.far_lights import make_far_lights_directional
@@ -14,9 +13,8 @@ from ..lights.sources import BaseLight, pack_lights
 from ..scene import Scene
 from ..settings import Normals
 from ..shade.records import Lights
+from ..types import Float64s
 from .geometry import BuiltGeometry, build_geometry
-
-Floats = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,7 +28,7 @@ class RenderScene:
     """
 
     geometry: BuiltGeometry
-    w: Floats
+    w: Float64s
     lights: Lights
 
 
@@ -57,7 +55,7 @@ def release(scene: Scene) -> None:
     _scenes.pop(scene, None)
 
 
-def _place_lights(lights: tuple[BaseLight, ...], centre: Floats, scale: float) -> Lights:
+def _place_lights(lights: tuple[BaseLight, ...], centre: Float64s, scale: float) -> Lights:
     """Positions and attenuation in render space; black lights are left out."""
     kinds, rows = pack_lights(list(lights))
     rows[:, light_rows.POSITION : light_rows.POSITION + 3] = scale * (

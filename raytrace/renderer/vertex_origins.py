@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import cast
 
 import numpy as np
-import numpy.typing as npt
 
 from ..brdf.layout import TWO_SIDED
 from ..embree.scene import EmbreeScene, TriangleScene
@@ -14,18 +13,15 @@ from ..mesh.mesh import Mesh
 from ..mesh.normals import face_normals, normalize, vertex_sums
 from ..mesh.placement import Placement
 from ..mesh.weld import CREASE, sum_groups, weld
-from ..ray_origins.clearance import outermost_normals
-from ..ray_origins.origins import ray_origins
+from ..ray_origins.welded import weld_points
 from ..settings import Normals
 from ..shade.records import Geometry
-
-Floats = npt.NDArray[np.float64]
-Ints = npt.NDArray[np.int64]
+from ..types import Float32s, Float64s, Int64s
 
 INSTANCED = 4.0  # the ray's own way into an instance's frame is rounded too, as if coordinates were that large
 
 
-def smooth_normals(mesh: Mesh, normals: Normals = "file") -> Floats:
+def smooth_normals(mesh: Mesh, normals: Normals = "file") -> Float64s:
     """Unit normals (n, 3) in the mesh's own frame; zero where there is none.
 
     Args: normals: as `raytrace.settings.Settings` has it.
@@ -40,7 +36,7 @@ def smooth_normals(mesh: Mesh, normals: Normals = "file") -> Floats:
     return normalize(sum_groups(group, own))[group]
 
 
-def vertex_origins(geometry: Geometry, embree: EmbreeScene) -> npt.NDArray[np.float32]:
+def vertex_origins(geometry: Geometry, embree: EmbreeScene) -> Float32s:
     """Origins of shadow rays from the vertices of all objects in order: float32 (n, 3), in render space.
 
     They are in front of all faces of the scene that meet at a vertex (`raytrace.ray_origins`). Where a surface has two
@@ -49,33 +45,21 @@ def vertex_origins(geometry: Geometry, embree: EmbreeScene) -> npt.NDArray[np.fl
     Args: embree: the scene of `geometry`; one with a single object and no degenerate faces is searched as it is.
     """
     vertices, faces, normals = _in_render_space(geometry)
-    face_normal, area = face_normals(vertices, faces)
-    own = vertex_sums(vertices, faces, face_normal, area)
-    whole = bool((area > 0).all())
-    if not whole:
-        faces, face_normal = faces[area > 0], face_normal[area > 0]
-
-    group = weld(vertices.astype(np.float32), normals, CREASE)
-    _, first = np.unique(group, return_index=True)
-    points, seats = vertices[first], group[faces]
-    lift, clearance = outermost_normals(normalize(sum_groups(group, own)), seats, face_normal)
-    lift = np.where(np.einsum("ij,ij->i", lift, normals[first])[:, None] < 0, -lift, lift)
-
+    points = weld_points(vertices, faces, normals=normals)
     away = 0.0 if geometry.placed.all() else INSTANCED  # all that is reckoned with is in proportion to coordinates
-    points, vertices = points + away, vertices + away
-    sides = (1.0, -1.0) if geometry.rows[:, TWO_SIDED].any() else (1.0,)
+    surface = points.surface(vertices + away)
     scene = cast(TriangleScene, embree)
-    if not (whole and len(geometry.placed) == 1):
-        scene = TriangleScene(vertices.astype(np.float32), faces)
-    found = [
-        ray_origins(scene, points, s * lift, clearance, vertices, faces, s * face_normal, seats)[group] for s in sides
-    ]
-    origins = aligned((len(sides) * len(group), 3), np.float32)
+    if len(geometry.placed) > 1 or len(surface.faces) < len(faces):
+        scene = TriangleScene(surface.vertices.astype(np.float32), surface.faces)
+    found = [points.ray_origins(scene, surface)[points.group]]
+    if geometry.rows[:, TWO_SIDED].any():
+        found.append(points.reversed().ray_origins(scene, surface.reversed())[points.group])
+    origins = aligned((len(found) * len(vertices), 3), np.float32)
     origins[:] = np.concatenate(found) - away
     return origins
 
 
-def _in_render_space(geometry: Geometry) -> tuple[Floats, Ints, Floats]:
+def _in_render_space(geometry: Geometry) -> tuple[Float64s, Int64s, Float64s]:
     """All objects as one mesh in render space, faces wound outwards: vertices, faces, unit vertex normals."""
     vertices, faces, normals = [], [], []
     begins = np.unique(geometry.first_face)

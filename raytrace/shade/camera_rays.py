@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
 from ..camera import Camera
 from ..embree.packets import DIR_X, GEOM_ID, INST_ID, ORG_X, PRIM_ID, TFAR, intersect16
@@ -17,8 +16,8 @@ from ..kernel.vector import add, dot, load3, scale, unit
 from ..sampling.hash import mix, mix_array, seed_key
 from ..sampling.sequences import owen_sobol
 from ..settings import Settings
+from ..types import Float64s
 
-Floats = npt.NDArray[np.float64]
 _SETS = 256
 _CENTRE = np.empty((0, 4, 1))  # no sets of places: every ray goes through its pixel's centre
 FARTHEST = 8.0  # longer than anything in render space
@@ -34,21 +33,21 @@ class View(NamedTuple):
         no sets where every ray goes through its pixel's centre from the eye. key: uint32.
     """
 
-    eye: npt.NDArray[np.float64]
-    right: npt.NDArray[np.float64]
-    up: npt.NDArray[np.float64]
-    forward: npt.NDArray[np.float64]
+    eye: Float64s
+    right: Float64s
+    up: Float64s
+    forward: Float64s
     half: float
     orthographic: bool
     lens: float
     focus: float
     width: int
     height: int
-    offsets: npt.NDArray[np.float64]
+    offsets: Float64s
     key: Any
 
 
-def place_camera(camera: Camera, settings: Settings, centre: Floats, scale: float) -> View:
+def place_camera(camera: Camera, settings: Settings, centre: Float64s, scale: float) -> View:
     """A camera as kernels take it, in a render space where points p stand at (p − centre) · scale."""
     right, up, forward = camera.axes()
     position = np.array(camera.position)
@@ -70,7 +69,7 @@ def place_camera(camera: Camera, settings: Settings, centre: Floats, scale: floa
     )
 
 
-def _offsets(samples: int, seed: int) -> Floats:
+def _offsets(samples: int, seed: int) -> Float64s:
     """Places of a pixel's samples (sets, 4, samples): under a tent filter of radius 1 pixel, and on the unit lens.
 
     One sample a pixel falls on its centre.
@@ -84,7 +83,7 @@ def _offsets(samples: int, seed: int) -> Floats:
     return np.stack([x, y, radius * np.cos(angle), radius * np.sin(angle)], axis=1)
 
 
-def _tent(u: Floats) -> Floats:
+def _tent(u: Float64s) -> Float64s:
     """u in (0, 1) to a place with density 1 − |x| on (−1, 1)."""
     return np.where(u < 0.5, np.sqrt(2 * u) - 1, 1 - np.sqrt(2 - 2 * u))
 

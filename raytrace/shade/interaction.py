@@ -12,7 +12,8 @@ from ..kernel.jit import inline
 from ..kernel.simd import double, select, single
 from ..kernel.simd_memory import gather, gather3
 from ..kernel.vector import add, choose, cross, dot, load3, scale, subtract, unit
-from ..mesh.placement import OFFSET_ULPS, ULP
+from ..mesh.placement import ULP
+from ..ray_origins.offset import OFFSET_ULPS
 from .interpolation import centroid, phong_normal, quadratic_normal
 from .shading_points import (
     BACK,

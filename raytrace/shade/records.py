@@ -4,12 +4,8 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
-import numpy as np
-import numpy.typing as npt
-
 from ..image.texture import PackedTextures
-
-Floats = npt.NDArray[np.float64]
+from ..types import Bools, Float32s, Float64s, Int32s, Int64s
 
 
 class Geometry(NamedTuple):
@@ -29,30 +25,30 @@ class Geometry(NamedTuple):
     """
 
     handle: Any
-    vertices: npt.NDArray[np.float32]
-    normals: npt.NDArray[np.float32]
-    faces: npt.NDArray[np.int32]
-    uv: npt.NDArray[np.float32]
-    first_vertex: npt.NDArray[np.int64]
-    first_face: npt.NDArray[np.int64]
-    first_w: npt.NDArray[np.int64]
-    to_render: Floats
-    normal_to_render: Floats
-    mirrored: Floats
-    placed: npt.NDArray[np.bool_]
-    authored: npt.NDArray[np.bool_]
-    magnitude: Floats
-    texture: npt.NDArray[np.int64]
-    kinds: npt.NDArray[np.int64]
-    rows: Floats
-    boxes: npt.NDArray[np.float32]
+    vertices: Float32s
+    normals: Float32s
+    faces: Int32s
+    uv: Float32s
+    first_vertex: Int64s
+    first_face: Int64s
+    first_w: Int64s
+    to_render: Float64s
+    normal_to_render: Float64s
+    mirrored: Float64s
+    placed: Bools
+    authored: Bools
+    magnitude: Float64s
+    texture: Int64s
+    kinds: Int64s
+    rows: Float64s
+    boxes: Float32s
 
 
 class Lights(NamedTuple):
     """Packed lights in render space: kinds int64 (k,), rows float64 (k, …) (`raytrace.lights.layout`)."""
 
-    kinds: npt.NDArray[np.int64]
-    rows: Floats
+    kinds: Int64s
+    rows: Float64s
 
 
 class SceneArrays(NamedTuple):
@@ -64,10 +60,10 @@ class SceneArrays(NamedTuple):
     """
 
     geometry: Geometry
-    w: Floats
+    w: Float64s
     lights: Lights
     textures: PackedTextures
-    lit_vertices: Floats
+    lit_vertices: Float64s
 
 
 class Film(NamedTuple):
@@ -79,8 +75,8 @@ class Film(NamedTuple):
         scale: of render space; depths are divided by it.
     """
 
-    pixels: npt.NDArray[np.float32]
+    pixels: Float32s
     left: int
     top: int
-    edges: npt.NDArray[np.float32]
+    edges: Float32s
     scale: float

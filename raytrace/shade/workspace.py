@@ -5,11 +5,11 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
 from ..embree.packets import new_packet
 from ..kernel.arrays import aligned
 from ..kernel.simd import WIDE
+from ..types import Bools, Float32s, Float64s, Int32s, Int64s
 from .film import SUMS, TILE
 from .shading_points import WIDTH
 
@@ -51,17 +51,17 @@ class Scratch(NamedTuple):
         missing: int64 (textures,), 1 for textures that a ray has met before they were read. counts: int64 (COUNTERS,).
     """
 
-    packet: npt.NDArray[np.float32]
-    valid: npt.NDArray[np.int32]
-    entries: npt.NDArray[np.float32]
-    items: npt.NDArray[np.int32]
-    sums: npt.NDArray[np.float64]
-    order: npt.NDArray[np.int32]
-    todo: npt.NDArray[np.int32]
-    active: npt.NDArray[np.int64]
-    hidden: npt.NDArray[np.bool_]
-    missing: npt.NDArray[np.int64]
-    counts: npt.NDArray[np.int64]
+    packet: Float32s
+    valid: Int32s
+    entries: Float32s
+    items: Int32s
+    sums: Float64s
+    order: Int32s
+    todo: Int32s
+    active: Int64s
+    hidden: Bools
+    missing: Int64s
+    counts: Int64s
 
 
 def new_scratch(lights: int, textures: int) -> Scratch:
@@ -80,7 +80,7 @@ def new_scratch(lights: int, textures: int) -> Scratch:
     )
 
 
-def _order() -> npt.NDArray[np.int32]:
+def _order() -> Int32s:
     """The pixels of a tile, row · TILE + column, in blocks of 4×4, which make a packet."""
     pixels = np.arange(TILE * TILE, dtype=np.int32).reshape(TILE // 4, 4, TILE // 4, 4)
     return pixels.transpose(0, 2, 1, 3).ravel()

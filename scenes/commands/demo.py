@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import ao
-from ao.vertex_method import Progress
+from ao.trace.tracer import Progress
 from raytrace.camera import Camera
 from raytrace.errors import OutputError
 from raytrace.image.write import write_frame

@@ -61,23 +61,6 @@ def make_falloff(form: FalloffForm, tau: float | None, half_distance: str | None
     return ao.Binary(max_distance)
 
 
-def only_at_vertices(**given: bool) -> None:
-    """Refuse options of the vertex method that were given to another. Raises: OptionError."""
-    from raytrace.errors import OptionError
-
-    for name, is_given in given.items():
-        if is_given:
-            raise OptionError(name, "--method vertex with it", "--method surface")
-
-
-def no_raw_tolerance(tolerance: float | None, reconstruct: bool) -> None:
-    """Refuse raw estimates to a tolerance. Raises: OptionError."""
-    from raytrace.errors import OptionError
-
-    if tolerance is not None and not reconstruct:
-        raise OptionError("reconstruct", "--samples with it", "--tolerance")
-
-
 @contextmanager
 def named(option: str) -> Iterator[None]:
     """Errors raised within about the option `option`, whatever the function called has for a name."""

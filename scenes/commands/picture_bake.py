@@ -9,7 +9,7 @@ import numpy.typing as npt
 
 import ao
 from ao.memory import vertex_bytes
-from ao.vertex_method import Progress
+from ao.trace.tracer import Progress
 from raytrace.renderer.render import seen_vertices
 from raytrace.renderer.render_scene import release
 from raytrace.scene import Scene

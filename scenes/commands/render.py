@@ -11,7 +11,7 @@ from typing import Any
 
 import ao
 from ao.report import versions
-from ao.vertex_method import Progress
+from ao.trace.tracer import Progress
 from raytrace.errors import OptionError, printable
 from raytrace.image.frame import Frame
 from raytrace.image.write import check_image_target, write_frame

@@ -6,7 +6,7 @@ import secrets
 from collections.abc import Collection, Sequence
 from pathlib import Path
 
-from ao.arguments import MAX_SAMPLES, check_arguments
+from ao.options import MAX_SAMPLES, Options
 from raytrace.errors import OptionError, nearest_name
 
 from ..readers.load import load
@@ -27,7 +27,7 @@ def validate_generated(
     """
     if not 2 <= samples <= 2 * MAX_SAMPLES:
         raise OptionError("samples", f"a whole number from 2 to {2 * MAX_SAMPLES}", samples)
-    check_arguments(seed=seed or 0, threads=threads)
+    Options(seed=seed or 0, threads=threads)
     given = [load(path).mesh for path in files]
     seed = secrets.randbelow(1 << 31) if seed is None else seed
     cases = suite.long_cases(seed, given) if long else suite.short_cases(seed, given)

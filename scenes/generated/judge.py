@@ -8,9 +8,10 @@ import numpy as np
 import numpy.typing as npt
 from scipy.sparse import csr_array
 
+from ao.baking import bake
 from ao.falloff import Falloff
 from ao.gather.receivers import Flag
-from ao.vertex_method import Bake, bake
+from ao.result import Bake
 from raytrace.mesh.mesh import Mesh
 
 Floats = npt.NDArray[np.float64]

@@ -9,9 +9,9 @@ from typing import Protocol
 
 import numpy as np
 
+from ao.baking import bake as _bake
 from ao.falloff import Binary, Exponential, Falloff
-from ao.vertex_method import Bake
-from ao.vertex_method import bake as _bake
+from ao.result import Bake
 from raytrace.mesh.mesh import Mesh
 
 from .families import LARGE, SMALL, families

@@ -6,8 +6,9 @@ from collections.abc import Callable, Iterator
 
 import numpy as np
 
+from ao.baking import bake
 from ao.falloff import Exponential
-from ao.vertex_method import Bake, bake
+from ao.result import Bake
 from raytrace.mesh.mesh import Mesh
 
 from ..geometry.polyhedra import Part, join, polygon

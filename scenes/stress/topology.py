@@ -7,9 +7,10 @@ from math import pi, sin
 
 import numpy as np
 
+from ao.baking import bake
 from ao.falloff import Binary
 from ao.gather.receivers import Normals
-from ao.vertex_method import Bake, bake
+from ao.result import Bake
 from raytrace.mesh.mesh import Mesh
 
 from ..geometry.polyhedra import Floats, Part, hull, icosphere, join, patches

@@ -11,8 +11,8 @@ from typing import Protocol
 import numpy as np
 import numpy.typing as npt
 
+from ao.baking import bake as _bake
 from ao.falloff import Exponential, Falloff
-from ao.vertex_method import bake as _bake
 
 from .configurations import SAMPLES, Configuration
 from .curved import curved_settings

@@ -9,6 +9,7 @@ import random
 import signal
 import sys
 import time
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -73,5 +74,5 @@ def main(kills, seed, make, options, folder):
 
 
 if __name__ == "__main__":
-    make = {"vertex": ao.bake, "surface": ao.bake_surface}[sys.argv[3]]
+    make = partial(ao.bake, method=sys.argv[3])
     main(int(sys.argv[1]), int(sys.argv[2]), make, json.loads(sys.argv[4]), Path(sys.argv[5]))

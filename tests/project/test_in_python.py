@@ -3,6 +3,7 @@
 import inspect
 import pydoc
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pytest
@@ -21,7 +22,7 @@ MODELS = (
 LIGHTS = ("PointLight", "SpotLight", "DirectionalLight", "AmbientLight")
 
 
-@pytest.mark.parametrize("bake", [ao.bake, ao.bake_surface])
+@pytest.mark.parametrize("bake", [ao.bake, partial(ao.bake, method="surface")])
 @pytest.mark.parametrize(("name", "falloff"), [("binary", ao.Binary()), ("exponential", ao.Exponential())])
 def test_a_falloff_by_its_name(bake, name, falloff):
     by_name, made = bake(BALL, name, samples=16), bake(BALL, falloff, samples=16)
@@ -29,7 +30,7 @@ def test_a_falloff_by_its_name(bake, name, falloff):
     assert by_name.mu == made.mu
 
 
-@pytest.mark.parametrize("bake", [ao.bake, ao.bake_surface])
+@pytest.mark.parametrize("bake", [ao.bake, partial(ao.bake, method="surface")])
 @pytest.mark.parametrize("wrong", ["linear", "Binary", ao.Binary, 3, 0.5])
 def test_what_is_no_falloff_is_told(bake, wrong):
     with pytest.raises(OptionError, match=r'falloff: expected ao\.Binary\(…\), .*"exponential", got '):
@@ -41,7 +42,7 @@ def test_the_falloff_that_was_meant():
         ao.bake(BALL, "Binary")
 
 
-@pytest.mark.parametrize("bake", [ao.bake, ao.bake_surface])
+@pytest.mark.parametrize("bake", [ao.bake, partial(ao.bake, method="surface")])
 @pytest.mark.parametrize("wrong", ["ball.obj", None, (1, 2)])
 def test_what_is_no_mesh_is_told(bake, wrong):
     with pytest.raises(MeshError, match=r"mesh: expected a raytrace\.Mesh, .* got "):

@@ -8,12 +8,20 @@ import pytest
 from project import ROOT
 
 ORDER = [
-    *("raytrace.errors", "raytrace.kernel", "raytrace.system", "raytrace.settings", "raytrace.sampling"),
+    *(
+        "raytrace.errors",
+        "raytrace.types",
+        "raytrace.kernel",
+        "raytrace.system",
+        "raytrace.settings",
+        "raytrace.sampling",
+    ),
     *("raytrace.embree", "raytrace.mesh", "raytrace.ray_origins", "raytrace.image", "raytrace.lights"),
     *("raytrace.brdf", "raytrace.materials", "raytrace.camera", "raytrace.scene", "raytrace.shade"),
     "raytrace.renderer",
-    *("ao.falloff", "ao.memory", "ao.arguments", "ao.gather", "ao.skip", "ao.trace", "ao.denoise", "ao.interior"),
-    *("ao.adaptive", "ao.least_squares", "ao.vertex_method", "ao.surface_method", "ao.report", "ao.analytic"),
+    *("ao.falloff", "ao.memory", "ao.gather", "ao.skip", "ao.trace", "ao.denoise", "ao.interior", "ao.options"),
+    *("ao.prepared", "ao.adaptive", "ao.least_squares", "ao.result", "ao.vertex_method", "ao.surface_method"),
+    *("ao.baking", "ao.report", "ao.analytic"),
     *("scenes.field_errors", "scenes.safe_paths", "scenes.geometry", "scenes.gltf", "scenes.readers"),
     *("scenes.writers", "scenes.description", "scenes.library", "scenes.validation", "scenes.stress"),
     *("scenes.generated", "scenes.commands"),

@@ -36,7 +36,6 @@ def test_the_public_names_of_the_baker_are_these():
         "Flag",
         "ToleranceWarning",
         "bake",
-        "bake_surface",
     ]
 
 

@@ -7,6 +7,7 @@ import signal
 import subprocess
 import sys
 import time
+from functools import partial
 
 import numpy as np
 import pytest
@@ -17,6 +18,7 @@ from project import HELPERS, ROOT, environment
 import ao
 import ao.least_squares.fit
 import ao.least_squares.patch
+import ao.surface_method
 import ao.trace.tracer
 from ao.least_squares.conjugate_gradients import solve_within
 from ao.trace.checkpoint import Checkpoint
@@ -24,7 +26,8 @@ from ao.trace.journal import IDENTITY, MAGIC, Journal
 from raytrace.errors import InputError, OutputError
 from raytrace.mesh.mesh import Mesh
 
-METHODS = {"vertex": ao.bake, "surface": ao.bake_surface}
+bake_surface = partial(ao.bake, method="surface")
+METHODS = {"vertex": ao.bake, "surface": bake_surface}
 POSIX = pytest.mark.skipif(os.name == "nt", reason="POSIX locks, limits and signals")
 
 
@@ -35,7 +38,7 @@ def whole():
 
 @pytest.fixture(scope="module")
 def whole_surface():
-    return bits(ao.bake_surface(MESH, **OPTIONS))
+    return bits(bake_surface(MESH, **OPTIONS))
 
 
 @pytest.fixture
@@ -47,7 +50,7 @@ def path(tmp_path):
 def traced(monkeypatch):
     """The number of rows or faces that were traced rather than copied."""
     count = [0]
-    for module, name in ((ao.trace.tracer, "gather"), (ao.least_squares.patch, "gather_faces")):
+    for module, name in ((ao.trace.tracer, "gather_hemispheres"), (ao.least_squares.patch, "gather_faces")):
 
         def counted(*arguments, gather=getattr(module, name)):
             count[0] += len(arguments[-1])
@@ -69,10 +72,10 @@ def test_a_continued_bake_copies_what_was_traced(path, whole, traced):
 
 
 def test_a_continued_bake_of_the_surface_copies_what_was_traced(path, whole_surface, traced):
-    interrupted(path, make=ao.bake_surface)
+    interrupted(path, make=bake_surface)
     first, traced[0] = traced[0], 0
     told = []
-    assert bits(bake(path, told, make=ao.bake_surface, resume=True)) == whole_surface
+    assert bits(bake(path, told, make=bake_surface, resume=True)) == whole_surface
     assert first > 0.5 * len(MESH.faces)
     assert traced[0] < 0.6 * len(MESH.faces)
     assert told == []
@@ -85,9 +88,9 @@ def test_a_bake_interrupted_after_its_last_ray_traces_none(path, whole_surface, 
 
     with monkeypatch.context() as patch:
         patch.setattr(ao.surface_method, "fit_values", stop)
-        interrupted(path, stop=None, make=ao.bake_surface)
+        interrupted(path, stop=None, make=bake_surface)
     traced[0] = 0
-    assert bits(bake(path, make=ao.bake_surface, resume=True)) == whole_surface
+    assert bits(bake(path, make=bake_surface, resume=True)) == whole_surface
     assert traced[0] == 0
 
 
@@ -97,20 +100,20 @@ def test_a_fit_is_continued_where_it_was_interrupted(path, whole_surface, traced
 
     with monkeypatch.context() as patch:
         patch.setattr(ao.least_squares.fit, "solve", stop)  # the bent normals'
-        interrupted(path, stop=None, make=ao.bake_surface)
+        interrupted(path, stop=None, make=bake_surface)
     solved = []
     with monkeypatch.context() as patch:
         patch.setattr(ao.least_squares.fit, "cross_validated", stop)
         patch.setattr(ao.least_squares.fit, "solve_within", lambda *a, **k: solved.append(a) or solve_within(*a, **k))
         traced[0] = 0
-        assert bits(bake(path, make=ao.bake_surface, resume=True)) == whole_surface
+        assert bits(bake(path, make=bake_surface, resume=True)) == whole_surface
     assert traced[0] == 0
     assert len(solved) == 1  # the relaxed one
 
 
 def test_much_that_waits_is_written_before_a_minute(path, monkeypatch):
     monkeypatch.setattr(ao.trace.checkpoint, "_MOST_WAITING", 300_000)
-    interrupted(path, make=ao.bake_surface, after=60)
+    interrupted(path, make=bake_surface, after=60)
     assert path.stat().st_size > 300_000
 
 
@@ -193,7 +196,7 @@ def test_the_journal_of_another_bake_is_refused(path, method, change):
 def test_a_bake_by_the_other_method_is_another_bake(path):
     interrupted(path)
     with pytest.raises(InputError, match="expected the journal of this very bake"):
-        bake(path, resume=True, make=ao.bake_surface)
+        bake(path, resume=True, make=bake_surface)
 
 
 def test_another_mesh_is_another_bake(path):

@@ -10,6 +10,7 @@ from raytrace import Mesh
 from raytrace.embree.scene import TriangleScene
 from raytrace.ray_origins.clearance import outermost_normals
 from raytrace.ray_origins.contacts import find_contacts
+from raytrace.ray_origins.surface import Surface
 from scenes.geometry.polyhedra import generic_rotation, icosphere, join
 from scenes.stress.solids import cube, ellipsoid, grid, inward
 
@@ -67,7 +68,8 @@ def test_contacts_are_those_of_brute_force(seed):
     points = np.concatenate([vertices, rng.normal(size=(200, 3))])
     reach, margin = rng.uniform(0, 0.3, len(points)), rng.uniform(0, 0.1, len(faces))
     scene = TriangleScene(vertices.astype(np.float32), faces)
-    found = find_contacts(scene, points, reach, margin, vertices, faces, faces)
+    surface = Surface.of(vertices, faces, np.zeros((len(faces), 3)))._replace(rounding=margin)
+    found = find_contacts(scene, surface, points, reach, faces)
     corners = vertices[faces]
     expected = {
         (i, f)
@@ -102,8 +104,10 @@ def test_no_points_and_no_faces_have_no_contacts():
     none = np.zeros((0, 3), np.int64)
     vertices, faces = grid(1)
     scene = TriangleScene(vertices.astype(np.float32), faces)
-    assert len(find_contacts(scene, nothing, np.zeros(0), np.zeros(len(faces)), vertices, faces, faces).point) == 0
-    assert len(find_contacts(scene, vertices, np.ones(len(vertices)), np.zeros(0), vertices, none, none).point) == 0
+    surface = Surface.of(vertices, faces, np.zeros((len(faces), 3)))
+    assert len(find_contacts(scene, surface, nothing, np.zeros(0), faces).point) == 0
+    empty = Surface.of(vertices, none, nothing)
+    assert len(find_contacts(scene, empty, vertices, np.ones(len(vertices)), none).point) == 0
 
 
 def test_clearance_is_asked_for():

@@ -113,7 +113,7 @@ def scene(mesh):
 WORK = {
     "bake": lambda mesh: ao.bake(mesh, samples=8),
     "tolerance": lambda mesh: ao.bake(mesh, tolerance=0.1),
-    "surface": lambda mesh: ao.bake_surface(mesh, samples=8),
+    "surface": lambda mesh: ao.bake(mesh, samples=8, method="surface"),
     "render": lambda mesh: raytrace.render(
         scene(mesh), raytrace.Camera((0, -5, 5), (0, 0, 0)), Settings(width=64, height=64)
     ),

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from command import obscurance, refused
 
-from raytrace.mesh.placement import ray_offset
+from raytrace.ray_origins.offset import ray_offset
 from scenes.stress import limits, rays
 from scenes.stress.contacts import contacts
 from scenes.stress.defects import defects

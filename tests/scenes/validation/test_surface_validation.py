@@ -33,7 +33,7 @@ def with_small_receivers(line):
 def baked_at(line, falloff):
     only = np.zeros(len(line.mesh.vertices), np.bool_)
     only[line.points] = True
-    return ao.bake_surface(line.mesh, falloff, SAMPLES, normals=line.normals, only=only)
+    return ao.bake(line.mesh, falloff, SAMPLES, normals=line.normals, only=only, method="surface")
 
 
 def excess(line, baked):

@@ -1,0 +1,112 @@
+"""`ao.bake`: a mesh in, w(p) for every vertex out."""
+
+from __future__ import annotations
+
+import time
+import warnings
+from typing import Any
+
+import numpy as np
+
+from raytrace.mesh.mesh import Mesh
+from raytrace.system.memory import check_memory
+from raytrace.types import Bools
+
+from .adaptive.tolerance import ToleranceWarning
+from .falloff import Falloff
+from .gather.receivers import Normals
+from .interior.inside import Hidden
+from .memory import surface_bytes, vertex_bytes
+from .options import DEFAULT_SAMPLES, Method, Options, falloff_of, mesh_of
+from .prepared import Prepared
+from .result import Bake, assemble
+from .surface_method import fit_to_surface
+from .trace.checkpoint import Checkpoint
+from .trace.tracer import Progress
+from .vertex_method import sample_vertices
+
+_METHODS = {"vertex": sample_vertices, "surface": fit_to_surface}
+
+
+def bake(
+    mesh: Mesh | Any,
+    falloff: Falloff | str | None = None,
+    samples: int | None = None,
+    seed: int = 0,
+    threads: int | None = None,
+    normals: Normals = "angle",
+    progress: Progress | None = None,
+    only: Bools | None = None,
+    tolerance: float | None = None,
+    reconstruct: bool = True,
+    hidden: Hidden = "auto",
+    skip: bool = True,
+    checkpoint: Checkpoint | None = None,
+    method: Method = "vertex",
+) -> Bake:
+    """Obscurance w(p) = (1/π) ∫ μ(d) cosθ dω (12.71) at every vertex of `mesh`.
+
+    Args:
+        mesh: the surface, a `raytrace.Mesh` or anything with `vertices` and `faces`, a `trimesh.Trimesh` for instance;
+            both sides of every face occlude.
+        falloff: μ, `Binary(…)` or `Exponential(…)`, or "binary" or "exponential"; by default `Exponential()`.
+        samples: rays a vertex, 1 to 2²⁰, by default 256; with a tolerance the most, by default 2¹⁴. By the surface
+            method they are spread over the vertex's faces, up to 32 from each of many points.
+        seed: 0 to 2⁶⁴ − 1. The same seed gives the same bits for any number of threads.
+        threads: None for all cores.
+        normals: hemisphere axes: incident faces weighted by "angle", "area" or "equal", or "file", the mesh's own.
+        progress: called with (rays traced, rays in all) as the work goes on.
+        only: bool (n,), the vertices whose w is wanted; the others get 1. None: all. Turns reconstruction off;
+            hidden ones are filled from those wanted. By the surface method w is fitted over their faces alone.
+        tolerance: target root mean square error of w, 1e-5 to 1: ray counts and baked vertices are chosen to meet it,
+            the other vertices are predicted from their neighbours. None: every vertex gets `samples` rays. Vertex
+            method only.
+        reconstruct: whether estimates are shrunk towards leave-one-out predictions from their neighbours. Vertex method
+            only.
+        hidden: "auto": vertices inside a closed part of the mesh that is not their own are flagged, and get the values
+            of the nearest that are not. "ignore": both sides of faces are surface. "mark": faces bound solids, and
+            vertices that mostly see backs, being inside one, are flagged. "fill": besides, they are filled. Vertex
+            method only.
+        skip: whether rays that provably meet nothing are counted as misses untraced, where finding them costs less than
+            tracing them; the bits are the same. Vertex method only.
+        checkpoint: keeps what is traced, and is asked for what an interrupted run traced; the bits are the same.
+        method: "vertex" estimates w at each vertex; "surface" fits the values whose interpolation is nearest to w all
+            over the faces (Kavan, Bargteil & Sloan 2011, Least Squares Vertex Baking).
+
+    Raises:
+        OptionError: an argument is out of range, or of the other method.
+        InputError, OutputError: `checkpoint` cannot be used (`Checkpoint`).
+        MeshError: `mesh` is none, or `normals="file"` for a mesh without normals.
+        MemoryLimitError: the bake would not fit into memory.
+        EmbreeError: Embree failed, out of memory for instance.
+
+    Warns:
+        ToleranceWarning: the `tolerance` is not met, with too few `samples` allowed for instance.
+    """
+    only = None if only is None else np.asarray(only)
+    options = Options(method, samples, seed, threads, normals, only, tolerance, reconstruct, hidden, skip)
+    mesh = mesh_of(mesh)
+    mu = falloff_of(falloff).resolve(mesh.radius)
+    _check_memory(mesh, options)
+
+    start = time.perf_counter()
+    prepared = Prepared.of(mesh, mu, options, progress, checkpoint)
+    values = _METHODS[method](prepared)
+    build = prepared.receivers.scene.seconds
+    baked = assemble(prepared, values, {"build": build, "bake": time.perf_counter() - start - build})
+    if tolerance is not None and baked.rmse > tolerance:
+        reason = f": {options.rays:,} rays a vertex were allowed" if values.samples >= options.rays else ""
+        text = f"tolerance {tolerance:g} is not met, the estimated RMSE is {baked.rmse:.3g}{reason}"
+        warnings.warn(text, ToleranceWarning, stacklevel=2)
+    return baked
+
+
+def _check_memory(mesh: Mesh, options: Options) -> None:
+    """Raises: MemoryLimitError: the bake would not fit into memory."""
+    vertices, faces = len(mesh.vertices), len(mesh.faces)
+    work = f"to bake {vertices:,} vertices and {faces:,} faces"
+    if options.method == "vertex":
+        check_memory(mesh.source, vertex_bytes(vertices, faces, options.rays), work)
+        return
+    instead = {"the vertex method": vertex_bytes(vertices, faces, DEFAULT_SAMPLES)}
+    check_memory(mesh.source, surface_bytes(vertices, faces), work + " by the surface method", instead)

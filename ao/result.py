@@ -1,0 +1,105 @@
+"""The result of a bake, assembled from what either method finds at points."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from raytrace.mesh.normals import normalize
+from raytrace.types import Float64s, UInt8s
+
+from .falloff import Mu
+from .gather.receivers import Flag
+from .prepared import Prepared
+
+_REASONS = "open", "duplicate", "no_normal", "not_wanted", "below_face", "predicted", "hidden"
+
+
+@dataclass(frozen=True, eq=False)
+class Bake:
+    """One row a vertex, in the mesh's own order.
+
+    Attributes:
+        w: float64 (n,), obscurance in [0, 1]; 1 is open. Vertices without a usable normal get 1.
+        error: float64 (n,), estimated standard error of w; by the surface method, of the fitted values: their distance
+            from the fit to infinitely many samples, not from w at the vertex.
+        bent_normals: float64 (n, 3), unit mean direction of what is open; the normal where nothing is, 0 where none.
+        flags: uint8 (n,), `ao.Flag`s.
+        rays: number of rays traced, by an interrupted run too.
+        rays_skipped: number of rays not traced, by reason.
+        rmse: estimated root mean square of `error` over the vertices asked for.
+        skip_seconds: what finding rays to skip took, by reason, on all threads together; where it is nothing to speak
+            of it is left out.
+        seconds: `build` (Embree scene) and `bake` (everything else that makes w).
+        mu: the falloff used, in mesh units.
+    """
+
+    w: Float64s
+    error: Float64s
+    bent_normals: Float64s
+    flags: UInt8s
+    rays: int
+    rays_skipped: dict[str, int]
+    skip_seconds: dict[str, float] = field(compare=False)
+    rmse: float
+    seconds: dict[str, float] = field(compare=False)
+    mu: Mu
+
+    def __repr__(self) -> str:
+        range_ = f"w from {self.w.min():.3f} to {self.w.max():.3f}"
+        return f"<Bake of {len(self.w):,} vertices: {range_}, RMSE {self.rmse:.2g}, {self.rays:,} rays>"
+
+    @property
+    def flagged(self) -> dict[str, int]:
+        """Number of vertices that carry each `Flag`, by its name in lower case."""
+        return {flag.name.lower(): int(np.count_nonzero(self.flags & flag)) for flag in Flag if flag.name}
+
+
+@dataclass(frozen=True, eq=False)
+class PointValues:
+    """What a method finds at the k points of `Prepared.wanted`.
+
+    Attributes:
+        w: float64 (k,), in [0, 1]. error: float64 (k,), its standard error. bent: float64 (k, 3), mean of μ·direction.
+        samples: rays asked for at a point. rays: rays traced. rays_skipped, skip_seconds: see `Bake`.
+    """
+
+    w: Float64s
+    error: Float64s
+    bent: Float64s
+    samples: int
+    rays: int
+    rays_skipped: dict[str, int]
+    skip_seconds: dict[str, float]
+
+
+def assemble(prepared: Prepared, values: PointValues, seconds: dict[str, float]) -> Bake:
+    """Spread values at points over the vertices of the mesh."""
+    point, flags, only = prepared.wanted.of_vertex, prepared.wanted.flags, prepared.options.only
+    baked = point >= 0
+    row = point[baked]
+    normals = prepared.wanted.points.normals
+    clear = np.einsum("ij,ij->i", values.bent, values.bent) > 1e-18
+    w, error, bent = np.ones(len(point)), np.zeros(len(point)), np.zeros((len(point), 3))
+    w[baked], error[baked] = values.w[row], values.error[row]
+    bent[baked] = np.where(clear[:, None], normalize(values.bent), normals)[row]
+    wanted = len(point) if only is None else int(np.count_nonzero(only))
+    vertices_skipped = {
+        "duplicate": int(np.count_nonzero(baked)) - len(normals),
+        "no_normal": int(np.count_nonzero(flags & (Flag.UNREFERENCED | Flag.DEGENERATE))),
+        "not_wanted": len(point) - wanted,
+    }
+    skipped = {name: values.samples * count for name, count in vertices_skipped.items()} | values.rays_skipped
+    return Bake(
+        w=w,
+        error=error,
+        bent_normals=bent,
+        flags=flags,
+        rays=values.rays,
+        rays_skipped={reason: skipped[reason] for reason in _REASONS if reason in skipped},
+        skip_seconds=values.skip_seconds,
+        rmse=float(np.sqrt(np.sum(error**2) / max(wanted, 1))),
+        seconds=seconds,
+        mu=prepared.mu,
+    )

@@ -1,0 +1,138 @@
+"""Directions of ray origins from points that touch other faces: in front of these, too.
+
+A point may lie on faces that it is no corner of: beside a hard edge whose sides are stored apart, on the edge of a
+larger face (a T-junction), or on other geometry. It is taken to be in front of all of them. Faces that coincide and
+look opposite ways cannot both be obeyed: the one that surrounds the point with the larger angle wins, as a floor does
+over the foot of a box that stands on it, and the point's own in a tie, as in a sheet with two sides.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from ..kernel.borrow import borrow
+from ..kernel.counting_sort import counting_sort
+from ..kernel.jit import inline, kernel
+from ..kernel.vector import add, angle_between, cross, divide, dot, length, load, scale, store, subtract
+from ..mesh.placement import ULP
+from ..system.threads import run_blocks, thread_count
+from ..types import Float64s, Int64s
+from .clearance import outermost_normal
+from .contacts import Contacts
+from .surface import Surface
+
+_ENOUGH = 0.3  # clearance with which a search for a better direction ends
+_SAME_PLANE = 0.9999
+_BLOCK = 1 << 12  # points
+
+
+class _Incident(NamedTuple):
+    """Faces at some points; int64.
+
+    Attributes:
+        rows: (j,), the points. own: the faces that the i-th of them is a corner of, own_starts[i] to own_starts[i + 1],
+        touched: those that it touches, touched_starts[i] to touched_starts[i + 1]; each ascending.
+    """
+
+    rows: Int64s
+    own: Int64s
+    own_starts: Int64s
+    touched: Int64s
+    touched_starts: Int64s
+
+
+def turn_directions(
+    directions: Float64s,
+    clearance: Float64s,
+    surface: Surface,
+    points: Float64s,
+    touched: Contacts,
+    face_points: Int64s,
+) -> None:
+    """Turn `directions` (k, 3) and `clearance` (k,) of touched `points` in front of what they touch, where possible.
+
+    Args: touched: at least one, sorted by point. face_points: int64 (m, 3), the point at each face corner.
+    """
+    first = np.flatnonzero(np.diff(touched.point, prepend=-1))
+    rows = touched.point[first]
+    number = np.full(len(points), -1)
+    number[rows] = np.arange(len(rows))
+    corners, starts = counting_sort(number[face_points], len(rows))
+    incident = _Incident(rows, corners // 3, starts, touched.face, np.append(first, len(touched.point)))
+
+    def work(first: int, last: int) -> None:
+        _turn(incident, surface, points, first, last, directions, clearance)
+
+    run_blocks(len(rows), _BLOCK, work, thread_count(None))
+
+
+@kernel
+def _turn(incident, surface, points, first, last, directions, clearance):
+    """`turn_directions` of the points incident.rows[first:last]."""
+    incident, surface = borrow(incident), borrow(surface)
+    own, own_starts = incident.own, incident.own_starts
+    touched, touched_starts = incident.touched, incident.touched_starts
+    largest = 0
+    for k in range(first, last):
+        largest = max(largest, own_starts[k + 1] - own_starts[k] + touched_starts[k + 1] - touched_starts[k])
+    normals, front = np.empty((largest, 3)), np.empty((largest, 3))
+    angles, is_own = np.empty(largest), np.empty(largest, np.bool_)
+    for k in range(first, last):
+        row = incident.rows[k]
+        p, direction = load(points, row), load(directions, row)
+        i, j, count = own_starts[k], touched_starts[k], 0
+        own_end, touched_end = own_starts[k + 1], touched_starts[k + 1]
+        while i < own_end or j < touched_end:
+            is_own[count] = j == touched_end or (i < own_end and own[i] < touched[j])
+            f = own[i] if is_own[count] else touched[j]
+            i, j = (i + 1, j) if is_own[count] else (i, j + 1)
+            n = load(surface.normals, f)
+            if is_own[count] and dot(n, direction) < 0.0:  # seen from its other side
+                n = scale(-1.0, n)
+            store(normals, count, n)
+            angles[count] = _angle_about(p, surface.vertices, surface.faces, f)
+            count += 1
+        total, fronts = (0.0, 0.0, 0.0), 0
+        for i in range(count):
+            if _is_in_front(i, normals[:count], angles, is_own):
+                n = load(normals, i)
+                total = add(total, scale(angles[i], n))
+                store(front, fronts, n)
+                fronts += 1
+        size = length(total)
+        start = divide(total, size) if size > 1e-9 else direction
+        turned, least = outermost_normal(start, front[:fronts], _ENOUGH)
+        if least > 0.0:
+            store(directions, row, turned)
+            clearance[row] = least
+
+
+@inline
+def _is_in_front(i, normals, angles, is_own):
+    """Whether a point is taken to be in front of its i-th face; see the module on faces that look opposite ways."""
+    balance, opposed = 0.0, False
+    n = load(normals, i)
+    for j in range(len(normals)):
+        cosine = dot(n, load(normals, j))
+        if cosine > _SAME_PLANE:
+            balance += angles[j]
+        elif cosine < -_SAME_PLANE:
+            balance -= angles[j]
+            opposed = True
+    return not opposed or balance > 1e-3 or (balance > -1e-3 and is_own[i])
+
+
+@inline
+def _angle_about(p, vertices, faces, f):
+    """Angle that a face fills about a point on it: a corner's own, π on an edge, 2π inside."""
+    angle, tiny = 2.0 * np.pi, 16.0 * ULP
+    for k in range(3):
+        a = subtract(load(vertices, faces[f, k]), p)
+        b = subtract(load(vertices, faces[f, (k + 1) % 3]), p)
+        if length(a) <= tiny:
+            return angle_between(b, subtract(load(vertices, faces[f, (k + 2) % 3]), p))
+        if length(cross(a, b)) <= tiny * length(subtract(b, a)):
+            angle = np.pi
+    return angle

@@ -1,0 +1,89 @@
+"""Faces that rays start from, with bounds of the rounding errors beside each of them."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from ..kernel.borrow import borrow
+from ..kernel.jit import kernel
+from ..kernel.vector import cross, length, load_triangle, subtract
+from ..mesh.placement import ULP
+from ..system.threads import run_blocks, thread_count
+from ..types import Float64s, Int64s
+
+TOUCHING = 4.0  # roundings of a coordinate; the point's and the face's own make 2
+FLAT = 1.0 / 16.0
+_BLOCK = 1 << 15  # faces
+
+
+class Surface(NamedTuple):
+    """Faces in render space; an argument of kernels.
+
+    Attributes:
+        vertices: float64 (n, 3). faces: int64 (m, 3), none degenerate. normals: float64 (m, 3), unit.
+        extent: float64 (m,), the largest |coordinate| of each face's corners.
+        flat: float64 (m,), as large as that may be beside a flat triangle: Embree takes the distance of its plane from
+            a normal that it computes in float32, whose relative error is that of a coordinate over the sine of the
+            largest angle, times the distance of a corner. At most 8: the offset there is 10⁻⁵ of the mesh, no more.
+        rounding: float64 (m,), how far from a face a point may be that touches it.
+    """
+
+    vertices: Float64s
+    faces: Int64s
+    normals: Float64s
+    extent: Float64s
+    flat: Float64s
+    rounding: Float64s
+
+    @classmethod
+    def of(cls, vertices: Float64s, faces: Int64s, normals: Float64s) -> Surface:
+        """These faces, measured; arguments as the attributes."""
+        surface = cls(vertices, faces, normals, *(np.zeros(len(faces)) for _ in range(3)))
+        run_blocks(len(faces), _BLOCK, lambda first, last: _measure(surface, first, last), thread_count(None))
+        return surface
+
+    def reversed(self) -> Surface:
+        """The same faces, seen from behind."""
+        return self._replace(normals=-self.normals)
+
+    def magnitudes(self, face_points: Int64s, count: int) -> Float64s:
+        """What the offset at each of `count` points is in proportion to (`ray_offset`): float64 (count,).
+
+        Args: face_points: int64 (m, 3), the point at each face corner.
+        """
+        magnitude = np.zeros(count)
+        _magnitudes(self.extent, self.flat, face_points, magnitude)
+        return magnitude
+
+
+@kernel
+def _measure(surface, first, last):
+    """Fill in `extent`, `flat` and `rounding` of some faces."""
+    surface = borrow(surface)
+    for f in range(first, last):
+        a, b, c = load_triangle(surface.vertices, surface.faces, f)
+        for axis in range(3):
+            largest = max(abs(a[axis]), abs(b[axis]), abs(c[axis]))
+            surface.extent[f] = max(surface.extent[f], largest)
+            surface.rounding[f] += TOUCHING * ULP * abs(surface.normals[f, axis]) * largest
+        ab, bc, ca = subtract(b, a), subtract(c, b), subtract(a, c)
+        slender = length(ab) * length(bc) * length(ca) / max(length(cross(ab, bc)), 1e-150)  # longest edge/sine
+        surface.flat[f] = min(FLAT * slender, 8.0)
+
+
+@kernel
+def _magnitudes(extent, flat, face_points, magnitude):
+    """The largest `extent` of a point's faces, and `flat` of these and of its neighbours' faces, which rays pass by."""
+    around = np.zeros(len(magnitude))
+    for f in range(len(face_points)):
+        for corner in range(3):
+            point = face_points[f, corner]
+            around[point] = max(around[point], flat[f])
+    for f in range(len(face_points)):
+        flattest = max(around[face_points[f, 0]], around[face_points[f, 1]], around[face_points[f, 2]])
+        largest = max(extent[f], flattest)
+        for corner in range(3):
+            point = face_points[f, corner]
+            magnitude[point] = max(magnitude[point], largest)
