@@ -14,7 +14,6 @@ from math import cos, sin
 from typing import Any, ClassVar, Literal, get_args
 
 import numpy as np
-import numpy.typing as npt
 from pydantic import model_validator
 
 from ..brdf import layout as rows
@@ -31,6 +30,7 @@ from ..system.parameters import (
     Spacing,
     made_of,
 )
+from ..types import Float64s, Int64s
 from .base import RGB, BaseMaterial, Diffuse, Microfacet, TwoTerm
 from .presets import preset
 
@@ -182,7 +182,7 @@ def material_from_dict(data: dict[str, Any]) -> BaseMaterial:
     return material
 
 
-def pack_materials(materials: list[BaseMaterial]) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.float64]]:
+def pack_materials(materials: list[BaseMaterial]) -> tuple[Int64s, Float64s]:
     """Kinds (k,) int64 and rows (k, rows.WIDTH) float64 of a list of materials, for a kernel that meets them all."""
     packed = [material.pack() for material in materials]
     kinds = np.array([p.kind for p in packed], np.int64)

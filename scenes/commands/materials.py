@@ -9,8 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from raytrace.brdf.oren_nayar import shape
-from raytrace.brdf.oren_nayar_reference import reference_shape
+from raytrace.brdf.oren_nayar import fitted_orders
+from raytrace.brdf.oren_nayar_reference import reference_orders
 from raytrace.errors import OptionError, nearest_name
 from raytrace.materials.base import BaseMaterial, Diffuse, Microfacet
 from raytrace.materials.energy import NORMAL, asymmetry, directional_albedo, towards
@@ -95,8 +95,8 @@ def fit_error(material: OrenNayar) -> tuple[float, float]:
         for theta_v in angles:
             for turn in np.radians(_FIT_TURNS):
                 l, v = towards(theta_l), towards(theta_v, turn)
-                fit = shape(material.sigma, tuple(NORMAL), tuple(l), tuple(v))
-                exact = reference_shape(material.sigma, l, v, _FIT_ORDER)
+                fit = fitted_orders(material.sigma, tuple(NORMAL), tuple(l), tuple(v))
+                exact = reference_orders(material.sigma, l, v, _FIT_ORDER)
                 errors.append((fit[0] - exact[0] + rho * (fit[1] - exact[1])) / l[2])
     return float(np.sqrt(np.mean(np.square(errors)))), float(np.abs(errors).max())
 
@@ -108,7 +108,10 @@ def _fit_lines(material: OrenNayar) -> list[str]:
         rows = []
         for angle in np.radians(ANGLES):
             l, v = towards(angle), towards(angle, turn)
-            pair = shape(material.sigma, tuple(NORMAL), tuple(l), tuple(v)), reference_shape(material.sigma, l, v)
+            pair = (
+                fitted_orders(material.sigma, tuple(NORMAL), tuple(l), tuple(v)),
+                reference_orders(material.sigma, l, v),
+            )
             rows.append([(first + np.mean(material.albedo) * second) / l[2] for first, second in pair])
         lines.append(f"  f in parts of ρ/π, seen {title} at the same angle")
         for name, column in zip(("fit", "integral"), np.array(rows).T, strict=True):

@@ -1,4 +1,4 @@
-"""From a scene description to an image file: bake the vertices that it needs, render, write."""
+"""Make the picture of a scene file: bake what it needs, render it, write it, report it."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from raytrace.settings import Settings
 from raytrace.system.memory import check_memory
 
 from ..description.description import SceneDescription
-from .picture_bake import obscured
+from .picture_bake import with_obscurance
 
 PREVIEW = 4  # a preview's sides are that much shorter
 PREVIEW_BAKE = 32  # and it bakes with that many rays a vertex
@@ -27,7 +27,7 @@ PREVIEW_BAKE = 32  # and it bakes with that many rays a vertex
 
 @dataclass(frozen=True)
 class Picture:
-    """The result of `take`.
+    """A picture that was made, and its costs.
 
     Attributes:
         frame: the layers that the file's format holds, and the renderer's counts.
@@ -84,7 +84,7 @@ def _quarter(settings: Settings) -> Settings:
     return replace(settings, width=width, height=height, crop=crop, samples=min(settings.samples, 4))
 
 
-def take(
+def make_picture(
     source: Path,
     description: SceneDescription,
     output: Path,
@@ -108,7 +108,7 @@ def take(
     needed = rendering_bytes(description.scene, description.settings, layers is None)
     check_memory(source, needed, describe_work(description.scene, description.settings))
     start = time.perf_counter()
-    scene, baked = obscured(description, threads, baking)
+    scene, baked = with_obscurance(description, threads, baking)
     prepared = time.perf_counter()
     frame = render(scene, description.camera, description.settings, layers is None, threads, rendering)
     rendered = time.perf_counter()

@@ -15,7 +15,7 @@ from raytrace.image.texture import Texture
 from raytrace.lights.sources import AmbientLight, DirectionalLight, PointLight
 from raytrace.materials.materials import OrenNayar
 from raytrace.settings import Settings
-from scenes.commands.picture_bake import obscured
+from scenes.commands.picture_bake import with_obscurance
 from scenes.description.read import read_scene
 
 
@@ -228,17 +228,17 @@ def test_obscurance_comes_as_it_was_asked(tmp_path):
     corner += "copies = [{ translate = [0.5, 0, 0] }, { rotate = [0, 90, 0] }]"
     small = "[render]\nwidth = 32\nheight = 32\n"
     made = scene(tmp_path, small + "[obscurance]\nsamples = 64\n" + corner)
-    baked, bake = obscured(made)
+    baked, bake = with_obscurance(made)
     w = np.concatenate([item.w for item in baked.objects])
     np.testing.assert_array_equal(w, bake.w)
     assert w.min() < 0.8
 
     np.save(tmp_path / "w.npy", w.astype(np.float32))
-    again, none = obscured(scene(tmp_path, '[obscurance]\nbaked = "w.npy"\n' + corner))
+    again, none = with_obscurance(scene(tmp_path, '[obscurance]\nbaked = "w.npy"\n' + corner))
     assert none is None
     np.testing.assert_array_equal(np.concatenate([item.w for item in again.objects]), w.astype(np.float32))
 
-    off, none = obscured(scene(tmp_path, '[obscurance]\nform = "off"\n' + corner))
+    off, none = with_obscurance(scene(tmp_path, '[obscurance]\nform = "off"\n' + corner))
     assert none is None
     assert all(item.w is None for item in off.objects)
 
