@@ -42,7 +42,7 @@ def validate_closed_forms(samples: int, seed: int, threads: int | None) -> bool:
 
     from ..validation.table import run_validation, validation_table
 
-    Options("vertex", samples, seed, threads)
+    Options(samples=samples, seed=seed, threads=threads)
     with compiling("hemisphere"):
         results = run_validation(samples=samples, seed=seed, threads=threads)
     print(validation_table(results))
