@@ -1,4 +1,4 @@
-"""From a scene description to an image file: bake the vertices that it needs, render, write."""
+"""Make the picture of a scene file: bake what it needs, render it, write it, report it."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ PREVIEW_BAKE = 32  # and it bakes with that many rays a vertex
 
 @dataclass(frozen=True)
 class Picture:
-    """The result of `take`.
+    """A picture that was made, and its costs.
 
     Attributes:
         frame: the layers that the file's format holds, and the renderer's counts.
@@ -86,7 +86,7 @@ def _quarter(settings: Settings) -> Settings:
     return replace(settings, width=width, height=height, crop=crop, samples=min(settings.samples, 4))
 
 
-def take(
+def make_picture(
     source: Path,
     description: SceneDescription,
     output: Path,

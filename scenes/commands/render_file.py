@@ -28,7 +28,7 @@ def render_file(
     Args: size, settings: in place of the scene's, where they are not None. The others: `obscurance render --help`.
 
     Raises:
-        InputError, OutputError, EmbreeError: as `read_scene`, `adjusted` and `take`.
+        InputError, OutputError, EmbreeError: as `read_scene`, `adjusted` and `make_picture`.
     """
     from raytrace.image.write import check_image_target
     from raytrace.system.atomic import write_json
@@ -43,7 +43,7 @@ def render_file(
     check_outputs(outputs, [scene])
     from ..description.read import read_scene
     from ..readers.stored_w import check_stored
-    from .render import adjusted, render_report, take
+    from .render import adjusted, make_picture, render_report
 
     if baked:
         check_stored(baked)
@@ -51,7 +51,7 @@ def render_file(
     check_outputs(outputs, description.files)
     warnings = warn((item.shape.mesh for item in description.scene.objects), description.notes)
     with compiling("tile"), progress(quiet, "rays", "tiles") as (baking, rendering):
-        picture = take(scene, description, output, half, threads, baking, rendering)
+        picture = make_picture(scene, description, output, half, threads, baking, rendering)
     if report:
         write_json(report, render_report(scene, description.settings, picture, thread_count(threads), warnings))
     if not quiet:
