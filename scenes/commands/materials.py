@@ -73,7 +73,7 @@ def check(name: str, material: BaseMaterial) -> str:
     if isinstance(material, OrenNayar) and material.sigma > 0:
         rms, largest = fit_error(material)
         lines += _fit_lines(material)
-        lines.append(f"    fit less integral, directions to 75°: {rms:.3f} RMS, {largest:.3f} largest")
+        lines.append(f"    fit minus integral, directions to 75°: {rms:.3f} RMS, {largest:.3f} largest")
     return "\n".join(lines)
 
 

@@ -73,9 +73,10 @@ def validate_generated(
         long: every family with every falloff and tolerance, a verdict each. wanted: the families; all if empty.
 
     Raises:
-        OptionError: no such family, or an option out of range. MeshError: a mesh file cannot be read.
+        OptionError: no such family, an option out of range, a missing package. MeshError: a mesh file cannot be read.
     """
     import secrets
+    from importlib.util import find_spec
 
     from ao.options import MAX_SAMPLES, Options
     from raytrace.errors import nearest_name
@@ -83,6 +84,8 @@ def validate_generated(
     from ..generated import suite, verdict
     from ..readers.load import load
 
+    if find_spec("fast_simplification") is None:
+        raise OptionError("generated", "the extra package of pip install 'obscurance[generated]'", "none")
     if not 2 <= samples <= 2 * MAX_SAMPLES:
         raise OptionError("samples", f"a whole number from 2 to {2 * MAX_SAMPLES}", samples)
     Options(seed=seed or 0, threads=threads)
