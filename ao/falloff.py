@@ -17,6 +17,7 @@ from pydantic import Field, PlainValidator, ValidationInfo
 from raytrace.errors import OptionError
 from raytrace.kernel.jit import inline
 from raytrace.system.parameters import Parameters
+from raytrace.types import Float64s
 
 Length = float | str
 DEFAULT_HALF_DISTANCE = "50%"
@@ -82,7 +83,7 @@ class Mu:
     tau: float | None
     max_distance: float
 
-    def __call__(self, distance: npt.ArrayLike) -> npt.NDArray[np.float64]:
+    def __call__(self, distance: npt.ArrayLike) -> Float64s:
         """μ in [0, 1] of distances (…) in mesh units."""
         x = np.asarray(distance, np.float64)
         if self.tau is None:

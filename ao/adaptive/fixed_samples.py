@@ -5,9 +5,9 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-import numpy.typing as npt
 
 from raytrace.sampling.hash import mix_array as mix
+from raytrace.types import Int64s
 
 from ..denoise.one_ring import Neighbours
 from ..denoise.shrinkage import calibration_factor, denoise, distribute_variance, shrunk_to_mean
@@ -17,8 +17,6 @@ from ..gather.points import Points
 from ..trace.tracer import Tracer
 from .ray_budget import sampling_variance
 from .tolerance import Estimate
-
-Ints = npt.NDArray[np.int64]
 
 _CALIBRATION_SHARE = 32
 _CALIBRATION_LEAST = 128
@@ -58,7 +56,7 @@ def rays_of_corners(corners: Corners, samples: int) -> int:
     return samples * (len(corners.places) + len(_calibration_subset(len(corners.places))))
 
 
-def with_corners(estimate: Estimate, rows: Ints, found: Estimate, corners: Corners) -> Estimate:
+def with_corners(estimate: Estimate, rows: Int64s, found: Estimate, corners: Corners) -> Estimate:
     """Estimates of all points.
 
     Args: estimate: of the points `rows` (i,). found: of the places of `corners`, which stand for all other points.
@@ -71,7 +69,7 @@ def with_corners(estimate: Estimate, rows: Ints, found: Estimate, corners: Corne
     return replace(estimate, rows=values, variance=variance)
 
 
-def _calibration_subset(count: int) -> Ints:
+def _calibration_subset(count: int) -> Int64s:
     """Evenly spread points to bake a second time with independent directions: one in 32, 128 at least."""
     wanted = min(count, max(_CALIBRATION_LEAST, count // _CALIBRATION_SHARE))
     return np.arange(wanted) * count // max(wanted, 1)

@@ -7,17 +7,15 @@ unbiased measure of its squared error; once the probe is baked, a is part of w a
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
 from raytrace.sampling.hash import mix_array as mix
+from raytrace.types import Bools, Float64s, Int64s
 
 from ..denoise.one_ring import Neighbours
 from ..gather.hemisphere import W
 from ..gather.points import Points
 from ..trace.tracer import Tracer
 from .ray_budget import Pilots, plan, sampling_variance
-
-Floats = npt.NDArray[np.float64]
 
 # runs of pilots, pilots at most, their rays; one point in how many is probed, at least and at most
 _SMALL = 2, 512, 16, 8, 128, 768  # below _ALL points
@@ -48,7 +46,7 @@ class Probes:
         self.raw = tracer.gather(probed, self.samples, key)
         self.variance = sampling_variance(self.raw[:, W], self.other, self.samples)
 
-    def squared(self, w: Floats, baked: npt.NDArray[np.bool_]) -> Floats:
+    def squared(self, w: Float64s, baked: Bools) -> Float64s:
         """Unbiased squared error (j,) of `w` (j,), what all points' estimates make of the probed ones.
 
         Args: baked: (j,), which of them have a part in it themselves.
@@ -62,7 +60,7 @@ def derive(key: np.uint32, salt: int) -> np.uint32:
     return mix(mix([salt]) ^ key)[0]
 
 
-def _stratified_rows(count: int, wanted: int) -> npt.NDArray[np.int64]:
+def _stratified_rows(count: int, wanted: int) -> Int64s:
     """`wanted` of `count` rows, one from each equal stretch of Morton order, all if there are no more."""
     wanted = min(count, wanted)
     chance = np.ldexp(mix(np.arange(wanted, dtype=np.uint32)).astype(np.float64), -32)

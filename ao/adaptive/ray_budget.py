@@ -5,7 +5,8 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
+
+from raytrace.types import Float64s, Int64s
 
 from ..denoise.one_ring import Neighbours
 from ..gather.hemisphere import W
@@ -57,20 +58,18 @@ def plan(tracer: Tracer, points: Points, neighbours: Neighbours, pilots: Pilots,
     return int(np.clip(counts[np.argmax(enough)] if enough.any() else most, min(_LEAST, most), most))
 
 
-def sampling_variance(first: npt.NDArray[np.float64], second: npt.NDArray[np.float64], rays: int) -> float:
+def sampling_variance(first: Float64s, second: Float64s, rays: int) -> float:
     """Mean square error of either of two independent estimates (k,) with `rays` rays a point."""
     halves = float(np.sum((first - second) ** 2)) / 2
     return (halves + _PRIOR * _TYPICAL * rays**-RATE) / (len(first) + _PRIOR)
 
 
-def _denoised_error(variance: npt.NDArray[np.float64], predicted: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+def _denoised_error(variance: Float64s, predicted: Float64s) -> Float64s:
     """Mean square error of estimates of `variance` shrunk to predictions of mean square error `predicted`."""
     return variance * (1 - _GAINED * variance / (variance + predicted))
 
 
-def _roughness(
-    neighbours: Neighbours, rows: npt.NDArray[np.int64], estimate: npt.NDArray[np.float64], noise: float, count: int
-) -> float:
+def _roughness(neighbours: Neighbours, rows: Int64s, estimate: Float64s, noise: float, count: int) -> float:
     """Mean square distance of w from its neighbours' mean among the points `rows`, without noise; inf if none touch."""
     values = np.full(count, np.nan)
     values[rows] = estimate

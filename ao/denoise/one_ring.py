@@ -4,15 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, TypeVar
+from typing import TypeVar
 
 import numpy as np
 import numpy.typing as npt
 
 from raytrace.kernel.jit import kernel
 from raytrace.system.threads import run_blocks
+from raytrace.types import AnyInts, Bools, Float32s, Float64s, Int32s, Int64s
 
-Floats = npt.NDArray[np.float64]
 Real = TypeVar("Real", np.float32, np.float64)
 _CREASE = 16  # power of n·n' by which a neighbour counts less
 _BLOCK = 1 << 13  # points, about: starting a thread for fewer costs more than it gains
@@ -30,13 +30,13 @@ class Neighbours:
         threads: how many work on means.
     """
 
-    starts: npt.NDArray[np.int64]
-    others: npt.NDArray[np.int32]
-    weights: npt.NDArray[np.float32]
+    starts: Int64s
+    others: Int32s
+    weights: Float32s
     threads: int
 
     @classmethod
-    def of(cls, faces: npt.NDArray[np.integer[Any]], normals: npt.NDArray[np.float32], threads: int) -> Neighbours:
+    def of(cls, faces: AnyInts, normals: Float32s, threads: int) -> Neighbours:
         """Args: faces: (m, 3), rows of points, −1 for a corner that is none. normals: float32 (k, 3), unit."""
         count = len(normals)
         corners = np.bincount(faces.ravel() + 1, minlength=count + 1)[1:]
@@ -54,10 +54,10 @@ class Neighbours:
     @classmethod
     def weighted(
         cls,
-        starts: npt.NDArray[np.int64],
-        others: npt.NDArray[np.int32],
-        weights: npt.NDArray[np.float32],
-        normals: npt.NDArray[np.float32],
+        starts: Int64s,
+        others: Int32s,
+        weights: Float32s,
+        normals: Float32s,
         threads: int,
     ) -> Neighbours:
         """The rings given, their `weights` lessened where the points' `normals`, float32 (k, 3), disagree."""
@@ -65,7 +65,7 @@ class Neighbours:
         found.each(lambda first, last: _weigh_by_normals(first, last, starts, others, normals, weights))
         return found
 
-    def among(self, which: npt.NDArray[np.bool_]) -> Neighbours:
+    def among(self, which: Bools) -> Neighbours:
         """The same rings, but only points of `which`, bool (k,), count."""
         return Neighbours(self.starts, self.others, self.weights * which[self.others], self.threads)
 
@@ -90,18 +90,18 @@ class Neighbours:
         self.each(lambda first, last: means(first, last, self.starts, self.others, self.weights, values, own, out))
         return out
 
-    def own(self) -> Floats:
+    def own(self) -> Float64s:
         """The share (k,) that a point's own value has in its mean with the neighbours'."""
         out = np.empty(len(self.starts) - 1)
         self.each(lambda first, last: _own(first, last, self.starts, self.weights, out))
         return out
 
-    def own_share(self) -> Floats:
+    def own_share(self) -> Float64s:
         """About the share (k,) that a point's own value has after four rounds of `smooth`, for valences from 1 to 8."""
         own = self.own()
         return own * (1 + own) / 2
 
-    def returned(self) -> Floats:
+    def returned(self) -> Float64s:
         """The share (k,) that a point's own value has in the mean of its own and its neighbours' predictions."""
         whole, out = 1 / self.own() - 1, np.empty(len(self.starts) - 1)
         self.each(lambda first, last: _returned(first, last, self.starts, self.others, self.weights, whole, out))

@@ -14,18 +14,16 @@ by least squares, to the whole mesh and then to the surroundings of each point.
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
 from raytrace.kernel.arrays import product
 from raytrace.kernel.jit import kernel
 from raytrace.kernel.vector import add, cross, dot, load, scale
+from raytrace.types import Float64s
 
 from ..gather.directions import BATCHES
 from ..gather.hemisphere import BATCH_VARIANCE, BENT, W
 from ..gather.points import Points
 from .one_ring import Neighbours
-
-Floats = npt.NDArray[np.float64]
 
 _SPREAD_REACH = 3  # edges over which the spread between batches is averaged
 _REACH = 4  # and squared residuals
@@ -37,7 +35,7 @@ _RIDGE, _RIDGE_POINTS = 3e-3, 10.0
 _USUAL, _DOUBT = 1.0, 0.3  # factor by which expected squared errors are off, and its standard deviation
 
 
-def denoise(neighbours: Neighbours, points: Points, rows: Floats, level: float) -> tuple[Floats, Floats]:
+def denoise(neighbours: Neighbours, points: Points, rows: Float64s, level: float) -> tuple[Float64s, Float64s]:
     """w (k,) shrunk towards its predictions, and the mean square error expected of each, (k,).
 
     Where all rays around a point agree, nothing is shrunk.
@@ -57,7 +55,9 @@ def denoise(neighbours: Neighbours, points: Points, rows: Floats, level: float) 
     return estimate - share * residual, shrunk_to_mean(variance * (1 - share * (1 - 2 * part)))
 
 
-def _prediction(neighbours: Neighbours, points: Points, rows: Floats, variance: Floats) -> tuple[Floats, Floats]:
+def _prediction(
+    neighbours: Neighbours, points: Points, rows: Float64s, variance: Float64s
+) -> tuple[Float64s, Float64s]:
     """Predictions from the neighbours, (k,), NaN without any; and the part that each estimate has in its own, (k,)."""
     estimate, normals = rows[:, W], points.normals.astype(np.float64)
     closed = 2 / 3 * normals - rows[:, BENT:]  # mean of (1 − μ)·direction
@@ -84,7 +84,7 @@ def _prediction(neighbours: Neighbours, points: Points, rows: Floats, variance: 
     return ring + everywhere + around, part
 
 
-def _ridge_regression(columns: Floats, target: Floats, weight: Floats) -> Floats:
+def _ridge_regression(columns: Float64s, target: Float64s, weight: Float64s) -> Float64s:
     """Coefficients (c,) of weighted ridge regression: near 0 where few points or like columns leave them open."""
     matrix, right = np.einsum("ki,kj,k->ij", columns, columns, weight), np.einsum("ki,k,k->i", columns, target, weight)
     size = np.sqrt(np.diag(matrix))
@@ -95,7 +95,9 @@ def _ridge_regression(columns: Floats, target: Floats, weight: Floats) -> Floats
     return np.where(used, np.linalg.solve(inside, right / size) / size, 0.0)
 
 
-def _fitted_around(neighbours: Neighbours, columns: Floats, target: Floats, weight: Floats) -> tuple[Floats, Floats]:
+def _fitted_around(
+    neighbours: Neighbours, columns: Float64s, target: Float64s, weight: Float64s
+) -> tuple[Float64s, Float64s]:
     """`target` (k,) by least squares from three `columns` (k, 3), fitted anew around each point; its own part in that.
 
     Coefficients are shrunk to 0 as if a typical surrounding had that for a result.
@@ -146,7 +148,7 @@ def _mean_rises(first, last, starts, others, origins, normals, out):
         out[i] /= max(starts[i + 1] - starts[i], 1)
 
 
-def calibration_factor(expected: Floats, squared: Floats, everywhere: Floats) -> float:
+def calibration_factor(expected: Float64s, squared: Float64s, everywhere: Float64s) -> float:
     """The factor by which `expected` squared errors (j,) are off in the mean, from unbiased measures `squared` (j,).
 
     A measure that scatters much is mistrusted: the mean of it and what is usual, weighted by their variances. So is one
@@ -160,12 +162,12 @@ def calibration_factor(expected: Floats, squared: Floats, everywhere: Floats) ->
     return float(np.clip(_USUAL + (float(np.mean(squared)) / mean - _USUAL) / (1 + scatter / _DOUBT**2), 1 / 3, 3))
 
 
-def shrunk_to_mean(squared: Floats, typical: float = _TYPICAL) -> Floats:
+def shrunk_to_mean(squared: Float64s, typical: float = _TYPICAL) -> Float64s:
     """Expected squared errors (k,) shrunk towards their mean, for they are uncertain themselves."""
     return squared + typical * (np.mean(squared) - squared) if len(squared) else squared
 
 
-def distribute_variance(spread: Floats, level: float) -> Floats:
+def distribute_variance(spread: Float64s, level: float) -> Float64s:
     """Variances (k,) of mean `level`, distributed as the `spread` (k,) between each point's batches.
 
     It is shrunk towards its mean by one degree of freedom, so that lucky agreement never reads as certainty.

@@ -10,25 +10,21 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
 from raytrace.kernel.borrow import borrow
+from raytrace.kernel.counting_sort import counting_sort
 from raytrace.kernel.jit import kernel
 from raytrace.system.threads import run_blocks
+from raytrace.types import Bools, Float32s, Float64s, Int32s, Int64s
 
 from ..gather.points import Points
 from .one_ring import Neighbours
-
-Floats = npt.NDArray[np.float64]
-Ints = npt.NDArray[np.int64]
-Cells = npt.NDArray[np.int32]
-Bools = npt.NDArray[np.bool_]
 
 _BLOCK = 1 << 14
 _MOST = 32  # baked points that a prediction looks at
 
 
-def nearest_baked(neighbours: Neighbours, baked: Bools) -> Ints:
+def nearest_baked(neighbours: Neighbours, baked: Bools) -> Int64s:
     """For each point the nearest of the `baked` ones (k,), by number of edges; −1 where no path leads to one."""
     owner = np.where(baked, np.arange(len(baked)), -1)
     queue = np.empty(len(baked), np.int64)
@@ -51,7 +47,7 @@ def _flood(starts, others, owner, queue, last):
                 last += 1
 
 
-def coarsened(neighbours: Neighbours, owner: Ints, normals: npt.NDArray[np.float32]) -> tuple[Neighbours, Ints, Cells]:
+def coarsened(neighbours: Neighbours, owner: Int64s, normals: Float32s) -> tuple[Neighbours, Int64s, Int32s]:
     """Neighbours among the baked points, the baked points (b,), ascending, and which of them owns each point, (k,).
 
     Args: owner: (k,), as `nearest_baked` gives it, ≥ 0 everywhere. normals: float32 (k, 3), of all points.
@@ -63,25 +59,12 @@ def coarsened(neighbours: Neighbours, owner: Ints, normals: npt.NDArray[np.float
     if len(baked) == len(owner):
         return neighbours, baked, cell
     starts = np.zeros(len(baked) + 1, np.int64)
-    members = np.empty(len(cell), np.int64)
-    _sort(cell, np.zeros(len(baked) + 1, np.int64), members)
+    members, _ = counting_sort(cell, len(baked))
     others = np.empty(_crossings(neighbours.starts, neighbours.others, cell), np.int32)
     _adjacent(neighbours.starts, neighbours.others, cell, members, starts, others)
     others = others[: starts[-1]].copy()
     alike = np.ones(len(others), np.float32)
     return Neighbours.weighted(starts, others, alike, normals[baked], neighbours.threads), baked, cell
-
-
-@kernel
-def _sort(cell, ends, members):
-    """List the points by their cell, in order."""
-    for i in range(len(cell)):
-        ends[cell[i] + 1] += 1
-    for c in range(len(ends) - 1):
-        ends[c + 1] += ends[c]
-    for i in range(len(cell)):
-        members[ends[cell[i]]] = i
-        ends[cell[i]] += 1
 
 
 @kernel
@@ -111,8 +94,8 @@ def _adjacent(starts, others, cell, members, cell_starts, cell_others):
 
 
 def upsample(
-    points: Points, wanted: Ints, near: Neighbours, baked: Ints, cell: Cells, values: Floats, variances: int = 0
-) -> Floats:
+    points: Points, wanted: Int64s, near: Neighbours, baked: Int64s, cell: Int32s, values: Float64s, variances: int = 0
+) -> Float64s:
     """Values (j, c) at the points `wanted` (j,) from those at the baked ones, (b, c), which are kept as they are.
 
     Args:
@@ -134,9 +117,9 @@ def upsample(
 class _BakedPoints(NamedTuple):
     """Attributes: rows: int64 (b,), of the baked points. starts, others: their `Neighbours`."""
 
-    rows: Ints
-    starts: Ints
-    others: Cells
+    rows: Int64s
+    starts: Int64s
+    others: Int32s
 
 
 @kernel

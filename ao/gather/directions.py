@@ -5,13 +5,13 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
 from raytrace.embree.packets import LANES
 from raytrace.kernel.jit import inline
 from raytrace.sampling.hash import mix
 from raytrace.sampling.sequences import jittered_lattice
 from raytrace.sampling.warps import cosine_hemisphere
+from raytrace.types import Float32s, Float64s, UInt8s
 
 BATCHES = 6  # the lattice steps by 6 × golden ratio = .708 within a part, as irrational as one can wish
 _TABLE_POINTS = 1 << 18
@@ -35,11 +35,11 @@ class DirectionTable(NamedTuple):
         key: uint32 from which each point draws its set and its turn.
     """
 
-    directions: npt.NDArray[np.float32]
-    batches: npt.NDArray[np.uint8]
-    mean: npt.NDArray[np.float64]
-    sectors: npt.NDArray[np.uint8]
-    slopes: npt.NDArray[np.float32]
+    directions: Float32s
+    batches: UInt8s
+    mean: Float64s
+    sectors: UInt8s
+    slopes: Float32s
     key: np.uint32
 
     @property

@@ -5,17 +5,15 @@ Morton 1966, A computer oriented geodetic data base and a new technique in file 
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
-import numpy.typing as npt
 
 from raytrace.kernel.jit import inline, kernel
+from raytrace.types import AnyFloats, Int64s
 
 _COARSE, _FINE = 10, 21  # bits an axis
 
 
-def morton_order(points: npt.NDArray[np.floating[Any]]) -> npt.NDArray[np.int64]:
+def morton_order(points: AnyFloats) -> Int64s:
     """Rows of `points` (n, 3), finite, by 2^10 cells a side of their bounding cube; stable."""
     if not len(points):
         return np.zeros(0, np.int64)
@@ -26,7 +24,7 @@ def morton_order(points: npt.NDArray[np.floating[Any]]) -> npt.NDArray[np.int64]
     return np.argsort(codes, kind="stable")
 
 
-def fine_morton_order(points: npt.NDArray[np.floating[Any]]) -> npt.NDArray[np.int64]:
+def fine_morton_order(points: AnyFloats) -> Int64s:
     """`morton_order` of points in [−1, 1], with 2^21 cells a side of that cube."""
     codes = np.empty(len(points), np.uint64)
     _codes(points[:, ::-1], np.full(3, -1.0), 2.0 ** (_FINE - 1), codes)

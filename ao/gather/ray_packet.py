@@ -5,11 +5,11 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
 from raytrace.embree.packets import DIR_X, DIR_Y, DIR_Z, LANES, ORG_X, ORG_Y, ORG_Z, TFAR, new_packet
 from raytrace.embree.scene import EmbreeScene
 from raytrace.kernel.jit import inline
+from raytrace.types import Float32s, Int32s
 
 
 class RayPacket(NamedTuple):
@@ -20,8 +20,8 @@ class RayPacket(NamedTuple):
     """
 
     scene: np.uint64
-    rays: npt.NDArray[np.float32]
-    valid: npt.NDArray[np.int32]
+    rays: Float32s
+    valid: Int32s
 
     @classmethod
     def of(cls, scene: EmbreeScene) -> RayPacket:

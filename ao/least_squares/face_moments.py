@@ -9,7 +9,6 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
 from raytrace.embree.packets import DIR_X, DIR_Y, DIR_Z, GEOM_ID, INVALID, LANES, NG_X, NG_Y, NG_Z, TFAR, intersect8
 from raytrace.kernel.borrow import borrow
@@ -18,6 +17,7 @@ from raytrace.mesh.placement import ULP
 from raytrace.ray_origins.offset import OFFSET_ULPS
 from raytrace.sampling.hash import mix
 from raytrace.sampling.warps import cosine_hemisphere
+from raytrace.types import Float32s, Float64s
 
 from ..falloff import exponential_mu
 from ..gather.directions import turned_frame
@@ -42,7 +42,7 @@ class Lattices(NamedTuple):
         key: uint32 by which samples draw from them.
     """
 
-    directions: npt.NDArray[np.float32]
+    directions: Float32s
     key: np.uint32
 
     @classmethod
@@ -64,9 +64,9 @@ class FaceArrays(NamedTuple):
         corners: float64 (n, 3, 3). normals: float64 (n, 3), unit. axes: float32 (n, 3, 3), unit normals of the corners.
     """
 
-    corners: npt.NDArray[np.float64]
-    normals: npt.NDArray[np.float64]
-    axes: npt.NDArray[np.float32]
+    corners: Float64s
+    normals: Float64s
+    axes: Float32s
 
 
 @inline

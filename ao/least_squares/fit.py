@@ -6,9 +6,9 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
 from raytrace.mesh.weld import CREASE
+from raytrace.types import Float64s
 
 from .conjugate_gradients import COARSE, multiply, solve, solve_within
 from .face_moments import BENT, HALF, MATRIX, MOMENTS, RIGHT, SQUARES
@@ -16,9 +16,7 @@ from .patch import Patch
 from .pattern import Stencil, find_hinges
 from .problem import Half, Problem, cross_validated, normal_matrix, right_side, roughness
 
-Floats = npt.NDArray[np.float64]
-Ints = npt.NDArray[np.int64]
-Once = Callable[[str, Callable[[], Floats]], Floats]
+Once = Callable[[str, Callable[[], Float64s]], Float64s]
 
 _LAPLACIAN_WEIGHT = 1e-7
 _RELAXED = 1 / 16
@@ -32,12 +30,12 @@ _RUNS, _RUN = (
 class Fit:
     """Attributes: w, error: float64 (k,). bent: float64 (k, 3), mean of μ·direction."""
 
-    w: Floats
-    error: Floats
-    bent: Floats
+    w: Float64s
+    error: Float64s
+    bent: Float64s
 
 
-def build_problems(patch: Patch, moments: Floats, threads: int) -> tuple[Problem, Problem]:
+def build_problems(patch: Patch, moments: Float64s, threads: int) -> tuple[Problem, Problem]:
     """The problem, and one like it, or itself, that is small enough to be solved many times.
 
     Args: moments: (m, 29), see `gather_faces`.
@@ -59,7 +57,7 @@ def fit_values(problem: Problem, trial: Problem, once: Once) -> Fit:
     Args: problem, trial: from `build_problems`. once: called with what is long to compute, and a name of it.
     """
 
-    def fit_halves() -> Floats:
+    def fit_halves() -> Float64s:
         alpha, fits = cross_validated(trial, _constant_fit(trial))
         if trial is not problem:
             start = _constant_fit(problem)
@@ -71,7 +69,7 @@ def fit_values(problem: Problem, trial: Problem, once: Once) -> Fit:
     right, data = even.right + odd.right, even.values + odd.values
     variance = _local_mean(stencil, data, (np.clip(first, 0, 1) - np.clip(second, 0, 1)) ** 2 / 4, threads)
 
-    def fit_all() -> tuple[Floats, Floats]:
+    def fit_all() -> tuple[Float64s, Float64s]:
         matrix = problem.system(data, alpha[0])
         closed = once("closed", lambda: solve_within(matrix, right, (first + second) / 2, threads=threads))
         zeros = np.zeros(len(right))
@@ -86,7 +84,7 @@ def fit_values(problem: Problem, trial: Problem, once: Once) -> Fit:
     return Fit(1 - closed, np.sqrt(variance + (closed - relaxed) ** 2), bent)
 
 
-def _build_problem(patch: Patch, moments: Floats, laplacian: Floats, threads: int) -> Problem:
+def _build_problem(patch: Patch, moments: Float64s, laplacian: Float64s, threads: int) -> Problem:
     hinges = find_hinges(patch.face_points, patch.normals, CREASE, patch.unknowns)
     stencil = Stencil.of(patch.face_points, hinges, patch.unknowns)
     even, odd = (
@@ -103,13 +101,13 @@ def _build_problem(patch: Patch, moments: Floats, laplacian: Floats, threads: in
     )
 
 
-def _constant_fit(problem: Problem) -> Floats:
+def _constant_fit(problem: Problem) -> Float64s:
     """The best fit of one value to all vertices, to start from."""
     right, mass = (sum(part) for part in zip(*((h.right.sum(), h.values.sum()) for h in problem.halves), strict=True))
     return np.full(problem.bent.shape[1], right / max(mass, 1e-300))
 
 
-def _local_mean(stencil: Stencil, data: Floats, values: Floats, threads: int) -> Floats:
+def _local_mean(stencil: Stencil, data: Float64s, values: Float64s, threads: int) -> Float64s:
     """Means of `values` (k,) over each vertex and its neighbours, shrunk towards that of all by a tenth."""
     weights = stencil.matrix(data)
     mass, sums = (multiply(weights, x, threads) for x in (np.ones(len(values)), values))

@@ -5,13 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
 from raytrace.embree.packets import LANES
 from raytrace.mesh.normals import face_normals
 from raytrace.mesh.placement import Placement
 from raytrace.sampling.hash import mix_array as mix
 from raytrace.system.threads import run_blocks
+from raytrace.types import Bools, Float32s, Float64s, Int32s, Int64s
 
 from ..gather.morton import fine_morton_order
 from ..gather.ray_packet import RayPacket
@@ -19,9 +19,6 @@ from ..gather.receivers import Receivers
 from ..prepared import Prepared
 from .face_moments import HIDDEN, MOMENTS, SEEN, FaceArrays, Lattices, gather_faces
 from .samples import Samples
-
-Floats = npt.NDArray[np.float64]
-Ints = npt.NDArray[np.int64]
 
 _MOST_RAYS = 32
 _BLOCK_RAYS = 1 << 19
@@ -39,15 +36,15 @@ class Patch:
         unknowns: how many there are.
     """
 
-    corners: Floats
-    normals: Floats
-    areas: Floats
-    face_points: npt.NDArray[np.int32]
-    axes: npt.NDArray[np.float32]
+    corners: Float64s
+    normals: Float64s
+    areas: Float64s
+    face_points: Int32s
+    axes: Float32s
     unknowns: int
 
     @classmethod
-    def of(cls, placement: Placement, receivers: Receivers, wanted: npt.NDArray[np.bool_]) -> Patch:
+    def of(cls, placement: Placement, receivers: Receivers, wanted: Bools) -> Patch:
         """The patch of all faces that have a corner among the `wanted` vertices, bool (n,)."""
         vertices = placement.vertices.astype(np.float64)
         faces = receivers.faces[wanted[receivers.faces].any(axis=1)]
@@ -59,14 +56,14 @@ class Patch:
         points = unknown[faces]
         return cls(vertices[faces], *face_normals(vertices, faces), points.astype(np.int32), axes[points], len(axes))
 
-    def part(self, faces: Ints) -> Patch:
+    def part(self, faces: Int64s) -> Patch:
         """Some of the faces, with unknowns of their own."""
         own, face_points = np.unique(self.face_points[faces], return_inverse=True)
         local = face_points.reshape(-1, 3).astype(np.int32)
         return Patch(self.corners[faces], self.normals[faces], self.areas[faces], local, self.axes[faces], len(own))
 
 
-def gather_moments(prepared: Prepared, patch: Patch) -> tuple[Floats, Ints]:
+def gather_moments(prepared: Prepared, patch: Patch) -> tuple[Float64s, Int64s]:
     """Moments (m, 29) and counts (m, 3) of the faces of `patch`, see `gather_faces`."""
     placement, checkpoint = prepared.placement, prepared.checkpoint
     samples, key, progress = prepared.options.rays, prepared.key, prepared.progress
@@ -103,7 +100,7 @@ def gather_moments(prepared: Prepared, patch: Patch) -> tuple[Floats, Ints]:
     return moments, counts
 
 
-def reveal_interiors(patch: Patch, moments: Floats, counts: Ints) -> None:
+def reveal_interiors(patch: Patch, moments: Float64s, counts: Int64s) -> None:
     """Give samples their full weight again, in place, on faces of which no vertex has a visible sample.
 
     Elsewhere hidden samples count next to nothing beside the visible ones of the same vertex. A room whose walls face

@@ -5,13 +5,11 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 from scipy.sparse import csr_array
 
+from raytrace.kernel.counting_sort import counting_sort
 from raytrace.kernel.jit import inline, kernel
-
-Floats = npt.NDArray[np.float64]
-Numbers = npt.NDArray[np.int32]
+from raytrace.types import Float64s, Int32s
 
 
 class Stencil(NamedTuple):
@@ -23,12 +21,12 @@ class Stencil(NamedTuple):
             indptr and indices of a `scipy.sparse.csr_array`.
     """
 
-    face_points: Numbers
-    starts: Numbers
-    others: Numbers
+    face_points: Int32s
+    starts: Int32s
+    others: Int32s
 
     @classmethod
-    def of(cls, face_points: Numbers, hinges: Numbers, count: int) -> Stencil:
+    def of(cls, face_points: Int32s, hinges: Int32s, count: int) -> Stencil:
         """Args: face_points: as above. hinges: as `find_hinges` gives them. count: how many unknowns there are."""
         starts = np.zeros(count + 1, np.int64)
         _count_meetings(face_points, hinges, starts)
@@ -37,23 +35,24 @@ class Stencil(NamedTuple):
         size = _sort_rows(starts, others)
         return cls(face_points, starts.astype(np.int32), others[:size].copy())
 
-    def zeros(self) -> Floats:
+    def zeros(self) -> Float64s:
         """Values (z,) of a matrix to add to."""
         return np.zeros(len(self.others))
 
-    def matrix(self, values: Floats) -> csr_array:
+    def matrix(self, values: Float64s) -> csr_array:
         """The matrix (n, n) with `values` (z,), which it keeps."""
         count = len(self.starts) - 1
         return csr_array((values, self.others, self.starts), shape=(count, count))
 
 
-def find_hinges(face_points: Numbers, normals: Floats, agreement: float, count: int) -> Numbers:
+def find_hinges(face_points: Int32s, normals: Float64s, agreement: float, count: int) -> Int32s:
     """The smooth edges of exactly two faces, (h, 2): in either face the corner in `face_points.ravel()` opposite to it.
 
     Args: normals: (m, 3), unit. agreement: the cosine below which they make an edge hard. count: of unknowns.
     """
-    starts, half_edges = np.zeros(count + 1, np.int64), np.empty(face_points.size, np.int32)
-    _sort_half_edges(face_points, starts, half_edges)
+    lower = np.empty(face_points.size, np.int32)
+    _lower_ends(face_points, lower)
+    half_edges, starts = counting_sort(lower, count)
     hinges = np.empty((face_points.size // 2, 2), np.int32)
     return hinges[: _match_halves(face_points, normals, agreement, starts, half_edges, hinges)].copy()
 
@@ -66,19 +65,10 @@ def _ends(face_points, half_edge):
 
 
 @kernel
-def _sort_half_edges(face_points, starts, half_edges):
-    """Half-edges in the order of their lower unknown, and where each unknown's begin."""
+def _lower_ends(face_points, out):
+    """Write the lower unknown of each half-edge."""
     for half_edge in range(face_points.size):
-        starts[_ends(face_points, half_edge)[0] + 1] += 1
-    for i in range(len(starts) - 1):
-        starts[i + 1] += starts[i]
-    for half_edge in range(face_points.size):
-        low = _ends(face_points, half_edge)[0]
-        half_edges[starts[low]] = half_edge
-        starts[low] += 1
-    for i in range(len(starts) - 1, 0, -1):
-        starts[i] = starts[i - 1]
-    starts[0] = 0
+        out[half_edge] = _ends(face_points, half_edge)[0]
 
 
 @kernel

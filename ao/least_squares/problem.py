@@ -8,16 +8,14 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 from scipy.sparse import csr_array
 
 from raytrace.kernel.borrow import borrow
 from raytrace.kernel.jit import kernel
+from raytrace.types import Float64s, Int32s
 
 from .conjugate_gradients import COARSE, dot, multiply, solve
 from .pattern import Stencil, entry
-
-Floats = npt.NDArray[np.float64]
 
 _STEP = 4.0
 _SMOOTHEST, _ROUGHEST = 4, -10
@@ -31,8 +29,8 @@ class Half:
         values: float64 (z,), of the matrix. right: float64 (n,). squares: a number.
     """
 
-    values: Floats
-    right: Floats
+    values: Float64s
+    right: Float64s
     squares: float
 
 
@@ -48,48 +46,48 @@ class Problem:
 
     stencil: Stencil
     halves: tuple[Half, Half]
-    smoothness: Floats
-    laplacian: Floats
-    bent: Floats
+    smoothness: Float64s
+    laplacian: Float64s
+    bent: Float64s
     threads: int
 
-    def fit(self, half: Half, alpha: float, start: Floats) -> Floats:
+    def fit(self, half: Half, alpha: float, start: Float64s) -> Float64s:
         """x from one half of the samples, roughly."""
         return solve(self.system(half.values, alpha), half.right, start, tolerance=COARSE, threads=self.threads)
 
-    def system(self, data: Floats, alpha: float) -> csr_array:
+    def system(self, data: Float64s, alpha: float) -> csr_array:
         """The matrix of a fit to samples whose normal matrix has the values `data`."""
         values = alpha * self.smoothness
         values += data
         add_laplacian(self.stencil, self.laplacian, values)
         return self.stencil.matrix(values)
 
-    def residual(self, half: Half, x: Floats) -> float:
+    def residual(self, half: Half, x: Float64s) -> float:
         """Sum of squared residuals of `x` (n,) at one half of the samples."""
         image = multiply(self.stencil.matrix(half.values), x, self.threads)
         return dot(x, image) - 2 * dot(x, half.right) + half.squares
 
 
-def normal_matrix(stencil: Stencil, entries: Floats) -> Floats:
+def normal_matrix(stencil: Stencil, entries: Float64s) -> Float64s:
     """Values (z,) of Σ b bᵀ, from the upper triangles `entries` (m, 6) of each face's part."""
     values = stencil.zeros()
     _add_faces(stencil, entries, values)
     return values
 
 
-def right_side(stencil: Stencil, entries: Floats) -> Floats:
+def right_side(stencil: Stencil, entries: Float64s) -> Float64s:
     """Σ b f, (n,), from `entries` (m, 3) of each face."""
     out = np.zeros(len(stencil.starts) - 1)
     _add_corners(stencil.face_points, entries, out)
     return out
 
 
-def add_laplacian(stencil: Stencil, weights: Floats, values: Floats) -> None:
+def add_laplacian(stencil: Stencil, weights: Float64s, values: Float64s) -> None:
     """Add the graph Laplacian Σ_faces weight Σ_edges (x_i − x_j)², so that vertices without samples get neighbours'."""
     _add_laplacian(stencil, weights, values)
 
 
-def roughness(stencil: Stencil, hinges: npt.NDArray[np.int32], corners: Floats, areas: Floats) -> Floats:
+def roughness(stencil: Stencil, hinges: Int32s, corners: Float64s, areas: Float64s) -> Float64s:
     """Values (z,) of R = Σ_hinges (A₁ + A₂) (∂x/∂m₁ + ∂x/∂m₂)²: how much the slope jumps at edges of two faces.
 
     m is the direction within a face square to the edge, away from it: the bracket is |∇₁ − ∇₂| of the faces unfolded
@@ -164,7 +162,7 @@ def _add_jumps(stencil, hinges, corners, areas, values):
                 values[entry(starts, others, place[a], place[b])] += weight * slope[a] * slope[b]
 
 
-def cross_validated(problem: Problem, start: Floats) -> tuple[float, tuple[Floats, Floats]]:
+def cross_validated(problem: Problem, start: Float64s) -> tuple[float, tuple[Float64s, Float64s]]:
     """The α with which a fit of either half of the samples predicts the other best, and the fits of both with it.
 
     Tried are powers of four of the ratio of the two matrices' traces, down from where both weigh alike as long as the
@@ -174,7 +172,7 @@ def cross_validated(problem: Problem, start: Floats) -> tuple[float, tuple[Float
     data, rough = sum(trace(half.values) for half in halves), trace(problem.smoothness)
     unit = data / rough if rough > 0 else 0.0
 
-    def attempt(power: int, starts: tuple[Floats, Floats]) -> tuple[float, int, tuple[Floats, Floats]]:
+    def attempt(power: int, starts: tuple[Float64s, Float64s]) -> tuple[float, int, tuple[Float64s, Float64s]]:
         x, y = (problem.fit(half, unit * _STEP**power, at) for half, at in zip(halves, starts, strict=True))
         return problem.residual(halves[1], x) + problem.residual(halves[0], y), power, (x, y)
 

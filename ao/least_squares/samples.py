@@ -5,12 +5,9 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
 from raytrace.kernel.jit import inline
-
-Floats = npt.NDArray[np.float64]
-Ints = npt.NDArray[np.int64]
+from raytrace.types import Float64s, Int64s
 
 GOLDEN = 0.6180339887498949
 _EVEN = 0.2  # a fifth as many samples again, the same number for every face, so that small ones have some
@@ -31,12 +28,12 @@ class Samples(NamedTuple):
     """
 
     shift: float
-    ends: Floats
-    starts: Ints
-    weights: Floats
+    ends: Float64s
+    starts: Int64s
+    weights: Float64s
 
     @classmethod
-    def spread(cls, areas: Floats, count: int, shift: float) -> Samples:
+    def spread(cls, areas: Float64s, count: int, shift: float) -> Samples:
         """`count` samples over faces of `areas` (m,), above 0, in Morton order."""
         share = areas / areas.sum()
         ends = np.concatenate([[0.0], np.cumsum(share + _EVEN / len(share))])

@@ -5,14 +5,15 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
 from raytrace.kernel.arrays import aligned
+from raytrace.kernel.counting_sort import counting_sort
 from raytrace.kernel.jit import inline, kernel
 from raytrace.kernel.simd import WIDE
 from raytrace.kernel.vector import cross, dot, load, subtract
 from raytrace.mesh.placement import ULP
 from raytrace.system.threads import run_blocks, thread_count
+from raytrace.types import Float32s, Int64s
 
 _BLOCK = 1 << 10  # leaves
 _GROWN = np.float32(1.0 + 2.0**-20)  # half sides, for their rounding
@@ -30,21 +31,20 @@ class BVH16(NamedTuple):
         starts: int64 (levels + 1,), the first node of each level, the lowest one's children being leaves.
     """
 
-    triangles: npt.NDArray[np.float32]
-    boxes: npt.NDArray[np.float32]
-    starts: npt.NDArray[np.int64]
+    triangles: Float32s
+    boxes: Float32s
+    starts: Int64s
 
     @classmethod
-    def of(
-        cls, vertices: npt.NDArray[np.float32], faces: npt.NDArray[np.int64], of_vertex: npt.NDArray[np.int64]
-    ) -> BVH16:
+    def of(cls, vertices: Float32s, faces: Int64s, of_vertex: Int64s) -> BVH16:
         """The tree over `faces` (m, 3) of `vertices` (n, 3).
 
         Args: of_vertex: (n,), each vertex's place in Morton order, −1 for none. Faces are taken in the order of their
             first corners.
         """
-        order = np.empty(len(faces), np.int64)
-        _sort_faces(faces, of_vertex, np.zeros(len(of_vertex) + 2, np.int64), order)
+        first = np.empty(len(faces), np.int64)
+        _first_places(faces, of_vertex, first)
+        order, _ = counting_sort(first, len(of_vertex) + 1)
         leaves = max(-(-len(faces) // WIDE), 1)
         triangles, bounds = aligned((leaves, 10, WIDE), np.float32), np.empty((leaves, 6), np.float32)
 
@@ -68,22 +68,14 @@ class BVH16(NamedTuple):
 
 
 @kernel
-def _sort_faces(faces, of_vertex, first, order):
-    """Order faces by their least corner in Morton order. Args: first: zeros (n + 2,), scratch."""
-    last = len(of_vertex)
-    least = np.empty(len(faces), np.int64)
+def _first_places(faces, of_vertex, out):
+    """Write the least place in Morton order of each face's corners, the number of vertices for a face without any."""
     for f in range(len(faces)):
-        least[f] = last
+        out[f] = len(of_vertex)
         for corner in range(3):
             place = of_vertex[faces[f, corner]]
-            if 0 <= place < least[f]:
-                least[f] = place
-        first[least[f] + 1] += 1
-    for i in range(last + 1):
-        first[i + 1] += first[i]
-    for f in range(len(faces)):
-        order[first[least[f]]] = f
-        first[least[f]] += 1
+            if 0 <= place < out[f]:
+                out[f] = place
 
 
 @kernel

@@ -14,7 +14,6 @@ from math import sqrt
 from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
 from raytrace.kernel.arrays import aligned
 from raytrace.kernel.borrow import borrow
@@ -24,6 +23,7 @@ from raytrace.kernel.simd_masks import first, highest, lane_numbers, some
 from raytrace.kernel.simd_memory import load_row, store_row
 from raytrace.kernel.vector import dot, subtract
 from raytrace.mesh.placement import Placement
+from raytrace.types import Float32s
 
 from ..falloff import Mu
 from ..gather.directions import DirectionTable, choose, turned_frame
@@ -84,14 +84,14 @@ class Horizons:
         share = float(np.mean(1 / (1 + np.minimum(slopes.astype(np.float64), 1e6) ** 2)))  # of rays above, by cosine
         return share**3 * table.samples > self._walk_cost
 
-    def above(self, points: Points, table: DirectionTable) -> npt.NDArray[np.float32]:
+    def above(self, points: Points, table: DirectionTable) -> Float32s:
         """float32 (k, 16), the slopes above which rays from `points` meet nothing; from any thread, once it pays."""
         start = time.perf_counter()
         slopes = self._walk(points, table)
         self.seconds.append(time.perf_counter() - start)
         return slopes
 
-    def _walk(self, points: Points, table: DirectionTable) -> npt.NDArray[np.float32]:
+    def _walk(self, points: Points, table: DirectionTable) -> Float32s:
         slopes = aligned((len(points), WIDE), np.float32)
         small = np.float32(np.clip(3.2 * table.samples ** (-1 / 3), _FINEST, _COARSEST))
         reach = np.float32(self._reach * (1 + 1e-5))
@@ -103,8 +103,8 @@ class Horizons:
 class _Workspace(NamedTuple):
     """Attributes: sectors: `sector_rows`. scratch: float32 (SCRATCH, 16), aligned."""
 
-    sectors: npt.NDArray[np.float32]
-    scratch: npt.NDArray[np.float32]
+    sectors: Float32s
+    scratch: Float32s
 
 
 @kernel

@@ -6,11 +6,11 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
 from raytrace.embree.scene import TriangleScene
 from raytrace.mesh.placement import Placement
 from raytrace.system.threads import run_blocks
+from raytrace.types import Float64s
 
 from ..falloff import Mu
 from ..gather.directions import DirectionTable
@@ -53,7 +53,7 @@ class Tracer:
     skipped: int = 0
     _last: DirectionTable | None = None
 
-    def gather(self, points: Points, samples: int, key: np.uint32) -> npt.NDArray[np.float64]:
+    def gather(self, points: Points, samples: int, key: np.uint32) -> Float64s:
         """Rows (k, COLUMNS) of `gather_hemispheres`: of `points`, by `samples` rays each, directions drawn by `key`."""
         table = self._table(samples, key)
         out, traced = np.empty((len(points), COLUMNS)), np.empty(len(points), np.uint32)
