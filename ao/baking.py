@@ -7,10 +7,10 @@ import warnings
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from raytrace.mesh.mesh import Mesh
 from raytrace.system.memory import check_memory
+from raytrace.types import Bools
 
 from .adaptive.tolerance import ToleranceWarning
 from .falloff import Falloff
@@ -36,7 +36,7 @@ def bake(
     threads: int | None = None,
     normals: Normals = "angle",
     progress: Progress | None = None,
-    only: npt.NDArray[np.bool_] | None = None,
+    only: Bools | None = None,
     tolerance: float | None = None,
     reconstruct: bool = True,
     hidden: Hidden = "auto",

@@ -15,6 +15,7 @@ import numpy.typing as npt
 
 from raytrace.errors import OptionError
 from raytrace.kernel.jit import inline
+from raytrace.types import Float64s
 
 Length = float | str
 DEFAULT_HALF_DISTANCE = "50%"
@@ -71,7 +72,7 @@ class Mu:
     tau: float | None
     max_distance: float
 
-    def __call__(self, distance: npt.ArrayLike) -> npt.NDArray[np.float64]:
+    def __call__(self, distance: npt.ArrayLike) -> Float64s:
         """μ in [0, 1] of distances (…) in mesh units."""
         x = np.asarray(distance, np.float64)
         if self.tau is None:

@@ -5,15 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 import numpy as np
-import numpy.typing as npt
 
 from raytrace.mesh.normals import normalize
+from raytrace.types import Float64s, UInt8s
 
 from .falloff import Mu
 from .gather.receivers import Flag
 from .prepared import Prepared
-
-Floats = npt.NDArray[np.float64]
 
 _REASONS = "open", "duplicate", "no_normal", "not_wanted", "below_face", "predicted", "hidden"
 
@@ -37,10 +35,10 @@ class Bake:
         mu: the falloff used, in mesh units.
     """
 
-    w: Floats
-    error: Floats
-    bent_normals: Floats
-    flags: npt.NDArray[np.uint8]
+    w: Float64s
+    error: Float64s
+    bent_normals: Float64s
+    flags: UInt8s
     rays: int
     rays_skipped: dict[str, int]
     skip_seconds: dict[str, float] = field(compare=False)
@@ -67,9 +65,9 @@ class PointValues:
         samples: rays asked for at a point. rays: rays traced. rays_skipped, skip_seconds: see `Bake`.
     """
 
-    w: Floats
-    error: Floats
-    bent: Floats
+    w: Float64s
+    error: Float64s
+    bent: Float64s
     samples: int
     rays: int
     rays_skipped: dict[str, int]

@@ -8,7 +8,7 @@ from __future__ import annotations
 import numpy as np
 
 from .least_squares.face_moments import BELOW, TRACED
-from .least_squares.fit import fit_values, state
+from .least_squares.fit import build_problems, fit_values
 from .least_squares.patch import Patch, gather_moments, reveal_interiors
 from .prepared import Prepared
 from .result import PointValues
@@ -22,7 +22,7 @@ def fit_to_surface(prepared: Prepared) -> PointValues:
     reveal_interiors(patch, moments, counts)
     traced = counts.sum(axis=0)
     receivers.scene.release()
-    problem, trial = state(patch, moments, prepared.threads)
+    problem, trial = build_problems(patch, moments, prepared.threads)
     del patch, moments, counts
     checkpoint = prepared.checkpoint
     fit = fit_values(problem, trial, checkpoint.once if checkpoint else lambda _, compute: compute())

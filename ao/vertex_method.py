@@ -5,7 +5,8 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-import numpy.typing as npt
+
+from raytrace.types import Bools
 
 from .adaptive.fixed_samples import place_samples, rays_of_corners, sampled, with_corners
 from .adaptive.probes import derive
@@ -68,7 +69,7 @@ def _tracer(prepared: Prepared) -> Tracer:
     return Tracer(scene, placement, prepared.mu, threads, count, horizons, prepared.progress, prepared.checkpoint)
 
 
-def _inside(prepared: Prepared) -> npt.NDArray[np.bool_]:
+def _inside(prepared: Prepared) -> Bools:
     """The points (k,) that are inside a solid, as the option `hidden` defines it."""
     hidden, receivers, threads = prepared.options.hidden, prepared.wanted, prepared.threads
     vertices, reach = prepared.placement.vertices, prepared.placement.diagonal

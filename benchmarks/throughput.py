@@ -20,7 +20,9 @@ import numpy as np
 
 from ao import Binary, Exponential
 from ao.falloff import KernelMu
-from ao.gather.hemisphere import COLUMNS, DirectionTable, RayPacket, choose, gather_hemispheres, turned_frame
+from ao.gather.directions import DirectionTable, choose, turned_frame
+from ao.gather.hemisphere import COLUMNS, gather_hemispheres
+from ao.gather.ray_packet import RayPacket
 from ao.gather.receivers import find_receivers
 from ao.report import versions
 from ao.skip.horizon import NO_HORIZONS

@@ -1,1 +1,1 @@
-"""How many rays at which points: to a tolerance, or as many as given."""
+"""Adaptive sampling: ray counts and points for a tolerance, or a number of rays that is given."""

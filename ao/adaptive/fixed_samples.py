@@ -1,53 +1,54 @@
-"""Estimates from a number of rays that is given, at points and at the corners that stand for some of them."""
+"""Estimates by a given number of rays, at points and at the corners that stand for some of them."""
 
 from __future__ import annotations
 
 from dataclasses import replace
 
 import numpy as np
-import numpy.typing as npt
 
 from raytrace.sampling.hash import mix_array as mix
+from raytrace.types import Int64s
 
 from ..denoise.one_ring import Neighbours
-from ..denoise.shrinkage import judged, moderated, reconstruct, shared_out
+from ..denoise.shrinkage import calibration_factor, denoise, distribute_variance, shrunk_to_mean
 from ..gather.corners import Corners
+from ..gather.hemisphere import BATCH_VARIANCE, BENT, VALUES, W
 from ..gather.points import Points
 from ..trace.tracer import Tracer
 from .ray_budget import sampling_variance
 from .tolerance import Estimate
 
-Ints = npt.NDArray[np.int64]
-
 _CALIBRATION_SHARE = 32
 _CALIBRATION_LEAST = 128
 _PLACE_SHARE = 8  # of the rays that a point gets, for each of some 18 places about a corner: they err as much together
-_PLACE_SHARE_RAW = 3  # where points are drawn to neighbours besides
+_PLACE_SHARE_RAW = 3  # where points are denoised besides
 
 
 def sampled(tracer: Tracer, points: Points, neighbours: Neighbours | None, samples: int, key: np.uint32) -> Estimate:
-    """Every point with `samples` rays, some twice to learn the error; drawn to `neighbours` if they are given."""
+    """Every point with `samples` rays, some twice to calibrate the error; denoised if `neighbours` are given."""
     calibration = _calibration_subset(len(points))
     tracer.expected = tracer.rays + samples * (len(points) + len(calibration))
     rows = tracer.gather(points, samples, key)
-    again = tracer.gather(points[calibration], samples, mix([key ^ np.uint32(0xA5A5A5A5)])[0])[:, 0]
-    w = rows[:, 0]
+    again = tracer.gather(points[calibration], samples, mix([key ^ np.uint32(0xA5A5A5A5)])[0])[:, W]
+    w = rows[:, W]
     level = sampling_variance(w[calibration], again, samples)
-    if len(points) and not rows[:, 1].any() and (w == w[0]).all():  # of n rays that agree, the next may not (Laplace)
+    spread = rows[:, BATCH_VARIANCE]
+    if len(points) and not spread.any() and (w == w[0]).all():  # of n rays that agree, the next may not (Laplace)
         level = min(level, tracer.rays**-2.0)
+    raw = Estimate(rows[:, VALUES], shrunk_to_mean(distribute_variance(spread, level)), samples, 0)
     if neighbours is None:
-        return Estimate(rows[:, [0, 2, 3, 4]], moderated(shared_out(rows[:, 1], level)), samples, 0)
-    drawn, error = reconstruct(neighbours, points, rows, level)
-    before, after = ((values[calibration] - again) ** 2 for values in (w, drawn))
+        return raw
+    denoised, error = denoise(neighbours, points, rows, level)
+    before, after = ((values[calibration] - again) ** 2 for values in (w, denoised))
     if float(np.sum(after - before)) >= 0:
-        return Estimate(rows[:, [0, 2, 3, 4]], moderated(shared_out(rows[:, 1], level)), samples, 0)
-    error *= judged(error[calibration], after - before / 2, error)
-    return Estimate(np.column_stack([drawn, rows[:, 2:]]), error, samples, 0)
+        return raw
+    error *= calibration_factor(error[calibration], after - before / 2, error)
+    return Estimate(np.column_stack([denoised, rows[:, BENT:]]), error, samples, 0)
 
 
-def place_samples(samples: int, drawn: bool) -> int:
-    """Rays for each place of a corner where points get `samples`, and are `drawn` to their neighbours or are not."""
-    return -(-samples // (_PLACE_SHARE_RAW if drawn else _PLACE_SHARE))
+def place_samples(samples: int, denoised: bool) -> int:
+    """Rays for each place of a corner where points get `samples`, and are denoised or are not."""
+    return -(-samples // (_PLACE_SHARE_RAW if denoised else _PLACE_SHARE))
 
 
 def rays_of_corners(corners: Corners, samples: int) -> int:
@@ -55,7 +56,7 @@ def rays_of_corners(corners: Corners, samples: int) -> int:
     return samples * (len(corners.places) + len(_calibration_subset(len(corners.places))))
 
 
-def with_corners(estimate: Estimate, rows: Ints, found: Estimate, corners: Corners) -> Estimate:
+def with_corners(estimate: Estimate, rows: Int64s, found: Estimate, corners: Corners) -> Estimate:
     """Estimates of all points.
 
     Args: estimate: of the points `rows` (i,). found: of the places of `corners`, which stand for all other points.
@@ -68,7 +69,7 @@ def with_corners(estimate: Estimate, rows: Ints, found: Estimate, corners: Corne
     return replace(estimate, rows=values, variance=variance)
 
 
-def _calibration_subset(count: int) -> Ints:
+def _calibration_subset(count: int) -> Int64s:
     """Evenly spread points to bake a second time with independent directions: one in 32, 128 at least."""
     wanted = min(count, max(_CALIBRATION_LEAST, count // _CALIBRATION_SHARE))
     return np.arange(wanted) * count // max(wanted, 1)

@@ -7,16 +7,15 @@ unbiased measure of its squared error; once the probe is baked, a is part of w a
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
 from raytrace.sampling.hash import mix_array as mix
+from raytrace.types import Bools, Float64s, Int64s
 
 from ..denoise.one_ring import Neighbours
-from ..gather.receivers import Points
+from ..gather.hemisphere import W
+from ..gather.points import Points
 from ..trace.tracer import Tracer
-from .ray_budget import plan, sampling_variance
-
-Floats = npt.NDArray[np.float64]
+from .ray_budget import Pilots, plan, sampling_variance
 
 # runs of pilots, pilots at most, their rays; one point in how many is probed, at least and at most
 _SMALL = 2, 512, 16, 8, 128, 768  # below _ALL points
@@ -28,9 +27,9 @@ class Probes:
     """The points at which the error is measured.
 
     Attributes:
-        rows: int64 (j,), which points. samples: rays of each. raw: float64 (j, 5), one estimate of each, its own if it
-        is baked; other: (j,), an independent one. variance: mean square error of either. all_baked: whether the mesh is
-        so small that all points are baked.
+        rows: int64 (j,), the points. samples: rays of each. raw: float64 (j, COLUMNS), one estimate of each, its own if
+        it is baked; other: (j,), an independent one. variance: mean square error of either. all_baked: whether the mesh
+        is so small that all points are baked.
     """
 
     def __init__(
@@ -39,21 +38,21 @@ class Probes:
         self.all_baked = len(points) < _ALL
         runs, pilots, rays, share, fewest, probes = _SMALL if self.all_baked else _LARGE
         run = min(pilots, max(len(points) // share, 128)) // runs
-        keys = derive(key, 1), derive(key, 2)
-        self.samples = plan(tracer, points, neighbours, runs, run, min(rays, most), aim, most, keys)
-        self.rows = _spread(len(points), int(np.clip(len(points) // share, fewest, probes)))
+        sample = Pilots(runs, run, min(rays, most), (derive(key, 1), derive(key, 2)))
+        self.samples = plan(tracer, points, neighbours, sample, aim, most)
+        self.rows = _stratified_rows(len(points), int(np.clip(len(points) // share, fewest, probes)))
         probed = points[self.rows]
-        self.other = tracer.gather(probed, self.samples, derive(key, 4))[:, 0]
+        self.other = tracer.gather(probed, self.samples, derive(key, 4))[:, W]
         self.raw = tracer.gather(probed, self.samples, key)
-        self.variance = sampling_variance(self.raw[:, 0], self.other, self.samples)
+        self.variance = sampling_variance(self.raw[:, W], self.other, self.samples)
 
-    def squared(self, w: Floats, baked: npt.NDArray[np.bool_]) -> Floats:
+    def squared(self, w: Float64s, baked: Bools) -> Float64s:
         """Unbiased squared error (j,) of `w` (j,), what all points' estimates make of the probed ones.
 
         Args: baked: (j,), which of them have a part in it themselves.
         """
-        own = (w - self.other) ** 2 - (self.raw[:, 0] - self.other) ** 2 / 2
-        return np.where(baked, own, (w - self.raw[:, 0]) * (w - self.other))
+        own = (w - self.other) ** 2 - (self.raw[:, W] - self.other) ** 2 / 2
+        return np.where(baked, own, (w - self.raw[:, W]) * (w - self.other))
 
 
 def derive(key: np.uint32, salt: int) -> np.uint32:
@@ -61,8 +60,8 @@ def derive(key: np.uint32, salt: int) -> np.uint32:
     return mix(mix([salt]) ^ key)[0]
 
 
-def _spread(count: int, wanted: int) -> npt.NDArray[np.int64]:
-    """`wanted` of `count` rows, one from each equal stretch of the curve, all if there are no more."""
+def _stratified_rows(count: int, wanted: int) -> Int64s:
+    """`wanted` of `count` rows, one from each equal stretch of Morton order, all if there are no more."""
     wanted = min(count, wanted)
     chance = np.ldexp(mix(np.arange(wanted, dtype=np.uint32)).astype(np.float64), -32)
     return ((np.arange(wanted) + chance) * (count / max(wanted, 1))).astype(np.int64)

@@ -1,72 +1,75 @@
-"""How many rays a point a tolerance needs, judged by a few runs of neighbouring points baked twice with few rays."""
+"""The number of rays a point that a tolerance needs, estimated from runs of neighbouring points baked twice."""
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
-import numpy.typing as npt
+
+from raytrace.types import Float64s, Int64s
 
 from ..denoise.one_ring import Neighbours
-from ..gather.receivers import Points
+from ..gather.hemisphere import W
+from ..gather.points import Points
 from ..trace.tracer import Tracer
 
 _LEAST = 16  # rays a point
 RATE = 1.5  # the variance of n rays falls as n^−1.5
 _TYPICAL, _PRIOR = 0.09, 8  # variance of n rays · n^1.5, and how many points that is worth: a few may agree by luck
-_GAIN = 1.6  # at most what the raw error may exceed the aim by, for reconstruction to bring it back
+_GAIN = 1.6  # at most what the raw error may exceed the aim by, for denoising to bring it back
 _SHARED = 0.2  # variance of a neighbours' mean, relative to one neighbour's
-_UNTOLD = 0.15  # part of the squared distance from a neighbours' mean that typical predictions leave
-_GAINED = 0.8  # of what drawing all points alike would gain, for roughness is not the same everywhere
+_UNEXPLAINED = 0.15  # part of the squared distance from a neighbours' mean that typical predictions leave
+_GAINED = 0.8  # of what shrinking all points alike would gain, for roughness is not the same everywhere
 _DENSE = 0.5  # squared distance from a neighbours' mean, relative to the aim's, below which few points will be baked
-_APART = 1.5  # times the error of what is drawn there, for predictions between
+_APART = 1.5  # times the error of baked points, for predictions between
 
 
-def plan(
-    tracer: Tracer,
-    points: Points,
-    neighbours: Neighbours,
-    runs: int,
-    run: int,
-    rays: int,
-    aim: float,
-    most: int,
-    keys: tuple[np.uint32, np.uint32],
-) -> int:
-    """Rays a point, up to `most`, for a root mean square error of `aim` once points are drawn to their neighbours.
+class Pilots(NamedTuple):
+    """Points that are baked twice with few rays.
 
-    Args: runs: how many, of `run` points that follow each other along the curve, with `rays` each from either key.
+    Attributes:
+        runs: how many, of `length` points each that follow one another in Morton order.
+        rays: of each point, from either of two keys.
     """
-    pilots = np.arange(min(run, len(points)))
-    starts = np.linspace(0, len(points) - len(pilots), runs).astype(np.int64)
-    rows = np.unique(starts[:, None] + pilots)
-    first, second = (tracer.gather(points[rows], rays, key)[:, 0] for key in keys)
+
+    runs: int
+    length: int
+    rays: int
+    keys: tuple[np.uint32, np.uint32]
+
+
+def plan(tracer: Tracer, points: Points, neighbours: Neighbours, pilots: Pilots, aim: float, most: int) -> int:
+    """Rays a point, up to `most`, for a root mean square error of `aim` once points are denoised."""
+    rays, run = pilots.rays, np.arange(min(pilots.length, len(points)))
+    starts = np.linspace(0, len(points) - len(run), pilots.runs).astype(np.int64)
+    rows = np.unique(starts[:, None] + run)
+    first, second = (tracer.gather(points[rows], rays, key)[:, W] for key in pilots.keys)
     noise = sampling_variance(first, second, rays)
     rough = _roughness(neighbours, rows, first, noise, len(points))
     counts = np.arange(8, most + 8, 8)
     variance = noise * (rays / counts) ** RATE
     if np.isinf(rough):
-        drawn = variance
+        error = variance
     elif rough < _DENSE * aim**2:  # baked points will lie so far apart that predictions err by about as much as they
-        drawn = _APART * _drawn(variance, aim**2 / 2 + _SHARED * variance)
+        error = _APART * _denoised_error(variance, aim**2 / 2 + _SHARED * variance)
     else:
-        drawn = _drawn(variance, _UNTOLD * rough + _SHARED * variance)
-    enough = np.maximum(drawn, variance / _GAIN**2) <= aim**2
+        error = _denoised_error(variance, _UNEXPLAINED * rough + _SHARED * variance)
+    enough = np.maximum(error, variance / _GAIN**2) <= aim**2
     return int(np.clip(counts[np.argmax(enough)] if enough.any() else most, min(_LEAST, most), most))
 
 
-def sampling_variance(first: npt.NDArray[np.float64], second: npt.NDArray[np.float64], rays: int) -> float:
+def sampling_variance(first: Float64s, second: Float64s, rays: int) -> float:
     """Mean square error of either of two independent estimates (k,) with `rays` rays a point."""
     halves = float(np.sum((first - second) ** 2)) / 2
     return (halves + _PRIOR * _TYPICAL * rays**-RATE) / (len(first) + _PRIOR)
 
 
-def _drawn(variance: npt.NDArray[np.float64], told: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
-    """Mean square error of estimates of `variance` drawn to predictions of mean square error `told`."""
-    return variance * (1 - _GAINED * variance / (variance + told))
+def _denoised_error(variance: Float64s, predicted: Float64s) -> Float64s:
+    """Mean square error of estimates of `variance` shrunk to predictions of mean square error `predicted`."""
+    return variance * (1 - _GAINED * variance / (variance + predicted))
 
 
-def _roughness(
-    neighbours: Neighbours, rows: npt.NDArray[np.int64], estimate: npt.NDArray[np.float64], noise: float, count: int
-) -> float:
+def _roughness(neighbours: Neighbours, rows: Int64s, estimate: Float64s, noise: float, count: int) -> float:
     """Mean square distance of w from its neighbours' mean among the points `rows`, without noise; inf if none touch."""
     values = np.full(count, np.nan)
     values[rows] = estimate

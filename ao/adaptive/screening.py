@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ..denoise.one_ring import Neighbours
-from ..denoise.shrinkage import moderated, shared_out
+from ..denoise.shrinkage import distribute_variance, shrunk_to_mean
 from ..gather.receivers import Points
 from ..trace.tracer import Tracer
 from .probes import Probes
@@ -53,7 +53,7 @@ class Screening:
         off = self.estimate[probes.rows] - (probes.raw[:, 0] + probes.other) / 2
         level = float(np.mean(off[known] ** 2)) - probes.variance / 2 if known.any() else 0.0
         usual = probes.variance * (probes.samples / self.samples) ** RATE
-        variance = shared_out(neighbours.smooth(spread, _SPREAD_REACH), max(level, usual / 4))
+        variance = distribute_variance(neighbours.smooth(spread, _SPREAD_REACH), max(level, usual / 4))
         self.variance = np.minimum(variance, _MOST * self.samples**-RATE)
         self._neighbours = neighbours
         self._own = neighbours.own_share()
@@ -73,7 +73,7 @@ class Screening:
         squared = (self.estimate - corrected) ** 2
         excess = smooth(np.where(free, squared - variance * (1 - 2 * part * own), 0.0).astype(np.float32), _REACH)
         excess -= _CERTAIN * np.sqrt(2 * own) * variance
-        error[free] = np.maximum(moderated(error[free], _TYPICAL), excess[free])
+        error[free] = np.maximum(shrunk_to_mean(error[free], _TYPICAL), excess[free])
         return corrected
 
     def outliers(self, predicted: Floats) -> Bools:

@@ -13,8 +13,8 @@ import numpy as np
 import numpy.typing as npt
 
 from ..denoise.one_ring import Neighbours
-from ..denoise.shrinkage import judged, reconstruct
-from ..denoise.upsampling import coarser, fill, owners
+from ..denoise.shrinkage import calibration_factor, denoise
+from ..denoise.upsampling import coarsened, nearest_baked, upsample
 from ..gather.receivers import Points
 from ..trace.tracer import Tracer
 from .probes import Probes, derive
@@ -74,7 +74,7 @@ class _Field:
     """w over all points, from rays at some of them.
 
     Attributes:
-        baked: bool (k,). owner, near, known, cell: `owners` and `coarser` of these. rows: (k, 5), what rays give.
+        baked: bool (k,). owner, near, known, cell: `nearest_baked`, `coarsened` of these. rows: (k, COLUMNS), by rays.
         values: (b, 4), the baked points' reconstructed w and means of μ·direction.
         w: (k,), of all points; error: (k,), its expected square error. mse: the mean of that.
         samples: rays of a baked point; noise: mean square error of what they alone give.
@@ -98,7 +98,7 @@ class _Field:
 
     def _bake(self, which: npt.NDArray[np.bool_]) -> None:
         self._trace(which & ~self.baked)
-        self.owner = owners(self.neighbours, self.baked)
+        self.owner = nearest_baked(self.neighbours, self.baked)
 
     def _trace(self, which: npt.NDArray[np.bool_]) -> None:
         self.baked |= which
@@ -148,10 +148,10 @@ class _Field:
 
     def _reconstruct(self) -> None:
         """Shrink the baked points towards their neighbours, predict the others, and measure the error of all."""
-        self.near, self.known, self.cell = coarser(self.neighbours, self.owner, self.points.normals)
+        self.near, self.known, self.cell = coarsened(self.neighbours, self.owner, self.points.normals)
         raw = self.rows[self.known]
-        drawn, error = reconstruct(self.near, self.points[self.known], raw, self.noise)
-        self.values = np.column_stack([drawn, raw[:, 2:]])
+        denoised, error = denoise(self.near, self.points[self.known], raw, self.noise)
+        self.values = np.column_stack([denoised, raw[:, 2:]])
         residual = np.nan_to_num(raw[:, 0] - self.near.predict(raw[:, 0])) ** 2
         jump = np.inf if self.screening else (_JUMP * self.aim) ** 2
         between = np.maximum(self.near.smooth(np.minimum(residual, jump), 2), error)
@@ -169,7 +169,7 @@ class _Field:
     def _fill(self, wanted: npt.NDArray[np.int64], columns: int = 4) -> Floats:
         """Values (j, columns) at the points `wanted` (j,), from those at the baked ones."""
         values = np.ascontiguousarray(self.values[:, :columns])
-        return fill(self.points, wanted, self.near, self.known, self.cell, values)
+        return upsample(self.points, wanted, self.near, self.known, self.cell, values)
 
     def _rescale(self, probed: Floats, jump: float) -> None:
         """Bring expected squared errors to the level that the probes' w, `probed` (j,), show, `jump` at most each."""
@@ -182,7 +182,7 @@ class _Field:
             chance = 2 * len(expected) * np.mean(self.error[~self.baked] ** 2)
             doubt = float(np.sqrt(np.sum(measured**2) + chance)) if less else 0.0
             self.error[~self.baked] *= (max(float(np.sum(measured)), 0.0) + doubt) / (float(np.sum(expected)) + doubt)
-        self.error *= judged(self.error[rows], squared, self.error)
+        self.error *= calibration_factor(self.error[rows], squared, self.error)
 
     def _doubtful(self, goal: float) -> npt.NDArray[np.bool_]:
         """Points nearer together than baked ones, by half or more, where predictions fail `goal`; lowers the stride."""
@@ -234,8 +234,8 @@ class _Field:
 
     def _lessened(self, more: int) -> float:
         """By what `more` rays multiply the variance of a baked point: lattices of n, m rays are worth n^1.5 + m^1.5."""
-        ours, theirs = (float(n) ** RATE for n in (self.samples, more))
-        return ours / (ours + theirs)
+        now, added = (float(n) ** RATE for n in (self.samples, more))
+        return now / (now + added)
 
     def _deepen(self, more: int) -> None:
         """Give every baked point `more` rays."""

@@ -5,14 +5,16 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
+from raytrace.types import Float64s
 
-def clipped_to_horizon(points: npt.NDArray[np.float64], normal: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+
+def clipped_to_horizon(points: Float64s, normal: Float64s) -> Float64s:
     """The part of a polygon (k, 3) in the half-space x·normal ≥ 0, (j, 3); j = 0 when nothing is left.
 
     Sutherland & Hodgman 1974, against one plane through the origin.
     """
     height = points @ normal
-    kept: list[npt.NDArray[np.float64]] = []
+    kept: list[Float64s] = []
     for a, b, ha, hb in zip(points, np.roll(points, -1, axis=0), height, np.roll(height, -1), strict=True):
         if ha >= 0:
             kept.append(a)

@@ -6,6 +6,8 @@ import numpy as np
 import numpy.typing as npt
 from scipy.special import expn
 
+from raytrace.types import Float64s
+
 # With cosθ = 1/cosh u the integrand is analytic for |Im u| < π/2, so the trapezoidal rule errs by e^(−π²/step) ≈ 1e-17
 # (Trefethen & Weideman 2014, "The exponentially convergent trapezoidal rule", theorem 5.1).
 _STEP = 0.25
@@ -14,7 +16,7 @@ _COSH = np.cosh(_U)
 _WEIGHTS = np.where(_U == 0.0, _STEP / 2, _STEP)
 
 
-def bickley(n: int, x: npt.ArrayLike) -> npt.NDArray[np.float64]:
+def bickley(n: int, x: npt.ArrayLike) -> Float64s:
     """Bickley–Naylor function Ki_n(x) = ∫₀^{π/2} e^(−x/cosθ) cos^{n−1}θ dθ (DLMF 10.43.11).
 
     Args:
@@ -28,7 +30,7 @@ def bickley(n: int, x: npt.ArrayLike) -> npt.NDArray[np.float64]:
     return np.asarray(np.exp(-depth) @ (_WEIGHTS / _COSH**n), dtype=np.float64)
 
 
-def shell(tau: float, near: npt.ArrayLike, far: npt.ArrayLike) -> npt.NDArray[np.float64]:
+def shell(tau: float, near: npt.ArrayLike, far: npt.ArrayLike) -> Float64s:
     """Attenuated depth integral ∫_near^far e^(−τt) near² t⁻³ dt of a plane seen at distances near to far.
 
     It is the inner integral of (1/π)∫ e^(−τd) cosθ dω both for a plane facing the normal at distance `near`

@@ -1,1 +1,1 @@
-"""What neighbouring points tell: shrinkage, and upsampling of points that were not traced."""
+"""Denoising by neighbouring points, and upsampling to points that were not traced."""

@@ -1,18 +1,18 @@
-"""Which points of a mesh are joined by an edge, and means over them that stop at creases."""
+"""The one-ring of every point, the points joined to it by an edge, and means over it that stop at creases."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, TypeVar
+from typing import TypeVar
 
 import numpy as np
 import numpy.typing as npt
 
 from raytrace.kernel.jit import kernel
 from raytrace.system.threads import run_blocks
+from raytrace.types import AnyInts, Bools, Float32s, Float64s, Int32s, Int64s
 
-Floats = npt.NDArray[np.float64]
 Real = TypeVar("Real", np.float32, np.float64)
 _CREASE = 16  # power of n·n' by which a neighbour counts less
 _BLOCK = 1 << 13  # points, about: starting a thread for fewer costs more than it gains
@@ -30,42 +30,42 @@ class Neighbours:
         threads: how many work on means.
     """
 
-    starts: npt.NDArray[np.int64]
-    others: npt.NDArray[np.int32]
-    weights: npt.NDArray[np.float32]
+    starts: Int64s
+    others: Int32s
+    weights: Float32s
     threads: int
 
     @classmethod
-    def of(cls, faces: npt.NDArray[np.integer[Any]], normals: npt.NDArray[np.float32], threads: int) -> Neighbours:
+    def of(cls, faces: AnyInts, normals: Float32s, threads: int) -> Neighbours:
         """Args: faces: (m, 3), rows of points, −1 for a corner that is none. normals: float32 (k, 3), unit."""
         count = len(normals)
         corners = np.bincount(faces.ravel() + 1, minlength=count + 1)[1:]
         listed = np.concatenate([[0], np.cumsum(2 * corners)])
         corner = np.full(listed[-1], -1, np.int32)
-        _list(faces, listed[:-1].copy(), corner)
+        _list_face_edges(faces, listed[:-1].copy(), corner)
         starts, others, weights = (
             np.zeros(count + 1, np.int64),
             np.empty_like(corner),
             np.empty(len(corner), np.float32),
         )
-        _join(listed, corner, starts, others, weights)
+        _merge_edges(listed, corner, starts, others, weights)
         return cls.weighted(starts, others[: starts[-1]].copy(), weights[: starts[-1]].copy(), normals, threads)
 
     @classmethod
     def weighted(
         cls,
-        starts: npt.NDArray[np.int64],
-        others: npt.NDArray[np.int32],
-        weights: npt.NDArray[np.float32],
-        normals: npt.NDArray[np.float32],
+        starts: Int64s,
+        others: Int32s,
+        weights: Float32s,
+        normals: Float32s,
         threads: int,
     ) -> Neighbours:
         """The rings given, their `weights` lessened where the points' `normals`, float32 (k, 3), disagree."""
         found = cls(starts, others, weights, threads)
-        found.each(lambda first, last: _agree(first, last, starts, others, normals, weights))
+        found.each(lambda first, last: _weigh_by_normals(first, last, starts, others, normals, weights))
         return found
 
-    def among(self, which: npt.NDArray[np.bool_]) -> Neighbours:
+    def among(self, which: Bools) -> Neighbours:
         """The same rings, but only points of `which`, bool (k,), count."""
         return Neighbours(self.starts, self.others, self.weights * which[self.others], self.threads)
 
@@ -90,18 +90,18 @@ class Neighbours:
         self.each(lambda first, last: means(first, last, self.starts, self.others, self.weights, values, own, out))
         return out
 
-    def own(self) -> Floats:
+    def own(self) -> Float64s:
         """The share (k,) that a point's own value has in its mean with the neighbours'."""
         out = np.empty(len(self.starts) - 1)
         self.each(lambda first, last: _own(first, last, self.starts, self.weights, out))
         return out
 
-    def own_share(self) -> Floats:
+    def own_share(self) -> Float64s:
         """About the share (k,) that a point's own value has after four rounds of `smooth`, for valences from 1 to 8."""
         own = self.own()
         return own * (1 + own) / 2
 
-    def returned(self) -> Floats:
+    def returned(self) -> Float64s:
         """The share (k,) that a point's own value has in the mean of its own and its neighbours' predictions."""
         whole, out = 1 / self.own() - 1, np.empty(len(self.starts) - 1)
         self.each(lambda first, last: _returned(first, last, self.starts, self.others, self.weights, whole, out))
@@ -109,7 +109,7 @@ class Neighbours:
 
 
 @kernel
-def _list(faces, ends, corner):
+def _list_face_edges(faces, ends, corner):
     for f in range(len(faces)):
         for k in range(3):
             i = faces[f, k]
@@ -121,7 +121,7 @@ def _list(faces, ends, corner):
 
 
 @kernel
-def _join(listed, corner, starts, others, weights):
+def _merge_edges(listed, corner, starts, others, weights):
     """List every neighbour once, weighted by half the number of faces at the edge to it."""
     count = len(starts) - 1
     place = np.full(count, -1, np.int64)
@@ -140,7 +140,7 @@ def _join(listed, corner, starts, others, weights):
 
 
 @kernel
-def _agree(first, last, starts, others, normals, weights):
+def _weigh_by_normals(first, last, starts, others, normals, weights):
     for i in range(first, last):
         for k in range(starts[i], starts[i + 1]):
             cosine = np.float32(0.0)
@@ -155,27 +155,27 @@ def _means(first, last, starts, others, weights, values, own, out):
     columns = values.shape[1]
     difference = np.zeros(columns, values.dtype)
     for i in range(first, last):
-        weight, mine = own, values[i]
+        weight, centre = own, values[i]
         difference[:] = 0.0
         for k in range(starts[i], starts[i + 1]):
-            w, theirs = np.float64(weights[k]), values[others[k]]
+            w, value = np.float64(weights[k]), values[others[k]]
             weight += w
             for c in range(columns):
-                difference[c] += w * (theirs[c] - mine[c])
+                difference[c] += w * (value[c] - centre[c])
         for c in range(columns):
-            out[i, c] = mine[c] + difference[c] / weight if weight > 1e-6 else np.nan
+            out[i, c] = centre[c] + difference[c] / weight if weight > 1e-6 else np.nan
 
 
 @kernel
 def _mean(first, last, starts, others, weights, values, own, out):
     """`_means` of one column, in a register."""
     for i in range(first, last):
-        weight, difference, mine = own, 0.0, values[i]
+        weight, difference, centre = own, 0.0, values[i]
         for k in range(starts[i], starts[i + 1]):
             w = np.float64(weights[k])
             weight += w
-            difference += w * (values[others[k]] - mine)
-        out[i] = mine + difference / weight if weight > 1e-6 else np.nan
+            difference += w * (values[others[k]] - centre)
+        out[i] = centre + difference / weight if weight > 1e-6 else np.nan
 
 
 @kernel

@@ -1,30 +1,29 @@
-"""What neighbouring vertices tell about each other: estimates drawn towards a prediction by what it is worth.
+"""Denoising: estimates are shrunk towards a leave-one-out prediction from their neighbours (James–Stein weights).
 
 Each point has an estimate y of variance σ² and a prediction p of mean square error t², made without y. The linear
 combination of least risk is y + σ²/(σ² + t²) (p − y) (Bates & Granger 1969; with t² taken from the data, James & Stein
 1961). E(y − p)² = σ² + t² wherever the two errors are independent, so t² is what the squared residuals around a point
 have beyond σ². As samples grow, σ² vanishes before t² and the estimate is left alone. Of a prediction that a small part
-h of y has gone into, E(y − w)(p − w) = h σ²: what is drawn then errs by σ² (1 − s (1 − 2 h)) where a share s is drawn.
+h of y has gone into, E(y − w)(p − w) = h σ²: shrunk by a share s, y then errs by σ² (1 − s (1 − 2 h)).
 
 The prediction is the mean over the neighbours, corrected for what makes a vertex differ from them: how it leans
-towards what is closed around it, and how far its neighbours stand above its tangent plane. How much each tells is
-fitted by least squares, to the whole mesh and then to the surroundings of each point.
+towards what is closed around it, and how far its neighbours stand above its tangent plane. The coefficients are fitted
+by least squares, to the whole mesh and then to the surroundings of each point.
 """
 
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
 from raytrace.kernel.arrays import product
 from raytrace.kernel.jit import kernel
 from raytrace.kernel.vector import add, cross, dot, load, scale
+from raytrace.types import Float64s
 
-from ..gather.hemisphere import BATCHES
-from ..gather.receivers import Points
+from ..gather.directions import BATCHES
+from ..gather.hemisphere import BATCH_VARIANCE, BENT, W
+from ..gather.points import Points
 from .one_ring import Neighbours
-
-Floats = npt.NDArray[np.float64]
 
 _SPREAD_REACH = 3  # edges over which the spread between batches is averaged
 _REACH = 4  # and squared residuals
@@ -36,55 +35,57 @@ _RIDGE, _RIDGE_POINTS = 3e-3, 10.0
 _USUAL, _DOUBT = 1.0, 0.3  # factor by which expected squared errors are off, and its standard deviation
 
 
-def reconstruct(neighbours: Neighbours, points: Points, rows: Floats, level: float) -> tuple[Floats, Floats]:
-    """w (k,) drawn towards what neighbours tell, and the mean square error expected of each, (k,).
+def denoise(neighbours: Neighbours, points: Points, rows: Float64s, level: float) -> tuple[Float64s, Float64s]:
+    """w (k,) shrunk towards its predictions, and the mean square error expected of each, (k,).
 
-    Where all rays around a point agree, nothing is drawn.
+    Where all rays around a point agree, nothing is shrunk.
 
-    Args: rows: (k, 5), as `ao.gather.hemisphere.gather` makes them. level: mean square error of rows[:, 0].
+    Args: rows: (k, COLUMNS), see `gather_hemispheres`. level: mean square error of their w.
     """
-    estimate, spread = rows[:, 0], neighbours.smooth(rows[:, 1], _SPREAD_REACH)
-    variance = shared_out(spread, level)
+    estimate, spread = rows[:, W], neighbours.smooth(rows[:, BATCH_VARIANCE], _SPREAD_REACH)
+    variance = distribute_variance(spread, level)
     prediction, part = _prediction(neighbours, points, rows, variance)
-    lonely = np.isnan(prediction)
-    residual = np.where(lonely, 0.0, estimate - prediction)
+    isolated = np.isnan(prediction)
+    residual = np.where(isolated, 0.0, estimate - prediction)
     squared = residual**2
     beyond = neighbours.smooth(squared - variance, _REACH)
     error = np.maximum(np.maximum(beyond, squared - _OUTLIER * variance), 0.01 * variance)
-    told = ~lonely & (variance > 0) & (spread > 0)
-    share = np.where(told, variance / np.where(told, variance + error, 1.0), 0.0)
-    return estimate - share * residual, moderated(variance * (1 - share * (1 - 2 * part)))
+    usable = ~isolated & (variance > 0) & (spread > 0)
+    share = np.where(usable, variance / np.where(usable, variance + error, 1.0), 0.0)
+    return estimate - share * residual, shrunk_to_mean(variance * (1 - share * (1 - 2 * part)))
 
 
-def _prediction(neighbours: Neighbours, points: Points, rows: Floats, variance: Floats) -> tuple[Floats, Floats]:
-    """What each estimate is by its neighbours', (k,), NaN without; and which part it has in that itself, (k,)."""
-    estimate, normals = rows[:, 0], points.normals.astype(np.float64)
-    closed = 2 / 3 * normals - rows[:, 2:5]  # mean of (1 − μ)·direction
-    told = neighbours.predict(np.column_stack([estimate, closed]))
-    ring = told[:, 0].copy()
-    lonely = np.isnan(ring)
-    told[lonely] = np.column_stack([estimate, closed])[lonely]
-    wide = neighbours.smooth(told, 1)
+def _prediction(
+    neighbours: Neighbours, points: Points, rows: Float64s, variance: Float64s
+) -> tuple[Float64s, Float64s]:
+    """Predictions from the neighbours, (k,), NaN without any; and the part that each estimate has in its own, (k,)."""
+    estimate, normals = rows[:, W], points.normals.astype(np.float64)
+    closed = 2 / 3 * normals - rows[:, BENT:]  # mean of (1 − μ)·direction
+    predicted = neighbours.predict(np.column_stack([estimate, closed]))
+    ring = predicted[:, 0].copy()
+    isolated = np.isnan(ring)
+    predicted[isolated] = np.column_stack([estimate, closed])[isolated]
+    wide = neighbours.smooth(predicted, 1)
     own = neighbours.returned()
     leaning = np.einsum("ij,ij->i", neighbours.smooth(wide[:, 1:], _LEAN_REACH - 1), normals)
     rise = np.empty(len(points))
     starts, others = neighbours.starts, neighbours.others
-    neighbours.each(lambda first, last: _rises(first, last, starts, others, points.origins, points.normals, rise))
+    neighbours.each(lambda first, last: _mean_rises(first, last, starts, others, points.origins, points.normals, rise))
     about = np.column_stack([leaning, rise])
     unlike = np.column_stack(
-        [(wide[:, 0] - own * estimate) / (1 - own) - told[:, 0], about - neighbours.predict(about)]
+        [(wide[:, 0] - own * estimate) / (1 - own) - predicted[:, 0], about - neighbours.predict(about)]
     )
-    unlike[lonely] = 0.0
-    residual = np.where(lonely, 0.0, estimate - ring)
+    unlike[isolated] = 0.0
+    residual = np.where(isolated, 0.0, estimate - ring)
     rough = np.nan_to_num(neighbours.predict(neighbours.smooth(residual**2 - variance, 2)))
     weight = 1 / np.maximum(variance + np.maximum(rough, 0.0), 1e-12)
-    everywhere = product(unlike, _fit(unlike, residual, weight))
+    everywhere = product(unlike, _ridge_regression(unlike, residual, weight))
     around, part = _fitted_around(neighbours, unlike, residual - everywhere, weight)
     return ring + everywhere + around, part
 
 
-def _fit(columns: Floats, target: Floats, weight: Floats) -> Floats:
-    """Coefficients (c,) of weighted least squares, drawn to 0 where few points or like columns leave them open."""
+def _ridge_regression(columns: Float64s, target: Float64s, weight: Float64s) -> Float64s:
+    """Coefficients (c,) of weighted ridge regression: near 0 where few points or like columns leave them open."""
     matrix, right = np.einsum("ki,kj,k->ij", columns, columns, weight), np.einsum("ki,k,k->i", columns, target, weight)
     size = np.sqrt(np.diag(matrix))
     used = size > 0
@@ -94,22 +95,24 @@ def _fit(columns: Floats, target: Floats, weight: Floats) -> Floats:
     return np.where(used, np.linalg.solve(inside, right / size) / size, 0.0)
 
 
-def _fitted_around(neighbours: Neighbours, columns: Floats, target: Floats, weight: Floats) -> tuple[Floats, Floats]:
+def _fitted_around(
+    neighbours: Neighbours, columns: Float64s, target: Float64s, weight: Float64s
+) -> tuple[Float64s, Float64s]:
     """`target` (k,) by least squares from three `columns` (k, 3), fitted anew around each point; its own part in that.
 
-    Coefficients are drawn to 0 as if a typical surrounding had told that.
+    Coefficients are shrunk to 0 as if a typical surrounding had that for a result.
     """
     size = np.sqrt(np.einsum("ki,ki,k->i", columns, columns, weight) / max(len(target), 1))
     scaled = columns / np.where(size > 0, size, 1.0)
     moments, fit, part = np.empty((len(target), 9), np.float32), np.empty(len(target)), np.empty(len(target))
-    neighbours.each(lambda first, last: _products(first, last, scaled, target, weight, moments))
+    neighbours.each(lambda first, last: _weighted_products(first, last, scaled, target, weight, moments))
     around = neighbours.smooth(moments, _FIT_REACH)
-    neighbours.each(lambda first, last: _solutions(first, last, scaled, around, fit, part))
+    neighbours.each(lambda first, last: _local_fits(first, last, scaled, around, fit, part))
     return fit, np.minimum(part * weight * neighbours.own_share(), 0.5)
 
 
 @kernel
-def _products(first, last, columns, target, weight, out):
+def _weighted_products(first, last, columns, target, weight, out):
     for i in range(first, last):
         a, b, c = load(columns, i)
         values = a * a, a * b, a * c, b * b, b * c, c * c, a * target[i], b * target[i], c * target[i]
@@ -118,19 +121,19 @@ def _products(first, last, columns, target, weight, out):
 
 
 @kernel
-def _solutions(first, last, columns, moments, fit, part):
+def _local_fits(first, last, columns, moments, fit, part):
     for i in range(first, last):
         m = moments[i]
         x, y, z = (1.0 + m[0], m[1], m[2]), (m[1], 1.0 + m[3], m[4]), (m[2], m[4], 1.0 + m[5])
         yz, zx, xy = cross(y, z), cross(z, x), cross(x, y)  # columns of the inverse, times the determinant
-        mine, determinant = load(columns, i), dot(x, yz)
-        solved = add(add(scale(mine[0], yz), scale(mine[1], zx)), scale(mine[2], xy))
+        row, determinant = load(columns, i), dot(x, yz)
+        solved = add(add(scale(row[0], yz), scale(row[1], zx)), scale(row[2], xy))
         fit[i] = dot(solved, (m[6], m[7], m[8])) / determinant
-        part[i] = dot(solved, mine) / determinant
+        part[i] = dot(solved, row) / determinant
 
 
 @kernel
-def _rises(first, last, starts, others, origins, normals, out):
+def _mean_rises(first, last, starts, others, origins, normals, out):
     """The mean sine by which neighbours stand above each point's tangent plane, 0 for those below."""
     for i in range(first, last):
         out[i] = 0.0
@@ -145,8 +148,8 @@ def _rises(first, last, starts, others, origins, normals, out):
         out[i] /= max(starts[i + 1] - starts[i], 1)
 
 
-def judged(expected: Floats, squared: Floats, everywhere: Floats) -> float:
-    """By what factor the mean of `expected` squared errors (j,) is off, from unbiased measures of them, `squared` (j,).
+def calibration_factor(expected: Float64s, squared: Float64s, everywhere: Float64s) -> float:
+    """The factor by which `expected` squared errors (j,) are off in the mean, from unbiased measures `squared` (j,).
 
     A measure that scatters much is mistrusted: the mean of it and what is usual, weighted by their variances. So is one
     where few points have most of the error `everywhere`, expected of all (k,), for it may have missed these.
@@ -159,15 +162,15 @@ def judged(expected: Floats, squared: Floats, everywhere: Floats) -> float:
     return float(np.clip(_USUAL + (float(np.mean(squared)) / mean - _USUAL) / (1 + scatter / _DOUBT**2), 1 / 3, 3))
 
 
-def moderated(squared: Floats, typical: float = _TYPICAL) -> Floats:
+def shrunk_to_mean(squared: Float64s, typical: float = _TYPICAL) -> Float64s:
     """Expected squared errors (k,) shrunk towards their mean, for they are uncertain themselves."""
     return squared + typical * (np.mean(squared) - squared) if len(squared) else squared
 
 
-def shared_out(spread: Floats, level: float) -> Floats:
+def distribute_variance(spread: Float64s, level: float) -> Float64s:
     """Variances (k,) of mean `level`, distributed as the `spread` (k,) between each point's batches.
 
-    It is drawn towards its mean by one degree of freedom, so that lucky agreement never reads as certainty.
+    It is shrunk towards its mean by one degree of freedom, so that lucky agreement never reads as certainty.
     """
     typical = float(np.mean(spread)) if len(spread) else 0.0
     if typical == 0:

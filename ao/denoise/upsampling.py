@@ -1,4 +1,4 @@
-"""Baking some points of a dense mesh and telling the others from them.
+"""Upsampling: w at the points of a dense mesh from those of them that are baked.
 
 Every point belongs to the baked point that is nearest along edges, its owner; baked points whose points touch are
 neighbours. A point between baked ones is predicted by the plane through its owner's and its owner's neighbours' values
@@ -7,25 +7,24 @@ neighbours. A point between baked ones is predicted by the plane through its own
 
 from __future__ import annotations
 
-import numpy as np
-import numpy.typing as npt
+from typing import NamedTuple
 
+import numpy as np
+
+from raytrace.kernel.borrow import borrow
+from raytrace.kernel.counting_sort import counting_sort
 from raytrace.kernel.jit import kernel
 from raytrace.system.threads import run_blocks
+from raytrace.types import Bools, Float32s, Float64s, Int32s, Int64s
 
-from ..gather.receivers import Points
+from ..gather.points import Points
 from .one_ring import Neighbours
-
-Floats = npt.NDArray[np.float64]
-Ints = npt.NDArray[np.int64]
-Cells = npt.NDArray[np.int32]
-Bools = npt.NDArray[np.bool_]
 
 _BLOCK = 1 << 14
 _MOST = 32  # baked points that a prediction looks at
 
 
-def owners(neighbours: Neighbours, baked: Bools) -> Ints:
+def nearest_baked(neighbours: Neighbours, baked: Bools) -> Int64s:
     """For each point the nearest of the `baked` ones (k,), by number of edges; −1 where no path leads to one."""
     owner = np.where(baked, np.arange(len(baked)), -1)
     queue = np.empty(len(baked), np.int64)
@@ -48,10 +47,10 @@ def _flood(starts, others, owner, queue, last):
                 last += 1
 
 
-def coarser(neighbours: Neighbours, owner: Ints, normals: npt.NDArray[np.float32]) -> tuple[Neighbours, Ints, Cells]:
+def coarsened(neighbours: Neighbours, owner: Int64s, normals: Float32s) -> tuple[Neighbours, Int64s, Int32s]:
     """Neighbours among the baked points, the baked points (b,), ascending, and which of them owns each point, (k,).
 
-    Args: owner: (k,), as `owners` gives it, ≥ 0 everywhere. normals: float32 (k, 3), of all points.
+    Args: owner: (k,), as `nearest_baked` gives it, ≥ 0 everywhere. normals: float32 (k, 3), of all points.
     """
     baked = np.flatnonzero(owner == np.arange(len(owner)))
     row = np.empty(len(owner), np.int32)
@@ -60,25 +59,12 @@ def coarser(neighbours: Neighbours, owner: Ints, normals: npt.NDArray[np.float32
     if len(baked) == len(owner):
         return neighbours, baked, cell
     starts = np.zeros(len(baked) + 1, np.int64)
-    members = np.empty(len(cell), np.int64)
-    _sort(cell, np.zeros(len(baked) + 1, np.int64), members)
+    members, _ = counting_sort(cell, len(baked))
     others = np.empty(_crossings(neighbours.starts, neighbours.others, cell), np.int32)
     _adjacent(neighbours.starts, neighbours.others, cell, members, starts, others)
     others = others[: starts[-1]].copy()
     alike = np.ones(len(others), np.float32)
     return Neighbours.weighted(starts, others, alike, normals[baked], neighbours.threads), baked, cell
-
-
-@kernel
-def _sort(cell, ends, members):
-    """List the points by their cell, in order."""
-    for i in range(len(cell)):
-        ends[cell[i] + 1] += 1
-    for c in range(len(ends) - 1):
-        ends[c + 1] += ends[c]
-    for i in range(len(cell)):
-        members[ends[cell[i]]] = i
-        ends[cell[i]] += 1
 
 
 @kernel
@@ -96,41 +82,52 @@ def _adjacent(starts, others, cell, members, cell_starts, cell_others):
     seen = np.full(len(cell_starts) - 1, -1, np.int32)
     last = 0
     for i in members:
-        mine = cell[i]
+        here = cell[i]
         for k in range(starts[i], starts[i + 1]):
             if others[k] >= 0:
                 other = cell[others[k]]
-                if other != mine and seen[other] != mine:
-                    seen[other] = mine
+                if other != here and seen[other] != here:
+                    seen[other] = here
                     cell_others[last] = other
                     last += 1
-        cell_starts[mine + 1] = last
+        cell_starts[here + 1] = last
 
 
-def fill(
-    points: Points, wanted: Ints, near: Neighbours, baked: Ints, cell: Cells, values: Floats, variances: int = 0
-) -> Floats:
+def upsample(
+    points: Points, wanted: Int64s, near: Neighbours, baked: Int64s, cell: Int32s, values: Float64s, variances: int = 0
+) -> Float64s:
     """Values (j, c) at the points `wanted` (j,) from those at the baked ones, (b, c), which are kept as they are.
 
     Args:
-        near, baked, cell: as `coarser` gives them.
+        near, baked, cell: as `coarsened` gives them.
         variances: number of columns, the last ones, that are variances of independent values.
     """
     cells, out = cell[wanted], np.empty((len(wanted), values.shape[1]))
+    graph = _BakedPoints(baked, near.starts, near.others)
 
     def work(first: int, last: int) -> None:
         scratch = np.empty((_MOST, 4))
-        _fill(
-            points.origins, points.normals, wanted[first:last], cells[first:last], baked, near.starts, near.others,
-            values, values.shape[1] - variances, scratch, out[first:last],
-        )  # fmt: skip
+        some, owner, rows = wanted[first:last], cells[first:last], out[first:last]
+        _upsample(points.arrays, graph, some, owner, values, values.shape[1] - variances, scratch, rows)
 
     run_blocks(len(wanted), _BLOCK, work, near.threads)
     return out
 
 
+class _BakedPoints(NamedTuple):
+    """Attributes: rows: int64 (b,), of the baked points. starts, others: their `Neighbours`."""
+
+    rows: Int64s
+    starts: Int64s
+    others: Int32s
+
+
 @kernel
-def _fill(origins, normals, wanted, cell, baked, starts, others, values, plain, scratch, out):
+def _upsample(points, graph, wanted, cell, values, plain, scratch, out):
+    """Write values at the points `wanted` (j,), owned by `cell` (j,); the columns from `plain` on are variances."""
+    origins, normals, _ = borrow(points)
+    baked, starts, others = borrow(graph)
+    wanted, cell, values, scratch, out = borrow(wanted), borrow(cell), borrow(values), borrow(scratch), borrow(out)
     for row in range(len(wanted)):
         i = wanted[row]
         o = cell[row]

@@ -1,1 +1,1 @@
-"""A hemisphere at a point: which points, from where, in which directions."""
+"""Hemispheres at points: receivers, ray origins, directions and the estimator."""

@@ -5,145 +5,19 @@ With directions of density cosθ/π the integral is the plain mean of μ, so a f
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 import numpy as np
-import numpy.typing as npt
 
-from raytrace.embree.packets import (
-    DIR_X,
-    DIR_Y,
-    DIR_Z,
-    GEOM_ID,
-    INVALID,
-    LANES,
-    ORG_X,
-    ORG_Y,
-    ORG_Z,
-    TFAR,
-    intersect8,
-    new_packet,
-    occluded8,
-)
-from raytrace.embree.scene import EmbreeScene
+from raytrace.embree.packets import GEOM_ID, INVALID, LANES, TFAR, intersect8, occluded8
 from raytrace.kernel.borrow import borrow
-from raytrace.kernel.jit import inline, kernel
-from raytrace.sampling.hash import mix
-from raytrace.sampling.sequences import jittered_lattice
-from raytrace.sampling.warps import cosine_hemisphere
+from raytrace.kernel.jit import kernel
 
 from ..falloff import exponential_mu
+from .directions import BATCHES, choose, turned_frame
+from .ray_packet import aim, start_from
 
-BATCHES = 6  # the lattice steps by 6 × golden ratio = .708 within a part, as irrational as one can wish
-_TABLE_POINTS = 1 << 18
-_SHARERS = 64  # points to a set at least; they turn it each its own way
-_TOGETHER = 2 * LANES  # rays that share a part of azimuth in the order of a table
-SECTORS = 16  # of azimuth, in each of which a point has a horizon
-_STEEPEST = 50.0  # slope from which on the sector is uncertain, and rays count as no steeper
-
-W, BATCH_VARIANCE, BENT = (
-    0,
-    1,
-    2,
-)  # columns of what is gathered: w, the variance between batches, the mean of μ·direction
+W, BATCH_VARIANCE, BENT = range(3)  # columns of rows: w, the variance between batches, the mean of μ·direction
 COLUMNS = BENT + 3
 VALUES = [W, *range(BENT, COLUMNS)]
-
-
-class RayPacket(NamedTuple):
-    """Eight rays and the Embree scene that they are traced in.
-
-    Attributes:
-        scene: uint64, Embree's handle. rays: float32 (22, 8). valid: int32 (8,). See `raytrace.embree.packets`.
-    """
-
-    scene: np.uint64
-    rays: npt.NDArray[np.float32]
-    valid: npt.NDArray[np.int32]
-
-    @classmethod
-    def of(cls, scene: EmbreeScene) -> RayPacket:
-        """A new packet, all lanes valid."""
-        return cls(scene.handle, *new_packet())
-
-
-class DirectionTable(NamedTuple):
-    """Sets of directions that the points of a mesh draw from, each turned about its own normal.
-
-    Attributes:
-        directions: float32 (sets, 3, samples) about +z, ordered so that the rays of a packet run close together: by
-            sectors of azimuth, then by height; the last is repeated up to a multiple of 8.
-        batches: uint8 (samples,), which of the `BATCHES` interleaved parts of the lattice a direction belongs to;
-            their spread carries the error estimate.
-        mean: float64 (sets, 3), mean direction.
-        sectors: uint8 (sets, samples), slopes: float32 (sets, samples): the part of azimuth that each is in, and
-            z/√(x² + y²).
-        key: uint32 from which each point draws its set and its turn.
-    """
-
-    directions: npt.NDArray[np.float32]
-    batches: npt.NDArray[np.uint8]
-    mean: npt.NDArray[np.float64]
-    sectors: npt.NDArray[np.uint8]
-    slopes: npt.NDArray[np.float32]
-    key: np.uint32
-
-    @property
-    def samples(self) -> int:
-        return len(self.batches)
-
-    @classmethod
-    def make(cls, samples: int, points: int, key: np.uint32) -> DirectionTable:
-        """A table for gathering at `points` points: so many sets that making them costs little beside that."""
-        sets = int(np.clip(_TABLE_POINTS // samples, 8, min(max(points // _SHARERS, 8), 256)))
-        u, v = jittered_lattice(sets, samples, key)
-        part = np.argsort(np.argsort(v[0])) // _TOGETHER
-        order = np.argsort(part, kind="stable")  # u ascends already
-        u, v = u[:, order], v[:, order]
-        directions = cosine_hemisphere(u, v)
-        padded = np.empty((sets, 3, samples + -samples % LANES), np.float32)
-        padded[:, :, :samples], padded[:, :, samples:] = directions, directions[:, :, -1:]
-        sectors, slopes = (v * SECTORS).astype(np.uint8), np.minimum(np.sqrt(1 / u - 1), _STEEPEST).astype(np.float32)
-        return cls(padded, (order % BATCHES).astype(np.uint8), directions.mean(axis=2), sectors, slopes, key)
-
-
-@inline
-def choose(number, key, sets):
-    """A point's direction set and its turn in radians."""
-    chance = mix(mix(number) ^ key)
-    return chance % np.uint32(sets), mix(chance) * (2.0 * np.pi / 4294967296.0)
-
-
-@inline
-def turned_frame(n, turn):
-    """Orthonormal tangents of the unit normal `n` (Duff et al. 2017), turned about it by `turn` radians."""
-    x, y, z = np.float64(n[0]), np.float64(n[1]), np.float64(n[2])
-    sign = 1.0 if z >= 0.0 else -1.0
-    a = -1.0 / (sign + z)
-    b = x * y * a
-    c, s = np.cos(turn), np.sin(turn)
-    tx, ty, tz = 1.0 + sign * x * x * a, sign * b, -sign * x
-    bx, by, bz = b, sign + y * y * a, -y
-    t = np.float32(c * tx + s * bx), np.float32(c * ty + s * by), np.float32(c * tz + s * bz)
-    b2 = np.float32(c * bx - s * tx), np.float32(c * by - s * ty), np.float32(c * bz - s * tz)
-    return t, b2
-
-
-@inline
-def start_from(packet, origin):
-    for lane in range(LANES):
-        packet[ORG_X, lane], packet[ORG_Y, lane], packet[ORG_Z, lane] = origin[0], origin[1], origin[2]
-
-
-@inline
-def aim(packet, local, first, t, b, n, reach):
-    """Turn eight of the directions `local` about +z, (3, samples), into the frame t, b, n; rays of length `reach`."""
-    for lane in range(LANES):
-        x, y, z = local[0, first + lane], local[1, first + lane], local[2, first + lane]
-        packet[DIR_X, lane] = x * t[0] + y * b[0] + z * n[0]
-        packet[DIR_Y, lane] = x * t[1] + y * b[1] + z * n[1]
-        packet[DIR_Z, lane] = x * t[2] + y * b[2] + z * n[2]
-        packet[TFAR, lane] = reach
 
 
 @kernel

@@ -1,41 +1,51 @@
-"""An order of points in which neighbours in space are neighbours in memory (Morton 1966)."""
+"""Morton order (Z-order curve): neighbours in space become neighbours in memory.
+
+Morton 1966, A computer oriented geodetic data base and a new technique in file sequencing.
+"""
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
-import numpy.typing as npt
 
 from raytrace.kernel.jit import inline, kernel
+from raytrace.types import AnyFloats, Int64s
 
-_LEVELS = 10  # cells a side: 2^10
+_COARSE, _FINE = 10, 21  # bits an axis
 
 
-def morton_order(points: npt.NDArray[np.floating[Any]]) -> npt.NDArray[np.int64]:
-    """Rows of `points` (n, 3), finite, along the Z-shaped curve through their bounding cube; ties keep their order."""
+def morton_order(points: AnyFloats) -> Int64s:
+    """Rows of `points` (n, 3), finite, by 2^10 cells a side of their bounding cube; stable."""
     if not len(points):
         return np.zeros(0, np.int64)
     low = np.array([column.min() for column in points.T], np.float64)
     extent = max(float(column.max() - least) for column, least in zip(points.T, low, strict=True))
     codes = np.empty(len(points), np.uint32)
-    _codes(points, low, (2.0**_LEVELS - 1.0) / extent if extent > 0 else 0.0, codes)
+    _codes(points, low, (2.0**_COARSE - 1.0) / extent if extent > 0 else 0.0, codes)
+    return np.argsort(codes, kind="stable")
+
+
+def fine_morton_order(points: AnyFloats) -> Int64s:
+    """`morton_order` of points in [−1, 1], with 2^21 cells a side of that cube."""
+    codes = np.empty(len(points), np.uint64)
+    _codes(points[:, ::-1], np.full(3, -1.0), 2.0 ** (_FINE - 1), codes)
     return np.argsort(codes, kind="stable")
 
 
 @inline
-def _spread(x):
-    """The ten lowest bits of `x`, each followed by two zeros."""
-    x = (x | (x << np.uint32(16))) & np.uint32(0x030000FF)
-    x = (x | (x << np.uint32(8))) & np.uint32(0x0300F00F)
-    x = (x | (x << np.uint32(4))) & np.uint32(0x030C30C3)
-    return (x | (x << np.uint32(2))) & np.uint32(0x09249249)
+def _interleaved(x):
+    """The 21 lowest bits of `x`, each followed by two zeros."""
+    x = (x | (x << np.uint64(32))) & np.uint64(0x1F00000000FFFF)
+    x = (x | (x << np.uint64(16))) & np.uint64(0x1F0000FF0000FF)
+    x = (x | (x << np.uint64(8))) & np.uint64(0x100F00F00F00F00F)
+    x = (x | (x << np.uint64(4))) & np.uint64(0x10C30C30C30C30C3)
+    return (x | (x << np.uint64(2))) & np.uint64(0x1249249249249249)
 
 
 @kernel
 def _codes(points, low, scale, codes):
     for i in range(len(points)):
-        code = np.uint32(0)
+        code = np.uint64(0)
         for axis in range(3):
-            code = (code << np.uint32(1)) | _spread(np.uint32((points[i, axis] - low[axis]) * scale))
+            cell = min(max((points[i, axis] - low[axis]) * scale, 0.0), 2.0**_FINE - 1.0)
+            code = (code << np.uint64(1)) | _interleaved(np.uint64(cell))
         codes[i] = code

@@ -5,16 +5,17 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
-import numpy as np
 import numpy.typing as npt
+
+from raytrace.types import Float32s, UInt32s
 
 
 class PointArrays(NamedTuple):
     """`Points` as kernels take them."""
 
-    origins: npt.NDArray[np.float32]
-    normals: npt.NDArray[np.float32]
-    numbers: npt.NDArray[np.uint32]
+    origins: Float32s
+    normals: Float32s
+    numbers: UInt32s
 
 
 @dataclass(frozen=True, eq=False)
@@ -26,9 +27,9 @@ class Points:
         numbers: uint32 (k,), keys of each point's random choices.
     """
 
-    origins: npt.NDArray[np.float32]
-    normals: npt.NDArray[np.float32]
-    numbers: npt.NDArray[np.uint32]
+    origins: Float32s
+    normals: Float32s
+    numbers: UInt32s
 
     def __len__(self) -> int:
         return len(self.numbers)

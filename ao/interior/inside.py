@@ -28,8 +28,9 @@ from raytrace.kernel.jit import kernel
 from raytrace.system.threads import run_blocks
 
 from ..denoise.one_ring import Neighbours
-from ..denoise.upsampling import coarser, fill, owners
-from ..gather.hemisphere import DirectionTable, aim, choose, start_from, turned_frame
+from ..denoise.upsampling import coarsened, nearest_baked, upsample
+from ..gather.directions import DirectionTable, choose, turned_frame
+from ..gather.ray_packet import aim, start_from
 from ..gather.receivers import Points, Receivers
 from .closed_parts import closed_parts, inside_boxes
 
@@ -99,7 +100,7 @@ class Fill:
     """How points that are not traced get values from those nearest along the surface that are.
 
     Attributes:
-        traced: bool (k,). points: all of them. near, cell: `ao.denoise.upsampling.coarser` of the traced ones.
+        traced: bool (k,). points: all of them. near, cell: `ao.denoise.upsampling.coarsened` of the traced ones.
     """
 
     traced: npt.NDArray[np.bool_]
@@ -110,15 +111,15 @@ class Fill:
     @classmethod
     def of(cls, points: Points, neighbours: Neighbours, inside: npt.NDArray[np.bool_]) -> Fill:
         """Those `inside` (k,) are not traced, unless no path of edges leads out."""
-        owner = owners(neighbours, ~inside)
+        owner = nearest_baked(neighbours, ~inside)
         alone = owner < 0
         owner[alone] = np.flatnonzero(alone)
-        near, _, cell = coarser(neighbours, owner, points.normals)
+        near, _, cell = coarsened(neighbours, owner, points.normals)
         return cls(~inside | alone, points, near, cell)
 
     @property
     def sources(self) -> npt.NDArray[np.bool_]:
-        """Which of the b traced points others are told from: their owners, and the neighbours of these."""
+        """The traced points (b,) from which others are upsampled: their nearest, and the neighbours of these."""
         owning = np.zeros(len(self.near.starts) - 1, np.bool_)
         owning[self.cell[~self.traced]] = True
         sources = owning.copy()
@@ -141,7 +142,7 @@ class Fill:
         away *= np.minimum(1.0, edge[self.cell] / distance)[:, None]
         moved = replace(self.points, origins=(owner + away).astype(np.float32))
         every = np.arange(len(places))
-        return fill(moved, every, self.near, traced, self.cell, np.ascontiguousarray(known), variances=1)
+        return upsample(moved, every, self.near, traced, self.cell, np.ascontiguousarray(known), variances=1)
 
 
 @kernel

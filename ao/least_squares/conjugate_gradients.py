@@ -3,14 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 from scipy.sparse import csr_array
 
 from raytrace.kernel.jit import kernel
 from raytrace.system.threads import run_blocks
-
-Floats = npt.NDArray[np.float64]
-Bools = npt.NDArray[np.bool_]
+from raytrace.types import Bools, Float64s
 
 FINE, COARSE = 1e-6, 1e-4
 _STAGES = COARSE, 1e-5, FINE
@@ -19,12 +16,12 @@ _ROUNDS = 20
 _BLOCK = 1 << 16  # rows
 
 
-def dot(a: Floats, b: Floats) -> float:
+def dot(a: Float64s, b: Float64s) -> float:
     """Σ a_i b_i, by NumPy: BLAS, and with it `scipy.sparse.linalg.cg`, sums in an order that depends on its threads."""
     return float(np.einsum("i,i->", a, b))
 
 
-def multiply(matrix: csr_array, x: Floats, threads: int, out: Floats | None = None) -> Floats:
+def multiply(matrix: csr_array, x: Float64s, threads: int, out: Float64s | None = None) -> Float64s:
     """matrix · x, into `out` if it is given."""
     out = np.empty(len(x)) if out is None else out
     starts, columns = matrix.indptr.view(np.uint32), matrix.indices.view(np.uint32)  # no sign to be minded
@@ -50,12 +47,12 @@ def _multiply(starts, columns, values, x, out):
 
 def solve(
     matrix: csr_array,
-    right: Floats,
-    start: Floats,
+    right: Float64s,
+    start: Float64s,
     free: Bools | None = None,
     tolerance: float = FINE,
     threads: int = 1,
-) -> Floats:
+) -> Float64s:
     """Solve matrix · x = right, positive semidefinite, by conjugate gradients with Jacobi's preconditioner.
 
     Args: start: (n,), where to begin. free: bool (n,), the unknowns to solve for; the others keep their start.
@@ -85,7 +82,9 @@ def solve(
     return x
 
 
-def solve_within(matrix: csr_array, right: Floats, start: Floats, tolerance: float = FINE, threads: int = 1) -> Floats:
+def solve_within(
+    matrix: csr_array, right: Float64s, start: Float64s, tolerance: float = FINE, threads: int = 1
+) -> Float64s:
     """Minimise ½ xᵀ matrix x − xᵀ right over 0 ≤ x ≤ 1, by a primal-dual active set, found roughly first.
 
     Args: as `solve`; tolerance: COARSE or FINE.

@@ -1,4 +1,4 @@
-"""Obscurance over a surface, gathered into the moments of each face from which values at the vertices are fitted.
+"""Moments of obscurance over each face, from which values at the vertices are fitted.
 
 At a point of a face the hemisphere is the one a renderer shades with: about the normal interpolated between the
 vertices, less what lies below the face, which no ray from there can reach.
@@ -9,7 +9,6 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
 from raytrace.embree.packets import DIR_X, DIR_Y, DIR_Z, GEOM_ID, INVALID, LANES, NG_X, NG_Y, NG_Z, TFAR, intersect8
 from raytrace.kernel.borrow import borrow
@@ -18,12 +17,14 @@ from raytrace.mesh.placement import ULP
 from raytrace.ray_origins.offset import OFFSET_ULPS
 from raytrace.sampling.hash import mix
 from raytrace.sampling.warps import cosine_hemisphere
+from raytrace.types import Float32s, Float64s
 
 from ..falloff import exponential_mu
-from ..gather.hemisphere import aim, start_from, turned_frame
+from ..gather.directions import turned_frame
+from ..gather.ray_packet import aim, start_from
 from .samples import GOLDEN, place
 
-HIDDEN = 1e-4  # weight of a sample that sees the back of things; not 0, so that what is buried has a value too
+HIDDEN = 1e-4  # weight of a sample that sees the back of things; not 0, so that hidden faces have a value too
 _MOSTLY = 0.5
 SQUARES, MATRIX, RIGHT, HALF = 0, 1, 7, 10  # of either half of the samples
 BENT, MOMENTS = 2 * HALF, 2 * HALF + 9
@@ -41,7 +42,7 @@ class Lattices(NamedTuple):
         key: uint32 by which samples draw from them.
     """
 
-    directions: npt.NDArray[np.float32]
+    directions: Float32s
     key: np.uint32
 
     @classmethod
@@ -63,9 +64,9 @@ class FaceArrays(NamedTuple):
         corners: float64 (n, 3, 3). normals: float64 (n, 3), unit. axes: float32 (n, 3, 3), unit normals of the corners.
     """
 
-    corners: npt.NDArray[np.float64]
-    normals: npt.NDArray[np.float64]
-    axes: npt.NDArray[np.float32]
+    corners: Float64s
+    normals: Float64s
+    axes: Float32s
 
 
 @inline

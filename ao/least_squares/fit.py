@@ -1,4 +1,4 @@
-"""Values at the vertices from the moments of the faces."""
+"""Values at the vertices, fitted to the moments of the faces."""
 
 from __future__ import annotations
 
@@ -6,9 +6,9 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
 from raytrace.mesh.weld import CREASE
+from raytrace.types import Float64s
 
 from .conjugate_gradients import COARSE, multiply, solve, solve_within
 from .face_moments import BENT, HALF, MATRIX, MOMENTS, RIGHT, SQUARES
@@ -16,50 +16,51 @@ from .patch import Patch
 from .pattern import Stencil, find_hinges
 from .problem import Half, Problem, cross_validated, normal_matrix, right_side, roughness
 
-Floats = npt.NDArray[np.float64]
-Ints = npt.NDArray[np.int64]
-Once = Callable[[str, Callable[[], Floats]], Floats]
+Once = Callable[[str, Callable[[], Float64s]], Float64s]
 
-_TIE = 1e-7
+_LAPLACIAN_WEIGHT = 1e-7
 _RELAXED = 1 / 16
-_RUNS, _RUN = 32, 1 << 13  # stretches of the curve, and faces in each, that stand for all where there are many more
+_RUNS, _RUN = (
+    32,
+    1 << 13,
+)  # stretches of faces in Morton order, and faces in each, that stand for all where there are many more
 
 
 @dataclass(frozen=True, eq=False)
 class Fit:
     """Attributes: w, error: float64 (k,). bent: float64 (k, 3), mean of μ·direction."""
 
-    w: Floats
-    error: Floats
-    bent: Floats
+    w: Float64s
+    error: Float64s
+    bent: Float64s
 
 
-def state(patch: Patch, moments: Floats, threads: int) -> tuple[Problem, Problem]:
+def build_problems(patch: Patch, moments: Float64s, threads: int) -> tuple[Problem, Problem]:
     """The problem, and one like it, or itself, that is small enough to be solved many times.
 
-    Args: moments: (m, 29), as `gather` gives them.
+    Args: moments: (m, 29), see `gather_faces`.
     """
     diagonal = MATRIX + np.array([0, 3, 5])
     trace = sum(float(moments[:, column].sum()) for column in (*diagonal, *(HALF + diagonal)))
-    ties = _TIE * trace / max(float(patch.areas.sum()), 1e-300) * patch.areas
-    whole = _problem(patch, moments, ties, threads)
+    laplacian = _LAPLACIAN_WEIGHT * trace / max(float(patch.areas.sum()), 1e-300) * patch.areas
+    whole = _build_problem(patch, moments, laplacian, threads)
     if len(moments) <= 2 * _RUNS * _RUN:
         return whole, whole
     starts = np.arange(_RUNS) * (len(moments) - _RUN) // (_RUNS - 1)
     some = (starts[:, None] + np.arange(_RUN)).ravel()
-    return whole, _problem(patch.part(some), moments[some], ties[some], threads)
+    return whole, _build_problem(patch.part(some), moments[some], laplacian[some], threads)
 
 
 def fit_values(problem: Problem, trial: Problem, once: Once) -> Fit:
     """Fit 1 − w, so that where nothing is closed w is exactly 1.
 
-    Args: problem, trial: from `state`. once: called with what is long to compute, and a name of it.
+    Args: problem, trial: from `build_problems`. once: called with what is long to compute, and a name of it.
     """
 
-    def fit_halves() -> Floats:
-        alpha, fits = cross_validated(trial, _level(trial))
+    def fit_halves() -> Float64s:
+        alpha, fits = cross_validated(trial, _constant_fit(trial))
         if trial is not problem:
-            start = _level(problem)
+            start = _constant_fit(problem)
             fits = problem.fit(problem.halves[0], alpha, start), problem.fit(problem.halves[1], alpha, start)
         return np.concatenate([[alpha], *fits])
 
@@ -68,7 +69,7 @@ def fit_values(problem: Problem, trial: Problem, once: Once) -> Fit:
     right, data = even.right + odd.right, even.values + odd.values
     variance = _local_mean(stencil, data, (np.clip(first, 0, 1) - np.clip(second, 0, 1)) ** 2 / 4, threads)
 
-    def fit_all() -> tuple[Floats, Floats]:
+    def fit_all() -> tuple[Float64s, Float64s]:
         matrix = problem.system(data, alpha[0])
         closed = once("closed", lambda: solve_within(matrix, right, (first + second) / 2, threads=threads))
         zeros = np.zeros(len(right))
@@ -83,9 +84,9 @@ def fit_values(problem: Problem, trial: Problem, once: Once) -> Fit:
     return Fit(1 - closed, np.sqrt(variance + (closed - relaxed) ** 2), bent)
 
 
-def _problem(patch: Patch, moments: Floats, ties: Floats, threads: int) -> Problem:
-    hinges = find_hinges(patch.seats, patch.normals, CREASE, patch.unknowns)
-    stencil = Stencil.of(patch.seats, hinges, patch.unknowns)
+def _build_problem(patch: Patch, moments: Float64s, laplacian: Float64s, threads: int) -> Problem:
+    hinges = find_hinges(patch.face_points, patch.normals, CREASE, patch.unknowns)
+    stencil = Stencil.of(patch.face_points, hinges, patch.unknowns)
     even, odd = (
         Half(
             normal_matrix(stencil, moments[:, a + MATRIX : a + RIGHT]),
@@ -95,17 +96,19 @@ def _problem(patch: Patch, moments: Floats, ties: Floats, threads: int) -> Probl
         for a in (0, HALF)
     )
     bent = np.stack([right_side(stencil, moments[:, a : a + 3]) for a in range(BENT, MOMENTS, 3)])
-    return Problem(stencil, (even, odd), roughness(stencil, hinges, patch.corners, patch.areas), ties, bent, threads)
+    return Problem(
+        stencil, (even, odd), roughness(stencil, hinges, patch.corners, patch.areas), laplacian, bent, threads
+    )
 
 
-def _level(problem: Problem) -> Floats:
-    """All vertices alike: where to start."""
+def _constant_fit(problem: Problem) -> Float64s:
+    """The best fit of one value to all vertices, to start from."""
     right, mass = (sum(part) for part in zip(*((h.right.sum(), h.values.sum()) for h in problem.halves), strict=True))
     return np.full(problem.bent.shape[1], right / max(mass, 1e-300))
 
 
-def _local_mean(stencil: Stencil, data: Floats, values: Floats, threads: int) -> Floats:
-    """Means of `values` (k,) over each vertex and its neighbours, drawn towards that of all by a tenth."""
+def _local_mean(stencil: Stencil, data: Float64s, values: Float64s, threads: int) -> Float64s:
+    """Means of `values` (k,) over each vertex and its neighbours, shrunk towards that of all by a tenth."""
     weights = stencil.matrix(data)
     mass, sums = (multiply(weights, x, threads) for x in (np.ones(len(values)), values))
     local = np.where(mass > 0, sums / np.where(mass > 0, mass, 1.0), values)

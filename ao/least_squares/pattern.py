@@ -1,103 +1,92 @@
-"""Sparse symmetric matrices over the corners of faces, all with one pattern: sums of them are sums of arrays."""
+"""The sparsity pattern that all matrices of a fit share, so that their sums are sums of arrays."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 from scipy.sparse import csr_array
 
+from raytrace.kernel.counting_sort import counting_sort
 from raytrace.kernel.jit import inline, kernel
-
-Floats = npt.NDArray[np.float64]
-Numbers = npt.NDArray[np.int32]
+from raytrace.types import Float64s, Int32s
 
 
-@dataclass(frozen=True, eq=False)
-class Stencil:
-    """Which unknowns meet: those of one face, and those of two faces at a hinge.
+class Stencil(NamedTuple):
+    """The pairs of unknowns that meet: those of one face, and those opposite each other at a hinge.
 
     Attributes:
-        seats: int32 (m, 3), the unknown at each corner of each face.
+        face_points: int32 (m, 3), the unknown at each corner of each face.
         starts: int32 (n + 1,), others: int32 (z,): unknowns that meet each, itself among them, ascending, as the
             indptr and indices of a `scipy.sparse.csr_array`.
     """
 
-    seats: Numbers
-    starts: Numbers
-    others: Numbers
+    face_points: Int32s
+    starts: Int32s
+    others: Int32s
 
     @classmethod
-    def of(cls, seats: Numbers, hinges: Numbers, count: int) -> Stencil:
-        """Args: seats: as above. hinges: as `find_hinges` gives them. count: how many unknowns there are."""
+    def of(cls, face_points: Int32s, hinges: Int32s, count: int) -> Stencil:
+        """Args: face_points: as above. hinges: as `find_hinges` gives them. count: how many unknowns there are."""
         starts = np.zeros(count + 1, np.int64)
-        _count_meetings(seats, hinges, starts)
+        _count_meetings(face_points, hinges, starts)
         others = np.empty(starts[-1], np.int32)
-        _list_meetings(seats, hinges, starts[:-1].copy(), others)
+        _list_meetings(face_points, hinges, starts[:-1].copy(), others)
         size = _sort_rows(starts, others)
-        return cls(seats, starts.astype(np.int32), others[:size].copy())
+        return cls(face_points, starts.astype(np.int32), others[:size].copy())
 
-    def zeros(self) -> Floats:
+    def zeros(self) -> Float64s:
         """Values (z,) of a matrix to add to."""
         return np.zeros(len(self.others))
 
-    def matrix(self, values: Floats) -> csr_array:
+    def matrix(self, values: Float64s) -> csr_array:
         """The matrix (n, n) with `values` (z,), which it keeps."""
         count = len(self.starts) - 1
         return csr_array((values, self.others, self.starts), shape=(count, count))
 
 
-def find_hinges(seats: Numbers, normals: Floats, agreement: float, count: int) -> Numbers:
-    """The smooth edges of exactly two faces, (h, 2): opposite which corner in `seats.ravel()` each is, in either face.
+def find_hinges(face_points: Int32s, normals: Float64s, agreement: float, count: int) -> Int32s:
+    """The smooth edges of exactly two faces, (h, 2): in either face the corner in `face_points.ravel()` opposite to it.
 
     Args: normals: (m, 3), unit. agreement: the cosine below which they make an edge hard. count: of unknowns.
     """
-    starts, halves = np.zeros(count + 1, np.int64), np.empty(seats.size, np.int32)
-    _sort_halves(seats, starts, halves)
-    hinges = np.empty((seats.size // 2, 2), np.int32)
-    return hinges[: _find_hinges(seats, normals, agreement, starts, halves, hinges)].copy()
+    lower = np.empty(face_points.size, np.int32)
+    _lower_ends(face_points, lower)
+    half_edges, starts = counting_sort(lower, count)
+    hinges = np.empty((face_points.size // 2, 2), np.int32)
+    return hinges[: _match_halves(face_points, normals, agreement, starts, half_edges, hinges)].copy()
 
 
 @inline
-def _ends(seats, half):
-    face, corner = half // 3, half % 3
-    a, b = seats[face, (corner + 1) % 3], seats[face, (corner + 2) % 3]
+def _ends(face_points, half_edge):
+    face, corner = half_edge // 3, half_edge % 3
+    a, b = face_points[face, (corner + 1) % 3], face_points[face, (corner + 2) % 3]
     return min(a, b), max(a, b)
 
 
 @kernel
-def _sort_halves(seats, starts, halves):
-    """Half-edges in the order of their lower unknown, and where each unknown's begin."""
-    for half in range(seats.size):
-        starts[_ends(seats, half)[0] + 1] += 1
-    for i in range(len(starts) - 1):
-        starts[i + 1] += starts[i]
-    for half in range(seats.size):
-        low = _ends(seats, half)[0]
-        halves[starts[low]] = half
-        starts[low] += 1
-    for i in range(len(starts) - 1, 0, -1):
-        starts[i] = starts[i - 1]
-    starts[0] = 0
+def _lower_ends(face_points, out):
+    """Write the lower unknown of each half-edge."""
+    for half_edge in range(face_points.size):
+        out[half_edge] = _ends(face_points, half_edge)[0]
 
 
 @kernel
-def _find_hinges(seats, normals, agreement, starts, halves, hinges):
+def _match_halves(face_points, normals, agreement, starts, half_edges, hinges):
     found = 0
     for low in range(len(starts) - 1):
-        mine = halves[starts[low] : starts[low + 1]]
-        high = np.empty(len(mine), np.int32)
-        for k in range(len(mine)):
-            high[k] = _ends(seats, mine[k])[1]
+        edges = half_edges[starts[low] : starts[low + 1]]
+        high = np.empty(len(edges), np.int32)
+        for k in range(len(edges)):
+            high[k] = _ends(face_points, edges[k])[1]
         order = np.argsort(high, kind="mergesort")
         k = 0
-        while k < len(mine):
+        while k < len(edges):
             end = k + 1
-            while end < len(mine) and high[order[end]] == high[order[k]]:
+            while end < len(edges) and high[order[end]] == high[order[k]]:
                 end += 1
             if end == k + 2 and high[order[k]] != low:
-                one, two = mine[order[k]], mine[order[k + 1]]
+                one, two = edges[order[k]], edges[order[k + 1]]
                 cosine = 0.0
                 for axis in range(3):
                     cosine += normals[one // 3, axis] * normals[two // 3, axis]
@@ -109,37 +98,37 @@ def _find_hinges(seats, normals, agreement, starts, halves, hinges):
 
 
 @inline
-def _opposite(seats, hinges, h):
+def _opposite(face_points, hinges, h):
     one, two = hinges[h, 0], hinges[h, 1]
-    return seats[one // 3, one % 3], seats[two // 3, two % 3]
+    return face_points[one // 3, one % 3], face_points[two // 3, two % 3]
 
 
 @kernel
-def _count_meetings(seats, hinges, starts):
+def _count_meetings(face_points, hinges, starts):
     """Set `starts` (n + 1,) to where rows begin that have room for every meeting, however often it is found."""
-    for f in range(len(seats)):
+    for f in range(len(face_points)):
         for corner in range(3):
-            starts[seats[f, corner] + 1] += 2
+            starts[face_points[f, corner] + 1] += 2
     for h in range(len(hinges)):
-        for i in _opposite(seats, hinges, h):
+        for i in _opposite(face_points, hinges, h):
             starts[i + 1] += 1
     for i in range(len(starts) - 1):
         starts[i + 1] += starts[i] + 1
 
 
 @kernel
-def _list_meetings(seats, hinges, ends, others):
+def _list_meetings(face_points, hinges, ends, others):
     for i in range(len(ends)):
         others[ends[i]] = i
         ends[i] += 1
-    for f in range(len(seats)):
+    for f in range(len(face_points)):
         for corner in range(3):
-            i = seats[f, corner]
+            i = face_points[f, corner]
             for step in range(1, 3):
-                others[ends[i]] = seats[f, (corner + step) % 3]
+                others[ends[i]] = face_points[f, (corner + step) % 3]
                 ends[i] += 1
     for h in range(len(hinges)):
-        i, j = _opposite(seats, hinges, h)
+        i, j = _opposite(face_points, hinges, h)
         others[ends[i]] = j
         ends[i] += 1
         others[ends[j]] = i

@@ -1,4 +1,4 @@
-"""The least-squares problem of surface baking, and how smooth its answer should be.
+"""The least-squares problem of surface baking, its regularisation and the cross-validation of that.
 
 Minimised is Σ_s dA_s (Σ_j b_sj x_j − f_s)² + α xᵀRx (Kavan, Bargteil & Sloan 2011, Least Squares Vertex Baking).
 """
@@ -8,15 +8,14 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 from scipy.sparse import csr_array
 
+from raytrace.kernel.borrow import borrow
 from raytrace.kernel.jit import kernel
+from raytrace.types import Float64s, Int32s
 
 from .conjugate_gradients import COARSE, dot, multiply, solve
 from .pattern import Stencil, entry
-
-Floats = npt.NDArray[np.float64]
 
 _STEP = 4.0
 _SMOOTHEST, _ROUGHEST = 4, -10
@@ -30,64 +29,65 @@ class Half:
         values: float64 (z,), of the matrix. right: float64 (n,). squares: a number.
     """
 
-    values: Floats
-    right: Floats
+    values: Float64s
+    right: Float64s
     squares: float
 
 
 @dataclass(frozen=True, eq=False)
 class Problem:
-    """What is known of x, half of the samples apart from the other, and what is wanted besides.
+    """The normal equations of x from either half of the samples, and the regularisation.
 
     Attributes:
         stencil: of all matrices. halves: of the samples, independent. smoothness: (z,), of R.
-        ties: (m,), weights of the faces' `add_ties`. bent: (3, n), right sides of other fits, of all samples.
-        threads: to solve on.
+        laplacian: (m,), weights of the faces in `add_laplacian`. threads: to solve on.
+        bent: (3, n), right sides of other fits, of all samples.
     """
 
     stencil: Stencil
     halves: tuple[Half, Half]
-    smoothness: Floats
-    ties: Floats
-    bent: Floats
+    smoothness: Float64s
+    laplacian: Float64s
+    bent: Float64s
     threads: int
 
-    def fit(self, half: Half, alpha: float, start: Floats) -> Floats:
+    def fit(self, half: Half, alpha: float, start: Float64s) -> Float64s:
         """x from one half of the samples, roughly."""
         return solve(self.system(half.values, alpha), half.right, start, tolerance=COARSE, threads=self.threads)
 
-    def system(self, data: Floats, alpha: float) -> csr_array:
+    def system(self, data: Float64s, alpha: float) -> csr_array:
         """The matrix of a fit to samples whose normal matrix has the values `data`."""
         values = alpha * self.smoothness
         values += data
-        add_ties(self.stencil, self.ties, values)
+        add_laplacian(self.stencil, self.laplacian, values)
         return self.stencil.matrix(values)
 
-    def misfit(self, half: Half, x: Floats) -> float:
+    def residual(self, half: Half, x: Float64s) -> float:
+        """Sum of squared residuals of `x` (n,) at one half of the samples."""
         image = multiply(self.stencil.matrix(half.values), x, self.threads)
         return dot(x, image) - 2 * dot(x, half.right) + half.squares
 
 
-def normal_matrix(stencil: Stencil, entries: Floats) -> Floats:
+def normal_matrix(stencil: Stencil, entries: Float64s) -> Float64s:
     """Values (z,) of Σ b bᵀ, from the upper triangles `entries` (m, 6) of each face's part."""
     values = stencil.zeros()
-    _add_faces(stencil.starts, stencil.others, stencil.seats, entries, values)
+    _add_faces(stencil, entries, values)
     return values
 
 
-def right_side(stencil: Stencil, entries: Floats) -> Floats:
+def right_side(stencil: Stencil, entries: Float64s) -> Float64s:
     """Σ b f, (n,), from `entries` (m, 3) of each face."""
     out = np.zeros(len(stencil.starts) - 1)
-    _add_corners(stencil.seats, entries, out)
+    _add_corners(stencil.face_points, entries, out)
     return out
 
 
-def add_ties(stencil: Stencil, weights: Floats, values: Floats) -> None:
-    """Add Σ_faces weight Σ_edges (x_i − x_j)² to a matrix: what gives a vertex without samples a neighbour's value."""
-    _add_ties(stencil.starts, stencil.others, stencil.seats, weights, values)
+def add_laplacian(stencil: Stencil, weights: Float64s, values: Float64s) -> None:
+    """Add the graph Laplacian Σ_faces weight Σ_edges (x_i − x_j)², so that vertices without samples get neighbours'."""
+    _add_laplacian(stencil, weights, values)
 
 
-def roughness(stencil: Stencil, hinges: npt.NDArray[np.int32], corners: Floats, areas: Floats) -> Floats:
+def roughness(stencil: Stencil, hinges: Int32s, corners: Float64s, areas: Float64s) -> Float64s:
     """Values (z,) of R = Σ_hinges (A₁ + A₂) (∂x/∂m₁ + ∂x/∂m₂)²: how much the slope jumps at edges of two faces.
 
     m is the direction within a face square to the edge, away from it: the bracket is |∇₁ − ∇₂| of the faces unfolded
@@ -96,17 +96,18 @@ def roughness(stencil: Stencil, hinges: npt.NDArray[np.int32], corners: Floats, 
     Args: hinges: as `find_hinges` gives them. corners: (m, 3, 3). areas: (m,), above 0.
     """
     values = stencil.zeros()
-    _add_jumps(stencil.starts, stencil.others, stencil.seats, hinges, corners, areas, values)
+    _add_jumps(stencil, hinges, corners, areas, values)
     return values
 
 
 @kernel
-def _add_faces(starts, others, seats, entries, values):
-    for f in range(len(seats)):
+def _add_faces(stencil, entries, values):
+    face_points, starts, others = borrow(stencil)
+    for f in range(len(face_points)):
         k = 0
         for a in range(3):
             for b in range(a, 3):
-                i, j = seats[f, a], seats[f, b]
+                i, j = face_points[f, a], face_points[f, b]
                 values[entry(starts, others, i, j)] += entries[f, k]
                 if a != b:
                     values[entry(starts, others, j, i)] += entries[f, k]
@@ -114,10 +115,11 @@ def _add_faces(starts, others, seats, entries, values):
 
 
 @kernel
-def _add_ties(starts, others, seats, weights, values):
-    for f in range(len(seats)):
+def _add_laplacian(stencil, weights, values):
+    face_points, starts, others = borrow(stencil)
+    for f in range(len(face_points)):
         for a in range(3):
-            i, j = seats[f, a], seats[f, (a + 1) % 3]
+            i, j = face_points[f, a], face_points[f, (a + 1) % 3]
             values[entry(starts, others, i, i)] += weights[f]
             values[entry(starts, others, j, j)] += weights[f]
             values[entry(starts, others, i, j)] -= weights[f]
@@ -125,14 +127,15 @@ def _add_ties(starts, others, seats, weights, values):
 
 
 @kernel
-def _add_corners(seats, entries, out):
-    for f in range(len(seats)):
+def _add_corners(face_points, entries, out):
+    for f in range(len(face_points)):
         for corner in range(3):
-            out[seats[f, corner]] += entries[f, corner]
+            out[face_points[f, corner]] += entries[f, corner]
 
 
 @kernel
-def _add_jumps(starts, others, seats, hinges, corners, areas, values):
+def _add_jumps(stencil, hinges, corners, areas, values):
+    face_points, starts, others = borrow(stencil)
     place, slope = np.empty(6, np.int32), np.empty(6)
     for h in range(len(hinges)):
         weight = areas[hinges[h, 0] // 3] + areas[hinges[h, 1] // 3]
@@ -148,10 +151,10 @@ def _add_jumps(starts, others, seats, hinges, corners, areas, values):
                     edge = corners[f, (k + 2) % 3, axis] - corners[f, (k + 1) % 3, axis]
                     product += edge * (corners[f, (c + 2) % 3, axis] - corners[f, (c + 1) % 3, axis])
                 at = 0
-                while at < count and place[at] != seats[f, c]:
+                while at < count and place[at] != face_points[f, c]:
                     at += 1
                 if at == count:
-                    place[at], slope[at] = seats[f, c], 0.0
+                    place[at], slope[at] = face_points[f, c], 0.0
                     count += 1
                 slope[at] += product / (2 * areas[f] * np.sqrt(squared))
         for a in range(count):
@@ -159,7 +162,7 @@ def _add_jumps(starts, others, seats, hinges, corners, areas, values):
                 values[entry(starts, others, place[a], place[b])] += weight * slope[a] * slope[b]
 
 
-def cross_validated(problem: Problem, start: Floats) -> tuple[float, tuple[Floats, Floats]]:
+def cross_validated(problem: Problem, start: Float64s) -> tuple[float, tuple[Float64s, Float64s]]:
     """The α with which a fit of either half of the samples predicts the other best, and the fits of both with it.
 
     Tried are powers of four of the ratio of the two matrices' traces, down from where both weigh alike as long as the
@@ -169,9 +172,9 @@ def cross_validated(problem: Problem, start: Floats) -> tuple[float, tuple[Float
     data, rough = sum(trace(half.values) for half in halves), trace(problem.smoothness)
     unit = data / rough if rough > 0 else 0.0
 
-    def attempt(power: int, starts: tuple[Floats, Floats]) -> tuple[float, int, tuple[Floats, Floats]]:
+    def attempt(power: int, starts: tuple[Float64s, Float64s]) -> tuple[float, int, tuple[Float64s, Float64s]]:
         x, y = (problem.fit(half, unit * _STEP**power, at) for half, at in zip(halves, starts, strict=True))
-        return problem.misfit(halves[1], x) + problem.misfit(halves[0], y), power, (x, y)
+        return problem.residual(halves[1], x) + problem.residual(halves[0], y), power, (x, y)
 
     best = attempt(0, (start, start))
     for way, last in ((-1, _ROUGHEST), (1, _SMOOTHEST)):

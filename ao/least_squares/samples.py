@@ -1,16 +1,13 @@
-"""Where a surface is sampled: points spread evenly by area, in an order in which neighbours follow one another."""
+"""Sample points on a surface, spread evenly by area along the order of its faces."""
 
 from __future__ import annotations
 
 from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
 from raytrace.kernel.jit import inline
-
-Floats = npt.NDArray[np.float64]
-Ints = npt.NDArray[np.int64]
+from raytrace.types import Float64s, Int64s
 
 GOLDEN = 0.6180339887498949
 _EVEN = 0.2  # a fifth as many samples again, the same number for every face, so that small ones have some
@@ -19,25 +16,25 @@ _EVEN = 0.2  # a fifth as many samples again, the same number for every face, so
 class Samples(NamedTuple):
     """A Fibonacci lattice laid over faces one after the other.
 
-    On the way from 0 to `count` sample k lies at k + shift: that names its face and, within it, one coordinate; the
+    Between 0 and `count`, sample k lies at k + shift, which determines its face and, within it, one coordinate; the
     other is the fractional part of k/golden ratio. So samples are evenly spread on each face, whatever their number,
     and over neighbouring faces that hold less than one each.
 
     Attributes:
         shift: in [0, 1).
-        ends: float64 (m + 1,), where each face begins on that way.
+        ends: float64 (m + 1,), where each face begins between 0 and `count`.
         starts: int64 (m + 1,), the first sample on each.
         weights: float64 (m,), the share of the area that a sample on each stands for.
     """
 
     shift: float
-    ends: Floats
-    starts: Ints
-    weights: Floats
+    ends: Float64s
+    starts: Int64s
+    weights: Float64s
 
     @classmethod
-    def spread(cls, areas: Floats, count: int, shift: float) -> Samples:
-        """`count` samples over faces of `areas` (m,), above 0, neighbours beside one another (`along_curve`)."""
+    def spread(cls, areas: Float64s, count: int, shift: float) -> Samples:
+        """`count` samples over faces of `areas` (m,), above 0, in Morton order."""
         share = areas / areas.sum()
         ends = np.concatenate([[0.0], np.cumsum(share + _EVEN / len(share))])
         ends *= count / ends[-1]
@@ -56,23 +53,3 @@ def place(k, shift, begin, end):
     s = np.sqrt(min(max((k + shift - begin) / (end - begin), 0.0), 1.0))
     v = (k * GOLDEN) % 1.0
     return 1.0 - s, s * (1.0 - v), s * v
-
-
-def along_curve(points: Floats) -> Ints:
-    """The order (m,) of points (m, 3) in [−1, 1] along Morton's curve, 21 bits an axis."""
-    code = np.zeros(len(points), np.uint64)
-    for axis in range(3):
-        bits = np.clip((points[:, axis] + 1) * 2.0**20, 0, 2**21 - 1).astype(np.uint64)
-        for shift, mask in _SPREAD:
-            bits = (bits | (bits << np.uint64(shift))) & np.uint64(mask)
-        code |= bits << np.uint64(axis)
-    return np.argsort(code, kind="stable")
-
-
-_SPREAD = (
-    (32, 0x1F00000000FFFF),
-    (16, 0x1F0000FF0000FF),
-    (8, 0x100F00F00F00F00F),
-    (4, 0x10C30C30C30C30C3),
-    (2, 0x1249249249249249),
-)

@@ -1,111 +1,105 @@
-"""Boxes around boxes around triangles, sixteen children to a node, for kernels that ask sixteen at once."""
+"""A bounding volume hierarchy of sixteen axis-aligned bounding boxes (AABB) a node, tested sixteen at once."""
 
 from __future__ import annotations
 
 from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
 from raytrace.kernel.arrays import aligned
+from raytrace.kernel.counting_sort import counting_sort
 from raytrace.kernel.jit import inline, kernel
 from raytrace.kernel.simd import WIDE
 from raytrace.kernel.vector import cross, dot, load, subtract
 from raytrace.mesh.placement import ULP
 from raytrace.system.threads import run_blocks, thread_count
+from raytrace.types import Float32s, Int64s
 
 _BLOCK = 1 << 10  # leaves
 _GROWN = np.float32(1.0 + 2.0**-20)  # half sides, for their rounding
 
 
-class BoxTree(NamedTuple):
-    """Triangles by sixteens, boxes around each sixteen of these, and so on up to one node, the last.
+class BVH16(NamedTuple):
+    """Leaves of sixteen triangles, nodes of sixteen boxes around leaves or nodes, up to one node, the last.
 
     Unused places hold NaN, which compares as false.
 
     Attributes:
-        triangles: float32 (leaves, 10, 16), the corners' coordinates, and how far off Embree may take a flat triangle
-            to be. Boxes are larger by twice that.
+        triangles: float32 (leaves, 10, 16), the corners' coordinates, and the distance by which Embree may misplace a
+            flat triangle. Boxes are larger by twice that.
         boxes: float32 (nodes, 6, 16), centres and half sides of a node's children; levels follow each other upwards.
         starts: int64 (levels + 1,), the first node of each level, the lowest one's children being leaves.
     """
 
-    triangles: npt.NDArray[np.float32]
-    boxes: npt.NDArray[np.float32]
-    starts: npt.NDArray[np.int64]
+    triangles: Float32s
+    boxes: Float32s
+    starts: Int64s
 
     @classmethod
-    def of(
-        cls, vertices: npt.NDArray[np.float32], faces: npt.NDArray[np.int64], of_vertex: npt.NDArray[np.int64]
-    ) -> BoxTree:
+    def of(cls, vertices: Float32s, faces: Int64s, of_vertex: Int64s) -> BVH16:
         """The tree over `faces` (m, 3) of `vertices` (n, 3).
 
-        Args: of_vertex: (n,), each vertex's place along a curve, −1 for none. Faces are taken in the order of their
+        Args: of_vertex: (n,), each vertex's place in Morton order, −1 for none. Faces are taken in the order of their
             first corners.
         """
-        order = np.empty(len(faces), np.int64)
-        _sort(faces, of_vertex, np.zeros(len(of_vertex) + 2, np.int64), order)
+        first = np.empty(len(faces), np.int64)
+        _first_places(faces, of_vertex, first)
+        order, _ = counting_sort(first, len(of_vertex) + 1)
         leaves = max(-(-len(faces) // WIDE), 1)
-        triangles, around = aligned((leaves, 10, WIDE), np.float32), np.empty((leaves, 6), np.float32)
+        triangles, bounds = aligned((leaves, 10, WIDE), np.float32), np.empty((leaves, 6), np.float32)
 
-        def fill(first: int, last: int) -> None:
-            _fill(vertices, faces, order[first * WIDE : last * WIDE], triangles[first:last], around[first:last])
+        def fill_leaves(first: int, last: int) -> None:
+            _fill_leaves(vertices, faces, order[first * WIDE : last * WIDE], triangles[first:last], bounds[first:last])
 
-        run_blocks(leaves, _BLOCK, fill, thread_count(None))
+        run_blocks(leaves, _BLOCK, fill_leaves, thread_count(None))
         levels, starts = [], [0]
         while True:
-            nodes = -(-len(around) // WIDE)
-            level, above = np.empty((nodes, 6, WIDE), np.float32), np.empty((nodes, 6), np.float32)
-            _enclose(around, level, above)
+            nodes = -(-len(bounds) // WIDE)
+            level, parents = np.empty((nodes, 6, WIDE), np.float32), np.empty((nodes, 6), np.float32)
+            _build_level(bounds, level, parents)
             levels.append(level)
             starts.append(starts[-1] + nodes)
             if nodes == 1:
                 break
-            around = above
+            bounds = parents
         boxes = aligned((starts[-1], 6, WIDE), np.float32)
         np.concatenate(levels, out=boxes)
         return cls(triangles, boxes, np.array(starts))
 
 
 @kernel
-def _sort(faces, of_vertex, first, order):
-    """Order faces by their least corner along the curve. Args: first: zeros (n + 2,), scratch."""
-    last = len(of_vertex)
-    least = np.empty(len(faces), np.int64)
+def _first_places(faces, of_vertex, out):
+    """Write the least place in Morton order of each face's corners, the number of vertices for a face without any."""
     for f in range(len(faces)):
-        least[f] = last
+        out[f] = len(of_vertex)
         for corner in range(3):
             place = of_vertex[faces[f, corner]]
-            if 0 <= place < least[f]:
-                least[f] = place
-        first[least[f] + 1] += 1
-    for i in range(last + 1):
-        first[i + 1] += first[i]
-    for f in range(len(faces)):
-        order[first[least[f]]] = f
-        first[least[f]] += 1
+            if 0 <= place < out[f]:
+                out[f] = place
 
 
 @kernel
-def _fill(vertices, faces, order, triangles, around):
-    """Write triangles into leaves and the boxes (leaves, 6), low and high corners, around these."""
+def _fill_leaves(vertices, faces, order, triangles, bounds):
+    """Write triangles into leaves, and the low and high corners of the boxes around these into `bounds` (leaves, 6)."""
     for leaf in range(len(triangles)):
         triangles[leaf] = np.nan
-        around[leaf, :3], around[leaf, 3:] = np.inf, -np.inf
+        bounds[leaf, :3], bounds[leaf, 3:] = np.inf, -np.inf
         for lane in range(min(WIDE, len(order) - leaf * WIDE)):
             corners = faces[order[leaf * WIDE + lane]]
-            off = np.float32(_off(load(vertices, corners[0]), load(vertices, corners[1]), load(vertices, corners[2])))
+            off = np.float32(
+                _deviation(load(vertices, corners[0]), load(vertices, corners[1]), load(vertices, corners[2]))
+            )
             triangles[leaf, 9, lane] = off
             for corner in range(3):
                 for axis in range(3):
                     x = vertices[corners[corner], axis]
                     triangles[leaf, 3 * corner + axis, lane] = x
-                    around[leaf, axis] = min(around[leaf, axis], x - 2 * off)
-                    around[leaf, 3 + axis] = max(around[leaf, 3 + axis], x + 2 * off)
+                    bounds[leaf, axis] = min(bounds[leaf, axis], x - 2 * off)
+                    bounds[leaf, 3 + axis] = max(bounds[leaf, 3 + axis], x + 2 * off)
 
 
 @inline
-def _off(a, b, c):
+def _deviation(a, b, c):
     """A rounding of the longest edge over the sine of the smallest angle."""
     ab, bc, ca = subtract(b, a), subtract(c, b), subtract(a, c)
     normal = cross(ab, bc)
@@ -116,19 +110,19 @@ def _off(a, b, c):
 
 
 @kernel
-def _enclose(around, level, above):
-    """Write the boxes `around` (c, 6) into nodes of sixteen, and the boxes around these."""
+def _build_level(bounds, level, parents):
+    """Write the boxes `bounds` (c, 6) into nodes of sixteen, and the boxes around these into `parents`."""
     for node in range(len(level)):
-        above[node, :3], above[node, 3:] = np.inf, -np.inf
+        parents[node, :3], parents[node, 3:] = np.inf, -np.inf
         for lane in range(WIDE):
             k = node * WIDE + lane
             for axis in range(3):
-                if k >= len(around):
+                if k >= len(bounds):
                     level[node, axis, lane] = level[node, 3 + axis, lane] = np.nan
                     continue
-                low, high = around[k, axis], around[k, 3 + axis]
+                low, high = bounds[k, axis], bounds[k, 3 + axis]
                 centre = np.float32(0.5) * (low + high)
                 level[node, axis, lane] = centre
                 level[node, 3 + axis, lane] = max(high - centre, centre - low) * _GROWN
-                above[node, axis] = min(above[node, axis], low)
-                above[node, 3 + axis] = max(above[node, 3 + axis], high)
+                parents[node, axis] = min(parents[node, axis], low)
+                parents[node, 3 + axis] = max(parents[node, 3 + axis], high)

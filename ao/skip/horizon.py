@@ -1,8 +1,9 @@
-"""Rays that certainly meet nothing, told by a horizon around each point and not traced.
+"""Conservative horizon angles in 16 azimuth sectors; rays above them cannot hit and are counted as misses untraced.
 
-A tree of boxes is walked from each point. What lies below the tangent plane, beyond the distance that counts or beneath
-the horizon so far is passed over, what looks small raises the horizon as the sphere around it, what looks large is
-opened. A horizon never lies lower than what a ray could meet, so that leaving out the rays above it changes no bit.
+Horizon mapping (Max 1988, Horizon Mapping: Shadows for Bump-Mapped Surfaces), here as a bound. The hierarchy is walked
+from each point: nodes below the tangent plane, out of reach or below the horizon so far are skipped, small ones raise
+the horizon as their bounding sphere, large ones are opened. A horizon never lies lower than what a ray could meet, so
+that leaving out the rays above it changes no bit.
 """
 
 from __future__ import annotations
@@ -13,7 +14,6 @@ from math import sqrt
 from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
 from raytrace.kernel.arrays import aligned
 from raytrace.kernel.borrow import borrow
@@ -23,25 +23,27 @@ from raytrace.kernel.simd_masks import first, highest, lane_numbers, some
 from raytrace.kernel.simd_memory import load_row, store_row
 from raytrace.kernel.vector import dot, subtract
 from raytrace.mesh.placement import Placement
+from raytrace.types import Float32s
 
 from ..falloff import Mu
-from ..gather.hemisphere import DirectionTable, choose, turned_frame
-from ..gather.receivers import Points, Receivers
-from .bvh16 import BoxTree
+from ..gather.directions import DirectionTable, choose, turned_frame
+from ..gather.points import Points
+from ..gather.receivers import Receivers
+from .bvh16 import BVH16
 from .horizon_kernels import (
     INFINITE,
     ROUNDED,
     SCRATCH,
     STEEP,
-    around,
-    beneath,
     load_sectors,
-    over_triangles,
+    raise_over_triangles,
     sector_rows,
-    turned,
+    sphere_below,
+    sphere_lanes,
+    to_frame,
 )
 
-_TRIED, _TRIED_SHARE = 64, 16  # points to try what a horizon costs and tells at: at most, and one in how many
+_TRIED, _TRIED_SHARE = 64, 16  # points at which horizons are tried first: at most, and one in how many
 _WALK, _WALK_CLOSEST = 90, 32  # rays in the open that a walk costs as much as: shadow rays, closest hits
 _FINEST, _COARSEST = 0.1, 0.5  # sines of half angles that look small
 _STACK = 1 << 8
@@ -66,30 +68,30 @@ class Horizons:
         self.seconds: list[float] = []
 
     @cached_property
-    def _tree(self) -> BoxTree:
-        return BoxTree.of(self._placement.vertices, self._receivers.faces, self._receivers.of_vertex)
+    def _tree(self) -> BVH16:
+        return BVH16.of(self._placement.vertices, self._receivers.faces, self._receivers.of_vertex)
 
     def pay(self, points: Points, table: DirectionTable) -> bool:
-        """Whether telling horizons costs less than tracing what is above them, tried at some of `points`.
+        """Whether finding horizons costs less than tracing the rays above them, tried at some of `points`.
 
         Where few rays are open they lie among walls, and cost less than in the open: by about the square of that share.
         """
         if table.samples < 2.5 * self._walk_cost or not len(points):
             return False
         start = time.perf_counter()
-        told = self._walk(points[np.arange(0, len(points), max(len(points) // _TRIED, _TRIED_SHARE))], table)
+        slopes = self._walk(points[np.arange(0, len(points), max(len(points) // _TRIED, _TRIED_SHARE))], table)
         self.seconds.append(time.perf_counter() - start)
-        share = float(np.mean(1 / (1 + np.minimum(told.astype(np.float64), 1e6) ** 2)))  # of rays above, by cosine
+        share = float(np.mean(1 / (1 + np.minimum(slopes.astype(np.float64), 1e6) ** 2)))  # of rays above, by cosine
         return share**3 * table.samples > self._walk_cost
 
-    def above(self, points: Points, table: DirectionTable) -> npt.NDArray[np.float32]:
+    def above(self, points: Points, table: DirectionTable) -> Float32s:
         """float32 (k, 16), the slopes above which rays from `points` meet nothing; from any thread, once it pays."""
         start = time.perf_counter()
-        told = self._walk(points, table)
+        slopes = self._walk(points, table)
         self.seconds.append(time.perf_counter() - start)
-        return told
+        return slopes
 
-    def _walk(self, points: Points, table: DirectionTable) -> npt.NDArray[np.float32]:
+    def _walk(self, points: Points, table: DirectionTable) -> Float32s:
         slopes = aligned((len(points), WIDE), np.float32)
         small = np.float32(np.clip(3.2 * table.samples ** (-1 / 3), _FINEST, _COARSEST))
         reach = np.float32(self._reach * (1 + 1e-5))
@@ -101,8 +103,8 @@ class Horizons:
 class _Workspace(NamedTuple):
     """Attributes: sectors: `sector_rows`. scratch: float32 (SCRATCH, 16), aligned."""
 
-    sectors: npt.NDArray[np.float32]
-    scratch: npt.NDArray[np.float32]
+    sectors: Float32s
+    scratch: Float32s
 
 
 @kernel
@@ -110,7 +112,7 @@ def _find_horizons(points, table, tree, reach, small, workspace, out):
     """Write the horizons of points into out, float32 (k, 16), in the frames that `gather_hemispheres` turns.
 
     Args:
-        points: PointArrays. table: DirectionTable. tree: BoxTree. workspace: _Workspace.
+        points: PointArrays. table: DirectionTable. tree: BVH16. workspace: _Workspace.
         reach: how far things count. small: sine of the half angle below which a sphere stands for what is in it.
     """
     origins, normals, numbers = borrow(points)
@@ -133,21 +135,21 @@ def _find_horizons(points, table, tree, reach, small, workspace, out):
             waiting -= 1
             node, level = nodes[waiting], heights[waiting]
             if level == 0:
-                horizon = over_triangles(horizon, triangles[node], origin, frame, reach, small, sectors, scratch)
+                horizon = raise_over_triangles(horizon, triangles[node], origin, frame, reach, small, sectors, scratch)
                 if highest(horizon) > STEEP:
                     break
                 continue
             box = boxes[node]
             d = subtract((load_row(box, 0), load_row(box, 1), load_row(box, 2)), origin)
             half = load_row(box, 3), load_row(box, 4), load_row(box, 5)
-            x, y, z = turned(d, frame)
+            x, y, z = to_frame(d, frame)
             gap = max(abs(d[0]) - half[0], none), max(abs(d[1]) - half[1], none), max(abs(d[2]) - half[2], none)
             radius, away = sqrt(dot(half, half)), sqrt(x * x + y * y)
             height = z + dot(half, (abs(n[0]), abs(n[1]), abs(n[2]))) + ROUNDED * (away + abs(z) + radius)
             above = (height > none) & (dot(gap, gap) <= reach * reach)
             if not some(above):
                 continue
-            x, y, slope, nearness, sine = around(x, y, away, height, radius)
+            x, y, slope, nearness, sine = sphere_lanes(x, y, away, height, radius)
             store_row(scratch, 0, x)
             store_row(scratch, 1, y)
             store_row(scratch, 2, slope)
@@ -158,7 +160,9 @@ def _find_horizons(points, table, tree, reach, small, workspace, out):
                 k = first(above)
                 above = above & (lane_numbers() != np.int32(k))
                 if scratch[4, k] < 1.0:
-                    seen, hidden = beneath(horizon, middle, scratch[0, k], scratch[1, k], scratch[2, k], scratch[3, k])
+                    seen, hidden = sphere_below(
+                        horizon, middle, scratch[0, k], scratch[1, k], scratch[2, k], scratch[3, k]
+                    )
                     if hidden:
                         continue
                     if scratch[4, k] < small:

@@ -1,4 +1,4 @@
-"""Long bakes that survive: traced blocks go to a journal, and a later run copies them instead of tracing them."""
+"""Checkpoints of long bakes: traced blocks go to a journal, from which a later run copies them."""
 
 from __future__ import annotations
 
@@ -21,6 +21,7 @@ from raytrace.embree import library as embree
 from raytrace.errors import InputError, OutputError
 from raytrace.kernel.jit import source_hash
 from raytrace.mesh.placement import Placement
+from raytrace.types import AnyInts, Float64s
 
 from ..gather.receivers import Receivers
 from .journal import Journal, record
@@ -77,7 +78,7 @@ class Checkpoint:
             self._journal.close()
 
     def begin(self, placement: Placement, receivers: Receivers, *settings: object) -> None:
-        """Find out what there is to continue. Args: everything that decides rows; `settings` by their repr."""
+        """Open what there is to continue. Args: everything that decides rows; `settings` by their repr."""
         versions = source_hash(), embree.version(), np.__version__, llvmlite.binding.get_host_cpu_name()
         digest = hashlib.blake2b(repr((versions, placement.scale, placement.diagonal, settings)).encode())
         arrays: list[npt.NDArray[Any]] = [placement.vertices, receivers.faces]
@@ -109,8 +110,8 @@ class Checkpoint:
         if found and found.identity == self._identity:
             self.tell(f"{self.path}: left by an interrupted run; --resume would continue it; starting over")
 
-    def call(self, numbers: npt.NDArray[np.integer[Any]], samples: int, key: np.uint32) -> bytes:
-        """Name of the rays of `samples` directions, drawn by `key`, from what these numbers tell apart: 16 bytes."""
+    def call(self, numbers: AnyInts, samples: int, key: np.uint32) -> bytes:
+        """Name of the rays of `samples` directions, drawn by `key`, at the points of these numbers: 16 bytes."""
         digest = hashlib.blake2b(repr((samples, int(key))).encode(), digest_size=16)
         digest.update(np.ascontiguousarray(numbers).data)
         return digest.digest()
@@ -137,7 +138,7 @@ class Checkpoint:
             content = b"".join(table.tobytes() for table in tables)
             self._pending.append(record((call, first, first + len(tables[0])), content))
 
-    def once(self, name: str, compute: Callable[[], npt.NDArray[np.float64]]) -> npt.NDArray[np.float64]:
+    def once(self, name: str, compute: Callable[[], Float64s]) -> Float64s:
         """What `compute` returns, (k,), unless the journal has it; from the thread that writes."""
         block = hashlib.blake2b(name.encode(), digest_size=16).digest(), 0, 0
         if self._journal and block in self._journal.blocks:

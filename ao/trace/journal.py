@@ -1,4 +1,4 @@
-"""A file of finished blocks of work: appended to, flushed to the disk, held by one process, whole after any crash.
+"""An append-only file of finished blocks of work, locked by one process and readable after any crash.
 
 Not SQLite or HDF5: blocks are only ever appended, and a file that a crash has cut is to be used as far as it is whole.
 100 kills of each of three bakes lost nothing (docs/reliability.md).

@@ -1,4 +1,4 @@
-"""Gathering at many points: blocks of work on threads, the same bits for any number of them."""
+"""Gathering at many points, in blocks on threads, with the same bits for any number of them."""
 
 from __future__ import annotations
 
@@ -6,15 +6,17 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
 from raytrace.embree.scene import TriangleScene
 from raytrace.mesh.placement import Placement
 from raytrace.system.threads import run_blocks
+from raytrace.types import Float64s
 
 from ..falloff import Mu
-from ..gather.hemisphere import COLUMNS, DirectionTable, RayPacket, gather_hemispheres
-from ..gather.receivers import Points
+from ..gather.directions import DirectionTable
+from ..gather.hemisphere import COLUMNS, gather_hemispheres
+from ..gather.points import Points
+from ..gather.ray_packet import RayPacket
 from ..skip.horizon import NO_HORIZONS, Horizons
 from .checkpoint import Checkpoint
 
@@ -26,14 +28,14 @@ Progress = Callable[[int, int], None]
 
 @dataclass(eq=False)
 class Tracer:
-    """A scene to gather in.
+    """A scene in which hemispheres are gathered.
 
     Attributes:
         scene, placement: the mesh in Embree and where it is. mu: the falloff, in mesh units. threads: how many.
         total_points: how many points the whole mesh has, wanted or not.
-        horizons: what tells rays that need no tracing, if anything.
-        progress: called with (rays traced, rays expected in all). checkpoint: what keeps traced rows, if anything.
-        expected: rays expected in all, 0 while nobody has planned them. later: besides, of corners. rays: rays asked
+        horizons: finds rays that need no tracing, or None.
+        progress: called with (rays traced, rays expected in all). checkpoint: keeps traced rows, or None.
+        expected: rays expected in all, 0 while none are planned. later: besides, of corners. rays: rays asked
             for. skipped: those of them that were not traced, now or by the run whose rows were copied.
     """
 
@@ -51,7 +53,7 @@ class Tracer:
     skipped: int = 0
     _last: DirectionTable | None = None
 
-    def gather(self, points: Points, samples: int, key: np.uint32) -> npt.NDArray[np.float64]:
+    def gather(self, points: Points, samples: int, key: np.uint32) -> Float64s:
         """Rows (k, COLUMNS) of `gather_hemispheres`: of `points`, by `samples` rays each, directions drawn by `key`."""
         table = self._table(samples, key)
         out, traced = np.empty((len(points), COLUMNS)), np.empty(len(points), np.uint32)

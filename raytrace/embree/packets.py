@@ -8,11 +8,11 @@ uint32.
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 from numba import types
 
 from ..kernel.arrays import aligned
 from ..kernel.jit import inline
+from ..types import Float32s, Int32s
 from . import library as library  # LLVM knows Embree's functions from then on
 
 LANES = 8
@@ -65,7 +65,7 @@ def occluded16(scene, packet, valid):
     _occluded16(valid.ctypes.data, scene, packet.ctypes.data, packet.ctypes.data + 2 * _ARGUMENTS_AT)
 
 
-def new_packet(lanes: int = LANES, coherent: bool = False) -> tuple[npt.NDArray[np.float32], npt.NDArray[np.int32]]:
+def new_packet(lanes: int = LANES, coherent: bool = False) -> tuple[Float32s, Int32s]:
     """A packet ready for tracing from tnear 0 with no mask, and its `valid` lanes, all on.
 
     Args: lanes: 8 or 16. coherent: whether its rays will run closely side by side, as a camera's do.

@@ -17,7 +17,7 @@ from .packets import INVALID
 from .scene import TriangleScene
 
 _point_query = types.ExternalFunction("rtcPointQuery", types.boolean(*(types.uintp,) * 5))
-HEAD = 2  # before the rows: how many there are, how many have room
+HEAD = 2  # numbers before the rows: how many there are, the capacity
 _PRIM_ID = 2  # RTCPointQueryFunctionArguments: query, userPtr, then primID and geomID in one word
 _USER = 1
 _INSTANCES = 32  # RTCPointQueryContext: two matrices, then the instances' identifiers
@@ -36,7 +36,7 @@ def _array_at(_typing: Any, address: Any) -> Any:
 
 @callback(types.boolean(types.CPointer(types.int64)))
 def _note(arguments):
-    """Note a face's row, or only count it where room is short."""
+    """Note a face's row, or only count it where the array is full."""
     given = numba.carray(arguments, 3)
     head = numba.carray(_array_at(given[_USER]), HEAD)
     if head[0] < head[1]:
@@ -49,12 +49,12 @@ NOTE = int(_note.address)
 
 
 class PointQuery(NamedTuple):
-    """What a query needs: the scene, Embree's arguments, room for the answer. An argument of kernels.
+    """A scene to query, Embree's arguments, and an array for the answer; an argument of kernels.
 
     Attributes:
         scene: uint64, handle of a TriangleScene. note: `NOTE`, which no cached kernel may hold.
         query: float32 (8,), context: uint32 (64,), aligned scratch.
-        near: int64 (HEAD + room,), the answer: how many faces were found, the room, then rows of faces.
+        near: int64 (HEAD + capacity,), the answer: how many faces were found, the capacity, then rows of faces.
     """
 
     scene: np.uint64
@@ -64,9 +64,9 @@ class PointQuery(NamedTuple):
     near: Int64s
 
     @classmethod
-    def of(cls, scene: TriangleScene, room: int) -> PointQuery:
-        """Queries of `scene` with room for so many faces."""
-        near = np.empty(HEAD + room, np.int64)
+    def of(cls, scene: TriangleScene, capacity: int) -> PointQuery:
+        """Queries of `scene` for up to so many faces."""
+        near = np.empty(HEAD + capacity, np.int64)
         return cls(scene.handle, NOTE, aligned((8,), np.float32), aligned((64,), np.uint32), near)
 
 
@@ -74,7 +74,7 @@ class PointQuery(NamedTuple):
 def faces_near(search, point, radius):
     """Write the rows of all faces within `radius` of a point, and of some farther ones, into search.near[HEAD:].
 
-    Returns their number; those that find no room are only counted.
+    Returns their number; those beyond the capacity are only counted.
     Args: search: PointQuery. point: triple of float64.
     """
     query, context, near = search.query, search.context, search.near

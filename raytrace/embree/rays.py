@@ -1,16 +1,17 @@
-"""Rays as plain arrays: closest hits and occlusion for code that is not a kernel."""
+"""Closest hits and occlusion of rays in arrays, for code that is not a kernel."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
 from ..errors import OptionError
+from ..kernel.borrow import borrow
 from ..kernel.jit import inline, kernel
 from ..system.threads import run_blocks, thread_count
+from ..types import Bools, Float32s, Int64s
 from .packets import DIR_X, GEOM_ID, INVALID, LANES, ORG_X, PRIM_ID, TFAR, U, V, intersect8, new_packet, occluded8
 from .scene import TriangleScene
 
@@ -27,30 +28,41 @@ class Hits:
         barycentric: float32 (k, 3), weights of the face's three corners; 0 for a miss.
     """
 
-    distance: npt.NDArray[np.float32]
-    face: npt.NDArray[np.int64]
-    barycentric: npt.NDArray[np.float32]
+    distance: Float32s
+    face: Int64s
+    barycentric: Float32s
+
+
+class _Rays(NamedTuple):
+    """float32: origins, directions (k, 3), reach (k,)."""
+
+    origins: Float32s
+    directions: Float32s
+    reach: Float32s
+
+    def part(self, first: int, last: int) -> _Rays:
+        return _Rays(self.origins[first:last], self.directions[first:last], self.reach[first:last])
 
 
 @inline
-def _load(packet, valid, first, origins, directions, reach):
+def _load(packet, valid, first, rays):
     """Fill a packet with the rays from `first` on; lanes beyond the last are not valid."""
-    count = len(origins)
+    count = len(rays.reach)
     for lane in range(LANES):
         ray = min(first + lane, count - 1)
         valid[lane] = -1 if first + lane < count else 0
         for axis in range(3):
-            packet[ORG_X + axis, lane] = origins[ray, axis]
-            packet[DIR_X + axis, lane] = directions[ray, axis]
-        packet[TFAR, lane] = reach[ray]
+            packet[ORG_X + axis, lane] = rays.origins[ray, axis]
+            packet[DIR_X + axis, lane] = rays.directions[ray, axis]
+        packet[TFAR, lane] = rays.reach[ray]
 
 
 @kernel
-def _closest(scene, packet, valid, origins, directions, reach, distance, face, barycentric):
-    ids = packet.view(np.uint32)
-    count = len(origins)
+def _closest(scene, packet, valid, rays, distance, face, barycentric):
+    rays, ids = borrow(rays), packet.view(np.uint32)
+    count = len(rays.reach)
     for first in range(0, count, LANES):
-        _load(packet, valid, first, origins, directions, reach)
+        _load(packet, valid, first, rays)
         intersect8(scene, packet, valid)
         for lane in range(min(LANES, count - first)):
             if ids[GEOM_ID, lane] != INVALID:
@@ -64,22 +76,24 @@ def _closest(scene, packet, valid, origins, directions, reach, distance, face, b
 
 
 @kernel
-def _any(scene, packet, valid, origins, directions, reach, hit):
-    count = len(origins)
+def _any(scene, packet, valid, rays, hit):
+    rays = borrow(rays)
+    count = len(rays.reach)
     for first in range(0, count, LANES):
-        _load(packet, valid, first, origins, directions, reach)
+        _load(packet, valid, first, rays)
         occluded8(scene, packet, valid)
         for lane in range(min(LANES, count - first)):
             hit[first + lane] = packet[TFAR, lane] < 0.0
 
 
-def _rays(origins: Any, directions: Any, reach: Any) -> tuple[npt.NDArray[np.float32], ...]:
+def _rays(origins: Any, directions: Any, reach: Any) -> _Rays:
+    """Arguments of `intersect` as arrays. Raises: OptionError."""
     origins, directions = (np.ascontiguousarray(a, np.float32) for a in np.broadcast_arrays(origins, directions))
     if origins.ndim != 2 or origins.shape[1] != 3:
         raise OptionError("origins, directions", "shapes that broadcast to (k, 3)", origins.shape)
     if not (np.isfinite(origins).all() and np.isfinite(directions).all() and directions.any(axis=1).all()):
         raise OptionError("origins, directions", "finite origins and finite directions that are not zero", "others")
-    return origins, directions, np.ascontiguousarray(np.broadcast_to(np.float32(reach), len(origins)))
+    return _Rays(origins, directions, np.ascontiguousarray(np.broadcast_to(np.float32(reach), len(origins))))
 
 
 def intersect(
@@ -94,13 +108,13 @@ def intersect(
     Raises:
         OptionError: wrong shapes, or values that Embree would take for a miss: NaN, infinity, zero directions.
     """
-    origins, directions, reach = _rays(origins, directions, reach)
-    count = len(origins)
+    rays = _rays(origins, directions, reach)
+    count = len(rays.reach)
     hits = Hits(np.full(count, np.inf, np.float32), np.full(count, -1), np.zeros((count, 3), np.float32))
 
     def work(a: int, b: int) -> None:
         out = hits.distance[a:b], hits.face[a:b], hits.barycentric[a:b]
-        _closest(scene.handle, *new_packet(), origins[a:b], directions[a:b], reach[a:b], *out)
+        _closest(scene.handle, *new_packet(), rays.part(a, b), *out)
 
     run_blocks(count, _BLOCK, work, thread_count(threads))
     return hits
@@ -108,13 +122,13 @@ def intersect(
 
 def occluded(
     scene: TriangleScene, origins: Any, directions: Any, reach: Any = np.inf, threads: int | None = None
-) -> npt.NDArray[np.bool_]:
+) -> Bools:
     """Whether anything is hit within `reach`: bool (k,). Arguments and errors as `intersect`."""
-    origins, directions, reach = _rays(origins, directions, reach)
-    hit = np.zeros(len(origins), np.bool_)
+    rays = _rays(origins, directions, reach)
+    hit = np.zeros(len(rays.reach), np.bool_)
 
     def work(a: int, b: int) -> None:
-        _any(scene.handle, *new_packet(), origins[a:b], directions[a:b], reach[a:b], hit[a:b])
+        _any(scene.handle, *new_packet(), rays.part(a, b), hit[a:b])
 
     run_blocks(len(hit), _BLOCK, work, thread_count(threads))
     return hit

@@ -1,4 +1,4 @@
-"""Scenes that rays are traced in: triangles, and instances of other scenes."""
+"""Embree scenes to trace rays in: triangles, and instances of other scenes."""
 
 from __future__ import annotations
 
@@ -6,12 +6,11 @@ import threading
 import time
 import weakref
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from ..kernel.arrays import aligned
+from ..types import AnyInts, Float32s
 from .library import check, library
 from .library import device as the_device
 
@@ -30,7 +29,7 @@ class Triangles:
         vertices: float32 (n, 3), finite. faces: integer (m, 3), indices into `vertices`. Both are copied once.
     """
 
-    def __init__(self, vertices: npt.NDArray[np.float32], faces: npt.NDArray[np.integer[Any]]) -> None:
+    def __init__(self, vertices: Float32s, faces: AnyInts) -> None:
         self.vertices = aligned(vertices.shape, np.float32)
         self.vertices[:] = vertices
         self.faces = aligned(faces.shape, np.uint32)
@@ -51,7 +50,7 @@ class Instance:
         scene: what is placed. matrix: float32 (3, 4), its coordinates to the outer scene's.
     """
 
-    def __init__(self, scene: EmbreeScene, matrix: npt.NDArray[np.float32]) -> None:
+    def __init__(self, scene: EmbreeScene, matrix: Float32s) -> None:
         self.scene = scene
         self.matrix = np.ascontiguousarray(matrix, np.float32)
 
@@ -104,5 +103,5 @@ class EmbreeScene:
 class TriangleScene(EmbreeScene):
     """An Embree scene of one set of triangles; arguments as `Triangles`, errors as `EmbreeScene`."""
 
-    def __init__(self, vertices: npt.NDArray[np.float32], faces: npt.NDArray[np.integer[Any]]) -> None:
+    def __init__(self, vertices: Float32s, faces: AnyInts) -> None:
         super().__init__([Triangles(vertices, faces)])

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import os
-import stat
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -16,6 +15,7 @@ import numpy.typing as npt
 
 from ..errors import InputError, is_utf8
 from ..settings import MAX_SIZE
+from ..system.inputs import check_regular
 from .encode import NAMESPACE
 from .srgb import decode_srgb
 
@@ -67,14 +67,8 @@ def open_image(path: str | os.PathLike[str], content: Path | None = None, max_si
 
     file = Path(path) if content is None else content
     try:
-        mode = file.stat().st_mode
-        if stat.S_ISDIR(mode):
-            raise InputError(os.fspath(path), "file", "an image file", "a folder")
-        if not stat.S_ISREG(mode):
-            raise InputError(os.fspath(path), "file", "an image file", "something that is not a regular file")
+        check_regular(file, "an image file", source=os.fspath(path))
         file.open("rb").close()
-    except FileNotFoundError:
-        raise InputError(os.fspath(path), "file", "an existing file", "none") from None
     except OSError as reason:
         raise InputError(os.fspath(path), "file", "a readable file", reason.strerror or reason) from None
     if not is_utf8(str(file)):

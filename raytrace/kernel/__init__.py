@@ -1,1 +1,1 @@
-"""What hot loops are written in: compilation, SIMD vectors, 3-vectors, aligned arrays."""
+"""Building blocks of hot loops: compilation, SIMD vectors, 3-vectors, aligned arrays, counting sort."""

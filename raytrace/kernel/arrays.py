@@ -1,4 +1,4 @@
-"""Arrays as kernels and Embree want them, and products without BLAS.
+"""Aligned arrays for kernels and Embree, and matrix products without BLAS.
 
 OpenBLAS multiplies a few thousand rows on threads that go on spinning for some thirty milliseconds afterwards, on
 cores that rays are traced on meanwhile: bakes take up to twice as long.
@@ -12,8 +12,10 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from ..types import AnyFloats, Float64s
 
-def product(rows: npt.NDArray[np.float64], matrix: npt.NDArray[np.floating[Any]]) -> npt.NDArray[np.float64]:
+
+def product(rows: Float64s, matrix: AnyFloats) -> Float64s:
     """rows (n, k) · matrix (k,) or (k, m): (n,) or (n, m)."""
     return np.asarray(np.einsum("nk,k...->n...", rows, matrix))
 

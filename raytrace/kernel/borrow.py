@@ -1,4 +1,4 @@
-"""Arrays inside kernels without reference counts, which cost more than most of what a hot loop does with them."""
+"""Arrays in kernels without reference counting, which costs more than most of what a hot loop does with them."""
 
 from __future__ import annotations
 

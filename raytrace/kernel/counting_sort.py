@@ -9,7 +9,7 @@ from .jit import kernel
 
 
 def counting_sort(keys: AnyInts, count: int) -> tuple[Int64s, Int64s]:
-    """Where each key stands.
+    """Sort places by their keys.
 
     Args: keys: C-contiguous, any shape, below `count`; negative ones are left out.
     Returns: places in the flattened keys (k,), int64, by key, ascending among equal keys; and starts (count + 1,),

@@ -26,7 +26,7 @@ import platformdirs
 F = TypeVar("F", bound=Callable[..., Any])
 
 PACKAGES = ("raytrace", "ao")
-_ROOM = 16 << 20  # bytes; all kernels take less than 5 MB
+_NEEDED = 16 << 20  # bytes; all kernels take less than 5 MB
 ROOT = Path(__file__).resolve().parents[2]
 
 
@@ -41,7 +41,7 @@ def source_hash(root: Path = ROOT) -> str:
 
 
 def user_cache() -> Path | None:
-    """Parent of the kernel caches, the first with room of ``NUMBA_CACHE_DIR``, the user's cache, the temporary folder.
+    """Parent of the kernel caches: the first with space of ``NUMBA_CACHE_DIR``, the user's cache, the temporary folder.
 
     None where nothing can be written: kernels are then compiled anew in every process.
     """
@@ -50,7 +50,7 @@ def user_cache() -> Path | None:
             folder = place()
             folder.mkdir(parents=True, exist_ok=True)
             with tempfile.TemporaryFile(dir=folder):
-                if shutil.disk_usage(folder).free >= _ROOM:
+                if shutil.disk_usage(folder).free >= _NEEDED:
                     return folder
         except (OSError, LookupError, RuntimeError):
             continue

@@ -1,4 +1,4 @@
-"""Questions about lanes: which are set, how many, what is in one of them, which is the largest."""
+"""Masks of lanes counted and searched, single lanes read and replaced, the largest and the least of all lanes."""
 
 from __future__ import annotations
 

@@ -53,6 +53,12 @@ def scale(s, a):
 
 
 @inline
+def divide(a, s):
+    """a/s"""
+    return (a[0] / s, a[1] / s, a[2] / s)
+
+
+@inline
 def multiply(a, b):
     """Componentwise product: light through a colour."""
     return (a[0] * b[0], a[1] * b[1], a[2] * b[2])
@@ -112,7 +118,7 @@ def halfway(l, v):
 def perpendicular(n, grain):
     """Unit tangent (g, n × g): `grain` projected into the plane of the unit normal `n`.
 
-    Where the grain is zero or along the normal it says nothing, and some tangent is returned.
+    Where the grain is zero or along the normal it has no direction there, and some tangent is returned.
     """
     projected = subtract(grain, scale(dot(grain, n), n))
     if dot(projected, projected) <= 1e-20 * dot(grain, grain):

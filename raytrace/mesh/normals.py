@@ -11,7 +11,7 @@ from typing import Literal
 import numpy as np
 
 from ..kernel.jit import kernel
-from ..kernel.vector import cross, dot, length, load_triangle, store, subtract
+from ..kernel.vector import cross, divide, dot, length, load, load_triangle, store, subtract
 from ..system.threads import run_blocks, thread_count
 from ..types import AnyInts, Bools, Float64s
 
@@ -85,12 +85,11 @@ def vertex_normals(vertices: Float64s, faces: AnyInts, weighting: Weighting = "a
 @kernel
 def _normalize(vectors, out):
     for i in range(len(vectors)):
-        x, y, z = vectors[i, 0], vectors[i, 1], vectors[i, 2]
+        x, y, z = load(vectors, i)
         largest = max(abs(x), abs(y), abs(z))
         if largest > 0.0 and np.isfinite(x) and np.isfinite(y) and np.isfinite(z):
-            x, y, z = x / largest, y / largest, z / largest  # no overflow or underflow in the squares
-            length = np.sqrt(x * x + y * y + z * z)
-            out[i, 0], out[i, 1], out[i, 2] = x / length, y / length, z / length
+            scaled = divide((x, y, z), largest)  # no overflow or underflow in the squares
+            store(out, i, divide(scaled, length(scaled)))
 
 
 @kernel
@@ -105,7 +104,7 @@ def _face_normals(vertices, faces, normals, areas):
         longest = np.sqrt(aa * bb if shortest == cc else (bb * cc if shortest == aa else cc * aa))
         if double > 4.0 * EPSILON * longest:
             areas[f] = 0.5 * double
-            store(normals, f, (normal[0] / double, normal[1] / double, normal[2] / double))
+            store(normals, f, divide(normal, double))
 
 
 @kernel

@@ -21,7 +21,7 @@ TILT = 0.01
 
 @dataclass(frozen=True)
 class Coarseness:
-    """What rounding does to a mesh.
+    """Vertices of a mesh whose normals rounding makes unreliable.
 
     Attributes:
         vertices: how many have a normal that is uncertain by more than `TILT`.

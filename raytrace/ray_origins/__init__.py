@@ -1,1 +1,1 @@
-"""Where rays start so that they neither hit their own surface nor leak through it."""
+"""Ray origins from which rays neither hit their own surface nor leak through it."""

@@ -1,4 +1,4 @@
-"""Normals that see the front of every face around a vertex, which ray origins need and averages do not promise."""
+"""Normals in front of every face around a vertex, as ray origins need them and averages need not be."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import numpy as np
 
 from ..kernel.counting_sort import counting_sort
 from ..kernel.jit import inline, kernel
-from ..kernel.vector import dot, load, store
+from ..kernel.vector import add, divide, dot, length, load, store
 from ..types import Float64s, Int64s
 
 
@@ -67,23 +67,21 @@ def _moved(before, faces, enough):
     After 1,000 moves the best normal found is kept, but not for the two sides of a sheet, in which it would lie: there
     the normal stays what it was, or is the first face's where it was zero.
     """
-    x, y, z = before
-    best, found = -2.0, before
+    normal, best, found = before, -2.0, before
     for _ in range(1000):
-        length = np.sqrt(x * x + y * y + z * z)
-        if length < 1e-12:
-            x, y, z = load(faces, 0)
-            length = 1.0
+        size = length(normal)
+        if size < 1e-12:
+            normal, size = load(faces, 0), 1.0
         least, worst = 2.0, 0
         for f in range(len(faces)):
-            cosine = dot((x, y, z), load(faces, f)) / length
+            cosine = dot(normal, load(faces, f)) / size
             if cosine < least:
                 least, worst = cosine, f
         if least > best:
-            best, found = least, (x / length, y / length, z / length)
+            best, found = least, divide(normal, size)
         if least > enough:
             break
-        x, y, z = x + faces[worst, 0], y + faces[worst, 1], z + faces[worst, 2]
+        normal = add(normal, load(faces, worst))
     if best <= 0.0 and _two_sides(faces):
         return (load(faces, 0) if dot(before, before) == 0.0 else before), -1.0
     return found, best

@@ -18,7 +18,7 @@ from .surface import Surface
 
 _BLOCK = 1 << 12  # points
 _MOST = 64  # contacts of one point; of more, those with the lowest rows are kept
-_FEW = 64  # faces that the boxes of Embree's hierarchy put near a point: room for these at first
+_FEW = 64  # faces that the boxes of Embree's hierarchy put near a point: places for these at first
 
 
 class Contacts(NamedTuple):
@@ -55,19 +55,19 @@ def find_contacts(
         reach: float64 (k,), negative for points that are left out.
         face_points: int64 (m, 3), the row of `points` that each face corner is.
     """
-    if not len(points) or not len(surface.faces):
-        return _room(0)
+    if not (reach >= 0.0).any() or not len(surface.faces):
+        return _empty(0)
     slack = 8.0 * ULP * max(float(np.abs(points).max()), float(np.abs(surface.vertices).max()))  # Embree's own rounding
     around = _Points(points, reach, np.maximum(reach, surface.rounding.max()) + slack, face_points)
-    parts: list[Contacts] = [_room(0)] * -(-len(points) // _BLOCK)
+    parts: list[Contacts] = [_empty(0)] * -(-len(points) // _BLOCK)
 
     def search(first: int, last: int) -> None:
-        found, query = _room(_BLOCK // 16), PointQuery.of(scene, _FEW)
+        found, query = _empty(_BLOCK // 16), PointQuery.of(scene, _FEW)
         while True:
-            count, most = _search(query, around, surface, first, last, found)
-            if count <= len(found.point) and HEAD + most <= len(query.near):
+            count, largest = _search(query, around, surface, first, last, found)
+            if count <= len(found.point) and HEAD + largest <= len(query.near):
                 break
-            found, query = _room(count), PointQuery.of(scene, most)
+            found, query = _empty(count), PointQuery.of(scene, largest)
         parts[first // _BLOCK] = found.only(slice(count))
 
     run_blocks(len(points), _BLOCK, search, thread_count(None))
@@ -75,7 +75,7 @@ def find_contacts(
     return Contacts(point, face, distance)
 
 
-def _room(count: int) -> Contacts:
+def _empty(count: int) -> Contacts:
     return Contacts(np.empty(count, np.int64), np.empty(count, np.int64), np.empty(count))
 
 
@@ -119,14 +119,14 @@ def _search(query, around, surface, first, last, found):
     """
     query, around, surface, found = borrow(query), borrow(around), borrow(surface), borrow(found)
     points, reach, face_points = around.points, around.reach, around.face_points
-    count, most = 0, 0
+    count, largest = 0, 0
     kept, distances = np.empty(_MOST, np.int64), np.empty(_MOST)
     for i in range(first, last):
         if reach[i] < 0.0:
             continue
         p = load(points, i)
         several = faces_near(query, p, around.radius[i])
-        most = max(most, several)
+        largest = max(largest, several)
         filled = 0
         for k in range(HEAD, min(HEAD + several, len(query.near))):
             f = query.near[k]
@@ -152,4 +152,4 @@ def _search(query, around, surface, first, last, found):
             if count < len(found.point):
                 found.point[count], found.face[count], found.distance[count] = i, kept[k], distances[k]
             count += 1
-    return count, most
+    return count, largest

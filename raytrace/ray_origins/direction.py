@@ -15,7 +15,7 @@ import numpy as np
 from ..kernel.borrow import borrow
 from ..kernel.counting_sort import counting_sort
 from ..kernel.jit import inline, kernel
-from ..kernel.vector import add, angle_between, cross, dot, length, load, scale, store, subtract
+from ..kernel.vector import add, angle_between, cross, divide, dot, length, load, scale, store, subtract
 from ..mesh.placement import ULP
 from ..system.threads import run_blocks, thread_count
 from ..types import Float64s, Int64s
@@ -74,11 +74,11 @@ def _turn(incident, surface, points, first, last, directions, clearance):
     incident, surface = borrow(incident), borrow(surface)
     own, own_starts = incident.own, incident.own_starts
     touched, touched_starts = incident.touched, incident.touched_starts
-    most = 0
+    largest = 0
     for k in range(first, last):
-        most = max(most, own_starts[k + 1] - own_starts[k] + touched_starts[k + 1] - touched_starts[k])
-    normals, kept = np.empty((most, 3)), np.empty((most, 3))
-    angles, is_own = np.empty(most), np.empty(most, np.bool_)
+        largest = max(largest, own_starts[k + 1] - own_starts[k] + touched_starts[k + 1] - touched_starts[k])
+    normals, front = np.empty((largest, 3)), np.empty((largest, 3))
+    angles, is_own = np.empty(largest), np.empty(largest, np.bool_)
     for k in range(first, last):
         row = incident.rows[k]
         p, direction = load(points, row), load(directions, row)
@@ -94,24 +94,24 @@ def _turn(incident, surface, points, first, last, directions, clearance):
             store(normals, count, n)
             angles[count] = _angle_about(p, surface.vertices, surface.faces, f)
             count += 1
-        total, obeyed = (0.0, 0.0, 0.0), 0
+        total, fronts = (0.0, 0.0, 0.0), 0
         for i in range(count):
-            if _is_obeyed(i, normals[:count], angles, is_own):
+            if _is_in_front(i, normals[:count], angles, is_own):
                 n = load(normals, i)
                 total = add(total, scale(angles[i], n))
-                store(kept, obeyed, n)
-                obeyed += 1
+                store(front, fronts, n)
+                fronts += 1
         size = length(total)
-        start = (total[0] / size, total[1] / size, total[2] / size) if size > 1e-9 else direction
-        turned, room = outermost_normal(start, kept[:obeyed], _ENOUGH)
-        if room > 0.0:
+        start = divide(total, size) if size > 1e-9 else direction
+        turned, least = outermost_normal(start, front[:fronts], _ENOUGH)
+        if least > 0.0:
             store(directions, row, turned)
-            clearance[row] = room
+            clearance[row] = least
 
 
 @inline
-def _is_obeyed(i, normals, angles, is_own):
-    """Whether a point is in front of its i-th face: see the module about faces that look opposite ways."""
+def _is_in_front(i, normals, angles, is_own):
+    """Whether a point is taken to be in front of its i-th face; see the module on faces that look opposite ways."""
     balance, opposed = 0.0, False
     n = load(normals, i)
     for j in range(len(normals)):

@@ -46,16 +46,8 @@ class WeldedPoints(NamedTuple):
 
     def ray_origins(self, scene: TriangleScene, surface: Surface) -> Float64s:
         """Ray origins (k, 3). Args: scene: holds exactly the faces of `surface`, which is `self.surface`."""
-        magnitude = surface.magnitudes(self.face_points, len(self.first))
-        return ray_origins(
-            scene,
-            surface,
-            surface.vertices[self.first],
-            self.directions,
-            self.clearance,
-            self.face_points,
-            magnitude,
-        )
+        points, magnitude = surface.vertices[self.first], surface.magnitudes(self.face_points, len(self.first))
+        return ray_origins(scene, surface, points, self.directions, self.clearance, self.face_points, magnitude)
 
 
 def weld_points(
@@ -79,8 +71,8 @@ def weld_points(
     if not area.all():
         faces, face_normal = faces[area > 0], face_normal[area > 0]
     group = weld(vertices.astype(np.float32), normalize(sums) if normals is None else normals, agreement)
-    first = np.full(int(group.max()) + 1, len(group), np.int64)
-    np.minimum.at(first, group, np.arange(len(group)))
+    first = np.empty(int(group.max()) + 1, np.int64)
+    first[group[::-1]] = np.arange(len(group))[::-1]
     face_points = group[faces]
     mean = normalize(sum_groups(group, sums))
     directions, clearance = outermost_normals(mean, face_points, face_normal)

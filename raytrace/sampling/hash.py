@@ -1,4 +1,4 @@
-"""Counter-based random bits: an integer hash (Wellons 2018, lowbias32), in kernels and over arrays."""
+"""Counter-based random bits: a bijective 32-bit integer hash (Wellons 2018, lowbias32), in kernels and of arrays."""
 
 from __future__ import annotations
 
@@ -6,13 +6,11 @@ import numpy as np
 import numpy.typing as npt
 
 from ..kernel.jit import inline
+from ..types import UInt32s
 
-UInts = npt.NDArray[np.uint32]
 
-
-@inline
-def mix(x):
-    """`mix_array` of one value, in kernels."""
+def _lowbias32(x):
+    """The hash of one value or an array; results are cast back, as whole numbers are 64 bits wide in kernels."""
     x = np.uint32(x)
     x = np.uint32(x ^ (x >> np.uint32(16)))
     x = np.uint32(x * np.uint32(0x7FEB352D))
@@ -21,15 +19,12 @@ def mix(x):
     return np.uint32(x ^ (x >> np.uint32(16)))
 
 
-def mix_array(values: npt.ArrayLike) -> UInts:
-    """Bijective 32-bit integer hash, so that counters become random bits (Wellons 2018, lowbias32)."""
-    x = np.array(values, np.uint32)
-    x ^= x >> np.uint32(16)
-    x *= np.uint32(0x7FEB352D)
-    x ^= x >> np.uint32(15)
-    x *= np.uint32(0x846CA68B)
-    x ^= x >> np.uint32(16)
-    return x
+mix = inline(_lowbias32)  # of one value, in kernels
+
+
+def mix_array(values: npt.ArrayLike) -> UInt32s:
+    """Bijective hash of whole numbers below 2^32, of one dimension or more, so that counters become random bits."""
+    return _lowbias32(np.asarray(values, np.uint32))
 
 
 def seed_key(seed: int) -> np.uint32:

@@ -14,17 +14,14 @@ its generator would make bits depend on the order of work (docs/experiments.md).
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
+from ..types import Float64s, UInt32s
 from .hash import mix_array
-
-UInts = npt.NDArray[np.uint32]
-Floats = npt.NDArray[np.float64]
 
 GOLDEN = (5**0.5 - 1) / 2
 
 
-def sobol(count: int) -> tuple[UInts, UInts]:
+def sobol(count: int) -> tuple[UInt32s, UInt32s]:
     """The first `count` Sobol points in two dimensions as 32-bit fractions: two arrays (count,)."""
     index = np.arange(count, dtype=np.uint32)
     first, second = np.zeros_like(index), np.zeros_like(index)
@@ -37,7 +34,7 @@ def sobol(count: int) -> tuple[UInts, UInts]:
     return first, second
 
 
-def owen_scramble(points: UInts, keys: UInts, levels: int) -> UInts:
+def owen_scramble(points: UInt32s, keys: UInt32s, levels: int) -> UInt32s:
     """Nested uniform scrambling of `points` (n,), once for each of `keys` (k,): (k, n) fractions.
 
     Each of the top `levels` bits is flipped by a random bit of its node in the binary tree; what lies below is
@@ -53,7 +50,7 @@ def owen_scramble(points: UInts, keys: UInts, levels: int) -> UInts:
     return (scrambled & ~below) | (mix_array(mix_array(cell) ^ key ^ np.uint32(0x9E3779B9)) & below)
 
 
-def owen_sobol(sets: int, count: int, key: np.uint32) -> tuple[Floats, Floats]:
+def owen_sobol(sets: int, count: int, key: np.uint32) -> tuple[Float64s, Float64s]:
     """`sets` independently scrambled Sobol sets of `count` points: two arrays (sets, count) in (0, 1)."""
     levels = max(count - 1, 1).bit_length()
     first, second = sobol(count)
@@ -64,7 +61,7 @@ def owen_sobol(sets: int, count: int, key: np.uint32) -> tuple[Floats, Floats]:
     return u, v
 
 
-def jittered_lattice(sets: int, count: int, key: np.uint32) -> tuple[Floats, Floats]:
+def jittered_lattice(sets: int, count: int, key: np.uint32) -> tuple[Float64s, Float64s]:
     """`sets` independent lattices of `count` points, ordered by u: two arrays (sets, count) in (0, 1).
 
     The v of a whole set are to be turned (mod 1) by a random amount, as directions are about their axis.

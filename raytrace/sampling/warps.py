@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
-Floats = npt.NDArray[np.float64]
+from ..types import Float64s
 
 
-def cosine_hemisphere(u: Floats, v: Floats) -> Floats:
+def cosine_hemisphere(u: Float64s, v: Float64s) -> Float64s:
     """Directions about +z with density cosθ/π from `u`, `v` in (0, 1): stacked before the last axis, (…, 3, n).
 
     Polar map (Malley's method): a uniform point on the disk, lifted to the hemisphere.

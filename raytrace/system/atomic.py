@@ -64,7 +64,7 @@ def _replacing(path: str | os.PathLike[str]) -> Iterator[tuple[Path, int]]:
 
 
 def check_writable(path: str | os.PathLike[str]) -> None:
-    """Find out before the work whether `atomic_write(path)` will be able to start.
+    """Check before the work that `atomic_write(path)` will be able to start.
 
     Raises:
         OutputError: the folder is missing or refuses new files, or `path` is something other than a file.

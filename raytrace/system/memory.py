@@ -1,5 +1,6 @@
-"""Whether work fits into memory, asked before it begins: where a system overcommits, an allocation does not fail, the
-process is killed in the middle of its work instead.
+"""A check that work fits into memory, made before it begins.
+
+Where a system overcommits, an allocation does not fail: the process is killed in the middle of its work instead.
 """
 
 from __future__ import annotations
@@ -18,10 +19,10 @@ _UNTOUCHED = 256 << 20  # address space that stacks, arenas and pools of threads
 def available(root: Path = Path("/")) -> int | None:
     """Bytes that this process can still fill: the least of what the system, control groups and RLIMIT_AS leave.
 
-    None where nothing tells. Args: root: where `proc` and `sys` are.
+    None if nothing can be read. Args: root: where `proc` and `sys` are.
     """
-    rooms = [*_system(root / "proc"), *_control_groups(root), *_address_space(root / "proc")]
-    return max(min(rooms), 0) if rooms else None
+    limits = [*_system(root / "proc"), *_control_groups(root), *_address_space(root / "proc")]
+    return max(min(limits), 0) if limits else None
 
 
 def check_memory(source: object, needed: int, work: str, instead: dict[str, int] | None = None) -> None:
@@ -34,13 +35,13 @@ def check_memory(source: object, needed: int, work: str, instead: dict[str, int]
     Raises:
         MemoryLimitError: less than `needed` is available.
     """
-    room = available()
-    if room is None or needed <= room:
+    free = available()
+    if free is None or needed <= free:
         return
-    fitting = [f"{way} takes about {_text(size)}" for way, size in (instead or {}).items() if size <= room]
-    advice = fitting[0] if fitting else f"{room / needed:.0%} of that work would fit"
+    fitting = [f"{way} takes about {_text(size)}" for way, size in (instead or {}).items() if size <= free]
+    advice = fitting[0] if fitting else f"{free / needed:.0%} of that work would fit"
     raise MemoryLimitError(
-        source, "memory", f"at most {_text(room)}, what is available", f"about {_text(needed)} {work}; {advice}"
+        source, "memory", f"at most {_text(free)}, what is available", f"about {_text(needed)} {work}; {advice}"
     )
 
 
@@ -58,7 +59,7 @@ def _system(proc: Path) -> Iterator[int]:
 
 
 def _control_groups(root: Path) -> Iterator[int]:
-    """What the process's own groups and all above leave, by cgroup v1 and v2; pages of files count as free."""
+    """Bytes left by the process's own control group and each above it, v1 and v2; pages of files count as free."""
     mounts = root / "sys" / "fs" / "cgroup"
     try:
         groups = (root / "proc" / "self" / "cgroup").read_text().splitlines()
@@ -75,17 +76,17 @@ def _control_groups(root: Path) -> Iterator[int]:
             continue
         own = mount / path.lstrip("/")
         for folder in (own, *own.parents):
-            yield from _left(folder, *names)
+            yield from _remaining(folder, *names)
             if folder == mount:
                 break
 
 
-def _left(folder: Path, limit: str, used: str, idle: str) -> Iterator[int]:
+def _remaining(folder: Path, limit: str, used: str, idle: str) -> Iterator[int]:
     try:
-        most = int((folder / limit).read_text())  # v2 has the word max where there is none
+        limit_bytes = int((folder / limit).read_text())  # v2 has the word max where there is none
         statistics = dict(line.split() for line in (folder / "memory.stat").read_text().splitlines())
-        if most < _NO_LIMIT:
-            yield most - int((folder / used).read_text()) + int(statistics.get(idle, 0))
+        if limit_bytes < _NO_LIMIT:
+            yield limit_bytes - int((folder / used).read_text()) + int(statistics.get(idle, 0))
     except (OSError, ValueError):
         return
 

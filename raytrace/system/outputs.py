@@ -1,4 +1,4 @@
-"""What a command may write: no file that it reads, none twice, and over no file of another kind."""
+"""Checks of the files that a command writes: none that it reads, none twice, and over no file of another kind."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ _OBJECTS = re.compile(rb"^[ \t]*(\[\[[ \t]*objects[ \t]*\]\]|objects[ \t]*=)", r
 
 
 class _Kind(NamedTuple):
-    """What a file must be to be replaced: in words, and a test of all its bytes or, if any, of its first ones."""
+    """A kind of file that may be replaced: its name, and its first bytes or a test of all of them."""
 
     name: str
     starts: tuple[bytes, ...] = ()
@@ -47,7 +47,7 @@ _KINDS = {
 
 
 def check_outputs(outputs: Mapping[str, Name | None], inputs: Iterable[Name] = ()) -> None:
-    """Find out before the work whether all files of a command can be written without a loss.
+    """Check before the work that all files of a command can be written without a loss.
 
     Names that lead to one file, by links of either sort or by another spelling, count as one. An existing file is
     replaced if it is empty or of the kind that its name's ending says.

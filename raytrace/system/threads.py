@@ -38,8 +38,8 @@ def run_blocks(
 ) -> None:
     """Call `work(start, stop)` over [0, count) in blocks, on this thread and others: `threads`, if so many are granted.
 
-    `work` must release the GIL to gain anything and write only its own rows. `progress` is told, on this thread,
-    how many items each finished block had. An exception or Ctrl-C drops the blocks that have not begun.
+    `work` must release the GIL to gain anything and write only its own rows. `progress` is called, on this thread,
+    with the number of items of each finished block. An exception or Ctrl-C drops the blocks that have not begun.
     """
     starts = iter(range(0, count, block))
     finished: SimpleQueue[int | BaseException] = SimpleQueue()
@@ -81,7 +81,7 @@ def run_blocks(
 
 
 def _taken(finished: SimpleQueue[int | BaseException], wait: bool) -> Iterator[int | BaseException]:
-    """What has been put there; if nothing has, and `wait`, what is within a tenth of a second, for Ctrl-C to get in."""
+    """All that is queued; if nothing is, and `wait`, what comes within a tenth of a second, for Ctrl-C to get in."""
     try:
         yield finished.get(wait, 0.1)
         while True:

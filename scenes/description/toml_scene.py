@@ -17,6 +17,7 @@ from raytrace.errors import OptionError, SceneError, nearest_name
 from raytrace.lights.sources import light_from_dict
 from raytrace.scene import Scene
 from raytrace.settings import Settings
+from raytrace.system.inputs import check_regular
 
 from ..field_errors import located, shown
 from ..readers.stored_w import ENDINGS
@@ -60,12 +61,7 @@ def read_toml(path: Path, size: tuple[int, int] | None = None) -> SceneDescripti
 
 def _load(path: Path) -> dict[str, Any]:
     try:
-        if path.is_dir():
-            raise SceneError(path, "file", "a scene file", "a folder")
-        if not path.exists():
-            raise SceneError(path, "file", "an existing file", "none")
-        if not path.is_file():
-            raise SceneError(path, "file", "a scene file", "something that is not a regular file")
+        check_regular(path, "a scene file", SceneError)
         content = path.read_bytes()
     except SceneError:
         raise

@@ -16,6 +16,7 @@ import numpy.typing as npt
 
 from raytrace.errors import InputError, MeshError, printable
 from raytrace.mesh.mesh import Mesh
+from raytrace.system.inputs import check_regular
 from raytrace.system.memory import check_memory
 
 from ..geometry.detail import Detail
@@ -117,12 +118,7 @@ def read_objects(path: Path, keep: bool = False) -> tuple[list[Instance], Gltf |
     source = str(path)
     kind = path.suffix.lower().removeprefix(".")
     with mesh_errors(path):
-        if path.is_dir():
-            raise MeshError(path, "file", "a mesh file", "a folder")
-        if not path.exists():
-            raise MeshError(path, "file", "an existing file", "none")
-        if not path.is_file():
-            raise MeshError(path, "file", "a mesh file", "something that is not a regular file")
+        check_regular(path, "a mesh file", MeshError)
         if kind != "obj" and kind not in _trimesh_formats():
             raise MeshError(path, "ending", "one of obj " + " ".join(_trimesh_formats()), path.suffix or "none")
         if path.stat().st_size == 0:

@@ -131,11 +131,19 @@ def test_bent_normals_are_exact_for_the_open_plane():
         ("seed", 2**64),
         ("threads", 0),
         ("normals", "up"),
+        ("method", "corners"),
     ],
 )
 def test_arguments_out_of_range_are_named(colonnade, field, value):
     with pytest.raises(OptionError, match=f"{field}: expected"):
         ao.bake(colonnade, **{field: value})
+
+
+@pytest.mark.parametrize("option", [{"tolerance": 0.1}, {"reconstruct": False}, {"hidden": "fill"}, {"skip": False}])
+def test_the_surface_method_refuses_options_of_the_vertex_method(colonnade, option):
+    (name,) = option
+    with pytest.raises(OptionError, match=f"{name}: expected method vertex with it, got method surface"):
+        ao.bake(colonnade, method="surface", **option)
 
 
 @pytest.mark.parametrize("samples", [1, 3, 8, 9, 255])

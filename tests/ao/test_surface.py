@@ -149,7 +149,7 @@ def test_some_stretches_of_a_large_mesh_tell_how_smooth_it_is(monkeypatch):
     tried = []
 
     def cross_validated(problem, start, original=ao.least_squares.fit.cross_validated):
-        tried.append(len(problem.stencil.seats))
+        tried.append(len(problem.stencil.face_points))
         return original(problem, start)
 
     monkeypatch.setattr(ao.least_squares.fit, "cross_validated", cross_validated)

@@ -8,7 +8,7 @@ from meshes import hills
 
 import ao
 from ao.denoise.one_ring import Neighbours
-from ao.denoise.upsampling import coarser, fill, owners
+from ao.denoise.upsampling import coarsened, nearest_baked, upsample
 from ao.gather.receivers import find_receivers
 from raytrace import Mesh, OptionError
 from raytrace.mesh.placement import Placement
@@ -99,12 +99,12 @@ def test_what_varies_linearly_is_filled_in_exactly() -> None:
     receivers = find_receivers(mesh, Placement.of(mesh))
     near = Neighbours.of(receivers.of_vertex[receivers.faces], receivers.points.normals, 2)
     baked = np.arange(400) % 4 == 0
-    owner = owners(near, baked)
+    owner = nearest_baked(near, baked)
     assert baked[owner].all()
-    joined, rows, cell = coarser(near, owner, receivers.points.normals)
+    joined, rows, cell = coarsened(near, owner, receivers.points.normals)
     place = receivers.points.origins.astype(np.float64)
     value = np.column_stack([0.2 + 0.3 * place[:, 0] - 0.1 * place[:, 1], np.full(400, 0.7)])
-    filled = fill(receivers.points, np.arange(400), joined, rows, cell, value[rows])
+    filled = upsample(receivers.points, np.arange(400), joined, rows, cell, value[rows])
     np.testing.assert_array_equal(filled[rows], value[rows])
     assert np.abs(filled[:, 0] - value[:, 0]).max() < 0.02  # on the rim it leans on one side
     assert rms(filled[:, 0] - value[:, 0]) < 0.004

@@ -9,7 +9,7 @@ from meshes import hills
 
 import ao
 from ao.denoise.one_ring import Neighbours
-from ao.denoise.shrinkage import reconstruct, shared_out
+from ao.denoise.shrinkage import denoise, distribute_variance
 from ao.gather.receivers import Points, find_receivers
 from raytrace import Mesh
 from raytrace.mesh.placement import Placement
@@ -72,7 +72,7 @@ def test_equal_values_stay_equal_to_the_bit() -> None:
     near, points = rings(SCENES["hills"])
     for value in (1.0, 0.0, 0.3):
         values = np.full(len(points), value)
-        drawn, _ = reconstruct(near, points, rows(values, points), 1e-2)
+        drawn, _ = denoise(near, points, rows(values, points), 1e-2)
         np.testing.assert_array_equal(drawn, values)
 
 
@@ -82,7 +82,7 @@ def test_nothing_crosses_a_crease() -> None:
     loose = Mesh(cube.triangles.reshape(-1, 3), np.arange(3 * len(cube.faces)).reshape(-1, 3))
     near, points = rings(loose)
     value = points.normals.astype(np.float64) @ [0.1, 0.2, 0.3]
-    drawn, _ = reconstruct(near, points, rows(value, points), 0.1)
+    drawn, _ = denoise(near, points, rows(value, points), 0.1)
     np.testing.assert_allclose(drawn, value, atol=1e-6)
 
 
@@ -90,7 +90,7 @@ def test_a_lone_spike_is_kept() -> None:
     near, points = rings(SCENES["hills"])
     values = np.full(len(points), 0.8)
     values[700] = 0.2
-    drawn, _ = reconstruct(near, points, rows(values, points), 1e-4)
+    drawn, _ = denoise(near, points, rows(values, points), 1e-4)
     assert abs(drawn[700] - 0.2) < 0.01
     assert np.abs(np.delete(drawn, 700) - 0.8).max() < 0.02
 
@@ -98,13 +98,13 @@ def test_a_lone_spike_is_kept() -> None:
 def test_noise_is_averaged_and_the_gain_is_told() -> None:
     near, points = rings(SCENES["hills"])
     noise = np.random.default_rng(0).normal(scale=0.05, size=len(points))
-    drawn, error = reconstruct(near, points, rows(0.5 + noise, points), 0.05**2)
+    drawn, error = denoise(near, points, rows(0.5 + noise, points), 0.05**2)
     assert rms(drawn - 0.5) < 0.6 * 0.05
     assert rms(drawn - 0.5) == pytest.approx(np.sqrt(error.mean()), rel=0.3)
 
 
 def test_variances_keep_their_mean_and_are_never_nothing() -> None:
-    shared = shared_out(np.array([0.0, 1.0, 2.0, 0.0]), 0.01)
+    shared = distribute_variance(np.array([0.0, 1.0, 2.0, 0.0]), 0.01)
     assert shared.mean() == pytest.approx(0.01)
     assert (shared > 0).all()
-    assert shared_out(np.zeros(3), 0.01).tolist() == [0.01] * 3
+    assert distribute_variance(np.zeros(3), 0.01).tolist() == [0.01] * 3

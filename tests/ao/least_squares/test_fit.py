@@ -7,10 +7,11 @@ from scipy.optimize import lsq_linear
 from scipy.sparse import csr_array
 from scipy.spatial import Delaunay
 
+from ao.gather.morton import fine_morton_order
 from ao.least_squares.conjugate_gradients import multiply, solve, solve_within
 from ao.least_squares.pattern import Stencil, find_hinges
-from ao.least_squares.problem import Half, Problem, add_ties, cross_validated, normal_matrix, right_side, roughness
-from ao.least_squares.samples import Samples, along_curve, place
+from ao.least_squares.problem import Half, Problem, add_laplacian, cross_validated, normal_matrix, right_side, roughness
+from ao.least_squares.samples import Samples, place
 from raytrace.mesh.normals import face_normals
 
 
@@ -51,20 +52,20 @@ def test_small_faces_have_some_samples_too():
 
 def test_the_curve_keeps_neighbours_together():
     points = np.random.default_rng(0).uniform(-1, 1, (2000, 3))
-    steps = np.linalg.norm(np.diff(points[along_curve(points)], axis=0), axis=1)
+    steps = np.linalg.norm(np.diff(points[fine_morton_order(points)], axis=0), axis=1)
     assert np.mean(steps) < 0.25 * np.mean(np.linalg.norm(np.diff(points, axis=0), axis=1))
 
 
-def stencil_of(seats, normals, agreement=np.cos(np.radians(30))):
-    seats = seats.astype(np.int32)
-    count = int(seats.max()) + 1
-    hinges = find_hinges(seats, normals, agreement, count)
-    return Stencil.of(seats, hinges, count), hinges
+def stencil_of(face_points, normals, agreement=np.cos(np.radians(30))):
+    face_points = face_points.astype(np.int32)
+    count = int(face_points.max()) + 1
+    hinges = find_hinges(face_points, normals, agreement, count)
+    return Stencil.of(face_points, hinges, count), hinges
 
 
-def rough(mesh, seats=None, **agreement):
+def rough(mesh, face_points=None, **agreement):
     normals, areas = face_normals(mesh.vertices, mesh.faces)
-    stencil, hinges = stencil_of(mesh.faces if seats is None else seats, normals, **agreement)
+    stencil, hinges = stencil_of(mesh.faces if face_points is None else face_points, normals, **agreement)
     return stencil.matrix(roughness(stencil, hinges, mesh.triangles, areas))
 
 
@@ -177,11 +178,11 @@ def test_linear_functions_are_reproduced_whatever_the_smoothing():
 
 def test_face_parts_add_up_to_the_whole():
     rng = np.random.default_rng(0)
-    seats = rng.integers(0, 9, (20, 3))
+    face_points = rng.integers(0, 9, (20, 3))
     b, f = rng.dirichlet([1, 1, 1], 20), rng.random(20)
     rows = np.zeros((20, 9))
-    np.add.at(rows, (np.arange(20)[:, None], seats), b)
-    stencil, _ = stencil_of(seats, np.tile([0.0, 0, 1], (20, 1)))
+    np.add.at(rows, (np.arange(20)[:, None], face_points), b)
+    stencil, _ = stencil_of(face_points, np.tile([0.0, 0, 1], (20, 1)))
     values = normal_matrix(stencil, upper_triangles(b))
     np.testing.assert_allclose(stencil.matrix(values).toarray(), rows.T @ rows)
     np.testing.assert_allclose(right_side(stencil, b * f[:, None]), rows.T @ f)
@@ -189,18 +190,18 @@ def test_face_parts_add_up_to_the_whole():
 
 def test_ties_are_the_squared_differences_along_edges():
     rng = np.random.default_rng(0)
-    seats, weights, x = rng.integers(0, 9, (20, 3)), rng.random(20), rng.random(9)
-    stencil, _ = stencil_of(seats, np.tile([0.0, 0, 1], (20, 1)))
+    face_points, weights, x = rng.integers(0, 9, (20, 3)), rng.random(20), rng.random(9)
+    stencil, _ = stencil_of(face_points, np.tile([0.0, 0, 1], (20, 1)))
     values = stencil.zeros()
-    add_ties(stencil, weights, values)
-    expected = (weights[:, None] * (x[seats] - np.roll(x[seats], 1, axis=1)) ** 2).sum()
+    add_laplacian(stencil, weights, values)
+    expected = (weights[:, None] * (x[face_points] - np.roll(x[face_points], 1, axis=1)) ** 2).sum()
     assert x @ (stencil.matrix(values) @ x) == pytest.approx(expected)
 
 
 def test_doubled_faces_meet_at_their_own_corners_only():
     """Both sides of an edge are then opposite one and the same unknown."""
-    seats = np.array([[0, 1, 2], [1, 0, 2], [0, 2, 3]])
-    stencil, hinges = stencil_of(seats, np.tile([0.0, 0, 1], (3, 1)))
+    face_points = np.array([[0, 1, 2], [1, 0, 2], [0, 2, 3]])
+    stencil, hinges = stencil_of(face_points, np.tile([0.0, 0, 1], (3, 1)))
     assert len(hinges) == 2  # 0 1 and 1 2, for 2 0 has three faces
     rows = np.split(stencil.others, stencil.starts[1:-1])
     assert [row.tolist() for row in rows] == [[0, 1, 2, 3], [0, 1, 2], [0, 1, 2, 3], [0, 2, 3]]

@@ -6,9 +6,9 @@ from meshes import MESHES, hills
 
 import ao
 import ao.skip.horizon
-from ao.gather.hemisphere import SECTORS, DirectionTable, choose, turned_frame
+from ao.gather.directions import SECTORS, DirectionTable, choose, turned_frame
 from ao.gather.receivers import find_receivers
-from ao.skip.bvh16 import BoxTree
+from ao.skip.bvh16 import BVH16
 from ao.skip.horizon import Horizons
 from ao.trace.checkpoint import Checkpoint
 from raytrace import Mesh
@@ -186,7 +186,7 @@ def test_a_continued_bake_counts_what_the_first_run_skipped(tmp_path):
 @pytest.mark.parametrize("faces", [1, 16, 17, 300, 5000])
 def test_a_tree_holds_every_triangle_once_within_its_boxes(faces):
     corners = np.random.default_rng(faces).normal(size=(faces, 3, 3)).astype(np.float32)
-    tree = BoxTree.of(corners.reshape(-1, 3), np.arange(3 * faces).reshape(-1, 3), np.arange(3 * faces))
+    tree = BVH16.of(corners.reshape(-1, 3), np.arange(3 * faces).reshape(-1, 3), np.arange(3 * faces))
     leaves = tree.triangles[:, :9].transpose(0, 2, 1).reshape(-1, 9)
     held = leaves[~np.isnan(leaves[:, 0])]
     assert np.array_equal(np.sort(held, axis=0), np.sort(corners.reshape(-1, 9), axis=0))
