@@ -41,8 +41,8 @@ def explained(outcomes: Sequence[Outcome], limits: Limits, seed: int) -> str:
 
 @FRESH
 def test_the_tolerance_is_kept_on_unseen_meshes(seed: int) -> None:
-    """A mesh of every family, drawn by a seed that nobody has seen."""
-    outcomes = list(run_generated(short_cases(seed), samples=512))
+    """Meshes of eight of the families, chosen and drawn by a seed that nobody has seen."""
+    outcomes = list(run_generated(short_cases(seed, count=8), samples=512))
     text = explained(outcomes, FEW, seed)
     assert not text, text
     assert min(outcome.figures.vertices for outcome in outcomes) >= 16384, f"seed {seed}: too few to predict any"
