@@ -3,6 +3,7 @@
 import re
 
 import numpy as np
+import pytest
 from project import ROOT
 
 from raytrace.image.read import read_image
@@ -51,8 +52,17 @@ def test_every_file_that_the_readme_links_to_exists():
         assert (ROOT / target).exists(), target
 
 
+PAGES = [ROOT / "README.md", ROOT / "CHANGELOG.md", *sorted((ROOT / "docs").rglob("*.md"))]
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def test_every_file_and_folder_of_the_code_that_a_page_names_exists(page):
+    named = re.findall(r"`((?:raytrace|ao|scenes|tests|benchmarks)(?:/[\w.]+)*/?)`", page.read_text())
+    assert [name for name in named if not (ROOT / name).exists()] == []
+
+
 def test_the_layout_names_every_folder_and_only_files_that_exist():
-    table = README[README.index("## Layout") : README.index("[docs/glossary.md]")]
+    table = README[README.index("## Layout") : README.index("[docs/architecture.md]")]
     package, named = None, set()
     for row in re.findall(r"^\| (`.*) \| (.*) \|$", table, re.MULTILINE):
         folders = re.findall(r"`([\w.]+)/?`", row[0])
