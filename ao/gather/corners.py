@@ -55,13 +55,14 @@ class Corners:
 
     def only(self, kept: Ints) -> Corners:
         """Those of the points `kept`, ascending rows, which are numbered anew in that order."""
-        mine = np.isin(self.rows, kept)
-        if not mine.any():
+        rows = np.searchsorted(kept, self.rows)
+        found = np.append(kept, -1)[rows] == self.rows
+        if not found.any():
             return Corners.none()
         counts = np.diff(self.starts)
-        which = np.repeat(mine, counts)
-        starts = np.concatenate([[0], np.cumsum(counts[mine])])
-        return Corners(np.searchsorted(kept, self.rows[mine]), starts, self.places[which], self.weights[which])
+        which = np.repeat(found, counts)
+        starts = np.concatenate([[0], np.cumsum(counts[found])])
+        return Corners(rows[found], starts, self.places[which], self.weights[which])
 
     def mean(self, values: Floats) -> Floats:
         """Means (j, c) of `values` (k, c); equal values keep every bit."""

@@ -70,7 +70,7 @@ def find_contacts(
             if count <= len(found.point) and HEAD + largest <= len(query.near):
                 break
             found, query = _empty(count), PointQuery.of(scene, largest)
-        parts[first // _BLOCK] = found.only(np.arange(len(found.point)) < count)
+        parts[first // _BLOCK] = Contacts(*(column[:count].copy() for column in found))  # the rest is let go
 
     run_blocks(len(points), _BLOCK, search, thread_count(None))
     point, face, distance = (np.concatenate(column) for column in zip(*parts, strict=True))
