@@ -2,6 +2,7 @@ PYTHON ?= python3.11
 VENV   := .venv
 BIN    := $(VENV)/bin
 STAMP  := $(VENV)/.installed
+PYTEST := $(BIN)/python -m pytest --numprocesses auto --maxprocesses 4 --dist worksteal
 
 .DEFAULT_GOAL := help
 .PHONY: help install demo test test-all lint bench bench-peers peers pictures clean
@@ -23,10 +24,10 @@ demo: $(STAMP) ## bake a built-in scene; writes demo/ with a mesh and a picture
 test: $(STAMP) ## lint, types and the default tests
 	$(BIN)/ruff check .
 	$(BIN)/mypy raytrace ao scenes cli.py
-	$(BIN)/python -m pytest -m 'not slow'
+	$(PYTEST) -m 'not slow'
 
 test-all: $(STAMP) ## every test, the slow ones too
-	$(BIN)/python -m pytest
+	$(PYTEST)
 
 lint: $(STAMP) ## format and fix what can be fixed
 	$(BIN)/ruff check --fix .

@@ -6,18 +6,14 @@ import time
 import warnings
 from typing import Any
 
-import numpy as np
-
 from raytrace.mesh.mesh import Mesh
 from raytrace.system.memory import check_memory
 from raytrace.types import Bools
 
 from .adaptive.tolerance import ToleranceWarning
 from .falloff import Falloff
-from .gather.receivers import Normals
-from .interior.inside import Hidden
 from .memory import surface_bytes, vertex_bytes
-from .options import DEFAULT_SAMPLES, Method, Options, falloff_of, mesh_of
+from .options import DEFAULT_SAMPLES, Hidden, Method, Normals, Options, falloff_of, mesh_of
 from .prepared import Prepared
 from .result import Bake, assemble
 from .surface_method import fit_to_surface
@@ -83,10 +79,11 @@ def bake(
     Warns:
         ToleranceWarning: the `tolerance` is not met, with too few `samples` allowed for instance.
     """
-    only = None if only is None else np.asarray(only)
-    options = Options(method, samples, seed, threads, normals, only, tolerance, reconstruct, hidden, skip)
+    options = Options(
+        method, falloff_of(falloff), samples, seed, threads, normals, only, tolerance, reconstruct, hidden, skip
+    )
     mesh = mesh_of(mesh)
-    mu = falloff_of(falloff).resolve(mesh.radius)
+    mu = options.falloff.resolve(mesh.radius)
     _check_memory(mesh, options)
 
     start = time.perf_counter()

@@ -8,13 +8,15 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
+from pydantic import Field, PlainValidator, ValidationInfo
 
 from raytrace.errors import OptionError
 from raytrace.kernel.jit import inline
+from raytrace.system.parameters import Parameters
 from raytrace.types import Float64s
 
 Length = float | str
@@ -38,6 +40,15 @@ def resolve_length(field: str, length: Length, radius: float) -> float:
     if not value > 0:
         raise OptionError(field, expected, repr(length))
     return value
+
+
+def _length(value: Length, field: ValidationInfo) -> Length:
+    resolve_length(str(field.field_name), value, 1.0)
+    return value
+
+
+Rate = Annotated[float, Field(strict=True, gt=0, lt=math.inf, description="a finite rate above 0")]
+Limit = Annotated[Length, PlainValidator(_length)]
 
 
 class KernelMu(NamedTuple):
@@ -85,8 +96,7 @@ class Mu:
         return KernelMu(tau, limit, -1.0 / math.expm1(-tau * limit) if tau > 0 else 1.0)
 
 
-@dataclass(frozen=True)
-class Binary:
+class Binary(Parameters, kw_only=False, source="options"):
     """μ = 0 for a hit nearer than `max_distance`, else 1: cosine-weighted ambient visibility.
 
     Args:
@@ -96,18 +106,14 @@ class Binary:
         OptionError: `max_distance` is not a length above 0.
     """
 
-    max_distance: Length = math.inf
-
-    def __post_init__(self) -> None:
-        resolve_length("max_distance", self.max_distance, 1.0)
+    max_distance: Limit = math.inf
 
     def resolve(self, radius: float) -> Mu:
         """μ for a mesh of bounding-sphere radius `radius`."""
         return Mu(None, resolve_length("max_distance", self.max_distance, radius or 1.0))
 
 
-@dataclass(frozen=True)
-class Exponential:
+class Exponential(Parameters, kw_only=False, source="options"):
     """μ(x) = (1 − e^(−τx)) / (1 − e^(−τD)) for x < D, 1 beyond (12.74, with the limit D = `max_distance`).
 
     Args:
@@ -120,18 +126,15 @@ class Exponential:
         OptionError: both rates given, or a value out of range.
     """
 
-    tau: float | None = None
-    half_distance: Length | None = None
-    max_distance: Length = math.inf
+    tau: Rate | None = None
+    half_distance: Limit | None = None
+    max_distance: Limit = math.inf
 
     def __post_init__(self) -> None:
         if self.tau is not None and self.half_distance is not None:
             raise OptionError("tau", "either tau or half_distance", "both")
-        if self.tau is not None and not (isinstance(self.tau, int | float) and 0 < self.tau < math.inf):
-            raise OptionError("tau", "a finite rate above 0", repr(self.tau))
         if self.half_distance is not None and math.isinf(resolve_length("half_distance", self.half_distance, 1.0)):
             raise OptionError("half_distance", "a finite length", repr(self.half_distance))
-        resolve_length("max_distance", self.max_distance, 1.0)
 
     def resolve(self, radius: float) -> Mu:
         """μ for a mesh of bounding-sphere radius `radius`."""

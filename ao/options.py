@@ -2,75 +2,22 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Literal
+from typing import Annotated, Any, Literal
 
 import numpy as np
-import numpy.typing as npt
+from pydantic import Field, PlainValidator
 
 from raytrace.errors import MeshError, OptionError, nearest_name
 from raytrace.mesh.mesh import Mesh
-from raytrace.system.threads import thread_count
+from raytrace.system.parameters import Parameters, Seed, Whole
+from raytrace.system.threads import MAX_THREADS
+from raytrace.types import Bools
 
 from .falloff import Binary, Exponential, Falloff
-
-if TYPE_CHECKING:
-    from .gather.receivers import Normals
-    from .interior.inside import Hidden
-
-Method = Literal["vertex", "surface"]
 
 MAX_SAMPLES = 1 << 20
 DEFAULT_SAMPLES = 256
 _MOST_FOR_TOLERANCE = 1 << 14
-
-
-@dataclass(frozen=True, eq=False)
-class Options:
-    """Arguments of `ao.bake` beside mesh and falloff, see there for units and ranges.
-
-    Raises:
-        OptionError: one is out of range, does not go with another, or is of the other method.
-    """
-
-    method: Method = "vertex"
-    samples: int | None = None
-    seed: int = 0
-    threads: int | None = None
-    normals: Normals = "angle"
-    only: npt.NDArray[np.bool_] | None = None
-    tolerance: float | None = None
-    reconstruct: bool = True
-    hidden: Hidden = "auto"
-    skip: bool = True
-
-    def __post_init__(self) -> None:
-        _check_name("method", self.method, ("vertex", "surface"))
-        if self.samples is not None:
-            _check_whole("samples", self.samples, 1, MAX_SAMPLES)
-        _check_whole("seed", self.seed, 0, 2**64 - 1)
-        thread_count(self.threads)
-        _check_name("hidden", self.hidden, ("auto", "ignore", "mark", "fill"))
-        if self.method == "surface":
-            for name in ("tolerance", "reconstruct", "hidden", "skip"):
-                if getattr(self, name) != getattr(Options, name):
-                    raise OptionError(name, "method vertex with it", "method surface")
-        if self.tolerance is None:
-            return
-        number = isinstance(self.tolerance, int | float) and not isinstance(self.tolerance, bool)
-        if not number or not 1e-5 <= self.tolerance <= 1:
-            raise OptionError("tolerance", "a number from 1e-5 to 1", self.tolerance)
-        if self.only is not None:
-            raise OptionError("only", "no mask of vertices together with a tolerance", "both")
-        if not self.reconstruct:
-            raise OptionError("reconstruct", "reconstruction together with a tolerance", "none")
-
-    @property
-    def rays(self) -> int:
-        """Rays a vertex; the most, if there is a tolerance."""
-        if self.samples is not None:
-            return self.samples
-        return DEFAULT_SAMPLES if self.tolerance is None else _MOST_FOR_TOLERANCE
 
 
 def falloff_of(given: Falloff | str | None) -> Falloff:
@@ -91,6 +38,54 @@ def falloff_of(given: Falloff | str | None) -> Falloff:
     raise OptionError("falloff", expected, repr(given), "bake", near)
 
 
+Method = Annotated[Literal["vertex", "surface"], Field(description="vertex or surface")]
+Normals = Annotated[Literal["angle", "area", "equal", "file"], Field(description="angle, area, equal or file")]
+Hidden = Annotated[Literal["auto", "ignore", "mark", "fill"], Field(description="auto, ignore, mark or fill")]
+Samples = Annotated[Whole, Field(ge=1, le=MAX_SAMPLES)]
+Threads = Annotated[Whole, Field(ge=1, le=MAX_THREADS)]
+Mask = Annotated[Bools, PlainValidator(np.asarray)]
+Tolerance = Annotated[float, Field(strict=True, ge=1e-5, le=1, description="a number from 1e-5 to 1")]
+
+
+class Options(Parameters, kw_only=False, source="options"):
+    """Arguments of `ao.bake` beside the mesh, see there for units and ranges.
+
+    Raises:
+        OptionError: one is out of range, does not go with another, or is of the other method.
+    """
+
+    method: Method = "vertex"
+    falloff: Annotated[Falloff, PlainValidator(falloff_of)] = Exponential()
+    samples: Samples | None = None
+    seed: Seed = 0
+    threads: Threads | None = None
+    normals: Normals = "angle"
+    only: Mask | None = None
+    tolerance: Tolerance | None = None
+    reconstruct: bool = True
+    hidden: Hidden = "auto"
+    skip: bool = True
+
+    def __post_init__(self) -> None:
+        if self.method == "surface":
+            for name in ("tolerance", "reconstruct", "hidden", "skip"):
+                if getattr(self, name) != getattr(Options, name):
+                    raise OptionError(name, "method vertex with it", "method surface")
+        if self.tolerance is None:
+            return
+        if self.only is not None:
+            raise OptionError("only", "no mask of vertices together with a tolerance", "both")
+        if not self.reconstruct:
+            raise OptionError("reconstruct", "reconstruction together with a tolerance", "none")
+
+    @property
+    def rays(self) -> int:
+        """Rays a vertex; the most, if there is a tolerance."""
+        if self.samples is not None:
+            return self.samples
+        return DEFAULT_SAMPLES if self.tolerance is None else _MOST_FOR_TOLERANCE
+
+
 def mesh_of(given: Mesh | Any) -> Mesh:
     """A mesh, made of anything else that has vertices and faces.
 
@@ -105,13 +100,3 @@ def mesh_of(given: Mesh | Any) -> Mesh:
         expected = "a raytrace.Mesh, or anything else with vertices (n, 3) and faces (m, 3)"
         raise MeshError("bake", "mesh", expected, repr(given)) from None
     return Mesh(vertices, faces)
-
-
-def _check_name(field: str, value: object, names: tuple[str, ...]) -> None:
-    if value not in names:
-        raise OptionError(field, f"{', '.join(names[:-1])} or {names[-1]}", repr(value))
-
-
-def _check_whole(field: str, value: object, low: int, high: int) -> None:
-    if isinstance(value, bool) or not isinstance(value, int | np.integer) or not low <= value <= high:
-        raise OptionError(field, f"a whole number from {low} to {high}", value)

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import json
-import os
 import platform
 from collections.abc import Sequence
 from importlib.metadata import PackageNotFoundError, version
@@ -12,7 +10,6 @@ from typing import Any
 import numpy as np
 
 from raytrace.embree import library as embree
-from raytrace.system.atomic import atomic_write
 
 from .gather.receivers import Flag
 from .result import Bake
@@ -32,7 +29,7 @@ def versions() -> dict[str, str]:
 def report(
     bake: Bake, options: dict[str, Any], seconds: dict[str, float], warnings: Sequence[str] = ()
 ) -> dict[str, Any]:
-    """The report as JSON-ready values.
+    """The report of a bake as JSON-ready values.
 
     Args:
         options: every effective option of the command, `seed` among them.
@@ -62,19 +59,3 @@ def report(
         "options": options,
         "versions": versions(),
     }
-
-
-def write_report(
-    path: str | os.PathLike[str],
-    bake: Bake,
-    options: dict[str, Any],
-    seconds: dict[str, float],
-    warnings: Sequence[str] = (),
-) -> None:
-    """Write `report` as JSON, whole or not at all.
-
-    Raises:
-        OutputError: it cannot be written.
-    """
-    with atomic_write(path) as file:
-        file.write((json.dumps(report(bake, options, seconds, warnings), indent=2, allow_nan=False) + "\n").encode())

@@ -10,7 +10,6 @@ the picture's centre. Both are rendered in turn, A B A B …, with all layers of
 from __future__ import annotations
 
 import argparse
-import json
 import os
 import time
 from dataclasses import replace
@@ -28,6 +27,7 @@ from raytrace.materials.materials import Lambert
 from raytrace.renderer.render import render
 from raytrace.scene import Object, Scene, Shape
 from raytrace.settings import Settings
+from raytrace.system.atomic import write_json
 from scenes.geometry.builtin_shapes import Box, Plane
 
 KEPT = 10
@@ -108,7 +108,7 @@ def main() -> None:
         "versions": versions(),
     }
     target = Path(__file__).parent / "results" / "many_lights.json"
-    target.write_text(json.dumps(result, indent=2) + "\n")
+    write_json(target, result)
     print(f"{reaching:.1f} of {options.lights} lights reach a pixel")
     for name, times in seconds.items():
         print(f"{name:<5} {median(times):.3f} s  {rays[name]}")

@@ -24,6 +24,7 @@ from raytrace.mesh.mesh import Mesh
 from raytrace.renderer.render import render, rendering_bytes
 from raytrace.scene import Object, Scene, Shape
 from raytrace.settings import Settings
+from raytrace.system.atomic import write_json
 
 SAMPLES = 256
 FILM = Settings(width=1920, height=1080, samples=1)
@@ -132,7 +133,7 @@ def main() -> None:
                     flush=True,
                 )
     target = Path(__file__).parent / "results" / "memory.json"
-    target.write_text(json.dumps({"rows": rows, "versions": versions()}, indent=2) + "\n")
+    write_json(target, {"rows": rows, "versions": versions()})
 
 
 if __name__ == "__main__":

@@ -8,7 +8,6 @@ SCENE is a built-in one. The peak is VmHWM of /proc/PID/status, read while the p
 from __future__ import annotations
 
 import argparse
-import json
 import os
 import subprocess
 import sys
@@ -17,6 +16,7 @@ import time
 from pathlib import Path
 
 from ao.report import versions
+from raytrace.system.atomic import write_json
 from scenes.library.catalogue import BUILTIN, write_builtin
 
 ROOT = Path(__file__).parent.parent
@@ -63,7 +63,7 @@ def main() -> None:
         "versions": versions(),
     }
     target = Path(__file__).parent / "results" / "memory_4k.json"
-    target.write_text(json.dumps(result, indent=2) + "\n")
+    write_json(target, result)
     print(
         f"{options.scene}: peak {peak / 2**30:.2f} GiB (target {TARGET / 2**30:g}), {seconds:.1f} s, {written:,} bytes"
     )

@@ -7,8 +7,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from raytrace.brdf.oren_nayar import shape
-from raytrace.brdf.oren_nayar_reference import reference_shape
+from raytrace.brdf.oren_nayar import fitted_orders
+from raytrace.brdf.oren_nayar_reference import reference_orders
 from raytrace.materials.energy import NORMAL, asymmetry, directional_albedo, towards
 from raytrace.materials.materials import (
     BaseMaterial,
@@ -92,8 +92,8 @@ def oren_nayar_fit(limit: float) -> None:
             for theta_r in angles:
                 for phi in np.linspace(0, np.pi, 7):
                     l, v = towards(theta_i), towards(theta_r, phi)
-                    exact = reference_shape(sigma, l, v, 64)
-                    fit = shape(sigma, tuple(NORMAL), tuple(l), tuple(v))
+                    exact = reference_orders(sigma, l, v, 64)
+                    fit = fitted_orders(sigma, tuple(NORMAL), tuple(l), tuple(v))
                     errors.append(((fit[0] - exact[0]) / l[2], (fit[1] - exact[1]) / l[2]))
         first, second = np.array(errors).T
         total = first + 0.9 * second

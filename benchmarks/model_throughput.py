@@ -6,7 +6,6 @@ dispatch, the unpacking of the row and the memory traffic are all counted. Media
 
 from __future__ import annotations
 
-import json
 import platform
 import time
 from pathlib import Path
@@ -26,6 +25,7 @@ from raytrace.materials.materials import (
     PoulinFournier,
     Strauss,
 )
+from raytrace.system.atomic import write_json
 
 COUNT, RUNS = 1_000_000, 9
 RESULT = Path(__file__).parent / "results" / "model_throughput.json"
@@ -74,7 +74,7 @@ def main() -> None:
     RESULT.parent.mkdir(exist_ok=True)
     machine = {"cpu": platform.processor() or platform.machine(), "python": platform.python_version()}
     versions = {"numba": numba.__version__, "numpy": np.__version__}
-    RESULT.write_text(json.dumps({**machine, **versions, "evaluations": COUNT, "rates": rates}, indent=1) + "\n")
+    write_json(RESULT, {**machine, **versions, "evaluations": COUNT, "rates": rates})
 
 
 if __name__ == "__main__":

@@ -33,6 +33,7 @@ from raytrace.mesh.normals import vertex_normals
 from raytrace.renderer.render import render
 from raytrace.scene import Object, Scene, Shape
 from raytrace.settings import Settings
+from raytrace.system.atomic import write_json
 from scenes.geometry.primitives import plane
 from scenes.readers.load import load
 
@@ -157,7 +158,7 @@ def main() -> None:
         print(describe(row))
     target = Path(__file__).parent / "results" / "render_against_mitsuba.json"
     target.parent.mkdir(exist_ok=True)
-    target.write_text(json.dumps(results, indent=2) + "\n")
+    write_json(target, results)
 
 
 if __name__ == "__main__":

@@ -5,7 +5,6 @@ python -m benchmarks.skipping [MESH ...]     built-in meshes, and files
 
 from __future__ import annotations
 
-import json
 import sys
 import time
 from pathlib import Path
@@ -15,6 +14,7 @@ import numpy as np
 
 import ao
 from ao.report import versions
+from raytrace.system.atomic import write_json
 from scenes.readers.load import load
 
 from .time_against_error.suite import Specimen, builtin, falloffs
@@ -66,7 +66,7 @@ def main() -> None:
     print("mesh            vertices falloff         rays    all, s  skipping  ratio  open  horizons, s of all threads")
     ao.bake(chosen[0].make(), samples=1024)
     rows = [row for specimen in chosen for row in measure(specimen)]
-    TARGET.write_text(json.dumps({"versions": versions(), "rows": rows}, indent=1) + "\n")
+    write_json(TARGET, {"versions": versions(), "rows": rows})
 
 
 if __name__ == "__main__":

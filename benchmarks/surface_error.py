@@ -12,7 +12,6 @@ noise. The table has the area-weighted RMS error over what is not hidden, shadin
 from __future__ import annotations
 
 import argparse
-import json
 import platform
 from pathlib import Path
 from typing import Any
@@ -30,6 +29,7 @@ from raytrace.mesh.placement import Placement
 from raytrace.ray_origins.offset import ray_offset
 from raytrace.sampling.sequences import owen_sobol
 from raytrace.sampling.warps import cosine_hemisphere
+from raytrace.system.atomic import write_json
 from scenes.readers.load import load
 
 Floats = npt.NDArray[np.float64]
@@ -152,7 +152,7 @@ def main() -> None:
     folder = Path(__file__).parent / "results"
     folder.mkdir(exist_ok=True)
     target = folder / "surface_error.json"
-    target.write_text(json.dumps(found, indent=2) + "\n")
+    write_json(target, found)
     print(target)
 
 

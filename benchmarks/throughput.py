@@ -9,7 +9,6 @@ nothing but a hit count. Both run on all cores, in turn; the JSON holds every ro
 from __future__ import annotations
 
 import argparse
-import json
 import os
 import platform
 import time
@@ -44,6 +43,7 @@ from raytrace.embree.packets import (
 from raytrace.kernel.jit import kernel
 from raytrace.mesh.placement import Placement
 from raytrace.sampling.hash import seed_key
+from raytrace.system.atomic import write_json
 from raytrace.system.threads import run_blocks, thread_count
 from scenes.geometry.temple import temple
 from scenes.readers.load import load
@@ -157,7 +157,7 @@ def main() -> None:
     folder = Path(__file__).parent / "results"
     folder.mkdir(exist_ok=True)
     target = folder / "throughput.json"
-    target.write_text(json.dumps(found, indent=2) + "\n")
+    write_json(target, found)
     for name, row in found["results"].items():  # type: ignore[attr-defined]
         speed, ratio = row["mrays_per_s"], row["throughput_ratio"]
         print(

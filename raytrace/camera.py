@@ -1,24 +1,27 @@
-"""Where a picture is taken from: rays through the pixels of a perspective or orthographic view."""
+"""Perspective and orthographic cameras: a view of the scene and the rays through its pixels."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from numbers import Real
+from math import inf
+from typing import Annotated
 
 import numpy as np
-import numpy.typing as npt
+from pydantic import Field
 
 from .errors import OptionError, check_type, numbers
 from .kernel.arrays import product
 from .mesh.mesh import Mesh
 from .mesh.normals import normalize
+from .system.parameters import Number, Parameters, Point
+from .types import Float64s
 
-Floats = npt.NDArray[np.float64]
-Vector = tuple[float, float, float]
+Vector = Annotated[Point, Field(description="three finite numbers")]
+Degrees = Annotated[Number, Field(gt=0, lt=180, description="degrees above 0 and below 180")]
+Length = Annotated[Number, Field(gt=0, lt=inf, description="a finite length above 0")]
+Diameter = Annotated[Number, Field(ge=0, lt=inf, description="a finite length of 0 or more")]
 
 
-@dataclass(frozen=True)
-class Camera:
+class Camera(Parameters, kw_only=False, source="camera"):
     """A view of the scene.
 
     Attributes:
@@ -35,28 +38,12 @@ class Camera:
     position: Vector
     target: Vector
     up: Vector = (0.0, 0.0, 1.0)
-    field_of_view: float = 35.0
-    height: float | None = None
-    aperture: float = 0.0
-    focus: float | None = None
+    field_of_view: Degrees = 35.0
+    height: Length | None = None
+    aperture: Diameter = 0.0
+    focus: Length | None = None
 
     def __post_init__(self) -> None:
-        for name in ("position", "target", "up"):
-            given = getattr(self, name)
-            values = numbers(given, "camera", name, "three finite numbers")
-            if values.shape != (3,) or not np.isfinite(values).all():
-                raise OptionError(name, "three finite numbers", given, "camera")
-        for name in ("field_of_view", "height", "aperture", "focus"):
-            if getattr(self, name) is not None:
-                check_type(getattr(self, name), Real, "camera", name, "a number")
-        if not 0 < self.field_of_view < 180:
-            raise OptionError("field_of_view", "degrees above 0 and below 180", self.field_of_view, "camera")
-        for name, low in (("height", 0.0), ("focus", 0.0)):
-            value = getattr(self, name)
-            if value is not None and not low < value < float("inf"):
-                raise OptionError(name, "a finite length above 0", value, "camera")
-        if not 0 <= self.aperture < float("inf"):
-            raise OptionError("aperture", "a finite length of 0 or more", self.aperture, "camera")
         right, _, forward = self.axes()
         if not forward.any():
             raise OptionError("target", "a point other than position", self.target, "camera")
@@ -88,19 +75,19 @@ class Camera:
         distance = 1.05 * float(np.max(across / half - product(offset, forward))) or 1.0
         return cls(_vector(mesh.centre - distance * forward), _vector(mesh.centre), up, field_of_view)
 
-    def axes(self) -> tuple[Floats, Floats, Floats]:
+    def axes(self) -> tuple[Float64s, Float64s, Float64s]:
         """Unit vectors to the right, upwards and forward of the picture; zero where there is none."""
         forward = normalize(np.subtract(self.target, self.position))
         right = normalize(np.cross(forward, normalize(np.array(self.up))))
         return right, np.cross(right, forward), forward
 
-    def directions(self, x: Floats, y: Floats) -> Floats:
+    def directions(self, x: Float64s, y: Float64s) -> Float64s:
         """Unit directions (…, 3) of a pinhole through film points; y in [−1, 1] spans the view upwards."""
         right, above, forward = self.axes()
         half = np.tan(np.radians(self.field_of_view / 2))
         return normalize(forward + half * (x[..., None] * right + y[..., None] * above))
 
 
-def _vector(values: Floats) -> Vector:
+def _vector(values: Float64s) -> Vector:
     x, y, z = (float(c) for c in values)
     return x, y, z

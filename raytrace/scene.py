@@ -1,4 +1,4 @@
-"""What is rendered: shapes, where they stand, what they are made of, and what lights them."""
+"""Scenes: shapes with their materials, objects that place them, and lights."""
 
 from __future__ import annotations
 
@@ -7,21 +7,19 @@ from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
-import numpy.typing as npt
 
 from .errors import OptionError, check_type, numbers
 from .kernel.arrays import product
 from .mesh.mesh import Mesh
+from .types import Float64s
 
 if TYPE_CHECKING:
     from .image.texture import Texture
     from .lights.sources import BaseLight
     from .materials.base import BaseMaterial
 
-Floats = npt.NDArray[np.float64]
 
-
-def _frozen(array: Floats) -> Floats:
+def _frozen(array: Float64s) -> Float64s:
     """A copy that nobody can change, as what is made from a scene is kept with it."""
     copy = np.array(array)
     copy.flags.writeable = False
@@ -41,7 +39,7 @@ class Shape:
 
     mesh: Mesh
     material: BaseMaterial
-    uv: Floats | None = None
+    uv: Float64s | None = None
     texture: Texture | None = None
 
     def __post_init__(self) -> None:
@@ -75,9 +73,9 @@ class Object:
     """
 
     shape: Shape
-    transform: Floats = field(default_factory=lambda: np.eye(4))
+    transform: Float64s = field(default_factory=lambda: np.eye(4))
     name: str = "object"
-    w: Floats | None = None
+    w: Float64s | None = None
 
     def __repr__(self) -> str:
         return f"<Object {self.name!r}: {self.shape!r}{'' if self.w is None else ', with w'}>"
@@ -139,8 +137,8 @@ class Scene:
             start += len(mesh.vertices)
         return Mesh(np.concatenate(vertices), np.concatenate(faces), source="scene")
 
-    def with_obscurance(self, w: Floats | Sequence[float]) -> Scene:
-        """The same scene with w (n,) of `flattened()` dealt out to its objects."""
+    def with_obscurance(self, w: Float64s | Sequence[float]) -> Scene:
+        """The same scene with w (n,) of `flattened()`, an object's vertices after the other's."""
         ends = np.cumsum([len(item.shape.mesh.vertices) for item in self.objects])
         values = np.split(np.asarray(w, np.float64), ends[:-1])
         objects = tuple(replace(item, w=part) for item, part in zip(self.objects, values, strict=True))

@@ -1,21 +1,24 @@
-"""How a picture is made: size, samples, interpolation, what is switched on."""
+"""Settings of a rendering: size, samples, interpolation, what is switched on."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import Literal, get_args
+from typing import Annotated, Literal
 
-from .errors import OptionError, check_type, nearest_name
+from pydantic import Field
+
+from .errors import OptionError
+from .system.parameters import Parameters, Seed, Whole
 
 Shading = Literal["constant", "flat", "gouraud", "phong", "quadratic"]
 Normals = Literal["file", "angle", "area", "equal"]
 ObscuranceForm = Literal["off", "ambient", "book"]
-MAX_SIZE, MAX_SAMPLES = 32768, 4096
+MAX_SIZE = 32768
+Pixels = Annotated[Whole, Field(ge=1, le=MAX_SIZE)]
+Samples = Annotated[Whole, Field(ge=1, le=4096)]
+Crop = Annotated[tuple[Whole, Whole, Whole, Whole], Field(description="four whole numbers x, y, width, height")]
 
 
-@dataclass(frozen=True)
-class Settings:
+class Settings(Parameters, kw_only=False, source="render"):
     """Settings of a rendering.
 
     Attributes:
@@ -36,37 +39,19 @@ class Settings:
         OptionError: a value out of range.
     """
 
-    width: int = 960
-    height: int = 640
-    samples: int = 16
+    width: Pixels = 960
+    height: Pixels = 640
+    samples: Samples = 16
     shading: Shading = "phong"
     obscurance: ObscuranceForm = "ambient"
     shadows: bool = True
     terminator: bool = True
-    crop: tuple[int, int, int, int] | None = None
-    seed: int = 0
+    crop: Crop | None = None
+    seed: Seed = 0
     normals: Normals = "file"
 
     def __post_init__(self) -> None:
-        for name, low, high in (
-            ("width", 1, MAX_SIZE),
-            ("height", 1, MAX_SIZE),
-            ("samples", 1, MAX_SAMPLES),
-            ("seed", 0, 2**64 - 1),
-        ):
-            value = getattr(self, name)
-            if isinstance(value, bool) or not isinstance(value, int) or not low <= value <= high:
-                raise OptionError(name, f"a whole number from {low} to {high}", value, "render")
-        texts = {"shading": Shading, "normals": Normals, "obscurance": ObscuranceForm}
-        for name, allowed in ((name, get_args(texts[name])) for name in texts):
-            value = getattr(self, name)
-            if value not in allowed:
-                raise OptionError(name, "one of " + ", ".join(allowed), value, "render", nearest_name(value, allowed))
         if self.crop is not None:
-            expected = f"four whole numbers x, y, width, height in {self.width}×{self.height} pixels"
-            check_type(self.crop, Sequence, "render", "crop", expected)
-            if len(self.crop) != 4 or not all(isinstance(value, int) for value in self.crop):
-                raise OptionError("crop", expected, self.crop, "render")
             x, y, width, height = self.crop
             inside = x >= 0 and y >= 0 and x + width <= self.width and y + height <= self.height
             if not (inside and width > 0 and height > 0):

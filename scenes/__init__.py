@@ -1,4 +1,4 @@
-"""Mesh files, scene files and built-in scenes; what the commands do. The public names stand in `__init__.pyi`."""
+"""Mesh files, scene files, built-in scenes, and the commands. The public names stand in `__init__.pyi`."""
 
 from __future__ import annotations
 

@@ -1,5 +1,4 @@
 # The public names, imported when first used; type checkers read them here, and so does the package.
-from .description.description import BakeOptions as BakeOptions
 from .description.description import SceneDescription as SceneDescription
 from .description.read import read_scene as read_scene
 from .geometry.builtin_shapes import SOLIDS as SOLIDS

@@ -1,4 +1,4 @@
-"""Faults of a scene file, each with the path of the value that is wrong."""
+"""Errors in scene files, each with the path of the value that is wrong."""
 
 from __future__ import annotations
 

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from raytrace.sampling.hash import mix_array as mix
+from raytrace.sampling.hash import mix_array
 from raytrace.types import Int64s
 
 from ..denoise.one_ring import Neighbours
@@ -29,7 +29,7 @@ def sampled(tracer: Tracer, points: Points, neighbours: Neighbours | None, sampl
     calibration = _calibration_subset(len(points))
     tracer.expected = tracer.rays + samples * (len(points) + len(calibration))
     rows = tracer.gather(points, samples, key)
-    again = tracer.gather(points[calibration], samples, mix([key ^ np.uint32(0xA5A5A5A5)])[0])[:, W]
+    again = tracer.gather(points[calibration], samples, mix_array([key ^ np.uint32(0xA5A5A5A5)])[0])[:, W]
     w = rows[:, W]
     level = sampling_variance(w[calibration], again, samples)
     spread = rows[:, BATCH_VARIANCE]

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from raytrace.sampling.hash import mix_array as mix
+from raytrace.sampling.hash import mix_array
 from raytrace.types import Bools, Float64s, Int64s
 
 from ..denoise.one_ring import Neighbours
@@ -57,11 +57,11 @@ class Probes:
 
 def derive(key: np.uint32, salt: int) -> np.uint32:
     """Another key, for rays independent of those of `key`."""
-    return mix(mix([salt]) ^ key)[0]
+    return mix_array(mix_array([salt]) ^ key)[0]
 
 
 def _stratified_rows(count: int, wanted: int) -> Int64s:
     """`wanted` of `count` rows, one from each equal stretch of Morton order, all if there are no more."""
     wanted = min(count, wanted)
-    chance = np.ldexp(mix(np.arange(wanted, dtype=np.uint32)).astype(np.float64), -32)
+    chance = np.ldexp(mix_array(np.arange(wanted, dtype=np.uint32)).astype(np.float64), -32)
     return ((np.arange(wanted) + chance) * (count / max(wanted, 1))).astype(np.int64)

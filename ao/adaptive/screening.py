@@ -13,7 +13,8 @@ import numpy.typing as npt
 
 from ..denoise.one_ring import Neighbours
 from ..denoise.shrinkage import distribute_variance, shrunk_to_mean
-from ..gather.receivers import Points
+from ..gather.hemisphere import BATCH_VARIANCE, W
+from ..gather.points import Points
 from ..trace.tracer import Tracer
 from .probes import Probes
 from .ray_budget import RATE
@@ -46,11 +47,11 @@ class Screening:
         rows = tracer.gather(points[which], self.samples, key)
         self.estimate = np.zeros(len(points))
         self.screened = which
-        self.estimate[which] = rows[:, 0]
-        spread = np.full(len(points), np.mean(rows[:, 1]))
-        spread[which] = rows[:, 1]
+        self.estimate[which] = rows[:, W]
+        spread = np.full(len(points), np.mean(rows[:, BATCH_VARIANCE]))
+        spread[which] = rows[:, BATCH_VARIANCE]
         known = which[probes.rows]
-        off = self.estimate[probes.rows] - (probes.raw[:, 0] + probes.other) / 2
+        off = self.estimate[probes.rows] - (probes.raw[:, W] + probes.other) / 2
         level = float(np.mean(off[known] ** 2)) - probes.variance / 2 if known.any() else 0.0
         usual = probes.variance * (probes.samples / self.samples) ** RATE
         variance = distribute_variance(neighbours.smooth(spread, _SPREAD_REACH), max(level, usual / 4))

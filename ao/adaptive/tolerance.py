@@ -15,7 +15,8 @@ import numpy.typing as npt
 from ..denoise.one_ring import Neighbours
 from ..denoise.shrinkage import calibration_factor, denoise
 from ..denoise.upsampling import coarsened, nearest_baked, upsample
-from ..gather.receivers import Points
+from ..gather.hemisphere import BENT, COLUMNS, VALUES, W
+from ..gather.points import Points
 from ..trace.tracer import Tracer
 from .probes import Probes, derive
 from .ray_budget import RATE
@@ -90,7 +91,7 @@ class _Field:
         self.stride = 1 if probes.all_baked else _COARSEST
         while self.stride > 1 and len(points) // self.stride < _FEWEST:
             self.stride //= 2
-        self.rows = np.zeros((len(points), 5))
+        self.rows = np.zeros((len(points), COLUMNS))
         self.baked = np.zeros(len(points), np.bool_)
         self._bake(np.arange(len(points)) % self.stride == 0)
         if (self.owner < 0).any():
@@ -151,8 +152,8 @@ class _Field:
         self.near, self.known, self.cell = coarsened(self.neighbours, self.owner, self.points.normals)
         raw = self.rows[self.known]
         denoised, error = denoise(self.near, self.points[self.known], raw, self.noise)
-        self.values = np.column_stack([denoised, raw[:, 2:]])
-        residual = np.nan_to_num(raw[:, 0] - self.near.predict(raw[:, 0])) ** 2
+        self.values = np.column_stack([denoised, raw[:, BENT:]])
+        residual = np.nan_to_num(raw[:, W] - self.near.predict(raw[:, W])) ** 2
         jump = np.inf if self.screening else (_JUMP * self.aim) ** 2
         between = np.maximum(self.near.smooth(np.minimum(residual, jump), 2), error)
         self.error = np.where(self.baked, error[self.cell], between[self.cell])
@@ -252,7 +253,7 @@ class _Field:
             rows[:, 0] = self.w
             left = self._outliers()
             self._trace(left.copy())
-            rows[left] = self.rows[left][:, [0, 2, 3, 4]]
+            rows[left] = self.rows[left][:, VALUES]
             self.error[left] = self.noise
         screened = self.screening.samples if self.screening else 0
         return Estimate(rows, self.error, self.samples, int(np.count_nonzero(~self.baked)), screened)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from enum import IntFlag
-from typing import Literal
 
 import numpy as np
 import numpy.typing as npt
@@ -18,11 +17,11 @@ from raytrace.ray_origins.welded import weld_points
 from raytrace.system.memory import check_memory
 
 from ..memory import NEGLIGIBLE, corner_bytes
+from ..options import Normals
 from .corners import Corners, find_corners
 from .morton import morton_order
 from .points import Points
 
-Normals = Literal["angle", "area", "equal", "file"]
 Floats = npt.NDArray[np.float64]
 Ints = npt.NDArray[np.int64]
 
@@ -95,12 +94,10 @@ def find_receivers(mesh: Mesh, placement: Placement, normals: Normals = "angle")
     """Weld, orient and lift the vertices of `mesh`.
 
     Raises:
-        OptionError: `normals` is not one of the four, or "file" for a mesh that has none.
+        MeshError: `normals` is "file" for a mesh that has none.
         MemoryLimitError: the corners of folded vertices would not fit into memory.
         EmbreeError: Embree failed, out of memory for instance.
     """
-    if normals not in ("angle", "area", "equal", "file"):
-        raise OptionError("normals", "angle, area, equal or file", repr(normals))
     if normals == "file" and mesh.normals is None:
         raise MeshError(mesh.source, "normals", "vertex normals in the mesh", "none")
     vertices = placement.vertices.astype(np.float64)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Literal
 
 import numpy as np
 import numpy.typing as npt
@@ -34,7 +33,6 @@ from ..gather.ray_packet import aim, start_from
 from ..gather.receivers import Points, Receivers
 from .closed_parts import closed_parts, inside_boxes
 
-Hidden = Literal["auto", "ignore", "mark", "fill"]
 RAYS = 32
 _KEY = np.uint32(0x51DE)
 _BLOCK = 1 << 8  # points

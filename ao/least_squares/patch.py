@@ -9,7 +9,7 @@ import numpy as np
 from raytrace.embree.packets import LANES
 from raytrace.mesh.normals import face_normals
 from raytrace.mesh.placement import Placement
-from raytrace.sampling.hash import mix_array as mix
+from raytrace.sampling.hash import mix_array
 from raytrace.system.threads import run_blocks
 from raytrace.types import Bools, Float32s, Float64s, Int32s, Int64s
 
@@ -72,7 +72,7 @@ def gather_moments(prepared: Prepared, patch: Patch) -> tuple[Float64s, Int64s]:
         return moments, counts
     rays = int(np.clip(samples // 2 // LANES * LANES, LANES, _MOST_RAYS))
     count = max(samples * len(np.unique(patch.face_points)) // rays, 1)
-    spread = Samples.spread(patch.areas, count, float(np.ldexp(mix([key])[0], -32)))
+    spread = Samples.spread(patch.areas, count, float(np.ldexp(mix_array([key])[0], -32)))
     lattices = Lattices.of(rays, key)
     mu = prepared.mu.in_render_space(placement.scale)
     call = checkpoint.call(patch.face_points, samples, key) if checkpoint else b""

@@ -1,1 +1,1 @@
-"""What is reflected: one local illumination model a file, and the dispatch over them."""
+"""Reflection models: one a file, with its formula and paper, and the dispatch over them."""

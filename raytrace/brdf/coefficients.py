@@ -1,4 +1,4 @@
-"""Numbers that a material computes once, when it is packed, so that its kernel need not."""
+"""Coefficients of the models, computed once when a material is packed; apart from kernels, which import Numba."""
 
 from __future__ import annotations
 

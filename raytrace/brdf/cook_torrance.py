@@ -15,7 +15,7 @@ from math import pi, sqrt
 from ..kernel.jit import inline
 from ..kernel.vector import cross, dot, halfway, perpendicular
 from .layout import MODEL
-from .microfacet import attenuation, beckmann, fresnel, gaussian
+from .microfacet import beckmann, fresnel, gaussian, geometric_attenuation
 
 K_S, ETA, SHIFTED, COLOUR, NORMALISATION, M = MODEL + 3, MODEL + 4, MODEL + 7, MODEL + 8, MODEL + 11, MODEL + 12
 
@@ -37,7 +37,7 @@ def combine(row, nl, nv, h, nh, vh, distribution):
     diffuse = (row[MODEL] * base, row[MODEL + 1] * base, row[MODEL + 2] * base)
     if nv <= 0.0 or nh <= 0.0 or vh <= 0.0:
         return diffuse, (0.0, 0.0, 0.0)
-    lobe = row[K_S] * row[NORMALISATION] * distribution * attenuation(nh, nl, nv, vh) / nv  # k_s f_s
+    lobe = row[K_S] * row[NORMALISATION] * distribution * geometric_attenuation(nh, nl, nv, vh) / nv  # k_s f_s
     red, green, blue = fresnel(row[ETA], vh), fresnel(row[ETA + 1], vh), fresnel(row[ETA + 2], vh)
     if row[SHIFTED] == 1.0:
         lobe *= (red + green + blue) / 3.0

@@ -1,4 +1,4 @@
-"""The one door to all reflection models, for kernels that meet many materials.
+"""Dispatch over the reflection models by a material's kind, for kernels that meet many materials.
 
     red, green, blue = evaluate(kind, row, n, l, v, tangent)
 
@@ -102,7 +102,7 @@ def terms(kind, row, n, l, v, tangent):
 def terms_wide(kind, row, n, l, v, tangent, wanted):
     """`terms` in lanes, of float32, for n·l > 0; garbage in lanes where the mask `wanted` is not set."""
     if kind == LAMBERT:
-        return _spread(_lambert(row, n, l), n[0])
+        return _in_lanes(_lambert(row, n, l), n[0])
     if kind == PHONG:
         return _phong(row, n, l, v)
     if kind == BLINN_PHONG:
@@ -117,7 +117,7 @@ def terms_wide(kind, row, n, l, v, tangent, wanted):
 
 
 @inline
-def _spread(parts, lanes):
+def _in_lanes(parts, lanes):
     """Diffuse lanes with specular zeros in lanes."""
     diffuse, (red, green, blue) = parts
     return diffuse, (red + 0.0 * lanes, green + 0.0 * lanes, blue + 0.0 * lanes)

@@ -1,4 +1,4 @@
-"""Lambert: the ideal diffuse reflector, equally bright from everywhere.
+"""Lambert: the ideal diffuse reflector, equally bright from everywhere: f = ρ/π.
 
 Row: albedo ρ (RGB).
 Source: Lambert 1760; (12.18).

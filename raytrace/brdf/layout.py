@@ -1,4 +1,4 @@
-"""The parameter row: how a material reaches a kernel.
+"""Layout of the parameter row in which a kernel reads a material.
 
 A material is an integer kind and one row of `WIDTH` float64. Every row begins with the same head; the model's own
 parameters follow from column `MODEL` on, in the order its file states.
@@ -10,7 +10,7 @@ EMISSION 3       I_e, emitted RGB
 AMBIENT  3       k_a, RGB reflected of unit ambient light
 ALPHA    1       opacity of the pixel (Strauss: 1 − t; otherwise 1)
 TWO_SIDE 1       0, or the side the normal turns to: TO_LIGHT or TO_VIEWER
-GRAIN    3       unit direction of the grain in the world; zero: the surface's tangent is used
+GRAIN    3       unit direction of the grain, scene axes; zero: the surface's tangent is used
 MODEL    …       the model's parameters
 ======== ======= ==========================================================
 """

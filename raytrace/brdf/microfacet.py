@@ -1,4 +1,4 @@
-"""What microfacet models share: Fresnel reflectance, facet distributions, the V-groove attenuation.
+"""Terms of microfacet models: Fresnel reflectance, facet distributions, geometric attenuation by V-grooves.
 
 Source: Torrance & Sparrow 1967; Beckmann & Spizzichino 1963; Cook & Torrance 1982; (12.34–12.52).
 """
@@ -22,8 +22,8 @@ def fresnel(eta, cosine):
 
 
 @inline
-def attenuation(nh, nl, nv, vh):
-    """G: the part of a V-groove's facets that is neither shadowed nor masked."""
+def geometric_attenuation(nh, nl, nv, vh):
+    """G: the part of a V-groove's facets that is neither shadowed nor masked (Torrance & Sparrow 1967)."""
     return min(1.0, 2.0 * nh * nv / vh, 2.0 * nh * nl / vh)
 
 

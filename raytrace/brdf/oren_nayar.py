@@ -1,5 +1,7 @@
 """Oren–Nayar: V-grooves of Lambertian facets, with one interreflection; clay, plaster, sand, the moon.
 
+f n·l = (ρ/π)(A + ρB), A the first- and B the second-order reflection, fitted by C1, C2, C3.
+
 Row: albedo ρ (RGB), σ in radians.
 The fit with its second-order term turns slightly negative near grazing for σ > .6; the result is kept at or above zero.
 Source: Oren & Nayar 1994; (12.61–12.64).
@@ -15,7 +17,7 @@ from .layout import MODEL
 
 
 @inline
-def shape(sigma, n, l, v):
+def fitted_orders(sigma, n, l, v):
     """(A, B) of f n·l = (ρ/π)(A + ρB): the first- and the second-order reflection."""
     nl, nv = min(1.0, dot(n, l)), min(1.0, max(0.0, dot(n, v)))
     l_flat, v_flat = subtract(l, scale(dot(n, l), n)), subtract(v, scale(dot(n, v), n))
@@ -44,7 +46,7 @@ def shape(sigma, n, l, v):
 @inline
 def terms(row, n, l, v):
     """Diffuse and specular RGB reflected per unit incident RGB for a packed row."""
-    first, second = shape(row[MODEL + 3], n, l, v)
+    first, second = fitted_orders(row[MODEL + 3], n, l, v)
     red, green, blue = row[MODEL], row[MODEL + 1], row[MODEL + 2]
     diffuse = (
         max(0.0, red / pi * (first + red * second)),

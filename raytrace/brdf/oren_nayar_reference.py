@@ -11,11 +11,11 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-Floats = npt.NDArray[np.float64]
+from ..types import Float64s
 
 
-def reference_shape(sigma: float, l: npt.ArrayLike, v: npt.ArrayLike, order: int = 128) -> tuple[float, float]:
-    """(A, B) of f n·l = (ρ/π)(A + ρB), for n = (0, 0, 1): what `oren_nayar.shape` fits.
+def reference_orders(sigma: float, l: npt.ArrayLike, v: npt.ArrayLike, order: int = 128) -> tuple[float, float]:
+    """(A, B) of f n·l = (ρ/π)(A + ρB), for n = (0, 0, 1): what `oren_nayar.fitted_orders` fits.
 
     Args: sigma > 0, radians; unit vectors l, v (3,) above the surface; order: quadrature points per half axis.
     """
@@ -43,17 +43,17 @@ def reference_shape(sigma: float, l: npt.ArrayLike, v: npt.ArrayLike, order: int
     return float(np.sum(density[:, None] * first)), float(np.sum(density[:, None] * second))
 
 
-def _directions(theta: Floats, phi: Floats) -> Floats:
+def _directions(theta: Float64s, phi: Float64s) -> Float64s:
     """Unit vectors (len(theta), len(phi), 3)."""
     sine = np.sin(theta)[:, None]
     return np.stack(np.broadcast_arrays(sine * np.cos(phi), sine * np.sin(phi), np.cos(theta)[:, None]), axis=-1)
 
 
-def _uncovered(na: Floats, nw: float, wa: Floats) -> Floats:
+def _uncovered(na: Float64s, nw: float, wa: Float64s) -> Float64s:
     """Part of a facet, from its upper edge down, that direction w reaches past the opposite facet."""
     return np.asarray(np.minimum(1.0, np.divide(2.0 * na * nw, wa, out=np.ones_like(wa), where=wa > 0.0)))
 
 
-def _string(x: Floats | float, y: Floats | float, spread: Floats) -> Floats:
+def _string(x: Float64s | float, y: Float64s | float, spread: Float64s) -> Float64s:
     """Distance between the points at x on one side of the groove and at y on the other, measured from its bottom."""
     return np.asarray(np.sqrt(np.maximum(0.0, np.square(x) + np.square(y) + 2.0 * x * y * spread)))

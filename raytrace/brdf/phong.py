@@ -1,5 +1,7 @@
 """Phong and Blinn–Phong: diffuse light, and a highlight of the light's colour.
 
+k_d ⟨n·l⟩ + k_s W S per unit of light, S = ⟨r·v⟩^m (Phong) or ⟨n·h⟩^m (Blinn).
+
 Row: k_d (RGB), k_s (RGB), exponent m, highlight weight (0: W = 1, 1: W = cosθ).
 Source: Phong 1975 (12.22–12.23); Blinn 1977 (12.24–12.25); W(θ) from the lecture notes on reflection.
 """

@@ -23,9 +23,11 @@ K_S, EXPONENT, SPACING, CAP, DOMAIN, SERIES = MODEL + 3, MODEL + 6, MODEL + 7, M
 
 
 @inline
-def reach(row, across, up, length):
-    """What a direction (across, up), up > 0, reaches past the neighbours: its angle φ from the normal in the
-    cross-section, cap angles [lo, hi], floor places [x0, x1] between this axis, 0, and the next, `spacing`.
+def visible_part(row, across, up, length):
+    """The part of a period that a direction (across, up), up > 0, reaches past the neighbours.
+
+    Returns its angle φ from the normal in the cross-section, cap angles lo, hi, and floor places x0, x1 between this
+    axis, 0, and the next, `spacing`.
     """
     spacing, cap, sin_cap, cos_cap = row[SPACING], row[CAP], row[CAP + 1], row[CAP + 2]
     elevation = atan2(up, abs(across))
@@ -74,15 +76,15 @@ def cap_highlight(row, h_across, h_up, v_across, v_up, lo, hi):
 
 
 @inline
-def shape(row, n, l, v, grain):
+def period_averages(row, n, l, v, grain):
     """(diffuse, specular) averages over the visible part of a period, each in [0, 1]."""
     _, tangent = perpendicular(n, grain)
     h = halfway(l, v)
     l_up, l_across, v_up, v_across, h_up = dot(n, l), dot(tangent, l), dot(n, v), dot(tangent, v), dot(n, h)
     l_length = sqrt(l_across * l_across + l_up * l_up)
     v_length = sqrt(v_across * v_across + v_up * v_up)
-    light, lit_lo, lit_hi, lit_x0, lit_x1 = reach(row, l_across, l_up, l_length)
-    view, seen_lo, seen_hi, seen_x0, seen_x1 = reach(row, v_across, v_up, v_length)
+    light, lit_lo, lit_hi, lit_x0, lit_x1 = visible_part(row, l_across, l_up, l_length)
+    view, seen_lo, seen_hi, seen_x0, seen_x1 = visible_part(row, v_across, v_up, v_length)
     diffuse, specular = 0.0, 0.0
 
     lo, hi = max(lit_lo, seen_lo), min(lit_hi, seen_hi)
@@ -108,7 +110,7 @@ def terms(row, n, l, v, grain):
     """Diffuse and specular RGB reflected per unit incident RGB for a packed row; zero for a viewer from below."""
     if dot(n, v) <= 0.0:
         return (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
-    diffuse, specular = shape(row, n, l, v, grain)
+    diffuse, specular = period_averages(row, n, l, v, grain)
     return (row[MODEL] * diffuse, row[MODEL + 1] * diffuse, row[MODEL + 2] * diffuse), (
         row[K_S] * specular,
         row[K_S + 1] * specular,

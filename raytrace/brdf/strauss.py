@@ -1,5 +1,7 @@
 """Strauss: an empirical model with parameters an artist can turn: colour, smoothness, metalness, transparency.
 
+n·l (1 − m s) r_d c + ⟨r·v⟩^(3/(1 − s)) r_j c_s per unit of light, with r_d = (1 − s³)(1 − t).
+
 Row: colour c (RGB), smoothness s, metalness m, transparency t.
 F takes the angle of incidence, as in the paper; the printed shader takes the mean of both angles.
 Source: Strauss 1990; (12.65–12.70).

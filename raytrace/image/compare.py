@@ -1,4 +1,4 @@
-"""How much two pictures differ: OpenImageIO's error figures, and FLIP."""
+"""Differences of two pictures: OpenImageIO's error figures, and FLIP (Andersson et al. 2020)."""
 
 from __future__ import annotations
 
@@ -7,15 +7,14 @@ from dataclasses import dataclass
 from typing import Any, Literal
 
 import numpy as np
-import numpy.typing as npt
 
 from ..errors import InputError, OptionError
 from ..system.outputs import check_outputs
+from ..types import Float32s
 from .read import read_image
 from .srgb import decode_srgb
 from .write import check_image_target, write_image
 
-Floats = npt.NDArray[np.float32]
 Metric = Literal["flip", "rms", "max"]
 
 
@@ -89,7 +88,7 @@ def compare(
     )
 
 
-def _colour(path: str | os.PathLike[str]) -> Floats:
+def _colour(path: str | os.PathLike[str]) -> Float32s:
     """Linear RGB over black, (h, w, 3)."""
     layers, _ = read_image(path)
     if "beauty" not in layers:
@@ -102,7 +101,7 @@ def _colour(path: str | os.PathLike[str]) -> Floats:
     return np.ascontiguousarray(colour)
 
 
-def _buffer(pixels: Floats) -> Any:
+def _buffer(pixels: Float32s) -> Any:
     import OpenImageIO as oiio
 
     spec = oiio.ImageSpec(pixels.shape[1], pixels.shape[0], pixels.shape[2], "float")
@@ -112,7 +111,7 @@ def _buffer(pixels: Floats) -> Any:
     return buffer
 
 
-def _pixels(buffer: Any) -> Floats:
+def _pixels(buffer: Any) -> Float32s:
     import OpenImageIO as oiio
 
     return np.asarray(buffer.get_pixels(oiio.FLOAT), np.float32)

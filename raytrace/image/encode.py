@@ -1,4 +1,4 @@
-"""Image files from layers or pixels: encoding, metadata, and whether all of it reached the disk."""
+"""Encoding of layers or pixels as image files with metadata, checked to be complete on disk."""
 
 from __future__ import annotations
 
@@ -9,13 +9,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from ..errors import OptionError, OutputError, printable
 from ..system.atomic import atomic_path
+from ..types import Float32s
 from .srgb import encode_srgb
-
-Floats = npt.NDArray[np.float32]
 
 FORMATS = {".exr": "openexr", ".png": "png", ".tif": "tiff", ".tiff": "tiff", ".jpg": "jpeg", ".jpeg": "jpeg"}
 NAMESPACE = "obscurance:"
@@ -43,7 +41,7 @@ def file_format(path: str | os.PathLike[str]) -> str:
 
 
 def write_layers(
-    path: str | os.PathLike[str], layers: Mapping[str, Floats], metadata: Mapping[str, str], half: bool
+    path: str | os.PathLike[str], layers: Mapping[str, Float32s], metadata: Mapping[str, str], half: bool
 ) -> None:
     """Write an EXR file of `layers`, each (height, width, channels); colours and normals as 16-bit floats if `half`."""
     import OpenImageIO as oiio
@@ -60,7 +58,7 @@ def write_layers(
     spec.attribute("compression", "zip")
     spec.attribute("oiio:ColorSpace", "lin_rec709_scene")
 
-    def rows(first: int, end: int) -> Floats:
+    def rows(first: int, end: int) -> Float32s:
         parts = []
         for name, layer in layers.items():
             clipped = half and name not in _ALWAYS_FLOAT
@@ -71,7 +69,7 @@ def write_layers(
 
 
 def write_picture(
-    path: str | os.PathLike[str], pixels: Floats, metadata: Mapping[str, str], opaque: bool = False
+    path: str | os.PathLike[str], pixels: Float32s, metadata: Mapping[str, str], opaque: bool = False
 ) -> None:
     """Write linear `pixels`, (height, width, channels), sRGB-encoded, without their alpha if `opaque`."""
     import OpenImageIO as oiio
@@ -88,7 +86,7 @@ def write_picture(
         spec.attribute("Compression", "jpeg:95")
         spec.attribute("jpeg:subsampling", "4:4:4")
 
-    def rows(first: int, end: int) -> Floats:
+    def rows(first: int, end: int) -> Float32s:
         block = pixels[first:end]
         if not straight:
             return encode_srgb(block)
@@ -99,13 +97,13 @@ def write_picture(
     _write(path, spec, metadata, rows)
 
 
-def _has_background(pixels: Floats) -> bool:
+def _has_background(pixels: Float32s) -> bool:
     """Whether there is colour where the alpha is 0, which straight alpha cannot hold."""
     return bool((pixels[..., :3].any(axis=2) & (pixels[..., 3] == 0)).any())
 
 
 def _write(
-    path: str | os.PathLike[str], spec: Any, metadata: Mapping[str, str], rows: Callable[[int, int], Floats]
+    path: str | os.PathLike[str], spec: Any, metadata: Mapping[str, str], rows: Callable[[int, int], Float32s]
 ) -> None:
     import OpenImageIO as oiio
 

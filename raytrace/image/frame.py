@@ -1,4 +1,4 @@
-"""A rendered picture: its layers and what it took to make them."""
+"""A rendered picture: its layers, counts of rays and seconds."""
 
 from __future__ import annotations
 
@@ -6,9 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-import numpy as np
-import numpy.typing as npt
-
+from ..types import Float32s
 from .encode import write_picture
 
 LAYERS = {
@@ -46,7 +44,7 @@ class Frame:
         background: linear RGB that is in the beauty already wherever the coverage is below 1.
     """
 
-    layers: dict[str, npt.NDArray[np.float32]]
+    layers: dict[str, Float32s]
     rays: dict[str, int]
     rays_skipped: dict[str, int]
     seconds: dict[str, float]

@@ -16,10 +16,9 @@ import numpy.typing as npt
 from ..errors import InputError, is_utf8
 from ..settings import MAX_SIZE
 from ..system.inputs import check_regular
+from ..types import Float32s
 from .encode import NAMESPACE
 from .srgb import decode_srgb
-
-Floats = npt.NDArray[np.float32]
 
 GROWTH, SPARE = 1100, 1 << 26  # deflate grows 1032-fold at most; 64 MiB hold 4096×4096 pixels of four bytes
 _ROWS = 64
@@ -27,7 +26,7 @@ _printing = threading.Lock()
 _ORDER = {name: place for place, name in enumerate("RGBXYZA")}
 
 
-def read_image(path: str | os.PathLike[str]) -> tuple[dict[str, Floats], dict[str, str]]:
+def read_image(path: str | os.PathLike[str]) -> tuple[dict[str, Float32s], dict[str, str]]:
     """Read a picture: its layers, and the metadata that `write_frame` stored.
 
     Values of 8- and 16-bit files are taken as sRGB unless the file says that they are linear; straight alpha becomes
@@ -45,8 +44,8 @@ def read_image(path: str | os.PathLike[str]) -> tuple[dict[str, Floats], dict[st
     spec = image.spec()
     groups = _layers(list(spec.channelnames))
     layers = {name: np.empty((spec.height, spec.width, len(group)), np.float32) for name, group in groups.items()}
-    values = table(spec)
-    for rows, block in blocks(image, path):
+    values = decoding_table(spec)
+    for rows, block in row_blocks(image, path):
         for name, group in groups.items():
             layers[name][rows] = _linear(block[..., group], values, spec.alpha_channel in group)
     return layers, _metadata(spec)
@@ -94,7 +93,7 @@ def open_image(path: str | os.PathLike[str], content: Path | None = None, max_si
     return image
 
 
-def blocks(image: Any, path: str | os.PathLike[str]) -> Iterator[tuple[slice, npt.NDArray[Any]]]:
+def row_blocks(image: Any, path: str | os.PathLike[str]) -> Iterator[tuple[slice, npt.NDArray[Any]]]:
     """The opened image from the top, some rows at a time: which rows, and uint8 or uint16 codes, or float32.
 
     Raises:
@@ -117,7 +116,7 @@ def blocks(image: Any, path: str | os.PathLike[str]) -> Iterator[tuple[slice, np
         yield slice(first, end), np.asarray(numbers).reshape(end - first, spec.width, spec.nchannels)
 
 
-def table(spec: Any, srgb: bool | None = None) -> Floats | None:
+def decoding_table(spec: Any, srgb: bool | None = None) -> Float32s | None:
     """Linear values of all codes of an 8- or 16-bit file, None for a file of floats.
 
     Args:
@@ -155,7 +154,7 @@ def _codes(spec: Any) -> str | None:
     return text if text in ("uint8", "uint16") else None
 
 
-def _linear(numbers: npt.NDArray[Any], values: Floats | None, has_alpha: bool) -> Floats:
+def _linear(numbers: npt.NDArray[Any], values: Float32s | None, has_alpha: bool) -> Float32s:
     if values is None:
         return numbers
     linear = values[numbers]

@@ -1,4 +1,4 @@
-"""Albedo textures: where one comes from, and the arrays it becomes once a ray has seen it."""
+"""Albedo textures: image files, read into pyramids of images (Williams 1983) once a ray has met them."""
 
 from __future__ import annotations
 
@@ -7,13 +7,13 @@ from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager, nullcontext, suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, Literal, get_args
+from typing import Any, Literal, NamedTuple, get_args
 
 import numpy as np
-import numpy.typing as npt
 
 from ..errors import InputError, OptionError
-from .read import blocks, open_image, table
+from ..types import Float32s, Int64s
+from .read import decoding_table, open_image, row_blocks
 
 MAX_SIDE = 16384
 _TEXEL = 16  # bytes of a texel with its share of the coarser levels
@@ -21,9 +21,6 @@ _WORKING = 12  # bytes of a texel while the coarser levels are made
 Wrap = Literal["repeat", "mirrored_repeat", "clamp_to_edge"]
 WRAPS: tuple[Wrap, ...] = get_args(Wrap)
 """glTF's wrap modes; kernels know them by their places here."""
-
-Floats = npt.NDArray[np.float32]
-Integers = npt.NDArray[np.int64]
 
 
 @dataclass(frozen=True)
@@ -58,9 +55,9 @@ def wrap_modes(given: Any) -> tuple[Wrap, Wrap]:
     return modes
 
 
-@dataclass(frozen=True, eq=False)
-class PackedTextures:
-    """Textures as `sample_texture` takes them: each a pyramid of images that halve down to one texel.
+class PackedTextures(NamedTuple):
+    """Textures as kernels read them (`raytrace.image.texture_lookup`): each a pyramid of halved images down
+    to one texel.
 
     Takes 16 bytes for each texel of the files: three floats, and a third more for the coarser levels.
 
@@ -68,15 +65,15 @@ class PackedTextures:
         texels: float32 (n, 3), linear RGB; levels one after the other, rows from the top.
         levels: int64 (m, 3): first texel, width, height of each level; finest first.
         first: int64 (t,): each texture's finest level.
-        count: int64 (t,): each texture's number of levels, 0 if it was left out.
+        depth: int64 (t,): each texture's number of levels, 0 if it was left out.
         wrap: int64 (t, 2): its modes along u and v, places in `WRAPS`.
     """
 
-    texels: Floats
-    levels: Integers
-    first: Integers
-    count: Integers
-    wrap: Integers
+    texels: Float32s
+    levels: Int64s
+    first: Int64s
+    depth: Int64s
+    wrap: Int64s
 
 
 def pack_textures(textures: Sequence[Texture | None]) -> PackedTextures:
@@ -108,16 +105,16 @@ def pack_textures(textures: Sequence[Texture | None]) -> PackedTextures:
     for texture, (first, count) in places.items():
         if texture is not None:
             with _opened(texture) as image:
-                _fill(
+                _build_pyramid(
                     [texels[at : at + w * h].reshape(h, w, 3) for at, w, h in levels[first : first + count]],
                     image,
                     texture,
                 )
     entries = np.array([places[texture] for texture in images], np.int64).reshape(-1, 2)
-    table_of_levels = np.array(levels, np.int64).reshape(-1, 3)
+    all_levels = np.array(levels, np.int64).reshape(-1, 3)
     modes = [(0, 0) if texture is None else [WRAPS.index(mode) for mode in texture.wrap] for texture in textures]
     wrap = np.array(modes, np.int64).reshape(-1, 2)
-    return PackedTextures(texels, table_of_levels, entries[:, 0].copy(), entries[:, 1].copy(), wrap)
+    return PackedTextures(texels, all_levels, entries[:, 0].copy(), entries[:, 1].copy(), wrap)
 
 
 def _image(texture: Texture | None) -> Texture | None:
@@ -162,7 +159,7 @@ def _sizes(width: int, height: int) -> list[tuple[int, int]]:
     return sizes
 
 
-def _fill(pyramid: list[Floats], image: Any, texture: Texture) -> None:
+def _build_pyramid(pyramid: list[Float32s], image: Any, texture: Texture) -> None:
     """Read the finest level and reduce it to the others."""
     import OpenImageIO as oiio
 
@@ -176,10 +173,10 @@ def _fill(pyramid: list[Floats], image: Any, texture: Texture) -> None:
         coarser[:] = level.get_pixels(oiio.FLOAT)
 
 
-def _read(linear: Floats, image: Any, texture: Texture) -> None:
+def _read(linear: Float32s, image: Any, texture: Texture) -> None:
     spec = image.spec()
-    values = table(spec, texture.srgb)
+    values = decoding_table(spec, texture.srgb)
     channels = 3 if spec.nchannels >= 3 else 1
-    for rows, numbers in blocks(image, texture.path):
+    for rows, numbers in row_blocks(image, texture.path):
         colour = numbers[..., :channels]
         linear[rows] = colour if values is None else values[colour]

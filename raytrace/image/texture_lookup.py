@@ -1,6 +1,6 @@
-"""Looking a texture up: bilinear within a level of its pyramid, linear between two levels (Williams 1983).
+"""Trilinear texture lookup: bilinear within a level of the pyramid, linear between two levels (Williams 1983).
 
-What lies beyond the image goes by a wrap mode along each axis, as glTF has them: Khronos glTF 2.0 specification, 5.26.
+Beyond the image a wrap mode holds along each axis, as in glTF: Khronos glTF 2.0 specification, 5.26.
 """
 
 from __future__ import annotations
@@ -15,22 +15,23 @@ REPEAT, MIRRORED_REPEAT, CLAMP_TO_EDGE = range(3)  # places in `raytrace.image.t
 
 
 @inline
-def sample_texture(texels, levels, first, count, wrap, u, v, footprint):
+def sample_texture(textures, number, u, v, footprint):
     """Linear RGB of a texture at (u, v).
 
     Args:
-        texels, levels: of `PackedTextures`.
-        first, count: the texture's entries there; a texture that was left out (count 0) is white.
-        wrap: int64 (2,), its modes along u and v.
+        textures: `raytrace.image.texture.PackedTextures`.
+        number: row of the texture; one that was left out is white.
         u, v: (0, 0) is the lower left corner of the image, (1, 1) the upper right.
         footprint: width in uv of what a pixel sees; 0 looks at the finest level alone.
     """
-    if count == 0:
+    texels, levels = textures.texels, textures.levels
+    first, depth, wrap = textures.first[number], textures.depth[number], textures.wrap[number]
+    if depth == 0:
         return (1.0, 1.0, 1.0)
     width = footprint * max(levels[first, 1], levels[first, 2])
     if not width > 1.0:
         return bilinear(texels, levels, first, wrap, u, v)
-    level = min(log2(width), count - 1.0)
+    level = min(log2(width), depth - 1.0)
     lower = int(level)
     r, g, b = bilinear(texels, levels, first + lower, wrap, u, v)
     part = level - lower

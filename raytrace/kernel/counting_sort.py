@@ -1,4 +1,4 @@
-"""Stable counting sort of small whole numbers, such as indices of vertices or cells (Seward 1954)."""
+"""Stable counting sort of small whole numbers, such as indices of vertices or cells."""
 
 from __future__ import annotations
 

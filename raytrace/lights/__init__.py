@@ -1,1 +1,1 @@
-"""What arrives at a point: light sources, and their kernels."""
+"""Light sources, and kernels for the light that arrives at a point."""

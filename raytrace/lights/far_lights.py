@@ -5,18 +5,18 @@ from __future__ import annotations
 from math import hypot
 
 import numpy as np
-import numpy.typing as npt
 
+from ..types import Float64s, Int64s
 from . import layout as light_rows
 from .kernels import incident, triple
 
-FAR = 2.0**24  # times the size of the world: over it direction and attenuation change by less than a rounding
+FAR = 2.0**24  # times the size of the scene: across it direction and attenuation change by less than a rounding
 
 
-def make_far_lights_directional(kinds: npt.NDArray[np.int64], rows: npt.NDArray[np.float64]) -> None:
+def make_far_lights_directional(kinds: Int64s, rows: Float64s) -> None:
     """Turn point and spot lights (k,), (k, light_rows.WIDTH) beyond `FAR` of the origin into directional ones in place.
 
-    Their intensity becomes what arrives at the origin. Args: in the world's own units.
+    Their intensity becomes what arrives at the origin. Args: in render space.
     """
     for j, row in enumerate(rows):
         kind = int(kinds[j])

@@ -1,4 +1,4 @@
-"""Lights in kernels: what arrives at a point, and where a light need not be asked at all.
+"""Light that arrives at a point, and conservative tests for lights that cannot matter there or anywhere in a box.
 
 Skipping is exact for a threshold of zero. With a threshold ε > 0 every skipped light would have brought at most ε of
 incident light in each channel, so what k skipped lights would have reflected is at most k ε times the material's

@@ -1,4 +1,4 @@
-"""The light row: how a light reaches a kernel, an integer kind and one row of `WIDTH` float64.
+"""Layout of the row in which a kernel reads a light: an integer kind and `WIDTH` float64.
 
 ============== ======= ===============================================
 column         columns content

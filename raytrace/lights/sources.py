@@ -11,14 +11,15 @@ Source: (12.8), (12.26); the lecture notes on light sources.
 from __future__ import annotations
 
 from math import cos, pi, radians
-from typing import Annotated, Any, ClassVar, Literal, NamedTuple
+from typing import Any, ClassVar, Literal, NamedTuple, get_args
 
 import numpy as np
 import numpy.typing as npt
-from pydantic import Field, TypeAdapter, ValidationError, model_validator
+from pydantic import model_validator
 
 from ..errors import OptionError
-from ..system.parameters import Direction, HalfAngle, Length, NonNegative, Parameters, Point, Radiance, option_error
+from ..system.parameters import Direction, HalfAngle, Length, NonNegative, Parameters, Point, Radiance, made_of
+from ..types import Float64s, Int64s
 from .layout import (
     AMBIENT,
     COS_HALF_ANGLE,
@@ -40,7 +41,7 @@ class PackedLight(NamedTuple):
     """A light as kernels take it: integer kind, and a float64 row of `WIDTH`."""
 
     kind: int
-    row: npt.NDArray[np.float64]
+    row: Float64s
 
 
 class BaseLight(Parameters):
@@ -53,10 +54,10 @@ class BaseLight(Parameters):
         """The kind and row that `raytrace.lights.kernels` takes."""
         row = np.zeros(WIDTH)
         row[INTENSITY : INTENSITY + 3] = self.intensity
-        self._fill(row)
+        self._write(row)
         return PackedLight(self.kind, row)
 
-    def _fill(self, row: npt.NDArray[np.float64]) -> None:
+    def _write(self, row: Float64s) -> None:
         """Write the columns after the intensity."""
 
     def cannot_matter_at(self, point: npt.ArrayLike, normal: npt.ArrayLike, threshold: float = 0.0) -> bool:
@@ -101,7 +102,7 @@ class _Local(BaseLight):
     attenuation: tuple[NonNegative, NonNegative, NonNegative] = (0.0, 0.0, 1.0)
     range: Length | None = None
 
-    def _fill(self, row: npt.NDArray[np.float64]) -> None:
+    def _write(self, row: Float64s) -> None:
         row[POSITION : POSITION + 3] = self.position
         row[RADIAL : RADIAL + 3] = self.attenuation
         row[INVERSE_RANGE] = 0.0 if self.range is None else 1.0 / self.range
@@ -129,8 +130,8 @@ class SpotLight(_Local):
     half_angle: HalfAngle
     exponent: NonNegative = 0.0
 
-    def _fill(self, row: npt.NDArray[np.float64]) -> None:
-        super()._fill(row)
+    def _write(self, row: Float64s) -> None:
+        super()._write(row)
         row[DIRECTION : DIRECTION + 3] = _unit(self.direction)
         angle = radians(self.half_angle)
         row[COS_HALF_ANGLE], row[HALF_ANGLE] = max(0.0, cos(angle)), angle
@@ -144,7 +145,7 @@ class DirectionalLight(BaseLight):
     kind: ClassVar[int] = DIRECTIONAL
     direction: Direction
 
-    def _fill(self, row: npt.NDArray[np.float64]) -> None:
+    def _write(self, row: Float64s) -> None:
         row[DIRECTION : DIRECTION + 3] = _unit(self.direction)
 
 
@@ -155,8 +156,7 @@ class AmbientLight(BaseLight):
     kind: ClassVar[int] = AMBIENT
 
 
-Light = Annotated[PointLight | DirectionalLight | SpotLight | AmbientLight, Field(discriminator="light")]
-_ADAPTER: TypeAdapter[Any] = TypeAdapter(Light)
+Light = PointLight | DirectionalLight | SpotLight | AmbientLight
 
 
 def light_from_dict(data: dict[str, Any]) -> BaseLight:
@@ -164,14 +164,11 @@ def light_from_dict(data: dict[str, Any]) -> BaseLight:
 
     Raises: OptionError naming the light, the field, what is accepted and what came.
     """
-    try:
-        light: BaseLight = _ADAPTER.validate_python(data)
-    except ValidationError as error:
-        raise option_error(error, "light") from None
+    light: BaseLight = made_of(data, get_args(Light), "light", "light")
     return light
 
 
-def pack_lights(lights: list[BaseLight]) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.float64]]:
+def pack_lights(lights: list[BaseLight]) -> tuple[Int64s, Float64s]:
     """Kinds (k,) int64 and rows (k, WIDTH) float64 of a list of lights."""
     packed = [light.pack() for light in lights]
     kinds = np.array([p.kind for p in packed], np.int64)
@@ -189,7 +186,7 @@ def irradiance(
     return np.asarray(np.multiply(intensity, cosine) / np.square(distance))
 
 
-def _unit(direction: tuple[float, float, float]) -> npt.NDArray[np.float64]:
+def _unit(direction: tuple[float, float, float]) -> Float64s:
     from ..mesh.normals import normalize
 
     return normalize(np.array(direction))

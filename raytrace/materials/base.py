@@ -1,4 +1,4 @@
-"""What materials have in common: emission, ambient reflectance, packing into a row for kernels."""
+"""Base classes of materials: emission, ambient reflectance, packing into a row for kernels."""
 
 from __future__ import annotations
 
@@ -7,12 +7,12 @@ from math import pi
 from typing import ClassVar, Literal, NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 from pydantic import model_validator
 
 from ..brdf import layout as rows
 from ..errors import OptionError
 from ..system.parameters import Exponent, Fraction, Indices, Parameters, Radiance, Reflectance, Sides
+from ..types import Float64s
 
 RGB = tuple[float, float, float]
 
@@ -21,10 +21,10 @@ class Packed(NamedTuple):
     """A material as kernels take it: integer kind, and a float64 row of `rows.WIDTH`."""
 
     kind: int
-    row: npt.NDArray[np.float64]
+    row: Float64s
 
 
-def normalized(vector: RGB) -> npt.NDArray[np.float64]:
+def normalized(vector: RGB) -> Float64s:
     """The unit vector (3,) along `vector`; zero stays zero. Squares neither overflow nor vanish."""
     scaled = np.array(vector) / (np.abs(vector).max() or 1.0)
     return np.asarray(scaled / (np.linalg.norm(scaled) or 1.0))

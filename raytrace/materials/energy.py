@@ -1,4 +1,4 @@
-"""What can be measured of any material: the light it sends back in all, and how far it is from reciprocal."""
+"""Directional albedo (the white furnace test) and reciprocity of any material, measured."""
 
 from __future__ import annotations
 
@@ -6,13 +6,14 @@ import numpy as np
 import numpy.typing as npt
 from numpy.polynomial.legendre import leggauss
 
+from ..types import Float64s
 from .base import BaseMaterial
 from .reflect import reflect
 
 NORMAL = np.array([0.0, 0.0, 1.0])
 
 
-def towards(theta: npt.ArrayLike, phi: npt.ArrayLike = 0.0) -> npt.NDArray[np.float64]:
+def towards(theta: npt.ArrayLike, phi: npt.ArrayLike = 0.0) -> Float64s:
     """Unit vectors (…, 3) at angle theta from the z axis and azimuth phi, radians."""
     sine = np.sin(theta)
     return np.stack(np.broadcast_arrays(sine * np.cos(phi), sine * np.sin(phi), np.cos(theta)), axis=-1)
@@ -20,7 +21,7 @@ def towards(theta: npt.ArrayLike, phi: npt.ArrayLike = 0.0) -> npt.NDArray[np.fl
 
 def directional_albedo(
     material: BaseMaterial, incidence: float, slope: float | None = None, order: int = 96
-) -> npt.NDArray[np.float64]:
+) -> Float64s:
     """∫ f cosθ_r dω (3,): the part of light arriving at `incidence` radians that is reflected (the white furnace).
 
     Gauss–Legendre in angle, trapezoids in azimuth. Diffuse materials are integrated over viewers; a lobe of RMS `slope`

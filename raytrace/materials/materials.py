@@ -11,11 +11,10 @@ the types that signatures name (`Reflectance`, `Slope`, …) and their ranges: `
 from __future__ import annotations
 
 from math import cos, sin
-from typing import Annotated, Any, ClassVar, Literal
+from typing import Any, ClassVar, Literal, get_args
 
 import numpy as np
-import numpy.typing as npt
-from pydantic import Field, TypeAdapter, ValidationError, model_validator
+from pydantic import model_validator
 
 from ..brdf import layout as rows
 from ..brdf.coefficients import cap_angle, gaussian_constant, power_series
@@ -29,8 +28,9 @@ from ..system.parameters import (
     Slope,
     Smoothness,
     Spacing,
-    option_error,
+    made_of,
 )
+from ..types import Float64s, Int64s
 from .base import RGB, BaseMaterial, Diffuse, Microfacet, TwoTerm
 from .presets import preset
 
@@ -168,11 +168,7 @@ class Strauss(BaseMaterial):
         return [*self.colour, self.smoothness, self.metalness, self.transparency]
 
 
-Material = Annotated[
-    Lambert | Phong | BlinnPhong | CookTorrance | EllipticalBeckmann | OrenNayar | Strauss | PoulinFournier,
-    Field(discriminator="model"),
-]
-_ADAPTER: TypeAdapter[Any] = TypeAdapter(Material)
+Material = Lambert | Phong | BlinnPhong | CookTorrance | EllipticalBeckmann | OrenNayar | Strauss | PoulinFournier
 
 
 def material_from_dict(data: dict[str, Any]) -> BaseMaterial:
@@ -182,14 +178,11 @@ def material_from_dict(data: dict[str, Any]) -> BaseMaterial:
     """
     if "preset" in data:
         data = preset(data["preset"]) | {name: value for name, value in data.items() if name != "preset"}
-    try:
-        material: BaseMaterial = _ADAPTER.validate_python(data)
-    except ValidationError as error:
-        raise option_error(error, "material") from None
+    material: BaseMaterial = made_of(data, get_args(Material), "model", "material")
     return material
 
 
-def pack_materials(materials: list[BaseMaterial]) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.float64]]:
+def pack_materials(materials: list[BaseMaterial]) -> tuple[Int64s, Float64s]:
     """Kinds (k,) int64 and rows (k, rows.WIDTH) float64 of a list of materials, for a kernel that meets them all."""
     packed = [material.pack() for material in materials]
     kinds = np.array([p.kind for p in packed], np.int64)

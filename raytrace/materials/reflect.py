@@ -1,4 +1,4 @@
-"""`reflect`: what a material reflects, over arrays of directions."""
+"""Reflection of a material over arrays of directions."""
 
 from __future__ import annotations
 

@@ -1,7 +1,8 @@
-"""Render a scene: tiles on threads, each wholly a kernel's work."""
+"""Render a scene to a frame: tiles on threads, each by one kernel."""
 
 from __future__ import annotations
 
+import itertools
 import threading
 import time
 from collections.abc import Callable
@@ -9,13 +10,12 @@ from functools import partial
 from typing import get_args
 
 import numpy as np
-import numpy.typing as npt
 
 from ..camera import Camera
 from ..embree.packets import new_packet
 from ..errors import check_type
 from ..image.frame import LAYERS, Frame
-from ..image.texture import Texture, pack_textures, texture_bytes
+from ..image.texture import pack_textures, texture_bytes
 from ..kernel.arrays import aligned
 from ..kernel.simd import WIDE
 from ..lights.layout import AMBIENT as AMBIENT_LIGHT
@@ -24,8 +24,8 @@ from ..settings import Settings, Shading
 from ..shade.camera_rays import mark_seen, place_camera
 from ..shade.film import EDGE, TILE
 from ..shade.interaction import GOURAUD
-from ..shade.shading_points import FILM
-from ..shade.texturing import Textures
+from ..shade.records import Film, SceneArrays
+from ..shade.shading_points import FILM, LIGHTING
 from ..shade.tile import light_vertices, render_tiles
 from ..shade.workspace import (
     BACKGROUND,
@@ -40,24 +40,24 @@ from ..shade.workspace import (
     SHADOW_RAYS,
     UNOBSTRUCTED,
     UNREACHED,
+    Scratch,
     Style,
     new_scratch,
 )
 from ..system.memory import check_memory
 from ..system.threads import run_blocks, thread_count
-from .render_scene import World, build
+from ..types import Bools, Float32s, Int64s
+from .render_scene import RenderScene, build
 from .tiling import tile_count, whole_tiles
 
-Floats = npt.NDArray[np.float64]
 Progress = Callable[[int, int], None]
 
 _SHADINGS = get_args(Shading)
 _FORMS = ("off", "ambient", "book")
 _SHARES = 16  # of a picture for each thread: handing over takes as long as some tiles
 _LONGEST = 256  # samples of tiles in a share: what Ctrl-C waits for
-_LIT = 14  # columns that lighting makes, see `raytrace.shade.tile.lit_column`
 _EDGES = 4 * 4 * TILE * EDGE  # bytes of what tiles know of one another, each
-_BASE, _WORLD_VERTEX, _WORLD_FACE = 50 << 20, 64, 104  # bytes, `rendering_bytes`
+_BASE, _VERTEX, _FACE = 50 << 20, 64, 104  # bytes, `rendering_bytes`
 _SKIPPED = {
     "behind": BEHIND,
     "unreached": UNREACHED,
@@ -95,9 +95,9 @@ def render(
     check_memory("scene", rendering_bytes(scene, settings, layers), describe_work(scene, settings))
     workers = thread_count(threads)
     start = time.perf_counter()
-    world = build(scene, settings.normals)
+    built_scene = build(scene, settings.normals)
     built = time.perf_counter()
-    renderer = _Renderer(world, scene, camera, settings, layers, workers)
+    renderer = _Renderer(built_scene, scene, camera, settings, layers, workers)
     renderer.run(progress)
     counts = renderer.counts
     return Frame(
@@ -119,42 +119,43 @@ def rendering_bytes(scene: Scene, settings: Settings, layers: bool) -> int:
     film = 4 * wide * high * (FILM if layers else LAYERS["beauty"])
     film += _EDGES * tile_count(wide, high) * (settings.samples > FIRST)
     textures = texture_bytes(item.shape.texture for item in scene.objects)
-    return _BASE + _WORLD_VERTEX * vertices + _WORLD_FACE * faces + 8 * _LIT * lit + film + textures
+    return _BASE + _VERTEX * vertices + _FACE * faces + 8 * LIGHTING * lit + film + textures
 
 
 def describe_work(scene: Scene, settings: Settings) -> str:
-    """What a rendering does, for messages about memory."""
+    """Description of a rendering, for messages about memory."""
     faces = sum(len(item.shape.mesh.faces) for item in scene.objects)
     return f"to render {faces:,} faces in {settings.width:,}×{settings.height:,} pixels"
 
 
-def seen_vertices(
-    scene: Scene, camera: Camera, settings: Settings, threads: int | None = None
-) -> npt.NDArray[np.bool_]:
-    """Which vertices of `scene.flattened()` a rendering with these settings may read: bool (n,).
+def seen_vertices(scene: Scene, camera: Camera, settings: Settings, threads: int | None = None) -> Bools:
+    """Vertices of `scene.flattened()` that a rendering with these settings may read: bool (n,).
 
     Errors as `render`.
     """
-    world = build(scene, settings.normals, keep=False)  # what is baked for them makes another scene of it
-    view = place_camera(camera, settings, world.centre, world.scale)
+    geometry = build(scene, settings.normals).geometry
+    view = place_camera(camera, settings, geometry.centre, geometry.scale)
     left, top, wide, high = whole_tiles(settings)
-    seen = np.zeros(len(world.geometry.w), np.bool_)
+    seen = np.zeros(geometry.arrays.first_w[-1], np.bool_)
 
-    def work(first: int, last: int) -> None:
-        mark_seen(world.geometry, view, left, left + wide, top + first, top + last, *new_packet(WIDE, True), seen)
+    def work(first: int, end: int) -> None:
+        mark_seen(geometry.arrays, view, (left, left + wide), (top + first, top + end), *new_packet(WIDE, True), seen)
 
     run_blocks(high, 8, work, thread_count(threads))
     return seen
 
 
 class _Renderer:
-    """What the tiles of one picture share."""
+    """The state that all tiles of one picture share."""
 
     def __init__(
-        self, world: World, scene: Scene, camera: Camera, settings: Settings, layers: bool, threads: int
+        self, built: RenderScene, scene: Scene, camera: Camera, settings: Settings, layers: bool, threads: int
     ) -> None:
-        self.world, self.threads = world, threads
-        self.view = place_camera(camera, settings, world.centre, world.scale)
+        self.geometry, self.threads = built.geometry, threads
+        unread = pack_textures([None] * len(self.geometry.textures))
+        self.scene = SceneArrays(self.geometry.arrays, built.w, built.lights, unread, np.zeros((0, LIGHTING)))
+        self.reading = threading.Lock()
+        self.view = place_camera(camera, settings, self.geometry.centre, self.geometry.scale)
         self.style = Style(
             settings.samples,
             _SHADINGS.index(settings.shading),
@@ -166,22 +167,22 @@ class _Renderer:
             scene.background,
         )
         left, top, wide, high = whole_tiles(settings)
-        self.corner = left, top
-        x, y, self.width, self.height = settings.crop or (0, 0, settings.width, settings.height)
-        self.margin = x - left, y - top
-        self.film = np.empty((high, wide, FILM if layers else LAYERS["beauty"]), np.float32)
+        self.tiles = tile_count(wide, high)
+        self.film = Film(
+            pixels=np.empty((high, wide, FILM if layers else LAYERS["beauty"]), np.float32),
+            left=left,
+            top=top,
+            edges=np.empty((self.tiles if settings.samples > FIRST else 0, 4, TILE, EDGE), np.float32),
+            scale=self.geometry.scale,
+        )
+        x, y, width, height = settings.crop or (0, 0, settings.width, settings.height)
+        self.crop = self.film.pixels[y - top : y - top + height, x - left : x - left + width]
         self.counts = np.zeros(COUNTERS, np.int64)
-        self.vertex_light = np.zeros((0, _LIT))
-        self.textures = _pack([None] * len(world.textures))
-        self.reading = threading.Lock()
 
     def run(self, progress: Progress | None) -> None:
         if self.style.shading == GOURAUD:
             self._light_all_vertices()
-        high, wide, _ = self.film.shape
-        tiles = tile_count(wide, high)
-        self.edges = np.empty((tiles if self.style.samples > FIRST else 0, 4, TILE, EDGE), np.float32)
-        done = 0
+        tiles, done = self.tiles, 0
 
         def advance(count: int) -> None:
             nonlocal done
@@ -189,71 +190,62 @@ class _Renderer:
             if progress:
                 progress(done, tiles)
 
-        def work(first: int, last: int, again: bool = False) -> None:
-            wanted = np.zeros(len(self.world.textures), np.int64)
-            counts = self._tiles(first, last, wanted, again)
-            while wanted.any():
-                self._read(wanted)
-                wanted[:] = 0
-                counts = self._tiles(first, last, wanted, again)
-            finished.append(counts)
+        def work(first: int, end: int, again: bool = False) -> None:
+            scratch = self._render(first, end, again)
+            while scratch.missing.any():
+                self._read(scratch.missing)
+                scratch = self._render(first, end, again)
+            finished.append(scratch.counts)
 
-        finished: list[npt.NDArray[np.int64]] = []
+        finished: list[Int64s] = []
         share = max(min(tiles // (_SHARES * self.threads), _LONGEST // self.style.samples), 1)
         run_blocks(tiles, share, work, self.threads, advance)
-        if len(self.edges) > 0:
+        if len(self.film.edges) > 0:
             run_blocks(tiles, share, partial(work, again=True), self.threads)
         self.counts += np.sum(finished, axis=0)
 
-    def _tiles(self, first: int, last: int, wanted: npt.NDArray[np.int64], again: bool) -> npt.NDArray[np.int64]:
-        """Render tiles and return their counts; `wanted` is set for textures to be read before they can be right.
+    def _scratch(self) -> Scratch:
+        return new_scratch(len(self.scene.lights.kinds), len(self.geometry.textures))
 
-        Args: again: only the pixels that their neighbours in other tiles recall.
+    def _render(self, first: int, end: int, again: bool) -> Scratch:
+        """Render tiles; where the scratch has textures `missing`, they must be read before the tiles can be right.
+
+        Args: again: only the pixels that their neighbours in other tiles reopen.
         """
-        world, scratch = self.world, new_scratch(len(self.world.lights.kinds))
-        render_tiles(
-            world.geometry, world.lights, self.textures, self.view, self.style, self.vertex_light, scratch,
-            self.corner, (first, last), world.scale, wanted, self.film, self.edges, again,
-        )  # fmt: skip
-        return scratch.counts
+        scratch = self._scratch()
+        render_tiles(self.scene, self.view, self.style, self.film, scratch, (first, end), again)
+        return scratch
 
-    def _read(self, wanted: npt.NDArray[np.int64]) -> None:
-        """Read the wanted textures, and those already read again with them."""
+    def _read(self, missing: Int64s) -> None:
+        """Read the missing textures, and those already read again with them."""
         with self.reading:
-            missing = (wanted > 0) & (self.textures.depth == 0)
-            if missing.any():
-                keep = missing | (self.textures.depth > 0)
-                self.textures = _pack([t if kept else None for t, kept in zip(self.world.textures, keep, strict=True)])
+            unread = self.scene.textures.depth == 0
+            if ((missing > 0) & unread).any():
+                wanted = (missing > 0) | ~unread
+                chosen = [t if take else None for t, take in zip(self.geometry.textures, wanted, strict=True)]
+                self.scene = self.scene._replace(textures=pack_textures(chosen))
 
     def _light_all_vertices(self) -> None:
-        geometry, lights = self.world.geometry, self.world.lights
+        lights, first_w = self.scene.lights, self.scene.geometry.first_w
         shadows = self.style.shadows and (lights.kinds != AMBIENT_LIGHT).any()
-        origins = self.world.vertex_origins if shadows else aligned((0, 3), np.float32)
-        self.vertex_light = np.zeros((len(geometry.w), _LIT))
-        ends = np.append(geometry.first_w[1:], len(geometry.w))
-        finished: list[npt.NDArray[np.int64]] = []
-        for item, (begin, end) in enumerate(zip(geometry.first_w, ends, strict=True)):
+        origins = self.geometry.vertex_origins if shadows else aligned((0, 3), np.float32)
+        self.scene = self.scene._replace(lit_vertices=np.zeros((len(self.scene.w), LIGHTING)))
+        finished: list[Int64s] = []
+        for item, (begin, stop) in enumerate(itertools.pairwise(first_w.tolist())):
 
-            def work(first: int, last: int, item: int = item, begin: int = int(begin)) -> None:
-                scratch, span = new_scratch(len(lights.kinds)), (begin + first, begin + last)
-                light_vertices(geometry, lights, self.view, self.style, scratch, origins, item, span, self.vertex_light)
+            def work(first: int, end: int, item: int = item, begin: int = begin) -> None:
+                scratch = self._scratch()
+                light_vertices(self.scene, self.view, self.style, scratch, origins, item, (begin + first, begin + end))
                 finished.append(scratch.counts)
 
-            run_blocks(int(end - begin), 4 * PACKETS * WIDE, work, self.threads)
+            run_blocks(stop - begin, 4 * PACKETS * WIDE, work, self.threads)
         self.counts += np.sum(finished, axis=0)
 
-    def layers(self) -> dict[str, npt.NDArray[np.float32]]:
+    def layers(self) -> dict[str, Float32s]:
         """The crop's channels by layer, as views."""
         found, first = {}, 0
-        x, y = self.margin
-        crop = self.film[y : y + self.height, x : x + self.width]
         for name, channels in LAYERS.items():
-            if first < self.film.shape[2]:
-                found[name] = crop[..., first : first + channels]
+            if first < self.crop.shape[2]:
+                found[name] = self.crop[..., first : first + channels]
             first += channels
         return found
-
-
-def _pack(textures: list[Texture | None]) -> Textures:
-    packed = pack_textures(textures)
-    return Textures(packed.texels, packed.levels, packed.first, packed.count, packed.wrap)

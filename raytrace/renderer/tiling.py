@@ -9,7 +9,7 @@ from ..shade.film import TILE
 def whole_tiles(settings: Settings) -> tuple[int, int, int, int]:
     """Left, top, width and height, in pixels, of what is rendered: the whole picture.
 
-    For a crop, the tiles that it touches and those around them, whose pixels tell of edges.
+    For a crop, the tiles that it touches and those around them, whose pixels decide about those on its edges.
     """
     x, y, wide, high = settings.crop or (0, 0, settings.width, settings.height)
     left, top = max(x // TILE - 1, 0) * TILE, max(y // TILE - 1, 0) * TILE

@@ -1,12 +1,13 @@
-"""What vertices have beside their places: smooth normals, and where shadow rays begin when they are lit themselves."""
+"""Smooth vertex normals, and origins of the shadow rays of vertices for Gouraud shading."""
 
 from __future__ import annotations
 
+from typing import cast
+
 import numpy as np
-import numpy.typing as npt
 
 from ..brdf.layout import TWO_SIDED
-from ..embree.scene import TriangleScene
+from ..embree.scene import EmbreeScene, TriangleScene
 from ..kernel.arrays import aligned, product
 from ..mesh.mesh import Mesh
 from ..mesh.normals import face_normals, normalize, vertex_sums
@@ -15,14 +16,12 @@ from ..mesh.weld import CREASE, sum_groups, weld
 from ..ray_origins.welded import weld_points
 from ..settings import Normals
 from ..shade.records import Geometry
-
-Floats = npt.NDArray[np.float64]
-Ints = npt.NDArray[np.int64]
+from ..types import Float32s, Float64s, Int64s
 
 INSTANCED = 4.0  # the ray's own way into an instance's frame is rounded too, as if coordinates were that large
 
 
-def smooth_normals(mesh: Mesh, normals: Normals = "file") -> Floats:
+def smooth_normals(mesh: Mesh, normals: Normals = "file") -> Float64s:
     """Unit normals (n, 3) in the mesh's own frame; zero where there is none.
 
     Args: normals: as `raytrace.settings.Settings` has it.
@@ -37,17 +36,21 @@ def smooth_normals(mesh: Mesh, normals: Normals = "file") -> Floats:
     return normalize(sum_groups(group, own))[group]
 
 
-def vertex_origins(geometry: Geometry) -> npt.NDArray[np.float32]:
-    """Where shadow rays begin that leave the vertices of all objects, in the order of `geometry.w`: float32 (n, 3).
+def vertex_origins(geometry: Geometry, embree: EmbreeScene) -> Float32s:
+    """Origins of shadow rays from the vertices of all objects in order: float32 (n, 3), in render space.
 
     They are in front of all faces of the scene that meet at a vertex (`raytrace.ray_origins`). Where a surface has two
     sides there are n more, for vertices seen from behind.
+
+    Args: embree: the scene of `geometry`; one with a single object and no degenerate faces is searched as it is.
     """
-    vertices, faces, normals = _in_the_world(geometry)
+    vertices, faces, normals = _in_render_space(geometry)
     points = weld_points(vertices, faces, normals=normals)
     away = 0.0 if geometry.placed.all() else INSTANCED  # all that is reckoned with is in proportion to coordinates
     surface = points.surface(vertices + away)
-    scene = TriangleScene(surface.vertices.astype(np.float32), surface.faces)
+    scene = cast(TriangleScene, embree)
+    if len(geometry.placed) > 1 or len(surface.faces) < len(faces):
+        scene = TriangleScene(surface.vertices.astype(np.float32), surface.faces)
     found = [points.ray_origins(scene, surface)[points.group]]
     if geometry.rows[:, TWO_SIDED].any():
         found.append(points.reversed().ray_origins(scene, surface.reversed())[points.group])
@@ -56,19 +59,18 @@ def vertex_origins(geometry: Geometry) -> npt.NDArray[np.float32]:
     return origins
 
 
-def _in_the_world(geometry: Geometry) -> tuple[Floats, Ints, Floats]:
-    """All objects as one mesh in the world's own units, faces wound outwards: vertices, faces, unit vertex normals."""
+def _in_render_space(geometry: Geometry) -> tuple[Float64s, Int64s, Float64s]:
+    """All objects as one mesh in render space, faces wound outwards: vertices, faces, unit vertex normals."""
     vertices, faces, normals = [], [], []
-    counts = np.diff(geometry.first_w, append=len(geometry.w))
     begins = np.unique(geometry.first_face)
     ends = np.append(begins, len(geometry.faces))[np.searchsorted(begins, geometry.first_face) + 1]
-    for item, count in enumerate(counts):
+    for item, size in enumerate(np.diff(geometry.first_w)):
         start = geometry.first_vertex[item]
-        own = geometry.vertices[start : start + count].astype(np.float64)
-        normal = geometry.normals[start : start + count].astype(np.float64)
+        own = geometry.vertices[start : start + size].astype(np.float64)
+        normal = geometry.normals[start : start + size].astype(np.float64)
         if not geometry.placed[item]:
-            own = product(own, geometry.to_world[item, :, :3].T) + geometry.to_world[item, :, 3]
-            normal = product(normal, geometry.normal_to_world[item].T)
+            own = product(own, geometry.to_render[item, :, :3].T) + geometry.to_render[item, :, 3]
+            normal = product(normal, geometry.normal_to_render[item].T)
         corners = geometry.faces[geometry.first_face[item] : ends[item]] - start + geometry.first_w[item]
         vertices.append(own)
         faces.append(corners[:, ::-1] if geometry.mirrored[item] < 0 else corners)

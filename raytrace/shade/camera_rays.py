@@ -1,11 +1,10 @@
-"""Viewing rays: a camera in the world's own units, and its packets."""
+"""Viewing rays: a camera in render space, and its packets of sixteen rays."""
 
 from __future__ import annotations
 
 from typing import Any, NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
 from ..camera import Camera
 from ..embree.packets import DIR_X, GEOM_ID, INST_ID, ORG_X, PRIM_ID, TFAR, intersect16
@@ -17,47 +16,47 @@ from ..kernel.vector import add, dot, load3, scale, unit
 from ..sampling.hash import mix, mix_array, seed_key
 from ..sampling.sequences import owen_sobol
 from ..settings import Settings
+from ..types import Float64s
 
-Floats = npt.NDArray[np.float64]
 _SETS = 256
 _CENTRE = np.empty((0, 4, 1))  # no sets of places: every ray goes through its pixel's centre
-FARTHEST = 8.0  # longer than anything in the world
+FARTHEST = 8.0  # longer than anything in render space
 
 
 class View(NamedTuple):
-    """A camera in the world's own units, and where in a pixel its samples fall.
+    """A camera in render space, and where in a pixel its samples fall.
 
     Attributes:
-        eye, right, above, forward: float64 (3,). half: tangent of half the vertical angle, or half the height of an
+        eye, right, up, forward: float64 (3,). half: tangent of half the vertical angle, or half the height of an
         orthographic view; orthographic: whether. lens: radius; focus: distance of what is sharp. width, height: of the
         whole picture. offsets: float64 (sets, 4, samples), place in the pixel, from its centre, and on the unit lens;
         no sets where every ray goes through its pixel's centre from the eye. key: uint32.
     """
 
-    eye: npt.NDArray[np.float64]
-    right: npt.NDArray[np.float64]
-    above: npt.NDArray[np.float64]
-    forward: npt.NDArray[np.float64]
+    eye: Float64s
+    right: Float64s
+    up: Float64s
+    forward: Float64s
     half: float
     orthographic: bool
     lens: float
     focus: float
     width: int
     height: int
-    offsets: npt.NDArray[np.float64]
+    offsets: Float64s
     key: Any
 
 
-def place_camera(camera: Camera, settings: Settings, centre: Floats, scale: float) -> View:
-    """A camera as kernels want it, in a world whose points p stand at (p − centre) · scale."""
-    right, above, forward = camera.axes()
+def place_camera(camera: Camera, settings: Settings, centre: Float64s, scale: float) -> View:
+    """A camera as kernels take it, in a render space where points p stand at (p − centre) · scale."""
+    right, up, forward = camera.axes()
     position = np.array(camera.position)
     distance = camera.focus or float(np.linalg.norm(np.subtract(camera.target, position)))
     perspective = float(np.tan(np.radians(camera.field_of_view / 2)))
     return View(
         eye=(position - centre) * scale,
         right=right,
-        above=above,
+        up=up,
         forward=forward,
         half=perspective if camera.height is None else camera.height / 2 * scale,
         orthographic=camera.height is not None,
@@ -70,7 +69,7 @@ def place_camera(camera: Camera, settings: Settings, centre: Floats, scale: floa
     )
 
 
-def _offsets(samples: int, seed: int) -> Floats:
+def _offsets(samples: int, seed: int) -> Float64s:
     """Places of a pixel's samples (sets, 4, samples): under a tent filter of radius 1 pixel, and on the unit lens.
 
     One sample a pixel falls on its centre.
@@ -84,7 +83,7 @@ def _offsets(samples: int, seed: int) -> Floats:
     return np.stack([x, y, radius * np.cos(angle), radius * np.sin(angle)], axis=1)
 
 
-def _tent(u: Floats) -> Floats:
+def _tent(u: Float64s) -> Float64s:
     """u in (0, 1) to a place with density 1 − |x| on (−1, 1)."""
     return np.where(u < 0.5, np.sqrt(2 * u) - 1, 1 - np.sqrt(2 - 2 * u))
 
@@ -92,17 +91,17 @@ def _tent(u: Floats) -> Floats:
 @inline
 def viewing_ray(view, x, y, lens_x, lens_y):
     """Origin and unit direction, lanes, through the film points (x, y) in pixels from the upper left."""
-    right, above, forward = load3(view.right), load3(view.above), load3(view.forward)
+    right, up, forward = load3(view.right), load3(view.up), load3(view.forward)
     a = (2.0 * x - view.width) * (view.half / view.height)
     b = (view.height - 2.0 * y) * (view.half / view.height)
-    across = add(scale(a, right), scale(b, above))
+    across = add(scale(a, right), scale(b, up))
     if view.orthographic:
         shift, direction = across, add(scale(0.0, across), forward)
     else:
         shift, direction = scale(0.0, across), unit(add(forward, across))
         if view.lens > 0.0:
             sharp = scale(view.focus / dot(direction, forward), direction)
-            shift = add(scale(view.lens * lens_x, right), scale(view.lens * lens_y, above))
+            shift = add(scale(view.lens * lens_x, right), scale(view.lens * lens_y, up))
             direction = unit(add(sharp, scale(-1.0, shift)))
     return add(load3(view.eye), shift), direction
 
@@ -116,7 +115,7 @@ def pixel_width(view, depth):
 
 @inline
 def approach(origin, direction):
-    """How far a ray can go before it comes near the world, which lies within 2 of the centre."""
+    """Distance a ray can go before it comes near the scene, which lies within 2 of the centre of render space."""
     return max(0.0, -2.0 - dot(origin, direction))
 
 
@@ -148,27 +147,31 @@ def aim(packet, view, x, y, samples):
 
 
 @inline
-def struck(packet):
-    """Rows of the objects and of the faces that a packet has hit, int32 lanes; the object is −1 for a miss."""
+def hit_ids(packet):
+    """Rows of the objects and of their shapes' faces that a packet has hit, int32 lanes; object −1: a miss."""
     ids = packet.view(np.int32)
     outer, inner = load_row(ids, INST_ID), load_row(ids, GEOM_ID)
     return select((inner >= 0) & (outer >= 0), outer, inner), load_row(ids, PRIM_ID)
 
 
 @kernel
-def mark_seen(geometry, view, left, right, first, last, packet, valid, seen):
-    """Set `seen`, bool (w,), for the vertices of all faces that a sample of the rows [first, last) meets."""
-    for y in range(first, last):
+def mark_seen(geometry, view, columns, rows, packet, valid, seen):
+    """Set `seen`, bool (w,), for the vertices of all faces that a sample of some pixels meets.
+
+    Args: columns, rows: of the pixels, (first, end). packet, valid: of `raytrace.embree.packets.new_packet`, sixteen.
+    """
+    left, right = columns
+    for y in range(rows[0], rows[1]):
         for x in range(left, right, WIDE):
             pixels = lane_numbers() + x
             store_row(valid, 0, pixels < right)
             for sample in range(max(1, view.offsets.shape[2])):
                 aim(packet, view, pixels, 0 * pixels + y, 0 * pixels + sample)
                 intersect16(geometry.handle, packet, valid)
-                items, faces = struck(packet)
+                items, faces = hit_ids(packet)
                 for lane in range(min(WIDE, right - x)):
                     item = pick(items, lane)
                     if item >= 0:
-                        own = geometry.first_w[item] - geometry.first_vertex[item]
+                        shift = geometry.first_w[item] - geometry.first_vertex[item]
                         for corner in range(3):
-                            seen[own + geometry.faces[geometry.first_face[item] + pick(faces, lane), corner]] = True
+                            seen[shift + geometry.faces[geometry.first_face[item] + pick(faces, lane), corner]] = True

@@ -57,26 +57,26 @@ def ambient_light(lights):
 
 
 @inline
-def begin(entry, items, geometry, total, form):
-    """What needs no light that comes from somewhere: emission and reflected ambient light."""
+def add_undirected(entry, items, geometry, total, form):
+    """Write what needs no light that comes from somewhere: emission and reflected ambient light."""
     left = items >= 0
     tint = take(entry, TINT)
     w = load_row(entry, W)
     while some(left):
         item = pick(items, first(left))
-        mine = left & (items == item)
+        mask = left & (items == item)
         material = geometry.rows[item]
         reflected = multiply(multiply(ambient(material), total), tint)
         if form != OFF:
             reflected = scale(w, reflected)
-        put(entry, AMBIENT, mine, reflected)
-        put(entry, EMISSION, mine, emission(material))
-        left = left & ~mine
+        put(entry, AMBIENT, mask, reflected)
+        put(entry, EMISSION, mask, emission(material))
+        left = left & ~mask
 
 
 @inline
 def count_directed(lights):
-    """How many lights come from somewhere, ambient ones left out."""
+    """Number of lights that come from somewhere: all but ambient ones."""
     found = 0
     for j in range(len(lights.kinds)):
         found += lights.kinds[j] != AMBIENT_LIGHT
@@ -84,7 +84,7 @@ def count_directed(lights):
 
 
 @inline
-def grown(box, there, p):
+def extended(box, there, p):
     """Low and high corners, lanes, extended by the points p where the mask `there` is set."""
     low, high = box
     nowhere = np.float32(np.inf)
@@ -116,7 +116,7 @@ def corners(box):
 def select_lights(geometry, lights, scratch, packets):
     """Find the lights that can matter to some of the first `packets` entries, and which of them may be hidden.
 
-    Fills `active` and `hidden` of `scratch`; returns how many there are.
+    Fills `active` and `hidden` of `scratch`; returns their number.
     """
     nowhere = single(double(lane_numbers())) + np.float32(np.inf)
     empty = (nowhere, nowhere, nowhere), scale(-1.0, (nowhere, nowhere, nowhere))
@@ -124,12 +124,12 @@ def select_lights(geometry, lights, scratch, packets):
     for e in range(packets):
         there = load_row(scratch.items, e) >= 0
         point, origin = take(scratch.entries[e], POINT), take(scratch.entries[e], ORIGIN)
-        points, origins = grown(points, there, point), grown(origins, there, origin)
-        shifts = grown(shifts, there, subtract(origin, point))
+        points, origins = extended(points, there, point), extended(origins, there, origin)
+        shifts = extended(shifts, there, subtract(origin, point))
         both = there & (load_row(scratch.entries[e], FRONT) > ON_THIS_SIDE)
         if some(both):
             back = take(scratch.entries[e], BACK)
-            origins, shifts = grown(origins, both, back), grown(shifts, both, subtract(back, point))
+            origins, shifts = extended(origins, both, back), extended(shifts, both, subtract(back, point))
     low, high = corners(points)
     start, shift = corners(origins), corners(shifts)
     used = 0
@@ -150,7 +150,7 @@ def light_entries(geometry, lights, style, scratch, packets):
     points = 0
     for e in range(packets):
         items = load_row(scratch.items, e)
-        begin(scratch.entries[e], items, geometry, total, style.form)
+        add_undirected(scratch.entries[e], items, geometry, total, style.form)
         points += count(items >= 0)
     used = select_lights(geometry, lights, scratch, packets) if points > 0 else 0
     scratch.counts[CULLED] += (count_directed(lights) - used) * points
@@ -207,11 +207,11 @@ def light_entry(entry, items, used, geometry, lights, style, scratch):
         store_row(entry, SPECULAR + c, specular[c])
     store_row(entry, SENT, sent)
     store_row(entry, LIT, lit)
-    store_row(entry, SHADOW, let_through(sent, lit))
+    store_row(entry, SHADOW, lit_fraction(sent, lit))
 
 
 @inline
-def let_through(sent, lit):
+def lit_fraction(sent, lit):
     """The part of the light that δ lets through, 1 where there is none."""
     return select(sent > 0.0, lit / sent, 1.0)
 
@@ -230,10 +230,10 @@ def reflect(entry, items, reached, n, l, geometry):
     left = reached
     while some(left):
         item = pick(items, first(left))
-        mine = left & (items == item)
-        d, s = terms_wide(geometry.kinds[item], geometry.rows[item], n, l, view, tangent, mine)
-        diffuse, specular = choose(mine, d, diffuse), choose(mine, s, specular)
-        left = left & ~mine
+        mask = left & (items == item)
+        d, s = terms_wide(geometry.kinds[item], geometry.rows[item], n, l, view, tangent, mask)
+        diffuse, specular = choose(mask, d, diffuse), choose(mask, s, specular)
+        left = left & ~mask
     return diffuse, specular
 
 

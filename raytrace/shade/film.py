@@ -1,4 +1,4 @@
-"""From lit entries to pixels: samples are summed up, and pixels whose samples agree need no more."""
+"""From lit entries to pixels: sums of samples, and adaptive anti-aliasing: converged pixels need no more of them."""
 
 from __future__ import annotations
 
@@ -64,7 +64,7 @@ def add_background(entry, items, background):
 
 
 @inline
-def develop(entry, sums, pixels, batch, layers):
+def accumulate(entry, sums, pixels, batch, layers):
     """Add the first lanes of an entry, `batch` for each of `pixels`, to their sums."""
     colour = beauty(entry)
     for c in range(3):
@@ -123,28 +123,28 @@ def row_of(pixels):
 
 
 @inline
-def finish(entry, pixels, wanted, scale_of_world, film, left, top):
-    """Write the lanes `wanted` of an entry into the film, float32 (height, width, 4 or FILM).
+def write_pixels(entry, pixels, mask, film, left, top):
+    """Write the lanes of an entry where the mask is set to the film.
 
     Args: pixels: of the tile, lanes; left, top: of the tile in the film.
     """
-    _, width, channels = film.shape
+    _, width, channels = film.pixels.shape
     colour = beauty(entry)
     begin = (top * width + left) * channels
     places = (row_of(pixels) * width + column_of(pixels)) * channels
-    scatter4(film, begin, places, wanted, (colour[0], colour[1], colour[2], load_row(entry, ALPHA)))
+    scatter4(film.pixels, begin, places, mask, (colour[0], colour[1], colour[2], load_row(entry, ALPHA)))
     if channels > AMBIENT:
-        store_row(entry, DEPTH, load_row(entry, DEPTH) / scale_of_world)
+        store_row(entry, DEPTH, load_row(entry, DEPTH) / film.scale)
         for lane in range(WIDE):
-            if pick(wanted, lane):
+            if pick(mask, lane):
                 x, y = left + column_of(pick(pixels, lane)), top + row_of(pick(pixels, lane))
                 for column in range(AMBIENT, FILM):
-                    film[y, x, column] = entry[column, lane]
+                    film.pixels[y, x, column] = entry[column, lane]
 
 
 @inline
-def spread(a, b):
-    """How far the samples of two pixels are apart, all together, in the square root of linear values.
+def sample_range(a, b):
+    """Range of the samples of two pixels together, the widest channel's, in square roots of linear values.
 
     Args: a, b: the least and the largest of each channel, six numbers from LOW on.
     """
@@ -156,42 +156,42 @@ def spread(a, b):
 
 
 @inline
-def agrees(sums, p, size):
+def converged(sums, p, size):
     """Whether a pixel's samples agree among themselves, and roughly with those of its neighbours in the tile.
 
     Args: size: of the tile, (wide, high).
     """
     own = sums[p, LOW:]
-    if spread(own, own) > AGREE:
+    if sample_range(own, own) > AGREE:
         return False
     x, y = column_of(p), row_of(p)
     return not (
-        (x > 0 and spread(own, sums[p - 1, LOW:]) > ROUGHLY)
-        or (x + 1 < size[0] and spread(own, sums[p + 1, LOW:]) > ROUGHLY)
-        or (y > 0 and spread(own, sums[p - TILE, LOW:]) > ROUGHLY)
-        or (y + 1 < size[1] and spread(own, sums[p + TILE, LOW:]) > ROUGHLY)
+        (x > 0 and sample_range(own, sums[p - 1, LOW:]) > ROUGHLY)
+        or (x + 1 < size[0] and sample_range(own, sums[p + 1, LOW:]) > ROUGHLY)
+        or (y > 0 and sample_range(own, sums[p - TILE, LOW:]) > ROUGHLY)
+        or (y + 1 < size[1] and sample_range(own, sums[p + TILE, LOW:]) > ROUGHLY)
     )
 
 
 @inline
-def keep_edge(sums, p, size, retired, edges):
-    """Keep a pixel on the tile's left, right, upper or lower edge for the tile there.
+def store_edge(sums, p, size, retired, edges):
+    """Store a pixel on the tile's left, right, upper or lower edge for the tile there.
 
     Args: edges: float32 (4, TILE, EDGE), the tile's.
     """
     x, y = column_of(p), row_of(p)
     if x == 0:
-        keep_pixel(sums[p], retired, edges[0, y])
+        store_edge_pixel(sums[p], retired, edges[0, y])
     if x == size[0] - 1:
-        keep_pixel(sums[p], retired, edges[1, y])
+        store_edge_pixel(sums[p], retired, edges[1, y])
     if y == 0:
-        keep_pixel(sums[p], retired, edges[2, x])
+        store_edge_pixel(sums[p], retired, edges[2, x])
     if y == size[1] - 1:
-        keep_pixel(sums[p], retired, edges[3, x])
+        store_edge_pixel(sums[p], retired, edges[3, x])
 
 
 @inline
-def keep_pixel(sums, retired, row):
+def store_edge_pixel(sums, retired, row):
     """Fill a row of `edges`."""
     for c in range(6):
         row[c] = sums[LOW + c]
@@ -199,7 +199,7 @@ def keep_pixel(sums, retired, row):
 
 
 @inline
-def recalled(edges, tile, columns, p):
+def reopened(edges, tile, columns, p):
     """Whether a pixel was retired, but a neighbour in another tile is unlike it.
 
     Args: edges: float32 (tiles, 4, TILE, EDGE), of all tiles; columns: tiles in a row.
@@ -216,4 +216,4 @@ def recalled(edges, tile, columns, p):
 @inline
 def unlike(own, other):
     """Whether a pixel was retired that a neighbour is unlike; rows of `edges`."""
-    return own[6] == 1.0 and spread(own, other) > ROUGHLY
+    return own[6] == 1.0 and sample_range(own, other) > ROUGHLY

@@ -1,9 +1,11 @@
-"""From hits to points that can be lit: position, normals by the chosen interpolation, and a safe ray origin.
+"""Surface interactions: from hits to points that can be lit, with interpolated normals and safe ray origins.
 
 All of it sixteen points at a time, in lanes; a whole call is about one object.
 """
 
 from __future__ import annotations
+
+from typing import Any, NamedTuple
 
 from ..brdf.layout import ELLIPTICAL_BECKMANN, GRAIN, POULIN_FOURNIER, TO_LIGHT, TO_VIEWER, TWO_SIDED
 from ..kernel.jit import inline
@@ -44,28 +46,49 @@ def rotate(matrix, a):
     )
 
 
+class Hits(NamedTuple):
+    """Hits of sixteen viewing rays, lanes.
+
+    Attributes:
+        faces: int32, rows of the faces of the shapes that were hit. u, v: float32 barycentrics, the weights of corners
+        1 and 2. depth: float32, distance to the viewer. backward: unit directions against the rays, a triple.
+    """
+
+    faces: Any
+    u: Any
+    v: Any
+    depth: Any
+    backward: Any
+
+
+@inline
+def corner_rows(geometry, item, mask, faces):
+    """Rows of the three corners of an object's faces in `geometry.vertices`; those of its first where no mask is."""
+    return gather3(geometry.faces, select(mask, faces, 0) + geometry.first_face[item])
+
+
 @inline
 def corner(geometry, item, vertices):
-    """Vertices' places in the world."""
+    """Vertices' places in render space."""
     p = gather3(geometry.vertices, vertices)
     if geometry.placed[item]:
         return p
-    matrix = geometry.to_world[item]
+    matrix = geometry.to_render[item]
     return add(rotate(matrix, p), (matrix[0, 3], matrix[1, 3], matrix[2, 3]))
 
 
 @inline
 def vertex_normal(geometry, item, vertices):
-    """Vertices' unit normals in the world; zero where there is none."""
+    """Vertices' unit normals in render space; zero where there is none."""
     n = gather3(geometry.normals, vertices)
     if geometry.placed[item]:
         return n
-    return unit(rotate(geometry.normal_to_world[item], n))
+    return unit(rotate(geometry.normal_to_render[item], n))
 
 
 @inline
 def corner_normal(geometry, item, vertices, face):
-    """A corner's unit normal in the world: the source's own, or a computed one unless it marks a hard edge."""
+    """A corner's unit normal in render space: the source's own, or a computed one unless it marks a hard edge."""
     n = vertex_normal(geometry, item, vertices)
     if geometry.authored[item]:
         return choose(dot(n, n) > 0.0, n, face)
@@ -100,14 +123,16 @@ def lift(geometry, item, point, normal, size):
 
 
 @inline
-def smooth_origin(p, p0, p1, p2, n0, n1, n2, u, v):
+def smooth_origin(p, corners, normals, u, v):
     """The point on the surface that the normals describe, above `p` where the face cuts a convex one short.
 
+    Args: corners, normals: of the face, three triples each; u, v: barycentrics of `p`.
     Source: Hanika 2021, "Hacking the Shadow Terminator".
     """
-    d0 = min(0.0, dot(subtract(p, p0), n0))
-    d1 = min(0.0, dot(subtract(p, p1), n1))
-    d2 = min(0.0, dot(subtract(p, p2), n2))
+    n0, n1, n2 = normals
+    d0 = min(0.0, dot(subtract(p, corners[0]), n0))
+    d1 = min(0.0, dot(subtract(p, corners[1]), n1))
+    d2 = min(0.0, dot(subtract(p, corners[2]), n2))
     rise = add(add(scale((1.0 - u - v) * d0, n0), scale(u * d1, n1)), scale(v * d2, n2))
     return subtract(p, rise)
 
@@ -157,13 +182,13 @@ def towards_viewer(view, point):
 
 
 @inline
-def fill(entry, geometry, item, mine, faces, u, v, backward, view, style):
+def hit_entry(entry, geometry, w, item, mask, hits, view, style):
     """Write what lighting needs of hits on one object.
 
-    Args: item: row of the object; mine: mask of the lanes that have hit it; faces: of its shape; u, v: barycentrics;
-        backward: unit directions against the viewing rays, of `view`.
+    Args: w: of `SceneArrays`; item: row of the object; mask: the lanes that have hit it; view: that the rays are of.
     """
-    i, j, k = gather3(geometry.faces, select(mine, faces, 0) + geometry.first_face[item])
+    u, v, backward = hits.u, hits.v, hits.backward
+    i, j, k = corner_rows(geometry, item, mask, hits.faces)
     p0, p1, p2 = corner(geometry, item, i), corner(geometry, item, j), corner(geometry, item, k)
     edge1, edge2 = subtract(p1, p0), subtract(p2, p0)
     point = add(p0, add(scale(u, edge1), scale(v, edge2)))
@@ -180,37 +205,37 @@ def fill(entry, geometry, item, mine, faces, u, v, backward, view, style):
         backward = towards_viewer(view, lit)
     else:
         if style.terminator:
-            origin = smooth_origin(point, p0, p1, p2, n0, n1, n2, u, v)
+            origin = smooth_origin(point, (p0, p1, p2), (n0, n1, n2), u, v)
         if style.shading == QUADRATIC:
             normal = quadratic_normal(p0, p1, p2, n0, n1, n2, u, v)
         else:
             normal = phong_normal(n0, n1, n2, u, v)
     size = max(max(largest(p0), largest(p1)), largest(p2))
-    put(entry, POINT, mine, lit)
-    put(entry, ORIGIN, mine, lift(geometry, item, origin, geometric, size))
+    put(entry, POINT, mask, lit)
+    put(entry, ORIGIN, mask, lift(geometry, item, origin, geometric, size))
     if geometry.rows[item, TWO_SIDED] == TO_LIGHT:
         behind = point
         if style.terminator and style.shading not in (CONSTANT, FLAT):
             n0, n1, n2 = scale(-1.0, n0), scale(-1.0, n1), scale(-1.0, n2)
-            behind = smooth_origin(point, p0, p1, p2, n0, n1, n2, u, v)
-        put(entry, BACK, mine, lift(geometry, item, behind, scale(-1.0, geometric), size))
-    put(entry, NORMAL, mine, normal)
-    put(entry, VIEW, mine, backward)
-    put(entry, TINT, mine, (1.0, 1.0, 1.0))
-    put1(entry, FRONT, mine, lights_seen(geometry, item, side))
+            behind = smooth_origin(point, (p0, p1, p2), (n0, n1, n2), u, v)
+        put(entry, BACK, mask, lift(geometry, item, behind, scale(-1.0, geometric), size))
+    put(entry, NORMAL, mask, normal)
+    put(entry, VIEW, mask, backward)
+    put(entry, TINT, mask, (1.0, 1.0, 1.0))
+    put1(entry, FRONT, mask, lights_seen(geometry, item, side))
     if needs_tangent(geometry, item):
-        put(entry, TANGENT, mine, tangent(geometry, i, j, k, edge1, edge2))
+        put(entry, TANGENT, mask, tangent(geometry, i, j, k, edge1, edge2))
     if style.weighted:
-        own = geometry.first_w[item] - geometry.first_vertex[item]
-        w0, w1, w2 = gather(geometry.w, i + own), gather(geometry.w, j + own), gather(geometry.w, k + own)
-        put1(entry, W, mine, single(between(w0, w1, w2, u, v)))
+        shift = geometry.first_w[item] - geometry.first_vertex[item]
+        w0, w1, w2 = gather(w, i + shift), gather(w, j + shift), gather(w, k + shift)
+        put1(entry, W, mask, single(between(w0, w1, w2, u, v)))
 
 
 @inline
-def vertex_entry(entry, geometry, origins, item, mine, rows, view):
+def vertex_entry(entry, geometry, w, origins, item, mask, rows, view):
     """Write an entry for vertices as Gouraud shading lights them.
 
-    Args: origins: of `raytrace.renderer.vertex_origins`, or none where no shadow is looked for; rows: of `geometry.w`.
+    Args: origins: of `raytrace.renderer.vertex_origins`, or none where no shadow is looked for; rows: of `w`.
     """
     vertices = rows + (geometry.first_vertex[item] - geometry.first_w[item])
     point = corner(geometry, item, vertices)
@@ -218,16 +243,17 @@ def vertex_entry(entry, geometry, origins, item, mine, rows, view):
     backward = towards_viewer(view, point)
     side = select(dot(normal, backward) >= 0.0, 1.0, -1.0)
     normal = scale(side, normal)
-    put(entry, POINT, mine, point)
+    put(entry, POINT, mask, point)
     if len(origins) > 0:
-        below = len(origins) - len(geometry.w)
-        put(entry, ORIGIN, mine, gather3(origins, rows + select(side < 0.0, below, 0)))
-        put(entry, BACK, mine, gather3(origins, rows + select(side < 0.0, 0, below)))
+        below = len(origins) - len(w)
+        put(entry, ORIGIN, mask, gather3(origins, rows + select(side < 0.0, below, 0)))
+        put(entry, BACK, mask, gather3(origins, rows + select(side < 0.0, 0, below)))
     else:
-        put(entry, ORIGIN, mine, point)
-        put(entry, BACK, mine, point)
-    put(entry, NORMAL, mine, normal)
-    put(entry, VIEW, mine, backward)
-    put(entry, TINT, mine, (1.0, 1.0, 1.0))
-    put(entry, TANGENT, mine, (0.0, 0.0, 0.0))
-    put1(entry, FRONT, mine, lights_seen(geometry, item, side))
+        put(entry, ORIGIN, mask, point)
+        put(entry, BACK, mask, point)
+    put(entry, NORMAL, mask, normal)
+    put(entry, VIEW, mask, backward)
+    put(entry, TINT, mask, (1.0, 1.0, 1.0))
+    put(entry, TANGENT, mask, (0.0, 0.0, 0.0))
+    put1(entry, FRONT, mask, lights_seen(geometry, item, side))
+    put1(entry, W, mask, single(gather(w, rows)))

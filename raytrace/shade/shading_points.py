@@ -1,6 +1,6 @@
-"""Sixteen points at once: what shading needs of them, what lighting makes of them, and what the film keeps.
+"""Layout of an entry, sixteen points at once: inputs of shading, results of lighting, layers of the film.
 
-An entry is a float32 array (WIDTH, 16), a column of the table a row of it. Positions are in the world's own units.
+An entry is a float32 array (WIDTH, 16), a column of the table a row of it. Positions are in render space.
 The first `FILM` columns are those of the film, the layers of `raytrace.image.frame` in their order.
 
 ========= ======= =====================================================================
@@ -41,22 +41,29 @@ POINT, ORIGIN, BACK, VIEW, TANGENT, TINT = np.arange(26, 44, 3)
 FRONT, SENT, LIT = np.array([44, 45, 46])
 WIDTH = 47
 ON_THIS_SIDE, ON_BOTH_SIDES = 1.0, 2.0
+LIGHTING = 14  # columns that lighting writes, see `lighting_column`
 
 
 @inline
 def take(entry, column):
-    """Three columns."""
+    """Three columns from `column` on."""
     return load_row(entry, column), load_row(entry, column + 1), load_row(entry, column + 2)
 
 
 @inline
-def put(entry, column, mine, a):
-    """Write three columns in the lanes of the mask `mine`."""
+def put(entry, column, mask, a):
+    """Write three columns in the lanes of the mask `mask`."""
     for c in range(3):
-        put1(entry, column + c, mine, a[c])
+        put1(entry, column + c, mask, a[c])
 
 
 @inline
-def put1(entry, column, mine, a):
-    """Write a column in the lanes of the mask `mine`."""
-    store_row(entry, column, select(mine, a, load_row(entry, column)))
+def put1(entry, column, mask, a):
+    """Write a column in the lanes of the mask `mask`."""
+    store_row(entry, column, select(mask, a, load_row(entry, column)))
+
+
+@inline
+def lighting_column(number):
+    """The columns that lighting writes, one after the other: AMBIENT to EMISSION, SENT and LIT."""
+    return AMBIENT + number if number < W - AMBIENT else SENT + number - (W - AMBIENT)

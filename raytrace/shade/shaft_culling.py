@@ -1,4 +1,4 @@
-"""Which lights nothing can hide: boxes around all that casts shadows, against the shaft from lit points to a light.
+"""Shaft culling of shadow rays: lights that nothing can hide, by boxes around all that casts shadows.
 
 A shaft is the union of all shadow rays from a box of origins to a light (Haines & Wallace 1991, "Shaft Culling for
 Efficient Ray-Traced Radiosity"). The cross-section of the shaft, part t of the way, is a box whose sides move linearly
@@ -13,7 +13,6 @@ Embree's signs are exact there. So a floor does not hide the light from the poin
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
 from ..kernel.arrays import aligned
 from ..kernel.jit import inline, kernel
@@ -21,9 +20,9 @@ from ..kernel.simd import WIDE, select
 from ..kernel.simd_masks import some
 from ..kernel.simd_memory import load_row
 from ..lights.layout import DIRECTION, DIRECTIONAL, POSITION
+from ..types import Float32s, Float64s, Int64s
 from .camera_rays import FARTHEST
 
-Floats = npt.NDArray[np.float64]
 SLACK = 2.0**-18  # of the largest coordinate: sixteen times what Embree's edge tests can be off
 ROUNDED = np.float32(2.0**-20)  # relative error of a place on the way, and more
 GRID = 8  # clusters along a mesh's longest side, at most
@@ -31,7 +30,7 @@ _FACES = 2  # in a cluster, about, where there are few
 _BOXES = 1024  # of all objects together, about
 
 
-def cluster(vertices: npt.NDArray[np.float32], faces: npt.NDArray[np.int64], objects: int) -> Floats:
+def cluster(vertices: Float32s, faces: Int64s, objects: int) -> Float64s:
     """Boxes (n, 2, 3), low and high corners, around the faces of a mesh, a share of all objects' number of boxes."""
     low, high = vertices.min(axis=0), vertices.max(axis=0)
     side = float((high - low).max()) or 1.0
@@ -60,7 +59,7 @@ def _enclose(vertices, faces, low, per_length, cells, boxes):
                 boxes[cell, 1, axis] = max(boxes[cell, 1, axis], x)
 
 
-def pack_boxes(boxes: Floats) -> npt.NDArray[np.float32]:
+def pack_boxes(boxes: Float64s) -> Float32s:
     """Boxes (n, 2, 3) thickened and packed for `obstructed`: float32 (⌈n/16⌉, 6, 16), low and high corners."""
     thick = SLACK * np.maximum(1.0, np.abs(boxes).max())
     flat = boxes[:, 0] == boxes[:, 1]

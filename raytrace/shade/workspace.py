@@ -1,15 +1,15 @@
-"""What the kernels of a picture are told, work with and count."""
+"""Options of a picture for its kernels, and the memory that one thread works with."""
 
 from __future__ import annotations
 
 from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
 from ..embree.packets import new_packet
 from ..kernel.arrays import aligned
 from ..kernel.simd import WIDE
+from ..types import Bools, Float32s, Float64s, Int32s, Int64s
 from .film import SUMS, TILE
 from .shading_points import WIDTH
 
@@ -21,7 +21,7 @@ COUNTERS = 9
 
 
 class Style(NamedTuple):
-    """How a picture is made, for kernels.
+    """Options of a picture.
 
     Attributes:
         samples: most a pixel. shading, form: numbers of the interpolation and of the obscurance form. shadows,
@@ -40,7 +40,7 @@ class Style(NamedTuple):
 
 
 class Scratch(NamedTuple):
-    """What one thread works with.
+    """Memory that one thread works with.
 
     Attributes:
         packet, valid: rays (`raytrace.embree.packets.new_packet`), sixteen.
@@ -48,23 +48,24 @@ class Scratch(NamedTuple):
         for none. sums: float64 (pixels, …), a tile's film. order: int32 (pixels,), a tile's pixels so that sixteen on
         end are neighbours; todo: int32 (pixels + 16,), those that want more samples. active: int64 (lights,), lights
         that can matter; hidden: bool (lights,), whether something may stand between those and the points.
-        counts: int64 (COUNTERS,).
+        missing: int64 (textures,), 1 for textures that a ray has met before they were read. counts: int64 (COUNTERS,).
     """
 
-    packet: npt.NDArray[np.float32]
-    valid: npt.NDArray[np.int32]
-    entries: npt.NDArray[np.float32]
-    items: npt.NDArray[np.int32]
-    sums: npt.NDArray[np.float64]
-    order: npt.NDArray[np.int32]
-    todo: npt.NDArray[np.int32]
-    active: npt.NDArray[np.int64]
-    hidden: npt.NDArray[np.bool_]
-    counts: npt.NDArray[np.int64]
+    packet: Float32s
+    valid: Int32s
+    entries: Float32s
+    items: Int32s
+    sums: Float64s
+    order: Int32s
+    todo: Int32s
+    active: Int64s
+    hidden: Bools
+    missing: Int64s
+    counts: Int64s
 
 
-def new_scratch(lights: int) -> Scratch:
-    """Scratch for a scene with so many lights."""
+def new_scratch(lights: int, textures: int) -> Scratch:
+    """Scratch for a scene with so many lights and textures."""
     return Scratch(
         *new_packet(WIDE, coherent=True),
         entries=aligned((PACKETS, WIDTH, WIDE), np.float32),
@@ -74,11 +75,12 @@ def new_scratch(lights: int) -> Scratch:
         todo=aligned((TILE * TILE + WIDE,), np.int32),
         active=np.zeros(max(lights, 1), np.int64),
         hidden=np.zeros(max(lights, 1), np.bool_),
+        missing=np.zeros(textures, np.int64),
         counts=np.zeros(COUNTERS, np.int64),
     )
 
 
-def _order() -> npt.NDArray[np.int32]:
+def _order() -> Int32s:
     """The pixels of a tile, row · TILE + column, in blocks of 4×4, which make a packet."""
     pixels = np.arange(TILE * TILE, dtype=np.int32).reshape(TILE // 4, 4, TILE // 4, 4)
     return pixels.transpose(0, 2, 1, 3).ravel()

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import json
 import os
 import secrets
 import stat
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import BinaryIO
+from typing import Any, BinaryIO
 
 from ..errors import OutputError
 
@@ -61,6 +62,18 @@ def _replacing(path: str | os.PathLike[str]) -> Iterator[tuple[Path, int]]:
         if isinstance(reason, OutputError):
             raise
         raise _cannot_write(path, reason) from None
+
+
+def write_json(path: str | os.PathLike[str], content: Any) -> None:
+    """Write JSON, UTF-8, indented by two, whole or not at all.
+
+    Raises:
+        OutputError: it cannot be written.
+        ValueError: a number is NaN or infinite, which JSON has no name for.
+    """
+    text = json.dumps(content, indent=2, allow_nan=False)
+    with atomic_write(path) as file:
+        file.write((text + "\n").encode())
 
 
 def check_writable(path: str | os.PathLike[str]) -> None:

@@ -1,29 +1,36 @@
 """Validated, immutable parameter classes, and the types of their fields.
 
 A wrong value raises `OptionError`, which names the class, the field, the accepted range and the value.
+pydantic, because the command imports it anyway (typer does) and ranges are declared by its own constraints; on
+dataclasses, so that positional values, `dataclasses.replace` and type checkers work; built when first used.
 """
 
 from __future__ import annotations
 
-import re
-from collections.abc import Iterable
+from abc import ABCMeta
+from collections.abc import Iterable, Mapping
+from dataclasses import fields
 from inspect import Parameter, Signature
-from typing import Annotated, Any, Literal
+from math import inf, pi
+from numbers import Integral, Real
+from typing import Annotated, Any, Literal, TypeVar, dataclass_transform
 
-import numpy as np
-from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, ValidationError
-from pydantic_core import ErrorDetails
+from pydantic import AfterValidator, BeforeValidator, ConfigDict, Field, ValidationError
+from pydantic.dataclasses import dataclass as validated
 
 from ..errors import OptionError, nearest_name
+from .faults import declared, fields_of, first_fault, most_telling
 
 
-def _triple(value: Any) -> Any:
-    """A single number stands for three equal ones; arrays become tuples."""
-    if isinstance(value, np.ndarray | np.generic):
-        value = value.tolist()
-    if isinstance(value, int | float) and not isinstance(value, bool):
-        return (value, value, value)
-    return value
+def _listed(value: Any) -> Any:
+    """An array or one of its numbers as plain lists or a plain number."""
+    return value.tolist() if hasattr(value, "tolist") else value
+
+
+def triple(value: Any) -> Any:
+    """A single number stands for three equal ones."""
+    value = _listed(value)
+    return (value,) * 3 if isinstance(value, int | float) and not isinstance(value, bool) else value
 
 
 def _direction(value: tuple[float, float, float]) -> tuple[float, float, float]:
@@ -38,72 +45,42 @@ def _side(value: Any) -> Any:
     return value
 
 
-def _vector(value: Any) -> Any:
-    return value.tolist() if isinstance(value, np.ndarray) else value
+def _number(value: Any) -> Any:
+    if not isinstance(value, Real):
+        raise ValueError("a number")
+    return value
 
 
-def within(interval: str, expected: str | None = None) -> AfterValidator:
-    """Accepts a float in an interval written as mathematicians do, such as "[0, 1)"; never NaN.
-
-    Args: expected: what a message calls it.
-    """
-    low, high = (float(bound) for bound in interval[1:-1].split(","))
-
-    def check(value: float) -> float:
-        above = value > low or (value == low and interval[0] == "[")
-        below = value < high or (value == high and interval[-1] == "]")
-        if not (above and below):
-            raise ValueError(expected or f"a number in {interval}")
-        return value
-
-    return AfterValidator(check)
+def _whole(value: Any) -> Any:
+    return int(value) if isinstance(value, Integral) and not isinstance(value, bool) else value
 
 
-Real = Annotated[float, Field(allow_inf_nan=False)]
-Fraction = Annotated[float, within("[0, 1]")]
-Positive = Annotated[float, within("(0, inf)")]
-NonNegative = Annotated[float, within("[0, inf)")]
-Length = Annotated[float, within("[1e-100, 1e100]")]  # products of a few neither vanish nor overflow
-Slope = Annotated[float, within("[1e-6, 100]")]
-Index = Annotated[float, within("[1, 1e6]")]
-Exponent = Annotated[float, within("(0, 1e6]")]
-Smoothness = Annotated[float, within("[0, 1)")]
-Spacing = Annotated[float, within("[1e-3, 1e6]")]
-Angle = Annotated[float, within("[0, 1.5707963267948966]", "radians in [0, π/2]")]
-HalfAngle = Annotated[float, within("(0, 90]", "degrees in (0, 90]")]
+Finite = Annotated[float, Field(allow_inf_nan=False)]
+Fraction = Annotated[float, Field(ge=0, le=1)]
+Positive = Annotated[float, Field(gt=0, lt=inf)]
+NonNegative = Annotated[float, Field(ge=0, lt=inf)]
+Length = Annotated[float, Field(ge=1e-100, le=1e100)]  # products of a few neither vanish nor overflow
+Slope = Annotated[float, Field(ge=1e-6, le=100)]
+Index = Annotated[float, Field(ge=1, le=1e6)]
+Exponent = Annotated[float, Field(gt=0, le=1e6)]
+Smoothness = Annotated[float, Field(ge=0, lt=1)]
+Spacing = Annotated[float, Field(ge=1e-3, le=1e6)]
+Angle = Annotated[float, Field(ge=0, le=pi / 2, description="radians in [0, π/2]")]
+HalfAngle = Annotated[float, Field(gt=0, le=90, description="degrees in (0, 90]")]
+Number = Annotated[float, BeforeValidator(_number)]  # no text that reads as one
+Whole = Annotated[int, Field(strict=True), BeforeValidator(_whole)]
+Seed = Annotated[Whole, Field(ge=0, le=2**64 - 1)]
 
-Reflectance = Annotated[tuple[Fraction, Fraction, Fraction], BeforeValidator(_triple)]
-Radiance = Annotated[tuple[NonNegative, NonNegative, NonNegative], BeforeValidator(_triple)]
-Indices = Annotated[tuple[Index, Index, Index], BeforeValidator(_triple)]
-Point = Annotated[tuple[Real, Real, Real], BeforeValidator(_vector)]
+Reflectance = Annotated[tuple[Fraction, Fraction, Fraction], BeforeValidator(triple)]
+Radiance = Annotated[tuple[NonNegative, NonNegative, NonNegative], BeforeValidator(triple)]
+Indices = Annotated[tuple[Index, Index, Index], BeforeValidator(triple)]
+Lengths = Annotated[tuple[Length, Length, Length], BeforeValidator(triple)]
+Point = Annotated[tuple[Finite, Finite, Finite], BeforeValidator(_listed)]
 Direction = Annotated[Point, AfterValidator(_direction)]
 Sides = Annotated[bool | Literal["viewer"], BeforeValidator(_side)]
 
-
-class Parameters(BaseModel):
-    """Base of materials and lights: frozen, no unknown fields, errors as `OptionError`."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
-
-    @classmethod
-    def __pydantic_init_subclass__(cls, **kwargs: Any) -> None:
-        super().__pydantic_init_subclass__(**kwargs)
-        cls.__signature__ = _signature(cls)
-
-    def __init__(self, *unnamed: Any, **data: Any) -> None:
-        if unnamed:
-            kind = type(self).__name__
-            example = f"{kind}({next(iter(type(self).__signature__.parameters))}=…)"
-            raise OptionError("values", f"each by its name, as in {example}", ", ".join(map(repr, unnamed)), kind)
-        try:
-            super().__init__(**data)
-        except ValidationError as error:
-            raise option_error(error, type(self).__name__, type(self).model_fields) from None
-
-    def to_dict(self) -> dict[str, Any]:
-        """Plain numbers, strings and lists, ready for a TOML scene: the tag, and what differs from the defaults."""
-        tag = {name: getattr(self, name) for name in ("model", "light") if name in type(self).model_fields}
-        return tag | self.model_dump(mode="json", exclude_defaults=True, exclude_none=True)
+_TAGS = ("model", "light")
+P = TypeVar("P", bound="Parameters")
 
 
 class _Written(str):
@@ -113,67 +90,89 @@ class _Written(str):
         return str(self)
 
 
-def _signature(cls: type[BaseModel]) -> Signature:
-    """What may be given, needed values first, by the names of their types in this module, for `help`."""
-    written: dict[str, str] = {}
-    for base in reversed(cls.__mro__):
-        written |= vars(base).get("__annotations__", {})
-    chosen = {name: field for name, field in cls.model_fields.items() if name not in ("model", "light")}
-    return Signature([
-        Parameter(name, Parameter.KEYWORD_ONLY, default=Parameter.empty if field.is_required() else field.default,
-                  annotation=_Written(written[name]))
-        for name, field in sorted(chosen.items(), key=lambda item: not item[1].is_required())
-    ])  # fmt: skip
+class _Refusing(ABCMeta):
+    """Of classes whose constructors raise `OptionError`, and whose signatures can be read."""
+
+    source_name: str
+
+    def __call__(cls, *unnamed: Any, **named: Any) -> Any:
+        by_place = [field.name for field in fields(cls) if not field.kw_only]  # type: ignore[arg-type]
+        if len(unnamed) > len(by_place) or named.keys() & set(by_place[: len(unnamed)]):
+            example = f"{cls.__name__}({next(iter(cls.__signature__.parameters))}=…)"
+            got = ", ".join(map(repr, unnamed))
+            raise OptionError("values", f"each by its name, as in {example}", got, cls.source_name)
+        values = dict(zip(by_place, unnamed, strict=False)) | named
+        try:
+            return super().__call__(**values)
+        except ValidationError as error:
+            raise _option_error(error, cls, values) from None
+
+    @property
+    def __signature__(cls) -> Signature:
+        """What may be given, needed values first, by the names of their types in this module, for `help`."""
+        written: dict[str, str] = {}
+        for base in reversed(cls.__mro__):
+            written |= vars(base).get("__annotations__", {})
+        chosen = {name: field for name, field in fields_of(cls).items() if name not in _TAGS}
+        kinds = {True: Parameter.KEYWORD_ONLY, False: Parameter.POSITIONAL_OR_KEYWORD}
+        return Signature([
+            Parameter(name, kinds[bool(field.kw_only)],
+                      default=Parameter.empty if field.is_required() else field.default,
+                      annotation=_Written(written[name]))
+            for name, field in sorted(chosen.items(), key=lambda item: not item[1].is_required())
+        ])  # fmt: skip
+
+    @__signature__.setter
+    def __signature__(cls, _: object) -> None:
+        """Not what pydantic would show."""
 
 
-def option_error(error: ValidationError, source: str, fields: Iterable[str] = ()) -> OptionError:
-    """The first fault of a validation, in this project's words. Args: fields: the names that are known."""
-    fault = first_fault(error)
+def _option_error(error: ValidationError, kind: _Refusing, values: dict[str, Any]) -> OptionError:
+    """The fault to tell; of a field with a description, all of the value."""
+    fault = most_telling(error)
     cause = fault.get("ctx", {}).get("error")
     if isinstance(cause, OptionError):
         return cause
-    field = "".join(f"[{part}]" if isinstance(part, int) else f".{part}" for part in fault["loc"]).lstrip(".")
-    if fault["type"] == "union_tag_not_found":
-        context = fault["ctx"]
-        return OptionError(context["discriminator"].strip("'"), "a value", "nothing", source)
-    if fault["type"] == "union_tag_invalid":
-        context = fault["ctx"]
-        allowed, tag = _quoted(context["expected_tags"]), context["tag"]
-        expected, near = "one of " + ", ".join(allowed), nearest_name(tag, allowed)
-        return OptionError(context["discriminator"].strip("'"), expected, tag, source, near)
-    if fault["type"] == "missing":
-        return OptionError(field, "a value", "nothing", source)
-    if fault["type"] == "extra_forbidden":
-        return OptionError(field, "one of " + ", ".join(fields), "an unknown key", source, nearest_name(field, fields))
-    if not field:
-        return OptionError(source, "a table of names and values", repr(fault["input"]), "value")
-    near = nearest_name(fault["input"], _quoted(fault["ctx"]["expected"])) if fault["type"] == "literal_error" else None
-    return OptionError(field, expectation(fault), fault["input"], source, near)
+    name = str(fault["loc"][0])
+    description = declared(kind, [name]).description
+    if description and name in values:
+        got = repr(values[name]) if isinstance(values[name], str) else values[name]
+        return OptionError(name, str(cause or description), got, kind.source_name)
+    found = first_fault(error, kind)
+    return OptionError(found.path, found.expected, found.got, kind.source_name, found.nearest)
 
 
-def first_fault(error: ValidationError) -> ErrorDetails:
-    """The fault to tell: an unknown name before a missing one, which it may be."""
-    faults = error.errors()
-    unknown = (fault for fault in faults if fault["type"] == "extra_forbidden")
-    return next(unknown, faults[0]) if faults[0]["type"] == "missing" else faults[0]
+@dataclass_transform(kw_only_default=True, frozen_default=True)
+class Parameters(metaclass=_Refusing):
+    """Base of materials, lights, shapes, cameras and options: frozen, no unknown fields, errors as `OptionError`.
+
+    A subclass is a frozen dataclass. Its class arguments: `kw_only`, False if values may be given by their place too;
+    `source`, what messages call it, by default its name.
+    """
+
+    def __init_subclass__(cls, kw_only: bool = True, source: str | None = None) -> None:
+        super().__init_subclass__()
+        cls.source_name = source or cls.__name__
+        validated(cls, frozen=True, kw_only=kw_only, config=ConfigDict(extra="forbid", defer_build=True))
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain numbers, strings and lists, ready for a TOML scene: the tag, and what differs from the defaults."""
+        given = {field.name: (getattr(self, field.name), field.default) for field in fields(self)}  # type: ignore[arg-type]
+        kept = {name: given[name][0] for name in _TAGS if name in given}
+        kept |= {name: value for name, (value, default) in given.items() if value is not None and value != default}
+        return {name: list(value) if isinstance(value, tuple) else value for name, value in kept.items()}
 
 
-def _quoted(text: str) -> list[str]:
-    return re.findall("'([^']*)'", text)
+def made_of(data: Any, kinds: Iterable[type[P]], tag: str, source: str) -> P:
+    """One of `kinds` from plain values: the one whose field `tag` has by default what the values have.
 
-
-_EXPECTATIONS = {
-    "bool_type": "true or false",
-    "float_type": "a number",
-    "float_parsing": "a number",
-    "int_type": "a whole number",
-    "list_type": "a list",
-    "string_type": "a text",
-    "tuple_type": "a list of numbers",
-}
-
-
-def expectation(fault: ErrorDetails) -> str:
-    """What pydantic would have accepted, in a few words."""
-    message = fault["msg"].removeprefix("Value error, ").removeprefix("Input should be ")
-    return _EXPECTATIONS.get(fault["type"], message[:1].lower() + message[1:])
+    Raises: OptionError: no table, no such kind, or a wrong value in it.
+    """
+    if not isinstance(data, Mapping):
+        raise OptionError(source, "a table of names and values", repr(data), "value")
+    if tag not in data:
+        raise OptionError(tag, "a value", "nothing", source)
+    named = {getattr(kind, tag): kind for kind in kinds}
+    if not isinstance(data[tag], str) or data[tag] not in named:
+        raise OptionError(tag, "one of " + ", ".join(named), data[tag], source, nearest_name(data[tag], named))
+    return named[data[tag]](**{str(name): value for name, value in data.items()})

@@ -1,1 +1,1 @@
-"""What the command line calls."""
+"""The commands of `obscurance`, and what they print."""

@@ -1,9 +1,7 @@
-"""`obscurance bench`: time against error of the baker itself, on one mesh."""
+"""`obscurance bench`: bake time against error on one mesh."""
 
 from __future__ import annotations
 
-import json
-import os
 import time
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
@@ -11,14 +9,18 @@ from pathlib import Path
 from statistics import median
 
 import ao
+from ao.options import Options
 from ao.report import versions
 from raytrace.mesh.mesh import Mesh
-from raytrace.system.atomic import atomic_write
+from raytrace.system.atomic import write_json
+from raytrace.system.outputs import check_ending, check_outputs
 from raytrace.system.threads import thread_count
 
 from ..geometry.temple import temple
 from ..readers.load import load
 from ..validation.reference import RAYS, Errors, reference
+from ..validation.text_table import text_table
+from .console import compiling
 
 SAMPLES = (16, 64, 256, 1024)
 ROUNDS = 3
@@ -28,7 +30,7 @@ _FINENESS = 0.14
 
 @dataclass(frozen=True)
 class Row:
-    """What one number of rays a vertex costs and brings.
+    """Cost and error of one number of rays a vertex.
 
     Attributes:
         seconds: of each bake, scene build included; build: median seconds of that part.
@@ -43,16 +45,7 @@ class Row:
     errors: Errors
 
 
-def mesh_to_bench(path: Path | None) -> Mesh:
-    """The mesh of a file, or a coarse temple.
-
-    Raises:
-        MeshError: see `scenes.load`.
-    """
-    return temple(_FINENESS) if path is None else load(path).mesh
-
-
-def run(
+def run_bench(
     mesh: Mesh,
     falloff: ao.Falloff,
     samples: Sequence[int] = SAMPLES,
@@ -60,7 +53,7 @@ def run(
     seed: int = 0,
     threads: int | None = None,
 ) -> list[Row]:
-    """Bake `mesh` `rounds` times with each of `samples`, in turn, and judge w by a reference of 16384 rays."""
+    """Bake `mesh` `rounds` times with each of `samples`, in turn, and compare w with a reference of 16384 rays."""
     truth = reference(mesh, [falloff.resolve(mesh.radius)], RAYS, _VERTICES, threads)
     ao.bake(mesh, falloff, samples[0], seed, threads, hidden="ignore")
     bakes: dict[int, list[tuple[float, ao.Bake]]] = {count: [] for count in samples}
@@ -78,27 +71,20 @@ def run(
     return rows
 
 
-def table(rows: Sequence[Row]) -> str:
+def bench_table(rows: Sequence[Row]) -> str:
     """The rows as text."""
-    lines = [f"{'samples':>8}{'seconds':>9}{'Mrays/s':>9}{'RMSE':>9}{'p99':>8}{'max':>8}{'estimated':>11}"]
-    for row in rows:
-        seconds, errors = median(row.seconds), row.errors
-        lines.append(
-            f"{row.samples:>8}{seconds:>9.3f}{row.rays / seconds / 1e6:>9.1f}{errors.rmse:>9.5f}"
-            f"{errors.p99:>8.4f}{errors.largest:>8.4f}{row.estimate:>11.5f}"
-        )
-    return "\n".join(lines)
+    head = ("samples", "seconds", "Mrays/s", "RMSE", "p99", "max", "estimated")
+    cells = [
+        (str(row.samples), f"{median(row.seconds):.3f}", f"{row.rays / median(row.seconds) / 1e6:.1f}",
+         f"{row.errors.rmse:.5f}", f"{row.errors.p99:.4f}", f"{row.errors.largest:.4f}", f"{row.estimate:.5f}")
+        for row in rows
+    ]  # fmt: skip
+    return "\n".join(text_table(head, cells, head))
 
 
-def write_report(
-    path: str | os.PathLike[str], mesh: Mesh, rows: Sequence[Row], options: dict[str, object], threads: int | None
-) -> None:
-    """The rows, the options and the machine as JSON, whole or not at all.
-
-    Raises:
-        OutputError: it cannot be written.
-    """
-    content = {
+def bench_report(mesh: Mesh, rows: Sequence[Row], options: dict[str, object], threads: int | None) -> dict[str, object]:
+    """The rows, the options and the machine as JSON-ready values."""
+    return {
         "mesh": mesh.source,
         "vertices": len(mesh.vertices),
         "rows": [asdict(row) for row in rows],
@@ -106,5 +92,31 @@ def write_report(
         "threads": thread_count(threads),
         "versions": versions(),
     }
-    with atomic_write(path) as file:
-        file.write((json.dumps(content, indent=2) + "\n").encode())
+
+
+def bench_file(
+    path: Path | None,
+    falloff: ao.Falloff,
+    seed: int,
+    threads: int | None,
+    report: Path | None,
+    options: dict[str, object],
+) -> None:
+    """Print the table for a mesh file or a coarse temple, and write the report.
+
+    Args: options: the command's, for the report.
+
+    Raises:
+        OptionError, OutputError: an option, or a report that cannot be written. MeshError: see `scenes.load`.
+    """
+    if report:
+        check_ending("--report", report, ".json")
+        check_outputs({"--report": report}, [path] if path else [])
+    Options(seed=seed, threads=threads)
+    mesh = temple(_FINENESS) if path is None else load(path).mesh
+    with compiling("hemisphere"):
+        rows = run_bench(mesh, falloff, seed=seed, threads=threads)
+    print(f"{mesh.source}: {len(mesh.vertices):,} vertices, {len(mesh.faces):,} faces")
+    print(bench_table(rows))
+    if report:
+        write_json(report, bench_report(mesh, rows, options, threads))

@@ -1,4 +1,4 @@
-"""What the command says while it works and when it is done."""
+"""Notes, warnings, progress bars and summaries of the commands."""
 
 from __future__ import annotations
 
@@ -59,7 +59,7 @@ def readable_output() -> Iterator[None]:
 
 
 def output_failed(failure: OSError) -> int:
-    """Exit status after a failure of the system's, told in one line unless nobody reads the pipe any more."""
+    """Exit status after an error of the system's, which is reported in one line unless a pipe is closed."""
     with suppress(OSError, ValueError):  # what is still buffered has nowhere to go
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
     if not isinstance(failure, BrokenPipeError):
@@ -68,7 +68,7 @@ def output_failed(failure: OSError) -> int:
 
 
 def warn(meshes: Iterable[Mesh], others: Iterable[str] = ()) -> list[str]:
-    """Tell on standard error what the precision of meshes does to results, and what others there are, once of each."""
+    """Print, once each, warnings about the precision of meshes, and others; return them all."""
     from raytrace.errors import printable
     from raytrace.mesh.precision import precision_warnings
 
@@ -82,7 +82,7 @@ def warn(meshes: Iterable[Mesh], others: Iterable[str] = ()) -> list[str]:
 
 @contextmanager
 def compiling(module: str) -> Iterator[None]:
-    """Say why a first run is slow to begin. Args: module: whose kernels it needs."""
+    """Say that kernels are being compiled, if they are. Args: module: that holds them."""
     from raytrace.kernel.jit import is_warm
 
     if not is_warm(module):
@@ -138,11 +138,11 @@ def progress(quiet: bool, *units: str) -> Iterator[tuple[Advance | None, ...]]:
 
 
 def bake_summary(baked: ao.Bake, target: Path) -> str:
-    """What was baked to where, what it took and how good it is."""
+    """The line after a bake: file, vertices, rays, time, estimated error; and a second one of flagged vertices."""
     from raytrace.errors import printable
 
-    clear = baked.rays_skipped.get("open", 0)
-    rays = f"{baked.rays:,} rays traced{f' and {clear:,} certainly open' if clear else ''}"
+    skipped = baked.rays_skipped.get("open", 0)
+    rays = f"{baked.rays:,} rays traced{f', {skipped:,} skipped as provably unoccluded,' if skipped else ''}"
     took = f"in {baked.seconds['bake']:.2f} s, estimated RMSE {baked.rmse:.4f}"
     text = f"{printable(str(target))}: {len(baked.w):,} vertices, {rays} {took}"
     flagged = ", ".join(f"{count} {name}" for name, count in baked.flagged.items() if count)

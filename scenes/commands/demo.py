@@ -1,11 +1,10 @@
-"""The demonstration: bake the temple and take its picture."""
+"""`obscurance demo`: bake the built-in temple and render it."""
 
 from __future__ import annotations
 
 from pathlib import Path
 
 import ao
-from ao.trace.tracer import Progress
 from raytrace.camera import Camera
 from raytrace.errors import OutputError
 from raytrace.image.write import write_frame
@@ -19,13 +18,14 @@ from raytrace.system.outputs import check_outputs
 from ..geometry.temple import temple
 from ..readers.load import MeshFile
 from ..writers.write import write
+from .console import bake_summary, compiling, progress
 
 _SETTINGS = Settings(width=960, height=640)
 _BACKGROUND = (0.05, 0.05, 0.05)
 
 
 def targets(folder: Path) -> tuple[Path, Path]:
-    """The mesh and the picture in a folder, which is made. Raises: OptionError, OutputError: they cannot be written."""
+    """The mesh and the image in a folder, which is made. Raises: OptionError, OutputError: they cannot be written."""
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as reason:
@@ -35,13 +35,20 @@ def targets(folder: Path) -> tuple[Path, Path]:
     return mesh, picture
 
 
-def make(mesh_target: Path, picture_target: Path, progress: Progress | None = None) -> ao.Bake:
-    """Bake the temple with the default options; write the mesh with w, and a picture of it in ambient light alone."""
+def make_demo(folder: Path, quiet: bool = False) -> None:
+    """Bake the temple with the default options; write the mesh with w, and an image of it in ambient light alone.
+
+    Raises: OptionError, OutputError: the files cannot be written.
+    """
+    mesh_target, image_target = targets(folder)
     mesh = temple()
-    baked = ao.bake(mesh, progress=progress)
+    with progress(quiet, "rays") as (advance,), compiling("hemisphere"):
+        baked = ao.bake(mesh, progress=advance)
     write(mesh_target, baked, MeshFile.of(mesh))
-    white = Object(Shape(mesh, Lambert(albedo=1)), w=baked.w)
-    scene = Scene((white,), (AmbientLight(intensity=1),), _BACKGROUND)
+    white = Object(Shape(mesh, Lambert(albedo=(1, 1, 1))), w=baked.w)
+    scene = Scene((white,), (AmbientLight(intensity=(1, 1, 1)),), _BACKGROUND)
     camera = Camera.framing(mesh, (0.8, -1.6, 0.55), aspect=_SETTINGS.width / _SETTINGS.height)
-    write_frame(picture_target, render(scene, camera, _SETTINGS, layers=False), {"scene": "temple"})
-    return baked
+    write_frame(image_target, render(scene, camera, _SETTINGS, layers=False), {"scene": "temple"})
+    if not quiet:
+        print(bake_summary(baked, mesh_target))
+        print(f"image: {image_target}")

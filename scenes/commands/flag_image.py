@@ -1,4 +1,4 @@
-"""A picture of a baked mesh on which the flagged vertices stand out, also those that other faces hide."""
+"""An image of a baked mesh with a dot on every flagged vertex, also on those that other faces hide."""
 
 from __future__ import annotations
 
@@ -43,8 +43,8 @@ def write_marked(target: Path, mesh: Mesh, baked: ao.Bake, up: Vector = Z_UP) ->
         OptionError: not the ending of a picture. OutputError: the file cannot be written.
     """
     camera = framing(mesh, up, _WIDTH, _HEIGHT)
-    white = Object(Shape(mesh, Lambert(albedo=1, two_sided="viewer")), w=baked.w)
-    scene = Scene((white,), (AmbientLight(intensity=1),), (0.05, 0.05, 0.05))
+    white = Object(Shape(mesh, Lambert(albedo=(1, 1, 1), two_sided="viewer")), w=baked.w)
+    scene = Scene((white,), (AmbientLight(intensity=(1, 1, 1)),), (0.05, 0.05, 0.05))
     frame = render(scene, camera, Settings(width=_WIDTH, height=_HEIGHT), layers=False)
     picture = np.array(frame.layers["beauty"][..., :3])
     for flag, colour in COLOURS.items():

@@ -1,4 +1,4 @@
-"""What a mesh file holds, in words and numbers."""
+"""`obscurance info`: content, extent and defects of a mesh file."""
 
 from __future__ import annotations
 

@@ -1,15 +1,16 @@
-"""`obscurance materials`: the presets, and what can be measured of a material."""
+"""`obscurance materials`: the presets; measured albedo, reciprocity and fit error of materials."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from raytrace.brdf.oren_nayar import shape
-from raytrace.brdf.oren_nayar_reference import reference_shape
+from raytrace.brdf.oren_nayar import fitted_orders
+from raytrace.brdf.oren_nayar_reference import reference_orders
 from raytrace.errors import OptionError, nearest_name
 from raytrace.materials.base import BaseMaterial, Diffuse, Microfacet
 from raytrace.materials.energy import NORMAL, asymmetry, directional_albedo, towards
@@ -35,7 +36,7 @@ def preset_toml(name: str) -> str:
     return "\n".join(["[[materials]]", f'name = "my_{name}"', *lines, ""])
 
 
-def named_materials(name: str | None) -> list[tuple[str, BaseMaterial]]:
+def chosen_materials(name: str | None) -> list[tuple[str, BaseMaterial]]:
     """The materials of a preset, of all for None, or of the objects of a scene file.
 
     Raises:
@@ -72,7 +73,7 @@ def check(name: str, material: BaseMaterial) -> str:
     if isinstance(material, OrenNayar) and material.sigma > 0:
         rms, largest = fit_error(material)
         lines += _fit_lines(material)
-        lines.append(f"    fit less integral, directions to 75°: {rms:.3f} RMS, {largest:.3f} largest")
+        lines.append(f"    fit minus integral, directions to 75°: {rms:.3f} RMS, {largest:.3f} largest")
     return "\n".join(lines)
 
 
@@ -82,7 +83,7 @@ def albedo(material: BaseMaterial, incidence: float) -> Any:
         scale = 1.0 if isinstance(material, Diffuse) else np.pi
         return directional_albedo(material, incidence, order=_ORDER) / scale
     slope = getattr(material, "m", None) or max(material.m_parallel, material.m_perpendicular)  # type: ignore[attr-defined]
-    lobe = directional_albedo(material.model_copy(update={"albedo": (0.0, 0.0, 0.0)}), incidence, slope, _ORDER)
+    lobe = directional_albedo(replace(material, albedo=(0.0, 0.0, 0.0)), incidence, slope, _ORDER)
     return lobe + (1 - material.k_s) * np.array(material.albedo)
 
 
@@ -94,8 +95,8 @@ def fit_error(material: OrenNayar) -> tuple[float, float]:
         for theta_v in angles:
             for turn in np.radians(_FIT_TURNS):
                 l, v = towards(theta_l), towards(theta_v, turn)
-                fit = shape(material.sigma, tuple(NORMAL), tuple(l), tuple(v))
-                exact = reference_shape(material.sigma, l, v, _FIT_ORDER)
+                fit = fitted_orders(material.sigma, tuple(NORMAL), tuple(l), tuple(v))
+                exact = reference_orders(material.sigma, l, v, _FIT_ORDER)
                 errors.append((fit[0] - exact[0] + rho * (fit[1] - exact[1])) / l[2])
     return float(np.sqrt(np.mean(np.square(errors)))), float(np.abs(errors).max())
 
@@ -107,7 +108,10 @@ def _fit_lines(material: OrenNayar) -> list[str]:
         rows = []
         for angle in np.radians(ANGLES):
             l, v = towards(angle), towards(angle, turn)
-            pair = shape(material.sigma, tuple(NORMAL), tuple(l), tuple(v)), reference_shape(material.sigma, l, v)
+            pair = (
+                fitted_orders(material.sigma, tuple(NORMAL), tuple(l), tuple(v)),
+                reference_orders(material.sigma, l, v),
+            )
             rows.append([(first + np.mean(material.albedo) * second) / l[2] for first, second in pair])
         lines.append(f"  f in parts of ρ/π, seen {title} at the same angle")
         for name, column in zip(("fit", "integral"), np.array(rows).T, strict=True):
@@ -119,7 +123,7 @@ def _orientations(material: BaseMaterial) -> Sequence[tuple[str, BaseMaterial]]:
     """Anisotropic materials along and across their grain, others as they are."""
     if not isinstance(material, EllipticalBeckmann | PoulinFournier):
         return [("", material)]
-    along, across = (material.model_copy(update={"grain": grain}) for grain in ((1.0, 0, 0), (0, 1.0, 0)))
+    along, across = (replace(material, grain=grain) for grain in ((1.0, 0, 0), (0, 1.0, 0)))
     return [("along ", along), ("across ", across)]
 
 

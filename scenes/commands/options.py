@@ -1,4 +1,4 @@
-"""What options of the command may be, and what they mean. Heavy imports wait until one is made use of."""
+"""Choices of the command's options, and their parsing. Heavy imports wait until one is used."""
 
 from __future__ import annotations
 
@@ -70,14 +70,6 @@ def named(option: str) -> Iterator[None]:
         yield
     except OptionError as fault:
         raise OptionError(option, fault.expected, fault.got, nearest=fault.nearest) from None
-
-
-def only_in_meshes(colors: bool, output: Path) -> None:
-    """Refuse vertex colours for a target that has none. Raises: OptionError."""
-    from raytrace.errors import OptionError
-
-    if colors and output.suffix.lower() not in (".glb", ".ply"):
-        raise OptionError("colors", "a .glb or .ply output with it", output)
 
 
 def parse_crop(text: str) -> tuple[int, int, int, int]:

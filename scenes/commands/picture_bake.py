@@ -1,4 +1,4 @@
-"""A described scene with its w(p): baked for the picture, read from a file, or left open."""
+"""Obscurance w(p) for a described scene: baked for its picture, read from a file, or left at 1."""
 
 from __future__ import annotations
 
@@ -8,18 +8,21 @@ import numpy as np
 import numpy.typing as npt
 
 import ao
+from ao.memory import vertex_bytes
 from ao.trace.tracer import Progress
 from raytrace.renderer.render import seen_vertices
+from raytrace.renderer.render_scene import release
 from raytrace.scene import Scene
+from raytrace.system.memory import available
 
 from ..description.description import SceneDescription
 from ..readers.stored_w import read_w
 
 
-def obscured(
+def with_obscurance(
     description: SceneDescription, threads: int | None = None, progress: Progress | None = None
 ) -> tuple[Scene, ao.Bake | None]:
-    """The scene with w(p) as `description.bake` asks, and the bake if there was one.
+    """The scene with w(p) as `description.w_from` and `description.bake` ask, and the bake if there was one.
 
     Only vertices that the picture can show are baked; the others get w = 1.
 
@@ -30,21 +33,24 @@ def obscured(
         OptionError, EmbreeError: as `ao.bake`.
     """
     scene, options = description.scene, description.bake
-    if options.source == "off":
+    if description.w_from == "off":
         return scene, None
-    if isinstance(options.source, Path):
-        return scene.with_obscurance(_stored(description, options.source)), None
+    if isinstance(description.w_from, Path):
+        return scene.with_obscurance(_stored(description, description.w_from)), None
     settings = description.settings
-    wanted = seen_vertices(scene, description.camera, settings, threads)
+    seen = seen_vertices(scene, description.camera, settings, threads)
+    mesh, room = scene.flattened(), available()
+    if room is not None and vertex_bytes(len(mesh.vertices), len(mesh.faces), options.rays) > room:
+        release(scene)  # the bake does not fit beside the geometry, which is built again for the picture
     made = ao.bake(
-        scene.flattened(),
+        mesh,
         options.falloff,
         options.samples,
         options.seed,
         threads,
         "angle" if settings.normals == "file" else settings.normals,
         progress,
-        only=wanted,
+        only=seen,
     )
     return scene.with_obscurance(made.w), made
 

@@ -1,8 +1,7 @@
-"""From a scene file to an image file: bake what the picture needs, render it, write it, tell about it."""
+"""Make the picture of a scene file: bake what it needs, render it, write it, report it."""
 
 from __future__ import annotations
 
-import json
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -17,11 +16,10 @@ from raytrace.image.frame import Frame
 from raytrace.image.write import check_image_target, write_frame
 from raytrace.renderer.render import describe_work, render, rendering_bytes
 from raytrace.settings import Settings
-from raytrace.system.atomic import atomic_write
 from raytrace.system.memory import check_memory
 
 from ..description.description import SceneDescription
-from .picture_bake import obscured
+from .picture_bake import with_obscurance
 
 PREVIEW = 4  # a preview's sides are that much shorter
 PREVIEW_BAKE = 32  # and it bakes with that many rays a vertex
@@ -29,7 +27,7 @@ PREVIEW_BAKE = 32  # and it bakes with that many rays a vertex
 
 @dataclass(frozen=True)
 class Picture:
-    """What `take` made.
+    """A picture that was made, and its costs.
 
     Attributes:
         frame: the layers that the file's format holds, and the renderer's counts.
@@ -42,12 +40,12 @@ class Picture:
     seconds: dict[str, float]
 
     def summary(self, target: Path, settings: Settings) -> str:
-        """What was rendered to where, and what it took."""
+        """The line after a rendering: file, size, rays, times."""
         traced, skipped = sum(self.frame.rays.values()), sum(self.frame.rays_skipped.values())
         return (
-            f"{printable(str(target))}: {settings.width}×{settings.height}, {traced / 1e6:.1f} M rays in"
-            f" {self.seconds['render']:.2f} s, {skipped / 1e6:.1f} M not needed;"
-            f" obscurance {settings.obscurance} ({self.seconds['bake']:.2f} s)"
+            f"{printable(str(target))}: {settings.width}×{settings.height}, {traced / 1e6:.1f} M rays traced"
+            f" and {skipped / 1e6:.1f} M skipped in {self.seconds['render']:.2f} s;"
+            f" obscurance {settings.obscurance}" + (f", baked in {self.seconds['bake']:.2f} s" if self.bake else "")
         )
 
 
@@ -62,21 +60,19 @@ def adjusted(
         OptionError: a setting out of range, or `baked` for a picture without obscurance.
     """
     settings = replace(description.settings, **{name: value for name, value in changes.items() if value is not None})
-    bake = description.bake
+    w_from, bake, files = description.w_from, description.bake, description.files
     if settings.obscurance == "off":
-        bake = replace(bake, source="off")
-    elif bake.source == "off":
-        bake = replace(bake, source="bake")
-    files = description.files
+        w_from = "off"
+    elif w_from == "off":
+        w_from = "bake"
     if baked is not None:
         if settings.obscurance == "off":
             raise OptionError("--baked", "--obscurance ambient or book with it", "off")
-        bake = replace(bake, source=baked)
-        files = (*files, baked)
+        w_from, files = baked, (*files, baked)
     if preview:
         settings = _quarter(settings)
-        bake = replace(bake, samples=min(bake.samples, PREVIEW_BAKE))
-    return replace(description, settings=settings, bake=bake, files=files)
+        bake = replace(bake, samples=min(bake.rays, PREVIEW_BAKE))
+    return replace(description, settings=settings, w_from=w_from, bake=bake, files=files)
 
 
 def _quarter(settings: Settings) -> Settings:
@@ -88,7 +84,7 @@ def _quarter(settings: Settings) -> Settings:
     return replace(settings, width=width, height=height, crop=crop, samples=min(settings.samples, 4))
 
 
-def take(
+def make_picture(
     source: Path,
     description: SceneDescription,
     output: Path,
@@ -112,7 +108,7 @@ def take(
     needed = rendering_bytes(description.scene, description.settings, layers is None)
     check_memory(source, needed, describe_work(description.scene, description.settings))
     start = time.perf_counter()
-    scene, baked = obscured(description, threads, baking)
+    scene, baked = with_obscurance(description, threads, baking)
     prepared = time.perf_counter()
     frame = render(scene, description.camera, description.settings, layers is None, threads, rendering)
     rendered = time.perf_counter()
@@ -122,7 +118,7 @@ def take(
 
 
 def metadata(source: Path, description: SceneDescription) -> dict[str, str]:
-    """What an image file tells of its making; nothing that changes from run to run."""
+    """Metadata of an image file: settings and version, nothing that changes from run to run."""
     settings = description.settings
     return {
         "scene": source.name,
@@ -135,17 +131,15 @@ def metadata(source: Path, description: SceneDescription) -> dict[str, str]:
     }
 
 
-def write_report(
-    path: Path, source: Path, settings: Settings, picture: Picture, threads: int, warnings: Sequence[str] = ()
-) -> None:
-    """Write what a rendering took as JSON, whole or not at all.
+def render_report(
+    source: Path, settings: Settings, picture: Picture, threads: int, warnings: Sequence[str] = ()
+) -> dict[str, Any]:
+    """The report of a rendering as JSON-ready values.
 
     Args: warnings: what limits the picture, see `raytrace.mesh.precision`.
-
-    Raises: OutputError.
     """
     made = picture.bake
-    content = {
+    return {
         "scene": str(source),
         "settings": vars(settings) | {"threads": threads},
         "rays": picture.frame.rays | ({"bake": made.rays} if made else {}),
@@ -156,5 +150,3 @@ def write_report(
         "warnings": list(warnings),
         "versions": versions(),
     }
-    with atomic_write(path) as file:
-        file.write((json.dumps(content, indent=2, allow_nan=False) + "\n").encode())

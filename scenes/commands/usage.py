@@ -1,4 +1,4 @@
-"""Mistakes on the command line: one line that says what was expected, what came, what was meant and where help is."""
+"""Usage errors in one line: what was expected, what was given, the nearest name, and where help is."""
 
 from __future__ import annotations
 

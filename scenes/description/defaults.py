@@ -1,4 +1,4 @@
-"""What a file without camera, lights or materials is shown with: a view of everything, three lights, a matt grey."""
+"""Default camera, lights and material of files without their own: all framed, three-point lighting, matt grey."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""glTF materials as this project's models.
+"""glTF materials as the nearest of the reflection models here.
 
 glTF mixes a coated diffuse surface, F0 = .04, with a metal of F0 = base colour, over GGX facets of α = roughness². The
 nearest here is Cook–Torrance's of RMS slope m = α, whose weights are k_d = 1 − k_s of the base and k_s of the facets:

@@ -1,4 +1,4 @@
-"""Base colour textures of a glTF file and the coordinates they are looked up by.
+"""Base colour textures of a glTF file, and their texture coordinates.
 
 Of samplers the wrap modes are read; filtering is the renderer's. KHR_texture_transform is not read.
 Format: Khronos glTF 2.0 specification, sections 3.6.2, 3.8 and 5.26.
@@ -18,7 +18,7 @@ from raytrace.image.texture import Texture, Wrap
 
 from ..field_errors import shown
 from ..gltf.accessors import entry, normalized, values, view_bytes
-from ..gltf.container import Gltf, reference
+from ..gltf.container import Gltf, referenced
 from ..safe_paths import confined
 from .gltf_materials import base_texture
 
@@ -67,7 +67,7 @@ class Textures:
             return Texture(label, data=bytes(view_bytes(self._asset, stored["bufferView"])))
         field = f"images[{number}].uri"
         if stored.get("uri", "").startswith("data:"):
-            data = reference(stored["uri"], self._path.parent)
+            data = referenced(stored["uri"], self._path.parent)
             if not data:
                 raise SceneError(self._path, field, "an image in base64", shown(stored["uri"]))
             return Texture(label, data)

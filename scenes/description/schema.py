@@ -5,20 +5,17 @@ Only what was written is kept (`Table.given`): every default lives in the class 
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from typing import Annotated, Any, get_args
+from typing import Annotated, Any
 
 from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, StrictBool, ValidationError
 
-from raytrace.errors import OptionError, SceneError, nearest_name
+from raytrace.errors import OptionError, SceneError
 from raytrace.image.texture import wrap_modes
-from raytrace.system.parameters import Radiance, expectation, first_fault
+from raytrace.system.faults import first_fault
+from raytrace.system.parameters import Radiance, triple
 
-from ..field_errors import joined, shown
-
-
-def _same_thrice(value: Any) -> Any:
-    return (value,) * 3 if isinstance(value, int | float) and not isinstance(value, bool) else value
+from ..field_errors import shown
+from ..gltf.schema import Number, Vector
 
 
 def _name_or_table(value: Any) -> Any:
@@ -46,16 +43,14 @@ def _affine(rows: list[list[float]]) -> list[list[float]]:
     return rows
 
 
-Number = Annotated[float, Field(strict=True, allow_inf_nan=False, ge=-1e100, le=1e100)]
 Whole = Annotated[int, Field(strict=True)]
-Vector = tuple[Number, Number, Number]
 Length = Annotated[Any, BeforeValidator(_length)]
 
 
 class Table(BaseModel):
     """Base of all tables: no unknown keys."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True)
+    model_config = ConfigDict(extra="forbid", frozen=True, defer_build=True)
 
     def given(self) -> dict[str, Any]:
         """The keys that were written, with their values."""
@@ -69,14 +64,14 @@ class Transform(Table):
     rotate: Vector | None = None
     axis: Vector | None = None
     angle: Number | None = None
-    scale: Annotated[Vector, BeforeValidator(_same_thrice)] | None = None
+    scale: Annotated[Vector, BeforeValidator(triple)] | None = None
     matrix: Annotated[list[list[Number]], AfterValidator(_affine)] | None = None
 
 
 class ObjectTable(Transform):
     """One entry of `[[objects]]`. Keys that are not declared here are the parameters of a built-in shape."""
 
-    model_config = ConfigDict(extra="allow", frozen=True)
+    model_config = ConfigDict(extra="allow")
 
     name: str | None = None
     mesh: str | None = None
@@ -136,7 +131,7 @@ class Document(Table):
     render: RenderTable = RenderTable()
     obscurance: ObscuranceTable = ObscuranceTable()
     materials: Annotated[list[dict[str, Any]], Field(fail_fast=True)] = []
-    objects: Annotated[list[ObjectTable], Field(min_length=1, fail_fast=True)]
+    objects: Annotated[list[ObjectTable], Field(min_length=1, fail_fast=True, description="at least one")]
     lights: Annotated[list[dict[str, Any]], Field(fail_fast=True)] = []
 
 
@@ -145,41 +140,5 @@ def parse_document(data: dict[str, Any], source: object) -> Document:
     try:
         return Document.model_validate(data)
     except ValidationError as error:
-        raise _scene_error(error, source) from None
-
-
-def _scene_error(error: ValidationError, source: object) -> SceneError:
-    fault = first_fault(error)
-    location = fault["loc"]
-    path = ""
-    for part in location:
-        path = joined(path, f"[{part}]" if isinstance(part, int) else part)
-    if fault["type"] == "extra_forbidden":
-        keys = _keys_beside(location)
-        near = nearest_name(location[-1], keys)
-        return SceneError(source, path, "one of " + ", ".join(keys), "an unknown key", near)
-    if fault["type"] == "missing":
-        return SceneError(source, path, _WORDS.get(str(location[-1]), "a value"), "nothing")
-    if fault["type"] in ("too_short", "model_type", "model_attributes_type", "dict_type"):
-        expected = "at least one" if fault["type"] == "too_short" else "a table"
-        return SceneError(source, path, expected, "none" if fault["input"] == [] else shown(fault["input"]))
-    return SceneError(source, path, expectation(fault), shown(fault["input"]))
-
-
-_WORDS = {"objects": "at least one"}
-
-
-def _keys_beside(location: tuple[int | str, ...]) -> list[str]:
-    """The keys of the table that holds the last part of `location`."""
-    table: type[BaseModel] = Document
-    for part in location[:-1]:
-        if isinstance(part, str):
-            table = next(_tables(table.model_fields[part].annotation))
-    return list(table.model_fields)
-
-
-def _tables(annotation: Any) -> Iterator[type[Table]]:
-    if isinstance(annotation, type) and issubclass(annotation, Table):
-        yield annotation
-    for inner in get_args(annotation):
-        yield from _tables(inner)
+        path, expected, got, near = first_fault(error, Document, shown)
+        raise SceneError(source, path, expected, got, near) from None

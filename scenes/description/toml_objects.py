@@ -15,17 +15,18 @@ from raytrace.materials.base import BaseMaterial
 from raytrace.materials.materials import material_from_dict
 from raytrace.materials.presets import PRESETS
 from raytrace.scene import Object, Shape
+from raytrace.system.faults import fields_of
 
 from ..field_errors import check_keys, joined, located, shown
 from ..geometry.builtin_shapes import SOLIDS, Solid
 from ..geometry.instances import check_copies, flatten
 from ..geometry.primitives import Geometry, Origin
 from ..readers.load import mesh_errors, read_objects
+from ..readers.textured import ENDINGS, read_textured
 from ..safe_paths import confined
 from .defaults import NEUTRAL
 from .gltf_scene import gltf_objects
 from .schema import ObjectTable, Transform
-from .textured import ENDINGS, read_textured
 from .transforms import matrix_of
 
 
@@ -56,7 +57,7 @@ class ObjectReader:
 
     Attributes:
         files: what was read, or will be.
-        notes: what is to be told about meshes.
+        notes: warnings about meshes.
     """
 
     def __init__(self, source: Path, materials: dict[str, BaseMaterial]) -> None:
@@ -202,7 +203,7 @@ class ObjectReader:
             near = nearest_name(table.builtin, SOLIDS)
             raise SceneError(self._source, field, "one of " + ", ".join(SOLIDS), shown(table.builtin), near)
         parameters = table.model_extra or {}
-        check_keys(self._source, path, parameters, [*kind.model_fields, *_keys("builtin")])
+        check_keys(self._source, path, parameters, [*fields_of(kind), *_keys("builtin")])
         with located(self._source, path):
             return kind(**parameters)
 

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 import ao
-from ao.options import MAX_SAMPLES
+from ao.options import Options
 from raytrace.camera import Camera
 from raytrace.errors import OptionError, SceneError, nearest_name
 from raytrace.lights.sources import light_from_dict
@@ -23,7 +23,7 @@ from ..field_errors import located, shown
 from ..readers.stored_w import ENDINGS
 from ..safe_paths import confined
 from .defaults import FROM, Z_UP, three_lights
-from .description import BakeOptions, SceneDescription
+from .description import SceneDescription, Source
 from .schema import CameraTable, Document, ObscuranceTable, parse_document
 from .toml_objects import ObjectReader, named_materials
 
@@ -43,7 +43,7 @@ def read_toml(path: Path, size: tuple[int, int] | None = None) -> SceneDescripti
     """
     document = parse_document(_load(path), path)
     settings = _settings(document, path, size)
-    bake = _bake(document.obscurance, path, settings)
+    w_from, bake = _bake(document.obscurance, path, settings)
     reader = ObjectReader(path, named_materials(document.materials, path))
     objects = [item for n, table in enumerate(document.objects) for item in reader.read(table, f"objects[{n}]")]
     lights = []
@@ -55,8 +55,8 @@ def read_toml(path: Path, size: tuple[int, int] | None = None) -> SceneDescripti
     if not lights:
         scene = replace(scene, lights=three_lights(camera))
     origins = tuple(reader.origin(item) for item in objects)
-    baked = (bake.source,) if isinstance(bake.source, Path) else ()
-    return SceneDescription(scene, camera, settings, bake, (path, *reader.files, *baked), tuple(reader.notes), origins)
+    files = (path, *reader.files, *((w_from,) if isinstance(w_from, Path) else ()))
+    return SceneDescription(scene, camera, settings, w_from, bake, files, tuple(reader.notes), origins)
 
 
 def _load(path: Path) -> dict[str, Any]:
@@ -104,7 +104,7 @@ def _settings(document: Document, path: Path, size: tuple[int, int] | None) -> S
         raise SceneError(path, "obscurance.form", fault.expected, shown(form), fault.nearest) from None
 
 
-def _bake(table: ObscuranceTable, path: Path, settings: Settings) -> BakeOptions:
+def _bake(table: ObscuranceTable, path: Path, settings: Settings) -> tuple[Source, Options]:
     def excluded(expected: str, *names: str) -> None:
         for name in names:
             if name in table.model_fields_set:
@@ -113,13 +113,13 @@ def _bake(table: ObscuranceTable, path: Path, settings: Settings) -> BakeOptions
     bake = ("falloff", "tau", "half_distance", "max_distance", "samples", "seed")
     if settings.obscurance == "off":
         excluded('nothing beside form = "off"', "baked", *bake)
-        return BakeOptions("off")
+        return "off", Options()
     if table.baked is not None:
         excluded("nothing beside baked but form", *bake)
         file = confined(table.baked, path.parent, path, "obscurance.baked")
         if file.suffix.lower() not in ENDINGS:
             raise SceneError(path, "obscurance.baked", "a name ending in " + ", ".join(ENDINGS), shown(table.baked))
-        return BakeOptions(file)
+        return file, Options()
     forms = {"exponential": ao.Exponential, "binary": ao.Binary}
     if table.falloff not in forms:
         near = nearest_name(table.falloff, forms)
@@ -127,14 +127,10 @@ def _bake(table: ObscuranceTable, path: Path, settings: Settings) -> BakeOptions
     if table.falloff == "binary":
         excluded('falloff = "exponential" with it', "tau", "half_distance")
     given = table.given()
+    lengths = {name: given[name] for name in ("tau", "half_distance", "max_distance") if name in given}
+    counts = {name: given[name] for name in ("samples", "seed") if name in given}
     with located(path, "obscurance"):
-        falloff = forms[table.falloff](**{k: given[k] for k in ("tau", "half_distance", "max_distance") if k in given})
-    options = BakeOptions(falloff=falloff, **{name: given[name] for name in ("samples", "seed") if name in given})
-    for name, low, high in (("samples", 1, MAX_SAMPLES), ("seed", 0, 2**64 - 1)):
-        if not low <= getattr(options, name) <= high:
-            expected = f"a whole number from {low} to {high}"
-            raise SceneError(path, f"obscurance.{name}", expected, getattr(options, name))
-    return options
+        return "bake", Options(falloff=forms[table.falloff](**lengths), **counts)
 
 
 def _camera(table: CameraTable, scene: Scene, settings: Settings, path: Path) -> Camera:

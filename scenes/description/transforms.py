@@ -1,4 +1,4 @@
-"""Where a TOML scene puts things: translate, rotate, scale or a matrix."""
+"""Transforms of a TOML scene as matrices: translate, rotate, scale, or a matrix."""
 
 from __future__ import annotations
 

@@ -1,1 +1,1 @@
-"""Mesh families drawn by seed, to judge tolerances on meshes never seen."""
+"""Random meshes of many families, to test `--tolerance` on meshes that nothing was tuned on."""

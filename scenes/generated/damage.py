@@ -1,10 +1,9 @@
-"""What happens to meshes on their way: noise, folds, decimation, holes, doubles, seams, other triangles."""
+"""Damage that meshes suffer in practice: noise, folds, decimation, holes, doubles, seams, flipped edges."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 
-import fast_simplification
 import numpy as np
 import numpy.typing as npt
 
@@ -39,6 +38,8 @@ def folded(part: Part, rng: Rng) -> Part:
 
 def decimated(part: Part, rng: Rng) -> Part:
     """Noise, then half to a sixth of the faces are left by quadric edge collapse, as fast as it goes."""
+    import fast_simplification  # an extra: nothing else needs it
+
     part = noisy(part, rng)
     points, faces = fast_simplification.simplify(
         part[0].astype(np.float32),

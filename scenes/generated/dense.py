@@ -1,4 +1,4 @@
-"""Making a surface dense: refined to a number of vertices, displaced by smooth random fields, turned and scaled."""
+"""Refinement of surfaces to a number of vertices, displacement by smooth random fields, random placement."""
 
 from __future__ import annotations
 
@@ -125,7 +125,7 @@ def sized(make: Make, size: int, most: float = SURPLUS) -> Part:
     return found
 
 
-def posed(part: Part, rng: Rng, source: str) -> Mesh:
+def placed(part: Part, rng: Rng, source: str) -> Mesh:
     """Somewhere in space, of some size, turned somehow, or one time in four along the axes."""
     turn = Rotation.from_quat(rng.normal(size=4)) if rng.random() < 0.75 else Rotation.identity()
     scale, away = log_uniform(rng, 1e-2, 1e2), rng.normal(size=3)

@@ -1,4 +1,4 @@
-"""The families by name: each draws a mesh from a random generator, and nothing of it is the same the next time."""
+"""The mesh families by name, each a function of a random generator."""
 
 from __future__ import annotations
 
@@ -12,9 +12,9 @@ from raytrace.errors import MeshError
 from raytrace.mesh.mesh import Mesh
 
 from ..geometry.polyhedra import Part
-from .at_hand import dense_base
+from .bases import dense_base
 from .damage import DAMAGES, Damage, damaged
-from .dense import Rng, extent, log_uniform, posed, refined, sized, unit, used
+from .dense import Rng, extent, log_uniform, placed, refined, sized, unit, used
 from .inserts import blades, character, eyes, pipes, posts, slab_with_posts
 from .layers import crossing_planes, nested_shells, planar_sets, scale_jumps, terraces, thin_sheets
 
@@ -44,7 +44,7 @@ class _Damaged:
 
     def __call__(self, rng: Rng, size: int) -> Mesh:
         base = dense_base(rng, self._given)
-        return posed(damaged(self._damage, base, size, self._surplus, rng), rng, self._name)
+        return placed(damaged(self._damage, base, size, self._surplus, rng), rng, self._name)
 
 
 class _Given:
@@ -52,7 +52,7 @@ class _Given:
         self._name, self._part = name, part
 
     def __call__(self, rng: Rng, size: int) -> Mesh:
-        return posed(sized(lambda h: refined(self._part, h), size), rng, self._name)
+        return placed(sized(lambda h: refined(self._part, h), size), rng, self._name)
 
 
 def _unit(mesh: Mesh) -> Part:

@@ -1,4 +1,4 @@
-"""Things set into dense surfaces: posts, pipes, eyes, blades; touching exactly, intersecting, or a hair above."""
+"""Objects set into dense surfaces, exactly touching, intersecting or slightly above: posts, pipes, eyes, blades."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import numpy as np
 from raytrace.mesh.mesh import Mesh
 
 from ..geometry.polyhedra import Floats, Part, join
-from .dense import Make, Rng, displacement, field, log_uniform, posed, sized
+from .dense import Make, Rng, displacement, field, log_uniform, placed, sized
 from .pieces import ball, box, capsule, cells, cylinder, knot, moved, random_turn, ring, sheet, solid
 
 Height = Callable[[Floats], Floats]
@@ -27,7 +27,7 @@ def slab_with_posts(rng: Rng, size: int) -> Mesh:
         post = box((0.2, 0.2, 2.0), h, hard)
         return join([slab, *(moved(post, foot, turn) for foot, turn in zip(feet, turns, strict=True))])
 
-    return posed(sized(make, size), rng, "slab with posts")
+    return placed(sized(make, size), rng, "slab with posts")
 
 
 def _ground(rng: Rng) -> tuple[Make, Height]:
@@ -45,7 +45,7 @@ def _ground(rng: Rng) -> tuple[Make, Height]:
     return lambda h: sheet(surface, cells(1.0, h), cells(1.0, h)), height
 
 
-def _seat(rng: Rng, reach: float) -> float:
+def _clearance(rng: Rng, reach: float) -> float:
     """How far above the ground a thing begins: exactly on it, a hair above, or sunk by up to `reach`."""
     kind = rng.integers(3)
     return (0.0, log_uniform(rng, 1e-6, 1e-2), -reach * rng.uniform(0.02, 1.0))[kind]
@@ -54,44 +54,48 @@ def _seat(rng: Rng, reach: float) -> float:
 def posts(rng: Rng, size: int) -> Mesh:
     """Posts of any footprint, 3 to 40, on flat or wavy ground, upright or leaning."""
     ground, height = _ground(rng)
-    makes: list[Make] = []
-    for _ in range(int(log_uniform(rng, 3, 41))):
-        xy = rng.uniform(-0.48, 0.48, 2)
-        a, b, c = log_uniform(rng, 0.01, 0.08), log_uniform(rng, 0.01, 0.08), log_uniform(rng, 0.02, 0.5)
-        turn, hard, round_ = random_turn(rng, upright=True), bool(rng.random() < 0.5), rng.random() < 0.4
-        foot = np.array([*xy, float(height(xy[None])[0]) + _seat(rng, 0.3 * c) + c / 2])
-        lean = np.diag([1.0, 1.0, 1.0])
-        if rng.random() < 0.25:
-            lean[:2, 2] = rng.uniform(-0.4, 0.4, 2)
+    makes = [ground, *(_post(rng, height) for _ in range(int(log_uniform(rng, 3, 41))))]
+    return placed(sized(lambda h: join([make(h) for make in makes]), size), rng, "posts")
 
-        def make(h: float, a=a, b=b, c=c, foot=foot, turn=turn, hard=hard, round_=round_, lean=lean) -> Part:
-            vertices, faces = cylinder(a / 2, c, h, hard) if round_ else box((a, b, c), h, hard)
-            return moved((vertices @ lean.T, faces), foot, turn)
 
-        makes.append(make)
-    return posed(sized(lambda h: join([ground(h), *(make(h) for make in makes)]), size), rng, "posts")
+def _post(rng: Rng, height: Height) -> Make:
+    xy = rng.uniform(-0.48, 0.48, 2)
+    a, b, c = log_uniform(rng, 0.01, 0.08), log_uniform(rng, 0.01, 0.08), log_uniform(rng, 0.02, 0.5)
+    turn, hard, is_round = random_turn(rng, upright=True), bool(rng.random() < 0.5), rng.random() < 0.4
+    foot = np.array([*xy, float(height(xy[None])[0]) + _clearance(rng, 0.3 * c) + c / 2])
+    lean = np.diag([1.0, 1.0, 1.0])
+    if rng.random() < 0.25:
+        lean[:2, 2] = rng.uniform(-0.4, 0.4, 2)
+
+    def make(h: float) -> Part:
+        vertices, faces = cylinder(a / 2, c, h, hard) if is_round else box((a, b, c), h, hard)
+        return moved((vertices @ lean.T, faces), foot, turn)
+
+    return make
 
 
 def pipes(rng: Rng, size: int) -> Mesh:
     """Pipes, rings and winding tubes lying on the ground, half sunk into it, or a hair above."""
     ground, height = _ground(rng)
-    makes: list[Make] = []
-    for _ in range(int(rng.integers(2, 12))):
-        radius, length = log_uniform(rng, 0.008, 0.08), rng.uniform(0.15, 0.8)
-        xy, kind, turn = rng.uniform(-0.35, 0.35, 2), rng.integers(4), random_turn(rng, upright=True)
-        shift = np.array([*xy, float(height(xy[None])[0]) + radius + _seat(rng, 1.8 * radius)])
-        winding = knot(rng, radius / length)
+    makes = [ground, *(_pipe(rng, height) for _ in range(int(rng.integers(2, 12))))]
+    return placed(sized(lambda h: join([make(h) for make in makes]), size), rng, "pipes")
 
-        def make(h: float, r=radius, l=length, shift=shift, turn=turn, kind=kind, winding=winding) -> Part:
-            if kind == 0:
-                return moved(ring(max(l / 2, 1.2 * r), r, h), shift, turn)
-            if kind == 1:
-                return moved(winding(h / l), shift, turn, l)
-            vertices, faces = capsule(r, l, h) if kind == 2 else cylinder(r, l, h, hard=False)
-            return moved((vertices[:, [2, 0, 1]], faces), shift, turn)
 
-        makes.append(make)
-    return posed(sized(lambda h: join([ground(h), *(make(h) for make in makes)]), size), rng, "pipes")
+def _pipe(rng: Rng, height: Height) -> Make:
+    radius, length = log_uniform(rng, 0.008, 0.08), rng.uniform(0.15, 0.8)
+    xy, kind, turn = rng.uniform(-0.35, 0.35, 2), rng.integers(4), random_turn(rng, upright=True)
+    shift = np.array([*xy, float(height(xy[None])[0]) + radius + _clearance(rng, 1.8 * radius)])
+    winding = knot(rng, radius / length)
+
+    def make(h: float) -> Part:
+        if kind == 0:
+            return moved(ring(max(length / 2, 1.2 * radius), radius, h), shift, turn)
+        if kind == 1:
+            return moved(winding(h / length), shift, turn, length)
+        vertices, faces = capsule(radius, length, h) if kind == 2 else cylinder(radius, length, h, hard=False)
+        return moved((vertices[:, [2, 0, 1]], faces), shift, turn)
+
+    return make
 
 
 def eyes(rng: Rng, size: int) -> Mesh:
@@ -123,7 +127,7 @@ def eyes(rng: Rng, size: int) -> Mesh:
                 parts.append((cover + centre, triangles[(cover[triangles][:, :, 2] > 0.2 * radius).all(axis=1)]))
         return join([(skin, faces), *parts])
 
-    return posed(sized(make, size), rng, "eyes")
+    return placed(sized(make, size), rng, "eyes")
 
 
 def blades(rng: Rng, size: int) -> Mesh:
@@ -143,7 +147,7 @@ def blades(rng: Rng, size: int) -> Mesh:
     vertices = np.stack([spine - side, spine + side], axis=2).reshape(-1, 3)
     first = (np.arange(count)[:, None] * (steps + 1) + np.arange(steps)).reshape(-1, 1) * 2
     strips = vertices, np.concatenate([first + np.array([0, 1, 3]), first + np.array([0, 3, 2])])
-    return posed(sized(lambda h: join([ground(h), strips]), size), rng, "blades")
+    return placed(sized(lambda h: join([ground(h), strips]), size), rng, "blades")
 
 
 def character(rng: Rng, size: int) -> Mesh:
@@ -163,4 +167,4 @@ def character(rng: Rng, size: int) -> Mesh:
     def make(h: float) -> Part:
         return join([moved(make(h * f), c) for make, c, f in zip(makes, centres, relative, strict=True)])
 
-    return posed(sized(make, size), rng, "character")
+    return placed(sized(make, size), rng, "character")

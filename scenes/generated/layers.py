@@ -1,4 +1,4 @@
-"""Layers and jumps: thin sheets, nested shells, terraces, jumps of scale, planar sets of points."""
+"""Layered surfaces and jumps of scale: thin sheets, nested shells, terraces, triangulated planar points."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from scipy.spatial import Delaunay
 from raytrace.mesh.mesh import Mesh
 
 from ..geometry.polyhedra import Floats, Part, join
-from .dense import Make, Rng, displacement, field, log_uniform, posed, sized
+from .dense import Make, Rng, displacement, field, log_uniform, placed, sized
 from .pieces import ball, box, cells, moved, plane, random_turn, sheet, solid
 
 
@@ -45,7 +45,7 @@ def thin_sheets(rng: Rng, size: int) -> Mesh:
 
         return sheet(surface, cells(0.1 * np.pi * turns**2, h), cells(0.8, h))
 
-    return posed(
+    return placed(
         sized(roll if rolled else lambda h: join([layer(k, h) for k in range(count)]), size), rng, "thin sheets"
     )
 
@@ -71,7 +71,7 @@ def nested_shells(rng: Rng, size: int) -> Mesh:
             parts.append((radius * (skin + bumps(skin)), faces[:, ::-1] if turned else faces))
         return join(parts)
 
-    return posed(sized(make, size), rng, "nested shells")
+    return placed(sized(make, size), rng, "nested shells")
 
 
 def terraces(rng: Rng, size: int) -> Mesh:
@@ -90,7 +90,7 @@ def terraces(rng: Rng, size: int) -> Mesh:
                 level += height
             return join(parts)
 
-        return posed(sized(stairs, size), rng, "terraces")
+        return placed(sized(stairs, size), rng, "terraces")
 
     waves, tall, steep = field(rng, 0.5, 3.0), rng.uniform(0.05, 0.5), rng.uniform(0.0, 0.2)
 
@@ -101,7 +101,7 @@ def terraces(rng: Rng, size: int) -> Mesh:
         points[..., 2] = tall * up * 6 / steps / 4
         return points
 
-    return posed(sized(lambda h: sheet(surface, cells(1.0, h), cells(1.0, h)), size), rng, "terraces")
+    return placed(sized(lambda h: sheet(surface, cells(1.0, h), cells(1.0, h)), size), rng, "terraces")
 
 
 def scale_jumps(rng: Rng, size: int) -> Mesh:
@@ -133,7 +133,7 @@ def scale_jumps(rng: Rng, size: int) -> Mesh:
             parts.append(moved(box((0.8, 0.01, wall[0]), 8 * h), np.array([0, 0.1, wall[0] / 2]), wall[1]))
         return join(parts)
 
-    return posed(sized(make_all, size), rng, "scale jumps")
+    return placed(sized(make_all, size), rng, "scale jumps")
 
 
 def planar_sets(rng: Rng, size: int) -> Mesh:
@@ -159,7 +159,7 @@ def planar_sets(rng: Rng, size: int) -> Mesh:
         boxes.append((side, ground[0][at] + np.array([0, 0, side[2] * rng.choice([0.5, 0.3, 0.51])]), turned))
 
     standing = [moved(box((a, b, c), 0.01), foot, turned) for (a, b, c), foot, turned in boxes]
-    return posed(join([ground, *standing]), rng, "planar sets")
+    return placed(join([ground, *standing]), rng, "planar sets")
 
 
 def crossing_planes(rng: Rng, size: int) -> Mesh:
@@ -169,4 +169,4 @@ def crossing_planes(rng: Rng, size: int) -> Mesh:
     def make(h: float) -> Part:
         return join([moved(plane(a, b, h), shift, turn) for turn, shift, (a, b) in planes])
 
-    return posed(sized(make, size), rng, "crossing planes")
+    return placed(sized(make, size), rng, "crossing planes")

@@ -1,4 +1,4 @@
-"""Pieces that the families are put together from, each as fine as asked for: boxes, balls, pipes, rings, sheets."""
+"""Solids and sheets at any fineness, of which the families are made: boxes, balls, pipes, rings, sheets."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The suite of unseen meshes: what is drawn, how it is baked, what it is judged against."""
+"""Cases of bakes to a tolerance on randomly generated meshes, and their runs."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ from ao.falloff import Binary, Exponential, Falloff
 from ao.result import Bake
 from raytrace.mesh.mesh import Mesh
 
+from .comparison import Figures, compare_with_truth, find_truth
 from .families import LARGE, SMALL, families
-from .judge import Figures, find_truth, judge
 
 TOLERANCES = (0.02, 0.01, 0.005)
 TRUTH = 4096
@@ -25,7 +25,7 @@ _DRAWS, _SEEDS = 2, 2  # of a family, and bakes of each, in the long form
 
 
 class Baker(Protocol):
-    """What is judged: `ao.bake`, or a stand-in for it."""
+    """The baker under test: `ao.bake`, or a stand-in for it."""
 
     def __call__(
         self, mesh: Mesh, falloff: Falloff, *, seed: int, tolerance: float, threads: int | None = None
@@ -51,7 +51,7 @@ class Case:
 
 @dataclass(frozen=True)
 class Outcome:
-    """What came of a case. Attributes: kind: the falloff in words. figures: see `Figures`."""
+    """The result of a case. Attributes: kind: the falloff in words. figures: see `Figures`."""
 
     case: Case
     kind: str
@@ -97,16 +97,18 @@ def long_cases(seed: int, given: Iterable[Mesh] = ()) -> list[Case]:
     ]
 
 
-def run(
+def run_generated(
     cases: Iterable[Case],
     bake: Baker = _bake,
     samples: int = TRUTH,
     threads: int | None = None,
     given: Iterable[Mesh] = (),
 ) -> Iterator[Outcome]:
-    """Bake and judge every case. The truth is kept from one case to the next where they share it.
+    """Bake every case and compare it with the truth. The truth is kept from one case to the next where they share it.
 
-    Args: bake: what is judged. samples: rays a vertex of the truth, at least 2. given: meshes as `families` takes them.
+    Args:
+        bake: the baker under test. samples: rays a vertex of the truth, at least 2.
+        given: meshes as `families` takes them.
     """
     given = list(given)
     drawn: tuple[object, ...] = ()
@@ -121,4 +123,4 @@ def run(
             truth = find_truth(mesh, falloff, samples, case.seed % _APART + _APART, threads)
         seed = (case.seed + case.again) % _APART
         baked = bake(mesh, falloff, seed=seed, tolerance=case.tolerance, threads=threads)
-        yield Outcome(case, kind, judge(mesh, baked, truth, case.tolerance))
+        yield Outcome(case, kind, compare_with_truth(mesh, baked, truth, case.tolerance))

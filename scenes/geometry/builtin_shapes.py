@@ -1,4 +1,4 @@
-"""The shapes that a scene file makes by name, `builtin = "sphere"`, with their parameters.
+"""The built-in shapes of scene files, `builtin = "sphere"` for instance, with their parameters.
 
 All stand about the origin, but for the temple, which stands on z = 0. Lengths are scene units; `fineness` is the
 longest leg of a mesh triangle, and thus how fine w(p) can be.
@@ -7,13 +7,13 @@ longest leg of a mesh triangle, and thus how fine w(p) can be.
 from __future__ import annotations
 
 import math
-from abc import ABC, abstractmethod
-from typing import Annotated, Any
+from abc import abstractmethod
+from typing import Annotated
 
-from pydantic import BeforeValidator, Field
+from pydantic import Field
 
 from raytrace.errors import OptionError
-from raytrace.system.parameters import Length, Parameters
+from raytrace.system.parameters import Length, Lengths, Parameters, Whole
 
 from . import primitives
 from .menger import menger
@@ -24,14 +24,7 @@ MAX_TRIANGLES = 20_000_000
 _CELLS = 32  # along the longest side, where no fineness is given
 
 
-def _triple(value: Any) -> Any:
-    return (value,) * 3 if isinstance(value, int | float) and not isinstance(value, bool) else value
-
-
-Sides = Annotated[tuple[Length, Length, Length], BeforeValidator(_triple)]
-
-
-class Solid(Parameters, ABC):
+class Solid(Parameters):
     """Base: the fineness of the mesh, a 32nd of the longest side unless given."""
 
     fineness: Length | None = None
@@ -79,7 +72,7 @@ class Plane(Solid):
 class Box(Solid):
     """A box of `size` along x, y and z (one number: a cube)."""
 
-    size: Sides = (1.0, 1.0, 1.0)
+    size: Lengths = (1.0, 1.0, 1.0)
 
     def _longest(self) -> float:
         return max(self.size)
@@ -142,7 +135,7 @@ class Sponge(Solid):
     """A Menger sponge of `size`, each cube without its middle seventh `level` times over, 0 to 4."""
 
     size: Length = 1.0
-    level: Annotated[int, Field(strict=True, ge=0, le=4)] = 3
+    level: Annotated[Whole, Field(ge=0, le=4)] = 3
 
     def _longest(self) -> float:
         return self.size

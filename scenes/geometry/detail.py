@@ -1,4 +1,4 @@
-"""What a mesh file holds of its surface besides vertices, triangles and normals, for files that are written of it."""
+"""Polygons, texture coordinates, colours and materials of a mesh file, kept for outputs."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The elements of a mesh file as typed columns, as PLY has them and as outputs keep them."""
+"""Elements of a PLY file as typed columns."""
 
 from __future__ import annotations
 

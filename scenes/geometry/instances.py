@@ -1,4 +1,4 @@
-"""Placed pieces of geometry become one mesh in world space."""
+"""Instances of geometry, flattened to one mesh in world space."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ class Instance:
         faces: (m, 3) integers, indices into `vertices`.
         normals: (n, 3) numbers per vertex in the object's own frame, or None.
         matrix: (4, 4) affine map to the world for column vectors, or None for the identity.
-        notes: what is to be told about the object.
+        notes: warnings about the object.
         detail: what else the file holds of the object, if that was asked for.
         unread: what the file holds and nobody reads, in words.
         w: (n,) obscurance that a bake has left in the file, unchecked, or None.

@@ -1,4 +1,4 @@
-"""Polygons to triangles.
+"""Triangulation of polygons.
 
 A polygon that its first corner sees whole, every convex one among them, is cut into a fan about that corner. Others are
 seen along their Newell normal: four corners are cut by the other diagonal, more by clipping ears (mapbox_earcut; Held
@@ -42,7 +42,7 @@ class Triangles(NamedTuple):
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """What is to be told about the polygons."""
+        """Warnings about the polygons."""
         who = f"{self.crossing:,} polygons cross themselves" if self.crossing > 1 else "1 polygon crosses itself"
         return (f"{who}: no triangles between the corners fill what does",) if self.crossing else ()
 

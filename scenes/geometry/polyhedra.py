@@ -1,4 +1,4 @@
-"""Plain geometry that test scenes are put together from: patches, polygons, icospheres and prisms."""
+"""Simple polyhedra for test scenes: patches, polygons, convex hulls, icospheres, prisms."""
 
 from __future__ import annotations
 
@@ -67,7 +67,7 @@ def icosphere(subdivisions: int) -> Part:
     return vertices / np.linalg.norm(vertices, axis=1, keepdims=True), faces
 
 
-def tube(sides: int, length: float, rings: int = 2) -> Part:
+def prism(sides: int, length: float, rings: int = 2) -> Part:
     """Open prism inscribed in the unit cylinder along y, from −length/2 to length/2, wound outward.
 
     Vertex i of ring j, at angle 2πi/sides from −z, is number j·sides + i.

@@ -1,4 +1,4 @@
-"""Finely meshed planes, boxes, spheres and cylinders: what the built-in scenes are made of.
+"""Finely meshed planes, boxes, spheres and cylinders, of which the built-in scenes are made.
 
 Each has exact normals, hard edges where its sides meet, and texture coordinates from 0 to 1 over every side.
 """

@@ -1,4 +1,4 @@
-"""glTF 2.0 files as they are stored: the JSON header and the bytes of its buffers.
+"""glTF 2.0 files as stored: the JSON header and the bytes of its buffers.
 
 An own reader because an output keeps all of the file that it does not change, references must stay in the file's
 folder, and memory is bounded: 256 times the bytes of a file + 64 MiB at most (docs/reliability.md).
@@ -71,7 +71,7 @@ def decode(data: bytes, path: Path) -> Gltf:
     buffers = []
     read = cache(Path.read_bytes)
     for index, buffer in enumerate(header.get("buffers", [])):
-        content = binary if "uri" not in buffer else reference(buffer["uri"], path.parent, read)
+        content = binary if "uri" not in buffer else referenced(buffer["uri"], path.parent, read)
         if content is None:
             raise MeshError(path, f"buffers[{index}]", "data in or beside the file", buffer.get("uri", "none")[:80])
         if len(content) < buffer["byteLength"]:
@@ -80,7 +80,7 @@ def decode(data: bytes, path: Path) -> Gltf:
     return Gltf(path, header, tuple(buffers))
 
 
-def reference(uri: str, folder: Path, read: Callable[[Path], bytes] = Path.read_bytes) -> bytes | None:
+def referenced(uri: str, folder: Path, read: Callable[[Path], bytes] = Path.read_bytes) -> bytes | None:
     """The bytes a URI stands for: embedded base64 data, or a file inside `folder`. None for anything else.
 
     Args: read: given once to several calls, it may keep what it has read.

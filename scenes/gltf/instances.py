@@ -1,4 +1,4 @@
-"""The drawn triangles of a glTF file, where its nodes place them.
+"""The triangles that a glTF scene draws, with the transforms of their nodes.
 
 Format: Khronos glTF 2.0 specification, section 3.7.
 """

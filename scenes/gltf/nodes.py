@@ -1,4 +1,4 @@
-"""The nodes of a glTF scene: where each stands.
+"""World transforms of the nodes of a glTF scene.
 
 Format: Khronos glTF 2.0 specification, section 3.5.
 """

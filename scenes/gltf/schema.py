@@ -1,4 +1,4 @@
-"""The part of a glTF header that is read, as types: whatever is not like them is refused by name.
+"""Types of the part of a glTF header that is read; whatever does not match is refused by name.
 
 Indices are whole numbers from 0; whether they point at something is found where they are used.
 Format: Khronos glTF 2.0 specification, section 5.
@@ -11,9 +11,9 @@ from typing import Annotated, Any, Literal, TypeVar
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError
 
 from raytrace.errors import MeshError
-from raytrace.system.parameters import expectation
+from raytrace.system.faults import first_fault
 
-from ..field_errors import joined, shown
+from ..field_errors import shown
 
 Whole = Annotated[int, Field(strict=True, ge=0, lt=2**53)]
 Number = Annotated[float, Field(strict=True, allow_inf_nan=False, ge=-1e100, le=1e100)]
@@ -28,7 +28,7 @@ WrapMode = Literal[10497, 33648, 33071]
 class _Table(BaseModel):
     """Base: keys that are not read may be anything."""
 
-    model_config = ConfigDict(extra="ignore")
+    model_config = ConfigDict(extra="ignore", defer_build=True)
 
 
 def _version_two(value: str) -> str:
@@ -203,9 +203,6 @@ class _Appearance(_Table):
     extensions: _Extensions = _Extensions()
 
 
-_WORDS = {"model_type": "an object", "dict_type": "an object"}
-
-
 def check_geometry(header: Any, source: object) -> None:
     """What a mesh needs. Raises: MeshError: the first value that is not of its type, by its path."""
     _check(_Geometry, header, source)
@@ -220,12 +217,6 @@ def _check(kind: type[_Table], header: Any, source: object) -> None:
     try:
         kind.model_validate(header)
     except ValidationError as error:
-        fault = error.errors(include_url=False)[0]
-        path = ""
-        for part in fault["loc"]:
-            path = joined(path, f"[{part}]" if isinstance(part, int) else part)
-        missing = fault["type"] == "missing"
-        expected = "a value" if missing else _WORDS.get(fault["type"]) or expectation(fault)
-        if fault["type"] == "union_tag_invalid":
-            expected = "one of " + fault["ctx"]["expected_tags"]
-        raise MeshError(source, path or "content", expected, "nothing" if missing else shown(fault["input"])) from None
+        path, expected, got, _ = first_fault(error, kind, shown)
+        expected = "an object" if expected == "a table" else expected  # as JSON calls it
+        raise MeshError(source, path or "content", expected, got) from None

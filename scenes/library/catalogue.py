@@ -1,4 +1,4 @@
-"""The built-in scenes: each a TOML file that stands alone and is meant to be edited."""
+"""The built-in scenes: each a self-contained TOML file, meant to be edited."""
 
 from __future__ import annotations
 

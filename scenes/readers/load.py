@@ -1,4 +1,4 @@
-"""Mesh files: OBJ, PLY, STL, OFF, glTF and 3MF by our own readers, others by trimesh; vertices exactly as stored."""
+"""Any mesh file: OBJ, PLY, STL, OFF, glTF and 3MF by own readers, others by trimesh; vertices exactly as stored."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ class MeshFile:
         parts: the objects, consecutive in `mesh`.
         gltf: the asset as stored, when the file is glTF or GLB.
         detail: what else the file holds that the target can hold too, if one was named.
-        notes: what is to be told about the objects.
+        notes: warnings about the objects.
         unread: what the file holds and the mesh lacks, in words, if a target was named.
         w: (n,) obscurance that a bake has left in the file, unchecked, or None.
     """
@@ -75,7 +75,7 @@ class MeshFile:
 
 
 def load(path: str | os.PathLike[str], target: str | os.PathLike[str] | None = None) -> MeshFile:
-    """Read a mesh file, its format told by the ending.
+    """Read a mesh file in the format of its ending.
 
     Polygons are cut into triangles. Point clouds, lines and cameras beside meshes are left out. A file's own
     normals fill `mesh.normals` (PLY `nx ny nz`, OBJ `vn` with one normal a vertex, glTF `NORMAL`). Materials,

@@ -1,4 +1,4 @@
-"""What an OBJ file says besides vertices, triangles and one normal a vertex, and what nobody reads of it."""
+"""Colours, texture coordinates and materials of an OBJ file, and in words what is not kept."""
 
 from __future__ import annotations
 
@@ -10,56 +10,53 @@ import numpy as np
 from ..geometry.detail import Detail, Floats, Integers, Paint, PerCorner
 from ..geometry.polygons import Triangles
 from .mtl import read_mtl
+from .obj_text import ObjText, statements
 
 PAINT_WORDS = ("texture of", "material library")  # how what is missing of materials begins
-_COLOURED = re.compile(r"^[ \t]*v((?:[ \t]+\S+){6})[ \t]*(?:#.*)?$", re.MULTILINE)
-_LIBRARY = re.compile(r"^[ \t]*mtllib[ \t]+([^#\n]+)", re.MULTILINE)
-_USED = re.compile(r"^[ \t]*(f|usemtl)[ \t]+([^#\n]*)", re.MULTILINE)
-_SMOOTHED = re.compile(r"^[ \t]*s[ \t]+(\S+)", re.MULTILINE)
-_WITH_UV = re.compile(r"^[ \t]*f[ \t][^#\n]*[^/\s]/[^/\s]", re.MULTILINE)
-_WITH_NORMAL = re.compile(r"^[ \t]*f[ \t][^#\n]*/[^/\s]*/[^/\s]", re.MULTILINE)
-_NAMED = re.compile(r"^[ \t]*[og][ \t]+([^#\n]*\S)", re.MULTILINE)
-_OTHER = re.compile(r"^[ \t]*(l|p|curv|curv2|surf)[ \t]", re.MULTILINE)
+_COLOURED = statements("v", r"(\S+(?:[ \t]+\S+){5})[ \t]*(?:#.*)?$")
+_LIBRARY = statements("mtllib", r"([^#\n]+)")
+_USED = statements("(f|usemtl)")
+_SMOOTHED = statements("s", r"(\S+)")
+_NAMED = statements("[og]", r"([^#\n]*\S)")
+_OTHER = statements("(?:l|p|curv|curv2|surf)", "")
+_SOME_UV = re.compile(r"[^/\s]/[^/\s]")
+_SOME_NORMAL = re.compile(r"/[^/\s]*/[^/\s]")
 
 
 def obj_detail(
-    text: str,
-    folder: Path,
-    corners: Integers,
-    sizes: Integers,
-    triangles: Triangles,
-    uv: PerCorner | None,
-    normals: PerCorner | None,
-    has_normals: bool,
-    vertex_count: int,
+    file: ObjText, folder: Path, triangles: Triangles, normals: PerCorner | None, one_each: bool
 ) -> tuple[Detail, tuple[str, ...]]:
     """All of an OBJ file that can be kept, and the rest in words.
 
     Args:
-        text: of the file. folder: where it is; its material libraries and their pictures are there or below.
-        corners, sizes: of its polygons. uv, normals: of their corners; has_normals: these, or one for each vertex.
+        folder: where the file is; its material libraries and their images are there or below.
+        triangles: of its faces. normals: of all corners. one_each: whether no vertex has several of them.
     """
-    unread = []
-    names = set(_NAMED.findall(text))
-    if len(names) > 1:
-        unread.append("names of objects and groups")
-    if len(set(_SMOOTHED.findall(text))) > 1:
-        unread.append("smoothing groups")
-    if _OTHER.search(text):
-        unread.append("lines, points, curves and surfaces")
-    if uv is None and _WITH_UV.search(text):
-        unread.append("texture coordinates, which some corners lack")
-    if not has_normals and _WITH_NORMAL.search(text):
-        unread.append("normals, which some corners lack")
-    if uv is not None and not np.isfinite(uv.rows).all():
-        uv = None
-        unread.append("texture coordinates, some of which are not finite")
-    colors = _colors(text, vertex_count)
-    if colors is None and _COLOURED.search(text):
-        unread.append("colours, which some vertices lack or have outside of [0, 1]")
-    paints, paint_of, files, left = _paints(text, folder, len(sizes))
-    detail = Detail(corners, sizes, triangles, uv, normals, colors, {}, paints, paint_of, files=files)
-    return detail, (*unread, *left)
+    text, uv = file.text, file.uv()
+    colors = _colors(text, len(file.vertices))
+    finite = uv is None or bool(np.isfinite(uv.rows).all())
+    left_out = (
+        (len(set(_NAMED.findall(text))) > 1, "names of objects and groups"),
+        (len(set(_SMOOTHED.findall(text))) > 1, "smoothing groups"),
+        (_OTHER.search(text), "lines, points, curves and surfaces"),
+        (uv is None and _SOME_UV.search(file.faces), "texture coordinates, which some corners lack"),
+        (normals is None and _SOME_NORMAL.search(file.faces), "normals, which some corners lack"),
+        (not finite, "texture coordinates, some of which are not finite"),
+        (colors is None and _COLOURED.search(text), "colours, which some vertices lack or have outside of [0, 1]"),
+    )
+    paints, paint_of, files, missing = _paints(text, folder, len(file.sizes))
+    detail = Detail(
+        file.corners,
+        file.sizes,
+        triangles,
+        uv if finite else None,
+        None if one_each else normals,
+        colors,
+        paints=paints,
+        paint_of=paint_of,
+        files=files,
+    )
+    return detail, (*(words for is_left_out, words in left_out if is_left_out), *missing)
 
 
 def _colors(text: str, vertex_count: int) -> Floats | None:
@@ -78,7 +75,6 @@ def _paints(
     text: str, folder: Path, count: int
 ) -> tuple[tuple[Paint, ...], Integers | None, tuple[Path, ...], list[str]]:
     """Materials, which of them each face has, the files they come from, and what was left out."""
-    used: list[str] = []
     names: dict[str, int] = {}
     of = np.full(count, -1, np.int64)
     face, current = 0, -1
@@ -89,8 +85,7 @@ def _paints(
         elif face < count:
             of[face] = current
             face += 1
-    used = list(names)
-    if not used:
+    if not names:
         return (), None, (), []
     known: dict[str, Paint] = {}
     files: list[Path] = []
@@ -114,5 +109,5 @@ def _paints(
             known = more | known
             files += [library, *(paint.texture for paint in more.values() if paint.texture)]
             left += missing
-    paints = tuple(known.get(name, Paint(name)) for name in used)
+    paints = tuple(known.get(name, Paint(name)) for name in names)
     return paints, of, tuple(files), left

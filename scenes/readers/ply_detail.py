@@ -1,4 +1,4 @@
-"""What the elements of a PLY file say, by the names that programs have agreed upon."""
+"""Colours, texture coordinates and further properties of a PLY file, by their conventional names."""
 
 from __future__ import annotations
 

@@ -1,1 +1,1 @@
-"""The stability suite: poses, contacts, defects, limits of float32."""
+"""Numerical stress tests: poses, contacts, defects, limits of float32."""

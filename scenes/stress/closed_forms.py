@@ -1,4 +1,4 @@
-"""Every closed form of the validation table in every pose; shown is the one nearest to what it is allowed."""
+"""Every closed form of the validation table in every pose, a line for the one nearest to its limit."""
 
 from __future__ import annotations
 

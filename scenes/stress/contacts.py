@@ -1,4 +1,4 @@
-"""Vertices exactly on other geometry, or almost: what a user would expect there, and whether it comes out."""
+"""Vertices exactly or nearly on other geometry, against the w of their open side."""
 
 from __future__ import annotations
 

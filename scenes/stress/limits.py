@@ -1,4 +1,4 @@
-"""What float32 cannot hold must be said, and what it can hold must not be complained of."""
+"""Warnings of what float32 cannot hold: none missing, none false."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def limits(long: bool, threads: int | None) -> Iterator[Line]:
         ("icosphere 10¹⁴ sizes away", icosphere(4), Pose(1.0, 1e14, 1)),
     ):
         silent = not precision_warnings(pose.mesh(part))
-        yield Line(name, str(pose), "limit not told", int(silent), 0)
+        yield Line(name, str(pose), "limit not reported", int(silent), 0)
 
     meshes = [line.mesh for line in configurations()]
     meshes += [pose.mesh(part) for pose in poses(long) for part in closed().values()]

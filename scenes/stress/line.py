@@ -8,6 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from ..validation.text_table import count_failures, text_table
+
 MILLION = 1e6
 SELF_HITS = 1.0  # a million rays
 LEAKS = 5.0  # a million rays
@@ -43,22 +45,13 @@ def undefined(*arrays: npt.ArrayLike) -> int:
     return sum(int(np.count_nonzero(~np.isfinite(array))) for array in arrays)
 
 
-def table(lines: Sequence[Line]) -> str:
+def stress_table(lines: Sequence[Line]) -> str:
     """The lines as text, aligned, with a count at the end."""
-    texts = [
+    head = ("case", "pose", "quantity", "measured", "allowed", "NaN", "verdict")
+    rows = [
         (line.case, line.pose, line.quantity, f"{line.measured:.3g}", f"{line.allowed:.3g}", str(line.undefined),
          "ok" if line.ok else "FAILED")
         for line in lines
     ]  # fmt: skip
-    head = ("case", "pose", "quantity", "measured", "allowed", "NaN", "verdict")
-    widths = [max(map(len, column)) for column in zip(head, *texts, strict=True)]
-    rows = [
-        "  ".join(
-            text.rjust(width) if 3 <= k <= 5 else text.ljust(width)
-            for k, (text, width) in enumerate(zip(row, widths, strict=True))
-        ).rstrip()
-        for row in (head, *texts)
-    ]
-    failed = sum(not line.ok for line in lines)
-    rows.append(f"{failed} of {len(lines)} failed" if failed else f"all {len(lines)} within what is allowed")
-    return "\n".join(rows)
+    text = text_table(head, rows, head[3:6])
+    return "\n".join([*text, count_failures([line.ok for line in lines], "within what is allowed")])

@@ -1,4 +1,4 @@
-"""The renderer under light that grazes, touches, is shut in or comes from the edge of infinity."""
+"""Shadows in rendered images: grazing light, light on a surface, light in a closed solid, light very far away."""
 
 from __future__ import annotations
 
@@ -21,6 +21,7 @@ from .pose import Pose
 from .solids import cube, grid
 
 FAR = 1e30
+GREY = (0.8, 0.8, 0.8)
 _POSES = [Pose(turn=1), Pose(1e-9, 1e6, 2), Pose(1e9, 1e4, 3)]
 
 
@@ -30,7 +31,7 @@ def pictures(long: bool, threads: int | None) -> Iterator[Line]:
 
     def take(pose: Pose, part: Part, light: BaseLight, eye: Floats, two_sided: Sides = False) -> Frame:
         """A picture of a part of about unit size from `eye`, in the part's own frame."""
-        scene = Scene((Object(Shape(pose.mesh(part), Lambert(albedo=0.8, two_sided=two_sided))),), (light,))
+        scene = Scene((Object(Shape(pose.mesh(part), Lambert(albedo=GREY, two_sided=two_sided))),), (light,))
         where = _place(pose, part, eye)
         target = _place(pose, part, np.zeros(3))
         up = _triple(pose.directions(np.array([[0.3, 1.0, 0.2]]))[0])
@@ -43,7 +44,7 @@ def pictures(long: bool, threads: int | None) -> Iterator[Line]:
             dark = seen = missing = 0
             for pose in _POSES:
                 sun = DirectionalLight(
-                    direction=_triple(pose.directions(np.array([[-1.0, 0.3, -slope]]))[0]), intensity=3
+                    direction=_triple(pose.directions(np.array([[-1.0, 0.3, -slope]]))[0]), intensity=(3, 3, 3)
                 )
                 frame = take(pose, part, sun, above)
                 facing = _hit(frame) & (_cosine(frame, sun) > 0.3 * slope)
@@ -88,8 +89,8 @@ def pictures(long: bool, threads: int | None) -> Iterator[Line]:
     for pose in _POSES:
         part, way = icosphere(4), np.array([[0.6, 0.0, 0.8]])
         direction = pose.directions(way)[0]
-        sun = DirectionalLight(direction=_triple(-direction), intensity=1)
-        lamp = PointLight(position=_triple(FAR * direction), intensity=FAR**2)
+        sun = DirectionalLight(direction=_triple(-direction), intensity=(1, 1, 1))
+        lamp = PointLight(position=_triple(FAR * direction), intensity=(FAR**2,) * 3)
         near, far = (take(pose, part, light, above) for light in (sun, lamp))
         a, b = near.layers["beauty"][..., :3], far.layers["beauty"][..., :3]
         error = float(np.maximum(error, np.abs(a - b).max()))
@@ -110,7 +111,7 @@ def _place(pose: Pose, part: Part, point: Floats) -> tuple[float, float, float]:
 
 
 def _lamp(pose: Pose, part: Part, place: Floats) -> PointLight:
-    return PointLight(position=_place(pose, part, place), intensity=10.0 * pose.scale**2)
+    return PointLight(position=_place(pose, part, place), intensity=(10.0 * pose.scale**2,) * 3)
 
 
 def _hit(frame: Frame) -> np.ndarray:

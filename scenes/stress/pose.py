@@ -1,4 +1,4 @@
-"""How a mesh lies in space: turned, scaled, far from the origin, stored in single precision."""
+"""Poses of a mesh: rotated, scaled, far from the origin, stored in single precision."""
 
 from __future__ import annotations
 

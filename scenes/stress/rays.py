@@ -1,4 +1,4 @@
-"""False hits from vertices of convex meshes; rays that leak out of closed ones, from vertices and from inside."""
+"""Self-intersections at vertices of convex meshes; rays that leak out of closed ones, from vertices and from inside."""
 
 from __future__ import annotations
 

@@ -1,11 +1,11 @@
-"""Convex solids, where nothing may be hit from a vertex, and closed ones, where every ray from inside must hit."""
+"""Convex solids, whose vertices see nothing, and closed ones, which no ray from inside leaves."""
 
 from __future__ import annotations
 
 import numpy as np
 
 from ..geometry.menger import menger
-from ..geometry.polyhedra import Floats, Part, hull, icosphere, join, tube
+from ..geometry.polyhedra import Floats, Part, hull, icosphere, join, prism
 from ..geometry.primitives import box
 
 
@@ -85,7 +85,7 @@ def convex() -> dict[str, Part]:
         "cube with T-junctions": junctions(),
         "ellipsoid 1000:1:1": ellipsoid(2000, (1, 1e-3, 1e-3)),
         "ellipsoid 1000:1000:1": ellipsoid(2000, (1, 1, 1e-3)),
-        "prism of slivers 10⁴:1": tube(64, 1e3),
+        "prism of slivers 10⁴:1": prism(64, 1e3),
     }
 
 

@@ -1,4 +1,4 @@
-"""The stability suite: everything that could make a bake or a picture lie, in many poses."""
+"""All stress tests, in many poses."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from .topology import topology
 GROUPS = (closed_forms, self_hits, leaks, contacts, topology, defects, limits, pictures)
 
 
-def run(
+def run_stress(
     long: bool = False, threads: int | None = None, progress: Callable[[int, int], None] | None = None
 ) -> list[Line]:
     """All lines of the stress table.

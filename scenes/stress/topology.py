@@ -1,4 +1,4 @@
-"""Faces wound at random, books of pages on one edge, sheets welded to their own backs, boxes on huge floors."""
+"""Unusual topology: faces wound at random, many faces on one edge, sheets welded to their backs, huge floors."""
 
 from __future__ import annotations
 

@@ -1,1 +1,1 @@
-"""Closed forms and an independent reference to judge a bake by."""
+"""Closed forms and an independent reference, to compare bakes with."""

@@ -1,4 +1,4 @@
-"""What a validation configuration is: a mesh, the vertices to look at, and the exact w there.
+"""Validation configurations: a mesh, some of its vertices, and the exact w there.
 
 Infinite and round geometry has finite stand-ins, and each says by how much its own w may differ from the closed form:
 

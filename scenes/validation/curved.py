@@ -1,4 +1,4 @@
-"""Validation settings of spheres, cylinders and disks: tessellated, with w known between two bounds."""
+"""Validation scenes of tessellated spheres, cylinders and disks, with w known between two bounds."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from ao.analytic import closed_forms as analytic
 from ao.analytic.special import bickley
 from ao.falloff import Binary, Exponential, Falloff
 
-from ..geometry.polyhedra import Part, icosphere, inscribed_radius, join, patches, polygon, tube
+from ..geometry.polyhedra import Part, icosphere, inscribed_radius, join, patches, polygon, prism
 from .configurations import ClosedForm, Floats, Setting, posed
 
 BOTH: tuple[Falloff, ...] = (Binary(), Exponential(tau=1.0))
@@ -46,15 +46,17 @@ def _above_plane(
     name: str,
     points: npt.ArrayLike,
     part: Part,
-    exact: ClosedForm,
-    bracket: ClosedForm,
+    bounds: tuple[ClosedForm, ClosedForm],
     falloffs: tuple[Falloff, ...] = BOTH,
     *,
     seed: int,
     missing: float = 0.0,
     certain: bool = False,
 ) -> Setting:
-    """Receivers in the plane z = 0 under `part`, whose own vertices are not baked."""
+    """Receivers in the plane z = 0 under `part`, whose own vertices are not baked.
+
+    Args: bounds: exact w, and that of the smaller shape which `part` contains (`Setting.bracket`).
+    """
     receivers = np.asarray(points, dtype=np.float64)
     vertices, faces = join([patches(receivers), part])
     which = 3 * np.arange(len(receivers))
@@ -63,12 +65,12 @@ def _above_plane(
         name=name,
         mesh=posed((vertices, faces), seed, normals, source=name),
         points=which,
-        exact=exact,
+        exact=bounds[0],
         falloffs=falloffs,
         normals="file",
         missing=missing,
         beyond=LENGTH / 2,
-        bracket=bracket,
+        bracket=bounds[1],
         certain=certain,
     )
 
@@ -83,8 +85,10 @@ def _dome(sphere: Part) -> Setting:
         "dome",
         [(0.0, 0.0, 0.0)],
         (radius * vertices, cap),
-        lambda tau, limit: analytic.dome(radius, tau, limit),
-        lambda tau, limit: analytic.dome(inner, tau, limit),
+        (
+            lambda tau, limit: analytic.dome(radius, tau, limit),
+            lambda tau, limit: analytic.dome(inner, tau, limit),
+        ),
         (*BOTH, Exponential(tau=0.001), Exponential(tau=10.0), *limited),
         seed=30,
         certain=True,
@@ -99,8 +103,10 @@ def _disk(radius: float, height: float, seed: int) -> Setting:
         "coaxial disk",
         [(0.0, 0.0, 0.0)],
         polygon(rim),
-        lambda tau, limit: analytic.disk(height, radius, tau, limit),
-        lambda tau, limit: analytic.disk(height, radius * cos(pi / SIDES), tau, limit),
+        (
+            lambda tau, limit: analytic.disk(height, radius, tau, limit),
+            lambda tau, limit: analytic.disk(height, radius * cos(pi / SIDES), tau, limit),
+        ),
         (*BOTH, Binary(reach), Exponential(tau=3.0, max_distance=reach)),
         seed=seed,
     )
@@ -113,8 +119,10 @@ def _sphere_above(sphere: Part) -> Setting:
         "sphere above a plane",
         [(x * cos(k), x * sin(k), 0.0) for k, x in enumerate(offsets)],
         (radius * sphere[0] + [0, 0, height], sphere[1]),
-        lambda tau, limit: [analytic.sphere(radius, height, x, tau) for x in offsets],
-        lambda tau, limit: [analytic.sphere(inner, height, x, tau) for x in offsets],
+        (
+            lambda tau, limit: [analytic.sphere(radius, height, x, tau) for x in offsets],
+            lambda tau, limit: [analytic.sphere(inner, height, x, tau) for x in offsets],
+        ),
         (*BOTH, Exponential(tau=4.0)),
         seed=33,
     )
@@ -169,7 +177,7 @@ def _missing(reach: float) -> float:
 def _inside_cylinder() -> Setting:
     radius = 0.5
     inner, points = radius * cos(pi / SIDES), SIDES + np.arange(0, SIDES, SIDES // 16)
-    vertices, faces = tube(SIDES, LENGTH / radius, 3)
+    vertices, faces = prism(SIDES, LENGTH / radius, 3)
     normals = _receivers_only(len(vertices), points, -vertices[points])
 
     def bracket(tau: float | None, limit: float) -> float:
@@ -198,14 +206,16 @@ def _inside_cylinder() -> Setting:
 def _cylinder() -> Setting:
     radius, height, offsets = 0.4, 0.6, (0.0, 0.5, -1.5)
     inner = radius * cos(pi / SIDES)
-    vertices, faces = tube(SIDES, LENGTH / radius)
+    vertices, faces = prism(SIDES, LENGTH / radius)
     far = height + radius + max(map(abs, offsets))
     return _above_plane(
         "cylinder parallel to a plane",
         [(x, 0.0, 0.0) for x in offsets],
         (radius * vertices + [0, 0, height], faces),
-        lambda tau, limit: [analytic.cylinder(radius, height, x, tau) for x in offsets],
-        lambda tau, limit: [analytic.cylinder(inner, height, x, tau) for x in offsets],
+        (
+            lambda tau, limit: [analytic.cylinder(radius, height, x, tau) for x in offsets],
+            lambda tau, limit: [analytic.cylinder(inner, height, x, tau) for x in offsets],
+        ),
         (Binary(), Exponential(tau=3.0)),
         seed=36,
         missing=_missing(far),

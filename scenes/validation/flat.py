@@ -1,4 +1,4 @@
-"""Validation settings of planes and polygons, where the only error beside the estimator's is truncation."""
+"""Validation scenes of planes and polygons, where the only error beside the estimator's is truncation."""
 
 from __future__ import annotations
 

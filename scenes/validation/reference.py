@@ -1,4 +1,4 @@
-"""What w should be, to judge a bake by: a plain loop over the closest hits of many rays.
+"""Reference values of w by brute force: the plain mean of μ over the closest hits of many rays.
 
 It shares the baker's points and normals, which define the quantity, but none of its estimator: nothing is skipped,
 stopped early or smoothed. The rays of all falloffs are the same, so one pass serves them all.

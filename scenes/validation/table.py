@@ -1,4 +1,4 @@
-"""The validation table: closed forms against what `ao.bake` measures."""
+"""The validation table: closed forms against the w of `ao.bake`."""
 
 from __future__ import annotations
 
@@ -17,6 +17,7 @@ from ao.falloff import Exponential, Falloff
 from .configurations import SAMPLES, Configuration
 from .curved import curved_settings
 from .flat import flat_settings
+from .text_table import count_failures, text_table
 
 
 class Baked(Protocol):
@@ -86,7 +87,7 @@ def compare(configuration: Configuration, measured: npt.NDArray[np.float64], sam
     )
 
 
-def run(
+def run_validation(
     bake: Baker = _bake,
     samples: int = SAMPLES,
     seed: int = 0,
@@ -111,19 +112,16 @@ def described(falloff: Falloff) -> str:
     return kind if isinf(limit) else f"{kind}, D = {limit:.3g}"
 
 
-def table(results: Sequence[Result]) -> str:
+def validation_table(results: Sequence[Result]) -> str:
     """The results as lines of text: measured, exact, error, what of it is allowed, verdict, and a count at the end.
 
     The error allowed includes the bound on a stand-in's own error, which has its own column.
     """
-    name, kind = (max((len(text) for text in column), default=0) for column in (
-        [r.name for r in results], [described(r.falloff) for r in results]))  # fmt: skip
-    head = f"{'closed form':{name}}  {'falloff':{kind}}  measured     exact      error   allowed  stand-in"
+    head = ("closed form", "falloff", "measured", "exact", "error", "allowed", "stand-in", "")
     rows = [
-        f"{r.name:{name}}  {described(r.falloff):{kind}}  {r.measured:.6f}  {r.exact:.6f}  {r.error:+.6f}  "
-        f"{r.allowed:.6f}  {r.truncation:.6f}  {'ok' if r.ok else 'FAILED'}"
+        (r.name, described(r.falloff), f"{r.measured:.6f}", f"{r.exact:.6f}", f"{r.error:+.6f}", f"{r.allowed:.6f}",
+         f"{r.truncation:.6f}", "ok" if r.ok else "FAILED")
         for r in results
-    ]
-    failed = sum(not r.ok for r in results)
-    verdict = f"{failed} of {len(results)} failed" if failed else f"all {len(results)} within what is allowed"
-    return "\n".join([head, *rows, verdict])
+    ]  # fmt: skip
+    lines = text_table(head, rows, head[2:7])
+    return "\n".join([*lines, count_failures([r.ok for r in results], "within what is allowed")])

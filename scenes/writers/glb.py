@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ..geometry.instances import Part
-from ..gltf.container import Gltf, encode_glb, primitives, reference
+from ..gltf.container import Gltf, encode_glb, primitives, referenced
 from ..gltf.glb_buffer import Packed
 from ..readers.load import MeshFile
 from .plain_glb import plain
@@ -64,7 +64,7 @@ def _one_buffer(asset: Gltf) -> Packed:
     views: dict[int, int] = {}
     for image in packed.header.get("images", []):
         uri = str(image.get("uri", "data:"))
-        data = None if uri.startswith("data:") else reference(uri, asset.path.parent, read)
+        data = None if uri.startswith("data:") else referenced(uri, asset.path.parent, read)
         if data is not None:
             del image["uri"]
             image.setdefault("mimeType", "image/png" if data.startswith(b"\x89PNG") else "image/jpeg")

@@ -1,4 +1,4 @@
-"""What a target's format cannot hold of the file that was baked."""
+"""Warnings of what an output format cannot keep of the mesh file."""
 
 from __future__ import annotations
 
@@ -27,10 +27,10 @@ def lost(target: Path, mesh_file: MeshFile, colors: bool = False) -> list[str]:
         missing = _of_ply(mesh_file, colors)
     else:
         return []
-    told = [f"{target}: does not keep of {mesh_file.path}: {', '.join(missing)}"] if missing else []
+    warnings = [f"{target}: not kept from {mesh_file.path}: {', '.join(missing)}"] if missing else []
     if kind == ".ply" and not colors and has_own_colors(mesh_file.detail):
-        told.append(f"{target}: keeps the colours of {mesh_file.path}; w is in its property obscurance alone")
-    return [printable(line) for line in told]
+        warnings.append(f"{target}: keeps the colours of {mesh_file.path}; w is in its property obscurance alone")
+    return [printable(line) for line in warnings]
 
 
 def _of_ply(mesh_file: MeshFile, colors: bool) -> list[str]:

@@ -1,4 +1,4 @@
-"""The baker's output files."""
+"""A bake as a file, in the format of its ending."""
 
 from __future__ import annotations
 

@@ -50,7 +50,9 @@ def test_commands_on_ascii_outputs(tmp_path, environment):
     mesh = tmp_path / "böx→.ply"
     trimesh.creation.box().export(mesh)
     environment = {**os.environ, **environment}
-    told = process("bake", mesh, "-o", tmp_path / "τ.ply", "--report", tmp_path / "ρ.json", env=environment)
+    told = process(
+        "bake", mesh, "-o", tmp_path / "τ.ply", "--samples", 8, "--report", tmp_path / "ρ.json", env=environment
+    )
     assert told.returncode == 0, told.stderr
     assert "8 vertices" in told.stdout
     assert len(list(tmp_path.iterdir())) == 3

@@ -1,14 +1,11 @@
 """`obscurance render` and `compare` given what cannot be: one line, exit status 2, every file as it was."""
 
 import os
-import signal
-import subprocess
-import time
 
 import numpy as np
 import pytest
 import trimesh
-from command import COMMAND, obscurance, refused, started
+from command import interrupted_command, obscurance, refused
 from render_scenes import BALL, SMALL, write_ball
 
 from raytrace.image.write import write_image
@@ -157,13 +154,9 @@ def test_an_interrupt_leaves_nothing_behind(tmp_path, ending):
     scene, target = write_ball(tmp_path, blurred), tmp_path / f"picture.{ending}"
     target.write_bytes(PRECIOUS[ending])
     size = ("--width", "2048", "--height", "2048", "--samples", "512", "--obscurance", "off")
-    command = [*COMMAND, "render", scene, "-o", target, *size]
-    with started(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as running:
-        time.sleep(3)
-        running.send_signal(signal.SIGINT)
-        _, errors = running.communicate(timeout=60)
-    assert running.returncode == 130
-    assert b"interrupted" in errors
-    assert b"Traceback" not in errors
+    status, errors = interrupted_command("raytrace.renderer.render", "render", scene, "-o", target, *size)
+    assert status == 130
+    assert "interrupted" in errors
+    assert "Traceback" not in errors
     assert target.read_bytes() == PRECIOUS[ending]
     assert len(list(tmp_path.iterdir())) == 2

@@ -5,6 +5,7 @@ import signal
 import subprocess
 import sys
 import tempfile
+import time
 import traceback
 from contextlib import contextmanager, suppress
 
@@ -63,6 +64,32 @@ def started(command, **options):
                     os.killpg(running.pid, signal.SIGKILL)
             else:
                 running.kill()
+
+
+BEGUN = """
+import {module} as module
+run_blocks = module.run_blocks
+def run(*arguments):
+    print("begun", flush=True)
+    run_blocks(*arguments)
+module.run_blocks = run
+import cli
+cli.main()
+"""
+
+
+def interrupted_command(module, *arguments):
+    """Run the command as a process and send it SIGINT half a second after `module` has begun to trace.
+
+    Returns: the status and what it wrote to standard error.
+    """
+    command = [sys.executable, "-c", BEGUN.format(module=module), *arguments]
+    with started(command, cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as running:
+        assert running.stdout.readline() == "begun\n"
+        time.sleep(0.5)
+        running.send_signal(signal.SIGINT)
+        _, errors = running.communicate(timeout=120)
+    return running.returncode, errors
 
 
 def _status():

@@ -88,7 +88,7 @@ def consume(family, path, made, index):
     import ao
     from raytrace.errors import OptionError
     from scenes.commands.info import describe
-    from scenes.commands.picture_bake import obscured
+    from scenes.commands.picture_bake import with_obscurance
     from scenes.description.read import read_scene
     from scenes.readers.load import load
     from scenes.writers.losses import lost
@@ -97,7 +97,7 @@ def consume(family, path, made, index):
     if family == "array":
         scene = path.with_name("m.toml")
         scene.write_text(fuzz_mutations.toml_text(fuzz_seeds.BAKED | {"obscurance": {"baked": path.name}}))
-        obscured(read_scene(scene, (4, 3)))
+        with_obscurance(read_scene(scene, (4, 3)))
         return None
     if family == "toml":
         return textures(read_scene(path, (8, 6)))

@@ -49,3 +49,22 @@ def test_every_command_of_the_readme_exists():
 def test_every_file_that_the_readme_links_to_exists():
     for target in re.findall(r"\]\(([^)]+)\)", README):
         assert (ROOT / target).exists(), target
+
+
+def test_the_layout_names_every_folder_and_only_files_that_exist():
+    table = README[README.index("## Layout") : README.index("[docs/glossary.md]")]
+    package, named = None, set()
+    for row in re.findall(r"^\| (`.*) \| (.*) \|$", table, re.MULTILINE):
+        folders = re.findall(r"`([\w.]+)/?`", row[0])
+        package = folders[0] if folders[0] in ("raytrace", "ao", "scenes") else package
+        within = [folder for folder in folders if package and (ROOT / package / folder).is_dir()]
+        named |= {(package, folder) for folder in within}
+        for folder in folders if not within else []:
+            assert (ROOT / folder).exists(), folder
+        places = [ROOT / package / folder for folder in within] or [ROOT / folders[0]]
+        for file in re.findall(r"`([\w/]+\.py)`", row[1]):
+            assert any((place / file).exists() for place in [*places, ROOT]), file
+    held = {
+        (top, path.name) for top in ("raytrace", "ao", "scenes") for path in (ROOT / top).iterdir() if path.is_dir()
+    }
+    assert {each for each in held if each[1] != "__pycache__"} == named

@@ -22,7 +22,7 @@ def rms(difference: np.ndarray) -> float:
 
 
 def check(name: str, seeds: int, tolerances: tuple[float, ...]) -> None:
-    truth = ao.bake(MESHES[name], ao.Binary(), samples=16384, seed=999, reconstruct=False).w
+    truth = ao.bake(MESHES[name], ao.Binary(), samples=8192, seed=999, reconstruct=False).w
     kept, told = [], []
     for seed in range(seeds):
         for tolerance in tolerances:

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from raytrace.brdf.oren_nayar import shape
-from raytrace.brdf.oren_nayar_reference import reference_shape
+from raytrace.brdf.oren_nayar import fitted_orders
+from raytrace.brdf.oren_nayar_reference import reference_orders
 from raytrace.errors import OptionError
 from raytrace.materials.energy import NORMAL as N
 from raytrace.materials.energy import asymmetry, directional_albedo, towards
@@ -171,7 +171,10 @@ def fit_errors(sigma, angles, order=48):
         for theta_r in np.radians(angles):
             for phi in np.linspace(0, np.pi, 5):
                 l, v = towards(theta_i), towards(theta_r, phi)
-                exact, fit = reference_shape(sigma, l, v, order), shape(sigma, tuple(N), tuple(l), tuple(v))
+                exact, fit = (
+                    reference_orders(sigma, l, v, order),
+                    fitted_orders(sigma, tuple(N), tuple(l), tuple(v)),
+                )
                 first.append((fit[0] - exact[0]) / l[2])
                 second.append((fit[1] - exact[1]) / l[2])
     return np.array(first), np.array(second)
@@ -189,7 +192,7 @@ def test_oren_nayar_fit_against_the_integral(sigma):
 
 def test_reference_integral_of_a_nearly_flat_surface_is_lambert():
     l, v = towards(0.4), towards(0.8, 1.0)
-    first, second = reference_shape(1e-3, l, v)
+    first, second = reference_orders(1e-3, l, v)
     assert first == pytest.approx(l[2], rel=1e-4)
     assert second < 1e-3
 

@@ -21,17 +21,16 @@ from raytrace.kernel.jit import kernel
 
 
 @kernel
-def looked_up(texels, levels, first, count, wrap, u, v, footprint):
+def looked_up(textures, number, u, v, footprint):
     out = np.empty((len(u), 3))
     for i in range(len(u)):
-        out[i] = sample_texture(texels, levels, first, count, wrap, u[i], v[i], footprint[i])
+        out[i] = sample_texture(textures, number, u[i], v[i], footprint[i])
     return out
 
 
 def sample(packed, u, v, footprint=0.0, texture=0):
     u, v, footprint = (np.array(each, float).ravel() for each in np.broadcast_arrays(u, v, footprint))
-    first, count = packed.first[texture], packed.count[texture]
-    return looked_up(packed.texels, packed.levels, first, count, packed.wrap[texture], u, v, footprint)
+    return looked_up(packed, texture, u, v, footprint)
 
 
 def png(path, codes, **options):
@@ -231,7 +230,7 @@ def test_only_the_seen_ones_are_read_and_equal_ones_once(tmp_path):
     seen = png(tmp_path / "a.png", codes())
     other = png(tmp_path / "b.png", codes(4, 4, seed=1))
     packed = pack_textures([None, seen, other, Texture(tmp_path / "a.png"), None])
-    assert packed.count.tolist() == [0, 4, 3, 4, 0]
+    assert packed.depth.tolist() == [0, 4, 3, 4, 0]
     assert packed.first[1] == packed.first[3]
     assert len(packed.texels) == 64 + 16 + 4 + 1 + 16 + 4 + 1
     np.testing.assert_array_equal(sample(packed, 0.3, 0.4, texture=0), [[1, 1, 1]])
@@ -243,7 +242,7 @@ def test_no_textures_are_arrays_that_a_kernel_takes():
     packed = pack_textures([])
     assert packed.texels.shape == (0, 3)
     assert packed.levels.shape == (0, 3)
-    assert packed.first.shape == packed.count.shape == (0,)
+    assert packed.first.shape == packed.depth.shape == (0,)
     assert [each.dtype for each in (packed.texels, packed.levels, packed.first)] == [np.float32, np.int64, np.int64]
     packed = pack_textures([None])
     np.testing.assert_array_equal(sample(packed, 0.3, 0.4, 0.1), [[1, 1, 1]])

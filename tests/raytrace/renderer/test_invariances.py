@@ -1,6 +1,7 @@
 """What must not change a picture: threads, crops, layers, skipping, instances, units, what nobody sees."""
 
 import weakref
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -8,14 +9,14 @@ import trimesh
 from rendered import CAMERA, SMALL, grid, sphere, still_scene, white
 
 import ao
-import raytrace.renderer.render_scene
+import raytrace.renderer.geometry
 from raytrace import Mesh
 from raytrace.camera import Camera
 from raytrace.image.frame import LAYERS
 from raytrace.lights.sources import DirectionalLight, PointLight, SpotLight
 from raytrace.materials.materials import Phong
 from raytrace.renderer.render import render, seen_vertices
-from raytrace.renderer.render_scene import build
+from raytrace.renderer.render_scene import build, release
 from raytrace.scene import Object, Scene, Shape
 from raytrace.settings import Settings
 
@@ -141,21 +142,28 @@ def test_vertices_that_no_pixel_sees_need_no_obscurance(still, shading):
         np.testing.assert_array_equal(b[name], layer)
 
 
-def test_what_tells_which_vertices_are_seen_is_let_go_of(still, monkeypatch):
-    """So a picture that bakes holds one Embree scene at a time."""
+def test_geometry_is_built_once_for_seen_vertices_and_pictures_with_any_w(still, monkeypatch):
     made = []
 
-    def build_and_watch(*arguments, original=raytrace.renderer.render_scene._build):
-        world = original(*arguments)
-        made.append(weakref.ref(world.embree))
-        return world
+    def build_and_watch(*arguments, original=raytrace.renderer.geometry._build):
+        geometry = original(*arguments)
+        made.append(weakref.ref(geometry.embree))
+        return geometry
 
-    monkeypatch.setattr(raytrace.renderer.render_scene, "_build", build_and_watch)
-    scene = Scene(still.objects, still.lights)
-    seen_vertices(scene, CAMERA, SMALL)
-    assert [embree() for embree in made] == [None]
-    render(scene, CAMERA, SMALL)
-    assert made[1]() is build(scene).embree
+    monkeypatch.setattr(raytrace.renderer.geometry, "_build", build_and_watch)
+    scene = Scene(tuple(Object(replace(item.shape), item.transform) for item in still.objects), still.lights)
+    seen = seen_vertices(scene, CAMERA, SMALL)
+    baked = scene.with_obscurance(np.where(seen, 0.5, 1.0))
+    darker = Scene(baked.objects, still.lights[:1])
+    open_, *others = (render(each, CAMERA, SMALL).layers["obscurance"].min() for each in (scene, baked, darker))
+    assert (open_, *others) == (1, 0.5, 0.5)
+    assert [embree() for embree in made] == [build(darker).geometry.embree]
+    render(scene, CAMERA, replace(SMALL, normals="area"))
+    assert len(made) == 2
+    release(scene)
+    assert [embree() is None for embree in made] == [False, True]
+    del scene, baked, darker
+    assert made[0]() is None
 
 
 def test_what_is_there_does_not_depend_on_shading(still):

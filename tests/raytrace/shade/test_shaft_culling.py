@@ -13,7 +13,7 @@ from raytrace.kernel.arrays import aligned
 from raytrace.lights.sources import AmbientLight, DirectionalLight, PointLight, SpotLight, pack_lights
 from raytrace.materials.materials import Lambert, Phong
 from raytrace.mesh.mesh import Mesh
-from raytrace.renderer import render_scene as world
+from raytrace.renderer import render_scene
 from raytrace.renderer.render import render
 from raytrace.scene import Object, Scene, Shape
 from raytrace.settings import Settings
@@ -72,8 +72,9 @@ def test_the_picture_is_that_of_tracing_every_ray(name, shading, monkeypatch):
     settings = Settings(width=150, height=100, samples=1 if shading == "phong" else 4, shading=shading)
     scene = SCENES[name]
     frame = render(scene, CAMERA, settings)
-    made = world.build(scene)
-    monkeypatch.setitem(world._worlds, scene, replace(made, geometry=made.geometry._replace(boxes=everywhere())))
+    made = render_scene.build(scene)
+    geometry = replace(made.geometry, arrays=made.geometry.arrays._replace(boxes=everywhere()))
+    monkeypatch.setitem(render_scene._scenes, scene, replace(made, geometry=geometry))
     whole = render(scene, CAMERA, settings)
     for layer, values in whole.layers.items():
         np.testing.assert_array_equal(frame.layers[layer], values)

@@ -1,5 +1,7 @@
 """Which side of a surface reflects, which light it sees, and what shows through it."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from rendered import ONE, PLANE, grid, pixel, sphere, white
@@ -9,7 +11,7 @@ from raytrace.camera import Camera
 from raytrace.lights.sources import AmbientLight, DirectionalLight, PointLight
 from raytrace.materials.materials import Lambert, OrenNayar, Phong, Strauss
 from raytrace.materials.reflect import reflect
-from raytrace.renderer import render_scene as world_module
+from raytrace.renderer import geometry as geometry_module
 from raytrace.renderer.render import render
 from raytrace.scene import Object, Scene, Shape
 from raytrace.settings import Settings
@@ -92,8 +94,10 @@ def test_light_from_behind_is_culled_only_where_nothing_hides_it(shading, monkey
     scene = Scene(objects, (PointLight(position=(0, 0, -4), intensity=30), DirectionalLight(direction=(0.4, 0.1, 1))))
     camera, settings = Camera((1, -6, 5), (0, 0, 0)), Settings(width=90, height=60, samples=4, shading=shading)
     frame = render(scene, camera, settings)
-    monkeypatch.setattr(world_module, "pack_boxes", lambda boxes, made=world_module.pack_boxes: made(boxes * 0 + BIG))
-    whole = render(Scene(scene.objects, scene.lights), camera, settings)
+    pack = geometry_module.pack_boxes
+    monkeypatch.setattr(geometry_module, "pack_boxes", lambda boxes: pack(boxes * 0 + BIG))
+    others = tuple(Object(replace(item.shape)) for item in objects)  # geometry is shared by scenes of the same shapes
+    whole = render(Scene(others, scene.lights), camera, settings)
     assert whole.rays_skipped["unobstructed"] == 0
     for name, layer in whole.layers.items():
         np.testing.assert_array_equal(frame.layers[name], layer)

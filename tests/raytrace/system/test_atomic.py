@@ -1,12 +1,13 @@
 """Files appear whole or not at all."""
 
 import errno
+import json
 import os
 
 import pytest
 
 from raytrace.errors import OutputError
-from raytrace.system.atomic import atomic_write, check_writable
+from raytrace.system.atomic import atomic_write, check_writable, write_json
 
 
 def names(folder):
@@ -132,3 +133,14 @@ def test_checking_leaves_nothing_and_touches_nothing(tmp_path):
     target.write_bytes(b"before")
     check_writable(target)
     assert target.read_bytes() == b"before"
+
+
+def test_json_is_written_whole_or_not_at_all(tmp_path):
+    target = tmp_path / "r.json"
+    write_json(target, {"a": [1, 2.5], "β": None})
+    assert json.loads(target.read_text()) == {"a": [1, 2.5], "β": None}
+    before = target.read_bytes()
+    with pytest.raises(ValueError, match="JSON"):
+        write_json(target, {"a": float("nan")})
+    assert target.read_bytes() == before
+    assert names(tmp_path) == ["r.json"]

@@ -14,11 +14,15 @@ from project import ROOT
 
 import ao
 import raytrace.system.memory
+import scenes.commands.picture_bake
 from ao.memory import surface_bytes, vertex_bytes
 from raytrace import InputError, Lambert, MemoryLimitError, Mesh, Object, Scene, Settings, Shape
 from raytrace.image.texture import Texture
+from raytrace.renderer import render_scene
 from raytrace.renderer.render import rendering_bytes
 from raytrace.system.memory import available, check_memory
+from scenes.commands.picture_bake import with_obscurance
+from scenes.description.read import read_scene
 from scenes.readers.load import load
 
 MIB = 1 << 20
@@ -190,6 +194,16 @@ print((status("VmHWM") - before) / told)
     command = [sys.executable, "-c", code, tmp_path / "t.png"]
     result = subprocess.run(command, capture_output=True, text=True, check=True, cwd=ROOT)
     assert 0.7 < float(result.stdout) < 1.2
+
+
+@pytest.mark.parametrize(("room", "kept"), [(None, True), (1 << 40, True), (1 << 20, False)])
+def test_geometry_is_let_go_of_where_a_bake_does_not_fit_beside_it(room, kept, tmp_path, monkeypatch):
+    (tmp_path / "s.toml").write_text('[[objects]]\nbuiltin = "sphere"\n[render]\nwidth = 8\nheight = 8\n')
+    description = read_scene(tmp_path / "s.toml")
+    monkeypatch.setattr(scenes.commands.picture_bake, "available", lambda: room)
+    baked, _ = with_obscurance(description)
+    assert (description.scene in render_scene._scenes) == kept
+    assert baked.objects[0].w is not None
 
 
 SMALL = "import raytrace.system.memory as m; m.available = lambda: 160 << 20; import cli; cli.main()"

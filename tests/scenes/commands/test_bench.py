@@ -8,7 +8,7 @@ from command import obscurance, refused
 import ao
 from ao import Binary, Exponential
 from raytrace.mesh.mesh import Mesh
-from scenes.commands.bench import run, table
+from scenes.commands.bench import bench_table, run_bench
 from scenes.geometry.polyhedra import icosphere
 from scenes.validation.reference import reference
 
@@ -49,11 +49,11 @@ def test_the_reference_is_not_the_estimator_but_agrees_with_it():
 def test_bench_finds_less_error_with_more_rays():
     mesh = Mesh(*icosphere(3))
     dented = Mesh(mesh.vertices * (1 + 0.3 * np.sin(5 * mesh.vertices[:, :1])), mesh.faces)
-    rows = run(dented, Binary(), samples=(16, 256), rounds=2)
+    rows = run_bench(dented, Binary(), samples=(16, 256), rounds=2)
     assert rows[1].errors.rmse < rows[0].errors.rmse / 3
     assert all(0.5 < row.estimate / row.errors.rmse < 2 for row in rows)
     assert [len(row.seconds) for row in rows] == [2, 2]
-    assert len(table(rows).splitlines()) == 3
+    assert len(bench_table(rows).splitlines()) == 3
 
 
 def test_the_command_prints_a_table_and_writes_a_report(tmp_path):

@@ -2,6 +2,7 @@
 
 import base64
 import json
+from dataclasses import replace
 from math import cos, degrees, pi, radians, sqrt
 
 import numpy as np
@@ -157,7 +158,7 @@ def test_reflectance_at_normal_incidence_is_gltfs(tmp_path, metallic):
     assert isinstance(made, CookTorrance)
     assert made.m == pytest.approx(roughness**2)
     up = [0, 0, 1]
-    black = made.model_copy(update={"albedo": (0.0, 0.0, 0.0)})
+    black = replace(made, albedo=(0.0, 0.0, 0.0))
     m = roughness**2
     specular = 0.04 * (1 - metallic) + base * metallic
     np.testing.assert_allclose(reflect(black, up, up, up), specular / (4 * pi * m**2), rtol=1e-6)

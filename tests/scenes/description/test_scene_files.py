@@ -15,7 +15,7 @@ from raytrace.image.texture import Texture
 from raytrace.lights.sources import AmbientLight, DirectionalLight, PointLight
 from raytrace.materials.materials import OrenNayar
 from raytrace.settings import Settings
-from scenes.commands.picture_bake import obscured
+from scenes.commands.picture_bake import with_obscurance
 from scenes.description.read import read_scene
 
 
@@ -73,7 +73,7 @@ intensity = 0.2
     )
     assert made.camera == Camera((1, 2, 3), (0, 0, 0), (0, 1, 0), 50, aperture=0.1, focus=2.5)
     assert made.settings == Settings(320, 200, 4, "gouraud", "book", False, False, (10, 20, 30, 40), 7, "area")
-    assert made.bake.source == "bake"
+    assert made.w_from == "bake"
     assert made.bake.falloff == ao.Exponential(tau=2.0, max_distance="25%")
     assert (made.bake.samples, made.bake.seed) == (64, 3)
     assert made.scene.background == (0.1, 0.2, 0.3)
@@ -91,7 +91,7 @@ intensity = 0.2
 def test_the_shortest_scene_has_defaults(tmp_path):
     made = scene(tmp_path, PLAIN)
     assert made.settings == Settings()
-    assert made.bake.source == "bake"
+    assert made.w_from == "bake"
     assert made.bake.falloff == ao.Exponential()
     assert [type(light) for light in made.scene.lights] == [DirectionalLight] * 3 + [AmbientLight]
 
@@ -194,9 +194,9 @@ def test_own_material_named_as_a_preset_wins(tmp_path):
 
 def test_obscurance_off_baked_and_binary(tmp_path):
     off = scene(tmp_path, '[obscurance]\nform = "off"\n' + PLAIN)
-    assert (off.settings.obscurance, off.bake.source) == ("off", "off")
+    assert (off.settings.obscurance, off.w_from) == ("off", "off")
     text = '[obscurance]\nbaked = "w.npy"\n' + PLAIN
-    assert scene(tmp_path, text, **{"w.npy": "-"}).bake.source == tmp_path / "w.npy"
+    assert scene(tmp_path, text, **{"w.npy": "-"}).w_from == tmp_path / "w.npy"
     binary = scene(tmp_path, '[obscurance]\nfalloff = "binary"\nmax_distance = inf\n' + PLAIN)
     assert binary.bake.falloff == ao.Binary(inf)
 
@@ -228,17 +228,17 @@ def test_obscurance_comes_as_it_was_asked(tmp_path):
     corner += "copies = [{ translate = [0.5, 0, 0] }, { rotate = [0, 90, 0] }]"
     small = "[render]\nwidth = 32\nheight = 32\n"
     made = scene(tmp_path, small + "[obscurance]\nsamples = 64\n" + corner)
-    baked, bake = obscured(made)
+    baked, bake = with_obscurance(made)
     w = np.concatenate([item.w for item in baked.objects])
     np.testing.assert_array_equal(w, bake.w)
     assert w.min() < 0.8
 
     np.save(tmp_path / "w.npy", w.astype(np.float32))
-    again, none = obscured(scene(tmp_path, '[obscurance]\nbaked = "w.npy"\n' + corner))
+    again, none = with_obscurance(scene(tmp_path, '[obscurance]\nbaked = "w.npy"\n' + corner))
     assert none is None
     np.testing.assert_array_equal(np.concatenate([item.w for item in again.objects]), w.astype(np.float32))
 
-    off, none = obscured(scene(tmp_path, '[obscurance]\nform = "off"\n' + corner))
+    off, none = with_obscurance(scene(tmp_path, '[obscurance]\nform = "off"\n' + corner))
     assert none is None
     assert all(item.w is None for item in off.objects)
 

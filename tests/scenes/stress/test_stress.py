@@ -12,10 +12,10 @@ from raytrace.ray_origins.offset import ray_offset
 from scenes.stress import limits, rays
 from scenes.stress.contacts import contacts
 from scenes.stress.defects import defects
-from scenes.stress.line import Line, table
+from scenes.stress.line import Line, stress_table
 from scenes.stress.pictures import pictures
 from scenes.stress.pose import OFFSETS, SCALES, Pose, poses
-from scenes.stress.suite import GROUPS, run
+from scenes.stress.suite import GROUPS, run_stress
 
 
 def failed(lines) -> list[str]:
@@ -29,7 +29,7 @@ def test_the_short_form_holds(group) -> None:
 
 @pytest.mark.slow
 def test_the_long_form_holds() -> None:
-    assert failed(run(long=True)) == []
+    assert failed(run_stress(long=True)) == []
 
 
 def test_long_poses_hold_every_scale_offset_and_a_turn() -> None:
@@ -108,8 +108,8 @@ def test_pictures_without_shadow_rays_fail(monkeypatch: pytest.MonkeyPatch) -> N
 
 def test_the_table_tells_a_failure_and_a_nan() -> None:
     good, bad = Line("a", "b", "error", 0.1, 0.2), Line("c", "d", "error", 0.3, 0.2)
-    assert table([good]).endswith("all 1 within what is allowed")
-    assert table([good, bad]).endswith("1 of 2 failed")
+    assert stress_table([good]).endswith("all 1 within what is allowed")
+    assert stress_table([good, bad]).endswith("1 of 2 failed")
     assert not Line("a", "b", "error", float("nan"), 1.0).ok
     assert not Line("a", "b", "error", 0.0, 1.0, undefined=1).ok
 

@@ -16,7 +16,7 @@ from ao.falloff import Binary, Exponential
 from ao.gather.directions import DirectionTable
 from raytrace import Mesh
 from raytrace.ray_origins.offset import ray_offset
-from scenes.geometry.polyhedra import icosphere, inscribed_radius, tube
+from scenes.geometry.polyhedra import icosphere, inscribed_radius, prism
 from scenes.validation import table as validation
 from scenes.validation.configurations import Configuration
 
@@ -40,7 +40,7 @@ def one_direction_table() -> Iterator[None]:
 @cache
 def results(seed: int) -> list[validation.Result]:
     with one_direction_table():
-        return validation.run(seed=seed)
+        return validation.run_validation(seed=seed)
 
 
 @pytest.mark.parametrize("seed", [0, 1, 2])
@@ -63,7 +63,7 @@ def test_a_bake_to_a_tolerance_matches_the_closed_form(line: Configuration) -> N
 @pytest.mark.parametrize("samples", [1, 3, 16, 100, 1024])
 def test_what_is_allowed_goes_by_the_number_of_rays(samples: int) -> None:
     with one_direction_table():
-        found = validation.run(samples=samples)
+        found = validation.run_validation(samples=samples)
     assert [result for result in found if not result.ok] == []
     tight = [abs(result.error) / result.allowed for result in found if line_target(result) > 1e-6]
     assert max(tight) > 0.25
@@ -85,7 +85,7 @@ def test_more_rays_are_allowed_less() -> None:
 def test_a_wrong_estimator_fails_with_few_rays_too(monkeypatch: pytest.MonkeyPatch) -> None:
     other_directions(monkeypatch, lambda u: u)
     with one_direction_table():
-        assert sum(not result.ok for result in validation.run(samples=64, lines=CHEAP)) >= 6
+        assert sum(not result.ok for result in validation.run_validation(samples=64, lines=CHEAP)) >= 6
 
 
 def test_targets_are_not_watered_down() -> None:
@@ -142,11 +142,11 @@ def test_nan_is_a_failure() -> None:
 
 def test_the_printed_table_tells_a_failure() -> None:
     good, bad = results(0)[:3], replace(results(0)[5], measured=0.5, ok=False)
-    text = validation.table(good)
+    text = validation.validation_table(good)
     assert text.count("\n") == 4
     assert text.endswith("all 3 within what is allowed")
     assert "FAILED" not in text
-    text = validation.table([*good, bad])
+    text = validation.validation_table([*good, bad])
     assert text.endswith("1 of 4 failed")
     assert text.splitlines()[-2].endswith("FAILED")
 
@@ -161,7 +161,7 @@ def test_tessellation_bounds_hold() -> None:
         radius = np.abs(np.einsum("ij,ij->i", normal, a)) / np.abs(directions @ normal.T)
     inside = inscribed_radius((vertices, faces))
     assert inside <= radius.min(axis=1).min() < radius.min(axis=1).max() <= 1.0
-    assert inscribed_radius(tube(16, 4.0)) == pytest.approx(np.cos(pi / 16))
+    assert inscribed_radius(prism(16, 4.0)) == pytest.approx(np.cos(pi / 16))
 
 
 # Wrong estimators. Each must be told from a right one by several of a few cheap lines.
@@ -183,7 +183,7 @@ CHEAP = [
 
 def failures(bake: validation.Baker) -> list[validation.Result]:
     with one_direction_table():
-        return [result for result in validation.run(bake, lines=CHEAP) if not result.ok]
+        return [result for result in validation.run_validation(bake, lines=CHEAP) if not result.ok]
 
 
 def altered(change: Callable[[np.ndarray], np.ndarray]) -> validation.Baker:

@@ -69,7 +69,7 @@ def test_a_second_bake_of_what_was_baked_replaces_its_w_and_grey(tmp_path):
 
 def test_colors_replaces_the_colours_of_a_ply_and_says_so(tmp_path):
     (tmp_path / "rich.ply").write_bytes(rich_ply())
-    assert "does not keep of rich.ply: its colours" in bake(tmp_path, "rich.ply", "out.ply", "--colors")
+    assert "not kept from rich.ply: its colours" in bake(tmp_path, "rich.ply", "out.ply", "--colors")
     vertex = columns(tmp_path / "out.ply")[0]["vertex"]
     np.testing.assert_array_equal(vertex["green"].values, np.rint(255 * vertex["obscurance"].values))
 
@@ -88,7 +88,7 @@ def test_a_glb_keeps_of_a_ply_what_it_can_and_tells_the_rest(tmp_path):
     (tmp_path / "rich.ply").write_bytes(rich_ply())
     told = bake(tmp_path, "rich.ply", "out.glb")
     rest = "polygons, which become triangles, flags of faces, weights of faces, elements edge"
-    assert told == f"warning: out.glb: does not keep of rich.ply: {rest}\n"
+    assert told == f"warning: out.glb: not kept from rich.ply: {rest}\n"
     header, binary = check_glb((tmp_path / "out.glb").read_bytes())
     (primitive,) = header["meshes"][0]["primitives"]
     found = {name: values(header, binary, number) for name, number in primitive["attributes"].items()}
@@ -174,7 +174,7 @@ def test_several_normals_of_a_vertex(tmp_path, ending):
 def test_a_glb_keeps_materials_textures_and_seams_of_an_obj(tmp_path):
     write_obj(tmp_path, "usemtl red\n" + SEAM.replace("\nf", "\nusemtl glass\nf"))
     told = bake(tmp_path, "m.obj", "out.glb")
-    assert told == "warning: out.glb: does not keep of m.obj: polygons, which become triangles\n"
+    assert told == "warning: out.glb: not kept from m.obj: polygons, which become triangles\n"
     header, binary = check_glb((tmp_path / "out.glb").read_bytes())
     one, two = header["meshes"][0]["primitives"]
     names = [header["materials"][piece["material"]] for piece in (one, two)]
@@ -239,7 +239,7 @@ def test_a_ply_keeps_colours_and_texture_coordinates_of_a_gltf(tmp_path):
     data = builder.glb([{"mesh": 0}, {"mesh": 1}], materials=[{"name": "paint"}])
     (tmp_path / "in.glb").write_bytes(data)
     told = bake(tmp_path, "in.glb", "out.ply")
-    assert "does not keep of in.glb: nodes, materials\n" in told
+    assert "not kept from in.glb: nodes, materials\n" in told
     vertex = columns(tmp_path / "out.ply")[0]["vertex"]
     np.testing.assert_array_equal(vertex["t"].values[:4], 1 - QUAD[:, 1])
     expected = np.rint(255 * encode_srgb(QUAD[:, 0] * 0.5))

@@ -1,4 +1,4 @@
-"""The meshes at hand: every built-in shape and scene, made dense and uneven, to be damaged."""
+"""Meshes to be damaged: the built-in shapes and scenes, refined and displaced."""
 
 from __future__ import annotations
 

@@ -11,14 +11,14 @@ from raytrace.mesh.mesh import Mesh
 
 from ..geometry.detail import split_corners
 from ..geometry.primitives import Geometry, Origin
-from ..readers.load import read_objects
-from ..readers.obj import read_textured_obj
+from .load import read_objects
+from .obj import read_textured_obj
 
 ENDINGS = (".obj", ".ply")
 
 
 def read_textured(path: Path) -> tuple[Geometry, list[str]]:
-    """An OBJ or PLY file with its texture coordinates, without them if a PLY has none, and what is to be told.
+    """An OBJ or PLY file with its texture coordinates, without them if a PLY has none, and warnings.
 
     Vertices whose corners have several coordinates repeat.
 

@@ -1,4 +1,4 @@
-"""Judging a bake to a tolerance against a plain bake of many rays: how far off it is, and whether it says so."""
+"""Errors of a bake to a tolerance, and of its own error estimates, against plain bakes of many rays."""
 
 from __future__ import annotations
 
@@ -15,8 +15,8 @@ from ao.result import Bake
 from raytrace.mesh.mesh import Mesh
 
 Floats = npt.NDArray[np.float64]
-NEAR, FAR = 2.5, 6.0  # times its own error: that hardly any vertex's w, that next to none may be off
-_OUTSTANDING = 10.0  # times the tolerance: off its surroundings by more than the truth is
+NEAR, FAR = 2.5, 6.0  # times its estimated error: beyond them are few vertices, and next to none
+_OUTLIER = 10.0  # times the tolerance: farther from its neighbours than the truth is
 
 
 @dataclass(frozen=True)
@@ -24,28 +24,30 @@ class Figures:
     """How a bake compares with the truth.
 
     Attributes:
-        true: root mean square error of w. told: what the bake says of it.
+        true: root mean square error of w. estimated: the bake's own estimate of it.
         largest: |error| of the vertex that is farthest off.
-        vertices: number of vertices with a w. beyond: how many are off by more than `NEAR` and than `FAR` times the
-            error told for them, that of the truth added in squares.
+        vertices: number of vertices with a w. beyond: how many are off by more than `NEAR` and than `FAR` times
+            their estimated error, that of the truth added in squares.
         rays: traced, a vertex.
-        outstanding: vertices farther from the median of their two-ring than the truth is, by ten tolerances.
+        outliers: vertices farther from the median of their two-ring than the truth is, by ten tolerances.
         undefined: NaN and infinite numbers in w, errors and bent normals.
     """
 
     true: float
-    told: float
+    estimated: float
     largest: float
     vertices: int
     beyond: tuple[int, int]
     rays: float
-    outstanding: int
+    outliers: int
     undefined: int
 
     @property
     def ratio(self) -> float:
-        """True over told; 1 where both are 0."""
-        return 1.0 if self.true == self.told else self.true / self.told if self.told > 0 else float("inf")
+        """True over estimated error; 1 where both are 0."""
+        if self.true == self.estimated:
+            return 1.0
+        return self.true / self.estimated if self.estimated > 0 else float("inf")
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,7 +56,7 @@ class Truth:
 
     Attributes:
         halves: float64 (2, n), w of each. w: (n,), their mean.
-        variance: (n,), squared error to expect of that: what the bakes tell, or their difference where it is more.
+        variance: (n,), squared error to expect of that: the bakes' own estimate, or their difference where it is more.
         some: bool (n,), the vertices that have a w.
     """
 
@@ -73,7 +75,7 @@ def find_truth(mesh: Mesh, falloff: Falloff, samples: int, seed: int, threads: i
     return Truth(halves, halves.mean(axis=0), variance, some)
 
 
-def judge(mesh: Mesh, baked: Bake, truth: Truth, tolerance: float) -> Figures:
+def compare_with_truth(mesh: Mesh, baked: Bake, truth: Truth, tolerance: float) -> Figures:
     """Compare `baked` with the `truth` of `mesh`, which it has no rays in common with.
 
     With the two halves a and b of the truth the mean of (w − a)(w − b) is the mean square error without bias.
@@ -86,17 +88,17 @@ def judge(mesh: Mesh, baked: Bake, truth: Truth, tolerance: float) -> Figures:
     count = max(len(off), 1)
     return Figures(
         true=float(np.sqrt(np.maximum(np.sum(squared) / count, 0.0))),
-        told=float(np.sqrt(np.sum(error**2) / count)),
+        estimated=float(np.sqrt(np.sum(error**2) / count)),
         largest=float(off.max(initial=0.0)),
         vertices=len(off),
         beyond=(int((off > NEAR * expected).sum()), int((off > FAR * expected).sum())),
         rays=baked.rays / count,
-        outstanding=int((outstanding(mesh, baked.w) - outstanding(mesh, truth.w) > _OUTSTANDING * tolerance).sum()),
+        outliers=int((off_median(mesh, baked.w) - off_median(mesh, truth.w) > _OUTLIER * tolerance).sum()),
         undefined=sum(int(np.count_nonzero(~np.isfinite(array))) for array in arrays),
     )
 
 
-def outstanding(mesh: Mesh, w: Floats) -> Floats:
+def off_median(mesh: Mesh, w: Floats) -> Floats:
     """How far w is from the median of the vertices at most two edges away, itself one of them, for each place (k,)."""
     _, first, place = np.unique(mesh.vertices, axis=0, return_index=True, return_inverse=True)
     faces, values = place.reshape(-1)[mesh.faces], w[first]

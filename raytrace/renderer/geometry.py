@@ -1,0 +1,190 @@
+"""Objects placed in render space and built into Embree: what of a scene depends on shapes and transforms alone.
+
+Render space is recentred and scaled by a power of two to about unit size, so float32 serves at any place and scale.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, NamedTuple
+from weakref import WeakValueDictionary
+
+import numpy as np
+import numpy.typing as npt
+
+from ..embree.scene import EmbreeScene, Instance, Triangles, TriangleScene
+from ..image.texture import Texture
+from ..kernel.arrays import aligned, product
+from ..materials.materials import pack_materials
+from ..mesh.mesh import Mesh
+from ..mesh.normals import normalize
+from ..mesh.placement import Placement
+from ..scene import Object, Shape
+from ..settings import Normals
+from ..shade.records import Geometry
+from ..shade.shaft_culling import SLACK, cluster, pack_boxes
+from ..types import Float32s, Float64s, Int64s
+from .vertex_origins import INSTANCED, smooth_normals, vertex_origins
+
+
+@dataclass(frozen=True, eq=False)
+class BuiltGeometry:
+    """Objects ready for kernels.
+
+    Attributes:
+        arrays: what kernels read. embree: keeps the Embree scene and its buffers alive.
+        centre, scale: a point p of the scene stands at (p − centre) · scale; float64 (3,), and a power of two.
+        textures: of the shapes, in the order of `arrays.texture`.
+        normals: of vertices, see `raytrace.settings.Settings`.
+    """
+
+    arrays: Geometry
+    embree: EmbreeScene
+    centre: Float64s
+    scale: float
+    textures: tuple[Texture, ...]
+    normals: Normals
+
+    @cached_property
+    def vertex_origins(self) -> Float32s:
+        """`raytrace.renderer.vertex_origins.vertex_origins`, made when it is first asked for."""
+        return vertex_origins(self.arrays, self.embree)
+
+
+_built: WeakValueDictionary[Any, BuiltGeometry] = WeakValueDictionary()
+
+
+def build_geometry(objects: tuple[Object, ...], normals: Normals) -> BuiltGeometry:
+    """The geometry of `objects` with such vertex normals; the same as before while that is in use somewhere.
+
+    A shape that one object uses is placed once and for all; one that several use becomes instances.
+
+    Raises:
+        EmbreeError: Embree failed, out of memory for instance.
+    """
+    key = normals, *((item.shape, item.transform.tobytes()) for item in objects)
+    geometry = _built.get(key)
+    if geometry is None:
+        geometry = _built[key] = _build(objects, normals)
+    return geometry
+
+
+class _PlacedShape(NamedTuple):
+    """A shape in the frame it is traced in."""
+
+    vertices: Float32s
+    normals: Float32s
+    scene: TriangleScene | None
+    from_shape: Float64s  # (4, 4)
+
+
+def _build(objects: tuple[Object, ...], weighting: Normals) -> BuiltGeometry:
+    whole = _bounds(objects)
+    placement = Placement.of(whole)
+    centre, scale = whole.centre, placement.scale
+    place = np.diag([scale, scale, scale, 1.0])
+    place[:3, 3] = -scale * centre
+
+    uses: dict[int, list[Object]] = {}
+    for item in objects:
+        uses.setdefault(id(item.shape), []).append(item)
+    shapes = {key: items[0].shape for key, items in uses.items()}
+    order = {key: row for row, key in enumerate(shapes)}
+    placed_shapes = {
+        key: _place_instanced(shapes[key], weighting)
+        if len(items) > 1
+        else _place_once(shapes[key], place @ items[0].transform, weighting)
+        for key, items in uses.items()
+    }
+    vertex_starts = _starts([len(shape.mesh.vertices) for shape in shapes.values()])
+    face_starts = _starts([len(shape.mesh.faces) for shape in shapes.values()])
+    textures = tuple(dict.fromkeys(shape.texture for shape in shapes.values() if shape.texture))
+
+    geometries: list[Triangles | Instance] = []
+    boxes = []
+    count = len(objects)
+    to_render, normal_to_render = np.empty((count, 3, 4)), np.empty((count, 3, 3))
+    mirrored, magnitude = np.ones(count), np.zeros(count)
+    for row, item in enumerate(objects):
+        placed = placed_shapes[id(item.shape)]
+        matrix = place @ item.transform @ np.linalg.inv(placed.from_shape) if placed.scene else np.eye(4)
+        if placed.scene:
+            geometries.append(Instance(placed.scene, matrix[:3].astype(np.float32)))
+            magnitude[row] = INSTANCED
+            corners = _corners(placed.vertices) @ matrix[:3, :3].T + matrix[:3, 3]
+            boxes.append(np.stack([corners.min(axis=0) - 4 * SLACK, corners.max(axis=0) + 4 * SLACK])[None])
+        else:
+            geometries.append(Triangles(placed.vertices, item.shape.mesh.faces))
+            boxes.append(cluster(placed.vertices, item.shape.mesh.faces, count))
+        to_render[row] = matrix[:3]
+        normal_to_render[row] = np.linalg.inv(matrix[:3, :3]).T
+        mirrored[row] = np.sign(np.linalg.det(item.transform[:3, :3]))
+    embree = EmbreeScene(geometries)
+
+    rank = [order[id(item.shape)] for item in objects]
+    kinds, rows = pack_materials([item.shape.material for item in objects])
+    uv = [np.zeros((len(s.mesh.vertices), 2)) if s.uv is None else s.uv for s in shapes.values()]
+    corner_rows = [s.mesh.faces + start for s, start in zip(shapes.values(), vertex_starts, strict=True)]
+    arrays = Geometry(
+        handle=embree.handle,
+        vertices=_joined([placed.vertices for placed in placed_shapes.values()], np.float32),
+        normals=_joined([placed.normals for placed in placed_shapes.values()], np.float32),
+        faces=_joined(corner_rows, np.int32),
+        uv=np.concatenate(uv).astype(np.float32),
+        first_vertex=vertex_starts[rank],
+        first_face=face_starts[rank],
+        first_w=np.cumsum([0, *(len(item.shape.mesh.vertices) for item in objects)]),
+        to_render=to_render,
+        normal_to_render=normal_to_render,
+        mirrored=mirrored,
+        placed=np.array([placed_shapes[id(item.shape)].scene is None for item in objects]),
+        authored=np.array([weighting == "file" and item.shape.mesh.normals is not None for item in objects]),
+        magnitude=magnitude,
+        texture=np.array([textures.index(t) if (t := item.shape.texture) else -1 for item in objects]),
+        kinds=kinds,
+        rows=rows,
+        boxes=pack_boxes(np.concatenate(boxes)),
+    )
+    return BuiltGeometry(arrays, embree, centre, scale, textures, weighting)
+
+
+def _bounds(objects: tuple[Object, ...]) -> Mesh:
+    """The corners of all objects' bounding boxes: what render space is centred and scaled by."""
+    corners = []
+    for item in objects:
+        corners.append(_corners(item.shape.mesh.vertices) @ item.transform[:3, :3].T + item.transform[:3, 3])
+    return Mesh(np.concatenate(corners), np.array([[0, 1, 2]]), source="scene")
+
+
+def _corners(points: npt.NDArray[np.floating[Any]]) -> Float64s:
+    """The corners (8, 3) of the points' bounding box."""
+    ends = zip(points.min(axis=0), points.max(axis=0), strict=True)
+    return np.array(np.meshgrid(*ends), np.float64).reshape(3, -1).T
+
+
+def _joined(parts: list[npt.NDArray[Any]], dtype: type[np.generic]) -> npt.NDArray[Any]:
+    """The rows of all `parts`, (n, 3), as `raytrace.kernel.simd_memory.gather3` wants them."""
+    joined = aligned((sum(map(len, parts)), 3), dtype)
+    np.concatenate(parts, out=joined, casting="same_kind")
+    return joined
+
+
+def _starts(lengths: list[int]) -> Int64s:
+    return np.concatenate([[0], np.cumsum(lengths[:-1])]).astype(np.int64)
+
+
+def _place_instanced(shape: Shape, weighting: Normals) -> _PlacedShape:
+    mesh = shape.mesh
+    placement = Placement.of(mesh)
+    matrix = np.diag([placement.scale, placement.scale, placement.scale, 1.0])
+    matrix[:3, 3] = -placement.scale * mesh.centre
+    normals = smooth_normals(mesh, weighting).astype(np.float32)
+    return _PlacedShape(placement.vertices, normals, TriangleScene(placement.vertices, mesh.faces), matrix)
+
+
+def _place_once(shape: Shape, matrix: Float64s, weighting: Normals) -> _PlacedShape:
+    mesh, linear = shape.mesh, matrix[:3, :3]
+    vertices = (product(mesh.vertices, linear.T) + matrix[:3, 3]).astype(np.float32)
+    normals = normalize(product(smooth_normals(mesh, weighting), np.linalg.inv(linear))).astype(np.float32)
+    return _PlacedShape(vertices, normals, None, matrix)

@@ -1,0 +1,30 @@
+"""`obscurance compare`: error metrics of one image against another."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from .console import columns
+from .options import Metric, named
+
+_FIGURES = ("mean_error", "rms_error", "max_error", "psnr", "flip")
+
+
+def compare_files(a: Path, b: Path, threshold: float | None, metric: Metric, difference: Path | None) -> bool:
+    """Print the metrics and write the FLIP map; whether `metric` is within `threshold`, if there is one.
+
+    Raises:
+        OptionError: a threshold below 0, or not the ending of an image. InputError, OutputError: the files.
+    """
+    from raytrace.errors import OptionError
+    from raytrace.image.compare import compare
+    from raytrace.image.write import check_image_target
+
+    if threshold is not None and not threshold >= 0:
+        raise OptionError("threshold", "a number in [0, inf)", threshold)
+    if difference:
+        with named("difference"):
+            check_image_target(difference, layers=("beauty",))
+    found = compare(a, b, difference)
+    print(columns([(name, f"{getattr(found, name):.6g}") for name in _FIGURES]))
+    return threshold is None or found.within(threshold, metric.value)

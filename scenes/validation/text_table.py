@@ -1,0 +1,23 @@
+"""Tables of text with aligned columns, and the line that counts failures below them."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Sequence
+
+
+def text_table(head: Sequence[str], rows: Sequence[Sequence[str]], numbers: Collection[str]) -> list[str]:
+    """Lines of text, the head first; every cell to the left but in the columns headed by `numbers`."""
+    widths = [max(map(len, column)) for column in zip(head, *rows, strict=True)]
+    return [
+        "  ".join(
+            cell.rjust(width) if name in numbers else cell.ljust(width)
+            for cell, width, name in zip(row, widths, head, strict=True)
+        ).rstrip()
+        for row in (head, *rows)
+    ]
+
+
+def count_failures(passed: Sequence[bool], all_passed: str) -> str:
+    """The last line of a table, "2 of 9 failed" or "all 9 …", by whether each row passed."""
+    failed = len(passed) - sum(passed)
+    return f"{failed} of {len(passed)} failed" if failed else f"all {len(passed)} {all_passed}"
