@@ -29,8 +29,8 @@ class Contacts(NamedTuple):
     face: Int64s
     distance: Float64s
 
-    def only(self, which: Bools) -> Contacts:
-        """Some of the pairs; `which` is bool (j,)."""
+    def only(self, which: Bools | Int64s) -> Contacts:
+        """Some of the pairs, copied; `which` is bool (j,) or their rows."""
         return Contacts(self.point[which], self.face[which], self.distance[which])
 
 
@@ -70,7 +70,7 @@ def find_contacts(
             if count <= len(found.point) and HEAD + largest <= len(query.near):
                 break
             found, query = _empty(count), PointQuery.of(scene, largest)
-        parts[first // _BLOCK] = Contacts(*(column[:count].copy() for column in found))  # the rest is let go
+        parts[first // _BLOCK] = found.only(np.arange(count))  # copies, so that the rest is let go
 
     run_blocks(len(points), _BLOCK, search, thread_count(None))
     point, face, distance = (np.concatenate(column) for column in zip(*parts, strict=True))
