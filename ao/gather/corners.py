@@ -55,13 +55,14 @@ class Corners:
 
     def only(self, kept: Ints) -> Corners:
         """Those of the points `kept`, ascending rows, which are numbered anew in that order."""
-        mine = np.isin(self.rows, kept)
-        if not mine.any():
+        rows = np.searchsorted(kept, self.rows)
+        found = np.append(kept, -1)[rows] == self.rows
+        if not found.any():
             return Corners.none()
         counts = np.diff(self.starts)
-        which = np.repeat(mine, counts)
-        starts = np.concatenate([[0], np.cumsum(counts[mine])])
-        return Corners(np.searchsorted(kept, self.rows[mine]), starts, self.places[which], self.weights[which])
+        which = np.repeat(found, counts)
+        starts = np.concatenate([[0], np.cumsum(counts[found])])
+        return Corners(rows[found], starts, self.places[which], self.weights[which])
 
     def mean(self, values: Floats) -> Floats:
         """Means (j, c) of `values` (k, c); equal values keep every bit."""
@@ -79,19 +80,19 @@ class Corners:
         return np.where(np.linalg.norm(mean, axis=1)[:, None] > _CANCELLED * lengths, mean, 0.0)
 
 
-def find_corners(scene: TriangleScene, surface: Surface, seats: Ints, rows: Ints, first: int) -> Corners:
+def find_corners(scene: TriangleScene, surface: Surface, corners: Ints, points: Ints, first: int) -> Corners:
     """The corners of points.
 
     Args:
         scene: holds exactly the faces of `surface`.
-        seats: (m, 3), the point that each face corner is, if it is one of those wanted; −1 otherwise.
-        rows: (j,), ascending, all points in `seats`. first: what places are numbered from.
+        corners: (c,), ascending: all face corners that are one of the points, at least one; 3 f + k is face f's k-th.
+        points: (c,), which point each of them is. first: what places are numbered from.
     """
     vertices, faces = surface.vertices, surface.faces
-    face, corner = np.nonzero(seats >= 0)
-    order = np.argsort(seats[face, corner], kind="stable")
-    face, corner = face[order], corner[order]
-    starts = np.searchsorted(seats[face, corner], np.append(rows, rows[-1] + 1))
+    order = np.argsort(points, kind="stable")
+    face, corner = np.divmod(corners[order], 3)
+    rows, starts = np.unique(points[order], return_index=True)
+    starts = np.append(starts, len(face))
     here, ahead, behind = (vertices[faces[face, (corner + step) % 3]] for step in range(3))
     normal = surface.normals[face]
     one, other = ahead - here, behind - here
@@ -102,24 +103,23 @@ def find_corners(scene: TriangleScene, surface: Surface, seats: Ints, rows: Ints
     extent = np.abs(np.stack([here, ahead, behind])).max(axis=(0, 2))
     height = double / np.linalg.norm(other - one, axis=1)
     inside = np.clip(_OFFSETS * ray_offset(normal, extent, np.ones(len(face))) / height, _INSIDE, _FARTHEST)
-    turn = np.full(seats.shape, len(face))
+    theta = (np.arange(SPREAD) + 0.5) / SPREAD * angle[:, None]
+    s, t = np.sin(angle[:, None] - theta) / a[:, None], np.sin(theta) / b[:, None]
+    along = (s[:, :, None] * one[:, None] + t[:, :, None] * other[:, None]) / (s + t)[:, :, None]
+    places = (here[:, None] + inside[:, None, None] * along).reshape(-1, 3)
+
+    turn = np.full(faces.shape, len(face))
     turn[face, corner] = np.arange(len(face))
-    origins = np.empty((len(face), SPREAD, 3), np.float32)
-    nowhere = np.zeros((1, 3))
-    lift = np.concatenate([normal, nowhere])
-    clearance, magnitude = np.ones(len(lift)), surface.magnitudes(turn, len(lift))
-    for part in range(SPREAD):
-        theta = (part + 0.5) / SPREAD * angle
-        s, t = np.sin(angle - theta) / a, np.sin(theta) / b
-        along = (s[:, None] * one + t[:, None] * other) / (s + t)[:, None]
-        places = np.concatenate([here + inside[:, None] * along, nowhere])
-        origins[:, part] = ray_origins(scene, surface, places, lift, clearance, turn, magnitude)[:-1]
+    number = np.repeat(np.arange(len(face)), SPREAD)
+    lift, clearance = normal[number], np.ones(len(number))
+    magnitude = surface.magnitudes(turn, len(face) + 1)[number]
+    origins = ray_origins(scene, surface, places, lift, clearance, turn, number, magnitude)
     total = np.add.reduceat(angle, starts[:-1])
     weights = angle / np.repeat(total, np.diff(starts)) / SPREAD
     numbers = first + np.arange(SPREAD * len(face), dtype=np.uint32)
     return Corners(
         rows,
         SPREAD * starts,
-        Points(origins.reshape(-1, 3), np.repeat(normal, SPREAD, axis=0).astype(np.float32), numbers),
+        Points(origins.astype(np.float32), lift.astype(np.float32), numbers),
         np.repeat(weights, SPREAD),
     )

@@ -49,7 +49,7 @@ class DirectionTable(NamedTuple):
     @classmethod
     def make(cls, samples: int, points: int, key: np.uint32) -> DirectionTable:
         """A table for gathering at `points` points: so many sets that making them costs little beside that."""
-        sets = int(np.clip(_TABLE_POINTS // samples, 8, min(max(points // _SHARERS, 8), 256)))
+        sets = min(max(_TABLE_POINTS // samples, 8), max(points // _SHARERS, 8), 256)
         u, v = jittered_lattice(sets, samples, key)
         part = np.argsort(np.argsort(v[0])) // _TOGETHER
         order = np.argsort(part, kind="stable")  # u ascends already

@@ -16,7 +16,7 @@ from raytrace.mesh.placement import Placement
 from raytrace.ray_origins.welded import weld_points
 from raytrace.system.memory import check_memory
 
-from ..memory import corner_bytes
+from ..memory import NEGLIGIBLE, corner_bytes
 from ..options import Normals
 from .corners import Corners, find_corners
 from .morton import morton_order
@@ -73,10 +73,13 @@ class Receivers:
         """
         if wanted.shape != self.of_vertex.shape or wanted.dtype != np.bool_:
             raise OptionError("only", f"bool ({len(self.of_vertex)},)", f"{wanted.dtype} {wanted.shape}")
-        mine = np.where(wanted, self.of_vertex, -1)
-        kept, rows = np.unique(mine[mine >= 0], return_inverse=True)
-        mine[mine >= 0] = rows
-        return Receivers(self.points[kept], self.corners.only(kept), mine, self.flags, self.faces, self.scene)
+        of_vertex = np.where(wanted, self.of_vertex, -1)
+        needed = np.zeros(len(self.points) + 1, np.bool_)
+        needed[of_vertex] = True
+        needed[-1] = False  # what −1 has set
+        kept, rows = np.flatnonzero(needed), np.where(needed, np.cumsum(needed) - 1, -1)
+        points, corners = self.points[kept], self.corners.only(kept)
+        return Receivers(points, corners, rows[of_vertex], self.flags, self.faces, self.scene)
 
     def ordinary(self) -> tuple[Receivers, Ints]:
         """What is baked by a hemisphere of its own, and the rows of these in `points`."""
@@ -125,10 +128,11 @@ def find_receivers(mesh: Mesh, placement: Placement, normals: Normals = "angle")
     index[rows] = np.arange(len(rows))
     numbers = np.arange(len(rows), dtype=np.uint32)
     points = Points(origin[rows].astype(np.float32), axes[rows].astype(np.float32), numbers)
-    corners, torn = Corners.none(), np.sort(index[usable & folded])
-    if len(torn):
-        wanted = np.where(folded, index, -1)[welded.face_points]
-        count = int(np.count_nonzero(wanted >= 0))
-        check_memory(mesh.source, corner_bytes(count), f"for the {count:,} corners of folded vertices")
-        corners = find_corners(scene, surface, wanted, torn, len(rows))
+    corners = Corners.none()
+    if (usable & folded).any():
+        torn = np.flatnonzero((usable & folded)[welded.face_points])
+        needed = corner_bytes(len(torn))
+        if needed > NEGLIGIBLE:
+            check_memory(mesh.source, needed, f"for the {len(torn):,} corners of folded vertices")
+        corners = find_corners(scene, surface, torn, index[welded.face_points.ravel()[torn]], len(rows))
     return Receivers(points, corners, index[group], flags, faces, scene)

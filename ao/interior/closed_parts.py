@@ -1,78 +1,101 @@
-"""Which faces bound closed solids, and which points may lie in one of another part."""
+"""Connected parts that bound closed solids, and points that may lie in one of another part."""
 
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 
-Ints = npt.NDArray[np.int64]
-Bools = npt.NDArray[np.bool_]
+from raytrace.kernel.counting_sort import counting_sort
+from raytrace.kernel.jit import kernel
+from raytrace.kernel.vector import cross, dot, load_triangle
+from raytrace.mesh.components import connected_components
+from raytrace.mesh.weld import coincident
+from raytrace.types import Bools, Float32s, Int64s
 
 
-def closed_parts(vertices: npt.NDArray[np.float32], faces: Ints) -> tuple[Ints, Bools]:
-    """The connected part (m,) of each face, and whether each part is a closed solid whose faces look outwards.
+def closed_parts(vertices: Float32s, faces: Int64s) -> tuple[Int64s, Bools]:
+    """The connected part (n,) of each vertex, and whether each part is a closed solid whose faces look outwards.
 
-    Vertices at the same place are one. At every edge of a closed part as many faces run one way as the other.
+    Vertices at the same place are one. At every edge of a closed part as many faces run one way as the other. Where
+    there is only one part, it counts as open.
     """
-    unused = int(np.count_nonzero(np.bincount(faces.ravel(), minlength=len(vertices)) == 0))
-    if _connected(faces, len(vertices))[0] <= 1 + unused:  # the usual case, told soonest
-        return np.zeros(len(faces), np.int64), np.zeros(1, np.bool_)
-    corners = _places(vertices)[faces]
-    count, part_of_place = _connected(corners, len(vertices))
-    part = part_of_place[corners[:, 0]]
-    ahead = np.roll(corners, -1, axis=1)
-    low, high = np.minimum(corners, ahead).ravel(), np.maximum(corners, ahead).ravel()
-    way = np.where(corners < ahead, 1, -1).ravel()
-    edge = low * len(vertices) + high
-    order = np.argsort(edge)
-    first = np.flatnonzero(np.diff(edge[order], prepend=-1))
-    torn = np.add.reduceat(way[order], first) != 0
-    closed = np.ones(count, np.bool_)
-    closed[np.repeat(part, 3)[order[first[torn]]]] = False
-    a, b, c = vertices[faces].astype(np.float64).transpose(1, 0, 2)
-    volume = np.bincount(part, np.einsum("ij,ij->i", a, np.cross(b, c)), count)
-    return part, closed & (volume > 0)
+    part = connected_components(faces, len(vertices))
+    if _are_one(part, faces):  # the usual case, found soonest
+        return part, np.zeros(int(part.max(initial=-1)) + 1, np.bool_)
+    place = np.arange(len(vertices))
+    order, number = coincident(vertices)
+    place[order] = order[np.flatnonzero(np.diff(number, prepend=-1))][number]
+    corners = place[faces]
+    part = connected_components(corners, len(vertices))[place]
+    closed = np.zeros(int(part.max()) + 1, np.bool_)
+    if not _are_one(part, faces):
+        volume = np.zeros(len(closed))
+        _add_volumes(vertices, faces, part, volume)
+        closed = volume > 0
+        edges, starts = counting_sort(np.minimum(corners, corners[:, [1, 2, 0]]), len(vertices))
+        _strike_open(corners, edges, starts, part, closed)
+    return part, closed
 
 
-def inside_boxes(
-    points: npt.NDArray[np.float32],
-    own: Ints,
-    vertices: npt.NDArray[np.float32],
-    faces: Ints,
-    part: Ints,
-    closed: Bools,
-) -> Ints:
-    """Rows, ascending, of the `points` (k, 3) within the bounding box of a closed part that is not their `own` (k,)."""
-    low, high = np.full((len(closed), 3), np.inf), np.full((len(closed), 3), -np.inf)
-    for corner in faces.T:
-        np.minimum.at(low, part, vertices[corner])
-        np.maximum.at(high, part, vertices[corner])
+def inside_boxes(points: Float32s, own: Int64s, vertices: Float32s, part: Int64s, closed: Bools) -> Int64s:
+    """Rows, ascending, of the `points` (k, 3) within the bounding box of a closed part that is not their `own` (k,).
+
+    Args: vertices: (n, 3). part, closed: of `closed_parts`.
+    """
+    low, high = np.full((len(closed), 3), np.inf, np.float32), np.full((len(closed), 3), -np.inf, np.float32)
+    _bound(vertices, part, low, high)
     order = np.argsort(points[:, 0], kind="stable")
-    x = points[order, 0]
-    found = np.zeros(len(points), np.bool_)
+    x, found = points[order, 0], np.zeros(len(points), np.bool_)
     for number in np.flatnonzero(closed):
-        rows = order[np.searchsorted(x, low[number, 0]) : np.searchsorted(x, high[number, 0], "right")]
-        within = (points[rows] >= low[number]).all(axis=1) & (points[rows] <= high[number]).all(axis=1)
-        found[rows[within & (own[rows] != number)]] = True
+        first, last = np.searchsorted(x, low[number, 0]), np.searchsorted(x, high[number, 0], "right")
+        _mark_within(points, order[first:last], own, number, low[number], high[number], found)
     return np.flatnonzero(found)
 
 
-def _places(vertices: npt.NDArray[np.float32]) -> Ints:
-    """A number (n,) for each vertex, the same for the same place."""
-    x, y, z = (vertices + np.float32(0.0)).T  # −0 becomes 0
-    order = np.lexsort((z, y, x))
-    new = np.zeros(len(order), np.bool_)
-    for coordinate in (x, y, z):
-        new[1:] |= coordinate[order[1:]] != coordinate[order[:-1]]
-    number = np.empty(len(order), np.int64)
-    number[order] = np.cumsum(new)
-    return number
+def _are_one(part: Int64s, faces: Int64s) -> bool:
+    """Whether all faces are of one part."""
+    of_face = part[faces[:, 0]]
+    return bool((of_face == of_face[:1]).all())
 
 
-def _connected(corners: Ints, count: int) -> tuple[int, Ints]:
-    """How many components `corners` (m, 3) of `count` points make, those of no face included, and that of each (n,)."""
-    a, b = corners[:, [0, 1]].ravel(), corners[:, [1, 2]].ravel()
-    number, label = connected_components(coo_array((np.ones(len(a), np.bool_), (a, b)), shape=(count, count)), False)
-    return number, label.astype(np.int64)
+@kernel
+def _add_volumes(vertices, faces, part, volume):
+    """Six times the volume that the faces of each part bound."""
+    for f in range(len(faces)):
+        a, b, c = load_triangle(vertices, faces, f)
+        volume[part[faces[f, 0]]] += dot(a, cross(b, c))
+
+
+@kernel
+def _strike_open(corners, edges, starts, part, closed):
+    """Take those parts out of `closed` that have an edge along which more faces run one way than the other.
+
+    Args: edges: those with lower end i are edges[starts[i] : starts[i + 1]]; 3 f + k begins at corners[f, k].
+    """
+    balance = np.zeros(len(part), np.int64)
+    for i in range(len(part)):
+        for edge in edges[starts[i] : starts[i + 1]]:
+            a, b = corners[edge // 3, edge % 3], corners[edge // 3, (edge % 3 + 1) % 3]
+            balance[max(a, b)] += 1 if a < b else -1
+        for edge in edges[starts[i] : starts[i + 1]]:
+            other = max(corners[edge // 3, edge % 3], corners[edge // 3, (edge % 3 + 1) % 3])
+            if balance[other] != 0:
+                closed[part[i]] = False
+                balance[other] = 0
+
+
+@kernel
+def _bound(vertices, part, low, high):
+    """Grow the bounding box of each part to hold its vertices."""
+    for i in range(len(vertices)):
+        for axis in range(3):
+            low[part[i], axis] = min(low[part[i], axis], vertices[i, axis])
+            high[part[i], axis] = max(high[part[i], axis], vertices[i, axis])
+
+
+@kernel
+def _mark_within(points, rows, own, number, low, high, found):
+    """Set `found` of the points in `rows` that are not of part `number` and lie from `low` to `high` in y and z."""
+    for row in rows:
+        y, z = points[row, 1], points[row, 2]
+        if own[row] != number and low[1] <= y <= high[1] and low[2] <= z <= high[2]:
+            found[row] = True

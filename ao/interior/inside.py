@@ -34,9 +34,8 @@ from ..gather.receivers import Points, Receivers
 from .closed_parts import closed_parts, inside_boxes
 
 RAYS = 32
-_MOSTLY = 0.5
 _KEY = np.uint32(0x51DE)
-_BLOCK = 1 << 12
+_BLOCK = 1 << 8  # points
 
 
 def inside_other_parts(
@@ -51,12 +50,10 @@ def inside_other_parts(
     part, closed = closed_parts(vertices, faces)
     if not closed.any() or not len(points):
         return inside
-    own_of_vertex = np.full(len(vertices), -1)
-    own_of_vertex[faces] = part[:, None]
-    own = own_of_vertex[receivers.first_vertex]
-    rows = inside_boxes(points.origins, own, vertices, faces, part, closed)
+    own = part[receivers.first_vertex]
+    rows = inside_boxes(points.origins, own, vertices, part, closed)
     if len(rows):
-        solid = np.where(closed[part], part, -1)
+        solid = np.where(closed[part], part, -1)[faces[:, 0]]
         inside[rows] = hidden_points(receivers.scene, points[rows], reach, crowd, threads, solid, own[rows])
     return inside
 
@@ -80,17 +77,17 @@ def hidden_points(
             whose backs don't hide it.
     """
     table = DirectionTable.make(RAYS, crowd, _KEY)
-    backs = np.empty(len(points))
+    hidden = np.empty(len(points), np.bool_)
 
     def work(first: int, last: int) -> None:
         some = points[first:last]
         _look(
             scene.handle, *new_packet(), some.origins, some.normals, some.numbers, table.directions, table.key, reach,
-            part, own[first:last], backs[first:last],
+            part, own[first:last], hidden[first:last],
         )  # fmt: skip
 
     run_blocks(len(points), _BLOCK, work, threads)
-    return backs > _MOSTLY
+    return hidden
 
 
 @dataclass(frozen=True, eq=False)
@@ -144,10 +141,10 @@ class Fill:
 
 
 @kernel
-def _look(scene, packet, valid, origins, normals, numbers, directions, key, reach, part, own, backs):
-    """The part of each point's rays that end on the back of a face, (n,)."""
+def _look(scene, packet, valid, origins, normals, numbers, directions, key, reach, part, own, hidden):
+    """Whether over half of each point's rays end on the back of a face, bool (n,); no more are traced than decide."""
     packet, valid, origins, normals = borrow(packet), borrow(valid), borrow(origins), borrow(normals)
-    directions, part, own, backs = borrow(directions), borrow(part), borrow(own), borrow(backs)
+    directions, part, own, hidden = borrow(directions), borrow(part), borrow(own), borrow(hidden)
     sets, _, samples = directions.shape
     ids = packet.view(np.uint32)
     for i in range(len(origins)):
@@ -158,6 +155,8 @@ def _look(scene, packet, valid, origins, normals, numbers, directions, key, reac
         start_from(packet, origins[i])
         count = 0
         for first in range(0, samples, LANES):
+            if 2 * count > samples or 2 * (count + samples - first) <= samples:
+                break
             aim(packet, local, first, t, b, n, reach)
             intersect8(scene, packet, valid)
             for lane in range(LANES):
@@ -167,4 +166,4 @@ def _look(scene, packet, valid, origins, normals, numbers, directions, key, reac
                 if solid >= 0 and solid != own[i]:
                     along = packet[DIR_X, lane] * packet[NG_X, lane] + packet[DIR_Y, lane] * packet[NG_Y, lane]
                     count += along + packet[DIR_Z, lane] * packet[NG_Z, lane] > 0.0
-        backs[i] = count / samples
+        hidden[i] = 2 * count > samples

@@ -2,14 +2,10 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
-import numpy.typing as npt
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 
 from ..types import Float32s, Float64s, Int64s
+from .components import connected_components
 
 CREASE = float(np.cos(np.radians(30.0)))  # coincident vertices whose faces differ by more stay apart: a hard edge
 _NEIGHBOURS = 64
@@ -20,30 +16,30 @@ def weld(positions: Float32s, normals: Float64s, agreement: float) -> Int64s:
 
     Args: positions (n, 3); normals (n, 3), unit or zero (agrees with none); agreement: the least cosine.
     """
-    count = len(positions)
-    rows = _repeated(positions + np.float32(0.0))  # −0 becomes 0
-    if not len(rows):
-        return np.arange(count)
-    x, y, z = (positions[rows] + np.float32(0.0)).T
-    order = np.lexsort((z, y, x))
-    same = np.ones(len(rows) - 1, bool)
-    for coordinate in (x, y, z):
-        same &= coordinate[order[1:]] == coordinate[order[:-1]]
-    run = np.concatenate([[0], np.cumsum(~same)])
-    pairs: list[tuple[npt.NDArray[Any], npt.NDArray[Any]]] = []
-    order = rows[order]
-    for step in range(1, min(_NEIGHBOURS, len(rows) - 1) + 1):
-        near = np.flatnonzero(run[step:] == run[:-step])
+    order, place = coincident(positions)
+    links: list[Int64s] = []
+    for step in range(1, min(_NEIGHBOURS, len(order) - 1) + 1):
+        near = np.flatnonzero(place[step:] == place[:-step])
         if not len(near):
             break
         a, b = order[near], order[near + step]
         agree = np.einsum("ij,ij->i", normals[a], normals[b]) >= agreement
-        pairs.append((a[agree], b[agree]))
-    if not pairs:
-        return np.arange(count)
-    a, b = (np.concatenate(side) for side in zip(*pairs, strict=True))
-    graph = coo_array((np.ones(len(a), bool), (a, b)), shape=(count, count))
-    return connected_components(graph, directed=False)[1].astype(np.int64)
+        links.append(np.stack([a[agree], b[agree]], axis=1))
+    return connected_components(np.concatenate(links), len(positions)) if links else np.arange(len(positions))
+
+
+def coincident(positions: Float32s) -> tuple[Int64s, Int64s]:
+    """Rows (k,) of all `positions` (n, 3) that occur more than once, and perhaps of a few more, sorted by place.
+
+    Returns these and the number (k,) of each one's place, ascending from 0.
+    """
+    rows = _repeated(positions + np.float32(0.0))  # −0 becomes 0
+    x, y, z = (positions[rows] + np.float32(0.0)).T
+    order = np.lexsort((z, y, x))
+    new = np.zeros(len(rows), np.bool_)
+    for coordinate in (x, y, z):
+        new[1:] |= coordinate[order[1:]] != coordinate[order[:-1]]
+    return rows[order], np.cumsum(new)
 
 
 def sum_groups(group: Int64s, values: Float64s) -> Float64s:
@@ -57,4 +53,6 @@ def _repeated(positions: Float32s) -> Int64s:
     keys = x * np.uint64(0x9E3779B97F4A7C15) ^ y * np.uint64(0xC2B2AE3D27D4EB4F) ^ z * np.uint64(0x165667B19E3779F9)
     ordered = np.sort(keys)
     twice = ordered[1:][ordered[1:] == ordered[:-1]]
-    return np.flatnonzero(np.isin(keys, twice)) if len(twice) else np.zeros(0, np.int64)
+    if not len(twice):
+        return np.zeros(0, np.int64)
+    return np.flatnonzero(twice[np.minimum(np.searchsorted(twice, keys), len(twice) - 1)] == keys)

@@ -16,7 +16,8 @@ from ..system.threads import run_blocks, thread_count
 from ..types import Bools, Float64s, Int64s
 from .surface import Surface
 
-_BLOCK = 1 << 12  # points
+_BLOCK = 1 << 10  # points
+_USUAL = 4  # contacts of a point that there are places for at first; coarse boxes on end have 2.5
 _MOST = 64  # contacts of one point; of more, those with the lowest rows are kept
 _FEW = 64  # faces that the boxes of Embree's hierarchy put near a point: places for these at first
 
@@ -28,13 +29,13 @@ class Contacts(NamedTuple):
     face: Int64s
     distance: Float64s
 
-    def only(self, which: Bools | slice) -> Contacts:
-        """Some of the pairs; `which` is bool (j,) or a slice."""
+    def only(self, which: Bools | Int64s) -> Contacts:
+        """Some of the pairs, copied; `which` is bool (j,) or their rows."""
         return Contacts(self.point[which], self.face[which], self.distance[which])
 
 
 class _Points(NamedTuple):
-    """Points to search around: float64 (k, 3), `reach` and `radius` (k,), `face_points` int64 (m, 3), as below.
+    """Points to search around: float64 (k, 3), `reach` and `radius` (k,), `face_points` and `numbers`, as below.
 
     `radius` is what Embree searches: at least `reach` and every face's margin, and its own rounding.
     """
@@ -43,32 +44,33 @@ class _Points(NamedTuple):
     reach: Float64s
     radius: Float64s
     face_points: Int64s
+    numbers: Int64s
 
 
 def find_contacts(
-    scene: TriangleScene, surface: Surface, points: Float64s, reach: Float64s, face_points: Int64s
+    scene: TriangleScene, surface: Surface, points: Float64s, reach: Float64s, face_points: Int64s, numbers: Int64s
 ) -> Contacts:
     """The faces within the larger of `reach` and their `rounding` of points, but not those that a point is a corner of.
 
     Args:
         scene: holds exactly the faces of `surface`. points: float64 (k, 3), render space.
         reach: float64 (k,), negative for points that are left out.
-        face_points: int64 (m, 3), the row of `points` that each face corner is.
+        face_points: int64 (m, 3), the number of the point that each face corner is. numbers: int64 (k,), of each point.
     """
     if not (reach >= 0.0).any() or not len(surface.faces):
         return _empty(0)
     slack = 8.0 * ULP * max(float(np.abs(points).max()), float(np.abs(surface.vertices).max()))  # Embree's own rounding
-    around = _Points(points, reach, np.maximum(reach, surface.rounding.max()) + slack, face_points)
+    around = _Points(points, reach, np.maximum(reach, surface.rounding.max()) + slack, face_points, numbers)
     parts: list[Contacts] = [_empty(0)] * -(-len(points) // _BLOCK)
 
     def search(first: int, last: int) -> None:
-        found, query = _empty(_BLOCK // 16), PointQuery.of(scene, _FEW)
+        found, query = _empty(_USUAL * _BLOCK), PointQuery.of(scene, _FEW)
         while True:
             count, largest = _search(query, around, surface, first, last, found)
             if count <= len(found.point) and HEAD + largest <= len(query.near):
                 break
             found, query = _empty(count), PointQuery.of(scene, largest)
-        parts[first // _BLOCK] = found.only(slice(count))
+        parts[first // _BLOCK] = found.only(np.arange(count))  # copies, so that the rest is let go
 
     run_blocks(len(points), _BLOCK, search, thread_count(None))
     point, face, distance = (np.concatenate(column) for column in zip(*parts, strict=True))
@@ -124,13 +126,13 @@ def _search(query, around, surface, first, last, found):
     for i in range(first, last):
         if reach[i] < 0.0:
             continue
-        p = load(points, i)
+        p, number = load(points, i), around.numbers[i]
         several = faces_near(query, p, around.radius[i])
         largest = max(largest, several)
         filled = 0
         for k in range(HEAD, min(HEAD + several, len(query.near))):
             f = query.near[k]
-            if face_points[f, 0] == i or face_points[f, 1] == i or face_points[f, 2] == i:
+            if face_points[f, 0] == number or face_points[f, 1] == number or face_points[f, 2] == number:
                 continue
             within = max(reach[i], surface.rounding[f])
             a, b, c = load_triangle(surface.vertices, surface.faces, f)

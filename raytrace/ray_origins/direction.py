@@ -25,20 +25,21 @@ from .surface import Surface
 
 _ENOUGH = 0.3  # clearance with which a search for a better direction ends
 _SAME_PLANE = 0.9999
-_BLOCK = 1 << 12  # points
+_BLOCK = 1 << 9  # points
 
 
 class _Incident(NamedTuple):
     """Faces at some points; int64.
 
     Attributes:
-        rows: (j,), the points. own: the faces that the i-th of them is a corner of, own_starts[i] to own_starts[i + 1],
+        rows: (j,), the points. own: the faces that the i-th of them is a corner of, own_starts[i] to own_ends[i],
         touched: those that it touches, touched_starts[i] to touched_starts[i + 1]; each ascending.
     """
 
     rows: Int64s
     own: Int64s
     own_starts: Int64s
+    own_ends: Int64s
     touched: Int64s
     touched_starts: Int64s
 
@@ -50,17 +51,23 @@ def turn_directions(
     points: Float64s,
     touched: Contacts,
     face_points: Int64s,
+    numbers: Int64s,
 ) -> None:
     """Turn `directions` (k, 3) and `clearance` (k,) of touched `points` in front of what they touch, where possible.
 
-    Args: touched: at least one, sorted by point. face_points: int64 (m, 3), the point at each face corner.
+    Args:
+        touched: at least one, sorted by point.
+        face_points: int64 (m, 3), the number of the point at each face corner. numbers: int64 (k,), of each point.
     """
     first = np.flatnonzero(np.diff(touched.point, prepend=-1))
     rows = touched.point[first]
-    number = np.full(len(points), -1)
-    number[rows] = np.arange(len(rows))
-    corners, starts = counting_sort(number[face_points], len(rows))
-    incident = _Incident(rows, corners // 3, starts, touched.face, np.append(first, len(touched.point)))
+    needed = np.zeros(len(points), np.bool_)
+    needed[numbers[rows]] = True
+    kept = np.where(needed, np.cumsum(needed) - 1, -1)
+    corners, starts = counting_sort(kept[face_points], int(np.count_nonzero(needed)))
+    own = kept[numbers[rows]]
+    touched_starts = np.append(first, len(touched.point))
+    incident = _Incident(rows, corners // 3, starts[own], starts[own + 1], touched.face, touched_starts)
 
     def work(first: int, last: int) -> None:
         _turn(incident, surface, points, first, last, directions, clearance)
@@ -72,18 +79,18 @@ def turn_directions(
 def _turn(incident, surface, points, first, last, directions, clearance):
     """`turn_directions` of the points incident.rows[first:last]."""
     incident, surface = borrow(incident), borrow(surface)
-    own, own_starts = incident.own, incident.own_starts
+    own, own_starts, own_ends = incident.own, incident.own_starts, incident.own_ends
     touched, touched_starts = incident.touched, incident.touched_starts
     largest = 0
     for k in range(first, last):
-        largest = max(largest, own_starts[k + 1] - own_starts[k] + touched_starts[k + 1] - touched_starts[k])
+        largest = max(largest, own_ends[k] - own_starts[k] + touched_starts[k + 1] - touched_starts[k])
     normals, front = np.empty((largest, 3)), np.empty((largest, 3))
     angles, is_own = np.empty(largest), np.empty(largest, np.bool_)
     for k in range(first, last):
         row = incident.rows[k]
         p, direction = load(points, row), load(directions, row)
         i, j, count = own_starts[k], touched_starts[k], 0
-        own_end, touched_end = own_starts[k + 1], touched_starts[k + 1]
+        own_end, touched_end = own_ends[k], touched_starts[k + 1]
         while i < own_end or j < touched_end:
             is_own[count] = j == touched_end or (i < own_end and own[i] < touched[j])
             f = own[i] if is_own[count] else touched[j]

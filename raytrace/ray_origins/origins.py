@@ -22,6 +22,7 @@ def ray_origins(
     directions: Float64s,
     clearance: Float64s,
     face_points: Int64s,
+    numbers: Int64s,
     magnitude: Float64s,
 ) -> Float64s:
     """Ray origins (k, 3) of `points` (k, 3) in render space.
@@ -30,22 +31,23 @@ def ray_origins(
         scene: holds exactly the faces of `surface`.
         directions: (k, 3), unit, or zero for points without origins; in front of the point's own faces with the least
             cosine `clearance` (k,).
-        face_points: int64 (m, 3), the row of `points` that each face corner is.
-        magnitude: (k,), `surface.magnitudes(face_points, k)`.
+        face_points: int64 (m, 3), the number of the point that each face corner is.
+        numbers: int64 (k,), below k: the number of each point; points may share one.
+        magnitude: (k,), what `surface.magnitudes(face_points, …)` has for that number.
     """
     directions, clearance, magnitude = directions.copy(), clearance.copy(), magnitude.copy()
     offset = ray_offset(directions, magnitude, clearance)
     touching = TOUCHING * ULP * product(np.abs(points), np.ones(3))
     reach = np.maximum(4.0 * offset, touching)  # so far that turning a direction seldom asks for more
     reach[~nonzero(directions)] = -1.0
-    near = find_contacts(scene, surface, points, reach, face_points)
+    near = find_contacts(scene, surface, points, reach, face_points, numbers)
     touched = near.only(near.distance <= np.maximum(touching[near.point], surface.rounding[near.face]))
     if len(touched.point):
-        turn_directions(directions, clearance, surface, points, touched, face_points)
-        np.maximum.at(magnitude, touched.point, np.maximum(surface.extent, surface.flat)[touched.face])
+        turn_directions(directions, clearance, surface, points, touched, face_points, numbers)
+        np.maximum.at(magnitude, touched.point, np.maximum(surface.extent[touched.face], surface.flat[touched.face]))
         offset = ray_offset(directions, magnitude, clearance)
         farther = np.where((reach >= 0.0) & (2.0 * offset > reach), 2.0 * offset, -1.0)
-        more = find_contacts(scene, surface, points, farther, face_points)
+        more = find_contacts(scene, surface, points, farther, face_points, numbers)
         near = Contacts(*(np.append(a, b) for a, b in zip(near, more, strict=True)))
     stop_short(offset, points, directions, touching, near, surface)
     return points + offset[:, None] * directions

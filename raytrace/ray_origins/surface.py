@@ -80,10 +80,12 @@ def _magnitudes(extent, flat, face_points, magnitude):
     for f in range(len(face_points)):
         for corner in range(3):
             point = face_points[f, corner]
-            around[point] = max(around[point], flat[f])
+            if flat[f] > around[point]:  # seldom; a store each time would be waited for
+                around[point] = flat[f]
     for f in range(len(face_points)):
         flattest = max(around[face_points[f, 0]], around[face_points[f, 1]], around[face_points[f, 2]])
         largest = max(extent[f], flattest)
         for corner in range(3):
             point = face_points[f, corner]
-            magnitude[point] = max(magnitude[point], largest)
+            if largest > magnitude[point]:
+                magnitude[point] = largest

@@ -46,8 +46,9 @@ class WeldedPoints(NamedTuple):
 
     def ray_origins(self, scene: TriangleScene, surface: Surface) -> Float64s:
         """Ray origins (k, 3). Args: scene: holds exactly the faces of `surface`, which is `self.surface`."""
-        points, magnitude = surface.vertices[self.first], surface.magnitudes(self.face_points, len(self.first))
-        return ray_origins(scene, surface, points, self.directions, self.clearance, self.face_points, magnitude)
+        points, corners, numbers = surface.vertices[self.first], self.face_points, np.arange(len(self.first))
+        magnitude = surface.magnitudes(corners, len(numbers))
+        return ray_origins(scene, surface, points, self.directions, self.clearance, corners, numbers, magnitude)
 
 
 def weld_points(

@@ -84,8 +84,8 @@ def _control_groups(root: Path) -> Iterator[int]:
 def _remaining(folder: Path, limit: str, used: str, idle: str) -> Iterator[int]:
     try:
         limit_bytes = int((folder / limit).read_text())  # v2 has the word max where there is none
-        statistics = dict(line.split() for line in (folder / "memory.stat").read_text().splitlines())
         if limit_bytes < _NO_LIMIT:
+            statistics = dict(line.split() for line in (folder / "memory.stat").read_text().splitlines())
             yield limit_bytes - int((folder / used).read_text()) + int(statistics.get(idle, 0))
     except (OSError, ValueError):
         return

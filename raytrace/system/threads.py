@@ -41,6 +41,14 @@ def run_blocks(
     `work` must release the GIL to gain anything and write only its own rows. `progress` is called, on this thread,
     with the number of items of each finished block. An exception or Ctrl-C drops the blocks that have not begun.
     """
+    threads = min(threads, -(-count // block))
+    if threads <= 1:  # the bake of a small mesh has dozens of these; a queue would take as long as their work
+        for start in range(0, count, block):
+            stop = min(start + block, count)
+            work(start, stop)
+            if progress:
+                progress(stop - start)
+        return
     starts = iter(range(0, count, block))
     finished: SimpleQueue[int | BaseException] = SimpleQueue()
     taking, over = threading.Lock(), threading.Event()
@@ -64,7 +72,7 @@ def run_blocks(
 
     workers: list[threading.Thread] = []
     try:
-        _start(workers, work_off, min(threads, -(-count // block)) - 1)
+        _start(workers, work_off, threads - 1)
         left, busy = count, True
         while left > 0:
             busy = busy and work_one()

@@ -69,7 +69,7 @@ def test_contacts_are_those_of_brute_force(seed):
     reach, margin = rng.uniform(0, 0.3, len(points)), rng.uniform(0, 0.1, len(faces))
     scene = TriangleScene(vertices.astype(np.float32), faces)
     surface = Surface.of(vertices, faces, np.zeros((len(faces), 3)))._replace(rounding=margin)
-    found = find_contacts(scene, surface, points, reach, faces)
+    found = find_contacts(scene, surface, points, reach, faces, np.arange(len(points)))
     corners = vertices[faces]
     expected = {
         (i, f)
@@ -105,9 +105,9 @@ def test_no_points_and_no_faces_have_no_contacts():
     vertices, faces = grid(1)
     scene = TriangleScene(vertices.astype(np.float32), faces)
     surface = Surface.of(vertices, faces, np.zeros((len(faces), 3)))
-    assert len(find_contacts(scene, surface, nothing, np.zeros(0), faces).point) == 0
+    assert len(find_contacts(scene, surface, nothing, np.zeros(0), faces, np.arange(0)).point) == 0
     empty = Surface.of(vertices, none, nothing)
-    assert len(find_contacts(scene, empty, vertices, np.ones(len(vertices)), none).point) == 0
+    assert len(find_contacts(scene, empty, vertices, np.ones(len(vertices)), none, np.arange(len(vertices))).point) == 0
 
 
 def test_clearance_is_asked_for():
