@@ -17,7 +17,7 @@ import scenes.readers.threemf
 from raytrace.errors import InputError, SceneError
 from raytrace.image.read import read_image
 from raytrace.image.texture import Texture, pack_textures
-from scenes.commands.picture_bake import obscured
+from scenes.commands.picture_bake import with_obscurance
 from scenes.description.read import read_scene
 
 
@@ -69,10 +69,10 @@ def test_baked_files_are_not_trusted(tmp_path, ending, old, new, expected):
     (tmp_path / "m.toml").write_text(toml_text(PLANE | {"obscurance": {"baked": f"w.{ending}"}}))
     description = read_scene(tmp_path / "m.toml")
     if expected is None:
-        obscured(description)
+        with_obscurance(description)
         return
     with pytest.raises(SceneError, match=rf"w\.{ending}: {expected}"):
-        obscured(description)
+        with_obscurance(description)
 
 
 def png(width, height, rows=b""):

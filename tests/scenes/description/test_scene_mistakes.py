@@ -7,7 +7,7 @@ import pytest
 from scene_texts import PLAIN, SQUARE, scene
 
 from raytrace.errors import InputError, SceneError
-from scenes.commands.picture_bake import obscured
+from scenes.commands.picture_bake import with_obscurance
 from scenes.description.read import read_scene
 
 MISTAKES = {
@@ -216,15 +216,15 @@ def test_hostile_toml(tmp_path):
 def test_a_baked_file_of_something_else(tmp_path):
     made = scene(tmp_path, '[obscurance]\nbaked = "w.npy"\n' + PLAIN, **{"w.npy": "no array"})
     with pytest.raises(SceneError, match=r"w\.npy: content: expected w as obscurance bake writes it"):
-        obscured(made)
+        with_obscurance(made)
     np.save(tmp_path / "w.npy", np.ones(3))
     with pytest.raises(SceneError, match=r"w.npy: w: expected 9 values, .*, got 3"):
-        obscured(made)
+        with_obscurance(made)
     np.save(tmp_path / "w.npy", np.full(9, 2.0))
     with pytest.raises(SceneError, match=r"w.npy: w: expected values in \[0, 1\]"):
-        obscured(made)
+        with_obscurance(made)
     zipped = scene(tmp_path, '[obscurance]\nbaked = "w.npz"\n' + PLAIN, **{"w.npz": "no archive"})
     with pytest.raises(SceneError, match=r"w\.npz: content"):
-        obscured(zipped)
+        with_obscurance(zipped)
     np.savez(tmp_path / "w.npz", w=np.linspace(0, 1, 9))
-    assert obscured(zipped)[0].objects[0].w[-1] == 1
+    assert with_obscurance(zipped)[0].objects[0].w[-1] == 1

@@ -57,7 +57,7 @@ def test_rays_that_start_on_the_surface_fail(monkeypatch: pytest.MonkeyPatch) ->
 
 
 def test_rays_that_mind_only_their_own_faces_fail(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("raytrace.ray_origins.origins._step_out", lambda *arguments: None)
+    monkeypatch.setattr("raytrace.ray_origins.origins.turn_directions", lambda *arguments: None)
     edged = {name: rays.closed()[name] for name in ("cube, hard edges", "cube with T-junctions")}
     monkeypatch.setattr(rays, "closed", lambda: edged)
     monkeypatch.setattr(rays, "poses", lambda long: [Pose(turn=4)])
@@ -68,7 +68,7 @@ def test_rays_that_mind_only_their_own_faces_fail(monkeypatch: pytest.MonkeyPatc
 
 def test_offsets_that_pass_through_a_plate_fail(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("raytrace.ray_origins.origins.ray_offset", lambda *arguments: 4 * ray_offset(*arguments))
-    monkeypatch.setattr("raytrace.ray_origins.origins._stop_short", lambda *arguments: None)
+    monkeypatch.setattr("raytrace.ray_origins.origins.stop_short", lambda *arguments: None)
     assert any("face to face" in line.case for line in contacts(False, None) if not line.ok)
 
 
