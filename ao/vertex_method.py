@@ -13,7 +13,8 @@ from .adaptive.probes import derive
 from .adaptive.tolerance import Estimate, estimate_to
 from .denoise.one_ring import Neighbours
 from .gather.receivers import Flag, Receivers
-from .interior.inside import Fill, hidden_points, inside_other_parts
+from .interior.fill import Fill
+from .interior.inside import Solids, hidden_points, inside_other_parts
 from .prepared import Prepared
 from .result import PointValues
 from .skip.horizon import Horizons
@@ -78,8 +79,8 @@ def _inside(prepared: Prepared) -> Bools:
         return np.zeros(count, np.bool_)
     if hidden == "auto":
         return inside_other_parts(receivers, vertices, reach, total, threads)
-    any_back, nobody = np.zeros(len(receivers.faces), np.int64), np.full(count, -1)
-    return hidden_points(receivers.scene, receivers.points, reach, total, threads, any_back, nobody)
+    any_back = Solids(np.zeros(len(receivers.faces), np.int64), np.full(count, -1))
+    return hidden_points(receivers.scene, receivers.points, any_back, reach, total, threads)
 
 
 def _neighbours(receivers: Receivers, threads: int) -> Neighbours:

@@ -52,7 +52,7 @@ def main(kills, seed, make, options, folder):
         took = time.monotonic() - start
     wanted = reference.read_bytes()
     seen = {"killed": 0, "finished": 0, "continued": 0, "different": 0, "failed": 0}
-    while seen["killed"] < kills or not target.exists():
+    while not seen["failed"] and (seen["killed"] < kills or not target.exists()):
         held = journal.stat().st_size if journal.exists() else 0
         child = forked(lambda: bake_to(target, make, options, resume=True, after=0, every=0))
         if seen["killed"] < kills:
