@@ -20,9 +20,10 @@ from collections.abc import Iterable
 from difflib import get_close_matches
 from typing import TYPE_CHECKING, Any
 
+from .types import Float64s
+
 if TYPE_CHECKING:
-    import numpy as np
-    import numpy.typing as npt
+    pass
 
 
 class ObscuranceError(Exception):
@@ -62,7 +63,7 @@ def check_type(value: object, kind: type, source: str, field: str, expected: str
         raise OptionError(field, expected, repr(value), source)
 
 
-def numbers(values: Any, source: str, field: str, expected: str) -> npt.NDArray[np.float64]:
+def numbers(values: Any, source: str, field: str, expected: str) -> Float64s:
     """`values` as a float64 array. Raises: OptionError: they are no numbers."""
     import numpy as np  # so that mistakes and --help wait for no NumPy
 

@@ -10,17 +10,14 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
 from raytrace.embree.scene import TriangleScene
 from raytrace.ray_origins.offset import ray_offset
 from raytrace.ray_origins.origins import ray_origins
 from raytrace.ray_origins.surface import Surface
+from raytrace.types import Float64s, Int64s
 
 from .points import Points
-
-Floats = npt.NDArray[np.float64]
-Ints = npt.NDArray[np.int64]
 
 SPREAD = 3  # points to a corner, in the middles of equal parts of its angle
 _INSIDE = 1.0 / 32.0  # of the way to the opposite edge; from 1/16 to 1/64 w hardly changes
@@ -39,10 +36,10 @@ class Corners:
         places: k points near it, in its faces. weights: float64 (k,), of sum 1 for each point.
     """
 
-    rows: Ints
-    starts: Ints
+    rows: Int64s
+    starts: Int64s
     places: Points
-    weights: Floats
+    weights: Float64s
 
     @classmethod
     def none(cls) -> Corners:
@@ -53,7 +50,7 @@ class Corners:
     def __len__(self) -> int:
         return len(self.rows)
 
-    def only(self, kept: Ints) -> Corners:
+    def only(self, kept: Int64s) -> Corners:
         """Those of the points `kept`, ascending rows, which are numbered anew in that order."""
         rows = np.searchsorted(kept, self.rows)
         found = np.append(kept, -1)[rows] == self.rows
@@ -64,23 +61,23 @@ class Corners:
         starts = np.concatenate([[0], np.cumsum(counts[found])])
         return Corners(rows[found], starts, self.places[which], self.weights[which])
 
-    def mean(self, values: Floats) -> Floats:
+    def mean(self, values: Float64s) -> Float64s:
         """Means (j, c) of `values` (k, c); equal values keep every bit."""
         first = values[self.starts[:-1]]
         apart = (values - np.repeat(first, np.diff(self.starts), axis=0)) * self.weights[:, None]
         return first + np.add.reduceat(apart, self.starts[:-1], axis=0)
 
-    def variance(self, values: Floats) -> Floats:
+    def variance(self, values: Float64s) -> Float64s:
         """Variance (j,) of means of independent values of variances `values` (k,)."""
         return np.add.reduceat(self.weights**2 * values, self.starts[:-1])
 
-    def mean_direction(self, vectors: Floats) -> Floats:
+    def mean_direction(self, vectors: Float64s) -> Float64s:
         """Means (j, 3) of `vectors` (k, 3); zero where they cancel out, as those of the two sides of a sheet."""
         mean, lengths = self.mean(vectors), self.mean(np.linalg.norm(vectors, axis=1)[:, None])
         return np.where(np.linalg.norm(mean, axis=1)[:, None] > _CANCELLED * lengths, mean, 0.0)
 
 
-def find_corners(scene: TriangleScene, surface: Surface, corners: Ints, points: Ints, first: int) -> Corners:
+def find_corners(scene: TriangleScene, surface: Surface, corners: Int64s, points: Int64s, first: int) -> Corners:
     """The corners of points.
 
     Args:

@@ -6,7 +6,6 @@ from dataclasses import dataclass
 from enum import IntFlag
 
 import numpy as np
-import numpy.typing as npt
 
 from raytrace.embree.scene import TriangleScene
 from raytrace.errors import MeshError, OptionError
@@ -15,15 +14,13 @@ from raytrace.mesh.normals import nonzero, normalize
 from raytrace.mesh.placement import Placement
 from raytrace.ray_origins.welded import weld_points
 from raytrace.system.memory import check_memory
+from raytrace.types import Bools, Int64s, UInt8s
 
 from ..memory import NEGLIGIBLE, corner_bytes
 from ..options import Normals
 from .corners import Corners, find_corners
 from .morton import morton_order
 from .points import Points
-
-Floats = npt.NDArray[np.float64]
-Ints = npt.NDArray[np.int64]
 
 SAME = 1.0 - 1e-9
 
@@ -52,20 +49,20 @@ class Receivers:
 
     points: Points
     corners: Corners
-    of_vertex: Ints
-    flags: npt.NDArray[np.uint8]
-    faces: Ints
+    of_vertex: Int64s
+    flags: UInt8s
+    faces: Int64s
     scene: TriangleScene
 
     @property
-    def first_vertex(self) -> Ints:
+    def first_vertex(self) -> Int64s:
         """The first vertex (k,) of each point."""
         vertices = np.flatnonzero(self.of_vertex >= 0)[::-1]
         first = np.empty(len(self.points), np.int64)
         first[self.of_vertex[vertices]] = vertices
         return first
 
-    def only(self, wanted: npt.NDArray[np.bool_]) -> Receivers:
+    def only(self, wanted: Bools) -> Receivers:
         """The points of the `wanted` vertices, bool (n,); the other vertices have none.
 
         Raises:
@@ -81,7 +78,7 @@ class Receivers:
         points, corners = self.points[kept], self.corners.only(kept)
         return Receivers(points, corners, rows[of_vertex], self.flags, self.faces, self.scene)
 
-    def ordinary(self) -> tuple[Receivers, Ints]:
+    def ordinary(self) -> tuple[Receivers, Int64s]:
         """What is baked by a hemisphere of its own, and the rows of these in `points`."""
         if not len(self.corners):
             return self, np.arange(len(self.points))

@@ -8,6 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ..errors import OptionError, check_type
+from ..types import AnyFloats
 from .materials import BaseMaterial
 
 
@@ -17,7 +18,7 @@ def reflect(
     l: npt.ArrayLike,
     v: npt.ArrayLike,
     grain: npt.ArrayLike | None = None,
-) -> npt.NDArray[np.floating[Any]]:
+) -> AnyFloats:
     """Reflected RGB per unit incident RGB.
 
     For physical models (Lambert, Oren–Nayar, Cook–Torrance, elliptical Beckmann) this is BRDF·(n·l), in 1/sr; for

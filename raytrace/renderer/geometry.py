@@ -24,7 +24,7 @@ from ..scene import Object, Shape
 from ..settings import Normals
 from ..shade.records import Geometry
 from ..shade.shaft_culling import SLACK, cluster, pack_boxes
-from ..types import Float32s, Float64s, Int64s
+from ..types import AnyFloats, Float32s, Float64s, Int64s
 from .vertex_origins import INSTANCED, smooth_normals, vertex_origins
 
 
@@ -157,7 +157,7 @@ def _bounds(objects: tuple[Object, ...]) -> Mesh:
     return Mesh(np.concatenate(corners), np.array([[0, 1, 2]]), source="scene")
 
 
-def _corners(points: npt.NDArray[np.floating[Any]]) -> Float64s:
+def _corners(points: AnyFloats) -> Float64s:
     """The corners (8, 3) of the points' bounding box."""
     ends = zip(points.min(axis=0), points.max(axis=0), strict=True)
     return np.array(np.meshgrid(*ends), np.float64).reshape(3, -1).T

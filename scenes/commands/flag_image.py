@@ -5,7 +5,6 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
 
 import ao
 from raytrace.camera import Camera
@@ -16,6 +15,7 @@ from raytrace.mesh.mesh import Mesh
 from raytrace.renderer.render import render
 from raytrace.scene import Object, Scene, Shape
 from raytrace.settings import Settings
+from raytrace.types import Float32s, Float64s
 
 from ..description.defaults import Z_UP, Vector, framing
 
@@ -53,9 +53,9 @@ def write_marked(target: Path, mesh: Mesh, baked: ao.Bake, up: Vector = Z_UP) ->
 
 
 def _dots(
-    picture: npt.NDArray[np.float32],
+    picture: Float32s,
     camera: Camera,
-    places: npt.NDArray[np.float64],
+    places: Float64s,
     colour: tuple[float, float, float],
 ) -> None:
     right, above, forward = camera.axes()

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
 from ao.gather.receivers import Flag, find_receivers
 from raytrace.errors import printable
 from raytrace.mesh.normals import face_normals
 from raytrace.mesh.placement import Placement
 from raytrace.mesh.precision import precision_warnings
+from raytrace.types import Float64s
 
 from ..readers.load import MeshFile
 
@@ -45,7 +45,7 @@ def describe(source: MeshFile) -> list[tuple[str, str]]:
     return rows
 
 
-def _stored(w: npt.NDArray[np.float64] | None) -> str:
+def _stored(w: Float64s | None) -> str:
     """Range and mean of the w that a bake has left in the file."""
     if w is None:
         return "none in the file"

@@ -5,7 +5,6 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
 
 import ao
 from ao.memory import vertex_bytes
@@ -14,6 +13,7 @@ from raytrace.renderer.render import seen_vertices
 from raytrace.renderer.render_scene import release
 from raytrace.scene import Scene
 from raytrace.system.memory import available
+from raytrace.types import Float64s
 
 from ..description.description import SceneDescription
 from ..readers.stored_w import read_w
@@ -55,7 +55,7 @@ def with_obscurance(
     return scene.with_obscurance(made.w), made
 
 
-def _stored(description: SceneDescription, path: Path) -> npt.NDArray[np.float64]:
+def _stored(description: SceneDescription, path: Path) -> Float64s:
     """w of all vertices of the scene, from a file that has one for each, or one for each vertex of its mesh files."""
     counts = [len(item.shape.mesh.vertices) for item in description.scene.objects]
     origins = description.origins or (None,) * len(counts)

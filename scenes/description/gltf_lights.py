@@ -11,20 +11,18 @@ from __future__ import annotations
 from math import cos, degrees, pi
 from typing import Any
 
-import numpy as np
-import numpy.typing as npt
 from scipy.optimize import brentq
 
 from raytrace.lights.sources import BaseLight, light_from_dict
+from raytrace.types import Float64s
 
 from ..field_errors import located
 
-Floats = npt.NDArray[np.float64]
 FLOAT32_RIGHT_ANGLE = 1.5707964
 EXTENSION = "KHR_lights_punctual"
 
 
-def lights(header: dict[str, Any], world: dict[int, Floats], source: object) -> tuple[BaseLight, ...]:
+def lights(header: dict[str, Any], world: dict[int, Float64s], source: object) -> tuple[BaseLight, ...]:
     """The lights of the nodes in `world` (`gltf_nodes.node_matrices`), in their order.
 
     Raises:
@@ -40,7 +38,7 @@ def lights(header: dict[str, Any], world: dict[int, Floats], source: object) -> 
     return tuple(made)
 
 
-def _light(stored: dict[str, Any], matrix: Floats) -> BaseLight:
+def _light(stored: dict[str, Any], matrix: Float64s) -> BaseLight:
     intensity = [stored.get("intensity", 1.0) * channel for channel in stored.get("color", [1, 1, 1])]
     values: dict[str, Any] = {"light": stored["type"], "intensity": intensity}
     if stored["type"] != "directional":

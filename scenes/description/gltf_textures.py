@@ -11,10 +11,10 @@ from typing import Any
 from urllib.parse import unquote
 
 import numpy as np
-import numpy.typing as npt
 
 from raytrace.errors import SceneError
 from raytrace.image.texture import Texture, Wrap
+from raytrace.types import Float64s
 
 from ..field_errors import shown
 from ..gltf.accessors import entry, normalized, values, view_bytes
@@ -22,7 +22,6 @@ from ..gltf.container import Gltf, referenced
 from ..safe_paths import confined
 from .gltf_materials import base_texture
 
-Floats = npt.NDArray[np.float64]
 _REPEAT = 10497
 _MODES: dict[int, Wrap] = {_REPEAT: "repeat", 33648: "mirrored_repeat", 33071: "clamp_to_edge"}
 
@@ -34,7 +33,7 @@ class Textures:
         self._asset, self._path = asset, asset.path
         self._made: dict[tuple[int, tuple[Wrap, Wrap]], Texture] = {}
 
-    def of(self, primitive: dict[str, Any]) -> tuple[Floats, Texture] | None:
+    def of(self, primitive: dict[str, Any]) -> tuple[Float64s, Texture] | None:
         """Coordinates uv (n, 2), v upwards, and the texture of a primitive that has both, or None.
 
         Raises:
@@ -74,7 +73,7 @@ class Textures:
         return Texture(confined(unquote(stored.get("uri", "")), self._path.parent, self._path, field))
 
 
-def _coordinates(asset: Gltf, number: int) -> Floats:
+def _coordinates(asset: Gltf, number: int) -> Float64s:
     """The values (n, 2) of a texture coordinate accessor, v upwards."""
     uv = normalized(values(asset, number, "VEC2"))
     if not np.isfinite(uv).all():

@@ -3,18 +3,16 @@
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 from scipy.spatial.transform import Rotation
 
 from raytrace.errors import SceneError
+from raytrace.types import Float64s
 
 from ..field_errors import joined, shown
 from .schema import Transform
 
-Floats = npt.NDArray[np.float64]
 
-
-def matrix_of(table: Transform, source: object, path: str) -> Floats:
+def matrix_of(table: Transform, source: object, path: str) -> Float64s:
     """The affine (4, 4) map for column vectors: scale, then rotate, then translate.
 
     Raises:

@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 from scipy.sparse import csr_array
 
 from ao.baking import bake
@@ -13,8 +12,8 @@ from ao.falloff import Falloff
 from ao.gather.receivers import Flag
 from ao.result import Bake
 from raytrace.mesh.mesh import Mesh
+from raytrace.types import Bools, Float64s
 
-Floats = npt.NDArray[np.float64]
 NEAR, FAR = 2.5, 6.0  # times its estimated error: beyond them are few vertices, and next to none
 _OUTLIER = 10.0  # times the tolerance: farther from its neighbours than the truth is
 
@@ -60,10 +59,10 @@ class Truth:
         some: bool (n,), the vertices that have a w.
     """
 
-    halves: Floats
-    w: Floats
-    variance: Floats
-    some: npt.NDArray[np.bool_]
+    halves: Float64s
+    w: Float64s
+    variance: Float64s
+    some: Bools
 
 
 def find_truth(mesh: Mesh, falloff: Falloff, samples: int, seed: int, threads: int | None = None) -> Truth:
@@ -98,7 +97,7 @@ def compare_with_truth(mesh: Mesh, baked: Bake, truth: Truth, tolerance: float) 
     )
 
 
-def off_median(mesh: Mesh, w: Floats) -> Floats:
+def off_median(mesh: Mesh, w: Float64s) -> Float64s:
     """How far w is from the median of the vertices at most two edges away, itself one of them, for each place (k,)."""
     _, first, place = np.unique(mesh.vertices, axis=0, return_index=True, return_inverse=True)
     faces, values = place.reshape(-1)[mesh.faces], w[first]

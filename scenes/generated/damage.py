@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
-import numpy.typing as npt
 
-from ..geometry.polyhedra import Floats, Part, join
+from raytrace.types import Float64s, Int64s
+
+from ..geometry.polyhedra import Part, join
 from .dense import Rng, extent, field, log_uniform, places, used, welded
 
-Ints = npt.NDArray[np.int64]
 Damage = Callable[[Part, Rng], Part]
 
 
@@ -101,7 +101,7 @@ def flipped(part: Part, rng: Rng) -> Part:
     return vertices, faces
 
 
-def _flip_some(vertices: Floats, faces: Ints, rng: Rng) -> Ints:
+def _flip_some(vertices: Float64s, faces: Int64s, rng: Rng) -> Int64s:
     """Faces (m, 3) after one round of flips, at most one to a face, none that turns a face over."""
     sides = np.concatenate([faces, np.roll(faces, -1, axis=1), np.roll(faces, -2, axis=1)])  # a, b, opposite corner
     owner = np.tile(np.arange(len(faces)), 3)
@@ -129,11 +129,11 @@ def _flip_some(vertices: Floats, faces: Ints, rng: Rng) -> Ints:
     return out
 
 
-def _area_normal(vertices: Floats, a: Ints, b: Ints, c: Ints) -> Floats:
+def _area_normal(vertices: Float64s, a: Int64s, b: Int64s, c: Int64s) -> Float64s:
     return np.cross(vertices[b] - vertices[a], vertices[c] - vertices[a])
 
 
-def vertex_normals(part: Part) -> Floats:
+def vertex_normals(part: Part) -> Float64s:
     """Unit normals (n, 3) of the vertices, zero where there is none."""
     vertices, faces = part
     normals = np.zeros_like(vertices)

@@ -8,11 +8,12 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from raytrace.mesh.mesh import Mesh
+from raytrace.types import Float64s
 
-from ..geometry.polyhedra import Floats, Part
+from ..geometry.polyhedra import Part
 
 Rng = np.random.Generator
-Field = Callable[[Floats], Floats]
+Field = Callable[[Float64s], Float64s]
 Make = Callable[[float], Part]
 SURPLUS = 1.25  # vertices more than asked for that `sized` is content with
 _SAME = 1e-7  # of a part's extent: vertices nearer than this are one

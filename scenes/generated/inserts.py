@@ -7,12 +7,13 @@ from collections.abc import Callable
 import numpy as np
 
 from raytrace.mesh.mesh import Mesh
+from raytrace.types import Float64s
 
-from ..geometry.polyhedra import Floats, Part, join
+from ..geometry.polyhedra import Part, join
 from .dense import Make, Rng, displacement, field, log_uniform, placed, sized
 from .pieces import ball, box, capsule, cells, cylinder, knot, moved, random_turn, ring, sheet, solid
 
-Height = Callable[[Floats], Floats]
+Height = Callable[[Float64s], Float64s]
 
 
 def slab_with_posts(rng: Rng, size: int) -> Mesh:
@@ -35,10 +36,10 @@ def _ground(rng: Rng) -> tuple[Make, Height]:
     amplitude = 0.0 if rng.random() < 0.4 else log_uniform(rng, 0.005, 0.08)
     waves = field(rng, 0.4, 3.0)
 
-    def height(xy: Floats) -> Floats:
+    def height(xy: Float64s) -> Float64s:
         return amplitude * waves(np.column_stack([xy, np.zeros(len(xy))])) if amplitude else np.zeros(len(xy))
 
-    def surface(s: Floats, t: Floats) -> Floats:
+    def surface(s: Float64s, t: Float64s) -> Float64s:
         xy = np.stack([s.ravel(), t.ravel()], -1) - 0.5
         return np.column_stack([xy, height(xy)]).reshape(*s.shape, 3)
 

@@ -6,8 +6,9 @@ import numpy as np
 from scipy.spatial import Delaunay
 
 from raytrace.mesh.mesh import Mesh
+from raytrace.types import Float64s
 
-from ..geometry.polyhedra import Floats, Part, join
+from ..geometry.polyhedra import Part, join
 from .dense import Make, Rng, displacement, field, log_uniform, placed, sized
 from .pieces import ball, box, cells, moved, plane, random_turn, sheet, solid
 
@@ -22,7 +23,7 @@ def thin_sheets(rng: Rng, size: int) -> Mesh:
     turns = rng.uniform(1.5, 4.0)
 
     def layer(k: int, h: float) -> Part:
-        def surface(s: Floats, t: Floats) -> Floats:
+        def surface(s: Float64s, t: Float64s) -> Float64s:
             x, y = widths[k, 0] * (s - 0.5), widths[k, 1] * (t - 0.5)
             z = bend * waves(np.stack([x, y, 0 * x], -1).reshape(-1, 3)).reshape(x.shape)
             return np.stack([x, y, z + levels[k]], -1)
@@ -38,7 +39,7 @@ def thin_sheets(rng: Rng, size: int) -> Mesh:
         return vertices, faces[:, ::-1] if sides[k] else faces
 
     def roll(h: float) -> Part:
-        def surface(s: Floats, t: Floats) -> Floats:
+        def surface(s: Float64s, t: Float64s) -> Float64s:
             angle = 2 * np.pi * turns * s
             out = 0.05 + 0.02 * angle
             return np.stack([out * np.cos(angle), out * np.sin(angle), 0.8 * t], -1)
@@ -94,7 +95,7 @@ def terraces(rng: Rng, size: int) -> Mesh:
 
     waves, tall, steep = field(rng, 0.5, 3.0), rng.uniform(0.05, 0.5), rng.uniform(0.0, 0.2)
 
-    def surface(s: Floats, t: Floats) -> Floats:
+    def surface(s: Float64s, t: Float64s) -> Float64s:
         points = np.stack([s - 0.5, t - 0.5, np.zeros_like(s)], -1)
         level = waves(points.reshape(-1, 3)).reshape(s.shape) * steps / 6
         up = np.floor(level) + np.clip((level - np.floor(level) - 1) / max(steep, 1e-9) + 1, 0, 1)
@@ -107,7 +108,7 @@ def terraces(rng: Rng, size: int) -> Mesh:
 def scale_jumps(rng: Rng, size: int) -> Mesh:
     """Small detailed things on or through a ground 20 to 2,000 times as large, cut fine where they stand or nowhere."""
     power = rng.uniform(1.0, 5.0)
-    things: list[tuple[Make, Floats, float]] = []
+    things: list[tuple[Make, Float64s, float]] = []
     for _ in range(int(rng.integers(1, 5))):
         length = log_uniform(rng, 5e-4, 5e-2)
         bumps = displacement(rng, rng.uniform(0.0, 1.0))
@@ -122,7 +123,7 @@ def scale_jumps(rng: Rng, size: int) -> Mesh:
     walls = rng.random() < 0.4
     wall = rng.uniform(0.05, 0.5), random_turn(rng, upright=True)
 
-    def graded(s: Floats, t: Floats) -> Floats:
+    def graded(s: Float64s, t: Float64s) -> Float64s:
         x, y = (np.sign(2 * u - 1) * np.abs(2 * u - 1) ** power / 2 for u in (s, t))
         return np.stack([x, y, np.zeros_like(x)], -1)
 

@@ -7,12 +7,14 @@ from collections.abc import Callable
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from ..geometry.polyhedra import Floats, Part
+from raytrace.types import Float64s
+
+from ..geometry.polyhedra import Part
 from ..geometry.primitives import box as hard_box
 from ..geometry.primitives import cylinder as hard_cylinder
 from .dense import Make, Rng, welded
 
-Surface = Callable[[Floats, Floats], Floats]
+Surface = Callable[[Float64s, Float64s], Float64s]
 
 
 def sheet(surface: Surface, rows: int, columns: int) -> Part:
@@ -62,7 +64,7 @@ def cylinder(radius: float, height: float, fineness: float, hard: bool = True) -
 def ring(radius: float, thickness: float, fineness: float) -> Part:
     """A torus about z; `thickness` is the radius of its tube."""
 
-    def surface(s: Floats, t: Floats) -> Floats:
+    def surface(s: Float64s, t: Float64s) -> Float64s:
         around, across = 2 * np.pi * (s % 1.0), 2 * np.pi * (t % 1.0)
         out = radius + thickness * np.cos(across)
         return np.stack([out * np.cos(around), out * np.sin(around), thickness * np.sin(across)], -1)
@@ -75,7 +77,7 @@ def capsule(radius: float, length: float, fineness: float) -> Part:
     quarter = np.pi / 2 * radius
     total = 2 * quarter + length
 
-    def surface(s: Floats, t: Floats) -> Floats:
+    def surface(s: Float64s, t: Float64s) -> Float64s:
         way = t * total
         bow = np.clip(way, 0, quarter) + np.clip(way - quarter - length, 0, quarter)
         angle = bow / radius - np.pi / 2
@@ -91,11 +93,11 @@ def knot(rng: Rng, radius: float) -> Make:
     """A closed pipe along a random smooth curve of about unit size; it may run through itself."""
     waves = rng.normal(size=(2, 3, 3)) / np.array([1.0, 1.6, 2.5])[:, None]
 
-    def centre(s: Floats) -> Floats:
+    def centre(s: Float64s) -> Float64s:
         turns = 2 * np.pi * (s % 1.0)[..., None] * np.arange(1, 4)
         return 0.3 * (np.cos(turns) @ waves[0] + np.sin(turns) @ waves[1])
 
-    def surface(s: Floats, t: Floats) -> Floats:
+    def surface(s: Float64s, t: Float64s) -> Float64s:
         along = centre(s + 1e-4) - centre(s - 1e-4)
         along /= np.linalg.norm(along, axis=-1, keepdims=True)
         side = np.cross(along, centre(s) + np.array([0.0, 0.0, 3.0]))
@@ -108,7 +110,7 @@ def knot(rng: Rng, radius: float) -> Make:
     return lambda fineness: sheet(surface, cells(length, fineness, 12), cells(2 * np.pi * radius, fineness, 6))
 
 
-def moved(part: Part, shift: Floats, turn: Rotation | None = None, stretch: Floats | float = 1.0) -> Part:
+def moved(part: Part, shift: Float64s, turn: Rotation | None = None, stretch: Float64s | float = 1.0) -> Part:
     """Stretched along the axes, then turned, then shifted."""
     vertices = part[0] * stretch
     return (vertices if turn is None else turn.apply(vertices)) + shift, part[1]

@@ -7,22 +7,20 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
+
+from raytrace.types import Float64s, Int64s
 
 from .elements import Element
 from .polygons import Triangles
-
-Floats = npt.NDArray[np.float64]
-Integers = npt.NDArray[np.int64]
 
 
 class PerCorner(NamedTuple):
     """Values of the polygons' corners: `rows` (k, w), and for each corner (c,) which of them it has."""
 
-    rows: Floats
-    of: Integers
+    rows: Float64s
+    of: Int64s
 
-    def at_vertices(self, corners: Integers, count: int) -> Floats | None:
+    def at_vertices(self, corners: Int64s, count: int) -> Float64s | None:
         """The values by vertex (count, w), 0 where no corner is; None if some vertex has several."""
         values = np.zeros((count, self.rows.shape[1]))
         values[corners] = self.rows[self.of]
@@ -63,23 +61,23 @@ class Detail:
         files: read beside the mesh file, or to be read when it is written.
     """
 
-    corners: Integers
-    sizes: Integers
+    corners: Int64s
+    sizes: Int64s
     triangles: Triangles
     uv: PerCorner | None = None
     normals: PerCorner | None = None
-    colors: Floats | None = None
-    numbers: dict[str, npt.NDArray[np.float64]] = field(default_factory=dict)
+    colors: Float64s | None = None
+    numbers: dict[str, Float64s] = field(default_factory=dict)
     paints: tuple[Paint, ...] = ()
-    paint_of: Integers | None = None
+    paint_of: Int64s | None = None
     elements: tuple[Element, ...] = ()
     comments: tuple[str, ...] = ()
     files: tuple[Path, ...] = ()
 
 
 def split_corners(
-    corners: Integers, places: Integers, several: list[PerCorner], keep: int
-) -> tuple[Integers, Integers, Integers]:
+    corners: Int64s, places: Int64s, several: list[PerCorner], keep: int
+) -> tuple[Int64s, Int64s, Int64s]:
     """One vertex for every combination of a vertex with what its corners have.
 
     Args: places: (m, 3) of triangles in `corners`. keep: how many vertices come first, used or not.

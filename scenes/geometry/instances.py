@@ -12,6 +12,7 @@ import numpy.typing as npt
 from raytrace.errors import InputError, MeshError
 from raytrace.mesh.mesh import Mesh
 from raytrace.system.memory import check_memory
+from raytrace.types import Float64s, Int64s
 
 from .detail import Detail
 from .polygons import triangulate
@@ -40,7 +41,7 @@ class Instance:
     vertices: npt.NDArray[Any]
     faces: npt.NDArray[Any]
     normals: npt.NDArray[Any] | None = None
-    matrix: npt.NDArray[np.float64] | None = None
+    matrix: Float64s | None = None
     notes: tuple[str, ...] = ()
     detail: Detail | None = None
     unread: tuple[str, ...] = ()
@@ -64,7 +65,7 @@ class Part:
 def instance(
     name: str,
     arrays: dict[str, Any],
-    matrix: npt.NDArray[np.float64] | None = None,
+    matrix: Float64s | None = None,
     normals: npt.NDArray[Any] | None = None,
 ) -> Instance:
     """An object as trimesh's loaders give it: `vertices` and perhaps `faces`, all of one number of corners."""
@@ -95,7 +96,7 @@ def check_copies(rows: int, stored: int, source: object, error: type[InputError]
     check_memory(source, _ROW * rows, f"to place {rows:,} vertices and triangles")
 
 
-def world_matrices(edges: Iterable[dict[str, Any]], base: Any) -> dict[Any, npt.NDArray[np.float64]]:
+def world_matrices(edges: Iterable[dict[str, Any]], base: Any) -> dict[Any, Float64s]:
     """The (4, 4) map from each frame of a tree to `base`.
 
     trimesh's scene graph would do, but takes minutes for a chain of a thousand nodes.
@@ -153,9 +154,9 @@ def flatten(instances: Sequence[Instance], source: str) -> tuple[Mesh, tuple[Par
 def _place(
     placed: Instance,
     part: Part,
-    vertices: npt.NDArray[np.float64],
-    faces: npt.NDArray[np.int64],
-    normals: npt.NDArray[np.float64] | None,
+    vertices: Float64s,
+    faces: Int64s,
+    normals: Float64s | None,
     source: str,
 ) -> None:
     matrix = np.eye(4) if placed.matrix is None else placed.matrix

@@ -6,11 +6,9 @@ Source: Karl Menger, Allgemeine Räume und Cartesische Räume, 1926.
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
 from raytrace.mesh.mesh import Mesh
-
-Floats = npt.NDArray[np.float64]
+from raytrace.types import Bools, Int64s
 
 
 def menger(level: int, size: float, cuts: int) -> Mesh:
@@ -37,7 +35,7 @@ def menger(level: int, size: float, cuts: int) -> Mesh:
     return Mesh(np.concatenate(vertices), np.concatenate(faces), np.concatenate(normals), source="sponge")
 
 
-def _solid(level: int) -> npt.NDArray[np.bool_]:
+def _solid(level: int) -> Bools:
     """Which cells of the 3^level lattice are filled."""
     middle = np.indices((3, 3, 3)) == 1
     solid = np.ones((1, 1, 1), bool)
@@ -46,7 +44,7 @@ def _solid(level: int) -> npt.NDArray[np.bool_]:
     return solid
 
 
-def _squares(solid: npt.NDArray[np.bool_], side: int, cuts: int) -> npt.NDArray[np.int64]:
+def _squares(solid: Bools, side: int, cuts: int) -> Int64s:
     """Lattice corners (k, 4, 3), counter-clockwise from outside, of the open faces of `solid` along ±its first axis."""
     beyond = np.zeros_like(solid)
     if side > 0:

@@ -16,15 +16,13 @@ import numpy.typing as npt
 
 from raytrace.errors import MeshError
 from raytrace.mesh.mesh import LARGEST
+from raytrace.types import AnyInts, Bools, Float64s, Int64s
 
 MAX_EAR_WORK = 1 << 28  # squared numbers of corners, summed over polygons whose ears are clipped: at most 20 s or so
 _EAR_WORK_PER_CORNER = 128  # and so much more for each
 _BLOCK = 1 << 17  # corners that are looked at together
 _FLAT = 1e-7  # of a polygon's area: how far a triangle of a fan may be turned over
 _OVERLAP = 1e-5  # of a polygon's area: how much may be covered twice or not at all
-
-Integers = npt.NDArray[np.int64]
-Floats = npt.NDArray[np.float64]
 
 
 class Triangles(NamedTuple):
@@ -36,9 +34,9 @@ class Triangles(NamedTuple):
         places: (m, 3) places in the list of corners, in the polygons' order; None if all polygons are triangles.
     """
 
-    counts: Integers
+    counts: Int64s
     crossing: int
-    places: Integers | None
+    places: Int64s | None
 
     @property
     def notes(self) -> tuple[str, ...]:
@@ -62,16 +60,16 @@ class _Views(NamedTuple):
             outline winds around it, so it does unless triangles are turned over.
     """
 
-    normals: Floats
-    offsets: Floats
-    areas: Floats
-    fills: npt.NDArray[np.bool_]
+    normals: Float64s
+    offsets: Float64s
+    areas: Float64s
+    fills: Bools
 
 
 def triangulate(
     vertices: npt.NDArray[Any],
-    corners: npt.NDArray[np.integer[Any]],
-    sizes: npt.NDArray[np.integer[Any]],
+    corners: AnyInts,
+    sizes: AnyInts,
     source: object = "polygons",
 ) -> Triangles:
     """Cut polygons into triangles between their own corners, wound as they are.
@@ -91,17 +89,15 @@ def triangulate(
     return _triangulate(vertices, corners, sizes.astype(np.int64), source)
 
 
-def _triangulate(
-    vertices: npt.NDArray[Any], corners: npt.NDArray[np.integer[Any]], sizes: Integers, source: object
-) -> Triangles:
+def _triangulate(vertices: npt.NDArray[Any], corners: AnyInts, sizes: Int64s, source: object) -> Triangles:
     if sizes.sum() != len(corners):
         raise ValueError(f"{len(corners)} corners for polygons of {sizes.sum()}")
     counts = np.maximum(sizes - 2, 0)
     if (sizes == 3).all():
         return Triangles(counts, 0, None)
     starts = np.cumsum(sizes) - sizes
-    diagonal: list[Integers] = []
-    clipped: dict[int, Integers] = {}
+    diagonal: list[Int64s] = []
+    clipped: dict[int, Int64s] = {}
     crossing, work = 0, 0.0
     if _usable(vertices, corners):
         for polygons in _blocks(_doubtful(vertices, corners, starts, sizes), sizes):
@@ -141,10 +137,10 @@ class _Block:
     def __init__(
         self,
         vertices: npt.NDArray[Any],
-        corners: npt.NDArray[np.integer[Any]],
-        starts: Integers,
-        sizes: Integers,
-        polygons: Integers,
+        corners: AnyInts,
+        starts: Int64s,
+        sizes: Int64s,
+        polygons: Int64s,
     ) -> None:
         sizes, starts = sizes[polygons], starts[polygons]
         begins = np.cumsum(sizes) - sizes
@@ -157,9 +153,9 @@ class _Block:
         fills = _view(rolled, sizes[four]).fills if len(four) else np.empty(0, np.bool_)
         self.diagonal = polygons[four[fills]]
         self.crossing = int((~fills).sum())
-        self.concave: Integers = polygons[concave & (sizes > 4)]
+        self.concave: Int64s = polygons[concave & (sizes > 4)]
 
-    def clip(self, polygon: int) -> tuple[Integers, bool]:
+    def clip(self, polygon: int) -> tuple[Int64s, bool]:
         """Triangles (t, 3) of one of the concave polygons, numbered from its first corner, and whether they fill it."""
         import mapbox_earcut
 
@@ -181,7 +177,7 @@ class _Block:
         return local, abs(covered - area) <= _OVERLAP * covered
 
 
-def _view(points: Floats, sizes: Integers) -> _Views:
+def _view(points: Float64s, sizes: Int64s) -> _Views:
     begins = np.cumsum(sizes) - sizes
     of = np.repeat(np.arange(len(sizes)), sizes)
     offsets = points - points[begins][of]
@@ -206,15 +202,13 @@ def _view(points: Floats, sizes: Integers) -> _Views:
     return _Views(normals, offsets, areas, fills)
 
 
-def _usable(vertices: npt.NDArray[Any], corners: npt.NDArray[np.integer[Any]]) -> bool:
+def _usable(vertices: npt.NDArray[Any], corners: AnyInts) -> bool:
     if not len(corners) or corners.min() < 0 or corners.max() >= len(vertices):
         return False
     return bool(np.abs(vertices).max() <= LARGEST)
 
 
-def _doubtful(
-    vertices: npt.NDArray[Any], corners: npt.NDArray[np.integer[Any]], starts: Integers, sizes: Integers
-) -> Integers:
+def _doubtful(vertices: npt.NDArray[Any], corners: AnyInts, starts: Int64s, sizes: Int64s) -> Int64s:
     """Numbers of the polygons of more than three corners, but for quadrilaterals whose two triangles face one way."""
     doubtful = sizes > 3
     four = np.flatnonzero(sizes == 4)
@@ -229,7 +223,7 @@ def _doubtful(
     return np.flatnonzero(doubtful)
 
 
-def _blocks(polygons: Integers, sizes: Integers) -> Iterator[Integers]:
+def _blocks(polygons: Int64s, sizes: Int64s) -> Iterator[Int64s]:
     """The polygons in runs of few corners, at least one polygon each."""
     block = np.cumsum(sizes[polygons]) // _BLOCK
     yield from np.split(polygons, np.flatnonzero(np.diff(block)) + 1) if len(polygons) else ()

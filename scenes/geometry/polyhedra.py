@@ -9,8 +9,9 @@ import numpy.typing as npt
 from scipy.spatial import ConvexHull
 from scipy.spatial.transform import Rotation
 
-Floats = npt.NDArray[np.float64]
-Part = tuple[Floats, npt.NDArray[np.int64]]
+from raytrace.types import Float64s, Int64s
+
+Part = tuple[Float64s, Int64s]
 
 
 def join(parts: Iterable[Part]) -> Part:

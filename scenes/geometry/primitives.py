@@ -14,14 +14,13 @@ import numpy.typing as npt
 
 from raytrace.mesh.mesh import Mesh
 from raytrace.mesh.normals import normalize
-
-Floats = npt.NDArray[np.float64]
+from raytrace.types import Float64s, Int64s
 
 
 class Origin(NamedTuple):
     """Which of the `total` vertices of its file each vertex of a mesh is: `of`, int64 (n,)."""
 
-    of: npt.NDArray[np.int64]
+    of: Int64s
     total: int
 
 
@@ -34,7 +33,7 @@ class Geometry:
     """
 
     mesh: Mesh
-    uv: Floats | None = None
+    uv: Float64s | None = None
     origin: Origin | None = None
 
 
@@ -53,7 +52,7 @@ def plane(corner: npt.ArrayLike, along: npt.ArrayLike, across: npt.ArrayLike, fi
     start, s_side, t_side = (np.asarray(vector, np.float64) for vector in (corner, along, across))
     normal = normalize(np.cross(s_side, t_side))
 
-    def surface(s: Floats, t: Floats) -> tuple[Floats, Floats]:
+    def surface(s: Float64s, t: Float64s) -> tuple[Float64s, Float64s]:
         return start + s * s_side + t * t_side, np.broadcast_to(normal, (*np.broadcast(s, t).shape[:-1], 3))
 
     cells = [max(int(np.ceil(np.linalg.norm(side) / fineness)), 1) for side in (s_side, t_side)]
@@ -80,7 +79,7 @@ def box(centre: npt.ArrayLike, size: npt.ArrayLike, fineness: float) -> Geometry
 def sphere(radius: float, fineness: float) -> Geometry:
     """A sphere about the origin, poles on z; u runs around from +x, v from pole to pole upwards."""
 
-    def surface(s: Floats, t: Floats) -> tuple[Floats, Floats]:
+    def surface(s: Float64s, t: Float64s) -> tuple[Float64s, Float64s]:
         across = np.sin(np.pi * np.minimum(t, 1 - t))
         normal = np.concatenate(np.broadcast_arrays(*_ring(s, across), -np.cos(np.pi * t)), axis=-1)
         return radius * normal, normal
@@ -92,7 +91,7 @@ def sphere(radius: float, fineness: float) -> Geometry:
 def tube(base: npt.ArrayLike, radius: float, height: float, fineness: float) -> Geometry:
     """The side of a cylinder that stands on `base` along z, outward normals, no caps."""
 
-    def surface(s: Floats, t: Floats) -> tuple[Floats, Floats]:
+    def surface(s: Float64s, t: Float64s) -> tuple[Float64s, Float64s]:
         x, y, z = np.broadcast_arrays(*_ring(s, np.ones_like(t)), height * t)
         sideways = np.concatenate([x, y, np.zeros_like(z)], axis=-1)
         return np.asarray(base, np.float64) + radius * sideways + z * [0.0, 0.0, 1.0], sideways
@@ -103,8 +102,8 @@ def tube(base: npt.ArrayLike, radius: float, height: float, fineness: float) -> 
 def cylinder(radius: float, height: float, fineness: float) -> Geometry:
     """A closed cylinder about the origin, axis z."""
 
-    def cap(side: float) -> Callable[[Floats, Floats], tuple[Floats, Floats]]:
-        def surface(s: Floats, t: Floats) -> tuple[Floats, Floats]:
+    def cap(side: float) -> Callable[[Float64s, Float64s], tuple[Float64s, Float64s]]:
+        def surface(s: Float64s, t: Float64s) -> tuple[Float64s, Float64s]:
             x, y = np.broadcast_arrays(*_ring(side * s, radius * (1 - t)))
             z = np.full_like(x, side * height / 2)
             return np.concatenate([x, y, z], axis=-1), np.broadcast_to([0.0, 0.0, side], (*x.shape[:-1], 3))
@@ -120,13 +119,15 @@ def _around(radius: float, fineness: float) -> int:
     return max(int(np.ceil(2 * np.pi * radius / fineness)), 8)
 
 
-def _ring(turn: Floats, radius: Floats) -> tuple[Floats, Floats]:
+def _ring(turn: Float64s, radius: Float64s) -> tuple[Float64s, Float64s]:
     """x and y of a circle; whole turns meet exactly."""
     angle = 2 * np.pi * np.mod(turn, 1.0)
     return radius * np.cos(angle), radius * np.sin(angle)
 
 
-def _patch(surface: Callable[[Floats, Floats], tuple[Floats, Floats]], rows: int, columns: int, name: str) -> Geometry:
+def _patch(
+    surface: Callable[[Float64s, Float64s], tuple[Float64s, Float64s]], rows: int, columns: int, name: str
+) -> Geometry:
     """A surface given by points and unit normals (…, 3) of s and t (…, 1) in [0, 1], facing ∂s × ∂t."""
     s, t = np.meshgrid(np.linspace(0, 1, rows + 1), np.linspace(0, 1, columns + 1), indexing="ij")
     points, normals = (values.reshape(-1, 3) for values in surface(s[..., None], t[..., None]))

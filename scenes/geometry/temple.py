@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
 from raytrace.mesh.mesh import Mesh
+from raytrace.types import Float64s
 
 from .primitives import Geometry, box, merge, tube
 
@@ -36,14 +36,14 @@ def temple(fineness: float = 0.07) -> Mesh:
     return merge(parts, source="temple").mesh
 
 
-def _ring() -> npt.NDArray[np.float64]:
+def _ring() -> Float64s:
     x, y = (SPACING * (np.arange(count) - (count - 1) / 2) for count in COLUMNS)
     grid = np.array([(a, b) for a in x for b in y])
     outer = (np.abs(grid[:, 0]) > x[-1] - 1e-9) | (np.abs(grid[:, 1]) > y[-1] - 1e-9)
     return grid[outer]
 
 
-def _column(position: npt.NDArray[np.float64], floor: float, fineness: float) -> Geometry:
+def _column(position: Float64s, floor: float, fineness: float) -> Geometry:
     x, y = position
     cap = 0.14
     side = 2.6 * COLUMN_RADIUS

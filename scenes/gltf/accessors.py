@@ -11,6 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from raytrace.errors import MeshError
+from raytrace.types import Float64s
 
 from .container import Gltf
 
@@ -71,7 +72,7 @@ def values(asset: Gltf, number: int, kind: str) -> npt.NDArray[Any]:
     return np.ndarray((accessor["count"], _COLUMNS[kind]), item, data, start, (stride, item.itemsize))
 
 
-def normalized(stored: npt.NDArray[Any]) -> npt.NDArray[np.float64]:
+def normalized(stored: npt.NDArray[Any]) -> Float64s:
     """c / (2^bits − 1) of unsigned, max(c / (2^(bits−1) − 1), −1) of signed integers (section 3.11); floats stay."""
     if stored.dtype.kind == "f":
         return stored.astype(np.float64)

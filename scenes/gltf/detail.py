@@ -9,8 +9,9 @@ import numpy as np
 
 from raytrace.errors import MeshError
 from raytrace.image.srgb import encode_srgb
+from raytrace.types import Float64s
 
-from ..geometry.detail import Detail, Floats, PerCorner
+from ..geometry.detail import Detail, PerCorner
 from ..geometry.instances import Instance
 from ..geometry.polygons import Triangles
 from .accessors import normalized, values
@@ -58,7 +59,7 @@ def gltf_detail(asset: Gltf, instances: Sequence[Instance], faces: np.ndarray) -
 
 def _column(
     asset: Gltf, pieces: list[dict[str, Any]], counts: list[int], name: str, kinds: tuple[str, ...]
-) -> Floats | None:
+) -> Float64s | None:
     """An attribute of all vertices: of those that lack it, 0 for coordinates, and white."""
     if not any(name in piece["attributes"] for piece in pieces):
         return None

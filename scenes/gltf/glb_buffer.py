@@ -7,6 +7,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from raytrace.types import AnyFloats
+
 FLOAT, UNSIGNED_BYTE, UNSIGNED_INT = 5126, 5121, 5125
 ARRAY_BUFFER, ELEMENT_ARRAY_BUFFER = 34962, 34963
 
@@ -40,7 +42,7 @@ class Packed:
         self.binary += data
         return offset
 
-    def obscurance(self, w: npt.NDArray[np.floating[Any]], colors: bool) -> dict[str, int]:
+    def obscurance(self, w: AnyFloats, colors: bool) -> dict[str, int]:
         """Attributes of one primitive's vertices."""
         attributes = {"_OBSCURANCE": self.accessor(w.astype("<f4"), FLOAT, "SCALAR")}
         if colors:

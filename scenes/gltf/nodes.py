@@ -8,17 +8,17 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 from scipy.spatial.transform import Rotation
+
+from raytrace.types import Float64s
 
 from ..geometry.instances import world_matrices
 from .container import roots
 
-Floats = npt.NDArray[np.float64]
 _PLACED = {"matrix", "translation", "rotation", "scale"}
 
 
-def node_matrices(header: dict[str, Any]) -> dict[int, Floats]:
+def node_matrices(header: dict[str, Any]) -> dict[int, Float64s]:
     """The (4, 4) map to the world of every node that the default scene shows, depth first, children in their order.
 
     Raises:
@@ -38,7 +38,7 @@ def node_matrices(header: dict[str, Any]) -> dict[int, Floats]:
     return {edge["frame_to"]: world[edge["frame_to"]] for edge in edges}
 
 
-def _local(node: dict[str, Any]) -> Floats:
+def _local(node: dict[str, Any]) -> Float64s:
     if "matrix" in node:
         return np.array(node["matrix"], np.float64).reshape(4, 4).T
     made = np.eye(4)

@@ -12,12 +12,12 @@ from pathlib import Path
 from typing import BinaryIO
 
 import numpy as np
-import numpy.typing as npt
 
 from raytrace.errors import InputError, MeshError, printable
 from raytrace.mesh.mesh import Mesh
 from raytrace.system.inputs import check_regular
 from raytrace.system.memory import check_memory
+from raytrace.types import Float64s
 
 from ..geometry.detail import Detail
 from ..geometry.instances import Instance, Part, check_copies, flatten, instance, world_matrices
@@ -59,7 +59,7 @@ class MeshFile:
     detail: Detail | None = None
     notes: tuple[str, ...] = ()
     unread: tuple[str, ...] = ()
-    w: npt.NDArray[np.float64] | None = None
+    w: Float64s | None = None
 
     @property
     def files(self) -> tuple[Path, ...]:

@@ -12,8 +12,9 @@ from pathlib import Path
 import numpy as np
 
 from raytrace.errors import MeshError
+from raytrace.types import Float64s
 
-from ..geometry.detail import Floats, PerCorner
+from ..geometry.detail import PerCorner
 from ..geometry.instances import Instance
 from ..geometry.polygons import triangulate
 from ..geometry.primitives import Origin
@@ -48,7 +49,7 @@ def read_obj(data: bytes, name: str, source: str, folder: Path | None = None) ->
     return [Instance(name, file.vertices, faces, vertex_normals, None, triangles.notes, detail, unread)]
 
 
-def read_textured_obj(data: bytes, name: str, source: str) -> tuple[Instance, Floats, Origin]:
+def read_textured_obj(data: bytes, name: str, source: str) -> tuple[Instance, Float64s, Origin]:
     """All faces of the file with texture coordinates uv (n, 2), v upwards, and which vertices of the file they have.
 
     Every combination of a vertex with a texture coordinate, and with a normal where every face has them, becomes a
@@ -73,7 +74,7 @@ def read_textured_obj(data: bytes, name: str, source: str) -> tuple[Instance, Fl
     return made, uv.rows[kinds[:, 1]], Origin(kinds[:, 0], len(file.vertices))
 
 
-def _one_each(normals: PerCorner, file: ObjText) -> Floats | None:
+def _one_each(normals: PerCorner, file: ObjText) -> Float64s | None:
     """Normals of corners as those of vertices (n, 3), NaN at unused ones; None if some vertex has several."""
     values = normals.rows[normals.of]
     of_vertices = np.full((len(file.vertices), 3), np.nan)

@@ -7,7 +7,9 @@ from pathlib import Path
 
 import numpy as np
 
-from ..geometry.detail import Detail, Floats, Integers, Paint, PerCorner
+from raytrace.types import Float64s, Int64s
+
+from ..geometry.detail import Detail, Paint, PerCorner
 from ..geometry.polygons import Triangles
 from .mtl import read_mtl
 from .obj_text import ObjText, statements
@@ -59,7 +61,7 @@ def obj_detail(
     return detail, (*(words for is_left_out, words in left_out if is_left_out), *missing)
 
 
-def _colors(text: str, vertex_count: int) -> Floats | None:
+def _colors(text: str, vertex_count: int) -> Float64s | None:
     """Red, green and blue behind the coordinates of every vertex, as many programs write them."""
     rows = _COLOURED.findall(text)
     if not rows or len(rows) != vertex_count:
@@ -73,7 +75,7 @@ def _colors(text: str, vertex_count: int) -> Floats | None:
 
 def _paints(
     text: str, folder: Path, count: int
-) -> tuple[tuple[Paint, ...], Integers | None, tuple[Path, ...], list[str]]:
+) -> tuple[tuple[Paint, ...], Int64s | None, tuple[Path, ...], list[str]]:
     """Materials, which of them each face has, the files they come from, and what was left out."""
     names: dict[str, int] = {}
     of = np.full(count, -1, np.int64)

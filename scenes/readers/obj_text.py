@@ -11,8 +11,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from raytrace.errors import MeshError
+from raytrace.types import Float64s, Int64s
 
-from ..geometry.detail import Floats, Integers, PerCorner
+from ..geometry.detail import PerCorner
 
 
 def statements(keyword: str, rest: str = r"([^#\n]*)") -> re.Pattern[str]:
@@ -43,10 +44,10 @@ class ObjText:
 
     text: str
     source: str
-    vertices: Floats
-    sizes: Integers
+    vertices: Float64s
+    sizes: Int64s
     faces: str
-    corners: Integers
+    corners: Int64s
 
     @classmethod
     def parse(cls, data: bytes, source: str) -> ObjText:
@@ -89,7 +90,7 @@ class ObjText:
         return PerCorner(uv, _indices(chosen, len(uv), self.source, "vt"))
 
 
-def _rows(lines: list[str], width: int) -> Floats:
+def _rows(lines: list[str], width: int) -> Float64s:
     return np.fromstring(" ".join(lines), sep=" ").reshape(-1, width)
 
 
@@ -109,7 +110,7 @@ def _absolute(text: str) -> str:
     return "\n".join(faces)
 
 
-def _indices(text: str, count: int, source: str, keyword: str) -> Integers:
+def _indices(text: str, count: int, source: str, keyword: str) -> Int64s:
     """Zero-based indices from one-based ones in text."""
     indices = np.fromstring(text, dtype=np.int64, sep=" ")
     outside = (indices < 1) | (indices > count)

@@ -18,6 +18,7 @@ import numpy as np
 import numpy.typing as npt
 
 from raytrace.errors import MeshError
+from raytrace.types import Int64s
 
 from ..geometry.elements import Element, Property
 from ..geometry.instances import Instance
@@ -35,7 +36,7 @@ _END = re.compile(rb"^end_header[ \t\r]*\n", re.MULTILINE)
 _COUNT = "number of "
 
 Columns = dict[str, npt.NDArray[Any]]
-Lists = dict[str, tuple[npt.NDArray[Any], npt.NDArray[np.int64]]]  # all values, and how many each row has
+Lists = dict[str, tuple[npt.NDArray[Any], Int64s]]  # all values, and how many each row has
 
 
 @dataclass
@@ -208,7 +209,7 @@ def _walk(data: bytes, start: int, order: str, element: _Element, count: int) ->
     return columns, lists, start
 
 
-def _whole(numbers: npt.NDArray[Any]) -> npt.NDArray[np.int64]:
+def _whole(numbers: npt.NDArray[Any]) -> Int64s:
     whole = numbers.astype(np.int64)
     if not (whole == numbers).all():
         raise ValueError("vertex indices that are no whole numbers")

@@ -7,7 +7,9 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from ..geometry.detail import Detail, Floats, Integers, PerCorner
+from raytrace.types import AnyInts, Float64s, Int64s
+
+from ..geometry.detail import Detail, PerCorner
 from ..geometry.elements import Element, Property
 from ..geometry.polygons import Triangles
 
@@ -20,8 +22,8 @@ _MESH = ("x", "y", "z", "nx", "ny", "nz")
 def ply_detail(
     elements: tuple[Element, ...],
     comments: tuple[str, ...],
-    corners: Integers,
-    sizes: npt.NDArray[np.integer[Any]],
+    corners: Int64s,
+    sizes: AnyInts,
     triangles: Triangles,
 ) -> Detail:
     """All of a PLY file. Args: corners, sizes: of its polygons."""
@@ -52,7 +54,7 @@ def own_colors(vertex: dict[str, Property]) -> dict[str, Property]:
     return own if set(own) & set(RGB) else {}
 
 
-def grey_of(w: npt.NDArray[Any]) -> Floats:
+def grey_of(w: npt.NDArray[Any]) -> Float64s:
     """255 w, rounded."""
     return np.rint(np.clip(np.nan_to_num(w.astype(np.float64)), 0, 1) * 255)
 
@@ -60,8 +62,8 @@ def grey_of(w: npt.NDArray[Any]) -> Floats:
 def _coordinates(
     vertex: dict[str, Property],
     face: dict[str, Property],
-    corners: Integers,
-    sizes: npt.NDArray[np.integer[Any]],
+    corners: Int64s,
+    sizes: AnyInts,
 ) -> tuple[PerCorner | None, tuple[str, ...]]:
     """Texture coordinates, of vertices or of corners, and the vertices' properties that they come from."""
     for pair in UV:
@@ -77,6 +79,6 @@ def _finite(column: Property) -> bool:
     return bool(np.isfinite(column.values).all())
 
 
-def _fraction(column: Property) -> Floats:
+def _fraction(column: Property) -> Float64s:
     largest = 1.0 if column.kind in "fd" else float(np.iinfo(column.kind).max)
     return column.values.astype(np.float64) / largest

@@ -10,9 +10,9 @@ from pathlib import Path
 from typing import IO
 
 import numpy as np
-import numpy.typing as npt
 
 from raytrace.errors import MeshError, OptionError, SceneError
+from raytrace.types import Float64s
 
 from .load import read_objects
 
@@ -27,7 +27,7 @@ def check_stored(path: Path) -> None:
         raise OptionError("--baked", "an existing file", path)
 
 
-def read_w(path: Path, *counts: int) -> npt.NDArray[np.float64]:
+def read_w(path: Path, *counts: int) -> Float64s:
     """w (n,), n being one of `counts`: a `.npy` file, the array `w` of a `.npz` file, or that of a mesh's vertices.
 
     Of an array only the header is read if it is of another scene.
@@ -44,7 +44,7 @@ def read_w(path: Path, *counts: int) -> npt.NDArray[np.float64]:
     return w
 
 
-def _of_mesh(path: Path, counts: tuple[int, ...]) -> npt.NDArray[np.float64]:
+def _of_mesh(path: Path, counts: tuple[int, ...]) -> Float64s:
     instances, asset = read_objects(path)
     if len(instances) == 0 or any(each.w is None for each in instances):
         raise SceneError(path, "w", "obscurance at every vertex, as obscurance bake writes it", "none")
@@ -57,7 +57,7 @@ def _of_mesh(path: Path, counts: tuple[int, ...]) -> npt.NDArray[np.float64]:
     return w
 
 
-def _of_array(path: Path, counts: tuple[int, ...]) -> npt.NDArray[np.float64]:
+def _of_array(path: Path, counts: tuple[int, ...]) -> Float64s:
     """w of a `.npy` file, or of the array `w` of a `.npz` file. Only its header is read if that is another."""
     try:
         with _member(path) as file, warnings.catch_warnings():

@@ -15,10 +15,10 @@ from dataclasses import dataclass, field
 from typing import BinaryIO
 
 import numpy as np
-import numpy.typing as npt
 
 from raytrace.errors import MeshError
 from raytrace.system.memory import check_memory
+from raytrace.types import Float64s
 
 from ..geometry.instances import Instance, check_copies
 
@@ -28,7 +28,6 @@ MAX_PLACED = 1_000_000
 _BLOCK = 1 << 16
 _READ = 2  # bytes of memory a byte of XML
 
-Floats = npt.NDArray[np.float64]
 Key = tuple[str, str]  # model file and object id
 
 
@@ -37,7 +36,7 @@ class _Object:
     name: str
     vertices: array[float] = field(default_factory=lambda: array("d"))
     faces: array[int] = field(default_factory=lambda: array("q"))
-    components: list[tuple[Key, Floats]] = field(default_factory=list)
+    components: list[tuple[Key, Float64s]] = field(default_factory=list)
 
 
 class _Reader:
@@ -45,7 +44,7 @@ class _Reader:
 
     def __init__(self, model: str, objects: dict[Key, _Object]) -> None:
         self.model, self.objects = model, objects
-        self.items: list[tuple[Key, Floats]] = []
+        self.items: list[tuple[Key, Float64s]] = []
         self.current = _Object("")
         self.is_painted = False
 
@@ -66,14 +65,14 @@ class _Reader:
             case "item":
                 self.items.append(self._placed(attributes))
 
-    def _placed(self, attributes: Mapping[str, str]) -> tuple[Key, Floats]:
+    def _placed(self, attributes: Mapping[str, str]) -> tuple[Key, Float64s]:
         path = next((value for name, value in attributes.items() if name.rpartition("}")[2] == "path"), "")
         matrix = np.eye(4)
         if "transform" in attributes:
             matrix[:3] = np.array(attributes["transform"].split(), np.float64).reshape(4, 3).T
         return (_member(path) or self.model, attributes["objectid"]), matrix
 
-    def close(self) -> list[tuple[Key, Floats]]:
+    def close(self) -> list[tuple[Key, Float64s]]:
         return self.items
 
 
@@ -127,18 +126,18 @@ def _member(path: str) -> str:
     return path.strip("/").lower()
 
 
-def _parse(archive: zipfile.ZipFile, entry: zipfile.ZipInfo, reader: _Reader) -> list[tuple[Key, Floats]]:
+def _parse(archive: zipfile.ZipFile, entry: zipfile.ZipInfo, reader: _Reader) -> list[tuple[Key, Float64s]]:
     from lxml import etree
 
     parser = etree.XMLParser(target=reader, resolve_entities=False, no_network=True, load_dtd=False, huge_tree=False)
     with archive.open(entry) as content:
         while block := content.read(_BLOCK):
             parser.feed(block)
-    made: list[tuple[Key, Floats]] = parser.close()
+    made: list[tuple[Key, Float64s]] = parser.close()
     return made
 
 
-def _check_build(build: list[tuple[Key, Floats]], objects: dict[Key, _Object], stored: int, source: str) -> None:
+def _check_build(build: list[tuple[Key, Float64s]], objects: dict[Key, _Object], stored: int, source: str) -> None:
     """Count what is placed before it is made: a few objects of components can mean any number of copies."""
     rows: dict[Key, int] = {}
     count: dict[Key, int] = {}

@@ -14,8 +14,9 @@ from raytrace.renderer.render import render
 from raytrace.scene import Object, Scene, Shape
 from raytrace.settings import Settings
 from raytrace.system.parameters import Sides
+from raytrace.types import Float64s
 
-from ..geometry.polyhedra import Floats, Part, icosphere, join
+from ..geometry.polyhedra import Part, icosphere, join
 from .line import LEAKS, MILLION, SELF_HITS, Line, undefined
 from .pose import Pose
 from .solids import cube, grid
@@ -29,7 +30,7 @@ def pictures(long: bool, threads: int | None) -> Iterator[Line]:
     """A line for each kind of light, over the poses."""
     size = 1024 if long else 256
 
-    def take(pose: Pose, part: Part, light: BaseLight, eye: Floats, two_sided: Sides = False) -> Frame:
+    def take(pose: Pose, part: Part, light: BaseLight, eye: Float64s, two_sided: Sides = False) -> Frame:
         """A picture of a part of about unit size from `eye`, in the part's own frame."""
         scene = Scene((Object(Shape(pose.mesh(part), Lambert(albedo=GREY, two_sided=two_sided))),), (light,))
         where = _place(pose, part, eye)
@@ -105,12 +106,12 @@ def pictures(long: bool, threads: int | None) -> Iterator[Line]:
     )
 
 
-def _place(pose: Pose, part: Part, point: Floats) -> tuple[float, float, float]:
+def _place(pose: Pose, part: Part, point: Float64s) -> tuple[float, float, float]:
     """Where a point of a part's own frame lies."""
     return _triple(pose.vertices(part[0], point[None])[0])
 
 
-def _lamp(pose: Pose, part: Part, place: Floats) -> PointLight:
+def _lamp(pose: Pose, part: Part, place: Float64s) -> PointLight:
     return PointLight(position=_place(pose, part, place), intensity=(10.0 * pose.scale**2,) * 3)
 
 
@@ -118,7 +119,7 @@ def _hit(frame: Frame) -> np.ndarray:
     return frame.layers["object_id"][..., 0] > 0
 
 
-def _cosine(frame: Frame, sun: DirectionalLight) -> Floats:
+def _cosine(frame: Frame, sun: DirectionalLight) -> Float64s:
     return np.asarray(
         -frame.layers["normal"].astype(np.float64) @ np.array(sun.direction) / np.linalg.norm(sun.direction)
     )
@@ -129,6 +130,6 @@ def _undefined(frame: Frame) -> int:
     return undefined(*layers)
 
 
-def _triple(values: Floats) -> tuple[float, float, float]:
+def _triple(values: Float64s) -> tuple[float, float, float]:
     x, y, z = (float(value) for value in values)
     return x, y, z

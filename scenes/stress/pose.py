@@ -6,15 +6,14 @@ from dataclasses import dataclass, replace
 from itertools import product
 
 import numpy as np
-import numpy.typing as npt
 
 from ao.falloff import Exponential, Falloff
 from raytrace.mesh.mesh import Mesh
+from raytrace.types import Float64s
 
 from ..geometry.polyhedra import Part, generic_rotation
 from ..validation.configurations import Configuration
 
-Floats = npt.NDArray[np.float64]
 _AWAY = np.array([0.6, -0.48, 0.64])
 SCALES = tuple(10.0**k for k in range(-9, 10, 3))
 OFFSETS = (0.0, 1.0, 1e2, 1e4, 1e6, 1e8)
@@ -44,7 +43,7 @@ class Pose:
             parts.append("float32")
         return ", ".join(parts)
 
-    def vertices(self, vertices: Floats, points: Floats | None = None) -> Floats:
+    def vertices(self, vertices: Float64s, points: Float64s | None = None) -> Float64s:
         """A mesh's vertices (n, 3), their bounding box moved `offset` sizes off; or other points with it."""
         low, high = vertices.min(axis=0), vertices.max(axis=0)
         points = vertices if points is None else points
@@ -52,7 +51,7 @@ class Pose:
         moved = self.scale * moved
         return moved.astype(np.float32).astype(np.float64) if self.single else moved
 
-    def directions(self, directions: Floats) -> Floats:
+    def directions(self, directions: Float64s) -> Float64s:
         """Directions (n, 3), turned."""
         return np.array(directions) if self.turn is None else generic_rotation(self.turn).apply(np.array(directions))
 

@@ -12,8 +12,9 @@ from raytrace.embree.rays import occluded
 from raytrace.embree.scene import TriangleScene
 from raytrace.mesh.placement import Placement
 from raytrace.mesh.precision import coarseness
+from raytrace.types import Float64s
 
-from ..geometry.polyhedra import Floats, Part
+from ..geometry.polyhedra import Part
 from .line import LEAKS, MILLION, SELF_HITS, Line, undefined
 from .pose import Pose, poses
 from .solids import FLAT, TORN, closed, convex, inward
@@ -77,7 +78,7 @@ def _random_rays(name: str, part: Part, count: int, threads: int | None) -> Line
     )
 
 
-def _inside(name: str, rng: np.random.Generator, count: int) -> Floats:
+def _inside(name: str, rng: np.random.Generator, count: int) -> Float64s:
     """Places inside a mesh of `closed`, from the centre of its bounding box."""
     if name == "torus":
         angle = rng.uniform(0, 2 * np.pi, count)

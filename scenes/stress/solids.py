@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
+from raytrace.types import Float64s
+
 from ..geometry.menger import menger
-from ..geometry.polyhedra import Floats, Part, hull, icosphere, join, prism
+from ..geometry.polyhedra import Part, hull, icosphere, join, prism
 from ..geometry.primitives import box
 
 
@@ -61,7 +63,7 @@ def inward(part: Part) -> Part:
     return part[0], part[1][:, ::-1]
 
 
-def _turn(x: tuple[int, int, int], y: tuple[int, int, int]) -> Floats:
+def _turn(x: tuple[int, int, int], y: tuple[int, int, int]) -> Float64s:
     return np.stack([x, y, np.cross(x, y)], axis=1).astype(np.float64)
 
 

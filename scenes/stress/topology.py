@@ -12,8 +12,9 @@ from ao.falloff import Binary
 from ao.gather.receivers import Normals
 from ao.result import Bake
 from raytrace.mesh.mesh import Mesh
+from raytrace.types import Float64s
 
-from ..geometry.polyhedra import Floats, Part, hull, icosphere, join, patches
+from ..geometry.polyhedra import Part, hull, icosphere, join, patches
 from .line import ERROR, Line, undefined
 from .pose import Pose
 from .solids import grid, inward
@@ -52,7 +53,7 @@ def topology(long: bool, threads: int | None) -> Iterator[Line]:
 _FOOT = 0.5 * (1 - 3**-0.5)
 
 
-def _bake(pose: Pose, part: Part, normals: Floats | None, threads: int | None) -> Bake:
+def _bake(pose: Pose, part: Part, normals: Float64s | None, threads: int | None) -> Bake:
     own = None if normals is None else pose.directions(normals)
     mesh = Mesh(pose.vertices(part[0]), part[1], own)
     kind: Normals = "angle" if own is None else "file"

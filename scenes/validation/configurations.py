@@ -20,10 +20,10 @@ import numpy.typing as npt
 from ao.falloff import Falloff
 from ao.gather.receivers import Normals
 from raytrace.mesh.mesh import Mesh
+from raytrace.types import Float64s, Int64s
 
 from ..geometry.polyhedra import Part, generic_rotation
 
-Floats = npt.NDArray[np.float64]
 ClosedForm = Callable[[float | None, float], npt.ArrayLike]
 
 BINARY_TARGET = 0.004
@@ -52,7 +52,7 @@ class Setting:
 
     name: str
     mesh: Mesh
-    points: npt.NDArray[np.int64]
+    points: Int64s
     exact: ClosedForm
     falloffs: tuple[Falloff, ...]
     normals: Normals = "angle"
@@ -105,10 +105,10 @@ class Configuration:
 
     name: str
     mesh: Mesh
-    points: npt.NDArray[np.int64]
+    points: Int64s
     falloff: Falloff
     normals: Normals
-    exact: Floats
+    exact: Float64s
     target: float
     rate: float
     truncation: float
@@ -125,7 +125,7 @@ class Configuration:
         return target + self.truncation + self.tessellation
 
 
-def posed(part: Part, seed: int | None = None, normals: Floats | None = None, source: str = "mesh") -> Mesh:
+def posed(part: Part, seed: int | None = None, normals: Float64s | None = None, source: str = "mesh") -> Mesh:
     """`part` as a Mesh, rotated and moved generically by `seed`; left where it is for None."""
     vertices, faces = part
     if seed is not None:

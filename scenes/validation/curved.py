@@ -11,9 +11,10 @@ from scipy.integrate import quad
 from ao.analytic import closed_forms as analytic
 from ao.analytic.special import bickley
 from ao.falloff import Binary, Exponential, Falloff
+from raytrace.types import Float64s, Int64s
 
 from ..geometry.polyhedra import Part, icosphere, inscribed_radius, join, patches, polygon, prism
-from .configurations import ClosedForm, Floats, Setting, posed
+from .configurations import ClosedForm, Setting, posed
 
 BOTH: tuple[Falloff, ...] = (Binary(), Exponential(tau=1.0))
 SUBDIVISIONS = 5
@@ -35,7 +36,7 @@ def curved_settings() -> list[Setting]:
     ]
 
 
-def _receivers_only(count: int, points: npt.NDArray[np.int64], normals: npt.ArrayLike) -> Floats:
+def _receivers_only(count: int, points: Int64s, normals: npt.ArrayLike) -> Float64s:
     """Vertex normals (count, 3) at `points`, and none elsewhere: the stand-in's other vertices need no bake."""
     all_normals = np.full((count, 3), np.nan)
     all_normals[points] = normals

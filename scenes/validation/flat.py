@@ -9,9 +9,10 @@ import numpy as np
 from ao.analytic import closed_forms as analytic
 from ao.analytic.form_factor import polygon_form_factor
 from ao.falloff import Binary, Exponential, Falloff
+from raytrace.types import Float64s
 
 from ..geometry.polyhedra import Part, generic_rotation, hull, icosphere, join, patches, polygon
-from .configurations import ClosedForm, Floats, Setting, posed
+from .configurations import ClosedForm, Setting, posed
 
 UP = np.array([0.0, 0.0, 1.0])
 BOTH: tuple[Falloff, ...] = (Binary(), Exponential(tau=1.0))
@@ -39,8 +40,8 @@ def flat_settings() -> list[Setting]:
 
 def _setting(
     name: str,
-    points: Floats,
-    occluders: list[Floats],
+    points: Float64s,
+    occluders: list[Float64s],
     exact: ClosedForm,
     falloffs: tuple[Falloff, ...],
     *,
@@ -68,7 +69,7 @@ def _setting(
 
 def _rectangle(
     corner: tuple[float, float, float], u: tuple[float, float, float], v: tuple[float, float, float]
-) -> Floats:
+) -> Float64s:
     a, b, c = np.array(corner, float), np.array(u, float), np.array(v, float)
     return np.array([a, a + b, a + b + c, a + c])
 

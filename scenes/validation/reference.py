@@ -10,7 +10,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
 from ao.falloff import Mu
 from ao.gather.receivers import Points, find_receivers
@@ -22,12 +21,11 @@ from raytrace.sampling.hash import seed_key
 from raytrace.sampling.sequences import owen_sobol
 from raytrace.sampling.warps import cosine_hemisphere
 from raytrace.system.threads import run_blocks, thread_count
+from raytrace.types import Float32s, Float64s, Int64s
 
 RAYS, VERTICES = 16384, 8192
 _SETS, _BLOCK_RAYS = 128, 1 << 18
 _SEED = 0x5EED_0F_7EA1  # of its own, so that no bake under judgement draws the same rays
-
-Floats = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,8 +37,8 @@ class Reference:
         w: float64 (falloffs, k).
     """
 
-    vertices: npt.NDArray[np.int64]
-    w: Floats
+    vertices: Int64s
+    w: Float64s
 
 
 @dataclass(frozen=True)
@@ -53,7 +51,7 @@ class Errors:
     mean: float
 
     @classmethod
-    def of(cls, w: Floats, truth: Floats) -> Errors:
+    def of(cls, w: Float64s, truth: Float64s) -> Errors:
         difference = w - truth
         size = np.abs(difference)
         rmse = float(np.sqrt(np.mean(difference**2)))
@@ -84,7 +82,7 @@ def reference(
 
 def trace(
     scene: TriangleScene, placement: Placement, points: Points, mus: Sequence[Mu], rays: int, threads: int | None = None
-) -> Floats:
+) -> Float64s:
     """w (falloffs, k) at `points`: plain means over `rays` closest hits, the same directions whatever the origins."""
     chance = np.random.default_rng(_SEED)
     sets = cosine_hemisphere(*owen_sobol(_SETS, rays, seed_key(_SEED))).astype(np.float32)
@@ -104,7 +102,7 @@ def trace(
     return w
 
 
-def _turned_frames(normals: npt.NDArray[np.float32], turns: Floats) -> npt.NDArray[np.float32]:
+def _turned_frames(normals: Float32s, turns: Float64s) -> Float32s:
     """Rotations (k, 3, 3) that take +z to `normals` (k, 3), turned about them (Duff et al. 2017)."""
     x, y, z = normals.astype(np.float64).T
     sign = np.where(z >= 0, 1.0, -1.0)

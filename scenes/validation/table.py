@@ -9,10 +9,10 @@ from math import isinf
 from typing import Protocol
 
 import numpy as np
-import numpy.typing as npt
 
 from ao.baking import bake as _bake
 from ao.falloff import Exponential, Falloff
+from raytrace.types import Float64s
 
 from .configurations import SAMPLES, Configuration
 from .curved import curved_settings
@@ -24,7 +24,7 @@ class Baked(Protocol):
     """What of a bake is looked at."""
 
     @property
-    def w(self) -> npt.NDArray[np.float64]:
+    def w(self) -> Float64s:
         """Obscurance (n,) of the mesh's vertices."""
 
 
@@ -63,14 +63,14 @@ def configurations() -> tuple[Configuration, ...]:
 
 def measure(
     configuration: Configuration, bake: Baker = _bake, samples: int = SAMPLES, seed: int = 0, threads: int | None = None
-) -> npt.NDArray[np.float64]:
+) -> Float64s:
     """Measured w (k,) at the configuration's points."""
     mesh, falloff = configuration.mesh, configuration.falloff
     baked = bake(mesh, falloff, samples=samples, seed=seed, threads=threads, normals=configuration.normals)
     return baked.w[configuration.points]
 
 
-def compare(configuration: Configuration, measured: npt.NDArray[np.float64], samples: int = SAMPLES) -> Result:
+def compare(configuration: Configuration, measured: Float64s, samples: int = SAMPLES) -> Result:
     """The verdict on w (k,) measured at the configuration's points with `samples` rays."""
     allowed = configuration.allowed_with(samples)
     error = measured - configuration.exact

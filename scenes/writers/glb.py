@@ -5,10 +5,8 @@ from __future__ import annotations
 import copy
 from functools import cache
 from pathlib import Path
-from typing import Any
 
-import numpy as np
-import numpy.typing as npt
+from raytrace.types import AnyFloats
 
 from ..geometry.instances import Part
 from ..gltf.container import Gltf, encode_glb, primitives, referenced
@@ -17,7 +15,7 @@ from ..readers.load import MeshFile
 from .plain_glb import plain
 
 
-def glb(mesh_file: MeshFile, w: npt.NDArray[np.floating[Any]], colors: bool) -> bytes:
+def glb(mesh_file: MeshFile, w: AnyFloats, colors: bool) -> bytes:
     """A GLB file with the vertex attribute `_OBSCURANCE` (float32 SCALAR), and `COLOR_0` = w if `colors`.
 
     A glTF source is kept as stored, with all its nodes, materials, textures, animations and extensions; only the
@@ -39,7 +37,7 @@ def glb(mesh_file: MeshFile, w: npt.NDArray[np.floating[Any]], colors: bool) -> 
     return encode_glb(packed.header, bytes(packed.binary))
 
 
-def _annotate(asset: Gltf, parts: tuple[Part, ...], w: npt.NDArray[np.floating[Any]], colors: bool) -> Packed:
+def _annotate(asset: Gltf, parts: tuple[Part, ...], w: AnyFloats, colors: bool) -> Packed:
     packed = _one_buffer(asset)
     nodes, meshes = packed.header["nodes"], packed.header["meshes"]
     originals = copy.deepcopy(meshes)

@@ -11,6 +11,7 @@ import numpy.typing as npt
 from raytrace.errors import OptionError
 from raytrace.image.srgb import decode_srgb
 from raytrace.mesh.normals import vertex_normals
+from raytrace.types import AnyFloats, Float64s, Int64s
 
 from ..geometry.detail import Detail, Paint, split_corners
 from ..geometry.instances import Part
@@ -19,9 +20,6 @@ from ..readers.load import MeshFile
 
 _LARGEST = 1e38  # of float32, and of a difference of two
 WHITE: dict[str, Any] = {"pbrMetallicRoughness": {"metallicFactor": 0, "roughnessFactor": 1}}
-
-Integers = npt.NDArray[np.int64]
-Floats = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,14 +33,14 @@ class _Piece:
         paint: number of the material in the document.
     """
 
-    vertices: Integers
-    faces: Integers
-    normals: Floats | None
-    uv: Floats | None
+    vertices: Int64s
+    faces: Int64s
+    normals: Float64s | None
+    uv: Float64s | None
     paint: int
 
 
-def plain(mesh_file: MeshFile, w: npt.NDArray[np.floating[Any]], colors: bool) -> Packed:
+def plain(mesh_file: MeshFile, w: AnyFloats, colors: bool) -> Packed:
     """The document. A vertex that is stored several times, for its corners differ, has its w each time.
 
     Where there is one material, the first vertices are the file's in its order, and repeated ones come after them.
@@ -106,7 +104,7 @@ def _cut(mesh_file: MeshFile, detail: Detail) -> list[_Piece]:
     return pieces
 
 
-def _origin(vertices: Floats) -> Floats | None:
+def _origin(vertices: Float64s) -> Float64s | None:
     """The origin of positions that float32 cannot hold about zero, or None."""
     if np.abs(vertices).max() > _LARGEST:
         raise OptionError("output", f"coordinates up to {_LARGEST:g} in a .glb", f"{np.abs(vertices).max():g}")
@@ -119,8 +117,8 @@ def _primitive(
     packed: Packed,
     mesh_file: MeshFile,
     piece: _Piece,
-    origin: Floats | None,
-    w: npt.NDArray[np.floating[Any]],
+    origin: Float64s | None,
+    w: AnyFloats,
     colors: bool,
 ) -> dict[str, Any]:
     mesh, detail = mesh_file.mesh, mesh_file.detail

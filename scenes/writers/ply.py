@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
-import numpy.typing as npt
+
+from raytrace.types import AnyFloats, AnyInts, Float64s
 
 from ..geometry.detail import Detail
 from ..geometry.elements import Element, Property
@@ -17,7 +16,7 @@ OWN = "comment obscurance: 1 = open"
 GREY = "; red green blue = 255 obscurance"
 _LONGEST = 1e38
 
-Values = npt.NDArray[np.floating[Any]]
+Values = AnyFloats
 
 
 def ply(mesh_file: MeshFile, w: Values, colors: bool) -> bytes:
@@ -88,11 +87,11 @@ def _elements(mesh_file: MeshFile, detail: Detail | None) -> tuple[Element, ...]
     return Element("vertex", len(mesh.vertices), tuple(columns)), Element("face", len(sizes), (faces, *lists))
 
 
-def _counted(sizes: npt.NDArray[np.integer[Any]]) -> str:
+def _counted(sizes: AnyInts) -> str:
     return "B" if sizes.max(initial=0) < 256 else "I"
 
 
-def _storable(normals: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+def _storable(normals: Float64s) -> Float64s:
     """Normals (n, 3) without NaN, those too long for float32 shortened."""
     finite = np.nan_to_num(normals)
     longest = np.abs(finite).max(axis=1, keepdims=True)

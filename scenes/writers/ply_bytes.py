@@ -12,6 +12,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from raytrace.types import Int64s, UInt8s
+
 from ..geometry.elements import Element
 
 NAMES = {
@@ -19,8 +21,6 @@ NAMES = {
     "q": "int64", "Q": "uint64",
 }  # fmt: skip
 """The format's names of the types that NumPy calls by these letters."""
-
-Bytes = npt.NDArray[np.uint8]
 
 
 def encode_ply(elements: Sequence[Element], comments: Sequence[str]) -> bytes:
@@ -78,7 +78,7 @@ def _even_rows(element: Element) -> bytes:
     return rows.tobytes()
 
 
-def _scatter(data: Bytes, starts: npt.NDArray[np.int64], values: npt.NDArray[Any]) -> npt.NDArray[np.int64]:
+def _scatter(data: UInt8s, starts: Int64s, values: npt.NDArray[Any]) -> Int64s:
     """Write each value's bytes where it starts; where each ends."""
     item = values.dtype.itemsize
     each = np.ascontiguousarray(values).view(np.uint8).reshape(-1, item)

@@ -6,13 +6,13 @@ import io
 import os
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Protocol
 
 import numpy as np
-import numpy.typing as npt
 
 from raytrace.errors import OptionError
 from raytrace.system.atomic import atomic_write, check_writable
+from raytrace.types import AnyFloats, AnyInts
 
 from ..readers.load import MeshFile
 from .glb import glb
@@ -30,13 +30,13 @@ class Baked(Protocol):
     """
 
     @property
-    def w(self) -> npt.NDArray[np.floating[Any]]: ...
+    def w(self) -> AnyFloats: ...
     @property
-    def error(self) -> npt.NDArray[np.floating[Any]]: ...
+    def error(self) -> AnyFloats: ...
     @property
-    def bent_normals(self) -> npt.NDArray[np.floating[Any]]: ...
+    def bent_normals(self) -> AnyFloats: ...
     @property
-    def flags(self) -> npt.NDArray[np.integer[Any]]: ...
+    def flags(self) -> AnyInts: ...
 
 
 def check_target(path: str | os.PathLike[str]) -> None:
