@@ -6,12 +6,12 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from math import isinf
-from typing import Protocol
 
 import numpy as np
 
 from ao.baking import bake as _bake
 from ao.falloff import Exponential, Falloff
+from ao.result import Bake
 from raytrace.types import Float64s
 
 from .configurations import SAMPLES, Configuration
@@ -19,16 +19,7 @@ from .curved import curved_settings
 from .flat import flat_settings
 from .text_table import count_failures, text_table
 
-
-class Baked(Protocol):
-    """What of a bake is looked at."""
-
-    @property
-    def w(self) -> Float64s:
-        """Obscurance (n,) of the mesh's vertices."""
-
-
-Baker = Callable[..., Baked]
+Baker = Callable[..., Bake]
 
 
 @dataclass(frozen=True)

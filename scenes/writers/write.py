@@ -6,37 +6,19 @@ import io
 import os
 from collections.abc import Callable
 from pathlib import Path
-from typing import Protocol
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from raytrace.errors import OptionError
 from raytrace.system.atomic import atomic_write, check_writable
-from raytrace.types import AnyFloats, AnyInts
 
 from ..readers.load import MeshFile
 from .glb import glb
 from .ply import ply
 
-
-class Baked(Protocol):
-    """What is written of a bake, per vertex of the mesh and in its order.
-
-    Attributes:
-        w: (n,) obscurance, 1 = open.
-        error: (n,) estimated standard error of w.
-        bent_normals: (n, 3).
-        flags: (n,) unsigned bytes.
-    """
-
-    @property
-    def w(self) -> AnyFloats: ...
-    @property
-    def error(self) -> AnyFloats: ...
-    @property
-    def bent_normals(self) -> AnyFloats: ...
-    @property
-    def flags(self) -> AnyInts: ...
+if TYPE_CHECKING:
+    from ao import Bake
 
 
 def check_target(path: str | os.PathLike[str]) -> None:
@@ -50,16 +32,16 @@ def check_target(path: str | os.PathLike[str]) -> None:
     check_writable(path)
 
 
-def write(path: str | os.PathLike[str], bake: Baked, mesh_file: MeshFile, *, colors: bool = False) -> None:
+def write(path: str | os.PathLike[str], bake: Bake, mesh_file: MeshFile, *, colors: bool = False) -> None:
     """Write a bake in the format of the ending, whole or not at all; the same input gives the same bytes.
 
     - `.npy`: w, float32 (n,).
     - `.npz`: `w` float32 (n,), `error` float32 (n,), `bent_normals` float32 (n, 3), `flags` uint8 (n,).
     - `.ply`: `obscurance`, and grey `red green blue` = 255 w, linear: viewers multiply by it as it stands, which is
-      what w is for (`write_ply.ply`). Coordinates are float where that loses nothing and double otherwise.
-    - `.glb`: `_OBSCURANCE` (`write_glb.glb`).
+      what w is for (`ply.ply`). Coordinates are float where that loses nothing and double otherwise.
+    - `.glb`: `_OBSCURANCE` (`glb.glb`).
 
-    What the source holds besides is kept if it was loaded for this target (`load`); `lost.lost` tells what is not.
+    What the source holds besides is kept if it was loaded for this target (`load`); `losses.lost` lists what is not.
 
     Args:
         path: the target, replaced if it exists.
@@ -76,20 +58,20 @@ def write(path: str | os.PathLike[str], bake: Baked, mesh_file: MeshFile, *, col
         file.write(content)
 
 
-def _writer(path: str | os.PathLike[str]) -> Callable[[Baked, MeshFile, bool], bytes | memoryview]:
+def _writer(path: str | os.PathLike[str]) -> Callable[[Bake, MeshFile, bool], bytes | memoryview]:
     ending = Path(path).suffix.lower()
     if ending not in _WRITERS:
         raise OptionError("output", "a name ending in " + ", ".join(_WRITERS), os.fspath(path))
     return _WRITERS[ending]
 
 
-def _npy(bake: Baked, _mesh_file: MeshFile, _colors: bool) -> memoryview:
+def _npy(bake: Bake, _mesh_file: MeshFile, _colors: bool) -> memoryview:
     content = io.BytesIO()
     np.save(content, bake.w.astype("<f4"), allow_pickle=False)
     return content.getbuffer()
 
 
-def _npz(bake: Baked, _mesh_file: MeshFile, _colors: bool) -> memoryview:
+def _npz(bake: Bake, _mesh_file: MeshFile, _colors: bool) -> memoryview:
     content = io.BytesIO()
     np.savez(
         content,
@@ -101,15 +83,15 @@ def _npz(bake: Baked, _mesh_file: MeshFile, _colors: bool) -> memoryview:
     return content.getbuffer()
 
 
-def _ply(bake: Baked, mesh_file: MeshFile, colors: bool) -> bytes:
+def _ply(bake: Bake, mesh_file: MeshFile, colors: bool) -> bytes:
     return ply(mesh_file, bake.w, colors)
 
 
-def _glb(bake: Baked, mesh_file: MeshFile, colors: bool) -> bytes:
+def _glb(bake: Bake, mesh_file: MeshFile, colors: bool) -> bytes:
     return glb(mesh_file, bake.w, colors)
 
 
-_WRITERS: dict[str, Callable[[Baked, MeshFile, bool], bytes | memoryview]] = {
+_WRITERS: dict[str, Callable[[Bake, MeshFile, bool], bytes | memoryview]] = {
     ".npy": _npy,
     ".npz": _npz,
     ".ply": _ply,

@@ -9,6 +9,7 @@ from project import ROOT
 
 ORDER = [
     *(
+        "raytrace.types",
         "raytrace.errors",
         "raytrace.types",
         "raytrace.kernel",
