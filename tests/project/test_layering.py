@@ -8,18 +8,10 @@ import pytest
 from project import ROOT
 
 ORDER = [
-    *(
-        "raytrace.types",
-        "raytrace.errors",
-        "raytrace.types",
-        "raytrace.kernel",
-        "raytrace.system",
-        "raytrace.settings",
-        "raytrace.sampling",
-    ),
-    *("raytrace.embree", "raytrace.mesh", "raytrace.ray_origins", "raytrace.image", "raytrace.lights"),
-    *("raytrace.brdf", "raytrace.materials", "raytrace.camera", "raytrace.scene", "raytrace.shade"),
-    "raytrace.renderer",
+    *("raytrace.types", "raytrace.errors", "raytrace.kernel", "raytrace.system", "raytrace.settings"),
+    *("raytrace.sampling", "raytrace.embree", "raytrace.mesh", "raytrace.ray_origins", "raytrace.image"),
+    *("raytrace.lights", "raytrace.brdf", "raytrace.materials", "raytrace.camera", "raytrace.scene"),
+    *("raytrace.shade", "raytrace.renderer"),
     *("ao.falloff", "ao.options", "ao.memory", "ao.gather", "ao.skip", "ao.trace", "ao.denoise", "ao.interior"),
     *("ao.prepared", "ao.adaptive", "ao.least_squares", "ao.result", "ao.vertex_method", "ao.surface_method"),
     *("ao.baking", "ao.report", "ao.analytic"),
