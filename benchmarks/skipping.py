@@ -1,4 +1,4 @@
-"""What leaving out rays that certainly meet nothing saves: bakes with and without it, in turns, bit for bit the same.
+"""Time saved by skipping rays that provably meet nothing: bakes with and without it, in turns, bit for bit the same.
 
 python -m benchmarks.skipping [MESH ...]     built-in meshes, and files
 """

@@ -1,4 +1,4 @@
-"""Which points of a mesh are baked: coincident vertices once, each with a hemisphere and a safe ray origin."""
+"""The points of a mesh that are baked: coincident vertices once, each with a hemisphere and a safe ray origin."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Whether everybody computes the same quantity: each program's w at many rays against the reference.
+"""Check that all programs compute the same quantity: each program's w at many rays against the reference.
 
     python -m benchmarks.time_against_error.agreement [--samples 4096] [--meshes FOLDER] [--peer NAME=PYTHON …]
 

@@ -1,4 +1,4 @@
-"""What is compared, as data: our own ways to bake, and the peers'."""
+"""The methods that are compared, as data: our own ways to bake, and the peers'."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What must not change w, what must change it one way only, and how fast its error falls: the bare estimator."""
+"""Invariances of w, monotonic changes of it, and how fast its error falls: the bare estimator."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a newcomer mistypes: one line each, with what came, what was expected and what was probably meant."""
+"""A newcomer's mistakes: one line each, with what came, what was expected and what was probably meant."""
 
 import shlex
 

@@ -1,4 +1,4 @@
-"""What the command prints on outputs that cannot hold it: plain letters in place of Greek ones, never a traceback."""
+"""Printing to outputs that cannot hold it: plain letters in place of Greek ones, never a traceback."""
 
 import io
 import os

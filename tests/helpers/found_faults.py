@@ -1,4 +1,4 @@
-"""What the small cases for faults that fuzzing found share."""
+"""Shared parts of the small cases for faults that fuzzing found."""
 
 from types import SimpleNamespace
 

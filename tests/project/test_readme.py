@@ -1,4 +1,4 @@
-"""What the README shows works."""
+"""The README and the docs: examples work, files that they name exist."""
 
 import re
 

@@ -1,4 +1,4 @@
-"""Which points are baked: welding, hard edges, flags and safe origins."""
+"""Points that are baked: welding, hard edges, flags and safe origins."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""What a physical model must obey: reciprocity, no more light out than in, exact limits; and how the others fail."""
+"""Physics of the reflection models: reciprocity, no more light out than in, exact limits; and how the others fail."""
 
 import numpy as np
 import pytest

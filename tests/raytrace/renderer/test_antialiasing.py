@@ -1,4 +1,4 @@
-"""Which pixels get all samples: a silhouette is smoothed wherever it lies, and tiles leave no trace."""
+"""Adaptive sampling of pixels: a silhouette is smoothed wherever it lies, and tiles leave no trace."""
 
 import numpy as np
 import pytest

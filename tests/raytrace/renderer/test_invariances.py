@@ -1,4 +1,4 @@
-"""What must not change a picture: threads, crops, layers, skipping, instances, units, what nobody sees."""
+"""Invariances of a picture: threads, crops, layers, skipping, instances, units, what nobody sees."""
 
 import weakref
 from dataclasses import replace

@@ -1,4 +1,4 @@
-"""What is declared unobstructed: never a ray that would have met something, and most of those that meet nothing."""
+"""Shaft culling: never a ray that would have met something, and most of those that meet nothing."""
 
 from dataclasses import replace
 

@@ -1,4 +1,4 @@
-"""Which side of a surface reflects, which light it sees, and what shows through it."""
+"""Sides of surfaces: the one that reflects, the light it sees, and what shows through it."""
 
 from dataclasses import replace
 

@@ -1,4 +1,4 @@
-"""Which axis is up in pictures of mesh files."""
+"""The up axis of pictures of mesh files."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""What a mesh file holds comes through a bake: PLY and GLB files keep what they can, and the rest is told."""
+"""Contents of a mesh file come through a bake: PLY and GLB files keep what they can, and the rest is reported."""
 
 import json
 
