@@ -9,26 +9,30 @@ its prediction; what they have beyond σ² is its error; and a point whose own r
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
+
+from raytrace.types import AnyFloats, Bools, Float64s
 
 from ..denoise.one_ring import Neighbours
 from ..denoise.shrinkage import distribute_variance, shrunk_to_mean
+from ..denoise.upsampling import coarsened, nearest_baked
 from ..gather.hemisphere import BATCH_VARIANCE, W
 from ..gather.points import Points
 from ..trace.tracer import Tracer
 from .probes import Probes
 from .ray_budget import RATE
 
-Floats = npt.NDArray[np.float64]
-Bools = npt.NDArray[np.bool_]
-
 _RAYS = 0.16  # times 1/tolerance: a prediction that is 20 tolerances off differs by 4 to 6 standard deviations
 _OUTLIER, _JUMP = 2.25, 3.25  # standard deviations
-_SPREAD_REACH = 3  # edges over which the spread between batches is averaged
-_REACH = 4  # and residuals; see `Neighbours.own_share`
+_REACH = 4  # edges over which residuals are averaged; see `Neighbours.own_share`
+_GROUP = 8  # points, about, whose squares are summed, and averaged with those of the groups next to it
 _MOST = 0.36  # variance of n rays · n^RATE, where w is about one half and all of it is edges
 _TYPICAL = 0.4  # of the mean of expected squared errors in each: few rays cannot tell that there is none
 _CERTAIN = 1.0  # standard deviations of the excess over σ² that may be chance
+
+
+def screening_samples(tolerance: float, most: int) -> int:
+    """Rays a point, at most as many as a baked one has."""
+    return min(8 * max(round(_RAYS / tolerance / 8), 1), most)
 
 
 class Screening:
@@ -43,42 +47,61 @@ class Screening:
         self, tracer: Tracer, points: Points, neighbours: Neighbours, which: Bools, tolerance: float, probes: Probes,
         key: np.uint32,
     ) -> None:  # fmt: skip
-        self.samples = min(8 * max(round(_RAYS / tolerance / 8), 1), probes.samples)
+        self.samples = screening_samples(tolerance, probes.samples)
         rows = tracer.gather(points[which], self.samples, key)
         self.estimate = np.zeros(len(points))
         self.screened = which
         self.estimate[which] = rows[:, W]
-        spread = np.full(len(points), np.mean(rows[:, BATCH_VARIANCE]))
+        self._neighbours = neighbours
+        self._own = neighbours.own_share()
+        every = np.arange(len(points))
+        owner = nearest_baked(neighbours, every % _GROUP == 0)
+        self._groups, _, self._group = coarsened(neighbours, np.where(owner < 0, every, owner), points.normals)
+        spread = np.zeros(len(points))
         spread[which] = rows[:, BATCH_VARIANCE]
+        spread, count = self._sums(spread, which)
+        spread = np.where(count > 0, spread / np.maximum(count, 1e-30), np.mean(rows[:, BATCH_VARIANCE]))
         known = which[probes.rows]
         off = self.estimate[probes.rows] - (probes.raw[:, W] + probes.other) / 2
         level = float(np.mean(off[known] ** 2)) - probes.variance / 2 if known.any() else 0.0
         usual = probes.variance * (probes.samples / self.samples) ** RATE
-        variance = distribute_variance(neighbours.smooth(spread, _SPREAD_REACH), max(level, usual / 4))
-        self.variance = np.minimum(variance, _MOST * self.samples**-RATE)
-        self._neighbours = neighbours
-        self._own = neighbours.own_share()
+        variance = distribute_variance(spread, max(level, usual / 4))
+        self.variance = np.minimum(variance, _MOST * self.samples**-RATE)[self._group]
+        (self._count,) = self._sums(np.ones(len(points)))
 
-    def correct(self, predicted: Floats, error: Floats, free: Bools) -> Floats:
+    def _sums(self, *columns: AnyFloats | Bools) -> Float64s:
+        """Sums (c, g) of values (k,) over each group, averaged with those of the groups next to it."""
+        sums = [np.bincount(self._group, values, len(self._groups.starts) - 1) for values in columns]
+        return self._groups.smooth(np.column_stack(sums).astype(np.float64, copy=False), 1).T
+
+    def correct(self, predicted: Float64s, error: Float64s, free: Bools) -> Float64s:
         """Correct the `predicted` w (k,) of points that are not baked, `free` (k,), by what residuals share.
 
         Their expected squared `error` (k,) is raised in place where residuals show more than it.
         """
-        smooth, variance, own = self._neighbours.smooth, self.variance, self._own
         residual = np.where(free, self.estimate - predicted, 0.0).astype(np.float32)
-        shared = smooth(residual, _REACH)
-        products = np.column_stack([residual * shared - own * variance * free, shared**2])
-        moments = smooth(products.astype(np.float32), _REACH)
-        part = np.clip(moments[:, 0] / np.maximum(moments[:, 1], 1e-12), 0.0, 1.0)  # least squares
-        corrected = predicted + np.where(free, part * shared, 0.0)
-        squared = (self.estimate - corrected) ** 2
-        excess = smooth(np.where(free, squared - variance * (1 - 2 * part * own), 0.0).astype(np.float32), _REACH)
-        excess -= _CERTAIN * np.sqrt(2 * own) * variance
-        error[free] = np.maximum(shrunk_to_mean(error[free], _TYPICAL), excess[free])
-        return corrected
+        shared = self._neighbours.smooth(residual, _REACH)
+        noise = np.where(free, self.variance, 0.0)
+        product, square = self._sums(residual * shared - self._own * noise, shared**2)
+        part = np.clip(product / np.maximum(square, 1e-12), 0.0, 1.0)[self._group]  # least squares
+        change = np.where(free, part * shared, 0.0)
+        beyond = (residual - change) ** 2 - noise * (1 - 2 * part * self._own)
+        excess, chance = self._sums(beyond, self._own * noise**2) / self._count
+        excess -= _CERTAIN * np.sqrt(2 * chance)
+        error[free] = np.maximum(shrunk_to_mean(error[free], _TYPICAL), excess[self._group[free]])
+        return predicted + change
 
-    def outliers(self, predicted: Floats) -> Bools:
+    def outliers(self, predicted: Float64s) -> Bools:
         """Where estimates (k,) differ from the `predicted` w (k,) by more than chance, and who is joined to a jump."""
         squared = (self.estimate - predicted) ** 2 / np.maximum(self.variance, 1e-30)
         jumps = np.where(self.screened & (squared > _JUMP**2), np.float32(1), np.float32(0))
         return (squared > _OUTLIER**2) | (self._neighbours.smooth(jumps, 1) > 0)
+
+    def combined(self, predicted: Float64s, error: Float64s, free: Bools) -> Float64s:
+        """The `predicted` w (k,), where `free` (k,) averaged with the estimates, each weighted by its precision.
+
+        Empirical Bayes (Efron and Morris, JASA 68, 1973): the expected squared `error` (k,) of predictions is itself
+        estimated, too roughly to say that the mean is better than they are.
+        """
+        gain = np.where(free, error / np.maximum(error + self.variance, 1e-30), 0.0)
+        return predicted + gain * (self.estimate - predicted)

@@ -1,8 +1,9 @@
 """Baking to a tolerance: as many rays at as few points as a root mean square error asks for.
 
-Points far apart are baked first and the others predicted from them; halving the distance goes on where predictions are
-poor. Then every point that is not baked gets a few rays of its own (`screening`), which find the jumps of w that no
-prediction can know of, and more points are baked where they show that it is needed. Probes say when to stop.
+Points far apart are baked first and the others predicted from them; the distance is halved where that gains most for
+its rays (rate allocation by a Lagrange multiplier, Shoham and Gersho, IEEE Trans. ASSP 36, 1988). Then every point that
+is not baked gets a few rays of its own (`screening`), which find the jumps of w that no prediction can know of, and
+more points are baked where they show that it is needed. Probes say when to stop.
 """
 
 from __future__ import annotations
@@ -10,7 +11,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
+
+from raytrace.types import Bools, Float64s, Int64s
 
 from ..denoise.one_ring import Neighbours
 from ..denoise.shrinkage import calibration_factor, denoise
@@ -20,20 +22,18 @@ from ..gather.points import Points
 from ..trace.tracer import Tracer
 from .probes import Probes, derive
 from .ray_budget import RATE
-from .screening import Screening
-
-Floats = npt.NDArray[np.float64]
+from .screening import Screening, screening_samples
 
 _COARSEST, _FEWEST = 64, 4096  # stride along the curve at first, points left at least
-_HALVED = 1.3  # by what the error of predictions falls when the stride is halved
+_HALVED = 1.2  # by what the error of predictions falls when the stride is halved
 _AIM = 0.88  # of the tolerance: its square is the goal, for what measures the error is uncertain
 _COARSE = 4.0  # times the goal that predictions may miss before screening corrects them
 _JUMP = 5.0  # aims: larger errors of predictions are taken for jumps, which screening finds
-_SPARE = 0.9  # of the goal, so that one round of baking more is likely to meet it
 _MET = 1.1  # times the goal is near enough
 _ROUNDS = 12  # of baking more, at most
 _LEFT = 0.03  # of the points may be outliers until the end, when they are baked, too
-_WORTH = 1 / 32  # of the points, worth a round of baking
+_PAYS = 1.5  # times its own rays is what screening must save
+_BISECTIONS = 12  # of the range of multipliers
 _ONCE_BAKED = 0.7  # of the goal at most, the squared error of points baked among others
 _DEEPER = np.array([0, 0.25, 0.35, 0.5, 0.7, 1, 1.4, 2, 2.8, 4, 8, 16, 32])  # times as many rays more, to choose from
 
@@ -51,8 +51,8 @@ class Estimate:
         samples: rays that a baked point got. predicted: number of points that were not baked; screened: rays of each.
     """
 
-    rows: Floats
-    variance: Floats
+    rows: Float64s
+    variance: Float64s
     samples: int
     predicted: int
     screened: int = 0
@@ -79,6 +79,7 @@ class _Field:
         values: (b, 4), the baked points' reconstructed w and means of μ·direction.
         w: (k,), of all points; error: (k,), its expected square error. mse: the mean of that.
         samples: rays of a baked point; noise: mean square error of what they alone give.
+        stride: int64 (k,), the distance along the curve of the points that are baked around each, outliers left out.
     """
 
     def __init__(
@@ -88,20 +89,21 @@ class _Field:
         self.aim, self.goal, self.tolerance = aim, aim**2, aim / _AIM
         self.samples, self.noise = probes.samples, probes.variance
         self.screening: Screening | None = None
-        self.stride = 1 if probes.all_baked else _COARSEST
-        while self.stride > 1 and len(points) // self.stride < _FEWEST:
-            self.stride //= 2
+        stride = 1 if probes.all_baked else _COARSEST
+        while stride > 1 and len(points) // stride < _FEWEST:
+            stride //= 2
+        self.stride = np.full(len(points), stride)
         self.rows = np.zeros((len(points), COLUMNS))
         self.baked = np.zeros(len(points), np.bool_)
-        self._bake(np.arange(len(points)) % self.stride == 0)
+        self._bake(np.arange(len(points)) % stride == 0)
         if (self.owner < 0).any():
             self._bake(self.owner < 0)
 
-    def _bake(self, which: npt.NDArray[np.bool_]) -> None:
+    def _bake(self, which: Bools) -> None:
         self._trace(which & ~self.baked)
         self.owner = nearest_baked(self.neighbours, self.baked)
 
-    def _trace(self, which: npt.NDArray[np.bool_]) -> None:
+    def _trace(self, which: Bools) -> None:
         self.baked |= which
         if self.samples == self.probes.samples:
             probed = which[self.probes.rows]
@@ -111,10 +113,14 @@ class _Field:
 
     def bake_coarsely(self) -> None:
         """Bake more points where predictions are worst until screening can do the rest, or all are baked."""
-        goal = _COARSE * self.goal
         self._reconstruct()
-        while self.mse > goal and not self.baked.all():
-            self._bake(self._doubtful(goal))
+        while self.mse > _COARSE * self.goal and not self.baked.all():
+            left = np.count_nonzero(~self.baked)
+            saved = self.samples * (left - self._halvings(self.goal)[1])
+            if saved < _PAYS * screening_samples(self.tolerance, self.samples) * left:
+                self._bake(~self.baked)
+            else:
+                self._bake(self._halve(self._halvings(_COARSE / 2 * self.goal)[0]))
             self._reconstruct()
 
     def refine(self, most: int) -> None:
@@ -128,21 +134,21 @@ class _Field:
             chosen = self._outliers()
             few = np.count_nonzero(chosen) <= _LEFT * len(self.points)
             if self.mse > _MET * self.goal and few:
-                if self.stride > 1:
-                    chosen |= self._doubtful(self.goal)
-                else:
-                    more, doubtful = self._cheapest(most)
+                halvings, added = self._halvings(self.goal)
+                rays, more, doubtful = self._cheapest(most)
+                if more and not 0 < added * self.samples <= rays:
+                    self._deepen(more)
                     chosen |= doubtful
-                    if more:
-                        self._deepen(more)
-                    elif not chosen.any():
-                        return
+                elif added > 0:
+                    chosen |= self._halve(halvings)
+                else:
+                    return
             elif few:
                 return
             self._bake(chosen)
             self._reconstruct()
 
-    def _outliers(self) -> npt.NDArray[np.bool_]:
+    def _outliers(self) -> Bools:
         if self.screening is None:
             return np.zeros(len(self.points), np.bool_)
         return self.screening.outliers(self.w) & ~self.baked
@@ -167,12 +173,12 @@ class _Field:
             self._rescale(self.w[rows], jump)
         self.mse = float(np.mean(self.error))
 
-    def _fill(self, wanted: npt.NDArray[np.int64], columns: int = 4) -> Floats:
+    def _fill(self, wanted: Int64s, columns: int = 4) -> Float64s:
         """Values (j, columns) at the points `wanted` (j,), from those at the baked ones."""
         values = np.ascontiguousarray(self.values[:, :columns])
         return upsample(self.points, wanted, self.near, self.known, self.cell, values)
 
-    def _rescale(self, probed: Floats, jump: float) -> None:
+    def _rescale(self, probed: Float64s, jump: float) -> None:
         """Bring expected squared errors to the level that the probes' w, `probed` (j,), show, `jump` at most each."""
         rows = self.probes.rows
         predicted = ~self.baked[rows]
@@ -185,53 +191,69 @@ class _Field:
             self.error[~self.baked] *= (max(float(np.sum(measured)), 0.0) + doubt) / (float(np.sum(expected)) + doubt)
         self.error *= calibration_factor(self.error[rows], squared, self.error)
 
-    def _doubtful(self, goal: float) -> npt.NDArray[np.bool_]:
-        """Points nearer together than baked ones, by half or more, where predictions fail `goal`; lowers the stride."""
-        excess = float(np.sqrt(np.mean(self.error[~self.baked]) / goal))
-        between, order, total, count = self._cells()
-        error = float(np.mean(self.error[self.baked]))
-        fine = self._fine(total, count, error, min(error, _ONCE_BAKED * goal), _SPARE * goal)
-        worst = between[order[fine - 1]] if fine else -1.0
-        doubtful = ~self.baked & (between > worst)[self.cell]
-        self.stride //= int(2 ** max(np.log(max(excess, 1.0)) / np.log(_HALVED) - 2, 1))
-        while self.stride > 1:
-            chosen = doubtful & (np.arange(len(self.points)) % self.stride == 0)
-            if np.count_nonzero(chosen) >= _WORTH * len(self.points):
-                return chosen
-            self.stride //= 2
-        self.stride = 1
-        return doubtful if doubtful.any() else ~self.baked
+    def _halve(self, halvings: Int64s) -> Bools:
+        """Halve the stride in each cell as often as `halvings` (b,) say; the points (k,) to bake for that."""
+        self.stride = np.maximum(self.stride >> halvings[self.cell], 1)
+        return ~self.baked & (np.arange(len(self.points)) % self.stride == 0)
 
-    def _cells(self) -> tuple[Floats, npt.NDArray[np.int64], Floats, Floats]:
-        """Mean error of the points predicted in each cell; cells in its order; running sums of errors and of points."""
-        count = np.bincount(self.cell, minlength=len(self.known)) - 1
-        total = np.bincount(self.cell, np.where(self.baked, 0.0, self.error), len(self.known))
-        between = total / np.maximum(count, 1)
-        order = np.argsort(between, kind="stable")
-        return between, order, np.cumsum(total[order]), np.cumsum(count[order], dtype=np.float64)
+    def _halvings(self, goal: float) -> tuple[Int64s, float]:
+        """How often to halve the stride in each cell, (b,), for a mean square error of `goal`; points baked by that.
 
-    def _fine(self, total: Floats, count: Floats, error: float, once_baked: float, goal: float) -> int:
+        Halving a stride divides the error of what is predicted by _HALVED² and doubles what is baked, so that it gains
+        most for a ray where error · stride is largest. Cells are halved down to one level of that, the Lagrange
+        multiplier, which is bisected.
+        """
+        between, count = self._cells()
+        baked, total = float(np.sum(self.error[self.baked])), goal * len(self.points)
+        once_baked = min(baked / len(self.known), _ONCE_BAKED * self.goal)
+        stride = np.maximum(np.bincount(self.cell, np.where(self.baked, 0, self.stride)) / np.maximum(count, 1), 1)
+        most = np.ceil(np.log2(stride))
+        gain = np.log2(np.maximum(between * stride, 1e-30)) / np.log2(2 * _HALVED**2)
+
+        def halved(level: float) -> tuple[Float64s, Float64s]:
+            halvings = np.clip(np.ceil(gain - level), 0, most)
+            return halvings, np.where(halvings > 0, count * np.minimum(np.exp2(halvings) / stride, 1), 0.0)
+
+        low, high = float(gain.min()) - np.log2(_COARSEST), float(gain.max())
+        for _ in range(_BISECTIONS):
+            level = (low + high) / 2
+            halvings, added = halved(level)
+            predicted = (count - added) * between * _HALVED ** (-2 * halvings)
+            fine = float(np.sum(predicted + added * once_baked)) + baked <= total
+            low, high = (level, high) if fine else (low, level)
+        halvings, added = halved(low)
+        return halvings.astype(np.int64), float(np.sum(added))
+
+    def _cells(self) -> tuple[Float64s, Float64s]:
+        """Mean error of the points predicted in each cell, (b,), and how many they are."""
+        count: Float64s = np.bincount(self.cell).astype(np.float64) - 1
+        total: Float64s = np.bincount(self.cell, np.where(self.baked, 0.0, self.error)).astype(np.float64, copy=False)
+        return total / np.maximum(count, 1.0), count
+
+    def _fine(self, total: Float64s, count: Float64s, error: float, once_baked: float, goal: float) -> int:
         """How many cells may stay predicted if the others' points get `once_baked` and baked ones have `error`."""
         number = len(self.points)
         baked = number - count[-1]
         kept = total + once_baked * (count[-1] - count) + error * baked
         return int(np.flatnonzero(kept <= goal * number)[-1]) + 1 if (kept <= goal * number).any() else 0
 
-    def _cheapest(self, most: int) -> tuple[int, npt.NDArray[np.bool_]]:
-        """How many rays more for every baked point, and which points besides, reach the goal with the fewest rays."""
-        between, order, total, count = self._cells()
+    def _cheapest(self, most: int) -> tuple[float, int, Bools]:
+        """The fewest rays that reach the goal, how many of them each baked point gets, and which points besides."""
+        between, count = self._cells()
+        order = np.argsort(between, kind="stable")
+        total, count = np.cumsum((between * count)[order]), np.cumsum(count[order])
         number, error = np.count_nonzero(self.baked), float(np.mean(self.error[self.baked]))
         best: tuple[float, int, int] = np.inf, most - self.samples, 0
         for more in np.unique(np.minimum(8 * np.round(_DEEPER * self.samples / 8), most - self.samples).astype(int)):
             lessened = error * self._lessened(int(more))
-            fine = self._fine(total, count, lessened, min(lessened, _ONCE_BAKED * self.goal), _SPARE * self.goal)
+            fine = self._fine(total, count, lessened, min(lessened, _ONCE_BAKED * self.goal), self.goal)
             left = count[-1] - (count[fine - 1] if fine else 0)
             if fine or left or lessened <= _MET * self.goal:
                 best = min(best, (number * more + left * (self.samples + more), int(more), fine))
-        _, more, fine = best
+        rays, more, fine = best
         doubtful = np.zeros(len(between), np.bool_)
         doubtful[order[fine:]] = True
-        return more, ~self.baked & doubtful[self.cell]
+        return rays, more, ~self.baked & doubtful[self.cell]
 
     def _lessened(self, more: int) -> float:
         """By what `more` rays multiply the variance of a baked point: lattices of n, m rays are worth n^1.5 + m^1.5."""
@@ -250,8 +272,8 @@ class _Field:
         """What all points become; the few outliers that are left are traced, too, and stay as they are."""
         rows = self._fill(np.arange(len(self.points)))
         if self.screening and not self.baked.all():
-            rows[:, 0] = self.w
             left = self._outliers()
+            rows[:, W] = self.screening.combined(self.w, self.error, ~self.baked)
             self._trace(left.copy())
             rows[left] = self.rows[left][:, VALUES]
             self.error[left] = self.noise
