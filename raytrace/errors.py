@@ -20,10 +20,8 @@ from collections.abc import Iterable
 from difflib import get_close_matches
 from typing import TYPE_CHECKING, Any
 
-from .types import Float64s
-
 if TYPE_CHECKING:
-    pass
+    from .types import Float64s
 
 
 class ObscuranceError(Exception):
