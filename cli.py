@@ -101,7 +101,7 @@ def validate(
     ] = None,
     samples: Annotated[
         int, typer.Option(help="Rays per vertex, with --generated of the reference; allowed errors depend on it.")
-    ] = 4096,
+    ] = choices.VALIDATION_SAMPLES,
     seed: Annotated[
         int | None, typer.Option(help="Random seed of rays and generated meshes; with --generated a fresh one.")
     ] = None,

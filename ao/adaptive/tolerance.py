@@ -78,6 +78,7 @@ class _Field:
         baked: bool (k,). owner, near, known, cell: `nearest_baked`, `coarsened` of these. rows: (k, COLUMNS), by rays.
         values: (b, 4), the baked points' reconstructed w and means of μ·direction.
         w: (k,), of all points; error: (k,), its expected square error. mse: the mean of that.
+        outliers: bool (k,), points not baked whose w is to be traced, see `Screening.outliers`.
         samples: rays of a baked point; noise: mean square error of what they alone give.
         stride: int64 (k,), the distance along the curve of the points that are baked around each, outliers left out.
     """
@@ -131,7 +132,7 @@ class _Field:
             )
             self._reconstruct()
         for _ in range(_ROUNDS):
-            chosen = self._outliers()
+            chosen = self.outliers.copy()
             few = np.count_nonzero(chosen) <= _LEFT * len(self.points)
             if self.mse > _MET * self.goal and few:
                 halvings, added = self._halvings(self.goal)
@@ -148,11 +149,6 @@ class _Field:
             self._bake(chosen)
             self._reconstruct()
 
-    def _outliers(self) -> Bools:
-        if self.screening is None:
-            return np.zeros(len(self.points), np.bool_)
-        return self.screening.outliers(self.w) & ~self.baked
-
     def _reconstruct(self) -> None:
         """Shrink the baked points towards their neighbours, predict the others, and measure the error of all."""
         self.near, self.known, self.cell = coarsened(self.neighbours, self.owner, self.points.normals)
@@ -163,6 +159,7 @@ class _Field:
         jump = np.inf if self.screening else (_JUMP * self.aim) ** 2
         between = np.maximum(self.near.smooth(np.minimum(residual, jump), 2), error)
         self.error = np.where(self.baked, error[self.cell], between[self.cell])
+        self.outliers = np.zeros(len(self.points), np.bool_)
         rows = self.probes.rows
         if self.screening is None or self.baked.all():
             self._rescale(self._fill(rows, 1)[:, 0], jump)
@@ -171,6 +168,7 @@ class _Field:
             self._rescale(self.w[rows], jump)
             self.w = self.screening.correct(self.w, self.error, ~self.baked)
             self._rescale(self.w[rows], jump)
+            self.outliers = self.screening.outliers(self.w) & ~self.baked
         self.mse = float(np.mean(self.error))
 
     def _fill(self, wanted: Int64s, columns: int = 4) -> Float64s:
@@ -272,7 +270,7 @@ class _Field:
         """What all points become; the few outliers that are left are traced, too, and stay as they are."""
         rows = self._fill(np.arange(len(self.points)))
         if self.screening and not self.baked.all():
-            left = self._outliers()
+            left = self.outliers
             rows[:, W] = self.screening.combined(self.w, self.error, ~self.baked)
             self._trace(left.copy())
             rows[left] = self.rows[left][:, VALUES]

@@ -12,6 +12,9 @@ if TYPE_CHECKING:
     import ao
 
 
+VALIDATION_SAMPLES = 4096  # rays per vertex of `obscurance validate`, unless given
+
+
 class Method(StrEnum):
     vertex = "vertex"
     surface = "surface"

@@ -8,8 +8,7 @@ from pathlib import Path
 from raytrace.errors import OptionError
 
 from .console import compiling, progress
-
-SAMPLES = 4096
+from .options import VALIDATION_SAMPLES
 
 
 def check_forms(
@@ -28,7 +27,7 @@ def check_forms(
     """
     if long and not (stress or generated):
         raise OptionError("long", "--stress or --generated with it", "neither")
-    if stress and (samples, seed, generated) != (SAMPLES, None, False):
+    if stress and (samples, seed, generated) != (VALIDATION_SAMPLES, None, False):
         got = f"{samples}, {seed}, {generated}"
         raise OptionError("--samples, --seed, --generated", "none of them with --stress", got)
     for name, values in of_generated.items():

@@ -15,7 +15,6 @@ from ..geometry.polygons import Triangles
 
 RGB = ("red", "green", "blue")
 UV = (("s", "t"), ("u", "v"), ("texture_u", "texture_v"), ("texture_s", "texture_t"))
-INDICES = ("vertex_indices", "vertex_index")
 _MESH = ("x", "y", "z", "nx", "ny", "nz")
 
 
