@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -67,7 +68,7 @@ def _in_blocks(x: Float64s, y: Float64s) -> Int64s:
     columns = max(round(np.sqrt(blocks)), 1)
     order = np.argsort(x, kind="stable")
     ends = np.rint(np.linspace(0, blocks, columns + 1)).astype(np.int64) * WIDE
-    parts = (order[first:last] for first, last in zip(ends, ends[1:], strict=False))
+    parts = (order[first:last] for first, last in pairwise(ends))
     return np.concatenate([part[np.argsort(y[part], kind="stable")] for part in parts])
 
 

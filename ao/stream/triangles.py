@@ -1,9 +1,9 @@
 """Sixteen triangles against the rays of a point, by the planes through the point and each edge.
 
 A ray of direction ω from the point meets a triangle a, b, c, relative to the point, where it lies on the same side of
-the planes a × b, b × c and c × a, at the distance a·N/ω·N with N = (b − a) × (c − a) (Amanatides & Choi 1997, Ray
-Tracing Triangular Meshes). Two triangles that share an edge get the same plane with the other sign, bit for bit, so that
-no ray slips between them.
+the planes a × b, b × c and c × a, at the distance a·N/ω·N with the triangle's normal N (Amanatides & Choi 1997, Ray
+Tracing Triangular Meshes). Two triangles that share an edge get its plane with opposite signs, bit for bit, so that no
+ray slips between them. With 2 a × b = (a − b) × (a + b), as Embree does it, long edges near the point lose no digits.
 """
 
 from __future__ import annotations
@@ -11,15 +11,16 @@ from __future__ import annotations
 import numpy as np
 
 from raytrace.kernel.jit import inline
-from raytrace.kernel.simd import WIDE, reciprocal_root, select
+from raytrace.kernel.simd import WIDE, multiply_add, reciprocal_root, select
 from raytrace.kernel.simd_masks import bits, lowest, lowest_bit, some
 from raytrace.kernel.simd_memory import load_row, store_row
-from raytrace.kernel.vector import add, cross, dot, scale, subtract
+from raytrace.kernel.vector import add, dot, scale, subtract
 
 from .rays import EVERYWHERE, NEVER, ONE, SLACK, TINY, ZERO, along, blocks_within, bring_nearer, is_open, root, stop
 
 PLANES = 18  # rows of sixteen: the three edges' normals, N, a·N, and a cone around each: axis, cosine, sine
 _NORMAL, _VOLUME, _AXIS, _COSINE, _SINE = 9, 12, 13, 16, 17
+_ROUNDED = np.float32(2.0**-22)
 _THIRD = np.float32(1.0 / 3.0)
 
 
@@ -33,12 +34,13 @@ def find_planes(triangles, origin, planes):
     a = subtract((load_row(triangles, 0), load_row(triangles, 1), load_row(triangles, 2)), origin)
     b = subtract((load_row(triangles, 3), load_row(triangles, 4), load_row(triangles, 5)), origin)
     c = subtract((load_row(triangles, 6), load_row(triangles, 7), load_row(triangles, 8)), origin)
-    n = cross(subtract(b, a), subtract(c, a))
-    volume = dot(a, n)
+    ab, bc, ca = subtract(a, b), subtract(b, c), subtract(c, a)
+    n = _normal(ab, bc, ca)
+    volume = multiply_add(a[0], n[0], multiply_add(a[1], n[1], a[2] * n[2]))
     side = select(volume < ZERO, -ONE, ONE)  # so that all products are positive where a ray meets the triangle
-    _store(planes, 0, scale(side, cross(a, b)))
-    _store(planes, 3, scale(side, cross(b, c)))
-    _store(planes, 6, scale(side, cross(c, a)))
+    _store(planes, 0, scale(side, _cross(ab, add(a, b))))
+    _store(planes, 3, scale(side, _cross(bc, add(b, c))))
+    _store(planes, 6, scale(side, _cross(ca, add(c, a))))
     _store(planes, _NORMAL, scale(side, n))
     volume = abs(volume)
     store_row(planes, _VOLUME, select(volume > ZERO, volume, NEVER))
@@ -68,6 +70,27 @@ def find_cones(a, b, c, normal, lowest_sine, planes):
 
 
 @inline
+def _cross(a, b):
+    """a × b of lanes, rounded less than by separate products."""
+    return (
+        multiply_add(a[1], b[2], -(a[2] * b[1])),
+        multiply_add(a[2], b[0], -(a[0] * b[2])),
+        multiply_add(a[0], b[1], -(a[1] * b[0])),
+    )
+
+
+@inline
+def _normal(ab, bc, ca):
+    """The normal of triangles with these edges: each coordinate from the edges whose products are smaller."""
+    first, second = _cross(ab, bc), _cross(bc, ca)
+    return (
+        select(abs(ab[2] * bc[1]) < abs(bc[2] * ca[1]), first[0], second[0]),
+        select(abs(ab[0] * bc[2]) < abs(bc[0] * ca[2]), first[1], second[1]),
+        select(abs(ab[1] * bc[0]) < abs(bc[1] * ca[0]), first[2], second[2]),
+    )
+
+
+@inline
 def _store(rows, first, v):
     """Write a triple of lanes to three rows."""
     store_row(rows, first, v[0])
@@ -84,8 +107,8 @@ def _pick(rows, first, lane):
 @inline
 def _meets(sides, ahead, volume, reach):
     """Where rays meet triangles nearer than `reach`."""
-    within = (sides[0] >= ZERO) & (sides[1] >= ZERO) & (sides[2] >= ZERO)
-    return within & (volume < reach * ahead)
+    least = -_ROUNDED * ahead  # the sides add up to 2 ω·N
+    return (min(min(sides[0], sides[1]), sides[2]) >= least) & (volume < reach * ahead)
 
 
 @inline
@@ -126,8 +149,8 @@ def meet_by_triangles(rays, triangles, planes, closest, reach):
             while inside != 0:
                 k = g * WIDE + lowest_bit(inside)
                 inside &= inside - 1
-                sides = along(directions, k, blocks, ab), along(directions, k, blocks, bc), along(directions, k, blocks, ca)
-                ahead = along(directions, k, blocks, n)
+                left, right = along(directions, k, blocks, ab), along(directions, k, blocks, bc)
+                sides, ahead = (left, right, along(directions, k, blocks, ca)), along(directions, k, blocks, n)
                 met = _meets(sides, ahead, volume, reach)
                 if not some(met):
                     continue

@@ -23,7 +23,7 @@ from .bvh16 import BVH16
 from .rays import EVERYWHERE, ONE, SLACK, TINY, ZERO, is_open, list_within, root
 from .triangles import PLANES, find_cones, find_planes, meet_by_rays, meet_by_triangles
 
-_LISTED = 48
+_LISTED = 32
 _ENTRIES = 1 << 8  # of the stack: fifteen brothers a level
 _NODE, _LEVEL, _FIRST, _COUNT = range(4)  # columns of entries; a count of −1: the rays are not listed
 _AXIS, _COSINE, _GAP = 0, 3, 4  # columns of bounds: the cone around a node, and how far away it begins
@@ -35,7 +35,7 @@ class Walk(NamedTuple):
     Attributes:
         entries: int64 (e, 4), the stack: nodes, their levels, and the part of `listed` that are their rays.
         bounds: float32 (e, 5), of the same nodes.
-        listed: int64 (levels·1024,), numbers of rays.
+        listed: int64, numbers of rays.
         passing: int64 (16, _LISTED), the rays that pass through each child of a node. passes: int64 (16,), how many.
         children: float32 (5, 16), `bounds` of a node's children. planes: float32 (PLANES, 16), of a leaf's triangles.
     """
@@ -51,7 +51,8 @@ class Walk(NamedTuple):
     @classmethod
     def of(cls, tree: BVH16) -> Walk:
         entries, bounds = np.zeros((_ENTRIES, 4), np.int64), np.zeros((_ENTRIES, 5), np.float32)
-        listed, passing = np.zeros((len(tree.starts) + 1) * WIDE * _LISTED, np.int64), np.zeros((WIDE, _LISTED), np.int64)
+        listed = np.zeros((len(tree.starts) + 1) * WIDE * _LISTED, np.int64)
+        passing = np.zeros((WIDE, _LISTED), np.int64)
         children, planes = aligned((5, WIDE), np.float32), aligned((PLANES, WIDE), np.float32)
         return cls(entries, bounds, listed, passing, np.zeros(WIDE, np.int64), children, planes)
 
