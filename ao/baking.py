@@ -64,8 +64,7 @@ def bake(
             vertices that mostly see backs, being inside one, are flagged. "fill": besides, they are filled. Vertex
             method only.
         traversal: "auto": 16 and more rays of a vertex are traced together, through a hierarchy of our own; "embree":
-            all rays by Embree, two to four times slower, as a check: some in a million differ, at edges. Vertex method
-            only.
+            all rays by Embree, up to ten times slower, as a check. Vertex method only.
         checkpoint: keeps what is traced, and is asked for what an interrupted run traced; the bits are the same.
         method: "vertex" estimates w at each vertex; "surface" fits the values whose interpolation is nearest to w all
             over the faces (Kavan, Bargteil & Sloan 2011, Least Squares Vertex Baking).

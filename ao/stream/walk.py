@@ -59,7 +59,7 @@ class Walk(NamedTuple):
 
 @inline
 def walk(tree, walk, rays, origin, normal, lowest_sine, closest, reach):
-    """Find out which rays meet something nearer than `reach`, and with `closest` how far away.
+    """Find which rays meet something nearer than `reach`, and with `closest` how far away.
 
     Args: lowest_sine: of the elevation of the lowest ray over the plane of the unit `normal`.
     """
