@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import sys
 import time
-from collections.abc import Callable
 from pathlib import Path
 from statistics import geometric_mean, median
 from typing import Any
@@ -54,20 +53,17 @@ def measure(specimen: Specimen) -> list[dict[str, Any]]:
         reach = min(mu.limit, placement.diagonal)
         for samples in SAMPLES:
             table = DirectionTable.make(samples, len(receivers.points), seed_key(0))
-            found = {way: np.empty((len(points), COLUMNS)) for way in ("embree", "stream")}
-            common = points.arrays, table, mu, reach
-            ways: dict[str, Callable[[], None]] = {
-                "embree": lambda: gather_hemispheres(RayPacket.of(receivers.scene), *common, found["embree"]),
-                "stream": lambda: gather_streams(tree, Rays.of(table), Walk.of(tree), *common, found["stream"]),
-            }
-            seconds: dict[str, list[float]] = {way: [] for way in ways}
+            seconds: dict[str, list[float]] = {"embree": [], "stream": []}
+            by_packets, by_streams = np.empty((2, len(points), COLUMNS))
             for _ in range(ROUNDS + 1):
-                for way, gather in ways.items():
-                    start = time.perf_counter()
-                    gather()
-                    seconds[way].append(time.perf_counter() - start)
+                start = time.perf_counter()
+                gather_hemispheres(RayPacket.of(receivers.scene), points.arrays, table, mu, reach, by_packets)
+                middle = time.perf_counter()
+                gather_streams(tree, Rays.of(table), Walk.of(tree), points.arrays, table, mu, reach, by_streams)
+                seconds["embree"].append(middle - start)
+                seconds["stream"].append(time.perf_counter() - middle)
             took = {way: 1e6 * median(times[1:]) / len(points) for way, times in seconds.items()}
-            differ = float(np.mean(np.abs(found["stream"][:, W] - found["embree"][:, W])))
+            differ = float(np.mean(np.abs(by_streams[:, W] - by_packets[:, W])))
             row = {"mesh": specimen.name, "vertices": len(mesh.vertices), "falloff": name, "samples": samples}
             rows.append(row | took | {"ratio": took["embree"] / took["stream"], "differ": differ, "build": build})
             print(
