@@ -81,7 +81,7 @@ def gather_moments(prepared: Prepared, patch: Patch) -> tuple[Float64s, Int64s]:
     def work(a: int, b: int) -> None:
         if checkpoint and checkpoint.copy(call, a, moments[a:b], counts[a:b]):
             return
-        packet = RayPacket.of(prepared.receivers.scene)
+        packet = RayPacket.of(prepared.receivers.embree())
         faces = FaceArrays(patch.corners[a:b], patch.normals[a:b], patch.axes[a:b])
         reach = placement.diagonal
         gather_faces(packet, faces, spread.of_faces(a, b), lattices, mu, reach, moments[a:b], counts[a:b])
