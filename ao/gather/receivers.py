@@ -50,7 +50,7 @@ class Receivers:
         flags: uint8 (n,), `Flag`s of each vertex.
         faces: int64 (m', 3), the faces that are not degenerate. tree: over these.
         tree_seconds: how long it took to build.
-        embree: these in Embree, built when it is first called.
+        embree: these in Embree, built when it is first called, which must not be on two threads at once.
     """
 
     points: Points
