@@ -22,7 +22,7 @@ OWN = "obscurance"
 """Names of images of ours begin so: a later bake replaces their textures."""
 RAMP = f"{OWN} ramp"
 LINEAR, CLAMP_TO_EDGE = 9729, 33071
-_VARIANTS, _TRANSFORM = "KHR_materials_variants", "KHR_texture_transform"
+_VARIANTS, TRANSFORM = "KHR_materials_variants", "KHR_texture_transform"
 
 
 class _Given(NamedTuple):
@@ -169,5 +169,5 @@ def _references(stored: Any) -> Iterator[dict[str, Any]]:
 def _sets(reference: dict[str, Any]) -> set[int]:
     """The sets of texture coordinates that readers with and without KHR_texture_transform take."""
     own = reference.get("texCoord", 0)
-    found = own, reference.get("extensions", {}).get(_TRANSFORM, {}).get("texCoord", own)
+    found = own, reference.get("extensions", {}).get(TRANSFORM, {}).get("texCoord", own)
     return {number for number in found if isinstance(number, int)}
