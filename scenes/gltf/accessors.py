@@ -13,7 +13,7 @@ import numpy.typing as npt
 from raytrace.errors import MeshError
 from raytrace.types import Float64s
 
-from .compression import compressions
+from .compression import compressions, must_be_decoded
 from .container import Gltf
 
 _COMPONENTS = {5120: "<i1", 5121: "<u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
@@ -89,9 +89,12 @@ def _rows(
     asset: Gltf, stored: dict[str, Any], count: int, item: np.dtype[Any], columns: int, field: str
 ) -> npt.NDArray[Any]:
     """So many rows of the buffer view that an accessor, or a part of a sparse one, refers to: a view of its bytes."""
+    view = entry(asset, "bufferViews", stored["bufferView"])
+    if must_be_decoded(asset.header, view):
+        raise MeshError(asset.path, field, "uncompressed values", compressions(asset.header))
     start, data = stored.get("byteOffset", 0), view_bytes(asset, stored["bufferView"])
     row = columns * item.itemsize
-    stride = entry(asset, "bufferViews", stored["bufferView"]).get("byteStride", 0) or row
+    stride = view.get("byteStride", 0) or row
     if stride < row or start + (count - 1) * stride + row > len(data):
         raise ValueError(f"{field} does not fit into its buffer view")
     return np.ndarray((count, columns), item, data, start, (stride, item.itemsize))

@@ -14,7 +14,8 @@ MESHOPT = ("EXT_meshopt_compression", "KHR_meshopt_compression")
 
 def compressions(header: dict[str, Any]) -> str:
     """The compressions that a file says it uses, for messages; empty if none."""
-    used = [name for name in (DRACO, *MESHOPT) if name in header.get("extensionsUsed", [])]
+    named = {*header.get("extensionsUsed", []), *header.get("extensionsRequired", [])}
+    used = [name for name in (DRACO, *MESHOPT) if name in named]
     return ", ".join(used) + ", which is not decoded" if used else ""
 
 
@@ -22,6 +23,11 @@ def is_placeholder(buffer: dict[str, Any]) -> bool:
     """Whether a buffer stands for what a decoder is to fill, and has no data itself."""
     extensions = buffer.get("extensions", {})
     return "uri" not in buffer and any(extensions.get(name, {}).get("fallback") for name in MESHOPT)
+
+
+def must_be_decoded(header: dict[str, Any], view: dict[str, Any]) -> bool:
+    """Whether a buffer view has compressed data, and the file does not promise plain ones beside them."""
+    return any(name in view.get("extensions", {}) for name in MESHOPT if name in header.get("extensionsRequired", []))
 
 
 def keep_plain_data(header: dict[str, Any]) -> None:

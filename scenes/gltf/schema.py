@@ -123,6 +123,7 @@ class _Image(_Table):
 class _Geometry(_Table):
     asset: _Asset
     extensionsUsed: Many[Text] = []
+    extensionsRequired: Many[Text] = []
     scene: Whole = 0
     scenes: Many[_Scene] = []
     nodes: Many[_Node] = []
@@ -269,7 +270,6 @@ class _MaterialMesh(_Table):
 
 
 class _Materials(_Table):
-    extensionsRequired: Many[Text] = []
     meshes: Many[_MaterialMesh] = []
     textures: Many[_Texture] = []
     samplers: Many[dict[str, Any]] = []
