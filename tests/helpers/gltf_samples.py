@@ -11,11 +11,16 @@ UV = QUAD[:, :2].copy()
 TEXTURED = {"name": "paint", "pbrMetallicRoughness": {"baseColorTexture": {"index": 0}, "metallicFactor": 0}}
 
 
-def picture(mode="RGB", colour=(200, 120, 40), size=(4, 4)):
-    """The bytes of a PNG."""
+def encoded(codes):
+    """The bytes of a PNG of codes (h, w, 3)."""
     file = io.BytesIO()
-    PIL.Image.new(mode, size, colour).save(file, "PNG")
+    PIL.Image.fromarray(codes).save(file, "PNG")
     return file.getvalue()
+
+
+def picture(colour=(200, 120, 40)):
+    """The bytes of a PNG of one colour."""
+    return encoded(np.full((4, 4, 3), colour, np.uint8))
 
 
 def with_images(builder, *images):
@@ -142,12 +147,14 @@ def strip():
     return builder.glb([{"mesh": 0}])
 
 
-def occluded(strength=1.0, mode="RGB", colour=(64, 200, 200)):
+def occluded(strength=1.0):
     """A material with an occlusion texture of its own, and a primitive without."""
     builder = Builder()
-    builder.mesh(quad(builder, 0, material=0), quad(builder, 0))
+    builder.mesh(quad(builder, 0, material=0))
+    builder.mesh(quad(builder, 0))
     materials = [{"name": "old", "occlusionTexture": {"index": 0, "strength": strength}}]
-    return builder.glb([{"mesh": 0}], materials=materials, **with_images(builder, picture(mode, colour)))
+    nodes = [{"mesh": 0}, {"mesh": 1, "translation": [1.2, 0, 0]}]
+    return builder.glb(nodes, materials=materials, **with_images(builder, picture((64, 200, 200))))
 
 
 SAMPLES = {
