@@ -120,13 +120,15 @@ def consume(family, path, made, index):
         with suppress(OptionError):  # coordinates beyond float32
             write(made / "made.glb", baked, file, colors=True)
             load(made / "made.glb")
+            write(made / "ramp.glb", baked, file, replace_occlusion=True)
+            describe(load(made / "ramp.glb"))
 
 
 def textures(description):
     from raytrace.image.texture import pack_textures
+    from raytrace.renderer.geometry import shape_textures
 
-    wanted = [item.shape.texture for item in description.scene.objects if item.shape.texture]
-    pack_textures(list(dict.fromkeys(wanted)))
+    pack_textures(shape_textures(item.shape for item in description.scene.objects))
 
 
 def look(path):
