@@ -115,7 +115,7 @@ def consume(family, path, made, index):
         if not ((baked.w >= 0) & (baked.w <= 1)).all():
             raise Finding("w is not in [0, 1]")
         for ending in ("ply", "npz"):
-            write(made / f"made.{ending}", baked, file, colors=True)
+            write(made / f"made.{ending}", baked, file, colors=ending == "ply")
         load(made / "made.ply")
         with suppress(OptionError):  # coordinates beyond float32
             write(made / "made.glb", baked, file, colors=True)
