@@ -77,6 +77,16 @@ def bake(
     colors: Annotated[
         bool, typer.Option("--colors", help="Write w as vertex colours: COLOR_0 of .glb, replacing a .ply's own.")
     ] = False,
+    occlusion: Annotated[
+        choices.Occlusion | None,
+        typer.Option(
+            help="Occlusion texture of .glb materials, which viewers show: ramp (w of the vertices, the default "
+            "without --colors) or none."
+        ),
+    ] = None,
+    replace_occlusion: Annotated[
+        bool, typer.Option("--replace-occlusion", help="Also where a material has an occlusion texture of its own.")
+    ] = False,
     quiet: Quiet = False,
 ) -> None:
     """Bake ambient occlusion or obscurance at the vertices of a mesh."""
@@ -155,6 +165,9 @@ def render(
         ),
     ] = None,
     baked: Annotated[Path | None, typer.Option(help="Read w from a baked file: .npy .npz .ply .glb")] = None,
+    own_occlusion: Annotated[
+        bool, typer.Option(help="Use a glTF file's own occlusion textures; otherwise bake there, too.")
+    ] = True,
     shadows: Annotated[bool | None, typer.Option("--shadows/--no-shadows", help="Trace shadow rays.")] = None,
     up: Annotated[
         choices.Up | None, typer.Option(help="Up axis of a mesh file, by default y, for STL and 3MF z.")
@@ -175,8 +188,8 @@ def render(
     from scenes.commands.render_file import render_file
 
     render_file(
-        scene, output, size, settings, up=up, baked=baked, preview=preview, half=half, threads=threads, report=report,
-        quiet=quiet,
+        scene, output, size, settings, up=up, baked=baked, own_occlusion=own_occlusion, preview=preview, half=half,
+        threads=threads, report=report, quiet=quiet,
     )  # fmt: skip
 
 

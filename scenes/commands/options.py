@@ -37,6 +37,11 @@ class Hidden(StrEnum):
     fill = "fill"
 
 
+class Occlusion(StrEnum):
+    none = "none"
+    ramp = "ramp"
+
+
 class Metric(StrEnum):
     flip = "flip"
     rms = "rms"
