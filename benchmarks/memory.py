@@ -61,14 +61,8 @@ def scene_of(mesh: Mesh) -> Scene:
 
 Way = tuple[Callable[[Mesh], object], Callable[[int, int, Mesh], int]]
 WAYS: dict[str, Way] = {
-    "--samples 256": (
-        lambda mesh: ao.bake(mesh, samples=SAMPLES),
-        lambda n, m, _: vertex_bytes(n, m, SAMPLES),
-    ),
-    "--tolerance .05": (
-        lambda mesh: ao.bake(mesh, tolerance=0.05),
-        lambda n, m, _: vertex_bytes(n, m, 1 << 14),
-    ),
+    "--samples 256": (lambda mesh: ao.bake(mesh, samples=SAMPLES), lambda n, m, _: vertex_bytes(n, m, SAMPLES)),
+    "--tolerance .05": (lambda mesh: ao.bake(mesh, tolerance=0.05), lambda n, m, _: vertex_bytes(n, m, 1 << 14)),
     "--hidden fill": (
         lambda mesh: ao.bake(mesh, samples=SAMPLES, hidden="fill"),
         lambda n, m, _: vertex_bytes(n, m, SAMPLES),

@@ -20,21 +20,7 @@ from pydantic import model_validator
 from ..errors import OptionError
 from ..system.parameters import Direction, HalfAngle, Length, NonNegative, Parameters, Point, Radiance, made_of
 from ..types import Float64s, Int64s
-from .layout import (
-    AMBIENT,
-    COS_HALF_ANGLE,
-    DIRECTION,
-    DIRECTIONAL,
-    EXPONENT,
-    HALF_ANGLE,
-    INTENSITY,
-    INVERSE_RANGE,
-    POINT,
-    POSITION,
-    RADIAL,
-    SPOT,
-    WIDTH,
-)
+from . import layout
 
 
 class PackedLight(NamedTuple):
@@ -52,8 +38,8 @@ class BaseLight(Parameters):
 
     def pack(self) -> PackedLight:
         """The kind and row that `raytrace.lights.kernels` takes."""
-        row = np.zeros(WIDTH)
-        row[INTENSITY : INTENSITY + 3] = self.intensity
+        row = np.zeros(layout.WIDTH)
+        row[layout.INTENSITY : layout.INTENSITY + 3] = self.intensity
         self._write(row)
         return PackedLight(self.kind, row)
 
@@ -103,9 +89,9 @@ class _Local(BaseLight):
     range: Length | None = None
 
     def _write(self, row: Float64s) -> None:
-        row[POSITION : POSITION + 3] = self.position
-        row[RADIAL : RADIAL + 3] = self.attenuation
-        row[INVERSE_RANGE] = 0.0 if self.range is None else 1.0 / self.range
+        row[layout.POSITION : layout.POSITION + 3] = self.position
+        row[layout.RADIAL : layout.RADIAL + 3] = self.attenuation
+        row[layout.INVERSE_RANGE] = 0.0 if self.range is None else 1.0 / self.range
 
     @model_validator(mode="after")
     def _attenuates(self) -> _Local:
@@ -118,42 +104,42 @@ class PointLight(_Local):
     """Sends the same intensity in all directions."""
 
     light: Literal["point"] = "point"
-    kind: ClassVar[int] = POINT
+    kind: ClassVar[int] = layout.POINT
 
 
 class SpotLight(_Local):
     """A point light within `half_angle` (degrees, in (0, 90]) of `direction`, times cos^exponent of the angle."""
 
     light: Literal["spot"] = "spot"
-    kind: ClassVar[int] = SPOT
+    kind: ClassVar[int] = layout.SPOT
     direction: Direction
     half_angle: HalfAngle
     exponent: NonNegative = 0.0
 
     def _write(self, row: Float64s) -> None:
         super()._write(row)
-        row[DIRECTION : DIRECTION + 3] = _unit(self.direction)
+        row[layout.DIRECTION : layout.DIRECTION + 3] = _unit(self.direction)
         angle = radians(self.half_angle)
-        row[COS_HALF_ANGLE], row[HALF_ANGLE] = max(0.0, cos(angle)), angle
-        row[EXPONENT] = self.exponent
+        row[layout.COS_HALF_ANGLE], row[layout.HALF_ANGLE] = max(0.0, cos(angle)), angle
+        row[layout.EXPONENT] = self.exponent
 
 
 class DirectionalLight(BaseLight):
     """Infinitely distant: `direction` is the way its light travels; no attenuation."""
 
     light: Literal["directional"] = "directional"
-    kind: ClassVar[int] = DIRECTIONAL
+    kind: ClassVar[int] = layout.DIRECTIONAL
     direction: Direction
 
     def _write(self, row: Float64s) -> None:
-        row[DIRECTION : DIRECTION + 3] = _unit(self.direction)
+        row[layout.DIRECTION : layout.DIRECTION + 3] = _unit(self.direction)
 
 
 class AmbientLight(BaseLight):
     """I_a: the same from everywhere, reflected as k_a I_a."""
 
     light: Literal["ambient"] = "ambient"
-    kind: ClassVar[int] = AMBIENT
+    kind: ClassVar[int] = layout.AMBIENT
 
 
 Light = PointLight | DirectionalLight | SpotLight | AmbientLight
@@ -172,7 +158,7 @@ def pack_lights(lights: list[BaseLight]) -> tuple[Int64s, Float64s]:
     """Kinds (k,) int64 and rows (k, WIDTH) float64 of a list of lights."""
     packed = [light.pack() for light in lights]
     kinds = np.array([p.kind for p in packed], np.int64)
-    return kinds, np.array([p.row for p in packed], np.float64).reshape(-1, WIDTH)
+    return kinds, np.array([p.row for p in packed], np.float64).reshape(-1, layout.WIDTH)
 
 
 def irradiance(

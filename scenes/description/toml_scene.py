@@ -12,11 +12,8 @@ import numpy as np
 
 import ao
 from ao.options import Options
-from raytrace.camera import Camera
+from raytrace import Camera, Scene, Settings, light_from_dict
 from raytrace.errors import OptionError, SceneError, nearest_name
-from raytrace.lights.sources import light_from_dict
-from raytrace.scene import Scene
-from raytrace.settings import Settings
 from raytrace.system.inputs import check_regular
 
 from ..field_errors import located, shown

@@ -9,9 +9,8 @@ from typing import Protocol
 
 import numpy as np
 
-from ao.baking import bake as _bake
-from ao.falloff import Binary, Exponential, Falloff
-from ao.result import Bake
+from ao import Bake, Binary, Exponential, Falloff
+from ao import bake as _bake
 from raytrace.mesh.mesh import Mesh
 
 from .comparison import Figures, compare_with_truth, find_truth

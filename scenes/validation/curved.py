@@ -86,10 +86,7 @@ def _dome(sphere: Part) -> Setting:
         "dome",
         [(0.0, 0.0, 0.0)],
         (radius * vertices, cap),
-        (
-            lambda tau, limit: analytic.dome(radius, tau, limit),
-            lambda tau, limit: analytic.dome(inner, tau, limit),
-        ),
+        (lambda tau, limit: analytic.dome(radius, tau, limit), lambda tau, limit: analytic.dome(inner, tau, limit)),
         (*BOTH, Exponential(tau=0.001), Exponential(tau=10.0), *limited),
         seed=30,
         certain=True,

@@ -171,10 +171,7 @@ def fit_errors(sigma, angles, order=48):
         for theta_r in np.radians(angles):
             for phi in np.linspace(0, np.pi, 5):
                 l, v = towards(theta_i), towards(theta_r, phi)
-                exact, fit = (
-                    reference_orders(sigma, l, v, order),
-                    fitted_orders(sigma, tuple(N), tuple(l), tuple(v)),
-                )
+                exact, fit = (reference_orders(sigma, l, v, order), fitted_orders(sigma, tuple(N), tuple(l), tuple(v)))
                 first.append((fit[0] - exact[0]) / l[2])
                 second.append((fit[1] - exact[1]) / l[2])
     return np.array(first), np.array(second)
