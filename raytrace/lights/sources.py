@@ -10,7 +10,7 @@ Source: (12.8), (12.26); the lecture notes on light sources.
 
 from __future__ import annotations
 
-from math import cos, pi, radians
+from math import cos, radians
 from typing import Any, ClassVar, Literal, NamedTuple, get_args
 
 import numpy as np
@@ -45,37 +45,6 @@ class BaseLight(Parameters):
 
     def _write(self, row: Float64s) -> None:
         """Write the columns after the intensity."""
-
-    def cannot_matter_at(self, point: npt.ArrayLike, normal: npt.ArrayLike, threshold: float = 0.0) -> bool:
-        """Whether this light may be left out at a point (3,) with unit normal (3,).
-
-        True if the point faces away, lies outside the cone, or receives at most `threshold` in every channel. Leaving
-        the light out then errs by at most `threshold` of incident light, and by nothing with the default of zero.
-        """
-        from .kernels import cannot_matter_at
-
-        kind, row = self.pack()
-        return bool(cannot_matter_at(kind, row, _triple(point), _triple(normal), float(threshold)))
-
-    def cannot_matter_in(
-        self,
-        low: npt.ArrayLike,
-        high: npt.ArrayLike,
-        axis: npt.ArrayLike = (0.0, 0.0, 1.0),
-        spread: float = pi,
-        threshold: float = 0.0,
-    ) -> bool:
-        """Whether this light may be left out in all of the box [low, high], (3,) each.
-
-        `axis` (3,) unit and `spread` (radians) bound the normals found there: each lies within `spread` of `axis`; the
-        default says nothing about them, and is the one to use for two-sided materials. True only if `cannot_matter_at`
-        holds at every point of the box for every such normal.
-        """
-        from .kernels import cannot_matter_in
-
-        kind, row = self.pack()
-        box = _triple(low), _triple(high)
-        return bool(cannot_matter_in(kind, row, *box, _triple(axis), float(spread), float(threshold)))
 
 
 class _Local(BaseLight):
@@ -176,8 +145,3 @@ def _unit(direction: tuple[float, float, float]) -> Float64s:
     from ..mesh.normals import normalize
 
     return normalize(np.array(direction))
-
-
-def _triple(value: npt.ArrayLike) -> tuple[float, float, float]:
-    x, y, z = np.asarray(value, np.float64)
-    return float(x), float(y), float(z)

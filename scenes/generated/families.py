@@ -6,11 +6,9 @@ from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Protocol
 
-import numpy as np
-
 from raytrace import Mesh, MeshError
 
-from ..geometry.polyhedra import Part
+from ..geometry.polyhedra import Part, part_of
 from .bases import dense_base
 from .damage import DAMAGES, Damage, damaged
 from .dense import Rng, extent, log_uniform, placed, refined, sized, unit, used
@@ -42,7 +40,7 @@ def _given(name: str, part: Part) -> Family:
 
 
 def _unit(mesh: Mesh) -> Part:
-    part = used((np.array(mesh.vertices), mesh.faces))
+    part = used(part_of(mesh))
     if not len(part[1]) or extent(part) == 0:
         raise MeshError(mesh.source, "faces", "some that are not points", "none")
     return unit(part)
