@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from typing import cast
-
 import numpy as np
 
 from ..brdf.layout import TWO_SIDED
-from ..embree.scene import EmbreeScene, TriangleScene
+from ..embree.point_query import JoinedScene
+from ..embree.scene import EmbreeScene
 from ..kernel.arrays import aligned, product
 from ..mesh.mesh import Mesh
 from ..mesh.normals import face_normals, normalize, vertex_sums
@@ -42,15 +41,14 @@ def vertex_origins(geometry: Geometry, embree: EmbreeScene) -> Float32s:
     They are in front of all faces of the scene that meet at a vertex (`raytrace.ray_origins`). Where a surface has two
     sides there are n more, for vertices seen from behind.
 
-    Args: embree: the scene of `geometry`; one with a single object and no degenerate faces is searched as it is.
+    Args: embree: the scene of `geometry`.
     """
-    vertices, faces, normals = _in_render_space(geometry)
+    vertices, faces, normals, starts = _in_render_space(geometry)
     points = weld_points(vertices, faces, normals=normals)
     away = 0.0 if geometry.placed.all() else INSTANCED  # all that is reckoned with is in proportion to coordinates
     surface = points.surface(vertices + away)
-    scene = cast(TriangleScene, embree)
-    if len(geometry.placed) > 1 or len(surface.faces) < len(faces):
-        scene = TriangleScene(surface.vertices.astype(np.float32), surface.faces)
+    usable = face_normals(vertices, faces)[1] > 0
+    scene = JoinedScene(embree, starts, np.where(usable, np.cumsum(usable) - 1, -1), away)
     found = [points.ray_origins(scene, surface)[points.group]]
     if geometry.rows[:, TWO_SIDED].any():
         found.append(points.reversed().ray_origins(scene, surface.reversed())[points.group])
@@ -59,8 +57,11 @@ def vertex_origins(geometry: Geometry, embree: EmbreeScene) -> Float32s:
     return origins
 
 
-def _in_render_space(geometry: Geometry) -> tuple[Float64s, Int64s, Float64s]:
-    """All objects as one mesh in render space, faces wound outwards: vertices, faces, unit vertex normals."""
+def _in_render_space(geometry: Geometry) -> tuple[Float64s, Int64s, Float64s, Int64s]:
+    """All objects as one mesh in render space, faces wound outwards: vertices, faces, unit vertex normals.
+
+    And the first face (o,) of each object.
+    """
     vertices, faces, normals = [], [], []
     begins = np.unique(geometry.first_face)
     ends = np.append(begins, len(geometry.faces))[np.searchsorted(begins, geometry.first_face) + 1]
@@ -75,4 +76,5 @@ def _in_render_space(geometry: Geometry) -> tuple[Float64s, Int64s, Float64s]:
         vertices.append(own)
         faces.append(corners[:, ::-1] if geometry.mirrored[item] < 0 else corners)
         normals.append(normalize(normal))
-    return np.concatenate(vertices), np.concatenate(faces).astype(np.int64), np.concatenate(normals)
+    starts = np.cumsum([0, *map(len, faces[:-1])])
+    return np.concatenate(vertices), np.concatenate(faces).astype(np.int64), np.concatenate(normals), starts

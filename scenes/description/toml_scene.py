@@ -14,9 +14,10 @@ import ao
 from ao.options import Options
 from raytrace import Camera, Scene, Settings, light_from_dict
 from raytrace.errors import OptionError, SceneError, nearest_name
+from raytrace.system.faults import fields_of
 from raytrace.system.inputs import check_regular
 
-from ..field_errors import located, shown
+from ..field_errors import check_keys, located, shown
 from ..readers.stored_w import ENDINGS
 from ..safe_paths import confined
 from .defaults import FROM, Z_UP, three_lights
@@ -87,9 +88,8 @@ def _load(path: Path) -> dict[str, Any]:
 
 
 def _settings(document: Document, path: Path, size: tuple[int, int] | None) -> Settings:
-    values = document.render.given()
-    if size is not None:
-        values["width"], values["height"] = size
+    values = document.render if size is None else document.render | {"width": size[0], "height": size[1]}
+    check_keys(path, "render", values, [name for name in fields_of(Settings) if name != "obscurance"])
     with located(path, "render"):
         made = Settings(**values)
     form = document.obscurance.form
