@@ -9,8 +9,6 @@ ones; zero, everywhere, for a light at or below the horizon. A material without 
 surface's `tangent`.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from ..kernel.jit import inline, kernel

@@ -11,8 +11,6 @@ Row: k_d (RGB), k_s (RGB), exponent m, spacing, Θ, sinΘ, cosΘ, Chebyshev doma
 Source: Poulin & Fournier 1990, "A Model for Anisotropic Reflection", added cylinders.
 """
 
-from __future__ import annotations
-
 from math import asin, atan2, copysign, cos, pi, sin, sqrt
 
 from ..kernel.jit import inline

@@ -5,8 +5,6 @@ incident light in each channel, so what k skipped lights would have reflected is
 `reflect` value: at most k ε for Phong-type materials, ρ k ε/π for Lambert.
 """
 
-from __future__ import annotations
-
 from math import acos, asin, inf, pi, sqrt
 
 from ..kernel.jit import inline

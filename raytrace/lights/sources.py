@@ -119,8 +119,7 @@ def light_from_dict(data: dict[str, Any]) -> BaseLight:
 
     Raises: OptionError naming the light, the field, what is accepted and what came.
     """
-    light: BaseLight = made_of(data, get_args(Light), "light", "light")
-    return light
+    return made_of(data, get_args(Light), "light", "light")
 
 
 def pack_lights(lights: list[BaseLight]) -> tuple[Int64s, Float64s]:

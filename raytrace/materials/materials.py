@@ -162,8 +162,7 @@ def material_from_dict(data: dict[str, Any]) -> BaseMaterial:
     """
     if "preset" in data:
         data = preset(data["preset"]) | {name: value for name, value in data.items() if name != "preset"}
-    material: BaseMaterial = made_of(data, get_args(Material), "model", "material")
-    return material
+    return made_of(data, get_args(Material), "model", "material")
 
 
 def pack_materials(materials: list[BaseMaterial]) -> tuple[Int64s, Float64s]:

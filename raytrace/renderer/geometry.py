@@ -149,9 +149,7 @@ def _build(objects: tuple[Object, ...], weighting: Normals) -> BuiltGeometry:
 
 def _bounds(objects: tuple[Object, ...]) -> Mesh:
     """The corners of all objects' bounding boxes: what render space is centred and scaled by."""
-    corners = []
-    for item in objects:
-        corners.append(_corners(item.shape.mesh.vertices) @ item.transform[:3, :3].T + item.transform[:3, 3])
+    corners = [_corners(o.shape.mesh.vertices) @ o.transform[:3, :3].T + o.transform[:3, 3] for o in objects]
     return Mesh(np.concatenate(corners), np.array([[0, 1, 2]]), source="scene")
 
 

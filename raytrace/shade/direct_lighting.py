@@ -3,8 +3,6 @@
 I(p) = I_e + k_a I_a·w + Σ_j δ(p, j) I_L(j) (diffuse_j + specular_j); the book's form weights diffuse light by w too.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from ..brdf.dispatch import ambient, emission, terms_wide

@@ -1,7 +1,5 @@
 """From lit entries to pixels: sums of samples, and adaptive anti-aliasing: converged pixels need no more of them."""
 
-from __future__ import annotations
-
 from math import sqrt
 
 import numpy as np

@@ -11,8 +11,6 @@ reflects nothing.
   interpolation stays flat.
 """
 
-from __future__ import annotations
-
 from ..kernel.jit import inline
 from ..kernel.simd import select
 from ..kernel.vector import add, dot, scale, subtract, unit

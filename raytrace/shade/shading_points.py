@@ -25,8 +25,6 @@ SENT, LIT 1 each  luminous sum over lights before δ, and after
 ========= ======= =====================================================================
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from ..kernel.jit import inline

@@ -1,7 +1,5 @@
 """The albedo texture at a hit, filtered over what one pixel covers."""
 
-from __future__ import annotations
-
 from math import sqrt
 
 import numpy as np

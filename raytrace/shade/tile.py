@@ -4,8 +4,6 @@ A pixel's first few samples decide together with its neighbours' whether it need
 known only when all tiles have been rendered, so pixels that one of them is unlike are taken up again then.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from ..brdf.dispatch import alpha

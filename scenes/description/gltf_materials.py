@@ -71,5 +71,4 @@ def base_texture(asset: Gltf, primitive: dict[str, Any]) -> dict[str, Any] | Non
     if "material" not in primitive:
         return None
     surface = entry(asset, "materials", primitive["material"]).get("pbrMetallicRoughness", {})
-    reference: dict[str, Any] | None = surface.get("baseColorTexture")
-    return reference
+    return surface.get("baseColorTexture")

@@ -61,10 +61,8 @@ def _load(path: Path) -> dict[str, Any]:
     try:
         check_regular(path, "a scene file", SceneError)
         content = path.read_bytes()
-    except SceneError:
-        raise
-    except (OSError, ValueError) as reason:
-        raise SceneError(path, "file", "a readable file", getattr(reason, "strerror", None) or reason) from None
+    except OSError as reason:
+        raise SceneError(path, "file", "a readable file", reason.strerror or reason) from None
     if not content.strip():
         raise SceneError(path, "content", "a TOML scene", "an empty file")
     try:
