@@ -87,7 +87,7 @@ def rise(make: Callable[[int], Mesh], vertices: int, way: str) -> dict[str, obje
         Path("/proc/self/clear_refs").write_text("5")
         before = status("VmRSS")
         work, estimate = WAYS[way]
-        told = estimate(len(mesh.vertices), len(mesh.faces), mesh)
+        estimated = estimate(len(mesh.vertices), len(mesh.faces), mesh)
         work(mesh)
         row = {
             "mesh": mesh.source,
@@ -95,7 +95,7 @@ def rise(make: Callable[[int], Mesh], vertices: int, way: str) -> dict[str, obje
             "faces": len(mesh.faces),
             "way": way,
             "measured": status("VmHWM") - before,
-            "estimated": told,
+            "estimated": estimated,
         }
         os.write(send, json.dumps(row).encode())
         os._exit(0)

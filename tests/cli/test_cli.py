@@ -63,14 +63,14 @@ def test_the_report_holds_the_contract(tmp_path, cube):
     assert found["falloff"]["tau"] == pytest.approx(np.log(2) / (0.5 * 3**0.5 / 2))
 
 
-def test_rays_that_are_certainly_open_are_told_and_change_nothing(tmp_path, cube):
-    told = obscurance("bake", cube, "-o", tmp_path / "a.npz", "--samples", 512)
-    assert "0 rays traced, 8,192 skipped as provably unoccluded, in" in told.stdout
-    told = obscurance("bake", cube, "-o", tmp_path / "b.npz", "--samples", 512, "--no-skip")
-    assert "8,192 rays traced in" in told.stdout
+def test_rays_that_are_skipped_are_counted_and_change_nothing(tmp_path, cube):
+    done = obscurance("bake", cube, "-o", tmp_path / "a.npz", "--samples", 512)
+    assert "0 rays traced, 8,192 skipped as provably unoccluded, in" in done.stdout
+    done = obscurance("bake", cube, "-o", tmp_path / "b.npz", "--samples", 512, "--no-skip")
+    assert "8,192 rays traced in" in done.stdout
     assert (tmp_path / "a.npz").read_bytes() == (tmp_path / "b.npz").read_bytes()
-    told = obscurance("bake", cube, "-o", tmp_path / "c.npy", "--method", "surface", "--no-skip")
-    refused(told, "--no-skip", "surface")
+    done = obscurance("bake", cube, "-o", tmp_path / "c.npy", "--method", "surface", "--no-skip")
+    refused(done, "--no-skip", "surface")
 
 
 def test_quiet_is_quiet(tmp_path, cube):

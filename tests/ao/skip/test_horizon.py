@@ -27,7 +27,7 @@ FALLOFFS = {
 
 @pytest.fixture
 def always(monkeypatch):
-    """Horizons are told where they don't pay, too."""
+    """Horizons are right where they don't pay, too."""
     monkeypatch.setattr(Horizons, "pay", lambda self, points, table: True)
 
 
@@ -91,8 +91,8 @@ def test_nor_at_any_size_and_place(scale, shift, always):
 
 
 def test_a_horizon_too_low_would_be_seen(monkeypatch, always):
-    told = Horizons.above
-    monkeypatch.setattr(Horizons, "above", lambda self, points, table: 0.8 * told(self, points, table))
+    exact = Horizons.above
+    monkeypatch.setattr(Horizons, "above", lambda self, points, table: 0.8 * exact(self, points, table))
     whole, less = (ao.bake(Mesh(*hills()), ao.Binary(), 1000, skip=skip) for skip in (False, True))
     assert bits(less) != bits(whole)
 
@@ -105,7 +105,7 @@ def test_horizons_stand_over_everything_and_not_far_over(name, reach):
     receivers = find_receivers(mesh, placement)
     points = receivers.points
     table = DirectionTable.make(4096, len(points), np.uint32(7))
-    told = Horizons(placement, receivers, ao.Binary(reach).resolve(mesh.radius)).above(points, table)
+    slopes = Horizons(placement, receivers, ao.Binary(reach).resolve(mesh.radius)).above(points, table)
     chance = np.random.default_rng(1)
     weights = chance.dirichlet(np.full(3, 0.6), 3_000)[:, None, :, None]
     corners = placement.vertices[receivers.faces].astype(np.float64)
@@ -122,10 +122,10 @@ def test_horizons_stand_over_everything_and_not_far_over(name, reach):
         slope, sector = z / np.hypot(x, y), (np.arctan2(y, x) / (2 * np.pi) % 1 * SECTORS).astype(int) % SECTORS
         seen = np.zeros(SECTORS)
         np.maximum.at(seen, sector, slope)
-        assert (told[i] >= seen).all()
+        assert (slopes[i] >= seen).all()
         over += np.mean(seen**2 / (1 + seen**2))
-        beyond += np.mean(np.where(np.isinf(told[i]), 1, told[i] ** 2 / (1 + np.minimum(told[i], 1e9) ** 2)))
-    assert beyond / len(points) < over / len(points) + 0.2  # shares of the rays, so that most that are open are told
+        beyond += np.mean(np.where(np.isinf(slopes[i]), 1, slopes[i] ** 2 / (1 + np.minimum(slopes[i], 1e9) ** 2)))
+    assert beyond / len(points) < over / len(points) + 0.2  # shares of the rays, so that most that are open are found
 
 
 def test_next_to_nothing_is_traced_over_a_convex_body(always):

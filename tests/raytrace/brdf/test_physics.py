@@ -3,21 +3,12 @@
 import numpy as np
 import pytest
 
+from raytrace import BlinnPhong, CookTorrance, EllipticalBeckmann, Lambert, OrenNayar, Phong, PoulinFournier, Strauss
 from raytrace.brdf.oren_nayar import fitted_orders
 from raytrace.brdf.oren_nayar_reference import reference_orders
 from raytrace.errors import OptionError
 from raytrace.materials.energy import NORMAL as N
 from raytrace.materials.energy import asymmetry, directional_albedo, towards
-from raytrace.materials.materials import (
-    BlinnPhong,
-    CookTorrance,
-    EllipticalBeckmann,
-    Lambert,
-    OrenNayar,
-    Phong,
-    PoulinFournier,
-    Strauss,
-)
 from raytrace.materials.reflect import reflect
 
 MIRROR = {"albedo": 1.0, "k_s": 1.0, "eta": 1e6}  # η = 1e6: F = 1 to 4e-6
