@@ -18,11 +18,7 @@ from .scene import EmbreeScene, TriangleScene
 
 _point_query = types.ExternalFunction("rtcPointQuery", types.boolean(*(types.uintp,) * 5))
 HEAD = 2  # numbers before the rows: how many there are, the capacity
-_USER, _IDS, _CONTEXT = (
-    1,
-    2,
-    3,
-)  # RTCPointQueryFunctionArguments; primID and geomID are one word
+_USER, _IDS, _CONTEXT = 1, 2, 3  # words of RTCPointQueryFunctionArguments; primID and geomID are one
 _INSTANCES = 32  # RTCPointQueryContext: two matrices, then the instances' identifiers, one of which is in use
 _LOW = 0xFFFFFFFF
 

@@ -5,7 +5,6 @@ Render space is recentred and scaled by a power of two to about unit size, so fl
 
 from __future__ import annotations
 
-from collections import Counter
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, NamedTuple
@@ -87,16 +86,20 @@ def _build(objects: tuple[Object, ...], weighting: Normals) -> BuiltGeometry:
     place = np.diag([scale, scale, scale, 1.0])
     place[:3, 3] = -scale * centre
 
-    shapes, transforms = Counter(item.shape for item in objects), {item.shape: item.transform for item in objects}
+    uses: dict[int, list[Object]] = {}
+    for item in objects:
+        uses.setdefault(id(item.shape), []).append(item)
+    shapes = {key: items[0].shape for key, items in uses.items()}
+    order = {key: row for row, key in enumerate(shapes)}
     placed_shapes = {
-        shape: _place_once(shape, place @ transforms[shape], weighting)
-        if uses == 1
-        else _place_instanced(shape, weighting)
-        for shape, uses in shapes.items()
+        key: _place_instanced(shapes[key], weighting)
+        if len(items) > 1
+        else _place_once(shapes[key], place @ items[0].transform, weighting)
+        for key, items in uses.items()
     }
-    vertex_starts = _starts([len(shape.mesh.vertices) for shape in shapes])
-    face_starts = _starts([len(shape.mesh.faces) for shape in shapes])
-    textures = tuple(dict.fromkeys(shape.texture for shape in shapes if shape.texture))
+    vertex_starts = _starts([len(shape.mesh.vertices) for shape in shapes.values()])
+    face_starts = _starts([len(shape.mesh.faces) for shape in shapes.values()])
+    textures = tuple(dict.fromkeys(shape.texture for shape in shapes.values() if shape.texture))
 
     geometries: list[Triangles | Instance] = []
     boxes = []
@@ -104,7 +107,7 @@ def _build(objects: tuple[Object, ...], weighting: Normals) -> BuiltGeometry:
     to_render, normal_to_render = np.empty((count, 3, 4)), np.empty((count, 3, 3))
     mirrored, magnitude = np.ones(count), np.zeros(count)
     for row, item in enumerate(objects):
-        placed = placed_shapes[item.shape]
+        placed = placed_shapes[id(item.shape)]
         matrix = place @ item.transform @ np.linalg.inv(placed.from_shape) if placed.scene else np.eye(4)
         if placed.scene:
             geometries.append(Instance(placed.scene, matrix[:3].astype(np.float32)))
@@ -119,11 +122,10 @@ def _build(objects: tuple[Object, ...], weighting: Normals) -> BuiltGeometry:
         mirrored[row] = np.sign(np.linalg.det(item.transform[:3, :3]))
     embree = EmbreeScene(geometries)
 
-    order = {shape: row for row, shape in enumerate(shapes)}
-    rank = [order[item.shape] for item in objects]
+    rank = [order[id(item.shape)] for item in objects]
     kinds, rows = pack_materials([item.shape.material for item in objects])
-    uv = [np.zeros((len(s.mesh.vertices), 2)) if s.uv is None else s.uv for s in shapes]
-    corner_rows = [s.mesh.faces + start for s, start in zip(shapes, vertex_starts, strict=True)]
+    uv = [np.zeros((len(s.mesh.vertices), 2)) if s.uv is None else s.uv for s in shapes.values()]
+    corner_rows = [s.mesh.faces + start for s, start in zip(shapes.values(), vertex_starts, strict=True)]
     arrays = Geometry(
         handle=embree.handle,
         vertices=_joined([placed.vertices for placed in placed_shapes.values()], np.float32),
@@ -136,7 +138,7 @@ def _build(objects: tuple[Object, ...], weighting: Normals) -> BuiltGeometry:
         to_render=to_render,
         normal_to_render=normal_to_render,
         mirrored=mirrored,
-        placed=np.array([placed_shapes[item.shape].scene is None for item in objects]),
+        placed=np.array([placed_shapes[id(item.shape)].scene is None for item in objects]),
         authored=np.array([weighting == "file" and item.shape.mesh.normals is not None for item in objects]),
         magnitude=magnitude,
         texture=np.array([textures.index(t) if (t := item.shape.texture) else -1 for item in objects]),
@@ -149,7 +151,9 @@ def _build(objects: tuple[Object, ...], weighting: Normals) -> BuiltGeometry:
 
 def _bounds(objects: tuple[Object, ...]) -> Mesh:
     """The corners of all objects' bounding boxes: what render space is centred and scaled by."""
-    corners = [_corners(o.shape.mesh.vertices) @ o.transform[:3, :3].T + o.transform[:3, 3] for o in objects]
+    corners = []
+    for item in objects:
+        corners.append(_corners(item.shape.mesh.vertices) @ item.transform[:3, :3].T + item.transform[:3, 3])
     return Mesh(np.concatenate(corners), np.array([[0, 1, 2]]), source="scene")
 
 

@@ -131,17 +131,11 @@ def between(a, b, c, u, v):
 
 
 @inline
-def texture_coordinates(geometry, vertices):
-    """Texture coordinates of vertices, lanes of float64."""
-    return double(gather(geometry.uv, 2 * vertices)), double(gather(geometry.uv, 2 * vertices + 1))
-
-
-@inline
 def tangent(geometry, i, j, k, edge1, edge2):
     """Unit direction in which u grows over the face, zero without texture coordinates."""
-    (u0, v0), (u1, v1) = texture_coordinates(geometry, i), texture_coordinates(geometry, j)
-    u2, v2 = texture_coordinates(geometry, k)
-    du1, dv1, du2, dv2 = u1 - u0, v1 - v0, u2 - u0, v2 - v0
+    u0, v0 = double(gather(geometry.uv, 2 * i)), double(gather(geometry.uv, 2 * i + 1))
+    du1, dv1 = double(gather(geometry.uv, 2 * j)) - u0, double(gather(geometry.uv, 2 * j + 1)) - v0
+    du2, dv2 = double(gather(geometry.uv, 2 * k)) - u0, double(gather(geometry.uv, 2 * k + 1)) - v0
     area = du1 * dv2 - du2 * dv1
     along = subtract(scale(dv2, doubled(edge1)), scale(dv1, doubled(edge2)))
     u = unit(scale(select(area == 0.0, 0.0, 1.0 / area), along))

@@ -6,11 +6,12 @@ import numpy as np
 
 from ..image.texture_lookup import sample_texture
 from ..kernel.jit import inline
-from ..kernel.simd import WIDE, select, single
+from ..kernel.simd import WIDE, double, select, single
 from ..kernel.simd_masks import pick
+from ..kernel.simd_memory import gather
 from ..kernel.vector import cross, dot, multiply, subtract
 from .camera_rays import pixel_width
-from .interaction import between, corner, corner_rows, doubled, texture_coordinates
+from .interaction import between, corner, corner_rows, doubled
 from .shading_points import AMBIENT, DIFFUSE, TINT, put, take
 
 
@@ -43,6 +44,12 @@ def texture_tint(entry, scene, item, mask, hits, view, missing):
             at = np.float64(pick(s, lane)), np.float64(pick(t, lane)), np.float64(pick(footprint, lane))
             red, green, blue = sample_texture(textures, texture, at[0], at[1], at[2])
             entry[TINT, lane], entry[TINT + 1, lane], entry[TINT + 2, lane] = red, green, blue
+
+
+@inline
+def texture_coordinates(geometry, vertices):
+    """Texture coordinates of vertices, lanes of float64."""
+    return double(gather(geometry.uv, 2 * vertices)), double(gather(geometry.uv, 2 * vertices + 1))
 
 
 @inline
