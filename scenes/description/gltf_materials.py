@@ -71,4 +71,5 @@ def base_texture(asset: Gltf, primitive: dict[str, Any]) -> dict[str, Any] | Non
     if "material" not in primitive:
         return None
     surface = entry(asset, "materials", primitive["material"]).get("pbrMetallicRoughness", {})
-    return surface.get("baseColorTexture")
+    reference: dict[str, Any] | None = surface.get("baseColorTexture")
+    return reference
