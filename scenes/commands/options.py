@@ -14,6 +14,7 @@ if TYPE_CHECKING:
 VALIDATION_SAMPLES = 4096  # rays per vertex of `obscurance validate`, unless given
 
 
+Traversal = Literal["auto", "embree"]
 Method = Literal["vertex", "surface"]
 FalloffForm = Literal["exponential", "binary"]
 Hidden = Literal["auto", "ignore", "mark", "fill"]
