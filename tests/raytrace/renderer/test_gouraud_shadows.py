@@ -7,14 +7,10 @@ import pytest
 import trimesh
 
 from raytrace.camera import Camera
-from raytrace.embree.scene import TriangleScene
 from raytrace.lights.sources import PointLight
 from raytrace.materials.materials import Lambert
 from raytrace.mesh.mesh import Mesh
-from raytrace.ray_origins.welded import WeldedPoints
-from raytrace.renderer.geometry import build_geometry
 from raytrace.renderer.render import render
-from raytrace.renderer.vertex_origins import vertex_origins
 from raytrace.scene import Object, Scene, Shape
 from raytrace.settings import Settings
 from scenes.geometry import primitives
@@ -181,24 +177,3 @@ def test_instanced_rooms_whose_walls_meet_in_the_middle_of_the_world_are_black(f
         objects = [Object(shape, matrix @ low), Object(shape, matrix @ beside @ low)]
         for eye in ((0, 0, 0), (1, 0, 0)):
             assert not seen(objects, matrix, eye, (0.5, 0, 0), lamps).any()
-
-
-@pytest.mark.parametrize("instanced", [False, True])
-def test_the_scene_that_rays_are_traced_in_shows_the_contacts_of_one_built_for_the_search(instanced, monkeypatch):
-    """Of objects that stand on one another, of two sides, with degenerate faces, which no search may find."""
-    floor = primitives.plane((-2, -2, -0.5), (4, 0, 0), (0, 4, 0), 0.5).mesh
-    faces = np.concatenate([[[0, 0, 1]], ROOM.faces[:9], [[2, 3, 3]], ROOM.faces[9:]])
-    box, flat = Shape(Mesh(ROOM.vertices, faces), TWO_SIDED), np.diag([1, 1, -0.3, 1.0])
-    objects = [Object(Shape(floor, WHITE)), Object(box), Object(Shape(ROOM, WHITE), similarity(0.7, 0, 2))]
-    if instanced:
-        objects += [Object(box, similarity(1, 1, 0)), Object(box, similarity(0.5, 0.3, 1) @ flat)]
-    built = build_geometry(tuple(objects), "file")
-    shared = vertex_origins(built.arrays, built.embree)
-
-    usual = WeldedPoints.ray_origins
-
-    def by_a_scene_of_its_own(points, _, surface):
-        return usual(points, TriangleScene(surface.vertices.astype(np.float32), surface.faces), surface)
-
-    monkeypatch.setattr(WeldedPoints, "ray_origins", by_a_scene_of_its_own)
-    np.testing.assert_array_equal(shared, vertex_origins(built.arrays, built.embree))
