@@ -4,19 +4,17 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
-import numba
 import numpy as np
-from numba import types
-from numba.extending import intrinsic
 
 from ..kernel.arrays import aligned
-from ..kernel.jit import callback, inline
+from ..kernel.deferred import arrayobj, ir, types
+from ..kernel.jit import callback, external, inline, intrinsic
 from ..types import Float32s, Int64s, UInt32s
 from . import library as library  # LLVM knows Embree's functions from then on
 from .packets import INVALID
 from .scene import TriangleScene
 
-_point_query = types.ExternalFunction("rtcPointQuery", types.boolean(*(types.uintp,) * 5))
+_point_query = external("rtcPointQuery", 5, answers=True)
 HEAD = 2  # numbers before the rows: how many there are, the capacity
 _PRIM_ID = 2  # RTCPointQueryFunctionArguments: query, userPtr, then primID and geomID in one word
 _USER = 1
@@ -24,35 +22,35 @@ _INSTANCES = 32  # RTCPointQueryContext: two matrices, then the instances' ident
 
 
 @intrinsic
-def _array_at(_typing: Any, address: Any) -> Any:
-    """The int64 array at an address."""
-    pointer = types.CPointer(types.int64)
+def _array_at(_typing: Any, address: Any, count: Any) -> Any:
+    """The int64 array of `count` at an address."""
+    kind = types.Array(types.int64, 1, "C")
 
     def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-        return builder.inttoptr(arguments[0], context.get_value_type(pointer))
+        array, word = arrayobj.make_array(kind)(context, builder), ir.IntType(64)
+        data = builder.inttoptr(arguments[0], array.data.type)
+        arrayobj.populate_array(array, data, [arguments[1]], [word(8)], word(8), None)
+        return array._getvalue()
 
-    return pointer(address), generate
+    return kind(types.int64, types.int64), generate
 
 
-@callback(types.boolean(types.CPointer(types.int64)))
+@callback
 def _note(arguments):
     """Note a face's row, or only count it where the array is full."""
-    given = numba.carray(arguments, 3)
-    head = numba.carray(_array_at(given[_USER]), HEAD)
+    given = _array_at(arguments, 3)
+    head = _array_at(given[_USER], HEAD)
     if head[0] < head[1]:
-        numba.carray(_array_at(given[_USER]), HEAD + head[1])[HEAD + head[0]] = given[_PRIM_ID] & 0xFFFFFFFF
+        _array_at(given[_USER], HEAD + head[1])[HEAD + head[0]] = given[_PRIM_ID] & 0xFFFFFFFF
     head[0] += 1
     return False
-
-
-NOTE = int(_note.address)
 
 
 class PointQuery(NamedTuple):
     """A scene to query, Embree's arguments, and an array for the answer; an argument of kernels.
 
     Attributes:
-        scene: uint64, handle of a TriangleScene. note: `NOTE`, which no cached kernel may hold.
+        scene: uint64, handle of a TriangleScene. note: the address of `_note`, which no cached kernel may hold.
         query: float32 (8,), context: uint32 (64,), aligned scratch.
         near: int64 (HEAD + capacity,), the answer: how many faces were found, the capacity, then rows of faces.
     """
@@ -67,7 +65,7 @@ class PointQuery(NamedTuple):
     def of(cls, scene: TriangleScene, capacity: int) -> PointQuery:
         """Queries of `scene` for up to so many faces."""
         near = np.empty(HEAD + capacity, np.int64)
-        return cls(scene.handle, NOTE, aligned((8,), np.float32), aligned((64,), np.uint32), near)
+        return cls(scene.handle, _note.address, aligned((8,), np.float32), aligned((64,), np.uint32), near)
 
 
 @inline

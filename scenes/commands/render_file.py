@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from .console import compiling, progress, warn
+from .console import KERNELS_OF_RENDER, compiling, progress, warn
 
 
 def render_file(
@@ -47,10 +47,10 @@ def render_file(
 
     if baked:
         check_stored(baked)
-    description = adjusted(read_scene(scene, size, up), settings, preview, baked)
-    check_outputs(outputs, description.files)
-    warnings = warn((item.shape.mesh for item in description.scene.objects), description.notes)
-    with compiling("tile"), progress(quiet, "rays", "tiles") as (baking, rendering):
+    with compiling(KERNELS_OF_RENDER), progress(quiet, "rays", "tiles") as (baking, rendering):
+        description = adjusted(read_scene(scene, size, up), settings, preview, baked)
+        check_outputs(outputs, description.files)
+        warnings = warn((item.shape.mesh for item in description.scene.objects), description.notes)
         picture = make_picture(scene, description, output, half, threads, baking, rendering)
     if report:
         write_json(report, render_report(scene, description.settings, picture, thread_count(threads), warnings))

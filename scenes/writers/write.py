@@ -14,7 +14,6 @@ from raytrace.errors import OptionError
 from raytrace.system.atomic import atomic_write, check_writable
 
 from ..readers.load import MeshFile
-from .glb import glb
 from .ply import ply
 
 if TYPE_CHECKING:
@@ -88,6 +87,8 @@ def _ply(bake: Bake, mesh_file: MeshFile, colors: bool) -> bytes:
 
 
 def _glb(bake: Bake, mesh_file: MeshFile, colors: bool) -> bytes:
+    from .glb import glb
+
     return glb(mesh_file, bake.w, colors)
 
 
