@@ -7,6 +7,7 @@ a kernel and all that it calls become one object file with one entry, which take
 from __future__ import annotations
 
 import ctypes
+import gc
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from itertools import count
@@ -75,7 +76,10 @@ def intrinsic(function: Callable[..., Any]) -> Any:
 
 @contextmanager
 def _compiling() -> Iterator[None]:
-    """Nothing that Numba compiles meanwhile, on this thread alone, becomes machine code but what is asked for."""
+    """Nothing that Numba compiles meanwhile, on this thread alone, becomes machine code but what is asked for.
+
+    Nor is its garbage collected, of which there is little: looking for it takes a sixth of the time.
+    """
 
     nowhere = ctypes.c_void_p()  # Numba writes there what wrappers would need
 
@@ -88,14 +92,18 @@ def _compiling() -> Iterator[None]:
         rtsys.initialize(_context)
         codegen = _context.codegen()
         engine, codegen._engine = codegen._engine, Idle()
+        collecting = gc.isenabled()
+        gc.disable()
         try:
             yield
         finally:
             codegen._engine = engine
+            if collecting:
+                gc.enable()
 
 
 def kernel_code(name: str, function: Callable[..., Any], arguments: tuple[Any, ...]) -> bytes:
-    """The formats of its results, as `struct` has them, with a + behind those of a tuple; a newline; an object file.
+    """The formats of its results, as `struct` has them, those of a tuple in brackets; a newline; an object file.
 
     Its function `name` takes the address of one word for each number and array of the arguments, tuples being taken
     apart: a number's value, with double precision if it is no whole number, or the address of the array's Python
@@ -113,7 +121,7 @@ def kernel_code(name: str, function: Callable[..., Any], arguments: tuple[Any, .
         status, found = _call(builder, compiled, values)
         with builder.if_then(status.is_error):
             builder.ret(ir.IntType(32)(1))
-        formats = _store(builder, compiled.signature.return_type, found, results)
+        formats = _store(builder, compiled.signature.return_type, found, results, count())
         builder.ret(ir.IntType(32)(0))
         return formats.encode() + b"\n" + _object_file(compiled.library, module, name)
 
@@ -178,32 +186,23 @@ def _array(builder: Any, word: Any, kind: Any) -> Any:
     return array._getvalue()
 
 
-def _store(builder: Any, kind: Any, value: Any, results: Any) -> str:
-    """Write a value to where results are wanted; returns the formats of the words."""
+def _store(builder: Any, kind: Any, value: Any, results: Any, rows: Iterator[int]) -> str:
+    """Write a value to where results are wanted, a word each number; returns their formats."""
     if kind == types.none:
         return ""
-    members = kind.types if isinstance(kind, types.BaseTuple) else [kind]
-    formats = ""
-    for row, member in enumerate(members):
-        one = builder.extract_value(value, row) if isinstance(kind, types.BaseTuple) else value
-        if isinstance(member, types.Float):
-            one = builder.fpext(one, ir.DoubleType()) if member.bitwidth < 64 else one
-            one = builder.bitcast(one, _WORD)
-        elif isinstance(member, types.Integer) and member.signed:
-            one = builder.sext(one, _WORD) if member.bitwidth < 64 else one
-        elif isinstance(member, types.Integer | types.Boolean):
-            one = builder.zext(one, _WORD) if one.type.width < 64 else one
-        else:
-            raise TypeError(f"result of a kernel: expected numbers or a tuple of them, got {kind}")
-        builder.store(one, cgutils.gep_inbounds(builder, results, row))
-        formats += _format(member)
-    return formats + "+" * isinstance(kind, types.BaseTuple)
-
-
-def _format(kind: Any) -> str:
+    if isinstance(kind, types.BaseTuple):
+        members = [builder.extract_value(value, place) for place in range(len(kind))]
+        return "(" + "".join(_store(builder, *each, results, rows) for each in zip(kind, members, strict=True)) + ")"
     if isinstance(kind, types.Float):
-        return "d"
-    return "?7x" if isinstance(kind, types.Boolean) else "q" if kind.signed else "Q"
+        word, letter = builder.bitcast(builder.fpext(value, ir.DoubleType()), _WORD), "d"
+    elif isinstance(kind, types.Integer | types.Boolean):
+        signed = isinstance(kind, types.Integer) and kind.signed
+        word, letter = (builder.sext(value, _WORD), "q") if signed else (builder.zext(value, _WORD), "Q")
+        letter = "?7x" if isinstance(kind, types.Boolean) else letter
+    else:
+        raise TypeError(f"result of a kernel: expected numbers and tuples of them, got {kind}")
+    builder.store(word, cgutils.gep_inbounds(builder, results, next(rows)))
+    return letter
 
 
 def _object_file(library: Any, module: Any, name: str) -> bytes:

@@ -9,7 +9,7 @@ from __future__ import annotations
 import ctypes
 import struct
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from functools import cached_property
 from hashlib import sha256
 from typing import Any, NamedTuple, TypeVar
@@ -26,6 +26,7 @@ _LAYOUT = _C | _FORTRAN | _ALIGNED | _WRITEABLE
 _WORDS = {"b": "q", "i": "q", "u": "Q", "f": "d"}
 _NUMPYS = {int: np.int64, float: np.float64, bool: np.bool_}
 _SIGNED = 1 << 63
+_BRACKETS = str.maketrans("", "", "()")
 _ENTRY = ctypes.CFUNCTYPE(ctypes.c_int32, ctypes.c_char_p, ctypes.c_void_p)
 _lock = threading.RLock()
 loaded: list[str] = []
@@ -37,11 +38,11 @@ notices: list[Callable[[str], None]] = []
 
 
 class _Loaded(NamedTuple):
-    """A kernel for arguments of certain types: how to pack them and unpack its results, if in a tuple, and its code."""
+    """A kernel for arguments of certain types: how to pack them, to unpack its results and to nest them, its code."""
 
     arguments: struct.Struct
     results: struct.Struct
-    tupled: bool
+    nesting: str
     call: Any
 
 
@@ -75,8 +76,7 @@ class Kernel:
         results = ctypes.create_string_buffer(code.results.size) if code.results.size else None
         if code.call(code.arguments.pack(*words), results):
             raise MemoryError(f"{self.__name__}: no memory for its arrays")
-        found = code.results.unpack(results) if results else (None,)
-        return found if code.tupled else found[0]
+        return next(_nested(code.nesting, iter(code.results.unpack(results)))) if results else None
 
     def _load(self, key: tuple[Any, ...], arguments: tuple[Any, ...]) -> _Loaded:
         with _lock:
@@ -85,10 +85,11 @@ class Kernel:
                 name = f"{self.__module__}.{self.__name__}.{sha256(repr(key).encode()).hexdigest()[:16]}"
                 stored = _code(name, self.function, lambda: compiler.kernel_code(name, self.function, arguments))
                 results, _, code = stored.partition(b"\n")
+                nesting = results.decode()
                 self._for_types[key] = _Loaded(
                     packing,
-                    struct.Struct(results.rstrip(b"+")),
-                    results.endswith(b"+"),
+                    struct.Struct(nesting.translate(_BRACKETS)),
+                    nesting.replace("7x", ""),
                     _ENTRY(load(name, code)),
                 )
             return self._for_types[key]
@@ -185,6 +186,21 @@ def _flatten(values: tuple[Any, ...], kinds: list[Any], words: list[Any]) -> Non
         else:
             kinds.append(np.uint64 if kind is int and value >= _SIGNED else _NUMPYS.get(kind, kind))
             words.append(int(value) if kind is np.bool_ else value)
+
+
+def _nested(nesting: str, values: Iterator[Any]) -> Iterator[Any]:
+    """The values as formats say that stand in brackets where tuples are."""
+    depth, begun = 0, 0
+    for place, letter in enumerate(nesting):
+        if letter == "(":
+            begun = begun if depth else place + 1
+            depth += 1
+        elif letter == ")":
+            depth -= 1
+            if not depth:
+                yield tuple(_nested(nesting[begun:place], values))
+        elif not depth:
+            yield next(values)
 
 
 def _format(kind: Any) -> str:

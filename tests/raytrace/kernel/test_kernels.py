@@ -57,6 +57,15 @@ def test_results_keep_signs_and_precision():
 
 
 @kernel
+def nested(a):
+    return (a, (a + 1, a > 3)), 2 * a, (a, a)
+
+
+def test_tuples_of_tuples_come_back_as_they_are():
+    assert nested(2.0) == ((2.0, (3.0, False)), 4.0, (2.0, 2.0))
+
+
+@kernel
 def largest(x):
     return x
 
