@@ -20,6 +20,7 @@ from importlib.util import find_spec
 from pathlib import Path
 
 import llvmlite.binding
+import numpy as np
 import platformdirs
 
 PACKAGES = ("raytrace", "ao")
@@ -29,10 +30,10 @@ ROOT = Path(__file__).resolve().parents[2]
 
 
 def source_hash(root: Path = ROOT) -> str:
-    """Hash of every source file that can hold or feed a kernel, and of Numba's and Python's version: 16 hex digits."""
+    """Hash of every source file that can hold or feed a kernel, and of Numba's, NumPy's and Python's: 16 hex digits."""
     numba = find_spec("numba")  # not imported, which takes longer than most bakes
     version = Path(numba.origin).with_name("_version.py").read_bytes() if numba and numba.origin else b""
-    digest = hashlib.sha256(version + sys.version.encode())
+    digest = hashlib.sha256(version + f"{np.__version__} {sys.version}".encode())
     for package in PACKAGES:
         for path in sorted((root / package).rglob("*.py")):
             digest.update(path.relative_to(root).as_posix().encode())
