@@ -40,7 +40,6 @@ def report(
         "vertices": len(bake.w),
         "rays": bake.rays,
         "rays_skipped": bake.rays_skipped,
-        "skip_seconds": bake.skip_seconds,
         "seconds": seconds | bake.seconds,
         "rmse_estimate": bake.rmse,
         "flagged": bake.flagged,

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 from warnings import catch_warnings
 
 from .console import KERNELS_OF_BAKE, KERNELS_OF_SURFACE, bake_summary, compiling, note, progress, warn
-from .options import FalloffForm, Hidden, Method, NormalsFrom, Up, make_falloff, named, plain
+from .options import FalloffForm, Hidden, Method, NormalsFrom, Traversal, Up, make_falloff, named, plain
 
 if TYPE_CHECKING:
     import ao
@@ -33,7 +33,7 @@ class BakeCommand:
     samples: int | None
     tolerance: float | None
     reconstruct: bool
-    skip: bool
+    traversal: Traversal
     seed: int
     threads: int | None
     normals: NormalsFrom
@@ -115,7 +115,7 @@ class BakeCommand:
 
     def _options(self) -> dict[str, Any]:
         """The options that `ao.bake` takes."""
-        names = ("method", "samples", "seed", "threads", "normals", "tolerance", "reconstruct", "hidden", "skip")
+        names = ("method", "samples", "seed", "threads", "normals", "tolerance", "reconstruct", "hidden", "traversal")
         return {name: plain(getattr(self, name)) for name in names}
 
     def _bake(self, mesh: Mesh, falloff: ao.Falloff, checkpoint: Checkpoint) -> tuple[ao.Bake, list[str]]:
