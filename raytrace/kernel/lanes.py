@@ -117,7 +117,7 @@ for _function, _sign in (
     _operator(_function, _compared(_sign), lambda lanes: MASK)
 
 
-def _each(builder: Any, name: str, vectors: list[Any]) -> Any:
+def each(builder: Any, name: str, vectors: list[Any]) -> Any:
     """An LLVM intrinsic applied to whole vectors."""
     kind = vectors[0].type
     suffix = f"v{WIDE}f{64 if isinstance(kind.element, ir.DoubleType) else 32}"
@@ -125,7 +125,7 @@ def _each(builder: Any, name: str, vectors: list[Any]) -> Any:
     return builder.call(function, vectors)
 
 
-_operator(operator.pow, lambda b, floats, x, y: _each(b, "llvm.pow", [x, y]))
+_operator(operator.pow, lambda b, floats, x, y: each(b, "llvm.pow", [x, y]))
 
 
 def _unary(function: Any, emit: Callable[[Any, Any], Any]) -> None:
@@ -138,5 +138,5 @@ def _unary(function: Any, emit: Callable[[Any, Any], Any]) -> None:
 
 _unary(operator.neg, lambda b, x: b.fneg(x))
 _unary(operator.invert, lambda b, x: b.not_(x))
-_unary(abs, lambda b, x: _each(b, "llvm.fabs", [x]))
-_unary(math.sqrt, lambda b, x: _each(b, "llvm.sqrt", [x]))
+_unary(abs, lambda b, x: each(b, "llvm.fabs", [x]))
+_unary(math.sqrt, lambda b, x: each(b, "llvm.sqrt", [x]))
