@@ -80,7 +80,7 @@ def warn(meshes: Iterable[Mesh], others: Iterable[str] = ()) -> list[str]:
     return warnings
 
 
-KERNELS_OF_BAKE, KERNELS_OF_SURFACE, KERNELS_OF_RENDER = 35, 35, 45
+KERNELS_OF_BAKE, KERNELS_OF_SURFACE, KERNELS_OF_RENDER = 40, 35, 40
 
 
 @contextmanager
