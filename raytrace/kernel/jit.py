@@ -24,7 +24,7 @@ F = TypeVar("F", bound=Callable[..., Any])
 _C, _FORTRAN, _ALIGNED, _WRITEABLE = 0x1, 0x2, 0x100, 0x400  # NumPy's flags
 _LAYOUT = _C | _FORTRAN | _ALIGNED | _WRITEABLE
 _WORDS = {"b": "q", "i": "q", "u": "Q", "f": "d"}
-_NUMPYS = {int: np.int64, float: np.float64, bool: np.bool_}
+ndarray = np.ndarray
 _SIGNED = 1 << 63
 _BRACKETS = str.maketrans("", "", "()")
 _ENTRY = ctypes.CFUNCTYPE(ctypes.c_int32, ctypes.c_char_p, ctypes.c_void_p)
@@ -60,6 +60,7 @@ class Kernel:
         self.function = function
         self._inlined = inlined
         self._for_types: dict[tuple[Any, ...], _Loaded] = {}
+        self._by_name: dict[str, _Loaded] = {}
         self.__doc__, self.__name__, self.__module__ = function.__doc__, function.__name__, function.__module__
 
     @cached_property
@@ -79,20 +80,21 @@ class Kernel:
         return next(_nested(code.nesting, iter(code.results.unpack(results)))) if results else None
 
     def _load(self, key: tuple[Any, ...], arguments: tuple[Any, ...]) -> _Loaded:
+        types, formats = _types(key)
+        name = f"{self.__module__}.{self.__name__}.{sha256(types.encode()).hexdigest()[:16]}"
         with _lock:
-            if key not in self._for_types:
-                packing = struct.Struct("".join(_format(kind) for kind in key))
-                name = f"{self.__module__}.{self.__name__}.{sha256(repr(key).encode()).hexdigest()[:16]}"
+            if name not in self._by_name:
                 stored = _code(name, self.function, lambda: compiler.kernel_code(name, self.function, arguments))
                 results, _, code = stored.partition(b"\n")
                 nesting = results.decode()
-                self._for_types[key] = _Loaded(
-                    packing,
+                self._by_name[name] = _Loaded(
+                    struct.Struct(formats),
                     struct.Struct(nesting.translate(_BRACKETS)),
                     nesting.replace("7x", ""),
                     _ENTRY(load(name, code)),
                 )
-            return self._for_types[key]
+            self._for_types[key] = self._by_name[name]
+        return self._for_types[key]
 
 
 class Callback:
@@ -176,16 +178,34 @@ def _flatten(values: tuple[Any, ...], kinds: list[Any], words: list[Any]) -> Non
     """Append what Numba's types of the values depend on, and what `kernel_code` makes the values of."""
     for value in values:
         kind = type(value)
-        if kind is np.ndarray or issubclass(kind, np.ndarray):
-            flags = value.flags.num & _LAYOUT
-            kinds.append((value.dtype, value.ndim, flags & ~_FORTRAN if flags & _C else flags))
+        if isinstance(value, ndarray):
+            kinds += (value.dtype, value.ndim, value.flags.num & _LAYOUT)
             words.append(id(value))
         elif isinstance(value, tuple):
-            kinds.append(kind if hasattr(kind, "_fields") else (kind, len(value)))
+            kinds += (kind, len(value))
             _flatten(value, kinds, words)
         else:
-            kinds.append(np.uint64 if kind is int and value >= _SIGNED else _NUMPYS.get(kind, kind))
+            kinds.append(np.uint64 if kind is int and value >= _SIGNED else kind)
             words.append(int(value) if kind is np.bool_ else value)
+
+
+def _types(key: tuple[Any, ...]) -> tuple[str, str]:
+    """Text that differs where Numba's types do, and the format of the words, of what `_flatten` found."""
+    text, formats, kinds = [], "", iter(key)
+    for kind in kinds:
+        if isinstance(kind, np.dtype):
+            dimensions, flags = next(kinds), next(kinds)
+            text.append(f"{kind!r} {dimensions} {flags & ~_FORTRAN if flags & _C else flags}")
+            formats += "P"
+        elif issubclass(kind, tuple):
+            text.append(f"{kind} {next(kinds)}")
+        else:
+            number = np.dtype(kind)
+            if number.kind not in _WORDS:
+                raise TypeError(f"argument of a kernel: expected arrays, numbers and tuples of them, got {kind}")
+            text.append(number.str)
+            formats += _WORDS[number.kind]
+    return "; ".join(text), formats
 
 
 def _nested(nesting: str, values: Iterator[Any]) -> Iterator[Any]:
@@ -201,15 +221,3 @@ def _nested(nesting: str, values: Iterator[Any]) -> Iterator[Any]:
                 yield tuple(_nested(nesting[begun:place], values))
         elif not depth:
             yield next(values)
-
-
-def _format(kind: Any) -> str:
-    """How a word of this kind is packed: nothing for the tuple around others."""
-    if isinstance(kind, tuple):
-        return "P" if isinstance(kind[0], np.dtype) else ""
-    if issubclass(kind, tuple):
-        return ""
-    try:
-        return _WORDS[np.dtype(kind).kind]
-    except KeyError:
-        raise TypeError(f"argument of a kernel: expected arrays, numbers and tuples of them, got {kind}") from None
