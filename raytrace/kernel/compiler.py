@@ -26,9 +26,7 @@ from .deferred import types
 
 _WORD, _BYTE = ir.IntType(64), ir.IntType(8)
 _POINTER = _BYTE.as_pointer()
-_HEAD = (
-    object.__basicsize__ // 8
-)  # words of a Python object before NumPy's own: data, dimensions' number, they, strides
+_HEAD = object.__basicsize__ // 8  # words before an array's own: data, number of axes, lengths, strides
 _DATA, _SHAPE, _STRIDES = _HEAD, _HEAD + 2, _HEAD + 3
 _INFO = 48  # bytes before Numba's arrays: count of references, destructor, its argument, data, size, allocator
 _OF_NUMBA = ("NRT_", "numba_", "Py", "_Py")  # functions that a process without Numba has not
