@@ -60,9 +60,9 @@ def type_of(function: Callable[..., Any], inlined: bool) -> Any:
     return types.Dispatcher(_kept[-1])
 
 
-def external(name: str, count: int, answers: bool) -> Any:
-    """Numba's type of a C function that takes `count` addresses, and returns a boolean or nothing."""
-    return types.ExternalFunction(name, (types.boolean if answers else types.void)(*(types.uintp,) * count))
+def external(name: str, count: int) -> Any:
+    """Numba's type of a C function that takes `count` addresses and returns nothing."""
+    return types.ExternalFunction(name, types.void(*(types.uintp,) * count))
 
 
 def intrinsic(function: Callable[..., Any]) -> Any:
@@ -122,19 +122,6 @@ def kernel_code(name: str, function: Callable[..., Any], arguments: tuple[Any, .
         formats = _store(builder, compiled.signature.return_type, found, results, count())
         builder.ret(ir.IntType(32)(0))
         return formats.encode() + b"\n" + _object_file(compiled.library, module, name)
-
-
-def callback_code(name: str, function: Callable[..., Any]) -> bytes:
-    """An object file whose function `name` takes one address, and returns a boolean as C has it."""
-    with _compiling():
-        compiled = _compiled(function, (types.intp,))
-        module = _context.create_module(name)
-        entry = ir.Function(module, ir.FunctionType(_BYTE, [_WORD]), name)
-        entry.return_value.add_attribute("zeroext")
-        builder = ir.IRBuilder(entry.append_basic_block())
-        _, found = _call(builder, compiled, entry.args)
-        builder.ret(builder.zext(found, _BYTE))
-        return _object_file(compiled.library, module, name)
 
 
 def _compiled(function: Callable[..., Any], given: tuple[Any, ...]) -> Any:

@@ -1,4 +1,4 @@
-"""Compilation of hot loops: decorators for kernels, the helpers that these call, and the functions that C calls back.
+"""Compilation of hot loops: decorators for kernels, and for the helpers, C functions and intrinsics that these call.
 
 A kernel is compiled by Numba when it is first called with arguments of new types, and its machine code kept on disk
 (`raytrace.kernel.cache`). Later processes load that code and call it, without importing Numba.
@@ -97,20 +97,6 @@ class Kernel:
         return self._for_types[key]
 
 
-class Callback:
-    """A function that C calls with one address, and that returns whether to stop; may call what kernels may."""
-
-    def __init__(self, function: Callable[[int], bool]) -> None:
-        self._function = function
-
-    @cached_property
-    def address(self) -> int:
-        """Of its machine code; another in every process."""
-        with _lock:
-            name = f"{self._function.__module__}.{self._function.__name__}"
-            return load(name, _code(name, self._function, lambda: compiler.callback_code(name, self._function)))
-
-
 class _External:
     """A C function for kernels to call."""
 
@@ -144,14 +130,9 @@ def inline(function: F) -> F:
     return Kernel(function, inlined=True)  # type: ignore[return-value]
 
 
-def callback(function: Callable[[int], bool]) -> Callback:
-    """Compile a function for C to call by its `address`, kept on disk like a kernel."""
-    return Callback(function)
-
-
-def external(name: str, count: int, answers: bool = False) -> Any:
-    """The C function of this name, which kernels call with `count` addresses. Args: answers: whether by a boolean."""
-    return _External(name, count, answers)
+def external(name: str, count: int) -> Any:
+    """The C function of this name, which kernels call with `count` addresses."""
+    return _External(name, count)
 
 
 def intrinsic(function: Callable[..., Any]) -> Any:
