@@ -15,13 +15,10 @@ from .falloff import Falloff
 from .memory import surface_bytes, vertex_bytes
 from .options import DEFAULT_SAMPLES, Hidden, Method, Normals, Options, Traversal, falloff_of, mesh_of
 from .prepared import Prepared
-from .result import Bake, assemble
-from .surface_method import fit_to_surface
+from .result import Bake, PointValues, assemble
 from .trace.checkpoint import Checkpoint
 from .trace.tracer import Progress
 from .vertex_method import sample_vertices
-
-_METHODS = {"vertex": sample_vertices, "surface": fit_to_surface}
 
 
 def bake(
@@ -88,7 +85,7 @@ def bake(
 
     start = time.perf_counter()
     prepared = Prepared.of(mesh, mu, options, progress, checkpoint)
-    values = _METHODS[method](prepared)
+    values = _values(prepared)
     build = prepared.receivers.tree_seconds
     baked = assemble(prepared, values, {"build": build, "bake": time.perf_counter() - start - build})
     if tolerance is not None and baked.rmse > tolerance:
@@ -96,6 +93,14 @@ def bake(
         text = f"tolerance {tolerance:g} is not met, the estimated RMSE is {baked.rmse:.3g}{reason}"
         warnings.warn(text, ToleranceWarning, stacklevel=2)
     return baked
+
+
+def _values(prepared: Prepared) -> PointValues:
+    if prepared.options.method == "vertex":
+        return sample_vertices(prepared)
+    from .surface_method import fit_to_surface  # its sparse matrices load for a fifth of a second
+
+    return fit_to_surface(prepared)
 
 
 def _check_memory(mesh: Mesh, options: Options) -> None:

@@ -132,7 +132,8 @@ def _upsample(points, graph, wanted, cell, values, plain, scratch, out):
         i = wanted[row]
         o = cell[row]
         if baked[o] == i:
-            out[row] = values[o]
+            for column in range(values.shape[1]):
+                out[row, column] = values[o, column]
             continue
         n = normals[i]
         count, spread = 0, 0.0

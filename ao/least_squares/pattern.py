@@ -140,13 +140,19 @@ def _sort_rows(starts, others):
     """Sort each row, name each unknown once, close the gaps; returns how many are left."""
     size, begin = 0, 0
     for i in range(len(starts) - 1):
-        row = np.sort(others[begin : starts[i + 1]])
+        first = size
+        for k in range(begin, starts[i + 1]):
+            other, place = others[k], size
+            while place > first and others[place - 1] >= other:
+                place -= 1
+            if place < size and others[place] == other:
+                continue
+            for later in range(size, place, -1):
+                others[later] = others[later - 1]
+            others[place] = other
+            size += 1
         begin = starts[i + 1]
-        starts[i] = size
-        for k in range(len(row)):
-            if k == 0 or row[k] != row[k - 1]:
-                others[size] = row[k]
-                size += 1
+        starts[i] = first
     starts[-1] = size
     return size
 

@@ -19,7 +19,7 @@ import numpy.typing as npt
 
 from raytrace.embree import library as embree
 from raytrace.errors import InputError, OutputError
-from raytrace.kernel.jit import source_hash
+from raytrace.kernel.cache import source_hash
 from raytrace.mesh.placement import Placement
 from raytrace.types import AnyInts, Float64s
 

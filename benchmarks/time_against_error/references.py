@@ -19,7 +19,7 @@ import numpy.typing as npt
 
 from ao.falloff import Mu
 from ao.gather.receivers import find_receivers
-from raytrace.kernel.jit import user_cache
+from raytrace.kernel.cache import user_cache
 from raytrace.mesh.mesh import Mesh
 from raytrace.mesh.placement import ULP, Placement
 from raytrace.system.atomic import atomic_write

@@ -8,10 +8,9 @@ uint32.
 from __future__ import annotations
 
 import numpy as np
-from numba import types
 
 from ..kernel.arrays import aligned
-from ..kernel.jit import inline
+from ..kernel.jit import external, inline
 from ..types import Float32s, Int32s
 from . import library as library  # LLVM knows Embree's functions from then on
 
@@ -23,11 +22,10 @@ _ARGUMENTS_AT = ARGUMENTS * LANES * 4
 INVALID = np.uint32(0xFFFFFFFF)
 _COHERENT = 1 << 16
 
-_call = types.void(types.uintp, types.uintp, types.uintp, types.uintp)
-_intersect8 = types.ExternalFunction("rtcIntersect8", _call)
-_occluded8 = types.ExternalFunction("rtcOccluded8", _call)
-_intersect16 = types.ExternalFunction("rtcIntersect16", _call)
-_occluded16 = types.ExternalFunction("rtcOccluded16", _call)
+_intersect8 = external("rtcIntersect8", 4)
+_occluded8 = external("rtcOccluded8", 4)
+_intersect16 = external("rtcIntersect16", 4)
+_occluded16 = external("rtcOccluded16", 4)
 
 
 @inline

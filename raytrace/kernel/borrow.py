@@ -4,10 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
-from numba.core import types
-from numba.core.cgutils import get_null_value
-from numba.extending import intrinsic
-from numba.np.arrayobj import make_array
+from .deferred import arrayobj, cgutils, types
+from .jit import intrinsic
 
 
 @intrinsic
@@ -21,9 +19,9 @@ def borrow(_context: Any, value: Any) -> Any:
     def uncounted(context: Any, builder: Any, kind: Any, one: Any) -> Any:
         if not isinstance(kind, types.Array):
             return one
-        array = make_array(kind)(context, builder, one)
-        array.meminfo = get_null_value(array.meminfo.type)
-        array.parent = get_null_value(array.parent.type)
+        array = arrayobj.make_array(kind)(context, builder, one)
+        array.meminfo = cgutils.get_null_value(array.meminfo.type)
+        array.parent = cgutils.get_null_value(array.parent.type)
         return array._getvalue()
 
     def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:

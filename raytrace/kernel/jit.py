@@ -1,147 +1,204 @@
-"""Compilation of hot loops: one decorator, and a cache that notices every edit.
+"""Compilation of hot loops: decorators for kernels, and for the helpers, C functions and intrinsics that these call.
 
-Numba keys its disk cache by the file a kernel stands in, so an edit of a helper in another file would leave
-a stale kernel behind. `kernel` therefore points the cache at a folder named by a hash of all kernel sources,
-inside the user's cache folder, which also serves read-only installations. ``NUMBA_CACHE_DIR`` overrides the parent.
+A kernel is compiled by Numba when it is first called with arguments of new types, and its machine code kept on disk
+(`raytrace.kernel.cache`). Later processes load that code and call it, without importing Numba.
 """
 
 from __future__ import annotations
 
-import getpass
-import hashlib
-import os
-import shutil
-import sys
-import tempfile
+import ctypes
+import struct
+import threading
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
-from functools import cache
-from pathlib import Path
-from pickle import UnpicklingError
-from typing import Any, TypeVar
+from functools import cached_property
+from hashlib import sha256
+from typing import Any, NamedTuple, TypeVar
 
-import numba
-import platformdirs
+import numpy as np
+
+from .cache import is_kept, read_code, write_code
+from .deferred import compiler
+from .machine_code import load
 
 F = TypeVar("F", bound=Callable[..., Any])
+_C, _FORTRAN, _ALIGNED, _WRITEABLE = 0x1, 0x2, 0x100, 0x400  # NumPy's flags
+_LAYOUT = _C | _FORTRAN | _ALIGNED | _WRITEABLE
+_WORDS = {"b": "q", "i": "q", "u": "Q", "f": "d"}
+ndarray = np.ndarray
+_SIGNED = 1 << 63
+_BRACKETS = str.maketrans("", "", "()")
+_ENTRY = ctypes.CFUNCTYPE(ctypes.c_int32, ctypes.c_char_p, ctypes.c_void_p)
+_lock = threading.RLock()
+loaded: list[str] = []
+"""Names of the kernels that this process has loaded, in this order."""
+compiled: list[str] = []
+"""Those of them that it has compiled."""
+notices: list[Callable[[str], None]] = []
+"""Called with the name of each kernel that is about to be compiled."""
 
-PACKAGES = ("raytrace", "ao")
-_NEEDED = 16 << 20  # bytes; all kernels take less than 5 MB
-ROOT = Path(__file__).resolve().parents[2]
+
+class _Loaded(NamedTuple):
+    """A kernel for arguments of certain types: how to pack them, to unpack its results and to nest them, its code."""
+
+    arguments: struct.Struct
+    results: struct.Struct
+    nesting: str
+    call: Any
 
 
-def source_hash(root: Path = ROOT) -> str:
-    """Hash of every source file that can hold or feed a kernel, and of Numba's version: 16 hex digits."""
-    digest = hashlib.sha256(f"{numba.__version__} {sys.version}".encode())
-    for package in PACKAGES:
-        for path in sorted((root / package).rglob("*.py")):
-            digest.update(path.relative_to(root).as_posix().encode())
-            digest.update(path.read_bytes())
-    return digest.hexdigest()[:16]
+class Kernel:
+    """A function that Numba compiles: machine code when called from Python, a part of the kernels that call it.
 
+    Arguments are arrays, numbers, and tuples of such; results are numbers or a tuple of numbers.
 
-def user_cache() -> Path | None:
-    """Parent of the kernel caches: the first with space of ``NUMBA_CACHE_DIR``, the user's cache, the temporary folder.
-
-    None where nothing can be written: kernels are then compiled anew in every process.
+    Raises:
+        TypeError: other arguments or results.
+        MemoryError: an array that it makes does not fit.
     """
-    for place in (_chosen, _users, _temporary):
-        try:
-            folder = place()
-            folder.mkdir(parents=True, exist_ok=True)
-            with tempfile.TemporaryFile(dir=folder):
-                if shutil.disk_usage(folder).free >= _NEEDED:
-                    return folder
-        except (OSError, LookupError, RuntimeError):
-            continue
-    return None
+
+    def __init__(self, function: Callable[..., Any], inlined: bool = False) -> None:
+        self.function = function
+        self._inlined = inlined
+        self._for_types: dict[tuple[Any, ...], _Loaded] = {}
+        self._by_name: dict[str, _Loaded] = {}
+        self.__doc__, self.__name__, self.__module__ = function.__doc__, function.__name__, function.__module__
+
+    @cached_property
+    def _numba_type_(self) -> Any:
+        """What Numba takes it for where a kernel names it."""
+        return compiler.type_of(self.function, self._inlined)
+
+    def __call__(self, *arguments: Any) -> Any:
+        kinds: list[Any] = []
+        words: list[Any] = []
+        _flatten(arguments, kinds, words)
+        key = tuple(kinds)
+        code = self._for_types.get(key) or self._load(key, arguments)
+        results = ctypes.create_string_buffer(code.results.size) if code.results.size else None
+        if code.call(code.arguments.pack(*words), results):
+            raise MemoryError(f"{self.__name__}: no memory for its arrays")
+        return next(_nested(code.nesting, iter(code.results.unpack(results)))) if results else None
+
+    def _load(self, key: tuple[Any, ...], arguments: tuple[Any, ...]) -> _Loaded:
+        types, formats = _types(key)
+        name = f"{self.__module__}.{self.__name__}.{sha256(types.encode()).hexdigest()[:16]}"
+        with _lock:
+            if name not in self._by_name:
+                stored = _code(name, self.function, lambda: compiler.kernel_code(name, self.function, arguments))
+                results, _, code = stored.partition(b"\n")
+                nesting = results.decode()
+                self._by_name[name] = _Loaded(
+                    struct.Struct(formats),
+                    struct.Struct(nesting.translate(_BRACKETS)),
+                    nesting.replace("7x", ""),
+                    _ENTRY(load(name, code)),
+                )
+            self._for_types[key] = self._by_name[name]
+        return self._for_types[key]
 
 
-def _chosen() -> Path:
-    """Raises: LookupError: nothing is chosen."""
-    chosen = os.environ.get("NUMBA_CACHE_DIR")
-    if not chosen:
-        raise LookupError
-    return Path(chosen)
+class _External:
+    """A C function for kernels to call."""
+
+    def __init__(self, *about: Any) -> None:
+        self._about = about
+
+    @cached_property
+    def _numba_type_(self) -> Any:
+        return compiler.external(*self._about)
 
 
-def _users() -> Path:
-    """Raises: RuntimeError: a user without a home."""
-    folder = platformdirs.user_cache_path("obscurance", appauthor=False)
-    if not folder.is_absolute():  # earlier releases leave a "~" as it is
-        raise RuntimeError
-    return folder
+class _Intrinsic:
+    """A function that writes LLVM's code where kernels call it, as `numba.extending.intrinsic` has it."""
 
+    def __init__(self, function: Callable[..., Any]) -> None:
+        self._function = function
+        self.__doc__ = function.__doc__
 
-def _temporary() -> Path:
-    """Raises: OSError: there is none."""
-    return Path(tempfile.gettempdir()) / f"obscurance-{_name()}"
-
-
-def _name() -> str:
-    try:
-        return getpass.getuser()
-    except (LookupError, OSError, ImportError):  # a user without a name, as containers have them
-        return str(os.getuid())
-
-
-@cache
-def cache_folder() -> Path | None:
-    """Folder of compiled kernels for exactly these sources, if one can be written."""
-    parent = user_cache()
-    return parent / source_hash() if parent else None
-
-
-def is_warm(module: str) -> bool:
-    """Whether an earlier run has left the compiled kernels of a module, such as "tile", as its source is now."""
-    folder = cache_folder()
-    return folder is not None and any(folder.glob(f"**/{module}.*.nbc"))
+    @cached_property
+    def _numba_type_(self) -> Any:
+        return compiler.intrinsic(self._function)
 
 
 def kernel(function: F) -> F:
-    """Compile a hot loop on first call: no Python objects, no GIL, cached on disk."""
-    with _own_cache() as cached:
-        compiled = numba.njit(nogil=True, cache=cached, error_model="numpy")(function)
-    if cached:
-        store = compiled._cache
-        store.load_overload, store.save_overload = _if_it_can(store.load_overload), _if_it_can(store.save_overload)
-    return compiled
-
-
-def callback(signature: Any) -> Callable[[F], Any]:
-    """Compile a function of this signature for C to call by its `address`, cached like a kernel."""
-
-    def compile_(function: F) -> Any:
-        with _own_cache() as cached:
-            store = _if_it_can(lambda: numba.cfunc(signature, cache=cached)(function))
-            return store() or numba.cfunc(signature)(function)
-
-    return compile_
-
-
-def _if_it_can(use: Callable[..., Any]) -> Callable[..., Any]:
-    """`use` of the cache, or None: its disk may have filled up, a crash may have left half a file."""
-
-    def attempt(*arguments: Any) -> Any:
-        try:
-            return use(*arguments)
-        except (OSError, EOFError, UnpicklingError):
-            return None
-
-    return attempt
-
-
-@contextmanager
-def _own_cache() -> Iterator[bool]:
-    """Numba's cache in `cache_folder` meanwhile; whether there is one."""
-    before, folder = numba.config.CACHE_DIR, cache_folder()
-    numba.config.CACHE_DIR = str(folder or "")
-    try:
-        yield folder is not None
-    finally:
-        numba.config.CACHE_DIR = before
+    """Compile a hot loop on first call: no Python objects, no GIL, kept on disk."""
+    return Kernel(function)  # type: ignore[return-value]
 
 
 def inline(function: F) -> F:
     """Compile a helper that kernels call; it is compiled into each of them."""
-    return numba.njit(nogil=True, error_model="numpy", forceinline=True)(function)
+    return Kernel(function, inlined=True)  # type: ignore[return-value]
+
+
+def external(name: str, count: int) -> Any:
+    """The C function of this name, which kernels call with `count` addresses."""
+    return _External(name, count)
+
+
+def intrinsic(function: Callable[..., Any]) -> Any:
+    """Let kernels call a function that writes LLVM's code; Numba is imported when one is compiled."""
+    return _Intrinsic(function)
+
+
+def _code(name: str, function: Callable[..., Any], compile_: Callable[[], bytes]) -> bytes:
+    """A function's code by this name, from the disk or compiled and kept there."""
+    loaded.append(name)
+    kept = is_kept(function.__code__.co_filename)
+    code = read_code(name) if kept else None
+    if code is None:
+        for notice in notices:
+            notice(name)
+        compiled.append(name)
+        code = compile_()
+        if kept:
+            write_code(name, code)
+    return code
+
+
+def _flatten(values: tuple[Any, ...], kinds: list[Any], words: list[Any]) -> None:
+    """Append what Numba's types of the values depend on, and what `kernel_code` makes the values of."""
+    for value in values:
+        kind = type(value)
+        if isinstance(value, ndarray):
+            kinds += (value.dtype, value.ndim, value.flags.num & _LAYOUT)
+            words.append(id(value))
+        elif isinstance(value, tuple):
+            kinds += (kind, len(value))
+            _flatten(value, kinds, words)
+        else:
+            kinds.append(np.uint64 if kind is int and value >= _SIGNED else kind)
+            words.append(int(value) if kind is np.bool_ else value)
+
+
+def _types(key: tuple[Any, ...]) -> tuple[str, str]:
+    """Text that differs where Numba's types do, and the format of the words, of what `_flatten` found."""
+    text, formats, kinds = [], "", iter(key)
+    for kind in kinds:
+        if isinstance(kind, np.dtype):
+            dimensions, flags = next(kinds), next(kinds)
+            text.append(f"{kind!r} {dimensions} {flags & ~_FORTRAN if flags & _C else flags}")
+            formats += "P"
+        elif issubclass(kind, tuple):
+            text.append(f"{kind} {next(kinds)}")
+        else:
+            number = np.dtype(kind)
+            if number.kind not in _WORDS:
+                raise TypeError(f"argument of a kernel: expected arrays, numbers and tuples of them, got {kind}")
+            text.append(number.str)
+            formats += _WORDS[number.kind]
+    return "; ".join(text), formats
+
+
+def _nested(nesting: str, values: Iterator[Any]) -> Iterator[Any]:
+    """The values as formats say that stand in brackets where tuples are."""
+    depth, begun = 0, 0
+    for place, letter in enumerate(nesting):
+        if letter == "(":
+            begun = begun if depth else place + 1
+            depth += 1
+        elif letter == ")":
+            depth -= 1
+            if not depth:
+                yield tuple(_nested(nesting[begun:place], values))
+        elif not depth:
+            yield next(values)

@@ -2,165 +2,35 @@
 
 Lanes of float32, float64, int32 or booleans combine with each other and with scalars by the usual operators, `min`,
 `max`, `abs` and `sqrt`; a comparison makes booleans, and `select` chooses by them. A helper written with these, without
-branches on its values, serves scalars and lanes alike: `raytrace.kernel.vector` is made of such.
+branches on its values, serves scalars and lanes alike: `raytrace.kernel.vector` is made of such. The type itself is in
+`raytrace.kernel.lanes`.
 """
 
 from __future__ import annotations
 
-import math
-import operator
 from collections.abc import Callable
 from typing import Any
 
-from llvmlite import ir
-from numba.core import types
-from numba.extending import intrinsic, lower_builtin, models, register_model, type_callable
+from .deferred import ir, lanes, types
+from .jit import intrinsic
 
 WIDE = 16
-
-
-class Lanes(types.Type):
-    """`WIDE` values of one Numba scalar type."""
-
-    def __init__(self, dtype: types.Type) -> None:
-        self.dtype = dtype
-        super().__init__(name=f"Lanes({dtype})")
-
-
-SINGLE, DOUBLE, WHOLE, MASK = (Lanes(dtype) for dtype in (types.float32, types.float64, types.int32, types.boolean))
-ELEMENT = {
-    types.float32: ir.FloatType(),
-    types.float64: ir.DoubleType(),
-    types.int32: ir.IntType(32),
-    types.boolean: ir.IntType(1),
-}
-INDEX = ir.IntType(32)
-
-
-def llvm_type(lanes: Lanes) -> ir.VectorType:
-    return ir.VectorType(ELEMENT[lanes.dtype], WIDE)
-
-
-@register_model(Lanes)
-class _LanesModel(models.PrimitiveModel):
-    def __init__(self, manager: Any, kind: Lanes) -> None:
-        super().__init__(manager, kind, llvm_type(kind))
-
-
-def _splat(builder: Any, scalar: Any) -> Any:
-    vector = ir.VectorType(scalar.type, WIDE)
-    first = builder.insert_element(ir.Constant(vector, ir.Undefined), scalar, INDEX(0))
-    return builder.shuffle_vector(
-        first, ir.Constant(vector, ir.Undefined), ir.Constant(ir.VectorType(INDEX, WIDE), None)
-    )
-
-
-def widened(context: Any, builder: Any, value: Any, kind: types.Type, lanes: Lanes) -> Any:
-    """`value` as the LLVM vector of `lanes`; scalars are cast and repeated."""
-    if isinstance(kind, Lanes):
-        return value
-    return _splat(builder, context.cast(builder, value, kind, lanes.dtype))
-
-
-def _common(*kinds: types.Type) -> Lanes | None:
-    """The lanes that all of the lanes among `kinds` are; the others must be scalars."""
-    found = {kind for kind in kinds if isinstance(kind, Lanes)}
-    scalars = all(isinstance(kind, Lanes | types.Number | types.Boolean) for kind in kinds)
-    return found.pop() if len(found) == 1 and scalars else None
-
-
-def _operator(function: Any, emit: Callable[..., Any], result: Callable[[Lanes], Lanes] = lambda lanes: lanes) -> None:
-    """Give an operator of two arguments to lanes; `emit(builder, is_float, a, b)` makes its code."""
-
-    @type_callable(function)
-    def infer(context: Any) -> Any:
-        def typer(a: Any, b: Any) -> Any:
-            lanes = _common(a, b)
-            return lanes and result(lanes)
-
-        return typer
-
-    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-        lanes = _common(*signature.args)
-        assert lanes
-        a, b = (widened(context, builder, v, t, lanes) for v, t in zip(arguments, signature.args, strict=True))
-        return emit(builder, isinstance(lanes.dtype, types.Float), a, b)
-
-    scalars = types.Number, types.Boolean
-    for pair in ((Lanes, Lanes), *((Lanes, t) for t in scalars), *((t, Lanes) for t in scalars)):
-        lower_builtin(function, *pair)(generate)
-
-
-def _compared(sign: str) -> Callable[..., Any]:
-    def emit(b: Any, floats: bool, x: Any, y: Any) -> Any:
-        if floats:
-            return b.fcmp_unordered(sign, x, y) if sign == "!=" else b.fcmp_ordered(sign, x, y)
-        return b.icmp_signed(sign, x, y)
-
-    return emit
-
-
-def _chosen(sign: str) -> Callable[..., Any]:
-    return lambda b, floats, x, y: b.select(_compared(sign)(b, floats, x, y), x, y)
-
-
-for _function in (operator.add, operator.iadd):
-    _operator(_function, lambda b, floats, x, y: b.fadd(x, y) if floats else b.add(x, y))
-for _function in (operator.mul, operator.imul):
-    _operator(_function, lambda b, floats, x, y: b.fmul(x, y) if floats else b.mul(x, y))
-_operator(operator.sub, lambda b, floats, x, y: b.fsub(x, y) if floats else b.sub(x, y))
-_operator(operator.truediv, lambda b, floats, x, y: b.fdiv(x, y))
-_operator(operator.and_, lambda b, floats, x, y: b.and_(x, y))
-_operator(operator.or_, lambda b, floats, x, y: b.or_(x, y))
-_operator(operator.rshift, lambda b, floats, x, y: b.ashr(x, y))
-_operator(min, _chosen("<"))
-_operator(max, _chosen(">"))
-for _function, _sign in (
-    (operator.lt, "<"), (operator.le, "<="), (operator.gt, ">"), (operator.ge, ">="), (operator.eq, "=="),
-    (operator.ne, "!="),
-):  # fmt: skip
-    _operator(_function, _compared(_sign), lambda lanes: MASK)
-
-
-def _each(builder: Any, name: str, vectors: list[Any]) -> Any:
-    """An LLVM intrinsic applied to whole vectors."""
-    kind = vectors[0].type
-    suffix = f"v{WIDE}f{64 if isinstance(kind.element, ir.DoubleType) else 32}"
-    function = builder.module.declare_intrinsic(f"{name}.{suffix}", (), ir.FunctionType(kind, [kind] * len(vectors)))
-    return builder.call(function, vectors)
-
-
-_operator(operator.pow, lambda b, floats, x, y: _each(b, "llvm.pow", [x, y]))
-
-
-def _unary(function: Any, emit: Callable[[Any, Any], Any]) -> None:
-    @type_callable(function)
-    def infer(context: Any) -> Any:
-        return lambda a: a if isinstance(a, Lanes) else None
-
-    lower_builtin(function, Lanes)(lambda context, builder, signature, arguments: emit(builder, arguments[0]))
-
-
-_unary(operator.neg, lambda b, x: b.fneg(x))
-_unary(operator.invert, lambda b, x: b.not_(x))
-_unary(abs, lambda b, x: _each(b, "llvm.fabs", [x]))
-_unary(math.sqrt, lambda b, x: _each(b, "llvm.sqrt", [x]))
 
 
 @intrinsic
 def select(typing: Any, condition: Any, a: Any, b: Any) -> Any:
     """a where the condition holds, else b, both of them evaluated. Lanes may be mixed with scalars; two scalars
     make lanes of float32 or int32."""
-    kind = _common(a, b) or typing.unify_types(a, b)
+    kind = lanes.common(a, b) or typing.unify_types(a, b)
     if kind is None:
         return None
-    if isinstance(condition, Lanes) and not isinstance(kind, Lanes):
-        kind = SINGLE if isinstance(kind, types.Float) else WHOLE
+    if isinstance(condition, lanes.Lanes) and not isinstance(kind, lanes.Lanes):
+        kind = lanes.SINGLE if isinstance(kind, types.Float) else lanes.WHOLE
 
     def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
         chosen, *given = arguments
-        if isinstance(kind, Lanes):
-            x, y = (widened(context, builder, v, t, kind) for v, t in zip(given, signature.args[1:], strict=True))
+        if isinstance(kind, lanes.Lanes):
+            x, y = (lanes.widened(context, builder, v, t, kind) for v, t in zip(given, signature.args[1:], strict=True))
         else:
             x, y = (context.cast(builder, v, t, kind) for v, t in zip(given, signature.args[1:], strict=True))
         return builder.select(chosen, x, y)
@@ -168,17 +38,19 @@ def select(typing: Any, condition: Any, a: Any, b: Any) -> Any:
     return kind(condition, a, b), generate
 
 
-def _convert(to: Lanes, emit: Callable[[Any, Any, Any], Any]) -> Any:
+def _convert(to: str, emit: Callable[[Any, Any, Any], Any]) -> Any:
     @intrinsic
     def convert(_typing: Any, a: Any) -> Any:
-        return to(a), lambda context, builder, signature, arguments: emit(builder, arguments[0], llvm_type(to))
+        kind = getattr(lanes, to)
+        vector = lanes.llvm_type(kind)
+        return kind(a), lambda context, builder, signature, arguments: emit(builder, arguments[0], vector)
 
     return convert
 
 
-single = _convert(SINGLE, lambda b, x, to: b.fptrunc(x, to))
+single = _convert("SINGLE", lambda b, x, to: b.fptrunc(x, to))
 double = _convert(
-    DOUBLE, lambda b, x, to: b.sitofp(x, to) if isinstance(x.type.element, ir.IntType) else b.fpext(x, to)
+    "DOUBLE", lambda b, x, to: b.sitofp(x, to) if isinstance(x.type.element, ir.IntType) else b.fpext(x, to)
 )
 
 
@@ -187,10 +59,11 @@ def multiply_add(_typing: Any, a: Any, b: Any, c: Any) -> Any:
     """a b + c of lanes of float32, scalars repeated; rounded once where the processor can (FMA)."""
 
     def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-        given = zip(arguments, signature.args, strict=True)
-        return _each(builder, "llvm.fmuladd", [widened(context, builder, x, kind, SINGLE) for x, kind in given])
+        pairs = zip(arguments, signature.args, strict=True)
+        given = [lanes.widened(context, builder, x, kind, lanes.SINGLE) for x, kind in pairs]
+        return lanes.each(builder, "llvm.fmuladd", given)
 
-    return SINGLE(a, b, c), generate
+    return lanes.SINGLE(a, b, c), generate
 
 
 @intrinsic
@@ -198,7 +71,7 @@ def reciprocal_root(_typing: Any, a: Any) -> Any:
     """1/√a of lanes of float32 above 0, to about 2⁻²⁰: by the processor's estimate and a step of Newton's method."""
 
     def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-        one = widened(context, builder, ir.Constant(ir.FloatType(), 1.0), types.float32, SINGLE)
-        return builder.fdiv(one, _each(builder, "llvm.sqrt", arguments), flags=("arcp", "contract", "reassoc"))
+        one = lanes.widened(context, builder, ir.Constant(ir.FloatType(), 1.0), types.float32, lanes.SINGLE)
+        return builder.fdiv(one, lanes.each(builder, "llvm.sqrt", arguments), flags=("arcp", "contract", "reassoc"))
 
-    return SINGLE(a), generate
+    return lanes.SINGLE(a), generate

@@ -4,17 +4,15 @@ from __future__ import annotations
 
 from typing import Any
 
-from llvmlite import ir
-from numba.core import types
-from numba.extending import intrinsic
-
-from .simd import ELEMENT, WHOLE, WIDE, llvm_type
+from .deferred import ir, lanes, types
+from .jit import intrinsic
+from .simd import WIDE
 
 
 @intrinsic
 def lane_numbers(_typing: Any) -> Any:
     """0, 1, … as int32."""
-    return WHOLE(), lambda *_: ir.Constant(llvm_type(WHOLE), list(range(WIDE)))
+    return lanes.WHOLE(), lambda *_: ir.Constant(lanes.llvm_type(lanes.WHOLE), list(range(WIDE)))
 
 
 def _bits(builder: Any, mask: Any) -> Any:
@@ -93,7 +91,7 @@ def _reduced(name: str) -> Any:
     @intrinsic
     def reduce(_typing: Any, a: Any) -> Any:
         def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-            kind = ir.FunctionType(ELEMENT[a.dtype], [llvm_type(a)])
+            kind = ir.FunctionType(lanes.ELEMENT[a.dtype], [lanes.llvm_type(a)])
             function = builder.module.declare_intrinsic(f"llvm.vector.reduce.{name}.v{WIDE}f32", (), kind)
             return builder.call(function, arguments)
 

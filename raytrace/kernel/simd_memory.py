@@ -4,30 +4,27 @@ from __future__ import annotations
 
 from typing import Any
 
-from llvmlite import ir
-from numba import types
-from numba.extending import intrinsic
-from numba.np.arrayobj import make_array
-
-from .simd import INDEX, MASK, WIDE, Lanes, llvm_type, widened
+from .deferred import arrayobj, ir, lanes, types
+from .jit import intrinsic
+from .simd import WIDE
 
 _FOUR = 4
 
 
 def _pointer(context: Any, builder: Any, kind: Any, array: Any, element: Any, to: Any) -> Any:
     """Address of an element of a C-contiguous array, counted from its beginning, as a pointer to `to`."""
-    data = make_array(kind)(context, builder, array).data
+    data = arrayobj.make_array(kind)(context, builder, array).data
     return builder.bitcast(builder.gep(data, [element]), to.as_pointer())
 
 
 @intrinsic
 def load_row(_typing: Any, array: Any, row: Any) -> Any:
     """Row `row` of a C-contiguous array (…, WIDE) of float32, float64 or int32, which starts on a 64-byte boundary."""
-    kind = Lanes(array.dtype)
+    kind = lanes.Lanes(array.dtype)
 
     def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
         start = builder.mul(arguments[1], ir.IntType(64)(WIDE))
-        return builder.load(_pointer(context, builder, array, arguments[0], start, llvm_type(kind)), align=64)
+        return builder.load(_pointer(context, builder, array, arguments[0], start, lanes.llvm_type(kind)), align=64)
 
     return kind(array, types.int64), generate
 
@@ -35,16 +32,16 @@ def load_row(_typing: Any, array: Any, row: Any) -> Any:
 @intrinsic
 def store_row(_typing: Any, array: Any, row: Any, value: Any) -> Any:
     """Write lanes to where `load_row` reads them; a mask becomes −1 and 0 in an int32 array, a scalar is repeated."""
-    kind = Lanes(array.dtype)
+    kind = lanes.Lanes(array.dtype)
 
     def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
         vector = arguments[2]
-        if value == MASK:
-            vector = builder.sext(vector, llvm_type(kind))
-        elif not isinstance(value, Lanes):
-            vector = widened(context, builder, vector, value, kind)
+        if value == lanes.MASK:
+            vector = builder.sext(vector, lanes.llvm_type(kind))
+        elif not isinstance(value, lanes.Lanes):
+            vector = lanes.widened(context, builder, vector, value, kind)
         start = builder.mul(arguments[1], ir.IntType(64)(WIDE))
-        builder.store(vector, _pointer(context, builder, array, arguments[0], start, llvm_type(kind)), align=64)
+        builder.store(vector, _pointer(context, builder, array, arguments[0], start, lanes.llvm_type(kind)), align=64)
         return context.get_dummy_value()
 
     return types.void(array, types.int64, value), generate
@@ -55,7 +52,7 @@ def _transpose(builder: Any, rows: list[Any]) -> list[Any]:
 
     def mix(a: Any, b: Any, order: list[int]) -> Any:
         mask = [block + (i if i < _FOUR else i - _FOUR + WIDE) for block in range(0, WIDE, _FOUR) for i in order]
-        return builder.shuffle_vector(a, b, ir.Constant(ir.VectorType(INDEX, WIDE), mask))
+        return builder.shuffle_vector(a, b, ir.Constant(ir.VectorType(lanes.INDEX, WIDE), mask))
 
     low, high = [0, 4, 1, 5], [2, 6, 3, 7]
     a, b, c, d = rows
@@ -70,14 +67,14 @@ def gather3(_typing: Any, array: Any, rows: Any) -> Any:
 
     The array must own a fourth number behind its last triple, see `raytrace.kernel.arrays.aligned`.
     """
-    kind = Lanes(array.dtype)
-    element = llvm_type(kind).element
+    kind = lanes.Lanes(array.dtype)
+    element = lanes.llvm_type(kind).element
     four = ir.VectorType(element, _FOUR)
 
     def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
         quads = []
         for lane in range(WIDE):
-            row = builder.sext(builder.extract_element(arguments[1], INDEX(lane)), ir.IntType(64))
+            row = builder.sext(builder.extract_element(arguments[1], lanes.INDEX(lane)), ir.IntType(64))
             start = builder.mul(row, ir.IntType(64)(3))
             quads.append(builder.load(_pointer(context, builder, array, arguments[0], start, four), align=4))
         rows = []
@@ -92,20 +89,20 @@ def gather3(_typing: Any, array: Any, rows: Any) -> Any:
 
 def _join(builder: Any, a: Any, b: Any) -> Any:
     size = 2 * a.type.count
-    return builder.shuffle_vector(a, b, ir.Constant(ir.VectorType(INDEX, size), list(range(size))))
+    return builder.shuffle_vector(a, b, ir.Constant(ir.VectorType(lanes.INDEX, size), list(range(size))))
 
 
 @intrinsic
 def gather(_typing: Any, array: Any, places: Any) -> Any:
     """Elements of a C-contiguous array in the lanes' places, counted from its beginning, as lanes of its type."""
-    kind = Lanes(array.dtype)
+    kind = lanes.Lanes(array.dtype)
 
     def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-        found = ir.Constant(llvm_type(kind), ir.Undefined)
+        found = ir.Constant(lanes.llvm_type(kind), ir.Undefined)
         for lane in range(WIDE):
-            place = builder.sext(builder.extract_element(arguments[1], INDEX(lane)), ir.IntType(64))
+            place = builder.sext(builder.extract_element(arguments[1], lanes.INDEX(lane)), ir.IntType(64))
             value = builder.load(_pointer(context, builder, array, arguments[0], place, found.type.element))
-            found = builder.insert_element(found, value, INDEX(lane))
+            found = builder.insert_element(found, value, lanes.INDEX(lane))
         return found
 
     return kind(array, places), generate
@@ -123,11 +120,11 @@ def scatter4(_typing: Any, array: Any, begin: Any, places: Any, mask: Any, value
         target, origin, at, wanted, given = arguments
         rows = _transpose(builder, [builder.extract_value(given, i) for i in range(_FOUR)])
         for lane in range(WIDE):
-            with builder.if_then(builder.extract_element(wanted, INDEX(lane))):
-                place = builder.sext(builder.extract_element(at, INDEX(lane)), ir.IntType(64))
+            with builder.if_then(builder.extract_element(wanted, lanes.INDEX(lane))):
+                place = builder.sext(builder.extract_element(at, lanes.INDEX(lane)), ir.IntType(64))
                 place = builder.add(place, origin)
                 block = [lane // _FOUR * _FOUR + i for i in range(_FOUR)]
-                order = ir.Constant(ir.VectorType(INDEX, _FOUR), block)
+                order = ir.Constant(ir.VectorType(lanes.INDEX, _FOUR), block)
                 row = rows[lane % _FOUR]
                 part = builder.shuffle_vector(row, ir.Constant(row.type, ir.Undefined), order)
                 builder.store(part, _pointer(context, builder, array, target, place, four), align=4)

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 from warnings import catch_warnings
 
-from .console import bake_summary, compiling, note, progress, warn
+from .console import KERNELS_OF_BAKE, KERNELS_OF_SURFACE, bake_summary, compiling, note, progress, warn
 from .options import FalloffForm, Hidden, Method, NormalsFrom, Occlusion, Traversal, Up, make_falloff, named, plain
 
 if TYPE_CHECKING:
@@ -55,6 +55,10 @@ class BakeCommand:
             OutputError, MemoryLimitError, EmbreeError: as `ao.bake` and `scenes.write`.
         """
         falloff = self._check()
+        with compiling(KERNELS_OF_BAKE if self.method == "vertex" else KERNELS_OF_SURFACE):
+            self._run(falloff)
+
+    def _run(self, falloff: ao.Falloff) -> None:
         from ao.trace.checkpoint import Checkpoint
         from raytrace.system.outputs import check_outputs
 
@@ -125,9 +129,8 @@ class BakeCommand:
         """The bake, and warnings that a tolerance was not met."""
         import ao
 
-        kernels = "gather_streams" if self.method == "vertex" else "face_moments"
         unmet = catch_warnings(record=True, action="always", category=ao.ToleranceWarning)
-        with progress(self.quiet, "rays") as (advance,), compiling(kernels), unmet as raised:
+        with progress(self.quiet, "rays") as (advance,), unmet as raised:
             baked = ao.bake(mesh, falloff, progress=advance, checkpoint=checkpoint, **self._options())
         return baked, [str(warning.message) for warning in raised]
 

@@ -20,7 +20,7 @@ from ..geometry.temple import temple
 from ..readers.load import load
 from ..validation.reference import RAYS, Errors, reference
 from ..validation.text_table import text_table
-from .console import compiling
+from .console import KERNELS_OF_BAKE, compiling
 
 SAMPLES = (16, 64, 256, 1024)
 ROUNDS = 3
@@ -114,7 +114,7 @@ def bench_file(
         check_outputs({"--report": report}, [path] if path else [])
     Options(seed=seed, threads=threads)
     mesh = temple(_FINENESS) if path is None else load(path).mesh
-    with compiling("gather_streams"):
+    with compiling(KERNELS_OF_BAKE):
         rows = run_bench(mesh, falloff, seed=seed, threads=threads)
     print(f"{mesh.source}: {len(mesh.vertices):,} vertices, {len(mesh.faces):,} faces")
     print(bench_table(rows))

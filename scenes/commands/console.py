@@ -80,16 +80,41 @@ def warn(meshes: Iterable[Mesh], others: Iterable[str] = ()) -> list[str]:
     return warnings
 
 
+KERNELS_OF_BAKE, KERNELS_OF_SURFACE, KERNELS_OF_RENDER = 40, 35, 40
+
+
 @contextmanager
-def compiling(module: str) -> Iterator[None]:
-    """Say that kernels are being compiled, if they are. Args: module: that holds them."""
-    from raytrace.kernel.jit import is_warm
+def compiling(expected: int) -> Iterator[None]:
+    """Say that kernels are being compiled, if they are, and on a terminal how far that is.
 
-    if not is_warm(module):
-        print("First run of this version: compiling kernels takes up to half a minute…", file=sys.stderr)
-    yield
+    Args: expected: about how many kernels the work takes.
+    """
+    from raytrace.kernel.cache import cache_folder
+    from raytrace.kernel.jit import notices
+
+    folder, begun = cache_folder(), 0
+    first = folder is None or not folder.exists()
+
+    def notice(name: str) -> None:
+        nonlocal begun
+        begun += 1
+        if begun == 1:
+            print(_FIRST if first else _FURTHER, file=sys.stderr)
+        if sys.stderr.isatty():
+            text = f"{begun} of about {max(expected, begun)}" if first else name.split(".")[-2]
+            print(f"\r{text:<30}", end="", file=sys.stderr, flush=True)
+
+    notices.append(notice)
+    try:
+        yield
+    finally:
+        notices.remove(notice)
+        if begun and sys.stderr.isatty():
+            print(f"\r{'':<30}\r", end="", file=sys.stderr, flush=True)
 
 
+_FIRST = "First run of this version: compiling kernels takes up to half a minute…"
+_FURTHER = "Compiling kernels that no run of this version has needed before…"
 Advance = Callable[[int, int], None]
 
 

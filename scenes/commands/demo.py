@@ -12,7 +12,7 @@ from raytrace.system.outputs import check_outputs
 from ..geometry.temple import temple
 from ..readers.load import MeshFile
 from ..writers.write import write
-from .console import bake_summary, compiling, progress
+from .console import KERNELS_OF_BAKE, bake_summary, compiling, progress
 
 _SETTINGS = Settings(width=960, height=640)
 _BACKGROUND = (0.05, 0.05, 0.05)
@@ -36,7 +36,7 @@ def make_demo(folder: Path, quiet: bool = False) -> None:
     """
     mesh_target, image_target = targets(folder)
     mesh = temple()
-    with progress(quiet, "rays") as (advance,), compiling("gather_streams"):
+    with progress(quiet, "rays") as (advance,), compiling(KERNELS_OF_BAKE):
         baked = ao.bake(mesh, progress=advance)
     write(mesh_target, baked, MeshFile.of(mesh))
     white = Object(Shape(mesh, Lambert(albedo=(1, 1, 1))), w=baked.w)

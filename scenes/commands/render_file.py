@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
-from .console import compiling, progress, warn
+from .console import KERNELS_OF_RENDER, compiling, progress, warn
 from .options import NormalsFrom, Up, parse_crop, parse_size
 
 _SETTINGS = ("samples", "shading", "normals", "obscurance", "shadows", "seed")
@@ -61,12 +61,12 @@ class RenderCommand:
 
         if self.baked:
             check_stored(self.baked)
-        description = adjusted(
-            read_scene(self.scene, size, self.up), settings, self.preview, self.baked, self.own_occlusion
-        )
-        check_outputs(outputs, description.files)
-        warnings = warn((item.shape.mesh for item in description.scene.objects), description.notes)
-        with compiling("tile"), progress(self.quiet, "rays", "tiles") as bars:
+        with compiling(KERNELS_OF_RENDER), progress(self.quiet, "rays", "tiles") as bars:
+            description = adjusted(
+                read_scene(self.scene, size, self.up), settings, self.preview, self.baked, self.own_occlusion
+            )
+            check_outputs(outputs, description.files)
+            warnings = warn((item.shape.mesh for item in description.scene.objects), description.notes)
             picture = make_picture(self.scene, description, self.output, self.half, threads, *bars)
         if self.report:
             write_json(self.report, render_report(self.scene, description.settings, picture, threads, warnings))

@@ -11,8 +11,6 @@ from __future__ import annotations
 from math import cos, degrees, pi
 from typing import Any
 
-from scipy.optimize import brentq
-
 from raytrace.lights.sources import BaseLight, light_from_dict
 from raytrace.types import Float64s
 
@@ -64,4 +62,6 @@ def spot_exponent(inner: float, outer: float) -> float:
     power = 1.0 - (2 * cos(min(inner, outer)) + edge) / 3.0
     if not 0.0 < power < 1.0 - edge:
         return 0.0
+    from scipy.optimize import brentq  # loads for a quarter of a second
+
     return float(brentq(lambda e: (1.0 - edge ** (e + 1.0)) / (e + 1.0) - power, 0.0, 1.0 / power))

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from raytrace.errors import SceneError
 from raytrace.types import Float64s
@@ -41,9 +42,9 @@ def matrix_of(table: Transform, source: object, path: str) -> Float64s:
         length = np.linalg.norm(table.axis)
         if not length > 0:
             raise fault("axis", "a vector other than zero", list(table.axis))
-        made[:3, :3] = Rotation.from_rotvec(np.radians(table.angle) * np.array(table.axis) / length).as_matrix()
+        made[:3, :3] = _rotations().from_rotvec(np.radians(table.angle) * np.array(table.axis) / length).as_matrix()
     elif table.rotate is not None:
-        made[:3, :3] = Rotation.from_euler("xyz", table.rotate, degrees=True).as_matrix()
+        made[:3, :3] = _rotations().from_euler("xyz", table.rotate, degrees=True).as_matrix()
     if table.scale is not None:
         made[:3, :3] *= table.scale
         if not np.linalg.det(made[:3, :3]):
@@ -51,3 +52,10 @@ def matrix_of(table: Transform, source: object, path: str) -> Float64s:
     if table.translate is not None:
         made[:3, 3] = table.translate
     return made
+
+
+def _rotations() -> Any:
+    """SciPy's class of rotations, which loads for a fifth of a second."""
+    from scipy.spatial.transform import Rotation
+
+    return Rotation

@@ -8,7 +8,6 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from raytrace.types import Float64s
 
@@ -43,6 +42,8 @@ def _local(node: dict[str, Any]) -> Float64s:
         return np.array(node["matrix"], np.float64).reshape(4, 4).T
     made = np.eye(4)
     if "rotation" in node:
+        from scipy.spatial.transform import Rotation  # loads for a fifth of a second
+
         made[:3, :3] = Rotation.from_quat(node["rotation"]).as_matrix()
     made[:3, :3] *= node.get("scale", 1.0)
     made[:3, 3] = node.get("translation", 0.0)

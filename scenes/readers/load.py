@@ -9,7 +9,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import BinaryIO
+from typing import TYPE_CHECKING, BinaryIO
 
 import numpy as np
 
@@ -21,18 +21,17 @@ from raytrace.types import Float64s
 
 from ..geometry.detail import Detail
 from ..geometry.instances import Instance, Part, check_copies, flatten, instance, world_matrices
-from ..gltf.container import Gltf, decode
-from ..gltf.detail import gltf_detail
-from ..gltf.instances import read_instances
-from ..gltf.schema import check_materials
 from .obj import read_obj
 from .off import read_off
 from .ply import read_ply
 from .stl import read_stl
 from .threemf import check_archive, read_3mf
 
+if TYPE_CHECKING:
+    from ..gltf.container import Gltf
+
 # Bytes of memory a byte of file at the peak of reading: of archives and glTF less, what they hold is counted later.
-_PEAK = {"obj": 7.0, "ply": 7.5, "stl": 6.0, "glb": 2.0, "gltf": 2.0, "3mf": 1.0}
+_PEAK = {"obj": 7.0, "ply": 7.5, "stl": 6.0, "off": 22.0, "glb": 2.0, "gltf": 2.0, "3mf": 1.0}
 _PEAK_OF_TRIMESH = 22.0
 _KEPT = 2.5  # besides, where details are kept
 
@@ -99,8 +98,12 @@ def load(path: str | os.PathLike[str], target: str | os.PathLike[str] | None = N
         detail = instances[0].detail if len(instances) == 1 else None
         unread = tuple(dict.fromkeys(words for instance in instances for words in instance.unread))
         if asset and kind in (".glb", ".ply"):
+            from ..gltf.schema import check_materials
+
             check_materials(asset.header, path)
         if asset and kind == ".ply":
+            from ..gltf.detail import gltf_detail
+
             detail, unread = gltf_detail(asset, instances, mesh.faces)
     notes = tuple(printable(f"{path}: {note}") for instance in instances for note in instance.notes)
     stored = [np.asarray(instance.w, np.float64) for instance in instances if instance.w is not None]
@@ -122,7 +125,7 @@ def read_objects(path: Path, keep: bool = False) -> tuple[list[Instance], Gltf |
     kind = path.suffix.lower().removeprefix(".")
     with mesh_errors(path):
         check_regular(path, "a mesh file", MeshError)
-        if kind != "obj" and kind not in _trimesh_formats():
+        if kind not in _PEAK and kind not in _trimesh_formats():
             raise MeshError(path, "ending", "one of obj " + " ".join(_trimesh_formats()), path.suffix or "none")
         if path.stat().st_size == 0:
             raise MeshError(path, "content", f"a {kind.upper()} mesh", "an empty file")
@@ -132,6 +135,9 @@ def read_objects(path: Path, keep: bool = False) -> tuple[list[Instance], Gltf |
         asset = None
         with path.open("rb") as file:
             if kind in ("glb", "gltf"):
+                from ..gltf.container import decode
+                from ..gltf.instances import read_instances
+
                 asset = decode(file.read(), path)
                 instances = read_instances(asset)
             elif kind == "obj":

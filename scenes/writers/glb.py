@@ -5,7 +5,6 @@ from __future__ import annotations
 import copy
 from functools import cache
 from pathlib import Path
-from typing import NamedTuple
 
 from raytrace.types import AnyFloats
 
@@ -16,21 +15,8 @@ from ..gltf.glb_buffer import Packed
 from ..gltf.ramp import write_ramp
 from ..gltf.schema import check_materials
 from ..readers.load import MeshFile
+from .channels import Channels
 from .plain_glb import Drawn, plain
-
-
-class Channels(NamedTuple):
-    """Where a GLB holds w beside the attribute `_OBSCURANCE`, for viewers.
-
-    Attributes:
-        colors: also in `COLOR_0`, linear as glTF's vertex colours are; an existing one is replaced.
-        ramp: also in the materials' occlusion textures (`scenes.gltf.ramp`).
-        replace: in place of occlusion textures of the source, too.
-    """
-
-    colors: bool = False
-    ramp: bool = False
-    replace: bool = False
 
 
 def glb(mesh_file: MeshFile, w: AnyFloats, channels: Channels) -> bytes:

@@ -12,7 +12,7 @@ from ..gltf.ramp import ramp_warnings
 from ..readers.load import MeshFile
 from ..readers.obj_detail import PAINT_WORDS
 from ..readers.ply_detail import own_colors
-from .glb import Channels
+from .channels import Channels
 from .plain_glb import attribute_name, fits_float
 from .ply import has_own_colors
 

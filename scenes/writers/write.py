@@ -14,7 +14,7 @@ from raytrace.errors import OptionError
 from raytrace.system.atomic import atomic_write, check_writable
 
 from ..readers.load import MeshFile
-from .glb import Channels, glb
+from .channels import Channels
 from .ply import ply
 
 if TYPE_CHECKING:
@@ -125,6 +125,8 @@ def _ply(bake: Bake, mesh_file: MeshFile, channels: Channels) -> bytes:
 
 
 def _glb(bake: Bake, mesh_file: MeshFile, channels: Channels) -> bytes:
+    from .glb import glb
+
     return glb(mesh_file, bake.w, channels)
 
 

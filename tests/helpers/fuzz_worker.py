@@ -62,7 +62,7 @@ def prepared(folder):
 
 def watch(folder):
     """Note every file that Python opens outside of the folder, but for modules and what is written on purpose."""
-    from raytrace.kernel.jit import cache_folder
+    from raytrace.kernel.cache import cache_folder
 
     opened = []
     proc = ["/proc/self", "/proc/meminfo"]

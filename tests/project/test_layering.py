@@ -26,6 +26,15 @@ ORDER = [
 DOORS = {
     "embreex": {"raytrace.embree.library"},
     "fast_simplification": {"scenes.generated.damage"},
+    "llvmlite": {
+        "raytrace.kernel.cache",
+        "raytrace.kernel.machine_code",
+        "raytrace.kernel.lanes",
+        "raytrace.kernel.compiler",
+        "raytrace.embree.library",
+        "ao.trace.checkpoint",
+    },
+    "numba": {"raytrace.kernel.lanes", "raytrace.kernel.compiler"},
     "OpenImageIO": {f"raytrace.image.{name}" for name in ("encode", "read", "compare", "texture")},
 }
 MODULES = {

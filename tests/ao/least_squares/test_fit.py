@@ -18,7 +18,7 @@ from raytrace.mesh.normals import face_normals
 def barycentric(samples):
     """Face (k,) and coordinates (k, 3) of all samples."""
     face = np.repeat(np.arange(len(samples.weights)), np.diff(samples.starts))
-    at = [place.py_func(k, samples.shift, samples.ends[f], samples.ends[f + 1]) for k, f in enumerate(face)]
+    at = [place.function(k, samples.shift, samples.ends[f], samples.ends[f + 1]) for k, f in enumerate(face)]
     return face, np.array(at)
 
 

@@ -21,16 +21,16 @@ from raytrace.kernel.jit import kernel
 
 
 @kernel
-def looked_up(textures, number, u, v, footprint):
-    out = np.empty((len(u), 3))
+def look_up(textures, number, u, v, footprint, out):
     for i in range(len(u)):
-        out[i] = sample_texture(textures, number, u[i], v[i], footprint[i])
-    return out
+        out[i, 0], out[i, 1], out[i, 2] = sample_texture(textures, number, u[i], v[i], footprint[i])
 
 
 def sample(packed, u, v, footprint=0.0, texture=0):
     u, v, footprint = (np.array(each, float).ravel() for each in np.broadcast_arrays(u, v, footprint))
-    return looked_up(packed, texture, u, v, footprint)
+    out = np.empty((len(u), 3))
+    look_up(packed, texture, u, v, footprint, out)
+    return out
 
 
 def png(path, codes, **options):

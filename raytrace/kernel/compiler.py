@@ -1,0 +1,237 @@
+"""Kernels to object files, by Numba: imported when one is compiled and never otherwise.
+
+Numba's own dispatchers make for each function, inlined or not, machine code and two wrappers with Python's types. Here
+a kernel and all that it calls become one object file with one entry, which takes the addresses of NumPy's arrays.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import gc
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from itertools import count
+from typing import Any
+
+import numba
+from llvmlite import ir
+from numba.core import cgutils
+from numba.core.compiler_lock import global_compiler_lock
+from numba.core.registry import CPUDispatcher, cpu_target
+from numba.core.runtime import rtsys
+from numba.np.arrayobj import make_array, populate_array
+
+from . import lanes as lanes  # Numba knows the type and its operators from then on
+from .deferred import types
+
+_WORD, _BYTE = ir.IntType(64), ir.IntType(8)
+_POINTER = _BYTE.as_pointer()
+_HEAD = object.__basicsize__ // 8  # words before an array's own: data, number of axes, lengths, strides
+_DATA, _SHAPE, _STRIDES = _HEAD, _HEAD + 2, _HEAD + 3
+_INFO = 48  # bytes before Numba's arrays: count of references, destructor, its argument, data, size, allocator
+_OF_NUMBA = ("NRT_", "numba_", "Py", "_Py")  # functions that a process without Numba has not
+_context = cpu_target.target_context
+_kept: list[CPUDispatcher] = []  # Numba's types only refer to them weakly
+
+
+class _Dispatcher(CPUDispatcher):
+    """A function that other functions are compiled with: typed and lowered, but not made into machine code."""
+
+    def __init__(self, function: Callable[..., Any], inlined: bool) -> None:
+        options = {"nopython": True, "nogil": True, "error_model": "numpy", "forceinline": inlined}
+        options |= {"no_cpython_wrapper": True, "no_cfunc_wrapper": True, "boundscheck": None}
+        super().__init__(function, locals={}, targetoptions=options)
+        self._compiler._customize_flags = _lowered_only
+
+    def add_overload(self, compiled: Any) -> None:
+        key = object()
+        _context.insert_user_function(key, compiled.fndesc, [compiled.library])
+        self.overloads[tuple(compiled.signature.args)] = compiled._replace(entry_point=key)
+
+
+def _lowered_only(flags: Any) -> Any:
+    flags.no_compile = True
+    return flags
+
+
+def type_of(function: Callable[..., Any], inlined: bool) -> Any:
+    """Numba's type of a kernel or helper, as which other kernels know it."""
+    _kept.append(_Dispatcher(function, inlined))
+    return types.Dispatcher(_kept[-1])
+
+
+def external(name: str, count: int) -> Any:
+    """Numba's type of a C function that takes `count` addresses and returns nothing."""
+    return types.ExternalFunction(name, types.void(*(types.uintp,) * count))
+
+
+def intrinsic(function: Callable[..., Any]) -> Any:
+    """Numba's type of a function that writes LLVM's code."""
+    made = numba.extending.intrinsic(function)
+    cpu_target.typing_context.refresh()
+    return cpu_target.typing_context.resolve_value_type(made)
+
+
+@contextmanager
+def _compiling() -> Iterator[None]:
+    """Nothing that Numba compiles meanwhile, on this thread alone, becomes machine code but what is asked for.
+
+    Nor is its garbage collected, of which there is little: looking for it takes a sixth of the time.
+    """
+
+    nowhere = ctypes.c_void_p()  # Numba writes there what wrappers would need
+
+    class Idle:
+        add_module = finalize_object = staticmethod(lambda *_: None)
+        is_symbol_defined = staticmethod(lambda _: False)
+        get_global_value_address = staticmethod(lambda _: ctypes.addressof(nowhere))
+
+    with global_compiler_lock:
+        rtsys.initialize(_context)
+        codegen = _context.codegen()
+        engine, codegen._engine = codegen._engine, Idle()
+        collecting = gc.isenabled()
+        gc.disable()
+        try:
+            yield
+        finally:
+            codegen._engine = engine
+            if collecting:
+                gc.enable()
+
+
+def kernel_code(name: str, function: Callable[..., Any], arguments: tuple[Any, ...]) -> bytes:
+    """The formats of its results, as `struct` has them, those of a tuple in brackets; a newline; an object file.
+
+    Its function `name` takes the address of one word for each number and array of the arguments, tuples being taken
+    apart: a number's value, with double precision if it is no whole number, or the address of the array's Python
+    object. To a second address it writes the results, a word each. It returns 0, or 1 if it ran out of memory.
+    """
+    with _compiling():
+        given = tuple(numba.typeof(argument) for argument in arguments)
+        compiled = _compiled(function, given)
+        module = _context.create_module(name)
+        entry = ir.Function(module, ir.FunctionType(ir.IntType(32), [_POINTER, _POINTER]), name)
+        builder = ir.IRBuilder(entry.append_basic_block())
+        words, results = (builder.bitcast(pointer, _WORD.as_pointer()) for pointer in entry.args)
+        rows = count()
+        values = [_argument(builder, words, rows, kind) for kind in given]
+        status, found = _call(builder, compiled, values)
+        with builder.if_then(status.is_error):
+            builder.ret(ir.IntType(32)(1))
+        formats = _store(builder, compiled.signature.return_type, found, results, count())
+        builder.ret(ir.IntType(32)(0))
+        return formats.encode() + b"\n" + _object_file(compiled.library, module, name)
+
+
+def _compiled(function: Callable[..., Any], given: tuple[Any, ...]) -> Any:
+    dispatcher = _Dispatcher(function, False)
+    dispatcher.compile(given)
+    return dispatcher.overloads[given]
+
+
+def _call(builder: Any, compiled: Any, values: Any) -> Any:
+    about, convention = compiled.fndesc, _context.call_conv
+    kind = convention.get_function_type(about.restype, about.argtypes)
+    function = ir.Function(builder.module, kind, about.llvm_func_name)
+    return convention.call_function(builder, function, about.restype, about.argtypes, values)
+
+
+def _argument(builder: Any, words: Any, rows: Iterator[int], kind: Any) -> Any:
+    """A value of a Numba type, made of the next words."""
+    if isinstance(kind, types.BaseTuple):
+        members = [_argument(builder, words, rows, member) for member in kind.types]
+        return _context.make_tuple(builder, kind, members)
+    word = builder.load(cgutils.gep_inbounds(builder, words, next(rows)))
+    if isinstance(kind, types.Array):
+        return _array(builder, word, kind)
+    if isinstance(kind, types.Float):
+        number = builder.bitcast(word, ir.DoubleType())
+        return builder.fptrunc(number, ir.FloatType()) if kind.bitwidth < 64 else number
+    if isinstance(kind, types.Boolean):
+        return builder.icmp_unsigned("!=", word, _WORD(0))
+    if isinstance(kind, types.Integer):
+        return builder.trunc(word, ir.IntType(kind.bitwidth)) if kind.bitwidth < 64 else word
+    raise TypeError(f"argument of a kernel: expected arrays, numbers and tuples of them, got {kind}")
+
+
+def _array(builder: Any, word: Any, kind: Any) -> Any:
+    """The array whose Python object is at an address; it is kept by who calls."""
+    head = builder.inttoptr(word, _POINTER.as_pointer())
+    data, shape, strides = (
+        builder.load(cgutils.gep_inbounds(builder, head, place)) for place in (_DATA, _SHAPE, _STRIDES)
+    )
+    counts, steps = (
+        [builder.load(cgutils.gep_inbounds(builder, numbers, axis)) for axis in range(kind.ndim)]
+        for numbers in (builder.bitcast(each, _WORD.as_pointer()) for each in (shape, strides))
+    )
+    array = make_array(kind)(_context, builder)
+    size = _context.get_abi_sizeof(_context.get_data_type(kind.dtype))
+    populate_array(array, builder.bitcast(data, array.data.type), counts, steps, _WORD(size), None)
+    return array._getvalue()
+
+
+def _store(builder: Any, kind: Any, value: Any, results: Any, rows: Iterator[int]) -> str:
+    """Write a value to where results are wanted, a word each number; returns their formats."""
+    if kind == types.none:
+        return ""
+    if isinstance(kind, types.BaseTuple):
+        members = [builder.extract_value(value, place) for place in range(len(kind))]
+        return "(" + "".join(_store(builder, *each, results, rows) for each in zip(kind, members, strict=True)) + ")"
+    if isinstance(kind, types.Float):
+        word, letter = builder.bitcast(builder.fpext(value, ir.DoubleType()), _WORD), "d"
+    elif isinstance(kind, types.Integer | types.Boolean):
+        signed = isinstance(kind, types.Integer) and kind.signed
+        word, letter = (builder.sext(value, _WORD), "q") if signed else (builder.zext(value, _WORD), "Q")
+        letter = "?7x" if isinstance(kind, types.Boolean) else letter
+    else:
+        raise TypeError(f"result of a kernel: expected numbers and tuples of them, got {kind}")
+    builder.store(word, cgutils.gep_inbounds(builder, results, next(rows)))
+    return letter
+
+
+def _object_file(library: Any, module: Any, name: str) -> bytes:
+    """The entry `name` in `module` with all that it calls in `library`."""
+    library.add_ir_module(module)
+    library.add_ir_module(_memory())
+    whole = library._final_module
+    for linked in dict.fromkeys(library._linking_libraries):
+        whole.link_in(linked._get_module_for_linking(), preserve=True)
+    for defined in (*whole.functions, *whole.global_variables):
+        if not defined.is_declaration and defined.name != name:
+            defined.linkage = "internal"
+    library._optimize_final_module()
+    whole.verify()
+    missing = [each.name for each in whole.functions if each.is_declaration and each.name.startswith(_OF_NUMBA)]
+    if missing:
+        raise TypeError(f"{name}: expected no lists, texts or NumPy's sort, which need Numba's {', '.join(missing)}")
+    code: bytes = _context.codegen()._tm.emit_object(whole)
+    return code
+
+
+def _memory() -> Any:
+    """What Numba's arrays need of its runtime, which warm processes do not load: memory from `malloc`."""
+    module = _context.create_module("memory")
+    malloc, free, allocate, release = (
+        ir.Function(module, ir.FunctionType(*kind), name)
+        for name, kind in {
+            "malloc": (_POINTER, [_WORD]),
+            "free": (ir.VoidType(), [_POINTER]),
+            "NRT_MemInfo_alloc_aligned": (_POINTER, [_WORD, ir.IntType(32)]),
+            "NRT_MemInfo_call_dtor": (ir.VoidType(), [_POINTER]),
+        }.items()
+    )
+    builder = ir.IRBuilder(allocate.append_basic_block())
+    size, align = allocate.args[0], builder.zext(allocate.args[1], _WORD)
+    spare = builder.add(align, _WORD(_INFO))
+    info = builder.call(malloc, [builder.add(size, spare)])
+    with builder.if_then(cgutils.is_not_null(builder, info)):
+        end = builder.add(builder.ptrtoint(info, _WORD), spare)
+        words = builder.bitcast(info, _WORD.as_pointer())
+        for place, word in ((0, _WORD(1)), (1, _WORD(0)), (3, builder.sub(end, builder.urem(end, align))), (4, size)):
+            builder.store(word, cgutils.gep_inbounds(builder, words, place))
+    builder.ret(info)
+    builder = ir.IRBuilder(release.append_basic_block())
+    builder.call(free, release.args)
+    builder.ret_void()
+    return module

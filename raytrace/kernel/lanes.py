@@ -1,0 +1,142 @@
+"""Numba's side of `raytrace.kernel.simd`: the type of sixteen numbers and its operators, as LLVM's vectors."""
+
+from __future__ import annotations
+
+import math
+import operator
+from collections.abc import Callable
+from typing import Any
+
+from llvmlite import ir
+from numba.core import types
+from numba.extending import lower_builtin, models, register_model, type_callable
+
+from .simd import WIDE
+
+
+class Lanes(types.Type):
+    """`WIDE` values of one Numba scalar type."""
+
+    def __init__(self, dtype: types.Type) -> None:
+        self.dtype = dtype
+        super().__init__(name=f"Lanes({dtype})")
+
+
+SINGLE, DOUBLE, WHOLE, MASK = (Lanes(dtype) for dtype in (types.float32, types.float64, types.int32, types.boolean))
+ELEMENT = {
+    types.float32: ir.FloatType(),
+    types.float64: ir.DoubleType(),
+    types.int32: ir.IntType(32),
+    types.boolean: ir.IntType(1),
+}
+INDEX = ir.IntType(32)
+
+
+def llvm_type(lanes: Lanes) -> ir.VectorType:
+    return ir.VectorType(ELEMENT[lanes.dtype], WIDE)
+
+
+@register_model(Lanes)
+class _LanesModel(models.PrimitiveModel):
+    def __init__(self, manager: Any, kind: Lanes) -> None:
+        super().__init__(manager, kind, llvm_type(kind))
+
+
+def _splat(builder: Any, scalar: Any) -> Any:
+    vector = ir.VectorType(scalar.type, WIDE)
+    first = builder.insert_element(ir.Constant(vector, ir.Undefined), scalar, INDEX(0))
+    return builder.shuffle_vector(
+        first, ir.Constant(vector, ir.Undefined), ir.Constant(ir.VectorType(INDEX, WIDE), None)
+    )
+
+
+def widened(context: Any, builder: Any, value: Any, kind: types.Type, lanes: Lanes) -> Any:
+    """`value` as the LLVM vector of `lanes`; scalars are cast and repeated."""
+    if isinstance(kind, Lanes):
+        return value
+    return _splat(builder, context.cast(builder, value, kind, lanes.dtype))
+
+
+def common(*kinds: types.Type) -> Lanes | None:
+    """The lanes that all of the lanes among `kinds` are; the others must be scalars."""
+    found = {kind for kind in kinds if isinstance(kind, Lanes)}
+    scalars = all(isinstance(kind, Lanes | types.Number | types.Boolean) for kind in kinds)
+    return found.pop() if len(found) == 1 and scalars else None
+
+
+def _operator(function: Any, emit: Callable[..., Any], result: Callable[[Lanes], Lanes] = lambda lanes: lanes) -> None:
+    """Give an operator of two arguments to lanes; `emit(builder, is_float, a, b)` makes its code."""
+
+    @type_callable(function)
+    def infer(context: Any) -> Any:
+        def typer(a: Any, b: Any) -> Any:
+            lanes = common(a, b)
+            return lanes and result(lanes)
+
+        return typer
+
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        lanes = common(*signature.args)
+        assert lanes
+        a, b = (widened(context, builder, v, t, lanes) for v, t in zip(arguments, signature.args, strict=True))
+        return emit(builder, isinstance(lanes.dtype, types.Float), a, b)
+
+    scalars = types.Number, types.Boolean
+    for pair in ((Lanes, Lanes), *((Lanes, t) for t in scalars), *((t, Lanes) for t in scalars)):
+        lower_builtin(function, *pair)(generate)
+
+
+def _compared(sign: str) -> Callable[..., Any]:
+    def emit(b: Any, floats: bool, x: Any, y: Any) -> Any:
+        if floats:
+            return b.fcmp_unordered(sign, x, y) if sign == "!=" else b.fcmp_ordered(sign, x, y)
+        return b.icmp_signed(sign, x, y)
+
+    return emit
+
+
+def _chosen(sign: str) -> Callable[..., Any]:
+    return lambda b, floats, x, y: b.select(_compared(sign)(b, floats, x, y), x, y)
+
+
+for _function in (operator.add, operator.iadd):
+    _operator(_function, lambda b, floats, x, y: b.fadd(x, y) if floats else b.add(x, y))
+for _function in (operator.mul, operator.imul):
+    _operator(_function, lambda b, floats, x, y: b.fmul(x, y) if floats else b.mul(x, y))
+_operator(operator.sub, lambda b, floats, x, y: b.fsub(x, y) if floats else b.sub(x, y))
+_operator(operator.truediv, lambda b, floats, x, y: b.fdiv(x, y))
+_operator(operator.and_, lambda b, floats, x, y: b.and_(x, y))
+_operator(operator.or_, lambda b, floats, x, y: b.or_(x, y))
+_operator(operator.rshift, lambda b, floats, x, y: b.ashr(x, y))
+_operator(min, _chosen("<"))
+_operator(max, _chosen(">"))
+for _function, _sign in (
+    (operator.lt, "<"), (operator.le, "<="), (operator.gt, ">"), (operator.ge, ">="), (operator.eq, "=="),
+    (operator.ne, "!="),
+):  # fmt: skip
+    _operator(_function, _compared(_sign), lambda lanes: MASK)
+
+
+def each(builder: Any, name: str, vectors: list[Any]) -> Any:
+    """An LLVM intrinsic applied to whole vectors."""
+    kind = vectors[0].type
+    suffix = f"v{WIDE}f{64 if isinstance(kind.element, ir.DoubleType) else 32}"
+    function = builder.module.declare_intrinsic(f"{name}.{suffix}", (), ir.FunctionType(kind, [kind] * len(vectors)))
+    return builder.call(function, vectors)
+
+
+_operator(operator.pow, lambda b, floats, x, y: each(b, "llvm.pow", [x, y]))
+
+
+def _unary(function: Any, emit: Callable[[Any, Any], Any]) -> None:
+    @type_callable(function)
+    def infer(context: Any) -> Any:
+        return lambda a: a if isinstance(a, Lanes) else None
+
+    lower_builtin(function, Lanes)(lambda context, builder, signature, arguments: emit(builder, arguments[0]))
+
+
+_unary(operator.neg, lambda b, x: b.fneg(x))
+_unary(operator.invert, lambda b, x: b.not_(x))
+_unary(abs, lambda b, x: each(b, "llvm.fabs", [x]))
+_unary(math.sqrt, lambda b, x: each(b, "llvm.sqrt", [x]))

@@ -1,0 +1,109 @@
+"""What a command imports and loads before it works: nothing that an earlier run has made superfluous."""
+
+import json
+import os
+import subprocess
+import sys
+
+import pytest
+from mesh_files import obj, ply, stl
+from meshes import hills, two_boxes
+from project import ROOT
+
+from raytrace.kernel import jit
+from scenes.commands import console
+
+COMMAND = """
+import json, sys, cli
+sys.argv[0] = "obscurance"
+try:
+    cli.main()
+except SystemExit:
+    from raytrace.kernel import jit
+    heavy = ("numba", "scipy", "trimesh", "OpenImageIO", "rich", "PIL", "lxml", "networkx", "pydantic.v1")
+    print(json.dumps([[name for name in heavy if name in sys.modules], len(jit.loaded), len(jit.compiled)]))
+"""
+
+
+def run(*arguments, **environment):
+    command = [sys.executable, "-c", COMMAND, *map(str, arguments)]
+    result = subprocess.run(
+        command, cwd=ROOT, capture_output=True, text=True, check=True, timeout=300, env={**os.environ, **environment}
+    )
+    return json.loads(result.stdout.splitlines()[-1]), result.stderr
+
+
+@pytest.fixture
+def meshes(tmp_path):
+    (tmp_path / "hills.obj").write_bytes(obj(*hills(12)))
+    (tmp_path / "hills.ply").write_bytes(ply(*hills(12)))
+    vertices, faces = two_boxes()
+    (tmp_path / "boxes.stl").write_bytes(stl(vertices[faces]))
+    return tmp_path
+
+
+BAKE, SURFACE, RENDER = console.KERNELS_OF_BAKE, console.KERNELS_OF_SURFACE, console.KERNELS_OF_RENDER
+COMMANDS = {
+    "bake": ("bake hills.obj -o w.ply --samples 64", BAKE, []),
+    "bake a ply": ("bake hills.ply -o w.npz --falloff binary", BAKE, []),
+    "bake closed parts": ("bake boxes.stl -o w.glb --samples 64", BAKE, []),
+    "bake to a tolerance": ("bake hills.obj -o w.npy --tolerance 0.01", BAKE, []),
+    "fit": ("bake hills.obj -o w.ply --method surface --samples 64", SURFACE, ["scipy"]),
+    "render": ("render hills.obj -o w.png --width 32 --height 32 --samples 4", RENDER, ["OpenImageIO"]),
+}
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_a_second_run_compiles_nothing_and_imports_neither_the_compiler_nor_what_it_does_not_use(meshes, name):
+    line, most, needed = COMMANDS[name]
+    words = [meshes / word if "." in word and word[0].isalpha() else word for word in line.split()]
+    run(*words)
+    (heavy, loaded, compiled), errors = run(*words)
+    assert heavy == needed
+    assert compiled == 0
+    assert most / 3 < loaded <= most
+    assert "ompiling" not in errors
+
+
+class Terminal:
+    def __init__(self):
+        self.text = ""
+
+    def write(self, text):
+        self.text += text
+
+    def flush(self):
+        pass
+
+    def isatty(self):
+        return True
+
+
+def said_when(monkeypatch, folder, expected, *names):
+    """What a terminal shows while kernels of these names are compiled."""
+    terminal = Terminal()
+    with monkeypatch.context() as patch:
+        patch.setattr(sys, "stderr", terminal)
+        patch.setattr("raytrace.kernel.cache.cache_folder", lambda: folder)
+        with console.compiling(expected):
+            for name in names:
+                jit.notices[-1](name)
+    assert not jit.notices
+    return terminal.text
+
+
+def test_a_first_run_says_on_a_terminal_how_far_compiling_is(monkeypatch, tmp_path):
+    said = said_when(monkeypatch, tmp_path / "none", 3, *(f"ao.{name}.kernel.0123" for name in "abcd"))
+    assert said.startswith("First run of this version: compiling kernels")
+    shown = [part.strip() for part in said.split("\r")[1:]]
+    assert shown == ["1 of about 3", "2 of about 3", "3 of about 3", "4 of about 4", "", ""]
+
+
+def test_a_later_run_that_compiles_more_names_it(monkeypatch, tmp_path):
+    said = said_when(monkeypatch, tmp_path, 30, "ao.denoise.upsampling._upsample.0123")
+    assert said.startswith("Compiling kernels that no run of this version has needed before")
+    assert "\r_upsample" in said
+
+
+def test_what_compiles_nothing_says_nothing(monkeypatch, tmp_path):
+    assert said_when(monkeypatch, tmp_path, 30) == ""

@@ -1,0 +1,141 @@
+"""Kernels called from Python: every kind of argument and result, against the same function interpreted."""
+
+import sys
+from concurrent.futures import ThreadPoolExecutor
+from typing import Any, NamedTuple
+
+import numpy as np
+import pytest
+
+from raytrace.kernel.jit import inline, kernel
+
+
+class Pair(NamedTuple):
+    values: Any
+    factor: Any
+
+
+@inline
+def scaled(pair):
+    return pair.values * pair.factor
+
+
+@kernel
+def total(pair, rows):
+    made = np.zeros(rows.shape)
+    for i in range(rows.shape[0]):
+        for j in range(rows.shape[1]):
+            made[i, j] = rows[i, j] * pair.factor
+    return made.sum() + scaled(pair).sum()
+
+
+class Kin(np.ndarray):
+    pass
+
+
+ROWS = np.arange(12.0).reshape(3, 4)
+VALUES = np.arange(5.0)
+
+
+@pytest.mark.parametrize(
+    "rows",
+    [ROWS, ROWS.T, ROWS[:, ::2], ROWS[::-1], ROWS.astype(np.float32), ROWS.astype(np.int32), ROWS[:0], ROWS.view(Kin)],
+)
+@pytest.mark.parametrize("factor", [2, 2.5, np.float32(2.5), np.int64(-3), np.uint64(3), np.uint8(200), True])
+def test_arrays_of_any_layout_and_numbers_of_any_type(rows, factor):
+    pair = Pair(VALUES, factor)
+    assert total(pair, rows) == pytest.approx(rows.sum(dtype=float) * factor + VALUES.sum() * factor)
+
+
+@kernel
+def several(a, b, c, d):
+    return a + 1, b > c, c * np.float32(2), d, np.uint64(1) << np.uint64(63)
+
+
+def test_results_keep_signs_and_precision():
+    assert several(-3, 1.5, np.float32(0.1), False) == (-2, True, float(np.float32(0.2)), False, 1 << 63)
+
+
+@kernel
+def nested(a):
+    return (a, (a + 1, a > 3)), 2 * a, (a, a)
+
+
+def test_tuples_of_tuples_come_back_as_they_are():
+    assert nested(2.0) == ((2.0, (3.0, False)), 4.0, (2.0, 2.0))
+
+
+@kernel
+def largest(x):
+    return x
+
+
+@pytest.mark.parametrize("number", [-(1 << 63), (1 << 63) - 1, 1 << 63, (1 << 64) - 1])
+def test_whole_numbers_of_64_bits(number):
+    assert largest(number) == number
+
+
+@kernel
+def write(out, value):
+    out[:] = value
+
+
+def test_results_are_written_in_place_and_protected_arrays_are_not():
+    out = np.zeros(3)
+    assert write(out, 2.0) is None
+    assert out.tolist() == [2, 2, 2]
+    protected = np.zeros(3)
+    protected.flags.writeable = False
+    with pytest.raises(Exception, match=r"readonly|immutable"):
+        write(protected, 2.0)
+
+
+def test_a_helper_can_be_called_from_python_too():
+    assert scaled.function(Pair(2, 3)) == 6
+    assert largest.function(7) == 7
+
+
+@kernel
+def listed(count):
+    return len([k for k in range(count)])
+
+
+def test_what_needs_numbas_runtime_is_refused_when_it_is_compiled():
+    with pytest.raises(TypeError, match=r"listed.*expected no lists"):
+        listed(3)
+
+
+@kernel
+def huge(count):
+    return np.empty(count)[0]
+
+
+def test_memory_that_is_not_there_is_an_error():
+    with pytest.raises(MemoryError, match="huge"):
+        huge(1 << 58)
+
+
+def test_threads_load_a_kernel_once():
+    from raytrace.kernel import jit
+
+    @kernel
+    def fresh(x):
+        return x + 1
+
+    before = len(jit.loaded)
+    with ThreadPoolExecutor(8) as pool:
+        assert list(pool.map(fresh, range(50))) == list(range(1, 51))
+    assert len(jit.loaded) == before + 1
+
+
+@pytest.mark.parametrize("given", ["a", None, [1.0], {"a": 1}])
+def test_arguments_that_no_kernel_takes(given):
+    with pytest.raises(TypeError):
+        largest(given)
+
+
+def test_an_array_passed_to_a_kernel_is_let_go():
+    rows = np.zeros((2, 2))
+    before = sys.getrefcount(rows)
+    total(Pair(VALUES, 1.0), rows)
+    assert sys.getrefcount(rows) == before
