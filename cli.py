@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import sys
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")  # or every package installed is searched for some
 
@@ -30,6 +30,7 @@ Form = Annotated[
     choices.FalloffForm, typer.Option(help="Occlusion fades with distance, or not (binary: ambient occlusion).")
 ]
 MaxDistance = Annotated[str, typer.Option(help='Ignore hits farther away: mesh units, "25%" of the radius, or inf.')]
+NORMALS = typer.Option(help="Vertex normals: face normals weighted by angle, by area or equally, or the file's own.")
 Report = Annotated[Path | None, typer.Option(help="Also write a JSON report.")]
 Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="No progress bar and no summary.")]
 
@@ -40,8 +41,8 @@ def bake(
     output: Annotated[Path, typer.Option("--output", "-o", help="Output file, format by ending: .npy .npz .ply .glb")],
     method: Annotated[
         choices.Method, typer.Option(help="Sample at the vertices, or all over the faces with a least-squares fit.")
-    ] = choices.Method.vertex,
-    falloff: Form = choices.FalloffForm.exponential,
+    ] = "vertex",
+    falloff: Form = "exponential",
     tau: Annotated[float | None, typer.Option(help="Rate of the exponential falloff, per mesh unit.")] = None,
     half_distance: Annotated[
         str | None,
@@ -57,20 +58,17 @@ def bake(
     reconstruct: Annotated[bool, typer.Option(help="Denoise: shrink estimates towards those of neighbours.")] = True,
     traversal: Annotated[
         choices.Traversal, typer.Option(help="Who traces rays; embree is slower, and checks auto.")
-    ] = choices.Traversal.auto,
+    ] = "auto",
     seed: Annotated[int, typer.Option(help="Random seed.")] = 0,
     threads: Threads = None,
-    normals: Annotated[
-        choices.NormalsFrom,
-        typer.Option(help="Vertex normals: face normals weighted by angle, by area or equally, or the file's own."),
-    ] = choices.NormalsFrom.angle,
+    normals: Annotated[choices.NormalsFrom, NORMALS] = "angle",
     hidden: Annotated[
         choices.Hidden,
         typer.Option(
             help="Vertices inside closed solids: ignore, flag (mark), or fill from visible neighbours; auto fills "
             "those inside parts of the mesh that are closed."
         ),
-    ] = choices.Hidden.auto,
+    ] = "auto",
     report: Report = None,
     debug_image: Annotated[Path | None, typer.Option(help="Also write an image that marks flagged vertices.")] = None,
     up: Annotated[
@@ -79,6 +77,16 @@ def bake(
     resume: Annotated[bool, typer.Option("--resume", help="Continue an interrupted bake to this output.")] = False,
     colors: Annotated[
         bool, typer.Option("--colors", help="Write w as vertex colours: COLOR_0 of .glb, replacing a .ply's own.")
+    ] = False,
+    occlusion: Annotated[
+        choices.Occlusion | None,
+        typer.Option(
+            help="Occlusion texture of .glb materials, which viewers show: ramp (w of the vertices, the default "
+            "without --colors) or none."
+        ),
+    ] = None,
+    replace_occlusion: Annotated[
+        bool, typer.Option("--replace-occlusion", help="Also where a material has an occlusion texture of its own.")
     ] = False,
     quiet: Quiet = False,
 ) -> None:
@@ -146,10 +154,7 @@ def render(
     shading: Annotated[
         str | None, typer.Option(help="Interpolation over a face: constant, flat, gouraud, phong or quadratic.")
     ] = None,
-    normals: Annotated[
-        choices.NormalsFrom | None,
-        typer.Option(help="Vertex normals: face normals weighted by angle, by area or equally, or the file's own."),
-    ] = None,
+    normals: Annotated[choices.NormalsFrom | None, NORMALS] = None,
     obscurance: Annotated[
         str | None,
         typer.Option(
@@ -158,6 +163,9 @@ def render(
         ),
     ] = None,
     baked: Annotated[Path | None, typer.Option(help="Read w from a baked file: .npy .npz .ply .glb")] = None,
+    own_occlusion: Annotated[
+        bool, typer.Option(help="Use a glTF file's own occlusion textures; otherwise bake there, too.")
+    ] = True,
     shadows: Annotated[bool | None, typer.Option("--shadows/--no-shadows", help="Trace shadow rays.")] = None,
     up: Annotated[
         choices.Up | None, typer.Option(help="Up axis of a mesh file, by default y, for STL and 3MF z.")
@@ -171,16 +179,10 @@ def render(
     quiet: Quiet = False,
 ) -> None:
     """Render a scene to an image; an .exr holds every layer."""
-    size = choices.parse_size(width, height)
-    settings: dict[str, Any] = {"samples": samples, "shading": shading, "obscurance": obscurance}
-    settings["normals"] = None if normals is None else normals.value
-    settings |= {"shadows": shadows, "seed": seed, "crop": None if crop is None else choices.parse_crop(crop)}
-    from scenes.commands.render_file import render_file
+    options = locals()
+    from scenes.commands.render_file import RenderCommand
 
-    render_file(
-        scene, output, size, settings, up=up, baked=baked, preview=preview, half=half, threads=threads, report=report,
-        quiet=quiet,
-    )  # fmt: skip
+    RenderCommand(**options).run()
 
 
 @app.command()
@@ -228,7 +230,7 @@ def compare(
     a: Annotated[Path, typer.Argument(metavar="A", help="The reference image.")],
     b: Annotated[Path, typer.Argument(metavar="B", help="The image to compare with it.")],
     threshold: Annotated[float | None, typer.Option(help="Exit status 1 if the metric is above it.")] = None,
-    metric: Annotated[choices.Metric, typer.Option(help="Metric that --threshold applies to.")] = choices.Metric.flip,
+    metric: Annotated[choices.Metric, typer.Option(help="Metric that --threshold applies to.")] = "flip",
     difference: Annotated[Path | None, typer.Option(help="Write the FLIP difference map: .png .tif .jpg")] = None,
 ) -> None:
     """Compare two images: mean, RMS and maximum error, PSNR, FLIP."""
@@ -243,7 +245,7 @@ def bench(
     mesh: Annotated[
         Path | None, typer.Argument(metavar="MESH", help="A mesh file; without one, the built-in temple.")
     ] = None,
-    falloff: Form = choices.FalloffForm.exponential,
+    falloff: Form = "exponential",
     max_distance: MaxDistance = "inf",
     seed: Annotated[int, typer.Option(help="Random seed of the first round; later rounds count up.")] = 0,
     threads: Threads = None,

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 from warnings import catch_warnings
 
 from .console import KERNELS_OF_BAKE, KERNELS_OF_SURFACE, bake_summary, compiling, note, progress, warn
-from .options import FalloffForm, Hidden, Method, NormalsFrom, Traversal, Up, make_falloff, named, plain
+from .options import FalloffForm, Hidden, Method, NormalsFrom, Occlusion, Traversal, Up, make_falloff, named, plain
 
 if TYPE_CHECKING:
     import ao
@@ -43,6 +43,8 @@ class BakeCommand:
     up: Up | None
     resume: bool
     colors: bool
+    occlusion: Occlusion | None
+    replace_occlusion: bool
     quiet: bool
 
     def run(self) -> None:
@@ -53,7 +55,7 @@ class BakeCommand:
             OutputError, MemoryLimitError, EmbreeError: as `ao.bake` and `scenes.write`.
         """
         falloff = self._check()
-        with compiling(KERNELS_OF_BAKE if self.method is Method.vertex else KERNELS_OF_SURFACE):
+        with compiling(KERNELS_OF_BAKE if self.method == "vertex" else KERNELS_OF_SURFACE):
             self._run(falloff)
 
     def _run(self, falloff: ao.Falloff) -> None:
@@ -62,18 +64,20 @@ class BakeCommand:
 
         from ..readers.load import load
         from ..writers.losses import lost
-        from ..writers.write import write
+        from ..writers.write import channels, write
 
         start = time.perf_counter()
         source = load(self.mesh, self.output)
         check_outputs(self._outputs(), source.files)
         loaded = time.perf_counter()
-        warnings = warn([source.mesh], [*source.notes, *lost(self.output, source, self.colors)])
+        warnings = warn(
+            [source.mesh], [*source.notes, *lost(self.output, source, channels(self.output, **self._channels()))]
+        )
         with Checkpoint(f"{self.output}.partial", self.resume, note) as checkpoint:
             baked, unmet = self._bake(source.mesh, falloff, checkpoint)
             warnings += warn([], unmet)
             tracing = time.perf_counter()
-            write(self.output, baked, source, colors=self.colors)
+            write(self.output, baked, source, **self._channels())
         seconds = {"load": loaded - start, "write": time.perf_counter() - tracing}
         if self.report:
             self._write_report(self.report, baked, seconds, warnings)
@@ -91,20 +95,19 @@ class BakeCommand:
         from raytrace.errors import OptionError
         from raytrace.system.outputs import check_ending, check_outputs
 
-        from ..writers.write import check_target
+        from ..writers.write import channels, check_target
 
         falloff = make_falloff(self.falloff, self.tau, self.half_distance, self.max_distance)
-        if self.colors and self.output.suffix.lower() not in (".glb", ".ply"):
-            raise OptionError("colors", "a .glb or .ply output with it", self.output)
         Options(**self._options())
         check_target(self.output)
+        channels(self.output, **self._channels())
         if self.report:
             check_ending("--report", self.report, ".json")
         if self.debug_image:
-            from .flag_image import check_marked_target
+            from raytrace.image.write import check_image_target
 
             with named("debug_image"):
-                check_marked_target(self.debug_image)
+                check_image_target(self.debug_image, layers=("beauty",))
         elif self.up:
             raise OptionError("up", "--debug-image with it; w does not depend on it", "none")
         check_outputs(self._outputs(), [self.mesh])
@@ -112,6 +115,10 @@ class BakeCommand:
 
     def _outputs(self) -> dict[str, Path | None]:
         return {"--output": self.output, "--report": self.report, "--debug-image": self.debug_image}
+
+    def _channels(self) -> dict[str, Any]:
+        """The options of `scenes.write`."""
+        return {name: getattr(self, name) for name in ("colors", "occlusion", "replace_occlusion")}
 
     def _options(self) -> dict[str, Any]:
         """The options that `ao.bake` takes."""
@@ -132,6 +139,9 @@ class BakeCommand:
         from raytrace.system.atomic import write_json
         from raytrace.system.threads import thread_count
 
+        from ..writers.write import channels
+
         options = {name: plain(value) for name, value in vars(self).items() if name not in _NO_OPTIONS_OF_BAKE}
         options["threads"] = thread_count(self.threads)
+        options["occlusion"] = "ramp" if channels(self.output, **self._channels()).ramp else "none"
         write_json(path, report(baked, options, seconds, warnings))

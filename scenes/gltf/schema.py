@@ -53,6 +53,7 @@ class _Node(_Table):
     translation: Vector = (0, 0, 0)
     rotation: Quadruple = (0, 0, 0, 1)
     scale: Vector = (1, 1, 1)
+    extensions: dict[str, Any] = {}
 
 
 class _Primitive(_Table):
@@ -67,7 +68,23 @@ class _Mesh(_Table):
     primitives: Many[_Primitive]
 
 
+class _Part(_Table):
+    bufferView: Whole
+    byteOffset: Whole = 0
+
+
+class _Indices(_Part):
+    componentType: Whole
+
+
+class _Sparse(_Table):
+    count: Annotated[Whole, Field(ge=1)]
+    indices: _Indices
+    values: _Part
+
+
 class _Accessor(_Table):
+    sparse: _Sparse | None = None
     bufferView: Whole = 0
     byteOffset: Whole = 0
     componentType: Whole
@@ -84,7 +101,17 @@ class _View(_Table):
     extensions: dict[str, Any] = {}
 
 
+class _Fallback(_Table):
+    fallback: bool = False
+
+
+class _BufferExtensions(_Table):
+    EXT_meshopt_compression: _Fallback = _Fallback()
+    KHR_meshopt_compression: _Fallback = _Fallback()
+
+
 class _Buffer(_Table):
+    extensions: _BufferExtensions = _BufferExtensions()
     uri: Text = ""
     byteLength: Whole
 
@@ -96,6 +123,8 @@ class _Image(_Table):
 
 class _Geometry(_Table):
     asset: _Asset
+    extensionsUsed: Many[Text] = []
+    extensionsRequired: Many[Text] = []
     scene: Whole = 0
     scenes: Many[_Scene] = []
     nodes: Many[_Node] = []
@@ -129,9 +158,25 @@ class _Sampler(_Table):
     wrapT: WrapMode = 10497
 
 
+class _Transform(_Table):
+    offset: tuple[Number, Number] = (0, 0)
+    rotation: Number = 0
+    scale: tuple[Number, Number] = (1, 1)
+    texCoord: Whole = 0
+
+
+class _ReferenceExtensions(_Table):
+    KHR_texture_transform: _Transform = _Transform()
+
+
 class _TextureReference(_Table):
     index: Whole
     texCoord: Whole = 0
+    extensions: _ReferenceExtensions = _ReferenceExtensions()
+
+
+class _OcclusionReference(_TextureReference):
+    strength: Number = 1
 
 
 class _Surface(_Table):
@@ -150,6 +195,7 @@ class _MaterialExtensions(_Table):
 
 
 class _Material(_Table):
+    occlusionTexture: _OcclusionReference | None = None
     pbrMetallicRoughness: _Surface = _Surface()
     emissiveFactor: Vector = (0, 0, 0)
     extensions: _MaterialExtensions = _MaterialExtensions()
@@ -203,6 +249,34 @@ class _Appearance(_Table):
     extensions: _Extensions = _Extensions()
 
 
+class _Mapping(_Table):
+    material: Whole = 0
+
+
+class _Variants(_Table):
+    mappings: Many[_Mapping] = []
+
+
+class _PrimitiveExtensions(_Table):
+    KHR_materials_variants: _Variants = _Variants()
+
+
+class _MaterialPrimitive(_Table):
+    targets: Many[dict[str, Whole]] = []
+    extensions: _PrimitiveExtensions = _PrimitiveExtensions()
+
+
+class _MaterialMesh(_Table):
+    primitives: Many[_MaterialPrimitive]
+
+
+class _Materials(_Table):
+    meshes: Many[_MaterialMesh] = []
+    textures: Many[_Texture] = []
+    samplers: Many[dict[str, Any]] = []
+    materials: Many[_Material] = []
+
+
 def check_geometry(header: Any, source: object) -> None:
     """What a mesh needs. Raises: MeshError: the first value that is not of its type, by its path."""
     _check(_Geometry, header, source)
@@ -211,6 +285,11 @@ def check_geometry(header: Any, source: object) -> None:
 def check_appearance(header: Any, source: object) -> None:
     """What a picture needs besides. Raises: MeshError: the first value that is not of its type, by its path."""
     _check(_Appearance, header, source)
+
+
+def check_materials(header: Any, source: object) -> None:
+    """What a change of materials needs. Raises: MeshError: the first value that is not of its type, by its path."""
+    _check(_Materials, header, source)
 
 
 def _check(kind: type[_Table], header: Any, source: object) -> None:

@@ -97,6 +97,10 @@ def load(path: str | os.PathLike[str], target: str | os.PathLike[str] | None = N
         mesh, parts = flatten(instances, str(path))
         detail = instances[0].detail if len(instances) == 1 else None
         unread = tuple(dict.fromkeys(words for instance in instances for words in instance.unread))
+        if asset and kind in (".glb", ".ply"):
+            from ..gltf.schema import check_materials
+
+            check_materials(asset.header, path)
         if asset and kind == ".ply":
             from ..gltf.detail import gltf_detail
 

@@ -64,13 +64,13 @@ def test_the_report_holds_the_contract(tmp_path, cube):
 
 
 def test_embree_can_trace_all_rays_and_finds_the_same(tmp_path, cube):
-    told = obscurance("bake", cube, "-o", tmp_path / "a.npz", "--samples", 512)
-    assert "8,192 rays traced in" in told.stdout
-    told = obscurance("bake", cube, "-o", tmp_path / "b.npz", "--samples", 512, "--traversal", "embree")
-    assert "8,192 rays traced in" in told.stdout
+    done = obscurance("bake", cube, "-o", tmp_path / "a.npz", "--samples", 512)
+    assert "8,192 rays traced in" in done.stdout
+    done = obscurance("bake", cube, "-o", tmp_path / "b.npz", "--samples", 512, "--traversal", "embree")
+    assert "8,192 rays traced in" in done.stdout
     assert (tmp_path / "a.npz").read_bytes() == (tmp_path / "b.npz").read_bytes()
-    told = obscurance("bake", cube, "-o", tmp_path / "c.npy", "--method", "surface", "--traversal", "embree")
-    refused(told, "--traversal", "surface")
+    done = obscurance("bake", cube, "-o", tmp_path / "c.npy", "--method", "surface", "--traversal", "embree")
+    refused(done, "--traversal", "surface")
 
 
 def test_quiet_is_quiet(tmp_path, cube):
@@ -131,6 +131,22 @@ BAD_OPTIONS = [
     (("--method", "magic"), ("--method", "magic")),
     (("--colour", "red"), ("--colour",)),
 ]
+
+
+@pytest.mark.parametrize(
+    ("target", "options", "expected"),
+    [
+        ("w.glb", (), "ramp"),
+        ("w.glb", ("--colors",), "none"),
+        ("w.glb", ("--occlusion", "none"), "none"),
+        ("w.ply", (), "none"),
+    ],
+)
+def test_the_report_has_the_occlusion_texture_that_was_written(tmp_path, cube, target, options, expected):
+    report = tmp_path / "r.json"
+    done = obscurance("bake", cube, "-o", tmp_path / target, "--samples", 8, "--report", report, *options)
+    assert done.returncode == 0
+    assert json.loads(report.read_text())["options"]["occlusion"] == expected
 
 
 @pytest.mark.parametrize(("options", "words"), BAD_OPTIONS, ids=[" ".join(o) for o, _ in BAD_OPTIONS])

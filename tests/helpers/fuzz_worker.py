@@ -115,18 +115,20 @@ def consume(family, path, made, index):
         if not ((baked.w >= 0) & (baked.w <= 1)).all():
             raise Finding("w is not in [0, 1]")
         for ending in ("ply", "npz"):
-            write(made / f"made.{ending}", baked, file, colors=True)
+            write(made / f"made.{ending}", baked, file, colors=ending == "ply")
         load(made / "made.ply")
         with suppress(OptionError):  # coordinates beyond float32
             write(made / "made.glb", baked, file, colors=True)
             load(made / "made.glb")
+            write(made / "ramp.glb", baked, file, replace_occlusion=True)
+            describe(load(made / "ramp.glb"))
 
 
 def textures(description):
     from raytrace.image.texture import pack_textures
+    from raytrace.renderer.geometry import shape_textures
 
-    wanted = [item.shape.texture for item in description.scene.objects if item.shape.texture]
-    pack_textures(list(dict.fromkeys(wanted)))
+    pack_textures(shape_textures(item.shape for item in description.scene.objects))
 
 
 def look(path):
@@ -144,7 +146,7 @@ def look(path):
         raise refused[0]
 
 
-def judged(family, path, made, index, opened):
+def checked(family, path, made, index, opened):
     """Whether the input was accepted; its message if it was refused. Raises: Finding."""
     from raytrace.errors import InputError
 
@@ -235,7 +237,7 @@ def main(seed, first, end, progress):
         path.write_bytes(content)
         signal.setitimer(signal.ITIMER_PROF, SECONDS)
         try:
-            message, peak, seconds = judged(family, path, folder / "made", index, opened)
+            message, peak, seconds = checked(family, path, folder / "made", index, opened)
             said = "" if kept else silent(printed)
             if said:
                 raise Finding(f"printed {said!r}")

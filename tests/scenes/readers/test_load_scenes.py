@@ -82,9 +82,7 @@ def test_strips_unindexed_triangles_and_stored_integers(tmp_path):
     packed = builder.accessor(unsigned, "VEC3", normalized=True)
     builder.header["bufferViews"][-1]["byteStride"] = 8
     builder.mesh(
-        builder.primitive(QUAD[[0, 1, 3, 2]], mode=5),
-        builder.primitive(TRIANGLE),
-        {"attributes": {"POSITION": packed}},
+        builder.primitive(QUAD[[0, 1, 3, 2]], mode=5), builder.primitive(TRIANGLE), {"attributes": {"POSITION": packed}}
     )
     file = read(tmp_path, "m.glb", builder.glb([{"mesh": 0}]))
     a, b, c = (file.mesh.vertices[file.mesh.faces[:, corner]] for corner in range(3))
@@ -158,3 +156,14 @@ def test_3mf_repeats_and_places_its_objects(tmp_path):
     assert len(file.parts) == 2
     assert len(file.mesh.vertices) == 16
     assert sorted(file.mesh.vertices[part.vertices, 0].mean() for part in file.parts) == [0, 5]
+
+
+def test_copies_by_an_extension_are_told(tmp_path):
+    builder = Builder()
+    builder.mesh(builder.primitive(TRIANGLE))
+    nodes = [{"name": "tree", "mesh": 0, "extensions": {"EXT_mesh_gpu_instancing": {"attributes": {}}}}]
+    (tmp_path / "forest.glb").write_bytes(builder.glb(nodes))
+    (note,) = load(tmp_path / "forest.glb").notes
+    assert note.endswith(
+        "forest.glb: tree is drawn many times by EXT_mesh_gpu_instancing, which is not read: once here"
+    )
