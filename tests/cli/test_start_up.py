@@ -46,7 +46,7 @@ BAKE, SURFACE, RENDER = console.KERNELS_OF_BAKE, console.KERNELS_OF_SURFACE, con
 COMMANDS = {
     "bake": ("bake hills.obj -o w.ply --samples 64", BAKE, []),
     "bake a ply": ("bake hills.ply -o w.npz --falloff binary", BAKE, []),
-    "bake closed parts": ("bake boxes.stl -o w.glb --samples 64", BAKE, []),
+    "bake closed parts": ("bake boxes.stl -o w.npz --samples 64", BAKE, []),
     "bake to a tolerance": ("bake hills.obj -o w.npy --tolerance 0.01", BAKE, []),
     "fit": ("bake hills.obj -o w.ply --method surface --samples 64", SURFACE, ["scipy"]),
     "render": ("render hills.obj -o w.png --width 32 --height 32 --samples 4", RENDER, ["OpenImageIO"]),
