@@ -62,14 +62,8 @@ class RenderCommand:
         if self.baked:
             check_stored(self.baked)
         with compiling(KERNELS_OF_RENDER), progress(self.quiet, "rays", "tiles") as bars:
-<<<<<<< HEAD
-            description = adjusted(
-                read_scene(self.scene, size, self.up), settings, self.preview, self.baked, self.own_occlusion
-            )
-=======
             read = read_scene(self.scene, size, self.up)
             description = adjusted(read, settings, self.preview, self.baked, self.own_occlusion)
->>>>>>> startup
             check_outputs(outputs, description.files)
             warnings = warn((item.shape.mesh for item in description.scene.objects), description.notes)
             picture = make_picture(self.scene, description, self.output, self.half, threads, *bars)

@@ -14,11 +14,7 @@ from raytrace.errors import OptionError
 from raytrace.system.atomic import atomic_write, check_writable
 
 from ..readers.load import MeshFile
-<<<<<<< HEAD
 from .channels import Channels
-=======
-from .glb import Channels, glb
->>>>>>> startup
 from .ply import ply
 
 if TYPE_CHECKING:
@@ -129,11 +125,8 @@ def _ply(bake: Bake, mesh_file: MeshFile, channels: Channels) -> bytes:
 
 
 def _glb(bake: Bake, mesh_file: MeshFile, channels: Channels) -> bytes:
-<<<<<<< HEAD
     from .glb import glb
 
-=======
->>>>>>> startup
     return glb(mesh_file, bake.w, channels)
 
 
