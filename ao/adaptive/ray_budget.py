@@ -15,6 +15,7 @@ from ..trace.tracer import Tracer
 
 _LEAST = 16  # rays a point
 RATE = 1.5  # the variance of n rays falls as n^−1.5
+_WORK = 0.6  # the time that n rays of a point take grows as n^.6, for they share their walk
 _TYPICAL, _PRIOR = 0.09, 8  # variance of n rays · n^1.5, and how many points that is worth: a few may agree by luck
 _GAIN = 1.6  # at most what the raw error may exceed the aim by, for denoising to bring it back
 _SHARED = 0.2  # variance of a neighbours' mean, relative to one neighbour's
@@ -56,6 +57,11 @@ def plan(tracer: Tracer, points: Points, neighbours: Neighbours, pilots: Pilots,
         error = _denoised_error(variance, _UNEXPLAINED * rough + _SHARED * variance)
     enough = np.maximum(error, variance / _GAIN**2) <= aim**2
     return int(np.clip(counts[np.argmax(enough)] if enough.any() else most, min(_LEAST, most), most))
+
+
+def work(rays: float) -> float:
+    """Time that so many rays of one point take, in proportion."""
+    return float(rays**_WORK)
 
 
 def sampling_variance(first: Float64s, second: Float64s, rays: int) -> float:

@@ -21,7 +21,7 @@ from ..gather.estimate import BENT, COLUMNS, VALUES, W
 from ..gather.points import Points
 from ..trace.tracer import Tracer
 from .probes import Probes, derive
-from .ray_budget import RATE
+from .ray_budget import RATE, work
 from .screening import Screening, screening_samples
 
 _COARSEST, _FEWEST = 64, 4096  # stride along the curve at first, points left at least
@@ -117,8 +117,8 @@ class _Field:
         self._reconstruct()
         while self.mse > _COARSE * self.goal and not self.baked.all():
             left = np.count_nonzero(~self.baked)
-            saved = self.samples * (left - self._halvings(self.goal)[1])
-            if saved < _PAYS * screening_samples(self.tolerance, self.samples) * left:
+            saved = work(self.samples) * (left - self._halvings(self.goal)[1])
+            if saved < _PAYS * work(screening_samples(self.tolerance, self.samples)) * left:
                 self._bake(~self.baked)
             else:
                 self._bake(self._halve(self._halvings(_COARSE / 2 * self.goal)[0]))
@@ -136,8 +136,8 @@ class _Field:
             few = np.count_nonzero(chosen) <= _LEFT * len(self.points)
             if self.mse > _MET * self.goal and few:
                 halvings, added = self._halvings(self.goal)
-                rays, more, doubtful = self._cheapest(most)
-                if more and not 0 < added * self.samples <= rays:
+                effort, more, doubtful = self._cheapest(most)
+                if more and not 0 < added * work(self.samples) <= effort:
                     self._deepen(more)
                     chosen |= doubtful
                 elif added > 0:
@@ -236,7 +236,7 @@ class _Field:
         return int(np.flatnonzero(kept <= goal * number)[-1]) + 1 if (kept <= goal * number).any() else 0
 
     def _cheapest(self, most: int) -> tuple[float, int, Bools]:
-        """The fewest rays that reach the goal, how many of them each baked point gets, and which points besides."""
+        """The least work that reaches the goal, how many rays each baked point gets by it, and which points besides."""
         between, count = self._cells()
         order = np.argsort(between, kind="stable")
         total, count = np.cumsum((between * count)[order]), np.cumsum(count[order])
@@ -247,11 +247,11 @@ class _Field:
             fine = self._fine(total, count, lessened, min(lessened, _ONCE_BAKED * self.goal), self.goal)
             left = count[-1] - (count[fine - 1] if fine else 0)
             if fine or left or lessened <= _MET * self.goal:
-                best = min(best, (number * more + left * (self.samples + more), int(more), fine))
-        rays, more, fine = best
+                best = min(best, (number * work(more) + left * work(self.samples + more), int(more), fine))
+        effort, more, fine = best
         doubtful = np.zeros(len(between), np.bool_)
         doubtful[order[fine:]] = True
-        return rays, more, ~self.baked & doubtful[self.cell]
+        return effort, more, ~self.baked & doubtful[self.cell]
 
     def _lessened(self, more: int) -> float:
         """By what `more` rays multiply the variance of a baked point: lattices of n, m rays are worth n^1.5 + m^1.5."""
