@@ -14,7 +14,7 @@ ORDER = [
     *("raytrace.shade", "raytrace.renderer"),
     *("ao.falloff", "ao.options", "ao.memory", "ao.gather", "ao.skip", "ao.trace", "ao.denoise", "ao.interior"),
     *("ao.prepared", "ao.adaptive", "ao.least_squares", "ao.result", "ao.vertex_method", "ao.surface_method"),
-    *("ao.baking", "ao.report", "ao.analytic"),
+    *("ao.texture", "ao.baking", "ao.report", "ao.analytic"),
     *("scenes.field_errors", "scenes.safe_paths", "scenes.geometry", "scenes.gltf", "scenes.readers"),
     *("scenes.writers", "scenes.description", "scenes.library", "scenes.validation", "scenes.stress"),
     *("scenes.generated", "scenes.commands"),
@@ -25,7 +25,7 @@ ORDER = [
 DOORS = {
     "embreex": {"raytrace.embree.library"},
     "fast_simplification": {"scenes.generated.damage"},
-    "OpenImageIO": {f"raytrace.image.{name}" for name in ("encode", "read", "compare", "texture")},
+    "OpenImageIO": {f"raytrace.image.{name}" for name in ("encode", "fill", "read", "compare", "texture")},
 }
 MODULES = {
     ".".join(path.relative_to(ROOT).with_suffix("").parts): path

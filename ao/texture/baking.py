@@ -1,0 +1,164 @@
+"""`ao.bake_texture`: a mesh with texture coordinates in, w of every texel out."""
+
+from __future__ import annotations
+
+import hashlib
+import time
+import warnings
+from typing import Any, get_args
+
+import numpy as np
+
+from raytrace.errors import OptionError
+from raytrace.mesh.mesh import Mesh
+from raytrace.mesh.normals import face_normals
+from raytrace.system.memory import check_memory
+
+from ..adaptive.fixed_samples import sampled
+from ..adaptive.tolerance import Estimate, ToleranceWarning, estimate_to
+from ..denoise.one_ring import Neighbours
+from ..falloff import Falloff
+from ..memory import texture_bytes
+from ..options import Hidden, Normals, Options, falloff_of, mesh_of
+from ..prepared import Prepared
+from ..skip.horizon import Horizons
+from ..trace.checkpoint import Checkpoint
+from ..trace.tracer import Progress
+from .adjacency import face_charts, texel_neighbours, texel_sizes
+from .coverage import SLOTS, Overlap, cover
+from .result import BakedTexture, TextureFacts, assemble_pages
+from .seams import Seams
+from .texels import TexelTracer, find_texels
+from .uv_layout import UVLayout, corner_uv, page_size
+
+
+def bake_texture(
+    mesh: Mesh | Any,
+    uv: Any,
+    size: int | tuple[int, int] = 1024,
+    falloff: Falloff | str | None = None,
+    samples: int | None = None,
+    seed: int = 0,
+    threads: int | None = None,
+    normals: Normals = "angle",
+    progress: Progress | None = None,
+    tolerance: float | None = None,
+    reconstruct: bool = True,
+    hidden: Hidden = "auto",
+    skip: bool = True,
+    checkpoint: Checkpoint | None = None,
+    overlap: Overlap = "mean",
+    wrap: bool = True,
+    close_seams: bool = True,
+) -> BakedTexture:
+    """Obscurance w, as `ao.bake` has it, of every texel that shows a part of `mesh`: the mean over that part.
+
+    The hemisphere at a point of a face is that of the normal interpolated between the vertices, less what lies below
+    the face. Where points of a texel are inside of solids, the others stand for it.
+
+    Args:
+        mesh, falloff, seed, threads, normals, progress, skip, checkpoint: as `ao.bake` has them.
+        uv: texture coordinates, v upwards: (n, 2) by vertex or (m, 3, 2) by face and corner.
+        size: texels across and down, one number for a square; 1 to 16384.
+        samples: rays a texel, 1 to 2²⁰, by default 256; with a tolerance the most, by default 2¹⁴.
+        tolerance: target root mean square error of w over the covered texels, 1e-5 to 1.
+        reconstruct: whether estimates are shrunk towards predictions from the texels next to them on the surface,
+            across seams too.
+        hidden: "auto": texels inside a closed part of the mesh that is not their own are filled as if they were not
+            covered; "fill": also those that mostly see backs of faces; "ignore": none.
+        overlap: where faces lie over one another on the page: "mean", the texel is that of all of them; "first", of
+            the first in the mesh's order; "refuse", an error.
+        wrap: whether faces outside of the unit square are taken modulo 1, or left out.
+        close_seams: whether texels at charts' borders are moved until both sides of a seam agree.
+
+    Raises:
+        OptionError: an argument is out of range.
+        MeshError: `mesh` or `uv` cannot be used, or faces overlap and `overlap` is "refuse".
+        InputError, OutputError, MemoryLimitError, EmbreeError: as `ao.bake`.
+
+    Warns:
+        ToleranceWarning: the `tolerance` is not met.
+    """
+    options = Options(
+        "vertex", falloff_of(falloff), samples, seed, threads, normals, None, tolerance, reconstruct, hidden, skip
+    )
+    if hidden == "mark":
+        raise OptionError("hidden", "auto, ignore or fill for a texture", "mark")
+    if overlap not in get_args(Overlap):
+        raise OptionError("overlap", "one of " + ", ".join(get_args(Overlap)), overlap)
+    width, height = page_size(size)
+    mesh = mesh_of(mesh)
+    corners = corner_uv(uv, mesh)
+    mu = options.falloff.resolve(mesh.radius)
+    counts = len(mesh.vertices), len(mesh.faces)
+    needed = texture_bytes(width * height, *counts, options.rays)
+    check_memory(mesh.source, needed, f"to bake {width * height:,} texels of {counts[1]:,} faces")
+
+    start = time.perf_counter()
+    prepared = Prepared.of(mesh, mu, options, progress, None)
+    placement, receivers, count = prepared.placement, prepared.receivers, prepared.threads
+    solid = face_normals(placement.vertices.astype(np.float64), mesh.faces)[1] > 0
+    layout = UVLayout.of(corners[solid], (width, height), wrap, mesh.source)
+    coverage = cover(layout, overlap, count)
+    overlapping = int(np.count_nonzero(coverage.overlapping))
+    if overlap == "refuse" and overlapping:
+        expected = "faces that do not overlap on the page"
+        raise OptionError("overlap", expected, f"{overlapping:,} texels with several", mesh.source)
+    texels, filled = find_texels(coverage, placement, receivers, options.hidden, count)
+    covered = len(coverage.texels)
+    del coverage
+    points_of_faces = receivers.of_vertex[receivers.faces]
+    seams = Seams.find(layout.uv, points_of_faces, (width, height), wrap)
+    if checkpoint:
+        digest = hashlib.blake2b(texels.points.origins.data)
+        digest.update(texels.points.normals.data)
+        kind = "texture", options.rays, tolerance, reconstruct, options.seed, normals, digest.hexdigest()
+        checkpoint.begin(placement, receivers, mu, *kind)
+    horizons = Horizons(placement, receivers, mu) if skip else None
+    tracer = TexelTracer(
+        receivers.scene, placement, mu, count, SLOTS * len(texels), horizons, progress, checkpoint, texels=texels
+    )
+    points = texels.first_points
+    neighbours = None
+    if reconstruct:
+        charts = face_charts(layout.uv, points_of_faces)
+        sizes = texel_sizes(layout.uv, receivers.faces, placement)
+        neighbours = texel_neighbours(texels, points, layout, seams, charts, sizes, count)
+    estimate = _estimate(tracer, neighbours, prepared)
+    pages = assemble_pages(layout, texels, estimate.rows, estimate.variance, seams, close_seams, count)
+    build = receivers.scene.seconds
+    baked = BakedTexture(
+        w=pages.w,
+        error=pages.error,
+        bent_normals=pages.bent_normals,
+        covered=pages.covered,
+        rays=tracer.rays - tracer.skipped,
+        rays_skipped={
+            "open": tracer.skipped,
+            "predicted": (estimate.samples - estimate.screened) * estimate.predicted,
+            "hidden": estimate.samples * filled,
+        },
+        rmse=float(np.sqrt(np.mean(estimate.variance))),
+        facts=TextureFacts(
+            covered, overlapping, filled, layout.mirrored, layout.flat, layout.outside, seams.edges, pages.jump,
+            pages.jump_before,
+        ),
+        skip_seconds={"open": sum(horizons.seconds)} if horizons else {},
+        seconds={"build": build, "bake": time.perf_counter() - start - build},
+        mu=mu,
+    )  # fmt: skip
+    if tolerance is not None and baked.rmse > tolerance:
+        reason = f": {options.rays:,} rays a texel were allowed" if estimate.samples >= options.rays else ""
+        text = f"tolerance {tolerance:g} is not met, the estimated RMSE is {baked.rmse:.3g}{reason}"
+        warnings.warn(text, ToleranceWarning, stacklevel=2)
+    return baked
+
+
+def _estimate(tracer: TexelTracer, neighbours: Neighbours | None, prepared: Prepared) -> Estimate:
+    """Estimates at all texels, with a number of rays each that is given or meets the tolerance."""
+    assert tracer.texels is not None
+    points, options = tracer.texels.first_points, prepared.options
+    if options.tolerance is None:
+        return sampled(tracer, points, neighbours, options.rays, prepared.key)
+    assert neighbours is not None  # `Options` has seen to it
+    return estimate_to(tracer, points, neighbours, options.tolerance, options.rays, prepared.key)
