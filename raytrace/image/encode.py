@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import json
 import os
+import tempfile
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
 from ..errors import OptionError, OutputError, printable
 from ..system.atomic import atomic_path
@@ -97,13 +99,27 @@ def write_picture(
     _write(path, spec, metadata, rows)
 
 
+def linear_png(values: npt.NDArray[np.uint8 | np.uint16]) -> bytes:
+    """A PNG file of codes as they are, (height, width, channels), that says nothing of a colour space."""
+    import OpenImageIO as oiio
+
+    height, width, channels = values.shape
+    spec = oiio.ImageSpec(width, height, channels, values.dtype.name)
+    spec.attribute("oiio:ColorSpace", "data")
+    spec.attribute("oiio:UnassociatedAlpha", 1)
+    with tempfile.TemporaryDirectory() as folder:
+        target = Path(folder) / "data.png"
+        _write(target, spec, {}, lambda first, end: values[first:end])
+        return target.read_bytes()
+
+
 def _has_background(pixels: Float32s) -> bool:
     """Whether there is colour where the alpha is 0, which straight alpha cannot hold."""
     return bool((pixels[..., :3].any(axis=2) & (pixels[..., 3] == 0)).any())
 
 
 def _write(
-    path: str | os.PathLike[str], spec: Any, metadata: Mapping[str, str], rows: Callable[[int, int], Float32s]
+    path: str | os.PathLike[str], spec: Any, metadata: Mapping[str, str], rows: Callable[[int, int], npt.NDArray[Any]]
 ) -> None:
     import OpenImageIO as oiio
 

@@ -134,6 +134,10 @@ class _TextureReference(_Table):
     texCoord: Whole = 0
 
 
+class _OcclusionReference(_TextureReference):
+    strength: Number = 1
+
+
 class _Surface(_Table):
     baseColorFactor: Quadruple = (1, 1, 1, 1)
     baseColorTexture: _TextureReference | None = None
@@ -150,6 +154,7 @@ class _MaterialExtensions(_Table):
 
 
 class _Material(_Table):
+    occlusionTexture: _OcclusionReference | None = None
     pbrMetallicRoughness: _Surface = _Surface()
     emissiveFactor: Vector = (0, 0, 0)
     extensions: _MaterialExtensions = _MaterialExtensions()
@@ -203,6 +208,34 @@ class _Appearance(_Table):
     extensions: _Extensions = _Extensions()
 
 
+class _Mapping(_Table):
+    material: Whole = 0
+
+
+class _Variants(_Table):
+    mappings: Many[_Mapping] = []
+
+
+class _PrimitiveExtensions(_Table):
+    KHR_materials_variants: _Variants = _Variants()
+
+
+class _MaterialPrimitive(_Table):
+    targets: Many[dict[str, Whole]] = []
+    extensions: _PrimitiveExtensions = _PrimitiveExtensions()
+
+
+class _MaterialMesh(_Table):
+    primitives: Many[_MaterialPrimitive]
+
+
+class _Materials(_Table):
+    meshes: Many[_MaterialMesh] = []
+    textures: Many[_Texture] = []
+    samplers: Many[dict[str, Any]] = []
+    materials: Many[_Material] = []
+
+
 def check_geometry(header: Any, source: object) -> None:
     """What a mesh needs. Raises: MeshError: the first value that is not of its type, by its path."""
     _check(_Geometry, header, source)
@@ -211,6 +244,11 @@ def check_geometry(header: Any, source: object) -> None:
 def check_appearance(header: Any, source: object) -> None:
     """What a picture needs besides. Raises: MeshError: the first value that is not of its type, by its path."""
     _check(_Appearance, header, source)
+
+
+def check_materials(header: Any, source: object) -> None:
+    """What a change of materials needs. Raises: MeshError: the first value that is not of its type, by its path."""
+    _check(_Materials, header, source)
 
 
 def _check(kind: type[_Table], header: Any, source: object) -> None:
