@@ -32,6 +32,12 @@ class Hidden(StrEnum):
     fill = "fill"
 
 
+class Overlap(StrEnum):
+    mean = "mean"
+    first = "first"
+    refuse = "refuse"
+
+
 class Metric(StrEnum):
     flip = "flip"
     rms = "rms"
@@ -96,6 +102,19 @@ def parse_size(width: int | None, height: int | None) -> tuple[int, int] | None:
         missing = "width" if width is None else "height"
         raise OptionError(missing, "--width and --height together", "one of them")
     return width, height
+
+
+def parse_texels(text: str) -> int | tuple[int, int]:
+    """A side, or the width and height of "WxH". Raises: OptionError."""
+    from raytrace.errors import OptionError
+
+    try:
+        sides = [int(part) for part in text.lower().split("x")]
+    except ValueError:
+        sides = []
+    if len(sides) not in (1, 2):
+        raise OptionError("size", "a number of texels, such as 1024, or WIDTHxHEIGHT", repr(text))
+    return sides[0] if len(sides) == 1 else (sides[0], sides[1])
 
 
 def plain(value: object) -> object:
