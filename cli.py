@@ -39,8 +39,8 @@ def bake(
         typer.Option(
             "--output",
             "-o",
-            help="Output file, format by ending: .npy .npz .ply .glb of the vertices; .png .exr "
-            ".tif a texture, with <UDIM> in the name one for each tile",
+            help="Output file, format by ending: .npy .npz .ply .glb of the vertices; .png .exr .tif a texture, with "
+            "<UDIM> in the name one for each tile.",
         ),
     ],
     method: Annotated[

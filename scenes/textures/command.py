@@ -193,11 +193,11 @@ class TextureCommand:
         from ao.trace.checkpoint import Checkpoint
 
         unmet = catch_warnings(record=True, action="always", category=ao.ToleranceWarning)
-        overlap = "mean" if self.overlap is None else self.overlap.value
+        overlap = self.overlap or Overlap.mean
         with Checkpoint(f"{images['output']}.partial", self.resume, note) as checkpoint:
             with progress(self.quiet, "rays") as (advance,), compiling("below_face"), unmet as raised:
                 baked = ao.bake_texture(
-                    mesh, uv, size, falloff, progress=advance, checkpoint=checkpoint, overlap=overlap, wrap=wrap,
+                    mesh, uv, size, falloff, progress=advance, checkpoint=checkpoint, overlap=overlap.value, wrap=wrap,
                     **self._options(),
                 )  # fmt: skip
             lines = [*(str(warning.message) for warning in raised), *_remarks(baked, images["output"], wrap)]
