@@ -13,7 +13,6 @@ import numpy as np
 
 from raytrace.embree.rays import intersect
 from raytrace.embree.scene import TriangleScene
-from raytrace.sampling.hash import mix_array
 from raytrace.types import Bools, Float32s, Float64s, Int32s, Int64s
 
 from .slivers import find_slivers
@@ -21,7 +20,10 @@ from .uv_layout import UVLayout
 
 Overlap = Literal["mean", "first", "refuse"]
 SLOTS = 4  # points of a texel
-_STRATA = np.array([[0, 0], [1, 1], [1, 0], [0, 1]])  # diagonally, so that two are spread as well as they can be
+_GRID = np.array([[0.375, 0.125], [0.625, 0.875], [0.125, 0.625], [0.875, 0.375]])
+"""A rotated grid: means of what is linear over a texel are exact, those of the first or the last two points, too."""
+_FINE = 8  # points across and down of texels that are not whole
+_FINE_TEXELS = 1 << 14  # together
 _HIGHEST = 0.5  # triangles lie at heights up to this, so that one ray can meet those below
 _STEP = 2.0**-22
 _ABOVE = 1.0
@@ -84,12 +86,44 @@ def _cover_band(
     slivers = find_slivers(scene, layout.corners, _HIGHEST / 2, texels[missed], layout.width, threads)
     triangle[missed] = slivers.face[:, None]
     barycentric[missed] = slivers.barycentric[:, None]
-    hit[missed] = True
     refill(hit, triangle, barycentric)
+    whole = hit.all(axis=1) | (triangle[:, 0] < 0) | overlapped.reshape(-1, SLOTS).any(axis=1)
+    parts = np.flatnonzero(~whole)
+    for first in range(0, len(parts), _FINE_TEXELS):
+        some = parts[first : first + _FINE_TEXELS]
+        _spread_over_part(scene, texels[some], layout.width, some, triangle, barycentric, threads)
     covered = triangle[:, 0] >= 0
     face = np.append(layout.face, -1)[triangle[covered]].astype(np.int32)
     overlapping: Bools = np.any(overlapped.reshape(-1, SLOTS)[covered], axis=1)
     return Coverage(texels[covered], face, barycentric[covered], overlapping)
+
+
+def _spread_over_part(
+    scene: TriangleScene,
+    texels: Int64s,
+    width: int,
+    rows: Int64s,
+    triangle: Int64s,
+    barycentric: Float32s,
+    threads: int,
+) -> None:
+    """Spread the points of texels that are covered in part over that part, in place, unless it is too small for that.
+
+    Args: rows: int64 (k,), where each of `texels` (k,) is in `triangle` and `barycentric`, of all texels of the band.
+    """
+    cells = np.arange(_FINE**2)
+    bits = [(cells >> shift) & 1 for shift in range(6)]
+    column, row = (sum(bit << place for place, bit in enumerate(bits[first::2])) for first in (0, 1))  # Morton order
+    fine = (np.stack([column, row], axis=1) + 0.5) / _FINE
+    places = np.stack([texels % width, texels // width], axis=1)[:, None] + fine
+    hits = intersect(scene, _at_height(places.reshape(-1, 2), _ABOVE), [[0.0, 0.0, -1.0]], np.inf, threads)
+    face, weights = hits.face.reshape(-1, _FINE**2), hits.barycentric.reshape(-1, _FINE**2, 3)
+    count: Int64s = np.sum(face >= 0, axis=1)
+    order = np.argsort(face < 0, axis=1, kind="stable")
+    chosen = np.take_along_axis(order, ((np.arange(SLOTS) + 0.5) * count[:, None] / SLOTS).astype(np.int64), axis=1)
+    some = np.flatnonzero(count)
+    triangle[rows[some]] = face[some[:, None], chosen[some]]
+    barycentric[rows[some]] = weights[some[:, None], chosen[some]]
 
 
 def refill(good: Bools, *tables: Int32s | Int64s | Float32s) -> None:
@@ -107,11 +141,8 @@ def refill(good: Bools, *tables: Int32s | Int64s | Float32s) -> None:
 
 
 def _places(texels: Int64s, width: int) -> Float64s:
-    """Points (k, SLOTS, 2) in texels, one at random in each quarter; the same for every bake."""
-    corner = np.stack([texels % width, texels // width], axis=1)[:, None]
-    number = SLOTS * texels[:, None, None] + np.arange(SLOTS)[:, None]
-    chance = np.ldexp(mix_array(2 * number + np.arange(2)).astype(np.float64), -32)
-    return corner + (_STRATA + chance) / 2
+    """Points (k, SLOTS, 2) in texels."""
+    return np.stack([texels % width, texels // width], axis=1)[:, None] + _GRID
 
 
 def _first_hits(scene: TriangleScene, places: Float64s, step: float, threads: int) -> tuple[Int64s, Float32s, Bools]:
@@ -127,9 +158,9 @@ def _first_hits(scene: TriangleScene, places: Float64s, step: float, threads: in
 
 
 def _taken_in_turn(
-    scene: TriangleScene, places: Float64s, turn: Int64s, step: float, threads: int
+    scene: TriangleScene, places: Float64s, slots: Int64s, step: float, threads: int
 ) -> tuple[Int64s, Float32s]:
-    """Of all triangles over one another at each of the `places` (k, 2), the one whose turn (k,) it is."""
+    """One of all triangles over one another at each of the `places` (k, 2), by turns: the `slots` (k,) of texels."""
     height, faces, barycentrics = np.full(len(places), _ABOVE), [], []
     for _ in range(_LAYERS):
         hits = intersect(scene, _at_height(places, height), [[0.0, 0.0, -1.0]], np.inf, threads)
@@ -142,7 +173,7 @@ def _taken_in_turn(
     layers, weights = np.stack(faces, axis=1), np.stack(barycentrics, axis=1)
     count = (layers >= 0).sum(axis=1)
     order = np.argsort(layers < 0, axis=1, kind="stable")
-    chosen = order[np.arange(len(places)), turn % count]
+    chosen = order[np.arange(len(places)), slots * count // SLOTS]
     return layers[np.arange(len(places)), chosen], weights[np.arange(len(places)), chosen]
 
 

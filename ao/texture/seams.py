@@ -13,12 +13,12 @@ from scipy.sparse import csr_array, diags_array
 
 from raytrace.types import Bools, Float64s, Int64s
 
-from ..least_squares.conjugate_gradients import solve
+from ..least_squares.conjugate_gradients import solve_within
 
 _DENSITY = 2.0  # samples a texel along an edge
 _MOST = 1 << 12  # of an edge
 _SAME = 1e-4  # texels that places may be apart and be one
-_PULL = 300.0  # weight of a jump's square, where that of a covered texel's movement is 1
+_PULL = 1000.0  # weight of a jump's square, where that of a covered texel's movement is 1
 _FREE = 0.05  # and of the movement of a texel beside the charts
 
 
@@ -111,7 +111,7 @@ class Seams:
         matrix = csr_array(_PULL * (difference.T @ difference) + diags_array(stay))
         values = page[texels]
         closed = page.copy()
-        closed[texels] = solve(matrix, stay * values, values, threads=threads).clip(0.0, 1.0)
+        closed[texels] = solve_within(matrix, stay * values, values, threads=threads)
         return closed
 
 

@@ -25,6 +25,7 @@ ORDER = [
 DOORS = {
     "embreex": {"raytrace.embree.library"},
     "fast_simplification": {"scenes.generated.damage"},
+    "uvunwrap": {"scenes.textures.unwrap"},
     "OpenImageIO": {f"raytrace.image.{name}" for name in ("encode", "fill", "read", "compare", "texture")},
 }
 MODULES = {
