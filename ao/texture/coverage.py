@@ -23,6 +23,7 @@ SLOTS = 4  # points of a texel
 _GRID = np.array([[0.375, 0.125], [0.625, 0.875], [0.125, 0.625], [0.875, 0.375]])
 """A rotated grid: means of what is linear over a texel are exact, those of the first or the last two points, too."""
 _FINE = 8  # points across and down of texels that are not whole
+_WITHIN = np.array([0.125, 0.625, 0.375, 0.875])  # where to take one from each quarter of them
 _FINE_TEXELS = 1 << 14  # together
 _HIGHEST = 0.5  # triangles lie at heights up to this, so that one ray can meet those below
 _STEP = 2.0**-22
@@ -120,7 +121,7 @@ def _spread_over_part(
     face, weights = hits.face.reshape(-1, _FINE**2), hits.barycentric.reshape(-1, _FINE**2, 3)
     count: Int64s = np.sum(face >= 0, axis=1)
     order = np.argsort(face < 0, axis=1, kind="stable")
-    chosen = np.take_along_axis(order, ((np.arange(SLOTS) + 0.5) * count[:, None] / SLOTS).astype(np.int64), axis=1)
+    chosen = np.take_along_axis(order, ((np.arange(SLOTS) + _WITHIN) * count[:, None] / SLOTS).astype(np.int64), axis=1)
     some = np.flatnonzero(count)
     triangle[rows[some]] = face[some[:, None], chosen[some]]
     barycentric[rows[some]] = weights[some[:, None], chosen[some]]
