@@ -5,7 +5,7 @@ STAMP  := $(VENV)/.installed
 PYTEST := $(BIN)/python -m pytest --numprocesses auto --maxprocesses 4 --dist worksteal
 
 .DEFAULT_GOAL := help
-.PHONY: help install demo test test-all lint bench bench-peers peers pictures clean
+.PHONY: help install demo test test-all lint bench bench-peers peers viewers pictures clean
 
 help: ## list the targets
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "  make %-12s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
@@ -47,6 +47,9 @@ $(PEERS):
 
 peers: ## environments of the other bakers, in .peers/; one that cannot be had is left out
 	-@$(MAKE) --no-print-directory --keep-going $(PEERS)
+
+viewers: ## glTF's validator and three.js, in .viewers/, for tests of .glb outputs that are skipped without them
+	npm install --no-audit --no-fund --silent --prefix .viewers gltf-validator@2.0.0-dev.3.10 three@0.183.2
 
 bench-peers: $(STAMP) ## bake time against error, ours and the peers'; MESHES=FOLDER adds files, QUICK=1 is for minutes
 	$(BIN)/python -m benchmarks.time_against_error $(if $(QUICK),--quick) $(if $(MESHES),--meshes '$(MESHES)')

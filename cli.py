@@ -84,6 +84,16 @@ def bake(
     colors: Annotated[
         bool, typer.Option("--colors", help="Write w as vertex colours: COLOR_0 of .glb, replacing a .ply's own.")
     ] = False,
+    occlusion: Annotated[
+        choices.Occlusion | None,
+        typer.Option(
+            help="Occlusion texture of .glb materials, which viewers show: ramp (w of the vertices, the default "
+            "without --colors), texture (w of texels) or none."
+        ),
+    ] = None,
+    replace_occlusion: Annotated[
+        bool, typer.Option("--replace-occlusion", help="Also where a material has an occlusion texture of its own.")
+    ] = False,
     size: Annotated[
         str | None, typer.Option(metavar="N|WxH", help="Texture: texels across and down, 1024 by default.")
     ] = None,
@@ -91,7 +101,16 @@ def bake(
         str | None,
         typer.Option(help='Texture: what a texel covers at most, in mesh units or "1%" of the radius; sets the size.'),
     ] = None,
-    uv: Annotated[str | None, typer.Option(metavar="N", help="Texture: set of texture coordinates of a glTF.")] = None,
+    uv: Annotated[
+        str | None,
+        typer.Option(
+            metavar="auto|N|unwrap",
+            help="Texture: the file's texture coordinates, of a glTF the N-th, or new ones (obscurance[unwrap]).",
+        ),
+    ] = None,
+    mesh_output: Annotated[
+        Path | None, typer.Option(metavar="GLB", help="Texture: also write the mesh with it, and with new coordinates.")
+    ] = None,
     overlap: Annotated[
         choices.Overlap | None,
         typer.Option(help="Texture: where faces overlap, w is their mean (the default), the first one's, or an error."),
@@ -181,6 +200,9 @@ def render(
         ),
     ] = None,
     baked: Annotated[Path | None, typer.Option(help="Read w from a baked file: .npy .npz .ply .glb")] = None,
+    own_occlusion: Annotated[
+        bool, typer.Option(help="Use a glTF file's own occlusion textures; otherwise bake there, too.")
+    ] = True,
     shadows: Annotated[bool | None, typer.Option("--shadows/--no-shadows", help="Trace shadow rays.")] = None,
     up: Annotated[
         choices.Up | None, typer.Option(help="Up axis of a mesh file, by default y, for STL and 3MF z.")
@@ -201,8 +223,8 @@ def render(
     from scenes.commands.render_file import render_file
 
     render_file(
-        scene, output, size, settings, up=up, baked=baked, preview=preview, half=half, threads=threads, report=report,
-        quiet=quiet,
+        scene, output, size, settings, up=up, baked=baked, own_occlusion=own_occlusion, preview=preview, half=half,
+        threads=threads, report=report, quiet=quiet,
     )  # fmt: skip
 
 

@@ -39,6 +39,7 @@ from .mesh.normals import face_normals as face_normals
 from .mesh.normals import vertex_normals as vertex_normals
 from .renderer.render import render as render
 from .scene import Object as Object
+from .scene import Occlusion as Occlusion
 from .scene import Scene as Scene
 from .scene import Shape as Shape
 from .settings import Settings as Settings

@@ -27,6 +27,29 @@ def _frozen(array: Float64s) -> Float64s:
 
 
 @dataclass(frozen=True, eq=False)
+class Occlusion:
+    """Obscurance w(p) over a shape as a texture, as glTF has it: 1 + strength (R − 1).
+
+    Attributes:
+        uv: float64 (n, 2) texture coordinates of the shape's vertices, v upwards.
+        texture: its first channel R is looked up, as it is if `texture.srgb` is False.
+        strength: in [0, 1].
+    """
+
+    uv: Float64s
+    texture: Texture
+    strength: float = 1.0
+
+    def __post_init__(self) -> None:
+        values = numbers(self.uv, "occlusion", "uv", "an array of numbers (n, 2)")
+        if values.ndim != 2 or values.shape[1] != 2:
+            raise OptionError("uv", "shape (n, 2)", values.shape, "occlusion")
+        object.__setattr__(self, "uv", _frozen(values))
+        if not 0.0 <= self.strength <= 1.0:
+            raise OptionError("strength", "a number in [0, 1]", self.strength, "occlusion")
+
+
+@dataclass(frozen=True, eq=False)
 class Shape:
     """A mesh and its surface; many objects may share one.
 
@@ -35,12 +58,14 @@ class Shape:
         material: what it is made of.
         uv: float64 (n, 2) texture coordinates, v upwards, or None.
         texture: albedo, multiplied into the material's diffuse and ambient reflectance per channel; needs `uv`.
+        occlusion: multiplied into `Object.w`.
     """
 
     mesh: Mesh
     material: BaseMaterial
     uv: Float64s | None = None
     texture: Texture | None = None
+    occlusion: Occlusion | None = None
 
     def __post_init__(self) -> None:
         from .materials.base import BaseMaterial
@@ -55,6 +80,11 @@ class Shape:
             if self.uv.shape != (len(self.mesh.vertices), 2):
                 raise OptionError("uv", f"shape ({len(self.mesh.vertices)}, 2)", self.uv.shape, self.mesh.source)
             object.__setattr__(self, "uv", _frozen(self.uv))
+        if self.occlusion is not None:
+            check_type(self.occlusion, Occlusion, self.mesh.source, "occlusion", "a raytrace.Occlusion(uv, texture)")
+            if len(self.occlusion.uv) != len(self.mesh.vertices):
+                expected = f"texture coordinates of {len(self.mesh.vertices)} vertices"
+                raise OptionError("occlusion", expected, len(self.occlusion.uv), self.mesh.source)
 
     def __repr__(self) -> str:
         texture = "" if self.texture is None else f", {self.texture.path.name}"
@@ -136,6 +166,12 @@ class Scene:
             faces.append(corners + start)
             start += len(mesh.vertices)
         return Mesh(np.concatenate(vertices), np.concatenate(faces), source="scene")
+
+    def without_occlusion(self) -> Scene:
+        """The same scene without occlusion textures; objects that shared a shape share one still."""
+        shapes = {id(item.shape): item.shape for item in self.objects}
+        bare = {key: replace(shape, occlusion=None) if shape.occlusion else shape for key, shape in shapes.items()}
+        return replace(self, objects=tuple(replace(item, shape=bare[id(item.shape)]) for item in self.objects))
 
     def with_obscurance(self, w: Float64s | Sequence[float]) -> Scene:
         """The same scene with w (n,) of `flattened()`, an object's vertices after the other's."""

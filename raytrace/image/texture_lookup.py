@@ -9,7 +9,7 @@ from math import log2
 
 import numpy as np
 
-from ..kernel.jit import inline
+from ..kernel.jit import inline, kernel
 
 REPEAT, MIRRORED_REPEAT, CLAMP_TO_EDGE = range(3)  # places in `raytrace.image.texture.WRAPS`
 
@@ -41,6 +41,13 @@ def sample_texture(textures, number, u, v, footprint):
         g += part * (coarse[1] - g)
         b += part * (coarse[2] - b)
     return (r, g, b)
+
+
+@kernel
+def sample_points(textures, number, uv, out):
+    """Write the linear RGB (n, 3) of a texture at places uv (n, 2), by its finest level."""
+    for row in range(len(uv)):
+        out[row, 0], out[row, 1], out[row, 2] = sample_texture(textures, number, uv[row, 0], uv[row, 1], 0.0)
 
 
 @inline

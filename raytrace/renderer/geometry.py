@@ -5,6 +5,7 @@ Render space is recentred and scaled by a power of two to about unit size, so fl
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, NamedTuple
@@ -35,7 +36,7 @@ class BuiltGeometry:
     Attributes:
         arrays: what kernels read. embree: keeps the Embree scene and its buffers alive.
         centre, scale: a point p of the scene stands at (p − centre) · scale; float64 (3,), and a power of two.
-        textures: of the shapes, in the order of `arrays.texture`.
+        textures: of the shapes, numbered as in `arrays.texture` and `arrays.occlusion`.
         normals: of vertices, see `raytrace.settings.Settings`.
     """
 
@@ -99,7 +100,8 @@ def _build(objects: tuple[Object, ...], weighting: Normals) -> BuiltGeometry:
     }
     vertex_starts = _starts([len(shape.mesh.vertices) for shape in shapes.values()])
     face_starts = _starts([len(shape.mesh.faces) for shape in shapes.values()])
-    textures = tuple(dict.fromkeys(shape.texture for shape in shapes.values() if shape.texture))
+    textures = shape_textures(shapes.values())
+    number = {texture: row for row, texture in enumerate(textures)} | {None: -1}
 
     geometries: list[Triangles | Instance] = []
     boxes = []
@@ -125,6 +127,7 @@ def _build(objects: tuple[Object, ...], weighting: Normals) -> BuiltGeometry:
     rank = [order[id(item.shape)] for item in objects]
     kinds, rows = pack_materials([item.shape.material for item in objects])
     uv = [np.zeros((len(s.mesh.vertices), 2)) if s.uv is None else s.uv for s in shapes.values()]
+    occlusions = [item.shape.occlusion for item in objects]
     corner_rows = [s.mesh.faces + start for s, start in zip(shapes.values(), vertex_starts, strict=True)]
     arrays = Geometry(
         handle=embree.handle,
@@ -132,6 +135,7 @@ def _build(objects: tuple[Object, ...], weighting: Normals) -> BuiltGeometry:
         normals=_joined([placed.normals for placed in placed_shapes.values()], np.float32),
         faces=_joined(corner_rows, np.int32),
         uv=np.concatenate(uv).astype(np.float32),
+        occlusion_uv=_occlusion_uv(shapes.values()),
         first_vertex=vertex_starts[rank],
         first_face=face_starts[rank],
         first_w=np.cumsum([0, *(len(item.shape.mesh.vertices) for item in objects)]),
@@ -141,12 +145,28 @@ def _build(objects: tuple[Object, ...], weighting: Normals) -> BuiltGeometry:
         placed=np.array([placed_shapes[id(item.shape)].scene is None for item in objects]),
         authored=np.array([weighting == "file" and item.shape.mesh.normals is not None for item in objects]),
         magnitude=magnitude,
-        texture=np.array([textures.index(t) if (t := item.shape.texture) else -1 for item in objects]),
+        texture=np.array([number[item.shape.texture] for item in objects]),
+        occlusion=np.array([number[each.texture] if each else -1 for each in occlusions]),
+        strength=np.array([each.strength if each else 0.0 for each in occlusions]),
         kinds=kinds,
         rows=rows,
         boxes=pack_boxes(np.concatenate(boxes)),
     )
     return BuiltGeometry(arrays, embree, centre, scale, textures, weighting)
+
+
+def shape_textures(shapes: Iterable[Shape]) -> tuple[Texture, ...]:
+    """Every texture of the shapes once."""
+    found = [texture for shape in shapes for texture in (shape.texture, shape.occlusion and shape.occlusion.texture)]
+    return tuple(dict.fromkeys(texture for texture in found if texture))
+
+
+def _occlusion_uv(shapes: Iterable[Shape]) -> Float32s:
+    """Of all shapes' vertices, (v, 2), or none where no shape has an occlusion texture."""
+    if not any(shape.occlusion for shape in shapes):
+        return np.empty((0, 2), np.float32)
+    rows = [s.occlusion.uv if s.occlusion else np.zeros((len(s.mesh.vertices), 2)) for s in shapes]
+    return np.concatenate(rows).astype(np.float32)
 
 
 def _bounds(objects: tuple[Object, ...]) -> Mesh:

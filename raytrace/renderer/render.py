@@ -47,6 +47,7 @@ from ..shade.workspace import (
 from ..system.memory import check_memory
 from ..system.threads import run_blocks, thread_count
 from ..types import Bools, Float32s, Int64s
+from .geometry import shape_textures
 from .render_scene import RenderScene, build
 from .tiling import tile_count, whole_tiles
 
@@ -118,7 +119,7 @@ def rendering_bytes(scene: Scene, settings: Settings, layers: bool) -> int:
     _, _, wide, high = whole_tiles(settings)
     film = 4 * wide * high * (FILM if layers else LAYERS["beauty"])
     film += _EDGES * tile_count(wide, high) * (settings.samples > FIRST)
-    textures = texture_bytes(item.shape.texture for item in scene.objects)
+    textures = texture_bytes(shape_textures(item.shape for item in scene.objects))
     return _BASE + _VERTEX * vertices + _FACE * faces + 8 * LIGHTING * lit + film + textures
 
 

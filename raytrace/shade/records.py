@@ -13,15 +13,16 @@ class Geometry(NamedTuple):
 
     Attributes:
         handle: Embree scene. vertices, normals: float32 (v, 3), each shape's in its own frame. faces: int32 (f, 3),
-        indices into them. uv: float32 (v, 2).
+        indices into them. uv: float32 (v, 2). occlusion_uv: float32 (v, 2), or (0, 2) if no shape has any.
         first_vertex, first_face: int64 (o,), where the shape of each object begins. first_w: int64 (o + 1,), where
         each object's vertices begin, and the last one's end, among those of all objects, as in w.
         to_render: float64 (o, 3, 4), the frame of `vertices` to render space; normal_to_render: (o, 3, 3).
         mirrored: float64 (o,), −1 where the object's transform mirrors, else 1.
         placed: bool (o,), whether `vertices` are in render space already. authored: bool (o,), whether the normals are
         the source's own. magnitude: float64 (o,), least |coordinate| that ray offsets reckon with.
-        texture: int64 (o,), −1 for none. kinds: int64 (o,), rows: float64 (o, …), packed materials
-        (`raytrace.brdf.layout`). boxes: around all that casts shadows (`raytrace.shade.shaft_culling.pack_boxes`).
+        texture, occlusion: int64 (o,), −1 for none. strength: float64 (o,), of `occlusion`.
+        kinds: int64 (o,), rows: float64 (o, …), packed materials (`raytrace.brdf.layout`). boxes: around all that
+        casts shadows (`raytrace.shade.shaft_culling.pack_boxes`).
     """
 
     handle: Any
@@ -29,6 +30,7 @@ class Geometry(NamedTuple):
     normals: Float32s
     faces: Int32s
     uv: Float32s
+    occlusion_uv: Float32s
     first_vertex: Int64s
     first_face: Int64s
     first_w: Int64s
@@ -39,6 +41,8 @@ class Geometry(NamedTuple):
     authored: Bools
     magnitude: Float64s
     texture: Int64s
+    occlusion: Int64s
+    strength: Float64s
     kinds: Int64s
     rows: Float64s
     boxes: Float32s

@@ -22,6 +22,7 @@ TANGENT   3       along u of the texture coordinates; zero where there are none
 TINT      3       albedo texture, 1 without
 FRONT     1       lights seen: 0 none, ON_THIS_SIDE, ON_BOTH_SIDES of the surface
 SENT, LIT 1 each  luminous sum over lights before δ, and after
+OCCLUSION 1       occlusion texture, 1 without
 ========= ======= =====================================================================
 """
 
@@ -38,8 +39,8 @@ BEAUTY, ALPHA, AMBIENT, DIFFUSE, SPECULAR, EMISSION = np.array([0, 3, 4, 7, 10, 
 W, SHADOW, DEPTH, NORMAL, ALBEDO, ID = np.array([16, 17, 18, 19, 22, 25])
 FILM = 26
 POINT, ORIGIN, BACK, VIEW, TANGENT, TINT = np.arange(26, 44, 3)
-FRONT, SENT, LIT = np.array([44, 45, 46])
-WIDTH = 47
+FRONT, SENT, LIT, OCCLUSION = np.array([44, 45, 46, 47])
+WIDTH = 48
 ON_THIS_SIDE, ON_BOTH_SIDES = 1.0, 2.0
 LIGHTING = 14  # columns that lighting writes, see `lighting_column`
 

@@ -1,4 +1,4 @@
-"""The albedo texture at a hit, filtered over what one pixel covers."""
+"""Textures at a hit, filtered over what one pixel covers: the albedo's, and that of obscurance."""
 
 from __future__ import annotations
 
@@ -10,11 +10,12 @@ from ..image.texture_lookup import sample_texture
 from ..kernel.jit import inline
 from ..kernel.simd import WIDE, double, select, single
 from ..kernel.simd_masks import pick
-from ..kernel.simd_memory import gather
-from ..kernel.vector import cross, dot, multiply, subtract
+from ..kernel.simd_memory import gather, load_row
+from ..kernel.vector import cross, dot, multiply, scale, subtract
 from .camera_rays import pixel_width
 from .interaction import between, corner, corner_rows, doubled
-from .shading_points import AMBIENT, DIFFUSE, TINT, put, take
+from .shading_points import AMBIENT, DIFFUSE, OCCLUSION, TINT, W, put, put1, take
+from .workspace import BOOK, OFF
 
 
 @inline
@@ -23,35 +24,67 @@ def texture_tint(entry, scene, item, mask, hits, view, missing):
 
     Args: item, mask: the object and the lanes that have hit it; missing: int64 (textures,).
     """
-    geometry, textures = scene.geometry, scene.textures
-    texture = geometry.texture[item]
-    if texture < 0:
+    texture = scene.geometry.texture[item]
+    if not at_hand(scene.textures, texture, missing):
         return
+    s, t, footprint = texture_places(scene.geometry, scene.geometry.uv, item, mask, hits, view)
+    for lane in range(WIDE):
+        if pick(mask, lane):
+            at = np.float64(pick(s, lane)), np.float64(pick(t, lane)), np.float64(pick(footprint, lane))
+            red, green, blue = sample_texture(scene.textures, texture, at[0], at[1], at[2])
+            entry[TINT, lane], entry[TINT + 1, lane], entry[TINT + 2, lane] = red, green, blue
+
+
+@inline
+def texture_occlusion(entry, scene, item, mask, hits, view, missing):
+    """Multiply an entry's W by the occlusion texture's 1 + strength (R − 1), and note it as OCCLUSION.
+
+    Source: Khronos glTF 2.0 specification, section 5.21 (material.occlusionTextureInfo). Args: as `texture_tint`.
+    """
+    put1(entry, OCCLUSION, mask, 1.0)
+    texture, strength = scene.geometry.occlusion[item], scene.geometry.strength[item]
+    if not at_hand(scene.textures, texture, missing):
+        return
+    s, t, footprint = texture_places(scene.geometry, scene.geometry.occlusion_uv, item, mask, hits, view)
+    for lane in range(WIDE):
+        if pick(mask, lane):
+            at = np.float64(pick(s, lane)), np.float64(pick(t, lane)), np.float64(pick(footprint, lane))
+            red, _, _ = sample_texture(scene.textures, texture, at[0], at[1], at[2])
+            entry[OCCLUSION, lane] = 1.0 + strength * (red - 1.0)
+            entry[W, lane] *= entry[OCCLUSION, lane]
+
+
+@inline
+def at_hand(textures, texture, missing):
+    """Whether there is a texture of this number, and it has been read; if it has not, its `missing` becomes 1."""
+    if texture < 0:
+        return False
     if textures.depth[texture] == 0:
         missing[texture] = 1
-        return
+        return False
+    return True
+
+
+@inline
+def texture_places(geometry, uv, item, mask, hits, view):
+    """Where hits look a texture up, and the width of what their pixels see of it: lanes of float64 and float32."""
     i, j, k = corner_rows(geometry, item, mask, hits.faces)
-    u0, v0 = texture_coordinates(geometry, i)
-    u1, v1 = texture_coordinates(geometry, j)
-    u2, v2 = texture_coordinates(geometry, k)
+    u0, v0 = texture_coordinates(uv, i)
+    u1, v1 = texture_coordinates(uv, j)
+    u2, v2 = texture_coordinates(uv, k)
     s, t = between(u0, u1, u2, hits.u, hits.v), between(v0, v1, v2, hits.u, hits.v)
     p0 = corner(geometry, item, i)
     edge1, edge2 = subtract(corner(geometry, item, j), p0), subtract(corner(geometry, item, k), p0)
     across = cross(doubled(edge1), doubled(edge2))
     area = sqrt(dot(across, across))
     covered = abs((u1 - u0) * (v2 - v0) - (u2 - u0) * (v1 - v0))
-    footprint = pixel_width(view, hits.depth) * single(select(area > 0.0, sqrt(covered / area), 0.0))
-    for lane in range(WIDE):
-        if pick(mask, lane):
-            at = np.float64(pick(s, lane)), np.float64(pick(t, lane)), np.float64(pick(footprint, lane))
-            red, green, blue = sample_texture(textures, texture, at[0], at[1], at[2])
-            entry[TINT, lane], entry[TINT + 1, lane], entry[TINT + 2, lane] = red, green, blue
+    return s, t, pixel_width(view, hits.depth) * single(select(area > 0.0, sqrt(covered / area), 0.0))
 
 
 @inline
-def texture_coordinates(geometry, vertices):
+def texture_coordinates(uv, vertices):
     """Texture coordinates of vertices, lanes of float64."""
-    return double(gather(geometry.uv, 2 * vertices)), double(gather(geometry.uv, 2 * vertices + 1))
+    return double(gather(uv, 2 * vertices)), double(gather(uv, 2 * vertices + 1))
 
 
 @inline
@@ -60,3 +93,13 @@ def apply_tint(entry, mask):
     tint = take(entry, TINT)
     put(entry, AMBIENT, mask, multiply(take(entry, AMBIENT), tint))
     put(entry, DIFFUSE, mask, multiply(take(entry, DIFFUSE), tint))
+
+
+@inline
+def apply_occlusion(entry, mask, form):
+    """Multiply light that was gathered without the occlusion texture by it: what w weights in a form of obscurance."""
+    occlusion = load_row(entry, OCCLUSION)
+    if form != OFF:
+        put(entry, AMBIENT, mask, scale(occlusion, take(entry, AMBIENT)))
+    if form == BOOK:
+        put(entry, DIFFUSE, mask, scale(occlusion, take(entry, DIFFUSE)))

@@ -52,7 +52,7 @@ from .shading_points import (
     put1,
     take,
 )
-from .texturing import apply_tint, texture_tint
+from .texturing import apply_occlusion, apply_tint, texture_occlusion, texture_tint
 from .workspace import BACKGROUND, FIRST, PACKETS, PRIMARY, RETIRED
 
 
@@ -183,6 +183,8 @@ def trace_packet(scene, view, style, scratch, entry, start, there):
         mask = left & (items == item)
         hit_entry(entry, geometry, scene.w, item, mask, hits, view, style)
         texture_tint(entry, scene, item, mask, hits, view, scratch.missing)
+        if style.weighted:
+            texture_occlusion(entry, scene, item, mask, hits, view, scratch.missing)
         material = geometry.rows[item]
         put1(entry, ALPHA, mask, alpha(material))
         if style.layers:
@@ -190,6 +192,8 @@ def trace_packet(scene, view, style, scratch, entry, start, there):
         if style.shading == GOURAUD:
             interpolate_lit(entry, geometry, item, mask, hits, scene.lit_vertices)
             apply_tint(entry, mask)
+            if style.weighted:
+                apply_occlusion(entry, mask, style.form)
         left = left & ~mask
     return items
 

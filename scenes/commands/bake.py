@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 from warnings import catch_warnings
 
 from .console import bake_summary, compiling, note, progress, warn
-from .options import FalloffForm, Hidden, Method, NormalsFrom, Up, make_falloff, named, plain
+from .options import FalloffForm, Hidden, Method, NormalsFrom, Occlusion, Up, make_falloff, named, plain
 
 if TYPE_CHECKING:
     import ao
@@ -43,6 +43,8 @@ class BakeCommand:
     up: Up | None
     resume: bool
     colors: bool
+    occlusion: Occlusion | None
+    replace_occlusion: bool
     quiet: bool
 
     def run(self) -> None:
@@ -58,18 +60,20 @@ class BakeCommand:
 
         from ..readers.load import load
         from ..writers.losses import lost
-        from ..writers.write import write
+        from ..writers.write import channels, write
 
         start = time.perf_counter()
         source = load(self.mesh, self.output)
         check_outputs(self._outputs(), source.files)
         loaded = time.perf_counter()
-        warnings = warn([source.mesh], [*source.notes, *lost(self.output, source, self.colors)])
+        warnings = warn(
+            [source.mesh], [*source.notes, *lost(self.output, source, channels(self.output, **self._channels()))]
+        )
         with Checkpoint(f"{self.output}.partial", self.resume, note) as checkpoint:
             baked, unmet = self._bake(source.mesh, falloff, checkpoint)
             warnings += warn([], unmet)
             tracing = time.perf_counter()
-            write(self.output, baked, source, colors=self.colors)
+            write(self.output, baked, source, **self._channels())
         seconds = {"load": loaded - start, "write": time.perf_counter() - tracing}
         if self.report:
             self._write_report(self.report, baked, seconds, warnings)
@@ -87,13 +91,12 @@ class BakeCommand:
         from raytrace.errors import OptionError
         from raytrace.system.outputs import check_ending, check_outputs
 
-        from ..writers.write import check_target
+        from ..writers.write import channels, check_target
 
         falloff = make_falloff(self.falloff, self.tau, self.half_distance, self.max_distance)
-        if self.colors and self.output.suffix.lower() not in (".glb", ".ply"):
-            raise OptionError("colors", "a .glb or .ply output with it", self.output)
         Options(**self._options())
         check_target(self.output)
+        channels(self.output, **self._channels())
         if self.report:
             check_ending("--report", self.report, ".json")
         if self.debug_image:
@@ -108,6 +111,10 @@ class BakeCommand:
 
     def _outputs(self) -> dict[str, Path | None]:
         return {"--output": self.output, "--report": self.report, "--debug-image": self.debug_image}
+
+    def _channels(self) -> dict[str, Any]:
+        """The options of `scenes.write`."""
+        return {name: getattr(self, name) for name in ("colors", "occlusion", "replace_occlusion")}
 
     def _options(self) -> dict[str, Any]:
         """The options that `ao.bake` takes."""

@@ -11,6 +11,9 @@ from raytrace.mesh.placement import Placement
 from raytrace.mesh.precision import precision_warnings
 from raytrace.types import Float64s
 
+from ..gltf.container import primitives
+from ..gltf.occlusion import RAMP, image_name, occlusion_reference
+from ..gltf.schema import check_materials
 from ..readers.load import MeshFile
 
 
@@ -34,6 +37,7 @@ def describe(source: MeshFile) -> list[tuple[str, str]]:
         ("area", f"{float(area.sum()) / placement.scale / placement.scale:.6g}"),
         ("normals", "none in the file" if mesh.normals is None else "in the file"),
         ("stored w", _stored(source.w)),
+        ("occlusion", _occlusion(source)),
         ("points to bake", f"{len(receivers.points):,}, coincident vertices once"),
     ]
     for flag in Flag:
@@ -43,6 +47,22 @@ def describe(source: MeshFile) -> list[tuple[str, str]]:
     rows += [("warning", note.removeprefix(f"{source.path}: ")) for note in source.notes]
     rows += [("warning", warning.removeprefix(f"{mesh.source}: ")) for warning in precision_warnings(mesh)]
     return rows
+
+
+def _occlusion(source: MeshFile) -> str:
+    """How many primitives of a glTF file have occlusion textures, and how many of those are ramps of a bake."""
+    if source.gltf is None:
+        return "no textures in the file"
+    header = source.gltf.header
+    check_materials(header, source.path)
+    pieces = [header["meshes"][each.mesh]["primitives"][each.place] for each in primitives(header)]
+    references = [occlusion_reference(header, piece.get("material")) for piece in pieces]
+    found = [reference for reference in references if reference]
+    ramps = sum(image_name(header, reference) == RAMP for reference in found)
+    if not found:
+        return "no textures in the file"
+    text = f"textures of {len(found):,} of {len(pieces):,} primitives"
+    return text + (f", {ramps:,} of them ramps of a bake" if ramps else "")
 
 
 def _stored(w: Float64s | None) -> str:

@@ -38,6 +38,12 @@ class Overlap(StrEnum):
     refuse = "refuse"
 
 
+class Occlusion(StrEnum):
+    none = "none"
+    ramp = "ramp"
+    texture = "texture"
+
+
 class Metric(StrEnum):
     flip = "flip"
     rms = "rms"

@@ -24,7 +24,8 @@ def with_obscurance(
 ) -> tuple[Scene, ao.Bake | None]:
     """The scene with w(p) as `description.w_from` and `description.bake` ask, and the bake if there was one.
 
-    Only vertices that the picture can show are baked; the others get w = 1.
+    Only vertices that the picture can show are baked; the others get w = 1, and so do those of shapes with an
+    occlusion texture. w from a file stands in place of such textures.
 
     Args: threads, progress: as `ao.bake` takes them.
 
@@ -36,9 +37,13 @@ def with_obscurance(
     if description.w_from == "off":
         return scene, None
     if isinstance(description.w_from, Path):
-        return scene.with_obscurance(_stored(description, description.w_from)), None
+        return scene.without_occlusion().with_obscurance(_stored(description, description.w_from)), None
     settings = description.settings
     seen = seen_vertices(scene, description.camera, settings, threads)
+    textured = [item.shape.occlusion is not None for item in scene.objects]
+    seen &= ~np.repeat(textured, [len(item.shape.mesh.vertices) for item in scene.objects])
+    if all(textured):
+        return scene, None
     mesh, room = scene.flattened(), available()
     if room is not None and vertex_bytes(len(mesh.vertices), len(mesh.faces), options.rays) > room:
         release(scene)  # the bake does not fit beside the geometry, which is built again for the picture

@@ -50,11 +50,17 @@ class Picture:
 
 
 def adjusted(
-    description: SceneDescription, changes: Mapping[str, Any], preview: bool, baked: Path | None = None
+    description: SceneDescription,
+    changes: Mapping[str, Any],
+    preview: bool,
+    baked: Path | None = None,
+    own_occlusion: bool = True,
 ) -> SceneDescription:
     """The description with the `Settings` changed that are not None; a preview: a quarter as wide and high, few rays.
 
-    Args: baked: a file with w, in place of the description's own or of a bake.
+    Args:
+        baked: a file with w, in place of the description's own or of a bake.
+        own_occlusion: use the occlusion textures that the file has, in place of a bake.
 
     Raises:
         OptionError: a setting out of range, or `baked` for a picture without obscurance.
@@ -72,7 +78,8 @@ def adjusted(
     if preview:
         settings = _quarter(settings)
         bake = replace(bake, samples=min(bake.rays, PREVIEW_BAKE))
-    return replace(description, settings=settings, w_from=w_from, bake=bake, files=files)
+    scene = description.scene if own_occlusion else description.scene.without_occlusion()
+    return replace(description, scene=scene, settings=settings, w_from=w_from, bake=bake, files=files)
 
 
 def _quarter(settings: Settings) -> Settings:

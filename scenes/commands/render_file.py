@@ -17,6 +17,7 @@ def render_file(
     *,
     up: str | None,
     baked: Path | None,
+    own_occlusion: bool,
     preview: bool,
     half: bool,
     threads: int | None,
@@ -47,7 +48,7 @@ def render_file(
 
     if baked:
         check_stored(baked)
-    description = adjusted(read_scene(scene, size, up), settings, preview, baked)
+    description = adjusted(read_scene(scene, size, up), settings, preview, baked, own_occlusion)
     check_outputs(outputs, description.files)
     warnings = warn((item.shape.mesh for item in description.scene.objects), description.notes)
     with compiling("tile"), progress(quiet, "rays", "tiles") as (baking, rendering):

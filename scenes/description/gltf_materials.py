@@ -29,6 +29,7 @@ from raytrace.materials.materials import material_from_dict
 
 from ..gltf.accessors import entry
 from ..gltf.container import Gltf
+from ..gltf.textures import base_texture
 from .defaults import NEUTRAL
 
 DIELECTRIC_F0 = 0.04
@@ -64,12 +65,3 @@ def material_of(asset: Gltf, primitive: dict[str, Any]) -> BaseMaterial:
     eta = [eta_from_reflectance(min(channel, 0.999)) for channel in f0]
     common |= {"albedo": base, "k_s": facets, "eta": eta, "m": max(roughness**2, _LEAST_SLOPE)}
     return material_from_dict(common | {"model": "cook_torrance"})
-
-
-def base_texture(asset: Gltf, primitive: dict[str, Any]) -> dict[str, Any] | None:
-    """The texture reference (`index`, `texCoord`) of the base colour of a primitive's material, or None."""
-    if "material" not in primitive:
-        return None
-    surface = entry(asset, "materials", primitive["material"]).get("pbrMetallicRoughness", {})
-    reference: dict[str, Any] | None = surface.get("baseColorTexture")
-    return reference

@@ -1,4 +1,4 @@
-"""A glTF or GLB file as a scene: objects, materials, base colour textures, camera and lights."""
+"""A glTF or GLB file as a scene: objects, materials, base colour and occlusion textures, camera and lights."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import numpy as np
 
 from raytrace.errors import MeshError, OptionError
 from raytrace.mesh.mesh import Mesh
-from raytrace.scene import Object, Scene, Shape
+from raytrace.scene import Object, Occlusion, Scene, Shape
 from raytrace.settings import Settings
 
 from ..field_errors import located
@@ -16,12 +16,12 @@ from ..geometry.instances import Instance
 from ..gltf.container import Gltf, Primitive, primitives
 from ..gltf.nodes import node_matrices
 from ..gltf.schema import check_appearance
+from ..gltf.textures import Textures
 from ..readers.load import mesh_errors, read_objects
 from . import gltf_camera, gltf_lights
 from .defaults import BACKGROUND, framing, three_lights, up_axis
 from .description import SceneDescription
 from .gltf_materials import material_of
-from .gltf_textures import Textures
 
 
 def read_gltf(path: Path, settings: Settings, up: str | None = None) -> SceneDescription:
@@ -80,6 +80,7 @@ def gltf_objects(path: Path) -> tuple[tuple[Object, ...], Gltf]:
 def _shape(asset: Gltf, piece: Primitive, placed: Instance, textures: Textures, path: Path) -> Shape:
     primitive = asset.header["meshes"][piece.mesh]["primitives"][piece.place]
     mesh = Mesh(placed.vertices, placed.faces, placed.normals, source=f"{path}: {placed.name}")
-    uv, texture = textures.of(primitive) or (None, None)
+    uv, texture = textures.of_base(primitive) or (None, None)
+    occlusion = textures.of_occlusion(primitive)
     with located(path, f"materials[{primitive.get('material')}]"):
-        return Shape(mesh, material_of(asset, primitive), uv, texture)
+        return Shape(mesh, material_of(asset, primitive), uv, texture, occlusion and Occlusion(*occlusion))

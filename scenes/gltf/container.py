@@ -19,6 +19,7 @@ from urllib.parse import unquote
 
 from raytrace.errors import MeshError
 
+from .compression import compressions, is_placeholder
 from .schema import check_geometry
 
 _GLB_MAGIC, _JSON_CHUNK, _BIN_CHUNK = 0x46546C67, 0x4E4F534A, 0x004E4942
@@ -71,6 +72,8 @@ def decode(data: bytes, path: Path) -> Gltf:
     buffers = []
     read = cache(Path.read_bytes)
     for index, buffer in enumerate(header.get("buffers", [])):
+        if is_placeholder(buffer):
+            raise MeshError(path, f"buffers[{index}]", "uncompressed values", compressions(header) or "none")
         content = binary if "uri" not in buffer else referenced(buffer["uri"], path.parent, read)
         if content is None:
             raise MeshError(path, f"buffers[{index}]", "data in or beside the file", buffer.get("uri", "none")[:80])

@@ -16,6 +16,7 @@ from ..geometry.instances import Instance
 from ..geometry.polygons import Triangles
 from .accessors import normalized, values
 from .container import Gltf, primitives
+from .occlusion import ramp_sets
 
 _READ = ("POSITION", "NORMAL", "TEXCOORD_0", "COLOR_0", "_OBSCURANCE")
 _WORDS = {
@@ -36,6 +37,7 @@ def gltf_detail(asset: Gltf, instances: Sequence[Instance], faces: np.ndarray) -
     unread = [words for key, words in _WORDS.items() if header.get(key)]
     if len(instances) > 1:
         unread.insert(0, "nodes")
+    pieces = [_without_ramp(header, piece) for piece in pieces]
     names = {name for piece in pieces for name in piece["attributes"]} - set(_READ)
     unread += sorted(names)
     columns = {}
@@ -55,6 +57,12 @@ def gltf_detail(asset: Gltf, instances: Sequence[Instance], faces: np.ndarray) -
     whole = Triangles(np.ones(len(faces), np.int64), 0, None)
     coordinates = None if uv is None else PerCorner(uv, corners)
     return Detail(corners, sizes, whole, coordinates, None, colors), tuple(unread)
+
+
+def _without_ramp(header: dict[str, Any], piece: dict[str, Any]) -> dict[str, Any]:
+    """A primitive without the texture coordinates of the ramp that an earlier bake has given it."""
+    ramps = {f"TEXCOORD_{number}" for number in ramp_sets(header, piece)}
+    return piece | {"attributes": {name: n for name, n in piece["attributes"].items() if name not in ramps}}
 
 
 def _column(

@@ -20,7 +20,7 @@ def read_instances(asset: Gltf) -> list[Instance]:
     """The drawn triangle primitives, in the order of `primitives`; those of one mesh share their arrays.
 
     Raises:
-        MeshError: sparse or compressed values, which are not supported, or very many copies.
+        MeshError: compressed values, which are not supported, or very many copies.
         ValueError: nodes that are no tree, or indices of what is not there.
     """
     drawn = list(primitives(asset.header))

@@ -22,7 +22,7 @@ OWN = "obscurance"
 """Names of images of ours begin so: a later bake replaces their textures."""
 RAMP = f"{OWN} ramp"
 LINEAR, CLAMP_TO_EDGE = 9729, 33071
-_VARIANTS, _TRANSFORM = "KHR_materials_variants", "KHR_texture_transform"
+_VARIANTS, TRANSFORM = "KHR_materials_variants", "KHR_texture_transform"
 
 
 class _Given(NamedTuple):
@@ -108,17 +108,21 @@ def free_set(header: dict[str, Any], primitive: dict[str, Any]) -> int:
     A set that only a ramp of ours uses counts as free.
     """
     names = {*primitive["attributes"], *(name for target in primitive.get("targets", []) for name in target)}
-    used, ramps = set(), set()
-    for slot in _slots(primitive):
-        material = slot.get("material")
-        ramp = occlusion_reference(header, material)
-        if ramp and image_name(header, ramp) == RAMP:
-            ramps.add(ramp.get("texCoord", 0))
+    used: set[int] = set()
+    for material in (slot.get("material") for slot in _slots(primitive)):
         known = material is not None and material < len(header.get("materials", []))
         stored = header["materials"][material] if known else {}
+        own = occlusion_reference(header, material)
+        ramp = own if own and image_name(header, own) == RAMP else None
         used |= {number for each in _references(stored) if each is not ramp for number in _sets(each)}
-    ramps -= used
+    ramps = ramp_sets(header, primitive)
     return next(n for n in count() if n not in used and (n in ramps or f"TEXCOORD_{n}" not in names))
+
+
+def ramp_sets(header: dict[str, Any], primitive: dict[str, Any]) -> set[int]:
+    """Numbers of the TEXCOORD sets by which a primitive's materials use a ramp of ours."""
+    references = [occlusion_reference(header, slot.get("material")) for slot in _slots(primitive)]
+    return {each.get("texCoord", 0) for each in references if each and image_name(header, each) == RAMP}
 
 
 def add_coordinates(packed: Packed, primitive: dict[str, Any], number: int, uv: AnyFloats) -> None:
@@ -169,5 +173,5 @@ def _references(stored: Any) -> Iterator[dict[str, Any]]:
 def _sets(reference: dict[str, Any]) -> set[int]:
     """The sets of texture coordinates that readers with and without KHR_texture_transform take."""
     own = reference.get("texCoord", 0)
-    found = own, reference.get("extensions", {}).get(_TRANSFORM, {}).get("texCoord", own)
+    found = own, reference.get("extensions", {}).get(TRANSFORM, {}).get("texCoord", own)
     return {number for number in found if isinstance(number, int)}

@@ -67,7 +67,23 @@ class _Mesh(_Table):
     primitives: Many[_Primitive]
 
 
+class _Part(_Table):
+    bufferView: Whole
+    byteOffset: Whole = 0
+
+
+class _Indices(_Part):
+    componentType: Whole
+
+
+class _Sparse(_Table):
+    count: Annotated[Whole, Field(ge=1)]
+    indices: _Indices
+    values: _Part
+
+
 class _Accessor(_Table):
+    sparse: _Sparse | None = None
     bufferView: Whole = 0
     byteOffset: Whole = 0
     componentType: Whole
@@ -84,7 +100,17 @@ class _View(_Table):
     extensions: dict[str, Any] = {}
 
 
+class _Fallback(_Table):
+    fallback: bool = False
+
+
+class _BufferExtensions(_Table):
+    EXT_meshopt_compression: _Fallback = _Fallback()
+    KHR_meshopt_compression: _Fallback = _Fallback()
+
+
 class _Buffer(_Table):
+    extensions: _BufferExtensions = _BufferExtensions()
     uri: Text = ""
     byteLength: Whole
 
@@ -96,6 +122,8 @@ class _Image(_Table):
 
 class _Geometry(_Table):
     asset: _Asset
+    extensionsUsed: Many[Text] = []
+    extensionsRequired: Many[Text] = []
     scene: Whole = 0
     scenes: Many[_Scene] = []
     nodes: Many[_Node] = []
@@ -129,9 +157,21 @@ class _Sampler(_Table):
     wrapT: WrapMode = 10497
 
 
+class _Transform(_Table):
+    offset: tuple[Number, Number] = (0, 0)
+    rotation: Number = 0
+    scale: tuple[Number, Number] = (1, 1)
+    texCoord: Whole = 0
+
+
+class _ReferenceExtensions(_Table):
+    KHR_texture_transform: _Transform = _Transform()
+
+
 class _TextureReference(_Table):
     index: Whole
     texCoord: Whole = 0
+    extensions: _ReferenceExtensions = _ReferenceExtensions()
 
 
 class _OcclusionReference(_TextureReference):

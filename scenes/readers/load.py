@@ -24,6 +24,7 @@ from ..geometry.instances import Instance, Part, check_copies, flatten, instance
 from ..gltf.container import Gltf, decode
 from ..gltf.detail import gltf_detail
 from ..gltf.instances import read_instances
+from ..gltf.schema import check_materials
 from .obj import read_obj
 from .off import read_off
 from .ply import read_ply
@@ -97,6 +98,8 @@ def load(path: str | os.PathLike[str], target: str | os.PathLike[str] | None = N
         mesh, parts = flatten(instances, str(path))
         detail = instances[0].detail if len(instances) == 1 else None
         unread = tuple(dict.fromkeys(words for instance in instances for words in instance.unread))
+        if asset and kind in (".glb", ".ply"):
+            check_materials(asset.header, path)
         if asset and kind == ".ply":
             detail, unread = gltf_detail(asset, instances, mesh.faces)
     notes = tuple(printable(f"{path}: {note}") for instance in instances for note in instance.notes)

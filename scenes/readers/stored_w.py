@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import warnings
 import zipfile
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import IO
@@ -12,9 +12,15 @@ from typing import IO
 import numpy as np
 
 from raytrace.errors import MeshError, OptionError, SceneError
-from raytrace.types import Float64s
+from raytrace.image.texture import Texture, pack_textures
+from raytrace.image.texture_lookup import sample_points
+from raytrace.types import AnyFloats, Float64s
 
-from .load import read_objects
+from ..geometry.instances import Instance
+from ..gltf.container import Gltf, primitives
+from ..gltf.schema import check_appearance
+from ..gltf.textures import Textures
+from .load import mesh_errors, read_objects
 
 ENDINGS = (".npy", ".npz", ".ply", ".glb", ".gltf")
 
@@ -29,6 +35,8 @@ def check_stored(path: Path) -> None:
 
 def read_w(path: Path, *counts: int) -> Float64s:
     """w (n,), n being one of `counts`: a `.npy` file, the array `w` of a `.npz` file, or that of a mesh's vertices.
+
+    Primitives of a glTF that a bake has left nothing in have what their occlusion texture is at the vertices.
 
     Of an array only the header is read if it is of another scene.
 
@@ -46,15 +54,37 @@ def read_w(path: Path, *counts: int) -> Float64s:
 
 def _of_mesh(path: Path, counts: tuple[int, ...]) -> Float64s:
     instances, asset = read_objects(path)
-    if len(instances) == 0 or any(each.w is None for each in instances):
+    found = [each.w for each in instances] if asset is None else _of_gltf(instances, asset)
+    stored = [(each, w) for each, w in zip(instances, found, strict=True) if w is not None]
+    if not stored or len(stored) < len(instances):
         raise SceneError(path, "w", "obscurance at every vertex, as obscurance bake writes it", "none")
-    stored = [(each, each.w) for each in instances if each.w is not None]
     if asset and sum(len(w) for _, w in stored) not in counts:  # pictures leave out what nodes flatten to nothing
         stored = [(each, w) for each, w in stored if not each.is_flattened]
     w = np.concatenate([np.empty(0), *(w for _, w in stored)]).astype(np.float64)
     if len(w) not in counts:
         raise SceneError(path, "w", _expected(counts), f"{len(w):,}")
     return w
+
+
+def _of_gltf(instances: Sequence[Instance], asset: Gltf) -> list[AnyFloats | None]:
+    """w of each drawn primitive: the attribute of a bake, or else the occlusion texture at the vertices."""
+    if all(each.w is not None for each in instances):
+        return [each.w for each in instances]
+    with mesh_errors(asset.path):
+        check_appearance(asset.header, asset.path)
+        textures, found = Textures(asset), []
+        for piece, each in zip(primitives(asset.header), instances, strict=True):
+            primitive = asset.header["meshes"][piece.mesh]["primitives"][piece.place]
+            used = textures.of_occlusion(primitive) if each.w is None else None
+            found.append(each.w if used is None else _sampled(*used))
+    return found
+
+
+def _sampled(uv: Float64s, texture: Texture, strength: float) -> Float64s:
+    """1 + strength (R − 1) at texture coordinates (n, 2); glTF's occlusion textures (section 5.21)."""
+    linear = np.empty((len(uv), 3))
+    sample_points(pack_textures([texture]), 0, uv, linear)
+    return 1.0 + strength * (linear[:, 0] - 1.0)
 
 
 def _of_array(path: Path, counts: tuple[int, ...]) -> Float64s:

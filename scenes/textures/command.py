@@ -11,7 +11,17 @@ from warnings import catch_warnings
 
 from ..commands.bake import BakeCommand
 from ..commands.console import compiling, note, progress, texture_summary, warn
-from ..commands.options import FalloffForm, Hidden, Method, NormalsFrom, Overlap, make_falloff, parse_texels, plain
+from ..commands.options import (
+    FalloffForm,
+    Hidden,
+    Method,
+    NormalsFrom,
+    Occlusion,
+    Overlap,
+    make_falloff,
+    parse_texels,
+    plain,
+)
 
 if TYPE_CHECKING:
     import ao
@@ -22,6 +32,8 @@ if TYPE_CHECKING:
 
 _NO_OPTIONS_OF_BAKE = ("report", "quiet", "resume")  # they change no result
 _OF_VERTICES = {"method": Method.vertex, "colors": False, "debug_image": None, "up": None}
+AUTO, UNWRAP = "auto", "unwrap"
+_USED = 0.65  # of a page, that an unwrapping fills
 _SOME = 1e-3  # of the covered texels, that may overlap without a word
 _IMAGES = "output", "bent_normals", "error_map"
 
@@ -37,16 +49,27 @@ def bake_command(options: dict[str, Any]) -> BakeCommand | TextureCommand:
 
     output = options["output"]
     own = {field.name for field in fields(BakeCommand)}
-    if not is_texture(output):
+    into_glb = options["occlusion"] is Occlusion.texture
+    if into_glb and output.suffix.lower() != ".glb" and not is_texture(output):
+        raise OptionError("occlusion", "a .glb output with texture", output)
+    if not is_texture(output) and not into_glb:
         for name in options.keys() - own:
             if options[name]:
-                raise OptionError(name, "an image output with it: .png .exr .tif", output)
+                raise OptionError(name, "with it an image to write, or --occlusion texture", output)
         return BakeCommand(**{name: options[name] for name in own})
     for name, usual in _OF_VERTICES.items():
         if options[name] != usual:
-            raise OptionError(name, "an output of vertices with it: .npy .npz .ply .glb", output)
+            raise OptionError(name, "w at vertices, not in a texture, with it", output)
     own = {field.name for field in fields(TextureCommand)}
     return TextureCommand(**{name: options[name] for name in own})
+
+
+@dataclass(frozen=True)
+class _Source:
+    """A mesh file, and the number of its texture coordinates or new ones (m, 3, 2)."""
+
+    file: MeshFile
+    uv: int | Float64s
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -69,6 +92,9 @@ class TextureCommand:
     hidden: Hidden
     report: Path | None
     resume: bool
+    occlusion: Occlusion | None
+    replace_occlusion: bool
+    mesh_output: Path | None
     size: str | None
     texel_size: str | None
     uv: str | None
@@ -93,10 +119,9 @@ class TextureCommand:
 
         start = time.perf_counter()
         source = load(self.mesh, "kept.glb")
-        uv = self._coordinates(source)
-        size = self._page(source.mesh, uv)
+        number, uv, size = self._coordinates(source)
         tiles = udim_tiles(uv, source.path) if UDIM in self.output.name else [None]
-        outputs: dict[str, Path | None] = {"--report": self.report}
+        outputs: dict[str, Path | None] = {"--report": self.report, "--mesh-output": self.mesh_output}
         for tile in tiles:
             for name, path in self._images().items():
                 placed = path if tile is None else tile_path(path, tile)
@@ -108,7 +133,8 @@ class TextureCommand:
         for tile in tiles:
             images = {name: path if tile is None else tile_path(path, tile) for name, path in self._images().items()}
             moved = uv if tile is None else uv - tile
-            baked, seconds, more = self._bake_page(source.mesh, moved, size, falloff, images, tile is None)
+            place = None if tile is not None else _Source(source, uv if number is None else number)
+            baked, seconds, more = self._bake_page(source.mesh, moved, size, falloff, images, place)
             reports.append((images["output"], baked, {"load": loaded} | seconds, [*warnings, *more]))
             if not self.quiet:
                 print(texture_summary(baked, images["output"]))
@@ -132,16 +158,30 @@ class TextureCommand:
             if self.texel_size is not None:
                 raise OptionError("texel_size", "either --size or --texel-size", "both")
             page_size(parse_texels(self.size))
-        if self.uv is not None and not self.uv.isdecimal():
-            raise OptionError("uv", "the number of a set of texture coordinates, such as 0", repr(self.uv))
+        if self.uv not in (None, AUTO, UNWRAP) and not (self.uv.isdecimal() and len(self.uv) < 4):
+            raise OptionError("uv", "auto, unwrap or the number of a set of texture coordinates", repr(self.uv))
+        glb = self._glb()
         for name, path in self._images().items():
-            check_texture_target(name, path, self.half)
+            if path != glb:
+                check_texture_target(name, path, self.half)
             if (UDIM in path.name) != (UDIM in self.output.name):
                 raise OptionError(name, f"{UDIM} in all names of images, or in none", path)
+        if self.mesh_output is not None:
+            check_ending("mesh_output", self.mesh_output, ".glb")
+            if glb == self.output or UDIM in self.output.name:
+                raise OptionError("mesh_output", "an image of one page as --output with it", self.output)
+        if self.replace_occlusion and glb is None:
+            raise OptionError("replace_occlusion", "an occlusion texture to write to a .glb", "none")
+        if self.occlusion not in (None, Occlusion.texture):
+            raise OptionError("occlusion", "texture for a texture", self.occlusion.value)
+        if self.uv == UNWRAP and glb is None:
+            raise OptionError("uv", "--mesh-output, for the coordinates that unwrap makes", "none")
+        if self.half and glb == self.output and len(self._images()) == 1:
+            raise OptionError("half", "images that end in .exr or .tif", self.output)
         if self.report:
             check_ending("--report", self.report, ".json")
         given: dict[str, Path | None] = {f"--{name.replace('_', '-')}": path for name, path in self._images().items()}
-        check_outputs({**given, "--report": self.report}, [self.mesh])
+        check_outputs({**given, "--report": self.report, "--mesh-output": self.mesh_output}, [self.mesh])
         return falloff
 
     def _images(self) -> dict[str, Path]:
@@ -152,21 +192,37 @@ class TextureCommand:
         names = ("samples", "seed", "threads", "normals", "tolerance", "reconstruct", "hidden", "skip")
         return {name: plain(getattr(self, name)) for name in names}
 
-    def _coordinates(self, source: MeshFile) -> Float64s:
-        """Texture coordinates. Raises: MeshError: there are none."""
+    def _glb(self) -> Path | None:
+        """The .glb to write, if there is one."""
+        return self.output if self.output.suffix.lower() == ".glb" else self.mesh_output
+
+    def _coordinates(self, source: MeshFile) -> tuple[int | None, Float64s, int | tuple[int, int]]:
+        """The number of the set of texture coordinates, None for new ones; the coordinates; texels across and down.
+
+        Raises: MeshError: there are none.
+        """
         from raytrace.errors import MeshError
 
         from ..readers.texture_coordinates import texture_coordinates
+        from .unwrap import has_unwrapper, unwrap
 
-        number = int(self.uv or 0)
-        uv = texture_coordinates(source, number)
-        if uv is None:
-            which = f" of number {number}" if number else ""
-            raise MeshError(source.path, "texture coordinates", f"some{which} on every face", "none")
-        return uv
+        wanted = self.uv or AUTO
+        if wanted != UNWRAP:
+            number = 0 if wanted == AUTO else int(wanted)
+            uv = texture_coordinates(source, number)
+            if uv is not None:
+                return number, uv, self._page(source.mesh, uv)
+            if wanted != AUTO or self._glb() is None or not has_unwrapper():
+                which = f" of number {number}" if number else ""
+                install = "" if has_unwrapper() else "pip install 'obscurance[unwrap]' and "
+                advice = f"; {install}--uv unwrap makes some"
+                raise MeshError(source.path, "texture coordinates", f"some{which} on every face", f"none{advice}")
+        side = self._page(source.mesh, None)
+        side = side if isinstance(side, int) else min(side)
+        return None, unwrap(source.mesh, side), side
 
-    def _page(self, mesh: Mesh, uv: Float64s) -> int | tuple[int, int]:
-        """Texels across and down."""
+    def _page(self, mesh: Mesh, uv: Float64s | None) -> int | tuple[int, int]:
+        """Texels across and down; where faces are to be unwrapped, they are taken to fill most of the page."""
         if self.texel_size is None:
             return parse_texels(self.size or "1024")
         import numpy as np
@@ -176,8 +232,11 @@ class TextureCommand:
         from raytrace.mesh.normals import face_normals
 
         length = resolve_length("texel_size", self.texel_size, mesh.radius)
-        finite = uv[np.isfinite(uv).all(axis=(1, 2))]
-        return texels_across(finite, face_normals(mesh.vertices, mesh.faces)[1], length)
+        areas = face_normals(mesh.vertices, mesh.faces)[1]
+        if uv is None:
+            share = np.sqrt(2 * _USED / len(areas))
+            uv = np.tile([[0.0, 0.0], [share, 0.0], [0.0, share]], (len(areas), 1, 1))
+        return texels_across(uv[np.isfinite(uv).all(axis=(1, 2))], areas, length)
 
     def _bake_page(
         self,
@@ -186,36 +245,51 @@ class TextureCommand:
         size: int | tuple[int, int],
         falloff: ao.Falloff,
         images: Mapping[str, Path],
-        wrap: bool,
+        source: _Source | None,
     ) -> tuple[ao.BakedTexture, dict[str, float], list[str]]:
-        """Bake one page and write its images: what was baked, the seconds of writing, and warnings."""
+        """Bake one page and write its images: what was baked, the seconds of writing, and warnings.
+
+        Args: source: what a .glb is made of, None for one of several tiles.
+        """
         import ao
         from ao.trace.checkpoint import Checkpoint
 
         unmet = catch_warnings(record=True, action="always", category=ao.ToleranceWarning)
-        overlap = self.overlap or Overlap.mean
+        overlap, wrap = self.overlap or Overlap.mean, source is not None
         with Checkpoint(f"{images['output']}.partial", self.resume, note) as checkpoint:
             with progress(self.quiet, "rays") as (advance,), compiling("below_face"), unmet as raised:
                 baked = ao.bake_texture(
-                    mesh, uv, size, falloff, progress=advance, checkpoint=checkpoint, overlap=overlap.value, wrap=wrap,
+                    mesh, uv, size, falloff, progress=advance, checkpoint=checkpoint, overlap=overlap.value,
+                    wrap=wrap,
                     **self._options(),
                 )  # fmt: skip
             lines = [*(str(warning.message) for warning in raised), *_remarks(baked, images["output"], wrap)]
-            warnings = warn([], lines)
             start = time.perf_counter()
-            self._write(baked, images)
+            lines += self._write(baked, images, source)
+            warnings = warn([], lines)
         return baked, {"write": time.perf_counter() - start}, warnings
 
-    def _write(self, baked: ao.BakedTexture, images: Mapping[str, Path]) -> None:
+    def _write(self, baked: ao.BakedTexture, images: Mapping[str, Path], source: _Source | None) -> list[str]:
+        """Write all files of a page; returns warnings."""
+        from raytrace.system.atomic import atomic_write
+
+        from .glb import textured_glb
         from .images import write_error, write_normals, write_w
 
-        metadata = {"content": "w, 1 = open", "seed": str(self.seed)}
-        write_w(images["output"], baked, self.half, metadata)
+        glb, kept = self._glb(), 0
+        if glb is not None and source is not None:
+            content, kept = textured_glb(source.file, baked, source.uv, self.replace_occlusion)
+            with atomic_write(glb) as file:
+                file.write(content)
+        if images["output"] != glb:
+            write_w(images["output"], baked, self.half, {"content": "w, 1 = open", "seed": str(self.seed)})
         if "bent_normals" in images:
             described = {"content": "bent normals in the space of the mesh"}
             write_normals(images["bent_normals"], baked.bent_normals, self.half, described)
         if "error_map" in images:
             write_error(images["error_map"], baked, self.half, {"content": "standard error of w"})
+        advice = "whose w viewers do not show; --replace-occlusion replaces them"
+        return [f"{glb}: keeps the occlusion textures of {kept:,} primitives, {advice}"] if kept else []
 
     def _write_report(self, path: Path, pages: list[tuple[Path, ao.BakedTexture, dict[str, float], list[str]]]) -> None:
         from ao.report import report

@@ -5,55 +5,79 @@ from __future__ import annotations
 import copy
 from functools import cache
 from pathlib import Path
+from typing import NamedTuple
 
 from raytrace.types import AnyFloats
 
 from ..geometry.instances import Part
+from ..gltf.compression import keep_plain_data
 from ..gltf.container import Gltf, encode_glb, primitives, referenced
 from ..gltf.glb_buffer import Packed
+from ..gltf.ramp import write_ramp
+from ..gltf.schema import check_materials
 from ..readers.load import MeshFile
-from .plain_glb import plain
+from .plain_glb import Drawn, plain
 
 
-def glb(mesh_file: MeshFile, w: AnyFloats, colors: bool) -> bytes:
-    """A GLB file with the vertex attribute `_OBSCURANCE` (float32 SCALAR), and `COLOR_0` = w if `colors`.
+class Channels(NamedTuple):
+    """Where a GLB holds w beside the attribute `_OBSCURANCE`, for viewers.
 
-    A glTF source is kept as stored, with all its nodes, materials, textures, animations and extensions; only the
-    attributes are added, and meshes that several nodes share are given to each node separately, because each
+    Attributes:
+        colors: also in `COLOR_0`, linear as glTF's vertex colours are; an existing one is replaced.
+        ramp: also in the materials' occlusion textures (`scenes.gltf.ramp`).
+        replace: in place of occlusion textures of the source, too.
+    """
+
+    colors: bool = False
+    ramp: bool = False
+    replace: bool = False
+
+
+def glb(mesh_file: MeshFile, w: AnyFloats, channels: Channels) -> bytes:
+    """A GLB file with the vertex attribute `_OBSCURANCE` (float32 SCALAR).
+
+    A glTF source is kept as stored, with all its nodes, materials, textures, animations and extensions; only what
+    holds w is added, and meshes that several nodes share are given to each node separately, because each
     instance has its own w. Every other source becomes one node a part, in world space, with the normals, texture
     coordinates, colours and materials that it has (`plain_glb.plain`).
 
     Args:
         mesh_file: what was baked.
         w: (n,), per vertex of `mesh_file.mesh`.
-        colors: also write w, linear as glTF's vertex colours are, to `COLOR_0`. An existing one is replaced.
 
     Raises:
+        MeshError: materials of the source are malformed.
         OptionError: coordinates of a source that is no glTF are too large for float32.
     """
     asset = mesh_file.gltf
-    packed = _annotate(asset, mesh_file.parts, w, colors) if asset else plain(mesh_file, w, colors)
+    packed, drawn = stored(asset, mesh_file.parts) if asset else plain(mesh_file, channels.colors)
+    for primitive, vertices in drawn:
+        primitive["attributes"].update(packed.obscurance(w[vertices], channels.colors))
+    if channels.ramp:
+        write_ramp(packed, [(primitive, w[vertices]) for primitive, vertices in drawn], channels.replace)
     packed.header["buffers"] = [{"byteLength": len(packed.binary)}]
     return encode_glb(packed.header, bytes(packed.binary))
 
 
-def _annotate(asset: Gltf, parts: tuple[Part, ...], w: AnyFloats, colors: bool) -> Packed:
+def stored(asset: Gltf, parts: tuple[Part, ...]) -> tuple[Packed, list[Drawn]]:
+    """The document of a glTF source, and its drawn primitives, an own one for each instance."""
+    check_materials(asset.header, asset.path)
     packed = _one_buffer(asset)
     nodes, meshes = packed.header["nodes"], packed.header["meshes"]
-    originals = copy.deepcopy(meshes)
     owner: dict[int, int] = {}
+    drawn: list[Drawn] = []
     for piece, part in zip(primitives(asset.header), parts, strict=True):
         if owner.setdefault(piece.mesh, piece.node) != piece.node and nodes[piece.node]["mesh"] == piece.mesh:
-            meshes.append(copy.deepcopy(originals[piece.mesh]))
+            meshes.append(copy.deepcopy(meshes[piece.mesh]))
             nodes[piece.node]["mesh"] = len(meshes) - 1
-        primitive = meshes[nodes[piece.node]["mesh"]]["primitives"][piece.place]
-        primitive["attributes"].update(packed.obscurance(w[part.vertices], colors))
-    return packed
+        drawn.append((meshes[nodes[piece.node]["mesh"]]["primitives"][piece.place], part.vertices))
+    return packed, drawn
 
 
 def _one_buffer(asset: Gltf) -> Packed:
     """The asset with all buffers joined, and with the images beside it taken in where they can be read."""
     packed = Packed(copy.deepcopy(asset.header))
+    keep_plain_data(packed.header)
     offsets = [packed.add(buffer) for buffer in asset.buffers]
     for view in packed.header.get("bufferViews", []):
         view["byteOffset"] = view.get("byteOffset", 0) + offsets[view["buffer"]]

@@ -8,19 +8,21 @@ import numpy as np
 
 from raytrace.errors import printable
 
+from ..gltf.ramp import ramp_warnings
 from ..readers.load import MeshFile
 from ..readers.obj_detail import PAINT_WORDS
 from ..readers.ply_detail import own_colors
+from .glb import Channels
 from .plain_glb import attribute_name, fits_float
 from .ply import has_own_colors
 
 
-def lost(target: Path, mesh_file: MeshFile, colors: bool = False) -> list[str]:
+def lost(target: Path, mesh_file: MeshFile, channels: Channels = Channels()) -> list[str]:
     """What `write.write` does not keep, or does otherwise than one might think: lines for the user, mostly none.
 
-    Args: as `write.write` takes them; `mesh_file` was loaded for `target`.
+    Args: mesh_file: was loaded for `target`. channels: see `write.channels`.
     """
-    kind = target.suffix.lower()
+    kind, colors = target.suffix.lower(), channels.colors
     if kind == ".glb":
         missing = _of_glb(mesh_file, colors)
     elif kind == ".ply":
@@ -30,6 +32,8 @@ def lost(target: Path, mesh_file: MeshFile, colors: bool = False) -> list[str]:
     warnings = [f"{target}: not kept from {mesh_file.path}: {', '.join(missing)}"] if missing else []
     if kind == ".ply" and not colors and has_own_colors(mesh_file.detail):
         warnings.append(f"{target}: keeps the colours of {mesh_file.path}; w is in its property obscurance alone")
+    if channels.ramp and mesh_file.gltf:
+        warnings += [f"{target}: {line}" for line in ramp_warnings(mesh_file.gltf.header, channels.replace)]
     return [printable(line) for line in warnings]
 
 

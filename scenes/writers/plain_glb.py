@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 from dataclasses import dataclass
 from typing import Any
 
@@ -11,7 +12,7 @@ import numpy.typing as npt
 from raytrace.errors import OptionError
 from raytrace.image.srgb import decode_srgb
 from raytrace.mesh.normals import vertex_normals
-from raytrace.types import AnyFloats, Float64s, Int64s
+from raytrace.types import Float64s, Int64s
 
 from ..geometry.detail import Detail, Paint, split_corners
 from ..geometry.instances import Part
@@ -40,12 +41,16 @@ class _Piece:
     paint: int
 
 
-def plain(mesh_file: MeshFile, w: AnyFloats, colors: bool) -> Packed:
-    """The document. A vertex that is stored several times, for its corners differ, has its w each time.
+Drawn = tuple[dict[str, Any], Int64s | slice]
+"""A primitive of a document, and which of the baked mesh's vertices its own are."""
+
+
+def plain(mesh_file: MeshFile, colors: bool) -> tuple[Packed, list[Drawn]]:
+    """The document, without w, and its primitives. A vertex whose corners differ is stored several times.
 
     Where there is one material, the first vertices are the file's in its order, and repeated ones come after them.
 
-    Args: as `write_glb.glb`.
+    Args: colors: leave the source's colours out.
     """
     detail = mesh_file.detail
     packed = Packed(
@@ -55,20 +60,22 @@ def plain(mesh_file: MeshFile, w: AnyFloats, colors: bool) -> Packed:
             "scenes": [{"nodes": list(range(len(mesh_file.parts)))}],
             "nodes": [],
             "meshes": [],
-            "materials": [WHITE, *_materials(detail)],
+            "materials": [copy.deepcopy(WHITE), *_materials(detail)],
         }
     )
     _textures(packed, detail)
+    drawn: list[Drawn] = []
     for number, part in enumerate(mesh_file.parts):
         node: dict[str, Any] = {"name": part.name, "mesh": number}
         origin = _origin(mesh_file.mesh.vertices[part.vertices])
         if origin is not None:
             node["translation"] = origin.tolist()
         pieces = _cut(mesh_file, detail) if detail else [_whole(mesh_file, part)]
-        made = [_primitive(packed, mesh_file, piece, origin, w, colors) for piece in pieces]
+        made = [(_primitive(packed, mesh_file, piece, origin, colors), piece.vertices) for piece in pieces]
         packed.header["nodes"].append(node)
-        packed.header["meshes"].append({"name": part.name, "primitives": made})
-    return packed
+        packed.header["meshes"].append({"name": part.name, "primitives": [primitive for primitive, _ in made]})
+        drawn += made
+    return packed, drawn
 
 
 def _whole(mesh_file: MeshFile, part: Part) -> _Piece:
@@ -118,7 +125,6 @@ def _primitive(
     mesh_file: MeshFile,
     piece: _Piece,
     origin: Float64s | None,
-    w: AnyFloats,
     colors: bool,
 ) -> dict[str, Any]:
     mesh, detail = mesh_file.mesh, mesh_file.detail
@@ -141,7 +147,6 @@ def _primitive(
     for name, values in (detail.numbers if detail else {}).items():
         if fits_float(values) and attribute_name(name) not in attributes:
             attributes[attribute_name(name)] = packed.accessor(values[piece.vertices].astype("<f4"), FLOAT, "SCALAR")
-    attributes |= packed.obscurance(w[piece.vertices], colors)
     faces = piece.faces.astype("<u4").ravel()
     indices = packed.accessor(faces, UNSIGNED_INT, "SCALAR", ELEMENT_ARRAY_BUFFER)
     return {"attributes": attributes, "indices": indices, "material": piece.paint}

@@ -6,7 +6,7 @@ import io
 import os
 from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal, get_args
 
 import numpy as np
 
@@ -14,11 +14,14 @@ from raytrace.errors import OptionError
 from raytrace.system.atomic import atomic_write, check_writable
 
 from ..readers.load import MeshFile
-from .glb import glb
+from .glb import Channels, glb
 from .ply import ply
 
 if TYPE_CHECKING:
     from ao import Bake
+
+
+Occlusion = Literal["none", "ramp"]
 
 
 def check_target(path: str | os.PathLike[str]) -> None:
@@ -32,14 +35,22 @@ def check_target(path: str | os.PathLike[str]) -> None:
     check_writable(path)
 
 
-def write(path: str | os.PathLike[str], bake: Bake, mesh_file: MeshFile, *, colors: bool = False) -> None:
+def write(
+    path: str | os.PathLike[str],
+    bake: Bake,
+    mesh_file: MeshFile,
+    *,
+    colors: bool = False,
+    occlusion: Occlusion | None = None,
+    replace_occlusion: bool = False,
+) -> None:
     """Write a bake in the format of the ending, whole or not at all; the same input gives the same bytes.
 
     - `.npy`: w, float32 (n,).
     - `.npz`: `w` float32 (n,), `error` float32 (n,), `bent_normals` float32 (n, 3), `flags` uint8 (n,).
     - `.ply`: `obscurance`, and grey `red green blue` = 255 w, linear: viewers multiply by it as it stands, which is
       what w is for (`ply.ply`). Coordinates are float where that loses nothing and double otherwise.
-    - `.glb`: `_OBSCURANCE` (`glb.glb`).
+    - `.glb`: `_OBSCURANCE` (`glb.glb`), and what viewers show: a ramp or colours.
 
     What the source holds besides is kept if it was loaded for this target (`load`); `losses.lost` lists what is not.
 
@@ -48,30 +59,56 @@ def write(path: str | os.PathLike[str], bake: Bake, mesh_file: MeshFile, *, colo
         bake: per vertex of `mesh_file.mesh`.
         mesh_file: what was baked.
         colors: give a .glb the vertex colours `COLOR_0` = w, and a .ply the grey, in place of the source's colours.
+        occlusion: "ramp" gives a .glb's materials an occlusion texture that shows w, "none" does not; None is "ramp",
+            but "none" with `colors`.
+        replace_occlusion: put the ramp also in place of occlusion textures of the source.
 
     Raises:
-        OptionError: unknown ending, or coordinates that a .glb cannot hold.
+        OptionError: unknown ending, options that exclude each other, or coordinates that a .glb cannot hold.
+        MeshError: materials of a glTF source are malformed.
         OutputError: the file cannot be written; an existing one is untouched.
     """
-    content = _writer(path)(bake, mesh_file, colors)
+    content = _writer(path)(bake, mesh_file, channels(path, colors, occlusion, replace_occlusion))
     with atomic_write(path) as file:
         file.write(content)
 
 
-def _writer(path: str | os.PathLike[str]) -> Callable[[Bake, MeshFile, bool], bytes | memoryview]:
+def channels(
+    path: str | os.PathLike[str], colors: bool, occlusion: Occlusion | None, replace_occlusion: bool
+) -> Channels:
+    """Where `write` puts w for viewers. Raises: OptionError: options that exclude each other, or the ending."""
+    ending = Path(path).suffix.lower()
+    if colors and ending not in (".glb", ".ply"):
+        raise OptionError("colors", "a .glb or .ply output with it", os.fspath(path))
+    if occlusion not in (None, *get_args(Occlusion)):
+        raise OptionError("occlusion", "one of " + ", ".join(get_args(Occlusion)), occlusion)
+    if occlusion == "ramp" and ending != ".glb":
+        raise OptionError("occlusion", "a .glb output with ramp", os.fspath(path))
+    if occlusion == "ramp" and colors:
+        raise OptionError("occlusion", "ramp or --colors: viewers multiply one with the other", "both")
+    ramp = ending == ".glb" and (occlusion == "ramp" if occlusion else not colors)
+    if replace_occlusion and not ramp:
+        raise OptionError("replace_occlusion", "an occlusion texture to write", "none")
+    return Channels(colors, ramp, replace_occlusion)
+
+
+_Write = Callable[["Bake", MeshFile, Channels], bytes | memoryview]
+
+
+def _writer(path: str | os.PathLike[str]) -> _Write:
     ending = Path(path).suffix.lower()
     if ending not in _WRITERS:
         raise OptionError("output", "a name ending in " + ", ".join(_WRITERS), os.fspath(path))
     return _WRITERS[ending]
 
 
-def _npy(bake: Bake, _mesh_file: MeshFile, _colors: bool) -> memoryview:
+def _npy(bake: Bake, _mesh_file: MeshFile, _channels: Channels) -> memoryview:
     content = io.BytesIO()
     np.save(content, bake.w.astype("<f4"), allow_pickle=False)
     return content.getbuffer()
 
 
-def _npz(bake: Bake, _mesh_file: MeshFile, _colors: bool) -> memoryview:
+def _npz(bake: Bake, _mesh_file: MeshFile, _channels: Channels) -> memoryview:
     content = io.BytesIO()
     np.savez(
         content,
@@ -83,15 +120,15 @@ def _npz(bake: Bake, _mesh_file: MeshFile, _colors: bool) -> memoryview:
     return content.getbuffer()
 
 
-def _ply(bake: Bake, mesh_file: MeshFile, colors: bool) -> bytes:
-    return ply(mesh_file, bake.w, colors)
+def _ply(bake: Bake, mesh_file: MeshFile, channels: Channels) -> bytes:
+    return ply(mesh_file, bake.w, channels.colors)
 
 
-def _glb(bake: Bake, mesh_file: MeshFile, colors: bool) -> bytes:
-    return glb(mesh_file, bake.w, colors)
+def _glb(bake: Bake, mesh_file: MeshFile, channels: Channels) -> bytes:
+    return glb(mesh_file, bake.w, channels)
 
 
-_WRITERS: dict[str, Callable[[Bake, MeshFile, bool], bytes | memoryview]] = {
+_WRITERS: dict[str, _Write] = {
     ".npy": _npy,
     ".npz": _npz,
     ".ply": _ply,

@@ -35,7 +35,9 @@ class Builder:
         return len(self.header["accessors"]) - 1
 
     def primitive(self, vertices, faces=None, normals=None, **fields):
-        attributes = {"POSITION": self.accessor(vertices, "VEC3")}
+        finite = np.isfinite(vertices).all() and len(vertices)
+        bounds = {"min": vertices.min(axis=0).tolist(), "max": vertices.max(axis=0).tolist()} if finite else {}
+        attributes = {"POSITION": self.accessor(vertices, "VEC3", **bounds)}
         if normals is not None:
             attributes["NORMAL"] = self.accessor(normals.astype("<f4"), "VEC3")
         made = {"attributes": attributes, **fields}
@@ -78,6 +80,9 @@ def check_glb(data):
         assert view["buffer"] == 0
         assert view.get("byteOffset", 0) + view["byteLength"] <= buffer["byteLength"]
     for accessor in header["accessors"]:
+        if "bufferView" not in accessor:
+            assert "sparse" in accessor
+            continue
         view = header["bufferViews"][accessor["bufferView"]]
         item = np.dtype(COMPONENTS[accessor["componentType"]]).itemsize
         start = accessor.get("byteOffset", 0)

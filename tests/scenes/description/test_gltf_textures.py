@@ -122,3 +122,45 @@ def test_hostile_texture_coordinates(tmp_path):
     fields = textured(builder, {"uri": "data:image/png;base64,QUJD"}, np.full((3, 2), np.inf, "<f4"))
     with pytest.raises(MeshError, match=r"scene\.glb: content"):
         read(tmp_path, builder, [{"mesh": 0}], **fields)
+
+
+def test_occlusion_textures_are_linear_and_have_coordinates_and_a_strength_of_their_own(tmp_path):
+    builder = triangle()
+    fields = textured(builder, {"uri": "data:image/png;base64,QUJD"})
+    builder.header["meshes"][0]["primitives"][0]["attributes"]["TEXCOORD_1"] = builder.accessor(UV[::-1].copy(), "VEC2")
+    fields["materials"][0]["occlusionTexture"] = {"index": 0, "texCoord": 1, "strength": 0.25}
+    shape = read(tmp_path, builder, [{"mesh": 0}], **fields).scene.objects[0].shape
+    assert shape.texture.srgb
+    assert not shape.occlusion.texture.srgb
+    assert shape.occlusion.strength == 0.25
+    np.testing.assert_array_equal(shape.occlusion.uv, shape.uv[::-1])
+
+
+@pytest.mark.parametrize(("strength", "meant"), [(-1, 0), (7, 1)])
+def test_strengths_out_of_range_are_clipped(tmp_path, strength, meant):
+    builder = triangle()
+    fields = textured(builder, {"uri": "data:image/png;base64,QUJD"})
+    fields["materials"][0]["occlusionTexture"] = {"index": 0, "strength": strength}
+    assert read(tmp_path, builder, [{"mesh": 0}], **fields).scene.objects[0].shape.occlusion.strength == meant
+
+
+def test_transformed_coordinates(tmp_path):
+    """Scaled, then turned anticlockwise as the image is seen, then moved."""
+    builder = triangle()
+    fields = textured(builder, {"uri": "data:image/png;base64,QUJD"})
+    moved = {"offset": [0.5, 0.25], "rotation": np.pi / 2, "scale": [2, 3]}
+    fields["materials"][0]["pbrMetallicRoughness"]["baseColorTexture"]["extensions"] = {"KHR_texture_transform": moved}
+    shape = read(tmp_path, builder, [{"mesh": 0}], **fields).scene.objects[0].shape
+    downwards = np.array([[0.5, 0.25], [0.5, 0.25 - 2], [0.5 + 3, 0.25]])
+    np.testing.assert_allclose(shape.uv, np.stack([downwards[:, 0], 1 - downwards[:, 1]], axis=1), atol=1e-12)
+
+
+@pytest.mark.parametrize("coordinates", [1, 0])
+def test_the_extension_s_coordinates_go_first(tmp_path, coordinates):
+    builder = triangle()
+    fields = textured(builder, {"uri": "data:image/png;base64,QUJD"})
+    builder.header["meshes"][0]["primitives"][0]["attributes"]["TEXCOORD_1"] = builder.accessor(0.5 * UV, "VEC2")
+    reference = {"index": 0, "extensions": {"KHR_texture_transform": {"texCoord": coordinates}}}
+    fields["materials"][0]["pbrMetallicRoughness"]["baseColorTexture"] = reference
+    shape = read(tmp_path, builder, [{"mesh": 0}], **fields).scene.objects[0].shape
+    assert shape.uv[:, 0].max() == (0.5 if coordinates else 1)

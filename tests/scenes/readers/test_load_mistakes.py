@@ -83,6 +83,28 @@ def test_a_file_that_may_not_be_read(tmp_path, monkeypatch):
         load(tmp_path / "m.ply")
 
 
+def sparse(count=2, kind=5121):
+    """A table of a sparse accessor, its indices those of the quad's positions as bytes or the like."""
+    return {"count": count, "indices": {"bufferView": 0, "componentType": kind}, "values": {"bufferView": 1}}
+
+
+def compressed(name, kind):
+    """Changes a header as the compression `name` does, whose decoder fills buffers, views or accessors."""
+
+    def change(header):
+        header |= {"extensionsUsed": [name], "extensionsRequired": [name]}
+        entry = header[kind][0]
+        if kind == "accessors":
+            del entry["bufferView"]
+        elif kind == "buffers":
+            del entry["uri"]
+            entry["extensions"] = {name: {"fallback": True}}
+        else:
+            entry["extensions"] = {name: {}}
+
+    return change
+
+
 @pytest.mark.parametrize(
     ("change", "expected"),
     [
@@ -94,8 +116,24 @@ def test_a_file_that_may_not_be_read(tmp_path, monkeypatch):
         ),
         (lambda h: h["accessors"][0].update(count=0), "count of at least 1, got 0"),
         (lambda h: h["accessors"][0].pop("bufferView"), "uncompressed values"),
-        (lambda h: h["accessors"][0].update(sparse={}), "sparse accessor"),
-        (lambda h: h["bufferViews"][0].update(extensions={"EXT_meshopt_compression": {}}), "uncompressed"),
+        (lambda h: h["accessors"][0].update(sparse={}), "accessors[0].sparse.count: expected a value, got nothing"),
+        (lambda h: h["accessors"][0].update(sparse=sparse(count=5)), "GLB file"),
+        (
+            lambda h: h["accessors"][0].update(sparse=sparse(kind=5126)),
+            "sparse.indices: expected whole numbers below 4",
+        ),
+        (
+            lambda h: h["accessors"][0].update(sparse=sparse(count=8, kind=5123)),
+            "sparse.indices: expected whole numbers below 4",
+        ),
+        (
+            lambda h: (h["accessors"][0].pop("bufferView"), h["accessors"][0].update(count=10**9, sparse=sparse())),
+            "accessors[0]: expected a count that the file's bytes can hold, got 1000000000",
+        ),
+        (compressed("EXT_meshopt_compression", "bufferViews"), "uncompressed values, got EXT_meshopt_compression"),
+        (compressed("KHR_meshopt_compression", "bufferViews"), "uncompressed values, got KHR_meshopt_compression"),
+        (compressed("KHR_meshopt_compression", "buffers"), "buffers[0]: expected uncompressed values, got KHR_meshopt"),
+        (compressed("KHR_draco_mesh_compression", "accessors"), "uncompressed values, got KHR_draco_mesh_compression"),
         (lambda h: h["meshes"][0]["primitives"][0].update(mode=6), "triangle fan"),
         (lambda h: h["meshes"][0]["primitives"][0].update(indices=99), "GLB file"),
         (lambda h: h["meshes"][0]["primitives"][0]["attributes"].pop("POSITION"), "GLB file"),

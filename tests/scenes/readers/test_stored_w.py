@@ -8,6 +8,7 @@ import pytest
 import trimesh
 from command import obscurance, refused
 from gltf_files import QUAD, TRIANGLE, Builder
+from gltf_samples import occluded
 from mesh_files import ply
 from PIL import Image
 
@@ -137,3 +138,63 @@ def test_a_baked_ply_keeps_its_texture_in_a_scene(folder, seams):
     refused(
         obscurance("render", "bare.toml", "-o", "p.png", *SIZE), "objects[0].texture", "a mesh with texture coordinates"
     )
+
+
+def without_attribute(name):
+    """The GLB file without w at its vertices: its occlusion textures are left."""
+    data = Path(name).read_bytes()
+    assert b"_OBSCURANCE" in data
+    Path(name).write_bytes(data.replace(b"_OBSCURANCE", b"_IRRELEVANT"))
+
+
+def test_a_ramp_is_read_as_w(folder):
+    expected = picture("corner.ply", "--baked", "w.npy")
+    without_attribute("w.glb")
+    found = picture("corner.ply", "--baked", "w.glb")
+    np.testing.assert_allclose(found, expected, rtol=0, atol=1e-6)
+
+
+def test_a_gltf_is_rendered_with_its_own_occlusion_and_needs_no_bake(folder):
+    expected = picture("w.glb", "--baked", "w.npy")
+    np.testing.assert_allclose(picture("w.glb"), expected, rtol=0, atol=1e-6)
+    book = picture_of("beauty", "w.glb", "--obscurance", "book")
+    baked = picture_of("beauty", "w.glb", "--obscurance", "book", "--baked", "w.npy")
+    np.testing.assert_allclose(book, baked, rtol=0, atol=1e-5)
+    assert np.abs(book - picture_of("beauty", "w.glb", "--obscurance", "off")).max() > 0.05
+
+
+def test_a_bake_can_take_the_place_of_a_gltf_s_own_occlusion(folder):
+    command = "render", "w.glb", "-o", "p.exr", *SIZE, "--report", "p.json"
+    assert obscurance(*command, "--no-own-occlusion").returncode == 0
+    assert json.loads(Path("p.json").read_text())["rays"]["bake"] > 0
+    np.testing.assert_allclose(read_image("p.exr")[0]["obscurance"], picture("w.glb"), rtol=0, atol=0.1)
+
+
+def test_objects_without_an_occlusion_texture_are_baked_beside_those_with(folder):
+    Path("half.glb").write_bytes(occluded(0.5))
+    assert obscurance("render", "half.glb", "-o", "p.exr", *SIZE, "--report", "p.json").returncode == 0
+    assert json.loads(Path("p.json").read_text())["rays"]["bake"] > 0
+    found = read_image("p.exr")[0]["obscurance"]
+    assert np.isclose(found, 1 - 0.5 * (1 - 64 / 255), atol=1e-6).any()
+    line = next(row for row in obscurance("info", "half.glb").stdout.splitlines() if row.startswith("occlusion"))
+    assert line.split(maxsplit=1)[1] == "textures of 1 of 2 primitives"
+
+
+def test_scenes_of_toml_bake_what_they_place(folder):
+    (folder / "s.toml").write_text('[[objects]]\nmesh = "w.glb"\n')
+    assert obscurance("render", "s.toml", "-o", "p.exr", *SIZE, "--report", "p.json").returncode == 0
+    assert json.loads(Path("p.json").read_text())["rays"]["bake"] > 0
+
+
+def test_info_tells_of_ramps(folder):
+    told = obscurance("info", "w.glb").stdout
+    assert "occlusion       textures of 1 of 1 primitives, 1 of them ramps of a bake" in told
+    assert "occlusion       no textures in the file" in obscurance("info", "corner.ply").stdout
+
+
+def test_an_occlusion_texture_that_cannot_be_read(folder):
+    data = Path("w.glb").read_bytes()
+    Path("w.glb").write_bytes(data.replace(b"\x89PNG", b"\x89GNP"))
+    refused(obscurance("render", "w.glb", "-o", "p.png", *SIZE), "images[0]", "an image")
+    without_attribute("w.glb")
+    refused(obscurance("render", "corner.ply", "-o", "p.png", *SIZE, "--baked", "w.glb"), "images[0]", "an image")

@@ -1,0 +1,57 @@
+"""Compressed geometry in glTF: it is not decoded, but where plain data stand beside it those are read and kept.
+
+Format: Khronos glTF extensions KHR_draco_mesh_compression (of primitives), EXT_meshopt_compression and
+KHR_meshopt_compression (of buffer views).
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+DRACO = "KHR_draco_mesh_compression"
+MESHOPT = ("EXT_meshopt_compression", "KHR_meshopt_compression")
+
+
+def compressions(header: dict[str, Any]) -> str:
+    """The compressions that a file says it uses, for messages; empty if none."""
+    named = {*header.get("extensionsUsed", []), *header.get("extensionsRequired", [])}
+    used = [name for name in (DRACO, *MESHOPT) if name in named]
+    return ", ".join(used) + ", which is not decoded" if used else ""
+
+
+def is_placeholder(buffer: dict[str, Any]) -> bool:
+    """Whether a buffer stands for what a decoder is to fill, and has no data itself."""
+    extensions = buffer.get("extensions", {})
+    return "uri" not in buffer and any(extensions.get(name, {}).get("fallback") for name in MESHOPT)
+
+
+def must_be_decoded(header: dict[str, Any], view: dict[str, Any]) -> bool:
+    """Whether a buffer view has compressed data, and the file does not promise plain ones beside them."""
+    return any(name in view.get("extensions", {}) for name in MESHOPT if name in header.get("extensionsRequired", []))
+
+
+def keep_plain_data(header: dict[str, Any]) -> None:
+    """Take compressed data out of a document wherever it has the plain data too."""
+    for view in header.get("bufferViews", []):
+        for name in MESHOPT:
+            _remove(view, name)
+    left = False
+    for primitive in (piece for mesh in header.get("meshes", []) for piece in mesh["primitives"]):
+        numbers = [*primitive["attributes"].values(), *([primitive["indices"]] if "indices" in primitive else [])]
+        accessors = [header["accessors"][number] for number in numbers if number < len(header.get("accessors", []))]
+        if all("bufferView" in accessor for accessor in accessors):
+            _remove(primitive, DRACO)
+        left |= DRACO in primitive.get("extensions", {})
+    for key in ("extensionsUsed", "extensionsRequired"):
+        names = [name for name in header.get(key, []) if name not in MESHOPT and (left or name != DRACO)]
+        if names:
+            header[key] = names
+        else:
+            header.pop(key, None)
+
+
+def _remove(entry: dict[str, Any], name: str) -> None:
+    extensions = entry.get("extensions", {})
+    extensions.pop(name, None)
+    if not extensions:
+        entry.pop("extensions", None)
