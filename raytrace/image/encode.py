@@ -112,6 +112,8 @@ def write_data(
     kind = "uint16" if file_format(path) == "png" else "half" if half else "float"
     spec = oiio.ImageSpec(width, height, channels, kind)
     spec.attribute("oiio:ColorSpace", "data")
+    if half:
+        oiio.attribute("tiff:half", 1)  # which OpenImageIO otherwise takes for too uncommon
     if file_format(path) == "openexr":
         spec.channelnames = tuple(names)
     if file_format(path) != "png":
