@@ -121,6 +121,15 @@ def bake(
     error_map: Annotated[
         Path | None, typer.Option(metavar="IMAGE", help="Texture: also write the standard error of w.")
     ] = None,
+    high: Annotated[
+        Path | None, typer.Option(metavar="MESH", help="Texture: bake w of this finer mesh onto the input's texture.")
+    ] = None,
+    cage: Annotated[
+        str | None,
+        typer.Option(
+            help='With --high: how far it may be from the input, mesh units or "2%" of the radius (the default).'
+        ),
+    ] = None,
     half: Annotated[bool, typer.Option("--half", help="Texture: 16-bit floats in .exr and .tif.")] = False,
     quiet: Quiet = False,
 ) -> None:

@@ -6,7 +6,6 @@ import numpy as np
 
 from raytrace.kernel.jit import kernel
 from raytrace.mesh.components import connected_components
-from raytrace.mesh.placement import Placement
 from raytrace.system.threads import run_blocks
 from raytrace.types import Float64s, Int32s, Int64s
 
@@ -32,7 +31,7 @@ def texel_neighbours(
     count = len(texels)
     row_of = np.full(layout.width * layout.height, -1, np.int32)
     row_of[texels.texels] = np.arange(count)
-    face = texels.face[:, 0]
+    face = texels.shown
     beside = np.empty((count, 4), np.int32)
     chart, size = charts[face].astype(np.int32), sizes[face].astype(np.float32)
 
@@ -70,13 +69,13 @@ def face_charts(uv: Float64s, points: Int64s) -> Int64s:
     return connected_components(corners, int(corner.max()) + 1)[corners[:, 0]]
 
 
-def texel_sizes(uv: Float64s, faces: Int64s, placement: Placement) -> Float64s:
-    """How far a texel reaches (m,) on each face, in render space; at most the whole mesh. Args: uv: as above."""
+def texel_sizes(uv: Float64s, vertices: Float64s, faces: Int64s, most: float) -> Float64s:
+    """How far a texel reaches (m,) on each face, in render space, at most `most`. Args: uv: as above."""
     a, b = uv[:, 1] - uv[:, 0], uv[:, 2] - uv[:, 0]
     page = np.abs(a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0])
-    p, q, r = (placement.vertices[faces[:, corner]].astype(np.float64) for corner in range(3))
+    p, q, r = (vertices[faces[:, corner]] for corner in range(3))
     surface = np.linalg.norm(np.cross(q - p, r - p), axis=1)
-    return np.sqrt(surface / np.maximum(page, surface / placement.diagonal**2))
+    return np.sqrt(surface / np.maximum(page, surface / most**2))
 
 
 def _across(seams: Seams, row_of: Int32s) -> Int64s:

@@ -12,12 +12,14 @@ import numpy as np
 from raytrace.errors import OptionError
 from raytrace.mesh.mesh import Mesh
 from raytrace.mesh.normals import face_normals
+from raytrace.mesh.placement import Placement
 from raytrace.system.memory import check_memory
 
 from ..adaptive.fixed_samples import sampled
 from ..adaptive.tolerance import Estimate, ToleranceWarning, estimate_to
 from ..denoise.one_ring import Neighbours
-from ..falloff import Falloff
+from ..falloff import Falloff, Length, resolve_length
+from ..gather.receivers import find_receivers
 from ..memory import texture_bytes
 from ..options import Hidden, Normals, Options, falloff_of, mesh_of
 from ..prepared import Prepared
@@ -26,9 +28,10 @@ from ..trace.checkpoint import Checkpoint
 from ..trace.tracer import Progress
 from .adjacency import face_charts, texel_neighbours, texel_sizes
 from .coverage import SLOTS, Overlap, cover
+from .projection import Fine, project
 from .result import BakedTexture, TextureFacts, assemble_pages
 from .seams import Seams
-from .texels import TexelTracer, find_texels
+from .texels import Faces, TexelTracer, find_texels, points_on
 from .uv_layout import UVLayout, corner_uv, page_size
 
 
@@ -50,6 +53,8 @@ def bake_texture(
     overlap: Overlap = "mean",
     wrap: bool = True,
     close_seams: bool = True,
+    high: Mesh | Any | None = None,
+    cage: Length = "2%",
 ) -> BakedTexture:
     """Obscurance w, as `ao.bake` has it, of every texel that shows a part of `mesh`: the mean over that part.
 
@@ -70,10 +75,14 @@ def bake_texture(
             the first in the mesh's order; "refuse", an error.
         wrap: whether faces outside of the unit square are taken modulo 1, or left out.
         close_seams: whether texels at charts' borders are moved until both sides of a seam agree.
+        high: a finer mesh, of which w is baked instead: that of its points outwards or inwards of `mesh` along the
+            smooth normals of that. `mesh` itself then occludes nothing.
+        cage: how far from `mesh` the finer one may be: a length, or "2%" of the radius. Points at which there is
+            nothing within that take the closest one, and are counted.
 
     Raises:
         OptionError: an argument is out of range.
-        MeshError: `mesh` or `uv` cannot be used, or faces overlap and `overlap` is "refuse".
+        MeshError: `mesh`, `uv` or `high` cannot be used, or nothing of `high` is within the cage.
         InputError, OutputError, MemoryLimitError, EmbreeError: as `ao.bake`.
 
     Warns:
@@ -89,25 +98,37 @@ def bake_texture(
     width, height = page_size(size)
     mesh = mesh_of(mesh)
     corners = corner_uv(uv, mesh)
-    mu = options.falloff.resolve(mesh.radius)
-    counts = len(mesh.vertices), len(mesh.faces)
+    solid = mesh if high is None else mesh_of(high)
+    reach = resolve_length("cage", cage, mesh.radius)
+    mu = options.falloff.resolve(solid.radius)
+    counts = len(solid.vertices), len(solid.faces)
     needed = texture_bytes(width * height, *counts, options.rays)
     check_memory(mesh.source, needed, f"to bake {width * height:,} texels of {counts[1]:,} faces")
 
     start = time.perf_counter()
-    prepared = Prepared.of(mesh, mu, options, progress, None)
+    prepared = Prepared.of(solid, mu, options, progress, None)
     placement, receivers, count = prepared.placement, prepared.receivers, prepared.threads
-    solid = face_normals(placement.vertices.astype(np.float64), mesh.faces)[1] > 0
-    layout = UVLayout.of(corners[solid], (width, height), wrap, mesh.source)
+    shown = receivers
+    vertices = placement.vertices.astype(np.float64)
+    if high is not None:
+        shown = find_receivers(mesh, Placement.of(mesh), normals)
+        vertices = (mesh.vertices - solid.centre) * placement.scale
+    has_area = face_normals(Placement.of(mesh).vertices.astype(np.float64), mesh.faces)[1] > 0
+    layout = UVLayout.of(corners[has_area], (width, height), wrap, mesh.source)
     coverage = cover(layout, overlap, count)
     overlapping = int(np.count_nonzero(coverage.overlapping))
     if overlap == "refuse" and overlapping:
         expected = "faces that do not overlap on the page"
         raise OptionError("overlap", expected, f"{overlapping:,} texels with several", mesh.source)
-    texels, filled = find_texels(coverage, placement, receivers, options.hidden, count)
-    covered = len(coverage.texels)
+    covered, on_page, missed = len(coverage.texels), coverage.face[:, 0].copy(), 0
+    if high is not None:
+        fine = Fine(placement.vertices.astype(np.float64), receivers, solid.source)
+        flat, weights = coverage.face.ravel().astype(np.int64), coverage.barycentric.reshape(-1, 3)
+        places, _, axes = points_on(flat, weights, Faces.of(vertices, shown), shown.faces, count)
+        coverage, missed = project(coverage, places, axes, fine, reach * placement.scale, count)
+    texels, filled = find_texels(coverage, on_page, placement, receivers, options.hidden, count)
     del coverage
-    points_of_faces = receivers.of_vertex[receivers.faces]
+    points_of_faces = shown.of_vertex[shown.faces]
     seams = Seams.find(layout.uv, points_of_faces, (width, height), wrap)
     if checkpoint:
         digest = hashlib.blake2b(texels.points.origins.data)
@@ -122,7 +143,7 @@ def bake_texture(
     neighbours = None
     if reconstruct:
         charts = face_charts(layout.uv, points_of_faces)
-        sizes = texel_sizes(layout.uv, receivers.faces, placement)
+        sizes = texel_sizes(layout.uv, vertices, shown.faces, placement.diagonal)
         neighbours = texel_neighbours(texels, points, layout, seams, charts, sizes, count)
     estimate = _estimate(tracer, neighbours, prepared)
     pages = assemble_pages(layout, texels, estimate.rows, estimate.variance, seams, close_seams, count)
@@ -140,7 +161,7 @@ def bake_texture(
         },
         rmse=float(np.sqrt(np.mean(estimate.variance))),
         facts=TextureFacts(
-            covered, overlapping, filled, layout.mirrored, layout.flat, layout.outside, seams.edges, pages.jump,
+            covered, overlapping, filled, missed, layout.mirrored, layout.flat, layout.outside, seams.edges, pages.jump,
             pages.jump_before,
         ),
         skip_seconds={"open": sum(horizons.seconds)} if horizons else {},

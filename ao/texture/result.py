@@ -24,7 +24,7 @@ class TextureFacts:
 
     Attributes:
         covered: texels that faces reach into. overlapping: those of them in which faces lie over one another.
-        hidden: those that are filled because they lie inside of solids.
+        hidden: those that are filled because they lie inside of solids. missed: points that the cage missed.
         mirrored, flat, outside: faces that are turned over, have no area on the page, or reach out of the unit square.
         seam_edges: edges that lie at two places of the page.
         seam_jump: the largest difference of w between the two sides of such an edge, as bilinear lookups see it; in
@@ -34,6 +34,7 @@ class TextureFacts:
     covered: int
     overlapping: int
     hidden: int
+    missed: int
     mirrored: int
     flat: int
     outside: int

@@ -42,12 +42,14 @@ class Texels:
         texels: int64 (k,), row · width + column. face: int32 (k, SLOTS), the face under each point.
         points: k · SLOTS, those of a texel together, numbered one by one.
         sides: float32 (k · SLOTS, 3), normals of the faces on the hemispheres' side.
+        shown: int32 (k,), the face on the page at each texel's first point.
     """
 
     texels: Int64s
     face: Int32s
     points: Points
     sides: Float32s
+    shown: Int32s
 
     def __len__(self) -> int:
         return len(self.texels)
@@ -63,11 +65,11 @@ class Texels:
         each = (SLOTS * rows[:, None] + np.arange(SLOTS)).ravel()
         numbers = np.arange(len(each), dtype=np.uint32)
         points = Points(self.points.origins[each], self.points.normals[each], numbers)
-        return Texels(self.texels[rows], self.face[rows], points, self.sides[each])
+        return Texels(self.texels[rows], self.face[rows], points, self.sides[each], self.shown[rows])
 
 
 @dataclass(frozen=True, eq=False)
-class _Faces:
+class Faces:
     """Faces in render space: `vertices` float64 (n, 3), `axes` float64 (n, 3), unit or zero, and their surface."""
 
     vertices: Float64s
@@ -77,8 +79,9 @@ class _Faces:
     own: Int64s
 
     @classmethod
-    def of(cls, placement: Placement, receivers: Receivers) -> _Faces:
-        vertices, faces = placement.vertices.astype(np.float64), receivers.faces
+    def of(cls, vertices: Float64s, receivers: Receivers) -> Faces:
+        """The faces of `receivers` over `vertices` (n, 3)."""
+        faces = receivers.faces
         axes = np.concatenate([receivers.points.normals, np.zeros((1, 3), np.float32)])[receivers.of_vertex]
         surface = Surface.of(vertices, faces, face_normals(vertices, faces)[0])
         own = np.repeat(np.arange(len(faces))[:, None], 3, axis=1)
@@ -86,11 +89,16 @@ class _Faces:
 
 
 def find_texels(
-    coverage: Coverage, placement: Placement, receivers: Receivers, hidden: Hidden, threads: int
+    coverage: Coverage, shown: Int32s, placement: Placement, receivers: Receivers, hidden: Hidden, threads: int
 ) -> tuple[Texels, int]:
-    """The texels to bake, and how many are left out because all of their points are inside of solids."""
-    faces = _Faces.of(placement, receivers)
-    texels = _placed(coverage.texels, coverage.face, coverage.barycentric, faces, receivers, threads)
+    """The texels to bake, and how many are left out because all of their points are inside of solids.
+
+    Args:
+        coverage: on the faces of `receivers`, which may be others than those on the page.
+        shown: int32 (k,), the face on the page at each texel's first point.
+    """
+    faces = Faces.of(placement.vertices.astype(np.float64), receivers)
+    texels = _placed(coverage, shown, faces, receivers, threads)
     inside = _inside(texels, placement, receivers, hidden, threads).reshape(-1, SLOTS)
     good = ~inside
     if inside.any():
@@ -104,25 +112,24 @@ def find_texels(
     return texels.only(rows), len(texels) - len(rows)
 
 
-def _placed(
-    texels: Int64s, face: Int32s, barycentric: Float32s, faces: _Faces, receivers: Receivers, threads: int
-) -> Texels:
+def _placed(coverage: Coverage, shown: Int32s, faces: Faces, receivers: Receivers, threads: int) -> Texels:
     """Points with origins from which no ray hits the faces that they lie on."""
-    count, flat = face.size, face.ravel().astype(np.int64)
-    weights = barycentric.reshape(-1, 3)
+    flat, weights = coverage.face.ravel().astype(np.int64), coverage.barycentric.reshape(-1, 3)
+    count = len(flat)
     origins, normals, sides = (np.empty((count, 3), np.float32) for _ in range(3))
     for first in range(0, count, _PLACED):
         part = slice(first, first + _PLACED)
-        places, side, axis = _axes(flat[part], weights[part], faces, receivers.faces, threads)
+        places, side, axis = points_on(flat[part], weights[part], faces, receivers.faces, threads)
         own, clearance = flat[part], np.ones(len(places))
         magnitude = faces.magnitude[own]
         origins[part] = ray_origins(receivers.scene, faces.surface, places, side, clearance, faces.own, own, magnitude)
         normals[part], sides[part] = axis, side
-    return Texels(texels, face, Points(origins, normals, np.arange(count, dtype=np.uint32)), sides)
+    points = Points(origins, normals, np.arange(count, dtype=np.uint32))
+    return Texels(coverage.texels, coverage.face, points, sides, shown)
 
 
-def _axes(
-    own: Int64s, weights: Float32s, faces: _Faces, corners: Int64s, threads: int
+def points_on(
+    own: Int64s, weights: Float32s, faces: Faces, corners: Int64s, threads: int
 ) -> tuple[Float64s, Float64s, Float64s]:
     """`_place` of points (k,) on the faces `own`: places, sides and hemispheres, float64 (k, 3)."""
     found = np.empty((3, len(own), 3))

@@ -33,6 +33,7 @@ if TYPE_CHECKING:
 _NO_OPTIONS_OF_BAKE = ("report", "quiet", "resume")  # they change no result
 _OF_VERTICES = {"method": Method.vertex, "colors": False, "debug_image": None, "up": None}
 AUTO, UNWRAP = "auto", "unwrap"
+CAGE = "2%"
 _USED = 0.65  # of a page, that an unwrapping fills
 _SOME = 1e-3  # of the covered texels, that may overlap without a word
 _IMAGES = "output", "bent_normals", "error_map"
@@ -66,10 +67,16 @@ def bake_command(options: dict[str, Any]) -> BakeCommand | TextureCommand:
 
 @dataclass(frozen=True)
 class _Source:
-    """A mesh file, and the number of its texture coordinates or new ones (m, 3, 2)."""
+    """What is baked.
+
+    Attributes:
+        file: the mesh with the texture. fine: the one whose w it shows, None for its own.
+        uv: the number of its texture coordinates or new ones (m, 3, 2); None for one of several tiles.
+    """
 
     file: MeshFile
-    uv: int | Float64s
+    uv: int | Float64s | None
+    fine: MeshFile | None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -102,6 +109,8 @@ class TextureCommand:
     bent_normals: Path | None
     error_map: Path | None
     half: bool
+    high: Path | None
+    cage: str | None
     quiet: bool
 
     def run(self) -> None:
@@ -126,15 +135,17 @@ class TextureCommand:
             for name, path in self._images().items():
                 placed = path if tile is None else tile_path(path, tile)
                 outputs[f"--{name.replace('_', '-')}{'' if tile is None else f' {placed.name}'}"] = placed
-        check_outputs(outputs, source.files)
+        fine = None if self.high is None else load(self.high)
+        check_outputs(outputs, [*source.files, *(fine.files if fine else ())])
         loaded = time.perf_counter() - start
-        warnings = warn([source.mesh], source.notes)
+        meshes = [source.mesh, fine.mesh] if fine else [source.mesh]
+        warnings = warn(meshes, [*source.notes, *(fine.notes if fine else ())])
         reports = []
         for tile in tiles:
             images = {name: path if tile is None else tile_path(path, tile) for name, path in self._images().items()}
             moved = uv if tile is None else uv - tile
-            place = None if tile is not None else _Source(source, uv if number is None else number)
-            baked, seconds, more = self._bake_page(source.mesh, moved, size, falloff, images, place)
+            scene = _Source(source, None if tile is not None else uv if number is None else number, fine)
+            baked, seconds, more = self._bake_page(scene, moved, size, falloff, images)
             reports.append((images["output"], baked, {"load": loaded} | seconds, [*warnings, *more]))
             if not self.quiet:
                 print(texture_summary(baked, images["output"]))
@@ -143,6 +154,7 @@ class TextureCommand:
 
     def _check(self) -> ao.Falloff:
         """The falloff, if the options go together and the outputs can be written. Raises: OptionError, OutputError."""
+        from ao.falloff import resolve_length
         from ao.options import Options
         from ao.texture.uv_layout import page_size
         from raytrace.errors import OptionError
@@ -178,10 +190,15 @@ class TextureCommand:
             raise OptionError("uv", "--mesh-output, for the coordinates that unwrap makes", "none")
         if self.half and glb == self.output and len(self._images()) == 1:
             raise OptionError("half", "images that end in .exr or .tif", self.output)
+        if self.cage is not None:
+            if self.high is None:
+                raise OptionError("cage", "--high with it", "none")
+            resolve_length("cage", self.cage, 1.0)
         if self.report:
             check_ending("--report", self.report, ".json")
         given: dict[str, Path | None] = {f"--{name.replace('_', '-')}": path for name, path in self._images().items()}
-        check_outputs({**given, "--report": self.report, "--mesh-output": self.mesh_output}, [self.mesh])
+        inputs = [self.mesh] if self.high is None else [self.mesh, self.high]
+        check_outputs({**given, "--report": self.report, "--mesh-output": self.mesh_output}, inputs)
         return falloff
 
     def _images(self) -> dict[str, Path]:
@@ -240,27 +257,23 @@ class TextureCommand:
 
     def _bake_page(
         self,
-        mesh: Mesh,
+        source: _Source,
         uv: Float64s,
         size: int | tuple[int, int],
         falloff: ao.Falloff,
         images: Mapping[str, Path],
-        source: _Source | None,
     ) -> tuple[ao.BakedTexture, dict[str, float], list[str]]:
-        """Bake one page and write its images: what was baked, the seconds of writing, and warnings.
-
-        Args: source: what a .glb is made of, None for one of several tiles.
-        """
+        """Bake one page and write its images: what was baked, the seconds of writing, and warnings."""
         import ao
         from ao.trace.checkpoint import Checkpoint
 
         unmet = catch_warnings(record=True, action="always", category=ao.ToleranceWarning)
-        overlap, wrap = self.overlap or Overlap.mean, source is not None
+        overlap, wrap = self.overlap or Overlap.mean, source.uv is not None
         with Checkpoint(f"{images['output']}.partial", self.resume, note) as checkpoint:
             with progress(self.quiet, "rays") as (advance,), compiling("below_face"), unmet as raised:
                 baked = ao.bake_texture(
-                    mesh, uv, size, falloff, progress=advance, checkpoint=checkpoint, overlap=overlap.value,
-                    wrap=wrap,
+                    source.file.mesh, uv, size, falloff, progress=advance, checkpoint=checkpoint, overlap=overlap.value,
+                    wrap=wrap, high=source.fine.mesh if source.fine else None, cage=self.cage or CAGE,
                     **self._options(),
                 )  # fmt: skip
             lines = [*(str(warning.message) for warning in raised), *_remarks(baked, images["output"], wrap)]
@@ -269,7 +282,7 @@ class TextureCommand:
             warnings = warn([], lines)
         return baked, {"write": time.perf_counter() - start}, warnings
 
-    def _write(self, baked: ao.BakedTexture, images: Mapping[str, Path], source: _Source | None) -> list[str]:
+    def _write(self, baked: ao.BakedTexture, images: Mapping[str, Path], source: _Source) -> list[str]:
         """Write all files of a page; returns warnings."""
         from raytrace.system.atomic import atomic_write
 
@@ -277,7 +290,7 @@ class TextureCommand:
         from .images import write_error, write_normals, write_w
 
         glb, kept = self._glb(), 0
-        if glb is not None and source is not None:
+        if glb is not None and source.uv is not None:
             content, kept = textured_glb(source.file, baked, source.uv, self.replace_occlusion)
             with atomic_write(glb) as file:
                 file.write(content)
@@ -317,6 +330,8 @@ def _remarks(baked: ao.BakedTexture, target: Path, wrap: bool) -> list[str]:
     if facts.outside and wrap:
         advice = f"{UDIM} in the output's name would keep tiles apart"
         lines.append(f"{facts.outside:,} faces reach out of the unit square and are taken modulo 1; {advice}")
+    if facts.missed:
+        lines.append(f"{facts.missed:,} points are not within the cage of the fine mesh and take the closest of it")
     if facts.flat:
         lines.append(f"{facts.flat:,} faces have no area in texture space, and no texels")
     return [f"{target}: {line}" for line in lines]
