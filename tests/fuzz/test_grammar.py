@@ -83,6 +83,24 @@ SCENE = st.fixed_dictionaries(
                              half_angle=st.floats(0, 99), exponent=NUMBER)),
     },
 )  # fmt: skip
+REFERENCE = table(
+    {"index": INDEX},
+    texCoord=st.integers(0, 3),
+    strength=NUMBER,
+    extensions=table(
+        {},
+        KHR_texture_transform=table(
+            {}, offset=st.lists(NUMBER, min_size=2, max_size=2), rotation=NUMBER, texCoord=INDEX
+        ),
+    ),
+)
+SPARSE = table(
+    {
+        "count": st.integers(0, 40),
+        "indices": table({"bufferView": INDEX, "componentType": st.just(5121)}),
+        "values": table({"bufferView": INDEX}),
+    }
+)
 HEADER = st.fixed_dictionaries(
     {},
     optional={
@@ -98,13 +116,14 @@ HEADER = st.fixed_dictionaries(
         "accessors": many(table({"count": st.integers(0, 40) | st.integers(0, 2**60), "bufferView": INDEX,
                                  "type": st.sampled_from(["VEC3", "VEC2", "SCALAR", "MAT4"]),
                                  "componentType": st.sampled_from([5120, 5121, 5122, 5123, 5125, 5126])},
-                                byteOffset=st.integers(0, 99), normalized=st.booleans(), sparse=ANYTHING)),
+                                byteOffset=st.integers(0, 99), normalized=st.booleans(), sparse=SPARSE | ANYTHING)),
         "bufferViews": many(table({"buffer": st.integers(0, 1), "byteLength": st.integers(0, 400)},
                                   byteOffset=st.integers(0, 99), byteStride=st.integers(0, 64))),
         "images": many(table({}, uri=PATH, bufferView=INDEX)),
+        "textures": many(table({}, source=INDEX)),
         "materials": many(table({}, emissiveFactor=VECTOR, pbrMetallicRoughness=table(
             {}, baseColorFactor=st.lists(SHARE, min_size=4, max_size=4), roughnessFactor=NUMBER,
-            baseColorTexture=table({"index": INDEX})))),
+            baseColorTexture=REFERENCE), occlusionTexture=REFERENCE)),
         "cameras": many(table({"type": st.just("perspective"), "perspective": table({"yfov": SHARE})})),
         "extensions": table({"KHR_lights_punctual": table({"lights": many(table(
             {"type": st.sampled_from(["point", "spot"])}, intensity=NUMBER, color=COLOUR, range=NUMBER))})}),

@@ -77,6 +77,9 @@ BAKED = {
 }
 
 
+VARIANTS = {"KHR_materials_variants": {"mappings": [{"material": 1, "variants": [0]}]}}
+
+
 def quad_glb():
     return builder().glb(NODES, **EXTRAS)
 
@@ -91,7 +94,7 @@ def builder():
     textured = made.primitive(TRIANGLE, material=2)
     textured["attributes"]["TEXCOORD_0"] = made.accessor(np.array([[0, 0], [1, 0], [0, 1]], "<f4"), "VEC2")
     made.header["bufferViews"][-1]["byteStride"] = 8
-    made.mesh(textured, made.primitive(TETRAHEDRON, mode=5), name="strip")
+    made.mesh(textured, made.primitive(TETRAHEDRON, mode=5, extensions=VARIANTS), name="strip")
     return made
 
 
@@ -107,7 +110,14 @@ EXTRAS = {
     "materials": [
         {"pbrMetallicRoughness": {"baseColorFactor": [1, 0, 0, 0.5], "metallicFactor": 0.5}, "alphaMode": "BLEND"},
         {"emissiveFactor": [1, 1, 0], "extensions": {"KHR_materials_unlit": {}}, "doubleSided": True},
-        {"pbrMetallicRoughness": {"baseColorTexture": {"index": 0, "texCoord": 0}, "roughnessFactor": 0.4}},
+        {
+            "pbrMetallicRoughness": {"baseColorTexture": {"index": 0, "texCoord": 0}, "roughnessFactor": 0.4},
+            "occlusionTexture": {
+                "index": 0,
+                "strength": 0.5,
+                "extensions": {"KHR_texture_transform": {"offset": [0.5, 0], "rotation": 1, "texCoord": 0}},
+            },
+        },
     ],
     "textures": [{"source": 0, "sampler": 0}],
     "samplers": [{"wrapS": 33071, "wrapT": 33648, "magFilter": 9729}],

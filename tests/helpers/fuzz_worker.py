@@ -115,18 +115,20 @@ def consume(family, path, made, index):
         if not ((baked.w >= 0) & (baked.w <= 1)).all():
             raise Finding("w is not in [0, 1]")
         for ending in ("ply", "npz"):
-            write(made / f"made.{ending}", baked, file, colors=True)
+            write(made / f"made.{ending}", baked, file, colors=ending == "ply")
         load(made / "made.ply")
         with suppress(OptionError):  # coordinates beyond float32
             write(made / "made.glb", baked, file, colors=True)
             load(made / "made.glb")
+            write(made / "ramp.glb", baked, file, replace_occlusion=True)
+            describe(load(made / "ramp.glb"))
 
 
 def textures(description):
     from raytrace.image.texture import pack_textures
+    from raytrace.renderer.geometry import shape_textures
 
-    wanted = [item.shape.texture for item in description.scene.objects if item.shape.texture]
-    pack_textures(list(dict.fromkeys(wanted)))
+    pack_textures(shape_textures(item.shape for item in description.scene.objects))
 
 
 def look(path):
