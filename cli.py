@@ -118,6 +118,9 @@ def bake(
     bent_normals: Annotated[
         Path | None, typer.Option(metavar="IMAGE", help="Texture: also write the mean open directions.")
     ] = None,
+    bent_space: Annotated[
+        choices.BentSpace | None, typer.Option(help="Of bent normals: the mesh's own (the default), or tangent, +Y up.")
+    ] = None,
     error_map: Annotated[
         Path | None, typer.Option(metavar="IMAGE", help="Texture: also write the standard error of w.")
     ] = None,

@@ -59,14 +59,19 @@ def face_charts(uv: Float64s, points: Int64s) -> Int64s:
 
     Args: uv: (m, 3, 2), in texels. points: int64 (m, 3), the welded point at each corner.
     """
+    corners = corner_places(uv, points)
+    return connected_components(corners, int(corners.max()) + 1)[corners[:, 0]]
+
+
+def corner_places(uv: Float64s, points: Int64s) -> Int64s:
+    """A number (m, 3) for each corner, the same for corners that share a point and its place on the page."""
     rounded = np.round(uv.reshape(-1, 2) * 4096).astype(np.int64)
     order = np.lexsort((rounded[:, 1], rounded[:, 0], points.ravel()))
     keys = np.column_stack([points.ravel(), rounded])[order]
     new = np.concatenate([[False], (keys[1:] != keys[:-1]).any(axis=1)])
     corner = np.empty(len(order), np.int64)
     corner[order] = np.cumsum(new)
-    corners = corner.reshape(-1, 3)
-    return connected_components(corners, int(corner.max()) + 1)[corners[:, 0]]
+    return corner.reshape(-1, 3)
 
 
 def texel_sizes(uv: Float64s, vertices: Float64s, faces: Int64s, most: float) -> Float64s:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import time
 import warnings
-from typing import Any, get_args
+from typing import Any, Literal, get_args
 
 import numpy as np
 
@@ -31,8 +31,11 @@ from .coverage import SLOTS, Overlap, cover
 from .projection import Fine, project
 from .result import BakedTexture, TextureFacts, assemble_pages
 from .seams import Seams
+from .tangents import tangent_frames
 from .texels import Faces, TexelTracer, find_texels, points_on
 from .uv_layout import UVLayout, corner_uv, page_size
+
+BentSpace = Literal["world", "tangent"]
 
 
 def bake_texture(
@@ -53,6 +56,7 @@ def bake_texture(
     overlap: Overlap = "mean",
     wrap: bool = True,
     close_seams: bool = True,
+    bent_space: BentSpace = "world",
     high: Mesh | Any | None = None,
     cage: Length = "2%",
 ) -> BakedTexture:
@@ -75,6 +79,7 @@ def bake_texture(
             the first in the mesh's order; "refuse", an error.
         wrap: whether faces outside of the unit square are taken modulo 1, or left out.
         close_seams: whether texels at charts' borders are moved until both sides of a seam agree.
+        bent_space: of bent normals: "world", the mesh's own, or "tangent": x along u, y along v upwards, z the normal.
         high: a finer mesh, of which w is baked instead: that of its points outwards or inwards of `mesh` along the
             smooth normals of that. `mesh` itself then occludes nothing.
         cage: how far from `mesh` the finer one may be: a length, or "2%" of the radius. Points at which there is
@@ -95,6 +100,8 @@ def bake_texture(
         raise OptionError("hidden", "auto, ignore or fill for a texture", "mark")
     if overlap not in get_args(Overlap):
         raise OptionError("overlap", "one of " + ", ".join(get_args(Overlap)), overlap)
+    if bent_space not in get_args(BentSpace):
+        raise OptionError("bent_space", "one of " + ", ".join(get_args(BentSpace)), bent_space)
     width, height = page_size(size)
     mesh = mesh_of(mesh)
     corners = corner_uv(uv, mesh)
@@ -120,14 +127,14 @@ def bake_texture(
     if overlap == "refuse" and overlapping:
         expected = "faces that do not overlap on the page"
         raise OptionError("overlap", expected, f"{overlapping:,} texels with several", mesh.source)
-    covered, on_page, missed = len(coverage.texels), coverage.face[:, 0].copy(), 0
+    covered, on_page, missed = len(coverage.texels), coverage, 0
     if high is not None:
         fine = Fine(placement.vertices.astype(np.float64), receivers, solid.source)
         flat, weights = coverage.face.ravel().astype(np.int64), coverage.barycentric.reshape(-1, 3)
         places, _, axes = points_on(flat, weights, Faces.of(vertices, shown), shown.faces, count)
         coverage, missed = project(coverage, places, axes, fine, reach * placement.scale, count)
     texels, filled = find_texels(coverage, on_page, placement, receivers, options.hidden, count)
-    del coverage
+    del coverage, on_page
     points_of_faces = shown.of_vertex[shown.faces]
     seams = Seams.find(layout.uv, points_of_faces, (width, height), wrap)
     if checkpoint:
@@ -146,7 +153,11 @@ def bake_texture(
         sizes = texel_sizes(layout.uv, vertices, shown.faces, placement.diagonal)
         neighbours = texel_neighbours(texels, points, layout, seams, charts, sizes, count)
     estimate = _estimate(tracer, neighbours, prepared)
-    pages = assemble_pages(layout, texels, estimate.rows, estimate.variance, seams, close_seams, count)
+    frames = None
+    if bent_space == "tangent":
+        on_faces = Faces.of(vertices, shown)
+        frames = tangent_frames(layout.uv, shown.faces, points_of_faces, on_faces, texels.shown, texels.shown_at)
+    pages = assemble_pages(layout, texels, estimate.rows, estimate.variance, frames, seams, close_seams, count)
     build = receivers.scene.seconds
     baked = BakedTexture(
         w=pages.w,

@@ -50,7 +50,7 @@ class BakedTexture:
     Attributes:
         w: float32 (h, w), mean obscurance over what each texel shows, in [0, 1]; 1 is open.
         error: float32 (h, w), estimated standard error of w; 0 beside the charts.
-        bent_normals: float32 (h, w, 3), unit mean direction of what is open, in the mesh's space.
+        bent_normals: float32 (h, w, 3), unit mean direction of what is open, in the mesh's space or in tangent space.
         covered: bool (h, w), the texels that were baked; the others are padding.
         rays: number of rays traced, by an interrupted run too. rays_skipped: not traced, by reason.
         rmse: estimated root mean square of `error` over the covered texels.
@@ -89,11 +89,20 @@ class Pages:
 
 
 def assemble_pages(
-    layout: UVLayout, texels: Texels, rows: Float64s, variance: Float64s, seams: Seams, close: bool, threads: int
+    layout: UVLayout,
+    texels: Texels,
+    rows: Float64s,
+    variance: Float64s,
+    frames: Float64s | None,
+    seams: Seams,
+    close: bool,
+    threads: int,
 ) -> Pages:
     """Spread estimates of texels over the page, close seams, and fill the rest of it.
 
-    Args: rows: (k, 4), w and the mean of μ·direction of each of `texels`. variance: (k,), of w.
+    Args:
+        rows: (k, 4), w and the mean of μ·direction of each of `texels`. variance: (k,), of w.
+        frames: (k, 3, 3), in which bent normals are to be, or None.
     """
     shape = layout.height, layout.width
     covered = np.zeros(shape, np.bool_)
@@ -103,7 +112,10 @@ def assemble_pages(
     error.ravel()[texels.texels] = np.sqrt(variance)
     normals = texels.first_points.normals
     clear = np.einsum("ij,ij->i", rows[:, 1:], rows[:, 1:]) > 1e-18
-    bent.reshape(-1, 3)[texels.texels] = np.where(clear[:, None], normalize(rows[:, 1:]), normals)
+    directions = np.where(clear[:, None], normalize(rows[:, 1:]), normals)
+    if frames is not None:
+        directions = np.einsum("kij,kj->ki", frames, directions)
+    bent.reshape(-1, 3)[texels.texels] = directions
 
     beside = _extend(w, covered, layout.wraps)
     known = covered | beside
@@ -114,8 +126,8 @@ def assemble_pages(
     else:
         known = covered
     page = fill_holes(w[:, :, None].astype(np.float32), known)[:, :, 0].clip(0.0, 1.0)
-    directions = normalize(fill_holes(bent, covered).astype(np.float64)).astype(np.float32)
-    return Pages(page, error, directions, covered, before, seams.jump(page.ravel().astype(np.float64)))
+    whole = normalize(fill_holes(bent, covered).astype(np.float64)).astype(np.float32)
+    return Pages(page, error, whole, covered, before, seams.jump(page.ravel().astype(np.float64)))
 
 
 def _extend(page: Float64s, covered: Bools, wraps: bool) -> Bools:

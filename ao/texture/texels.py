@@ -42,7 +42,7 @@ class Texels:
         texels: int64 (k,), row · width + column. face: int32 (k, SLOTS), the face under each point.
         points: k · SLOTS, those of a texel together, numbered one by one.
         sides: float32 (k · SLOTS, 3), normals of the faces on the hemispheres' side.
-        shown: int32 (k,), the face on the page at each texel's first point.
+        shown: int32 (k,), the face on the page at each texel's first point; shown_at: float32 (k, 3), where on it.
     """
 
     texels: Int64s
@@ -50,6 +50,7 @@ class Texels:
     points: Points
     sides: Float32s
     shown: Int32s
+    shown_at: Float32s
 
     def __len__(self) -> int:
         return len(self.texels)
@@ -65,7 +66,9 @@ class Texels:
         each = (SLOTS * rows[:, None] + np.arange(SLOTS)).ravel()
         numbers = np.arange(len(each), dtype=np.uint32)
         points = Points(self.points.origins[each], self.points.normals[each], numbers)
-        return Texels(self.texels[rows], self.face[rows], points, self.sides[each], self.shown[rows])
+        return Texels(
+            self.texels[rows], self.face[rows], points, self.sides[each], self.shown[rows], self.shown_at[rows]
+        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,16 +92,15 @@ class Faces:
 
 
 def find_texels(
-    coverage: Coverage, shown: Int32s, placement: Placement, receivers: Receivers, hidden: Hidden, threads: int
+    coverage: Coverage, page: Coverage, placement: Placement, receivers: Receivers, hidden: Hidden, threads: int
 ) -> tuple[Texels, int]:
     """The texels to bake, and how many are left out because all of their points are inside of solids.
 
     Args:
-        coverage: on the faces of `receivers`, which may be others than those on the page.
-        shown: int32 (k,), the face on the page at each texel's first point.
+        coverage: on the faces of `receivers`; page: on the faces on the page, mostly the same.
     """
     faces = Faces.of(placement.vertices.astype(np.float64), receivers)
-    texels = _placed(coverage, shown, faces, receivers, threads)
+    texels = _placed(coverage, page, faces, receivers, threads)
     inside = _inside(texels, placement, receivers, hidden, threads).reshape(-1, SLOTS)
     good = ~inside
     if inside.any():
@@ -112,7 +114,7 @@ def find_texels(
     return texels.only(rows), len(texels) - len(rows)
 
 
-def _placed(coverage: Coverage, shown: Int32s, faces: Faces, receivers: Receivers, threads: int) -> Texels:
+def _placed(coverage: Coverage, page: Coverage, faces: Faces, receivers: Receivers, threads: int) -> Texels:
     """Points with origins from which no ray hits the faces that they lie on."""
     flat, weights = coverage.face.ravel().astype(np.int64), coverage.barycentric.reshape(-1, 3)
     count = len(flat)
@@ -125,7 +127,7 @@ def _placed(coverage: Coverage, shown: Int32s, faces: Faces, receivers: Receiver
         origins[part] = ray_origins(receivers.scene, faces.surface, places, side, clearance, faces.own, own, magnitude)
         normals[part], sides[part] = axis, side
     points = Points(origins, normals, np.arange(count, dtype=np.uint32))
-    return Texels(coverage.texels, coverage.face, points, sides, shown)
+    return Texels(coverage.texels, coverage.face, points, sides, page.face[:, 0], page.barycentric[:, 0])
 
 
 def points_on(

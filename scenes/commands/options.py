@@ -38,6 +38,11 @@ class Overlap(StrEnum):
     refuse = "refuse"
 
 
+class BentSpace(StrEnum):
+    world = "world"
+    tangent = "tangent"
+
+
 class Occlusion(StrEnum):
     none = "none"
     ramp = "ramp"

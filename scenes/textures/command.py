@@ -12,6 +12,7 @@ from warnings import catch_warnings
 from ..commands.bake import BakeCommand
 from ..commands.console import compiling, note, progress, texture_summary, warn
 from ..commands.options import (
+    BentSpace,
     FalloffForm,
     Hidden,
     Method,
@@ -107,6 +108,7 @@ class TextureCommand:
     uv: str | None
     overlap: Overlap | None
     bent_normals: Path | None
+    bent_space: BentSpace | None
     error_map: Path | None
     half: bool
     high: Path | None
@@ -190,6 +192,8 @@ class TextureCommand:
             raise OptionError("uv", "--mesh-output, for the coordinates that unwrap makes", "none")
         if self.half and glb == self.output and len(self._images()) == 1:
             raise OptionError("half", "images that end in .exr or .tif", self.output)
+        if self.bent_space is not None and self.bent_normals is None:
+            raise OptionError("bent_space", "--bent-normals with it", "none")
         if self.cage is not None:
             if self.high is None:
                 raise OptionError("cage", "--high with it", "none")
@@ -274,6 +278,7 @@ class TextureCommand:
                 baked = ao.bake_texture(
                     source.file.mesh, uv, size, falloff, progress=advance, checkpoint=checkpoint, overlap=overlap.value,
                     wrap=wrap, high=source.fine.mesh if source.fine else None, cage=self.cage or CAGE,
+                    bent_space=(self.bent_space or BentSpace.world).value,
                     **self._options(),
                 )  # fmt: skip
             lines = [*(str(warning.message) for warning in raised), *_remarks(baked, images["output"], wrap)]
@@ -297,7 +302,8 @@ class TextureCommand:
         if images["output"] != glb:
             write_w(images["output"], baked, self.half, {"content": "w, 1 = open", "seed": str(self.seed)})
         if "bent_normals" in images:
-            described = {"content": "bent normals in the space of the mesh"}
+            space = "tangent space, +Y up" if self.bent_space is BentSpace.tangent else "the space of the mesh"
+            described = {"content": f"bent normals in {space}"}
             write_normals(images["bent_normals"], baked.bent_normals, self.half, described)
         if "error_map" in images:
             write_error(images["error_map"], baked, self.half, {"content": "standard error of w"})
