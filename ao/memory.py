@@ -12,7 +12,7 @@ _VERTEX, _FACE = 560, 60
 _CORNER = 450
 NEGLIGIBLE = 1 << 20  # bytes; finding out whether so few are available takes longer than baking what needs them
 _SURFACE_VERTEX, _SURFACE_FACE = 72, 660
-_TEXEL = 560
+_TEXEL = 760
 
 
 def vertex_bytes(vertices: int, faces: int, samples: int) -> int:
