@@ -61,7 +61,9 @@ def bake(
         float | None, typer.Option(help="Target RMS error of w; ray counts are chosen to meet it.")
     ] = None,
     reconstruct: Annotated[bool, typer.Option(help="Denoise: shrink estimates towards those of neighbours.")] = True,
-    skip: Annotated[bool, typer.Option(help="Skip rays that provably hit nothing; w is the same.")] = True,
+    traversal: Annotated[
+        choices.Traversal, typer.Option(help="Who traces rays; embree is slower, and checks auto.")
+    ] = choices.Traversal.auto,
     seed: Annotated[int, typer.Option(help="Random seed.")] = 0,
     threads: Threads = None,
     normals: Annotated[

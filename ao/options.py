@@ -41,6 +41,7 @@ def falloff_of(given: Falloff | str | None) -> Falloff:
 Method = Annotated[Literal["vertex", "surface"], Field(description="vertex or surface")]
 Normals = Annotated[Literal["angle", "area", "equal", "file"], Field(description="angle, area, equal or file")]
 Hidden = Annotated[Literal["auto", "ignore", "mark", "fill"], Field(description="auto, ignore, mark or fill")]
+Traversal = Annotated[Literal["auto", "embree"], Field(description="auto or embree")]
 Samples = Annotated[Whole, Field(ge=1, le=MAX_SAMPLES)]
 Threads = Annotated[Whole, Field(ge=1, le=MAX_THREADS)]
 Mask = Annotated[Bools, PlainValidator(np.asarray)]
@@ -64,11 +65,11 @@ class Options(Parameters, kw_only=False, source="options"):
     tolerance: Tolerance | None = None
     reconstruct: bool = True
     hidden: Hidden = "auto"
-    skip: bool = True
+    traversal: Traversal = "auto"
 
     def __post_init__(self) -> None:
         if self.method == "surface":
-            for name in ("tolerance", "reconstruct", "hidden", "skip"):
+            for name in ("tolerance", "reconstruct", "hidden", "traversal"):
                 if getattr(self, name) != getattr(Options, name):
                     raise OptionError(name, "method vertex with it", "method surface")
         if self.tolerance is None:

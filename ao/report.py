@@ -42,7 +42,6 @@ def report(
         **(_of_texture(bake) if isinstance(bake, BakedTexture) else {"vertices": len(bake.w)}),
         "rays": bake.rays,
         "rays_skipped": bake.rays_skipped,
-        "skip_seconds": bake.skip_seconds,
         "seconds": seconds | bake.seconds,
         "rmse_estimate": bake.rmse,
         **(_flags(bake) if isinstance(bake, Bake) else {}),

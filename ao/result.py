@@ -13,7 +13,7 @@ from .falloff import Mu
 from .gather.receivers import Flag
 from .prepared import Prepared
 
-_REASONS = "open", "duplicate", "no_normal", "not_wanted", "below_face", "predicted", "hidden"
+_REASONS = "duplicate", "no_normal", "not_wanted", "below_face", "predicted", "hidden"
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,8 +29,6 @@ class Bake:
         rays: number of rays traced, by an interrupted run too.
         rays_skipped: number of rays not traced, by reason.
         rmse: estimated root mean square of `error` over the vertices asked for.
-        skip_seconds: what finding rays to skip took, by reason, on all threads together; where it is nothing to speak
-            of it is left out.
         seconds: `build` (Embree scene) and `bake` (everything else that makes w).
         mu: the falloff used, in mesh units.
     """
@@ -41,7 +39,6 @@ class Bake:
     flags: UInt8s
     rays: int
     rays_skipped: dict[str, int]
-    skip_seconds: dict[str, float] = field(compare=False)
     rmse: float
     seconds: dict[str, float] = field(compare=False)
     mu: Mu
@@ -62,7 +59,7 @@ class PointValues:
 
     Attributes:
         w: float64 (k,), in [0, 1]. error: float64 (k,), its standard error. bent: float64 (k, 3), mean of μ·direction.
-        samples: rays asked for at a point. rays: rays traced. rays_skipped, skip_seconds: see `Bake`.
+        samples: rays asked for at a point. rays: rays traced. rays_skipped: see `Bake`.
     """
 
     w: Float64s
@@ -71,7 +68,6 @@ class PointValues:
     samples: int
     rays: int
     rays_skipped: dict[str, int]
-    skip_seconds: dict[str, float]
 
 
 def assemble(prepared: Prepared, values: PointValues, seconds: dict[str, float]) -> Bake:
@@ -98,7 +94,6 @@ def assemble(prepared: Prepared, values: PointValues, seconds: dict[str, float])
         flags=flags,
         rays=values.rays,
         rays_skipped={reason: skipped[reason] for reason in _REASONS if reason in skipped},
-        skip_seconds=values.skip_seconds,
         rmse=float(np.sqrt(np.sum(error**2) / max(wanted, 1))),
         seconds=seconds,
         mu=prepared.mu,

@@ -34,5 +34,4 @@ def fit_to_surface(prepared: Prepared) -> PointValues:
         samples=prepared.options.rays,
         rays=int(traced[TRACED]),
         rays_skipped={"below_face": int(traced[BELOW])},
-        skip_seconds={},
     )

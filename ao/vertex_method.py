@@ -17,7 +17,6 @@ from .interior.fill import Fill
 from .interior.inside import Solids, hidden_points, inside_other_parts
 from .prepared import Prepared
 from .result import PointValues
-from .skip.horizon import Horizons
 from .trace.tracer import Tracer
 
 
@@ -52,22 +51,27 @@ def sample_vertices(prepared: Prepared) -> PointValues:
         error=np.sqrt(estimate.variance),
         bent=estimate.rows[:, 1:],
         samples=estimate.samples,
-        rays=tracer.rays - tracer.skipped,
+        rays=tracer.rays,
         rays_skipped={
-            "open": tracer.skipped,
             "predicted": (estimate.samples - estimate.screened) * estimate.predicted,
             "hidden": estimate.samples * int(np.count_nonzero(untraced)),
         },
-        skip_seconds={"open": sum(tracer.horizons.seconds)} if tracer.horizons else {},
     )
 
 
 def _tracer(prepared: Prepared) -> Tracer:
-    receivers, placement = prepared.receivers, prepared.placement
-    horizons = Horizons(placement, receivers, prepared.mu) if prepared.options.skip else None
-    count = len(receivers.points)  # of the whole mesh, so that `only` changes no direction
-    scene, threads = receivers.scene, prepared.threads
-    return Tracer(scene, placement, prepared.mu, threads, count, horizons, prepared.progress, prepared.checkpoint)
+    receivers = prepared.receivers
+    return Tracer(
+        receivers.scene,
+        prepared.placement,
+        receivers.faces,
+        prepared.mu,
+        prepared.threads,
+        total_points=len(receivers.points),  # of the whole mesh, so that `only` changes no direction
+        embree=prepared.options.traversal == "embree",
+        progress=prepared.progress,
+        checkpoint=prepared.checkpoint,
+    )
 
 
 def _inside(prepared: Prepared) -> Bools:

@@ -20,11 +20,11 @@ import numpy as np
 from ao import Binary, Exponential
 from ao.falloff import KernelMu
 from ao.gather.directions import DirectionTable, choose, turned_frame
-from ao.gather.hemisphere import COLUMNS, gather_hemispheres
+from ao.gather.estimate import COLUMNS
+from ao.gather.hemisphere import gather_hemispheres
 from ao.gather.ray_packet import RayPacket
 from ao.gather.receivers import find_receivers
 from ao.report import versions
-from ao.skip.horizon import NO_HORIZONS
 from raytrace.embree.packets import (
     DIR_X,
     DIR_Y,
@@ -103,14 +103,14 @@ def measure(path: Path | None, samples: int, rounds: int) -> dict[str, object]:
     directions = np.empty((count, 3, samples), np.float32)
     world_directions(points.normals, points.numbers, table.directions, table.key, directions)
     threads = thread_count(None)
-    out, traced, hits = np.empty((count, COLUMNS)), np.empty(count, np.uint32), np.empty(count, np.int64)
+    out, hits = np.empty((count, COLUMNS)), np.empty(count, np.int64)
     results: dict[str, object] = {}
     for name, falloff in (("binary", Binary()), ("exponential", Exponential())):
         mu = falloff.resolve(mesh.radius).in_render_space(placement.scale)
 
         def ours(a: int, b: int, mu: KernelMu = mu) -> None:
             packet, some = RayPacket.of(scene), points[a:b].arrays
-            gather_hemispheres(packet, some, table, mu, placement.diagonal, NO_HORIZONS, traced[a:b], out[a:b])
+            gather_hemispheres(packet, some, table, mu, placement.diagonal, out[a:b])
 
         def theirs(a: int, b: int, closest: bool = mu.tau > 0) -> None:
             bare(

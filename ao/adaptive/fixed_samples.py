@@ -12,7 +12,7 @@ from raytrace.types import Int64s
 from ..denoise.one_ring import Neighbours
 from ..denoise.shrinkage import calibration_factor, denoise, distribute_variance, shrunk_to_mean
 from ..gather.corners import Corners
-from ..gather.hemisphere import BATCH_VARIANCE, BENT, VALUES, W
+from ..gather.estimate import BATCH_VARIANCE, BENT, VALUES, W
 from ..gather.points import Points
 from ..trace.tracer import Tracer
 from .ray_budget import sampling_variance

@@ -12,7 +12,7 @@ from raytrace.sampling.hash import mix_array
 from raytrace.types import Bools, Float64s, Int64s
 
 from ..denoise.one_ring import Neighbours
-from ..gather.hemisphere import W
+from ..gather.estimate import W
 from ..gather.points import Points
 from ..trace.tracer import Tracer
 from .ray_budget import Pilots, plan, sampling_variance

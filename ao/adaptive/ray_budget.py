@@ -9,7 +9,7 @@ import numpy as np
 from raytrace.types import Float64s, Int64s
 
 from ..denoise.one_ring import Neighbours
-from ..gather.hemisphere import W
+from ..gather.estimate import W
 from ..gather.points import Points
 from ..trace.tracer import Tracer
 

@@ -15,7 +15,7 @@ from raytrace.types import AnyFloats, Bools, Float64s
 from ..denoise.one_ring import Neighbours
 from ..denoise.shrinkage import distribute_variance, shrunk_to_mean
 from ..denoise.upsampling import coarsened, nearest_baked
-from ..gather.hemisphere import BATCH_VARIANCE, W
+from ..gather.estimate import BATCH_VARIANCE, W
 from ..gather.points import Points
 from ..trace.tracer import Tracer
 from .probes import Probes

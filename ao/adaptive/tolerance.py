@@ -17,7 +17,7 @@ from raytrace.types import Bools, Float64s, Int64s
 from ..denoise.one_ring import Neighbours
 from ..denoise.shrinkage import calibration_factor, denoise
 from ..denoise.upsampling import coarsened, nearest_baked, upsample
-from ..gather.hemisphere import BENT, COLUMNS, VALUES, W
+from ..gather.estimate import BENT, COLUMNS, VALUES, W
 from ..gather.points import Points
 from ..trace.tracer import Tracer
 from .probes import Probes, derive

@@ -21,7 +21,7 @@ from raytrace.kernel.vector import add, cross, dot, load, scale
 from raytrace.types import Float64s
 
 from ..gather.directions import BATCHES
-from ..gather.hemisphere import BATCH_VARIANCE, BENT, W
+from ..gather.estimate import BATCH_VARIANCE, BENT, W
 from ..gather.points import Points
 from .one_ring import Neighbours
 

@@ -2,44 +2,45 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
 
-from raytrace.embree.packets import LANES
+from raytrace.kernel.arrays import aligned
 from raytrace.kernel.jit import inline
+from raytrace.kernel.simd import WIDE
 from raytrace.sampling.hash import mix
 from raytrace.sampling.sequences import jittered_lattice
 from raytrace.sampling.warps import cosine_hemisphere
-from raytrace.types import Float32s, Float64s, UInt8s
+from raytrace.types import Float32s, Float64s, Int64s, UInt8s
 
 BATCHES = 6  # the lattice steps by 6 × golden ratio = .708 within a part, as irrational as one can wish
 _TABLE_POINTS = 1 << 18
 _SHARERS = 64  # points to a set at least; they turn it each its own way
-_TOGETHER = 2 * LANES  # rays that share a part of azimuth in the order of a table
-SECTORS = 16  # of azimuth, in each of which a point has a horizon
-_STEEPEST = 50.0  # slope from which on the sector is uncertain, and rays count as no steeper
+_ROUNDED = 2.0**-20  # of the cosines and sines of cones
 
 
 class DirectionTable(NamedTuple):
     """Sets of directions that the points of a mesh draw from, each turned about its own normal.
 
     Attributes:
-        directions: float32 (sets, 3, samples) about +z, ordered so that the rays of a packet run close together: by
-            sectors of azimuth, then by height; the last is repeated up to a multiple of 8.
+        directions: float32 (sets, 3, padded) about +z, ordered in blocks of sixteen that run close together; the last
+            is repeated up to a multiple of sixteen.
         batches: uint8 (samples,), which of the `BATCHES` interleaved parts of the lattice a direction belongs to;
-            their spread carries the error estimate.
-        mean: float64 (sets, 3), mean direction.
-        sectors: uint8 (sets, samples), slopes: float32 (sets, samples): the part of azimuth that each is in, and
-            z/√(x² + y²).
+            their spread carries the error estimate. batch_sizes: float64 (BATCHES,), how many belong to each.
+        mean: float64 (sets, 3), mean direction. lowest: float32 (sets,), the least z of a direction.
+        cones: float32 (sets, 5, b), cones around the blocks, padded with NaN to a multiple of sixteen: unit axes, then
+            cosines and sines of half angles.
         key: uint32 from which each point draws its set and its turn.
     """
 
     directions: Float32s
     batches: UInt8s
+    batch_sizes: Float64s
     mean: Float64s
-    sectors: UInt8s
-    slopes: Float32s
+    lowest: Float32s
+    cones: Float32s
     key: np.uint32
 
     @property
@@ -50,15 +51,40 @@ class DirectionTable(NamedTuple):
     def make(cls, samples: int, points: int, key: np.uint32) -> DirectionTable:
         """A table for gathering at `points` points: so many sets that making them costs little beside that."""
         sets = min(max(_TABLE_POINTS // samples, 8), max(points // _SHARERS, 8), 256)
-        u, v = jittered_lattice(sets, samples, key)
-        part = np.argsort(np.argsort(v[0])) // _TOGETHER
-        order = np.argsort(part, kind="stable")  # u ascends already
-        u, v = u[:, order], v[:, order]
-        directions = cosine_hemisphere(u, v)
-        padded = np.empty((sets, 3, samples + -samples % LANES), np.float32)
-        padded[:, :, :samples], padded[:, :, samples:] = directions, directions[:, :, -1:]
-        sectors, slopes = (v * SECTORS).astype(np.uint8), np.minimum(np.sqrt(1 / u - 1), _STEEPEST).astype(np.float32)
-        return cls(padded, (order % BATCHES).astype(np.uint8), directions.mean(axis=2), sectors, slopes, key)
+        lattice = cosine_hemisphere(*jittered_lattice(sets, samples, key))
+        order = _in_blocks(*lattice[0, :2])
+        lattice = lattice[:, :, order]
+        directions = aligned((sets, 3, samples + -samples % WIDE), np.float32)
+        directions[:, :, :samples], directions[:, :, samples:] = lattice, lattice[:, :, -1:]
+        batches = (order % BATCHES).astype(np.uint8)
+        sizes = np.bincount(batches, minlength=BATCHES).astype(np.float64)
+        mean, lowest = lattice.mean(axis=2), directions[:, 2].min(axis=1)
+        return cls(directions, batches, sizes, mean, lowest, _cones(directions), key)
+
+
+def _in_blocks(x: Float64s, y: Float64s) -> Int64s:
+    """An order of points of a disk (k,) whose sixteens lie close together: columns along x, cut along y."""
+    blocks = -(-len(x) // WIDE)
+    columns = max(round(np.sqrt(blocks)), 1)
+    order = np.argsort(x, kind="stable")
+    ends = np.rint(np.linspace(0, blocks, columns + 1)).astype(np.int64) * WIDE
+    parts = (order[first:last] for first, last in pairwise(ends))
+    return np.concatenate([part[np.argsort(y[part], kind="stable")] for part in parts])
+
+
+def _cones(directions: Float32s) -> Float32s:
+    """The cones around each sixteen of directions (sets, 3, padded), see `DirectionTable`."""
+    sets, _, padded = directions.shape
+    blocks = directions.reshape(sets, 3, padded // WIDE, WIDE)
+    axes = blocks.mean(axis=3)
+    axes /= np.sqrt(np.sum(axes**2, axis=1, keepdims=True))
+    cosines = np.sum(blocks * axes[..., None], axis=1).min(axis=2)
+    cones = aligned((sets, 5, blocks.shape[2] + -blocks.shape[2] % WIDE), np.float32)
+    cones[:] = np.nan
+    cones[:, :3, : blocks.shape[2]] = axes
+    cones[:, 3, : blocks.shape[2]] = cosines - _ROUNDED
+    cones[:, 4, : blocks.shape[2]] = np.sqrt(np.maximum(1 - cosines**2, 0)) + np.sqrt(2 * _ROUNDED)
+    return cones
 
 
 @inline

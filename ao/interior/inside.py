@@ -81,7 +81,8 @@ def _find_hidden(packet, points, table, solids, reach, hidden):
     """Whether over half of each point's rays end on the back of a face, bool (n,); no more are traced than decide."""
     scene, rays, valid = borrow(packet)
     origins, normals, numbers = borrow(points)
-    directions, _, _, _, _, key = borrow(table)
+    table = borrow(table)
+    directions, key = table.directions, table.key
     of_face, of_point = borrow(solids)
     hidden = borrow(hidden)
     sets, _, samples = directions.shape

@@ -21,9 +21,8 @@ from ..denoise.one_ring import Neighbours
 from ..falloff import Falloff, Length, resolve_length
 from ..gather.receivers import find_receivers
 from ..memory import texture_bytes
-from ..options import Hidden, Normals, Options, falloff_of, mesh_of
+from ..options import Hidden, Normals, Options, Traversal, falloff_of, mesh_of
 from ..prepared import Prepared
-from ..skip.horizon import Horizons
 from ..trace.checkpoint import Checkpoint
 from ..trace.tracer import Progress
 from .adjacency import face_charts, texel_neighbours, texel_sizes
@@ -51,7 +50,7 @@ def bake_texture(
     tolerance: float | None = None,
     reconstruct: bool = True,
     hidden: Hidden = "auto",
-    skip: bool = True,
+    traversal: Traversal = "auto",
     checkpoint: Checkpoint | None = None,
     overlap: Overlap = "mean",
     wrap: bool = True,
@@ -66,7 +65,7 @@ def bake_texture(
     the face. Where points of a texel are inside of solids, the others stand for it.
 
     Args:
-        mesh, falloff, seed, threads, normals, progress, skip, checkpoint: as `ao.bake` has them.
+        mesh, falloff, seed, threads, normals, progress, traversal, checkpoint: as `ao.bake` has them.
         uv: texture coordinates, v upwards: (n, 2) by vertex or (m, 3, 2) by face and corner.
         size: texels across and down, one number for a square; 1 to 16384.
         samples: rays a texel, 1 to 2²⁰, by default 256; with a tolerance the most, by default 2¹⁴.
@@ -94,7 +93,7 @@ def bake_texture(
         ToleranceWarning: the `tolerance` is not met.
     """
     options = Options(
-        "vertex", falloff_of(falloff), samples, seed, threads, normals, None, tolerance, reconstruct, hidden, skip
+        "vertex", falloff_of(falloff), samples, seed, threads, normals, None, tolerance, reconstruct, hidden, traversal
     )
     if hidden == "mark":
         raise OptionError("hidden", "auto, ignore or fill for a texture", "mark")
@@ -142,9 +141,17 @@ def bake_texture(
         digest.update(texels.points.normals.data)
         kind = "texture", options.rays, tolerance, reconstruct, options.seed, normals, digest.hexdigest()
         checkpoint.begin(placement, receivers, mu, *kind)
-    horizons = Horizons(placement, receivers, mu) if skip else None
     tracer = TexelTracer(
-        receivers.scene, placement, mu, count, SLOTS * len(texels), horizons, progress, checkpoint, texels=texels
+        receivers.scene,
+        placement,
+        receivers.faces,
+        mu,
+        count,
+        total_points=SLOTS * len(texels),
+        embree=traversal == "embree",
+        progress=progress,
+        checkpoint=checkpoint,
+        texels=texels,
     )
     points = texels.first_points
     neighbours = None
@@ -164,9 +171,8 @@ def bake_texture(
         error=pages.error,
         bent_normals=pages.bent_normals,
         covered=pages.covered,
-        rays=tracer.rays - tracer.skipped,
+        rays=tracer.rays,
         rays_skipped={
-            "open": tracer.skipped,
             "predicted": (estimate.samples - estimate.screened) * estimate.predicted,
             "hidden": estimate.samples * filled,
         },
@@ -175,7 +181,6 @@ def bake_texture(
             covered, overlapping, filled, missed, layout.mirrored, layout.flat, layout.outside, seams.edges, pages.jump,
             pages.jump_before,
         ),
-        skip_seconds={"open": sum(horizons.seconds)} if horizons else {},
         seconds={"build": build, "bake": time.perf_counter() - start - build},
         mu=mu,
     )  # fmt: skip

@@ -12,7 +12,7 @@ from raytrace.kernel.borrow import borrow
 from raytrace.kernel.jit import kernel
 
 from ..gather.directions import choose, turned_frame
-from ..gather.hemisphere import BATCH_VARIANCE, BENT, COLUMNS, W
+from ..gather.estimate import BATCH_VARIANCE, BENT, COLUMNS, W
 
 _NOTHING = 1e-9  # of the rays lost: rounding
 
@@ -24,17 +24,16 @@ def leave_out_below(points, sides, table, out):
     Args:
         points: PointArrays. table: DirectionTable by which they were gathered.
         sides: float32 (n, 3), unit normals of the faces, on the side of the hemispheres.
-        out: float64 (n, COLUMNS), of `gather_hemispheres`, changed in place.
+        out: float64 (n, COLUMNS), of `Tracer.gather`, changed in place.
     """
     _, normals, numbers = borrow(points)
-    directions, batches, _, _, _, key = borrow(table)
-    sides, out = borrow(sides), borrow(out)
-    sets, samples = len(directions), len(batches)
+    table, sides, out = borrow(table), borrow(sides), borrow(out)
+    directions, samples = table.directions, len(table.batches)
     for i in range(len(normals)):
         n, side = normals[i], sides[i]
         if n[0] == side[0] and n[1] == side[1] and n[2] == side[2]:
             continue
-        chosen, turn = choose(numbers[i], key, sets)
+        chosen, turn = choose(numbers[i], table.key, len(directions))
         t, b = turned_frame(n, turn)
         x = t[0] * side[0] + t[1] * side[1] + t[2] * side[2]
         y = b[0] * side[0] + b[1] * side[1] + b[2] * side[2]

@@ -55,7 +55,7 @@ class BakedTexture:
         rays: number of rays traced, by an interrupted run too. rays_skipped: not traced, by reason.
         rmse: estimated root mean square of `error` over the covered texels.
         facts: of the texture coordinates and seams.
-        skip_seconds, seconds, mu: as `ao.Bake` has them.
+        seconds, mu: as `ao.Bake` has them.
     """
 
     w: Float32s
@@ -66,7 +66,6 @@ class BakedTexture:
     rays_skipped: dict[str, int]
     rmse: float
     facts: TextureFacts
-    skip_seconds: dict[str, float] = field(compare=False)
     seconds: dict[str, float] = field(compare=False)
     mu: Mu
 

@@ -17,7 +17,7 @@ from raytrace.system.threads import run_blocks
 from raytrace.types import Bools, Float32s, Float64s, Int32s, Int64s
 
 from ..gather.directions import DirectionTable
-from ..gather.hemisphere import COLUMNS
+from ..gather.estimate import COLUMNS
 from ..gather.morton import morton_order
 from ..gather.points import Points
 from ..gather.receivers import Receivers

@@ -4,24 +4,30 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
 from raytrace.embree.scene import TriangleScene
 from raytrace.mesh.placement import Placement
 from raytrace.system.threads import run_blocks
-from raytrace.types import Float64s
+from raytrace.types import Float64s, Int64s
 
 from ..falloff import Mu
 from ..gather.directions import DirectionTable
-from ..gather.hemisphere import COLUMNS, gather_hemispheres
+from ..gather.estimate import COLUMNS
+from ..gather.hemisphere import gather_hemispheres
 from ..gather.points import Points
 from ..gather.ray_packet import RayPacket
-from ..skip.horizon import NO_HORIZONS, Horizons
+from ..stream.bvh16 import BVH16
+from ..stream.gather_streams import gather_streams
+from ..stream.rays import Rays
+from ..stream.walk import Walk
 from .checkpoint import Checkpoint
 
 _BLOCK_RAYS, _LEAST_RAYS = 1 << 19, 1 << 13  # of a block of work
 _BLOCKS = 32  # at least, if they are not too small: for threads to share evenly
+_STREAM = 16  # rays of a point from which on one walk for all of them is faster than Embree's packets
 
 Progress = Callable[[int, int], None]
 
@@ -31,52 +37,65 @@ class Tracer:
     """A scene in which hemispheres are gathered.
 
     Attributes:
-        scene, placement: the mesh in Embree and where it is. mu: the falloff, in mesh units. threads: how many.
-        total_points: how many points the whole mesh has, wanted or not.
-        horizons: finds rays that need no tracing, or None.
+        scene, placement: the mesh in Embree and where it is. faces: int64 (m, 3), those in the scene.
+        mu: the falloff, in mesh units. threads: how many. total_points: how many points the whole mesh has, wanted or
+            not. embree: whether Embree traces all rays.
         progress: called with (rays traced, rays expected in all). checkpoint: keeps traced rows, or None.
-        expected: rays expected in all, 0 while none are planned. later: besides, of corners. rays: rays asked
-            for. skipped: those of them that were not traced, now or by the run whose rows were copied.
+        expected: rays expected in all, 0 while none are planned. later: besides, of corners. rays: rays traced.
     """
 
     scene: TriangleScene
     placement: Placement
+    faces: Int64s
     mu: Mu
     threads: int
     total_points: int
-    horizons: Horizons | None = None
+    embree: bool = False
     progress: Progress | None = None
     checkpoint: Checkpoint | None = None
     expected: int = 0
     later: int = 0
     rays: int = 0
-    skipped: int = 0
     _last: DirectionTable | None = None
 
     def gather(self, points: Points, samples: int, key: np.uint32) -> Float64s:
         """Rows (k, COLUMNS) of `gather_hemispheres`: of `points`, by `samples` rays each, directions drawn by `key`."""
-        table = self._table(samples, key)
-        out, traced = np.empty((len(points), COLUMNS)), np.empty(len(points), np.uint32)
-        mu = self.mu.in_render_space(self.placement.scale)
-        reach = min(mu.limit, self.placement.diagonal)
-        horizons = self.horizons if self.horizons and self.horizons.pay(points, table) else None
+        out = np.empty((len(points), COLUMNS))
+        gather = self._gatherer(self._table(samples, key))
         checkpoint = self.checkpoint
         call = checkpoint.call(points.numbers, samples, key) if checkpoint else b""
 
         def work(first: int, last: int) -> None:
-            if checkpoint and checkpoint.copy(call, first, out[first:last], traced[first:last]):
+            if checkpoint and checkpoint.copy(call, first, out[first:last]):
                 return
-            some = points[first:last]
-            slopes = horizons.above(some, table) if horizons else NO_HORIZONS
-            packet = RayPacket.of(self.scene)
-            gather_hemispheres(packet, some.arrays, table, mu, reach, slopes, traced[first:last], out[first:last])
+            gather(points[first:last], out[first:last])
             if checkpoint:
-                checkpoint.add(call, first, out[first:last], traced[first:last])
+                checkpoint.add(call, first, out[first:last])
 
         rays = min(max(len(points) * samples // _BLOCKS, _LEAST_RAYS), _BLOCK_RAYS)  # whatever the number of threads
         run_blocks(len(out), max(rays // samples, 1), work, self.threads, lambda n: self._advance(n * samples))
-        self.skipped += len(points) * samples - int(np.sum(traced, dtype=np.int64))
         return out
+
+    def _gatherer(self, table: DirectionTable) -> Callable[[Points, Float64s], None]:
+        """A function that writes the rows of points, to be called from any thread."""
+        mu = self.mu.in_render_space(self.placement.scale)
+        reach = min(mu.limit, self.placement.diagonal)
+        if self.embree or table.samples < _STREAM:
+
+            def by_packets(points: Points, out: Float64s) -> None:
+                gather_hemispheres(RayPacket.of(self.scene), points.arrays, table, mu, reach, out)
+
+            return by_packets
+        tree = self._tree
+
+        def by_streams(points: Points, out: Float64s) -> None:
+            gather_streams(tree, Rays.of(table), Walk.of(tree), points.arrays, table, mu, reach, out)
+
+        return by_streams
+
+    @cached_property
+    def _tree(self) -> BVH16:
+        return BVH16.of(self.placement.vertices, self.faces)
 
     def _table(self, samples: int, key: np.uint32) -> DirectionTable:
         """The last table again if it is the same."""

@@ -180,3 +180,25 @@ single = _convert(SINGLE, lambda b, x, to: b.fptrunc(x, to))
 double = _convert(
     DOUBLE, lambda b, x, to: b.sitofp(x, to) if isinstance(x.type.element, ir.IntType) else b.fpext(x, to)
 )
+
+
+@intrinsic
+def multiply_add(_typing: Any, a: Any, b: Any, c: Any) -> Any:
+    """a b + c of lanes of float32, scalars repeated; rounded once where the processor can (FMA)."""
+
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        given = zip(arguments, signature.args, strict=True)
+        return _each(builder, "llvm.fmuladd", [widened(context, builder, x, kind, SINGLE) for x, kind in given])
+
+    return SINGLE(a, b, c), generate
+
+
+@intrinsic
+def reciprocal_root(_typing: Any, a: Any) -> Any:
+    """1/√a of lanes of float32 above 0, to about 2⁻²⁰: by the processor's estimate and a step of Newton's method."""
+
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        one = widened(context, builder, ir.Constant(ir.FloatType(), 1.0), types.float32, SINGLE)
+        return builder.fdiv(one, _each(builder, "llvm.sqrt", arguments), flags=("arcp", "contract", "reassoc"))
+
+    return SINGLE(a), generate

@@ -53,6 +53,22 @@ def first(_typing: Any, mask: Any) -> Any:
 
 
 @intrinsic
+def bits(_typing: Any, mask: Any) -> Any:
+    """The lanes that are set, as the lowest bits of an int64."""
+
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        return builder.zext(_bits(builder, arguments[0]), ir.IntType(64))
+
+    return types.int64(mask), generate
+
+
+@intrinsic
+def lowest_bit(_typing: Any, number: Any) -> Any:
+    """The place of the lowest bit that is set in an int64 that is not 0, int64."""
+    return types.int64(types.int64), lambda _, builder, __, arguments: builder.cttz(arguments[0], ir.IntType(1)(0))
+
+
+@intrinsic
 def pick(_typing: Any, a: Any, lane: Any) -> Any:
     """One lane's value."""
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 from warnings import catch_warnings
 
 from .console import bake_summary, compiling, note, progress, warn
-from .options import FalloffForm, Hidden, Method, NormalsFrom, Occlusion, Up, make_falloff, named, plain
+from .options import FalloffForm, Hidden, Method, NormalsFrom, Occlusion, Traversal, Up, make_falloff, named, plain
 
 if TYPE_CHECKING:
     import ao
@@ -33,7 +33,7 @@ class BakeCommand:
     samples: int | None
     tolerance: float | None
     reconstruct: bool
-    skip: bool
+    traversal: Traversal
     seed: int
     threads: int | None
     normals: NormalsFrom
@@ -118,14 +118,14 @@ class BakeCommand:
 
     def _options(self) -> dict[str, Any]:
         """The options that `ao.bake` takes."""
-        names = ("method", "samples", "seed", "threads", "normals", "tolerance", "reconstruct", "hidden", "skip")
+        names = ("method", "samples", "seed", "threads", "normals", "tolerance", "reconstruct", "hidden", "traversal")
         return {name: plain(getattr(self, name)) for name in names}
 
     def _bake(self, mesh: Mesh, falloff: ao.Falloff, checkpoint: Checkpoint) -> tuple[ao.Bake, list[str]]:
         """The bake, and warnings that a tolerance was not met."""
         import ao
 
-        kernels = "hemisphere" if self.method is Method.vertex else "face_moments"
+        kernels = "gather_streams" if self.method is Method.vertex else "face_moments"
         unmet = catch_warnings(record=True, action="always", category=ao.ToleranceWarning)
         with progress(self.quiet, "rays") as (advance,), compiling(kernels), unmet as raised:
             baked = ao.bake(mesh, falloff, progress=advance, checkpoint=checkpoint, **self._options())

@@ -114,7 +114,7 @@ def bench_file(
         check_outputs({"--report": report}, [path] if path else [])
     Options(seed=seed, threads=threads)
     mesh = temple(_FINENESS) if path is None else load(path).mesh
-    with compiling("hemisphere"):
+    with compiling("gather_streams"):
         rows = run_bench(mesh, falloff, seed=seed, threads=threads)
     print(f"{mesh.source}: {len(mesh.vertices):,} vertices, {len(mesh.faces):,} faces")
     print(bench_table(rows))

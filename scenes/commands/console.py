@@ -141,10 +141,8 @@ def bake_summary(baked: ao.Bake, target: Path) -> str:
     """The line after a bake: file, vertices, rays, time, estimated error; and a second one of flagged vertices."""
     from raytrace.errors import printable
 
-    skipped = baked.rays_skipped.get("open", 0)
-    rays = f"{baked.rays:,} rays traced{f', {skipped:,} skipped as provably unoccluded,' if skipped else ''}"
     took = f"in {baked.seconds['bake']:.2f} s, estimated RMSE {baked.rmse:.4f}"
-    text = f"{printable(str(target))}: {len(baked.w):,} vertices, {rays} {took}"
+    text = f"{printable(str(target))}: {len(baked.w):,} vertices, {baked.rays:,} rays traced {took}"
     flagged = ", ".join(f"{count} {name}" for name, count in baked.flagged.items() if count)
     return f"{text}\nflagged vertices: {flagged}" if flagged else text
 

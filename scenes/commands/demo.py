@@ -42,7 +42,7 @@ def make_demo(folder: Path, quiet: bool = False) -> None:
     """
     mesh_target, image_target = targets(folder)
     mesh = temple()
-    with progress(quiet, "rays") as (advance,), compiling("hemisphere"):
+    with progress(quiet, "rays") as (advance,), compiling("gather_streams"):
         baked = ao.bake(mesh, progress=advance)
     write(mesh_target, baked, MeshFile.of(mesh))
     white = Object(Shape(mesh, Lambert(albedo=(1, 1, 1))), w=baked.w)

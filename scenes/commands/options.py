@@ -15,6 +15,11 @@ if TYPE_CHECKING:
 VALIDATION_SAMPLES = 4096  # rays per vertex of `obscurance validate`, unless given
 
 
+class Traversal(StrEnum):
+    auto = "auto"
+    embree = "embree"
+
+
 class Method(StrEnum):
     vertex = "vertex"
     surface = "surface"

@@ -42,7 +42,7 @@ def validate_closed_forms(samples: int, seed: int, threads: int | None) -> bool:
     from ..validation.table import run_validation, validation_table
 
     Options(samples=samples, seed=seed, threads=threads)
-    with compiling("hemisphere"):
+    with compiling("gather_streams"):
         results = run_validation(samples=samples, seed=seed, threads=threads)
     print(validation_table(results))
     return all(result.ok for result in results)
@@ -56,7 +56,7 @@ def validate_stress(threads: int | None, long: bool) -> bool:
     from ..stress.suite import run_stress
 
     Options(threads=threads)
-    with compiling("hemisphere"), progress(False, "groups") as (advance,):
+    with compiling("gather_streams"), progress(False, "groups") as (advance,):
         lines = run_stress(long, threads, advance)
     print(stress_table(lines))
     return all(line.ok for line in lines)
@@ -98,7 +98,7 @@ def validate_generated(
     chosen = [case for case in cases if not wanted or case.family in wanted]
     outcomes = []
     print(verdict.HEAD)
-    with compiling("hemisphere"):
+    with compiling("gather_streams"):
         for outcome in suite.run_generated(chosen, samples=samples, threads=threads, given=given):
             outcomes.append(outcome)
             print(verdict.outcome_row(outcome), flush=True)

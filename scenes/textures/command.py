@@ -19,6 +19,7 @@ from ..commands.options import (
     NormalsFrom,
     Occlusion,
     Overlap,
+    Traversal,
     make_falloff,
     parse_texels,
     plain,
@@ -93,7 +94,7 @@ class TextureCommand:
     samples: int | None
     tolerance: float | None
     reconstruct: bool
-    skip: bool
+    traversal: Traversal
     seed: int
     threads: int | None
     normals: NormalsFrom
@@ -210,7 +211,7 @@ class TextureCommand:
 
     def _options(self) -> dict[str, Any]:
         """The options that `ao.bake_texture` takes."""
-        names = ("samples", "seed", "threads", "normals", "tolerance", "reconstruct", "hidden", "skip")
+        names = ("samples", "seed", "threads", "normals", "tolerance", "reconstruct", "hidden", "traversal")
         return {name: plain(getattr(self, name)) for name in names}
 
     def _glb(self) -> Path | None:

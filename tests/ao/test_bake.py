@@ -48,7 +48,7 @@ def test_rays_are_counted():
     baked = ao.bake(soup, ao.Binary(), samples=10, progress=lambda done, total: told.append((done, total)))
     points, calibration = len(sphere.vertices), 128
     assert baked.rays == 10 * (points + calibration)
-    skipped = dict.fromkeys(("open", "no_normal", "not_wanted", "predicted", "hidden"), 0)
+    skipped = dict.fromkeys(("no_normal", "not_wanted", "predicted", "hidden"), 0)
     skipped["duplicate"] = 10 * (len(soup.vertices) - points)
     assert baked.rays_skipped == skipped
     assert told[-1] == (baked.rays, baked.rays)
@@ -139,7 +139,9 @@ def test_arguments_out_of_range_are_named(colonnade, field, value):
         ao.bake(colonnade, **{field: value})
 
 
-@pytest.mark.parametrize("option", [{"tolerance": 0.1}, {"reconstruct": False}, {"hidden": "fill"}, {"skip": False}])
+@pytest.mark.parametrize(
+    "option", [{"tolerance": 0.1}, {"reconstruct": False}, {"hidden": "fill"}, {"traversal": "embree"}]
+)
 def test_the_surface_method_refuses_options_of_the_vertex_method(colonnade, option):
     (name,) = option
     with pytest.raises(OptionError, match=f"{name}: expected method vertex with it, got method surface"):

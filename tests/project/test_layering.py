@@ -12,7 +12,7 @@ ORDER = [
     *("raytrace.sampling", "raytrace.embree", "raytrace.mesh", "raytrace.ray_origins", "raytrace.image"),
     *("raytrace.lights", "raytrace.brdf", "raytrace.materials", "raytrace.camera", "raytrace.scene"),
     *("raytrace.shade", "raytrace.renderer"),
-    *("ao.falloff", "ao.options", "ao.memory", "ao.gather", "ao.skip", "ao.trace", "ao.denoise", "ao.interior"),
+    *("ao.falloff", "ao.options", "ao.memory", "ao.gather", "ao.stream", "ao.trace", "ao.denoise", "ao.interior"),
     *("ao.prepared", "ao.adaptive", "ao.least_squares", "ao.result", "ao.vertex_method", "ao.surface_method"),
     *("ao.texture", "ao.baking", "ao.report", "ao.analytic"),
     *("scenes.field_errors", "scenes.safe_paths", "scenes.geometry", "scenes.gltf", "scenes.readers"),

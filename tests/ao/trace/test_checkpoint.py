@@ -50,7 +50,11 @@ def path(tmp_path):
 def traced(monkeypatch):
     """The number of rows or faces that were traced rather than copied."""
     count = [0]
-    for module, name in ((ao.trace.tracer, "gather_hemispheres"), (ao.least_squares.patch, "gather_faces")):
+    for module, name in (
+        (ao.trace.tracer, "gather_hemispheres"),
+        (ao.trace.tracer, "gather_streams"),
+        (ao.least_squares.patch, "gather_faces"),
+    ):
 
         def counted(*arguments, gather=getattr(module, name)):
             count[0] += len(arguments[-1])

@@ -1,1 +1,0 @@
-"""Conservative horizons: rays that cannot hit anything are counted without tracing."""

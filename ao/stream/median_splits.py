@@ -1,0 +1,110 @@
+"""Triangles ordered so that every sixteen, and every sixteen of these, lie close together: median splits of centroids.
+
+A node takes its children from the halves of halves of its triangles, each cut across the longest side of the box around
+their centroids, as in a k-d tree (Bentley 1975, Multidimensional Binary Search Trees Used for Associative Searching).
+All nodes but the last of a level are full, so that a tree needs no links.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from raytrace.kernel.jit import inline, kernel
+from raytrace.kernel.simd import WIDE
+from raytrace.kernel.vector import load_triangle
+from raytrace.system.threads import run_blocks, thread_count
+from raytrace.types import Float32s, Int64s
+
+_LEAST, _PARTS = 1 << 12, 16  # triangles of a part that one thread orders, and how many parts there are at least
+_STACK = 1 << 7
+
+
+def median_order(vertices: Float32s, faces: Int64s) -> Int64s:
+    """The order (m,) of `faces` (m, 3) of `vertices` (n, 3)."""
+    centroids, order = np.empty((len(faces), 3), np.float32), np.arange(len(faces))
+    threads = thread_count(None)
+
+    def measure(first: int, last: int) -> None:
+        _find_centroids(vertices, faces[first:last], centroids[first:last])
+
+    run_blocks(len(faces), _LEAST, measure, threads)
+    ends = np.empty(4 * _PARTS * WIDE, np.int64)
+    parts = _split(centroids, order, 0, len(faces), max(_LEAST, len(faces) // _PARTS), ends)
+    bounds = np.append(0, ends[:parts])
+
+    def order_part(first: int, last: int) -> None:
+        for part in range(first, last):
+            _split(centroids, order, bounds[part], bounds[part + 1], WIDE, ends[:0])
+
+    run_blocks(parts, 1, order_part, threads)
+    return order
+
+
+@kernel
+def _find_centroids(vertices, faces, out):
+    """Write three times the centroid of each face."""
+    for f in range(len(faces)):
+        a, b, c = load_triangle(vertices, faces, f)
+        for axis in range(3):
+            out[f, axis] = a[axis] + b[axis] + c[axis]
+
+
+@kernel
+def _split(centroids, order, first, last, most, ends):
+    """Reorder order[first:last] until parts have at most `most` triangles; their ends go to `ends`, if it has room."""
+    firsts, lasts = np.empty(_STACK, np.int64), np.empty(_STACK, np.int64)
+    firsts[0], lasts[0] = first, last
+    waiting, parts = 1, 0
+    while waiting > 0:
+        waiting -= 1
+        first, last = firsts[waiting], lasts[waiting]
+        if last - first <= most:
+            if len(ends):
+                ends[parts] = last
+            parts += 1
+            continue
+        child = WIDE
+        while child * WIDE < last - first:
+            child *= WIDE
+        middle = first + (last - first + child - 1) // child // 2 * child
+        _partition(centroids, order, first, last, middle, _longest_axis(centroids, order, first, last))
+        firsts[waiting], lasts[waiting] = middle, last
+        firsts[waiting + 1], lasts[waiting + 1] = first, middle
+        waiting += 2
+    return parts
+
+
+@inline
+def _longest_axis(centroids, order, first, last):
+    """The axis along which the centroids of a part extend farthest."""
+    low, high = np.full(3, np.inf, np.float32), np.full(3, -np.inf, np.float32)
+    for k in range(first, last):
+        for axis in range(3):
+            x = centroids[order[k], axis]
+            low[axis], high[axis] = min(low[axis], x), max(high[axis], x)
+    return np.argmax(high - low)
+
+
+@inline
+def _partition(centroids, order, first, last, middle, axis):
+    """Reorder a part so that none before `middle` lies behind any after it (quickselect, Hoare 1961)."""
+    low, high = first, last - 1
+    while low < high:
+        a, b, c = centroids[order[low], axis], centroids[order[high], axis], centroids[order[(low + high) // 2], axis]
+        pivot = max(min(a, b), min(max(a, b), c))
+        i, j = low, high
+        while i <= j:
+            while centroids[order[i], axis] < pivot:
+                i += 1
+            while centroids[order[j], axis] > pivot:
+                j -= 1
+            if i <= j:
+                order[i], order[j] = order[j], order[i]
+                i += 1
+                j -= 1
+        if middle <= j:
+            high = j
+        elif middle >= i:
+            low = i
+        else:
+            break
