@@ -138,7 +138,7 @@ def bake(
     half: Annotated[bool, typer.Option("--half", help="Texture: 16-bit floats in .exr and .tif.")] = False,
     quiet: Quiet = False,
 ) -> None:
-    """Bake ambient occlusion or obscurance at the vertices of a mesh, or into a texture."""
+    """Bake ambient occlusion or obscurance to vertices or a texture."""
     options = locals()
     from scenes.textures.command import bake_command
 

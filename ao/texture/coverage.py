@@ -25,6 +25,7 @@ _GRID = np.array([[0.375, 0.125], [0.625, 0.875], [0.125, 0.625], [0.875, 0.375]
 _FINE = 8  # points across and down of texels that are not whole
 _WITHIN = np.array([0.125, 0.625, 0.375, 0.875])  # where to take one from each quarter of them
 _FINE_TEXELS = 1 << 14  # together
+_TURNS = np.array([0, 2, 3, 1])  # of slots, so that the first two take different ones of two faces
 _HIGHEST = 0.5  # triangles lie at heights up to this, so that one ray can meet those below
 _STEP = 2.0**-22
 _ABOVE = 1.0
@@ -80,7 +81,9 @@ def _cover_band(
     triangle, barycentric, overlapped = _first_hits(scene, places, step, threads)
     if overlap == "mean" and overlapped.any():
         rows = np.flatnonzero(overlapped)
-        triangle[rows], barycentric[rows] = _taken_in_turn(scene, places[rows], rows % SLOTS, step, threads)
+        triangle[rows], barycentric[rows] = _taken_in_turn(
+            scene, places[rows], rows % SLOTS, texels[rows // SLOTS], step, threads
+        )
     triangle, barycentric = triangle.reshape(-1, SLOTS), barycentric.reshape(-1, SLOTS, 3)
     hit = triangle >= 0
     missed = np.flatnonzero(~hit.any(axis=1))
@@ -159,9 +162,9 @@ def _first_hits(scene: TriangleScene, places: Float64s, step: float, threads: in
 
 
 def _taken_in_turn(
-    scene: TriangleScene, places: Float64s, slots: Int64s, step: float, threads: int
+    scene: TriangleScene, places: Float64s, slots: Int64s, texels: Int64s, step: float, threads: int
 ) -> tuple[Int64s, Float32s]:
-    """One of all triangles over one another at each of the `places` (k, 2), by turns: the `slots` (k,) of texels."""
+    """One of all triangles over one another at each of the `places` (k, 2), in `slots` (k,) of `texels` (k,) by turns."""
     height, faces, barycentrics = np.full(len(places), _ABOVE), [], []
     for _ in range(_LAYERS):
         hits = intersect(scene, _at_height(places, height), [[0.0, 0.0, -1.0]], np.inf, threads)
@@ -174,7 +177,7 @@ def _taken_in_turn(
     layers, weights = np.stack(faces, axis=1), np.stack(barycentrics, axis=1)
     count = (layers >= 0).sum(axis=1)
     order = np.argsort(layers < 0, axis=1, kind="stable")
-    chosen = order[np.arange(len(places)), slots * count // SLOTS]
+    chosen = order[np.arange(len(places)), (_TURNS[slots] * count // SLOTS + texels) % count]
     return layers[np.arange(len(places)), chosen], weights[np.arange(len(places)), chosen]
 
 

@@ -29,6 +29,7 @@ from .below_face import leave_out_below
 from .coverage import SLOTS, Coverage, refill
 
 _LEAST_COSINE = 0.2  # between an interpolated normal and its face's; the face's stands for others
+_ENOUGH = 128  # rays of a point, from which more points are worth more than more rays
 _PLACED = 1 << 18  # points whose origins are found together
 _GATHERED = 1 << 16  # texels
 _BLOCK = 1 << 13
@@ -201,7 +202,7 @@ class TexelTracer(Tracer):
     def gather(self, points: Points, samples: int, key: np.uint32) -> Float64s:
         """Rows (k, COLUMNS) of texels, by `samples` rays each or a few more."""
         assert self.texels is not None
-        slots = int(np.clip(samples // LANES, 1, SLOTS))
+        slots = int(np.clip(samples // _ENOUGH, min(samples // LANES, 2), SLOTS)) or 1
         rays = -(-samples // slots)
         out = np.empty((len(points), COLUMNS))
         table = DirectionTable.make(rays, self.total_points, key)

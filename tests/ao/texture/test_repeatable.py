@@ -75,4 +75,4 @@ def test_a_journal_of_another_page_is_refused(scene, tmp_path):
 
 def test_by_embree_alone_w_is_the_same(scene):
     one, other = (ao.bake_texture(*scene, **OPTIONS, traversal=traversal).w for traversal in ("auto", "embree"))
-    assert np.abs(one - other).max() < 1e-4
+    assert np.abs(one - other).max() < 1e-3

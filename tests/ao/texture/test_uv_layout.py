@@ -6,7 +6,7 @@ from uv_meshes import quads, rectangle, square
 
 import ao
 from ao.texture.uv_layout import UVLayout, page_size, texels_across
-from raytrace import MeshError, OptionError
+from raytrace import MemoryLimitError, MeshError, OptionError
 
 CORNERS = [(0.2, 0.2), (0.7, 0.2), (0.2, 0.7)]
 
@@ -150,3 +150,10 @@ def test_overlaps_are_refused_when_asked():
     below, above = (ao.bake_texture(mesh, uv, 8, ao.Binary(), samples=64, overlap=how) for how in ("first", "mean"))
     assert below.facts.overlapping == above.facts.overlapping == 64
     assert below.w.mean() < above.w.mean() - 0.05  # the lower sheet alone, and the mean with the open upper one
+
+
+def test_more_texels_than_memory_holds(monkeypatch):
+    monkeypatch.setattr("raytrace.system.memory.available", lambda: 1 << 30)
+    mesh, uv = quads((rectangle((0, 0, 0), (1, 0, 0), (0, 1, 0)), square(0, 0, 1, 1)))
+    with pytest.raises(MemoryLimitError, match=r"about 47.5 GiB to bake 67,108,864 texels of 2 faces"):
+        ao.bake_texture(mesh, uv, 8192)
