@@ -63,8 +63,8 @@ def bake(
             of the nearest that are not. "ignore": both sides of faces are surface. "mark": faces bound solids, and
             vertices that mostly see backs, being inside one, are flagged. "fill": besides, they are filled. Vertex
             method only.
-        traversal: "auto": 16 and more rays of a vertex are traced together, through a hierarchy of our own; "embree":
-            all rays by Embree, up to ten times slower, as a check. Vertex method only.
+        traversal: "auto": the rays of a vertex walk a hierarchy of our own together; "embree": in packets through
+            Embree, up to ten times slower, as a check. Vertex method only.
         checkpoint: keeps what is traced, and is asked for what an interrupted run traced; the bits are the same.
         method: "vertex" estimates w at each vertex; "surface" fits the values whose interpolation is nearest to w all
             over the faces (Kavan, Bargteil & Sloan 2011, Least Squares Vertex Baking).
@@ -89,7 +89,7 @@ def bake(
     start = time.perf_counter()
     prepared = Prepared.of(mesh, mu, options, progress, checkpoint)
     values = _METHODS[method](prepared)
-    build = prepared.receivers.scene.seconds
+    build = prepared.receivers.tree_seconds
     baked = assemble(prepared, values, {"build": build, "bake": time.perf_counter() - start - build})
     if tolerance is not None and baked.rmse > tolerance:
         reason = f": {options.rays:,} rays a vertex were allowed" if values.samples >= options.rays else ""

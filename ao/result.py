@@ -29,7 +29,7 @@ class Bake:
         rays: number of rays traced, by an interrupted run too.
         rays_skipped: number of rays not traced, by reason.
         rmse: estimated root mean square of `error` over the vertices asked for.
-        seconds: `build` (Embree scene) and `bake` (everything else that makes w).
+        seconds: `build` (the hierarchy over the faces) and `bake` (everything else that makes w).
         mu: the falloff used, in mesh units.
     """
 

@@ -21,7 +21,7 @@ def fit_to_surface(prepared: Prepared) -> PointValues:
     moments, counts = gather_moments(prepared, patch)
     reveal_interiors(patch, moments, counts)
     traced = counts.sum(axis=0)
-    receivers.scene.release()
+    receivers.embree().release()
     problem, trial = build_problems(patch, moments, prepared.threads)
     del patch, moments, counts
     checkpoint = prepared.checkpoint

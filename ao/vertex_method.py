@@ -62,13 +62,12 @@ def sample_vertices(prepared: Prepared) -> PointValues:
 def _tracer(prepared: Prepared) -> Tracer:
     receivers = prepared.receivers
     return Tracer(
-        receivers.scene,
+        receivers.embree if prepared.options.traversal == "embree" else None,
+        receivers.tree,
         prepared.placement,
-        receivers.faces,
         prepared.mu,
         prepared.threads,
         total_points=len(receivers.points),  # of the whole mesh, so that `only` changes no direction
-        embree=prepared.options.traversal == "embree",
         progress=prepared.progress,
         checkpoint=prepared.checkpoint,
     )
@@ -84,7 +83,7 @@ def _inside(prepared: Prepared) -> Bools:
     if hidden == "auto":
         return inside_other_parts(receivers, vertices, reach, total, threads)
     any_back = Solids(np.zeros(len(receivers.faces), np.int64), np.full(count, -1))
-    return hidden_points(receivers.scene, receivers.points, any_back, reach, total, threads)
+    return hidden_points(receivers.embree(), receivers.points, any_back, reach, total, threads)
 
 
 def _neighbours(receivers: Receivers, threads: int) -> Neighbours:

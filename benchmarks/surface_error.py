@@ -49,7 +49,7 @@ class Points:
         placement = Placement.of(mesh)
         receivers = find_receivers(mesh, placement)
         vertices = placement.vertices.astype(np.float64)
-        self.scene = receivers.scene
+        self.scene = receivers.embree()
         self.normals, areas = face_normals(vertices, receivers.faces)
         random = np.random.default_rng(12345)
         ends = np.cumsum(areas)

@@ -19,7 +19,6 @@ from ao.gather.hemisphere import gather_hemispheres
 from ao.gather.ray_packet import RayPacket
 from ao.gather.receivers import find_receivers
 from ao.report import versions
-from ao.stream.bvh16 import BVH16
 from ao.stream.gather_streams import gather_streams
 from ao.stream.rays import Rays
 from ao.stream.walk import Walk
@@ -43,10 +42,7 @@ def measure(specimen: Specimen) -> list[dict[str, Any]]:
     receivers = find_receivers(mesh, placement)
     first = max(len(receivers.points) - POINTS, 0) // 2
     points = receivers.points[first : first + POINTS]
-    tree = BVH16.of(placement.vertices, receivers.faces)
-    start = time.perf_counter()
-    BVH16.of(placement.vertices, receivers.faces)
-    build = time.perf_counter() - start
+    tree, scene = receivers.tree, receivers.embree()
     rows = []
     for name, falloff in falloffs(mesh).items():
         mu = falloff.resolve(mesh.radius).in_render_space(placement.scale)
@@ -57,7 +53,7 @@ def measure(specimen: Specimen) -> list[dict[str, Any]]:
             by_packets, by_streams = np.empty((2, len(points), COLUMNS))
             for _ in range(ROUNDS + 1):
                 start = time.perf_counter()
-                gather_hemispheres(RayPacket.of(receivers.scene), points.arrays, table, mu, reach, by_packets)
+                gather_hemispheres(RayPacket.of(scene), points.arrays, table, mu, reach, by_packets)
                 middle = time.perf_counter()
                 gather_streams(tree, Rays.of(table), Walk.of(tree), points.arrays, table, mu, reach, by_streams)
                 seconds["embree"].append(middle - start)
@@ -65,7 +61,7 @@ def measure(specimen: Specimen) -> list[dict[str, Any]]:
             took = {way: 1e6 * median(times[1:]) / len(points) for way, times in seconds.items()}
             differ = float(np.mean(np.abs(by_streams[:, W] - by_packets[:, W])))
             row = {"mesh": specimen.name, "vertices": len(mesh.vertices), "falloff": name, "samples": samples}
-            rows.append(row | took | {"ratio": took["embree"] / took["stream"], "differ": differ, "build": build})
+            rows.append(row | took | {"ratio": took["embree"] / took["stream"], "differ": differ})
             print(
                 f"{specimen.name:16} {len(mesh.vertices):7,} {name:20} {samples:5} {took['embree']:8.2f}"
                 f" {took['stream']:8.2f} {rows[-1]['ratio']:6.2f}× {differ:9.1e}",

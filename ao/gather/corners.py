@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from raytrace.embree.scene import TriangleScene
+from raytrace.bvh.bvh16 import BVH16
 from raytrace.ray_origins.offset import ray_offset
 from raytrace.ray_origins.origins import ray_origins
 from raytrace.ray_origins.surface import Surface
@@ -77,11 +77,11 @@ class Corners:
         return np.where(np.linalg.norm(mean, axis=1)[:, None] > _CANCELLED * lengths, mean, 0.0)
 
 
-def find_corners(scene: TriangleScene, surface: Surface, corners: Int64s, points: Int64s, first: int) -> Corners:
+def find_corners(tree: BVH16, surface: Surface, corners: Int64s, points: Int64s, first: int) -> Corners:
     """The corners of points.
 
     Args:
-        scene: holds exactly the faces of `surface`.
+        tree: over the faces of `surface`.
         corners: (c,), ascending: all face corners that are one of the points, at least one; 3 f + k is face f's k-th.
         points: (c,), which point each of them is. first: what places are numbered from.
     """
@@ -110,7 +110,7 @@ def find_corners(scene: TriangleScene, surface: Surface, corners: Int64s, points
     number = np.repeat(np.arange(len(face)), SPREAD)
     lift, clearance = normal[number], np.ones(len(number))
     magnitude = surface.magnitudes(turn, len(face) + 1)[number]
-    origins = ray_origins(scene, surface, places, lift, clearance, turn, number, magnitude)
+    origins = ray_origins(tree, surface, places, lift, clearance, turn, number, magnitude)
     total = np.add.reduceat(angle, starts[:-1])
     weights = angle / np.repeat(total, np.diff(starts)) / SPREAD
     numbers = first + np.arange(SPREAD * len(face), dtype=np.uint32)

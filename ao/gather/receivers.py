@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 from enum import IntFlag
+from functools import cache, partial
 
 import numpy as np
 
+from raytrace.bvh.bvh16 import BVH16
 from raytrace.embree.scene import TriangleScene
 from raytrace.errors import MeshError, OptionError
 from raytrace.mesh.mesh import Mesh
@@ -44,7 +48,9 @@ class Receivers:
         corners: what the points that are folded or opposed are baked by instead.
         of_vertex: int64 (n,), the row of each vertex in `points`, −1 for none.
         flags: uint8 (n,), `Flag`s of each vertex.
-        faces: int64 (m', 3), the faces that are not degenerate. scene: these, to be met by rays.
+        faces: int64 (m', 3), the faces that are not degenerate. tree: over these.
+        tree_seconds: how long it took to build.
+        embree: these in Embree, built when it is first called, which must not be on two threads at once.
     """
 
     points: Points
@@ -52,7 +58,9 @@ class Receivers:
     of_vertex: Int64s
     flags: UInt8s
     faces: Int64s
-    scene: TriangleScene
+    tree: BVH16
+    tree_seconds: float
+    embree: Callable[[], TriangleScene]
 
     @property
     def first_vertex(self) -> Int64s:
@@ -75,8 +83,7 @@ class Receivers:
         needed[of_vertex] = True
         needed[-1] = False  # what −1 has set
         kept, rows = np.flatnonzero(needed), np.where(needed, np.cumsum(needed) - 1, -1)
-        points, corners = self.points[kept], self.corners.only(kept)
-        return Receivers(points, corners, rows[of_vertex], self.flags, self.faces, self.scene)
+        return replace(self, points=self.points[kept], corners=self.corners.only(kept), of_vertex=rows[of_vertex])
 
     def ordinary(self) -> tuple[Receivers, Int64s]:
         """What is baked by a hemisphere of its own, and the rows of these in `points`."""
@@ -93,7 +100,6 @@ def find_receivers(mesh: Mesh, placement: Placement, normals: Normals = "angle")
     Raises:
         MeshError: `normals` is "file" for a mesh that has none.
         MemoryLimitError: the corners of folded vertices would not fit into memory.
-        EmbreeError: Embree failed, out of memory for instance.
     """
     if normals == "file" and mesh.normals is None:
         raise MeshError(mesh.source, "normals", "vertex normals in the mesh", "none")
@@ -112,8 +118,10 @@ def find_receivers(mesh: Mesh, placement: Placement, normals: Normals = "angle")
         folded = (welded.clearance <= 0) | (axes != welded.normals).any(axis=1)
     group, clearance, faces = welded.group, welded.clearance, welded.faces
     surface = welded.surface(vertices)
-    scene = TriangleScene(placement.vertices, faces)
-    origin = welded.ray_origins(scene, surface)
+    start = time.perf_counter()
+    tree = BVH16.of(placement.vertices, faces)
+    tree_seconds = time.perf_counter() - start
+    origin = welded.ray_origins(tree, surface)
 
     usable = nonzero(welded.directions) & nonzero(axes)
     flags[~usable[group] & (flags == 0)] = Flag.DEGENERATE
@@ -131,5 +139,6 @@ def find_receivers(mesh: Mesh, placement: Placement, normals: Normals = "angle")
         needed = corner_bytes(len(torn))
         if needed > NEGLIGIBLE:
             check_memory(mesh.source, needed, f"for the {len(torn):,} corners of folded vertices")
-        corners = find_corners(scene, surface, torn, index[welded.face_points.ravel()[torn]], len(rows))
-    return Receivers(points, corners, index[group], flags, faces, scene)
+        corners = find_corners(tree, surface, torn, index[welded.face_points.ravel()[torn]], len(rows))
+    embree = cache(partial(TriangleScene, placement.vertices, faces))
+    return Receivers(points, corners, index[group], flags, faces, tree, tree_seconds, embree)

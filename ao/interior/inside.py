@@ -52,7 +52,7 @@ def inside_other_parts(
     rows = inside_boxes(points.origins, own, vertices, part, closed)
     if len(rows):
         solids = Solids(np.where(closed[part], part, -1)[receivers.faces[:, 0]], own[rows])
-        inside[rows] = hidden_points(receivers.scene, points[rows], solids, reach, total_points, threads)
+        inside[rows] = hidden_points(receivers.embree(), points[rows], solids, reach, total_points, threads)
     return inside
 
 

@@ -76,12 +76,13 @@ def gather_moments(prepared: Prepared, patch: Patch) -> tuple[Float64s, Int64s]:
     lattices = Lattices.of(rays, key)
     mu = prepared.mu.in_render_space(placement.scale)
     call = checkpoint.call(patch.face_points, samples, key) if checkpoint else b""
+    scene = prepared.receivers.embree()
     done = 0
 
     def work(a: int, b: int) -> None:
         if checkpoint and checkpoint.copy(call, a, moments[a:b], counts[a:b]):
             return
-        packet = RayPacket.of(prepared.receivers.scene)
+        packet = RayPacket.of(scene)
         faces = FaceArrays(patch.corners[a:b], patch.normals[a:b], patch.axes[a:b])
         reach = placement.diagonal
         gather_faces(packet, faces, spread.of_faces(a, b), lattices, mu, reach, moments[a:b], counts[a:b])

@@ -11,6 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from raytrace.bvh.bvh16 import BVH16
 from raytrace.kernel.arrays import aligned
 from raytrace.kernel.jit import inline
 from raytrace.kernel.simd import WIDE, reciprocal_root, select
@@ -19,7 +20,6 @@ from raytrace.kernel.simd_memory import load_row, store_row
 from raytrace.kernel.vector import dot, subtract
 from raytrace.types import Float32s, Int64s
 
-from .bvh16 import BVH16
 from .rays import EVERYWHERE, ONE, SLACK, TINY, ZERO, is_open, list_within, root
 from .triangles import PLANES, find_cones, find_planes, meet_by_rays, meet_by_triangles
 

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 
+from raytrace.bvh.bvh16 import BVH16
 from raytrace.embree.scene import TriangleScene
 from raytrace.mesh.placement import Placement
 from raytrace.system.threads import run_blocks
-from raytrace.types import Float64s, Int64s
+from raytrace.types import Float64s
 
 from ..falloff import Mu
 from ..gather.directions import DirectionTable
@@ -19,7 +19,6 @@ from ..gather.estimate import COLUMNS
 from ..gather.hemisphere import gather_hemispheres
 from ..gather.points import Points
 from ..gather.ray_packet import RayPacket
-from ..stream.bvh16 import BVH16
 from ..stream.gather_streams import gather_streams
 from ..stream.rays import Rays
 from ..stream.walk import Walk
@@ -27,7 +26,6 @@ from .checkpoint import Checkpoint
 
 _BLOCK_RAYS, _LEAST_RAYS = 1 << 19, 1 << 13  # of a block of work
 _BLOCKS = 32  # at least, if they are not too small: for threads to share evenly
-_STREAM = 16  # rays of a point from which on one walk for all of them is faster than Embree's packets
 
 Progress = Callable[[int, int], None]
 
@@ -37,20 +35,19 @@ class Tracer:
     """A scene in which hemispheres are gathered.
 
     Attributes:
-        scene, placement: the mesh in Embree and where it is. faces: int64 (m, 3), those in the scene.
-        mu: the falloff, in mesh units. threads: how many. total_points: how many points the whole mesh has, wanted or
-            not. embree: whether Embree traces all rays.
+        embree: builds the mesh in Embree, which then traces all rays; None: they walk the tree. tree: over the mesh.
+        placement: where it is. mu: the falloff, in mesh units. threads: how many.
+        total_points: how many points the whole mesh has, wanted or not.
         progress: called with (rays traced, rays expected in all). checkpoint: keeps traced rows, or None.
         expected: rays expected in all, 0 while none are planned. later: besides, of corners. rays: rays traced.
     """
 
-    scene: TriangleScene
+    embree: Callable[[], TriangleScene] | None
+    tree: BVH16
     placement: Placement
-    faces: Int64s
     mu: Mu
     threads: int
     total_points: int
-    embree: bool = False
     progress: Progress | None = None
     checkpoint: Checkpoint | None = None
     expected: int = 0
@@ -80,22 +77,19 @@ class Tracer:
         """A function that writes the rows of points, to be called from any thread."""
         mu = self.mu.in_render_space(self.placement.scale)
         reach = min(mu.limit, self.placement.diagonal)
-        if self.embree or table.samples < _STREAM:
+        if self.embree:
+            scene = self.embree()
 
             def by_packets(points: Points, out: Float64s) -> None:
-                gather_hemispheres(RayPacket.of(self.scene), points.arrays, table, mu, reach, out)
+                gather_hemispheres(RayPacket.of(scene), points.arrays, table, mu, reach, out)
 
             return by_packets
-        tree = self._tree
+        tree = self.tree
 
         def by_streams(points: Points, out: Float64s) -> None:
             gather_streams(tree, Rays.of(table), Walk.of(tree), points.arrays, table, mu, reach, out)
 
         return by_streams
-
-    @cached_property
-    def _tree(self) -> BVH16:
-        return BVH16.of(self.placement.vertices, self.faces)
 
     def _table(self, samples: int, key: np.uint32) -> DirectionTable:
         """The last table again if it is the same."""

@@ -58,14 +58,14 @@ def well_posed(mesh: Mesh, vertices: npt.NDArray[np.int64], mus: Sequence[Mu]) -
     placement = Placement.of(mesh)
     receivers = find_receivers(mesh, placement)
     points = receivers.points[receivers.of_vertex[vertices]]
-    before = trace(receivers.scene, placement, points, mus, JUMP_RAYS)
+    before = trace(receivers.embree(), placement, points, mus, JUMP_RAYS)
     helper = np.where(np.abs(points.normals[:, :1]) < 0.5, [[1.0, 0, 0]], [[0, 1.0, 0]])
     along = np.cross(points.normals, helper)
     along /= np.linalg.norm(along, axis=1, keepdims=True)
     steady = ~np.isin(receivers.of_vertex[vertices], receivers.corners.rows)
     for side in (along, -along, np.cross(points.normals, along), -np.cross(points.normals, along)):
         moved = replace(points, origins=(points.origins + MOVED * side).astype(np.float32))
-        steady &= (np.abs(trace(receivers.scene, placement, moved, mus, JUMP_RAYS) - before) < JUMP).all(axis=0)
+        steady &= (np.abs(trace(receivers.embree(), placement, moved, mus, JUMP_RAYS) - before) < JUMP).all(axis=0)
     return steady
 
 

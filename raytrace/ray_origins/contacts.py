@@ -6,10 +6,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..embree.point_query import HEAD, PointQuery, faces_near
-from ..embree.scene import TriangleScene
+from ..bvh.bvh16 import BVH16
 from ..kernel.borrow import borrow
 from ..kernel.jit import inline, kernel
+from ..kernel.simd import WIDE
+from ..kernel.simd_masks import bits, lowest_bit
+from ..kernel.simd_memory import load_row
 from ..kernel.vector import add, dot, length, load, load_triangle, scale, subtract
 from ..mesh.placement import ULP
 from ..system.threads import run_blocks, thread_count
@@ -19,7 +21,7 @@ from .surface import Surface
 _BLOCK = 1 << 10  # points
 _USUAL = 4  # contacts of a point that there are places for at first; coarse boxes on end have 2.5
 _MOST = 64  # contacts of one point; of more, those with the lowest rows are kept
-_FEW = 64  # faces that the boxes of Embree's hierarchy put near a point: places for these at first
+_STACK = 1 << 8
 
 
 class Contacts(NamedTuple):
@@ -37,7 +39,7 @@ class Contacts(NamedTuple):
 class _Points(NamedTuple):
     """Points to search around: float64 (k, 3), `reach` and `radius` (k,), `face_points` and `numbers`, as below.
 
-    `radius` is what Embree searches: at least `reach` and every face's margin, and its own rounding.
+    `radius` is how far the tree is searched: at least `reach` and every face's margin, and its rounding.
     """
 
     points: Float64s
@@ -48,28 +50,27 @@ class _Points(NamedTuple):
 
 
 def find_contacts(
-    scene: TriangleScene, surface: Surface, points: Float64s, reach: Float64s, face_points: Int64s, numbers: Int64s
+    tree: BVH16, surface: Surface, points: Float64s, reach: Float64s, face_points: Int64s, numbers: Int64s
 ) -> Contacts:
     """The faces within the larger of `reach` and their `rounding` of points, but not those that a point is a corner of.
 
     Args:
-        scene: holds exactly the faces of `surface`. points: float64 (k, 3), render space.
+        tree: over the faces of `surface`. points: float64 (k, 3), render space.
         reach: float64 (k,), negative for points that are left out.
         face_points: int64 (m, 3), the number of the point that each face corner is. numbers: int64 (k,), of each point.
     """
     if not (reach >= 0.0).any() or not len(surface.faces):
         return _empty(0)
-    slack = 8.0 * ULP * max(float(np.abs(points).max()), float(np.abs(surface.vertices).max()))  # Embree's own rounding
+    slack = 8.0 * ULP * max(float(np.abs(points).max()), float(np.abs(surface.vertices).max()))  # of single precision
     around = _Points(points, reach, np.maximum(reach, surface.rounding.max()) + slack, face_points, numbers)
     parts: list[Contacts] = [_empty(0)] * -(-len(points) // _BLOCK)
 
     def search(first: int, last: int) -> None:
-        found, query = _empty(_USUAL * _BLOCK), PointQuery.of(scene, _FEW)
-        while True:
-            count, largest = _search(query, around, surface, first, last, found)
-            if count <= len(found.point) and HEAD + largest <= len(query.near):
-                break
-            found, query = _empty(count), PointQuery.of(scene, largest)
+        found = _empty(_USUAL * _BLOCK)
+        count = _search(tree, around, surface, first, last, found)
+        if count > len(found.point):
+            found = _empty(count)
+            _search(tree, around, surface, first, last, found)
         parts[first // _BLOCK] = found.only(np.arange(count))  # copies, so that the rest is let go
 
     run_blocks(len(points), _BLOCK, search, thread_count(None))
@@ -113,45 +114,88 @@ def _beside(p, reach, a, b, c):
     return min(a, b, c) - reach > p or max(a, b, c) + reach < p
 
 
-@kernel
-def _search(query, around, surface, first, last, found):
-    """Write the contacts of points from `first` to `last` into `found` as far as they fit.
+@inline
+def _boxes_within(box, p, radius):
+    """The boxes (6, 16) that are within `radius` of a point along every axis, as bits."""
+    x = abs(load_row(box, 0) - p[0]) - load_row(box, 3)
+    y = abs(load_row(box, 1) - p[1]) - load_row(box, 4)
+    z = abs(load_row(box, 2) - p[2]) - load_row(box, 5)
+    return bits((x <= radius) & (y <= radius) & (z <= radius))
 
-    Returns how many there are, and how many faces at most were near one point, of which only those in `near` count.
-    """
-    query, around, surface, found = borrow(query), borrow(around), borrow(surface), borrow(found)
-    points, reach, face_points = around.points, around.reach, around.face_points
-    count, largest = 0, 0
+
+@inline
+def _triangles_within(triangles, p, radius):
+    """The triangles (9, 16) whose boxes are within `radius` of a point along every axis, as bits."""
+    return bits(
+        _along_axis(triangles, 0, p[0], radius)
+        & _along_axis(triangles, 1, p[1], radius)
+        & _along_axis(triangles, 2, p[2], radius)
+    )
+
+
+@inline
+def _along_axis(triangles, axis, x, radius):
+    """The triangles of which some part is within `radius` of a point's coordinate `x`."""
+    a, b, c = load_row(triangles, axis), load_row(triangles, 3 + axis), load_row(triangles, 6 + axis)
+    return (min(min(a, b), c) - radius <= x) & (max(max(a, b), c) + radius >= x)
+
+
+@kernel
+def _search(tree, around, surface, first, last, found):
+    """Write the contacts of points from `first` to `last` into `found` as far as they fit; returns their number."""
+    triangles, rows, boxes, starts = borrow(tree)
+    around, surface, found = borrow(around), borrow(surface), borrow(found)
+    points, reach = around.points, around.reach
+    count, levels = 0, len(starts) - 1
     kept, distances = np.empty(_MOST, np.int64), np.empty(_MOST)
+    nodes, heights = np.empty(_STACK, np.int64), np.empty(_STACK, np.int64)
     for i in range(first, last):
         if reach[i] < 0.0:
             continue
-        p, number = load(points, i), around.numbers[i]
-        several = faces_near(query, p, around.radius[i])
-        largest = max(largest, several)
-        filled = 0
-        for k in range(HEAD, min(HEAD + several, len(query.near))):
-            f = query.near[k]
-            if face_points[f, 0] == number or face_points[f, 1] == number or face_points[f, 2] == number:
+        p, number, filled = load(points, i), around.numbers[i], 0
+        near, radius = (np.float32(p[0]), np.float32(p[1]), np.float32(p[2])), np.float32(around.radius[i])
+        nodes[0], heights[0], waiting = starts[levels] - 1, levels, 1
+        while waiting > 0:
+            waiting -= 1
+            node, level = nodes[waiting], heights[waiting]
+            if level > 0:
+                child = (node - starts[level - 1]) * WIDE + (starts[level - 2] if level > 1 else 0)
+                within = _boxes_within(boxes[node], near, radius)
+                while within != 0:
+                    nodes[waiting], heights[waiting] = child + lowest_bit(within), level - 1
+                    within &= within - 1
+                    waiting += 1
                 continue
-            within = max(reach[i], surface.rounding[f])
-            a, b, c = load_triangle(surface.vertices, surface.faces, f)
-            if _beside(p[0], within, a[0], b[0], c[0]) or _beside(p[1], within, a[1], b[1], c[1]):
-                continue
-            if _beside(p[2], within, a[2], b[2], c[2]):
-                continue
-            away = distance_to_triangle(p, a, b, c)
-            if away <= within:
-                if filled == _MOST and f > kept[filled - 1]:
-                    continue
-                place = min(filled, _MOST - 1)
-                while place > 0 and kept[place - 1] > f:
-                    kept[place], distances[place] = kept[place - 1], distances[place - 1]
-                    place -= 1
-                kept[place], distances[place] = f, away
-                filled = min(filled + 1, _MOST)
+            within = _triangles_within(triangles[node], near, radius)
+            while within != 0:
+                f = rows[node, lowest_bit(within)]
+                within &= within - 1
+                filled = _keep(surface, around, f, p, number, reach[i], kept, distances, filled)
         for k in range(filled):
             if count < len(found.point):
                 found.point[count], found.face[count], found.distance[count] = i, kept[k], distances[k]
             count += 1
-    return count, largest
+    return count
+
+
+@inline
+def _keep(surface, around, f, p, number, reach, kept, distances, filled):
+    """Put a face among those `kept`, sorted, if it is near enough; returns how many there are."""
+    corners = around.face_points
+    if corners[f, 0] == number or corners[f, 1] == number or corners[f, 2] == number:
+        return filled
+    within = max(reach, surface.rounding[f])
+    a, b, c = load_triangle(surface.vertices, surface.faces, f)
+    if _beside(p[0], within, a[0], b[0], c[0]) or _beside(p[1], within, a[1], b[1], c[1]):
+        return filled
+    if _beside(p[2], within, a[2], b[2], c[2]):
+        return filled
+    away = distance_to_triangle(p, a, b, c)
+    if away > within or (filled == _MOST and f > kept[filled - 1]):
+        return filled
+    place = min(filled, _MOST - 1)
+    while place > 0 and kept[place - 1] > f:
+        kept[place], distances[place] = kept[place - 1], distances[place - 1]
+        place -= 1
+    kept[place], distances[place] = f, away
+    return min(filled + 1, _MOST)

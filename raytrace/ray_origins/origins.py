@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..embree.scene import TriangleScene
+from ..bvh.bvh16 import BVH16
 from ..kernel.arrays import product
 from ..mesh.normals import nonzero
 from ..mesh.placement import ULP
@@ -16,7 +16,7 @@ from .surface import TOUCHING, Surface
 
 
 def ray_origins(
-    scene: TriangleScene,
+    tree: BVH16,
     surface: Surface,
     points: Float64s,
     directions: Float64s,
@@ -28,7 +28,7 @@ def ray_origins(
     """Ray origins (k, 3) of `points` (k, 3) in render space.
 
     Args:
-        scene: holds exactly the faces of `surface`.
+        tree: over the faces of `surface`.
         directions: (k, 3), unit, or zero for points without origins; in front of the point's own faces with the least
             cosine `clearance` (k,).
         face_points: int64 (m, 3), the number of the point that each face corner is.
@@ -40,14 +40,14 @@ def ray_origins(
     touching = TOUCHING * ULP * product(np.abs(points), np.ones(3))
     reach = np.maximum(4.0 * offset, touching)  # so far that turning a direction seldom asks for more
     reach[~nonzero(directions)] = -1.0
-    near = find_contacts(scene, surface, points, reach, face_points, numbers)
+    near = find_contacts(tree, surface, points, reach, face_points, numbers)
     touched = near.only(near.distance <= np.maximum(touching[near.point], surface.rounding[near.face]))
     if len(touched.point):
         turn_directions(directions, clearance, surface, points, touched, face_points, numbers)
         np.maximum.at(magnitude, touched.point, np.maximum(surface.extent[touched.face], surface.flat[touched.face]))
         offset = ray_offset(directions, magnitude, clearance)
         farther = np.where((reach >= 0.0) & (2.0 * offset > reach), 2.0 * offset, -1.0)
-        more = find_contacts(scene, surface, points, farther, face_points, numbers)
+        more = find_contacts(tree, surface, points, farther, face_points, numbers)
         near = Contacts(*(np.append(a, b) for a, b in zip(near, more, strict=True)))
     stop_short(offset, points, directions, touching, near, surface)
     return points + offset[:, None] * directions

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..embree.scene import TriangleScene
+from ..bvh.bvh16 import BVH16
 from ..mesh.normals import Weighting, face_normals, normalize, vertex_sums
 from ..mesh.weld import CREASE, sum_groups, weld
 from ..types import Float64s, Int64s
@@ -44,11 +44,11 @@ class WeldedPoints(NamedTuple):
         """The faces in render space. Args: vertices: (n, 3)."""
         return Surface.of(vertices, self.faces, self.face_normals)
 
-    def ray_origins(self, scene: TriangleScene, surface: Surface) -> Float64s:
-        """Ray origins (k, 3). Args: scene: holds exactly the faces of `surface`, which is `self.surface`."""
+    def ray_origins(self, tree: BVH16, surface: Surface) -> Float64s:
+        """Ray origins (k, 3). Args: tree: over the faces of `surface`, which is `self.surface`."""
         points, corners, numbers = surface.vertices[self.first], self.face_points, np.arange(len(self.first))
         magnitude = surface.magnitudes(corners, len(numbers))
-        return ray_origins(scene, surface, points, self.directions, self.clearance, corners, numbers, magnitude)
+        return ray_origins(tree, surface, points, self.directions, self.clearance, corners, numbers, magnitude)
 
 
 def weld_points(

@@ -50,7 +50,7 @@ class BuiltGeometry:
     @cached_property
     def vertex_origins(self) -> Float32s:
         """`raytrace.renderer.vertex_origins.vertex_origins`, made when it is first asked for."""
-        return vertex_origins(self.arrays, self.embree)
+        return vertex_origins(self.arrays)
 
 
 _built: WeakValueDictionary[Any, BuiltGeometry] = WeakValueDictionary()

@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-from typing import cast
-
 import numpy as np
 
 from ..brdf.layout import TWO_SIDED
-from ..embree.scene import EmbreeScene, TriangleScene
+from ..bvh.bvh16 import BVH16
 from ..kernel.arrays import aligned, product
 from ..mesh.mesh import Mesh
 from ..mesh.normals import face_normals, normalize, vertex_sums
@@ -36,24 +34,20 @@ def smooth_normals(mesh: Mesh, normals: Normals = "file") -> Float64s:
     return normalize(sum_groups(group, own))[group]
 
 
-def vertex_origins(geometry: Geometry, embree: EmbreeScene) -> Float32s:
+def vertex_origins(geometry: Geometry) -> Float32s:
     """Origins of shadow rays from the vertices of all objects in order: float32 (n, 3), in render space.
 
     They are in front of all faces of the scene that meet at a vertex (`raytrace.ray_origins`). Where a surface has two
     sides there are n more, for vertices seen from behind.
-
-    Args: embree: the scene of `geometry`; one with a single object and no degenerate faces is searched as it is.
     """
     vertices, faces, normals = _in_render_space(geometry)
     points = weld_points(vertices, faces, normals=normals)
     away = 0.0 if geometry.placed.all() else INSTANCED  # all that is reckoned with is in proportion to coordinates
     surface = points.surface(vertices + away)
-    scene = cast(TriangleScene, embree)
-    if len(geometry.placed) > 1 or len(surface.faces) < len(faces):
-        scene = TriangleScene(surface.vertices.astype(np.float32), surface.faces)
-    found = [points.ray_origins(scene, surface)[points.group]]
+    tree = BVH16.of(surface.vertices.astype(np.float32), surface.faces)
+    found = [points.ray_origins(tree, surface)[points.group]]
     if geometry.rows[:, TWO_SIDED].any():
-        found.append(points.reversed().ray_origins(scene, surface.reversed())[points.group])
+        found.append(points.reversed().ray_origins(tree, surface.reversed())[points.group])
     origins = aligned((len(found) * len(vertices), 3), np.float32)
     origins[:] = np.concatenate(found) - away
     return origins

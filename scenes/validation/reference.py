@@ -72,10 +72,11 @@ def reference(
     order = np.random.default_rng(_SEED).permutation(len(receivers.points))
     chosen = np.sort(order[:vertices])
     points = receivers.points[chosen]
-    w = trace(receivers.scene, placement, points, mus, rays, threads)
+    scene = receivers.embree()
+    w = trace(scene, placement, points, mus, rays, threads)
     corners = receivers.corners.only(chosen)
     if len(corners):
-        places = trace(receivers.scene, placement, corners.places, mus, rays, threads)
+        places = trace(scene, placement, corners.places, mus, rays, threads)
         w[:, corners.rows] = corners.mean(places.T).T
     return Reference(receivers.first_vertex[chosen], w)
 

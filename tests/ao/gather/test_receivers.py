@@ -105,7 +105,7 @@ def test_no_ray_hits_the_faces_it_starts_on(offset):
     normal = found.points.normals[chosen].astype(float)
     direction = rng.normal(size=(len(chosen), 3))
     direction *= np.sign(np.einsum("ij,ij->i", direction, normal))[:, None]
-    hits = intersect(found.scene, found.points.origins[chosen], direction)
+    hits = intersect(found.embree(), found.points.origins[chosen], direction)
     corners = placement.vertices[found.faces[hits.face]].astype(float)
     geometric = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     own = (found.of_vertex[found.faces[hits.face]] == chosen[:, None]).any(axis=1) & (hits.face >= 0)

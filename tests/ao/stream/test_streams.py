@@ -10,7 +10,6 @@ from ao.gather.estimate import COLUMNS, W
 from ao.gather.hemisphere import gather_hemispheres
 from ao.gather.ray_packet import RayPacket
 from ao.gather.receivers import find_receivers
-from ao.stream.bvh16 import BVH16
 from ao.stream.gather_streams import gather_streams
 from ao.stream.rays import Rays
 from ao.stream.walk import Walk
@@ -93,7 +92,7 @@ class Prepared:
         self.receivers = find_receivers(mesh, self.placement)
         self.points = self.receivers.points
         self.table = DirectionTable.make(samples, len(self.points), np.uint32(7))
-        self.tree = BVH16.of(self.placement.vertices, self.receivers.faces)
+        self.tree = self.receivers.tree
 
         self.mu = ao.Binary().resolve(1.0).in_render_space(self.placement.scale)
 
@@ -104,7 +103,7 @@ class Prepared:
         return out[:, W]
 
     def packets(self):
-        out, packet = np.empty((len(self.points), COLUMNS)), RayPacket.of(self.receivers.scene)
+        out, packet = np.empty((len(self.points), COLUMNS)), RayPacket.of(self.receivers.embree())
         gather_hemispheres(packet, self.points.arrays, self.table, self.mu, self.placement.diagonal, out)
         return out[:, W]
 

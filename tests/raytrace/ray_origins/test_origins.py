@@ -7,7 +7,7 @@ import pytest
 
 import ao
 from raytrace import Mesh
-from raytrace.embree.scene import TriangleScene
+from raytrace.bvh.bvh16 import BVH16
 from raytrace.ray_origins.clearance import outermost_normals
 from raytrace.ray_origins.contacts import find_contacts
 from raytrace.ray_origins.surface import Surface
@@ -67,9 +67,9 @@ def test_contacts_are_those_of_brute_force(seed):
     vertices, faces = join([sphere, grid(3, 1.7), (needles.reshape(-1, 3), np.arange(120).reshape(-1, 3))])
     points = np.concatenate([vertices, rng.normal(size=(200, 3))])
     reach, margin = rng.uniform(0, 0.3, len(points)), rng.uniform(0, 0.1, len(faces))
-    scene = TriangleScene(vertices.astype(np.float32), faces)
+    tree = BVH16.of(vertices.astype(np.float32), faces)
     surface = Surface.of(vertices, faces, np.zeros((len(faces), 3)))._replace(rounding=margin)
-    found = find_contacts(scene, surface, points, reach, faces, np.arange(len(points)))
+    found = find_contacts(tree, surface, points, reach, faces, np.arange(len(points)))
     corners = vertices[faces]
     expected = {
         (i, f)
@@ -103,11 +103,11 @@ def test_no_points_and_no_faces_have_no_contacts():
     nothing = np.zeros((0, 3))
     none = np.zeros((0, 3), np.int64)
     vertices, faces = grid(1)
-    scene = TriangleScene(vertices.astype(np.float32), faces)
+    tree = BVH16.of(vertices.astype(np.float32), faces)
     surface = Surface.of(vertices, faces, np.zeros((len(faces), 3)))
-    assert len(find_contacts(scene, surface, nothing, np.zeros(0), faces, np.arange(0)).point) == 0
+    assert len(find_contacts(tree, surface, nothing, np.zeros(0), faces, np.arange(0)).point) == 0
     empty = Surface.of(vertices, none, nothing)
-    assert len(find_contacts(scene, empty, vertices, np.ones(len(vertices)), none, np.arange(len(vertices))).point) == 0
+    assert len(find_contacts(tree, empty, vertices, np.ones(len(vertices)), none, np.arange(len(vertices))).point) == 0
 
 
 def test_clearance_is_asked_for():

@@ -9,11 +9,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from raytrace.kernel.jit import inline, kernel
-from raytrace.kernel.simd import WIDE
-from raytrace.kernel.vector import load_triangle
-from raytrace.system.threads import run_blocks, thread_count
-from raytrace.types import Float32s, Int64s
+from ..kernel.jit import inline, kernel
+from ..kernel.simd import WIDE
+from ..kernel.vector import load_triangle
+from ..system.threads import run_blocks, thread_count
+from ..types import Float32s, Int64s
 
 _LEAST, _PARTS = 1 << 12, 16  # triangles of a part that one thread orders, and how many parts there are at least
 _STACK = 1 << 7

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from ao.stream.bvh16 import BVH16
-from ao.stream.median_splits import median_order
+from raytrace.bvh.bvh16 import BVH16
+from raytrace.bvh.median_splits import median_order
 from scenes.geometry.polyhedra import icosphere
 
 

@@ -6,12 +6,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from raytrace.kernel.arrays import aligned
-from raytrace.kernel.jit import kernel
-from raytrace.kernel.simd import WIDE
-from raytrace.system.threads import run_blocks, thread_count
-from raytrace.types import Float32s, Int64s
-
+from ..kernel.arrays import aligned
+from ..kernel.jit import kernel
+from ..kernel.simd import WIDE
+from ..system.threads import run_blocks, thread_count
+from ..types import Float32s, Int64s
 from .median_splits import median_order
 
 _BLOCK = 1 << 10  # leaves
@@ -24,12 +23,13 @@ class BVH16(NamedTuple):
     Unused places hold NaN, which compares as false.
 
     Attributes:
-        triangles: float32 (leaves, 9, 16), the corners' coordinates.
+        triangles: float32 (leaves, 9, 16), the corners' coordinates. rows: int64 (leaves, 16), which faces they are.
         boxes: float32 (nodes, 6, 16), centres and half sides of a node's children; levels follow each other upwards.
         starts: int64 (levels + 1,), the first node of each level, the lowest one's children being leaves.
     """
 
     triangles: Float32s
+    rows: Int64s
     boxes: Float32s
     starts: Int64s
 
@@ -56,7 +56,9 @@ class BVH16(NamedTuple):
             bounds = parents
         boxes = aligned((starts[-1], 6, WIDE), np.float32)
         np.concatenate(levels, out=boxes)
-        return cls(triangles, boxes, np.array(starts))
+        rows = np.full((leaves, WIDE), -1)
+        rows.ravel()[: len(order)] = order
+        return cls(triangles, rows, boxes, np.array(starts))
 
 
 @kernel
