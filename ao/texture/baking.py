@@ -142,13 +142,12 @@ def bake_texture(
         kind = "texture", options.rays, tolerance, reconstruct, options.seed, normals, digest.hexdigest()
         checkpoint.begin(placement, receivers, mu, *kind)
     tracer = TexelTracer(
-        receivers.scene,
+        receivers.embree if traversal == "embree" else None,
+        receivers.tree,
         placement,
-        receivers.faces,
         mu,
         count,
         total_points=SLOTS * len(texels),
-        embree=traversal == "embree",
         progress=progress,
         checkpoint=checkpoint,
         texels=texels,
@@ -165,7 +164,7 @@ def bake_texture(
         on_faces = Faces.of(vertices, shown)
         frames = tangent_frames(layout.uv, shown.faces, points_of_faces, on_faces, texels.shown, texels.shown_at)
     pages = assemble_pages(layout, texels, estimate.rows, estimate.variance, frames, seams, close_seams, count)
-    build = receivers.scene.seconds
+    build = receivers.tree_seconds
     baked = BakedTexture(
         w=pages.w,
         error=pages.error,

@@ -164,7 +164,7 @@ def _first_hits(scene: TriangleScene, places: Float64s, step: float, threads: in
 def _taken_in_turn(
     scene: TriangleScene, places: Float64s, slots: Int64s, texels: Int64s, step: float, threads: int
 ) -> tuple[Int64s, Float32s]:
-    """One of all triangles over one another at each of the `places` (k, 2), in `slots` (k,) of `texels` (k,) by turns."""
+    """One of the triangles over one another at each of the `places` (k, 2); `slots` and `texels` (k,) take turns."""
     height, faces, barycentrics = np.full(len(places), _ABOVE), [], []
     for _ in range(_LAYERS):
         hits = intersect(scene, _at_height(places, height), [[0.0, 0.0, -1.0]], np.inf, threads)

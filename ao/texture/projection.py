@@ -47,7 +47,7 @@ def project(
     Raises:
         MeshError: no point meets anything.
     """
-    hits = intersect(fine.receivers.scene, places + cage * normals, -normals, 2 * cage, threads)
+    hits = intersect(fine.receivers.embree(), places + cage * normals, -normals, 2 * cage, threads)
     face, weights = hits.face, hits.barycentric
     missed = np.flatnonzero(face < 0)
     if len(missed) == len(face):
@@ -61,15 +61,16 @@ def project(
 def _closest_points(fine: Fine, places: Float64s, radius: float, threads: int) -> tuple[Int64s, Float32s]:
     """The face (k,) nearest to each of `places` (k, 3), and where on it (k, 3); sought within `radius` at first."""
     face, weights = np.full(len(places), -1), np.zeros((len(places), 3), np.float32)
+    scene = fine.receivers.embree()
 
     def search(first: int, last: int) -> None:
-        query = PointQuery.of(fine.receivers.scene, _FEW)
+        query = PointQuery.of(scene, _FEW)
         done = first
         while done < last:
             found = face[done:last], weights[done:last]
             count, needed = _search(query, fine.vertices, fine.receivers.faces, places[done:last], radius, *found)
             done += count
-            query = PointQuery.of(fine.receivers.scene, max(needed, _FEW))
+            query = PointQuery.of(scene, max(needed, _FEW))
 
     run_blocks(len(places), _BLOCK, search, threads)
     return face, weights

@@ -125,7 +125,7 @@ def _placed(coverage: Coverage, page: Coverage, faces: Faces, receivers: Receive
         places, side, axis = points_on(flat[part], weights[part], faces, receivers.faces, threads)
         own, clearance = flat[part], np.ones(len(places))
         magnitude = faces.magnitude[own]
-        origins[part] = ray_origins(receivers.scene, faces.surface, places, side, clearance, faces.own, own, magnitude)
+        origins[part] = ray_origins(receivers.tree, faces.surface, places, side, clearance, faces.own, own, magnitude)
         normals[part], sides[part] = axis, side
     points = Points(origins, normals, np.arange(count, dtype=np.uint32))
     return Texels(coverage.texels, coverage.face, points, sides, page.face[:, 0], page.barycentric[:, 0])
@@ -171,13 +171,13 @@ def _place(own, weights, faces, vertices, axes, normals, places, sides, hemisphe
 
 def _inside(texels: Texels, placement: Placement, receivers: Receivers, hidden: Hidden, threads: int) -> Bools:
     """The points that are inside a solid, as the option `hidden` defines it."""
-    points, scene, reach = texels.points, receivers.scene, placement.diagonal
+    points, reach = texels.points, placement.diagonal
     inside = np.zeros(len(points), np.bool_)
     if hidden == "ignore":
         return inside
     if hidden == "fill":
         any_back = Solids(np.zeros(len(receivers.faces), np.int64), np.full(len(points), -1))
-        return hidden_points(scene, points, any_back, reach, len(points), threads)
+        return hidden_points(receivers.embree(), points, any_back, reach, len(points), threads)
     part, closed = closed_parts(placement.vertices, receivers.faces)
     if not closed.any():
         return inside
@@ -185,7 +185,7 @@ def _inside(texels: Texels, placement: Placement, receivers: Receivers, hidden: 
     rows = inside_boxes(points.origins, own, placement.vertices, part, closed)
     if len(rows):
         solids = Solids(np.where(closed[part], part, -1)[receivers.faces[:, 0]], own[rows])
-        inside[rows] = hidden_points(scene, points[rows], solids, reach, len(points), threads)
+        inside[rows] = hidden_points(receivers.embree(), points[rows], solids, reach, len(points), threads)
     return inside
 
 
