@@ -136,6 +136,9 @@ class BakeCommand:
         from raytrace.system.atomic import write_json
         from raytrace.system.threads import thread_count
 
+        from ..writers.write import channels
+
         options = {name: plain(value) for name, value in vars(self).items() if name not in _NO_OPTIONS_OF_BAKE}
         options["threads"] = thread_count(self.threads)
+        options["occlusion"] = "ramp" if channels(self.output, **self._channels()).ramp else "none"
         write_json(path, report(baked, options, seconds, warnings))

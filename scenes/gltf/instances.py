@@ -15,6 +15,8 @@ from .accessors import entry, normalized, values
 from .container import TRIANGLE_STRIP, Gltf, Primitive, primitives
 from .nodes import node_matrices
 
+_COPIES = "EXT_mesh_gpu_instancing"
+
 
 def read_instances(asset: Gltf) -> list[Instance]:
     """The drawn triangle primitives, in the order of `primitives`; those of one mesh share their arrays.
@@ -35,7 +37,9 @@ def read_instances(asset: Gltf) -> list[Instance]:
         vertices, faces, normals, w = arrays[key]
         rows += len(vertices) + len(faces)
         check_copies(rows, sum(map(len, asset.buffers)), asset.path)
-        made.append(Instance(_name(piece, asset.header), vertices, faces, normals, world[piece.node], w=w))
+        name = _name(piece, asset.header)
+        notes = _notes(name, asset.header["nodes"][piece.node])
+        made.append(Instance(name, vertices, faces, normals, world[piece.node], notes, w=w))
     return made
 
 
@@ -71,6 +75,12 @@ def _stored_w(asset: Gltf, attributes: dict[str, int], count: int) -> npt.NDArra
     except ValueError:
         return None
     return w if len(w) == count and w.dtype.kind == "f" else None
+
+
+def _notes(name: str, node: dict[str, Any]) -> tuple[str, ...]:
+    if _COPIES not in node.get("extensions", {}):
+        return ()
+    return (f"{name} is drawn many times by {_COPIES}, which is not read: once here",)
 
 
 def _name(piece: Primitive, header: dict[str, Any]) -> str:

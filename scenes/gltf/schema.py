@@ -53,6 +53,7 @@ class _Node(_Table):
     translation: Vector = (0, 0, 0)
     rotation: Quadruple = (0, 0, 0, 1)
     scale: Vector = (1, 1, 1)
+    extensions: dict[str, Any] = {}
 
 
 class _Primitive(_Table):

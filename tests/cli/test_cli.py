@@ -133,6 +133,22 @@ BAD_OPTIONS = [
 ]
 
 
+@pytest.mark.parametrize(
+    ("target", "options", "expected"),
+    [
+        ("w.glb", (), "ramp"),
+        ("w.glb", ("--colors",), "none"),
+        ("w.glb", ("--occlusion", "none"), "none"),
+        ("w.ply", (), "none"),
+    ],
+)
+def test_the_report_has_the_occlusion_texture_that_was_written(tmp_path, cube, target, options, expected):
+    report = tmp_path / "r.json"
+    done = obscurance("bake", cube, "-o", tmp_path / target, "--samples", 8, "--report", report, *options)
+    assert done.returncode == 0
+    assert json.loads(report.read_text())["options"]["occlusion"] == expected
+
+
 @pytest.mark.parametrize(("options", "words"), BAD_OPTIONS, ids=[" ".join(o) for o, _ in BAD_OPTIONS])
 def test_bad_options_are_named_and_nothing_is_written(tmp_path, cube, options, words):
     target = tmp_path / "w.npy"

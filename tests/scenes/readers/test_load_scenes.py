@@ -158,3 +158,14 @@ def test_3mf_repeats_and_places_its_objects(tmp_path):
     assert len(file.parts) == 2
     assert len(file.mesh.vertices) == 16
     assert sorted(file.mesh.vertices[part.vertices, 0].mean() for part in file.parts) == [0, 5]
+
+
+def test_copies_by_an_extension_are_told(tmp_path):
+    builder = Builder()
+    builder.mesh(builder.primitive(TRIANGLE))
+    nodes = [{"name": "tree", "mesh": 0, "extensions": {"EXT_mesh_gpu_instancing": {"attributes": {}}}}]
+    (tmp_path / "forest.glb").write_bytes(builder.glb(nodes))
+    (note,) = load(tmp_path / "forest.glb").notes
+    assert note.endswith(
+        "forest.glb: tree is drawn many times by EXT_mesh_gpu_instancing, which is not read: once here"
+    )
