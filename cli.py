@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import typer
 from typer.exceptions import TyperException
@@ -27,6 +27,7 @@ Form = Annotated[
     choices.FalloffForm, typer.Option(help="Occlusion fades with distance, or not (binary: ambient occlusion).")
 ]
 MaxDistance = Annotated[str, typer.Option(help='Ignore hits farther away: mesh units, "25%" of the radius, or inf.')]
+NORMALS = typer.Option(help="Vertex normals: face normals weighted by angle, by area or equally, or the file's own.")
 Report = Annotated[Path | None, typer.Option(help="Also write a JSON report.")]
 Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="No progress bar and no summary.")]
 
@@ -45,8 +46,8 @@ def bake(
     ],
     method: Annotated[
         choices.Method, typer.Option(help="Sample at the vertices, or all over the faces with a least-squares fit.")
-    ] = choices.Method.vertex,
-    falloff: Form = choices.FalloffForm.exponential,
+    ] = "vertex",
+    falloff: Form = "exponential",
     tau: Annotated[float | None, typer.Option(help="Rate of the exponential falloff, per mesh unit.")] = None,
     half_distance: Annotated[
         str | None,
@@ -63,20 +64,17 @@ def bake(
     reconstruct: Annotated[bool, typer.Option(help="Denoise: shrink estimates towards those of neighbours.")] = True,
     traversal: Annotated[
         choices.Traversal, typer.Option(help="Who traces rays; embree is slower, and checks auto.")
-    ] = choices.Traversal.auto,
+    ] = "auto",
     seed: Annotated[int, typer.Option(help="Random seed.")] = 0,
     threads: Threads = None,
-    normals: Annotated[
-        choices.NormalsFrom,
-        typer.Option(help="Vertex normals: face normals weighted by angle, by area or equally, or the file's own."),
-    ] = choices.NormalsFrom.angle,
+    normals: Annotated[choices.NormalsFrom, NORMALS] = "angle",
     hidden: Annotated[
         choices.Hidden,
         typer.Option(
             help="Vertices inside closed solids: ignore, flag (mark), or fill from visible neighbours; auto fills "
             "those inside parts of the mesh that are closed."
         ),
-    ] = choices.Hidden.auto,
+    ] = "auto",
     report: Report = None,
     debug_image: Annotated[Path | None, typer.Option(help="Also write an image that marks flagged vertices.")] = None,
     up: Annotated[
@@ -202,10 +200,7 @@ def render(
     shading: Annotated[
         str | None, typer.Option(help="Interpolation over a face: constant, flat, gouraud, phong or quadratic.")
     ] = None,
-    normals: Annotated[
-        choices.NormalsFrom | None,
-        typer.Option(help="Vertex normals: face normals weighted by angle, by area or equally, or the file's own."),
-    ] = None,
+    normals: Annotated[choices.NormalsFrom | None, NORMALS] = None,
     obscurance: Annotated[
         str | None,
         typer.Option(
@@ -230,16 +225,10 @@ def render(
     quiet: Quiet = False,
 ) -> None:
     """Render a scene to an image; an .exr holds every layer."""
-    size = choices.parse_size(width, height)
-    settings: dict[str, Any] = {"samples": samples, "shading": shading, "obscurance": obscurance}
-    settings["normals"] = None if normals is None else normals.value
-    settings |= {"shadows": shadows, "seed": seed, "crop": None if crop is None else choices.parse_crop(crop)}
-    from scenes.commands.render_file import render_file
+    options = locals()
+    from scenes.commands.render_file import RenderCommand
 
-    render_file(
-        scene, output, size, settings, up=up, baked=baked, own_occlusion=own_occlusion, preview=preview, half=half,
-        threads=threads, report=report, quiet=quiet,
-    )  # fmt: skip
+    RenderCommand(**options).run()
 
 
 @app.command()
@@ -287,7 +276,7 @@ def compare(
     a: Annotated[Path, typer.Argument(metavar="A", help="The reference image.")],
     b: Annotated[Path, typer.Argument(metavar="B", help="The image to compare with it.")],
     threshold: Annotated[float | None, typer.Option(help="Exit status 1 if the metric is above it.")] = None,
-    metric: Annotated[choices.Metric, typer.Option(help="Metric that --threshold applies to.")] = choices.Metric.flip,
+    metric: Annotated[choices.Metric, typer.Option(help="Metric that --threshold applies to.")] = "flip",
     difference: Annotated[Path | None, typer.Option(help="Write the FLIP difference map: .png .tif .jpg")] = None,
 ) -> None:
     """Compare two images: mean, RMS and maximum error, PSNR, FLIP."""
@@ -302,7 +291,7 @@ def bench(
     mesh: Annotated[
         Path | None, typer.Argument(metavar="MESH", help="A mesh file; without one, the built-in temple.")
     ] = None,
-    falloff: Form = choices.FalloffForm.exponential,
+    falloff: Form = "exponential",
     max_distance: MaxDistance = "inf",
     seed: Annotated[int, typer.Option(help="Random seed of the first round; later rounds count up.")] = 0,
     threads: Threads = None,

@@ -61,14 +61,8 @@ def scene_of(mesh: Mesh) -> Scene:
 
 Way = tuple[Callable[[Mesh], object], Callable[[int, int, Mesh], int]]
 WAYS: dict[str, Way] = {
-    "--samples 256": (
-        lambda mesh: ao.bake(mesh, samples=SAMPLES),
-        lambda n, m, _: vertex_bytes(n, m, SAMPLES),
-    ),
-    "--tolerance .05": (
-        lambda mesh: ao.bake(mesh, tolerance=0.05),
-        lambda n, m, _: vertex_bytes(n, m, 1 << 14),
-    ),
+    "--samples 256": (lambda mesh: ao.bake(mesh, samples=SAMPLES), lambda n, m, _: vertex_bytes(n, m, SAMPLES)),
+    "--tolerance .05": (lambda mesh: ao.bake(mesh, tolerance=0.05), lambda n, m, _: vertex_bytes(n, m, 1 << 14)),
     "--hidden fill": (
         lambda mesh: ao.bake(mesh, samples=SAMPLES, hidden="fill"),
         lambda n, m, _: vertex_bytes(n, m, SAMPLES),
@@ -93,7 +87,7 @@ def rise(make: Callable[[int], Mesh], vertices: int, way: str) -> dict[str, obje
         Path("/proc/self/clear_refs").write_text("5")
         before = status("VmRSS")
         work, estimate = WAYS[way]
-        told = estimate(len(mesh.vertices), len(mesh.faces), mesh)
+        estimated = estimate(len(mesh.vertices), len(mesh.faces), mesh)
         work(mesh)
         row = {
             "mesh": mesh.source,
@@ -101,7 +95,7 @@ def rise(make: Callable[[int], Mesh], vertices: int, way: str) -> dict[str, obje
             "faces": len(mesh.faces),
             "way": way,
             "measured": status("VmHWM") - before,
-            "estimated": told,
+            "estimated": estimated,
         }
         os.write(send, json.dumps(row).encode())
         os._exit(0)

@@ -11,19 +11,10 @@ from pathlib import Path
 
 import numpy as np
 
+from raytrace import BlinnPhong, CookTorrance, EllipticalBeckmann, Lambert, OrenNayar, Phong, PoulinFournier, Strauss
 from raytrace.brdf.coefficients import eta_from_reflectance
 from raytrace.image.write import write_image
-from raytrace.materials.materials import (
-    BaseMaterial,
-    BlinnPhong,
-    CookTorrance,
-    EllipticalBeckmann,
-    Lambert,
-    OrenNayar,
-    Phong,
-    PoulinFournier,
-    Strauss,
-)
+from raytrace.materials.base import BaseMaterial
 from raytrace.materials.reflect import reflect
 from raytrace.mesh.normals import normalize
 

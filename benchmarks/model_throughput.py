@@ -13,18 +13,9 @@ from pathlib import Path
 import numba
 import numpy as np
 
+from raytrace import BlinnPhong, CookTorrance, EllipticalBeckmann, Lambert, OrenNayar, Phong, PoulinFournier, Strauss
 from raytrace.brdf.dispatch import reflect_rows
-from raytrace.materials.materials import (
-    BaseMaterial,
-    BlinnPhong,
-    CookTorrance,
-    EllipticalBeckmann,
-    Lambert,
-    OrenNayar,
-    Phong,
-    PoulinFournier,
-    Strauss,
-)
+from raytrace.materials.base import BaseMaterial
 from raytrace.system.atomic import write_json
 
 COUNT, RUNS = 1_000_000, 9

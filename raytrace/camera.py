@@ -67,13 +67,13 @@ class Camera(Parameters, kw_only=False, source="camera"):
         towards = numbers(direction, "camera", "direction", "three numbers")
         if towards.shape != (3,):
             raise OptionError("direction", "three numbers", direction, "camera")
-        view = cls((0.0, 0.0, 0.0), _vector(-normalize(towards)), up, field_of_view)
+        view = cls((0.0, 0.0, 0.0), (-normalize(towards)).tolist(), up, field_of_view)
         right, above, forward = view.axes()
         half = np.tan(np.radians(view.field_of_view / 2))
         offset = mesh.vertices - mesh.centre
         across = np.maximum(np.abs(product(offset, right)) / aspect, np.abs(product(offset, above)))
         distance = 1.05 * float(np.max(across / half - product(offset, forward))) or 1.0
-        return cls(_vector(mesh.centre - distance * forward), _vector(mesh.centre), up, field_of_view)
+        return cls((mesh.centre - distance * forward).tolist(), mesh.centre.tolist(), up, field_of_view)
 
     def axes(self) -> tuple[Float64s, Float64s, Float64s]:
         """Unit vectors to the right, upwards and forward of the picture; zero where there is none."""
@@ -86,8 +86,3 @@ class Camera(Parameters, kw_only=False, source="camera"):
         right, above, forward = self.axes()
         half = np.tan(np.radians(self.field_of_view / 2))
         return normalize(forward + half * (x[..., None] * right + y[..., None] * above))
-
-
-def _vector(values: Float64s) -> Vector:
-    x, y, z = (float(c) for c in values)
-    return x, y, z

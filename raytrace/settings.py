@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 from pydantic import Field
 
 from .errors import OptionError
-from .system.parameters import Parameters, Seed, Whole
+from .system.parameters import Parameters, Seed, Switch, Whole
 
 Shading = Literal["constant", "flat", "gouraud", "phong", "quadratic"]
 Normals = Literal["file", "angle", "area", "equal"]
@@ -44,8 +44,8 @@ class Settings(Parameters, kw_only=False, source="render"):
     samples: Samples = 16
     shading: Shading = "phong"
     obscurance: ObscuranceForm = "ambient"
-    shadows: bool = True
-    terminator: bool = True
+    shadows: Switch = True
+    terminator: Switch = True
     crop: Crop | None = None
     seed: Seed = 0
     normals: Normals = "file"

@@ -52,14 +52,7 @@ class Neighbours:
         return cls.weighted(starts, others[: starts[-1]].copy(), weights[: starts[-1]].copy(), normals, threads)
 
     @classmethod
-    def weighted(
-        cls,
-        starts: Int64s,
-        others: Int32s,
-        weights: Float32s,
-        normals: Float32s,
-        threads: int,
-    ) -> Neighbours:
+    def weighted(cls, starts: Int64s, others: Int32s, weights: Float32s, normals: Float32s, threads: int) -> Neighbours:
         """The rings given, their `weights` lessened where the points' `normals`, float32 (k, 3), disagree."""
         found = cls(starts, others, weights, threads)
         found.each(lambda first, last: _weigh_by_normals(first, last, starts, others, normals, weights))

@@ -29,7 +29,7 @@ def multiply(matrix: csr_array, x: Float64s, threads: int, out: Float64s | None 
     def work(first: int, last: int) -> None:
         _multiply(starts[first : last + 1], columns, matrix.data, x, out[first:last])
 
-    if threads == 1 or len(x) <= _BLOCK:
+    if threads == 1 or len(x) <= _BLOCK:  # a product of a small mesh takes as long as handing it over
         work(0, len(x))
     else:
         run_blocks(len(x), _BLOCK, work, threads)

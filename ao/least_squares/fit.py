@@ -20,10 +20,7 @@ Once = Callable[[str, Callable[[], Float64s]], Float64s]
 
 _LAPLACIAN_WEIGHT = 1e-7
 _RELAXED = 1 / 16
-_RUNS, _RUN = (
-    32,
-    1 << 13,
-)  # stretches of faces in Morton order, and faces in each, that stand for all where there are many more
+_RUNS, _RUN = 32, 1 << 13  # stretches of faces in Morton order, and faces in each, that stand for all of many more
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,19 +66,15 @@ def fit_values(problem: Problem, trial: Problem, once: Once) -> Fit:
     right, data = even.right + odd.right, even.values + odd.values
     variance = _local_mean(stencil, data, (np.clip(first, 0, 1) - np.clip(second, 0, 1)) ** 2 / 4, threads)
 
-    def fit_all() -> tuple[Float64s, Float64s]:
-        matrix = problem.system(data, alpha[0])
-        closed = once("closed", lambda: solve_within(matrix, right, (first + second) / 2, threads=threads))
-        zeros = np.zeros(len(right))
-        bent = once(
-            "bent", lambda: np.concatenate([solve(matrix, at, zeros, None, COARSE, threads) for at in problem.bent])
-        )
-        return closed, bent.reshape(3, -1).T
-
-    closed, bent = fit_all()
+    matrix, zeros = problem.system(data, alpha[0]), np.zeros(len(right))
+    closed = once("closed", lambda: solve_within(matrix, right, (first + second) / 2, threads=threads))
+    bent = once(
+        "bent", lambda: np.concatenate([solve(matrix, at, zeros, None, COARSE, threads) for at in problem.bent])
+    )
+    del matrix  # to make room for the next
     matrix = problem.system(data, alpha[0] * _RELAXED)
     relaxed = once("relaxed", lambda: solve_within(matrix, right, closed, COARSE, threads))
-    return Fit(1 - closed, np.sqrt(variance + (closed - relaxed) ** 2), bent)
+    return Fit(1 - closed, np.sqrt(variance + (closed - relaxed) ** 2), bent.reshape(3, -1).T)
 
 
 def _build_problem(patch: Patch, moments: Float64s, laplacian: Float64s, threads: int) -> Problem:

@@ -82,11 +82,6 @@ def right_side(stencil: Stencil, entries: Float64s) -> Float64s:
     return out
 
 
-def add_laplacian(stencil: Stencil, weights: Float64s, values: Float64s) -> None:
-    """Add the graph Laplacian Σ_faces weight Σ_edges (x_i − x_j)², so that vertices without samples get neighbours'."""
-    _add_laplacian(stencil, weights, values)
-
-
 def roughness(stencil: Stencil, hinges: Int32s, corners: Float64s, areas: Float64s) -> Float64s:
     """Values (z,) of R = Σ_hinges (A₁ + A₂) (∂x/∂m₁ + ∂x/∂m₂)²: how much the slope jumps at edges of two faces.
 
@@ -115,7 +110,11 @@ def _add_faces(stencil, entries, values):
 
 
 @kernel
-def _add_laplacian(stencil, weights, values):
+def add_laplacian(stencil, weights, values):
+    """Add the graph Laplacian Σ_faces weight Σ_edges (x_i − x_j)², so that vertices without samples get neighbours'.
+
+    Args: stencil: `Stencil`. weights: float64 (m,), of its faces. values: float64 (z,), of the matrix.
+    """
     face_points, starts, others = borrow(stencil)
     for f in range(len(face_points)):
         for a in range(3):

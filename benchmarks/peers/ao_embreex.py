@@ -38,7 +38,7 @@ def build(mesh):
 
 def trace(scene, mesh, samples, seed, tau, reach):
     sets, origins, chance = directions(samples), mesh["origins"], np.random.default_rng(seed)
-    drawn = chance.integers(SETS, size=len(origins))
+    chosen = chance.integers(SETS, size=len(origins))
     turns = 2 * np.pi * chance.random(len(origins), np.float32)
     frames = turned(tangent_frames(mesh["normals"]), turns)
     limit = -np.expm1(-tau * reach)
@@ -47,7 +47,7 @@ def trace(scene, mesh, samples, seed, tau, reach):
 
     def work(first):
         some = slice(first, first + step)
-        rays = np.matmul(sets[drawn[some]], frames[some]).reshape(-1, 3)
+        rays = np.matmul(sets[chosen[some]], frames[some]).reshape(-1, 3)
         starts = np.repeat(origins[some], samples, axis=0)
         ends = np.full(len(rays), min(reach, FAR), np.float32)
         if tau:

@@ -44,12 +44,7 @@ def load(description, shining):
     return mi.load_dict(
         {
             "type": "scene",
-            "integrator": {
-                "type": "direct",
-                "emitter_samples": len(lights),
-                "bsdf_samples": 0,
-                "hide_emitters": True,
-            },
+            "integrator": {"type": "direct", "emitter_samples": len(lights), "bsdf_samples": 0, "hide_emitters": True},
             "sensor": {
                 "type": "perspective",
                 "fov": camera["field_of_view"],

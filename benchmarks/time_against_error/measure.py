@@ -1,4 +1,4 @@
-"""The measuring itself: every method on every mesh, in turn, judged by a reference."""
+"""The measuring itself: every method on every mesh, in turn, against a reference."""
 
 from __future__ import annotations
 

@@ -14,11 +14,7 @@ import matplotlib.pyplot as plt
 from .analysis import TARGETS, Curves
 from .methods import OURS
 
-PLOTS = {
-    "rmse": ("binary", "binary 5%", "exponential", "exponential 5%"),
-    "p99": ("binary",),
-    "largest": ("binary",),
-}
+PLOTS = {"rmse": ("binary", "binary 5%", "exponential", "exponential 5%"), "p99": ("binary",), "largest": ("binary",)}
 AXES = {"rmse": "RMSE", "p99": "99th percentile of |error|", "largest": "largest |error|"}
 COLUMNS = 3
 LEGEND = 0.5  # inches

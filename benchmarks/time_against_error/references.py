@@ -1,6 +1,6 @@
 """References, kept in the user's cache folder: they take longer than most bakes.
 
-Only well-posed vertices are judged. Where a vertex lies exactly in the plane of a face that it is no corner of, as at
+Only well-posed vertices count. Where a vertex lies exactly in the plane of a face that it is no corner of, as at
 the foot of a wall that stands on a floor of its own, w jumps between one side of that face and the other, and
 programs may differ in which side they take: Embree's robust queries, ours among them, count a hit at distance 0, its
 faster ones do not. Such vertices are found by moving the ray origins by less than they stand off the surface.

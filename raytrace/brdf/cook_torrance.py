@@ -8,8 +8,6 @@ Row: ρ (RGB), k_s, η (RGB), shifted (1: the specular colour is used), specular
 Source: Cook & Torrance 1982; (12.34–12.52).
 """
 
-from __future__ import annotations
-
 from math import pi, sqrt
 
 from ..kernel.jit import inline

@@ -9,8 +9,6 @@ ones; zero, everywhere, for a light at or below the horizon. A material without 
 surface's `tangent`.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from ..kernel.jit import inline, kernel
@@ -18,52 +16,33 @@ from ..kernel.simd import WIDE
 from ..kernel.simd_masks import pick, replace
 from ..kernel.vector import add, dot, load, scale
 from . import cook_torrance, lambert, oren_nayar, phong, poulin_fournier, strauss
-from .layout import (
-    ALPHA,
-    AMBIENT,
-    BLINN_PHONG,
-    COOK_TORRANCE,
-    ELLIPTICAL_BECKMANN,
-    EMISSION,
-    GRAIN,
-    LAMBERT,
-    OREN_NAYAR,
-    PHONG,
-    STRAUSS,
-    TO_LIGHT,
-    TO_VIEWER,
-    TWO_SIDED,
-)
-
-_lambert, _phong, _blinn = lambert.terms, phong.terms_phong, phong.terms_blinn
-_cook_torrance, _elliptical = cook_torrance.terms, cook_torrance.terms_elliptical
-_oren_nayar, _strauss, _poulin_fournier = oren_nayar.terms, strauss.terms, poulin_fournier.terms
+from . import layout as rows
 
 
 @inline
 def emission(row):
     """I_e, emitted RGB."""
-    return (row[EMISSION], row[EMISSION + 1], row[EMISSION + 2])
+    return (row[rows.EMISSION], row[rows.EMISSION + 1], row[rows.EMISSION + 2])
 
 
 @inline
 def ambient(row):
     """k_a, RGB reflected of unit ambient light."""
-    return (row[AMBIENT], row[AMBIENT + 1], row[AMBIENT + 2])
+    return (row[rows.AMBIENT], row[rows.AMBIENT + 1], row[rows.AMBIENT + 2])
 
 
 @inline
 def alpha(row):
     """Opacity in [0, 1]."""
-    return row[ALPHA]
+    return row[rows.ALPHA]
 
 
 @inline
 def facing(row, n, l, v):
     """The normal of the side that reflects: n, or −n where a two-sided material turns it to the light or the viewer."""
-    if row[TWO_SIDED] == TO_LIGHT and dot(n, l) < 0.0:
+    if row[rows.TWO_SIDED] == rows.TO_LIGHT and dot(n, l) < 0.0:
         return scale(-1.0, n)
-    if row[TWO_SIDED] == TO_VIEWER and dot(n, v) < 0.0:
+    if row[rows.TWO_SIDED] == rows.TO_VIEWER and dot(n, v) < 0.0:
         return scale(-1.0, n)
     return n
 
@@ -78,35 +57,35 @@ def terms(kind, row, n, l, v, tangent):
     """
     if dot(n, l) <= 0.0:
         return (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
-    if kind == LAMBERT:
-        return _lambert(row, n, l)
-    if kind == PHONG:
-        return _phong(row, n, l, v)
-    if kind == BLINN_PHONG:
-        return _blinn(row, n, l, v)
-    if kind == COOK_TORRANCE:
-        return _cook_torrance(row, n, l, v)
-    if kind == OREN_NAYAR:
-        return _oren_nayar(row, n, l, v)
-    if kind == STRAUSS:
-        return _strauss(row, n, l, v)
-    grain = (row[GRAIN], row[GRAIN + 1], row[GRAIN + 2])
+    if kind == rows.LAMBERT:
+        return lambert.terms(row, n, l)
+    if kind == rows.PHONG:
+        return phong.terms_phong(row, n, l, v)
+    if kind == rows.BLINN_PHONG:
+        return phong.terms_blinn(row, n, l, v)
+    if kind == rows.COOK_TORRANCE:
+        return cook_torrance.terms(row, n, l, v)
+    if kind == rows.OREN_NAYAR:
+        return oren_nayar.terms(row, n, l, v)
+    if kind == rows.STRAUSS:
+        return strauss.terms(row, n, l, v)
+    grain = (row[rows.GRAIN], row[rows.GRAIN + 1], row[rows.GRAIN + 2])
     if dot(grain, grain) == 0.0:
         grain = tangent
-    if kind == ELLIPTICAL_BECKMANN:
-        return _elliptical(row, n, l, v, grain)
-    return _poulin_fournier(row, n, l, v, grain)
+    if kind == rows.ELLIPTICAL_BECKMANN:
+        return cook_torrance.terms_elliptical(row, n, l, v, grain)
+    return poulin_fournier.terms(row, n, l, v, grain)
 
 
 @inline
 def terms_wide(kind, row, n, l, v, tangent, wanted):
     """`terms` in lanes, of float32, for n·l > 0; garbage in lanes where the mask `wanted` is not set."""
-    if kind == LAMBERT:
-        return _in_lanes(_lambert(row, n, l), n[0])
-    if kind == PHONG:
-        return _phong(row, n, l, v)
-    if kind == BLINN_PHONG:
-        return _blinn(row, n, l, v)
+    if kind == rows.LAMBERT:
+        return _in_lanes(lambert.terms(row, n, l), n[0])
+    if kind == rows.PHONG:
+        return phong.terms_phong(row, n, l, v)
+    if kind == rows.BLINN_PHONG:
+        return phong.terms_blinn(row, n, l, v)
     zero = scale(0.0, n)
     diffuse, specular = zero, zero
     for lane in range(WIDE):

@@ -4,8 +4,6 @@ Row: albedo ρ (RGB).
 Source: Lambert 1760; (12.18).
 """
 
-from __future__ import annotations
-
 from math import pi
 
 from ..kernel.jit import inline

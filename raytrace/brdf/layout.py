@@ -15,8 +15,6 @@ MODEL    …       the model's parameters
 ======== ======= ==========================================================
 """
 
-from __future__ import annotations
-
 WIDTH = 40
 EMISSION, AMBIENT, ALPHA, TWO_SIDED, GRAIN, MODEL = 0, 3, 6, 7, 8, 11
 TO_LIGHT, TO_VIEWER = 1.0, 2.0

@@ -3,8 +3,6 @@
 Source: Torrance & Sparrow 1967; Beckmann & Spizzichino 1963; Cook & Torrance 1982; (12.34–12.52).
 """
 
-from __future__ import annotations
-
 from math import atan2, exp, sqrt
 
 from ..kernel.jit import inline

@@ -7,8 +7,6 @@ The fit with its second-order term turns slightly negative near grazing for σ >
 Source: Oren & Nayar 1994; (12.61–12.64).
 """
 
-from __future__ import annotations
-
 from math import atan2, pi, sqrt
 
 from ..kernel.jit import inline

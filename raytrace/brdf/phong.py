@@ -6,8 +6,6 @@ Row: k_d (RGB), k_s (RGB), exponent m, highlight weight (0: W = 1, 1: W = cosθ)
 Source: Phong 1975 (12.22–12.23); Blinn 1977 (12.24–12.25); W(θ) from the lecture notes on reflection.
 """
 
-from __future__ import annotations
-
 from ..kernel.jit import inline
 from ..kernel.vector import dot, halfway, mirror
 from .layout import MODEL

@@ -11,12 +11,10 @@ Row: k_d (RGB), k_s (RGB), exponent m, spacing, Θ, sinΘ, cosΘ, Chebyshev doma
 Source: Poulin & Fournier 1990, "A Model for Anisotropic Reflection", added cylinders.
 """
 
-from __future__ import annotations
-
 from math import asin, atan2, copysign, cos, pi, sin, sqrt
 
 from ..kernel.jit import inline
-from ..kernel.vector import dot, halfway, perpendicular
+from ..kernel.vector import dot, halfway, load3, perpendicular, scale
 from .layout import MODEL, TERMS
 
 K_S, EXPONENT, SPACING, CAP, DOMAIN, SERIES = MODEL + 3, MODEL + 6, MODEL + 7, MODEL + 8, MODEL + 11, MODEL + 12
@@ -111,8 +109,4 @@ def terms(row, n, l, v, grain):
     if dot(n, v) <= 0.0:
         return (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
     diffuse, specular = period_averages(row, n, l, v, grain)
-    return (row[MODEL] * diffuse, row[MODEL + 1] * diffuse, row[MODEL + 2] * diffuse), (
-        row[K_S] * specular,
-        row[K_S + 1] * specular,
-        row[K_S + 2] * specular,
-    )
+    return scale(diffuse, load3(row[MODEL:])), scale(specular, load3(row[K_S:]))

@@ -7,8 +7,6 @@ F takes the angle of incidence, as in the paper; the printed shader takes the me
 Source: Strauss 1990; (12.65–12.70).
 """
 
-from __future__ import annotations
-
 from math import acos, pi
 
 from ..kernel.jit import inline

@@ -3,8 +3,6 @@
 Beyond the image a wrap mode holds along each axis, as in glTF: Khronos glTF 2.0 specification, 5.26.
 """
 
-from __future__ import annotations
-
 from math import log2
 
 import numpy as np

@@ -5,26 +5,12 @@ incident light in each channel, so what k skipped lights would have reflected is
 `reflect` value: at most k ε for Phong-type materials, ρ k ε/π for Lambert.
 """
 
-from __future__ import annotations
-
 from math import acos, asin, inf, pi, sqrt
 
 from ..kernel.jit import inline
 from ..kernel.simd import select
 from ..kernel.vector import add, dot, scale, subtract, unit
-from .layout import (
-    AMBIENT,
-    COS_HALF_ANGLE,
-    DIRECTION,
-    DIRECTIONAL,
-    EXPONENT,
-    HALF_ANGLE,
-    INTENSITY,
-    INVERSE_RANGE,
-    POSITION,
-    RADIAL,
-    SPOT,
-)
+from . import layout
 
 FLOOR = 1e-30  # of the attenuation's denominator: finite at the light itself
 
@@ -38,15 +24,16 @@ def triple(row, column):
 @inline
 def radial(row, distance):
     """1/(a0 + a1 d + a2 d²) (12.26), times the window of the range."""
-    part = min(1.0, distance * row[INVERSE_RANGE])
+    part = min(1.0, distance * row[layout.INVERSE_RANGE])
     part *= part
-    return (1.0 - part * part) / max(FLOOR, row[RADIAL] + distance * (row[RADIAL + 1] + distance * row[RADIAL + 2]))
+    a0, a1, a2 = triple(row, layout.RADIAL)
+    return (1.0 - part * part) / max(FLOOR, a0 + distance * (a1 + distance * a2))
 
 
 @inline
 def angular(row, cosine):
     """cos^{a_l} φ within the cone, 0 outside, φ the angle to the spot's axis."""
-    return select(cosine < row[COS_HALF_ANGLE], 0.0, max(0.0, min(1.0, cosine)) ** row[EXPONENT])
+    return select(cosine < row[layout.COS_HALF_ANGLE], 0.0, max(0.0, min(1.0, cosine)) ** row[layout.EXPONENT])
 
 
 @inline
@@ -57,18 +44,18 @@ def incident(kind, row, point):
     distance 0, so that no material reflects it through n·l; add k_a I_a instead. At the very place of a point light
     l = 0 too.
     """
-    intensity = triple(row, INTENSITY)
+    intensity = triple(row, layout.INTENSITY)
     zero = scale(0.0, point)  # of the point's own type
-    if kind == AMBIENT:
+    if kind == layout.AMBIENT:
         return zero, zero[0], add(zero, intensity)
-    if kind == DIRECTIONAL:
-        return subtract(zero, triple(row, DIRECTION)), zero[0] + inf, add(zero, intensity)
-    towards = subtract(triple(row, POSITION), point)
+    if kind == layout.DIRECTIONAL:
+        return subtract(zero, triple(row, layout.DIRECTION)), zero[0] + inf, add(zero, intensity)
+    towards = subtract(triple(row, layout.POSITION), point)
     l = unit(towards)
     distance = sqrt(dot(towards, towards))
     factor = radial(row, distance)
-    if kind == SPOT:
-        factor *= angular(row, -dot(l, triple(row, DIRECTION)))
+    if kind == layout.SPOT:
+        factor *= angular(row, -dot(l, triple(row, layout.DIRECTION)))
     return l, distance, scale(factor, intensity)
 
 
@@ -79,7 +66,7 @@ def cannot_matter_at(kind, row, point, normal, threshold):
     Not for two-sided materials where n·l ≤ 0: a light behind them matters.
     """
     l, _, rgb = incident(kind, row, point)
-    if kind != AMBIENT and dot(normal, l) <= 0.0:
+    if kind != layout.AMBIENT and dot(normal, l) <= 0.0:
         return True
     return max(rgb[0], rgb[1], rgb[2]) <= threshold
 
@@ -90,13 +77,13 @@ def cannot_matter_in(kind, row, low, high, axis, spread, threshold):
 
     Conservative: the box is bounded by its sphere where angles are concerned, by its nearest point for attenuation.
     """
-    brightest = max(row[INTENSITY], row[INTENSITY + 1], row[INTENSITY + 2])
-    if kind == AMBIENT:
+    brightest = max(row[layout.INTENSITY], row[layout.INTENSITY + 1], row[layout.INTENSITY + 2])
+    if kind == layout.AMBIENT:
         return brightest <= threshold
-    if kind == DIRECTIONAL:
-        return brightest <= threshold or turned_away(scale(-1.0, triple(row, DIRECTION)), 0.0, axis, spread)
+    if kind == layout.DIRECTIONAL:
+        return brightest <= threshold or turned_away(scale(-1.0, triple(row, layout.DIRECTION)), 0.0, axis, spread)
 
-    place = triple(row, POSITION)
+    place = triple(row, layout.POSITION)
     nearest = 0.0
     for k in range(3):
         gap = max(low[k] - place[k], place[k] - high[k], 0.0)
@@ -114,7 +101,8 @@ def cannot_matter_in(kind, row, low, high, axis, spread, threshold):
     l = scale(1.0 / distance, towards)
     if turned_away(l, opening, axis, spread):
         return True
-    return kind == SPOT and angle(scale(-1.0, l), triple(row, DIRECTION)) > row[HALF_ANGLE] + opening + 1e-9
+    outside = row[layout.HALF_ANGLE] + opening + 1e-9
+    return kind == layout.SPOT and angle(scale(-1.0, l), triple(row, layout.DIRECTION)) > outside
 
 
 @inline

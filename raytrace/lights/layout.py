@@ -14,8 +14,6 @@ INVERSE_RANGE  1       1/range, 0 without end
 ============== ======= ===============================================
 """
 
-from __future__ import annotations
-
 POINT, DIRECTIONAL, SPOT, AMBIENT = range(4)
 INTENSITY, POSITION, DIRECTION, RADIAL = 0, 3, 6, 9
 COS_HALF_ANGLE, HALF_ANGLE, EXPONENT, INVERSE_RANGE, WIDTH = 12, 13, 14, 15, 16

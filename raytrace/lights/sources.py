@@ -10,7 +10,7 @@ Source: (12.8), (12.26); the lecture notes on light sources.
 
 from __future__ import annotations
 
-from math import cos, pi, radians
+from math import cos, radians
 from typing import Any, ClassVar, Literal, NamedTuple, get_args
 
 import numpy as np
@@ -20,21 +20,7 @@ from pydantic import model_validator
 from ..errors import OptionError
 from ..system.parameters import Direction, HalfAngle, Length, NonNegative, Parameters, Point, Radiance, made_of
 from ..types import Float64s, Int64s
-from .layout import (
-    AMBIENT,
-    COS_HALF_ANGLE,
-    DIRECTION,
-    DIRECTIONAL,
-    EXPONENT,
-    HALF_ANGLE,
-    INTENSITY,
-    INVERSE_RANGE,
-    POINT,
-    POSITION,
-    RADIAL,
-    SPOT,
-    WIDTH,
-)
+from . import layout
 
 
 class PackedLight(NamedTuple):
@@ -52,44 +38,13 @@ class BaseLight(Parameters):
 
     def pack(self) -> PackedLight:
         """The kind and row that `raytrace.lights.kernels` takes."""
-        row = np.zeros(WIDTH)
-        row[INTENSITY : INTENSITY + 3] = self.intensity
+        row = np.zeros(layout.WIDTH)
+        row[layout.INTENSITY : layout.INTENSITY + 3] = self.intensity
         self._write(row)
         return PackedLight(self.kind, row)
 
     def _write(self, row: Float64s) -> None:
         """Write the columns after the intensity."""
-
-    def cannot_matter_at(self, point: npt.ArrayLike, normal: npt.ArrayLike, threshold: float = 0.0) -> bool:
-        """Whether this light may be left out at a point (3,) with unit normal (3,).
-
-        True if the point faces away, lies outside the cone, or receives at most `threshold` in every channel. Leaving
-        the light out then errs by at most `threshold` of incident light, and by nothing with the default of zero.
-        """
-        from .kernels import cannot_matter_at
-
-        kind, row = self.pack()
-        return bool(cannot_matter_at(kind, row, _triple(point), _triple(normal), float(threshold)))
-
-    def cannot_matter_in(
-        self,
-        low: npt.ArrayLike,
-        high: npt.ArrayLike,
-        axis: npt.ArrayLike = (0.0, 0.0, 1.0),
-        spread: float = pi,
-        threshold: float = 0.0,
-    ) -> bool:
-        """Whether this light may be left out in all of the box [low, high], (3,) each.
-
-        `axis` (3,) unit and `spread` (radians) bound the normals found there: each lies within `spread` of `axis`; the
-        default says nothing about them, and is the one to use for two-sided materials. True only if `cannot_matter_at`
-        holds at every point of the box for every such normal.
-        """
-        from .kernels import cannot_matter_in
-
-        kind, row = self.pack()
-        box = _triple(low), _triple(high)
-        return bool(cannot_matter_in(kind, row, *box, _triple(axis), float(spread), float(threshold)))
 
 
 class _Local(BaseLight):
@@ -103,9 +58,9 @@ class _Local(BaseLight):
     range: Length | None = None
 
     def _write(self, row: Float64s) -> None:
-        row[POSITION : POSITION + 3] = self.position
-        row[RADIAL : RADIAL + 3] = self.attenuation
-        row[INVERSE_RANGE] = 0.0 if self.range is None else 1.0 / self.range
+        row[layout.POSITION : layout.POSITION + 3] = self.position
+        row[layout.RADIAL : layout.RADIAL + 3] = self.attenuation
+        row[layout.INVERSE_RANGE] = 0.0 if self.range is None else 1.0 / self.range
 
     @model_validator(mode="after")
     def _attenuates(self) -> _Local:
@@ -118,42 +73,42 @@ class PointLight(_Local):
     """Sends the same intensity in all directions."""
 
     light: Literal["point"] = "point"
-    kind: ClassVar[int] = POINT
+    kind: ClassVar[int] = layout.POINT
 
 
 class SpotLight(_Local):
     """A point light within `half_angle` (degrees, in (0, 90]) of `direction`, times cos^exponent of the angle."""
 
     light: Literal["spot"] = "spot"
-    kind: ClassVar[int] = SPOT
+    kind: ClassVar[int] = layout.SPOT
     direction: Direction
     half_angle: HalfAngle
     exponent: NonNegative = 0.0
 
     def _write(self, row: Float64s) -> None:
         super()._write(row)
-        row[DIRECTION : DIRECTION + 3] = _unit(self.direction)
+        row[layout.DIRECTION : layout.DIRECTION + 3] = _unit(self.direction)
         angle = radians(self.half_angle)
-        row[COS_HALF_ANGLE], row[HALF_ANGLE] = max(0.0, cos(angle)), angle
-        row[EXPONENT] = self.exponent
+        row[layout.COS_HALF_ANGLE], row[layout.HALF_ANGLE] = max(0.0, cos(angle)), angle
+        row[layout.EXPONENT] = self.exponent
 
 
 class DirectionalLight(BaseLight):
     """Infinitely distant: `direction` is the way its light travels; no attenuation."""
 
     light: Literal["directional"] = "directional"
-    kind: ClassVar[int] = DIRECTIONAL
+    kind: ClassVar[int] = layout.DIRECTIONAL
     direction: Direction
 
     def _write(self, row: Float64s) -> None:
-        row[DIRECTION : DIRECTION + 3] = _unit(self.direction)
+        row[layout.DIRECTION : layout.DIRECTION + 3] = _unit(self.direction)
 
 
 class AmbientLight(BaseLight):
     """I_a: the same from everywhere, reflected as k_a I_a."""
 
     light: Literal["ambient"] = "ambient"
-    kind: ClassVar[int] = AMBIENT
+    kind: ClassVar[int] = layout.AMBIENT
 
 
 Light = PointLight | DirectionalLight | SpotLight | AmbientLight
@@ -164,15 +119,14 @@ def light_from_dict(data: dict[str, Any]) -> BaseLight:
 
     Raises: OptionError naming the light, the field, what is accepted and what came.
     """
-    light: BaseLight = made_of(data, get_args(Light), "light", "light")
-    return light
+    return made_of(data, get_args(Light), "light", "light")
 
 
 def pack_lights(lights: list[BaseLight]) -> tuple[Int64s, Float64s]:
     """Kinds (k,) int64 and rows (k, WIDTH) float64 of a list of lights."""
     packed = [light.pack() for light in lights]
     kinds = np.array([p.kind for p in packed], np.int64)
-    return kinds, np.array([p.row for p in packed], np.float64).reshape(-1, WIDTH)
+    return kinds, np.array([p.row for p in packed], np.float64).reshape(-1, layout.WIDTH)
 
 
 def irradiance(
@@ -190,8 +144,3 @@ def _unit(direction: tuple[float, float, float]) -> Float64s:
     from ..mesh.normals import normalize
 
     return normalize(np.array(direction))
-
-
-def _triple(value: npt.ArrayLike) -> tuple[float, float, float]:
-    x, y, z = np.asarray(value, np.float64)
-    return float(x), float(y), float(z)

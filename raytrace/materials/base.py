@@ -62,7 +62,8 @@ class BaseMaterial(Parameters):
         return 1.0
 
     def _grain(self) -> RGB:
-        return (0.0, 0.0, 0.0)
+        """The world vector that the material is brushed along; zero for none."""
+        return getattr(self, "grain", None) or (0.0, 0.0, 0.0)
 
     @abstractmethod
     def _parameters(self) -> list[float]:

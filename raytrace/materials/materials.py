@@ -19,17 +19,7 @@ from pydantic import model_validator
 from ..brdf import layout as rows
 from ..brdf.coefficients import cap_angle, gaussian_constant, power_series
 from ..errors import OptionError
-from ..system.parameters import (
-    Angle,
-    Direction,
-    Fraction,
-    Positive,
-    Reflectance,
-    Slope,
-    Smoothness,
-    Spacing,
-    made_of,
-)
+from ..system.parameters import Angle, Direction, Fraction, Positive, Reflectance, Slope, Smoothness, Spacing, made_of
 from ..types import Float64s, Int64s
 from .base import RGB, BaseMaterial, Diffuse, Microfacet, TwoTerm
 from .presets import preset
@@ -92,9 +82,6 @@ class EllipticalBeckmann(Microfacet):
     m_perpendicular: Slope
     grain: Direction | None = None
 
-    def _grain(self) -> RGB:
-        return self.grain or (0.0, 0.0, 0.0)
-
     def _parameters(self) -> list[float]:
         return [*self._common(), self.m_parallel, self.m_perpendicular]
 
@@ -133,9 +120,6 @@ class PoulinFournier(TwoTerm):
     spacing: Spacing = 2.0
     floor: Fraction = 0.0
     grain: Direction | None = None
-
-    def _grain(self) -> RGB:
-        return self.grain or (0.0, 0.0, 0.0)
 
     def _parameters(self) -> list[float]:
         domain, series = power_series(self.exponent)
@@ -178,8 +162,7 @@ def material_from_dict(data: dict[str, Any]) -> BaseMaterial:
     """
     if "preset" in data:
         data = preset(data["preset"]) | {name: value for name, value in data.items() if name != "preset"}
-    material: BaseMaterial = made_of(data, get_args(Material), "model", "material")
-    return material
+    return made_of(data, get_args(Material), "model", "material")
 
 
 def pack_materials(materials: list[BaseMaterial]) -> tuple[Int64s, Float64s]:

@@ -13,11 +13,7 @@ from .materials import BaseMaterial
 
 
 def reflect(
-    material: BaseMaterial,
-    n: npt.ArrayLike,
-    l: npt.ArrayLike,
-    v: npt.ArrayLike,
-    grain: npt.ArrayLike | None = None,
+    material: BaseMaterial, n: npt.ArrayLike, l: npt.ArrayLike, v: npt.ArrayLike, grain: npt.ArrayLike | None = None
 ) -> AnyFloats:
     """Reflected RGB per unit incident RGB.
 

@@ -21,29 +21,14 @@ from ..kernel.simd import WIDE
 from ..lights.layout import AMBIENT as AMBIENT_LIGHT
 from ..scene import Scene
 from ..settings import Settings, Shading
+from ..shade import workspace
 from ..shade.camera_rays import mark_seen, place_camera
 from ..shade.film import EDGE, TILE
 from ..shade.interaction import GOURAUD
 from ..shade.records import Film, SceneArrays
 from ..shade.shading_points import FILM, LIGHTING
 from ..shade.tile import light_vertices, render_tiles
-from ..shade.workspace import (
-    BACKGROUND,
-    BEHIND,
-    BLACK,
-    COUNTERS,
-    CULLED,
-    FIRST,
-    PACKETS,
-    PRIMARY,
-    RETIRED,
-    SHADOW_RAYS,
-    UNOBSTRUCTED,
-    UNREACHED,
-    Scratch,
-    Style,
-    new_scratch,
-)
+from ..shade.workspace import Scratch, Style, new_scratch
 from ..system.memory import check_memory
 from ..system.threads import run_blocks, thread_count
 from ..types import Bools, Float32s, Int64s
@@ -60,12 +45,12 @@ _LONGEST = 256  # samples of tiles in a share: what Ctrl-C waits for
 _EDGES = 4 * 4 * TILE * EDGE  # bytes of what tiles know of one another, each
 _BASE, _VERTEX, _FACE = 50 << 20, 64, 104  # bytes, `rendering_bytes`
 _SKIPPED = {
-    "behind": BEHIND,
-    "unreached": UNREACHED,
-    "black": BLACK,
-    "culled": CULLED,
-    "unobstructed": UNOBSTRUCTED,
-    "background": BACKGROUND,
+    "behind": workspace.BEHIND,
+    "unreached": workspace.UNREACHED,
+    "black": workspace.BLACK,
+    "culled": workspace.CULLED,
+    "unobstructed": workspace.UNOBSTRUCTED,
+    "background": workspace.BACKGROUND,
 }
 
 
@@ -103,9 +88,9 @@ def render(
     counts = renderer.counts
     return Frame(
         layers=renderer.layers(),
-        rays={"primary": int(counts[PRIMARY]), "shadow": int(counts[SHADOW_RAYS])},
+        rays={"primary": int(counts[workspace.PRIMARY]), "shadow": int(counts[workspace.SHADOW_RAYS])},
         rays_skipped={name: int(counts[column]) for name, column in _SKIPPED.items()}
-        | {"primary_agreed": int(counts[RETIRED])},
+        | {"primary_agreed": int(counts[workspace.RETIRED])},
         seconds={"build": built - start, "render": time.perf_counter() - built},
         background=scene.background,
     )
@@ -118,7 +103,7 @@ def rendering_bytes(scene: Scene, settings: Settings, layers: bool) -> int:
     lit = sum(len(item.shape.mesh.vertices) for item in scene.objects) * (settings.shading == "gouraud")
     _, _, wide, high = whole_tiles(settings)
     film = 4 * wide * high * (FILM if layers else LAYERS["beauty"])
-    film += _EDGES * tile_count(wide, high) * (settings.samples > FIRST)
+    film += _EDGES * tile_count(wide, high) * (settings.samples > workspace.FIRST)
     textures = texture_bytes(shape_textures(item.shape for item in scene.objects))
     return _BASE + _VERTEX * vertices + _FACE * faces + 8 * LIGHTING * lit + film + textures
 
@@ -173,12 +158,12 @@ class _Renderer:
             pixels=np.empty((high, wide, FILM if layers else LAYERS["beauty"]), np.float32),
             left=left,
             top=top,
-            edges=np.empty((self.tiles if settings.samples > FIRST else 0, 4, TILE, EDGE), np.float32),
+            edges=np.empty((self.tiles if settings.samples > workspace.FIRST else 0, 4, TILE, EDGE), np.float32),
             scale=self.geometry.scale,
         )
         x, y, width, height = settings.crop or (0, 0, settings.width, settings.height)
         self.crop = self.film.pixels[y - top : y - top + height, x - left : x - left + width]
-        self.counts = np.zeros(COUNTERS, np.int64)
+        self.counts = np.zeros(workspace.COUNTERS, np.int64)
 
     def run(self, progress: Progress | None) -> None:
         if self.style.shading == GOURAUD:
@@ -239,7 +224,7 @@ class _Renderer:
                 light_vertices(self.scene, self.view, self.style, scratch, origins, item, (begin + first, begin + end))
                 finished.append(scratch.counts)
 
-            run_blocks(stop - begin, 4 * PACKETS * WIDE, work, self.threads)
+            run_blocks(stop - begin, 4 * workspace.PACKETS * WIDE, work, self.threads)
         self.counts += np.sum(finished, axis=0)
 
     def layers(self) -> dict[str, Float32s]:

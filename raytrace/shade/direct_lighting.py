@@ -3,8 +3,6 @@
 I(p) = I_e + k_a I_a·w + Σ_j δ(p, j) I_L(j) (diffuse_j + specular_j); the book's form weights diffuse light by w too.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from ..brdf.dispatch import ambient, emission, terms_wide
@@ -16,39 +14,21 @@ from ..kernel.simd_memory import load_row, store_row
 from ..kernel.vector import add, choose, dot, multiply, scale, subtract
 from ..lights.kernels import cannot_matter_in, incident
 from ..lights.layout import AMBIENT as AMBIENT_LIGHT
+from . import shading_points as layout
 from .camera_rays import FARTHEST
 from .interaction import CONSTANT
-from .shading_points import (
-    AMBIENT,
-    BACK,
-    DIFFUSE,
-    EMISSION,
-    FRONT,
-    LIT,
-    NORMAL,
-    ON_THIS_SIDE,
-    ORIGIN,
-    POINT,
-    SENT,
-    SHADOW,
-    SPECULAR,
-    TANGENT,
-    TINT,
-    VIEW,
-    W,
-    put,
-    take,
-)
+from .shading_points import put, take
 from .shaft_culling import obstructed
 from .workspace import BEHIND, BLACK, BOOK, CULLED, OFF, SHADOW_RAYS, UNOBSTRUCTED, UNREACHED
 
 SHORT = 1.0 - 1e-5  # of the way to a light: what touches the light itself is no obstacle
+DARK = (0.0, 0.0, 0.0)
 
 
 @inline
 def ambient_light(lights):
     """I_a: the sum of all ambient lights."""
-    total = (0.0, 0.0, 0.0)
+    total = DARK
     for j in range(len(lights.kinds)):
         if lights.kinds[j] == AMBIENT_LIGHT:
             _, _, arriving = incident(AMBIENT_LIGHT, lights.rows[j], total)
@@ -60,8 +40,8 @@ def ambient_light(lights):
 def add_undirected(entry, items, geometry, total, form):
     """Write what needs no light that comes from somewhere: emission and reflected ambient light."""
     left = items >= 0
-    tint = take(entry, TINT)
-    w = load_row(entry, W)
+    tint = take(entry, layout.TINT)
+    w = load_row(entry, layout.W)
     while some(left):
         item = pick(items, first(left))
         mask = left & (items == item)
@@ -69,8 +49,8 @@ def add_undirected(entry, items, geometry, total, form):
         reflected = multiply(multiply(ambient(material), total), tint)
         if form != OFF:
             reflected = scale(w, reflected)
-        put(entry, AMBIENT, mask, reflected)
-        put(entry, EMISSION, mask, emission(material))
+        put(entry, layout.AMBIENT, mask, reflected)
+        put(entry, layout.EMISSION, mask, emission(material))
         left = left & ~mask
 
 
@@ -87,29 +67,18 @@ def count_directed(lights):
 def extended(box, there, p):
     """Low and high corners, lanes, extended by the points p where the mask `there` is set."""
     low, high = box
-    nowhere = np.float32(np.inf)
-    return (
-        (
-            min(low[0], select(there, p[0], nowhere)),
-            min(low[1], select(there, p[1], nowhere)),
-            min(low[2], select(there, p[2], nowhere)),
-        ),
-        (
-            max(high[0], select(there, p[0], -nowhere)),
-            max(high[1], select(there, p[1], -nowhere)),
-            max(high[2], select(there, p[2], -nowhere)),
-        ),
-    )
+    end = np.float32(np.inf)
+    a, b = choose(there, p, (end, end, end)), choose(there, p, (-end, -end, -end))
+    lowest_yet = min(low[0], a[0]), min(low[1], a[1]), min(low[2], a[2])
+    return lowest_yet, (max(high[0], b[0]), max(high[1], b[1]), max(high[2], b[2]))
 
 
 @inline
 def corners(box):
     """Low and high corner of a box whose corners are lanes."""
     low, high = box
-    return (
-        (lowest(low[0]), lowest(low[1]), lowest(low[2])),
-        (highest(high[0]), highest(high[1]), highest(high[2])),
-    )
+    first_corner = lowest(low[0]), lowest(low[1]), lowest(low[2])
+    return first_corner, (highest(high[0]), highest(high[1]), highest(high[2]))
 
 
 @inline
@@ -123,12 +92,12 @@ def select_lights(geometry, lights, scratch, packets):
     points, origins, shifts = empty, empty, empty
     for e in range(packets):
         there = load_row(scratch.items, e) >= 0
-        point, origin = take(scratch.entries[e], POINT), take(scratch.entries[e], ORIGIN)
+        point, origin = take(scratch.entries[e], layout.POINT), take(scratch.entries[e], layout.ORIGIN)
         points, origins = extended(points, there, point), extended(origins, there, origin)
         shifts = extended(shifts, there, subtract(origin, point))
-        both = there & (load_row(scratch.entries[e], FRONT) > ON_THIS_SIDE)
+        both = there & (load_row(scratch.entries[e], layout.FRONT) > layout.ON_THIS_SIDE)
         if some(both):
-            back = take(scratch.entries[e], BACK)
+            back = take(scratch.entries[e], layout.BACK)
             origins, shifts = extended(origins, both, back), extended(shifts, both, subtract(back, point))
     low, high = corners(points)
     start, shift = corners(origins), corners(shifts)
@@ -164,9 +133,10 @@ def light_entries(geometry, lights, style, scratch, packets):
 def light_entry(entry, items, used, geometry, lights, style, scratch):
     """Add up the first `used` active lights of sixteen points."""
     counts = scratch.counts
-    point, n, tint, ahead = take(entry, POINT), take(entry, NORMAL), take(entry, TINT), take(entry, ORIGIN)
-    seen = (items >= 0) & (load_row(entry, FRONT) > 0.0)
-    both = (items >= 0) & (load_row(entry, FRONT) > ON_THIS_SIDE)
+    point, ahead = take(entry, layout.POINT), take(entry, layout.ORIGIN)
+    n, tint = take(entry, layout.NORMAL), take(entry, layout.TINT)
+    seen = (items >= 0) & (load_row(entry, layout.FRONT) > 0.0)
+    both = (items >= 0) & (load_row(entry, layout.FRONT) > layout.ON_THIS_SIDE)
     zero = scale(0.0, point)
     diffuse, specular, sent, lit = zero, zero, zero[0], zero[0]
     for a in range(used):
@@ -175,7 +145,7 @@ def light_entry(entry, items, used, geometry, lights, style, scratch):
         side, origin = n, ahead
         behind = both & (dot(n, l) < 0.0)
         if some(behind):
-            side, origin = choose(behind, scale(-1.0, n), n), choose(behind, take(entry, BACK), ahead)
+            side, origin = choose(behind, scale(-1.0, n), n), choose(behind, take(entry, layout.BACK), ahead)
         facing = seen & (dot(side, l) > 0.0)
         reached = facing & (intensity[0] + intensity[1] + intensity[2] > 0.0)
         counts[BEHIND] += count(items >= 0) - count(facing)
@@ -187,7 +157,7 @@ def light_entry(entry, items, used, geometry, lights, style, scratch):
             highlight = zero
         body = multiply(multiply(intensity, body), tint)
         if style.form == BOOK:
-            body = scale(load_row(entry, W), body)
+            body = scale(load_row(entry, layout.W), body)
         highlight = multiply(intensity, highlight)
         brought = add(body, highlight)
         brightness = brought[0] + brought[1] + brought[2]
@@ -199,15 +169,15 @@ def light_entry(entry, items, used, geometry, lights, style, scratch):
                 open_ = bright & unshadowed(origin, bright, l, distance, geometry, scratch)
             else:
                 counts[UNOBSTRUCTED] += count(bright)
-        diffuse, specular = add(diffuse, masked(open_, body)), add(specular, masked(open_, highlight))
+        diffuse, specular = add(diffuse, choose(open_, body, DARK)), add(specular, choose(open_, highlight, DARK))
         sent += select(bright, brightness, 0.0)
         lit += select(open_, brightness, 0.0)
     for c in range(3):
-        store_row(entry, DIFFUSE + c, diffuse[c])
-        store_row(entry, SPECULAR + c, specular[c])
-    store_row(entry, SENT, sent)
-    store_row(entry, LIT, lit)
-    store_row(entry, SHADOW, lit_fraction(sent, lit))
+        store_row(entry, layout.DIFFUSE + c, diffuse[c])
+        store_row(entry, layout.SPECULAR + c, specular[c])
+    store_row(entry, layout.SENT, sent)
+    store_row(entry, layout.LIT, lit)
+    store_row(entry, layout.SHADOW, lit_fraction(sent, lit))
 
 
 @inline
@@ -217,15 +187,9 @@ def lit_fraction(sent, lit):
 
 
 @inline
-def masked(mask, a):
-    """A triple of lanes where the mask is set, elsewhere zero."""
-    return (select(mask, a[0], 0.0), select(mask, a[1], 0.0), select(mask, a[2], 0.0))
-
-
-@inline
 def reflect(entry, items, reached, n, l, geometry):
     """Diffuse and specular RGB per unit of light from `l`, each point by its own material."""
-    view, tangent = take(entry, VIEW), take(entry, TANGENT)
+    view, tangent = take(entry, layout.VIEW), take(entry, layout.TANGENT)
     diffuse, specular = scale(0.0, n), scale(0.0, n)
     left = reached
     while some(left):

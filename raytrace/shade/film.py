@@ -1,7 +1,5 @@
 """From lit entries to pixels: sums of samples, and adaptive anti-aliasing: converged pixels need no more of them."""
 
-from __future__ import annotations
-
 from math import sqrt
 
 import numpy as np
@@ -11,29 +9,14 @@ from ..kernel.simd import WIDE
 from ..kernel.simd_masks import pick, some
 from ..kernel.simd_memory import load_row, scatter4, store_row
 from ..kernel.vector import add, scale
-from .shading_points import (
-    ALBEDO,
-    ALPHA,
-    AMBIENT,
-    BEAUTY,
-    DEPTH,
-    DIFFUSE,
-    EMISSION,
-    FILM,
-    ID,
-    NORMAL,
-    SHADOW,
-    SPECULAR,
-    W,
-    put,
-    take,
-)
+from . import shading_points as layout
+from .shading_points import put, take
 
 _BITS = 4
 TILE = 1 << _BITS  # pixels a side
 # Columns of a pixel's float64 sums: those of an entry, and then
-SHADED, SAMPLES, LOW, HIGH = FILM, FILM + 1, FILM + 2, FILM + 5
-SUMS = FILM + 8
+SHADED, SAMPLES, LOW, HIGH = layout.FILM, layout.FILM + 1, layout.FILM + 2, layout.FILM + 5
+SUMS = layout.FILM + 8
 EDGE = 7  # of a pixel on a tile's edge: LOW, HIGH, and 1 if it was retired
 AGREE = 1.0 / 256.0  # of the square root of a linear value, about one step of an 8-bit picture
 ROUGHLY = 4.0 * AGREE
@@ -43,7 +26,7 @@ ROUGHLY = 4.0 * AGREE
 def clear(sums):
     """Nothing gathered yet."""
     sums[:] = 0.0
-    sums[:, DEPTH] = np.inf
+    sums[:, layout.DEPTH] = np.inf
     sums[:, LOW : LOW + 3] = np.inf
     sums[:, HIGH : HIGH + 3] = -np.inf
 
@@ -51,16 +34,17 @@ def clear(sums):
 @inline
 def beauty(entry):
     """The sum of an entry's light, RGB."""
-    return add(add(add(take(entry, AMBIENT), take(entry, DIFFUSE)), take(entry, SPECULAR)), take(entry, EMISSION))
+    matt = add(take(entry, layout.AMBIENT), take(entry, layout.DIFFUSE))
+    return add(add(matt, take(entry, layout.SPECULAR)), take(entry, layout.EMISSION))
 
 
 @inline
 def add_background(entry, items, background):
     """Let the background show through what is transparent: what else lies behind is not traced."""
-    clear = (items >= 0) & (load_row(entry, ALPHA) < 1.0)
+    clear = (items >= 0) & (load_row(entry, layout.ALPHA) < 1.0)
     if some(clear):
-        shown = scale(1.0 - load_row(entry, ALPHA), background)
-        put(entry, EMISSION, clear, add(take(entry, EMISSION), shown))
+        shown = scale(1.0 - load_row(entry, layout.ALPHA), background)
+        put(entry, layout.EMISSION, clear, add(take(entry, layout.EMISSION), shown))
 
 
 @inline
@@ -68,26 +52,26 @@ def accumulate(entry, sums, pixels, batch, layers):
     """Add the first lanes of an entry, `batch` for each of `pixels`, to their sums."""
     colour = beauty(entry)
     for c in range(3):
-        store_row(entry, BEAUTY + c, colour[c])
+        store_row(entry, layout.BEAUTY + c, colour[c])
     for lane in range(len(pixels) * batch):
         sum_ = sums[pixels[lane // batch]]
-        for column in range(ALPHA, W):
+        for column in range(layout.ALPHA, layout.W):
             sum_[column] += entry[column, lane]
         for c in range(3):
-            sum_[LOW + c] = min(sum_[LOW + c], entry[BEAUTY + c, lane])
-            sum_[HIGH + c] = max(sum_[HIGH + c], entry[BEAUTY + c, lane])
+            sum_[LOW + c] = min(sum_[LOW + c], entry[layout.BEAUTY + c, lane])
+            sum_[HIGH + c] = max(sum_[HIGH + c], entry[layout.BEAUTY + c, lane])
         sum_[SAMPLES] += 1.0
-        if layers and entry[ID, lane] > 0.0:
+        if layers and entry[layout.ID, lane] > 0.0:
             sum_[SHADED] += 1.0
-            sum_[W] += entry[W, lane]
-            sum_[SHADOW] += entry[SHADOW, lane]
+            sum_[layout.W] += entry[layout.W, lane]
+            sum_[layout.SHADOW] += entry[layout.SHADOW, lane]
             for c in range(3):
-                sum_[ALBEDO + c] += entry[ALBEDO + c, lane]
-            if entry[DEPTH, lane] < sum_[DEPTH]:
-                sum_[DEPTH] = entry[DEPTH, lane]
-                sum_[ID] = entry[ID, lane]
+                sum_[layout.ALBEDO + c] += entry[layout.ALBEDO + c, lane]
+            if entry[layout.DEPTH, lane] < sum_[layout.DEPTH]:
+                sum_[layout.DEPTH] = entry[layout.DEPTH, lane]
+                sum_[layout.ID] = entry[layout.ID, lane]
                 for c in range(3):
-                    sum_[NORMAL + c] = entry[NORMAL + c, lane]
+                    sum_[layout.NORMAL + c] = entry[layout.NORMAL + c, lane]
 
 
 @inline
@@ -96,18 +80,18 @@ def mean(sums, pixels, layers, entry):
     for lane in range(len(pixels)):
         sum_ = sums[pixels[lane]]
         share = 1.0 / sum_[SAMPLES]
-        for column in range(ALPHA, W):
+        for column in range(layout.ALPHA, layout.W):
             entry[column, lane] = sum_[column] * share
         if layers:
             hit = sum_[SHADED] > 0.0
             share = 1.0 / max(sum_[SHADED], 1.0)
-            entry[W, lane] = sum_[W] * share if hit else 1.0
-            entry[SHADOW, lane] = sum_[SHADOW] * share if hit else 1.0
+            entry[layout.W, lane] = sum_[layout.W] * share if hit else 1.0
+            entry[layout.SHADOW, lane] = sum_[layout.SHADOW] * share if hit else 1.0
             for c in range(3):
-                entry[ALBEDO + c, lane] = sum_[ALBEDO + c] * share
-                entry[NORMAL + c, lane] = sum_[NORMAL + c]
-            entry[DEPTH, lane] = sum_[DEPTH]
-            entry[ID, lane] = sum_[ID]
+                entry[layout.ALBEDO + c, lane] = sum_[layout.ALBEDO + c] * share
+                entry[layout.NORMAL + c, lane] = sum_[layout.NORMAL + c]
+            entry[layout.DEPTH, lane] = sum_[layout.DEPTH]
+            entry[layout.ID, lane] = sum_[layout.ID]
 
 
 @inline
@@ -132,13 +116,13 @@ def write_pixels(entry, pixels, mask, film, left, top):
     colour = beauty(entry)
     begin = (top * width + left) * channels
     places = (row_of(pixels) * width + column_of(pixels)) * channels
-    scatter4(film.pixels, begin, places, mask, (colour[0], colour[1], colour[2], load_row(entry, ALPHA)))
-    if channels > AMBIENT:
-        store_row(entry, DEPTH, load_row(entry, DEPTH) / film.scale)
+    scatter4(film.pixels, begin, places, mask, (colour[0], colour[1], colour[2], load_row(entry, layout.ALPHA)))
+    if channels > layout.AMBIENT:
+        store_row(entry, layout.DEPTH, load_row(entry, layout.DEPTH) / film.scale)
         for lane in range(WIDE):
             if pick(mask, lane):
                 x, y = left + column_of(pick(pixels, lane)), top + row_of(pick(pixels, lane))
-                for column in range(AMBIENT, FILM):
+                for column in range(layout.AMBIENT, layout.FILM):
                     film.pixels[y, x, column] = entry[column, lane]
 
 

@@ -14,22 +14,9 @@ from ..kernel.simd_memory import gather, gather3
 from ..kernel.vector import add, choose, cross, dot, load3, scale, subtract, unit
 from ..mesh.placement import ULP
 from ..ray_origins.offset import OFFSET_ULPS
+from . import shading_points as layout
 from .interpolation import centroid, phong_normal, quadratic_normal
-from .shading_points import (
-    BACK,
-    FRONT,
-    NORMAL,
-    ON_BOTH_SIDES,
-    ON_THIS_SIDE,
-    ORIGIN,
-    POINT,
-    TANGENT,
-    TINT,
-    VIEW,
-    W,
-    put,
-    put1,
-)
+from .shading_points import put, put1
 
 CONSTANT, FLAT, GOURAUD, PHONG, QUADRATIC = range(5)
 SMOOTH = 0.8660254037844387  # cos 30°: a computed normal that leans away farther marks a hard edge
@@ -167,10 +154,10 @@ def needs_tangent(geometry, item):
 def lights_seen(geometry, item, side):
     """The column FRONT of points that are seen from their own side (`side` > 0) or from behind."""
     if geometry.rows[item, TWO_SIDED] == TO_LIGHT:
-        return select(side > 0.0, ON_BOTH_SIDES, ON_BOTH_SIDES)
+        return select(side > 0.0, layout.ON_BOTH_SIDES, layout.ON_BOTH_SIDES)
     if geometry.rows[item, TWO_SIDED] == TO_VIEWER:
-        return select(side > 0.0, ON_THIS_SIDE, ON_THIS_SIDE)
-    return select(side > 0.0, ON_THIS_SIDE, 0.0)
+        return select(side > 0.0, layout.ON_THIS_SIDE, layout.ON_THIS_SIDE)
+    return select(side > 0.0, layout.ON_THIS_SIDE, 0.0)
 
 
 @inline
@@ -211,24 +198,24 @@ def hit_entry(entry, geometry, w, item, mask, hits, view, style):
         else:
             normal = phong_normal(n0, n1, n2, u, v)
     size = max(max(largest(p0), largest(p1)), largest(p2))
-    put(entry, POINT, mask, lit)
-    put(entry, ORIGIN, mask, lift(geometry, item, origin, geometric, size))
+    put(entry, layout.POINT, mask, lit)
+    put(entry, layout.ORIGIN, mask, lift(geometry, item, origin, geometric, size))
     if geometry.rows[item, TWO_SIDED] == TO_LIGHT:
         behind = point
         if style.terminator and style.shading not in (CONSTANT, FLAT):
             n0, n1, n2 = scale(-1.0, n0), scale(-1.0, n1), scale(-1.0, n2)
             behind = smooth_origin(point, (p0, p1, p2), (n0, n1, n2), u, v)
-        put(entry, BACK, mask, lift(geometry, item, behind, scale(-1.0, geometric), size))
-    put(entry, NORMAL, mask, normal)
-    put(entry, VIEW, mask, backward)
-    put(entry, TINT, mask, (1.0, 1.0, 1.0))
-    put1(entry, FRONT, mask, lights_seen(geometry, item, side))
+        put(entry, layout.BACK, mask, lift(geometry, item, behind, scale(-1.0, geometric), size))
+    put(entry, layout.NORMAL, mask, normal)
+    put(entry, layout.VIEW, mask, backward)
+    put(entry, layout.TINT, mask, (1.0, 1.0, 1.0))
+    put1(entry, layout.FRONT, mask, lights_seen(geometry, item, side))
     if needs_tangent(geometry, item):
-        put(entry, TANGENT, mask, tangent(geometry, i, j, k, edge1, edge2))
+        put(entry, layout.TANGENT, mask, tangent(geometry, i, j, k, edge1, edge2))
     if style.weighted:
         shift = geometry.first_w[item] - geometry.first_vertex[item]
         w0, w1, w2 = gather(w, i + shift), gather(w, j + shift), gather(w, k + shift)
-        put1(entry, W, mask, single(between(w0, w1, w2, u, v)))
+        put1(entry, layout.W, mask, single(between(w0, w1, w2, u, v)))
 
 
 @inline
@@ -243,17 +230,17 @@ def vertex_entry(entry, geometry, w, origins, item, mask, rows, view):
     backward = towards_viewer(view, point)
     side = select(dot(normal, backward) >= 0.0, 1.0, -1.0)
     normal = scale(side, normal)
-    put(entry, POINT, mask, point)
+    put(entry, layout.POINT, mask, point)
     if len(origins) > 0:
         below = len(origins) - len(w)
-        put(entry, ORIGIN, mask, gather3(origins, rows + select(side < 0.0, below, 0)))
-        put(entry, BACK, mask, gather3(origins, rows + select(side < 0.0, 0, below)))
+        put(entry, layout.ORIGIN, mask, gather3(origins, rows + select(side < 0.0, below, 0)))
+        put(entry, layout.BACK, mask, gather3(origins, rows + select(side < 0.0, 0, below)))
     else:
-        put(entry, ORIGIN, mask, point)
-        put(entry, BACK, mask, point)
-    put(entry, NORMAL, mask, normal)
-    put(entry, VIEW, mask, backward)
-    put(entry, TINT, mask, (1.0, 1.0, 1.0))
-    put(entry, TANGENT, mask, (0.0, 0.0, 0.0))
-    put1(entry, FRONT, mask, lights_seen(geometry, item, side))
-    put1(entry, W, mask, single(gather(w, rows)))
+        put(entry, layout.ORIGIN, mask, point)
+        put(entry, layout.BACK, mask, point)
+    put(entry, layout.NORMAL, mask, normal)
+    put(entry, layout.VIEW, mask, backward)
+    put(entry, layout.TINT, mask, (1.0, 1.0, 1.0))
+    put(entry, layout.TANGENT, mask, (0.0, 0.0, 0.0))
+    put1(entry, layout.FRONT, mask, lights_seen(geometry, item, side))
+    put1(entry, layout.W, mask, single(gather(w, rows)))

@@ -4,30 +4,22 @@ All take a hit's barycentrics as Embree gives them: u, v weigh corners 1 and 2, 
 normals and colours are triples of floats, or of lanes of them. A normal that does not exist is the zero vector, which
 reflects nothing.
 
-- constant: light `centroid` with `face_normal` once, for the whole face;
+- constant: light `centroid` with the face's own normal once, for the whole face;
 - Gouraud 1971: light the corners, then `interpolate` their colours;
 - Phong 1975: light the hit with `phong_normal`;
 - quadratic, van Overveld & Wyvill 1997: light the hit with `quadratic_normal`, which turns where linear
   interpolation stays flat.
 """
 
-from __future__ import annotations
-
 from ..kernel.jit import inline
 from ..kernel.simd import select
-from ..kernel.vector import add, cross, dot, scale, subtract, unit
+from ..kernel.vector import add, dot, scale, subtract, unit
 
 
 @inline
 def interpolate(a0, a1, a2, u, v):
     """(1 − u − v) a0 + u a1 + v a2: positions, colours, texture coordinates."""
     return add(add(scale(1.0 - u - v, a0), scale(u, a1)), scale(v, a2))
-
-
-@inline
-def face_normal(p0, p1, p2):
-    """Unit normal of the triangle, counter-clockwise seen from outside."""
-    return unit(cross(subtract(p1, p0), subtract(p2, p0)))
 
 
 @inline

@@ -26,8 +26,6 @@ OCCLUSION 1       occlusion texture, 1 without
 ========= ======= =====================================================================
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from ..kernel.jit import inline

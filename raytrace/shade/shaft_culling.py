@@ -19,6 +19,7 @@ from ..kernel.jit import inline, kernel
 from ..kernel.simd import WIDE, select
 from ..kernel.simd_masks import some
 from ..kernel.simd_memory import load_row
+from ..kernel.vector import add, load3, scale, subtract
 from ..lights.layout import DIRECTION, DIRECTIONAL, POSITION
 from ..types import Float32s, Float64s, Int64s
 from .camera_rays import FARTHEST
@@ -84,15 +85,12 @@ def obstructed(boxes, start, shift, kind, row):
         size = max(size, abs(start[0][axis]), abs(start[1][axis]), abs(row[POSITION + axis]))
     slack = SLACK * size
     if kind == DIRECTIONAL:
-        away = (-FARTHEST * row[DIRECTION], -FARTHEST * row[DIRECTION + 1], -FARTHEST * row[DIRECTION + 2])
-        end_low = (start[0][0] + away[0] - slack, start[0][1] + away[1] - slack, start[0][2] + away[2] - slack)
-        end_high = (start[1][0] + away[0] + slack, start[1][1] + away[1] + slack, start[1][2] + away[2] + slack)
+        end, around = scale(-FARTHEST, load3(row[DIRECTION:])), start
     else:
-        lamp = (row[POSITION], row[POSITION + 1], row[POSITION + 2])
-        end_low = (lamp[0] + shift[0][0] - slack, lamp[1] + shift[0][1] - slack, lamp[2] + shift[0][2] - slack)
-        end_high = (lamp[0] + shift[1][0] + slack, lamp[1] + shift[1][1] + slack, lamp[2] + shift[1][2] + slack)
-    for group in range(len(boxes)):
-        box = boxes[group]
+        end, around = load3(row[POSITION:]), shift
+    margin = (slack, slack, slack)
+    end_low, end_high = subtract(add(end, around[0]), margin), add(add(end, around[1]), margin)
+    for box in boxes:
         begin = 0.0 * load_row(box, 0)
         end = begin + 1.0
         for axis in range(3):

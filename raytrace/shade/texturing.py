@@ -1,7 +1,5 @@
 """Textures at a hit, filtered over what one pixel covers: the albedo's, and that of obscurance."""
 
-from __future__ import annotations
-
 from math import sqrt
 
 import numpy as np

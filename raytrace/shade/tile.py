@@ -4,8 +4,6 @@ A pixel's first few samples decide together with its neighbours' whether it need
 known only when all tiles have been rendered, so pixels that one of them is unlike are taken up again then.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from ..brdf.dispatch import alpha
@@ -17,6 +15,7 @@ from ..kernel.simd import WIDE, double, select, single
 from ..kernel.simd_masks import count, first, lane_numbers, pick, some
 from ..kernel.simd_memory import gather, load_row, store_row
 from ..kernel.vector import load3, multiply, scale
+from . import shading_points as layout
 from .camera_rays import aim, hit_ids
 from .direct_lighting import count_directed, light_entries, lit_fraction
 from .film import (
@@ -34,24 +33,7 @@ from .film import (
 )
 from .interaction import GOURAUD, Hits, between, corner_rows, hit_entry, vertex_entry
 from .records import SceneArrays
-from .shading_points import (
-    ALBEDO,
-    ALPHA,
-    BEAUTY,
-    DEPTH,
-    EMISSION,
-    FILM,
-    ID,
-    LIT,
-    SENT,
-    SHADOW,
-    TINT,
-    W,
-    lighting_column,
-    put,
-    put1,
-    take,
-)
+from .shading_points import lighting_column, put, put1, take
 from .texturing import apply_occlusion, apply_tint, texture_occlusion, texture_tint
 from .workspace import BACKGROUND, FIRST, PACKETS, PRIMARY, RETIRED
 
@@ -176,8 +158,8 @@ def trace_packet(scene, view, style, scratch, entry, start, there):
     depth = start + load_row(packet, TFAR)
     hits = Hits(faces, load_row(packet, U), load_row(packet, V), depth, scale(-1.0, take(packet, DIR_X)))
     if style.layers:
-        store_row(entry, DEPTH, select(left, depth, np.inf))
-        store_row(entry, ID, single(double(items + 1)))
+        store_row(entry, layout.DEPTH, select(left, depth, np.inf))
+        store_row(entry, layout.ID, single(double(items + 1)))
     while some(left):
         item = pick(items, first(left))
         mask = left & (items == item)
@@ -186,9 +168,9 @@ def trace_packet(scene, view, style, scratch, entry, start, there):
         if style.weighted:
             texture_occlusion(entry, scene, item, mask, hits, view, scratch.missing)
         material = geometry.rows[item]
-        put1(entry, ALPHA, mask, alpha(material))
+        put1(entry, layout.ALPHA, mask, alpha(material))
         if style.layers:
-            put(entry, ALBEDO, mask, multiply(take(entry, TINT), load3(material[MODEL:])))
+            put(entry, layout.ALBEDO, mask, multiply(take(entry, layout.TINT), load3(material[MODEL:])))
         if style.shading == GOURAUD:
             interpolate_lit(entry, geometry, item, mask, hits, scene.lit_vertices)
             apply_tint(entry, mask)
@@ -201,15 +183,15 @@ def trace_packet(scene, view, style, scratch, entry, start, there):
 @inline
 def clear_entry(entry, style):
     """An entry that has met nothing but the background."""
-    for column in range(BEAUTY, EMISSION):
+    for column in range(layout.BEAUTY, layout.EMISSION):
         store_row(entry, column, 0.0)
     for c in range(3):
-        store_row(entry, EMISSION + c, style.background[c])
-    store_row(entry, SENT, 0.0)
-    store_row(entry, LIT, 0.0)
+        store_row(entry, layout.EMISSION + c, style.background[c])
+    store_row(entry, layout.SENT, 0.0)
+    store_row(entry, layout.LIT, 0.0)
     if style.layers:
-        for column in range(W, FILM):
-            store_row(entry, column, 1.0 if column <= SHADOW else 0.0)
+        for column in range(layout.W, layout.FILM):
+            store_row(entry, column, 1.0 if column <= layout.SHADOW else 0.0)
 
 
 @inline
@@ -223,7 +205,7 @@ def interpolate_lit(entry, geometry, item, mask, hits, lit_vertices):
         a, b = gather(lit_vertices, i * width + at), gather(lit_vertices, j * width + at)
         c = gather(lit_vertices, k * width + at)
         put1(entry, lighting_column(column), mask, single(between(a, b, c, hits.u, hits.v)))
-    put1(entry, SHADOW, mask, lit_fraction(load_row(entry, SENT), load_row(entry, LIT)))
+    put1(entry, layout.SHADOW, mask, lit_fraction(load_row(entry, layout.SENT), load_row(entry, layout.LIT)))
 
 
 @kernel

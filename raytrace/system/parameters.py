@@ -69,6 +69,7 @@ Angle = Annotated[float, Field(ge=0, le=pi / 2, description="radians in [0, π/2
 HalfAngle = Annotated[float, Field(gt=0, le=90, description="degrees in (0, 90]")]
 Number = Annotated[float, BeforeValidator(_number)]  # no text that reads as one
 Whole = Annotated[int, Field(strict=True), BeforeValidator(_whole)]
+Switch = Annotated[bool, Field(strict=True), BeforeValidator(_listed)]
 Seed = Annotated[Whole, Field(ge=0, le=2**64 - 1)]
 
 Reflectance = Annotated[tuple[Fraction, Fraction, Fraction], BeforeValidator(triple)]

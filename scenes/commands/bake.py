@@ -100,10 +100,10 @@ class BakeCommand:
         if self.report:
             check_ending("--report", self.report, ".json")
         if self.debug_image:
-            from .flag_image import check_marked_target
+            from raytrace.image.write import check_image_target
 
             with named("debug_image"):
-                check_marked_target(self.debug_image)
+                check_image_target(self.debug_image, layers=("beauty",))
         elif self.up:
             raise OptionError("up", "--debug-image with it; w does not depend on it", "none")
         check_outputs(self._outputs(), [self.mesh])
@@ -125,7 +125,7 @@ class BakeCommand:
         """The bake, and warnings that a tolerance was not met."""
         import ao
 
-        kernels = "gather_streams" if self.method is Method.vertex else "face_moments"
+        kernels = "gather_streams" if self.method == "vertex" else "face_moments"
         unmet = catch_warnings(record=True, action="always", category=ao.ToleranceWarning)
         with progress(self.quiet, "rays") as (advance,), compiling(kernels), unmet as raised:
             baked = ao.bake(mesh, falloff, progress=advance, checkpoint=checkpoint, **self._options())

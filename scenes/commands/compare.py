@@ -27,4 +27,4 @@ def compare_files(a: Path, b: Path, threshold: float | None, metric: Metric, dif
             check_image_target(difference, layers=("beauty",))
     found = compare(a, b, difference)
     print(columns([(name, f"{getattr(found, name):.6g}") for name in _FIGURES]))
-    return threshold is None or found.within(threshold, metric.value)
+    return threshold is None or found.within(threshold, metric)

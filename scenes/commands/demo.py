@@ -5,14 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 
 import ao
-from raytrace.camera import Camera
-from raytrace.errors import OutputError
+from raytrace import AmbientLight, Camera, Lambert, Object, OutputError, Scene, Settings, Shape, render
 from raytrace.image.write import write_frame
-from raytrace.lights.sources import AmbientLight
-from raytrace.materials.materials import Lambert
-from raytrace.renderer.render import render
-from raytrace.scene import Object, Scene, Shape
-from raytrace.settings import Settings
 from raytrace.system.outputs import check_outputs
 
 from ..geometry.temple import temple

@@ -7,14 +7,8 @@ from pathlib import Path
 import numpy as np
 
 import ao
-from raytrace.camera import Camera
-from raytrace.image.write import check_image_target, write_image
-from raytrace.lights.sources import AmbientLight
-from raytrace.materials.materials import Lambert
-from raytrace.mesh.mesh import Mesh
-from raytrace.renderer.render import render
-from raytrace.scene import Object, Scene, Shape
-from raytrace.settings import Settings
+from raytrace import AmbientLight, Camera, Lambert, Mesh, Object, Scene, Settings, Shape, render
+from raytrace.image.write import write_image
 from raytrace.types import Float32s, Float64s
 
 from ..description.defaults import Z_UP, Vector, framing
@@ -29,11 +23,6 @@ COLOURS = {
 """Linear RGB of the dot on a vertex: blue, yellow, cyan, green, magenta; the last flag of a vertex wins."""
 
 _WIDTH, _HEIGHT, _DOT = 960, 720, 2
-
-
-def check_marked_target(target: Path) -> None:
-    """Raise the error that `write_marked` would, before any work is done."""
-    check_image_target(target, layers=("beauty",))
 
 
 def write_marked(target: Path, mesh: Mesh, baked: ao.Bake, up: Vector = Z_UP) -> None:
@@ -52,12 +41,7 @@ def write_marked(target: Path, mesh: Mesh, baked: ao.Bake, up: Vector = Z_UP) ->
     write_image(target, picture)
 
 
-def _dots(
-    picture: Float32s,
-    camera: Camera,
-    places: Float64s,
-    colour: tuple[float, float, float],
-) -> None:
+def _dots(picture: Float32s, camera: Camera, places: Float64s, colour: tuple[float, float, float]) -> None:
     right, above, forward = camera.axes()
     offset = places - camera.position
     depth = offset @ forward

@@ -9,13 +9,12 @@ from typing import Any
 
 import numpy as np
 
+from raytrace import PRESETS, EllipticalBeckmann, OrenNayar, PoulinFournier, material_from_dict
 from raytrace.brdf.oren_nayar import fitted_orders
 from raytrace.brdf.oren_nayar_reference import reference_orders
 from raytrace.errors import OptionError, nearest_name
 from raytrace.materials.base import BaseMaterial, Diffuse, Microfacet
 from raytrace.materials.energy import NORMAL, asymmetry, directional_albedo, towards
-from raytrace.materials.materials import EllipticalBeckmann, OrenNayar, PoulinFournier, material_from_dict
-from raytrace.materials.presets import PRESETS
 
 ANGLES = (0, 20, 40, 60, 75, 85, 89)  # degrees from the normal
 _RECIPROCAL = 1e-6

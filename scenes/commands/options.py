@@ -4,9 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
-from enum import StrEnum
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
 if TYPE_CHECKING:
     import ao
@@ -15,62 +14,16 @@ if TYPE_CHECKING:
 VALIDATION_SAMPLES = 4096  # rays per vertex of `obscurance validate`, unless given
 
 
-class Traversal(StrEnum):
-    auto = "auto"
-    embree = "embree"
-
-
-class Method(StrEnum):
-    vertex = "vertex"
-    surface = "surface"
-
-
-class FalloffForm(StrEnum):
-    exponential = "exponential"
-    binary = "binary"
-
-
-class Hidden(StrEnum):
-    auto = "auto"
-    ignore = "ignore"
-    mark = "mark"
-    fill = "fill"
-
-
-class Overlap(StrEnum):
-    mean = "mean"
-    first = "first"
-    refuse = "refuse"
-
-
-class BentSpace(StrEnum):
-    world = "world"
-    tangent = "tangent"
-
-
-class Occlusion(StrEnum):
-    none = "none"
-    ramp = "ramp"
-    texture = "texture"
-
-
-class Metric(StrEnum):
-    flip = "flip"
-    rms = "rms"
-    max = "max"
-
-
-class Up(StrEnum):
-    x = "x"
-    y = "y"
-    z = "z"
-
-
-class NormalsFrom(StrEnum):
-    angle = "angle"
-    area = "area"
-    equal = "equal"
-    file = "file"
+Traversal = Literal["auto", "embree"]
+Method = Literal["vertex", "surface"]
+FalloffForm = Literal["exponential", "binary"]
+Hidden = Literal["auto", "ignore", "mark", "fill"]
+NormalsFrom = Literal["angle", "area", "equal", "file"]
+Metric = Literal["flip", "rms", "max"]
+Up = Literal["x", "y", "z"]
+Occlusion = Literal["none", "ramp", "texture"]
+Overlap = Literal["mean", "first", "refuse"]
+BentSpace = Literal["world", "tangent"]
 
 
 def make_falloff(form: FalloffForm, tau: float | None, half_distance: str | None, max_distance: str) -> ao.Falloff:
@@ -78,7 +31,7 @@ def make_falloff(form: FalloffForm, tau: float | None, half_distance: str | None
     import ao
     from raytrace.errors import OptionError
 
-    if form is FalloffForm.exponential:
+    if form == "exponential":
         return ao.Exponential(tau, half_distance, max_distance)
     for name, value in (("tau", tau), ("half_distance", half_distance)):
         if value is not None:
@@ -135,4 +88,4 @@ def parse_texels(text: str) -> int | tuple[int, int]:
 
 def plain(value: object) -> object:
     """An option as a JSON report has it."""
-    return str(value) if isinstance(value, Path | StrEnum) else value
+    return str(value) if isinstance(value, Path) else value

@@ -11,11 +11,10 @@ from typing import Any
 import ao
 from ao.report import versions
 from ao.trace.tracer import Progress
+from raytrace import Frame, Settings
 from raytrace.errors import OptionError, printable
-from raytrace.image.frame import Frame
 from raytrace.image.write import check_image_target, write_frame
 from raytrace.renderer.render import describe_work, render, rendering_bytes
-from raytrace.settings import Settings
 from raytrace.system.memory import check_memory
 
 from ..description.description import SceneDescription

@@ -2,58 +2,73 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 from .console import compiling, progress, warn
+from .options import NormalsFrom, Up, parse_crop, parse_size
+
+_SETTINGS = ("samples", "shading", "normals", "obscurance", "shadows", "seed")
 
 
-def render_file(
-    scene: Path,
-    output: Path,
-    size: tuple[int, int] | None,
-    settings: Mapping[str, Any],
-    *,
-    up: str | None,
-    baked: Path | None,
-    own_occlusion: bool,
-    preview: bool,
-    half: bool,
-    threads: int | None,
-    report: Path | None,
-    quiet: bool,
-) -> None:
-    """`obscurance render`: read a scene, render it, write the image and a report, and print a summary.
+@dataclass(frozen=True, kw_only=True)
+class RenderCommand:
+    """The command with its options; `obscurance render --help` explains each. None: as the scene has it."""
 
-    Args: size, settings: in place of the scene's, where they are not None. The others: `obscurance render --help`.
+    scene: Path
+    output: Path
+    width: int | None
+    height: int | None
+    samples: int | None
+    shading: str | None
+    normals: NormalsFrom | None
+    obscurance: str | None
+    baked: Path | None
+    own_occlusion: bool
+    shadows: bool | None
+    up: Up | None
+    crop: str | None
+    seed: int | None
+    preview: bool
+    half: bool
+    threads: int | None
+    report: Path | None
+    quiet: bool
 
-    Raises:
-        InputError, OutputError, EmbreeError: as `read_scene`, `adjusted` and `make_picture`.
-    """
-    from raytrace.image.write import check_image_target
-    from raytrace.system.atomic import write_json
-    from raytrace.system.outputs import check_ending, check_outputs
-    from raytrace.system.threads import thread_count
+    def run(self) -> None:
+        """Read a scene, render it, write the image and a report, and print a summary.
 
-    thread_count(threads)
-    check_image_target(output, half)
-    if report:
-        check_ending("--report", report, ".json")
-    outputs = {"--output": output, "--report": report}
-    check_outputs(outputs, [scene])
-    from ..description.read import read_scene
-    from ..readers.stored_w import check_stored
-    from .render import adjusted, make_picture, render_report
+        Raises:
+            InputError, OutputError, EmbreeError: as `read_scene`, `adjusted` and `make_picture`.
+        """
+        size = parse_size(self.width, self.height)
+        settings = {name: getattr(self, name) for name in _SETTINGS}
+        settings["crop"] = None if self.crop is None else parse_crop(self.crop)
+        from raytrace.image.write import check_image_target
+        from raytrace.system.atomic import write_json
+        from raytrace.system.outputs import check_ending, check_outputs
+        from raytrace.system.threads import thread_count
 
-    if baked:
-        check_stored(baked)
-    description = adjusted(read_scene(scene, size, up), settings, preview, baked, own_occlusion)
-    check_outputs(outputs, description.files)
-    warnings = warn((item.shape.mesh for item in description.scene.objects), description.notes)
-    with compiling("tile"), progress(quiet, "rays", "tiles") as (baking, rendering):
-        picture = make_picture(scene, description, output, half, threads, baking, rendering)
-    if report:
-        write_json(report, render_report(scene, description.settings, picture, thread_count(threads), warnings))
-    if not quiet:
-        print(picture.summary(output, description.settings))
+        threads = thread_count(self.threads)
+        check_image_target(self.output, self.half)
+        if self.report:
+            check_ending("--report", self.report, ".json")
+        outputs = {"--output": self.output, "--report": self.report}
+        check_outputs(outputs, [self.scene])
+        from ..description.read import read_scene
+        from ..readers.stored_w import check_stored
+        from .render import adjusted, make_picture, render_report
+
+        if self.baked:
+            check_stored(self.baked)
+        description = adjusted(
+            read_scene(self.scene, size, self.up), settings, self.preview, self.baked, self.own_occlusion
+        )
+        check_outputs(outputs, description.files)
+        warnings = warn((item.shape.mesh for item in description.scene.objects), description.notes)
+        with compiling("tile"), progress(self.quiet, "rays", "tiles") as bars:
+            picture = make_picture(self.scene, description, self.output, self.half, threads, *bars)
+        if self.report:
+            write_json(self.report, render_report(self.scene, description.settings, picture, threads, warnings))
+        if not self.quiet:
+            print(picture.summary(self.output, description.settings))

@@ -6,11 +6,8 @@ from pathlib import Path
 
 import numpy as np
 
-from raytrace.camera import Camera
-from raytrace.errors import OptionError
+from raytrace import Camera, Lambert, Mesh, OptionError
 from raytrace.lights.sources import AmbientLight, BaseLight, DirectionalLight
-from raytrace.materials.materials import Lambert
-from raytrace.mesh.mesh import Mesh
 
 Vector = tuple[float, float, float]
 
@@ -49,8 +46,7 @@ def three_lights(camera: Camera) -> tuple[BaseLight, ...]:
     right, above, forward = camera.axes()
 
     def light(towards: Vector, intensity: Vector) -> DirectionalLight:
-        x, y, z = (float(c) for c in np.array(towards) @ [right, above, forward])
-        return DirectionalLight(direction=(x, y, z), intensity=intensity)
+        return DirectionalLight(direction=(np.array(towards) @ [right, above, forward]).tolist(), intensity=intensity)
 
     return (
         light((0.65, -0.75, 0.7), (3.2, 3.1, 2.9)),

@@ -7,9 +7,7 @@ from pathlib import Path
 from typing import Literal
 
 from ao.options import Options
-from raytrace.camera import Camera
-from raytrace.scene import Scene
-from raytrace.settings import Settings
+from raytrace import Camera, Scene, Settings
 
 from ..geometry.primitives import Origin
 

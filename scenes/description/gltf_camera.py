@@ -37,7 +37,6 @@ def camera(header: dict[str, Any], world: dict[int, Floats], source: object) -> 
 def _camera(stored: dict[str, Any], matrix: Floats) -> Camera:
     target = matrix[:3, 3] - normalize(matrix[:3, 2])
     view: dict[str, Any] = {"position": matrix[:3, 3].tolist(), "target": target.tolist(), "up": matrix[:3, 1].tolist()}
-    view = {name: tuple(values) for name, values in view.items()}
     if stored["type"] == "orthographic":
         return Camera(**view, height=2.0 * stored["orthographic"]["ymag"])
     return Camera(**view, field_of_view=degrees(stored["perspective"]["yfov"]))

@@ -6,10 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from raytrace.errors import MeshError, OptionError
-from raytrace.mesh.mesh import Mesh
-from raytrace.scene import Object, Occlusion, Scene, Shape
-from raytrace.settings import Settings
+from raytrace import Mesh, MeshError, Object, Occlusion, OptionError, Scene, Settings, Shape
 
 from ..field_errors import located
 from ..geometry.instances import Instance

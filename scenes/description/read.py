@@ -5,9 +5,7 @@ from __future__ import annotations
 import os
 from pathlib import Path
 
-from raytrace.errors import OptionError
-from raytrace.scene import Object, Scene, Shape
-from raytrace.settings import Settings
+from raytrace import Object, OptionError, Scene, Settings, Shape
 
 from ..readers.load import load
 from .defaults import BACKGROUND, NEUTRAL, framing, three_lights, up_axis

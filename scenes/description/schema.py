@@ -96,20 +96,6 @@ class CameraTable(Table):
     focus: Number | None = None
 
 
-class RenderTable(Table):
-    """`[render]`: `raytrace.settings.Settings`, but for the obscurance."""
-
-    width: Whole | None = None
-    height: Whole | None = None
-    samples: Whole | None = None
-    shading: str | None = None
-    normals: str | None = None
-    shadows: StrictBool | None = None
-    terminator: StrictBool | None = None
-    crop: tuple[Whole, Whole, Whole, Whole] | None = None
-    seed: Whole | None = None
-
-
 class ObscuranceTable(Table):
     """`[obscurance]`: how w(p) enters, and where it comes from."""
 
@@ -128,7 +114,7 @@ class Document(Table):
 
     background: Radiance = (0.0, 0.0, 0.0)
     camera: CameraTable = CameraTable()
-    render: RenderTable = RenderTable()
+    render: dict[str, Any] = {}
     obscurance: ObscuranceTable = ObscuranceTable()
     materials: Annotated[list[dict[str, Any]], Field(fail_fast=True)] = []
     objects: Annotated[list[ObjectTable], Field(min_length=1, fail_fast=True, description="at least one")]

@@ -9,12 +9,9 @@ from typing import Any
 
 import numpy.typing as npt
 
+from raytrace import PRESETS, Object, Shape, Texture, material_from_dict
 from raytrace.errors import SceneError, nearest_name, printable
-from raytrace.image.texture import Texture
 from raytrace.materials.base import BaseMaterial
-from raytrace.materials.materials import material_from_dict
-from raytrace.materials.presets import PRESETS
-from raytrace.scene import Object, Shape
 from raytrace.system.faults import fields_of
 
 from ..field_errors import check_keys, joined, located, shown

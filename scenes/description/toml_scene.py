@@ -12,14 +12,12 @@ import numpy as np
 
 import ao
 from ao.options import Options
-from raytrace.camera import Camera
+from raytrace import Camera, Scene, Settings, light_from_dict
 from raytrace.errors import OptionError, SceneError, nearest_name
-from raytrace.lights.sources import light_from_dict
-from raytrace.scene import Scene
-from raytrace.settings import Settings
+from raytrace.system.faults import fields_of
 from raytrace.system.inputs import check_regular
 
-from ..field_errors import located, shown
+from ..field_errors import check_keys, located, shown
 from ..readers.stored_w import ENDINGS
 from ..safe_paths import confined
 from .defaults import FROM, Z_UP, three_lights
@@ -63,10 +61,8 @@ def _load(path: Path) -> dict[str, Any]:
     try:
         check_regular(path, "a scene file", SceneError)
         content = path.read_bytes()
-    except SceneError:
-        raise
-    except (OSError, ValueError) as reason:
-        raise SceneError(path, "file", "a readable file", getattr(reason, "strerror", None) or reason) from None
+    except OSError as reason:
+        raise SceneError(path, "file", "a readable file", reason.strerror or reason) from None
     if not content.strip():
         raise SceneError(path, "content", "a TOML scene", "an empty file")
     try:
@@ -90,9 +86,8 @@ def _load(path: Path) -> dict[str, Any]:
 
 
 def _settings(document: Document, path: Path, size: tuple[int, int] | None) -> Settings:
-    values = document.render.given()
-    if size is not None:
-        values["width"], values["height"] = size
+    values = document.render if size is None else document.render | {"width": size[0], "height": size[1]}
+    check_keys(path, "render", values, [name for name in fields_of(Settings) if name != "obscurance"])
     with located(path, "render"):
         made = Settings(**values)
     form = document.obscurance.form

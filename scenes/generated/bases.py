@@ -9,11 +9,9 @@ from pathlib import Path
 
 import numpy as np
 
-from raytrace.mesh.mesh import Mesh
-
 from ..description.read import read_scene
 from ..geometry.menger import menger
-from ..geometry.polyhedra import Part, join
+from ..geometry.polyhedra import Part, join, part_of
 from ..geometry.temple import temple
 from ..library.catalogue import BUILTIN, write_builtin
 from .dense import Make, Rng, displacement, refined, sized, unit, used
@@ -39,13 +37,13 @@ def open_plane(rng: Rng) -> Make:
 
 def colonnade(rng: Rng) -> Make:
     """The temple."""
-    return lambda h: unit(_part(temple(8 * h)))
+    return lambda h: unit(part_of(temple(8 * h)))
 
 
 def sponge(rng: Rng) -> Make:
     """A Menger sponge of level 1 or 2, its vertices shared or each side's own."""
     level = int(rng.integers(1, 3))
-    return lambda h: _part(menger(level, 1.0, max(round(3.0**-level / h), 1)))
+    return lambda h: part_of(menger(level, 1.0, max(round(3.0**-level / h), 1)))
 
 
 def winding(rng: Rng) -> Make:
@@ -76,10 +74,6 @@ def _scene(name: str) -> Part:
         for o in objects
     ]
     return unit(join(parts))
-
-
-def _part(mesh: Mesh) -> Part:
-    return np.array(mesh.vertices), mesh.faces
 
 
 BASES: tuple[Base, ...] = (shape, open_plane, colonnade, sponge, winding, built_in)

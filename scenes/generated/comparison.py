@@ -7,10 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.sparse import csr_array
 
-from ao.baking import bake
-from ao.falloff import Falloff
-from ao.gather.receivers import Flag
-from ao.result import Bake
+from ao import Bake, Falloff, Flag, bake
 from raytrace.mesh.mesh import Mesh
 from raytrace.types import Bools, Float64s
 

@@ -6,12 +6,9 @@ from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Protocol
 
-import numpy as np
+from raytrace import Mesh, MeshError
 
-from raytrace.errors import MeshError
-from raytrace.mesh.mesh import Mesh
-
-from ..geometry.polyhedra import Part
+from ..geometry.polyhedra import Part, part_of
 from .bases import dense_base
 from .damage import DAMAGES, Damage, damaged
 from .dense import Rng, extent, log_uniform, placed, refined, sized, unit, used
@@ -30,33 +27,20 @@ class Family(Protocol):
         ...
 
 
-class _Drawn:
-    def __init__(self, make: Callable[[Rng, int], Mesh]) -> None:
-        self._make = make
-
-    def __call__(self, rng: Rng, size: int | None = None) -> Mesh:
-        return self._make(rng, int(log_uniform(rng, SMALL, LARGE / 1.3)) if size is None else size)
+def _drawn(make: Callable[[Rng, int], Mesh]) -> Family:
+    return lambda rng, size=None: make(rng, int(log_uniform(rng, SMALL, LARGE / 1.3)) if size is None else size)
 
 
-class _Damaged:
-    def __init__(self, name: str, damage: Damage, surplus: float, given: Part | None = None) -> None:
-        self._name, self._damage, self._surplus, self._given = name, damage, surplus, given
-
-    def __call__(self, rng: Rng, size: int) -> Mesh:
-        base = dense_base(rng, self._given)
-        return placed(damaged(self._damage, base, size, self._surplus, rng), rng, self._name)
+def _damaged(name: str, damage: Damage, surplus: float, given: Part | None = None) -> Family:
+    return _drawn(lambda rng, size: placed(damaged(damage, dense_base(rng, given), size, surplus, rng), rng, name))
 
 
-class _Given:
-    def __init__(self, name: str, part: Part) -> None:
-        self._name, self._part = name, part
-
-    def __call__(self, rng: Rng, size: int) -> Mesh:
-        return placed(sized(lambda h: refined(self._part, h), size), rng, self._name)
+def _given(name: str, part: Part) -> Family:
+    return _drawn(lambda rng, size: placed(sized(lambda h: refined(part, h), size), rng, name))
 
 
 def _unit(mesh: Mesh) -> Part:
-    part = used((np.array(mesh.vertices), mesh.faces))
+    part = used(part_of(mesh))
     if not len(part[1]) or extent(part) == 0:
         raise MeshError(mesh.source, "faces", "some that are not points", "none")
     return unit(part)
@@ -73,16 +57,16 @@ def families(given: Iterable[Mesh] = ()) -> dict[str, Family]:
     """
     given = list(given)
     if not given:
-        made = {name: _Drawn(make) for name, make in _MADE.items()}
-        return {**made, **{name: _Drawn(_Damaged(name, *how)) for name, how in DAMAGES.items()}}
+        made = {name: _drawn(make) for name, make in _MADE.items()}
+        return made | {name: _damaged(name, *how) for name, how in DAMAGES.items()}
     found: dict[str, Family] = {}
     short = [Path(mesh.source).name for mesh in given]
     called = short if len(set(short)) == len(short) else [mesh.source for mesh in given]
     for mesh, title in zip(given, called, strict=True):
         part = _unit(mesh)
-        found[title] = _Drawn(_Given(title, part))
+        found[title] = _given(title, part)
         for name, how in DAMAGES.items():
-            found[f"{title}, {name}"] = _Drawn(_Damaged(f"{title}, {name}", *how, given=part))
+            found[f"{title}, {name}"] = _damaged(f"{title}, {name}", *how, given=part)
     return found
 
 

@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 
 from raytrace.types import Float64s
 
-from ..geometry.polyhedra import Part
+from ..geometry.polyhedra import Part, part_of
 from ..geometry.primitives import box as hard_box
 from ..geometry.primitives import cylinder as hard_cylinder
 from .dense import Make, Rng, welded
@@ -42,8 +42,7 @@ def plane(width: float, depth: float, fineness: float) -> Part:
 
 def box(size: tuple[float, float, float], fineness: float, hard: bool = True) -> Part:
     """A box about the origin; its sides have vertices of their own if `hard`."""
-    mesh = hard_box((0, 0, 0), size, fineness).mesh
-    part = np.array(mesh.vertices), mesh.faces
+    part = part_of(hard_box((0, 0, 0), size, fineness).mesh)
     return part if hard else welded(part)
 
 
@@ -56,8 +55,7 @@ def ball(radius: float, fineness: float) -> Part:
 
 def cylinder(radius: float, height: float, fineness: float, hard: bool = True) -> Part:
     """A closed cylinder about the origin along z."""
-    mesh = hard_cylinder(radius, height, fineness).mesh
-    part = np.array(mesh.vertices), mesh.faces
+    part = part_of(hard_cylinder(radius, height, fineness).mesh)
     return part if hard else welded(part)
 
 

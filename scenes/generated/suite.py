@@ -5,15 +5,14 @@ from __future__ import annotations
 import zlib
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
-from typing import Protocol
 
 import numpy as np
 
-from ao.baking import bake as _bake
-from ao.falloff import Binary, Exponential, Falloff
-from ao.result import Bake
+from ao import Binary, Exponential, Falloff
+from ao import bake as _bake
 from raytrace.mesh.mesh import Mesh
 
+from ..validation.table import Baker
 from .comparison import Figures, compare_with_truth, find_truth
 from .families import LARGE, SMALL, families
 
@@ -22,14 +21,6 @@ TRUTH = 4096
 _LIMIT = 0.1  # of the bounding box's diagonal
 _APART = 1 << 32  # between the seeds of the bakes and those of the truths
 _DRAWS, _SEEDS = 2, 2  # of a family, and bakes of each, in the long form
-
-
-class Baker(Protocol):
-    """The baker under test: `ao.bake`, or a stand-in for it."""
-
-    def __call__(
-        self, mesh: Mesh, falloff: Falloff, *, seed: int, tolerance: float, threads: int | None = None
-    ) -> Bake: ...
 
 
 @dataclass(frozen=True)

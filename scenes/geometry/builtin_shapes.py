@@ -34,19 +34,16 @@ class Solid(Parameters):
 
         Raises: OptionError: more than `MAX_TRIANGLES`.
         """
-        length = self._longest() / _CELLS if self.fineness is None else self.fineness
-        if not 2 * max(self._longest() / length, self._area() / length / length) <= MAX_TRIANGLES:
+        longest, area = self._extent()
+        length = longest / _CELLS if self.fineness is None else self.fineness
+        if not 2 * max(longest / length, area / length / length) <= MAX_TRIANGLES:
             expected = f"a length that makes at most {MAX_TRIANGLES:,} triangles"
             raise OptionError("fineness", expected, f"{length:g}", type(self).__name__.lower())
         return self._make(length)
 
     @abstractmethod
-    def _longest(self) -> float:
-        """The longest side."""
-
-    @abstractmethod
-    def _area(self) -> float:
-        """Of the whole surface, roughly."""
+    def _extent(self) -> tuple[float, float]:
+        """The longest side, and the area of the whole surface, roughly."""
 
     @abstractmethod
     def _make(self, fineness: float) -> Geometry:
@@ -58,11 +55,8 @@ class Plane(Solid):
 
     size: tuple[Length, Length] = (1.0, 1.0)
 
-    def _longest(self) -> float:
-        return max(self.size)
-
-    def _area(self) -> float:
-        return self.size[0] * self.size[1]
+    def _extent(self) -> tuple[float, float]:
+        return max(self.size), self.size[0] * self.size[1]
 
     def _make(self, fineness: float) -> Geometry:
         x, y = self.size
@@ -74,12 +68,9 @@ class Box(Solid):
 
     size: Lengths = (1.0, 1.0, 1.0)
 
-    def _longest(self) -> float:
-        return max(self.size)
-
-    def _area(self) -> float:
+    def _extent(self) -> tuple[float, float]:
         x, y, z = self.size
-        return 2 * (x * y + y * z + z * x)
+        return max(x, y, z), 2 * (x * y + y * z + z * x)
 
     def _make(self, fineness: float) -> Geometry:
         return primitives.box((0, 0, 0), self.size, fineness)
@@ -90,11 +81,8 @@ class Sphere(Solid):
 
     radius: Length = 0.5
 
-    def _longest(self) -> float:
-        return 2 * self.radius
-
-    def _area(self) -> float:
-        return 4 * math.pi * self.radius**2 * math.pi / 2
+    def _extent(self) -> tuple[float, float]:
+        return 2 * self.radius, 4 * math.pi * self.radius**2 * math.pi / 2
 
     def _make(self, fineness: float) -> Geometry:
         return primitives.sphere(self.radius, fineness)
@@ -106,11 +94,8 @@ class Cylinder(Solid):
     radius: Length = 0.5
     height: Length = 1.0
 
-    def _longest(self) -> float:
-        return max(2 * self.radius, self.height)
-
-    def _area(self) -> float:
-        return 2 * math.pi * self.radius * (self.height + 2 * self.radius)
+    def _extent(self) -> tuple[float, float]:
+        return max(2 * self.radius, self.height), 2 * math.pi * self.radius * (self.height + 2 * self.radius)
 
     def _make(self, fineness: float) -> Geometry:
         return primitives.cylinder(self.radius, self.height, fineness)
@@ -121,11 +106,8 @@ class Temple(Solid):
 
     fineness: Length = 0.07
 
-    def _longest(self) -> float:
-        return 8.0
-
-    def _area(self) -> float:
-        return 700.0
+    def _extent(self) -> tuple[float, float]:
+        return 8.0, 700.0
 
     def _make(self, fineness: float) -> Geometry:
         return Geometry(temple(fineness))
@@ -137,11 +119,8 @@ class Sponge(Solid):
     size: Length = 1.0
     level: Annotated[Whole, Field(ge=0, le=4)] = 3
 
-    def _longest(self) -> float:
-        return self.size
-
-    def _area(self) -> float:
-        return (2 * (20 / 9) ** self.level + 4 * (8 / 9) ** self.level) * self.size**2
+    def _extent(self) -> tuple[float, float]:
+        return self.size, (2 * (20 / 9) ** self.level + 4 * (8 / 9) ** self.level) * self.size**2
 
     def _make(self, fineness: float) -> Geometry:
         cuts = max(math.ceil(self.size / 3**self.level / fineness), 1)

@@ -20,11 +20,11 @@ class PerCorner(NamedTuple):
     rows: Float64s
     of: Int64s
 
-    def at_vertices(self, corners: Int64s, count: int) -> Float64s | None:
-        """The values by vertex (count, w), 0 where no corner is; None if some vertex has several."""
-        values = np.zeros((count, self.rows.shape[1]))
-        values[corners] = self.rows[self.of]
-        return values if np.array_equal(values[corners], self.rows[self.of], equal_nan=True) else None
+    def at_vertices(self, corners: Int64s, count: int, elsewhere: float = 0.0) -> Float64s | None:
+        """The values by vertex (count, w), `elsewhere` where no corner is; None if some vertex has several."""
+        values, own = np.full((count, self.rows.shape[1]), elsewhere), self.rows[self.of]
+        values[corners] = own
+        return values if np.array_equal(values[corners], own, equal_nan=True) else None
 
 
 @dataclass(frozen=True)

@@ -9,8 +9,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from raytrace.errors import InputError, MeshError
-from raytrace.mesh.mesh import Mesh
+from raytrace import InputError, Mesh, MeshError
 from raytrace.system.memory import check_memory
 from raytrace.types import Float64s, Int64s
 
@@ -63,10 +62,7 @@ class Part:
 
 
 def instance(
-    name: str,
-    arrays: dict[str, Any],
-    matrix: Float64s | None = None,
-    normals: npt.NDArray[Any] | None = None,
+    name: str, arrays: dict[str, Any], matrix: Float64s | None = None, normals: npt.NDArray[Any] | None = None
 ) -> Instance:
     """An object as trimesh's loaders give it: `vertices` and perhaps `faces`, all of one number of corners."""
     vertices = np.asarray(arrays.get("vertices", np.empty((0, 3))))
@@ -152,12 +148,7 @@ def flatten(instances: Sequence[Instance], source: str) -> tuple[Mesh, tuple[Par
 
 
 def _place(
-    placed: Instance,
-    part: Part,
-    vertices: Float64s,
-    faces: Int64s,
-    normals: Float64s | None,
-    source: str,
+    placed: Instance, part: Part, vertices: Float64s, faces: Int64s, normals: Float64s | None, source: str
 ) -> None:
     matrix = np.eye(4) if placed.matrix is None else placed.matrix
     linear = matrix[:3, :3]

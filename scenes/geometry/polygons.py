@@ -66,12 +66,7 @@ class _Views(NamedTuple):
     fills: Bools
 
 
-def triangulate(
-    vertices: npt.NDArray[Any],
-    corners: AnyInts,
-    sizes: AnyInts,
-    source: object = "polygons",
-) -> Triangles:
+def triangulate(vertices: npt.NDArray[Any], corners: AnyInts, sizes: AnyInts, source: object = "polygons") -> Triangles:
     """Cut polygons into triangles between their own corners, wound as they are.
 
     Where an index points at no vertex, or a coordinate is none, all become fans: `raytrace.Mesh` tells the fault.
@@ -86,28 +81,25 @@ def triangulate(
         MeshError: concave polygons of so many corners that to cut them could take minutes.
         ValueError: `corners` has another length than the sum of `sizes`.
     """
-    return _triangulate(vertices, corners, sizes.astype(np.int64), source)
-
-
-def _triangulate(vertices: npt.NDArray[Any], corners: AnyInts, sizes: Int64s, source: object) -> Triangles:
-    if sizes.sum() != len(corners):
-        raise ValueError(f"{len(corners)} corners for polygons of {sizes.sum()}")
-    counts = np.maximum(sizes - 2, 0)
-    if (sizes == 3).all():
+    lengths = sizes.astype(np.int64)
+    if lengths.sum() != len(corners):
+        raise ValueError(f"{len(corners)} corners for polygons of {lengths.sum()}")
+    counts = np.maximum(lengths - 2, 0)
+    if (lengths == 3).all():
         return Triangles(counts, 0, None)
-    starts = np.cumsum(sizes) - sizes
+    starts = np.cumsum(lengths) - lengths
     diagonal: list[Int64s] = []
     clipped: dict[int, Int64s] = {}
     crossing, work = 0, 0.0
     if _usable(vertices, corners):
-        for polygons in _blocks(_doubtful(vertices, corners, starts, sizes), sizes):
-            found = _Block(vertices, corners, starts, sizes, polygons)
+        for polygons in _blocks(_doubtful(vertices, corners, starts, lengths), lengths):
+            found = _Block(vertices, corners, starts, lengths, polygons)
             diagonal.append(found.diagonal)
             crossing += found.crossing
-            work += float((sizes[found.concave].astype(np.float64) ** 2).sum())
+            work += float((lengths[found.concave].astype(np.float64) ** 2).sum())
             if work > MAX_EAR_WORK + _EAR_WORK_PER_CORNER * len(corners):
                 limit = f"concave polygons of at most {int(MAX_EAR_WORK**0.5):,} corners, of fewer if there are many"
-                raise MeshError(source, "faces", limit, f"one of {int(sizes[found.concave].max()):,}")
+                raise MeshError(source, "faces", limit, f"one of {int(lengths[found.concave].max()):,}")
             for polygon in found.concave.tolist():
                 clipped[polygon], fits = found.clip(polygon)
                 crossing += not fits
@@ -135,12 +127,7 @@ class _Block:
     """
 
     def __init__(
-        self,
-        vertices: npt.NDArray[Any],
-        corners: AnyInts,
-        starts: Int64s,
-        sizes: Int64s,
-        polygons: Int64s,
+        self, vertices: npt.NDArray[Any], corners: AnyInts, starts: Int64s, sizes: Int64s, polygons: Int64s
     ) -> None:
         sizes, starts = sizes[polygons], starts[polygons]
         begins = np.cumsum(sizes) - sizes

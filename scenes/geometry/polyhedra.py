@@ -9,9 +9,15 @@ import numpy.typing as npt
 from scipy.spatial import ConvexHull
 from scipy.spatial.transform import Rotation
 
+from raytrace.mesh.mesh import Mesh
 from raytrace.types import Float64s, Int64s
 
 Part = tuple[Float64s, Int64s]
+
+
+def part_of(mesh: Mesh) -> Part:
+    """The vertices, to be changed at will, and the faces of a mesh."""
+    return np.array(mesh.vertices), mesh.faces
 
 
 def join(parts: Iterable[Part]) -> Part:

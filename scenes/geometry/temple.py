@@ -22,12 +22,10 @@ def temple(fineness: float = 0.07) -> Mesh:
     """
     half = np.array([(COLUMNS[0] - 1) / 2 * SPACING + 0.55, (COLUMNS[1] - 1) / 2 * SPACING + 0.55])
     parts = [box((0, 0, -0.05), (*(2 * half + 3.0), 0.1), fineness * 2)]
-    for step in range(3):
-        size = 2 * half + 0.5 * (3 - step)
-        parts.append(box((0, 0, 0.075 + 0.15 * step), (*size, 0.15), fineness))
+    steps = [(0.075 + 0.15 * step, 2 * half + 0.5 * (3 - step)) for step in range(3)]
+    parts += [box((0, 0, height), (*size, 0.15), fineness) for height, size in steps]
     floor = 0.45
-    for position in _ring():
-        parts.append(_column(position, floor, fineness))
+    parts += [_column(position, floor, fineness) for position in _ring()]
     top = floor + COLUMN_HEIGHT
     parts.append(box((0, 0, top + 0.2), (*(2 * half), 0.4), fineness))
     parts.append(box((0, 0, top + 0.475), (*(2 * half + 0.4), 0.15), fineness))

@@ -14,7 +14,6 @@ import numpy as np
 from raytrace.errors import MeshError
 from raytrace.types import Float64s
 
-from ..geometry.detail import PerCorner
 from ..geometry.instances import Instance
 from ..geometry.polygons import triangulate
 from ..geometry.primitives import Origin
@@ -40,7 +39,7 @@ def read_obj(data: bytes, name: str, source: str, folder: Path | None = None) ->
     """
     file = ObjText.parse(data, source)
     normals = file.normals()
-    vertex_normals = None if normals is None else _one_each(normals, file)
+    vertex_normals = normals and normals.at_vertices(file.corners, len(file.vertices), np.nan)
     triangles = triangulate(file.vertices, file.corners, file.sizes, source)
     detail, unread = None, tuple[str, ...]()
     if folder is not None:
@@ -72,11 +71,3 @@ def read_textured_obj(data: bytes, name: str, source: str) -> tuple[Instance, Fl
     faces = triangles.take(corners.ravel())
     made = Instance(name, file.vertices[kinds[:, 0]], faces, own, notes=triangles.notes)
     return made, uv.rows[kinds[:, 1]], Origin(kinds[:, 0], len(file.vertices))
-
-
-def _one_each(normals: PerCorner, file: ObjText) -> Float64s | None:
-    """Normals of corners as those of vertices (n, 3), NaN at unused ones; None if some vertex has several."""
-    values = normals.rows[normals.of]
-    of_vertices = np.full((len(file.vertices), 3), np.nan)
-    of_vertices[file.corners] = values
-    return of_vertices if np.array_equal(of_vertices[file.corners], values, equal_nan=True) else None

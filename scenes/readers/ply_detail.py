@@ -19,11 +19,7 @@ _MESH = ("x", "y", "z", "nx", "ny", "nz")
 
 
 def ply_detail(
-    elements: tuple[Element, ...],
-    comments: tuple[str, ...],
-    corners: Int64s,
-    sizes: AnyInts,
-    triangles: Triangles,
+    elements: tuple[Element, ...], comments: tuple[str, ...], corners: Int64s, sizes: AnyInts, triangles: Triangles
 ) -> Detail:
     """All of a PLY file. Args: corners, sizes: of its polygons."""
     vertex, face = (
@@ -59,10 +55,7 @@ def grey_of(w: npt.NDArray[Any]) -> Float64s:
 
 
 def _coordinates(
-    vertex: dict[str, Property],
-    face: dict[str, Property],
-    corners: Int64s,
-    sizes: AnyInts,
+    vertex: dict[str, Property], face: dict[str, Property], corners: Int64s, sizes: AnyInts
 ) -> tuple[PerCorner | None, tuple[str, ...]]:
     """Texture coordinates, of vertices or of corners, and the vertices' properties that they come from."""
     for pair in UV:

@@ -133,8 +133,7 @@ def _parse(archive: zipfile.ZipFile, entry: zipfile.ZipInfo, reader: _Reader) ->
     with archive.open(entry) as content:
         while block := content.read(_BLOCK):
             parser.feed(block)
-    made: list[tuple[Key, Float64s]] = parser.close()
-    return made
+    return parser.close()
 
 
 def _check_build(build: list[tuple[Key, Float64s]], objects: dict[Key, _Object], stored: int, source: str) -> None:

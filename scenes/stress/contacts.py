@@ -7,8 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ao.baking import bake
-from ao.falloff import Binary
+from ao import Binary, bake
 
 from ..geometry.polyhedra import Part, hull, join
 from .line import ERROR, Line, undefined

@@ -6,9 +6,7 @@ from collections.abc import Callable, Iterator
 
 import numpy as np
 
-from ao.baking import bake
-from ao.falloff import Exponential
-from ao.result import Bake
+from ao import Bake, Exponential, bake
 from raytrace.mesh.mesh import Mesh
 
 from ..geometry.polyhedra import Part, join, polygon

@@ -6,13 +6,8 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from raytrace.camera import Camera
-from raytrace.image.frame import Frame
+from raytrace import Camera, Frame, Lambert, Object, Scene, Settings, Shape, render
 from raytrace.lights.sources import BaseLight, DirectionalLight, PointLight
-from raytrace.materials.materials import Lambert
-from raytrace.renderer.render import render
-from raytrace.scene import Object, Scene, Shape
-from raytrace.settings import Settings
 from raytrace.system.parameters import Sides
 from raytrace.types import Float64s
 
@@ -35,7 +30,7 @@ def pictures(long: bool, threads: int | None) -> Iterator[Line]:
         scene = Scene((Object(Shape(pose.mesh(part), Lambert(albedo=GREY, two_sided=two_sided))),), (light,))
         where = _place(pose, part, eye)
         target = _place(pose, part, np.zeros(3))
-        up = _triple(pose.directions(np.array([[0.3, 1.0, 0.2]]))[0])
+        up = pose.directions(np.array([[0.3, 1.0, 0.2]]))[0].tolist()
         camera = Camera(where, target, up, height=2.0 * pose.scale)
         return render(scene, camera, Settings(size, size, samples=1), threads=threads)
 
@@ -45,7 +40,7 @@ def pictures(long: bool, threads: int | None) -> Iterator[Line]:
             dark = seen = missing = 0
             for pose in _POSES:
                 sun = DirectionalLight(
-                    direction=_triple(pose.directions(np.array([[-1.0, 0.3, -slope]]))[0]), intensity=(3, 3, 3)
+                    direction=pose.directions(np.array([[-1.0, 0.3, -slope]]))[0].tolist(), intensity=(3, 3, 3)
                 )
                 frame = take(pose, part, sun, above)
                 facing = _hit(frame) & (_cosine(frame, sun) > 0.3 * slope)
@@ -90,8 +85,8 @@ def pictures(long: bool, threads: int | None) -> Iterator[Line]:
     for pose in _POSES:
         part, way = icosphere(4), np.array([[0.6, 0.0, 0.8]])
         direction = pose.directions(way)[0]
-        sun = DirectionalLight(direction=_triple(-direction), intensity=(1, 1, 1))
-        lamp = PointLight(position=_triple(FAR * direction), intensity=(FAR**2,) * 3)
+        sun = DirectionalLight(direction=(-direction).tolist(), intensity=(1, 1, 1))
+        lamp = PointLight(position=(FAR * direction).tolist(), intensity=(FAR**2,) * 3)
         near, far = (take(pose, part, light, above) for light in (sun, lamp))
         a, b = near.layers["beauty"][..., :3], far.layers["beauty"][..., :3]
         error = float(np.maximum(error, np.abs(a - b).max()))
@@ -108,7 +103,7 @@ def pictures(long: bool, threads: int | None) -> Iterator[Line]:
 
 def _place(pose: Pose, part: Part, point: Float64s) -> tuple[float, float, float]:
     """Where a point of a part's own frame lies."""
-    return _triple(pose.vertices(part[0], point[None])[0])
+    return pose.vertices(part[0], point[None])[0].tolist()
 
 
 def _lamp(pose: Pose, part: Part, place: Float64s) -> PointLight:
@@ -128,8 +123,3 @@ def _cosine(frame: Frame, sun: DirectionalLight) -> Float64s:
 def _undefined(frame: Frame) -> int:
     layers = [layer for name, layer in frame.layers.items() if name != "depth"]
     return undefined(*layers)
-
-
-def _triple(values: Float64s) -> tuple[float, float, float]:
-    x, y, z = (float(value) for value in values)
-    return x, y, z

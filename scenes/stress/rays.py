@@ -6,8 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from ao.baking import bake
-from ao.falloff import Binary
+from ao import Binary, bake
 from raytrace.embree.rays import occluded
 from raytrace.embree.scene import TriangleScene
 from raytrace.mesh.placement import Placement

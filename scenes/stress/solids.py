@@ -7,7 +7,7 @@ import numpy as np
 from raytrace.types import Float64s
 
 from ..geometry.menger import menger
-from ..geometry.polyhedra import Part, hull, icosphere, join, prism
+from ..geometry.polyhedra import Part, hull, icosphere, join, part_of, prism
 from ..geometry.primitives import box
 
 
@@ -23,8 +23,7 @@ def grid(cells: int, size: float = 1.0) -> Part:
 
 def cube(cells: int) -> Part:
     """The unit cube, each side with vertices of its own: hard edges."""
-    mesh = box((0, 0, 0), (1, 1, 1), 1 / cells).mesh
-    return np.array(mesh.vertices), mesh.faces
+    return part_of(box((0, 0, 0), (1, 1, 1), 1 / cells).mesh)
 
 
 def ellipsoid(points: int, axes: tuple[float, float, float]) -> Part:
@@ -93,14 +92,13 @@ def convex() -> dict[str, Part]:
 
 def closed() -> dict[str, Part]:
     """Closed parts that face outward, by name."""
-    sponge = menger(2, 1.0, 1)
     return {
         "icosphere": icosphere(4),
         "torus": torus(),
         "cube, hard edges": cube(32),
         "coarse cube, hard edges": cube(8),
         "cube with T-junctions": junctions(),
-        "Menger sponge": (np.array(sponge.vertices), sponge.faces),
+        "Menger sponge": part_of(menger(2, 1.0, 1)),
         "slab 1000:1000:1": stretched(cube(8), (1, 1, 1e-3)),
         "ellipsoid 1000:1000:1": ellipsoid(2000, (1, 1, 1e-3)),
     }

@@ -7,10 +7,8 @@ from math import pi, sin
 
 import numpy as np
 
-from ao.baking import bake
-from ao.falloff import Binary
+from ao import Bake, Binary, bake
 from ao.gather.receivers import Normals
-from ao.result import Bake
 from raytrace.mesh.mesh import Mesh
 from raytrace.types import Float64s
 

@@ -15,7 +15,6 @@ from ..commands.options import (
     BentSpace,
     FalloffForm,
     Hidden,
-    Method,
     NormalsFrom,
     Occlusion,
     Overlap,
@@ -33,7 +32,7 @@ if TYPE_CHECKING:
     from ..readers.load import MeshFile
 
 _NO_OPTIONS_OF_BAKE = ("report", "quiet", "resume")  # they change no result
-_OF_VERTICES = {"method": Method.vertex, "colors": False, "debug_image": None, "up": None}
+_OF_VERTICES = {"method": "vertex", "colors": False, "debug_image": None, "up": None}
 AUTO, UNWRAP = "auto", "unwrap"
 CAGE = "2%"
 _USED = 0.65  # of a page, that an unwrapping fills
@@ -52,7 +51,7 @@ def bake_command(options: dict[str, Any]) -> BakeCommand | TextureCommand:
 
     output = options["output"]
     own = {field.name for field in fields(BakeCommand)}
-    into_glb = options["occlusion"] is Occlusion.texture
+    into_glb = options["occlusion"] == "texture"
     if into_glb and output.suffix.lower() != ".glb" and not is_texture(output):
         raise OptionError("occlusion", "a .glb output with texture", output)
     if not is_texture(output) and not into_glb:
@@ -167,7 +166,7 @@ class TextureCommand:
 
         falloff = make_falloff(self.falloff, self.tau, self.half_distance, self.max_distance)
         Options(**self._options())
-        if self.hidden is Hidden.mark:
+        if self.hidden == "mark":
             raise OptionError("hidden", "auto, ignore or fill for a texture", "mark")
         if self.size is not None:
             if self.texel_size is not None:
@@ -187,8 +186,8 @@ class TextureCommand:
                 raise OptionError("mesh_output", "an image of one page as --output with it", self.output)
         if self.replace_occlusion and glb is None:
             raise OptionError("replace_occlusion", "an occlusion texture to write to a .glb", "none")
-        if self.occlusion not in (None, Occlusion.texture):
-            raise OptionError("occlusion", "texture for a texture", self.occlusion.value)
+        if self.occlusion not in (None, "texture"):
+            raise OptionError("occlusion", "texture for a texture", self.occlusion)
         if self.uv == UNWRAP and glb is None:
             raise OptionError("uv", "--mesh-output, for the coordinates that unwrap makes", "none")
         if self.half and glb == self.output and len(self._images()) == 1:
@@ -273,13 +272,13 @@ class TextureCommand:
         from ao.trace.checkpoint import Checkpoint
 
         unmet = catch_warnings(record=True, action="always", category=ao.ToleranceWarning)
-        overlap, wrap = self.overlap or Overlap.mean, source.uv is not None
+        overlap, wrap = self.overlap or "mean", source.uv is not None
         with Checkpoint(f"{images['output']}.partial", self.resume, note) as checkpoint:
             with progress(self.quiet, "rays") as (advance,), compiling("below_face"), unmet as raised:
                 baked = ao.bake_texture(
-                    source.file.mesh, uv, size, falloff, progress=advance, checkpoint=checkpoint, overlap=overlap.value,
+                    source.file.mesh, uv, size, falloff, progress=advance, checkpoint=checkpoint, overlap=overlap,
                     wrap=wrap, high=source.fine.mesh if source.fine else None, cage=self.cage or CAGE,
-                    bent_space=(self.bent_space or BentSpace.world).value,
+                    bent_space=self.bent_space or "world",
                     **self._options(),
                 )  # fmt: skip
             lines = [*(str(warning.message) for warning in raised), *_remarks(baked, images["output"], wrap)]
@@ -303,7 +302,7 @@ class TextureCommand:
         if images["output"] != glb:
             write_w(images["output"], baked, self.half, {"content": "w, 1 = open", "seed": str(self.seed)})
         if "bent_normals" in images:
-            space = "tangent space, +Y up" if self.bent_space is BentSpace.tangent else "the space of the mesh"
+            space = "tangent space, +Y up" if self.bent_space == "tangent" else "the space of the mesh"
             described = {"content": f"bent normals in {space}"}
             write_normals(images["bent_normals"], baked.bent_normals, self.half, described)
         if "error_map" in images:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from math import asin, cos, exp, hypot, pi, sin, sqrt
 
 import numpy as np
@@ -76,6 +77,13 @@ def _above_plane(
     )
 
 
+def _bounds(
+    w: Callable[[float, float | None, float], npt.ArrayLike], radius: float, inner: float
+) -> tuple[ClosedForm, ClosedForm]:
+    """w(radius, τ, limit) of a shape of `radius` and of the one of radius `inner` within it."""
+    return lambda tau, limit: w(radius, tau, limit), lambda tau, limit: w(inner, tau, limit)
+
+
 def _dome(sphere: Part) -> Setting:
     radius = 1.5
     vertices, faces = sphere
@@ -86,10 +94,7 @@ def _dome(sphere: Part) -> Setting:
         "dome",
         [(0.0, 0.0, 0.0)],
         (radius * vertices, cap),
-        (
-            lambda tau, limit: analytic.dome(radius, tau, limit),
-            lambda tau, limit: analytic.dome(inner, tau, limit),
-        ),
+        _bounds(analytic.dome, radius, inner),
         (*BOTH, Exponential(tau=0.001), Exponential(tau=10.0), *limited),
         seed=30,
         certain=True,
@@ -104,10 +109,7 @@ def _disk(radius: float, height: float, seed: int) -> Setting:
         "coaxial disk",
         [(0.0, 0.0, 0.0)],
         polygon(rim),
-        (
-            lambda tau, limit: analytic.disk(height, radius, tau, limit),
-            lambda tau, limit: analytic.disk(height, radius * cos(pi / SIDES), tau, limit),
-        ),
+        _bounds(lambda r, tau, limit: analytic.disk(height, r, tau, limit), radius, radius * cos(pi / SIDES)),
         (*BOTH, Binary(reach), Exponential(tau=3.0, max_distance=reach)),
         seed=seed,
     )
@@ -120,10 +122,7 @@ def _sphere_above(sphere: Part) -> Setting:
         "sphere above a plane",
         [(x * cos(k), x * sin(k), 0.0) for k, x in enumerate(offsets)],
         (radius * sphere[0] + [0, 0, height], sphere[1]),
-        (
-            lambda tau, limit: [analytic.sphere(radius, height, x, tau) for x in offsets],
-            lambda tau, limit: [analytic.sphere(inner, height, x, tau) for x in offsets],
-        ),
+        _bounds(lambda r, tau, limit: [analytic.sphere(r, height, x, tau) for x in offsets], radius, inner),
         (*BOTH, Exponential(tau=4.0)),
         seed=33,
     )
@@ -139,21 +138,30 @@ def chord_within(angle: float, radius: float, inner: float) -> float:
     return radius * cos(angle) + sqrt(within) if within > 0 else 0.0
 
 
+def _seen_from_within(weight: Callable[[float, float], float], radius: float, inner: float) -> ClosedForm:
+    """w at a corner of a convex shape of `radius` that holds a circle or sphere of radius `inner`, at least.
+
+    Args: weight: (angle, τ·distance) → what directions at that angle to the centre add to 1 − w.
+    """
+
+    def w(tau: float | None, limit: float) -> float:
+        if tau is None:
+            return 0.0
+
+        def reached(angle: float) -> float:
+            return weight(angle, tau * chord_within(angle, radius, inner))
+
+        edge = asin(inner / radius)
+        return 1.0 - quad(reached, 0, edge, epsabs=1e-11)[0] - quad(reached, edge, pi / 2, epsabs=1e-11)[0]
+
+    return w
+
+
 def _inside_sphere(sphere: Part) -> Setting:
     radius = 0.5
     inner, points = radius * inscribed_radius(sphere), np.arange(0, len(sphere[0]), len(sphere[0]) // 16)
     vertices, faces = radius * sphere[0], sphere[1][:, ::-1]
     normals = _receivers_only(len(vertices), points, -sphere[0][points])
-
-    def bracket(tau: float | None, limit: float) -> float:
-        if tau is None:
-            return 0.0
-
-        def reached(angle: float) -> float:
-            return exp(-tau * chord_within(angle, radius, inner)) * 2 * sin(angle) * cos(angle)
-
-        edge = asin(inner / radius)
-        return 1.0 - quad(reached, 0, edge, epsabs=1e-11)[0] - quad(reached, edge, pi / 2, epsabs=1e-11)[0]
 
     return Setting(
         name="inside a sphere",
@@ -162,7 +170,7 @@ def _inside_sphere(sphere: Part) -> Setting:
         exact=lambda tau, limit: analytic.inside_sphere(radius, tau),
         falloffs=(*BOTH, Exponential(tau=5.0)),
         normals="file",
-        bracket=bracket,
+        bracket=_seen_from_within(lambda a, depth: exp(-depth) * 2 * sin(a) * cos(a), radius, inner),
     )
 
 
@@ -181,16 +189,6 @@ def _inside_cylinder() -> Setting:
     vertices, faces = prism(SIDES, LENGTH / radius, 3)
     normals = _receivers_only(len(vertices), points, -vertices[points])
 
-    def bracket(tau: float | None, limit: float) -> float:
-        if tau is None:
-            return 0.0
-
-        def reached(angle: float) -> float:
-            return 4 / pi * cos(angle) * float(bickley(3, tau * chord_within(angle, radius, inner)))
-
-        edge = asin(inner / radius)
-        return 1.0 - quad(reached, 0, edge, epsabs=1e-11)[0] - quad(reached, edge, pi / 2, epsabs=1e-11)[0]
-
     return Setting(
         name="inside a cylinder",
         mesh=posed((radius * vertices, faces[:, ::-1]), 35, normals, source="inside a cylinder"),
@@ -200,7 +198,7 @@ def _inside_cylinder() -> Setting:
         normals="file",
         missing=_missing(2 * radius),
         beyond=LENGTH / 2,
-        bracket=bracket,
+        bracket=_seen_from_within(lambda a, depth: 4 / pi * cos(a) * float(bickley(3, depth)), radius, inner),
     )
 
 
@@ -213,10 +211,7 @@ def _cylinder() -> Setting:
         "cylinder parallel to a plane",
         [(x, 0.0, 0.0) for x in offsets],
         (radius * vertices + [0, 0, height], faces),
-        (
-            lambda tau, limit: [analytic.cylinder(radius, height, x, tau) for x in offsets],
-            lambda tau, limit: [analytic.cylinder(inner, height, x, tau) for x in offsets],
-        ),
+        _bounds(lambda r, tau, limit: [analytic.cylinder(r, height, x, tau) for x in offsets], radius, inner),
         (Binary(), Exponential(tau=3.0)),
         seed=36,
         missing=_missing(far),

@@ -178,10 +178,7 @@ def _boxes() -> list[Setting]:
         fan = np.array([[0, i, i % 4 + 1] for i in range(1, 5)])
 
         def exact(
-            tau: float | None,
-            limit: float,
-            sides: tuple[float, float, float, float] = sides,
-            height: float = height,
+            tau: float | None, limit: float, sides: tuple[float, float, float, float] = sides, height: float = height
         ) -> float:
             return analytic.box(sides, height, tau, limit)
 

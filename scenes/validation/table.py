@@ -9,9 +9,8 @@ from math import isinf
 
 import numpy as np
 
-from ao.baking import bake as _bake
-from ao.falloff import Exponential, Falloff
-from ao.result import Bake
+from ao import Bake, Exponential, Falloff
+from ao import bake as _bake
 from raytrace.types import Float64s
 
 from .configurations import SAMPLES, Configuration

@@ -42,16 +42,16 @@ def test_agreement_alone_never_reads_as_certainty(colonnade):
 
 
 def test_rays_are_counted():
-    told = []
+    calls = []
     sphere = trimesh.creation.icosphere(subdivisions=3)
     soup = Mesh(sphere.triangles.reshape(-1, 3), np.arange(3 * len(sphere.faces)).reshape(-1, 3))
-    baked = ao.bake(soup, ao.Binary(), samples=10, progress=lambda done, total: told.append((done, total)))
+    baked = ao.bake(soup, ao.Binary(), samples=10, progress=lambda done, total: calls.append((done, total)))
     points, calibration = len(sphere.vertices), 128
     assert baked.rays == 10 * (points + calibration)
     skipped = dict.fromkeys(("no_normal", "not_wanted", "predicted", "hidden"), 0)
     skipped["duplicate"] = 10 * (len(soup.vertices) - points)
     assert baked.rays_skipped == skipped
-    assert told[-1] == (baked.rays, baked.rays)
+    assert calls[-1] == (baked.rays, baked.rays)
 
 
 def test_coincident_vertices_get_the_same_value(colonnade):
@@ -87,8 +87,8 @@ def test_rays_of_one_vertex_that_agree_by_luck_are_no_certainty(samples):
         [[0, 0, 0], [1, 0, 0], [0, 1, 0], [0.3, 0.3, 0.1], [0.4, 0.3, 0.1], [0.3, 0.4, 0.1]], [[0, 1, 2], [3, 4, 5]]
     )
     only = np.arange(6) == 0
-    told = [ao.bake(corner, ao.Binary(), samples=samples, seed=seed, only=only).error[0] for seed in range(20)]
-    assert min(told) > 0.2 / samples
+    errors = [ao.bake(corner, ao.Binary(), samples=samples, seed=seed, only=only).error[0] for seed in range(20)]
+    assert min(errors) > 0.2 / samples
 
 
 def test_rays_that_all_agree_tell_an_error_that_vanishes_with_their_number():

@@ -135,12 +135,12 @@ def test_any_number_of_threads_makes_the_same_bits():
 
 @pytest.mark.parametrize("samples", [1, 8, 100, 256])
 def test_it_spends_no_more_rays_than_the_vertex_method(samples):
-    told = []
+    calls = []
     mesh = Mesh(*hills(20))
-    baked = bake_surface(mesh, samples=samples, progress=lambda done, total: told.append((done, total)))
+    baked = bake_surface(mesh, samples=samples, progress=lambda done, total: calls.append((done, total)))
     total = baked.rays + baked.rays_skipped["below_face"]
     assert samples * 400 - 32 < total <= samples * 400
-    assert told[-1] == (total, total)
+    assert calls[-1] == (total, total)
     assert ((baked.w >= 0) & (baked.w <= 1)).all()
 
 
@@ -174,8 +174,8 @@ def test_the_estimated_rmse_is_near_the_true_one(samples, falloff):
     mesh, reference = coarse_temple(falloff)
     bakes = [bake_surface(mesh, falloff, samples=samples, seed=seed) for seed in range(3)]
     true = np.sqrt(np.mean([(baked.w - reference) ** 2 for baked in bakes]))
-    told = np.sqrt(np.mean([baked.rmse**2 for baked in bakes]))
-    assert true / 1.4 < told < true * 1.6
+    estimated = np.sqrt(np.mean([baked.rmse**2 for baked in bakes]))
+    assert true / 1.4 < estimated < true * 1.6
     off = np.abs(bakes[0].w - reference)
     order = np.argsort(bakes[0].error)
     quarter = len(off) // 4
@@ -233,6 +233,6 @@ def test_the_command_bakes_with_it(tmp_path):
     assert done.returncode == 0, done.stderr
     expected = bake_surface(Mesh(mesh.vertices.astype(np.float32), mesh.faces), samples=64).w
     np.testing.assert_allclose(np.load(out), expected, atol=1e-6)
-    told = json.loads(report.read_text())
-    assert told["options"]["method"] == "surface"
-    assert told["rays_skipped"]["below_face"] >= 0
+    written = json.loads(report.read_text())
+    assert written["options"]["method"] == "surface"
+    assert written["rays_skipped"]["below_face"] >= 0

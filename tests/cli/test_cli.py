@@ -64,13 +64,13 @@ def test_the_report_holds_the_contract(tmp_path, cube):
 
 
 def test_embree_can_trace_all_rays_and_finds_the_same(tmp_path, cube):
-    told = obscurance("bake", cube, "-o", tmp_path / "a.npz", "--samples", 512)
-    assert "8,192 rays traced in" in told.stdout
-    told = obscurance("bake", cube, "-o", tmp_path / "b.npz", "--samples", 512, "--traversal", "embree")
-    assert "8,192 rays traced in" in told.stdout
+    done = obscurance("bake", cube, "-o", tmp_path / "a.npz", "--samples", 512)
+    assert "8,192 rays traced in" in done.stdout
+    done = obscurance("bake", cube, "-o", tmp_path / "b.npz", "--samples", 512, "--traversal", "embree")
+    assert "8,192 rays traced in" in done.stdout
     assert (tmp_path / "a.npz").read_bytes() == (tmp_path / "b.npz").read_bytes()
-    told = obscurance("bake", cube, "-o", tmp_path / "c.npy", "--method", "surface", "--traversal", "embree")
-    refused(told, "--traversal", "surface")
+    done = obscurance("bake", cube, "-o", tmp_path / "c.npy", "--method", "surface", "--traversal", "embree")
+    refused(done, "--traversal", "surface")
 
 
 def test_quiet_is_quiet(tmp_path, cube):

@@ -37,10 +37,10 @@ def written(text, encoding):
 
 
 def test_plain_letters_stand_for_others():
-    told = "τ = 2, 8×8, μ, −.5, σ ≥ 0, π/2, 60°, 1…3, Poulin–Fournier, é, 界"
+    text = "τ = 2, 8×8, μ, −.5, σ ≥ 0, π/2, 60°, 1…3, Poulin–Fournier, é, 界"
     plain = b"tau = 2, 8x8, mu, -.5, sigma >= 0, pi/2, 60 degrees, 1...3, Poulin-Fournier, e, \\u754c"
-    assert written(told, "ascii") == plain
-    assert written(told, "utf-8") == told.encode()
+    assert written(text, "ascii") == plain
+    assert written(text, "utf-8") == text.encode()
     assert written("τ é", "latin-1") == b"tau \xe9"
     assert written("name\udcff", "utf-8") == b"name\\udcff"
 
@@ -50,20 +50,20 @@ def test_commands_on_ascii_outputs(tmp_path, environment):
     mesh = tmp_path / "böx→.ply"
     trimesh.creation.box().export(mesh)
     environment = {**os.environ, **environment}
-    told = process(
+    done = process(
         "bake", mesh, "-o", tmp_path / "τ.ply", "--samples", 8, "--report", tmp_path / "ρ.json", env=environment
     )
-    assert told.returncode == 0, told.stderr
-    assert "8 vertices" in told.stdout
+    assert done.returncode == 0, done.stderr
+    assert "8 vertices" in done.stdout
     assert len(list(tmp_path.iterdir())) == 3
-    told = process("render", mesh, "-o", tmp_path / "x.png", "--crop", "9,9,9000,9", env=environment)
-    refused(told, "a part of 960")
+    done = process("render", mesh, "-o", tmp_path / "x.png", "--crop", "9,9,9000,9", env=environment)
+    refused(done, "a part of 960")
 
 
 def test_the_validation_table_in_ascii():
-    told = process("validate", "--samples", 8, env={**os.environ, **PLAIN[0]})
-    assert told.returncode == 0, told.stderr
-    assert "tau = 2" in told.stdout
+    done = process("validate", "--samples", 8, env={**os.environ, **PLAIN[0]})
+    assert done.returncode == 0, done.stderr
+    assert "tau = 2" in done.stdout
 
 
 @pytest.mark.skipif(os.name == "nt" or sys.platform == "darwin", reason="file names are UTF-8 there")
@@ -71,16 +71,16 @@ def test_file_names_that_are_no_text(tmp_path):
     strange = os.fsdecode(os.fsencode(tmp_path) + b"/\xff")
     trimesh.creation.box().export(tmp_path / "box.ply")
     (tmp_path / "box.ply").rename(strange + ".ply")
-    told = obscurance("bake", strange + ".ply", "-o", strange + ".npy", "--report", strange + ".json", "--samples", 8)
-    assert told.returncode == 0, told.stderr
-    assert "\\udcff.npy: 8 vertices" in told.stdout
+    done = obscurance("bake", strange + ".ply", "-o", strange + ".npy", "--report", strange + ".json", "--samples", 8)
+    assert done.returncode == 0, done.stderr
+    assert "\\udcff.npy: 8 vertices" in done.stdout
     for ending in (".png", ".exr"):
         size = ("--width", 8, "--height", 8, "--samples", 1)
-        told = obscurance("render", strange + ".ply", "-o", strange + ending, *size)
-        assert told.returncode == 0, told.stderr
+        done = obscurance("render", strange + ".ply", "-o", strange + ending, *size)
+        assert done.returncode == 0, done.stderr
         refused(obscurance("compare", strange + ending, strange + ending), "path in UTF-8")
-    told = obscurance("bake", strange + ".ply", "-o", tmp_path / "a\x1b[31m.npy", "--samples", 8)
-    assert "a\\x1b[31m.npy: 8 vertices" in told.stdout
+    done = obscurance("bake", strange + ".ply", "-o", tmp_path / "a\x1b[31m.npy", "--samples", 8)
+    assert "a\\x1b[31m.npy: 8 vertices" in done.stdout
     refused(
         obscurance("bake", strange + ".ply", "-o", tmp_path / "\x1b[31m" / "a.npy"), "\\x1b[31m/a.npy: cannot write"
     )
@@ -95,10 +95,10 @@ def test_an_output_that_is_full_or_closed(tmp_path):
     from command import COMMAND
 
     with open("/dev/full", "w") as full:
-        told = subprocess.run([*COMMAND, "scenes"], stdout=full, stderr=subprocess.PIPE, text=True, check=False)
-    assert (told.returncode, told.stderr) == (1, "obscurance: standard output: No space left on device\n")
+        done = subprocess.run([*COMMAND, "scenes"], stdout=full, stderr=subprocess.PIPE, text=True, check=False)
+    assert (done.returncode, done.stderr) == (1, "obscurance: standard output: No space left on device\n")
     reader, writer = os.pipe()
     os.close(reader)
-    told = subprocess.run([*COMMAND, "scenes"], stdout=writer, stderr=subprocess.PIPE, text=True, check=False)
+    done = subprocess.run([*COMMAND, "scenes"], stdout=writer, stderr=subprocess.PIPE, text=True, check=False)
     os.close(writer)
-    assert (told.returncode, told.stderr) == (1, "")
+    assert (done.returncode, done.stderr) == (1, "")

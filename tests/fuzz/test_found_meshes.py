@@ -64,22 +64,35 @@ def test_a_text_ply_of_many_properties_and_rows_takes_little(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("old", "new", "expected"),
+    ("kind", "old", "new", "expected"),
     [
-        (b"property double y", b"property double x", "property x twice"),
-        (b"element face", b"element vertex", "element vertex twice"),
-        (b"vertex 7", b"vertex -7", "negative count"),
-        (b"3 0 1 3", b"2.5 0 1 3", "a list of 2.5 values"),
-        (b"3 0 1 3", b"3 0 1 2.5", "no whole numbers"),
-        (b"3 0 1 3\n", b"3 0 1 3 4\n", "one line for each, with as many numbers"),
-        (b"1.0 0.0 0.0\n1.0 0.0 0.0\n", b"1.0 0.0 0.0 1.0 0.0 0.0\n", "one line for each"),
-        (b"3 2 5 3\n", b"3 2 5 3\n7\n", "one line for each, with as many numbers"),
-        (b"property list uchar int", b"property list", "KeyError: 'list'"),
-        (b"property list uchar int vertex_indices", b"property list", "the line property list"),
+        ("ply", b"property double y", b"property double x", "property x twice"),
+        ("ply", b"element face", b"element vertex", "element vertex twice"),
+        ("ply", b"vertex 7", b"vertex -7", "negative count"),
+        ("ply", b"3 0 1 3", b"2.5 0 1 3", "a list of 2.5 values"),
+        ("ply", b"3 0 1 3", b"3 0 1 2.5", "no whole numbers"),
+        ("ply", b"3 0 1 3\n", b"3 0 1 3 4\n", "one line for each, with as many numbers"),
+        ("ply", b"1.0 0.0 0.0\n1.0 0.0 0.0\n", b"1.0 0.0 0.0 1.0 0.0 0.0\n", "one line for each"),
+        ("ply", b"3 2 5 3\n", b"3 2 5 3\n7\n", "one line for each, with as many numbers"),
+        ("ply", b"property list uchar int", b"property list", "KeyError: 'list'"),
+        ("ply", b"property list uchar int vertex_indices", b"property list", "the line property list"),
+        (
+            "3mf",
+            b'<component objectid="1"/>',
+            b'<component objectid="2"/>',
+            "components other than itself, got a cy",
+        ),
+        ("3mf", b'<component objectid="1"/>', b'<component objectid="7"/>', "object 7: expected an object of the file"),
+        ("3mf", b"1 0 0 0 1 0 0 0 1 5 0 0", b"1 0 0", "3MF file"),
+        ("3mf", b"</triangles>", b'<triangle v1="0"/></triangles>', "KeyError: 'v2'"),
+        ("3mf", b'v1="0" v2="2"', b'v1="9" v2="2"', "indices from 0 to 3"),
+        ("3mf", b'x="1"', b'x="nan"', "finite coordinates"),
     ],
 )
-def test_ply_that_contradicts_itself(tmp_path, old, new, expected):
-    assert expected in mistake(tmp_path, "m.ply", ascii_ply().replace(old, new))
+def test_a_file_that_contradicts_itself(tmp_path, kind, old, new, expected):
+    """A PLY or 3MF file with a part replaced."""
+    data = ascii_ply().replace(old, new) if kind == "ply" else model(a=(old, new))
+    assert expected in mistake(tmp_path, f"m.{kind}", data)
 
 
 def test_a_ply_comment_may_say_end_header(tmp_path):
@@ -99,21 +112,6 @@ def test_stl_with_very_many_solids_of_one_name(tmp_path):
     start = time.process_time()
     assert len(read(tmp_path, "m.stl", data).parts) == 10_000
     assert time.process_time() - start < 5
-
-
-@pytest.mark.parametrize(
-    ("old", "new", "expected"),
-    [
-        (b'<component objectid="1"/>', b'<component objectid="2"/>', "components other than itself, got a cycle"),
-        (b'<component objectid="1"/>', b'<component objectid="7"/>', "object 7: expected an object of the file"),
-        (b"1 0 0 0 1 0 0 0 1 5 0 0", b"1 0 0", "3MF file"),
-        (b"</triangles>", b'<triangle v1="0"/></triangles>', "KeyError: 'v2'"),
-        (b'v1="0" v2="2"', b'v1="9" v2="2"', "indices from 0 to 3"),
-        (b'x="1"', b'x="nan"', "finite coordinates"),
-    ],
-)
-def test_3mf_mistakes(tmp_path, old, new, expected):
-    assert expected in mistake(tmp_path, "m.3mf", model(a=(old, new)))
 
 
 @pytest.mark.parametrize(

@@ -59,7 +59,7 @@ def judge(tmp_path, monkeypatch):
 
     def judge(step):
         monkeypatch.setattr(fuzz_worker, "consume", hostile(step))
-        return fuzz_worker.judged("ply", path, tmp_path, 0, [])
+        return fuzz_worker.checked("ply", path, tmp_path, 0, [])
 
     return judge
 

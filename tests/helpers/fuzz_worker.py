@@ -146,7 +146,7 @@ def look(path):
         raise refused[0]
 
 
-def judged(family, path, made, index, opened):
+def checked(family, path, made, index, opened):
     """Whether the input was accepted; its message if it was refused. Raises: Finding."""
     from raytrace.errors import InputError
 
@@ -237,7 +237,7 @@ def main(seed, first, end, progress):
         path.write_bytes(content)
         signal.setitimer(signal.ITIMER_PROF, SECONDS)
         try:
-            message, peak, seconds = judged(family, path, folder / "made", index, opened)
+            message, peak, seconds = checked(family, path, folder / "made", index, opened)
             said = "" if kept else silent(printed)
             if said:
                 raise Finding(f"printed {said!r}")

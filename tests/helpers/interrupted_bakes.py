@@ -18,14 +18,14 @@ class Stopped(Exception):
 
 def bake(path, tell=None, stop=None, options=OPTIONS, make=ao.bake, **settings):
     """Bake `MESH` with a journal at `path`; `stop` is the fraction of the rays after which it fails."""
-    told = [] if tell is None else tell
+    messages = [] if tell is None else tell
 
     def progress(done, total):
         if stop is not None and done >= stop * total:
             raise Stopped
 
     settings = {"after": 0, "every": 0} | settings
-    with Checkpoint(path, tell=told.append, **settings) as checkpoint:
+    with Checkpoint(path, tell=messages.append, **settings) as checkpoint:
         return make(MESH, checkpoint=checkpoint, progress=progress, **options)
 
 

@@ -8,6 +8,6 @@ ROOT = HELPERS.parent.parent
 
 
 def environment(**variables):
-    """This process's environment with both folders on the path of imports, and `variables`."""
-    path = [str(ROOT), str(HELPERS), *filter(None, [os.environ.get("PYTHONPATH")])]
+    """This process's environment with these folders on the path of imports, and `variables`."""
+    path = [str(ROOT), str(HELPERS), str(HELPERS / "rendering"), *filter(None, [os.environ.get("PYTHONPATH")])]
     return {**os.environ, "PYTHONPATH": os.pathsep.join(path), **variables}

@@ -25,8 +25,8 @@ def check_part(folder, name, x, y):
     write, render = commands(name)
     assert obscurance(*write[1:-1], folder / write[-1]).returncode == 0
     size = render[render.index("--width") :]
-    told = obscurance("render", folder / write[-1], "-o", made, *size, "--crop", f"{x},{y},{WIDTH},{HEIGHT}")
-    assert told.returncode == 0, told.stderr
+    done = obscurance("render", folder / write[-1], "-o", made, *size, "--crop", f"{x},{y},{WIDTH},{HEIGHT}")
+    assert done.returncode == 0, done.stderr
     whole = read_image(DOCS / "gallery" / f"{name}.png")[0]["beauty"]
     assert whole.shape[:2] == (int(size[3]), int(size[1]))
     write_image(shown, whole[y : y + HEIGHT, x : x + WIDTH])
@@ -53,7 +53,7 @@ def test_the_spheres_of_the_models_are_current(tmp_path, name):
     assert compare(DOCS / "models" / f"{name}.png", tmp_path / "made.png").flip <= ALLOWED
 
 
-def test_an_outdated_picture_is_told(tmp_path):
+def test_an_outdated_picture_is_noticed(tmp_path):
     shown = read_image(DOCS / "temple.png")[0]["beauty"]
     write_image(tmp_path / "old.png", 1.06 * shown)
     assert compare(DOCS / "temple.png", tmp_path / "old.png").flip > ALLOWED

@@ -32,7 +32,7 @@ def test_a_falloff_by_its_name(bake, name, falloff):
 
 @pytest.mark.parametrize("bake", [ao.bake, partial(ao.bake, method="surface")])
 @pytest.mark.parametrize("wrong", ["linear", "Binary", ao.Binary, 3, 0.5])
-def test_what_is_no_falloff_is_told(bake, wrong):
+def test_what_is_no_falloff_is_refused(bake, wrong):
     with pytest.raises(OptionError, match=r'falloff: expected ao\.Binary\(…\), .*"exponential", got '):
         bake(BALL, wrong)
 
@@ -44,7 +44,7 @@ def test_the_falloff_that_was_meant():
 
 @pytest.mark.parametrize("bake", [ao.bake, partial(ao.bake, method="surface")])
 @pytest.mark.parametrize("wrong", ["ball.obj", None, (1, 2)])
-def test_what_is_no_mesh_is_told(bake, wrong):
+def test_what_is_no_mesh_is_refused(bake, wrong):
     with pytest.raises(MeshError, match=r"mesh: expected a raytrace\.Mesh, .* got "):
         bake(wrong)
 

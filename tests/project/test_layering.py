@@ -68,10 +68,10 @@ def test_every_folder_has_its_place_in_the_order():
 
 @pytest.mark.parametrize("module", MODULES)
 def test_imports_run_down_the_order_of_the_folders(module):
-    mine = ORDER.index(room(module))
+    place = ORDER.index(room(module))
     for name in imported(module):
         if name in MODULES:
-            assert ORDER.index(room(name)) <= mine, f"{module} imports {name}"
+            assert ORDER.index(room(name)) <= place, f"{module} imports {name}"
 
 
 @pytest.mark.parametrize("module", MODULES)

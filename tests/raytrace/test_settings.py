@@ -18,11 +18,17 @@ from raytrace.settings import Settings
         ({"normals": "own"}, "normals"),
         ({"crop": (0, 0, 2000, 1)}, "crop"),
         ({"seed": -1}, "seed"),
+        ({"shadows": "no"}, "shadows: expected true or false"),
+        ({"terminator": 1}, "terminator: expected true or false"),
     ],
 )
 def test_settings_out_of_range_are_named(fields, words):
     with pytest.raises(OptionError, match=words):
         Settings(**fields)
+
+
+def test_a_switch_may_be_numpys():
+    assert Settings(shadows=np.bool_(False)).shadows is False
 
 
 @pytest.mark.parametrize(

@@ -1,4 +1,4 @@
-"""Baking to a tolerance: kept, honestly told, and by fewer rays than brute force."""
+"""Baking to a tolerance: kept, honestly estimated, and by fewer rays than brute force."""
 
 from __future__ import annotations
 
@@ -23,20 +23,20 @@ def rms(difference: np.ndarray) -> float:
 
 def check(name: str, seeds: int, tolerances: tuple[float, ...]) -> None:
     truth = ao.bake(MESHES[name], ao.Binary(), samples=8192, seed=999, reconstruct=False).w
-    kept, told = [], []
+    kept, ratios = [], []
     for seed in range(seeds):
         for tolerance in tolerances:
             baked = ao.bake(MESHES[name], ao.Binary(), seed=seed, tolerance=tolerance)
             true = rms(baked.w - truth)
             kept.append(true <= tolerance)
-            told.append(baked.rmse / true)
+            ratios.append(baked.rmse / true)
     assert np.mean(kept) >= 0.95
-    assert max(told) < 1.4
-    assert min(told) > 1 / 1.4
+    assert max(ratios) < 1.4
+    assert min(ratios) > 1 / 1.4
 
 
 @pytest.mark.parametrize("name", MESHES)
-def test_the_tolerance_is_kept_and_the_error_told(name: str) -> None:
+def test_the_tolerance_is_kept_and_the_error_estimated(name: str) -> None:
     check(name, 5, (0.03, 0.01, 0.005))
 
 

@@ -100,11 +100,7 @@ SCENES: dict[str, tuple[Callable[[float | None, float], float], Distance, bool]]
         nearest(upright((1, 0), 0.4, 0.6), upright((-1, 0), 0.8, 0.6)),
         True,
     ),
-    "corner": (
-        lambda t, D: analytic.corner(0.4, 0.7, t),
-        nearest(upright((1, 0), 0.4), upright((0, 1), 0.7)),
-        False,
-    ),
+    "corner": (lambda t, D: analytic.corner(0.4, 0.7, t), nearest(upright((1, 0), 0.4), upright((0, 1), 0.7)), False),
     "acute groove": (lambda t, D: analytic.groove(0.8, 0.5, t), leaning(0.8, 0.5), False),
     "obtuse groove": (lambda t, D: analytic.groove(2.1, 0.5, t), leaning(2.1, 0.5), False),
     "sphere": (lambda t, D: analytic.sphere(0.8, 1.0, 0.0, t), ball(0.8, (0, 0, 1.0)), False),

@@ -49,22 +49,22 @@ def truth() -> dict[str, np.ndarray]:
 @pytest.mark.parametrize("samples", [4, 16, 64, 256])
 @pytest.mark.parametrize("name", SCENES)
 def test_never_worse_than_the_raw_estimate(name: str, samples: int, truth: dict[str, np.ndarray]) -> None:
-    raw, drawn = (
+    raw, denoised = (
         [ao.bake(SCENES[name], ao.Binary(), samples, seed, reconstruct=on) for seed in range(3)] for on in (False, True)
     )
-    before, after = (rms(np.stack([b.w for b in some]) - truth[name]) for some in (raw, drawn))
+    before, after = (rms(np.stack([b.w for b in some]) - truth[name]) for some in (raw, denoised))
     assert after <= 1.01 * before
     if name == "hills":
         assert after <= 0.95 * before
-    told = np.sqrt(np.mean([b.rmse**2 for b in drawn]))
-    assert after / 1.4 < told < 1.4 * after
+    estimated = np.sqrt(np.mean([b.rmse**2 for b in denoised]))
+    assert after / 1.4 < estimated < 1.4 * after
 
 
 def test_it_vanishes_as_samples_grow() -> None:
     moved = []
     for samples in (64, 8192):
-        raw, drawn = (ao.bake(SCENES["hills"], ao.Binary(), samples, reconstruct=on) for on in (False, True))
-        moved.append(rms(raw.w - drawn.w) / raw.rmse)
+        raw, denoised = (ao.bake(SCENES["hills"], ao.Binary(), samples, reconstruct=on) for on in (False, True))
+        moved.append(rms(raw.w - denoised.w) / raw.rmse)
     assert moved[1] < 0.6 * moved[0]
 
 
@@ -72,8 +72,8 @@ def test_equal_values_stay_equal_to_the_bit() -> None:
     near, points = rings(SCENES["hills"])
     for value in (1.0, 0.0, 0.3):
         values = np.full(len(points), value)
-        drawn, _ = denoise(near, points, rows(values, points), 1e-2)
-        np.testing.assert_array_equal(drawn, values)
+        denoised, _ = denoise(near, points, rows(values, points), 1e-2)
+        np.testing.assert_array_equal(denoised, values)
 
 
 def test_nothing_crosses_a_crease() -> None:
@@ -82,25 +82,25 @@ def test_nothing_crosses_a_crease() -> None:
     loose = Mesh(cube.triangles.reshape(-1, 3), np.arange(3 * len(cube.faces)).reshape(-1, 3))
     near, points = rings(loose)
     value = points.normals.astype(np.float64) @ [0.1, 0.2, 0.3]
-    drawn, _ = denoise(near, points, rows(value, points), 0.1)
-    np.testing.assert_allclose(drawn, value, atol=1e-6)
+    denoised, _ = denoise(near, points, rows(value, points), 0.1)
+    np.testing.assert_allclose(denoised, value, atol=1e-6)
 
 
 def test_a_lone_spike_is_kept() -> None:
     near, points = rings(SCENES["hills"])
     values = np.full(len(points), 0.8)
     values[700] = 0.2
-    drawn, _ = denoise(near, points, rows(values, points), 1e-4)
-    assert abs(drawn[700] - 0.2) < 0.01
-    assert np.abs(np.delete(drawn, 700) - 0.8).max() < 0.02
+    denoised, _ = denoise(near, points, rows(values, points), 1e-4)
+    assert abs(denoised[700] - 0.2) < 0.01
+    assert np.abs(np.delete(denoised, 700) - 0.8).max() < 0.02
 
 
-def test_noise_is_averaged_and_the_gain_is_told() -> None:
+def test_noise_is_averaged_and_the_gain_is_estimated() -> None:
     near, points = rings(SCENES["hills"])
     noise = np.random.default_rng(0).normal(scale=0.05, size=len(points))
-    drawn, error = denoise(near, points, rows(0.5 + noise, points), 0.05**2)
-    assert rms(drawn - 0.5) < 0.6 * 0.05
-    assert rms(drawn - 0.5) == pytest.approx(np.sqrt(error.mean()), rel=0.3)
+    denoised, error = denoise(near, points, rows(0.5 + noise, points), 0.05**2)
+    assert rms(denoised - 0.5) < 0.6 * 0.05
+    assert rms(denoised - 0.5) == pytest.approx(np.sqrt(error.mean()), rel=0.3)
 
 
 def test_variances_keep_their_mean_and_are_never_nothing() -> None:

@@ -60,7 +60,7 @@ def test_folded_vertices_are_the_mean_over_their_corners(noisy, brute_force, tau
 
 
 @pytest.mark.parametrize("options", [{"samples": 64}, {"samples": 256}, {"tolerance": 0.02}])
-def test_their_errors_are_told(options):
+def test_their_errors_are_estimated(options):
     mesh = Mesh(*crumpled(icosphere(4), 0.35, 5))
     baked, truth = ao.bake(mesh, ao.Binary(), **options), ao.bake(mesh, ao.Binary(), samples=8192, seed=1)
     which = torn(baked)
@@ -190,8 +190,8 @@ def test_places_lie_inside_their_faces_and_weights_sum_to_one(noisy):
     normal = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
     normal /= np.linalg.norm(normal, axis=1, keepdims=True)
     for origin, axis in zip(corners.places.origins[::7].astype(float), corners.places.normals[::7], strict=True):
-        mine = triangles[np.abs(normal - axis).max(axis=1) < 1e-6]
-        weights = [np.linalg.lstsq(np.vstack([t.T, np.ones(3)]), np.append(origin, 1), rcond=None)[0] for t in mine]
+        in_plane = triangles[np.abs(normal - axis).max(axis=1) < 1e-6]
+        weights = [np.linalg.lstsq(np.vstack([t.T, np.ones(3)]), np.append(origin, 1), rcond=None)[0] for t in in_plane]
         assert any((w > 0).all() and 0.7 < w.max() < 0.985 for w in weights)
 
 

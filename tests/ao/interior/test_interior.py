@@ -1,4 +1,4 @@
-"""Vertices inside solids: found, told, marked in a picture, filled from their neighbours."""
+"""Vertices inside solids: found, reported, marked in a picture, filled from their neighbours."""
 
 from __future__ import annotations
 
@@ -171,8 +171,8 @@ def test_the_command_reports_and_marks_them(solids: Mesh, tmp_path: Path) -> Non
         "--report", "r.json", "--debug-image", "marked.png", cwd=tmp_path,
     )  # fmt: skip
     assert done.returncode == 0, done.stderr
-    told = json.loads((tmp_path / "r.json").read_text())
-    assert told["flagged"]["hidden"] == len(told["flagged_vertices"]["hidden"]) > 100
+    written = json.loads((tmp_path / "r.json").read_text())
+    assert written["flagged"]["hidden"] == len(written["flagged_vertices"]["hidden"]) > 100
     picture = read_image(tmp_path / "marked.png")[0]["beauty"]
     magenta = (picture[..., 0] > 0.9) & (picture[..., 1] < 0.05) & (picture[..., 2] > 0.5)
     assert magenta.sum() > 1000

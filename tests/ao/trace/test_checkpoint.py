@@ -67,22 +67,22 @@ def traced(monkeypatch):
 def test_a_continued_bake_copies_what_was_traced(path, whole, traced):
     interrupted(path)
     first, traced[0] = traced[0], 0
-    told = []
-    assert bits(bake(path, told, resume=True)) == whole
+    messages = []
+    assert bits(bake(path, messages, resume=True)) == whole
     assert first > 0.5 * len(MESH.vertices)
     assert traced[0] < 0.6 * len(MESH.vertices)
-    assert told == []
+    assert messages == []
     assert not path.exists()
 
 
 def test_a_continued_bake_of_the_surface_copies_what_was_traced(path, whole_surface, traced):
     interrupted(path, make=bake_surface)
     first, traced[0] = traced[0], 0
-    told = []
-    assert bits(bake(path, told, make=bake_surface, resume=True)) == whole_surface
+    messages = []
+    assert bits(bake(path, messages, make=bake_surface, resume=True)) == whole_surface
     assert first > 0.5 * len(MESH.faces)
     assert traced[0] < 0.6 * len(MESH.faces)
-    assert told == []
+    assert messages == []
     assert not path.exists()
 
 
@@ -142,14 +142,14 @@ def test_a_short_bake_leaves_no_trace(path, whole):
     assert bits(bake(path, after=60)) == whole
 
 
-def test_starting_over_is_told_and_tidies_up(path, whole, traced):
+def test_starting_over_is_reported_and_tidies_up(path, whole, traced):
     interrupted(path)
     traced[0] = 0
-    told = []
-    assert bits(bake(path, told, after=60)) == whole
+    messages = []
+    assert bits(bake(path, messages, after=60)) == whole
     assert traced[0] > len(MESH.vertices)
-    assert len(told) == 1
-    assert "--resume would continue it" in told[0]
+    assert len(messages) == 1
+    assert "--resume would continue it" in messages[0]
     assert not path.exists()
 
 
@@ -209,10 +209,10 @@ def test_another_mesh_is_another_bake(path):
         ao.bake(Mesh(MESH.vertices * [1, 1, 1.001], MESH.faces), checkpoint=checkpoint, **OPTIONS)
 
 
-def test_nothing_to_resume_is_told(path, whole):
-    told = []
-    assert bits(bake(path, told, resume=True)) == whole
-    assert "nothing to resume" in told[0]
+def test_nothing_to_resume_is_reported(path, whole):
+    messages = []
+    assert bits(bake(path, messages, resume=True)) == whole
+    assert "nothing to resume" in messages[0]
 
 
 @pytest.mark.parametrize("resume", [False, True])
@@ -236,7 +236,7 @@ def test_a_second_bake_to_the_same_target_is_refused(path, resume):
 
 @POSIX
 def test_of_two_bakes_that_begin_together_one_goes_on_without(path, whole, monkeypatch):
-    told, holder = [], []
+    messages, holder = [], []
     begin = Checkpoint.begin
 
     def begin_beside_another(*arguments):
@@ -244,10 +244,10 @@ def test_of_two_bakes_that_begin_together_one_goes_on_without(path, whole, monke
         holder.append(Journal(path, create=True))
 
     monkeypatch.setattr(Checkpoint, "begin", begin_beside_another)
-    assert bits(bake(path, told)) == whole
+    assert bits(bake(path, messages)) == whole
     holder[0].close()
-    assert len(told) == 1
-    assert "another bake to the same target is at work; going on without checkpoints" in told[0]
+    assert len(messages) == 1
+    assert "another bake to the same target is at work; going on without checkpoints" in messages[0]
     assert path.exists()
 
 
@@ -258,11 +258,11 @@ def test_a_disk_that_refuses_does_not_stop_the_bake(path, whole, whole_surface, 
     def refuse(*_):
         raise OSError(code, os.strerror(code))
 
-    told = []
+    messages = []
     monkeypatch.setattr(Journal, "append", refuse)
-    assert bits(bake(path, told, make=METHODS[method])) == (whole if method == "vertex" else whole_surface)
-    assert len(told) == 1
-    assert told[0].endswith(f"w.npy.partial: {os.strerror(code)}; going on without checkpoints")
+    assert bits(bake(path, messages, make=METHODS[method])) == (whole if method == "vertex" else whole_surface)
+    assert len(messages) == 1
+    assert messages[0].endswith(f"w.npy.partial: {os.strerror(code)}; going on without checkpoints")
 
 
 LIMITED = """
@@ -271,10 +271,10 @@ resource.setrlimit(resource.RLIMIT_FSIZE, (200_000, 200_000))
 signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
 from pathlib import Path
 import interrupted_bakes as t
-told = []
-assert t.bits(t.bake(Path(sys.argv[1]), told)) == t.bits(t.ao.bake(t.MESH, **t.OPTIONS))
-print(told)
-told = []
+messages = []
+assert t.bits(t.bake(Path(sys.argv[1]), messages)) == t.bits(t.ao.bake(t.MESH, **t.OPTIONS))
+print(messages)
+messages = []
 t.interrupted(Path(sys.argv[1]))
 print(Path(sys.argv[1]).stat().st_size)
 """
@@ -285,8 +285,8 @@ def test_a_file_that_may_not_grow_further(path, whole):
     """A write that the system takes a part of; what was whole before is continued."""
     command = [sys.executable, "-c", LIMITED, path]
     result = subprocess.run(command, env=environment(), capture_output=True, text=True, timeout=120, check=True)
-    told, size = result.stdout.splitlines()
-    assert told.count("going on without checkpoints") == 1
+    messages, size = result.stdout.splitlines()
+    assert messages.count("going on without checkpoints") == 1
     assert 100_000 < int(size) <= 200_000
     assert bits(bake(path, resume=True)) == whole
 

@@ -9,7 +9,8 @@ from raytrace.brdf.dispatch import ambient, emission, evaluate, terms
 from raytrace.kernel.jit import kernel
 from raytrace.kernel.vector import add, load
 from raytrace.lights.kernels import cannot_matter_at, incident
-from raytrace.lights.sources import AMBIENT, AmbientLight, DirectionalLight, PointLight, SpotLight, pack_lights
+from raytrace.lights.layout import AMBIENT
+from raytrace.lights.sources import AmbientLight, DirectionalLight, PointLight, SpotLight, pack_lights
 from raytrace.materials.materials import CookTorrance, Lambert, OrenNayar, Phong, pack_materials
 from raytrace.materials.reflect import reflect
 

@@ -3,21 +3,12 @@
 import numpy as np
 import pytest
 
+from raytrace import BlinnPhong, CookTorrance, EllipticalBeckmann, Lambert, OrenNayar, Phong, PoulinFournier, Strauss
 from raytrace.brdf.oren_nayar import fitted_orders
 from raytrace.brdf.oren_nayar_reference import reference_orders
 from raytrace.errors import OptionError
 from raytrace.materials.energy import NORMAL as N
 from raytrace.materials.energy import asymmetry, directional_albedo, towards
-from raytrace.materials.materials import (
-    BlinnPhong,
-    CookTorrance,
-    EllipticalBeckmann,
-    Lambert,
-    OrenNayar,
-    Phong,
-    PoulinFournier,
-    Strauss,
-)
 from raytrace.materials.reflect import reflect
 
 MIRROR = {"albedo": 1.0, "k_s": 1.0, "eta": 1e6}  # η = 1e6: F = 1 to 4e-6
@@ -171,10 +162,7 @@ def fit_errors(sigma, angles, order=48):
         for theta_r in np.radians(angles):
             for phi in np.linspace(0, np.pi, 5):
                 l, v = towards(theta_i), towards(theta_r, phi)
-                exact, fit = (
-                    reference_orders(sigma, l, v, order),
-                    fitted_orders(sigma, tuple(N), tuple(l), tuple(v)),
-                )
+                exact, fit = (reference_orders(sigma, l, v, order), fitted_orders(sigma, tuple(N), tuple(l), tuple(v)))
                 first.append((fit[0] - exact[0]) / l[2])
                 second.append((fit[1] - exact[1]) / l[2])
     return np.array(first), np.array(second)

@@ -5,20 +5,11 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
+from raytrace import BlinnPhong, CookTorrance, EllipticalBeckmann, Lambert, OrenNayar, Phong, PoulinFournier, Strauss
 from raytrace.brdf import layout as rows
 from raytrace.brdf.dispatch import reflect_rows
 from raytrace.errors import OptionError
-from raytrace.materials.materials import (
-    BlinnPhong,
-    CookTorrance,
-    EllipticalBeckmann,
-    Lambert,
-    OrenNayar,
-    Phong,
-    PoulinFournier,
-    Strauss,
-    pack_materials,
-)
+from raytrace.materials.materials import pack_materials
 from raytrace.materials.reflect import reflect
 
 TINY, NEARLY_ONE = 1e-6, float(np.nextafter(1.0, 0.0))

@@ -4,19 +4,10 @@ import numpy as np
 import pytest
 import transcription as plain
 
+from raytrace import BlinnPhong, CookTorrance, EllipticalBeckmann, Lambert, OrenNayar, Phong, PoulinFournier, Strauss
 from raytrace.brdf.coefficients import gaussian_constant
 from raytrace.brdf.microfacet import fresnel
 from raytrace.brdf.strauss import fresnel_like, shadowing
-from raytrace.materials.materials import (
-    BlinnPhong,
-    CookTorrance,
-    EllipticalBeckmann,
-    Lambert,
-    OrenNayar,
-    Phong,
-    PoulinFournier,
-    Strauss,
-)
 from raytrace.materials.reflect import reflect
 
 GRAIN = np.array([0.3, 0.9, -0.2])

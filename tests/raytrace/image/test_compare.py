@@ -140,6 +140,6 @@ def test_the_difference_as_a_picture(tmp_path):
         assert max(picture.getpixel((57, 20))) < 10
 
 
-def test_where_the_difference_cannot_go_is_told_first(tmp_path):
+def test_where_the_difference_cannot_go_is_refused_first(tmp_path):
     with pytest.raises(OptionError, match="output: expected a name ending in"):
         compare(tmp_path / "missing", tmp_path / "missing", tmp_path / "d.gif")

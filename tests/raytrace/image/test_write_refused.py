@@ -19,17 +19,17 @@ from raytrace.image import encode
 from raytrace.image.write import write_frame
 reserve = encode._reserve
 unlimited = resource.getrlimit(resource.RLIMIT_FSIZE)
-told = []
+outcomes = []
 for target, reserved, limit in json.loads(sys.argv[1]):
     encode._reserve = reserve if reserved else lambda *_: None
     resource.setrlimit(resource.RLIMIT_FSIZE, (limit, unlimited[1]))
     try:
         write_frame(target, frame(), METADATA)
-        told.append("")
+        outcomes.append("")
     except OSError as reason:
-        told.append(f"{type(reason).__name__} {reason}")
+        outcomes.append(f"{type(reason).__name__} {reason}")
     resource.setrlimit(resource.RLIMIT_FSIZE, unlimited)
-print(json.dumps(told))
+print(json.dumps(outcomes))
 """
 
 
@@ -82,7 +82,7 @@ def test_an_interrupt_leaves_the_old_file(tmp_path, monkeypatch, ending):
         ("a.jpg", {"layers": ["beauty", "albedo"]}, "layers: expected one layer"),
     ],
 )
-def test_what_cannot_be_written_is_told_before_the_work(tmp_path, name, options, message):
+def test_what_cannot_be_written_is_outcomes_before_the_work(tmp_path, name, options, message):
     with pytest.raises(OptionError, match=message) as early:
         check_image_target(tmp_path / name, **options)
     with pytest.raises(OptionError) as late:
@@ -97,7 +97,7 @@ def test_a_layer_that_the_frame_lacks(tmp_path):
         write_frame(tmp_path / "a.exr", plain((0, 0, 0, 1)), {}, layers=["depth"])
 
 
-def test_a_missing_folder_is_told_before_the_work(tmp_path):
+def test_a_missing_folder_is_outcomes_before_the_work(tmp_path):
     with pytest.raises(OutputError, match="there is no folder"):
         check_image_target(tmp_path / "missing" / "a.exr")
     with pytest.raises(OutputError, match="there is no folder"):

@@ -30,6 +30,15 @@ from scenes.geometry.primitives import plane
 ORIGIN = (0.0, 0.0, 0.0)
 
 
+def left_out_at(light, point, normal):
+    return cannot_matter_at(*light.pack(), *(tuple(map(float, each)) for each in (point, normal)), 0.0)
+
+
+def left_out_in(light, low, high, axis=(0, 0, 1), spread=pi, threshold=0.0):
+    box = (tuple(map(float, each)) for each in (low, high, axis))
+    return cannot_matter_in(*light.pack(), *box, spread, threshold)
+
+
 def arriving(light, point=ORIGIN):
     l, distance, rgb = incident(*light.pack(), tuple(map(float, point)))
     return np.array(l), distance, np.array(rgb)
@@ -57,9 +66,9 @@ def test_light_ends_at_its_range(light):
         np.testing.assert_allclose(rgb, (1 - (distance / 4) ** 4) / distance**2)
     for distance in (4, 4.001, 1e9):
         assert (arriving(light, (distance, 0, 0))[2] == 0).all()
-        assert light.cannot_matter_at((distance, 0, 0), (-1, 0, 0))
-    assert light.cannot_matter_in((4.001, -1, -1), (5, 1, 1))
-    assert not light.cannot_matter_in((3.99, -1, -1), (5, 1, 1))
+        assert left_out_at(light, (distance, 0, 0), (-1, 0, 0))
+    assert left_out_in(light, (4.001, -1, -1), (5, 1, 1))
+    assert not left_out_in(light, (3.99, -1, -1), (5, 1, 1))
 
 
 @pytest.mark.parametrize("size", [1e-3, 1.0, 1e5])
@@ -168,29 +177,29 @@ def test_a_skipped_box_holds_only_skipped_points(light, low, size, axis, spread,
 
 def test_boxes_are_skipped_when_far_outside_or_behind():
     lamp = PointLight(position=ORIGIN, intensity=1)
-    assert lamp.cannot_matter_in((100, 0, 0), (101, 1, 1), threshold=1e-3)
-    assert not lamp.cannot_matter_in((10, 0, 0), (11, 1, 1), threshold=1e-3)
-    assert not lamp.cannot_matter_in((100, 0, 0), (101, 1, 1))
-    assert lamp.cannot_matter_in((10, 0, 0), (11, 1, 1), axis=(1, 0, 0), spread=0.3)
+    assert left_out_in(lamp, (100, 0, 0), (101, 1, 1), threshold=1e-3)
+    assert not left_out_in(lamp, (10, 0, 0), (11, 1, 1), threshold=1e-3)
+    assert not left_out_in(lamp, (100, 0, 0), (101, 1, 1))
+    assert left_out_in(lamp, (10, 0, 0), (11, 1, 1), axis=(1, 0, 0), spread=0.3)
     # turned away from the lamp as seen from the box's centre, but not as seen from its near corner
     slanted = (sin(0.2), cos(0.2), 0)
-    assert not lamp.cannot_matter_at((1, -1, 0), slanted)
-    assert not lamp.cannot_matter_in((1, -1, -1), (3, 1, 1), axis=slanted, spread=0.0)
-    assert not lamp.cannot_matter_in((10, 0, 0), (11, 1, 1), axis=(-1, 0, 0), spread=0.3)
+    assert not left_out_at(lamp, (1, -1, 0), slanted)
+    assert not left_out_in(lamp, (1, -1, -1), (3, 1, 1), axis=slanted, spread=0.0)
+    assert not left_out_in(lamp, (10, 0, 0), (11, 1, 1), axis=(-1, 0, 0), spread=0.3)
     spot = SpotLight(position=ORIGIN, direction=(1, 0, 0), half_angle=17.2)
-    assert spot.cannot_matter_in((-3, -1, -1), (-2, 1, 1))
-    assert not spot.cannot_matter_in((2, -1, -1), (3, 1, 1))
+    assert left_out_in(spot, (-3, -1, -1), (-2, 1, 1))
+    assert not left_out_in(spot, (2, -1, -1), (3, 1, 1))
     sun = DirectionalLight(direction=(0, 0, -1))
-    assert sun.cannot_matter_in((0, 0, 0), (1, 1, 1), axis=(0, 0, -1), spread=1.0)
-    assert not sun.cannot_matter_in((0, 0, 0), (1, 1, 1), axis=(0, 0, -1), spread=1.6)
-    assert AmbientLight(intensity=0).cannot_matter_in((0, 0, 0), (1, 1, 1))
+    assert left_out_in(sun, (0, 0, 0), (1, 1, 1), axis=(0, 0, -1), spread=1.0)
+    assert not left_out_in(sun, (0, 0, 0), (1, 1, 1), axis=(0, 0, -1), spread=1.6)
+    assert left_out_in(AmbientLight(intensity=0), (0, 0, 0), (1, 1, 1))
 
 
 def test_points_are_skipped_when_facing_away():
     sun = DirectionalLight(direction=(0, 0, -1))
-    assert sun.cannot_matter_at(ORIGIN, (0, 0, -1))
-    assert not sun.cannot_matter_at(ORIGIN, (0, 0.6, 0.8))
-    assert not AmbientLight().cannot_matter_at(ORIGIN, (0, 0, -1))
+    assert left_out_at(sun, ORIGIN, (0, 0, -1))
+    assert not left_out_at(sun, ORIGIN, (0, 0.6, 0.8))
+    assert not left_out_at(AmbientLight(), ORIGIN, (0, 0, -1))
 
 
 @pytest.mark.parametrize(

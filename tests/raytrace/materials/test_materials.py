@@ -6,21 +6,11 @@ from dataclasses import FrozenInstanceError
 import numpy as np
 import pytest
 
+from raytrace import BlinnPhong, CookTorrance, EllipticalBeckmann, Lambert, OrenNayar, Phong, PoulinFournier, Strauss
 from raytrace.brdf import dispatch
 from raytrace.brdf import layout as rows
 from raytrace.errors import OptionError
-from raytrace.materials.materials import (
-    BlinnPhong,
-    CookTorrance,
-    EllipticalBeckmann,
-    Lambert,
-    OrenNayar,
-    Phong,
-    PoulinFournier,
-    Strauss,
-    material_from_dict,
-    pack_materials,
-)
+from raytrace.materials.materials import material_from_dict, pack_materials
 from raytrace.materials.presets import PRESETS
 from raytrace.materials.reflect import reflect
 

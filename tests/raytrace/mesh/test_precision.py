@@ -1,4 +1,4 @@
-"""Precision that a mesh lacks is told: in Python, on standard error, in the report and by `info`."""
+"""Precision that a mesh lacks is reported: in Python, on standard error, in the report and by `info`."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from scenes.stress.pose import Pose
 from scenes.stress.solids import grid
 
 
-def test_a_mesh_far_from_the_origin_is_told_by_how_it_is_stored():
+def test_a_mesh_far_from_the_origin_is_reported_by_how_it_is_stored():
     part = icosphere(4)
     assert precision_warnings(Pose(1.0, 1e5, 1).mesh(part)) == []
     (text,) = precision_warnings(Pose(1.0, 1e5, 1, single=True).mesh(part, "far.ply"))
@@ -24,14 +24,14 @@ def test_a_mesh_far_from_the_origin_is_told_by_how_it_is_stored():
     assert "as stored have steps of 0.0078" in text
 
 
-def test_a_detail_too_small_for_the_whole_is_told():
+def test_a_detail_too_small_for_the_whole_is_reported():
     part = icosphere(3)
-    for size, told in ((1e-3, 0), (1e-7, len(part[0]))):
+    for size, expected in ((1e-3, 0), (1e-7, len(part[0]))):
         scene = join(
             [(np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0.0]]), np.array([[0, 1, 2]])), (size * part[0] + 0.4, part[1])]
         )
         found = coarseness(Mesh(*scene))
-        assert found.vertices == told
+        assert found.vertices == expected
         assert not found.stored
 
 
@@ -73,10 +73,10 @@ def test_the_command_says_so(tmp_path):
         report = tmp_path / "report.json"
         done = obscurance("bake", path, "-o", tmp_path / "w.npy", "--samples", 8, "--report", report)
         assert done.returncode == 0, done.stderr
-        told = [line for line in done.stderr.splitlines() if line.startswith("warning: ")]
-        assert len(told) == count
+        printed = [line for line in done.stderr.splitlines() if line.startswith("warning: ")]
+        assert len(printed) == count
         warnings = json.loads(report.read_text())["warnings"]
-        assert [f"warning: {text}" for text in warnings] == told
+        assert [f"warning: {text}" for text in warnings] == printed
         assert obscurance("info", path).stdout.count("\nwarning") == count
 
 
@@ -92,6 +92,6 @@ def test_so_does_that_for_pictures_once_for_each_mesh(tmp_path):
         size = "--width", 8, "--height", 8, "--samples", 1, "--obscurance", "off"
         done = obscurance("render", tmp_path / scene, "-o", tmp_path / "p.png", *size, "--report", report)
         assert done.returncode == 0, done.stderr
-        told = [line for line in done.stderr.splitlines() if line.startswith("warning: ")]
-        assert len(told) == count, done.stderr
-        assert [f"warning: {text}" for text in json.loads(report.read_text())["warnings"]] == told
+        printed = [line for line in done.stderr.splitlines() if line.startswith("warning: ")]
+        assert len(printed) == count, done.stderr
+        assert [f"warning: {text}" for text in json.loads(report.read_text())["warnings"]] == printed

@@ -177,14 +177,3 @@ def test_instanced_rooms_whose_walls_meet_in_the_middle_of_the_world_are_black(f
         objects = [Object(shape, matrix @ low), Object(shape, matrix @ beside @ low)]
         for eye in ((0, 0, 0), (1, 0, 0)):
             assert not seen(objects, matrix, eye, (0.5, 0, 0), lamps).any()
-
-
-def test_the_scene_that_rays_are_traced_in_tells_contacts_as_one_built_for_them():
-    """A degenerate face, which no search may find, makes the renderer build one."""
-    faces = np.concatenate([ROOM.faces, [[0, 0, 1]]])
-    meshes = ROOM, Mesh(ROOM.vertices, faces)
-    whole, searched = (
-        seen([Object(Shape(mesh, WHITE))], np.eye(4), (0, 0, 0), lamps=[[0.1, 0.2, 0.3], *LAMPS]) for mesh in meshes
-    )
-    assert whole.max() > 0
-    np.testing.assert_array_equal(whole, searched)

@@ -195,6 +195,6 @@ def test_a_lens_blurs_what_is_out_of_focus_only():
 
 
 def test_progress_ends_at_the_end(still):
-    told = []
-    render(still, CAMERA, Settings(width=40, height=40, samples=1), progress=lambda *done: told.append(done))
-    assert told[-1] == (9, 9)
+    calls = []
+    render(still, CAMERA, Settings(width=40, height=40, samples=1), progress=lambda *done: calls.append(done))
+    assert calls[-1] == (9, 9)

@@ -128,6 +128,6 @@ def test_grain_in_scene_files(tmp_path):
             '[obscurance]\nform = "off"\n[[lights]]\nlight = "directional"\ndirection = [0.3, 1, -0.6]\n'
             f'[[objects]]\nbuiltin = "sphere"\nmaterial = {{ preset = "brushed_aluminium", grain = {grain} }}\n'
         )
-        told = read_scene(tmp_path / "a.toml")
-        made.append(render(told.scene, told.camera, told.settings).layers["beauty"])
+        described = read_scene(tmp_path / "a.toml")
+        made.append(render(described.scene, described.camera, described.settings).layers["beauty"])
     assert np.abs(made[0] - made[1]).max() > 0.05

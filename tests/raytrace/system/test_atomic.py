@@ -107,7 +107,7 @@ def unwritable(tmp_path):
 
 
 @pytest.mark.parametrize("kind", range(5))
-def test_targets_that_cannot_be_written_are_told_before_and_during(tmp_path, kind):
+def test_targets_that_cannot_be_written_are_refused_before_and_during(tmp_path, kind):
     name, reason = list(unwritable(tmp_path).items())[kind]
     before = names(tmp_path)
     with pytest.raises(OutputError, match=reason) as early:

@@ -96,9 +96,9 @@ def test_an_address_space_limits_it():
 def test_the_line_says_what_needs_how_much_and_what_would_do(monkeypatch):
     monkeypatch.setattr(raytrace.system.memory, "available", lambda: 300 * MIB)
     check_memory("m.ply", 300 * MIB, "to bake")
-    with pytest.raises(MemoryLimitError) as told:
+    with pytest.raises(MemoryLimitError) as caught:
         check_memory("m.ply", 3 << 30, "to bake", {"the first": 400 * MIB, "the other": 200 * MIB})
-    assert str(told.value) == (
+    assert str(caught.value) == (
         "m.ply: memory: expected at most 300 MiB, what is available,"
         " got about 3.0 GiB to bake; the other takes about 200 MiB"
     )
@@ -176,7 +176,7 @@ def test_textures_are_counted_once_each_by_their_headers(tmp_path):
 
 
 @LINUX
-def test_textures_take_what_is_told(tmp_path):
+def test_textures_take_what_is_estimated(tmp_path):
     Image.new("RGB", (2048, 2048)).save(tmp_path / "t.png")
     code = """
 import sys
@@ -185,11 +185,11 @@ from raytrace.image.texture import Texture, pack_textures, texture_bytes
 def status(field):
     return next(int(line.split()[1]) << 10 for line in open("/proc/self/status") if line.startswith(field + ":"))
 texture = Texture(Path(sys.argv[1]))
-told = texture_bytes([texture])
+estimated = texture_bytes([texture])
 before = status("VmRSS")
 Path("/proc/self/clear_refs").write_text("5")
 pack_textures([texture])
-print((status("VmHWM") - before) / told)
+print((status("VmHWM") - before) / estimated)
 """
     command = [sys.executable, "-c", code, tmp_path / "t.png"]
     result = subprocess.run(command, capture_output=True, text=True, check=True, cwd=ROOT)

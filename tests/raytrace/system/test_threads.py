@@ -1,4 +1,4 @@
-"""Blocks on threads: all of them, once, stopped when told."""
+"""Blocks on threads: all of them, once, stopped when asked to."""
 
 import threading
 import time
@@ -12,14 +12,14 @@ from raytrace.system.threads import run_blocks, thread_count
 
 @pytest.mark.parametrize(("count", "block"), [(0, 4), (1, 4), (4, 4), (10, 3), (100_000, 7)])
 def test_every_item_is_worked_on_once(count, block):
-    seen, told = np.zeros(count, int), []
+    seen, finished = np.zeros(count, int), []
 
     def work(start, stop):
         seen[start:stop] += 1
 
-    run_blocks(count, block, work, 3, told.append)
+    run_blocks(count, block, work, 3, finished.append)
     assert (seen == 1).all()
-    assert sum(told) == count
+    assert sum(finished) == count
 
 
 def test_an_exception_drops_what_has_not_begun():
@@ -54,16 +54,16 @@ def test_a_system_that_grants_few_threads_gets_all_work_done(granted, monkeypatc
     assert len(begun) == granted
 
 
-def test_progress_is_told_of_all_threads_blocks_as_they_finish():
-    told, begun = [], []
+def test_progress_counts_all_threads_blocks_as_they_finish():
+    finished, begun = [], []
 
     def work(start, _stop):
         begun.append(start)
         time.sleep(0.002)
 
-    run_blocks(200, 1, work, 4, lambda _size: told.append(len(begun)))
-    assert len(told) == 200
-    assert max(np.array(told) - np.arange(200)) < 20
+    run_blocks(200, 1, work, 4, lambda _size: finished.append(len(begun)))
+    assert len(finished) == 200
+    assert max(np.array(finished) - np.arange(200)) < 20
 
 
 def test_a_failure_on_another_thread_is_raised_here():

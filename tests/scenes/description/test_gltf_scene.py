@@ -203,7 +203,7 @@ def test_malformed_headers_are_one_line(tmp_path, key, value):
     assert "\n" not in str(caught.value)
 
 
-def test_a_gltf_in_a_toml_scene_keeps_its_materials_unless_told_otherwise(tmp_path):
+def test_a_gltf_in_a_toml_scene_keeps_its_materials_unless_others_are_given(tmp_path):
     builder = triangle()
     fields = textured(builder, {"uri": "data:image/png;base64,QUJD"})
     nodes = [{"mesh": 0, "translation": [1, 0, 0], "name": "x"}, {"mesh": 0}]

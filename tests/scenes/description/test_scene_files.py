@@ -77,10 +77,7 @@ intensity = 0.2
     assert made.bake.falloff == ao.Exponential(tau=2.0, max_distance="25%")
     assert (made.bake.samples, made.bake.seed) == (64, 3)
     assert made.scene.background == (0.1, 0.2, 0.3)
-    assert made.scene.lights == (
-        PointLight(position=(0, 0, 5), intensity=(10, 20, 30)),
-        AmbientLight(intensity=0.2),
-    )
+    assert made.scene.lights == (PointLight(position=(0, 0, 5), intensity=(10, 20, 30)), AmbientLight(intensity=0.2))
     (item,) = made.scene.objects
     assert item.name == "it"
     assert item.shape.material == OrenNayar(albedo=0.9, sigma=0.3)

@@ -134,8 +134,8 @@ MISTAKES = {
     "camera.fov: expected one of position, target, direction, up": "[camera]\nfov = 3\n" + PLAIN,
     "camera: expected a table, got 3": "camera = 3\n" + PLAIN,
     "render.width: expected a whole number from 1 to 32768, got 0": "[render]\nwidth = 0\n" + PLAIN,
-    "render.width: expected a whole number, got 10.0": "[render]\nwidth = 10.0\n" + PLAIN,
-    "render.samples: expected a whole number, got True": "[render]\nsamples = true\n" + PLAIN,
+    "render.width: expected a whole number from 1 to 32768, got 10.0": "[render]\nwidth = 10.0\n" + PLAIN,
+    "render.samples: expected a whole number from 1 to 4096, got True": "[render]\nsamples = true\n" + PLAIN,
     "render.shading: expected one of constant, flat, gouraud, phong, quadratic, got smooth": (
         '[render]\nshading = "smooth"\n' + PLAIN
     ),

@@ -1,4 +1,4 @@
-"""Baking to a tolerance on meshes drawn anew, and proof that the judge notices bakes that break it."""
+"""Baking to a tolerance on meshes drawn anew, and proof that the verdict notices bakes that break it."""
 
 from __future__ import annotations
 
@@ -59,16 +59,16 @@ Change = Callable[[Mesh, Bake], Bake]
 
 
 def sufficient(mesh: Mesh, falloff: Falloff, *, seed: int, tolerance: float, threads: int | None = None) -> Bake:
-    """Plain rays at every vertex, as many as the error told by a first bake asks for: it keeps the tolerance."""
+    """Plain rays at every vertex, as many as the error estimated by a first bake asks for: it keeps the tolerance."""
     first = ao.bake(mesh, falloff, 128, seed + 1, threads)
     samples = int(np.clip(128 * (first.rmse / (0.85 * tolerance)) ** (4 / 3), 8, 4096))
     return ao.bake(mesh, falloff, samples, seed, threads)
 
 
 def unchecked(mesh: Mesh, baked: Bake) -> Bake:
-    """Every 24th vertex is told, the others take what the nearest of these has, and nobody looks whether it fits."""
-    told = np.arange(0, len(baked.w), 24)
-    near = told[cKDTree(mesh.vertices[told]).query(mesh.vertices)[1]]
+    """Every 24th vertex is kept, the others take what the nearest of these has, and nobody looks whether it fits."""
+    kept = np.arange(0, len(baked.w), 24)
+    near = kept[cKDTree(mesh.vertices[kept]).query(mesh.vertices)[1]]
     return replace(baked, w=baked.w[near], error=baked.error[near])
 
 
@@ -98,7 +98,7 @@ CASES = (
 
 
 @cache
-def judged(case: Case) -> tuple[Mesh, Truth, Bake]:
+def case_baked(case: Case) -> tuple[Mesh, Truth, Bake]:
     """A mesh, its truth, and a bake that keeps the tolerance."""
     mesh = draw(case.family, case.seed, case.size)
     falloff = list(falloffs(mesh).values())[case.falloff]
@@ -108,7 +108,7 @@ def judged(case: Case) -> tuple[Mesh, Truth, Bake]:
 def faults(change: Change) -> str:
     outcomes = []
     for case in CASES:
-        mesh, truth, baked = judged(case)
+        mesh, truth, baked = case_baked(case)
         outcomes.append(Outcome(case, "", compare_with_truth(mesh, change(mesh, baked), truth, case.tolerance)))
     return "; ".join(verdict("all", outcomes, FEW).faults)
 
@@ -134,7 +134,7 @@ def test_a_bake_that_breaks_it_fails(change: Change, fault: str) -> None:
 
 
 def test_vertices_that_stand_out_are_counted() -> None:
-    mesh, truth, baked = judged(CASES[1])
+    mesh, truth, baked = case_baked(CASES[1])
     assert compare_with_truth(mesh, baked, truth, 0.01).outliers == 0
     assert compare_with_truth(mesh, spoilt(mesh, baked), truth, 0.01).outliers > len(mesh.vertices) // 2000
 
@@ -197,5 +197,5 @@ def test_a_file_stands_in_for_the_meshes_at_hand(tmp_path: Path) -> None:
         (["--generated", "nothing.obj"], "nothing.obj"),
     ],
 )
-def test_mistakes_are_told(options: list[object], words: str) -> None:
+def test_mistakes_are_refused(options: list[object], words: str) -> None:
     refused(obscurance("validate", *options), words)

@@ -40,8 +40,8 @@ def test_written_and_read(tmp_path, name):
     made = read_scene(path)
     shapes = {id(item.shape) for item in made.scene.objects}
     assert (len(made.scene.objects), len(shapes), len(made.scene.lights)) == COUNTS[name]
-    told = tomllib.loads(builtin_toml(name))
-    assert made.camera.position == tuple(told["camera"]["position"])
+    table = tomllib.loads(builtin_toml(name))
+    assert made.camera.position == tuple(table["camera"]["position"])
     assert 5_000 < sum(len(item.shape.mesh.vertices) for item in made.scene.objects) < 250_000
     assert builtin_toml(name).startswith("# ")
 

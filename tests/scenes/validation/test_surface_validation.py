@@ -22,11 +22,11 @@ def with_small_receivers(line):
     ends = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]]]).T
     _, piece = connected_components(coo_array((np.ones(len(ends[0])), ends), (len(vertices),) * 2), directed=False)
     for point in line.points:
-        mine = piece == piece[point]
-        apart = vertices[mine] - vertices[point]
+        connected = piece == piece[point]
+        apart = vertices[connected] - vertices[point]
         _, _, thickness = np.linalg.svd(apart, compute_uv=False)
-        if thickness < 1e-9 and np.count_nonzero(mine[line.points]) == 1:
-            vertices[mine] = vertices[point] + min(1.0, SIZE / np.abs(apart).max()) * apart
+        if thickness < 1e-9 and np.count_nonzero(connected[line.points]) == 1:
+            vertices[connected] = vertices[point] + min(1.0, SIZE / np.abs(apart).max()) * apart
     return replace(line, mesh=Mesh(vertices, faces, line.mesh.normals))
 
 

@@ -164,7 +164,7 @@ def test_tessellation_bounds_hold() -> None:
     assert inscribed_radius(prism(16, 4.0)) == pytest.approx(np.cos(pi / 16))
 
 
-# Wrong estimators. Each must be told from a right one by several of a few cheap lines.
+# Wrong estimators. Each must be distinguished from a right one by several of a few cheap lines.
 
 CHEAP = [
     line

@@ -21,9 +21,9 @@ def bake(folder, source, target, *options):
         "bake", folder / source, "-o", folder / target, "--samples", 8, "--report", folder / "r.json", *options
     )
     assert done.returncode == 0, done.stderr
-    told = done.stderr.replace(str(folder) + "/", "")
-    assert all("warning: " + line.replace(str(folder) + "/", "") in told for line in report(folder))
-    return told
+    printed = done.stderr.replace(str(folder) + "/", "")
+    assert all("warning: " + line.replace(str(folder) + "/", "") in printed for line in report(folder))
+    return printed
 
 
 def report(folder):
@@ -38,7 +38,7 @@ def columns(path):
 
 def test_a_ply_keeps_everything(tmp_path):
     (tmp_path / "rich.ply").write_bytes(rich_ply())
-    told = bake(tmp_path, "rich.ply", "out.ply")
+    printed = bake(tmp_path, "rich.ply", "out.ply")
     before, _ = columns(tmp_path / "rich.ply")
     after, detail = columns(tmp_path / "out.ply")
     assert list(after) == ["vertex", "face", "edge"]
@@ -53,8 +53,8 @@ def test_a_ply_keeps_everything(tmp_path):
     assert "comment Grüße\n".encode("latin-1") in (tmp_path / "out.ply").read_bytes()
     assert detail.sizes.tolist() == [5, 3, 4]
     assert np.array_equal(load(tmp_path / "out.ply").mesh.faces, load(tmp_path / "rich.ply").mesh.faces)
-    assert told.count("\n") == 1
-    assert "keeps the colours of rich.ply" in told
+    assert printed.count("\n") == 1
+    assert "keeps the colours of rich.ply" in printed
 
 
 def test_a_second_bake_of_what_was_baked_replaces_its_w_and_grey(tmp_path):
@@ -86,9 +86,9 @@ def test_numbers_of_text_that_a_type_cannot_hold_get_one_that_can(tmp_path):
 
 def test_a_glb_keeps_of_a_ply_what_it_can_and_tells_the_rest(tmp_path):
     (tmp_path / "rich.ply").write_bytes(rich_ply())
-    told = bake(tmp_path, "rich.ply", "out.glb")
+    printed = bake(tmp_path, "rich.ply", "out.glb")
     rest = "polygons, which become triangles, flags of faces, weights of faces, elements edge"
-    assert told == f"warning: out.glb: not kept from rich.ply: {rest}\n"
+    assert printed == f"warning: out.glb: not kept from rich.ply: {rest}\n"
     header, binary = check_glb((tmp_path / "out.glb").read_bytes())
     (primitive,) = header["meshes"][0]["primitives"]
     found = {name: values(header, binary, number) for name, number in primitive["attributes"].items()}
@@ -134,8 +134,8 @@ def write_obj(folder, faces):
 
 def test_a_ply_keeps_polygons_colours_and_texture_coordinates_of_an_obj(tmp_path):
     write_obj(tmp_path, NO_SEAM)
-    told = bake(tmp_path, "m.obj", "out.ply")
-    assert told == "warning: out.ply: keeps the colours of m.obj; w is in its property obscurance alone\n"
+    printed = bake(tmp_path, "m.obj", "out.ply")
+    assert printed == "warning: out.ply: keeps the colours of m.obj; w is in its property obscurance alone\n"
     elements, detail = columns(tmp_path / "out.ply")
     assert detail.sizes.tolist() == [4, 4]
     assert elements["vertex"]["red"].values.tolist() == [255, 0, 0, 255, 128, 128]
@@ -161,8 +161,8 @@ def test_texture_coordinates_with_seams_go_to_the_corners_of_a_ply(tmp_path):
 def test_several_normals_of_a_vertex(tmp_path, ending):
     faces = "vn 0 0 1\nvn 0 -1 0\nf 1//1 2//1 3//1\nf 1//2 6//2 2//2\n"
     (tmp_path / "m.obj").write_text("\n".join(line for line in OBJ.splitlines() if "mtllib" not in line) + "\n" + faces)
-    told = bake(tmp_path, "m.obj", f"out.{ending}")
-    assert ("normals of vertices that have several" in told) == (ending == "ply")
+    printed = bake(tmp_path, "m.obj", f"out.{ending}")
+    assert ("normals of vertices that have several" in printed) == (ending == "ply")
     if ending == "glb":
         header, binary = check_glb((tmp_path / "out.glb").read_bytes())
         (primitive,) = header["meshes"][0]["primitives"]
@@ -173,8 +173,8 @@ def test_several_normals_of_a_vertex(tmp_path, ending):
 
 def test_a_glb_keeps_materials_textures_and_seams_of_an_obj(tmp_path):
     write_obj(tmp_path, "usemtl red\n" + SEAM.replace("\nf", "\nusemtl glass\nf"))
-    told = bake(tmp_path, "m.obj", "out.glb")
-    assert told == "warning: out.glb: not kept from m.obj: polygons, which become triangles\n"
+    printed = bake(tmp_path, "m.obj", "out.glb")
+    assert printed == "warning: out.glb: not kept from m.obj: polygons, which become triangles\n"
     header, binary = check_glb((tmp_path / "out.glb").read_bytes())
     one, two = header["meshes"][0]["primitives"]
     names = [header["materials"][piece["material"]] for piece in (one, two)]
@@ -205,21 +205,21 @@ def test_vertices_without_seams_keep_their_order_in_a_glb(tmp_path):
     np.testing.assert_array_equal(w[6:], [[0, 0, 0], [1, 0, 0]])
 
 
-def test_what_is_missing_of_materials_is_told(tmp_path):
+def test_what_is_missing_of_materials_is_reported(tmp_path):
     write_obj(tmp_path, "usemtl red\n" + SEAM)
     (tmp_path / "paint.png").write_text("no picture")
     (tmp_path / "m.obj").write_text((tmp_path / "m.obj").read_text() + "mtllib ../gone.mtl\no a\no b\nl 1 2\n")
-    told = bake(tmp_path, "m.obj", "out.glb")
+    printed = bake(tmp_path, "m.obj", "out.glb")
     for words in (
         "texture of map_Kd (paint.png)",
         "material library ../gone.mtl",
         "names of objects and groups",
         "lines",
     ):
-        assert words in told
-    told = bake(tmp_path, "m.obj", "out.ply")
-    assert "materials" in told
-    assert "texture of" not in told
+        assert words in printed
+    printed = bake(tmp_path, "m.obj", "out.ply")
+    assert "materials" in printed
+    assert "texture of" not in printed
 
 
 def test_materials_and_textures_are_inputs(tmp_path):
@@ -238,31 +238,31 @@ def test_a_ply_keeps_colours_and_texture_coordinates_of_a_gltf(tmp_path):
     builder.mesh(builder.primitive(QUAD + np.float32(2), [[0, 1, 2]]))
     data = builder.glb([{"mesh": 0}, {"mesh": 1}], materials=[{"name": "paint"}])
     (tmp_path / "in.glb").write_bytes(data)
-    told = bake(tmp_path, "in.glb", "out.ply")
-    assert "not kept from in.glb: nodes, materials\n" in told
+    printed = bake(tmp_path, "in.glb", "out.ply")
+    assert "not kept from in.glb: nodes, materials\n" in printed
     vertex = columns(tmp_path / "out.ply")[0]["vertex"]
     np.testing.assert_array_equal(vertex["t"].values[:4], 1 - QUAD[:, 1])
     expected = np.rint(255 * encode_srgb(QUAD[:, 0] * 0.5))
     np.testing.assert_array_equal(vertex["red"].values, [*expected, 255, 255, 255, 255])
 
 
-def test_nothing_is_told_where_nothing_is_lost(tmp_path):
+def test_nothing_is_reported_where_nothing_is_lost(tmp_path):
     (tmp_path / "m.stl").write_bytes(stl(QUAD[[[0, 1, 2], [0, 2, 3]]]))
     for target in ("w.npy", "w.npz", "w.ply", "w.glb"):
         assert bake(tmp_path, "m.stl", target) == ""
 
 
-def test_polygons_that_cross_themselves_are_told(tmp_path):
+def test_polygons_that_cross_themselves_are_reported(tmp_path):
     (tmp_path / "bow.obj").write_text("v 0 0 0\nv 1 1 0\nv 1 0 0\nv 0 1 0\nf 1 2 3 4\n")
     assert "bow.obj: 1 polygon crosses itself" in bake(tmp_path, "bow.obj", "w.npy")
 
 
-def test_colours_of_an_off_file_are_told(tmp_path):
+def test_colours_of_an_off_file_are_reported(tmp_path):
     file = read(tmp_path, "m.off", b"OFF\n3 1 0\n0 0 0\n1 0 0\n0 1 0\n3 0 1 2 255 0 0\n")
     assert "colours" in lost(tmp_path / "w.ply", file)[0]
 
 
-def test_colours_of_a_3mf_file_are_told(tmp_path):
+def test_colours_of_a_3mf_file_are_reported(tmp_path):
     model = MODEL.replace(
         b"<resources>", b'<resources><basematerials id="99"><base name="a" displaycolor="#F00"/></basematerials>'
     )
@@ -285,15 +285,15 @@ def test_seams_of_a_mesh_without_normals_are_no_edges_in_a_glb(tmp_path):
     assert load(tmp_path / "out.glb").mesh.normals is None
 
 
-def test_what_only_some_corners_of_an_obj_have_is_told(tmp_path):
+def test_what_only_some_corners_of_an_obj_have_is_reported(tmp_path):
     write_obj(tmp_path, "vn 0 0 1\ns 1\nf 1/1/1 2/2/1 3/3/1\ns 2\nf 1 3 4\nusemtl a\nf 1 2 6\nusemtl b\nf 1 2 4\n")
-    told = bake(tmp_path, "m.obj", "out.glb")
+    printed = bake(tmp_path, "m.obj", "out.glb")
     for words in (
         "texture coordinates, which some corners lack",
         "normals, which some corners lack",
         "smoothing groups",
         "vertices that no face uses",
     ):
-        assert words in told
+        assert words in printed
     (tmp_path / "c.obj").write_text("v 0 0 0 1 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")
     assert "colours, which some vertices lack" in bake(tmp_path, "c.obj", "out.ply")

@@ -28,8 +28,4 @@ def textured(builder, image, coordinates=UV, **fields):
     if coordinates is not None:
         primitive["attributes"]["TEXCOORD_0"] = builder.accessor(coordinates, "VEC2", **fields)
     surface = {"baseColorTexture": {"index": 0}, "metallicFactor": 0}
-    return {
-        "materials": [{"pbrMetallicRoughness": surface}],
-        "textures": [{"source": 0}],
-        "images": [image],
-    }
+    return {"materials": [{"pbrMetallicRoughness": surface}], "textures": [{"source": 0}], "images": [image]}
