@@ -47,7 +47,7 @@ def bake_command(options: dict[str, Any]) -> BakeCommand | TextureCommand:
     """
     from raytrace.errors import OptionError
 
-    from .images import is_texture
+    from .names import is_texture
 
     output = options["output"]
     own = {field.name for field in fields(BakeCommand)}
@@ -126,7 +126,8 @@ class TextureCommand:
         from raytrace.system.outputs import check_outputs
 
         from ..readers.load import load
-        from .images import UDIM, tile_path, udim_tiles
+        from .images import tile_path, udim_tiles
+        from .names import UDIM
 
         start = time.perf_counter()
         source = load(self.mesh, "kept.glb")
@@ -162,7 +163,8 @@ class TextureCommand:
         from raytrace.errors import OptionError
         from raytrace.system.outputs import check_ending, check_outputs
 
-        from .images import UDIM, check_texture_target
+        from .images import check_texture_target
+        from .names import UDIM
 
         falloff = make_falloff(self.falloff, self.tau, self.half_distance, self.max_distance)
         Options(**self._options())
@@ -326,7 +328,7 @@ class TextureCommand:
 
 def _remarks(baked: ao.BakedTexture, target: Path, wrap: bool) -> list[str]:
     """What of the texture coordinates the user should know."""
-    from .images import UDIM
+    from .names import UDIM
 
     facts = baked.facts
     lines = []

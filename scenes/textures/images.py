@@ -14,16 +14,11 @@ from raytrace.image.encode import write_data
 from raytrace.system.atomic import check_writable
 from raytrace.types import Float32s, Float64s, Int64s
 
-ENDINGS = (".png", ".exr", ".tif", ".tiff")
-UDIM = "<UDIM>"
+from .names import ENDINGS, UDIM, is_texture
+
 _MOST_TILES = 100
 _ACROSS = 10  # tiles in a row of UDIM's numbers
 _TINY = 1e-6
-
-
-def is_texture(path: str | os.PathLike[str]) -> bool:
-    """Whether a name is that of an image."""
-    return Path(path).suffix.lower() in ENDINGS
 
 
 def check_texture_target(option: str, path: Path, half: bool = False) -> None:
