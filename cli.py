@@ -38,7 +38,15 @@ Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="No progress bar and 
 @app.command()
 def bake(
     mesh: Annotated[Path, typer.Argument(metavar="INPUT", help="A mesh file: PLY, OBJ, STL, OFF, GLB, glTF, 3MF, ...")],
-    output: Annotated[Path, typer.Option("--output", "-o", help="Output file, format by ending: .npy .npz .ply .glb")],
+    output: Annotated[
+        Path,
+        typer.Option(
+            "--output",
+            "-o",
+            help="Output file, format by ending: .npy .npz .ply .glb of the vertices; .png .exr .tif a texture, with "
+            "<UDIM> in the name one for each tile.",
+        ),
+    ],
     method: Annotated[
         choices.Method, typer.Option(help="Sample at the vertices, or all over the faces with a least-squares fit.")
     ] = "vertex",
@@ -50,7 +58,8 @@ def bake(
     ] = None,
     max_distance: MaxDistance = "inf",
     samples: Annotated[
-        int | None, typer.Option(help="Rays per vertex, 256 by default; with --tolerance the most, by default 16384.")
+        int | None,
+        typer.Option(help="Rays per vertex or texel, 256 by default; with --tolerance the most, by default 16384."),
     ] = None,
     tolerance: Annotated[
         float | None, typer.Option(help="Target RMS error of w; ray counts are chosen to meet it.")
@@ -82,19 +91,59 @@ def bake(
         choices.Occlusion | None,
         typer.Option(
             help="Occlusion texture of .glb materials, which viewers show: ramp (w of the vertices, the default "
-            "without --colors) or none."
+            "without --colors), texture (w of texels) or none."
         ),
     ] = None,
     replace_occlusion: Annotated[
         bool, typer.Option("--replace-occlusion", help="Also where a material has an occlusion texture of its own.")
     ] = False,
+    size: Annotated[
+        str | None, typer.Option(metavar="N|WxH", help="Texture: texels across and down, 1024 by default.")
+    ] = None,
+    texel_size: Annotated[
+        str | None,
+        typer.Option(help='Texture: what a texel covers at most, in mesh units or "1%" of the radius; sets the size.'),
+    ] = None,
+    uv: Annotated[
+        str | None,
+        typer.Option(
+            metavar="auto|N|unwrap",
+            help="Texture: the file's texture coordinates, of a glTF the N-th, or new ones (obscurance[unwrap]).",
+        ),
+    ] = None,
+    mesh_output: Annotated[
+        Path | None, typer.Option(metavar="GLB", help="Texture: also write the mesh with it, and with new coordinates.")
+    ] = None,
+    overlap: Annotated[
+        choices.Overlap | None,
+        typer.Option(help="Texture: where faces overlap, w is their mean (the default), the first one's, or an error."),
+    ] = None,
+    bent_normals: Annotated[
+        Path | None, typer.Option(metavar="IMAGE", help="Texture: also write the mean open directions.")
+    ] = None,
+    bent_space: Annotated[
+        choices.BentSpace | None, typer.Option(help="Of bent normals: the mesh's own (the default), or tangent, +Y up.")
+    ] = None,
+    error_map: Annotated[
+        Path | None, typer.Option(metavar="IMAGE", help="Texture: also write the standard error of w.")
+    ] = None,
+    high: Annotated[
+        Path | None, typer.Option(metavar="MESH", help="Texture: bake w of this finer mesh onto the input's texture.")
+    ] = None,
+    cage: Annotated[
+        str | None,
+        typer.Option(
+            help='With --high: how far it may be from the input, mesh units or "2%" of the radius (the default).'
+        ),
+    ] = None,
+    half: Annotated[bool, typer.Option("--half", help="Texture: 16-bit floats in .exr and .tif.")] = False,
     quiet: Quiet = False,
 ) -> None:
-    """Bake ambient occlusion or obscurance at the vertices of a mesh."""
+    """Bake ambient occlusion or obscurance to vertices or a texture."""
     options = locals()
-    from scenes.commands.bake import BakeCommand
+    from scenes.textures.command import bake_command
 
-    BakeCommand(**options).run()
+    bake_command(options).run()
 
 
 @app.command()

@@ -6,3 +6,5 @@ from .falloff import Exponential as Exponential
 from .falloff import Falloff as Falloff
 from .gather.receivers import Flag as Flag
 from .result import Bake as Bake
+from .texture.baking import bake_texture as bake_texture
+from .texture.result import BakedTexture as BakedTexture

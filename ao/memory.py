@@ -12,6 +12,7 @@ _VERTEX, _FACE = 560, 60
 _CORNER = 450
 NEGLIGIBLE = 1 << 20  # bytes; finding out whether so few are available takes longer than baking what needs them
 _SURFACE_VERTEX, _SURFACE_FACE = 72, 660
+_TEXEL = 760
 
 
 def vertex_bytes(vertices: int, faces: int, samples: int) -> int:
@@ -28,3 +29,8 @@ def corner_bytes(corners: int) -> int:
 def surface_bytes(vertices: int, faces: int) -> int:
     """Bytes that the surface method takes at its peak."""
     return _BASE + _SURFACE_VERTEX * vertices + _SURFACE_FACE * faces
+
+
+def texture_bytes(texels: int, vertices: int, faces: int, samples: int) -> int:
+    """Bytes that a texture takes at its peak, if all of its texels are covered."""
+    return vertex_bytes(vertices, 3 * faces, samples) + _TEXEL * texels

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import platform
 from collections.abc import Sequence
+from dataclasses import asdict
 from importlib.metadata import PackageNotFoundError, version
 from typing import Any
 
@@ -13,6 +14,7 @@ from raytrace.embree import library as embree
 
 from .gather.receivers import Flag
 from .result import Bake
+from .texture.result import BakedTexture
 
 
 def versions() -> dict[str, str]:
@@ -27,7 +29,7 @@ def versions() -> dict[str, str]:
 
 
 def report(
-    bake: Bake, options: dict[str, Any], seconds: dict[str, float], warnings: Sequence[str] = ()
+    bake: Bake | BakedTexture, options: dict[str, Any], seconds: dict[str, float], warnings: Sequence[str] = ()
 ) -> dict[str, Any]:
     """The report of a bake as JSON-ready values.
 
@@ -37,17 +39,12 @@ def report(
         warnings: what limits the result, see `raytrace.mesh.precision`.
     """
     return {
-        "vertices": len(bake.w),
+        **(_of_texture(bake) if isinstance(bake, BakedTexture) else {"vertices": len(bake.w)}),
         "rays": bake.rays,
         "rays_skipped": bake.rays_skipped,
         "seconds": seconds | bake.seconds,
         "rmse_estimate": bake.rmse,
-        "flagged": bake.flagged,
-        "flagged_vertices": {
-            str(flag.name).lower(): np.flatnonzero(bake.flags & flag).tolist()
-            for flag in Flag
-            if (bake.flags & flag).any()
-        },
+        **(_flags(bake) if isinstance(bake, Bake) else {}),
         "warnings": list(warnings),
         "falloff": {
             "form": "binary" if bake.mu.tau is None else "exponential",
@@ -58,3 +55,13 @@ def report(
         "options": options,
         "versions": versions(),
     }
+
+
+def _flags(bake: Bake) -> dict[str, Any]:
+    rows = {str(flag.name).lower(): np.flatnonzero(bake.flags & flag).tolist() for flag in Flag}
+    return {"flagged": bake.flagged, "flagged_vertices": {name: found for name, found in rows.items() if found}}
+
+
+def _of_texture(bake: BakedTexture) -> dict[str, Any]:
+    height, width = bake.w.shape
+    return {"width": width, "height": height, "texture": asdict(bake.facts)}

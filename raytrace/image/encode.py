@@ -99,6 +99,28 @@ def write_picture(
     _write(path, spec, metadata, rows)
 
 
+def write_data(
+    path: str | os.PathLike[str], values: Float32s, metadata: Mapping[str, str], half: bool, names: str
+) -> None:
+    """Write numbers as they are, (height, width, channels): in PNG those from 0 to 1, as 16 bits; else as floats.
+
+    Args: half: floats of 16 bits. names: a letter for each channel, in EXR files.
+    """
+    import OpenImageIO as oiio
+
+    height, width, channels = values.shape
+    kind = "uint16" if file_format(path) == "png" else "half" if half else "float"
+    spec = oiio.ImageSpec(width, height, channels, kind)
+    spec.attribute("oiio:ColorSpace", "data")
+    if half:
+        oiio.attribute("tiff:half", 1)  # which OpenImageIO otherwise takes for too uncommon
+    if file_format(path) == "openexr":
+        spec.channelnames = tuple(names)
+    if file_format(path) != "png":
+        spec.attribute("compression", "zip")
+    _write(path, spec, metadata, lambda first, end: values[first:end])
+
+
 def linear_png(values: npt.NDArray[np.uint8 | np.uint16]) -> bytes:
     """A PNG file of codes as they are, (height, width, channels), that says nothing of a colour space."""
     import OpenImageIO as oiio

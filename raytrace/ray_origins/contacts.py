@@ -7,11 +7,10 @@ from typing import NamedTuple
 import numpy as np
 
 from ..bvh.bvh16 import BVH16
+from ..bvh.search import begin, new_stack, next_leaf
 from ..kernel.borrow import borrow
 from ..kernel.jit import inline, kernel
-from ..kernel.simd import WIDE
-from ..kernel.simd_masks import bits, lowest_bit
-from ..kernel.simd_memory import load_row
+from ..kernel.simd_masks import lowest_bit
 from ..kernel.vector import add, dot, length, load, load_triangle, scale, subtract
 from ..mesh.placement import ULP
 from ..system.threads import run_blocks, thread_count
@@ -21,7 +20,6 @@ from .surface import Surface
 _BLOCK = 1 << 10  # points
 _USUAL = 4  # contacts of a point that there are places for at first; coarse boxes on end have 2.5
 _MOST = 64  # contacts of one point; of more, those with the lowest rows are kept
-_STACK = 1 << 8
 
 
 class Contacts(NamedTuple):
@@ -66,11 +64,11 @@ def find_contacts(
     parts: list[Contacts] = [_empty(0)] * -(-len(points) // _BLOCK)
 
     def search(first: int, last: int) -> None:
-        found = _empty(_USUAL * _BLOCK)
-        count = _search(tree, around, surface, first, last, found)
+        found, stack = _empty(_USUAL * _BLOCK), new_stack()
+        count = _search(tree, stack, around, surface, first, last, found)
         if count > len(found.point):
             found = _empty(count)
-            _search(tree, around, surface, first, last, found)
+            _search(tree, stack, around, surface, first, last, found)
         parts[first // _BLOCK] = found.only(np.arange(count))  # copies, so that the rest is let go
 
     run_blocks(len(points), _BLOCK, search, thread_count(None))
@@ -114,63 +112,25 @@ def _beside(p, reach, a, b, c):
     return min(a, b, c) - reach > p or max(a, b, c) + reach < p
 
 
-@inline
-def _boxes_within(box, p, radius):
-    """The boxes (6, 16) that are within `radius` of a point along every axis, as bits."""
-    x = abs(load_row(box, 0) - p[0]) - load_row(box, 3)
-    y = abs(load_row(box, 1) - p[1]) - load_row(box, 4)
-    z = abs(load_row(box, 2) - p[2]) - load_row(box, 5)
-    return bits((x <= radius) & (y <= radius) & (z <= radius))
-
-
-@inline
-def _triangles_within(triangles, p, radius):
-    """The triangles (9, 16) whose boxes are within `radius` of a point along every axis, as bits."""
-    return bits(
-        _along_axis(triangles, 0, p[0], radius)
-        & _along_axis(triangles, 1, p[1], radius)
-        & _along_axis(triangles, 2, p[2], radius)
-    )
-
-
-@inline
-def _along_axis(triangles, axis, x, radius):
-    """The triangles of which some part is within `radius` of a point's coordinate `x`."""
-    a, b, c = load_row(triangles, axis), load_row(triangles, 3 + axis), load_row(triangles, 6 + axis)
-    return (min(min(a, b), c) - radius <= x) & (max(max(a, b), c) + radius >= x)
-
-
 @kernel
-def _search(tree, around, surface, first, last, found):
+def _search(tree, stack, around, surface, first, last, found):
     """Write the contacts of points from `first` to `last` into `found` as far as they fit; returns their number."""
-    triangles, rows, boxes, starts = borrow(tree)
-    around, surface, found = borrow(around), borrow(surface), borrow(found)
-    points, reach = around.points, around.reach
-    count, levels = 0, len(starts) - 1
+    tree, around, surface, found = borrow(tree), borrow(around), borrow(surface), borrow(found)
+    points, reach, count = around.points, around.reach, 0
     kept, distances = np.empty(_MOST, np.int64), np.empty(_MOST)
-    nodes, heights = np.empty(_STACK, np.int64), np.empty(_STACK, np.int64)
     for i in range(first, last):
         if reach[i] < 0.0:
             continue
         p, number, filled = load(points, i), around.numbers[i], 0
-        near, radius = (np.float32(p[0]), np.float32(p[1]), np.float32(p[2])), np.float32(around.radius[i])
-        nodes[0], heights[0], waiting = starts[levels] - 1, levels, 1
-        while waiting > 0:
-            waiting -= 1
-            node, level = nodes[waiting], heights[waiting]
-            if level > 0:
-                child = (node - starts[level - 1]) * WIDE + (starts[level - 2] if level > 1 else 0)
-                within = _boxes_within(boxes[node], near, radius)
-                while within != 0:
-                    nodes[waiting], heights[waiting] = child + lowest_bit(within), level - 1
-                    within &= within - 1
-                    waiting += 1
-                continue
-            within = _triangles_within(triangles[node], near, radius)
-            while within != 0:
-                f = rows[node, lowest_bit(within)]
-                within &= within - 1
+        middle, radius = (np.float32(p[0]), np.float32(p[1]), np.float32(p[2])), np.float32(around.radius[i])
+        begin(tree, stack)
+        leaf, near = next_leaf(tree, stack, middle, radius)
+        while near != 0:
+            while near != 0:
+                f = tree.rows[leaf, lowest_bit(near)]
+                near &= near - 1
                 filled = _keep(surface, around, f, p, number, reach[i], kept, distances, filled)
+            leaf, near = next_leaf(tree, stack, middle, radius)
         for k in range(filled):
             if count < len(found.point):
                 found.point[count], found.face[count], found.distance[count] = i, kept[k], distances[k]

@@ -80,7 +80,7 @@ def warn(meshes: Iterable[Mesh], others: Iterable[str] = ()) -> list[str]:
     return warnings
 
 
-KERNELS_OF_BAKE, KERNELS_OF_SURFACE, KERNELS_OF_RENDER = 40, 35, 40
+KERNELS_OF_BAKE, KERNELS_OF_SURFACE, KERNELS_OF_RENDER, KERNELS_OF_TEXTURE = 40, 35, 40, 50
 
 
 @contextmanager
@@ -170,6 +170,20 @@ def bake_summary(baked: ao.Bake, target: Path) -> str:
     text = f"{printable(str(target))}: {len(baked.w):,} vertices, {baked.rays:,} rays traced {took}"
     flagged = ", ".join(f"{count} {name}" for name, count in baked.flagged.items() if count)
     return f"{text}\nflagged vertices: {flagged}" if flagged else text
+
+
+def texture_summary(baked: ao.BakedTexture, target: Path) -> str:
+    """The line after a bake of a texture, and a second one about its layout and seams."""
+    from raytrace.errors import printable
+
+    height, width = baked.w.shape
+    facts = baked.facts
+    rays = f"{baked.rays:,} rays traced in {baked.seconds['bake']:.2f} s, estimated RMSE {baked.rmse:.4f}"
+    text = f"{printable(str(target))}: {width}×{height}, {facts.covered:,} texels covered, {rays}"
+    if not facts.seam_edges:
+        return text
+    jumps = f"largest jump {facts.seam_jump:.4f}, {facts.seam_jump_before:.4f} before they were closed"
+    return f"{text}\n{facts.seam_edges:,} edges at seams, {jumps}"
 
 
 def columns(rows: Sequence[tuple[str, str]]) -> str:

@@ -21,7 +21,9 @@ Hidden = Literal["auto", "ignore", "mark", "fill"]
 NormalsFrom = Literal["angle", "area", "equal", "file"]
 Metric = Literal["flip", "rms", "max"]
 Up = Literal["x", "y", "z"]
-Occlusion = Literal["none", "ramp"]
+Occlusion = Literal["none", "ramp", "texture"]
+Overlap = Literal["mean", "first", "refuse"]
+BentSpace = Literal["world", "tangent"]
 
 
 def make_falloff(form: FalloffForm, tau: float | None, half_distance: str | None, max_distance: str) -> ao.Falloff:
@@ -69,6 +71,19 @@ def parse_size(width: int | None, height: int | None) -> tuple[int, int] | None:
         missing = "width" if width is None else "height"
         raise OptionError(missing, "--width and --height together", "one of them")
     return width, height
+
+
+def parse_texels(text: str) -> int | tuple[int, int]:
+    """A side, or the width and height of "WxH". Raises: OptionError."""
+    from raytrace.errors import OptionError
+
+    try:
+        sides = [int(part) for part in text.lower().split("x")]
+    except ValueError:
+        sides = []
+    if len(sides) not in (1, 2):
+        raise OptionError("size", "a number of texels, such as 1024, or WIDTHxHEIGHT", repr(text))
+    return sides[0] if len(sides) == 1 else (sides[0], sides[1])
 
 
 def plain(value: object) -> object:

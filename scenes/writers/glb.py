@@ -36,7 +36,7 @@ def glb(mesh_file: MeshFile, w: AnyFloats, channels: Channels) -> bytes:
         OptionError: coordinates of a source that is no glTF are too large for float32.
     """
     asset = mesh_file.gltf
-    packed, drawn = _stored(asset, mesh_file.parts) if asset else plain(mesh_file, channels.colors)
+    packed, drawn = stored(asset, mesh_file.parts) if asset else plain(mesh_file, channels.colors)
     for primitive, vertices in drawn:
         primitive["attributes"].update(packed.obscurance(w[vertices], channels.colors))
     if channels.ramp:
@@ -45,7 +45,7 @@ def glb(mesh_file: MeshFile, w: AnyFloats, channels: Channels) -> bytes:
     return encode_glb(packed.header, bytes(packed.binary))
 
 
-def _stored(asset: Gltf, parts: tuple[Part, ...]) -> tuple[Packed, list[Drawn]]:
+def stored(asset: Gltf, parts: tuple[Part, ...]) -> tuple[Packed, list[Drawn]]:
     """The document of a glTF source, and its drawn primitives, an own one for each instance."""
     check_materials(asset.header, asset.path)
     packed = _one_buffer(asset)

@@ -36,4 +36,8 @@ def interrupted(path, stop=0.6, **settings):
 
 def bits(baked):
     arrays = baked.w, baked.error, baked.bent_normals, baked.flags, np.array([baked.rays, baked.rmse])
-    return [array.tobytes() for array in arrays]
+    return bits_of(*arrays)
+
+
+def bits_of(*arrays):
+    return [np.ascontiguousarray(array).tobytes() for array in arrays]

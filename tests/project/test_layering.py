@@ -15,10 +15,10 @@ ORDER = [
     *("raytrace.shade", "raytrace.renderer"),
     *("ao.falloff", "ao.options", "ao.memory", "ao.gather", "ao.stream", "ao.trace", "ao.denoise", "ao.interior"),
     *("ao.prepared", "ao.adaptive", "ao.least_squares", "ao.result", "ao.vertex_method", "ao.surface_method"),
-    *("ao.baking", "ao.report", "ao.analytic"),
+    *("ao.texture", "ao.baking", "ao.report", "ao.analytic"),
     *("scenes.field_errors", "scenes.safe_paths", "scenes.geometry", "scenes.gltf", "scenes.readers"),
     *("scenes.writers", "scenes.description", "scenes.library", "scenes.validation", "scenes.stress"),
-    *("scenes.generated", "scenes.commands"),
+    *("scenes.generated", "scenes.commands", "scenes.textures"),
     "cli",
 ]
 """Every folder and every file outside folders: each may import what stands before it."""
@@ -35,7 +35,8 @@ DOORS = {
         "ao.trace.checkpoint",
     },
     "numba": {"raytrace.kernel.lanes", "raytrace.kernel.compiler"},
-    "OpenImageIO": {f"raytrace.image.{name}" for name in ("encode", "read", "compare", "texture")},
+    "uvunwrap": {"scenes.textures.unwrap"},
+    "OpenImageIO": {f"raytrace.image.{name}" for name in ("encode", "fill", "read", "compare", "texture")},
 }
 MODULES = {
     ".".join(path.relative_to(ROOT).with_suffix("").parts): path

@@ -28,7 +28,17 @@ def test_every_public_name_is_shown_and_is_there(package):
 
 
 def test_the_public_names_of_the_baker_are_these():
-    assert stub_names("ao") == ["Bake", "Binary", "Exponential", "Falloff", "Flag", "ToleranceWarning", "bake"]
+    assert stub_names("ao") == [
+        "Bake",
+        "BakedTexture",
+        "Binary",
+        "Exponential",
+        "Falloff",
+        "Flag",
+        "ToleranceWarning",
+        "bake",
+        "bake_texture",
+    ]
 
 
 @pytest.mark.parametrize(("package", "begun", "name"), [("raytrace", "Cook", "CookTorrance"), ("ao", "ba", "bake")])

@@ -1,0 +1,1 @@
+"""Occlusion textures: texels of a page, points of the surface in each, padding, seams."""

@@ -1,0 +1,114 @@
+"""The texels next to each texel on the surface: side by side in one chart, or across a seam."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from raytrace.kernel.jit import kernel
+from raytrace.mesh.components import connected_components
+from raytrace.system.threads import run_blocks
+from raytrace.types import Float64s, Int32s, Int64s
+
+from ..denoise.one_ring import Neighbours
+from ..gather.points import Points
+from .seams import Seams
+from .texels import Texels
+from .uv_layout import UVLayout
+
+_NEAR = 3.0  # times the size of a texel on the surface that a neighbour may be away: more is another part of the chart
+_BLOCK = 1 << 15
+
+
+def texel_neighbours(
+    texels: Texels, points: Points, layout: UVLayout, seams: Seams, charts: Int64s, sizes: Float64s, threads: int
+) -> Neighbours:
+    """The one-ring of every texel.
+
+    Args:
+        points: `texels.first_points`. charts: int64 (m,), sizes: float64 (m,), of every face: its chart, and how far
+            a texel reaches on it, in render space.
+    """
+    count = len(texels)
+    row_of = np.full(layout.width * layout.height, -1, np.int32)
+    row_of[texels.texels] = np.arange(count)
+    face = texels.shown
+    beside = np.empty((count, 4), np.int32)
+    chart, size = charts[face].astype(np.int32), sizes[face].astype(np.float32)
+
+    def work(first: int, last: int) -> None:
+        page = row_of, layout.width, layout.wraps
+        _find_beside(first, last, texels.texels, *page, chart, size, points.origins, beside)
+
+    run_blocks(count, _BLOCK, work, threads)
+    across = _across(seams, row_of)
+    listed = beside >= 0
+    counts = listed.sum(axis=1)
+    if len(across):
+        rows = np.concatenate([np.repeat(np.arange(count), counts), across[:, 0]])
+        others = np.concatenate([beside[listed], across[:, 1].astype(np.int32)])
+        others = others[np.argsort(rows, kind="stable")]
+        counts += np.bincount(across[:, 0], minlength=count)
+    else:
+        others = beside[listed]
+    starts = np.concatenate([[0], np.cumsum(counts)])
+    return Neighbours.weighted(starts, others, np.ones(len(others), np.float32), points.normals, threads)
+
+
+def face_charts(uv: Float64s, points: Int64s) -> Int64s:
+    """The chart (m,) of every face: faces hang together where they share a point and its place on the page.
+
+    Args: uv: (m, 3, 2), in texels. points: int64 (m, 3), the welded point at each corner.
+    """
+    corners = corner_places(uv, points)
+    return connected_components(corners, int(corners.max()) + 1)[corners[:, 0]]
+
+
+def corner_places(uv: Float64s, points: Int64s) -> Int64s:
+    """A number (m, 3) for each corner, the same for corners that share a point and its place on the page."""
+    rounded = np.round(uv.reshape(-1, 2) * 4096).astype(np.int64)
+    order = np.lexsort((rounded[:, 1], rounded[:, 0], points.ravel()))
+    keys = np.column_stack([points.ravel(), rounded])[order]
+    new = np.concatenate([[False], (keys[1:] != keys[:-1]).any(axis=1)])
+    corner = np.empty(len(order), np.int64)
+    corner[order] = np.cumsum(new)
+    return corner.reshape(-1, 3)
+
+
+def texel_sizes(uv: Float64s, vertices: Float64s, faces: Int64s, most: float) -> Float64s:
+    """How far a texel reaches (m,) on each face, in render space, at most `most`. Args: uv: as above."""
+    a, b = uv[:, 1] - uv[:, 0], uv[:, 2] - uv[:, 0]
+    page = np.abs(a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0])
+    p, q, r = (vertices[faces[:, corner]] for corner in range(3))
+    surface = np.linalg.norm(np.cross(q - p, r - p), axis=1)
+    return np.sqrt(surface / np.maximum(page, surface / most**2))
+
+
+def _across(seams: Seams, row_of: Int32s) -> Int64s:
+    """Pairs (j, 2) of texels on both sides of seams, both ways, each once."""
+    left, right = row_of[seams.left.nearest()].astype(np.int64), row_of[seams.right.nearest()].astype(np.int64)
+    usable = (left >= 0) & (right >= 0) & (left != right)
+    left, right = left[usable], right[usable]
+    pairs = np.unique(np.concatenate([left, right]) * len(row_of) + np.concatenate([right, left]))
+    return np.stack(np.divmod(pairs, len(row_of)), axis=1)
+
+
+@kernel
+def _find_beside(first, last, texels, row_of, width, wraps, chart, size, origins, beside):
+    height = len(row_of) // width
+    for i in range(first, last):
+        row, column = divmod(texels[i], width)
+        for k in range(4):
+            y, x = row + (k == 0) - (k == 1), column + (k == 2) - (k == 3)
+            beside[i, k] = -1
+            if wraps:
+                x, y = x % width, y % height
+            elif x < 0 or y < 0 or x >= width or y >= height:
+                continue
+            j = row_of[y * width + x]
+            if j < 0 or j == i or chart[j] != chart[i]:
+                continue
+            squared = np.float32(0.0)
+            for axis in range(3):
+                squared += (origins[i, axis] - origins[j, axis]) ** 2
+            if squared <= (_NEAR * max(size[i], size[j])) ** 2:
+                beside[i, k] = j

@@ -1,0 +1,200 @@
+"""`ao.bake_texture`: a mesh with texture coordinates in, w of every texel out."""
+
+from __future__ import annotations
+
+import hashlib
+import time
+import warnings
+from typing import Any, Literal, get_args
+
+import numpy as np
+
+from raytrace.errors import OptionError
+from raytrace.mesh.mesh import Mesh
+from raytrace.mesh.normals import face_normals
+from raytrace.mesh.placement import Placement
+from raytrace.system.memory import check_memory
+
+from ..adaptive.fixed_samples import sampled
+from ..adaptive.tolerance import Estimate, ToleranceWarning, estimate_to
+from ..denoise.one_ring import Neighbours
+from ..falloff import Falloff, Length, resolve_length
+from ..gather.receivers import find_receivers
+from ..memory import texture_bytes
+from ..options import Hidden, Normals, Options, Traversal, falloff_of, mesh_of
+from ..prepared import Prepared
+from ..trace.checkpoint import Checkpoint
+from ..trace.tracer import Progress
+from .adjacency import face_charts, texel_neighbours, texel_sizes
+from .coverage import SLOTS, Overlap, cover
+from .projection import Fine, project
+from .result import BakedTexture, TextureFacts, assemble_pages
+from .seams import Seams
+from .tangents import tangent_frames
+from .texels import Faces, TexelTracer, find_texels, points_on
+from .uv_layout import UVLayout, corner_uv, page_size
+
+BentSpace = Literal["world", "tangent"]
+
+
+def bake_texture(
+    mesh: Mesh | Any,
+    uv: Any,
+    size: int | tuple[int, int] = 1024,
+    falloff: Falloff | str | None = None,
+    samples: int | None = None,
+    seed: int = 0,
+    threads: int | None = None,
+    normals: Normals = "angle",
+    progress: Progress | None = None,
+    tolerance: float | None = None,
+    reconstruct: bool = True,
+    hidden: Hidden = "auto",
+    traversal: Traversal = "auto",
+    checkpoint: Checkpoint | None = None,
+    overlap: Overlap = "mean",
+    wrap: bool = True,
+    close_seams: bool = True,
+    bent_space: BentSpace = "world",
+    high: Mesh | Any | None = None,
+    cage: Length = "2%",
+) -> BakedTexture:
+    """Obscurance w, as `ao.bake` has it, of every texel that shows a part of `mesh`: the mean over that part.
+
+    The hemisphere at a point of a face is that of the normal interpolated between the vertices, less what lies below
+    the face. Where points of a texel are inside of solids, the others stand for it.
+
+    Args:
+        mesh, falloff, seed, threads, normals, progress, traversal, checkpoint: as `ao.bake` has them.
+        uv: texture coordinates, v upwards: (n, 2) by vertex or (m, 3, 2) by face and corner.
+        size: texels across and down, one number for a square; 1 to 16384.
+        samples: rays a texel, 1 to 2²⁰, by default 256; with a tolerance the most, by default 2¹⁴.
+        tolerance: target root mean square error of w over the covered texels, 1e-5 to 1.
+        reconstruct: whether estimates are shrunk towards predictions from the texels next to them on the surface,
+            across seams too.
+        hidden: "auto": texels inside a closed part of the mesh that is not their own are filled as if they were not
+            covered; "fill": also those that mostly see backs of faces; "ignore": none.
+        overlap: where faces lie over one another on the page: "mean", the texel is that of all of them; "first", of
+            the first in the mesh's order; "refuse", an error.
+        wrap: whether faces outside of the unit square are taken modulo 1, or left out.
+        close_seams: whether texels at charts' borders are moved until both sides of a seam agree.
+        bent_space: of bent normals: "world", the mesh's own, or "tangent": x along u, y along v upwards, z the normal.
+        high: a finer mesh, of which w is baked instead: that of its points outwards or inwards of `mesh` along the
+            smooth normals of that. `mesh` itself then occludes nothing.
+        cage: how far from `mesh` the finer one may be: a length, or "2%" of the radius. Points at which there is
+            nothing within that take the closest one, and are counted.
+
+    Raises:
+        OptionError: an argument is out of range.
+        MeshError: `mesh`, `uv` or `high` cannot be used, or nothing of `high` is within the cage.
+        InputError, OutputError, MemoryLimitError, EmbreeError: as `ao.bake`.
+
+    Warns:
+        ToleranceWarning: the `tolerance` is not met.
+    """
+    options = Options(
+        "vertex", falloff_of(falloff), samples, seed, threads, normals, None, tolerance, reconstruct, hidden, traversal
+    )
+    if hidden == "mark":
+        raise OptionError("hidden", "auto, ignore or fill for a texture", "mark")
+    if overlap not in get_args(Overlap):
+        raise OptionError("overlap", "one of " + ", ".join(get_args(Overlap)), overlap)
+    if bent_space not in get_args(BentSpace):
+        raise OptionError("bent_space", "one of " + ", ".join(get_args(BentSpace)), bent_space)
+    width, height = page_size(size)
+    mesh = mesh_of(mesh)
+    corners = corner_uv(uv, mesh)
+    solid = mesh if high is None else mesh_of(high)
+    reach = resolve_length("cage", cage, mesh.radius)
+    mu = options.falloff.resolve(solid.radius)
+    counts = len(solid.vertices), len(solid.faces)
+    needed = texture_bytes(width * height, *counts, options.rays)
+    check_memory(mesh.source, needed, f"to bake {width * height:,} texels of {counts[1]:,} faces")
+
+    start = time.perf_counter()
+    prepared = Prepared.of(solid, mu, options, progress, None)
+    placement, receivers, count = prepared.placement, prepared.receivers, prepared.threads
+    shown = receivers
+    vertices = placement.vertices.astype(np.float64)
+    if high is not None:
+        shown = find_receivers(mesh, Placement.of(mesh), normals)
+        vertices = (mesh.vertices - solid.centre) * placement.scale
+    has_area = face_normals(Placement.of(mesh).vertices.astype(np.float64), mesh.faces)[1] > 0
+    layout = UVLayout.of(corners[has_area], (width, height), wrap, mesh.source)
+    coverage = cover(layout, overlap, count)
+    overlapping = int(np.count_nonzero(coverage.overlapping))
+    if overlap == "refuse" and overlapping:
+        expected = "faces that do not overlap on the page"
+        raise OptionError("overlap", expected, f"{overlapping:,} texels with several", mesh.source)
+    covered, on_page, missed = len(coverage.texels), coverage, 0
+    if high is not None:
+        fine = Fine(placement.vertices.astype(np.float64), receivers, solid.source)
+        flat, weights = coverage.face.ravel().astype(np.int64), coverage.barycentric.reshape(-1, 3)
+        places, _, axes = points_on(flat, weights, Faces.of(vertices, shown), shown.faces, count)
+        coverage, missed = project(coverage, places, axes, fine, reach * placement.scale, count)
+    texels, filled = find_texels(coverage, on_page, placement, receivers, options.hidden, count)
+    del coverage, on_page
+    points_of_faces = shown.of_vertex[shown.faces]
+    seams = Seams.find(layout.uv, points_of_faces, (width, height), wrap)
+    if checkpoint:
+        digest = hashlib.blake2b(texels.points.origins.data)
+        digest.update(texels.points.normals.data)
+        kind = "texture", options.rays, tolerance, reconstruct, options.seed, normals, digest.hexdigest()
+        checkpoint.begin(placement, receivers, mu, *kind)
+    tracer = TexelTracer(
+        receivers.embree if traversal == "embree" else None,
+        receivers.tree,
+        placement,
+        mu,
+        count,
+        total_points=SLOTS * len(texels),
+        progress=progress,
+        checkpoint=checkpoint,
+        texels=texels,
+    )
+    points = texels.first_points
+    neighbours = None
+    if reconstruct:
+        charts = face_charts(layout.uv, points_of_faces)
+        sizes = texel_sizes(layout.uv, vertices, shown.faces, placement.diagonal)
+        neighbours = texel_neighbours(texels, points, layout, seams, charts, sizes, count)
+    estimate = _estimate(tracer, neighbours, prepared)
+    frames = None
+    if bent_space == "tangent":
+        on_faces = Faces.of(vertices, shown)
+        frames = tangent_frames(layout.uv, shown.faces, points_of_faces, on_faces, texels.shown, texels.shown_at)
+    pages = assemble_pages(layout, texels, estimate.rows, estimate.variance, frames, seams, close_seams, count)
+    build = receivers.tree_seconds
+    baked = BakedTexture(
+        w=pages.w,
+        error=pages.error,
+        bent_normals=pages.bent_normals,
+        covered=pages.covered,
+        rays=tracer.rays,
+        rays_skipped={
+            "predicted": (estimate.samples - estimate.screened) * estimate.predicted,
+            "hidden": estimate.samples * filled,
+        },
+        rmse=float(np.sqrt(np.mean(estimate.variance))),
+        facts=TextureFacts(
+            covered, overlapping, filled, missed, layout.mirrored, layout.flat, layout.outside, seams.edges, pages.jump,
+            pages.jump_before,
+        ),
+        seconds={"build": build, "bake": time.perf_counter() - start - build},
+        mu=mu,
+    )  # fmt: skip
+    if tolerance is not None and baked.rmse > tolerance:
+        reason = f": {options.rays:,} rays a texel were allowed" if estimate.samples >= options.rays else ""
+        text = f"tolerance {tolerance:g} is not met, the estimated RMSE is {baked.rmse:.3g}{reason}"
+        warnings.warn(text, ToleranceWarning, stacklevel=2)
+    return baked
+
+
+def _estimate(tracer: TexelTracer, neighbours: Neighbours | None, prepared: Prepared) -> Estimate:
+    """Estimates at all texels, with a number of rays each that is given or meets the tolerance."""
+    assert tracer.texels is not None
+    points, options = tracer.texels.first_points, prepared.options
+    if options.tolerance is None:
+        return sampled(tracer, points, neighbours, options.rays, prepared.key)
+    assert neighbours is not None  # `Options` has seen to it
+    return estimate_to(tracer, points, neighbours, options.tolerance, options.rays, prepared.key)

@@ -1,0 +1,53 @@
+"""Rays that start below the face that they leave, where the hemisphere is that of an interpolated normal.
+
+They end on that face at once and say nothing of the surroundings: estimates are made of the other rays alone, as by
+the surface method (`ao.least_squares.face_moments`). So convex surfaces are open, however coarse.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from raytrace.kernel.borrow import borrow
+from raytrace.kernel.jit import kernel
+
+from ..gather.directions import choose, turned_frame
+from ..gather.estimate import BATCH_VARIANCE, BENT, COLUMNS, W
+
+_NOTHING = 1e-9  # of the rays lost: rounding
+
+
+@kernel
+def leave_out_below(points, sides, table, out):
+    """Correct estimates for rays below the face.
+
+    Args:
+        points: PointArrays. table: DirectionTable by which they were gathered.
+        sides: float32 (n, 3), unit normals of the faces, on the side of the hemispheres.
+        out: float64 (n, COLUMNS), of `Tracer.gather`, changed in place.
+    """
+    _, normals, numbers = borrow(points)
+    table, sides, out = borrow(table), borrow(sides), borrow(out)
+    directions, samples = table.directions, len(table.batches)
+    for i in range(len(normals)):
+        n, side = normals[i], sides[i]
+        if n[0] == side[0] and n[1] == side[1] and n[2] == side[2]:
+            continue
+        chosen, turn = choose(numbers[i], table.key, len(directions))
+        t, b = turned_frame(n, turn)
+        x = t[0] * side[0] + t[1] * side[1] + t[2] * side[2]
+        y = b[0] * side[0] + b[1] * side[1] + b[2] * side[2]
+        z = n[0] * side[0] + n[1] * side[1] + n[2] * side[2]
+        local, below = directions[chosen], 0
+        for k in range(samples):
+            below += x * local[0, k] + y * local[1, k] + z * local[2, k] < 0.0
+        if below == 0 or below == samples:
+            continue
+        above = np.float64(samples - below)
+        lost = (1.0 - out[i, W]) * samples - below
+        if lost <= _NOTHING * samples:
+            out[i, W], out[i, BATCH_VARIANCE] = 1.0, 0.0
+        else:
+            out[i, W] = max(1.0 - lost / above, 0.0)
+        for column in range(BENT, COLUMNS):
+            out[i, column] *= samples / above

@@ -1,0 +1,191 @@
+"""Which texels the faces cover, and where: rays straight down on the page through Embree, four a texel.
+
+Every texel that a face reaches into is covered, however little of it, and all points lie on faces: nothing is ever
+extrapolated over the edge of a chart, which is what dark seams come from.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from raytrace.embree.rays import intersect
+from raytrace.embree.scene import TriangleScene
+from raytrace.types import Bools, Float32s, Float64s, Int32s, Int64s
+
+from .slivers import find_slivers
+from .uv_layout import UVLayout
+
+Overlap = Literal["mean", "first", "refuse"]
+SLOTS = 4  # points of a texel
+_GRID = np.array([[0.375, 0.125], [0.625, 0.875], [0.125, 0.625], [0.875, 0.375]])
+"""A rotated grid: means of what is linear over a texel are exact, those of the first or the last two points, too."""
+_FINE = 8  # points across and down of texels that are not whole
+_WITHIN = np.array([0.125, 0.625, 0.375, 0.875])  # where to take one from each quarter of them
+_FINE_TEXELS = 1 << 14  # together
+_TURNS = np.array([0, 2, 3, 1])  # of slots, so that the first two take different ones of two faces
+_HIGHEST = 0.5  # triangles lie at heights up to this, so that one ray can meet those below
+_STEP = 2.0**-22
+_ABOVE = 1.0
+_LAYERS = 16
+_INSIDE = 1e-4  # least barycentric coordinate of what counts as inside: neighbours share their edges
+_BAND = 1 << 17  # texels
+
+
+@dataclass(frozen=True, eq=False)
+class Coverage:
+    """The covered texels of a page, ascending.
+
+    Attributes:
+        texels: int64 (k,), row · width + column.
+        face: int32 (k, SLOTS), the face that each point lies on, a row of `UVLayout.uv`.
+        barycentric: float32 (k, SLOTS, 3). overlapping: bool (k,), whether several faces lie over one another.
+    """
+
+    texels: Int64s
+    face: Int32s
+    barycentric: Float32s
+    overlapping: Bools
+
+
+def cover(layout: UVLayout, overlap: Overlap, threads: int) -> Coverage:
+    """The texels that the faces of `layout` cover.
+
+    Args: overlap: where faces overlap, points lie on all of them in turn ("mean"), or on the first ("first").
+
+    Raises:
+        EmbreeError: Embree failed, out of memory for instance.
+    """
+    count = len(layout.face)
+    step = min(_STEP, _HIGHEST / max(count, 1))
+    heights = np.floor(np.arange(count)[::-1] * step / 2.0**-24) * 2.0**-24  # the first face on top
+    vertices = np.empty((count, 3, 3), np.float32)
+    vertices[:, :, :2], vertices[:, :, 2] = layout.corners, heights[:, None]
+    scene = TriangleScene(vertices.reshape(-1, 3), np.arange(3 * count).reshape(-1, 3))
+    size = layout.width * layout.height
+    bands = [
+        _cover_band(layout, scene, np.arange(first, min(first + _BAND, size)), overlap, step, threads)
+        for first in range(0, size, _BAND)
+    ]
+    columns = (np.concatenate([getattr(band, name) for band in bands]) for name in Coverage.__dataclass_fields__)
+    return Coverage(*columns)
+
+
+def _cover_band(
+    layout: UVLayout, scene: TriangleScene, texels: Int64s, overlap: Overlap, step: float, threads: int
+) -> Coverage:
+    """`cover` of some texels."""
+    places = _places(texels, layout.width).reshape(-1, 2)
+    triangle, barycentric, overlapped = _first_hits(scene, places, step, threads)
+    if overlap == "mean" and overlapped.any():
+        rows = np.flatnonzero(overlapped)
+        triangle[rows], barycentric[rows] = _taken_in_turn(
+            scene, places[rows], rows % SLOTS, texels[rows // SLOTS], step, threads
+        )
+    triangle, barycentric = triangle.reshape(-1, SLOTS), barycentric.reshape(-1, SLOTS, 3)
+    hit = triangle >= 0
+    missed = np.flatnonzero(~hit.any(axis=1))
+    slivers = find_slivers(layout.corners, texels[missed], layout.width, threads)
+    triangle[missed] = slivers.face[:, None]
+    barycentric[missed] = slivers.barycentric[:, None]
+    refill(hit, triangle, barycentric)
+    whole = hit.all(axis=1) | (triangle[:, 0] < 0) | overlapped.reshape(-1, SLOTS).any(axis=1)
+    parts = np.flatnonzero(~whole)
+    for first in range(0, len(parts), _FINE_TEXELS):
+        some = parts[first : first + _FINE_TEXELS]
+        _spread_over_part(scene, texels[some], layout.width, some, triangle, barycentric, threads)
+    covered = triangle[:, 0] >= 0
+    face = np.append(layout.face, -1)[triangle[covered]].astype(np.int32)
+    overlapping: Bools = np.any(overlapped.reshape(-1, SLOTS)[covered], axis=1)
+    return Coverage(texels[covered], face, barycentric[covered], overlapping)
+
+
+def _spread_over_part(
+    scene: TriangleScene,
+    texels: Int64s,
+    width: int,
+    rows: Int64s,
+    triangle: Int64s,
+    barycentric: Float32s,
+    threads: int,
+) -> None:
+    """Spread the points of texels that are covered in part over that part, in place, unless it is too small for that.
+
+    Args: rows: int64 (k,), where each of `texels` (k,) is in `triangle` and `barycentric`, of all texels of the band.
+    """
+    cells = np.arange(_FINE**2)
+    bits = [(cells >> shift) & 1 for shift in range(6)]
+    column, row = (sum(bit << place for place, bit in enumerate(bits[first::2])) for first in (0, 1))  # Morton order
+    fine = (np.stack([column, row], axis=1) + 0.5) / _FINE
+    places = np.stack([texels % width, texels // width], axis=1)[:, None] + fine
+    hits = intersect(scene, _at_height(places.reshape(-1, 2), _ABOVE), [[0.0, 0.0, -1.0]], np.inf, threads)
+    face, weights = hits.face.reshape(-1, _FINE**2), hits.barycentric.reshape(-1, _FINE**2, 3)
+    count: Int64s = np.sum(face >= 0, axis=1)
+    order = np.argsort(face < 0, axis=1, kind="stable")
+    chosen = np.take_along_axis(order, ((np.arange(SLOTS) + _WITHIN) * count[:, None] / SLOTS).astype(np.int64), axis=1)
+    some = np.flatnonzero(count)
+    triangle[rows[some]] = face[some[:, None], chosen[some]]
+    barycentric[rows[some]] = weights[some[:, None], chosen[some]]
+
+
+def refill(good: Bools, *tables: Int32s | Int64s | Float32s) -> None:
+    """Give slots that are not `good`, bool (k, SLOTS), what the good ones of their texel have, in turn and in place.
+
+    Args: tables: (k, SLOTS, …). Texels without good slots stay as they are.
+    """
+    found: Int64s = np.sum(good, axis=1, dtype=np.int64)
+    rows = np.flatnonzero((found > 0) & (found < SLOTS))
+    count = found[rows]
+    order = np.argsort(~good[rows], axis=1, kind="stable")
+    source = np.take_along_axis(order, np.arange(SLOTS) % count[:, None], axis=1)
+    for table in tables:
+        table[rows] = table[rows[:, None], source]
+
+
+def _places(texels: Int64s, width: int) -> Float64s:
+    """Points (k, SLOTS, 2) in texels."""
+    return np.stack([texels % width, texels // width], axis=1)[:, None] + _GRID
+
+
+def _first_hits(scene: TriangleScene, places: Float64s, step: float, threads: int) -> tuple[Int64s, Float32s, Bools]:
+    """The triangle (k,) hit at each of the `places` (k, 2), −1 for none, where (k, 3), and whether others lie below."""
+    hits = intersect(scene, _at_height(places, _ABOVE), [[0.0, 0.0, -1.0]], np.inf, threads)
+    overlapped = np.zeros(len(places), np.bool_)
+    rows = np.flatnonzero(hits.face >= 0)
+    below = _at_height(places[rows], _ABOVE - hits.distance[rows].astype(np.float64) - step / 2)
+    second = intersect(scene, below, [[0.0, 0.0, -1.0]], np.inf, threads)
+    both = _well_inside(second.face, second.barycentric) & _well_inside(hits.face[rows], hits.barycentric[rows])
+    overlapped[rows] = both & (second.face != hits.face[rows])
+    return hits.face, hits.barycentric, overlapped
+
+
+def _taken_in_turn(
+    scene: TriangleScene, places: Float64s, slots: Int64s, texels: Int64s, step: float, threads: int
+) -> tuple[Int64s, Float32s]:
+    """One of the triangles over one another at each of the `places` (k, 2); `slots` and `texels` (k,) take turns."""
+    height, faces, barycentrics = np.full(len(places), _ABOVE), [], []
+    for _ in range(_LAYERS):
+        hits = intersect(scene, _at_height(places, height), [[0.0, 0.0, -1.0]], np.inf, threads)
+        inside = _well_inside(hits.face, hits.barycentric)
+        if not inside.any():
+            break
+        faces.append(np.where(inside, hits.face, -1))
+        barycentrics.append(hits.barycentric)
+        height = np.where(hits.face >= 0, height - hits.distance - step / 2, height)
+    layers, weights = np.stack(faces, axis=1), np.stack(barycentrics, axis=1)
+    count = (layers >= 0).sum(axis=1)
+    order = np.argsort(layers < 0, axis=1, kind="stable")
+    chosen = order[np.arange(len(places)), (_TURNS[slots] * count // SLOTS + texels) % count]
+    return layers[np.arange(len(places)), chosen], weights[np.arange(len(places)), chosen]
+
+
+def _well_inside(face: Int64s, barycentric: Float32s) -> Bools:
+    return (face >= 0) & (barycentric.min(axis=1) > _INSIDE)
+
+
+def _at_height(places: Float64s, height: Float64s | float) -> Float32s:
+    origins = np.empty((len(places), 3), np.float32)
+    origins[:, :2], origins[:, 2] = places, height
+    return origins

@@ -1,0 +1,151 @@
+"""A baked texture, assembled from estimates at covered texels."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from raytrace.image.fill import fill_holes
+from raytrace.mesh.normals import normalize
+from raytrace.types import Bools, Float32s, Float64s
+
+from ..falloff import Mu
+from .texels import Texels
+from .uv_layout import UVLayout
+
+if TYPE_CHECKING:
+    from .seams import Seams
+
+
+_AROUND = [(y, x) for y in (-1, 0, 1) for x in (-1, 0, 1) if (y, x) != (0, 0)]
+
+
+@dataclass(frozen=True, eq=False)
+class TextureFacts:
+    """What a layout of texture coordinates is like.
+
+    Attributes:
+        covered: texels that faces reach into. overlapping: those of them in which faces lie over one another.
+        hidden: those that are filled because they lie inside of solids. missed: points that the cage missed.
+        mirrored, flat, outside: faces that are turned over, have no area on the page, or reach out of the unit square.
+        seam_edges: edges that lie at two places of the page.
+        seam_jump: the largest difference of w between the two sides of such an edge, as bilinear lookups see it; in
+            the texture as it is. seam_jump_before: before seams were closed.
+    """
+
+    covered: int
+    overlapping: int
+    hidden: int
+    missed: int
+    mirrored: int
+    flat: int
+    outside: int
+    seam_edges: int
+    seam_jump: float
+    seam_jump_before: float
+
+
+@dataclass(frozen=True, eq=False)
+class BakedTexture:
+    """Pages of h rows, the uppermost (v = 1) first, and w columns of texels; the whole page is filled.
+
+    Attributes:
+        w: float32 (h, w), mean obscurance over what each texel shows, in [0, 1]; 1 is open.
+        error: float32 (h, w), estimated standard error of w; 0 beside the charts.
+        bent_normals: float32 (h, w, 3), unit mean direction of what is open, in the mesh's space or in tangent space.
+        covered: bool (h, w), the texels that were baked; the others are padding.
+        rays: number of rays traced, by an interrupted run too. rays_skipped: not traced, by reason.
+        rmse: estimated root mean square of `error` over the covered texels.
+        facts: of the texture coordinates and seams.
+        seconds, mu: as `ao.Bake` has them.
+    """
+
+    w: Float32s
+    error: Float32s
+    bent_normals: Float32s
+    covered: Bools
+    rays: int
+    rays_skipped: dict[str, int]
+    rmse: float
+    facts: TextureFacts
+    seconds: dict[str, float] = field(compare=False)
+    mu: Mu
+
+    def __repr__(self) -> str:
+        height, width = self.w.shape
+        range_ = f"w from {self.w.min():.3f} to {self.w.max():.3f}"
+        return f"<BakedTexture {width}×{height}: {range_}, RMSE {self.rmse:.2g}, {self.rays:,} rays>"
+
+
+@dataclass(frozen=True, eq=False)
+class Pages:
+    """`BakedTexture.w`, `error` and `bent_normals`, the largest jumps at seams, and what is `covered`."""
+
+    w: Float32s
+    error: Float32s
+    bent_normals: Float32s
+    covered: Bools
+    jump_before: float
+    jump: float
+
+
+def assemble_pages(
+    layout: UVLayout,
+    texels: Texels,
+    rows: Float64s,
+    variance: Float64s,
+    frames: Float64s | None,
+    seams: Seams,
+    close: bool,
+    threads: int,
+) -> Pages:
+    """Spread estimates of texels over the page, close seams, and fill the rest of it.
+
+    Args:
+        rows: (k, 4), w and the mean of μ·direction of each of `texels`. variance: (k,), of w.
+        frames: (k, 3, 3), in which bent normals are to be, or None.
+    """
+    shape = layout.height, layout.width
+    covered = np.zeros(shape, np.bool_)
+    covered.ravel()[texels.texels] = True
+    w, error, bent = np.zeros(shape), np.zeros(shape, np.float32), np.zeros((*shape, 3), np.float32)
+    w.ravel()[texels.texels] = rows[:, 0].clip(0.0, 1.0)
+    error.ravel()[texels.texels] = np.sqrt(variance)
+    normals = texels.first_points.normals
+    clear = np.einsum("ij,ij->i", rows[:, 1:], rows[:, 1:]) > 1e-18
+    directions = np.where(clear[:, None], normalize(rows[:, 1:]), normals)
+    if frames is not None:
+        directions = np.einsum("kij,kj->ki", frames, directions)
+    bent.reshape(-1, 3)[texels.texels] = directions
+
+    beside = _extend(w, covered, layout.wraps)
+    known = covered | beside
+    seams = seams.within(known.ravel())
+    before = seams.jump(w.ravel())
+    if close:
+        w = seams.close(w.ravel(), covered.ravel(), threads).reshape(shape)
+    else:
+        known = covered
+    page = fill_holes(w[:, :, None].astype(np.float32), known)[:, :, 0].clip(0.0, 1.0)
+    whole = normalize(fill_holes(bent, covered).astype(np.float64)).astype(np.float32)
+    return Pages(page, error, whole, covered, before, seams.jump(page.ravel().astype(np.float64)))
+
+
+def _extend(page: Float64s, covered: Bools, wraps: bool) -> Bools:
+    """Give texels next to covered ones the mean of those, in place; returns which, bool (h, w)."""
+    total, count = np.zeros(page.shape), np.zeros(page.shape, np.int8)
+    weighted = page * covered
+    for y, x in _AROUND:
+        for source, target in ((weighted, total), (covered, count)):
+            moved = np.roll(source, (y, x), (0, 1))
+            if not wraps:
+                if y:
+                    moved[0 if y > 0 else -1] = 0
+                if x:
+                    moved[:, 0 if x > 0 else -1] = 0
+            target += moved
+    beside = ~covered & (count > 0)
+    page[beside] = total[beside] / count[beside]
+    return beside

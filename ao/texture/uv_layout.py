@@ -1,0 +1,139 @@
+"""Texture coordinates as triangles on a page of texels, and what is unusual about them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from raytrace.errors import MeshError, OptionError
+from raytrace.mesh.mesh import Mesh
+from raytrace.types import Bools, Float64s, Int64s
+
+MAX_SIDE = 16384
+_FARTHEST = 1e5  # tiles from the unit square; beyond, coordinates of files have no digits left for texels
+_TILES = 64  # that one face may reach into
+_FLAT = 1e-12  # of a face's squared extent: an area that is none
+_TINY = 1e-6  # of a tile that a face may reach over its border, for coordinates are rounded
+
+
+@dataclass(frozen=True, eq=False)
+class UVLayout:
+    """Faces on a page: x to the right and y down, in texels.
+
+    Attributes:
+        width, height: of the page, in texels. wraps: whether the page repeats beyond its edges.
+        uv: float64 (m, 3, 2), corners of every face in texels, before any wrapping.
+        corners: float64 (t, 3, 2), triangles that reach into the page. face: int64 (t,), the row in `uv` of each.
+        mirrored, flat, outside: how many faces are turned over, have no area, or reach out of the unit square.
+    """
+
+    width: int
+    height: int
+    wraps: bool
+    uv: Float64s
+    corners: Float64s
+    face: Int64s
+    mirrored: int
+    flat: int
+    outside: int
+
+    @classmethod
+    def of(cls, uv: Float64s, size: tuple[int, int], wraps: bool, source: object) -> UVLayout:
+        """Faces of texture coordinates `uv` (m, 3, 2), v upwards, on a page of `size`, width and height in texels.
+
+        Args: wraps: what lies outside of the unit square is taken modulo 1; otherwise it is left out.
+
+        Raises:
+            MeshError: no face has an area on the page, or one reaches over very many tiles.
+        """
+        low, high = uv.min(axis=1), uv.max(axis=1)
+        extent = (high - low).max(axis=1)
+        a, b = uv[:, 1] - uv[:, 0], uv[:, 2] - uv[:, 0]
+        area = a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]
+        usable = np.abs(area) > _FLAT * extent**2
+        first, last = np.floor(low + _TINY).astype(np.int64), np.ceil(high - _TINY).astype(np.int64)
+        spans = np.maximum(last - first, 1)
+        outside = usable & ((first != 0).any(axis=1) | (spans > 1).any(axis=1))
+        if wraps:
+            rows, tiles = _tiles(usable, first, spans, source)
+        else:
+            rows = np.flatnonzero(usable & (low < 1).all(axis=1) & (high > 0).all(axis=1))
+            tiles = np.zeros((len(rows), 2), np.int64)
+        if not len(rows):
+            got = "none" if not usable.any() else "none in the unit square"
+            raise MeshError(source, "texture coordinates", "faces with an area on the page", got)
+        width, height = size
+        placed = uv[rows] - tiles[:, None]
+        scale, origin = np.array([width, -height], np.float64), np.array([0.0, height])
+        counts = (int(np.count_nonzero(which)) for which in (usable & (area < 0), ~usable, outside))
+        return cls(width, height, wraps, uv * scale + origin, placed * scale + origin, rows, *counts)
+
+
+def page_size(size: Any) -> tuple[int, int]:
+    """Width and height of a page. Raises: OptionError: neither a whole number nor two from 1 to 16384."""
+    given = (size, size) if isinstance(size, int | np.integer) else size
+    sides = tuple(given) if isinstance(given, list | tuple) else ()
+    whole = all(isinstance(side, int | np.integer) and not isinstance(side, bool) for side in sides)
+    if len(sides) != 2 or not whole or not all(1 <= side <= MAX_SIDE for side in sides):
+        raise OptionError("size", f"one or two whole numbers of texels from 1 to {MAX_SIDE}", repr(size))
+    return int(sides[0]), int(sides[1])
+
+
+def corner_uv(uv: Any, mesh: Mesh) -> Float64s:
+    """Texture coordinates (m, 3, 2) of the corners of all faces, from these or from those of vertices (n, 2).
+
+    Raises:
+        MeshError: another shape, or coordinates that are not finite or lie very far out.
+    """
+    try:
+        values = np.asarray(uv, np.float64)
+    except (TypeError, ValueError):
+        values = np.empty(0)
+    shapes = (len(mesh.vertices), 2), (len(mesh.faces), 3, 2)
+    if values.shape not in shapes:
+        expected = f"shape {shapes[0]}, by vertex, or {shapes[1]}, by face and corner"
+        raise MeshError(mesh.source, "texture coordinates", expected, values.shape)
+    corners = values[mesh.faces] if values.ndim == 2 else values
+    bad = ~(np.abs(corners) <= _FARTHEST).all(axis=(1, 2))
+    if bad.any():
+        first = int(np.argmax(bad))
+        got = f"{corners[first].tolist()} ({bad.sum()} such)"
+        field = f"texture coordinates of face {first}"
+        raise MeshError(mesh.source, field, f"finite numbers up to {_FARTHEST:g}", got)
+    return corners
+
+
+def texels_across(uv: Float64s, areas: Float64s, texel_size: float) -> int:
+    """The side of a square page on which a texel covers about `texel_size`, rounded up to a power of two.
+
+    Args: uv: (m, 3, 2). areas: (m,), of the faces, in squared mesh units.
+
+    Raises:
+        OptionError: `texel_size` is not positive, or so small that the page would be too large.
+    """
+    if not (np.isfinite(texel_size) and texel_size > 0):
+        raise OptionError("texel_size", "a length above 0", texel_size)
+    a, b = uv[:, 1] - uv[:, 0], uv[:, 2] - uv[:, 0]
+    mapped = float(np.abs(a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]).sum() / 2)
+    side = np.sqrt(float(areas.sum()) / mapped) / texel_size if mapped > 0 else 1.0
+    power = int(np.ceil(np.log2(max(side, 1.0)) - 1e-9))
+    if power > np.log2(MAX_SIDE):
+        least = np.sqrt(float(areas.sum()) / mapped) / MAX_SIDE
+        raise OptionError("texel_size", f"at least {least:.3g}, for a page of {MAX_SIDE} texels", f"{texel_size:g}")
+    return 1 << power
+
+
+def _tiles(usable: Bools, first: Int64s, spans: Int64s, source: object) -> tuple[Int64s, Int64s]:
+    """Every usable face once for each tile that it reaches into: rows (t,), and the tile (t, 2)."""
+    widest = int(np.argmax(np.where(usable, spans.max(axis=1), 0)))
+    if usable.any() and spans[widest].max() > _TILES:
+        expected = f"faces that reach over at most {_TILES} tiles"
+        raise MeshError(source, f"texture coordinates of face {widest}", expected, int(spans[widest].max()))
+    rows = np.flatnonzero(usable)
+    counts = spans[rows].prod(axis=1)
+    copies = np.repeat(rows, counts)
+    number = np.arange(len(copies)) - np.repeat(np.cumsum(counts) - counts, counts)
+    across = spans[copies, 0]
+    return copies, first[copies] + np.stack([number % across, number // across], axis=1)

@@ -1,0 +1,50 @@
+"""The picture of textures in docs/textures.md: `python -m benchmarks.texture_picture`.
+
+The temple, coarse and unwrapped: its covered texels, the whole page, and our render by that texture.
+"""
+
+from __future__ import annotations
+
+import tempfile
+from pathlib import Path
+
+import numpy as np
+
+import ao
+from raytrace import AmbientLight, Scene, Settings, render
+from raytrace.image.write import write_image
+from raytrace.types import Float32s
+from scenes.description.defaults import Z_UP, framing
+from scenes.description.gltf_scene import gltf_objects
+from scenes.geometry.builtin_shapes import Temple
+from scenes.readers.load import MeshFile
+from scenes.textures.glb import textured_glb
+from scenes.textures.unwrap import unwrap
+
+TARGET = Path(__file__).resolve().parent.parent / "docs" / "textures" / "page.png"
+PAGE, WIDTH, HEIGHT = 1024, 480, 360
+
+
+def main() -> None:
+    mesh = Temple(fineness=1.0).geometry().mesh
+    uv = unwrap(mesh, PAGE)
+    baked = ao.bake_texture(mesh, uv, PAGE, samples=256)
+    with tempfile.TemporaryDirectory() as folder:
+        file = Path(folder) / "temple.glb"
+        file.write_bytes(textured_glb(MeshFile.of(mesh), baked, uv)[0])
+        objects, _ = gltf_objects(file)
+        scene = Scene(objects, (AmbientLight(intensity=(0.9,) * 3),), (0.2, 0.25, 0.3))
+        picture = render(scene, framing(mesh, Z_UP, WIDTH, HEIGHT), Settings(WIDTH, HEIGHT)).layers["beauty"][..., :3]
+    covered = np.where(baked.covered, baked.w, 0.0)
+    write_image(TARGET, np.concatenate([_small(covered), _small(baked.w), picture], axis=1).clip(0, 1))
+    print(TARGET, baked, baked.facts)
+
+
+def _small(page: Float32s) -> Float32s:
+    """Means over texels of a page, as grey of the picture's height."""
+    rows = (np.arange(HEIGHT) * PAGE) // HEIGHT
+    return np.repeat(page[np.ix_(rows, rows)][..., None], 3, axis=2)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,86 @@
+"""Faces near a point: a walk of a `BVH16` that a kernel takes leaf by leaf.
+
+begin(tree, stack)
+leaf, near = next_leaf(tree, stack, point, radius)
+while near != 0:
+    while near != 0:
+        face = tree.rows[leaf, lowest_bit(near)]
+        near &= near - 1
+    leaf, near = next_leaf(tree, stack, point, radius)
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..kernel.jit import inline
+from ..kernel.simd import WIDE
+from ..kernel.simd_masks import bits, lowest_bit
+from ..kernel.simd_memory import load_row
+from ..types import Int64s
+
+_ENTRIES = 1 << 8
+_NODE, _LEVEL = range(2)  # columns; the last row has how many wait
+
+
+def new_stack() -> Int64s:
+    """The nodes that are to be opened: int64 (_ENTRIES + 1, 2), for one walk at a time."""
+    return np.zeros((_ENTRIES + 1, 2), np.int64)
+
+
+@inline
+def begin(tree, stack):
+    """Begin a walk at the root."""
+    stack[0, _NODE], stack[0, _LEVEL] = tree.starts[-1] - 1, len(tree.starts) - 1
+    stack[_ENTRIES, 0] = 1
+
+
+@inline
+def next_leaf(tree, stack, point, radius):
+    """The next leaf of the walk with triangles whose boxes are within `radius` of a point along every axis.
+
+    Args: point: triple of float32. radius: float32, in which the rounding of single precision is included.
+    Returns: the leaf and these triangles as bits; no bits if there are none any more.
+    """
+    starts = tree.starts
+    while stack[_ENTRIES, 0] > 0:
+        waiting = stack[_ENTRIES, 0] - 1
+        node, level = stack[waiting, _NODE], stack[waiting, _LEVEL]
+        if level == 0:
+            stack[_ENTRIES, 0] = waiting
+            within = _triangles_within(tree.triangles[node], point, radius)
+            if within != 0:
+                return node, within
+            continue
+        child = (node - starts[level - 1]) * WIDE + (starts[level - 2] if level > 1 else 0)
+        within = _boxes_within(tree.boxes[node], point, radius)
+        while within != 0:
+            stack[waiting, _NODE], stack[waiting, _LEVEL] = child + lowest_bit(within), level - 1
+            within &= within - 1
+            waiting += 1
+        stack[_ENTRIES, 0] = waiting
+    return np.int64(-1), np.int64(0)
+
+
+@inline
+def _boxes_within(box, point, radius):
+    """The boxes (6, 16) that are within `radius` of a point along every axis, as bits."""
+    x = abs(load_row(box, 0) - point[0]) - load_row(box, 3)
+    y = abs(load_row(box, 1) - point[1]) - load_row(box, 4)
+    z = abs(load_row(box, 2) - point[2]) - load_row(box, 5)
+    return bits((x <= radius) & (y <= radius) & (z <= radius))
+
+
+@inline
+def _triangles_within(triangles, point, radius):
+    """The triangles (9, 16) whose boxes are within `radius` of a point along every axis, as bits."""
+    x = _along_axis(triangles, 0, point[0], radius)
+    y = _along_axis(triangles, 1, point[1], radius)
+    return bits(x & y & _along_axis(triangles, 2, point[2], radius))
+
+
+@inline
+def _along_axis(triangles, axis, x, radius):
+    """The triangles of which some part is within `radius` of a point's coordinate `x`."""
+    a, b, c = load_row(triangles, axis), load_row(triangles, 3 + axis), load_row(triangles, 6 + axis)
+    return (min(min(a, b), c) - radius <= x) & (max(max(a, b), c) + radius >= x)

@@ -1,0 +1,31 @@
+"""Filling of pixels that hold nothing from those that do."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..errors import ObscuranceError
+from ..types import Bools, Float32s
+
+
+def fill_holes(pixels: Float32s, known: Bools) -> Float32s:
+    """`pixels` (h, w, c) with all that are not `known`, bool (h, w), filled from the others, which keep every bit.
+
+    The push–pull method (Gortler, Grzeszczuk, Szeliski & Cohen 1996) in OpenImageIO: near known pixels as they are,
+    farther away their means over larger and larger surroundings.
+    """
+    import OpenImageIO as oiio
+
+    if known.all() or not known.any():
+        return pixels.copy()
+    height, width, channels = pixels.shape
+    spec = oiio.ImageSpec(width, height, channels + 1, "float")
+    spec.alpha_channel = channels
+    source = oiio.ImageBuf(spec)
+    alpha = known[:, :, None].astype(np.float32)
+    source.set_pixels(spec.roi, np.ascontiguousarray(np.concatenate([pixels * alpha, alpha], axis=2)))
+    filled = oiio.ImageBufAlgo.fillholes_pushpull(source)
+    found = None if filled.has_error else filled.get_pixels("float")
+    if found is None:
+        raise ObscuranceError(f"padding failed: {filled.geterror()}")
+    return np.where(known[:, :, None], pixels, np.asarray(found, np.float32)[:, :, :channels])

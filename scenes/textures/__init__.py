@@ -1,0 +1,1 @@
+"""Occlusion textures as files."""

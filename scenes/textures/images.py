@@ -1,0 +1,79 @@
+"""Baked textures as image files: w, bent normals and errors, one file each, or one each for every UDIM tile."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+
+from ao.texture.result import BakedTexture
+from raytrace.errors import OptionError, OutputError, is_utf8, printable
+from raytrace.image.encode import write_data
+from raytrace.system.atomic import check_writable
+from raytrace.types import Float32s, Float64s, Int64s
+
+from .names import ENDINGS, UDIM, is_texture
+
+_MOST_TILES = 100
+_ACROSS = 10  # tiles in a row of UDIM's numbers
+_TINY = 1e-6
+
+
+def check_texture_target(option: str, path: Path, half: bool = False) -> None:
+    """Find out before the bake whether an image can be written.
+
+    Raises:
+        OptionError: the ending is that of no image, or of one without floats if they are to be of 16 bits.
+        OutputError: the folder is missing or refuses new files, or `path` is something other than a file.
+    """
+    if not is_texture(path):
+        raise OptionError(option, "a name ending in " + " ".join(ENDINGS), os.fspath(path))
+    if half and path.suffix.lower() == ".png":
+        raise OptionError("half", "images that end in .exr or .tif", os.fspath(path))
+    if not is_utf8(os.path.dirname(os.path.realpath(path))):
+        raise OutputError(printable(f"{path}: cannot write: an image's folder must have a name in UTF-8"))
+    check_writable(path)
+
+
+def udim_tiles(uv: Float64s, source: object) -> list[tuple[int, int]]:
+    """The UDIM tiles (column, row) that faces of texture coordinates `uv` (m, 3, 2) reach into, by their numbers.
+
+    Raises:
+        OptionError: one has no number, or there are very many.
+    """
+    low, high = uv.min(axis=1), uv.max(axis=1)
+    first: Int64s = np.floor(low + _TINY).astype(np.int64)
+    last: Int64s = np.maximum(np.ceil(high - _TINY).astype(np.int64), first + 1)
+    corners = np.concatenate([first, last - 1])
+    least, most = corners.min(axis=0), corners.max(axis=0)
+    expected = f"texture coordinates of UDIM tiles: u from 0 to {_ACROSS}, v from 0 to {_MOST_TILES}"
+    if least.min() < 0 or most[0] >= _ACROSS or most[1] >= _MOST_TILES:
+        raise OptionError("output", expected, f"tiles {least.tolist()} to {most.tolist()}", source)
+    found = {(int(u), int(v)) for a, b in zip(first, last, strict=True)
+             for u in range(a[0], b[0]) for v in range(a[1], b[1])}  # fmt: skip
+    if len(found) > _MOST_TILES:
+        raise OptionError("output", f"at most {_MOST_TILES} UDIM tiles", len(found), source)
+    return sorted(found, key=lambda tile: tile[::-1])
+
+
+def tile_path(path: Path, tile: tuple[int, int]) -> Path:
+    """The name of a tile's file: with its number in place of `UDIM`."""
+    return path.with_name(path.name.replace(UDIM, str(1001 + tile[0] + _ACROSS * tile[1])))
+
+
+def write_w(path: Path, baked: BakedTexture, half: bool, metadata: Mapping[str, str]) -> None:
+    """Write w, linear, 1 = open: PNG of 16 bits, EXR and TIFF of floats. Raises: OutputError."""
+    write_data(path, baked.w[:, :, None], metadata, half, "Y")
+
+
+def write_error(path: Path, baked: BakedTexture, half: bool, metadata: Mapping[str, str]) -> None:
+    """Write the standard error of w, 0 beside the charts. Raises: OutputError."""
+    write_data(path, baked.error[:, :, None], metadata, half, "Y")
+
+
+def write_normals(path: Path, normals: Float32s, half: bool, metadata: Mapping[str, str]) -> None:
+    """Write unit vectors (h, w, 3): n in files of floats, (n + 1)/2 in PNG. Raises: OutputError."""
+    encoded = (normals + 1) / 2 if path.suffix.lower() == ".png" else normals
+    write_data(path, encoded.astype(np.float32), metadata, half, "RGB")

@@ -1,0 +1,15 @@
+"""Names of images that textures are baked to."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+ENDINGS = (".png", ".exr", ".tif", ".tiff")
+UDIM = "<UDIM>"
+"""What stands for a tile's number in the name of an output."""
+
+
+def is_texture(path: str | os.PathLike[str]) -> bool:
+    """Whether a name is that of an image."""
+    return Path(path).suffix.lower() in ENDINGS

@@ -1,0 +1,167 @@
+"""`obscurance bake` to textures: files, companions, tiles, new coordinates, and one line for each mistake."""
+
+import json
+
+import numpy as np
+import pytest
+from command import obscurance, refused
+
+from raytrace.image.read import read_image
+from scenes.readers.load import load
+from scenes.readers.texture_coordinates import texture_coordinates
+
+FLOOR_AND_WALL = """v -1 -1 0\nv 1 -1 0\nv 1 1 0\nv -1 1 0\nv -1 1 1\nv 1 1 1
+vt .05 .05\nvt .95 .05\nvt .95 .45\nvt .05 .45\nvt .05 .55\nvt .95 .55\nvt .95 .95\nvt .05 .95
+f 1/1 2/2 3/3 4/4\nf 4/5 3/6 6/7 5/8\n"""
+FEW = ("--samples", 16, "--size", 32)
+
+
+@pytest.fixture
+def corner(tmp_path):
+    path = tmp_path / "corner.obj"
+    path.write_text(FLOOR_AND_WALL)
+    return path
+
+
+def bake(*arguments):
+    result = obscurance("bake", *arguments)
+    assert result.returncode == 0, result.stderr
+    return result
+
+
+@pytest.mark.parametrize(("ending", "step"), [(".png", 1 / 65535), (".exr", 0), (".tif", 0)])
+def test_every_format_holds_the_same_w(corner, tmp_path, ending, step):
+    exact = tmp_path / "exact.exr"
+    bake(corner, "-o", exact, *FEW)
+    bake(corner, "-o", tmp_path / f"w{ending}", *FEW)
+    truth, found = (read_image(path)[0] for path in (exact, tmp_path / f"w{ending}"))
+    truth, found = (next(iter(layers.values())) for layers in (truth, found))
+    assert found.shape == (32, 32, 1)
+    if ending == ".png":  # the reader takes codes without a colour space for sRGB
+        import OpenImageIO as oiio
+
+        found = np.asarray(oiio.ImageBuf(str(tmp_path / "w.png")).get_pixels(oiio.UINT16)) / 65535
+        assert oiio.ImageBuf(str(tmp_path / "w.png")).spec().format == oiio.UINT16
+    assert np.abs(found - truth).max() <= step
+
+
+def test_half_floats(corner, tmp_path):
+    for ending in (".exr", ".tif"):
+        path = tmp_path / f"w{ending}"
+        bake(corner, "-o", path, *FEW, "--half")
+        import OpenImageIO as oiio
+
+        assert oiio.ImageBuf(str(path)).spec().format == oiio.HALF
+
+
+def test_summary_report_and_companions(corner, tmp_path):
+    files = {"-o": "w.png", "--report": "r.json", "--bent-normals": "n.exr", "--error-map": "e.tif"}
+    result = bake(corner, *(word for name, file in files.items() for word in (name, tmp_path / file)), *FEW)
+    assert "w.png: 32×32, " in result.stdout or "w.png: 32x32, " in result.stdout
+    assert "1 edges at seams" in result.stdout
+    report = json.loads((tmp_path / "r.json").read_text())
+    assert (report["width"], report["height"]) == (32, 32)
+    assert report["texture"]["covered"] > 300
+    assert report["options"]["size"] == "32"
+    normals = next(iter(read_image(tmp_path / "n.exr")[0].values()))
+    assert np.allclose(np.linalg.norm(normals, axis=2), 1, atol=1e-5)
+    assert normals[24, 16, 2] > 0.9  # over the floor, far from the wall
+    assert normals[8, 16, 1] < -0.5  # of the wall
+
+
+def test_the_size_may_be_a_rectangle_or_a_texel(corner, tmp_path):
+    path = tmp_path / "w.exr"
+    bake(corner, "-o", path, "--samples", 8, "--size", "40x20")
+    assert read_image(path)[0]["beauty"].shape == (20, 40, 1)
+    bake(corner, "-o", path, "--samples", 8, "--texel-size", 0.05)
+    assert read_image(path)[0]["beauty"].shape == (64, 64, 1)
+
+
+def test_udim_tiles_have_a_file_each(tmp_path):
+    path, report = tmp_path / "tiles.obj", tmp_path / "r.json"
+    path.write_text(FLOOR_AND_WALL.replace("vt .05 .55\nvt .95 .55\nvt .95 .95\nvt .05 .95",
+                                           "vt 1.05 1.55\nvt 1.95 1.55\nvt 1.95 1.95\nvt 1.05 1.95"))  # fmt: skip
+    bake(path, "-o", tmp_path / "w.<UDIM>.exr", "--error-map", tmp_path / "e.<UDIM>.exr", *FEW, "--report", report)
+    assert sorted(file.name for file in tmp_path.glob("*.exr")) == [
+        "e.1001.exr", "e.1012.exr", "w.1001.exr", "w.1012.exr",
+    ]  # fmt: skip
+    pages = json.loads(report.read_text())["pages"]
+    assert [page["texture"]["mirrored"] for page in pages.values()] == [0, 0]
+    together = bake(path, "-o", tmp_path / "w.exr", *FEW)
+    assert "2 faces reach out of the unit square" in together.stderr
+
+
+def test_overlaps_are_told_and_refused(tmp_path):
+    path = tmp_path / "twice.obj"
+    path.write_text(FLOOR_AND_WALL.replace("4/5 3/6 6/7 5/8", "4/1 3/2 6/3 5/4"))
+    result = bake(path, "-o", tmp_path / "w.png", *FEW)
+    assert "faces overlap in 100.0% of the covered texels" in result.stderr
+    refused(obscurance("bake", path, "-o", tmp_path / "v.png", *FEW, "--overlap", "refuse"), "do not overlap")
+    assert not (tmp_path / "v.png").exists()
+
+
+def test_a_texture_in_a_glb_by_own_coordinates(corner, tmp_path):
+    path = tmp_path / "w.glb"
+    bake(corner, "-o", path, "--occlusion", "texture", *FEW)
+    made = load(path, "kept.glb")
+    assert made.gltf.header["materials"][0]["occlusionTexture"] == {"index": 0}
+    assert np.allclose(texture_coordinates(made), texture_coordinates(load(corner, "kept.glb")), atol=1e-6)
+
+
+def test_new_coordinates_for_a_mesh_without(tmp_path):
+    pytest.importorskip("uvunwrap")
+    path, made = tmp_path / "bare.obj", tmp_path / "w.glb"
+    path.write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 2 3 4\nf 3 1 4\n")
+    bake(path, "-o", made, "--occlusion", "texture", "--size", 64, "--samples", 16)
+    uv = texture_coordinates(load(made, "kept.glb"))
+    assert uv.shape == (4, 3, 2)
+    assert 0 <= uv.min() < uv.max() <= 1
+    picture = tmp_path / "w.png"
+    bake(path, "-o", picture, "--uv", "unwrap", "--mesh-output", made, "--size", 64, "--samples", 16)
+    assert picture.exists()
+
+
+MISTAKES = [
+    ("bare.obj -o w.png", "bare.obj: texture coordinates: expected some on every face, got none"),
+    ("bare.obj -o w.png --uv unwrap", "bake --uv: expected --mesh-output", "got none"),
+    ("corner.obj -o w.png --uv 3", "expected some of number 3 on every face, got none"),
+    ("corner.obj -o w.png --uv x", "bake --uv: expected auto, unwrap or the number", "got 'x'"),
+    ("nan.obj -o w.png", "texture coordinates"),
+    ("flat.obj -o w.png", "flat.obj: texture coordinates: expected faces with an area on the page, got none"),
+    ("far.obj -o w.png", "expected finite numbers up to 100000"),
+    ("corner.obj -o w.png --size 0", "bake --size: expected one or two whole numbers of texels from 1 to 16384, got 0"),
+    ("corner.obj -o w.png --size 1000000", "from 1 to 16384, got 1000000"),
+    ("corner.obj -o w.png --size big", "bake --size: expected a number of texels", "got 'big'"),
+    ("corner.obj -o w.png --size 4x4x4", "WIDTHxHEIGHT"),
+    ("corner.obj -o w.png --size 8 --texel-size 1", "bake --texel-size: expected either --size or --texel-size"),
+    ("corner.obj -o w.png --texel-size 1e-9", "bake --texel-size: expected at least"),
+    ("corner.obj -o w.png --texel-size 0", "bake --texel-size: expected a length above 0"),
+    ("corner.obj -o w.png --half", "bake --half: expected images that end in .exr or .tif"),
+    ("corner.obj -o w.png --hidden mark", "bake --hidden: expected auto, ignore or fill for a texture, got mark"),
+    ("corner.obj -o w.png --method surface", "bake --method: expected w at vertices, not in a texture, with it"),
+    ("corner.obj -o w.png --colors", "bake --colors"),
+    ("corner.obj -o w.npy --size 8", "bake --size: expected with it an image to write, or --occlusion texture"),
+    ("corner.obj -o w.npy --occlusion texture", "bake --occlusion: expected a .glb output with texture"),
+    ("corner.obj -o w.png --bent-normals n.glb", "bake --bent-normals: expected a name ending in .png .exr"),
+    ("corner.obj -o w.png --error-map w.png", "--error-map", "the same file"),
+    ("corner.obj -o w.<UDIM>.png --error-map e.png", "bake --error-map: expected <UDIM> in all names"),
+    ("corner.obj -o w.png --mesh-output corner.obj", "expected a name ending in .glb"),
+    ("corner.obj -o w.png --replace-occlusion", "bake --replace-occlusion"),
+    ("negative.obj -o w.<UDIM>.png", "texture coordinates of UDIM tiles"),
+    ("corner.obj -o none/w.png", "none/w.png: cannot write: there is no folder"),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize("line_and_words", MISTAKES, ids=[mistake[0] for mistake in MISTAKES])
+def test_mistakes(corner, tmp_path, monkeypatch, line_and_words):
+    line, *words = line_and_words
+    bare = "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n"
+    (tmp_path / "bare.obj").write_text(bare)
+    for name, second in (("nan", "nan 0"), ("flat", "0 0"), ("far", "1e7 0"), ("negative", "-1 0")):
+        third = "0 0" if name == "flat" else "0 1"
+        text = f"{bare[:-8]}\nvt 0 0\nvt {second}\nvt {third}\nf 1/1 2/2 3/3\n"
+        (tmp_path / f"{name}.obj").write_text(text)
+    monkeypatch.chdir(tmp_path)
+    before = sorted(tmp_path.iterdir())
+    refused(obscurance("bake", *line.split()), *words)
+    assert sorted(tmp_path.iterdir()) == before

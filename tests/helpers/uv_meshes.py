@@ -1,0 +1,55 @@
+"""Meshes with texture coordinates, for tests of textures."""
+
+import numpy as np
+import trimesh
+
+from raytrace import Mesh
+
+
+def rectangle(corner, u, v):
+    """Four corners, in front of which u × v points."""
+    corner, u, v = (np.array(each, float) for each in (corner, u, v))
+    return np.array([corner, corner + u, corner + u + v, corner + v])
+
+
+def square(x0, y0, x1, y1):
+    """Texture coordinates of the corners of a `rectangle`."""
+    return np.array([(x0, y0), (x1, y0), (x1, y1), (x0, y1)], float)
+
+
+def quads(*pieces):
+    """A mesh of rectangles, and the texture coordinates of its vertices. Args: pieces: (rectangle, square) each."""
+    vertices, uv = (np.concatenate(column) for column in zip(*pieces, strict=True))
+    faces = np.concatenate([np.array([[0, 1, 2], [0, 2, 3]]) + 4 * k for k in range(len(pieces))])
+    return Mesh(vertices, faces), uv
+
+
+def inward_cube(cells):
+    """A closed unit cube seen from inside, each side a chart of whole texels on a page of 4 · `cells` texels.
+
+    Returns: the mesh, its texture coordinates, and (column, row) of the texel at which each side's chart begins.
+    """
+    pieces, begins = [], []
+    for side in range(6):
+        axis, far = divmod(side, 2)
+        n, u, v = np.eye(3)[axis] * (0.5 if far else -0.5), np.eye(3)[(axis + 1) % 3], np.eye(3)[(axis + 2) % 3]
+        corner = n - u / 2 - v / 2
+        x, y = 1 / 64 + side % 3 / 3.5, 1 / 64 + side // 3 / 2.5
+        x, y = round(x * 4 * cells) / (4 * cells), round(y * 4 * cells) / (4 * cells)
+        pieces.append((rectangle(corner, *((v, u) if far else (u, v))), square(x, y, x + 1 / 4, y + 1 / 4)))
+        begins.append((round(x * 4 * cells), round((1 - y) * 4 * cells) - cells))
+    mesh, uv = quads(*pieces)
+    return mesh, uv, begins
+
+
+def icosphere(subdivisions=2, radius=1.0, centre=(0, 0, 0)):
+    """A sphere with every face a chart of its own, and texture coordinates (m, 3, 2)."""
+    made = trimesh.creation.icosphere(subdivisions=subdivisions, radius=radius)
+    return Mesh(made.vertices + np.array(centre), made.faces), grid_charts(len(made.faces))
+
+
+def grid_charts(count):
+    """Texture coordinates (count, 3, 2): one face in each cell of a square grid, with room around it."""
+    side = int(np.ceil(np.sqrt(count)))
+    cell = np.stack([np.arange(count) % side, np.arange(count) // side], axis=1)
+    return (cell[:, None] + np.array([[0.1, 0.1], [0.9, 0.15], [0.3, 0.9]])) / side
