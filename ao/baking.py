@@ -60,8 +60,8 @@ def bake(
             of the nearest that are not. "ignore": both sides of faces are surface. "mark": faces bound solids, and
             vertices that mostly see backs, being inside one, are flagged. "fill": besides, they are filled. Vertex
             method only.
-        traversal: "auto": the rays of a vertex walk a hierarchy of our own together; "embree": in packets through
-            Embree, up to ten times slower, as a check. Vertex method only.
+        traversal: "auto": the rays of a vertex walk a hierarchy of our own together, but go through Embree in packets
+            where half of them meet something and they are few; "embree": always, as a check. Vertex method only.
         checkpoint: keeps what is traced, and is asked for what an interrupted run traced; the bits are the same.
         method: "vertex" estimates w at each vertex; "surface" fits the values whose interpolation is nearest to w all
             over the faces (Kavan, Bargteil & Sloan 2011, Least Squares Vertex Baking).

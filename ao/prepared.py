@@ -49,7 +49,7 @@ class Prepared:
         wanted = receivers if only is None else receivers.only(only)
         if checkpoint:
             chosen = None if only is None else np.packbits(only).tobytes()
-            kind = options.method, options.rays, options.tolerance, options.reconstruct
+            kind = options.method, options.traversal, options.rays, options.tolerance, options.reconstruct
             checkpoint.begin(placement, receivers, mu, chosen, *kind, options.seed, options.normals)
         return cls(options, mu, placement, receivers, wanted, progress, checkpoint)
 

@@ -18,6 +18,7 @@ from .interior.inside import Solids, hidden_points, inside_other_parts
 from .prepared import Prepared
 from .result import PointValues
 from .trace.tracer import Tracer
+from .trace.traversal import packets_below
 
 
 def sample_vertices(prepared: Prepared) -> PointValues:
@@ -62,8 +63,9 @@ def sample_vertices(prepared: Prepared) -> PointValues:
 def _tracer(prepared: Prepared) -> Tracer:
     receivers = prepared.receivers
     return Tracer(
-        receivers.embree if prepared.options.traversal == "embree" else None,
+        receivers.embree,
         receivers.tree,
+        packets_below(prepared.options.traversal, receivers.tree, prepared.placement, receivers.points, prepared.mu),
         prepared.placement,
         prepared.mu,
         prepared.threads,

@@ -25,6 +25,7 @@ from ..options import Hidden, Normals, Options, Traversal, falloff_of, mesh_of
 from ..prepared import Prepared
 from ..trace.checkpoint import Checkpoint
 from ..trace.tracer import Progress
+from ..trace.traversal import packets_below
 from .adjacency import face_charts, texel_neighbours, texel_sizes
 from .coverage import SLOTS, Overlap, cover
 from .projection import Fine, project
@@ -139,11 +140,12 @@ def bake_texture(
     if checkpoint:
         digest = hashlib.blake2b(texels.points.origins.data)
         digest.update(texels.points.normals.data)
-        kind = "texture", options.rays, tolerance, reconstruct, options.seed, normals, digest.hexdigest()
+        kind = "texture", traversal, options.rays, tolerance, reconstruct, options.seed, normals, digest.hexdigest()
         checkpoint.begin(placement, receivers, mu, *kind)
     tracer = TexelTracer(
-        receivers.embree if traversal == "embree" else None,
+        receivers.embree,
         receivers.tree,
+        packets_below(traversal, receivers.tree, placement, receivers.points, mu),
         placement,
         mu,
         count,

@@ -35,15 +35,17 @@ class Tracer:
     """A scene in which hemispheres are gathered.
 
     Attributes:
-        embree: builds the mesh in Embree, which then traces all rays; None: they walk the tree. tree: over the mesh.
+        embree: builds the mesh in Embree. tree: over the mesh. packets_below: fewer rays a point than this are traced
+            by Embree, others walk the tree.
         placement: where it is. mu: the falloff, in mesh units. threads: how many.
         total_points: how many points the whole mesh has, wanted or not.
         progress: called with (rays traced, rays expected in all). checkpoint: keeps traced rows, or None.
         expected: rays expected in all, 0 while none are planned. later: besides, of corners. rays: rays traced.
     """
 
-    embree: Callable[[], TriangleScene] | None
+    embree: Callable[[], TriangleScene]
     tree: BVH16
+    packets_below: int
     placement: Placement
     mu: Mu
     threads: int
@@ -77,7 +79,7 @@ class Tracer:
         """A function that writes the rows of points, to be called from any thread."""
         mu = self.mu.in_render_space(self.placement.scale)
         reach = min(mu.limit, self.placement.diagonal)
-        if self.embree:
+        if table.samples < self.packets_below:
             scene = self.embree()
 
             def by_packets(points: Points, out: Float64s) -> None:

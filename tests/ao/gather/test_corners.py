@@ -80,7 +80,7 @@ def test_ordinary_vertices_keep_their_bits(noisy):
     assert receivers.corners.places.numbers.tolist() == list(
         range(len(points), len(points) + len(receivers.corners.places))
     )
-    tracer = Tracer(None, receivers.tree, placement, ao.Binary().resolve(mesh.radius), 1, len(points))
+    tracer = Tracer(receivers.embree, receivers.tree, 0, placement, ao.Binary().resolve(mesh.radius), 1, len(points))
     plain = tracer.gather(points, 64, seed_key(0))[:, 0]
     baked = ao.bake(mesh, ao.Binary(), samples=64, reconstruct=False)
     np.testing.assert_array_equal(baked.w[~torn(baked)], plain[receivers.of_vertex][~torn(baked)])

@@ -13,10 +13,12 @@ from ao.gather.receivers import find_receivers
 from ao.stream.gather_streams import gather_streams
 from ao.stream.rays import Rays
 from ao.stream.walk import Walk
+from ao.trace.traversal import packets_below
 from raytrace import Mesh
 from raytrace.kernel.arrays import aligned
 from raytrace.mesh.placement import Placement
 from scenes.geometry.polyhedra import icosphere
+from scenes.geometry.primitives import box
 from scenes.geometry.temple import temple
 
 FALLOFFS = {
@@ -160,3 +162,17 @@ def scaled(tree, factor):
 def test_boxes_larger_than_needed_change_nothing():
     prepared = Prepared(Mesh(*hills(40)), 256)
     assert np.array_equal(prepared.streams(), prepared.streams(scaled(prepared.tree, 1.5)))
+
+
+def test_few_rays_in_a_closed_room_go_through_embree():
+    room, open_ = box((0, 0, 0), (1, 1, 1), 0.2).mesh, Mesh(*icosphere(2))
+    for mesh, falloff, below in (
+        (Mesh(room.vertices, room.faces[:, ::-1]), ao.Binary(), 128),
+        (Mesh(room.vertices, room.faces[:, ::-1]), ao.Exponential(), 512),
+        (Mesh(room.vertices, room.faces[:, ::-1]), ao.Binary(0.05), 0),
+        (open_, ao.Binary(), 0),
+    ):
+        prepared = Prepared(mesh, 16)
+        mu = falloff.resolve(mesh.radius)
+        assert packets_below("auto", prepared.tree, prepared.placement, prepared.points, mu) == below
+    assert packets_below("embree", prepared.tree, prepared.placement, prepared.points, mu) > 1 << 20

@@ -1,0 +1,42 @@
+"""Which way rays are traced: all of a point in one walk, or in packets through Embree.
+
+Where most rays meet something, in halls and piles, few go far: Embree's packets are faster there for few rays
+(docs/benchmarks.md).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from raytrace.bvh.bvh16 import BVH16
+from raytrace.mesh.placement import Placement
+
+from ..falloff import KernelMu, Mu
+from ..gather.directions import DirectionTable
+from ..gather.estimate import COLUMNS, W
+from ..gather.points import Points
+from ..options import MAX_SAMPLES, Traversal
+from ..stream.gather_streams import gather_streams
+from ..stream.rays import Rays
+from ..stream.walk import Walk
+
+_POINTS, _RAYS, _KEY = 64, 16, np.uint32(0x7A1)  # that are tried
+_CLOSED = 0.5  # part of the rays that meet something from which on most points are closed in
+_ANY_HIT, _CLOSEST_HIT = 128, 512  # rays a point, fewer of which are faster in packets there
+
+
+def packets_below(traversal: Traversal, tree: BVH16, placement: Placement, points: Points, mu: Mu) -> int:
+    """The number of rays a point below which Embree traces them.
+
+    Args: points: all of a mesh, some of which are tried, so that a bake of a part of them is that part of the whole.
+    """
+    if traversal == "embree":
+        return MAX_SAMPLES + 1
+    some = points[np.arange(min(len(points), _POINTS)) * len(points) // max(min(len(points), _POINTS), 1)]
+    table, out = DirectionTable.make(_RAYS, len(some), _KEY), np.empty((len(some), COLUMNS))
+    limit = mu.in_render_space(placement.scale).limit
+    binary, reach = KernelMu(0.0, limit, 1.0), min(limit, placement.diagonal)
+    gather_streams(tree, Rays.of(table), Walk.of(tree), some.arrays, table, binary, reach, out)
+    if not len(some) or np.mean(out[:, W]) > 1 - _CLOSED:
+        return 0
+    return _ANY_HIT if mu.tau is None else _CLOSEST_HIT
