@@ -22,7 +22,7 @@ from ..stream.walk import Walk
 
 _POINTS, _RAYS, _KEY = 64, 16, np.uint32(0x7A1)  # that are tried
 _CLOSED = 0.5  # part of the rays that meet something from which on most points are closed in
-_ANY_HIT, _CLOSEST_HIT = 128, 512  # rays a point, fewer of which are faster in packets there
+_ANY_HIT, _CLOSEST_HIT = 320, 512  # rays a point, fewer of which are faster in packets there
 
 
 def packets_below(traversal: Traversal, tree: BVH16, placement: Placement, points: Points, mu: Mu) -> int:

@@ -167,7 +167,7 @@ def test_boxes_larger_than_needed_change_nothing():
 def test_few_rays_in_a_closed_room_go_through_embree():
     room, open_ = box((0, 0, 0), (1, 1, 1), 0.2).mesh, Mesh(*icosphere(2))
     for mesh, falloff, below in (
-        (Mesh(room.vertices, room.faces[:, ::-1]), ao.Binary(), 128),
+        (Mesh(room.vertices, room.faces[:, ::-1]), ao.Binary(), 320),
         (Mesh(room.vertices, room.faces[:, ::-1]), ao.Exponential(), 512),
         (Mesh(room.vertices, room.faces[:, ::-1]), ao.Binary(0.05), 0),
         (open_, ao.Binary(), 0),
