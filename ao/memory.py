@@ -1,14 +1,14 @@
 """Estimates of the memory that a bake takes beside its mesh, from counts.
 
 The coefficients are fitted to measured peaks (`python -m benchmarks.memory`): of a smooth mesh and of loose triangles
-of 200,000 and 600,000 vertices they give 0.94 to 1.54 times what was measured. Threads add next to nothing.
+of 200,000 and 600,000 vertices they give 0.98 to 1.54 times what was measured. Threads add next to nothing.
 """
 
 from __future__ import annotations
 
 _BASE = 40 << 20  # kernels, Embree, threads
 _TABLE, _DIRECTION = 1 << 18, 100  # directions in a table, and bytes for each while it is made
-_VERTEX, _FACE = 560, 60
+_VERTEX, _FACE = 560, 120
 _CORNER = 450
 NEGLIGIBLE = 1 << 20  # bytes; finding out whether so few are available takes longer than baking what needs them
 _SURFACE_VERTEX, _SURFACE_FACE = 72, 660
