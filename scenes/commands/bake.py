@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import time
+from abc import ABC, abstractmethod
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -20,12 +22,11 @@ _NO_OPTIONS_OF_BAKE = ("report", "quiet", "resume")  # they change no result
 
 
 @dataclass(frozen=True, kw_only=True)
-class BakeCommand:
-    """The command with its options; `obscurance bake --help` explains each."""
+class MeshBake(ABC):
+    """The options of a bake of a mesh file, to vertices or a texture; `obscurance bake --help` explains each."""
 
     mesh: Path
     output: Path
-    method: Method
     falloff: FalloffForm
     tau: float | None
     half_distance: str | None
@@ -39,10 +40,7 @@ class BakeCommand:
     normals: NormalsFrom
     hidden: Hidden
     report: Path | None
-    debug_image: Path | None
-    up: Up | None
     resume: bool
-    colors: bool
     occlusion: Occlusion | None
     replace_occlusion: bool
     quiet: bool
@@ -52,13 +50,75 @@ class BakeCommand:
 
         Raises:
             InputError: an option, the mesh, or options that exclude each other.
-            OutputError, MemoryLimitError, EmbreeError: as `ao.bake` and `scenes.write`.
+            OutputError, MemoryLimitError, EmbreeError: as `ao.bake`, `ao.bake_texture` and when writing.
         """
-        falloff = self._check()
-        with compiling(KERNELS_OF_BAKE if self.method == "vertex" else KERNELS_OF_SURFACE):
-            self._run(falloff)
+        falloff = self.check()
+        with compiling(self.kernels):
+            for summary in self.bake(falloff):
+                if not self.quiet:
+                    print(summary)
 
-    def _run(self, falloff: ao.Falloff) -> None:
+    def check(self) -> ao.Falloff:
+        """The falloff, if the options go together and the outputs can be written. Raises: OptionError, OutputError."""
+        from ao.options import Options
+        from raytrace.system.outputs import check_ending, check_outputs
+
+        falloff = make_falloff(self.falloff, self.tau, self.half_distance, self.max_distance)
+        Options(**self.options())
+        self.check_own()
+        if self.report:
+            check_ending("--report", self.report, ".json")
+        check_outputs(self.outputs(), self.inputs())
+        return falloff
+
+    def options(self) -> dict[str, Any]:
+        """The options that `ao.bake` and `ao.bake_texture` take."""
+        names = ("samples", "seed", "threads", "normals", "tolerance", "reconstruct", "hidden", "traversal")
+        return {name: getattr(self, name) for name in names}
+
+    def described(self) -> dict[str, Any]:
+        """Every effective option, as a JSON report has it."""
+        from raytrace.system.threads import thread_count
+
+        options = {name: plain(value) for name, value in vars(self).items() if name not in _NO_OPTIONS_OF_BAKE}
+        return options | {"threads": thread_count(self.threads)}
+
+    def inputs(self) -> list[Path]:
+        """The files that are read, as far as the options name them."""
+        return [self.mesh]
+
+    @property
+    @abstractmethod
+    def kernels(self) -> int:
+        """About how many kernels the bake takes."""
+
+    @abstractmethod
+    def outputs(self) -> dict[str, Path | None]:
+        """The files to write, by what the user calls them."""
+
+    @abstractmethod
+    def check_own(self) -> None:
+        """Check the options of this sort of bake. Raises: OptionError, OutputError."""
+
+    @abstractmethod
+    def bake(self, falloff: ao.Falloff) -> Iterator[str]:
+        """Bake and write; a summary of each file. Raises: as `run`."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class BakeCommand(MeshBake):
+    """A bake to vertices."""
+
+    method: Method
+    debug_image: Path | None
+    up: Up | None
+    colors: bool
+
+    @property
+    def kernels(self) -> int:
+        return KERNELS_OF_BAKE if self.method == "vertex" else KERNELS_OF_SURFACE
+
+    def bake(self, falloff: ao.Falloff) -> Iterator[str]:
         from ao.trace.checkpoint import Checkpoint
         from raytrace.system.outputs import check_outputs
 
@@ -68,7 +128,7 @@ class BakeCommand:
 
         start = time.perf_counter()
         source = load(self.mesh, self.output)
-        check_outputs(self._outputs(), source.files)
+        check_outputs(self.outputs(), source.files)
         loaded = time.perf_counter()
         warnings = warn(
             [source.mesh], [*source.notes, *lost(self.output, source, channels(self.output, **self._channels()))]
@@ -86,23 +146,15 @@ class BakeCommand:
             from .flag_image import write_marked
 
             write_marked(self.debug_image, source.mesh, baked, up_axis(self.mesh, self.up))
-        if not self.quiet:
-            print(bake_summary(baked, self.output))
+        yield bake_summary(baked, self.output)
 
-    def _check(self) -> ao.Falloff:
-        """The falloff, if the options go together and the outputs can be written. Raises: OptionError, OutputError."""
-        from ao.options import Options
+    def check_own(self) -> None:
         from raytrace.errors import OptionError
-        from raytrace.system.outputs import check_ending, check_outputs
 
         from ..writers.write import channels, check_target
 
-        falloff = make_falloff(self.falloff, self.tau, self.half_distance, self.max_distance)
-        Options(**self._options())
         check_target(self.output)
         channels(self.output, **self._channels())
-        if self.report:
-            check_ending("--report", self.report, ".json")
         if self.debug_image:
             from raytrace.image.write import check_image_target
 
@@ -110,20 +162,22 @@ class BakeCommand:
                 check_image_target(self.debug_image, layers=("beauty",))
         elif self.up:
             raise OptionError("up", "--debug-image with it; w does not depend on it", "none")
-        check_outputs(self._outputs(), [self.mesh])
-        return falloff
 
-    def _outputs(self) -> dict[str, Path | None]:
+    def outputs(self) -> dict[str, Path | None]:
         return {"--output": self.output, "--report": self.report, "--debug-image": self.debug_image}
+
+    def options(self) -> dict[str, Any]:
+        return {"method": self.method, **super().options()}
+
+    def described(self) -> dict[str, Any]:
+        from ..writers.write import channels
+
+        ramp = channels(self.output, **self._channels()).ramp
+        return super().described() | {"occlusion": "ramp" if ramp else "none"}
 
     def _channels(self) -> dict[str, Any]:
         """The options of `scenes.write`."""
         return {name: getattr(self, name) for name in ("colors", "occlusion", "replace_occlusion")}
-
-    def _options(self) -> dict[str, Any]:
-        """The options that `ao.bake` takes."""
-        names = ("method", "samples", "seed", "threads", "normals", "tolerance", "reconstruct", "hidden", "traversal")
-        return {name: plain(getattr(self, name)) for name in names}
 
     def _bake(self, mesh: Mesh, falloff: ao.Falloff, checkpoint: Checkpoint) -> tuple[ao.Bake, list[str]]:
         """The bake, and warnings that a tolerance was not met."""
@@ -131,17 +185,11 @@ class BakeCommand:
 
         unmet = catch_warnings(record=True, action="always", category=ao.ToleranceWarning)
         with progress(self.quiet, "rays") as (advance,), unmet as raised:
-            baked = ao.bake(mesh, falloff, progress=advance, checkpoint=checkpoint, **self._options())
+            baked = ao.bake(mesh, falloff, progress=advance, checkpoint=checkpoint, **self.options())
         return baked, [str(warning.message) for warning in raised]
 
     def _write_report(self, path: Path, baked: ao.Bake, seconds: dict[str, float], warnings: list[str]) -> None:
         from ao.report import report
         from raytrace.system.atomic import write_json
-        from raytrace.system.threads import thread_count
 
-        from ..writers.write import channels
-
-        options = {name: plain(value) for name, value in vars(self).items() if name not in _NO_OPTIONS_OF_BAKE}
-        options["threads"] = thread_count(self.threads)
-        options["occlusion"] = "ramp" if channels(self.output, **self._channels()).ramp else "none"
-        write_json(path, report(baked, options, seconds, warnings))
+        write_json(path, report(baked, self.described(), seconds, warnings))

@@ -3,26 +3,15 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 from warnings import catch_warnings
 
-from ..commands.bake import BakeCommand
-from ..commands.console import KERNELS_OF_TEXTURE, compiling, note, progress, texture_summary, warn
-from ..commands.options import (
-    BentSpace,
-    FalloffForm,
-    Hidden,
-    NormalsFrom,
-    Occlusion,
-    Overlap,
-    Traversal,
-    make_falloff,
-    parse_texels,
-    plain,
-)
+from ..commands.bake import BakeCommand, MeshBake
+from ..commands.console import KERNELS_OF_TEXTURE, note, progress, texture_summary, warn
+from ..commands.options import BentSpace, Overlap, parse_texels
 
 if TYPE_CHECKING:
     import ao
@@ -31,7 +20,6 @@ if TYPE_CHECKING:
 
     from ..readers.load import MeshFile
 
-_NO_OPTIONS_OF_BAKE = ("report", "quiet", "resume")  # they change no result
 _OF_VERTICES = {"method": "vertex", "colors": False, "debug_image": None, "up": None}
 AUTO, UNWRAP = "auto", "unwrap"
 CAGE = "2%"
@@ -81,27 +69,9 @@ class _Source:
 
 
 @dataclass(frozen=True, kw_only=True)
-class TextureCommand:
-    """The command with its options; `obscurance bake --help` explains each."""
+class TextureCommand(MeshBake):
+    """A bake to a texture."""
 
-    mesh: Path
-    output: Path
-    falloff: FalloffForm
-    tau: float | None
-    half_distance: str | None
-    max_distance: str
-    samples: int | None
-    tolerance: float | None
-    reconstruct: bool
-    traversal: Traversal
-    seed: int
-    threads: int | None
-    normals: NormalsFrom
-    hidden: Hidden
-    report: Path | None
-    resume: bool
-    occlusion: Occlusion | None
-    replace_occlusion: bool
     mesh_output: Path | None
     size: str | None
     texel_size: str | None
@@ -113,16 +83,12 @@ class TextureCommand:
     half: bool
     high: Path | None
     cage: str | None
-    quiet: bool
 
-    def run(self) -> None:
-        """Bake, write, and print a summary.
+    @property
+    def kernels(self) -> int:
+        return KERNELS_OF_TEXTURE
 
-        Raises:
-            InputError: an option, the mesh, or options that exclude each other.
-            OutputError, MemoryLimitError, EmbreeError: as `ao.bake_texture` and when writing.
-        """
-        falloff = self._check()
+    def bake(self, falloff: ao.Falloff) -> Iterator[str]:
         from raytrace.system.outputs import check_outputs
 
         from ..readers.load import load
@@ -150,24 +116,19 @@ class TextureCommand:
             scene = _Source(source, None if tile is not None else uv if number is None else number, fine)
             baked, seconds, more = self._bake_page(scene, moved, size, falloff, images)
             reports.append((images["output"], baked, {"load": loaded} | seconds, [*warnings, *more]))
-            if not self.quiet:
-                print(texture_summary(baked, images["output"]))
+            yield texture_summary(baked, images["output"])
         if self.report:
             self._write_report(self.report, reports)
 
-    def _check(self) -> ao.Falloff:
-        """The falloff, if the options go together and the outputs can be written. Raises: OptionError, OutputError."""
+    def check_own(self) -> None:
         from ao.falloff import resolve_length
-        from ao.options import Options
         from ao.texture.uv_layout import page_size
         from raytrace.errors import OptionError
-        from raytrace.system.outputs import check_ending, check_outputs
+        from raytrace.system.outputs import check_ending
 
         from .images import check_texture_target
         from .names import UDIM
 
-        falloff = make_falloff(self.falloff, self.tau, self.half_distance, self.max_distance)
-        Options(**self._options())
         if self.hidden == "mark":
             raise OptionError("hidden", "auto, ignore or fill for a texture", "mark")
         if self.size is not None:
@@ -200,20 +161,16 @@ class TextureCommand:
             if self.high is None:
                 raise OptionError("cage", "--high with it", "none")
             resolve_length("cage", self.cage, 1.0)
-        if self.report:
-            check_ending("--report", self.report, ".json")
-        given: dict[str, Path | None] = {f"--{name.replace('_', '-')}": path for name, path in self._images().items()}
-        inputs = [self.mesh] if self.high is None else [self.mesh, self.high]
-        check_outputs({**given, "--report": self.report, "--mesh-output": self.mesh_output}, inputs)
-        return falloff
+
+    def outputs(self) -> dict[str, Path | None]:
+        images = {f"--{name.replace('_', '-')}": path for name, path in self._images().items()}
+        return {**images, "--report": self.report, "--mesh-output": self.mesh_output}
+
+    def inputs(self) -> list[Path]:
+        return [self.mesh] if self.high is None else [self.mesh, self.high]
 
     def _images(self) -> dict[str, Path]:
         return {name: getattr(self, name) for name in _IMAGES if getattr(self, name) is not None}
-
-    def _options(self) -> dict[str, Any]:
-        """The options that `ao.bake_texture` takes."""
-        names = ("samples", "seed", "threads", "normals", "tolerance", "reconstruct", "hidden", "traversal")
-        return {name: plain(getattr(self, name)) for name in names}
 
     def _glb(self) -> Path | None:
         """The .glb to write, if there is one."""
@@ -276,12 +233,12 @@ class TextureCommand:
         unmet = catch_warnings(record=True, action="always", category=ao.ToleranceWarning)
         overlap, wrap = self.overlap or "mean", source.uv is not None
         with Checkpoint(f"{images['output']}.partial", self.resume, note) as checkpoint:
-            with progress(self.quiet, "rays") as (advance,), compiling(KERNELS_OF_TEXTURE), unmet as raised:
+            with progress(self.quiet, "rays") as (advance,), unmet as raised:
                 baked = ao.bake_texture(
                     source.file.mesh, uv, size, falloff, progress=advance, checkpoint=checkpoint, overlap=overlap,
                     wrap=wrap, high=source.fine.mesh if source.fine else None, cage=self.cage or CAGE,
                     bent_space=self.bent_space or "world",
-                    **self._options(),
+                    **self.options(),
                 )  # fmt: skip
             lines = [*(str(warning.message) for warning in raised), *_remarks(baked, images["output"], wrap)]
             start = time.perf_counter()
@@ -315,11 +272,8 @@ class TextureCommand:
     def _write_report(self, path: Path, pages: list[tuple[Path, ao.BakedTexture, dict[str, float], list[str]]]) -> None:
         from ao.report import report
         from raytrace.system.atomic import write_json
-        from raytrace.system.threads import thread_count
 
-        options = {name: plain(value) for name, value in vars(self).items() if name not in _NO_OPTIONS_OF_BAKE}
-        options["threads"] = thread_count(self.threads)
-        reports = [report(baked, options, seconds, warnings) for _, baked, seconds, warnings in pages]
+        reports = [report(baked, self.described(), seconds, warnings) for _, baked, seconds, warnings in pages]
         whole = reports[0]
         if len(pages) > 1:
             whole = {"pages": {str(page[0]): made for page, made in zip(pages, reports, strict=True)}}
