@@ -37,16 +37,29 @@ Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="No progress bar and 
 
 @app.command()
 def bake(
-    mesh: Annotated[Path, typer.Argument(metavar="INPUT", help="A mesh file: PLY, OBJ, STL, OFF, GLB, glTF, 3MF, ...")],
+    mesh: Annotated[
+        list[Path],
+        typer.Argument(
+            metavar="INPUT...",
+            help="Mesh files: PLY, OBJ, STL, OFF, GLB, glTF, 3MF, ...; also patterns: 'meshes/*.obj'",
+        ),
+    ],
     output: Annotated[
-        Path,
+        Path | None,
         typer.Option(
             "--output",
             "-o",
             help="Output file, format by ending: .npy .npz .ply .glb of the vertices; .png .exr .tif a texture, with "
             "<UDIM> in the name one for each tile.",
         ),
-    ],
+    ] = None,
+    output_dir: Annotated[
+        Path | None,
+        typer.Option(metavar="FOLDER", help="For several inputs: folder of their outputs, and of manifest.json."),
+    ] = None,
+    format: Annotated[
+        choices.Format | None, typer.Option(help="With --output-dir: of the outputs, by default ply.")
+    ] = None,
     method: Annotated[
         choices.Method, typer.Option(help="Sample at the vertices, or all over the faces with a least-squares fit.")
     ] = "vertex",
@@ -83,7 +96,9 @@ def bake(
     up: Annotated[
         choices.Up | None, typer.Option(help="With --debug-image: the up axis, by default y, for STL and 3MF z.")
     ] = None,
-    resume: Annotated[bool, typer.Option("--resume", help="Continue an interrupted bake to this output.")] = False,
+    resume: Annotated[
+        bool, typer.Option("--resume", help="Continue an interrupted bake or batch to this output.")
+    ] = False,
     colors: Annotated[
         bool, typer.Option("--colors", help="Write w as vertex colours: COLOR_0 of .glb, replacing a .ply's own.")
     ] = False,
@@ -141,9 +156,9 @@ def bake(
 ) -> None:
     """Bake ambient occlusion or obscurance to vertices or a texture."""
     options = locals()
-    from scenes.textures.command import bake_command
+    from scenes.batch.choose import run_bake
 
-    bake_command(options).run()
+    raise typer.Exit(run_bake(options))
 
 
 @app.command()

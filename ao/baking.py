@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 import warnings
+from dataclasses import replace
 from typing import Any
 
 from raytrace.mesh.mesh import Mesh
@@ -92,6 +93,7 @@ def bake(
         reason = f": {options.rays:,} rays a vertex were allowed" if values.samples >= options.rays else ""
         text = f"tolerance {tolerance:g} is not met, the estimated RMSE is {baked.rmse:.3g}{reason}"
         warnings.warn(text, ToleranceWarning, stacklevel=2)
+        return replace(baked, shortfalls=(text,))
     return baked
 
 

@@ -31,6 +31,7 @@ class Bake:
         rmse: estimated root mean square of `error` over the vertices asked for.
         seconds: `build` (the hierarchy over the faces) and `bake` (everything else that makes w).
         mu: the falloff used, in mesh units.
+        shortfalls: what the result lacks of what was asked for, in words: a tolerance that is not met.
     """
 
     w: Float64s
@@ -42,6 +43,7 @@ class Bake:
     rmse: float
     seconds: dict[str, float] = field(compare=False)
     mu: Mu
+    shortfalls: tuple[str, ...] = ()
 
     def __repr__(self) -> str:
         range_ = f"w from {self.w.min():.3f} to {self.w.max():.3f}"

@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import time
 import warnings
+from dataclasses import replace
 from typing import Any, Literal, get_args
 
 import numpy as np
@@ -189,6 +190,7 @@ def bake_texture(
         reason = f": {options.rays:,} rays a texel were allowed" if estimate.samples >= options.rays else ""
         text = f"tolerance {tolerance:g} is not met, the estimated RMSE is {baked.rmse:.3g}{reason}"
         warnings.warn(text, ToleranceWarning, stacklevel=2)
+        return replace(baked, shortfalls=(text,))
     return baked
 
 

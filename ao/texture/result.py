@@ -59,7 +59,7 @@ class BakedTexture:
         rays: number of rays traced, by an interrupted run too. rays_skipped: not traced, by reason.
         rmse: estimated root mean square of `error` over the covered texels.
         facts: of the texture coordinates and seams.
-        seconds, mu: as `ao.Bake` has them.
+        seconds, mu, shortfalls: as `ao.Bake` has them.
     """
 
     w: Float32s
@@ -72,6 +72,7 @@ class BakedTexture:
     facts: TextureFacts
     seconds: dict[str, float] = field(compare=False)
     mu: Mu
+    shortfalls: tuple[str, ...] = ()
 
     def __repr__(self) -> str:
         height, width = self.w.shape

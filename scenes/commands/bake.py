@@ -5,20 +5,36 @@ from __future__ import annotations
 import time
 from abc import ABC, abstractmethod
 from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
-from warnings import catch_warnings
+from typing import TYPE_CHECKING, Any, NamedTuple
+from warnings import catch_warnings, simplefilter
 
 from .console import KERNELS_OF_BAKE, KERNELS_OF_SURFACE, bake_summary, compiling, note, progress, warn
 from .options import FalloffForm, Hidden, Method, NormalsFrom, Occlusion, Traversal, Up, make_falloff, named, plain
 
 if TYPE_CHECKING:
     import ao
-    from ao.trace.checkpoint import Checkpoint
-    from raytrace.mesh.mesh import Mesh
 
 _NO_OPTIONS_OF_BAKE = ("report", "quiet", "resume")  # they change no result
+
+
+@contextmanager
+def told_shortfalls() -> Iterator[None]:
+    """No warnings of Python's about tolerances that are not met, while this lasts: commands print them as their own."""
+    import ao
+
+    with catch_warnings():
+        simplefilter("ignore", ao.ToleranceWarning)
+        yield
+
+
+class Written(NamedTuple):
+    """An output that was written: what to tell of it, and warnings about it, which have been told."""
+
+    summary: str
+    warnings: list[str]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -53,10 +69,10 @@ class MeshBake(ABC):
             OutputError, MemoryLimitError, EmbreeError: as `ao.bake`, `ao.bake_texture` and when writing.
         """
         falloff = self.check()
-        with compiling(self.kernels):
-            for summary in self.bake(falloff):
+        with compiling(self.kernels), told_shortfalls():
+            for written in self.bake(falloff):
                 if not self.quiet:
-                    print(summary)
+                    print(written.summary)
 
     def check(self) -> ao.Falloff:
         """The falloff, if the options go together and the outputs can be written. Raises: OptionError, OutputError."""
@@ -92,6 +108,11 @@ class MeshBake(ABC):
     def kernels(self) -> int:
         """About how many kernels the bake takes."""
 
+    @property
+    @abstractmethod
+    def side_by_side(self) -> bool:
+        """Whether a bake of a small file is small, too: one for a single core."""
+
     @abstractmethod
     def outputs(self) -> dict[str, Path | None]:
         """The files to write, by what the user calls them."""
@@ -101,8 +122,8 @@ class MeshBake(ABC):
         """Check the options of this sort of bake. Raises: OptionError, OutputError."""
 
     @abstractmethod
-    def bake(self, falloff: ao.Falloff) -> Iterator[str]:
-        """Bake and write; a summary of each file. Raises: as `run`."""
+    def bake(self, falloff: ao.Falloff) -> Iterator[Written]:
+        """Bake and write, one output after the other. Raises: as `run`."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -118,7 +139,12 @@ class BakeCommand(MeshBake):
     def kernels(self) -> int:
         return KERNELS_OF_BAKE if self.method == "vertex" else KERNELS_OF_SURFACE
 
-    def bake(self, falloff: ao.Falloff) -> Iterator[str]:
+    @property
+    def side_by_side(self) -> bool:
+        return True
+
+    def bake(self, falloff: ao.Falloff) -> Iterator[Written]:
+        import ao
         from ao.trace.checkpoint import Checkpoint
         from raytrace.system.outputs import check_outputs
 
@@ -134,8 +160,9 @@ class BakeCommand(MeshBake):
             [source.mesh], [*source.notes, *lost(self.output, source, channels(self.output, **self._channels()))]
         )
         with Checkpoint(f"{self.output}.partial", self.resume, note) as checkpoint:
-            baked, unmet = self._bake(source.mesh, falloff, checkpoint)
-            warnings += warn([], unmet)
+            with progress(self.quiet, "rays") as (advance,):
+                baked = ao.bake(source.mesh, falloff, progress=advance, checkpoint=checkpoint, **self.options())
+            warnings += warn([], baked.shortfalls)
             tracing = time.perf_counter()
             write(self.output, baked, source, **self._channels())
         seconds = {"load": loaded - start, "write": time.perf_counter() - tracing}
@@ -146,7 +173,7 @@ class BakeCommand(MeshBake):
             from .flag_image import write_marked
 
             write_marked(self.debug_image, source.mesh, baked, up_axis(self.mesh, self.up))
-        yield bake_summary(baked, self.output)
+        yield Written(bake_summary(baked, self.output), warnings)
 
     def check_own(self) -> None:
         from raytrace.errors import OptionError
@@ -178,15 +205,6 @@ class BakeCommand(MeshBake):
     def _channels(self) -> dict[str, Any]:
         """The options of `scenes.write`."""
         return {name: getattr(self, name) for name in ("colors", "occlusion", "replace_occlusion")}
-
-    def _bake(self, mesh: Mesh, falloff: ao.Falloff, checkpoint: Checkpoint) -> tuple[ao.Bake, list[str]]:
-        """The bake, and warnings that a tolerance was not met."""
-        import ao
-
-        unmet = catch_warnings(record=True, action="always", category=ao.ToleranceWarning)
-        with progress(self.quiet, "rays") as (advance,), unmet as raised:
-            baked = ao.bake(mesh, falloff, progress=advance, checkpoint=checkpoint, **self.options())
-        return baked, [str(warning.message) for warning in raised]
 
     def _write_report(self, path: Path, baked: ao.Bake, seconds: dict[str, float], warnings: list[str]) -> None:
         from ao.report import report

@@ -22,6 +22,7 @@ NormalsFrom = Literal["angle", "area", "equal", "file"]
 Metric = Literal["flip", "rms", "max"]
 Up = Literal["x", "y", "z"]
 Occlusion = Literal["none", "ramp", "texture"]
+Format = Literal["npy", "npz", "ply", "glb", "png", "exr", "tif"]
 Overlap = Literal["mean", "first", "refuse"]
 BentSpace = Literal["world", "tangent"]
 

@@ -7,9 +7,8 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
-from warnings import catch_warnings
 
-from ..commands.bake import BakeCommand, MeshBake
+from ..commands.bake import BakeCommand, MeshBake, Written
 from ..commands.console import KERNELS_OF_TEXTURE, note, progress, texture_summary, warn
 from ..commands.options import BentSpace, Overlap, parse_texels
 
@@ -88,7 +87,11 @@ class TextureCommand(MeshBake):
     def kernels(self) -> int:
         return KERNELS_OF_TEXTURE
 
-    def bake(self, falloff: ao.Falloff) -> Iterator[str]:
+    @property
+    def side_by_side(self) -> bool:
+        return False
+
+    def bake(self, falloff: ao.Falloff) -> Iterator[Written]:
         from raytrace.system.outputs import check_outputs
 
         from ..readers.load import load
@@ -116,7 +119,7 @@ class TextureCommand(MeshBake):
             scene = _Source(source, None if tile is not None else uv if number is None else number, fine)
             baked, seconds, more = self._bake_page(scene, moved, size, falloff, images)
             reports.append((images["output"], baked, {"load": loaded} | seconds, [*warnings, *more]))
-            yield texture_summary(baked, images["output"])
+            yield Written(texture_summary(baked, images["output"]), [*warnings, *more])
         if self.report:
             self._write_report(self.report, reports)
 
@@ -230,17 +233,16 @@ class TextureCommand(MeshBake):
         import ao
         from ao.trace.checkpoint import Checkpoint
 
-        unmet = catch_warnings(record=True, action="always", category=ao.ToleranceWarning)
         overlap, wrap = self.overlap or "mean", source.uv is not None
         with Checkpoint(f"{images['output']}.partial", self.resume, note) as checkpoint:
-            with progress(self.quiet, "rays") as (advance,), unmet as raised:
+            with progress(self.quiet, "rays") as (advance,):
                 baked = ao.bake_texture(
                     source.file.mesh, uv, size, falloff, progress=advance, checkpoint=checkpoint, overlap=overlap,
                     wrap=wrap, high=source.fine.mesh if source.fine else None, cage=self.cage or CAGE,
                     bent_space=self.bent_space or "world",
                     **self.options(),
                 )  # fmt: skip
-            lines = [*(str(warning.message) for warning in raised), *_remarks(baked, images["output"], wrap)]
+            lines = [*baked.shortfalls, *_remarks(baked, images["output"], wrap)]
             start = time.perf_counter()
             lines += self._write(baked, images, source)
             warnings = warn([], lines)

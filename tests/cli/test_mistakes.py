@@ -18,9 +18,34 @@ COMMANDS = [
     ("--verbose", "got --verbose; did you mean --version?"),
     ("-o w.npy bake", "got -o; see obscurance --help"),
     ("bake", "bake: expected INPUT, got nothing; see obscurance bake --help"),
-    ("bake a.ply", "bake: expected --output, got nothing"),
-    ("bake a.ply w.npy", "bake: expected --output, got nothing"),
-    ("bake a.ply b.ply -o w.npy", "bake: expected no more arguments, got b.ply"),
+    ("bake a.ply", "bake --output: expected a file, or --output-dir for several inputs, got nothing"),
+    ("bake a.ply w.npy", "bake --output: expected a file", "got nothing; did you mean -o w.npy?"),
+    ("bake a.ply cloud.obj", "got nothing; did you mean --output-dir?"),
+    (
+        "bake a.ply b.ply -o w.npy",
+        "bake --output: expected --output-dir for 2 inputs, got w.npy; did you mean --output",
+    ),
+    ("bake *.ply -o w.npy", "bake --output: expected --output-dir for a pattern, got w.npy"),
+    ("bake a.ply -o w.npy --output-dir out", "bake --output-dir: expected either --output or --output-dir, got both"),
+    ("bake a.ply -o w.npy --format glb", "bake --format: expected --output-dir with it, got w.npy"),
+    ("bake a.ply --output-dir a.ply", "a.ply: cannot make this folder: it is a file"),
+    ("bake a.ply --output-dir a.ply/out", "a.ply/out: cannot make this folder: Not a directory"),
+    ("bake a.ply --output-dir .", "expected a file that is not read, got a.ply, an input"),
+    (
+        "bake a.ply folder/a.obj --output-dir out",
+        "bake --output-dir: expected inputs of different names, got a.ply and f",
+    ),
+    (
+        "bake folder --output-dir out",
+        "bake INPUT: expected mesh files, got folder, a folder; did you mean 'folder/*.obj'?",
+    ),
+    (
+        "bake 'n*.ply' --output-dir out",
+        "bake INPUT: expected a pattern that matches files, got n*.ply, which matches none",
+    ),
+    ("bake a.ply --output-dir out --report r.json", "bake --report: expected --output with it, for a single bake"),
+    ("bake a.ply --output-dir out --format obj", "bake --format: expected one of npy, npz, ply, glb", "got obj"),
+    ("bake a.ply --output-dir out --samples 0", "bake --samples"),
     ("bake a.ply -o", "bake -o: expected a value, got nothing"),
     ("bake a.ply -o w", "bake --output: expected a name ending in .npy", "got w;"),
     ("bake a.ply -o w.npy.txt", "got w.npy.txt"),
@@ -172,6 +197,7 @@ def folder(tmp_path_factory):
     (folder / "cloud.obj").write_text("v 0 0 0\n")
     (folder / "scene.toml").write_text(BOX)
     (folder / "folder").mkdir()
+    (folder / "folder" / "a.obj").write_text("v 0 0 0\n")
     write_image(folder / "picture.png", np.zeros((4, 4, 3)))
     return folder
 
