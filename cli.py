@@ -40,8 +40,8 @@ def bake(
     mesh: Annotated[
         list[Path],
         typer.Argument(
-            metavar="INPUT...",
-            help="Mesh files: PLY, OBJ, STL, OFF, GLB, glTF, 3MF, ...; also patterns: 'meshes/*.obj'",
+            metavar="INPUT",
+            help="A mesh file: PLY, OBJ, STL, OFF, GLB, glTF, 3MF, ...; or several, or a pattern: 'meshes/*.obj'",
         ),
     ],
     output: Annotated[
