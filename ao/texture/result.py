@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from raytrace.image.encode import linear_png
 from raytrace.image.fill import fill_holes
 from raytrace.mesh.normals import normalize
 from raytrace.types import Bools, Float32s, Float64s
@@ -78,6 +79,10 @@ class BakedTexture:
         height, width = self.w.shape
         range_ = f"w from {self.w.min():.3f} to {self.w.max():.3f}"
         return f"<BakedTexture {width}×{height}: {range_}, RMSE {self.rmse:.2g}, {self.rays:,} rays>"
+
+    def _repr_png_(self) -> bytes:
+        """w as a PNG of greys without a colour space: what notebooks show."""
+        return linear_png((255 * self.w[..., None] + 0.5).astype(np.uint8))
 
 
 @dataclass(frozen=True, eq=False)

@@ -9,11 +9,12 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, BinaryIO
+from typing import TYPE_CHECKING, Any, BinaryIO
 
 import numpy as np
 
 from raytrace.errors import InputError, MeshError, printable
+from raytrace.mesh.convert import mesh_of
 from raytrace.mesh.mesh import Mesh
 from raytrace.system.inputs import check_regular
 from raytrace.system.memory import check_memory
@@ -68,8 +69,9 @@ class MeshFile:
         return own + (self.detail.files if self.detail else ())
 
     @classmethod
-    def of(cls, mesh: Mesh) -> MeshFile:
-        """A mesh made in memory, as if read from a file of its one object."""
+    def of(cls, mesh: Mesh | Any) -> MeshFile:
+        """A mesh made in memory, in any form that `ao.bake` takes, as if read from a file of its one object."""
+        mesh = mesh_of(mesh, "mesh")
         whole = Part(mesh.source, slice(0, len(mesh.vertices)), slice(0, len(mesh.faces)))
         return cls(Path(mesh.source), mesh, (whole,))
 
