@@ -18,7 +18,6 @@ from scenes.commands.console import columns, note, output_failed, readable_outpu
 from scenes.commands.usage import mistake_in_words, option_in_words
 
 app = typer.Typer(
-    add_completion=False,
     rich_markup_mode=None,
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"]},
@@ -33,6 +32,27 @@ MaxDistance = Annotated[str, typer.Option(help='Ignore hits farther away: mesh u
 NORMALS = typer.Option(help="Vertex normals: face normals weighted by angle, by area or equally, or the file's own.")
 Report = Annotated[Path | None, typer.Option(help="Also write a JSON report.")]
 Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="No progress bar and no summary.")]
+
+
+def _take_options(context: typer.Context, report: Path | None) -> None:
+    """Let options that are not given have the values that they had in an earlier bake."""
+    if report is not None:
+        from scenes.baking.saved_options import saved_options
+
+        context.default_map = saved_options(report)
+
+
+FromReport = Annotated[
+    None,
+    typer.Option(
+        "--options",
+        parser=Path,
+        metavar="REPORT",
+        is_eager=True,
+        callback=_take_options,
+        help="Options of an earlier bake, from its --report or manifest.json; those given here override them.",
+    ),
+]
 
 
 @app.command()
@@ -97,7 +117,7 @@ def bake(
         choices.Up | None, typer.Option(help="With --debug-image: the up axis, by default y, for STL and 3MF z.")
     ] = None,
     resume: Annotated[
-        bool, typer.Option("--resume", help="Continue an interrupted bake or batch to this output.")
+        bool, typer.Option("--resume", help="Continue an interrupted bake, or batch, to this output.")
     ] = False,
     colors: Annotated[
         bool, typer.Option("--colors", help="Write w as vertex colours: COLOR_0 of .glb, replacing a .ply's own.")
@@ -153,10 +173,11 @@ def bake(
     ] = None,
     half: Annotated[bool, typer.Option("--half", help="Texture: 16-bit floats in .exr and .tif.")] = False,
     quiet: Quiet = False,
+    from_report: FromReport = None,
 ) -> None:
     """Bake ambient occlusion or obscurance to vertices or a texture."""
-    options = locals()
-    from scenes.batch.choose import run_bake
+    options = {name: value for name, value in locals().items() if name != "from_report"}
+    from scenes.baking.choose import run_bake
 
     raise typer.Exit(run_bake(options))
 
@@ -336,13 +357,16 @@ def demo(
 @app.callback(invoke_without_command=True)
 def start(
     context: typer.Context,
-    version: Annotated[bool, typer.Option("--version", help="Show the version and exit.")] = False,
+    version: Annotated[bool, typer.Option("--version", help="Show versions and the processor, and exit.")] = False,
 ) -> None:
     """Bake ambient occlusion or obscurance (1 = open) and render scenes, with Embree."""
     if version:
-        from importlib.metadata import version as installed
+        from ao.report import versions
+        from raytrace.kernel.processor import processor
 
-        print("obscurance", installed("obscurance"))
+        found = versions()
+        print("obscurance", found["obscurance"])
+        print(columns([("Embree", found["embree"]), ("CPU", processor()), ("Python", found["python"])]))
         raise typer.Exit
     if context.invoked_subcommand is None:
         print(context.get_help())

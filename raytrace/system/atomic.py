@@ -50,9 +50,9 @@ def _replacing(path: str | os.PathLike[str]) -> Iterator[tuple[Path, int]]:
     """A temporary file, and its open handle, that replaces `path` when the block ends without an exception."""
     try:
         target = _regular_target(path)
-        temporary, handle = _create_beside(target)
-        try:
-            yield temporary, handle
+        temporary = _beside(target)
+        try:  # from before the file is there: an interrupt may come as it is opened
+            yield temporary, _create(temporary)
             os.replace(temporary, target)
         except BaseException:
             with suppress(OSError):
@@ -83,9 +83,12 @@ def check_writable(path: str | os.PathLike[str]) -> None:
         OutputError: the folder is missing or refuses new files, or `path` is something other than a file.
     """
     try:
-        temporary, handle = _create_beside(_regular_target(path))
-        os.close(handle)
-        temporary.unlink()
+        temporary = _beside(_regular_target(path))
+        try:
+            os.close(_create(temporary))
+        finally:
+            with suppress(OSError):
+                temporary.unlink()
     except OSError as reason:
         if isinstance(reason, OutputError):
             raise
@@ -104,10 +107,13 @@ def _regular_target(path: str | os.PathLike[str]) -> Path:
     return target
 
 
-def _create_beside(target: Path) -> tuple[Path, int]:
+def _beside(target: Path) -> Path:
+    return target.parent / f".obscurance-{secrets.token_hex(6)}.part"
+
+
+def _create(path: Path) -> int:
     # os.open rather than tempfile: tempfile's mode is 0600 whatever the umask.
-    temporary = target.parent / f".obscurance-{secrets.token_hex(6)}.part"
-    return temporary, os.open(temporary, os.O_WRONLY | os.O_CREAT | os.O_EXCL | getattr(os, "O_BINARY", 0), 0o666)
+    return os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | getattr(os, "O_BINARY", 0), 0o666)
 
 
 def _cannot_write(path: str | os.PathLike[str], reason: OSError) -> OutputError:

@@ -107,9 +107,14 @@ class Batch:
 
     def _bake_one(self, manifest: Manifest, place: int, falloff: ao.Falloff, threads: int) -> None:
         bake, entry = replace(self.bakes[place], quiet=True, threads=threads, resume=False), manifest.entries[place]
-        start = time.perf_counter()
+        start, before = time.perf_counter(), _identity(bake.output)
         try:
             written = list(bake.bake(falloff))
+            entry.status = "done"
+        except KeyboardInterrupt:
+            if _identity(bake.output) != before:  # it has been written, whole
+                entry.status = "done"
+            raise
         except Exception as fault:
             expected = isinstance(fault, ObscuranceError | OSError | MemoryError)
             message = str(fault) if expected and str(fault) else f"{type(fault).__name__}: {fault}"
@@ -119,7 +124,6 @@ class Batch:
         else:
             entry.message = "\n".join(each.summary for each in written)
             entry.warnings = [line for each in written for line in each.warnings]
-            entry.status = "done"
         entry.seconds = round(time.perf_counter() - start, 3)
 
 
@@ -130,6 +134,15 @@ def _digest(path: Path) -> str:
             return hashlib.file_digest(file, "sha256").hexdigest()
     except (OSError, ValueError):
         return ""
+
+
+def _identity(path: Path) -> object:
+    """What differs after a file is replaced."""
+    try:
+        found = path.stat()
+        return found.st_ino, found.st_mtime_ns
+    except (OSError, ValueError):
+        return None
 
 
 def _size(path: Path) -> int:

@@ -17,7 +17,7 @@ from .options import FalloffForm, Hidden, Method, NormalsFrom, Occlusion, Traver
 if TYPE_CHECKING:
     import ao
 
-_NO_OPTIONS_OF_BAKE = ("report", "quiet", "resume")  # they change no result
+NO_OPTIONS_OF_BAKE = frozenset({"report", "quiet", "resume"})  # they change no result
 
 
 @contextmanager
@@ -96,7 +96,7 @@ class MeshBake(ABC):
         """Every effective option, as a JSON report has it."""
         from raytrace.system.threads import thread_count
 
-        options = {name: plain(value) for name, value in vars(self).items() if name not in _NO_OPTIONS_OF_BAKE}
+        options = {name: plain(value) for name, value in vars(self).items() if name not in NO_OPTIONS_OF_BAKE}
         return options | {"threads": thread_count(self.threads)}
 
     def inputs(self) -> list[Path]:

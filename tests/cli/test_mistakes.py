@@ -1,11 +1,12 @@
 """A newcomer's mistakes: one line each, with what came, what was expected and what was probably meant."""
 
+import os
 import shlex
 
 import numpy as np
 import pytest
 import trimesh
-from command import obscurance, refused
+from command import obscurance, process, refused
 
 from raytrace.image.write import write_image
 
@@ -250,4 +251,17 @@ def test_help_of_every_command():
 def test_the_version():
     result = obscurance("--version")
     assert result.returncode == 0
-    assert result.stdout.split()[0] == "obscurance"
+    lines = dict(line.split(maxsplit=1) for line in result.stdout.splitlines())
+    assert list(lines) == ["obscurance", "Embree", "CPU", "Python"]
+    assert lines["Embree"].startswith("4.")
+    assert "lanes of float32" in lines["CPU"]
+
+
+def test_a_shell_completes_commands_options_and_choices():
+    for words, count, expected in (
+        ("obscurance be", 1, "bench"),
+        ("obscurance bake --fal", 2, "--falloff"),
+        ("obscurance bake --falloff b", 3, "binary"),
+    ):
+        asked = {"_OBSCURANCE_COMPLETE": "complete_bash", "COMP_WORDS": words, "COMP_CWORD": str(count)}
+        assert process(env={**os.environ, **asked}).stdout.split() == [expected]

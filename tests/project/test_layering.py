@@ -26,7 +26,7 @@ ORDER = [
     *("ao.texture", "ao.baking", "ao.report", "ao.analytic"),
     *("scenes.field_errors", "scenes.safe_paths", "scenes.geometry", "scenes.gltf", "scenes.readers"),
     *("scenes.writers", "scenes.description", "scenes.library", "scenes.validation", "scenes.stress"),
-    *("scenes.generated", "scenes.commands", "scenes.textures", "scenes.batch"),
+    *("scenes.generated", "scenes.commands", "scenes.textures", "scenes.batch", "scenes.baking"),
     "cli",
 ]
 """Every folder and every file outside folders: each may import what stands before it."""
@@ -37,6 +37,7 @@ DOORS = {
     "llvmlite": {
         "raytrace.kernel.cache",
         "raytrace.kernel.machine_code",
+        "raytrace.kernel.processor",
         "raytrace.kernel.lanes",
         "raytrace.kernel.compiler",
         "raytrace.embree.library",

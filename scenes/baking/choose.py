@@ -7,9 +7,9 @@ from typing import Any
 
 from raytrace.errors import OptionError
 
+from ..batch.command import Batch
+from ..batch.inputs import expand, is_pattern, outputs_in
 from ..textures.command import bake_command
-from .command import Batch
-from .inputs import expand, is_pattern, outputs_in
 
 _FILES = ("report", "debug_image", "mesh_output", "bent_normals", "error_map")  # one for each bake
 
