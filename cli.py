@@ -61,7 +61,8 @@ def bake(
         list[Path],
         typer.Argument(
             metavar="INPUT",
-            help="A mesh file: PLY, OBJ, STL, OFF, GLB, glTF, 3MF, ...; or several, or a pattern: 'meshes/*.obj'",
+            help="A mesh file: PLY, OBJ, STL, OFF, GLB, glTF, 3MF, ...; several; a pattern ('meshes/*.obj'); or - for "
+            "standard input.",
         ),
     ],
     output: Annotated[
@@ -78,7 +79,11 @@ def bake(
         typer.Option(metavar="FOLDER", help="For several inputs: folder of their outputs, and of manifest.json."),
     ] = None,
     format: Annotated[
-        choices.Format | None, typer.Option(help="With --output-dir: of the outputs, by default ply.")
+        choices.Format | None,
+        typer.Option(help="Format of the outputs in --output-dir, or of -o - (standard output); by default ply."),
+    ] = None,
+    input_format: Annotated[
+        choices.InputFormat | None, typer.Option(help="With - as INPUT: its format, if its first bytes do not tell.")
     ] = None,
     method: Annotated[
         choices.Method, typer.Option(help="Sample at the vertices, or all over the faces with a least-squares fit.")
@@ -183,12 +188,21 @@ def bake(
 
 
 @app.command()
-def info(mesh: Annotated[Path, typer.Argument(metavar="MESH", help="A mesh file.")]) -> None:
+def info(
+    mesh: Annotated[Path, typer.Argument(metavar="MESH", help="A mesh file, or - for standard input.")],
+    json: Annotated[bool, typer.Option("--json", help="As JSON, for other programs.")] = False,
+) -> None:
     """Describe a mesh file and its defects."""
-    from scenes.commands.info import describe
-    from scenes.readers.load import load
+    from scenes.baking.streams import load_mesh
+    from scenes.commands.info import describe, facts
 
-    print(columns(describe(load(mesh))))
+    source = load_mesh(mesh)
+    if json:
+        from json import dumps
+
+        print(dumps(facts(source), indent=2, allow_nan=False))
+    else:
+        print(columns(describe(source)))
 
 
 @app.command()

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import io
 import json
 import os
 import secrets
 import stat
+import sys
+import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -20,11 +23,17 @@ def atomic_write(path: str | os.PathLike[str]) -> Iterator[BinaryIO]:
 
     The bytes go to a temporary file in the same folder, are flushed to the disk and renamed over `path`. When
     anything fails, an interrupt included, the temporary is removed and an existing `path` keeps its content.
-    A symbolic link is followed: the file it names is replaced. The file mode is the umask's.
+    A symbolic link is followed: the file it names is replaced. The file mode is the umask's. What `standard_output`
+    names goes to standard output when it is whole.
 
     Raises:
         OutputError: the file cannot be created, written or renamed. Other exceptions of the block pass through.
     """
+    if is_standard_output(path):
+        content = io.BytesIO()
+        yield content
+        _to_standard_output(content.getbuffer())
+        return
     with _replacing(path) as (_, handle), os.fdopen(handle, "wb") as file:
         yield file
         file.flush()
@@ -38,6 +47,12 @@ def atomic_path(path: str | os.PathLike[str]) -> Iterator[Path]:
     Raises:
         OutputError: the file cannot be created, flushed or renamed. Other exceptions of the block pass through.
     """
+    if is_standard_output(path):
+        with tempfile.TemporaryDirectory() as folder:
+            made = Path(folder) / f"output{Path(path).suffix}"
+            yield made
+            _to_standard_output(made.read_bytes())
+        return
     with _replacing(path) as (temporary, handle):
         os.close(handle)
         yield temporary
@@ -64,6 +79,22 @@ def _replacing(path: str | os.PathLike[str]) -> Iterator[tuple[Path, int]]:
         raise _cannot_write(path, reason) from None
 
 
+def standard_output(ending: str) -> Path:
+    """A name for standard output, with the ending of the format that is written to it, "ply" for instance."""
+    return Path(f"<stdout>.{ending}")
+
+
+def is_standard_output(path: str | os.PathLike[str]) -> bool:
+    """Whether `path` is one that `standard_output` made."""
+    return Path(path).stem == "<stdout>"
+
+
+def _to_standard_output(content: bytes | memoryview) -> None:
+    sys.stdout.flush()
+    sys.stdout.buffer.write(content)
+    sys.stdout.flush()
+
+
 def write_json(path: str | os.PathLike[str], content: Any) -> None:
     """Write JSON, UTF-8, indented by two, whole or not at all.
 
@@ -82,6 +113,10 @@ def check_writable(path: str | os.PathLike[str]) -> None:
     Raises:
         OutputError: the folder is missing or refuses new files, or `path` is something other than a file.
     """
+    if is_standard_output(path):
+        if sys.stdout.isatty():
+            raise OutputError("standard output: cannot write: it is a terminal; pipe it, or name a file")
+        return
     try:
         temporary = _beside(_regular_target(path))
         try:

@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 from raytrace.errors import OptionError
+from raytrace.system.atomic import standard_output
 
 from ..batch.command import Batch
 from ..batch.inputs import expand, is_pattern, outputs_in
 from ..textures.command import bake_command
+from .streams import STANDARD, standard_input
 
 _FILES = ("report", "debug_image", "mesh_output", "bent_normals", "error_map")  # one for each bake
 
@@ -22,11 +25,23 @@ def run_bake(options: dict[str, Any]) -> int:
     """
     options = dict(options)
     given, folder, format_ = options.pop("mesh"), options.pop("output_dir"), options.pop("format")
+    input_format = options.pop("input_format")
+    if STANDARD in given and (len(given) > 1 or folder is not None):
+        raise OptionError("mesh", "files for a batch", "-, standard input")
+    if input_format is not None and STANDARD not in given:
+        raise OptionError("input_format", "- as the input with it", given[0])
+    if options["output"] == STANDARD:
+        options["output"], format_ = standard_output(format_ or "ply"), None
     if folder is None:
         _check_single(given, options["output"])
         if format_ is not None:
-            raise OptionError("format", "--output-dir with it", options["output"])
-        bake_command({**options, "mesh": given[0]}).run()
+            raise OptionError("format", "--output-dir or -o - with it", options["output"])
+        if given[0] != STANDARD:
+            bake_command({**options, "mesh": given[0]}).run()
+            return 0
+        _check_ahead(options)
+        piped, content = standard_input(input_format)
+        replace(bake_command({**options, "mesh": piped}), content=content).run()
         return 0
     if options["output"] is not None:
         raise OptionError("output_dir", "either --output or --output-dir", "both")
@@ -39,6 +54,11 @@ def run_bake(options: dict[str, Any]) -> int:
         bake_command({**options, "mesh": path, "output": output}) for path, output in zip(inputs, outputs, strict=True)
     ]
     return Batch(bakes, Path(folder), options["resume"], options["threads"], options["quiet"]).run()
+
+
+def _check_ahead(options: dict[str, Any]) -> None:
+    """Find mistakes before anything is read from a pipe. Raises: OptionError, OutputError."""
+    bake_command({**options, "mesh": Path("<stdin>.ply")}).check()
 
 
 def _check_single(given: list[Path], output: Path | None) -> None:

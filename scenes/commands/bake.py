@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import sys
 import time
 from abc import ABC, abstractmethod
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager, nullcontext
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -16,8 +17,9 @@ from .options import FalloffForm, Hidden, Method, NormalsFrom, Occlusion, Traver
 
 if TYPE_CHECKING:
     import ao
+    from ao.trace.checkpoint import Checkpoint
 
-NO_OPTIONS_OF_BAKE = frozenset({"report", "quiet", "resume"})  # they change no result
+NO_OPTIONS_OF_BAKE = frozenset({"report", "quiet", "resume", "content"})  # they change no result
 
 
 @contextmanager
@@ -60,6 +62,8 @@ class MeshBake(ABC):
     occlusion: Occlusion | None
     replace_occlusion: bool
     quiet: bool
+    content: bytes | None = None
+    """Of the mesh, if it is no file's."""
 
     def run(self) -> None:
         """Bake, write, and print a summary.
@@ -68,11 +72,13 @@ class MeshBake(ABC):
             InputError: an option, the mesh, or options that exclude each other.
             OutputError, MemoryLimitError, EmbreeError: as `ao.bake`, `ao.bake_texture` and when writing.
         """
+        from raytrace.system.atomic import is_standard_output
+
         falloff = self.check()
         with compiling(self.kernels), told_shortfalls():
             for written in self.bake(falloff):
                 if not self.quiet:
-                    print(written.summary)
+                    print(written.summary, file=sys.stderr if is_standard_output(self.output) else sys.stdout)
 
     def check(self) -> ao.Falloff:
         """The falloff, if the options go together and the outputs can be written. Raises: OptionError, OutputError."""
@@ -98,6 +104,13 @@ class MeshBake(ABC):
 
         options = {name: plain(value) for name, value in vars(self).items() if name not in NO_OPTIONS_OF_BAKE}
         return options | {"threads": thread_count(self.threads)}
+
+    def checkpoint(self, output: Path) -> AbstractContextManager[Checkpoint | None]:
+        """Keeps what is traced for an output, beside it; none beside standard output."""
+        from ao.trace.checkpoint import Checkpoint
+        from raytrace.system.atomic import is_standard_output
+
+        return nullcontext() if is_standard_output(output) else Checkpoint(f"{output}.partial", self.resume, note)
 
     def inputs(self) -> list[Path]:
         """The files that are read, as far as the options name them."""
@@ -145,7 +158,6 @@ class BakeCommand(MeshBake):
 
     def bake(self, falloff: ao.Falloff) -> Iterator[Written]:
         import ao
-        from ao.trace.checkpoint import Checkpoint
         from raytrace.system.outputs import check_outputs
 
         from ..readers.load import load
@@ -153,13 +165,13 @@ class BakeCommand(MeshBake):
         from ..writers.write import channels, write
 
         start = time.perf_counter()
-        source = load(self.mesh, self.output)
+        source = load(self.mesh, self.output, self.content)
         check_outputs(self.outputs(), source.files)
         loaded = time.perf_counter()
         warnings = warn(
             [source.mesh], [*source.notes, *lost(self.output, source, channels(self.output, **self._channels()))]
         )
-        with Checkpoint(f"{self.output}.partial", self.resume, note) as checkpoint:
+        with self.checkpoint(self.output) as checkpoint:
             with progress(self.quiet, "rays") as (advance,):
                 baked = ao.bake(source.mesh, falloff, progress=advance, checkpoint=checkpoint, **self.options())
             warnings += warn([], baked.shortfalls)

@@ -23,6 +23,7 @@ Metric = Literal["flip", "rms", "max"]
 Up = Literal["x", "y", "z"]
 Occlusion = Literal["none", "ramp", "texture"]
 Format = Literal["npy", "npz", "ply", "glb", "png", "exr", "tif"]
+InputFormat = Literal["ply", "obj", "stl", "off", "glb", "gltf", "3mf"]
 Overlap = Literal["mean", "first", "refuse"]
 BentSpace = Literal["world", "tangent"]
 

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ..commands.bake import BakeCommand, MeshBake, Written
-from ..commands.console import KERNELS_OF_TEXTURE, note, progress, texture_summary, warn
+from ..commands.console import KERNELS_OF_TEXTURE, progress, texture_summary, warn
 from ..commands.options import BentSpace, Overlap, parse_texels
 
 if TYPE_CHECKING:
@@ -45,12 +45,12 @@ def bake_command(options: dict[str, Any]) -> BakeCommand | TextureCommand:
         for name in options.keys() - own:
             if options[name]:
                 raise OptionError(name, "with it an image to write, or --occlusion texture", output)
-        return BakeCommand(**{name: options[name] for name in own})
+        return BakeCommand(**{name: value for name, value in options.items() if name in own})
     for name, usual in _OF_VERTICES.items():
         if options[name] != usual:
             raise OptionError(name, "w at vertices, not in a texture, with it", output)
     own = {field.name for field in fields(TextureCommand)}
-    return TextureCommand(**{name: options[name] for name in own})
+    return TextureCommand(**{name: value for name, value in options.items() if name in own})
 
 
 @dataclass(frozen=True)
@@ -99,7 +99,7 @@ class TextureCommand(MeshBake):
         from .names import UDIM
 
         start = time.perf_counter()
-        source = load(self.mesh, "kept.glb")
+        source = load(self.mesh, "kept.glb", self.content)
         number, uv, size = self._coordinates(source)
         tiles = udim_tiles(uv, source.path) if UDIM in self.output.name else [None]
         outputs: dict[str, Path | None] = {"--report": self.report, "--mesh-output": self.mesh_output}
@@ -231,10 +231,9 @@ class TextureCommand(MeshBake):
     ) -> tuple[ao.BakedTexture, dict[str, float], list[str]]:
         """Bake one page and write its images: what was baked, the seconds of writing, and warnings."""
         import ao
-        from ao.trace.checkpoint import Checkpoint
 
         overlap, wrap = self.overlap or "mean", source.uv is not None
-        with Checkpoint(f"{images['output']}.partial", self.resume, note) as checkpoint:
+        with self.checkpoint(images["output"]) as checkpoint:
             with progress(self.quiet, "rays") as (advance,):
                 baked = ao.bake_texture(
                     source.file.mesh, uv, size, falloff, progress=advance, checkpoint=checkpoint, overlap=overlap,

@@ -28,7 +28,7 @@ COMMANDS = [
     ),
     ("bake *.ply -o w.npy", "bake --output: expected --output-dir for a pattern, got w.npy"),
     ("bake a.ply -o w.npy --output-dir out", "bake --output-dir: expected either --output or --output-dir, got both"),
-    ("bake a.ply -o w.npy --format glb", "bake --format: expected --output-dir with it, got w.npy"),
+    ("bake a.ply -o w.npy --format glb", "bake --format: expected --output-dir or -o - with it, got w.npy"),
     ("bake a.ply --output-dir a.ply", "a.ply: cannot make this folder: it is a file"),
     ("bake a.ply --output-dir a.ply/out", "a.ply/out: cannot make this folder: Not a directory"),
     ("bake a.ply --output-dir .", "expected a file that is not read, got a.ply, an input"),
