@@ -177,6 +177,9 @@ def bake(
         ),
     ] = None,
     half: Annotated[bool, typer.Option("--half", help="Texture: 16-bit floats in .exr and .tif.")] = False,
+    dry_run: Annotated[
+        bool, typer.Option("--dry-run", help="Write nothing; tell rays, memory, time and what would be written.")
+    ] = False,
     quiet: Quiet = False,
     from_report: FromReport = None,
 ) -> None:

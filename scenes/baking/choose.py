@@ -10,7 +10,8 @@ from raytrace.errors import OptionError
 from raytrace.system.atomic import standard_output
 
 from ..batch.command import Batch
-from ..batch.inputs import expand, is_pattern, outputs_in
+from ..batch.inputs import MANIFEST, expand, is_pattern, outputs_in
+from ..commands.bake import MeshBake
 from ..textures.command import bake_command
 from .streams import STANDARD, standard_input
 
@@ -24,41 +25,53 @@ def run_bake(options: dict[str, Any]) -> int:
         InputError, OutputError, MemoryLimitError, EmbreeError: as `MeshBake.run` and `Batch.run`.
     """
     options = dict(options)
+    dry = options.pop("dry_run")
+    chosen = _chosen(options)
+    if not dry:
+        return chosen.run()
+    from .dry_run import dry_run
+
+    if isinstance(chosen, Batch):
+        return dry_run(chosen.bakes, chosen.check(keep=False), [chosen.folder / MANIFEST])
+    return dry_run([chosen], chosen.check())
+
+
+def _chosen(options: dict[str, Any]) -> MeshBake | Batch:
+    """The bake, or the batch, that options ask for.
+
+    Raises: InputError: they do not go together; as `standard_input`.
+    """
     given, folder, format_ = options.pop("mesh"), options.pop("output_dir"), options.pop("format")
     input_format = options.pop("input_format")
     if STANDARD in given and (len(given) > 1 or folder is not None):
         raise OptionError("mesh", "files for a batch", "-, standard input")
     if input_format is not None and STANDARD not in given:
         raise OptionError("input_format", "- as the input with it", given[0])
+    if folder is not None:
+        return _batch(options, given, folder, format_ or "ply")
+    _check_single(given, options["output"])
     if options["output"] == STANDARD:
-        options["output"], format_ = standard_output(format_ or "ply"), None
-    if folder is None:
-        _check_single(given, options["output"])
-        if format_ is not None:
-            raise OptionError("format", "--output-dir or -o - with it", options["output"])
-        if given[0] != STANDARD:
-            bake_command({**options, "mesh": given[0]}).run()
-            return 0
-        _check_ahead(options)
-        piped, content = standard_input(input_format)
-        replace(bake_command({**options, "mesh": piped}), content=content).run()
-        return 0
+        options["output"] = standard_output(format_ or "ply")
+    elif format_ is not None:
+        raise OptionError("format", "--output-dir or -o - with it", options["output"])
+    if given[0] != STANDARD:
+        return bake_command({**options, "mesh": given[0]})
+    bake_command({**options, "mesh": Path("<stdin>.ply")}).check()  # before anything is read from a pipe
+    piped, content = standard_input(input_format)
+    return replace(bake_command({**options, "mesh": piped}), content=content)
+
+
+def _batch(options: dict[str, Any], given: list[Path], folder: Path, ending: str) -> Batch:
+    """Raises: OptionError: options of single bakes, inputs that are none, or that would have one output."""
     if options["output"] is not None:
         raise OptionError("output_dir", "either --output or --output-dir", "both")
     for name in _FILES:
         if options[name] is not None:
             raise OptionError(name, "--output with it, for a single bake", "--output-dir")
     inputs = expand(given)
-    outputs = outputs_in(folder, inputs, format_ or "ply")
-    bakes = [
-        bake_command({**options, "mesh": path, "output": output}) for path, output in zip(inputs, outputs, strict=True)
-    ]
-    return Batch(bakes, Path(folder), options["resume"], options["threads"], options["quiet"]).run()
-
-
-def _check_ahead(options: dict[str, Any]) -> None:
-    """Find mistakes before anything is read from a pipe. Raises: OptionError, OutputError."""
-    bake_command({**options, "mesh": Path("<stdin>.ply")}).check()
+    pairs = zip(inputs, outputs_in(folder, inputs, ending), strict=True)
+    bakes = [bake_command({**options, "mesh": path, "output": output}) for path, output in pairs]
+    return Batch(bakes, folder, options["resume"], options["threads"], options["quiet"])
 
 
 def _check_single(given: list[Path], output: Path | None) -> None:

@@ -47,11 +47,8 @@ class Batch:
             OutputError: the folder, or an output in it, cannot be written.
             SystemExit: interrupted.
         """
-        with made(self.folder):
-            falloff = self.bakes[0].check()
-            inputs = [path for bake in self.bakes for path in bake.inputs()]
-            check_batch(self.folder, inputs, [bake.output for bake in self.bakes])
-            manifest = self._manifest()
+        falloff = self.check()
+        manifest = self._manifest()
         start = time.perf_counter()
         try:
             with compiling(self.bakes[0].kernels), told_shortfalls():
@@ -64,6 +61,19 @@ class Batch:
         if not self.quiet:
             print(f"{self._told(manifest)} in {time.perf_counter() - start:.2f} s; {printable(str(manifest.path))}")
         return 1 if manifest.count("failed") else 0
+
+    def check(self, keep: bool = True) -> ao.Falloff:
+        """The falloff, if the options go together and the outputs can be written; makes the folder of these.
+
+        Args: keep: whether a folder that is made stays.
+
+        Raises: OptionError, OutputError.
+        """
+        with made(self.folder, keep):
+            falloff = self.bakes[0].check()
+            inputs = [path for bake in self.bakes for path in bake.inputs()]
+            check_batch(self.folder, inputs, [bake.output for bake in self.bakes])
+        return falloff
 
     def _told(self, manifest: Manifest) -> str:
         failed = manifest.count("failed")

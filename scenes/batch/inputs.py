@@ -62,8 +62,10 @@ def outputs_in(folder: Path, inputs: Sequence[Path], ending: str) -> list[Path]:
 
 
 @contextmanager
-def made(folder: Path) -> Iterator[None]:
+def made(folder: Path, keep: bool = True) -> Iterator[None]:
     """Make a folder for outputs, unless it is there; if the checks in the block fail, it goes again.
+
+    Args: keep: whether it stays otherwise.
 
     Raises: OutputError: it cannot be made.
     """
@@ -73,12 +75,14 @@ def made(folder: Path) -> Iterator[None]:
     except OSError as reason:
         what = "it is a file" if isinstance(reason, FileExistsError) else reason.strerror
         raise OutputError(f"{folder}: cannot make this folder: {what}") from None
+    passed = False
     try:
         yield
-    except BaseException:
-        for each in new:
-            each.rmdir()
-        raise
+        passed = True
+    finally:
+        if not (passed and keep):
+            for each in new:
+                each.rmdir()
 
 
 def check_batch(folder: Path, inputs: Iterable[Path], outputs: Iterable[Path]) -> None:

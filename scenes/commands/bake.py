@@ -5,7 +5,7 @@ from __future__ import annotations
 import sys
 import time
 from abc import ABC, abstractmethod
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager, nullcontext
 from dataclasses import dataclass
 from pathlib import Path
@@ -19,6 +19,8 @@ if TYPE_CHECKING:
     import ao
     from ao.trace.checkpoint import Checkpoint
 
+    from ..readers.load import MeshFile
+
 NO_OPTIONS_OF_BAKE = frozenset({"report", "quiet", "resume", "content"})  # they change no result
 
 
@@ -30,6 +32,21 @@ def told_shortfalls() -> Iterator[None]:
     with catch_warnings():
         simplefilter("ignore", ao.ToleranceWarning)
         yield
+
+
+class Work(NamedTuple):
+    """What a bake is made of.
+
+    Attributes:
+        points: how many are baked, at most. unit: what they are, "vertices" or "texels".
+        bytes: memory that the bake takes at its peak.
+        trial: bakes about so many of the points, to see how long that takes; returns how many.
+    """
+
+    points: int
+    unit: str
+    bytes: int
+    trial: Callable[[int], int]
 
 
 class Written(NamedTuple):
@@ -65,8 +82,8 @@ class MeshBake(ABC):
     content: bytes | None = None
     """Of the mesh, if it is no file's."""
 
-    def run(self) -> None:
-        """Bake, write, and print a summary.
+    def run(self) -> int:
+        """Bake, write, and print a summary. Returns: the exit status, 0.
 
         Raises:
             InputError: an option, the mesh, or options that exclude each other.
@@ -79,6 +96,7 @@ class MeshBake(ABC):
             for written in self.bake(falloff):
                 if not self.quiet:
                     print(written.summary, file=sys.stderr if is_standard_output(self.output) else sys.stdout)
+        return 0
 
     def check(self) -> ao.Falloff:
         """The falloff, if the options go together and the outputs can be written. Raises: OptionError, OutputError."""
@@ -134,6 +152,21 @@ class MeshBake(ABC):
     def check_own(self) -> None:
         """Check the options of this sort of bake. Raises: OptionError, OutputError."""
 
+    def read(self) -> MeshFile:
+        """The mesh file, with what the output can hold of it. Raises: InputError."""
+        from ..readers.load import load
+
+        return load(self.mesh, self.kept, self.content)
+
+    @property
+    @abstractmethod
+    def kept(self) -> Path:
+        """A name of the format for which a mesh file's details are read."""
+
+    @abstractmethod
+    def work(self, source: MeshFile, falloff: ao.Falloff) -> Work:
+        """What a bake of `source` is made of. Raises: InputError: as `bake`, before anything is traced."""
+
     @abstractmethod
     def bake(self, falloff: ao.Falloff) -> Iterator[Written]:
         """Bake and write, one output after the other. Raises: as `run`."""
@@ -156,16 +189,45 @@ class BakeCommand(MeshBake):
     def side_by_side(self) -> bool:
         return True
 
+    @property
+    def kept(self) -> Path:
+        return self.output
+
+    def work(self, source: MeshFile, falloff: ao.Falloff) -> Work:
+        import numpy as np
+
+        import ao
+        from ao.gather.receivers import find_receivers
+        from ao.memory import surface_bytes, vertex_bytes
+        from ao.options import Options
+        from raytrace.mesh.placement import Placement
+
+        mesh = source.mesh
+        counts = len(mesh.vertices), len(mesh.faces)
+        rays = Options(**self.options()).rays
+        needed = vertex_bytes(*counts, rays) if self.method == "vertex" else surface_bytes(*counts)
+
+        def trial(count: int) -> int:
+            only = np.zeros(counts[0], bool)
+            chosen = np.linspace(0, counts[0] - 1, min(count, counts[0])).astype(np.int64)
+            if self.method == "surface":  # whose work is that of faces, which neighbours share
+                chosen = np.arange(len(chosen)) + (counts[0] - len(chosen)) // 2
+            only[chosen] = True
+            ao.bake(mesh, falloff, only=only, **self.options())
+            return len(chosen)
+
+        points = find_receivers(mesh, Placement.of(mesh), self.normals).points
+        return Work(len(points), "vertices", needed, trial)
+
     def bake(self, falloff: ao.Falloff) -> Iterator[Written]:
         import ao
         from raytrace.system.outputs import check_outputs
 
-        from ..readers.load import load
         from ..writers.losses import lost
         from ..writers.write import channels, write
 
         start = time.perf_counter()
-        source = load(self.mesh, self.output, self.content)
+        source = self.read()
         check_outputs(self.outputs(), source.files)
         loaded = time.perf_counter()
         warnings = warn(

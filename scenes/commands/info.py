@@ -20,7 +20,7 @@ from ..readers.load import MeshFile
 
 
 def facts(source: MeshFile) -> dict[str, Any]:
-    """What `describe` tells of a file, as JSON-ready values: counts, lengths in mesh units, None for what is missing."""
+    """What `describe` tells of a file as JSON-ready values: lengths in mesh units, None for what is missing."""
     mesh = source.mesh
     placement = Placement.of(mesh)
     receivers = find_receivers(mesh, placement)

@@ -8,7 +8,7 @@ from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from ..commands.bake import BakeCommand, MeshBake, Written
+from ..commands.bake import BakeCommand, MeshBake, Work, Written
 from ..commands.console import KERNELS_OF_TEXTURE, progress, texture_summary, warn
 from ..commands.options import BentSpace, Overlap, parse_texels
 
@@ -91,6 +91,32 @@ class TextureCommand(MeshBake):
     def side_by_side(self) -> bool:
         return False
 
+    @property
+    def kept(self) -> Path:
+        return Path("texture.glb")
+
+    def work(self, source: MeshFile, falloff: ao.Falloff) -> Work:
+        import ao
+        from ao.memory import texture_bytes
+        from ao.options import Options
+        from ao.texture.uv_layout import page_size
+
+        from ..readers.load import load
+
+        _, uv, size = self._coordinates(source)
+        width, height = page_size(size)
+        high = None if self.high is None else load(self.high).mesh
+        solid = high or source.mesh
+        rays = Options(**self.options()).rays
+        needed = texture_bytes(width * height, len(solid.vertices), len(solid.faces), rays)
+
+        def trial(count: int) -> int:
+            side = max(int(count**0.5), 1)
+            ao.bake_texture(source.mesh, uv, side, falloff, high=high, cage=self.cage or CAGE, **self.options())
+            return side * side
+
+        return Work(width * height, "texels", needed, trial)
+
     def bake(self, falloff: ao.Falloff) -> Iterator[Written]:
         from raytrace.system.outputs import check_outputs
 
@@ -99,7 +125,7 @@ class TextureCommand(MeshBake):
         from .names import UDIM
 
         start = time.perf_counter()
-        source = load(self.mesh, "kept.glb", self.content)
+        source = self.read()
         number, uv, size = self._coordinates(source)
         tiles = udim_tiles(uv, source.path) if UDIM in self.output.name else [None]
         outputs: dict[str, Path | None] = {"--report": self.report, "--mesh-output": self.mesh_output}
