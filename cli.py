@@ -31,6 +31,10 @@ Form = Annotated[
 MaxDistance = Annotated[str, typer.Option(help='Ignore hits farther away: mesh units, "25%" of the radius, or inf.')]
 NORMALS = typer.Option(help="Vertex normals: face normals weighted by angle, by area or equally, or the file's own.")
 Report = Annotated[Path | None, typer.Option(help="Also write a JSON report.")]
+Progress = Annotated[
+    choices.ProgressForm,
+    typer.Option(help="A bar on a terminal, or lines of JSON on standard error for other programs."),
+]
 Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="No progress bar and no summary.")]
 
 
@@ -180,6 +184,7 @@ def bake(
     dry_run: Annotated[
         bool, typer.Option("--dry-run", help="Write nothing; tell rays, memory, time and what would be written.")
     ] = False,
+    progress: Progress = "bar",
     quiet: Quiet = False,
     from_report: FromReport = None,
 ) -> None:
@@ -249,7 +254,9 @@ def validate(
 @app.command()
 def render(
     scene: Annotated[Path, typer.Argument(metavar="SCENE", help="A .toml scene, a .glb or .gltf, or any mesh.")],
-    output: Annotated[Path, typer.Option("--output", "-o", help="Output image, format by ending: .exr .png .tif .jpg")],
+    output: Annotated[
+        Path | None, typer.Option("--output", "-o", help="Output image, format by ending: .exr .png .tif .jpg")
+    ] = None,
     width: Annotated[int | None, typer.Option(help="Image width in pixels; needs --height.")] = None,
     height: Annotated[int | None, typer.Option(help="Image height in pixels; needs --width.")] = None,
     samples: Annotated[int | None, typer.Option(help="Most camera rays per pixel.")] = None,
@@ -276,8 +283,10 @@ def render(
     seed: Annotated[int | None, typer.Option(help="Random seed of the pixel samples.")] = None,
     preview: Annotated[bool, typer.Option("--preview", help="A quarter of the width and height, few samples.")] = False,
     half: Annotated[bool, typer.Option("--half", help="16-bit floats in an .exr.")] = False,
+    show: Annotated[bool, typer.Option("--show", help="Show the image in the terminal, too, or instead.")] = False,
     threads: Threads = None,
     report: Report = None,
+    progress: Progress = "bar",
     quiet: Quiet = False,
 ) -> None:
     """Render a scene to an image; an .exr holds every layer."""

@@ -97,7 +97,7 @@ class Batch:
         small = [place for place in places if self.bakes[place].side_by_side and _size(self.bakes[place].mesh) < _LARGE]
         large = sorted({*places} - {*small})
         done = count - len(places)
-        with progress(self.quiet, "meshes") as (advance,):
+        with progress(self.quiet, "meshes", form=self.bakes[0].progress) as (advance,):
 
             def add(more: int) -> None:
                 nonlocal done
@@ -116,7 +116,10 @@ class Batch:
                 add(1)
 
     def _bake_one(self, manifest: Manifest, place: int, falloff: ao.Falloff, threads: int) -> None:
-        bake, entry = replace(self.bakes[place], quiet=True, threads=threads, resume=False), manifest.entries[place]
+        bake, entry = (
+            replace(self.bakes[place], quiet=True, progress="bar", threads=threads, resume=False),
+            manifest.entries[place],
+        )
         start, before = time.perf_counter(), _identity(bake.output)
         try:
             written = list(bake.bake(falloff))

@@ -13,7 +13,19 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from warnings import catch_warnings, simplefilter
 
 from .console import KERNELS_OF_BAKE, KERNELS_OF_SURFACE, bake_summary, compiling, note, progress, warn
-from .options import FalloffForm, Hidden, Method, NormalsFrom, Occlusion, Traversal, Up, make_falloff, named, plain
+from .options import (
+    FalloffForm,
+    Hidden,
+    Method,
+    NormalsFrom,
+    Occlusion,
+    ProgressForm,
+    Traversal,
+    Up,
+    make_falloff,
+    named,
+    plain,
+)
 
 if TYPE_CHECKING:
     import ao
@@ -21,7 +33,7 @@ if TYPE_CHECKING:
 
     from ..readers.load import MeshFile
 
-NO_OPTIONS_OF_BAKE = frozenset({"report", "quiet", "resume", "content"})  # they change no result
+NO_OPTIONS_OF_BAKE = frozenset({"report", "quiet", "resume", "progress", "content"})  # they change no result
 
 
 @contextmanager
@@ -79,6 +91,7 @@ class MeshBake(ABC):
     occlusion: Occlusion | None
     replace_occlusion: bool
     quiet: bool
+    progress: ProgressForm = "bar"
     content: bytes | None = None
     """Of the mesh, if it is no file's."""
 
@@ -234,7 +247,7 @@ class BakeCommand(MeshBake):
             [source.mesh], [*source.notes, *lost(self.output, source, channels(self.output, **self._channels()))]
         )
         with self.checkpoint(self.output) as checkpoint:
-            with progress(self.quiet, "rays") as (advance,):
+            with progress(self.quiet, "rays", form=self.progress) as (advance,):
                 baked = ao.bake(source.mesh, falloff, progress=advance, checkpoint=checkpoint, **self.options())
             warnings += warn([], baked.shortfalls)
             tracing = time.perf_counter()

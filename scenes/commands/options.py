@@ -24,6 +24,7 @@ Up = Literal["x", "y", "z"]
 Occlusion = Literal["none", "ramp", "texture"]
 Format = Literal["npy", "npz", "ply", "glb", "png", "exr", "tif"]
 InputFormat = Literal["ply", "obj", "stl", "off", "glb", "gltf", "3mf"]
+ProgressForm = Literal["bar", "json"]
 Overlap = Literal["mean", "first", "refuse"]
 BentSpace = Literal["world", "tangent"]
 
