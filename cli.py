@@ -13,6 +13,7 @@ import typer
 from typer.exceptions import TyperException
 from typer.main import get_command
 
+from scenes.baking.sections import EXAMPLES, SectionedCommand
 from scenes.commands import options as choices
 from scenes.commands.console import columns, note, output_failed, readable_output
 from scenes.commands.usage import mistake_in_words, option_in_words
@@ -22,6 +23,7 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"]},
     help="Bake ambient occlusion or obscurance (1 = open) and render scenes, with Embree.",
+    epilog="\b\nTo begin with:  obscurance bake bunny.obj -o bunny.ply\nMore of each:   obscurance COMMAND -h",
 )
 
 Threads = Annotated[int | None, typer.Option(help="Number of threads, by default all cores; results are the same.")]
@@ -59,7 +61,7 @@ FromReport = Annotated[
 ]
 
 
-@app.command()
+@app.command(cls=SectionedCommand, epilog=EXAMPLES)
 def bake(
     mesh: Annotated[
         list[Path],

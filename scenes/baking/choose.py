@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 from raytrace.errors import OptionError
 from raytrace.system.atomic import standard_output
@@ -12,6 +12,7 @@ from raytrace.system.atomic import standard_output
 from ..batch.command import Batch
 from ..batch.inputs import MANIFEST, expand, is_pattern, outputs_in
 from ..commands.bake import MeshBake
+from ..commands.options import Format
 from ..textures.command import bake_command
 from .streams import STANDARD, standard_input
 
@@ -51,6 +52,8 @@ def _chosen(options: dict[str, Any]) -> MeshBake | Batch:
         return _batch(options, given, folder, format_ or "ply")
     _check_single(given, options["output"])
     if options["output"] == STANDARD:
+        if options["resume"]:
+            raise OptionError("resume", "a file as --output with it", "-, standard output")
         options["output"] = standard_output(format_ or "ply")
     elif format_ is not None:
         raise OptionError("format", "--output-dir or -o - with it", options["output"])
@@ -63,6 +66,8 @@ def _chosen(options: dict[str, Any]) -> MeshBake | Batch:
 
 def _batch(options: dict[str, Any], given: list[Path], folder: Path, ending: str) -> Batch:
     """Raises: OptionError: options of single bakes, inputs that are none, or that would have one output."""
+    if folder.suffix.lower().removeprefix(".") in get_args(Format) and not folder.exists():
+        raise OptionError("output_dir", "a folder", f"{folder}, the name of a file", nearest="--output")
     if options["output"] is not None:
         raise OptionError("output_dir", "either --output or --output-dir", "both")
     for name in _FILES:
@@ -83,5 +88,7 @@ def _check_single(given: list[Path], output: Path | None) -> None:
             forgotten = len(given) == 2 and not given[1].exists()
             meant = f"-o {given[1]}" if forgotten else "--output-dir"
         raise OptionError("output", "a file, or --output-dir for several inputs", "nothing", nearest=meant)
+    if output.is_dir():
+        raise OptionError("output", "a file", f"{output}, a folder", nearest="--output-dir")
     if several:
         raise OptionError("output", f"--output-dir for {several}", output, nearest="--output-dir")

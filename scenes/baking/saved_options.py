@@ -16,6 +16,7 @@ from ..textures.command import TextureCommand
 
 _OF_FILES = ("output", "debug_image", "up", "mesh_output", "bent_normals", "bent_space", "error_map")
 _NOT_TAKEN = (*_OF_FILES, "threads")
+_SCHEMA = 1
 _MOST = 1 << 28  # bytes; anything larger is no report
 
 
@@ -34,6 +35,9 @@ def saved_options(path: Path) -> dict[str, Any]:
         report = json.loads(path.read_bytes())
     except (OSError, ValueError, RecursionError):
         raise InputError(path, "content", "the report of a bake, JSON", "something else") from None
+    version = report.get("schema_version", _SCHEMA) if isinstance(report, dict) else _SCHEMA
+    if version != _SCHEMA:
+        raise InputError(path, "schema_version", f"a report of schema version {_SCHEMA}", version)
     if not isinstance(report, dict) or not isinstance(report.get("options"), dict):
         got = "the report of a rendering" if isinstance(report, dict) and "settings" in report else "something else"
         raise InputError(path, "options", "the report of a bake, or the manifest of a batch", got)

@@ -116,10 +116,9 @@ class Batch:
                 add(1)
 
     def _bake_one(self, manifest: Manifest, place: int, falloff: ao.Falloff, threads: int) -> None:
-        bake, entry = (
-            replace(self.bakes[place], quiet=True, progress="bar", threads=threads, resume=False),
-            manifest.entries[place],
-        )
+        bake, entry = self.bakes[place], manifest.entries[place]
+        begun = self.resume and bake.journal(bake.output).exists()
+        bake = replace(bake, quiet=True, progress="bar", threads=threads, resume=begun)
         start, before = time.perf_counter(), _identity(bake.output)
         try:
             written = list(bake.bake(falloff))

@@ -141,7 +141,13 @@ class MeshBake(ABC):
         from ao.trace.checkpoint import Checkpoint
         from raytrace.system.atomic import is_standard_output
 
-        return nullcontext() if is_standard_output(output) else Checkpoint(f"{output}.partial", self.resume, note)
+        if is_standard_output(output):
+            return nullcontext()
+        return Checkpoint(self.journal(output), self.resume, note)
+
+    def journal(self, output: Path) -> Path:
+        """Where what is traced for an output is kept until it is written."""
+        return Path(f"{output}.partial")
 
     def inputs(self) -> list[Path]:
         """The files that are read, as far as the options name them."""

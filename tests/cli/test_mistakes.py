@@ -7,8 +7,11 @@ import numpy as np
 import pytest
 import trimesh
 from command import obscurance, process, refused
+from typer.main import get_command
 
+from cli import app
 from raytrace.image.write import write_image
+from scenes.baking.sections import SECTIONS
 
 COMMANDS = [
     ("bkae a.ply -o w.npy", "command: expected one of bake, info", "bkae; did you mean bake? See obscurance --help"),
@@ -31,6 +34,9 @@ COMMANDS = [
     ("bake a.ply -o w.npy --format glb", "bake --format: expected --output-dir or -o - with it, got w.npy"),
     ("bake a.ply --output-dir a.ply", "a.ply: cannot make this folder: it is a file"),
     ("bake a.ply --output-dir a.ply/out", "a.ply/out: cannot make this folder: Not a directory"),
+    ("bake a.ply -o folder", "bake --output: expected a file, got folder, a folder; did you mean --output-dir?"),
+    ("bake a.ply --output-dir w.ply", "expected a folder, got w.ply, the name of a file; did you mean --output?"),
+    ("bake a.ply -o - --resume", "bake --resume: expected a file as --output with it, got -, standard output"),
     ("bake a.ply --output-dir .", "expected a file that is not read, got a.ply, an input"),
     (
         "bake a.ply folder/a.obj --output-dir out",
@@ -50,8 +56,7 @@ COMMANDS = [
     ("bake a.ply -o", "bake -o: expected a value, got nothing"),
     ("bake a.ply -o w", "bake --output: expected a name ending in .npy", "got w;"),
     ("bake a.ply -o w.npy.txt", "got w.npy.txt"),
-    ("bake a.ply -o folder", "got folder"),
-    ("bake a.ply -o ''", "bake --output", "got .;"),
+    ("bake a.ply -o ''", "bake --output", "got ., a folder;"),
     ("bake a.ply -o none/w.npy", "none/w.npy: cannot write: there is no folder"),
     ("bake b.ply -o w.npy", "b.ply: file: expected an existing file, got none; did you mean a.ply?"),
     ("bake A.ply -o w.npy", "did you mean a.ply?"),
@@ -239,7 +244,8 @@ def test_help_of_the_whole(arguments):
 
 
 def test_help_of_every_command():
-    commands = [line.split()[0] for line in obscurance().stdout.split("Commands:\n")[1].splitlines()]
+    listed = obscurance().stdout.split("Commands:\n")[1].split("\n\n")[0]
+    commands = [line.split()[0] for line in listed.splitlines()]
     assert "bake" in commands
     for command in commands:
         short, long = (obscurance(command, flag) for flag in ("-h", "--help"))
@@ -247,6 +253,22 @@ def test_help_of_every_command():
         assert short.stdout == long.stdout
         assert short.stdout.isascii()
         assert short.stdout.startswith(f"Usage: obscurance {command}")
+
+
+def test_the_help_of_bake_has_a_place_for_every_option_and_examples_that_work(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    shown = obscurance("bake", "--help").stdout
+    names = {str(item.name) for item in get_command(app).commands["bake"].params}
+    assert {name for found in SECTIONS.values() for name in found} <= names
+    for title in ("Arguments:", "Options:", *(f"{title}:" for title in SECTIONS)):
+        assert f"\n{title}\n" in shown
+    for option in ("--output-dir", "--falloff", "--size", "--options", "--quiet"):
+        assert shown.count(f"  {option} ") + shown.count(f", {option} ") == 1
+    examples = [line.split()[1:] for line in shown.splitlines() if line.startswith("    obscurance ")]
+    assert len(examples) >= 3
+    for words in examples:
+        result = obscurance(*(word.strip("'") for word in words))
+        assert "file: expected an existing file" in result.stderr or "which matches none" in result.stderr
 
 
 def test_the_version():

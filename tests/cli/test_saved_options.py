@@ -55,6 +55,7 @@ def test_the_options_of_a_batch_are_those_of_its_manifest(folder):
 WRONG = {
     "no JSON": ("o hills", "r.json: content: expected the report of a bake, JSON, got something else"),
     "no report": ("[]", "r.json: options: expected the report of a bake, or the manifest of a batch, got something"),
+    "a later schema": ('{"schema_version": 9, "options": {}}', "expected a report of schema version 1, got 9"),
     "another report": ('{"settings": {}}', "got the report of a rendering"),
     "an option that is gone": ('{"options": {"smaples": 3}}', "r.json: options.smaples", "did you mean samples?"),
     "an option of no report": ('{"options": {"output_dir": "x"}}', "expected options of this version"),
