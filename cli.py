@@ -137,6 +137,10 @@ def bake(
         ),
     ] = None,
     half: Annotated[bool, typer.Option("--half", help="Texture: 16-bit floats in .exr and .tif.")] = False,
+    orm: Annotated[
+        bool,
+        typer.Option("--orm", help="Texture: w into R of the metallic-roughness images of a .glb, one image for both."),
+    ] = False,
     quiet: Quiet = False,
 ) -> None:
     """Bake ambient occlusion or obscurance to vertices or a texture."""

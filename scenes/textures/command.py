@@ -111,6 +111,7 @@ class TextureCommand:
     bent_space: BentSpace | None
     error_map: Path | None
     half: bool
+    orm: bool
     high: Path | None
     cage: str | None
     quiet: bool
@@ -138,6 +139,10 @@ class TextureCommand:
             for name, path in self._images().items():
                 placed = path if tile is None else tile_path(path, tile)
                 outputs[f"--{name.replace('_', '-')}{'' if tile is None else f' {placed.name}'}"] = placed
+        if self.orm:
+            from .orm import check_orm
+
+            check_orm(source.gltf, number, self.replace_occlusion)
         fine = None if self.high is None else load(self.high)
         check_outputs(outputs, [*source.files, *(fine.files if fine else ())])
         loaded = time.perf_counter() - start
@@ -188,6 +193,8 @@ class TextureCommand:
                 raise OptionError("mesh_output", "an image of one page as --output with it", self.output)
         if self.replace_occlusion and glb is None:
             raise OptionError("replace_occlusion", "an occlusion texture to write to a .glb", "none")
+        if self.orm and glb is None:
+            raise OptionError("orm", "a .glb to write, as --output or --mesh-output", self.output)
         if self.occlusion not in (None, "texture"):
             raise OptionError("occlusion", "texture for a texture", self.occlusion)
         if self.uv == UNWRAP and glb is None:
@@ -298,7 +305,7 @@ class TextureCommand:
 
         glb, kept = self._glb(), 0
         if glb is not None and source.uv is not None:
-            content, kept = textured_glb(source.file, baked, source.uv, self.replace_occlusion)
+            content, kept = textured_glb(source.file, baked, source.uv, self.replace_occlusion, self.orm)
             with atomic_write(glb) as file:
                 file.write(content)
         if images["output"] != glb:
