@@ -6,7 +6,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from raytrace.embree.packets import LANES
 from raytrace.kernel.jit import kernel
 from raytrace.kernel.vector import dot, load, scale, store
 from raytrace.mesh.normals import face_normals
@@ -29,7 +28,7 @@ from .below_face import leave_out_below
 from .coverage import SLOTS, Coverage, refill
 
 _LEAST_COSINE = 0.2  # between an interpolated normal and its face's; the face's stands for others
-_ENOUGH = 128  # rays of a point, from which more points are worth more than more rays
+_ENOUGH = 8  # rays of a point, so that more points are worth their time
 _PLACED = 1 << 18  # points whose origins are found together
 _GATHERED = 1 << 16  # texels
 _BLOCK = 1 << 13
@@ -202,16 +201,16 @@ class TexelTracer(Tracer):
     def gather(self, points: Points, samples: int, key: np.uint32) -> Float64s:
         """Rows (k, COLUMNS) of texels, by `samples` rays each or a few more."""
         assert self.texels is not None
-        slots = int(np.clip(samples // _ENOUGH, min(samples // LANES, 2), SLOTS)) or 1
+        slots = 1 << int(np.clip(samples // _ENOUGH, 1, SLOTS)).bit_length() - 1
         rays = -(-samples // slots)
         out = np.empty((len(points), COLUMNS))
-        table = DirectionTable.make(rays, self.total_points, key)
+        table = DirectionTable.make(rays, self.total_points, key, slots)
         for first in range(0, len(points), _GATHERED):
             rows = points.numbers[first : first + _GATHERED].astype(np.int64)
-            each = (SLOTS * rows[:, None] + np.arange(slots)).ravel()
-            some, sides = self.texels.points[each], self.texels.sides[each]
-            found = super().gather(some, rays, key)
-            self._leave_out_below(some, sides, table, found)
+            each, numbers = ((count * rows[:, None] + np.arange(slots)).ravel() for count in (SLOTS, slots))
+            some = replace(self.texels.points[each], numbers=numbers.astype(np.uint32))
+            found = self._gather(some, table)
+            self._leave_out_below(some, self.texels.sides[each], table, found)
             out[first : first + _GATHERED] = found.reshape(-1, slots, COLUMNS).sum(axis=1) / slots
         return out
 
