@@ -128,7 +128,8 @@ def bake(
         Path | None, typer.Option(metavar="IMAGE", help="Texture: also write the standard error of w.")
     ] = None,
     high: Annotated[
-        Path | None, typer.Option(metavar="MESH", help="Texture: bake w of this finer mesh onto the input's texture.")
+        Path | None,
+        typer.Option(metavar="MESH", help="Bake w of this finer mesh onto the input's vertices or texture."),
     ] = None,
     cage: Annotated[
         str | None,

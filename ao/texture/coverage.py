@@ -131,15 +131,16 @@ def _spread_over_part(
 
 
 def refill(good: Bools, *tables: Int32s | Int64s | Float32s) -> None:
-    """Give slots that are not `good`, bool (k, SLOTS), what the good ones of their texel have, in turn and in place.
+    """Give slots that are not `good`, bool (k, slots), what the good ones of their texel have, in turn and in place.
 
-    Args: tables: (k, SLOTS, …). Texels without good slots stay as they are.
+    Args: tables: (k, slots, …). Texels without good slots stay as they are.
     """
     found: Int64s = np.sum(good, axis=1, dtype=np.int64)
-    rows = np.flatnonzero((found > 0) & (found < SLOTS))
+    slots = good.shape[1]
+    rows = np.flatnonzero((found > 0) & (found < slots))
     count = found[rows]
     order = np.argsort(~good[rows], axis=1, kind="stable")
-    source = np.take_along_axis(order, np.arange(SLOTS) % count[:, None], axis=1)
+    source = np.take_along_axis(order, np.arange(slots) % count[:, None], axis=1)
     for table in tables:
         table[rows] = table[rows[:, None], source]
 

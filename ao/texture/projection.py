@@ -1,4 +1,4 @@
-"""From a coarse mesh to a fine one: points of texels move along the coarse mesh's smooth normals onto the fine surface.
+"""From a coarse mesh to a fine one: points of texels, or vertices, move along its smooth normals onto the fine surface.
 
 A ray starts as far outside as the cage reaches and goes in, twice as far; what it meets first is what the texel shows.
 Points that meet nothing take the closest one.
@@ -38,11 +38,11 @@ class Fine(NamedTuple):
 
 def project(
     coverage: Coverage, places: Float64s, normals: Float64s, fine: Fine, cage: float, threads: int
-) -> tuple[Coverage, int]:
-    """The points of `coverage` on a fine surface, and how many of them the cage misses.
+) -> tuple[Coverage, Int64s]:
+    """The points of `coverage` on a fine surface, and which of them the cage misses, (j,).
 
     Args:
-        places, normals: (k · SLOTS, 3), the points on the coarse mesh and its unit normals there, in render space.
+        places, normals: (k · slots, 3), the points on the coarse mesh and its unit normals there, in render space.
         cage: how far from the coarse mesh the fine surface may be, in render space.
 
     Raises:
@@ -52,11 +52,11 @@ def project(
     face, weights = hits.face, hits.barycentric
     missed = np.flatnonzero(face < 0)
     if len(missed) == len(face):
-        raise MeshError(fine.source, "surface", "some of it within the cage about the mesh with the texture", "none")
+        raise MeshError(fine.source, "surface", "some of it within the cage about the coarse mesh", "none")
     face[missed], weights[missed] = _closest_points(fine, places[missed], cage, threads)
     shape = coverage.face.shape
     moved = replace(coverage, face=face.reshape(shape).astype(np.int32), barycentric=weights.reshape(*shape, 3))
-    return moved, len(missed)
+    return moved, missed
 
 
 def _closest_points(fine: Fine, places: Float64s, radius: float, threads: int) -> tuple[Int64s, Float32s]:

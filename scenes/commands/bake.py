@@ -9,7 +9,20 @@ from typing import TYPE_CHECKING, Any
 from warnings import catch_warnings
 
 from .console import KERNELS_OF_BAKE, KERNELS_OF_SURFACE, bake_summary, compiling, note, progress, warn
-from .options import FalloffForm, Hidden, Method, NormalsFrom, Occlusion, Traversal, Up, make_falloff, named, plain
+from .options import (
+    CAGE,
+    FalloffForm,
+    Hidden,
+    Method,
+    NormalsFrom,
+    Occlusion,
+    Traversal,
+    Up,
+    check_cage,
+    make_falloff,
+    named,
+    plain,
+)
 
 if TYPE_CHECKING:
     import ao
@@ -45,6 +58,8 @@ class BakeCommand:
     colors: bool
     occlusion: Occlusion | None
     replace_occlusion: bool
+    high: Path | None
+    cage: str | None
     quiet: bool
 
     def run(self) -> None:
@@ -68,13 +83,16 @@ class BakeCommand:
 
         start = time.perf_counter()
         source = load(self.mesh, self.output)
-        check_outputs(self._outputs(), source.files)
+        fine = None if self.high is None else load(self.high)
+        check_outputs(self._outputs(), [*source.files, *(fine.files if fine else ())])
         loaded = time.perf_counter()
+        notes = [*source.notes, *(fine.notes if fine else ())]
         warnings = warn(
-            [source.mesh], [*source.notes, *lost(self.output, source, channels(self.output, **self._channels()))]
+            [source.mesh, *([fine.mesh] if fine else [])],
+            [*notes, *lost(self.output, source, channels(self.output, **self._channels()))],
         )
         with Checkpoint(f"{self.output}.partial", self.resume, note) as checkpoint:
-            baked, unmet = self._bake(source.mesh, falloff, checkpoint)
+            baked, unmet = self._bake(source.mesh, fine.mesh if fine else None, falloff, checkpoint)
             warnings += warn([], unmet)
             tracing = time.perf_counter()
             write(self.output, baked, source, **self._channels())
@@ -99,6 +117,9 @@ class BakeCommand:
 
         falloff = make_falloff(self.falloff, self.tau, self.half_distance, self.max_distance)
         Options(**self._options())
+        check_cage(self.cage, self.high)
+        if self.high is not None and self.method == "surface":
+            raise OptionError("high", "method vertex with it", "method surface")
         check_target(self.output)
         channels(self.output, **self._channels())
         if self.report:
@@ -110,7 +131,7 @@ class BakeCommand:
                 check_image_target(self.debug_image, layers=("beauty",))
         elif self.up:
             raise OptionError("up", "--debug-image with it; w does not depend on it", "none")
-        check_outputs(self._outputs(), [self.mesh])
+        check_outputs(self._outputs(), [self.mesh, *([self.high] if self.high else [])])
         return falloff
 
     def _outputs(self) -> dict[str, Path | None]:
@@ -125,14 +146,23 @@ class BakeCommand:
         names = ("method", "samples", "seed", "threads", "normals", "tolerance", "reconstruct", "hidden", "traversal")
         return {name: plain(getattr(self, name)) for name in names}
 
-    def _bake(self, mesh: Mesh, falloff: ao.Falloff, checkpoint: Checkpoint) -> tuple[ao.Bake, list[str]]:
-        """The bake, and warnings that a tolerance was not met."""
+    def _bake(
+        self, mesh: Mesh, fine: Mesh | None, falloff: ao.Falloff, checkpoint: Checkpoint
+    ) -> tuple[ao.Bake, list[str]]:
+        """The bake, and warnings: a tolerance that was not met, vertices that the cage missed."""
         import ao
 
         unmet = catch_warnings(record=True, action="always", category=ao.ToleranceWarning)
         with progress(self.quiet, "rays") as (advance,), unmet as raised:
-            baked = ao.bake(mesh, falloff, progress=advance, checkpoint=checkpoint, **self._options())
-        return baked, [str(warning.message) for warning in raised]
+            baked = ao.bake(
+                mesh, falloff, progress=advance, checkpoint=checkpoint, high=fine, cage=self.cage or CAGE,
+                **self._options(),
+            )  # fmt: skip
+        lines = [str(warning.message) for warning in raised]
+        if baked.flagged["missed"]:
+            text = "vertices are not within the cage of the fine mesh and take the closest point of it"
+            lines.append(f"{self.output}: {baked.flagged['missed']:,} {text}")
+        return baked, lines
 
     def _write_report(self, path: Path, baked: ao.Bake, seconds: dict[str, float], warnings: list[str]) -> None:
         from ao.report import report

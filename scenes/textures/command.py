@@ -12,6 +12,7 @@ from warnings import catch_warnings
 from ..commands.bake import BakeCommand
 from ..commands.console import KERNELS_OF_TEXTURE, compiling, note, progress, texture_summary, warn
 from ..commands.options import (
+    CAGE,
     BentSpace,
     FalloffForm,
     Hidden,
@@ -19,6 +20,7 @@ from ..commands.options import (
     Occlusion,
     Overlap,
     Traversal,
+    check_cage,
     make_falloff,
     parse_texels,
     plain,
@@ -34,7 +36,6 @@ if TYPE_CHECKING:
 _NO_OPTIONS_OF_BAKE = ("report", "quiet", "resume")  # they change no result
 _OF_VERTICES = {"method": "vertex", "colors": False, "debug_image": None, "up": None}
 AUTO, UNWRAP = "auto", "unwrap"
-CAGE = "2%"
 _USED = 0.65  # of a page, that an unwrapping fills
 _SOME = 1e-3  # of the covered texels, that may overlap without a word
 _IMAGES = "output", "bent_normals", "error_map"
@@ -162,7 +163,6 @@ class TextureCommand:
 
     def _check(self) -> ao.Falloff:
         """The falloff, if the options go together and the outputs can be written. Raises: OptionError, OutputError."""
-        from ao.falloff import resolve_length
         from ao.options import Options
         from ao.texture.uv_layout import page_size
         from raytrace.errors import OptionError
@@ -203,10 +203,7 @@ class TextureCommand:
             raise OptionError("half", "images that end in .exr or .tif", self.output)
         if self.bent_space is not None and self.bent_normals is None:
             raise OptionError("bent_space", "--bent-normals with it", "none")
-        if self.cage is not None:
-            if self.high is None:
-                raise OptionError("cage", "--high with it", "none")
-            resolve_length("cage", self.cage, 1.0)
+        check_cage(self.cage, self.high)
         if self.report:
             check_ending("--report", self.report, ".json")
         given: dict[str, Path | None] = {f"--{name.replace('_', '-')}": path for name, path in self._images().items()}

@@ -129,6 +129,16 @@ def test_new_coordinates_for_a_mesh_without(tmp_path):
     assert picture.exists()
 
 
+def test_w_of_a_fine_mesh_at_vertices(corner, tmp_path):
+    fine, target, report = tmp_path / "fine.obj", tmp_path / "w.npz", tmp_path / "r.json"
+    fine.write_text("v -1 -1 .01\nv 1 -1 .01\nv 1 1 .01\nv -1 1 .01\nf 1 2 3 4\n")
+    result = bake(corner, "--high", fine, "--cage", 0.1, "-o", target, "--samples", 8, "--report", report)
+    assert "w.npz: 2 vertices are not within the cage of the fine mesh" in result.stderr
+    assert "flagged vertices: 2 missed" in result.stdout
+    assert np.load(target)["w"].tolist() == [1] * 6
+    assert json.loads(report.read_text())["flagged_vertices"] == {"missed": [4, 5]}
+
+
 MISTAKES = [
     ("bare.obj -o w.png", "bare.obj: texture coordinates: expected some on every face, got none"),
     ("bare.obj -o w.png --uv unwrap", "bake --uv: expected --mesh-output", "got none"),
@@ -154,6 +164,11 @@ MISTAKES = [
     ("corner.obj -o w.png --error-map w.png", "--error-map", "the same file"),
     ("corner.obj -o w.<UDIM>.png --error-map e.png", "bake --error-map: expected <UDIM> in all names"),
     ("corner.obj -o w.png --mesh-output corner.obj", "expected a name ending in .glb"),
+    ("corner.obj -o w.npy --high far.obj --method surface", "bake --high: expected method vertex with it"),
+    ("corner.obj -o w.npy --high far.obj", "far.obj: surface: expected some of it within the cage", "got none"),
+    ("corner.obj -o w.npy --high gone.obj", "gone.obj"),
+    ("corner.obj -o w.npy --cage 1%", "bake --cage: expected --high with it, got none"),
+    ("corner.obj -o w.npy --high far.obj --cage no", "bake --cage"),
     ("corner.obj -o w.png --orm", "bake --orm: expected a .glb to write, as --output or --mesh-output, got w.png"),
     ("corner.obj -o w.npy --orm", "bake --orm: expected with it an image to write"),
     ("rough.glb -o w.glb --occlusion texture --orm --uv unwrap", "for --orm, got TEXCOORD_0"),
@@ -171,7 +186,8 @@ def test_mistakes(corner, tmp_path, monkeypatch, line_and_words):
     (tmp_path / "bare.obj").write_text(bare)
     for name, second in (("nan", "nan 0"), ("flat", "0 0"), ("far", "1e7 0"), ("negative", "-1 0")):
         third = "0 0" if name == "flat" else "0 1"
-        text = f"{bare[:-8]}\nvt 0 0\nvt {second}\nvt {third}\nf 1/1 2/2 3/3\n"
+        moved = bare.replace(" 0 0\n", " 9 9\n") if name == "far" else bare
+        text = f"{moved[:-8]}\nvt 0 0\nvt {second}\nvt {third}\nf 1/1 2/2 3/3\n"
         (tmp_path / f"{name}.obj").write_text(text)
     (tmp_path / "rough.glb").write_bytes(SAMPLES["rough"]())
     monkeypatch.chdir(tmp_path)
