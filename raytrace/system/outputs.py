@@ -24,6 +24,10 @@ class _Kind(NamedTuple):
     is_one: Callable[[bytes], bool] | None = None
 
 
+def _is_page(content: bytes) -> bool:
+    return b'<meta name="generator" content="obscurance' in content[:4096]
+
+
 def _is_report(content: bytes) -> bool:
     return content.lstrip()[:1] == b"{" and b'"versions"' in content and b'"obscurance"' in content
 
@@ -42,6 +46,7 @@ _KINDS = {
     ".jpg": _JPEG,
     ".jpeg": _JPEG,
     ".json": _Kind("a report of obscurance", is_one=_is_report),
+    ".html": _Kind("a page of obscurance", is_one=_is_page),
     ".toml": _Kind("a scene", is_one=lambda content: bool(_OBJECTS.search(content))),
 }
 

@@ -28,7 +28,7 @@ def check_target(path: str | os.PathLike[str]) -> None:
     """Find out before the bake whether `write` will accept `path`.
 
     Raises:
-        OptionError: the ending is none of .npy .npz .ply .glb.
+        OptionError: the ending is none of .npy .npz .ply .glb .html.
         OutputError: the folder is missing or refuses new files, or `path` is something other than a file.
     """
     _writer(path)
@@ -51,6 +51,7 @@ def write(
     - `.ply`: `obscurance`, and grey `red green blue` = 255 w, linear: viewers multiply by it as it stands, which is
       what w is for (`ply.ply`). Coordinates are float where that loses nothing and double otherwise.
     - `.glb`: `_OBSCURANCE` (`glb.glb`), and what viewers show: a ramp or colours.
+    - `.html`: a page for a browser, everything in it (`scenes.page.document`).
 
     What the source holds besides is kept if it was loaded for this target (`load`); `losses.lost` lists what is not.
 
@@ -130,9 +131,18 @@ def _glb(bake: Bake, mesh_file: MeshFile, channels: Channels) -> bytes:
     return glb(mesh_file, bake.w, channels)
 
 
+def _html(bake: Bake, mesh_file: MeshFile, _channels: Channels) -> bytes:
+    from ..description.defaults import up_axis
+    from ..page.document import html_page
+
+    title, up = mesh_file.path.name, up_axis(mesh_file.path)
+    return html_page(mesh_file.mesh, bake.w, bake.error, bake.flags, bake.bent_normals, title, up)
+
+
 _WRITERS: dict[str, _Write] = {
     ".npy": _npy,
     ".npz": _npz,
     ".ply": _ply,
     ".glb": _glb,
+    ".html": _html,
 }

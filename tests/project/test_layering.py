@@ -17,7 +17,7 @@ ORDER = [
     *("ao.prepared", "ao.adaptive", "ao.least_squares", "ao.result", "ao.vertex_method", "ao.surface_method"),
     *("ao.texture", "ao.baking", "ao.report", "ao.analytic"),
     *("scenes.field_errors", "scenes.safe_paths", "scenes.geometry", "scenes.gltf", "scenes.readers"),
-    *("scenes.writers", "scenes.description", "scenes.library", "scenes.validation", "scenes.stress"),
+    *("scenes.description", "scenes.page", "scenes.writers", "scenes.library", "scenes.validation", "scenes.stress"),
     *("scenes.generated", "scenes.commands", "scenes.textures"),
     "cli",
 ]

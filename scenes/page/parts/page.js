@@ -1,0 +1,317 @@
+// The page: its state, the panel, the address.
+
+const MODES = {
+  clay: { number: 0, label: "clay × w" },
+  w: { number: 1, label: "w" },
+  error: { number: 2, label: "error" },
+  flags: { number: 3, label: "flags" },
+  bent: { number: 4, label: "bent normals" },
+  difference: { number: 5, label: "difference" },
+};
+const WAIT = 250; // milliseconds after a move before the address changes
+
+const at = (id) => document.getElementById(id);
+const grouped = (number) => number.toLocaleString("en-US");
+const short = (number) => String(Number(number.toPrecision(2)));
+
+class Page {
+  constructor(about, mesh) {
+    this.about = about;
+    this.mesh = mesh;
+    this.canvas = at("view");
+    this.camera = new Camera(about);
+    this.surface = new Surface(this.canvas, mesh, about);
+    this.state = { mode: "clay", split: 0.5, vertex: null, scheme: null };
+    this.dark = matchMedia("(prefers-color-scheme: dark)");
+    this.describe();
+    this.addModes();
+    this.connect();
+    this.resize();
+    this.camera.frame(mesh.positions, this.aspect);
+    this.readAddress();
+    this.draw();
+  }
+
+  get aspect() {
+    return this.canvas.width / this.canvas.height;
+  }
+
+  get scheme() {
+    return this.state.scheme ?? (this.dark.matches ? "dark" : "light");
+  }
+
+  // Why a mode has nothing to show; null if it has.
+  missing(mode) {
+    const { bakes } = this.mesh;
+    if (mode === "difference") return bakes.length > 1 ? null : "there is one bake only";
+    const needed = { error: "error", flags: "flags", bent: "bent" }[mode];
+    return !needed || bakes.every((bake) => bake[needed]) ? null : "the file does not hold them";
+  }
+
+  describe() {
+    const { count, faces } = this.mesh;
+    at("facts").textContent = `${grouped(count)} vertices, ${grouped(faces.length / 3)} faces`;
+    at("vertex").max = count - 1;
+    if (this.mesh.bakes.length > 1) {
+      at("comparison").hidden = false;
+      ["left", "right"].forEach((side, number) => (at(side).textContent = this.mesh.bakes[number].name));
+    }
+  }
+
+  addModes() {
+    for (const [mode, { number, label }] of Object.entries(MODES)) {
+      if (mode === "difference" && this.missing(mode)) continue;
+      const radio = Object.assign(document.createElement("input"), { type: "radio", name: "mode", value: mode });
+      const row = document.createElement("label");
+      const reason = this.missing(mode);
+      radio.disabled = Boolean(reason);
+      row.title = reason ?? `key ${number + 1}`;
+      row.append(radio, label);
+      if (reason) row.append(` (${reason})`);
+      radio.addEventListener("change", () => this.set({ mode }));
+      at("modes").append(row);
+    }
+  }
+
+  connect() {
+    listen(this.canvas, this.camera, {
+      moved: () => this.changed(),
+      pick: (x, y) => this.pick(x, y),
+      turnAbout: (x, y) => this.turnAbout(x, y),
+      key: (key) => this.key(key),
+    });
+    at("vertex").addEventListener("change", () => this.pickNumber(at("vertex").value));
+    at("home").addEventListener("click", () => this.home());
+    at("scheme").addEventListener("click", () => this.toggleScheme());
+    at("split").addEventListener("input", () => this.set({ split: at("split").value / 1000 }));
+    this.dark.addEventListener("change", () => this.changed());
+    addEventListener("hashchange", () => {
+      this.readAddress();
+      this.changed();
+    });
+    new ResizeObserver(() => {
+      this.resize();
+      this.draw();
+    }).observe(this.canvas);
+  }
+
+  key(key) {
+    const mode = Object.keys(MODES)[Number(key) - 1];
+    const actions = {
+      0: () => this.home(),
+      Enter: () => this.pickAt(0, 0),
+      "[": () => this.nextFlagged(-1),
+      "]": () => this.nextFlagged(1),
+      b: () => this.toggleScheme(),
+      f: () => this.state.vertex !== null && this.centreOn(this.position(this.state.vertex)),
+    };
+    const action = mode ? () => this.missing(mode) || this.set({ mode }) : actions[key.toLowerCase()] ?? actions[key];
+    if (action) action();
+    return Boolean(action);
+  }
+
+  set(change) {
+    Object.assign(this.state, change);
+    this.changed();
+  }
+
+  changed() {
+    this.waiting ??= requestAnimationFrame(() => this.draw());
+    clearTimeout(this.writing);
+    this.writing = setTimeout(() => this.writeAddress(), WAIT);
+  }
+
+  home() {
+    this.camera.frame(this.mesh.positions, this.aspect);
+    this.changed();
+  }
+
+  toggleScheme() {
+    this.set({ scheme: this.scheme === "dark" ? "light" : "dark" });
+  }
+
+  resize() {
+    const ratio = devicePixelRatio || 1;
+    this.canvas.width = Math.max(1, Math.round(this.canvas.clientWidth * ratio));
+    this.canvas.height = Math.max(1, Math.round(this.canvas.clientHeight * ratio));
+  }
+
+  // ---- picking
+
+  inPicture(x, y) {
+    const box = this.canvas.getBoundingClientRect();
+    return [(2 * (x - box.left)) / box.width - 1, 1 - (2 * (y - box.top)) / box.height];
+  }
+
+  pick(x, y) {
+    this.pickAt(...this.inPicture(x, y));
+  }
+
+  pickAt(...place) {
+    const side = this.mesh.bakes.length > 1 && (place[0] + 1) / 2 > this.state.split ? 1 : 0;
+    const { flags } = this.mesh.bakes[side];
+    const reach = 20 / this.canvas.clientHeight;
+    let vertex = this.state.mode === "flags" ? dotAt(this.mesh, flags, this.camera, ...place, this.aspect, reach) : null;
+    vertex ??= vertexAt(this.mesh, this.camera, ...place, this.aspect)?.vertex ?? null;
+    this.set({ vertex });
+  }
+
+  pickNumber(text) {
+    const number = Number(text);
+    const known = text !== "" && Number.isInteger(number) && number >= 0 && number < this.mesh.count;
+    this.set({ vertex: known ? number : null });
+    if (text !== "" && !known) this.unknown = `No vertex ${text}: 0 to ${this.mesh.count - 1}.`;
+  }
+
+  nextFlagged(step) {
+    const flagged = (vertex) => this.mesh.bakes.some((bake) => bake.flags?.[vertex]);
+    const { count } = this.mesh;
+    let vertex = this.state.vertex ?? (step > 0 ? -1 : count);
+    for (let tried = 0; tried < count; tried++) {
+      vertex = (vertex + step + count) % count;
+      if (flagged(vertex)) return this.set({ vertex });
+    }
+  }
+
+  turnAbout(x, y) {
+    const hit = vertexAt(this.mesh, this.camera, ...this.inPicture(x, y), this.aspect);
+    if (hit) this.centreOn(hit.point);
+  }
+
+  centreOn(point) {
+    this.camera.target = point;
+    this.changed();
+  }
+
+  position(vertex) {
+    return [...this.mesh.positions.subarray(3 * vertex, 3 * vertex + 3)];
+  }
+
+  valueOf(bake, vertex) {
+    const w = (bake.w[vertex] / 65535).toFixed(4);
+    const error = bake.error ? ` ± ${short(bake.errorTop * (bake.error[vertex] / 255) ** 2)}` : "";
+    const flags = this.about.flags.filter((_, bit) => bake.flags?.[vertex] & (1 << bit)).map(([name]) => name);
+    return `w ${w}${error}${flags.length ? `, ${flags.join(", ")}` : ""}`;
+  }
+
+  // ---- showing
+
+  draw() {
+    this.waiting = undefined;
+    const { mode } = this.state;
+    const { look } = this.about;
+    const shown = mode === "error" ? Math.max(...this.mesh.bakes.map((bake) => bake.errorShown)) : this.about.differenceShown;
+    const ramp = mode === "difference" ? look.difference : look.heat;
+    document.documentElement.dataset.scheme = this.scheme;
+    this.surface.draw(this.camera, { ...this.state, mode: MODES[mode].number, shown, ramp, scheme: this.scheme });
+    this.showPanel(mode, shown, ramp);
+    this.showMark();
+    const { dataset } = document.documentElement;
+    dataset.firstPicture ??= Math.round(performance.now()); // milliseconds since the page was opened
+  }
+
+  showPanel(mode, shown, ramp) {
+    for (const radio of at("modes").querySelectorAll("input")) radio.checked = radio.value === mode;
+    at("scheme").textContent = this.scheme === "dark" ? "Light" : "Dark";
+    at("split").value = 1000 * this.state.split;
+    at("line").style.left = `${100 * this.state.split}%`;
+    at("comparison").classList.toggle("whole", mode === "difference");
+    at("legend").hidden = mode === "clay";
+    const scale = at("scale");
+    scale.style.background = "";
+    const gradient = (colours) => (scale.style.background = `linear-gradient(to right, ${colours.join(", ")})`);
+    const ticks = (...texts) => at("ticks").replaceChildren(...texts.map((text) => span(text)));
+    at("legend").className = mode;
+    if (mode === "w") {
+      gradient(Array.from({ length: 17 }, (_, i) => grey(i / 16)));
+      ticks("0 closed", "w", "1 open");
+    } else if (mode === "error") {
+      gradient(ramp);
+      ticks("0", "standard error of w", `≥ ${short(shown)}`);
+    } else if (mode === "difference") {
+      gradient(ramp);
+      ticks(`−${short(shown)}`, "second − first", `+${short(shown)}`);
+    } else if (mode === "flags") {
+      at("ticks").replaceChildren(...this.about.flags.map(([name, colour], bit) => this.flagRow(name, colour, 1 << bit)));
+    } else if (mode === "bent") ticks("red x, green y, blue z, each from −1 to 1");
+  }
+
+  flagRow(name, colour, bit) {
+    const row = span("");
+    const dot = span("");
+    dot.className = "dot";
+    dot.style.background = colour;
+    const counts = this.mesh.bakes.map(({ flags }) => grouped(flags.reduce((sum, each) => sum + Boolean(each & bit), 0)));
+    row.append(dot, `${name}: ${counts.join(" | ")}`);
+    return row;
+  }
+
+  showMark() {
+    const { vertex } = this.state;
+    const place = vertex === null ? null : this.camera.project(this.position(vertex), this.aspect);
+    const mark = at("mark");
+    mark.hidden = !place;
+    if (place) {
+      mark.style.left = `${50 * (place[0] + 1)}%`;
+      mark.style.top = `${50 * (1 - place[1])}%`;
+    }
+    const { bakes } = this.mesh;
+    const values = vertex === null ? [] : bakes.map((bake) => this.valueOf(bake, vertex));
+    at("picked").textContent = values.length ? values.join(" | ") : this.unknown ?? "Click the mesh, or type a number.";
+    this.unknown = undefined;
+    if (document.activeElement !== at("vertex")) at("vertex").value = vertex ?? "";
+  }
+
+  // ---- the address: what to show, and the camera in the file's coordinates
+
+  readAddress() {
+    const { mesh, state } = this;
+    const given = new URLSearchParams(location.hash.slice(1));
+    const point = (name) => {
+      const numbers = (given.get(name) ?? "").split(",").map(Number);
+      return numbers.length === 3 && numbers.every(Number.isFinite) ? scaled(subtract(numbers, mesh.centre), 1 / mesh.radius) : null;
+    };
+    const [position, target] = [point("position"), point("target")];
+    if (position && target && Math.hypot(...subtract(position, target)) > 0) this.camera.place(position, target);
+    const mode = given.get("mode");
+    if (Object.hasOwn(MODES, mode) && !this.missing(mode)) state.mode = mode;
+    const split = Number(given.get("split") ?? NaN);
+    if (split >= 0 && split <= 1) state.split = split;
+    const vertex = given.get("vertex") ?? "";
+    if (/^\d+$/.test(vertex) && Number(vertex) < mesh.count) state.vertex = Number(vertex);
+    if (["dark", "light"].includes(given.get("scheme"))) state.scheme = given.get("scheme");
+  }
+
+  writeAddress() {
+    const { mesh, camera, state } = this;
+    const text = (point) => add(scaled(point, mesh.radius), mesh.centre).map((x) => Number(x.toPrecision(10))).join(",");
+    const written = [`mode=${state.mode}`, `position=${text(camera.position)}`, `target=${text(camera.target)}`];
+    if (mesh.bakes.length > 1) written.push(`split=${state.split}`);
+    if (state.vertex !== null) written.push(`vertex=${state.vertex}`);
+    if (state.scheme) written.push(`scheme=${state.scheme}`);
+    if (location.protocol !== "about:") history.replaceState(null, "", `#${written.join("&")}`);
+  }
+}
+
+function span(text) {
+  return Object.assign(document.createElement("span"), { textContent: text });
+}
+
+function grey(light) {
+  const value = Math.round(255 * encodedSrgb(light));
+  return `rgb(${value}, ${value}, ${value})`;
+}
+
+async function open() {
+  try {
+    const about = JSON.parse(at("about").textContent);
+    const mesh = await readMesh(about, at("data").textContent);
+    new Page(about, mesh);
+  } catch (failure) {
+    at("failure").textContent = `This page cannot be shown: ${failure.message}`;
+    at("failure").hidden = false;
+    console.error(failure);
+  }
+}
+
+open();
