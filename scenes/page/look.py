@@ -21,7 +21,7 @@ AMBIENT, KEY = 0.4, 0.85
 """What a white surface reflects of the ambient light, and of the key light where that is overhead."""
 TOWARDS_KEY = (-0.45, 0.6, 0.66)
 """From the surface to the right of the picture, upwards and to the viewer."""
-BACKGROUND: dict[Scheme, tuple[float, float, float]] = {"dark": (0.009, 0.010, 0.013), "light": (0.81, 0.81, 0.82)}
+BACKGROUND: dict[Scheme, tuple[float, float, float]] = {"dark": (0.009, 0.010, 0.013), "light": (0.60, 0.61, 0.62)}
 """Linear RGB."""
 HEAT = ("#1b1838", "#52308f", "#b23a7c", "#f1794c", "#fdeaa8")
 """sRGB at equal steps from no error to the most; lightness grows all the way."""

@@ -28,9 +28,9 @@ class Results(NamedTuple):
 
 def check_results(results: list[Path], mesh: Path | None) -> None:
     """Raises: OptionError: a name of no baked file, or arrays of which nobody says what mesh they belong to."""
-    for path in results:
+    for field, path in zip(("result", "other"), results, strict=False):
         if path.suffix.lower() not in ENDINGS:
-            raise OptionError("result", "a baked file, its name ending in " + ", ".join(ENDINGS), path)
+            raise OptionError(field, "a baked file, its name ending in " + ", ".join(ENDINGS), path)
     if mesh is None and all(path.suffix.lower() in _ARRAYS for path in results):
         raise OptionError("mesh", f"--mesh with the mesh that {results[0].name} belongs to", "none")
 

@@ -8,7 +8,7 @@ const MODES = {
   bent: { number: 4, label: "bent normals" },
   difference: { number: 5, label: "difference" },
 };
-const WAIT = 250; // milliseconds after a move before the address changes
+const WAIT = 150; // milliseconds after a move before the address changes
 
 const at = (id) => document.getElementById(id);
 const grouped = (number) => number.toLocaleString("en-US");
@@ -256,8 +256,9 @@ class Page {
       mark.style.top = `${50 * (1 - place[1])}%`;
     }
     const { bakes } = this.mesh;
-    const values = vertex === null ? [] : bakes.map((bake) => this.valueOf(bake, vertex));
-    at("picked").textContent = values.length ? values.join(" | ") : this.unknown ?? "Click the mesh, or type a number.";
+    const name = ({ name }) => (bakes.length > 1 ? `${name}: ` : "");
+    const values = vertex === null ? [] : bakes.map((bake) => name(bake) + this.valueOf(bake, vertex));
+    at("picked").textContent = values.length ? values.join("\n") : this.unknown ?? "Click the mesh, or type a number.";
     this.unknown = undefined;
     if (document.activeElement !== at("vertex")) at("vertex").value = vertex ?? "";
   }

@@ -5,8 +5,8 @@ const int CLAY = 0, W = 1, ERROR = 2, FLAGS = 3, BENT = 4, DIFFERENCE = 5;
 uniform int mode;
 uniform vec3 clay, towardsKey, ramp[5];
 uniform float ambient, key, shown;
-in vec3 normalHere, bentHere;
-in float wHere, otherHere, errorHere;
+centroid in vec3 normalHere, bentHere;
+centroid in float wHere, otherHere, errorHere;
 out vec4 colour;
 
 vec3 encoded(vec3 light) {  // sRGB, IEC 61966-2-1

@@ -3,8 +3,8 @@
 uniform mat4 toClip;
 in vec3 position, normal, bent;
 in float w, otherW, error;
-out vec3 normalHere, bentHere;
-out float wHere, otherHere, errorHere;
+centroid out vec3 normalHere, bentHere;  // within the face also where it covers a part of a pixel
+centroid out float wHere, otherHere, errorHere;
 
 void main() {
   gl_Position = toClip * vec4(position, 1.0);
