@@ -9,6 +9,7 @@ import numpy as np
 from raytrace.mesh.normals import normalize
 from raytrace.types import Float64s, UInt8s
 
+from .adaptive.calibration import Calibration
 from .falloff import Mu
 from .gather.receivers import Flag
 from .prepared import Prepared
@@ -31,6 +32,7 @@ class Bake:
         rmse: estimated root mean square of `error` over the vertices asked for.
         seconds: `build` (the hierarchy over the faces) and `bake` (everything else that makes w).
         mu: the falloff used, in mesh units.
+        calibration: of the squared errors, at vertices that were baked twice; None by the surface method.
     """
 
     w: Float64s
@@ -42,6 +44,7 @@ class Bake:
     rmse: float
     seconds: dict[str, float] = field(compare=False)
     mu: Mu
+    calibration: Calibration | None = None
 
     def __repr__(self) -> str:
         range_ = f"w from {self.w.min():.3f} to {self.w.max():.3f}"
@@ -59,7 +62,7 @@ class PointValues:
 
     Attributes:
         w: float64 (k,), in [0, 1]. error: float64 (k,), its standard error. bent: float64 (k, 3), mean of μ·direction.
-        samples: rays asked for at a point. rays: rays traced. rays_skipped: see `Bake`.
+        samples: rays asked for at a point. rays: rays traced. rays_skipped, calibration: see `Bake`.
     """
 
     w: Float64s
@@ -68,6 +71,7 @@ class PointValues:
     samples: int
     rays: int
     rays_skipped: dict[str, int]
+    calibration: Calibration | None = None
 
 
 def assemble(prepared: Prepared, values: PointValues, seconds: dict[str, float]) -> Bake:
@@ -97,4 +101,5 @@ def assemble(prepared: Prepared, values: PointValues, seconds: dict[str, float])
         rmse=float(np.sqrt(np.sum(error**2) / max(wanted, 1))),
         seconds=seconds,
         mu=prepared.mu,
+        calibration=values.calibration,
     )

@@ -11,6 +11,7 @@ from raytrace.image.fill import fill_holes
 from raytrace.mesh.normals import normalize
 from raytrace.types import Bools, Float32s, Float64s
 
+from ..adaptive.calibration import Calibration
 from ..falloff import Mu
 from .texels import Texels
 from .uv_layout import UVLayout
@@ -59,7 +60,7 @@ class BakedTexture:
         rays: number of rays traced, by an interrupted run too. rays_skipped: not traced, by reason.
         rmse: estimated root mean square of `error` over the covered texels.
         facts: of the texture coordinates and seams.
-        seconds, mu: as `ao.Bake` has them.
+        seconds, mu, calibration: as `ao.Bake` has them.
     """
 
     w: Float32s
@@ -72,6 +73,7 @@ class BakedTexture:
     facts: TextureFacts
     seconds: dict[str, float] = field(compare=False)
     mu: Mu
+    calibration: Calibration | None = None
 
     def __repr__(self) -> str:
         height, width = self.w.shape

@@ -80,10 +80,10 @@ def check_outputs(outputs: Mapping[str, Name | None], inputs: Iterable[Name] = (
         _check_kind(option, path)
 
 
-def check_ending(option: str, path: Name, ending: str) -> None:
-    """Raises: OptionError: the name `path` does not end in `ending`, upper or lower case."""
-    if Path(path).suffix.lower() != ending:
-        raise OptionError(option, f"a name ending in {ending}", os.fspath(path))
+def check_ending(option: str, path: Name, *endings: str) -> None:
+    """Raises: OptionError: the name `path` ends in none of `endings`, upper or lower case."""
+    if Path(path).suffix.lower() not in endings:
+        raise OptionError(option, f"a name ending in {' or '.join(endings)}", os.fspath(path))
 
 
 def _identity(path: Name) -> object:

@@ -9,12 +9,26 @@ from typing import TYPE_CHECKING, Any
 from warnings import catch_warnings
 
 from .console import KERNELS_OF_BAKE, KERNELS_OF_SURFACE, bake_summary, compiling, note, progress, warn
-from .options import FalloffForm, Hidden, Method, NormalsFrom, Occlusion, Traversal, Up, make_falloff, named, plain
+from .options import (
+    REPORTS,
+    FalloffForm,
+    Hidden,
+    Method,
+    NormalsFrom,
+    Occlusion,
+    Traversal,
+    Up,
+    make_falloff,
+    named,
+    plain,
+)
 
 if TYPE_CHECKING:
     import ao
     from ao.trace.checkpoint import Checkpoint
     from raytrace.mesh.mesh import Mesh
+
+    from ..report.pictures import Picture
 
 _NO_OPTIONS_OF_BAKE = ("report", "quiet", "resume")  # they change no result
 
@@ -63,6 +77,7 @@ class BakeCommand:
         from raytrace.system.outputs import check_outputs
 
         from ..readers.load import load
+        from ..report.inputs import hashed
         from ..writers.losses import lost
         from ..writers.write import channels, write
 
@@ -70,6 +85,7 @@ class BakeCommand:
         source = load(self.mesh, self.output)
         check_outputs(self._outputs(), source.files)
         loaded = time.perf_counter()
+        inputs = hashed(source.files) if self.report else []
         warnings = warn(
             [source.mesh], [*source.notes, *lost(self.output, source, channels(self.output, **self._channels()))]
         )
@@ -80,7 +96,7 @@ class BakeCommand:
             write(self.output, baked, source, **self._channels())
         seconds = {"load": loaded - start, "write": time.perf_counter() - tracing}
         if self.report:
-            self._write_report(self.report, baked, seconds, warnings)
+            self._write_report(self.report, source.mesh, baked, (inputs, seconds, warnings))
         if self.debug_image:
             from ..description.defaults import up_axis
             from .flag_image import write_marked
@@ -102,7 +118,7 @@ class BakeCommand:
         check_target(self.output)
         channels(self.output, **self._channels())
         if self.report:
-            check_ending("--report", self.report, ".json")
+            check_ending("--report", self.report, *REPORTS)
         if self.debug_image:
             from raytrace.image.write import check_image_target
 
@@ -134,14 +150,26 @@ class BakeCommand:
             baked = ao.bake(mesh, falloff, progress=advance, checkpoint=checkpoint, **self._options())
         return baked, [str(warning.message) for warning in raised]
 
-    def _write_report(self, path: Path, baked: ao.Bake, seconds: dict[str, float], warnings: list[str]) -> None:
+    def _write_report(
+        self, path: Path, mesh: Mesh, baked: ao.Bake, made: tuple[list[dict[str, Any]], dict[str, float], list[str]]
+    ) -> None:
+        """Args: made: what was read, the seconds it took, and warnings."""
         from ao.report import report
-        from raytrace.system.atomic import write_json
         from raytrace.system.threads import thread_count
 
+        from ..description.defaults import up_axis
+        from ..report.complete import complete, write_report
         from ..writers.write import channels
 
+        inputs, seconds, warnings = made
         options = {name: plain(value) for name, value in vars(self).items() if name not in _NO_OPTIONS_OF_BAKE}
         options["threads"] = thread_count(self.threads)
         options["occlusion"] = "ramp" if channels(self.output, **self._channels()).ramp else "none"
-        write_json(path, report(baked, options, seconds, warnings))
+
+        def pictures() -> list[list[Picture]]:
+            from ..report.pictures import pictures_of_vertices
+
+            return [pictures_of_vertices(mesh, baked.w, baked.error, up_axis(self.mesh, self.up))]
+
+        whole = complete("bake", "mesh", report(baked, options, seconds, warnings), inputs, options)
+        write_report(path, whole, pictures)

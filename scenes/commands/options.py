@@ -11,6 +11,7 @@ if TYPE_CHECKING:
     import ao
 
 
+REPORTS = ".json", ".html"  # endings
 VALIDATION_SAMPLES = 4096  # rays per vertex of `obscurance validate`, unless given
 
 

@@ -10,8 +10,9 @@ from typing import TYPE_CHECKING, Any
 from warnings import catch_warnings
 
 from ..commands.bake import BakeCommand
-from ..commands.console import KERNELS_OF_TEXTURE, compiling, note, progress, texture_summary, warn
+from ..commands.console import KERNELS_OF_RENDER, KERNELS_OF_TEXTURE, compiling, note, progress, texture_summary, warn
 from ..commands.options import (
+    REPORTS,
     BentSpace,
     FalloffForm,
     Hidden,
@@ -30,6 +31,7 @@ if TYPE_CHECKING:
     from raytrace.types import Float64s
 
     from ..readers.load import MeshFile
+    from ..report.pictures import Picture
 
 _NO_OPTIONS_OF_BAKE = ("report", "quiet", "resume")  # they change no result
 _OF_VERTICES = {"method": "vertex", "colors": False, "debug_image": None, "up": None}
@@ -126,6 +128,7 @@ class TextureCommand:
         from raytrace.system.outputs import check_outputs
 
         from ..readers.load import load
+        from ..report.inputs import hashed
         from .images import tile_path, udim_tiles
         from .names import UDIM
 
@@ -141,19 +144,21 @@ class TextureCommand:
         fine = None if self.high is None else load(self.high)
         check_outputs(outputs, [*source.files, *(fine.files if fine else ())])
         loaded = time.perf_counter() - start
+        inputs = hashed([*source.files, *(fine.files if fine else ())]) if self.report else []
         meshes = [source.mesh, fine.mesh] if fine else [source.mesh]
         warnings = warn(meshes, [*source.notes, *(fine.notes if fine else ())])
-        reports = []
+        reports, uvs = [], []
         for tile in tiles:
             images = {name: path if tile is None else tile_path(path, tile) for name, path in self._images().items()}
             moved = uv if tile is None else uv - tile
             scene = _Source(source, None if tile is not None else uv if number is None else number, fine)
             baked, seconds, more = self._bake_page(scene, moved, size, falloff, images)
             reports.append((images["output"], baked, {"load": loaded} | seconds, [*warnings, *more]))
+            uvs.append(moved)
             if not self.quiet:
                 print(texture_summary(baked, images["output"]))
         if self.report:
-            self._write_report(self.report, reports)
+            self._write_report(self.report, reports, inputs, (source.mesh, uvs))
 
     def _check(self) -> ao.Falloff:
         """The falloff, if the options go together and the outputs can be written. Raises: OptionError, OutputError."""
@@ -201,7 +206,7 @@ class TextureCommand:
                 raise OptionError("cage", "--high with it", "none")
             resolve_length("cage", self.cage, 1.0)
         if self.report:
-            check_ending("--report", self.report, ".json")
+            check_ending("--report", self.report, *REPORTS)
         given: dict[str, Path | None] = {f"--{name.replace('_', '-')}": path for name, path in self._images().items()}
         inputs = [self.mesh] if self.high is None else [self.mesh, self.high]
         check_outputs({**given, "--report": self.report, "--mesh-output": self.mesh_output}, inputs)
@@ -312,10 +317,19 @@ class TextureCommand:
         advice = "whose w viewers do not show; --replace-occlusion replaces them"
         return [f"{glb}: keeps the occlusion textures of {kept:,} primitives, {advice}"] if kept else []
 
-    def _write_report(self, path: Path, pages: list[tuple[Path, ao.BakedTexture, dict[str, float], list[str]]]) -> None:
+    def _write_report(
+        self,
+        path: Path,
+        pages: list[tuple[Path, ao.BakedTexture, dict[str, float], list[str]]],
+        inputs: list[dict[str, Any]],
+        shown: tuple[Mesh, list[Float64s]],
+    ) -> None:
+        """Args: inputs: what was read. shown: the mesh, and its texture coordinates on each page."""
         from ao.report import report
-        from raytrace.system.atomic import write_json
         from raytrace.system.threads import thread_count
+
+        from ..description.defaults import up_axis
+        from ..report.complete import complete, write_report
 
         options = {name: plain(value) for name, value in vars(self).items() if name not in _NO_OPTIONS_OF_BAKE}
         options["threads"] = thread_count(self.threads)
@@ -323,7 +337,16 @@ class TextureCommand:
         whole = reports[0]
         if len(pages) > 1:
             whole = {"pages": {str(page[0]): made for page, made in zip(pages, reports, strict=True)}}
-        write_json(path, whole)
+
+        def pictures() -> list[list[Picture]]:
+            from ..report.pictures import Page, pictures_of_page
+
+            mesh = shown[0] if len(pages) == 1 else None
+            made = [Page(baked.w, baked.error, uv) for (_, baked, *_), uv in zip(pages, shown[1], strict=True)]
+            with compiling(KERNELS_OF_RENDER):
+                return [pictures_of_page(mesh, page, up_axis(self.mesh)) for page in made]
+
+        write_report(path, complete("bake", "mesh", whole, inputs, options), pictures)
 
 
 def _remarks(baked: ao.BakedTexture, target: Path, wrap: bool) -> list[str]:
