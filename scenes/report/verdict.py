@@ -15,12 +15,12 @@ _CLIPPED = 0.05  # of the pixels, brighter than an 8-bit picture holds
 
 _REMEDIES = (
     (r"are uncertain by .* too coarse", "Move the mesh to the origin before it is stored, or store doubles."),
-    (r"tolerance .* is not met", "Allow more rays with --samples, or a larger --tolerance."),
+    (r"tolerance .*is not met", "Allow more rays with --samples, or a larger --tolerance."),
     (r"not kept from", "Choose an output of another format, or the format of the input."),
     (r"keeps the colours of", "--colors writes w in their place."),
     (r"keeps the occlusion textures of", "--replace-occlusion puts w in their place."),
     (r"uses the set TEXCOORD_", "Remove unused texture coordinates from the mesh if a viewer shows no w."),
-    (r"crosses? (itself|themselves)", "Cut these polygons into triangles in the program that made them."),
+    (r"cross(es)? (itself|themselves)", "Cut these polygons into triangles in the program that made them."),
     (r"faces overlap in", "--uv unwrap gives every face a place of its own."),
     (r"reach out of the unit square", "Write one texture for each tile with <UDIM> in the output's name."),
     (r"not within the cage", "Make --cage larger, or move the meshes onto each other."),
