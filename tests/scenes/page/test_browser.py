@@ -1,6 +1,6 @@
 """Pages in a real browser that can reach no host: what they draw, and what hands do with them."""
 
-import time
+import html
 from types import SimpleNamespace
 
 import chromium
@@ -13,6 +13,7 @@ from raytrace import Camera, Mesh, render
 from raytrace.image.compare import compare
 from raytrace.image.read import read_image
 from raytrace.image.write import write_image
+from scenes.description.defaults import FROM, Y_UP
 from scenes.page.document import html_of_bakes
 from scenes.page.encode import Values
 from scenes.page.look import FIELD_OF_VIEW, clay_scene, clay_settings
@@ -77,9 +78,14 @@ def opened(tab, address, **options):
     tab.wait("document.documentElement.dataset.firstPicture")
 
 
+def settled(tab):
+    """Wait until the page has done what it does a while after a move."""
+    tab.run("new Promise((done) => setTimeout(done, 160))")
+
+
 def address(tab, *expected):
     """The parts of the address, once it has changed to have the expected ones."""
-    time.sleep(0.2)
+    settled(tab)
     found = tab.run("location.hash")
     for part in expected:
         assert part in found
@@ -187,6 +193,18 @@ def test_a_vertex_is_picked_by_a_click_and_by_its_number(tab, pages, bakes):
     assert "No vertex" in text_of(tab, "picked")
 
 
+def test_all_of_the_mesh_is_in_view_at_first_and_again_by_a_key(tab, pages, bakes):
+    framed = Camera.framing(bakes[0], FROM[Y_UP], Y_UP, SIZE[0] / SIZE[1], FIELD_OF_VIEW)
+    for start, keys in (("", "2"), (HOME, "20")):
+        opened(tab, pages.one + start)
+        tab.run("document.getElementById('view').focus()")
+        for key in keys:
+            tab.press(key)
+        found = camera_of(address(tab, "mode=w"))
+        assert found.position == pytest.approx(framed.position, abs=1e-3)
+        assert found.target == pytest.approx(framed.target, abs=1e-3)
+
+
 def test_the_camera_follows_mouse_wheel_keys_and_fingers_and_stands_in_the_address(tab, pages):
     opened(tab, pages.one + HOME)
     start = camera_of(address(tab))
@@ -217,10 +235,13 @@ def test_the_camera_follows_mouse_wheel_keys_and_fingers_and_stands_in_the_addre
     assert np.linalg.norm(np.subtract(pinched.position, pinched.target)) < 0.6 * distance * np.exp(-0.3)
     tab.touch([(400, 200)], [(420, 230)])
     assert moved().target == pinched.target
+    last = moved()
     opened(tab, pages.one + tab.run("location.hash"))
-    tab.press("0")
-    again = moved()
-    assert again.target == pytest.approx(camera_of(address(tab)).target)
+    tab.run("document.getElementById('view').focus()")
+    tab.press("2")
+    again = camera_of(address(tab, "mode=w"))
+    assert again.position == pytest.approx(last.position, abs=1e-6)
+    assert again.target == pytest.approx(last.target, abs=1e-6)
 
 
 def test_the_slider_parts_two_bakes(tab, pages, tmp_path):
@@ -255,3 +276,19 @@ def test_a_browser_that_cannot_draw_says_so(tab, pages):
     tab.wait("!document.getElementById('failure').hidden")
     assert "WebGL 2" in text_of(tab, "failure")
     tab.call("Page.removeScriptToEvaluateOnNewDocument", identifier=added)
+
+
+def test_a_page_can_be_shown_within_another(tab, bakes, tmp_path):
+    mesh, bake, _ = bakes
+    page = html_of_bakes(mesh, [Values(bake.w)], "hills").decode()
+    frame = f'<iframe srcdoc="{html.escape(page)}" width="600" height="400"></iframe>'
+    (tmp_path / "notebook.html").write_text(f"<!doctype html>{frame}")
+    tab.messages.clear()
+    tab.open((tmp_path / "notebook.html").as_uri())
+    inner = "document.querySelector('iframe').contentDocument"
+    tab.wait(f"{inner}.documentElement.dataset.firstPicture")
+    tab.run(f"{inner}.getElementById('view').focus()")
+    tab.press("2")
+    tab.wait(f"{inner}.getElementById('ticks').textContent.includes('1 open')")
+    settled(tab)
+    assert tab.messages == []

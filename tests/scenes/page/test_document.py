@@ -1,5 +1,6 @@
 """Pages hold what was baked, and nothing that leads out of them."""
 
+import base64
 import re
 
 import numpy as np
@@ -87,6 +88,8 @@ def test_nothing_leads_out_of_a_page(page):
 
 def test_the_same_bake_gives_the_same_bytes(page, mesh, values):
     assert html_of_bakes(mesh, [values], "soup") == page
+    packed = re.search(rb'id="data">(.{24})', page)[1]
+    assert base64.b64decode(packed)[4:8] == bytes(4)  # gzip's time
 
 
 def test_two_bakes_share_a_mesh(mesh, values, page):
