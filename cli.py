@@ -81,7 +81,8 @@ def bake(
     report: Report = None,
     debug_image: Annotated[Path | None, typer.Option(help="Also write an image that marks flagged vertices.")] = None,
     up: Annotated[
-        choices.Up | None, typer.Option(help="With --debug-image: the up axis, by default y, for STL and 3MF z.")
+        choices.Up | None,
+        typer.Option(help="With --debug-image or .html: the up axis, by default y, for STL and 3MF z."),
     ] = None,
     resume: Annotated[bool, typer.Option("--resume", help="Continue an interrupted bake to this output.")] = False,
     colors: Annotated[

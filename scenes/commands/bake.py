@@ -124,8 +124,8 @@ class BakeCommand:
 
             with named("debug_image"):
                 check_image_target(self.debug_image, layers=("beauty",))
-        elif self.up:
-            raise OptionError("up", "--debug-image with it; w does not depend on it", "none")
+        if self.up and not self.debug_image and ".html" not in (_ending(self.output), _ending(self.report)):
+            raise OptionError("up", "--debug-image or an .html with it; w does not depend on it", "none")
         check_outputs(self._outputs(), [self.mesh])
         return falloff
 
@@ -134,7 +134,7 @@ class BakeCommand:
 
     def _channels(self) -> dict[str, Any]:
         """The options of `scenes.write`."""
-        return {name: getattr(self, name) for name in ("colors", "occlusion", "replace_occlusion")}
+        return {name: getattr(self, name) for name in ("colors", "occlusion", "replace_occlusion", "up")}
 
     def _options(self) -> dict[str, Any]:
         """The options that `ao.bake` takes."""
@@ -173,3 +173,7 @@ class BakeCommand:
 
         whole = complete("bake", "mesh", report(baked, options, seconds, warnings), inputs, options)
         write_report(path, whole, pictures)
+
+
+def _ending(path: Path | None) -> str:
+    return path.suffix.lower() if path else ""

@@ -20,7 +20,7 @@ from ..description.defaults import FROM, Y_UP, Vector
 from .encode import Values, encoded
 from .look import FLAGS, described
 
-_SCRIPTS = "data.js", "camera.js", "surface.js", "pick.js", "controls.js", "page.js"
+_SCRIPTS = "data.js", "camera.js", "surface.js", "pick.js", "controls.js", "address.js", "panel.js", "page.js"
 _SHADERS = "surface.vert", "surface.frag", "dots.vert", "dots.frag"
 
 

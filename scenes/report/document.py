@@ -73,7 +73,8 @@ def _legend(top: float) -> str:
     colours = (round(share * 255) for share in heat(np.linspace(0, 1, _STEPS)).ravel().tolist())
     fills = ["#" + "".join(f"{next(colours):02x}" for _ in range(3)) for _ in range(_STEPS)]
     bar = "".join(f'<rect x="{x}" width="1.1" height="1" fill="{fill}"/>' for x, fill in enumerate(fills))
-    scale = f'<svg class="scale" viewBox="0 0 {_STEPS} 1" preserveAspectRatio="none">{bar}</svg>'
+    crisp = 'shape-rendering="crispEdges" preserveAspectRatio="none"'
+    scale = f'<svg class="scale" viewBox="0 0 {_STEPS} 1" {crisp}>{bar}</svg>'
     return f' <span class="legend">0 {scale} {number(top)}</span>'
 
 

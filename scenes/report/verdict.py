@@ -32,8 +32,8 @@ _OF_FLAGS = {
     "unreferenced": ("belong to no face; w is 1 there", "They can be removed from the mesh."),
     "degenerate": ("belong to faces without area alone; w is 1 there", "Remove such faces, or ignore these vertices."),
     "opposed": ("have faces that look away from each other; w is the mean over them", "Split these vertices."),
-    "hidden": ("lie inside solids", "Nothing, if parts are meant to cross; --hidden says what becomes of them."),
-    "folded": ("have a normal behind one of their faces; w is the mean over them", "Nothing, if there are few."),
+    "hidden": ("lie inside solids", "Nothing to do if parts are meant to cross; --hidden says what becomes of them."),
+    "folded": ("have a normal behind one of their faces; w is the mean over them", "Nothing to do if they are few."),
 }
 
 

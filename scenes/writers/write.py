@@ -43,6 +43,7 @@ def write(
     colors: bool = False,
     occlusion: Occlusion | None = None,
     replace_occlusion: bool = False,
+    up: str | None = None,
 ) -> None:
     """Write a bake in the format of the ending, whole or not at all; the same input gives the same bytes.
 
@@ -63,19 +64,24 @@ def write(
         occlusion: "ramp" gives a .glb's materials an occlusion texture that shows w, "none" does not; None is "ramp",
             but "none" with `colors`.
         replace_occlusion: put the ramp also in place of occlusion textures of the source.
+        up: "x", "y" or "z", the axis that a page has upwards; by default that of the source's format.
 
     Raises:
         OptionError: unknown ending, options that exclude each other, or coordinates that a .glb cannot hold.
         MeshError: materials of a glTF source are malformed.
         OutputError: the file cannot be written; an existing one is untouched.
     """
-    content = _writer(path)(bake, mesh_file, channels(path, colors, occlusion, replace_occlusion))
+    content = _writer(path)(bake, mesh_file, channels(path, colors, occlusion, replace_occlusion, up))
     with atomic_write(path) as file:
         file.write(content)
 
 
 def channels(
-    path: str | os.PathLike[str], colors: bool, occlusion: Occlusion | None, replace_occlusion: bool
+    path: str | os.PathLike[str],
+    colors: bool,
+    occlusion: Occlusion | None,
+    replace_occlusion: bool,
+    up: str | None = None,
 ) -> Channels:
     """Where `write` puts w for viewers. Raises: OptionError: options that exclude each other, or the ending."""
     ending = Path(path).suffix.lower()
@@ -90,7 +96,7 @@ def channels(
     ramp = ending == ".glb" and (occlusion == "ramp" if occlusion else not colors)
     if replace_occlusion and not ramp:
         raise OptionError("replace_occlusion", "an occlusion texture to write", "none")
-    return Channels(colors, ramp, replace_occlusion)
+    return Channels(colors, ramp, replace_occlusion, up)
 
 
 _Write = Callable[["Bake", MeshFile, Channels], bytes | memoryview]
@@ -131,11 +137,11 @@ def _glb(bake: Bake, mesh_file: MeshFile, channels: Channels) -> bytes:
     return glb(mesh_file, bake.w, channels)
 
 
-def _html(bake: Bake, mesh_file: MeshFile, _channels: Channels) -> bytes:
+def _html(bake: Bake, mesh_file: MeshFile, channels: Channels) -> bytes:
     from ..description.defaults import up_axis
     from ..page.document import html_page
 
-    title, up = mesh_file.path.name, up_axis(mesh_file.path)
+    title, up = mesh_file.path.name, up_axis(mesh_file.path, channels.up)
     return html_page(mesh_file.mesh, bake.w, bake.error, bake.flags, bake.bent_normals, title, up)
 
 

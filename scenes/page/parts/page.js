@@ -1,4 +1,4 @@
-// The page: its state, the panel, the address.
+// The page: its state, and what follows from it.
 
 const MODES = {
   clay: { number: 0, label: "clay × w" },
@@ -28,7 +28,7 @@ class Page {
     this.connect();
     this.resize();
     this.camera.frame(mesh.positions, this.aspect);
-    this.readAddress();
+    readAddress(this);
     this.draw();
   }
 
@@ -86,7 +86,7 @@ class Page {
     at("split").addEventListener("input", () => this.set({ split: at("split").value / 1000 }));
     this.dark.addEventListener("change", () => this.changed());
     addEventListener("hashchange", () => {
-      this.readAddress();
+      readAddress(this);
       this.changed();
     });
     new ResizeObserver(() => {
@@ -118,7 +118,7 @@ class Page {
   changed() {
     this.waiting ??= requestAnimationFrame(() => this.draw());
     clearTimeout(this.writing);
-    this.writing = setTimeout(() => this.writeAddress(), WAIT);
+    this.writing = setTimeout(() => writeAddress(this), WAIT);
   }
 
   home() {
@@ -204,46 +204,12 @@ class Page {
     const ramp = mode === "difference" ? look.difference : look.heat;
     document.documentElement.dataset.scheme = this.scheme;
     this.surface.draw(this.camera, { ...this.state, mode: MODES[mode].number, shown, ramp, scheme: this.scheme });
-    this.showPanel(mode, shown, ramp);
+    const said = [mode, this.scheme, this.state.split].join();
+    if (said !== this.said) showPanel(this, mode, shown, ramp);
+    this.said = said;
     this.showMark();
     const { dataset } = document.documentElement;
     dataset.firstPicture ??= Math.round(performance.now()); // milliseconds since the page was opened
-  }
-
-  showPanel(mode, shown, ramp) {
-    for (const radio of at("modes").querySelectorAll("input")) radio.checked = radio.value === mode;
-    at("scheme").textContent = this.scheme === "dark" ? "Light" : "Dark";
-    at("split").value = 1000 * this.state.split;
-    at("line").style.left = `${100 * this.state.split}%`;
-    at("comparison").classList.toggle("whole", mode === "difference");
-    at("legend").hidden = mode === "clay";
-    const scale = at("scale");
-    scale.style.background = "";
-    const gradient = (colours) => (scale.style.background = `linear-gradient(to right, ${colours.join(", ")})`);
-    const ticks = (...texts) => at("ticks").replaceChildren(...texts.map((text) => span(text)));
-    at("legend").className = mode;
-    if (mode === "w") {
-      gradient(Array.from({ length: 17 }, (_, i) => grey(i / 16)));
-      ticks("0 closed", "w", "1 open");
-    } else if (mode === "error") {
-      gradient(ramp);
-      ticks("0", "standard error of w", `≥ ${short(shown)}`);
-    } else if (mode === "difference") {
-      gradient(ramp);
-      ticks(`−${short(shown)}`, "second − first", `+${short(shown)}`);
-    } else if (mode === "flags") {
-      at("ticks").replaceChildren(...this.about.flags.map(([name, colour], bit) => this.flagRow(name, colour, 1 << bit)));
-    } else if (mode === "bent") ticks("red x, green y, blue z, each from −1 to 1");
-  }
-
-  flagRow(name, colour, bit) {
-    const row = span("");
-    const dot = span("");
-    dot.className = "dot";
-    dot.style.background = colour;
-    const counts = this.mesh.bakes.map(({ flags }) => grouped(flags.reduce((sum, each) => sum + Boolean(each & bit), 0)));
-    row.append(dot, `${name}: ${counts.join(" | ")}`);
-    return row;
   }
 
   showMark() {
@@ -262,45 +228,6 @@ class Page {
     this.unknown = undefined;
     if (document.activeElement !== at("vertex")) at("vertex").value = vertex ?? "";
   }
-
-  // ---- the address: what to show, and the camera in the file's coordinates
-
-  readAddress() {
-    const { mesh, state } = this;
-    const given = new URLSearchParams(location.hash.slice(1));
-    const point = (name) => {
-      const numbers = (given.get(name) ?? "").split(",").map(Number);
-      return numbers.length === 3 && numbers.every(Number.isFinite) ? scaled(subtract(numbers, mesh.centre), 1 / mesh.radius) : null;
-    };
-    const [position, target] = [point("position"), point("target")];
-    if (position && target && Math.hypot(...subtract(position, target)) > 0) this.camera.place(position, target);
-    const mode = given.get("mode");
-    if (Object.hasOwn(MODES, mode) && !this.missing(mode)) state.mode = mode;
-    const split = Number(given.get("split") ?? NaN);
-    if (split >= 0 && split <= 1) state.split = split;
-    const vertex = given.get("vertex") ?? "";
-    if (/^\d+$/.test(vertex) && Number(vertex) < mesh.count) state.vertex = Number(vertex);
-    if (["dark", "light"].includes(given.get("scheme"))) state.scheme = given.get("scheme");
-  }
-
-  writeAddress() {
-    const { mesh, camera, state } = this;
-    const text = (point) => add(scaled(point, mesh.radius), mesh.centre).map((x) => Number(x.toPrecision(10))).join(",");
-    const written = [`mode=${state.mode}`, `position=${text(camera.position)}`, `target=${text(camera.target)}`];
-    if (mesh.bakes.length > 1) written.push(`split=${state.split}`);
-    if (state.vertex !== null) written.push(`vertex=${state.vertex}`);
-    if (state.scheme) written.push(`scheme=${state.scheme}`);
-    if (location.protocol !== "about:") history.replaceState(null, "", `#${written.join("&")}`);
-  }
-}
-
-function span(text) {
-  return Object.assign(document.createElement("span"), { textContent: text });
-}
-
-function grey(light) {
-  const value = Math.round(255 * encodedSrgb(light));
-  return `rgb(${value}, ${value}, ${value})`;
 }
 
 async function open() {

@@ -168,7 +168,8 @@ class Surface {
     gl.enable(gl.BLEND);
     gl.blendFunc(gl.ONE, gl.ONE_MINUS_SRC_ALPHA);
     gl.bindVertexArray(dots.arrays);
-    for (const [opacity, size, tested] of [[0.3, 6, false], [1, 8, true]]) {
+    const through = Math.min(0.3, 200 / dots.count); // so that thousands do not hide the surface
+    for (const [opacity, size, tested] of [[through, 6, false], [1, 8, true]]) {
       gl.uniform1f(uniforms.opacity, opacity);
       gl.uniform1f(uniforms.size, size * (window.devicePixelRatio || 1));
       tested ? gl.enable(gl.DEPTH_TEST) : gl.disable(gl.DEPTH_TEST);

@@ -3,12 +3,12 @@
 import html
 from types import SimpleNamespace
 
-import chromium
 import numpy as np
 import pytest
 from meshes import crumpled, hills
 
 import ao
+from benchmarks import chromium
 from raytrace import Camera, Mesh, render
 from raytrace.image.compare import compare
 from raytrace.image.read import read_image
@@ -19,7 +19,7 @@ from scenes.page.encode import Values
 from scenes.page.look import FIELD_OF_VIEW, clay_scene, clay_settings
 
 pytestmark = pytest.mark.skipif(chromium.MISSING is not None, reason=str(chromium.MISSING))
-SIZE = 730, 420
+SIZE = 480, 300
 HOME = "#mode=clay&position=1.1,0.9,2.4&target=0.1,0,0"
 
 

@@ -60,6 +60,18 @@ def test_the_up_axis_is_that_of_the_format_or_the_one_given(folder, tmp_path):
         assert facts_of(target.read_bytes())["up"] == up
 
 
+def test_a_bake_turns_its_page_and_its_report_as_asked(folder, tmp_path):
+    line = "bake", folder / "hills.obj", "-o", tmp_path / "p.html", *BAKE, "--up", "z"
+    assert obscurance(*line).returncode == 0
+    assert facts_of((tmp_path / "p.html").read_bytes())["up"] == [0, 0, 1]
+    reports = []
+    for up in ("y", "z"):
+        line = "bake", folder / "hills.obj", "-o", tmp_path / "w.npy", *BAKE, "--report", tmp_path / f"{up}.html"
+        assert obscurance(*line, "--up", up).returncode == 0
+        reports.append((tmp_path / f"{up}.html").read_text().partition("base64,")[2][:4000])
+    assert reports[0] != reports[1]
+
+
 def test_two_bakes_are_named_and_their_mesh_comes_from_either(folder, tmp_path):
     for results in (("w.npz", "w.ply"), ("w.glb", "w.npy")):
         done = obscurance("view", *(folder / name for name in results), "-o", tmp_path / "p.html")

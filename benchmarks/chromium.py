@@ -13,11 +13,12 @@ from contextlib import contextmanager
 from pathlib import Path
 
 MISSING = None if shutil.which("chromium") else "chromium is not installed"
-_FLAGS = (
+FLAGS = (
     *("--headless", "--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--no-first-run"),
     *("--disable-background-networking", "--disable-component-update", "--disable-sync", "--disable-quic"),
-    *("--host-resolver-rules=MAP * ~NOTFOUND", "--remote-debugging-pipe", "--hide-scrollbars"),
 )
+"""Of a browser that draws in software and asks for nothing by itself."""
+_FLAGS = (*FLAGS, "--host-resolver-rules=MAP * ~NOTFOUND", "--remote-debugging-pipe", "--hide-scrollbars")
 _SECONDS = 60
 
 
