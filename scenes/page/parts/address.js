@@ -19,7 +19,9 @@ function readAddress(page) {
 }
 
 function writeAddress({ mesh, camera, state }) {
-  const text = (point) => add(scaled(point, mesh.radius), mesh.centre).map((x) => Number(x.toPrecision(10))).join(",");
+  const far = Math.max(...mesh.centre.map(Math.abs)) / mesh.radius; // away from the origin digits are lost
+  const digits = Math.min(17, Math.ceil(8 + Math.log10(1 + far)));
+  const text = (point) => add(scaled(point, mesh.radius), mesh.centre).map((x) => Number(x.toPrecision(digits))).join(",");
   const written = [`mode=${state.mode}`, `position=${text(camera.position)}`, `target=${text(camera.target)}`];
   if (mesh.bakes.length > 1) written.push(`split=${state.split}`);
   if (state.vertex !== null) written.push(`vertex=${state.vertex}`);
