@@ -12,7 +12,9 @@ import time
 from contextlib import contextmanager
 from pathlib import Path
 
-MISSING = None if shutil.which("chromium") else "chromium is not installed"
+_BROWSER = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
+MISSING = None if _BROWSER else "chromium is not installed"
+"""Why no browser can be started, in words, or None."""
 FLAGS = (
     *("--headless", "--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--no-first-run"),
     *("--disable-background-networking", "--disable-component-update", "--disable-sync", "--disable-quic"),
@@ -146,7 +148,7 @@ def browser():
         log = os.open(os.devnull, os.O_RDWR)
         actions = [(os.POSIX_SPAWN_DUP2, their_read, 3), (os.POSIX_SPAWN_DUP2, their_write, 4)]
         actions += [(os.POSIX_SPAWN_DUP2, log, each) for each in (0, 1, 2)]
-        command = [shutil.which("chromium"), *_FLAGS, f"--user-data-dir={Path(profile) / 'profile'}", "about:blank"]
+        command = [_BROWSER, *_FLAGS, f"--user-data-dir={Path(profile) / 'profile'}", "about:blank"]
         process = os.posix_spawn(command[0], command, os.environ, file_actions=actions, setpgroup=0)
         for each in (their_read, their_write, log):
             os.close(each)

@@ -91,7 +91,8 @@ def encoded(mesh: Mesh, bakes: Sequence[Values]) -> tuple[dict[str, Any], bytes]
             columns[f"flags{number}"] = bake.flags.astype("u1")
         if bake.bent_normals is not None:
             columns[f"bent{number}"] = _octahedral(bake.bent_normals, 255).astype("u1")
-        described.append({"name": bake.name, "errorTop": top, "errorShown": _nice(bake.error)})
+        rmse = 0.0 if bake.error is None else float(np.sqrt(np.mean(bake.error**2)))
+        described.append({"name": bake.name, "rmse": rmse, "errorTop": top, "errorShown": _nice(bake.error)})
     change = np.abs(bakes[-1].w - bakes[0].w)
     facts = {
         "vertices": len(mesh.vertices),

@@ -114,10 +114,14 @@ def _of_array(path: Path, counts: tuple[int, ...], name: str = "w", columns: tup
         if shape[1:] != columns or len(shape) != 1 + len(columns) or shape[0] not in counts:
             got = f"{shape[0]:,}" if len(shape) == 1 and not columns else f"shape {shape}"
             raise SceneError(path, name, _expected(counts), got)
-        if kind.kind not in "fiu" or kind.itemsize > 16 or (by_columns and columns):
+        if kind.kind not in "fiu" or kind.itemsize > 16:
             raise SceneError(path, name, "numbers", kind)
         data = file.read(int(np.prod(shape)) * kind.itemsize)
-        return np.frombuffer(data, kind, int(np.prod(shape))).reshape(shape).astype(np.float64)
+        return (
+            np.frombuffer(data, kind, int(np.prod(shape)))
+            .reshape(shape, order="F" if by_columns else "C")
+            .astype(np.float64)
+        )
 
 
 @contextmanager

@@ -49,8 +49,8 @@ function listen(canvas, camera, actions) {
   canvas.addEventListener("dblclick", (event) => actions.turnAbout(...point(event)));
   canvas.addEventListener("wheel", (event) => {
     event.preventDefault();
-    const lines = event.deltaMode === WheelEvent.DOM_DELTA_LINE ? 30 : 1;
-    camera.zoom(Math.exp(Math.max(-240, Math.min(240, event.deltaY * lines)) * 0.0015));
+    const unit = event.deltaMode === WheelEvent.DOM_DELTA_LINE ? 30 : event.ctrlKey ? 8 : 1; // Ctrl: a trackpad's pinch
+    camera.zoom(Math.exp(Math.max(-240, Math.min(240, event.deltaY * unit)) * 0.0015));
     actions.moved();
   }, { passive: false });
 

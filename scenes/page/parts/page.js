@@ -49,8 +49,10 @@ class Page {
   }
 
   describe() {
-    const { count, faces } = this.mesh;
-    at("facts").textContent = `${grouped(count)} vertices, ${grouped(faces.length / 3)} faces`;
+    const { count, faces, bakes } = this.mesh;
+    const rmse = bakes.filter((bake) => bake.error).map((bake) => short(bake.rmse));
+    const error = rmse.length ? `\nRMSE ${rmse.join(" | ")}` : "";
+    at("facts").textContent = `${grouped(count)} vertices, ${grouped(faces.length / 3)} faces${error}`;
     at("vertex").max = count - 1;
     if (this.mesh.bakes.length > 1) {
       at("comparison").hidden = false;
@@ -230,16 +232,20 @@ class Page {
   }
 }
 
+function fail(reason) {
+  at("failure").textContent = `This page cannot be shown: ${reason}`;
+  at("failure").hidden = false;
+}
+
 async function open() {
   try {
     const about = JSON.parse(at("about").textContent);
-    const mesh = await readMesh(about, at("data").textContent);
-    new Page(about, mesh);
+    new Page(about, await readMesh(about, at("data").textContent));
   } catch (failure) {
-    at("failure").textContent = `This page cannot be shown: ${failure.message}`;
-    at("failure").hidden = false;
+    fail(failure.message);
     console.error(failure);
   }
 }
 
+at("view").addEventListener("webglcontextlost", () => fail("the browser has taken the graphics card away. Load it again."));
 open();

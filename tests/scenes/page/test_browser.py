@@ -133,7 +133,7 @@ def test_w_is_drawn_as_grey(tab, pages, bakes, tmp_path):
     assert w.min() - 0.01 <= linear <= w.max() + 0.01
 
 
-def test_every_mode_draws_something_else_and_has_its_legend(tab, pages, tmp_path):
+def test_every_mode_draws_something_else_and_has_its_legend(tab, pages, bakes, tmp_path):
     opened(tab, pages.two + HOME)
     tab.run("document.getElementById('view').focus()")
     pictures = []
@@ -142,6 +142,7 @@ def test_every_mode_draws_something_else_and_has_its_legend(tab, pages, tmp_path
         pictures.append(shown(tab, tmp_path))
         assert legend in text_of(tab, "ticks")
         assert tab.run(f"document.querySelectorAll('#modes input')[{number - 1}].checked")
+    assert f"RMSE {bakes[1].rmse:.2g} | {bakes[2].rmse:.2g}" in text_of(tab, "facts")
     for number, picture in enumerate(pictures):
         assert all(abs(picture - other).mean() > 0.01 for other in pictures[:number])
     assert tab.messages == []
@@ -276,6 +277,10 @@ def test_a_browser_that_cannot_draw_says_so(tab, pages):
     tab.wait("!document.getElementById('failure').hidden")
     assert "WebGL 2" in text_of(tab, "failure")
     tab.call("Page.removeScriptToEvaluateOnNewDocument", identifier=added)
+    opened(tab, pages.one)
+    assert tab.run("document.getElementById('failure').hidden")
+    tab.run("document.getElementById('view').getContext('webgl2').getExtension('WEBGL_lose_context').loseContext()")
+    tab.wait("!document.getElementById('failure').hidden")
 
 
 def test_a_page_can_be_shown_within_another(tab, bakes, tmp_path):

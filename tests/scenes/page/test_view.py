@@ -53,6 +53,16 @@ def test_a_bake_writes_the_page_of_its_npz(folder, tmp_path):
     assert facts_of(baked)["title"] == "hills.obj"
 
 
+def test_arrays_by_columns_are_read_as_such(folder, tmp_path):
+    with np.load(folder / "w.npz") as held:
+        by_columns = {name: np.asfortranarray(array) for name, array in held.items()}
+    np.savez(tmp_path / "f.npz", **by_columns)
+    for path in (folder / "w.npz", tmp_path / "f.npz"):
+        obscurance("view", path, "--mesh", folder / "hills.obj", "-o", tmp_path / f"{path.stem}.html")
+    columns = [columns_of((tmp_path / name).read_bytes()) for name in ("w.html", "f.html")]
+    np.testing.assert_array_equal(columns[0]["bent0"], columns[1]["bent0"])
+
+
 def test_the_up_axis_is_that_of_the_format_or_the_one_given(folder, tmp_path):
     target = tmp_path / "p.html"
     for options, up in (((), [0, 1, 0]), (("--up", "z"), [0, 0, 1])):
@@ -117,6 +127,7 @@ def test_a_page_is_replaced_but_no_other_html_file(folder, tmp_path):
         (("plain.ply",), ("plain.ply: w: expected obscurance at every vertex", "got none")),
         (("broken.npz", "--mesh", "hills.obj"), ("broken.npz",)),
         (("short.npz", "--mesh", "hills.obj"), ("short.npz: error", "64")),
+        (("objects.npz", "--mesh", "hills.obj"), ("objects.npz", "flags", "numbers")),
         (("wrong.npz", "--mesh", "hills.obj"), ("wrong.npz", "error", "0 or more")),
     ],
 )
@@ -127,6 +138,7 @@ def test_what_is_no_bake_is_refused_in_one_line(folder, tmp_path, arguments, wor
     (folder / "broken.npz").write_bytes((folder / "w.npz").read_bytes()[:300])
     np.savez(folder / "short.npz", w=w, error=w[:5])
     np.savez(folder / "wrong.npz", w=w, error=-w)
+    np.savez(folder / "objects.npz", w=w, flags=np.array([None] * 64))
     known = {path.name for path in folder.iterdir()} | {"none.ply"}
     line = [folder / word if word in known else tmp_path / word if word == "p.png" else word for word in arguments]
     before = sorted(folder.iterdir())
