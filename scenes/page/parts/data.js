@@ -76,7 +76,10 @@ function unitVectors(stored, most) {
     let y = (2 * (stored[count + i] - 1)) / (most - 1) - 1;
     const z = 1 - Math.abs(x) - Math.abs(y);
     if (z < 0) [x, y] = [(1 - Math.abs(y)) * (x < 0 ? -1 : 1), (1 - Math.abs(x)) * (y < 0 ? -1 : 1)];
-    vectors.set(scaled([x, y, z], 1 / Math.hypot(x, y, z)), 3 * i);
+    const length = Math.sqrt(x * x + y * y + z * z);
+    vectors[3 * i] = x / length;
+    vectors[3 * i + 1] = y / length;
+    vectors[3 * i + 2] = z / length;
   }
   return vectors;
 }

@@ -7,27 +7,35 @@ const ATTRIBUTES = ["position", "normal", "bent", "w", "otherW", "error", "colou
 function drawnVertices({ positions, normals, faces, authored }) {
   const indices = Uint32Array.from(faces);
   const count = positions.length / 3;
-  const extra = [];
-  const at = (array, i) => [array[3 * i], array[3 * i + 1], array[3 * i + 2]];
+  const vertices = []; // of the further ones
+  const across = []; // their normals
   for (let f = 0; f < faces.length; f += 3) {
-    const [a, b, c] = [0, 1, 2].map((k) => at(positions, faces[f + k]));
-    const across = unit(cross(subtract(b, a), subtract(c, b)));
-    for (let k = 0; k < 3; k++) {
-      const n = at(normals, faces[f + k]);
-      if (authored ? dot(n, n) > 0 : dot(n, across) > SMOOTH) continue;
-      indices[f + k] = count + extra.length;
-      extra.push([faces[f + k], across]);
+    const [nx, ny, nz] = faceNormal(positions, 3 * faces[f], 3 * faces[f + 1], 3 * faces[f + 2]);
+    for (let k = f; k < f + 3; k++) {
+      const i = 3 * faces[k];
+      const [x, y, z] = [normals[i], normals[i + 1], normals[i + 2]];
+      if (authored ? x || y || z : x * nx + y * ny + z * nz > SMOOTH) continue;
+      indices[k] = count + vertices.length;
+      vertices.push(faces[k]);
+      across.push(nx, ny, nz);
     }
   }
-  const origin = new Uint32Array(count + extra.length);
+  const origin = new Uint32Array(count + vertices.length);
+  for (let i = 0; i < count; i++) origin[i] = i;
+  origin.set(vertices, count);
   const drawn = new Float32Array(3 * origin.length);
   drawn.set(normals);
-  for (let i = 0; i < count; i++) origin[i] = i;
-  extra.forEach(([vertex, normal], i) => {
-    origin[count + i] = vertex;
-    drawn.set(normal, 3 * (count + i));
-  });
+  drawn.set(across, 3 * count);
   return { indices, origin, normals: drawn };
+}
+
+// The unit normal of a face whose corners' coordinates begin at a, b and c; zero without area.
+function faceNormal(positions, a, b, c) {
+  const ux = positions[b] - positions[a], uy = positions[b + 1] - positions[a + 1], uz = positions[b + 2] - positions[a + 2];
+  const vx = positions[c] - positions[b], vy = positions[c + 1] - positions[b + 1], vz = positions[c + 2] - positions[b + 2];
+  const x = uy * vz - uz * vy, y = uz * vx - ux * vz, z = ux * vy - uy * vx;
+  const length = Math.sqrt(x * x + y * y + z * z) || 1;
+  return [x / length, y / length, z / length];
 }
 
 class Surface {
@@ -154,8 +162,21 @@ class Surface {
     gl.enable(gl.DEPTH_TEST);
     gl.disable(gl.BLEND);
     gl.bindVertexArray(side.surface);
-    gl.drawElements(gl.TRIANGLES, this.corners, gl.UNSIGNED_INT, 0);
+    this.drawFaces();
     if (state.mode === MODES.flags.number && side.dots.count) this.drawDots(side.dots, toClip, camera.position);
+  }
+
+  // Backs of faces are moved away a little: where they meet fronts at an edge, rounding would let some pixels through.
+  drawFaces() {
+    const gl = this.gl;
+    gl.enable(gl.CULL_FACE);
+    for (const [hidden, away] of [[gl.BACK, 0], [gl.FRONT, 1]]) {
+      gl.cullFace(hidden);
+      away ? gl.enable(gl.POLYGON_OFFSET_FILL) : gl.disable(gl.POLYGON_OFFSET_FILL);
+      gl.polygonOffset(1, 1);
+      gl.drawElements(gl.TRIANGLES, this.corners, gl.UNSIGNED_INT, 0);
+    }
+    gl.disable(gl.CULL_FACE);
   }
 
   // Dots behind the surface show through it.
