@@ -51,11 +51,14 @@ def html_of_bakes(mesh: Mesh, bakes: Sequence[Values], title: str, up: Vector = 
         bakes: one or two. up: one of `scenes.description.defaults.UP`.
 
     Raises:
-        OptionError: another number of bakes, or values of a wrong shape or out of range.
+        OptionError: another number of bakes, values of a wrong shape or out of range, or another axis.
     """
     check_type(mesh, Mesh, "page", "mesh", "a raytrace.Mesh")
     if not 1 <= len(bakes) <= 2:
         raise OptionError("bakes", "one or two", len(bakes), "page")
+    up = tuple(up)  # type: ignore[assignment]
+    if up not in FROM:
+        raise OptionError("up", "one of " + ", ".join(map(str, FROM)), up, "page")
     checked = [bake.checked(len(mesh.vertices)) for bake in bakes]
     facts, data = encoded(mesh, checked)
     facts |= {"title": printable(title), "up": up, "from": FROM[up], "look": described(), "flags": list(FLAGS.items())}

@@ -30,7 +30,7 @@ class Values:
 
     Attributes:
         w: (n,), in [0, 1].
-        error: (n,), standard error of w, 0 or more. flags: (n,), `ao.Flag`s. bent_normals: (n, 3), unit or zero.
+        error: (n,), standard error of w, in [0, 100]. flags: (n,), `ao.Flag`s. bent_normals: (n, 3), unit or zero.
         name: what to call the bake.
     """
 
@@ -48,7 +48,7 @@ class Values:
         found: dict[str, Any] = {}
         ranges = {
             "w": (1.0, "numbers in [0, 1]"),
-            "error": (np.inf, "finite numbers of 0 or more"),
+            "error": (100.0, "numbers in [0, 100]"),
             "flags": (255.0, "whole numbers from 0 to 255"),
         }
         for field, columns in {"w": (), "error": (), "flags": (), "bent_normals": (3,)}.items():
@@ -75,10 +75,10 @@ def encoded(mesh: Mesh, bakes: Sequence[Values]) -> tuple[dict[str, Any], bytes]
     """
     low, high = mesh.bounds
     step = (high - low) / MOST
-    positions = np.rint(np.divide(mesh.vertices - low, step, out=np.zeros_like(mesh.vertices), where=step > 0))
+    steps = np.rint(np.divide(mesh.vertices - low, step, out=np.zeros_like(mesh.vertices), where=step > 0))
     columns: dict[str, npt.NDArray[Any]] = {
         "faces": _sorted_differences(mesh.faces).astype("<u4"),
-        "positions": positions.astype("<u2"),
+        "positions": np.minimum(steps, MOST).astype("<u2"),
         "normals": _octahedral(smooth_normals(mesh), MOST).astype("<u2"),
     }
     described = []
@@ -132,7 +132,7 @@ def _octahedral(vectors: AnyFloats, most: int) -> Float64s:
 def _nice(error: AnyFloats | None) -> float:
     """Where a legend of the error ends: above all but a hundredth of it, a 1, 2 or 5 of its power of ten."""
     reached = 0.0 if error is None or not len(error) else float(np.quantile(error, 0.99))
-    if reached <= 0:
+    if reached < 1e-6:
         return 0.001
     power = 10.0 ** np.floor(np.log10(reached))
     return float(next(digit * power for digit in (1, 2, 5, 10) if digit * power >= reached * (1 - 1e-9)))

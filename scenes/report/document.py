@@ -32,15 +32,13 @@ def html_report(report: Report, pictures: Sequence[Sequence[Picture]]) -> bytes:
     style = files(__package__).joinpath("parts", "report.css").read_text("utf-8")
     title = f"{Path(report['inputs'][0]['path']).name}: {report['kind']}"
     pages = report.get("pages", {"": report})
-    first = next(iter(pages.values()))
     parts = [_verdict(report)]
     for (name, page), shown in zip(pages.items(), pictures, strict=True):
         parts += [f"<h2>{_text(name)}</h2>" if name else "", _pictures(shown), _values(page)]
         parts += [_calibration(page), _costs(page), _flags(page)]
-    settings = {"Settings": first["settings"]} if "settings" in first else {}
-    for heading, rows in (settings | {"Options": report["options"], "Versions": report["versions"]}).items():
-        parts.append(_section(heading, _table(_flat(rows))))
-    parts.insert(len(parts) - 2 - len(settings), _repeat(report))
+    parts.append(_repeat(report))
+    for name in ("settings", "options", "versions"):
+        parts.append(_section(name.capitalize(), _table(_flat(report[name]))) if name in report else "")
     filled = {"policy": policy(style), "title": _text(title), "style": style, "parts": "\n".join(filter(None, parts))}
     pieces = files(__package__).joinpath("parts", "report.html").read_text("utf-8").split("@@")
     return "".join(filled[each] if odd % 2 else each for odd, each in enumerate(pieces)).encode()
@@ -93,10 +91,14 @@ def _calibration(report: Report) -> str:
     points, estimated, measured = (number(found[name]) for name in ("points", "estimated", "measured"))
     text = (
         f"{points} points were baked twice: their errors were estimated as {estimated} and measured as {measured}, root"
-        " mean squares. This has set the level of all estimates; whether they are larger where errors are larger shows"
-        " below, for groups of points: on the dashed line both agree."
+        " mean squares. This has set the level of all estimates."
     )
-    chart = f'<figure class="calibration">{calibration(found["groups"])}</figure>' if found["groups"] else ""
+    if not found["groups"]:
+        return _section("Are the errors right?", f"<p>{text}</p>")
+    text += (
+        " Whether they are larger where errors are larger shows below, for groups of points: both agree on the line."
+    )
+    chart = f'<figure class="calibration">{calibration(found["groups"])}</figure>'
     return _section("Are the errors right?", f"<p>{text}</p>{chart}")
 
 

@@ -128,7 +128,7 @@ def test_a_page_is_replaced_but_no_other_html_file(folder, tmp_path):
         (("broken.npz", "--mesh", "hills.obj"), ("broken.npz",)),
         (("short.npz", "--mesh", "hills.obj"), ("short.npz: error", "64")),
         (("objects.npz", "--mesh", "hills.obj"), ("objects.npz", "flags", "numbers")),
-        (("wrong.npz", "--mesh", "hills.obj"), ("wrong.npz", "error", "0 or more")),
+        (("wrong.npz", "--mesh", "hills.obj"), ("wrong.npz", "error", "numbers in [0, 100]")),
     ],
 )
 def test_what_is_no_bake_is_refused_in_one_line(folder, tmp_path, arguments, words):
