@@ -21,7 +21,7 @@ def hashed(files: Iterable[Path], contents: Mapping[Path, bytes | None] = {}) ->
         content = contents.get(path)
         with path.open("rb") if content is None else io.BytesIO(content) as file:
             digest = hashlib.file_digest(file, "sha256").hexdigest()
-            found.append({"path": str(path), "bytes": file.tell(), "sha256": digest})
+            found.append({"path": str(path), "bytes": file.seek(0, io.SEEK_END), "sha256": digest})
     return found
 
 

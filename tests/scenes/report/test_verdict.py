@@ -1,9 +1,12 @@
 """Verdicts: every warning of the project has a remedy of its own, and what is suspicious is noticed."""
 
+import hashlib
+from pathlib import Path
+
 import pytest
 
 from ao import Flag
-from scenes.report.inputs import command_line
+from scenes.report.inputs import command_line, hashed
 from scenes.report.verdict import remedy, verdict
 
 WARNINGS = [
@@ -94,6 +97,13 @@ def test_pages_of_a_texture_are_judged_each():
     found = verdict({"pages": {"a.png": GOOD, "b.png": GOOD | {"rmse_estimate": 0.03}}})
     assert found["findings"][0]["what"].startswith("b.png: ")
     assert len(found["findings"]) == 2
+
+
+def test_standard_streams_are_so_in_the_command_and_have_a_hash():
+    line = command_line("bake", "mesh", {"mesh": "<stdin>.ply", "output": "<stdout>.npy", "seed": 3})
+    assert line == "obscurance bake - --input-format ply --output - --format npy --seed 3"
+    (found,) = hashed([Path("<stdin>.ply")], {Path("<stdin>.ply"): b"ply"})
+    assert (found["bytes"], found["sha256"]) == (3, hashlib.sha256(b"ply").hexdigest())
 
 
 def test_a_command_line_has_the_options_that_differ_from_nothing():
