@@ -11,7 +11,18 @@ from pathlib import Path
 
 import numpy as np
 
-from raytrace import BlinnPhong, CookTorrance, EllipticalBeckmann, Lambert, OrenNayar, Phong, PoulinFournier, Strauss
+from raytrace import (
+    AshikhminShirley,
+    BlinnPhong,
+    CookTorrance,
+    EllipticalBeckmann,
+    Lambert,
+    OrenNayar,
+    Phong,
+    PoulinFournier,
+    Strauss,
+    Ward,
+)
 from raytrace.brdf.coefficients import eta_from_reflectance
 from raytrace.image.write import write_image
 from raytrace.materials.base import BaseMaterial
@@ -22,6 +33,8 @@ FOLDER = Path(__file__).parent.parent / "docs" / "models"
 SIZE, SAMPLES = 112, 3
 LIGHT = normalize(np.array([-0.5, 0.6, 0.75]))
 FRONT = normalize(np.array([0.0, 0.25, 1.0]))
+EDGE = normalize(np.array([-1.0, 0.2, -0.15]))
+WARD_FORMS = ("bounded", "ward", "duer")
 VIEW = np.array([0.0, 0.0, 1.0])
 AMBIENT, BACKGROUND = 0.04, 0.02
 COPPER = (eta_from_reflectance(0.95), eta_from_reflectance(0.64), eta_from_reflectance(0.54))
@@ -58,6 +71,23 @@ STRIPS: dict[str, Strip] = {
     "elliptical_beckmann": (
         lambda x: EllipticalBeckmann(m_parallel=0.2 / x, m_perpendicular=0.2 * x, **BRUSHED),
         [1, 1.3, 1.7, 2.2, 3, 4], LIGHT, 0.3,
+    ),
+    "ward": (
+        lambda x: Ward(k_d=0.05, k_s=0.6, m_parallel=0.2 / x, m_perpendicular=0.2 * x, grain=(0, 1, 0)),
+        [1, 1.3, 1.7, 2.2, 3, 4], LIGHT, 0.5,
+    ),
+    "ward_forms": (
+        lambda x: Ward(
+            k_d=0.05, k_s=0.6, m_parallel=0.15, m_perpendicular=0.4, grain=(0, 1, 0), form=WARD_FORMS[int(x)]
+        ),
+        [0, 1, 2], EDGE, 0.5,
+    ),
+    "ashikhmin_shirley": (
+        lambda x: AshikhminShirley(
+            albedo=(0.5, 0.2, 0.1), reflectance=0.05, exponent_parallel=30 * x, exponent_perpendicular=30 / x,
+            grain=(0, 1, 0),
+        ),
+        [1, 2, 4, 8, 16, 30], LIGHT, np.pi,
     ),
     "oren_nayar": (lambda x: OrenNayar(albedo=0.8, sigma=x), [0, 0.1, 0.2, 0.35, 0.6, 1.0], FRONT, np.pi),
     "strauss": (

@@ -16,6 +16,7 @@ from .lights.sources import PointLight as PointLight
 from .lights.sources import SpotLight as SpotLight
 from .lights.sources import irradiance as irradiance
 from .lights.sources import light_from_dict as light_from_dict
+from .materials.materials import AshikhminShirley as AshikhminShirley
 from .materials.materials import BlinnPhong as BlinnPhong
 from .materials.materials import CookTorrance as CookTorrance
 from .materials.materials import EllipticalBeckmann as EllipticalBeckmann
@@ -25,6 +26,7 @@ from .materials.materials import OrenNayar as OrenNayar
 from .materials.materials import Phong as Phong
 from .materials.materials import PoulinFournier as PoulinFournier
 from .materials.materials import Strauss as Strauss
+from .materials.materials import Ward as Ward
 from .materials.materials import material_from_dict as material_from_dict
 from .materials.presets import PRESETS as PRESETS
 from .materials.reflect import reflect as reflect

@@ -11,7 +11,7 @@ from pydantic import model_validator
 
 from ..brdf import layout as rows
 from ..errors import OptionError
-from ..system.parameters import Exponent, Fraction, Indices, Parameters, Radiance, Reflectance, Sides
+from ..system.parameters import Direction, Exponent, Fraction, Indices, Parameters, Radiance, Reflectance, Sides
 from ..types import Float64s
 
 RGB = tuple[float, float, float]
@@ -39,6 +39,8 @@ class BaseMaterial(Parameters):
     """
 
     kind: ClassVar[int]
+    physical: ClassVar[bool] = False
+    """Whether `reflect` is BRDF·(n·l), in 1/sr, rather than an empirical model's own k_d⟨n·l⟩ + k_s S."""
     emission: Radiance = (0.0, 0.0, 0.0)
     two_sided: Sides = False
 
@@ -58,21 +60,38 @@ class BaseMaterial(Parameters):
     def _ambient(self) -> RGB:
         """k_a."""
 
+    def lobe_slope(self) -> float | None:
+        """The larger RMS slope of facets that make a highlight about the halfway vector; None for other models."""
+        return None
+
     def _alpha(self) -> float:
         return 1.0
 
     def _grain(self) -> RGB:
         """The world vector that the material is brushed along; zero for none."""
-        return getattr(self, "grain", None) or (0.0, 0.0, 0.0)
+        return (0.0, 0.0, 0.0)
 
     @abstractmethod
     def _parameters(self) -> list[float]:
         """The columns from `rows.MODEL` on, in the order the model's file states."""
 
 
+class Brushed(BaseMaterial):
+    """A material that reflects differently along and across a grain.
+
+    `grain`: world vector, projected into the tangent plane; left out, the surface's tangent (where u grows) is used.
+    """
+
+    grain: Direction | None = None
+
+    def _grain(self) -> RGB:
+        return self.grain or (0.0, 0.0, 0.0)
+
+
 class Diffuse(BaseMaterial):
     """A material with a Lambert-like body of albedo ρ; `k_a`, the ambient reflectance, is ρ unless given."""
 
+    physical: ClassVar[bool] = True
     albedo: Reflectance
     k_a: Reflectance | None = None
 
@@ -100,11 +119,10 @@ class Microfacet(Diffuse):
 
 
 class TwoTerm(BaseMaterial):
-    """Diffuse k_d and specular k_s, k_d + k_s ≤ 1 in each channel; `k_a` is k_d unless given; exponent > 0."""
+    """Diffuse k_d and specular k_s, k_d + k_s ≤ 1 in each channel; `k_a` is k_d unless given."""
 
     k_d: Reflectance
     k_s: Reflectance = (0.0, 0.0, 0.0)
-    exponent: Exponent = 20.0
     k_a: Reflectance | None = None
 
     @model_validator(mode="after")
@@ -117,3 +135,9 @@ class TwoTerm(BaseMaterial):
 
     def _ambient(self) -> RGB:
         return self.k_d if self.k_a is None else self.k_a
+
+
+class Glossy(TwoTerm):
+    """Of a highlight of an `exponent` > 0."""
+
+    exponent: Exponent = 20.0

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
-from ..brdf.layout import ELLIPTICAL_BECKMANN, GRAIN, POULIN_FOURNIER, TO_LIGHT, TO_VIEWER, TWO_SIDED
+from ..brdf.layout import BRUSHED, GRAIN, TO_LIGHT, TO_VIEWER, TWO_SIDED
 from ..kernel.jit import inline
 from ..kernel.simd import double, select, single
 from ..kernel.simd_memory import gather, gather3
@@ -147,7 +147,7 @@ def needs_tangent(geometry, item):
     """Whether an object's material is brushed along the surface's tangent."""
     row = geometry.rows[item]
     own = row[GRAIN] != 0.0 or row[GRAIN + 1] != 0.0 or row[GRAIN + 2] != 0.0
-    return not own and geometry.kinds[item] in (ELLIPTICAL_BECKMANN, POULIN_FOURNIER)
+    return not own and geometry.kinds[item] in BRUSHED
 
 
 @inline

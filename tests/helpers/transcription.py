@@ -51,6 +51,42 @@ def cook_torrance(rho, k_s, eta, n, l, v, distribution, book=False, colour=None)
     return out + nl * k_s * distribution(h) * g * f / ((1 if book else 4) * PI * nl * nv)
 
 
+def slopes(n, g, h):
+    """tan²θ cos²φ and tan²θ sin²φ of h, φ from g."""
+    theta, b = angle(n, h), np.cross(n, g)
+    phi = np.arctan2(h @ b, h @ g)
+    return (np.tan(theta) * np.cos(phi)) ** 2, (np.tan(theta) * np.sin(phi)) ** 2
+
+
+def ward(k_d, k_s, m_x, m_y, n, l, v, g, form):
+    nl, nv = n @ l, n @ v
+    if nl <= 0:
+        return 0.0
+    if nv <= 0:
+        return k_d / PI * nl
+    h, sum_ = unit(l + v), l + v
+    x, y = slopes(n, g, h)
+    lobe = np.exp(-x / m_x**2 - y / m_y**2) / (4 * PI * m_x * m_y)
+    if form == "bounded":
+        lobe *= 4 * (sum_ @ sum_) / (sum_ @ n) ** 4
+    else:
+        lobe /= np.sqrt(nl * nv) if form == "ward" else nl * nv
+    return (k_d / PI + k_s * lobe) * nl
+
+
+def ashikhmin_shirley(rho, r_s, n_u, n_v, n, l, v, g):
+    nl, nv = n @ l, n @ v
+    if nl <= 0 or nv <= 0:
+        return 0.0
+    h = unit(l + v)
+    x, y = slopes(n, g, h)
+    power = (n_u * x + n_v * y) / (x + y)
+    f = r_s + (1 - r_s) * (1 - h @ l) ** 5
+    lobe = np.sqrt((n_u + 1) * (n_v + 1)) / (8 * PI) * (n @ h) ** power * f / ((h @ l) * max(nl, nv))
+    body = 28 * rho / (23 * PI) * (1 - r_s) * (1 - (1 - nl / 2) ** 5) * (1 - (1 - nv / 2) ** 5)
+    return (body + lobe) * nl
+
+
 def beckmann(n, m):
     def density(h):
         a = angle(n, h)

@@ -4,7 +4,18 @@ import numpy as np
 import pytest
 import transcription as plain
 
-from raytrace import BlinnPhong, CookTorrance, EllipticalBeckmann, Lambert, OrenNayar, Phong, PoulinFournier, Strauss
+from raytrace import (
+    AshikhminShirley,
+    BlinnPhong,
+    CookTorrance,
+    EllipticalBeckmann,
+    Lambert,
+    OrenNayar,
+    Phong,
+    PoulinFournier,
+    Strauss,
+    Ward,
+)
 from raytrace.brdf.coefficients import gaussian_constant
 from raytrace.brdf.microfacet import fresnel
 from raytrace.brdf.strauss import fresnel_like, shadowing
@@ -91,6 +102,19 @@ MODELS = {
             albedo=0.4, k_s=0.7, m_parallel=0.1, m_perpendicular=0.5, eta=tuple(ETA), grain=tuple(GRAIN)
         ),
         lambda n, l, v, g: plain.cook_torrance(0.4, 0.7, ETA, n, l, v, plain.elliptical(n, g, 0.1, 0.5)),
+    ),
+    **{
+        f"ward, {form}": (
+            Ward(k_d=0.2, k_s=0.7, m_parallel=0.1, m_perpendicular=0.5, grain=tuple(GRAIN), form=form),
+            lambda n, l, v, g, form=form: plain.ward(0.2, 0.7, 0.1, 0.5, n, l, v, g, form),
+        )
+        for form in ("bounded", "ward", "duer")
+    },
+    "ashikhmin_shirley": (
+        AshikhminShirley(
+            albedo=0.4, reflectance=0.2, exponent_parallel=7, exponent_perpendicular=90, grain=tuple(GRAIN)
+        ),
+        lambda n, l, v, g: plain.ashikhmin_shirley(0.4, 0.2, 7, 90, n, l, v, g),
     ),
     "oren_nayar": (OrenNayar(albedo=0.8, sigma=0.4), lambda n, l, v, g: plain.oren_nayar(0.8, 0.4, n, l, v)),
     "oren_nayar, rough": (OrenNayar(albedo=0.3, sigma=1.5), lambda n, l, v, g: plain.oren_nayar(0.3, 1.5, n, l, v)),

@@ -83,7 +83,7 @@ def test_the_materials_scene_has_every_model(tmp_path):
     kinds = {material.kind for material in shown}
     assert kinds == {
         rows.LAMBERT, rows.PHONG, rows.BLINN_PHONG, rows.COOK_TORRANCE, rows.ELLIPTICAL_BECKMANN, rows.OREN_NAYAR,
-        rows.STRAUSS, rows.POULIN_FOURNIER,
+        rows.STRAUSS, rows.POULIN_FOURNIER, rows.WARD, rows.ASHIKHMIN_SHIRLEY,
     }  # fmt: skip
 
 
