@@ -16,6 +16,7 @@ from raytrace import (
     BlinnPhong,
     CookTorrance,
     EllipticalBeckmann,
+    Kajiya,
     Lambert,
     OrenNayar,
     Phong,
@@ -88,6 +89,17 @@ STRIPS: dict[str, Strip] = {
             grain=(0, 1, 0),
         ),
         [1, 2, 4, 8, 16, 30], LIGHT, np.pi,
+    ),
+    "kajiya": (
+        lambda x: Kajiya(height=x, correlation_parallel=2000, correlation_perpendicular=2000, eta=45, k_a=0.9),
+        [15, 30, 60, 120, 240, 480], LIGHT, 0.3,
+    ),
+    "kajiya_grain": (
+        lambda x: Kajiya(
+            height=90, correlation_parallel=1500 * x, correlation_perpendicular=1500 / x, eta=45, k_a=0.9,
+            grain=(0, 1, 0),
+        ),
+        [1, 1.2, 1.4, 1.7, 2, 2.4], LIGHT, 0.3,
     ),
     "oren_nayar": (lambda x: OrenNayar(albedo=0.8, sigma=x), [0, 0.1, 0.2, 0.35, 0.6, 1.0], FRONT, np.pi),
     "strauss": (

@@ -15,7 +15,7 @@ from ..kernel.jit import inline, kernel
 from ..kernel.simd import WIDE
 from ..kernel.simd_masks import pick, replace
 from ..kernel.vector import add, choose, dot, load, scale
-from . import ashikhmin_shirley, cook_torrance, lambert, oren_nayar, phong, poulin_fournier, strauss, ward
+from . import ashikhmin_shirley, cook_torrance, kajiya, lambert, oren_nayar, phong, poulin_fournier, strauss, ward
 from . import layout as rows
 
 
@@ -76,6 +76,8 @@ def terms(kind, row, n, l, v, tangent):
         return ward.terms(row, n, l, v, grain)
     if kind == rows.ASHIKHMIN_SHIRLEY:
         return ashikhmin_shirley.terms(row, n, l, v, grain)
+    if kind == rows.KAJIYA:
+        return kajiya.terms(row, n, l, v, grain)
     return poulin_fournier.terms(row, n, l, v, grain)
 
 

@@ -24,4 +24,5 @@ WARD, ASHIKHMIN_SHIRLEY, KAJIYA = range(8, 11)
 BRUSHED = (ELLIPTICAL_BECKMANN, POULIN_FOURNIER, WARD, ASHIKHMIN_SHIRLEY, KAJIYA)  # kinds that have a grain
 
 WARD_FORMS = {"bounded": 0.0, "ward": 1.0, "duer": 2.0}
+KIRCHHOFF_END = 4.0  # √τ at the end of the table of Kajiya's series
 TERMS = 16  # Chebyshev coefficients in a Poulin–Fournier row

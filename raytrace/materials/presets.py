@@ -53,6 +53,14 @@ PRESETS: dict[str, dict[str, Any]] = {
         "m_parallel": 0.05,
         "m_perpendicular": 0.16,
     },
+    # Iron's F0 (Hoffman); heights and lengths of a finely ground face, chosen.
+    "ground_iron": {
+        "model": "kajiya",
+        "height": 70.0,
+        "correlation_parallel": 6000.0,
+        "correlation_perpendicular": 1400.0,
+        "eta": [eta_from_reflectance(channel) for channel in (0.56, 0.57, 0.58)],
+    },
     # A clear brushed varnish over a coloured body, in Ashikhmin & Shirley's terms; numbers chosen.
     "brushed_varnish": {
         "model": "ashikhmin_shirley",

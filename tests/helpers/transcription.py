@@ -87,6 +87,35 @@ def ashikhmin_shirley(rho, r_s, n_u, n_v, n, l, v, g):
     return (body + lobe) * nl
 
 
+def kirchhoff_series(g, t):
+    """S = g Σ gʲ e⁻ᵍ/(j! j) e^(−g t/j), term after term until they no longer count."""
+    total, logarithm = 0.0, -g
+    for j in range(1, int(g + 20 * np.sqrt(g)) + 200):
+        logarithm += np.log(g) - np.log(j)
+        total += np.exp(logarithm - g * t / j) / j
+    return g * total
+
+
+def kajiya(sigma, t_x, t_y, wavelengths, eta, n, l, v, g, form):
+    nl, nv = n @ l, n @ v
+    if nl <= 0 or nv <= 0:
+        return np.zeros(3)
+    h = unit(l + v)
+    m_x, m_y = 2 * sigma / t_x, 2 * sigma / t_y
+    x, y = slopes(n, g, h)
+    attenuation = min(1.0, 2 * (n @ h) * nv / (v @ h), 2 * (n @ h) * nl / (v @ h))
+    out = []
+    for wavelength, index in zip(wavelengths, eta, strict=True):
+        k = 2 * PI / wavelength
+        g_ = (k * sigma * (nl + nv)) ** 2
+        f = fresnel(index, v @ h) * attenuation * kirchhoff_series(g_, x / m_x**2 + y / m_y**2)
+        f /= 4 * nl * nv * PI * m_x * m_y * (n @ h) ** 4
+        if form == "conserving":
+            f *= (1 - np.exp(-((2 * k * sigma * min(nl, nv)) ** 2))) / (1 - np.exp(-g_))
+        out.append(f * nl)
+    return np.array(out)
+
+
 def beckmann(n, m):
     def density(h):
         a = angle(n, h)

@@ -9,6 +9,7 @@ from raytrace import (
     Camera,
     DirectionalLight,
     EllipticalBeckmann,
+    Kajiya,
     Object,
     Scene,
     Settings,
@@ -28,6 +29,7 @@ SHINING = [
         Ward(k_d=(0.1, 0.2, 0.3), k_s=0.4, m_parallel=0.1, m_perpendicular=0.5, grain=GRAIN, form=form)
         for form in ("bounded", "ward", "duer")
     ),
+    Kajiya(height=90, correlation_parallel=4000, correlation_perpendicular=900, grain=GRAIN),
     AshikhminShirley(
         albedo=0.3, reflectance=(0.1, 0.5, 0.9), exponent_parallel=9, exponent_perpendicular=200, grain=GRAIN
     ),

@@ -8,6 +8,7 @@ from raytrace import (
     BlinnPhong,
     CookTorrance,
     EllipticalBeckmann,
+    Kajiya,
     Lambert,
     OrenNayar,
     Phong,
@@ -47,6 +48,10 @@ PHYSICAL = [
         for form in ("bounded", "ward", "duer")
     ),
     AshikhminShirley(albedo=0.5, reflectance=0.3, exponent_parallel=9, exponent_perpendicular=300, grain=(1, 2, 0)),
+    *(
+        Kajiya(height=90, correlation_parallel=4000, correlation_perpendicular=900, grain=(1, 2, 0), form=form)
+        for form in ("conserving", "kirchhoff")
+    ),
     OrenNayar(albedo=0.9, sigma=0.3),
     OrenNayar(albedo=0.9, sigma=1.2),
 ]

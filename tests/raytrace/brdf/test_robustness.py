@@ -10,6 +10,7 @@ from raytrace import (
     BlinnPhong,
     CookTorrance,
     EllipticalBeckmann,
+    Kajiya,
     Lambert,
     OrenNayar,
     Phong,
@@ -50,6 +51,12 @@ EXTREMES = [
         AshikhminShirley(albedo=1, reflectance=r, exponent_parallel=a, exponent_perpendicular=b)
         for r in (0, 0.5, 1)
         for a, b in ((1e-6, 1e-6), (1e-6, 1e6), (10, 1000), (1e6, 1e6))
+    ),
+    *(
+        Kajiya(height=s, correlation_parallel=a, correlation_perpendicular=b, eta=eta, form=form)
+        for s, a, b in ((1e-3, 611, 1e7), (50, 700, 2000), (300, 611, 1e7), (5e6, 1e7, 1e7))
+        for eta in (1, 1.5, 1e6)
+        for form in ("conserving", "kirchhoff")
     ),
     *(OrenNayar(albedo=rho, sigma=sigma) for rho in (0.05, 1) for sigma in (0, 1e-9, 0.6, np.pi / 2)),
     *(
@@ -161,6 +168,7 @@ def test_directions_broadcast_and_need_not_be_unit():
         lambda **own: EllipticalBeckmann(albedo=0, m_parallel=0.1, m_perpendicular=0.5, **own),
         lambda **own: PoulinFournier(k_d=0.2, k_s=0.5, spacing=3, **own),
         lambda **own: Ward(k_d=0.2, k_s=0.5, m_parallel=0.1, m_perpendicular=0.5, **own),
+        lambda **own: Kajiya(height=90, correlation_parallel=4000, correlation_perpendicular=900, **own),
         lambda **own: AshikhminShirley(albedo=0, exponent_parallel=200, exponent_perpendicular=8, **own),
     ],
 )

@@ -84,6 +84,7 @@ def test_the_materials_scene_has_every_model(tmp_path):
     assert kinds == {
         rows.LAMBERT, rows.PHONG, rows.BLINN_PHONG, rows.COOK_TORRANCE, rows.ELLIPTICAL_BECKMANN, rows.OREN_NAYAR,
         rows.STRAUSS, rows.POULIN_FOURNIER, rows.WARD, rows.ASHIKHMIN_SHIRLEY,
+        rows.KAJIYA,
     }  # fmt: skip
 
 

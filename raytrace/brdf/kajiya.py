@@ -1,0 +1,92 @@
+"""Kajiya: the Kirchhoff integral of a surface of Gaussian heights, correlated farther along a grain than across it.
+
+For RMS height σ, correlation lengths T_∥ and T_⊥, wavelength λ = 2π/k and s = l + v, per channel,
+
+    g = k²σ²(n·s)²,  m_i = 2σ/T_i,  t = tan²θ_h (cos²φ_h/m_∥² + sin²φ_h/m_⊥²),
+    f = F G/(4 (n·l)(n·v)) · 1/(π m_∥ m_⊥ (n·h)⁴) · c S(g, t),  S = g Σ_{j≥1} gʲ e⁻ᵍ/(j! j) e^(−g t/j).
+
+F and G are Fresnel's and the V-grooves' of Cook & Torrance. S → e⁻ᵗ for g → ∞, so that the elliptical Beckmann model is
+the limit of short waves. The other part of the integral is a mirror's, F e^(−g), which no point light can show.
+c = 1 is the integral's; c = (1 − e^(−4k²σ² min(n·l, n·v)²))/(1 − e⁻ᵍ) scatters no more than the mirror part leaves.
+S is looked up (`raytrace.brdf.coefficients.kirchhoff_table`), to 1e-4 of its largest value for a g.
+
+Row: η (RGB), kσ (RGB), m_∥, m_⊥, conserving (1: c as above).
+Source: Kajiya 1985 has the integral, the grain and its mapping; Beckmann & Spizzichino 1963 and He et al. 1991 have the
+series for one correlation length. Two lengths in it, and c, are ours.
+"""
+
+from math import exp, pi, sqrt
+
+import numpy as np
+
+from ..kernel.jit import inline
+from ..kernel.vector import dot, halfway, perpendicular
+from .coefficients import kirchhoff_table
+from .layout import KIRCHHOFF_END, MODEL
+from .microfacet import fresnel, geometric_attenuation
+
+FARTHEST = 1e150  # of t: nothing is scattered so far, and squares are finite
+_table = kirchhoff_table()
+LAST_G, LAST_T, TABLE = _table.shape[0] - 1, _table.shape[1] - 1, _table.ravel()
+ONE, TWO, THREE, NEXT = np.array([1, 2, 3, LAST_T + 1], np.uint64)  # whose places need no test for negative ones
+SIXTH = 1.0 / 6.0
+ETA, WAVE, M_PARALLEL, M_PERPENDICULAR, CONSERVING = MODEL, MODEL + 3, MODEL + 6, MODEL + 7, MODEL + 8
+
+
+@inline
+def cubic_weights(x):
+    """Of values at −1, 0, 1 and 2 for the cubic through them at x (Lagrange)."""
+    before, after = x * (x - 1.0), (x + 1.0) * (x - 2.0)
+    return before * (2.0 - x) * SIXTH, 0.5 * after * (x - 1.0), -0.5 * after * x, before * (x + 1.0) * SIXTH
+
+
+@inline
+def weighted(start, a, b, c, d):
+    """The sum of four entries of the table."""
+    return a * TABLE[start] + b * TABLE[start + ONE] + c * TABLE[start + TWO] + d * TABLE[start + THREE]
+
+
+@inline
+def scattered(g, t):
+    """S/(1 − e⁻ᵍ), from the table of S (1 + g)/(g (1 − e⁻ᵍ)) over g/(1 + g) and √τ, τ = t g/(1 + g); then 0."""
+    y = g / (1.0 + g)
+    tau = t * y
+    if tau >= KIRCHHOFF_END * KIRCHHOFF_END:
+        return 0.0
+    row, column = y * LAST_G, sqrt(tau) * (LAST_T / KIRCHHOFF_END)
+    i, j = max(1, min(int(row), LAST_G - 2)), max(1, min(int(column), LAST_T - 2))
+    a, b, c, d = cubic_weights(row - i)
+    p, q, r, s = cubic_weights(column - j)
+    start = np.uint64((i - 1) * (LAST_T + 1) + j - 1)
+    value = a * weighted(start, p, q, r, s) + b * weighted(start + NEXT, p, q, r, s)
+    value += c * weighted(start + TWO * NEXT, p, q, r, s) + d * weighted(start + THREE * NEXT, p, q, r, s)
+    return y * max(0.0, value)
+
+
+@inline
+def channel(row, c, shape, nl, nv, vh, t):
+    """f n·l of channel c, of what is scattered. Args: shape: G/(4 π m_∥ m_⊥ (n·h)⁴ n·v)."""
+    wave, together = row[WAVE + c], row[WAVE + c] * (nl + nv)
+    part = scattered(together * together, t)
+    if part == 0.0:
+        return 0.0
+    least = 2.0 * wave * min(nl, nv) if row[CONSERVING] == 1.0 else together
+    return fresnel(row[ETA + c], vh) * shape * part * (1.0 - exp(-least * least))
+
+
+@inline
+def terms(row, n, l, v, grain):
+    """Diffuse and specular RGB reflected per unit incident RGB for a packed row; the mirror part is not in it."""
+    dark = (0.0, 0.0, 0.0)
+    h = halfway(l, v)
+    nl, nv, nh, vh = dot(n, l), dot(n, v), dot(n, h), dot(v, h)
+    if nv <= 0.0 or nh <= 0.0 or vh <= 0.0:
+        return dark, dark
+    along, across = perpendicular(n, grain)
+    x, y = dot(h, along) / (row[M_PARALLEL] * nh), dot(h, across) / (row[M_PERPENDICULAR] * nh)
+    t = x * x + y * y
+    if t > FARTHEST:
+        return dark, dark
+    shape = geometric_attenuation(nh, nl, nv, vh) / (4.0 * pi * row[M_PARALLEL] * row[M_PERPENDICULAR] * nh**4 * nv)
+    red, green = channel(row, 0, shape, nl, nv, vh, t), channel(row, 1, shape, nl, nv, vh, t)
+    return dark, (red, green, channel(row, 2, shape, nl, nv, vh, t))
