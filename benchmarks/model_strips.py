@@ -23,6 +23,7 @@ from raytrace import (
     PoulinFournier,
     Strauss,
     Ward,
+    material_from_dict,
 )
 from raytrace.brdf.coefficients import eta_from_reflectance
 from raytrace.image.write import write_image
@@ -39,6 +40,7 @@ WARD_FORMS = ("bounded", "ward", "duer")
 VIEW = np.array([0.0, 0.0, 1.0])
 AMBIENT, BACKGROUND = 0.04, 0.02
 COPPER = (eta_from_reflectance(0.95), eta_from_reflectance(0.64), eta_from_reflectance(0.54))
+BRASS = material_from_dict({"preset": "rolled_brass"})
 BRUSHED = {"albedo": 0.0, "k_s": 1.0, "eta": 45.0, "k_a": 0.9, "grain": (0, 1, 0)}
 
 
@@ -117,6 +119,22 @@ STRIPS: dict[str, Strip] = {
 }  # fmt: skip
 
 
+def plate(grain: Callable[[np.ndarray, np.ndarray], tuple[np.ndarray, np.ndarray]]) -> np.ndarray:
+    """Linear RGB (2 SIZE, 2 SIZE, 3) of a brushed plate under a near lamp, the grain's x and y given by place."""
+    side = 2 * SIZE * SAMPLES
+    place = (np.arange(side) + 0.5) / side * 2 - 1
+    x, y = np.meshgrid(place, -place)
+    zero = np.zeros_like(x)
+    directions = np.stack([*grain(x, y), zero], axis=-1)
+    light = np.stack([-0.3 - x, 0.5 - y, zero + 1.2], axis=-1)
+    view = np.stack([-x, -3 - y, zero + 3.5], axis=-1)
+    colour = BRASS.pack().row[3:6] * AMBIENT + 0.6 * reflect(BRASS, [0, 0, 1], light, view, directions)
+    return colour.reshape(2 * SIZE, SAMPLES, 2 * SIZE, SAMPLES, 3).mean(axis=(1, 3))
+
+
+GRAINS = [lambda x, y: (1 + 0 * x, 0 * y), lambda x, y: (-y, x), lambda x, y: (x, y)]
+
+
 def picture(name: str) -> np.ndarray:
     """Linear RGB (SIZE, SIZE · k, 3) of a strip of k spheres."""
     make, values, light, intensity = STRIPS[name]
@@ -124,6 +142,7 @@ def picture(name: str) -> np.ndarray:
 
 
 def main() -> None:
+    write_image(FOLDER / "grain.png", np.concatenate([plate(grain) for grain in GRAINS], axis=1))
     for name, strip in STRIPS.items():
         write_image(FOLDER / f"{name}.png", picture(name))
         print(FOLDER / f"{name}.png", strip[1])

@@ -59,6 +59,9 @@ class Shape:
         uv: float64 (n, 2) texture coordinates, v upwards, or None.
         texture: albedo, multiplied into the material's diffuse and ambient reflectance per channel; needs `uv`.
         occlusion: multiplied into `Object.w`.
+        grain: direction that the surface is brushed along, in texture space as KHR_materials_anisotropy has it: red and
+            green of [0, 1] are −1 to 1 along u and along v. As it is if `grain.srgb` is False. Needs `uv`, and a
+            material with a grain, but without one of its own.
     """
 
     mesh: Mesh
@@ -66,14 +69,18 @@ class Shape:
     uv: Float64s | None = None
     texture: Texture | None = None
     occlusion: Occlusion | None = None
+    grain: Texture | None = None
 
     def __post_init__(self) -> None:
-        from .materials.base import BaseMaterial
+        from .materials.base import BaseMaterial, Brushed
 
         check_type(self.mesh, Mesh, "shape", "mesh", "a raytrace.Mesh")
         expected = 'a material, such as raytrace.Lambert(albedo=0.5) or material_from_dict({"preset": "gold"})'
         check_type(self.material, BaseMaterial, "shape", "material", expected)
-        if self.texture is not None and self.uv is None:
+        if self.grain is not None and (not isinstance(self.material, Brushed) or self.material.grain is not None):
+            expected = "an anisotropic material without a grain of its own"
+            raise OptionError("grain", expected, repr(self.material), self.mesh.source)
+        if (self.texture is not None or self.grain is not None) and self.uv is None:
             raise OptionError("uv", "texture coordinates for a textured shape", "none", self.mesh.source)
         if self.uv is not None:
             object.__setattr__(self, "uv", numbers(self.uv, self.mesh.source, "uv", "an array of numbers (n, 2)"))

@@ -13,7 +13,7 @@ import numpy as np
 
 from ..camera import Camera
 from ..embree.packets import new_packet
-from ..errors import check_type
+from ..errors import OptionError, check_type
 from ..image.frame import LAYERS, Frame
 from ..image.texture import pack_textures, texture_bytes
 from ..kernel.arrays import aligned
@@ -70,7 +70,8 @@ def render(
         progress: called with (tiles done, tiles in all).
 
     Raises:
-        OptionError: `threads` out of range, or something else than a scene, a camera and settings.
+        OptionError: `threads` out of range, something else than a scene, a camera and settings, or Gouraud shading,
+            which looks no texture up for light, of a shape whose grain is a texture.
         InputError: a texture that a ray has met cannot be read.
         MemoryLimitError: the scene and the picture would not fit into memory.
         EmbreeError: Embree failed, out of memory for instance.
@@ -78,6 +79,8 @@ def render(
     settings = Settings() if settings is None else settings
     for field, value, kind in (("scene", scene, Scene), ("camera", camera, Camera), ("settings", settings, Settings)):
         check_type(value, kind, "render", field, f"a raytrace.{kind.__name__}")
+    if settings.shading == "gouraud" and any(item.shape.grain for item in scene.objects):
+        raise OptionError("shading", "another one where a texture has the grain", "gouraud", "render")
     check_memory("scene", rendering_bytes(scene, settings, layers), describe_work(scene, settings))
     workers = thread_count(threads)
     start = time.perf_counter()

@@ -131,15 +131,16 @@ def between(a, b, c, u, v):
 
 
 @inline
-def tangent(geometry, i, j, k, edge1, edge2):
-    """Unit direction in which u grows over the face, zero without texture coordinates."""
+def tangents(geometry, i, j, k, edge1, edge2):
+    """Unit directions in which u and v grow over the face, ∂p/∂u and ∂p/∂v; zero without texture coordinates."""
     u0, v0 = double(gather(geometry.uv, 2 * i)), double(gather(geometry.uv, 2 * i + 1))
     du1, dv1 = double(gather(geometry.uv, 2 * j)) - u0, double(gather(geometry.uv, 2 * j + 1)) - v0
     du2, dv2 = double(gather(geometry.uv, 2 * k)) - u0, double(gather(geometry.uv, 2 * k + 1)) - v0
     area = du1 * dv2 - du2 * dv1
-    along = subtract(scale(dv2, doubled(edge1)), scale(dv1, doubled(edge2)))
-    u = unit(scale(select(area == 0.0, 0.0, 1.0 / area), along))
-    return single(u[0]), single(u[1]), single(u[2])
+    inverse = select(area == 0.0, 0.0, 1.0 / area)
+    u = unit(scale(inverse, subtract(scale(dv2, doubled(edge1)), scale(dv1, doubled(edge2)))))
+    v = unit(scale(inverse, subtract(scale(du1, doubled(edge2)), scale(du2, doubled(edge1)))))
+    return (single(u[0]), single(u[1]), single(u[2])), (single(v[0]), single(v[1]), single(v[2]))
 
 
 @inline
@@ -211,7 +212,8 @@ def hit_entry(entry, geometry, w, item, mask, hits, view, style):
     put(entry, layout.TINT, mask, (1.0, 1.0, 1.0))
     put1(entry, layout.FRONT, mask, lights_seen(geometry, item, side))
     if needs_tangent(geometry, item):
-        put(entry, layout.TANGENT, mask, tangent(geometry, i, j, k, edge1, edge2))
+        along_u, _ = tangents(geometry, i, j, k, edge1, edge2)
+        put(entry, layout.TANGENT, mask, along_u)
     if style.weighted:
         shift = geometry.first_w[item] - geometry.first_vertex[item]
         w0, w1, w2 = gather(w, i + shift), gather(w, j + shift), gather(w, k + shift)

@@ -20,7 +20,7 @@ class Geometry(NamedTuple):
         mirrored: float64 (o,), −1 where the object's transform mirrors, else 1.
         placed: bool (o,), whether `vertices` are in render space already. authored: bool (o,), whether the normals are
         the source's own. magnitude: float64 (o,), least |coordinate| that ray offsets reckon with.
-        texture, occlusion: int64 (o,), −1 for none. strength: float64 (o,), of `occlusion`.
+        texture, occlusion, grain: int64 (o,), −1 for none. strength: float64 (o,), of `occlusion`.
         kinds: int64 (o,), rows: float64 (o, …), packed materials (`raytrace.brdf.layout`). boxes: around all that
         casts shadows (`raytrace.shade.shaft_culling.pack_boxes`).
     """
@@ -42,6 +42,7 @@ class Geometry(NamedTuple):
     magnitude: Float64s
     texture: Int64s
     occlusion: Int64s
+    grain: Int64s
     strength: Float64s
     kinds: Int64s
     rows: Float64s

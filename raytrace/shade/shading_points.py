@@ -18,7 +18,7 @@ POINT     3       where light is gathered (a face's centroid under constant shad
 ORIGIN    3       where its shadow rays begin, safely above the surface
 BACK      3       where those to lights behind begin, if the material turns to the light
 VIEW      3       unit direction to the viewer
-TANGENT   3       along u of the texture coordinates; zero where there are none
+TANGENT   3       grain: along u, or as a texture has it; zero without texture coordinates
 TINT      3       albedo texture, 1 without
 FRONT     1       lights seen: 0 none, ON_THIS_SIDE, ON_BOTH_SIDES of the surface
 SENT, LIT 1 each  luminous sum over lights before δ, and after

@@ -34,7 +34,7 @@ from .film import (
 from .interaction import GOURAUD, Hits, between, corner_rows, hit_entry, vertex_entry
 from .records import SceneArrays
 from .shading_points import lighting_column, put, put1, take
-from .texturing import apply_occlusion, apply_tint, texture_occlusion, texture_tint
+from .texturing import apply_occlusion, apply_tint, texture_grain, texture_occlusion, texture_tint
 from .workspace import BACKGROUND, FIRST, PACKETS, PRIMARY, RETIRED
 
 
@@ -165,6 +165,7 @@ def trace_packet(scene, view, style, scratch, entry, start, there):
         mask = left & (items == item)
         hit_entry(entry, geometry, scene.w, item, mask, hits, view, style)
         texture_tint(entry, scene, item, mask, hits, view, scratch.missing)
+        texture_grain(entry, scene, item, mask, hits, view, scratch.missing)
         if style.weighted:
             texture_occlusion(entry, scene, item, mask, hits, view, scratch.missing)
         material = geometry.rows[item]

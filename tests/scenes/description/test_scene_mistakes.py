@@ -70,7 +70,12 @@ MISTAKES = {
         PLAIN + 'texture = "paint.png"\nwrap = "clamp"'
     ),
     "objects[0].wrap: expected one or two of": PLAIN + 'texture = "paint.png"\nwrap = ["repeat", 3]',
-    "objects[0].wrap: expected texture with it, got none": PLAIN + 'wrap = "repeat"',
+    'objects[0].grain: expected an existing file, got "no.png"': PLAIN + 'material = "rolled_brass"\ngrain = "no.png"',
+    "objects[0].grain: expected a mesh with texture coordinates, got one without": (
+        '[[objects]]\nbuiltin = "sponge"\nlevel = 1\nmaterial = "rolled_brass"\ngrain = "paint.png"'
+    ),
+    "objects[0].grain: expected an anisotropic material without a grain of its own": PLAIN + 'grain = "paint.png"',
+    "objects[0].wrap: expected texture or grain with it, got none": PLAIN + 'wrap = "repeat"',
     'objects[0].material.two_sided: expected true, false or "viewer", got light': (
         PLAIN + 'material = { model = "lambert", albedo = 1, two_sided = "light" }'
     ),
