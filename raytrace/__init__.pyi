@@ -9,13 +9,15 @@ from .errors import OptionError as OptionError
 from .errors import OutputError as OutputError
 from .image.frame import Frame as Frame
 from .image.texture import Texture as Texture
+from .lights.environment import EnvironmentLight as EnvironmentLight
+from .lights.environment import SkyLight as SkyLight
+from .lights.lights import Light as Light
+from .lights.lights import light_from_dict as light_from_dict
 from .lights.sources import AmbientLight as AmbientLight
 from .lights.sources import DirectionalLight as DirectionalLight
-from .lights.sources import Light as Light
 from .lights.sources import PointLight as PointLight
 from .lights.sources import SpotLight as SpotLight
 from .lights.sources import irradiance as irradiance
-from .lights.sources import light_from_dict as light_from_dict
 from .materials.anisotropic import AshikhminShirley as AshikhminShirley
 from .materials.anisotropic import EllipticalBeckmann as EllipticalBeckmann
 from .materials.anisotropic import Kajiya as Kajiya

@@ -7,7 +7,7 @@ Formulas: `raytrace.brdf`; the types that signatures name and their ranges: `ray
 
 from __future__ import annotations
 
-from math import cos, pi, sin, sqrt
+from math import cos, exp, pi, sin, sqrt
 from typing import ClassVar, Literal
 
 from pydantic import model_validator
@@ -16,7 +16,7 @@ from ..brdf import layout as rows
 from ..brdf.coefficients import cap_angle, power_series
 from ..errors import OptionError
 from ..system.parameters import Exponent, Fraction, Indices, Nanometres, Reflectance, Slope, Spacing, Wavelengths
-from .base import RGB, Brushed, Diffuse, Glossy, Microfacet, TwoTerm
+from .base import RGB, Brushed, Diffuse, Gloss, Glossy, Microfacet, TwoTerm
 
 
 class EllipticalBeckmann(Brushed, Microfacet):
@@ -29,6 +29,9 @@ class EllipticalBeckmann(Brushed, Microfacet):
 
     def lobe_slope(self) -> float:
         return max(self.m_parallel, self.m_perpendicular)
+
+    def _gloss(self) -> Gloss:
+        return self._mirrored(sqrt(self.m_parallel * self.m_perpendicular))
 
     def _parameters(self) -> list[float]:
         return [*self._common(), self.m_parallel, self.m_perpendicular]
@@ -69,6 +72,9 @@ class Ward(Brushed, TwoTerm):
     def lobe_slope(self) -> float:
         return max(self.m_parallel, self.m_perpendicular)
 
+    def _gloss(self) -> Gloss:
+        return Gloss(self.k_s, self.k_s, sqrt(self.m_parallel * self.m_perpendicular))
+
     def _parameters(self) -> list[float]:
         return [*self.k_d, *self.k_s, self.m_parallel, self.m_perpendicular, rows.WARD_FORMS[self.form]]
 
@@ -92,6 +98,10 @@ class AshikhminShirley(Brushed, Diffuse):
 
     def lobe_slope(self) -> float:
         return sqrt(2 / (min(self.exponent_parallel, self.exponent_perpendicular) + 2))  # Walter et al. 2007
+
+    def _gloss(self) -> Gloss:
+        between = sqrt(self.exponent_parallel * self.exponent_perpendicular)
+        return Gloss(self.reflectance, (1.0, 1.0, 1.0), sqrt(2 / (between + 2)))
 
     def _parameters(self) -> list[float]:
         return [*self.albedo, *self.reflectance, self.exponent_parallel, self.exponent_perpendicular]
@@ -136,8 +146,17 @@ class Kajiya(Brushed):
         return sqrt(4 * self.height**2 + wave**2) / min(self.correlation_parallel, self.correlation_perpendicular)
 
     def _ambient(self) -> RGB:
+        return self._normal_reflectance() if self.k_a is None else self.k_a
+
+    def _normal_reflectance(self) -> RGB:
         red, green, blue = (((eta - 1) / (eta + 1)) ** 2 for eta in self.eta)
-        return (red, green, blue) if self.k_a is None else self.k_a
+        return (red, green, blue)
+
+    def _gloss(self) -> Gloss:
+        """One lobe for the mirror part and what is scattered: of the mean of their squared slopes, for green light."""
+        mirrored = exp(-((4 * pi * self.height / self.wavelengths[1]) ** 2))
+        along, across = self.slopes()
+        return Gloss(self._normal_reflectance(), (1.0, 1.0, 1.0), sqrt((1 - mirrored) * along * across))
 
     def _parameters(self) -> list[float]:
         waves = [2 * pi * self.height / wavelength for wavelength in self.wavelengths]

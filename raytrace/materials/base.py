@@ -17,6 +17,18 @@ from ..types import Float64s
 RGB = tuple[float, float, float]
 
 
+class Gloss(NamedTuple):
+    """What a material mirrors of its surroundings: RGB at normal incidence and at grazing, RMS slope of the facets."""
+
+    normal: RGB
+    grazing: RGB
+    slope: float
+
+
+BLACK = (0.0, 0.0, 0.0)
+MATT = Gloss(BLACK, BLACK, 1.0)
+
+
 class Packed(NamedTuple):
     """A material as kernels take it: integer kind, and a float64 row of `rows.WIDTH`."""
 
@@ -52,6 +64,9 @@ class BaseMaterial(Parameters):
         row[rows.ALPHA] = self._alpha()
         row[rows.TWO_SIDED] = rows.TO_VIEWER if self.two_sided == "viewer" else rows.TO_LIGHT * self.two_sided
         row[rows.GRAIN : rows.GRAIN + 3] = normalized(self._grain())
+        gloss = self._gloss()
+        row[rows.GLOSS : rows.GLOSS + 3], row[rows.GRAZING : rows.GRAZING + 3] = gloss.normal, gloss.grazing
+        row[rows.SLOPE] = gloss.slope
         parameters = self._parameters()
         row[rows.MODEL : rows.MODEL + len(parameters)] = parameters
         return Packed(self.kind, row)
@@ -69,7 +84,11 @@ class BaseMaterial(Parameters):
 
     def _grain(self) -> RGB:
         """The world vector that the material is brushed along; zero for none."""
-        return (0.0, 0.0, 0.0)
+        return BLACK
+
+    def _gloss(self) -> Gloss:
+        """The part of `k_a` that comes from the mirror direction, as much as the model's highlight reflects."""
+        return MATT
 
     @abstractmethod
     def _parameters(self) -> list[float]:
@@ -85,7 +104,7 @@ class Brushed(BaseMaterial):
     grain: Direction | None = None
 
     def _grain(self) -> RGB:
-        return self.grain or (0.0, 0.0, 0.0)
+        return self.grain or BLACK
 
 
 class Diffuse(BaseMaterial):
@@ -111,6 +130,12 @@ class Microfacet(Diffuse):
     eta: Indices = (1.5, 1.5, 1.5)
     colour: Reflectance | None = None
     form: Literal["conserving", "book"] = "conserving"
+
+    def _mirrored(self, slope: float) -> Gloss:
+        colour = self.colour or (1.0, 1.0, 1.0)
+        normal = np.square((np.array(self.eta) - 1) / (np.array(self.eta) + 1))
+        red, green, blue = (self.k_s * np.multiply(colour, normal if self.colour is None else normal.mean())).tolist()
+        return Gloss((red, green, blue), (self.k_s,) * 3, slope)
 
     def _common(self) -> list[float]:
         colour = self.colour or (0.0, 0.0, 0.0)

@@ -10,6 +10,7 @@ the types that signatures name (`Reflectance`, `Slope`, …) and their ranges: `
 
 from __future__ import annotations
 
+from math import sqrt
 from typing import Any, ClassVar, Literal, get_args
 
 import numpy as np
@@ -21,7 +22,7 @@ from ..errors import OptionError
 from ..system.parameters import Angle, Fraction, Positive, Reflectance, Slope, Smoothness, made_of
 from ..types import Float64s, Int64s
 from .anisotropic import AshikhminShirley, EllipticalBeckmann, Kajiya, PoulinFournier, Ward
-from .base import RGB, BaseMaterial, Diffuse, Glossy, Microfacet
+from .base import RGB, BaseMaterial, Diffuse, Gloss, Glossy, Microfacet
 from .presets import preset
 
 
@@ -61,6 +62,9 @@ class CookTorrance(Microfacet):
     def lobe_slope(self) -> float:
         return self.m
 
+    def _gloss(self) -> Gloss:
+        return self._mirrored(self.m)
+
     def _parameters(self) -> list[float]:
         if self.distribution == "beckmann":
             return [*self._common(), self.m, 0.0]
@@ -88,12 +92,20 @@ class Phong(_PhongFamily):
     model: Literal["phong"] = "phong"
     kind: ClassVar[int] = rows.PHONG
 
+    def _gloss(self) -> Gloss:
+        red, green, blue = (k_s * min(1.0, 2 / (self.exponent + 1)) for k_s in self.k_s)  # ∫ S dω/π
+        return Gloss((red, green, blue), (red, green, blue), sqrt(2 / (4 * self.exponent + 2)))
+
 
 class BlinnPhong(_PhongFamily):
     """S = ⟨n·h⟩^exponent (12.25)."""
 
     model: Literal["blinn_phong"] = "blinn_phong"
     kind: ClassVar[int] = rows.BLINN_PHONG
+
+    def _gloss(self) -> Gloss:
+        red, green, blue = (k_s * min(1.0, 8 / (self.exponent + 2)) for k_s in self.k_s)  # ∫ S dω/π, nearly
+        return Gloss((red, green, blue), (red, green, blue), sqrt(2 / (self.exponent + 2)))
 
 
 class Strauss(BaseMaterial):
@@ -116,6 +128,12 @@ class Strauss(BaseMaterial):
 
     def _alpha(self) -> float:
         return 1.0 - self.transparency
+
+    def _gloss(self) -> Gloss:
+        exponent = 3 / (1 - self.smoothness)
+        part = (1 - self.transparency) * self.smoothness**3 * 2 / (exponent + 1)  # r_n, and ∫ ⟨r·v⟩^h dω/π
+        red, green, blue = (part * (1 + self.metalness * (channel - 1)) for channel in self.colour)  # c_s
+        return Gloss((red, green, blue), (part,) * 3, sqrt(2 / (4 * exponent + 2)))
 
     def _parameters(self) -> list[float]:
         return [*self.colour, self.smoothness, self.metalness, self.transparency]

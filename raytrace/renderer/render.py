@@ -142,7 +142,9 @@ class _Renderer:
     ) -> None:
         self.geometry, self.threads = built.geometry, threads
         unread = pack_textures([None] * len(self.geometry.textures))
-        self.scene = SceneArrays(self.geometry.arrays, built.w, built.lights, unread, np.zeros((0, LIGHTING)))
+        self.scene = SceneArrays(
+            self.geometry.arrays, built.w, built.bent, built.lights, unread, np.zeros((0, LIGHTING))
+        )
         self.reading = threading.Lock()
         self.view = place_camera(camera, settings, self.geometry.centre, self.geometry.scale)
         self.style = Style(

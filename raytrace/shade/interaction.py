@@ -15,7 +15,7 @@ from ..kernel.vector import add, choose, cross, dot, load3, scale, subtract, uni
 from ..mesh.placement import ULP
 from ..ray_origins.offset import OFFSET_ULPS
 from . import shading_points as layout
-from .interpolation import centroid, phong_normal, quadratic_normal
+from .interpolation import centroid, interpolate, phong_normal, quadratic_normal
 from .shading_points import put, put1
 
 CONSTANT, FLAT, GOURAUD, PHONG, QUADRATIC = range(5)
@@ -218,6 +218,20 @@ def hit_entry(entry, geometry, w, item, mask, hits, view, style):
         shift = geometry.first_w[item] - geometry.first_vertex[item]
         w0, w1, w2 = gather(w, i + shift), gather(w, j + shift), gather(w, k + shift)
         put1(entry, layout.W, mask, single(between(w0, w1, w2, u, v)))
+
+
+@inline
+def bent_entry(entry, geometry, bent, item, mask, hits):
+    """Write the bent normals of hits on one object, interpolated between their faces' corners'.
+
+    Args: bent: of `SceneArrays`; the others as `hit_entry`.
+    """
+    put(entry, layout.BENT, mask, (0.0, 0.0, 0.0))
+    if len(bent) > 0:
+        i, j, k = corner_rows(geometry, item, mask, hits.faces)
+        shift = geometry.first_w[item] - geometry.first_vertex[item]
+        b0, b1, b2 = gather3(bent, i + shift), gather3(bent, j + shift), gather3(bent, k + shift)
+        put(entry, layout.BENT, mask, interpolate(b0, b1, b2, hits.u, hits.v))
 
 
 @inline

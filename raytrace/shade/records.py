@@ -50,22 +50,33 @@ class Geometry(NamedTuple):
 
 
 class Lights(NamedTuple):
-    """Packed lights in render space: kinds int64 (k,), rows float64 (k, …) (`raytrace.lights.layout`)."""
+    """Packed lights in render space.
+
+    Attributes:
+        kinds: int64 (k,), rows: float64 (k, …) (`raytrace.lights.layout`). skies, harmonics, maps, frame: light from
+        all around (`raytrace.lights.environment.Environment`).
+    """
 
     kinds: Int64s
     rows: Float64s
+    skies: Float64s
+    harmonics: Float64s
+    maps: Float32s
+    frame: Float64s
 
 
 class SceneArrays(NamedTuple):
     """All that kernels read of a scene.
 
     Attributes:
-        w: float64 (n,), obscurance at every vertex of every object. lit_vertices: float64 (n, LIGHTING), light at them
+        w: float64 (n,), obscurance at every vertex of every object. bent: float32 (n, 3), bent normals there, zero for
+        none, or (0, 3) where no light asks for them. lit_vertices: float64 (n, LIGHTING), light at them
         for Gouraud shading (`raytrace.shade.shading_points.lighting_column`); (0, LIGHTING) for other shadings.
     """
 
     geometry: Geometry
     w: Float64s
+    bent: Float32s
     lights: Lights
     textures: PackedTextures
     lit_vertices: Float64s
