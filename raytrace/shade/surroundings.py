@@ -1,8 +1,8 @@
 """Ambient light from a sky or an image: by the bent normal, and mirrored by what is glossy.
 
 k_a I_a(b) w, I_a the mean light of the hemisphere about the bent normal b. Of it the part that the material's highlight
-would reflect, F ≤ k_a, is F L V instead: L comes from the mirror direction, blurred as the material is rough, and V is
-the part of that which is open (`raytrace.lights.environment_kernels.cone_visibility`).
+would reflect, F ≤ k_a, is F (V L + (1 − V) I_a(b) w): L comes from the mirror direction, blurred as the material is
+rough, and V is the part of that which is open (`raytrace.lights.environment_kernels.cone_visibility`).
 """
 
 from math import acos
@@ -88,5 +88,5 @@ def surround(entry, lane, row, lights, total, style):
             value = np.float32(w) * value
         if glossy:
             part = min(np.float64(share), gloss[c] + (grazing[c] - gloss[c]) * rise)
-            value = np.float32(max(0.0, value + part * (mirrored[c] * visible - arriving[c] * w)))
+            value = np.float32(max(0.0, value + part * visible * (mirrored[c] - arriving[c] * w)))
         entry[layout.AMBIENT + c, lane] = value

@@ -22,6 +22,7 @@ COUNTS = {  # objects, shapes, lights
     "temple": (2, 2, 2),
     "sponge": (2, 2, 2),
     "materials": (len(PRESETS) + 4, len(PRESETS) + 4, 4),
+    "metals": (9, 9, 2),
     "still_life": (12, 8, 3),
 }
 
