@@ -18,6 +18,7 @@ from ..image.frame import LAYERS, Frame
 from ..image.texture import pack_textures, texture_bytes
 from ..kernel.arrays import aligned
 from ..kernel.simd import WIDE
+from ..lights.environment import EnvironmentLight, SkyLight
 from ..lights.layout import AMBIENT as AMBIENT_LIGHT
 from ..scene import Scene
 from ..settings import Settings, Shading
@@ -107,8 +108,10 @@ def rendering_bytes(scene: Scene, settings: Settings, layers: bool) -> int:
     _, _, wide, high = whole_tiles(settings)
     film = 4 * wide * high * (FILM if layers else LAYERS["beauty"])
     film += _EDGES * tile_count(wide, high) * (settings.samples > workspace.FIRST)
+    surrounded = any(isinstance(light, SkyLight | EnvironmentLight) for light in scene.lights)
+    bent = 12 * sum(len(item.shape.mesh.vertices) for item in scene.objects) * surrounded
     textures = texture_bytes(shape_textures(item.shape for item in scene.objects))
-    return _BASE + _VERTEX * vertices + _FACE * faces + 8 * LIGHTING * lit + film + textures
+    return _BASE + _VERTEX * vertices + _FACE * faces + 8 * LIGHTING * lit + bent + film + textures
 
 
 def describe_work(scene: Scene, settings: Settings) -> str:

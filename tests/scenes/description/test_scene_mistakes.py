@@ -116,6 +116,17 @@ MISTAKES = {
     "lights[1].position: expected a value, got nothing": (
         PLAIN + '[[lights]]\nlight = "ambient"\n[[lights]]\nlight = "point"'
     ),
+    'lights[0].image: expected an existing file, got "none.hdr"': (
+        PLAIN + '[[lights]]\nlight = "environment"\nimage = "none.hdr"'
+    ),
+    "lights[0].image: expected a path in the scene's folder or below": (
+        PLAIN + '[[lights]]\nlight = "environment"\nimage = "../none.hdr"'
+    ),
+    "lights[0].image: expected the path of an image, got 3": PLAIN + '[[lights]]\nlight = "environment"\nimage = 3',
+    "lights[0].zenith: expected a value, got nothing": PLAIN + '[[lights]]\nlight = "sky"\nhorizon = 1',
+    "lights[0].up: expected a vector other than zero": (
+        PLAIN + '[[lights]]\nlight = "sky"\nzenith = 1\nhorizon = 1\nup = [0, 0, 0]'
+    ),
     "lights[0].light: expected one of": PLAIN + '[[lights]]\nlight = "laser"',
     "lights[0].half_angle: expected degrees in (0, 90], got 95": (
         PLAIN + '[[lights]]\nlight = "spot"\nposition = [0, 0, 1]\ndirection = [0, 0, -1]\nhalf_angle = 95'
