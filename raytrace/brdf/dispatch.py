@@ -101,6 +101,8 @@ def terms_wide(kind, row, n, l, v, tangent, wanted):
         return ward.terms(row, n, l, v, brushed_along(row, tangent))
     if kind == rows.ASHIKHMIN_SHIRLEY:
         return ashikhmin_shirley.terms(row, n, l, v, brushed_along(row, tangent))
+    if kind == rows.KAJIYA:
+        return kajiya.terms_wide(row, n, l, v, brushed_along(row, tangent), wanted)
     zero = scale(0.0, n)
     diffuse, specular = zero, zero
     for lane in range(WIDE):

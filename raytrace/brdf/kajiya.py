@@ -15,17 +15,20 @@ Source: Kajiya 1985 has the integral, the grain and its mapping; Beckmann & Spiz
 series for one correlation length. Two lengths in it, and c, are ours.
 """
 
-from math import exp, pi, sqrt
+from math import exp, inf, pi, sqrt
 
 import numpy as np
 
 from ..kernel.jit import inline
-from ..kernel.vector import dot, halfway, perpendicular
+from ..kernel.simd import WIDE, select
+from ..kernel.simd_masks import pick, replace
+from ..kernel.vector import dot, halfway, perpendicular, scale
 from .coefficients import kirchhoff_table
 from .layout import KIRCHHOFF_END, MODEL
 from .microfacet import fresnel, geometric_attenuation
 
-FARTHEST = 1e150  # of t: nothing is scattered so far, and squares are finite
+FARTHEST = 1e30  # of t: nothing is scattered so far
+NEARLY_NONE = 0.05  # below, the series of 1 − e⁻ˣ is exact to 5e-8
 _table = kirchhoff_table()
 LAST_G, LAST_T, TABLE = _table.shape[0] - 1, _table.shape[1] - 1, _table.ravel()
 ONE, TWO, THREE, NEXT = np.array([1, 2, 3, LAST_T + 1], np.uint64)  # whose places need no test for negative ones
@@ -64,29 +67,68 @@ def scattered(g, t):
 
 
 @inline
-def channel(row, c, shape, nl, nv, vh, t):
-    """f n·l of channel c, of what is scattered. Args: shape: G/(4 π m_∥ m_⊥ (n·h)⁴ n·v)."""
-    wave, together = row[WAVE + c], row[WAVE + c] * (nl + nv)
-    part = scattered(together * together, t)
-    if part == 0.0:
-        return 0.0
-    least = 2.0 * wave * min(nl, nv) if row[CONSERVING] == 1.0 else together
-    return fresnel(row[ETA + c], vh) * shape * part * (1.0 - exp(-least * least))
+def scattered_channels(row, together, t):
+    """`scattered` of R, G and B for n·l + n·v."""
+    red, green, blue = row[WAVE] * together, row[WAVE + 1] * together, row[WAVE + 2] * together
+    return scattered(red * red, t), scattered(green * green, t), scattered(blue * blue, t)
+
+
+@inline
+def emerging(x):
+    """1 − e⁻ˣ for x ≥ 0, in single precision, too."""
+    series = x * (1.0 - x * (0.5 - x * (SIXTH - x / 24.0)))
+    return select(x < NEARLY_NONE, series, 1.0 - exp(-x))
+
+
+@inline
+def incidence(row, n, l, v, grain):
+    """n·l, n·v, v·h, t, and G/(4 π m_∥ m_⊥ (n·h)⁴ n·v); t is infinite where nothing is reflected."""
+    h = halfway(l, v)
+    nl, nv, nh, vh = dot(n, l), dot(n, v), dot(n, h), dot(v, h)
+    along, across = perpendicular(n, grain)
+    x, y = dot(h, along) / (row[M_PARALLEL] * nh), dot(h, across) / (row[M_PERPENDICULAR] * nh)
+    t = select((nv > 0.0) & (nh > 0.0) & (vh > 0.0), x * x + y * y, inf)
+    square = nh * nh
+    shape = geometric_attenuation(nh, nl, nv, vh) / (row[M_PARALLEL] * row[M_PERPENDICULAR] * square * square)
+    return nl, nv, vh, t, shape / (4.0 * pi * nv)
+
+
+@inline
+def channel(row, c, at, part):
+    """f n·l of channel c, of what is scattered. Args: at: `incidence`; part: `scattered`."""
+    nl, nv, vh, _, shape = at
+    together = nl + nv
+    if row[CONSERVING] == 1.0:
+        together = 2.0 * min(nl, nv)
+    least = row[WAVE + c] * together
+    value = fresnel(row[ETA + c], vh) * shape * part * emerging(least * least)
+    return select(part > 0.0, value, 0.0)
 
 
 @inline
 def terms(row, n, l, v, grain):
     """Diffuse and specular RGB reflected per unit incident RGB for a packed row; the mirror part is not in it."""
     dark = (0.0, 0.0, 0.0)
-    h = halfway(l, v)
-    nl, nv, nh, vh = dot(n, l), dot(n, v), dot(n, h), dot(v, h)
-    if nv <= 0.0 or nh <= 0.0 or vh <= 0.0:
+    at = incidence(row, n, l, v, grain)
+    if not at[3] < FARTHEST:
         return dark, dark
-    along, across = perpendicular(n, grain)
-    x, y = dot(h, along) / (row[M_PARALLEL] * nh), dot(h, across) / (row[M_PERPENDICULAR] * nh)
-    t = x * x + y * y
-    if t > FARTHEST:
+    red, green, blue = scattered_channels(row, at[0] + at[1], at[3])
+    if red + green + blue == 0.0:
         return dark, dark
-    shape = geometric_attenuation(nh, nl, nv, vh) / (4.0 * pi * row[M_PARALLEL] * row[M_PERPENDICULAR] * nh**4 * nv)
-    red, green = channel(row, 0, shape, nl, nv, vh, t), channel(row, 1, shape, nl, nv, vh, t)
-    return dark, (red, green, channel(row, 2, shape, nl, nv, vh, t))
+    return dark, (channel(row, 0, at, red), channel(row, 1, at, green), channel(row, 2, at, blue))
+
+
+@inline
+def terms_wide(row, n, l, v, grain, wanted):
+    """`terms` in lanes, but for the table, where the mask `wanted` is set."""
+    at = incidence(row, n, l, v, grain)
+    dark = scale(0.0, n)
+    red, green, blue = dark
+    reached = wanted & (at[3] < FARTHEST)
+    for lane in range(WIDE):
+        if pick(reached, lane):
+            together = np.float64(pick(at[0], lane)) + np.float64(pick(at[1], lane))
+            parts = scattered_channels(row, together, np.float64(pick(at[3], lane)))
+            red, green = replace(red, lane, parts[0]), replace(green, lane, parts[1])
+            blue = replace(blue, lane, parts[2])
+    return dark, (channel(row, 0, at, red), channel(row, 1, at, green), channel(row, 2, at, blue))
