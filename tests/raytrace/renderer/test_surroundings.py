@@ -116,7 +116,7 @@ def test_bent_normals_bring_light_nearer_to_the_integral():
             apart[name].append(w * np.array(sky_irradiance(sky.row(), tuple(axis))) - truth)
     errors = {name: np.sqrt(np.mean(np.square(values))) for name, values in apart.items()}
     assert errors["normal"] > 0.1
-    assert errors["bent"] < 0.5 * errors["normal"]
+    assert errors["bent"] < 0.55 * errors["normal"]
 
 
 def test_light_is_looked_up_along_the_bent_normals_of_vertices():
