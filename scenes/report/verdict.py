@@ -34,6 +34,7 @@ _OF_FLAGS = {
     "opposed": ("have faces that look away from each other; w is the mean over them", "Split these vertices."),
     "hidden": ("lie inside solids", "Nothing to do if parts are meant to cross; --hidden says what becomes of them."),
     "folded": ("have a normal behind one of their faces; w is the mean over them", "Nothing to do if they are few."),
+    "missed": ("are not within the cage of the fine mesh and take its closest point", "Make --cage larger."),
 }
 
 
