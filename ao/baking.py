@@ -109,7 +109,7 @@ def bake(
 
         prepared, values = sample_fine_mesh(prepared, solid, mesh, reach, checkpoint)
     build = prepared.receivers.tree_seconds
-    baked = assemble(mesh, prepared, values, {"build": build, "bake": time.perf_counter() - start - build})
+    baked = assemble(prepared, values, {"build": build, "bake": time.perf_counter() - start - build})
     if tolerance is not None and baked.rmse > tolerance:
         reason = f": {options.rays:,} rays a vertex were allowed" if values.samples >= options.rays else ""
         text = f"tolerance {tolerance:g} is not met, the estimated RMSE is {baked.rmse:.3g}{reason}"

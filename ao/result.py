@@ -32,7 +32,7 @@ class Bake:
         rmse: estimated root mean square of `error` over the vertices asked for.
         seconds: `build` (the hierarchy over the faces) and `bake` (everything else that makes w).
         mu: the falloff used, in mesh units.
-        mesh: what was baked, at whose vertices w is.
+        mesh: what was baked.
         shortfalls: what the result lacks of what was asked for, in words: a tolerance that is not met.
     """
 
@@ -90,7 +90,7 @@ class PointValues:
     rays_skipped: dict[str, int]
 
 
-def assemble(mesh: Mesh, prepared: Prepared, values: PointValues, seconds: dict[str, float]) -> Bake:
+def assemble(prepared: Prepared, values: PointValues, seconds: dict[str, float]) -> Bake:
     """Spread values at points over the vertices of the mesh."""
     point, flags, only = prepared.wanted.of_vertex, prepared.wanted.flags, prepared.options.only
     baked = point >= 0
@@ -117,5 +117,5 @@ def assemble(mesh: Mesh, prepared: Prepared, values: PointValues, seconds: dict[
         rmse=float(np.sqrt(np.sum(error**2) / max(wanted, 1))),
         seconds=seconds,
         mu=prepared.mu,
-        mesh=mesh,
+        mesh=prepared.mesh,
     )

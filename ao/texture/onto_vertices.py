@@ -76,7 +76,7 @@ def sample_fine_mesh(
             "hidden": made.samples * (count - len(traced)),
         },
     )
-    return replace(prepared, wanted=wanted), values
+    return replace(prepared, mesh=coarse, wanted=wanted), values
 
 
 def _flagged(shown: Receivers, missed: Int64s, hidden: Int64s) -> Receivers:
