@@ -35,7 +35,6 @@ _OF_FLAGS = {
     "hidden": ("lie inside solids", "Nothing to do if parts are meant to cross; --hidden says what becomes of them."),
     "missed": ("are not within the cage and take the closest point of the fine mesh", "Make --cage larger."),
     "folded": ("have a normal behind one of their faces; w is the mean over them", "Nothing to do if they are few."),
-    "missed": ("are not within the cage of the fine mesh and take its closest point", "Make --cage larger."),
 }
 
 
