@@ -15,6 +15,7 @@ from .falloff import Mu
 from .gather.receivers import Receivers, find_receivers
 from .options import Options
 from .trace.checkpoint import Checkpoint
+from .trace.ray_scene import RayScene
 from .trace.tracer import Progress
 
 
@@ -52,6 +53,12 @@ class Prepared:
             kind = options.method, options.traversal, options.rays, options.tolerance, options.reconstruct
             checkpoint.begin(placement, receivers, mu, chosen, *kind, options.seed, options.normals)
         return cls(options, mu, placement, receivers, wanted, progress, checkpoint)
+
+    @property
+    def scene(self) -> RayScene:
+        """What rays are traced in."""
+        receivers = self.receivers
+        return RayScene(self.placement.vertices, receivers.faces, receivers.tree, receivers.embree)
 
     @property
     def key(self) -> np.uint32:

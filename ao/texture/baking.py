@@ -15,9 +15,8 @@ from raytrace.mesh.normals import face_normals
 from raytrace.mesh.placement import Placement
 from raytrace.system.memory import check_memory
 
-from ..adaptive.fixed_samples import sampled
-from ..adaptive.tolerance import Estimate, ToleranceWarning, estimate_to
-from ..denoise.one_ring import Neighbours
+from ..adaptive.fixed_samples import estimated, traced_twice
+from ..adaptive.tolerance import ToleranceWarning, estimate_to
 from ..falloff import Falloff, Length, resolve_length
 from ..gather.receivers import find_receivers
 from ..memory import texture_bytes
@@ -143,8 +142,7 @@ def bake_texture(
         kind = "texture", traversal, options.rays, tolerance, reconstruct, options.seed, normals, digest.hexdigest()
         checkpoint.begin(placement, receivers, mu, *kind)
     tracer = TexelTracer(
-        receivers.embree,
-        receivers.tree,
+        prepared.scene,
         packets_below(traversal, receivers.tree, placement, receivers.points, mu),
         placement,
         mu,
@@ -155,12 +153,21 @@ def bake_texture(
         texels=texels,
     )
     points = texels.first_points
+    traced = None
+    if tolerance is None:
+        traced = traced_twice(tracer, points, options.rays, prepared.key)
+        tracer.all_traced()
     neighbours = None
     if reconstruct:
         charts = face_charts(layout.uv, points_of_faces)
         sizes = texel_sizes(layout.uv, vertices, shown.faces, placement.diagonal)
         neighbours = texel_neighbours(texels, points, layout, seams, charts, sizes, count)
-    estimate = _estimate(tracer, neighbours, prepared)
+    if traced:
+        estimate = estimated(traced, points, neighbours)
+    else:
+        assert tolerance is not None  # then `Options` has seen to neighbours
+        assert neighbours is not None
+        estimate = estimate_to(tracer, points, neighbours, tolerance, options.rays, prepared.key)
     frames = None
     if bent_space == "tangent":
         on_faces = Faces.of(vertices, shown)
@@ -190,13 +197,3 @@ def bake_texture(
         text = f"tolerance {tolerance:g} is not met, the estimated RMSE is {baked.rmse:.3g}{reason}"
         warnings.warn(text, ToleranceWarning, stacklevel=2)
     return baked
-
-
-def _estimate(tracer: TexelTracer, neighbours: Neighbours | None, prepared: Prepared) -> Estimate:
-    """Estimates at all texels, with a number of rays each that is given or meets the tolerance."""
-    assert tracer.texels is not None
-    points, options = tracer.texels.first_points, prepared.options
-    if options.tolerance is None:
-        return sampled(tracer, points, neighbours, options.rays, prepared.key)
-    assert neighbours is not None  # `Options` has seen to it
-    return estimate_to(tracer, points, neighbours, options.tolerance, options.rays, prepared.key)

@@ -32,7 +32,7 @@ DOORS = {
         "raytrace.kernel.lanes",
         "raytrace.kernel.compiler",
         "raytrace.embree.library",
-        "ao.trace.checkpoint",
+        "ao.trace.identity",
     },
     "numba": {"raytrace.kernel.lanes", "raytrace.kernel.compiler"},
     "uvunwrap": {"scenes.textures.unwrap"},
