@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from raytrace.errors import OptionError
 from raytrace.mesh.mesh import Mesh
 from raytrace.mesh.placement import Placement
 from raytrace.sampling.hash import seed_key
@@ -45,6 +46,8 @@ class Prepared:
 
         Raises: as `find_receivers`, `Receivers.only` and `Checkpoint.begin`.
         """
+        if checkpoint and checkpoint.partial and options.tolerance is not None:
+            raise OptionError("tolerance", "a number of samples: parts cannot know what others found", "a tolerance")
         placement, only = Placement.of(mesh), options.only
         receivers = find_receivers(mesh, placement, options.normals)
         wanted = receivers if only is None else receivers.only(only)

@@ -42,10 +42,16 @@ class Checkpoint:
         path: the journal, best beside the target. resume: continue what it holds.
         tell: called with a line for the user. after, every: seconds until the first write and between writes.
 
+    Attributes:
+        partial: whether it fills only some rows, so that later rays must not depend on what earlier ones found.
+
     Raises, on entry into the bake:
         InputError: `resume`, and the journal is of another mesh, other options, another version or processor.
         OutputError: another process is at work on it, or it is some other file.
     """
+
+    partial = False
+    _expected = "the journal of this very bake"
 
     def __init__(
         self,
@@ -95,7 +101,7 @@ class Checkpoint:
             found.close()
         if self.resume:
             if found and found.identity:
-                raise InputError(self.path, "header", "the journal of this very bake", "that of another or of a change")
+                raise InputError(self.path, "header", self._expected, "that of another or of a change")
             self.tell(f"{self.path}: nothing to resume; starting from the beginning")
         self._left_over = found is not None
         if found and found.identity == self._identity:
@@ -113,21 +119,20 @@ class Checkpoint:
                 restore(block, self._journal.content(block), tables, restored)
         if restored.any():
             advance(int(np.count_nonzero(restored)))
-        missing = spans_of(~restored)
-        if missing:
-            self._trace(work, scene, missing, tables, threads, advance)
+        if not restored.all():
+            self._trace(work, scene, ~restored, tables, threads, advance)
 
     def _trace(
-        self, work: Work, scene: RayScene, missing: list[Span], tables: Tables, threads: int, advance: Advance
+        self, work: Work, scene: RayScene, missing: Bools, tables: Tables, threads: int, advance: Advance
     ) -> None:
-        """Make the `missing` rows and keep them."""
+        """Make the `missing` rows, bool (k,), and keep them."""
         name = work.name
 
         def advanced(rows: int) -> None:
             self.save()
             advance(rows)
 
-        fill_spans(work, scene, missing, tables, threads, partial(self.add, name, tables), advanced)
+        fill_spans(work, scene, spans_of(missing), tables, threads, partial(self.add, name, tables), advanced)
 
     def add(self, name: bytes, tables: Tables, first: int, last: int) -> None:
         """Take note of traced rows of the work of this name; from any thread."""
@@ -168,9 +173,13 @@ class Checkpoint:
             self._journal.append(b"".join(self._pending[:count]))
             del self._pending[:count]
         except OSError as reason:
-            self._given_up = True
-            self._pending.clear()
-            self.tell(f"{_refused(self.path, reason)}; going on without checkpoints")
+            self._give_up(_refused(self.path, reason))
+
+    def _give_up(self, reason: OutputError) -> None:
+        """What is done where the journal cannot be written."""
+        self._given_up = True
+        self._pending.clear()
+        self.tell(f"{reason}; going on without checkpoints")
 
     def _start(self, journal: Journal) -> None:
         """Make an open file the journal of this bake."""

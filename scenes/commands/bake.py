@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 from warnings import catch_warnings
@@ -16,12 +18,23 @@ if TYPE_CHECKING:
     from ao.trace.checkpoint import Checkpoint
     from raytrace.mesh.mesh import Mesh
 
-_NO_OPTIONS_OF_BAKE = ("report", "quiet", "resume")  # they change no result
+_NO_OPTIONS_OF_BAKE = ("report", "quiet", "resume", "checkpoint")  # they change no result
+
+
+def usual_checkpoint(resume: bool, target: Path) -> Checkpoint:
+    """A journal beside the target."""
+    from ao.trace.checkpoint import Checkpoint
+
+    return Checkpoint(f"{target}.partial", resume, note)
 
 
 @dataclass(frozen=True, kw_only=True)
 class BakeCommand:
-    """The command with its options; `obscurance bake --help` explains each."""
+    """The command with its options; `obscurance bake --help` explains each.
+
+    Attributes:
+        checkpoint: makes the checkpoint of the bake to a file, None for the usual one.
+    """
 
     mesh: Path
     output: Path
@@ -46,6 +59,7 @@ class BakeCommand:
     occlusion: Occlusion | None
     replace_occlusion: bool
     quiet: bool
+    checkpoint: Callable[[Path], Checkpoint] | None = None
 
     def run(self) -> None:
         """Bake, write, and print a summary.
@@ -59,7 +73,6 @@ class BakeCommand:
             self._run(falloff)
 
     def _run(self, falloff: ao.Falloff) -> None:
-        from ao.trace.checkpoint import Checkpoint
         from raytrace.system.outputs import check_outputs
 
         from ..readers.load import load
@@ -73,7 +86,7 @@ class BakeCommand:
         warnings = warn(
             [source.mesh], [*source.notes, *lost(self.output, source, channels(self.output, **self._channels()))]
         )
-        with Checkpoint(f"{self.output}.partial", self.resume, note) as checkpoint:
+        with (self.checkpoint or partial(usual_checkpoint, self.resume))(self.output) as checkpoint:
             baked, unmet = self._bake(source.mesh, falloff, checkpoint)
             warnings += warn([], unmet)
             tracing = time.perf_counter()

@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, fields
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 from warnings import catch_warnings
 
-from ..commands.bake import BakeCommand
-from ..commands.console import KERNELS_OF_TEXTURE, compiling, note, progress, texture_summary, warn
+from ..commands.bake import BakeCommand, usual_checkpoint
+from ..commands.console import KERNELS_OF_TEXTURE, compiling, progress, texture_summary, warn
 from ..commands.options import (
     BentSpace,
     FalloffForm,
@@ -26,12 +27,13 @@ from ..commands.options import (
 
 if TYPE_CHECKING:
     import ao
+    from ao.trace.checkpoint import Checkpoint
     from raytrace.mesh.mesh import Mesh
     from raytrace.types import Float64s
 
     from ..readers.load import MeshFile
 
-_NO_OPTIONS_OF_BAKE = ("report", "quiet", "resume")  # they change no result
+_NO_OPTIONS_OF_BAKE = ("report", "quiet", "resume", "checkpoint")  # they change no result
 _OF_VERTICES = {"method": "vertex", "colors": False, "debug_image": None, "up": None}
 AUTO, UNWRAP = "auto", "unwrap"
 CAGE = "2%"
@@ -58,12 +60,12 @@ def bake_command(options: dict[str, Any]) -> BakeCommand | TextureCommand:
         for name in options.keys() - own:
             if options[name]:
                 raise OptionError(name, "with it an image to write, or --occlusion texture", output)
-        return BakeCommand(**{name: options[name] for name in own})
+        return BakeCommand(**{name: options[name] for name in own & options.keys()})
     for name, usual in _OF_VERTICES.items():
         if options[name] != usual:
             raise OptionError(name, "w at vertices, not in a texture, with it", output)
     own = {field.name for field in fields(TextureCommand)}
-    return TextureCommand(**{name: options[name] for name in own})
+    return TextureCommand(**{name: options[name] for name in own & options.keys()})
 
 
 @dataclass(frozen=True)
@@ -82,7 +84,11 @@ class _Source:
 
 @dataclass(frozen=True, kw_only=True)
 class TextureCommand:
-    """The command with its options; `obscurance bake --help` explains each."""
+    """The command with its options; `obscurance bake --help` explains each.
+
+    Attributes:
+        checkpoint: makes the checkpoint of the bake of a page, None for the usual one.
+    """
 
     mesh: Path
     output: Path
@@ -114,6 +120,7 @@ class TextureCommand:
     high: Path | None
     cage: str | None
     quiet: bool
+    checkpoint: Callable[[Path], Checkpoint] | None = None
 
     def run(self) -> None:
         """Bake, write, and print a summary.
@@ -271,11 +278,10 @@ class TextureCommand:
     ) -> tuple[ao.BakedTexture, dict[str, float], list[str]]:
         """Bake one page and write its images: what was baked, the seconds of writing, and warnings."""
         import ao
-        from ao.trace.checkpoint import Checkpoint
 
         unmet = catch_warnings(record=True, action="always", category=ao.ToleranceWarning)
         overlap, wrap = self.overlap or "mean", source.uv is not None
-        with Checkpoint(f"{images['output']}.partial", self.resume, note) as checkpoint:
+        with (self.checkpoint or partial(usual_checkpoint, self.resume))(images["output"]) as checkpoint:
             with progress(self.quiet, "rays") as (advance,), compiling(KERNELS_OF_TEXTURE), unmet as raised:
                 baked = ao.bake_texture(
                     source.file.mesh, uv, size, falloff, progress=advance, checkpoint=checkpoint, overlap=overlap,

@@ -18,7 +18,7 @@ ORDER = [
     *("ao.texture", "ao.baking", "ao.report", "ao.analytic"),
     *("scenes.field_errors", "scenes.safe_paths", "scenes.geometry", "scenes.gltf", "scenes.readers"),
     *("scenes.writers", "scenes.description", "scenes.library", "scenes.validation", "scenes.stress"),
-    *("scenes.generated", "scenes.commands", "scenes.textures"),
+    *("scenes.generated", "scenes.commands", "scenes.textures", "scenes.parts"),
     "cli",
 ]
 """Every folder and every file outside folders: each may import what stands before it."""
