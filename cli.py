@@ -145,14 +145,25 @@ def bake(
             "--size or --texel-size is given.",
         ),
     ] = None,
+    cluster: Annotated[
+        str | None,
+        typer.Option(
+            metavar="local[:N]|tcp://HOST:PORT",
+            help="Trace by N workers on this machine, or by those of a Dask scheduler (obscurance[cluster]).",
+        ),
+    ] = None,
+    shared: Annotated[
+        Path | None,
+        typer.Option(metavar="FOLDER", help="With --cluster: a folder that all workers see; that of the output."),
+    ] = None,
     quiet: Quiet = False,
 ) -> None:
     """Bake ambient occlusion or obscurance to vertices or a texture."""
-    options = locals()
-    if options.pop("part"):
-        from scenes.parts.part import part_command
+    options = {name: value for name, value in locals().items() if name not in ("part", "cluster", "shared")}
+    if part or cluster or shared:
+        from scenes.cluster.choose import distributed_command
 
-        part_command(part or "", options).run()
+        distributed_command(part, cluster, shared, options).run()
         return
     from scenes.textures.command import bake_command
 
@@ -181,7 +192,7 @@ def merge(
 ) -> None:
     """Write the output of a bake that was traced in parts."""
     options = {name: value for name, value in locals().items() if name != "parts"}
-    from scenes.parts.merge import merge
+    from scenes.cluster.merge import merge
 
     merge(parts, options)
 

@@ -140,6 +140,10 @@ class Checkpoint:
             content = b"".join(table[first:last].tobytes() for table in tables)
             self._pending.append(record((name, first, last), content))
 
+    def status(self) -> str:
+        """What to show beside the progress."""
+        return ""
+
     def all_traced(self) -> None:
         """No more rows will be asked for."""
 

@@ -143,7 +143,7 @@ class BakeCommand:
         import ao
 
         unmet = catch_warnings(record=True, action="always", category=ao.ToleranceWarning)
-        with progress(self.quiet, "rays") as (advance,), unmet as raised:
+        with progress(self.quiet, "rays", status=checkpoint.status) as (advance,), unmet as raised:
             baked = ao.bake(mesh, falloff, progress=advance, checkpoint=checkpoint, **self._options())
         return baked, [str(warning.message) for warning in raised]
 

@@ -119,7 +119,7 @@ Advance = Callable[[int, int], None]
 
 
 @contextmanager
-def progress(quiet: bool, *units: str) -> Iterator[tuple[Advance | None, ...]]:
+def progress(quiet: bool, *units: str, status: Callable[[], str] = str) -> Iterator[tuple[Advance | None, ...]]:
     """Progress bars on a terminal's standard error, one after the other, each from its first call on.
 
     Each is called with (done, total); the total is a guess and may change. A bar is full when the next one begins, and
@@ -146,7 +146,7 @@ def progress(quiet: bool, *units: str) -> Iterator[tuple[Advance | None, ...]]:
         start, before = began[task]
         rate = (done - before) / max(time.perf_counter() - start, 1e-6)
         text = f"{rate / 1e6:.1f} M {unit}/s" if rate >= 1e5 else f"{rate:.0f} {unit}/s"
-        bars.update(task, completed=done, total=total, rate=text)
+        bars.update(task, completed=done, total=total, rate=f"{text} {status()}".rstrip())
 
     def fill() -> None:
         for task in began:

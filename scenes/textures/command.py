@@ -282,7 +282,8 @@ class TextureCommand:
         unmet = catch_warnings(record=True, action="always", category=ao.ToleranceWarning)
         overlap, wrap = self.overlap or "mean", source.uv is not None
         with (self.checkpoint or partial(usual_checkpoint, self.resume))(images["output"]) as checkpoint:
-            with progress(self.quiet, "rays") as (advance,), compiling(KERNELS_OF_TEXTURE), unmet as raised:
+            bar = progress(self.quiet, "rays", status=checkpoint.status)
+            with bar as (advance,), compiling(KERNELS_OF_TEXTURE), unmet as raised:
                 baked = ao.bake_texture(
                     source.file.mesh, uv, size, falloff, progress=advance, checkpoint=checkpoint, overlap=overlap,
                     wrap=wrap, high=source.fine.mesh if source.fine else None, cage=self.cage or CAGE,

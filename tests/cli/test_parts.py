@@ -8,7 +8,7 @@ from mesh_files import ply
 from meshes import hills, two_boxes
 from uv_meshes import grid_charts
 
-from scenes.parts.part import part_command
+from scenes.cluster.part import part_command
 
 
 @pytest.fixture
