@@ -83,8 +83,10 @@ class ClusterCheckpoint(Checkpoint):
     def summary(self) -> str:
         """What the cluster did, in a line."""
         done = self.cluster.dispatch
-        again = f", {done.again} of them again" if done.again else ""
-        return f"cluster {self.cluster.address}: {done.blocks:,} blocks by {self.cluster.status()}{again}"
+        again = f", {done.again:,} of them once more, for workers that were lost" if done.again else ""
+        count = len(done.blocks)
+        workers = f"{count:,} worker{'' if count == 1 else 's'}"
+        return f"{self.cluster.address}: {sum(done.blocks.values()):,} blocks traced by {workers}{again}"
 
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, _: TracebackType | None) -> None:
         try:

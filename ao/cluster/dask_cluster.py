@@ -30,6 +30,10 @@ _LOOK = 0.2  # seconds between looks at who is there
 _PATIENCE = 10.0  # seconds without any worker until it is told
 _FAILURES = 3  # of one block, after which it is the block's fault
 _CONFIG = {"distributed.admin.large-graph-warning-threshold": "1GB", "distributed.logging.distributed": "critical"}
+_LOCAL: dict[str, Any] = {
+    "threads_per_worker": 1, "memory_limit": 0, "host": "127.0.0.1", "silence_logs": logging.CRITICAL,
+    "scheduler_kwargs": {"dashboard": False, "dashboard_address": "127.0.0.1:0"},
+}  # fmt: skip
 
 Found = tuple[int, int, Tables]
 
@@ -93,7 +97,7 @@ class DaskCluster:
             yield first, last, tables
 
     def status(self) -> str:
-        """How many workers there are, or were last, in words."""
+        """How many workers there are, in words."""
         count = len(self.dispatch.threads)
         return f"{count} worker{'' if count == 1 else 's'}"
 
@@ -153,10 +157,7 @@ class DaskCluster:
         async with AsyncExitStack() as stack:
             target: Any = self.address
             if self.workers is not None:
-                local = distributed.LocalCluster(
-                    n_workers=self.workers, threads_per_worker=1, memory_limit=0, host="127.0.0.1",
-                    dashboard_address=None, silence_logs=logging.CRITICAL, asynchronous=True,
-                )  # fmt: skip
+                local = distributed.LocalCluster(n_workers=self.workers, asynchronous=True, **_LOCAL)
                 target = await stack.enter_async_context(local)
             client = distributed.Client(target, asynchronous=True, set_as_default=False, timeout=_CONNECT)
             try:

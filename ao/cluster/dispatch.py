@@ -21,11 +21,11 @@ class Dispatch:
     """The rows of one work after another, handed out in blocks.
 
     Attributes:
-        blocks, rows: that came back. again: blocks that were handed out once more, their worker being lost.
+        blocks: that came back, of each worker. rows: in them. again: blocks that were handed out once more.
         threads: of each worker that takes blocks. speed: its rays a second, as far as known.
     """
 
-    blocks: int = 0
+    blocks: dict[str, int] = field(default_factory=dict)
     rows: int = 0
     again: int = 0
     threads: dict[str, int] = field(default_factory=dict)
@@ -64,7 +64,7 @@ class Dispatch:
         """Take note of a traced block."""
         assert self.work is not None
         rows = span[1] - span[0]
-        self.blocks += 1
+        self.blocks[worker] = self.blocks.get(worker, 0) + 1
         self.rows += rows
         speed = rows * self.work.rays / max(seconds, 1e-6)
         self.speed[worker] = _KEPT * self.speed.get(worker, speed) + (1 - _KEPT) * speed
