@@ -28,6 +28,7 @@ from .worker import greet, trace_block
 _CONNECT = 10.0  # seconds to reach a scheduler
 _LOOK = 0.2  # seconds between looks at who is there
 _PATIENCE = 10.0  # seconds without any worker until it is told
+_START = 60.0  # seconds that workers on this machine have to start
 _FAILURES = 3  # of one block, after which it is the block's fault
 _CONFIG = {"distributed.admin.large-graph-warning-threshold": "1GB", "distributed.logging.distributed": "critical"}
 _LOCAL: dict[str, Any] = {
@@ -129,6 +130,8 @@ class DaskCluster:
                         raise ClusterError(f"{self.address}: no worker can be used: {worker}: {reason}") from None
                     self.tell(f"{self.address}: no workers; waiting for some to join")
                     told = True
+                elif self.workers and time.monotonic() > alone_since + _START:
+                    raise ClusterError(f"{self.address}: its workers have ended and do not start again") from None
                 continue
             if isinstance(message, BaseException):
                 raise message

@@ -6,10 +6,9 @@ from contextlib import contextmanager
 from functools import partial
 
 import pytest
-from clusters import bake_on, kill, pids, scheduler, small_blocks
-from meshes import hills, two_boxes
-from parts_of_bakes import bits, bits_of_texture
-from uv_meshes import grid_charts
+from clusters import BAKES, all_bits, bake_on, kill, scheduler, small_blocks, victims_of
+from meshes import hills
+from parts_of_bakes import bits
 
 import ao
 import ao.cluster.checkpoint
@@ -21,23 +20,6 @@ from raytrace.errors import ClusterError
 
 __all__ = ["small_blocks"]
 pytestmark = pytest.mark.usefixtures("small_blocks")
-
-HILLS = Mesh(*hills(60))
-CHARTS = Mesh(*hills(20))
-BAKES = {
-    "binary": partial(ao.bake, HILLS, "binary", samples=64),
-    "exponential": partial(ao.bake, HILLS, samples=64),
-    "limited": partial(ao.bake, HILLS, ao.Exponential(tau=2.0, max_distance="30%"), samples=64),
-    "tolerance": partial(ao.bake, HILLS, tolerance=0.01),
-    "partly inside": partial(ao.bake, Mesh(*two_boxes()), tolerance=0.01),
-    "surface": partial(ao.bake, HILLS, samples=64, method="surface"),
-    "texture": partial(ao.bake_texture, CHARTS, grid_charts(len(CHARTS.faces)), 64, samples=64),
-    "texture to a tolerance": partial(ao.bake_texture, CHARTS, grid_charts(len(CHARTS.faces)), 64, tolerance=0.02),
-}
-
-
-def all_bits(baked):
-    return bits(baked) if isinstance(baked, ao.Bake) else bits_of_texture(baked)
 
 
 @pytest.fixture(scope="module")
@@ -56,8 +38,8 @@ def test_workers_make_the_bits_of_one_process(cluster, tmp_path, name):
     assert not list(tmp_path.iterdir())
 
 
-LONG = partial(ao.bake, Mesh(*hills(100)), samples=512)
-ROWS = 10_000 + 312  # some are traced twice, to calibrate errors
+MEDIUM = partial(ao.bake, Mesh(*hills(100)), samples=512)
+MEDIUM_ROWS = 10_000 + 312  # some are traced twice, to calibrate errors
 
 
 @contextmanager
@@ -77,27 +59,28 @@ def on_one(cluster, function):
 
 
 @pytest.fixture(scope="module")
-def long():
-    return bits(LONG())
+def medium():
+    return bits(MEDIUM())
 
 
 @pytest.mark.parametrize("victims", [1, 2])
-def test_killed_workers_lose_only_the_blocks_that_they_had(cluster, tmp_path, long, victims):
+def test_killed_workers_lose_only_the_blocks_that_they_had(cluster, tmp_path, medium, victims):
     killed = []
 
     def progress(done, total):
         if not killed and done > 0.3 * total:
-            killed.extend(pids(cluster)[:victims])
+            killed.extend(workers[:victims])
             for pid in killed:
                 kill(pid)
 
-    baked, dispatch = bake_on(cluster.scheduler_address, LONG, tmp_path / "w.partial", progress=progress)
-    assert bits(baked) == long
+    with victims_of(cluster, 2) as workers:
+        baked, dispatch = bake_on(cluster.scheduler_address, MEDIUM, tmp_path / "w.partial", progress=progress)
+    assert bits(baked) == medium
     assert 1 <= dispatch.again <= IN_FLIGHT * victims
-    assert dispatch.rows == ROWS
+    assert dispatch.rows == MEDIUM_ROWS
 
 
-def test_of_a_worker_that_is_unlike_the_others_only_one_line_is_told(cluster, tmp_path, long):
+def test_of_a_worker_that_is_unlike_the_others_only_one_line_is_told(cluster, tmp_path, medium):
     def become_another():
         import ao.cluster.worker
 
@@ -106,15 +89,15 @@ def test_of_a_worker_that_is_unlike_the_others_only_one_line_is_told(cluster, tm
 
     told = []
     with on_one(cluster, become_another) as odd:
-        baked, dispatch = bake_on(cluster.scheduler_address, LONG, tmp_path / "w.partial", told.append)
-    assert bits(baked) == long
+        baked, dispatch = bake_on(cluster.scheduler_address, MEDIUM, tmp_path / "w.partial", told.append)
+    assert bits(baked) == medium
     assert odd not in dispatch.blocks
     assert len(told) == 1
     assert told[0].startswith(f"worker {odd} gets no work: processor: expected ")
     assert told[0].endswith(", got a z80")
 
 
-def test_a_worker_whose_disk_is_full_gets_no_more_work(cluster, tmp_path, long):
+def test_a_worker_whose_disk_is_full_gets_no_more_work(cluster, tmp_path, medium):
     def fail_once_greeted():
         import ao.cluster.worker
 
@@ -125,8 +108,8 @@ def test_a_worker_whose_disk_is_full_gets_no_more_work(cluster, tmp_path, long):
 
     told = []
     with on_one(cluster, fail_once_greeted) as odd:
-        baked, dispatch = bake_on(cluster.scheduler_address, LONG, tmp_path / "w.partial", told.append)
-    assert bits(baked) == long
+        baked, dispatch = bake_on(cluster.scheduler_address, MEDIUM, tmp_path / "w.partial", told.append)
+    assert bits(baked) == medium
     assert odd not in dispatch.blocks
     assert told == [f"worker {odd} gets no work: OSError: [Errno 28] No space left on device"]
 
@@ -137,7 +120,7 @@ def test_where_no_worker_can_be_used_the_reason_is_told(cluster, tmp_path, monke
     monkeypatch.setattr("ao.cluster.checkpoint.machine", lambda: here | {"Embree": "4.0.0"})
     told = []
     with pytest.raises(ClusterError, match=r"no worker can be used: tcp://.*: Embree: expected 4.0.0, got"):
-        bake_on(cluster.scheduler_address, LONG, tmp_path / "w.partial", told.append)
+        bake_on(cluster.scheduler_address, MEDIUM, tmp_path / "w.partial", told.append)
     assert told
 
 
@@ -154,7 +137,7 @@ def test_a_folder_that_workers_do_not_see_is_told(cluster, tmp_path, monkeypatch
         bake_on(cluster.scheduler_address, partial(ao.bake, Mesh(*hills(61))), tmp_path / "w.partial", lambda _: None)
 
 
-def test_workers_may_come_late_and_a_lost_scheduler_leaves_a_journal_for_one_process(tmp_path, long, monkeypatch):
+def test_workers_may_come_late_and_a_lost_scheduler_leaves_a_journal_for_one_process(tmp_path, medium, monkeypatch):
     told, path = [], tmp_path / "w.partial"
     with scheduler(0) as late:
 
@@ -168,19 +151,19 @@ def test_workers_may_come_late_and_a_lost_scheduler_leaves_a_journal_for_one_pro
 
         monkeypatch.setattr("ao.cluster.dask_cluster._PATIENCE", 0.2)
         with pytest.raises(ClusterError, match=r"tcp://.*: the cluster is lost"):
-            bake_on(late.scheduler_address, LONG, path, tell, progress, after=0, every=0)
+            bake_on(late.scheduler_address, MEDIUM, path, tell, progress, after=0, every=0)
     assert told == [
         f"{late.scheduler_address}: no workers; waiting for some to join",
         f"{path} keeps the finished part; the same command with --resume continues from it",
     ]
     with Checkpoint(path, resume=True, tell=pytest.fail) as checkpoint:
-        assert bits(LONG(checkpoint=checkpoint)) == long
+        assert bits(MEDIUM(checkpoint=checkpoint)) == medium
 
 
 def test_an_address_without_a_scheduler_is_refused(tmp_path, monkeypatch):
     monkeypatch.setattr("ao.cluster.dask_cluster._CONNECT", 0.3)
     with pytest.raises(OptionError, match=r"cluster: expected .* got nothing that answers"):
-        bake_on("tcp://127.0.0.1:1", LONG, tmp_path / "w.partial")
+        bake_on("tcp://127.0.0.1:1", MEDIUM, tmp_path / "w.partial")
     for address in ("local:0", "local:x", "local:", "here", "tcp://", "", "local:5000"):
         with pytest.raises(OptionError, match="cluster: expected local, local:N or the address"):
             local_workers(address)
