@@ -2,7 +2,7 @@
 
 The command by itself, with `--cluster local` (one worker on all cores) and with `--cluster local:N` (N workers of one
 core each) in turns, whole processes, on a bumpy sphere of 400,000 vertices unless a mesh is given. Medians of wall
-time, and the bytes that are sent for each point. The bytes of all outputs are compared. Take enough rays for half a minute.
+time, and the bytes that are sent for each point. Outputs are compared. Take enough rays for half a minute.
 """
 
 from __future__ import annotations
