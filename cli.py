@@ -156,14 +156,22 @@ def bake(
         Path | None,
         typer.Option(metavar="FOLDER", help="With --cluster: a folder that all workers see; that of the output."),
     ] = None,
+    tiles: Annotated[
+        str | None,
+        typer.Option(
+            metavar="AxBxC",
+            help="For a mesh larger than memory, a binary PLY or STL: so many tiles along x, y and z, one at a time; "
+            "with --max-distance, --no-reconstruct and --hidden ignore.",
+        ),
+    ] = None,
     quiet: Quiet = False,
 ) -> None:
     """Bake ambient occlusion or obscurance to vertices or a texture."""
-    options = {name: value for name, value in locals().items() if name not in ("part", "cluster", "shared")}
-    if part or cluster or shared:
-        from scenes.cluster.choose import distributed_command
+    options = {name: value for name, value in locals().items() if name not in ("part", "cluster", "shared", "tiles")}
+    if part or cluster or shared or tiles:
+        from scenes.cluster.choose import large_command
 
-        distributed_command(part, cluster, shared, options).run()
+        large_command(part, cluster, shared, tiles, options).run()
         return
     from scenes.textures.command import bake_command
 

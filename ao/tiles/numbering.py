@@ -60,14 +60,14 @@ def number_points(survey: Survey, normals: Normals, scratch: Path) -> Numbering:
         if not piece.own.any():
             continue
         lifted = lift_points(piece.placed, piece.faces, normals)
-        own = lifted.usable & piece.own[lifted.first]
+        own: Bools = lifted.usable & piece.own[lifted.first]
         rows = piece.vertices[lifted.first[own]]
         origins[rows], axes[rows] = lifted.origins[own], lifted.axes[own]
         vertices = piece.own & lifted.usable[lifted.group]
         first[piece.vertices[vertices]] = piece.vertices[lifted.first[lifted.group[vertices]]]
         at_torn: Bools = lifted.torn[lifted.face_points]
-        own_faces = own[lifted.face_points].any(axis=1)
-        flattest = max(flattest, flattest_elsewhere(lifted.surface, ~at_torn & own_faces[:, None]))
+        at_own: Bools = own[lifted.face_points]
+        flattest = max(flattest, flattest_elsewhere(lifted.surface, ~at_torn & at_own.any(axis=1, keepdims=True)))
         corners = np.bincount(lifted.face_points[at_torn], minlength=len(own))
         own_torn = own & lifted.torn
         torn[piece.vertices[lifted.first[own_torn]]] = True

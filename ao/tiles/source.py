@@ -17,9 +17,14 @@ class TileSource(Protocol):
         name: for messages. vertex_count, face_count: at least 1.
     """
 
-    name: str
-    vertex_count: int
-    face_count: int
+    @property
+    def name(self) -> str: ...
+
+    @property
+    def vertex_count(self) -> int: ...
+
+    @property
+    def face_count(self) -> int: ...
 
     def vertices(self, first: int, last: int) -> Float64s:
         """Vertices (k, 3) from a first one to a last one."""

@@ -31,7 +31,9 @@ def test_workers_started_here_make_the_file_of_one_process(tmp_path, mesh):
 def test_mistakes_are_told_in_a_line(tmp_path, mesh, monkeypatch):
     bake = "bake", mesh, "-o", tmp_path / "w.npz"
     refused(obscurance(*bake, "--cluster", "here"), "bake --cluster: expected local, local:N or the address", "'here'")
-    refused(obscurance(*bake, "--cluster", "local", "--part", "1/2"), "bake --part: expected --part or --cluster")
+    refused(
+        obscurance(*bake, "--cluster", "local", "--part", "1/2"), "bake --part: expected one of --part, --cluster and"
+    )
     refused(obscurance(*bake, "--shared", tmp_path), "bake --shared: expected --cluster with it")
     refused(obscurance(*bake, "--cluster", "local", "--shared", mesh), "bake --shared: expected a folder")
     monkeypatch.setattr("scenes.cluster.workers.find_spec", lambda _: None)

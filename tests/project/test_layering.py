@@ -18,7 +18,7 @@ ORDER = [
     *("ao.texture", "ao.baking", "ao.report", "ao.cluster", "ao.tiles", "ao.analytic"),
     *("scenes.field_errors", "scenes.safe_paths", "scenes.geometry", "scenes.gltf", "scenes.readers"),
     *("scenes.writers", "scenes.description", "scenes.library", "scenes.validation", "scenes.stress"),
-    *("scenes.generated", "scenes.commands", "scenes.textures", "scenes.cluster"),
+    *("scenes.generated", "scenes.commands", "scenes.textures", "scenes.tiles", "scenes.cluster"),
     "cli",
 ]
 """Every folder and every file outside folders: each may import what stands before it."""
