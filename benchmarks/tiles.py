@@ -1,8 +1,8 @@
 """A mesh larger than the memory it is given: `python -m benchmarks.tiles [--faces 20000000] [--tiles 3x3x3]`.
 
-Writes a bumpy sphere of so many triangles as a binary PLY, bakes it in tiles by a process that may have 2 GiB of memory of
-its own (RLIMIT_DATA: pages of files are not counted, the system takes them back as it likes), and prints seconds, the
-faces that tiles share, and the largest memory of the process. `--whole` also bakes it without tiles or a limit, and compares.
+Writes a bumpy sphere of so many triangles as a binary PLY, bakes it in tiles by a process that may have 2 GiB of memory
+of its own (RLIMIT_DATA: pages of files are not counted, the system takes them back as it likes), and prints seconds,
+how many faces tiles share, and the largest memory of the process. `--whole` also bakes it as usual, and compares.
 """
 
 from __future__ import annotations

@@ -50,7 +50,7 @@ def cut(survey: Survey, tile: int, reach: float, origins: bool) -> Piece:
         if origins:
             rim.append(np.unique(faces[(survey.tile[faces] == tile).any(axis=1)]))
     rows = np.concatenate(kept)
-    if origins:
+    if origins and any(map(len, rim)):
         rows = np.union1d(rows, _around(survey, np.unique(np.concatenate(rim))))
     faces = _take_faces(survey, rows)
     used = np.unique(faces)

@@ -57,7 +57,7 @@ def number_points(survey: Survey, normals: Normals, scratch: Path) -> Numbering:
         first[run] = -1
     for tile in range(survey.tiles):
         piece = cut(survey, tile, 0.0, True)
-        if not piece.own.any():
+        if not (piece.own.any() and len(piece.faces)):
             continue
         lifted = lift_points(piece.placed, piece.faces, normals)
         own: Bools = lifted.usable & piece.own[lifted.first]

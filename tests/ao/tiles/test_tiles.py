@@ -18,10 +18,10 @@ def soup(part):
 
 
 def with_oddities(part):
-    """Also a vertex that nothing uses, faces without area, and a doubled one."""
+    """Also a vertex far away that nothing uses, faces without area, and a doubled one."""
     vertices, faces = part
     odd = [[0, 0, 5], [5, 5, 5], faces[0], faces[-1]]
-    return np.append(vertices, [[0.3, 0.2, 0.1]], axis=0), np.concatenate([faces, odd])
+    return np.append(vertices, [[1.3, 1.2, -1.1]], axis=0), np.concatenate([faces, odd])
 
 
 PARTS = {
