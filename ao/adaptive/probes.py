@@ -17,9 +17,9 @@ from ..gather.points import Points
 from ..trace.tracer import Tracer
 from .ray_budget import Pilots, plan, sampling_variance
 
-# runs of pilots, pilots at most, their rays; one point in how many is probed, at least and at most
-_SMALL = 2, 512, 16, 8, 128, 768  # below _ALL points
-_LARGE = 8, 1024, 64, 32, 512, 1536
+# pilots besides their neighbours, their rays; one point in how many is probed, at least and at most
+_SMALL = 48, 32, 8, 128, 768  # below _ALL points
+_LARGE = 160, 64, 32, 512, 1536
 _ALL = 16384  # points, of which fewer are all baked
 
 
@@ -36,9 +36,9 @@ class Probes:
         self, tracer: Tracer, points: Points, neighbours: Neighbours, aim: float, most: int, key: np.uint32
     ) -> None:
         self.all_baked = len(points) < _ALL
-        runs, pilots, rays, share, fewest, probes = _SMALL if self.all_baked else _LARGE
-        run = min(pilots, max(len(points) // share, 128)) // runs
-        sample = Pilots(runs, run, min(rays, most), (derive(key, 1), derive(key, 2)))
+        pilots, rays, share, fewest, probes = _SMALL if self.all_baked else _LARGE
+        centres = _stratified_rows(len(points), min(pilots, max(len(points) // (4 * share), 16)))
+        sample = Pilots(centres, min(rays, most), (derive(key, 1), derive(key, 2)))
         self.samples = plan(tracer, points, neighbours, sample, aim, most)
         self.rows = _stratified_rows(len(points), int(np.clip(len(points) // share, fewest, probes)))
         probed = points[self.rows]

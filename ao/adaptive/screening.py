@@ -71,8 +71,8 @@ class Screening:
 
     def _sums(self, *columns: AnyFloats | Bools) -> Float64s:
         """Sums (c, g) of values (k,) over each group, averaged with those of the groups next to it."""
-        sums = [np.bincount(self._group, values, len(self._groups.starts) - 1) for values in columns]
-        return self._groups.smooth(np.column_stack(sums).astype(np.float64, copy=False), 1).T
+        sums = (np.bincount(self._group, values, len(self._groups.starts) - 1).astype(np.float64) for values in columns)
+        return np.array([self._groups.smooth(each, 1) for each in sums])
 
     def correct(self, predicted: Float64s, error: Float64s, free: Bools) -> Float64s:
         """Correct the `predicted` w (k,) of points that are not baked, `free` (k,), by what residuals share.

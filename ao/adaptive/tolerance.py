@@ -21,7 +21,7 @@ from ..gather.estimate import BENT, COLUMNS, VALUES, W
 from ..gather.points import Points
 from ..trace.tracer import Tracer
 from .probes import Probes, derive
-from .ray_budget import RATE, work
+from .ray_budget import RATE, denoised_error, work
 from .screening import Screening, screening_samples
 
 _COARSEST, _FEWEST = 64, 4096  # stride along the curve at first, points left at least
@@ -32,7 +32,7 @@ _JUMP = 5.0  # aims: larger errors of predictions are taken for jumps, which scr
 _MET = 1.1  # times the goal is near enough
 _ROUNDS = 12  # of baking more, at most
 _LEFT = 0.03  # of the points may be outliers until the end, when they are baked, too
-_PAYS = 1.5  # times its own rays is what screening must save
+_PAYS = 2.5  # times its own rays is what screening must save
 _BISECTIONS = 12  # of the range of multipliers
 _ONCE_BAKED = 0.7  # of the goal at most, the squared error of points baked among others
 _DEEPER = np.array([0, 0.25, 0.35, 0.5, 0.7, 1, 1.4, 2, 2.8, 4, 8, 16, 32])  # times as many rays more, to choose from
@@ -146,7 +146,8 @@ class _Field:
                     return
             elif few:
                 return
-            self._bake(chosen)
+            if chosen.any():
+                self._bake(chosen)
             self._reconstruct()
 
     def _reconstruct(self) -> None:
@@ -243,7 +244,7 @@ class _Field:
         number, error = np.count_nonzero(self.baked), float(np.mean(self.error[self.baked]))
         best: tuple[float, int, int] = np.inf, most - self.samples, 0
         for more in np.unique(np.minimum(8 * np.round(_DEEPER * self.samples / 8), most - self.samples).astype(int)):
-            lessened = error * self._lessened(int(more))
+            lessened = denoised_error(self.noise, error, self._lessened(int(more)))
             fine = self._fine(total, count, lessened, min(lessened, _ONCE_BAKED * self.goal), self.goal)
             left = count[-1] - (count[fine - 1] if fine else 0)
             if fine or left or lessened <= _MET * self.goal:

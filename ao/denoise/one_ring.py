@@ -9,11 +9,16 @@ from typing import TypeVar
 import numpy as np
 import numpy.typing as npt
 
+from raytrace.kernel.arrays import aligned
 from raytrace.kernel.jit import kernel
+from raytrace.kernel.simd import multiply_add
+from raytrace.kernel.simd_memory import load_row, store_row
+from raytrace.kernel.vector import add, load, scale, store, subtract
 from raytrace.system.threads import run_blocks
-from raytrace.types import AnyInts, Bools, Float32s, Float64s, Int32s, Int64s
+from raytrace.types import AnyInts, Float32s, Float64s, Int32s, Int64s
 
 Real = TypeVar("Real", np.float32, np.float64)
+_NOTHING = 1e-6  # of weight
 _CREASE = 16  # power of n·n' by which a neighbour counts less
 _BLOCK = 1 << 13  # points, about: starting a thread for fewer costs more than it gains
 
@@ -58,9 +63,9 @@ class Neighbours:
         found.each(lambda first, last: _weigh_by_normals(first, last, starts, others, normals, weights))
         return found
 
-    def among(self, which: Bools) -> Neighbours:
-        """The same rings, but only points of `which`, bool (k,), count."""
-        return Neighbours(self.starts, self.others, self.weights * which[self.others], self.threads)
+    def of_points(self, rows: Int64s) -> Int32s:
+        """The neighbours of the points `rows` (j,), one after another."""
+        return np.concatenate([self.others[self.starts[i] : self.starts[i + 1]] for i in rows])
 
     def each(self, work: Callable[[int, int], None]) -> None:
         """Call `work(first, last)` for blocks of points, on threads."""
@@ -68,18 +73,21 @@ class Neighbours:
         run_blocks(count, -(-count // max(round(count / _BLOCK), 1)) or 1, work, self.threads)
 
     def predict(self, values: npt.NDArray[Real]) -> npt.NDArray[Real]:
-        """The weighted mean of the neighbours' `values` (k,) or (k, c), the point's own left out; NaN without any."""
+        """The weighted mean of the neighbours' `values` (k,) or (k, 3), the point's own left out; NaN without any."""
         return self._means(values, 0.0)
 
     def smooth(self, values: npt.NDArray[Real], rounds: int) -> npt.NDArray[Real]:
-        """`values` (k,) or (k, c) averaged with the neighbours', `rounds` times: about `rounds` edges far."""
+        """`values` averaged with the neighbours', `rounds` times: about `rounds` edges far.
+
+        Args: values: (k,), float64 (k, 3), or float32 (k, 16) as `aligned` makes it.
+        """
         for _ in range(rounds):
             values = self._means(values, 1.0)
         return values
 
     def _means(self, values: npt.NDArray[Real], own: float) -> npt.NDArray[Real]:
-        values, out = np.ascontiguousarray(values), np.empty(values.shape, values.dtype)
-        means = _mean if values.ndim == 1 else _means
+        means = _mean if values.ndim == 1 else _mean_triples if values.shape[1] == 3 else _mean_lanes
+        values, out = np.ascontiguousarray(values), aligned(values.shape, values.dtype)
         self.each(lambda first, last: means(first, last, self.starts, self.others, self.weights, values, own, out))
         return out
 
@@ -143,32 +151,41 @@ def _weigh_by_normals(first, last, starts, others, normals, weights):
 
 
 @kernel
-def _means(first, last, starts, others, weights, values, own, out):
-    """Ring means, the point's own value weighted by `own`, of differences: equal values stay equal to the bit."""
-    columns = values.shape[1]
-    difference = np.zeros(columns, values.dtype)
-    for i in range(first, last):
-        weight, centre = own, values[i]
-        difference[:] = 0.0
-        for k in range(starts[i], starts[i + 1]):
-            w, value = np.float64(weights[k]), values[others[k]]
-            weight += w
-            for c in range(columns):
-                difference[c] += w * (value[c] - centre[c])
-        for c in range(columns):
-            out[i, c] = centre[c] + difference[c] / weight if weight > 1e-6 else np.nan
-
-
-@kernel
 def _mean(first, last, starts, others, weights, values, own, out):
-    """`_means` of one column, in a register."""
+    """Ring means, the point's own value weighted by `own`, of differences: equal values stay equal to the bit."""
     for i in range(first, last):
         weight, difference, centre = own, 0.0, values[i]
         for k in range(starts[i], starts[i + 1]):
             w = np.float64(weights[k])
             weight += w
             difference += w * (values[others[k]] - centre)
-        out[i] = centre + difference / weight if weight > 1e-6 else np.nan
+        out[i] = centre + difference / weight if weight > _NOTHING else np.nan
+
+
+@kernel
+def _mean_triples(first, last, starts, others, weights, values, own, out):
+    """`_mean` of rows of three."""
+    for i in range(first, last):
+        weight, difference, centre = own, (0.0, 0.0, 0.0), load(values, i)
+        for k in range(starts[i], starts[i + 1]):
+            w = np.float64(weights[k])
+            weight += w
+            difference = add(difference, scale(w, subtract(load(values, others[k]), centre)))
+        share = 1.0 / weight if weight > _NOTHING else np.nan
+        store(out, i, add(centre, scale(share, difference)))
+
+
+@kernel
+def _mean_lanes(first, last, starts, others, weights, values, own, out):
+    """`_mean` of rows of sixteen."""
+    for i in range(first, last):
+        weight, centre = np.float32(own), load_row(values, i)
+        difference = centre - centre
+        for k in range(starts[i], starts[i + 1]):
+            weight += weights[k]
+            difference = multiply_add(weights[k], load_row(values, others[k]) - centre, difference)
+        share = np.float32(1.0) / weight if weight > _NOTHING else np.float32(np.nan)
+        store_row(out, i, multiply_add(share, difference, centre))
 
 
 @kernel

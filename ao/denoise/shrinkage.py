@@ -15,8 +15,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from raytrace.kernel.arrays import product
+from raytrace.kernel.arrays import aligned, product
 from raytrace.kernel.jit import kernel
+from raytrace.kernel.simd import WIDE
 from raytrace.kernel.vector import add, cross, dot, load, scale
 from raytrace.types import Float64s
 
@@ -61,20 +62,18 @@ def _prediction(
     """Predictions from the neighbours, (k,), NaN without any; and the part that each estimate has in its own, (k,)."""
     estimate, normals = rows[:, W], points.normals.astype(np.float64)
     closed = 2 / 3 * normals - rows[:, BENT:]  # mean of (1 − μ)·direction
-    predicted = neighbours.predict(np.column_stack([estimate, closed]))
-    ring = predicted[:, 0].copy()
+    ring = neighbours.predict(estimate)
     isolated = np.isnan(ring)
-    predicted[isolated] = np.column_stack([estimate, closed])[isolated]
+    predicted = np.where(isolated, estimate, ring)
     wide = neighbours.smooth(predicted, 1)
     own = neighbours.returned()
-    leaning = np.einsum("ij,ij->i", neighbours.smooth(wide[:, 1:], _LEAN_REACH - 1), normals)
+    closed = np.where(isolated[:, None], closed, neighbours.predict(closed))
+    leaning = np.einsum("ij,ij->i", neighbours.smooth(closed, _LEAN_REACH), normals)
     rise = np.empty(len(points))
     starts, others = neighbours.starts, neighbours.others
     neighbours.each(lambda first, last: _mean_rises(first, last, starts, others, points.origins, points.normals, rise))
-    about = np.column_stack([leaning, rise])
-    unlike = np.column_stack(
-        [(wide[:, 0] - own * estimate) / (1 - own) - predicted[:, 0], about - neighbours.predict(about)]
-    )
+    beside = (wide - own * estimate) / (1 - own) - predicted
+    unlike = np.column_stack([beside, *(about - neighbours.predict(about) for about in (leaning, rise))])
     unlike[isolated] = 0.0
     residual = np.where(isolated, 0.0, estimate - ring)
     rough = np.nan_to_num(neighbours.predict(neighbours.smooth(residual**2 - variance, 2)))
@@ -104,7 +103,7 @@ def _fitted_around(
     """
     size = np.sqrt(np.einsum("ki,ki,k->i", columns, columns, weight) / max(len(target), 1))
     scaled = columns / np.where(size > 0, size, 1.0)
-    moments, fit, part = np.empty((len(target), 9), np.float32), np.empty(len(target)), np.empty(len(target))
+    moments, fit, part = aligned((len(target), WIDE), np.float32), np.empty(len(target)), np.empty(len(target))
     neighbours.each(lambda first, last: _weighted_products(first, last, scaled, target, weight, moments))
     around = neighbours.smooth(moments, _FIT_REACH)
     neighbours.each(lambda first, last: _local_fits(first, last, scaled, around, fit, part))

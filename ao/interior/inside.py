@@ -19,7 +19,7 @@ from ..gather.ray_packet import RayPacket, aim, start_from
 from ..gather.receivers import Receivers
 from .closed_parts import closed_parts, inside_boxes
 
-RAYS = 32
+RAYS = 16
 _KEY = np.uint32(0x51DE)
 _BLOCK = 1 << 8  # points
 
