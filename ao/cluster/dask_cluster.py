@@ -30,8 +30,11 @@ _LOOK = 0.2  # seconds between looks at who is there
 _PATIENCE = 10.0  # seconds without any worker until it is told
 _START = 60.0  # seconds that workers on this machine have to start
 _FAILURES = 3  # of one block, after which it is the block's fault
-_CONFIG = {"distributed.admin.large-graph-warning-threshold": "1GB", "distributed.logging.distributed": "critical"}
-_LOCAL: dict[str, Any] = {
+CONFIG = {
+    "distributed.admin.large-graph-warning-threshold": "1GB",
+    "distributed.deploy.lost-worker-timeout": "1 hour",  # a worker that starts again may take a while
+}
+LOCAL: dict[str, Any] = {
     "threads_per_worker": 1, "memory_limit": 0, "host": "127.0.0.1", "silence_logs": logging.CRITICAL,
     "scheduler_kwargs": {"dashboard": False, "dashboard_address": "127.0.0.1:0"},
 }  # fmt: skip
@@ -155,12 +158,12 @@ class DaskCluster:
         import distributed
 
         logging.getLogger("distributed").setLevel(logging.CRITICAL + 1)
-        dask.config.set(_CONFIG)
+        dask.config.set(CONFIG)
         self._loop = asyncio.get_running_loop()
         async with AsyncExitStack() as stack:
             target: Any = self.address
             if self.workers is not None:
-                local = distributed.LocalCluster(n_workers=self.workers, asynchronous=True, **_LOCAL)
+                local = distributed.LocalCluster(n_workers=self.workers, asynchronous=True, **LOCAL)
                 target = await stack.enter_async_context(local)
             client = distributed.Client(target, asynchronous=True, set_as_default=False, timeout=_CONNECT)
             try:

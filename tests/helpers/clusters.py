@@ -1,5 +1,6 @@
 """Bakes on a real Dask cluster on this machine's loopback, in blocks so small that every worker has several."""
 
+import importlib
 import os
 import signal
 from contextlib import contextmanager
@@ -12,7 +13,7 @@ from uv_meshes import grid_charts
 
 import ao
 from ao.cluster.checkpoint import ClusterCheckpoint
-from ao.cluster.dask_cluster import _LOCAL
+from ao.cluster.dask_cluster import CONFIG, LOCAL
 from raytrace import Mesh
 
 HILLS = Mesh(*hills(60))
@@ -33,15 +34,16 @@ def all_bits(baked):
     return bits(baked) if isinstance(baked, ao.Bake) else bits_of_texture(baked)
 
 
-LONG = partial(ao.bake, Mesh(*hills(130)), samples=1024)
-LONG_ROWS = 130**2 + 130**2 // 32  # some are traced twice, to calibrate errors
+LONG = partial(ao.bake, Mesh(*hills(100)), samples=1024)
+LONG_ROWS = 100**2 + 100**2 // 32  # some are traced twice, to calibrate errors
 
 
 @contextmanager
 def scheduler(workers):
     """A cluster that bakes join by its address."""
     distributed = pytest.importorskip("distributed", reason="needs obscurance[cluster]")
-    with distributed.LocalCluster(n_workers=workers, **_LOCAL) as cluster:
+    importlib.import_module("dask").config.set(CONFIG)
+    with distributed.LocalCluster(n_workers=workers, **LOCAL) as cluster:
         yield cluster
 
 
