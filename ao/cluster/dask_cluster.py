@@ -36,6 +36,7 @@ CONFIG = {
 }
 LOCAL: dict[str, Any] = {
     "threads_per_worker": 1, "memory_limit": 0, "host": "127.0.0.1", "silence_logs": logging.CRITICAL,
+    "preload": ["ao.cluster.worker"],
     "scheduler_kwargs": {"dashboard": False, "dashboard_address": "127.0.0.1:0"},
 }  # fmt: skip
 
@@ -148,8 +149,8 @@ class DaskCluster:
             asyncio.run(self._serve_all())
         except OptionError as reason:
             self._messages.put(reason)
-        except Exception as reason:
-            lost = f"{self.address}: the cluster is lost: {type(reason).__name__}: {reason}"
+        except (Exception, asyncio.CancelledError) as reason:  # the latter of Dask, whose connection has ended
+            lost = f"{self.address}: the cluster is lost: {type(reason).__name__}: {reason}".rstrip(": ")
             self._messages.put(ClusterError(" ".join(lost.split())))
 
     async def _serve_all(self) -> None:

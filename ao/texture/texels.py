@@ -31,7 +31,7 @@ from .coverage import SLOTS, Coverage, refill
 _LEAST_COSINE = 0.2  # between an interpolated normal and its face's; the face's stands for others
 _ENOUGH = 128  # rays of a point, from which more points are worth more than more rays
 _PLACED = 1 << 18  # points whose origins are found together
-_GATHERED = 1 << 16  # texels
+_GATHERED = 1 << 18  # texels
 _BLOCK = 1 << 13
 
 

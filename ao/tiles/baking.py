@@ -26,7 +26,7 @@ from ..trace.ray_scene import RayScene
 from ..trace.traversal import fewer_than, most_packets, tried, try_out
 from ..trace.work import fill
 from .halo import Piece, cut
-from .numbering import Numbering, number_points
+from .numbering import Numbering, check_tile, number_points
 from .source import TileSource, runs
 from .survey import Grid, Survey
 
@@ -70,6 +70,7 @@ def bake_tiled(
     Raises:
         OptionError: an argument is out of range, or nothing limits the distance.
         MeshError: `source` is no mesh.
+        MemoryLimitError: a tile would not fit into memory.
     """
     options = Options(
         "vertex", falloff_of(falloff), samples, seed, threads, normals, None, None, False, "ignore", traversal
@@ -153,6 +154,7 @@ class _Tracing:
         rows = vertices[numbering.first[vertices] == vertices]
         if not len(rows):
             return 0
+        check_tile(self.survey, piece)
         scene, samples = self._scene(piece), self.options.rays
         torn = numbering.torn[rows]
         ordinary = rows[~torn]

@@ -7,13 +7,15 @@ from pathlib import Path
 
 import numpy as np
 
+from raytrace.system.memory import check_memory
 from raytrace.types import Bools, Float32s, Float64s, Int64s, UInt32s
 
 from ..gather.corners import SPREAD, flattest_elsewhere
 from ..gather.morton import morton_codes
 from ..gather.receivers import lift_points
+from ..memory import vertex_bytes
 from ..options import Normals
-from .halo import cut
+from .halo import Piece, cut
 from .source import runs
 from .survey import Survey
 
@@ -59,6 +61,7 @@ def number_points(survey: Survey, normals: Normals, scratch: Path) -> Numbering:
         piece = cut(survey, tile, 0.0, True)
         if not (piece.own.any() and len(piece.faces)):
             continue
+        check_tile(survey, piece)
         lifted = lift_points(piece.placed, piece.faces, normals)
         own: Bools = lifted.usable & piece.own[lifted.first]
         rows = piece.vertices[lifted.first[own]]
@@ -76,6 +79,13 @@ def number_points(survey: Survey, normals: Normals, scratch: Path) -> Numbering:
     return _numbered(
         first, origins, axes, torn, np.concatenate(torn_first), np.concatenate(corner_counts), flattest, scratch
     )
+
+
+def check_tile(survey: Survey, piece: Piece) -> None:
+    """Raises: MemoryLimitError: a tile would not fit into memory."""
+    counts = len(piece.vertices), len(piece.faces)
+    work = f"for a tile of {counts[0]:,} vertices and {counts[1]:,} faces; more tiles are smaller"
+    check_memory(survey.source.name, vertex_bytes(*counts, 1), work)
 
 
 def _numbered(

@@ -9,7 +9,7 @@ import ao
 import ao.tiles.halo
 import ao.tiles.source
 from ao.tiles.baking import bake_tiled
-from raytrace import Mesh, MeshError, OptionError
+from raytrace import MemoryLimitError, Mesh, MeshError, OptionError
 
 
 def soup(part):
@@ -81,6 +81,12 @@ def test_a_halo_too_narrow_is_noticed(tmp_path, monkeypatch):
     whole = ao.bake(Mesh(*PARTS["hills"]), FALLOFFS["exponential"], samples=32, **FIXED)
     tiled = bake_tiled(Arrays(*PARTS["hills"]), tmp_path, (2, 2, 2), FALLOFFS["exponential"], 32)
     assert (tiled.w != whole.w).any()
+
+
+def test_a_tile_that_does_not_fit_is_refused_in_a_line(tmp_path, monkeypatch):
+    monkeypatch.setattr("raytrace.system.memory.available", lambda: 1 << 20)
+    with pytest.raises(MemoryLimitError, match=r"arrays: memory: expected .* for a tile of .*; more tiles are smaller"):
+        bake_tiled(Arrays(*hills(8)), tmp_path, falloff=FALLOFFS["binary"])
 
 
 def test_mistakes_are_refused(tmp_path):
