@@ -13,16 +13,17 @@ import typer
 from typer.exceptions import TyperException
 from typer.main import get_command
 
+from scenes.baking.sections import EXAMPLES, SectionedCommand
 from scenes.commands import options as choices
 from scenes.commands.console import columns, note, output_failed, readable_output
 from scenes.commands.usage import mistake_in_words, option_in_words
 
 app = typer.Typer(
-    add_completion=False,
     rich_markup_mode=None,
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"]},
     help="Bake ambient occlusion or obscurance (1 = open) and render scenes, with Embree.",
+    epilog="\b\nTo begin with:  obscurance bake bunny.obj -o bunny.ply\nMore of each:   obscurance COMMAND -h",
 )
 
 Threads = Annotated[int | None, typer.Option(help="Number of threads, by default all cores; results are the same.")]
@@ -32,21 +33,64 @@ Form = Annotated[
 MaxDistance = Annotated[str, typer.Option(help='Ignore hits farther away: mesh units, "25%" of the radius, or inf.')]
 NORMALS = typer.Option(help="Vertex normals: face normals weighted by angle, by area or equally, or the file's own.")
 Report = Annotated[Path | None, typer.Option(help="Also write a JSON report.")]
+Progress = Annotated[
+    choices.ProgressForm,
+    typer.Option(help="A bar on a terminal, or lines of JSON on standard error for other programs."),
+]
 Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="No progress bar and no summary.")]
 
 
-@app.command()
+def _take_options(context: typer.Context, report: Path | None) -> None:
+    """Let options that are not given have the values that they had in an earlier bake."""
+    if report is not None:
+        from scenes.baking.saved_options import saved_options
+
+        context.default_map = saved_options(report)
+
+
+FromReport = Annotated[
+    None,
+    typer.Option(
+        "--options",
+        parser=Path,
+        metavar="REPORT",
+        is_eager=True,
+        callback=_take_options,
+        help="Options of an earlier bake, from its --report or manifest.json; those given here override them.",
+    ),
+]
+
+
+@app.command(cls=SectionedCommand, epilog=EXAMPLES)
 def bake(
-    mesh: Annotated[Path, typer.Argument(metavar="INPUT", help="A mesh file: PLY, OBJ, STL, OFF, GLB, glTF, 3MF, ...")],
+    mesh: Annotated[
+        list[Path],
+        typer.Argument(
+            metavar="INPUT",
+            help="A mesh file: PLY, OBJ, STL, OFF, GLB, glTF, 3MF, ...; several; a pattern ('meshes/*.obj'); or - for "
+            "standard input.",
+        ),
+    ],
     output: Annotated[
-        Path,
+        Path | None,
         typer.Option(
             "--output",
             "-o",
             help="Output file, format by ending: .npy .npz .ply .glb of the vertices; .png .exr .tif a texture, with "
             "<UDIM> in the name one for each tile.",
         ),
-    ],
+    ] = None,
+    output_dir: Annotated[
+        Path | None,
+        typer.Option(metavar="FOLDER", help="For several inputs: folder of their outputs, and of manifest.json."),
+    ] = None,
+    format: Annotated[
+        choices.Format | None,
+        typer.Option(help="Format of the outputs in --output-dir, or of -o - (standard output); by default ply."),
+    ] = None,
+    input_format: Annotated[
+        choices.InputFormat | None, typer.Option(help="With - as INPUT: its format, if its first bytes do not tell.")
+    ] = None,
     method: Annotated[
         choices.Method, typer.Option(help="Sample at the vertices, or all over the faces with a least-squares fit.")
     ] = "vertex",
@@ -83,7 +127,9 @@ def bake(
     up: Annotated[
         choices.Up | None, typer.Option(help="With --debug-image: the up axis, by default y, for STL and 3MF z.")
     ] = None,
-    resume: Annotated[bool, typer.Option("--resume", help="Continue an interrupted bake to this output.")] = False,
+    resume: Annotated[
+        bool, typer.Option("--resume", help="Continue an interrupted bake, or batch, to this output.")
+    ] = False,
     colors: Annotated[
         bool, typer.Option("--colors", help="Write w as vertex colours: COLOR_0 of .glb, replacing a .ply's own.")
     ] = False,
@@ -164,18 +210,18 @@ def bake(
             "with --max-distance, --no-reconstruct and --hidden ignore.",
         ),
     ] = None,
+    dry_run: Annotated[
+        bool, typer.Option("--dry-run", help="Write nothing; tell rays, memory, time and what would be written.")
+    ] = False,
+    progress: Progress = "bar",
     quiet: Quiet = False,
+    from_report: FromReport = None,
 ) -> None:
     """Bake ambient occlusion or obscurance to vertices or a texture."""
-    options = {name: value for name, value in locals().items() if name not in ("part", "cluster", "shared", "tiles")}
-    if part or cluster or shared or tiles:
-        from scenes.cluster.choose import large_command
+    options = {name: value for name, value in locals().items() if name != "from_report"}
+    from scenes.baking.choose import run_bake
 
-        large_command(part, cluster, shared, tiles, options).run()
-        return
-    from scenes.textures.command import bake_command
-
-    bake_command(options).run()
+    raise typer.Exit(run_bake(options))
 
 
 @app.command()
@@ -206,12 +252,21 @@ def merge(
 
 
 @app.command()
-def info(mesh: Annotated[Path, typer.Argument(metavar="MESH", help="A mesh file.")]) -> None:
+def info(
+    mesh: Annotated[Path, typer.Argument(metavar="MESH", help="A mesh file, or - for standard input.")],
+    json: Annotated[bool, typer.Option("--json", help="As JSON, for other programs.")] = False,
+) -> None:
     """Describe a mesh file and its defects."""
-    from scenes.commands.info import describe
-    from scenes.readers.load import load
+    from scenes.baking.streams import load_mesh
+    from scenes.commands.info import describe, facts
 
-    print(columns(describe(load(mesh))))
+    source = load_mesh(mesh)
+    if json:
+        from json import dumps
+
+        print(dumps(facts(source), indent=2, allow_nan=False))
+    else:
+        print(columns(describe(source)))
 
 
 @app.command()
@@ -255,7 +310,9 @@ def validate(
 @app.command()
 def render(
     scene: Annotated[Path, typer.Argument(metavar="SCENE", help="A .toml scene, a .glb or .gltf, or any mesh.")],
-    output: Annotated[Path, typer.Option("--output", "-o", help="Output image, format by ending: .exr .png .tif .jpg")],
+    output: Annotated[
+        Path | None, typer.Option("--output", "-o", help="Output image, format by ending: .exr .png .tif .jpg")
+    ] = None,
     width: Annotated[int | None, typer.Option(help="Image width in pixels; needs --height.")] = None,
     height: Annotated[int | None, typer.Option(help="Image height in pixels; needs --width.")] = None,
     samples: Annotated[int | None, typer.Option(help="Most camera rays per pixel.")] = None,
@@ -282,8 +339,10 @@ def render(
     seed: Annotated[int | None, typer.Option(help="Random seed of the pixel samples.")] = None,
     preview: Annotated[bool, typer.Option("--preview", help="A quarter of the width and height, few samples.")] = False,
     half: Annotated[bool, typer.Option("--half", help="16-bit floats in an .exr.")] = False,
+    show: Annotated[bool, typer.Option("--show", help="Show the image in the terminal, too, or instead.")] = False,
     threads: Threads = None,
     report: Report = None,
+    progress: Progress = "bar",
     quiet: Quiet = False,
 ) -> None:
     """Render a scene to an image; an .exr holds every layer."""
@@ -380,13 +439,16 @@ def demo(
 @app.callback(invoke_without_command=True)
 def start(
     context: typer.Context,
-    version: Annotated[bool, typer.Option("--version", help="Show the version and exit.")] = False,
+    version: Annotated[bool, typer.Option("--version", help="Show versions and the processor, and exit.")] = False,
 ) -> None:
     """Bake ambient occlusion or obscurance (1 = open) and render scenes, with Embree."""
     if version:
-        from importlib.metadata import version as installed
+        from ao.report import versions
+        from raytrace.kernel.processor import processor
 
-        print("obscurance", installed("obscurance"))
+        found = versions()
+        print("obscurance", found["obscurance"])
+        print(columns([("Embree", found["embree"]), ("CPU", processor()), ("Python", found["python"])]))
         raise typer.Exit
     if context.invoked_subcommand is None:
         print(context.get_help())

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import time
 import warnings
+from dataclasses import replace
 from typing import Any
 
+from raytrace.mesh.convert import mesh_of
 from raytrace.mesh.mesh import Mesh
 from raytrace.system.memory import check_memory
 from raytrace.types import Bools
@@ -13,7 +15,7 @@ from raytrace.types import Bools
 from .adaptive.tolerance import ToleranceWarning
 from .falloff import Falloff
 from .memory import surface_bytes, vertex_bytes
-from .options import DEFAULT_SAMPLES, Hidden, Method, Normals, Options, Traversal, falloff_of, mesh_of
+from .options import DEFAULT_SAMPLES, Hidden, Method, Normals, Options, Traversal, falloff_of
 from .prepared import Prepared
 from .result import Bake, PointValues, assemble
 from .trace.checkpoint import Checkpoint
@@ -40,8 +42,8 @@ def bake(
     """Obscurance w(p) = (1/π) ∫ μ(d) cosθ dω (12.71) at every vertex of `mesh`.
 
     Args:
-        mesh: the surface, a `raytrace.Mesh` or anything with `vertices` and `faces`, a `trimesh.Trimesh` for instance;
-            both sides of every face occlude.
+        mesh: the surface, a `raytrace.Mesh`, a pair (vertices, faces), or a mesh of trimesh, PyVista or meshio; both
+            sides of every face occlude.
         falloff: μ, `Binary(…)` or `Exponential(…)`, or "binary" or "exponential"; by default `Exponential()`.
         samples: rays a vertex, 1 to 2²⁰, by default 256; with a tolerance the most, by default 2¹⁴. By the surface
             method they are spread over the vertex's faces, up to 32 from each of many points.
@@ -79,7 +81,7 @@ def bake(
     options = Options(
         method, falloff_of(falloff), samples, seed, threads, normals, only, tolerance, reconstruct, hidden, traversal
     )
-    mesh = mesh_of(mesh)
+    mesh = mesh_of(mesh, "bake")
     mu = options.falloff.resolve(mesh.radius)
     _check_memory(mesh, options)
 
@@ -92,6 +94,7 @@ def bake(
         reason = f": {options.rays:,} rays a vertex were allowed" if values.samples >= options.rays else ""
         text = f"tolerance {tolerance:g} is not met, the estimated RMSE is {baked.rmse:.3g}{reason}"
         warnings.warn(text, ToleranceWarning, stacklevel=2)
+        return replace(baked, shortfalls=(text,))
     return baked
 
 

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
 import numpy as np
 from pydantic import Field, PlainValidator
 
-from raytrace.errors import MeshError, OptionError, nearest_name
-from raytrace.mesh.mesh import Mesh
+from raytrace.errors import OptionError, nearest_name
 from raytrace.system.parameters import Parameters, Seed, Whole
 from raytrace.system.threads import MAX_THREADS
 from raytrace.types import Bools
@@ -85,19 +84,3 @@ class Options(Parameters, kw_only=False, source="options"):
         if self.samples is not None:
             return self.samples
         return DEFAULT_SAMPLES if self.tolerance is None else _MOST_FOR_TOLERANCE
-
-
-def mesh_of(given: Mesh | Any) -> Mesh:
-    """A mesh, made of anything else that has vertices and faces.
-
-    Raises:
-        MeshError: it has none, or they are no mesh.
-    """
-    if isinstance(given, Mesh):
-        return given
-    try:
-        vertices, faces = given.vertices, given.faces
-    except AttributeError:
-        expected = "a raytrace.Mesh, or anything else with vertices (n, 3) and faces (m, 3)"
-        raise MeshError("bake", "mesh", expected, repr(given)) from None
-    return Mesh(vertices, faces)

@@ -25,11 +25,12 @@ class Prepared:
     """A placed mesh, its receivers and the options of its bake.
 
     Attributes:
-        options: checked. mu: the falloff, in mesh units. placement: of the mesh in render space.
+        mesh: what is baked. options: checked. mu: the falloff, in mesh units. placement: of the mesh in render space.
         receivers: of all vertices. wanted: of those in `options.only`; the same object if that is None.
         progress: called with (rays traced, rays in all), or None. checkpoint: begun, or None.
     """
 
+    mesh: Mesh
     options: Options
     mu: Mu
     placement: Placement
@@ -55,7 +56,7 @@ class Prepared:
             chosen = None if only is None else np.packbits(only).tobytes()
             kind = options.method, options.traversal, options.rays, options.tolerance, options.reconstruct
             checkpoint.begin(placement, receivers, mu, chosen, *kind, options.seed, options.normals)
-        return cls(options, mu, placement, receivers, wanted, progress, checkpoint)
+        return cls(mesh, options, mu, placement, receivers, wanted, progress, checkpoint)
 
     @property
     def scene(self) -> RayScene:

@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from raytrace.mesh.mesh import Mesh
 from raytrace.mesh.normals import normalize
 from raytrace.types import Float64s, UInt8s
 
@@ -31,6 +32,8 @@ class Bake:
         rmse: estimated root mean square of `error` over the vertices asked for.
         seconds: `build` (the hierarchy over the faces) and `bake` (everything else that makes w).
         mu: the falloff used, in mesh units.
+        mesh: what was baked.
+        shortfalls: what the result lacks of what was asked for, in words: a tolerance that is not met.
     """
 
     w: Float64s
@@ -42,10 +45,27 @@ class Bake:
     rmse: float
     seconds: dict[str, float] = field(compare=False)
     mu: Mu
+    mesh: Mesh
+    shortfalls: tuple[str, ...] = ()
 
     def __repr__(self) -> str:
         range_ = f"w from {self.w.min():.3f} to {self.w.max():.3f}"
         return f"<Bake of {len(self.w):,} vertices: {range_}, RMSE {self.rmse:.2g}, {self.rays:,} rays>"
+
+    def _repr_html_(self) -> str | None:
+        """What notebooks show where a package offers HTML for it: entry points of the group `obscurance.html`."""
+        from importlib.metadata import entry_points
+
+        for offer in entry_points(group="obscurance.html"):
+            html: str | None = offer.load()(self)
+            return html
+        return None
+
+    def _repr_png_(self) -> bytes:
+        """What notebooks show otherwise: w on the mesh."""
+        from .picture import bake_png
+
+        return bake_png(self.mesh, self.w)
 
     @property
     def flagged(self) -> dict[str, int]:
@@ -97,4 +117,5 @@ def assemble(prepared: Prepared, values: PointValues, seconds: dict[str, float])
         rmse=float(np.sqrt(np.sum(error**2) / max(wanted, 1))),
         seconds=seconds,
         mu=prepared.mu,
+        mesh=prepared.mesh,
     )

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from math import inf
-from typing import Annotated
+from typing import Annotated, Any
 
 import numpy as np
 from pydantic import Field
 
-from .errors import OptionError, check_type, numbers
+from .errors import OptionError, numbers
 from .kernel.arrays import product
+from .mesh.convert import mesh_of
 from .mesh.mesh import Mesh
 from .mesh.normals import normalize
 from .system.parameters import Number, Parameters, Point
@@ -53,7 +54,7 @@ class Camera(Parameters, kw_only=False, source="camera"):
     @classmethod
     def framing(
         cls,
-        mesh: Mesh,
+        mesh: Mesh | Any,
         direction: Vector,
         up: Vector = (0.0, 0.0, 1.0),
         aspect: float = 1.0,
@@ -61,9 +62,11 @@ class Camera(Parameters, kw_only=False, source="camera"):
     ) -> Camera:
         """A camera in `direction` from the mesh's centre, just far enough away to see every vertex.
 
-        Args: aspect: width over height of the picture. field_of_view: vertical, in degrees.
+        Args:
+            mesh: in any form that `ao.bake` takes. aspect: width over height of the picture.
+            field_of_view: vertical, in degrees.
         """
-        check_type(mesh, Mesh, "camera", "mesh", "a raytrace.Mesh")
+        mesh = mesh_of(mesh, "camera")
         towards = numbers(direction, "camera", "direction", "three numbers")
         if towards.shape != (3,):
             raise OptionError("direction", "three numbers", direction, "camera")

@@ -10,6 +10,7 @@ import numpy as np
 
 from .errors import OptionError, check_type, numbers
 from .kernel.arrays import product
+from .mesh.convert import mesh_of
 from .mesh.mesh import Mesh
 from .types import Float64s
 
@@ -54,7 +55,8 @@ class Shape:
     """A mesh and its surface; many objects may share one.
 
     Attributes:
-        mesh: in the shape's own frame; its `normals`, where given, are used for smooth shading.
+        mesh: in the shape's own frame, in any form that `ao.bake` takes; its `normals`, where given, are used for
+            smooth shading.
         material: what it is made of.
         uv: float64 (n, 2) texture coordinates, v upwards, or None.
         texture: albedo, multiplied into the material's diffuse and ambient reflectance per channel; needs `uv`.
@@ -70,7 +72,7 @@ class Shape:
     def __post_init__(self) -> None:
         from .materials.base import BaseMaterial
 
-        check_type(self.mesh, Mesh, "shape", "mesh", "a raytrace.Mesh")
+        object.__setattr__(self, "mesh", mesh_of(self.mesh, "shape"))
         expected = 'a material, such as raytrace.Lambert(albedo=0.5) or material_from_dict({"preset": "gold"})'
         check_type(self.material, BaseMaterial, "shape", "material", expected)
         if self.texture is not None and self.uv is None:

@@ -5,11 +5,13 @@ from __future__ import annotations
 import hashlib
 import time
 import warnings
+from dataclasses import replace
 from typing import Any, Literal, get_args
 
 import numpy as np
 
 from raytrace.errors import OptionError
+from raytrace.mesh.convert import mesh_of
 from raytrace.mesh.mesh import Mesh
 from raytrace.mesh.normals import face_normals
 from raytrace.mesh.placement import Placement
@@ -20,7 +22,7 @@ from ..adaptive.tolerance import ToleranceWarning, estimate_to
 from ..falloff import Falloff, Length, resolve_length
 from ..gather.receivers import find_receivers
 from ..memory import texture_bytes
-from ..options import Hidden, Normals, Options, Traversal, falloff_of, mesh_of
+from ..options import Hidden, Normals, Options, Traversal, falloff_of
 from ..prepared import Prepared
 from ..trace.checkpoint import Checkpoint
 from ..trace.tracer import Progress
@@ -102,9 +104,9 @@ def bake_texture(
     if bent_space not in get_args(BentSpace):
         raise OptionError("bent_space", "one of " + ", ".join(get_args(BentSpace)), bent_space)
     width, height = page_size(size)
-    mesh = mesh_of(mesh)
+    mesh = mesh_of(mesh, "bake_texture")
     corners = corner_uv(uv, mesh)
-    solid = mesh if high is None else mesh_of(high)
+    solid = mesh if high is None else mesh_of(high, "high")
     reach = resolve_length("cage", cage, mesh.radius)
     mu = options.falloff.resolve(solid.radius)
     counts = len(solid.vertices), len(solid.faces)
@@ -196,4 +198,5 @@ def bake_texture(
         reason = f": {options.rays:,} rays a texel were allowed" if estimate.samples >= options.rays else ""
         text = f"tolerance {tolerance:g} is not met, the estimated RMSE is {baked.rmse:.3g}{reason}"
         warnings.warn(text, ToleranceWarning, stacklevel=2)
+        return replace(baked, shortfalls=(text,))
     return baked

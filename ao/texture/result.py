@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from raytrace.image.encode import linear_png
 from raytrace.image.fill import fill_holes
 from raytrace.mesh.normals import normalize
 from raytrace.types import Bools, Float32s, Float64s
@@ -59,7 +60,7 @@ class BakedTexture:
         rays: number of rays traced, by an interrupted run too. rays_skipped: not traced, by reason.
         rmse: estimated root mean square of `error` over the covered texels.
         facts: of the texture coordinates and seams.
-        seconds, mu: as `ao.Bake` has them.
+        seconds, mu, shortfalls: as `ao.Bake` has them.
     """
 
     w: Float32s
@@ -72,11 +73,16 @@ class BakedTexture:
     facts: TextureFacts
     seconds: dict[str, float] = field(compare=False)
     mu: Mu
+    shortfalls: tuple[str, ...] = ()
 
     def __repr__(self) -> str:
         height, width = self.w.shape
         range_ = f"w from {self.w.min():.3f} to {self.w.max():.3f}"
         return f"<BakedTexture {width}×{height}: {range_}, RMSE {self.rmse:.2g}, {self.rays:,} rays>"
+
+    def _repr_png_(self) -> bytes:
+        """w as a PNG of greys without a colour space: what notebooks show."""
+        return linear_png((255 * self.w[..., None] + 0.5).astype(np.uint8))
 
 
 @dataclass(frozen=True, eq=False)

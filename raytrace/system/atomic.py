@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import io
 import json
 import os
 import secrets
 import stat
+import sys
+import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -20,11 +23,17 @@ def atomic_write(path: str | os.PathLike[str]) -> Iterator[BinaryIO]:
 
     The bytes go to a temporary file in the same folder, are flushed to the disk and renamed over `path`. When
     anything fails, an interrupt included, the temporary is removed and an existing `path` keeps its content.
-    A symbolic link is followed: the file it names is replaced. The file mode is the umask's.
+    A symbolic link is followed: the file it names is replaced. The file mode is the umask's. What `standard_output`
+    names goes to standard output when it is whole.
 
     Raises:
         OutputError: the file cannot be created, written or renamed. Other exceptions of the block pass through.
     """
+    if is_standard_output(path):
+        content = io.BytesIO()
+        yield content
+        _to_standard_output(content.getbuffer())
+        return
     with _replacing(path) as (_, handle), os.fdopen(handle, "wb") as file:
         yield file
         file.flush()
@@ -38,6 +47,12 @@ def atomic_path(path: str | os.PathLike[str]) -> Iterator[Path]:
     Raises:
         OutputError: the file cannot be created, flushed or renamed. Other exceptions of the block pass through.
     """
+    if is_standard_output(path):
+        with tempfile.TemporaryDirectory() as folder:
+            made = Path(folder) / f"output{Path(path).suffix}"
+            yield made
+            _to_standard_output(made.read_bytes())
+        return
     with _replacing(path) as (temporary, handle):
         os.close(handle)
         yield temporary
@@ -50,9 +65,9 @@ def _replacing(path: str | os.PathLike[str]) -> Iterator[tuple[Path, int]]:
     """A temporary file, and its open handle, that replaces `path` when the block ends without an exception."""
     try:
         target = _regular_target(path)
-        temporary, handle = _create_beside(target)
-        try:
-            yield temporary, handle
+        temporary = _beside(target)
+        try:  # from before the file is there: an interrupt may come as it is opened
+            yield temporary, _create(temporary)
             os.replace(temporary, target)
         except BaseException:
             with suppress(OSError):
@@ -62,6 +77,22 @@ def _replacing(path: str | os.PathLike[str]) -> Iterator[tuple[Path, int]]:
         if isinstance(reason, OutputError):
             raise
         raise _cannot_write(path, reason) from None
+
+
+def standard_output(ending: str) -> Path:
+    """A name for standard output, with the ending of the format that is written to it, "ply" for instance."""
+    return Path(f"<stdout>.{ending}")
+
+
+def is_standard_output(path: str | os.PathLike[str]) -> bool:
+    """Whether `path` is one that `standard_output` made."""
+    return Path(path).stem == "<stdout>"
+
+
+def _to_standard_output(content: bytes | memoryview) -> None:
+    sys.stdout.flush()
+    sys.stdout.buffer.write(content)
+    sys.stdout.flush()
 
 
 def write_json(path: str | os.PathLike[str], content: Any) -> None:
@@ -82,10 +113,17 @@ def check_writable(path: str | os.PathLike[str]) -> None:
     Raises:
         OutputError: the folder is missing or refuses new files, or `path` is something other than a file.
     """
+    if is_standard_output(path):
+        if sys.stdout.isatty():
+            raise OutputError("standard output: cannot write: it is a terminal; pipe it, or name a file")
+        return
     try:
-        temporary, handle = _create_beside(_regular_target(path))
-        os.close(handle)
-        temporary.unlink()
+        temporary = _beside(_regular_target(path))
+        try:
+            os.close(_create(temporary))
+        finally:
+            with suppress(OSError):
+                temporary.unlink()
     except OSError as reason:
         if isinstance(reason, OutputError):
             raise
@@ -104,10 +142,13 @@ def _regular_target(path: str | os.PathLike[str]) -> Path:
     return target
 
 
-def _create_beside(target: Path) -> tuple[Path, int]:
+def _beside(target: Path) -> Path:
+    return target.parent / f".obscurance-{secrets.token_hex(6)}.part"
+
+
+def _create(path: Path) -> int:
     # os.open rather than tempfile: tempfile's mode is 0600 whatever the umask.
-    temporary = target.parent / f".obscurance-{secrets.token_hex(6)}.part"
-    return temporary, os.open(temporary, os.O_WRONLY | os.O_CREAT | os.O_EXCL | getattr(os, "O_BINARY", 0), 0o666)
+    return os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | getattr(os, "O_BINARY", 0), 0o666)
 
 
 def _cannot_write(path: str | os.PathLike[str], reason: OSError) -> OutputError:

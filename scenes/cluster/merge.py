@@ -38,4 +38,4 @@ def merge(folder: Path, options: dict[str, Any]) -> None:
         stored = description.get(name)
         options[name] = options[name] or (Path(stored) if stored else None)
     command = bake_command({**description["options"], **options, "resume": False})
-    replace(command, checkpoint=lambda _: Merge(parts, note)).run()
+    replace(command, open_checkpoint=lambda _: Merge(parts, note)).run()

@@ -50,7 +50,7 @@ class PartCommand:
             raise OutputError(f"{self.folder}: cannot write: {reason.strerror or reason}") from None
         part = Part(self.folder, self.number, self.of, self.description, note)
         with suppress(PartTraced):
-            replace(self.bake, checkpoint=lambda _: part).run()
+            replace(self.bake, open_checkpoint=lambda _: part).run()
         if not self.bake.quiet:
             print(f"{part.path}: {part.rays:,} rays traced in {time.perf_counter() - start:.2f} s")
 

@@ -32,7 +32,7 @@ class ClusterCommand:
             ClusterError: the cluster is lost, or none of its workers can be used.
         """
         opened: list[ClusterCheckpoint] = []
-        replace(self.bake, checkpoint=lambda target: self._open(target, opened)).run()
+        replace(self.bake, open_checkpoint=lambda target: self._open(target, opened)).run()
         if not self.bake.quiet:
             for checkpoint in opened:
                 print(checkpoint.summary())

@@ -2,43 +2,80 @@
 
 from __future__ import annotations
 
+import sys
 import time
-from collections.abc import Callable
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager, contextmanager, nullcontext
 from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
-from warnings import catch_warnings
+from typing import TYPE_CHECKING, Any, NamedTuple
+from warnings import catch_warnings, simplefilter
 
 from .console import KERNELS_OF_BAKE, KERNELS_OF_SURFACE, bake_summary, compiling, note, progress, warn
-from .options import FalloffForm, Hidden, Method, NormalsFrom, Occlusion, Traversal, Up, make_falloff, named, plain
+from .options import (
+    FalloffForm,
+    Hidden,
+    Method,
+    NormalsFrom,
+    Occlusion,
+    ProgressForm,
+    Traversal,
+    Up,
+    make_falloff,
+    named,
+    plain,
+)
 
 if TYPE_CHECKING:
     import ao
     from ao.trace.checkpoint import Checkpoint
-    from raytrace.mesh.mesh import Mesh
 
-_NO_OPTIONS_OF_BAKE = ("report", "quiet", "resume", "checkpoint")  # they change no result
+    from ..readers.load import MeshFile
+
+NO_OPTIONS_OF_BAKE = frozenset(
+    {"report", "quiet", "resume", "progress", "content", "open_checkpoint"}
+)  # they change no result
 
 
-def usual_checkpoint(resume: bool, target: Path) -> Checkpoint:
-    """A journal beside the target."""
-    from ao.trace.checkpoint import Checkpoint
+@contextmanager
+def told_shortfalls() -> Iterator[None]:
+    """No warnings of Python's about tolerances that are not met, while this lasts: commands print them as their own."""
+    import ao
 
-    return Checkpoint(f"{target}.partial", resume, note)
+    with catch_warnings():
+        simplefilter("ignore", ao.ToleranceWarning)
+        yield
+
+
+class Work(NamedTuple):
+    """What a bake is made of.
+
+    Attributes:
+        points: how many are baked, at most. unit: what they are, "vertices" or "texels".
+        bytes: memory that the bake takes at its peak.
+        trial: bakes about so many of the points, to see how long that takes; returns how many.
+    """
+
+    points: int
+    unit: str
+    bytes: int
+    trial: Callable[[int], int]
+
+
+class Written(NamedTuple):
+    """An output that was written: what to tell of it, and warnings about it, which have been told."""
+
+    summary: str
+    warnings: list[str]
 
 
 @dataclass(frozen=True, kw_only=True)
-class BakeCommand:
-    """The command with its options; `obscurance bake --help` explains each.
-
-    Attributes:
-        checkpoint: makes the checkpoint of the bake to a file, None for the usual one.
-    """
+class MeshBake(ABC):
+    """The options of a bake of a mesh file, to vertices or a texture; `obscurance bake --help` explains each."""
 
     mesh: Path
     output: Path
-    method: Method
     falloff: FalloffForm
     tau: float | None
     half_distance: str | None
@@ -52,43 +89,180 @@ class BakeCommand:
     normals: NormalsFrom
     hidden: Hidden
     report: Path | None
-    debug_image: Path | None
-    up: Up | None
     resume: bool
-    colors: bool
     occlusion: Occlusion | None
     replace_occlusion: bool
     quiet: bool
-    checkpoint: Callable[[Path], Checkpoint] | None = None
+    progress: ProgressForm = "bar"
+    content: bytes | None = None
+    """Of the mesh, if it is no file's."""
+    open_checkpoint: Callable[[Path], Checkpoint] | None = None
+    """Makes the checkpoint of an output, if not the usual one is wanted."""
 
-    def run(self) -> None:
-        """Bake, write, and print a summary.
+    def run(self) -> int:
+        """Bake, write, and print a summary. Returns: the exit status, 0.
 
         Raises:
             InputError: an option, the mesh, or options that exclude each other.
-            OutputError, MemoryLimitError, EmbreeError: as `ao.bake` and `scenes.write`.
+            OutputError, MemoryLimitError, EmbreeError: as `ao.bake`, `ao.bake_texture` and when writing.
         """
-        falloff = self._check()
-        with compiling(KERNELS_OF_BAKE if self.method == "vertex" else KERNELS_OF_SURFACE):
-            self._run(falloff)
+        from raytrace.system.atomic import is_standard_output
 
-    def _run(self, falloff: ao.Falloff) -> None:
+        falloff = self.check()
+        with compiling(self.kernels), told_shortfalls():
+            for written in self.bake(falloff):
+                if not self.quiet:
+                    print(written.summary, file=sys.stderr if is_standard_output(self.output) else sys.stdout)
+        return 0
+
+    def check(self) -> ao.Falloff:
+        """The falloff, if the options go together and the outputs can be written. Raises: OptionError, OutputError."""
+        from ao.options import Options
+        from raytrace.system.outputs import check_ending, check_outputs
+
+        falloff = make_falloff(self.falloff, self.tau, self.half_distance, self.max_distance)
+        Options(**self.options())
+        self.check_own()
+        if self.report:
+            check_ending("--report", self.report, ".json")
+        check_outputs(self.outputs(), self.inputs())
+        return falloff
+
+    def options(self) -> dict[str, Any]:
+        """The options that `ao.bake` and `ao.bake_texture` take."""
+        names = ("samples", "seed", "threads", "normals", "tolerance", "reconstruct", "hidden", "traversal")
+        return {name: getattr(self, name) for name in names}
+
+    def described(self) -> dict[str, Any]:
+        """Every effective option, as a JSON report has it."""
+        from raytrace.system.threads import thread_count
+
+        options = {name: plain(value) for name, value in vars(self).items() if name not in NO_OPTIONS_OF_BAKE}
+        return options | {"threads": thread_count(self.threads)}
+
+    def checkpoint(self, output: Path) -> AbstractContextManager[Checkpoint | None]:
+        """Keeps what is traced for an output, beside it; none beside standard output."""
+        from ao.trace.checkpoint import Checkpoint
+        from raytrace.system.atomic import is_standard_output
+
+        if self.open_checkpoint:
+            return self.open_checkpoint(output)
+        if is_standard_output(output):
+            return nullcontext()
+        return Checkpoint(self.journal(output), self.resume, note)
+
+    def journal(self, output: Path) -> Path:
+        """Where what is traced for an output is kept until it is written."""
+        return Path(f"{output}.partial")
+
+    def inputs(self) -> list[Path]:
+        """The files that are read, as far as the options name them."""
+        return [self.mesh]
+
+    @property
+    @abstractmethod
+    def kernels(self) -> int:
+        """About how many kernels the bake takes."""
+
+    @property
+    @abstractmethod
+    def side_by_side(self) -> bool:
+        """Whether a bake of a small file is small, too: one for a single core."""
+
+    @abstractmethod
+    def outputs(self) -> dict[str, Path | None]:
+        """The files to write, by what the user calls them."""
+
+    @abstractmethod
+    def check_own(self) -> None:
+        """Check the options of this sort of bake. Raises: OptionError, OutputError."""
+
+    def read(self) -> MeshFile:
+        """The mesh file, with what the output can hold of it. Raises: InputError."""
+        from ..readers.load import load
+
+        return load(self.mesh, self.kept, self.content)
+
+    @property
+    @abstractmethod
+    def kept(self) -> Path:
+        """A name of the format for which a mesh file's details are read."""
+
+    @abstractmethod
+    def work(self, source: MeshFile, falloff: ao.Falloff) -> Work:
+        """What a bake of `source` is made of. Raises: InputError: as `bake`, before anything is traced."""
+
+    @abstractmethod
+    def bake(self, falloff: ao.Falloff) -> Iterator[Written]:
+        """Bake and write, one output after the other. Raises: as `run`."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class BakeCommand(MeshBake):
+    """A bake to vertices."""
+
+    method: Method
+    debug_image: Path | None
+    up: Up | None
+    colors: bool
+
+    @property
+    def kernels(self) -> int:
+        return KERNELS_OF_BAKE if self.method == "vertex" else KERNELS_OF_SURFACE
+
+    @property
+    def side_by_side(self) -> bool:
+        return True
+
+    @property
+    def kept(self) -> Path:
+        return self.output
+
+    def work(self, source: MeshFile, falloff: ao.Falloff) -> Work:
+        import numpy as np
+
+        import ao
+        from ao.gather.receivers import find_receivers
+        from ao.memory import surface_bytes, vertex_bytes
+        from ao.options import Options
+        from raytrace.mesh.placement import Placement
+
+        mesh = source.mesh
+        counts = len(mesh.vertices), len(mesh.faces)
+        rays = Options(**self.options()).rays
+        needed = vertex_bytes(*counts, rays) if self.method == "vertex" else surface_bytes(*counts)
+
+        def trial(count: int) -> int:
+            only = np.zeros(counts[0], bool)
+            chosen = np.linspace(0, counts[0] - 1, min(count, counts[0])).astype(np.int64)
+            if self.method == "surface":  # whose work is that of faces, which neighbours share
+                chosen = np.arange(len(chosen)) + (counts[0] - len(chosen)) // 2
+            only[chosen] = True
+            ao.bake(mesh, falloff, only=only, **self.options())
+            return len(chosen)
+
+        points = find_receivers(mesh, Placement.of(mesh), self.normals).points
+        return Work(len(points), "vertices", needed, trial)
+
+    def bake(self, falloff: ao.Falloff) -> Iterator[Written]:
+        import ao
         from raytrace.system.outputs import check_outputs
 
-        from ..readers.load import load
         from ..writers.losses import lost
         from ..writers.write import channels, write
 
         start = time.perf_counter()
-        source = load(self.mesh, self.output)
-        check_outputs(self._outputs(), source.files)
+        source = self.read()
+        check_outputs(self.outputs(), source.files)
         loaded = time.perf_counter()
         warnings = warn(
             [source.mesh], [*source.notes, *lost(self.output, source, channels(self.output, **self._channels()))]
         )
-        with (self.checkpoint or partial(usual_checkpoint, self.resume))(self.output) as checkpoint:
-            baked, unmet = self._bake(source.mesh, falloff, checkpoint)
-            warnings += warn([], unmet)
+        with self.checkpoint(self.output) as checkpoint:
+            status = checkpoint.status if checkpoint else str
+            with progress(self.quiet, "rays", form=self.progress, status=status) as (advance,):
+                baked = ao.bake(source.mesh, falloff, progress=advance, checkpoint=checkpoint, **self.options())
+            warnings += warn([], baked.shortfalls)
             tracing = time.perf_counter()
             write(self.output, baked, source, **self._channels())
         seconds = {"load": loaded - start, "write": time.perf_counter() - tracing}
@@ -99,23 +273,15 @@ class BakeCommand:
             from .flag_image import write_marked
 
             write_marked(self.debug_image, source.mesh, baked, up_axis(self.mesh, self.up))
-        if not self.quiet:
-            print(bake_summary(baked, self.output))
+        yield Written(bake_summary(baked, self.output), warnings)
 
-    def _check(self) -> ao.Falloff:
-        """The falloff, if the options go together and the outputs can be written. Raises: OptionError, OutputError."""
-        from ao.options import Options
+    def check_own(self) -> None:
         from raytrace.errors import OptionError
-        from raytrace.system.outputs import check_ending, check_outputs
 
         from ..writers.write import channels, check_target
 
-        falloff = make_falloff(self.falloff, self.tau, self.half_distance, self.max_distance)
-        Options(**self._options())
         check_target(self.output)
         channels(self.output, **self._channels())
-        if self.report:
-            check_ending("--report", self.report, ".json")
         if self.debug_image:
             from raytrace.image.write import check_image_target
 
@@ -123,38 +289,25 @@ class BakeCommand:
                 check_image_target(self.debug_image, layers=("beauty",))
         elif self.up:
             raise OptionError("up", "--debug-image with it; w does not depend on it", "none")
-        check_outputs(self._outputs(), [self.mesh])
-        return falloff
 
-    def _outputs(self) -> dict[str, Path | None]:
+    def outputs(self) -> dict[str, Path | None]:
         return {"--output": self.output, "--report": self.report, "--debug-image": self.debug_image}
+
+    def options(self) -> dict[str, Any]:
+        return {"method": self.method, **super().options()}
+
+    def described(self) -> dict[str, Any]:
+        from ..writers.write import channels
+
+        ramp = channels(self.output, **self._channels()).ramp
+        return super().described() | {"occlusion": "ramp" if ramp else "none"}
 
     def _channels(self) -> dict[str, Any]:
         """The options of `scenes.write`."""
         return {name: getattr(self, name) for name in ("colors", "occlusion", "replace_occlusion")}
 
-    def _options(self) -> dict[str, Any]:
-        """The options that `ao.bake` takes."""
-        names = ("method", "samples", "seed", "threads", "normals", "tolerance", "reconstruct", "hidden", "traversal")
-        return {name: plain(getattr(self, name)) for name in names}
-
-    def _bake(self, mesh: Mesh, falloff: ao.Falloff, checkpoint: Checkpoint) -> tuple[ao.Bake, list[str]]:
-        """The bake, and warnings that a tolerance was not met."""
-        import ao
-
-        unmet = catch_warnings(record=True, action="always", category=ao.ToleranceWarning)
-        with progress(self.quiet, "rays", status=checkpoint.status) as (advance,), unmet as raised:
-            baked = ao.bake(mesh, falloff, progress=advance, checkpoint=checkpoint, **self._options())
-        return baked, [str(warning.message) for warning in raised]
-
     def _write_report(self, path: Path, baked: ao.Bake, seconds: dict[str, float], warnings: list[str]) -> None:
         from ao.report import report
         from raytrace.system.atomic import write_json
-        from raytrace.system.threads import thread_count
 
-        from ..writers.write import channels
-
-        options = {name: plain(value) for name, value in vars(self).items() if name not in _NO_OPTIONS_OF_BAKE}
-        options["threads"] = thread_count(self.threads)
-        options["occlusion"] = "ramp" if channels(self.output, **self._channels()).ramp else "none"
-        write_json(path, report(baked, options, seconds, warnings))
+        write_json(path, report(baked, self.described(), seconds, warnings))

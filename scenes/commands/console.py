@@ -14,7 +14,12 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from .options import ProgressForm
+
 if TYPE_CHECKING:
+    import numpy as np
+    import numpy.typing as npt
+
     import ao
     from raytrace.mesh.mesh import Mesh
 
@@ -115,18 +120,27 @@ def compiling(expected: int) -> Iterator[None]:
 
 _FIRST = "First run of this version: compiling kernels takes up to half a minute…"
 _FURTHER = "Compiling kernels that no run of this version has needed before…"
+_EVERY = 0.1  # seconds between lines of progress
 Advance = Callable[[int, int], None]
 
 
 @contextmanager
-def progress(quiet: bool, *units: str, status: Callable[[], str] = str) -> Iterator[tuple[Advance | None, ...]]:
+def progress(
+    quiet: bool, *units: str, form: ProgressForm = "bar", status: Callable[[], str] = str
+) -> Iterator[tuple[Advance | None, ...]]:
     """Progress bars on a terminal's standard error, one after the other, each from its first call on.
+
+    In the form "json" they are lines, ten a second at most, on standard error whatever that is, quiet or not.
 
     Each is called with (done, total); the total is a guess and may change. A bar is full when the next one begins, and
     the last when the work is done.
 
-    Args: units: what each bar counts, for its rate.
+    Args: units: what each bar counts, for its rate. status: says what else to show.
     """
+    if form == "json":
+        start = time.perf_counter()
+        yield tuple(_json_lines(unit, start) for unit in units)
+        return
     if quiet or not sys.stderr.isatty():
         yield (None,) * len(units)
         return
@@ -162,6 +176,24 @@ def progress(quiet: bool, *units: str, status: Callable[[], str] = str) -> Itera
         bars.stop()
 
 
+def _json_lines(unit: str, start: float) -> Advance:
+    """Progress as objects with event, unit, done, total and seconds since `start`, one a line."""
+    import json
+
+    last = 0.0
+
+    def advance(done: int, total: int) -> None:
+        nonlocal last
+        now = time.perf_counter()
+        if done < total and now - last < _EVERY:
+            return
+        last = now
+        about = {"event": "progress", "unit": unit, "done": done, "total": total, "seconds": round(now - start, 3)}
+        print(json.dumps(about), file=sys.stderr, flush=True)
+
+    return advance
+
+
 def bake_summary(baked: ao.Bake, target: Path) -> str:
     """The line after a bake: file, vertices, rays, time, estimated error; and a second one of flagged vertices."""
     from raytrace.errors import printable
@@ -184,6 +216,45 @@ def texture_summary(baked: ao.BakedTexture, target: Path) -> str:
         return text
     jumps = f"largest jump {facts.seam_jump:.4f}, {facts.seam_jump_before:.4f} before they were closed"
     return f"{text}\n{facts.seam_edges:,} edges at seams, {jumps}"
+
+
+def show_picture(pixels: npt.NDArray[np.float32]) -> None:
+    """Print a picture in the terminal's colours, at most as wide as it: two pixels a character, one above the other.
+
+    Not OpenImageIO's `term` writer, which prints `\\u2580` in these six letters instead of the half block.
+
+    Args: pixels: (h, w, 3 or more), linear RGB.
+    """
+    from rich.color import Color
+    from rich.console import Console
+    from rich.style import Style
+    from rich.text import Text
+
+    from raytrace.image.srgb import encode_srgb
+
+    console = Console()
+    half, step = ("▀", 2) if "utf" in console.encoding.lower() else (" ", 1)
+    codes = (255 * encode_srgb(_reduced(pixels[..., :3], console.width, step)) + 0.5).astype(int)
+    for lines in zip(*(codes[first::step] for first in range(step)), strict=True):
+        text = Text(no_wrap=True, end="\n")
+        for column in range(codes.shape[1]):
+            upper, lower = (Color.from_rgb(*line[column]) for line in (lines[0], lines[-1]))
+            text.append(half, Style(color=upper, bgcolor=lower))
+        console.print(text)
+
+
+def _reduced(pixels: npt.NDArray[np.float32], columns: int, step: int) -> npt.NDArray[np.float32]:
+    """Means over blocks: at most `columns` wide, characters being twice as high as wide, rows a multiple of `step`."""
+    import numpy as np
+
+    height, width = pixels.shape[:2]
+    wide = min(columns, width)
+    high = max(round(height * wide / width * step / 2 / step), 1) * step
+    means = np.add.reduceat(pixels, np.arange(high) * height // high, axis=0)
+    means = np.add.reduceat(means, np.arange(wide) * width // wide, axis=1)
+    ones = np.add.reduceat(np.ones((height, 1)), np.arange(high) * height // high, axis=0)
+    counts = ones * np.add.reduceat(np.ones(width), np.arange(wide) * width // wide)
+    return (means / counts[..., None]).astype(np.float32)
 
 
 def columns(rows: Sequence[tuple[str, str]]) -> str:

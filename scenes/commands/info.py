@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
 from ao.gather.receivers import Flag, find_receivers
@@ -17,62 +19,104 @@ from ..gltf.schema import check_materials
 from ..readers.load import MeshFile
 
 
-def describe(source: MeshFile) -> list[tuple[str, str]]:
-    """Rows (name, value) about a file's objects, its extent, its defects and what a bake would do with it."""
+def facts(source: MeshFile) -> dict[str, Any]:
+    """What `describe` tells of a file as JSON-ready values: lengths in mesh units, None for what is missing."""
     mesh = source.mesh
     placement = Placement.of(mesh)
     receivers = find_receivers(mesh, placement)
     _, area = face_normals(placement.vertices.astype(np.float64), mesh.faces)
     edges = np.sort(mesh.faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1)
     uses = np.unique(edges[:, 0] * len(mesh.vertices) + edges[:, 1], return_counts=True)[1]
-    low, high = mesh.vertices.min(axis=0), mesh.vertices.max(axis=0)
+    flagged = {(flag.name or "").lower(): int(np.count_nonzero(receivers.flags & flag)) for flag in Flag}
+    warnings = [note.removeprefix(f"{source.path}: ") for note in source.notes]
+    return {
+        "file": str(source.path),
+        "objects": [part.name for part in source.parts],
+        "vertices": len(mesh.vertices),
+        "faces": len(mesh.faces),
+        "degenerate_faces": len(mesh.faces) - len(receivers.faces),
+        "edges": len(uses),
+        "open_edges": int((uses == 1).sum()),
+        "edges_of_three_faces_or_more": int((uses > 2).sum()),
+        "bounds": [mesh.vertices.min(axis=0).tolist(), mesh.vertices.max(axis=0).tolist()],
+        "radius": mesh.radius,
+        "area": _finite(float(area.sum()) / placement.scale / placement.scale),
+        "normals": mesh.normals is not None,
+        "stored_w": _stored(source.w),
+        "occlusion_textures": _occlusion(source),
+        "points_to_bake": len(receivers.points),
+        "flagged_vertices": {name: count for name, count in flagged.items() if count},
+        "warnings": warnings + [line.removeprefix(f"{mesh.source}: ") for line in precision_warnings(mesh)],
+    }
+
+
+def describe(source: MeshFile) -> list[tuple[str, str]]:
+    """Rows (name, value) about a file's objects, its extent, its defects and what a bake would do with it."""
+    found = facts(source)
+    names = [printable(name) for name in found["objects"]]
+    open_edges, crowded = found["open_edges"], found["edges_of_three_faces_or_more"]
+    corners = ("(" + ", ".join(f"{c:.6g}" for c in corner) + ")" for corner in found["bounds"])
     rows = [
-        ("file", printable(str(source.path))),
-        ("objects", f"{len(source.parts)}: " + ", ".join(printable(part.name) for part in source.parts[:8])),
-        ("vertices", f"{len(mesh.vertices):,}"),
-        ("faces", f"{len(mesh.faces):,}, {len(mesh.faces) - len(receivers.faces):,} of them degenerate"),
-        ("edges", f"{len(uses):,}: {(uses == 1).sum():,} open, {(uses > 2).sum():,} between three faces or more"),
-        ("bounds", " – ".join("(" + ", ".join(f"{c:.6g}" for c in corner) + ")" for corner in (low, high))),
-        ("radius", f"{mesh.radius:.6g}, of the bounding sphere: 100 % for relative distances"),
-        ("area", f"{float(area.sum()) / placement.scale / placement.scale:.6g}"),
-        ("normals", "none in the file" if mesh.normals is None else "in the file"),
-        ("stored w", _stored(source.w)),
-        ("occlusion", _occlusion(source)),
-        ("points to bake", f"{len(receivers.points):,}, coincident vertices once"),
+        ("file", printable(found["file"])),
+        ("objects", f"{len(names)}: " + ", ".join(names[:8])),
+        ("vertices", f"{found['vertices']:,}"),
+        ("faces", f"{found['faces']:,}, {found['degenerate_faces']:,} of them degenerate"),
+        ("edges", f"{found['edges']:,}: {open_edges:,} open, {crowded:,} between three faces or more"),
+        ("bounds", " – ".join(corners)),
+        ("radius", f"{found['radius']:.6g}, of the bounding sphere: 100 % for relative distances"),
+        ("area", "too large" if found["area"] is None else f"{found['area']:.6g}"),
+        ("normals", "in the file" if found["normals"] else "none in the file"),
+        ("stored w", _stored_in_words(found["stored_w"])),
+        ("occlusion", _occlusion_in_words(found["occlusion_textures"])),
+        ("points to bake", f"{found['points_to_bake']:,}, coincident vertices once"),
     ]
-    for flag in Flag:
-        count = int(np.count_nonzero(receivers.flags & flag))
-        if count:
-            rows.append((f"{(flag.name or '').lower()} vertices", f"{count:,}"))
-    rows += [("warning", note.removeprefix(f"{source.path}: ")) for note in source.notes]
-    rows += [("warning", warning.removeprefix(f"{mesh.source}: ")) for warning in precision_warnings(mesh)]
-    return rows
+    rows += [(f"{name} vertices", f"{count:,}") for name, count in found["flagged_vertices"].items()]
+    return rows + [("warning", line) for line in found["warnings"]]
 
 
-def _occlusion(source: MeshFile) -> str:
+def _occlusion(source: MeshFile) -> dict[str, int] | None:
     """How many primitives of a glTF file have occlusion textures, and how many of those are ramps of a bake."""
     if source.gltf is None:
-        return "no textures in the file"
+        return None
     header = source.gltf.header
     check_materials(header, source.path)
     pieces = [header["meshes"][each.mesh]["primitives"][each.place] for each in primitives(header)]
     references = [occlusion_reference(header, piece.get("material")) for piece in pieces]
     found = [reference for reference in references if reference]
     ramps = sum(image_name(header, reference) == RAMP for reference in found)
-    if not found:
+    return {"primitives": len(pieces), "textured": len(found), "ramps": ramps}
+
+
+def _occlusion_in_words(found: dict[str, int] | None) -> str:
+    if found is None or not found["textured"]:
         return "no textures in the file"
-    text = f"textures of {len(found):,} of {len(pieces):,} primitives"
-    return text + (f", {ramps:,} of them ramps of a bake" if ramps else "")
+    text = f"textures of {found['textured']:,} of {found['primitives']:,} primitives"
+    return text + (f", {found['ramps']:,} of them ramps of a bake" if found["ramps"] else "")
 
 
-def _stored(w: Float64s | None) -> str:
-    """Range and mean of the w that a bake has left in the file."""
+def _stored(w: Float64s | None) -> dict[str, Any] | None:
+    """Range and mean of the w that a bake has left in the file; None where no value is finite."""
     if w is None:
-        return "none in the file"
+        return None
     finite = w[np.isfinite(w)]
-    if not len(finite):
-        return "in the file, none of it finite"
     with np.errstate(over="ignore"):
-        text = f"{finite.min():.4g} to {finite.max():.4g}, mean {finite.mean():.4g}"
+        figures = (finite.min(), finite.max(), finite.mean()) if len(finite) else ()
+    numbers = [_finite(value) for value in figures] or [None] * 3
     strange = len(w) - int(((w >= 0) & (w <= 1)).sum())
+    return dict(zip(("least", "largest", "mean"), numbers, strict=True)) | {"outside_0_to_1": strange}
+
+
+def _finite(value: float) -> float | None:
+    """A number that JSON has a name for."""
+    return float(value) if np.isfinite(value) else None
+
+
+def _stored_in_words(found: dict[str, Any] | None) -> str:
+    if found is None:
+        return "none in the file"
+    if found["least"] is None:
+        return "in the file, none of it finite"
+    mean = float("inf") if found["mean"] is None else found["mean"]
+    text = f"{found['least']:.4g} to {found['largest']:.4g}, mean {mean:.4g}"
+    strange = found["outside_0_to_1"]
     return f"{text}; {strange:,} values are not in [0, 1]" if strange else text

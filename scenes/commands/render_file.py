@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import sys
+from dataclasses import dataclass, replace
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
-from .console import KERNELS_OF_RENDER, compiling, progress, warn
-from .options import NormalsFrom, Up, parse_crop, parse_size
+from raytrace.errors import OptionError
+
+from .console import KERNELS_OF_RENDER, compiling, progress, show_picture, warn
+from .options import NormalsFrom, ProgressForm, Up, parse_crop, parse_size
 
 _SETTINGS = ("samples", "shading", "normals", "obscurance", "shadows", "seed")
 
@@ -16,7 +20,7 @@ class RenderCommand:
     """The command with its options; `obscurance render --help` explains each. None: as the scene has it."""
 
     scene: Path
-    output: Path
+    output: Path | None
     width: int | None
     height: int | None
     samples: int | None
@@ -34,6 +38,8 @@ class RenderCommand:
     threads: int | None
     report: Path | None
     quiet: bool
+    progress: ProgressForm
+    show: bool
 
     def run(self) -> None:
         """Read a scene, render it, write the image and a report, and print a summary.
@@ -41,6 +47,17 @@ class RenderCommand:
         Raises:
             InputError, OutputError, EmbreeError: as `read_scene`, `adjusted` and `make_picture`.
         """
+        if self.output is not None:
+            self._render(self.output)
+            return
+        if not self.show:
+            raise OptionError("output", "an image file, or --show", "nothing")
+        with TemporaryDirectory() as folder:
+            replace(self, quiet=True)._render(Path(folder) / "shown.png")
+
+    def _render(self, output: Path) -> None:
+        if self.show and not sys.stdout.isatty():
+            raise OptionError("show", "a terminal as standard output", "a file or a pipe")
         size = parse_size(self.width, self.height)
         settings = {name: getattr(self, name) for name in _SETTINGS}
         settings["crop"] = None if self.crop is None else parse_crop(self.crop)
@@ -50,10 +67,10 @@ class RenderCommand:
         from raytrace.system.threads import thread_count
 
         threads = thread_count(self.threads)
-        check_image_target(self.output, self.half)
+        check_image_target(output, self.half)
         if self.report:
             check_ending("--report", self.report, ".json")
-        outputs = {"--output": self.output, "--report": self.report}
+        outputs = {"--output": output, "--report": self.report}
         check_outputs(outputs, [self.scene])
         from ..description.read import read_scene
         from ..readers.stored_w import check_stored
@@ -61,13 +78,15 @@ class RenderCommand:
 
         if self.baked:
             check_stored(self.baked)
-        with compiling(KERNELS_OF_RENDER), progress(self.quiet, "rays", "tiles") as bars:
+        with compiling(KERNELS_OF_RENDER), progress(self.quiet, "rays", "tiles", form=self.progress) as bars:
             read = read_scene(self.scene, size, self.up)
             description = adjusted(read, settings, self.preview, self.baked, self.own_occlusion)
             check_outputs(outputs, description.files)
             warnings = warn((item.shape.mesh for item in description.scene.objects), description.notes)
-            picture = make_picture(self.scene, description, self.output, self.half, threads, *bars)
+            picture = make_picture(self.scene, description, output, self.half, threads, *bars)
+        if self.show:
+            show_picture(picture.frame.layers["beauty"])
         if self.report:
             write_json(self.report, render_report(self.scene, description.settings, picture, threads, warnings))
         if not self.quiet:
-            print(picture.summary(self.output, description.settings))
+            print(picture.summary(output, description.settings))

@@ -112,6 +112,8 @@ def _expectation(fault: dict[str, Any]) -> tuple[str, str | None]:
         return "a whole number", None
     if fault["type"].startswith("float"):
         return "a number", None
+    if fault["type"].startswith("bool"):
+        return "true or false", None
     message = str(fault["msg"])
     names = re.findall("'([^']*)'", message.partition(" is not one of ")[2])
     if names:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import logging
 import os
 import warnings
@@ -9,11 +10,12 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, BinaryIO
+from typing import TYPE_CHECKING, Any, BinaryIO
 
 import numpy as np
 
 from raytrace.errors import InputError, MeshError, printable
+from raytrace.mesh.convert import mesh_of
 from raytrace.mesh.mesh import Mesh
 from raytrace.system.inputs import check_regular
 from raytrace.system.memory import check_memory
@@ -68,13 +70,16 @@ class MeshFile:
         return own + (self.detail.files if self.detail else ())
 
     @classmethod
-    def of(cls, mesh: Mesh) -> MeshFile:
-        """A mesh made in memory, as if read from a file of its one object."""
+    def of(cls, mesh: Mesh | Any) -> MeshFile:
+        """A mesh made in memory, in any form that `ao.bake` takes, as if read from a file of its one object."""
+        mesh = mesh_of(mesh, "mesh")
         whole = Part(mesh.source, slice(0, len(mesh.vertices)), slice(0, len(mesh.faces)))
         return cls(Path(mesh.source), mesh, (whole,))
 
 
-def load(path: str | os.PathLike[str], target: str | os.PathLike[str] | None = None) -> MeshFile:
+def load(
+    path: str | os.PathLike[str], target: str | os.PathLike[str] | None = None, content: bytes | None = None
+) -> MeshFile:
     """Read a mesh file in the format of its ending.
 
     Polygons are cut into triangles. Point clouds, lines and cameras beside meshes are left out. A file's own
@@ -84,6 +89,7 @@ def load(path: str | os.PathLike[str], target: str | os.PathLike[str] | None = N
 
     Args:
         target: the file that `scenes.write` is to make of it: what that can hold besides is read too.
+        content: the file's bytes, if they came from elsewhere; `path` then only names it and its format.
 
     Raises:
         MeshError: the file is missing, unreadable, empty, incomplete, of another format than its ending says,
@@ -92,7 +98,7 @@ def load(path: str | os.PathLike[str], target: str | os.PathLike[str] | None = N
     """
     path = Path(path)
     kind = "" if target is None else Path(target).suffix.lower()
-    instances, asset = read_objects(path, kind in (".ply", ".glb"))
+    instances, asset = read_objects(path, kind in (".ply", ".glb"), content)
     with mesh_errors(path):
         mesh, parts = flatten(instances, str(path))
         detail = instances[0].detail if len(instances) == 1 else None
@@ -111,12 +117,12 @@ def load(path: str | os.PathLike[str], target: str | os.PathLike[str] | None = N
     return MeshFile(path, mesh, parts, asset, detail, notes, unread, w)
 
 
-def read_objects(path: Path, keep: bool = False) -> tuple[list[Instance], Gltf | None]:
+def read_objects(path: Path, keep: bool = False, content: bytes | None = None) -> tuple[list[Instance], Gltf | None]:
     """The placed objects of a mesh file as it stores them, at least one, and the asset when it is glTF or GLB.
 
     Of a glTF they are its drawn primitives, in the order of `gltf.primitives`.
 
-    Args: keep: also the `Instance.detail` of OBJ and PLY.
+    Args: keep: also the `Instance.detail` of OBJ and PLY. content: as `load` takes it.
 
     Raises:
         MeshError: as `load`, but for indices and coordinates, which `raytrace.Mesh` checks.
@@ -124,16 +130,17 @@ def read_objects(path: Path, keep: bool = False) -> tuple[list[Instance], Gltf |
     source = str(path)
     kind = path.suffix.lower().removeprefix(".")
     with mesh_errors(path):
-        check_regular(path, "a mesh file", MeshError)
+        if content is None:
+            check_regular(path, "a mesh file", MeshError)
         if kind not in _PEAK and kind not in _trimesh_formats():
             raise MeshError(path, "ending", "one of obj " + " ".join(_trimesh_formats()), path.suffix or "none")
-        if path.stat().st_size == 0:
+        size = path.stat().st_size if content is None else len(content)
+        if size == 0:
             raise MeshError(path, "content", f"a {kind.upper()} mesh", "an empty file")
-        size = path.stat().st_size
         needed = _PEAK.get(kind, _PEAK_OF_TRIMESH) + (_KEPT if keep else 0)
         check_memory(source, int(needed * size), f"to read {size:,} bytes")
         asset = None
-        with path.open("rb") as file:
+        with path.open("rb") if content is None else io.BytesIO(content) as file:
             if kind in ("glb", "gltf"):
                 from ..gltf.container import decode
                 from ..gltf.instances import read_instances

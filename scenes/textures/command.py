@@ -3,37 +3,22 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, fields
-from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
-from warnings import catch_warnings
 
-from ..commands.bake import BakeCommand, usual_checkpoint
-from ..commands.console import KERNELS_OF_TEXTURE, compiling, progress, texture_summary, warn
-from ..commands.options import (
-    BentSpace,
-    FalloffForm,
-    Hidden,
-    NormalsFrom,
-    Occlusion,
-    Overlap,
-    Traversal,
-    make_falloff,
-    parse_texels,
-    plain,
-)
+from ..commands.bake import BakeCommand, MeshBake, Work, Written
+from ..commands.console import KERNELS_OF_TEXTURE, progress, texture_summary, warn
+from ..commands.options import BentSpace, Overlap, parse_texels
 
 if TYPE_CHECKING:
     import ao
-    from ao.trace.checkpoint import Checkpoint
     from raytrace.mesh.mesh import Mesh
     from raytrace.types import Float64s
 
     from ..readers.load import MeshFile
 
-_NO_OPTIONS_OF_BAKE = ("report", "quiet", "resume", "checkpoint")  # they change no result
 _OF_VERTICES = {"method": "vertex", "colors": False, "debug_image": None, "up": None}
 AUTO, UNWRAP = "auto", "unwrap"
 CAGE = "2%"
@@ -60,12 +45,12 @@ def bake_command(options: dict[str, Any]) -> BakeCommand | TextureCommand:
         for name in options.keys() - own:
             if options[name]:
                 raise OptionError(name, "with it an image to write, or --occlusion texture", output)
-        return BakeCommand(**{name: options[name] for name in own & options.keys()})
+        return BakeCommand(**{name: value for name, value in options.items() if name in own})
     for name, usual in _OF_VERTICES.items():
         if options[name] != usual:
             raise OptionError(name, "w at vertices, not in a texture, with it", output)
     own = {field.name for field in fields(TextureCommand)}
-    return TextureCommand(**{name: options[name] for name in own & options.keys()})
+    return TextureCommand(**{name: value for name, value in options.items() if name in own})
 
 
 @dataclass(frozen=True)
@@ -83,31 +68,9 @@ class _Source:
 
 
 @dataclass(frozen=True, kw_only=True)
-class TextureCommand:
-    """The command with its options; `obscurance bake --help` explains each.
+class TextureCommand(MeshBake):
+    """A bake to a texture."""
 
-    Attributes:
-        checkpoint: makes the checkpoint of the bake of a page, None for the usual one.
-    """
-
-    mesh: Path
-    output: Path
-    falloff: FalloffForm
-    tau: float | None
-    half_distance: str | None
-    max_distance: str
-    samples: int | None
-    tolerance: float | None
-    reconstruct: bool
-    traversal: Traversal
-    seed: int
-    threads: int | None
-    normals: NormalsFrom
-    hidden: Hidden
-    report: Path | None
-    resume: bool
-    occlusion: Occlusion | None
-    replace_occlusion: bool
     mesh_output: Path | None
     size: str | None
     texel_size: str | None
@@ -119,17 +82,42 @@ class TextureCommand:
     half: bool
     high: Path | None
     cage: str | None
-    quiet: bool
-    checkpoint: Callable[[Path], Checkpoint] | None = None
 
-    def run(self) -> None:
-        """Bake, write, and print a summary.
+    @property
+    def kernels(self) -> int:
+        return KERNELS_OF_TEXTURE
 
-        Raises:
-            InputError: an option, the mesh, or options that exclude each other.
-            OutputError, MemoryLimitError, EmbreeError: as `ao.bake_texture` and when writing.
-        """
-        falloff = self._check()
+    @property
+    def side_by_side(self) -> bool:
+        return False
+
+    @property
+    def kept(self) -> Path:
+        return Path("texture.glb")
+
+    def work(self, source: MeshFile, falloff: ao.Falloff) -> Work:
+        import ao
+        from ao.memory import texture_bytes
+        from ao.options import Options
+        from ao.texture.uv_layout import page_size
+
+        from ..readers.load import load
+
+        _, uv, size = self._coordinates(source)
+        width, height = page_size(size)
+        high = None if self.high is None else load(self.high).mesh
+        solid = high or source.mesh
+        rays = Options(**self.options()).rays
+        needed = texture_bytes(width * height, len(solid.vertices), len(solid.faces), rays)
+
+        def trial(count: int) -> int:
+            side = max(int(count**0.5), 1)
+            ao.bake_texture(source.mesh, uv, side, falloff, high=high, cage=self.cage or CAGE, **self.options())
+            return side * side
+
+        return Work(width * height, "texels", needed, trial)
+
+    def bake(self, falloff: ao.Falloff) -> Iterator[Written]:
         from raytrace.system.outputs import check_outputs
 
         from ..readers.load import load
@@ -137,7 +125,7 @@ class TextureCommand:
         from .names import UDIM
 
         start = time.perf_counter()
-        source = load(self.mesh, "kept.glb")
+        source = self.read()
         number, uv, size = self._coordinates(source)
         tiles = udim_tiles(uv, source.path) if UDIM in self.output.name else [None]
         outputs: dict[str, Path | None] = {"--report": self.report, "--mesh-output": self.mesh_output}
@@ -157,24 +145,19 @@ class TextureCommand:
             scene = _Source(source, None if tile is not None else uv if number is None else number, fine)
             baked, seconds, more = self._bake_page(scene, moved, size, falloff, images)
             reports.append((images["output"], baked, {"load": loaded} | seconds, [*warnings, *more]))
-            if not self.quiet:
-                print(texture_summary(baked, images["output"]))
+            yield Written(texture_summary(baked, images["output"]), [*warnings, *more])
         if self.report:
             self._write_report(self.report, reports)
 
-    def _check(self) -> ao.Falloff:
-        """The falloff, if the options go together and the outputs can be written. Raises: OptionError, OutputError."""
+    def check_own(self) -> None:
         from ao.falloff import resolve_length
-        from ao.options import Options
         from ao.texture.uv_layout import page_size
         from raytrace.errors import OptionError
-        from raytrace.system.outputs import check_ending, check_outputs
+        from raytrace.system.outputs import check_ending
 
         from .images import check_texture_target
         from .names import UDIM
 
-        falloff = make_falloff(self.falloff, self.tau, self.half_distance, self.max_distance)
-        Options(**self._options())
         if self.hidden == "mark":
             raise OptionError("hidden", "auto, ignore or fill for a texture", "mark")
         if self.size is not None:
@@ -207,20 +190,16 @@ class TextureCommand:
             if self.high is None:
                 raise OptionError("cage", "--high with it", "none")
             resolve_length("cage", self.cage, 1.0)
-        if self.report:
-            check_ending("--report", self.report, ".json")
-        given: dict[str, Path | None] = {f"--{name.replace('_', '-')}": path for name, path in self._images().items()}
-        inputs = [self.mesh] if self.high is None else [self.mesh, self.high]
-        check_outputs({**given, "--report": self.report, "--mesh-output": self.mesh_output}, inputs)
-        return falloff
+
+    def outputs(self) -> dict[str, Path | None]:
+        images = {f"--{name.replace('_', '-')}": path for name, path in self._images().items()}
+        return {**images, "--report": self.report, "--mesh-output": self.mesh_output}
+
+    def inputs(self) -> list[Path]:
+        return [self.mesh] if self.high is None else [self.mesh, self.high]
 
     def _images(self) -> dict[str, Path]:
         return {name: getattr(self, name) for name in _IMAGES if getattr(self, name) is not None}
-
-    def _options(self) -> dict[str, Any]:
-        """The options that `ao.bake_texture` takes."""
-        names = ("samples", "seed", "threads", "normals", "tolerance", "reconstruct", "hidden", "traversal")
-        return {name: plain(getattr(self, name)) for name in names}
 
     def _glb(self) -> Path | None:
         """The .glb to write, if there is one."""
@@ -279,18 +258,17 @@ class TextureCommand:
         """Bake one page and write its images: what was baked, the seconds of writing, and warnings."""
         import ao
 
-        unmet = catch_warnings(record=True, action="always", category=ao.ToleranceWarning)
         overlap, wrap = self.overlap or "mean", source.uv is not None
-        with (self.checkpoint or partial(usual_checkpoint, self.resume))(images["output"]) as checkpoint:
-            bar = progress(self.quiet, "rays", status=checkpoint.status)
-            with bar as (advance,), compiling(KERNELS_OF_TEXTURE), unmet as raised:
+        with self.checkpoint(images["output"]) as checkpoint:
+            status = checkpoint.status if checkpoint else str
+            with progress(self.quiet, "rays", form=self.progress, status=status) as (advance,):
                 baked = ao.bake_texture(
                     source.file.mesh, uv, size, falloff, progress=advance, checkpoint=checkpoint, overlap=overlap,
                     wrap=wrap, high=source.fine.mesh if source.fine else None, cage=self.cage or CAGE,
                     bent_space=self.bent_space or "world",
-                    **self._options(),
+                    **self.options(),
                 )  # fmt: skip
-            lines = [*(str(warning.message) for warning in raised), *_remarks(baked, images["output"], wrap)]
+            lines = [*baked.shortfalls, *_remarks(baked, images["output"], wrap)]
             start = time.perf_counter()
             lines += self._write(baked, images, source)
             warnings = warn([], lines)
@@ -322,11 +300,8 @@ class TextureCommand:
     def _write_report(self, path: Path, pages: list[tuple[Path, ao.BakedTexture, dict[str, float], list[str]]]) -> None:
         from ao.report import report
         from raytrace.system.atomic import write_json
-        from raytrace.system.threads import thread_count
 
-        options = {name: plain(value) for name, value in vars(self).items() if name not in _NO_OPTIONS_OF_BAKE}
-        options["threads"] = thread_count(self.threads)
-        reports = [report(baked, options, seconds, warnings) for _, baked, seconds, warnings in pages]
+        reports = [report(baked, self.described(), seconds, warnings) for _, baked, seconds, warnings in pages]
         whole = reports[0]
         if len(pages) > 1:
             whole = {"pages": {str(page[0]): made for page, made in zip(pages, reports, strict=True)}}

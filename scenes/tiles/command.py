@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 _KEPT = (
     *("mesh", "output", "falloff", "tau", "half_distance", "max_distance", "samples", "seed", "threads", "normals"),
-    *("traversal", "quiet"),
+    *("traversal", "progress", "quiet"),
 )
 _NEEDED = {
     "reconstruct": (False, "--no-reconstruct with --tiles: neighbours all over the mesh have a say"),
@@ -42,6 +42,7 @@ class TilesCommand:
     threads: int | None
     normals: Any
     traversal: Any
+    progress: Any
     quiet: bool
     grid: tuple[int, int, int]
 
@@ -69,7 +70,7 @@ class TilesCommand:
         except OSError as reason:
             raise OutputError(f"{self.output}: cannot write beside it: {reason.strerror or reason}") from None
         try:
-            with progress(self.quiet, "rays") as (advance,), compiling(KERNELS_OF_BAKE):
+            with progress(self.quiet, "rays", form=self.progress) as (advance,), compiling(KERNELS_OF_BAKE):
                 baked = bake_tiled(
                     mesh, scratch, self.grid, falloff, self.samples, self.seed, self.threads, self.normals,
                     self.traversal, advance,

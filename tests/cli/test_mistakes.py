@@ -1,13 +1,17 @@
 """A newcomer's mistakes: one line each, with what came, what was expected and what was probably meant."""
 
+import os
 import shlex
 
 import numpy as np
 import pytest
 import trimesh
-from command import obscurance, refused
+from command import obscurance, process, refused
+from typer.main import get_command
 
+from cli import app
 from raytrace.image.write import write_image
+from scenes.baking.sections import SECTIONS
 
 COMMANDS = [
     ("bkae a.ply -o w.npy", "command: expected one of bake, info", "bkae; did you mean bake? See obscurance --help"),
@@ -18,14 +22,41 @@ COMMANDS = [
     ("--verbose", "got --verbose; did you mean --version?"),
     ("-o w.npy bake", "got -o; see obscurance --help"),
     ("bake", "bake: expected INPUT, got nothing; see obscurance bake --help"),
-    ("bake a.ply", "bake: expected --output, got nothing"),
-    ("bake a.ply w.npy", "bake: expected --output, got nothing"),
-    ("bake a.ply b.ply -o w.npy", "bake: expected no more arguments, got b.ply"),
+    ("bake a.ply", "bake --output: expected a file, or --output-dir for several inputs, got nothing"),
+    ("bake a.ply w.npy", "bake --output: expected a file", "got nothing; did you mean -o w.npy?"),
+    ("bake a.ply cloud.obj", "got nothing; did you mean --output-dir?"),
+    (
+        "bake a.ply b.ply -o w.npy",
+        "bake --output: expected --output-dir for 2 inputs, got w.npy; did you mean --output",
+    ),
+    ("bake *.ply -o w.npy", "bake --output: expected --output-dir for a pattern, got w.npy"),
+    ("bake a.ply -o w.npy --output-dir out", "bake --output-dir: expected either --output or --output-dir, got both"),
+    ("bake a.ply -o w.npy --format glb", "bake --format: expected --output-dir or -o - with it, got w.npy"),
+    ("bake a.ply --output-dir a.ply", "a.ply: cannot make this folder: it is a file"),
+    ("bake a.ply --output-dir a.ply/out", "a.ply/out: cannot make this folder: Not a directory"),
+    ("bake a.ply -o folder", "bake --output: expected a file, got folder, a folder; did you mean --output-dir?"),
+    ("bake a.ply --output-dir w.ply", "expected a folder, got w.ply, the name of a file; did you mean --output?"),
+    ("bake a.ply -o - --resume", "bake --resume: expected a file as --output with it, got -, standard output"),
+    ("bake a.ply --output-dir .", "expected a file that is not read, got a.ply, an input"),
+    (
+        "bake a.ply folder/a.obj --output-dir out",
+        "bake --output-dir: expected inputs of different names, got a.ply and f",
+    ),
+    (
+        "bake folder --output-dir out",
+        "bake INPUT: expected mesh files, got folder, a folder; did you mean 'folder/*.obj'?",
+    ),
+    (
+        "bake 'n*.ply' --output-dir out",
+        "bake INPUT: expected a pattern that matches files, got n*.ply, which matches none",
+    ),
+    ("bake a.ply --output-dir out --report r.json", "bake --report: expected --output with it, for a single bake"),
+    ("bake a.ply --output-dir out --format obj", "bake --format: expected one of npy, npz, ply, glb", "got obj"),
+    ("bake a.ply --output-dir out --samples 0", "bake --samples"),
     ("bake a.ply -o", "bake -o: expected a value, got nothing"),
     ("bake a.ply -o w", "bake --output: expected a name ending in .npy", "got w;"),
     ("bake a.ply -o w.npy.txt", "got w.npy.txt"),
-    ("bake a.ply -o folder", "got folder"),
-    ("bake a.ply -o ''", "bake --output", "got .;"),
+    ("bake a.ply -o ''", "bake --output", "got ., a folder;"),
     ("bake a.ply -o none/w.npy", "none/w.npy: cannot write: there is no folder"),
     ("bake b.ply -o w.npy", "b.ply: file: expected an existing file, got none; did you mean a.ply?"),
     ("bake A.ply -o w.npy", "did you mean a.ply?"),
@@ -82,7 +113,8 @@ COMMANDS = [
     ("validate --long", "validate --long: expected --stress or --generated with it"),
     ("validate a.ply", "validate MESH: expected --generated with it"),
     ("validate --family ball", "validate --family: expected --generated with it"),
-    ("render a.ply", "render: expected --output, got nothing"),
+    ("render a.ply", "render --output: expected an image file, or --show, got nothing"),
+    ("render a.ply --show", "render --show: expected a terminal as standard output, got a file or a pipe"),
     ("render scene.toml -o x.bmp", "render --output: expected a name ending in .exr", "got x.bmp"),
     ("render scene.toml -o x.png --width 100", "render --height: expected --width and --height together"),
     ("render scene.toml -o x.png --width 0 --height 9", "render --width: expected a whole number", "got 0"),
@@ -172,6 +204,7 @@ def folder(tmp_path_factory):
     (folder / "cloud.obj").write_text("v 0 0 0\n")
     (folder / "scene.toml").write_text(BOX)
     (folder / "folder").mkdir()
+    (folder / "folder" / "a.obj").write_text("v 0 0 0\n")
     write_image(folder / "picture.png", np.zeros((4, 4, 3)))
     return folder
 
@@ -211,7 +244,8 @@ def test_help_of_the_whole(arguments):
 
 
 def test_help_of_every_command():
-    commands = [line.split()[0] for line in obscurance().stdout.split("Commands:\n")[1].splitlines()]
+    listed = obscurance().stdout.split("Commands:\n")[1].split("\n\n")[0]
+    commands = [line.split()[0] for line in listed.splitlines()]
     assert "bake" in commands
     for command in commands:
         short, long = (obscurance(command, flag) for flag in ("-h", "--help"))
@@ -221,7 +255,36 @@ def test_help_of_every_command():
         assert short.stdout.startswith(f"Usage: obscurance {command}")
 
 
+def test_the_help_of_bake_has_a_place_for_every_option_and_examples_that_work(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    shown = obscurance("bake", "--help").stdout
+    names = {str(item.name) for item in get_command(app).commands["bake"].params}
+    assert {name for found in SECTIONS.values() for name in found} <= names
+    for title in ("Arguments:", "Options:", *(f"{title}:" for title in SECTIONS)):
+        assert f"\n{title}\n" in shown
+    for option in ("--output-dir", "--falloff", "--size", "--options", "--quiet"):
+        assert shown.count(f"  {option} ") + shown.count(f", {option} ") == 1
+    examples = [line.split()[1:] for line in shown.splitlines() if line.startswith("    obscurance ")]
+    assert len(examples) >= 3
+    for words in examples:
+        result = obscurance(*(word.strip("'") for word in words))
+        assert "file: expected an existing file" in result.stderr or "which matches none" in result.stderr
+
+
 def test_the_version():
     result = obscurance("--version")
     assert result.returncode == 0
-    assert result.stdout.split()[0] == "obscurance"
+    lines = dict(line.split(maxsplit=1) for line in result.stdout.splitlines())
+    assert list(lines) == ["obscurance", "Embree", "CPU", "Python"]
+    assert lines["Embree"].startswith("4.")
+    assert "lanes of float32" in lines["CPU"]
+
+
+def test_a_shell_completes_commands_options_and_choices():
+    for words, count, expected in (
+        ("obscurance be", 1, "bench"),
+        ("obscurance bake --fal", 2, "--falloff"),
+        ("obscurance bake --falloff b", 3, "binary"),
+    ):
+        asked = {"_OBSCURANCE_COMPLETE": "complete_bash", "COMP_WORDS": words, "COMP_CWORD": str(count)}
+        assert process(env={**os.environ, **asked}).stdout.split() == [expected]

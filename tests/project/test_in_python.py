@@ -43,7 +43,7 @@ def test_the_falloff_that_was_meant():
 
 
 @pytest.mark.parametrize("bake", [ao.bake, partial(ao.bake, method="surface")])
-@pytest.mark.parametrize("wrong", ["ball.obj", None, (1, 2)])
+@pytest.mark.parametrize("wrong", ["ball.obj", None, (1, 2, 3)])
 def test_what_is_no_mesh_is_refused(bake, wrong):
     with pytest.raises(MeshError, match=r"mesh: expected a raytrace\.Mesh, .* got "):
         bake(wrong)
@@ -53,7 +53,7 @@ WRONG = {
     "raytrace.render(BALL, CAMERA)": "render: scene: expected a raytrace.Scene, got <Mesh 'ball'",
     "raytrace.render(SCENE, None)": "render: camera: expected a raytrace.Camera, got None",
     "raytrace.render(SCENE, CAMERA, 16)": "render: settings: expected a raytrace.Settings, got 16",
-    "raytrace.Shape('ball.obj', WHITE)": "shape: mesh: expected a raytrace.Mesh, got 'ball.obj'",
+    "raytrace.Shape('ball.obj', WHITE)": "shape: mesh: expected a raytrace.Mesh, a pair (vertices, faces)",
     "raytrace.Shape(BALL, 'gold')": "shape: material: expected a material",
     "raytrace.Shape(BALL, WHITE, uv='planar')": "ball: uv: expected an array of numbers",
     "raytrace.Object(BALL)": "object: shape: expected a raytrace.Shape",

@@ -14,11 +14,27 @@ ORDER = [
     "raytrace.scene",
     *("raytrace.shade", "raytrace.renderer"),
     *("ao.falloff", "ao.options", "ao.memory", "ao.gather", "ao.stream", "ao.trace", "ao.denoise", "ao.interior"),
-    *("ao.prepared", "ao.adaptive", "ao.least_squares", "ao.result", "ao.vertex_method", "ao.surface_method"),
+    *(
+        "ao.prepared",
+        "ao.adaptive",
+        "ao.least_squares",
+        "ao.picture",
+        "ao.result",
+        "ao.vertex_method",
+        "ao.surface_method",
+    ),
     *("ao.texture", "ao.baking", "ao.report", "ao.cluster", "ao.tiles", "ao.analytic"),
     *("scenes.field_errors", "scenes.safe_paths", "scenes.geometry", "scenes.gltf", "scenes.readers"),
     *("scenes.writers", "scenes.description", "scenes.library", "scenes.validation", "scenes.stress"),
-    *("scenes.generated", "scenes.commands", "scenes.textures", "scenes.tiles", "scenes.cluster"),
+    *(
+        "scenes.generated",
+        "scenes.commands",
+        "scenes.textures",
+        "scenes.tiles",
+        "scenes.cluster",
+        "scenes.batch",
+        "scenes.baking",
+    ),
     "cli",
 ]
 """Every folder and every file outside folders: each may import what stands before it."""
@@ -31,6 +47,7 @@ DOORS = {
     "llvmlite": {
         "raytrace.kernel.cache",
         "raytrace.kernel.machine_code",
+        "raytrace.kernel.processor",
         "raytrace.kernel.lanes",
         "raytrace.kernel.compiler",
         "raytrace.embree.library",

@@ -1,0 +1,71 @@
+"""Meshes of other libraries as meshes: by what they have, so that none of these libraries is imported."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from ..errors import MeshError
+from ..types import Int64s
+from .mesh import Mesh
+
+_OF_SURFACES = ("triangle", "quad")
+_SKIPPED = ("vertex", "line")
+
+
+def mesh_of(given: Mesh | Any, source: str) -> Mesh:
+    """A mesh, made of anything else that has one; vertices keep their order and number.
+
+    Args:
+        given: a `Mesh`; a pair of arrays, vertices (n, 3) and faces (m, 3); or an object with `vertices` and `faces`,
+            as trimesh has them, with `points` and the padded `faces` of PyVista's `PolyData`, or with `points` and the
+            `cells` of meshio, triangles or quads. Polygons are cut into triangles.
+        source: what to call it in messages.
+
+    Raises:
+        MeshError: it has no triangles, or they are no mesh.
+    """
+    if isinstance(given, Mesh):
+        return given
+    if isinstance(given, tuple | list) and len(given) == 2:
+        return Mesh(*given, source=source)
+    if hasattr(given, "vertices") and hasattr(given, "faces"):
+        return Mesh(given.vertices, given.faces, source=source)
+    if hasattr(given, "points") and hasattr(given, "strips"):
+        triangles = given if given.is_all_triangles else given.triangulate()
+        return Mesh(triangles.points, np.reshape(triangles.faces, (-1, 4))[:, 1:], source=source)
+    if hasattr(given, "points") and isinstance(getattr(given, "cells", None), list):
+        return Mesh(given.points, _triangles(given, source), source=source)
+    advice = next((name for name in ("extract_surface", "combine", "to_mesh") if hasattr(given, name)), None)
+    expected = "a raytrace.Mesh, a pair (vertices, faces), or a mesh of trimesh, PyVista or meshio"
+    raise MeshError(
+        source, "mesh", expected, " ".join(repr(given).split()), nearest=f"its {advice}()" if advice else None
+    )
+
+
+def _triangles(given: Any, source: str) -> Int64s:
+    """The triangles of meshio's cells, quads cut along the diagonal that lies inside of them.
+
+    Raises: MeshError: cells of another kind, or none of these.
+    """
+    found = []
+    for block in given.cells:
+        if block.type in _SKIPPED:
+            continue
+        if block.type not in _OF_SURFACES:
+            raise MeshError(source, "cells", "triangle or quad", block.type)
+        found.append(
+            block.data if block.type == "triangle" else _halves(np.asarray(given.points, np.float64), block.data)
+        )
+    if not found:
+        raise MeshError(source, "cells", "triangle or quad", "none of them")
+    return np.concatenate(found).astype(np.int64)
+
+
+def _halves(points: Any, quads: Any) -> Any:
+    """Two triangles (2k, 3) for each of the quads (k, 4): both turn the same way."""
+    a, b, c, d = (points[quads[:, corner]] for corner in range(4))
+    folds = (np.cross(b - a, c - a) * np.cross(c - a, d - a)).sum(axis=1) < 0
+    turned = np.where(folds[:, None], np.roll(quads, -1, axis=1), quads)
+    return np.stack([turned[:, [0, 1, 2]], turned[:, [0, 2, 3]]], axis=1).reshape(-1, 3)

@@ -1,0 +1,116 @@
+"""What `obscurance bake` is to do: bake one input, or several into a folder."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Any, get_args
+
+from raytrace.errors import OptionError
+from raytrace.system.atomic import standard_output
+
+from ..batch.command import Batch
+from ..batch.inputs import MANIFEST, expand, is_pattern, outputs_in
+from ..commands.bake import MeshBake
+from ..commands.options import Format
+from ..textures.command import bake_command
+from .streams import STANDARD, standard_input
+
+_LARGE = "part", "cluster", "shared", "tiles"
+_FILES = ("report", "debug_image", "mesh_output", "bent_normals", "error_map")  # one for each bake
+
+
+def run_bake(options: dict[str, Any]) -> int:
+    """Run the command. Args: options: as the command line has them. Returns: the exit status.
+
+    Raises:
+        InputError, OutputError, MemoryLimitError, EmbreeError: as `MeshBake.run` and `Batch.run`.
+    """
+    options = dict(options)
+    dry = options.pop("dry_run")
+    large = {name: options.pop(name) for name in _LARGE}
+    if any(large.values()):
+        _for_one_file(options, dry, large)
+        from ..cluster.choose import large_command
+
+        large_command(**large, options=options).run()
+        return 0
+    chosen = _chosen(options)
+    if not dry:
+        return chosen.run()
+    from .dry_run import dry_run
+
+    if isinstance(chosen, Batch):
+        return dry_run(chosen.bakes, chosen.check(keep=False), [chosen.folder / MANIFEST])
+    return dry_run([chosen], chosen.check())
+
+
+def _for_one_file(options: dict[str, Any], dry: bool, large: dict[str, Any]) -> None:
+    """Leave of `options` those of a bake of one file. Raises: OptionError: others are given."""
+    name = next(name for name, value in large.items() if value)
+    for other in ("output_dir", "format", "input_format"):
+        if options.pop(other) is not None:
+            raise OptionError(other, f"no such option with --{name}", "one")
+    given, output = options["mesh"], options["output"]
+    if dry:
+        raise OptionError("dry_run", f"no such option with --{name}", "one")
+    if STANDARD in (*given, output) or len(given) > 1 or is_pattern(given[0]) or output is None:
+        raise OptionError(name, "one mesh file and --output with it", "others")
+    options["mesh"] = given[0]
+
+
+def _chosen(options: dict[str, Any]) -> MeshBake | Batch:
+    """The bake, or the batch, that options ask for.
+
+    Raises: InputError: they do not go together; as `standard_input`.
+    """
+    given, folder, format_ = options.pop("mesh"), options.pop("output_dir"), options.pop("format")
+    input_format = options.pop("input_format")
+    if STANDARD in given and (len(given) > 1 or folder is not None):
+        raise OptionError("mesh", "files for a batch", "-, standard input")
+    if input_format is not None and STANDARD not in given:
+        raise OptionError("input_format", "- as the input with it", given[0])
+    if folder is not None:
+        return _batch(options, given, folder, format_ or "ply")
+    _check_single(given, options["output"])
+    if options["output"] == STANDARD:
+        if options["resume"]:
+            raise OptionError("resume", "a file as --output with it", "-, standard output")
+        options["output"] = standard_output(format_ or "ply")
+    elif format_ is not None:
+        raise OptionError("format", "--output-dir or -o - with it", options["output"])
+    if given[0] != STANDARD:
+        return bake_command({**options, "mesh": given[0]})
+    bake_command({**options, "mesh": Path("<stdin>.ply")}).check()  # before anything is read from a pipe
+    piped, content = standard_input(input_format)
+    return replace(bake_command({**options, "mesh": piped}), content=content)
+
+
+def _batch(options: dict[str, Any], given: list[Path], folder: Path, ending: str) -> Batch:
+    """Raises: OptionError: options of single bakes, inputs that are none, or that would have one output."""
+    if folder.suffix.lower().removeprefix(".") in get_args(Format) and not folder.exists():
+        raise OptionError("output_dir", "a folder", f"{folder}, the name of a file", nearest="--output")
+    if options["output"] is not None:
+        raise OptionError("output_dir", "either --output or --output-dir", "both")
+    for name in _FILES:
+        if options[name] is not None:
+            raise OptionError(name, "--output with it, for a single bake", "--output-dir")
+    inputs = expand(given)
+    pairs = zip(inputs, outputs_in(folder, inputs, ending), strict=True)
+    bakes = [bake_command({**options, "mesh": path, "output": output}) for path, output in pairs]
+    return Batch(bakes, folder, options["resume"], options["threads"], options["quiet"])
+
+
+def _check_single(given: list[Path], output: Path | None) -> None:
+    """Raises: OptionError: several inputs, or no output."""
+    several = "a pattern" if is_pattern(given[0]) else f"{len(given)} inputs" if len(given) > 1 else None
+    if output is None:
+        meant = None
+        if several:
+            forgotten = len(given) == 2 and not given[1].exists()
+            meant = f"-o {given[1]}" if forgotten else "--output-dir"
+        raise OptionError("output", "a file, or --output-dir for several inputs", "nothing", nearest=meant)
+    if output.is_dir():
+        raise OptionError("output", "a file", f"{output}, a folder", nearest="--output-dir")
+    if several:
+        raise OptionError("output", f"--output-dir for {several}", output, nearest="--output-dir")

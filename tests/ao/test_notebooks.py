@@ -1,0 +1,42 @@
+"""What a notebook shows of a bake: a picture, or the HTML of whoever offers some."""
+
+from importlib import metadata
+from types import SimpleNamespace
+
+import numpy as np
+from meshes import two_boxes
+
+import ao
+from raytrace import Mesh
+from raytrace.image.read import read_image
+
+
+def pixels(tmp_path, png):
+    (tmp_path / "shown.png").write_bytes(png)
+    return read_image(tmp_path / "shown.png")[0]["beauty"]
+
+
+def test_a_bake_is_a_picture_of_w_on_its_mesh(tmp_path):
+    baked = ao.bake(Mesh(*two_boxes()), "binary", samples=64)
+    shown = pixels(tmp_path, baked._repr_png_())
+    assert shown.shape[:2] == (360, 480)
+    seen = shown[..., 0] > 0.06
+    assert 0.1 < seen.mean() < 0.9
+    assert abs(shown[..., 0].max() - baked.w.max()) < 0.01
+    np.testing.assert_array_equal(shown[..., 0], shown[..., 1])
+
+
+def test_a_texture_is_its_page(tmp_path):
+    vertices, faces = two_boxes()
+    baked = ao.bake_texture((vertices, faces), vertices[:, :2] % 1, 16, samples=16)
+    assert baked._repr_png_().startswith(b"\x89PNG")
+    assert pixels(tmp_path, baked._repr_png_()).shape[:2] == (16, 16)
+
+
+def test_html_is_left_to_whoever_offers_it(monkeypatch):
+    baked = ao.bake(Mesh(*two_boxes()), samples=8)
+    offer = SimpleNamespace(load=lambda: lambda bake: f"<p>{len(bake.w)}</p>")
+    monkeypatch.setattr(metadata, "entry_points", lambda group: [offer] if group == "obscurance.html" else [])
+    assert baked._repr_html_() == "<p>16</p>"
+    monkeypatch.setattr(metadata, "entry_points", lambda group: [])
+    assert baked._repr_html_() is None

@@ -1,0 +1,119 @@
+"""Several inputs in one command: the same bytes as one at a time, and no file brings the others down."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+
+import pytest
+from command import BEGUN, obscurance, refused, started
+from mesh_files import obj
+from meshes import hills
+from project import ROOT
+
+SAMPLES = ("--samples", 16)
+
+
+@pytest.fixture
+def folder(tmp_path, monkeypatch):
+    """Eight hills, two of them large ones, and a file that is no mesh."""
+    for number in range(8):
+        (tmp_path / f"hill{number}.obj").write_bytes(obj(*hills(6 + number)))
+    (tmp_path / "noise.obj").write_text("not a mesh\n")
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+def manifest(folder):
+    return json.loads((folder / "out" / "manifest.json").read_text())
+
+
+@pytest.mark.parametrize("largest", [1, 1200, 1 << 21])
+def test_every_output_is_the_one_of_a_bake_of_its_own(folder, monkeypatch, largest):
+    monkeypatch.setattr("scenes.batch.command._LARGE", largest)
+    options = (*SAMPLES, "--falloff", "binary", "--seed", 3)
+    done = obscurance("bake", "hill*.obj", "--output-dir", "out", "--format", "npz", "--threads", 3, *options)
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.startswith("8 of 8 meshes baked to out in ")
+    for number in range(8):
+        assert obscurance("bake", f"hill{number}.obj", "-o", "single.npz", *options).returncode == 0
+        assert (folder / "out" / f"hill{number}.npz").read_bytes() == (folder / "single.npz").read_bytes()
+    assert len(list((folder / "out").iterdir())) == 9
+
+
+def test_a_bad_file_has_its_line_and_the_others_are_baked(folder):
+    done = obscurance("bake", "hill0.obj", "noise.obj", "gone.obj", "hill1.obj", "--output-dir", "out/deep", *SAMPLES)
+    assert done.returncode == 1
+    lines = sorted(done.stderr.splitlines())
+    assert len(lines) == 2
+    assert "gone.obj: file: expected an existing file, got none" in lines[0]
+    assert "noise.obj: faces: expected at least one triangle" in lines[1]
+    assert done.stdout.startswith("2 of 4 meshes baked to out/deep, 2 failed in ")
+    found = json.loads((folder / "out" / "deep" / "manifest.json").read_text())
+    assert (found["done"], found["failed"], found["options"]["samples"]) == (2, 2, 16)
+    names, states = zip(*((each["input"], each["status"]) for each in found["inputs"]), strict=True)
+    assert names == ("hill0.obj", "noise.obj", "gone.obj", "hill1.obj")
+    assert states == ("done", "failed", "failed", "done")
+    assert "got none" in found["inputs"][2]["message"]
+    assert len(found["inputs"][0]["sha256"]) == 64
+
+
+def test_a_resumed_batch_bakes_what_is_missing_changed_or_failed(folder):
+    command = ("bake", "hill*.obj", "noise.obj", "--output-dir", "out", *SAMPLES)
+    assert obscurance(*command).returncode == 1
+    outputs = {path: path.stat().st_mtime_ns for path in (folder / "out").glob("*.ply")}
+    (folder / "out" / "hill1.ply").unlink()
+    (folder / "hill2.obj").write_bytes(obj(*hills(4)))
+    (folder / "noise.obj").write_bytes(obj(*hills(4)))
+    assert obscurance(*command, "--resume").returncode == 0
+    again = {path.name for path, before in outputs.items() if path.stat().st_mtime_ns != before}
+    assert again == {"hill1.ply", "hill2.ply"}
+    assert manifest(folder)["done"] == 9
+    assert "other options" in obscurance(*command[:-1], 17, "--resume").stderr
+    assert all(path.stat().st_mtime_ns != before for path, before in outputs.items())
+
+
+@pytest.mark.parametrize("content", ["[]", "{}", '{"manifest_version": 99, "options": 1, "versions": 1, "inputs": []}'])
+def test_what_is_no_manifest_is_not_resumed(folder, content):
+    (folder / "out").mkdir()
+    (folder / "out" / "manifest.json").write_text(content)
+    refused(obscurance("bake", "hill0.obj", "--output-dir", "out", *SAMPLES, "--resume"), "manifest.json")
+    assert (folder / "out" / "manifest.json").read_text() == content
+
+
+def test_a_refused_batch_leaves_no_folder(folder):
+    refused(obscurance("bake", "hill0.obj", "--output-dir", "out/deep", "--samples", 0), "--samples")
+    assert not (folder / "out").exists()
+
+
+def test_textures_go_in_batches_too(folder):
+    for name in ("a", "b"):
+        text = "v 0 0 0\nv 1 0 0\nv 1 1 .5\nvt 0 0\nvt 1 0\nvt 1 1\nf 1/1 2/2 3/3\n"
+        (folder / f"{name}.obj").write_text(text)
+    command = ("bake", "a.obj", "b.obj", "--output-dir", "out", "--format", "png", "--size", 8, *SAMPLES)
+    assert obscurance(*command).returncode == 0
+    assert (folder / "out" / "a.png").read_bytes() == (folder / "out" / "b.png").read_bytes()
+
+
+@pytest.mark.skipif(os.name == "nt", reason="signals")
+def test_an_interrupt_leaves_whole_files_and_says_how_far_it_was(folder):
+    for number in range(60):
+        (folder / f"more{number}.obj").write_bytes(obj(*hills(30)))
+    command = ["bake", "more*.obj", "--output-dir", "out", "--samples", "1024", "--threads", "2"]
+    code = [sys.executable, "-c", BEGUN.format(module="scenes.batch.command"), *command]
+    environment = {**os.environ, "PYTHONPATH": str(ROOT)}
+    with started(code, cwd=folder, env=environment, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as run:
+        assert run.stdout.readline() == "begun\n"
+        while len(list((folder / "out").glob("*.ply"))) < 3:
+            time.sleep(0.01)
+        run.send_signal(signal.SIGINT)
+        _, errors = run.communicate(timeout=60)
+    assert run.returncode == 130
+    found = manifest(folder)
+    names = {path.name for path in (folder / "out").iterdir()} - {"manifest.json"}
+    assert 3 <= found["done"] == len(names) < 60
+    assert names == {f"{each['input'][:-4]}.ply" for each in found["inputs"] if each["status"] == "done"}
+    assert f"interrupted: {found['done']} of 60 meshes baked to out; the same command with --resume" in errors
+    assert "Traceback" not in errors

@@ -1,0 +1,107 @@
+"""Meshes of other libraries: stand-ins for what these have, and the recipes of docs/python.md with the real ones."""
+
+import re
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from project import ROOT
+
+import ao
+from raytrace import Camera, Lambert, Mesh, MeshError, Shape
+from raytrace.mesh.convert import mesh_of
+from raytrace.mesh.normals import face_normals
+
+POINTS = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0], [0.5, 0.5, 2]], float)
+FACES = np.array([[0, 1, 4], [1, 2, 4], [2, 3, 4], [3, 0, 4]])
+RECIPES = re.findall(r"```python\n(.*?)```", (ROOT / "docs" / "python.md").read_text(), re.DOTALL)
+LIBRARIES = ("trimesh", "pyvista", "meshio")
+
+
+def meshio_like(*cells, points=POINTS):
+    blocks = [SimpleNamespace(type=kind, data=np.array(data)) for kind, data in cells]
+    return SimpleNamespace(points=points, cells=blocks)
+
+
+def polydata_like(faces, all_triangles=True):
+    padded = np.insert(faces, 0, 3, axis=1).ravel()
+    return SimpleNamespace(points=POINTS.astype(np.float32), faces=padded, strips=[], is_all_triangles=all_triangles)
+
+
+@pytest.mark.parametrize(
+    "given",
+    [
+        Mesh(POINTS, FACES),
+        (POINTS, FACES),
+        [POINTS.tolist(), FACES.tolist()],
+        SimpleNamespace(vertices=POINTS, faces=FACES),
+        polydata_like(FACES),
+        meshio_like(("line", [[0, 1]]), ("triangle", FACES[:2]), ("vertex", [[0]]), ("triangle", FACES[2:])),
+    ],
+)
+def test_vertices_and_faces_are_those_given(given):
+    mesh = mesh_of(given, "here")
+    np.testing.assert_array_equal(mesh.vertices, POINTS)
+    np.testing.assert_array_equal(mesh.faces, FACES)
+
+
+def test_polygons_are_cut_by_the_library_that_has_them():
+    whole = polydata_like(FACES[:1], all_triangles=False)
+    whole.triangulate = lambda: polydata_like(FACES)
+    np.testing.assert_array_equal(mesh_of(whole, "here").faces, FACES)
+
+
+@pytest.mark.parametrize("first", range(4))
+def test_quads_are_cut_where_they_stay_what_they_are(first):
+    arrow = np.array([[0, 0, 0], [2, -1, 0], [0.5, 0, 0], [2, 1, 0]])  # with a notch at its third corner
+    quad = np.roll([0, 1, 2, 3], first)
+    mesh = mesh_of(meshio_like(("quad", [quad]), points=arrow), "here")
+    normals, areas = face_normals(mesh.vertices, mesh.faces)
+    assert abs(normals[0, 2] - normals[1, 2]) < 1e-12
+    assert areas.sum() == pytest.approx(0.5)
+
+
+WRONG = {
+    "a name": ("ball.obj", r"mesh: expected a raytrace\.Mesh, a pair .* got 'ball\.obj'"),
+    "a volume": (meshio_like(("tetra", [[0, 1, 2, 3]])), "cells: expected triangle or quad, got tetra"),
+    "lines": (meshio_like(("line", [[0, 1]])), "cells: expected triangle or quad, got none of them"),
+    "a grid": (SimpleNamespace(points=POINTS, extract_surface=None), r"did you mean its extract_surface\(\)\?"),
+    "a scene": (SimpleNamespace(geometry={}, to_mesh=None), r"did you mean its to_mesh\(\)\?"),
+    "numbers": ((1, 2), "vertices: expected shape"),
+    "faces of fractions": ((POINTS, FACES + 0.5), "faces: expected integers"),
+    "a row too many": ((POINTS, FACES + 2), "expected indices from 0 to 4"),
+}
+
+
+@pytest.mark.parametrize("name", WRONG)
+def test_what_is_none_is_refused_in_one_line(name):
+    given, words = WRONG[name]
+    with pytest.raises(
+        MeshError, match=rf"^here: {words}" if name in ("a name", "a volume", "lines") else words
+    ) as fault:
+        mesh_of(given, "here")
+    assert "\n" not in str(fault.value)
+
+
+def test_a_mesh_may_have_any_form_wherever_one_is_taken():
+    pair = POINTS, FACES
+    uv = POINTS[:, :2] * 0.9
+    assert len(ao.bake(pair, samples=8).w) == 5
+    assert ao.bake_texture(pair, uv, 8, samples=8, high=pair).w.shape == (8, 8)
+    assert Shape(pair, Lambert(albedo=0.5)).mesh.faces.shape == (4, 3)
+    assert Camera.framing(pair, (0, -1, 0)) == Camera.framing(Mesh(*pair), (0, -1, 0))
+
+
+@pytest.mark.parametrize("recipe", RECIPES, ids=[recipe.split("\n")[0][:40] for recipe in RECIPES])
+def test_a_recipe_runs(recipe, tmp_path, monkeypatch):
+    import scenes
+
+    monkeypatch.chdir(tmp_path)
+    used = {name: pytest.importorskip(name) for name in LIBRARIES if name in recipe}
+    names = {"np": np, "ao": ao, "scenes": scenes, "vertices": POINTS, "faces": FACES, **used}
+    exec(compile(recipe, "python.md", "exec"), names)
+    shown = [names[name] for name in ("mesh", "surface", "grid") if name in names]
+    for each in shown:
+        w = np.asarray(each.visual.vertex_colors[:, 0] / 255 if hasattr(each, "visual") else each.point_data["w"])
+        assert 0 < w.min() <= w.max() <= 1
+        assert len(w) == len(mesh_of(each, "here").vertices)

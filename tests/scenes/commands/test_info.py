@@ -1,0 +1,52 @@
+"""`obscurance info`: the same facts for people and, as JSON, for programs."""
+
+import io
+import json
+import sys
+from types import SimpleNamespace
+
+import pytest
+from command import obscurance, refused
+from mesh_files import VERTICES, obj, ply
+from meshes import hills
+
+from raytrace import Mesh
+from scenes import MeshFile
+from scenes.commands.info import describe, facts
+
+
+def test_json_holds_what_the_text_says(tmp_path):
+    path = tmp_path / "hills.obj"
+    path.write_bytes(obj(*hills(6)))
+    found = json.loads(obscurance("info", path, "--json").stdout)
+    assert (found["vertices"], found["faces"], found["open_edges"]) == (36, 50, 20)
+    assert (found["normals"], found["stored_w"], found["occlusion_textures"]) == (False, None, None)
+    rows = dict(line.split(maxsplit=1) for line in obscurance("info", path).stdout.splitlines())
+    assert rows["vertices"] == "36"
+    assert rows["radius"].startswith(f"{found['radius']:.6g}, ")
+
+
+def test_json_tells_of_w_that_a_bake_has_left(tmp_path):
+    (tmp_path / "hills.obj").write_bytes(obj(*hills(6)))
+    assert obscurance("bake", tmp_path / "hills.obj", "-o", tmp_path / "w.glb", "--samples", 64).returncode == 0
+    found = json.loads(obscurance("info", tmp_path / "w.glb", "--json").stdout)
+    assert 0 < found["stored_w"]["least"] < found["stored_w"]["mean"] < found["stored_w"]["largest"] <= 1
+    assert found["stored_w"]["outside_0_to_1"] == 0
+    assert found["occlusion_textures"] == {"primitives": 1, "textured": 1, "ramps": 1}
+
+
+def test_standard_input_is_described(monkeypatch):
+    monkeypatch.setattr(sys, "stdin", SimpleNamespace(buffer=io.BytesIO(ply()), isatty=lambda: False))
+    found = json.loads(obscurance("info", "-", "--json").stdout)
+    assert (found["file"], found["vertices"]) == ("<stdin>.ply", len(VERTICES))
+
+
+@pytest.mark.parametrize("size", [1e-150, 1e150])
+def test_any_size_is_json(size):
+    file = MeshFile.of(Mesh(VERTICES * size, [[0, 1, 2]]))
+    json.dumps(facts(file), allow_nan=False)
+    assert dict(describe(file))["vertices"] == str(len(VERTICES))
+
+
+def test_a_mistake_is_one_line_with_json_too(tmp_path):
+    refused(obscurance("info", tmp_path / "none.ply", "--json"), "none.ply: file: expected an existing file")
