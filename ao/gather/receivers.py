@@ -39,6 +39,7 @@ class Flag(IntFlag):
     OPPOSED = 4  # no direction sees the front of all its faces; w is the mean over its corners
     HIDDEN = 8  # most of what it sees are backs of faces: it is inside a solid
     FOLDED = 16  # its normal lies behind one of its faces; w is the mean over its corners
+    MISSED = 32  # nothing of the fine mesh is within the cage; w is that of the closest point
 
 
 @dataclass(frozen=True, eq=False)

@@ -32,6 +32,7 @@ class Hemispheres:
         total_points: how many points the whole mesh has, wanted or not.
         mu: the falloff, in render space. reach: length of rays there.
         packets_below: fewer rays a point than this are traced by Embree, others walk the tree.
+        dealt: how many points share a lattice of directions.
     """
 
     points: Points
@@ -41,6 +42,7 @@ class Hemispheres:
     mu: KernelMu
     reach: float
     packets_below: int
+    dealt: int = 1
 
     def __len__(self) -> int:
         return len(self.points)
@@ -50,7 +52,7 @@ class Hemispheres:
 
     @property
     def name(self) -> bytes:
-        digest = hashlib.blake2b(repr((self.samples, int(self.key))).encode(), digest_size=16)
+        digest = hashlib.blake2b(repr((self.samples, int(self.key), self.dealt)).encode(), digest_size=16)
         digest.update(np.ascontiguousarray(self.points.numbers).data)
         return digest.digest()
 
@@ -67,7 +69,7 @@ class Hemispheres:
         return (np.empty((len(self), COLUMNS)),)
 
     def writer(self, scene: RayScene, tables: Tables) -> Callable[[int, int], None]:
-        table = scene.table(self.samples, self.total_points, self.key)
+        table = scene.table(self.samples, self.total_points, self.key, self.dealt)
         points, mu, reach, (out,) = self.points, self.mu, self.reach, tables
         if self.samples < self.packets_below:
             embree = scene.embree()

@@ -28,15 +28,16 @@ class RayScene:
     faces: Int64s
     tree: BVH16
     embree: Callable[[], TriangleScene]
-    _last: tuple[int, DirectionTable] | None = None
+    _last: tuple[tuple[int, int, int, int], DirectionTable] | None = None
 
     @classmethod
     def of(cls, vertices: Float32s, faces: Int64s) -> RayScene:
         """A scene of its own, with the same bits wherever it is made."""
         return cls(vertices, faces, BVH16.of(vertices, faces), cache(partial(TriangleScene, vertices, faces)))
 
-    def table(self, samples: int, points: int, key: np.uint32) -> DirectionTable:
+    def table(self, samples: int, points: int, key: np.uint32, dealt: int = 1) -> DirectionTable:
         """`DirectionTable.make`, or the last one again if it is the same."""
-        if self._last is None or (self._last[0], self._last[1].samples, self._last[1].key) != (points, samples, key):
-            self._last = points, DirectionTable.make(samples, points, key)
+        wanted = samples, points, int(key), dealt
+        if self._last is None or self._last[0] != wanted:
+            self._last = wanted, DirectionTable.make(samples, points, key, dealt)
         return self._last[1]

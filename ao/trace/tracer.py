@@ -46,9 +46,13 @@ class Tracer:
 
     def gather(self, points: Points, samples: int, key: np.uint32) -> Float64s:
         """Rows (k, COLUMNS) of `gather_hemispheres`: of `points`, by `samples` rays each, directions drawn by `key`."""
+        return self._gather(points, samples, key, 1)
+
+    def _gather(self, points: Points, samples: int, key: np.uint32, dealt: int) -> Float64s:
+        """`gather` by a table whose lattices are dealt out to so many points each, see `DirectionTable`."""
         mu = self.mu.in_render_space(self.placement.scale)
         reach = min(mu.limit, self.placement.diagonal)
-        work = Hemispheres(points, samples, key, self.total_points, mu, reach, self.packets_below)
+        work = Hemispheres(points, samples, key, self.total_points, mu, reach, self.packets_below, dealt)
         tables = work.tables()
         filled = self.checkpoint.fill if self.checkpoint else fill
         filled(work, self.scene, tables, self.threads, lambda rows: self._advance(rows * samples))

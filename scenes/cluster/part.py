@@ -16,7 +16,7 @@ from ..textures.command import TextureCommand, bake_command
 
 OF_OUTPUT = (
     *("report", "debug_image", "up", "colors", "replace_occlusion", "mesh_output", "bent_normals", "bent_space"),
-    *("error_map", "half"),
+    *("error_map", "half", "orm"),
 )
 _FILES, _OF_PROCESS = ("mesh", "high"), ("output", "occlusion", "threads", "quiet", "resume", *OF_OUTPUT)
 _OF_TEXTURE = "size", "texel_size"
