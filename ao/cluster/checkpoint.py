@@ -67,7 +67,7 @@ class ClusterCheckpoint(Checkpoint):
             super()._trace(work, scene, missing, tables, threads, advance)
             return
         if self._scene is None:
-            self._scene = write_scene(self._shared, scene)
+            self._scene = write_scene(self._shared, self.path.stem, scene)
             self.cluster.use(self._scene, machine())
         name = work.name
         for first, last, found in self.cluster.trace(work, spans_of(missing)):

@@ -24,10 +24,16 @@ class SceneFile(NamedTuple):
     digest: str
 
 
-def write_scene(folder: Path, scene: RayScene) -> SceneFile:
-    """Write the faces of `scene` into `folder`, if they are not there yet. Raises: OutputError."""
+def write_scene(folder: Path, name: str, scene: RayScene) -> SceneFile:
+    """Write the faces of `scene` into `folder`, if they are not there yet.
+
+    Args: name: of one bake, which removes the file in the end: another of the same mesh may still need its own.
+
+    Raises:
+        OutputError: the file cannot be written.
+    """
     digest = _digest(scene.vertices, scene.faces)
-    path = folder.absolute() / f".obscurance-{digest}.scene"
+    path = folder.absolute() / f".{name}-{digest}.scene"
     if not path.exists():
         with atomic_write(path) as file:
             np.savez(file, vertices=scene.vertices, faces=scene.faces)

@@ -128,8 +128,8 @@ def test_a_folder_that_workers_do_not_see_is_told(cluster, tmp_path, monkeypatch
     monkeypatch.setattr("ao.cluster.dask_cluster._PATIENCE", 0.5)
     written = ao.cluster.checkpoint.write_scene
 
-    def unshared(folder, scene):
-        file = written(folder, scene)
+    def unshared(folder, *arguments):
+        file = written(folder, *arguments)
         return file._replace(path=file.path.replace(str(folder), "/nowhere"))
 
     monkeypatch.setattr("ao.cluster.checkpoint.write_scene", unshared)

@@ -12,7 +12,9 @@ import ao
 import ao.trace.merge
 import ao.trace.parts
 from ao.trace.journal import Journal
-from ao.trace.parts import Part, owners
+from ao.trace.merge import read_parts
+from ao.trace.parts import DESCRIPTION as DESCRIPTION_BLOCK
+from ao.trace.parts import WHOLE, Part, owners
 from raytrace import InputError, Mesh, OptionError, OutputError
 
 HILLS = Mesh(*hills(40))
@@ -68,6 +70,11 @@ def parts(tmp_path):
     for number in (1, 2, 3):
         trace_part(MAKE, tmp_path, number, 3)
     return tmp_path
+
+
+def test_parts_trace_no_row_twice(parts):
+    blocks = [block for part in read_parts(parts) for block in part.blocks if block not in (DESCRIPTION_BLOCK, WHOLE)]
+    assert sum(last - first for _, first, last in blocks) == 40**2 + 128  # and some again, to calibrate errors
 
 
 def said(folder, make=MAKE):
