@@ -55,9 +55,10 @@ viewers: ## glTF's validator and three.js, in .viewers/, for tests of .glb outpu
 bench-peers: $(STAMP) ## bake time against error, ours and the peers'; MESHES=FOLDER adds files, QUICK=1 is for minutes
 	$(BIN)/python -m benchmarks.time_against_error $(if $(QUICK),--quick) $(if $(MESHES),--meshes '$(MESHES)')
 
-pictures: $(STAMP) ## the pictures of docs: gallery, temple and the models' spheres
+pictures: $(STAMP) ## the pictures of docs: gallery, temple, the models' spheres and, with Chromium, pages
 	$(BIN)/python -m benchmarks.gallery
 	$(BIN)/python -m benchmarks.model_strips
+	-$(BIN)/python -m benchmarks.page --pictures docs/viewing
 
 clean: ## remove the environment and everything made
 	rm -rf $(VENV) demo build *.egg-info .pytest_cache .mypy_cache .ruff_cache

@@ -76,8 +76,8 @@ def bake(
         typer.Option(
             "--output",
             "-o",
-            help="Output file, format by ending: .npy .npz .ply .glb of the vertices; .png .exr .tif a texture, with "
-            "<UDIM> in the name one for each tile.",
+            help="Output file, format by ending: .npy .npz .ply .glb of the vertices; .html to look at them; "
+            ".png .exr .tif a texture, with <UDIM> in the name one for each tile.",
         ),
     ] = None,
     output_dir: Annotated[
@@ -125,7 +125,8 @@ def bake(
     report: Report = None,
     debug_image: Annotated[Path | None, typer.Option(help="Also write an image that marks flagged vertices.")] = None,
     up: Annotated[
-        choices.Up | None, typer.Option(help="With --debug-image: the up axis, by default y, for STL and 3MF z.")
+        choices.Up | None,
+        typer.Option(help="With --debug-image or .html: the up axis, by default y, for STL and 3MF z."),
     ] = None,
     resume: Annotated[
         bool, typer.Option("--resume", help="Continue an interrupted bake, or batch, to this output.")
@@ -255,6 +256,28 @@ def merge(
     from scenes.cluster.merge import merge
 
     merge(parts, options)
+
+
+@app.command()
+def view(
+    result: Annotated[Path, typer.Argument(metavar="RESULT", help="A baked file: .ply .glb .gltf .npz .npy")],
+    other: Annotated[
+        Path | None, typer.Argument(metavar="OTHER", help="Another bake of the same mesh, with a slider between.")
+    ] = None,
+    output: Annotated[
+        Path | None, typer.Option("--output", "-o", help="The page, .html; by default beside RESULT, with its name.")
+    ] = None,
+    mesh: Annotated[Path | None, typer.Option(help="The mesh file that a .npz or .npy belongs to.")] = None,
+    up: Annotated[choices.Up | None, typer.Option(help="Up axis, by default y, for STL and 3MF z.")] = None,
+    open_: Annotated[bool, typer.Option("--open", help="Open it in the browser.")] = False,
+    quiet: Annotated[bool, typer.Option("--quiet", "-q", help="No summary.")] = False,
+) -> None:
+    """Make a page to look at a bake: one file, no network."""
+    from scenes.page.view import view_results
+
+    summary = view_results(result, other, output, mesh, up, open_)
+    if not quiet:
+        print(summary)
 
 
 @app.command()

@@ -57,6 +57,7 @@ def sample_vertices(prepared: Prepared) -> PointValues:
             "predicted": (estimate.samples - estimate.screened) * estimate.predicted,
             "hidden": estimate.samples * int(np.count_nonzero(untraced)),
         },
+        calibration=estimate.calibration,
     )
 
 

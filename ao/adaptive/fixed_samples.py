@@ -16,6 +16,7 @@ from ..gather.corners import Corners
 from ..gather.estimate import BATCH_VARIANCE, BENT, VALUES, W
 from ..gather.points import Points
 from ..trace.tracer import Tracer
+from .calibration import Calibration
 from .ray_budget import sampling_variance
 from .tolerance import Estimate
 
@@ -57,15 +58,18 @@ def estimated(traced: TracedTwice, points: Points, neighbours: Neighbours | None
     spread = rows[:, BATCH_VARIANCE]
     if len(points) and not spread.any() and (w == w[0]).all():  # of n rays that agree, the next may not (Laplace)
         level = min(level, rays**-2.0)
-    raw = Estimate(rows[:, VALUES], shrunk_to_mean(distribute_variance(spread, level)), samples, 0)
+    variance, before = shrunk_to_mean(distribute_variance(spread, level)), (w[calibration] - again) ** 2
+    checked = Calibration(variance[calibration], before / 2)
+    raw = Estimate(rows[:, VALUES], variance, samples, 0, calibration=checked)
     if neighbours is None:
         return raw
     denoised, error = denoise(neighbours, points, rows, level)
-    before, after = ((values[calibration] - again) ** 2 for values in (w, denoised))
+    after = (denoised[calibration] - again) ** 2
     if float(np.sum(after - before)) >= 0:
         return raw
     error *= calibration_factor(error[calibration], after - before / 2, error)
-    return Estimate(np.column_stack([denoised, rows[:, BENT:]]), error, samples, 0)
+    checked = Calibration(error[calibration], after - before / 2)
+    return Estimate(np.column_stack([denoised, rows[:, BENT:]]), error, samples, 0, calibration=checked)
 
 
 def sampled(tracer: Tracer, points: Points, samples: int, key: np.uint32) -> Estimate:

@@ -12,6 +12,7 @@ from raytrace.image.fill import fill_holes
 from raytrace.mesh.normals import normalize
 from raytrace.types import Bools, Float32s, Float64s
 
+from ..adaptive.calibration import Calibration
 from ..falloff import Mu
 from .texels import Texels
 from .uv_layout import UVLayout
@@ -60,7 +61,7 @@ class BakedTexture:
         rays: number of rays traced, by an interrupted run too. rays_skipped: not traced, by reason.
         rmse: estimated root mean square of `error` over the covered texels.
         facts: of the texture coordinates and seams.
-        seconds, mu, shortfalls: as `ao.Bake` has them.
+        seconds, mu, shortfalls, calibration: as `ao.Bake` has them.
     """
 
     w: Float32s
@@ -74,6 +75,7 @@ class BakedTexture:
     seconds: dict[str, float] = field(compare=False)
     mu: Mu
     shortfalls: tuple[str, ...] = ()
+    calibration: Calibration | None = None
 
     def __repr__(self) -> str:
         height, width = self.w.shape

@@ -38,7 +38,7 @@ def saved_options(path: Path) -> dict[str, Any]:
     version = report.get("schema_version", _SCHEMA) if isinstance(report, dict) else _SCHEMA
     if version != _SCHEMA:
         raise InputError(path, "schema_version", f"a report of schema version {_SCHEMA}", version)
-    if not isinstance(report, dict) or not isinstance(report.get("options"), dict):
+    if not isinstance(report, dict) or not isinstance(report.get("options"), dict) or "settings" in report:
         got = "the report of a rendering" if isinstance(report, dict) and "settings" in report else "something else"
         raise InputError(path, "options", "the report of a bake, or the manifest of a batch", got)
     options = {name: value for name, value in report["options"].items() if value is not None}

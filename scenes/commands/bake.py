@@ -5,7 +5,7 @@ from __future__ import annotations
 import sys
 import time
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import AbstractContextManager, contextmanager, nullcontext
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,6 +15,7 @@ from warnings import catch_warnings, simplefilter
 from .console import KERNELS_OF_BAKE, KERNELS_OF_SURFACE, bake_summary, compiling, note, progress, warn
 from .options import (
     CAGE,
+    REPORTS,
     FalloffForm,
     Hidden,
     Method,
@@ -34,6 +35,7 @@ if TYPE_CHECKING:
     from ao.trace.checkpoint import Checkpoint
 
     from ..readers.load import MeshFile
+    from ..report.pictures import Picture
 
 NO_OPTIONS_OF_BAKE = frozenset(
     {"report", "quiet", "resume", "progress", "content", "open_checkpoint"}
@@ -128,7 +130,7 @@ class MeshBake(ABC):
         Options(**self.options())
         self.check_own()
         if self.report:
-            check_ending("--report", self.report, ".json")
+            check_ending("--report", self.report, *REPORTS)
         check_outputs(self.outputs(), self.inputs())
         return falloff
 
@@ -143,6 +145,12 @@ class MeshBake(ABC):
 
         options = {name: plain(value) for name, value in vars(self).items() if name not in NO_OPTIONS_OF_BAKE}
         return options | {"threads": thread_count(self.threads)}
+
+    def hashed(self, files: Iterable[Path]) -> list[dict[str, Any]]:
+        """Files that were read, as a report has them; nothing if there is none to write."""
+        from ..report.inputs import hashed
+
+        return hashed(files, {self.mesh: self.content}) if self.report else []
 
     def checkpoint(self, output: Path) -> AbstractContextManager[Checkpoint | None]:
         """Keeps what is traced for an output, beside it; none beside standard output."""
@@ -263,6 +271,7 @@ class BakeCommand(MeshBake):
         fine = None if self.high is None else load(self.high)
         check_outputs(self.outputs(), [*source.files, *(fine.files if fine else ())])
         loaded = time.perf_counter()
+        inputs = self.hashed([*source.files, *(fine.files if fine else ())])
         notes = [*source.notes, *(fine.notes if fine else ())]
         warnings = warn(
             [source.mesh, *([fine.mesh] if fine else [])],
@@ -280,7 +289,7 @@ class BakeCommand(MeshBake):
             write(self.output, baked, source, **self._channels())
         seconds = {"load": loaded - start, "write": time.perf_counter() - tracing}
         if self.report:
-            self._write_report(self.report, baked, seconds, warnings)
+            self._write_report(self.report, baked, (inputs, seconds, warnings))
         if self.debug_image:
             from ..description.defaults import up_axis
             from .flag_image import write_marked
@@ -303,8 +312,8 @@ class BakeCommand(MeshBake):
 
             with named("debug_image"):
                 check_image_target(self.debug_image, layers=("beauty",))
-        elif self.up:
-            raise OptionError("up", "--debug-image with it; w does not depend on it", "none")
+        if self.up and not self.debug_image and ".html" not in (_ending(self.output), _ending(self.report)):
+            raise OptionError("up", "--debug-image or an .html with it; w does not depend on it", "none")
 
     def outputs(self) -> dict[str, Path | None]:
         return {"--output": self.output, "--report": self.report, "--debug-image": self.debug_image}
@@ -320,7 +329,7 @@ class BakeCommand(MeshBake):
 
     def _channels(self) -> dict[str, Any]:
         """The options of `scenes.write`."""
-        return {name: getattr(self, name) for name in ("colors", "occlusion", "replace_occlusion")}
+        return {name: getattr(self, name) for name in ("colors", "occlusion", "replace_occlusion", "up")}
 
     def _missed(self, baked: ao.Bake) -> list[str]:
         """A warning of the vertices that the cage missed, if there are any."""
@@ -328,8 +337,25 @@ class BakeCommand(MeshBake):
         text = "vertices are not within the cage of the fine mesh and take the closest point of it"
         return [f"{self.output}: {missed:,} {text}"] if missed else []
 
-    def _write_report(self, path: Path, baked: ao.Bake, seconds: dict[str, float], warnings: list[str]) -> None:
+    def _write_report(
+        self, path: Path, baked: ao.Bake, made: tuple[list[dict[str, Any]], dict[str, float], list[str]]
+    ) -> None:
+        """Args: made: what was read, the seconds it took, and warnings."""
         from ao.report import report
-        from raytrace.system.atomic import write_json
 
-        write_json(path, report(baked, self.described(), seconds, warnings))
+        from ..description.defaults import up_axis
+        from ..report.complete import complete, write_report
+
+        def pictures() -> list[list[Picture]]:
+            from ..report.pictures import pictures_of_vertices
+
+            return [pictures_of_vertices(baked.mesh, baked.w, baked.error, up_axis(self.mesh, self.up))]
+
+        inputs, seconds, warnings = made
+        options = self.described()
+        whole = complete("bake", "mesh", report(baked, options, seconds, warnings), inputs, options)
+        write_report(path, whole, pictures)
+
+
+def _ending(path: Path | None) -> str:
+    return path.suffix.lower() if path else ""

@@ -25,16 +25,9 @@ ORDER = [
     ),
     *("ao.texture", "ao.baking", "ao.report", "ao.cluster", "ao.tiles", "ao.analytic"),
     *("scenes.field_errors", "scenes.safe_paths", "scenes.geometry", "scenes.gltf", "scenes.readers"),
-    *("scenes.writers", "scenes.description", "scenes.library", "scenes.validation", "scenes.stress"),
-    *(
-        "scenes.generated",
-        "scenes.commands",
-        "scenes.textures",
-        "scenes.tiles",
-        "scenes.cluster",
-        "scenes.batch",
-        "scenes.baking",
-    ),
+    *("scenes.description", "scenes.page", "scenes.writers", "scenes.library", "scenes.validation", "scenes.stress"),
+    *("scenes.generated", "scenes.report", "scenes.commands", "scenes.textures"),
+    *("scenes.tiles", "scenes.cluster", "scenes.batch", "scenes.baking"),
     "cli",
 ]
 """Every folder and every file outside folders: each may import what stands before it."""
