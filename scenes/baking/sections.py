@@ -14,6 +14,7 @@ SECTIONS = {
         *("size", "texel_size", "uv", "mesh_output", "overlap", "bent_normals", "bent_space", "error_map"),
         *("high", "cage", "half"),
     ),
+    "More than one machine, or than its memory": ("part", "cluster", "shared", "tiles"),
     "Reports, repeats, other programs": (
         *("report", "debug_image", "up", "from_report", "resume", "dry_run", "progress", "format", "input_format"),
     ),

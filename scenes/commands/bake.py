@@ -37,7 +37,9 @@ if TYPE_CHECKING:
     from ..readers.load import MeshFile
     from ..report.pictures import Picture
 
-NO_OPTIONS_OF_BAKE = frozenset({"report", "quiet", "resume", "progress", "content"})  # they change no result
+NO_OPTIONS_OF_BAKE = frozenset(
+    {"report", "quiet", "resume", "progress", "content", "open_checkpoint"}
+)  # they change no result
 
 
 @contextmanager
@@ -100,6 +102,8 @@ class MeshBake(ABC):
     progress: ProgressForm = "bar"
     content: bytes | None = None
     """Of the mesh, if it is no file's."""
+    open_checkpoint: Callable[[Path], Checkpoint] | None = None
+    """Makes the checkpoint of an output, if not the usual one is wanted."""
 
     def run(self) -> int:
         """Bake, write, and print a summary. Returns: the exit status, 0.
@@ -153,6 +157,8 @@ class MeshBake(ABC):
         from ao.trace.checkpoint import Checkpoint
         from raytrace.system.atomic import is_standard_output
 
+        if self.open_checkpoint:
+            return self.open_checkpoint(output)
         if is_standard_output(output):
             return nullcontext()
         return Checkpoint(self.journal(output), self.resume, note)
@@ -272,7 +278,8 @@ class BakeCommand(MeshBake):
             [*notes, *lost(self.output, source, channels(self.output, **self._channels()))],
         )
         with self.checkpoint(self.output) as checkpoint:
-            with progress(self.quiet, "rays", form=self.progress) as (advance,):
+            status = checkpoint.status if checkpoint else str
+            with progress(self.quiet, "rays", form=self.progress, status=status) as (advance,):
                 baked = ao.bake(
                     source.mesh, falloff, progress=advance, checkpoint=checkpoint, high=fine.mesh if fine else None,
                     cage=self.cage or CAGE, **self.options(),

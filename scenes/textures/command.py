@@ -260,7 +260,8 @@ class TextureCommand(MeshBake):
 
         overlap, wrap = self.overlap or "mean", source.uv is not None
         with self.checkpoint(images["output"]) as checkpoint:
-            with progress(self.quiet, "rays", form=self.progress) as (advance,):
+            status = checkpoint.status if checkpoint else str
+            with progress(self.quiet, "rays", form=self.progress, status=status) as (advance,):
                 baked = ao.bake_texture(
                     source.file.mesh, uv, size, falloff, progress=advance, checkpoint=checkpoint, overlap=overlap,
                     wrap=wrap, high=source.fine.mesh if source.fine else None, cage=self.cage or CAGE,
