@@ -32,7 +32,7 @@ FLAGS = {
     "opposed": "#00c8dc",
     "hidden": "#ff1f9b",
     "folded": "#2fc82f",
-    "missed": "#ff8a1e",
+    "missed": "#ff8a1f",
 }
 """Of the dot on a vertex; in the order of the bits of `ao.Flag`."""
 

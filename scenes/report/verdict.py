@@ -33,8 +33,8 @@ _OF_FLAGS = {
     "degenerate": ("belong to faces without area alone; w is 1 there", "Remove such faces, or ignore these vertices."),
     "opposed": ("have faces that look away from each other; w is the mean over them", "Split these vertices."),
     "hidden": ("lie inside solids", "Nothing to do if parts are meant to cross; --hidden says what becomes of them."),
+    "missed": ("are not within the cage and take the closest point of the fine mesh", "Make --cage larger."),
     "folded": ("have a normal behind one of their faces; w is the mean over them", "Nothing to do if they are few."),
-    "missed": ("are not within the cage of the fine mesh and take its closest point", "Make --cage larger."),
 }
 
 
@@ -115,9 +115,9 @@ def _flags(report: Facts) -> Iterator[Finding]:
 
 
 def _singular(what: str) -> str:
-    return re.sub(
-        r"^(belong|lie|have)\b", lambda word: {"belong": "belongs", "lie": "lies", "have": "has"}[word[0]], what
-    )
+    verbs = {"belong": "belongs", "lie": "lies", "have": "has", "are": "is"}
+    verb, _, rest = what.partition(" ")
+    return f"{verbs[verb]} {rest}"
 
 
 def _picture(report: Facts) -> Iterator[Finding]:

@@ -13,6 +13,7 @@ import pytest
 from command import obscurance, refused
 from mesh_files import obj
 from meshes import crumpled, hills
+from pages import facts_of
 
 from raytrace import Mesh
 from raytrace.image.read import read_image
@@ -164,6 +165,15 @@ def test_a_texture_has_pictures_of_its_page_and_of_the_mesh(tmp_path):
     assert obscurance("bake", tmp_path / "corner.obj", "-o", tmp_path / "w.<UDIM>.png", *few).returncode == 0
     tiles = re.findall("<h2>([^<]*)</h2>", report.read_text())
     assert [name.rpartition("/")[2] for name in tiles if "png" in name] == ["w.1001.png", "w.1002.png"]
+
+
+def test_a_bake_from_a_fine_mesh_shows_the_coarse_one(folder, tmp_path):
+    (tmp_path / "coarse.obj").write_bytes(obj(*hills(5)))
+    line = "bake", tmp_path / "coarse.obj", "-o", tmp_path / "w.html", "--high", folder / "hills.obj", "--samples", 8
+    done = obscurance(*line, "--cage", "30%", "--report", tmp_path / "r.html")
+    assert done.returncode == 0, done.stderr
+    assert "Values at 25 vertices" in visible((tmp_path / "r.html").read_text())
+    assert facts_of((tmp_path / "w.html").read_bytes())["vertices"] == 25
 
 
 def test_pictures_are_coloured_as_the_legend_says():
