@@ -221,7 +221,7 @@ def test_an_interrupt_leaves_nothing_behind(tmp_path):
     target = tmp_path / "w.npy"
     target.write_bytes(b"\x93NUMPY precious")
     command = ("bake", mesh, "-o", target, "--samples", 200_000)
-    status, errors = interrupted_command("ao.trace.tracer", *command)
+    status, errors = interrupted_command("ao.trace.work", *command)
     assert status == 130
     assert "interrupted" in errors
     assert "Traceback" not in errors
