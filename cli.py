@@ -32,7 +32,7 @@ Form = Annotated[
 ]
 MaxDistance = Annotated[str, typer.Option(help='Ignore hits farther away: mesh units, "25%" of the radius, or inf.')]
 NORMALS = typer.Option(help="Vertex normals: face normals weighted by angle, by area or equally, or the file's own.")
-Report = Annotated[Path | None, typer.Option(help="Also write a JSON report.")]
+Report = Annotated[Path | None, typer.Option(help="Also write a report, .html to read or .json.")]
 Progress = Annotated[
     choices.ProgressForm,
     typer.Option(help="A bar on a terminal, or lines of JSON on standard error for other programs."),

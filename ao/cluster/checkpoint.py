@@ -84,9 +84,9 @@ class ClusterCheckpoint(Checkpoint):
         """What the cluster did, in a line."""
         done = self.cluster.dispatch
         again = f", {done.again:,} of them once more, for workers that were lost" if done.again else ""
-        count = len(done.blocks)
-        workers = f"{count:,} worker{'' if count == 1 else 's'}"
-        return f"{self.cluster.address}: {sum(done.blocks.values()):,} blocks traced by {workers}{again}"
+        blocks, workers = sum(done.blocks.values()), len(done.blocks)
+        by = f"{workers:,} worker{'' if workers == 1 else 's'}"
+        return f"{self.cluster.address}: {blocks:,} block{'' if blocks == 1 else 's'} traced by {by}{again}"
 
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, _: TracebackType | None) -> None:
         try:
