@@ -5,7 +5,7 @@ STAMP  := $(VENV)/.installed
 PYTEST := $(BIN)/python -m pytest --numprocesses auto --maxprocesses 4 --dist worksteal
 
 .DEFAULT_GOAL := help
-.PHONY: help install demo test test-all lint bench bench-peers peers viewers pictures clean
+.PHONY: help install demo test test-all lint bench bench-peers peers viewers pictures site clean
 
 help: ## list the targets
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "  make %-12s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
@@ -13,7 +13,7 @@ help: ## list the targets
 $(STAMP): pyproject.toml
 	@command -v $(PYTHON) >/dev/null || { echo "$(PYTHON) not found; set PYTHON=/path/to/python" >&2; exit 1; }
 	$(PYTHON) -m venv $(VENV)
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[test,bench]'
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[test,bench,docs]'
 	$(BIN)/python -m compileall -q raytrace ao scenes cli.py
 	@touch $@
 
@@ -58,6 +58,9 @@ bench-peers: $(STAMP) ## bake time against error, ours and the peers'; MESHES=FO
 pictures: $(STAMP) ## the pictures of docs: gallery, temple and the models' spheres
 	$(BIN)/python -m benchmarks.gallery
 	$(BIN)/python -m benchmarks.model_strips
+
+site: $(STAMP) ## the documentation as a site, in build/site, made without network
+	$(BIN)/python -m sphinx --builder html --fail-on-warning --keep-going --quiet -d build/doctrees docs build/site
 
 clean: ## remove the environment and everything made
 	rm -rf $(VENV) demo build *.egg-info .pytest_cache .mypy_cache .ruff_cache
