@@ -20,9 +20,9 @@ try:
     import embreex.rtcore_scene
 except ImportError as failure:
     raise EmbreeError(
-        f"embreex, which brings Embree, cannot be imported ({failure}): `python -m pip install embreex` installs it where "
-        "it has a wheel: on x86-64 Linux with glibc, macOS 13 or later, and x86-64 Windows; on ARM Linux run the image of "
-        "the Dockerfile, built with --platform linux/amd64"
+        f"embreex, which brings Embree, cannot be imported ({failure}): `python -m pip install embreex` installs it on "
+        "x86-64 Linux with glibc, macOS 13 or later, and x86-64 Windows; elsewhere, as on ARM Linux, it has no wheel: "
+        "build the Dockerfile's image with --platform linux/amd64 and run that"
     ) from failure
 
 _VERSION_PROPERTY = 0
