@@ -1,6 +1,7 @@
 """The names of the packages: all there, shown, imported when first used; what belongs to a package is installed."""
 
 import ast
+import re
 import rlcompleter
 import subprocess
 import sys
@@ -25,6 +26,12 @@ def test_every_public_name_is_shown_and_is_there(package):
     assert dir(module) == sorted(module.__all__) == stub_names(package)
     assert not any(isinstance(getattr(module, name), ModuleType) for name in dir(module))
     assert not hasattr(module, "no_such_name")
+
+
+@pytest.mark.parametrize("package", PACKAGES)
+def test_every_public_name_is_documented_once(package):
+    page = (ROOT / "docs" / "api" / f"{package}.md").read_text()
+    assert sorted(re.findall(rf"^\.\. [a-z:]+:: {package}\.(\w+)$", page, re.MULTILINE)) == stub_names(package)
 
 
 def test_the_public_names_of_the_baker_are_these():
