@@ -38,7 +38,7 @@ bench: $(STAMP) ## the throughput benchmark; writes benchmarks/results/
 	$(BIN)/python -m benchmarks.throughput
 
 PEERS := .peers/mitsuba .peers/open3d .peers/blender
-.peers/mitsuba: PACKAGE := mitsuba==3.9.1
+.peers/mitsuba: PACKAGE := mitsuba==3.9.1 numpy
 .peers/open3d:  PACKAGE := open3d==0.20.0
 .peers/blender: PACKAGE := bpy==5.0.1
 

@@ -174,7 +174,8 @@ def bake(
         Path | None, typer.Option(metavar="IMAGE", help="Texture: also write the standard error of w.")
     ] = None,
     high: Annotated[
-        Path | None, typer.Option(metavar="MESH", help="Texture: bake w of this finer mesh onto the input's texture.")
+        Path | None,
+        typer.Option(metavar="MESH", help="Bake w of this finer mesh onto the input's vertices or texture."),
     ] = None,
     cage: Annotated[
         str | None,
@@ -187,6 +188,10 @@ def bake(
         bool, typer.Option("--dry-run", help="Write nothing; tell rays, memory, time and what would be written.")
     ] = False,
     progress: Progress = "bar",
+    orm: Annotated[
+        bool,
+        typer.Option("--orm", help="Texture: w into R of the metallic-roughness images of a .glb, one image for both."),
+    ] = False,
     quiet: Quiet = False,
     from_report: FromReport = None,
 ) -> None:

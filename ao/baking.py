@@ -7,13 +7,14 @@ import warnings
 from dataclasses import replace
 from typing import Any
 
+from raytrace.errors import OptionError
 from raytrace.mesh.convert import mesh_of
 from raytrace.mesh.mesh import Mesh
 from raytrace.system.memory import check_memory
 from raytrace.types import Bools
 
 from .adaptive.tolerance import ToleranceWarning
-from .falloff import Falloff
+from .falloff import Falloff, Length, resolve_length
 from .memory import surface_bytes, vertex_bytes
 from .options import DEFAULT_SAMPLES, Hidden, Method, Normals, Options, Traversal, falloff_of
 from .prepared import Prepared
@@ -38,6 +39,8 @@ def bake(
     traversal: Traversal = "auto",
     checkpoint: Checkpoint | None = None,
     method: Method = "vertex",
+    high: Mesh | Any | None = None,
+    cage: Length = "2%",
 ) -> Bake:
     """Obscurance w(p) = (1/π) ∫ μ(d) cosθ dω (12.71) at every vertex of `mesh`.
 
@@ -67,11 +70,18 @@ def bake(
         checkpoint: keeps what is traced, and is asked for what an interrupted run traced; the bits are the same.
         method: "vertex" estimates w at each vertex; "surface" fits the values whose interpolation is nearest to w all
             over the faces (Kavan, Bargteil & Sloan 2011, Least Squares Vertex Baking).
+        high: a finer mesh, of which w is baked instead: where it lies outwards or inwards of the vertices along the
+            smooth normals of `mesh`, which itself occludes nothing. The hemisphere is that of the fine mesh there, less
+            what lies below its face; estimates are denoised, and predicted, over the edges of `mesh`. Vertex method
+            only, and all vertices.
+        cage: how far from `mesh` the finer one may be: a length, or "2%" of the radius. Vertices at which there is
+            nothing within that take the closest point, and are flagged.
 
     Raises:
         OptionError: an argument is out of range, or of the other method.
         InputError, OutputError: `checkpoint` cannot be used (`Checkpoint`).
-        MeshError: `mesh` is none, or `normals="file"` for a mesh without normals.
+        MeshError: `mesh` or `high` is none, `normals="file"` for a mesh without normals, or nothing of `high` is
+            within the cage.
         MemoryLimitError: the bake would not fit into memory.
         EmbreeError: Embree failed, out of memory for instance.
 
@@ -81,13 +91,23 @@ def bake(
     options = Options(
         method, falloff_of(falloff), samples, seed, threads, normals, only, tolerance, reconstruct, hidden, traversal
     )
+    if high is not None and (method == "surface" or only is not None):
+        got = "a mask of some" if only is not None else "method surface"
+        raise OptionError("high", "w at all vertices by the vertex method with it", got)
     mesh = mesh_of(mesh, "bake")
-    mu = options.falloff.resolve(mesh.radius)
-    _check_memory(mesh, options)
+    solid = mesh if high is None else mesh_of(high, "bake")
+    mu = options.falloff.resolve(solid.radius)
+    reach = resolve_length("cage", cage, mesh.radius)
+    _check_memory([mesh] if high is None else [mesh, solid], options)
 
     start = time.perf_counter()
-    prepared = Prepared.of(mesh, mu, options, progress, checkpoint)
-    values = _values(prepared)
+    prepared = Prepared.of(solid, mu, options, progress, checkpoint if high is None else None)
+    if high is None:
+        values = _values(prepared)
+    else:
+        from .texture.onto_vertices import sample_fine_mesh
+
+        prepared, values = sample_fine_mesh(prepared, solid, mesh, reach, checkpoint)
     build = prepared.receivers.tree_seconds
     baked = assemble(prepared, values, {"build": build, "bake": time.perf_counter() - start - build})
     if tolerance is not None and baked.rmse > tolerance:
@@ -106,12 +126,12 @@ def _values(prepared: Prepared) -> PointValues:
     return fit_to_surface(prepared)
 
 
-def _check_memory(mesh: Mesh, options: Options) -> None:
+def _check_memory(meshes: list[Mesh], options: Options) -> None:
     """Raises: MemoryLimitError: the bake would not fit into memory."""
-    vertices, faces = len(mesh.vertices), len(mesh.faces)
-    work = f"to bake {vertices:,} vertices and {faces:,} faces"
+    vertices, faces = (sum(len(getattr(mesh, name)) for mesh in meshes) for name in ("vertices", "faces"))
+    source, work = meshes[-1].source, f"to bake {len(meshes[0].vertices):,} vertices and {faces:,} faces"
     if options.method == "vertex":
-        check_memory(mesh.source, vertex_bytes(vertices, faces, options.rays), work)
+        check_memory(source, vertex_bytes(vertices, faces, options.rays), work)
         return
     instead = {"the vertex method": vertex_bytes(vertices, faces, DEFAULT_SAMPLES)}
-    check_memory(mesh.source, surface_bytes(vertices, faces), work + " by the surface method", instead)
+    check_memory(source, surface_bytes(vertices, faces), work + " by the surface method", instead)

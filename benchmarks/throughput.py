@@ -78,10 +78,11 @@ def bare(scene, packet, valid, origins, directions, reach, closest, hits):
 
 
 @kernel
-def world_directions(normals, numbers, local, key, out):
+def world_directions(normals, numbers, table, out):
     """The directions that `ao.gather.hemisphere.gather_hemispheres` would trace, float32 (k, 3, samples)."""
+    local = table.directions
     for i in range(len(normals)):
-        chosen, turn = choose(numbers[i], key, len(local))
+        chosen, turn = choose(numbers[i], table)
         n = normals[i]
         t, b = turned_frame(n, turn)
         for axis in range(3):
@@ -101,7 +102,7 @@ def measure(path: Path | None, samples: int, rounds: int) -> dict[str, object]:
     points = receivers.points[np.arange(count)]
     table = DirectionTable.make(samples, count, seed_key(0))
     directions = np.empty((count, 3, samples), np.float32)
-    world_directions(points.normals, points.numbers, table.directions, table.key, directions)
+    world_directions(points.normals, points.numbers, table, directions)
     threads = thread_count(None)
     out, hits = np.empty((count, COLUMNS)), np.empty(count, np.int64)
     results: dict[str, object] = {}

@@ -34,7 +34,7 @@ def gather_hemispheres(packet, points, table, falloff, reach, out):
     exponential = falloff.tau > 0.0
     ids = rays.view(np.uint32)
     for i in range(len(origins)):
-        chosen, turn = choose(numbers[i], table.key, len(table.directions))
+        chosen, turn = choose(numbers[i], table)
         n = normals[i]
         t, b = turned_frame(n, turn)
         local = table.directions[chosen]

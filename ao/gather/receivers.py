@@ -37,6 +37,7 @@ class Flag(IntFlag):
     OPPOSED = 4  #: no direction sees the front of all its faces; w is the mean over its corners
     HIDDEN = 8  #: it is inside a solid, as most of what it sees is backs of faces
     FOLDED = 16  #: its normal lies behind one of its faces; w is the mean over its corners
+    MISSED = 32  #: nothing of the fine mesh is within the cage; w is that of the closest point
 
 
 @dataclass(frozen=True, eq=False)

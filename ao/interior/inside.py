@@ -82,13 +82,13 @@ def _find_hidden(packet, points, table, solids, reach, hidden):
     scene, rays, valid = borrow(packet)
     origins, normals, numbers = borrow(points)
     table = borrow(table)
-    directions, key = table.directions, table.key
+    directions = table.directions
     of_face, of_point = borrow(solids)
     hidden = borrow(hidden)
-    sets, _, samples = directions.shape
+    samples = directions.shape[2]
     ids = rays.view(np.uint32)
     for i in range(len(origins)):
-        chosen, turn = choose(numbers[i], key, sets)
+        chosen, turn = choose(numbers[i], table)
         n = normals[i]
         t, b = turned_frame(n, turn)
         start_from(rays, origins[i])

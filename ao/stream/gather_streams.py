@@ -34,7 +34,7 @@ def gather_streams(tree, rays, room, points, table, falloff, reach, out):
     lost = np.zeros(BATCHES)
     for i in range(len(origins)):
         origin, normal = (origins[i, 0], origins[i, 1], origins[i, 2]), (normals[i, 0], normals[i, 1], normals[i, 2])
-        chosen, turn = choose(numbers[i], table.key, len(table.directions))
+        chosen, turn = choose(numbers[i], table)
         t, b = turned_frame(normal, turn)
         frame = t, b, normal
         send_out(rays, table.directions, table.cones, chosen, samples, frame, reach)

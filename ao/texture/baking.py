@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import time
 import warnings
 from dataclasses import replace
@@ -17,9 +16,7 @@ from raytrace.mesh.normals import face_normals
 from raytrace.mesh.placement import Placement
 from raytrace.system.memory import check_memory
 
-from ..adaptive.fixed_samples import sampled
-from ..adaptive.tolerance import Estimate, ToleranceWarning, estimate_to
-from ..denoise.one_ring import Neighbours
+from ..adaptive.tolerance import ToleranceWarning
 from ..falloff import Falloff, Length, resolve_length
 from ..gather.receivers import find_receivers
 from ..memory import texture_bytes
@@ -27,14 +24,14 @@ from ..options import Hidden, Normals, Options, Traversal, falloff_of
 from ..prepared import Prepared
 from ..trace.checkpoint import Checkpoint
 from ..trace.tracer import Progress
-from ..trace.traversal import packets_below
 from .adjacency import face_charts, texel_neighbours, texel_sizes
-from .coverage import SLOTS, Overlap, cover
+from .coverage import Overlap, cover
+from .gathering import begin_tracing, estimate
 from .projection import Fine, project
 from .result import BakedTexture, TextureFacts, assemble_pages
 from .seams import Seams
 from .tangents import tangent_frames
-from .texels import Faces, TexelTracer, find_texels, points_on
+from .texels import Faces, find_texels, points_on
 from .uv_layout import UVLayout, corner_uv, page_size
 
 BentSpace = Literal["world", "tangent"]
@@ -129,7 +126,7 @@ def bake_texture(
     if overlap == "refuse" and overlapping:
         expected = "faces that do not overlap on the page"
         raise OptionError("overlap", expected, f"{overlapping:,} texels with several", mesh.source)
-    covered, on_page, missed = len(coverage.texels), coverage, 0
+    covered, on_page, missed = len(coverage.texels), coverage, np.zeros(0, np.int64)
     if high is not None:
         fine = Fine(placement.vertices.astype(np.float64), receivers, solid.source)
         flat, weights = coverage.face.ravel().astype(np.int64), coverage.barycentric.reshape(-1, 3)
@@ -139,35 +136,19 @@ def bake_texture(
     del coverage, on_page
     points_of_faces = shown.of_vertex[shown.faces]
     seams = Seams.find(layout.uv, points_of_faces, (width, height), wrap)
-    if checkpoint:
-        digest = hashlib.blake2b(texels.points.origins.data)
-        digest.update(texels.points.normals.data)
-        kind = "texture", traversal, options.rays, tolerance, reconstruct, options.seed, normals, digest.hexdigest()
-        checkpoint.begin(placement, receivers, mu, *kind)
-    tracer = TexelTracer(
-        receivers.embree,
-        receivers.tree,
-        packets_below(traversal, receivers.tree, placement, receivers.points, mu),
-        placement,
-        mu,
-        count,
-        total_points=SLOTS * len(texels),
-        progress=progress,
-        checkpoint=checkpoint,
-        texels=texels,
-    )
+    tracer = begin_tracing(prepared, texels, "texture", checkpoint)
     points = texels.first_points
     neighbours = None
     if reconstruct:
         charts = face_charts(layout.uv, points_of_faces)
         sizes = texel_sizes(layout.uv, vertices, shown.faces, placement.diagonal)
         neighbours = texel_neighbours(texels, points, layout, seams, charts, sizes, count)
-    estimate = _estimate(tracer, neighbours, prepared)
+    found = estimate(tracer, points, neighbours, prepared)
     frames = None
     if bent_space == "tangent":
         on_faces = Faces.of(vertices, shown)
         frames = tangent_frames(layout.uv, shown.faces, points_of_faces, on_faces, texels.shown, texels.shown_at)
-    pages = assemble_pages(layout, texels, estimate.rows, estimate.variance, frames, seams, close_seams, count)
+    pages = assemble_pages(layout, texels, found.rows, found.variance, frames, seams, close_seams, count)
     build = receivers.tree_seconds
     baked = BakedTexture(
         w=pages.w,
@@ -176,30 +157,20 @@ def bake_texture(
         covered=pages.covered,
         rays=tracer.rays,
         rays_skipped={
-            "predicted": (estimate.samples - estimate.screened) * estimate.predicted,
-            "hidden": estimate.samples * filled,
+            "predicted": (found.samples - found.screened) * found.predicted,
+            "hidden": found.samples * filled,
         },
-        rmse=float(np.sqrt(np.mean(estimate.variance))),
+        rmse=float(np.sqrt(np.mean(found.variance))),
         facts=TextureFacts(
-            covered, overlapping, filled, missed, layout.mirrored, layout.flat, layout.outside, seams.edges, pages.jump,
-            pages.jump_before,
+            covered, overlapping, filled, len(missed), layout.mirrored, layout.flat, layout.outside, seams.edges,
+            pages.jump, pages.jump_before,
         ),
         seconds={"build": build, "bake": time.perf_counter() - start - build},
         mu=mu,
     )  # fmt: skip
     if tolerance is not None and baked.rmse > tolerance:
-        reason = f": {options.rays:,} rays a texel were allowed" if estimate.samples >= options.rays else ""
+        reason = f": {options.rays:,} rays a texel were allowed" if found.samples >= options.rays else ""
         text = f"tolerance {tolerance:g} is not met, the estimated RMSE is {baked.rmse:.3g}{reason}"
         warnings.warn(text, ToleranceWarning, stacklevel=2)
         return replace(baked, shortfalls=(text,))
     return baked
-
-
-def _estimate(tracer: TexelTracer, neighbours: Neighbours | None, prepared: Prepared) -> Estimate:
-    """Estimates at all texels, with a number of rays each that is given or meets the tolerance."""
-    assert tracer.texels is not None
-    points, options = tracer.texels.first_points, prepared.options
-    if options.tolerance is None:
-        return sampled(tracer, points, neighbours, options.rays, prepared.key)
-    assert neighbours is not None  # `Options` has seen to it
-    return estimate_to(tracer, points, neighbours, options.tolerance, options.rays, prepared.key)

@@ -33,7 +33,7 @@ def leave_out_below(points, sides, table, out):
         n, side = normals[i], sides[i]
         if n[0] == side[0] and n[1] == side[1] and n[2] == side[2]:
             continue
-        chosen, turn = choose(numbers[i], table.key, len(directions))
+        chosen, turn = choose(numbers[i], table)
         t, b = turned_frame(n, turn)
         x = t[0] * side[0] + t[1] * side[1] + t[2] * side[2]
         y = b[0] * side[0] + b[1] * side[1] + b[2] * side[2]

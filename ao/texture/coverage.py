@@ -131,15 +131,16 @@ def _spread_over_part(
 
 
 def refill(good: Bools, *tables: Int32s | Int64s | Float32s) -> None:
-    """Give slots that are not `good`, bool (k, SLOTS), what the good ones of their texel have, in turn and in place.
+    """Give slots that are not `good`, bool (k, slots), what the good ones of their texel have, in turn and in place.
 
-    Args: tables: (k, SLOTS, …). Texels without good slots stay as they are.
+    Args: tables: (k, slots, …). Texels without good slots stay as they are.
     """
     found: Int64s = np.sum(good, axis=1, dtype=np.int64)
-    rows = np.flatnonzero((found > 0) & (found < SLOTS))
+    slots = good.shape[1]
+    rows = np.flatnonzero((found > 0) & (found < slots))
     count = found[rows]
     order = np.argsort(~good[rows], axis=1, kind="stable")
-    source = np.take_along_axis(order, np.arange(SLOTS) % count[:, None], axis=1)
+    source = np.take_along_axis(order, np.arange(slots) % count[:, None], axis=1)
     for table in tables:
         table[rows] = table[rows[:, None], source]
 
@@ -166,14 +167,18 @@ def _taken_in_turn(
 ) -> tuple[Int64s, Float32s]:
     """One of the triangles over one another at each of the `places` (k, 2); `slots` and `texels` (k,) take turns."""
     height, faces, barycentrics = np.full(len(places), _ABOVE), [], []
+    rows = np.arange(len(places))
     for _ in range(_LAYERS):
-        hits = intersect(scene, _at_height(places, height), [[0.0, 0.0, -1.0]], np.inf, threads)
+        hits = intersect(scene, _at_height(places[rows], height[rows]), [[0.0, 0.0, -1.0]], np.inf, threads)
         inside = _well_inside(hits.face, hits.barycentric)
         if not inside.any():
             break
-        faces.append(np.where(inside, hits.face, -1))
-        barycentrics.append(hits.barycentric)
-        height = np.where(hits.face >= 0, height - hits.distance - step / 2, height)
+        face, barycentric = np.full(len(places), -1), np.zeros((len(places), 3), np.float32)
+        face[rows], barycentric[rows] = np.where(inside, hits.face, -1), hits.barycentric
+        faces.append(face)
+        barycentrics.append(barycentric)
+        height[rows] -= hits.distance + step / 2
+        rows = rows[hits.face >= 0]
     layers, weights = np.stack(faces, axis=1), np.stack(barycentrics, axis=1)
     count = (layers >= 0).sum(axis=1)
     order = np.argsort(layers < 0, axis=1, kind="stable")
@@ -182,7 +187,9 @@ def _taken_in_turn(
 
 
 def _well_inside(face: Int64s, barycentric: Float32s) -> Bools:
-    return (face >= 0) & (barycentric.min(axis=1) > _INSIDE)
+    a, b, c = barycentric.T
+    least = np.minimum(np.minimum(a, b), c)  # ten times as fast as along the rows
+    return (face >= 0) & (least > _INSIDE)
 
 
 def _at_height(places: Float64s, height: Float64s | float) -> Float32s:

@@ -1,4 +1,4 @@
-"""From a coarse mesh to a fine one: points of texels move along the coarse mesh's smooth normals onto the fine surface.
+"""From a coarse mesh to a fine one: points of texels, or vertices, move along its smooth normals onto the fine surface.
 
 A ray starts as far outside as the cage reaches and goes in, twice as far; what it meets first is what the texel shows.
 Points that meet nothing take the closest one.
@@ -15,9 +15,10 @@ from raytrace.bvh.search import begin, new_stack, next_leaf
 from raytrace.embree.rays import intersect
 from raytrace.errors import MeshError
 from raytrace.kernel.borrow import borrow
-from raytrace.kernel.jit import inline, kernel
+from raytrace.kernel.jit import kernel
 from raytrace.kernel.simd_masks import lowest_bit
-from raytrace.kernel.vector import add, dot, length, load, load_triangle, scale, subtract
+from raytrace.kernel.vector import load, load_triangle
+from raytrace.ray_origins.closest import closest_on_triangle
 from raytrace.system.threads import run_blocks
 from raytrace.types import Float32s, Float64s, Int64s
 
@@ -38,11 +39,11 @@ class Fine(NamedTuple):
 
 def project(
     coverage: Coverage, places: Float64s, normals: Float64s, fine: Fine, cage: float, threads: int
-) -> tuple[Coverage, int]:
-    """The points of `coverage` on a fine surface, and how many of them the cage misses.
+) -> tuple[Coverage, Int64s]:
+    """The points of `coverage` on a fine surface, and which of them the cage misses, (j,).
 
     Args:
-        places, normals: (k · SLOTS, 3), the points on the coarse mesh and its unit normals there, in render space.
+        places, normals: (k · slots, 3), the points on the coarse mesh and its unit normals there, in render space.
         cage: how far from the coarse mesh the fine surface may be, in render space.
 
     Raises:
@@ -52,11 +53,11 @@ def project(
     face, weights = hits.face, hits.barycentric
     missed = np.flatnonzero(face < 0)
     if len(missed) == len(face):
-        raise MeshError(fine.source, "surface", "some of it within the cage about the mesh with the texture", "none")
+        raise MeshError(fine.source, "surface", "some of it within the cage about the coarse mesh", "none")
     face[missed], weights[missed] = _closest_points(fine, places[missed], cage, threads)
     shape = coverage.face.shape
     moved = replace(coverage, face=face.reshape(shape).astype(np.int32), barycentric=weights.reshape(*shape, 3))
-    return moved, len(missed)
+    return moved, missed
 
 
 def _closest_points(fine: Fine, places: Float64s, radius: float, threads: int) -> tuple[Int64s, Float32s]:
@@ -97,35 +98,3 @@ def _search(tree, stack, vertices, faces, places, radius, rounded, face, weights
                 leaf, near = next_leaf(tree, stack, middle, np.float32(reach * (1.0 + 1e-6) + rounded))
             if best == np.inf:
                 reach *= 2.0
-
-
-@inline
-def closest_on_triangle(p, a, b, c):
-    """Distance of a point from a triangle, and the weights of b and c where it is closest.
-
-    Source: Ericson, Real-Time Collision Detection, 5.1.5.
-    """
-    ab, ac, ap = subtract(b, a), subtract(c, a), subtract(p, a)
-    d1, d2 = dot(ab, ap), dot(ac, ap)
-    bp, cp = subtract(p, b), subtract(p, c)
-    d3, d4, d5, d6 = dot(ab, bp), dot(ac, bp), dot(ab, cp), dot(ac, cp)
-    va, vb, vc = d3 * d6 - d5 * d4, d5 * d2 - d1 * d6, d1 * d4 - d3 * d2
-    u = v = 0.0
-    if d1 <= 0.0 and d2 <= 0.0:
-        pass
-    elif d3 >= 0.0 and d4 <= d3:
-        u = 1.0
-    elif d6 >= 0.0 and d5 <= d6:
-        v = 1.0
-    elif vc <= 0.0 and d1 >= 0.0 and d3 <= 0.0:
-        u = d1 / (d1 - d3)
-    elif vb <= 0.0 and d2 >= 0.0 and d6 <= 0.0:
-        v = d2 / (d2 - d6)
-    elif va <= 0.0 and d4 >= d3 and d5 >= d6:
-        v = (d4 - d3) / ((d4 - d3) + (d5 - d6))
-        u = 1.0 - v
-    else:
-        total = va + vb + vc
-        u, v = vb / total, vc / total
-    near = add(a, add(scale(u, ab), scale(v, ac)))
-    return length(subtract(p, near)), u, v

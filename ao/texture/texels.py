@@ -6,7 +6,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from raytrace.embree.packets import LANES
 from raytrace.kernel.jit import kernel
 from raytrace.kernel.vector import dot, load, scale, store
 from raytrace.mesh.normals import face_normals
@@ -26,10 +25,10 @@ from ..interior.inside import Solids, hidden_points
 from ..options import Hidden
 from ..trace.tracer import Tracer
 from .below_face import leave_out_below
-from .coverage import SLOTS, Coverage, refill
+from .coverage import Coverage, refill
 
 _LEAST_COSINE = 0.2  # between an interpolated normal and its face's; the face's stands for others
-_ENOUGH = 128  # rays of a point, from which more points are worth more than more rays
+_ENOUGH = 8  # rays of a point, so that more points are worth their time
 _PLACED = 1 << 18  # points whose origins are found together
 _GATHERED = 1 << 16  # texels
 _BLOCK = 1 << 13
@@ -40,9 +39,9 @@ class Texels:
     """The texels to bake, along a curve that keeps neighbours together.
 
     Attributes:
-        texels: int64 (k,), row · width + column. face: int32 (k, SLOTS), the face under each point.
-        points: k · SLOTS, those of a texel together, numbered one by one.
-        sides: float32 (k · SLOTS, 3), normals of the faces on the hemispheres' side.
+        texels: int64 (k,), row · width + column. face: int32 (k, slots), the face under each point.
+        points: k · slots, those of a texel together, numbered one by one.
+        sides: float32 (k · slots, 3), normals of the faces on the hemispheres' side.
         shown: int32 (k,), the face on the page at each texel's first point; shown_at: float32 (k, 3), where on it.
     """
 
@@ -57,14 +56,19 @@ class Texels:
         return len(self.texels)
 
     @property
+    def slots(self) -> int:
+        """Points of a texel."""
+        return self.face.shape[1]
+
+    @property
     def first_points(self) -> Points:
         """One point of each texel, for what asks where it is; numbered by the rows of the texels."""
-        first = self.points[::SLOTS]
+        first = self.points[:: self.slots]
         return replace(first, numbers=np.arange(len(self), dtype=np.uint32))
 
     def only(self, rows: Int64s) -> Texels:
         """Some of the texels, numbered anew."""
-        each = (SLOTS * rows[:, None] + np.arange(SLOTS)).ravel()
+        each = (self.slots * rows[:, None] + np.arange(self.slots)).ravel()
         numbers = np.arange(len(each), dtype=np.uint32)
         points = Points(self.points.origins[each], self.points.normals[each], numbers)
         return Texels(
@@ -102,16 +106,16 @@ def find_texels(
     """
     faces = Faces.of(placement.vertices.astype(np.float64), receivers)
     texels = _placed(coverage, page, faces, receivers, threads)
-    inside = _inside(texels, placement, receivers, hidden, threads).reshape(-1, SLOTS)
+    inside = inside_solids(texels, placement, receivers, hidden, threads).reshape(-1, texels.slots)
     good = ~inside
     if inside.any():
         arrays = texels.points.origins, texels.points.normals, texels.sides
-        origins, normals, sides = (array.reshape(-1, SLOTS, 3) for array in arrays)
+        origins, normals, sides = (array.reshape(-1, texels.slots, 3) for array in arrays)
         refill(good, texels.face, origins, normals, sides)
     rows = np.flatnonzero(good.any(axis=1))
     if not len(rows):  # a room whose walls face outwards, for instance
         rows = np.arange(len(good))
-    rows = rows[morton_order(texels.points.origins[SLOTS * rows])]
+    rows = rows[morton_order(texels.points.origins[texels.slots * rows])]
     return texels.only(rows), len(texels) - len(rows)
 
 
@@ -169,13 +173,13 @@ def _place(own, weights, faces, vertices, axes, normals, places, sides, hemisphe
         store(hemispheres, i, axis)
 
 
-def _inside(texels: Texels, placement: Placement, receivers: Receivers, hidden: Hidden, threads: int) -> Bools:
+def inside_solids(texels: Texels, placement: Placement, receivers: Receivers, hidden: Hidden, threads: int) -> Bools:
     """The points that are inside a solid, as the option `hidden` defines it."""
     points, reach = texels.points, placement.diagonal
     inside = np.zeros(len(points), np.bool_)
     if hidden == "ignore":
         return inside
-    if hidden == "fill":
+    if hidden in ("fill", "mark"):
         any_back = Solids(np.zeros(len(receivers.faces), np.int64), np.full(len(points), -1))
         return hidden_points(receivers.embree(), points, any_back, reach, len(points), threads)
     part, closed = closed_parts(placement.vertices, receivers.faces)
@@ -202,16 +206,16 @@ class TexelTracer(Tracer):
     def gather(self, points: Points, samples: int, key: np.uint32) -> Float64s:
         """Rows (k, COLUMNS) of texels, by `samples` rays each or a few more."""
         assert self.texels is not None
-        slots = int(np.clip(samples // _ENOUGH, min(samples // LANES, 2), SLOTS)) or 1
+        slots = 1 << int(np.clip(samples // _ENOUGH, 1, self.texels.slots)).bit_length() - 1
         rays = -(-samples // slots)
         out = np.empty((len(points), COLUMNS))
-        table = DirectionTable.make(rays, self.total_points, key)
+        table = DirectionTable.make(rays, self.total_points, key, slots)
         for first in range(0, len(points), _GATHERED):
             rows = points.numbers[first : first + _GATHERED].astype(np.int64)
-            each = (SLOTS * rows[:, None] + np.arange(slots)).ravel()
-            some, sides = self.texels.points[each], self.texels.sides[each]
-            found = super().gather(some, rays, key)
-            self._leave_out_below(some, sides, table, found)
+            each, numbers = ((count * rows[:, None] + np.arange(slots)).ravel() for count in (self.texels.slots, slots))
+            some = replace(self.texels.points[each], numbers=numbers.astype(np.uint32))
+            found = self._gather(some, table)
+            self._leave_out_below(some, self.texels.sides[each], table, found)
             out[first : first + _GATHERED] = found.reshape(-1, slots, COLUMNS).sum(axis=1) / slots
         return out
 

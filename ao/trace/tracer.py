@@ -59,8 +59,12 @@ class Tracer:
 
     def gather(self, points: Points, samples: int, key: np.uint32) -> Float64s:
         """Rows (k, COLUMNS) of `gather_hemispheres`: of `points`, by `samples` rays each, directions drawn by `key`."""
+        return self._gather(points, self._table(samples, key))
+
+    def _gather(self, points: Points, table: DirectionTable) -> Float64s:
+        samples, key = table.samples, table.key
         out = np.empty((len(points), COLUMNS))
-        gather = self._gatherer(self._table(samples, key))
+        gather = self._gatherer(table)
         checkpoint = self.checkpoint
         call = checkpoint.call(points.numbers, samples, key) if checkpoint else b""
 

@@ -12,7 +12,7 @@ from typing import Any, Literal, NamedTuple, get_args
 import numpy as np
 
 from ..errors import InputError, OptionError
-from ..types import Float32s, Int64s
+from ..types import Float32s, Int64s, UInt8s, UInt16s
 from .read import decoding_table, open_image, row_blocks
 
 MAX_SIDE = 16384
@@ -134,6 +134,15 @@ def texture_bytes(textures: Iterable[Texture | None]) -> int:
                 texels.append(image.spec().width * image.spec().height)
     before = sum(texels) - min(texels[1:], default=0)  # what was packed the time before is let go of afterwards
     return _TEXEL * (sum(texels) + before) + _WORKING * max(texels)
+
+
+def texture_codes(texture: Texture) -> UInt8s | UInt16s | Float32s:
+    """The numbers of an image as stored, (h, w, 1 to 4), rows from the top, alpha straight.
+
+    Raises: InputError: as `pack_textures`.
+    """
+    with _opened(texture) as image:
+        return np.concatenate([codes for _, codes in row_blocks(image, texture.path)])
 
 
 @contextmanager

@@ -11,10 +11,11 @@ from ..bvh.search import begin, new_stack, next_leaf
 from ..kernel.borrow import borrow
 from ..kernel.jit import inline, kernel
 from ..kernel.simd_masks import lowest_bit
-from ..kernel.vector import add, dot, length, load, load_triangle, scale, subtract
+from ..kernel.vector import load, load_triangle
 from ..mesh.placement import ULP
 from ..system.threads import run_blocks, thread_count
 from ..types import Bools, Float64s, Int64s
+from .closest import distance_to_triangle
 from .surface import Surface
 
 _BLOCK = 1 << 10  # points
@@ -78,32 +79,6 @@ def find_contacts(
 
 def _empty(count: int) -> Contacts:
     return Contacts(np.empty(count, np.int64), np.empty(count, np.int64), np.empty(count))
-
-
-@inline
-def distance_to_triangle(p, a, b, c):
-    """Distance of a point from a triangle. Source: Ericson, Real-Time Collision Detection, 5.1.5."""
-    ab, ac, ap = subtract(b, a), subtract(c, a), subtract(p, a)
-    d1, d2 = dot(ab, ap), dot(ac, ap)
-    bp, cp = subtract(p, b), subtract(p, c)
-    d3, d4, d5, d6 = dot(ab, bp), dot(ac, bp), dot(ab, cp), dot(ac, cp)
-    va, vb, vc = d3 * d6 - d5 * d4, d5 * d2 - d1 * d6, d1 * d4 - d3 * d2
-    if d1 <= 0.0 and d2 <= 0.0:
-        near = a
-    elif d3 >= 0.0 and d4 <= d3:
-        near = b
-    elif d6 >= 0.0 and d5 <= d6:
-        near = c
-    elif vc <= 0.0 and d1 >= 0.0 and d3 <= 0.0:
-        near = add(a, scale(d1 / (d1 - d3), ab))
-    elif vb <= 0.0 and d2 >= 0.0 and d6 <= 0.0:
-        near = add(a, scale(d2 / (d2 - d6), ac))
-    elif va <= 0.0 and d4 >= d3 and d5 >= d6:
-        near = add(b, scale((d4 - d3) / ((d4 - d3) + (d5 - d6)), subtract(c, b)))
-    else:
-        total = va + vb + vc
-        near = add(a, add(scale(vb / total, ab), scale(vc / total, ac)))
-    return length(subtract(p, near))
 
 
 @inline

@@ -61,7 +61,7 @@ def turn_directions(
     """
     first = np.flatnonzero(np.diff(touched.point, prepend=-1))
     rows = touched.point[first]
-    needed = np.zeros(len(points), np.bool_)
+    needed = np.zeros(max(int(face_points.max()), int(numbers.max())) + 1, np.bool_)
     needed[numbers[rows]] = True
     kept = np.where(needed, np.cumsum(needed) - 1, -1)
     corners, starts = counting_sort(kept[face_points], int(np.count_nonzero(needed)))

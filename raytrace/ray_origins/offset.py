@@ -10,7 +10,7 @@ from ..kernel.jit import kernel
 from ..kernel.vector import add, dot, load, load_triangle, scale, subtract
 from ..mesh.placement import ULP
 from ..types import Float64s
-from .contacts import distance_to_triangle
+from .closest import distance_to_triangle
 
 OFFSET_ULPS = 16.0  # 4 were enough in 20,000 trials
 

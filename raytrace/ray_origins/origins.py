@@ -32,7 +32,7 @@ def ray_origins(
         directions: (k, 3), unit, or zero for points without origins; in front of the point's own faces with the least
             cosine `clearance` (k,).
         face_points: int64 (m, 3), the number of the point that each face corner is.
-        numbers: int64 (k,), below k: the number of each point; points may share one.
+        numbers: int64 (k,), the number of each point; points may share one.
         magnitude: (k,), what `surface.magnitudes(face_points, …)` has for that number.
     """
     directions, clearance, magnitude = directions.copy(), clearance.copy(), magnitude.copy()

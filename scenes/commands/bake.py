@@ -14,6 +14,7 @@ from warnings import catch_warnings, simplefilter
 
 from .console import KERNELS_OF_BAKE, KERNELS_OF_SURFACE, bake_summary, compiling, note, progress, warn
 from .options import (
+    CAGE,
     FalloffForm,
     Hidden,
     Method,
@@ -22,6 +23,7 @@ from .options import (
     ProgressForm,
     Traversal,
     Up,
+    check_cage,
     make_falloff,
     named,
     plain,
@@ -90,6 +92,8 @@ class MeshBake(ABC):
     resume: bool
     occlusion: Occlusion | None
     replace_occlusion: bool
+    high: Path | None
+    cage: str | None
     quiet: bool
     progress: ProgressForm = "bar"
     content: bytes | None = None
@@ -151,7 +155,7 @@ class MeshBake(ABC):
 
     def inputs(self) -> list[Path]:
         """The files that are read, as far as the options name them."""
-        return [self.mesh]
+        return [self.mesh] if self.high is None else [self.mesh, self.high]
 
     @property
     @abstractmethod
@@ -221,7 +225,9 @@ class BakeCommand(MeshBake):
         from ao.options import Options
         from raytrace.mesh.placement import Placement
 
-        mesh = source.mesh
+        from ..readers.load import load
+
+        mesh = source.mesh if self.high is None else load(self.high).mesh  # of whose surface points are traced
         counts = len(mesh.vertices), len(mesh.faces)
         rays = Options(**self.options()).rays
         needed = vertex_bytes(*counts, rays) if self.method == "vertex" else surface_bytes(*counts)
@@ -235,27 +241,34 @@ class BakeCommand(MeshBake):
             ao.bake(mesh, falloff, only=only, **self.options())
             return len(chosen)
 
-        points = find_receivers(mesh, Placement.of(mesh), self.normals).points
+        points = find_receivers(source.mesh, Placement.of(source.mesh), self.normals).points
         return Work(len(points), "vertices", needed, trial)
 
     def bake(self, falloff: ao.Falloff) -> Iterator[Written]:
         import ao
         from raytrace.system.outputs import check_outputs
 
+        from ..readers.load import load
         from ..writers.losses import lost
         from ..writers.write import channels, write
 
         start = time.perf_counter()
         source = self.read()
-        check_outputs(self.outputs(), source.files)
+        fine = None if self.high is None else load(self.high)
+        check_outputs(self.outputs(), [*source.files, *(fine.files if fine else ())])
         loaded = time.perf_counter()
+        notes = [*source.notes, *(fine.notes if fine else ())]
         warnings = warn(
-            [source.mesh], [*source.notes, *lost(self.output, source, channels(self.output, **self._channels()))]
+            [source.mesh, *([fine.mesh] if fine else [])],
+            [*notes, *lost(self.output, source, channels(self.output, **self._channels()))],
         )
         with self.checkpoint(self.output) as checkpoint:
             with progress(self.quiet, "rays", form=self.progress) as (advance,):
-                baked = ao.bake(source.mesh, falloff, progress=advance, checkpoint=checkpoint, **self.options())
-            warnings += warn([], baked.shortfalls)
+                baked = ao.bake(
+                    source.mesh, falloff, progress=advance, checkpoint=checkpoint, high=fine.mesh if fine else None,
+                    cage=self.cage or CAGE, **self.options(),
+                )  # fmt: skip
+            warnings += warn([], [*baked.shortfalls, *self._missed(baked)])
             tracing = time.perf_counter()
             write(self.output, baked, source, **self._channels())
         seconds = {"load": loaded - start, "write": time.perf_counter() - tracing}
@@ -273,6 +286,9 @@ class BakeCommand(MeshBake):
 
         from ..writers.write import channels, check_target
 
+        check_cage(self.cage, self.high)
+        if self.high is not None and self.method == "surface":
+            raise OptionError("high", "method vertex with it", "method surface")
         check_target(self.output)
         channels(self.output, **self._channels())
         if self.debug_image:
@@ -298,6 +314,12 @@ class BakeCommand(MeshBake):
     def _channels(self) -> dict[str, Any]:
         """The options of `scenes.write`."""
         return {name: getattr(self, name) for name in ("colors", "occlusion", "replace_occlusion")}
+
+    def _missed(self, baked: ao.Bake) -> list[str]:
+        """A warning of the vertices that the cage missed, if there are any."""
+        missed = baked.flagged["missed"]
+        text = "vertices are not within the cage of the fine mesh and take the closest point of it"
+        return [f"{self.output}: {missed:,} {text}"] if missed else []
 
     def _write_report(self, path: Path, baked: ao.Bake, seconds: dict[str, float], warnings: list[str]) -> None:
         from ao.report import report

@@ -19,8 +19,9 @@ COLOURS = {
     ao.Flag.OPPOSED: (0.0, 0.8, 0.9),
     ao.Flag.FOLDED: (0.1, 0.8, 0.1),
     ao.Flag.HIDDEN: (1.0, 0.0, 0.6),
+    ao.Flag.MISSED: (1.0, 0.25, 0.0),
 }
-"""Linear RGB of the dot on a vertex: blue, yellow, cyan, green, magenta; the last flag of a vertex wins."""
+"""Linear RGB of the dot on a vertex: blue, yellow, cyan, green, magenta, orange; the last flag of a vertex wins."""
 
 _WIDTH, _HEIGHT, _DOT = 960, 720, 2
 

@@ -11,6 +11,7 @@ if TYPE_CHECKING:
     import ao
 
 
+CAGE = "2%"  # of the radius, unless --cage is given
 VALIDATION_SAMPLES = 4096  # rays per vertex of `obscurance validate`, unless given
 
 
@@ -87,6 +88,18 @@ def parse_texels(text: str) -> int | tuple[int, int]:
     if len(sides) not in (1, 2):
         raise OptionError("size", "a number of texels, such as 1024, or WIDTHxHEIGHT", repr(text))
     return sides[0] if len(sides) == 1 else (sides[0], sides[1])
+
+
+def check_cage(cage: str | None, high: Path | None) -> None:
+    """Raises: OptionError: a cage that is no length, or without a fine mesh."""
+    if cage is None:
+        return
+    from ao.falloff import resolve_length
+    from raytrace.errors import OptionError
+
+    if high is None:
+        raise OptionError("cage", "--high with it", "none")
+    resolve_length("cage", cage, 1.0)
 
 
 def plain(value: object) -> object:

@@ -54,7 +54,11 @@ class OcclusionTextures:
 
     def takes(self, primitive: dict[str, Any]) -> bool:
         """Whether some material of the primitive has no occlusion texture that is to be kept."""
-        return any(self._open(slot.get("material")) for slot in _slots(primitive))
+        return bool(self.materials(primitive))
+
+    def materials(self, primitive: dict[str, Any]) -> list[int | None]:
+        """The primitive's materials that have no occlusion texture that is to be kept; None for no material."""
+        return [slot.get("material") for slot in _slots(primitive) if self._open(slot.get("material"))]
 
     def give(self, primitive: dict[str, Any], texture: int, coordinates: int) -> None:
         """Note that a primitive of the document is to have this texture by its TEXCOORD set of this number."""
@@ -66,6 +70,7 @@ class OcclusionTextures:
         A primitive without material gets the specification's default one. Materials keep their places.
         """
         header = self._packed.header
+        before = copy.deepcopy(header.get("materials", []))
         given = {id(each.primitive): each for each in self._given}
         others: set[int | None] = set()
         uses: dict[tuple[int | None, int, int], list[dict[str, Any]]] = {}
@@ -81,13 +86,17 @@ class OcclusionTextures:
         for (material, texture, coordinates), slots in uses.items():
             made = header["materials"][material] if material is not None else {}
             if material in others:
-                made = copy.deepcopy(made)
+                made = {} if material is None else copy.deepcopy(before[material])
                 number = self._append("materials", made)
                 for slot in slots:
                     slot["material"] = number
             else:
                 others.add(material)
-            made["occlusionTexture"] = {"index": texture, **({"texCoord": coordinates} if coordinates else {})}
+            self._put(made, texture, coordinates)
+
+    def _put(self, material: dict[str, Any], texture: int, coordinates: int) -> None:
+        """Give a material, in place, its texture by a TEXCOORD set."""
+        material["occlusionTexture"] = texture_reference(texture, coordinates)
 
     def _open(self, material: int | None) -> bool:
         header = self._packed.header
@@ -102,6 +111,11 @@ class OcclusionTextures:
         return len(entries) - 1
 
 
+def texture_reference(texture: int, coordinates: int) -> dict[str, Any]:
+    """A material's reference to a texture by a TEXCOORD set."""
+    return {"index": texture, **({"texCoord": coordinates} if coordinates else {})}
+
+
 def free_set(header: dict[str, Any], primitive: dict[str, Any]) -> int:
     """Number of the first TEXCOORD set that a primitive neither has nor its materials refer to.
 
@@ -114,7 +128,7 @@ def free_set(header: dict[str, Any], primitive: dict[str, Any]) -> int:
         stored = header["materials"][material] if known else {}
         own = occlusion_reference(header, material)
         ramp = own if own and image_name(header, own) == RAMP else None
-        used |= {number for each in _references(stored) if each is not ramp for number in _sets(each)}
+        used |= {number for each in _references(stored) if each is not ramp for number in sets_of(each)}
     ramps = ramp_sets(header, primitive)
     return next(n for n in count() if n not in used and (n in ramps or f"TEXCOORD_{n}" not in names))
 
@@ -170,7 +184,7 @@ def _references(stored: Any) -> Iterator[dict[str, Any]]:
             yield from _references(inner)
 
 
-def _sets(reference: dict[str, Any]) -> set[int]:
+def sets_of(reference: dict[str, Any]) -> set[int]:
     """The sets of texture coordinates that readers with and without KHR_texture_transform take."""
     own = reference.get("texCoord", 0)
     found = own, reference.get("extensions", {}).get(TRANSFORM, {}).get("texCoord", own)

@@ -64,7 +64,7 @@ class Textures:
             return None
         key = image, self._wrap(stored), srgb
         if key not in self._made:
-            self._made[key] = replace(self._texture(image), wrap=key[1], srgb=srgb)
+            self._made[key] = replace(self.image(image), wrap=key[1], srgb=srgb)
         return _coordinates(self._asset, primitive["attributes"][attribute], moved), self._made[key]
 
     def _wrap(self, texture: dict[str, Any]) -> tuple[Wrap, Wrap]:
@@ -73,7 +73,8 @@ class Textures:
         along_u, along_v = (_MODES[sampler.get(axis, _REPEAT)] for axis in ("wrapS", "wrapT"))
         return along_u, along_v
 
-    def _texture(self, number: int) -> Texture:
+    def image(self, number: int) -> Texture:
+        """An image of the asset, as a texture that repeats. Raises: SceneError: it is missing, or elsewhere."""
         stored = entry(self._asset, "images", number)
         label = self._path.with_name(f"{self._path.name}: images[{number}]")
         if "bufferView" in stored:

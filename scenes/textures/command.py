@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from ..commands.bake import BakeCommand, MeshBake, Work, Written
 from ..commands.console import KERNELS_OF_TEXTURE, progress, texture_summary, warn
-from ..commands.options import BentSpace, Overlap, parse_texels
+from ..commands.options import CAGE, BentSpace, Overlap, check_cage, parse_texels
 
 if TYPE_CHECKING:
     import ao
@@ -21,7 +21,6 @@ if TYPE_CHECKING:
 
 _OF_VERTICES = {"method": "vertex", "colors": False, "debug_image": None, "up": None}
 AUTO, UNWRAP = "auto", "unwrap"
-CAGE = "2%"
 _USED = 0.65  # of a page, that an unwrapping fills
 _SOME = 1e-3  # of the covered texels, that may overlap without a word
 _IMAGES = "output", "bent_normals", "error_map"
@@ -80,8 +79,7 @@ class TextureCommand(MeshBake):
     bent_space: BentSpace | None
     error_map: Path | None
     half: bool
-    high: Path | None
-    cage: str | None
+    orm: bool
 
     @property
     def kernels(self) -> int:
@@ -133,6 +131,10 @@ class TextureCommand(MeshBake):
             for name, path in self._images().items():
                 placed = path if tile is None else tile_path(path, tile)
                 outputs[f"--{name.replace('_', '-')}{'' if tile is None else f' {placed.name}'}"] = placed
+        if self.orm:
+            from .orm import check_orm
+
+            check_orm(source.gltf, number, self.replace_occlusion)
         fine = None if self.high is None else load(self.high)
         check_outputs(outputs, [*source.files, *(fine.files if fine else ())])
         loaded = time.perf_counter() - start
@@ -150,7 +152,6 @@ class TextureCommand(MeshBake):
             self._write_report(self.report, reports)
 
     def check_own(self) -> None:
-        from ao.falloff import resolve_length
         from ao.texture.uv_layout import page_size
         from raytrace.errors import OptionError
         from raytrace.system.outputs import check_ending
@@ -178,6 +179,8 @@ class TextureCommand(MeshBake):
                 raise OptionError("mesh_output", "an image of one page as --output with it", self.output)
         if self.replace_occlusion and glb is None:
             raise OptionError("replace_occlusion", "an occlusion texture to write to a .glb", "none")
+        if self.orm and glb is None:
+            raise OptionError("orm", "a .glb to write, as --output or --mesh-output", self.output)
         if self.occlusion not in (None, "texture"):
             raise OptionError("occlusion", "texture for a texture", self.occlusion)
         if self.uv == UNWRAP and glb is None:
@@ -186,17 +189,11 @@ class TextureCommand(MeshBake):
             raise OptionError("half", "images that end in .exr or .tif", self.output)
         if self.bent_space is not None and self.bent_normals is None:
             raise OptionError("bent_space", "--bent-normals with it", "none")
-        if self.cage is not None:
-            if self.high is None:
-                raise OptionError("cage", "--high with it", "none")
-            resolve_length("cage", self.cage, 1.0)
+        check_cage(self.cage, self.high)
 
     def outputs(self) -> dict[str, Path | None]:
         images = {f"--{name.replace('_', '-')}": path for name, path in self._images().items()}
         return {**images, "--report": self.report, "--mesh-output": self.mesh_output}
-
-    def inputs(self) -> list[Path]:
-        return [self.mesh] if self.high is None else [self.mesh, self.high]
 
     def _images(self) -> dict[str, Path]:
         return {name: getattr(self, name) for name in _IMAGES if getattr(self, name) is not None}
@@ -282,7 +279,7 @@ class TextureCommand(MeshBake):
 
         glb, kept = self._glb(), 0
         if glb is not None and source.uv is not None:
-            content, kept = textured_glb(source.file, baked, source.uv, self.replace_occlusion)
+            content, kept = textured_glb(source.file, baked, source.uv, self.replace_occlusion, self.orm)
             with atomic_write(glb) as file:
                 file.write(content)
         if images["output"] != glb:

@@ -20,13 +20,14 @@ from ..gltf.occlusion import OWN, OcclusionTextures, add_coordinates, free_set
 from ..readers.load import MeshFile
 from ..writers.glb import stored
 from ..writers.plain_glb import plain
+from .orm import OrmTextures
 
 _REPEAT = 10497
 _KINDS = {"SCALAR", "VEC2", "VEC3", "VEC4"}
 
 
 def textured_glb(
-    mesh_file: MeshFile, baked: BakedTexture, uv: int | Float64s, replace: bool = False
+    mesh_file: MeshFile, baked: BakedTexture, uv: int | Float64s, replace: bool = False, orm: bool = False
 ) -> tuple[bytes, int]:
     """A GLB file of a mesh file, with 8 bits of w a texel, and how many primitives keep another occlusion texture.
 
@@ -36,17 +37,20 @@ def textured_glb(
         uv: number of the set of texture coordinates that `baked` is for, or coordinates (m, 3, 2) of all faces, v
             upwards, which become a set of their own: vertices whose corners differ are stored several times.
         replace: put the texture also in place of occlusion textures of the source.
+        orm: put w into R of the materials' metallic-roughness images, by the set of `uv` (`scenes.textures.orm`).
 
     Raises:
+        MeshError, SceneError, InputError: as `check_orm`, with `orm`.
         MeshError: the source's materials or values are malformed.
         OptionError: coordinates of vertices that are too large for float32.
     """
     asset = mesh_file.gltf
     packed, drawn = stored(asset, mesh_file.parts) if asset else plain(mesh_file, False)
-    textures = OcclusionTextures(packed, replace)
-    codes = np.rint(np.clip(baked.w, 0, 1) * 255).astype(np.uint8)
-    texture = textures.add(linear_png(codes[:, :, None]), f"{OWN} occlusion", wrapS=_REPEAT, wrapT=_REPEAT)
-    kept = 0
+    textures = OrmTextures(packed, asset, baked.w, replace) if orm else OcclusionTextures(packed, replace)
+    texture, kept = -1, 0
+    if not orm:
+        codes = np.rint(np.clip(baked.w, 0, 1) * 255).astype(np.uint8)
+        texture = textures.add(linear_png(codes[:, :, None]), f"{OWN} occlusion", wrapS=_REPEAT, wrapT=_REPEAT)
     for (primitive, vertices), faces in zip(drawn, _faces(mesh_file), strict=True):
         if not textures.takes(primitive):
             kept += 1

@@ -5,6 +5,7 @@ import json
 import numpy as np
 import pytest
 from command import obscurance, refused
+from gltf_samples import SAMPLES
 
 from raytrace.image.read import read_image
 from scenes.readers.load import load
@@ -108,6 +109,13 @@ def test_a_texture_in_a_glb_by_own_coordinates(corner, tmp_path):
     assert np.allclose(texture_coordinates(made), texture_coordinates(load(corner, "kept.glb")), atol=1e-6)
 
 
+def test_one_image_for_occlusion_roughness_and_metalness(corner, tmp_path):
+    path = tmp_path / "w.glb"
+    bake(corner, "-o", path, "--occlusion", "texture", "--orm", *FEW)
+    material = load(path, "kept.glb").gltf.header["materials"][0]
+    assert material["occlusionTexture"] == material["pbrMetallicRoughness"]["metallicRoughnessTexture"] == {"index": 0}
+
+
 def test_new_coordinates_for_a_mesh_without(tmp_path):
     pytest.importorskip("uvunwrap")
     path, made = tmp_path / "bare.obj", tmp_path / "w.glb"
@@ -119,6 +127,16 @@ def test_new_coordinates_for_a_mesh_without(tmp_path):
     picture = tmp_path / "w.png"
     bake(path, "-o", picture, "--uv", "unwrap", "--mesh-output", made, "--size", 64, "--samples", 16)
     assert picture.exists()
+
+
+def test_w_of_a_fine_mesh_at_vertices(corner, tmp_path):
+    fine, target, report = tmp_path / "fine.obj", tmp_path / "w.npz", tmp_path / "r.json"
+    fine.write_text("v -1 -1 .01\nv 1 -1 .01\nv 1 1 .01\nv -1 1 .01\nf 1 2 3 4\n")
+    result = bake(corner, "--high", fine, "--cage", 0.1, "-o", target, "--samples", 8, "--report", report)
+    assert "w.npz: 2 vertices are not within the cage of the fine mesh" in result.stderr
+    assert "flagged vertices: 2 missed" in result.stdout
+    assert np.load(target)["w"].tolist() == [1] * 6
+    assert json.loads(report.read_text())["flagged_vertices"] == {"missed": [4, 5]}
 
 
 MISTAKES = [
@@ -146,6 +164,15 @@ MISTAKES = [
     ("corner.obj -o w.png --error-map w.png", "--error-map", "the same file"),
     ("corner.obj -o w.<UDIM>.png --error-map e.png", "bake --error-map: expected <UDIM> in all names"),
     ("corner.obj -o w.png --mesh-output corner.obj", "expected a name ending in .glb"),
+    ("corner.obj -o w.npy --high far.obj --method surface", "bake --high: expected method vertex with it"),
+    ("corner.obj -o w.npy --high far.obj", "far.obj: surface: expected some of it within the cage", "got none"),
+    ("corner.obj -o w.npy --high gone.obj", "gone.obj"),
+    ("corner.obj -o w.npy --cage 1%", "bake --cage: expected --high with it, got none"),
+    ("corner.obj -o w.npy --high far.obj --cage no", "bake --cage"),
+    ("corner.obj -o w.png --orm", "bake --orm: expected a .glb to write, as --output or --mesh-output, got w.png"),
+    ("corner.obj -o w.npy --orm", "bake --orm: expected with it an image to write"),
+    ("rough.glb -o w.glb --occlusion texture --orm --uv unwrap", "for --orm, got TEXCOORD_0"),
+    ("rough.glb -o w.png --mesh-output w.glb --orm --uv unwrap", "metallicRoughnessTexture"),
     ("corner.obj -o w.png --replace-occlusion", "bake --replace-occlusion"),
     ("negative.obj -o w.<UDIM>.png", "texture coordinates of UDIM tiles"),
     ("corner.obj -o none/w.png", "none/w.png: cannot write: there is no folder"),
@@ -159,8 +186,10 @@ def test_mistakes(corner, tmp_path, monkeypatch, line_and_words):
     (tmp_path / "bare.obj").write_text(bare)
     for name, second in (("nan", "nan 0"), ("flat", "0 0"), ("far", "1e7 0"), ("negative", "-1 0")):
         third = "0 0" if name == "flat" else "0 1"
-        text = f"{bare[:-8]}\nvt 0 0\nvt {second}\nvt {third}\nf 1/1 2/2 3/3\n"
+        moved = bare.replace(" 0 0\n", " 9 9\n") if name == "far" else bare
+        text = f"{moved[:-8]}\nvt 0 0\nvt {second}\nvt {third}\nf 1/1 2/2 3/3\n"
         (tmp_path / f"{name}.obj").write_text(text)
+    (tmp_path / "rough.glb").write_bytes(SAMPLES["rough"]())
     monkeypatch.chdir(tmp_path)
     before = sorted(tmp_path.iterdir())
     refused(obscurance("bake", *line.split()), *words)

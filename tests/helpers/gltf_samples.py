@@ -157,10 +157,18 @@ def occluded(strength=1.0):
     return builder.glb(nodes, materials=materials, **with_images(builder, picture((64, 200, 200))))
 
 
+def rough():
+    """A material with a metallic-roughness texture, and one without."""
+    builder = Builder()
+    builder.mesh(quad(builder, 0, material=0), quad(builder, 0, material=1))
+    surface = {"pbrMetallicRoughness": {"metallicRoughnessTexture": {"index": 0}}}
+    return builder.glb([{"mesh": 0}], materials=[surface, {}], **with_images(builder, picture()))
+
+
 SAMPLES = {
     made.__name__: made
     for made in (
         *(plain, textured, shared_material, instances, skinned, morphed, sparse, sparse_without_base, transformed),
-        *(variants, strip, occluded),
+        *(variants, strip, occluded, rough),
     )
 }

@@ -25,9 +25,15 @@ def bake_to(target, make, options, **settings):
     """What `obscurance bake` does, with a file that holds every bit of the result."""
     with Checkpoint(f"{target}.partial", tell=lambda _: None, **settings) as checkpoint:
         baked = make(Mesh(*hills(130)), threads=2, checkpoint=checkpoint, **options)
+        last = baked.covered if isinstance(baked, ao.BakedTexture) else baked.flags
         with atomic_write(target) as file:
-            for rows in (baked.w, baked.error, baked.bent_normals, baked.flags, np.array([baked.rays, baked.rmse])):
+            for rows in (baked.w, baked.error, baked.bent_normals, last, np.array([baked.rays, baked.rmse])):
                 file.write(rows.tobytes())
+
+
+def bake_texture(mesh, **options):
+    """The texture of a mesh above the plane of x and y."""
+    return ao.bake_texture(mesh, 0.45 * mesh.vertices[:, :2] + 0.5, 120, **options)
 
 
 def forked(work):
@@ -74,5 +80,5 @@ def main(kills, seed, make, options, folder):
 
 
 if __name__ == "__main__":
-    make = partial(ao.bake, method=sys.argv[3])
+    make = bake_texture if sys.argv[3] == "texture" else partial(ao.bake, method=sys.argv[3])
     main(int(sys.argv[1]), int(sys.argv[2]), make, json.loads(sys.argv[4]), Path(sys.argv[5]))

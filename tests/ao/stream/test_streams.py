@@ -130,7 +130,7 @@ class Prepared:
 
     def directions(self, i):
         """The rays of a point, float64 (samples, 3)."""
-        chosen, turn = choose(self.points.numbers[i], self.table.key, len(self.table.directions))
+        chosen, turn = choose(self.points.numbers[i], self.table)
         normal = tuple(self.points.normals[i])
         frame = np.array([*turned_frame(normal, turn), normal], np.float64)
         return self.table.directions[chosen, :, : self.table.samples].T.astype(np.float64) @ frame

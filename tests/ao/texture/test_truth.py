@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 import trimesh
+from meshes import hills
 from uv_meshes import grid_charts, icosphere, inward_cube, quads, rectangle, square
 
 import ao
@@ -113,6 +114,15 @@ def test_to_a_tolerance_the_error_is_met():
     assert texture.rays < reference.rays / 8
 
 
+def test_the_estimated_error_is_the_true_one_where_texels_show_several_charts():
+    mesh = Mesh(*hills(14))
+    uv = grid_charts(len(mesh.faces))
+    few, many = ({"samples": samples, "seed": samples, "close_seams": False} for samples in (256, 8192))
+    texture, reference = ao.bake_texture(mesh, uv, 40, **few), ao.bake_texture(mesh, uv, 40, **many)
+    true = np.sqrt(np.mean((texture.w - reference.w)[texture.covered] ** 2))
+    assert true / 1.5 < texture.rmse < 1.5 * true
+
+
 @pytest.mark.parametrize("reconstruct", [True, False])
 def test_the_estimated_error_is_the_true_one(reconstruct):
     mesh, uv, _ = inward_cube(16)
@@ -121,3 +131,11 @@ def test_the_estimated_error_is_the_true_one(reconstruct):
     reference = ao.bake_texture(mesh, uv, 64, falloff, samples=8192, seed=9, reconstruct=False, close_seams=False)
     true = np.sqrt(np.mean((texture.w - reference.w)[texture.covered] ** 2))
     assert true / 1.5 < texture.rmse < 1.5 * true
+
+
+def test_fewer_points_than_faces_that_touch_others():
+    vertices, faces = hills(20)
+    mesh = Mesh(np.concatenate([vertices, vertices]), np.concatenate([faces, faces + len(vertices)]))
+    texture = ao.bake_texture(mesh, np.concatenate([vertices[:, :2]] * 2) / 4 + 0.5, 4, samples=8)
+    assert texture.covered.sum() * 4 < len(mesh.faces)
+    assert np.isfinite(texture.w).all()

@@ -340,7 +340,7 @@ def killed(tmp_path, kills, method, options):
 
 
 @POSIX
-@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("method", [*METHODS, "texture"])
 def test_killed_at_random_moments_nothing_is_lost(tmp_path, method):
     killed(tmp_path, 6, method, {"samples": 256})
 
@@ -349,7 +349,13 @@ def test_killed_at_random_moments_nothing_is_lost(tmp_path, method):
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("method", "options"),
-    [("vertex", {"samples": 256}), ("vertex", {"tolerance": 0.005}), ("surface", {"samples": 256})],
+    [
+        ("vertex", {"samples": 256}),
+        ("vertex", {"tolerance": 0.005}),
+        ("surface", {"samples": 256}),
+        ("texture", {"samples": 256}),
+        ("texture", {"tolerance": 0.005}),
+    ],
     ids=str,
 )
 def test_killed_at_a_hundred_random_moments_nothing_is_lost(tmp_path, method, options):

@@ -1,0 +1,89 @@
+"""High to low at vertices: w of a fine mesh, where the vertices of a coarse one lie along their normals."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from raytrace.mesh.mesh import Mesh
+from raytrace.mesh.placement import Placement
+from raytrace.types import Bools, Int64s
+
+from ..denoise.one_ring import Neighbours
+from ..gather.receivers import Flag, Receivers, find_receivers
+from ..interior.fill import Fill
+from ..prepared import Prepared
+from ..result import PointValues
+from ..trace.checkpoint import Checkpoint
+from .coverage import Coverage
+from .gathering import begin_tracing, estimate
+from .projection import Fine, project
+from .texels import find_texels, inside_solids
+
+_OWN_CORNERS = Flag.FOLDED | Flag.OPPOSED  # how the coarse mesh's faces lie matters to its own w alone
+
+
+def sample_fine_mesh(
+    prepared: Prepared, high: Mesh, coarse: Mesh, cage: float, checkpoint: Checkpoint | None
+) -> tuple[Prepared, PointValues]:
+    """Estimate w of `high`, the mesh of `prepared`, at the vertices of `coarse`, which are then what is wanted of it.
+
+    Args: cage: how far from `coarse` the fine mesh may be, in mesh units.
+
+    Raises: MeshError: nothing is within the cage.
+    """
+    options, placement, fine, threads = prepared.options, prepared.placement, prepared.receivers, prepared.threads
+    shown = find_receivers(coarse, Placement.of(coarse), options.normals)
+    count = len(shown.points)
+    places = (coarse.vertices[shown.first_vertex] - high.centre) * placement.scale
+    nowhere = np.zeros((count, 1), np.int32), np.zeros((count, 1, 3), np.float32), np.zeros(count, np.bool_)
+    surface = Fine(placement.vertices.astype(np.float64), fine, high.source)
+    axes = shown.points.normals.astype(np.float64)
+    found, missed = project(
+        Coverage(np.arange(count), *nowhere), places, axes, surface, cage * placement.scale, threads
+    )
+    texels, _ = find_texels(found, found, placement, fine, "ignore", threads)
+    inside = inside_solids(texels, placement, fine, options.hidden, threads)
+    row_of = np.full(count + 1, -1)
+    row_of[texels.texels] = np.arange(count)
+    wanted = _flagged(shown, missed, texels.texels[inside])
+    tracer = begin_tracing(prepared, texels, "high to low", checkpoint)
+
+    points = texels.first_points
+    faces = row_of[shown.of_vertex[shown.faces]]
+    traced, filling = np.arange(count), None
+    if inside.any() and options.hidden != "mark":
+        filling = Fill.of(points, Neighbours.of(faces, points.normals, threads), inside)
+        traced = np.flatnonzero(filling.traced)
+    rows = np.full(count + 1, -1)
+    rows[traced] = np.arange(len(traced))
+    some = points[traced]
+    neighbours = Neighbours.of(rows[faces], some.normals, threads) if options.reconstruct else None
+    made = estimate(tracer, some, neighbours, prepared)
+    known = np.column_stack([made.rows, made.variance])
+    if filling is not None:
+        known = filling.extrapolate(known)
+    known = known[row_of[:-1]]
+    values = PointValues(
+        w=np.clip(known[:, 0], 0.0, 1.0),
+        error=np.sqrt(known[:, 4]),
+        bent=known[:, 1:4],
+        samples=made.samples,
+        rays=tracer.rays,
+        rays_skipped={
+            "predicted": (made.samples - made.screened) * made.predicted,
+            "hidden": made.samples * (count - len(traced)),
+        },
+    )
+    return replace(prepared, wanted=wanted), values
+
+
+def _flagged(shown: Receivers, missed: Int64s, hidden: Int64s) -> Receivers:
+    """The receivers of a coarse mesh with flags for points that the cage misses and that are inside of solids."""
+    flags = shown.flags & ~np.uint8(_OWN_CORNERS)
+    for rows, flag in ((missed, Flag.MISSED), (hidden, Flag.HIDDEN)):
+        which: Bools = np.zeros(len(shown.points) + 1, np.bool_)
+        which[rows] = True
+        flags[which[shown.of_vertex]] |= np.uint8(flag)
+    return replace(shown, flags=flags)

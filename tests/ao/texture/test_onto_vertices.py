@@ -1,0 +1,117 @@
+"""High to low at vertices: w of a fine mesh at the vertices of a coarse one."""
+
+import numpy as np
+import pytest
+import trimesh
+from interrupted_bakes import Stopped, bits
+from meshes import hills
+from uv_meshes import quads, rectangle, square
+
+import ao
+from ao.analytic import closed_forms
+from ao.trace.checkpoint import Checkpoint
+from raytrace import Mesh, MeshError, OptionError
+
+STEPS = np.linspace(0, 4, 9)
+PLACES = np.array([(x, y, 0) for x in STEPS for y in np.linspace(-2, 2, 9)])
+
+
+def floor():
+    corner = np.array([i * 9 + j for i in range(8) for j in range(8)])
+    return Mesh(PLACES, np.concatenate([corner[:, None] + [0, 9, 10], corner[:, None] + [0, 10, 1]]))
+
+
+def floor_and_wall(height):
+    """A larger floor at a height, and a wall on it at x = −½."""
+    return quads(
+        (rectangle((-0.5, -60, height), (60, 0, 0), (0, 120, 0)), square(0, 0, 1, 1)),
+        (rectangle((-0.5, 60, height), (0, -120, 0), (0, 0, 60)), square(0, 0, 1, 1)),
+    )[0]
+
+
+def bumpy(subdivisions):
+    ball = trimesh.creation.icosphere(subdivisions=subdivisions)
+    bumps = 1 + 0.15 * np.sin(6 * ball.vertices).prod(axis=1)
+    return Mesh(ball.vertices * bumps[:, None], ball.faces)
+
+
+@pytest.fixture(scope="module")
+def coarse_and_fine():
+    return bumpy(3), bumpy(5)
+
+
+@pytest.mark.parametrize("height", [-0.01, 0.01])
+@pytest.mark.parametrize("options", [{"samples": 1024}, {"samples": 1024, "reconstruct": False}, {"tolerance": 0.005}])
+def test_w_is_that_of_the_fine_mesh_alone(height, options):
+    baked = ao.bake(floor(), ao.Exponential(tau=1.0), high=floor_and_wall(height), cage=0.05, **options)
+    exact = [closed_forms.wall(0.5 + x, tau=1.0) for x in PLACES[:, 0]]
+    assert not baked.flags.any()
+    assert np.abs(baked.w - exact).max() < (0.01 if "samples" in options else 0.025)
+    assert (baked.bent_normals[PLACES[:, 0] == 0, 0] > 0.1).all()  # away from the wall
+
+
+def test_a_mesh_onto_itself_is_the_mesh(coarse_and_fine):
+    """But for rays below faces, which are left out here."""
+    mesh = coarse_and_fine[1]
+    alone, onto = (ao.bake(mesh, samples=256, high=high) for high in (None, mesh))
+    assert np.abs(alone.w - onto.w).mean() < 0.01
+    assert (np.einsum("ij,ij->i", alone.bent_normals, onto.bent_normals) > 0.99).all()
+
+
+@pytest.mark.parametrize("reconstruct", [True, False])
+def test_the_estimated_error_is_the_true_one(coarse_and_fine, reconstruct):
+    coarse, fine = coarse_and_fine
+    few, many = ({"samples": samples, "seed": samples, "high": fine, "cage": "20%"} for samples in (64, 8192))
+    baked, reference = ao.bake(coarse, **few, reconstruct=reconstruct), ao.bake(coarse, **many, reconstruct=False)
+    true = np.sqrt(np.mean((baked.w - reference.w) ** 2))
+    assert true / 1.5 < baked.rmse < 1.5 * true
+
+
+def test_what_the_cage_misses_takes_the_closest_point_and_is_flagged():
+    half, _ = quads((rectangle((0, -2, 0.01), (1.9, 0, 0), (0, 4, 0)), square(0, 0, 1, 1)))
+    baked = ao.bake(floor(), samples=8, high=half, cage=0.05)
+    assert np.array_equal((baked.flags & ao.Flag.MISSED) != 0, PLACES[:, 0] > 1.9)
+    assert baked.flagged["missed"] == (PLACES[:, 0] > 1.9).sum()
+    assert (baked.w == 1).all()
+
+
+def test_a_cage_that_misses_everything():
+    with pytest.raises(MeshError, match="expected some of it within the cage"):
+        ao.bake(floor(), samples=8, high=floor_and_wall(-1.0), cage="1%")
+
+
+@pytest.mark.parametrize("hidden", ["auto", "mark", "ignore"])
+def test_vertices_inside_of_solids_of_the_fine_mesh(hidden):
+    """A box stands on the floor: w under it is that of the floor about it, or that of its inside."""
+    box = trimesh.creation.box(bounds=[[0.9, -0.6, -0.1], [2.1, 0.6, 1]])
+    ground = floor_and_wall(0.0)
+    both = Mesh(np.concatenate([ground.vertices[:4], box.vertices]), np.concatenate([ground.faces[:2], box.faces + 4]))
+    baked = ao.bake(floor(), ao.Binary(), samples=64, high=both, cage=0.05, hidden=hidden)
+    under = (np.abs(PLACES[:, 0] - 1.5) < 0.55) & (np.abs(PLACES[:, 1]) < 0.55)
+    flagged = (baked.flags & ao.Flag.HIDDEN) != 0
+    assert np.array_equal(flagged, under & (hidden != "ignore"))
+    assert (baked.w[under] > 0.2).all() == (hidden == "auto")
+    assert (baked.w[under] < 0.001).all() == (hidden != "auto")
+
+
+def test_the_same_bytes_for_any_number_of_threads_and_after_an_interruption(tmp_path):
+    def stop(done, total):
+        if done > 0.5 * total:
+            raise Stopped
+
+    coarse, fine, path = Mesh(*hills(40)), Mesh(*hills(80)), tmp_path / "w.partial"
+    options = {"high": fine, "cage": "10%", "samples": 512}
+    whole = bits(ao.bake(coarse, **options, threads=1))
+    with pytest.raises(Stopped), Checkpoint(path, after=0, every=0, tell=lambda _: None) as checkpoint:
+        ao.bake(coarse, **options, checkpoint=checkpoint, progress=stop)
+    with Checkpoint(path, resume=True, after=0, every=0, tell=lambda _: None) as checkpoint:
+        assert bits(ao.bake(coarse, **options, threads=3, checkpoint=checkpoint)) == whole
+    assert not path.exists()
+
+
+def test_what_does_not_go_with_it():
+    for options, got in (({"method": "surface"}, "method surface"), ({"only": np.ones(81, bool)}, "a mask of some")):
+        with pytest.raises(OptionError, match=f"high: expected w at all vertices .* got {got}"):
+            ao.bake(floor(), high=floor_and_wall(0.0), **options)
+    with pytest.raises(OptionError, match="cage"):
+        ao.bake(floor(), high=floor_and_wall(0.0), cage="much")
