@@ -2,7 +2,7 @@
 
 A tutorial of docs/tutorials is read as a notebook. Python code runs from top to bottom with common names; what it
 prints, and the value of its last line, stand in the block of text after it, a value that is a picture in the picture
-after it. Commands run in the same folder. `tests/project/test_tutorials.py` checks that what a page shows is what comes out.
+after it. Commands run in the same folder. `tests/project/test_tutorials.py` checks what a page shows.
 """
 
 from __future__ import annotations
