@@ -38,7 +38,7 @@ def broken(page, text):
         if re.match(r"[a-z]+:", link):
             continue
         target = (page.parent / path).resolve() if path else page
-        if target != page and not target.exists():
+        if target != page and not target.is_file():  # folders have no page in the site
             yield f"{link}: no such file"
         elif anchor and anchor not in anchors(text if target == page else target.read_text()):
             yield f"{link}: no such heading"
