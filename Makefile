@@ -55,10 +55,11 @@ viewers: ## glTF's validator and three.js, in .viewers/, for tests of .glb outpu
 bench-peers: $(STAMP) ## bake time against error, ours and the peers'; MESHES=FOLDER adds files, QUICK=1 is for minutes
 	$(BIN)/python -m benchmarks.time_against_error $(if $(QUICK),--quick) $(if $(MESHES),--meshes '$(MESHES)')
 
-pictures: $(STAMP) ## the pictures of docs: gallery, temple, the models' spheres, tutorials
+pictures: $(STAMP) ## the pictures of docs: gallery, temple, the models' spheres, tutorials and, with Chromium, pages
 	$(BIN)/python -m benchmarks.gallery
 	$(BIN)/python -m benchmarks.model_strips
 	$(BIN)/python -m benchmarks.tutorials
+	-$(BIN)/python -m benchmarks.page --pictures docs/viewing
 
 site: $(STAMP) ## the documentation as a site, in build/site, made without network
 	$(BIN)/python -m sphinx --builder html --fail-on-warning --keep-going --quiet -d build/doctrees docs build/site

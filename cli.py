@@ -76,8 +76,8 @@ def bake(
         typer.Option(
             "--output",
             "-o",
-            help="Output file, format by ending: .npy .npz .ply .glb of the vertices; .png .exr .tif a texture, with "
-            "<UDIM> in the name one for each tile.",
+            help="Output file, format by ending: .npy .npz .ply .glb of the vertices; .html to look at them; "
+            ".png .exr .tif a texture, with <UDIM> in the name one for each tile.",
         ),
     ] = None,
     output_dir: Annotated[
@@ -125,7 +125,8 @@ def bake(
     report: Report = None,
     debug_image: Annotated[Path | None, typer.Option(help="Also write an image that marks flagged vertices.")] = None,
     up: Annotated[
-        choices.Up | None, typer.Option(help="With --debug-image: the up axis, by default y, for STL and 3MF z.")
+        choices.Up | None,
+        typer.Option(help="With --debug-image or .html: the up axis, by default y, for STL and 3MF z."),
     ] = None,
     resume: Annotated[
         bool, typer.Option("--resume", help="Continue an interrupted bake, or batch, to this output.")
@@ -184,6 +185,33 @@ def bake(
         ),
     ] = None,
     half: Annotated[bool, typer.Option("--half", help="Texture: 16-bit floats in .exr and .tif.")] = False,
+    part: Annotated[
+        str | None,
+        typer.Option(
+            metavar="K/N",
+            help="Trace only the K-th of N parts, into the folder --output, for obscurance merge; of a texture, if "
+            "--size or --texel-size is given.",
+        ),
+    ] = None,
+    cluster: Annotated[
+        str | None,
+        typer.Option(
+            metavar="local[:N]|tcp://HOST:PORT",
+            help="Trace by N workers on this machine, or by those of a Dask scheduler (obscurance[cluster]).",
+        ),
+    ] = None,
+    shared: Annotated[
+        Path | None,
+        typer.Option(metavar="FOLDER", help="With --cluster: a folder that all workers see; that of the output."),
+    ] = None,
+    tiles: Annotated[
+        str | None,
+        typer.Option(
+            metavar="AxBxC",
+            help="For a mesh larger than memory, a binary PLY or STL: so many tiles along x, y and z, one at a time; "
+            "with --max-distance, --no-reconstruct and --hidden ignore.",
+        ),
+    ] = None,
     dry_run: Annotated[
         bool, typer.Option("--dry-run", help="Write nothing; tell rays, memory, time and what would be written.")
     ] = False,
@@ -200,6 +228,56 @@ def bake(
     from scenes.baking.choose import run_bake
 
     raise typer.Exit(run_bake(options))
+
+
+@app.command()
+def merge(
+    parts: Annotated[Path, typer.Argument(metavar="FOLDER", help="Where bake --part has put all parts.")],
+    output: Annotated[Path, typer.Option("--output", "-o", help="Output file, as of bake.")],
+    mesh: Annotated[Path | None, typer.Option(help="The mesh file, if it is elsewhere than for the parts.")] = None,
+    high: Annotated[Path | None, typer.Option(help="The finer mesh file, likewise.")] = None,
+    report: Report = None,
+    debug_image: Annotated[Path | None, typer.Option(help="As of bake, and so are all below.")] = None,
+    up: Annotated[choices.Up | None, typer.Option()] = None,
+    colors: Annotated[bool, typer.Option("--colors")] = False,
+    occlusion: Annotated[choices.Occlusion | None, typer.Option()] = None,
+    replace_occlusion: Annotated[bool, typer.Option("--replace-occlusion")] = False,
+    mesh_output: Annotated[Path | None, typer.Option(metavar="GLB")] = None,
+    bent_normals: Annotated[Path | None, typer.Option(metavar="IMAGE")] = None,
+    bent_space: Annotated[choices.BentSpace | None, typer.Option()] = None,
+    error_map: Annotated[Path | None, typer.Option(metavar="IMAGE")] = None,
+    half: Annotated[bool, typer.Option("--half")] = False,
+    orm: Annotated[bool, typer.Option("--orm")] = False,
+    threads: Threads = None,
+    quiet: Quiet = False,
+) -> None:
+    """Write the output of a bake that was traced in parts."""
+    options = {name: value for name, value in locals().items() if name != "parts"}
+    from scenes.cluster.merge import merge
+
+    merge(parts, options)
+
+
+@app.command()
+def view(
+    result: Annotated[Path, typer.Argument(metavar="RESULT", help="A baked file: .ply .glb .gltf .npz .npy")],
+    other: Annotated[
+        Path | None, typer.Argument(metavar="OTHER", help="Another bake of the same mesh, with a slider between.")
+    ] = None,
+    output: Annotated[
+        Path | None, typer.Option("--output", "-o", help="The page, .html; by default beside RESULT, with its name.")
+    ] = None,
+    mesh: Annotated[Path | None, typer.Option(help="The mesh file that a .npz or .npy belongs to.")] = None,
+    up: Annotated[choices.Up | None, typer.Option(help="Up axis, by default y, for STL and 3MF z.")] = None,
+    open_: Annotated[bool, typer.Option("--open", help="Open it in the browser.")] = False,
+    quiet: Annotated[bool, typer.Option("--quiet", "-q", help="No summary.")] = False,
+) -> None:
+    """Make a page to look at a bake: one file, no network."""
+    from scenes.page.view import view_results
+
+    summary = view_results(result, other, output, mesh, up, open_)
+    if not quiet:
+        print(summary)
 
 
 @app.command()

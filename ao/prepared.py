@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from raytrace.errors import OptionError
 from raytrace.mesh.mesh import Mesh
 from raytrace.mesh.placement import Placement
 from raytrace.sampling.hash import seed_key
@@ -15,6 +16,7 @@ from .falloff import Mu
 from .gather.receivers import Receivers, find_receivers
 from .options import Options
 from .trace.checkpoint import Checkpoint
+from .trace.ray_scene import RayScene
 from .trace.tracer import Progress
 
 
@@ -45,6 +47,8 @@ class Prepared:
 
         Raises: as `find_receivers`, `Receivers.only` and `Checkpoint.begin`.
         """
+        if checkpoint and checkpoint.partial and options.tolerance is not None:
+            raise OptionError("tolerance", "a number of samples: parts cannot know what others found", "a tolerance")
         placement, only = Placement.of(mesh), options.only
         receivers = find_receivers(mesh, placement, options.normals)
         wanted = receivers if only is None else receivers.only(only)
@@ -53,6 +57,12 @@ class Prepared:
             kind = options.method, options.traversal, options.rays, options.tolerance, options.reconstruct
             checkpoint.begin(placement, receivers, mu, chosen, *kind, options.seed, options.normals)
         return cls(mesh, options, mu, placement, receivers, wanted, progress, checkpoint)
+
+    @property
+    def scene(self) -> RayScene:
+        """What rays are traced in."""
+        receivers = self.receivers
+        return RayScene(self.placement.vertices, receivers.faces, receivers.tree, receivers.embree)
 
     @property
     def key(self) -> np.uint32:

@@ -1,4 +1,4 @@
-"""The JSON report of a bake, which `--report` writes."""
+"""The report of a bake, which `--report` writes: plain values, ready for JSON."""
 
 from __future__ import annotations
 
@@ -11,10 +11,18 @@ from typing import Any
 import numpy as np
 
 from raytrace.embree import library as embree
+from raytrace.types import AnyFloats
 
+from .adaptive.calibration import Calibration
 from .gather.receivers import Flag
 from .result import Bake
 from .texture.result import BakedTexture
+
+SCHEMA_VERSION = 1
+"""Of reports; grows when a name goes or changes its meaning, not when one is added."""
+LISTED = 100
+"""Vertices of a flag that a report lists at most."""
+_BINS = 40
 
 
 def versions() -> dict[str, str]:
@@ -38,14 +46,19 @@ def report(
         seconds: `load` and `write`; the bake adds `build` and `bake`.
         warnings: what limits the result, see `raytrace.mesh.precision`.
     """
+    shown = bake.covered if isinstance(bake, BakedTexture) else ...
     return {
+        "schema_version": SCHEMA_VERSION,
         **(_of_texture(bake) if isinstance(bake, BakedTexture) else {"vertices": len(bake.w)}),
         "rays": bake.rays,
         "rays_skipped": bake.rays_skipped,
         "seconds": seconds | bake.seconds,
         "rmse_estimate": bake.rmse,
+        "error_calibration": calibration_facts(bake.calibration),
         **(_flags(bake) if isinstance(bake, Bake) else {}),
         "warnings": list(warnings),
+        "w": _summary(bake.w[shown], 1.0),
+        "error": _summary(bake.error[shown]),
         "falloff": {
             "form": "binary" if bake.mu.tau is None else "exponential",
             "tau": bake.mu.tau,
@@ -57,11 +70,38 @@ def report(
     }
 
 
+def calibration_facts(found: Calibration | None) -> dict[str, Any] | None:
+    """Estimated errors and measured ones, all together and in groups of about the same estimated error."""
+    if found is None:
+        return None
+    return found.whole()._asdict() | {"groups": [group._asdict() for group in found.groups()]}
+
+
 def _flags(bake: Bake) -> dict[str, Any]:
-    rows = {str(flag.name).lower(): np.flatnonzero(bake.flags & flag).tolist() for flag in Flag}
-    return {"flagged": bake.flagged, "flagged_vertices": {name: found for name, found in rows.items() if found}}
+    """How many vertices carry each flag, and the first of them."""
+    rows = {str(flag.name).lower(): np.flatnonzero(bake.flags & flag)[:LISTED].tolist() for flag in Flag}
+    return {
+        "flagged": bake.flagged,
+        "flagged_vertices": {name: found for name, found in rows.items() if found},
+        "flagged_vertices_at_most": LISTED,
+    }
 
 
 def _of_texture(bake: BakedTexture) -> dict[str, Any]:
     height, width = bake.w.shape
     return {"width": width, "height": height, "texture": asdict(bake.facts)}
+
+
+def _summary(values: AnyFloats, highest: float | None = None) -> dict[str, Any]:
+    """Extremes, mean, quantiles and a histogram from 0 to `highest`, or to the largest value."""
+    top = float(values.max(initial=0.0)) if highest is None else highest
+    counts, _ = np.histogram(values, _BINS, (0.0, top or 1.0))
+    some = values if values.size else np.zeros(1)
+    quantiles = {str(share): float(np.quantile(some, share)) for share in (0.01, 0.1, 0.5, 0.9, 0.99)}
+    return {
+        "least": float(some.min()),
+        "mean": float(some.mean()),
+        "most": float(some.max()),
+        "quantiles": quantiles,
+        "histogram": {"from": 0.0, "to": top or 1.0, "counts": counts.tolist()},
+    }

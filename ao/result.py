@@ -10,6 +10,7 @@ from raytrace.mesh.mesh import Mesh
 from raytrace.mesh.normals import normalize
 from raytrace.types import Float64s, UInt8s
 
+from .adaptive.calibration import Calibration
 from .falloff import Mu
 from .gather.receivers import Flag
 from .prepared import Prepared
@@ -34,6 +35,7 @@ class Bake:
         mu: the falloff used, in mesh units.
         mesh: what was baked.
         shortfalls: what the result lacks of what was asked for, in words: a tolerance that is not met.
+        calibration: of the squared errors, at vertices that were baked twice; None by the surface method.
     """
 
     w: Float64s
@@ -47,6 +49,7 @@ class Bake:
     mu: Mu
     mesh: Mesh
     shortfalls: tuple[str, ...] = ()
+    calibration: Calibration | None = None
 
     def __repr__(self) -> str:
         range_ = f"w from {self.w.min():.3f} to {self.w.max():.3f}"
@@ -79,7 +82,7 @@ class PointValues:
 
     Attributes:
         w: float64 (k,), in [0, 1]. error: float64 (k,), its standard error. bent: float64 (k, 3), mean of μ·direction.
-        samples: rays asked for at a point. rays: rays traced. rays_skipped: see `Bake`.
+        samples: rays asked for at a point. rays: rays traced. rays_skipped, calibration: see `Bake`.
     """
 
     w: Float64s
@@ -88,6 +91,7 @@ class PointValues:
     samples: int
     rays: int
     rays_skipped: dict[str, int]
+    calibration: Calibration | None = None
 
 
 def assemble(prepared: Prepared, values: PointValues, seconds: dict[str, float]) -> Bake:
@@ -117,5 +121,6 @@ def assemble(prepared: Prepared, values: PointValues, seconds: dict[str, float])
         rmse=float(np.sqrt(np.sum(error**2) / max(wanted, 1))),
         seconds=seconds,
         mu=prepared.mu,
+        calibration=values.calibration,
         mesh=prepared.mesh,
     )

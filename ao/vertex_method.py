@@ -8,7 +8,7 @@ import numpy as np
 
 from raytrace.types import Bools
 
-from .adaptive.fixed_samples import place_samples, rays_of_corners, sampled, with_corners
+from .adaptive.fixed_samples import estimated, place_samples, rays_of_corners, sampled, traced_twice, with_corners
 from .adaptive.probes import derive
 from .adaptive.tolerance import Estimate, estimate_to
 from .denoise.one_ring import Neighbours
@@ -41,7 +41,7 @@ def sample_vertices(prepared: Prepared) -> PointValues:
             edge = filling.sources
             edge[traced.corners.rows] = False
             samples = min(4 * estimate.samples, options.rays)
-            again = sampled(tracer, traced.points[edge], None, samples, derive(prepared.key, 6))
+            again = sampled(tracer, traced.points[edge], samples, derive(prepared.key, 6))
             known[edge] = np.column_stack([again.rows, again.variance])
         rows = filling.extrapolate(known)
         estimate = replace(estimate, rows=rows[:, :4], variance=rows[:, 4])
@@ -57,14 +57,14 @@ def sample_vertices(prepared: Prepared) -> PointValues:
             "predicted": (estimate.samples - estimate.screened) * estimate.predicted,
             "hidden": estimate.samples * int(np.count_nonzero(untraced)),
         },
+        calibration=estimate.calibration,
     )
 
 
 def _tracer(prepared: Prepared) -> Tracer:
     receivers = prepared.receivers
     return Tracer(
-        receivers.embree,
-        receivers.tree,
+        prepared.scene,
         packets_below(prepared.options.traversal, receivers.tree, prepared.placement, receivers.points, prepared.mu),
         prepared.placement,
         prepared.mu,
@@ -100,10 +100,17 @@ def _estimate(tracer: Tracer, receivers: Receivers, prepared: Prepared) -> Estim
     if tolerance is None or not len(receivers.points):
         samples = place_samples(most, False)
         tracer.later = rays_of_corners(corners, samples)
+        traced = traced_twice(tracer, ordinary.points, most, key)
+        tracer.later = 0
+        at_corners = traced_twice(tracer, places, samples, key) if len(corners) else None
+        tracer.all_traced()
         denoised = prepared.options.reconstruct and prepared.options.only is None
         neighbours = _neighbours(ordinary, tracer.threads) if denoised else None
-        estimate = sampled(tracer, ordinary.points, neighbours, most, key)
-    elif len(rows):
+        estimate = estimated(traced, ordinary.points, neighbours)
+        if at_corners is None:
+            return estimate
+        return with_corners(estimate, rows, estimated(at_corners, places, None), corners)
+    if len(rows):
         estimate = estimate_to(tracer, ordinary.points, _neighbours(ordinary, tracer.threads), tolerance, most, key)
         samples = place_samples(estimate.samples, True)
     else:  # none to plan rays by but places, of which the mean of some 18 is asked for
@@ -113,5 +120,4 @@ def _estimate(tracer: Tracer, receivers: Receivers, prepared: Prepared) -> Estim
         return with_corners(nothing, rows, found, corners)
     if not len(corners):
         return estimate
-    tracer.later = 0
-    return with_corners(estimate, rows, sampled(tracer, places, None, samples, key), corners)
+    return with_corners(estimate, rows, sampled(tracer, places, samples, key), corners)

@@ -26,14 +26,12 @@ from raytrace.camera import Camera
 from raytrace.image.read import read_image
 from raytrace.types import Float32s
 
+from .chromium import FLAGS
+
 ROOT = Path(__file__).parent.parent
 PACKAGES = ROOT / ".viewers" / "node_modules"
 PAGE = Path(__file__).with_suffix(".html")
-_FLAGS = (
-    *("--headless", "--no-sandbox", "--disable-gpu", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"),
-    *("--disable-quic", "--no-first-run", "--disable-background-networking", "--disable-component-update"),
-    *("--disable-sync", "--virtual-time-budget=60000"),
-)
+_FLAGS = (*FLAGS, "--disable-gpu", "--virtual-time-budget=60000")
 _ONLY_HERE = "--host-resolver-rules=MAP * ~NOTFOUND, EXCLUDE 127.0.0.1"
 _SECONDS = 300
 

@@ -23,6 +23,7 @@ OPTIONS = {
     "temple": ("--width", "640", "--height", "400"),
     "sponge": ("--width", "640", "--height", "427"),
     "materials": ("--width", "640", "--height", "400"),
+    "metals": ("--width", "560", "--height", "350"),
     "still_life": ("--width", "640", "--height", "400"),
 }
 HEAD = """\

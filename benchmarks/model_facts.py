@@ -7,11 +7,23 @@ from __future__ import annotations
 
 import numpy as np
 
-from raytrace import BlinnPhong, CookTorrance, EllipticalBeckmann, Lambert, OrenNayar, Phong, PoulinFournier, Strauss
+from raytrace import (
+    AshikhminShirley,
+    BlinnPhong,
+    CookTorrance,
+    EllipticalBeckmann,
+    Kajiya,
+    Lambert,
+    OrenNayar,
+    Phong,
+    PoulinFournier,
+    Strauss,
+    Ward,
+)
 from raytrace.brdf.oren_nayar import fitted_orders
 from raytrace.brdf.oren_nayar_reference import reference_orders
 from raytrace.materials.base import BaseMaterial
-from raytrace.materials.energy import NORMAL, asymmetry, directional_albedo, towards
+from raytrace.materials.energy import NORMAL, albedo, asymmetry, directional_albedo, towards
 
 DEGREES = [0, 20, 40, 60, 75, 80, 85, 87, 89, 89.9]
 SLOPES = [0.05, 0.1, 0.2, 0.3, 0.45, 0.6, 0.8, 1.0]
@@ -39,9 +51,29 @@ def energy() -> None:
             "elliptical Beckmann, m_∥ = m_⊥/4, F = 1",
             lambda m: EllipticalBeckmann(m_parallel=m / 4, m_perpendicular=m, grain=(1, 0, 0), **MIRROR),
         ),
+        *(
+            (
+                f"Ward, {form}, m_∥ = m_⊥/4",
+                lambda m, form=form: Ward(
+                    k_d=0, k_s=1, m_parallel=m / 4, m_perpendicular=m, grain=(1, 0, 0), form=form
+                ),
+            )
+            for form in ("bounded", "ward", "duer")
+        ),
     ):
         print(title, end=":")
         largest({f"m = {m}": build(m) for m in SLOPES}, {f"m = {m}": m for m in SLOPES})
+    exponents = [(a, b) for a in (1, 10, 100, 1000) for b in (1, 10, 100, 1000) if a <= b]
+    lobes = [
+        (albedo(coated, np.radians(angle), 160)[0], f"n = {a}, {b}, R_s = {r}", angle)
+        for a, b in exponents
+        for r in (0, 0.04, 0.5, 1)
+        for coated in [
+            AshikhminShirley(albedo=1, reflectance=r, exponent_parallel=a, exponent_perpendicular=b, grain=(1, 0, 0))
+        ]
+        for angle in DEGREES
+    ]
+    print("Ashikhmin–Shirley, ρ = 1:\n  {:.4f} for {} at {}°".format(*max(lobes)))
     fits = {f"σ = {s}": OrenNayar(albedo=1.0, sigma=s) for s in (0.05, 0.1, 0.15, 0.2, 0.25, 0.3, 0.4, 0.6, 1.0, 1.5)}
     print("Oren–Nayar fit, ρ = 1", end=":")
     largest(fits, dict.fromkeys(fits))
@@ -63,6 +95,9 @@ def reciprocity() -> None:
         Lambert(albedo=0.8),
         CookTorrance(albedo=0.5, k_s=0.6, m=0.2),
         EllipticalBeckmann(albedo=0.5, k_s=0.6, m_parallel=0.1, m_perpendicular=0.6),
+        Ward(k_d=0.2, k_s=0.6, m_parallel=0.1, m_perpendicular=0.6),
+        AshikhminShirley(albedo=0.5, reflectance=0.3, exponent_parallel=9, exponent_perpendicular=300),
+        Kajiya(height=90, correlation_parallel=4000, correlation_perpendicular=900),
         OrenNayar(albedo=0.9, sigma=0.5),
         Phong(k_d=0.3, k_s=0.6),
         Phong(k_d=0.3, k_s=0.6, weight="cosine"),

@@ -11,7 +11,20 @@ from pathlib import Path
 
 import numpy as np
 
-from raytrace import BlinnPhong, CookTorrance, EllipticalBeckmann, Lambert, OrenNayar, Phong, PoulinFournier, Strauss
+from raytrace import (
+    AshikhminShirley,
+    BlinnPhong,
+    CookTorrance,
+    EllipticalBeckmann,
+    Kajiya,
+    Lambert,
+    OrenNayar,
+    Phong,
+    PoulinFournier,
+    Strauss,
+    Ward,
+    material_from_dict,
+)
 from raytrace.brdf.coefficients import eta_from_reflectance
 from raytrace.image.write import write_image
 from raytrace.materials.base import BaseMaterial
@@ -22,9 +35,12 @@ FOLDER = Path(__file__).parent.parent / "docs" / "models"
 SIZE, SAMPLES = 112, 3
 LIGHT = normalize(np.array([-0.5, 0.6, 0.75]))
 FRONT = normalize(np.array([0.0, 0.25, 1.0]))
+EDGE = normalize(np.array([-1.0, 0.2, -0.15]))
+WARD_FORMS = ("bounded", "ward", "duer")
 VIEW = np.array([0.0, 0.0, 1.0])
 AMBIENT, BACKGROUND = 0.04, 0.02
 COPPER = (eta_from_reflectance(0.95), eta_from_reflectance(0.64), eta_from_reflectance(0.54))
+BRASS = material_from_dict({"preset": "rolled_brass"})
 BRUSHED = {"albedo": 0.0, "k_s": 1.0, "eta": 45.0, "k_a": 0.9, "grain": (0, 1, 0)}
 
 
@@ -59,6 +75,34 @@ STRIPS: dict[str, Strip] = {
         lambda x: EllipticalBeckmann(m_parallel=0.2 / x, m_perpendicular=0.2 * x, **BRUSHED),
         [1, 1.3, 1.7, 2.2, 3, 4], LIGHT, 0.3,
     ),
+    "ward": (
+        lambda x: Ward(k_d=0.05, k_s=0.6, m_parallel=0.2 / x, m_perpendicular=0.2 * x, grain=(0, 1, 0)),
+        [1, 1.3, 1.7, 2.2, 3, 4], LIGHT, 0.5,
+    ),
+    "ward_forms": (
+        lambda x: Ward(
+            k_d=0.05, k_s=0.6, m_parallel=0.15, m_perpendicular=0.4, grain=(0, 1, 0), form=WARD_FORMS[int(x)]
+        ),
+        [0, 1, 2], EDGE, 0.5,
+    ),
+    "ashikhmin_shirley": (
+        lambda x: AshikhminShirley(
+            albedo=(0.5, 0.2, 0.1), reflectance=0.05, exponent_parallel=30 * x, exponent_perpendicular=30 / x,
+            grain=(0, 1, 0),
+        ),
+        [1, 2, 4, 8, 16, 30], LIGHT, np.pi,
+    ),
+    "kajiya": (
+        lambda x: Kajiya(height=x, correlation_parallel=2000, correlation_perpendicular=2000, eta=45, k_a=0.9),
+        [15, 30, 60, 120, 240, 480], LIGHT, 0.3,
+    ),
+    "kajiya_grain": (
+        lambda x: Kajiya(
+            height=90, correlation_parallel=1500 * x, correlation_perpendicular=1500 / x, eta=45, k_a=0.9,
+            grain=(0, 1, 0),
+        ),
+        [1, 1.2, 1.4, 1.7, 2, 2.4], LIGHT, 0.3,
+    ),
     "oren_nayar": (lambda x: OrenNayar(albedo=0.8, sigma=x), [0, 0.1, 0.2, 0.35, 0.6, 1.0], FRONT, np.pi),
     "strauss": (
         lambda x: Strauss(colour=(0.8, 0.45, 0.25), smoothness=x, metalness=0.8),
@@ -75,6 +119,22 @@ STRIPS: dict[str, Strip] = {
 }  # fmt: skip
 
 
+def plate(grain: Callable[[np.ndarray, np.ndarray], tuple[np.ndarray, np.ndarray]]) -> np.ndarray:
+    """Linear RGB (2 SIZE, 2 SIZE, 3) of a brushed plate under a near lamp, the grain's x and y given by place."""
+    side = 2 * SIZE * SAMPLES
+    place = (np.arange(side) + 0.5) / side * 2 - 1
+    x, y = np.meshgrid(place, -place)
+    zero = np.zeros_like(x)
+    directions = np.stack([*grain(x, y), zero], axis=-1)
+    light = np.stack([-0.3 - x, 0.5 - y, zero + 1.2], axis=-1)
+    view = np.stack([-x, -3 - y, zero + 3.5], axis=-1)
+    colour = BRASS.pack().row[3:6] * AMBIENT + 0.6 * reflect(BRASS, [0, 0, 1], light, view, directions)
+    return colour.reshape(2 * SIZE, SAMPLES, 2 * SIZE, SAMPLES, 3).mean(axis=(1, 3))
+
+
+GRAINS = [lambda x, y: (1 + 0 * x, 0 * y), lambda x, y: (-y, x), lambda x, y: (x, y)]
+
+
 def picture(name: str) -> np.ndarray:
     """Linear RGB (SIZE, SIZE · k, 3) of a strip of k spheres."""
     make, values, light, intensity = STRIPS[name]
@@ -82,6 +142,7 @@ def picture(name: str) -> np.ndarray:
 
 
 def main() -> None:
+    write_image(FOLDER / "grain.png", np.concatenate([plate(grain) for grain in GRAINS], axis=1))
     for name, strip in STRIPS.items():
         write_image(FOLDER / f"{name}.png", picture(name))
         print(FOLDER / f"{name}.png", strip[1])

@@ -13,7 +13,19 @@ from pathlib import Path
 import numba
 import numpy as np
 
-from raytrace import BlinnPhong, CookTorrance, EllipticalBeckmann, Lambert, OrenNayar, Phong, PoulinFournier, Strauss
+from raytrace import (
+    AshikhminShirley,
+    BlinnPhong,
+    CookTorrance,
+    EllipticalBeckmann,
+    Kajiya,
+    Lambert,
+    OrenNayar,
+    Phong,
+    PoulinFournier,
+    Strauss,
+    Ward,
+)
 from raytrace.brdf.dispatch import reflect_rows
 from raytrace.materials.base import BaseMaterial
 from raytrace.system.atomic import write_json
@@ -26,6 +38,9 @@ MATERIALS: list[BaseMaterial] = [
     BlinnPhong(k_d=0.3, k_s=0.5),
     CookTorrance(albedo=0.5, k_s=0.5, m=0.3),
     EllipticalBeckmann(albedo=0.5, k_s=0.5, m_parallel=0.1, m_perpendicular=0.3),
+    Ward(k_d=0.4, k_s=0.4, m_parallel=0.1, m_perpendicular=0.3),
+    AshikhminShirley(albedo=0.5, reflectance=0.3, exponent_parallel=20, exponent_perpendicular=200),
+    Kajiya(height=100, correlation_parallel=4000, correlation_perpendicular=900),
     OrenNayar(albedo=0.5, sigma=0.3),
     Strauss(colour=0.5, smoothness=0.5, metalness=0.5),
     PoulinFournier(k_d=0.4, k_s=0.4, spacing=2.5, floor=0.2),

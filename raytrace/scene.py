@@ -61,6 +61,9 @@ class Shape:
         uv: float64 (n, 2) texture coordinates, v upwards, or None.
         texture: albedo, multiplied into the material's diffuse and ambient reflectance per channel; needs `uv`.
         occlusion: multiplied into `Object.w`.
+        grain: direction that the surface is brushed along, in texture space as KHR_materials_anisotropy has it: red and
+            green of [0, 1] are −1 to 1 along u and along v. As it is if `grain.srgb` is False. Needs `uv`, and a
+            material with a grain, but without one of its own.
     """
 
     mesh: Mesh
@@ -68,14 +71,18 @@ class Shape:
     uv: Float64s | None = None
     texture: Texture | None = None
     occlusion: Occlusion | None = None
+    grain: Texture | None = None
 
     def __post_init__(self) -> None:
-        from .materials.base import BaseMaterial
+        from .materials.base import BaseMaterial, Brushed
 
         object.__setattr__(self, "mesh", mesh_of(self.mesh, "shape"))
         expected = 'a material, such as raytrace.Lambert(albedo=0.5) or material_from_dict({"preset": "gold"})'
         check_type(self.material, BaseMaterial, "shape", "material", expected)
-        if self.texture is not None and self.uv is None:
+        if self.grain is not None and (not isinstance(self.material, Brushed) or self.material.grain is not None):
+            expected = "an anisotropic material without a grain of its own"
+            raise OptionError("grain", expected, repr(self.material), self.mesh.source)
+        if (self.texture is not None or self.grain is not None) and self.uv is None:
             raise OptionError("uv", "texture coordinates for a textured shape", "none", self.mesh.source)
         if self.uv is not None:
             object.__setattr__(self, "uv", numbers(self.uv, self.mesh.source, "uv", "an array of numbers (n, 2)"))
@@ -102,12 +109,15 @@ class Object:
         transform: float64 (4, 4), affine, columns; the shape's frame to the world.
         name: for messages and reports.
         w: float64 (n,), obscurance at the shape's vertices where this object stands, or None: open everywhere.
+        bent_normals: float64 (n, 3), mean directions of what is open there, in the world; zero: the normal. Light from
+            a sky or an image is looked up along them.
     """
 
     shape: Shape
     transform: Float64s = field(default_factory=lambda: np.eye(4))
     name: str = "object"
     w: Float64s | None = None
+    bent_normals: Float64s | None = None
 
     def __repr__(self) -> str:
         return f"<Object {self.name!r}: {self.shape!r}{'' if self.w is None else ', with w'}>"
@@ -122,6 +132,12 @@ class Object:
             raise OptionError("transform", "a finite, invertible affine (4, 4) matrix", matrix.tolist(), self.name)
         if self.w is not None and self.w.shape != (len(self.shape.mesh.vertices),):
             raise OptionError("w", f"shape ({len(self.shape.mesh.vertices)},)", self.w.shape, self.name)
+        if self.bent_normals is not None:
+            bent = numbers(self.bent_normals, self.name, "bent_normals", "an array of numbers (n, 3)")
+            if bent.shape != (len(self.shape.mesh.vertices), 3):
+                expected = f"shape ({len(self.shape.mesh.vertices)}, 3)"
+                raise OptionError("bent_normals", expected, bent.shape, self.name)
+            object.__setattr__(self, "bent_normals", _frozen(bent))
         object.__setattr__(self, "transform", _frozen(matrix))
         if self.w is not None:
             object.__setattr__(self, "w", _frozen(self.w))
@@ -133,7 +149,7 @@ class Scene:
 
     Attributes:
         objects: at least one.
-        lights: point, directional, spot and ambient lights.
+        lights: point, directional, spot and ambient lights, skies, and an environment image at most.
         background: linear RGB where a ray meets nothing.
     """
 
@@ -175,9 +191,10 @@ class Scene:
         bare = {key: replace(shape, occlusion=None) if shape.occlusion else shape for key, shape in shapes.items()}
         return replace(self, objects=tuple(replace(item, shape=bare[id(item.shape)]) for item in self.objects))
 
-    def with_obscurance(self, w: Float64s | Sequence[float]) -> Scene:
-        """The same scene with w (n,) of `flattened()`, an object's vertices after the other's."""
-        ends = np.cumsum([len(item.shape.mesh.vertices) for item in self.objects])
-        values = np.split(np.asarray(w, np.float64), ends[:-1])
-        objects = tuple(replace(item, w=part) for item, part in zip(self.objects, values, strict=True))
-        return replace(self, objects=objects)
+    def with_obscurance(self, w: Float64s | Sequence[float], bent_normals: Float64s | None = None) -> Scene:
+        """The same scene with w (n,), bent normals (n, 3) of `flattened()`, an object's vertices after the other's."""
+        ends = np.cumsum([len(item.shape.mesh.vertices) for item in self.objects])[:-1]
+        values = np.split(np.asarray(w, np.float64), ends)
+        bent = [None] * len(values) if bent_normals is None else np.split(np.asarray(bent_normals, np.float64), ends)
+        parts = zip(self.objects, values, bent, strict=True)
+        return replace(self, objects=tuple(replace(item, w=w, bent_normals=b) for item, w, b in parts))

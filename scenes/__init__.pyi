@@ -12,6 +12,7 @@ from .geometry.builtin_shapes import Temple as Temple
 from .library.catalogue import BUILTIN as BUILTIN
 from .library.catalogue import builtin_toml as builtin_toml
 from .library.catalogue import write_builtin as write_builtin
+from .page.document import html_page as html_page
 from .readers.load import MeshFile as MeshFile
 from .readers.load import load as load
 from .readers.stored_w import read_w as read_w

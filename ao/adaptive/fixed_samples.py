@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 
 from raytrace.sampling.hash import mix_array
-from raytrace.types import Int64s
+from raytrace.types import Float64s, Int64s
 
 from ..denoise.one_ring import Neighbours
 from ..denoise.shrinkage import calibration_factor, denoise, distribute_variance, shrunk_to_mean
@@ -15,6 +16,7 @@ from ..gather.corners import Corners
 from ..gather.estimate import BATCH_VARIANCE, BENT, VALUES, W
 from ..gather.points import Points
 from ..trace.tracer import Tracer
+from .calibration import Calibration
 from .ray_budget import sampling_variance
 from .tolerance import Estimate
 
@@ -24,26 +26,55 @@ _PLACE_SHARE = 8  # of the rays that a point gets, for each of some 18 places ab
 _PLACE_SHARE_RAW = 3  # where points are denoised besides
 
 
-def sampled(tracer: Tracer, points: Points, neighbours: Neighbours | None, samples: int, key: np.uint32) -> Estimate:
-    """Every point with `samples` rays, some twice to calibrate the error; denoised if `neighbours` are given."""
+class TracedTwice(NamedTuple):
+    """What rays have found at points, some of which were traced twice to calibrate the error.
+
+    Attributes:
+        rows: float64 (k, COLUMNS). samples: rays of each. calibration: int64 (c,), the points that were traced twice.
+        again: float64 (c,), w of these by other directions. rays: traced in the bake so far.
+    """
+
+    rows: Float64s
+    samples: int
+    calibration: Int64s
+    again: Float64s
+    rays: int
+
+
+def traced_twice(tracer: Tracer, points: Points, samples: int, key: np.uint32) -> TracedTwice:
+    """Trace `samples` rays at every point."""
     calibration = _calibration_subset(len(points))
     tracer.expected = tracer.rays + samples * (len(points) + len(calibration))
     rows = tracer.gather(points, samples, key)
     again = tracer.gather(points[calibration], samples, mix_array([key ^ np.uint32(0xA5A5A5A5)])[0])[:, W]
+    return TracedTwice(rows, samples, calibration, again, tracer.rays)
+
+
+def estimated(traced: TracedTwice, points: Points, neighbours: Neighbours | None) -> Estimate:
+    """Estimates at points that were traced; denoised if `neighbours` are given."""
+    rows, samples, calibration, again, rays = traced
     w = rows[:, W]
     level = sampling_variance(w[calibration], again, samples)
     spread = rows[:, BATCH_VARIANCE]
     if len(points) and not spread.any() and (w == w[0]).all():  # of n rays that agree, the next may not (Laplace)
-        level = min(level, tracer.rays**-2.0)
-    raw = Estimate(rows[:, VALUES], shrunk_to_mean(distribute_variance(spread, level)), samples, 0)
+        level = min(level, rays**-2.0)
+    variance, before = shrunk_to_mean(distribute_variance(spread, level)), (w[calibration] - again) ** 2
+    checked = Calibration(variance[calibration], before / 2)
+    raw = Estimate(rows[:, VALUES], variance, samples, 0, calibration=checked)
     if neighbours is None:
         return raw
     denoised, error = denoise(neighbours, points, rows, level)
-    before, after = ((values[calibration] - again) ** 2 for values in (w, denoised))
+    after = (denoised[calibration] - again) ** 2
     if float(np.sum(after - before)) >= 0:
         return raw
     error *= calibration_factor(error[calibration], after - before / 2, error)
-    return Estimate(np.column_stack([denoised, rows[:, BENT:]]), error, samples, 0)
+    checked = Calibration(error[calibration], after - before / 2)
+    return Estimate(np.column_stack([denoised, rows[:, BENT:]]), error, samples, 0, calibration=checked)
+
+
+def sampled(tracer: Tracer, points: Points, samples: int, key: np.uint32) -> Estimate:
+    """Every point with `samples` rays, as they come."""
+    return estimated(traced_twice(tracer, points, samples, key), points, None)
 
 
 def place_samples(samples: int, denoised: bool) -> int:

@@ -20,6 +20,7 @@ from ..denoise.upsampling import coarsened, nearest_baked, upsample
 from ..gather.estimate import BENT, COLUMNS, VALUES, W
 from ..gather.points import Points
 from ..trace.tracer import Tracer
+from .calibration import Calibration
 from .probes import Probes, derive
 from .ray_budget import RATE, denoised_error, work
 from .screening import Screening, screening_samples
@@ -49,6 +50,7 @@ class Estimate:
     Attributes:
         rows: float64 (k, 4), w and the mean of μ·direction (x, y, z). variance: (k,), mean square error of w expected.
         samples: rays that a baked point got. predicted: number of points that were not baked; screened: rays of each.
+        calibration: of the variances, at some of the points.
     """
 
     rows: Float64s
@@ -56,6 +58,7 @@ class Estimate:
     samples: int
     predicted: int
     screened: int = 0
+    calibration: Calibration | None = None
 
 
 def estimate_to(
@@ -277,4 +280,7 @@ class _Field:
             rows[left] = self.rows[left][:, VALUES]
             self.error[left] = self.noise
         screened = self.screening.samples if self.screening else 0
-        return Estimate(rows, self.error, self.samples, int(np.count_nonzero(~self.baked)), screened)
+        probed = self.probes.rows
+        measured = self.probes.squared(rows[probed, W], self.baked[probed])
+        calibration = Calibration(self.error[probed], measured)
+        return Estimate(rows, self.error, self.samples, int(np.count_nonzero(~self.baked)), screened, calibration)

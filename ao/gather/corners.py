@@ -15,7 +15,7 @@ from raytrace.bvh.bvh16 import BVH16
 from raytrace.ray_origins.offset import ray_offset
 from raytrace.ray_origins.origins import ray_origins
 from raytrace.ray_origins.surface import Surface
-from raytrace.types import Float64s, Int64s
+from raytrace.types import Bools, Float64s, Int64s
 
 from .points import Points
 
@@ -77,13 +77,16 @@ class Corners:
         return np.where(np.linalg.norm(mean, axis=1)[:, None] > _CANCELLED * lengths, mean, 0.0)
 
 
-def find_corners(tree: BVH16, surface: Surface, corners: Int64s, points: Int64s, first: int) -> Corners:
+def find_corners(
+    tree: BVH16, surface: Surface, corners: Int64s, points: Int64s, first: int, flattest: float | None = None
+) -> Corners:
     """The corners of points.
 
     Args:
         tree: over the faces of `surface`.
         corners: (c,), ascending: all face corners that are one of the points, at least one; 3 f + k is face f's k-th.
         points: (c,), which point each of them is. first: what places are numbered from.
+        flattest: `flattest_elsewhere` of the whole mesh, of which `surface` may be a part.
     """
     vertices, faces = surface.vertices, surface.faces
     order = np.argsort(points, kind="stable")
@@ -109,7 +112,12 @@ def find_corners(tree: BVH16, surface: Surface, corners: Int64s, points: Int64s,
     turn[face, corner] = np.arange(len(face))
     number = np.repeat(np.arange(len(face)), SPREAD)
     lift, clearance = normal[number], np.ones(len(number))
-    magnitude = surface.magnitudes(turn, len(face) + 1)[number]
+    if flattest is None:
+        flattest = flattest_elsewhere(surface, turn == len(face))
+    beside = (turn[face] == len(face)).any(axis=1)
+    magnitude = np.maximum(surface.extent[face], np.maximum(surface.flat[face], np.where(beside, flattest, 0.0)))[
+        number
+    ]
     origins = ray_origins(tree, surface, places, lift, clearance, turn, number, magnitude)
     total = np.add.reduceat(angle, starts[:-1])
     weights = angle / np.repeat(total, np.diff(starts)) / SPREAD
@@ -120,3 +128,11 @@ def find_corners(tree: BVH16, surface: Surface, corners: Int64s, points: Int64s,
         Points(origins.astype(np.float32), lift.astype(np.float32), numbers),
         np.repeat(weights, SPREAD),
     )
+
+
+def flattest_elsewhere(surface: Surface, elsewhere: Bools) -> float:
+    """How flat faces are that have corners of points without corners (`Surface.flat`), at most.
+
+    Args: elsewhere: bool (m, 3), which are these.
+    """
+    return float(surface.flat[elsewhere.any(axis=1)].max(initial=0.0))

@@ -8,7 +8,7 @@ from __future__ import annotations
 import numpy as np
 
 from raytrace.kernel.jit import inline, kernel
-from raytrace.types import AnyFloats, Int64s
+from raytrace.types import AnyFloats, Float64s, Int64s, UInt32s
 
 _COARSE, _FINE = 10, 21  # bits an axis
 
@@ -19,9 +19,14 @@ def morton_order(points: AnyFloats) -> Int64s:
         return np.zeros(0, np.int64)
     low = np.array([column.min() for column in points.T], np.float64)
     extent = max(float(column.max() - least) for column, least in zip(points.T, low, strict=True))
+    return np.argsort(morton_codes(points, low, extent), kind="stable")
+
+
+def morton_codes(points: AnyFloats, low: Float64s, extent: float) -> UInt32s:
+    """What `morton_order` sorts by, (n,). Args: low: (3,), the lower corner of the cube; extent: its side."""
     codes = np.empty(len(points), np.uint32)
     _codes(points, low, (2.0**_COARSE - 1.0) / extent if extent > 0 else 0.0, codes)
-    return np.argsort(codes, kind="stable")
+    return codes
 
 
 def fine_morton_order(points: AnyFloats) -> Int64s:

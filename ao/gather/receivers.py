@@ -7,6 +7,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from enum import IntFlag
 from functools import cache, partial
+from typing import NamedTuple
 
 import numpy as np
 
@@ -16,9 +17,10 @@ from raytrace.errors import MeshError, OptionError
 from raytrace.mesh.mesh import Mesh
 from raytrace.mesh.normals import nonzero, normalize
 from raytrace.mesh.placement import Placement
+from raytrace.ray_origins.surface import Surface
 from raytrace.ray_origins.welded import weld_points
 from raytrace.system.memory import check_memory
-from raytrace.types import Bools, Int64s, UInt8s
+from raytrace.types import Bools, Float32s, Float64s, Int64s, UInt8s
 
 from ..memory import NEGLIGIBLE, corner_bytes
 from ..options import Normals
@@ -95,6 +97,67 @@ class Receivers:
         return self.only(own[self.of_vertex]), np.flatnonzero(own[:-1])
 
 
+class Lifted(NamedTuple):
+    """Points of n vertices and m faces that are not degenerate, with ray origins, before they are numbered.
+
+    Attributes:
+        group: int64 (n,), the point of each vertex. first: int64 (k,), the first vertex of each point.
+        face_points: int64 (m, 3), the point at each corner of the faces of `surface`.
+        origins, axes: float64 (k, 3), of hemispheres. usable: bool (k,), which points have any.
+        torn: bool (k,), which of these are folded or opposed.
+        flags: uint8 (n,). tree: over the faces. tree_seconds: how long it took to build.
+    """
+
+    group: Int64s
+    first: Int64s
+    face_points: Int64s
+    surface: Surface
+    origins: Float64s
+    axes: Float64s
+    usable: Bools
+    torn: Bools
+    flags: UInt8s
+    tree: BVH16
+    tree_seconds: float
+
+
+def lift_points(
+    placed: Float32s, faces: Int64s, normals: Normals = "angle", own_normals: Float64s | None = None
+) -> Lifted:
+    """Weld, orient and lift vertices `placed` (n, 3) in render space.
+
+    Args: own_normals: (n, 3), any length, for `normals` "file".
+    """
+    vertices = placed.astype(np.float64)
+    count = len(vertices)
+    flags = np.zeros(count, np.uint8)
+    flags[np.bincount(faces.ravel(), minlength=count) == 0] = Flag.UNREFERENCED
+
+    if normals == "file":
+        axes = normalize(np.asarray(own_normals))
+        welded = weld_points(vertices, faces, "angle", axes, SAME)
+        axes, folded = axes[welded.first], np.zeros(len(welded.first), np.bool_)
+    else:
+        welded = weld_points(vertices, faces, normals)
+        axes = welded.directions
+        folded = (welded.clearance <= 0) | (axes != welded.normals).any(axis=1)
+    surface = welded.surface(vertices)
+    start = time.perf_counter()
+    tree = BVH16.of(placed, welded.faces)
+    tree_seconds = time.perf_counter() - start
+    origins = welded.ray_origins(tree, surface)
+
+    group = welded.group
+    usable = nonzero(welded.directions) & nonzero(axes)
+    flags[~usable[group] & (flags == 0)] = Flag.DEGENERATE
+    flags[(usable & folded)[group]] = Flag.FOLDED
+    flags[(usable & (welded.clearance <= 0))[group]] = Flag.OPPOSED
+    torn = usable & folded
+    return Lifted(
+        group, welded.first, welded.face_points, surface, origins, axes, usable, torn, flags, tree, tree_seconds
+    )
+
+
 def find_receivers(mesh: Mesh, placement: Placement, normals: Normals = "angle") -> Receivers:
     """Weld, orient and lift the vertices of `mesh`.
 
@@ -104,42 +167,21 @@ def find_receivers(mesh: Mesh, placement: Placement, normals: Normals = "angle")
     """
     if normals == "file" and mesh.normals is None:
         raise MeshError(mesh.source, "normals", "vertex normals in the mesh", "none")
-    vertices = placement.vertices.astype(np.float64)
-    count = len(vertices)
-    flags = np.zeros(count, np.uint8)
-    flags[np.bincount(mesh.faces.ravel(), minlength=count) == 0] = Flag.UNREFERENCED
-
-    if normals == "file":
-        axes = normalize(np.asarray(mesh.normals))
-        welded = weld_points(vertices, mesh.faces, "angle", axes, SAME)
-        axes, folded = axes[welded.first], np.zeros(len(welded.first), np.bool_)
-    else:
-        welded = weld_points(vertices, mesh.faces, normals)
-        axes = welded.directions
-        folded = (welded.clearance <= 0) | (axes != welded.normals).any(axis=1)
-    group, clearance, faces = welded.group, welded.clearance, welded.faces
-    surface = welded.surface(vertices)
-    start = time.perf_counter()
-    tree = BVH16.of(placement.vertices, faces)
-    tree_seconds = time.perf_counter() - start
-    origin = welded.ray_origins(tree, surface)
-
-    usable = nonzero(welded.directions) & nonzero(axes)
-    flags[~usable[group] & (flags == 0)] = Flag.DEGENERATE
-    flags[(usable & folded)[group]] = Flag.FOLDED
-    flags[(usable & (clearance <= 0))[group]] = Flag.OPPOSED
-    rows = np.flatnonzero(usable)
-    rows = rows[morton_order(origin[rows])]
-    index = np.full(len(usable), -1)
+    lifted = lift_points(placement.vertices, mesh.faces, normals, mesh.normals)
+    rows = np.flatnonzero(lifted.usable)
+    rows = rows[morton_order(lifted.origins[rows])]
+    index = np.full(len(lifted.usable), -1)
     index[rows] = np.arange(len(rows))
     numbers = np.arange(len(rows), dtype=np.uint32)
-    points = Points(origin[rows].astype(np.float32), axes[rows].astype(np.float32), numbers)
-    corners = Corners.none()
-    if (usable & folded).any():
-        torn = np.flatnonzero((usable & folded)[welded.face_points])
+    points = Points(lifted.origins[rows].astype(np.float32), lifted.axes[rows].astype(np.float32), numbers)
+    corners, faces = Corners.none(), lifted.surface.faces
+    if lifted.torn.any():
+        torn = np.flatnonzero(lifted.torn[lifted.face_points])
         needed = corner_bytes(len(torn))
         if needed > NEGLIGIBLE:
             check_memory(mesh.source, needed, f"for the {len(torn):,} corners of folded vertices")
-        corners = find_corners(tree, surface, torn, index[welded.face_points.ravel()[torn]], len(rows))
+        numbered = index[lifted.face_points.ravel()[torn]]
+        corners = find_corners(lifted.tree, lifted.surface, torn, numbered, len(rows))
     embree = cache(partial(TriangleScene, placement.vertices, faces))
-    return Receivers(points, corners, index[group], flags, faces, tree, tree_seconds, embree)
+    of_vertex, flags = index[lifted.group], lifted.flags
+    return Receivers(points, corners, of_vertex, flags, faces, lifted.tree, lifted.tree_seconds, embree)

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import hashlib
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -10,13 +12,15 @@ from raytrace.embree.packets import LANES
 from raytrace.mesh.normals import face_normals
 from raytrace.mesh.placement import Placement
 from raytrace.sampling.hash import mix_array
-from raytrace.system.threads import run_blocks
 from raytrace.types import Bools, Float32s, Float64s, Int32s, Int64s
 
+from ..falloff import KernelMu
 from ..gather.morton import fine_morton_order
 from ..gather.ray_packet import RayPacket
 from ..gather.receivers import Receivers
 from ..prepared import Prepared
+from ..trace.ray_scene import RayScene
+from ..trace.work import Tables, fill
 from .face_moments import HIDDEN, MOMENTS, SEEN, FaceArrays, Lattices, gather_faces
 from .samples import Samples
 
@@ -63,41 +67,90 @@ class Patch:
         return Patch(self.corners[faces], self.normals[faces], self.areas[faces], local, self.axes[faces], len(own))
 
 
+@dataclass(frozen=True, eq=False)
+class Moments:
+    """Moments and counts of faces, as work that any process can do; see `gather_faces`.
+
+    Attributes:
+        faces: FaceArrays (m). samples: on these. points: int32 (m, 3), what tells these faces from others.
+        rays: of a sample. asked: samples asked for at a vertex. key: of the directions. mu: in render space.
+        reach: length of rays there.
+    """
+
+    faces: FaceArrays
+    samples: Samples
+    points: Int32s
+    rays_of_sample: int
+    asked: int
+    key: np.uint32
+    mu: KernelMu
+    reach: float
+
+    def __len__(self) -> int:
+        return len(self.points)
+
+    def __getitem__(self, rows: slice) -> Moments:
+        first, last, _ = rows.indices(len(self))
+        corners, normals, axes = self.faces
+        faces = FaceArrays(corners[rows], normals[rows], axes[rows])
+        return replace(self, faces=faces, samples=self.samples.of_faces(first, last), points=self.points[rows])
+
+    @property
+    def name(self) -> bytes:
+        digest = hashlib.blake2b(repr((self.asked, int(self.key))).encode(), digest_size=16)
+        digest.update(np.ascontiguousarray(self.points).data)
+        return digest.digest()
+
+    @property
+    def rays(self) -> float:
+        count = int(self.samples.starts[-1] - self.samples.starts[0])
+        return self.rays_of_sample * count / max(len(self), 1)
+
+    @property
+    def block(self) -> int:
+        return max(int(_BLOCK_RAYS / max(self.rays, 1e-9)), 1)
+
+    def tables(self) -> Tables:
+        return np.zeros((len(self), MOMENTS)), np.zeros((len(self), 3), np.int64)
+
+    def writer(self, scene: RayScene, tables: Tables) -> Callable[[int, int], None]:
+        embree, lattices = scene.embree(), Lattices.of(self.rays_of_sample, self.key)
+        moments, counts = tables
+
+        def write(first: int, last: int) -> None:
+            some = self[first:last]
+            packet, found = RayPacket.of(embree), (moments[first:last], counts[first:last])
+            gather_faces(packet, some.faces, some.samples, lattices, self.mu, self.reach, *found)
+
+        return write
+
+
 def gather_moments(prepared: Prepared, patch: Patch) -> tuple[Float64s, Int64s]:
     """Moments (m, 29) and counts (m, 3) of the faces of `patch`, see `gather_faces`."""
     placement, checkpoint = prepared.placement, prepared.checkpoint
     samples, key, progress = prepared.options.rays, prepared.key, prepared.progress
-    moments, counts = np.zeros((len(patch.face_points), MOMENTS)), np.zeros((len(patch.face_points), 3), np.int64)
     if not len(patch.face_points):
-        return moments, counts
+        return np.zeros((0, MOMENTS)), np.zeros((0, 3), np.int64)
     rays = int(np.clip(samples // 2 // LANES * LANES, LANES, _MOST_RAYS))
     count = max(samples * len(np.unique(patch.face_points)) // rays, 1)
-    spread = Samples.spread(patch.areas, count, float(np.ldexp(mix_array([key])[0], -32)))
-    lattices = Lattices.of(rays, key)
+    shift = float(np.ldexp(mix_array([key])[0], -32))
+    faces = FaceArrays(patch.corners, patch.normals, patch.axes)
     mu = prepared.mu.in_render_space(placement.scale)
-    call = checkpoint.call(patch.face_points, samples, key) if checkpoint else b""
-    scene = prepared.receivers.embree()
+    spread = Samples.spread(patch.areas, count, shift)
+    work = Moments(faces, spread, patch.face_points, rays, samples, key, mu, placement.diagonal)
+    tables = work.tables()
     done = 0
 
-    def work(a: int, b: int) -> None:
-        if checkpoint and checkpoint.copy(call, a, moments[a:b], counts[a:b]):
-            return
-        packet = RayPacket.of(scene)
-        faces = FaceArrays(patch.corners[a:b], patch.normals[a:b], patch.axes[a:b])
-        reach = placement.diagonal
-        gather_faces(packet, faces, spread.of_faces(a, b), lattices, mu, reach, moments[a:b], counts[a:b])
-        if checkpoint:
-            checkpoint.add(call, a, moments[a:b], counts[a:b])
-
-    def advance(faces: int) -> None:
+    def advance(finished: int) -> None:
         nonlocal done
-        done += faces
-        if checkpoint:
-            checkpoint.save()
+        done += finished
         if progress:
-            progress(count * rays * done // len(moments), count * rays)
+            progress(count * rays * done // len(work), count * rays)
 
-    run_blocks(len(moments), max(len(moments) * _BLOCK_RAYS // (count * rays), 1), work, prepared.threads, advance)
+    (checkpoint.fill if checkpoint else fill)(work, prepared.scene, tables, prepared.threads, advance)
+    if checkpoint:
+        checkpoint.all_traced()
+    moments, counts = tables
     return moments, counts
 
 

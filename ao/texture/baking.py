@@ -167,6 +167,7 @@ def bake_texture(
         ),
         seconds={"build": build, "bake": time.perf_counter() - start - build},
         mu=mu,
+        calibration=found.calibration,
     )  # fmt: skip
     if tolerance is not None and baked.rmse > tolerance:
         reason = f": {options.rays:,} rays a texel were allowed" if found.samples >= options.rays else ""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 
-from ..adaptive.fixed_samples import sampled
+from ..adaptive.fixed_samples import estimated, traced_twice
 from ..adaptive.tolerance import Estimate, estimate_to
 from ..denoise.one_ring import Neighbours
 from ..gather.points import Points
@@ -30,8 +30,7 @@ def begin_tracing(prepared: Prepared, texels: Texels, kind: str, checkpoint: Che
         )
         checkpoint.begin(placement, receivers, prepared.mu, kind, *settings, digest.hexdigest())
     return TexelTracer(
-        receivers.embree,
-        receivers.tree,
+        prepared.scene,
         packets_below(options.traversal, receivers.tree, placement, receivers.points, prepared.mu),
         placement,
         prepared.mu,
@@ -47,6 +46,8 @@ def estimate(tracer: TexelTracer, points: Points, neighbours: Neighbours | None,
     """Estimates at `points`, with a number of rays each that is given or meets the tolerance."""
     options = prepared.options
     if options.tolerance is None:
-        return sampled(tracer, points, neighbours, options.rays, prepared.key)
+        traced = traced_twice(tracer, points, options.rays, prepared.key)
+        tracer.all_traced()
+        return estimated(traced, points, neighbours)
     assert neighbours is not None  # `Options` has seen to it
     return estimate_to(tracer, points, neighbours, options.tolerance, options.rays, prepared.key)

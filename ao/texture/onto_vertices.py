@@ -75,8 +75,9 @@ def sample_fine_mesh(
             "predicted": (made.samples - made.screened) * made.predicted,
             "hidden": made.samples * (count - len(traced)),
         },
+        calibration=made.calibration,
     )
-    return replace(prepared, wanted=wanted), values
+    return replace(prepared, mesh=coarse, wanted=wanted), values
 
 
 def _flagged(shown: Receivers, missed: Int64s, hidden: Int64s) -> Receivers:

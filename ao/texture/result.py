@@ -12,6 +12,7 @@ from raytrace.image.fill import fill_holes
 from raytrace.mesh.normals import normalize
 from raytrace.types import Bools, Float32s, Float64s
 
+from ..adaptive.calibration import Calibration
 from ..falloff import Mu
 from .texels import Texels
 from .uv_layout import UVLayout
@@ -64,6 +65,7 @@ class BakedTexture:
         seconds: as `ao.Bake` has them.
         mu: as `ao.Bake` has it.
         shortfalls: as `ao.Bake` has them.
+        calibration: as `ao.Bake` has it.
     """
 
     w: Float32s
@@ -77,6 +79,7 @@ class BakedTexture:
     seconds: dict[str, float] = field(compare=False)
     mu: Mu
     shortfalls: tuple[str, ...] = ()
+    calibration: Calibration | None = None
 
     def __repr__(self) -> str:
         height, width = self.w.shape

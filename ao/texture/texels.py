@@ -30,7 +30,7 @@ from .coverage import Coverage, refill
 _LEAST_COSINE = 0.2  # between an interpolated normal and its face's; the face's stands for others
 _ENOUGH = 8  # rays of a point, so that more points are worth their time
 _PLACED = 1 << 18  # points whose origins are found together
-_GATHERED = 1 << 16  # texels
+_GATHERED = 1 << 18  # texels
 _BLOCK = 1 << 13
 
 
@@ -209,12 +209,12 @@ class TexelTracer(Tracer):
         slots = 1 << int(np.clip(samples // _ENOUGH, 1, self.texels.slots)).bit_length() - 1
         rays = -(-samples // slots)
         out = np.empty((len(points), COLUMNS))
-        table = DirectionTable.make(rays, self.total_points, key, slots)
+        table = self.scene.table(rays, self.total_points, key, slots)
         for first in range(0, len(points), _GATHERED):
             rows = points.numbers[first : first + _GATHERED].astype(np.int64)
             each, numbers = ((count * rows[:, None] + np.arange(slots)).ravel() for count in (self.texels.slots, slots))
             some = replace(self.texels.points[each], numbers=numbers.astype(np.uint32))
-            found = self._gather(some, table)
+            found = self._gather(some, rays, key, slots)
             self._leave_out_below(some, self.texels.sides[each], table, found)
             out[first : first + _GATHERED] = found.reshape(-1, slots, COLUMNS).sum(axis=1) / slots
         return out

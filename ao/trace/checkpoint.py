@@ -4,27 +4,27 @@ from __future__ import annotations
 
 import hashlib
 import os
-import threading
 import time
 import warnings
 from collections.abc import Callable
 from contextlib import suppress
+from functools import partial
 from pathlib import Path
 from types import TracebackType
 from typing import Any
 
-import llvmlite.binding
 import numpy as np
 import numpy.typing as npt
 
-from raytrace.embree import library as embree
 from raytrace.errors import InputError, OutputError
-from raytrace.kernel.cache import source_hash
 from raytrace.mesh.placement import Placement
-from raytrace.types import AnyInts, Float64s
+from raytrace.types import Bools, Float64s
 
 from ..gather.receivers import Receivers
-from .journal import Journal, record
+from .identity import machine
+from .journal import IDENTITY, Block, Journal, record
+from .ray_scene import RayScene
+from .work import Advance, Span, Tables, Work, fill_spans
 
 AFTER = 60.0  # seconds of work until a journal is begun
 EVERY = 5.0  # seconds between writes
@@ -42,10 +42,16 @@ class Checkpoint:
         path: the journal, best beside the target. resume: continue what it holds.
         tell: called with a line for the user. after, every: seconds until the first write and between writes.
 
+    Attributes:
+        partial: whether it fills only some rows, so that later rays must not depend on what earlier ones found.
+
     Raises, on entry into the bake:
         InputError: `resume`, and the journal is of another mesh, other options, another version or processor.
         OutputError: another process is at work on it, or it is some other file.
     """
+
+    partial = False
+    _expected = "the journal of this very bake"
 
     def __init__(
         self,
@@ -61,7 +67,6 @@ class Checkpoint:
         self._left_over = False
         self._given_up = False
         self._pending: list[bytes] = []
-        self._lock = threading.Lock()
         self._due = time.monotonic() + after
 
     def __enter__(self) -> Checkpoint:
@@ -79,15 +84,7 @@ class Checkpoint:
 
     def begin(self, placement: Placement, receivers: Receivers, *settings: object) -> None:
         """Open what there is to continue. Args: everything that decides rows; `settings` by their repr."""
-        versions = source_hash(), embree.version(), np.__version__, llvmlite.binding.get_host_cpu_name()
-        digest = hashlib.blake2b(repr((versions, placement.scale, placement.diagonal, settings)).encode())
-        arrays: list[npt.NDArray[Any]] = [placement.vertices, receivers.faces]
-        for points in (receivers.points, receivers.corners.places):
-            arrays += [points.origins, points.normals, points.numbers]
-        for array in arrays:
-            digest.update(repr((array.shape, array.dtype)).encode())
-            digest.update(np.ascontiguousarray(array).data)
-        self._identity = digest.digest()[:32]
+        self._identity = identity(placement, receivers, settings)
         self._due = time.monotonic() + self.after
         try:
             found = Journal(self.path, create=False)
@@ -104,39 +101,51 @@ class Checkpoint:
             found.close()
         if self.resume:
             if found and found.identity:
-                raise InputError(self.path, "header", "the journal of this very bake", "that of another or of a change")
+                raise InputError(self.path, "header", self._expected, "that of another or of a change")
             self.tell(f"{self.path}: nothing to resume; starting from the beginning")
         self._left_over = found is not None
         if found and found.identity == self._identity:
             self.tell(f"{self.path}: left by an interrupted run; --resume would continue it; starting over")
 
-    def call(self, numbers: AnyInts, samples: int, key: np.uint32) -> bytes:
-        """Name of the rays of `samples` directions, drawn by `key`, at the points of these numbers: 16 bytes."""
-        digest = hashlib.blake2b(repr((samples, int(key))).encode(), digest_size=16)
-        digest.update(np.ascontiguousarray(numbers).data)
-        return digest.digest()
+    def fill(self, work: Work, scene: RayScene, tables: Tables, threads: int, advance: Advance) -> None:
+        """Make all rows of `work`, or copy those that the journal has.
 
-    def copy(self, call: bytes, first: int, *tables: npt.NDArray[Any]) -> bool:
-        """Fill the rows of a call, from number `first` on, if the journal has them; from any thread.
-
-        Args: tables: one or more, contiguous, (k, …): columns of the same k rows.
+        Args: tables: of `work.tables`, contiguous, written. advance: called with numbers of finished rows.
         """
-        block = call, first, first + len(tables[0])
-        with self._lock:
-            if self._journal is None or block not in self._journal.blocks:
-                return False
-            content = self._journal.content(block)
-        begin = 0
-        for table in tables:
-            table[:] = np.frombuffer(content, table.dtype, table.size, begin).reshape(table.shape)
-            begin += table.nbytes
-        return True
+        blocks = {} if self._journal is None else self._journal.blocks
+        name, restored = work.name, np.zeros(len(work), np.bool_)
+        for block in blocks:
+            if block[0] == name and self._journal:
+                restore(block, self._journal.content(block), tables, restored)
+        if restored.any():
+            advance(int(np.count_nonzero(restored)))
+        if not restored.all():
+            self._trace(work, scene, ~restored, tables, threads, advance)
 
-    def add(self, call: bytes, first: int, *tables: npt.NDArray[Any]) -> None:
-        """Take note of traced rows, see `copy`; from any thread."""
+    def _trace(
+        self, work: Work, scene: RayScene, missing: Bools, tables: Tables, threads: int, advance: Advance
+    ) -> None:
+        """Make the `missing` rows, bool (k,), and keep them."""
+        name = work.name
+
+        def advanced(rows: int) -> None:
+            self.save()
+            advance(rows)
+
+        fill_spans(work, scene, spans_of(missing), tables, threads, partial(self.add, name, tables), advanced)
+
+    def add(self, name: bytes, tables: Tables, first: int, last: int) -> None:
+        """Take note of traced rows of the work of this name; from any thread."""
         if not self._given_up:
-            content = b"".join(table.tobytes() for table in tables)
-            self._pending.append(record((call, first, first + len(tables[0])), content))
+            content = b"".join(table[first:last].tobytes() for table in tables)
+            self._pending.append(record((name, first, last), content))
+
+    def status(self) -> str:
+        """What to show beside the progress."""
+        return ""
+
+    def all_traced(self) -> None:
+        """No more rows will be asked for."""
 
     def once(self, name: str, compute: Callable[[], Float64s]) -> Float64s:
         """What `compute` returns, (k,), unless the journal has it; from the thread that writes."""
@@ -162,16 +171,23 @@ class Checkpoint:
         if self._given_up or not count:
             return
         try:
-            with self._lock:
-                if self._journal is None:
-                    self._journal = Journal(self.path, create=True)
-                    self._journal.start(self._identity)
-                self._journal.append(b"".join(self._pending[:count]))
+            if self._journal is None:
+                self._journal = Journal(self.path, create=True)
+                self._start(self._journal)
+            self._journal.append(b"".join(self._pending[:count]))
             del self._pending[:count]
         except OSError as reason:
-            self._given_up = True
-            self._pending.clear()
-            self.tell(f"{_refused(self.path, reason)}; going on without checkpoints")
+            self._give_up(_refused(self.path, reason))
+
+    def _give_up(self, reason: OutputError) -> None:
+        """What is done where the journal cannot be written."""
+        self._given_up = True
+        self._pending.clear()
+        self.tell(f"{reason}; going on without checkpoints")
+
+    def _start(self, journal: Journal) -> None:
+        """Make an open file the journal of this bake."""
+        journal.start(self._identity)
 
     def _remove(self) -> None:
         if self._journal is None and self._left_over:
@@ -179,6 +195,38 @@ class Checkpoint:
                 self._journal = Journal(self.path, create=False)
         if self._journal:
             self._journal.remove()
+
+
+def identity(placement: Placement, receivers: Receivers, settings: tuple[object, ...]) -> bytes:
+    """Hash of all that decides a bake's rows, 32 bytes."""
+    digest = hashlib.blake2b(repr((machine(), placement.scale, placement.diagonal, settings)).encode())
+    arrays: list[npt.NDArray[Any]] = [placement.vertices, receivers.faces]
+    for points in (receivers.points, receivers.corners.places):
+        arrays += [points.origins, points.normals, points.numbers]
+    for array in arrays:
+        digest.update(repr((array.shape, array.dtype)).encode())
+        digest.update(np.ascontiguousarray(array).data)
+    return digest.digest()[:IDENTITY]
+
+
+def restore(block: Block, content: bytes, tables: Tables, restored: Bools) -> None:
+    """Copy recorded rows into `tables` and mark them in `restored` (k,), if they are rows of these."""
+    _, first, last = block
+    rows = last - first
+    if not 0 <= first < last <= len(restored) or len(content) != sum(table[:1].nbytes for table in tables) * rows:
+        return
+    begin = 0
+    for table in tables:
+        some = table[first:last]
+        some[:] = np.frombuffer(content, table.dtype, some.size, begin).reshape(some.shape)
+        begin += some.nbytes
+    restored[first:last] = True
+
+
+def spans_of(rows: Bools) -> list[Span]:
+    """The runs of set values in `rows` (k,)."""
+    edges = np.flatnonzero(np.diff(rows, prepend=False, append=False))
+    return [(int(first), int(last)) for first, last in edges.reshape(-1, 2)]
 
 
 def _refused(path: Path, reason: OSError) -> OutputError:

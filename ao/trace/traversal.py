@@ -10,6 +10,7 @@ import numpy as np
 
 from raytrace.bvh.bvh16 import BVH16
 from raytrace.mesh.placement import Placement
+from raytrace.types import Float64s, Int64s
 
 from ..falloff import KernelMu, Mu
 from ..gather.directions import DirectionTable
@@ -32,11 +33,31 @@ def packets_below(traversal: Traversal, tree: BVH16, placement: Placement, point
     """
     if traversal == "embree":
         return MAX_SAMPLES + 1
-    some = points[np.arange(min(len(points), _POINTS)) * len(points) // max(min(len(points), _POINTS), 1)]
-    table, out = DirectionTable.make(_RAYS, len(some), _KEY), np.empty((len(some), COLUMNS))
+    some = points[tried(len(points))]
     limit = mu.in_render_space(placement.scale).limit
-    binary, reach = KernelMu(0.0, limit, 1.0), min(limit, placement.diagonal)
-    gather_streams(tree, Rays.of(table), Walk.of(tree), some.arrays, table, binary, reach, out)
-    if not len(some) or np.mean(out[:, W]) > 1 - _CLOSED:
-        return 0
+    return fewer_than(try_out(tree, some, len(some), limit, min(limit, placement.diagonal)), mu)
+
+
+def most_packets(mu: Mu) -> int:
+    """The largest number that `packets_below` has for it."""
     return _ANY_HIT if mu.tau is None else _CLOSEST_HIT
+
+
+def tried(count: int) -> Int64s:
+    """Which of `count` points are tried."""
+    return np.arange(min(count, _POINTS)) * count // max(min(count, _POINTS), 1)
+
+
+def try_out(tree: BVH16, points: Points, count: int, limit: float, reach: float) -> Float64s:
+    """How open `points` (k,) are, of `count` that are tried in all."""
+    table, out = DirectionTable.make(_RAYS, count, _KEY), np.empty((len(points), COLUMNS))
+    binary = KernelMu(0.0, limit, 1.0)
+    gather_streams(tree, Rays.of(table), Walk.of(tree), points.arrays, table, binary, reach, out)
+    return out[:, W]
+
+
+def fewer_than(openness: Float64s, mu: Mu) -> int:
+    """`packets_below` from what `try_out` found at all points that are tried, in their order."""
+    if not len(openness) or np.mean(openness) > 1 - _CLOSED:
+        return 0
+    return most_packets(mu)

@@ -6,7 +6,8 @@ from math import acos, asin, pi
 
 import numpy as np
 
-from .layout import TERMS
+from ..types import Float64s
+from .layout import KIRCHHOFF_END, TERMS
 
 
 def gaussian_constant(m: float) -> float:
@@ -29,6 +30,26 @@ def power_series(exponent: float) -> tuple[float, list[float]]:
         lambda x: np.cos(x) ** (exponent + 1.0), 2 * (TERMS - 1), domain=[-domain, domain]
     )
     return domain, [float(c) for c in integrand.integ(lbnd=0).coef[:0:-2]]
+
+
+def kirchhoff_sum(g: float, t: Float64s) -> Float64s:
+    """Σ_{j≥1} gʲ e⁻ᵍ/(j! j) e^(−g t/j) for g > 0 and t (k,) ≥ 0, the terms that count where t g/(1 + g) ≤ 16."""
+    j = np.arange(1, int(g + 8 * g**0.5) + 40)[:, None]
+    weights = j * np.log(g) - g - np.cumsum(np.log(j), axis=0) - np.log(j)
+    return np.asarray(np.exp(weights - g * t / j).sum(axis=0))
+
+
+def kirchhoff_table() -> Float64s:
+    """Σ (1 + g)/(1 − e⁻ᵍ), Σ as `kirchhoff_sum`, where τ = t g/(1 + g): e^(−τ) at g = 0 and for g → ∞.
+
+    Rows (65) are even in g/(1 + g) from 0 to 1, columns (57) in √τ from 0 to `KIRCHHOFF_END`.
+    """
+    tau = np.linspace(0, KIRCHHOFF_END, 57) ** 2
+    table = np.tile(np.exp(-tau), (65, 1))
+    for row, y in enumerate(np.linspace(0, 1, len(table))[1:-1], 1):
+        g = y / (1 - y)
+        table[row] = kirchhoff_sum(g, tau / y) * (1 + g) / -np.expm1(-g)
+    return table
 
 
 def eta_from_reflectance(reflectance: float) -> float:

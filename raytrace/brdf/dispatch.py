@@ -14,8 +14,8 @@ import numpy as np
 from ..kernel.jit import inline, kernel
 from ..kernel.simd import WIDE
 from ..kernel.simd_masks import pick, replace
-from ..kernel.vector import add, dot, load, scale
-from . import cook_torrance, lambert, oren_nayar, phong, poulin_fournier, strauss
+from ..kernel.vector import add, choose, dot, load, scale
+from . import ashikhmin_shirley, cook_torrance, kajiya, lambert, oren_nayar, phong, poulin_fournier, strauss, ward
 from . import layout as rows
 
 
@@ -69,12 +69,23 @@ def terms(kind, row, n, l, v, tangent):
         return oren_nayar.terms(row, n, l, v)
     if kind == rows.STRAUSS:
         return strauss.terms(row, n, l, v)
-    grain = (row[rows.GRAIN], row[rows.GRAIN + 1], row[rows.GRAIN + 2])
-    if dot(grain, grain) == 0.0:
-        grain = tangent
+    grain = brushed_along(row, tangent)
     if kind == rows.ELLIPTICAL_BECKMANN:
         return cook_torrance.terms_elliptical(row, n, l, v, grain)
+    if kind == rows.WARD:
+        return ward.terms(row, n, l, v, grain)
+    if kind == rows.ASHIKHMIN_SHIRLEY:
+        return ashikhmin_shirley.terms(row, n, l, v, grain)
+    if kind == rows.KAJIYA:
+        return kajiya.terms(row, n, l, v, grain)
     return poulin_fournier.terms(row, n, l, v, grain)
+
+
+@inline
+def brushed_along(row, tangent):
+    """The material's own grain, or the surface's tangent if it has none."""
+    grain = (row[rows.GRAIN], row[rows.GRAIN + 1], row[rows.GRAIN + 2])
+    return choose(dot(grain, grain) > 0.0, grain, tangent)
 
 
 @inline
@@ -86,6 +97,12 @@ def terms_wide(kind, row, n, l, v, tangent, wanted):
         return phong.terms_phong(row, n, l, v)
     if kind == rows.BLINN_PHONG:
         return phong.terms_blinn(row, n, l, v)
+    if kind == rows.WARD:
+        return ward.terms(row, n, l, v, brushed_along(row, tangent))
+    if kind == rows.ASHIKHMIN_SHIRLEY:
+        return ashikhmin_shirley.terms(row, n, l, v, brushed_along(row, tangent))
+    if kind == rows.KAJIYA:
+        return kajiya.terms_wide(row, n, l, v, brushed_along(row, tangent), wanted)
     zero = scale(0.0, n)
     diffuse, specular = zero, zero
     for lane in range(WIDE):

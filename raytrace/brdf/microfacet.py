@@ -6,23 +6,22 @@ Source: Torrance & Sparrow 1967; Beckmann & Spizzichino 1963; Cook & Torrance 19
 from math import atan2, exp, sqrt
 
 from ..kernel.jit import inline
+from ..kernel.simd import select
 
 
 @inline
 def fresnel(eta, cosine):
     """Unpolarised reflectance of a dielectric of relative index η ≥ 1 at c = v·h ≥ 0; 1 at grazing, 0 for η = 1."""
     g = sqrt(max(0.0, eta * eta + cosine * cosine - 1.0))
-    if g + cosine <= 0.0:
-        return 0.0  # η = 1 at grazing: there is no interface
     a = (g - cosine) / (g + cosine)
     b = (cosine * (g + cosine) - 1.0) / (cosine * (g - cosine) + 1.0)
-    return 0.5 * a * a * (1.0 + b * b)
+    return select(g + cosine > 0.0, 0.5 * a * a * (1.0 + b * b), 0.0)  # η = 1 at grazing: there is no interface
 
 
 @inline
 def geometric_attenuation(nh, nl, nv, vh):
     """G: the part of a V-groove's facets that is neither shadowed nor masked (Torrance & Sparrow 1967)."""
-    return min(1.0, 2.0 * nh * nv / vh, 2.0 * nh * nl / vh)
+    return min(min(1.0, 2.0 * nh * nv / vh), 2.0 * nh * nl / vh)
 
 
 @inline

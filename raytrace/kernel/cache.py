@@ -29,6 +29,7 @@ _CHECKSUM = 4  # bytes before the code
 ROOT = Path(__file__).resolve().parents[2]
 
 
+@cache
 def source_hash(root: Path = ROOT) -> str:
     """Hash of every source file that can hold or feed a kernel, and of Numba's, NumPy's and Python's: 16 hex digits."""
     numba = find_spec("numba")  # not imported, which takes longer than most bakes

@@ -139,4 +139,5 @@ def _unary(function: Any, emit: Callable[[Any, Any], Any]) -> None:
 _unary(operator.neg, lambda b, x: b.fneg(x))
 _unary(operator.invert, lambda b, x: b.not_(x))
 _unary(abs, lambda b, x: each(b, "llvm.fabs", [x]))
+_unary(math.exp, lambda b, x: each(b, "llvm.exp", [x]))
 _unary(math.sqrt, lambda b, x: each(b, "llvm.sqrt", [x]))

@@ -1,9 +1,9 @@
 """Sixteen numbers at once: a vector type for kernels, which the compiler keeps in SIMD registers.
 
 Lanes of float32, float64, int32 or booleans combine with each other and with scalars by the usual operators, `min`,
-`max`, `abs` and `sqrt`; a comparison makes booleans, and `select` chooses by them. A helper written with these, without
-branches on its values, serves scalars and lanes alike: `raytrace.kernel.vector` is made of such. The type itself is in
-`raytrace.kernel.lanes`.
+`max`, `abs`, `sqrt` and `exp`; a comparison makes booleans, and `select` chooses by them. A helper written with these,
+without branches on its values, serves scalars and lanes alike: `raytrace.kernel.vector` is made of such. The type
+itself is in `raytrace.kernel.lanes`.
 """
 
 from __future__ import annotations

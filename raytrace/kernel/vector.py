@@ -121,8 +121,7 @@ def perpendicular(n, grain):
     Where the grain is zero or along the normal it has no direction there, and some tangent is returned.
     """
     projected = subtract(grain, scale(dot(grain, n), n))
-    if dot(projected, projected) <= 1e-20 * dot(grain, grain):
-        axis = (1.0, 0.0, 0.0) if abs(n[0]) < 0.6 else (0.0, 1.0, 0.0)
-        projected = subtract(axis, scale(dot(axis, n), n))
-    g = unit(projected)
+    axis = choose(abs(n[0]) < 0.6, (1.0, 0.0, 0.0), (0.0, 1.0, 0.0))
+    without = dot(projected, projected) <= 1e-20 * dot(grain, grain)
+    g = unit(choose(without, subtract(axis, scale(dot(axis, n), n)), projected))
     return g, cross(n, g)

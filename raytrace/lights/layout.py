@@ -17,3 +17,8 @@ INVERSE_RANGE  1       1/range, 0 without end
 POINT, DIRECTIONAL, SPOT, AMBIENT = range(4)
 INTENSITY, POSITION, DIRECTION, RADIAL = 0, 3, 6, 9
 COS_HALF_ANGLE, HALF_ANGLE, EXPONENT, INVERSE_RANGE, WIDTH = 12, 13, 14, 15, 16
+
+ZENITH, HORIZON, GROUND, UP, SKY_WIDTH = 0, 3, 6, 9, 12
+"""Layout of the row of a sky gradient: three RGB, and the unit direction upwards."""
+MAP_WIDTH, MAP_HEIGHT, MAPS, MAP_SLOPE = 128, 64, 5, 0.1
+"""An image all around: texels, and how many maps there are: of slope 0, `MAP_SLOPE`, and then twice as rough each."""

@@ -10,15 +10,16 @@ Source: (12.8), (12.26); the lecture notes on light sources.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from math import cos, radians
-from typing import Any, ClassVar, Literal, NamedTuple, get_args
+from typing import Any, ClassVar, Literal, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 from pydantic import model_validator
 
 from ..errors import OptionError
-from ..system.parameters import Direction, HalfAngle, Length, NonNegative, Parameters, Point, Radiance, made_of
+from ..system.parameters import Direction, HalfAngle, Length, NonNegative, Parameters, Point, Radiance
 from ..types import Float64s, Int64s
 from . import layout
 
@@ -33,8 +34,13 @@ class PackedLight(NamedTuple):
 class BaseLight(Parameters):
     """What every light has: an RGB intensity ≥ 0 (one number means white)."""
 
-    kind: ClassVar[int]
     intensity: Radiance = (1.0, 1.0, 1.0)
+
+
+class LightSource(BaseLight):
+    """A light that kernels read as a row of `raytrace.lights.layout`."""
+
+    kind: ClassVar[int]
 
     def pack(self) -> PackedLight:
         """The kind and row that `raytrace.lights.kernels` takes."""
@@ -47,7 +53,7 @@ class BaseLight(Parameters):
         """Write the columns after the intensity."""
 
 
-class _Local(BaseLight):
+class _Local(LightSource):
     """A light with a place and radial attenuation 1/(a0 + a1 d + a2 d²); (0, 0, 1) is the physical law.
 
     `range`: the distance at which it ends: attenuation times 1 − (d/range)⁴, zero beyond (glTF, KHR_lights_punctual).
@@ -93,7 +99,7 @@ class SpotLight(_Local):
         row[layout.EXPONENT] = self.exponent
 
 
-class DirectionalLight(BaseLight):
+class DirectionalLight(LightSource):
     """Infinitely distant: `direction` is the way its light travels; no attenuation."""
 
     light: Literal["directional"] = "directional"
@@ -104,25 +110,14 @@ class DirectionalLight(BaseLight):
         row[layout.DIRECTION : layout.DIRECTION + 3] = _unit(self.direction)
 
 
-class AmbientLight(BaseLight):
+class AmbientLight(LightSource):
     """I_a: the same from everywhere, reflected as k_a I_a."""
 
     light: Literal["ambient"] = "ambient"
     kind: ClassVar[int] = layout.AMBIENT
 
 
-Light = PointLight | DirectionalLight | SpotLight | AmbientLight
-
-
-def light_from_dict(data: dict[str, Any]) -> BaseLight:
-    """A light from plain values: `light` ("point", "directional", "spot", "ambient") and its fields.
-
-    Raises: OptionError naming the light, the field, what is accepted and what came.
-    """
-    return made_of(data, get_args(Light), "light", "light")
-
-
-def pack_lights(lights: list[BaseLight]) -> tuple[Int64s, Float64s]:
+def pack_lights(lights: Sequence[LightSource]) -> tuple[Int64s, Float64s]:
     """Kinds (k,) int64 and rows (k, WIDTH) float64 of a list of lights."""
     packed = [light.pack() for light in lights]
     kinds = np.array([p.kind for p in packed], np.int64)

@@ -11,10 +11,22 @@ from pydantic import model_validator
 
 from ..brdf import layout as rows
 from ..errors import OptionError
-from ..system.parameters import Exponent, Fraction, Indices, Parameters, Radiance, Reflectance, Sides
+from ..system.parameters import Direction, Exponent, Fraction, Indices, Parameters, Radiance, Reflectance, Sides
 from ..types import Float64s
 
 RGB = tuple[float, float, float]
+
+
+class Gloss(NamedTuple):
+    """What a material mirrors of its surroundings: RGB at normal incidence and at grazing, RMS slope of the facets."""
+
+    normal: RGB
+    grazing: RGB
+    slope: float
+
+
+BLACK = (0.0, 0.0, 0.0)
+MATT = Gloss(BLACK, BLACK, 1.0)
 
 
 class Packed(NamedTuple):
@@ -39,6 +51,8 @@ class BaseMaterial(Parameters):
     """
 
     kind: ClassVar[int]
+    physical: ClassVar[bool] = False
+    """Whether `reflect` is BRDF·(n·l), in 1/sr, rather than an empirical model's own k_d⟨n·l⟩ + k_s S."""
     emission: Radiance = (0.0, 0.0, 0.0)
     two_sided: Sides = False
 
@@ -50,6 +64,9 @@ class BaseMaterial(Parameters):
         row[rows.ALPHA] = self._alpha()
         row[rows.TWO_SIDED] = rows.TO_VIEWER if self.two_sided == "viewer" else rows.TO_LIGHT * self.two_sided
         row[rows.GRAIN : rows.GRAIN + 3] = normalized(self._grain())
+        gloss = self._gloss()
+        row[rows.GLOSS : rows.GLOSS + 3], row[rows.GRAZING : rows.GRAZING + 3] = gloss.normal, gloss.grazing
+        row[rows.SLOPE] = gloss.slope
         parameters = self._parameters()
         row[rows.MODEL : rows.MODEL + len(parameters)] = parameters
         return Packed(self.kind, row)
@@ -58,21 +75,42 @@ class BaseMaterial(Parameters):
     def _ambient(self) -> RGB:
         """k_a."""
 
+    def lobe_slope(self) -> float | None:
+        """The larger RMS slope of facets that make a highlight about the halfway vector; None for other models."""
+        return None
+
     def _alpha(self) -> float:
         return 1.0
 
     def _grain(self) -> RGB:
         """The world vector that the material is brushed along; zero for none."""
-        return getattr(self, "grain", None) or (0.0, 0.0, 0.0)
+        return BLACK
+
+    def _gloss(self) -> Gloss:
+        """The part of `k_a` that comes from the mirror direction, as much as the model's highlight reflects."""
+        return MATT
 
     @abstractmethod
     def _parameters(self) -> list[float]:
         """The columns from `rows.MODEL` on, in the order the model's file states."""
 
 
+class Brushed(BaseMaterial):
+    """A material that reflects differently along and across a grain.
+
+    `grain`: world vector, projected into the tangent plane; left out, the surface's tangent (where u grows) is used.
+    """
+
+    grain: Direction | None = None
+
+    def _grain(self) -> RGB:
+        return self.grain or BLACK
+
+
 class Diffuse(BaseMaterial):
     """A material with a Lambert-like body of albedo ρ; `k_a`, the ambient reflectance, is ρ unless given."""
 
+    physical: ClassVar[bool] = True
     albedo: Reflectance
     k_a: Reflectance | None = None
 
@@ -93,6 +131,12 @@ class Microfacet(Diffuse):
     colour: Reflectance | None = None
     form: Literal["conserving", "book"] = "conserving"
 
+    def _mirrored(self, slope: float) -> Gloss:
+        colour = self.colour or (1.0, 1.0, 1.0)
+        normal = np.square((np.array(self.eta) - 1) / (np.array(self.eta) + 1))
+        red, green, blue = (self.k_s * np.multiply(colour, normal if self.colour is None else normal.mean())).tolist()
+        return Gloss((red, green, blue), (self.k_s,) * 3, slope)
+
     def _common(self) -> list[float]:
         colour = self.colour or (0.0, 0.0, 0.0)
         normalisation = 1 / (4 * pi) if self.form == "conserving" else 1 / pi
@@ -100,11 +144,10 @@ class Microfacet(Diffuse):
 
 
 class TwoTerm(BaseMaterial):
-    """Diffuse k_d and specular k_s, k_d + k_s ≤ 1 in each channel; `k_a` is k_d unless given; exponent > 0."""
+    """Diffuse k_d and specular k_s, k_d + k_s ≤ 1 in each channel; `k_a` is k_d unless given."""
 
     k_d: Reflectance
     k_s: Reflectance = (0.0, 0.0, 0.0)
-    exponent: Exponent = 20.0
     k_a: Reflectance | None = None
 
     @model_validator(mode="after")
@@ -117,3 +160,9 @@ class TwoTerm(BaseMaterial):
 
     def _ambient(self) -> RGB:
         return self.k_d if self.k_a is None else self.k_a
+
+
+class Glossy(TwoTerm):
+    """Of a highlight of an `exponent` > 0."""
+
+    exponent: Exponent = 20.0

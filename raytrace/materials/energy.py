@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from typing import Any
+
 import numpy as np
 import numpy.typing as npt
 from numpy.polynomial.legendre import leggauss
@@ -40,6 +43,16 @@ def directional_albedo(
     above = v[..., 2:] > 0
     out = reflect(material, NORMAL, l, np.where(above, v, NORMAL)) / l[2]
     return np.asarray(np.sum(np.where(above, out * v[..., 2:], 0) * solid[..., None], axis=(0, 1)))
+
+
+def albedo(material: BaseMaterial, incidence: float, order: int = 96) -> Float64s:
+    """`directional_albedo` (3,) of any material: its body integrated over viewers, its lobe over halfway vectors."""
+    broad, slope = directional_albedo(material, incidence, order=order), material.lobe_slope()
+    if slope is None:
+        return broad
+    body: dict[str, Any] = {name: 0.0 for name in ("albedo", "k_d") if hasattr(material, name)}
+    lobe = replace(material, **body)
+    return broad - directional_albedo(lobe, incidence, order=order) + directional_albedo(lobe, incidence, slope, order)
 
 
 def asymmetry(material: BaseMaterial, count: int = 20_000, seed: int = 0) -> float:

@@ -10,18 +10,19 @@ the types that signatures name (`Reflectance`, `Slope`, …) and their ranges: `
 
 from __future__ import annotations
 
-from math import cos, sin
+from math import sqrt
 from typing import Any, ClassVar, Literal, get_args
 
 import numpy as np
 from pydantic import model_validator
 
 from ..brdf import layout as rows
-from ..brdf.coefficients import cap_angle, gaussian_constant, power_series
+from ..brdf.coefficients import gaussian_constant
 from ..errors import OptionError
-from ..system.parameters import Angle, Direction, Fraction, Positive, Reflectance, Slope, Smoothness, Spacing, made_of
+from ..system.parameters import Angle, Fraction, Positive, Reflectance, Slope, Smoothness, made_of
 from ..types import Float64s, Int64s
-from .base import RGB, BaseMaterial, Diffuse, Microfacet, TwoTerm
+from .anisotropic import AshikhminShirley, EllipticalBeckmann, Kajiya, PoulinFournier, Ward
+from .base import RGB, BaseMaterial, Diffuse, Gloss, Glossy, Microfacet
 from .presets import preset
 
 
@@ -58,6 +59,12 @@ class CookTorrance(Microfacet):
     distribution: Literal["beckmann", "gaussian"] = "beckmann"
     gaussian_c: Positive | None = None
 
+    def lobe_slope(self) -> float:
+        return self.m
+
+    def _gloss(self) -> Gloss:
+        return self._mirrored(self.m)
+
     def _parameters(self) -> list[float]:
         if self.distribution == "beckmann":
             return [*self._common(), self.m, 0.0]
@@ -70,23 +77,7 @@ class CookTorrance(Microfacet):
         return self
 
 
-class EllipticalBeckmann(Microfacet):
-    """Microfacets of RMS slopes `m_parallel` along the grain and `m_perpendicular` across it, each in [1e-6, 100].
-
-    `grain`: world vector, projected into the tangent plane; left out, the surface's tangent (where u grows) is used.
-    """
-
-    model: Literal["elliptical_beckmann"] = "elliptical_beckmann"
-    kind: ClassVar[int] = rows.ELLIPTICAL_BECKMANN
-    m_parallel: Slope
-    m_perpendicular: Slope
-    grain: Direction | None = None
-
-    def _parameters(self) -> list[float]:
-        return [*self._common(), self.m_parallel, self.m_perpendicular]
-
-
-class _PhongFamily(TwoTerm):
+class _PhongFamily(Glossy):
     """k_d ⟨n·l⟩ + k_s W S; `weight` W = 1 ("one") or cosθ ("cosine")."""
 
     weight: Literal["one", "cosine"] = "one"
@@ -101,6 +92,10 @@ class Phong(_PhongFamily):
     model: Literal["phong"] = "phong"
     kind: ClassVar[int] = rows.PHONG
 
+    def _gloss(self) -> Gloss:
+        red, green, blue = (k_s * min(1.0, 2 / (self.exponent + 1)) for k_s in self.k_s)  # ∫ S dω/π
+        return Gloss((red, green, blue), (red, green, blue), sqrt(2 / (4 * self.exponent + 2)))
+
 
 class BlinnPhong(_PhongFamily):
     """S = ⟨n·h⟩^exponent (12.25)."""
@@ -108,23 +103,9 @@ class BlinnPhong(_PhongFamily):
     model: Literal["blinn_phong"] = "blinn_phong"
     kind: ClassVar[int] = rows.BLINN_PHONG
 
-
-class PoulinFournier(TwoTerm):
-    """Parallel cylinders of radius 1: axes `spacing` apart, the floor at height `floor` in [0, 1] above them.
-
-    `grain`: world vector along the cylinders; left out, the surface's tangent (where u grows) is used.
-    """
-
-    model: Literal["poulin_fournier"] = "poulin_fournier"
-    kind: ClassVar[int] = rows.POULIN_FOURNIER
-    spacing: Spacing = 2.0
-    floor: Fraction = 0.0
-    grain: Direction | None = None
-
-    def _parameters(self) -> list[float]:
-        domain, series = power_series(self.exponent)
-        cap = cap_angle(self.spacing, self.floor)
-        return [*self.k_d, *self.k_s, self.exponent, self.spacing, cap, sin(cap), cos(cap), domain, *series]
+    def _gloss(self) -> Gloss:
+        red, green, blue = (k_s * min(1.0, 8 / (self.exponent + 2)) for k_s in self.k_s)  # ∫ S dω/π, nearly
+        return Gloss((red, green, blue), (red, green, blue), sqrt(2 / (self.exponent + 2)))
 
 
 class Strauss(BaseMaterial):
@@ -148,11 +129,29 @@ class Strauss(BaseMaterial):
     def _alpha(self) -> float:
         return 1.0 - self.transparency
 
+    def _gloss(self) -> Gloss:
+        exponent = 3 / (1 - self.smoothness)
+        part = (1 - self.transparency) * self.smoothness**3 * 2 / (exponent + 1)  # r_n, and ∫ ⟨r·v⟩^h dω/π
+        red, green, blue = (part * (1 + self.metalness * (channel - 1)) for channel in self.colour)  # c_s
+        return Gloss((red, green, blue), (part,) * 3, sqrt(2 / (4 * exponent + 2)))
+
     def _parameters(self) -> list[float]:
         return [*self.colour, self.smoothness, self.metalness, self.transparency]
 
 
-Material = Lambert | Phong | BlinnPhong | CookTorrance | EllipticalBeckmann | OrenNayar | Strauss | PoulinFournier
+Material = (
+    Lambert
+    | Phong
+    | BlinnPhong
+    | CookTorrance
+    | EllipticalBeckmann
+    | OrenNayar
+    | Strauss
+    | PoulinFournier
+    | Ward
+    | AshikhminShirley
+    | Kajiya
+)
 
 
 def material_from_dict(data: dict[str, Any]) -> BaseMaterial:

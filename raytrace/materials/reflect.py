@@ -17,9 +17,9 @@ def reflect(
 ) -> AnyFloats:
     """Reflected RGB per unit incident RGB.
 
-    For physical models (Lambert, Oren–Nayar, Cook–Torrance, elliptical Beckmann) this is BRDF·(n·l), in 1/sr; for
-    Phong, Blinn–Phong, Strauss and Poulin–Fournier it is the model's own dimensionless k_d⟨n·l⟩ + k_s S. Emission and
-    ambient light are not in it: see `material.emission` and `raytrace.brdf.dispatch.ambient`.
+    For physical models (`material.physical`) this is BRDF·(n·l), in 1/sr; for Phong, Blinn–Phong, Strauss and
+    Poulin–Fournier it is the model's own dimensionless k_d⟨n·l⟩ + k_s S. Emission and ambient light are not in it: see
+    `material.emission` and `raytrace.brdf.dispatch.ambient`.
 
     Args:
         material: any material of `raytrace.materials`.

@@ -4,13 +4,41 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
-from ..types import Float32s
+from ..types import Float32s, Float64s
 from .mesh import Mesh
 
 ULP = 2.0**-24  # half the spacing of float32 numbers at 1
+
+
+class RenderSpace(NamedTuple):
+    """Where a mesh of known bounds is placed.
+
+    Attributes:
+        centre: float64 (3,), in mesh units. scale, diagonal: as of `Placement`.
+    """
+
+    centre: Float64s
+    scale: float
+    diagonal: float
+
+    @classmethod
+    def of(cls, low: Float64s, high: Float64s) -> RenderSpace:
+        """For a mesh with the bounding box from `low` (3,) to `high`."""
+        centre = low + (high - low) / 2
+        extent = float((high / 2 - low / 2).max())
+        exponent = min(-math.frexp(extent)[1], 1023) if extent > 0 else 0  # 2^1024 is no number
+        scale = math.ldexp(1.0, exponent)
+        least, most = (((at - centre) * scale).astype(np.float32) for at in (low, high))
+        diagonal = 1.001 * float(np.linalg.norm(most.astype(np.float64) - least))
+        return cls(centre, scale, max(diagonal, 1e-30))
+
+    def place(self, vertices: Float64s) -> Float32s:
+        """Vertices (k, 3) in render space."""
+        return ((vertices - self.centre) * self.scale).astype(np.float32)
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,10 +57,5 @@ class Placement:
 
     @classmethod
     def of(cls, mesh: Mesh) -> Placement:
-        low, high = mesh.bounds
-        extent = float((high / 2 - low / 2).max())
-        exponent = min(-math.frexp(extent)[1], 1023) if extent > 0 else 0  # 2^1024 is no number
-        scale = math.ldexp(1.0, exponent)
-        placed, least, most = (((at - mesh.centre) * scale).astype(np.float32) for at in (mesh.vertices, low, high))
-        diagonal = 1.001 * float(np.linalg.norm(most.astype(np.float64) - least))
-        return cls(placed, scale, max(diagonal, 1e-30))
+        space = RenderSpace.of(*mesh.bounds)
+        return cls(space.place(mesh.vertices), space.scale, space.diagonal)

@@ -36,7 +36,7 @@ class BuiltGeometry:
     Attributes:
         arrays: what kernels read. embree: keeps the Embree scene and its buffers alive.
         centre, scale: a point p of the scene stands at (p − centre) · scale; float64 (3,), and a power of two.
-        textures: of the shapes, numbered as in `arrays.texture` and `arrays.occlusion`.
+        textures: of the shapes, numbered as in `arrays.texture`, `arrays.occlusion` and `arrays.grain`.
         normals: of vertices, see `raytrace.settings.Settings`.
     """
 
@@ -147,6 +147,7 @@ def _build(objects: tuple[Object, ...], weighting: Normals) -> BuiltGeometry:
         magnitude=magnitude,
         texture=np.array([number[item.shape.texture] for item in objects]),
         occlusion=np.array([number[each.texture] if each else -1 for each in occlusions]),
+        grain=np.array([number[item.shape.grain] for item in objects]),
         strength=np.array([each.strength if each else 0.0 for each in occlusions]),
         kinds=kinds,
         rows=rows,
@@ -157,8 +158,8 @@ def _build(objects: tuple[Object, ...], weighting: Normals) -> BuiltGeometry:
 
 def shape_textures(shapes: Iterable[Shape]) -> tuple[Texture, ...]:
     """Every texture of the shapes once."""
-    found = [texture for shape in shapes for texture in (shape.texture, shape.occlusion and shape.occlusion.texture)]
-    return tuple(dict.fromkeys(texture for texture in found if texture))
+    kinds = ((shape.texture, shape.occlusion and shape.occlusion.texture, shape.grain) for shape in shapes)
+    return tuple(dict.fromkeys(texture for found in kinds for texture in found if texture))
 
 
 def _occlusion_uv(shapes: Iterable[Shape]) -> Float32s:

@@ -13,11 +13,12 @@ import numpy as np
 
 from ..camera import Camera
 from ..embree.packets import new_packet
-from ..errors import check_type
+from ..errors import OptionError, check_type
 from ..image.frame import LAYERS, Frame
 from ..image.texture import pack_textures, texture_bytes
 from ..kernel.arrays import aligned
 from ..kernel.simd import WIDE
+from ..lights.environment import EnvironmentLight, SkyLight
 from ..lights.layout import AMBIENT as AMBIENT_LIGHT
 from ..scene import Scene
 from ..settings import Settings, Shading
@@ -70,7 +71,8 @@ def render(
         progress: called with (tiles done, tiles in all).
 
     Raises:
-        OptionError: `threads` out of range, or something else than a scene, a camera and settings.
+        OptionError: `threads` out of range, something else than a scene, a camera and settings, or Gouraud shading,
+            which looks no texture up for light, of a shape whose grain is a texture.
         InputError: a texture that a ray has met cannot be read.
         MemoryLimitError: the scene and the picture would not fit into memory.
         EmbreeError: Embree failed, out of memory for instance.
@@ -78,6 +80,8 @@ def render(
     settings = Settings() if settings is None else settings
     for field, value, kind in (("scene", scene, Scene), ("camera", camera, Camera), ("settings", settings, Settings)):
         check_type(value, kind, "render", field, f"a raytrace.{kind.__name__}")
+    if settings.shading == "gouraud" and any(item.shape.grain for item in scene.objects):
+        raise OptionError("shading", "another one where a texture has the grain", "gouraud", "render")
     check_memory("scene", rendering_bytes(scene, settings, layers), describe_work(scene, settings))
     workers = thread_count(threads)
     start = time.perf_counter()
@@ -104,8 +108,10 @@ def rendering_bytes(scene: Scene, settings: Settings, layers: bool) -> int:
     _, _, wide, high = whole_tiles(settings)
     film = 4 * wide * high * (FILM if layers else LAYERS["beauty"])
     film += _EDGES * tile_count(wide, high) * (settings.samples > workspace.FIRST)
+    surrounded = any(isinstance(light, SkyLight | EnvironmentLight) for light in scene.lights)
+    bent = 12 * sum(len(item.shape.mesh.vertices) for item in scene.objects) * surrounded
     textures = texture_bytes(shape_textures(item.shape for item in scene.objects))
-    return _BASE + _VERTEX * vertices + _FACE * faces + 8 * LIGHTING * lit + film + textures
+    return _BASE + _VERTEX * vertices + _FACE * faces + 8 * LIGHTING * lit + bent + film + textures
 
 
 def describe_work(scene: Scene, settings: Settings) -> str:
@@ -139,7 +145,9 @@ class _Renderer:
     ) -> None:
         self.geometry, self.threads = built.geometry, threads
         unread = pack_textures([None] * len(self.geometry.textures))
-        self.scene = SceneArrays(self.geometry.arrays, built.w, built.lights, unread, np.zeros((0, LIGHTING)))
+        self.scene = SceneArrays(
+            self.geometry.arrays, built.w, built.bent, built.lights, unread, np.zeros((0, LIGHTING))
+        )
         self.reading = threading.Lock()
         self.view = place_camera(camera, settings, self.geometry.centre, self.geometry.scale)
         self.style = Style(

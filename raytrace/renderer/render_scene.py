@@ -7,13 +7,15 @@ from weakref import WeakKeyDictionary
 
 import numpy as np
 
+from ..kernel.arrays import aligned
 from ..lights import layout as light_rows
+from ..lights.environment import pack_environment
 from ..lights.far_lights import make_far_lights_directional
-from ..lights.sources import BaseLight, pack_lights
+from ..lights.sources import BaseLight, LightSource, pack_lights
 from ..scene import Scene
 from ..settings import Normals
 from ..shade.records import Lights
-from ..types import Float64s
+from ..types import Float32s, Float64s
 from .geometry import BuiltGeometry, build_geometry
 
 
@@ -23,12 +25,14 @@ class RenderScene:
 
     Attributes:
         geometry: shared by all scenes of the same shapes in the same places, whatever their w and lights.
-        w: float64 (n,), obscurance at the vertices of all objects in order.
+        w: float64 (n,), obscurance at the vertices of all objects in order. bent: float32 (n, 3), their bent normals,
+        or (0, 3) where no light asks for them.
         lights: in render space.
     """
 
     geometry: BuiltGeometry
     w: Float64s
+    bent: Float32s
     lights: Lights
 
 
@@ -40,14 +44,27 @@ def build(scene: Scene, normals: Normals = "file") -> RenderScene:
 
     Raises:
         EmbreeError: Embree failed, out of memory for instance.
+        InputError: the image of an environment light cannot be read.
     """
     made = _scenes.get(scene)
     if made is None or made.geometry.normals != normals:
         geometry = build_geometry(scene.objects, normals)
         w = [np.ones(len(item.shape.mesh.vertices)) if item.w is None else item.w for item in scene.objects]
         lights = _place_lights(scene.lights, geometry.centre, geometry.scale)
-        made = _scenes[scene] = RenderScene(geometry, np.concatenate(w), lights)
+        bent = _bent_normals(scene, len(lights.skies) + len(lights.harmonics) > 0)
+        made = _scenes[scene] = RenderScene(geometry, np.concatenate(w), bent, lights)
     return made
+
+
+def _bent_normals(scene: Scene, wanted: bool) -> Float32s:
+    """Of all objects' vertices; none where they are not wanted or no object has any."""
+    if not wanted or all(item.bent_normals is None for item in scene.objects):
+        return aligned((0, 3), np.float32)
+    counts = [len(item.shape.mesh.vertices) for item in scene.objects]
+    bent = aligned((sum(counts), 3), np.float32)
+    given = [item.bent_normals for item in scene.objects]
+    bent[:] = np.concatenate([np.zeros((n, 3)) if b is None else b for b, n in zip(given, counts, strict=True)])
+    return bent
 
 
 def release(scene: Scene) -> None:
@@ -57,7 +74,7 @@ def release(scene: Scene) -> None:
 
 def _place_lights(lights: tuple[BaseLight, ...], centre: Float64s, scale: float) -> Lights:
     """Positions and attenuation in render space; black lights are left out."""
-    kinds, rows = pack_lights(list(lights))
+    kinds, rows = pack_lights([light for light in lights if isinstance(light, LightSource)])
     rows[:, light_rows.POSITION : light_rows.POSITION + 3] = scale * (
         rows[:, light_rows.POSITION : light_rows.POSITION + 3] - centre
     )
@@ -69,4 +86,4 @@ def _place_lights(lights: tuple[BaseLight, ...], centre: Float64s, scale: float)
     rows[:, light_rows.INVERSE_RANGE] /= scale
     make_far_lights_directional(kinds, rows)
     bright = rows[:, light_rows.INTENSITY : light_rows.INTENSITY + 3].any(axis=1)
-    return Lights(kinds[bright], rows[bright])
+    return Lights(kinds[bright], rows[bright], *pack_environment(lights))

@@ -19,6 +19,7 @@ from .camera_rays import FARTHEST
 from .interaction import CONSTANT
 from .shading_points import put, take
 from .shaft_culling import obstructed
+from .surroundings import add_surroundings
 from .workspace import BEHIND, BLACK, BOOK, CULLED, OFF, SHADOW_RAYS, UNOBSTRUCTED, UNREACHED
 
 SHORT = 1.0 - 1e-5  # of the way to a light: what touches the light itself is no obstacle
@@ -120,6 +121,8 @@ def light_entries(geometry, lights, style, scratch, packets):
     for e in range(packets):
         items = load_row(scratch.items, e)
         add_undirected(scratch.entries[e], items, geometry, total, style.form)
+        if len(lights.skies) + len(lights.harmonics) > 0:
+            add_surroundings(scratch.entries[e], items, geometry, lights, total, style)
         points += count(items >= 0)
     used = select_lights(geometry, lights, scratch, packets) if points > 0 else 0
     scratch.counts[CULLED] += (count_directed(lights) - used) * points

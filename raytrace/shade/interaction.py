@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
-from ..brdf.layout import ELLIPTICAL_BECKMANN, GRAIN, POULIN_FOURNIER, TO_LIGHT, TO_VIEWER, TWO_SIDED
+from ..brdf.layout import BRUSHED, GRAIN, TO_LIGHT, TO_VIEWER, TWO_SIDED
 from ..kernel.jit import inline
 from ..kernel.simd import double, select, single
 from ..kernel.simd_memory import gather, gather3
@@ -15,7 +15,7 @@ from ..kernel.vector import add, choose, cross, dot, load3, scale, subtract, uni
 from ..mesh.placement import ULP
 from ..ray_origins.offset import OFFSET_ULPS
 from . import shading_points as layout
-from .interpolation import centroid, phong_normal, quadratic_normal
+from .interpolation import centroid, interpolate, phong_normal, quadratic_normal
 from .shading_points import put, put1
 
 CONSTANT, FLAT, GOURAUD, PHONG, QUADRATIC = range(5)
@@ -131,15 +131,16 @@ def between(a, b, c, u, v):
 
 
 @inline
-def tangent(geometry, i, j, k, edge1, edge2):
-    """Unit direction in which u grows over the face, zero without texture coordinates."""
+def tangents(geometry, i, j, k, edge1, edge2):
+    """Unit directions in which u and v grow over the face, ∂p/∂u and ∂p/∂v; zero without texture coordinates."""
     u0, v0 = double(gather(geometry.uv, 2 * i)), double(gather(geometry.uv, 2 * i + 1))
     du1, dv1 = double(gather(geometry.uv, 2 * j)) - u0, double(gather(geometry.uv, 2 * j + 1)) - v0
     du2, dv2 = double(gather(geometry.uv, 2 * k)) - u0, double(gather(geometry.uv, 2 * k + 1)) - v0
     area = du1 * dv2 - du2 * dv1
-    along = subtract(scale(dv2, doubled(edge1)), scale(dv1, doubled(edge2)))
-    u = unit(scale(select(area == 0.0, 0.0, 1.0 / area), along))
-    return single(u[0]), single(u[1]), single(u[2])
+    inverse = select(area == 0.0, 0.0, 1.0 / area)
+    u = unit(scale(inverse, subtract(scale(dv2, doubled(edge1)), scale(dv1, doubled(edge2)))))
+    v = unit(scale(inverse, subtract(scale(du1, doubled(edge2)), scale(du2, doubled(edge1)))))
+    return (single(u[0]), single(u[1]), single(u[2])), (single(v[0]), single(v[1]), single(v[2]))
 
 
 @inline
@@ -147,7 +148,7 @@ def needs_tangent(geometry, item):
     """Whether an object's material is brushed along the surface's tangent."""
     row = geometry.rows[item]
     own = row[GRAIN] != 0.0 or row[GRAIN + 1] != 0.0 or row[GRAIN + 2] != 0.0
-    return not own and geometry.kinds[item] in (ELLIPTICAL_BECKMANN, POULIN_FOURNIER)
+    return not own and geometry.kinds[item] in BRUSHED
 
 
 @inline
@@ -211,11 +212,26 @@ def hit_entry(entry, geometry, w, item, mask, hits, view, style):
     put(entry, layout.TINT, mask, (1.0, 1.0, 1.0))
     put1(entry, layout.FRONT, mask, lights_seen(geometry, item, side))
     if needs_tangent(geometry, item):
-        put(entry, layout.TANGENT, mask, tangent(geometry, i, j, k, edge1, edge2))
+        along_u, _ = tangents(geometry, i, j, k, edge1, edge2)
+        put(entry, layout.TANGENT, mask, along_u)
     if style.weighted:
         shift = geometry.first_w[item] - geometry.first_vertex[item]
         w0, w1, w2 = gather(w, i + shift), gather(w, j + shift), gather(w, k + shift)
         put1(entry, layout.W, mask, single(between(w0, w1, w2, u, v)))
+
+
+@inline
+def bent_entry(entry, geometry, bent, item, mask, hits):
+    """Write the bent normals of hits on one object, interpolated between their faces' corners'.
+
+    Args: bent: of `SceneArrays`; the others as `hit_entry`.
+    """
+    put(entry, layout.BENT, mask, (0.0, 0.0, 0.0))
+    if len(bent) > 0:
+        i, j, k = corner_rows(geometry, item, mask, hits.faces)
+        shift = geometry.first_w[item] - geometry.first_vertex[item]
+        b0, b1, b2 = gather3(bent, i + shift), gather3(bent, j + shift), gather3(bent, k + shift)
+        put(entry, layout.BENT, mask, interpolate(b0, b1, b2, hits.u, hits.v))
 
 
 @inline

@@ -20,7 +20,7 @@ class Geometry(NamedTuple):
         mirrored: float64 (o,), −1 where the object's transform mirrors, else 1.
         placed: bool (o,), whether `vertices` are in render space already. authored: bool (o,), whether the normals are
         the source's own. magnitude: float64 (o,), least |coordinate| that ray offsets reckon with.
-        texture, occlusion: int64 (o,), −1 for none. strength: float64 (o,), of `occlusion`.
+        texture, occlusion, grain: int64 (o,), −1 for none. strength: float64 (o,), of `occlusion`.
         kinds: int64 (o,), rows: float64 (o, …), packed materials (`raytrace.brdf.layout`). boxes: around all that
         casts shadows (`raytrace.shade.shaft_culling.pack_boxes`).
     """
@@ -42,6 +42,7 @@ class Geometry(NamedTuple):
     magnitude: Float64s
     texture: Int64s
     occlusion: Int64s
+    grain: Int64s
     strength: Float64s
     kinds: Int64s
     rows: Float64s
@@ -49,22 +50,33 @@ class Geometry(NamedTuple):
 
 
 class Lights(NamedTuple):
-    """Packed lights in render space: kinds int64 (k,), rows float64 (k, …) (`raytrace.lights.layout`)."""
+    """Packed lights in render space.
+
+    Attributes:
+        kinds: int64 (k,), rows: float64 (k, …) (`raytrace.lights.layout`). skies, harmonics, maps, frame: light from
+        all around (`raytrace.lights.environment.Environment`).
+    """
 
     kinds: Int64s
     rows: Float64s
+    skies: Float64s
+    harmonics: Float64s
+    maps: Float32s
+    frame: Float64s
 
 
 class SceneArrays(NamedTuple):
     """All that kernels read of a scene.
 
     Attributes:
-        w: float64 (n,), obscurance at every vertex of every object. lit_vertices: float64 (n, LIGHTING), light at them
+        w: float64 (n,), obscurance at every vertex of every object. bent: float32 (n, 3), bent normals there, zero for
+        none, or (0, 3) where no light asks for them. lit_vertices: float64 (n, LIGHTING), light at them
         for Gouraud shading (`raytrace.shade.shading_points.lighting_column`); (0, LIGHTING) for other shadings.
     """
 
     geometry: Geometry
     w: Float64s
+    bent: Float32s
     lights: Lights
     textures: PackedTextures
     lit_vertices: Float64s

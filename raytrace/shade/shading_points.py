@@ -18,11 +18,12 @@ POINT     3       where light is gathered (a face's centroid under constant shad
 ORIGIN    3       where its shadow rays begin, safely above the surface
 BACK      3       where those to lights behind begin, if the material turns to the light
 VIEW      3       unit direction to the viewer
-TANGENT   3       along u of the texture coordinates; zero where there are none
+TANGENT   3       grain: along u, or as a texture has it; zero without texture coordinates
 TINT      3       albedo texture, 1 without
 FRONT     1       lights seen: 0 none, ON_THIS_SIDE, ON_BOTH_SIDES of the surface
 SENT, LIT 1 each  luminous sum over lights before δ, and after
 OCCLUSION 1       occlusion texture, 1 without
+BENT      3       direction of what is open, of any length; zero where none is known
 ========= ======= =====================================================================
 """
 
@@ -37,8 +38,8 @@ BEAUTY, ALPHA, AMBIENT, DIFFUSE, SPECULAR, EMISSION = np.array([0, 3, 4, 7, 10, 
 W, SHADOW, DEPTH, NORMAL, ALBEDO, ID = np.array([16, 17, 18, 19, 22, 25])
 FILM = 26
 POINT, ORIGIN, BACK, VIEW, TANGENT, TINT = np.arange(26, 44, 3)
-FRONT, SENT, LIT, OCCLUSION = np.array([44, 45, 46, 47])
-WIDTH = 48
+FRONT, SENT, LIT, OCCLUSION, BENT = np.array([44, 45, 46, 47, 48])
+WIDTH = 51
 ON_THIS_SIDE, ON_BOTH_SIDES = 1.0, 2.0
 LIGHTING = 14  # columns that lighting writes, see `lighting_column`
 

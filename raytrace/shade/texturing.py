@@ -1,4 +1,4 @@
-"""Textures at a hit, filtered over what one pixel covers: the albedo's, and that of obscurance."""
+"""Textures at a hit, filtered over what one pixel covers: the albedo's, that of obscurance, and that of the grain."""
 
 from math import sqrt
 
@@ -7,13 +7,15 @@ import numpy as np
 from ..image.texture_lookup import sample_texture
 from ..kernel.jit import inline
 from ..kernel.simd import WIDE, double, select, single
-from ..kernel.simd_masks import pick
+from ..kernel.simd_masks import pick, replace
 from ..kernel.simd_memory import gather, load_row
-from ..kernel.vector import cross, dot, multiply, scale, subtract
+from ..kernel.vector import add, cross, dot, multiply, perpendicular, scale, subtract
 from .camera_rays import pixel_width
-from .interaction import between, corner, corner_rows, doubled
-from .shading_points import AMBIENT, DIFFUSE, OCCLUSION, TINT, W, put, put1, take
+from .interaction import between, corner, corner_rows, doubled, tangents
+from .shading_points import AMBIENT, DIFFUSE, NORMAL, OCCLUSION, TANGENT, TINT, W, put, put1, take
 from .workspace import BOOK, OFF
+
+NOWHERE = 1e-4  # squared length of a direction: 8 bits have no exact zero
 
 
 @inline
@@ -50,6 +52,33 @@ def texture_occlusion(entry, scene, item, mask, hits, view, missing):
             red, _, _ = sample_texture(scene.textures, texture, at[0], at[1], at[2])
             entry[OCCLUSION, lane] = 1.0 + strength * (red - 1.0)
             entry[W, lane] *= entry[OCCLUSION, lane]
+
+
+@inline
+def texture_grain(entry, scene, item, mask, hits, view, missing):
+    """Turn an entry's TANGENT to where a texture of directions points; where it points nowhere, it is along u.
+
+    Source: Khronos, KHR_materials_anisotropy (anisotropyTexture). Args: as `texture_tint`.
+    """
+    geometry, texture = scene.geometry, scene.geometry.grain[item]
+    if not at_hand(scene.textures, texture, missing):
+        return
+    s, t, footprint = texture_places(geometry, geometry.uv, item, mask, hits, view)
+    i, j, k = corner_rows(geometry, item, mask, hits.faces)
+    p0 = corner(geometry, item, i)
+    edge1, edge2 = subtract(corner(geometry, item, j), p0), subtract(corner(geometry, item, k), p0)
+    _, along_v = tangents(geometry, i, j, k, edge1, edge2)
+    u, v = perpendicular(take(entry, NORMAL), take(entry, TANGENT))
+    v = scale(select(dot(v, along_v) < 0.0, -1.0, 1.0), v)
+    x, y = 0.0 * s, 0.0 * s
+    for lane in range(WIDE):
+        if pick(mask, lane):
+            at = np.float64(pick(s, lane)), np.float64(pick(t, lane)), np.float64(pick(footprint, lane))
+            red, green, _ = sample_texture(scene.textures, texture, at[0], at[1], at[2])
+            x, y = replace(x, lane, 2.0 * red - 1.0), replace(y, lane, 2.0 * green - 1.0)
+    somewhere = x * x + y * y > NOWHERE
+    x, y = single(select(somewhere, x, 1.0)), single(select(somewhere, y, 0.0))
+    put(entry, TANGENT, mask, add(scale(x, u), scale(y, v)))
 
 
 @inline

@@ -13,7 +13,7 @@ from ..kernel.borrow import borrow
 from ..kernel.jit import inline, kernel
 from ..kernel.simd import WIDE, double, select, single
 from ..kernel.simd_masks import count, first, lane_numbers, pick, some
-from ..kernel.simd_memory import gather, load_row, store_row
+from ..kernel.simd_memory import gather, gather3, load_row, store_row
 from ..kernel.vector import load3, multiply, scale
 from . import shading_points as layout
 from .camera_rays import aim, hit_ids
@@ -31,10 +31,10 @@ from .film import (
     store_edge,
     write_pixels,
 )
-from .interaction import GOURAUD, Hits, between, corner_rows, hit_entry, vertex_entry
+from .interaction import GOURAUD, Hits, bent_entry, between, corner_rows, hit_entry, vertex_entry
 from .records import SceneArrays
 from .shading_points import lighting_column, put, put1, take
-from .texturing import apply_occlusion, apply_tint, texture_occlusion, texture_tint
+from .texturing import apply_occlusion, apply_tint, texture_grain, texture_occlusion, texture_tint
 from .workspace import BACKGROUND, FIRST, PACKETS, PRIMARY, RETIRED
 
 
@@ -42,7 +42,8 @@ from .workspace import BACKGROUND, FIRST, PACKETS, PRIMARY, RETIRED
 def borrow_scene(scene):
     """`borrow` for a scene's records and arrays."""
     geometry, lights, textures = borrow(scene.geometry), borrow(scene.lights), borrow(scene.textures)
-    return SceneArrays(geometry, borrow(scene.w), lights, textures, borrow(scene.lit_vertices))
+    w, bent = borrow(scene.w), borrow(scene.bent)
+    return SceneArrays(geometry, w, bent, lights, textures, borrow(scene.lit_vertices))
 
 
 @kernel
@@ -164,7 +165,9 @@ def trace_packet(scene, view, style, scratch, entry, start, there):
         item = pick(items, first(left))
         mask = left & (items == item)
         hit_entry(entry, geometry, scene.w, item, mask, hits, view, style)
+        bent_entry(entry, geometry, scene.bent, item, mask, hits)
         texture_tint(entry, scene, item, mask, hits, view, scratch.missing)
+        texture_grain(entry, scene, item, mask, hits, view, scratch.missing)
         if style.weighted:
             texture_occlusion(entry, scene, item, mask, hits, view, scratch.missing)
         material = geometry.rows[item]
@@ -223,6 +226,9 @@ def light_vertices(scene, view, style, scratch, origins, item, span):
             mask = lane_numbers() < span[1] - k
             at = select(mask, lane_numbers(), 0) + k
             vertex_entry(entry, geometry, scene.w, origins, item, mask, at, view)
+            put(entry, layout.BENT, mask, (0.0, 0.0, 0.0))
+            if len(scene.bent) > 0:
+                put(entry, layout.BENT, mask, gather3(scene.bent, at))
             store_row(scratch.items, e, select(mask, item, -1))
         light_entries(geometry, scene.lights, style, scratch, packets)
         for e in range(packets):

@@ -24,6 +24,10 @@ class _Kind(NamedTuple):
     is_one: Callable[[bytes], bool] | None = None
 
 
+def _is_page(content: bytes) -> bool:
+    return b'<meta name="generator" content="obscurance' in content[:4096]
+
+
 def _is_report(content: bytes) -> bool:
     return content.lstrip()[:1] == b"{" and b'"versions"' in content and b'"obscurance"' in content
 
@@ -42,6 +46,7 @@ _KINDS = {
     ".jpg": _JPEG,
     ".jpeg": _JPEG,
     ".json": _Kind("a report of obscurance", is_one=_is_report),
+    ".html": _Kind("a page of obscurance", is_one=_is_page),
     ".toml": _Kind("a scene", is_one=lambda content: bool(_OBJECTS.search(content))),
 }
 
@@ -75,10 +80,10 @@ def check_outputs(outputs: Mapping[str, Name | None], inputs: Iterable[Name] = (
         _check_kind(option, path)
 
 
-def check_ending(option: str, path: Name, ending: str) -> None:
-    """Raises: OptionError: the name `path` does not end in `ending`, upper or lower case."""
-    if Path(path).suffix.lower() != ending:
-        raise OptionError(option, f"a name ending in {ending}", os.fspath(path))
+def check_ending(option: str, path: Name, *endings: str) -> None:
+    """Raises: OptionError: the name `path` ends in none of `endings`, upper or lower case."""
+    if Path(path).suffix.lower() not in endings:
+        raise OptionError(option, f"a name ending in {' or '.join(endings)}", os.fspath(path))
 
 
 def _identity(path: Name) -> object:

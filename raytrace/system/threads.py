@@ -14,6 +14,7 @@ from queue import Empty, SimpleQueue
 from ..errors import OptionError
 
 MAX_THREADS = 4096
+_within = threading.local()  # its `blocks`: whether this thread is at work for `run_blocks`
 
 
 def thread_count(threads: int | None) -> int:
@@ -40,8 +41,9 @@ def run_blocks(
 
     `work` must release the GIL to gain anything and write only its own rows. `progress` is called, on this thread,
     with the number of items of each finished block. An exception or Ctrl-C drops the blocks that have not begun.
+    A call within `work` stays on its thread: the others are at work already.
     """
-    threads = min(threads, -(-count // block))
+    threads = min(threads, -(-count // block), 1 if getattr(_within, "blocks", False) else MAX_THREADS)
     if threads <= 1:  # the bake of a small mesh has dozens of these; a queue would take as long as their work
         for start in range(0, count, block):
             stop = min(start + block, count)
@@ -59,7 +61,11 @@ def run_blocks(
         if start is None or over.is_set():
             return False
         stop = min(start + block, count)
-        work(start, stop)
+        _within.blocks = True
+        try:
+            work(start, stop)
+        finally:
+            _within.blocks = False
         finished.put(stop - start)
         return True
 

@@ -16,6 +16,7 @@ from ..commands.options import Format
 from ..textures.command import bake_command
 from .streams import STANDARD, standard_input
 
+_LARGE = "part", "cluster", "shared", "tiles"
 _FILES = ("report", "debug_image", "mesh_output", "bent_normals", "error_map")  # one for each bake
 
 
@@ -27,6 +28,13 @@ def run_bake(options: dict[str, Any]) -> int:
     """
     options = dict(options)
     dry = options.pop("dry_run")
+    large = {name: options.pop(name) for name in _LARGE}
+    if any(large.values()):
+        _for_one_file(options, dry, large)
+        from ..cluster.choose import large_command
+
+        large_command(**large, options=options).run()
+        return 0
     chosen = _chosen(options)
     if not dry:
         return chosen.run()
@@ -35,6 +43,20 @@ def run_bake(options: dict[str, Any]) -> int:
     if isinstance(chosen, Batch):
         return dry_run(chosen.bakes, chosen.check(keep=False), [chosen.folder / MANIFEST])
     return dry_run([chosen], chosen.check())
+
+
+def _for_one_file(options: dict[str, Any], dry: bool, large: dict[str, Any]) -> None:
+    """Leave of `options` those of a bake of one file. Raises: OptionError: others are given."""
+    name = next(name for name, value in large.items() if value)
+    for other in ("output_dir", "format", "input_format"):
+        if options.pop(other) is not None:
+            raise OptionError(other, f"no such option with --{name}", "one")
+    given, output = options["mesh"], options["output"]
+    if dry:
+        raise OptionError("dry_run", f"no such option with --{name}", "one")
+    if STANDARD in (*given, output) or len(given) > 1 or is_pattern(given[0]) or output is None:
+        raise OptionError(name, "one mesh file and --output with it", "others")
+    options["mesh"] = given[0]
 
 
 def _chosen(options: dict[str, Any]) -> MeshBake | Batch:

@@ -8,6 +8,7 @@ from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
+from ao.report import SCHEMA_VERSION
 from raytrace.errors import InputError, nearest_name
 from raytrace.system.inputs import check_regular
 
@@ -16,7 +17,6 @@ from ..textures.command import TextureCommand
 
 _OF_FILES = ("output", "debug_image", "up", "mesh_output", "bent_normals", "bent_space", "error_map")
 _NOT_TAKEN = (*_OF_FILES, "threads")
-_SCHEMA = 1
 _MOST = 1 << 28  # bytes; anything larger is no report
 
 
@@ -35,10 +35,10 @@ def saved_options(path: Path) -> dict[str, Any]:
         report = json.loads(path.read_bytes())
     except (OSError, ValueError, RecursionError):
         raise InputError(path, "content", "the report of a bake, JSON", "something else") from None
-    version = report.get("schema_version", _SCHEMA) if isinstance(report, dict) else _SCHEMA
-    if version != _SCHEMA:
-        raise InputError(path, "schema_version", f"a report of schema version {_SCHEMA}", version)
-    if not isinstance(report, dict) or not isinstance(report.get("options"), dict):
+    version = report.get("schema_version", SCHEMA_VERSION) if isinstance(report, dict) else SCHEMA_VERSION
+    if version != SCHEMA_VERSION:
+        raise InputError(path, "schema_version", f"a report of schema version {SCHEMA_VERSION}", version)
+    if not isinstance(report, dict) or not isinstance(report.get("options"), dict) or "settings" in report:
         got = "the report of a rendering" if isinstance(report, dict) and "settings" in report else "something else"
         raise InputError(path, "options", "the report of a bake, or the manifest of a batch", got)
     options = {name: value for name, value in report["options"].items() if value is not None}

@@ -9,11 +9,12 @@ from typer.core import TyperCommand
 SECTIONS = {
     "What occludes": ("falloff", "tau", "half_distance", "max_distance", "normals", "hidden"),
     "Sampling": ("method", "reconstruct", "traversal", "seed", "threads"),
-    "What .glb and .ply show": ("colors", "occlusion", "replace_occlusion"),
+    "What .glb and .ply show": ("colors", "occlusion", "replace_occlusion", "orm"),
     "Textures": (
         *("size", "texel_size", "uv", "mesh_output", "overlap", "bent_normals", "bent_space", "error_map"),
         *("high", "cage", "half"),
     ),
+    "More than one machine, or than its memory": ("part", "cluster", "shared", "tiles"),
     "Reports, repeats, other programs": (
         *("report", "debug_image", "up", "from_report", "resume", "dry_run", "progress", "format", "input_format"),
     ),

@@ -5,7 +5,7 @@ from __future__ import annotations
 import sys
 import time
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import AbstractContextManager, contextmanager, nullcontext
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,6 +15,7 @@ from warnings import catch_warnings, simplefilter
 from .console import KERNELS_OF_BAKE, KERNELS_OF_SURFACE, bake_summary, compiling, note, progress, warn
 from .options import (
     CAGE,
+    REPORTS,
     FalloffForm,
     Hidden,
     Method,
@@ -34,8 +35,11 @@ if TYPE_CHECKING:
     from ao.trace.checkpoint import Checkpoint
 
     from ..readers.load import MeshFile
+    from ..report.pictures import Picture
 
-NO_OPTIONS_OF_BAKE = frozenset({"report", "quiet", "resume", "progress", "content"})  # they change no result
+NO_OPTIONS_OF_BAKE = frozenset(
+    {"report", "quiet", "resume", "progress", "content", "open_checkpoint"}
+)  # they change no result
 
 
 @contextmanager
@@ -98,6 +102,8 @@ class MeshBake(ABC):
     progress: ProgressForm = "bar"
     content: bytes | None = None
     """Of the mesh, if it is no file's."""
+    open_checkpoint: Callable[[Path], Checkpoint] | None = None
+    """Makes the checkpoint of an output, if not the usual one is wanted."""
 
     def run(self) -> int:
         """Bake, write, and print a summary. Returns: the exit status, 0.
@@ -124,7 +130,7 @@ class MeshBake(ABC):
         Options(**self.options())
         self.check_own()
         if self.report:
-            check_ending("--report", self.report, ".json")
+            check_ending("--report", self.report, *REPORTS)
         check_outputs(self.outputs(), self.inputs())
         return falloff
 
@@ -140,11 +146,19 @@ class MeshBake(ABC):
         options = {name: plain(value) for name, value in vars(self).items() if name not in NO_OPTIONS_OF_BAKE}
         return options | {"threads": thread_count(self.threads)}
 
+    def hashed(self, files: Iterable[Path]) -> list[dict[str, Any]]:
+        """Files that were read, as a report has them; nothing if there is none to write."""
+        from ..report.inputs import hashed
+
+        return hashed(files, {self.mesh: self.content}) if self.report else []
+
     def checkpoint(self, output: Path) -> AbstractContextManager[Checkpoint | None]:
         """Keeps what is traced for an output, beside it; none beside standard output."""
         from ao.trace.checkpoint import Checkpoint
         from raytrace.system.atomic import is_standard_output
 
+        if self.open_checkpoint:
+            return self.open_checkpoint(output)
         if is_standard_output(output):
             return nullcontext()
         return Checkpoint(self.journal(output), self.resume, note)
@@ -257,13 +271,15 @@ class BakeCommand(MeshBake):
         fine = None if self.high is None else load(self.high)
         check_outputs(self.outputs(), [*source.files, *(fine.files if fine else ())])
         loaded = time.perf_counter()
+        inputs = self.hashed([*source.files, *(fine.files if fine else ())])
         notes = [*source.notes, *(fine.notes if fine else ())]
         warnings = warn(
             [source.mesh, *([fine.mesh] if fine else [])],
             [*notes, *lost(self.output, source, channels(self.output, **self._channels()))],
         )
         with self.checkpoint(self.output) as checkpoint:
-            with progress(self.quiet, "rays", form=self.progress) as (advance,):
+            status = checkpoint.status if checkpoint else str
+            with progress(self.quiet, "rays", form=self.progress, status=status) as (advance,):
                 baked = ao.bake(
                     source.mesh, falloff, progress=advance, checkpoint=checkpoint, high=fine.mesh if fine else None,
                     cage=self.cage or CAGE, **self.options(),
@@ -273,7 +289,7 @@ class BakeCommand(MeshBake):
             write(self.output, baked, source, **self._channels())
         seconds = {"load": loaded - start, "write": time.perf_counter() - tracing}
         if self.report:
-            self._write_report(self.report, baked, seconds, warnings)
+            self._write_report(self.report, baked, (inputs, seconds, warnings))
         if self.debug_image:
             from ..description.defaults import up_axis
             from .flag_image import write_marked
@@ -296,8 +312,8 @@ class BakeCommand(MeshBake):
 
             with named("debug_image"):
                 check_image_target(self.debug_image, layers=("beauty",))
-        elif self.up:
-            raise OptionError("up", "--debug-image with it; w does not depend on it", "none")
+        if self.up and not self.debug_image and ".html" not in (_ending(self.output), _ending(self.report)):
+            raise OptionError("up", "--debug-image or an .html with it; w does not depend on it", "none")
 
     def outputs(self) -> dict[str, Path | None]:
         return {"--output": self.output, "--report": self.report, "--debug-image": self.debug_image}
@@ -313,7 +329,7 @@ class BakeCommand(MeshBake):
 
     def _channels(self) -> dict[str, Any]:
         """The options of `scenes.write`."""
-        return {name: getattr(self, name) for name in ("colors", "occlusion", "replace_occlusion")}
+        return {name: getattr(self, name) for name in ("colors", "occlusion", "replace_occlusion", "up")}
 
     def _missed(self, baked: ao.Bake) -> list[str]:
         """A warning of the vertices that the cage missed, if there are any."""
@@ -321,8 +337,25 @@ class BakeCommand(MeshBake):
         text = "vertices are not within the cage of the fine mesh and take the closest point of it"
         return [f"{self.output}: {missed:,} {text}"] if missed else []
 
-    def _write_report(self, path: Path, baked: ao.Bake, seconds: dict[str, float], warnings: list[str]) -> None:
+    def _write_report(
+        self, path: Path, baked: ao.Bake, made: tuple[list[dict[str, Any]], dict[str, float], list[str]]
+    ) -> None:
+        """Args: made: what was read, the seconds it took, and warnings."""
         from ao.report import report
-        from raytrace.system.atomic import write_json
 
-        write_json(path, report(baked, self.described(), seconds, warnings))
+        from ..description.defaults import up_axis
+        from ..report.complete import complete, write_report
+
+        def pictures() -> list[list[Picture]]:
+            from ..report.pictures import pictures_of_vertices
+
+            return [pictures_of_vertices(baked.mesh, baked.w, baked.error, up_axis(self.mesh, self.up))]
+
+        inputs, seconds, warnings = made
+        options = self.described()
+        whole = complete("bake", "mesh", report(baked, options, seconds, warnings), inputs, options)
+        write_report(path, whole, pictures)
+
+
+def _ending(path: Path | None) -> str:
+    return path.suffix.lower() if path else ""

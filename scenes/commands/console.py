@@ -125,7 +125,9 @@ Advance = Callable[[int, int], None]
 
 
 @contextmanager
-def progress(quiet: bool, *units: str, form: ProgressForm = "bar") -> Iterator[tuple[Advance | None, ...]]:
+def progress(
+    quiet: bool, *units: str, form: ProgressForm = "bar", status: Callable[[], str] = str
+) -> Iterator[tuple[Advance | None, ...]]:
     """Progress bars on a terminal's standard error, one after the other, each from its first call on.
 
     In the form "json" they are lines, ten a second at most, on standard error whatever that is, quiet or not.
@@ -133,7 +135,7 @@ def progress(quiet: bool, *units: str, form: ProgressForm = "bar") -> Iterator[t
     Each is called with (done, total); the total is a guess and may change. A bar is full when the next one begins, and
     the last when the work is done.
 
-    Args: units: what each bar counts, for its rate.
+    Args: units: what each bar counts, for its rate. status: says what else to show.
     """
     if form == "json":
         start = time.perf_counter()
@@ -158,7 +160,7 @@ def progress(quiet: bool, *units: str, form: ProgressForm = "bar") -> Iterator[t
         start, before = began[task]
         rate = (done - before) / max(time.perf_counter() - start, 1e-6)
         text = f"{rate / 1e6:.1f} M {unit}/s" if rate >= 1e5 else f"{rate:.0f} {unit}/s"
-        bars.update(task, completed=done, total=total, rate=text)
+        bars.update(task, completed=done, total=total, rate=f"{text} {status()}".rstrip())
 
     def fill() -> None:
         for task in began:

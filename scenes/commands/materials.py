@@ -9,12 +9,13 @@ from typing import Any
 
 import numpy as np
 
-from raytrace import PRESETS, EllipticalBeckmann, OrenNayar, PoulinFournier, material_from_dict
+from raytrace import PRESETS, OrenNayar, material_from_dict
 from raytrace.brdf.oren_nayar import fitted_orders
 from raytrace.brdf.oren_nayar_reference import reference_orders
 from raytrace.errors import OptionError, nearest_name
-from raytrace.materials.base import BaseMaterial, Diffuse, Microfacet
-from raytrace.materials.energy import NORMAL, asymmetry, directional_albedo, towards
+from raytrace.materials import energy
+from raytrace.materials.base import BaseMaterial, Brushed
+from raytrace.materials.energy import NORMAL, asymmetry, towards
 
 ANGLES = (0, 20, 40, 60, 75, 85, 89)  # degrees from the normal
 _RECIPROCAL = 1e-6
@@ -78,12 +79,7 @@ def check(name: str, material: BaseMaterial) -> str:
 
 def albedo(material: BaseMaterial, incidence: float) -> Any:
     """∫ f cosθ_v dω (3,) for light at `incidence` radians: the part of it that is reflected."""
-    if not isinstance(material, Microfacet):
-        scale = 1.0 if isinstance(material, Diffuse) else np.pi
-        return directional_albedo(material, incidence, order=_ORDER) / scale
-    slope = getattr(material, "m", None) or max(material.m_parallel, material.m_perpendicular)  # type: ignore[attr-defined]
-    lobe = directional_albedo(replace(material, albedo=(0.0, 0.0, 0.0)), incidence, slope, _ORDER)
-    return lobe + (1 - material.k_s) * np.array(material.albedo)
+    return energy.albedo(material, incidence, _ORDER) / (1.0 if material.physical else np.pi)
 
 
 def fit_error(material: OrenNayar) -> tuple[float, float]:
@@ -120,7 +116,7 @@ def _fit_lines(material: OrenNayar) -> list[str]:
 
 def _orientations(material: BaseMaterial) -> Sequence[tuple[str, BaseMaterial]]:
     """Anisotropic materials along and across their grain, others as they are."""
-    if not isinstance(material, EllipticalBeckmann | PoulinFournier):
+    if not isinstance(material, Brushed):
         return [("", material)]
     along, across = (replace(material, grain=grain) for grain in ((1.0, 0, 0), (0, 1.0, 0)))
     return [("along ", along), ("across ", across)]

@@ -12,6 +12,7 @@ if TYPE_CHECKING:
 
 
 CAGE = "2%"  # of the radius, unless --cage is given
+REPORTS = ".json", ".html"  # endings
 VALIDATION_SAMPLES = 4096  # rays per vertex of `obscurance validate`, unless given
 
 
@@ -23,7 +24,7 @@ NormalsFrom = Literal["angle", "area", "equal", "file"]
 Metric = Literal["flip", "rms", "max"]
 Up = Literal["x", "y", "z"]
 Occlusion = Literal["none", "ramp", "texture"]
-Format = Literal["npy", "npz", "ply", "glb", "png", "exr", "tif"]
+Format = Literal["npy", "npz", "ply", "glb", "html", "png", "exr", "tif"]
 InputFormat = Literal["ply", "obj", "stl", "off", "glb", "gltf", "3mf"]
 ProgressForm = Literal["bar", "json"]
 Overlap = Literal["mean", "first", "refuse"]

@@ -9,6 +9,7 @@ import numpy as np
 import ao
 from ao.memory import vertex_bytes
 from ao.trace.tracer import Progress
+from raytrace import EnvironmentLight, SkyLight
 from raytrace.renderer.render import seen_vertices
 from raytrace.renderer.render_scene import release
 from raytrace.scene import Scene
@@ -57,7 +58,8 @@ def with_obscurance(
         progress,
         only=seen,
     )
-    return scene.with_obscurance(made.w), made
+    surrounded = any(isinstance(light, SkyLight | EnvironmentLight) for light in scene.lights)
+    return scene.with_obscurance(made.w, made.bent_normals if surrounded else None), made
 
 
 def _stored(description: SceneDescription, path: Path) -> Float64s:

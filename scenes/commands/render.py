@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import ao
-from ao.report import versions
+from ao.report import SCHEMA_VERSION, calibration_facts, versions
 from ao.trace.tracer import Progress
 from raytrace import Frame, Settings
 from raytrace.errors import OptionError, printable
@@ -145,14 +145,23 @@ def render_report(
     Args: warnings: what limits the picture, see `raytrace.mesh.precision`.
     """
     made = picture.bake
+    beauty = picture.frame.layers["beauty"]
     return {
+        "schema_version": SCHEMA_VERSION,
         "scene": str(source),
+        "layers": {name: layer.shape[2] for name, layer in picture.frame.layers.items()},
+        "picture": {
+            "covered": float(beauty[..., 3].mean()),
+            "brightest": float(beauty[..., :3].max()),
+            "clipped": float((beauty[..., :3] > 1).any(axis=2).mean()),
+        },
         "settings": vars(settings) | {"threads": threads},
         "rays": picture.frame.rays | ({"bake": made.rays} if made else {}),
         "rays_skipped": picture.frame.rays_skipped
         | ({f"bake_{reason}": count for reason, count in made.rays_skipped.items()} if made else {}),
         "seconds": picture.seconds,
         "rmse_estimate": made.rmse if made else None,
+        "error_calibration": calibration_facts(made.calibration) if made else None,
         "warnings": list(warnings),
         "versions": versions(),
     }

@@ -3,16 +3,23 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from typing import TYPE_CHECKING, Any
 
 from raytrace.errors import OptionError
 
 from .console import KERNELS_OF_RENDER, compiling, progress, show_picture, warn
-from .options import NormalsFrom, ProgressForm, Up, parse_crop, parse_size
+from .options import REPORTS, NormalsFrom, ProgressForm, Up, parse_crop, parse_size, plain
+
+if TYPE_CHECKING:
+    from ..report.pictures import Picture as Shown
+    from .render import Picture
 
 _SETTINGS = ("samples", "shading", "normals", "obscurance", "shadows", "seed")
+_NO_OPTIONS_OF_RENDER = ("report", "quiet", "progress", "show")  # they change no picture
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -62,18 +69,18 @@ class RenderCommand:
         settings = {name: getattr(self, name) for name in _SETTINGS}
         settings["crop"] = None if self.crop is None else parse_crop(self.crop)
         from raytrace.image.write import check_image_target
-        from raytrace.system.atomic import write_json
         from raytrace.system.outputs import check_ending, check_outputs
         from raytrace.system.threads import thread_count
 
         threads = thread_count(self.threads)
         check_image_target(output, self.half)
         if self.report:
-            check_ending("--report", self.report, ".json")
+            check_ending("--report", self.report, *REPORTS)
         outputs = {"--output": output, "--report": self.report}
         check_outputs(outputs, [self.scene])
         from ..description.read import read_scene
         from ..readers.stored_w import check_stored
+        from ..report.inputs import hashed
         from .render import adjusted, make_picture, render_report
 
         if self.baked:
@@ -82,11 +89,27 @@ class RenderCommand:
             read = read_scene(self.scene, size, self.up)
             description = adjusted(read, settings, self.preview, self.baked, self.own_occlusion)
             check_outputs(outputs, description.files)
+            inputs = hashed([self.scene, *description.files]) if self.report else []
             warnings = warn((item.shape.mesh for item in description.scene.objects), description.notes)
             picture = make_picture(self.scene, description, output, self.half, threads, *bars)
         if self.show:
             show_picture(picture.frame.layers["beauty"])
         if self.report:
-            write_json(self.report, render_report(self.scene, description.settings, picture, threads, warnings))
+            made = render_report(self.scene, description.settings, picture, threads, warnings)
+            self._write_report(self.report, made, picture, inputs)
         if not self.quiet:
             print(picture.summary(output, description.settings))
+
+    def _write_report(
+        self, path: Path, report: dict[str, Any], picture: Picture, inputs: Sequence[Mapping[str, Any]]
+    ) -> None:
+        from ..report.complete import complete, write_report
+
+        options = {name: plain(value) for name, value in vars(self).items() if name not in _NO_OPTIONS_OF_RENDER}
+
+        def pictures() -> list[list[Shown]]:
+            from ..report.pictures import pictures_of_frame
+
+            return [pictures_of_frame(picture.frame)]
+
+        write_report(path, complete("render", "scene", report, inputs, options), pictures)

@@ -11,7 +11,8 @@ from __future__ import annotations
 from math import cos, degrees, pi
 from typing import Any
 
-from raytrace.lights.sources import BaseLight, light_from_dict
+from raytrace.lights.lights import light_from_dict
+from raytrace.lights.sources import BaseLight
 from raytrace.types import Float64s
 
 from ..field_errors import located

@@ -78,6 +78,7 @@ class ObjectTable(Transform):
     builtin: str | None = None
     material: Annotated[Any, BeforeValidator(_name_or_table)] = None
     texture: str | None = None
+    grain: str | None = None
     wrap: Annotated[Any, BeforeValidator(_wrap)] = None
     own_normals: StrictBool = True
     copies: Annotated[list[Transform], Field(min_length=1, fail_fast=True)] | None = None

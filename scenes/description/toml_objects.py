@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy.typing as npt
 
@@ -110,9 +110,9 @@ class ObjectReader:
             unknown = (nearest_name(key, ("mesh", "builtin")) for key in table.model_extra or {})
             raise SceneError(self._source, path, "either mesh or builtin", got, next(filter(None, unknown), None))
         material = None if table.material is None else self._material(table.material, joined(path, "material"))
-        if table.wrap is not None and table.texture is None:
-            raise SceneError(self._source, joined(path, "wrap"), "texture with it", "none")
-        texture = None if table.texture is None else self._texture(table, path)
+        if table.wrap is not None and table.texture is None and table.grain is None:
+            raise SceneError(self._source, joined(path, "wrap"), "texture or grain with it", "none")
+        texture = self._texture(table, path, "texture")
         if table.builtin is not None:
             solid = self._solid(table, path)
             with located(self._source, path):
@@ -127,7 +127,8 @@ class ObjectReader:
         with located(self._source, field):
             if mesh.suffix.lower() in (".glb", ".gltf"):
                 return self._gltf_pieces(mesh, table, path, material, texture)
-            geometry = self._once((mesh, texture is None), lambda: self._read(mesh, texture is not None))
+            textured = texture is not None or table.grain is not None
+            geometry = self._once((mesh, textured), lambda: self._read(mesh, textured))
         return [Object(self._shape(table, path, geometry, material, texture), name=table.name or mesh.stem)]
 
     def _gltf_pieces(
@@ -166,13 +167,16 @@ class ObjectReader:
     def _shape(
         self, table: ObjectTable, path: str, geometry: Geometry, material: BaseMaterial | None, texture: Texture | None
     ) -> Shape:
-        if texture is not None and geometry.uv is None:
-            raise SceneError(self._source, joined(path, "texture"), "a mesh with texture coordinates", "one without")
+        grain = self._texture(table, path, "grain")
+        for field, image in (("texture", texture), ("grain", grain)):
+            if image is not None and geometry.uv is None:
+                raise SceneError(self._source, joined(path, field), "a mesh with texture coordinates", "one without")
         material = material or NEUTRAL
-        key = (geometry, material, texture, table.own_normals)
+        key = (geometry, material, texture, grain, table.own_normals)
         if key not in self._shapes:
             mesh = geometry.mesh if table.own_normals else replace(geometry.mesh, normals=None)
-            self._shapes[key] = Shape(mesh, material, geometry.uv, texture)
+            with located(self._source, path):
+                self._shapes[key] = Shape(mesh, material, geometry.uv, texture, grain=grain)
             if geometry.origin:
                 self._origins[id(self._shapes[key])] = geometry.origin
         return self._shapes[key]
@@ -187,10 +191,13 @@ class ObjectReader:
         with located(self._source, path):
             return material_from_dict(given)
 
-    def _texture(self, table: ObjectTable, path: str) -> Texture:
-        file = confined(table.texture or "", self._source.parent, self._source, joined(path, "texture"))
+    def _texture(self, table: ObjectTable, path: str, field: Literal["texture", "grain"]) -> Texture | None:
+        name = getattr(table, field)
+        if name is None:
+            return None
+        file = confined(name, self._source.parent, self._source, joined(path, field))
         self.files.append(file)
-        texture = Texture(file, wrap=table.wrap or ("repeat", "repeat"))
+        texture = Texture(file, srgb=field == "texture", wrap=table.wrap or ("repeat", "repeat"))
         return self._textures.setdefault(texture, texture)
 
     def _solid(self, table: ObjectTable, path: str) -> Solid:

@@ -46,7 +46,12 @@ def read_toml(path: Path, size: tuple[int, int] | None = None) -> SceneDescripti
     objects = [item for n, table in enumerate(document.objects) for item in reader.read(table, f"objects[{n}]")]
     lights = []
     for number, table in enumerate(document.lights):
-        with located(path, f"lights[{number}]"):
+        field = f"lights[{number}]"
+        if isinstance(table.get("image"), str):
+            image = confined(table["image"], path.parent, path, f"{field}.image")
+            reader.files.append(image)
+            table = table | {"image": image}
+        with located(path, field):
             lights.append(light_from_dict(table))
     scene = Scene(tuple(objects), tuple(lights), document.background)
     camera = _camera(document.camera, scene, settings, path)

@@ -15,6 +15,7 @@ BUILTIN = {  # name to what one sees; the files are in library/
     "temple": "a colonnade in the evening sun",
     "sponge": "a Menger sponge, nearly all ambient light",
     "materials": "a grid of spheres, one of every material",
+    "metals": "metals, plain and brushed, under a sky that they mirror",
     "still_life": "fruit, a cup and books under a spot light",
 }
 

@@ -30,17 +30,19 @@ _TYPES = {
     "int8": "b", "uint8": "B", "int16": "h", "uint16": "H", "int32": "i", "uint32": "I", "float32": "f", "float64": "d",
     "int64": "q", "uint64": "Q",
 }  # fmt: skip
-_ORDERS = {"ascii": "<", "binary_little_endian": "<", "binary_big_endian": ">"}
-_INDICES = ("vertex_indices", "vertex_index")
+ORDERS = {"ascii": "<", "binary_little_endian": "<", "binary_big_endian": ">"}
+INDICES = ("vertex_indices", "vertex_index")
 _END = re.compile(rb"^end_header[ \t\r]*\n", re.MULTILINE)
-_COUNT = "number of "
+COUNT = "number of "
 
 Columns = dict[str, npt.NDArray[Any]]
 Lists = dict[str, tuple[npt.NDArray[Any], Int64s]]  # all values, and how many each row has
 
 
 @dataclass
-class _Element:
+class PlyElement:
+    """An element as a header declares it."""
+
     name: str
     count: int
     # By name: the type of the values, and of the number of values in a list or "" for a single value.
@@ -60,8 +62,8 @@ def read_ply(data: bytes, name: str, source: str, keep: bool = False) -> list[In
         MeshError: the file ends early, or has no vertices.
         ValueError, KeyError: anything else that is not PLY.
     """
-    header, order, start = _header(data)
-    elements = _elements(header)
+    header, order, start = ply_header(data)
+    elements = ply_elements(header)
     text = order == "ascii"
     declared = {element.name: element.properties for element in elements}
     stored = []
@@ -75,7 +77,7 @@ def read_ply(data: bytes, name: str, source: str, keep: bool = False) -> list[In
     vertices = normals = w = None
     corners, sizes = np.empty(0, np.int64), np.empty(0, np.int64)
     for element in elements:
-        columns, lists, start = _rows(data, start, _ORDERS[order], element, source)
+        columns, lists, start = _rows(data, start, ORDERS[order], element, source)
         if keep:
             stored.append(_stored(element, declared[element.name], columns, lists))
         singles = np.full(element.count, len(columns))
@@ -86,7 +88,7 @@ def read_ply(data: bytes, name: str, source: str, keep: bool = False) -> list[In
             if {"nx", "ny", "nz"} <= set(columns):
                 normals = np.stack([columns[axis] for axis in ("nx", "ny", "nz")], axis=1)
         elif element.name == "face":
-            corners, sizes = next((lists[label] for label in _INDICES if label in lists), (corners, sizes))
+            corners, sizes = next((lists[label] for label in INDICES if label in lists), (corners, sizes))
     if text and not np.array_equal(found, np.concatenate(expected)):
         raise MeshError(source, "rows", "one line for each, with as many numbers as the header says", "others")
     if vertices is None:
@@ -98,7 +100,7 @@ def read_ply(data: bytes, name: str, source: str, keep: bool = False) -> list[In
     return [Instance(name, vertices, triangles.take(corners), normals, None, triangles.notes, detail, w=w)]
 
 
-def _stored(element: _Element, declared: dict[str, tuple[str, str]], columns: Columns, lists: Lists) -> Element:
+def _stored(element: PlyElement, declared: dict[str, tuple[str, str]], columns: Columns, lists: Lists) -> Element:
     made = []
     for name, (kind, counted) in declared.items():
         if name in lists:
@@ -108,25 +110,26 @@ def _stored(element: _Element, declared: dict[str, tuple[str, str]], columns: Co
     return Element(element.name, element.count, tuple(made))
 
 
-def _header(data: bytes) -> tuple[list[list[str]], str, int]:
-    """The words of the header's lines, the format, and where the data starts."""
+def ply_header(data: bytes) -> tuple[list[list[str]], str, int]:
+    """The words of the header's lines, the format, and where the data starts. Raises: ValueError: it is no PLY."""
     end = _END.search(data)
     if data[:3] != b"ply" or not end:
         raise ValueError("no header of a PLY file")
     lines = [line.split() for line in data[: end.start()].decode("latin-1").splitlines()]
     formats = [line[1] for line in lines if line[:1] == ["format"] and len(line) > 1]
-    if len(formats) != 1 or formats[0] not in _ORDERS:
+    if len(formats) != 1 or formats[0] not in ORDERS:
         raise ValueError("no format of a PLY file")
     return lines, formats[0], end.end()
 
 
-def _elements(lines: list[list[str]]) -> list[_Element]:
-    made: dict[str, _Element] = {}
-    last = _Element("", 0)
+def ply_elements(lines: list[list[str]]) -> list[PlyElement]:
+    """The elements that have properties. Raises: ValueError, KeyError: lines that are no header's."""
+    made: dict[str, PlyElement] = {}
+    last = PlyElement("", 0)
     for words in lines:
         match words:
             case ["element", name, count]:
-                last = _Element(name, int(count))
+                last = PlyElement(name, int(count))
                 if made.setdefault(name, last) is not last or last.count < 0:
                     raise ValueError(f"element {name} twice, or of a negative count")
                 continue
@@ -143,7 +146,7 @@ def _elements(lines: list[list[str]]) -> list[_Element]:
     return [element for element in made.values() if element.properties]
 
 
-def _rows(data: bytes, start: int, order: str, element: _Element, source: str) -> tuple[Columns, Lists, int]:
+def _rows(data: bytes, start: int, order: str, element: PlyElement, source: str) -> tuple[Columns, Lists, int]:
     """The values of an element's rows by property, and where they end.
 
     Raises:
@@ -158,12 +161,12 @@ def _rows(data: bytes, start: int, order: str, element: _Element, source: str) -
             [
                 part
                 for label, (kind, counted) in element.properties.items()
-                for part in _fields(label, order + kind, order + counted, lengths.get(label))
+                for part in row_fields(label, order + kind, order + counted, lengths.get(label))
             ]
         )
         if start + element.count * row.itemsize <= len(data):
             rows = np.frombuffer(data, row, element.count, start)
-            if all((rows[_COUNT + label] == length).all() for label, length in lengths.items()):
+            if all((rows[COUNT + label] == length).all() for label, length in lengths.items()):
                 lists = {label: (rows[label].ravel(), np.full(len(rows), size)) for label, size in lengths.items()}
                 columns = {label: rows[label] for label in element.properties if label not in lengths}
                 return columns, lists, start + rows.nbytes
@@ -172,11 +175,12 @@ def _rows(data: bytes, start: int, order: str, element: _Element, source: str) -
         raise MeshError(source, f"element {element.name}", f"{element.count} rows", "an end before that") from None
 
 
-def _fields(label: str, kind: str, counted: str, length: int | None) -> list[tuple[Any, ...]]:
-    return [(label, kind)] if length is None else [(_COUNT + label, counted), (label, kind, (length,))]
+def row_fields(label: str, kind: str, counted: str, length: int | None) -> list[tuple[Any, ...]]:
+    """NumPy's fields of a property, of a list if `length` is how many values it has in every row."""
+    return [(label, kind)] if length is None else [(COUNT + label, counted), (label, kind, (length,))]
 
 
-def _walk(data: bytes, start: int, order: str, element: _Element, count: int) -> tuple[Columns, Lists, int]:
+def _walk(data: bytes, start: int, order: str, element: PlyElement, count: int) -> tuple[Columns, Lists, int]:
     """As `_rows`, row by row, whatever the lengths of the lists.
 
     Raises:

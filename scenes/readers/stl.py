@@ -15,7 +15,7 @@ from raytrace.errors import MeshError
 
 from ..geometry.instances import Instance
 
-_HEADER, _TRIANGLE = 84, np.dtype([("normal", "<f4", 3), ("vertices", "<f4", (3, 3)), ("attribute", "<u2")])
+HEADER, TRIANGLE = 84, np.dtype([("normal", "<f4", 3), ("vertices", "<f4", (3, 3)), ("attribute", "<u2")])
 _LINE = re.compile(r"^[ \t]*(solid|vertex|endsolid)\b[ \t]*([^\n]*)", re.MULTILINE | re.IGNORECASE)
 
 
@@ -31,9 +31,9 @@ def read_stl(data: bytes, name: str, source: str) -> list[Instance]:
         MeshError: the file ends early, or is no STL.
         ValueError: text that is not numbers.
     """
-    announced = int.from_bytes(data[80:_HEADER], "little")
-    if len(data) == _HEADER + announced * _TRIANGLE.itemsize:
-        rows = np.frombuffer(data, _TRIANGLE, announced, _HEADER)
+    announced = int.from_bytes(data[80:HEADER], "little")
+    if len(data) == HEADER + announced * TRIANGLE.itemsize:
+        rows = np.frombuffer(data, TRIANGLE, announced, HEADER)
         return [_instance(name, rows["vertices"].reshape(-1, 3))]
     solids = _solids(data.decode("utf-8", "replace").replace("\r", "\n"), source)
     return [_instance(label if len(solids) > 1 else name, vertices) for label, vertices in solids]

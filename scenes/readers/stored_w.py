@@ -7,9 +7,10 @@ import zipfile
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import IO
+from typing import IO, Any
 
 import numpy as np
+import numpy.typing as npt
 
 from raytrace.errors import MeshError, OptionError, SceneError
 from raytrace.image.texture import Texture, pack_textures
@@ -23,6 +24,7 @@ from ..gltf.textures import Textures
 from .load import mesh_errors, read_objects
 
 ENDINGS = (".npy", ".npz", ".ply", ".glb", ".gltf")
+_BESIDE = {"error": (), "flags": (), "bent_normals": (3,)}
 
 
 def check_stored(path: Path) -> None:
@@ -87,25 +89,50 @@ def _sampled(uv: Float64s, texture: Texture, strength: float) -> Float64s:
     return 1.0 + strength * (linear[:, 0] - 1.0)
 
 
-def _of_array(path: Path, counts: tuple[int, ...]) -> Float64s:
-    """w of a `.npy` file, or of the array `w` of a `.npz` file. Only its header is read if that is another."""
+def read_beside_w(path: Path, count: int) -> dict[str, npt.NDArray[Any]]:
+    """`error`, `flags`, `bent_normals` of `count` vertices, those of them that a `.npz` file holds beside w.
+
+    Of other files nothing. Raises: SceneError: the file cannot be read, or has them for another number of vertices.
+    """
+    if path.suffix.lower() != ".npz":
+        return {}
+    with _array_errors(path), zipfile.ZipFile(path) as archive:
+        held = {name for name in _BESIDE if f"{name}.npy" in archive.namelist()}
+    return {name: _of_array(path, (count,), name, columns) for name, columns in _BESIDE.items() if name in held}
+
+
+def _of_array(path: Path, counts: tuple[int, ...], name: str = "w", columns: tuple[int, ...] = ()) -> npt.NDArray[Any]:
+    """The array of a `.npy` file, or the one of this name of a `.npz` file. Only its header is read if that is another.
+
+    Args: columns: its shape but for the first number, which is one of `counts`.
+    """
+    with _array_errors(path), _member(path, name) as file, warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        version = np.lib.format.read_magic(file)
+        headers = {(1, 0): np.lib.format.read_array_header_1_0, (2, 0): np.lib.format.read_array_header_2_0}
+        shape, by_columns, kind = headers[version](file)
+        if shape[1:] != columns or len(shape) != 1 + len(columns) or shape[0] not in counts:
+            got = f"{shape[0]:,}" if len(shape) == 1 and not columns else f"shape {shape}"
+            raise SceneError(path, name, _expected(counts), got)
+        if kind.kind not in "fiu" or kind.itemsize > 16:
+            raise SceneError(path, name, "numbers", kind)
+        data = file.read(int(np.prod(shape)) * kind.itemsize)
+        return (
+            np.frombuffer(data, kind, int(np.prod(shape)))
+            .reshape(shape, order="F" if by_columns else "C")
+            .astype(np.float64)
+        )
+
+
+@contextmanager
+def _array_errors(path: Path) -> Iterator[None]:
+    """What NumPy and zipfile raise of files that are not theirs, a dozen kinds, as one."""
     try:
-        with _member(path) as file, warnings.catch_warnings():
-            warnings.simplefilter("ignore")
-            version = np.lib.format.read_magic(file)
-            headers = {(1, 0): np.lib.format.read_array_header_1_0, (2, 0): np.lib.format.read_array_header_2_0}
-            shape, _, kind = headers[version](file)
-            if len(shape) != 1 or shape[0] not in counts:
-                raise SceneError(path, "w", _expected(counts), f"{shape[0]:,}" if len(shape) == 1 else f"shape {shape}")
-            if kind.kind not in "fiu" or kind.itemsize > 16:
-                raise SceneError(path, "w", "numbers", kind)
-            data = file.read(shape[0] * kind.itemsize)
-            w = np.frombuffer(data, kind, shape[0]).astype(np.float64)
+        yield
     except SceneError:
         raise
-    except Exception as reason:  # NumPy's and zipfile's are of a dozen kinds
+    except Exception as reason:
         raise SceneError(path, "content", "w as obscurance bake writes it", " ".join(str(reason).split())) from None
-    return w
 
 
 def _expected(counts: tuple[int, ...]) -> str:
@@ -115,11 +142,11 @@ def _expected(counts: tuple[int, ...]) -> str:
 
 
 @contextmanager
-def _member(path: Path) -> Iterator[IO[bytes]]:
-    """The bytes of the array's `.npy` file, which a `.npz` file holds as a member."""
+def _member(path: Path, name: str) -> Iterator[IO[bytes]]:
+    """The bytes of an array's `.npy` file, which a `.npz` file holds as a member."""
     if path.suffix.lower() != ".npz":
         with path.open("rb") as file:
             yield file
         return
-    with zipfile.ZipFile(path) as archive, archive.open("w.npy") as member:
+    with zipfile.ZipFile(path) as archive, archive.open(f"{name}.npy") as member:
         yield member

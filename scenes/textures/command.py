@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from raytrace.types import Float64s
 
     from ..readers.load import MeshFile
+    from ..report.pictures import Picture
 
 _OF_VERTICES = {"method": "vertex", "colors": False, "debug_image": None, "up": None}
 AUTO, UNWRAP = "auto", "unwrap"
@@ -138,18 +139,20 @@ class TextureCommand(MeshBake):
         fine = None if self.high is None else load(self.high)
         check_outputs(outputs, [*source.files, *(fine.files if fine else ())])
         loaded = time.perf_counter() - start
+        inputs = self.hashed([*source.files, *(fine.files if fine else ())])
         meshes = [source.mesh, fine.mesh] if fine else [source.mesh]
         warnings = warn(meshes, [*source.notes, *(fine.notes if fine else ())])
-        reports = []
+        reports, uvs = [], []
         for tile in tiles:
             images = {name: path if tile is None else tile_path(path, tile) for name, path in self._images().items()}
             moved = uv if tile is None else uv - tile
             scene = _Source(source, None if tile is not None else uv if number is None else number, fine)
             baked, seconds, more = self._bake_page(scene, moved, size, falloff, images)
             reports.append((images["output"], baked, {"load": loaded} | seconds, [*warnings, *more]))
+            uvs.append(moved)
             yield Written(texture_summary(baked, images["output"]), [*warnings, *more])
         if self.report:
-            self._write_report(self.report, reports)
+            self._write_report(self.report, reports, inputs, (source.mesh, uvs))
 
     def check_own(self) -> None:
         from ao.texture.uv_layout import page_size
@@ -257,7 +260,8 @@ class TextureCommand(MeshBake):
 
         overlap, wrap = self.overlap or "mean", source.uv is not None
         with self.checkpoint(images["output"]) as checkpoint:
-            with progress(self.quiet, "rays", form=self.progress) as (advance,):
+            status = checkpoint.status if checkpoint else str
+            with progress(self.quiet, "rays", form=self.progress, status=status) as (advance,):
                 baked = ao.bake_texture(
                     source.file.mesh, uv, size, falloff, progress=advance, checkpoint=checkpoint, overlap=overlap,
                     wrap=wrap, high=source.fine.mesh if source.fine else None, cage=self.cage or CAGE,
@@ -293,15 +297,33 @@ class TextureCommand(MeshBake):
         advice = "whose w viewers do not show; --replace-occlusion replaces them"
         return [f"{glb}: keeps the occlusion textures of {kept:,} primitives, {advice}"] if kept else []
 
-    def _write_report(self, path: Path, pages: list[tuple[Path, ao.BakedTexture, dict[str, float], list[str]]]) -> None:
+    def _write_report(
+        self,
+        path: Path,
+        pages: list[tuple[Path, ao.BakedTexture, dict[str, float], list[str]]],
+        inputs: list[dict[str, Any]],
+        shown: tuple[Mesh, list[Float64s]],
+    ) -> None:
+        """Args: inputs: what was read. shown: the mesh, and its texture coordinates on each page."""
         from ao.report import report
-        from raytrace.system.atomic import write_json
 
-        reports = [report(baked, self.described(), seconds, warnings) for _, baked, seconds, warnings in pages]
+        from ..description.defaults import up_axis
+        from ..report.complete import complete, write_report
+
+        options = self.described()
+        reports = [report(baked, options, seconds, warnings) for _, baked, seconds, warnings in pages]
         whole = reports[0]
         if len(pages) > 1:
             whole = {"pages": {str(page[0]): made for page, made in zip(pages, reports, strict=True)}}
-        write_json(path, whole)
+
+        def pictures() -> list[list[Picture]]:
+            from ..report.pictures import Page, pictures_of_page
+
+            mesh = shown[0] if len(pages) == 1 else None
+            made = [Page(baked.w, baked.error, uv) for (_, baked, *_), uv in zip(pages, shown[1], strict=True)]
+            return [pictures_of_page(mesh, page, up_axis(self.mesh)) for page in made]
+
+        write_report(path, complete("bake", "mesh", whole, inputs, options), pictures)
 
 
 def _remarks(baked: ao.BakedTexture, target: Path, wrap: bool) -> list[str]:

@@ -28,7 +28,7 @@ def check_target(path: str | os.PathLike[str]) -> None:
     """Find out before the bake whether `write` will accept `path`.
 
     Raises:
-        OptionError: the ending is none of .npy .npz .ply .glb.
+        OptionError: the ending is none of .npy .npz .ply .glb .html.
         OutputError: the folder is missing or refuses new files, or `path` is something other than a file.
     """
     _writer(path)
@@ -43,6 +43,7 @@ def write(
     colors: bool = False,
     occlusion: Occlusion | None = None,
     replace_occlusion: bool = False,
+    up: str | None = None,
 ) -> None:
     """Write a bake in the format of the ending, whole or not at all; the same input gives the same bytes.
 
@@ -51,6 +52,7 @@ def write(
     - `.ply`: `obscurance`, and grey `red green blue` = 255 w, linear: viewers multiply by it as it stands, which is
       what w is for (`ply.ply`). Coordinates are float where that loses nothing and double otherwise.
     - `.glb`: `_OBSCURANCE` (`glb.glb`), and what viewers show: a ramp or colours.
+    - `.html`: a page for a browser, everything in it (`scenes.page.document`).
 
     What the source holds besides is kept if it was loaded for this target (`load`); `losses.lost` lists what is not.
 
@@ -62,19 +64,24 @@ def write(
         occlusion: "ramp" gives a .glb's materials an occlusion texture that shows w, "none" does not; None is "ramp",
             but "none" with `colors`.
         replace_occlusion: put the ramp also in place of occlusion textures of the source.
+        up: "x", "y" or "z", the axis that a page has upwards; by default that of the source's format.
 
     Raises:
         OptionError: unknown ending, options that exclude each other, or coordinates that a .glb cannot hold.
         MeshError: materials of a glTF source are malformed.
         OutputError: the file cannot be written; an existing one is untouched.
     """
-    content = _writer(path)(bake, mesh_file, channels(path, colors, occlusion, replace_occlusion))
+    content = _writer(path)(bake, mesh_file, channels(path, colors, occlusion, replace_occlusion, up))
     with atomic_write(path) as file:
         file.write(content)
 
 
 def channels(
-    path: str | os.PathLike[str], colors: bool, occlusion: Occlusion | None, replace_occlusion: bool
+    path: str | os.PathLike[str],
+    colors: bool,
+    occlusion: Occlusion | None,
+    replace_occlusion: bool,
+    up: str | None = None,
 ) -> Channels:
     """Where `write` puts w for viewers. Raises: OptionError: options that exclude each other, or the ending."""
     ending = Path(path).suffix.lower()
@@ -89,7 +96,7 @@ def channels(
     ramp = ending == ".glb" and (occlusion == "ramp" if occlusion else not colors)
     if replace_occlusion and not ramp:
         raise OptionError("replace_occlusion", "an occlusion texture to write", "none")
-    return Channels(colors, ramp, replace_occlusion)
+    return Channels(colors, ramp, replace_occlusion, up)
 
 
 _Write = Callable[["Bake", MeshFile, Channels], bytes | memoryview]
@@ -130,9 +137,18 @@ def _glb(bake: Bake, mesh_file: MeshFile, channels: Channels) -> bytes:
     return glb(mesh_file, bake.w, channels)
 
 
+def _html(bake: Bake, mesh_file: MeshFile, channels: Channels) -> bytes:
+    from ..description.defaults import up_axis
+    from ..page.document import html_page
+
+    title, up = mesh_file.path.name, up_axis(mesh_file.path, channels.up)
+    return html_page(mesh_file.mesh, bake.w, bake.error, bake.flags, bake.bent_normals, title, up)
+
+
 _WRITERS: dict[str, _Write] = {
     ".npy": _npy,
     ".npz": _npz,
     ".ply": _ply,
     ".glb": _glb,
+    ".html": _html,
 }

@@ -4,7 +4,7 @@ from importlib import metadata
 from types import SimpleNamespace
 
 import numpy as np
-from meshes import two_boxes
+from meshes import hills, two_boxes
 
 import ao
 from raytrace import Mesh
@@ -24,6 +24,13 @@ def test_a_bake_is_a_picture_of_w_on_its_mesh(tmp_path):
     assert 0.1 < seen.mean() < 0.9
     assert abs(shown[..., 0].max() - baked.w.max()) < 0.01
     np.testing.assert_array_equal(shown[..., 0], shown[..., 1])
+
+
+def test_w_of_a_fine_mesh_is_shown_on_the_coarse_one(tmp_path):
+    coarse, fine = Mesh(*hills(4)), Mesh(*hills(12))
+    baked = ao.bake(coarse, samples=8, high=fine, cage=1.0)
+    assert baked.mesh is coarse
+    assert pixels(tmp_path, baked._repr_png_()).shape[:2] == (360, 480)
 
 
 def test_a_texture_is_its_page(tmp_path):

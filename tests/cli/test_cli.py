@@ -54,7 +54,20 @@ def test_the_report_holds_the_contract(tmp_path, cube):
     target = tmp_path / "w.npy"
     assert obscurance("bake", cube, "-o", target, "--samples", 16, "--seed", 3, "--report", report).returncode == 0
     found = json.loads(report.read_text())
-    assert {"rays", "rays_skipped", "seconds", "rmse_estimate", "flagged", "versions", "seed", "options"} <= set(found)
+    facts = {
+        "vertices",
+        "w",
+        "error",
+        "error_calibration",
+        "rmse_estimate",
+        "falloff",
+        "rays",
+        "rays_skipped",
+        "seconds",
+    }
+    flags = {"flagged", "flagged_vertices", "flagged_vertices_at_most"}
+    asked = {"schema_version", "kind", "verdict", "warnings", "command", "inputs", "options", "seed", "versions"}
+    assert set(found) == facts | flags | asked
     assert set(found["seconds"]) == {"load", "build", "bake", "write"}
     assert found["rays"] == 16 * (8 + 8)
     assert found["seed"] == 3
@@ -208,7 +221,7 @@ def test_an_interrupt_leaves_nothing_behind(tmp_path):
     target = tmp_path / "w.npy"
     target.write_bytes(b"\x93NUMPY precious")
     command = ("bake", mesh, "-o", target, "--samples", 200_000)
-    status, errors = interrupted_command("ao.trace.tracer", *command)
+    status, errors = interrupted_command("ao.trace.work", *command)
     assert status == 130
     assert "interrupted" in errors
     assert "Traceback" not in errors

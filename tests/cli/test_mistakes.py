@@ -14,7 +14,11 @@ from raytrace.image.write import write_image
 from scenes.baking.sections import SECTIONS
 
 COMMANDS = [
-    ("bkae a.ply -o w.npy", "command: expected one of bake, info", "bkae; did you mean bake? See obscurance --help"),
+    (
+        "bkae a.ply -o w.npy",
+        "command: expected one of bake, view, info",
+        "bkae; did you mean bake? See obscurance --help",
+    ),
     ("Bake a.ply -o w.npy", "got Bake; did you mean bake?"),
     ("val", "got val; did you mean validate?"),
     ("a.ply", "got a.ply; see obscurance --help"),
@@ -95,7 +99,7 @@ COMMANDS = [
     ("bake a.ply -o w.npy --seed x", "bake --seed: expected a whole number, got x"),
     ("bake a.ply -o w.npy --threads many", "bake --threads: expected a whole number, got many"),
     ("bake a.ply -o w.npy --threads 0", "bake --threads: expected a whole number from 1 to 4096, got 0"),
-    ("bake a.ply -o w.npy --report folder", "bake --report: expected a name ending in .json, got folder"),
+    ("bake a.ply -o w.npy --report folder", "bake --report: expected a name ending in .json or .html, got folder"),
     ("bake a.ply -o w.npy --debug-image m.bmp", "bake --debug-image: expected a name ending in", "got m.bmp"),
     ("bake a.ply -o w.npy --colors", "bake --colors: expected a .glb or .ply output with it, got w.npy"),
     ("bake a.ply -o w.glb --occlusion rmap", "expected one of none, ramp, texture, got rmap; did you mean ramp?"),

@@ -48,6 +48,7 @@ COMMANDS = {
     "bake a ply": ("bake hills.ply -o w.npz --falloff binary", BAKE, []),
     "bake closed parts": ("bake boxes.stl -o w.npz --samples 64", BAKE, []),
     "bake to a tolerance": ("bake hills.obj -o w.npy --tolerance 0.01", BAKE, []),
+    "bake to a page": ("bake hills.obj -o w.html --samples 64 --report r.json", BAKE, []),
     "fit": ("bake hills.obj -o w.ply --method surface --samples 64", SURFACE, ["scipy"]),
     "render": ("render hills.obj -o w.png --width 32 --height 32 --samples 4", RENDER, ["OpenImageIO"]),
 }

@@ -55,9 +55,12 @@ INDEX = st.integers(0, 3)
 WRAP = st.sampled_from(["repeat", "mirrored_repeat", "clamp_to_edge", "clamp"])
 PLACE = {"translate": VECTOR, "rotate": VECTOR, "axis": VECTOR, "angle": NUMBER, "scale": NUMBER | VECTOR}
 MATERIAL = table(
-    {"model": st.sampled_from(["lambert", "phong", "cook_torrance", "oren_nayar", "strauss", "poulin_fournier"])},
+    {"model": st.sampled_from(["lambert", "phong", "cook_torrance", "oren_nayar", "strauss", "poulin_fournier", "ward",
+                               "ashikhmin_shirley", "kajiya"])},
     albedo=COLOUR, two_sided=st.sampled_from([True, "viewer"]),
     k_d=COLOUR, k_s=COLOUR, exponent=NUMBER, m=SHARE, colour=COLOUR, smoothness=SHARE, spacing=NUMBER,
+    m_parallel=SHARE, m_perpendicular=SHARE, exponent_parallel=NUMBER, exponent_perpendicular=NUMBER, height=NUMBER,
+    correlation_parallel=st.floats(500, 1e5), correlation_perpendicular=st.floats(500, 1e5), eta=COLOUR,
 )  # fmt: skip
 SCENE = st.fixed_dictionaries(
     {
@@ -65,7 +68,7 @@ SCENE = st.fixed_dictionaries(
             table({"builtin": st.sampled_from([*scenes.geometry.builtin_shapes.SOLIDS])}, fineness=NUMBER, size=NUMBER,
                   radius=NUMBER, level=INDEX, material=MATERIAL | st.just("gold"), copies=many(table({}, **PLACE)),
                   **PLACE)
-            | table({"mesh": PATH}, texture=PATH, own_normals=st.booleans(),
+            | table({"mesh": PATH}, texture=PATH, grain=PATH, own_normals=st.booleans(),
                     wrap=WRAP | st.lists(WRAP, max_size=3), material=MATERIAL, **PLACE)
         )
     },
@@ -78,8 +81,10 @@ SCENE = st.fixed_dictionaries(
         "obscurance": table({}, form=st.sampled_from(["book", "off"]), baked=PATH, tau=NUMBER, samples=INDEX,
                             half_distance=NUMBER | st.sampled_from(["25%", "inf", "nan%"])),
         "materials": many(st.fixed_dictionaries({"name": st.text(max_size=3)}, optional={"preset": st.just("gold")})),
-        "lights": many(table({"light": st.sampled_from(["point", "spot", "directional", "ambient"])}, position=VECTOR,
+        "lights": many(table({"light": st.sampled_from(["point", "spot", "directional", "ambient", "sky",
+                                                        "environment"])}, position=VECTOR,
                              direction=VECTOR, intensity=COLOUR, range=NUMBER,
+                             zenith=COLOUR, horizon=COLOUR, ground=COLOUR, up=VECTOR, image=PATH, turn=NUMBER,
                              half_angle=st.floats(0, 99), exponent=NUMBER)),
     },
 )  # fmt: skip

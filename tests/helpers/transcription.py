@@ -51,6 +51,71 @@ def cook_torrance(rho, k_s, eta, n, l, v, distribution, book=False, colour=None)
     return out + nl * k_s * distribution(h) * g * f / ((1 if book else 4) * PI * nl * nv)
 
 
+def slopes(n, g, h):
+    """tan²θ cos²φ and tan²θ sin²φ of h, φ from g."""
+    theta, b = angle(n, h), np.cross(n, g)
+    phi = np.arctan2(h @ b, h @ g)
+    return (np.tan(theta) * np.cos(phi)) ** 2, (np.tan(theta) * np.sin(phi)) ** 2
+
+
+def ward(k_d, k_s, m_x, m_y, n, l, v, g, form):
+    nl, nv = n @ l, n @ v
+    if nl <= 0:
+        return 0.0
+    if nv <= 0:
+        return k_d / PI * nl
+    h, sum_ = unit(l + v), l + v
+    x, y = slopes(n, g, h)
+    lobe = np.exp(-x / m_x**2 - y / m_y**2) / (4 * PI * m_x * m_y)
+    if form == "bounded":
+        lobe *= 4 * (sum_ @ sum_) / (sum_ @ n) ** 4
+    else:
+        lobe /= np.sqrt(nl * nv) if form == "ward" else nl * nv
+    return (k_d / PI + k_s * lobe) * nl
+
+
+def ashikhmin_shirley(rho, r_s, n_u, n_v, n, l, v, g):
+    nl, nv = n @ l, n @ v
+    if nl <= 0 or nv <= 0:
+        return 0.0
+    h = unit(l + v)
+    x, y = slopes(n, g, h)
+    power = (n_u * x + n_v * y) / (x + y)
+    f = r_s + (1 - r_s) * (1 - h @ l) ** 5
+    lobe = np.sqrt((n_u + 1) * (n_v + 1)) / (8 * PI) * (n @ h) ** power * f / ((h @ l) * max(nl, nv))
+    body = 28 * rho / (23 * PI) * (1 - r_s) * (1 - (1 - nl / 2) ** 5) * (1 - (1 - nv / 2) ** 5)
+    return (body + lobe) * nl
+
+
+def kirchhoff_series(g, t):
+    """S = g Σ gʲ e⁻ᵍ/(j! j) e^(−g t/j), term after term until they no longer count."""
+    total, logarithm = 0.0, -g
+    for j in range(1, int(g + 20 * np.sqrt(g)) + 200):
+        logarithm += np.log(g) - np.log(j)
+        total += np.exp(logarithm - g * t / j) / j
+    return g * total
+
+
+def kajiya(sigma, t_x, t_y, wavelengths, eta, n, l, v, g, form):
+    nl, nv = n @ l, n @ v
+    if nl <= 0 or nv <= 0:
+        return np.zeros(3)
+    h = unit(l + v)
+    m_x, m_y = 2 * sigma / t_x, 2 * sigma / t_y
+    x, y = slopes(n, g, h)
+    attenuation = min(1.0, 2 * (n @ h) * nv / (v @ h), 2 * (n @ h) * nl / (v @ h))
+    out = []
+    for wavelength, index in zip(wavelengths, eta, strict=True):
+        k = 2 * PI / wavelength
+        g_ = (k * sigma * (nl + nv)) ** 2
+        f = fresnel(index, v @ h) * attenuation * kirchhoff_series(g_, x / m_x**2 + y / m_y**2)
+        f /= 4 * nl * nv * PI * m_x * m_y * (n @ h) ** 4
+        if form == "conserving":
+            f *= (1 - np.exp(-((2 * k * sigma * min(nl, nv)) ** 2))) / (1 - np.exp(-g_))
+        out.append(f * nl)
+    return np.array(out)
+
+
 def beckmann(n, m):
     def density(h):
         a = angle(n, h)

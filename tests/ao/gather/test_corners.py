@@ -15,6 +15,7 @@ from ao.gather.points import Points
 from ao.gather.receivers import find_receivers
 from ao.memory import corner_bytes
 from ao.trace.checkpoint import Checkpoint
+from ao.trace.ray_scene import RayScene
 from ao.trace.tracer import Tracer
 from raytrace import MemoryLimitError, Mesh
 from raytrace.mesh.placement import Placement
@@ -80,7 +81,8 @@ def test_ordinary_vertices_keep_their_bits(noisy):
     assert receivers.corners.places.numbers.tolist() == list(
         range(len(points), len(points) + len(receivers.corners.places))
     )
-    tracer = Tracer(receivers.embree, receivers.tree, 0, placement, ao.Binary().resolve(mesh.radius), 1, len(points))
+    scene = RayScene(placement.vertices, receivers.faces, receivers.tree, receivers.embree)
+    tracer = Tracer(scene, 0, placement, ao.Binary().resolve(mesh.radius), 1, len(points))
     plain = tracer.gather(points, 64, seed_key(0))[:, 0]
     baked = ao.bake(mesh, ao.Binary(), samples=64, reconstruct=False)
     np.testing.assert_array_equal(baked.w[~torn(baked)], plain[receivers.of_vertex][~torn(baked)])

@@ -19,7 +19,7 @@ import ao
 import ao.least_squares.fit
 import ao.least_squares.patch
 import ao.surface_method
-import ao.trace.tracer
+import ao.trace.hemispheres
 from ao.least_squares.conjugate_gradients import solve_within
 from ao.trace.checkpoint import Checkpoint
 from ao.trace.journal import IDENTITY, MAGIC, Journal
@@ -51,8 +51,8 @@ def traced(monkeypatch):
     """The number of rows or faces that were traced rather than copied."""
     count = [0]
     for module, name in (
-        (ao.trace.tracer, "gather_hemispheres"),
-        (ao.trace.tracer, "gather_streams"),
+        (ao.trace.hemispheres, "gather_hemispheres"),
+        (ao.trace.hemispheres, "gather_streams"),
         (ao.least_squares.patch, "gather_faces"),
     ):
 

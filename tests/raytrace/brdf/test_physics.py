@@ -3,7 +3,19 @@
 import numpy as np
 import pytest
 
-from raytrace import BlinnPhong, CookTorrance, EllipticalBeckmann, Lambert, OrenNayar, Phong, PoulinFournier, Strauss
+from raytrace import (
+    AshikhminShirley,
+    BlinnPhong,
+    CookTorrance,
+    EllipticalBeckmann,
+    Kajiya,
+    Lambert,
+    OrenNayar,
+    Phong,
+    PoulinFournier,
+    Strauss,
+    Ward,
+)
 from raytrace.brdf.oren_nayar import fitted_orders
 from raytrace.brdf.oren_nayar_reference import reference_orders
 from raytrace.errors import OptionError
@@ -31,6 +43,15 @@ PHYSICAL = [
     CookTorrance(albedo=0.5, k_s=0.6, m=0.5, eta=1.5, form="book", colour=(0.9, 0.5, 0.2)),
     CookTorrance(albedo=0.5, k_s=0.6, m=0.4, eta=1.5, distribution="gaussian"),
     EllipticalBeckmann(albedo=0.5, k_s=0.6, m_parallel=0.1, m_perpendicular=0.6, grain=(1, 2, 0)),
+    *(
+        Ward(k_d=0.2, k_s=0.6, m_parallel=0.1, m_perpendicular=0.6, grain=(1, 2, 0), form=form)
+        for form in ("bounded", "ward", "duer")
+    ),
+    AshikhminShirley(albedo=0.5, reflectance=0.3, exponent_parallel=9, exponent_perpendicular=300, grain=(1, 2, 0)),
+    *(
+        Kajiya(height=90, correlation_parallel=4000, correlation_perpendicular=900, grain=(1, 2, 0), form=form)
+        for form in ("conserving", "kirchhoff")
+    ),
     OrenNayar(albedo=0.9, sigma=0.3),
     OrenNayar(albedo=0.9, sigma=1.2),
 ]

@@ -5,7 +5,19 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from raytrace import BlinnPhong, CookTorrance, EllipticalBeckmann, Lambert, OrenNayar, Phong, PoulinFournier, Strauss
+from raytrace import (
+    AshikhminShirley,
+    BlinnPhong,
+    CookTorrance,
+    EllipticalBeckmann,
+    Kajiya,
+    Lambert,
+    OrenNayar,
+    Phong,
+    PoulinFournier,
+    Strauss,
+    Ward,
+)
 from raytrace.brdf import layout as rows
 from raytrace.brdf.dispatch import reflect_rows
 from raytrace.errors import OptionError
@@ -29,6 +41,22 @@ EXTREMES = [
     *(
         EllipticalBeckmann(albedo=0.5, k_s=1, m_parallel=a, m_perpendicular=b, grain=(0, 0, 1))
         for a, b in ((TINY, TINY), (TINY, 100), (0.1, 0.5), (100, 100))
+    ),
+    *(
+        Ward(k_d=0.5, k_s=0.5, m_parallel=a, m_perpendicular=b, form=form)
+        for a, b in ((TINY, TINY), (TINY, 100), (0.1, 0.5), (100, 100))
+        for form in ("bounded", "ward", "duer")
+    ),
+    *(
+        AshikhminShirley(albedo=1, reflectance=r, exponent_parallel=a, exponent_perpendicular=b)
+        for r in (0, 0.5, 1)
+        for a, b in ((1e-6, 1e-6), (1e-6, 1e6), (10, 1000), (1e6, 1e6))
+    ),
+    *(
+        Kajiya(height=s, correlation_parallel=a, correlation_perpendicular=b, eta=eta, form=form)
+        for s, a, b in ((1e-3, 611, 1e7), (50, 700, 2000), (300, 611, 1e7), (5e6, 1e7, 1e7))
+        for eta in (1, 1.5, 1e6)
+        for form in ("conserving", "kirchhoff")
     ),
     *(OrenNayar(albedo=rho, sigma=sigma) for rho in (0.05, 1) for sigma in (0, 1e-9, 0.6, np.pi / 2)),
     *(
@@ -139,6 +167,9 @@ def test_directions_broadcast_and_need_not_be_unit():
     [
         lambda **own: EllipticalBeckmann(albedo=0, m_parallel=0.1, m_perpendicular=0.5, **own),
         lambda **own: PoulinFournier(k_d=0.2, k_s=0.5, spacing=3, **own),
+        lambda **own: Ward(k_d=0.2, k_s=0.5, m_parallel=0.1, m_perpendicular=0.5, **own),
+        lambda **own: Kajiya(height=90, correlation_parallel=4000, correlation_perpendicular=900, **own),
+        lambda **own: AshikhminShirley(albedo=0, exponent_parallel=200, exponent_perpendicular=8, **own),
     ],
 )
 def test_a_material_s_own_grain_goes_before_the_tangent_of_the_surface(brushed):

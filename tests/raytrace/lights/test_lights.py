@@ -10,15 +10,16 @@ from hypothesis import strategies as st
 from raytrace.camera import Camera
 from raytrace.errors import OptionError
 from raytrace.lights import layout as light_rows
+from raytrace.lights.environment import EnvironmentLight, SkyLight
 from raytrace.lights.far_lights import make_far_lights_directional
 from raytrace.lights.kernels import cannot_matter_at, cannot_matter_in, incident
+from raytrace.lights.lights import light_from_dict
 from raytrace.lights.sources import (
     AmbientLight,
     DirectionalLight,
     PointLight,
     SpotLight,
     irradiance,
-    light_from_dict,
     pack_lights,
 )
 from raytrace.materials.materials import Lambert
@@ -228,6 +229,9 @@ def test_round_trip_and_packing():
         DirectionalLight(direction=(1, 0, 0), intensity=(1, 2, 3)),
         AmbientLight(intensity=0.5),
     ]
+    around = [SkyLight(zenith=1, horizon=(1, 2, 3), up=(0, 1, 0)), EnvironmentLight(image="a/b.hdr", turn=9)]
+    for light in around:
+        assert light_from_dict(light.to_dict()) == light
     assert [light_from_dict(light.to_dict()) for light in some] == some
     kinds, rows = pack_lights(some)
     assert kinds.tolist() == [0, 2, 1, 3]

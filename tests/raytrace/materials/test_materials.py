@@ -6,7 +6,19 @@ from dataclasses import FrozenInstanceError
 import numpy as np
 import pytest
 
-from raytrace import BlinnPhong, CookTorrance, EllipticalBeckmann, Lambert, OrenNayar, Phong, PoulinFournier, Strauss
+from raytrace import (
+    AshikhminShirley,
+    BlinnPhong,
+    CookTorrance,
+    EllipticalBeckmann,
+    Kajiya,
+    Lambert,
+    OrenNayar,
+    Phong,
+    PoulinFournier,
+    Strauss,
+    Ward,
+)
 from raytrace.brdf import dispatch
 from raytrace.brdf import layout as rows
 from raytrace.errors import OptionError
@@ -31,6 +43,16 @@ REFUSED = [
     (lambda: CookTorrance(albedo=0.5, m=0.1, gaussian_c=1), "CookTorrance", "gaussian_c", "gaussian", "beckmann"),
     (lambda: EllipticalBeckmann(albedo=0, m_parallel=0.1, m_perpendicular=-1), "EllipticalBeckmann",
      "m_perpendicular", "[1e-6, 100]", -1),
+    (lambda: Ward(k_d=0.6, k_s=0.5, m_parallel=1, m_perpendicular=1), "Ward", "k_d + k_s [0]", "at most 1", None),
+    (lambda: Ward(k_d=0.6, m_parallel=1, m_perpendicular=1, form="own"), "Ward", "form", "duer", "own"),
+    (lambda: AshikhminShirley(albedo=0.6, exponent_parallel=0, exponent_perpendicular=1), "AshikhminShirley",
+     "exponent_parallel", "(0, 1e6]", 0),
+    (lambda: Kajiya(height=50, correlation_parallel=600, correlation_perpendicular=900), "Kajiya",
+     "correlation_parallel", "at least the longest wavelength and twice the height, 611 nm", 600),
+    (lambda: Kajiya(height=500, correlation_parallel=2e3, correlation_perpendicular=900), "Kajiya",
+     "correlation_perpendicular", "twice the height, 1000 nm", 900),
+    (lambda: Kajiya(height=0, correlation_parallel=2e3, correlation_perpendicular=900), "Kajiya", "height", "[0.001",
+     0),
     (lambda: OrenNayar(albedo=0.5, sigma=2), "OrenNayar", "sigma", "radians in [0, π/2]", 2),
     (lambda: Strauss(colour=0.5, smoothness=1), "Strauss", "smoothness", "[0, 1)", 1),
     (lambda: Strauss(colour=0.5, smoothness=0.5, metalness="shiny"), "Strauss", "metalness", "number", "shiny"),
@@ -64,6 +86,9 @@ ONE_OF_EACH = [
     BlinnPhong(k_d=0.2, k_a=0.9),
     CookTorrance(albedo=0.2, m=0.3, distribution="gaussian", gaussian_c=2, colour=(1, 0.5, 0), form="book"),
     EllipticalBeckmann(albedo=0.2, m_parallel=0.3, m_perpendicular=0.1, grain=(0, 1, 0), eta=(1, 2, 3)),
+    Ward(k_d=0.2, k_s=0.3, m_parallel=0.3, m_perpendicular=0.1, grain=(0, 1, 0), form="duer"),
+    AshikhminShirley(albedo=0.2, reflectance=(0.3, 0.2, 0.1), exponent_parallel=3, exponent_perpendicular=1),
+    Kajiya(height=50, correlation_parallel=700, correlation_perpendicular=900, wavelengths=(600, 500, 400)),
     OrenNayar(albedo=0.2, sigma=0.3),
     Strauss(colour=0.2, smoothness=0.3, metalness=0.4, transparency=0.5),
     PoulinFournier(k_d=0.2, k_s=0.3, exponent=9, spacing=3, floor=0.1, grain=(0, 1, 0)),

@@ -97,3 +97,18 @@ def test_an_interrupt_in_the_main_thread_stops_the_work():
 def test_thread_counts_are_whole_and_positive(threads):
     with pytest.raises(OptionError, match="threads: expected a whole number from 1 to 4096"):
         thread_count(threads)
+
+
+def test_a_call_within_a_block_stays_on_its_thread():
+    seen = []
+
+    def work(start, stop):
+        own = threading.get_ident()
+        run_blocks(8, 1, lambda first, last: seen.append((own, threading.get_ident())), 4)
+
+    run_blocks(3, 1, work, 2)
+    assert len(seen) == 24
+    assert all(own == inner for own, inner in seen)
+    others = set()
+    run_blocks(64, 1, lambda first, last: (time.sleep(0.001), others.add(threading.get_ident())), 2)
+    assert len(others) == 2

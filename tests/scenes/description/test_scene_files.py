@@ -12,6 +12,7 @@ import ao
 from raytrace.camera import Camera
 from raytrace.errors import MeshError, OptionError
 from raytrace.image.texture import Texture
+from raytrace.image.write import write_image
 from raytrace.lights.sources import AmbientLight, DirectionalLight, PointLight
 from raytrace.materials.materials import OrenNayar
 from raytrace.settings import Settings
@@ -238,6 +239,36 @@ def test_obscurance_comes_as_it_was_asked(tmp_path):
     off, none = with_obscurance(scene(tmp_path, '[obscurance]\nform = "off"\n' + corner))
     assert none is None
     assert all(item.w is None for item in off.objects)
+
+
+SKY = '[[lights]]\nlight = "sky"\nzenith = 1\nhorizon = 0.5\n'
+
+
+def test_bent_normals_come_with_a_sky(tmp_path):
+    corner = SKY + '[[objects]]\nbuiltin = "plane"\nfineness = 0.5\ncopies = [{ }, { rotate = [0, 90, 0] }]\n'
+    small = "[render]\nwidth = 8\nheight = 8\n[obscurance]\nsamples = 64\n"
+    baked, bake = with_obscurance(scene(tmp_path, small + corner))
+    found = np.concatenate([item.bent_normals for item in baked.objects])
+    np.testing.assert_array_equal(found, bake.bent_normals)
+    baked, _ = with_obscurance(scene(tmp_path, small + corner.replace(SKY, "")))
+    assert all(item.bent_normals is None for item in baked.objects)
+
+
+def test_environment_images_and_grains_are_files_of_the_scene(tmp_path):
+    for name in ("sky.png", "grain.png"):
+        write_image(tmp_path / name, np.full((2, 4, 3), 0.5))
+    made = scene(
+        tmp_path,
+        '[[lights]]\nlight = "environment"\nimage = "sky.png"\nturn = 30\n'
+        '[[objects]]\nbuiltin = "plane"\nmaterial = "rolled_brass"\ngrain = "grain.png"\nwrap = "clamp_to_edge"\n',
+    )
+    (light,), (item,) = made.scene.lights, made.scene.objects
+    assert light.image == tmp_path / "sky.png"
+    assert light.turn == 30
+    assert item.shape.grain.path == tmp_path / "grain.png"
+    assert not item.shape.grain.srgb
+    assert item.shape.grain.wrap == ("clamp_to_edge", "clamp_to_edge")
+    assert {tmp_path / "sky.png", tmp_path / "grain.png"} <= set(made.files)
 
 
 def test_the_example_in_the_documentation_is_a_scene(tmp_path):

@@ -70,7 +70,12 @@ MISTAKES = {
         PLAIN + 'texture = "paint.png"\nwrap = "clamp"'
     ),
     "objects[0].wrap: expected one or two of": PLAIN + 'texture = "paint.png"\nwrap = ["repeat", 3]',
-    "objects[0].wrap: expected texture with it, got none": PLAIN + 'wrap = "repeat"',
+    'objects[0].grain: expected an existing file, got "no.png"': PLAIN + 'material = "rolled_brass"\ngrain = "no.png"',
+    "objects[0].grain: expected a mesh with texture coordinates, got one without": (
+        '[[objects]]\nbuiltin = "sponge"\nlevel = 1\nmaterial = "rolled_brass"\ngrain = "paint.png"'
+    ),
+    "objects[0].grain: expected an anisotropic material without a grain of its own": PLAIN + 'grain = "paint.png"',
+    "objects[0].wrap: expected texture or grain with it, got none": PLAIN + 'wrap = "repeat"',
     'objects[0].material.two_sided: expected true, false or "viewer", got light': (
         PLAIN + 'material = { model = "lambert", albedo = 1, two_sided = "light" }'
     ),
@@ -110,6 +115,17 @@ MISTAKES = {
     ),
     "lights[1].position: expected a value, got nothing": (
         PLAIN + '[[lights]]\nlight = "ambient"\n[[lights]]\nlight = "point"'
+    ),
+    'lights[0].image: expected an existing file, got "none.hdr"': (
+        PLAIN + '[[lights]]\nlight = "environment"\nimage = "none.hdr"'
+    ),
+    "lights[0].image: expected a path in the scene's folder or below": (
+        PLAIN + '[[lights]]\nlight = "environment"\nimage = "../none.hdr"'
+    ),
+    "lights[0].image: expected the path of an image, got 3": PLAIN + '[[lights]]\nlight = "environment"\nimage = 3',
+    "lights[0].zenith: expected a value, got nothing": PLAIN + '[[lights]]\nlight = "sky"\nhorizon = 1',
+    "lights[0].up: expected a vector other than zero": (
+        PLAIN + '[[lights]]\nlight = "sky"\nzenith = 1\nhorizon = 1\nup = [0, 0, 0]'
     ),
     "lights[0].light: expected one of": PLAIN + '[[lights]]\nlight = "laser"',
     "lights[0].half_angle: expected degrees in (0, 90], got 95": (

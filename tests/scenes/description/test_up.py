@@ -55,7 +55,7 @@ def test_the_picture_of_a_bake_goes_by_it_and_w_does_not(folder):
 def test_it_is_refused_where_it_would_do_nothing(folder):
     (folder / "s.toml").write_text('[[objects]]\nmesh = "z.ply"\n')
     refused(obscurance("render", "s.toml", "-o", "p.png", "--up", "z"), "--up: expected a mesh file")
-    refused(obscurance("bake", "z.ply", "-o", "w.npy", "--up", "z"), "--up: expected --debug-image with it")
+    refused(obscurance("bake", "z.ply", "-o", "w.npy", "--up", "z"), "--up: expected --debug-image or an .html with it")
     refused(obscurance("render", "z.ply", "-o", "p.png", "--up", "w"), "--up", "w")
     builder = Builder()
     builder.mesh(builder.primitive(TRIANGLE, [[0, 1, 2]]))

@@ -22,6 +22,7 @@ COUNTS = {  # objects, shapes, lights
     "temple": (2, 2, 2),
     "sponge": (2, 2, 2),
     "materials": (len(PRESETS) + 4, len(PRESETS) + 4, 4),
+    "metals": (9, 9, 2),
     "still_life": (12, 8, 3),
 }
 
@@ -83,7 +84,8 @@ def test_the_materials_scene_has_every_model(tmp_path):
     kinds = {material.kind for material in shown}
     assert kinds == {
         rows.LAMBERT, rows.PHONG, rows.BLINN_PHONG, rows.COOK_TORRANCE, rows.ELLIPTICAL_BECKMANN, rows.OREN_NAYAR,
-        rows.STRAUSS, rows.POULIN_FOURNIER,
+        rows.STRAUSS, rows.POULIN_FOURNIER, rows.WARD, rows.ASHIKHMIN_SHIRLEY,
+        rows.KAJIYA,
     }  # fmt: skip
 
 

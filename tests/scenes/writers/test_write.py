@@ -252,7 +252,7 @@ def test_the_same_input_gives_the_same_bytes_at_any_time(tmp_path, monkeypatch, 
 @pytest.mark.parametrize("name", ["w.exr", "w", "npy", "w.npy.gz", ".npy"])
 def test_unknown_endings_are_refused_before_any_work(tmp_path, name):
     with pytest.raises(
-        OptionError, match=r"output: expected a name ending in \.npy, \.npz, \.ply, \.glb, got "
+        OptionError, match=r"output: expected a name ending in \.npy, \.npz, \.ply, \.glb, \.html, got "
     ) as early:
         check_target(tmp_path / name)
     assert str(early.value).endswith(str(tmp_path / name))

@@ -1,0 +1,289 @@
+"""A Dask cluster as a source of rows. The only importer of Dask, whose event loop runs on a thread of its own here.
+
+Dask starts workers, knows which are alive, and carries bytes; which worker gets which block is decided here
+(`dispatch`), so that a block goes only to workers like this machine, and no block is given up after a few losses.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+import threading
+import time
+import uuid
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import AsyncExitStack, suppress
+from functools import partial
+from queue import Empty, SimpleQueue
+from typing import Any
+
+from raytrace.errors import ClusterError, OptionError
+from raytrace.system.threads import thread_count
+
+from ..trace.work import Span, Tables, Work
+from .dispatch import IN_FLIGHT, Dispatch
+from .scene_file import SceneFile
+from .worker import greet, trace_block
+
+_CONNECT = 10.0  # seconds to reach a scheduler
+_LOOK = 0.2  # seconds between looks at who is there
+_PATIENCE = 10.0  # seconds without any worker until it is told
+_START = 60.0  # seconds that workers on this machine have to start
+_FAILURES = 3  # of one block, after which it is the block's fault
+CONFIG = {
+    "distributed.admin.large-graph-warning-threshold": "1GB",
+    "distributed.deploy.lost-worker-timeout": "1 hour",  # a worker that starts again may take a while
+}
+LOCAL: dict[str, Any] = {
+    "threads_per_worker": 1, "memory_limit": 0, "host": "127.0.0.1", "silence_logs": logging.CRITICAL,
+    "preload": ["ao.cluster.worker"],
+    "scheduler_kwargs": {"dashboard": False, "dashboard_address": "127.0.0.1:0"},
+}  # fmt: skip
+
+Found = tuple[int, int, Tables]
+
+
+class DaskCluster:
+    """Workers that trace blocks.
+
+    Args:
+        address: `local`, `local:N` for N workers on this machine, or a scheduler's, `tcp://host:port`.
+        threads: of a worker on this machine; None: they share all cores.
+        tell: called, on the caller's thread, with a line for the user.
+
+    Attributes:
+        dispatch: what is handed out, and what came back.
+
+    Raises, from `connect`:
+        OptionError: there is no scheduler at that address.
+    """
+
+    def __init__(self, address: str, threads: int | None, tell: Callable[[str], object]) -> None:
+        self.address, self.tell = address, tell
+        self.dispatch = Dispatch()
+        self.workers = local_workers(address)
+        self._threads = None if self.workers is None else max(thread_count(threads) // self.workers, 1)
+        self._messages: SimpleQueue[Found | str | BaseException] = SimpleQueue()
+        self._connected = threading.Event()
+        self._loop: asyncio.AbstractEventLoop | None = None
+        self._stop, self._scene_known = asyncio.Event(), asyncio.Event()
+        self._more = asyncio.Condition()
+        self._served: dict[str, asyncio.Task[None]] = {}
+        self._refused: dict[str, str] = {}
+        self._failures: dict[Span, int] = {}
+        self._thread = threading.Thread(target=self._run, daemon=True)
+        self._client: Any = None
+        self._thread.start()
+
+    def connect(self) -> None:
+        """Wait until the scheduler is reached."""
+        while not self._connected.wait(0.1) and self._thread.is_alive():
+            pass
+        if not self._connected.is_set():
+            self._next()  # the reason
+
+    def use(self, scene: SceneFile, machine: Mapping[str, str]) -> None:
+        """Let workers trace in a scene, those that are as `machine` says."""
+        self.connect()
+        self._scene, self._machine = scene, machine
+        self._soon(self._scene_known.set)
+
+    def trace(self, work: Work, spans: Sequence[Span]) -> Iterator[Found]:
+        """The rows `spans` of `work`, in blocks as they come: first row, last row, tables.
+
+        Raises:
+            ClusterError: the scheduler is lost, all workers are refused, or a block fails again and again.
+        """
+        left = sum(last - first for first, last in spans)
+        self._soon(partial(self._begin, work, spans))
+        while left:
+            first, last, tables = self._next()
+            left -= last - first
+            yield first, last, tables
+
+    def status(self) -> str:
+        """How many workers there are, in words."""
+        count = len(self.dispatch.threads)
+        return f"{count} worker{'' if count == 1 else 's'}"
+
+    def close(self) -> None:
+        """Let go of the cluster; workers that were started here end."""
+        if self._loop:
+            with suppress(RuntimeError):  # it has ended
+                self._loop.call_soon_threadsafe(self._stop.set)
+        self._thread.join(20)
+
+    def _soon(self, call: Callable[[], object]) -> None:
+        assert self._loop is not None
+        with suppress(RuntimeError):  # it has ended; the reason is among the messages
+            self._loop.call_soon_threadsafe(call)
+
+    def _next(self) -> Found:
+        """The next block that comes back; lines for the user on the way."""
+        alone_since = time.monotonic()
+        told = False
+        while True:
+            try:
+                message = self._messages.get(timeout=0.1)
+            except Empty:
+                if self.dispatch.threads:
+                    alone_since = time.monotonic()
+                elif time.monotonic() > alone_since + _PATIENCE and not told:
+                    if self._refused:
+                        worker, reason = next(iter(self._refused.items()))
+                        raise ClusterError(f"{self.address}: no worker can be used: {worker}: {reason}") from None
+                    self.tell(f"{self.address}: no workers; waiting for some to join")
+                    told = True
+                elif self.workers and time.monotonic() > alone_since + _START:
+                    raise ClusterError(f"{self.address}: its workers have ended and do not start again") from None
+                continue
+            if isinstance(message, BaseException):
+                raise message
+            if isinstance(message, str):
+                self.tell(message)
+            else:
+                return message
+
+    def _run(self) -> None:
+        try:
+            asyncio.run(self._serve_all())
+        except OptionError as reason:
+            self._messages.put(reason)
+        except (Exception, asyncio.CancelledError) as reason:  # the latter of Dask, whose connection has ended
+            lost = f"{self.address}: the cluster is lost: {type(reason).__name__}: {reason}".rstrip(": ")
+            self._messages.put(ClusterError(" ".join(lost.split())))
+
+    async def _serve_all(self) -> None:
+        """Connect, and serve each worker that is there or comes, until it goes."""
+        import dask
+        import distributed
+
+        logging.getLogger("distributed").setLevel(logging.CRITICAL + 1)
+        dask.config.set(CONFIG)
+        self._loop = asyncio.get_running_loop()
+        async with AsyncExitStack() as stack:
+            target: Any = self.address
+            if self.workers is not None:
+                local = distributed.LocalCluster(n_workers=self.workers, asynchronous=True, **LOCAL)
+                target = await stack.enter_async_context(local)
+            client = distributed.Client(target, asynchronous=True, set_as_default=False, timeout=_CONNECT)
+            try:
+                self._client = await stack.enter_async_context(client)
+            except (OSError, TimeoutError, ValueError) as reason:
+                text = f"nothing that answers ({type(reason).__name__})"
+                raise OptionError("cluster", "local, local:N or the address of a Dask scheduler", text) from None
+            self._connected.set()
+            try:
+                while not self._stop.is_set():
+                    await self._look()
+                    with suppress(TimeoutError):
+                        await asyncio.wait_for(self._stop.wait(), _LOOK)
+            finally:
+                for task in self._served.values():
+                    task.cancel()
+                await asyncio.gather(*self._served.values(), return_exceptions=True)
+
+    async def _look(self) -> None:
+        """Serve workers that have come, and let go of those that have gone."""
+        if self._client.status != "running":
+            raise ClusterError("its scheduler has gone")
+        present = await self._client.scheduler.ncores()
+        for worker in present.keys() - self._served.keys():
+            self._served[worker] = asyncio.create_task(self._serve(worker))
+        for worker in self._served.keys() - present.keys():
+            self._refused.pop(worker, None)
+            self._served.pop(worker).cancel()
+
+    async def _serve(self, worker: str) -> None:
+        await self._scene_known.wait()
+        try:
+            answer = await self._call(worker, greet, self._machine, self._scene, self._threads)
+        except Exception as reason:
+            answer = f"expected obscurance as it is here, got {type(reason).__name__}: {reason}"
+        if isinstance(answer, str):
+            self._refuse(worker, answer)
+            return
+        self.dispatch.joined(worker, answer)
+        try:
+            async with asyncio.TaskGroup() as feeding:
+                for _ in range(IN_FLIGHT):
+                    feeding.create_task(self._feed(worker))
+        except* _Failed as failures:
+            self._refuse(worker, str(failures.exceptions[0]))
+        finally:
+            self.dispatch.left(worker)
+
+    def _refuse(self, worker: str, reason: str) -> None:
+        self._refused[worker] = reason
+        self._messages.put(f"worker {worker} gets no work: {' '.join(reason.split())}")
+
+    async def _feed(self, worker: str) -> None:
+        """Keep one block after another in flight to a worker."""
+        from distributed.scheduler import KilledWorker
+
+        dispatch = self.dispatch
+        while True:
+            async with self._more:
+                await self._more.wait_for(lambda: dispatch.waiting)
+            if not dispatch.waiting:
+                continue
+            assert dispatch.work is not None
+            first, last = span = dispatch.take(worker)
+            try:
+                some = dispatch.work[first:last]
+                tables, seconds = await self._call(worker, trace_block, self._scene, self._threads, some)
+            except BaseException as reason:
+                dispatch.lost(span)
+                async with self._more:
+                    self._more.notify_all()
+                if isinstance(reason, asyncio.CancelledError):
+                    raise
+                if not isinstance(reason, KilledWorker):
+                    self._failed(span, reason)
+                continue
+            dispatch.came_back(worker, span, seconds)
+            self._messages.put((first, last, tables))
+
+    def _failed(self, span: Span, reason: BaseException) -> None:
+        """Raises: _Failed: always; the bake, too, if other workers have failed at the same block."""
+        text = f"{type(reason).__name__}: {reason}"
+        self._failures[span] = self._failures.get(span, 0) + 1
+        if self._failures[span] >= _FAILURES:
+            self._messages.put(ClusterError(f"{self.address}: a block fails on every worker: {text}"))
+        raise _Failed(text)
+
+    async def _call(self, worker: str, function: Callable[..., Any], *arguments: Any) -> Any:
+        """What `function` returns on a worker."""
+        key = f"{function.__name__}-{uuid.uuid4().hex}"
+        future = self._client.submit(function, *arguments, key=key, workers=[worker], pure=False)
+        try:
+            return await future
+        finally:
+            future.release()
+
+    def _begin(self, work: Work, spans: Sequence[Span]) -> None:
+        async def wake() -> None:
+            async with self._more:
+                self._more.notify_all()
+
+        self._failures.clear()
+        self.dispatch.begin(work, spans)
+        self._waking = asyncio.ensure_future(wake())
+
+
+class _Failed(Exception):
+    """A worker cannot trace."""
+
+
+def local_workers(address: str) -> int | None:
+    """N of `local:N`, 1 of `local`, None of a scheduler's address.
+
+    Raises:
+        OptionError: it is neither.
+    """
+    name, _, number = address.partition(":")
+    if name == "local" and ((number.isdecimal() and 1 <= int(number) <= 4096) or ":" not in address):
+        return int(number or 1)
+    if "://" in address and not address.endswith("://"):
+        return None
+    raise OptionError("cluster", "local, local:N or the address of a Dask scheduler, tcp://host:port", repr(address))

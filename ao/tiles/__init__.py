@@ -1,0 +1,1 @@
+"""Bakes of meshes larger than memory: tile by tile, each with what is within reach of it."""

@@ -1,0 +1,91 @@
+"""What all tiles must agree on: bounds, the render space and in it every vertex, and which tile that belongs to."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from raytrace.errors import MeshError
+from raytrace.mesh.mesh import LARGEST
+from raytrace.mesh.placement import RenderSpace
+from raytrace.types import Float32s, Float64s, Int32s
+
+from .source import TileSource, runs
+
+Grid = tuple[int, int, int]
+
+
+@dataclass(frozen=True, eq=False)
+class Survey:
+    """A mesh on the disk, placed in render space.
+
+    Attributes:
+        source: the mesh. space: where it is placed. radius: of its bounding sphere, in mesh units.
+        placed: float32 (n, 3), its vertices in render space. tile: int32 (n,), the tile of each. Both are on the disk.
+        tiles: how many there are.
+    """
+
+    source: TileSource
+    space: RenderSpace
+    radius: float
+    placed: Float32s
+    tile: Int32s
+    tiles: int
+
+    @classmethod
+    def of(cls, source: TileSource, grid: Grid, scratch: Path) -> Survey:
+        """Look at all vertices and faces; `grid`: how many tiles along each axis.
+
+        Raises:
+            MeshError: coordinates are not finite or too large, or indices out of range.
+        """
+        low, high = _bounds(source)
+        space = RenderSpace.of(low, high)
+        count = source.vertex_count
+        placed = np.memmap(scratch / "placed", np.float32, "w+", shape=(count, 3))
+        tile = np.memmap(scratch / "tile", np.int32, "w+", shape=(count,))
+        for run in runs(count):
+            placed[run] = space.place(source.vertices(run.start, run.stop))
+        first, last = (space.place(corner[None])[0] for corner in (low, high))
+        cells, extent = np.array(grid), np.maximum(last - first, np.float32(1e-30))
+        for run in runs(count):
+            cell = np.minimum(((placed[run] - first) / extent * cells).astype(np.int32), cells - 1)
+            tile[run] = np.ravel_multi_index(tuple(np.maximum(cell, 0).T), grid)
+        _check_faces(source)
+        return cls(source, space, _radius(source, space.centre), placed, tile, int(cells.prod()))
+
+
+def _bounds(source: TileSource) -> tuple[Float64s, Float64s]:
+    low, high = np.full(3, np.inf), np.full(3, -np.inf)
+    for run in runs(source.vertex_count):
+        vertices = source.vertices(run.start, run.stop)
+        if not np.abs(vertices).max() <= LARGEST:
+            bad = run.start + int(np.argmax(~(np.abs(vertices) <= LARGEST).all(axis=1)))
+            expected = f"finite coordinates up to {LARGEST:g}"
+            raise MeshError(source.name, f"vertices[{bad}]", expected, vertices[bad - run.start])
+        low, high = np.minimum(low, vertices.min(axis=0)), np.maximum(high, vertices.max(axis=0))
+    return low, high
+
+
+def _radius(source: TileSource, centre: Float64s) -> float:
+    """As `raytrace.Mesh.radius`."""
+
+    def offsets() -> Iterator[Float64s]:
+        return (source.vertices(run.start, run.stop) - centre for run in runs(source.vertex_count))
+
+    largest = max(float(np.abs(offset).max()) for offset in offsets())
+    if largest <= 0:
+        return 0.0
+    return float(largest * np.sqrt(max(((offset / largest) ** 2).sum(axis=1).max() for offset in offsets())))
+
+
+def _check_faces(source: TileSource) -> None:
+    for run in runs(source.face_count):
+        faces = source.faces(run.start, run.stop)
+        if faces.min() < 0 or faces.max() >= source.vertex_count:
+            bad = int(np.argmax(((faces < 0) | (faces >= source.vertex_count)).any(axis=1)))
+            expected = f"indices from 0 to {source.vertex_count - 1}"
+            raise MeshError(source.name, f"faces[{run.start + bad}]", expected, faces[bad])

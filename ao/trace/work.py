@@ -1,0 +1,74 @@
+"""Work that any process can do: rows that depend on nothing but a scene and their own inputs."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable, Sequence
+from typing import Any, Protocol
+
+import numpy.typing as npt
+
+from raytrace.system.threads import run_blocks
+
+from .ray_scene import RayScene
+
+Tables = tuple[npt.NDArray[Any], ...]
+Span = tuple[int, int]
+Advance = Callable[[int], None]
+
+
+class Work(Protocol):
+    """Rows to be made by tracing rays. Each is the same whichever others are made with it.
+
+    Attributes:
+        name: 16 bytes that no other work in the same bake has. rays: of a row, about.
+        block: rows that a thread makes at once.
+    """
+
+    @property
+    def name(self) -> bytes: ...
+
+    @property
+    def rays(self) -> float: ...
+
+    @property
+    def block(self) -> int: ...
+
+    def __len__(self) -> int: ...
+
+    def __getitem__(self, rows: slice) -> Work:
+        """Some of the rows, to be sent to another process."""
+
+    def tables(self) -> Tables:
+        """Arrays for all rows, to be written."""
+
+    def writer(self, scene: RayScene, tables: Tables) -> Callable[[int, int], None]:
+        """A function that writes the rows from a first one to a last one, to be called from any thread."""
+
+
+def fill(work: Work, scene: RayScene, tables: Tables, threads: int, advance: Advance | None = None) -> None:
+    """Make all rows. Args: tables: of `work.tables`, written. advance: called with numbers of finished rows."""
+    fill_spans(work, scene, [(0, len(work))], tables, threads, lambda first, last: None, advance)
+
+
+def fill_spans(
+    work: Work,
+    scene: RayScene,
+    spans: Sequence[Span],
+    tables: Tables,
+    threads: int,
+    finished: Callable[[int, int], None],
+    advance: Advance | None,
+) -> None:
+    """Make the rows of `spans`, each a first and a last row. Args: finished: called with such, from any thread."""
+    write, size = work.writer(scene, tables), work.block
+    blocks = [(a, min(a + size, last)) for first, last in spans for a in range(first, last, size)]
+    rows: deque[int] = deque()
+
+    def make(number: int, _: int) -> None:
+        first, last = blocks[number]
+        write(first, last)
+        finished(first, last)
+        rows.append(last - first)
+
+    run_blocks(len(blocks), 1, make, threads, lambda _: advance(rows.popleft()) if advance else None)

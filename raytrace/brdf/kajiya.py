@@ -1,0 +1,134 @@
+"""Kajiya: the Kirchhoff integral of a surface of Gaussian heights, correlated farther along a grain than across it.
+
+For RMS height σ, correlation lengths T_∥ and T_⊥, wavelength λ = 2π/k and s = l + v, per channel,
+
+    g = k²σ²(n·s)²,  m_i = 2σ/T_i,  t = tan²θ_h (cos²φ_h/m_∥² + sin²φ_h/m_⊥²),
+    f = F G/(4 (n·l)(n·v)) · 1/(π m_∥ m_⊥ (n·h)⁴) · c S(g, t),  S = g Σ_{j≥1} gʲ e⁻ᵍ/(j! j) e^(−g t/j).
+
+F and G are Fresnel's and the V-grooves' of Cook & Torrance. S → e⁻ᵗ for g → ∞, so that the elliptical Beckmann model is
+the limit of short waves. The other part of the integral is a mirror's, F e^(−g), which no point light can show.
+c = 1 is the integral's; c = (1 − e^(−4k²σ² min(n·l, n·v)²))/(1 − e⁻ᵍ) scatters no more than the mirror part leaves.
+S is looked up (`raytrace.brdf.coefficients.kirchhoff_table`), to 1e-4 of its largest value for a g.
+
+Row: η (RGB), kσ (RGB), m_∥, m_⊥, conserving (1: c as above).
+Source: Kajiya 1985 has the integral, the grain and its mapping; Beckmann & Spizzichino 1963 and He et al. 1991 have the
+series for one correlation length. Two lengths in it, and c, are ours.
+"""
+
+from math import exp, inf, pi, sqrt
+
+import numpy as np
+
+from ..kernel.jit import inline
+from ..kernel.simd import WIDE, select
+from ..kernel.simd_masks import pick, replace
+from ..kernel.vector import dot, halfway, perpendicular, scale
+from .coefficients import kirchhoff_table
+from .layout import KIRCHHOFF_END, MODEL
+from .microfacet import fresnel, geometric_attenuation
+
+FARTHEST = 1e30  # of t: nothing is scattered so far
+NEARLY_NONE = 0.05  # below, the series of 1 − e⁻ˣ is exact to 5e-8
+_table = kirchhoff_table()
+LAST_G, LAST_T, TABLE = _table.shape[0] - 1, _table.shape[1] - 1, _table.ravel()
+ONE, TWO, THREE, NEXT = np.array([1, 2, 3, LAST_T + 1], np.uint64)  # whose places need no test for negative ones
+SIXTH = 1.0 / 6.0
+ETA, WAVE, M_PARALLEL, M_PERPENDICULAR, CONSERVING = MODEL, MODEL + 3, MODEL + 6, MODEL + 7, MODEL + 8
+
+
+@inline
+def cubic_weights(x):
+    """Of values at −1, 0, 1 and 2 for the cubic through them at x (Lagrange)."""
+    before, after = x * (x - 1.0), (x + 1.0) * (x - 2.0)
+    return before * (2.0 - x) * SIXTH, 0.5 * after * (x - 1.0), -0.5 * after * x, before * (x + 1.0) * SIXTH
+
+
+@inline
+def weighted(start, a, b, c, d):
+    """The sum of four entries of the table."""
+    return a * TABLE[start] + b * TABLE[start + ONE] + c * TABLE[start + TWO] + d * TABLE[start + THREE]
+
+
+@inline
+def scattered(g, t):
+    """S/(1 − e⁻ᵍ), from the table of S (1 + g)/(g (1 − e⁻ᵍ)) over g/(1 + g) and √τ, τ = t g/(1 + g); then 0."""
+    y = g / (1.0 + g)
+    tau = t * y
+    if tau >= KIRCHHOFF_END * KIRCHHOFF_END:
+        return 0.0
+    row, column = y * LAST_G, sqrt(tau) * (LAST_T / KIRCHHOFF_END)
+    i, j = max(1, min(int(row), LAST_G - 2)), max(1, min(int(column), LAST_T - 2))
+    a, b, c, d = cubic_weights(row - i)
+    p, q, r, s = cubic_weights(column - j)
+    start = np.uint64((i - 1) * (LAST_T + 1) + j - 1)
+    value = a * weighted(start, p, q, r, s) + b * weighted(start + NEXT, p, q, r, s)
+    value += c * weighted(start + TWO * NEXT, p, q, r, s) + d * weighted(start + THREE * NEXT, p, q, r, s)
+    return y * max(0.0, value)
+
+
+@inline
+def scattered_channels(row, together, t):
+    """`scattered` of R, G and B for n·l + n·v."""
+    red, green, blue = row[WAVE] * together, row[WAVE + 1] * together, row[WAVE + 2] * together
+    return scattered(red * red, t), scattered(green * green, t), scattered(blue * blue, t)
+
+
+@inline
+def emerging(x):
+    """1 − e⁻ˣ for x ≥ 0, in single precision, too."""
+    series = x * (1.0 - x * (0.5 - x * (SIXTH - x / 24.0)))
+    return select(x < NEARLY_NONE, series, 1.0 - exp(-x))
+
+
+@inline
+def incidence(row, n, l, v, grain):
+    """n·l, n·v, v·h, t, and G/(4 π m_∥ m_⊥ (n·h)⁴ n·v); t is infinite where nothing is reflected."""
+    h = halfway(l, v)
+    nl, nv, nh, vh = dot(n, l), dot(n, v), dot(n, h), dot(v, h)
+    along, across = perpendicular(n, grain)
+    x, y = dot(h, along) / (row[M_PARALLEL] * nh), dot(h, across) / (row[M_PERPENDICULAR] * nh)
+    t = select((nv > 0.0) & (nh > 0.0) & (vh > 0.0), x * x + y * y, inf)
+    square = nh * nh
+    shape = geometric_attenuation(nh, nl, nv, vh) / (row[M_PARALLEL] * row[M_PERPENDICULAR] * square * square)
+    return nl, nv, vh, t, shape / (4.0 * pi * nv)
+
+
+@inline
+def channel(row, c, at, part):
+    """f n·l of channel c, of what is scattered. Args: at: `incidence`; part: `scattered`."""
+    nl, nv, vh, _, shape = at
+    together = nl + nv
+    if row[CONSERVING] == 1.0:
+        together = 2.0 * min(nl, nv)
+    least = row[WAVE + c] * together
+    value = fresnel(row[ETA + c], vh) * shape * part * emerging(least * least)
+    return select(part > 0.0, value, 0.0)
+
+
+@inline
+def terms(row, n, l, v, grain):
+    """Diffuse and specular RGB reflected per unit incident RGB for a packed row; the mirror part is not in it."""
+    dark = (0.0, 0.0, 0.0)
+    at = incidence(row, n, l, v, grain)
+    if not at[3] < FARTHEST:
+        return dark, dark
+    red, green, blue = scattered_channels(row, at[0] + at[1], at[3])
+    if red + green + blue == 0.0:
+        return dark, dark
+    return dark, (channel(row, 0, at, red), channel(row, 1, at, green), channel(row, 2, at, blue))
+
+
+@inline
+def terms_wide(row, n, l, v, grain, wanted):
+    """`terms` in lanes, but for the table, where the mask `wanted` is set."""
+    at = incidence(row, n, l, v, grain)
+    dark = scale(0.0, n)
+    red, green, blue = dark
+    reached = wanted & (at[3] < FARTHEST)
+    for lane in range(WIDE):
+        if pick(reached, lane):
+            together = np.float64(pick(at[0], lane)) + np.float64(pick(at[1], lane))
+            parts = scattered_channels(row, together, np.float64(pick(at[3], lane)))
+            red, green = replace(red, lane, parts[0]), replace(green, lane, parts[1])
+            blue = replace(blue, lane, parts[2])
+    return dark, (channel(row, 0, at, red), channel(row, 1, at, green), channel(row, 2, at, blue))

@@ -1,0 +1,92 @@
+"""Ambient light from a sky or an image: by the bent normal, and mirrored by what is glossy.
+
+k_a I_a(b) w, I_a the mean light of the hemisphere about the bent normal b. Of it the part that the material's highlight
+would reflect, F ≤ k_a, is F (V L + (1 − V) I_a(b) w): L comes from the mirror direction, blurred as the material is
+rough, and V is the part of that which is open (`raytrace.lights.environment_kernels.cone_visibility`).
+"""
+
+from math import acos
+
+import numpy as np
+
+from ..brdf.ashikhmin_shirley import fifth
+from ..brdf.dispatch import ambient
+from ..brdf.layout import GLOSS, GRAZING, SLOPE
+from ..kernel.jit import inline
+from ..kernel.simd import WIDE
+from ..kernel.simd_masks import pick
+from ..kernel.vector import add, dot, load3, mirror, unit
+from ..lights.environment_kernels import (
+    cone_visibility,
+    harmonic_irradiance,
+    map_radiance,
+    sky_irradiance,
+    sky_radiance,
+)
+from . import shading_points as layout
+from .interaction import CONSTANT
+from .workspace import OFF
+
+
+@inline
+def light_of_hemisphere(lights, total, n):
+    """I_a about a direction n: of ambient lights, `total`, skies and an image."""
+    for sky in lights.skies:
+        total = add(total, sky_irradiance(sky, n))
+    if len(lights.harmonics) > 0:
+        total = add(total, harmonic_irradiance(lights.harmonics, n))
+    return total
+
+
+@inline
+def light_from(lights, total, d, slope):
+    """L from a direction d, blurred for facets of RMS `slope`."""
+    for sky in lights.skies:
+        total = add(total, sky_radiance(sky, d, slope))
+    if len(lights.harmonics) > 0:
+        total = add(total, map_radiance(lights.maps, lights.frame, d, slope))
+    return total
+
+
+@inline
+def lane_triple(entry, column, lane):
+    """Three columns of one lane, in double precision."""
+    return (np.float64(entry[column, lane]), np.float64(entry[column + 1, lane]), np.float64(entry[column + 2, lane]))
+
+
+@inline
+def add_surroundings(entry, items, geometry, lights, total, style):
+    """Write the reflected ambient light of an entry, of ambient lights, `total`, and of all around."""
+    for lane in range(WIDE):
+        if pick(items, lane) >= 0:
+            surround(entry, lane, geometry.rows[pick(items, lane)], lights, total, style)
+
+
+@inline
+def surround(entry, lane, row, lights, total, style):
+    """Write the reflected ambient light of one lane."""
+    n, v = lane_triple(entry, layout.NORMAL, lane), lane_triple(entry, layout.VIEW, lane)
+    w, bent = 1.0, n
+    if style.form != OFF:
+        w, bent = np.float64(entry[layout.W, lane]), unit(lane_triple(entry, layout.BENT, lane))
+        if dot(bent, n) <= 0.0:  # none is known, or the surface is seen from behind
+            bent = n
+    arriving, reflectance = light_of_hemisphere(lights, total, bent), ambient(row)
+    slope, gloss, grazing = row[SLOPE], load3(row[GLOSS:]), load3(row[GRAZING:])
+    mirrored, visible, rise = (0.0, 0.0, 0.0), 0.0, 0.0
+    glossy = style.shading != CONSTANT and max(grazing[0], grazing[1], grazing[2]) > 0.0
+    if glossy:
+        r = mirror(n, v)
+        mirrored = light_from(lights, total, r, slope)
+        visible = cone_visibility(w, acos(max(-1.0, min(1.0, dot(bent, r)))), slope)
+        rise = fifth(1.0 - max(0.0, min(1.0, dot(n, v))))
+    for c in range(3):
+        # in single precision, as ambient light alone is reflected
+        share = np.float32(reflectance[c]) * entry[layout.TINT + c, lane]
+        value = np.float32(reflectance[c] * arriving[c]) * entry[layout.TINT + c, lane]
+        if style.form != OFF:
+            value = np.float32(w) * value
+        if glossy:
+            part = min(np.float64(share), gloss[c] + (grazing[c] - gloss[c]) * rise)
+            value = np.float32(max(0.0, value + part * visible * (mirrored[c] - arriving[c] * w)))
+        entry[layout.AMBIENT + c, lane] = value

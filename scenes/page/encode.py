@@ -1,0 +1,138 @@
+"""A mesh and its bakes as the bytes that a page holds: rounded to a few bits, in an order that compresses well.
+
+Positions are 16-bit steps of the bounding box, w 16-bit, error 8-bit on a scale that is finer near 0, flags 8-bit, unit
+vectors octahedral (Cigolle et al. 2014). Faces are sorted and stored as differences. Of numbers of several bytes, all
+first bytes come first, then all second ones.
+"""
+
+from __future__ import annotations
+
+import gzip
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from raytrace import Mesh, OptionError
+from raytrace.errors import numbers
+from raytrace.mesh.normals import normalize
+from raytrace.renderer.vertex_origins import smooth_normals
+from raytrace.types import AnyFloats, Float64s, Int64s
+
+MOST = 65535
+
+
+@dataclass(frozen=True, eq=False)
+class Values:
+    """What a bake left at n vertices, as much as is known; an `ao.Bake` has the same attributes.
+
+    Attributes:
+        w: (n,), in [0, 1].
+        error: (n,), standard error of w, in [0, 100]. flags: (n,), `ao.Flag`s. bent_normals: (n, 3), unit or zero.
+        name: what to call the bake.
+    """
+
+    w: AnyFloats
+    error: AnyFloats | None = None
+    flags: npt.NDArray[Any] | None = None
+    bent_normals: AnyFloats | None = None
+    name: str = "bake"
+
+    def checked(self, count: int) -> Values:
+        """The same as float64 and uint8 arrays for `count` vertices.
+
+        Raises: OptionError: a wrong shape, or a value out of range.
+        """
+        found: dict[str, Any] = {}
+        ranges = {
+            "w": (1.0, "numbers in [0, 1]"),
+            "error": (100.0, "numbers in [0, 100]"),
+            "flags": (255.0, "whole numbers from 0 to 255"),
+        }
+        for field, columns in {"w": (), "error": (), "flags": (), "bent_normals": (3,)}.items():
+            values = getattr(self, field)
+            if values is None:
+                found[field] = None
+                continue
+            shape = (count, *columns)
+            array = numbers(values, self.name, field, f"an array of numbers, shape {shape}")
+            if array.shape != shape:
+                raise OptionError(field, f"shape {shape}", array.shape, self.name)
+            most, expected = ranges.get(field, (np.inf, "finite numbers"))
+            bad = ~np.isfinite(array) | (array > most) | ((array < 0) if field in ranges else False)
+            if bad.any():
+                raise OptionError(field, expected, array[bad][0], self.name)
+            found[field] = array.astype(np.uint8) if field == "flags" else array
+        return Values(**found, name=self.name)
+
+
+def encoded(mesh: Mesh, bakes: Sequence[Values]) -> tuple[dict[str, Any], bytes]:
+    """What a page's script must know, JSON-ready, and the gzip-compressed data; the same input gives the same bytes.
+
+    Args: bakes: checked.
+    """
+    low, high = mesh.bounds
+    step = (high - low) / MOST
+    steps = np.rint(np.divide(mesh.vertices - low, step, out=np.zeros_like(mesh.vertices), where=step > 0))
+    columns: dict[str, npt.NDArray[Any]] = {
+        "faces": _sorted_differences(mesh.faces).astype("<u4"),
+        "positions": np.minimum(steps, MOST).astype("<u2"),
+        "normals": _octahedral(smooth_normals(mesh), MOST).astype("<u2"),
+    }
+    described = []
+    for number, bake in enumerate(bakes):
+        top = 0.0 if bake.error is None else float(bake.error.max(initial=0.0))
+        columns[f"w{number}"] = np.rint(bake.w * MOST).astype("<u2")
+        if bake.error is not None:
+            columns[f"error{number}"] = np.rint(255 * np.sqrt(bake.error / (top or 1.0))).astype("u1")
+        if bake.flags is not None:
+            columns[f"flags{number}"] = bake.flags.astype("u1")
+        if bake.bent_normals is not None:
+            columns[f"bent{number}"] = _octahedral(bake.bent_normals, 255).astype("u1")
+        rmse = 0.0 if bake.error is None else float(np.sqrt(np.mean(bake.error**2)))
+        described.append({"name": bake.name, "rmse": rmse, "errorTop": top, "errorShown": _nice(bake.error)})
+    change = np.abs(bakes[-1].w - bakes[0].w)
+    facts = {
+        "vertices": len(mesh.vertices),
+        "faces": len(mesh.faces),
+        "low": low.tolist(),
+        "step": step.tolist(),
+        "authored": mesh.normals is not None,
+        "bakes": described,
+        "differenceShown": _nice(change),
+        "columns": [[name, column.itemsize, column.size] for name, column in columns.items()],
+    }
+    planes = [np.ascontiguousarray(column).reshape(-1, 1).view(np.uint8).T.tobytes() for column in columns.values()]
+    return facts, gzip.compress(b"".join(planes), 9, mtime=0)
+
+
+def _sorted_differences(faces: Int64s) -> Int64s:
+    """Faces (m, 3) turned to begin with their least vertex and sorted: its growth, and how far the others lie above."""
+    least = np.argmin(faces, axis=1)
+    turned = np.take_along_axis(faces, (least[:, None] + np.arange(3)) % 3, axis=1)
+    turned = turned[np.lexsort(turned.T[::-1])]
+    turned[:, 1:] -= turned[:, :1]
+    turned[1:, 0] = np.diff(turned[:, 0])
+    return np.ascontiguousarray(turned.T)
+
+
+def _octahedral(vectors: AnyFloats, most: int) -> Float64s:
+    """Unit vectors (n, 3) as whole numbers (2, n) from 1 to `most`; 0, 0 where there is none.
+
+    Cigolle et al. 2014, "A Survey of Efficient Representations for Independent Unit Vectors".
+    """
+    unit = normalize(np.asarray(vectors, np.float64))
+    x, y, z = (unit / np.maximum(np.abs(unit).sum(axis=1, keepdims=True), 1e-300)).T
+    folded = np.where(z < 0, [(1 - np.abs(y)) * np.copysign(1, x), (1 - np.abs(x)) * np.copysign(1, y)], [x, y])
+    return np.where(unit.any(axis=1), np.rint((folded + 1) / 2 * (most - 1)) + 1, 0)
+
+
+def _nice(error: AnyFloats | None) -> float:
+    """Where a legend of the error ends: above all but a hundredth of it, a 1, 2 or 5 of its power of ten."""
+    reached = 0.0 if error is None or not len(error) else float(np.quantile(error, 0.99))
+    if reached < 1e-6:
+        return 0.001
+    power = 10.0 ** np.floor(np.log10(reached))
+    return float(next(digit * power for digit in (1, 2, 5, 10) if digit * power >= reached * (1 - 1e-9)))

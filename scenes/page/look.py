@@ -1,0 +1,66 @@
+"""How pages and the pictures of reports show a bake: camera, light, clay, colours; in the browser as by `render`.
+
+Clay is Lambert's, lit by ambient light and by one directional light that stands with the camera and throws no shadows;
+w weights both, the form `book` of (12.75). So what a page draws can be rendered, and a test compares the two.
+"""
+
+from __future__ import annotations
+
+from math import pi
+from typing import Any, Literal
+
+import numpy as np
+
+from raytrace import AmbientLight, Camera, DirectionalLight, Lambert, Mesh, Object, Scene, Settings, Shape
+from raytrace.types import AnyFloats
+
+Scheme = Literal["dark", "light"]
+FIELD_OF_VIEW = 35.0
+CLAY = (0.66, 0.58, 0.49)
+AMBIENT, KEY = 0.4, 0.85
+"""What a white surface reflects of the ambient light, and of the key light where that is overhead."""
+TOWARDS_KEY = (-0.45, 0.6, 0.66)
+"""From the surface to the right of the picture, upwards and to the viewer."""
+BACKGROUND: dict[Scheme, tuple[float, float, float]] = {"dark": (0.009, 0.010, 0.013), "light": (0.60, 0.61, 0.62)}
+"""Linear RGB."""
+HEAT = ("#1b1838", "#52308f", "#b23a7c", "#f1794c", "#fdeaa8")
+"""sRGB at equal steps from no error to the most; lightness grows all the way."""
+DIFFERENCE = ("#1c4fa6", "#86b2e2", "#f0eeea", "#e59b73", "#9d2f1c")
+FLAGS = {
+    "unreferenced": "#3d7bff",
+    "degenerate": "#ffd000",
+    "opposed": "#00c8dc",
+    "hidden": "#ff1f9b",
+    "folded": "#2fc82f",
+    "missed": "#ff8a1f",
+}
+"""Of the dot on a vertex; in the order of the bits of `ao.Flag`."""
+
+
+def described() -> dict[str, Any]:
+    """What a page's script knows of this, as JSON-ready values."""
+    return {
+        "fieldOfView": FIELD_OF_VIEW,
+        "clay": CLAY,
+        "ambient": AMBIENT,
+        "key": KEY,
+        "towardsKey": TOWARDS_KEY,
+        "background": BACKGROUND,
+        "heat": HEAT,
+        "difference": DIFFERENCE,
+    }
+
+
+def clay_scene(mesh: Mesh, w: AnyFloats, camera: Camera, scheme: Scheme = "dark") -> Scene:
+    """The scene whose picture by `clay_settings` is a page's clay × w, seen by `camera`; w (n,)."""
+    right, above, forward = camera.axes()
+    to_right, upwards, to_viewer = TOWARDS_KEY
+    travels = forward * to_viewer - right * to_right - above * upwards
+    key = DirectionalLight(direction=travels.tolist(), intensity=(pi * KEY,) * 3)  # Lambert's reflects 1/π of it
+    clay = Object(Shape(mesh, Lambert(albedo=CLAY, two_sided="viewer")), w=np.asarray(w, np.float64))
+    return Scene((clay,), (key, AmbientLight(intensity=(AMBIENT,) * 3)), BACKGROUND[scheme])
+
+
+def clay_settings(width: int, height: int, samples: int = 16) -> Settings:
+    """Settings of a picture like a page's clay × w."""
+    return Settings(width=width, height=height, samples=samples, obscurance="book", shadows=False)

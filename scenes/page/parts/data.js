@@ -1,0 +1,85 @@
+// The mesh and its bakes, decoded from the page's own text. Positions are placed so that the bounding box has its centre
+// at the origin and a half diagonal of 1; `centre` and `radius` lead back to the file's coordinates.
+
+async function readMesh(about, base64) {
+  const columns = splitColumns(about.columns, await decompressed(base64));
+  const centre = about.low.map((low, axis) => low + 32767.5 * about.step[axis]);
+  const radius = Math.hypot(...about.step.map((step) => 32767.5 * step)) || 1;
+  const bakes = about.bakes.map((bake, number) => ({
+    ...bake,
+    w: columns[`w${number}`],
+    error: columns[`error${number}`],
+    flags: columns[`flags${number}`],
+    bent: columns[`bent${number}`] && unitVectors(columns[`bent${number}`], 255),
+  }));
+  return {
+    count: about.vertices,
+    authored: about.authored,
+    centre,
+    radius,
+    faces: facesOf(columns.faces),
+    positions: placed(columns.positions, about.step, radius),
+    normals: unitVectors(columns.normals, 65535),
+    bakes,
+  };
+}
+
+async function decompressed(base64) {
+  const text = atob(base64);
+  const packed = new Uint8Array(text.length);
+  for (let i = 0; i < text.length; i++) packed[i] = text.charCodeAt(i);
+  const stream = new Blob([packed]).stream().pipeThrough(new DecompressionStream("gzip"));
+  return new Uint8Array(await new Response(stream).arrayBuffer());
+}
+
+// Columns lie one after the other, each as planes: the lowest byte of all its numbers, then the second of all.
+function splitColumns(described, bytes) {
+  const columns = {};
+  let start = 0;
+  for (const [name, size, count] of described) {
+    const column = new { 1: Uint8Array, 2: Uint16Array, 4: Uint32Array }[size](count);
+    for (let plane = 0; plane < size; plane++, start += count) {
+      for (let i = 0; i < count; i++) column[i] |= bytes[start + i] << (8 * plane);
+    }
+    columns[name] = column;
+  }
+  return columns;
+}
+
+// Stored are the growth of each face's least vertex, and how far above it the two others lie.
+function facesOf(stored) {
+  const count = stored.length / 3;
+  const faces = new Uint32Array(stored.length);
+  let least = 0;
+  for (let f = 0; f < count; f++) {
+    least += stored[f];
+    faces[3 * f] = least;
+    faces[3 * f + 1] = least + stored[count + f];
+    faces[3 * f + 2] = least + stored[2 * count + f];
+  }
+  return faces;
+}
+
+function placed(stored, step, radius) {
+  const positions = new Float32Array(stored.length);
+  for (let i = 0; i < stored.length; i++) positions[i] = ((stored[i] - 32767.5) * step[i % 3]) / radius;
+  return positions;
+}
+
+// From octahedral coordinates, all of the first and then all of the second; 0 stands for no vector.
+function unitVectors(stored, most) {
+  const count = stored.length / 2;
+  const vectors = new Float32Array(3 * count);
+  for (let i = 0; i < count; i++) {
+    if (!stored[i]) continue;
+    let x = (2 * (stored[i] - 1)) / (most - 1) - 1;
+    let y = (2 * (stored[count + i] - 1)) / (most - 1) - 1;
+    const z = 1 - Math.abs(x) - Math.abs(y);
+    if (z < 0) [x, y] = [(1 - Math.abs(y)) * (x < 0 ? -1 : 1), (1 - Math.abs(x)) * (y < 0 ? -1 : 1)];
+    const length = Math.sqrt(x * x + y * y + z * z);
+    vectors[3 * i] = x / length;
+    vectors[3 * i + 1] = y / length;
+    vectors[3 * i + 2] = z / length;
+  }
+  return vectors;
+}

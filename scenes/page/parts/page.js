@@ -1,0 +1,251 @@
+// The page: its state, and what follows from it.
+
+const MODES = {
+  clay: { number: 0, label: "clay × w" },
+  w: { number: 1, label: "w" },
+  error: { number: 2, label: "error" },
+  flags: { number: 3, label: "flags" },
+  bent: { number: 4, label: "bent normals" },
+  difference: { number: 5, label: "difference" },
+};
+const WAIT = 150; // milliseconds after a move before the address changes
+
+const at = (id) => document.getElementById(id);
+const grouped = (number) => number.toLocaleString("en-US");
+const short = (number) => String(Number(number.toPrecision(2)));
+
+class Page {
+  constructor(about, mesh) {
+    this.about = about;
+    this.mesh = mesh;
+    this.canvas = at("view");
+    this.camera = new Camera(about);
+    this.surface = new Surface(this.canvas, mesh, about);
+    this.state = { mode: "clay", split: 0.5, vertex: null, scheme: null };
+    this.dark = matchMedia("(prefers-color-scheme: dark)");
+    this.describe();
+    this.addModes();
+    this.connect();
+    this.resize();
+    this.camera.frame(mesh.positions, this.aspect);
+    readAddress(this);
+    this.draw();
+  }
+
+  get aspect() {
+    return this.canvas.width / this.canvas.height;
+  }
+
+  get scheme() {
+    return this.state.scheme ?? (this.dark.matches ? "dark" : "light");
+  }
+
+  // Why a mode has nothing to show; null if it has.
+  missing(mode) {
+    const { bakes } = this.mesh;
+    if (mode === "difference") return bakes.length > 1 ? null : "there is one bake only";
+    const needed = { error: "error", flags: "flags", bent: "bent" }[mode];
+    return !needed || bakes.every((bake) => bake[needed]) ? null : "the file does not hold them";
+  }
+
+  describe() {
+    const { count, faces, bakes } = this.mesh;
+    const rmse = bakes.filter((bake) => bake.error).map((bake) => short(bake.rmse));
+    const error = rmse.length ? `\nRMSE ${rmse.join(" | ")}` : "";
+    at("facts").textContent = `${grouped(count)} vertices, ${grouped(faces.length / 3)} faces${error}`;
+    at("vertex").max = count - 1;
+    if (this.mesh.bakes.length > 1) {
+      at("comparison").hidden = false;
+      ["left", "right"].forEach((side, number) => (at(side).textContent = this.mesh.bakes[number].name));
+    }
+  }
+
+  addModes() {
+    for (const [mode, { number, label }] of Object.entries(MODES)) {
+      if (mode === "difference" && this.missing(mode)) continue;
+      const radio = Object.assign(document.createElement("input"), { type: "radio", name: "mode", value: mode });
+      const row = document.createElement("label");
+      const reason = this.missing(mode);
+      radio.disabled = Boolean(reason);
+      row.title = reason ?? `key ${number + 1}`;
+      row.append(radio, label);
+      if (reason) row.append(` (${reason})`);
+      radio.addEventListener("change", () => this.set({ mode }));
+      at("modes").append(row);
+    }
+  }
+
+  connect() {
+    listen(this.canvas, this.camera, {
+      moved: () => this.changed(),
+      pick: (x, y) => this.pick(x, y),
+      turnAbout: (x, y) => this.turnAbout(x, y),
+      key: (key) => this.key(key),
+    });
+    at("vertex").addEventListener("change", () => this.pickNumber(at("vertex").value));
+    at("home").addEventListener("click", () => this.home());
+    at("scheme").addEventListener("click", () => this.toggleScheme());
+    at("split").addEventListener("input", () => this.set({ split: at("split").value / 1000 }));
+    this.dark.addEventListener("change", () => this.changed());
+    addEventListener("hashchange", () => {
+      readAddress(this);
+      this.changed();
+    });
+    new ResizeObserver(() => {
+      this.resize();
+      this.draw();
+    }).observe(this.canvas);
+  }
+
+  key(key) {
+    const mode = Object.keys(MODES)[Number(key) - 1];
+    const actions = {
+      0: () => this.home(),
+      Enter: () => this.pickAt(0, 0),
+      "[": () => this.nextFlagged(-1),
+      "]": () => this.nextFlagged(1),
+      b: () => this.toggleScheme(),
+      f: () => this.state.vertex !== null && this.centreOn(this.position(this.state.vertex)),
+    };
+    const action = mode ? () => this.missing(mode) || this.set({ mode }) : actions[key.toLowerCase()] ?? actions[key];
+    if (action) action();
+    return Boolean(action);
+  }
+
+  set(change) {
+    Object.assign(this.state, change);
+    this.changed();
+  }
+
+  changed() {
+    this.waiting ??= requestAnimationFrame(() => this.draw());
+    clearTimeout(this.writing);
+    this.writing = setTimeout(() => writeAddress(this), WAIT);
+  }
+
+  home() {
+    this.camera.frame(this.mesh.positions, this.aspect);
+    this.changed();
+  }
+
+  toggleScheme() {
+    this.set({ scheme: this.scheme === "dark" ? "light" : "dark" });
+  }
+
+  resize() {
+    const ratio = devicePixelRatio || 1;
+    this.canvas.width = Math.max(1, Math.round(this.canvas.clientWidth * ratio));
+    this.canvas.height = Math.max(1, Math.round(this.canvas.clientHeight * ratio));
+  }
+
+  // ---- picking
+
+  inPicture(x, y) {
+    const box = this.canvas.getBoundingClientRect();
+    return [(2 * (x - box.left)) / box.width - 1, 1 - (2 * (y - box.top)) / box.height];
+  }
+
+  pick(x, y) {
+    this.pickAt(...this.inPicture(x, y));
+  }
+
+  pickAt(...place) {
+    const side = this.mesh.bakes.length > 1 && (place[0] + 1) / 2 > this.state.split ? 1 : 0;
+    const { flags } = this.mesh.bakes[side];
+    const reach = 20 / this.canvas.clientHeight;
+    let vertex = this.state.mode === "flags" ? dotAt(this.mesh, flags, this.camera, ...place, this.aspect, reach) : null;
+    vertex ??= vertexAt(this.mesh, this.camera, ...place, this.aspect)?.vertex ?? null;
+    this.set({ vertex });
+  }
+
+  pickNumber(text) {
+    const number = Number(text);
+    const known = text !== "" && Number.isInteger(number) && number >= 0 && number < this.mesh.count;
+    this.set({ vertex: known ? number : null });
+    if (text !== "" && !known) this.unknown = `No vertex ${text}: 0 to ${this.mesh.count - 1}.`;
+  }
+
+  nextFlagged(step) {
+    const flagged = (vertex) => this.mesh.bakes.some((bake) => bake.flags?.[vertex]);
+    const { count } = this.mesh;
+    let vertex = this.state.vertex ?? (step > 0 ? -1 : count);
+    for (let tried = 0; tried < count; tried++) {
+      vertex = (vertex + step + count) % count;
+      if (flagged(vertex)) return this.set({ vertex });
+    }
+  }
+
+  turnAbout(x, y) {
+    const hit = vertexAt(this.mesh, this.camera, ...this.inPicture(x, y), this.aspect);
+    if (hit) this.centreOn(hit.point);
+  }
+
+  centreOn(point) {
+    this.camera.target = point;
+    this.changed();
+  }
+
+  position(vertex) {
+    return [...this.mesh.positions.subarray(3 * vertex, 3 * vertex + 3)];
+  }
+
+  valueOf(bake, vertex) {
+    const w = (bake.w[vertex] / 65535).toFixed(4);
+    const error = bake.error ? ` ± ${short(bake.errorTop * (bake.error[vertex] / 255) ** 2)}` : "";
+    const flags = this.about.flags.filter((_, bit) => bake.flags?.[vertex] & (1 << bit)).map(([name]) => name);
+    return `w ${w}${error}${flags.length ? `, ${flags.join(", ")}` : ""}`;
+  }
+
+  // ---- showing
+
+  draw() {
+    this.waiting = undefined;
+    const { mode } = this.state;
+    const { look } = this.about;
+    const shown = mode === "error" ? Math.max(...this.mesh.bakes.map((bake) => bake.errorShown)) : this.about.differenceShown;
+    const ramp = mode === "difference" ? look.difference : look.heat;
+    document.documentElement.dataset.scheme = this.scheme;
+    this.surface.draw(this.camera, { ...this.state, mode: MODES[mode].number, shown, ramp, scheme: this.scheme });
+    const said = [mode, this.scheme, this.state.split].join();
+    if (said !== this.said) showPanel(this, mode, shown, ramp);
+    this.said = said;
+    this.showMark();
+    const { dataset } = document.documentElement;
+    dataset.firstPicture ??= Math.round(performance.now()); // milliseconds since the page was opened
+  }
+
+  showMark() {
+    const { vertex } = this.state;
+    const place = vertex === null ? null : this.camera.project(this.position(vertex), this.aspect);
+    const mark = at("mark");
+    mark.hidden = !place;
+    if (place) {
+      mark.style.left = `${50 * (place[0] + 1)}%`;
+      mark.style.top = `${50 * (1 - place[1])}%`;
+    }
+    const { bakes } = this.mesh;
+    const name = ({ name }) => (bakes.length > 1 ? `${name}: ` : "");
+    const values = vertex === null ? [] : bakes.map((bake) => name(bake) + this.valueOf(bake, vertex));
+    at("picked").textContent = values.length ? values.join("\n") : this.unknown ?? "Click the mesh, or type a number.";
+    this.unknown = undefined;
+    if (document.activeElement !== at("vertex")) at("vertex").value = vertex ?? "";
+  }
+}
+
+function fail(reason) {
+  at("failure").textContent = `This page cannot be shown: ${reason}`;
+  at("failure").hidden = false;
+}
+
+async function open() {
+  try {
+    const about = JSON.parse(at("about").textContent);
+    new Page(about, await readMesh(about, at("data").textContent));
+  } catch (failure) {
+    fail(failure.message);
+    console.error(failure);
+  }
+}
+
+at("view").addEventListener("webglcontextlost", () => fail("the browser has taken the graphics card away. Load it again."));
+open();

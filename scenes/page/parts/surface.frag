@@ -1,0 +1,37 @@
+#version 300 es
+// A pixel of the mesh in one of the modes; colours of light are linear until `encoded`.
+precision highp float;
+const int CLAY = 0, W = 1, ERROR = 2, FLAGS = 3, BENT = 4, DIFFERENCE = 5;
+uniform int mode;
+uniform vec3 clay, towardsKey, ramp[5];
+uniform float ambient, key, shown;
+centroid in vec3 normalHere, bentHere;
+centroid in float wHere, otherHere, errorHere;
+out vec4 colour;
+
+vec3 encoded(vec3 light) {  // sRGB, IEC 61966-2-1
+  light = clamp(light, 0.0, 1.0);
+  return mix(1.055 * pow(light, vec3(1.0 / 2.4)) - 0.055, 12.92 * light, lessThanEqual(light, vec3(0.0031308)));
+}
+
+vec3 ramped(float share) {
+  float place = clamp(share, 0.0, 1.0) * 4.0;
+  int step = min(int(place), 3);
+  return mix(ramp[step], ramp[step + 1], place - float(step));
+}
+
+vec3 lit() {  // (12.75) in the form that weights ambient and diffuse light by w
+  vec3 n = normalize(normalHere) * (gl_FrontFacing ? 1.0 : -1.0);
+  return clay * wHere * (ambient + key * max(dot(n, towardsKey), 0.0));
+}
+
+void main() {
+  vec3 shade = vec3(0.0);
+  if (mode == CLAY) shade = encoded(lit());
+  if (mode == W) shade = encoded(vec3(wHere));
+  if (mode == ERROR) shade = ramped(errorHere / shown);
+  if (mode == FLAGS) shade = encoded(vec3(0.5 * dot(lit(), vec3(0.2126, 0.7152, 0.0722))));
+  if (mode == BENT) shade = dot(bentHere, bentHere) > 0.0 ? 0.5 + 0.5 * normalize(bentHere) : vec3(0.0);
+  if (mode == DIFFERENCE) shade = ramped(0.5 + 0.5 * (otherHere - wHere) / shown);
+  colour = vec4(shade, 1.0);
+}

@@ -1,0 +1,210 @@
+// The mesh on the graphics card, and its drawing.
+
+const SMOOTH = Math.cos(Math.PI / 6); // a computed normal that leans farther from a face marks a hard edge there
+const ATTRIBUTES = ["position", "normal", "bent", "w", "otherW", "error", "colour"];
+
+// What to draw: the file's vertices, and further ones at hard edges, each with the normal of its face.
+function drawnVertices({ positions, normals, faces, authored }) {
+  const indices = Uint32Array.from(faces);
+  const count = positions.length / 3;
+  const vertices = []; // of the further ones
+  const across = []; // their normals
+  for (let f = 0; f < faces.length; f += 3) {
+    const [nx, ny, nz] = faceNormal(positions, 3 * faces[f], 3 * faces[f + 1], 3 * faces[f + 2]);
+    for (let k = f; k < f + 3; k++) {
+      const i = 3 * faces[k];
+      const [x, y, z] = [normals[i], normals[i + 1], normals[i + 2]];
+      if (authored ? x || y || z : x * nx + y * ny + z * nz > SMOOTH) continue;
+      indices[k] = count + vertices.length;
+      vertices.push(faces[k]);
+      across.push(nx, ny, nz);
+    }
+  }
+  const origin = new Uint32Array(count + vertices.length);
+  for (let i = 0; i < count; i++) origin[i] = i;
+  origin.set(vertices, count);
+  const drawn = new Float32Array(3 * origin.length);
+  drawn.set(normals);
+  drawn.set(across, 3 * count);
+  return { indices, origin, normals: drawn };
+}
+
+// The unit normal of a face whose corners' coordinates begin at a, b and c; zero without area.
+function faceNormal(positions, a, b, c) {
+  const ux = positions[b] - positions[a], uy = positions[b + 1] - positions[a + 1], uz = positions[b + 2] - positions[a + 2];
+  const vx = positions[c] - positions[b], vy = positions[c + 1] - positions[b + 1], vz = positions[c + 2] - positions[b + 2];
+  const x = uy * vz - uz * vy, y = uz * vx - ux * vz, z = ux * vy - uy * vx;
+  const length = Math.sqrt(x * x + y * y + z * z) || 1;
+  return [x / length, y / length, z / length];
+}
+
+class Surface {
+  constructor(canvas, mesh, about) {
+    this.gl = canvas.getContext("webgl2", { antialias: true, alpha: false, preserveDrawingBuffer: true });
+    if (!this.gl) throw new Error("WebGL 2 is not to be had in this browser.");
+    this.look = about.look;
+    this.surfaceProgram = this.program("surface");
+    this.dotsProgram = this.program("dots");
+    const drawn = drawnVertices(mesh);
+    this.corners = drawn.indices.length;
+    const shared = {
+      position: this.buffer(spread(mesh.positions, drawn.origin, 3)),
+      normal: this.buffer(drawn.normals),
+      index: this.buffer(drawn.indices, this.gl.ELEMENT_ARRAY_BUFFER),
+    };
+    const values = mesh.bakes.map(({ w, error, bent }) => ({
+      w: this.buffer(spread(w, drawn.origin, 1)),
+      error: error && this.buffer(spread(error, drawn.origin, 1)),
+      bent: bent && this.buffer(spread(bent, drawn.origin, 3)),
+    }));
+    this.sides = mesh.bakes.map((bake, number) => ({
+      errorTop: bake.errorTop,
+      surface: this.surfaceArrays(shared, values[number], values[values.length - 1]),
+      dots: this.dots(mesh, bake, about.flags),
+    }));
+  }
+
+  program(name) {
+    const gl = this.gl;
+    const program = gl.createProgram();
+    for (const [ending, kind] of [["vert", gl.VERTEX_SHADER], ["frag", gl.FRAGMENT_SHADER]]) {
+      const shader = gl.createShader(kind);
+      gl.shaderSource(shader, document.getElementById(`${name}.${ending}`).textContent.trim());
+      gl.compileShader(shader);
+      gl.attachShader(program, shader);
+    }
+    ATTRIBUTES.forEach((attribute, place) => gl.bindAttribLocation(program, place, attribute));
+    gl.linkProgram(program);
+    if (!gl.getProgramParameter(program, gl.LINK_STATUS)) throw new Error(gl.getProgramInfoLog(program));
+    const uniforms = {};
+    for (let i = 0; i < gl.getProgramParameter(program, gl.ACTIVE_UNIFORMS); i++) {
+      const { name: uniform } = gl.getActiveUniform(program, i);
+      uniforms[uniform.replace("[0]", "")] = gl.getUniformLocation(program, uniform);
+    }
+    return { program, uniforms };
+  }
+
+  buffer(array, target = this.gl.ARRAY_BUFFER) {
+    const buffer = this.gl.createBuffer();
+    this.gl.bindVertexArray(null);
+    this.gl.bindBuffer(target, buffer);
+    this.gl.bufferData(target, array, this.gl.STATIC_DRAW);
+    return buffer;
+  }
+
+  attribute(name, buffer, size, type = this.gl.FLOAT) {
+    const place = ATTRIBUTES.indexOf(name);
+    if (!buffer) return;
+    this.gl.bindBuffer(this.gl.ARRAY_BUFFER, buffer);
+    this.gl.enableVertexAttribArray(place);
+    this.gl.vertexAttribPointer(place, size, type, type !== this.gl.FLOAT, 0, 0);
+  }
+
+  surfaceArrays(shared, own, other) {
+    const gl = this.gl;
+    const arrays = gl.createVertexArray();
+    gl.bindVertexArray(arrays);
+    this.attribute("position", shared.position, 3);
+    this.attribute("normal", shared.normal, 3);
+    this.attribute("bent", own.bent, 3);
+    this.attribute("w", own.w, 1, gl.UNSIGNED_SHORT);
+    this.attribute("otherW", other.w, 1, gl.UNSIGNED_SHORT);
+    this.attribute("error", own.error, 1, gl.UNSIGNED_BYTE);
+    gl.bindBuffer(gl.ELEMENT_ARRAY_BUFFER, shared.index);
+    return arrays;
+  }
+
+  dots(mesh, { flags }, kinds) {
+    const rows = flags ? [...flags.keys()].filter((i) => flags[i]) : [];
+    const colours = kinds.map(([, hex]) => channels(hex));
+    const colour = rows.flatMap((i) => colours[31 - Math.clz32(flags[i])] ?? [1, 1, 1]);
+    const position = this.buffer(spread(mesh.positions, Uint32Array.from(rows), 3));
+    const colourBuffer = this.buffer(new Float32Array(colour));
+    const arrays = this.gl.createVertexArray();
+    this.gl.bindVertexArray(arrays);
+    this.attribute("position", position, 3);
+    this.attribute("colour", colourBuffer, 3);
+    return { arrays, count: rows.length };
+  }
+
+  // state: mode, shown (end of the legend), ramp (five sRGB colours), split (share of the width), scheme.
+  draw(camera, state) {
+    const gl = this.gl;
+    const { width, height } = gl.canvas;
+    gl.viewport(0, 0, width, height);
+    gl.clearColor(...this.look.background[state.scheme].map(encodedSrgb), 1);
+    gl.disable(gl.SCISSOR_TEST);
+    gl.clear(gl.COLOR_BUFFER_BIT | gl.DEPTH_BUFFER_BIT);
+    gl.enable(gl.SCISSOR_TEST);
+    const edge = this.sides.length > 1 && state.mode !== MODES.difference.number ? Math.round(state.split * width) : width;
+    this.sides.forEach((side, number) => {
+      gl.scissor(number ? edge : 0, 0, number ? width - edge : edge, height);
+      this.drawSide(side, camera, state, width / height);
+    });
+  }
+
+  drawSide(side, camera, state, aspect) {
+    const gl = this.gl;
+    const toClip = camera.toClip(aspect);
+    const [right, above, forward] = camera.axes;
+    const [toRight, upwards, toViewer] = this.look.towardsKey;
+    const key = unit(add(add(scaled(right, toRight), scaled(above, upwards)), scaled(forward, -toViewer)));
+    const { program, uniforms } = this.surfaceProgram;
+    gl.useProgram(program);
+    gl.uniformMatrix4fv(uniforms.toClip, false, toClip);
+    gl.uniform1i(uniforms.mode, state.mode);
+    gl.uniform3fv(uniforms.clay, this.look.clay);
+    gl.uniform3fv(uniforms.towardsKey, key);
+    gl.uniform3fv(uniforms.ramp, state.ramp.flatMap(channels));
+    gl.uniform1f(uniforms.ambient, this.look.ambient);
+    gl.uniform1f(uniforms.key, this.look.key);
+    gl.uniform1f(uniforms.shown, state.mode === MODES.error.number ? state.shown / (side.errorTop || 1) : state.shown);
+    gl.enable(gl.DEPTH_TEST);
+    gl.disable(gl.BLEND);
+    gl.bindVertexArray(side.surface);
+    this.drawFaces();
+    if (state.mode === MODES.flags.number && side.dots.count) this.drawDots(side.dots, toClip, camera.position);
+  }
+
+  // Backs of faces are moved away a little: where they meet fronts at an edge, rounding would let some pixels through.
+  drawFaces() {
+    const gl = this.gl;
+    gl.enable(gl.CULL_FACE);
+    for (const [hidden, away] of [[gl.BACK, 0], [gl.FRONT, 1]]) {
+      gl.cullFace(hidden);
+      away ? gl.enable(gl.POLYGON_OFFSET_FILL) : gl.disable(gl.POLYGON_OFFSET_FILL);
+      gl.polygonOffset(1, 1);
+      gl.drawElements(gl.TRIANGLES, this.corners, gl.UNSIGNED_INT, 0);
+    }
+    gl.disable(gl.CULL_FACE);
+  }
+
+  // Dots behind the surface show through it.
+  drawDots(dots, toClip, eye) {
+    const gl = this.gl;
+    const { program, uniforms } = this.dotsProgram;
+    gl.useProgram(program);
+    gl.uniformMatrix4fv(uniforms.toClip, false, toClip);
+    gl.uniform3fv(uniforms.eye, eye);
+    gl.enable(gl.BLEND);
+    gl.blendFunc(gl.ONE, gl.ONE_MINUS_SRC_ALPHA);
+    gl.bindVertexArray(dots.arrays);
+    const through = Math.min(0.3, 200 / dots.count); // so that thousands do not hide the surface
+    for (const [opacity, size, tested] of [[through, 6, false], [1, 8, true]]) {
+      gl.uniform1f(uniforms.opacity, opacity);
+      gl.uniform1f(uniforms.size, size * (window.devicePixelRatio || 1));
+      tested ? gl.enable(gl.DEPTH_TEST) : gl.disable(gl.DEPTH_TEST);
+      gl.drawArrays(gl.POINTS, 0, dots.count);
+    }
+  }
+}
+
+// Rows of `array`, `size` numbers each, in the order of `rows`.
+function spread(array, rows, size) {
+  const out = new array.constructor(rows.length * size);
+  for (let i = 0; i < rows.length; i++) for (let k = 0; k < size; k++) out[size * i + k] = array[size * rows[i] + k];
+  return out;
+}
+
+const channels = (hex) => [1, 3, 5].map((start) => parseInt(hex.slice(start, start + 2), 16) / 255);
+const encodedSrgb = (x) => (x <= 0.0031308 ? 12.92 * x : 1.055 * x ** (1 / 2.4) - 0.055);

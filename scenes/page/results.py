@@ -1,0 +1,70 @@
+"""Baked files as what a page shows: a mesh, and the values at its vertices."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from raytrace import Mesh, OptionError
+from raytrace.errors import SceneError
+
+from ..readers.load import MeshFile, load
+from ..readers.stored_w import ENDINGS, read_beside_w, read_w
+from .encode import Values
+
+_ARRAYS = (".npy", ".npz")
+_MOVED = 1e-4  # of the radius, by which formats may round coordinates
+
+
+class Results(NamedTuple):
+    """One or two bakes of one mesh. Attributes: files: all that were read."""
+
+    mesh: Mesh
+    bakes: list[Values]
+    files: tuple[Path, ...]
+
+
+def check_results(results: list[Path], mesh: Path | None) -> None:
+    """Raises: OptionError: a name of no baked file, or arrays of which nobody says what mesh they belong to."""
+    for field, path in zip(("result", "other"), results, strict=False):
+        if path.suffix.lower() not in ENDINGS:
+            raise OptionError(field, "a baked file, its name ending in " + ", ".join(ENDINGS), path)
+    if mesh is None and all(path.suffix.lower() in _ARRAYS for path in results):
+        raise OptionError("mesh", f"--mesh with the mesh that {results[0].name} belongs to", "none")
+
+
+def read_results(results: list[Path], mesh: Path | None) -> Results:
+    """Read what `obscurance bake` has written.
+
+    Args: results: one or two, checked. mesh: the file of the mesh, if it is not in one of them.
+
+    Raises:
+        MeshError, SceneError: a file cannot be read, has no w, or belongs to another mesh.
+    """
+    sources = {path: load(path) for path in results if path.suffix.lower() not in _ARRAYS}
+    whole = load(mesh) if mesh else next(iter(sources.values()))
+    for source in sources.values():
+        _check_same(whole.mesh, source.mesh, source.path)
+    bakes = [_values(path, whole, sources.get(path)) for path in results]
+    read = [*whole.files, *results, *(file for source in sources.values() for file in source.files)]
+    return Results(whole.mesh, bakes, tuple(read))
+
+
+def _values(path: Path, whole: MeshFile, source: MeshFile | None) -> Values:
+    count = len(whole.mesh.vertices)
+    w = read_w(path, count) if source is None or source.w is None else source.w
+    return Values(w, **read_beside_w(path, count), name=path.name).checked(count)
+
+
+def _check_same(mesh: Mesh, other: Mesh, path: Path) -> None:
+    """Raises: SceneError: not the same vertices and faces."""
+    if other.vertices.shape != mesh.vertices.shape:
+        expected, got = f"the {len(mesh.vertices):,} of {mesh.source}", f"{len(other.vertices):,}"
+        raise SceneError(path, "vertices", expected, got)
+    moved = float(np.abs(other.vertices - mesh.vertices).max())
+    if moved > _MOVED * mesh.radius:
+        raise SceneError(path, "vertices", f"those of {mesh.source}", f"others, up to {moved:.3g} away")
+    if not np.array_equal(other.faces, mesh.faces):
+        raise SceneError(path, "faces", f"those of {mesh.source}", "others")

@@ -1,0 +1,1 @@
+"""Reports of bakes and pictures: the same values as JSON and as a page to read."""

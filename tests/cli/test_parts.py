@@ -1,0 +1,83 @@
+"""`obscurance bake --part` and `obscurance merge`: the files of one bake, and one line where they cannot be."""
+
+import json
+
+import pytest
+from command import obscurance, refused
+from mesh_files import ply
+from meshes import hills, two_boxes
+from uv_meshes import grid_charts
+
+from scenes.cluster.part import part_command
+
+
+@pytest.fixture
+def mesh(tmp_path):
+    path = tmp_path / "boxes.ply"
+    path.write_bytes(ply(*two_boxes()))
+    return path
+
+
+def bake_parts(of, folder, *arguments):
+    for number in range(of, 0, -1):
+        result = obscurance("bake", *arguments, "--part", f"{number}/{of}", "-o", folder)
+        assert result.returncode == 0, result.stderr
+        assert f"part-{number}-of-{of}.part: " in result.stdout
+
+
+@pytest.mark.parametrize("ending", ["npz", "ply", "glb"])
+def test_merged_parts_are_the_file_of_one_bake(tmp_path, mesh, ending):
+    options = "--falloff", "binary", "--max-distance", "50%", "--samples", "64", "--seed", "3"
+    whole, output, report = tmp_path / f"whole.{ending}", tmp_path / f"merged.{ending}", tmp_path / "report.json"
+    assert obscurance("bake", mesh, *options, "-o", whole).returncode == 0
+    bake_parts(2, tmp_path / "parts", mesh, *options)
+    (tmp_path / "elsewhere").mkdir()
+    moved = mesh.rename(tmp_path / "elsewhere" / mesh.name)
+    refused(obscurance("merge", tmp_path / "parts", "-o", output), "boxes.ply: file: expected")
+    result = obscurance("merge", tmp_path / "parts", "-o", output, "--mesh", moved, "--report", report, "--threads", 1)
+    assert (result.returncode, result.stderr) == (0, "")
+    assert output.read_bytes() == whole.read_bytes()
+    assert json.loads(report.read_text())["options"]["seed"] == 3
+
+
+def test_merged_parts_of_a_texture_are_the_file_of_one_bake(tmp_path):
+    vertices, faces = hills(8)
+    uv = grid_charts(len(faces)).reshape(-1, 2)
+    lines = [f"v {x} {y} {z}" for x, y, z in vertices] + [f"vt {u} {v}" for u, v in uv]
+    lines += ["f " + " ".join(f"{v + 1}/{3 * i + k + 1}" for k, v in enumerate(face)) for i, face in enumerate(faces)]
+    mesh = tmp_path / "hills.obj"
+    mesh.write_text("\n".join(lines))
+    options = mesh, "--size", "32", "--samples", "32"
+    bent = tmp_path / "bent.exr", tmp_path / "merged_bent.exr"
+    whole = obscurance("bake", *options, "-o", tmp_path / "whole.exr", "--bent-normals", bent[0])
+    assert whole.returncode == 0, whole.stderr
+    bake_parts(2, tmp_path / "parts", *options)
+    result = obscurance("merge", tmp_path / "parts", "-o", tmp_path / "merged.exr", "--bent-normals", bent[1])
+    assert (result.returncode, result.stderr) == (0, "")
+    assert (tmp_path / "merged.exr").read_bytes() == (tmp_path / "whole.exr").read_bytes()
+    assert bent[1].read_bytes() == bent[0].read_bytes()
+    refused(obscurance("merge", tmp_path / "parts", "-o", tmp_path / "w.ply"), "an image or a .glb: the parts are")
+
+
+@pytest.mark.parametrize("part", ["0/3", "4/3", "3", "1/x", "-1/2", "1/0", "1/2/3", ""])
+def test_a_part_is_two_numbers(part):
+    with pytest.raises(ValueError, match="part: expected K/N"):
+        part_command(part, {})
+
+
+def test_mistakes_are_told_in_a_line(tmp_path, mesh):
+    parts = tmp_path / "parts"
+    bake = "bake", mesh, "--part", "1/2", "-o", parts
+    refused(obscurance(*bake, "--tolerance", "0.01"), "bake --tolerance: expected --samples with --part")
+    refused(obscurance(*bake, "--colors"), "bake --colors: expected it with obscurance merge")
+    refused(obscurance(*bake, "--uv", "1"), "bake --uv")
+    refused(obscurance(*bake[:-1], mesh), "boxes.ply: cannot write: File exists")
+    refused(obscurance(*bake[:-1], tmp_path / "no" / "parts"), "cannot write: No such file or directory")
+    refused(obscurance("merge", parts, "-o", tmp_path / "w.ply"), "folder of parts")
+    assert not parts.exists()
+    assert obscurance(*bake).returncode == 0
+    refused(obscurance(*bake, "--seed", "1"), "part-1-of-2.part: header: expected no such file, or this part of this")
+    refused(obscurance("merge", parts, "-o", tmp_path / "w.ply"), "expected all of 1 to 2, got 1 of them; missing: 2")
+    assert obscurance("bake", mesh, "--part", "2/2", "-o", parts, "--seed", "1").returncode == 0
+    refused(obscurance("merge", parts, "-o", tmp_path / "w.ply"), "part-2-of-2.part: seed: expected 0", "got 1")
+    assert not (tmp_path / "w.ply").exists()

@@ -1,0 +1,85 @@
+"""`obscurance bake --tiles`: the file of one process, from meshes that stay on the disk."""
+
+import numpy as np
+import pytest
+from command import obscurance, refused
+from mesh_files import obj, stl
+from meshes import crumpled, hills, two_boxes
+
+OPTIONS = "--samples", "16", "--max-distance", "20%", "--no-reconstruct", "--hidden", "ignore", "--falloff", "binary"
+
+
+def stored_ply(vertices, faces, kind="<f4", order="little"):
+    """A PLY with properties besides, which outputs keep."""
+    sign = {"little": "<", "big": ">"}[order]
+    row = np.dtype([("x", sign + kind[1:]), ("y", sign + kind[1:]), ("z", sign + kind[1:]), ("quality", sign + "f4")])
+    face = np.dtype([("n", "u1"), ("v", sign + "u4", 3), ("part", "u1")])
+    vertex_rows, face_rows = np.zeros(len(vertices), row), np.zeros(len(faces), face)
+    for axis, column in zip("xyz", vertices.T, strict=True):
+        vertex_rows[axis] = column
+    vertex_rows["quality"], face_rows["n"], face_rows["v"] = np.arange(len(vertices)), 3, faces
+    face_rows["part"] = np.arange(len(faces)) % 200
+    name = {"4": "float", "8": "double"}[kind[-1]]
+    header = f"ply\nformat binary_{order}_endian 1.0\ncomment a test\nelement vertex {len(vertices)}\n"
+    header += "".join(f"property {name} {axis}\n" for axis in "xyz") + "property float quality\n"
+    header += f"element face {len(faces)}\nproperty list uchar uint vertex_indices\nproperty uchar part\nend_header\n"
+    return header.encode() + vertex_rows.tobytes() + face_rows.tobytes()
+
+
+MESHES = {
+    "hills.ply": stored_ply(*hills(20)),
+    "double.ply": stored_ply(*crumpled(hills(12), 0.5, 1), "<f8"),
+    "big.ply": stored_ply(*hills(12), order="big"),
+    "boxes.stl": stl(two_boxes()[0][two_boxes()[1]]),
+}
+
+
+@pytest.mark.parametrize("ending", ["npy", "ply"])
+@pytest.mark.parametrize("name", MESHES)
+def test_tiles_make_the_file_of_the_whole_bake(tmp_path, name, ending):
+    mesh, whole, tiled = tmp_path / name, tmp_path / f"whole.{ending}", tmp_path / f"tiled.{ending}"
+    mesh.write_bytes(MESHES[name])
+    assert obscurance("bake", mesh, "-o", whole, *OPTIONS).returncode == 0
+    result = obscurance("bake", mesh, "-o", tiled, *OPTIONS, "--tiles", "2x2x1")
+    assert result.returncode == 0, result.stderr
+    assert "4 tiles, " in result.stdout
+    assert "more faces than without" in result.stdout
+    assert tiled.read_bytes() == whole.read_bytes()
+    assert len(list(tmp_path.iterdir())) == 3
+
+
+def test_mistakes_are_told_in_a_line(tmp_path):
+    mesh, text = tmp_path / "m.ply", tmp_path / "m.obj"
+    mesh.write_bytes(stored_ply(*hills(8)))
+    text.write_bytes(obj(*hills(8)))
+    bake = "bake", mesh, "-o", tmp_path / "w.npy", "--tiles", "2x2x2"
+    limited = *bake, "--max-distance", "10%"
+    for tiles in ("2", "0x1x1", "2x2", "axbxc"):
+        refused(obscurance(*bake[:-1], tiles), "bake --tiles: expected how many along x, y and z")
+    refused(obscurance(*bake), "bake --max-distance: expected a limit with --tiles", "got inf")
+    refused(obscurance(*limited), "bake --no-reconstruct: expected --no-reconstruct with --tiles")
+    refused(obscurance(*limited, "--no-reconstruct"), "bake --hidden: expected ignore with --tiles")
+    good = *limited, "--no-reconstruct", "--hidden", "ignore"
+    refused(obscurance(*good, "--tolerance", "0.1"), "bake --tolerance: expected no such option with --tiles")
+    refused(obscurance(*good, "--method", "surface"), "bake --method: expected no such option with --tiles")
+    refused(obscurance(*good, "--normals", "file"), "bake --normals: expected angle, area or equal with --tiles")
+    refused(obscurance(*good, "--cluster", "local"), "expected one of --part, --cluster and --tiles")
+    refused(obscurance(*good, "-o", tmp_path / "w.glb"), "bake --output: expected a name ending in .npy or .ply")
+    refused(obscurance("bake", text, *good[2:]), "m.obj: ending: expected a binary PLY of vertices, then triangles")
+    (tmp_path / "ascii.ply").write_bytes(mesh.read_bytes().replace(b"binary_little_endian", b"ascii"))
+    refused(
+        obscurance("bake", tmp_path / "ascii.ply", *good[2:]),
+        "ascii.ply: content: expected a binary PLY",
+        "a text file",
+    )
+    (tmp_path / "cut.ply").write_bytes(mesh.read_bytes()[:-5])
+    refused(obscurance("bake", tmp_path / "cut.ply", *good[2:]), "cut.ply: content: expected", "an end elsewhere")
+    spoilt = bytearray(mesh.read_bytes())
+    spoilt[-14 * 3] = 4
+    (tmp_path / "quad.ply").write_bytes(spoilt)
+    refused(obscurance("bake", tmp_path / "quad.ply", *good[2:]), "expected three vertices, for tiles, got 4")
+    refused(obscurance("bake", tmp_path / "none.ply", *good[2:]), "none.ply: file: expected an existing file")
+    (tmp_path / "empty.stl").write_bytes(bytes(84))
+    refused(obscurance("bake", tmp_path / "empty.stl", *good[2:]), "empty.stl: content: expected a binary PLY")
+    assert not list(tmp_path.glob("w.*"))
+    assert not list(tmp_path.glob(".obscurance*"))

@@ -1,0 +1,75 @@
+"""Bakes on a real Dask cluster on this machine's loopback, in blocks so small that every worker has several."""
+
+import importlib
+import os
+import signal
+from contextlib import contextmanager
+from functools import partial
+
+import pytest
+from meshes import hills, two_boxes
+from parts_of_bakes import bits, bits_of_texture
+from uv_meshes import grid_charts
+
+import ao
+from ao.cluster.checkpoint import ClusterCheckpoint
+from ao.cluster.dask_cluster import CONFIG, LOCAL
+from raytrace import Mesh
+
+HILLS = Mesh(*hills(60))
+CHARTS = Mesh(*hills(20))
+BAKES = {
+    "binary": partial(ao.bake, HILLS, "binary", samples=64),
+    "exponential": partial(ao.bake, HILLS, samples=64),
+    "limited": partial(ao.bake, HILLS, ao.Exponential(tau=2.0, max_distance="30%"), samples=64),
+    "tolerance": partial(ao.bake, HILLS, tolerance=0.01),
+    "partly inside": partial(ao.bake, Mesh(*two_boxes()), tolerance=0.01),
+    "surface": partial(ao.bake, HILLS, samples=64, method="surface"),
+    "texture": partial(ao.bake_texture, CHARTS, grid_charts(len(CHARTS.faces)), 64, samples=64),
+    "texture to a tolerance": partial(ao.bake_texture, CHARTS, grid_charts(len(CHARTS.faces)), 64, tolerance=0.02),
+}
+
+
+def all_bits(baked):
+    return bits(baked) if isinstance(baked, ao.Bake) else bits_of_texture(baked)
+
+
+LONG = partial(ao.bake, Mesh(*hills(100)), samples=1024)
+LONG_ROWS = 100**2 + 100**2 // 32  # some are traced twice, to calibrate errors
+
+
+@contextmanager
+def scheduler(workers):
+    """A cluster that bakes join by its address."""
+    distributed = pytest.importorskip("distributed", reason="needs obscurance[cluster]")
+    importlib.import_module("dask").config.set(CONFIG)
+    with distributed.LocalCluster(n_workers=workers, **LOCAL) as cluster:
+        yield cluster
+
+
+@pytest.fixture
+def small_blocks(monkeypatch):
+    monkeypatch.setattr("ao.cluster.checkpoint._FEW", 0)
+    monkeypatch.setattr("ao.cluster.dispatch._FIRST_RAYS", 1 << 16)
+    monkeypatch.setattr("ao.cluster.dispatch._SECONDS", 0.1)
+    monkeypatch.setattr("ao.cluster.dispatch._LEAST_SECONDS", 0.02)
+
+
+def bake_on(address, make, path, tell=pytest.fail, progress=None, **settings):
+    """What `make` makes with a cluster, and what that handed out."""
+    with ClusterCheckpoint(path, address, tell=tell, **settings) as checkpoint:
+        return make(checkpoint=checkpoint, progress=progress), checkpoint.cluster.dispatch
+
+
+@contextmanager
+def victims_of(cluster, workers):
+    """The process ids of all workers, once there are so many; one that is killed as it starts does not come again."""
+    from distributed import Client
+
+    with Client(cluster, set_as_default=False) as client:
+        client.wait_for_workers(workers, timeout=60)
+        yield list(client.run(os.getpid).values())
+
+
+def kill(pid):
+    os.kill(pid, signal.SIGKILL)

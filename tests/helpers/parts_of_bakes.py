@@ -1,0 +1,30 @@
+"""Bakes in parts: each traced with a checkpoint of its own, then merged."""
+
+import pytest
+from interrupted_bakes import bits, bits_of
+
+from ao.trace.merge import Merge, read_parts
+from ao.trace.parts import Part, PartTraced
+
+DESCRIPTION = {"mesh": "hills", "options": {"seed": 0}}
+
+
+def trace_part(make, folder, number, of, **options):
+    """The part, after `make` has traced it."""
+    folder.mkdir(exist_ok=True)
+    with pytest.raises(PartTraced), Part(folder, number, of, DESCRIPTION, pytest.fail) as part:
+        make(checkpoint=part, **options)
+    return part
+
+
+def merged(make, folder, **options):
+    """What `make` makes of the parts in `folder`."""
+    with Merge(read_parts(folder), pytest.fail) as parts:
+        return make(checkpoint=parts, **options)
+
+
+def bits_of_texture(texture):
+    return bits_of(texture.w, texture.error, texture.bent_normals, texture.covered)
+
+
+__all__ = ["DESCRIPTION", "bits", "bits_of_texture", "merged", "trace_part"]
