@@ -34,6 +34,15 @@ def test_every_public_name_is_documented_once(package):
     assert sorted(re.findall(rf"^\.\. [a-z:]+:: {package}\.(\w+)$", page, re.MULTILINE)) == stub_names(package)
 
 
+@pytest.mark.parametrize("package", PACKAGES)
+def test_docstrings_have_no_letter_after_a_backtick_where_the_site_would_warn(package):
+    found = [getattr(import_module(package), name) for name in stub_names(package)]
+    members = [member for each in found if isinstance(each, type) for member in vars(each).values()]
+    texts = [each.__doc__ for each in [*found, *members] if isinstance(each.__doc__, str)]
+    assert len(texts) > 10
+    assert [text for text in texts if re.search(r"(?<!`)`[^`\n]+`[A-Za-z]", text)] == []
+
+
 def test_the_public_names_of_the_baker_are_these():
     assert stub_names("ao") == [
         "Bake",
