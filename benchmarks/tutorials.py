@@ -23,7 +23,6 @@ from typing import Any
 ROOT = Path(__file__).parent.parent
 PAGES = sorted((ROOT / "docs" / "tutorials").glob("*.md"))
 _BLOCK = re.compile(r"^```(python|sh|text)\n(.*?)^```$|^!\[[^\]]*\]\(([^)]+)\)$", re.DOTALL | re.MULTILINE)
-
 _TEXT = re.compile(r"^```text\n.*?^```$", re.DOTALL | re.MULTILINE)
 
 
