@@ -5,7 +5,7 @@ STAMP  := $(VENV)/.installed
 PYTEST := $(BIN)/python -m pytest --numprocesses auto --maxprocesses 4 --dist worksteal
 
 .DEFAULT_GOAL := help
-.PHONY: help install demo test test-all lint bench bench-peers peers viewers pictures clean
+.PHONY: help install demo test test-all lint bench bench-peers peers viewers pictures site clean
 
 help: ## list the targets
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "  make %-12s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
@@ -13,7 +13,7 @@ help: ## list the targets
 $(STAMP): pyproject.toml
 	@command -v $(PYTHON) >/dev/null || { echo "$(PYTHON) not found; set PYTHON=/path/to/python" >&2; exit 1; }
 	$(PYTHON) -m venv $(VENV)
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[test,bench]'
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[test,bench,docs]'
 	$(BIN)/python -m compileall -q raytrace ao scenes cli.py
 	@touch $@
 
@@ -55,10 +55,14 @@ viewers: ## glTF's validator and three.js, in .viewers/, for tests of .glb outpu
 bench-peers: $(STAMP) ## bake time against error, ours and the peers'; MESHES=FOLDER adds files, QUICK=1 is for minutes
 	$(BIN)/python -m benchmarks.time_against_error $(if $(QUICK),--quick) $(if $(MESHES),--meshes '$(MESHES)')
 
-pictures: $(STAMP) ## the pictures of docs: gallery, temple, the models' spheres and, with Chromium, pages
+pictures: $(STAMP) ## the pictures of docs: gallery, temple, the models' spheres, tutorials and, with Chromium, pages
 	$(BIN)/python -m benchmarks.gallery
 	$(BIN)/python -m benchmarks.model_strips
+	$(BIN)/python -m benchmarks.tutorials
 	-$(BIN)/python -m benchmarks.page --pictures docs/viewing
+
+site: $(STAMP) ## the documentation as a site, in build/site, made without network
+	$(BIN)/python -m sphinx --builder html --fail-on-warning --keep-going --quiet -d build/doctrees docs build/site
 
 clean: ## remove the environment and everything made
 	rm -rf $(VENV) demo build *.egg-info .pytest_cache .mypy_cache .ruff_cache

@@ -27,7 +27,7 @@ class Bake:
         error: float64 (n,), estimated standard error of w; by the surface method, of the fitted values: their distance
             from the fit to infinitely many samples, not from w at the vertex.
         bent_normals: float64 (n, 3), unit mean direction of what is open; the normal where nothing is, 0 where none.
-        flags: uint8 (n,), `ao.Flag`s.
+        flags: uint8 (n,), bits of `ao.Flag`.
         rays: number of rays traced, by an interrupted run too.
         rays_skipped: number of rays not traced, by reason.
         rmse: estimated root mean square of `error` over the vertices asked for.

@@ -26,7 +26,9 @@ class Camera(Parameters, kw_only=False, source="camera"):
     """A view of the scene.
 
     Attributes:
-        position, target, up: (3,), world units; `up` need not be perpendicular to the view.
+        position: (3,), world units.
+        target: (3,), world units, the middle of the picture.
+        up: (3,), what is upwards in the picture; it need not be perpendicular to the view.
         field_of_view: full vertical angle of a perspective view in degrees, in (0, 180).
         height: full height of an orthographic view in world units, or None for a perspective one.
         aperture: diameter of a thin lens in world units; 0 is a pinhole, everything sharp.
@@ -63,7 +65,10 @@ class Camera(Parameters, kw_only=False, source="camera"):
         """A camera in `direction` from the mesh's centre, just far enough away to see every vertex.
 
         Args:
-            mesh: in any form that `ao.bake` takes. aspect: width over height of the picture.
+            mesh: in any form that `ao.bake` takes.
+            direction: (3,), from the centre to the camera.
+            up: (3,), as `Camera` has it.
+            aspect: width over height of the picture.
             field_of_view: vertical, in degrees.
         """
         mesh = mesh_of(mesh, "camera")

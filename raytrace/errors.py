@@ -9,7 +9,7 @@
     │   ├── OptionError               an option or parameter value
     │   └── MemoryLimitError          work that does not fit into memory
     ├── OutputError (OSError)         a target that cannot be written: exit status 2
-    ├── EmbreeError (RuntimeError)    Embree reported an error, or is not version 4
+    ├── EmbreeError (RuntimeError)    Embree reported an error, is not version 4, or is missing
     └── ClusterError (RuntimeError)   a cluster is lost or cannot work
 
 Every message is one line that says where, which field, what was expected and what came.
@@ -121,7 +121,7 @@ class OutputError(ObscuranceError, OSError):
 
 
 class EmbreeError(ObscuranceError, RuntimeError):
-    """Embree failed; the message is Embree's own."""
+    """Embree failed, and the message is its own; or there is no Embree, and the message says where to get it."""
 
 
 class ClusterError(ObscuranceError, RuntimeError):

@@ -22,7 +22,8 @@ class Settings(Parameters, kw_only=False, source="render"):
     """Settings of a rendering.
 
     Attributes:
-        width, height: pixels.
+        width: in pixels.
+        height: in pixels.
         samples: most rays a pixel; pixels whose first samples agree get no more.
         shading: interpolation over a face: constant (the textbook's, without specular terms), flat (constant with
             them), Gouraud, Phong, or quadratic (van Overveld & Wyvill).

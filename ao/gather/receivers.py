@@ -34,12 +34,12 @@ SAME = 1.0 - 1e-9
 class Flag(IntFlag):
     """Why a vertex is not an ordinary one; unreferenced and degenerate ones get w = 1."""
 
-    UNREFERENCED = 1  # no face uses it
-    DEGENERATE = 2  # every face that uses it has zero area, or its own normal was asked for and is missing
-    OPPOSED = 4  # no direction sees the front of all its faces; w is the mean over its corners
-    HIDDEN = 8  # most of what it sees are backs of faces: it is inside a solid
-    FOLDED = 16  # its normal lies behind one of its faces; w is the mean over its corners
-    MISSED = 32  # nothing of the fine mesh is within the cage; w is that of the closest point
+    UNREFERENCED = 1  #: no face uses it
+    DEGENERATE = 2  #: every face that uses it has zero area, or its own normal was asked for and is missing
+    OPPOSED = 4  #: no direction sees the front of all its faces; w is the mean over its corners
+    HIDDEN = 8  #: it is inside a solid, as most of what it sees is backs of faces
+    FOLDED = 16  #: its normal lies behind one of its faces; w is the mean over its corners
+    MISSED = 32  #: nothing of the fine mesh is within the cage; w is that of the closest point
 
 
 @dataclass(frozen=True, eq=False)

@@ -58,10 +58,14 @@ class BakedTexture:
         error: float32 (h, w), estimated standard error of w; 0 beside the charts.
         bent_normals: float32 (h, w, 3), unit mean direction of what is open, in the mesh's space or in tangent space.
         covered: bool (h, w), the texels that were baked; the others are padding.
-        rays: number of rays traced, by an interrupted run too. rays_skipped: not traced, by reason.
+        rays: number of rays traced, by an interrupted run too.
+        rays_skipped: number of rays not traced, by reason.
         rmse: estimated root mean square of `error` over the covered texels.
         facts: of the texture coordinates and seams.
-        seconds, mu, shortfalls, calibration: as `ao.Bake` has them.
+        seconds: as `ao.Bake` has them.
+        mu: as `ao.Bake` has it.
+        shortfalls: as `ao.Bake` has them.
+        calibration: as `ao.Bake` has it.
     """
 
     w: Float32s

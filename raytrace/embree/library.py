@@ -12,10 +12,18 @@ import sys
 from functools import cache
 from typing import Any
 
-import embreex.rtcore_scene
 import llvmlite.binding
 
 from ..errors import EmbreeError
+
+try:
+    import embreex.rtcore_scene
+except ImportError as failure:
+    raise EmbreeError(
+        f"embreex, which brings Embree, cannot be imported ({failure}): `python -m pip install embreex` installs it on "
+        "x86-64 Linux with glibc, macOS 13 or later, and x86-64 Windows; elsewhere, as on ARM Linux, it has no wheel: "
+        "build the Dockerfile's image with --platform linux/amd64 and run that"
+    ) from failure
 
 _VERSION_PROPERTY = 0
 

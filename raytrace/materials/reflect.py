@@ -28,7 +28,8 @@ def reflect(
         grain: tangents of the surface (…, 3), along which an anisotropic material is brushed that has no grain of its
             own.
 
-    Returns: (…, 3), float32 if every array given is float32, else float64; never negative, zero where n·l ≤ 0. A viewer
+    Returns:
+        (…, 3), float32 if every array given is float32, else float64; never negative, zero where n·l ≤ 0. A viewer
         below the surface sees no microfacets and no cylinders; diffuse terms do not ask where the viewer is.
 
     Raises:

@@ -20,7 +20,7 @@ STEP = float(np.finfo(np.float64).eps) ** (1 / 3)  # balances truncation and rou
 
 
 def implicit_normals(f: Callable[[Float64s], Float64s], points: npt.ArrayLike) -> Float64s:
-    """∇f/|∇f| (…, 3) at points (…, 3) of the surface f = 0, by central differences (about 1e-10 relative).
+    """``∇f/|∇f|`` (…, 3) at points (…, 3) of the surface f = 0, by central differences (about 1e-10 relative).
 
     `f` takes (…, 3) and returns (…,); it grows outwards if normals are to point outwards.
     """

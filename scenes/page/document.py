@@ -33,12 +33,19 @@ def html_page(
     title: str | None = None,
     up: Vector = Y_UP,
 ) -> bytes:
-    """A page that shows one bake, see `html_of_bakes`.
+    """A page that shows one bake in a browser, UTF-8: the same input gives the same bytes.
 
     Args:
-        w: (n,), in [0, 1], a vertex each. error: (n,), its standard error. flags: (n,), `ao.Flag`s.
+        mesh: what was baked.
+        w: (n,), in [0, 1], a vertex each.
+        error: (n,), the standard error of w.
+        flags: (n,), bits of `ao.Flag`.
         bent_normals: (n, 3).
         title: by default what the mesh is called.
+        up: the axis that is upwards, one of `scenes.description.defaults.UP`.
+
+    Raises:
+        OptionError: values of a wrong shape or out of range, or another axis.
     """
     name = mesh.source if title is None else title
     return html_of_bakes(mesh, [Values(w, error, flags, bent_normals, name)], name, up)

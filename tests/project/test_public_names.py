@@ -1,6 +1,7 @@
 """The names of the packages: all there, shown, imported when first used; what belongs to a package is installed."""
 
 import ast
+import re
 import rlcompleter
 import subprocess
 import sys
@@ -25,6 +26,21 @@ def test_every_public_name_is_shown_and_is_there(package):
     assert dir(module) == sorted(module.__all__) == stub_names(package)
     assert not any(isinstance(getattr(module, name), ModuleType) for name in dir(module))
     assert not hasattr(module, "no_such_name")
+
+
+@pytest.mark.parametrize("package", PACKAGES)
+def test_every_public_name_is_documented_once(package):
+    page = (ROOT / "docs" / "api" / f"{package}.md").read_text()
+    assert sorted(re.findall(rf"^\.\. [a-z:]+:: {package}\.(\w+)$", page, re.MULTILINE)) == stub_names(package)
+
+
+@pytest.mark.parametrize("package", PACKAGES)
+def test_docstrings_have_no_letter_after_a_backtick_where_the_site_would_warn(package):
+    found = [getattr(import_module(package), name) for name in stub_names(package)]
+    members = [member for each in found if isinstance(each, type) for member in vars(each).values()]
+    texts = [each.__doc__ for each in [*found, *members] if isinstance(each.__doc__, str)]
+    assert len(texts) > 10
+    assert [text for text in texts if any(letter for _, letter in re.findall(r"(`+)[^`]+\1(\w?)", text))] == []
 
 
 def test_the_public_names_of_the_baker_are_these():

@@ -1,0 +1,56 @@
+"""The site: Sphinx reads the pages of docs/ as MyST Markdown, and docstrings of the public names; `make site`."""
+
+import sys
+from importlib import import_module
+from importlib.metadata import version as installed
+from pathlib import Path
+
+from docutils import nodes
+from sphinx.util.inspect import TypeAliasForwardRef
+
+sys.path.insert(0, str(Path(__file__).parent.parent))
+
+project = "obscurance"
+version = release = installed("obscurance")
+extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.napoleon"]
+myst_heading_anchors = 4  # the anchors that Git forges give
+default_role = "code"  # single backticks in docstrings
+
+MODULES_OF_TYPES = ("raytrace.types", "raytrace.system.parameters", "raytrace.camera", "ao.options", "ao.trace.tracer")
+autodoc_default_options = {"members": True, "exclude-members": "source_name"}
+autodoc_member_order = "bysource"
+autodoc_preserve_defaults = True
+autodoc_type_aliases = {"npt.ArrayLike": "ArrayLike"} | {
+    name: name
+    for module in MODULES_OF_TYPES
+    for name, value in vars(import_module(module)).items()
+    if name[0].isupper() and not isinstance(value, type)
+}
+TypeAliasForwardRef.__repr__ = lambda alias: alias.name  # within unions and tuples
+napoleon_use_ivar = True
+maximum_signature_line_length = 90
+toc_object_entries_show_parents = "hide"
+
+html_theme = "furo"
+html_title = "obscurance"
+html_static_path = ["static"]
+html_css_files = ["site.css"]
+html_copy_source = False
+
+
+def defaults_in_python(app, what, name, obj, options, signature, returned):
+    """`...` for a default that is made anew for each object, so that the signature can be parsed."""
+    return signature and signature.replace("<factory>", "..."), returned
+
+
+def titles_for_paths(app, doctree, page):
+    """Links that show a page's path, as is best where Markdown is read as it is, show its title."""
+    for link in doctree.findall(nodes.reference):
+        path = link.astext().removeprefix("docs/").removesuffix(".md")
+        if path != link.astext() and path in app.env.titles:
+            link.children = [nodes.Text(app.env.titles[path].astext())]
+
+
+def setup(app):
+    app.connect("autodoc-process-signature", defaults_in_python)
+    app.connect("doctree-resolved", titles_for_paths)

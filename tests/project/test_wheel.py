@@ -1,0 +1,93 @@
+"""The wheel: it holds every file of the packages, and runs where it is installed alone; without Embree it says so."""
+
+import shutil
+import site
+import subprocess
+import sys
+
+import pytest
+from command import refused
+from mesh_files import obj
+from meshes import hills
+from project import ROOT
+
+PACKAGES = ("raytrace", "ao", "scenes")
+LIST = """
+import sys
+from setuptools import Distribution
+project = Distribution({"script_name": "setup.py"})
+project.parse_config_files()
+project.get_command_obj("egg_info").egg_base = sys.argv[1]
+build = project.get_command_obj("build_py")
+build.ensure_finalized()
+print(*build.get_outputs(include_bytecode=False), sep="\\n")
+"""
+WITHOUT_EMBREE = """
+import sys
+sys.modules["embreex"] = None
+import cli
+cli.main()
+"""
+
+
+def run(*command, folder, **options):
+    return subprocess.run([*map(str, command)], cwd=folder, capture_output=True, text=True, check=False, **options)
+
+
+def test_the_wheel_holds_every_file_of_the_packages(tmp_path):
+    setuptools = pytest.importorskip("setuptools", reason="pip install 'obscurance[test]'")
+    if int(setuptools.__version__.split(".")[0]) < 77:
+        pytest.skip("the project's metadata need setuptools 77")
+    listed = run(sys.executable, "-W", "ignore", "-c", LIST, tmp_path, folder=ROOT)
+    packed = {line.replace("\\", "/").removeprefix("build/lib/") for line in listed.stdout.splitlines()}
+    held = [path for package in PACKAGES for path in (ROOT / package).rglob("*") if path.is_file()]
+    wanted = {path.relative_to(ROOT).as_posix() for path in held if "__pycache__" not in path.parts}
+    assert packed == wanted | {"cli.py"}, listed.stderr
+
+
+@pytest.fixture(scope="module")
+def installed(tmp_path_factory):
+    """The scripts of an environment that has the wheel, and the dependencies of this one, but not this source tree."""
+    folder = tmp_path_factory.mktemp("wheel")
+    source, environment = folder / "source", folder / "environment"
+    for package in PACKAGES:
+        shutil.copytree(ROOT / package, source / package, ignore=shutil.ignore_patterns("__pycache__"))
+    for name in ("cli.py", "pyproject.toml", "README.md", "LICENSE"):
+        shutil.copy(ROOT / name, source)
+    quiet = ("-m", "pip", "--quiet", "--disable-pip-version-check")
+    make = (sys.executable, *quiet, "wheel", source, "--no-deps", "--no-build-isolation", "-w", folder)
+    built = run(*make, folder=folder)
+    assert built.returncode == 0, built.stderr
+    run(sys.executable, "-m", "venv", "--without-pip", environment, folder=folder)
+    scripts = environment / ("Scripts" if sys.platform == "win32" else "bin")
+    (wheel,) = folder.glob("*.whl")
+    into = (sys.executable, *quiet, "--python", scripts / "python", "install", "--no-deps", "--no-index", wheel)
+    done = run(*into, folder=folder)
+    assert done.returncode == 0, done.stderr
+    (packages,) = environment.rglob("site-packages")
+    (packages / "dependencies.pth").write_text("\n".join(site.getsitepackages()))  # whose own .pth files are not read
+    return scripts
+
+
+@pytest.mark.slow
+def test_the_wheel_runs_in_an_environment_of_its_own(installed, tmp_path):
+    (tmp_path / "hills.obj").write_bytes(obj(*hills(5)))
+    where = run(installed / "python", "-c", "import cli, ao; print(cli.__file__, ao.__file__)", folder=tmp_path).stdout
+    assert where.count(str(installed.parent)) == 2
+    for line in (
+        "--version",
+        "bake hills.obj -o hills.glb --samples 16",
+        "scenes cornell -o cornell.toml",
+        "demo -o demo",
+    ):
+        done = run(installed / "obscurance", *line.split(), folder=tmp_path)
+        assert done.returncode == 0, done.stderr
+    for made in ("hills.glb", "cornell.toml", "demo/temple.png", "demo/temple.ply"):
+        assert (tmp_path / made).stat().st_size > 500
+
+
+def test_without_embree_one_line_says_what_to_do(tmp_path):
+    (tmp_path / "hills.obj").write_bytes(obj(*hills(5)))
+    command = (sys.executable, "-c", WITHOUT_EMBREE, "bake", tmp_path / "hills.obj", "-o", tmp_path / "w.npy")
+    refused(run(*command, folder=ROOT), "embreex", "cannot be imported", "pip install", "ARM Linux", status=1)
+    assert not (tmp_path / "w.npy").exists()
