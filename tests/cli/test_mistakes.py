@@ -16,7 +16,7 @@ from scenes.baking.sections import SECTIONS
 COMMANDS = [
     (
         "bkae a.ply -o w.npy",
-        "command: expected one of bake, view, info",
+        "command: expected one of bake, merge, view, info",
         "bkae; did you mean bake? See obscurance --help",
     ),
     ("Bake a.ply -o w.npy", "got Bake; did you mean bake?"),
