@@ -152,7 +152,7 @@ def test_workers_may_come_late_and_a_lost_scheduler_leaves_a_journal_for_one_pro
         monkeypatch.setattr("ao.cluster.dask_cluster._PATIENCE", 0.2)
         with pytest.raises(ClusterError, match=r"tcp://.*: the cluster is lost"):
             bake_on(late.scheduler_address, MEDIUM, path, tell, progress, after=0, every=0)
-    assert told == [
+    assert list(dict.fromkeys(told)) == [  # workers may be lost before their scheduler
         f"{late.scheduler_address}: no workers; waiting for some to join",
         f"{path} keeps the finished part; the same command with --resume continues from it",
     ]
