@@ -27,7 +27,7 @@ from .worker import greet, trace_block
 
 _CONNECT = 10.0  # seconds to reach a scheduler
 _LOOK = 0.2  # seconds between looks at who is there
-_PATIENCE = 10.0  # seconds without any worker until it is told
+_PATIENCE = 10.0  # seconds without any worker until a message says so
 _START = 60.0  # seconds that workers on this machine have to start
 _FAILURES = 3  # of one block, after which it is the block's fault
 CONFIG = {
@@ -121,19 +121,19 @@ class DaskCluster:
     def _next(self) -> Found:
         """The next block that comes back; lines for the user on the way."""
         alone_since = time.monotonic()
-        told = False
+        reported = False
         while True:
             try:
                 message = self._messages.get(timeout=0.1)
             except Empty:
                 if self.dispatch.threads:
                     alone_since = time.monotonic()
-                elif time.monotonic() > alone_since + _PATIENCE and not told:
+                elif time.monotonic() > alone_since + _PATIENCE and not reported:
                     if self._refused:
                         worker, reason = next(iter(self._refused.items()))
                         raise ClusterError(f"{self.address}: no worker can be used: {worker}: {reason}") from None
                     self.tell(f"{self.address}: no workers; waiting for some to join")
-                    told = True
+                    reported = True
                 elif self.workers and time.monotonic() > alone_since + _START:
                     raise ClusterError(f"{self.address}: its workers have ended and do not start again") from None
                 continue

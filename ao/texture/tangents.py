@@ -32,8 +32,8 @@ def tangent_frames(
     direction = along[:, 0] * v[:, 1:] - along[:, 1] * v[:, :1]
     direction = normalize(np.where(mirrored[:, None], -direction, direction))
     axes = mesh.axes[faces]
-    lonely = ~axes.any(axis=2)
-    axes[lonely] = np.broadcast_to(mesh.surface.normals[:, None], axes.shape)[lonely]
+    unset = ~axes.any(axis=2)
+    axes[unset] = np.broadcast_to(mesh.surface.normals[:, None], axes.shape)[unset]
     flat = normalize(direction[:, None] - np.einsum("fd,fcd->fc", direction, axes)[..., None] * axes)
     group = 2 * corner_places(uv, points) + mirrored[:, None]
     weighted = (_angles(corners)[..., None] * flat).reshape(-1, 3)

@@ -40,7 +40,7 @@ class Batch:
     quiet: bool
 
     def run(self) -> int:
-        """Bake all, going on after faults, each of which is told in one line. Returns: the exit status, 1 for faults.
+        """Bake all, going on after faults, each reported in one line. Returns: the exit status, 1 for faults.
 
         Raises:
             InputError: an option, or a manifest that cannot be resumed.

@@ -68,7 +68,7 @@ class Work(NamedTuple):
 
 
 class Written(NamedTuple):
-    """An output that was written: what to tell of it, and warnings about it, which have been told."""
+    """An output that was written: its summary, and warnings about it, which have been printed."""
 
     summary: str
     warnings: list[str]

@@ -18,7 +18,7 @@ def folder(tmp_path, monkeypatch):
     return tmp_path
 
 
-def told(*arguments, status=0):
+def plan(*arguments, status=0):
     """The lines of a dry run by their names; those of one name one after the other."""
     done = obscurance("bake", *arguments, "--dry-run")
     assert done.returncode == status, done.stderr
@@ -32,7 +32,7 @@ def told(*arguments, status=0):
 def test_a_bake_is_described_and_nothing_is_written(folder):
     (folder / "w.npy").write_bytes(b"\x93NUMPY precious")
     before = {path: path.read_bytes() for path in folder.iterdir()}
-    rows = told("hills.obj", "-o", "w.npy", "--samples", 64, "--report", "r.json")
+    rows = plan("hills.obj", "-o", "w.npy", "--samples", 64, "--report", "r.json")
     assert {path: path.read_bytes() for path in folder.iterdir()} == before
     assert rows["would bake"] == "400 vertices"
     assert rows["rays"] == "about 25,600, 64 each"
@@ -42,20 +42,20 @@ def test_a_bake_is_described_and_nothing_is_written(folder):
 
 
 def test_a_texture_has_texels_and_a_tolerance_no_time(folder):
-    rows = told("more.obj", "-o", "ao.png", "--size", "64x32", "--samples", 16)
+    rows = plan("more.obj", "-o", "ao.png", "--size", "64x32", "--samples", 16)
     assert rows["would bake"] == "at most 2,048 texels"
     assert rows["rays"] == "at most 32,768, 16 each"
     assert rows["time"].startswith("at most ")
-    assert told("hills.obj", "-o", "w.npy", "--tolerance", 0.01)["time"].startswith("as long as the tolerance takes")
+    assert plan("hills.obj", "-o", "w.npy", "--tolerance", 0.01)["time"].startswith("as long as the tolerance takes")
 
 
 def test_a_batch_is_described_as_a_whole(folder):
-    rows = told("hills.obj", "more.obj", "--output-dir", "out/deep", "--samples", 16)
+    rows = plan("hills.obj", "more.obj", "--output-dir", "out/deep", "--samples", 16)
     assert rows["would bake"] == "2 meshes, 403 vertices"
     assert rows["would write"] == "out/deep/hills.ply; out/deep/more.ply; out/deep/manifest.json"
     assert sorted(path.name for path in folder.iterdir()) == ["hills.obj", "more.obj"]
     (folder / "noise.obj").write_text("noise")
-    assert told("*.obj", "--output-dir", "out", "--samples", 16, status=1)["would bake"] == "2 meshes, 403 vertices"
+    assert plan("*.obj", "--output-dir", "out", "--samples", 16, status=1)["would bake"] == "2 meshes, 403 vertices"
 
 
 def test_mistakes_are_told_as_by_a_bake(folder):

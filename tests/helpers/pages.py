@@ -11,7 +11,7 @@ CODES = {1: np.uint8, 2: np.uint16, 4: np.uint32}
 
 
 def facts_of(page):
-    """What the page's script is told."""
+    """What the page's script is given."""
     return json.loads(re.search(rb'<script type="application/json" id="about">(.*?)</script>', page, re.DOTALL)[1])
 
 

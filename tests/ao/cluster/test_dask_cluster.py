@@ -87,14 +87,14 @@ def test_of_a_worker_that_is_unlike_the_others_only_one_line_is_told(cluster, tm
         was = ao.cluster.worker.machine()
         ao.cluster.worker.machine = lambda: was | {"processor": "a z80"}
 
-    told = []
+    messages = []
     with on_one(cluster, become_another) as odd:
-        baked, dispatch = bake_on(cluster.scheduler_address, MEDIUM, tmp_path / "w.partial", told.append)
+        baked, dispatch = bake_on(cluster.scheduler_address, MEDIUM, tmp_path / "w.partial", messages.append)
     assert bits(baked) == medium
     assert odd not in dispatch.blocks
-    assert len(told) == 1
-    assert told[0].startswith(f"worker {odd} gets no work: processor: expected ")
-    assert told[0].endswith(", got a z80")
+    assert len(messages) == 1
+    assert messages[0].startswith(f"worker {odd} gets no work: processor: expected ")
+    assert messages[0].endswith(", got a z80")
 
 
 def test_a_worker_whose_disk_is_full_gets_no_more_work(cluster, tmp_path, medium):
@@ -106,22 +106,22 @@ def test_a_worker_whose_disk_is_full_gets_no_more_work(cluster, tmp_path, medium
 
         ao.cluster.worker.fill = full
 
-    told = []
+    messages = []
     with on_one(cluster, fail_once_greeted) as odd:
-        baked, dispatch = bake_on(cluster.scheduler_address, MEDIUM, tmp_path / "w.partial", told.append)
+        baked, dispatch = bake_on(cluster.scheduler_address, MEDIUM, tmp_path / "w.partial", messages.append)
     assert bits(baked) == medium
     assert odd not in dispatch.blocks
-    assert told == [f"worker {odd} gets no work: OSError: [Errno 28] No space left on device"]
+    assert messages == [f"worker {odd} gets no work: OSError: [Errno 28] No space left on device"]
 
 
 def test_where_no_worker_can_be_used_the_reason_is_told(cluster, tmp_path, monkeypatch):
     monkeypatch.setattr("ao.cluster.dask_cluster._PATIENCE", 0.5)
     here = ao.cluster.checkpoint.machine()
     monkeypatch.setattr("ao.cluster.checkpoint.machine", lambda: here | {"Embree": "4.0.0"})
-    told = []
+    messages = []
     with pytest.raises(ClusterError, match=r"no worker can be used: tcp://.*: Embree: expected 4.0.0, got"):
-        bake_on(cluster.scheduler_address, MEDIUM, tmp_path / "w.partial", told.append)
-    assert told
+        bake_on(cluster.scheduler_address, MEDIUM, tmp_path / "w.partial", messages.append)
+    assert messages
 
 
 def test_a_folder_that_workers_do_not_see_is_told(cluster, tmp_path, monkeypatch):
@@ -138,7 +138,7 @@ def test_a_folder_that_workers_do_not_see_is_told(cluster, tmp_path, monkeypatch
 
 
 def test_workers_may_come_late_and_a_lost_scheduler_leaves_a_journal_for_one_process(tmp_path, medium, monkeypatch):
-    told, path = [], tmp_path / "w.partial"
+    messages, path = [], tmp_path / "w.partial"
     with scheduler(0) as late:
 
         def progress(done, total):
@@ -146,13 +146,13 @@ def test_workers_may_come_late_and_a_lost_scheduler_leaves_a_journal_for_one_pro
                 late.close(timeout=5)
 
         def tell(line):
-            told.append(line)
+            messages.append(line)
             late.scale(1)
 
         monkeypatch.setattr("ao.cluster.dask_cluster._PATIENCE", 0.2)
         with pytest.raises(ClusterError, match=r"tcp://.*: the cluster is lost"):
             bake_on(late.scheduler_address, MEDIUM, path, tell, progress, after=0, every=0)
-    assert list(dict.fromkeys(told)) == [  # workers may be lost before their scheduler
+    assert list(dict.fromkeys(messages)) == [  # workers may be lost before their scheduler
         f"{late.scheduler_address}: no workers; waiting for some to join",
         f"{path} keeps the finished part; the same command with --resume continues from it",
     ]

@@ -132,10 +132,10 @@ def test_an_interrupted_part_is_named_and_continued(tmp_path):
             raise KeyboardInterrupt
 
     trace_part(MAKE, tmp_path, 2, 2)
-    told = []
-    with pytest.raises(KeyboardInterrupt), Part(tmp_path, 1, 2, DESCRIPTION, told.append) as part:
+    messages = []
+    with pytest.raises(KeyboardInterrupt), Part(tmp_path, 1, 2, DESCRIPTION, messages.append) as part:
         MAKE(checkpoint=part, progress=stop)
-    assert told == [f"{part.path} keeps what is done; the same command continues from it"]
+    assert messages == [f"{part.path} keeps what is done; the same command continues from it"]
     assert said(tmp_path).startswith("FOLDER/part-1-of-2.part: content: expected a finished part")
     trace_part(MAKE, tmp_path, 1, 2)
     assert bits(merged(MAKE, tmp_path)) == bits(MAKE())

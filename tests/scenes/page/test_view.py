@@ -1,4 +1,4 @@
-"""`obscurance view` and pages as output of a bake: what becomes of files, and what careless users are told."""
+"""`obscurance view` and pages as output of a bake: what becomes of files, and what careless users read."""
 
 import webbrowser
 

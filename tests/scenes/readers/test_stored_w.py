@@ -173,9 +173,9 @@ def test_a_bake_can_take_the_place_of_a_gltf_s_own_occlusion(folder):
 def test_objects_without_an_occlusion_texture_are_baked_beside_those_with(folder):
     Path("half.glb").write_bytes(occluded(0.5))
     assert obscurance("render", "half.glb", "-o", "p.exr", *SIZE, "--report", "p.json").returncode == 0
-    told = json.loads(Path("p.json").read_text())
-    assert told["rmse_estimate"] is not None  # there was a bake
-    assert told["rays_skipped"]["bake_not_wanted"] > 0
+    report = json.loads(Path("p.json").read_text())
+    assert report["rmse_estimate"] is not None  # there was a bake
+    assert report["rays_skipped"]["bake_not_wanted"] > 0
     found = read_image("p.exr")[0]["obscurance"]
     assert np.isclose(found, 1 - 0.5 * (1 - 64 / 255), atol=1e-6).any()
     line = next(row for row in obscurance("info", "half.glb").stdout.splitlines() if row.startswith("occlusion"))
@@ -189,8 +189,8 @@ def test_scenes_of_toml_bake_what_they_place(folder):
 
 
 def test_info_tells_of_ramps(folder):
-    told = obscurance("info", "w.glb").stdout
-    assert "occlusion       textures of 1 of 1 primitives, 1 of them ramps of a bake" in told
+    said = obscurance("info", "w.glb").stdout
+    assert "occlusion       textures of 1 of 1 primitives, 1 of them ramps of a bake" in said
     assert "occlusion       no textures in the file" in obscurance("info", "corner.ply").stdout
 
 

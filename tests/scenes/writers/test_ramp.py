@@ -175,8 +175,8 @@ def test_textures_that_are_moved_stay(tmp_path):
     assert occlusion(header, primitive)["texCoord"] == 2
     surface = header["materials"][0]["pbrMetallicRoughness"]
     assert surface == source.gltf.header["materials"][0]["pbrMetallicRoughness"]
-    (told,) = lost(tmp_path / "out.glb", source, channels("out.glb", False, "ramp", False))
-    assert told.endswith("out.glb: uses the set TEXCOORD_2; not every viewer reads more than 2")
+    (warning,) = lost(tmp_path / "out.glb", source, channels("out.glb", False, "ramp", False))
+    assert warning.endswith("out.glb: uses the set TEXCOORD_2; not every viewer reads more than 2")
 
 
 def test_variants_of_materials_are_kept_apart(tmp_path):
@@ -192,8 +192,8 @@ def test_an_occlusion_texture_of_the_file_is_kept_and_that_is_told(tmp_path):
     assert "TEXCOORD_1" not in first["attributes"]
     np.testing.assert_array_equal(values(header, binary, first["attributes"]["_OBSCURANCE"]), w[:4].astype("<f4"))
     assert occlusion(header, second) == {"index": 1, "texCoord": 1}
-    (told,) = lost(tmp_path / "out.glb", source, channels("out.glb", False, None, False))
-    assert "keeps the occlusion textures of 1 of 2 primitives" in told
+    (warning,) = lost(tmp_path / "out.glb", source, channels("out.glb", False, None, False))
+    assert "keeps the occlusion textures of 1 of 2 primitives" in warning
     assert not lost(tmp_path / "out.glb", source, channels("out.glb", False, None, True))
 
 
