@@ -15,7 +15,7 @@ from project import ROOT
 import cli
 
 COMMAND = [sys.executable, str(ROOT / "cli.py")]
-_COMPILING = re.compile(r"^First run of this version: compiling kernels .*\n", re.MULTILINE)
+_COMPILING = re.compile(r"^(First run of this version: compiling|Compiling) kernels .*\n", re.MULTILINE)
 
 
 def obscurance(*arguments):
