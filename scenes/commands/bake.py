@@ -299,15 +299,12 @@ class BakeCommand(MeshBake):
 
     def check_own(self) -> None:
         from raytrace.errors import OptionError
-        from raytrace.system.outputs import check_ending
 
-        from ..textures.names import ENDINGS as IMAGES
-        from ..writers.write import ENDINGS, channels, check_target
+        from ..writers.write import channels, check_target
 
         check_cage(self.cage, self.high)
         if self.high is not None and self.method == "surface":
             raise OptionError("high", "method vertex with it", "method surface")
-        check_ending("output", self.output, *ENDINGS, *IMAGES)  # an image's asks for a bake to a texture
         check_target(self.output)
         channels(self.output, **self._channels())
         if self.debug_image:
