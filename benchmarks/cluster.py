@@ -26,7 +26,7 @@ from raytrace.system.atomic import write_json
 from raytrace.system.threads import thread_count
 from scenes.validation.text_table import text_table
 
-from .memory import bumpy_sphere
+from .meshes import bumpy_sphere
 from .time_against_error.machine import machine
 
 ROUNDS, VERTICES = 3, 400_000
