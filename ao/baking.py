@@ -97,7 +97,7 @@ def bake(
     mesh = mesh_of(mesh, "bake")
     solid = mesh if high is None else mesh_of(high, "bake")
     mu = options.falloff.resolve(solid.radius)
-    reach = resolve_length("cage", cage, mesh.radius)
+    reach = resolve_length("cage", cage, mesh.radius or 1.0)
     _check_memory([mesh] if high is None else [mesh, solid], options)
 
     start = time.perf_counter()

@@ -163,7 +163,7 @@ def read_objects(path: Path, keep: bool = False, content: bytes | None = None) -
         solid = [instance for instance in instances if asset or len(instance.faces)]
         if not solid:
             points = sum(len(instance.vertices) for instance in instances)
-            besides = f"{points} points" if points else f"no vertices: perhaps it is no {kind.upper()}"
+            besides = "no vertices: perhaps it is no OBJ" if kind == "obj" and not points else f"{points} points"
             raise MeshError(path, "faces", "at least one triangle", f"none, and {besides}")
     return solid, asset
 

@@ -74,8 +74,9 @@ def test_vertices_without_a_normal_are_open_and_flagged():
     assert baked.rays_skipped["no_normal"] == 2 * 256
 
 
-def test_a_mesh_of_degenerate_faces_alone_is_open():
-    baked = ao.bake(Mesh([[0, 0, 0], [1, 0, 0], [2, 0, 0]], [[0, 1, 2]]))
+@pytest.mark.parametrize("length", [1, 0])
+def test_a_mesh_of_degenerate_faces_alone_is_open(length):
+    baked = ao.bake(Mesh([[0, 0, 0], [length, 0, 0], [2 * length, 0, 0]], [[0, 1, 2]]))
     assert baked.w.tolist() == [1.0] * 3
     assert baked.rays == 0
     assert baked.rmse == 0
