@@ -12,6 +12,7 @@ import threading
 import time
 import uuid
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from concurrent.futures import CancelledError
 from contextlib import AsyncExitStack, suppress
 from functools import partial
 from queue import Empty, SimpleQueue
@@ -126,16 +127,10 @@ class DaskCluster:
             try:
                 message = self._messages.get(timeout=0.1)
             except Empty:
-                if self.dispatch.threads:
-                    alone_since = time.monotonic()
-                elif time.monotonic() > alone_since + _PATIENCE and not reported:
-                    if self._refused:
-                        worker, reason = next(iter(self._refused.items()))
-                        raise ClusterError(f"{self.address}: no worker can be used: {worker}: {reason}") from None
-                    self.tell(f"{self.address}: no workers; waiting for some to join")
-                    reported = True
-                elif self.workers and time.monotonic() > alone_since + _START:
-                    raise ClusterError(f"{self.address}: its workers have ended and do not start again") from None
+                if len(self._served) > len(self._refused):  # some work, or are being asked what they are
+                    alone_since, reported = time.monotonic(), False
+                elif time.monotonic() > alone_since + _PATIENCE and self._messages.empty():
+                    reported = self._alone(time.monotonic() - alone_since, reported)
                 continue
             if isinstance(message, BaseException):
                 raise message
@@ -143,6 +138,19 @@ class DaskCluster:
                 self.tell(message)
             else:
                 return message
+
+    def _alone(self, seconds: float, reported: bool) -> bool:
+        """Say, once, that no worker can be used for so many seconds. Returns: whether that has been said.
+
+        Raises: ClusterError: waiting is of no use.
+        """
+        for worker, reason in list(self._refused.items()):
+            raise ClusterError(f"{self.address}: no worker can be used: {worker}: {reason}")
+        if self.workers and seconds > _START:
+            raise ClusterError(f"{self.address}: its workers have ended and do not start again")
+        if not reported:
+            self.tell(f"{self.address}: no workers; waiting for some to join")
+        return True
 
     def _run(self) -> None:
         try:
@@ -214,8 +222,8 @@ class DaskCluster:
             self.dispatch.left(worker)
 
     def _refuse(self, worker: str, reason: str) -> None:
-        self._refused[worker] = reason
         self._messages.put(f"worker {worker} gets no work: {' '.join(reason.split())}")
+        self._refused[worker] = reason
 
     async def _feed(self, worker: str) -> None:
         """Keep one block after another in flight to a worker."""
@@ -253,13 +261,22 @@ class DaskCluster:
         raise _Failed(text)
 
     async def _call(self, worker: str, function: Callable[..., Any], *arguments: Any) -> Any:
-        """What `function` returns on a worker."""
-        key = f"{function.__name__}-{uuid.uuid4().hex}"
-        future = self._client.submit(function, *arguments, key=key, workers=[worker], pure=False)
-        try:
-            return await future
-        finally:
-            future.release()
+        """What `function` returns on a worker.
+
+        What Dask cancels, because it has lost its scheduler, is no fault of the worker's: `_look` will find out.
+        """
+        from distributed.client import ClosedClientError
+
+        while True:
+            key = f"{function.__name__}-{uuid.uuid4().hex}"
+            try:
+                future = self._client.submit(function, *arguments, key=key, workers=[worker], pure=False)
+                try:
+                    return await future
+                finally:
+                    future.release()
+            except (CancelledError, ClosedClientError):
+                await asyncio.sleep(_LOOK)
 
     def _begin(self, work: Work, spans: Sequence[Span]) -> None:
         async def wake() -> None:

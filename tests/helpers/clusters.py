@@ -3,8 +3,11 @@
 import importlib
 import os
 import signal
+import time
 from contextlib import contextmanager
 from functools import partial
+from itertools import count
+from pathlib import Path
 
 import pytest
 from meshes import hills, two_boxes
@@ -39,12 +42,34 @@ LONG_ROWS = 100**2 + 100**2 // 32  # some are traced twice, to calibrate errors
 
 
 @contextmanager
-def scheduler(workers):
-    """A cluster that bakes join by its address."""
+def scheduler(workers, preload=()):
+    """A cluster that bakes join by its address. Args: preload: scripts that each worker runs first."""
     distributed = pytest.importorskip("distributed", reason="needs obscurance[cluster]")
     importlib.import_module("dask").config.set(CONFIG)
-    with distributed.LocalCluster(n_workers=workers, **LOCAL) as cluster:
+    with distributed.LocalCluster(n_workers=workers, **LOCAL | {"preload": [*LOCAL["preload"], *preload]}) as cluster:
         yield cluster
+
+
+def holding(after, until, mark=None):
+    """A function for a worker: traces `after` blocks, then makes a file `mark-…`, and goes on once `until` exists."""
+
+    def hold():
+        import ao.cluster.worker
+
+        fill, numbers = ao.cluster.worker.fill, count()
+
+        def held(*arguments):
+            if next(numbers) >= after:
+                if mark:
+                    Path(f"{mark}-{os.getpid()}").touch()
+                while not os.path.exists(until):
+                    time.sleep(0.01)
+                ao.cluster.worker.fill = fill
+            return fill(*arguments)
+
+        ao.cluster.worker.fill = held
+
+    return hold
 
 
 @pytest.fixture
@@ -62,13 +87,20 @@ def bake_on(address, make, path, tell=pytest.fail, progress=None, **settings):
 
 
 @contextmanager
-def victims_of(cluster, workers):
-    """The process ids of all workers, once there are so many; one that is killed as it starts does not come again."""
+def victims_of(cluster, workers, prepare=None):
+    """The process ids of all workers, once there are so many; one that is killed as it starts does not come again.
+
+    Args: prepare: gives, for the number of each, a function that it runs first.
+    """
     from distributed import Client
 
     with Client(cluster, set_as_default=False) as client:
         client.wait_for_workers(workers, timeout=60)
-        yield list(client.run(os.getpid).values())
+        addresses = list(client.nthreads())
+        for number, address in enumerate(addresses if prepare else ()):
+            client.run(prepare(number), workers=[address])
+        pids = client.run(os.getpid)
+        yield [pids[address] for address in addresses]
 
 
 def kill(pid):

@@ -4,9 +4,10 @@ import os
 import time
 from contextlib import contextmanager
 from functools import partial
+from threading import Thread
 
 import pytest
-from clusters import BAKES, all_bits, bake_on, kill, scheduler, small_blocks, victims_of
+from clusters import BAKES, all_bits, bake_on, holding, kill, scheduler, small_blocks, victims_of
 from meshes import hills
 from parts_of_bakes import bits
 
@@ -43,18 +44,28 @@ MEDIUM_ROWS = 10_000 + 312  # some are traced twice, to calibrate errors
 
 
 @contextmanager
-def on_one(cluster, function):
-    """Run a function on one of the workers; gives its address, and kills it in the end, for a new one to come."""
+def on_one(cluster, function, told):
+    """Run a function on one of two workers, and kill it in the end, for a new one to come.
+
+    Gives its address, the messages of a bake, and what to tell them to: the other worker traces after the first one.
+    """
     from distributed import Client
+
+    messages = []
+
+    def tell(line):
+        messages.append(line)
+        told.touch()
 
     with Client(cluster, set_as_default=False) as client:
         client.wait_for_workers(2)
-        worker = next(iter(client.nthreads()))
-        (pid,) = client.run(os.getpid, workers=[worker]).values()
-        client.run(function, workers=[worker])
-        yield worker
+        odd, other = client.nthreads()
+        (pid,) = client.run(os.getpid, workers=[odd]).values()
+        client.run(function, workers=[odd])
+        client.run(holding(0, told), workers=[other])
+        yield odd, messages, tell
         kill(pid)
-        while worker in client.nthreads():
+        while odd in client.nthreads():
             time.sleep(0.05)
 
 
@@ -65,18 +76,24 @@ def medium():
 
 @pytest.mark.parametrize("victims", [1, 2])
 def test_killed_workers_lose_only_the_blocks_that_they_had(cluster, tmp_path, medium, victims):
-    killed = []
+    held, killed = tmp_path / "held", tmp_path / "killed"
 
-    def progress(done, total):
-        if not killed and done > 0.3 * total:
-            killed.extend(workers[:victims])
-            for pid in killed:
-                kill(pid)
+    def kill_in_mid_block(pids):
+        while len(list(tmp_path.glob("held-*"))) < victims:
+            time.sleep(0.01)
+        for pid in pids:
+            kill(pid)
+        killed.touch()
 
-    with victims_of(cluster, 2) as workers:
-        baked, dispatch = bake_on(cluster.scheduler_address, MEDIUM, tmp_path / "w.partial", progress=progress)
+    with victims_of(
+        cluster, 2, lambda number: holding(1, "", held) if number < victims else holding(0, killed)
+    ) as pids:
+        killer = Thread(target=kill_in_mid_block, args=[pids[:victims]], daemon=True)
+        killer.start()
+        baked, dispatch = bake_on(cluster.scheduler_address, MEDIUM, tmp_path / "w.partial")
+        killer.join()
     assert bits(baked) == medium
-    assert 1 <= dispatch.again <= IN_FLIGHT * victims
+    assert victims <= dispatch.again <= IN_FLIGHT * victims
     assert dispatch.rows == MEDIUM_ROWS
 
 
@@ -87,9 +104,8 @@ def test_of_a_worker_that_is_unlike_the_others_only_one_line_is_told(cluster, tm
         was = ao.cluster.worker.machine()
         ao.cluster.worker.machine = lambda: was | {"processor": "a z80"}
 
-    messages = []
-    with on_one(cluster, become_another) as odd:
-        baked, dispatch = bake_on(cluster.scheduler_address, MEDIUM, tmp_path / "w.partial", messages.append)
+    with on_one(cluster, become_another, tmp_path / "told") as (odd, messages, tell):
+        baked, dispatch = bake_on(cluster.scheduler_address, MEDIUM, tmp_path / "w.partial", tell)
     assert bits(baked) == medium
     assert odd not in dispatch.blocks
     assert len(messages) == 1
@@ -106,9 +122,8 @@ def test_a_worker_whose_disk_is_full_gets_no_more_work(cluster, tmp_path, medium
 
         ao.cluster.worker.fill = full
 
-    messages = []
-    with on_one(cluster, fail_once_greeted) as odd:
-        baked, dispatch = bake_on(cluster.scheduler_address, MEDIUM, tmp_path / "w.partial", messages.append)
+    with on_one(cluster, fail_once_greeted, tmp_path / "told") as (odd, messages, tell):
+        baked, dispatch = bake_on(cluster.scheduler_address, MEDIUM, tmp_path / "w.partial", tell)
     assert bits(baked) == medium
     assert odd not in dispatch.blocks
     assert messages == [f"worker {odd} gets no work: OSError: [Errno 28] No space left on device"]
@@ -121,7 +136,7 @@ def test_where_no_worker_can_be_used_the_reason_is_told(cluster, tmp_path, monke
     messages = []
     with pytest.raises(ClusterError, match=r"no worker can be used: tcp://.*: Embree: expected 4.0.0, got"):
         bake_on(cluster.scheduler_address, MEDIUM, tmp_path / "w.partial", messages.append)
-    assert messages
+    assert messages[0].startswith("worker tcp://")
 
 
 def test_a_folder_that_workers_do_not_see_is_told(cluster, tmp_path, monkeypatch):
@@ -138,21 +153,23 @@ def test_a_folder_that_workers_do_not_see_is_told(cluster, tmp_path, monkeypatch
 
 
 def test_workers_may_come_late_and_a_lost_scheduler_leaves_a_journal_for_one_process(tmp_path, medium, monkeypatch):
-    messages, path = [], tmp_path / "w.partial"
-    with scheduler(0) as late:
+    messages, path, lost, script = [], tmp_path / "w.partial", tmp_path / "lost", tmp_path / "hold.py"
+    script.write_text(f"from clusters import holding\nholding(1, {str(lost)!r})()")
+    with scheduler(0, [str(script)]) as late:
 
         def progress(done, total):
-            if done > 0.5 * total:
-                late.close(timeout=5)
+            late.sync(late.scheduler.close)
+            lost.touch()
 
         def tell(line):
             messages.append(line)
-            late.scale(1)
+            if len(messages) == 1:
+                late.scale(1)
 
         monkeypatch.setattr("ao.cluster.dask_cluster._PATIENCE", 0.2)
         with pytest.raises(ClusterError, match=r"tcp://.*: the cluster is lost"):
             bake_on(late.scheduler_address, MEDIUM, path, tell, progress, after=0, every=0)
-    assert list(dict.fromkeys(messages)) == [  # workers may be lost before their scheduler
+    assert list(dict.fromkeys(messages)) == [
         f"{late.scheduler_address}: no workers; waiting for some to join",
         f"{path} keeps the finished part; the same command with --resume continues from it",
     ]
