@@ -159,6 +159,7 @@ def test_workers_may_come_late_and_a_lost_scheduler_leaves_a_journal_for_one_pro
 
         def progress(done, total):
             late.sync(late.scheduler.close)
+            late.shutdown_scheduler = False  # it need not be asked again
             lost.touch()
 
         def tell(line):
