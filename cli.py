@@ -37,6 +37,17 @@ Progress = Annotated[
     choices.ProgressForm,
     typer.Option(help="A bar on a terminal, or lines of JSON on standard error for other programs."),
 ]
+Cluster = Annotated[
+    str | None,
+    typer.Option(
+        metavar="local[:N]|tcp://HOST:PORT",
+        help="Trace by N workers on this machine, or by those of a Dask scheduler (obscurance[cluster]).",
+    ),
+]
+Shared = Annotated[
+    Path | None,
+    typer.Option(metavar="FOLDER", help="With --cluster: a folder that all workers see; that of the output."),
+]
 Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="No progress bar and no summary.")]
 
 
@@ -193,17 +204,8 @@ def bake(
             "--size or --texel-size is given.",
         ),
     ] = None,
-    cluster: Annotated[
-        str | None,
-        typer.Option(
-            metavar="local[:N]|tcp://HOST:PORT",
-            help="Trace by N workers on this machine, or by those of a Dask scheduler (obscurance[cluster]).",
-        ),
-    ] = None,
-    shared: Annotated[
-        Path | None,
-        typer.Option(metavar="FOLDER", help="With --cluster: a folder that all workers see; that of the output."),
-    ] = None,
+    cluster: Cluster = None,
+    shared: Shared = None,
     tiles: Annotated[
         str | None,
         typer.Option(
@@ -370,15 +372,17 @@ def render(
     half: Annotated[bool, typer.Option("--half", help="16-bit floats in an .exr.")] = False,
     show: Annotated[bool, typer.Option("--show", help="Show the image in the terminal, too, or instead.")] = False,
     threads: Threads = None,
+    cluster: Cluster = None,
+    shared: Shared = None,
     report: Report = None,
     progress: Progress = "bar",
     quiet: Quiet = False,
 ) -> None:
     """Render a scene to an image; an .exr holds every layer."""
     options = locals()
-    from scenes.commands.render_file import RenderCommand
+    from scenes.cluster.workers import render_command
 
-    RenderCommand(**options).run()
+    render_command(options).run()
 
 
 @app.command()

@@ -18,7 +18,7 @@ from functools import partial
 from queue import Empty, SimpleQueue
 from typing import Any
 
-from raytrace.errors import ClusterError, OptionError
+from raytrace.errors import ClusterError, InputError, MemoryLimitError, OptionError
 from raytrace.system.threads import thread_count
 
 from ..trace.work import Span, Tables, Work
@@ -84,9 +84,10 @@ class DaskCluster:
             self._next()  # the reason
 
     def use(self, scene: SceneFile, machine: Mapping[str, str]) -> None:
-        """Let workers trace in a scene, those that are as `machine` says."""
+        """Let workers trace in a scene from now on, those that are as `machine` says."""
         self.connect()
         self._scene, self._machine = scene, machine
+        self.dispatch.speed.clear()
         self._soon(self._scene_known.set)
 
     def trace(self, work: Work, spans: Sequence[Span]) -> Iterator[Found]:
@@ -94,6 +95,7 @@ class DaskCluster:
 
         Raises:
             ClusterError: the scheduler is lost, all workers are refused, or a block fails again and again.
+            InputError: from the work itself, a texture that cannot be read for instance.
         """
         left = sum(last - first for first, last in spans)
         self._soon(partial(self._begin, work, spans))
@@ -204,10 +206,13 @@ class DaskCluster:
 
     async def _serve(self, worker: str) -> None:
         await self._scene_known.wait()
-        try:
-            answer = await self._call(worker, greet, self._machine, self._scene, self._threads)
-        except Exception as reason:
-            answer = f"expected obscurance as it is here, got {type(reason).__name__}: {reason}"
+        answer, scene = "", None
+        while isinstance(answer, str) and scene is not self._scene:  # which may have been another's meanwhile
+            scene = self._scene
+            try:
+                answer = await self._call(worker, greet, self._machine, scene, self._threads)
+            except Exception as reason:
+                answer = f"expected obscurance as it is here, got {type(reason).__name__}: {reason}"
         if isinstance(answer, str):
             self._refuse(worker, answer)
             return
@@ -246,6 +251,9 @@ class DaskCluster:
                     self._more.notify_all()
                 if isinstance(reason, asyncio.CancelledError):
                     raise
+                if isinstance(reason, InputError) and not isinstance(reason, MemoryLimitError):
+                    self._messages.put(reason)
+                    return
                 if not isinstance(reason, KilledWorker):
                     self._failed(span, reason)
                 continue

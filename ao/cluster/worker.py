@@ -6,16 +6,16 @@ import signal
 import threading
 import time
 from collections.abc import Mapping
+from typing import Any
 
 from raytrace.system.threads import thread_count
 
 from ..trace.identity import first_difference, machine
-from ..trace.ray_scene import RayScene
 from ..trace.work import Tables, Work, fill
 from .scene_file import SceneFile, load_scene
 
 _lock = threading.Lock()  # one block at a time, on all cores, however many threads the worker has for tasks
-_loaded: dict[str, RayScene] = {}  # one
+_loaded: dict[str, Any] = {}  # one
 
 
 def dask_setup(_worker: object) -> None:
@@ -50,7 +50,7 @@ def trace_block(file: SceneFile, threads: int | None, work: Work) -> tuple[Table
         return tables, time.perf_counter() - start
 
 
-def _scene(file: SceneFile) -> RayScene:
+def _scene(file: SceneFile) -> Any:
     if file.digest not in _loaded:
         _loaded.clear()
         _loaded[file.digest] = load_scene(file)

@@ -17,6 +17,7 @@ from uv_meshes import grid_charts
 import ao
 from ao.cluster.checkpoint import ClusterCheckpoint
 from ao.cluster.dask_cluster import CONFIG, LOCAL
+from ao.cluster.session import ClusterSession
 from raytrace import Mesh
 
 HILLS = Mesh(*hills(60))
@@ -74,7 +75,7 @@ def holding(after, until, mark=None):
 
 @pytest.fixture
 def small_blocks(monkeypatch):
-    monkeypatch.setattr("ao.cluster.checkpoint._FEW", 0)
+    monkeypatch.setattr("ao.cluster.session._FEW", 0)
     monkeypatch.setattr("ao.cluster.dispatch._FIRST_RAYS", 1 << 16)
     monkeypatch.setattr("ao.cluster.dispatch._SECONDS", 0.1)
     monkeypatch.setattr("ao.cluster.dispatch._LEAST_SECONDS", 0.02)
@@ -82,8 +83,11 @@ def small_blocks(monkeypatch):
 
 def bake_on(address, make, path, tell=pytest.fail, progress=None, **settings):
     """What `make` makes with a cluster, and what that handed out."""
-    with ClusterCheckpoint(path, address, tell=tell, **settings) as checkpoint:
-        return make(checkpoint=checkpoint, progress=progress), checkpoint.cluster.dispatch
+    with (
+        ClusterSession(address, path.parent, path.stem, tell) as session,
+        ClusterCheckpoint(path, session, tell=tell, **settings) as checkpoint,
+    ):
+        return make(checkpoint=checkpoint, progress=progress), session.cluster.dispatch
 
 
 @contextmanager

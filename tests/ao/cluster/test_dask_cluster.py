@@ -12,7 +12,7 @@ from meshes import hills
 from parts_of_bakes import bits
 
 import ao
-import ao.cluster.checkpoint
+import ao.cluster.session
 from ao.cluster.dask_cluster import local_workers
 from ao.cluster.dispatch import IN_FLIGHT
 from ao.trace.checkpoint import Checkpoint
@@ -131,8 +131,8 @@ def test_a_worker_whose_disk_is_full_gets_no_more_work(cluster, tmp_path, medium
 
 def test_where_no_worker_can_be_used_the_reason_is_told(cluster, tmp_path, monkeypatch):
     monkeypatch.setattr("ao.cluster.dask_cluster._PATIENCE", 0.5)
-    here = ao.cluster.checkpoint.machine()
-    monkeypatch.setattr("ao.cluster.checkpoint.machine", lambda: here | {"Embree": "4.0.0"})
+    here = ao.cluster.session.machine()
+    monkeypatch.setattr("ao.cluster.session.machine", lambda: here | {"Embree": "4.0.0"})
     messages = []
     with pytest.raises(ClusterError, match=r"no worker can be used: tcp://.*: Embree: expected 4.0.0, got"):
         bake_on(cluster.scheduler_address, MEDIUM, tmp_path / "w.partial", messages.append)
@@ -141,13 +141,13 @@ def test_where_no_worker_can_be_used_the_reason_is_told(cluster, tmp_path, monke
 
 def test_a_folder_that_workers_do_not_see_is_told(cluster, tmp_path, monkeypatch):
     monkeypatch.setattr("ao.cluster.dask_cluster._PATIENCE", 0.5)
-    written = ao.cluster.checkpoint.write_scene
+    written = ao.cluster.session.write_scene
 
     def unshared(folder, *arguments):
         file = written(folder, *arguments)
         return file._replace(path=file.path.replace(str(folder), "/nowhere"))
 
-    monkeypatch.setattr("ao.cluster.checkpoint.write_scene", unshared)
+    monkeypatch.setattr("ao.cluster.session.write_scene", unshared)
     with pytest.raises(ClusterError, match=r"/nowhere/.*: expected a folder that all workers share, got No such file"):
         bake_on(cluster.scheduler_address, partial(ao.bake, Mesh(*hills(61))), tmp_path / "w.partial", lambda _: None)
 
