@@ -8,6 +8,7 @@ from contextlib import contextmanager
 from functools import partial
 from itertools import count
 from pathlib import Path
+from threading import Thread
 
 import pytest
 from meshes import hills, two_boxes
@@ -76,7 +77,7 @@ def holding(after, until, mark=None):
 @pytest.fixture
 def small_blocks(monkeypatch):
     monkeypatch.setattr("ao.cluster.session._FEW", 0)
-    monkeypatch.setattr("ao.cluster.dispatch._FIRST_RAYS", 1 << 16)
+    monkeypatch.setattr("ao.cluster.dispatch._FIRST_RAYS", 1 << 12)  # a core
     monkeypatch.setattr("ao.cluster.dispatch._SECONDS", 0.1)
     monkeypatch.setattr("ao.cluster.dispatch._LEAST_SECONDS", 0.02)
 
@@ -105,6 +106,31 @@ def victims_of(cluster, workers, prepare=None):
             client.run(prepare(number), workers=[address])
         pids = client.run(os.getpid)
         yield [pids[address] for address in addresses]
+
+
+@contextmanager
+def killed_in_mid_block(cluster, folder, victims):
+    """Kill `victims` of two workers when each has made a block and is at the next; the others begin after that.
+
+    There must be more blocks than the others are given at once.
+    """
+    held, killed = folder / "held", folder / "killed"
+
+    def prepare(number):
+        return holding(1, "never", held) if number < victims else holding(0, killed)
+
+    def kill_once_held(pids):
+        while len(list(folder.glob("held-*"))) < victims:
+            time.sleep(0.01)
+        for pid in pids:
+            kill(pid)
+        killed.touch()
+
+    with victims_of(cluster, 2, prepare) as pids:
+        killer = Thread(target=kill_once_held, args=[pids[:victims]], daemon=True)
+        killer.start()
+        yield
+        killer.join()
 
 
 def kill(pid):

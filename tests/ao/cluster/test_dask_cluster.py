@@ -4,10 +4,9 @@ import os
 import time
 from contextlib import contextmanager
 from functools import partial
-from threading import Thread
 
 import pytest
-from clusters import BAKES, all_bits, bake_on, holding, kill, scheduler, small_blocks, victims_of
+from clusters import BAKES, all_bits, bake_on, holding, kill, killed_in_mid_block, scheduler, small_blocks
 from meshes import hills
 from parts_of_bakes import bits
 
@@ -21,12 +20,6 @@ from raytrace.errors import ClusterError
 
 __all__ = ["small_blocks"]
 pytestmark = pytest.mark.usefixtures("small_blocks")
-
-
-@pytest.fixture(scope="module")
-def cluster():
-    with scheduler(2) as cluster:
-        yield cluster
 
 
 @pytest.mark.parametrize("name", BAKES)
@@ -76,22 +69,8 @@ def medium():
 
 @pytest.mark.parametrize("victims", [1, 2])
 def test_killed_workers_lose_only_the_blocks_that_they_had(cluster, tmp_path, medium, victims):
-    held, killed = tmp_path / "held", tmp_path / "killed"
-
-    def kill_in_mid_block(pids):
-        while len(list(tmp_path.glob("held-*"))) < victims:
-            time.sleep(0.01)
-        for pid in pids:
-            kill(pid)
-        killed.touch()
-
-    with victims_of(
-        cluster, 2, lambda number: holding(1, "", held) if number < victims else holding(0, killed)
-    ) as pids:
-        killer = Thread(target=kill_in_mid_block, args=[pids[:victims]], daemon=True)
-        killer.start()
+    with killed_in_mid_block(cluster, tmp_path, victims):
         baked, dispatch = bake_on(cluster.scheduler_address, MEDIUM, tmp_path / "w.partial")
-        killer.join()
     assert bits(baked) == medium
     assert victims <= dispatch.again <= IN_FLIGHT * victims
     assert dispatch.rows == MEDIUM_ROWS
