@@ -201,7 +201,7 @@ def bake(
         typer.Option(
             metavar="K/N",
             help="Trace only the K-th of N parts, into the folder --output, for obscurance merge; of a texture, if "
-            "--size or --texel-size is given.",
+            "--size or --texel-size is given. With --output-dir: bake the K-th part of the inputs.",
         ),
     ] = None,
     cluster: Cluster = None,
@@ -235,7 +235,9 @@ def bake(
 @app.command()
 def merge(
     parts: Annotated[Path, typer.Argument(metavar="FOLDER", help="Where bake --part has put all parts.")],
-    output: Annotated[Path, typer.Option("--output", "-o", help="Output file, as of bake.")],
+    output: Annotated[
+        Path | None, typer.Option("--output", "-o", help="Output file, as of bake; none for parts of a batch.")
+    ] = None,
     mesh: Annotated[Path | None, typer.Option(help="The mesh file, if it is elsewhere than for the parts.")] = None,
     high: Annotated[Path | None, typer.Option(help="The finer mesh file, likewise.")] = None,
     report: Report = None,
@@ -253,11 +255,11 @@ def merge(
     threads: Threads = None,
     quiet: Quiet = False,
 ) -> None:
-    """Write the output of a bake that was traced in parts."""
+    """Write the output of a bake that was traced in parts, or the manifest of a batch that was."""
     options = {name: value for name, value in locals().items() if name != "parts"}
-    from scenes.cluster.merge import merge
+    from scenes.baking.choose import run_merge
 
-    merge(parts, options)
+    raise typer.Exit(run_merge(parts, options))
 
 
 @app.command()

@@ -22,6 +22,7 @@ from raytrace.errors import ClusterError, InputError, MemoryLimitError, OptionEr
 from raytrace.system.threads import thread_count
 
 from ..trace.work import Span, Tables, Work
+from .addresses import CONFIG, LOCAL, local_workers
 from .dispatch import IN_FLIGHT, Dispatch
 from .scene_file import SceneFile
 from .worker import greet, trace_block
@@ -31,15 +32,6 @@ _LOOK = 0.2  # seconds between looks at who is there
 _PATIENCE = 10.0  # seconds without any worker until a message says so
 _START = 60.0  # seconds that workers on this machine have to start
 _FAILURES = 3  # of one block, after which it is the block's fault
-CONFIG = {
-    "distributed.admin.large-graph-warning-threshold": "1GB",
-    "distributed.deploy.lost-worker-timeout": "1 hour",  # a worker that starts again may take a while
-}
-LOCAL: dict[str, Any] = {
-    "threads_per_worker": 1, "memory_limit": 0, "host": "127.0.0.1", "silence_logs": logging.CRITICAL,
-    "preload": ["ao.cluster.worker"],
-    "scheduler_kwargs": {"dashboard": False, "dashboard_address": "127.0.0.1:0"},
-}  # fmt: skip
 
 Found = tuple[int, int, Tables]
 
@@ -70,7 +62,7 @@ class DaskCluster:
         self._stop, self._scene_known = asyncio.Event(), asyncio.Event()
         self._more = asyncio.Condition()
         self._served: dict[str, asyncio.Task[None]] = {}
-        self._refused: dict[str, str] = {}
+        self._refused: dict[str, InputError | ClusterError] = {}
         self._failures: dict[Span, int] = {}
         self._thread = threading.Thread(target=self._run, daemon=True)
         self._client: Any = None
@@ -94,8 +86,9 @@ class DaskCluster:
         """The rows `spans` of `work`, in blocks as they come: first row, last row, tables.
 
         Raises:
-            ClusterError: the scheduler is lost, all workers are refused, or a block fails again and again.
-            InputError: from the work itself, a texture that cannot be read for instance.
+            InputError: no worker is like this machine or sees the scene; or the work itself cannot be done, a texture
+                not be read for instance.
+            ClusterError: the scheduler is lost, or blocks fail again and again.
         """
         left = sum(last - first for first, last in spans)
         self._soon(partial(self._begin, work, spans))
@@ -144,10 +137,10 @@ class DaskCluster:
     def _alone(self, seconds: float, reported: bool) -> bool:
         """Say, once, that no worker can be used for so many seconds. Returns: whether that has been said.
 
-        Raises: ClusterError: waiting is of no use.
+        Raises: InputError, ClusterError: waiting is of no use.
         """
-        for worker, reason in list(self._refused.items()):
-            raise ClusterError(f"{self.address}: no worker can be used: {worker}: {reason}")
+        for reason in list(self._refused.values()):
+            raise reason
         if self.workers and seconds > _START:
             raise ClusterError(f"{self.address}: its workers have ended and do not start again")
         if not reported:
@@ -206,15 +199,18 @@ class DaskCluster:
 
     async def _serve(self, worker: str) -> None:
         await self._scene_known.wait()
-        answer, scene = "", None
-        while isinstance(answer, str) and scene is not self._scene:  # which may have been another's meanwhile
+        answer: int | tuple[str, str, str] = "", "", ""
+        scene = None
+        while not isinstance(answer, int) and scene is not self._scene:  # which may have been another's meanwhile
             scene = self._scene
             try:
                 answer = await self._call(worker, greet, self._machine, scene, self._threads)
-            except Exception as reason:
-                answer = f"expected obscurance as it is here, got {type(reason).__name__}: {reason}"
-        if isinstance(answer, str):
-            self._refuse(worker, answer)
+            except Exception as failure:
+                answer = "code", "obscurance as it is here", f"{type(failure).__name__}: {failure}"
+        if not isinstance(answer, int):
+            what, expected, got = answer
+            reason = InputError(f"{self.address}: no worker can be used: {worker}", what, expected, got)
+            self._refuse(worker, f"{what}: expected {expected}, got {got}", reason)
             return
         self.dispatch.joined(worker, answer)
         try:
@@ -222,12 +218,14 @@ class DaskCluster:
                 for _ in range(IN_FLIGHT):
                     feeding.create_task(self._feed(worker))
         except* _Failed as failures:
-            self._refuse(worker, str(failures.exceptions[0]))
+            text = str(failures.exceptions[0])
+            self._refuse(worker, text, ClusterError(f"{self.address}: no worker can be used: {worker}: {text}"))
         finally:
             self.dispatch.left(worker)
 
-    def _refuse(self, worker: str, reason: str) -> None:
-        self._messages.put(f"worker {worker} gets no work: {' '.join(reason.split())}")
+    def _refuse(self, worker: str, text: str, reason: InputError | ClusterError) -> None:
+        """Args: text: for the user at once. reason: for the case that there are no others."""
+        self._messages.put(f"worker {worker} gets no work: {' '.join(text.split())}")
         self._refused[worker] = reason
 
     async def _feed(self, worker: str) -> None:
@@ -298,17 +296,3 @@ class DaskCluster:
 
 class _Failed(Exception):
     """A worker cannot trace."""
-
-
-def local_workers(address: str) -> int | None:
-    """N of `local:N`, 1 of `local`, None of a scheduler's address.
-
-    Raises:
-        OptionError: it is neither.
-    """
-    name, _, number = address.partition(":")
-    if name == "local" and ((number.isdecimal() and 1 <= int(number) <= 4096) or ":" not in address):
-        return int(number or 1)
-    if "://" in address and not address.endswith("://"):
-        return None
-    raise OptionError("cluster", "local, local:N or the address of a Dask scheduler, tcp://host:port", repr(address))

@@ -57,8 +57,7 @@ class ClusterSession:
 
         Raises:
             OutputError: the scene's file cannot be written.
-            ClusterError: the scheduler is lost, or no worker can be used.
-            InputError: the work cannot be done, whoever does it.
+            InputError, ClusterError: as `DaskCluster.trace`.
         """
         if self._scene is not scene:
             self._remove()

@@ -23,21 +23,20 @@ def dask_setup(_worker: object) -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)
 
 
-def greet(expected: Mapping[str, str], file: SceneFile, threads: int | None) -> int | str:
-    """How many threads trace here, or in words why nothing can.
+def greet(expected: Mapping[str, str], file: SceneFile, threads: int | None) -> int | tuple[str, str, str]:
+    """How many threads trace here; or why nothing can: what, what was expected of it, and what came.
 
     Args: expected: `machine()` of who asks. file: the scene to load. threads: None for all cores.
     """
     if found := first_difference(expected, machine()):
-        name, wanted, got = found
-        return f"{name}: expected {wanted}, got {got}"
+        return found
     try:
         with _lock:
             _scene(file)
     except OSError as reason:
-        return f"{file.path}: expected a folder that all workers share, got {reason.strerror or reason}"
+        return str(reason.filename or file.path), "a folder that all workers share", str(reason.strerror or reason)
     except Exception as reason:
-        return f"{file.path}: expected the scene of the bake, got {reason}"
+        return file.path, "the scene of this very work", f"{type(reason).__name__}: {reason}"
     return thread_count(threads)
 
 

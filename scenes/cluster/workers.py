@@ -36,7 +36,7 @@ class Workers:
 
         if find_spec("distributed") is None:
             raise OptionError("cluster", "Dask, which pip install 'obscurance[cluster]' installs", "none")
-        from ao.cluster.dask_cluster import local_workers
+        from ao.cluster.addresses import local_workers
 
         local_workers(self.address)
         if self.shared is not None and not self.shared.is_dir():
@@ -73,14 +73,17 @@ class ClusterCommand:
 
     @contextmanager
     def _open(self, opened: list[ClusterSession], target: Path) -> Iterator[Checkpoint]:
-        from ao.cluster.checkpoint import ClusterCheckpoint
-
-        with (
-            self.workers.session(target) as session,
-            ClusterCheckpoint(f"{target}.partial", session, self.bake.resume, note) as checkpoint,
-        ):
+        with self.workers.session(target) as session:
             opened.append(session)
-            yield checkpoint
+            with cluster_checkpoint(session, self.bake.resume, target) as checkpoint:
+                yield checkpoint
+
+
+def cluster_checkpoint(session: ClusterSession, resume: bool, target: Path) -> Checkpoint:
+    """Lets workers trace what a target needs, and keeps it beside that."""
+    from ao.cluster.checkpoint import ClusterCheckpoint
+
+    return ClusterCheckpoint(f"{target}.partial", session, resume, note)
 
 
 def cluster_command(address: str, shared: Path | None, options: dict[str, Any]) -> ClusterCommand:

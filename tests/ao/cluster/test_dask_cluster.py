@@ -12,10 +12,10 @@ from parts_of_bakes import bits
 
 import ao
 import ao.cluster.session
-from ao.cluster.dask_cluster import local_workers
+from ao.cluster.addresses import local_workers
 from ao.cluster.dispatch import IN_FLIGHT
 from ao.trace.checkpoint import Checkpoint
-from raytrace import Mesh, OptionError
+from raytrace import InputError, Mesh, OptionError
 from raytrace.errors import ClusterError
 
 __all__ = ["small_blocks"]
@@ -113,7 +113,7 @@ def test_where_no_worker_can_be_used_the_reason_is_told(cluster, tmp_path, monke
     here = ao.cluster.session.machine()
     monkeypatch.setattr("ao.cluster.session.machine", lambda: here | {"Embree": "4.0.0"})
     messages = []
-    with pytest.raises(ClusterError, match=r"no worker can be used: tcp://.*: Embree: expected 4.0.0, got"):
+    with pytest.raises(InputError, match=r"no worker can be used: tcp://.*: Embree: expected 4.0.0, got"):
         bake_on(cluster.scheduler_address, MEDIUM, tmp_path / "w.partial", messages.append)
     assert messages[0].startswith("worker tcp://")
 
@@ -127,7 +127,8 @@ def test_a_folder_that_workers_do_not_see_is_told(cluster, tmp_path, monkeypatch
         return file._replace(path=file.path.replace(str(folder), "/nowhere"))
 
     monkeypatch.setattr("ao.cluster.session.write_scene", unshared)
-    with pytest.raises(ClusterError, match=r"/nowhere/.*: expected a folder that all workers share, got No such file"):
+    expected = r"no worker can be used: .*: /nowhere/.*: expected a folder that all workers share, got No such file"
+    with pytest.raises(InputError, match=expected):
         bake_on(cluster.scheduler_address, partial(ao.bake, Mesh(*hills(61))), tmp_path / "w.partial", lambda _: None)
 
 
