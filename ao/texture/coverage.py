@@ -41,13 +41,30 @@ class Coverage:
     Attributes:
         texels: int64 (k,), row · width + column.
         face: int32 (k, SLOTS), the face that each point lies on, a row of `UVLayout.uv`.
-        barycentric: float32 (k, SLOTS, 3). overlapping: bool (k,), whether several faces lie over one another.
+        barycentric: float32 (k, SLOTS, 3).
+        centre_face: int32 (k,), the face at the centre of each texel that is covered as a whole by faces that do not
+            overlap, −1 for others. centre: float32 (k, 3), barycentric.
+        overlapping: bool (k,), whether several faces lie over one another.
     """
 
     texels: Int64s
     face: Int32s
     barycentric: Float32s
+    centre_face: Int32s
+    centre: Float32s
     overlapping: Bools
+
+    @classmethod
+    def without_centres(cls, texels: Int64s, face: Int32s, barycentric: Float32s, overlapping: Bools) -> Coverage:
+        """Arguments as the attributes."""
+        count = len(texels)
+        return cls(
+            texels, face, barycentric, np.full(count, -1, np.int32), np.zeros((count, 3), np.float32), overlapping
+        )
+
+    def only(self, rows: Int64s) -> Coverage:
+        """Some of the texels, in another order."""
+        return Coverage(*(getattr(self, name)[rows] for name in Coverage.__dataclass_fields__))
 
 
 def cover(layout: UVLayout, overlap: Overlap, threads: int) -> Coverage:
@@ -86,20 +103,40 @@ def _cover_band(
         )
     triangle, barycentric = triangle.reshape(-1, SLOTS), barycentric.reshape(-1, SLOTS, 3)
     hit = triangle >= 0
+    overlapping: Bools = np.any(overlapped.reshape(-1, SLOTS), axis=1)
+    whole = np.flatnonzero(hit.all(axis=1) & ~overlapping)
+    centre_face, centre = np.full(len(texels), -1), np.zeros((len(texels), 3), np.float32)
+    centre_face[whole], centre[whole] = _at_centres(
+        scene, texels[whole], layout.width, triangle[whole], barycentric[whole], threads
+    )
     missed = np.flatnonzero(~hit.any(axis=1))
     slivers = find_slivers(layout.corners, texels[missed], layout.width, threads)
     triangle[missed] = slivers.face[:, None]
     barycentric[missed] = slivers.barycentric[:, None]
     refill(hit, triangle, barycentric)
-    whole = hit.all(axis=1) | (triangle[:, 0] < 0) | overlapped.reshape(-1, SLOTS).any(axis=1)
-    parts = np.flatnonzero(~whole)
+    parts = np.flatnonzero(~(hit.all(axis=1) | (triangle[:, 0] < 0) | overlapping))
     for first in range(0, len(parts), _FINE_TEXELS):
         some = parts[first : first + _FINE_TEXELS]
         _spread_over_part(scene, texels[some], layout.width, some, triangle, barycentric, threads)
     covered = triangle[:, 0] >= 0
-    face = np.append(layout.face, -1)[triangle[covered]].astype(np.int32)
-    overlapping: Bools = np.any(overlapped.reshape(-1, SLOTS)[covered], axis=1)
-    return Coverage(texels[covered], face, barycentric[covered], overlapping)
+    number = np.append(layout.face, -1).astype(np.int32)
+    face, centre_face = number[triangle[covered]], number[centre_face[covered]]
+    return Coverage(texels[covered], face, barycentric[covered], centre_face, centre[covered], overlapping[covered])
+
+
+def _at_centres(
+    scene: TriangleScene, texels: Int64s, width: int, triangle: Int64s, barycentric: Float32s, threads: int
+) -> tuple[Int64s, Float32s]:
+    """The triangle (k,) at the centre of each of the `texels`, −1 for none, and where on it (k, 3).
+
+    Args: triangle, barycentric: of the points about it, (k, SLOTS) and (k, SLOTS, 3).
+    """
+    found, place = triangle[:, 0].copy(), barycentric.sum(axis=1) / np.float32(SLOTS)
+    several = np.flatnonzero((triangle != triangle[:, :1]).any(axis=1))
+    middles = np.stack([texels[several] % width, texels[several] // width], axis=1) + np.array([0.5, 0.5])
+    hits = intersect(scene, _at_height(middles, _ABOVE), [[0.0, 0.0, -1.0]], np.inf, threads)
+    found[several], place[several] = hits.face, hits.barycentric
+    return found, place
 
 
 def _spread_over_part(
