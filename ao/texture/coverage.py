@@ -83,10 +83,6 @@ class Coverage:
             texels, face, barycentric, np.full(count, -1, np.int32), np.zeros((count, 3), np.float32), overlapping
         )
 
-    def only(self, rows: Int64s) -> Coverage:
-        """Some of the texels, in another order."""
-        return Coverage(*(getattr(self, name)[rows] for name in Coverage.__dataclass_fields__))
-
 
 def cover(layout: UVLayout, overlap: Overlap, threads: int) -> Coverage:
     """The texels that the faces of `layout` cover.

@@ -7,8 +7,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from raytrace.bvh.bvh16 import BVH16
+from raytrace.kernel.jit import kernel
 from raytrace.mesh.placement import Placement
 from raytrace.ray_origins.origins import ray_origins
+from raytrace.system.threads import run_blocks
 from raytrace.types import Bools, Float32s, Int32s, Int64s
 
 from ..gather.morton import morton_order
@@ -21,6 +23,7 @@ from .coverage import Coverage, refill
 from .surface_points import Faces, centres_suffice
 
 _PLACED = 1 << 18  # points whose origins are found together
+_BLOCK = 1 << 13
 _RAYS, _NOISE = 256, 0.004  # so many rays a texel, and about how much they err by
 _BENT = (
     0.2  # by how much normals may differ within a texel, for that: one point and several then differ by a third of it
@@ -83,10 +86,8 @@ def find_texels(
     """
     faces = Faces.of(placement.vertices.astype(np.float64), receivers)
     first = faces.points_at(coverage.face[:, 0].astype(np.int64), coverage.barycentric[:, 0], threads)[0]
-    order = morton_order(first)
-    coverage, page = coverage.only(order), page.only(order)
     alone = centres_suffice(coverage, faces, receivers.tree, _most_bent(options), threads)
-    texels = _placed(coverage, page, alone, faces, receivers.tree, threads)
+    texels = _placed(coverage, page, morton_order(first), alone, faces, receivers.tree, threads)
     inside = inside_solids(texels, placement, receivers, options.hidden, threads)
     if not inside.any():
         return texels, 0
@@ -108,18 +109,22 @@ def _most_bent(options: Options) -> float:
     return _BENT * min(noise / _NOISE, 1.0)
 
 
-def _placed(coverage: Coverage, page: Coverage, alone: Bools, faces: Faces, tree: BVH16, threads: int) -> Texels:
+def _placed(
+    coverage: Coverage, page: Coverage, order: Int64s, alone: Bools, faces: Faces, tree: BVH16, threads: int
+) -> Texels:
     """Points with origins from which no ray hits the faces that they lie on.
 
-    Args: alone: bool (k,), texels whose only point is that at the centre.
+    Args: order: of the texels. alone: bool (k,), texels whose only point is that at the centre; not yet in order.
     """
-    slots = coverage.face.shape[1]
-    starts = np.concatenate([[0], np.cumsum(np.where(alone, 1, slots))])
+    starts = np.concatenate([[0], np.cumsum(np.where(alone[order], 1, coverage.face.shape[1]))])
     count = int(starts[-1])
     face, weights = np.empty(count, np.int32), np.empty((count, 3), np.float32)
-    centres, several = starts[:-1][alone], starts[:-1][~alone, None] + np.arange(slots)
-    face[centres], weights[centres] = coverage.centre_face[alone], coverage.centre[alone]
-    face[several], weights[several] = coverage.face[~alone], coverage.barycentric[~alone]
+    points = coverage.face, coverage.barycentric, coverage.centre_face, coverage.centre
+
+    def lay_out(first: int, last: int) -> None:
+        _lay_out(order[first:last], starts[first:last], alone, points, face, weights)
+
+    run_blocks(len(order), _BLOCK, lay_out, threads)
     origins, normals, sides = (np.empty((count, 3), np.float32) for _ in range(3))
     for first in range(0, count, _PLACED):
         part = slice(first, first + _PLACED)
@@ -128,10 +133,27 @@ def _placed(coverage: Coverage, page: Coverage, alone: Bools, faces: Faces, tree
         clearance, magnitude = np.ones(len(places)), faces.magnitude[own]
         origins[part] = ray_origins(tree, faces.surface, places, side, clearance, faces.own, own, magnitude)
         normals[part], sides[part] = axis, side
-    points = Points(origins, normals, np.arange(count, dtype=np.uint32))
-    shown, shown_at = page.face[:, 0].copy(), page.barycentric[:, 0].copy()
-    shown[alone], shown_at[alone] = page.centre_face[alone], page.centre[alone]
-    return Texels(coverage.texels, starts, face, points, sides, shown, shown_at)
+    placed = Points(origins, normals, np.arange(count, dtype=np.uint32))
+    shown = np.where(alone, page.centre_face, page.face[:, 0])[order]
+    shown_at = np.where(alone[:, None], page.centre, page.barycentric[:, 0])[order]
+    return Texels(coverage.texels[order], starts, face, placed, sides, shown, shown_at)
+
+
+@kernel
+def _lay_out(order, starts, alone, points, face, weights):
+    """Write the face of each point and where on it, of texels in their order: of all of their points or of centres."""
+    each, each_at, centre, centre_at = points
+    for i in range(len(order)):
+        row, first = order[i], starts[i]
+        if alone[row]:
+            face[first] = centre[row]
+            for corner in range(3):
+                weights[first, corner] = centre_at[row, corner]
+            continue
+        for k in range(each.shape[1]):
+            face[first + k] = each[row, k]
+            for corner in range(3):
+                weights[first + k, corner] = each_at[row, k, corner]
 
 
 def inside_solids(texels: Texels, placement: Placement, receivers: Receivers, hidden: Hidden, threads: int) -> Bools:
