@@ -30,7 +30,7 @@ from raytrace.embree.packets import (
 from raytrace.embree.rays import intersect
 from raytrace.embree.scene import TriangleScene
 from raytrace.kernel.borrow import borrow
-from raytrace.kernel.jit import kernel
+from raytrace.kernel.jit import inline, kernel
 from raytrace.system.threads import run_blocks
 from raytrace.types import Bools, Float32s, Float64s, Int32s, Int64s
 
@@ -40,8 +40,11 @@ from .uv_layout import UVLayout
 
 Overlap = Literal["mean", "first", "refuse"]
 SLOTS = 4  # points of a texel
-_GRID = np.array([[0.375, 0.125], [0.625, 0.875], [0.125, 0.625], [0.875, 0.375]])
-"""A rotated grid: means of what is linear over a texel are exact, those of the first or the last two points, too."""
+_GRID = np.array([[0.375, 0.125], [0.125, 0.625], [0.875, 0.375], [0.625, 0.875]])
+"""A rotated grid: means of what is linear over a texel are exact, and so are those over a diagonal: the first and the
+last point, or the other two. Two faces over one another take turns so that each has a diagonal; of other texels the
+first two points are one."""
+DEEP = 16  # points of a texel in which more than two faces lie over one another
 _FINE = 8  # points across and down of texels that are not whole
 _WITHIN = np.array([0.125, 0.625, 0.375, 0.875])  # where to take one from each quarter of them
 _FINE_TEXELS = 1 << 14  # together
@@ -66,6 +69,8 @@ class Coverage:
         centre_face: int32 (k,), the face at the centre of each texel that is covered as a whole by faces that do not
             overlap, −1 for others. centre: float32 (k, 3), barycentric.
         overlapping: bool (k,), whether several faces lie over one another.
+        deep: bool (k,), whether these are more than two at some point, and share the texel.
+        deep_face: int32 (j, DEEP), deep_barycentric: float32 (j, DEEP, 3), of the j deep texels: points on all faces.
     """
 
     texels: Int64s
@@ -74,14 +79,16 @@ class Coverage:
     centre_face: Int32s
     centre: Float32s
     overlapping: Bools
+    deep: Bools
+    deep_face: Int32s
+    deep_barycentric: Float32s
 
     @classmethod
-    def without_centres(cls, texels: Int64s, face: Int32s, barycentric: Float32s, overlapping: Bools) -> Coverage:
-        """Arguments as the attributes."""
-        count = len(texels)
-        return cls(
-            texels, face, barycentric, np.full(count, -1, np.int32), np.zeros((count, 3), np.float32), overlapping
-        )
+    def of_points(cls, texels: Int64s, face: Int32s, barycentric: Float32s, overlapping: Bools) -> Coverage:
+        """Coverage without centres and deep texels. Arguments as the attributes."""
+        centres = np.full(len(texels), -1, np.int32), np.zeros((len(texels), 3), np.float32)
+        none = np.zeros((0, DEEP), np.int32), np.zeros((0, DEEP, 3), np.float32)
+        return cls(texels, face, barycentric, *centres, overlapping, np.zeros(len(texels), np.bool_), *none)
 
 
 def cover(layout: UVLayout, overlap: Overlap, threads: int) -> Coverage:
@@ -113,11 +120,14 @@ def _cover_band(
     """`cover` of some texels."""
     shape = len(texels), SLOTS
     triangle, barycentric = np.full(shape, -1), np.zeros((*shape, 3), np.float32)
-    overlapping = np.zeros(len(texels), np.bool_)
+    overlapping, deep = np.zeros((2, len(texels)), np.bool_)
+    deep_triangle, deep_place = np.empty((len(texels), DEEP), np.int64), np.empty((len(texels), DEEP, 3), np.float32)
 
     def work(first: int, last: int) -> None:
-        found = triangle[first:last], barycentric[first:last], overlapping[first:last]
-        _find_hits(RayPacket.of(scene), texels[first:last], layout.width, step, overlap == "mean", found)
+        some = slice(first, last)
+        found = triangle[some], barycentric[some], overlapping[some]
+        layered = deep[some], deep_triangle[some], deep_place[some]
+        _find_hits(RayPacket.of(scene), texels[some], layout.width, step, overlap == "mean", found, layered)
 
     run_blocks(len(texels), _BLOCK, work, threads)
     hit = triangle >= 0
@@ -138,7 +148,17 @@ def _cover_band(
     covered = triangle[:, 0] >= 0
     number = np.append(layout.face, -1).astype(np.int32)
     face, centre_face = number[triangle[covered]], number[centre_face[covered]]
-    return Coverage(texels[covered], face, barycentric[covered], centre_face, centre[covered], overlapping[covered])
+    return Coverage(
+        texels[covered],
+        face,
+        barycentric[covered],
+        centre_face,
+        centre[covered],
+        overlapping[covered],
+        deep[covered],
+        number[deep_triangle[deep]],
+        deep_place[deep],
+    )
 
 
 def _at_centres(
@@ -200,16 +220,19 @@ def refill(good: Bools, *tables: Int32s | Int64s | Float32s) -> None:
 
 
 @kernel
-def _find_hits(packet, texels, width, step, in_turn, found):
+def _find_hits(packet, texels, width, step, in_turn, found, layered):
     """Find the triangle at each point of some texels by rays straight down.
 
     Args:
         in_turn: whether points at which several lie over one another take turns among all of them, or have the first.
         found: triangles, int64 (k, SLOTS), where on them, float32 (k, SLOTS, 3), and whether there are several at any
             point, bool (k,); written where there are any.
+        layered: whether there are more than two, bool (k,), and points on all of them, int64 (k, DEEP) and float32
+            (k, DEEP, 3); written likewise.
     """
     scene, rays, valid = borrow(packet)
     triangle, barycentric, overlapping = found
+    deep, deep_triangle, deep_place = layered
     ids, count = rays.view(np.uint32), SLOTS * len(texels)
     height, layers, several = np.zeros(LANES), np.zeros(LANES, np.int64), np.zeros(LANES, np.bool_)
     face, weights = np.zeros((LANES, _LAYERS), np.int64), np.zeros((LANES, _LAYERS, 3), np.float32)
@@ -255,11 +278,37 @@ def _find_hits(packet, texels, width, step, in_turn, found):
             if several[lane]:
                 i, k = divmod(first + lane, SLOTS)
                 overlapping[i] = True
+                deep[i] |= in_turn and layers[lane] > 2
                 if in_turn:
                     chosen = (_TURNS[k] * layers[lane] // SLOTS + texels[i]) % layers[lane]
                     triangle[i, k] = face[lane, chosen]
                     for corner in range(3):
                         barycentric[i, k, corner] = weights[lane, chosen, corner]
+        for begin in range(0, min(LANES, count - first), SLOTS):
+            i = (first + begin) // SLOTS
+            if not (overlapping[i] and in_turn):
+                _bring_forward(triangle[i], barycentric[i])
+            if deep[i]:
+                total = layers[begin : begin + SLOTS].sum()
+                for point in range(DEEP):
+                    lane, layer = begin, point * total // DEEP
+                    while layer >= layers[lane]:
+                        layer -= layers[lane]
+                        lane += 1
+                    deep_triangle[i, point] = face[lane, layer]
+                    for corner in range(3):
+                        deep_place[i, point, corner] = weights[lane, layer, corner]
+
+
+@inline
+def _bring_forward(triangle, barycentric):
+    """Put the last point of a texel in the second place."""
+    last, a, b, c = triangle[SLOTS - 1], barycentric[SLOTS - 1, 0], barycentric[SLOTS - 1, 1], barycentric[SLOTS - 1, 2]
+    for k in range(SLOTS - 1, 1, -1):
+        triangle[k] = triangle[k - 1]
+        for corner in range(3):
+            barycentric[k, corner] = barycentric[k - 1, corner]
+    triangle[1], barycentric[1, 0], barycentric[1, 1], barycentric[1, 2] = last, a, b, c
 
 
 def _at_height(places: Float64s, height: Float64s | float) -> Float32s:

@@ -41,7 +41,7 @@ def sample_fine_mesh(
     surface = Fine(placement.vertices.astype(np.float64), fine, high.source)
     axes = shown.points.normals.astype(np.float64)
     found, missed = project(
-        Coverage.without_centres(np.arange(count), *nowhere), places, axes, surface, cage * placement.scale, threads
+        Coverage.of_points(np.arange(count), *nowhere), places, axes, surface, cage * placement.scale, threads
     )
     texels, _ = find_texels(found, found, placement, fine, replace(options, hidden="ignore"), threads)
     inside = inside_solids(texels, placement, fine, options.hidden, threads)

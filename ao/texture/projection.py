@@ -56,7 +56,7 @@ def project(
     face[missed], weights[missed] = _closest_points(fine, places[missed], cage, threads)
     shape = coverage.face.shape
     each = face.reshape(shape).astype(np.int32), weights.reshape(*shape, 3)
-    return Coverage.without_centres(coverage.texels, *each, coverage.overlapping), missed
+    return Coverage.of_points(coverage.texels, *each, coverage.overlapping), missed
 
 
 def _closest_points(fine: Fine, places: Float64s, radius: float, threads: int) -> tuple[Int64s, Float32s]:

@@ -19,7 +19,7 @@ from ..gather.receivers import Receivers
 from ..interior.closed_parts import closed_parts, inside_boxes
 from ..interior.inside import Solids, hidden_points
 from ..options import Hidden, Options
-from .coverage import Coverage, refill
+from .coverage import DEEP, Coverage, refill
 from .surface_points import Faces, centres_suffice
 
 _PLACED = 1 << 18  # points whose origins are found together
@@ -91,12 +91,13 @@ def find_texels(
     inside = inside_solids(texels, placement, receivers, options.hidden, threads)
     if not inside.any():
         return texels, 0
-    several = texels.starts[:-1][texels.counts > 1, None] + np.arange(coverage.face.shape[1])
     good = ~inside
-    for table in (texels.face, texels.points.origins, texels.points.normals, texels.sides):
-        some = table[several]
-        refill(good[several], some)
-        table[several] = some
+    for count in np.unique(texels.counts).tolist():
+        each = texels.starts[:-1][texels.counts == count, None] + np.arange(count)
+        for table in (texels.face, texels.points.origins, texels.points.normals, texels.sides):
+            some = table[each]
+            refill(good[each], some)
+            table[each] = some
     rows = np.flatnonzero(np.logical_or.reduceat(good, texels.starts[:-1]))
     if not len(rows):  # a room whose walls face outwards, for instance
         return texels, 0
@@ -116,13 +117,15 @@ def _placed(
 
     Args: order: of the texels. alone: bool (k,), texels whose only point is that at the centre; not yet in order.
     """
-    starts = np.concatenate([[0], np.cumsum(np.where(alone[order], 1, coverage.face.shape[1]))])
+    counts = np.where(alone, 1, np.where(coverage.deep, DEEP, coverage.face.shape[1]))
+    starts = np.concatenate([[0], np.cumsum(counts[order])])
     count = int(starts[-1])
     face, weights = np.empty(count, np.int32), np.empty((count, 3), np.float32)
     points = coverage.face, coverage.barycentric, coverage.centre_face, coverage.centre
+    layered = np.cumsum(coverage.deep) - 1, coverage.deep_face, coverage.deep_barycentric
 
     def lay_out(first: int, last: int) -> None:
-        _lay_out(order[first:last], starts[first:last], alone, points, face, weights)
+        _lay_out(order[first:last], starts[first : last + 1], alone, points, layered, face, weights)
 
     run_blocks(len(order), _BLOCK, lay_out, threads)
     origins, normals, sides = (np.empty((count, 3), np.float32) for _ in range(3))
@@ -140,20 +143,22 @@ def _placed(
 
 
 @kernel
-def _lay_out(order, starts, alone, points, face, weights):
-    """Write the face of each point and where on it, of texels in their order: of all of their points or of centres."""
+def _lay_out(order, starts, alone, points, layered, face, weights):
+    """Write the face of each point and where on it, of texels in their order: those of a `Coverage`, as many as fit."""
     each, each_at, centre, centre_at = points
+    number, deep, deep_at = layered
     for i in range(len(order)):
         row, first = order[i], starts[i]
-        if alone[row]:
-            face[first] = centre[row]
+        count = starts[i + 1] - first
+        for k in range(count):
+            if alone[row]:
+                face[first], place = centre[row], centre_at[row]
+            elif count == DEEP:
+                face[first + k], place = deep[number[row], k], deep_at[number[row], k]
+            else:
+                face[first + k], place = each[row, k], each_at[row, k]
             for corner in range(3):
-                weights[first, corner] = centre_at[row, corner]
-            continue
-        for k in range(each.shape[1]):
-            face[first + k] = each[row, k]
-            for corner in range(3):
-                weights[first + k, corner] = each_at[row, k, corner]
+                weights[first + k, corner] = place[corner]
 
 
 def inside_solids(texels: Texels, placement: Placement, receivers: Receivers, hidden: Hidden, threads: int) -> Bools:
