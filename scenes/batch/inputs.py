@@ -81,7 +81,7 @@ def made(folder: Path, keep: bool = True) -> Iterator[None]:
                 each.rmdir()
 
 
-def check_batch(folder: Path, inputs: Iterable[Path], outputs: Iterable[Path]) -> None:
+def check_batch(inputs: Iterable[Path], outputs: Iterable[Path], manifest: Path) -> None:
     """Raises: OptionError, OutputError: an output of a batch, or its manifest, cannot be written, or is an input."""
     written: dict[str, Path | None] = {f"output {path.name}": path for path in outputs}
-    check_outputs({**written, "manifest": folder / MANIFEST}, inputs)
+    check_outputs({**written, "manifest": manifest}, inputs)
