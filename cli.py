@@ -255,7 +255,7 @@ def merge(
     threads: Threads = None,
     quiet: Quiet = False,
 ) -> None:
-    """Write the output of a bake that was traced in parts, or the manifest of a batch that was."""
+    """Write the output of a bake, or a batch, traced in parts."""
     options = {name: value for name, value in locals().items() if name != "parts"}
     from scenes.baking.choose import run_merge
 
