@@ -3,7 +3,8 @@
 A ray of direction ω from the point meets a triangle a, b, c, relative to the point, where it lies on the same side of
 the planes a × b, b × c and c × a, at the distance a·N/ω·N with the triangle's normal N (Amanatides & Choi 1997, Ray
 Tracing Triangular Meshes). Two triangles that share an edge get its plane with opposite signs, bit for bit, so that no
-ray slips between them. With 2 a × b = (a − b) × (a + b), as Embree does it, long edges near the point lose no digits.
+ray slips between them. With 2 a × b = (a − b) × (a + b), as Embree does it, long edges near the point lose no digits;
+where a corner is near, a × b does. Nothing is allowed for rounding: near a corner it would be a wide angle.
 """
 
 from __future__ import annotations
@@ -20,7 +21,7 @@ from .rays import EVERYWHERE, NEVER, ONE, SLACK, TINY, ZERO, along, blocks_withi
 
 PLANES = 18  # rows of sixteen: the three edges' normals, N, a·N, and a cone around each: axis, cosine, sine
 _NORMAL, _VOLUME, _AXIS, _COSINE, _SINE = 9, 12, 13, 16, 17
-_ROUNDED = np.float32(2.0**-22)
+_FOUR = np.float32(4.0)
 _THIRD = np.float32(1.0 / 3.0)
 
 
@@ -38,9 +39,9 @@ def find_planes(triangles, origin, planes):
     n = _normal(ab, bc, ca)
     volume = multiply_add(a[0], n[0], multiply_add(a[1], n[1], a[2] * n[2]))
     side = select(volume < ZERO, -ONE, ONE)  # so that all products are positive where a ray meets the triangle
-    _store(planes, 0, scale(side, _cross(ab, add(a, b))))
-    _store(planes, 3, scale(side, _cross(bc, add(b, c))))
-    _store(planes, 6, scale(side, _cross(ca, add(c, a))))
+    _store(planes, 0, scale(side, _edge_plane(a, b, ab)))
+    _store(planes, 3, scale(side, _edge_plane(b, c, bc)))
+    _store(planes, 6, scale(side, _edge_plane(c, a, ca)))
     _store(planes, _NORMAL, scale(side, n))
     volume = abs(volume)
     store_row(planes, _VOLUME, select(volume > ZERO, volume, NEVER))
@@ -67,6 +68,23 @@ def find_cones(a, b, c, normal, lowest_sine, planes):
     height = max(max(dot(a, normal), dot(b, normal)), dot(c, normal)) + SLACK * (distance + radius)
     above = height > max(lowest_sine * (distance - radius), ZERO)
     return bits(above & (load_row(planes, _VOLUME) < NEVER))
+
+
+@inline
+def _edge_plane(a, b, ab):
+    """a × b up to a factor, by the form that loses fewer digits; of b and a the exact negative. Args: ab: a − b."""
+    both = add(a, b)
+    squared_a, squared_b = dot(a, a), dot(b, b)
+    near_a, near_b = _FOUR * squared_a < squared_b, _FOUR * squared_b < squared_a
+    first = _choose(near_a, a, _choose(near_b, b, ab))
+    second = _choose(near_a, b, _choose(near_b, scale(-ONE, a), both))
+    return _cross(first, second)
+
+
+@inline
+def _choose(mask, a, b):
+    """A triple of lanes out of two."""
+    return select(mask, a[0], b[0]), select(mask, a[1], b[1]), select(mask, a[2], b[2])
 
 
 @inline
@@ -107,8 +125,7 @@ def _pick(rows, first, lane):
 @inline
 def _meets(sides, ahead, volume, reach):
     """Where rays meet triangles nearer than `reach`."""
-    least = -_ROUNDED * ahead  # the sides add up to 2 ω·N
-    return (min(min(sides[0], sides[1]), sides[2]) >= least) & (volume < reach * ahead)
+    return (min(min(sides[0], sides[1]), sides[2]) >= ZERO) & (volume < reach * ahead)
 
 
 @inline
