@@ -513,7 +513,7 @@ def main() -> None:
         except OSError as failure:
             status = output_failed(failure)
         if status == 130:
-            print("interrupted; the target was not written", file=sys.stderr)
+            print("interrupted; no file is half-written", file=sys.stderr)
     sys.exit(status)
 
 

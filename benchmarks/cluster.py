@@ -27,7 +27,7 @@ from raytrace.system.atomic import write_json
 from raytrace.system.threads import thread_count
 from scenes.validation.text_table import text_table
 
-from .memory import bumpy_sphere
+from .meshes import bumpy_sphere
 from .time_against_error.machine import machine
 
 ROUNDS, WARM, VERTICES = 2, 16, 400_000

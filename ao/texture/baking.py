@@ -30,8 +30,9 @@ from .gathering import begin_tracing, estimate
 from .projection import Fine, project
 from .result import BakedTexture, TextureFacts, assemble_pages
 from .seams import Seams
+from .surface_points import Faces
 from .tangents import tangent_frames
-from .texels import Faces, find_texels, points_on
+from .texels import find_texels
 from .uv_layout import UVLayout, corner_uv, page_size
 
 BentSpace = Literal["world", "tangent"]
@@ -130,9 +131,9 @@ def bake_texture(
     if high is not None:
         fine = Fine(placement.vertices.astype(np.float64), receivers, solid.source)
         flat, weights = coverage.face.ravel().astype(np.int64), coverage.barycentric.reshape(-1, 3)
-        places, _, axes = points_on(flat, weights, Faces.of(vertices, shown), shown.faces, count)
+        places, _, axes = Faces.of(vertices, shown).points_at(flat, weights, count)
         coverage, missed = project(coverage, places, axes, fine, reach * placement.scale, count)
-    texels, filled = find_texels(coverage, on_page, placement, receivers, options.hidden, count)
+    texels, filled = find_texels(coverage, on_page, placement, receivers, options, count)
     del coverage, on_page
     points_of_faces = shown.of_vertex[shown.faces]
     seams = Seams.find(layout.uv, points_of_faces, (width, height), wrap)

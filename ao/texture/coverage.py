@@ -11,17 +11,40 @@ from typing import Literal
 
 import numpy as np
 
+from raytrace.embree.packets import (
+    DIR_X,
+    DIR_Y,
+    DIR_Z,
+    GEOM_ID,
+    INVALID,
+    LANES,
+    ORG_X,
+    ORG_Y,
+    ORG_Z,
+    PRIM_ID,
+    TFAR,
+    U,
+    V,
+    intersect8,
+)
 from raytrace.embree.rays import intersect
 from raytrace.embree.scene import TriangleScene
+from raytrace.kernel.borrow import borrow
+from raytrace.kernel.jit import inline, kernel
+from raytrace.system.threads import run_blocks
 from raytrace.types import Bools, Float32s, Float64s, Int32s, Int64s
 
+from ..gather.ray_packet import RayPacket
 from .slivers import find_slivers
 from .uv_layout import UVLayout
 
 Overlap = Literal["mean", "first", "refuse"]
 SLOTS = 4  # points of a texel
-_GRID = np.array([[0.375, 0.125], [0.625, 0.875], [0.125, 0.625], [0.875, 0.375]])
-"""A rotated grid: means of what is linear over a texel are exact, those of the first or the last two points, too."""
+_GRID = np.array([[0.375, 0.125], [0.125, 0.625], [0.875, 0.375], [0.625, 0.875]])
+"""A rotated grid: means of what is linear over a texel are exact, and so are those over a diagonal: the first and the
+last point, or the other two. Two faces over one another take turns so that each has a diagonal; of other texels the
+first two points are one."""
+DEEP = 16  # points of a texel in which more than two faces lie over one another
 _FINE = 8  # points across and down of texels that are not whole
 _WITHIN = np.array([0.125, 0.625, 0.375, 0.875])  # where to take one from each quarter of them
 _FINE_TEXELS = 1 << 14  # together
@@ -32,6 +55,7 @@ _ABOVE = 1.0
 _LAYERS = 16
 _INSIDE = 1e-4  # least barycentric coordinate of what counts as inside: neighbours share their edges
 _BAND = 1 << 17  # texels
+_BLOCK = 1 << 13
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,13 +65,30 @@ class Coverage:
     Attributes:
         texels: int64 (k,), row · width + column.
         face: int32 (k, SLOTS), the face that each point lies on, a row of `UVLayout.uv`.
-        barycentric: float32 (k, SLOTS, 3). overlapping: bool (k,), whether several faces lie over one another.
+        barycentric: float32 (k, SLOTS, 3).
+        centre_face: int32 (k,), the face at the centre of each texel that is covered as a whole by faces that do not
+            overlap, −1 for others. centre: float32 (k, 3), barycentric.
+        overlapping: bool (k,), whether several faces lie over one another.
+        deep: bool (k,), whether these are more than two at some point, and share the texel.
+        deep_face: int32 (j, DEEP), deep_barycentric: float32 (j, DEEP, 3), of the j deep texels: points on all faces.
     """
 
     texels: Int64s
     face: Int32s
     barycentric: Float32s
+    centre_face: Int32s
+    centre: Float32s
     overlapping: Bools
+    deep: Bools
+    deep_face: Int32s
+    deep_barycentric: Float32s
+
+    @classmethod
+    def of_points(cls, texels: Int64s, face: Int32s, barycentric: Float32s, overlapping: Bools) -> Coverage:
+        """Coverage without centres and deep texels. Arguments as the attributes."""
+        centres = np.full(len(texels), -1, np.int32), np.zeros((len(texels), 3), np.float32)
+        none = np.zeros((0, DEEP), np.int32), np.zeros((0, DEEP, 3), np.float32)
+        return cls(texels, face, barycentric, *centres, overlapping, np.zeros(len(texels), np.bool_), *none)
 
 
 def cover(layout: UVLayout, overlap: Overlap, threads: int) -> Coverage:
@@ -77,29 +118,62 @@ def _cover_band(
     layout: UVLayout, scene: TriangleScene, texels: Int64s, overlap: Overlap, step: float, threads: int
 ) -> Coverage:
     """`cover` of some texels."""
-    places = _places(texels, layout.width).reshape(-1, 2)
-    triangle, barycentric, overlapped = _first_hits(scene, places, step, threads)
-    if overlap == "mean" and overlapped.any():
-        rows = np.flatnonzero(overlapped)
-        triangle[rows], barycentric[rows] = _taken_in_turn(
-            scene, places[rows], rows % SLOTS, texels[rows // SLOTS], step, threads
-        )
-    triangle, barycentric = triangle.reshape(-1, SLOTS), barycentric.reshape(-1, SLOTS, 3)
+    shape = len(texels), SLOTS
+    triangle, barycentric = np.full(shape, -1), np.zeros((*shape, 3), np.float32)
+    overlapping, deep = np.zeros((2, len(texels)), np.bool_)
+    deep_triangle, deep_place = np.empty((len(texels), DEEP), np.int64), np.empty((len(texels), DEEP, 3), np.float32)
+
+    def work(first: int, last: int) -> None:
+        some = slice(first, last)
+        found = triangle[some], barycentric[some], overlapping[some]
+        layered = deep[some], deep_triangle[some], deep_place[some]
+        _find_hits(RayPacket.of(scene), texels[some], layout.width, step, overlap == "mean", found, layered)
+
+    run_blocks(len(texels), _BLOCK, work, threads)
     hit = triangle >= 0
+    whole = np.flatnonzero(hit.all(axis=1) & ~overlapping)
+    centre_face, centre = np.full(len(texels), -1), np.zeros((len(texels), 3), np.float32)
+    centre_face[whole], centre[whole] = _at_centres(
+        scene, texels[whole], layout.width, triangle[whole], barycentric[whole], threads
+    )
     missed = np.flatnonzero(~hit.any(axis=1))
     slivers = find_slivers(layout.corners, texels[missed], layout.width, threads)
     triangle[missed] = slivers.face[:, None]
     barycentric[missed] = slivers.barycentric[:, None]
     refill(hit, triangle, barycentric)
-    whole = hit.all(axis=1) | (triangle[:, 0] < 0) | overlapped.reshape(-1, SLOTS).any(axis=1)
-    parts = np.flatnonzero(~whole)
+    parts = np.flatnonzero(~(hit.all(axis=1) | (triangle[:, 0] < 0) | overlapping))
     for first in range(0, len(parts), _FINE_TEXELS):
         some = parts[first : first + _FINE_TEXELS]
         _spread_over_part(scene, texels[some], layout.width, some, triangle, barycentric, threads)
     covered = triangle[:, 0] >= 0
-    face = np.append(layout.face, -1)[triangle[covered]].astype(np.int32)
-    overlapping: Bools = np.any(overlapped.reshape(-1, SLOTS)[covered], axis=1)
-    return Coverage(texels[covered], face, barycentric[covered], overlapping)
+    number = np.append(layout.face, -1).astype(np.int32)
+    face, centre_face = number[triangle[covered]], number[centre_face[covered]]
+    return Coverage(
+        texels[covered],
+        face,
+        barycentric[covered],
+        centre_face,
+        centre[covered],
+        overlapping[covered],
+        deep[covered],
+        number[deep_triangle[deep]],
+        deep_place[deep],
+    )
+
+
+def _at_centres(
+    scene: TriangleScene, texels: Int64s, width: int, triangle: Int64s, barycentric: Float32s, threads: int
+) -> tuple[Int64s, Float32s]:
+    """The triangle (k,) at the centre of each of the `texels`, −1 for none, and where on it (k, 3).
+
+    Args: triangle, barycentric: of the points about it, (k, SLOTS) and (k, SLOTS, 3).
+    """
+    found, place = triangle[:, 0].copy(), barycentric.sum(axis=1) / np.float32(SLOTS)
+    several = np.flatnonzero((triangle != triangle[:, :1]).any(axis=1))
+    middles = np.stack([texels[several] % width, texels[several] // width], axis=1) + np.array([0.5, 0.5])
+    hits = intersect(scene, _at_height(middles, _ABOVE), [[0.0, 0.0, -1.0]], np.inf, threads)
+    found[several], place[several] = hits.face, hits.barycentric
+    return found, place
 
 
 def _spread_over_part(
@@ -145,51 +219,96 @@ def refill(good: Bools, *tables: Int32s | Int64s | Float32s) -> None:
         table[rows] = table[rows[:, None], source]
 
 
-def _places(texels: Int64s, width: int) -> Float64s:
-    """Points (k, SLOTS, 2) in texels."""
-    return np.stack([texels % width, texels // width], axis=1)[:, None] + _GRID
+@kernel
+def _find_hits(packet, texels, width, step, in_turn, found, layered):
+    """Find the triangle at each point of some texels by rays straight down.
+
+    Args:
+        in_turn: whether points at which several lie over one another take turns among all of them, or have the first.
+        found: triangles, int64 (k, SLOTS), where on them, float32 (k, SLOTS, 3), and whether there are several at any
+            point, bool (k,); written where there are any.
+        layered: whether there are more than two, bool (k,), and points on all of them, int64 (k, DEEP) and float32
+            (k, DEEP, 3); written likewise.
+    """
+    scene, rays, valid = borrow(packet)
+    triangle, barycentric, overlapping = found
+    deep, deep_triangle, deep_place = layered
+    ids, count = rays.view(np.uint32), SLOTS * len(texels)
+    height, layers, several = np.zeros(LANES), np.zeros(LANES, np.int64), np.zeros(LANES, np.bool_)
+    face, weights = np.zeros((LANES, _LAYERS), np.int64), np.zeros((LANES, _LAYERS, 3), np.float32)
+    for first in range(0, count, LANES):
+        for lane in range(LANES):
+            i, k = divmod(min(first + lane, count - 1), SLOTS)
+            valid[lane] = -1 if first + lane < count else 0
+            height[lane], layers[lane], several[lane] = _ABOVE, 0, False
+            rays[ORG_X, lane], rays[ORG_Y, lane] = texels[i] % width + _GRID[k, 0], texels[i] // width + _GRID[k, 1]
+            rays[DIR_X, lane], rays[DIR_Y, lane], rays[DIR_Z, lane] = 0.0, 0.0, -1.0
+        depth, going = 0, True
+        while going and depth < _LAYERS:
+            for lane in range(LANES):
+                rays[ORG_Z, lane], rays[TFAR, lane] = height[lane], np.inf
+            intersect8(scene, rays, valid)
+            going = False
+            for lane in range(LANES):
+                if valid[lane] == 0:
+                    continue
+                if ids[GEOM_ID, lane] == INVALID:
+                    valid[lane] = 0
+                    continue
+                met, u, v = np.int64(ids[PRIM_ID, lane]), rays[U, lane], rays[V, lane]
+                place = np.float32(1.0) - u - v, u, v
+                i, k = divmod(first + lane, SLOTS)
+                if depth == 0:
+                    triangle[i, k] = met
+                    for corner in range(3):
+                        barycentric[i, k, corner] = place[corner]
+                if min(place[0], place[1], place[2]) > _INSIDE:
+                    if depth == 1:
+                        several[lane] = layers[lane] == 1 and face[lane, 0] != met
+                    face[lane, layers[lane]] = met
+                    for corner in range(3):
+                        weights[lane, layers[lane], corner] = place[corner]
+                    layers[lane] += 1
+                height[lane] -= rays[TFAR, lane] + step / 2.0
+                if depth > 0 and not (several[lane] and in_turn):
+                    valid[lane] = 0
+                going = going or valid[lane] != 0
+            depth += 1
+        for lane in range(min(LANES, count - first)):
+            if several[lane]:
+                i, k = divmod(first + lane, SLOTS)
+                overlapping[i] = True
+                deep[i] |= in_turn and layers[lane] > 2
+                if in_turn:
+                    chosen = (_TURNS[k] * layers[lane] // SLOTS + texels[i]) % layers[lane]
+                    triangle[i, k] = face[lane, chosen]
+                    for corner in range(3):
+                        barycentric[i, k, corner] = weights[lane, chosen, corner]
+        for begin in range(0, min(LANES, count - first), SLOTS):
+            i = (first + begin) // SLOTS
+            if not (overlapping[i] and in_turn):
+                _bring_forward(triangle[i], barycentric[i])
+            if deep[i]:
+                total = layers[begin : begin + SLOTS].sum()
+                for point in range(DEEP):
+                    lane, layer = begin, point * total // DEEP
+                    while layer >= layers[lane]:
+                        layer -= layers[lane]
+                        lane += 1
+                    deep_triangle[i, point] = face[lane, layer]
+                    for corner in range(3):
+                        deep_place[i, point, corner] = weights[lane, layer, corner]
 
 
-def _first_hits(scene: TriangleScene, places: Float64s, step: float, threads: int) -> tuple[Int64s, Float32s, Bools]:
-    """The triangle (k,) hit at each of the `places` (k, 2), −1 for none, where (k, 3), and whether others lie below."""
-    hits = intersect(scene, _at_height(places, _ABOVE), [[0.0, 0.0, -1.0]], np.inf, threads)
-    overlapped = np.zeros(len(places), np.bool_)
-    rows = np.flatnonzero(hits.face >= 0)
-    below = _at_height(places[rows], _ABOVE - hits.distance[rows].astype(np.float64) - step / 2)
-    second = intersect(scene, below, [[0.0, 0.0, -1.0]], np.inf, threads)
-    both = _well_inside(second.face, second.barycentric) & _well_inside(hits.face[rows], hits.barycentric[rows])
-    overlapped[rows] = both & (second.face != hits.face[rows])
-    return hits.face, hits.barycentric, overlapped
-
-
-def _taken_in_turn(
-    scene: TriangleScene, places: Float64s, slots: Int64s, texels: Int64s, step: float, threads: int
-) -> tuple[Int64s, Float32s]:
-    """One of the triangles over one another at each of the `places` (k, 2); `slots` and `texels` (k,) take turns."""
-    height, faces, barycentrics = np.full(len(places), _ABOVE), [], []
-    rows = np.arange(len(places))
-    for _ in range(_LAYERS):
-        hits = intersect(scene, _at_height(places[rows], height[rows]), [[0.0, 0.0, -1.0]], np.inf, threads)
-        inside = _well_inside(hits.face, hits.barycentric)
-        if not inside.any():
-            break
-        face, barycentric = np.full(len(places), -1), np.zeros((len(places), 3), np.float32)
-        face[rows], barycentric[rows] = np.where(inside, hits.face, -1), hits.barycentric
-        faces.append(face)
-        barycentrics.append(barycentric)
-        height[rows] -= hits.distance + step / 2
-        rows = rows[hits.face >= 0]
-    layers, weights = np.stack(faces, axis=1), np.stack(barycentrics, axis=1)
-    count = (layers >= 0).sum(axis=1)
-    order = np.argsort(layers < 0, axis=1, kind="stable")
-    chosen = order[np.arange(len(places)), (_TURNS[slots] * count // SLOTS + texels) % count]
-    return layers[np.arange(len(places)), chosen], weights[np.arange(len(places)), chosen]
-
-
-def _well_inside(face: Int64s, barycentric: Float32s) -> Bools:
-    a, b, c = barycentric.T
-    least = np.minimum(np.minimum(a, b), c)  # ten times as fast as along the rows
-    return (face >= 0) & (least > _INSIDE)
+@inline
+def _bring_forward(triangle, barycentric):
+    """Put the last point of a texel in the second place."""
+    last, a, b, c = triangle[SLOTS - 1], barycentric[SLOTS - 1, 0], barycentric[SLOTS - 1, 1], barycentric[SLOTS - 1, 2]
+    for k in range(SLOTS - 1, 1, -1):
+        triangle[k] = triangle[k - 1]
+        for corner in range(3):
+            barycentric[k, corner] = barycentric[k - 1, corner]
+    triangle[1], barycentric[1, 0], barycentric[1, 1], barycentric[1, 2] = last, a, b, c
 
 
 def _at_height(places: Float64s, height: Float64s | float) -> Float32s:

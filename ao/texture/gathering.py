@@ -1,17 +1,74 @@
-"""Estimates at the points of a surface: the tracer for them, and as many rays as are given or a tolerance needs."""
+"""Estimates at texels, each the mean over its points: by as many rays as are given or as a tolerance needs."""
 
 from __future__ import annotations
 
 import hashlib
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from raytrace.system.threads import run_blocks
+from raytrace.types import Float32s, Float64s, Int64s
 
 from ..adaptive.fixed_samples import estimated, traced_twice
 from ..adaptive.tolerance import Estimate, estimate_to
 from ..denoise.one_ring import Neighbours
+from ..gather.directions import DirectionTable
+from ..gather.estimate import BATCH_VARIANCE, COLUMNS
 from ..gather.points import Points
 from ..prepared import Prepared
 from ..trace.checkpoint import Checkpoint
+from ..trace.tracer import Tracer
 from ..trace.traversal import packets_below
-from .texels import Texels, TexelTracer
+from .below_face import leave_out_below
+from .texels import Texels
+
+_ENOUGH = 8  # rays of a point, so that more points are worth their time
+_GATHERED = 1 << 18  # texels
+_BLOCK = 1 << 13
+
+
+@dataclass(eq=False)
+class TexelTracer(Tracer):
+    """A `Tracer` whose points are texels, by their numbers: rows are means over each texel's points.
+
+    Attributes:
+        texels: all of them.
+    """
+
+    texels: Texels | None = None
+
+    def gather(self, points: Points, samples: int, key: np.uint32) -> Float64s:
+        """Rows (k, COLUMNS) of texels, by `samples` rays each or a few more."""
+        assert self.texels is not None
+        texels = points.numbers.astype(np.int64)
+        counts, out = self.texels.counts[texels], np.empty((len(points), COLUMNS))
+        for count in np.unique(counts).tolist():
+            rows = np.flatnonzero(counts == count)
+            slots = 1 << int(np.clip(samples // _ENOUGH, 1, count)).bit_length() - 1
+            for first in range(0, len(rows), _GATHERED):
+                some = rows[first : first + _GATHERED]
+                out[some] = self._means(texels[some], slots, -(-samples // slots), key)
+        return out
+
+    def _means(self, rows: Int64s, slots: int, rays: int, key: np.uint32) -> Float64s:
+        """Rows (k, COLUMNS) of texels, means over the first `slots` points of each, with `rays` rays each."""
+        assert self.texels is not None
+        each = (self.texels.starts[rows, None] + np.arange(slots)).ravel()
+        numbers = (slots * rows[:, None] + np.arange(slots)).ravel().astype(np.uint32)
+        some = replace(self.texels.points[each], numbers=numbers)
+        table = self.scene.table(rays, self.total_points, key, slots)
+        found = self._gather(some, rays, key, slots)
+        self._leave_out_below(some, self.texels.sides[each], table, found)
+        means = found.reshape(-1, slots, COLUMNS).sum(axis=1) / slots
+        means[:, BATCH_VARIANCE] *= slots**-1.5  # as if the batches were of all rays: they are dealt from one lattice
+        return means
+
+    def _leave_out_below(self, points: Points, sides: Float32s, table: DirectionTable, found: Float64s) -> None:
+        def work(first: int, last: int) -> None:
+            leave_out_below(points[first:last].arrays, sides[first:last], table, found[first:last])
+
+        run_blocks(len(points), _BLOCK, work, self.threads)
 
 
 def begin_tracing(prepared: Prepared, texels: Texels, kind: str, checkpoint: Checkpoint | None) -> TexelTracer:

@@ -41,9 +41,9 @@ def sample_fine_mesh(
     surface = Fine(placement.vertices.astype(np.float64), fine, high.source)
     axes = shown.points.normals.astype(np.float64)
     found, missed = project(
-        Coverage(np.arange(count), *nowhere), places, axes, surface, cage * placement.scale, threads
+        Coverage.of_points(np.arange(count), *nowhere), places, axes, surface, cage * placement.scale, threads
     )
-    texels, _ = find_texels(found, found, placement, fine, "ignore", threads)
+    texels, _ = find_texels(found, found, placement, fine, replace(options, hidden="ignore"), threads)
     inside = inside_solids(texels, placement, fine, options.hidden, threads)
     row_of = np.full(count + 1, -1)
     row_of[texels.texels] = np.arange(count)

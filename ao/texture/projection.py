@@ -6,7 +6,6 @@ Points that meet nothing take the closest one.
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -56,8 +55,8 @@ def project(
         raise MeshError(fine.source, "surface", "some of it within the cage about the coarse mesh", "none")
     face[missed], weights[missed] = _closest_points(fine, places[missed], cage, threads)
     shape = coverage.face.shape
-    moved = replace(coverage, face=face.reshape(shape).astype(np.int32), barycentric=weights.reshape(*shape, 3))
-    return moved, missed
+    each = face.reshape(shape).astype(np.int32), weights.reshape(*shape, 3)
+    return Coverage.of_points(coverage.texels, *each, coverage.overlapping), missed
 
 
 def _closest_points(fine: Fine, places: Float64s, radius: float, threads: int) -> tuple[Int64s, Float32s]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os.path
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, get_args
@@ -136,7 +137,7 @@ def _chosen(options: dict[str, Any]) -> MeshBake | Batch:
 
 def _batch(options: dict[str, Any], given: list[Path], folder: Path, ending: str) -> Batch:
     """Raises: OptionError: options of single bakes, inputs that are none, or that would have one output."""
-    if folder.suffix.lower().removeprefix(".") in get_args(Format) and not folder.exists():
+    if folder.suffix.lower().removeprefix(".") in get_args(Format) and not os.path.exists(folder):
         raise OptionError("output_dir", "a folder", f"{folder}, the name of a file", nearest="--output")
     if options["output"] is not None:
         raise OptionError("output_dir", "either --output or --output-dir", "both")
@@ -155,10 +156,10 @@ def _check_single(given: list[Path], output: Path | None) -> None:
     if output is None:
         meant = None
         if several:
-            forgotten = len(given) == 2 and not given[1].exists()
+            forgotten = len(given) == 2 and not os.path.exists(given[1])
             meant = f"-o {given[1]}" if forgotten else "--output-dir"
         raise OptionError("output", "a file, or --output-dir for several inputs", "nothing", nearest=meant)
-    if output.is_dir():
+    if os.path.isdir(output):
         raise OptionError("output", "a file", f"{output}, a folder", nearest="--output-dir")
     if several:
         raise OptionError("output", f"--output-dir for {several}", output, nearest="--output-dir")

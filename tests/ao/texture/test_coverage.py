@@ -92,6 +92,35 @@ def test_points_are_spread_over_what_a_texel_has_of_a_face():
     assert (np.ptp(found[:, :, 1], axis=1) > 0.5).all()
 
 
+def test_two_faces_over_one_another_have_the_centre_for_a_mean_each():
+    whole = [(-1, -1), (3, -1), (-1, 3)]
+    layout = laid_out([whole, whole[::-1]], wraps=False)
+    coverage = cover(layout, "mean", 1)
+    centre = np.stack([coverage.texels % 24, coverage.texels // 24], axis=1) + 0.5
+    found = places(layout, coverage)
+    for face in (0, 1):
+        mine = coverage.face == face
+        assert (mine.sum(axis=1) == SLOTS // 2).all()
+        assert np.allclose((found * mine[:, :, None]).sum(axis=1) / 2, centre, atol=1e-4)
+    assert (coverage.face[:, 0] != coverage.face[:, 1]).all()
+    assert not coverage.deep.any()
+
+
+def test_more_faces_over_one_another_have_more_points():
+    whole = [(-1, -1), (3, -1), (-1, 3)]
+    layout = laid_out([whole] * 4, wraps=False)
+    coverage = cover(layout, "mean", 1)
+    assert coverage.deep.all()
+    centre = np.stack([coverage.texels % 24, coverage.texels // 24], axis=1) + 0.5
+    found = np.einsum("ksc,kscd->ksd", coverage.deep_barycentric.astype(float), layout.uv[coverage.deep_face])
+    for face in range(4):
+        mine = coverage.deep_face == face
+        assert (mine.sum(axis=1) == 4).all()
+        assert np.allclose((found * mine[:, :, None]).sum(axis=1) / 4, centre, atol=1e-4)
+    assert (np.sort(coverage.deep_face[:, :4], axis=1) == range(4)).all()  # all that few rays go to
+    assert not cover(layout, "first", 1).deep.any()
+
+
 def test_overlapping_faces_share_a_texel_or_the_first_has_it():
     one = [(0.1, 0.1), (0.9, 0.1), (0.1, 0.9)]
     layout = laid_out([one, one[::-1], one])

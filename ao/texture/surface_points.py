@@ -1,0 +1,161 @@
+"""Points on faces: where they are, the hemispheres above them, and whether one of them can stand for a texel."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from raytrace.bvh.bvh16 import BVH16
+from raytrace.bvh.search import begin, new_stack, next_leaf
+from raytrace.kernel.borrow import borrow
+from raytrace.kernel.jit import inline, kernel
+from raytrace.kernel.simd_masks import lowest_bit
+from raytrace.kernel.vector import dot, length, load, load_triangle, scale, store, subtract
+from raytrace.mesh.normals import face_normals
+from raytrace.ray_origins.closest import distance_to_triangle
+from raytrace.ray_origins.surface import Surface
+from raytrace.system.threads import run_blocks
+from raytrace.types import Bools, Float32s, Float64s, Int64s
+
+from ..gather.receivers import Receivers
+from .coverage import Coverage
+
+_LEAST_COSINE = 0.2  # between an interpolated normal and its face's; the face's stands for others
+_AROUND = 7.0  # times the way from a texel's centre to its points, in which nothing may rise
+_SLOPE = 2.0  # by more than so many times what normals may differ by, of that way
+_BLOCK = 1 << 13  # points
+_ROUNDED = 1e-6  # of coordinates, in single precision
+
+
+@dataclass(frozen=True, eq=False)
+class Faces:
+    """Faces in render space: `vertices` float64 (n, 3), `axes` float64 (n, 3), unit or zero, and their surface."""
+
+    vertices: Float64s
+    axes: Float64s
+    surface: Surface
+    magnitude: Float64s
+    own: Int64s
+
+    @classmethod
+    def of(cls, vertices: Float64s, receivers: Receivers) -> Faces:
+        """The faces of `receivers` over `vertices` (n, 3)."""
+        faces = receivers.faces
+        axes = np.concatenate([receivers.points.normals, np.zeros((1, 3), np.float32)])[receivers.of_vertex]
+        surface = Surface.of(vertices, faces, face_normals(vertices, faces)[0])
+        own = np.repeat(np.arange(len(faces))[:, None], 3, axis=1)
+        return cls(vertices, axes.astype(np.float64), surface, surface.magnitudes(own, len(faces)), own)
+
+    def points_at(self, own: Int64s, weights: Float32s, threads: int) -> tuple[Float64s, Float64s, Float64s]:
+        """Points (k,) on the faces `own`: float64 (k, 3), where they are, their faces' normals on the side of the
+        hemispheres, and the axes of these.
+
+        Args: weights: float32 (k, 3), barycentric coordinates.
+        """
+        found = np.empty((3, len(own), 3))
+
+        def work(first: int, last: int) -> None:
+            some = slice(first, last)
+            _place(own[some], weights[some], self.surface, self.axes, found[0, some], found[1, some], found[2, some])
+
+        run_blocks(len(own), _BLOCK, work, threads)
+        return found[0], found[1], found[2]
+
+
+def centres_suffice(coverage: Coverage, faces: Faces, tree: BVH16, most: float, threads: int) -> Bools:
+    """Whether the point at the centre can stand for all of a texel, (k,): the surface is smooth there, and nothing
+    rises from it nearby.
+
+    Means of what is linear over a texel are then as exact as those over several points.
+
+    Args: tree: over the faces. most: by how much normals within a texel may differ from those at its centre.
+    """
+    enough = np.zeros(len(coverage.texels), np.bool_)
+    rounded = _ROUNDED * float(np.abs(faces.vertices).max(initial=0.0))
+    points = coverage.face, coverage.barycentric, coverage.centre_face, coverage.centre
+
+    def work(first: int, last: int) -> None:
+        face, weights, centre_face, centre = (array[first:last] for array in points)
+        some = face, weights, centre_face, centre
+        _find_smooth(tree, new_stack(), faces.surface, faces.axes, some, (most, rounded), enough[first:last])
+
+    run_blocks(len(enough), _BLOCK, work, threads)
+    return enough
+
+
+@inline
+def _point_on(surface, axes, f, weights):
+    """A point on a face, the normal of that on the side of the point's hemisphere, and the axis of this."""
+    x = y = z = nx = ny = nz = 0.0
+    for corner in range(3):
+        weight, vertex = np.float64(weights[corner]), surface.faces[f, corner]
+        p, n = load(surface.vertices, vertex), load(axes, vertex)
+        x, y, z = x + weight * p[0], y + weight * p[1], z + weight * p[2]
+        nx, ny, nz = nx + weight * n[0], ny + weight * n[1], nz + weight * n[2]
+    side, axis = load(surface.normals, f), (nx, ny, nz)
+    size = np.sqrt(dot(axis, axis))
+    cosine = dot(axis, side)
+    if cosine < 0.0:
+        side, cosine = scale(-1.0, side), -cosine
+    flat = size < 1e-6 or cosine < _LEAST_COSINE * size or cosine > (1.0 - 1e-12) * size
+    return (x, y, z), side, side if flat else scale(1.0 / size, axis)
+
+
+@kernel
+def _place(own, weights, surface, axes, places, sides, hemispheres):
+    surface = borrow(surface)
+    for i in range(len(own)):
+        place, side, axis = _point_on(surface, axes, own[i], weights[i])
+        store(places, i, place)
+        store(sides, i, side)
+        store(hemispheres, i, axis)
+
+
+@kernel
+def _find_smooth(tree, stack, surface, axes, points, limits, enough):
+    """Set `enough` where centres suffice.
+
+    Args:
+        points: faces and weights, of texels' points and of their centres.
+        limits: `most`, and how much farther to look than what is sought.
+    """
+    tree, surface = borrow(tree), borrow(surface)
+    face, weights, centre_face, centre = points
+    most, rounded = limits
+    for i in range(len(enough)):
+        if centre_face[i] < 0:
+            continue
+        p, side, axis = _point_on(surface, axes, centre_face[i], centre[i])
+        reach, bent = 0.0, 0.0
+        for k in range(face.shape[1]):
+            q, other, up = _point_on(surface, axes, face[i, k], weights[i, k])
+            reach = max(reach, length(subtract(q, p)))
+            bent = max(bent, length(subtract(other, side)), length(subtract(up, axis)))
+        around = _AROUND * reach, rounded
+        enough[i] = bent < most and not _rises(tree, stack, surface, p, side, around, _SLOPE * most)
+
+
+@inline
+def _rises(tree, stack, surface, p, side, around, slope):
+    """Whether a face not far around a point rises above the plane through it, by more than a slope."""
+    reach, rounded = around
+    middle, radius = (np.float32(p[0]), np.float32(p[1]), np.float32(p[2])), np.float32(reach + rounded)
+    most = slope * reach
+    begin(tree, stack)
+    leaf, near = next_leaf(tree, stack, middle, radius)
+    while near != 0:
+        while near != 0:
+            f = tree.rows[leaf, lowest_bit(near)]
+            near &= near - 1
+            a, b, c = load_triangle(surface.vertices, surface.faces, f)
+            to_a = subtract(a, p)
+            if max(dot(to_a, side), dot(subtract(b, p), side), dot(subtract(c, p), side)) <= most:
+                continue
+            normal = load(surface.normals, f)
+            if length(subtract(normal, side)) < slope and abs(dot(to_a, normal)) <= most:
+                continue
+            if distance_to_triangle(p, a, b, c) <= reach:
+                return True
+        leaf, near = next_leaf(tree, stack, middle, radius)
+    return False

@@ -1,0 +1,101 @@
+"""Which texels have one point, at their centre, and that they are as good as those of several."""
+
+import numpy as np
+import pytest
+from meshes import hills
+from uv_meshes import icosphere, inward_cube, quads, rectangle, square
+
+import ao
+import ao.texture.texels
+from ao.gather.receivers import find_receivers
+from ao.texture.coverage import cover
+from ao.texture.surface_points import Faces, centres_suffice
+from ao.texture.uv_layout import UVLayout, corner_uv
+from raytrace import Mesh
+from raytrace.mesh.placement import Placement
+
+MOST = 0.2
+
+
+def enough(mesh, uv, size, most=MOST):
+    """Which texels need one point alone, (height, width), and which are covered as a whole."""
+    placement = Placement.of(mesh)
+    receivers = find_receivers(mesh, placement)
+    coverage = cover(UVLayout.of(corner_uv(uv, mesh), (size, size), True, "test"), "mean", 1)
+    faces = Faces.of(placement.vertices.astype(np.float64), receivers)
+    found = centres_suffice(coverage, faces, receivers.tree, most, 1)
+    pages = np.zeros((2, size * size), np.bool_)
+    pages[:, coverage.texels] = found, coverage.centre_face >= 0
+    return pages.reshape(2, size, size)
+
+
+def test_whole_texels_of_a_smooth_surface_have_one():
+    one, whole = enough(*icosphere(3), 512)
+    assert one[whole].mean() > 0.9
+    assert not one[~whole].any()
+
+
+def test_the_less_normals_may_differ_the_fewer_have_one():
+    many, fewer, none = (enough(*icosphere(3), 256, most)[0].sum() for most in (0.2, 0.01, 0.0))
+    assert many > 1.2 * fewer > none == 0
+
+
+def floor_and(rise, height=1.0):
+    """A floor of texels of 1/8, and a strip that rises from its left edge, so much for each step to the left."""
+    floor = rectangle((0, -2, 0), (4, 0, 0), (0, 4, 0)), square(0, 0, 1, 0.75)
+    side = rectangle((0, -2, 0), (0, 4, 0), (-height / rise, 0, height)), square(0.1, 0.8, 0.9, 0.95)
+    return quads(floor, side)
+
+
+def test_several_at_the_foot_of_a_wall():
+    one, whole = enough(*floor_and(1e9), 32)
+    floor = one[9:]  # the texels of the floor alone
+    assert whole[9:].all()
+    assert not floor[:, :1].any()
+    assert floor[:, 4:].all()
+
+
+@pytest.mark.parametrize(("rise", "several"), [(0.1, False), (3.0, True)])
+def test_what_rises_gently_is_no_wall(rise, several):
+    one, _ = enough(*floor_and(rise), 32)
+    assert one[9:, :1].all() != several
+
+
+def test_a_thin_thing_upon_a_floor_is_seen():
+    floor = rectangle((0, -2, 0), (4, 0, 0), (0, 4, 0)), square(0, 0, 1, 0.75)
+    post = rectangle((2.06, 0.06, 0), (0.01, 0, 0), (0, 0, 0.5)), square(0.1, 0.8, 0.9, 0.95)
+    one, _ = enough(*quads(floor, post), 32)
+    assert not one[9 + 11, 16]
+    assert one[9:].sum() > 500
+
+
+@pytest.mark.parametrize("falloff", [ao.Binary(), ao.Exponential()], ids=["binary", "exponential"])
+def test_errors_of_one_point_and_of_several_are_of_a_size(monkeypatch, falloff):
+    """Of texels that are alike, every second one has a single point; that of four would be eightfold."""
+    mesh = Mesh(*hills(14))
+    uv, size = mesh.vertices[:, :2] / np.ptp(mesh.vertices[:, :2]) * 0.7 + 0.5, 64
+
+    def every_second(coverage, *_):
+        return (coverage.centre_face >= 0) & (coverage.texels % 2 == 0)
+
+    monkeypatch.setattr(ao.texture.texels, "centres_suffice", every_second)
+    texture = ao.bake_texture(mesh, uv, size, falloff, samples=64, reconstruct=False, close_seams=False)
+    inside = slice(size // 4, 3 * size // 4)
+    variance = texture.error[inside, inside].astype(float) ** 2
+    assert texture.covered[inside, inside].all()
+    assert 1 / 1.5 < variance[:, 0::2].mean() / variance[:, 1::2].mean() < 1.5
+
+
+def test_one_point_is_as_near_to_the_truth_as_several(monkeypatch):
+    mesh, uv, _ = inward_cube(16)
+    options = {"size": 64, "falloff": ao.Exponential(tau=2.0), "reconstruct": False, "close_seams": False}
+    fine = ao.bake_texture(mesh, uv, **options | {"size": 256}, samples=256)
+    true = fine.w.reshape(64, 4, 64, 4).mean(axis=(1, 3))
+    whole = fine.covered.reshape(64, 4, 64, 4).all(axis=(1, 3))
+
+    def error():
+        return np.sqrt(np.mean((ao.bake_texture(mesh, uv, **options, samples=256).w - true)[whole] ** 2))
+
+    mixed = error()
+    monkeypatch.setattr(ao.texture.texels, "centres_suffice", lambda coverage, *_: np.zeros(len(coverage.texels), bool))
+    assert mixed < 1.1 * error()
