@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import asyncio
 import logging
+import signal
 import threading
 import time
 import uuid
@@ -15,6 +16,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import CancelledError
 from contextlib import AsyncExitStack, suppress
 from functools import partial
+from multiprocessing import resource_tracker
 from queue import Empty, SimpleQueue
 from typing import Any
 
@@ -148,6 +150,9 @@ class DaskCluster:
         return True
 
     def _run(self) -> None:
+        if hasattr(signal, "pthread_sigmask"):  # workers that this thread starts leave Ctrl-C to who started them
+            resource_tracker.ensure_running()  # or it unblocks what is blocked here
+            signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
         try:
             asyncio.run(self._serve_all())
         except OptionError as reason:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import weakref
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
@@ -40,7 +41,7 @@ class ClusterSession:
     ) -> None:
         self.cluster = DaskCluster(address, threads, tell)
         self._shared, self._name = shared, name
-        self._scene: object = None
+        self._scene: Callable[[], object] = lambda: None  # a weak reference: it may be large
         self._file: SceneFile | None = None
 
     def __enter__(self) -> ClusterSession:
@@ -59,10 +60,10 @@ class ClusterSession:
             OutputError: the scene's file cannot be written.
             InputError, ClusterError: as `DaskCluster.trace`.
         """
-        if self._scene is not scene:
+        if self._scene() is not scene:
             self._remove()
             self._file = write_scene(self._shared, self._name, scene)
-            self._scene = scene
+            self._scene = weakref.ref(scene)
             self.cluster.use(self._file, machine())
         yield from self.cluster.trace(work, spans_of(missing))
 
@@ -96,4 +97,4 @@ class ClusterSession:
     def _remove(self) -> None:
         if self._file:
             Path(self._file.path).unlink(missing_ok=True)
-        self._scene = self._file = None
+        self._file = None

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import signal
 import threading
 import time
 from collections.abc import Mapping
@@ -16,11 +15,6 @@ from .scene_file import SceneFile, load_scene
 
 _lock = threading.Lock()  # one block at a time, on all cores, however many threads the worker has for tasks
 _loaded: dict[str, Any] = {}  # one
-
-
-def dask_setup(_worker: object) -> None:
-    """Leave an interrupt from the terminal to who started this worker; Dask calls it in workers that preload this."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
 
 
 def greet(expected: Mapping[str, str], file: SceneFile, threads: int | None) -> int | tuple[str, str, str]:
