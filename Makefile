@@ -35,7 +35,7 @@ lint: $(STAMP) ## format and fix what can be fixed
 	$(BIN)/ruff format .
 
 bench: $(STAMP) ## the throughput benchmark; writes benchmarks/results/
-	$(BIN)/python -m benchmarks.throughput
+	$(BIN)/python -m benchmarks.speed.throughput
 
 PEERS := .peers/mitsuba .peers/open3d .peers/blender
 .peers/mitsuba: PACKAGE := mitsuba==3.9.1 numpy
@@ -56,10 +56,10 @@ bench-peers: $(STAMP) ## bake time against error, ours and the peers'; MESHES=FO
 	$(BIN)/python -m benchmarks.time_against_error $(if $(QUICK),--quick) $(if $(MESHES),--meshes '$(MESHES)')
 
 pictures: $(STAMP) ## the pictures of docs: gallery, temple, the models' spheres, tutorials and, with Chromium, pages
-	$(BIN)/python -m benchmarks.gallery
-	$(BIN)/python -m benchmarks.model_strips
-	$(BIN)/python -m benchmarks.tutorials
-	-$(BIN)/python -m benchmarks.page --pictures docs/viewing
+	$(BIN)/python -m benchmarks.pictures.gallery
+	$(BIN)/python -m benchmarks.pictures.model_strips
+	$(BIN)/python -m benchmarks.pictures.tutorials
+	-$(BIN)/python -m benchmarks.pictures.page --pictures docs/viewing
 
 site: $(STAMP) ## the documentation as a site, in build/site, made without network
 	$(BIN)/python -m sphinx --builder html --fail-on-warning --keep-going --quiet -d build/doctrees docs build/site

@@ -37,6 +37,17 @@ Progress = Annotated[
     choices.ProgressForm,
     typer.Option(help="A bar on a terminal, or lines of JSON on standard error for other programs."),
 ]
+Cluster = Annotated[
+    str | None,
+    typer.Option(
+        metavar="local[:N]|tcp://HOST:PORT",
+        help="Trace by N workers on this machine, or by those of a Dask scheduler (obscurance[cluster]).",
+    ),
+]
+Shared = Annotated[
+    Path | None,
+    typer.Option(metavar="FOLDER", help="With --cluster: a folder that all workers see; that of the output."),
+]
 Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="No progress bar and no summary.")]
 
 
@@ -190,20 +201,11 @@ def bake(
         typer.Option(
             metavar="K/N",
             help="Trace only the K-th of N parts, into the folder --output, for obscurance merge; of a texture, if "
-            "--size or --texel-size is given.",
+            "--size or --texel-size is given. With --output-dir: bake the K-th part of the inputs.",
         ),
     ] = None,
-    cluster: Annotated[
-        str | None,
-        typer.Option(
-            metavar="local[:N]|tcp://HOST:PORT",
-            help="Trace by N workers on this machine, or by those of a Dask scheduler (obscurance[cluster]).",
-        ),
-    ] = None,
-    shared: Annotated[
-        Path | None,
-        typer.Option(metavar="FOLDER", help="With --cluster: a folder that all workers see; that of the output."),
-    ] = None,
+    cluster: Cluster = None,
+    shared: Shared = None,
     tiles: Annotated[
         str | None,
         typer.Option(
@@ -233,7 +235,9 @@ def bake(
 @app.command()
 def merge(
     parts: Annotated[Path, typer.Argument(metavar="FOLDER", help="Where bake --part has put all parts.")],
-    output: Annotated[Path, typer.Option("--output", "-o", help="Output file, as of bake.")],
+    output: Annotated[
+        Path | None, typer.Option("--output", "-o", help="Output file, as of bake; none for parts of a batch.")
+    ] = None,
     mesh: Annotated[Path | None, typer.Option(help="The mesh file, if it is elsewhere than for the parts.")] = None,
     high: Annotated[Path | None, typer.Option(help="The finer mesh file, likewise.")] = None,
     report: Report = None,
@@ -251,11 +255,11 @@ def merge(
     threads: Threads = None,
     quiet: Quiet = False,
 ) -> None:
-    """Write the output of a bake that was traced in parts."""
+    """Write the output of a bake that was traced in parts, or the manifest of a batch that was."""
     options = {name: value for name, value in locals().items() if name != "parts"}
-    from scenes.cluster.merge import merge
+    from scenes.baking.choose import run_merge
 
-    merge(parts, options)
+    raise typer.Exit(run_merge(parts, options))
 
 
 @app.command()
@@ -370,15 +374,17 @@ def render(
     half: Annotated[bool, typer.Option("--half", help="16-bit floats in an .exr.")] = False,
     show: Annotated[bool, typer.Option("--show", help="Show the image in the terminal, too, or instead.")] = False,
     threads: Threads = None,
+    cluster: Cluster = None,
+    shared: Shared = None,
     report: Report = None,
     progress: Progress = "bar",
     quiet: Quiet = False,
 ) -> None:
     """Render a scene to an image; an .exr holds every layer."""
     options = locals()
-    from scenes.commands.render_file import RenderCommand
+    from scenes.cluster.workers import render_command
 
-    RenderCommand(**options).run()
+    render_command(options).run()
 
 
 @app.command()
@@ -507,7 +513,7 @@ def main() -> None:
         except OSError as failure:
             status = output_failed(failure)
         if status == 130:
-            print("interrupted; the target was not written", file=sys.stderr)
+            print("interrupted; no file is half-written", file=sys.stderr)
     sys.exit(status)
 
 

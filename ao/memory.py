@@ -1,7 +1,7 @@
 """Estimates of the memory that a bake takes beside its mesh, from counts.
 
-The coefficients are fitted to measured peaks (`python -m benchmarks.memory`): of a smooth mesh and of loose triangles
-of 200,000 and 600,000 vertices they give 0.98 to 1.54 times what was measured. Threads add next to nothing.
+The coefficients are fitted to measured peaks (`python -m benchmarks.memory.baking`): of a smooth mesh and of loose
+triangles of 200,000 and 600,000 vertices they give 0.98 to 1.54 times what was measured. Threads add next to nothing.
 """
 
 from __future__ import annotations

@@ -45,6 +45,17 @@ class InputError(ObscuranceError, ValueError):
         text = f"{self.source}: {shortened(field)}: expected {shortened(expected, 1000)}, got {shortened(got)}"
         super().__init__(printable(f"{text}; did you mean {nearest}?" if nearest else text))
 
+    def __reduce__(self) -> tuple[Any, ...]:
+        return _unpickled, (type(self), str(self), {**vars(self), "got": str(self.got)})
+
+
+def _unpickled(kind: type[InputError], text: str, fields: dict[str, Any]) -> InputError:
+    """The error that was pickled, in another process for instance."""
+    error = kind.__new__(kind)
+    error.args = (text,)
+    vars(error).update(fields)
+    return error
+
 
 def nearest_name(given: object, names: Iterable[str]) -> str | None:
     """The one of `names` that was probably meant by `given`, if it is like one of them."""

@@ -12,15 +12,17 @@ import threading
 import time
 import uuid
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from concurrent.futures import CancelledError
 from contextlib import AsyncExitStack, suppress
 from functools import partial
 from queue import Empty, SimpleQueue
 from typing import Any
 
-from raytrace.errors import ClusterError, OptionError
+from raytrace.errors import ClusterError, InputError, MemoryLimitError, OptionError
 from raytrace.system.threads import thread_count
 
 from ..trace.work import Span, Tables, Work
+from .addresses import CONFIG, LOCAL, local_workers
 from .dispatch import IN_FLIGHT, Dispatch
 from .scene_file import SceneFile
 from .worker import greet, trace_block
@@ -30,15 +32,6 @@ _LOOK = 0.2  # seconds between looks at who is there
 _PATIENCE = 10.0  # seconds without any worker until a message says so
 _START = 60.0  # seconds that workers on this machine have to start
 _FAILURES = 3  # of one block, after which it is the block's fault
-CONFIG = {
-    "distributed.admin.large-graph-warning-threshold": "1GB",
-    "distributed.deploy.lost-worker-timeout": "1 hour",  # a worker that starts again may take a while
-}
-LOCAL: dict[str, Any] = {
-    "threads_per_worker": 1, "memory_limit": 0, "host": "127.0.0.1", "silence_logs": logging.CRITICAL,
-    "preload": ["ao.cluster.worker"],
-    "scheduler_kwargs": {"dashboard": False, "dashboard_address": "127.0.0.1:0"},
-}  # fmt: skip
 
 Found = tuple[int, int, Tables]
 
@@ -69,7 +62,7 @@ class DaskCluster:
         self._stop, self._scene_known = asyncio.Event(), asyncio.Event()
         self._more = asyncio.Condition()
         self._served: dict[str, asyncio.Task[None]] = {}
-        self._refused: dict[str, str] = {}
+        self._refused: dict[str, InputError | ClusterError] = {}
         self._failures: dict[Span, int] = {}
         self._thread = threading.Thread(target=self._run, daemon=True)
         self._client: Any = None
@@ -83,16 +76,19 @@ class DaskCluster:
             self._next()  # the reason
 
     def use(self, scene: SceneFile, machine: Mapping[str, str]) -> None:
-        """Let workers trace in a scene, those that are as `machine` says."""
+        """Let workers trace in a scene from now on, those that are as `machine` says."""
         self.connect()
         self._scene, self._machine = scene, machine
+        self.dispatch.speed.clear()
         self._soon(self._scene_known.set)
 
     def trace(self, work: Work, spans: Sequence[Span]) -> Iterator[Found]:
         """The rows `spans` of `work`, in blocks as they come: first row, last row, tables.
 
         Raises:
-            ClusterError: the scheduler is lost, all workers are refused, or a block fails again and again.
+            InputError: no worker is like this machine or sees the scene; or the work itself cannot be done, a texture
+                not be read for instance.
+            ClusterError: the scheduler is lost, or blocks fail again and again.
         """
         left = sum(last - first for first, last in spans)
         self._soon(partial(self._begin, work, spans))
@@ -126,16 +122,10 @@ class DaskCluster:
             try:
                 message = self._messages.get(timeout=0.1)
             except Empty:
-                if self.dispatch.threads:
-                    alone_since = time.monotonic()
-                elif time.monotonic() > alone_since + _PATIENCE and not reported:
-                    if self._refused:
-                        worker, reason = next(iter(self._refused.items()))
-                        raise ClusterError(f"{self.address}: no worker can be used: {worker}: {reason}") from None
-                    self.tell(f"{self.address}: no workers; waiting for some to join")
-                    reported = True
-                elif self.workers and time.monotonic() > alone_since + _START:
-                    raise ClusterError(f"{self.address}: its workers have ended and do not start again") from None
+                if len(self._served) > len(self._refused):  # some work, or are being asked what they are
+                    alone_since, reported = time.monotonic(), False
+                elif time.monotonic() > alone_since + _PATIENCE and self._messages.empty():
+                    reported = self._alone(time.monotonic() - alone_since, reported)
                 continue
             if isinstance(message, BaseException):
                 raise message
@@ -143,6 +133,19 @@ class DaskCluster:
                 self.tell(message)
             else:
                 return message
+
+    def _alone(self, seconds: float, reported: bool) -> bool:
+        """Say, once, that no worker can be used for so many seconds. Returns: whether that has been said.
+
+        Raises: InputError, ClusterError: waiting is of no use.
+        """
+        for reason in list(self._refused.values()):
+            raise reason
+        if self.workers and seconds > _START:
+            raise ClusterError(f"{self.address}: its workers have ended and do not start again")
+        if not reported:
+            self.tell(f"{self.address}: no workers; waiting for some to join")
+        return True
 
     def _run(self) -> None:
         try:
@@ -196,12 +199,18 @@ class DaskCluster:
 
     async def _serve(self, worker: str) -> None:
         await self._scene_known.wait()
-        try:
-            answer = await self._call(worker, greet, self._machine, self._scene, self._threads)
-        except Exception as reason:
-            answer = f"expected obscurance as it is here, got {type(reason).__name__}: {reason}"
-        if isinstance(answer, str):
-            self._refuse(worker, answer)
+        answer: int | tuple[str, str, str] = "", "", ""
+        scene = None
+        while not isinstance(answer, int) and scene is not self._scene:  # which may have been another's meanwhile
+            scene = self._scene
+            try:
+                answer = await self._call(worker, greet, self._machine, scene, self._threads)
+            except Exception as failure:
+                answer = "code", "obscurance as it is here", f"{type(failure).__name__}: {failure}"
+        if not isinstance(answer, int):
+            what, expected, got = answer
+            reason = InputError(f"{self.address}: no worker can be used: {worker}", what, expected, got)
+            self._refuse(worker, f"{what}: expected {expected}, got {got}", reason)
             return
         self.dispatch.joined(worker, answer)
         try:
@@ -209,13 +218,15 @@ class DaskCluster:
                 for _ in range(IN_FLIGHT):
                     feeding.create_task(self._feed(worker))
         except* _Failed as failures:
-            self._refuse(worker, str(failures.exceptions[0]))
+            text = str(failures.exceptions[0])
+            self._refuse(worker, text, ClusterError(f"{self.address}: no worker can be used: {worker}: {text}"))
         finally:
             self.dispatch.left(worker)
 
-    def _refuse(self, worker: str, reason: str) -> None:
+    def _refuse(self, worker: str, text: str, reason: InputError | ClusterError) -> None:
+        """Args: text: for the user at once. reason: for the case that there are no others."""
+        self._messages.put(f"worker {worker} gets no work: {' '.join(text.split())}")
         self._refused[worker] = reason
-        self._messages.put(f"worker {worker} gets no work: {' '.join(reason.split())}")
 
     async def _feed(self, worker: str) -> None:
         """Keep one block after another in flight to a worker."""
@@ -238,6 +249,9 @@ class DaskCluster:
                     self._more.notify_all()
                 if isinstance(reason, asyncio.CancelledError):
                     raise
+                if isinstance(reason, InputError) and not isinstance(reason, MemoryLimitError):
+                    self._messages.put(reason)
+                    return
                 if not isinstance(reason, KilledWorker):
                     self._failed(span, reason)
                 continue
@@ -253,13 +267,22 @@ class DaskCluster:
         raise _Failed(text)
 
     async def _call(self, worker: str, function: Callable[..., Any], *arguments: Any) -> Any:
-        """What `function` returns on a worker."""
-        key = f"{function.__name__}-{uuid.uuid4().hex}"
-        future = self._client.submit(function, *arguments, key=key, workers=[worker], pure=False)
-        try:
-            return await future
-        finally:
-            future.release()
+        """What `function` returns on a worker.
+
+        What Dask cancels, because it has lost its scheduler, is no fault of the worker's: `_look` will find out.
+        """
+        from distributed.client import ClosedClientError
+
+        while True:
+            key = f"{function.__name__}-{uuid.uuid4().hex}"
+            try:
+                future = self._client.submit(function, *arguments, key=key, workers=[worker], pure=False)
+                try:
+                    return await future
+                finally:
+                    future.release()
+            except (CancelledError, ClosedClientError):
+                await asyncio.sleep(_LOOK)
 
     def _begin(self, work: Work, spans: Sequence[Span]) -> None:
         async def wake() -> None:
@@ -273,17 +296,3 @@ class DaskCluster:
 
 class _Failed(Exception):
     """A worker cannot trace."""
-
-
-def local_workers(address: str) -> int | None:
-    """N of `local:N`, 1 of `local`, None of a scheduler's address.
-
-    Raises:
-        OptionError: it is neither.
-    """
-    name, _, number = address.partition(":")
-    if name == "local" and ((number.isdecimal() and 1 <= int(number) <= 4096) or ":" not in address):
-        return int(number or 1)
-    if "://" in address and not address.endswith("://"):
-        return None
-    raise OptionError("cluster", "local, local:N or the address of a Dask scheduler, tcp://host:port", repr(address))

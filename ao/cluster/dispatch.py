@@ -12,7 +12,7 @@ IN_FLIGHT = 3  # blocks that a worker has at once: one traced, the others on the
 _SECONDS, _LEAST_SECONDS = 3.0, 0.25  # of a block
 _ENDGAME = 4  # blocks to each worker that what is left is cut into at least
 _FIRST_RAYS = 1 << 20  # a thread, while nothing is known of a worker
-_MOST_ROWS = 1 << 18  # of a block; some 8 MB there and 13 MB back
+_MOST_BYTES = 10 << 20  # of a block's tables
 _KEPT = 0.5  # of what was known of a worker's speed, when a block comes back
 
 
@@ -31,12 +31,14 @@ class Dispatch:
     threads: dict[str, int] = field(default_factory=dict)
     speed: dict[str, float] = field(default_factory=dict)
     work: Work | None = None
+    _most_rows: int = 1
     _spans: deque[Span] = field(default_factory=deque)
 
     def begin(self, work: Work, spans: Sequence[Span]) -> None:
         """Hand out the rows `spans` of `work` from now on; all rows of the last work have come back."""
         self.work = work
         self._spans = deque(spans)
+        self._most_rows = max(_MOST_BYTES // sum(table.nbytes for table in work[:1].tables()), 1)
 
     @property
     def waiting(self) -> bool:
@@ -55,7 +57,7 @@ class Dispatch:
             seconds = left / max(sum(self.speed.values()), speed) / _ENDGAME
             wanted = int(speed * min(max(seconds, _LEAST_SECONDS), _SECONDS))
         first, last = self._spans.popleft()
-        end = min(first + min(max(int(wanted / rays), 1), _MOST_ROWS), last)
+        end = min(first + min(max(int(wanted / rays), 1), self._most_rows), last)
         if end < last:
             self._spans.appendleft((end, last))
         return first, end

@@ -1,61 +1,74 @@
-"""The faces of a bake as a file that workers load, named by its content.
+"""What rays are traced in as a file that workers load, named by its content: faces of a bake, or a picture.
 
 A file and not data that the scheduler holds: what is scattered to workers is lost with them (distributed #3149, #5704).
+It is a pickle, with arrays behind it that are neither copied to be written nor to be read; a worker loads it once its
+hash is the one that came with the work, from whom could as well send any function to be called.
 """
 
 from __future__ import annotations
 
 import hashlib
+import pickle
+import struct
 from pathlib import Path
-from typing import NamedTuple
-
-import numpy as np
+from typing import Any, NamedTuple
 
 from raytrace.system.atomic import atomic_write
-from raytrace.types import Float32s, Int64s
 
-from ..trace.ray_scene import RayScene
+_SIZE = struct.Struct("<q")
 
 
 class SceneFile(NamedTuple):
-    """Attributes: path: absolute. digest: hash of the vertices and faces in it, 32 hex digits."""
+    """Attributes: path: absolute. digest: hash of what is in it, 32 hex digits."""
 
     path: str
     digest: str
 
 
-def write_scene(folder: Path, name: str, scene: RayScene) -> SceneFile:
-    """Write the faces of `scene` into `folder`, if they are not there yet.
+def write_scene(folder: Path, name: str, scene: object) -> SceneFile:
+    """Write a scene into `folder`, if it is not there yet.
 
     Args: name: of one bake, which removes the file in the end: another of the same mesh may still need its own.
 
     Raises:
         OutputError: the file cannot be written.
     """
-    digest = _digest(scene.vertices, scene.faces)
-    path = folder.absolute() / f".{name}-{digest}.scene"
+    arrays: list[pickle.PickleBuffer] = []
+    head = pickle.dumps(scene, protocol=5, buffer_callback=arrays.append)
+    parts = [memoryview(head), *(array.raw() for array in arrays)]
+    digest = hashlib.blake2b(digest_size=16)
+    for part in parts:
+        digest.update(_SIZE.pack(part.nbytes))
+        digest.update(part)
+    path = folder.absolute() / f".{name}-{digest.hexdigest()}.scene"
     if not path.exists():
         with atomic_write(path) as file:
-            np.savez(file, vertices=scene.vertices, faces=scene.faces)
-    return SceneFile(str(path), digest)
+            for part in parts:
+                file.write(_SIZE.pack(part.nbytes))
+                file.write(part)
+    return SceneFile(str(path), digest.hexdigest())
 
 
-def load_scene(file: SceneFile) -> RayScene:
+def load_scene(file: SceneFile) -> Any:
     """The scene that was written.
 
     Raises:
         OSError: there is no such file here, or it cannot be read.
         ValueError: it holds something else.
     """
-    with np.load(file.path, allow_pickle=False) as stored:
-        vertices, faces = stored["vertices"], stored["faces"]
-    if _digest(vertices, faces) != file.digest:
+    parts: list[bytearray] = []
+    digest = hashlib.blake2b(digest_size=16)
+    with Path(file.path).open("rb") as stored:
+        left = stored.seek(0, 2)
+        stored.seek(0)
+        while left >= _SIZE.size:
+            size = stored.read(_SIZE.size)
+            digest.update(size)
+            left -= _SIZE.size
+            part = bytearray(max(min(_SIZE.unpack(size)[0], left), 0))
+            left -= stored.readinto(part)
+            digest.update(part)
+            parts.append(part)
+    if digest.hexdigest() != file.digest:
         raise ValueError("other content than its name says")
-    return RayScene.of(vertices, faces)
-
-
-def _digest(vertices: Float32s, faces: Int64s) -> str:
-    digest = hashlib.blake2b(repr((vertices.shape, faces.shape)).encode(), digest_size=16)
-    for array in (vertices, faces):
-        digest.update(np.ascontiguousarray(array).data)
-    return digest.hexdigest()
+    return pickle.loads(parts[0], buffers=parts[1:])

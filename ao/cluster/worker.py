@@ -6,16 +6,16 @@ import signal
 import threading
 import time
 from collections.abc import Mapping
+from typing import Any
 
 from raytrace.system.threads import thread_count
 
 from ..trace.identity import first_difference, machine
-from ..trace.ray_scene import RayScene
 from ..trace.work import Tables, Work, fill
 from .scene_file import SceneFile, load_scene
 
 _lock = threading.Lock()  # one block at a time, on all cores, however many threads the worker has for tasks
-_loaded: dict[str, RayScene] = {}  # one
+_loaded: dict[str, Any] = {}  # one
 
 
 def dask_setup(_worker: object) -> None:
@@ -23,21 +23,20 @@ def dask_setup(_worker: object) -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)
 
 
-def greet(expected: Mapping[str, str], file: SceneFile, threads: int | None) -> int | str:
-    """How many threads trace here, or in words why nothing can.
+def greet(expected: Mapping[str, str], file: SceneFile, threads: int | None) -> int | tuple[str, str, str]:
+    """How many threads trace here; or why nothing can: what, what was expected of it, and what came.
 
     Args: expected: `machine()` of who asks. file: the scene to load. threads: None for all cores.
     """
     if found := first_difference(expected, machine()):
-        name, wanted, got = found
-        return f"{name}: expected {wanted}, got {got}"
+        return found
     try:
         with _lock:
             _scene(file)
     except OSError as reason:
-        return f"{file.path}: expected a folder that all workers share, got {reason.strerror or reason}"
+        return str(reason.filename or file.path), "a folder that all workers share", str(reason.strerror or reason)
     except Exception as reason:
-        return f"{file.path}: expected the scene of the bake, got {reason}"
+        return file.path, "the scene of this very work", f"{type(reason).__name__}: {reason}"
     return thread_count(threads)
 
 
@@ -50,7 +49,7 @@ def trace_block(file: SceneFile, threads: int | None, work: Work) -> tuple[Table
         return tables, time.perf_counter() - start
 
 
-def _scene(file: SceneFile) -> RayScene:
+def _scene(file: SceneFile) -> Any:
     if file.digest not in _loaded:
         _loaded.clear()
         _loaded[file.digest] = load_scene(file)

@@ -42,7 +42,7 @@ class PartFile(NamedTuple):
     @property
     def facts(self) -> dict[str, str]:
         """What must be the same in all parts of a bake, by name."""
-        flat = {"of": self.description["of"], "mesh": self.description["mesh digest"]}
+        flat = {"number of parts": self.description["of"], "mesh": self.description["mesh digest"]}
         flat |= self.description["options"] | self.description["machine"]
         return {name: str(value) for name, value in flat.items()}
 
@@ -69,7 +69,7 @@ def read_parts(folder: Path) -> list[PartFile]:
     for part in parts:
         if part.identity != identity:
             raise InputError(part.path, "header", "what the other parts have", "that of another bake")
-    of, numbers = int(usual["of"]), [part.description["part"] for part in parts]
+    of, numbers = int(usual["number of parts"]), [part.description["part"] for part in parts]
     if missing := sorted(set(range(1, of + 1)) - set(numbers)):
         lacking = ", ".join(map(str, missing[:20])) + (", …" if len(missing) > 20 else "")
         raise InputError(folder, "parts", f"all of 1 to {of}", f"{len(parts)} of them; missing: {lacking}")

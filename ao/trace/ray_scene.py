@@ -17,7 +17,7 @@ from ..gather.directions import DirectionTable
 
 @dataclass(eq=False)
 class RayScene:
-    """Faces in render space.
+    """Faces in render space. Pickled, they go to other processes, which build their own hierarchies.
 
     Attributes:
         vertices: float32 (n, 3). faces: int64 (m, 3), none degenerate. tree: over these.
@@ -34,6 +34,9 @@ class RayScene:
     def of(cls, vertices: Float32s, faces: Int64s) -> RayScene:
         """A scene of its own, with the same bits wherever it is made."""
         return cls(vertices, faces, BVH16.of(vertices, faces), cache(partial(TriangleScene, vertices, faces)))
+
+    def __reduce__(self) -> tuple[Callable[..., RayScene], tuple[Float32s, Int64s]]:
+        return RayScene.of, (self.vertices, self.faces)
 
     def table(self, samples: int, points: int, key: np.uint32, dealt: int = 1) -> DirectionTable:
         """`DirectionTable.make`, or the last one again if it is the same."""

@@ -10,15 +10,13 @@ import numpy.typing as npt
 
 from raytrace.system.threads import run_blocks
 
-from .ray_scene import RayScene
-
 Tables = tuple[npt.NDArray[Any], ...]
 Span = tuple[int, int]
 Advance = Callable[[int], None]
 
 
 class Work(Protocol):
-    """Rows to be made by tracing rays. Each is the same whichever others are made with it.
+    """Rows to be made by tracing rays in a scene of its sort. Each is the same whichever others are made with it.
 
     Attributes:
         name: 16 bytes that no other work in the same bake has. rays: of a row, about.
@@ -42,18 +40,18 @@ class Work(Protocol):
     def tables(self) -> Tables:
         """Arrays for all rows, to be written."""
 
-    def writer(self, scene: RayScene, tables: Tables) -> Callable[[int, int], None]:
+    def writer(self, scene: Any, tables: Tables) -> Callable[[int, int], None]:
         """A function that writes the rows from a first one to a last one, to be called from any thread."""
 
 
-def fill(work: Work, scene: RayScene, tables: Tables, threads: int, advance: Advance | None = None) -> None:
+def fill(work: Work, scene: Any, tables: Tables, threads: int, advance: Advance | None = None) -> None:
     """Make all rows. Args: tables: of `work.tables`, written. advance: called with numbers of finished rows."""
     fill_spans(work, scene, [(0, len(work))], tables, threads, lambda first, last: None, advance)
 
 
 def fill_spans(
     work: Work,
-    scene: RayScene,
+    scene: Any,
     spans: Sequence[Span],
     tables: Tables,
     threads: int,

@@ -1,4 +1,4 @@
-"""Mitsuba 3's `direct` integrator on a scene handed over as JSON; run by `benchmarks.render_against_mitsuba`.
+"""Mitsuba 3's `direct` integrator on a scene handed over as JSON; run by `benchmarks.accuracy.render_against_mitsuba`.
 
 A request names the `samples` a pixel, the rows of the `lights` that shine and a `target` (.npy, or null) for the
 picture; the answer is the `seconds` it took.

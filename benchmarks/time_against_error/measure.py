@@ -73,7 +73,7 @@ def measure_mesh(
 ) -> tuple[dict[str, Any], list[dict[str, Any]]]:
     """All methods on one mesh: what the mesh is, and every rung measured, each figure a list over its rounds."""
     mesh = specimen.make()
-    chosen = {name: each for name, each in falloffs(mesh).items() if not specimen.dense or name.startswith("binary")}
+    chosen = falloffs(mesh, specimen.dense)
     with tempfile.TemporaryDirectory() as folder:
         task = Task.of(mesh, Path(folder) / "mesh.npz")
         mus = [each.resolve(mesh.radius) for each in chosen.values()]
@@ -133,13 +133,16 @@ def climb_all(
     return climbs
 
 
-def warm_up(programs: Mapping[str, Program], methods: Sequence[Method]) -> None:
-    """Have every program compile what it compiles, on a mesh of 42 vertices, so that later calls are not its first."""
+def warm_up(programs: Mapping[str, Program], methods: Sequence[Method], binary: bool) -> None:
+    """Have every program compile what it compiles, on a mesh of 42 vertices, so that later calls are not its first.
+
+    Args: binary: whether the binary falloffs are all that is measured.
+    """
     mesh = stone(1)
     with tempfile.TemporaryDirectory() as folder:
         task = Task.of(mesh, Path(folder) / "mesh.npz")
         for method in methods:
-            for name, falloff in falloffs(mesh).items():
+            for name, falloff in falloffs(mesh, binary).items():
                 if name.split()[0] in method.falloffs:
                     for setting in method.ladder:
                         arguments = {method.setting: setting, **method.options}

@@ -51,3 +51,13 @@ DENSE = (
     Method("Mitsuba multijitter", "mitsuba", ladder=(64, 256), options={"sampler": "multijitter"}, seconds=90.0),
 )
 """For meshes of which whole ladders would take an hour: the rungs about the errors wanted."""
+
+_FEW = (16, 64, 256)
+PROCESSES = (
+    Method("to a tolerance", OURS, "tolerance", (0.02, 0.01, 0.004)),
+    Method("samples", OURS, ladder=_FEW),
+    Method("Mitsuba multijitter", "mitsuba", ladder=_FEW, options={"sampler": "multijitter"}),
+    Method("Open3D + NumPy", "open3d", ladder=_FEW),
+    Method("Blender", "blender", ladder=_FEW, falloffs=("binary",), seconds=20.0, most_vertices=60_000),
+)
+"""For whole processes."""

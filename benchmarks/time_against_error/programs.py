@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import argparse
+import subprocess
 import sys
 import tempfile
 import time
 from collections.abc import Iterator, Mapping
 from contextlib import ExitStack, contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -25,7 +26,8 @@ from raytrace.mesh.placement import Placement
 from .methods import OURS
 
 PEERS = ("mitsuba", "embreex", "open3d", "blender")
-ENVIRONMENTS = Path(__file__).parent.parent.parent / ".peers"
+ROOT = Path(__file__).parent.parent.parent
+ENVIRONMENTS = ROOT / ".peers"
 
 Floats = npt.NDArray[np.float64]
 
@@ -109,15 +111,60 @@ class Peer:
         return Made(answer["build"] + answer["trace"], answer["build"], w)
 
 
+class OurCommand(Ours):
+    """`obscurance bake` from a mesh file to a file of w, from the start of its process to its end."""
+
+    def bake(self, task: Task, falloff: ao.Falloff, seed: int, arguments: Mapping[str, Any]) -> Made:
+        mu = falloff.resolve(task.mesh.radius)
+        mesh, target = task.arrays.with_suffix(".ply"), task.arrays.with_name("ours.npy")
+        if not mesh.exists():
+            write_ply(task.mesh, mesh)
+        options = {"falloff": "exponential" if mu.tau else "binary", "max-distance": mu.max_distance, "seed": seed}
+        chosen = [f"--{name}={value}" for name, value in {**options, "hidden": "ignore", **arguments}.items()]
+        rate = [f"--tau={mu.tau}"] if mu.tau else []
+        start = time.perf_counter()
+        command = [sys.executable, ROOT / "cli.py", "bake", mesh, "-o", target, "-q", *chosen, *rate]
+        subprocess.run(command, check=True, stderr=subprocess.DEVNULL)
+        return Made(time.perf_counter() - start, 0.0, np.load(target))
+
+
+class StartedPeer:
+    """A peer's script that is started for each bake, from the start of its process to its end."""
+
+    def __init__(self, python: Path, script: str, folder: Path) -> None:
+        self.python, self.script, self.folder = python, script, folder
+        with Process(python, script) as process:
+            self.version: str = process.about["version"]
+
+    def bake(self, task: Task, falloff: ao.Falloff, seed: int, arguments: Mapping[str, Any]) -> Made:
+        start = time.perf_counter()
+        with Process(self.python, self.script) as process:
+            made = Peer(process, self.folder).bake(task, falloff, seed, arguments)
+        return replace(made, seconds=time.perf_counter() - start)
+
+
+def write_ply(mesh: Mesh, target: Path) -> None:
+    """A binary PLY with vertices as doubles, as they are."""
+    faces = np.empty(len(mesh.faces), [("count", "u1"), ("corners", "<i4", 3)])
+    faces["count"], faces["corners"] = 3, mesh.faces
+    head = f"ply\nformat binary_little_endian 1.0\nelement vertex {len(mesh.vertices)}\n"
+    head += "".join(f"property double {axis}\n" for axis in "xyz")
+    head += f"element face {len(faces)}\nproperty list uchar int vertex_indices\nend_header\n"
+    target.write_bytes(head.encode() + mesh.vertices.astype("<f8").tobytes() + faces.tobytes())
+
+
 @contextmanager
-def open_programs(given: Mapping[str, Path]) -> Iterator[tuple[dict[str, Program], dict[str, str]]]:
+def open_programs(
+    given: Mapping[str, Path], processes: bool = False
+) -> Iterator[tuple[dict[str, Program], dict[str, str]]]:
     """Ours and every peer that starts, and why the others do not.
 
     Args:
         given: interpreters of peers by name; of the others, those that `make peers` has made are tried. embreex is
             part of our own environment.
+        processes: whether each bake is a process of its own.
     """
-    programs: dict[str, Program] = {OURS: Ours()}
+    programs: dict[str, Program] = {OURS: OurCommand() if processes else Ours()}
     missing = {}
     with ExitStack() as stack:
         for name in PEERS:
@@ -126,12 +173,14 @@ def open_programs(given: Mapping[str, Path]) -> Iterator[tuple[dict[str, Program
             if not python.exists():
                 missing[name] = f"no interpreter: `make peers`, or --peer {name}=PYTHON"
                 continue
+            script, folder = f"ao_{name}.py", Path(stack.enter_context(tempfile.TemporaryDirectory()))
             try:
-                process = stack.enter_context(Process(python, f"ao_{name}.py"))
+                if processes:
+                    programs[name] = StartedPeer(python, script, folder)
+                else:
+                    programs[name] = Peer(stack.enter_context(Process(python, script)), folder)
             except PeerFailed as reason:
                 missing[name] = str(reason)
-                continue
-            programs[name] = Peer(process, Path(stack.enter_context(tempfile.TemporaryDirectory())))
         yield programs, missing
 
 

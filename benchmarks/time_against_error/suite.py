@@ -40,15 +40,13 @@ class Specimen:
     dense: bool = False
 
 
-def falloffs(mesh: Mesh) -> dict[str, ao.Falloff]:
-    """Binary and exponential, unlimited and limited to 5 % of the bounding box's diagonal."""
+def falloffs(mesh: Mesh, binary: bool = False) -> dict[str, ao.Falloff]:
+    """Binary and, unless that is all, exponential; unlimited and limited to 5 % of the bounding box's diagonal."""
     reach = LIMIT * float(np.linalg.norm(np.ptp(mesh.vertices, axis=0)))
-    return {
-        "binary": ao.Binary(),
-        "binary 5%": ao.Binary(reach),
-        "exponential": ao.Exponential(),
-        "exponential 5%": ao.Exponential(max_distance=reach),
-    }
+    forms: dict[str, ao.Falloff] = {"binary": ao.Binary(), "binary 5%": ao.Binary(reach)}
+    if not binary:
+        forms |= {"exponential": ao.Exponential(), "exponential 5%": ao.Exponential(max_distance=reach)}
+    return forms
 
 
 def builtin(quick: bool) -> list[Specimen]:

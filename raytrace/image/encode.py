@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import errno
 import json
 import os
+import shutil
 import tempfile
 from collections.abc import Callable, Mapping
 from pathlib import Path
@@ -165,7 +167,8 @@ def _write(
             done = output.close() and done
         reason = output.geterror()
         if not done or "Write error" in reason or not _complete(scratch, format_name, spec.height):
-            first_line = reason.replace(str(scratch), "").strip().split("\n")[0]
+            full = shutil.disk_usage(scratch.parent).free < _SPARE  # which OpenImageIO does not say
+            first_line = os.strerror(errno.ENOSPC) if full else reason.replace(str(scratch), "").strip().split("\n")[0]
             raise OutputError(f"{os.fspath(path)}: cannot write: {first_line or 'the disk took only a part of it'}")
 
 

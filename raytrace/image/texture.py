@@ -25,7 +25,7 @@ WRAPS: tuple[Wrap, ...] = get_args(Wrap)
 
 @dataclass(frozen=True)
 class Texture:
-    """An image file, or the bytes of one (a GLB keeps its images inside).
+    """An image file, or the bytes of one (a GLB keeps its images inside). Pickled, it takes the file's bytes along.
 
     Attributes:
         path: the file, or what to call the image in messages when `data` is given.
@@ -45,6 +45,12 @@ class Texture:
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "wrap", wrap_modes(self.wrap))
+
+    def __reduce__(self) -> tuple[type[Texture], tuple[object, ...]]:
+        data = self.data
+        with suppress(OSError):  # who reads a file that is missing here will say so
+            data = self.path.read_bytes() if data is None else data
+        return Texture, (self.path, data, self.srgb, self.wrap)
 
 
 def wrap_modes(given: Any) -> tuple[Wrap, Wrap]:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 from weakref import WeakKeyDictionary
 
 import numpy as np
@@ -12,7 +13,7 @@ from ..lights import layout as light_rows
 from ..lights.environment import pack_environment
 from ..lights.far_lights import make_far_lights_directional
 from ..lights.sources import BaseLight, LightSource, pack_lights
-from ..scene import Scene
+from ..scene import Object, Scene
 from ..settings import Normals
 from ..shade.records import Lights
 from ..types import Float32s, Float64s
@@ -21,19 +22,25 @@ from .geometry import BuiltGeometry, build_geometry
 
 @dataclass(frozen=True, eq=False)
 class RenderScene:
-    """A scene ready for kernels.
+    """A scene ready for kernels. Pickled, it goes to other processes, which build the geometry again.
 
     Attributes:
+        objects: what the geometry is built from.
         geometry: shared by all scenes of the same shapes in the same places, whatever their w and lights.
         w: float64 (n,), obscurance at the vertices of all objects in order. bent: float32 (n, 3), their bent normals,
         or (0, 3) where no light asks for them.
         lights: in render space.
     """
 
+    objects: tuple[Object, ...]
     geometry: BuiltGeometry
     w: Float64s
     bent: Float32s
     lights: Lights
+
+    def __reduce__(self) -> tuple[Callable[..., RenderScene], tuple[object, ...]]:
+        bare = tuple(replace(item, w=None, bent_normals=None) for item in self.objects)
+        return _rebuilt, (bare, self.geometry.normals, self.w, self.bent, self.lights)
 
 
 _scenes: WeakKeyDictionary[Scene, RenderScene] = WeakKeyDictionary()
@@ -52,8 +59,15 @@ def build(scene: Scene, normals: Normals = "file") -> RenderScene:
         w = [np.ones(len(item.shape.mesh.vertices)) if item.w is None else item.w for item in scene.objects]
         lights = _place_lights(scene.lights, geometry.centre, geometry.scale)
         bent = _bent_normals(scene, len(lights.skies) + len(lights.harmonics) > 0)
-        made = _scenes[scene] = RenderScene(geometry, np.concatenate(w), bent, lights)
+        made = _scenes[scene] = RenderScene(scene.objects, geometry, np.concatenate(w), bent, lights)
     return made
+
+
+def _rebuilt(objects: tuple[Object, ...], normals: Normals, w: Float64s, bent: Float32s, lights: Lights) -> RenderScene:
+    """What was pickled, its arrays where kernels may read behind their ends."""
+    rows, maps = aligned(bent.shape, np.float32), aligned(lights.maps.shape, np.float32)
+    rows[:], maps[:] = bent, lights.maps
+    return RenderScene(objects, build_geometry(objects, normals), w, rows, lights._replace(maps=maps))
 
 
 def _bent_normals(scene: Scene, wanted: bool) -> Float32s:

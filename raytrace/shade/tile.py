@@ -103,6 +103,18 @@ def render_tiles(scene, view, style, film, scratch, span, again):
             write_pixels(entry, load_row(todo, k // WIDE), lane_numbers() < taken - k, film, left, top)
 
 
+@kernel
+def mark_reopened(film, scratch, marks):
+    """Mark the pixels that `render_tiles` would render again: `marks`, bool (tiles, TILE · TILE)."""
+    film, scratch, marks = borrow(film), borrow(scratch), borrow(marks)
+    high, wide, _ = film.pixels.shape
+    columns = -(-wide // TILE)
+    for tile in range(len(film.edges)):
+        size = min(TILE, wide - tile % columns * TILE), min(TILE, high - tile // columns * TILE)
+        for k in range(list_reopened(scratch, size, film.edges, tile, columns)):
+            marks[tile, scratch.todo[k]] = True
+
+
 @inline
 def list_pixels(scratch, size):
     """Put all pixels of a tile of this size, (wide, high), on the list `todo`; returns how many."""

@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from typing import NamedTuple
 
-from ..errors import OptionError
+from ..errors import OptionError, OutputError
 from .atomic import check_writable
 
 Name = str | os.PathLike[str]
@@ -78,6 +78,15 @@ def check_outputs(outputs: Mapping[str, Name | None], inputs: Iterable[Name] = (
             raise OptionError(option, f"another file than {written[identity]}", f"{os.fspath(path)}, the same file")
         written[identity] = option
         _check_kind(option, path)
+
+
+def make_folder(folder: Path) -> None:
+    """Make a folder for outputs, and those above it, unless it is there. Raises: OutputError."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as reason:
+        what = "it is a file" if isinstance(reason, FileExistsError) else reason.strerror
+        raise OutputError(f"{folder}: cannot make this folder: {what}") from None
 
 
 def check_ending(option: str, path: Name, *endings: str) -> None:

@@ -8,8 +8,8 @@ from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 
-from raytrace.errors import OptionError, OutputError
-from raytrace.system.outputs import check_outputs
+from raytrace.errors import OptionError
+from raytrace.system.outputs import check_outputs, make_folder
 
 MANIFEST = "manifest.json"
 _ENDINGS = (".ply", ".obj", ".glb", ".gltf", ".stl", ".off", ".3mf")  # of which a folder's pattern is made up
@@ -23,7 +23,7 @@ def expand(given: Iterable[Path]) -> list[Path]:
     """
     found: dict[str, Path] = {}
     for path in given:
-        if path.is_dir():
+        if os.path.isdir(path):
             raise OptionError("mesh", "mesh files", f"{path}, a folder", nearest=_pattern_in(path))
         matches = [path]
         if is_pattern(path):
@@ -37,7 +37,7 @@ def expand(given: Iterable[Path]) -> list[Path]:
 
 def is_pattern(path: Path) -> bool:
     """Whether a name is no file's, but a pattern of `glob`."""
-    return glob.has_magic(str(path)) and not path.exists()
+    return glob.has_magic(str(path)) and not os.path.exists(path)
 
 
 def _pattern_in(folder: Path) -> str | None:
@@ -69,12 +69,8 @@ def made(folder: Path, keep: bool = True) -> Iterator[None]:
 
     Raises: OutputError: it cannot be made.
     """
-    new = [each for each in (folder, *folder.parents) if not each.exists()]
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as reason:
-        what = "it is a file" if isinstance(reason, FileExistsError) else reason.strerror
-        raise OutputError(f"{folder}: cannot make this folder: {what}") from None
+    new = [each for each in (folder, *folder.parents) if not os.path.exists(each)]
+    make_folder(folder)
     passed = False
     try:
         yield
@@ -85,7 +81,7 @@ def made(folder: Path, keep: bool = True) -> Iterator[None]:
                 each.rmdir()
 
 
-def check_batch(folder: Path, inputs: Iterable[Path], outputs: Iterable[Path]) -> None:
+def check_batch(inputs: Iterable[Path], outputs: Iterable[Path], manifest: Path) -> None:
     """Raises: OptionError, OutputError: an output of a batch, or its manifest, cannot be written, or is an input."""
     written: dict[str, Path | None] = {f"output {path.name}": path for path in outputs}
-    check_outputs({**written, "manifest": folder / MANIFEST}, inputs)
+    check_outputs({**written, "manifest": manifest}, inputs)

@@ -62,10 +62,7 @@ def part_command(text: str, options: dict[str, Any]) -> PartCommand:
     """
     from raytrace.errors import OptionError
 
-    found = re.fullmatch(r"(\d{1,6})/(\d{1,6})", text)
-    number, of = map(int, found.groups()) if found else (0, 0)
-    if not 1 <= number <= of:
-        raise OptionError("part", "K/N, the K-th of N parts, such as 3/16", repr(text))
+    number, of = part_numbers(text)
     if options["tolerance"] is not None:
         expected = "--samples with --part: the rays of a tolerance depend on what earlier ones find"
         raise OptionError("tolerance", expected, options["tolerance"])
@@ -77,6 +74,17 @@ def part_command(text: str, options: dict[str, Any]) -> PartCommand:
     files = {name: str(options[name].absolute()) for name in _FILES if options[name]}
     described = {name: plain(value) for name, value in options.items() if name not in (*_FILES, *_OF_PROCESS)}
     return PartCommand(bake_command(options | stand_in), {**files, "options": described}, folder, number, of)
+
+
+def part_numbers(text: str) -> tuple[int, int]:
+    """K and N of `--part` K/N. Raises: OptionError: it is not two such numbers."""
+    from raytrace.errors import OptionError
+
+    found = re.fullmatch(r"(\d{1,6})/(\d{1,6})", text)
+    number, of = map(int, found.groups()) if found else (0, 0)
+    if not 1 <= number <= of:
+        raise OptionError("part", "K/N, the K-th of N parts, such as 3/16", repr(text))
+    return number, of
 
 
 def is_texture_part(description: dict[str, Any]) -> bool:

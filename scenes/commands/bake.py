@@ -102,7 +102,7 @@ class MeshBake(ABC):
     progress: ProgressForm = "bar"
     content: bytes | None = None
     """Of the mesh, if it is no file's."""
-    open_checkpoint: Callable[[Path], Checkpoint] | None = None
+    open_checkpoint: Callable[[Path], AbstractContextManager[Checkpoint]] | None = None
     """Makes the checkpoint of an output, if not the usual one is wanted."""
 
     def run(self) -> int:

@@ -6,6 +6,7 @@ import codecs
 import io
 import os
 import sys
+import threading
 import time
 import unicodedata
 from collections.abc import Callable, Iterable, Iterator, Sequence
@@ -72,6 +73,19 @@ def output_failed(failure: OSError) -> int:
     return 1
 
 
+_silent = threading.local()  # its `on`: whether warnings on this thread are for others to print
+
+
+@contextmanager
+def unprinted_warnings() -> Iterator[None]:
+    """Let `warn` print nothing on this thread, while this lasts: who asked for the work is elsewhere."""
+    _silent.on = True
+    try:
+        yield
+    finally:
+        _silent.on = False
+
+
 def warn(meshes: Iterable[Mesh], others: Iterable[str] = ()) -> list[str]:
     """Print, once each, warnings about the precision of meshes, and others; return them all."""
     from raytrace.errors import printable
@@ -80,7 +94,7 @@ def warn(meshes: Iterable[Mesh], others: Iterable[str] = ()) -> list[str]:
     each = {id(mesh): mesh for mesh in meshes}.values()
     warnings = list(dict.fromkeys(warning for mesh in each for warning in precision_warnings(mesh)))
     warnings += list(dict.fromkeys(others))
-    for warning in warnings:
+    for warning in () if getattr(_silent, "on", False) else warnings:
         print(f"warning: {printable(warning)}", file=sys.stderr)
     return warnings
 

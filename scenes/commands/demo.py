@@ -5,9 +5,9 @@ from __future__ import annotations
 from pathlib import Path
 
 import ao
-from raytrace import AmbientLight, Camera, Lambert, Object, OutputError, Scene, Settings, Shape, render
+from raytrace import AmbientLight, Camera, Lambert, Object, Scene, Settings, Shape, render
 from raytrace.image.write import write_frame
-from raytrace.system.outputs import check_outputs
+from raytrace.system.outputs import check_outputs, make_folder
 
 from ..geometry.temple import temple
 from ..readers.load import MeshFile
@@ -20,10 +20,7 @@ _BACKGROUND = (0.05, 0.05, 0.05)
 
 def targets(folder: Path) -> tuple[Path, Path]:
     """The mesh and the image in a folder, which is made. Raises: OptionError, OutputError: they cannot be written."""
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as reason:
-        raise OutputError(f"{folder}: cannot make this folder: {reason.strerror}") from None
+    make_folder(folder)
     mesh, picture = folder / "temple.ply", folder / "temple.png"
     check_outputs({"temple.ply": mesh, "temple.png": picture})
     return mesh, picture

@@ -32,7 +32,7 @@ def presets() -> list[tuple[str, str]]:
 
 def preset_toml(name: str) -> str:
     """A preset as an entry of a scene's `[[materials]]`. Raises: OptionError: there is none of this name."""
-    lines = [f"{key} = {_value(value, 17)}" for key, value in _preset(name).items()]
+    lines = [f"{key} = {_value(value, None)}" for key, value in _preset(name).items()]
     return "\n".join(["[[materials]]", f'name = "my_{name}"', *lines, ""])
 
 
@@ -133,9 +133,11 @@ def _written(values: dict[str, Any]) -> str:
     return ", ".join(f"{key} = {_value(value)}" for key, value in values.items())
 
 
-def _value(value: Any, digits: int = 5) -> str:
-    """A value as TOML has it, one number for three equal ones."""
+def _value(value: Any, digits: int | None = 5) -> str:
+    """A value as TOML has it, one number for three equal ones. Args: digits: None: as many as tell it from others."""
     if isinstance(value, list | tuple):
         parts = [_value(each, digits) for each in value]
         return parts[0] if len(set(parts)) == 1 else f"[{', '.join(parts)}]"
-    return f"{value:.{digits}g}" if isinstance(value, float) else f'"{value}"' if isinstance(value, str) else str(value)
+    if isinstance(value, float) and digits:
+        return f"{value:.{digits}g}"
+    return f'"{value}"' if isinstance(value, str) else str(value)

@@ -100,7 +100,8 @@ def check_cage(cage: str | None, high: Path | None) -> None:
 
     if high is None:
         raise OptionError("cage", "--high with it", "none")
-    resolve_length("cage", cage, 1.0)
+    if resolve_length("cage", cage, 1.0) == float("inf"):
+        raise OptionError("cage", "a finite length", cage)
 
 
 def plain(value: object) -> object:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -19,16 +20,22 @@ from raytrace.types import Float64s
 from ..description.description import SceneDescription
 from ..readers.stored_w import read_w
 
+if TYPE_CHECKING:
+    from ao.cluster.session import ClusterSession
+
 
 def with_obscurance(
-    description: SceneDescription, threads: int | None = None, progress: Progress | None = None
+    description: SceneDescription,
+    threads: int | None = None,
+    progress: Progress | None = None,
+    session: ClusterSession | None = None,
 ) -> tuple[Scene, ao.Bake | None]:
     """The scene with w(p) as `description.w_from` and `description.bake` ask, and the bake if there was one.
 
     Only vertices that the picture can show are baked; the others get w = 1, and so do those of shapes with an
     occlusion texture. w from a file stands in place of such textures.
 
-    Args: threads, progress: as `ao.bake` takes them.
+    Args: threads, progress: as `ao.bake` takes them. session: workers who trace the rays.
 
     Raises:
         SceneError: the baked file cannot be read, or is another scene's.
@@ -48,6 +55,11 @@ def with_obscurance(
     mesh, room = scene.flattened(), available()
     if room is not None and vertex_bytes(len(mesh.vertices), len(mesh.faces), options.rays) > room:
         release(scene)  # the bake does not fit beside the geometry, which is built again for the picture
+    checkpoint = None
+    if session:
+        from ao.cluster.checkpoint import Unkept
+
+        checkpoint = Unkept(session)
     made = ao.bake(
         mesh,
         options.falloff,
@@ -57,6 +69,7 @@ def with_obscurance(
         "angle" if settings.normals == "file" else settings.normals,
         progress,
         only=seen,
+        checkpoint=checkpoint,
     )
     surrounded = any(isinstance(light, SkyLight | EnvironmentLight) for light in scene.lights)
     return scene.with_obscurance(made.w, made.bent_normals if surrounded else None), made

@@ -5,8 +5,9 @@ from __future__ import annotations
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import ao
 from ao.report import SCHEMA_VERSION, calibration_facts, versions
@@ -19,6 +20,9 @@ from raytrace.system.memory import check_memory
 
 from ..description.description import SceneDescription
 from .picture_bake import with_obscurance
+
+if TYPE_CHECKING:
+    from ao.cluster.session import ClusterSession
 
 PREVIEW = 4  # a preview's sides are that much shorter
 PREVIEW_BAKE = 32  # and it bakes with that many rays a vertex
@@ -98,10 +102,12 @@ def make_picture(
     threads: int | None = None,
     baking: Progress | None = None,
     rendering: Progress | None = None,
+    session: ClusterSession | None = None,
 ) -> Picture:
     """Make the picture of a described scene and write it.
 
     Args: source: the scene file, for the picture's metadata. half: 16-bit floats in EXR. baking, rendering: progress.
+        session: workers who trace the rays.
 
     Raises:
         InputError: a texture or a baked file cannot be read.
@@ -109,14 +115,20 @@ def make_picture(
         OutputError: it cannot be written.
         MemoryLimitError: the picture or the bake for it would not fit into memory.
         EmbreeError: Embree failed, out of memory for instance.
+        ClusterError: the cluster is lost, or none of its workers can be used.
     """
     layers = check_image_target(output, half)
     needed = rendering_bytes(description.scene, description.settings, layers is None)
     check_memory(source, needed, describe_work(description.scene, description.settings))
     start = time.perf_counter()
-    scene, baked = with_obscurance(description, threads, baking)
+    scene, baked = with_obscurance(description, threads, baking, session)
     prepared = time.perf_counter()
-    frame = render(scene, description.camera, description.settings, layers is None, threads, rendering)
+    made = render
+    if session:
+        from ao.cluster.pictures import render_on
+
+        made = partial(render_on, session)
+    frame = made(scene, description.camera, description.settings, layers is None, threads, rendering)
     rendered = time.perf_counter()
     write_frame(output, frame, metadata(source, description), half)
     seconds = {"bake": prepared - start, **frame.seconds, "write": time.perf_counter() - rendered}

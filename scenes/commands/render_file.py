@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import nullcontext
 from dataclasses import dataclass, replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -15,11 +16,13 @@ from .console import KERNELS_OF_RENDER, compiling, progress, show_picture, warn
 from .options import REPORTS, NormalsFrom, ProgressForm, Up, parse_crop, parse_size, plain
 
 if TYPE_CHECKING:
+    from ao.cluster.session import ClusterSession
+
     from ..report.pictures import Picture as Shown
     from .render import Picture
 
 _SETTINGS = ("samples", "shading", "normals", "obscurance", "shadows", "seed")
-_NO_OPTIONS_OF_RENDER = ("report", "quiet", "progress", "show")  # they change no picture
+_NO_OPTIONS_OF_RENDER = ("report", "quiet", "progress", "show", "open_session")  # they change no picture
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -47,6 +50,7 @@ class RenderCommand:
     quiet: bool
     progress: ProgressForm
     show: bool
+    open_session: Callable[[Path], ClusterSession] | None = None
 
     def run(self) -> None:
         """Read a scene, render it, write the image and a report, and print a summary.
@@ -85,13 +89,16 @@ class RenderCommand:
 
         if self.baked:
             check_stored(self.baked)
-        with compiling(KERNELS_OF_RENDER), progress(self.quiet, "rays", "tiles", form=self.progress) as bars:
+        with compiling(KERNELS_OF_RENDER):
             read = read_scene(self.scene, size, self.up)
             description = adjusted(read, settings, self.preview, self.baked, self.own_occlusion)
             check_outputs(outputs, description.files)
             inputs = hashed([self.scene, *description.files]) if self.report else []
             warnings = warn((item.shape.mesh for item in description.scene.objects), description.notes)
-            picture = make_picture(self.scene, description, output, self.half, threads, *bars)
+            with self.open_session(output) if self.open_session else nullcontext() as session:
+                status = session.status if session else str
+                with progress(self.quiet, "rays", "tiles", form=self.progress, status=status) as (rays, tiles):
+                    picture = make_picture(self.scene, description, output, self.half, threads, rays, tiles, session)
         if self.show:
             show_picture(picture.frame.layers["beauty"])
         if self.report:
@@ -99,6 +106,8 @@ class RenderCommand:
             self._write_report(self.report, made, picture, inputs)
         if not self.quiet:
             print(picture.summary(output, description.settings))
+            if session:
+                print(session.summary())
 
     def _write_report(
         self, path: Path, report: dict[str, Any], picture: Picture, inputs: Sequence[Mapping[str, Any]]

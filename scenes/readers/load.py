@@ -136,7 +136,7 @@ def read_objects(path: Path, keep: bool = False, content: bytes | None = None) -
             raise MeshError(path, "ending", "one of obj " + " ".join(_trimesh_formats()), path.suffix or "none")
         size = path.stat().st_size if content is None else len(content)
         if size == 0:
-            raise MeshError(path, "content", f"a {kind.upper()} mesh", "an empty file")
+            raise MeshError(path, "content", "a mesh", "an empty file")
         needed = _PEAK.get(kind, _PEAK_OF_TRIMESH) + (_KEPT if keep else 0)
         check_memory(source, int(needed * size), f"to read {size:,} bytes")
         asset = None
@@ -163,7 +163,8 @@ def read_objects(path: Path, keep: bool = False, content: bytes | None = None) -
         solid = [instance for instance in instances if asset or len(instance.faces)]
         if not solid:
             points = sum(len(instance.vertices) for instance in instances)
-            raise MeshError(path, "faces", "at least one triangle", f"none, and {points} points")
+            besides = f"{points} points" if points else f"no vertices: perhaps it is no {kind.upper()}"
+            raise MeshError(path, "faces", "at least one triangle", f"none, and {besides}")
     return solid, asset
 
 

@@ -30,13 +30,17 @@ _IMAGES = "output", "bent_normals", "error_map"
 def bake_command(options: dict[str, Any]) -> BakeCommand | TextureCommand:
     """The command for an output.
 
-    Raises: OptionError: an option is not for this sort of output.
+    Raises: OptionError: the output's ending is unknown, or an option is not for this sort of output.
     """
     from raytrace.errors import OptionError
+    from raytrace.system.outputs import check_ending
 
+    from ..writers.write import ENDINGS
+    from .names import ENDINGS as IMAGES
     from .names import is_texture
 
     output = options["output"]
+    check_ending("output", output, *ENDINGS, *IMAGES)
     own = {field.name for field in fields(BakeCommand)}
     into_glb = options["occlusion"] == "texture"
     if into_glb and output.suffix.lower() != ".glb" and not is_texture(output):

@@ -152,3 +152,5 @@ _WRITERS: dict[str, _Write] = {
     ".glb": _glb,
     ".html": _html,
 }
+ENDINGS = tuple(_WRITERS)
+"""Of the names of files that `write` makes."""

@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 
 import ao
 import ao.least_squares.fit
-from benchmarks.surface_error import Points
+from benchmarks.accuracy.surface_error import Points
 from raytrace import Mesh, OptionError
 from scenes.geometry.polyhedra import icosphere, join
 from scenes.geometry.temple import temple

@@ -28,6 +28,31 @@ def test_workers_started_here_make_the_file_of_one_process(tmp_path, mesh):
     assert sorted(path.name for path in tmp_path.iterdir()) == ["hills.ply", "w.npz", "whole.npz"]
 
 
+@pytest.mark.usefixtures("small_blocks")
+def test_a_picture_by_workers_started_here_is_the_file_of_one_process(tmp_path):
+    pytest.importorskip("distributed", reason="needs obscurance[cluster]")
+    assert obscurance("scenes", "still_life", "-o", tmp_path / "scene.toml").returncode == 0
+    render = "render", tmp_path / "scene.toml", "--width", 96, "--height", 64
+    assert obscurance(*render, "-o", tmp_path / "whole.exr").returncode == 0
+    result = obscurance(*render, "-o", tmp_path / "picture.exr", "--cluster", "local", "--report", tmp_path / "r.json")
+    assert (result.returncode, result.stderr) == (0, "")
+    assert result.stdout.splitlines()[-1].startswith("local: ")
+    assert result.stdout.endswith(" blocks traced by 1 worker\n")
+    assert (tmp_path / "picture.exr").read_bytes() == (tmp_path / "whole.exr").read_bytes()
+    found = sorted(path.name for path in tmp_path.iterdir())
+    assert found == ["picture.exr", "r.json", "scene.toml", "whole.exr"]
+
+
+def test_mistakes_with_pictures_are_told_in_a_line(tmp_path, mesh, monkeypatch):
+    render = "render", mesh, "-o", tmp_path / "picture.png"
+    refused(obscurance(*render, "--cluster", "here"), "render --cluster: expected local, local:N or the address")
+    refused(obscurance(*render, "--shared", tmp_path), "render --shared: expected --cluster with it")
+    refused(obscurance(*render, "--cluster", "local", "--shared", mesh), "render --shared: expected a folder")
+    monkeypatch.setattr("scenes.cluster.workers.find_spec", lambda _: None)
+    refused(obscurance(*render, "--cluster", "local"), "render --cluster: expected Dask")
+    assert [path.name for path in tmp_path.iterdir()] == ["hills.ply"]
+
+
 def test_mistakes_are_told_in_a_line(tmp_path, mesh, monkeypatch):
     bake = "bake", mesh, "-o", tmp_path / "w.npz"
     refused(obscurance(*bake, "--cluster", "here"), "bake --cluster: expected local, local:N or the address", "'here'")
@@ -46,7 +71,8 @@ def test_mistakes_are_told_in_a_line(tmp_path, mesh, monkeypatch):
 def test_a_scheduler_that_does_not_answer_is_told(tmp_path, mesh, monkeypatch):
     pytest.importorskip("distributed", reason="needs obscurance[cluster]")
     monkeypatch.setattr("ao.cluster.dask_cluster._CONNECT", 0.3)
-    result = obscurance("bake", mesh, "-o", tmp_path / "w.npz", "--cluster", "tcp://127.0.0.1:1")
-    refused(
-        result, "bake --cluster: expected local, local:N or the address of a Dask scheduler", "nothing that answers"
-    )
+    for command, output in (("bake", "w.npz"), ("render", "picture.png")):
+        result = obscurance(command, mesh, "-o", tmp_path / output, "--cluster", "tcp://127.0.0.1:1")
+        expected = f"{command} --cluster: expected local, local:N or the address of a Dask scheduler"
+        refused(result, expected, "nothing that answers")
+    assert [path.name for path in tmp_path.iterdir()] == ["hills.ply"]

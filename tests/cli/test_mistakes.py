@@ -38,6 +38,9 @@ COMMANDS = [
     ("bake a.ply -o w.npy --format glb", "bake --format: expected --output-dir or -o - with it, got w.npy"),
     ("bake a.ply --output-dir a.ply", "a.ply: cannot make this folder: it is a file"),
     ("bake a.ply --output-dir a.ply/out", "a.ply/out: cannot make this folder: Not a directory"),
+    (f"bake a.ply -o {'x' * 300}.ply", "xxx.ply: cannot write: File name too long"),
+    (f"bake a.ply --output-dir {'x' * 300}", "xxx: cannot make this folder: File name too long"),
+    ("bake a.ply -o w.npy --high a.ply --cage inf", "bake --cage: expected a finite length, got inf"),
     ("bake a.ply -o folder", "bake --output: expected a file, got folder, a folder; did you mean --output-dir?"),
     ("bake a.ply --output-dir w.ply", "expected a folder, got w.ply, the name of a file; did you mean --output?"),
     ("bake a.ply -o - --resume", "bake --resume: expected a file as --output with it, got -, standard output"),
@@ -58,7 +61,12 @@ COMMANDS = [
     ("bake a.ply --output-dir out --format obj", "bake --format: expected one of npy, npz, ply, glb", "got obj"),
     ("bake a.ply --output-dir out --samples 0", "bake --samples"),
     ("bake a.ply -o", "bake -o: expected a value, got nothing"),
-    ("bake a.ply -o w", "bake --output: expected a name ending in .npy", "got w;"),
+    (
+        "bake a.ply -o w",
+        "bake --output: expected a name ending in .npy or",
+        ".glb or .html or .png or .exr or",
+        "got w;",
+    ),
     ("bake a.ply -o w.npy.txt", "got w.npy.txt"),
     ("bake a.ply -o ''", "bake --output", "got ., a folder;"),
     ("bake a.ply -o none/w.npy", "none/w.npy: cannot write: there is no folder"),
@@ -144,7 +152,7 @@ COMMANDS = [
     ("bench --falloff none", "bench --falloff: expected one of exponential, binary, got none"),
     ("bench b.ply", "did you mean a.ply?"),
     ("demo x", "demo: expected no more arguments, got x"),
-    ("demo -o a.ply", "a.ply: cannot make this folder"),
+    ("demo -o a.ply", "a.ply: cannot make this folder: it is a file"),
 ]
 BOX = '[[objects]]\nbuiltin = "box"\n'
 SCENES = [

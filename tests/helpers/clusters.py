@@ -3,8 +3,12 @@
 import importlib
 import os
 import signal
+import time
 from contextlib import contextmanager
 from functools import partial
+from itertools import count
+from pathlib import Path
+from threading import Thread
 
 import pytest
 from meshes import hills, two_boxes
@@ -12,8 +16,9 @@ from parts_of_bakes import bits, bits_of_texture
 from uv_meshes import grid_charts
 
 import ao
+from ao.cluster.addresses import CONFIG, LOCAL
 from ao.cluster.checkpoint import ClusterCheckpoint
-from ao.cluster.dask_cluster import CONFIG, LOCAL
+from ao.cluster.session import ClusterSession
 from raytrace import Mesh
 
 HILLS = Mesh(*hills(60))
@@ -39,36 +44,93 @@ LONG_ROWS = 100**2 + 100**2 // 32  # some are traced twice, to calibrate errors
 
 
 @contextmanager
-def scheduler(workers):
-    """A cluster that bakes join by its address."""
+def scheduler(workers, preload=()):
+    """A cluster that bakes join by its address. Args: preload: scripts that each worker runs first."""
     distributed = pytest.importorskip("distributed", reason="needs obscurance[cluster]")
     importlib.import_module("dask").config.set(CONFIG)
-    with distributed.LocalCluster(n_workers=workers, **LOCAL) as cluster:
+    with distributed.LocalCluster(n_workers=workers, **LOCAL | {"preload": [*LOCAL["preload"], *preload]}) as cluster:
         yield cluster
+
+
+def holding(after, until, mark=None):
+    """A function for a worker: traces `after` blocks, then makes a file `mark-…`, and goes on once `until` exists."""
+
+    def hold():
+        import ao.cluster.worker
+
+        fill, numbers = ao.cluster.worker.fill, count()
+
+        def held(*arguments):
+            if next(numbers) >= after:
+                if mark:
+                    Path(f"{mark}-{os.getpid()}").touch()
+                while not os.path.exists(until):
+                    time.sleep(0.01)
+                ao.cluster.worker.fill = fill
+            return fill(*arguments)
+
+        ao.cluster.worker.fill = held
+
+    return hold
 
 
 @pytest.fixture
 def small_blocks(monkeypatch):
-    monkeypatch.setattr("ao.cluster.checkpoint._FEW", 0)
-    monkeypatch.setattr("ao.cluster.dispatch._FIRST_RAYS", 1 << 16)
+    monkeypatch.setattr("ao.cluster.session._FEW", 0)
+    monkeypatch.setattr("ao.cluster.dispatch._FIRST_RAYS", 1 << 12)  # a core
     monkeypatch.setattr("ao.cluster.dispatch._SECONDS", 0.1)
     monkeypatch.setattr("ao.cluster.dispatch._LEAST_SECONDS", 0.02)
 
 
 def bake_on(address, make, path, tell=pytest.fail, progress=None, **settings):
     """What `make` makes with a cluster, and what that handed out."""
-    with ClusterCheckpoint(path, address, tell=tell, **settings) as checkpoint:
-        return make(checkpoint=checkpoint, progress=progress), checkpoint.cluster.dispatch
+    with (
+        ClusterSession(address, path.parent, path.stem, tell) as session,
+        ClusterCheckpoint(path, session, tell=tell, **settings) as checkpoint,
+    ):
+        return make(checkpoint=checkpoint, progress=progress), session.cluster.dispatch
 
 
 @contextmanager
-def victims_of(cluster, workers):
-    """The process ids of all workers, once there are so many; one that is killed as it starts does not come again."""
+def victims_of(cluster, workers, prepare=None):
+    """The process ids of all workers, once there are so many; one that is killed as it starts does not come again.
+
+    Args: prepare: gives, for the number of each, a function that it runs first.
+    """
     from distributed import Client
 
     with Client(cluster, set_as_default=False) as client:
         client.wait_for_workers(workers, timeout=60)
-        yield list(client.run(os.getpid).values())
+        addresses = list(client.nthreads())
+        for number, address in enumerate(addresses if prepare else ()):
+            client.run(prepare(number), workers=[address])
+        pids = client.run(os.getpid)
+        yield [pids[address] for address in addresses]
+
+
+@contextmanager
+def killed_in_mid_block(cluster, folder, victims):
+    """Kill `victims` of two workers when each has made a block and is at the next; the others begin after that.
+
+    There must be more blocks than the others are given at once.
+    """
+    held, killed = folder / "held", folder / "killed"
+
+    def prepare(number):
+        return holding(1, "never", held) if number < victims else holding(0, killed)
+
+    def kill_once_held(pids):
+        while len(list(folder.glob("held-*"))) < victims:
+            time.sleep(0.01)
+        for pid in pids:
+            kill(pid)
+        killed.touch()
+
+    with victims_of(cluster, 2, prepare) as pids:
+        killer = Thread(target=kill_once_held, args=[pids[:victims]], daemon=True)
+        killer.start()
+        yield
+        killer.join()
 
 
 def kill(pid):

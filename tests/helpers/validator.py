@@ -4,7 +4,7 @@ import json
 import shutil
 import subprocess
 
-from benchmarks.browser import PACKAGES
+from benchmarks.pictures.browser import PACKAGES
 
 SCRIPT = """
 import fs from "fs";

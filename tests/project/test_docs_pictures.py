@@ -7,8 +7,8 @@ import pytest
 from command import obscurance
 from project import ROOT
 
-from benchmarks.gallery import commands, page
-from benchmarks.model_strips import STRIPS, picture
+from benchmarks.pictures.gallery import commands, page
+from benchmarks.pictures.model_strips import STRIPS, picture
 from raytrace.image.compare import compare
 from raytrace.image.read import read_image
 from raytrace.image.write import write_image

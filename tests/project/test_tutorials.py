@@ -5,7 +5,7 @@ import re
 import pytest
 from command import obscurance
 
-from benchmarks.tutorials import PAGES, cells, run_page
+from benchmarks.pictures.tutorials import PAGES, cells, run_page
 from raytrace.image.compare import compare
 
 NUMBER = re.compile(r"[+-]?\b\d[\d,]*(?:\.\d+)?")

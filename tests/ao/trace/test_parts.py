@@ -92,7 +92,7 @@ def test_a_missing_part_is_named(parts):
 
 def test_a_part_of_another_number_is_named(parts):
     trace_part(MAKE, parts, 2, 7)
-    assert said(parts) == "FOLDER/part-2-of-7.part: of: expected 3, as in the other parts, got 7"
+    assert said(parts) == "FOLDER/part-2-of-7.part: number of parts: expected 3, as in the other parts, got 7"
 
 
 @pytest.mark.parametrize("change", [{"seed": 1}, {"normals": "area"}, {"falloff": "binary"}, {"samples": 65}])

@@ -3,6 +3,7 @@
 import json
 import os
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -10,6 +11,7 @@ from frames import METADATA, frame, plain
 from pictures import ENDINGS, names, python
 
 from raytrace.errors import OptionError, OutputError
+from raytrace.image import encode
 from raytrace.image.write import check_image_target, write_frame, write_image
 
 FULL_DISK = """
@@ -53,6 +55,13 @@ def test_a_full_disk_is_one_line_and_leaves_the_old_file(tmp_path):
         assert len(message.splitlines()) == 1, case
         assert target.read_bytes() == b"before", case
         assert names(target.parent) == [target.name], case
+
+
+def test_a_full_disk_is_named(tmp_path, monkeypatch):
+    monkeypatch.setattr(encode, "_complete", lambda *_: False)
+    monkeypatch.setattr(encode.shutil, "disk_usage", lambda _: SimpleNamespace(free=0))
+    with pytest.raises(OutputError, match=r"a\.exr: cannot write: No space left on device"):
+        write_frame(tmp_path / "a.exr", frame(), {})
 
 
 @pytest.mark.parametrize("ending", ENDINGS)

@@ -25,6 +25,10 @@ def test_a_written_preset_is_the_preset(name):
     assert material_from_dict(table) == material_from_dict({"preset": name})
 
 
+def test_a_written_preset_has_no_digits_of_rounding():
+    assert "k_a = [1.0, 0.71, 0.29]" in preset_toml("gold")
+
+
 @pytest.mark.parametrize("angle", [0.0, 0.7, 1.5])
 def test_albedo_of_what_is_known(angle):
     np.testing.assert_allclose(albedo(Lambert(albedo=(0.2, 0.5, 1)), angle), [0.2, 0.5, 1], rtol=1e-9)

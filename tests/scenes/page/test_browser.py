@@ -8,7 +8,7 @@ import pytest
 from meshes import crumpled, hills
 
 import ao
-from benchmarks import chromium
+from benchmarks.pictures import chromium
 from raytrace import Camera, Mesh, render
 from raytrace.image.compare import compare
 from raytrace.image.read import read_image

@@ -17,7 +17,8 @@ from scenes.readers.load import load
     ("name", "data", "expected"),
     [
         ("m.ply", b"", "an empty file"),
-        ("m.obj", b"", "an empty file"),
+        ("m.obj", b"", "content: expected a mesh, got an empty file"),
+        ("m.obj", b"ply\nformat ascii 1.0\nelement vertex 3\n", "none, and no vertices: perhaps it is no OBJ"),
         ("m.blend", b"x", "ending: expected one of obj 3dxml 3mf"),
         ("m", b"x", "got none"),
         ("m.xyz", b"0 0 0\n", "ending"),

@@ -9,7 +9,7 @@ import validator
 from gltf_files import Builder
 from gltf_samples import SAMPLES, quad, with_images
 
-from benchmarks import browser
+from benchmarks.pictures import browser
 from raytrace import AmbientLight, Camera, Scene, Settings, render
 from scenes.description.gltf_scene import gltf_objects
 from scenes.geometry.builtin_shapes import SOLIDS

@@ -1,4 +1,4 @@
-"""The measured figures in docs/models: `python -m benchmarks.model_facts`.
+"""The measured figures in docs/models: `python -m benchmarks.models.facts`.
 
 Energy by quadrature, reciprocity over random pairs, and the Oren–Nayar fit against the integral it approximates.
 """

@@ -1,6 +1,6 @@
 """Our renderer beside Mitsuba 3's `direct` integrator: the same picture, and the time it takes.
 
-    python -m benchmarks.render_against_mitsuba --peer PEER_PYTHON MESH [MESH …]
+    python -m benchmarks.accuracy.render_against_mitsuba --peer PEER_PYTHON MESH [MESH …]
 
 PEER_PYTHON is the interpreter of an environment that has mitsuba; its LLVM variants need DRJIT_LIBLLVM_PATH. The
 scene is the mesh on a ground plane under four point lights, Lambert, 1920×1080. Agreement: one light at a time,
@@ -24,6 +24,7 @@ import numpy.typing as npt
 import trimesh
 
 from ao.report import versions
+from benchmarks import RESULTS
 from benchmarks.peers.process import Process
 from raytrace import Mesh
 from raytrace.camera import Camera
@@ -156,7 +157,7 @@ def main() -> None:
         row = compare(path, arguments.peer, arguments.rounds)
         results.append(row)
         print(describe(row))
-    target = Path(__file__).parent / "results" / "render_against_mitsuba.json"
+    target = RESULTS / "render_against_mitsuba.json"
     target.parent.mkdir(exist_ok=True)
     write_json(target, results)
 

@@ -1,4 +1,4 @@
-"""The picture of textures in docs/textures.md: `python -m benchmarks.texture_picture`.
+"""The picture of textures in docs/textures.md: `python -m benchmarks.pictures.texture`.
 
 The temple, coarse and unwrapped: its covered texels, the whole page, and our render by that texture.
 """
@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 
 import ao
+from benchmarks import ROOT
 from raytrace import AmbientLight, Scene, Settings, render
 from raytrace.image.write import write_image
 from raytrace.types import Float32s
@@ -21,7 +22,7 @@ from scenes.readers.load import MeshFile
 from scenes.textures.glb import textured_glb
 from scenes.textures.unwrap import unwrap
 
-TARGET = Path(__file__).resolve().parent.parent / "docs" / "textures" / "page.png"
+TARGET = ROOT / "docs" / "textures" / "page.png"
 PAGE, WIDTH, HEIGHT = 1024, 480, 360
 
 

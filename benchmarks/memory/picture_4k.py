@@ -1,6 +1,6 @@
 """Peak memory of a 4K picture: 3840×2160, every layer, EXR, by the command in a process of its own.
 
-    python -m benchmarks.memory_4k [SCENE] [--samples 4]
+    python -m benchmarks.memory.picture_4k [SCENE] [--samples 4]
 
 SCENE is a built-in one. The peak is VmHWM of /proc/PID/status, read while the process runs: Linux only.
 """
@@ -16,10 +16,10 @@ import time
 from pathlib import Path
 
 from ao.report import versions
+from benchmarks import RESULTS, ROOT
 from raytrace.system.atomic import write_json
 from scenes.library.catalogue import BUILTIN, write_builtin
 
-ROOT = Path(__file__).parent.parent
 WIDTH, HEIGHT = 3840, 2160
 TARGET = 2 << 30
 
@@ -62,7 +62,7 @@ def main() -> None:
         "cores": os.cpu_count(),
         "versions": versions(),
     }
-    target = Path(__file__).parent / "results" / "memory_4k.json"
+    target = RESULTS / "memory_4k.json"
     write_json(target, result)
     print(
         f"{options.scene}: peak {peak / 2**30:.2f} GiB (target {TARGET / 2**30:g}), {seconds:.1f} s, {written:,} bytes"

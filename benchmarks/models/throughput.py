@@ -1,4 +1,4 @@
-"""Evaluations per second and core of every reflection model: `python -m benchmarks.model_throughput`.
+"""Evaluations per second and core of every reflection model: `python -m benchmarks.models.throughput`.
 
 One compiled loop over a million random (n, l, v, grain) above the surface, one packed material, one thread: the
 dispatch, the unpacking of the row and the memory traffic are all counted. Median and best of nine runs.
@@ -8,11 +8,11 @@ from __future__ import annotations
 
 import platform
 import time
-from pathlib import Path
 
 import numba
 import numpy as np
 
+from benchmarks import RESULTS
 from raytrace import (
     AshikhminShirley,
     BlinnPhong,
@@ -31,7 +31,7 @@ from raytrace.materials.base import BaseMaterial
 from raytrace.system.atomic import write_json
 
 COUNT, RUNS = 1_000_000, 9
-RESULT = Path(__file__).parent / "results" / "model_throughput.json"
+RESULT = RESULTS / "model_throughput.json"
 MATERIALS: list[BaseMaterial] = [
     Lambert(albedo=0.5),
     Phong(k_d=0.3, k_s=0.5),

@@ -1,4 +1,4 @@
-"""Whole processes from their start to their end, in turns: `python -m benchmarks.start_up [MESH…]`.
+"""Whole processes from their start to their end, in turns: `python -m benchmarks.speed.start_up [MESH…]`.
 
 For each mesh, by default a coarse built-in temple: a bake whose kernels an earlier process has left, and the
 first bake ever, with an empty cache. Beside them the interpreter alone, `import numpy`, `import numba` and `obscurance
@@ -18,16 +18,15 @@ import time
 from pathlib import Path
 from typing import Any
 
+from benchmarks import RESULTS, ROOT
+from benchmarks.time_against_error.machine import machine
 from raytrace.system.atomic import write_json
 from scenes.geometry.temple import temple
 from scenes.validation.text_table import text_table
 
-from .time_against_error.machine import machine
-
 ROUNDS, FIRST_ROUNDS = 9, 3
 _FINENESS = 0.6  # 3,906 vertices
-RESULT = Path(__file__).parent / "results" / "start_up.json"
-ROOT = Path(__file__).parents[1]
+RESULT = RESULTS / "start_up.json"
 OBSCURANCE = [sys.executable, str(ROOT / "cli.py")]
 
 

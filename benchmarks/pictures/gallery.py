@@ -1,4 +1,4 @@
-"""The pictures of docs/gallery, and docs/temple.png: `python -m benchmarks.gallery`, part of `make pictures`.
+"""The pictures of docs/gallery, and docs/temple.png: `python -m benchmarks.pictures.gallery`, part of `make pictures`.
 
 Every built-in scene is written and rendered by the commands that docs/gallery.md shows, which is written too; the
 temple is what `obscurance demo` makes. `tests/project/test_docs_pictures.py` says when they are out of date.
@@ -11,11 +11,10 @@ import shutil
 import subprocess
 import sys
 import tempfile
-from pathlib import Path
 
+from benchmarks import ROOT
 from scenes.library.catalogue import BUILTIN
 
-ROOT = Path(__file__).parent.parent
 FOLDER = ROOT / "docs" / "gallery"
 OPTIONS = {
     "plane_wall": ("--width", "640", "--height", "400"),

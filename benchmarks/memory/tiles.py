@@ -1,4 +1,4 @@
-"""A mesh larger than the memory it is given: `python -m benchmarks.tiles [--faces 20000000] [--tiles 3x3x3]`.
+"""A mesh larger than the memory it is given: `python -m benchmarks.memory.tiles [--faces 20000000] [--tiles 3x3x3]`.
 
 Writes a bumpy sphere of so many triangles as a binary PLY, bakes it in tiles by a process that may have 2 GiB of memory
 of its own (RLIMIT_DATA: pages of files are not counted, the system takes them back as it likes), and prints seconds,
@@ -20,13 +20,13 @@ from typing import Any
 
 import numpy as np
 
+from benchmarks import RESULTS, ROOT
+from benchmarks.meshes import bumpy_sphere
+from benchmarks.time_against_error.machine import machine
 from raytrace.system.atomic import write_json
 
-from .memory import bumpy_sphere
-from .time_against_error.machine import machine
-
-RESULT = Path(__file__).parent / "results" / "tiles.json"
-OBSCURANCE = [sys.executable, str(Path(__file__).parents[1] / "cli.py")]
+RESULT = RESULTS / "tiles.json"
+OBSCURANCE = [sys.executable, str(ROOT / "cli.py")]
 LIMIT = 2 << 30
 
 

@@ -1,6 +1,6 @@
 """Gathering with one walk for all rays of a point beside Embree's packets: the same rays, in turns.
 
-python -m benchmarks.traversal [MESH ...]     built-in meshes, and files
+python -m benchmarks.speed.traversal [MESH ...]     built-in meshes, and files
 """
 
 from __future__ import annotations
@@ -22,14 +22,14 @@ from ao.report import versions
 from ao.stream.gather_streams import gather_streams
 from ao.stream.rays import Rays
 from ao.stream.walk import Walk
+from benchmarks import RESULTS
+from benchmarks.time_against_error.suite import Specimen, builtin, falloffs
 from raytrace.mesh.placement import Placement
 from raytrace.sampling.hash import seed_key
 from raytrace.system.atomic import write_json
 from scenes.readers.load import load
 
-from .time_against_error.suite import Specimen, builtin, falloffs
-
-TARGET = Path(__file__).parent / "results" / "traversal.json"
+TARGET = RESULTS / "traversal.json"
 SAMPLES = (8, 16, 32, 64, 256, 1024)
 ROUNDS = 5
 POINTS = 4000  # neighbours along the curve, from the middle of it

@@ -1,6 +1,6 @@
 """Estimated and measured memory of bakes and pictures, each in a process of its own.
 
-    python -m benchmarks.memory [VERTICES ...]     by default 200000 and 600000
+    python -m benchmarks.memory.baking [VERTICES ...]     by default 200000 and 600000
 
 Measured is how far the peak rises above what the process held before, the mesh included: Linux only.
 """
@@ -18,6 +18,8 @@ import numpy as np
 import ao
 from ao.memory import surface_bytes, vertex_bytes
 from ao.report import versions
+from benchmarks import RESULTS
+from benchmarks.meshes import bumpy_sphere
 from raytrace.camera import Camera
 from raytrace.materials.materials import Lambert
 from raytrace.mesh.mesh import Mesh
@@ -29,23 +31,6 @@ from raytrace.system.atomic import write_json
 SAMPLES = 256
 FILM = Settings(width=1920, height=1080, samples=1)
 CAMERA = Camera((4.0, 0.0, 0.0), (0.0, 0.0, 0.0))
-
-
-def bumpy_sphere(vertices: int) -> Mesh:
-    """Rings of about so many vertices, twice as many faces."""
-    columns = int(np.sqrt(2 * vertices))
-    rows = vertices // columns
-    polar, azimuth = np.meshgrid(
-        (np.arange(rows) + 0.5) / rows * np.pi, np.arange(columns) / columns * 2 * np.pi, indexing="ij"
-    )
-    radius = 1 + 0.15 * np.sin(9 * polar) * np.sin(11 * azimuth) + 0.05 * np.sin(41 * polar) * np.cos(37 * azimuth)
-    ring = np.sin(polar)
-    points = np.stack([ring * np.cos(azimuth), ring * np.sin(azimuth), np.cos(polar)], axis=-1) * radius[..., None]
-    at = np.arange(rows - 1)[:, None] * columns + np.arange(columns)
-    right = np.arange(rows - 1)[:, None] * columns + (np.arange(columns) + 1) % columns
-    lower, upper = (at, at + columns, right), (right, at + columns, right + columns)
-    faces = np.concatenate([np.stack(each, axis=-1).reshape(-1, 3) for each in (lower, upper)])
-    return Mesh(points.reshape(-1, 3), faces, source="bumpy sphere")
 
 
 def loose_triangles(vertices: int) -> Mesh:
@@ -126,7 +111,7 @@ def main() -> None:
                     f" {measured:>6,} MiB {estimated:>6,} MiB {estimated / measured:>5.2f}",
                     flush=True,
                 )
-    target = Path(__file__).parent / "results" / "memory.json"
+    target = RESULTS / "memory.json"
     write_json(target, {"rows": rows, "versions": versions()})
 
 

@@ -1,6 +1,6 @@
 """Error over the surface of the two methods at equal rays: w at the vertices, interpolated, against w traced there.
 
-    python -m benchmarks.surface_error MESH... [--samples 64 256] [--points 100000] [--rays 256]
+    python -m benchmarks.accuracy.surface_error MESH... [--samples 64 256] [--points 100000] [--rays 256]
 
 The truth at points spread evenly by area is traced by brute force, by none of the baker's code: 1 = open, about the
 normal interpolated between the vertices ("shading", what is below the face left out) and about the face's ("face").
@@ -22,6 +22,7 @@ import numpy.typing as npt
 import ao
 from ao.gather.receivers import find_receivers
 from ao.report import versions
+from benchmarks import RESULTS
 from raytrace.embree.rays import intersect
 from raytrace.mesh.mesh import Mesh
 from raytrace.mesh.normals import face_normals, normalize
@@ -149,7 +150,7 @@ def main() -> None:
         "versions": versions(),
         "meshes": [measure(path, given.samples, given.points, given.rays, given.seeds) for path in given.meshes],
     }
-    folder = Path(__file__).parent / "results"
+    folder = RESULTS
     folder.mkdir(exist_ok=True)
     target = folder / "surface_error.json"
     write_json(target, found)

@@ -1,4 +1,4 @@
-"""The picture of docs/textures.md: `python -m benchmarks.occlusion_pictures`, after `make viewers`.
+"""The picture of docs/textures.md: `python -m benchmarks.pictures.occlusion`, after `make viewers`.
 
 The temple's w as an attribute, a ramp and vertex colours. Above as three.js shows the three files, below as our own
 renderer shows no w, the ramp, and w as a factor of diffuse light too, which is what vertex colours come to.
@@ -14,7 +14,8 @@ from pathlib import Path
 import numpy as np
 
 import ao
-from benchmarks.browser import ROOT, missing, shown
+from benchmarks import ROOT
+from benchmarks.pictures.browser import missing, shown
 from raytrace import AmbientLight, DirectionalLight, Scene, Settings, render
 from raytrace.image.write import write_image
 from raytrace.types import Float32s

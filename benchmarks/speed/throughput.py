@@ -1,6 +1,6 @@
 """Kernel throughput against a bare loop over the same rays: what the estimator costs beyond Embree itself.
 
-    python -m benchmarks.throughput [MESH] [--samples 256] [--rounds 7]
+    python -m benchmarks.speed.throughput [MESH] [--samples 256] [--rounds 7]
 
 The bare loop loads precomputed origins and directions into packets of eight and asks the same Embree scene, storing
 nothing but a hit count. Both run on all cores, in turn; the JSON holds every round, the table medians and ratios.
@@ -25,6 +25,7 @@ from ao.gather.hemisphere import gather_hemispheres
 from ao.gather.ray_packet import RayPacket
 from ao.gather.receivers import find_receivers
 from ao.report import versions
+from benchmarks import RESULTS
 from raytrace.embree.packets import (
     DIR_X,
     DIR_Y,
@@ -155,7 +156,7 @@ def main() -> None:
     parser.add_argument("--rounds", type=int, default=7)
     arguments = parser.parse_args()
     found = measure(arguments.mesh, arguments.samples, arguments.rounds)
-    folder = Path(__file__).parent / "results"
+    folder = RESULTS
     folder.mkdir(exist_ok=True)
     target = folder / "throughput.json"
     write_json(target, found)

@@ -1,4 +1,4 @@
-"""The sphere strips of docs/models: `python -m benchmarks.model_strips`, part of `make pictures`.
+"""The sphere strips of docs/models: `python -m benchmarks.pictures.model_strips`, part of `make pictures`.
 
 Each picture is a row of spheres under one directional light and faint ambient light, seen from the front without
 perspective, over the model's main parameter. Light arriving is π for physical models, so that ρ = 1 facing it is white.
@@ -7,10 +7,10 @@ perspective, over the model's main parameter. Light arriving is π for physical 
 from __future__ import annotations
 
 from collections.abc import Callable
-from pathlib import Path
 
 import numpy as np
 
+from benchmarks import ROOT
 from raytrace import (
     AshikhminShirley,
     BlinnPhong,
@@ -31,7 +31,7 @@ from raytrace.materials.base import BaseMaterial
 from raytrace.materials.reflect import reflect
 from raytrace.mesh.normals import normalize
 
-FOLDER = Path(__file__).parent.parent / "docs" / "models"
+FOLDER = ROOT / "docs" / "models"
 SIZE, SAMPLES = 112, 3
 LIGHT = normalize(np.array([-0.5, 0.6, 0.75]))
 FRONT = normalize(np.array([0.0, 0.25, 1.0]))

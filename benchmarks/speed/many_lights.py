@@ -1,6 +1,6 @@
 """A thousand small lights beside the ten that matter: how the time of a picture grows with lights out of reach.
 
-    python -m benchmarks.many_lights [--lights 1000] [--rounds 5]
+    python -m benchmarks.speed.many_lights [--lights 1000] [--rounds 5]
 
 A floor with blocks on it under a layer of point lights of short range, seen from above. The other scene has only the
 ten lights that bring most to a typical pixel: the lit pixel that as many lights reach as the median one, nearest to
@@ -13,13 +13,13 @@ import argparse
 import os
 import time
 from dataclasses import replace
-from pathlib import Path
 from statistics import median
 
 import numpy as np
 import numpy.typing as npt
 
 from ao.report import versions
+from benchmarks import RESULTS
 from raytrace.camera import Camera
 from raytrace.lights.kernels import incident
 from raytrace.lights.sources import PointLight
@@ -107,7 +107,7 @@ def main() -> None:
         "cores": os.cpu_count(),
         "versions": versions(),
     }
-    target = Path(__file__).parent / "results" / "many_lights.json"
+    target = RESULTS / "many_lights.json"
     write_json(target, result)
     print(f"{reaching:.1f} of {options.lights} lights reach a pixel")
     for name, times in seconds.items():

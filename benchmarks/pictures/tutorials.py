@@ -1,4 +1,4 @@
-"""What the tutorials show: `python -m benchmarks.tutorials`, part of `make pictures`, writes it into them.
+"""What the tutorials show: `python -m benchmarks.pictures.tutorials`, part of `make pictures`, writes it into them.
 
 A tutorial of docs/tutorials is read as a notebook. Python code runs from top to bottom with common names; what it
 prints, and the value of its last line, stand in the block of text after it, a value that is a picture in the picture
@@ -20,7 +20,8 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
-ROOT = Path(__file__).parent.parent
+from benchmarks import ROOT
+
 PAGES = sorted((ROOT / "docs" / "tutorials").glob("*.md"))
 _BLOCK = re.compile(r"^```(python|sh|text)\n(.*?)^```$|^!\[[^\]]*\]\(([^)]+)\)$", re.DOTALL | re.MULTILINE)
 _TEXT = re.compile(r"^```text\n.*?^```$", re.DOTALL | re.MULTILINE)

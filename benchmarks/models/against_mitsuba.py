@@ -1,4 +1,4 @@
-"""Lambert and the microfacet models against Mitsuba 3: `python -m benchmarks.models_against_mitsuba`.
+"""Lambert and the microfacet models against Mitsuba 3: `python -m benchmarks.models.against_mitsuba`.
 
 Needs `pip install mitsuba` (3.9 tried). What is compared, over random pairs of directions above the surface:
 

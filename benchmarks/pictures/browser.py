@@ -22,13 +22,13 @@ from typing import Any
 
 import numpy as np
 
+from benchmarks import ROOT
 from raytrace.camera import Camera
 from raytrace.image.read import read_image
 from raytrace.types import Float32s
 
 from .chromium import FLAGS
 
-ROOT = Path(__file__).parent.parent
 PACKAGES = ROOT / ".viewers" / "node_modules"
 PAGE = Path(__file__).with_suffix(".html")
 _FLAGS = (*FLAGS, "--disable-gpu", "--virtual-time-budget=60000")

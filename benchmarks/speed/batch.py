@@ -1,6 +1,6 @@
 """A batch of small meshes against as many commands, and against bakes within one process.
 
-    python -m benchmarks.batch [MESHES [COMMANDS]]     by default 1000, of which 40 are also baked by a command each
+    python -m benchmarks.speed.batch [MESHES [COMMANDS]]     by default 1000, 40 of which also by a command each
 
 Meshes have 500 to 5,000 vertices, half are PLY, half OBJ. Times are from the start of a process to its
 end; of the bakes within one process, the time of reading, baking and writing on one thread, shared by the cores.
@@ -19,13 +19,12 @@ import numpy as np
 import ao
 import scenes
 from ao.report import versions
+from benchmarks import RESULTS, ROOT
+from benchmarks.meshes import bumpy_sphere
 from raytrace.system.atomic import write_json
 from raytrace.system.threads import thread_count
 
-from .memory import bumpy_sphere
-
 COMMAND = [sys.executable, "-m", "cli", "bake"]
-ROOT = Path(__file__).parents[1]
 
 
 def make_meshes(folder: Path, count: int) -> list[Path]:
@@ -83,7 +82,7 @@ def main(count: int = 1000, commands: int = 40) -> None:
         f"batch: {batch:.2f}, {median * count / batch:.1f} times as fast as commands, {bare / batch:.2f} of in-process"
     )
     figures = {"meshes": count, "cores": cores, "command": single, "in_process": bare, "batch": batch}
-    write_json(Path(__file__).parent / "results" / "batch.json", figures | {"versions": versions()})
+    write_json(RESULTS / "batch.json", figures | {"versions": versions()})
 
 
 if __name__ == "__main__":

@@ -1,6 +1,6 @@
 """Pages in a headless Chromium that draws in software: size, time to the first picture, FLIP from our own render.
 
-    python -m benchmarks.page [MESH] [--rounds 5] [--pictures FOLDER]
+    python -m benchmarks.pictures.page [MESH] [--rounds 5] [--pictures FOLDER]
 
 Without a mesh, of the built-in temple. `--pictures` writes the screenshots of docs/viewing.md instead.
 """
@@ -16,7 +16,8 @@ import time
 from pathlib import Path
 
 import ao
-from benchmarks.chromium import MISSING, Browser, browser
+from benchmarks import ROOT
+from benchmarks.pictures.chromium import MISSING, Browser, browser
 from raytrace import Camera, Mesh, render
 from raytrace.image.compare import compare
 from raytrace.image.write import write_image
@@ -27,8 +28,6 @@ from scenes.page.encode import Values
 from scenes.page.look import FIELD_OF_VIEW, clay_scene, clay_settings
 from scenes.readers.load import MeshFile, load
 from scenes.writers.write import write
-
-ROOT = Path(__file__).parent.parent
 
 _PANEL = 250  # pixels that a page's panel takes
 _SIZE = 960, 640

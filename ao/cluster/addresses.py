@@ -1,0 +1,32 @@
+"""What `--cluster` may say, and the settings of Dask for workers on this machine."""
+
+from __future__ import annotations
+
+import logging
+from typing import Any
+
+from raytrace.errors import OptionError
+
+CONFIG = {
+    "distributed.admin.large-graph-warning-threshold": "1GB",
+    "distributed.deploy.lost-worker-timeout": "1 hour",  # a worker that starts again may take a while
+}
+LOCAL: dict[str, Any] = {
+    "threads_per_worker": 1, "memory_limit": 0, "host": "127.0.0.1", "silence_logs": logging.CRITICAL,
+    "preload": ["ao.cluster.worker"],
+    "scheduler_kwargs": {"dashboard": False, "dashboard_address": "127.0.0.1:0"},
+}  # fmt: skip
+
+
+def local_workers(address: str) -> int | None:
+    """N of `local:N`, 1 of `local`, None of a scheduler's address.
+
+    Raises:
+        OptionError: it is neither.
+    """
+    name, _, number = address.partition(":")
+    if name == "local" and ((number.isdecimal() and 1 <= int(number) <= 4096) or ":" not in address):
+        return int(number or 1)
+    if "://" in address and not address.endswith("://"):
+        return None
+    raise OptionError("cluster", "local, local:N or the address of a Dask scheduler, tcp://host:port", repr(address))

@@ -1,0 +1,118 @@
+"""Pictures whose tiles are rendered by the workers of a cluster: the pixels that one process makes."""
+
+from __future__ import annotations
+
+import hashlib
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from raytrace.camera import Camera
+from raytrace.image.frame import Frame
+from raytrace.renderer.apart import TileRows, edges_around, paste, render_apart, reopened
+from raytrace.renderer.picture import Picture
+from raytrace.renderer.render import Progress, prepare_picture
+from raytrace.scene import Scene
+from raytrace.settings import Settings
+from raytrace.shade.film import TILE
+from raytrace.shade.records import Film
+from raytrace.system.threads import thread_count
+from raytrace.types import Float32s, Int64s
+
+from ..trace.work import Tables
+from .session import ClusterSession
+
+_BLOCK_RAYS = 1 << 15  # of a block of work
+
+
+@dataclass(frozen=True, eq=False)
+class Tiles:
+    """Tiles of a picture to be rendered.
+
+    Attributes:
+        numbers: int64 (k,). rays: of a tile, about. channels: of its pixels. adaptive: whether edges are wanted.
+        around: `edges_around` them, for those to be rendered again.
+    """
+
+    numbers: Int64s
+    rays: float
+    channels: int
+    adaptive: bool
+    around: Float32s | None = None
+
+    def __len__(self) -> int:
+        return len(self.numbers)
+
+    def __getitem__(self, rows: slice) -> Tiles:
+        return replace(self, numbers=self.numbers[rows], around=None if self.around is None else self.around[rows])
+
+    @property
+    def name(self) -> bytes:
+        digest = hashlib.blake2b(b"again" if self.around is not None else b"tiles", digest_size=16)
+        digest.update(np.ascontiguousarray(self.numbers).data)
+        return digest.digest()
+
+    @property
+    def block(self) -> int:
+        return max(int(_BLOCK_RAYS / max(self.rays, 1)), 1)
+
+    def tables(self) -> Tables:
+        return tuple(TileRows.empty(len(self), self.channels, self.adaptive))
+
+    def writer(self, scene: Picture, tables: Tables) -> Callable[[int, int], None]:
+        def write(first: int, last: int) -> None:
+            around = None if self.around is None else self.around[first:last]
+            render_apart(scene, self.numbers[first:last], around, TileRows(*(table[first:last] for table in tables)))
+
+        return write
+
+
+def render_on(
+    session: ClusterSession,
+    scene: Scene,
+    camera: Camera,
+    settings: Settings | None = None,
+    layers: bool = True,
+    threads: int | None = None,
+    progress: Progress | None = None,
+) -> Frame:
+    """`raytrace.render` by the workers of a session: the same bits.
+
+    The scene goes to workers with its textures. Vertices are lit for Gouraud shading here.
+
+    Raises: as `raytrace.render`, and as `ClusterSession.trace`.
+    """
+    workers, start = thread_count(threads), time.perf_counter()
+    picture = prepare_picture(scene, camera, settings, layers)
+    built = time.perf_counter()
+    picture.light_vertices(workers)
+    film, done = picture.film(), 0
+    tiles = Tiles(np.arange(picture.tiles), TILE * TILE * picture.style.samples, picture.channels, picture.adaptive)
+    for first, last, rows in session.rows(tiles, picture, workers):
+        pixels, edges, counts = rows
+        paste(film, tiles.numbers[first:last], pixels)
+        if picture.adaptive:
+            film.edges[first:last] = edges
+        picture.counts += counts.sum(axis=0)
+        done += last - first
+        if progress:
+            progress(done, picture.tiles)
+    if picture.adaptive:
+        _render_again(session, picture, film, workers)
+    return picture.frame(film, {"build": built - start, "render": time.perf_counter() - built})
+
+
+def _render_again(session: ClusterSession, picture: Picture, film: Film, threads: int) -> None:
+    """Render the pixels of a film that need all samples for a neighbour in another tile."""
+    marks = reopened(picture, film)
+    numbers = np.flatnonzero(marks.any(axis=(1, 2)))
+    if len(numbers) == 0:
+        return
+    rays = picture.style.samples * int(np.count_nonzero(marks)) / len(numbers)
+    tiles = Tiles(numbers, rays, picture.channels, False, edges_around(picture, film, numbers))
+    for first, last, rows in session.rows(tiles, picture, threads):
+        pixels, _, counts = rows
+        paste(film, numbers[first:last], pixels, marks[numbers[first:last]])
+        picture.counts += counts.sum(axis=0)

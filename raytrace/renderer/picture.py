@@ -1,0 +1,173 @@
+"""What all tiles of one picture share, and how a run of them is rendered: by threads here, or by other processes."""
+
+from __future__ import annotations
+
+import itertools
+import threading
+from typing import get_args
+
+import numpy as np
+
+from ..camera import Camera
+from ..image.frame import LAYERS, Frame
+from ..image.texture import pack_textures
+from ..kernel.arrays import aligned
+from ..kernel.simd import WIDE
+from ..lights.layout import AMBIENT as AMBIENT_LIGHT
+from ..settings import Settings, Shading
+from ..shade import workspace
+from ..shade.camera_rays import place_camera
+from ..shade.film import EDGE, TILE
+from ..shade.interaction import GOURAUD
+from ..shade.records import Film, SceneArrays
+from ..shade.shading_points import FILM, LIGHTING
+from ..shade.tile import light_vertices, render_tiles
+from ..shade.workspace import Scratch, Style, new_scratch
+from ..system.threads import run_blocks
+from ..types import Float32s, Float64s, Int64s
+from .render_scene import RenderScene
+from .tiling import tile_count, whole_tiles
+
+_SHADINGS = get_args(Shading)
+_FORMS = ("off", "ambient", "book")
+_SKIPPED = {
+    "behind": workspace.BEHIND,
+    "unreached": workspace.UNREACHED,
+    "black": workspace.BLACK,
+    "culled": workspace.CULLED,
+    "unobstructed": workspace.UNOBSTRUCTED,
+    "background": workspace.BACKGROUND,
+}
+
+
+class Picture:
+    """A picture to be rendered. Pickled, it goes to other processes, which make the same bits of it.
+
+    Args:
+        built: the scene. background: linear RGB. layers: whether all are wanted, or beauty alone.
+        lit: of vertices, float64 (n, LIGHTING), if they are lit already.
+
+    Attributes:
+        scene, view, style: what kernels read.
+        columns, rows: of tiles. tiles: how many. adaptive: whether pixels may be retired early.
+        counts: int64 (COUNTERS,), of rays.
+    """
+
+    def __init__(
+        self,
+        built: RenderScene,
+        background: tuple[float, float, float],
+        camera: Camera,
+        settings: Settings,
+        layers: bool,
+        lit: Float64s | None = None,
+    ) -> None:
+        self._given = built, background, camera, settings, layers
+        self.geometry, self.background = built.geometry, background
+        unread = pack_textures([None] * len(self.geometry.textures))
+        lit = np.zeros((0, LIGHTING)) if lit is None else lit
+        self.scene = SceneArrays(self.geometry.arrays, built.w, built.bent, built.lights, unread, lit)
+        self._reading = threading.Lock()
+        self.view = place_camera(camera, settings, self.geometry.centre, self.geometry.scale)
+        self.style = Style(
+            settings.samples,
+            _SHADINGS.index(settings.shading),
+            _FORMS.index(settings.obscurance),
+            settings.shadows,
+            settings.terminator,
+            layers,
+            layers or settings.obscurance != "off",
+            background,
+        )
+        self._left, self._top, self._wide, self._high = whole_tiles(settings)
+        self._crop = settings.crop or (0, 0, settings.width, settings.height)
+        self.tiles = tile_count(self._wide, self._high)
+        self.columns, self.rows = -(-self._wide // TILE), -(-self._high // TILE)
+        self.adaptive = settings.samples > workspace.FIRST
+        self.channels = FILM if layers else LAYERS["beauty"]
+        self.counts = np.zeros(workspace.COUNTERS, np.int64)
+
+    def __reduce__(self) -> tuple[type[Picture], tuple[object, ...]]:
+        return Picture, (*self._given, self.scene.lit_vertices)
+
+    def film(self, first: int = 0, end: int | None = None) -> Film:
+        """A film for the tiles of the rows [first, end), None: all."""
+        end = self.rows if end is None else end
+        high = min(end * TILE, self._high) - first * TILE
+        tiles = self.columns * (end - first) if self.adaptive else 0
+        return Film(
+            pixels=np.empty((high, self._wide, self.channels), np.float32),
+            left=self._left,
+            top=self._top + first * TILE,
+            edges=np.empty((tiles, 4, TILE, EDGE), np.float32),
+            scale=self.geometry.scale,
+        )
+
+    def scratch(self) -> Scratch:
+        """Memory for one thread."""
+        return new_scratch(len(self.scene.lights.kinds), len(self.geometry.textures))
+
+    def render(self, film: Film, scratch: Scratch, tiles: tuple[int, int], again: bool = False) -> Int64s:
+        """Render the tiles [first, end) of a film; returns counts of rays, int64 (COUNTERS,).
+
+        Args: again: only the pixels that their neighbours in other tiles reopen, by the film's `edges`.
+
+        Raises: InputError: a texture that a ray has met cannot be read.
+        """
+        while True:
+            scratch.counts[:] = scratch.missing[:] = 0
+            render_tiles(self.scene, self.view, self.style, film, scratch, tiles, again)
+            if not scratch.missing.any():
+                return scratch.counts.copy()
+            self._read(scratch.missing)
+
+    def _read(self, missing: Int64s) -> None:
+        """Read the missing textures, and those already read again with them."""
+        with self._reading:
+            unread = self.scene.textures.depth == 0
+            if ((missing > 0) & unread).any():
+                wanted = (missing > 0) | ~unread
+                chosen = [t if take else None for t, take in zip(self.geometry.textures, wanted, strict=True)]
+                self.scene = self.scene._replace(textures=pack_textures(chosen))
+
+    def light_vertices(self, threads: int) -> None:
+        """Light all vertices, if the shading is Gouraud's."""
+        if self.style.shading != GOURAUD:
+            return
+        lights, first_w = self.scene.lights, self.scene.geometry.first_w
+        shadows = self.style.shadows and (lights.kinds != AMBIENT_LIGHT).any()
+        origins = self.geometry.vertex_origins if shadows else aligned((0, 3), np.float32)
+        self.scene = self.scene._replace(lit_vertices=np.zeros((len(self.scene.w), LIGHTING)))
+        finished: list[Int64s] = []
+        for item, (begin, stop) in enumerate(itertools.pairwise(first_w.tolist())):
+
+            def work(first: int, end: int, item: int = item, begin: int = begin) -> None:
+                scratch = self.scratch()
+                light_vertices(self.scene, self.view, self.style, scratch, origins, item, (begin + first, begin + end))
+                finished.append(scratch.counts)
+
+            run_blocks(stop - begin, 4 * workspace.PACKETS * WIDE, work, threads)
+        self.counts += np.sum(finished, axis=0)
+
+    def frame(self, film: Film, seconds: dict[str, float]) -> Frame:
+        """The picture on a film of all tiles."""
+        counts = self.counts
+        return Frame(
+            layers=self._layers(film),
+            rays={"primary": int(counts[workspace.PRIMARY]), "shadow": int(counts[workspace.SHADOW_RAYS])},
+            rays_skipped={name: int(counts[column]) for name, column in _SKIPPED.items()}
+            | {"primary_agreed": int(counts[workspace.RETIRED])},
+            seconds=seconds,
+            background=self.background,
+        )
+
+    def _layers(self, film: Film) -> dict[str, Float32s]:
+        """The crop's channels by layer, as views."""
+        x, y, width, height = self._crop
+        crop = film.pixels[y - self._top : y - self._top + height, x - self._left : x - self._left + width]
+        found, first = {}, 0
+        for name, channels in LAYERS.items():
+            if first < crop.shape[2]:
+                found[name] = crop[..., first : first + channels]
+            first += channels
+        return found

@@ -1,0 +1,102 @@
+"""Pictures by real workers of a real scheduler: the bits of one process, textures that only one machine has, losses."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from clusters import killed_in_mid_block, small_blocks
+from rendered import CAMERA, SMALL, box, still_scene
+
+from ao.cluster.dispatch import IN_FLIGHT
+from ao.cluster.pictures import render_on
+from ao.cluster.session import ClusterSession
+from raytrace import EnvironmentLight, InputError, Lambert, Object, Scene, Settings, Shape, SkyLight, render
+from raytrace.image.texture import Texture
+from raytrace.image.write import write_image
+
+__all__ = ["small_blocks"]
+
+
+@pytest.fixture(autouse=True)
+def single_tiles(small_blocks, monkeypatch):
+    """The first blocks of each worker are one tile each, however many cores it has."""
+    monkeypatch.setattr("ao.cluster.dispatch._FIRST_RAYS", 1)
+
+
+def image(path):
+    write_image(path, np.random.default_rng(1).random((8, 16, 3)).astype(np.float32))
+    return path
+
+
+def textured(path):
+    """A floor and two instances of a box with a texture, in the light of a sky and of an image."""
+    still, cube = still_scene(), box((0, 0, 0), (1, 1, 1), 1)
+    shape = Shape(cube, Lambert(albedo=0.8), uv=cube.vertices[:, :2] + cube.vertices[:, 2:], texture=Texture(path))
+    moved = np.eye(4)
+    moved[:3, 3] = -1.5, -1.5, -0.7
+    sky = SkyLight(zenith=(0.2, 0.4, 0.9), horizon=0.8, ground=0.2), EnvironmentLight(image=path, intensity=0.5)
+    scene = Scene((still.objects[0], Object(shape, moved), Object(shape)), (*still.lights, *sky))
+    count = len(scene.flattened().vertices)
+    bent = np.random.default_rng(2).normal(size=(count, 3))
+    return scene.with_obscurance(np.linspace(0, 1, count), bent / np.linalg.norm(bent, axis=1)[:, None])
+
+
+def still(_):
+    return still_scene()
+
+
+PICTURES = {
+    "still": (still, SMALL),
+    "gouraud": (still, replace(SMALL, shading="gouraud", obscurance="book")),
+    "few samples, cropped": (still, replace(SMALL, samples=2, crop=(19, 7, 50, 40))),
+    "textured": (textured, Settings(width=150, height=101, samples=9)),
+}
+
+
+def render_by(cluster, folder, *picture, **options):
+    """What workers render, and what they were handed out."""
+    with ClusterSession(cluster.scheduler_address, folder, "picture.exr", pytest.fail) as session:
+        return render_on(session, *picture, **options), session.cluster.dispatch
+
+
+@pytest.mark.parametrize("name", PICTURES)
+def test_workers_make_the_bits_of_one_process(cluster, tmp_path, name):
+    make, settings = PICTURES[name]
+    scene = make(image(tmp_path / "paint.png"))
+    done = []
+    frame, dispatch = render_by(cluster, tmp_path, scene, CAMERA, settings, progress=lambda *tiles: done.append(tiles))
+    alone = render(scene, CAMERA, settings)
+    for layer, values in alone.layers.items():
+        assert np.array_equal(frame.layers[layer], values), layer
+    assert (frame.rays, frame.rays_skipped) == (alone.rays, alone.rays_skipped)
+    assert done == sorted(done)
+    assert done[-1][0] == done[-1][1]
+    assert sum(dispatch.blocks.values()) > 1
+    assert (dispatch.rows > done[-1][1]) == (settings.samples > 4)  # tiles that are rendered again for their neighbours
+    assert [path.name for path in tmp_path.iterdir()] == ["paint.png"]
+
+
+def test_the_beauty_alone_is_the_same(cluster, tmp_path):
+    frame, _ = render_by(cluster, tmp_path, still_scene(), CAMERA, SMALL, layers=False)
+    assert list(frame.layers) == ["beauty"]
+    assert np.array_equal(frame.layers["beauty"], render(still_scene(), CAMERA, SMALL).layers["beauty"])
+
+
+def test_a_texture_that_cannot_be_read_ends_the_picture_in_the_line_of_one_process(cluster, tmp_path):
+    scene = textured(image(tmp_path / "paint.png"))
+    lost = tmp_path / "lost.png"
+    shape = replace(scene.objects[1].shape, texture=Texture(lost))
+    scene = replace(scene, objects=(*scene.objects[:2], replace(scene.objects[2], shape=shape)))
+    with pytest.raises(InputError, match=r"lost\.png: file: expected ") as alone:
+        render(scene, CAMERA, SMALL)
+    with pytest.raises(InputError) as ours:
+        render_by(cluster, tmp_path, scene, CAMERA, SMALL)
+    assert (str(ours.value), type(ours.value)) == (str(alone.value), type(alone.value))
+    assert [path.name for path in tmp_path.iterdir()] == ["paint.png"]
+
+
+def test_a_killed_worker_loses_only_the_tiles_that_it_had(cluster, tmp_path):
+    with killed_in_mid_block(cluster, tmp_path, 1):
+        frame, dispatch = render_by(cluster, tmp_path, still_scene(), CAMERA, SMALL)
+    assert np.array_equal(frame.layers["beauty"], render(still_scene(), CAMERA, SMALL).layers["beauty"])
+    assert 1 <= dispatch.again <= IN_FLIGHT
