@@ -11,49 +11,21 @@ from typing import Literal
 
 import numpy as np
 
-from raytrace.embree.packets import (
-    DIR_X,
-    DIR_Y,
-    DIR_Z,
-    GEOM_ID,
-    INVALID,
-    LANES,
-    ORG_X,
-    ORG_Y,
-    ORG_Z,
-    PRIM_ID,
-    TFAR,
-    U,
-    V,
-    intersect8,
-)
-from raytrace.embree.rays import intersect
 from raytrace.embree.scene import TriangleScene
-from raytrace.kernel.borrow import borrow
-from raytrace.kernel.jit import inline, kernel
 from raytrace.system.threads import run_blocks
-from raytrace.types import Bools, Float32s, Float64s, Int32s, Int64s
+from raytrace.types import Bools, Float32s, Int32s, Int64s
 
 from ..gather.ray_packet import RayPacket
+from .page_rays import DEEP, SLOTS, find_hits, look_down
 from .slivers import find_slivers
 from .uv_layout import UVLayout
 
 Overlap = Literal["mean", "first", "refuse"]
-SLOTS = 4  # points of a texel
-_GRID = np.array([[0.375, 0.125], [0.125, 0.625], [0.875, 0.375], [0.625, 0.875]])
-"""A rotated grid: means of what is linear over a texel are exact, and so are those over a diagonal: the first and the
-last point, or the other two. Two faces over one another take turns so that each has a diagonal; of other texels the
-first two points are one."""
-DEEP = 16  # points of a texel in which more than two faces lie over one another
 _FINE = 8  # points across and down of texels that are not whole
 _WITHIN = np.array([0.125, 0.625, 0.375, 0.875])  # where to take one from each quarter of them
 _FINE_TEXELS = 1 << 14  # together
-_TURNS = np.array([0, 2, 3, 1])  # of slots, so that the first two take different ones of two faces
 _HIGHEST = 0.5  # triangles lie at heights up to this, so that one ray can meet those below
 _STEP = 2.0**-22
-_ABOVE = 1.0
-_LAYERS = 16
-_INSIDE = 1e-4  # least barycentric coordinate of what counts as inside: neighbours share their edges
 _BAND = 1 << 17  # texels
 _BLOCK = 1 << 13
 
@@ -127,7 +99,7 @@ def _cover_band(
         some = slice(first, last)
         found = triangle[some], barycentric[some], overlapping[some]
         layered = deep[some], deep_triangle[some], deep_place[some]
-        _find_hits(RayPacket.of(scene), texels[some], layout.width, step, overlap == "mean", found, layered)
+        find_hits(RayPacket.of(scene), texels[some], layout.width, step, overlap == "mean", found, layered)
 
     run_blocks(len(texels), _BLOCK, work, threads)
     hit = triangle >= 0
@@ -171,7 +143,7 @@ def _at_centres(
     found, place = triangle[:, 0].copy(), barycentric.sum(axis=1) / np.float32(SLOTS)
     several = np.flatnonzero((triangle != triangle[:, :1]).any(axis=1))
     middles = np.stack([texels[several] % width, texels[several] // width], axis=1) + np.array([0.5, 0.5])
-    hits = intersect(scene, _at_height(middles, _ABOVE), [[0.0, 0.0, -1.0]], np.inf, threads)
+    hits = look_down(scene, middles, threads)
     found[several], place[several] = hits.face, hits.barycentric
     return found, place
 
@@ -194,7 +166,7 @@ def _spread_over_part(
     column, row = (sum(bit << place for place, bit in enumerate(bits[first::2])) for first in (0, 1))  # Morton order
     fine = (np.stack([column, row], axis=1) + 0.5) / _FINE
     places = np.stack([texels % width, texels // width], axis=1)[:, None] + fine
-    hits = intersect(scene, _at_height(places.reshape(-1, 2), _ABOVE), [[0.0, 0.0, -1.0]], np.inf, threads)
+    hits = look_down(scene, places.reshape(-1, 2), threads)
     face, weights = hits.face.reshape(-1, _FINE**2), hits.barycentric.reshape(-1, _FINE**2, 3)
     count: Int64s = np.sum(face >= 0, axis=1)
     order = np.argsort(face < 0, axis=1, kind="stable")
@@ -217,101 +189,3 @@ def refill(good: Bools, *tables: Int32s | Int64s | Float32s) -> None:
     source = np.take_along_axis(order, np.arange(slots) % count[:, None], axis=1)
     for table in tables:
         table[rows] = table[rows[:, None], source]
-
-
-@kernel
-def _find_hits(packet, texels, width, step, in_turn, found, layered):
-    """Find the triangle at each point of some texels by rays straight down.
-
-    Args:
-        in_turn: whether points at which several lie over one another take turns among all of them, or have the first.
-        found: triangles, int64 (k, SLOTS), where on them, float32 (k, SLOTS, 3), and whether there are several at any
-            point, bool (k,); written where there are any.
-        layered: whether there are more than two, bool (k,), and points on all of them, int64 (k, DEEP) and float32
-            (k, DEEP, 3); written likewise.
-    """
-    scene, rays, valid = borrow(packet)
-    triangle, barycentric, overlapping = found
-    deep, deep_triangle, deep_place = layered
-    ids, count = rays.view(np.uint32), SLOTS * len(texels)
-    height, layers, several = np.zeros(LANES), np.zeros(LANES, np.int64), np.zeros(LANES, np.bool_)
-    face, weights = np.zeros((LANES, _LAYERS), np.int64), np.zeros((LANES, _LAYERS, 3), np.float32)
-    for first in range(0, count, LANES):
-        for lane in range(LANES):
-            i, k = divmod(min(first + lane, count - 1), SLOTS)
-            valid[lane] = -1 if first + lane < count else 0
-            height[lane], layers[lane], several[lane] = _ABOVE, 0, False
-            rays[ORG_X, lane], rays[ORG_Y, lane] = texels[i] % width + _GRID[k, 0], texels[i] // width + _GRID[k, 1]
-            rays[DIR_X, lane], rays[DIR_Y, lane], rays[DIR_Z, lane] = 0.0, 0.0, -1.0
-        depth, going = 0, True
-        while going and depth < _LAYERS:
-            for lane in range(LANES):
-                rays[ORG_Z, lane], rays[TFAR, lane] = height[lane], np.inf
-            intersect8(scene, rays, valid)
-            going = False
-            for lane in range(LANES):
-                if valid[lane] == 0:
-                    continue
-                if ids[GEOM_ID, lane] == INVALID:
-                    valid[lane] = 0
-                    continue
-                met, u, v = np.int64(ids[PRIM_ID, lane]), rays[U, lane], rays[V, lane]
-                place = np.float32(1.0) - u - v, u, v
-                i, k = divmod(first + lane, SLOTS)
-                if depth == 0:
-                    triangle[i, k] = met
-                    for corner in range(3):
-                        barycentric[i, k, corner] = place[corner]
-                if min(place[0], place[1], place[2]) > _INSIDE:
-                    if depth == 1:
-                        several[lane] = layers[lane] == 1 and face[lane, 0] != met
-                    face[lane, layers[lane]] = met
-                    for corner in range(3):
-                        weights[lane, layers[lane], corner] = place[corner]
-                    layers[lane] += 1
-                height[lane] -= rays[TFAR, lane] + step / 2.0
-                if depth > 0 and not (several[lane] and in_turn):
-                    valid[lane] = 0
-                going = going or valid[lane] != 0
-            depth += 1
-        for lane in range(min(LANES, count - first)):
-            if several[lane]:
-                i, k = divmod(first + lane, SLOTS)
-                overlapping[i] = True
-                deep[i] |= in_turn and layers[lane] > 2
-                if in_turn:
-                    chosen = (_TURNS[k] * layers[lane] // SLOTS + texels[i]) % layers[lane]
-                    triangle[i, k] = face[lane, chosen]
-                    for corner in range(3):
-                        barycentric[i, k, corner] = weights[lane, chosen, corner]
-        for begin in range(0, min(LANES, count - first), SLOTS):
-            i = (first + begin) // SLOTS
-            if not (overlapping[i] and in_turn):
-                _bring_forward(triangle[i], barycentric[i])
-            if deep[i]:
-                total = layers[begin : begin + SLOTS].sum()
-                for point in range(DEEP):
-                    lane, layer = begin, point * total // DEEP
-                    while layer >= layers[lane]:
-                        layer -= layers[lane]
-                        lane += 1
-                    deep_triangle[i, point] = face[lane, layer]
-                    for corner in range(3):
-                        deep_place[i, point, corner] = weights[lane, layer, corner]
-
-
-@inline
-def _bring_forward(triangle, barycentric):
-    """Put the last point of a texel in the second place."""
-    last, a, b, c = triangle[SLOTS - 1], barycentric[SLOTS - 1, 0], barycentric[SLOTS - 1, 1], barycentric[SLOTS - 1, 2]
-    for k in range(SLOTS - 1, 1, -1):
-        triangle[k] = triangle[k - 1]
-        for corner in range(3):
-            barycentric[k, corner] = barycentric[k - 1, corner]
-    triangle[1], barycentric[1, 0], barycentric[1, 1], barycentric[1, 2] = last, a, b, c
-
-
-def _at_height(places: Float64s, height: Float64s | float) -> Float32s:
-    origins = np.empty((len(places), 3), np.float32)
-    origins[:, :2], origins[:, 2] = places, height
-    return origins

@@ -13,6 +13,7 @@ from raytrace.types import Float32s, Float64s, Int64s
 from ..adaptive.fixed_samples import estimated, traced_twice
 from ..adaptive.tolerance import Estimate, estimate_to
 from ..denoise.one_ring import Neighbours
+from ..gather.below_face import leave_out_below
 from ..gather.directions import DirectionTable
 from ..gather.estimate import BATCH_VARIANCE, COLUMNS
 from ..gather.points import Points
@@ -20,7 +21,6 @@ from ..prepared import Prepared
 from ..trace.checkpoint import Checkpoint
 from ..trace.tracer import Tracer
 from ..trace.traversal import packets_below
-from .below_face import leave_out_below
 from .texels import Texels
 
 _ENOUGH = 8  # rays of a point, so that more points are worth their time

@@ -19,7 +19,8 @@ from ..gather.receivers import Receivers
 from ..interior.closed_parts import closed_parts, inside_boxes
 from ..interior.inside import Solids, hidden_points
 from ..options import Hidden, Options
-from .coverage import DEEP, Coverage, refill
+from .coverage import Coverage, refill
+from .page_rays import DEEP
 from .surface_points import Faces, centres_suffice
 
 _PLACED = 1 << 18  # points whose origins are found together

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 from uv_meshes import grid_charts
 
-from ao.texture.coverage import SLOTS, cover
+from ao.texture.coverage import cover
+from ao.texture.page_rays import SLOTS
 from ao.texture.uv_layout import UVLayout
 
 

@@ -11,8 +11,8 @@ import numpy as np
 from raytrace.kernel.borrow import borrow
 from raytrace.kernel.jit import kernel
 
-from ..gather.directions import choose, turned_frame
-from ..gather.estimate import BATCH_VARIANCE, BENT, COLUMNS, W
+from .directions import choose, turned_frame
+from .estimate import BATCH_VARIANCE, BENT, COLUMNS, W
 
 _NOTHING = 1e-9  # of the rays lost: rounding
 
