@@ -24,7 +24,7 @@ from ..trace.traversal import packets_below
 from .texels import Texels
 
 _ENOUGH = 8  # rays of a point, so that more points are worth their time
-_GATHERED = 1 << 18  # texels
+_GATHERED = 1 << 20  # points
 _BLOCK = 1 << 13
 
 
@@ -46,8 +46,8 @@ class TexelTracer(Tracer):
         for count in np.unique(counts).tolist():
             rows = np.flatnonzero(counts == count)
             slots = 1 << int(np.clip(samples // _ENOUGH, 1, count)).bit_length() - 1
-            for first in range(0, len(rows), _GATHERED):
-                some = rows[first : first + _GATHERED]
+            for first in range(0, len(rows), _GATHERED // slots):
+                some = rows[first : first + _GATHERED // slots]
                 out[some] = self._means(texels[some], slots, -(-samples // slots), key)
         return out
 
