@@ -57,6 +57,15 @@ def stretched(part: Part, axes: tuple[float, float, float]) -> Part:
     return part[0] * axes, part[1]
 
 
+def cone(sides: int) -> Part:
+    """The wall of a cone about +z, as high as its base is wide: triangles that all meet at the apex, the first vertex."""
+    angle = 2 * np.pi * np.arange(sides) / sides
+    rim = np.stack([np.cos(angle), np.sin(angle), np.zeros(sides)], axis=-1)
+    place = np.arange(sides)
+    faces = np.stack([np.zeros(sides, int), place + 1, (place + 1) % sides + 1], axis=-1)
+    return np.concatenate([[[0.0, 0.0, 2.0]], rim]), faces
+
+
 def inward(part: Part) -> Part:
     """A part with its faces turned round."""
     return part[0], part[1][:, ::-1]
@@ -87,6 +96,8 @@ def convex() -> dict[str, Part]:
         "ellipsoid 1000:1:1": ellipsoid(2000, (1, 1e-3, 1e-3)),
         "ellipsoid 1000:1000:1": ellipsoid(2000, (1, 1, 1e-3)),
         "prism of slivers 10⁴:1": prism(64, 1e3),
+        "prism of 3,000 slivers": prism(3000, 2.0),
+        "cone of 5,000 slivers": cone(5000),
     }
 
 
