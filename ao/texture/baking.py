@@ -106,7 +106,7 @@ def bake_texture(
     mesh = mesh_of(mesh, "bake_texture")
     corners = corner_uv(uv, mesh)
     solid = mesh if high is None else mesh_of(high, "high")
-    reach = resolve_length("cage", cage, mesh.radius)
+    reach = resolve_length("cage", cage, mesh.radius or 1.0)
     mu = options.falloff.resolve(solid.radius)
     counts = len(solid.vertices), len(solid.faces)
     needed = texture_bytes(width * height, *counts, options.rays)

@@ -48,6 +48,10 @@ def project(
     Raises:
         MeshError: no point meets anything.
     """
+    apart = np.maximum(fine.vertices.max(axis=0), places.max(axis=0)) - np.minimum(
+        fine.vertices.min(axis=0), places.min(axis=0)
+    )
+    cage = min(cage, float(np.linalg.norm(apart)))
     hits = intersect(fine.receivers.embree(), places + cage * normals, -normals, 2 * cage, threads)
     face, weights = hits.face, hits.barycentric
     missed = np.flatnonzero(face < 0)

@@ -41,13 +41,10 @@ class PartCommand:
             MemoryLimitError, EmbreeError: as `ao.bake` and `ao.bake_texture`.
         """
         from ao.trace.parts import Part, PartTraced
-        from raytrace.errors import OutputError
+        from raytrace.system.outputs import make_folder
 
         start = time.perf_counter()
-        try:
-            self.folder.mkdir(exist_ok=True)
-        except OSError as reason:
-            raise OutputError(f"{self.folder}: cannot write: {reason.strerror or reason}") from None
+        make_folder(self.folder)
         part = Part(self.folder, self.number, self.of, self.description, note)
         with suppress(PartTraced):
             replace(self.bake, open_checkpoint=lambda _: part).run()
@@ -83,7 +80,7 @@ def part_numbers(text: str) -> tuple[int, int]:
     found = re.fullmatch(r"(\d{1,6})/(\d{1,6})", text)
     number, of = map(int, found.groups()) if found else (0, 0)
     if not 1 <= number <= of:
-        raise OptionError("part", "K/N, the K-th of N parts, such as 3/16", repr(text))
+        raise OptionError("part", "K/N, the K-th of N parts, at most 999999, such as 3/16", repr(text))
     return number, of
 
 
