@@ -34,6 +34,7 @@ _LOOK = 0.2  # seconds between looks at who is there
 _PATIENCE = 10.0  # seconds without any worker until a message says so
 _START = 60.0  # seconds that workers on this machine have to start
 _FAILURES = 3  # of one block, after which it is the block's fault
+_LOSSES = 10  # of workers with the same block, likewise: out of memory, for instance
 
 Found = tuple[int, int, Tables]
 
@@ -66,6 +67,7 @@ class DaskCluster:
         self._served: dict[str, asyncio.Task[None]] = {}
         self._refused: dict[str, InputError | ClusterError] = {}
         self._failures: dict[Span, int] = {}
+        self._losses: dict[int, int] = {}
         self._thread = threading.Thread(target=self._run, daemon=True)
         self._client: Any = None
         self._thread.start()
@@ -250,6 +252,8 @@ class DaskCluster:
                 tables, seconds = await self._call(worker, trace_block, self._scene, self._threads, some)
             except BaseException as reason:
                 dispatch.lost(span)
+                if isinstance(reason, asyncio.CancelledError | KilledWorker):
+                    self._ended(span)
                 async with self._more:
                     self._more.notify_all()
                 if isinstance(reason, asyncio.CancelledError):
@@ -262,6 +266,13 @@ class DaskCluster:
                 continue
             dispatch.came_back(worker, span, seconds)
             self._messages.put((first, last, tables))
+
+    def _ended(self, span: Span) -> None:
+        """A worker has ended with a block; the bake does, too, if many have with the same."""
+        self._losses[span[0]] = self._losses.get(span[0], 0) + 1
+        if self._losses[span[0]] >= _LOSSES:
+            reason = f"{_LOSSES} workers have ended with the same block: too little memory, for instance"
+            self._messages.put(ClusterError(f"{self.address}: {reason}"))
 
     def _failed(self, span: Span, reason: BaseException) -> None:
         """Raises: _Failed: always; the bake, too, if other workers have failed at the same block."""
@@ -295,6 +306,7 @@ class DaskCluster:
                 self._more.notify_all()
 
         self._failures.clear()
+        self._losses.clear()
         self.dispatch.begin(work, spans)
         self._waking = asyncio.ensure_future(wake())
 

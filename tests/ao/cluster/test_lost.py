@@ -13,6 +13,7 @@ from project import environment
 from ao.cluster.dispatch import IN_FLIGHT
 from ao.trace.checkpoint import Checkpoint
 from ao.trace.journal import Journal
+from raytrace.errors import ClusterError
 
 __all__ = ["small_blocks"]
 
@@ -62,6 +63,15 @@ def test_workers_killed_at_random_moments(tmp_path, small_blocks, victims):
             assert all_bits(baked) == whole
             assert dispatch.again <= IN_FLIGHT * victims
             assert dispatch.rows == LONG_ROWS  # came back; what was lost did not
+
+
+@pytest.mark.slow
+def test_a_block_that_ends_every_worker_ends_the_bake(tmp_path, small_blocks, monkeypatch):
+    monkeypatch.setattr("ao.cluster.dask_cluster._LOSSES", 3)
+    crash = tmp_path / "crash.py"
+    crash.write_text("import os, ao.cluster.worker\nao.cluster.worker.fill = lambda *_: os._exit(1)\n")
+    with scheduler(1, [str(crash)]) as cluster, pytest.raises(ClusterError, match="3 workers have ended with the same"):
+        bake_on(cluster.scheduler_address, LONG, tmp_path / "w.partial", lambda _: None)
 
 
 @pytest.mark.slow
