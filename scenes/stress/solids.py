@@ -58,7 +58,7 @@ def stretched(part: Part, axes: tuple[float, float, float]) -> Part:
 
 
 def cone(sides: int) -> Part:
-    """The wall of a cone about +z, as high as its base is wide: triangles that all meet at the apex, the first vertex."""
+    """The wall of a cone about +z: triangles that all meet at the apex, the first vertex."""
     angle = 2 * np.pi * np.arange(sides) / sides
     rim = np.stack([np.cos(angle), np.sin(angle), np.zeros(sides)], axis=-1)
     place = np.arange(sides)
