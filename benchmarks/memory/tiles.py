@@ -2,7 +2,8 @@
 
 Writes a bumpy sphere of so many triangles as a binary PLY, bakes it in tiles by a process that may have 2 GiB of memory
 of its own (RLIMIT_DATA: pages of files are not counted, the system takes them back as it likes), and prints seconds,
-how many faces tiles share, and the largest memory of the process. `--whole` also bakes it as usual, and compares.
+how many faces tiles share, and the largest memory of the process. `--group FOLDER` is a control group that it joins, with a
+limit that counts these pages, too. `--whole` also bakes it as usual, and compares.
 """
 
 from __future__ import annotations
@@ -42,11 +43,17 @@ def write_sphere(path: Path, faces: int) -> None:
         rows.tofile(file)
 
 
-def run(options: list[str], limit: int | None) -> dict[str, Any]:
+def run(options: list[str], limit: int | None, group: Path | None = None) -> dict[str, Any]:
     """Seconds of a bake, its largest resident memory, and of this what is its own, in MiB."""
     start, own = time.perf_counter(), [0]
-    limited = (lambda: resource.setrlimit(resource.RLIMIT_DATA, (limit, limit))) if limit else None
-    running = subprocess.Popen([*OBSCURANCE, "bake", *options], stdout=subprocess.PIPE, text=True, preexec_fn=limited)
+
+    def confine() -> None:
+        if limit:
+            resource.setrlimit(resource.RLIMIT_DATA, (limit, limit))
+        if group:
+            (group / "cgroup.procs").write_text(str(os.getpid()))
+
+    running = subprocess.Popen([*OBSCURANCE, "bake", *options], stdout=subprocess.PIPE, text=True, preexec_fn=confine)
 
     def watch() -> None:
         while running.poll() is None:
@@ -75,6 +82,7 @@ def main() -> None:
     parser.add_argument("--samples", default="64")
     parser.add_argument("--max-distance", default="2%")
     parser.add_argument("--whole", action="store_true")
+    parser.add_argument("--group", type=Path, help="a control group with a limit of memory, for the tiled bake")
     parser.add_argument("--folder", type=Path, help="for the files on the way")
     given = parser.parse_args()
     with tempfile.TemporaryDirectory(dir=given.folder) as name:
@@ -83,7 +91,7 @@ def main() -> None:
         print(f"{mesh.stat().st_size >> 20:,} MiB of mesh", flush=True)
         options = [str(mesh), "--samples", given.samples, "--max-distance", given.max_distance, "--falloff", "binary"]
         options += ["--no-reconstruct", "--hidden", "ignore"]
-        results = {"tiled": run([*options, "-o", f"{name}/tiled.npy", "--tiles", given.tiles], LIMIT)}
+        results = {"tiled": run([*options, "-o", f"{name}/tiled.npy", "--tiles", given.tiles], LIMIT, given.group)}
         if given.whole:
             results["whole"] = run([*options, "-o", f"{name}/whole.npy"], None)
             assert Path(name, "tiled.npy").read_bytes() == Path(name, "whole.npy").read_bytes()
