@@ -32,8 +32,8 @@ from raytrace.types import Bools, Float32s, Float64s
 from scenes.readers.load import load
 from scenes.readers.texture_coordinates import texture_coordinates
 
-OURS, THEIRS = (8, 16, 32, 64, 128, 256, 512), (4, 16, 64, 256)
-ERRORS = (0.03, 0.02, 0.01, 0.007, 0.005)
+OURS, THEIRS = (8, 16, 32, 64, 128, 256, 512), (16, 64, 256, 512)
+ERRORS = (0.02, 0.01, 0.005, 0.003, 0.0025)
 DISTANCE = 1.001  # of the bounding box's diagonal: no ray is longer
 RESULTS = Path(__file__).parent / "results" / "textures_against_blender.json"
 

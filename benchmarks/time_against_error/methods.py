@@ -47,7 +47,8 @@ METHODS = (
 """Ours first: speed-ups are of it, and of every other method whose program is `OURS`, over the rest."""
 
 DENSE = (
-    Method("to a tolerance", OURS, "tolerance", (0.02, 0.01, 0.005), seconds=90.0),
+    Method("to a tolerance", OURS, "tolerance", (0.04, 0.02, 0.01, 0.005), seconds=90.0),
+    Method("samples", OURS, ladder=(16, 64, 256), seconds=90.0),
     Method("Mitsuba multijitter", "mitsuba", ladder=(64, 256), options={"sampler": "multijitter"}, seconds=90.0),
 )
 """For meshes of which whole ladders would take an hour: the rungs about the errors wanted."""
