@@ -2,8 +2,8 @@
 
 Writes a bumpy sphere of so many triangles as a binary PLY, bakes it in tiles by a process that may have 2 GiB of memory
 of its own (RLIMIT_DATA: pages of files are not counted, the system takes them back as it likes), and prints seconds,
-how many faces tiles share, and the largest memory of the process. `--group FOLDER` is a control group that it joins, with a
-limit that counts these pages, too. `--whole` also bakes it as usual, and compares.
+how many faces tiles share, and the largest memory of the process. `--group FOLDER` is a control group that it joins,
+with a limit that counts these pages, too. `--whole` also bakes it as usual, and compares.
 """
 
 from __future__ import annotations

@@ -8,12 +8,10 @@ import numpy as np
 
 from raytrace.errors import printable
 
-from ..gltf.ramp import ramp_warnings
 from ..readers.load import MeshFile
 from ..readers.obj_detail import PAINT_WORDS
 from ..readers.ply_detail import own_colors
 from .channels import Channels
-from .plain_glb import attribute_name, fits_float
 from .ply import has_own_colors
 
 
@@ -33,6 +31,8 @@ def lost(target: Path, mesh_file: MeshFile, channels: Channels = Channels()) -> 
     if kind == ".ply" and not colors and has_own_colors(mesh_file.detail):
         warnings.append(f"{target}: keeps the colours of {mesh_file.path}; w is in its property obscurance alone")
     if channels.ramp and mesh_file.gltf:
+        from ..gltf.ramp import ramp_warnings
+
         warnings += [f"{target}: {line}" for line in ramp_warnings(mesh_file.gltf.header, channels.replace)]
     return [printable(line) for line in warnings]
 
@@ -65,6 +65,8 @@ def _of_glb(mesh_file: MeshFile, colors: bool) -> list[str]:
         missing.append("vertices that no face uses")
     if (detail.sizes != 3).any():
         missing.append("polygons, which become triangles")
+    from .plain_glb import attribute_name, fits_float
+
     names = {"POSITION", "NORMAL", "_OBSCURANCE"}
     for name, values in detail.numbers.items():
         if not fits_float(values) or attribute_name(name) in names:

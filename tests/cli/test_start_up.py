@@ -21,6 +21,7 @@ try:
 except SystemExit:
     from raytrace.kernel import jit
     heavy = ("numba", "scipy", "trimesh", "OpenImageIO", "rich", "PIL", "lxml", "networkx", "pydantic.v1")
+    heavy = (*heavy, "scenes.gltf")
     print(json.dumps([[name for name in heavy if name in sys.modules], len(jit.loaded), len(jit.compiled)]))
 """
 
