@@ -51,7 +51,7 @@ COMMANDS = {
     "bake to a tolerance": ("bake hills.obj -o w.npy --tolerance 0.01", BAKE, []),
     "bake to a page": ("bake hills.obj -o w.html --samples 64 --report r.json", BAKE, []),
     "fit": ("bake hills.obj -o w.ply --method surface --samples 64", SURFACE, ["scipy"]),
-    "render": ("render hills.obj -o w.png --width 32 --height 32 --samples 4", RENDER, ["OpenImageIO"]),
+    "render": ("render hills.obj -o w.png --width 32 --height 32 --samples 4", RENDER, ["OpenImageIO", "scenes.gltf"]),
 }
 
 
