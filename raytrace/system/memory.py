@@ -68,10 +68,10 @@ def _control_groups(root: Path) -> Iterator[int]:
     for group in groups:
         _, controllers, path = group.split(":", 2)
         if controllers == "":
-            mount, names = mounts, ("memory.max", "memory.current", "inactive_file")
+            mount, names = mounts, ("memory.max", "memory.current", "")
         elif "memory" in controllers.split(","):
             mount = mounts / "memory"
-            names = "memory.limit_in_bytes", "memory.usage_in_bytes", "total_inactive_file"
+            names = "memory.limit_in_bytes", "memory.usage_in_bytes", "total_"
         else:
             continue
         own = mount / path.lstrip("/")
@@ -81,12 +81,13 @@ def _control_groups(root: Path) -> Iterator[int]:
                 break
 
 
-def _remaining(folder: Path, limit: str, used: str, idle: str) -> Iterator[int]:
+def _remaining(folder: Path, limit: str, used: str, prefix: str) -> Iterator[int]:
     try:
         limit_bytes = int((folder / limit).read_text())  # v2 has the word max where there is none
         if limit_bytes < _NO_LIMIT:
             statistics = dict(line.split() for line in (folder / "memory.stat").read_text().splitlines())
-            yield limit_bytes - int((folder / used).read_text()) + int(statistics.get(idle, 0))
+            files = sum(int(statistics.get(f"{prefix}{kind}_file", 0)) for kind in ("active", "inactive"))
+            yield limit_bytes - int((folder / used).read_text()) + files
     except (OSError, ValueError):
         return
 

@@ -49,7 +49,7 @@ def version_1(limit):
     return {
         "memory/jobs/memory.limit_in_bytes": f"{limit}\n",
         "memory/jobs/memory.usage_in_bytes": f"{300 * MIB}\n",
-        "memory/jobs/memory.stat": f"cache 5\ntotal_inactive_file {100 * MIB}\n",
+        "memory/jobs/memory.stat": f"cache 5\ntotal_inactive_file {60 * MIB}\ntotal_active_file {40 * MIB}\n",
     }
 
 
@@ -67,7 +67,7 @@ def test_the_tightest_group_of_version_2_counts(tmp_path):
     files = {"memory.max": "max\n", "memory.current": "0\n", "memory.stat": ""}
     for path, limit in (("pod", f"{700 * MIB}\n"), ("pod/own", "max\n")):
         files |= {f"{path}/memory.max": limit, f"{path}/memory.current": f"{900 * MIB}\n"}
-        files |= {f"{path}/memory.stat": f"anon 3\ninactive_file {250 * MIB}\n"}
+        files |= {f"{path}/memory.stat": f"anon 3\ninactive_file {200 * MIB}\nactive_file {50 * MIB}\n"}
     assert available(machine(tmp_path, groups="0::/pod/own\n", **files)) == 50 * MIB
 
 
