@@ -1,7 +1,8 @@
 """From a coarse mesh to a fine one: points of texels, or vertices, move along its smooth normals onto the fine surface.
 
 A ray starts as far outside as the cage reaches and goes in, twice as far; what it meets first is what the texel shows.
-Points that meet nothing take the closest one.
+Points that meet nothing take the closest one; where that is on the ray but for a hundredth of the cage, as on a border
+that both meshes have, it counts as met.
 """
 
 from __future__ import annotations
@@ -19,13 +20,14 @@ from raytrace.kernel.simd_masks import lowest_bit
 from raytrace.kernel.vector import load, load_triangle
 from raytrace.ray_origins.closest import closest_on_triangle
 from raytrace.system.threads import run_blocks
-from raytrace.types import Float32s, Float64s, Int64s
+from raytrace.types import Bools, Float32s, Float64s, Int64s
 
 from ..gather.receivers import Receivers
 from .coverage import Coverage
 
 _BLOCK = 1 << 12  # points
 _ROUNDED = 1e-6  # of coordinates, in single precision
+_BESIDE = 0.01  # of the cage: how far from its ray a point that counts as met may be
 
 
 class Fine(NamedTuple):
@@ -55,19 +57,33 @@ def project(
     hits = intersect(fine.receivers.embree(), places + cage * normals, -normals, 2 * cage, threads)
     face, weights = hits.face, hits.barycentric
     missed = np.flatnonzero(face < 0)
+    face[missed], weights[missed] = _closest_points(fine, places[missed], cage, threads)
+    missed = missed[_outside(fine, face[missed], weights[missed], places[missed], normals[missed], cage)]
     if len(missed) == len(face):
         raise MeshError(fine.source, "surface", "some of it within the cage about the coarse mesh", "none")
-    face[missed], weights[missed] = _closest_points(fine, places[missed], cage, threads)
     shape = coverage.face.shape
     each = face.reshape(shape).astype(np.int32), weights.reshape(*shape, 3)
     return Coverage.of_points(coverage.texels, *each, coverage.overlapping), missed
+
+
+def _outside(fine: Fine, face: Int64s, weights: Float32s, places: Float64s, normals: Float64s, cage: float) -> Bools:
+    """Whether points (k,) of faces lie beside the rays through `places` along `normals` (k, 3), or beyond the cage."""
+    away = np.einsum("kc,kci->ki", weights, fine.vertices[fine.receivers.faces[face]]) - places
+    along = np.einsum("ki,ki->k", away, normals)
+    beside = np.linalg.norm(away - along[:, None] * normals, axis=1)
+    rounded = _rounding(fine, places)
+    return (np.abs(along) > cage + rounded) | (beside > _BESIDE * cage + rounded)
+
+
+def _rounding(fine: Fine, places: Float64s) -> float:
+    return _ROUNDED * max(float(np.abs(fine.vertices).max()), float(np.abs(places).max(initial=0.0)))
 
 
 def _closest_points(fine: Fine, places: Float64s, radius: float, threads: int) -> tuple[Int64s, Float32s]:
     """The face (k,) nearest to each of `places` (k, 3), and where on it (k, 3); sought within `radius` at first."""
     face, weights = np.full(len(places), -1), np.zeros((len(places), 3), np.float32)
     tree, surface = fine.receivers.tree, (fine.vertices, fine.receivers.faces)
-    rounded = _ROUNDED * max(float(np.abs(fine.vertices).max()), float(np.abs(places).max(initial=0.0)))
+    rounded = _rounding(fine, places)
 
     def search(first: int, last: int) -> None:
         found = face[first:last], weights[first:last]

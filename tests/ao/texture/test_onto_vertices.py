@@ -11,6 +11,7 @@ import ao
 from ao.analytic import closed_forms
 from ao.trace.checkpoint import Checkpoint
 from raytrace import Mesh, MeshError, OptionError
+from scenes.geometry.polyhedra import generic_rotation
 
 STEPS = np.linspace(0, 4, 9)
 PLACES = np.array([(x, y, 0) for x in STEPS for y in np.linspace(-2, 2, 9)])
@@ -27,6 +28,14 @@ def floor_and_wall(height):
         (rectangle((-0.5, -60, height), (60, 0, 0), (0, 120, 0)), square(0, 0, 1, 1)),
         (rectangle((-0.5, 60, height), (0, -120, 0), (0, 0, 60)), square(0, 0, 1, 1)),
     )[0]
+
+
+def sheet(side, height=0.0):
+    """The unit square at a height, of side × side vertices."""
+    steps = np.linspace(0, 1, side)
+    vertices = np.array([(x, y, height) for x in steps for y in steps])
+    cell = np.array([i * side + j for i in range(side - 1) for j in range(side - 1)])
+    return vertices, np.concatenate([cell[:, None] + [0, side, side + 1], cell[:, None] + [0, side + 1, 1]])
 
 
 def bumpy(subdivisions):
@@ -73,6 +82,25 @@ def test_what_the_cage_misses_takes_the_closest_point_and_is_flagged():
     assert np.array_equal((baked.flags & ao.Flag.MISSED) != 0, PLACES[:, 0] > 1.9)
     assert baked.flagged["missed"] == (PLACES[:, 0] > 1.9).sum()
     assert (baked.w == 1).all()
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_a_border_that_both_meshes_have_is_not_missed(seed):
+    """Rays along the normal of a vertex on the border of the fine mesh pass beside it by rounding; lifted, as well."""
+    rng = np.random.default_rng(seed)
+    pose = generic_rotation(seed)
+    where, height = rng.normal(size=3), rng.choice([0.0, 0.01])
+    for side, finer in ((2, 40), (8, 64), (9, 33)):
+        coarse, fine = ((pose.apply(v) + where, f) for v, f in (sheet(side), sheet(finer, height)))
+        baked = ao.bake(Mesh(*coarse), samples=8, high=Mesh(*fine), cage=0.02, seed=seed)
+        assert not baked.flags.any()
+        assert (baked.w == 1).all()
+
+
+def test_a_border_farther_out_than_that_of_the_fine_mesh_is_missed():
+    vertices, faces = sheet(8)
+    baked = ao.bake(Mesh(vertices * 1.01, faces), samples=8, high=Mesh(*sheet(64)), cage=0.02)
+    assert np.array_equal((baked.flags & ao.Flag.MISSED) != 0, (vertices == 1).any(axis=1))
 
 
 def test_a_cage_that_misses_everything():
