@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import tempfile
+import threading
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager, nullcontext, suppress
 from dataclasses import dataclass, replace
@@ -65,13 +66,13 @@ class PackedTextures(NamedTuple):
     """Textures as kernels read them (`raytrace.image.texture_lookup`): each a pyramid of halved images down
     to one texel.
 
-    Takes 16 bytes for each texel of the files: three floats, and a third more for the coarser levels.
+    Takes 16 bytes for each texel of the files that were read: three floats, and a third more for the coarser levels.
 
     Attributes:
         texels: float32 (n, 3), linear RGB; levels one after the other, rows from the top.
         levels: int64 (m, 3): first texel, width, height of each level; finest first.
         first: int64 (t,): each texture's finest level.
-        depth: int64 (t,): each texture's number of levels, 0 if it was left out.
+        depth: int64 (t,): each texture's number of levels, 0 before it is read.
         wrap: int64 (t, 2): its modes along u and v, places in `WRAPS`.
     """
 
@@ -82,64 +83,98 @@ class PackedTextures(NamedTuple):
     wrap: Int64s
 
 
-def pack_textures(textures: Sequence[Texture | None]) -> PackedTextures:
-    """Read textures; those of one image once, however they are wrapped.
+class LazyTextures:
+    """Textures with a place for each, by their files' headers; read when they are asked for, those of one image once.
 
-    Alpha is ignored; grey becomes RGB. Files may have 8 or 16 bits, floats, a palette, one to four channels.
+    Alpha is ignored; grey becomes RGB. Files may have 8 or 16 bits, floats, a palette, one to four channels. A place
+    takes no memory before its texture is read.
 
-    Args:
-        textures: None leaves a texture out and keeps the numbers of the others: only those that rays have seen need
-            be read.
+    Args: textures: their places in the list are their numbers.
 
-    Raises:
-        InputError: a file is missing, damaged, not an image, or more than 16384 texels wide or high.
+    Attributes: packed: what kernels read, also while other textures are read.
     """
-    places: dict[Texture | None, tuple[int, int]] = {None: (0, 0)}
-    levels: list[tuple[int, int, int]] = []
-    end = 0
-    images = [_image(texture) for texture in textures]
-    for texture in images:
-        if texture is None or texture in places:
-            continue
-        with _opened(texture) as image:
-            sizes = _sizes(image.spec().width, image.spec().height)
-        places[texture] = len(levels), len(sizes)
-        for width, height in sizes:
-            levels.append((end, width, height))
-            end += width * height
-    texels = np.empty((end, 3), np.float32)
-    for texture, (first, count) in places.items():
-        if texture is not None:
-            with _opened(texture) as image:
-                _build_pyramid(
-                    [texels[at : at + w * h].reshape(h, w, 3) for at, w, h in levels[first : first + count]],
-                    image,
-                    texture,
-                )
-    entries = np.array([places[texture] for texture in images], np.int64).reshape(-1, 2)
-    all_levels = np.array(levels, np.int64).reshape(-1, 3)
-    modes = [(0, 0) if texture is None else [WRAPS.index(mode) for mode in texture.wrap] for texture in textures]
-    wrap = np.array(modes, np.int64).reshape(-1, 2)
-    return PackedTextures(texels, all_levels, entries[:, 0].copy(), entries[:, 1].copy(), wrap)
+
+    def __init__(self, textures: Sequence[Texture]) -> None:
+        self._images = [replace(texture, wrap=("repeat", "repeat")) for texture in textures]
+        self._locks = {image: threading.Lock() for image in self._images}
+        first: dict[Texture, int] = {}
+        levels: list[tuple[int, int, int]] = []
+        end = 0
+        self._sizes = {image: _levels(image) for image in self._locks}
+        for image, sizes in self._sizes.items():
+            first[image] = len(levels)
+            for width, height in sizes:
+                levels.append((end, width, height))
+                end += width * height
+        self.packed = PackedTextures(
+            texels=np.empty((end, 3), np.float32),
+            levels=np.array(levels, np.int64).reshape(-1, 3),
+            first=np.array([first[image] for image in self._images], np.int64),
+            depth=np.zeros(len(textures), np.int64),
+            wrap=np.array([[WRAPS.index(mode) for mode in t.wrap] for t in textures], np.int64).reshape(-1, 2),
+        )
+
+    def read(self, numbers: Iterable[int]) -> None:
+        """Read the textures of these numbers that are not read yet; images that another thread reads come last.
+
+        Raises:
+            InputError: a file is missing, damaged, not an image, or more than 16384 texels wide or high.
+        """
+        busy = []
+        for image in dict.fromkeys(self._images[number] for number in numbers):
+            if self._locks[image].acquire(blocking=False):
+                try:
+                    self._read(image)
+                finally:
+                    self._locks[image].release()
+            else:
+                busy.append(image)
+        for image in busy:
+            with self._locks[image]:
+                self._read(image)
+
+    def _read(self, image: Texture) -> None:
+        numbers = [number for number, each in enumerate(self._images) if each == image]
+        texels, sizes = self.packed.texels, self._sizes[image]
+        if self.packed.depth[numbers[0]]:
+            return
+        with _opened(image) as file:
+            if not sizes or sizes[0] != (file.spec().width, file.spec().height):
+                raise InputError(str(image.path), "file", "one that stays as it is while it is used", "another")
+            levels = self.packed.levels[self.packed.first[numbers[0]] :][: len(sizes)]
+            _build_pyramid([texels[at : at + w * h].reshape(h, w, 3) for at, w, h in levels], file, image)
+        self.packed.depth[numbers] = len(sizes)  # last: from now on kernels look it up
 
 
-def _image(texture: Texture | None) -> Texture | None:
-    """What two textures of one image have in common."""
-    return texture and replace(texture, wrap=("repeat", "repeat"))
+def pack_textures(textures: Sequence[Texture]) -> PackedTextures:
+    """Read textures; those of one image once, however they are wrapped. Errors as `LazyTextures.read`."""
+    lazy = LazyTextures(textures)
+    lazy.read(range(len(textures)))
+    return lazy.packed
 
 
-def texture_bytes(textures: Iterable[Texture | None]) -> int:
-    """Bytes that `pack_textures` takes at its peak, called as rays meet one after the other; by headers.
+def _levels(image: Texture) -> list[tuple[int, int]]:
+    """Width and height of a pyramid's levels: halves, rounded down, until one texel is left.
 
-    A file that cannot be read counts nothing: perhaps no ray meets it.
+    None of a file that cannot be read: perhaps no ray meets it.
     """
-    texels = [0]
-    for texture in dict.fromkeys(_image(texture) for texture in textures):
-        if texture is not None:
-            with suppress(InputError), _opened(texture) as image:
-                texels.append(image.spec().width * image.spec().height)
-    before = sum(texels) - min(texels[1:], default=0)  # what was packed the time before is let go of afterwards
-    return _TEXEL * (sum(texels) + before) + _WORKING * max(texels)
+    try:
+        with _opened(image) as file:
+            width, height = file.spec().width, file.spec().height
+    except InputError:
+        return []
+    sizes = [(width, height)]
+    while max(width, height) > 1:
+        width, height = max(width // 2, 1), max(height // 2, 1)
+        sizes.append((width, height))
+    return sizes
+
+
+def texture_bytes(textures: Iterable[Texture], threads: int) -> int:
+    """Bytes that `LazyTextures` take at their peak, read by so many threads; by headers."""
+    images = dict.fromkeys(replace(texture, wrap=("repeat", "repeat")) for texture in textures)
+    texels = sorted(width * height for image in images for width, height in _levels(image)[:1])
+    return _TEXEL * sum(texels) + _WORKING * sum(texels[-threads:])
 
 
 def texture_codes(texture: Texture) -> UInt8s | UInt16s | Float32s:
@@ -163,15 +198,6 @@ def _opened(texture: Texture) -> Iterator[Any]:
             yield image
         finally:
             image.close()
-
-
-def _sizes(width: int, height: int) -> list[tuple[int, int]]:
-    """Width and height of a pyramid's levels: halves, rounded down, until one texel is left."""
-    sizes = [(width, height)]
-    while max(width, height) > 1:
-        width, height = max(width // 2, 1), max(height // 2, 1)
-        sizes.append((width, height))
-    return sizes
 
 
 def _build_pyramid(pyramid: list[Float32s], image: Any, texture: Texture) -> None:

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import itertools
-import threading
 from typing import get_args
 
 import numpy as np
 
 from ..camera import Camera
 from ..image.frame import LAYERS, Frame
-from ..image.texture import pack_textures
+from ..image.texture import LazyTextures
 from ..kernel.arrays import aligned
 from ..kernel.simd import WIDE
 from ..lights.layout import AMBIENT as AMBIENT_LIGHT
@@ -64,10 +63,9 @@ class Picture:
     ) -> None:
         self._given = built, background, camera, settings, layers
         self.geometry, self.background = built.geometry, background
-        unread = pack_textures([None] * len(self.geometry.textures))
+        self._textures = LazyTextures(self.geometry.textures)
         lit = np.zeros((0, LIGHTING)) if lit is None else lit
-        self.scene = SceneArrays(self.geometry.arrays, built.w, built.bent, built.lights, unread, lit)
-        self._reading = threading.Lock()
+        self.scene = SceneArrays(self.geometry.arrays, built.w, built.bent, built.lights, self._textures.packed, lit)
         self.view = place_camera(camera, settings, self.geometry.centre, self.geometry.scale)
         self.style = Style(
             settings.samples,
@@ -119,16 +117,7 @@ class Picture:
             render_tiles(self.scene, self.view, self.style, film, scratch, tiles, again)
             if not scratch.missing.any():
                 return scratch.counts.copy()
-            self._read(scratch.missing)
-
-    def _read(self, missing: Int64s) -> None:
-        """Read the missing textures, and those already read again with them."""
-        with self._reading:
-            unread = self.scene.textures.depth == 0
-            if ((missing > 0) & unread).any():
-                wanted = (missing > 0) | ~unread
-                chosen = [t if take else None for t, take in zip(self.geometry.textures, wanted, strict=True)]
-                self.scene = self.scene._replace(textures=pack_textures(chosen))
+            self._textures.read(np.flatnonzero(scratch.missing).tolist())
 
     def light_vertices(self, threads: int) -> None:
         """Light all vertices, if the shading is Gouraud's."""

@@ -62,7 +62,7 @@ def render(
     """
     workers = thread_count(threads)
     start = time.perf_counter()
-    picture = prepare_picture(scene, camera, settings, layers)
+    picture = prepare_picture(scene, camera, settings, layers, workers)
     built = time.perf_counter()
     film = picture.film()
     picture.light_vertices(workers)
@@ -70,14 +70,16 @@ def render(
     return picture.frame(film, {"build": built - start, "render": time.perf_counter() - built})
 
 
-def prepare_picture(scene: Scene, camera: Camera, settings: Settings | None, layers: bool) -> Picture:
+def prepare_picture(
+    scene: Scene, camera: Camera, settings: Settings | None, layers: bool, threads: int | None = None
+) -> Picture:
     """The picture that `render` renders. Errors as there."""
     settings = Settings() if settings is None else settings
     for field, value, kind in (("scene", scene, Scene), ("camera", camera, Camera), ("settings", settings, Settings)):
         check_type(value, kind, "render", field, f"a raytrace.{kind.__name__}")
     if settings.shading == "gouraud" and any(item.shape.grain for item in scene.objects):
         raise OptionError("shading", "another one where a texture has the grain", "gouraud", "render")
-    check_memory("scene", rendering_bytes(scene, settings, layers), describe_work(scene, settings))
+    check_memory("scene", rendering_bytes(scene, settings, layers, threads), describe_work(scene, settings))
     return Picture(build(scene, settings.normals), scene.background, camera, settings, layers)
 
 
@@ -102,7 +104,7 @@ def _render_tiles(picture: Picture, film: Film, threads: int, progress: Progress
     picture.counts += np.sum(finished, axis=0)
 
 
-def rendering_bytes(scene: Scene, settings: Settings, layers: bool) -> int:
+def rendering_bytes(scene: Scene, settings: Settings, layers: bool, threads: int | None = None) -> int:
     """Bytes that `render` takes at its peak beside the scene; fitted to measurements (`ao.memory`)."""
     meshes = {id(item.shape): item.shape.mesh for item in scene.objects}.values()
     vertices, faces = sum(len(mesh.vertices) for mesh in meshes), sum(len(mesh.faces) for mesh in meshes)
@@ -112,7 +114,7 @@ def rendering_bytes(scene: Scene, settings: Settings, layers: bool) -> int:
     film += _EDGES * tile_count(wide, high) * (settings.samples > workspace.FIRST)
     surrounded = any(isinstance(light, SkyLight | EnvironmentLight) for light in scene.lights)
     bent = 12 * sum(len(item.shape.mesh.vertices) for item in scene.objects) * surrounded
-    textures = texture_bytes(shape_textures(item.shape for item in scene.objects))
+    textures = texture_bytes(shape_textures(item.shape for item in scene.objects), thread_count(threads))
     return _BASE + _VERTEX * vertices + _FACE * faces + 8 * LIGHTING * lit + bent + film + textures
 
 

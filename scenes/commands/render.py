@@ -118,7 +118,7 @@ def make_picture(
         ClusterError: the cluster is lost, or none of its workers can be used.
     """
     layers = check_image_target(output, half)
-    needed = rendering_bytes(description.scene, description.settings, layers is None)
+    needed = rendering_bytes(description.scene, description.settings, layers is None, threads)
     check_memory(source, needed, describe_work(description.scene, description.settings))
     start = time.perf_counter()
     scene, baked = with_obscurance(description, threads, baking, session)

@@ -14,7 +14,7 @@ from frames import plain
 from raytrace.errors import InputError, OptionError
 from raytrace.image import texture as module
 from raytrace.image.srgb import decode_srgb
-from raytrace.image.texture import WRAPS, Texture, pack_textures
+from raytrace.image.texture import WRAPS, LazyTextures, Texture, pack_textures
 from raytrace.image.texture_lookup import sample_texture
 from raytrace.image.write import write_frame
 from raytrace.kernel.jit import kernel
@@ -229,13 +229,25 @@ def test_bytes_are_like_the_file(tmp_path, name, kind):
 def test_only_the_seen_ones_are_read_and_equal_ones_once(tmp_path):
     seen = png(tmp_path / "a.png", codes())
     other = png(tmp_path / "b.png", codes(4, 4, seed=1))
-    packed = pack_textures([None, seen, other, Texture(tmp_path / "a.png"), None])
-    assert packed.depth.tolist() == [0, 4, 3, 4, 0]
+    unseen = Texture(tmp_path / "missing.png")
+    lazy = LazyTextures([unseen, seen, other, Texture(tmp_path / "a.png", wrap="clamp_to_edge"), other])
+    packed = lazy.packed
+    assert packed.depth.tolist() == [0, 0, 0, 0, 0]
     assert packed.first[1] == packed.first[3]
     assert len(packed.texels) == 64 + 16 + 4 + 1 + 16 + 4 + 1
-    np.testing.assert_array_equal(sample(packed, 0.3, 0.4, texture=0), [[1, 1, 1]])
+    lazy.read([3])
+    assert packed.depth.tolist() == [0, 4, 0, 4, 0]
+    np.testing.assert_array_equal(sample(packed, 0.3, 0.4, texture=2), [[1, 1, 1]])
+    lazy.read([1, 2])
     expected = reference(decode_srgb(codes(4, 4, seed=1) / 255).astype(float), np.array([0.3]), np.array([0.4]))
     np.testing.assert_allclose(sample(packed, 0.3, 0.4, texture=2), expected, atol=1e-9)
+
+
+def test_a_file_that_changes_its_size_while_it_is_used_is_refused(tmp_path):
+    lazy = LazyTextures([png(tmp_path / "a.png", codes())])
+    png(tmp_path / "a.png", codes(16, 4))
+    with pytest.raises(InputError, match="file: expected one that stays as it is"):
+        lazy.read([0])
 
 
 def test_no_textures_are_arrays_that_a_kernel_takes():
@@ -244,8 +256,6 @@ def test_no_textures_are_arrays_that_a_kernel_takes():
     assert packed.levels.shape == (0, 3)
     assert packed.first.shape == packed.depth.shape == (0,)
     assert [each.dtype for each in (packed.texels, packed.levels, packed.first)] == [np.float32, np.int64, np.int64]
-    packed = pack_textures([None])
-    np.testing.assert_array_equal(sample(packed, 0.3, 0.4, 0.1), [[1, 1, 1]])
 
 
 def broken(folder):
