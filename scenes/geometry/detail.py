@@ -33,6 +33,7 @@ class Paint:
 
     Attributes:
         texture: an existing PNG or JPEG, multiplied into `colour`; coordinates as the file has them.
+        opacity_texture: an existing image, multiplied into `opacity` (`opacity.opacity_map`); the same coordinates.
     """
 
     name: str
@@ -42,6 +43,7 @@ class Paint:
     roughness: float = 1.0
     emission: tuple[float, float, float] = (0.0, 0.0, 0.0)
     texture: Path | None = None
+    opacity_texture: Path | None = None
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,7 +1,8 @@
 """Material libraries of OBJ files, as far as glTF's metallic-roughness materials hold them.
 
-`Kd` with `map_Kd`, `d` or `Tr`, `Ke`, and `Pm`, `Pr` or else `Ks` with `Ns`, whose Blinn–Phong exponent becomes the
-roughness (2 / (Ns + 2))^¼ (Walter et al. 2007: α² = 2 / (Ns + 2); glTF: α = roughness²).
+`Kd` with `map_Kd`, `d` or `Tr` with `map_d`, `Ke`, and `Pm`, `Pr` or else `Ks` with `Ns`, whose Blinn–Phong exponent
+becomes the roughness (2 / (Ns + 2))^¼ (Walter et al. 2007: α² = 2 / (Ns + 2); glTF: α = roughness²).
+`Tr`, which the format does not have, is 1 − d; MeshLab, 3ds Max and mvs-texturing write 1 for what is opaque.
 Format: Wavefront MTL 5.0, 1995; the PBR extension of Clara.io, 2014.
 """
 
@@ -15,7 +16,9 @@ from typing import Any
 import numpy as np
 
 from ..geometry.detail import Paint
+from ..geometry.opacity import is_opacity_map
 
+OPAQUE = "Tr 1"
 _PICTURES = (b"\x89PNG", b"\xff\xd8\xff")
 _LARGEST = 1 << 24  # bytes of a library
 
@@ -40,17 +43,27 @@ def read_mtl(path: Path, beside: Callable[[str], Path | None]) -> tuple[dict[str
             given[name][key] = _numbers(rest, 3)
         elif name and key in ("d", "Tr", "Ns", "Pm", "Pr"):
             given[name][key] = _numbers(rest, 1)
-        elif name and key == "map_Kd":
-            found = beside(rest.split()[-1] if rest.startswith("-") else rest)
-            with_picture = found and _starts(found).startswith(_PICTURES)
-            given[name][key] = found if with_picture else None
-            if not with_picture:
+        elif name and key in ("map_Kd", "map_d"):
+            given[name][key] = beside(rest.split()[-1] if rest.startswith("-") else rest)
+            if given[name][key] is None or (key == "map_Kd" and not _starts(given[name][key]).startswith(_PICTURES)):
                 left.append(f"texture of {key} ({rest or 'no name'})")
+                del given[name][key]
         elif name and key.startswith(("map_", "bump", "disp", "decal", "refl", "norm")):
             left.append(f"texture of {key} ({rest or 'no name'})")
     for name, values in given.items():
         made[name] = _paint(name, values)
+        if "map_d" in values and made[name].opacity_texture is None:
+            left.append(f"texture of map_d ({values['map_d'].name})")
+    opaque = [name for name, values in given.items() if _is_opaque(values)]
+    if opaque:
+        more = f" and {len(opaque) - 3:,} more" if len(opaque) > 3 else ""
+        left.append(f"{OPAQUE} of {', '.join(opaque[:3])}{more}, taken for opaque")
     return made, left
+
+
+def _is_opaque(given: dict[str, Any]) -> bool:
+    """Whether `Tr` would hide everything."""
+    return not given.get("d") and bool(given.get("Tr")) and given["Tr"][0] >= 1
 
 
 def _numbers(text: str, count: int) -> tuple[float, ...] | None:
@@ -80,5 +93,8 @@ def _paint(name: str, given: dict[str, Any]) -> Paint:
     roughness = fraction("Pr", 1.0)
     if not given.get("Pr") and given.get("Ns") and any(given.get("Ks") or (0,)):
         roughness = float((2 / (max(given["Ns"][0], 0) + 2)) ** 0.25)
-    opacity = fraction("d", 1 - fraction("Tr", 0.0))
+    opacity = 1.0 if _is_opaque(given) else fraction("d", 1 - fraction("Tr", 0.0))
+    mapped = given.get("map_d")
+    if mapped and is_opacity_map(mapped, paint.texture):
+        paint = replace(paint, opacity_texture=mapped)
     return replace(paint, opacity=opacity, metallic=fraction("Pm", 0.0), roughness=roughness)

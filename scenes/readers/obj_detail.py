@@ -11,10 +11,10 @@ from raytrace.types import Float64s, Int64s
 
 from ..geometry.detail import Detail, Paint, PerCorner
 from ..geometry.polygons import Triangles
-from .mtl import read_mtl
+from .mtl import OPAQUE, read_mtl
 from .obj_text import ObjText, statements
 
-PAINT_WORDS = ("texture of", "material library")  # how what is missing of materials begins
+PAINT_WORDS = ("texture of", "material library", OPAQUE)  # how what is missing of materials begins
 _COLOURED = statements("v", r"(\S+(?:[ \t]+\S+){5})[ \t]*(?:#.*)?$")
 _LIBRARY = statements("mtllib", r"([^#\n]+)")
 _USED = statements("(f|usemtl)")
@@ -109,7 +109,8 @@ def _paints(
                 continue
             more, missing = read_mtl(library, beside)
             known = more | known
-            files += [library, *(paint.texture for paint in more.values() if paint.texture)]
+            pictures = [picture for paint in more.values() for picture in (paint.texture, paint.opacity_texture)]
+            files += [library, *filter(None, pictures)]
             left += missing
     paints = tuple(known.get(name, Paint(name)) for name in names)
     return paints, of, tuple(files), left

@@ -19,6 +19,7 @@ from ..gltf.accessors import entry
 from ..gltf.container import Gltf, primitives
 from ..gltf.glb_buffer import Packed
 from ..gltf.occlusion import OWN, TRANSFORM, OcclusionTextures, sets_of, texture_reference
+from ..gltf.pictures import enlarged
 from ..gltf.textures import Textures
 from ..readers.load import mesh_errors
 
@@ -81,20 +82,9 @@ def with_occlusion(image: npt.NDArray[Any], w: Float32s) -> UInt8s | UInt16s:
     if image.shape[2] < 3:
         image = np.concatenate([np.repeat(image[:, :, :1], 3, axis=2), image[:, :, 1:]], axis=2)
     height, width = (max(sides) for sides in zip(image.shape, w.shape, strict=False))
-    made = np.ascontiguousarray(_enlarged(image, height, width))
-    made[:, :, 0] = np.rint(np.clip(_enlarged(w[:, :, None], height, width)[:, :, 0], 0, 1) * most)
+    made = np.ascontiguousarray(enlarged(image, height, width))
+    made[:, :, 0] = np.rint(np.clip(enlarged(w[:, :, None], height, width)[:, :, 0], 0, 1) * most)
     return made
-
-
-def _enlarged(image: npt.NDArray[Any], height: int, width: int) -> npt.NDArray[Any]:
-    """`image` (h, w, c) by bilinear interpolation, codes rounded."""
-    if image.shape[:2] == (height, width):
-        return image.copy()
-    from scipy.ndimage import zoom
-
-    factors = height / image.shape[0], width / image.shape[1], 1
-    made = zoom(image.astype(np.float32), factors, order=1, mode="grid-wrap", grid_mode=True)
-    return made if image.dtype == np.float32 else np.rint(made).astype(image.dtype)
 
 
 def check_orm(asset: Gltf | None, coordinates: int | None, replace: bool) -> None:

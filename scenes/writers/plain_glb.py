@@ -17,6 +17,7 @@ from raytrace.types import Float64s, Int64s
 from ..geometry.detail import Detail, Paint, split_corners
 from ..geometry.instances import Part
 from ..gltf.glb_buffer import ELEMENT_ARRAY_BUFFER, FLOAT, UNSIGNED_INT, Packed
+from ..gltf.pictures import base_colour_picture
 from ..readers.load import MeshFile
 
 _LARGEST = 1e38  # of float32, and of a difference of two
@@ -176,7 +177,7 @@ def _material(paint: Paint) -> dict[str, Any]:
     made: dict[str, Any] = {"name": paint.name, "pbrMetallicRoughness": surface}
     if any(paint.emission):
         made["emissiveFactor"] = list(paint.emission)
-    if paint.opacity < 1:
+    if paint.opacity < 1 or paint.opacity_texture:
         made["alphaMode"] = "BLEND"
     return made
 
@@ -186,14 +187,15 @@ def _textures(packed: Packed, detail: Detail | None) -> None:
     header = packed.header
     numbers: dict[Any, int] = {}
     for number, paint in enumerate(detail.paints if detail else (), start=1):
-        if paint.texture is None:
+        key, first = (paint.texture, paint.opacity_texture), paint.texture or paint.opacity_texture
+        if first is None:
             continue
-        if paint.texture not in numbers:
-            data = paint.texture.read_bytes()
+        if key not in numbers:
+            data = base_colour_picture(paint)
             kind = "image/png" if data.startswith(b"\x89PNG") else "image/jpeg"
-            image = {"name": paint.texture.name, "mimeType": kind, "bufferView": packed.bytes_view(data)}
+            image = {"name": first.name, "mimeType": kind, "bufferView": packed.bytes_view(data)}
             header.setdefault("images", []).append(image)
             header.setdefault("textures", []).append({"source": len(header["images"]) - 1})
-            numbers[paint.texture] = len(header["textures"]) - 1
-        texture = {"index": numbers[paint.texture]}
+            numbers[key] = len(header["textures"]) - 1
+        texture = {"index": numbers[key]}
         header["materials"][number]["pbrMetallicRoughness"]["baseColorTexture"] = texture

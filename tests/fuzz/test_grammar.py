@@ -184,7 +184,7 @@ def test_the_plain_ones_are_accepted(folder):
     assert accepted_or_refused(folder / "m.gltf")
 
 
-KEYS = ["newmtl", "Kd", "Ke", "Ks", "d", "Tr", "Ns", "Pm", "Pr", "map_Kd", "bump"]
+KEYS = ["newmtl", "Kd", "Ke", "Ks", "d", "Tr", "Ns", "Pm", "Pr", "map_Kd", "map_d", "bump"]
 WORDS = st.sampled_from([*KEYS, "#", "\\", "-s 1 1", "a"])
 LINE = st.lists(WORDS | NUMBER.map(str) | PATH | st.text(max_size=5), max_size=5).map(" ".join)
 

@@ -11,7 +11,9 @@ from gltf_files import QUAD, Builder, check_glb, values
 from mesh_files import XYZ, ascii_ply, read, rich_ply, stl
 
 from raytrace.image.srgb import decode_srgb, encode_srgb
+from scenes.geometry.opacity import opacity_map
 from scenes.readers.load import load
+from scenes.readers.mtl import read_mtl
 from scenes.writers.losses import lost
 
 
@@ -195,6 +197,50 @@ def test_a_glb_keeps_materials_textures_and_seams_of_an_obj(tmp_path):
     np.testing.assert_array_equal(places[corners][0], [[0, 0, 0], [1, 0, 0], [1, 0, 1]])
     colors = values(header, binary, one["attributes"]["COLOR_0"])
     assert sorted(map(tuple, colors.tolist())) == [(0, 0, 1), (0, 1, 0), (1, 0, 0), (1, 1, 1)]
+
+
+def test_a_material_that_tr_1_would_hide_is_opaque(tmp_path):
+    write_obj(tmp_path, "usemtl red\n" + NO_SEAM.replace("\nf", "\nusemtl glass\nf"))
+    (tmp_path / "paint.mtl").write_text("newmtl red\nTr 1.000000\nnewmtl glass\nTr .75\nnewmtl clear\nd 0\nTr 1\n")
+    printed = bake(tmp_path, "m.obj", "out.glb")
+    assert "Tr 1 of red, taken for opaque" in printed
+    header, _ = check_glb((tmp_path / "out.glb").read_bytes())
+    red, glass = header["materials"][1:]
+    assert (red["pbrMetallicRoughness"]["baseColorFactor"][3], "alphaMode" in red) == (1, False)
+    assert (glass["pbrMetallicRoughness"]["baseColorFactor"][3], glass["alphaMode"]) == (0.25, "BLEND")
+    assert read_mtl(tmp_path / "paint.mtl", lambda _: None)[0]["clear"].opacity == 0
+    assert "Tr" not in bake(tmp_path, "m.obj", "out.ply")
+
+
+@pytest.mark.parametrize("given", ["grey", "alpha", "both"])
+def test_an_opacity_map_is_the_alpha_of_the_base_colour_texture(tmp_path, given):
+    write_obj(tmp_path, "usemtl red\n" + NO_SEAM)
+    rng = np.random.default_rng(3)
+    alpha = rng.integers(0, 256, (2, 4), np.uint8)
+    colour = np.full((2, 4, 4), (200, 10, 10, 255), np.uint8)
+    colour[..., 3] = alpha
+    maps = {"grey": PIL.Image.fromarray(alpha), "alpha": PIL.Image.fromarray(np.stack([255 - alpha, alpha], axis=2))}
+    maps["both"] = PIL.Image.fromarray(colour)
+    maps[given].save(tmp_path / "leaf.png")
+    own = "leaf.png" if given == "both" else "paint.png"  # of 2 × 2, enlarged
+    (tmp_path / "paint.mtl").write_text(f"newmtl red\nmap_d leaf.png\nmap_Kd {own}\n")
+    (paint,) = load(tmp_path / "m.obj", "x.glb").detail.paints
+    np.testing.assert_allclose(opacity_map(paint), alpha / 255, atol=1e-6)
+    assert "texture" not in bake(tmp_path, "m.obj", "out.glb")
+    header, binary = check_glb((tmp_path / "out.glb").read_bytes())
+    assert header["materials"][1]["alphaMode"] == "BLEND"
+    view = header["bufferViews"][header["images"][0]["bufferView"]]
+    (tmp_path / "in.png").write_bytes(binary[view["byteOffset"] : view["byteOffset"] + view["byteLength"]])
+    np.testing.assert_array_equal(PIL.Image.open(tmp_path / "in.png"), colour)
+
+
+def test_images_that_are_no_opacity_maps(tmp_path):
+    write_obj(tmp_path, "usemtl red\n" + NO_SEAM)
+    (tmp_path / "cut.png").write_bytes((tmp_path / "paint.png").read_bytes()[:-30])
+    for line in ("map_d cut.png", "map_d gone.png", "map_d paint.mtl", "map_d paint.png\nmap_Kd paint.png"):
+        (tmp_path / "paint.mtl").write_text(f"newmtl red\n{line}\n")
+        assert f"texture of {line.splitlines()[0].replace(' ', ' (')})" in bake(tmp_path, "m.obj", "out.glb")
+        assert "alphaMode" not in check_glb((tmp_path / "out.glb").read_bytes())[0]["materials"][1]
 
 
 def test_vertices_without_seams_keep_their_order_in_a_glb(tmp_path):
