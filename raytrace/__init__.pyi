@@ -42,6 +42,8 @@ from .mesh.analytic_normals import parametric_normals as parametric_normals
 from .mesh.mesh import Mesh as Mesh
 from .mesh.normals import face_normals as face_normals
 from .mesh.normals import vertex_normals as vertex_normals
+from .mesh.opacity import AlphaSurface as AlphaSurface
+from .mesh.opacity import Opacity as Opacity
 from .renderer.render import render as render
 from .scene import Object as Object
 from .scene import Occlusion as Occlusion

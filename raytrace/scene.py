@@ -12,6 +12,7 @@ from .errors import OptionError, check_type, numbers
 from .kernel.arrays import product
 from .mesh.convert import mesh_of
 from .mesh.mesh import Mesh
+from .mesh.opacity import Opacity
 from .types import Float64s
 
 if TYPE_CHECKING:
@@ -176,14 +177,16 @@ class Scene:
 
     def flattened(self) -> Mesh:
         """All objects as one mesh in world space, in order: what a bake of the whole scene takes."""
-        vertices, faces, start = [], [], 0
+        vertices, faces, opacities, start = [], [], [], 0
         for item in self.objects:
             mesh, linear = item.shape.mesh, item.transform[:3, :3]
             vertices.append(product(mesh.vertices, linear.T) + item.transform[:3, 3])
-            corners = mesh.faces[:, ::-1] if np.linalg.det(linear) < 0 else mesh.faces
-            faces.append(corners + start)
+            mirrored = np.linalg.det(linear) < 0
+            faces.append((mesh.faces[:, ::-1] if mirrored else mesh.faces) + start)
+            opacities.append(mesh.opacity.reversed() if mesh.opacity and mirrored else mesh.opacity)
             start += len(mesh.vertices)
-        return Mesh(np.concatenate(vertices), np.concatenate(faces), source="scene")
+        opacity = Opacity.joined(opacities, [len(each) for each in faces])
+        return Mesh(np.concatenate(vertices), np.concatenate(faces), source="scene", opacity=opacity)
 
     def without_occlusion(self) -> Scene:
         """The same scene without occlusion textures; objects that shared a shape share one still."""

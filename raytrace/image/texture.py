@@ -19,6 +19,7 @@ from .read import decoding_table, open_image, row_blocks
 MAX_SIDE = 16384
 _TEXEL = 16  # bytes of a texel with its share of the coarser levels
 _WORKING = 12  # bytes of a texel while the coarser levels are made
+_LUMINANCE = np.array([0.2126, 0.7152, 0.0722], np.float32)  # ITU-R BT.709
 Wrap = Literal["repeat", "mirrored_repeat", "clamp_to_edge"]
 WRAPS: tuple[Wrap, ...] = get_args(Wrap)
 """glTF's wrap modes; kernels know them by their places here."""
@@ -184,6 +185,25 @@ def texture_codes(texture: Texture) -> UInt8s | UInt16s | Float32s:
     """
     with _opened(texture) as image:
         return np.concatenate([codes for _, codes in row_blocks(image, texture.path)])
+
+
+def texture_alpha(texture: Texture, grey: bool = False) -> Float32s:
+    """Opacity (h, w) in [0, 1] that an image has in its alpha channel, rows from the top; 1 without such a channel.
+
+    Args: grey: an image without alpha has it as its luminance instead.
+
+    Raises: InputError: as `pack_textures`.
+    """
+    with _opened(texture) as image:
+        spec = image.spec()
+        alpha, colour = spec.alpha_channel, _LUMINANCE if spec.nchannels >= 3 else _LUMINANCE.sum(keepdims=True)
+        values = np.ones((spec.height, spec.width), np.float32)
+        if alpha >= 0 or grey:
+            for rows, codes in row_blocks(image, texture.path):
+                most = np.iinfo(codes.dtype).max if codes.dtype.kind == "u" else 1
+                one = codes[..., alpha] if alpha >= 0 else codes[..., : len(colour)] @ colour
+                values[rows] = np.clip(np.nan_to_num(one / np.float32(most)), 0.0, 1.0)
+    return values
 
 
 @contextmanager

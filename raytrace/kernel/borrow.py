@@ -10,7 +10,7 @@ from .jit import intrinsic
 
 @intrinsic
 def borrow(_context: Any, value: Any) -> Any:
-    """`value`, an array or a named tuple of arrays and scalars, as views that own nothing.
+    """`value`, an array, a named tuple of arrays and scalars, or None, as views that own nothing.
 
     Taking a member of a tuple or a slice of an array counts a reference up and down, atomically. A kernel's arguments
     outlive it, so it borrows them once at its beginning and every later count is left out.
@@ -28,6 +28,8 @@ def borrow(_context: Any, value: Any) -> Any:
         (kind,), (given,) = signature.args, arguments
         if isinstance(kind, types.Array):
             return uncounted(context, builder, kind, given)
+        if kind == types.none:
+            return given
         members = [
             uncounted(context, builder, member, builder.extract_value(given, position))
             for position, member in enumerate(kind.types)

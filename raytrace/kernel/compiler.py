@@ -142,6 +142,8 @@ def _argument(builder: Any, words: Any, rows: Iterator[int], kind: Any) -> Any:
     if isinstance(kind, types.BaseTuple):
         members = [_argument(builder, words, rows, member) for member in kind.types]
         return _context.make_tuple(builder, kind, members)
+    if kind == types.none:
+        return _context.get_dummy_value()
     word = builder.load(cgutils.gep_inbounds(builder, words, next(rows)))
     if isinstance(kind, types.Array):
         return _array(builder, word, kind)

@@ -49,7 +49,8 @@ class _Loaded(NamedTuple):
 class Kernel:
     """A function that Numba compiles: machine code when called from Python, a part of the kernels that call it.
 
-    Arguments are arrays, numbers, and tuples of such; results are numbers or a tuple of numbers.
+    Arguments are arrays, numbers, None, and tuples of such; results are numbers or a tuple of numbers. Code under
+    `if argument is not None` is left out where it is None.
 
     Raises:
         TypeError: other arguments or results.
@@ -165,6 +166,8 @@ def _flatten(values: tuple[Any, ...], kinds: list[Any], words: list[Any]) -> Non
         elif isinstance(value, tuple):
             kinds += (kind, len(value))
             _flatten(value, kinds, words)
+        elif value is None:
+            kinds.append(kind)
         else:
             kinds.append(np.uint64 if kind is int and value >= _SIGNED else kind)
             words.append(int(value) if kind is np.bool_ else value)
@@ -180,6 +183,8 @@ def _types(key: tuple[Any, ...]) -> tuple[str, str]:
             formats += "P"
         elif issubclass(kind, tuple):
             text.append(f"{kind} {next(kinds)}")
+        elif kind is type(None):
+            text.append("None")
         else:
             number = np.dtype(kind)
             if number.kind not in _WORDS:

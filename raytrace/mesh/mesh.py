@@ -11,6 +11,7 @@ import numpy.typing as npt
 
 from ..errors import MeshError
 from ..types import Float64s, Int64s
+from .opacity import Opacity
 
 LARGEST = 5e153  # squares of coordinates and their differences don't overflow
 
@@ -24,16 +25,18 @@ class Mesh:
         faces: int64 (m, 3), m ≥ 1, indices into `vertices`. Degenerate and doubled faces are allowed.
         normals: float64 (n, 3), the source's own vertex normals of any length (zero or NaN: none there), or None.
         source: what to call this mesh in messages, a file name for instance.
+        opacity: alpha of the faces, or None: all are opaque.
 
     Raises:
         MeshError: an array has a wrong shape or type, is empty, has coordinates that are not finite or too
-            large, or indices out of range.
+            large, or indices out of range; or `opacity` is of another number of faces.
     """
 
     vertices: Float64s
     faces: Int64s
     normals: Float64s | None = None
     source: str = field(default="mesh", kw_only=True)
+    opacity: Opacity | None = field(default=None, kw_only=True)
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "vertices", self._array("vertices", self.vertices, np.float64))
@@ -57,6 +60,10 @@ class Mesh:
             if len(normals) != len(self.vertices):
                 raise MeshError(self.source, "normals", f"one per vertex ({len(self.vertices)})", len(normals))
             object.__setattr__(self, "normals", normals)
+        if self.opacity is not None:
+            faces = len(self.opacity.of) if isinstance(self.opacity, Opacity) else repr(self.opacity)
+            if faces != len(self.faces):
+                raise MeshError(self.source, "opacity", f"a raytrace.Opacity of {len(self.faces)} faces", faces)
 
     def __repr__(self) -> str:
         return f"<Mesh {self.source!r}: {len(self.vertices):,} vertices, {len(self.faces):,} faces>"

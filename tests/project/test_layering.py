@@ -9,8 +9,8 @@ from project import ROOT
 
 ORDER = [
     *("raytrace.types", "raytrace.errors", "raytrace.kernel", "raytrace.system", "raytrace.settings"),
-    *("raytrace.sampling", "raytrace.embree", "raytrace.bvh", "raytrace.mesh", "raytrace.ray_origins"),
-    *("raytrace.image", "raytrace.lights", "raytrace.brdf", "raytrace.materials", "raytrace.camera"),
+    *("raytrace.sampling", "raytrace.embree", "raytrace.bvh", "raytrace.image", "raytrace.mesh"),
+    *("raytrace.ray_origins", "raytrace.lights", "raytrace.brdf", "raytrace.materials", "raytrace.camera"),
     "raytrace.scene",
     *("raytrace.shade", "raytrace.renderer"),
     *("ao.falloff", "ao.options", "ao.memory", "ao.gather", "ao.stream", "ao.trace", "ao.denoise", "ao.interior"),

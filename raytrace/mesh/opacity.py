@@ -1,0 +1,181 @@
+"""Alpha of a mesh's faces: which share of the light that meets a place stops there.
+
+As in glTF: alpha is a factor times a texture's alpha times that of vertex colours. With a cutoff a place is opaque
+where alpha reaches it and a hole elsewhere (MASK), without one it lets a share 1 − alpha through (BLEND).
+Khronos glTF 2.0 specification, 3.9.4, Alpha Coverage.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from ..errors import OptionError, check_type, numbers
+from ..types import Bools, Float32s, Float64s, Int64s
+
+if TYPE_CHECKING:
+    from ..image.texture import Texture
+
+_BLEND = -1.0  # a cutoff that there is not
+
+
+@dataclass(frozen=True)
+class AlphaSurface:
+    """How the alpha of some faces is found, and what it means.
+
+    Attributes:
+        factor: alpha, or what a texture's is multiplied by, in [0, 1].
+        texture: its alpha channel is taken, which is 1 in an image without one.
+        grey: whether an image without an alpha channel holds alpha as its luminance, as OBJ's `map_d` does.
+        cutoff: in [0, 1]: places of this alpha or more are opaque and all others holes; None: a share 1 − alpha passes.
+
+    Raises:
+        OptionError: a number out of range, or no texture.
+    """
+
+    factor: float = 1.0
+    texture: Texture | None = None
+    grey: bool = False
+    cutoff: float | None = None
+
+    def __post_init__(self) -> None:
+        for name, value in (("factor", self.factor), ("cutoff", 0.0 if self.cutoff is None else self.cutoff)):
+            if not isinstance(value, int | float) or not 0.0 <= value <= 1.0:
+                raise OptionError(name, "a number from 0 to 1", repr(value), "alpha")
+        if self.texture is not None:
+            from ..image.texture import Texture
+
+            check_type(self.texture, Texture, "alpha", "texture", "a raytrace.Texture")
+
+
+class PackedOpacity(NamedTuple):
+    """`Opacity` as kernels read it.
+
+    Attributes:
+        of: int64 (m,), the surface of each face, −1 where it is opaque. uv: float64 (m, 3, 2), or (0, 3, 2) without.
+        corners: float64 (m, 3), factors, or (0, 3) without.
+        factor, cutoff: float64 (s,) of the surfaces; cutoffs below 0 are none.
+        texels: float32 (t, 1), the images' alpha, rows from the top. images: int64 (s, 5): first texel, width and
+            height, 0 without an image, and the wrap modes along u and v.
+    """
+
+    of: Int64s
+    uv: Float64s
+    corners: Float64s
+    factor: Float64s
+    cutoff: Float64s
+    texels: Float32s
+    images: Int64s
+
+    def only(self, kept: Bools) -> PackedOpacity | None:
+        """That of the faces `kept`, bool (m,), numbered anew; None if they are opaque."""
+        if not (self.of[kept] >= 0).any():
+            return None
+        uv, corners = (each[kept] if len(each) else each for each in (self.uv, self.corners))
+        return self._replace(of=self.of[kept], uv=uv, corners=corners)
+
+
+@dataclass(frozen=True, eq=False)
+class Opacity:
+    """Alpha of the m faces of a mesh.
+
+    Attributes:
+        of: int64 (m,), which of `surfaces` each face has, −1: it is opaque.
+        surfaces: how alpha is found.
+        uv: float64 (m, 3, 2), texture coordinates of the faces' corners, v upwards; None if no surface has a texture.
+        corners: float64 (m, 3), further factors in [0, 1] at the faces' corners, or None.
+
+    Raises:
+        OptionError: an array has a wrong shape or values out of range.
+    """
+
+    of: Int64s
+    surfaces: tuple[AlphaSurface, ...]
+    uv: Float64s | None = None
+    corners: Float64s | None = None
+
+    def __post_init__(self) -> None:
+        of = numbers(self.of, "opacity", "of", "an array of integers (m,)").astype(np.int64)
+        if of.ndim != 1 or (of != self.of).any() or not ((of >= -1) & (of < len(self.surfaces))).all():
+            raise OptionError("of", f"integers (m,) from -1 to {len(self.surfaces) - 1}", self.of, "opacity")
+        object.__setattr__(self, "of", of)
+        object.__setattr__(self, "surfaces", tuple(self.surfaces))
+        for surface in self.surfaces:
+            check_type(surface, AlphaSurface, "opacity", "surfaces", "raytrace.AlphaSurfaces in a tuple or list")
+        if self.uv is None and any(surface.texture for surface in self.surfaces):
+            raise OptionError("uv", "texture coordinates for alpha textures", "none", "opacity")
+        for name, shape in (("uv", (len(of), 3, 2)), ("corners", (len(of), 3))):
+            if getattr(self, name) is None:
+                continue
+            values = np.ascontiguousarray(numbers(getattr(self, name), "opacity", name, f"numbers {shape}"))
+            if values.shape != shape:
+                raise OptionError(name, f"shape {shape}", values.shape, "opacity")
+            bad = ~np.isfinite(values) if name == "uv" else ~((values >= 0) & (values <= 1))
+            if bad.any():
+                expected = "finite numbers" if name == "uv" else "numbers from 0 to 1"
+                raise OptionError(name, expected, values[bad][0], "opacity")
+            object.__setattr__(self, name, values)
+
+    def reversed(self) -> Opacity:
+        """That of the same faces with their corners in reverse order."""
+        uv, corners = (None if each is None else each[:, ::-1] for each in (self.uv, self.corners))
+        return replace(self, uv=uv, corners=corners)
+
+    @staticmethod
+    def joined(opacities: Sequence[Opacity | None], counts: Sequence[int]) -> Opacity | None:
+        """That of several meshes' faces after one another. Args: counts: of their faces."""
+        if all(each is None for each in opacities):
+            return None
+        of, uv, corners = np.full(sum(counts), -1), np.zeros((sum(counts), 3, 2)), np.ones((sum(counts), 3))
+        surfaces: list[AlphaSurface] = []
+        start = 0
+        for each, count in zip(opacities, counts, strict=True):
+            rows = slice(start, start + count)
+            start += count
+            if each is None:
+                continue
+            of[rows] = np.where(each.of < 0, -1, each.of + len(surfaces))
+            surfaces += each.surfaces
+            uv[rows] = 0.0 if each.uv is None else each.uv
+            corners[rows] = 1.0 if each.corners is None else each.corners
+        has_uv, has_corners = any(each is not None and each.uv is not None for each in opacities), (corners != 1).any()
+        return Opacity(of, tuple(surfaces), uv if has_uv else None, corners if has_corners else None)
+
+    def packed(self) -> PackedOpacity | None:
+        """What kernels read; each image is read once. None if all faces are opaque wherever one looks.
+
+        Raises:
+            InputError: an image is missing, damaged or none.
+        """
+        from ..image.texture import WRAPS, texture_alpha
+
+        of, texels, end = self.of.copy(), [np.zeros((0, 1), np.float32)], 0
+        images = np.zeros((len(self.surfaces), 5), np.int64)
+        cutoff = np.array([_BLEND if each.cutoff is None else each.cutoff for each in self.surfaces])
+        made: dict[tuple[Texture, bool], tuple[int, int, int, float]] = {}
+        for number, surface in enumerate(self.surfaces):
+            faces = self.of == number
+            if not faces.any():
+                continue
+            least = surface.factor if self.corners is None else surface.factor * self.corners[faces].min()
+            if surface.texture is not None:
+                key = replace(surface.texture, wrap=("repeat", "repeat")), surface.grey
+                if key not in made:
+                    values = texture_alpha(surface.texture, surface.grey)
+                    made[key] = end, values.shape[1], values.shape[0], float(values.min())
+                    texels.append(values.reshape(-1, 1))
+                    end += values.size
+                *place, lowest = made[key]
+                images[number] = *place, *(WRAPS.index(mode) for mode in surface.texture.wrap)
+                least *= lowest
+            if least >= (1.0 if surface.cutoff is None else surface.cutoff):
+                of[faces] = -1
+        if (of < 0).all():
+            return None
+        uv = np.zeros((0, 3, 2)) if self.uv is None else self.uv
+        corners = np.zeros((0, 3)) if self.corners is None else self.corners
+        factor = np.array([each.factor for each in self.surfaces], np.float64)
+        return PackedOpacity(of, uv, corners, factor, cutoff, np.concatenate(texels), images)
