@@ -18,7 +18,7 @@ RUN obscurance demo --output /tmp/demo --quiet \
  && obscurance bake /tmp/demo/temple.ply -o /tmp/w.npy --tolerance 0.05 --quiet \
  && obscurance bake /tmp/demo/temple.ply -o /tmp/w.npy --method surface --samples 16 --quiet \
  && rm -r /tmp/demo /tmp/w.npy \
- && chmod -R a+rwX /opt/kernels
+ && chmod -R a+rX,go-w /opt/kernels
 
 ENTRYPOINT ["obscurance"]
 CMD ["demo", "--output", "demo"]

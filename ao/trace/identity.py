@@ -11,7 +11,7 @@ import llvmlite.binding
 import numpy as np
 
 from raytrace.embree import library as embree
-from raytrace.kernel.cache import source_hash
+from raytrace.kernel.cache import numba_settings, source_hash
 
 
 @cache
@@ -29,6 +29,7 @@ def machine() -> dict[str, str]:
         "C library": " ".join(platform.libc_ver()) or platform.system(),
         "processor": llvmlite.binding.get_host_cpu_name(),
         "instructions": hashlib.sha256(features.encode()).hexdigest()[:8],
+        "Numba's settings": numba_settings() or "none",
     }
 
 

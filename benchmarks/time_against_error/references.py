@@ -19,7 +19,7 @@ import numpy.typing as npt
 
 from ao.falloff import Mu
 from ao.gather.receivers import find_receivers
-from raytrace.kernel.cache import user_cache
+from raytrace.kernel.cache import cache_folder
 from raytrace.mesh.mesh import Mesh
 from raytrace.mesh.placement import ULP, Placement
 from raytrace.system.atomic import atomic_write
@@ -36,7 +36,8 @@ def cached_reference(task: Task, mus: Sequence[Mu], rays: int, vertices: int) ->
 
     The key covers the points, normals and ray origins, so a change of what is baked makes another reference.
     """
-    folder = (user_cache() or Path(tempfile.gettempdir())) / "references"
+    kernels = cache_folder()
+    folder = (kernels.parent if kernels else Path(tempfile.gettempdir())) / "references"
     folder.mkdir(exist_ok=True)
     path = folder / f"{_key(task, mus, rays, vertices)}.npz"
     if path.exists():

@@ -2,7 +2,8 @@
 
 A kernel holds code of helpers from other files, so the folder is named by a hash of all sources that can hold or feed
 one, and of everything else that machine code depends on. It is in the user's cache folder, which also serves read-only
-installations; ``NUMBA_CACHE_DIR`` overrides the parent.
+installations; ``NUMBA_CACHE_DIR`` overrides the parent. Code is only read from folders and files that nobody but this
+user and root can write.
 """
 
 from __future__ import annotations
@@ -10,7 +11,9 @@ from __future__ import annotations
 import getpass
 import hashlib
 import os
+import re
 import shutil
+import stat
 import sys
 import tempfile
 import zlib
@@ -26,6 +29,8 @@ import platformdirs
 PACKAGES = ("raytrace", "ao")
 _NEEDED = 16 << 20  # bytes; all kernels take less than 5 MB
 _CHECKSUM = 4  # bytes before the code
+_FOLDER, _FILE = 0o755, 0o644  # modes
+_SETTING = re.compile("NUMBA_(?!CACHE_DIR$|NUM_THREADS$)")  # that code may depend on
 ROOT = Path(__file__).resolve().parents[2]
 
 
@@ -42,37 +47,24 @@ def source_hash(root: Path = ROOT) -> str:
     return digest.hexdigest()[:16]
 
 
+def numba_settings() -> str:
+    """Numba's settings, which code is compiled for: of the environment, and of its file in the current folder."""
+    settings = sorted("=".join(item) for item in os.environ.items() if _SETTING.match(item[0]))
+    with suppress(OSError):
+        settings.append(Path(".numba_config.yaml").read_text(errors="replace"))
+    return " ".join(settings)
+
+
 def _machine() -> str:
-    """Hash of the processor and of Numba's settings, which code is compiled for: 8 hex digits."""
+    """Hash of the processor and of Numba's settings: 8 hex digits."""
     features = llvmlite.binding.get_host_cpu_features().flatten()
-    settings = sorted(item for item in os.environ.items() if item[0].startswith("NUMBA_") and item[0] != _CHOSEN)
-    text = f"{llvmlite.binding.get_host_cpu_name()} {features} {settings}"
+    text = f"{llvmlite.binding.get_host_cpu_name()} {features} {numba_settings()}"
     return hashlib.sha256(text.encode()).hexdigest()[:8]
-
-
-def user_cache() -> Path | None:
-    """Parent of the kernel caches: the first with space of ``NUMBA_CACHE_DIR``, the user's cache, the temporary folder.
-
-    None where nothing can be written: kernels are then compiled anew in every process.
-    """
-    for place in (_chosen, _users, _temporary):
-        try:
-            folder = place()
-            folder.mkdir(parents=True, exist_ok=True)
-            with tempfile.TemporaryFile(dir=folder):
-                if shutil.disk_usage(folder).free >= _NEEDED:
-                    return folder
-        except (OSError, LookupError, RuntimeError):
-            continue
-    return None
-
-
-_CHOSEN = "NUMBA_CACHE_DIR"
 
 
 def _chosen() -> Path:
     """Raises: LookupError: nothing is chosen."""
-    chosen = os.environ.get(_CHOSEN)
+    chosen = os.environ.get("NUMBA_CACHE_DIR")
     if not chosen:
         raise LookupError
     return Path(chosen)
@@ -99,10 +91,44 @@ def _name() -> str:
 
 
 @cache
+def _places() -> tuple[Path, ...]:
+    """Folders for exactly these sources and this processor, whether they exist or not, the best one first.
+
+    They are in ``NUMBA_CACHE_DIR``, the user's cache, and the temporary folder.
+    """
+    parents, name = [], f"{source_hash()}-{_machine()}"
+    for place in (_chosen, _users, _temporary):
+        with suppress(OSError, LookupError, RuntimeError):
+            parents.append(place())
+    return tuple(parent / name for parent in parents)
+
+
+def _is_private(found: os.stat_result) -> bool:
+    """Whether nobody but this user and root can have written to a file or folder: theirs, open to no one, no link."""
+    if os.name != "posix":
+        return True
+    is_open = found.st_mode & (stat.S_IWGRP | stat.S_IWOTH) or stat.S_ISLNK(found.st_mode)
+    return found.st_uid in (0, os.geteuid()) and not is_open
+
+
+def _is_safe(folder: Path) -> bool:
+    """Whether a folder and its parent, as far as they exist, are private. Raises: OSError."""
+    return all(_is_private(path.lstat()) for path in (folder.parent, folder) if os.path.lexists(path))
+
+
+@cache
 def cache_folder() -> Path | None:
-    """Folder of compiled kernels for exactly these sources and this processor, if one can be written."""
-    parent = user_cache()
-    return parent / f"{source_hash()}-{_machine()}" if parent else None
+    """Folder where compiled kernels are kept: the first that can be written and that nobody else can write to.
+
+    None where there is none: kernels are then compiled anew in every process.
+    """
+    for folder in _places():
+        with suppress(OSError):
+            folder.parent.mkdir(_FOLDER, parents=True, exist_ok=True)
+            if _is_safe(folder) and shutil.disk_usage(folder.parent).free >= _NEEDED:
+                with tempfile.TemporaryFile(dir=folder.parent):
+                    return folder
+    return None
 
 
 def is_kept(path: str) -> bool:
@@ -111,16 +137,21 @@ def is_kept(path: str) -> bool:
 
 
 def read_code(name: str) -> bytes | None:
-    """What `write_code` kept by this name, if it is there and whole, not half a file after a crash."""
-    folder = cache_folder()
-    if folder is None:
-        return None
-    try:
-        stored = (folder / name).read_bytes()
-    except OSError:
-        return None
-    checksum, code = stored[:_CHECKSUM], stored[_CHECKSUM:]
-    return code if zlib.crc32(code).to_bytes(_CHECKSUM) == checksum and code else None
+    """What `write_code` kept by this name, if it is there and whole, not half a file after a crash.
+
+    Folders that this user cannot write to count: an administrator may have filled one.
+    """
+    for folder in _places():
+        with suppress(OSError):
+            if not _is_safe(folder):
+                continue
+            handle = os.open(folder / name, os.O_RDONLY | getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_BINARY", 0))
+            with open(handle, "rb") as file:
+                stored = file.read() if _is_private(os.fstat(handle)) else b""
+            code = stored[_CHECKSUM:]
+            if code and stored[:_CHECKSUM] == _checksum(name, code):
+                return code
+    return None
 
 
 def write_code(name: str, code: bytes) -> None:
@@ -131,8 +162,13 @@ def write_code(name: str, code: bytes) -> None:
     partial = folder / f"{name}.{os.getpid()}"
     with suppress(OSError):
         try:
-            folder.mkdir(exist_ok=True)
-            partial.write_bytes(zlib.crc32(code).to_bytes(_CHECKSUM) + code)
+            folder.mkdir(_FOLDER, exist_ok=True)
+            partial.touch(_FILE, exist_ok=False)
+            partial.write_bytes(_checksum(name, code) + code)
             partial.replace(folder / name)
         except OSError:
             partial.unlink(missing_ok=True)
+
+
+def _checksum(name: str, code: bytes) -> bytes:
+    return zlib.crc32(code, zlib.crc32(name.encode())).to_bytes(_CHECKSUM)

@@ -9,6 +9,8 @@ from pathlib import Path
 import pytest
 from project import ROOT
 
+from raytrace.kernel import cache
+
 HELPER = """
 from .kernel.jit import inline
 
@@ -67,17 +69,16 @@ def test_an_edit_in_another_file_reaches_the_kernel(project):
     assert run(project, ANSWER, NUMBA_CACHE_DIR=cache) == "2 1 True"
 
 
+WHERE = "from raytrace.kernel.cache import cache_folder; print(cache_folder().parent)"
+
+
 def test_a_cache_that_cannot_be_written_is_passed_over(project):
     blocked = project / "file"
     blocked.touch()
     nowhere = {"NUMBA_CACHE_DIR": str(blocked / "x"), "XDG_CACHE_HOME": str(blocked), "TMPDIR": str(project)}
-    code = "from raytrace.kernel.cache import user_cache; print(user_cache())"
-    assert run(project, code, **nowhere | {"XDG_CACHE_HOME": str(project)}) == str(project / "obscurance")
-    assert Path(run(project, code, **nowhere)).parent == project
+    assert run(project, WHERE, **nowhere | {"XDG_CACHE_HOME": str(project)}) == str(project / "obscurance")
+    assert Path(run(project, WHERE, **nowhere)).parent == project
     assert run(project, ANSWER, **nowhere) == "1 1 True"
-
-
-WHERE = "from raytrace.kernel.cache import user_cache; print(user_cache())"
 
 
 def test_the_cache_is_in_the_users_folder_of_caches_unless_another_is_chosen(project):
@@ -106,16 +107,14 @@ def test_a_user_without_name_and_home_has_a_cache(project):
     stranger = "import getpass, os, pathlib, pwd; [os.environ.pop(n, 0) for n in ('HOME', 'LOGNAME', 'USER')]; "
     stranger += "[os.environ.pop(n, 0) for n in ('LNAME', 'USERNAME', 'XDG_CACHE_HOME', 'NUMBA_CACHE_DIR')]; "
     stranger += "os.getuid = lambda: 12345; "
-    code = "from raytrace.kernel.cache import user_cache; print(user_cache())"
-    assert run(project, stranger + code, TMPDIR=str(project)) == str(project / "obscurance-12345")
+    assert run(project, stranger + WHERE, TMPDIR=str(project)) == str(project / "obscurance-12345")
 
 
 def test_a_full_disk_is_passed_over(project):
     full = "import shutil; before = shutil.disk_usage; "
     full += "shutil.disk_usage = lambda f: before(f)._replace(free=5 if f.name == 'full' else 1 << 30); "
     places = {"NUMBA_CACHE_DIR": str(project / "full"), "XDG_CACHE_HOME": str(project)}
-    code = "from raytrace.kernel.cache import user_cache; print(user_cache())"
-    assert run(project, full + code, **places) == str(project / "obscurance")
+    assert run(project, full + WHERE, **places) == str(project / "obscurance")
 
 
 FULL = "import resource; resource.setrlimit(resource.RLIMIT_FSIZE, (50, 50)); "
@@ -147,4 +146,85 @@ def test_another_setting_of_numba_or_another_processor_has_kernels_of_its_own(pr
     assert run(project, ANSWER, NUMBA_CACHE_DIR=cache, NUMBA_OPT="1") == "1 1 True"
     elsewhere = "import llvmlite.binding; llvmlite.binding.get_host_cpu_name = lambda: 'another'\n" + ANSWER
     assert run(project, elsewhere, NUMBA_CACHE_DIR=cache) == "1 1 True"
+    assert run(project, ANSWER, NUMBA_CACHE_DIR=cache) == "1 0 False"
+
+
+STRANGER = 65534
+
+
+@pytest.mark.skipif(os.name != "posix", reason="owners and modes")
+def test_a_kernel_that_another_user_has_planted_is_not_run(project):
+    """In the temporary folder, by the name that a user without a home looks for: it would answer 666."""
+    (project / "raytrace" / "helper.py").write_text(HELPER.format(value=666))
+    assert run(project, ANSWER, NUMBA_CACHE_DIR=str(project / "attack")) == "666 1 True"
+    (kernel,) = (path for path in (project / "attack").rglob("*") if path.is_file())
+    (project / "raytrace" / "helper.py").write_text(HELPER.format(value=1))
+    homeless = {"HOME": "/dev/null", "XDG_CACHE_HOME": "", "NUMBA_CACHE_DIR": "", "TMPDIR": str(project)}
+    folder = Path(run(project, "from raytrace.kernel.cache import cache_folder; print(cache_folder())", **homeless))
+    folder.mkdir(parents=True, exist_ok=True)
+    shutil.copyfile(kernel, folder / kernel.name)
+    for path in (folder / kernel.name, folder, folder.parent):
+        os.chmod(path, 0o755)
+    assert run(project, ANSWER, **homeless) == "666 0 False"  # were it the user's own, it would be run
+    for path in (folder / kernel.name, folder, folder.parent):
+        os.chown(path, STRANGER, STRANGER) if os.geteuid() == 0 else os.chmod(path, 0o777)
+    assert run(project, ANSWER, **homeless) == "1 1 True"
+
+
+@pytest.fixture
+def kept(tmp_path, monkeypatch):
+    """A kernel's file, its folder and that folder's parent."""
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path / "kernels"))
+    cache._places.cache_clear()
+    cache.cache_folder.cache_clear()
+    cache.write_code("some.kernel", b"code")
+    assert cache.read_code("some.kernel") == b"code"
+    file = cache.cache_folder() / "some.kernel"
+    yield file, file.parent, tmp_path / "kernels"
+    cache._places.cache_clear()
+    cache.cache_folder.cache_clear()
+
+
+@pytest.mark.skipif(os.name != "posix", reason="owners and modes")
+@pytest.mark.parametrize("level", [0, 1, 2])
+def test_code_that_others_could_have_written_is_not_read(kept, level):
+    for mode in (0o757, 0o775, 0o777):
+        kept[level].chmod(mode)
+        assert cache.read_code("some.kernel") is None
+        cache.cache_folder.cache_clear()
+        assert level == 0 or kept[2] not in cache.cache_folder().parents
+    kept[level].chmod(0o755)
+    assert cache.read_code("some.kernel") == b"code"
+    if os.geteuid() == 0:
+        os.chown(kept[level], STRANGER, STRANGER)
+        assert cache.read_code("some.kernel") is None
+
+
+@pytest.mark.skipif(os.name != "posix", reason="links")
+@pytest.mark.parametrize("level", [0, 1, 2])
+def test_code_behind_a_link_is_not_read(kept, level, tmp_path):
+    kept[level].rename(tmp_path / "elsewhere")
+    kept[level].symlink_to(tmp_path / "elsewhere")
+    assert cache.read_code("some.kernel") is None
+
+
+def test_code_by_the_name_of_another_kernel_is_not_read(kept):
+    shutil.copyfile(kept[0], kept[1] / "another.kernel")
+    assert cache.read_code("another.kernel") is None
+
+
+def test_kernels_of_a_folder_that_cannot_be_written_are_run(project):
+    """An image's, filled by root."""
+    cache = project / "cache"
+    assert run(project, ANSWER, NUMBA_CACHE_DIR=str(cache)) == "1 1 True"
+    elsewhere = {"NUMBA_CACHE_DIR": str(cache), "XDG_CACHE_HOME": str(project / "mine")}
+    no_space = "import shutil; full = shutil.disk_usage('/')._replace(free=0); before = shutil.disk_usage; "
+    no_space += "shutil.disk_usage = lambda f: full if f.name == 'cache' else before(f)\n"
+    assert run(project, no_space + WHERE, **elsewhere).startswith(str(project / "mine"))
+    assert run(project, no_space + ANSWER, **elsewhere) == "1 0 False"
+
+
+def test_whatever_the_umask_later_processes_run_what_was_kept(project):
+    cache = str(project / "cache")
+    assert run(project, "import os; os.umask(0)\n" + ANSWER, NUMBA_CACHE_DIR=cache) == "1 1 True"
     assert run(project, ANSWER, NUMBA_CACHE_DIR=cache) == "1 0 False"
