@@ -46,11 +46,9 @@ def standard_input(format_: str | None) -> tuple[Path, bytes]:
 
 
 def load_mesh(path: Path) -> MeshFile:
-    """A mesh file's content, or standard input's for "-". Raises: as `load` and `standard_input`."""
-    if path != STANDARD:
-        return load(path)
-    piped, content = standard_input(None)
-    return load(piped, content=content)
+    """A mesh file's content with its details, or standard input's for "-". Raises: as `load` and `standard_input`."""
+    piped, content = standard_input(None) if path == STANDARD else (path, None)
+    return load(piped, "described.glb", content)
 
 
 def _format_of(content: bytes | bytearray) -> str:

@@ -31,7 +31,7 @@ def facts(source: MeshFile) -> dict[str, Any]:
     warnings = [note.removeprefix(f"{source.path}: ") for note in source.notes]
     return {
         "file": str(source.path),
-        "objects": [part.name for part in source.parts],
+        "objects": list(source.objects),
         "vertices": len(mesh.vertices),
         "faces": len(mesh.faces),
         "degenerate_faces": len(mesh.faces) - len(receivers.faces),

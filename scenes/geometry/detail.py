@@ -59,6 +59,8 @@ class Detail:
         colors: (n, 3) or (n, 4), red green blue and alpha in [0, 1], sRGB-encoded, or None.
         numbers: further (n,) values of the vertices by name.
         paints, paint_of: the materials, and (p,) which of them each polygon has, −1: none; or None.
+        objects, object_of: names of a file's objects that are no parts of the mesh, and (p,) which each polygon is of,
+            -1: none; or None.
         elements, comments: everything, if it was a PLY file.
         files: read beside the mesh file, or to be read when it is written.
     """
@@ -72,6 +74,8 @@ class Detail:
     numbers: dict[str, Float64s] = field(default_factory=dict)
     paints: tuple[Paint, ...] = ()
     paint_of: Int64s | None = None
+    objects: tuple[str, ...] = ()
+    object_of: Int64s | None = None
     elements: tuple[Element, ...] = ()
     comments: tuple[str, ...] = ()
     files: tuple[Path, ...] = ()
@@ -89,7 +93,8 @@ def split_corners(
     flat = places.ravel()
     key = np.zeros(len(flat), np.int64)
     for values in several:
-        _, key = np.unique(key * (int(values.of.max()) + 1) + values.of[flat], return_inverse=True)
+        chosen = values.of[flat]
+        _, key = np.unique(key * (int(chosen.max()) + 1) + chosen, return_inverse=True)
     own = corners[flat]
     _, first, inverse = np.unique(own * (int(key.max()) + 1) + key, return_index=True, return_inverse=True)
     vertices = own[first]

@@ -1,7 +1,8 @@
-"""Images of materials, joined."""
+"""Materials of paints, and what becomes of their images."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -12,9 +13,45 @@ from raytrace.image.texture import Texture, texture_codes
 
 from ..geometry.detail import Paint
 from ..geometry.opacity import opacity_map
+from .glb_buffer import Packed
 
 
-def base_colour_picture(paint: Paint) -> bytes:
+def _material(paint: Paint) -> dict[str, Any]:
+    """glTF's material of a paint, without its picture."""
+    surface: dict[str, Any] = {
+        "baseColorFactor": [*paint.colour, paint.opacity],
+        "metallicFactor": paint.metallic,
+        "roughnessFactor": paint.roughness,
+    }
+    made: dict[str, Any] = {"name": paint.name, "pbrMetallicRoughness": surface}
+    if any(paint.emission):
+        made["emissiveFactor"] = list(paint.emission)
+    if paint.opacity < 1 or paint.opacity_texture:
+        made["alphaMode"] = "BLEND"
+    return made
+
+
+def add_materials(packed: Packed, paints: Sequence[Paint]) -> None:
+    """Append materials to a document, and to its buffer their pictures, each once."""
+    header = packed.header
+    numbers: dict[Any, int] = {}
+    for paint in paints:
+        header["materials"].append(_material(paint))
+        key, first = (paint.texture, paint.opacity_texture), paint.texture or paint.opacity_texture
+        if first is None:
+            continue
+        if key not in numbers:
+            data = _base_colour(paint)
+            kind = "image/png" if data.startswith(b"\x89PNG") else "image/jpeg"
+            image = {"name": first.name, "mimeType": kind, "bufferView": packed.bytes_view(data)}
+            header.setdefault("images", []).append(image)
+            header.setdefault("textures", []).append({"source": len(header["images"]) - 1})
+            numbers[key] = len(header["textures"]) - 1
+        texture = {"index": numbers[key]}
+        header["materials"][-1]["pbrMetallicRoughness"]["baseColorTexture"] = texture
+
+
+def _base_colour(paint: Paint) -> bytes:
     """A PNG or JPEG file of a material's colour texture, its alpha the opacity map; of two sizes the larger.
 
     Raises: InputError: an image is missing or damaged.

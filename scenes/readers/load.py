@@ -69,6 +69,15 @@ class MeshFile:
         own = self.gltf.files if self.gltf else (self.path,)
         return own + (self.detail.files if self.detail else ())
 
+    @property
+    def objects(self) -> tuple[str, ...]:
+        """Names of the objects: those of an OBJ file, loaded for a target, or else of the parts."""
+        detail = self.detail
+        if detail is None or detail.object_of is None:
+            return tuple(part.name for part in self.parts)
+        names = (*detail.objects, "")
+        return tuple(names[number] or self.parts[0].name for number in np.unique(detail.object_of))
+
     @classmethod
     def of(cls, mesh: Mesh | Any) -> MeshFile:
         """A mesh made in memory, in any form that `ao.bake` takes, as if read from a file of its one object."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
@@ -16,10 +17,10 @@ from .obj_text import ObjText, statements
 
 PAINT_WORDS = ("texture of", "material library", OPAQUE)  # how what is missing of materials begins
 _COLOURED = statements("v", r"(\S+(?:[ \t]+\S+){5})[ \t]*(?:#.*)?$")
+MAX_OBJECTS = 4096  # each takes a kilobyte or two of a .glb
+_FACE = statements("f", "")
 _LIBRARY = statements("mtllib", r"([^#\n]+)")
-_USED = statements("(f|usemtl)")
 _SMOOTHED = statements("s", r"(\S+)")
-_NAMED = statements("[og]", r"([^#\n]*\S)")
 _OTHER = statements("(?:l|p|curv|curv2|surf)", "")
 _SOME_UV = re.compile(r"[^/\s]/[^/\s]")
 _SOME_NORMAL = re.compile(r"/[^/\s]*/[^/\s]")
@@ -36,9 +37,13 @@ def obj_detail(
     """
     text, uv = file.text, file.uv()
     colors = _colors(text, len(file.vertices))
+    starts = np.fromiter((face.start() for face in _FACE.finditer(text)), np.int64)
+    by_object, by_group, painted = (_named(text, keyword, starts) for keyword in ("o", "g", "usemtl"))
+    objects = by_group if by_object.kinds < 2 <= by_group.kinds or not by_object.names else by_object
     finite = uv is None or bool(np.isfinite(uv.rows).all())
     left_out = (
-        (len(set(_NAMED.findall(text))) > 1, "names of objects and groups"),
+        (by_object.kinds > 1 and by_group.kinds > 1, "names of groups"),
+        (objects.kinds > MAX_OBJECTS, f"its division into {objects.kinds:,} objects"),
         (len(set(_SMOOTHED.findall(text))) > 1, "smoothing groups"),
         (_OTHER.search(text), "lines, points, curves and surfaces"),
         (uv is None and _SOME_UV.search(file.faces), "texture coordinates, which some corners lack"),
@@ -46,7 +51,8 @@ def obj_detail(
         (not finite, "texture coordinates, some of which are not finite"),
         (colors is None and _COLOURED.search(text), "colours, which some vertices lack or have outside of [0, 1]"),
     )
-    paints, paint_of, files, missing = _paints(text, folder, len(file.sizes))
+    paints, files, missing = _paints(text, folder, painted.names)
+    is_divided = objects.names and objects.kinds <= MAX_OBJECTS
     detail = Detail(
         file.corners,
         file.sizes,
@@ -55,7 +61,9 @@ def obj_detail(
         None if one_each else normals,
         colors,
         paints=paints,
-        paint_of=paint_of,
+        paint_of=painted.of if paints else None,
+        objects=objects.names if is_divided else (),
+        object_of=objects.of if is_divided else None,
         files=files,
     )
     return detail, (*(words for is_left_out, words in left_out if is_left_out), *missing)
@@ -73,22 +81,29 @@ def _colors(text: str, vertex_count: int) -> Float64s | None:
     return colors if (colors >= 0).all() and (colors <= 1).all() else None
 
 
-def _paints(
-    text: str, folder: Path, count: int
-) -> tuple[tuple[Paint, ...], Int64s | None, tuple[Path, ...], list[str]]:
-    """Materials, which of them each face has, the files they come from, and what was left out."""
+class _Named(NamedTuple):
+    """The names that statements give to the faces after them, (p,) which each has, −1: none, and how many differ."""
+
+    names: tuple[str, ...]
+    of: Int64s
+    kinds: int
+
+
+def _named(text: str, keyword: str, starts: Int64s) -> _Named:
+    """Args: starts: (p,) where the faces' statements start."""
     names: dict[str, int] = {}
-    of = np.full(count, -1, np.int64)
-    face, current = 0, -1
-    for keyword, rest in _USED.findall(text) if "usemtl" in text else ():
-        if keyword == "usemtl":
-            name = rest.strip()
-            current = names.setdefault(name, len(names))
-        elif face < count:
-            of[face] = current
-            face += 1
+    places, labels = [0], [-1]
+    for statement in re.finditer(rf"^[ \t]*{keyword}(?!\S)([^#\n]*)", text, re.MULTILINE):
+        places.append(statement.start())
+        labels.append(names.setdefault(statement[1].strip(), len(names)))
+    of = np.array(labels)[np.searchsorted(places, starts, "right") - 1]
+    return _Named(tuple(names), of, len(np.unique(of)))
+
+
+def _paints(text: str, folder: Path, names: tuple[str, ...]) -> tuple[tuple[Paint, ...], tuple[Path, ...], list[str]]:
+    """The materials of these names, the files they come from, and what was left out."""
     if not names:
-        return (), None, (), []
+        return (), (), []
     known: dict[str, Paint] = {}
     files: list[Path] = []
     left: list[str] = []
@@ -113,4 +128,4 @@ def _paints(
             files += [library, *filter(None, pictures)]
             left += missing
     paints = tuple(known.get(name, Paint(name)) for name in names)
-    return paints, of, tuple(files), left
+    return paints, tuple(files), left

@@ -19,7 +19,7 @@ from ..gltf.glb_buffer import ARRAY_BUFFER, ELEMENT_ARRAY_BUFFER, UNSIGNED_INT, 
 from ..gltf.occlusion import OWN, OcclusionTextures, add_coordinates, free_set
 from ..readers.load import MeshFile
 from ..writers.glb import stored
-from ..writers.plain_glb import plain
+from ..writers.plain_glb import groups, plain
 from .orm import OrmTextures
 
 _REPEAT = 10497
@@ -61,8 +61,7 @@ def textured_glb(
             number = free_set(packed.header, primitive)
             asset_now = Gltf(mesh_file.path, packed.header, (bytes(packed.binary),))
             triangles = _triangles(asset_now, primitive)
-            own = np.arange(len(mesh_file.mesh.vertices))[vertices]
-            as_stored = np.array_equal(own[triangles], mesh_file.mesh.faces[faces])  # or mirrored, and turned over
+            as_stored = np.array_equal(vertices[triangles], mesh_file.mesh.faces[faces])  # or mirrored, and turned over
             corners = uv[faces] if as_stored else uv[faces][:, ::-1]
             split_vertices(packed, asset_now, primitive, number, triangles, corners)
         textures.give(primitive, texture, number)
@@ -115,14 +114,11 @@ def _taken(packed: Packed, asset: Gltf, number: int, rows: Int64s) -> int:
 
 def _faces(mesh_file: MeshFile) -> Iterator[Int64s]:
     """The faces of the mesh that each primitive draws, in the order in which `stored` and `plain` list them."""
-    detail = mesh_file.detail
-    if detail is None or detail.paint_of is None or mesh_file.gltf:
+    if mesh_file.gltf:
         for part in mesh_file.parts:
             yield np.arange(part.faces.start, part.faces.stop)
-        return
-    paint = np.repeat(detail.paint_of, detail.triangles.counts)
-    for number in np.unique(paint):
-        yield np.flatnonzero(paint == number)
+    else:
+        yield from (group.faces for group in groups(mesh_file))
 
 
 def _triangles(asset: Gltf, primitive: dict[str, Any]) -> Int64s:

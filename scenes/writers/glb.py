@@ -6,6 +6,8 @@ import copy
 from functools import cache
 from pathlib import Path
 
+import numpy as np
+
 from raytrace.types import AnyFloats
 
 from ..geometry.instances import Part
@@ -56,7 +58,8 @@ def stored(asset: Gltf, parts: tuple[Part, ...]) -> tuple[Packed, list[Drawn]]:
         if owner.setdefault(piece.mesh, piece.node) != piece.node and nodes[piece.node]["mesh"] == piece.mesh:
             meshes.append(copy.deepcopy(meshes[piece.mesh]))
             nodes[piece.node]["mesh"] = len(meshes) - 1
-        drawn.append((meshes[nodes[piece.node]["mesh"]]["primitives"][piece.place], part.vertices))
+        rows = np.arange(part.vertices.start, part.vertices.stop)
+        drawn.append((meshes[nodes[piece.node]["mesh"]]["primitives"][piece.place], rows))
     return packed, drawn
 
 

@@ -60,13 +60,14 @@ def _of_glb(mesh_file: MeshFile, colors: bool) -> list[str]:
         return missing
     if colors and detail.colors is not None:
         missing.append("its colours")
-    several = detail.paint_of is not None and np.ptp(detail.paint_of) > 0
-    if several and len(np.unique(detail.corners)) < len(mesh_file.mesh.vertices):
-        missing.append("vertices that no face uses")
+    from .plain_glb import SOURCE_INDEX, attribute_name, fits_float, groups
+
+    if len(groups(mesh_file)) > len(mesh_file.parts):
+        missing.append(f"the order of vertices ({SOURCE_INDEX} has their places)")
+        if len(np.unique(detail.corners)) < len(mesh_file.mesh.vertices):
+            missing.append("vertices that no face uses")
     if (detail.sizes != 3).any():
         missing.append("polygons, which become triangles")
-    from .plain_glb import attribute_name, fits_float
-
     names = {"POSITION", "NORMAL", "_OBSCURANCE"}
     for name, values in detail.numbers.items():
         if not fits_float(values) or attribute_name(name) in names:
@@ -93,4 +94,8 @@ def _wedges(mesh_file: MeshFile) -> bool:
 
 
 def _objects(mesh_file: MeshFile) -> list[str]:
-    return ["its division into objects"] if len(mesh_file.parts) > 1 and not mesh_file.gltf else []
+    detail = mesh_file.detail
+    several = len(mesh_file.parts) > 1 or (
+        detail is not None and detail.object_of is not None and np.ptp(detail.object_of)
+    )
+    return ["its division into objects"] if several and not mesh_file.gltf else []

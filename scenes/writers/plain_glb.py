@@ -1,10 +1,12 @@
-"""Binary glTF of meshes that were no glTF: one node a part, one primitive a material."""
+"""Binary glTF of meshes that were no glTF: one node an object, one primitive a material of it."""
 
 from __future__ import annotations
 
 import copy
+from collections import Counter
+from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -14,102 +16,141 @@ from raytrace.image.srgb import decode_srgb
 from raytrace.mesh.normals import vertex_normals
 from raytrace.types import Float64s, Int64s
 
-from ..geometry.detail import Detail, Paint, split_corners
-from ..geometry.instances import Part
+from ..geometry.detail import split_corners
 from ..gltf.glb_buffer import ELEMENT_ARRAY_BUFFER, FLOAT, UNSIGNED_INT, Packed
-from ..gltf.pictures import base_colour_picture
+from ..gltf.pictures import add_materials
 from ..readers.load import MeshFile
 
 _LARGEST = 1e38  # of float32, and of a difference of two
 WHITE: dict[str, Any] = {"pbrMetallicRoughness": {"metallicFactor": 0, "roughnessFactor": 1}}
+SOURCE_INDEX = "_SOURCE_INDEX"
+
+
+class Group(NamedTuple):
+    """Triangles that become one primitive: those of one object and one material.
+
+    Attributes:
+        part: number of the mesh file's part.
+        name: of the object.
+        paint: number of the material in the document.
+        faces: (t,) rows of the mesh's faces, ascending.
+    """
+
+    part: int
+    name: str
+    paint: int
+    faces: Int64s
 
 
 @dataclass(frozen=True, eq=False)
 class _Piece:
-    """Triangles of one material.
+    """Attributes of a group's vertices.
 
     Attributes:
         vertices: (k,) which vertices of the mesh these are; those with several normals or texture coordinates repeat.
-        faces: (m, 3) places in `vertices`.
+        faces: (t, 3) places in `vertices`.
         normals, uv: (k, 3) and (k, 2), or None.
-        paint: number of the material in the document.
     """
 
     vertices: Int64s
     faces: Int64s
     normals: Float64s | None
     uv: Float64s | None
-    paint: int
 
 
-Drawn = tuple[dict[str, Any], Int64s | slice]
+Drawn = tuple[dict[str, Any], Int64s]
 """A primitive of a document, and which of the baked mesh's vertices its own are."""
 
 
 def plain(mesh_file: MeshFile, colors: bool) -> tuple[Packed, list[Drawn]]:
-    """The document, without w, and its primitives. A vertex whose corners differ is stored several times.
+    """The document, without w, and its primitives, in the order of `groups`.
 
-    Where there is one material, the first vertices are the file's in its order, and repeated ones come after them.
+    The only primitive of a part has the part's vertices in their order, then those whose corners differ once more.
+    One of several has the vertices that it uses, with their rows in the mesh as `_SOURCE_INDEX`.
 
     Args: colors: leave the source's colours out.
     """
-    detail = mesh_file.detail
+    detail, mesh = mesh_file.detail, mesh_file.mesh
     packed = Packed(
         {
             "asset": {"version": "2.0", "generator": "obscurance"},
             "scene": 0,
-            "scenes": [{"nodes": list(range(len(mesh_file.parts)))}],
+            "scenes": [{"nodes": []}],
             "nodes": [],
             "meshes": [],
-            "materials": [copy.deepcopy(WHITE), *_materials(detail)],
+            "materials": [copy.deepcopy(WHITE)],
         }
     )
-    _textures(packed, detail)
+    add_materials(packed, detail.paints if detail else ())
+    header = packed.header
     drawn: list[Drawn] = []
-    for number, part in enumerate(mesh_file.parts):
-        node: dict[str, Any] = {"name": part.name, "mesh": number}
-        origin = _origin(mesh_file.mesh.vertices[part.vertices])
-        if origin is not None:
-            node["translation"] = origin.tolist()
-        pieces = _cut(mesh_file, detail) if detail else [_whole(mesh_file, part)]
-        made = [(_primitive(packed, mesh_file, piece, origin, colors), piece.vertices) for piece in pieces]
-        packed.header["nodes"].append(node)
-        packed.header["meshes"].append({"name": part.name, "primitives": [primitive for primitive, _ in made]})
-        drawn += made
+    origins = [_origin(mesh.vertices[part.vertices]) for part in mesh_file.parts]
+    found = groups(mesh_file)
+    before = None
+    for group, piece in zip(found, _pieces(mesh_file, found), strict=True):
+        origin = origins[group.part]
+        if before != (group.part, group.name):
+            before = group.part, group.name
+            node: dict[str, Any] = {"name": group.name, "mesh": len(header["meshes"])}
+            if origin is not None:
+                node["translation"] = origin.tolist()
+            header["scenes"][0]["nodes"].append(len(header["nodes"]))
+            header["nodes"].append(node)
+            header["meshes"].append({"name": group.name, "primitives": []})
+        primitive = _primitive(packed, mesh_file, piece, origin, colors)
+        primitive["material"] = group.paint
+        if len(found) > len(mesh_file.parts) and fits_float(piece.vertices):
+            rows = packed.accessor(piece.vertices.astype("<f4"), FLOAT, "SCALAR")
+            primitive["attributes"][SOURCE_INDEX] = rows
+        header["meshes"][-1]["primitives"].append(primitive)
+        drawn.append((primitive, piece.vertices))
     return packed, drawn
 
 
-def _whole(mesh_file: MeshFile, part: Part) -> _Piece:
-    mesh = mesh_file.mesh
-    normals = None if mesh.normals is None else mesh.normals[part.vertices]
-    faces = mesh.faces[part.faces] - part.vertices.start
-    return _Piece(np.arange(part.vertices.start, part.vertices.stop), faces, normals, None, 0)
-
-
-def _cut(mesh_file: MeshFile, detail: Detail) -> list[_Piece]:
-    """The mesh by materials."""
-    mesh = mesh_file.mesh
-    places = detail.triangles.take(np.arange(len(detail.corners)))
-    paint = np.zeros(len(mesh.faces), np.int64)
-    if detail.paint_of is not None:
+def groups(mesh_file: MeshFile) -> list[Group]:
+    """The primitives of a document of what is no glTF: part by part, object by object, materials ascending."""
+    detail = mesh_file.detail
+    paint = of = np.zeros(len(mesh_file.mesh.faces), np.int64)
+    if detail and detail.paint_of is not None:
         paint = np.repeat(detail.paint_of + 1, detail.triangles.counts)
-    several = [values for values in (detail.uv, detail.normals) if values is not None]
-    pieces = []
-    used = np.unique(paint)
+    if detail and detail.object_of is not None:
+        of = np.repeat(detail.object_of + 1, detail.triangles.counts)
+    names = ("", *(detail.objects if detail else ()))
+    made = []
+    for number, part in enumerate(mesh_file.parts):
+        order = np.lexsort((paint[part.faces], of[part.faces])) + part.faces.start
+        kinds = np.stack([of[order], paint[order]], axis=1)
+        starts = np.flatnonzero((kinds[1:] != kinds[:-1]).any(axis=1)) + 1
+        for faces in np.split(order, starts):
+            name = names[of[faces[0]]] or part.name
+            made.append(Group(number, name, int(paint[faces[0]]), faces))
+    return made
+
+
+def _pieces(mesh_file: MeshFile, found: list[Group]) -> Iterator[_Piece]:
+    mesh, detail = mesh_file.mesh, mesh_file.detail
+    several = [values for values in (detail.uv, detail.normals) if values is not None] if detail else []
+    places = detail.triangles.take(np.arange(len(detail.corners))) if detail else None
     smooth = mesh.normals
-    if smooth is None and detail.normals is None:
-        corners = None if detail.uv is None else detail.uv.at_vertices(detail.corners, len(mesh.vertices))
-        if len(used) > 1 or (detail.uv is not None and corners is None):  # seams must not turn into hard edges
+    if detail and detail.uv and smooth is None and detail.normals is None:
+        corners = detail.uv.at_vertices(detail.corners, len(mesh.vertices))
+        if corners is None or len({group.paint for group in found}) > 1:  # seams must not turn into hard edges
             smooth = vertex_normals(mesh.vertices, mesh.faces)
-    for number in used:
-        own = places[paint == number] if len(used) > 1 else places
-        vertices, faces, first = split_corners(
-            detail.corners, own, several, len(mesh.vertices) if len(used) == 1 else 0
-        )
-        rows = {id(values): values.rows[values.of[first]] for values in several}
-        normals = rows.get(id(detail.normals), None if smooth is None else smooth[vertices])
-        pieces.append(_Piece(vertices, faces, normals, rows.get(id(detail.uv)), int(number)))
-    return pieces
+    several_groups = Counter(group.part for group in found)
+    for group in found:
+        part, is_alone = mesh_file.parts[group.part], several_groups[group.part] == 1
+        faces, rows = mesh.faces[group.faces], dict[int, Float64s]()
+        if several and detail and places is not None:
+            keep = len(mesh.vertices) if is_alone else 0
+            vertices, faces, first = split_corners(detail.corners, places[group.faces], several, keep)
+            rows = {id(values): values.rows[values.of[first]] for values in several}
+        elif is_alone:
+            vertices, faces = np.arange(part.vertices.start, part.vertices.stop), faces - part.vertices.start
+        else:
+            vertices, places_of = np.unique(faces, return_inverse=True)
+            faces = places_of.reshape(-1, 3)
+        normals = rows.get(id(detail and detail.normals), None if smooth is None else smooth[vertices])
+        yield _Piece(vertices, faces, normals, rows.get(id(detail and detail.uv)))
 
 
 def _origin(vertices: Float64s) -> Float64s | None:
@@ -150,7 +191,7 @@ def _primitive(
             attributes[attribute_name(name)] = packed.accessor(values[piece.vertices].astype("<f4"), FLOAT, "SCALAR")
     faces = piece.faces.astype("<u4").ravel()
     indices = packed.accessor(faces, UNSIGNED_INT, "SCALAR", ELEMENT_ARRAY_BUFFER)
-    return {"attributes": attributes, "indices": indices, "material": piece.paint}
+    return {"attributes": attributes, "indices": indices}
 
 
 def fits_float(values: npt.NDArray[Any]) -> bool:
@@ -162,40 +203,3 @@ def fits_float(values: npt.NDArray[Any]) -> bool:
 def attribute_name(name: str) -> str:
     """What glTF calls an attribute of one's own."""
     return "_" + name.upper()
-
-
-def _materials(detail: Detail | None) -> list[dict[str, Any]]:
-    return [_material(paint) for paint in detail.paints] if detail else []
-
-
-def _material(paint: Paint) -> dict[str, Any]:
-    surface: dict[str, Any] = {
-        "baseColorFactor": [*paint.colour, paint.opacity],
-        "metallicFactor": paint.metallic,
-        "roughnessFactor": paint.roughness,
-    }
-    made: dict[str, Any] = {"name": paint.name, "pbrMetallicRoughness": surface}
-    if any(paint.emission):
-        made["emissiveFactor"] = list(paint.emission)
-    if paint.opacity < 1 or paint.opacity_texture:
-        made["alphaMode"] = "BLEND"
-    return made
-
-
-def _textures(packed: Packed, detail: Detail | None) -> None:
-    """Put pictures into the buffer, each once, and point the materials to them."""
-    header = packed.header
-    numbers: dict[Any, int] = {}
-    for number, paint in enumerate(detail.paints if detail else (), start=1):
-        key, first = (paint.texture, paint.opacity_texture), paint.texture or paint.opacity_texture
-        if first is None:
-            continue
-        if key not in numbers:
-            data = base_colour_picture(paint)
-            kind = "image/png" if data.startswith(b"\x89PNG") else "image/jpeg"
-            image = {"name": first.name, "mimeType": kind, "bufferView": packed.bytes_view(data)}
-            header.setdefault("images", []).append(image)
-            header.setdefault("textures", []).append({"source": len(header["images"]) - 1})
-            numbers[key] = len(header["textures"]) - 1
-        texture = {"index": numbers[key]}
-        header["materials"][number]["pbrMetallicRoughness"]["baseColorTexture"] = texture

@@ -176,7 +176,8 @@ def test_several_normals_of_a_vertex(tmp_path, ending):
 def test_a_glb_keeps_materials_textures_and_seams_of_an_obj(tmp_path):
     write_obj(tmp_path, "usemtl red\n" + SEAM.replace("\nf", "\nusemtl glass\nf"))
     printed = bake(tmp_path, "m.obj", "out.glb")
-    assert printed == "warning: out.glb: not kept from m.obj: polygons, which become triangles\n"
+    order = "the order of vertices (_SOURCE_INDEX has their places)"
+    assert printed == f"warning: out.glb: not kept from m.obj: {order}, polygons, which become triangles\n"
     header, binary = check_glb((tmp_path / "out.glb").read_bytes())
     one, two = header["meshes"][0]["primitives"]
     names = [header["materials"][piece["material"]] for piece in (one, two)]
@@ -251,15 +252,88 @@ def test_vertices_without_seams_keep_their_order_in_a_glb(tmp_path):
     np.testing.assert_array_equal(w[6:], [[0, 0, 0], [1, 0, 0]])
 
 
+OBJECTS = """v 0 0 0
+v 1 0 0
+v 1 1 0
+v 0 1 0
+v 0 0 1
+v 1 0 1
+o floor
+g left
+usemtl red
+f 1 2 3
+usemtl glass
+f 1 3 4
+o wall
+g right
+f 1 5 6
+o floor
+usemtl red
+f 2 4 3
+o
+f 1 6 2
+"""
+
+
+def test_objects_of_an_obj_are_nodes_whose_vertices_tell_their_place_in_it(tmp_path):
+    (tmp_path / "m.obj").write_text(OBJECTS)
+    printed = bake(tmp_path, "m.obj", "out.glb")
+    assert "names of groups, the order of vertices (_SOURCE_INDEX has their places)" in printed
+    assert "its division into objects" in bake(tmp_path, "m.obj", "out.ply")
+    source, done = load(tmp_path / "m.obj", "x.glb"), check_glb((tmp_path / "out.glb").read_bytes())
+    header = done[0]
+    assert source.objects == ("floor", "wall", "m")
+    assert [node["name"] for node in header["nodes"]] == ["floor", "wall", "m"]
+    assert header["scenes"] == [{"nodes": [0, 1, 2]}]
+    assert [len(mesh["primitives"]) for mesh in header["meshes"]] == [2, 1, 1]
+    drawn = {}
+    for node in header["nodes"]:
+        for piece in header["meshes"][node["mesh"]]["primitives"]:
+            rows = values(*done, piece["attributes"]["_SOURCE_INDEX"]).astype(int)
+            places = values(*done, piece["attributes"]["POSITION"])
+            np.testing.assert_array_equal(places, source.mesh.vertices[rows])
+            faces = rows[values(*done, piece["indices"]).reshape(-1, 3)]
+            drawn[node["name"], header["materials"][piece["material"]]["name"]] = faces.tolist()
+    assert drawn == {
+        ("floor", "red"): [[0, 1, 2], [1, 3, 2]],
+        ("floor", "glass"): [[0, 2, 3]],
+        ("wall", "glass"): [[0, 4, 5]],
+        ("m", "red"): [[0, 5, 1]],
+    }
+    again = load(tmp_path / "out.glb")
+    rows = np.concatenate(
+        [values(*done, p["attributes"]["_SOURCE_INDEX"]) for m in header["meshes"] for p in m["primitives"]]
+    )
+    bake(tmp_path, "m.obj", "out.npy")
+    np.testing.assert_array_equal(np.load(tmp_path / "out.npy")[rows.astype(int)], again.w)
+
+
+@pytest.mark.parametrize("statements", ["o a\ng b", "g b", "g b\no a\ng b"])
+def test_the_name_of_a_single_object(tmp_path, statements):
+    (tmp_path / "m.obj").write_text(OBJECTS[: OBJECTS.index("o floor")] + statements + "\nf 1 2 3\nf 3 4 1\n")
+    assert bake(tmp_path, "m.obj", "out.glb") == ""
+    header, binary = check_glb((tmp_path / "out.glb").read_bytes())
+    assert [node["name"] for node in header["nodes"]] == ["a" if "a" in statements else "b"]
+    (piece,) = header["meshes"][0]["primitives"]
+    np.testing.assert_array_equal(values(header, binary, piece["attributes"]["POSITION"])[5], [1, 0, 1])
+
+
+def test_objects_beyond_measure_become_one(tmp_path, monkeypatch):
+    monkeypatch.setattr("scenes.readers.obj_detail.MAX_OBJECTS", 2)
+    (tmp_path / "m.obj").write_text(OBJECTS)
+    source = load(tmp_path / "m.obj", "x.glb")
+    assert source.objects == ("m",)
+    assert "its division into 3 objects" in source.unread
+
+
 def test_what_is_missing_of_materials_is_reported(tmp_path):
     write_obj(tmp_path, "usemtl red\n" + SEAM)
     (tmp_path / "paint.png").write_text("no picture")
-    (tmp_path / "m.obj").write_text((tmp_path / "m.obj").read_text() + "mtllib ../gone.mtl\no a\no b\nl 1 2\n")
+    (tmp_path / "m.obj").write_text((tmp_path / "m.obj").read_text() + "mtllib ../gone.mtl\nl 1 2\n")
     printed = bake(tmp_path, "m.obj", "out.glb")
     for words in (
         "texture of map_Kd (paint.png)",
         "material library ../gone.mtl",
-        "names of objects and groups",
         "lines",
     ):
         assert words in printed
