@@ -65,6 +65,7 @@ class Shape:
         grain: direction that the surface is brushed along, in texture space as KHR_materials_anisotropy has it: red and
             green of [0, 1] are −1 to 1 along u and along v. As it is if `grain.srgb` is False. Needs `uv`, and a
             material with a grain, but without one of its own.
+        colours: float64 (n, 3) of the vertices, linear RGB in [0, 1], or None; multiplied as `texture` is.
     """
 
     mesh: Mesh
@@ -73,6 +74,7 @@ class Shape:
     texture: Texture | None = None
     occlusion: Occlusion | None = None
     grain: Texture | None = None
+    colours: Float64s | None = None
 
     def __post_init__(self) -> None:
         from .materials.base import BaseMaterial, Brushed
@@ -90,6 +92,12 @@ class Shape:
             if self.uv.shape != (len(self.mesh.vertices), 2):
                 raise OptionError("uv", f"shape ({len(self.mesh.vertices)}, 2)", self.uv.shape, self.mesh.source)
             object.__setattr__(self, "uv", _frozen(self.uv))
+        if self.colours is not None:
+            shape = self.mesh.vertices.shape
+            values = numbers(self.colours, self.mesh.source, "colours", "an array of numbers (n, 3)")
+            if values.shape != shape or not ((values >= 0) & (values <= 1)).all():
+                raise OptionError("colours", f"numbers from 0 to 1, shape {shape}", values.shape, self.mesh.source)
+            object.__setattr__(self, "colours", _frozen(values))
         if self.occlusion is not None:
             check_type(self.occlusion, Occlusion, self.mesh.source, "occlusion", "a raytrace.Occlusion(uv, texture)")
             if len(self.occlusion.uv) != len(self.mesh.vertices):

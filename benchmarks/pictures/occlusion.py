@@ -43,7 +43,7 @@ def pictures(folder: Path) -> tuple[list[Float32s], list[Float32s]]:
     camera = framing(mesh, Z_UP, WIDTH, HEIGHT)
     lights = {"ambient": AMBIENT, "sun": SUN, "towards_sun": TOWARDS_SUN, "background": BACKGROUND}
     theirs = shown(files, camera, (WIDTH, HEIGHT), **lights)
-    objects, _ = gltf_objects(files[1])
+    objects, *_ = gltf_objects(files[1])
     own_lights = (
         AmbientLight(intensity=(AMBIENT,) * 3),
         DirectionalLight(direction=tuple(-c for c in TOWARDS_SUN), intensity=(pi * SUN,) * 3),

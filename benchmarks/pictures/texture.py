@@ -33,7 +33,7 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder) / "temple.glb"
         file.write_bytes(textured_glb(MeshFile.of(mesh), baked, uv)[0])
-        objects, _ = gltf_objects(file)
+        objects, *_ = gltf_objects(file)
         scene = Scene(objects, (AmbientLight(intensity=(0.9,) * 3),), (0.2, 0.25, 0.3))
         picture = render(scene, framing(mesh, Z_UP, WIDTH, HEIGHT), Settings(WIDTH, HEIGHT)).layers["beauty"][..., :3]
     covered = np.where(baked.covered, baked.w, 0.0)

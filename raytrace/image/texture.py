@@ -13,7 +13,7 @@ from typing import Any, Literal, NamedTuple, get_args
 import numpy as np
 
 from ..errors import InputError, OptionError
-from ..types import Float32s, Int64s, UInt8s, UInt16s
+from ..types import Float32s, Float64s, Int64s, UInt8s, UInt16s
 from .read import decoding_table, open_image, row_blocks
 
 MAX_SIDE = 16384
@@ -204,6 +204,22 @@ def texture_alpha(texture: Texture, grey: bool = False) -> Float32s:
                 one = codes[..., alpha] if alpha >= 0 else codes[..., : len(colour)] @ colour
                 values[rows] = np.clip(np.nan_to_num(one / np.float32(most)), 0.0, 1.0)
     return values
+
+
+def texture_mean(texture: Texture) -> Float64s:
+    """The mean linear RGB of an image and that of its alpha, (4,). Raises: InputError: as `LazyTextures.read`."""
+    total, count = np.zeros(4), 0
+    with _opened(texture) as image:
+        spec = image.spec()
+        table, alpha = decoding_table(spec, texture.srgb), spec.alpha_channel
+        for _, codes in row_blocks(image, texture.path):
+            colour = codes[..., :3] if spec.nchannels >= 3 else codes[..., [0, 0, 0]]
+            total[:3] += (colour if table is None else table[colour]).sum(axis=(0, 1), dtype=np.float64)
+            most = 1.0 if table is None else len(table) - 1.0
+            count += len(codes) * codes.shape[1]
+            total[3] += codes[..., alpha].sum(dtype=np.float64) / most if alpha >= 0 else len(codes) * codes.shape[1]
+    mean: Float64s = np.clip(np.nan_to_num(total / count), 0.0, None)
+    return mean
 
 
 @contextmanager

@@ -136,6 +136,7 @@ def _build(objects: tuple[Object, ...], weighting: Normals) -> BuiltGeometry:
         faces=_joined(corner_rows, np.int32),
         uv=np.concatenate(uv).astype(np.float32),
         occlusion_uv=_occlusion_uv(shapes.values()),
+        colours=_colours(shapes.values()),
         first_vertex=vertex_starts[rank],
         first_face=face_starts[rank],
         first_w=np.cumsum([0, *(len(item.shape.mesh.vertices) for item in objects)]),
@@ -168,6 +169,14 @@ def _occlusion_uv(shapes: Iterable[Shape]) -> Float32s:
         return np.empty((0, 2), np.float32)
     rows = [s.occlusion.uv if s.occlusion else np.zeros((len(s.mesh.vertices), 2)) for s in shapes]
     return np.concatenate(rows).astype(np.float32)
+
+
+def _colours(shapes: Iterable[Shape]) -> Float32s:
+    """Of all shapes' vertices, (v, 3), or none where no shape has any."""
+    if all(shape.colours is None for shape in shapes):
+        return aligned((0, 3), np.float32)
+    rows = [np.ones((len(s.mesh.vertices), 3)) if s.colours is None else s.colours for s in shapes]
+    return _joined(rows, np.float32)
 
 
 def _bounds(objects: tuple[Object, ...]) -> Mesh:

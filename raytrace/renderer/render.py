@@ -114,8 +114,9 @@ def rendering_bytes(scene: Scene, settings: Settings, layers: bool, threads: int
     film += _EDGES * tile_count(wide, high) * (settings.samples > workspace.FIRST)
     surrounded = any(isinstance(light, SkyLight | EnvironmentLight) for light in scene.lights)
     bent = 12 * sum(len(item.shape.mesh.vertices) for item in scene.objects) * surrounded
+    coloured = 12 * vertices * any(item.shape.colours is not None for item in scene.objects)
     textures = texture_bytes(shape_textures(item.shape for item in scene.objects), thread_count(threads))
-    return _BASE + _VERTEX * vertices + _FACE * faces + 8 * LIGHTING * lit + bent + film + textures
+    return _BASE + _VERTEX * vertices + _FACE * faces + 8 * LIGHTING * lit + bent + coloured + film + textures
 
 
 def describe_work(scene: Scene, settings: Settings) -> str:

@@ -14,6 +14,7 @@ class Geometry(NamedTuple):
     Attributes:
         handle: Embree scene. vertices, normals: float32 (v, 3), each shape's in its own frame. faces: int32 (f, 3),
         indices into them. uv: float32 (v, 2). occlusion_uv: float32 (v, 2), or (0, 2) if no shape has any.
+        colours: float32 (v, 3), linear RGB, or (0, 3) if no shape has any.
         first_vertex, first_face: int64 (o,), where the shape of each object begins. first_w: int64 (o + 1,), where
         each object's vertices begin, and the last one's end, among those of all objects, as in w.
         to_render: float64 (o, 3, 4), the frame of `vertices` to render space; normal_to_render: (o, 3, 3).
@@ -31,6 +32,7 @@ class Geometry(NamedTuple):
     faces: Int32s
     uv: Float32s
     occlusion_uv: Float32s
+    colours: Float32s
     first_vertex: Int64s
     first_face: Int64s
     first_w: Int64s

@@ -19,7 +19,7 @@ ORIGIN    3       where its shadow rays begin, safely above the surface
 BACK      3       where those to lights behind begin, if the material turns to the light
 VIEW      3       unit direction to the viewer
 TANGENT   3       grain: along u, or as a texture has it; zero without texture coordinates
-TINT      3       albedo texture, 1 without
+TINT      3       albedo texture times colours of vertices, 1 without
 FRONT     1       lights seen: 0 none, ON_THIS_SIDE, ON_BOTH_SIDES of the surface
 SENT, LIT 1 each  luminous sum over lights before δ, and after
 OCCLUSION 1       occlusion texture, 1 without

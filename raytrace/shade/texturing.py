@@ -1,4 +1,4 @@
-"""Textures at a hit, filtered over what one pixel covers: the albedo's, that of obscurance, and that of the grain."""
+"""Textures at a hit, filtered over what a pixel covers: of albedo, obscurance and grain; and colours of vertices."""
 
 from math import sqrt
 
@@ -8,10 +8,11 @@ from ..image.texture_lookup import sample_texture
 from ..kernel.jit import inline
 from ..kernel.simd import WIDE, double, select, single
 from ..kernel.simd_masks import pick, replace
-from ..kernel.simd_memory import gather, load_row
+from ..kernel.simd_memory import gather, gather3, load_row
 from ..kernel.vector import add, cross, dot, multiply, perpendicular, scale, subtract
 from .camera_rays import pixel_width
 from .interaction import between, corner, corner_rows, doubled, tangents
+from .interpolation import interpolate
 from .shading_points import AMBIENT, DIFFUSE, NORMAL, OCCLUSION, TANGENT, TINT, W, put, put1, take
 from .workspace import BOOK, OFF
 
@@ -33,6 +34,15 @@ def texture_tint(entry, scene, item, mask, hits, view, missing):
             at = np.float64(pick(s, lane)), np.float64(pick(t, lane)), np.float64(pick(footprint, lane))
             red, green, blue = sample_texture(scene.textures, texture, at[0], at[1], at[2])
             entry[TINT, lane], entry[TINT + 1, lane], entry[TINT + 2, lane] = red, green, blue
+
+
+@inline
+def vertex_tint(entry, geometry, item, mask, hits):
+    """Multiply an entry's TINT by the colours of vertices, linear between them. Args: as `texture_tint`."""
+    if len(geometry.colours) > 0:
+        i, j, k = corner_rows(geometry, item, mask, hits.faces)
+        a, b, c = gather3(geometry.colours, i), gather3(geometry.colours, j), gather3(geometry.colours, k)
+        put(entry, TINT, mask, multiply(take(entry, TINT), interpolate(a, b, c, hits.u, hits.v)))
 
 
 @inline

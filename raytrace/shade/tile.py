@@ -34,7 +34,7 @@ from .film import (
 from .interaction import GOURAUD, Hits, bent_entry, between, corner_rows, hit_entry, vertex_entry
 from .records import SceneArrays
 from .shading_points import lighting_column, put, put1, take
-from .texturing import apply_occlusion, apply_tint, texture_grain, texture_occlusion, texture_tint
+from .texturing import apply_occlusion, apply_tint, texture_grain, texture_occlusion, texture_tint, vertex_tint
 from .workspace import BACKGROUND, FIRST, PACKETS, PRIMARY, RETIRED
 
 
@@ -179,6 +179,7 @@ def trace_packet(scene, view, style, scratch, entry, start, there):
         hit_entry(entry, geometry, scene.w, item, mask, hits, view, style)
         bent_entry(entry, geometry, scene.bent, item, mask, hits)
         texture_tint(entry, scene, item, mask, hits, view, scratch.missing)
+        vertex_tint(entry, geometry, item, mask, hits)
         texture_grain(entry, scene, item, mask, hits, view, scratch.missing)
         if style.weighted:
             texture_occlusion(entry, scene, item, mask, hits, view, scratch.missing)

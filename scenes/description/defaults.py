@@ -19,6 +19,7 @@ UP = {"x": X_UP, "y": Y_UP, "z": Z_UP}
 FROM = {X_UP: (0.4, 0.55, -1.0), Y_UP: (0.55, 0.4, 1.0), Z_UP: (0.55, -1.0, 0.4)}  # from the front, the right and above
 _Z_UP_ENDINGS = (".stl", ".3mf")
 NEUTRAL = Lambert(albedo=(0.7, 0.7, 0.7))
+WHITE = Lambert(albedo=(1.0, 1.0, 1.0))  # of a mesh that has colours and no material
 
 
 def up_axis(path: Path, up: str | None = None) -> Vector:

@@ -5,6 +5,8 @@ nearest here is Cook–Torrance's of RMS slope m = α, whose weights are k_d = 1
 
 - k_s = .1 + .9 metallic, and η such that k_s F0 is glTF's specular reflectance at normal incidence; at grazing
   incidence it tends to k_s, where glTF's tends to 1;
+- KHR_materials_pbrSpecularGlossiness: roughness = 1 − glossiness, F0 is the specular colour, the base
+  the diffuse one, and metallic as far as the specular colour's largest channel lies from .04 to 1;
 - metallic 0 and roughness 1: Lambert; there is no highlight to speak of;
 - alpha mode BLEND with a base alpha below 1: Strauss, the one model with transparency;
 - KHR_materials_unlit without texture: emission of the base colour, and no reflection;
@@ -12,56 +14,132 @@ nearest here is Cook–Torrance's of RMS slope m = α, whose weights are k_d = 1
 - doubleSided: both sides reflect what falls on them, two_sided = "viewer";
 - no material, or one without the metallic-roughness table: the neutral matt grey, or matt white.
 
-The ambient reflectance is the base colour. Of textures only the base colour's is used; a metallic-roughness texture
-makes the material count as no metal, for the factors alone say nothing then.
-Format: Khronos glTF 2.0 specification, section 3.9 and appendix B.
+The ambient reflectance is the base colour. The base colour's texture is looked up at each hit; of metallic-roughness,
+specular-glossiness and emissive textures the mean over the image multiplies the factors.
+Format: Khronos glTF 2.0 specification, section 3.9 and appendix B; KHR_materials_pbrSpecularGlossiness, 2017.
 """
 
 from __future__ import annotations
 
-from typing import Any
+from contextlib import suppress
+from dataclasses import replace
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from raytrace.brdf.coefficients import eta_from_reflectance
-from raytrace.materials.base import BaseMaterial
+from raytrace.errors import InputError
+from raytrace.image.texture import texture_mean
+from raytrace.materials.base import RGB, BaseMaterial
 from raytrace.materials.materials import material_from_dict
+from raytrace.types import Float64s
 
 from ..gltf.accessors import entry
-from ..gltf.container import Gltf
-from ..gltf.textures import base_texture
-from .defaults import NEUTRAL
+from ..gltf.textures import SPECULAR_GLOSSINESS, Textures, base_texture
+from .defaults import NEUTRAL, WHITE
 
 DIELECTRIC_F0 = 0.04
 _LEAST_SLOPE = 0.02  # sharper highlights of lights without extent are smaller than a pixel
 _FACETS = 0.1
+_WHITE, _NO_METAL = np.ones(4), np.array([1.0, 1.0, 0.0, 1.0])
+_READ = {"KHR_materials_emissive_strength", "KHR_materials_unlit", SPECULAR_GLOSSINESS}
 
 
-def material_of(asset: Gltf, primitive: dict[str, Any]) -> BaseMaterial:
-    """The material of a primitive. Raises: Exception: a malformed header."""
-    if "material" not in primitive:
-        return NEUTRAL
-    stored = entry(asset, "materials", primitive["material"])
-    extensions = stored.get("extensions", {})
-    surface = stored.get("pbrMetallicRoughness", {"metallicFactor": 0.0})
-    *base, alpha = (float(c) for c in np.clip(surface.get("baseColorFactor", [1, 1, 1, 1]), 0, 1))
-    strength = extensions.get("KHR_materials_emissive_strength", {}).get("emissiveStrength", 1.0)
-    glow = [strength * value for value in stored.get("emissiveFactor", [0, 0, 0])]
-    common: dict[str, Any] = {"emission": glow, "two_sided": "viewer" if stored.get("doubleSided") else False}
+class _Surface(NamedTuple):
+    """The factors of a material, those of its textures' means included."""
 
-    if "KHR_materials_unlit" in extensions and base_texture(asset, primitive) is None:
-        return material_from_dict(common | {"model": "lambert", "albedo": 0.0, "emission": base})
-    roughness = float(np.clip(surface.get("roughnessFactor", 1.0), 0, 1))
-    metallic = float(np.clip(surface.get("metallicFactor", 1.0), 0, 1))
-    if "metallicRoughnessTexture" in surface:
-        metallic = 0.0
-    if stored.get("alphaMode") == "BLEND" and alpha < 1:
-        common |= {"smoothness": min(1 - roughness, 0.99), "metalness": metallic, "transparency": 1 - alpha}
-        return material_from_dict(common | {"model": "strauss", "colour": base})
-    if metallic == 0 and (roughness == 1 or "KHR_materials_unlit" in extensions):
-        return material_from_dict(common | {"model": "lambert", "albedo": base})
-    facets = _FACETS + (1 - _FACETS) * metallic
-    f0 = [((1 - metallic) * DIELECTRIC_F0 + metallic * channel) / facets for channel in base]
-    eta = [eta_from_reflectance(min(channel, 0.999)) for channel in f0]
-    common |= {"albedo": base, "k_s": facets, "eta": eta, "m": max(roughness**2, _LEAST_SLOPE)}
-    return material_from_dict(common | {"model": "cook_torrance"})
+    base: RGB
+    alpha: float
+    roughness: float
+    metallic: float
+    f0: Float64s
+
+
+class Materials:
+    """The materials of an asset, each made once.
+
+    Attributes: means, left_out: what textures are represented by their means, and what is not used, by their keys.
+    """
+
+    def __init__(self, textures: Textures) -> None:
+        self._textures, self._asset = textures, textures.asset
+        self._made: dict[int, BaseMaterial] = {}
+        self._means: dict[tuple[int | None, bool], Float64s | None] = {}
+        self.means: set[str] = set()
+        self.left_out: set[str] = set()
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """In a line what materials have that pictures do not show, if they have some."""
+        told = [f"of {', '.join(sorted(self.means))} the mean"] if self.means else []
+        told += [f"left out {', '.join(sorted(self.left_out))}"] if self.left_out else []
+        return (f"{self._asset.path}: materials: {'; '.join(told)}",) if told else ()
+
+    def of(self, primitive: dict[str, Any], coloured: bool) -> BaseMaterial:
+        """The material of a primitive. Args: coloured: whether its vertices have colours.
+
+        Raises: Exception: a malformed header.
+        """
+        if "material" not in primitive:
+            return WHITE if coloured else NEUTRAL
+        number = primitive["material"]
+        if number not in self._made:
+            untextured = base_texture(self._asset, primitive) is None
+            self._made[number] = self._material(entry(self._asset, "materials", number), untextured)
+        return self._made[number]
+
+    def _material(self, stored: dict[str, Any], untextured: bool) -> BaseMaterial:
+        extensions = stored.get("extensions", {})
+        self.left_out |= {name for name in extensions if name not in _READ}
+        self.left_out |= {name for name in ("normalTexture",) if name in stored}
+        strength = extensions.get("KHR_materials_emissive_strength", {}).get("emissiveStrength", 1.0)
+        emitted = np.multiply(stored.get("emissiveFactor", [0, 0, 0]), strength)
+        if emitted.any():
+            emitted = emitted * self._mean(stored, "emissiveTexture", srgb=True)[:3]
+        sides = "viewer" if stored.get("doubleSided") else False
+        common: dict[str, Any] = {"emission": emitted.tolist(), "two_sided": sides}
+        surface = self._specular(extensions) if SPECULAR_GLOSSINESS in extensions else self._metallic(stored)
+        base, alpha, roughness, metallic, f0 = surface
+        if "KHR_materials_unlit" in extensions and untextured:
+            return material_from_dict(common | {"model": "lambert", "albedo": 0.0, "emission": base})
+        if stored.get("alphaMode") == "BLEND" and alpha < 1:
+            common |= {"smoothness": min(1 - roughness, 0.99), "metalness": metallic, "transparency": 1 - alpha}
+            return material_from_dict(common | {"model": "strauss", "colour": base})
+        if metallic == 0 and (roughness == 1 or "KHR_materials_unlit" in extensions):
+            return material_from_dict(common | {"model": "lambert", "albedo": base})
+        facets = _FACETS + (1 - _FACETS) * metallic
+        eta = [eta_from_reflectance(min(channel / facets, 0.999)) for channel in f0.tolist()]
+        common |= {"albedo": base, "k_s": facets, "eta": eta, "m": max(roughness**2, _LEAST_SLOPE)}
+        return material_from_dict(common | {"model": "cook_torrance"})
+
+    def _metallic(self, stored: dict[str, Any]) -> _Surface:
+        given = stored.get("pbrMetallicRoughness", {"metallicFactor": 0.0})
+        *base, alpha = np.clip(given.get("baseColorFactor", [1, 1, 1, 1]), 0, 1).tolist()
+        factors = np.clip([given.get("roughnessFactor", 1.0), given.get("metallicFactor", 1.0)], 0, 1)
+        mean = self._mean(given, "metallicRoughnessTexture", srgb=False, unread=_NO_METAL)
+        roughness, metallic = (factors * mean[1:3]).tolist()
+        f0 = (1 - metallic) * DIELECTRIC_F0 + metallic * np.array(base)
+        return _Surface(tuple(base), alpha, roughness, metallic, f0)
+
+    def _specular(self, extensions: dict[str, Any]) -> _Surface:
+        given = extensions[SPECULAR_GLOSSINESS]
+        *diffuse, alpha = np.clip(given.get("diffuseFactor", [1, 1, 1, 1]), 0, 1).tolist()
+        factors = np.clip([*given.get("specularFactor", [1, 1, 1]), given.get("glossinessFactor", 1.0)], 0, 1)
+        *f0, glossiness = (factors * self._mean(given, "specularGlossinessTexture", srgb=True)).tolist()
+        metallic = max(0.0, (max(f0) - DIELECTRIC_F0) / (1 - DIELECTRIC_F0))
+        base = ((1 - metallic) * np.array(diffuse) + metallic * np.array(f0)).tolist()
+        return _Surface(tuple(base), alpha, 1 - glossiness, metallic, np.array(f0))
+
+    def _mean(self, table: dict[str, Any], key: str, srgb: bool, unread: Float64s = _WHITE) -> Float64s:
+        """The mean RGBA of a texture, ones without it, `unread` if it cannot be read."""
+        if key not in table:
+            return _WHITE
+        number = entry(self._asset, "textures", table[key]["index"]).get("source")
+        if (number, srgb) not in self._means:
+            self._means[number, srgb] = None
+            if number is not None:
+                with suppress(InputError):
+                    self._means[number, srgb] = texture_mean(replace(self._textures.image(number), srgb=srgb))
+        mean = self._means[number, srgb]
+        (self.left_out if mean is None else self.means).add(key)
+        return unread if mean is None else mean

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from raytrace import Mesh, MeshError, Object, Occlusion, OptionError, Scene, Settings, Shape
+from raytrace.errors import printable
 
 from ..field_errors import located
 from ..geometry.instances import Instance
@@ -14,11 +15,12 @@ from ..gltf.container import Gltf, Primitive, primitives
 from ..gltf.nodes import node_matrices
 from ..gltf.schema import check_appearance
 from ..gltf.textures import Textures
+from ..gltf.vertex_colours import vertex_colours
 from ..readers.load import mesh_errors, read_objects
 from . import gltf_camera, gltf_lights
 from .defaults import BACKGROUND, framing, three_lights, up_axis
 from .description import SceneDescription
-from .gltf_materials import material_of
+from .gltf_materials import Materials
 
 
 def read_gltf(path: Path, settings: Settings, up: str | None = None) -> SceneDescription:
@@ -31,7 +33,7 @@ def read_gltf(path: Path, settings: Settings, up: str | None = None) -> SceneDes
         SceneError: a texture, light or camera cannot be used.
         OptionError: `up`, and the file has a camera of its own.
     """
-    objects, asset = gltf_objects(path)
+    objects, asset, notes = gltf_objects(path)
     with mesh_errors(path):
         world = node_matrices(asset.header)
         camera = gltf_camera.camera(asset.header, world, path)
@@ -41,11 +43,11 @@ def read_gltf(path: Path, settings: Settings, up: str | None = None) -> SceneDes
         axis = up_axis(path, up)
         camera = camera or framing(Scene(objects).flattened(), axis, settings.width, settings.height)
     scene = Scene(objects, lights or three_lights(camera), BACKGROUND)
-    return SceneDescription(scene, camera, settings, files=asset.files)
+    return SceneDescription(scene, camera, settings, files=asset.files, notes=notes)
 
 
-def gltf_objects(path: Path) -> tuple[tuple[Object, ...], Gltf]:
-    """The drawn primitives of a file, those of one mesh sharing their shapes, and the asset.
+def gltf_objects(path: Path) -> tuple[tuple[Object, ...], Gltf, tuple[str, ...]]:
+    """The drawn primitives of a file, those of one mesh sharing their shapes, the asset, and what is left out of it.
 
     Objects that their nodes flatten to nothing (a scale of zero hides, in glTF) are left out.
 
@@ -59,6 +61,7 @@ def gltf_objects(path: Path) -> tuple[tuple[Object, ...], Gltf]:
     with mesh_errors(path):
         check_appearance(asset.header, path)
         textures = Textures(asset)
+        materials = Materials(textures)
         shapes: dict[tuple[int, int], Shape] = {}
         objects = []
         for piece, placed in zip(primitives(asset.header), instances, strict=True):
@@ -67,17 +70,20 @@ def gltf_objects(path: Path) -> tuple[tuple[Object, ...], Gltf]:
             matrix = np.eye(4) if placed.matrix is None else placed.matrix
             key = (piece.mesh, piece.place)
             if key not in shapes:
-                shapes[key] = _shape(asset, piece, placed, textures, path)
+                shapes[key] = _shape(piece, placed, materials, textures)
             objects.append(Object(shapes[key], matrix, placed.name))
     if not objects:
         raise MeshError(path, "nodes", "at least one triangle to see", "none")
-    return tuple(objects), asset
+    return tuple(objects), asset, tuple(map(printable, materials.notes))
 
 
-def _shape(asset: Gltf, piece: Primitive, placed: Instance, textures: Textures, path: Path) -> Shape:
+def _shape(piece: Primitive, placed: Instance, materials: Materials, textures: Textures) -> Shape:
+    asset, path = textures.asset, textures.asset.path
     primitive = asset.header["meshes"][piece.mesh]["primitives"][piece.place]
     mesh = Mesh(placed.vertices, placed.faces, placed.normals, source=f"{path}: {placed.name}")
     uv, texture = textures.of_base(primitive) or (None, None)
     occlusion = textures.of_occlusion(primitive)
     with located(path, f"materials[{primitive.get('material')}]"):
-        return Shape(mesh, material_of(asset, primitive), uv, texture, occlusion and Occlusion(*occlusion))
+        colours = vertex_colours(asset, primitive, placed.w)
+        material = materials.of(primitive, colours is not None)
+        return Shape(mesh, material, uv, texture, occlusion and Occlusion(*occlusion), colours=colours)

@@ -7,8 +7,9 @@ from pathlib import Path
 
 from raytrace import Object, OptionError, Scene, Settings, Shape
 
-from ..readers.load import load
-from .defaults import BACKGROUND, NEUTRAL, framing, three_lights, up_axis
+from ..readers.load import load, mesh_errors
+from ..readers.vertex_colors import vertex_colors
+from .defaults import BACKGROUND, NEUTRAL, WHITE, framing, three_lights, up_axis
 from .description import SceneDescription
 from .gltf_scene import read_gltf
 from .toml_scene import read_toml
@@ -19,8 +20,9 @@ def read_scene(
 ) -> SceneDescription:
     """A scene by the file's ending: `.toml` (docs/scenes.md), `.glb` or `.gltf`, or any other mesh alone.
 
-    A mesh alone is matt grey, framed whole, under three lights; its y is up, or z if it is STL or 3MF, formats of
-    construction and printing where z is. One baked file of the mesh fits it: vertices stay as they are.
+    A mesh alone is matt, in the colours of its vertices or grey, framed whole, under three lights; its y is up, or z if
+    it is STL or 3MF, formats of construction and printing where z is. One baked file of the mesh fits it: vertices stay
+    as they are.
 
     Args:
         path: the file.
@@ -42,7 +44,9 @@ def read_scene(
     if ending in (".glb", ".gltf"):
         return read_gltf(path, settings, up)
     source = load(path)
-    objects = (Object(Shape(source.mesh, NEUTRAL), name=path.stem),)
+    with mesh_errors(path):
+        colours, notes = vertex_colors(path)
+    objects = (Object(Shape(source.mesh, NEUTRAL if colours is None else WHITE, colours=colours), name=path.stem),)
     camera = framing(source.mesh, up_axis(path, up), settings.width, settings.height)
     lit = Scene(objects, three_lights(camera), BACKGROUND)
-    return SceneDescription(lit, camera, settings, files=source.files, notes=source.notes)
+    return SceneDescription(lit, camera, settings, files=source.files, notes=(*source.notes, *notes))

@@ -81,6 +81,7 @@ class ObjectTable(Transform):
     grain: str | None = None
     wrap: Annotated[Any, BeforeValidator(_wrap)] = None
     own_normals: StrictBool = True
+    vertex_colors: StrictBool | None = None
     copies: Annotated[list[Transform], Field(min_length=1, fail_fast=True)] | None = None
 
 

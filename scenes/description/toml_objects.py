@@ -20,8 +20,9 @@ from ..geometry.instances import check_copies, flatten
 from ..geometry.primitives import Geometry, Origin
 from ..readers.load import mesh_errors, read_objects
 from ..readers.textured import ENDINGS, read_textured
+from ..readers.vertex_colors import vertex_colors
 from ..safe_paths import confined
-from .defaults import NEUTRAL
+from .defaults import NEUTRAL, WHITE
 from .gltf_scene import gltf_objects
 from .schema import ObjectTable, Transform
 from .transforms import matrix_of
@@ -129,18 +130,21 @@ class ObjectReader:
                 return self._gltf_pieces(mesh, table, path, material, texture)
             textured = texture is not None or table.grain is not None
             geometry = self._once((mesh, textured), lambda: self._read(mesh, textured))
+            if _wants_colours(table):
+                geometry = self._once((mesh, textured, "colours"), lambda: self._coloured(mesh, geometry))
         return [Object(self._shape(table, path, geometry, material, texture), name=table.name or mesh.stem)]
 
     def _gltf_pieces(
         self, mesh: Path, table: ObjectTable, path: str, material: BaseMaterial | None, texture: Texture | None
     ) -> list[Object]:
         if mesh not in self._gltf:
-            self._gltf[mesh], asset = gltf_objects(mesh)
+            self._gltf[mesh], asset, notes = gltf_objects(mesh)
+            self.notes += notes
             self.files.extend(asset.files)
         pieces = []
         for item in self._gltf[mesh]:
             shape = item.shape
-            geometry = self._once(shape, lambda shape=shape: Geometry(shape.mesh, shape.uv))
+            geometry = self._once(shape, lambda shape=shape: Geometry(shape.mesh, shape.uv, None, shape.colours))
             # A material of the entry's own takes the place of the file's with its texture.
             kept = texture or (shape.texture if material is None else None)
             made = self._shape(table, path, geometry, material or shape.material, kept)
@@ -159,6 +163,13 @@ class ObjectReader:
             self.notes += [printable(f"{path}: {note}") for instance in instances for note in instance.notes]
             return Geometry(flatten(instances, str(path))[0])
 
+    def _coloured(self, path: Path, geometry: Geometry) -> Geometry:
+        colours, notes = vertex_colors(path)
+        self.notes += notes
+        if colours is None:
+            return geometry
+        return replace(geometry, colours=colours[geometry.origin.of] if geometry.origin else colours)
+
     def _once(self, key: Any, make: Any) -> Geometry:
         if key not in self._geometry:
             self._geometry[key] = make()
@@ -171,12 +182,17 @@ class ObjectReader:
         for field, image in (("texture", texture), ("grain", grain)):
             if image is not None and geometry.uv is None:
                 raise SceneError(self._source, joined(path, field), "a mesh with texture coordinates", "one without")
-        material = material or NEUTRAL
-        key = (geometry, material, texture, grain, table.own_normals)
+        colours = geometry.colours if _wants_colours(table) else None
+        if table.vertex_colors and colours is None:
+            raise SceneError(
+                self._source, joined(path, "vertex_colors"), "a mesh with colours of vertices", "one without"
+            )
+        material = material or (NEUTRAL if colours is None else WHITE)
+        key = (geometry, material, texture, grain, table.own_normals, colours is None)
         if key not in self._shapes:
             mesh = geometry.mesh if table.own_normals else replace(geometry.mesh, normals=None)
             with located(self._source, path):
-                self._shapes[key] = Shape(mesh, material, geometry.uv, texture, grain=grain)
+                self._shapes[key] = Shape(mesh, material, geometry.uv, texture, grain=grain, colours=colours)
             if geometry.origin:
                 self._origins[id(self._shapes[key])] = geometry.origin
         return self._shapes[key]
@@ -210,6 +226,11 @@ class ObjectReader:
         check_keys(self._source, path, parameters, [*fields_of(kind), *_keys("builtin")])
         with located(self._source, path):
             return kind(**parameters)
+
+
+def _wants_colours(table: ObjectTable) -> bool:
+    """Whether a mesh's colours are to be used: a material of the entry's own takes their place, unless it says so."""
+    return table.material is None if table.vertex_colors is None else table.vertex_colors
 
 
 def _keys(kind: str) -> list[str]:

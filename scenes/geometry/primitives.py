@@ -30,11 +30,13 @@ class Geometry:
 
     Attributes:
         origin: where the vertices come from, if they are not its file's one by one.
+        colours: linear RGB (n, 3) of the vertices, or None.
     """
 
     mesh: Mesh
     uv: Float64s | None = None
     origin: Origin | None = None
+    colours: Float64s | None = None
 
 
 def merge(pieces: Sequence[Geometry], source: str) -> Geometry:

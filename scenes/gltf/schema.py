@@ -184,6 +184,15 @@ class _Surface(_Table):
     baseColorTexture: _TextureReference | None = None
     metallicFactor: Number = 1
     roughnessFactor: Number = 1
+    metallicRoughnessTexture: _TextureReference | None = None
+
+
+class _SpecularGlossiness(_Table):
+    diffuseFactor: Quadruple = (1, 1, 1, 1)
+    diffuseTexture: _TextureReference | None = None
+    specularFactor: Vector = (1, 1, 1)
+    glossinessFactor: Number = 1
+    specularGlossinessTexture: _TextureReference | None = None
 
 
 class _Strength(_Table):
@@ -192,12 +201,14 @@ class _Strength(_Table):
 
 class _MaterialExtensions(_Table):
     KHR_materials_emissive_strength: _Strength = _Strength()
+    KHR_materials_pbrSpecularGlossiness: _SpecularGlossiness | None = None
 
 
 class _Material(_Table):
     occlusionTexture: _OcclusionReference | None = None
     pbrMetallicRoughness: _Surface = _Surface()
     emissiveFactor: Vector = (0, 0, 0)
+    emissiveTexture: _TextureReference | None = None
     extensions: _MaterialExtensions = _MaterialExtensions()
 
 

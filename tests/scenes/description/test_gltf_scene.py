@@ -1,11 +1,13 @@
 """glTF scenes: objects, materials, textures, camera and lights as the specification means them."""
 
 import base64
+import io
 import json
 from dataclasses import replace
 from math import cos, degrees, pi, radians, sqrt
 
 import numpy as np
+import PIL.Image
 import pytest
 from gltf_files import QUAD, TRIANGLE, Builder
 from gltf_scenes import read, textured, triangle
@@ -164,6 +166,61 @@ def test_reflectance_at_normal_incidence_is_gltfs(tmp_path, metallic):
     np.testing.assert_allclose(reflect(black, up, up, up), specular / (4 * pi * m**2), rtol=1e-6)
     diffuse = reflect(made, up, up, up) - reflect(black, up, up, up)
     np.testing.assert_allclose(diffuse, 0.9 * (1 - metallic) * base / pi, rtol=1e-6)
+
+
+def image(*colour):
+    """An image of one colour as a data URI."""
+    content = io.BytesIO()
+    PIL.Image.new("RGBA" if len(colour) == 4 else "RGB", (4, 2), colour).save(content, "PNG")
+    return {"uri": "data:image/png;base64," + base64.b64encode(content.getvalue()).decode()}
+
+
+def with_textures(folder, material, *images):
+    textures = [{"source": number} for number in range(len(images))]
+    made = read(folder, triangle(material=0), [{"mesh": 0}], materials=[material], textures=textures, images=images)
+    return made.scene.objects[0].shape.material, made.notes
+
+
+def test_metallic_roughness_and_emissive_textures_count_by_their_means(tmp_path):
+    surface = {"metallicFactor": 0.5, "roughnessFactor": 0.9, "metallicRoughnessTexture": {"index": 0}}
+    material = {"pbrMetallicRoughness": surface, "emissiveFactor": [1, 0.5, 1], "emissiveTexture": {"index": 1}}
+    material |= {"normalTexture": {"index": 0}, "extensions": {"KHR_materials_clearcoat": {}}}
+    made, notes = with_textures(tmp_path, material, image(7, 102, 204), image(255, 188, 0))
+    factors = {"metallicFactor": 0.5 * 0.8, "roughnessFactor": 0.9 * 0.4}
+    expected = with_material(tmp_path, {"pbrMetallicRoughness": factors})
+    assert made.m == pytest.approx(expected.m)
+    assert made.k_s == pytest.approx(expected.k_s)
+    np.testing.assert_allclose(made.emission, [1, 0.5 * ((188 / 255 + 0.055) / 1.055) ** 2.4, 0], rtol=1e-6)
+    (note,) = notes
+    assert note.endswith(
+        "of emissiveTexture, metallicRoughnessTexture the mean; left out KHR_materials_clearcoat, normalTexture"
+    )
+    surface["metallicRoughnessTexture"]["index"] = 1
+    made, (note,) = with_textures(tmp_path, {"pbrMetallicRoughness": surface}, image(1, 2, 3), {"uri": "gone.png"})
+    assert made.k_s == pytest.approx(0.1)
+    assert note.endswith("materials: left out metallicRoughnessTexture")
+
+
+def test_specular_and_glossiness(tmp_path):
+    given = {"diffuseFactor": [0.2, 0.4, 0.6, 1], "specularFactor": [0.04, 0.04, 0.04], "glossinessFactor": 0.4}
+    extension = {"KHR_materials_pbrSpecularGlossiness": given}
+    surface = {"baseColorFactor": [0.2, 0.4, 0.6, 1], "metallicFactor": 0, "roughnessFactor": 0.6}
+    same = with_material(tmp_path, {"pbrMetallicRoughness": surface})
+    assert np.allclose(with_material(tmp_path, {"extensions": extension}).pack().row, same.pack().row)
+    given |= {
+        "specularFactor": [1, 0.6, 0.2],
+        "specularGlossinessTexture": {"index": 0},
+        "diffuseTexture": {"index": 1},
+    }
+    made, (note,) = with_textures(tmp_path, {"extensions": extension}, image(188, 188, 188, 128), image(9, 9, 9))
+    linear = ((188 / 255 + 0.055) / 1.055) ** 2.4
+    assert made.m == pytest.approx((1 - 0.4 * 128 / 255) ** 2)
+    up, metallic = [0, 0, 1], (linear - 0.04) / 0.96
+    black = replace(made, albedo=(0.0, 0.0, 0.0))
+    expected = linear * np.array([1, 0.6, 0.2]) / (4 * pi * made.m**2)
+    np.testing.assert_allclose(reflect(black, up, up, up), expected, rtol=1e-6)
+    assert made.k_s == pytest.approx(0.1 + 0.9 * metallic)
+    assert note.endswith("of specularGlossinessTexture the mean")
 
 
 def test_emission_unlit_and_transparent(tmp_path):

@@ -94,7 +94,7 @@ def moved_texture(folder):
 def test_a_browser_shows_the_obscurance_that_our_renderer_does(tmp_path, made):
     """White under ambient light alone is w. Pixels at edges are left out: two filters and rasterisers differ there."""
     file = made(tmp_path)
-    objects, _ = gltf_objects(file)
+    objects, *_ = gltf_objects(file)
     frame = render(Scene(objects, (AmbientLight(intensity=(1, 1, 1)),)), CAMERA, Settings(*SIZE, samples=16))
     ours = frame.layers["beauty"][..., 0]
     (theirs,) = browser.shown([file], CAMERA, SIZE)

@@ -1,0 +1,120 @@
+"""Colours of vertices in pictures: glTF's are linear, those of OBJ and PLY are taken as sRGB."""
+
+import numpy as np
+import pytest
+from gltf_files import QUAD, Builder
+from gltf_scenes import read
+
+import ao
+import scenes
+from raytrace import AmbientLight, Camera, Lambert, OptionError, Scene, Settings, Shape, render
+from raytrace.errors import SceneError
+from raytrace.image.srgb import decode_srgb
+from scenes.description.defaults import NEUTRAL
+from scenes.description.read import read_scene
+
+FACES = np.array([[0, 1, 2], [0, 2, 3]])
+COLOURS = np.array([[1, 0, 1], [0.5, 0.25, 0], [0, 1, 0.2], [0.8, 0.8, 0.8]])
+AHEAD = Camera(position=(0.5, 0.5, 3), target=(0.5, 0.5, 0), up=(0, 1, 0), height=1.0)
+
+
+def obj(path, colours=COLOURS):
+    rows = [f"v {x} {y} {z} {r} {g} {b}" for (x, y, z), (r, g, b) in zip(QUAD, colours, strict=True)]
+    path.write_text("\n".join([*rows, "f 1 2 3", "f 1 3 4"]))
+
+
+def ply(path, colours=COLOURS):
+    header = "ply\nformat ascii 1.0\nelement vertex 4\n"
+    header += "".join(f"property float {name}\n" for name in "xyz")
+    header += "".join(f"property uchar {name}\n" for name in ("red", "green", "blue"))
+    header += "element face 2\nproperty list uchar int vertex_indices\nend_header\n"
+    rows = [[*place, *colour] for place, colour in zip(QUAD, np.rint(255 * colours).astype(int), strict=True)]
+    rows += [[3, *face] for face in FACES]
+    path.write_text(header + "\n".join(" ".join(map(str, row)) for row in rows))
+
+
+def gltf(folder, kind="<f4", scale=1, **fields):
+    builder = Builder()
+    builder.mesh(builder.primitive(QUAD, FACES))
+    stored = np.rint(COLOURS * scale).astype(kind) if scale != 1 else COLOURS.astype(kind)
+    stored = np.concatenate([stored, np.full((4, 1), scale, kind)], axis=1)
+    attributes = builder.header["meshes"][0]["primitives"][0]["attributes"]
+    attributes["COLOR_0"] = builder.accessor(np.ascontiguousarray(stored), "VEC4", **fields)
+    return read(folder, builder, [{"mesh": 0}]).scene
+
+
+def only_shape(scene):
+    (item,) = scene.objects
+    return item.shape
+
+
+@pytest.mark.parametrize(("kind", "scale"), [("<f4", 1), ("<u1", 255), ("<u2", 65535)])
+def test_those_of_gltf_are_linear(tmp_path, kind, scale):
+    shape = only_shape(gltf(tmp_path, kind, scale, **({"normalized": True} if scale > 1 else {})))
+    np.testing.assert_allclose(shape.colours, COLOURS, atol=0.51 / scale if scale > 1 else 1e-7)
+    assert shape.material == Lambert(albedo=1.0)
+
+
+@pytest.mark.parametrize("write", [obj, ply])
+def test_those_of_obj_and_ply_are_srgb(tmp_path, write):
+    path = tmp_path / f"quad.{write.__name__}"
+    write(path)
+    shape = only_shape(read_scene(path).scene)
+    np.testing.assert_allclose(shape.colours, decode_srgb(COLOURS), atol=3e-3)
+    assert shape.material == Lambert(albedo=1.0)
+
+
+@pytest.mark.parametrize("shading", ["constant", "flat", "gouraud", "phong", "quadratic"])
+def test_they_multiply_the_albedo_linear_between_vertices(tmp_path, shading):
+    scene = Scene(gltf(tmp_path).objects, (AmbientLight(intensity=(0.5, 0.5, 0.5)),))
+    layers = render(scene, AHEAD, Settings(32, 32, samples=1, shading=shading, obscurance="off")).layers
+    x, y = np.meshgrid((np.arange(32) + 0.5) / 32, 1 - (np.arange(32) + 0.5) / 32)
+    a, b, c, d = COLOURS
+    lower = (1 - x)[..., None] * a + (x - y)[..., None] * b + y[..., None] * c
+    upper = (1 - y)[..., None] * a + x[..., None] * c + (y - x)[..., None] * d
+    expected = np.where((x >= y)[..., None], lower, upper)
+    np.testing.assert_allclose(layers["albedo"], expected, atol=2e-6)
+    np.testing.assert_allclose(layers["beauty"][..., :3], 0.5 * expected, atol=2e-6)
+
+
+@pytest.mark.parametrize("ending", [".ply", ".glb"])
+def test_the_grey_that_a_bake_writes_is_no_colour(tmp_path, ending):
+    obj(tmp_path / "quad.obj", np.ones((4, 3)))
+    made = scenes.load(tmp_path / "quad.obj")
+    bake = ao.bake(made.mesh, samples=16)
+    scenes.write(tmp_path / f"baked{ending}", bake, made, colors=True)
+    shape = only_shape(read_scene(tmp_path / f"baked{ending}").scene)
+    assert shape.colours is None
+
+
+def test_a_material_in_a_scene_takes_their_place_unless_the_scene_says_otherwise(tmp_path):
+    obj(tmp_path / "quad.obj")
+
+    def read_with(*lines):
+        (tmp_path / "scene.toml").write_text("\n".join(["[[objects]]", *lines]))
+        return read_scene(tmp_path / "scene.toml").scene
+
+    mesh, clay = 'mesh = "quad.obj"', 'material = "clay"'
+    np.testing.assert_allclose(only_shape(read_with(mesh)).colours, decode_srgb(COLOURS), atol=1e-6)
+    assert only_shape(read_with(mesh, clay)).colours is None
+    assert only_shape(read_with(mesh, "vertex_colors = false")).material == NEUTRAL
+    assert only_shape(read_with(mesh, clay, "vertex_colors = true")).colours is not None
+    with pytest.raises(
+        SceneError, match=r"objects\[0\].vertex_colors: expected a mesh with colours of vertices, got one"
+    ):
+        read_with('builtin = "box"', "vertex_colors = true")
+
+
+def test_colours_that_some_vertices_lack_are_left_out_and_told(tmp_path):
+    obj(tmp_path / "quad.obj")
+    text = (tmp_path / "quad.obj").read_text().replace("v 1.0 1.0 0.0 0.0 1.0 0.2", "v 1.0 1.0 0.0")
+    (tmp_path / "quad.obj").write_text(text)
+    read = read_scene(tmp_path / "quad.obj")
+    assert only_shape(read.scene).colours is None
+    assert "colours, which some vertices lack" in read.notes[0]
+
+
+@pytest.mark.parametrize("bad", [np.ones((3, 3)), np.full((4, 3), 1.5), np.full((4, 3), np.nan), "red"])
+def test_colours_that_are_none_are_refused(tmp_path, bad):
+    with pytest.raises(OptionError, match="colours: expected"):
+        Shape(only_shape(gltf(tmp_path)).mesh, Lambert(albedo=1.0), colours=bad)
