@@ -18,7 +18,7 @@ import numpy as np
 import numpy.typing as npt
 
 from raytrace.errors import MeshError
-from raytrace.types import Int64s
+from raytrace.types import Float64s, Int64s
 
 from ..geometry.elements import Element, Property
 from ..geometry.instances import Instance
@@ -31,6 +31,8 @@ _TYPES = {
     "int64": "q", "uint64": "Q",
 }  # fmt: skip
 ORDERS = {"ascii": "<", "binary_little_endian": "<", "binary_big_endian": ">"}
+AXES = ("x", "y", "z")
+AXES = ("x", "y", "z")
 INDICES = ("vertex_indices", "vertex_index")
 _END = re.compile(rb"^end_header[ \t\r]*\n", re.MULTILINE)
 COUNT = "number of "
@@ -79,7 +81,7 @@ def read_ply(data: bytes, name: str, source: str, keep: bool = False) -> list[In
     for element in elements:
         columns, lists, start = _rows(data, start, ORDERS[order], element, source)
         if keep:
-            stored.append(_stored(element, declared[element.name], columns, lists))
+            stored.append(_stored(element, declared[element.name], columns, lists, text))
         singles = np.full(element.count, len(columns))
         expected.append(sum((1 + sizes for _, sizes in lists.values()), singles))
         if element.name == "vertex" and element.count:
@@ -100,14 +102,26 @@ def read_ply(data: bytes, name: str, source: str, keep: bool = False) -> list[In
     return [Instance(name, vertices, triangles.take(corners), normals, None, triangles.notes, detail, w=w)]
 
 
-def _stored(element: PlyElement, declared: dict[str, tuple[str, str]], columns: Columns, lists: Lists) -> Element:
+def _stored(
+    element: PlyElement, declared: dict[str, tuple[str, str]], columns: Columns, lists: Lists, text: bool
+) -> Element:
+    """The element in its declared types. Of `text` float is double where it would overflow, or move vertices."""
     made = []
+    far = text and {*AXES} <= set(columns) and _is_moved(np.stack([columns[axis] for axis in AXES], axis=1))
     for name, (kind, counted) in declared.items():
-        if name in lists:
-            made.append(Property(name, kind, lists[name][0], counted, lists[name][1]))
-        else:
-            made.append(Property(name, kind, columns.get(name, np.empty(0, kind))))
+        values, sizes = lists.get(name, (columns.get(name, np.empty(0, kind)), None))
+        if text and kind == "f":
+            single = values.astype("f")
+            kind = "d" if (far and name in AXES) or (np.isinf(single) & np.isfinite(values)).any() else "f"
+            values = values.astype(kind)
+        made.append(Property(name, kind, values, counted, sizes))
     return Element(element.name, element.count, tuple(made))
+
+
+def _is_moved(vertices: Float64s) -> bool:
+    """Whether float32 moves vertices by more than what it is in error of an extent about zero."""
+    extent = np.ptp(vertices, axis=0).max()
+    return not np.abs(vertices.astype("f") - vertices).max() <= 1e-6 * extent
 
 
 def ply_header(data: bytes) -> tuple[list[list[str]], str, int]:

@@ -76,14 +76,36 @@ def test_colors_replaces_the_colours_of_a_ply_and_says_so(tmp_path):
     np.testing.assert_array_equal(vertex["green"].values, np.rint(255 * vertex["obscurance"].values))
 
 
-def test_numbers_of_text_that_a_type_cannot_hold_get_one_that_can(tmp_path):
-    text = ascii_ply().replace(b"property double x", b"property float x").replace(b"9.0 9.0 9.0", b"0.1 9 9")
-    text = text.replace(b"list uchar int", b"list uchar uchar")
+def test_floats_of_text_stay_floats(tmp_path):
+    text = ascii_ply().replace(b"property double", b"property float").replace(b"9.0 9.0 9.0", b"0.1 -1.7e-5 123.456789")
     (tmp_path / "m.ply").write_bytes(text)
     bake(tmp_path, "m.ply", "out.ply")
     vertex = columns(tmp_path / "out.ply")[0]["vertex"]
-    assert vertex["x"].kind == "d"
-    assert vertex["x"].values[-1] == 0.1
+    assert [vertex[axis].kind for axis in "xyz"] == ["f", "f", "f"]
+    np.testing.assert_array_equal([vertex[axis].values[-1] for axis in "xyz"], np.float32([0.1, -1.7e-5, 123.456789]))
+
+
+def text_ply(rows):
+    head = "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\n"
+    head += "property float quality\nelement face 1\nproperty list uchar int vertex_indices\nend_header\n"
+    return f"{head}{rows}\n3 0 1 2\n"
+
+
+def test_numbers_of_text_that_a_type_cannot_hold_get_one_that_can(tmp_path):
+    rows = "0 4500000.123 0 .5\n1 4500000.25 0 1e39\n0 4500001 1 2"
+    (tmp_path / "m.ply").write_text(text_ply(rows).replace("uchar int", "uchar uchar"))
+    bake(tmp_path, "m.ply", "out.ply")
+    vertex = columns(tmp_path / "out.ply")[0]["vertex"]
+    assert [vertex[name].kind for name in ("x", "y", "z", "quality")] == ["d", "d", "d", "d"]
+    assert vertex["y"].values.tolist() == [4500000.123, 4500000.25, 4500001]
+
+
+def test_quality_of_a_text_file_becomes_an_attribute(tmp_path):
+    (tmp_path / "m.ply").write_text(text_ply("0 0.1 0 0.3\n1 0 0 0.25\n0 1 0 0.123457"))
+    assert "warning" not in bake(tmp_path, "m.ply", "out.glb")
+    header, binary = check_glb((tmp_path / "out.glb").read_bytes())
+    quality = values(header, binary, header["meshes"][0]["primitives"][0]["attributes"]["_QUALITY"])
+    np.testing.assert_array_equal(quality, np.float32([0.3, 0.25, 0.123457]))
 
 
 def test_a_glb_keeps_of_a_ply_what_it_can_and_tells_the_rest(tmp_path):
