@@ -37,22 +37,28 @@ def angular(row, cosine):
 
 
 @inline
-def incident(kind, row, point):
-    """(l, distance, RGB): unit direction to the light, how far it is (for the shadow ray), what arrives unshadowed.
+def towards(kind, row, point):
+    """(l, distance): unit direction to the light and how far it is, for the shadow ray.
 
     The point may be a triple of lanes. Directional: distance is infinite. Ambient light has no direction: l = 0,
-    distance 0, so that no material reflects it through n·l; add k_a I_a instead. At the very place of a point light
-    l = 0 too.
+    distance 0, so that no material reflects it through n·l. At the very place of a point light l = 0 too.
     """
-    intensity = triple(row, layout.INTENSITY)
     zero = scale(0.0, point)  # of the point's own type
     if kind == layout.AMBIENT:
-        return zero, zero[0], add(zero, intensity)
+        return zero, zero[0]
     if kind == layout.DIRECTIONAL:
-        return subtract(zero, triple(row, layout.DIRECTION)), zero[0] + inf, add(zero, intensity)
-    towards = subtract(triple(row, layout.POSITION), point)
-    l = unit(towards)
-    distance = sqrt(dot(towards, towards))
+        return subtract(zero, triple(row, layout.DIRECTION)), zero[0] + inf
+    way = subtract(triple(row, layout.POSITION), point)
+    return unit(way), sqrt(dot(way, way))
+
+
+@inline
+def incident(kind, row, point):
+    """(l, distance, RGB): `towards` the light, and what arrives of it unshadowed. Add k_a I_a for ambient light."""
+    intensity = triple(row, layout.INTENSITY)
+    l, distance = towards(kind, row, point)
+    if kind in (layout.AMBIENT, layout.DIRECTIONAL):
+        return l, distance, add(scale(0.0, point), intensity)
     factor = radial(row, distance)
     if kind == layout.SPOT:
         factor *= angular(row, -dot(l, triple(row, layout.DIRECTION)))

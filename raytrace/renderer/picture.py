@@ -7,6 +7,7 @@ from typing import get_args
 
 import numpy as np
 
+from ..brdf.layout import TWO_SIDED
 from ..camera import Camera
 from ..image.frame import LAYERS, Frame
 from ..image.texture import LazyTextures
@@ -17,10 +18,11 @@ from ..settings import Settings, Shading
 from ..shade import workspace
 from ..shade.camera_rays import place_camera
 from ..shade.film import EDGE, TILE
+from ..shade.gouraud import light_vertices
 from ..shade.interaction import GOURAUD
 from ..shade.records import Film, SceneArrays
 from ..shade.shading_points import FILM, LIGHTING
-from ..shade.tile import light_vertices, render_tiles
+from ..shade.tile import render_tiles
 from ..shade.workspace import Scratch, Style, new_scratch
 from ..system.threads import run_blocks
 from ..types import Float32s, Float64s, Int64s
@@ -44,7 +46,7 @@ class Picture:
 
     Args:
         built: the scene. background: linear RGB. layers: whether all are wanted, or beauty alone.
-        lit: of vertices, float64 (n, LIGHTING), if they are lit already.
+        lit: `lit_vertices` of `SceneArrays`, if they are lit already.
 
     Attributes:
         scene, view, style: what kernels read.
@@ -120,17 +122,20 @@ class Picture:
             self._textures.read(np.flatnonzero(scratch.missing).tolist())
 
     def light_vertices(self, threads: int) -> None:
-        """Light all vertices, if the shading is Gouraud's."""
+        """Light all vertices, if the shading is Gouraud's: fronts, and backs if they may reflect more than them."""
         if self.style.shading != GOURAUD:
             return
-        lights, first_w = self.scene.lights, self.scene.geometry.first_w
+        lights, rows = self.scene.lights, len(self.scene.w)
         shadows = self.style.shadows and (lights.kinds != AMBIENT_LIGHT).any()
         origins = self.geometry.vertex_origins if shadows else aligned((0, 3), np.float32)
-        self.scene = self.scene._replace(lit_vertices=np.zeros((len(self.scene.w), LIGHTING)))
+        surrounded = len(lights.skies) + len(lights.harmonics) > 0
+        sides = 2 if surrounded or self.scene.geometry.rows[:, TWO_SIDED].any() else 1
+        self.scene = self.scene._replace(lit_vertices=np.zeros((sides * rows, LIGHTING)))
         finished: list[Int64s] = []
-        for item, (begin, stop) in enumerate(itertools.pairwise(first_w.tolist())):
+        objects = list(enumerate(itertools.pairwise(self.scene.geometry.first_w.tolist())))
+        for side, (item, (begin, stop)) in itertools.product(range(sides), objects):
 
-            def work(first: int, end: int, item: int = item, begin: int = begin) -> None:
+            def work(first: int, end: int, item: int = item, begin: int = begin + side * rows) -> None:
                 scratch = self.scratch()
                 light_vertices(self.scene, self.view, self.style, scratch, origins, item, (begin + first, begin + end))
                 finished.append(scratch.counts)

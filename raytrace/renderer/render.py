@@ -108,15 +108,17 @@ def rendering_bytes(scene: Scene, settings: Settings, layers: bool, threads: int
     """Bytes that `render` takes at its peak beside the scene; fitted to measurements (`ao.memory`)."""
     meshes = {id(item.shape): item.shape.mesh for item in scene.objects}.values()
     vertices, faces = sum(len(mesh.vertices) for mesh in meshes), sum(len(mesh.faces) for mesh in meshes)
-    lit = sum(len(item.shape.mesh.vertices) for item in scene.objects) * (settings.shading == "gouraud")
     _, _, wide, high = whole_tiles(settings)
     film = 4 * wide * high * (FILM if layers else LAYERS["beauty"])
     film += _EDGES * tile_count(wide, high) * (settings.samples > workspace.FIRST)
     surrounded = any(isinstance(light, SkyLight | EnvironmentLight) for light in scene.lights)
-    bent = 12 * sum(len(item.shape.mesh.vertices) for item in scene.objects) * surrounded
+    rows = sum(len(item.shape.mesh.vertices) for item in scene.objects)
+    two_sided = any(item.shape.material.two_sided for item in scene.objects)
+    lit = 8 * LIGHTING * rows * (1 + (surrounded or two_sided)) * (settings.shading == "gouraud")
+    bent = 12 * rows * surrounded
     coloured = 12 * vertices * any(item.shape.colours is not None for item in scene.objects)
     textures = texture_bytes(shape_textures(item.shape for item in scene.objects), thread_count(threads))
-    return _BASE + _VERTEX * vertices + _FACE * faces + 8 * LIGHTING * lit + bent + coloured + film + textures
+    return _BASE + _VERTEX * vertices + _FACE * faces + lit + bent + coloured + film + textures
 
 
 def describe_work(scene: Scene, settings: Settings) -> str:

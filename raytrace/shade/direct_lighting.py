@@ -12,11 +12,11 @@ from ..kernel.simd import double, select, single
 from ..kernel.simd_masks import count, first, highest, lane_numbers, lowest, pick, some
 from ..kernel.simd_memory import load_row, store_row
 from ..kernel.vector import add, choose, dot, multiply, scale, subtract
-from ..lights.kernels import cannot_matter_in, incident
+from ..lights.kernels import cannot_matter_in, incident, towards
 from ..lights.layout import AMBIENT as AMBIENT_LIGHT
 from . import shading_points as layout
 from .camera_rays import FARTHEST
-from .interaction import CONSTANT
+from .interaction import CONSTANT, FLAT
 from .shading_points import put, take
 from .shaft_culling import obstructed
 from .surroundings import add_surroundings
@@ -83,7 +83,7 @@ def corners(box):
 
 
 @inline
-def select_lights(geometry, lights, scratch, packets):
+def select_lights(geometry, lights, shading, scratch, packets):
     """Find the lights that can matter to some of the first `packets` entries, and which of them may be hidden.
 
     Fills `active` and `hidden` of `scratch`; returns their number.
@@ -102,6 +102,8 @@ def select_lights(geometry, lights, scratch, packets):
             origins, shifts = extended(origins, both, back), extended(shifts, both, subtract(back, point))
     low, high = corners(points)
     start, shift = corners(origins), corners(shifts)
+    if shading in (CONSTANT, FLAT):  # shadow rays end at the light itself
+        shift = scale(np.float32(0.0), shift[0]), scale(np.float32(0.0), shift[1])
     used = 0
     for j in range(len(lights.kinds)):
         kind, row = lights.kinds[j], lights.rows[j]
@@ -124,7 +126,7 @@ def light_entries(geometry, lights, style, scratch, packets):
         if len(lights.skies) + len(lights.harmonics) > 0:
             add_surroundings(scratch.entries[e], items, geometry, lights, total, style)
         points += count(items >= 0)
-    used = select_lights(geometry, lights, scratch, packets) if points > 0 else 0
+    used = select_lights(geometry, lights, style.shading, scratch, packets) if points > 0 else 0
     scratch.counts[CULLED] += (count_directed(lights) - used) * points
     for e in range(packets):
         items = load_row(scratch.items, e)
@@ -169,6 +171,8 @@ def light_entry(entry, items, used, geometry, lights, style, scratch):
         open_ = bright
         if style.shadows:
             if scratch.hidden[a]:
+                if style.shading in (CONSTANT, FLAT):  # the light is the face's, δ(p, j) the sample's
+                    l, distance = towards(lights.kinds[j], lights.rows[j], origin)
                 open_ = bright & unshadowed(origin, bright, l, distance, geometry, scratch)
             else:
                 counts[UNOBSTRUCTED] += count(bright)

@@ -171,7 +171,7 @@ def towards_viewer(view, point):
 
 @inline
 def hit_entry(entry, geometry, w, item, mask, hits, view, style):
-    """Write what lighting needs of hits on one object.
+    """Write what lighting needs of hits on one object; returns their faces' unit normals on the viewer's side.
 
     Args: w: of `SceneArrays`; item: row of the object; mask: the lanes that have hit it; view: that the rays are of.
     """
@@ -218,6 +218,7 @@ def hit_entry(entry, geometry, w, item, mask, hits, view, style):
         shift = geometry.first_w[item] - geometry.first_vertex[item]
         w0, w1, w2 = gather(w, i + shift), gather(w, j + shift), gather(w, k + shift)
         put1(entry, layout.W, mask, single(between(w0, w1, w2, u, v)))
+    return geometric
 
 
 @inline
@@ -232,31 +233,3 @@ def bent_entry(entry, geometry, bent, item, mask, hits):
         shift = geometry.first_w[item] - geometry.first_vertex[item]
         b0, b1, b2 = gather3(bent, i + shift), gather3(bent, j + shift), gather3(bent, k + shift)
         put(entry, layout.BENT, mask, interpolate(b0, b1, b2, hits.u, hits.v))
-
-
-@inline
-def vertex_entry(entry, geometry, w, origins, item, mask, rows, view):
-    """Write an entry for vertices as Gouraud shading lights them.
-
-    Args: origins: of `raytrace.renderer.vertex_origins`, or none where no shadow is looked for; rows: of `w`.
-    """
-    vertices = rows + (geometry.first_vertex[item] - geometry.first_w[item])
-    point = corner(geometry, item, vertices)
-    normal = vertex_normal(geometry, item, vertices)
-    backward = towards_viewer(view, point)
-    side = select(dot(normal, backward) >= 0.0, 1.0, -1.0)
-    normal = scale(side, normal)
-    put(entry, layout.POINT, mask, point)
-    if len(origins) > 0:
-        below = len(origins) - len(w)
-        put(entry, layout.ORIGIN, mask, gather3(origins, rows + select(side < 0.0, below, 0)))
-        put(entry, layout.BACK, mask, gather3(origins, rows + select(side < 0.0, 0, below)))
-    else:
-        put(entry, layout.ORIGIN, mask, point)
-        put(entry, layout.BACK, mask, point)
-    put(entry, layout.NORMAL, mask, normal)
-    put(entry, layout.VIEW, mask, backward)
-    put(entry, layout.TINT, mask, (1.0, 1.0, 1.0))
-    put(entry, layout.TANGENT, mask, (0.0, 0.0, 0.0))
-    put1(entry, layout.FRONT, mask, lights_seen(geometry, item, side))
-    put1(entry, layout.W, mask, single(gather(w, rows)))

@@ -5,6 +5,8 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 from ..image.texture import PackedTextures
+from ..kernel.borrow import borrow
+from ..kernel.jit import inline
 from ..types import Bools, Float32s, Float64s, Int32s, Int64s
 
 
@@ -73,7 +75,8 @@ class SceneArrays(NamedTuple):
     Attributes:
         w: float64 (n,), obscurance at every vertex of every object. bent: float32 (n, 3), bent normals there, zero for
         none, or (0, 3) where no light asks for them. lit_vertices: float64 (n, LIGHTING), light at them
-        for Gouraud shading (`raytrace.shade.shading_points.lighting_column`); (0, LIGHTING) for other shadings.
+        for Gouraud shading (`raytrace.shade.shading_points.lighting_column`), and n rows more for their other sides
+        where those may reflect light; (0, LIGHTING) for other shadings.
     """
 
     geometry: Geometry
@@ -82,6 +85,14 @@ class SceneArrays(NamedTuple):
     lights: Lights
     textures: PackedTextures
     lit_vertices: Float64s
+
+
+@inline
+def borrow_scene(scene):
+    """`borrow` for a scene's records and arrays."""
+    geometry, lights, textures = borrow(scene.geometry), borrow(scene.lights), borrow(scene.textures)
+    w, bent = borrow(scene.w), borrow(scene.bent)
+    return SceneArrays(geometry, w, bent, lights, textures, borrow(scene.lit_vertices))
 
 
 class Film(NamedTuple):

@@ -13,11 +13,11 @@ from ..kernel.borrow import borrow
 from ..kernel.jit import inline, kernel
 from ..kernel.simd import WIDE, double, select, single
 from ..kernel.simd_masks import count, first, lane_numbers, pick, some
-from ..kernel.simd_memory import gather, gather3, load_row, store_row
+from ..kernel.simd_memory import gather, load_row, store_row
 from ..kernel.vector import load3, multiply, scale
 from . import shading_points as layout
 from .camera_rays import aim, hit_ids
-from .direct_lighting import count_directed, light_entries, lit_fraction
+from .direct_lighting import count_directed, light_entries
 from .film import (
     TILE,
     accumulate,
@@ -31,19 +31,12 @@ from .film import (
     store_edge,
     write_pixels,
 )
-from .interaction import GOURAUD, Hits, bent_entry, between, corner_rows, hit_entry, vertex_entry
-from .records import SceneArrays
-from .shading_points import lighting_column, put, put1, take
+from .gouraud import interpolate_lit
+from .interaction import GOURAUD, Hits, bent_entry, hit_entry
+from .records import borrow_scene
+from .shading_points import put, put1, take
 from .texturing import apply_occlusion, apply_tint, texture_grain, texture_occlusion, texture_tint, vertex_tint
-from .workspace import BACKGROUND, FIRST, PACKETS, PRIMARY, RETIRED
-
-
-@inline
-def borrow_scene(scene):
-    """`borrow` for a scene's records and arrays."""
-    geometry, lights, textures = borrow(scene.geometry), borrow(scene.lights), borrow(scene.textures)
-    w, bent = borrow(scene.w), borrow(scene.bent)
-    return SceneArrays(geometry, w, bent, lights, textures, borrow(scene.lit_vertices))
+from .workspace import BACKGROUND, FIRST, PRIMARY, RETIRED
 
 
 @kernel
@@ -176,7 +169,7 @@ def trace_packet(scene, view, style, scratch, entry, start, there):
     while some(left):
         item = pick(items, first(left))
         mask = left & (items == item)
-        hit_entry(entry, geometry, scene.w, item, mask, hits, view, style)
+        face_normal = hit_entry(entry, geometry, scene.w, item, mask, hits, view, style)
         bent_entry(entry, geometry, scene.bent, item, mask, hits)
         texture_tint(entry, scene, item, mask, hits, view, scratch.missing)
         vertex_tint(entry, geometry, item, mask, hits)
@@ -188,7 +181,7 @@ def trace_packet(scene, view, style, scratch, entry, start, there):
         if style.layers:
             put(entry, layout.ALBEDO, mask, multiply(take(entry, layout.TINT), load3(material[MODEL:])))
         if style.shading == GOURAUD:
-            interpolate_lit(entry, geometry, item, mask, hits, scene.lit_vertices)
+            interpolate_lit(entry, scene, item, mask, hits, face_normal)
             apply_tint(entry, mask)
             if style.weighted:
                 apply_occlusion(entry, mask, style.form)
@@ -208,43 +201,3 @@ def clear_entry(entry, style):
     if style.layers:
         for column in range(layout.W, layout.FILM):
             store_row(entry, column, 1.0 if column <= layout.SHADOW else 0.0)
-
-
-@inline
-def interpolate_lit(entry, geometry, item, mask, hits, lit_vertices):
-    """Gouraud 1971: the light of hits is interpolated between their faces' corners'."""
-    i, j, k = corner_rows(geometry, item, mask, hits.faces)
-    shift = geometry.first_w[item] - geometry.first_vertex[item]
-    width = lit_vertices.shape[1]
-    for column in range(width):
-        at = column + shift * width
-        a, b = gather(lit_vertices, i * width + at), gather(lit_vertices, j * width + at)
-        c = gather(lit_vertices, k * width + at)
-        put1(entry, lighting_column(column), mask, single(between(a, b, c, hits.u, hits.v)))
-    put1(entry, layout.SHADOW, mask, lit_fraction(load_row(entry, layout.SENT), load_row(entry, layout.LIT)))
-
-
-@kernel
-def light_vertices(scene, view, style, scratch, origins, item, span):
-    """Gouraud 1971, first step: light the rows [span[0], span[1]) of `scene.lit_vertices`, vertices of one object.
-
-    Args: origins: see `raytrace.shade.interaction.vertex_entry`; item: row of the object.
-    """
-    scene, view, scratch, origins = borrow_scene(scene), borrow(view), borrow(scratch), borrow(origins)
-    geometry, out = scene.geometry, scene.lit_vertices
-    for begin in range(span[0], span[1], PACKETS * WIDE):
-        packets = -(-min(PACKETS * WIDE, span[1] - begin) // WIDE)
-        for e in range(packets):
-            entry, k = scratch.entries[e], begin + e * WIDE
-            mask = lane_numbers() < span[1] - k
-            at = select(mask, lane_numbers(), 0) + k
-            vertex_entry(entry, geometry, scene.w, origins, item, mask, at, view)
-            put(entry, layout.BENT, mask, (0.0, 0.0, 0.0))
-            if len(scene.bent) > 0:
-                put(entry, layout.BENT, mask, gather3(scene.bent, at))
-            store_row(scratch.items, e, select(mask, item, -1))
-        light_entries(geometry, scene.lights, style, scratch, packets)
-        for e in range(packets):
-            for lane in range(min(WIDE, span[1] - begin - e * WIDE)):
-                for column in range(out.shape[1]):
-                    out[begin + e * WIDE + lane, column] = scratch.entries[e, lighting_column(column), lane]
