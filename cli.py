@@ -29,7 +29,13 @@ app = typer.Typer(
 
 Threads = Annotated[int | None, typer.Option(help="Number of threads, by default all cores; results are the same.")]
 Form = Annotated[
-    choices.FalloffForm, typer.Option(help="Occlusion fades with distance, or not (binary: ambient occlusion).")
+    str,
+    typer.Option(
+        metavar="exponential|binary|linear|smooth|table:FILE",
+        autocompletion=lambda incomplete: [name for name in choices.FALLOFFS if name.startswith(incomplete)],
+        help="How occlusion fades with distance; not at all (binary: ambient occlusion); or a table of two columns, "
+        "distance and what a hit there leaves open, 0 to 1: .csv .txt .npy.",
+    ),
 ]
 MaxDistance = Annotated[str, typer.Option(help='Ignore hits farther away: mesh units, "25%" of the radius, or inf.')]
 NORMALS = typer.Option(help="Vertex normals: face normals weighted by angle, by area or equally, or the file's own.")
@@ -457,8 +463,9 @@ def bench(
     """Measure bake time against error on this machine."""
     options = {name: choices.plain(value) for name, value in locals().items() if name != "report"}
     from scenes.commands.bench import bench_file
+    from scenes.readers.falloffs import make_falloff
 
-    bench_file(mesh, choices.make_falloff(falloff, None, None, max_distance), seed, threads, report, options)
+    bench_file(mesh, make_falloff(falloff, None, None, max_distance), seed, threads, report, options)
 
 
 @app.command()

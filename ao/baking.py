@@ -47,7 +47,8 @@ def bake(
     Args:
         mesh: the surface, a `raytrace.Mesh`, a pair (vertices, faces), or a mesh of trimesh, PyVista or meshio; both
             sides of every face occlude.
-        falloff: μ, `Binary(…)` or `Exponential(…)`, or "binary" or "exponential"; by default `Exponential()`.
+        falloff: μ, `Exponential(…)` (the default), `Binary(…)`, `Linear(…)`, `Smooth(…)` or `Tabulated(…)`; or "binary"
+            or "exponential".
         samples: rays a vertex, 1 to 2²⁰, by default 256; with a tolerance the most, by default 2¹⁴. By the surface
             method they are spread over the vertex's faces, up to 32 from each of many points.
         seed: 0 to 2⁶⁴ − 1. The same seed gives the same bits for any number of threads.

@@ -7,20 +7,23 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
-from typing import Annotated, NamedTuple
+from collections.abc import Callable, Sequence
+from typing import Annotated, Any
 
 import numpy as np
-import numpy.typing as npt
 from pydantic import Field, PlainValidator, ValidationInfo
 
-from raytrace.errors import OptionError
-from raytrace.kernel.jit import inline
+from raytrace.errors import OptionError, numbers
 from raytrace.system.parameters import Parameters
 from raytrace.types import Float64s
 
+from .mu import Mu
+
 Length = float | str
 DEFAULT_HALF_DISTANCE = "50%"
+MAX_KNOTS = 1 << 16
+_STEPS = 1024  # of functions that are sampled
+_ROUNDING = 1e-6  # by which a function may miss 0, 1 and monotony
 
 
 def resolve_length(field: str, length: Length, radius: float) -> float:
@@ -47,53 +50,24 @@ def _length(value: Length, field: ValidationInfo) -> Length:
     return value
 
 
+def _finite_length(value: Length, field: ValidationInfo) -> Length:
+    name = str(field.field_name)
+    if math.isinf(resolve_length(name, value, 1.0)):
+        raise OptionError(name, 'a finite length, such as 0.5 or "25%"', repr(value))
+    return value
+
+
+def _listed(values: Any) -> tuple[Any, ...]:
+    try:
+        return tuple(np.asarray(values).tolist())
+    except (TypeError, ValueError):
+        raise ValueError("a list of numbers") from None
+
+
 Rate = Annotated[float, Field(strict=True, gt=0, lt=math.inf, description="a finite rate above 0")]
 Limit = Annotated[Length, PlainValidator(_length)]
-
-
-class KernelMu(NamedTuple):
-    """A falloff as kernels take it, in render space.
-
-    Attributes:
-        tau: rate τ of the exponential form per unit of length, 0 for the binary form.
-        limit: max_distance D, from which on μ is 1, or inf.
-        scale: 1/(1 − e^(−τD)), 1 for the binary form.
-    """
-
-    tau: float
-    limit: float
-    scale: float
-
-
-@inline
-def exponential_mu(distance, falloff):
-    """μ at a distance below the limit of a `KernelMu`, for τ > 0 (12.74)."""
-    return -np.expm1(-falloff.tau * distance) * falloff.scale
-
-
-@dataclass(frozen=True)
-class Mu:
-    """A falloff whose lengths are known: what a bake computes with.
-
-    Attributes:
-        tau: rate of the exponential form per mesh unit, or None for the binary form.
-        max_distance: mesh units, or inf.
-    """
-
-    tau: float | None
-    max_distance: float
-
-    def __call__(self, distance: npt.ArrayLike) -> Float64s:
-        """μ in [0, 1] of distances (…) in mesh units."""
-        x = np.asarray(distance, np.float64)
-        if self.tau is None:
-            return np.where(x < self.max_distance, 0.0, 1.0)
-        return np.expm1(-self.tau * np.minimum(x, self.max_distance)) / np.expm1(-self.tau * self.max_distance)
-
-    def in_render_space(self, scale: float) -> KernelMu:
-        """The same for lengths that are multiplied by `scale`."""
-        tau, limit = (self.tau or 0.0) / scale, self.max_distance * scale
-        return KernelMu(tau, limit, -1.0 / math.expm1(-tau * limit) if tau > 0 else 1.0)
+Reach = Annotated[Length, PlainValidator(_finite_length)]
+Row = Annotated[Any, PlainValidator(_listed), Field(description="a list of numbers")]
 
 
 class Binary(Parameters, kw_only=False, source="options"):
@@ -110,7 +84,7 @@ class Binary(Parameters, kw_only=False, source="options"):
 
     def resolve(self, radius: float) -> Mu:
         """μ for a mesh of bounding-sphere radius `radius`."""
-        return Mu(None, resolve_length("max_distance", self.max_distance, radius or 1.0))
+        return Mu("binary", resolve_length("max_distance", self.max_distance, radius or 1.0))
 
 
 class Exponential(Parameters, kw_only=False, source="options"):
@@ -142,7 +116,134 @@ class Exponential(Parameters, kw_only=False, source="options"):
         if tau is None:
             length = DEFAULT_HALF_DISTANCE if self.half_distance is None else self.half_distance
             tau = math.log(2) / resolve_length("half_distance", length, radius or 1.0)
-        return Mu(tau, resolve_length("max_distance", self.max_distance, radius or 1.0))
+        return Mu("exponential", resolve_length("max_distance", self.max_distance, radius or 1.0), tau)
 
 
-Falloff = Binary | Exponential
+class Linear(Parameters, kw_only=False, source="options"):
+    """μ(x) = x/D for x < D, 1 beyond: linear attenuation, the limit of the exponential form for τ → 0.
+
+    Args:
+        max_distance: D, a finite length in mesh units or "P%" of the bounding-sphere radius.
+
+    Raises:
+        OptionError: `max_distance` is not a finite length above 0.
+    """
+
+    max_distance: Reach
+
+    def resolve(self, radius: float) -> Mu:
+        """μ for a mesh of bounding-sphere radius `radius`."""
+        limit = resolve_length("max_distance", self.max_distance, radius or 1.0)
+        return Mu("linear", limit, knots=((0.0, 0.0), (limit, 1.0)))
+
+
+class Smooth(Parameters, kw_only=False, source="options"):
+    """μ(x) = 3t² − 2t³ with t = x/D for x < D, 1 beyond: the smooth step, by 1,025 knots exact to 1e-6.
+
+    Args:
+        max_distance: D, a finite length in mesh units or "P%" of the bounding-sphere radius.
+
+    Raises:
+        OptionError: `max_distance` is not a finite length above 0.
+    """
+
+    max_distance: Reach
+
+    def resolve(self, radius: float) -> Mu:
+        """μ for a mesh of bounding-sphere radius `radius`."""
+        limit = resolve_length("max_distance", self.max_distance, radius or 1.0)
+        t = np.linspace(0, 1, _STEPS + 1)
+        return Mu("smooth", limit, knots=_knots(limit * t, t * t * (3 - 2 * t)))
+
+
+class Tabulated(Parameters, kw_only=False, source="options"):
+    """Any monotone μ (12.73): values at ascending distances, linear between them, 1 beyond the last.
+
+    Args:
+        distances: 2 to 65,536 lengths from 0 on, each larger than the one before; all in mesh units, or all "P%" of
+            the bounding-sphere radius.
+        values: μ there, from 0 to 1, nowhere falling.
+
+    Raises:
+        OptionError: they are no such lists.
+    """
+
+    distances: Row
+    values: Row
+
+    def __post_init__(self) -> None:
+        distances, _ = _in_one_unit(self.distances)
+        values = numbers(self.values, "options", "values", "numbers from 0 to 1")
+        if distances.shape != values.shape or not 2 <= len(distances) <= MAX_KNOTS:
+            expected = f"one for each of 2 to {MAX_KNOTS:,} distances"
+            raise OptionError("values", expected, f"{values.size:,} for {distances.size:,}")
+        for name, column, rises, expected in (
+            ("distances", distances, np.diff(distances) > 0, "finite lengths that ascend from 0"),
+            ("values", values, np.diff(values) >= 0, "numbers that rise from 0 to 1, or stay"),
+        ):
+            good = np.isfinite(column) & np.append(column[0] == 0, rises)
+            if not good.all():
+                row = int(np.argmin(good))
+                raise OptionError(name, expected, f"{column[row]:g} in row {row + 1:,}")
+        if values[-1] != 1:
+            raise OptionError("values", "1 at the last distance", f"{values[-1]:g}")
+
+    @classmethod
+    def of(cls, function: Callable[[float], float], max_distance: Length) -> Tabulated:
+        """`function` at 1,025 distances, denser towards 0: the k-th is D (k/1024)².
+
+        Between them μ errs by at most D²/(2·1024²) · max |x/D · μ''(x)|, such as 1e-5 for 1 − e^(−τx) with D = 40/τ.
+
+        Args:
+            function: μ of one distance, in mesh units, or in percent of the radius if `max_distance` is; 0 at 0, 1 at
+                `max_distance` (both within 1e-6), nowhere falling.
+            max_distance: D, a finite length in mesh units or "P%" of the bounding-sphere radius.
+
+        Raises:
+            OptionError: `max_distance` is no such length, or `function` no such function.
+        """
+        limit = resolve_length("max_distance", max_distance, 100.0)  # a percentage as its number
+        if math.isinf(limit):
+            raise OptionError("max_distance", 'a finite length, such as 0.5 or "25%"', repr(max_distance))
+        distances = (limit * np.linspace(0, 1, _STEPS + 1) ** 2).tolist()
+        values = numbers([function(x) for x in distances], "options", "function", "a number at every distance")
+        rising = np.clip(np.maximum.accumulate(values), 0, 1)
+        rising[[0, -1]] = 0, 1
+        wrong = ~(np.abs(rising - values) <= _ROUNDING)
+        if wrong.any():
+            row = int(np.argmax(wrong))
+            expected = "values that rise from 0 at distance 0 to 1 at max_distance, or stay"
+            raise OptionError("function", expected, f"{values[row]:g} at distance {distances[row]:g}")
+        unit = "%" if isinstance(max_distance, str) and max_distance.strip().endswith("%") else ""
+        return cls([f"{x!r}%" for x in distances] if unit else distances, rising)
+
+    @property
+    def max_distance(self) -> Length:
+        """The last of the distances."""
+        return self.distances[-1]
+
+    def resolve(self, radius: float) -> Mu:
+        """μ for a mesh of bounding-sphere radius `radius`; its limit is the first distance with the value 1."""
+        distances, relative = _in_one_unit(self.distances)
+        if relative:
+            distances = distances / 100 * (radius or 1.0)
+        values = np.asarray(self.values, np.float64)
+        count = int(np.argmax(values == 1)) + 1
+        return Mu("table", float(distances[count - 1]), knots=_knots(distances[:count], values[:count]))
+
+
+def _knots(distances: Float64s, values: Float64s) -> tuple[tuple[float, float], ...]:
+    return tuple(zip(distances.tolist(), values.tolist(), strict=True))
+
+
+def _in_one_unit(distances: Sequence[Any]) -> tuple[Float64s, bool]:
+    """Distances as numbers, and whether they are percentages. Raises: OptionError: they are neither."""
+    texts = [str(distance).strip() for distance in distances]
+    found = numbers([text.removesuffix("%") for text in texts], "options", "distances", 'lengths, such as 0.5 or "25%"')
+    relative = np.array([text.endswith("%") for text in texts], bool)
+    if relative.any() and not (relative | (found == 0)).all():
+        raise OptionError("distances", "all in mesh units, or all percentages", "some of both")
+    return found, bool(relative.any())
+
+
+Falloff = Binary | Exponential | Linear | Smooth | Tabulated

@@ -27,12 +27,12 @@ def falloff_of(given: Falloff | str | None) -> Falloff:
     """
     if given is None:
         return Exponential()
-    if isinstance(given, Binary | Exponential):
+    if isinstance(given, Falloff):
         return given
     named = {"binary": Binary, "exponential": Exponential}
     if isinstance(given, str) and given in named:
         return named[given]()
-    expected = 'ao.Binary(…), ao.Exponential(…), "binary" or "exponential"'
+    expected = 'ao.Binary(…), .Exponential(…), .Linear(…), .Smooth(…), .Tabulated(…), "binary" or "exponential"'
     near = nearest_name(given, named) if isinstance(given, str) else None
     raise OptionError("falloff", expected, repr(given), "bake", near)
 

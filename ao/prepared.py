@@ -12,8 +12,8 @@ from raytrace.mesh.placement import Placement
 from raytrace.sampling.hash import seed_key
 from raytrace.system.threads import thread_count
 
-from .falloff import Mu
 from .gather.receivers import Receivers, find_receivers
+from .mu import Mu
 from .options import Options
 from .trace.checkpoint import Checkpoint
 from .trace.ray_scene import RayScene

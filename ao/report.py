@@ -60,9 +60,10 @@ def report(
         "w": _summary(bake.w[shown], 1.0),
         "error": _summary(bake.error[shown]),
         "falloff": {
-            "form": "binary" if bake.mu.tau is None else "exponential",
+            "form": bake.mu.form,
             "tau": bake.mu.tau,
             "max_distance": "inf" if bake.mu.max_distance == float("inf") else bake.mu.max_distance,
+            **({"knots": bake.mu.knots} if bake.mu.form == "table" else {}),
         },
         "seed": options["seed"],
         "options": options,

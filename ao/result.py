@@ -11,8 +11,8 @@ from raytrace.mesh.normals import normalize
 from raytrace.types import Float64s, UInt8s
 
 from .adaptive.calibration import Calibration
-from .falloff import Mu
 from .gather.receivers import Flag
+from .mu import Mu
 from .prepared import Prepared
 
 _REASONS = "duplicate", "no_normal", "not_wanted", "below_face", "predicted", "hidden"

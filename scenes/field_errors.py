@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 
-from raytrace.errors import InputError, MeshError, SceneError, nearest_name, shortened
+from raytrace.errors import InputError, OptionError, SceneError, nearest_name, shortened
 
 _LONGEST = 100
 
@@ -38,12 +38,12 @@ def located(source: object, path: str) -> Iterator[None]:
         yield
     except SceneError:
         raise
-    except MeshError as fault:
-        field = f"{path}: {fault.source}: {fault.field}"
-        raise SceneError(source, field, fault.expected, fault.got, fault.nearest) from None
-    except InputError as fault:
+    except OptionError as fault:
         got = _one_line(fault.got)
         raise SceneError(source, joined(path, fault.field), fault.expected, got, fault.nearest) from None
+    except InputError as fault:
+        field = f"{path}: {fault.source}: {fault.field}"
+        raise SceneError(source, field, fault.expected, fault.got, fault.nearest) from None
 
 
 def _one_line(value: object) -> str:

@@ -3,10 +3,13 @@
 Every function returns w as a float, 1 = open. `tau` is the rate τ > 0, in 1/length, of μ(x) = 1 − e^(−τx) (12.74), or
 None for the binary μ (0 on a hit). Lengths share one unit. p lies on a plane, normal up, unless said otherwise.
 Scenes of planes, where a limit D is offered, take it as `max_distance`: μ(x) = (1 − e^(−τx))/(1 − e^(−τD)) below D
-and 1 beyond. Where no antiderivative exists, one adaptive quadrature is left, good to 1e-10.
+and 1 beyond; with it `tau` may also be "linear", μ = x/D, or "smooth", μ = 3(x/D)² − 2(x/D)³. Where no antiderivative
+exists, one adaptive quadrature is left, good to 1e-10.
 
 All follow from one transform of a scene, L(τ, D) = (1/π) ∫_{d<D} e^(−τd) cosθ dω, as w = 1 − L(0, D) when binary and
-w = 1 − [L(τ, D) − e^(−τD) L(0, D)]/(1 − e^(−τD)) when exponential. Arguments outside their range raise ValueError.
+w = 1 − [L(τ, D) − e^(−τD) L(0, D)]/(1 − e^(−τD)) when exponential; and from its moments
+M_n(D) = (1/π) ∫_{d<D} dⁿ cosθ dω when μ is a polynomial Σ c_n (x/D)ⁿ: w = 1 − L(0, D) + Σ c_n M_n(D)/Dⁿ. Arguments
+outside their range raise ValueError.
 """
 
 from __future__ import annotations
@@ -14,10 +17,15 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from itertools import pairwise
 from math import acos, asin, atan2, cos, exp, expm1, hypot, inf, isinf, pi, sin, sqrt
+from typing import Literal
 
 from scipy.integrate import quad
 
 from .special import bickley, shell
+
+Rate = float | Literal["linear", "smooth"] | None
+POLYNOMIALS = {"linear": {1: 1.0}, "smooth": {2: 3.0, 3: -2.0}}
+"""Coefficients of μ by powers of x/D."""
 
 
 def _require(condition: bool, message: str) -> None:
@@ -25,7 +33,12 @@ def _require(condition: bool, message: str) -> None:
         raise ValueError(message)
 
 
-def _obscurance(transform: Callable[[float, float], float], tau: float | None, max_distance: float = inf) -> float:
+def _obscurance(transform: Callable[..., float], tau: Rate, max_distance: float = inf) -> float:
+    """w. Args: transform: (τ, D) → L, and (0, D, n) → M_n if there are polynomials."""
+    if isinstance(tau, str):
+        _require(0 < max_distance < inf, f"max_distance: expected > 0 and finite, got {max_distance}")
+        terms = [c * transform(0.0, max_distance, n) / max_distance**n for n, c in POLYNOMIALS[tau].items()]
+        return 1.0 - transform(0.0, max_distance) + sum(terms)
     _require(tau is None or 0 < tau < inf, f"tau: expected a finite rate > 0 or None, got {tau}")
     _require(max_distance > 0, f"max_distance: expected > 0, got {max_distance}")
     if tau is None:
@@ -48,13 +61,17 @@ def _upright(
     limit: float,
     azimuths: tuple[float, float],
     breaks: Sequence[float] = (),
+    power: int = 0,
 ) -> float:
-    """L of walls perpendicular to the floor: (1/π) ∫ shell(τ, ρ(φ), √(ρ² + h²)) dφ, ρ the distance at azimuth φ."""
+    """L of walls perpendicular to the floor: (1/π) ∫ shell(τ, ρ(φ), √(ρ² + h²)) dφ, ρ the distance at azimuth φ.
+
+    Args: power: n of M_n.
+    """
 
     def integrand(azimuth: float) -> float:
         near = distance(azimuth)
         far = min(limit, hypot(near, height))
-        return float(shell(tau, near, far)) if near < far else 0.0
+        return float(shell(tau, near, far, power)) if near < far else 0.0
 
     return _integral(integrand, *azimuths, breaks) / pi
 
@@ -73,59 +90,60 @@ def tilted_normal(tilt: float) -> float:
     return (1 + cos(tilt)) / 2
 
 
-def dome(radius: float, tau: float | None = None, max_distance: float = inf) -> float:
-    """Dome of the given radius R centred at p: 0 binary, 1 − e^(−τR) exponential, without variance."""
-    return _obscurance(lambda t, limit: exp(-t * radius) if radius < limit else 0.0, tau, max_distance)
+def dome(radius: float, tau: Rate = None, max_distance: float = inf) -> float:
+    """Dome of the given radius R centred at p: 0 binary, 1 − e^(−τR) exponential, R/D linear, without variance."""
+    return _obscurance(lambda t, limit, n=0: exp(-t * radius) * radius**n if radius < limit else 0.0, tau, max_distance)
 
 
-def ceiling(height: float, tau: float | None = None, max_distance: float = inf) -> float:
-    """Infinite ceiling at height h: (h/D)² binary, 1 − 2E3(τh) exponential and unlimited."""
+def ceiling(height: float, tau: Rate = None, max_distance: float = inf) -> float:
+    """Infinite ceiling at height h: (h/D)² binary, 1 − 2E3(τh) exponential and unlimited, 1 − (1 − h/D)² linear."""
     return disk(height, inf, tau, max_distance)
 
 
-def disk(height: float, radius: float, tau: float | None = None, max_distance: float = inf) -> float:
+def disk(height: float, radius: float, tau: Rate = None, max_distance: float = inf) -> float:
     """Disk of radius R at height h, centred over p and parallel to the plane.
 
     Binary h²/(h² + R²); exponential 1 − 2[E3(τh) − c² E3(τ√(h² + R²))], c² = h²/(h² + R²). D cuts the disk to the
-    radius √(D² − h²).
+    radius √(D² − h²). Linear, to the distance F = min(D, √(h² + R²)): h²/F² + (2h/D)(1 − h/F).
     """
     _require(height > 0 and radius > 0, f"height, radius: expected > 0, got {height}, {radius}")
 
-    def transform(t: float, limit: float) -> float:
-        return 2 * float(shell(t, height, min(limit, hypot(height, radius)))) if height < limit else 0.0
+    def transform(t: float, limit: float, n: int = 0) -> float:
+        return 2 * float(shell(t, height, min(limit, hypot(height, radius)), n)) if height < limit else 0.0
 
     return _obscurance(transform, tau, max_distance)
 
 
-def wall(distance: float, height: float = inf, tau: float | None = None, max_distance: float = inf) -> float:
+def wall(distance: float, height: float = inf, tau: Rate = None, max_distance: float = inf) -> float:
     """Wall of the given height h (∞ allowed) and infinite length, standing at distance d from p.
 
-    Binary ½(1 + d/√(d² + h²)), so ½ for h = ∞; exponential for h = ∞: 1 − (2/π)[Ki1(τd) − Ki3(τd)].
+    Binary ½(1 + d/√(d² + h²)), so ½ for h = ∞; exponential for h = ∞: 1 − (2/π)[Ki1(τd) − Ki3(τd)];
+    linear for h = ∞: 1 − (1/π)[β − 2c artanh(sinβ) + c² tanβ] with c = cosβ = d/D.
     """
     _require(distance > 0 and height > 0, f"distance, height: expected > 0, got {distance}, {height}")
     return trench(inf, distance, height, tau, max_distance)
 
 
-def trench(left: float, right: float, height: float, tau: float | None = None, max_distance: float = inf) -> float:
+def trench(left: float, right: float, height: float, tau: Rate = None, max_distance: float = inf) -> float:
     """Floor of an infinitely long trench of the given depth h, between walls at distances x = left and W − x = right.
 
     Binary ½[(W−x)/√((W−x)² + h²) + x/√(x² + h²)]. A wall at ∞ is absent.
     """
     _require(min(left, right, height) > 0, f"left, right, height: expected > 0, got {left}, {right}, {height}")
 
-    def one(d: float, t: float, limit: float) -> float:
+    def one(d: float, t: float, limit: float, n: int) -> float:
         if d >= limit:
             return 0.0
         if t == 0.0 and isinf(limit):
             return 0.5 - (0.5 * d / hypot(d, height) if height < inf else 0.0)
         reach = acos(d / limit)
         top = acos(min(1.0, d / sqrt(limit**2 - height**2))) if limit > height and not isinf(limit) else 0.0
-        return 2 * _upright(lambda a: d / cos(a), height, t, limit, (0.0, reach), (top,))
+        return 2 * _upright(lambda a: d / cos(a), height, t, limit, (0.0, reach), (top,), n)
 
-    return _obscurance(lambda t, limit: one(left, t, limit) + one(right, t, limit), tau, max_distance)
+    return _obscurance(lambda t, limit, n=0: one(left, t, limit, n) + one(right, t, limit, n), tau, max_distance)
 
 
-def corner(first: float, second: float, tau: float | None = None) -> float:
+def corner(first: float, second: float, tau: Rate = None) -> float:
     """Two perpendicular walls of infinite height and length, at the given distances from p: ¼ binary.
 
     Exponential 1 − (1/π) ∫ E3(τρ(φ)) dφ over the three quadrants of azimuth that a wall closes.
@@ -143,7 +161,7 @@ def corner(first: float, second: float, tau: float | None = None) -> float:
     return 0.25 if tau is None else _obscurance(transform, tau)
 
 
-def box(sides: tuple[float, float, float, float], height: float, tau: float | None = None,
+def box(sides: tuple[float, float, float, float], height: float, tau: Rate = None,
         max_distance: float = inf) -> float:  # fmt: skip
     """Floor of a closed box, p at distances `sides` = (+x, +y, −x, −y) from its four walls: 0 binary and unlimited.
 
@@ -153,20 +171,20 @@ def box(sides: tuple[float, float, float, float], height: float, tau: float | No
     if tau is None and isinf(max_distance):
         return 0.0
 
-    def transform(t: float, limit: float) -> float:
+    def transform(t: float, limit: float, n: int = 0) -> float:
 
         def quadrant(a: float, b: float) -> float:
             def to_wall(azimuth: float) -> float:
                 return min(a / max(cos(azimuth), 1e-300), b / max(sin(azimuth), 1e-300))
 
             def top(azimuth: float) -> float:
-                return float(shell(t, height, min(limit, hypot(to_wall(azimuth), height))))
+                return float(shell(t, height, min(limit, hypot(to_wall(azimuth), height)), n))
 
             breaks = [atan2(b, a)]
             for reach in (limit, sqrt(max(limit**2 - height**2, 0.0))):  # where D leaves a wall, and its top edge
                 breaks += [acos(a / reach)] if a < reach < inf else []
                 breaks += [asin(b / reach)] if b < reach < inf else []
-            walls = _upright(to_wall, height, t, limit, (0.0, pi / 2), breaks)
+            walls = _upright(to_wall, height, t, limit, (0.0, pi / 2), breaks, n)
             return walls + (_integral(top, 0.0, pi / 2, breaks) / pi if height < limit else 0.0)
 
         return sum(quadrant(a, b) for a, b in zip(sides, (*sides[1:], sides[0]), strict=True))
@@ -174,7 +192,7 @@ def box(sides: tuple[float, float, float, float], height: float, tau: float | No
     return _obscurance(transform, tau, max_distance)
 
 
-def groove(angle: float, distance: float, tau: float | None = None) -> float:
+def groove(angle: float, distance: float, tau: Rate = None) -> float:
     """V-groove of interior angle α (0…π, radians), p on one side at `distance` s from the edge: sin²(α/2) binary.
 
     In the cross-section the other side is met at ρ(φ) = s sinα/sin(φ − α), φ > α (law of sines).
@@ -187,7 +205,7 @@ def groove(angle: float, distance: float, tau: float | None = None) -> float:
     )
 
 
-def sphere(radius: float, height: float, offset: float = 0.0, tau: float | None = None) -> float:
+def sphere(radius: float, height: float, offset: float = 0.0, tau: Rate = None) -> float:
     """Sphere of radius R whose centre is H ≥ R above the plane, r aside: 1 − R²H/(r² + H²)^{3/2} binary.
 
     Exponential 1 − 2(H/C) ∫ e^(−τd(γ)) cosγ sinγ dγ, γ the angle to the centre, C = √(r² + H²) its distance and
@@ -208,7 +226,7 @@ def sphere(radius: float, height: float, offset: float = 0.0, tau: float | None 
     return _obscurance(transform, tau)
 
 
-def inside_sphere(radius: float, tau: float | None = None) -> float:
+def inside_sphere(radius: float, tau: Rate = None) -> float:
     """p on the inner face of a sphere: 0 binary, 1 − 2[1 − (1 + a)e^(−a)]/a² with a = 2τR exponential."""
     _require(radius > 0, f"radius: expected > 0, got {radius}")
 
@@ -219,7 +237,7 @@ def inside_sphere(radius: float, tau: float | None = None) -> float:
     return _obscurance(transform, tau)
 
 
-def inside_cylinder(radius: float, tau: float | None = None) -> float:
+def inside_cylinder(radius: float, tau: Rate = None) -> float:
     """p on the inner face of an infinite cylinder: 0 binary, 1 − (4/π) ∫₀^{π/2} cosψ Ki3(2τR cosψ) dψ exponential."""
     _require(radius > 0, f"radius: expected > 0, got {radius}")
     if tau is None:
@@ -227,7 +245,7 @@ def inside_cylinder(radius: float, tau: float | None = None) -> float:
     return _obscurance(lambda t, _: _extruded(lambda a: 2 * radius * sin(a), t, (0.0, pi)), tau)
 
 
-def cylinder(radius: float, height: float, offset: float = 0.0, tau: float | None = None) -> float:
+def cylinder(radius: float, height: float, offset: float = 0.0, tau: Rate = None) -> float:
     """Infinite cylinder parallel to the plane, axis H ≥ R above it and x aside: 1 − RH/(x² + H²) binary.
 
     Exponential by its cross-section, a circle met at C cosγ − √(R² − C² sin²γ), γ the angle to its centre.

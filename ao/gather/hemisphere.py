@@ -11,7 +11,7 @@ from raytrace.embree.packets import GEOM_ID, INVALID, LANES, TFAR, intersect8, o
 from raytrace.kernel.borrow import borrow
 from raytrace.kernel.jit import kernel
 
-from ..falloff import exponential_mu
+from ..mu import faded, fades
 from .directions import BATCHES, choose, turned_frame
 from .estimate import write_estimate
 from .ray_packet import aim, start_from
@@ -31,7 +31,8 @@ def gather_hemispheres(packet, points, table, falloff, reach, out):
     table, out = borrow(table), borrow(out)
     batches, samples = table.batches, len(table.batches)
     lost = np.zeros(BATCHES)
-    exponential = falloff.tau > 0.0
+    falloff = borrow(falloff)
+    fading = fades(falloff)
     ids = rays.view(np.uint32)
     for i in range(len(origins)):
         chosen, turn = choose(numbers[i], table)
@@ -46,16 +47,16 @@ def gather_hemispheres(packet, points, table, falloff, reach, out):
             lanes = min(LANES, samples - first)
             valid[lanes:] = 0
             aim(rays, local, first, t, b, n, reach)
-            if exponential:
+            if fading:
                 intersect8(scene, rays, valid)
             else:
                 occluded8(scene, rays, valid)
             for lane in range(lanes):
                 loss = 1.0  # 1 − μ
-                if exponential:
+                if fading:
                     if ids[GEOM_ID, lane] == INVALID:
                         continue
-                    loss -= exponential_mu(rays[TFAR, lane], falloff)
+                    loss -= faded(rays[TFAR, lane], falloff)
                 elif rays[TFAR, lane] >= 0.0:
                     continue
                 lost[batches[first + lane]] += loss

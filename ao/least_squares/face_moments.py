@@ -19,9 +19,9 @@ from raytrace.sampling.hash import mix
 from raytrace.sampling.warps import cosine_hemisphere
 from raytrace.types import Float32s, Float64s
 
-from ..falloff import exponential_mu
 from ..gather.directions import turned_frame
 from ..gather.ray_packet import aim, start_from
+from ..mu import faded, fades
 from .samples import GOLDEN, place
 
 HIDDEN = 1e-4  # weight of a sample that sees the back of things; not 0, so that hidden faces have a value too
@@ -105,6 +105,8 @@ def gather_faces(packet, faces, samples, lattices, falloff, reach, moments, coun
     corners, normals, axes = borrow(faces)
     shift, ends, starts, weights = borrow(samples)
     directions, key = borrow(lattices)
+    falloff = borrow(falloff)
+    fading = fades(falloff)
     moments, counts = borrow(moments), borrow(counts)
     ids = rays.view(np.uint32)
     count = directions.shape[2]
@@ -146,7 +148,7 @@ def gather_faces(packet, faces, samples, lattices, falloff, reach, moments, coun
                         if x * rays[NG_X, lane] + y * rays[NG_Y, lane] + z * rays[NG_Z, lane] > 0.0:
                             backs += 1
                         if rays[TFAR, lane] < falloff.limit:
-                            mu = exponential_mu(rays[TFAR, lane], falloff) if falloff.tau > 0.0 else 0.0
+                            mu = faded(rays[TFAR, lane], falloff) if fading else 0.0
                     values[0] += 1.0 - mu
                     values[1] += mu * x
                     values[2] += mu * y

@@ -14,10 +14,10 @@ from raytrace.mesh.placement import Placement
 from raytrace.sampling.hash import mix_array
 from raytrace.types import Bools, Float32s, Float64s, Int32s, Int64s
 
-from ..falloff import KernelMu
 from ..gather.morton import fine_morton_order
 from ..gather.ray_packet import RayPacket
 from ..gather.receivers import Receivers
+from ..mu import KernelMu
 from ..prepared import Prepared
 from ..trace.ray_scene import RayScene
 from ..trace.work import Tables, fill

@@ -10,9 +10,9 @@ from raytrace.kernel.simd import WIDE
 from raytrace.kernel.simd_masks import bits, lowest_bit
 from raytrace.kernel.simd_memory import load_row
 
-from ..falloff import exponential_mu
 from ..gather.directions import choose, turned_frame
 from ..gather.estimate import BATCHES, write_estimate
+from ..mu import faded, fades
 from .rays import NEVER, send_out
 from .walk import walk
 
@@ -30,7 +30,8 @@ def gather_streams(tree, rays, room, points, table, falloff, reach, out):
     origins, normals, numbers = borrow(points)
     table, out = borrow(table), borrow(out)
     batches, samples = table.batches, len(table.batches)
-    reach, exponential = np.float32(reach), falloff.tau > 0.0
+    falloff, reach = borrow(falloff), np.float32(reach)
+    fading = fades(falloff)
     lost = np.zeros(BATCHES)
     for i in range(len(origins)):
         origin, normal = (origins[i, 0], origins[i, 1], origins[i, 2]), (normals[i, 0], normals[i, 1], normals[i, 2])
@@ -38,18 +39,18 @@ def gather_streams(tree, rays, room, points, table, falloff, reach, out):
         t, b = turned_frame(normal, turn)
         frame = t, b, normal
         send_out(rays, table.directions, table.cones, chosen, samples, frame, reach)
-        walk(tree, room, rays, origin, normal, table.lowest[chosen], exponential, reach)
+        walk(tree, room, rays, origin, normal, table.lowest[chosen], fading, reach)
         lost[:] = 0.0
         x = y = z = 0.0
         for k in range(len(rays.nearest)):
             sent = (1 << min(samples - WIDE * k, WIDE)) - 1
-            met = bits(load_row(rays.nearest, k) < NEVER) & sent if exponential else sent & ~rays.open[k]
+            met = bits(load_row(rays.nearest, k) < NEVER) & sent if fading else sent & ~rays.open[k]
             while met != 0:
                 ray = WIDE * k + lowest_bit(met)
                 met &= met - 1
                 loss = 1.0  # 1 − μ
-                if exponential:
-                    loss -= exponential_mu(rays.nearest[k, ray % WIDE], falloff)
+                if fading:
+                    loss -= faded(rays.nearest[k, ray % WIDE], falloff)
                 lost[batches[ray]] += loss
                 x += loss * table.directions[chosen, 0, ray]
                 y += loss * table.directions[chosen, 1, ray]

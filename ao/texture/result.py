@@ -13,7 +13,7 @@ from raytrace.mesh.normals import normalize
 from raytrace.types import Bools, Float32s, Float64s
 
 from ..adaptive.calibration import Calibration
-from ..falloff import Mu
+from ..mu import Mu
 from .texels import Texels
 from .uv_layout import UVLayout
 

@@ -15,11 +15,12 @@ from raytrace.system.threads import thread_count
 from raytrace.types import Float64s, Int64s
 
 from ..adaptive.fixed_samples import place_samples
-from ..falloff import Falloff, KernelMu, Mu
+from ..falloff import Falloff
 from ..gather.corners import Corners, find_corners
 from ..gather.estimate import W
 from ..gather.points import Points
 from ..gather.receivers import lift_points
+from ..mu import KernelMu, Mu
 from ..options import MAX_SAMPLES, Normals, Options, Traversal, falloff_of
 from ..trace.hemispheres import Hemispheres
 from ..trace.ray_scene import RayScene

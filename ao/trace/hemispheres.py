@@ -8,11 +8,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..falloff import KernelMu
 from ..gather.estimate import COLUMNS
 from ..gather.hemisphere import gather_hemispheres
 from ..gather.points import Points
 from ..gather.ray_packet import RayPacket
+from ..mu import KernelMu
 from ..stream.gather_streams import gather_streams
 from ..stream.rays import Rays
 from ..stream.walk import Walk

@@ -10,8 +10,8 @@ import numpy as np
 from raytrace.mesh.placement import Placement
 from raytrace.types import Float64s
 
-from ..falloff import Mu
 from ..gather.points import Points
+from ..mu import Mu
 from .checkpoint import Checkpoint
 from .hemispheres import Hemispheres
 from .ray_scene import RayScene

@@ -12,10 +12,10 @@ from raytrace.bvh.bvh16 import BVH16
 from raytrace.mesh.placement import Placement
 from raytrace.types import Float64s, Int64s
 
-from ..falloff import KernelMu, Mu
 from ..gather.directions import DirectionTable
 from ..gather.estimate import COLUMNS, W
 from ..gather.points import Points
+from ..mu import KernelMu, Mu
 from ..options import MAX_SAMPLES, Traversal
 from ..stream.gather_streams import gather_streams
 from ..stream.rays import Rays
@@ -40,7 +40,7 @@ def packets_below(traversal: Traversal, tree: BVH16, placement: Placement, point
 
 def most_packets(mu: Mu) -> int:
     """The largest number that `packets_below` has for it."""
-    return _ANY_HIT if mu.tau is None else _CLOSEST_HIT
+    return _ANY_HIT if mu.binary else _CLOSEST_HIT
 
 
 def tried(count: int) -> Int64s:

@@ -18,12 +18,12 @@ from statistics import median
 import numpy as np
 
 from ao import Binary, Exponential
-from ao.falloff import KernelMu
 from ao.gather.directions import DirectionTable, choose, turned_frame
 from ao.gather.estimate import COLUMNS
 from ao.gather.hemisphere import gather_hemispheres
 from ao.gather.ray_packet import RayPacket
 from ao.gather.receivers import find_receivers
+from ao.mu import KernelMu
 from ao.report import versions
 from benchmarks import RESULTS
 from raytrace.embree.packets import (

@@ -17,8 +17,8 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from ao.falloff import Mu
 from ao.gather.receivers import find_receivers
+from ao.mu import Mu
 from raytrace.kernel.cache import cache_folder
 from raytrace.mesh.mesh import Mesh
 from raytrace.mesh.placement import ULP, Placement

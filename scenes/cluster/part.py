@@ -59,6 +59,8 @@ def part_command(text: str, options: dict[str, Any]) -> PartCommand:
     """
     from raytrace.errors import OptionError
 
+    from ..readers.falloffs import table_of
+
     number, of = part_numbers(text)
     if options["tolerance"] is not None:
         expected = "--samples with --part: the rays of a tolerance depend on what earlier ones find"
@@ -70,6 +72,8 @@ def part_command(text: str, options: dict[str, Any]) -> PartCommand:
     stand_in = {"output": folder / ("texture.glb" if texture else "w.npy"), "occlusion": "texture" if texture else None}
     files = {name: str(options[name].absolute()) for name in _FILES if options[name]}
     described = {name: plain(value) for name, value in options.items() if name not in (*_FILES, *_OF_PROCESS)}
+    for table in table_of(options["falloff"]):
+        described["falloff"] = f"table:{table.absolute()}"
     return PartCommand(bake_command(options | stand_in), {**files, "options": described}, folder, number, of)
 
 

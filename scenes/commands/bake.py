@@ -16,7 +16,6 @@ from .console import KERNELS_OF_BAKE, KERNELS_OF_SURFACE, bake_summary, compilin
 from .options import (
     CAGE,
     REPORTS,
-    FalloffForm,
     Hidden,
     Method,
     NormalsFrom,
@@ -25,7 +24,6 @@ from .options import (
     Traversal,
     Up,
     check_cage,
-    make_falloff,
     named,
     plain,
 )
@@ -80,7 +78,7 @@ class MeshBake(ABC):
 
     mesh: Path
     output: Path
-    falloff: FalloffForm
+    falloff: str
     tau: float | None
     half_distance: str | None
     max_distance: str
@@ -126,6 +124,8 @@ class MeshBake(ABC):
         from ao.options import Options
         from raytrace.system.outputs import check_ending, check_outputs
 
+        from ..readers.falloffs import make_falloff
+
         falloff = make_falloff(self.falloff, self.tau, self.half_distance, self.max_distance)
         Options(**self.options())
         self.check_own()
@@ -148,9 +148,10 @@ class MeshBake(ABC):
 
     def hashed(self, files: Iterable[Path]) -> list[dict[str, Any]]:
         """Files that were read, as a report has them; nothing if there is none to write."""
+        from ..readers.falloffs import table_of
         from ..report.inputs import hashed
 
-        return hashed(files, {self.mesh: self.content}) if self.report else []
+        return hashed([*files, *table_of(self.falloff)], {self.mesh: self.content}) if self.report else []
 
     def checkpoint(self, output: Path) -> AbstractContextManager[Checkpoint | None]:
         """Keeps what is traced for an output, beside it; none beside standard output."""
@@ -169,7 +170,9 @@ class MeshBake(ABC):
 
     def inputs(self) -> list[Path]:
         """The files that are read, as far as the options name them."""
-        return [self.mesh] if self.high is None else [self.mesh, self.high]
+        from ..readers.falloffs import table_of
+
+        return [self.mesh, *([self.high] if self.high else []), *table_of(self.falloff)]
 
     @property
     @abstractmethod

@@ -5,11 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
-
-if TYPE_CHECKING:
-    import ao
-
+from typing import Literal
 
 CAGE = "2%"  # of the radius, unless --cage is given
 REPORTS = ".json", ".html"  # endings
@@ -18,7 +14,7 @@ VALIDATION_SAMPLES = 4096  # rays per vertex of `obscurance validate`, unless gi
 
 Traversal = Literal["auto", "embree"]
 Method = Literal["vertex", "surface"]
-FalloffForm = Literal["exponential", "binary"]
+FALLOFFS = "exponential", "binary", "linear", "smooth", "table:"
 Hidden = Literal["auto", "ignore", "mark", "fill"]
 NormalsFrom = Literal["angle", "area", "equal", "file"]
 Metric = Literal["flip", "rms", "max"]
@@ -29,19 +25,6 @@ InputFormat = Literal["ply", "obj", "stl", "off", "glb", "gltf", "3mf"]
 ProgressForm = Literal["bar", "json"]
 Overlap = Literal["mean", "first", "refuse"]
 BentSpace = Literal["world", "tangent"]
-
-
-def make_falloff(form: FalloffForm, tau: float | None, half_distance: str | None, max_distance: str) -> ao.Falloff:
-    """The falloff that four options describe. Raises: OptionError: they don't go together."""
-    import ao
-    from raytrace.errors import OptionError
-
-    if form == "exponential":
-        return ao.Exponential(tau, half_distance, max_distance)
-    for name, value in (("tau", tau), ("half_distance", half_distance)):
-        if value is not None:
-            raise OptionError(name, "--falloff exponential with it", "--falloff binary")
-    return ao.Binary(max_distance)
 
 
 @contextmanager

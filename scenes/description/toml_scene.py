@@ -5,19 +5,20 @@ from __future__ import annotations
 import re
 import tomllib
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-import ao
 from ao.options import Options
 from raytrace import Camera, Scene, Settings, light_from_dict
-from raytrace.errors import OptionError, SceneError, nearest_name
+from raytrace.errors import OptionError, SceneError
 from raytrace.system.faults import fields_of
 from raytrace.system.inputs import check_regular
 
 from ..field_errors import check_keys, located, shown
+from ..readers.falloffs import make_falloff, table_of
 from ..readers.stored_w import ENDINGS
 from ..safe_paths import confined
 from .defaults import FROM, Z_UP, three_lights
@@ -58,7 +59,8 @@ def read_toml(path: Path, size: tuple[int, int] | None = None) -> SceneDescripti
     if not lights:
         scene = replace(scene, lights=three_lights(camera))
     origins = tuple(reader.origin(item) for item in objects)
-    files = (path, *reader.files, *((w_from,) if isinstance(w_from, Path) else ()))
+    of_falloff = table_of(document.obscurance.falloff, partial(_falloff_table, path)) if w_from == "bake" else []
+    files = (path, *reader.files, *of_falloff, *((w_from,) if isinstance(w_from, Path) else ()))
     return SceneDescription(scene, camera, settings, w_from, bake, files, tuple(reader.notes), origins)
 
 
@@ -120,17 +122,16 @@ def _bake(table: ObscuranceTable, path: Path, settings: Settings) -> tuple[Sourc
         if file.suffix.lower() not in ENDINGS:
             raise SceneError(path, "obscurance.baked", "a name ending in " + ", ".join(ENDINGS), shown(table.baked))
         return file, Options()
-    forms = {"exponential": ao.Exponential, "binary": ao.Binary}
-    if table.falloff not in forms:
-        near = nearest_name(table.falloff, forms)
-        raise SceneError(path, "obscurance.falloff", "one of " + ", ".join(forms), shown(table.falloff), near)
-    if table.falloff == "binary":
-        excluded('falloff = "exponential" with it', "tau", "half_distance")
     given = table.given()
     lengths = {name: given[name] for name in ("tau", "half_distance", "max_distance") if name in given}
     counts = {name: given[name] for name in ("samples", "seed") if name in given}
     with located(path, "obscurance"):
-        return "bake", Options(falloff=forms[table.falloff](**lengths), **counts)
+        falloff = make_falloff(table.falloff, **lengths, locate=partial(_falloff_table, path))
+        return "bake", Options(falloff=falloff, **counts)
+
+
+def _falloff_table(path: Path, name: str) -> Path:
+    return confined(name, path.parent, path, "obscurance.falloff")
 
 
 def _camera(table: CameraTable, scene: Scene, settings: Settings, path: Path) -> Camera:

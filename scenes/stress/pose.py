@@ -7,7 +7,7 @@ from itertools import product
 
 import numpy as np
 
-from ao.falloff import Exponential, Falloff
+from ao.falloff import Exponential, Falloff, Tabulated
 from raytrace.mesh.mesh import Mesh
 from raytrace.types import Float64s
 
@@ -65,6 +65,7 @@ class Pose:
         if isinstance(falloff, Exponential):
             assert falloff.tau is not None
             return Exponential(tau=falloff.tau / self.scale, max_distance=limit)
+        assert not isinstance(falloff, Tabulated)
         return replace(falloff, max_distance=limit)
 
     def configuration(self, line: Configuration) -> Configuration:

@@ -8,13 +8,9 @@ import time
 from dataclasses import dataclass
 from pathlib import Path
 from tempfile import mkdtemp
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from ..commands.console import KERNELS_OF_BAKE, compiling, progress
-from ..commands.options import make_falloff
-
-if TYPE_CHECKING:
-    import ao
 
 _KEPT = (
     *("mesh", "output", "falloff", "tau", "half_distance", "max_distance", "samples", "seed", "threads", "normals"),
@@ -33,7 +29,7 @@ class TilesCommand:
 
     mesh: Path
     output: Path
-    falloff: Any
+    falloff: str
     tau: float | None
     half_distance: str | None
     max_distance: str
@@ -57,13 +53,15 @@ class TilesCommand:
         from raytrace.errors import OptionError, OutputError
         from raytrace.system.outputs import check_outputs
 
+        from ..readers.falloffs import make_falloff, table_of
         from .mapped import map_mesh
         from .write import ENDINGS, write_tiled
 
-        start, falloff = time.perf_counter(), self._falloff()
+        start = time.perf_counter()
+        falloff = make_falloff(self.falloff, self.tau, self.half_distance, self.max_distance)
         if self.output.suffix.lower() not in ENDINGS:
             raise OptionError("output", "a name ending in " + " or ".join(ENDINGS) + " with --tiles", self.output)
-        check_outputs({"--output": self.output}, [self.mesh])
+        check_outputs({"--output": self.output}, [self.mesh, *table_of(self.falloff)])
         mesh = map_mesh(self.mesh)
         try:
             scratch = Path(mkdtemp(prefix=".obscurance-tiles-", dir=self.output.absolute().parent))
@@ -83,9 +81,6 @@ class TilesCommand:
             print(f"{self.output}: {mesh.vertex_count:,} vertices, {took}")
             print(f"{baked.tiles:,} tiles, {baked.halo:.0%} more faces than without")
 
-    def _falloff(self) -> ao.Falloff:
-        return make_falloff(self.falloff, self.tau, self.half_distance, self.max_distance)
-
 
 def tiles_command(text: str, options: dict[str, Any]) -> TilesCommand:
     """The command for `--tiles` AxBxC.
@@ -98,7 +93,8 @@ def tiles_command(text: str, options: dict[str, Any]) -> TilesCommand:
     grid = tuple(map(int, found.groups())) if found else ()
     if len(grid) != 3 or 0 in grid:
         raise OptionError("tiles", "how many along x, y and z, such as 2x2x2", repr(text))
-    if options["max_distance"].strip().lower() in ("inf", "+inf", "infinity"):
+    endless = options["max_distance"].strip().lower() in ("inf", "+inf", "infinity")
+    if endless and not options["falloff"].startswith("table:"):
         raise OptionError(
             "max_distance", "a limit with --tiles: else rays of every tile may meet the whole mesh", "inf"
         )

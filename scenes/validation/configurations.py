@@ -17,6 +17,7 @@ from math import inf
 import numpy as np
 import numpy.typing as npt
 
+from ao.analytic.closed_forms import Rate
 from ao.falloff import Falloff
 from ao.gather.receivers import Normals
 from raytrace.mesh.mesh import Mesh
@@ -24,7 +25,7 @@ from raytrace.types import Float64s, Int64s
 
 from ..geometry.polyhedra import Part, generic_rotation
 
-ClosedForm = Callable[[float | None, float], npt.ArrayLike]
+ClosedForm = Callable[[Rate, float], npt.ArrayLike]
 
 BINARY_TARGET = 0.004
 EXPONENTIAL_TARGET = 0.001
@@ -42,11 +43,11 @@ class Setting:
         name: what the closed form is of.
         mesh: the stand-in.
         points: int64 (k,), the vertices whose w is known.
-        exact: (τ or None, max_distance) → w, (k,) or one number for all.
+        exact: (`Rate`, max_distance) → w, (k,) or one number for all.
         falloffs: those it is to be baked with.
         normals: as `ao.bake` takes it.
         missing, beyond: see the module; 0 and ∞ for geometry that is finite already.
-        bracket: (τ or None, max_distance) → w of the other bound of the tessellation, or None for flat geometry.
+        bracket: (`Rate`, max_distance) → w of the other bound of the tessellation, or None for flat geometry.
         certain: μ is the same in all directions, so that the estimate has no variance.
     """
 
@@ -67,16 +68,17 @@ class Setting:
 
     def _with(self, falloff: Falloff) -> Configuration:
         mu = falloff.resolve(self.mesh.radius)
-        exact = np.broadcast_to(np.asarray(self.exact(mu.tau, mu.max_distance), np.float64), self.points.shape)
-        other = exact if self.bracket is None else np.asarray(self.bracket(mu.tau, mu.max_distance), np.float64)
-        closed = mu.tau is None and self.missing == 0.0 and bool((exact == 0.0).all())
-        rate = 0.0
+        rate: Rate = mu.form if mu.form == "linear" or mu.form == "smooth" else mu.tau
+        exact = np.broadcast_to(np.asarray(self.exact(rate, mu.max_distance), np.float64), self.points.shape)
+        other = exact if self.bracket is None else np.asarray(self.bracket(rate, mu.max_distance), np.float64)
+        closed = mu.binary and self.missing == 0.0 and bool((exact == 0.0).all())
+        fall = 0.0
         if bool((exact == 1.0).all()):
             target = 0.0
         elif self.certain or closed:
             target = ZERO_VARIANCE_TARGET
         else:
-            target, rate = (BINARY_TARGET, BINARY_RATE) if mu.tau is None else (EXPONENTIAL_TARGET, EXPONENTIAL_RATE)
+            target, fall = (BINARY_TARGET, BINARY_RATE) if mu.binary else (EXPONENTIAL_TARGET, EXPONENTIAL_RATE)
         return Configuration(
             name=self.name,
             mesh=self.mesh,
@@ -85,7 +87,7 @@ class Setting:
             normals=self.normals,
             exact=exact,
             target=target,
-            rate=rate,
+            rate=fall,
             truncation=self.missing * float(1.0 - mu(self.beyond)),
             tessellation=float(np.abs(exact - other).max()),
         )

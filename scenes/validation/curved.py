@@ -10,8 +10,9 @@ import numpy.typing as npt
 from scipy.integrate import quad
 
 from ao.analytic import closed_forms as analytic
+from ao.analytic.closed_forms import Rate
 from ao.analytic.special import bickley
-from ao.falloff import Binary, Exponential, Falloff
+from ao.falloff import Binary, Exponential, Falloff, Linear, Smooth
 from raytrace.types import Float64s, Int64s
 
 from ..geometry.polyhedra import Part, icosphere, inscribed_radius, join, patches, polygon, prism
@@ -78,7 +79,7 @@ def _above_plane(
 
 
 def _bounds(
-    w: Callable[[float, float | None, float], npt.ArrayLike], radius: float, inner: float
+    w: Callable[[float, Rate, float], npt.ArrayLike], radius: float, inner: float
 ) -> tuple[ClosedForm, ClosedForm]:
     """w(radius, τ, limit) of a shape of `radius` and of the one of radius `inner` within it."""
     return lambda tau, limit: w(radius, tau, limit), lambda tau, limit: w(inner, tau, limit)
@@ -89,7 +90,7 @@ def _dome(sphere: Part) -> Setting:
     vertices, faces = sphere
     cap = faces[vertices[faces][:, :, 2].max(axis=1) > -0.1]
     inner = radius * inscribed_radius((vertices, cap))
-    limited = (Binary(1.2), Exponential(tau=1.0, max_distance=2.0))
+    limited = (Binary(1.2), Exponential(tau=1.0, max_distance=2.0), Linear(2.0), Smooth(2.0))
     return _above_plane(
         "dome",
         [(0.0, 0.0, 0.0)],
@@ -110,7 +111,7 @@ def _disk(radius: float, height: float, seed: int) -> Setting:
         [(0.0, 0.0, 0.0)],
         polygon(rim),
         _bounds(lambda r, tau, limit: analytic.disk(height, r, tau, limit), radius, radius * cos(pi / SIDES)),
-        (*BOTH, Binary(reach), Exponential(tau=3.0, max_distance=reach)),
+        (*BOTH, Binary(reach), Exponential(tau=3.0, max_distance=reach), Linear(reach), Smooth(2 * reach)),
         seed=seed,
     )
 
@@ -144,12 +145,12 @@ def _seen_from_within(weight: Callable[[float, float], float], radius: float, in
     Args: weight: (angle, τ·distance) → what directions at that angle to the centre add to 1 − w.
     """
 
-    def w(tau: float | None, limit: float) -> float:
+    def w(tau: Rate, limit: float) -> float:
         if tau is None:
             return 0.0
 
         def reached(angle: float) -> float:
-            return weight(angle, tau * chord_within(angle, radius, inner))
+            return weight(angle, float(tau) * chord_within(angle, radius, inner))
 
         edge = asin(inner / radius)
         return 1.0 - quad(reached, 0, edge, epsabs=1e-11)[0] - quad(reached, edge, pi / 2, epsabs=1e-11)[0]

@@ -7,8 +7,9 @@ from math import cos, inf, pi, radians, sin
 import numpy as np
 
 from ao.analytic import closed_forms as analytic
+from ao.analytic.closed_forms import Rate
 from ao.analytic.form_factor import polygon_form_factor
-from ao.falloff import Binary, Exponential, Falloff
+from ao.falloff import Binary, Exponential, Falloff, Linear, Smooth
 from raytrace.types import Float64s
 
 from ..geometry.polyhedra import Part, generic_rotation, hull, icosphere, join, patches, polygon
@@ -99,13 +100,14 @@ def _ceilings() -> list[Setting]:
     points = np.array([[0.0, 0.0, 0.0], [3.0, -2.0, 0.0]])
     slab = _rectangle((-size, -size, height), (2 * size, 0, 0), (0, 2 * size, 0))
     limits = (Binary(2 * height), Exponential(tau=1.0, max_distance=2 * height), Binary(0.9 * height))
+    fading = Linear(2 * height), Smooth(3 * height)
     return [
         _setting(
             "ceiling",
             points,
             [slab],
             lambda tau, limit: analytic.ceiling(height, tau, limit),
-            (*BOTH, Exponential(tau=5.0), *limits),
+            (*BOTH, Exponential(tau=5.0), *limits, *fading),
             beyond=size - 3.0,
             patch=1.0,
             seed=10,
@@ -119,16 +121,16 @@ def _walls(extent: float, falloffs: tuple[Falloff, ...]) -> list[Setting]:
     tall = _rectangle((0, -extent, 0), (0, 2 * extent, 0), (0, 0, extent))
     quarter = [_rectangle((0, 0, 0), along, (0, 0, extent)) for along in ((extent, 0, 0), (0, extent, 0))]
 
-    def single(tau: float | None, limit: float) -> list[float]:
+    def single(tau: Rate, limit: float) -> list[float]:
         return [analytic.wall(x, inf, tau, limit) for x, _, _ in points]
 
-    def corner(tau: float | None, limit: float) -> list[float]:
+    def corner(tau: Rate, limit: float) -> list[float]:
         return [analytic.corner(x, y, tau) for x, y, _ in points]
 
     def groove(angle: float) -> ClosedForm:
         return lambda tau, limit: [analytic.groove(angle, x, tau) for x, _, _ in points]
 
-    limited = () if extent == FAR else (Binary(1.5), Exponential(tau=0.4, max_distance=1.5))
+    limited = () if extent == FAR else (Binary(1.5), Exponential(tau=0.4, max_distance=1.5), Linear(3.0), Smooth(3.0))
     settings = [
         _setting("infinite wall", points, [tall], single, falloffs + limited, beyond=beyond, patch=patch, seed=11),
         _setting("corner of two walls", points, quarter, corner, falloffs, beyond=beyond, patch=patch, seed=12),
@@ -146,12 +148,12 @@ def _trenches() -> list[Setting]:
     points = np.array([[0.25, 0.0, 0.0], [0.5, 1.0, 0.0], [0.9, -1.0, 0.0]])
     right = _rectangle((width, -length, 0), (0, 2 * length, 0), (0, 0, depth))
     left = _rectangle((0, -length, 0), (0, 2 * length, 0), (0, 0, depth))
-    limits = (Binary(0.9), Exponential(tau=2.0, max_distance=0.9))
+    limits = (Binary(0.9), Exponential(tau=2.0, max_distance=0.9), Linear(0.9))
 
-    def trench(tau: float | None, limit: float) -> list[float]:
+    def trench(tau: Rate, limit: float) -> list[float]:
         return [analytic.trench(x, width - x, depth, tau, limit) for x, _, _ in points]
 
-    def wall(tau: float | None, limit: float) -> list[float]:
+    def wall(tau: Rate, limit: float) -> list[float]:
         return [analytic.wall(width - x, depth, tau, limit) for x, _, _ in points]
 
     falloffs = (Binary(), Exponential(tau=2.0), *limits)
@@ -163,7 +165,7 @@ def _trenches() -> list[Setting]:
 
 def _boxes() -> list[Setting]:
     cube = (0.5, 0.5, 0.5, 0.5), 1.0
-    limited = (Binary(0.7), Exponential(tau=1.0, max_distance=0.8), Exponential(tau=1.0, max_distance=1.2))
+    limited = (Binary(0.7), Exponential(tau=1.0, max_distance=0.8), Exponential(tau=1.0, max_distance=1.2), Linear(1.2))
     settings = []
     for seed, name, (sides, height), falloffs in (
         (None, "closed unit cube", cube, (*BOTH, Exponential(tau=5.0), *limited)),
@@ -178,7 +180,7 @@ def _boxes() -> list[Setting]:
         fan = np.array([[0, i, i % 4 + 1] for i in range(1, 5)])
 
         def exact(
-            tau: float | None, limit: float, sides: tuple[float, float, float, float] = sides, height: float = height
+            tau: Rate, limit: float, sides: tuple[float, float, float, float] = sides, height: float = height
         ) -> float:
             return analytic.box(sides, height, tau, limit)
 

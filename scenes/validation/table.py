@@ -97,7 +97,7 @@ def run_validation(
 
 def described(falloff: Falloff) -> str:
     """A falloff in a few words: "binary", "τ = 2, D = 1.5"."""
-    kind = f"τ = {falloff.tau:g}" if isinstance(falloff, Exponential) else "binary"
+    kind = f"τ = {falloff.tau:g}" if isinstance(falloff, Exponential) else type(falloff).__name__.lower()
     limit = float(falloff.max_distance)
     return kind if isinf(limit) else f"{kind}, D = {limit:.3g}"
 

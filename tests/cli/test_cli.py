@@ -137,7 +137,7 @@ BAD_OPTIONS = [
     (("--max-distance", "0"), ("--max-distance", "above 0")),
     (("--max-distance", "near"), ("--max-distance", "near")),
     (("--falloff", "binary", "--tau", "1"), ("--tau", "exponential")),
-    (("--falloff", "linear"), ("--falloff", "linear")),
+    (("--falloff", "cubic"), ("--falloff", "cubic")),
     (("--threads", "0"), ("threads", "got 0")),
     (("--seed", "-1"), ("seed", "got -1")),
     (("--normals", "file"), ("normals", "cube.ply")),

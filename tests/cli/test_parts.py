@@ -80,3 +80,25 @@ def test_mistakes_are_told_in_a_line(tmp_path, mesh):
     assert obscurance("bake", mesh, "--part", "2/2", "-o", parts, "--seed", "1").returncode == 0
     refused(obscurance("merge", parts, "-o", tmp_path / "w.ply"), "part-2-of-2.part: seed: expected 0", "got 1")
     assert not (tmp_path / "w.ply").exists()
+
+
+def test_parts_of_a_table_of_mu_find_it_from_elsewhere(tmp_path, mesh, monkeypatch):
+    (tmp_path / "mu.csv").write_text("0,0\n10%,.5\n80%,1\n")
+    monkeypatch.chdir(tmp_path)
+    options = mesh, "--falloff", "table:mu.csv", "--samples", "64"
+    report = tmp_path / "report.json"
+    assert obscurance("bake", *options, "-o", "whole.npz", "--report", report).returncode == 0
+    bake_parts(2, "parts", *options)
+    (tmp_path / "elsewhere").mkdir()
+    monkeypatch.chdir(tmp_path / "elsewhere")
+    assert obscurance("merge", "../parts", "-o", "w.npz").returncode == 0
+    assert (tmp_path / "elsewhere" / "w.npz").read_bytes() == (tmp_path / "whole.npz").read_bytes()
+    found = json.loads(report.read_text())
+    assert [entry["path"] for entry in found["inputs"]] == [str(mesh), "mu.csv"]
+    assert found["falloff"]["form"] == "table"
+    assert found["falloff"]["knots"][1][1] == 0.5
+    monkeypatch.chdir(tmp_path)
+    assert obscurance("bake", "-o", "again.npz", "--options", report).returncode == 0
+    assert (tmp_path / "again.npz").read_bytes() == (tmp_path / "whole.npz").read_bytes()
+    (tmp_path / "mu.csv").write_text("0,0\n10%,.6\n80%,1\n")
+    refused(obscurance("merge", "parts", "-o", "w.npz"), "parts: header: expected that of this very bake")

@@ -48,6 +48,17 @@ def test_tiles_make_the_file_of_the_whole_bake(tmp_path, name, ending):
     assert len(list(tmp_path.iterdir())) == 3
 
 
+def test_a_table_of_mu_limits_the_distance_too(tmp_path):
+    mesh, table = tmp_path / "hills.ply", tmp_path / "mu.csv"
+    mesh.write_bytes(MESHES["hills.ply"])
+    table.write_text("0,0\n10%,.7\n20%,1\n")
+    options = mesh, *OPTIONS[:2], *OPTIONS[4:7], "--falloff", f"table:{table}"
+    assert obscurance("bake", *options, "-o", tmp_path / "whole.npy").returncode == 0
+    result = obscurance("bake", *options, "-o", tmp_path / "tiled.npy", "--tiles", "2x1x1")
+    assert result.returncode == 0, result.stderr
+    assert (tmp_path / "tiled.npy").read_bytes() == (tmp_path / "whole.npy").read_bytes()
+
+
 def test_mistakes_are_told_in_a_line(tmp_path):
     mesh, text = tmp_path / "m.ply", tmp_path / "m.obj"
     mesh.write_bytes(stored_ply(*hills(8)))

@@ -13,7 +13,8 @@ ORDER = [
     *("raytrace.ray_origins", "raytrace.lights", "raytrace.brdf", "raytrace.materials", "raytrace.camera"),
     "raytrace.scene",
     *("raytrace.shade", "raytrace.renderer"),
-    *("ao.falloff", "ao.options", "ao.memory", "ao.gather", "ao.stream", "ao.trace", "ao.denoise", "ao.interior"),
+    *("ao.mu", "ao.falloff", "ao.options", "ao.memory"),
+    *("ao.gather", "ao.stream", "ao.trace", "ao.denoise", "ao.interior"),
     *(
         "ao.prepared",
         "ao.adaptive",

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 from math import acos, cos, inf, log, pi, sin, sqrt, tan
 
 import numpy as np
@@ -27,13 +28,17 @@ def cosine_directions(log2_count: int = 17) -> tuple[np.ndarray, np.ndarray, np.
 X, Y, Z = cosine_directions()
 
 
-def integrated(distance: Distance, tau: float | None, max_distance: float) -> float:
+def integrated(distance: Distance, tau: analytic.Rate, max_distance: float) -> float:
     with np.errstate(divide="ignore", invalid="ignore"):
         d = distance(X, Y, Z)
     if tau is None:
         return float((d >= max_distance).mean())
     near = d < max_distance
     mu = np.ones_like(d)
+    if isinstance(tau, str):
+        t = d[near] / max_distance
+        mu[near] = t if tau == "linear" else t * t * (3 - 2 * t)
+        return float(mu.mean())
     mu[near] = (1 - np.exp(-tau * d[near])) / (1 - np.exp(-tau * max_distance))
     return float(mu.mean())
 
@@ -125,6 +130,13 @@ def test_matches_quasi_monte_carlo(name: str, limit: float, tau: float | None) -
     assert closed_form(tau, limit) == pytest.approx(integrated(distance, tau, limit), abs=tolerance)
 
 
+@pytest.mark.parametrize("form", ["linear", "smooth"])
+@pytest.mark.parametrize(("name", "limit"), [(name, limit) for name, limit in CASES if limit < inf])
+def test_polynomials_match_quasi_monte_carlo(name: str, limit: float, form: str) -> None:
+    closed_form, distance, _ = SCENES[name]
+    assert closed_form(form, limit) == pytest.approx(integrated(distance, form, limit), abs=1.5e-4)
+
+
 def test_published_values() -> None:
     cube = (0.5, 0.5, 0.5, 0.5)
     assert analytic.box(cube, 1.0, 1.0) == pytest.approx(0.553728, abs=5e-7)
@@ -152,6 +164,19 @@ def test_other_forms_of_the_same_integral(tau: float) -> None:
     assert analytic.corner(d, 1e6, tau) == pytest.approx(analytic.wall(d, inf, tau), abs=1e-10)
     assert analytic.box((1e3, 1e3, 1e3, 1e3), h, tau) == pytest.approx(analytic.ceiling(h, tau), abs=1e-10)
     assert analytic.cylinder(d, d, 0.0, tau) < analytic.sphere(d, d, 0.0, tau)
+
+
+def test_other_forms_of_linear_attenuation() -> None:
+    assert analytic.dome(0.6, "linear", 2.0) == pytest.approx(0.3, abs=1e-15)
+    assert analytic.ceiling(0.5, "linear", 2.0) == pytest.approx(1 - (1 - 0.5 / 2.0) ** 2, abs=1e-15)
+    far = sqrt(0.5**2 + 0.7**2)
+    disk = 0.5**2 / far**2 + 2 * 0.5 / 2.0 * (1 - 0.5 / far)
+    assert analytic.disk(0.5, 0.7, "linear", 2.0) == pytest.approx(disk, abs=1e-15)
+    c, beta = 0.35, acos(0.35)
+    wall = 1 - (beta - 2 * c * np.arctanh(sin(beta)) + c * c * tan(beta)) / pi
+    assert analytic.wall(0.7, inf, "linear", 2.0) == pytest.approx(wall, abs=1e-10)
+    for scene in (partial(analytic.wall, 0.5, 0.9), partial(analytic.box, (0.2, 0.5, 0.9, 0.3), 0.4)):
+        assert scene("linear", 0.8) == pytest.approx(scene(1e-4, 0.8), abs=2e-5)  # its limit for τ → 0
 
 
 @pytest.mark.parametrize("closed_form", [
@@ -187,6 +212,9 @@ def test_bickley_at_zero() -> None:
 
 
 def test_shell_is_the_integral_it_names() -> None:
+    for n in range(4):
+        direct = quad(lambda t, n=n: t**n * 0.5**2 / t**3, 0.5, 2.0, epsabs=1e-13)[0]
+        assert float(shell(0.0, 0.5, 2.0, n)) == pytest.approx(direct, abs=1e-12)
     for tau, near, far in [(0.0, 0.5, 2.0), (1.5, 0.5, 2.0), (4.0, 0.1, 0.11)]:
         direct = quad(lambda t, tau=tau, near=near: np.exp(-tau * t) * near**2 / t**3, near, far, epsabs=1e-13)[0]
         assert float(shell(tau, near, far)) == pytest.approx(direct, abs=1e-12)
@@ -195,7 +223,8 @@ def test_shell_is_the_integral_it_names() -> None:
 
 def test_arguments_out_of_range_are_refused() -> None:
     for call in (
-        lambda: analytic.ceiling(0.0), lambda: analytic.ceiling(1.0, tau=0.0), lambda: analytic.ceiling(1.0, 1.0, -1.0),
+        lambda: analytic.ceiling(0.0), lambda: analytic.ceiling(1.0, tau=0.0), lambda: analytic.ceiling(1.0, "linear"),
+        lambda: analytic.corner(1.0, 1.0, "smooth"), lambda: analytic.ceiling(1.0, 1.0, -1.0),
         lambda: analytic.sphere(2.0, 1.0), lambda: analytic.cylinder(2.0, 1.0), lambda: analytic.groove(4.0, 1.0),
         lambda: analytic.tilted_normal(4.0), lambda: analytic.wall(-1.0), lambda: analytic.box((1, 1, 1, 0), 1.0),
         lambda: analytic.corner(0.0, 1.0), lambda: analytic.inside_sphere(0.0), lambda: analytic.inside_cylinder(0.0),

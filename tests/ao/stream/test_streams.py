@@ -28,6 +28,7 @@ FALLOFFS = {
     "binary, limited": ao.Binary(0.5),
     "exponential": ao.Exponential(tau=1.5),
     "exponential, limited": ao.Exponential(tau=1.5, max_distance=0.5),
+    "table": ao.Tabulated([0, 0.1, 0.5, 0.7], [0, 0.4, 0.5, 1]),
 }
 
 

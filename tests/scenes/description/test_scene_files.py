@@ -197,6 +197,12 @@ def test_obscurance_off_baked_and_binary(tmp_path):
     assert scene(tmp_path, text, **{"w.npy": "-"}).w_from == tmp_path / "w.npy"
     binary = scene(tmp_path, '[obscurance]\nfalloff = "binary"\nmax_distance = inf\n' + PLAIN)
     assert binary.bake.falloff == ao.Binary(inf)
+    smooth = scene(tmp_path, '[obscurance]\nfalloff = "smooth"\nmax_distance = "30%"\n' + PLAIN)
+    assert smooth.bake.falloff == ao.Smooth("30%")
+    (tmp_path / "mu.csv").write_text("0,0\n1,.2\n3,1\n")
+    table = scene(tmp_path, '[obscurance]\nfalloff = "table:mu.csv"\n' + PLAIN)
+    assert table.bake.falloff == ao.Tabulated(["0", "1", "3"], [0, 0.2, 1])
+    assert tmp_path / "mu.csv" in table.files
 
 
 def test_a_utf8_scene_with_byte_order_mark_and_windows_lines(tmp_path):

@@ -1,0 +1,104 @@
+"""μ by the names that commands and scenes have for it, and tables of μ: CSV, text and `.npy` files of two columns."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+import ao
+from ao.falloff import MAX_KNOTS, Length
+from raytrace.errors import InputError, OptionError, nearest_name
+from raytrace.system.inputs import check_regular
+
+FORMS = {"exponential": ao.Exponential, "binary": ao.Binary, "linear": ao.Linear, "smooth": ao.Smooth}
+_TABLE = "table:"
+_ENDINGS = ".csv", ".txt", ".npy"
+_MOST = 1 << 24  # bytes of a table's file
+
+
+def table_of(form: str, locate: Callable[[str], Path] = Path) -> list[Path]:
+    """The file of "table:FILE", nothing of other forms."""
+    return [locate(form.removeprefix(_TABLE))] if form.startswith(_TABLE) else []
+
+
+def make_falloff(
+    form: str,
+    tau: float | None = None,
+    half_distance: Length | None = None,
+    max_distance: Length | None = None,
+    locate: Callable[[str], Path] = Path,
+) -> ao.Falloff:
+    """The falloff that the options of these names describe; `locate` finds the file of "table:FILE".
+
+    Raises:
+        OptionError: they are out of range or don't go together. InputError: the file is no table of μ.
+    """
+    limit = math.inf if max_distance is None else max_distance
+    if form == "exponential":
+        return ao.Exponential(tau, half_distance, limit)
+    table = table_of(form, locate)
+    if form not in FORMS and not table:
+        expected = f"one of {', '.join(FORMS)}, {_TABLE}FILE"
+        raise OptionError("falloff", expected, form, nearest=nearest_name(form, FORMS))
+    for name, value in (("tau", tau), ("half_distance", half_distance)):
+        if value is not None:
+            raise OptionError(name, "falloff exponential with it", form)
+    if not table:
+        return FORMS[form](max_distance=limit)
+    if str(limit) != "inf":
+        raise OptionError("max_distance", "none with a table, which ends where μ is 1", limit)
+    return read_table(table[0])
+
+
+def read_table(path: Path) -> ao.Tabulated:
+    """The two columns of a CSV, text or `.npy` file: distances in mesh units or, as "25%", of the radius; and μ.
+
+    Columns of text are separated by commas, semicolons or blanks; a line of names may stand above, "#" begins remarks.
+
+    Raises: InputError: the file cannot be read, or is no such table.
+    """
+    if path.suffix.lower() not in _ENDINGS:
+        raise InputError(path, "file", "a table, a name ending in " + ", ".join(_ENDINGS), path.name)
+    check_regular(path, "a table of distances and values")
+    try:
+        if path.stat().st_size > _MOST:
+            raise InputError(path, "content", f"at most {MAX_KNOTS:,} rows", f"{path.stat().st_size:,} bytes")
+        distances, values = _array(path) if path.suffix.lower() == ".npy" else _text(path)
+    except OSError as reason:
+        raise InputError(path, "file", "a readable file", reason.strerror or reason) from None
+    except (ValueError, EOFError) as reason:
+        if isinstance(reason, InputError):
+            raise
+        raise InputError(path, "content", "two columns, distances and values", " ".join(str(reason).split())) from None
+    try:
+        return ao.Tabulated(distances, values)
+    except OptionError as fault:
+        raise InputError(path, fault.field, fault.expected, fault.got) from None
+
+
+def _array(path: Path) -> tuple[Any, Any]:
+    found = np.load(path, allow_pickle=False)
+    if not isinstance(found, np.ndarray) or found.ndim != 2 or found.shape[1] != 2 or found.dtype.kind not in "fiu":
+        raise ValueError(f"shape {getattr(found, 'shape', '?')} of {getattr(found, 'dtype', '?')}")
+    return tuple(found.T.astype(np.float64).tolist())
+
+
+def _text(path: Path) -> tuple[list[str], list[float]]:
+    rows: list[tuple[str, float]] = []
+    for number, line in enumerate(path.read_text("utf-8-sig").splitlines(), 1):
+        cells = re.split(r"\s*[,;]\s*|\s+", line.partition("#")[0].strip())
+        if cells == [""]:
+            continue
+        try:
+            distance, value = cells
+            float(distance.removesuffix("%"))
+            rows.append((distance, float(value)))
+        except ValueError:
+            if rows or len(cells) != 2 or any(character.isdigit() for character in line):
+                raise InputError(path, f"line {number}", "a distance and a value", repr(line)) from None
+    return [distance for distance, _ in rows], [value for _, value in rows]
