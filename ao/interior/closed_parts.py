@@ -22,7 +22,7 @@ def closed_parts(vertices: Float32s, faces: Int64s) -> tuple[Int64s, Bools]:
     if _are_one(part, faces):  # the usual case, found soonest
         return part, np.zeros(int(part.max(initial=-1)) + 1, np.bool_)
     place = np.arange(len(vertices))
-    order, number = coincident(vertices)
+    order, number = coincident(vertices, faces)
     place[order] = order[np.flatnonzero(np.diff(number, prepend=-1))][number]
     corners = place[faces]
     part = connected_components(corners, len(vertices))[place]
@@ -75,7 +75,7 @@ def _strike_open(corners, edges, starts, part, closed):
     for i in range(len(part)):
         for edge in edges[starts[i] : starts[i + 1]]:
             a, b = corners[edge // 3, edge % 3], corners[edge // 3, (edge % 3 + 1) % 3]
-            balance[max(a, b)] += 1 if a < b else -1
+            balance[max(a, b)] += np.sign(b - a)
         for edge in edges[starts[i] : starts[i + 1]]:
             other = max(corners[edge // 3, edge % 3], corners[edge // 3, (edge % 3 + 1) % 3])
             if balance[other] != 0:

@@ -9,8 +9,8 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
+from raytrace.mesh.weld import grids
 from raytrace.types import Bools, Float32s, Int64s
 
 from .source import runs
@@ -75,24 +75,17 @@ def _box(survey: Survey, tile: int) -> tuple[Float32s, Float32s]:
 
 
 def _around(survey: Survey, vertices: Int64s) -> Int64s:
-    """The rows of all faces with a corner where any of `vertices`, ascending, is."""
-    places = np.unique(_keys(survey.placed[vertices]))
+    """The rows of all faces with a corner where any of `vertices`, ascending, is, and perhaps of a few more."""
+    places = [np.unique(keys) for _, keys in grids(survey.placed[vertices])]
     touched = np.zeros(survey.source.vertex_count, np.bool_)
     for run in _all(survey):
-        keys = _keys(survey.placed[run])
-        found = np.minimum(np.searchsorted(places, keys), len(places) - 1)
-        touched[run] = places[found] == keys
+        for (rows, keys), known in zip(grids(survey.placed[run]), places, strict=True):
+            touched[run.start + rows[np.isin(keys, known)]] = True
     found_rows = []
     for run in runs(survey.source.face_count):
         faces = survey.source.faces(run.start, run.stop)
         found_rows.append(run.start + np.flatnonzero(touched[faces].any(axis=1)))
     return np.concatenate(found_rows)
-
-
-def _keys(placed: Float32s) -> npt.NDArray[np.uint64]:
-    """A number for each place (k, 3); equal places have equal ones."""
-    x, y, z = np.ascontiguousarray(placed + np.float32(0.0)).view(np.uint32).T.astype(np.uint64)
-    return x * np.uint64(0x9E3779B97F4A7C15) ^ y * np.uint64(0xC2B2AE3D27D4EB4F) ^ z * np.uint64(0x165667B19E3779F9)
 
 
 def _take_faces(survey: Survey, rows: Int64s) -> Int64s:

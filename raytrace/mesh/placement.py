@@ -8,10 +8,18 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ..kernel.arrays import product
 from ..types import Float32s, Float64s
 from .mesh import Mesh
 
 ULP = 2.0**-24  # half the spacing of float32 numbers at 1
+TOUCHING = 4.0  # roundings of a coordinate; the point's and the face's own make 2
+_LEAST = 2.0**-16  # what coordinates count for at least: double precision rounds, too, where a mesh is placed
+
+
+def contact_radius(points: Float64s) -> Float64s:
+    """How far (k,) from `points` (k, 3) in render space something may be that touches them, or is them."""
+    return TOUCHING * ULP * np.maximum(product(np.abs(points), np.ones(3)), _LEAST)
 
 
 class RenderSpace(NamedTuple):

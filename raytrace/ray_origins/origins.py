@@ -5,14 +5,13 @@ from __future__ import annotations
 import numpy as np
 
 from ..bvh.bvh16 import BVH16
-from ..kernel.arrays import product
 from ..mesh.normals import nonzero
-from ..mesh.placement import ULP
+from ..mesh.placement import contact_radius
 from ..types import Float64s, Int64s
 from .contacts import Contacts, find_contacts
 from .direction import turn_directions
 from .offset import ray_offset, stop_short
-from .surface import TOUCHING, Surface
+from .surface import Surface
 
 
 def ray_origins(
@@ -37,7 +36,7 @@ def ray_origins(
     """
     directions, clearance, magnitude = directions.copy(), clearance.copy(), magnitude.copy()
     offset = ray_offset(directions, magnitude, clearance)
-    touching = TOUCHING * ULP * product(np.abs(points), np.ones(3))
+    touching = contact_radius(points)
     reach = np.maximum(4.0 * offset, touching)  # so far that turning a direction seldom asks for more
     reach[~nonzero(directions)] = -1.0
     near = find_contacts(tree, surface, points, reach, face_points, numbers)

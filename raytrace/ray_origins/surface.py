@@ -9,11 +9,10 @@ import numpy as np
 from ..kernel.borrow import borrow
 from ..kernel.jit import kernel
 from ..kernel.vector import cross, length, load_triangle, subtract
-from ..mesh.placement import ULP
+from ..mesh.placement import TOUCHING, ULP
 from ..system.threads import run_blocks, thread_count
 from ..types import Float64s, Int64s
 
-TOUCHING = 4.0  # roundings of a coordinate; the point's and the face's own make 2
 FLAT = 1.0 / 16.0
 _BLOCK = 1 << 15  # faces
 

@@ -61,7 +61,7 @@ def weld_points(
     """Weld the vertices of a mesh, and find directions in front of their faces.
 
     Args:
-        vertices: (n, 3), render space; coincident if they are so in float32.
+        vertices: (n, 3), render space.
         faces: int64 (m, 3); degenerate ones are left out.
         weighting: of the faces' normals in their mean, see `vertex_sums`.
         normals: (n, 3), unit or zero, on whose side of the surface the directions are; by default the vertices' means.
@@ -71,7 +71,7 @@ def weld_points(
     sums = vertex_sums(vertices, faces, face_normal, area, weighting)
     if not area.all():
         faces, face_normal = faces[area > 0], face_normal[area > 0]
-    group = weld(vertices.astype(np.float32), normalize(sums) if normals is None else normals, agreement)
+    group = weld(vertices.astype(np.float32), faces, normalize(sums) if normals is None else normals, agreement)
     first = np.empty(int(group.max()) + 1, np.int64)
     first[group[::-1]] = np.arange(len(group))[::-1]
     face_points = group[faces]

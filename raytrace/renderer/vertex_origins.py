@@ -30,7 +30,7 @@ def smooth_normals(mesh: Mesh, normals: Normals = "file") -> Float64s:
     placed = vertices.astype(np.float64)
     weighting = "angle" if normals == "file" else normals
     own = vertex_sums(placed, mesh.faces, *face_normals(placed, mesh.faces), weighting)
-    group = weld(vertices, normalize(own), CREASE)
+    group = weld(vertices, mesh.faces, normalize(own), CREASE)
     return normalize(sum_groups(group, own))[group]
 
 
