@@ -463,7 +463,7 @@ def bench(
     """Measure bake time against error on this machine."""
     options = {name: choices.plain(value) for name, value in locals().items() if name != "report"}
     from scenes.commands.bench import bench_file
-    from scenes.readers.falloffs import make_falloff
+    from scenes.falloffs import make_falloff
 
     bench_file(mesh, make_falloff(falloff, None, None, max_distance), seed, threads, report, options)
 

@@ -59,7 +59,7 @@ def part_command(text: str, options: dict[str, Any]) -> PartCommand:
     """
     from raytrace.errors import OptionError
 
-    from ..readers.falloffs import table_of
+    from ..falloffs import table_of
 
     number, of = part_numbers(text)
     if options["tolerance"] is not None:

@@ -124,7 +124,7 @@ class MeshBake(ABC):
         from ao.options import Options
         from raytrace.system.outputs import check_ending, check_outputs
 
-        from ..readers.falloffs import make_falloff
+        from ..falloffs import make_falloff
 
         falloff = make_falloff(self.falloff, self.tau, self.half_distance, self.max_distance)
         Options(**self.options())
@@ -148,7 +148,7 @@ class MeshBake(ABC):
 
     def hashed(self, files: Iterable[Path]) -> list[dict[str, Any]]:
         """Files that were read, as a report has them; nothing if there is none to write."""
-        from ..readers.falloffs import table_of
+        from ..falloffs import table_of
         from ..report.inputs import hashed
 
         return hashed([*files, *table_of(self.falloff)], {self.mesh: self.content}) if self.report else []
@@ -170,7 +170,7 @@ class MeshBake(ABC):
 
     def inputs(self) -> list[Path]:
         """The files that are read, as far as the options name them."""
-        from ..readers.falloffs import table_of
+        from ..falloffs import table_of
 
         return [self.mesh, *([self.high] if self.high else []), *table_of(self.falloff)]
 

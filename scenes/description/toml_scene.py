@@ -17,8 +17,8 @@ from raytrace.errors import OptionError, SceneError
 from raytrace.system.faults import fields_of
 from raytrace.system.inputs import check_regular
 
+from ..falloffs import make_falloff, table_of
 from ..field_errors import check_keys, located, shown
-from ..readers.falloffs import make_falloff, table_of
 from ..readers.stored_w import ENDINGS
 from ..safe_paths import confined
 from .defaults import FROM, Z_UP, three_lights

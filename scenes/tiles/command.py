@@ -53,7 +53,7 @@ class TilesCommand:
         from raytrace.errors import OptionError, OutputError
         from raytrace.system.outputs import check_outputs
 
-        from ..readers.falloffs import make_falloff, table_of
+        from ..falloffs import make_falloff, table_of
         from .mapped import map_mesh
         from .write import ENDINGS, write_tiled
 
