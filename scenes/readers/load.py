@@ -1,4 +1,4 @@
-"""Any mesh file: OBJ, PLY, STL, OFF, glTF and 3MF by own readers, others by trimesh; vertices exactly as stored."""
+"""Any mesh file: OBJ, PLY, STL, OFF, glTF and 3MF by own readers, others by libraries; vertices exactly as stored."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, BinaryIO
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -22,19 +22,20 @@ from raytrace.system.memory import check_memory
 from raytrace.types import Float64s
 
 from ..geometry.detail import Detail
-from ..geometry.instances import Instance, Part, check_copies, flatten, instance, world_matrices
+from ..geometry.instances import Instance, Part, flatten
+from .libraries import endings, read_by_library
 from .obj import read_obj
 from .off import read_off
 from .ply import read_ply
 from .stl import read_stl
-from .threemf import check_archive, read_3mf
+from .threemf import read_3mf
 
 if TYPE_CHECKING:
     from ..gltf.container import Gltf
 
 # Bytes of memory a byte of file at the peak of reading: of archives and glTF less, what they hold is counted later.
 _PEAK = {"obj": 7.0, "ply": 7.5, "stl": 6.0, "off": 22.0, "glb": 2.0, "gltf": 2.0, "3mf": 1.0}
-_PEAK_OF_TRIMESH = 22.0
+_PEAK_OF_LIBRARIES = 22.0
 _KEPT = 2.5  # besides, where details are kept
 
 
@@ -141,12 +142,12 @@ def read_objects(path: Path, keep: bool = False, content: bytes | None = None) -
     with mesh_errors(path):
         if content is None:
             check_regular(path, "a mesh file", MeshError)
-        if kind not in _PEAK and kind not in _trimesh_formats():
-            raise MeshError(path, "ending", "one of obj " + " ".join(_trimesh_formats()), path.suffix or "none")
+        if kind not in _PEAK and kind not in endings():
+            raise MeshError(path, "ending", "one of " + " ".join([*_PEAK, *endings()]), path.suffix or "none")
         size = path.stat().st_size if content is None else len(content)
         if size == 0:
             raise MeshError(path, "content", "a mesh", "an empty file")
-        needed = _PEAK.get(kind, _PEAK_OF_TRIMESH) + (_KEPT if keep else 0)
+        needed = _PEAK.get(kind, _PEAK_OF_LIBRARIES) + (_KEPT if keep else 0)
         check_memory(source, int(needed * size), f"to read {size:,} bytes")
         asset = None
         with path.open("rb") if content is None else io.BytesIO(content) as file:
@@ -167,7 +168,7 @@ def read_objects(path: Path, keep: bool = False, content: bytes | None = None) -
             elif kind == "3mf":
                 instances = read_3mf(file, source)
             else:
-                instances = _read(file, kind, path.stem, source)
+                instances = read_by_library(file, kind, path, content is None)
         # Every primitive of a glTF keeps its part: the GLB writer counts on it.
         solid = [instance for instance in instances if asset or len(instance.faces)]
         if not solid:
@@ -175,39 +176,6 @@ def read_objects(path: Path, keep: bool = False, content: bytes | None = None) -
             besides = "no vertices: perhaps it is no OBJ" if kind == "obj" and not points else f"{points} points"
             raise MeshError(path, "faces", "at least one triangle", f"none, and {besides}")
     return solid, asset
-
-
-def _trimesh_formats() -> list[str]:
-    """Endings of the mesh formats trimesh can read here; some need a further package."""
-    from trimesh.exchange.load import mesh_formats
-
-    return sorted(mesh_formats() - {"obj", "xyz", "stl_ascii"})
-
-
-def _read(file: BinaryIO, kind: str, name: str, source: str) -> list[Instance]:
-    """Geometry by trimesh's loader for `kind`, not by trimesh.load, which would merge vertices in some formats."""
-    from trimesh.exchange.load import mesh_loaders
-
-    if kind == "3dxml":
-        check_archive(file, source)
-    loaded = mesh_loaders[kind](file_obj=file, file_type=kind, resolver=None)
-    if "geometry" not in loaded:
-        return [instance(name, loaded)]
-    geometry = loaded["geometry"]
-    if "graph" not in loaded:
-        return [instance(label, arrays) for label, arrays in geometry.items()]
-    edges = [
-        edge if isinstance(edge, dict) else {"frame_from": edge[0], "frame_to": edge[1], **edge[2]}
-        for edge in loaded["graph"]
-    ]
-    world = world_matrices(edges, loaded.get("base_frame", "world"))
-    placed = [
-        instance(str(edge["frame_to"]), geometry[edge["geometry"]], world[edge["frame_to"]])
-        for edge in edges
-        if edge.get("geometry") in geometry
-    ]
-    check_copies(sum(len(each.vertices) + len(each.faces) for each in placed), file.seek(0, os.SEEK_END), source)
-    return placed
 
 
 @contextmanager

@@ -16,7 +16,6 @@ from typing import Any
 import numpy as np
 
 from ..geometry.detail import Paint
-from ..geometry.opacity import is_opacity_map
 
 OPAQUE = "Tr 1"
 _PICTURES = (b"\x89PNG", b"\xff\xd8\xff")
@@ -95,6 +94,8 @@ def _paint(name: str, given: dict[str, Any]) -> Paint:
         roughness = float((2 / (max(given["Ns"][0], 0) + 2)) ** 0.25)
     opacity = 1.0 if _is_opaque(given) else fraction("d", 1 - fraction("Tr", 0.0))
     mapped = given.get("map_d")
-    if mapped and is_opacity_map(mapped, paint.texture):
-        paint = replace(paint, opacity_texture=mapped)
+    if mapped:
+        from ..geometry.opacity import is_opacity_map
+
+        paint = replace(paint, opacity_texture=mapped if is_opacity_map(mapped, paint.texture) else None)
     return replace(paint, opacity=opacity, metallic=fraction("Pm", 0.0), roughness=roughness)

@@ -11,8 +11,8 @@ from raytrace.mesh.mesh import Mesh
 
 from ..geometry.detail import split_corners
 from ..geometry.primitives import Geometry, Origin
-from .load import read_objects
-from .obj import read_textured_obj
+from ..readers.load import read_objects
+from ..readers.obj import read_textured_obj
 
 ENDINGS = (".obj", ".ply")
 
