@@ -62,7 +62,7 @@ class Prepared:
     def scene(self) -> RayScene:
         """What rays are traced in."""
         receivers = self.receivers
-        return RayScene(self.placement.vertices, receivers.faces, receivers.tree, receivers.embree)
+        return RayScene(self.placement.vertices, receivers.faces, receivers.tree, receivers.embree, receivers.opacity)
 
     @property
     def key(self) -> np.uint32:

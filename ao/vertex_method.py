@@ -65,7 +65,7 @@ def _tracer(prepared: Prepared) -> Tracer:
     receivers = prepared.receivers
     return Tracer(
         prepared.scene,
-        packets_below(prepared.options.traversal, receivers.tree, prepared.placement, receivers.points, prepared.mu),
+        packets_below(prepared.options.traversal, prepared.scene, prepared.placement, receivers.points, prepared.mu),
         prepared.placement,
         prepared.mu,
         prepared.threads,
@@ -84,7 +84,10 @@ def _inside(prepared: Prepared) -> Bools:
         return np.zeros(count, np.bool_)
     if hidden == "auto":
         return inside_other_parts(receivers, vertices, reach, total, threads)
-    any_back = Solids(np.zeros(len(receivers.faces), np.int64), np.full(count, -1))
+    of_face = np.zeros(len(receivers.faces), np.int64)
+    if receivers.opacity:
+        of_face[receivers.opacity.of >= 0] = -1
+    any_back = Solids(of_face, np.full(count, -1))
     return hidden_points(receivers.embree(), receivers.points, any_back, reach, total, threads)
 
 

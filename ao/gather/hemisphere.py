@@ -7,13 +7,14 @@ from __future__ import annotations
 
 import numpy as np
 
-from raytrace.embree.packets import GEOM_ID, INVALID, LANES, TFAR, intersect8, occluded8
+from raytrace.embree.packets import LANES
 from raytrace.kernel.borrow import borrow
 from raytrace.kernel.jit import kernel
 
-from ..mu import faded, fades
+from ..mu import fades
 from .directions import BATCHES, choose, turned_frame
 from .estimate import write_estimate
+from .passing import mu_of, passed_of, trace
 from .ray_packet import aim, start_from
 
 
@@ -26,20 +27,20 @@ def gather_hemispheres(packet, points, table, falloff, reach, out):
         reach: length of every ray, at most falloff.limit.
         out: float64 (n, COLUMNS), written.
     """
-    scene, rays, valid = borrow(packet)
+    packet = borrow(packet)
+    _, rays, valid, opacity = packet
     origins, normals, numbers = borrow(points)
     table, out = borrow(table), borrow(out)
     batches, samples = table.batches, len(table.batches)
-    lost = np.zeros(BATCHES)
+    losses, passed = np.zeros(BATCHES), passed_of(opacity)
     falloff = borrow(falloff)
     fading = fades(falloff)
-    ids = rays.view(np.uint32)
     for i in range(len(origins)):
         chosen, turn = choose(numbers[i], table)
         n = normals[i]
         t, b = turned_frame(n, turn)
         local = table.directions[chosen]
-        lost[:] = 0.0
+        losses[:] = 0.0
         x = y = z = 0.0
         valid[:] = -1
         start_from(rays, origins[i])
@@ -47,20 +48,13 @@ def gather_hemispheres(packet, points, table, falloff, reach, out):
             lanes = min(LANES, samples - first)
             valid[lanes:] = 0
             aim(rays, local, first, t, b, n, reach)
-            if fading:
-                intersect8(scene, rays, valid)
-            else:
-                occluded8(scene, rays, valid)
+            trace(packet, fading, falloff, reach, passed)
             for lane in range(lanes):
-                loss = 1.0  # 1 − μ
-                if fading:
-                    if ids[GEOM_ID, lane] == INVALID:
-                        continue
-                    loss -= faded(rays[TFAR, lane], falloff)
-                elif rays[TFAR, lane] >= 0.0:
+                loss = 1.0 - mu_of(rays, lane, fading, falloff, passed)
+                if loss == 0.0:
                     continue
-                lost[batches[first + lane]] += loss
+                losses[batches[first + lane]] += loss
                 x += loss * local[0, first + lane]
                 y += loss * local[1, first + lane]
                 z += loss * local[2, first + lane]
-        write_estimate(out, i, lost, (x, y, z), table, chosen, (t, b, n))
+        write_estimate(out, i, losses, (x, y, z), table, chosen, (t, b, n))

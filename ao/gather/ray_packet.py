@@ -9,6 +9,7 @@ import numpy as np
 from raytrace.embree.packets import DIR_X, DIR_Y, DIR_Z, LANES, ORG_X, ORG_Y, ORG_Z, TFAR, new_packet
 from raytrace.embree.scene import EmbreeScene
 from raytrace.kernel.jit import inline
+from raytrace.mesh.opacity import PackedOpacity
 from raytrace.types import Float32s, Int32s
 
 
@@ -17,16 +18,18 @@ class RayPacket(NamedTuple):
 
     Attributes:
         scene: uint64, Embree's handle. rays: float32 (22, 8). valid: int32 (8,). See `raytrace.embree.packets`.
+        opacity: of the scene's faces, or None.
     """
 
     scene: np.uint64
     rays: Float32s
     valid: Int32s
+    opacity: PackedOpacity | None
 
     @classmethod
-    def of(cls, scene: EmbreeScene) -> RayPacket:
+    def of(cls, scene: EmbreeScene, opacity: PackedOpacity | None = None) -> RayPacket:
         """A new packet, all lanes valid."""
-        return cls(scene.handle, *new_packet())
+        return cls(scene.handle, *new_packet(), opacity)
 
 
 @inline

@@ -15,7 +15,8 @@ from raytrace.bvh.bvh16 import BVH16
 from raytrace.embree.scene import TriangleScene
 from raytrace.errors import MeshError, OptionError
 from raytrace.mesh.mesh import Mesh
-from raytrace.mesh.normals import nonzero, normalize
+from raytrace.mesh.normals import face_normals, nonzero, normalize
+from raytrace.mesh.opacity import PackedOpacity
 from raytrace.mesh.placement import Placement
 from raytrace.ray_origins.surface import Surface
 from raytrace.ray_origins.welded import weld_points
@@ -54,6 +55,7 @@ class Receivers:
         faces: int64 (m', 3), the faces that are not degenerate. tree: over these.
         tree_seconds: how long it took to build.
         embree: these in Embree, built when it is first called, which must not be on two threads at once.
+        opacity: of these, None if all are opaque.
     """
 
     points: Points
@@ -64,6 +66,7 @@ class Receivers:
     tree: BVH16
     tree_seconds: float
     embree: Callable[[], TriangleScene]
+    opacity: PackedOpacity | None
 
     @property
     def first_vertex(self) -> Int64s:
@@ -162,6 +165,7 @@ def find_receivers(mesh: Mesh, placement: Placement, normals: Normals = "angle")
     """Weld, orient and lift the vertices of `mesh`.
 
     Raises:
+        InputError: an image of its alpha cannot be read.
         MeshError: `normals` is "file" for a mesh that has none.
         MemoryLimitError: the corners of folded vertices would not fit into memory.
     """
@@ -184,4 +188,11 @@ def find_receivers(mesh: Mesh, placement: Placement, normals: Normals = "angle")
         corners = find_corners(lifted.tree, lifted.surface, torn, numbered, len(rows))
     embree = cache(partial(TriangleScene, placement.vertices, faces))
     of_vertex, flags = index[lifted.group], lifted.flags
-    return Receivers(points, corners, of_vertex, flags, faces, lifted.tree, lifted.tree_seconds, embree)
+    opacity = _opacity(mesh, placement)
+    return Receivers(points, corners, of_vertex, flags, faces, lifted.tree, lifted.tree_seconds, embree, opacity)
+
+
+def _opacity(mesh: Mesh, placement: Placement) -> PackedOpacity | None:
+    """Of the faces that are not degenerate."""
+    packed = mesh.opacity.packed() if mesh.opacity else None
+    return packed and packed.only(face_normals(placement.vertices.astype(np.float64), mesh.faces)[1] > 0)

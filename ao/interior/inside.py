@@ -41,11 +41,15 @@ def inside_other_parts(
 ) -> Bools:
     """Whether each of the receivers' points is hidden (k,) in a closed part that it does not belong to.
 
+    A part is open where faces of it are not opaque.
+
     Args: vertices: float32 (n, 3), in render space. reach, total_points: as `hidden_points`.
     """
     points = receivers.points
     inside = np.zeros(len(points), np.bool_)
     part, closed = closed_parts(vertices, receivers.faces)
+    if receivers.opacity:
+        closed[part[receivers.faces[receivers.opacity.of >= 0]]] = False
     if not closed.any() or not len(points):
         return inside
     own = part[receivers.first_vertex]
@@ -79,7 +83,7 @@ def hidden_points(
 @kernel
 def _find_hidden(packet, points, table, solids, reach, hidden):
     """Whether over half of each point's rays end on the back of a face, bool (n,); no more are traced than decide."""
-    scene, rays, valid = borrow(packet)
+    scene, rays, valid, _ = borrow(packet)
     origins, normals, numbers = borrow(points)
     table = borrow(table)
     directions = table.directions

@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from raytrace.embree.packets import DIR_X, DIR_Y, DIR_Z, GEOM_ID, INVALID, LANES, NG_X, NG_Y, NG_Z, TFAR, intersect8
+from raytrace.embree.packets import DIR_X, DIR_Y, DIR_Z, LANES
 from raytrace.kernel.borrow import borrow
 from raytrace.kernel.jit import inline, kernel
 from raytrace.mesh.placement import ULP
@@ -20,8 +20,8 @@ from raytrace.sampling.warps import cosine_hemisphere
 from raytrace.types import Float32s, Float64s
 
 from ..gather.directions import turned_frame
+from ..gather.passing import backs, mu_of, passed_of, trace
 from ..gather.ray_packet import aim, start_from
-from ..mu import faded, fades
 from .samples import GOLDEN, place
 
 HIDDEN = 1e-4  # weight of a sample that sees the back of things; not 0, so that hidden faces have a value too
@@ -101,14 +101,14 @@ def gather_faces(packet, faces, samples, lattices, falloff, reach, moments, coun
             of Σ b bᵀ, and Σ b y; for all Σ b ȳ_x, Σ b ȳ_y, Σ b ȳ_z, with ȳ the mean of μ·direction; weighted.
         counts: int64 (n, 3), added to: rays traced, rays below the face, samples that are not hidden.
     """
-    scene, rays, valid = borrow(packet)
+    packet = borrow(packet)
+    _, rays, valid, opacity = packet
     corners, normals, axes = borrow(faces)
     shift, ends, starts, weights = borrow(samples)
     directions, key = borrow(lattices)
     falloff = borrow(falloff)
-    fading = fades(falloff)
     moments, counts = borrow(moments), borrow(counts)
-    ids = rays.view(np.uint32)
+    passed = passed_of(opacity)
     count = directions.shape[2]
     values, b, side, origin = np.zeros(4), np.zeros(3), np.zeros(3), np.zeros(3)
     for f in range(len(corners)):
@@ -131,24 +131,20 @@ def gather_faces(packet, faces, samples, lattices, falloff, reach, moments, coun
             local = directions[chosen]
             t, u = turned_frame(n, turn)
             values[:] = 0.0
-            traced = backs = 0
+            traced, behind = 0, 0.0
             for start in range(0, count, LANES):
                 aim(rays, local, start, t, u, n, reach)
                 for lane in range(LANES):
                     x, y, z = rays[DIR_X, lane], rays[DIR_Y, lane], rays[DIR_Z, lane]
                     valid[lane] = -1 if x * side[0] + y * side[1] + z * side[2] > 0.0 else 0
                     traced -= valid[lane]
-                intersect8(scene, rays, valid)
+                trace(packet, True, falloff, reach, passed)
                 for lane in range(LANES):
                     if valid[lane] == 0:
                         continue
-                    mu = 1.0
                     x, y, z = rays[DIR_X, lane], rays[DIR_Y, lane], rays[DIR_Z, lane]
-                    if ids[GEOM_ID, lane] != INVALID:
-                        if x * rays[NG_X, lane] + y * rays[NG_Y, lane] + z * rays[NG_Z, lane] > 0.0:
-                            backs += 1
-                        if rays[TFAR, lane] < falloff.limit:
-                            mu = faded(rays[TFAR, lane], falloff) if fading else 0.0
+                    behind += backs(rays, lane, passed)
+                    mu = mu_of(rays, lane, True, falloff, passed)
                     values[0] += 1.0 - mu
                     values[1] += mu * x
                     values[2] += mu * y
@@ -158,7 +154,7 @@ def gather_faces(packet, faces, samples, lattices, falloff, reach, moments, coun
             if traced == 0:
                 continue
             weight = weights[f]
-            if backs > _MOSTLY * traced:
+            if behind > _MOSTLY * traced:
                 weight *= HIDDEN
             else:
                 counts[f, SEEN] += 1

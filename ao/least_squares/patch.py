@@ -119,7 +119,7 @@ class Moments:
 
         def write(first: int, last: int) -> None:
             some = self[first:last]
-            packet, found = RayPacket.of(embree), (moments[first:last], counts[first:last])
+            packet, found = RayPacket.of(embree, scene.opacity), (moments[first:last], counts[first:last])
             gather_faces(packet, some.faces, some.samples, lattices, self.mu, self.reach, *found)
 
         return write

@@ -13,10 +13,11 @@ import numpy as np
 
 from raytrace.kernel.jit import inline
 from raytrace.kernel.simd import WIDE, multiply_add, reciprocal_root, select
-from raytrace.kernel.simd_masks import bits, lowest, lowest_bit, some
+from raytrace.kernel.simd_masks import bits, lowest, lowest_bit, pick, some
 from raytrace.kernel.simd_memory import load_row, store_row
 from raytrace.kernel.vector import add, dot, scale, subtract
 
+from .layers import has_alpha, pass_through
 from .rays import EVERYWHERE, NEVER, ONE, SLACK, TINY, ZERO, along, blocks_within, bring_nearer, is_open, root, stop
 
 PLANES = 18  # rows of sixteen: the three edges' normals, N, a·N, and a cone around each: axis, cosine, sine
@@ -129,8 +130,8 @@ def _meets(sides, ahead, volume, reach):
 
 
 @inline
-def meet_by_rays(rays, listed, first, last, planes, closest, reach):
-    """Test listed rays one by one, each against all sixteen triangles."""
+def meet_by_rays(rays, listed, first, last, planes, closest, reach, leaf):
+    """Test listed rays one by one, each against all sixteen triangles. Args: leaf: of `leaf_of`."""
     blocks = len(rays.nearest)
     volume = load_row(planes, _VOLUME)
     for place in range(first, last):
@@ -144,7 +145,13 @@ def meet_by_rays(rays, listed, first, last, planes, closest, reach):
         met = _meets(sides, ahead, volume, reach)
         if not some(met):
             continue
-        if closest:
+        if leaf is not None:
+            distances, found = volume / ahead, bits(met)
+            while found != 0 and is_open(rays, ray):
+                j = lowest_bit(found)
+                found &= found - 1
+                pass_through(leaf, rays, k, lane, j, pick(distances, j), closest, reach)
+        elif closest:
             distance = lowest(select(met, volume / ahead, NEVER))
             rays.nearest[k, lane] = min(rays.nearest[k, lane], distance)
             bring_nearer(rays, k, reach)
@@ -153,8 +160,8 @@ def meet_by_rays(rays, listed, first, last, planes, closest, reach):
 
 
 @inline
-def meet_by_triangles(rays, triangles, planes, closest, reach):
-    """Test triangles, bits, one by one, each against blocks of sixteen rays."""
+def meet_by_triangles(rays, triangles, planes, closest, reach, leaf):
+    """Test triangles, bits, one by one, each against blocks of sixteen rays. Args: leaf: of `leaf_of`."""
     directions, blocks = rays.directions, len(rays.nearest)
     while triangles != 0:
         j = lowest_bit(triangles)
@@ -171,7 +178,13 @@ def meet_by_triangles(rays, triangles, planes, closest, reach):
                 met = _meets(sides, ahead, volume, reach)
                 if not some(met):
                     continue
-                if closest:
+                if leaf is not None and has_alpha(leaf, j):
+                    distances, found = volume / ahead, bits(met) & rays.open[k]
+                    while found != 0:
+                        lane = lowest_bit(found)
+                        found &= found - 1
+                        pass_through(leaf, rays, k, lane, j, pick(distances, lane), closest, reach)
+                elif closest:
                     nearest = load_row(rays.nearest, k)
                     store_row(rays.nearest, k, select(met, min(volume / ahead, nearest), nearest))
                     bring_nearer(rays, k, reach)

@@ -20,6 +20,7 @@ from raytrace.kernel.simd_memory import load_row, store_row
 from raytrace.kernel.vector import dot, subtract
 from raytrace.types import Float32s, Int64s
 
+from .layers import Layers, leaf_of
 from .rays import EVERYWHERE, ONE, SLACK, TINY, ZERO, is_open, list_within, root
 from .triangles import PLANES, find_cones, find_planes, meet_by_rays, meet_by_triangles
 
@@ -38,6 +39,7 @@ class Walk(NamedTuple):
         listed: int64, numbers of rays.
         passing: int64 (16, _LISTED), the rays that pass through each child of a node. passes: int64 (16,), how many.
         children: float32 (5, 16), `bounds` of a node's children. planes: float32 (PLANES, 16), of a leaf's triangles.
+        layers: what rays pass, or None where all faces are opaque.
     """
 
     entries: Int64s
@@ -47,14 +49,15 @@ class Walk(NamedTuple):
     passes: Int64s
     children: Float32s
     planes: Float32s
+    layers: Layers | None
 
     @classmethod
-    def of(cls, tree: BVH16) -> Walk:
+    def of(cls, tree: BVH16, layers: Layers | None = None) -> Walk:
         entries, bounds = np.zeros((_ENTRIES, 4), np.int64), np.zeros((_ENTRIES, 5), np.float32)
         listed = np.zeros((len(tree.starts) + 1) * WIDE * _LISTED, np.int64)
         passing = np.zeros((WIDE, _LISTED), np.int64)
         children, planes = aligned((5, WIDE), np.float32), aligned((PLANES, WIDE), np.float32)
-        return cls(entries, bounds, listed, passing, np.zeros(WIDE, np.int64), children, planes)
+        return cls(entries, bounds, listed, passing, np.zeros(WIDE, np.int64), children, planes, layers)
 
 
 @inline
@@ -81,11 +84,12 @@ def walk(tree, walk, rays, origin, normal, lowest_sine, closest, reach):
             continue
         if level == 0:
             a, b, c = find_planes(triangles[node], origin, walk.planes)
+            leaf = leaf_of(walk.layers, tree, node, origin)
             if count < 0:
                 facing = find_cones(a, b, c, normal, lowest_sine, walk.planes)
-                meet_by_triangles(rays, facing, walk.planes, closest, reach)
+                meet_by_triangles(rays, facing, walk.planes, closest, reach, leaf)
             else:
-                meet_by_rays(rays, walk.listed, first, first + count, walk.planes, closest, reach)
+                meet_by_rays(rays, walk.listed, first, first + count, walk.planes, closest, reach, leaf)
             continue
         child = (node - starts[level - 1]) * WIDE + (starts[level - 2] if level > 1 else 0)
         if count < 0:

@@ -88,7 +88,7 @@ def begin_tracing(prepared: Prepared, texels: Texels, kind: str, checkpoint: Che
         checkpoint.begin(placement, receivers, prepared.mu, kind, *settings, digest.hexdigest())
     return TexelTracer(
         prepared.scene,
-        packets_below(options.traversal, receivers.tree, placement, receivers.points, prepared.mu),
+        packets_below(options.traversal, prepared.scene, placement, receivers.points, prepared.mu),
         placement,
         prepared.mu,
         prepared.threads,

@@ -56,7 +56,7 @@ def find_hits(packet, texels, width, step, in_turn, found, layered):
         layered: whether there are more than two, bool (k,), and points on all of them, int64 (k, DEEP) and float32
             (k, DEEP, 3); written likewise.
     """
-    scene, rays, valid = borrow(packet)
+    scene, rays, valid, _ = borrow(packet)
     triangle, barycentric, overlapping = found
     deep, deep_triangle, deep_place = layered
     ids, count = rays.view(np.uint32), SLOTS * len(texels)

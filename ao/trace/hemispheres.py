@@ -14,6 +14,7 @@ from ..gather.points import Points
 from ..gather.ray_packet import RayPacket
 from ..mu import KernelMu
 from ..stream.gather_streams import gather_streams
+from ..stream.layers import Layers
 from ..stream.rays import Rays
 from ..stream.walk import Walk
 from .ray_scene import RayScene
@@ -75,13 +76,16 @@ class Hemispheres:
             embree = scene.embree()
 
             def by_packets(first: int, last: int) -> None:
-                gather_hemispheres(RayPacket.of(embree), points[first:last].arrays, table, mu, reach, out[first:last])
+                packet = RayPacket.of(embree, scene.opacity)
+                gather_hemispheres(packet, points[first:last].arrays, table, mu, reach, out[first:last])
 
             return by_packets
         tree = scene.tree
 
         def by_streams(first: int, last: int) -> None:
             some = points[first:last].arrays
-            gather_streams(tree, Rays.of(table), Walk.of(tree), some, table, mu, reach, out[first:last])
+            rays = Rays.of(table)
+            walk = Walk.of(tree, Layers.of(scene.opacity, rays.nearest.size, mu))
+            gather_streams(tree, rays, walk, some, table, mu, reach, out[first:last])
 
         return by_streams

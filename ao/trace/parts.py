@@ -41,7 +41,8 @@ def owners(count: int, of: int) -> Int64s:
 def digest_of(placement: Placement, receivers: Receivers) -> str:
     """Hash of a mesh as rays see it: 16 hex digits."""
     digest = hashlib.blake2b(placement.vertices.data, digest_size=8)
-    digest.update(np.ascontiguousarray(receivers.faces).data)
+    for array in (receivers.faces, *(receivers.opacity or ())):
+        digest.update(np.ascontiguousarray(array).data)
     return digest.hexdigest()
 
 

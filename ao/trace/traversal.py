@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import numpy as np
 
-from raytrace.bvh.bvh16 import BVH16
 from raytrace.mesh.placement import Placement
 from raytrace.types import Float64s, Int64s
 
@@ -18,15 +17,17 @@ from ..gather.points import Points
 from ..mu import KernelMu, Mu
 from ..options import MAX_SAMPLES, Traversal
 from ..stream.gather_streams import gather_streams
+from ..stream.layers import Layers
 from ..stream.rays import Rays
 from ..stream.walk import Walk
+from .ray_scene import RayScene
 
 _POINTS, _RAYS, _KEY = 64, 16, np.uint32(0x7A1)  # that are tried
 _CLOSED = 0.5  # part of the rays that meet something from which on most points are closed in
 _ANY_HIT, _CLOSEST_HIT = 320, 512  # rays a point, fewer of which are faster in packets there
 
 
-def packets_below(traversal: Traversal, tree: BVH16, placement: Placement, points: Points, mu: Mu) -> int:
+def packets_below(traversal: Traversal, scene: RayScene, placement: Placement, points: Points, mu: Mu) -> int:
     """The number of rays a point below which Embree traces them.
 
     Args: points: all of a mesh, some of which are tried, so that a bake of a part of them is that part of the whole.
@@ -35,7 +36,7 @@ def packets_below(traversal: Traversal, tree: BVH16, placement: Placement, point
         return MAX_SAMPLES + 1
     some = points[tried(len(points))]
     limit = mu.in_render_space(placement.scale).limit
-    return fewer_than(try_out(tree, some, len(some), limit, min(limit, placement.diagonal)), mu)
+    return fewer_than(try_out(scene, some, len(some), limit, min(limit, placement.diagonal)), mu)
 
 
 def most_packets(mu: Mu) -> int:
@@ -48,11 +49,12 @@ def tried(count: int) -> Int64s:
     return np.arange(min(count, _POINTS)) * count // max(min(count, _POINTS), 1)
 
 
-def try_out(tree: BVH16, points: Points, count: int, limit: float, reach: float) -> Float64s:
+def try_out(scene: RayScene, points: Points, count: int, limit: float, reach: float) -> Float64s:
     """How open `points` (k,) are, of `count` that are tried in all."""
     table, out = DirectionTable.make(_RAYS, count, _KEY), np.empty((len(points), COLUMNS))
-    binary = KernelMu(0.0, limit, 1.0)
-    gather_streams(tree, Rays.of(table), Walk.of(tree), points.arrays, table, binary, reach, out)
+    rays, binary = Rays.of(table), KernelMu(0.0, limit, 1.0)
+    walk = Walk.of(scene.tree, Layers.of(scene.opacity, rays.nearest.size, binary))
+    gather_streams(scene.tree, rays, walk, points.arrays, table, binary, reach, out)
     return out[:, W]
 
 

@@ -209,5 +209,5 @@ def test_few_rays_in_a_closed_room_go_through_embree():
     ):
         prepared = Prepared(mesh, 16)
         mu = falloff.resolve(mesh.radius)
-        assert packets_below("auto", prepared.tree, prepared.placement, prepared.points, mu) == below
-    assert packets_below("embree", prepared.tree, prepared.placement, prepared.points, mu) > 1 << 20
+        assert packets_below("auto", prepared.receivers, prepared.placement, prepared.points, mu) == below
+    assert packets_below("embree", prepared.receivers, prepared.placement, prepared.points, mu) > 1 << 20

@@ -1,0 +1,127 @@
+"""Packets of rays that go on behind places that let a part of them through.
+
+A ray is traced again from behind each hit until nothing of it is left. Embree may find the triangle of the last hit
+again, by a rounding farther: it counts once. So do triangles in one place.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from raytrace.embree.packets import (
+    DIR_X,
+    DIR_Y,
+    DIR_Z,
+    GEOM_ID,
+    INVALID,
+    LANES,
+    NG_X,
+    NG_Y,
+    NG_Z,
+    PRIM_ID,
+    TFAR,
+    TNEAR,
+    U,
+    V,
+    intersect8,
+    occluded8,
+)
+from raytrace.kernel.jit import inline
+from raytrace.mesh.opacity_lookup import alpha
+
+from ..mu import faded, fades
+
+LEAST = 2.0**-12  # of a ray: what is left of it where it ends
+_FARTHER = np.float32(1.0 + 2.0**-23)
+_LEFT, _LOST, _BACKS, _LAST = range(4)  # rows: what goes on, 1 − μ, the part that ended on backs, the last face
+
+
+@inline
+def passed_of(opacity):
+    """Room for what the rays of a packet pass; None where all faces are opaque."""
+    if opacity is None:
+        return None
+    return np.zeros((4, LANES))
+
+
+@inline
+def trace(packet, closest, falloff, reach, passed):
+    """Trace the valid rays of a `RayPacket`. Args: closest: whether distances, or backs, matter."""
+    scene, rays, valid, _ = packet
+    if passed is not None:
+        _trace_through(packet, falloff, reach, passed)
+    elif closest:
+        intersect8(scene, rays, valid)
+    else:
+        occluded8(scene, rays, valid)
+
+
+@inline
+def mu_of(rays, lane, closest, falloff, passed):
+    """μ of a ray that was traced."""
+    if passed is not None:
+        return 1.0 - passed[_LOST, lane]
+    if not closest:
+        return 0.0 if rays[TFAR, lane] < 0.0 else 1.0
+    if rays.view(np.uint32)[GEOM_ID, lane] == INVALID:
+        return 1.0
+    return _mu_at(rays[TFAR, lane], falloff)
+
+
+@inline
+def backs(rays, lane, passed):
+    """The part of a ray, traced for the closest hit, that ends on the back of a face."""
+    if passed is not None:
+        return passed[_BACKS, lane]
+    return 1.0 if rays.view(np.uint32)[GEOM_ID, lane] != INVALID and _is_back(rays, lane) else 0.0
+
+
+@inline
+def _mu_at(distance, falloff):
+    if distance >= falloff.limit:
+        return 1.0
+    return faded(distance, falloff) if fades(falloff) else 0.0
+
+
+@inline
+def _is_back(rays, lane):
+    x, y, z = rays[DIR_X, lane], rays[DIR_Y, lane], rays[DIR_Z, lane]
+    return x * rays[NG_X, lane] + y * rays[NG_Y, lane] + z * rays[NG_Z, lane] > 0.0
+
+
+@inline
+def _trace_through(packet, falloff, reach, passed):
+    scene, rays, valid, opacity = packet
+    ids = rays.view(np.uint32)
+    asked = going = 0
+    for lane in range(LANES):
+        passed[_LEFT, lane], passed[_LOST, lane], passed[_BACKS, lane], passed[_LAST, lane] = 1.0, 0.0, 0.0, -1.0
+        asked |= -valid[lane] << lane
+    going = asked
+    while going != 0:
+        intersect8(scene, rays, valid)
+        for lane in range(LANES):
+            if valid[lane] == 0:
+                continue
+            if ids[GEOM_ID, lane] != INVALID:
+                _meet(opacity, falloff, rays, lane, passed)
+                rays[TNEAR, lane], rays[TFAR, lane] = rays[TFAR, lane] * _FARTHER, reach
+            if ids[GEOM_ID, lane] == INVALID or passed[_LEFT, lane] <= LEAST:
+                valid[lane] = 0
+                going &= ~(1 << lane)
+    for lane in range(LANES):
+        valid[lane] = -(asked >> lane & 1)
+        rays[TNEAR, lane] = 0.0
+
+
+@inline
+def _meet(opacity, falloff, rays, lane, passed):
+    """Leave at a hit the part of a ray that ends there."""
+    face = np.int64(rays.view(np.uint32)[PRIM_ID, lane])
+    if face == passed[_LAST, lane]:
+        return
+    share = passed[_LEFT, lane] * alpha(opacity, face, rays[U, lane], rays[V, lane])
+    passed[_LEFT, lane] -= share
+    passed[_LOST, lane] += share * (1.0 - _mu_at(rays[TFAR, lane], falloff))
+    passed[_BACKS, lane] += share * _is_back(rays, lane)
+    passed[_LAST, lane] = face

@@ -1,0 +1,178 @@
+"""Bakes under faces with alpha, against form factors and against a sum over directions that knows only planes."""
+
+from dataclasses import replace
+
+import numpy as np
+import PIL.Image
+import pytest
+
+import ao
+from ao.analytic.form_factor import polygon_form_factor
+from raytrace import AlphaSurface, Lambert, Mesh, Object, Opacity, Scene, Shape, Texture
+from raytrace.sampling.sequences import GOLDEN
+
+UP, HEIGHT = np.array([0.0, 0.0, 1.0]), 0.4
+SIDE = np.linspace(-0.9, 0.9, 5)
+FLOOR = np.stack([*(axis.ravel() for axis in np.meshgrid(SIDE, SIDE, indexing="ij")), np.zeros(25)], axis=-1)
+CELLS = (5 * np.arange(4)[:, None] + np.arange(4)).ravel()
+FLOOR_FACES = np.concatenate([CELLS[:, None] + [0, 5, 6], CELLS[:, None] + [0, 6, 1]])
+SQUARE = np.array([[-0.5, -0.5], [0.5, -0.5], [0.5, 0.5], [-0.5, 0.5]])
+HALVES = np.array([[0, 1, 2], [0, 2, 3]])
+RAYS = {"samples": 4096, "reconstruct": False}
+
+
+def leaf_texture(folder, alpha=1.0, name="leaf.png"):
+    """An image of this alpha whose right half is empty."""
+    codes = np.full((64, 64, 4), 200, np.uint8)
+    codes[..., 3] = round(255 * alpha)
+    codes[:, 32:, 3] = 0
+    PIL.Image.fromarray(codes).save(folder / name)
+    return Texture(folder / name, wrap="clamp_to_edge")
+
+
+def over_floor(*layers):
+    """A floor with unit squares over it. Args: layers: heights, half sides and surfaces, None for an opaque one."""
+    vertices, faces, of, surfaces = [FLOOR], [FLOOR_FACES], [np.full(len(FLOOR_FACES), -1)], []
+    for height, half, surface in layers:
+        faces.append(HALVES + sum(map(len, vertices)))
+        vertices.append(np.column_stack([2 * half * SQUARE, np.full(4, height)]))
+        of.append(np.full(2, -1 if surface is None else len(surfaces)))
+        surfaces += [] if surface is None else [surface]
+    faces = np.concatenate(faces)
+    uv = np.zeros((len(faces), 3, 2))
+    uv[len(FLOOR_FACES) :] = np.tile((SQUARE + 0.5)[HALVES], (len(layers), 1, 1))
+    return Mesh(np.concatenate(vertices), faces, opacity=Opacity(np.concatenate(of), tuple(surfaces), uv))
+
+
+def form_factors(height, half=0.5, right=None):
+    """Of a square over each vertex of the floor, cut off at x = `right`."""
+    square = np.column_stack([2 * half * SQUARE, np.full(4, height)])
+    square[:, 0] = np.minimum(square[:, 0], np.inf if right is None else right)
+    return np.array([polygon_form_factor(square, point, UP) for point in FLOOR])
+
+
+def w_of_planes(layers, mu, count=40_000):
+    """w of the floor by a sum over directions: layers are planes, whose alpha is a function of x and y, from below."""
+    number = np.arange(count)
+    radius, turn = np.sqrt((number + 0.5) / count), 2 * np.pi * number * GOLDEN
+    up = np.sqrt(1 - radius**2)
+    found = []
+    for point in FLOOR:
+        left, value = np.ones(count), np.zeros(count)
+        for height, alpha in layers:
+            distance = height / up
+            a = alpha(point[0] + distance * radius * np.cos(turn), point[1] + distance * radius * np.sin(turn))
+            value += left * a * mu(distance)
+            left = left * (1 - a)
+        found.append(np.mean(value + left))
+    return np.array(found)
+
+
+def square_of(alpha, half=0.5, right=np.inf):
+    return lambda x, y: alpha * ((abs(x) < half) & (abs(y) < half) & (x < right))
+
+
+def floor_w(mesh, falloff=None, **options):
+    return ao.bake(mesh, falloff or ao.Binary(), **(RAYS | options)).w[: len(FLOOR)]
+
+
+CARDS = {
+    "cut out by half": (lambda folder: AlphaSurface(texture=leaf_texture(folder), cutoff=0.5), 1.0, 0.0),
+    "blended by a texture": (lambda folder: AlphaSurface(texture=leaf_texture(folder, 0.6)), 0.6, 0.0),
+    "blended by a factor": (lambda folder: AlphaSurface(0.3), 0.3, None),
+    "not there": (lambda folder: AlphaSurface(0.0), 0.0, None),
+    "below the cutoff": (lambda folder: AlphaSurface(0.3, cutoff=0.5), 0.0, None),
+    "above the cutoff": (lambda folder: AlphaSurface(0.5, cutoff=0.5), 1.0, None),
+}
+
+
+@pytest.mark.parametrize("traversal", ["auto", "embree"])
+@pytest.mark.parametrize("card", CARDS)
+def test_a_card_over_a_floor_occludes_by_its_alpha(tmp_path, card, traversal):
+    surface, alpha, right = CARDS[card]
+    w = floor_w(over_floor((HEIGHT, 0.5, surface(tmp_path))), traversal=traversal)
+    assert np.allclose(w, 1 - alpha * form_factors(HEIGHT, right=right), atol=0.01)
+
+
+@pytest.mark.parametrize("traversal", ["auto", "embree"])
+def test_what_two_layers_let_through_is_the_product(traversal):
+    mesh = over_floor((HEIGHT, 0.5, AlphaSurface(0.3)), (0.8, 1.0, AlphaSurface(0.5)))
+    near, far = form_factors(HEIGHT), form_factors(0.8, 1.0)  # the far one covers the near one as seen from the floor
+    inside = (abs(FLOOR[:, :2]) < 0.5).all(axis=1)
+    w = floor_w(mesh, traversal=traversal)
+    assert np.allclose(w[inside], (1 - 0.3 * near - 0.5 * far + 0.15 * near)[inside], atol=0.01)
+    layers = [(HEIGHT, square_of(0.3)), (0.8, square_of(0.5, 1.0))]
+    assert np.allclose(w, w_of_planes(layers, lambda distance: 0.0), atol=0.01)
+
+
+@pytest.mark.parametrize("traversal", ["auto", "embree"])
+def test_layers_count_by_their_distance(tmp_path, traversal):
+    leaf = AlphaSurface(texture=leaf_texture(tmp_path, 0.8))
+    mesh = over_floor((1.0, 1.2, None), (0.3, 0.5, leaf), (0.6, 0.7, AlphaSurface(0.4)))
+    layers = [(0.3, square_of(0.8, right=0)), (0.6, square_of(0.4, 0.7)), (1.0, square_of(1.0, 1.2))]
+    expected = w_of_planes(layers, lambda distance: 1 - np.exp(-1.5 * distance))
+    w = floor_w(mesh, ao.Exponential(tau=1.5), traversal=traversal)
+    assert np.allclose(w, expected, atol=0.01)
+    assert abs(w - floor_w(replace(mesh, opacity=None), ao.Exponential(tau=1.5))).max() > 0.1
+
+
+def test_more_layers_than_a_ray_has_room_for():
+    heights = 0.2 + 0.05 * np.arange(12)
+    mesh = over_floor(*((height, 0.8, AlphaSurface(0.2)) for height in heights[::-1]))
+    expected = w_of_planes([(height, square_of(0.2, 0.8)) for height in heights], lambda x: 1 - np.exp(-2 * x))
+    for traversal in ("auto", "embree"):
+        assert np.allclose(floor_w(mesh, ao.Exponential(tau=2.0), traversal=traversal), expected, atol=0.01)
+
+
+@pytest.mark.parametrize("falloff", [ao.Binary(), ao.Exponential(half_distance=0.5)])
+def test_both_traversals_find_the_same(tmp_path, falloff):
+    rng = np.random.default_rng(3)
+    corners = rng.uniform(-1, 1, (60, 1, 3)) + rng.normal(0, 0.4, (60, 3, 3))
+    surfaces = AlphaSurface(0.35), AlphaSurface(texture=leaf_texture(tmp_path), cutoff=0.5), AlphaSurface(1.0)
+    opacity = Opacity(np.arange(60) % 4 - 1, surfaces, rng.uniform(0, 1, (60, 3, 2)))
+    mesh = Mesh(corners.reshape(-1, 3), np.arange(180).reshape(-1, 3), opacity=opacity)
+    walked, packets = (ao.bake(mesh, falloff, 64, reconstruct=False, traversal=each) for each in ("auto", "embree"))
+    assert np.allclose(walked.w, packets.w, atol=2e-4)
+    assert np.allclose(walked.bent_normals, packets.bent_normals, atol=1e-3)
+    assert np.allclose(walked.error, packets.error, atol=1e-3)
+
+
+def test_the_other_ways_of_a_bake(tmp_path):
+    leaf = AlphaSurface(texture=leaf_texture(tmp_path), cutoff=0.5)
+    mesh = over_floor((HEIGHT, 0.5, leaf))
+    expected = 1 - form_factors(HEIGHT, right=0.0)
+    assert np.allclose(ao.bake(mesh, ao.Binary(), tolerance=0.005).w[: len(FLOOR)], expected, atol=0.02)
+    shapes = Shape(Mesh(FLOOR, FLOOR_FACES), Lambert(albedo=0.5)), _card(leaf)
+    scene = Scene(tuple(Object(shape) for shape in shapes)).flattened()
+    assert np.allclose(floor_w(scene), expected, atol=0.01)
+    surface = ao.bake(mesh, ao.Binary(), 4096, method="surface").w[: len(FLOOR)]
+    whole = ao.bake(replace(mesh, opacity=None), ao.Binary(), 4096, method="surface").w[: len(FLOOR)]
+    assert abs(surface - expected).mean() < 0.03 < abs(whole - expected).mean()
+
+
+def test_texels_under_a_card(tmp_path):
+    mesh = over_floor((HEIGHT, 0.5, AlphaSurface(texture=leaf_texture(tmp_path), cutoff=0.5)))
+    uv = np.concatenate([(FLOOR[:, :2] + 0.9) / 3.6, 0.3 * SQUARE + 0.8])
+    w = ao.bake_texture(mesh, uv, 24, ao.Binary(), 1024, reconstruct=False).w[:11:-1, :12].T
+    x = (np.arange(12) + 0.5) / 12 * 1.8 - 0.9
+    square = np.column_stack([SQUARE, np.full(4, HEIGHT)])
+    square[:, 0] = np.minimum(square[:, 0], 0)
+    expected = [[1 - polygon_form_factor(square, (i, j, 0), UP) for j in x] for i in x]
+    assert np.allclose(w, expected, atol=0.02)
+
+
+def _card(leaf):
+    vertices = np.column_stack([SQUARE, np.full(4, HEIGHT)])
+    return Shape(Mesh(vertices, HALVES, opacity=Opacity([0, 0], [leaf], (SQUARE + 0.5)[HALVES])), Lambert(albedo=0.5))
+
+
+def test_a_solid_with_a_hole_hides_nothing():
+    box = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], float)
+    quads = [[0, 1, 3, 2], [4, 6, 7, 5], [0, 4, 5, 1], [2, 3, 7, 6], [0, 2, 6, 4], [1, 5, 7, 3]]
+    walls = np.array([[q[0], q[i], q[i + 1]] for q in quads for i in (1, 2)])
+    small = 0.2 * box + 0.05
+    mesh = Mesh(np.concatenate([box, small]), np.concatenate([walls, walls + 8]))
+    for hidden in ("auto", "mark"):
+        assert ao.bake(mesh, samples=16, hidden=hidden).flags[8:].all()
+        opacity = Opacity([0] * 12 + [-1] * 12, [AlphaSurface(0.1)])
+        assert not ao.bake(replace(mesh, opacity=opacity), samples=16, hidden=hidden).flags.any()
