@@ -20,18 +20,21 @@ from multiprocessing import resource_tracker
 from queue import Empty, SimpleQueue
 from typing import Any
 
-from raytrace.errors import ClusterError, InputError, MemoryLimitError, OptionError
+from raytrace.errors import ClusterError, InputError, OptionError
 from raytrace.system.threads import thread_count
 
 from ..trace.work import Span, Tables, Work
-from .addresses import CONFIG, LOCAL, local_workers
+from .addresses import CONFIG, LOCAL, local_workers, unguarded
 from .dispatch import IN_FLIGHT, Dispatch
+from .rows import unpack
 from .scene_file import SceneFile
 from .worker import greet, trace_block
 
 _CONNECT = 10.0  # seconds to reach a scheduler
 _LOOK = 0.2  # seconds between looks at who is there
 _PATIENCE = 10.0  # seconds without any worker until a message says so
+_HEARTBEATS = 2.0  # seconds between looks at when workers were heard of
+_SILENCE = 30.0  # seconds without a heartbeat, after which others get a worker's blocks
 _START = 60.0  # seconds that workers on this machine have to start
 _FAILURES = 3  # of one block, after which it is the block's fault
 _LOSSES = 10  # of workers with the same block, likewise: out of memory, for instance
@@ -43,7 +46,7 @@ class DaskCluster:
     """Workers that trace blocks.
 
     Args:
-        address: `local`, `local:N` for N workers on this machine, or a scheduler's, `tcp://host:port`.
+        address: `local`, `local:N` for N workers on this machine, or a scheduler's, `tls://host:port`.
         threads: of a worker on this machine; None: they share all cores.
         tell: called, on the caller's thread, with a line for the user.
 
@@ -66,8 +69,12 @@ class DaskCluster:
         self._more = asyncio.Condition()
         self._served: dict[str, asyncio.Task[None]] = {}
         self._refused: dict[str, InputError | ClusterError] = {}
+        self._heard: dict[
+            str, tuple[float, float]
+        ] = {}  # the scheduler's time of the last heartbeat, ours when it came
         self._failures: dict[Span, int] = {}
         self._losses: dict[int, int] = {}
+        self._asked = 0.0
         self._thread = threading.Thread(target=self._run, daemon=True)
         self._client: Any = None
         self._thread.start()
@@ -182,6 +189,8 @@ class DaskCluster:
             except (OSError, TimeoutError, ValueError) as reason:
                 text = f"nothing that answers ({type(reason).__name__})"
                 raise OptionError("cluster", "local, local:N or the address of a Dask scheduler", text) from None
+            if warning := unguarded(self.address):
+                self._messages.put(warning)
             self._connected.set()
             try:
                 while not self._stop.is_set():
@@ -197,25 +206,41 @@ class DaskCluster:
         """Serve workers that have come, and let go of those that have gone."""
         if self._client.status != "running":
             raise ClusterError("its scheduler has gone")
-        present = await self._client.scheduler.ncores()
-        for worker in present.keys() - self._served.keys():
+        present = (await self._client.scheduler.ncores()).keys() - await self._silent()
+        for worker in present - self._served.keys():
             self._served[worker] = asyncio.create_task(self._serve(worker))
-        for worker in self._served.keys() - present.keys():
+        for worker in self._served.keys() - present:
             self._refused.pop(worker, None)
             self._served.pop(worker).cancel()
 
+    async def _silent(self) -> set[str]:
+        """Workers that have sent no heartbeat for long, as stopped processes do; the user is told."""
+        now = time.monotonic()
+        if now >= self._asked + _HEARTBEATS:
+            self._asked = now
+            workers = (await self._client.scheduler.identity())["workers"]
+            before, self._heard = self._heard, {}
+            for worker, about in workers.items():
+                seen, since = before.get(worker, (None, now))
+                self._heard[worker] = about["last_seen"], since if seen == about["last_seen"] else now
+        silent = {worker for worker, (_, since) in self._heard.items() if now > since + _SILENCE}
+        for worker in silent & self._served.keys():
+            self._messages.put(f"worker {worker} has not been heard of for {_SILENCE:.0f} s; others get its blocks")
+        return silent
+
     async def _serve(self, worker: str) -> None:
         await self._scene_known.wait()
-        answer: int | tuple[str, str, str] = "", "", ""
+        answer: Any = None
         scene = None
         while not isinstance(answer, int) and scene is not self._scene:  # which may have been another's meanwhile
             scene = self._scene
             try:
                 answer = await self._call(worker, greet, self._machine, scene, self._threads)
+                what, expected, got = ("", "", "") if isinstance(answer, int) else answer
             except Exception as failure:
-                answer = "code", "obscurance as it is here", f"{type(failure).__name__}: {failure}"
+                answer = None
+                what, expected, got = "code", "obscurance as it is here", f"{type(failure).__name__}: {failure}"
         if not isinstance(answer, int):
-            what, expected, got = answer
             reason = InputError(f"{self.address}: no worker can be used: {worker}", what, expected, got)
             self._refuse(worker, f"{what}: expected {expected}, got {got}", reason)
             return
@@ -249,7 +274,10 @@ class DaskCluster:
             first, last = span = dispatch.take(worker)
             try:
                 some = dispatch.work[first:last]
-                tables, seconds = await self._call(worker, trace_block, self._scene, self._threads, some)
+                seconds, *contents = await self._call(worker, trace_block, self._scene, self._threads, some)
+                if not isinstance(seconds, float):
+                    raise InputError(seconds, *contents) if contents else _Failed(seconds)
+                tables = unpack(some, contents)
             except BaseException as reason:
                 dispatch.lost(span)
                 if isinstance(reason, asyncio.CancelledError | KilledWorker):
@@ -258,7 +286,7 @@ class DaskCluster:
                     self._more.notify_all()
                 if isinstance(reason, asyncio.CancelledError):
                     raise
-                if isinstance(reason, InputError) and not isinstance(reason, MemoryLimitError):
+                if isinstance(reason, InputError):
                     self._messages.put(reason)
                     return
                 if not isinstance(reason, KilledWorker):
@@ -276,29 +304,35 @@ class DaskCluster:
 
     def _failed(self, span: Span, reason: BaseException) -> None:
         """Raises: _Failed: always; the bake, too, if other workers have failed at the same block."""
-        text = f"{type(reason).__name__}: {reason}"
+        text = str(reason) if isinstance(reason, _Failed) else f"{type(reason).__name__}: {reason}"
         self._failures[span] = self._failures.get(span, 0) + 1
         if self._failures[span] >= _FAILURES:
             self._messages.put(ClusterError(f"{self.address}: a block fails on every worker: {text}"))
         raise _Failed(text)
 
     async def _call(self, worker: str, function: Callable[..., Any], *arguments: Any) -> Any:
-        """What `function` returns on a worker.
+        """What `function` returns on a worker: texts, numbers, bytes and tuples of such, or TypeError is raised.
 
         What Dask cancels, because it has lost its scheduler, is no fault of the worker's: `_look` will find out.
         """
         from distributed.client import ClosedClientError
+        from distributed.comm import CommClosedError
 
         while True:
             key = f"{function.__name__}-{uuid.uuid4().hex}"
             try:
                 future = self._client.submit(function, *arguments, key=key, workers=[worker], pure=False)
                 try:
-                    return await future
+                    if reason := await future.exception():
+                        raise reason
+                    found = await self._client.scheduler.gather(keys=[key], deserializers=["msgpack"])
+                    if found["status"] == "OK":
+                        return found["data"][key]
                 finally:
                     future.release()
-            except (CancelledError, ClosedClientError):
-                await asyncio.sleep(_LOOK)
+            except (CancelledError, ClosedClientError, CommClosedError):
+                pass
+            await asyncio.sleep(_LOOK)
 
     def _begin(self, work: Work, spans: Sequence[Span]) -> None:
         async def wake() -> None:

@@ -68,7 +68,7 @@ class Dispatch:
         rows = span[1] - span[0]
         self.blocks[worker] = self.blocks.get(worker, 0) + 1
         self.rows += rows
-        speed = rows * self.work.rays / max(seconds, 1e-6)
+        speed = rows * self.work.rays / min(max(1e-6, seconds), 1e9)  # whatever number it is
         self.speed[worker] = _KEPT * self.speed.get(worker, speed) + (1 - _KEPT) * speed
 
     def lost(self, span: Span) -> None:

@@ -19,7 +19,7 @@ _SIZE = struct.Struct("<q")
 
 
 class SceneFile(NamedTuple):
-    """Attributes: path: absolute. digest: hash of what is in it, 32 hex digits."""
+    """Attributes: path: absolute. digest: hash of what is in it, 64 hex digits."""
 
     path: str
     digest: str
@@ -36,11 +36,11 @@ def write_scene(folder: Path, name: str, scene: object) -> SceneFile:
     arrays: list[pickle.PickleBuffer] = []
     head = pickle.dumps(scene, protocol=5, buffer_callback=arrays.append)
     parts = [memoryview(head), *(array.raw() for array in arrays)]
-    digest = hashlib.blake2b(digest_size=16)
+    digest = hashlib.blake2b(digest_size=32)
     for part in parts:
         digest.update(_SIZE.pack(part.nbytes))
         digest.update(part)
-    path = folder.absolute() / f".{name}-{digest.hexdigest()}.scene"
+    path = folder.absolute() / f".{name}-{digest.hexdigest()[:32]}.scene"
     if not path.exists():
         with atomic_write(path) as file:
             for part in parts:
@@ -57,7 +57,7 @@ def load_scene(file: SceneFile) -> Any:
         ValueError: it holds something else.
     """
     parts: list[bytearray] = []
-    digest = hashlib.blake2b(digest_size=16)
+    digest = hashlib.blake2b(digest_size=32)
     with Path(file.path).open("rb") as stored:
         left = stored.seek(0, 2)
         stored.seek(0)

@@ -24,7 +24,7 @@ class ClusterSession:
     """The workers of a Dask cluster, in a `with` block.
 
     Args:
-        address: `local`, `local:N` or a scheduler's, `tcp://host:port`.
+        address: `local`, `local:N` or a scheduler's, `tls://host:port`.
         shared: a folder that all workers see under this name, for scenes. name: of their files, the output's.
         tell: called with a line for the user.
         threads: of all workers on this machine together; None: all cores.

@@ -7,10 +7,12 @@ import time
 from collections.abc import Mapping
 from typing import Any
 
+from raytrace.errors import InputError, MemoryLimitError
 from raytrace.system.threads import thread_count
 
 from ..trace.identity import first_difference, machine
-from ..trace.work import Tables, Work, fill
+from ..trace.work import Work, fill
+from .rows import pack
 from .scene_file import SceneFile, load_scene
 
 _lock = threading.Lock()  # one block at a time, on all cores, however many threads the worker has for tasks
@@ -34,13 +36,21 @@ def greet(expected: Mapping[str, str], file: SceneFile, threads: int | None) -> 
     return thread_count(threads)
 
 
-def trace_block(file: SceneFile, threads: int | None, work: Work) -> tuple[Tables, float]:
-    """The rows of `work`, and the seconds that they took."""
-    with _lock:
-        scene, start = _scene(file), time.perf_counter()
-        tables = work.tables()
-        fill(work, scene, tables, thread_count(threads))
-        return tables, time.perf_counter() - start
+def trace_block(file: SceneFile, threads: int | None, work: Work) -> tuple[object, ...]:
+    """The seconds that the rows of `work` took, and their tables as `pack` has them.
+
+    Or why there are none, in texts: what an `InputError` says that every worker would raise, or one text.
+    """
+    try:
+        with _lock:
+            scene, start = _scene(file), time.perf_counter()
+            tables = work.tables()
+            fill(work, scene, tables, thread_count(threads))
+            return time.perf_counter() - start, *pack(tables)
+    except Exception as reason:
+        if isinstance(reason, InputError) and not isinstance(reason, MemoryLimitError):
+            return reason.source, reason.field, reason.expected, str(reason.got)
+        return (f"{type(reason).__name__}: {reason}",)
 
 
 def _scene(file: SceneFile) -> Any:

@@ -10,9 +10,9 @@ import errno
 import hashlib
 import os
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -20,6 +20,7 @@ from raytrace.types import Int64s
 
 from ..commands.bake import MeshBake, told_shortfalls
 from ..commands.console import unprinted_warnings
+from .manifest import Status
 from .one import Outcome, bake_one
 
 if TYPE_CHECKING:
@@ -88,7 +89,7 @@ class WholeBakes:
             for row in range(first, last):
                 bake = scene.bakes[self.numbers[row]]
                 with unprinted_warnings(), told_shortfalls():
-                    outcomes[row] = bake_one(bake, scene.falloff, 1, scene.resume)
+                    outcomes[row] = asdict(bake_one(bake, scene.falloff, 1, scene.resume))
 
         return write
 
@@ -108,7 +109,16 @@ def bake_remotely(
     scene = SharedBakes(tuple(map(_absolute, bakes)), falloff, resume)
     for first, last, (outcomes,) in session.rows(work, scene, threads):
         for place, outcome in zip(work.numbers[first:last].tolist(), outcomes, strict=True):
-            yield place, _named_as(bakes[place], outcome)
+            yield place, _named_as(bakes[place], _outcome(outcome))
+
+
+def _outcome(fields: Any) -> Outcome:
+    """The outcome as a worker says it, each field of its type."""
+    try:
+        status: Status = "done" if fields["status"] == "done" else "failed"
+        return Outcome(status, float(fields["seconds"]), str(fields["message"]), list(map(str, fields["warnings"])))
+    except (TypeError, KeyError, ValueError) as reason:
+        return Outcome("failed", 0.0, f"a worker's answer is no outcome of a bake: {reason}")
 
 
 def _absolute(bake: MeshBake) -> MeshBake:

@@ -34,8 +34,9 @@ class Workers:
     def __post_init__(self) -> None:
         from raytrace.errors import OptionError
 
-        if find_spec("distributed") is None:
-            raise OptionError("cluster", "Dask, which pip install 'obscurance[cluster]' installs", "none")
+        if find_spec("distributed") is None or find_spec("cryptography") is None:
+            expected = "Dask and cryptography, which pip install 'obscurance[cluster]' installs"
+            raise OptionError("cluster", expected, "not both")
         from ao.cluster.addresses import local_workers
 
         local_workers(self.address)

@@ -45,10 +45,21 @@ LONG_ROWS = 100**2 + 100**2 // 32  # some are traced twice, to calibrate errors
 
 @contextmanager
 def scheduler(workers, preload=()):
-    """A cluster that bakes join by its address. Args: preload: scripts that each worker runs first."""
+    """A cluster that bakes join by its address, with credentials by Dask's configuration.
+
+    Args: preload: scripts that each worker runs first.
+    """
     distributed = pytest.importorskip("distributed", reason="needs obscurance[cluster]")
-    importlib.import_module("dask").config.set(CONFIG)
-    with distributed.LocalCluster(n_workers=workers, **LOCAL | {"preload": [*LOCAL["preload"], *preload]}) as cluster:
+    security = distributed.Security.temporary()
+    credentials = {"ca-file": security.tls_ca_file, "client.key": security.tls_client_key}
+    credentials["client.cert"] = security.tls_client_cert
+    config = importlib.import_module("dask").config
+    config.set(CONFIG)
+    settings = LOCAL | {"security": security, "preload": [*LOCAL["preload"], *preload]}
+    with (
+        distributed.LocalCluster(n_workers=workers, **settings) as cluster,
+        config.set({f"distributed.comm.tls.{name}": value for name, value in credentials.items()}),
+    ):
         yield cluster
 
 

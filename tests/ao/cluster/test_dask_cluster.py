@@ -1,6 +1,8 @@
 """Bakes by real workers of a real scheduler: the bits of one process, whoever is lost on the way."""
 
+import asyncio
 import os
+import signal
 import time
 from contextlib import contextmanager
 from functools import partial
@@ -12,7 +14,7 @@ from parts_of_bakes import bits
 
 import ao
 import ao.cluster.session
-from ao.cluster.addresses import local_workers
+from ao.cluster.addresses import LOCAL, local_workers
 from ao.cluster.dispatch import IN_FLIGHT
 from ao.trace.checkpoint import Checkpoint
 from raytrace import InputError, Mesh, OptionError
@@ -113,9 +115,9 @@ def test_where_no_worker_can_be_used_the_reason_is_told(cluster, tmp_path, monke
     here = ao.cluster.session.machine()
     monkeypatch.setattr("ao.cluster.session.machine", lambda: here | {"Embree": "4.0.0"})
     messages = []
-    with pytest.raises(InputError, match=r"no worker can be used: tcp://.*: Embree: expected 4.0.0, got"):
+    with pytest.raises(InputError, match=r"no worker can be used: tls://.*: Embree: expected 4.0.0, got"):
         bake_on(cluster.scheduler_address, MEDIUM, tmp_path / "w.partial", messages.append)
-    assert messages[0].startswith("worker tcp://")
+    assert messages[0].startswith("worker tls://")
 
 
 def test_a_folder_that_workers_do_not_see_is_told(cluster, tmp_path, monkeypatch):
@@ -148,7 +150,7 @@ def test_workers_may_come_late_and_a_lost_scheduler_leaves_a_journal_for_one_pro
                 late.scale(1)
 
         monkeypatch.setattr("ao.cluster.dask_cluster._PATIENCE", 0.2)
-        with pytest.raises(ClusterError, match=r"tcp://.*: the cluster is lost"):
+        with pytest.raises(ClusterError, match=r"tls://.*: the cluster is lost"):
             bake_on(late.scheduler_address, MEDIUM, path, tell, progress, after=0, every=0)
     assert list(dict.fromkeys(messages)) == [
         f"{late.scheduler_address}: no workers; waiting for some to join",
@@ -166,3 +168,101 @@ def test_an_address_without_a_scheduler_is_refused(tmp_path, monkeypatch):
         with pytest.raises(OptionError, match="cluster: expected local, local:N or the address"):
             local_workers(address)
     assert [local_workers(address) for address in ("local", "local:3", "tcp://a:1")] == [1, 3, None]
+
+
+def test_a_worker_that_stands_still_is_told_and_its_blocks_are_traced_by_others(cluster, tmp_path, medium, monkeypatch):
+    monkeypatch.setattr("ao.cluster.dask_cluster._SILENCE", 1.5)
+    monkeypatch.setattr("ao.cluster.dask_cluster._HEARTBEATS", 0.2)
+
+    def stop():
+        import ao.cluster.worker
+
+        ao.cluster.worker.fill = lambda *_: os.kill(os.getpid(), signal.SIGSTOP)
+
+    with on_one(cluster, stop, tmp_path / "told") as (odd, messages, tell):
+        baked, dispatch = bake_on(cluster.scheduler_address, MEDIUM, tmp_path / "w.partial", tell)
+    assert bits(baked) == medium
+    assert odd not in dispatch.blocks
+    assert messages == [f"worker {odd} has not been heard of for 2 s; others get its blocks"]
+
+
+class Attack:
+    """What makes a file where it is unpickled."""
+
+    def __init__(self, path):
+        self.path = path
+
+    def __reduce__(self):
+        return os.mkdir, (self.path,)
+
+
+@pytest.mark.parametrize("answer", ["code", "few", "many", "numbers"])
+def test_what_a_worker_answers_is_no_code_and_of_the_length_that_was_asked_for(cluster, tmp_path, medium, answer):
+    def lie():
+        import ao.cluster.worker
+
+        honest = ao.cluster.worker.pack
+        ao.cluster.worker.pack = {
+            "code": lambda tables: (Attack(str(tmp_path / "attacked")),) * len(tables),
+            "few": lambda tables: [content[:-8] for content in honest(tables)],
+            "many": lambda tables: [*honest(tables), b""],
+            "numbers": lambda tables: [1] * len(tables),
+        }[answer]
+
+    with on_one(cluster, lie, tmp_path / "told") as (odd, messages, tell):
+        baked, dispatch = bake_on(cluster.scheduler_address, MEDIUM, tmp_path / "w.partial", tell)
+    assert bits(baked) == medium
+    assert odd not in dispatch.blocks
+    assert not (tmp_path / "attacked").exists()
+    assert len(messages) == 1
+    assert messages[0].startswith(f"worker {odd} gets no work: ")
+
+
+def test_workers_started_here_let_nobody_in_without_their_credentials():
+    psutil = pytest.importorskip("psutil", reason="needs obscurance[cluster]")
+    from distributed import Security
+    from distributed.comm import connect
+
+    from ao.cluster.dask_cluster import DaskCluster
+
+    def listening():
+        here = psutil.Process()
+        found = [each for process in (here, *here.children(recursive=True)) for each in process.net_connections()]
+        return {each.laddr for each in found if each.status == "LISTEN"}
+
+    async def call(address, security):
+        comm = await connect(address, timeout=3, **security.get_connection_args("client"))
+        await comm.write({"op": "identity", "reply": True})
+        return await comm.read()
+
+    async def attack(places):
+        calls = [
+            asyncio.wait_for(call(f"{protocol}://{ip}:{port}", security), 5)
+            for protocol, security in (("tcp", Security(require_encryption=False)), ("tls", Security.temporary()))
+            for ip, port in places
+        ]
+        return await asyncio.gather(*calls, return_exceptions=True)
+
+    before = listening()
+    cluster = DaskCluster("local:1", 1, pytest.fail)
+    try:
+        cluster.connect()
+        places = listening() - before
+        assert len(places) >= 3  # the scheduler's, the worker's, its nanny's
+        assert {place.ip for place in places} == {"127.0.0.1"}
+        answers = asyncio.run(attack(places))
+        assert [answer for answer in answers if not isinstance(answer, OSError | TimeoutError)] == []
+    finally:
+        cluster.close()
+
+
+def test_of_a_scheduler_without_credentials_a_line_is_told(tmp_path):
+    distributed = pytest.importorskip("distributed", reason="needs obscurance[cluster]")
+    messages = []
+    with distributed.LocalCluster(n_workers=1, **LOCAL | {"security": None}) as open_to_all:
+        address = open_to_all.scheduler_address
+        baked, _ = bake_on(address, BAKES["binary"], tmp_path / "w.partial", messages.append)
+    assert bits(baked) == bits(BAKES["binary"]())
+    assert messages == [
+        f"{address}: whoever reaches this scheduler can run code on its workers and here; tls:// keeps others out"
+    ]
