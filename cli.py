@@ -95,7 +95,7 @@ def bake(
             "--output",
             "-o",
             help="Output file, format by ending: .npy .npz .ply .glb of the vertices; .html to look at them; "
-            ".png .exr .tif a texture, with <UDIM> in the name one for each tile.",
+            ".png .exr .tif a texture, with <UDIM>, <MATERIAL>, <OBJECT> in the name one for each.",
         ),
     ] = None,
     output_dir: Annotated[
@@ -172,8 +172,9 @@ def bake(
     uv: Annotated[
         str | None,
         typer.Option(
-            metavar="auto|N|unwrap",
-            help="Texture: the file's texture coordinates, of a glTF the N-th, or new ones (obscurance[unwrap]).",
+            metavar="auto|N|unwrap|fill",
+            help="Texture: the file's texture coordinates, of a glTF the N-th; new ones (obscurance[unwrap]) of all, "
+            "or filled in where there are none.",
         ),
     ] = None,
     mesh_output: Annotated[
@@ -181,7 +182,10 @@ def bake(
     ] = None,
     overlap: Annotated[
         choices.Overlap | None,
-        typer.Option(help="Texture: where faces overlap, w is their mean (the default), the first one's, or an error."),
+        typer.Option(
+            help="Texture: where faces overlap, w is their mean (the default within a material), the first's, or an "
+            "error."
+        ),
     ] = None,
     bent_normals: Annotated[
         Path | None, typer.Option(metavar="IMAGE", help="Texture: also write the mean open directions.")

@@ -19,7 +19,6 @@ import ao
 from benchmarks.time_against_error.machine import machine
 from raytrace.system.atomic import write_json
 from scenes.readers.load import load
-from scenes.readers.texture_coordinates import texture_coordinates
 from scenes.textures.unwrap import unwrap
 
 RESULTS = Path(__file__).parent / "results" / "texture_throughput.json"
@@ -29,7 +28,7 @@ FALLOFFS: dict[str, ao.Falloff] = {"exponential": ao.Exponential(), "binary": ao
 def measure(path: Path, falloff: ao.Falloff, size: int, samples: int, rounds: int) -> dict[str, Any]:
     """Rays a second of both bakes, a list of one number a round for each clock."""
     source = load(path, "kept.glb")
-    uv = texture_coordinates(source)
+    uv = source.uv
     if uv is None:
         uv = unwrap(source.mesh, size)
     found: dict[str, Any] = {"faces": len(source.mesh.faces), "vertex": [], "texture": []}

@@ -30,7 +30,6 @@ from raytrace.mesh.placement import Placement
 from raytrace.system.atomic import write_json
 from raytrace.types import Bools, Float32s, Float64s
 from scenes.readers.load import load
-from scenes.readers.texture_coordinates import texture_coordinates
 
 OURS, THEIRS = (8, 16, 32, 64, 128, 256, 512), (16, 64, 256, 512)
 ERRORS = (0.02, 0.01, 0.005, 0.003, 0.0025)
@@ -131,7 +130,7 @@ def main() -> None:
     parser.add_argument("--output", type=Path, default=RESULTS)
     chosen = parser.parse_args()
     source = load(chosen.mesh, "kept.glb")
-    uv = texture_coordinates(source)
+    uv = source.uv
     if uv is None:
         parser.error(f"{chosen.mesh}: no texture coordinates")
     on = machine()

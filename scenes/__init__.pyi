@@ -16,4 +16,5 @@ from .page.document import html_page as html_page
 from .readers.load import MeshFile as MeshFile
 from .readers.load import load as load
 from .readers.stored_w import read_w as read_w
+from .textures.unwrap import unwrap as unwrap
 from .writers.write import write as write

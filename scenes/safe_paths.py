@@ -1,7 +1,9 @@
-"""Files that a scene refers to: in its own folder or below, nowhere else."""
+"""Names that files hold: of files they refer to, in their own folder or below, and as names of files to write."""
 
 from __future__ import annotations
 
+import re
+from collections.abc import Iterable
 from pathlib import Path, PureWindowsPath
 
 from raytrace.errors import SceneError
@@ -32,3 +34,23 @@ def confined(name: str, folder: Path, source: object, field: str) -> Path:
     except (OSError, ValueError, RuntimeError):
         raise SceneError(source, field, "a readable file", shown(name)) from None
     return folder / name
+
+
+_RESERVED = re.compile(r"(?i:con|prn|aux|nul|com\d|lpt\d)$")  # by Windows, whatever follows a dot
+_LONGEST = 60
+
+
+def file_words(names: Iterable[str]) -> list[str]:
+    """Names of any characters as parts of file names, all different, also where case does not count."""
+    words: list[str] = []
+    taken: set[str] = set()
+    for name in names:
+        word = re.sub(r"[^\w-]+", "_", name).strip("_")[:_LONGEST] or "unnamed"
+        word = f"{word}_" if _RESERVED.match(word) else word
+        number, free = 1, word
+        while free.casefold() in taken:
+            number += 1
+            free = f"{word}-{number}"
+        taken.add(free.casefold())
+        words.append(free)
+    return words

@@ -33,7 +33,7 @@ from .seams import Seams
 from .surface_points import Faces
 from .tangents import tangent_frames
 from .texels import find_texels
-from .uv_layout import UVLayout, corner_uv, page_size
+from .uv_layout import UVLayout, corner_uv, on_page, page_size
 
 BentSpace = Literal["world", "tangent"]
 
@@ -67,7 +67,8 @@ def bake_texture(
 
     Args:
         mesh, falloff, seed, threads, normals, progress, traversal, checkpoint: as `ao.bake` has them.
-        uv: texture coordinates, v upwards: (n, 2) by vertex or (m, 3, 2) by face and corner.
+        uv: texture coordinates, v upwards: (n, 2) by vertex or (m, 3, 2) by face and corner. Faces for which they are
+            NaN are not on the page, as those of another material; they occlude.
         size: texels across and down, one number for a square; 1 to 16384.
         samples: rays a texel, 1 to 2²⁰, by default 256; with a tolerance the most, by default 2¹⁴.
         tolerance: target root mean square error of w over the covered texels, 1e-5 to 1.
@@ -127,15 +128,15 @@ def bake_texture(
     if overlap == "refuse" and overlapping:
         expected = "faces that do not overlap on the page"
         raise OptionError("overlap", expected, f"{overlapping:,} texels with several", mesh.source)
-    covered, on_page, missed = len(coverage.texels), coverage, np.zeros(0, np.int64)
+    covered, page, missed = len(coverage.texels), coverage, np.zeros(0, np.int64)
     if high is not None:
         fine = Fine(placement.vertices.astype(np.float64), receivers, solid.source)
         flat, weights = coverage.face.ravel().astype(np.int64), coverage.barycentric.reshape(-1, 3)
         places, _, axes = Faces.of(vertices, shown).points_at(flat, weights, count)
         coverage, missed = project(coverage, places, axes, fine, reach * placement.scale, count)
-    texels, filled = find_texels(coverage, on_page, placement, receivers, options, count)
-    del coverage, on_page
-    points_of_faces = shown.of_vertex[shown.faces]
+    texels, filled = find_texels(coverage, page, placement, receivers, options, count)
+    del coverage, page
+    points_of_faces = np.where(on_page(corners[has_area])[:, None], shown.of_vertex[shown.faces], -1)
     seams = Seams.find(layout.uv, points_of_faces, (width, height), wrap)
     tracer = begin_tracing(prepared, texels, "texture", checkpoint)
     points = texels.first_points
@@ -166,6 +167,7 @@ def bake_texture(
             covered, overlapping, filled, len(missed), layout.mirrored, layout.flat, layout.outside, seams.edges,
             pages.jump, pages.jump_before,
         ),
+        uv=corners,
         seconds={"build": build, "bake": time.perf_counter() - start - build},
         mu=mu,
         calibration=found.calibration,

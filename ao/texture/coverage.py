@@ -7,13 +7,14 @@ extrapolated over the edge of a chart, which is what dark seams come from.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import combinations
 from typing import Literal
 
 import numpy as np
 
 from raytrace.embree.scene import TriangleScene
-from raytrace.system.threads import run_blocks
-from raytrace.types import Bools, Float32s, Int32s, Int64s
+from raytrace.system.threads import run_blocks, thread_count
+from raytrace.types import Bools, Float32s, Float64s, Int32s, Int64s
 
 from ..gather.ray_packet import RayPacket
 from .page_rays import DEEP, SLOTS, find_hits, look_down
@@ -84,6 +85,32 @@ def cover(layout: UVLayout, overlap: Overlap, threads: int) -> Coverage:
     ]
     columns = (np.concatenate([getattr(band, name) for band in bands]) for name in Coverage.__dataclass_fields__)
     return Coverage(*columns)
+
+
+def shared_texels(
+    uv: Float64s, groups: Int64s, size: tuple[int, int], wraps: bool, source: object, threads: int | None = None
+) -> tuple[dict[tuple[int, int], int], Int64s]:
+    """In how many texels two groups of faces overlap, by pairs (a, b), a < b; and how many texels each group covers.
+
+    Faces that share an edge on the page do not overlap there.
+
+    Args:
+        uv: (m, 3, 2), v upwards, NaN of faces that are not on the page. groups: int64 (m,), from 0.
+        size: texels across and down. wraps: as `ao.bake_texture` has it. source: for messages.
+
+    Raises:
+        MeshError: no face has an area on the page.
+    """
+    coverage = cover(UVLayout.of(uv, size, wraps, source), "mean", thread_count(threads))
+    of_points, count = groups[coverage.face], int(groups.max()) + 1
+    covering = np.unique(of_points + count * np.arange(len(of_points))[:, None]) % count
+    several = of_points[coverage.overlapping]
+    pairs = [np.sort(several[:, pair], axis=1) @ [count, 1] for pair in combinations(range(SLOTS), 2)]
+    texel = count**2 * np.arange(len(several))
+    keys, counts = np.unique(np.unique(np.stack(pairs) + texel) % count**2, return_counts=True)
+    found = {divmod(key, count): number for key, number in zip(keys.tolist(), counts.tolist(), strict=True)}
+    shared = {pair: number for pair, number in found.items() if pair[0] != pair[1]}
+    return shared, np.bincount(covering, minlength=count)
 
 
 def _cover_band(

@@ -62,6 +62,7 @@ class BakedTexture:
         rays_skipped: number of rays not traced, by reason.
         rmse: estimated root mean square of `error` over the covered texels.
         facts: of the texture coordinates and seams.
+        uv: float64 (m, 3, 2), the texture coordinates that it is for, NaN of faces that are not on the page.
         seconds: as `ao.Bake` has them.
         mu: as `ao.Bake` has it.
         shortfalls: as `ao.Bake` has them.
@@ -76,6 +77,7 @@ class BakedTexture:
     rays_skipped: dict[str, int]
     rmse: float
     facts: TextureFacts
+    uv: Float64s
     seconds: dict[str, float] = field(compare=False)
     mu: Mu
     shortfalls: tuple[str, ...] = ()

@@ -43,11 +43,15 @@ class UVLayout:
     def of(cls, uv: Float64s, size: tuple[int, int], wraps: bool, source: object) -> UVLayout:
         """Faces of texture coordinates `uv` (m, 3, 2), v upwards, on a page of `size`, width and height in texels.
 
+        Faces whose coordinates are NaN are not on the page; here they become points at its lower left corner.
+
         Args: wraps: what lies outside of the unit square is taken modulo 1; otherwise it is left out.
 
         Raises:
             MeshError: no face has an area on the page, or one reaches over very many tiles.
         """
+        shown = on_page(uv)
+        uv = np.where(shown[:, None, None], uv, 0.0)
         low, high = uv.min(axis=1), uv.max(axis=1)
         extent = (high - low).max(axis=1)
         a, b = uv[:, 1] - uv[:, 0], uv[:, 2] - uv[:, 0]
@@ -67,8 +71,14 @@ class UVLayout:
         width, height = size
         placed = uv[rows] - tiles[:, None]
         scale, origin = np.array([width, -height], np.float64), np.array([0.0, height])
-        counts = (int(np.count_nonzero(which)) for which in (usable & (area < 0), ~usable, outside))
+        counts = (int(np.count_nonzero(which)) for which in (usable & (area < 0), shown & ~usable, outside))
         return cls(width, height, wraps, uv * scale + origin, placed * scale + origin, rows, *counts)
+
+
+def on_page(uv: Float64s) -> Bools:
+    """The faces (m,) that texture coordinates (m, 3, 2) place on a page: those that are not NaN."""
+    shown: Bools = np.all(~np.isnan(uv), axis=(1, 2))
+    return shown
 
 
 def page_size(size: Any) -> tuple[int, int]:
@@ -84,6 +94,8 @@ def page_size(size: Any) -> tuple[int, int]:
 def corner_uv(uv: Any, mesh: Mesh) -> Float64s:
     """Texture coordinates (m, 3, 2) of the corners of all faces, from these or from those of vertices (n, 2).
 
+    NaN at all corners of a face stays: it has none.
+
     Raises:
         MeshError: another shape, or coordinates that are not finite or lie very far out.
     """
@@ -96,7 +108,8 @@ def corner_uv(uv: Any, mesh: Mesh) -> Float64s:
         expected = f"shape {shapes[0]}, by vertex, or {shapes[1]}, by face and corner"
         raise MeshError(mesh.source, "texture coordinates", expected, values.shape)
     corners = values[mesh.faces] if values.ndim == 2 else values
-    bad = ~(np.abs(corners) <= _FARTHEST).all(axis=(1, 2))
+    usable = (np.abs(corners) <= _FARTHEST) | np.isnan(corners).all(axis=(1, 2), keepdims=True)
+    bad: Bools = np.any(~usable, axis=(1, 2))
     if bad.any():
         first = int(np.argmax(bad))
         got = f"{corners[first].tolist()} ({bad.sum()} such)"

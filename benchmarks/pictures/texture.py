@@ -19,8 +19,8 @@ from scenes.description.defaults import Z_UP, framing
 from scenes.description.gltf_scene import gltf_objects
 from scenes.geometry.builtin_shapes import Temple
 from scenes.readers.load import MeshFile
-from scenes.textures.glb import textured_glb
 from scenes.textures.unwrap import unwrap
+from scenes.writers.textured_glb import textured_glb
 
 TARGET = ROOT / "docs" / "textures" / "page.png"
 PAGE, WIDTH, HEIGHT = 1024, 480, 360
@@ -32,7 +32,7 @@ def main() -> None:
     baked = ao.bake_texture(mesh, uv, PAGE, samples=256)
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder) / "temple.glb"
-        file.write_bytes(textured_glb(MeshFile.of(mesh), baked, uv)[0])
+        file.write_bytes(textured_glb(MeshFile.of(mesh), [baked])[0])
         objects, *_ = gltf_objects(file)
         scene = Scene(objects, (AmbientLight(intensity=(0.9,) * 3),), (0.2, 0.25, 0.3))
         picture = render(scene, framing(mesh, Z_UP, WIDTH, HEIGHT), Settings(WIDTH, HEIGHT)).layers["beauty"][..., :3]

@@ -8,7 +8,7 @@ from typing import Any
 
 from ..commands.console import note
 from ..textures.command import bake_command
-from ..textures.names import is_texture
+from ..writers.image_names import is_texture
 from .part import is_texture_part
 
 

@@ -218,14 +218,14 @@ def bake_summary(baked: ao.Bake, target: Path) -> str:
     return f"{text}\nflagged vertices: {flagged}" if flagged else text
 
 
-def texture_summary(baked: ao.BakedTexture, target: Path) -> str:
+def texture_summary(baked: ao.BakedTexture, target: str) -> str:
     """The line after a bake of a texture, and a second one about its layout and seams."""
     from raytrace.errors import printable
 
     height, width = baked.w.shape
     facts = baked.facts
     rays = f"{baked.rays:,} rays traced in {baked.seconds['bake']:.2f} s, estimated RMSE {baked.rmse:.4f}"
-    text = f"{printable(str(target))}: {width}×{height}, {facts.covered:,} texels covered, {rays}"
+    text = f"{printable(target)}: {width}×{height}, {facts.covered:,} texels covered, {rays}"
     if not facts.seam_edges:
         return text
     jumps = f"largest jump {facts.seam_jump:.4f}, {facts.seam_jump_before:.4f} before they were closed"

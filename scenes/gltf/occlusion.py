@@ -169,6 +169,14 @@ def image_name(header: dict[str, Any], reference: dict[str, Any]) -> str:
     return str(images[source].get("name", "")) if 0 <= source < len(images) else ""
 
 
+def texture_images(header: dict[str, Any], material: dict[str, Any], coordinates: int) -> set[int]:
+    """Numbers of the images that a material uses by a TEXCOORD set, but for those of earlier bakes."""
+    used = [each for each in _references(material) if coordinates in sets_of(each)]
+    kept = [each for each in used if not image_name(header, each).startswith(OWN)]
+    textures = header.get("textures", [])
+    return {textures[each["index"]].get("source", -1) for each in kept if each["index"] < len(textures)} - {-1}
+
+
 def _slots(primitive: dict[str, Any]) -> Iterator[dict[str, Any]]:
     """What holds a `material` of the primitive: itself, and the mappings of its variants."""
     yield primitive

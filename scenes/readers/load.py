@@ -79,6 +79,29 @@ class MeshFile:
         names = (*detail.objects, "")
         return tuple(names[number] or self.parts[0].name for number in np.unique(detail.object_of))
 
+    @property
+    def uv(self) -> Float64s | None:
+        """Texture coordinates (m, 3, 2) by face and corner, v upwards, NaN of faces without; None if there are none.
+
+        Raises: MeshError: as `texture_coordinates`.
+        """
+        return self.texture_coordinates()
+
+    def texture_coordinates(self, number: int = 0) -> Float64s | None:
+        """As `uv`; of a glTF, whose vertices may have several, the set of this number.
+
+        Raises: MeshError: a set of a glTF is malformed.
+        """
+        from . import texture_coordinates
+
+        if self.gltf:
+            return texture_coordinates.of_gltf(self.gltf, self.parts, self.mesh.faces, number)
+        detail = self.detail
+        if detail is None and self.path.suffix.lower() in texture_coordinates.ENDINGS and self.path.is_file():
+            detail = read_objects(self.path, keep=True)[0][0].detail  # `load` was told of no target
+        uv = None if number else texture_coordinates.of_detail(detail)
+        return uv if uv is not None and len(uv) == len(self.mesh.faces) else None
+
     @classmethod
     def of(cls, mesh: Mesh | Any) -> MeshFile:
         """A mesh made in memory, in any form that `ao.bake` takes, as if read from a file of its one object."""

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from ao.texture.uv_layout import on_page
 from raytrace import AmbientLight, Camera, Frame, Lambert, Mesh, Object, Occlusion, Scene, Settings, Shape, Texture
 from raytrace import render as render_scene
 from raytrace.image.encode import write_data
@@ -17,6 +18,9 @@ from raytrace.types import AnyFloats, Float32s, Float64s
 
 from ..description.defaults import FROM, Y_UP, Vector
 from ..page.look import BACKGROUND, FIELD_OF_VIEW, HEAT, clay_scene, clay_settings
+
+if TYPE_CHECKING:
+    from ao import BakedTexture
 
 _WIDTH, _HEIGHT = 480, 400
 _SAMPLES = 8
@@ -35,18 +39,6 @@ class Picture(NamedTuple):
     top: float | None = None
 
 
-class Page(NamedTuple):
-    """A baked page of a texture with the mesh that it is for.
-
-    Attributes:
-        w, error: (h, w). uv: (m, 3, 2) by face and corner, or (n, 2) by vertex.
-    """
-
-    w: AnyFloats
-    error: AnyFloats
-    uv: Float64s
-
-
 def pictures_of_vertices(mesh: Mesh, w: AnyFloats, error: AnyFloats, up: Vector = Y_UP) -> list[Picture]:
     """A bake at the vertices: clay × w, w, and the error. Args: w, error: (n,)."""
     camera, top = _camera(mesh, up), float(np.max(error, initial=0.0))
@@ -58,8 +50,8 @@ def pictures_of_vertices(mesh: Mesh, w: AnyFloats, error: AnyFloats, up: Vector 
     ]
 
 
-def pictures_of_page(mesh: Mesh | None, page: Page, up: Vector = Y_UP) -> list[Picture]:
-    """A page of a texture, and how the mesh looks with it if it is given."""
+def pictures_of_page(mesh: Mesh | None, page: BakedTexture, up: Vector = Y_UP) -> list[Picture]:
+    """A page of a texture, and how the faces that are on it look with it if the mesh is given."""
     top = float(np.max(page.error, initial=0.0))
     share = page.error / (top or 1.0)
     shown = [
@@ -115,10 +107,11 @@ def _hot(item: Object, camera: Camera) -> Float32s:
 
 def _textured(mesh: Mesh, uv: Float64s, values: AnyFloats) -> Shape:
     """A shape whose corners are vertices of their own, with a page of values in [0, 1] as its occlusion texture."""
-    corners = uv if uv.ndim == 3 else uv[mesh.faces]
-    normals = None if mesh.normals is None else mesh.normals[mesh.faces].reshape(-1, 3)
-    faces = np.arange(mesh.faces.size).reshape(-1, 3)
-    apart = Mesh(mesh.vertices[mesh.faces].reshape(-1, 3), faces, normals, source=mesh.source)
+    shown = on_page(uv)
+    corners, drawn = uv[shown], mesh.faces[shown]
+    normals = None if mesh.normals is None else mesh.normals[drawn].reshape(-1, 3)
+    faces = np.arange(drawn.size).reshape(-1, 3)
+    apart = Mesh(mesh.vertices[drawn].reshape(-1, 3), faces, normals, source=mesh.source)
     with TemporaryDirectory() as folder:
         file = Path(folder) / "values.png"
         write_data(file, values[..., None].astype(np.float32), {}, False, "Y")

@@ -22,7 +22,9 @@ _REMEDIES = (
     (r"uses the set TEXCOORD_", "Remove unused texture coordinates from the mesh if a viewer shows no w."),
     (r"cross(es)? (itself|themselves)", "Cut these polygons into triangles in the program that made them."),
     (r"faces overlap in", "--uv unwrap gives every face a place of its own."),
-    (r"reach out of the unit square", "Write one texture for each tile with <UDIM> in the output's name."),
+    (r"would keep tiles apart", "Write one texture for each tile with <UDIM> in the output's name."),
+    (r"reach out of the unit square", "Nothing to do if the material's images repeat, too."),
+    (r"have no texture coordinates", "--uv fill makes some for these faces."),
     (r"not within the cage", "Make --cage larger, or move the meshes onto each other."),
     (r"have no area in texture space", "Unwrap them, or use --uv unwrap."),
 )

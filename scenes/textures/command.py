@@ -3,27 +3,30 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Sequence
+from contextlib import ExitStack
 from dataclasses import dataclass, fields
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from ..commands.bake import BakeCommand, MeshBake, Work, Written
 from ..commands.console import KERNELS_OF_TEXTURE, progress, texture_summary, warn
 from ..commands.options import CAGE, BentSpace, Overlap, check_cage, parse_texels
+from ..writers.image_names import ENDINGS as IMAGES
+from ..writers.image_names import PLACEHOLDERS, UDIM, is_texture
+from .remarks import lacking, layout_remarks
 
 if TYPE_CHECKING:
     import ao
     from raytrace.mesh.mesh import Mesh
-    from raytrace.types import Float64s
 
     from ..readers.load import MeshFile
     from ..report.pictures import Picture
+    from .coordinates import Coordinates
+    from .pages import Page
 
 _OF_VERTICES = {"method": "vertex", "colors": False, "debug_image": None, "up": None}
-AUTO, UNWRAP = "auto", "unwrap"
-_USED = 0.65  # of a page, that an unwrapping fills
-_SOME = 1e-3  # of the covered texels, that may overlap without a word
+_UVS = "auto", "unwrap", "fill"
 _IMAGES = "output", "bent_normals", "error_map"
 
 
@@ -36,8 +39,6 @@ def bake_command(options: dict[str, Any]) -> BakeCommand | TextureCommand:
     from raytrace.system.outputs import check_ending
 
     from ..writers.write import ENDINGS
-    from .names import ENDINGS as IMAGES
-    from .names import is_texture
 
     output = options["output"]
     check_ending("output", output, *ENDINGS, *IMAGES)
@@ -57,18 +58,13 @@ def bake_command(options: dict[str, Any]) -> BakeCommand | TextureCommand:
     return TextureCommand(**{name: value for name, value in options.items() if name in own})
 
 
-@dataclass(frozen=True)
-class _Source:
-    """What is baked.
+class Baked(NamedTuple):
+    """A page as reports have it. Attributes: seconds: of reading and writing."""
 
-    Attributes:
-        file: the mesh with the texture. fine: the one whose w it shows, None for its own.
-        uv: the number of its texture coordinates or new ones (m, 3, 2); None for one of several tiles.
-    """
-
-    file: MeshFile
-    uv: int | Float64s | None
-    fine: MeshFile | None
+    title: str
+    baked: ao.BakedTexture
+    seconds: dict[str, float]
+    warnings: list[str]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -102,12 +98,11 @@ class TextureCommand(MeshBake):
         import ao
         from ao.memory import texture_bytes
         from ao.options import Options
-        from ao.texture.uv_layout import page_size
 
         from ..readers.load import load
 
-        _, uv, size = self._coordinates(source)
-        width, height = page_size(size)
+        found, pages = self._layout(source)
+        width, height = found.size
         high = None if self.high is None else load(self.high).mesh
         solid = high or source.mesh
         rays = Options(**self.options()).rays
@@ -115,56 +110,61 @@ class TextureCommand(MeshBake):
 
         def trial(count: int) -> int:
             side = max(int(count**0.5), 1)
-            ao.bake_texture(source.mesh, uv, side, falloff, high=high, cage=self.cage or CAGE, **self.options())
+            cage = self.cage or CAGE
+            ao.bake_texture(source.mesh, pages[0].uv, side, falloff, high=high, cage=cage, **self.options())
             return side * side
 
-        return Work(width * height, "texels", needed, trial)
+        return Work(len(pages) * width * height, "texels", needed, trial)
 
     def bake(self, falloff: ao.Falloff) -> Iterator[Written]:
         from raytrace.system.outputs import check_outputs
 
         from ..readers.load import load
-        from .images import tile_path, udim_tiles
-        from .names import UDIM
 
         start = time.perf_counter()
         source = self.read()
-        number, uv, size = self._coordinates(source)
-        tiles = udim_tiles(uv, source.path) if UDIM in self.output.name else [None]
-        outputs: dict[str, Path | None] = {"--report": self.report, "--mesh-output": self.mesh_output}
-        for tile in tiles:
-            for name, path in self._images().items():
-                placed = path if tile is None else tile_path(path, tile)
-                outputs[f"--{name.replace('_', '-')}{'' if tile is None else f' {placed.name}'}"] = placed
+        found, pages = self._layout(source)
         if self.orm:
-            from .orm import check_orm
+            from ..writers.orm import check_orm
 
-            check_orm(source.gltf, number, self.replace_occlusion)
+            check_orm(source.gltf, found.number, self.replace_occlusion)
         fine = None if self.high is None else load(self.high)
-        check_outputs(outputs, [*source.files, *(fine.files if fine else ())])
+        read = [*source.files, *(fine.files if fine else ())]
+        check_outputs(self._outputs(pages), read)
         loaded = time.perf_counter() - start
-        inputs = self.hashed([*source.files, *(fine.files if fine else ())])
-        meshes = [source.mesh, fine.mesh] if fine else [source.mesh]
-        warnings = warn(meshes, [*source.notes, *(fine.notes if fine else ())])
-        reports, uvs = [], []
-        for tile in tiles:
-            images = {name: path if tile is None else tile_path(path, tile) for name, path in self._images().items()}
-            moved = uv if tile is None else uv - tile
-            scene = _Source(source, None if tile is not None else uv if number is None else number, fine)
-            baked, seconds, more = self._bake_page(scene, moved, size, falloff, images)
-            reports.append((images["output"], baked, {"load": loaded} | seconds, [*warnings, *more]))
-            uvs.append(moved)
-            yield Written(texture_summary(baked, images["output"]), [*warnings, *more])
+        inputs, glb = self.hashed(read), self._glb()
+        warnings = warn(
+            [source.mesh, *([fine.mesh] if fine else [])],
+            [*source.notes, *(fine.notes if fine else ()), *lacking(source, found.uv, glb)],
+        )
+        made: list[Baked] = []
+        with ExitStack() as kept:
+            for page in pages:
+                with ExitStack() as own:
+                    keep = kept if glb and not self.open_checkpoint else own  # until the .glb is written
+                    baked, more = self._bake_page((source, fine), page, found, falloff, (len(pages), len(made), keep))
+                    begun = time.perf_counter()
+                    self._write_images(baked, page)
+                    seconds = {"load": loaded, "write": time.perf_counter() - begun}
+                made.append(Baked(self._title(page), baked, seconds, [*warnings, *more]))
+                if not glb:
+                    yield Written(texture_summary(baked, made[-1].title), made[-1].warnings)
+            if glb:
+                begun = time.perf_counter()
+                told = self._write_glb(glb, (source, fine), [each.baked for each in made], falloff)
+                made[-1].warnings.extend(told)
+                made[-1].seconds["write"] += time.perf_counter() - begun
+                summary = "\n".join(texture_summary(each.baked, each.title) for each in made)
+                yield Written(summary, list(dict.fromkeys(line for each in made for line in each.warnings)))
         if self.report:
-            self._write_report(self.report, reports, inputs, (source.mesh, uvs))
+            self._write_report(self.report, made, inputs, source.mesh)
 
     def check_own(self) -> None:
         from ao.texture.uv_layout import page_size
         from raytrace.errors import OptionError
         from raytrace.system.outputs import check_ending
 
-        from .images import check_texture_target
-        from .names import UDIM
+        from ..writers.images import check_texture_target
 
         if self.hidden == "mark":
             raise OptionError("hidden", "auto, ignore or fill for a texture", "mark")
@@ -172,14 +172,17 @@ class TextureCommand(MeshBake):
             if self.texel_size is not None:
                 raise OptionError("texel_size", "either --size or --texel-size", "both")
             page_size(parse_texels(self.size))
-        if self.uv not in (None, AUTO, UNWRAP) and not (self.uv.isdecimal() and len(self.uv) < 4):
-            raise OptionError("uv", "auto, unwrap or the number of a set of texture coordinates", repr(self.uv))
+        if self.uv not in (None, *_UVS) and not (self.uv.isdecimal() and len(self.uv) < 4):
+            raise OptionError("uv", "auto, unwrap, fill or the number of a set of texture coordinates", repr(self.uv))
         glb = self._glb()
         for name, path in self._images().items():
             if path != glb:
                 check_texture_target(name, path, self.half)
-            if (UDIM in path.name) != (UDIM in self.output.name):
-                raise OptionError(name, f"{UDIM} in all names of images, or in none", path)
+            for placeholder in PLACEHOLDERS:
+                if path == glb and placeholder in path.name:
+                    raise OptionError(name, f"{placeholder} in names of images alone: a .glb holds all textures", path)
+                if (placeholder in path.name) != (placeholder in self.output.name) and glb != self.output:
+                    raise OptionError(name, f"{placeholder} in all names of images, or in none", path)
         if self.mesh_output is not None:
             check_ending("mesh_output", self.mesh_output, ".glb")
             if glb == self.output or UDIM in self.output.name:
@@ -190,8 +193,8 @@ class TextureCommand(MeshBake):
             raise OptionError("orm", "a .glb to write, as --output or --mesh-output", self.output)
         if self.occlusion not in (None, "texture"):
             raise OptionError("occlusion", "texture for a texture", self.occlusion)
-        if self.uv == UNWRAP and glb is None:
-            raise OptionError("uv", "--mesh-output, for the coordinates that unwrap makes", "none")
+        if self.uv in ("unwrap", "fill") and glb is None:
+            raise OptionError("uv", f"--mesh-output, for the coordinates that {self.uv} makes", "none")
         if self.half and glb == self.output and len(self._images()) == 1:
             raise OptionError("half", "images that end in .exr or .tif", self.output)
         if self.bent_space is not None and self.bent_normals is None:
@@ -209,88 +212,62 @@ class TextureCommand(MeshBake):
         """The .glb to write, if there is one."""
         return self.output if self.output.suffix.lower() == ".glb" else self.mesh_output
 
-    def _coordinates(self, source: MeshFile) -> tuple[int | None, Float64s, int | tuple[int, int]]:
-        """The number of the set of texture coordinates, None for new ones; the coordinates; texels across and down.
+    def _layout(self, source: MeshFile) -> tuple[Coordinates, list[Page]]:
+        """The texture coordinates, and the pages. Raises: MeshError, OptionError: as `coordinates` and `pages_of`."""
+        from .coordinates import coordinates
+        from .pages import pages_of
 
-        Raises: MeshError: there are none.
-        """
-        from raytrace.errors import MeshError
+        found = coordinates(source, self.uv or "auto", self.size, self.texel_size, self._glb() is not None)
+        return found, pages_of(source, found, self.output, self.overlap is not None, self.threads)
 
-        from ..readers.texture_coordinates import texture_coordinates
-        from .unwrap import has_unwrapper, unwrap
+    def _outputs(self, pages: Sequence[Page]) -> dict[str, Path | None]:
+        """The files to write, by what the user calls them."""
+        outputs: dict[str, Path | None] = {"--report": self.report, "--mesh-output": self.mesh_output}
+        for page in pages:
+            for name, path in self._images().items():
+                placed = page.path(path)
+                outputs[f"--{name.replace('_', '-')}{f' {placed.name}' if placed != path else ''}"] = placed
+        return outputs
 
-        wanted = self.uv or AUTO
-        if wanted != UNWRAP:
-            number = 0 if wanted == AUTO else int(wanted)
-            uv = texture_coordinates(source, number)
-            if uv is not None:
-                return number, uv, self._page(source.mesh, uv)
-            if wanted != AUTO or self._glb() is None or not has_unwrapper():
-                which = f" of number {number}" if number else ""
-                install = "" if has_unwrapper() else "pip install 'obscurance[unwrap]' and "
-                advice = f"; {install}--uv unwrap makes some"
-                raise MeshError(source.path, "texture coordinates", f"some{which} on every face", f"none{advice}")
-        side = self._page(source.mesh, None)
-        side = side if isinstance(side, int) else min(side)
-        return None, unwrap(source.mesh, side), side
-
-    def _page(self, mesh: Mesh, uv: Float64s | None) -> int | tuple[int, int]:
-        """Texels across and down; where faces are to be unwrapped, they are taken to fill most of the page."""
-        if self.texel_size is None:
-            return parse_texels(self.size or "1024")
-        import numpy as np
-
-        from ao.falloff import resolve_length
-        from ao.texture.uv_layout import texels_across
-        from raytrace.mesh.normals import face_normals
-
-        length = resolve_length("texel_size", self.texel_size, mesh.radius)
-        areas = face_normals(mesh.vertices, mesh.faces)[1]
-        if uv is None:
-            share = np.sqrt(2 * _USED / len(areas))
-            uv = np.tile([[0.0, 0.0], [share, 0.0], [0.0, share]], (len(areas), 1, 1))
-        return texels_across(uv[np.isfinite(uv).all(axis=(1, 2))], areas, length)
+    def _title(self, page: Page) -> str:
+        """What summaries and reports call a page."""
+        return f"{page.path(self.output)}{f', {page.name}' if page.name else ''}"
 
     def _bake_page(
         self,
-        source: _Source,
-        uv: Float64s,
-        size: int | tuple[int, int],
+        meshes: tuple[MeshFile, MeshFile | None],
+        page: Page,
+        found: Coordinates,
         falloff: ao.Falloff,
-        images: Mapping[str, Path],
-    ) -> tuple[ao.BakedTexture, dict[str, float], list[str]]:
-        """Bake one page and write its images: what was baked, the seconds of writing, and warnings."""
+        place: tuple[int, int, ExitStack],
+    ) -> tuple[ao.BakedTexture, list[str]]:
+        """Bake one page: what was baked, and warnings.
+
+        Args: meshes: the file, and the fine one. place: of how many pages, which it is, and what closes its journal.
+        """
         import ao
+        from raytrace.errors import OptionError
 
-        overlap, wrap = self.overlap or "mean", source.uv is not None
-        with self.checkpoint(images["output"]) as checkpoint:
-            status = checkpoint.status if checkpoint else str
-            with progress(self.quiet, "rays", form=self.progress, status=status) as (advance,):
-                baked = ao.bake_texture(
-                    source.file.mesh, uv, size, falloff, progress=advance, checkpoint=checkpoint, overlap=overlap,
-                    wrap=wrap, high=source.fine.mesh if source.fine else None, cage=self.cage or CAGE,
-                    bent_space=self.bent_space or "world",
-                    **self.options(),
-                )  # fmt: skip
-            lines = [*baked.shortfalls, *_remarks(baked, images["output"], wrap)]
-            start = time.perf_counter()
-            lines += self._write(baked, images, source)
-            warnings = warn([], lines)
-        return baked, {"write": time.perf_counter() - start}, warnings
+        pages, number, stack = place
+        target = page.path(self.output) if not page.name or not number else Path(f"{self.output}.{number + 1}")
+        checkpoint = stack.enter_context(self.checkpoint(target))
+        if pages > 1 and checkpoint and checkpoint.partial:
+            raise OptionError("part", "one texture, as by --overlap mean", f"{pages} texture sets that overlap")
+        (source, fine), status = meshes, checkpoint.status if checkpoint else str
+        with progress(self.quiet, "rays", form=self.progress, status=status) as (advance,):
+            baked = ao.bake_texture(
+                source.mesh, page.uv, found.size, falloff, progress=advance, checkpoint=checkpoint,
+                overlap=self.overlap or "mean", wrap=page.wraps, high=fine.mesh if fine else None,
+                cage=self.cage or CAGE, bent_space=self.bent_space or "world", **self.options(),
+            )  # fmt: skip
+        remarks = layout_remarks(baked, page.wraps, self._glb() != self.output)
+        return baked, warn([], [*baked.shortfalls, *(f"{self._title(page)}: {line}" for line in remarks)])
 
-    def _write(self, baked: ao.BakedTexture, images: Mapping[str, Path], source: _Source) -> list[str]:
-        """Write all files of a page; returns warnings."""
-        from raytrace.system.atomic import atomic_write
+    def _write_images(self, baked: ao.BakedTexture, page: Page) -> None:
+        from ..writers.images import write_error, write_normals, write_w
 
-        from .glb import textured_glb
-        from .images import write_error, write_normals, write_w
-
-        glb, kept = self._glb(), 0
-        if glb is not None and source.uv is not None:
-            content, kept = textured_glb(source.file, baked, source.uv, self.replace_occlusion, self.orm)
-            with atomic_write(glb) as file:
-                file.write(content)
-        if images["output"] != glb:
+        images = {name: page.path(path) for name, path in self._images().items()}
+        if images["output"] != self._glb():
             write_w(images["output"], baked, self.half, {"content": "w, 1 = open", "seed": str(self.seed)})
         if "bent_normals" in images:
             space = "tangent space, +Y up" if self.bent_space == "tangent" else "the space of the mesh"
@@ -298,52 +275,53 @@ class TextureCommand(MeshBake):
             write_normals(images["bent_normals"], baked.bent_normals, self.half, described)
         if "error_map" in images:
             write_error(images["error_map"], baked, self.half, {"content": "standard error of w"})
-        advice = "whose w viewers do not show; --replace-occlusion replaces them"
-        return [f"{glb}: keeps the occlusion textures of {kept:,} primitives, {advice}"] if kept else []
 
-    def _write_report(
+    def _write_glb(
         self,
         path: Path,
-        pages: list[tuple[Path, ao.BakedTexture, dict[str, float], list[str]]],
-        inputs: list[dict[str, Any]],
-        shown: tuple[Mesh, list[Float64s]],
-    ) -> None:
-        """Args: inputs: what was read. shown: the mesh, and its texture coordinates on each page."""
+        meshes: tuple[MeshFile, MeshFile | None],
+        baked: Sequence[ao.BakedTexture],
+        falloff: ao.Falloff,
+    ) -> list[str]:
+        """Write the .glb, with w of vertices where there are no texture coordinates; returns warnings."""
+        import numpy as np
+
+        import ao
+        from ao.texture.uv_layout import on_page
+        from raytrace.system.atomic import atomic_write
+
+        from ..writers.textured_glb import textured_glb
+
+        (source, fine), w = meshes, None
+        covered = np.any([on_page(each.uv) for each in baked], axis=0)
+        if not covered.all():
+            only = np.zeros(len(source.mesh.vertices), np.bool_)
+            only[source.mesh.faces[~covered]] = True
+            high = fine.mesh if fine else None
+            w = ao.bake(source.mesh, falloff, only=only, high=high, cage=self.cage or CAGE, **self.options()).w
+        content, kept = textured_glb(source, baked, self.replace_occlusion, self.orm, w)
+        with atomic_write(path) as file:
+            file.write(content)
+        advice = "whose w viewers do not show; --replace-occlusion replaces them"
+        return warn([], [f"{path}: keeps the occlusion textures of {kept:,} primitives, {advice}"] if kept else [])
+
+    def _write_report(self, path: Path, made: Sequence[Baked], inputs: list[dict[str, Any]], mesh: Mesh) -> None:
+        """Args: inputs: what was read."""
         from ao.report import report
 
         from ..description.defaults import up_axis
         from ..report.complete import complete, write_report
 
         options = self.described()
-        reports = [report(baked, options, seconds, warnings) for _, baked, seconds, warnings in pages]
+        reports = [report(each.baked, options, each.seconds, each.warnings) for each in made]
         whole = reports[0]
-        if len(pages) > 1:
-            whole = {"pages": {str(page[0]): made for page, made in zip(pages, reports, strict=True)}}
+        if len(made) > 1:
+            whole = {"pages": {each.title: about for each, about in zip(made, reports, strict=True)}}
 
         def pictures() -> list[list[Picture]]:
-            from ..report.pictures import Page, pictures_of_page
+            from ..report.pictures import pictures_of_page
 
-            mesh = shown[0] if len(pages) == 1 else None
-            made = [Page(baked.w, baked.error, uv) for (_, baked, *_), uv in zip(pages, shown[1], strict=True)]
-            return [pictures_of_page(mesh, page, up_axis(self.mesh)) for page in made]
+            shown = mesh if len(made) == 1 else None
+            return [pictures_of_page(shown, each.baked, up_axis(self.mesh)) for each in made]
 
         write_report(path, complete("bake", "mesh", whole, inputs, options), pictures)
-
-
-def _remarks(baked: ao.BakedTexture, target: Path, wrap: bool) -> list[str]:
-    """What of the texture coordinates the user should know."""
-    from .names import UDIM
-
-    facts = baked.facts
-    lines = []
-    if facts.overlapping > _SOME * facts.covered:
-        mirrored = f"; {facts.mirrored:,} faces are mirrored" if facts.mirrored else ""
-        lines.append(f"faces overlap in {facts.overlapping / facts.covered:.1%} of the covered texels{mirrored}")
-    if facts.outside and wrap:
-        advice = f"{UDIM} in the output's name would keep tiles apart"
-        lines.append(f"{facts.outside:,} faces reach out of the unit square and are taken modulo 1; {advice}")
-    if facts.missed:
-        lines.append(f"{facts.missed:,} points are not within the cage of the fine mesh and take the closest of it")
-    if facts.flat:
-        lines.append(f"{facts.flat:,} faces have no area in texture space, and no texels")
-    return [f"{target}: {line}" for line in lines]

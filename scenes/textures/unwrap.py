@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
 from ao.texture.uv_layout import MAX_SIDE
 from raytrace.errors import MeshError, OptionError
+from raytrace.mesh.convert import mesh_of
 from raytrace.mesh.mesh import Mesh
 from raytrace.types import Float64s
 
@@ -20,10 +23,12 @@ def has_unwrapper() -> bool:
     return find_spec("uvunwrap") is not None
 
 
-def unwrap(mesh: Mesh, size: int) -> Float64s:
-    """Texture coordinates (m, 3, 2) without overlaps; the same mesh and size give the same.
+def unwrap(mesh: Mesh | Any, size: int = 1024) -> Float64s:
+    """New texture coordinates (m, 3, 2) without overlaps, v upwards; the same mesh and size give the same.
 
-    Args: size: texels across the square page that they are for.
+    Args:
+        mesh: as `ao.bake` takes it.
+        size: texels across the square page that they are for, 64 to 16384.
 
     Raises:
         OptionError: the library is not installed, or the page is smaller than 64 texels.
@@ -35,6 +40,7 @@ def unwrap(mesh: Mesh, size: int) -> Float64s:
         raise OptionError("size", f"{_LEAST} to {MAX_SIDE} texels, to unwrap for", size)
     import uvunwrap
 
+    mesh = mesh_of(mesh, "unwrap")
     centred = (mesh.vertices - mesh.centre) / max(mesh.radius, 1e-300)
     try:
         given = uvunwrap.Mesh(centred.astype(np.float32).ravel(), mesh.faces.astype(np.uint32).ravel())

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import io
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal, get_args
 
@@ -18,7 +18,7 @@ from .channels import Channels
 from .ply import ply
 
 if TYPE_CHECKING:
-    from ao import Bake
+    from ao import Bake, BakedTexture
 
 
 Occlusion = Literal["none", "ramp"]
@@ -37,7 +37,7 @@ def check_target(path: str | os.PathLike[str]) -> None:
 
 def write(
     path: str | os.PathLike[str],
-    bake: Bake,
+    bake: Bake | BakedTexture | Sequence[Bake | BakedTexture],
     mesh_file: MeshFile,
     *,
     colors: bool = False,
@@ -53,12 +53,16 @@ def write(
       what w is for (`ply.ply`). Coordinates are float where that loses nothing and double otherwise.
     - `.glb`: `_OBSCURANCE` (`glb.glb`), and what viewers show: a ramp or colours.
     - `.html`: a page for a browser, everything in it (`scenes.page.document`).
+    - `.png` `.exr` `.tif`, of a texture: w, linear, PNG of 16 bits, others float32.
+
+    Of textures a `.glb` has each as the occlusion texture of the faces that it is for (`textured_glb.textured_glb`).
 
     What the source holds besides is kept if it was loaded for this target (`load`); `losses.lost` lists what is not.
 
     Args:
         path: the target, replaced if it exists.
-        bake: per vertex of `mesh_file.mesh`.
+        bake: per vertex of `mesh_file.mesh`, or a texture of its faces. For a .glb also a list of textures of
+            different faces; a bake per vertex among them is for faces on none.
         mesh_file: what was baked.
         colors: give a .glb the vertex colours `COLOR_0` = w, and a .ply the grey, in place of the source's colours.
         occlusion: "ramp" gives a .glb's materials an occlusion texture that shows w, "none" does not; None is "ramp",
@@ -67,13 +71,45 @@ def write(
         up: "x", "y" or "z", the axis that a page has upwards; by default that of the source's format.
 
     Raises:
-        OptionError: unknown ending, options that exclude each other, or coordinates that a .glb cannot hold.
+        OptionError: unknown ending, options that exclude each other, coordinates that a .glb cannot hold, or a
+            texture of another mesh.
         MeshError: materials of a glTF source are malformed.
         OutputError: the file cannot be written; an existing one is untouched.
     """
+    from ao.texture.result import BakedTexture
+
+    if isinstance(bake, Sequence | BakedTexture):
+        for name, value in {"colors": colors, "occlusion": occlusion, "up": up}.items():
+            if value:
+                raise OptionError(name, "a bake of vertices with it", "a texture")
+        _write_textures(Path(path), bake if isinstance(bake, Sequence) else [bake], mesh_file, replace_occlusion)
+        return
     content = _writer(path)(bake, mesh_file, channels(path, colors, occlusion, replace_occlusion, up))
     with atomic_write(path) as file:
         file.write(content)
+
+
+def _write_textures(path: Path, baked: Sequence[Bake | BakedTexture], mesh_file: MeshFile, replace: bool) -> None:
+    from ao.texture.result import BakedTexture
+
+    from .image_names import is_texture
+    from .images import write_w
+    from .textured_glb import textured_glb
+
+    textures = [each for each in baked if isinstance(each, BakedTexture)]
+    vertices = [each.w for each in baked if not isinstance(each, BakedTexture)]
+    for texture in textures:
+        if len(texture.uv) != len(mesh_file.mesh.faces):
+            expected = f"a texture of the {len(mesh_file.mesh.faces):,} faces of {mesh_file.path}"
+            raise OptionError("bake", expected, f"{len(texture.uv):,} faces")
+    if path.suffix.lower() == ".glb":
+        content, _ = textured_glb(mesh_file, textures, replace, w=vertices[0] if vertices else None)
+        with atomic_write(path) as file:
+            file.write(content)
+    elif is_texture(path) and len(baked) == 1:
+        write_w(path, textures[0], False, {"content": "w, 1 = open"})
+    else:
+        raise OptionError("output", "a .glb, or an image of one texture", os.fspath(path))
 
 
 def channels(

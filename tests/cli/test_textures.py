@@ -9,7 +9,6 @@ from gltf_samples import SAMPLES
 
 from raytrace.image.read import read_image
 from scenes.readers.load import load
-from scenes.readers.texture_coordinates import texture_coordinates
 
 FLOOR_AND_WALL = """v -1 -1 0\nv 1 -1 0\nv 1 1 0\nv -1 1 0\nv -1 1 1\nv 1 1 1
 vt .05 .05\nvt .95 .05\nvt .95 .45\nvt .05 .45\nvt .05 .55\nvt .95 .55\nvt .95 .95\nvt .05 .95
@@ -106,7 +105,7 @@ def test_a_texture_in_a_glb_by_own_coordinates(corner, tmp_path):
     bake(corner, "-o", path, "--occlusion", "texture", *FEW)
     made = load(path, "kept.glb")
     assert made.gltf.header["materials"][0]["occlusionTexture"] == {"index": 0}
-    assert np.allclose(texture_coordinates(made), texture_coordinates(load(corner, "kept.glb")), atol=1e-6)
+    assert np.allclose(made.uv, load(corner, "kept.glb").uv, atol=1e-6)
 
 
 def test_one_image_for_occlusion_roughness_and_metalness(corner, tmp_path):
@@ -121,7 +120,7 @@ def test_new_coordinates_for_a_mesh_without(tmp_path):
     path, made = tmp_path / "bare.obj", tmp_path / "w.glb"
     path.write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 2 3 4\nf 3 1 4\n")
     bake(path, "-o", made, "--occlusion", "texture", "--size", 64, "--samples", 16)
-    uv = texture_coordinates(load(made, "kept.glb"))
+    uv = load(made, "kept.glb").uv
     assert uv.shape == (4, 3, 2)
     assert 0 <= uv.min() < uv.max() <= 1
     picture = tmp_path / "w.png"
@@ -143,7 +142,7 @@ MISTAKES = [
     ("bare.obj -o w.png", "bare.obj: texture coordinates: expected some on every face, got none"),
     ("bare.obj -o w.png --uv unwrap", "bake --uv: expected --mesh-output", "got none"),
     ("corner.obj -o w.png --uv 3", "expected some of number 3 on every face, got none"),
-    ("corner.obj -o w.png --uv x", "bake --uv: expected auto, unwrap or the number", "got 'x'"),
+    ("corner.obj -o w.png --uv x", "bake --uv: expected auto, unwrap, fill or the number", "got 'x'"),
     ("nan.obj -o w.png", "texture coordinates"),
     ("flat.obj -o w.png", "flat.obj: texture coordinates: expected faces with an area on the page, got none"),
     ("far.obj -o w.png", "expected finite numbers up to 100000"),

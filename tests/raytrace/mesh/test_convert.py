@@ -5,6 +5,8 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from gltf_files import Builder
+from gltf_samples import quad
 from project import ROOT
 
 import ao
@@ -97,6 +99,9 @@ def test_a_recipe_runs(recipe, tmp_path, monkeypatch):
     import scenes
 
     monkeypatch.chdir(tmp_path)
+    builder = Builder()
+    builder.mesh(quad(builder, 0))
+    (tmp_path / "duck.glb").write_bytes(builder.glb([{"mesh": 0}]))
     used = {name: pytest.importorskip(name) for name in LIBRARIES if name in recipe}
     names = {"np": np, "ao": ao, "scenes": scenes, "vertices": POINTS, "faces": FACES, **used}
     exec(compile(recipe, "python.md", "exec"), names)

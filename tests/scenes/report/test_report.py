@@ -7,6 +7,7 @@ import re
 import shlex
 import tempfile
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -18,7 +19,7 @@ from pages import facts_of
 from raytrace import Mesh
 from raytrace.image.read import read_image
 from raytrace.image.srgb import encode_srgb
-from scenes.report.pictures import Page, pictures_of_page, pictures_of_vertices
+from scenes.report.pictures import pictures_of_page, pictures_of_vertices
 
 FLOOR_AND_WALL = """v -1 -1 0\nv 1 -1 0\nv 1 1 0\nv -1 1 0\nv -1 1 1\nv 1 1 1
 vt .05 .05\nvt .95 .05\nvt .95 .45\nvt .05 .45\nvt 1.05 .55\nvt 1.95 .55\nvt 1.95 .95\nvt 1.05 .95
@@ -184,8 +185,8 @@ def test_pictures_are_coloured_as_the_legend_says():
         (centre,) = decoded(picture.png)[[200], [240]]
         assert abs(encode_srgb(centre) * 255 - colour).max() < 1.5
     page = np.tile(np.linspace(0, 1, 16, dtype=np.float32), (16, 1))
-    corners = np.array([[0.5, 0.5]] * 4)
-    w, *_ = pictures_of_page(floor, Page(page, page, corners))
+    baked = SimpleNamespace(w=page, error=page, uv=np.full((2, 3, 2), 0.5))
+    w, *_ = pictures_of_page(floor, baked)
     assert abs(decoded(w.png)[200, 240] - 0.5).max() < 0.01
 
 

@@ -10,9 +10,10 @@ from gltf_files import QUAD, Builder
 import ao
 from scenes.gltf.accessors import normalized, values
 from scenes.gltf.container import decode
+from scenes.gltf.occlusion import image_name, occlusion_reference
 from scenes.readers.load import load
-from scenes.readers.texture_coordinates import texture_coordinates
-from scenes.textures.glb import textured_glb
+from scenes.readers.stored_w import read_w
+from scenes.writers.textured_glb import textured_glb
 
 FACES = [[0, 1, 2], [0, 2, 3]]
 UV = np.array([[0.1, 0.9], [0.9, 0.9], [0.9, 0.1], [0.1, 0.1]], "<f4")
@@ -46,22 +47,22 @@ def test_coordinates_of_a_file_are_read_upwards(tmp_path):
     builder = Builder()
     builder.mesh(quad(builder))
     file = source(tmp_path, builder.glb([{"mesh": 0}]))
-    assert np.allclose(texture_coordinates(file)[0], [[0.1, 0.1], [0.9, 0.1], [0.9, 0.9]])
-    assert texture_coordinates(file, 1) is None
+    assert np.allclose(file.uv[0], [[0.1, 0.1], [0.9, 0.1], [0.9, 0.9]])
+    assert file.texture_coordinates(1) is None
 
 
 def test_coordinates_of_an_obj_by_corner(tmp_path):
     text = b"v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nvt 0 0\nvt 1 0\nvt 1 1\nvt .5 .5\nf 1/1 2/2 3/3\nf 1/4 3/3 4/1\n"
     file = source(tmp_path, text, "in.obj")
-    assert texture_coordinates(file).tolist() == [[[0, 0], [1, 0], [1, 1]], [[0.5, 0.5], [1, 1], [0, 0]]]
+    assert file.uv.tolist() == [[[0, 0], [1, 0], [1, 1]], [[0.5, 0.5], [1, 1], [0, 0]]]
 
 
 def test_by_the_own_coordinates_of_a_file(tmp_path):
     builder = Builder()
     builder.mesh(quad(builder, material=0))
     file = source(tmp_path, builder.glb([{"mesh": 0}], materials=[{"name": "kept", "doubleSided": True}]))
-    baked = ao.bake_texture(file.mesh, texture_coordinates(file), 8, samples=8)
-    content, kept = textured_glb(file, baked, 0)
+    baked = ao.bake_texture(file.mesh, file.uv, 8, samples=8)
+    content, kept = textured_glb(file, [baked])
     asset, again = written(tmp_path, content)
     material = asset.header["materials"][0]
     assert kept == 0
@@ -84,13 +85,13 @@ def test_by_new_coordinates_vertices_are_split_with_all_that_they_have(tmp_path)
     file = source(tmp_path, builder.glb([{"mesh": 0}], materials=[{}]))
     uv = split_uv(file.mesh)
     baked = ao.bake_texture(file.mesh, uv, 64, samples=8)
-    asset, again = written(tmp_path, textured_glb(file, baked, uv)[0])
+    asset, again = written(tmp_path, textured_glb(file, [baked])[0])
     made = asset.header["meshes"][0]["primitives"][0]
     assert asset.header["materials"][0]["occlusionTexture"] == {"index": 0, "texCoord": 1}
     assert len(again.mesh.vertices) == 6
     assert np.array_equal(again.mesh.vertices[again.mesh.faces], file.mesh.vertices[file.mesh.faces])
-    assert np.allclose(texture_coordinates(again, 1), uv)
-    assert np.allclose(texture_coordinates(again, 0), texture_coordinates(file, 0))
+    assert np.allclose(again.texture_coordinates(1), uv)
+    assert np.allclose(again.uv, file.uv)
     old = np.array([int(np.flatnonzero((row == QUAD).all(axis=1))[0]) for row in again.mesh.vertices])
     stored = {name: values(asset, number, asset.header["accessors"][number]["type"])
               for name, number in made["attributes"].items()}  # fmt: skip
@@ -115,7 +116,7 @@ def test_mirrored_instances_and_strips_keep_their_corners(tmp_path):
     file = source(tmp_path, builder.glb(nodes))
     uv = np.stack([np.array([[0.1, 0.1], [0.4, 0.15], [0.2, 0.8]]) / 4 + [(k % 3) / 3, (k // 3) / 2] for k in range(6)])
     baked = ao.bake_texture(file.mesh, uv, 128, samples=8)
-    asset, again = written(tmp_path, textured_glb(file, baked, uv)[0])
+    asset, again = written(tmp_path, textured_glb(file, [baked])[0])
     assert np.array_equal(again.mesh.vertices[again.mesh.faces], file.mesh.vertices[file.mesh.faces])
     first = asset.header["meshes"][asset.header["nodes"][0]["mesh"]]["primitives"][0]["attributes"]
     second = asset.header["meshes"][asset.header["nodes"][1]["mesh"]]["primitives"][0]["attributes"]
@@ -135,11 +136,11 @@ def test_own_occlusion_textures_are_kept_unless_replaced(tmp_path):
     own = {"occlusionTexture": {"index": 0}}
     fields = {"materials": [own], "textures": [{"source": 0}], "images": [{"uri": "data:image/png;base64,AAAA"}]}
     file = source(tmp_path, builder.glb([{"mesh": 0}], **fields))
-    baked = ao.bake_texture(file.mesh, texture_coordinates(file), 8, samples=8)
-    content, kept = textured_glb(file, baked, 0)
+    baked = ao.bake_texture(file.mesh, file.uv, 8, samples=8)
+    content, kept = textured_glb(file, [baked])
     assert kept == 1
     assert written(tmp_path, content)[0].header["materials"] == [own]
-    content, kept = textured_glb(file, baked, 0, replace=True)
+    content, kept = textured_glb(file, [baked], replace=True)
     assert kept == 0
     assert written(tmp_path, content)[0].header["materials"][0]["occlusionTexture"]["index"] == 1
 
@@ -152,23 +153,31 @@ def test_an_obj_becomes_a_glb_with_its_materials(tmp_path):
     uv = np.array([[[0.1, 0.1], [0.4, 0.1], [0.4, 0.4]], [[0.1, 0.1], [0.4, 0.4], [0.1, 0.4]]] * 2)
     uv[2:] += 0.5
     baked = ao.bake_texture(file.mesh, uv, 64, samples=8)
-    asset, again = written(tmp_path, textured_glb(file, baked, uv)[0])
+    asset, again = written(tmp_path, textured_glb(file, [baked])[0])
     names = [asset.header["materials"][p["material"]]["name"] for p in asset.header["meshes"][0]["primitives"]]
     assert names == ["red", "blue"]
     assert np.array_equal(again.mesh.vertices[again.mesh.faces], file.mesh.vertices[file.mesh.faces])
-    assert np.allclose(texture_coordinates(again, 0), uv)
+    assert np.allclose(again.uv, uv)
 
 
 @pytest.mark.parametrize("missing", [0, 1])
-def test_parts_without_coordinates_beside_others(tmp_path, missing):
+def test_parts_without_coordinates_get_a_ramp_beside_the_texture_of_others(tmp_path, missing):
     builder = Builder()
-    pieces = [quad(builder), quad(builder)]
+    pieces = [quad(builder, material=0), quad(builder, QUAD + np.float32(0.5), material=0)]
     del pieces[missing]["attributes"]["TEXCOORD_0"]
     for piece in pieces:
         builder.mesh(piece)
-    file = source(tmp_path, builder.glb([{"mesh": 0, "name": "a"}, {"mesh": 1, "name": "b"}]))
-    with pytest.raises(ValueError, match=f"TEXCOORD_0 of {'ab'[missing]}: expected texture coordinates"):
-        texture_coordinates(file)
+    file = source(tmp_path, builder.glb([{"mesh": 0}, {"mesh": 1}], materials=[{"name": "one"}]))
+    assert np.isnan(file.uv).all(axis=(1, 2)).tolist() == [missing == 0] * 2 + [missing == 1] * 2
+    baked, w = ao.bake_texture(file.mesh, file.uv, 8, samples=64), ao.bake(file.mesh, samples=64).w
+    content, _ = textured_glb(file, [baked], w=w)
+    asset, again = written(tmp_path, content)
+    materials = [asset.header["meshes"][k]["primitives"][0]["material"] for k in (0, 1)]
+    images = [image_name(asset.header, occlusion_reference(asset.header, material)) for material in materials]
+    assert images[missing] == "obscurance ramp"
+    assert images[1 - missing] == "obscurance occlusion"
+    part = again.parts[missing].vertices
+    assert np.abs(read_w(tmp_path / "out.glb", len(w))[part] - w[part]).max() < 1e-5
 
 
 def test_headers_stay_json(tmp_path):
@@ -176,5 +185,5 @@ def test_headers_stay_json(tmp_path):
     builder.mesh(quad(builder))
     file = source(tmp_path, builder.glb([{"mesh": 0}]))
     uv = split_uv(file.mesh)
-    asset, _ = written(tmp_path, textured_glb(file, ao.bake_texture(file.mesh, uv, 64, samples=8), uv)[0])
+    asset, _ = written(tmp_path, textured_glb(file, [ao.bake_texture(file.mesh, uv, 64, samples=8)])[0])
     json.dumps(asset.header)

@@ -17,12 +17,11 @@ from uv_meshes import grid_charts
 from raytrace import MeshError
 from scenes.geometry.builtin_shapes import SOLIDS
 from scenes.readers.load import MeshFile, load
-from scenes.readers.texture_coordinates import texture_coordinates
-from scenes.textures.glb import textured_glb
-from scenes.textures.orm import check_orm
+from scenes.writers.orm import check_orm
+from scenes.writers.textured_glb import textured_glb
 
 pytestmark = pytest.mark.skipif(validator.missing() is not None, reason=str(validator.missing()))
-BAKED = SimpleNamespace(w=np.random.default_rng(0).random((16, 16)).astype(np.float32))
+W = np.random.default_rng(0).random((16, 16)).astype(np.float32)
 WAYS = (False, False), (True, False), (False, True)
 FOLDER = os.environ.get("MESHES")
 FILES = [path for path in sorted(Path(FOLDER).iterdir()) if path.suffix in (".glb", ".obj")] if FOLDER else []
@@ -32,7 +31,7 @@ def outputs(folder, source, name, ways=WAYS):
     """The source with its own coordinates, if it has some everywhere, and with new ones, by some options."""
     numbers = [grid_charts(len(source.mesh.faces))]
     with suppress(MeshError):
-        numbers += [0] * (texture_coordinates(source) is not None)
+        numbers += [0] * (source.uv is not None)
     for uv in numbers:
         for replace, orm in ways:
             try:
@@ -41,7 +40,9 @@ def outputs(folder, source, name, ways=WAYS):
             except MeshError:
                 continue
             target = folder / f"{name}-{'own' if isinstance(uv, int) else 'new'}-{replace}-{orm}.glb"
-            target.write_bytes(textured_glb(source, BAKED, uv, replace, orm)[0])
+            baked = SimpleNamespace(w=W, uv=source.uv if isinstance(uv, int) else uv)
+            rest = np.linspace(0, 1, len(source.mesh.vertices))
+            target.write_bytes(textured_glb(source, [baked], replace, orm, rest)[0])
             yield target
 
 

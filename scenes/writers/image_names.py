@@ -8,6 +8,9 @@ from pathlib import Path
 ENDINGS = (".png", ".exr", ".tif", ".tiff")
 UDIM = "<UDIM>"
 """What stands for a tile's number in the name of an output."""
+MATERIAL, OBJECT = "<MATERIAL>", "<OBJECT>"
+"""What stands for their names."""
+PLACEHOLDERS = UDIM, MATERIAL, OBJECT
 
 
 def is_texture(path: str | os.PathLike[str]) -> bool:

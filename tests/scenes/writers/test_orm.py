@@ -15,8 +15,8 @@ from raytrace.image.texture import Texture, texture_codes
 from scenes.gltf.container import decode
 from scenes.gltf.textures import Textures
 from scenes.readers.load import load
-from scenes.textures.glb import textured_glb
-from scenes.textures.orm import check_orm, with_occlusion
+from scenes.writers.orm import check_orm, with_occlusion
+from scenes.writers.textured_glb import textured_glb
 
 RNG = np.random.default_rng(0)
 W = RNG.random((8, 8)).astype(np.float32)
@@ -44,7 +44,8 @@ def source(tmp_path, image, material, sets=(0,), **fields):
 
 def packed(tmp_path, file, uv=0, w=W, replace=False):
     check_orm(file.gltf, uv if isinstance(uv, int) else None, replace)
-    content, _ = textured_glb(file, SimpleNamespace(w=w), uv, replace, orm=True)
+    uv = file.texture_coordinates(uv) if isinstance(uv, int) else uv
+    content, _ = textured_glb(file, [SimpleNamespace(w=w, uv=uv)], replace, orm=True)
     (tmp_path / "out.glb").write_bytes(content)
     return decode(content, tmp_path / "out.glb")
 
@@ -178,7 +179,7 @@ def test_a_transform_that_moves_nothing_goes(tmp_path):
         (moved(rotation=0.5), 0, "no KHR_texture_transform"),
         ({"index": 0}, None, "new coordinates, for --orm, got TEXCOORD_0"),
         ({"index": 9}, 0, "there is no textures"),
-        ({"index": "x"}, 0, "in.glb: content: expected a complete and valid GLB file"),
+        ({"index": "x"}, 0, "metallicRoughnessTexture.index: expected a whole number"),
     ],
 )
 def test_what_cannot_share_an_image_is_refused(tmp_path, reference, uv, words):

@@ -1,8 +1,8 @@
-"""A binary glTF with a baked texture as its materials' occlusion texture, by the coordinates that it was baked for."""
+"""A binary glTF with baked textures as its materials' occlusion textures, by the coordinates they were baked for."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -11,33 +11,41 @@ import numpy.typing as npt
 from ao.texture.result import BakedTexture
 from raytrace.errors import MeshError
 from raytrace.image.encode import linear_png
-from raytrace.types import Float64s, Int64s
+from raytrace.types import AnyFloats, Float32s, Float64s, Int64s
 
-from ..gltf.accessors import values
+from ..gltf.accessors import normalized, values
 from ..gltf.container import TRIANGLE_STRIP, Gltf, encode_glb
 from ..gltf.glb_buffer import ARRAY_BUFFER, ELEMENT_ARRAY_BUFFER, UNSIGNED_INT, Packed
 from ..gltf.occlusion import OWN, OcclusionTextures, add_coordinates, free_set
+from ..gltf.ramp import write_ramp
 from ..readers.load import MeshFile
-from ..writers.glb import stored
-from ..writers.plain_glb import groups, plain
+from .glb import stored
 from .orm import OrmTextures
+from .pieces import pieces
+from .plain_glb import plain
 
 _REPEAT = 10497
+_SAME = 1e-6  # of texture coordinates that float32 has rounded
 _KINDS = {"SCALAR", "VEC2", "VEC3", "VEC4"}
 
 
 def textured_glb(
-    mesh_file: MeshFile, baked: BakedTexture, uv: int | Float64s, replace: bool = False, orm: bool = False
+    mesh_file: MeshFile,
+    pages: Sequence[BakedTexture],
+    replace: bool = False,
+    orm: bool = False,
+    w: AnyFloats | None = None,
 ) -> tuple[bytes, int]:
     """A GLB file of a mesh file, with 8 bits of w a texel, and how many primitives keep another occlusion texture.
 
-    A glTF source is kept as stored, as by `scenes.writers.glb`; what was no glTF becomes one.
+    A glTF source is kept as stored, as by `scenes.writers.glb`; what was no glTF becomes one. Coordinates of a page
+    that a primitive has not become a set of its own: vertices whose corners differ there are stored several times.
 
     Args:
-        uv: number of the set of texture coordinates that `baked` is for, or coordinates (m, 3, 2) of all faces, v
-            upwards, which become a set of their own: vertices whose corners differ are stored several times.
-        replace: put the texture also in place of occlusion textures of the source.
-        orm: put w into R of the materials' metallic-roughness images, by the set of `uv` (`scenes.textures.orm`).
+        pages: textures of different faces.
+        replace: put them also in place of occlusion textures of the source.
+        orm: put w into R of the materials' metallic-roughness images (`scenes.writers.orm`).
+        w: (n,) of the vertices, for primitives that are on no page: a ramp shows it.
 
     Raises:
         MeshError, SceneError, InputError: as `check_orm`, with `orm`.
@@ -46,28 +54,47 @@ def textured_glb(
     """
     asset = mesh_file.gltf
     packed, drawn = stored(asset, mesh_file.parts) if asset else plain(mesh_file, False)
-    textures = OrmTextures(packed, asset, baked.w, replace) if orm else OcclusionTextures(packed, replace)
-    texture, kept = -1, 0
-    if not orm:
-        codes = np.rint(np.clip(baked.w, 0, 1) * 255).astype(np.uint8)
-        texture = textures.add(linear_png(codes[:, :, None]), f"{OWN} occlusion", wrapS=_REPEAT, wrapT=_REPEAT)
-    for (primitive, vertices), faces in zip(drawn, _faces(mesh_file), strict=True):
+    before = Gltf(mesh_file.path, packed.header, (bytes(packed.binary),))
+    textures = OcclusionTextures(packed, replace)
+    if orm:
+        textures = OrmTextures(packed, asset, [page.w for page in pages], replace)
+    numbers = [k if orm else _add(textures, page.w) for k, page in enumerate(pages)]
+    rest, kept = [], 0
+    for (primitive, vertices), piece in zip(drawn, pieces(mesh_file), strict=True):
+        texture = next((k for k, page in enumerate(pages) if not np.isnan(page.uv[piece.faces]).any()), None)
         if not textures.takes(primitive):
             kept += 1
-            continue
-        if isinstance(uv, int):
-            number = uv
+        elif texture is None:
+            rest.append((primitive, vertices))
         else:
-            number = free_set(packed.header, primitive)
-            asset_now = Gltf(mesh_file.path, packed.header, (bytes(packed.binary),))
-            triangles = _triangles(asset_now, primitive)
-            as_stored = np.array_equal(vertices[triangles], mesh_file.mesh.faces[faces])  # or mirrored, and turned over
-            corners = uv[faces] if as_stored else uv[faces][:, ::-1]
-            split_vertices(packed, asset_now, primitive, number, triangles, corners)
-        textures.give(primitive, texture, number)
+            triangles, uv = _triangles(before, primitive), pages[texture].uv[piece.faces]
+            if not np.array_equal(vertices[triangles], mesh_file.mesh.faces[piece.faces]):  # mirrored, and turned over
+                uv = uv[:, ::-1]
+            number = _set_of(before, primitive, triangles, uv)
+            if number is None:
+                number = free_set(packed.header, primitive)
+                split_vertices(packed, before, primitive, number, triangles, uv)
+            textures.give(primitive, numbers[texture], number)
     textures.apply()
+    if w is not None:
+        write_ramp(packed, [(primitive, w[vertices]) for primitive, vertices in rest], replace)
     packed.header["buffers"] = [{"byteLength": len(packed.binary)}]
     return encode_glb(packed.header, bytes(packed.binary)), kept
+
+
+def _add(textures: OcclusionTextures, w: Float32s) -> int:
+    codes = np.rint(np.clip(w, 0, 1) * 255).astype(np.uint8)
+    return textures.add(linear_png(codes[:, :, None]), f"{OWN} occlusion", wrapS=_REPEAT, wrapT=_REPEAT)
+
+
+def _set_of(asset: Gltf, primitive: dict[str, Any], triangles: Int64s, uv: Float64s) -> int | None:
+    """Number of the set of a primitive that holds the coordinates `uv` (t, 3, 2), or None."""
+    for name, accessor in primitive["attributes"].items():
+        if name.startswith("TEXCOORD_"):
+            found = normalized(values(asset, accessor, "VEC2"))[triangles] * (1, -1) + (0, 1)
+            if np.allclose(found, uv, _SAME, _SAME):
+                return int(name.removeprefix("TEXCOORD_"))
+    return None
 
 
 def split_vertices(
@@ -110,15 +137,6 @@ def _taken(packed: Packed, asset: Gltf, number: int, rows: Int64s) -> int:
         made |= {"min": taken.min(axis=0).tolist(), "max": taken.max(axis=0).tolist()}
     packed.header["accessors"].append(made)
     return len(packed.header["accessors"]) - 1
-
-
-def _faces(mesh_file: MeshFile) -> Iterator[Int64s]:
-    """The faces of the mesh that each primitive draws, in the order in which `stored` and `plain` list them."""
-    if mesh_file.gltf:
-        for part in mesh_file.parts:
-            yield np.arange(part.faces.start, part.faces.stop)
-    else:
-        yield from (group.faces for group in groups(mesh_file))
 
 
 def _triangles(asset: Gltf, primitive: dict[str, Any]) -> Int64s:

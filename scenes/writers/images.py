@@ -1,4 +1,4 @@
-"""Baked textures as image files: w, bent normals and errors, one file each, or one each for every UDIM tile."""
+"""Baked textures as image files: w, bent normals and errors; and the tiles of UDIM layouts."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from raytrace.image.encode import write_data
 from raytrace.system.atomic import check_writable
 from raytrace.types import Float32s, Float64s, Int64s
 
-from .names import ENDINGS, UDIM, is_texture
+from .image_names import ENDINGS, is_texture
 
 _MOST_TILES = 100
 _ACROSS = 10  # tiles in a row of UDIM's numbers
@@ -58,9 +58,9 @@ def udim_tiles(uv: Float64s, source: object) -> list[tuple[int, int]]:
     return sorted(found, key=lambda tile: tile[::-1])
 
 
-def tile_path(path: Path, tile: tuple[int, int]) -> Path:
-    """The name of a tile's file: with its number in place of `UDIM`."""
-    return path.with_name(path.name.replace(UDIM, str(1001 + tile[0] + _ACROSS * tile[1])))
+def tile_number(tile: tuple[int, int]) -> str:
+    """What stands for `UDIM` in the names of a tile's files."""
+    return str(1001 + tile[0] + _ACROSS * tile[1])
 
 
 def write_w(path: Path, baked: BakedTexture, half: bool, metadata: Mapping[str, str]) -> None:

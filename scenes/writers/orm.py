@@ -5,6 +5,7 @@ Format: Khronos glTF 2.0 specification, sections 3.9.2 (metallic-roughness) and 
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -32,36 +33,36 @@ _UNMOVED: dict[str, Any] = {"offset": [0, 0], "rotation": 0, "scale": [1, 1]}
 class OrmTextures(OcclusionTextures):
     """Gives materials w in R of a copy of their metallic-roughness image, or of a white one where they have none."""
 
-    def __init__(self, packed: Packed, asset: Gltf | None, w: Float32s, replace: bool = False) -> None:
-        """Args: asset: the source of the document, if it is glTF. w: (h, w), of the whole page."""
+    def __init__(self, packed: Packed, asset: Gltf | None, pages: Sequence[Float32s], replace: bool = False) -> None:
+        """Args: asset: the source of the document, if it is glTF. pages: w (h, w), which `give` takes by its number."""
         super().__init__(packed, replace)
-        self._asset, self._w = asset, w
-        self._made: dict[int | None, tuple[int, int]] = {}
+        self._asset, self._pages = asset, pages
+        self._made: dict[tuple[int | None, int], tuple[int, int]] = {}
 
-    def _put(self, material: dict[str, Any], texture: int, coordinates: int) -> None:
+    def _put(self, material: dict[str, Any], page: int, coordinates: int) -> None:
         surface = material.setdefault(_SURFACE, {})
         own: dict[str, Any] = surface.get(_OWN, {})
-        number = own.get("index")
-        if number not in self._made:
-            self._made[number] = self._pack(number)
-        occlusion, shared = self._made[number]
+        key = own.get("index"), page
+        if key not in self._made:
+            self._made[key] = self._pack(own.get("index"), self._pages[page])
+        occlusion, shared = self._made[key]
         super()._put(material, occlusion, coordinates)
         extensions = {name: value for name, value in own.get("extensions", {}).items() if name != TRANSFORM}
         kept = {name: value for name, value in own.items() if name not in ("index", "texCoord", "extensions")}
         kept |= {"extensions": extensions} if extensions else {}
         surface[_OWN] = texture_reference(shared, coordinates) | kept
 
-    def _pack(self, number: int | None) -> tuple[int, int]:
+    def _pack(self, number: int | None, w: Float32s) -> tuple[int, int]:
         """Textures for occlusion and for the rest, mostly one, in place of a metallic-roughness texture or of none."""
         repeat = {"wrapS": _REPEAT, "wrapT": _REPEAT}
         if number is None or self._asset is None:
-            white = np.full((*self._w.shape, 3), 255, np.uint8)
-            both = self.add(linear_png(with_occlusion(white, self._w)), _NAME, **repeat)
+            white = np.full((*w.shape, 3), 255, np.uint8)
+            both = self.add(linear_png(with_occlusion(white, w)), _NAME, **repeat)
             return both, both
         stored = entry(self._asset, "textures", number)
         sampler = _sampler(self._asset, stored)
         image = texture_codes(Textures(self._asset).image(stored["source"]))
-        both = self.add(linear_png(with_occlusion(image, self._w)), _NAME, **repeat)
+        both = self.add(linear_png(with_occlusion(image, w)), _NAME, **repeat)
         added = self._packed.header["textures"]
         if "sampler" not in stored:
             del added[both]["sampler"]
@@ -90,7 +91,7 @@ def with_occlusion(image: npt.NDArray[Any], w: Float32s) -> UInt8s | UInt16s:
 def check_orm(asset: Gltf | None, coordinates: int | None, replace: bool) -> None:
     """Find out before the bake whether `OrmTextures` can use the metallic-roughness textures of a source.
 
-    Args: coordinates: the number of the set that is baked for, None for a new one.
+    Args: coordinates: the number of the set that is baked for, by primitives that have it; None for a new one of all.
 
     Raises:
         MeshError: one goes by other coordinates, or is moved by KHR_texture_transform, or its image is none that
@@ -102,6 +103,8 @@ def check_orm(asset: Gltf | None, coordinates: int | None, replace: bool) -> Non
     taking = OcclusionTextures(Packed(asset.header), replace)
     with mesh_errors(asset.path):
         drawn = [asset.header["meshes"][each.mesh]["primitives"][each.place] for each in primitives(asset.header)]
+        if coordinates is not None:
+            drawn = [piece for piece in drawn if f"TEXCOORD_{coordinates}" in piece["attributes"]]
         found = {number for piece in drawn for number in taking.materials(piece) if number is not None}
         for material in sorted(found):
             own = entry(asset, "materials", material).get(_SURFACE, {}).get(_OWN)

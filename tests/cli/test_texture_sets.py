@@ -1,0 +1,236 @@
+"""Textures of files with several materials, objects and parts without coordinates, by the command and from Python."""
+
+import base64
+import json
+from pathlib import Path
+
+import numpy as np
+import OpenImageIO as oiio
+import pytest
+from command import obscurance, refused
+from gltf_files import QUAD, Builder
+
+import ao
+import scenes
+from ao.analytic.form_factor import polygon_form_factor
+from raytrace.image.encode import linear_png
+from raytrace.image.read import read_image
+from scenes.gltf.occlusion import image_name, occlusion_reference
+from scenes.gltf.textures import Textures
+
+HEIGHT = 0.5
+LID = [(-2, -2, HEIGHT), (2, -2, HEIGHT), (2, 2, HEIGHT), (-2, 2, HEIGHT)]
+PLACES = (np.arange(16) + 0.5) / 8 - 1
+W = 1 - np.array([[polygon_form_factor(LID, (x, -y, 0), (0, 0, 1)) for x in PLACES] for y in PLACES])
+"""Of the floor's texels below the lid, by their centres."""
+FEW = ("--samples", 64, "--size", 16, "--falloff", "binary")
+UV = np.array([[0, 1], [1, 1], [1, 0], [0, 0]], "<f4")  # downwards: all of the page
+FACES = [[0, 1, 2], [0, 2, 3]]
+
+
+def plate(builder, side, height, uv=UV, **fields):
+    """A square about the origin, whose layout is the whole page."""
+    piece = builder.primitive(((QUAD - (0.5, 0.5, 0)) * side + (0, 0, height)).astype("<f4"), FACES, **fields)
+    if uv is not None:
+        piece["attributes"]["TEXCOORD_0"] = builder.accessor(uv, "VEC2")
+    return piece
+
+
+def floor_and_lid(folder, materials=("floor", "lid"), lid_uv=UV, **fields):
+    """Two materials with layouts of their own; the lid is open, as the floor below it is smaller and beneath."""
+    builder, path = Builder(), folder / "two.glb"
+    builder.mesh(plate(builder, 2, 0, material=0))
+    builder.mesh(plate(builder, 4, HEIGHT, lid_uv, material=len(materials) - 1))
+    nodes = [{"mesh": 0, "name": "low"}, {"mesh": 1, "name": "high"}]
+    path.write_bytes(builder.glb(nodes, materials=[{"name": name} for name in materials], **fields))
+    return path
+
+
+def bake(*arguments):
+    result = obscurance("bake", *arguments)
+    assert result.returncode == 0, result.stderr
+    return result
+
+
+def image(path):
+    return read_image(path)[0]["beauty"][..., 0]
+
+
+def occlusion_of(path):
+    """For each primitive drawn: the name of its occlusion texture's image, and w at its corners."""
+    file, found = scenes.load(path), []
+    textures = Textures(file.gltf)
+    w = scenes.read_w(path, len(file.mesh.vertices))
+    for node, part in zip(file.gltf.header["nodes"], file.parts, strict=True):
+        primitive = file.gltf.header["meshes"][node["mesh"]]["primitives"][0]
+        reference = occlusion_reference(file.gltf.header, primitive["material"])
+        assert textures.of_occlusion(primitive)
+        found.append((image_name(file.gltf.header, reference), reference["index"], w[part.vertices]))
+    return found
+
+
+def test_each_material_has_a_texture_of_its_own_in_a_glb(tmp_path):
+    path, made = floor_and_lid(tmp_path), tmp_path / "w.glb"
+    result = bake(path, "-o", made, "--occlusion", "texture", *FEW, "--report", tmp_path / "r.json")
+    (_, one, low), (_, other, high) = occlusion_of(made)
+    assert one != other
+    assert abs(low - W[0, 0]).max() < 0.03
+    assert high.tolist() == [1] * 4
+    assert "w.glb, floor: 16" in result.stdout
+    assert "overlap" not in result.stderr
+    pages = json.loads((tmp_path / "r.json").read_text())["pages"]
+    assert [page["texture"]["covered"] for page in pages.values()] == [256, 256]
+    assert [Path(name).name for name in pages] == ["w.glb, floor", "w.glb, lid"]
+
+
+def test_names_of_materials_and_objects_in_names_of_files(tmp_path):
+    path = floor_and_lid(tmp_path, materials=("../a b", ""))
+    errors, report = tmp_path / "e.<MATERIAL>.exr", tmp_path / "r.html"
+    bake(path, "-o", tmp_path / "w.<MATERIAL>.exr", "--error-map", errors, "--bent-normals",
+         tmp_path / "n.<MATERIAL>.png", "--report", report, *FEW)  # fmt: skip
+    names = sorted(each.name for each in tmp_path.iterdir())
+    assert names == ["e.a_b.exr", "e.material_1.exr", "n.a_b.png", "n.material_1.png", "r.html", "two.glb",
+                     "w.a_b.exr", "w.material_1.exr"]  # fmt: skip
+    low = image(tmp_path / "w.a_b.exr")
+    assert abs(low - W).max() < 0.03
+    assert abs(low - W).mean() < 0.006
+    assert image(tmp_path / "w.material_1.exr").min() == 1
+    bake(path, "-o", tmp_path / "w.<OBJECT>.exr", *FEW)
+    assert np.array_equal(image(tmp_path / "w.low.exr"), low)
+    assert (tmp_path / "w.high.exr").exists()
+
+
+def test_materials_of_one_name_have_files_of_their_own(tmp_path):
+    bake(floor_and_lid(tmp_path, materials=("Paint", "paint")), "-o", tmp_path / "w.<MATERIAL>.exr", *FEW)
+    assert sorted(each.name for each in tmp_path.glob("*.exr")) == ["w.Paint.exr", "w.paint-2.exr"]
+
+
+def test_one_image_of_several_layouts_is_refused_unless_their_mean_is_asked_for(tmp_path):
+    path, made = floor_and_lid(tmp_path), tmp_path / "w.exr"
+    remedy = "two.glb: output: expected <MATERIAL> in its name, a .glb, or --overlap mean"
+    refused(obscurance("bake", path, "-o", made, *FEW), remedy, "256 texels", "for both floor and lid")
+    assert not made.exists()
+    result = bake(path, "-o", made, *FEW, "--overlap", "mean")
+    assert abs(image(made).mean() - (1 + W.mean()) / 2) < 0.01
+    assert "overlap in 100.0%" in result.stderr
+    part = obscurance("bake", path, "-o", tmp_path / "parts", "--part", "1/2", *FEW)
+    refused(part, "bake --part: expected one texture, as by --overlap mean, got 2 texture sets")
+
+
+def test_objects_of_one_plain_material_are_told_apart_and_those_of_an_image_are_meant_to_overlap(tmp_path):
+    path = floor_and_lid(tmp_path, materials=("grey",))
+    refused(obscurance("bake", path, "-o", tmp_path / "w.exr", *FEW), "expected <OBJECT>", "for both low and high")
+    bake(path, "-o", tmp_path / "w.glb", "--occlusion", "texture", *FEW)
+    (_, one, low), (_, other, high) = occlusion_of(tmp_path / "w.glb")
+    assert one != other
+    assert high.min() - low.max() > 0.8
+    pixel = "data:image/png;base64," + base64.b64encode(linear_png(np.full((1, 1, 1), 255, np.uint8))).decode()
+    builder = Builder()
+    for side, height in ((2, 0), (4, HEIGHT)):
+        builder.mesh(plate(builder, side, height, material=0))
+    material = {"pbrMetallicRoughness": {"baseColorTexture": {"index": 0}}}
+    nodes, images = [{"mesh": 0}, {"mesh": 1}], {"textures": [{"source": 0}], "images": [{"uri": pixel}]}
+    path.write_bytes(builder.glb(nodes, materials=[material], **images))
+    assert "overlap in 100.0%" in bake(path, "-o", tmp_path / "w.exr", *FEW).stderr
+
+
+def test_copies_of_an_object_may_overlap(tmp_path):
+    builder, path = Builder(), tmp_path / "copies.glb"
+    builder.mesh(plate(builder, 1, 0, material=0))
+    nodes = [{"mesh": 0}, {"mesh": 0, "translation": [2, 0, 0]}, {"mesh": 0, "scale": [-1, 1, 1]}]
+    path.write_bytes(builder.glb(nodes, materials=[{}]))
+    assert "overlap in 100.0%" in bake(path, "-o", tmp_path / "w.exr", *FEW).stderr
+
+
+def test_layouts_side_by_side_share_one_texture(tmp_path):
+    halves = [UV * np.float32([0.5, 1]), UV * np.float32([0.5, 1]) + np.float32([0.5, 0])]
+    builder, path = Builder(), tmp_path / "halves.glb"
+    for number, uv in enumerate(halves):
+        builder.mesh(plate(builder, 2 + 2 * number, HEIGHT * number, uv, material=number))
+    path.write_bytes(builder.glb([{"mesh": 0}, {"mesh": 1}], materials=[{"name": "floor"}, {"name": "lid"}]))
+    bake(path, "-o", tmp_path / "w.glb", "--occlusion", "texture", *FEW)
+    (_, one, _), (_, other, _) = occlusion_of(tmp_path / "w.glb")
+    assert one == other
+    bake(path, "-o", tmp_path / "w.exr", *FEW)
+
+
+def test_both_textures_in_metallic_roughness_images(tmp_path):
+    bake(floor_and_lid(tmp_path), "-o", tmp_path / "w.glb", "--occlusion", "texture", "--orm", *FEW)
+    (one, _, low), (_, _, high) = occlusion_of(tmp_path / "w.glb")
+    assert one == "obscurance orm"
+    assert high.min() - low.max() > 0.8
+
+
+def test_a_part_without_coordinates_stops_nothing(tmp_path):
+    path = floor_and_lid(tmp_path, lid_uv=None)
+    result = bake(path, "-o", tmp_path / "w.exr", *FEW)
+    told = "two.glb: 2 faces, of high, have no texture coordinates and"
+    assert f"{told} get no texels; --uv fill with --mesh-output makes some for them" in result.stderr
+    assert abs(image(tmp_path / "w.exr") - W).max() < 0.03
+    for options in ((), ("--orm",)):
+        result = bake(path, "-o", tmp_path / "w.glb", "--occlusion", "texture", *FEW, *options)
+        assert f"{told} show w of their vertices; --uv fill makes some" in result.stderr
+        (one, _, low), (other, _, high) = occlusion_of(tmp_path / "w.glb")
+        assert one in ("obscurance occlusion", "obscurance orm")
+        assert other == "obscurance ramp"
+        assert abs(low - W[0, 0]).max() < 0.03
+        assert np.allclose(high, 1)
+
+
+def test_coordinates_are_made_for_the_part_that_has_none(tmp_path):
+    pytest.importorskip("uvunwrap")
+    path, made = floor_and_lid(tmp_path, lid_uv=None), tmp_path / "w.glb"
+    bake(path, "-o", made, "--occlusion", "texture", "--uv", "fill", *FEW[:2], "--size", 64, "--falloff", "binary")
+    file = scenes.load(made)
+    before, after = scenes.load(path).uv, file.uv
+    assert np.array_equal(after[:2], before[:2])
+    assert np.isfinite(after).all()
+    (one, first, low), (other, second, high) = occlusion_of(made)
+    assert one == other == "obscurance occlusion"
+    assert first != second
+    assert abs(low - W[0, 0]).max() < 0.03
+    assert np.allclose(high, 1)
+
+
+def test_tiles_are_offered_where_they_have_numbers(tmp_path):
+    text = "v 0 0 0\nv 1 0 0\nv 0 1 0\nvt {0} 0\nvt {1} 0\nvt {0} 1\nf 1/1 2/2 3/3\n"
+    for place, offered in ((1, True), (-1, False), (10, False)):
+        (tmp_path / "t.obj").write_text(text.format(place, place + 1))
+        result = bake(tmp_path / "t.obj", "-o", tmp_path / "w.exr", *FEW)
+        assert "1 faces reach out of the unit square and are taken modulo 1" in result.stderr
+        assert ("<UDIM>" in result.stderr) == offered
+        if offered:
+            bake(tmp_path / "t.obj", "-o", tmp_path / "w.<UDIM>.exr", *FEW)
+    result = bake(tmp_path / "t.obj", "-o", tmp_path / "w.glb", "--occlusion", "texture", *FEW)
+    assert "<UDIM>" not in result.stderr
+    refused(obscurance("bake", tmp_path / "t.obj", "-o", tmp_path / "w.<UDIM>.glb", "--occlusion", "texture"), "<UDIM>")
+
+
+def test_from_python_in_five_lines(tmp_path, monkeypatch):
+    monkeypatch.chdir(floor_and_lid(tmp_path, lid_uv=None).parent)
+    file = scenes.load("two.glb")
+    baked = ao.bake_texture(file.mesh, file.uv, 16, ao.Binary(), samples=64)
+    scenes.write("ao.png", baked, file)
+    scenes.write("two_ao.glb", [baked, ao.bake(file.mesh, ao.Binary())], file)
+    codes = np.asarray(oiio.ImageBuf("ao.png").get_pixels(oiio.UINT16))[..., 0] / 65535
+    assert abs(codes - W).max() < 0.03
+    (one, _, low), (other, _, high) = occlusion_of(Path("two_ao.glb"))
+    assert (one, other) == ("obscurance occlusion", "obscurance ramp")
+    assert abs(low - W[0, 0]).max() < 0.03
+    assert np.allclose(high, 1)
+    with pytest.raises(ValueError, match="expected a texture of the 4 faces"):
+        scenes.write("ao.png", ao.bake_texture(([[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 1, 2]]), UV[:3], 8), file)
+    with pytest.raises(ValueError, match=r"a \.glb, or an image of one texture"):
+        scenes.write("ao.png", [baked, baked], file)
+
+
+def test_coordinates_of_an_obj_and_new_ones_from_python(tmp_path):
+    pytest.importorskip("uvunwrap")
+    path = tmp_path / "q.obj"
+    path.write_text("v 0 0 0\nv 1 0 0\nv 1 1 0\nvt 0 0\nvt 1 0\nvt 1 1\nf 1/1 2/2 3/3\n")
+    file = scenes.load(path)
+    assert file.uv.tolist() == [[[0, 0], [1, 0], [1, 1]]]
+    uv = scenes.unwrap(file.mesh, 64)
+    scenes.write(tmp_path / "q.glb", ao.bake_texture(file.mesh, uv, 64, samples=8), file)
+    assert np.allclose(scenes.load(tmp_path / "q.glb").uv, uv, atol=1e-6)
+    assert scenes.MeshFile.of((file.mesh.vertices, file.mesh.faces)).uv is None
