@@ -49,7 +49,7 @@ def sample_vertices(prepared: Prepared) -> PointValues:
         estimate = _estimate(tracer, receivers, prepared)
     return PointValues(
         w=np.clip(estimate.rows[:, 0], 0.0, 1.0),
-        error=np.sqrt(estimate.variance),
+        error=np.sqrt(estimate.variance + receivers.displaced**2),
         bent=estimate.rows[:, 1:],
         samples=estimate.samples,
         rays=tracer.rays,

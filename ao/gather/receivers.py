@@ -30,6 +30,7 @@ from .morton import morton_order
 from .points import Points
 
 SAME = 1.0 - 1e-9
+_DISPLACED = 0.3  # error of w, root mean square over rough surfaces, of an origin one shortest edge away
 
 
 class Flag(IntFlag):
@@ -54,6 +55,7 @@ class Receivers:
         flags: uint8 (n,), `Flag`s of each vertex.
         faces: int64 (m', 3), the faces that are not degenerate. tree: over these.
         tree_seconds: how long it took to build.
+        displaced: float64 (k,), standard error of w that stems from origins away from their points, in sharp folds.
         embree: these in Embree, built when it is first called, which must not be on two threads at once.
         opacity: of these, None if all are opaque.
     """
@@ -65,6 +67,7 @@ class Receivers:
     faces: Int64s
     tree: BVH16
     tree_seconds: float
+    displaced: Float64s
     embree: Callable[[], TriangleScene]
     opacity: PackedOpacity | None
 
@@ -89,7 +92,8 @@ class Receivers:
         needed[of_vertex] = True
         needed[-1] = False  # what −1 has set
         kept, rows = np.flatnonzero(needed), np.where(needed, np.cumsum(needed) - 1, -1)
-        return replace(self, points=self.points[kept], corners=self.corners.only(kept), of_vertex=rows[of_vertex])
+        some = self.points[kept], self.corners.only(kept), self.displaced[kept]
+        return replace(self, points=some[0], corners=some[1], displaced=some[2], of_vertex=rows[of_vertex])
 
     def ordinary(self) -> tuple[Receivers, Int64s]:
         """What is baked by a hemisphere of its own, and the rows of these in `points`."""
@@ -107,7 +111,7 @@ class Lifted(NamedTuple):
         group: int64 (n,), the point of each vertex. first: int64 (k,), the first vertex of each point.
         face_points: int64 (m, 3), the point at each corner of the faces of `surface`.
         origins, axes: float64 (k, 3), of hemispheres. usable: bool (k,), which points have any.
-        torn: bool (k,), which of these are folded or opposed.
+        torn: bool (k,), which of these are folded or opposed. displaced: float64 (k,), as `Receivers` has it.
         flags: uint8 (n,). tree: over the faces. tree_seconds: how long it took to build.
     """
 
@@ -119,6 +123,7 @@ class Lifted(NamedTuple):
     axes: Float64s
     usable: Bools
     torn: Bools
+    displaced: Float64s
     flags: UInt8s
     tree: BVH16
     tree_seconds: float
@@ -142,7 +147,7 @@ def lift_points(
         axes, folded = axes[welded.first], np.zeros(len(welded.first), np.bool_)
     else:
         welded = weld_points(vertices, faces, normals)
-        axes = welded.directions
+        axes = welded.axes
         folded = (welded.clearance <= 0) | (axes != welded.normals).any(axis=1)
     surface = welded.surface(vertices)
     start = time.perf_counter()
@@ -156,9 +161,9 @@ def lift_points(
     flags[(usable & folded)[group]] = Flag.FOLDED
     flags[(usable & (welded.clearance <= 0))[group]] = Flag.OPPOSED
     torn = usable & folded
-    return Lifted(
-        group, welded.first, welded.face_points, surface, origins, axes, usable, torn, flags, tree, tree_seconds
-    )
+    displaced = np.where(torn, 0.0, np.minimum(_DISPLACED * welded.displacement(surface, origins), 0.5))
+    points = welded.first, welded.face_points, surface, origins, axes, usable, torn, displaced
+    return Lifted(group, *points, flags, tree, tree_seconds)
 
 
 def find_receivers(mesh: Mesh, placement: Placement, normals: Normals = "angle") -> Receivers:
@@ -189,7 +194,8 @@ def find_receivers(mesh: Mesh, placement: Placement, normals: Normals = "angle")
     embree = cache(partial(TriangleScene, placement.vertices, faces))
     of_vertex, flags = index[lifted.group], lifted.flags
     opacity = _opacity(mesh, placement)
-    return Receivers(points, corners, of_vertex, flags, faces, lifted.tree, lifted.tree_seconds, embree, opacity)
+    tree, displaced = (lifted.tree, lifted.tree_seconds), lifted.displaced[rows]
+    return Receivers(points, corners, of_vertex, flags, faces, *tree, displaced, embree, opacity)
 
 
 def _opacity(mesh: Mesh, placement: Placement) -> PackedOpacity | None:

@@ -9,29 +9,35 @@ from ..kernel.jit import inline, kernel
 from ..kernel.vector import add, divide, dot, length, load, store
 from ..types import Float64s, Int64s
 
+SHARP = 0.1
+ENOUGH = 0.3  # clearance with which a search for a better direction ends
+_MOVES = 1000
+_FEW = 100  # of which there may be many
+
 
 def outermost_normals(
-    normals: Float64s, face_points: Int64s, face_normals: Float64s, enough: float = 0.0
-) -> tuple[Float64s, Float64s]:
-    """Normals in front of all the faces that meet at a point, and their clearance: the smallest n·n_f, (k,).
+    normals: Float64s, face_points: Int64s, face_normals: Float64s
+) -> tuple[Float64s, Float64s, Float64s]:
+    """Normals in front of all the faces that meet at a point, and directions (k, 3) to move a ray origin along.
 
-    Only a normal that clears its faces by no more than `enough`, below 1, is moved, see `_moved`.
+    Only a normal behind a face is moved, see `_moved`. Directions are these, or, where these clear a face by `SHARP` or
+    less, others that clear all by more. Last comes the clearance of the directions: the smallest cosine to a face's
+    normal, (k,).
 
     Args:
         normals: (k, 3), unit or zero. face_points: int64 (m, any), the rows of `normals` that each face counts for.
         face_normals: (m, 3), unit.
     """
-    moved = normals.copy()
-    clearance = np.ones(len(normals))
+    moved, directions, clearance = normals.copy(), normals.copy(), np.ones(len(normals))
     _least_cosines(moved, face_points, face_normals, clearance)
-    rows = np.flatnonzero(clearance <= enough)
+    rows = np.flatnonzero(clearance <= SHARP)
     if len(rows):
         number = np.full(len(normals), -1)
         number[rows] = np.arange(len(rows))
         corners, starts = counting_sort(number[face_points], len(rows))
         faces = face_normals[corners // face_points.shape[1]]
-        _outermost(moved, clearance, rows, starts, faces, enough)
-    return moved, clearance
+        _outermost(moved, directions, clearance, rows, starts, faces)
+    return moved, directions, clearance
 
 
 @kernel
@@ -43,32 +49,37 @@ def _least_cosines(normals, face_points, face_normals, clearance):
 
 
 @kernel
-def _outermost(normals, clearance, rows, starts, faces, enough):
+def _outermost(normals, directions, clearance, rows, starts, faces):
     for k in range(len(rows)):
-        row = rows[k]
-        moved, clearance[row] = _moved(load(normals, row), faces[starts[k] : starts[k + 1]], enough)
-        store(normals, row, moved)
+        row, own = rows[k], faces[starts[k] : starts[k + 1]]
+        direction = load(normals, row)
+        if clearance[row] <= 0.0:
+            direction, clearance[row] = _moved(direction, own, 0.0, _MOVES)
+            store(normals, row, direction)
+        if clearance[row] > 0.0:
+            direction, clearance[row] = _moved(direction, own, ENOUGH, _FEW)
+        store(directions, row, direction)
 
 
 @inline
-def outermost_normal(normal, faces, enough):
-    """`outermost_normals` of one point. Args: faces: (any, 3), the unit normals that meet there."""
+def outermost_normal(normal, faces):
+    """A normal that clears faces by `ENOUGH` if one does, and its clearance. Args: faces: (any, 3), unit normals."""
     least = 1.0
     for f in range(len(faces)):
         least = min(least, dot(normal, load(faces, f)))
-    return (normal, least) if least > enough else _moved(normal, faces, enough)
+    return (normal, least) if least > ENOUGH else _moved(normal, faces, ENOUGH, _MOVES)
 
 
 @inline
-def _moved(before, faces, enough):
+def _moved(before, faces, enough, moves):
     """A normal moved towards the face it clears least until it clears all `faces` by `enough`, and its clearance.
 
     The perceptron (Rosenblatt 1958) ends within 1/γ² moves if some normal has the clearance γ and none is asked for.
-    After 1,000 moves the best normal found is kept, but not for the two sides of a sheet, in which it would lie: there
+    After all `moves` the best normal found is kept, but not for the two sides of a sheet, in which it would lie: there
     the normal stays what it was, or is the first face's where it was zero.
     """
     normal, best, found = before, -2.0, before
-    for _ in range(1000):
+    for _ in range(moves):
         size = length(normal)
         if size < 1e-12:
             normal, size = load(faces, 0), 1.0

@@ -23,7 +23,6 @@ from .clearance import outermost_normal
 from .contacts import Contacts
 from .surface import Surface
 
-_ENOUGH = 0.3  # clearance with which a search for a better direction ends
 _SAME_PLANE = 0.9999
 _BLOCK = 1 << 9  # points
 
@@ -110,7 +109,7 @@ def _turn(incident, surface, points, first, last, directions, clearance):
                 fronts += 1
         size = length(total)
         start = divide(total, size) if size > 1e-9 else direction
-        turned, least = outermost_normal(start, front[:fronts], _ENOUGH)
+        turned, least = outermost_normal(start, front[:fronts])
         if least > 0.0:
             store(directions, row, turned)
             clearance[row] = least

@@ -13,6 +13,8 @@ from ..types import Float64s
 from .closest import distance_to_triangle
 
 OFFSET_ULPS = 16.0  # 4 were enough in 20,000 trials
+_LEAST = 0.25  # of an offset
+_NEAR = 1.0 / 64.0  # of the shortest edge
 
 
 def ray_offset(directions: Float64s, magnitude: Float64s, clearance: Float64s) -> Float64s:
@@ -24,6 +26,11 @@ def ray_offset(directions: Float64s, magnitude: Float64s, clearance: Float64s) -
     """
     error = OFFSET_ULPS * ULP * product(np.abs(directions), np.ones(3)) * magnitude
     return error / np.maximum(clearance, 0.01)
+
+
+def stay_near(offset: Float64s, edge: Float64s) -> Float64s:
+    """Offsets (k,) in folds cut to a 64th of the shortest edges (k,) there, but to a quarter of themselves at most."""
+    return np.clip(_NEAR * edge, _LEAST * offset, offset)
 
 
 @kernel

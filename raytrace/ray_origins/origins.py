@@ -8,9 +8,10 @@ from ..bvh.bvh16 import BVH16
 from ..mesh.normals import nonzero
 from ..mesh.placement import contact_radius
 from ..types import Float64s, Int64s
+from .clearance import SHARP
 from .contacts import Contacts, find_contacts
 from .direction import turn_directions
-from .offset import ray_offset, stop_short
+from .offset import ray_offset, stay_near, stop_short
 from .surface import Surface
 
 
@@ -48,5 +49,8 @@ def ray_origins(
         farther = np.where((reach >= 0.0) & (2.0 * offset > reach), 2.0 * offset, -1.0)
         more = find_contacts(tree, surface, points, farther, face_points, numbers)
         near = Contacts(*(np.append(a, b) for a, b in zip(near, more, strict=True)))
+    sharp = np.flatnonzero(nonzero(directions) & (clearance < SHARP))
+    if len(sharp):
+        offset[sharp] = stay_near(offset[sharp], surface.shortest_edges(face_points, numbers[sharp]))
     stop_short(offset, points, directions, touching, near, surface)
     return points + offset[:, None] * directions

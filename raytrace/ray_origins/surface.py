@@ -47,6 +47,17 @@ class Surface(NamedTuple):
         """The same faces, seen from behind."""
         return self._replace(normals=-self.normals)
 
+    def shortest_edges(self, face_points: Int64s, points: Int64s) -> Float64s:
+        """The shortest edge (k,) at each of some `points` (k,), numbers in `face_points` (m, 3); ∞ at none."""
+        shortest = np.full(int(max(face_points.max(), points.max())) + 1, -1.0)
+        shortest[points] = np.inf
+        rows, corners = np.nonzero(shortest[face_points] > 0)
+        here = self.vertices[self.faces[rows, corners]]
+        for step in (1, 2):
+            edge = np.linalg.norm(self.vertices[self.faces[rows, (corners + step) % 3]] - here, axis=1)
+            np.minimum.at(shortest, face_points[rows, corners], edge)
+        return shortest[points]
+
     def magnitudes(self, face_points: Int64s, count: int) -> Float64s:
         """What the offset at each of `count` points is in proportion to (`ray_offset`): float64 (count,).
 

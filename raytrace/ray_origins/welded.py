@@ -7,10 +7,10 @@ from typing import NamedTuple
 import numpy as np
 
 from ..bvh.bvh16 import BVH16
-from ..mesh.normals import Weighting, face_normals, normalize, vertex_sums
+from ..mesh.normals import Weighting, face_normals, nonzero, normalize, vertex_sums
 from ..mesh.weld import CREASE, sum_groups, weld
 from ..types import Float64s, Int64s
-from .clearance import outermost_normals
+from .clearance import SHARP, outermost_normals
 from .origins import ray_origins
 from .surface import Surface
 
@@ -22,8 +22,8 @@ class WeldedPoints(NamedTuple):
         group: int64 (n,), the point of each vertex. first: int64 (k,), the first vertex of each point.
         faces: int64 (m, 3), face_normals: float64 (m, 3), unit, face_points: int64 (m, 3), the point at each corner.
         normals: float64 (k, 3), mean of the faces' normals, unit or zero.
-        directions: float64 (k, 3), to offset ray origins along: these, moved in front of all the point's faces where
-            there is a way, see `raytrace.ray_origins.clearance`.
+        axes: float64 (k, 3), these, moved in front of all the point's faces where there is a way.
+        directions: float64 (k, 3), to offset ray origins along, see `raytrace.ray_origins.clearance`.
         clearance: float64 (k,), least cosine between the direction and the faces' normals.
     """
 
@@ -33,6 +33,7 @@ class WeldedPoints(NamedTuple):
     face_normals: Float64s
     face_points: Int64s
     normals: Float64s
+    axes: Float64s
     directions: Float64s
     clearance: Float64s
 
@@ -49,6 +50,14 @@ class WeldedPoints(NamedTuple):
         points, corners, numbers = surface.vertices[self.first], self.face_points, np.arange(len(self.first))
         magnitude = surface.magnitudes(corners, len(numbers))
         return ray_origins(tree, surface, points, self.directions, self.clearance, corners, numbers, magnitude)
+
+    def displacement(self, surface: Surface, origins: Float64s) -> Float64s:
+        """How far origins (k, 3) are from points in folds as sharp as `SHARP`, in shortest edges there; elsewhere 0."""
+        found, sharp = np.zeros(len(self.first)), np.flatnonzero(nonzero(self.directions) & (self.clearance < SHARP))
+        if len(sharp):
+            away = np.linalg.norm(origins[sharp] - surface.vertices[self.first[sharp]], axis=1)
+            found[sharp] = away / surface.shortest_edges(self.face_points, sharp)
+        return found
 
 
 def weld_points(
@@ -76,8 +85,8 @@ def weld_points(
     first[group[::-1]] = np.arange(len(group))[::-1]
     face_points = group[faces]
     mean = normalize(sum_groups(group, sums))
-    directions, clearance = outermost_normals(mean, face_points, face_normal)
+    axes, directions, clearance = outermost_normals(mean, face_points, face_normal)
     if normals is not None:
         behind = np.einsum("ij,ij->i", directions, normals[first]) < 0
         directions = np.where(behind[:, None], -directions, directions)
-    return WeldedPoints(group, first, faces, face_normal, face_points, mean, directions, clearance)
+    return WeldedPoints(group, first, faces, face_normal, face_points, mean, axes, directions, clearance)

@@ -112,6 +112,9 @@ def test_no_points_and_no_faces_have_no_contacts():
 
 def test_clearance_is_asked_for():
     start = np.array([[1.0, 0.0, 0.0]])
-    moved, clearance = outermost_normals(start, np.zeros((2, 1), np.int64), np.array([[1.0, 0, 0], [0, 1.0, 0]]), 0.3)
+    faces = np.array([[1.0, 0, 0], [np.sin(0.05), np.cos(0.05), 0]])
+    moved, directions, clearance = outermost_normals(start, np.zeros((2, 1), np.int64), faces)
+    assert np.array_equal(moved, start)
+    assert clearance[0] == pytest.approx((faces @ directions[0]).min())
     assert clearance[0] >= 0.3
-    assert moved[0] @ moved[0] == pytest.approx(1)
+    assert directions[0] @ directions[0] == pytest.approx(1)
