@@ -140,6 +140,10 @@ def bake(
             "those inside parts of the mesh that are closed."
         ),
     ] = "auto",
+    alpha: Annotated[
+        choices.Alpha,
+        typer.Option(help="auto: what glTF and OBJ materials cut out or blend lets light through; ignore: opaque."),
+    ] = "auto",
     report: Report = None,
     debug_image: Annotated[Path | None, typer.Option(help="Also write an image that marks flagged vertices.")] = None,
     up: Annotated[

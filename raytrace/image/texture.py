@@ -190,20 +190,17 @@ def texture_codes(texture: Texture) -> UInt8s | UInt16s | Float32s:
 def texture_alpha(texture: Texture, grey: bool = False) -> Float32s:
     """Opacity (h, w) in [0, 1] that an image has in its alpha channel, rows from the top; 1 without such a channel.
 
-    Args: grey: an image without alpha has it as its luminance instead.
+    Args: grey: an image without such a channel, or with the same number all over it, has it as luminance instead.
 
-    Raises: InputError: as `pack_textures`.
+    Raises: InputError: as `texture_codes`.
     """
-    with _opened(texture) as image:
-        spec = image.spec()
-        alpha, colour = spec.alpha_channel, _LUMINANCE if spec.nchannels >= 3 else _LUMINANCE.sum(keepdims=True)
-        values = np.ones((spec.height, spec.width), np.float32)
-        if alpha >= 0 or grey:
-            for rows, codes in row_blocks(image, texture.path):
-                most = np.iinfo(codes.dtype).max if codes.dtype.kind == "u" else 1
-                one = codes[..., alpha] if alpha >= 0 else codes[..., : len(colour)] @ colour
-                values[rows] = np.clip(np.nan_to_num(one / np.float32(most)), 0.0, 1.0)
-    return values
+    codes = texture_codes(texture)
+    most = 1.0 if codes.dtype == np.float32 else 2.0 ** (8 * codes.itemsize) - 1
+    colours = codes.shape[2] - 1 + codes.shape[2] % 2  # 1 or 3
+    found = codes[..., -1] if colours < codes.shape[2] else np.full(codes.shape[:2], most)
+    if grey and (found == found[0, 0]).all():
+        found = codes[..., :3] @ _LUMINANCE if colours == 3 else codes[..., 0]
+    return np.clip(np.nan_to_num(found / np.float32(most)), 0.0, 1.0).astype(np.float32)
 
 
 def texture_mean(texture: Texture) -> Float64s:

@@ -119,6 +119,17 @@ class Opacity:
                 raise OptionError(name, expected, values[bad][0], "opacity")
             object.__setattr__(self, name, values)
 
+    @property
+    def counts(self) -> dict[str, int]:
+        """How many faces are cut out, by a cutoff, and how many blended."""
+        cut = np.array([*(surface.cutoff is not None for surface in self.surfaces), False])[self.of]
+        return {"cut_out": int(cut.sum()), "blended": int((self.of >= 0).sum() - cut.sum())}
+
+    @property
+    def summary(self) -> str:
+        """`counts` in words."""
+        return "alpha: {cut_out:,} faces cut out, {blended:,} blended".format(**self.counts)
+
     def reversed(self) -> Opacity:
         """That of the same faces with their corners in reverse order."""
         uv, corners = (None if each is None else each[:, ::-1] for each in (self.uv, self.corners))

@@ -7,7 +7,7 @@ from typing import Any
 from typer.core import TyperCommand
 
 SECTIONS = {
-    "What occludes": ("falloff", "tau", "half_distance", "max_distance", "normals", "hidden"),
+    "What occludes": ("falloff", "tau", "half_distance", "max_distance", "normals", "hidden", "alpha"),
     "Sampling": ("method", "reconstruct", "traversal", "seed", "threads"),
     "What .glb and .ply show": ("colors", "occlusion", "replace_occlusion", "orm"),
     "Textures": (

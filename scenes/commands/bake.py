@@ -12,10 +12,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 from warnings import catch_warnings, simplefilter
 
-from .console import KERNELS_OF_BAKE, KERNELS_OF_SURFACE, bake_summary, compiling, note, progress, warn
+from .console import KERNELS_OF_BAKE, KERNELS_OF_SURFACE, alpha_summary, bake_summary, compiling, note, progress, warn
 from .options import (
     CAGE,
     REPORTS,
+    Alpha,
     Hidden,
     Method,
     NormalsFrom,
@@ -90,6 +91,7 @@ class MeshBake(ABC):
     threads: int | None
     normals: NormalsFrom
     hidden: Hidden
+    alpha: Alpha
     report: Path | None
     resume: bool
     occlusion: Occlusion | None
@@ -196,7 +198,13 @@ class MeshBake(ABC):
         """The mesh file, with what the output can hold of it. Raises: InputError."""
         from ..readers.load import load
 
-        return load(self.mesh, self.kept, self.content)
+        return load(self.mesh, self.kept, self.content, alpha=self.alpha == "auto")
+
+    def read_high(self) -> MeshFile | None:
+        """The finer mesh's file, if there is one. Raises: InputError."""
+        from ..readers.load import load
+
+        return None if self.high is None else load(self.high, alpha=self.alpha == "auto")
 
     @property
     @abstractmethod
@@ -242,9 +250,7 @@ class BakeCommand(MeshBake):
         from ao.options import Options
         from raytrace.mesh.placement import Placement
 
-        from ..readers.load import load
-
-        mesh = source.mesh if self.high is None else load(self.high).mesh  # of whose surface points are traced
+        mesh = (self.read_high() or source).mesh  # of whose surface points are traced
         counts = len(mesh.vertices), len(mesh.faces)
         rays = Options(**self.options()).rays
         needed = vertex_bytes(*counts, rays) if self.method == "vertex" else surface_bytes(*counts)
@@ -265,13 +271,12 @@ class BakeCommand(MeshBake):
         import ao
         from raytrace.system.outputs import check_outputs
 
-        from ..readers.load import load
         from ..writers.losses import lost
         from ..writers.write import channels, write
 
         start = time.perf_counter()
         source = self.read()
-        fine = None if self.high is None else load(self.high)
+        fine = self.read_high()
         check_outputs(self.outputs(), [*source.files, *(fine.files if fine else ())])
         loaded = time.perf_counter()
         inputs = self.hashed([*source.files, *(fine.files if fine else ())])
@@ -298,7 +303,7 @@ class BakeCommand(MeshBake):
             from .flag_image import write_marked
 
             write_marked(self.debug_image, source.mesh, baked, up_axis(self.mesh, self.up))
-        yield Written(bake_summary(baked, self.output), warnings)
+        yield Written(bake_summary(baked, self.output) + alpha_summary((fine or source).mesh), warnings)
 
     def check_own(self) -> None:
         from raytrace.errors import OptionError

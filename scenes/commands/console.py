@@ -232,6 +232,11 @@ def texture_summary(baked: ao.BakedTexture, target: str) -> str:
     return f"{text}\n{facts.seam_edges:,} edges at seams, {jumps}"
 
 
+def alpha_summary(mesh: Mesh) -> str:
+    """One more line for a mesh of which some faces have alpha."""
+    return f"\n{mesh.opacity.summary}" if mesh.opacity else ""
+
+
 def show_picture(pixels: npt.NDArray[np.float32]) -> None:
     """Print a picture in the terminal's colours, at most as wide as it: two pixels a character, one above the other.
 

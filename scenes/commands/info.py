@@ -44,6 +44,7 @@ def facts(source: MeshFile) -> dict[str, Any]:
         "normals": mesh.normals is not None,
         "stored_w": _stored(source.w),
         "occlusion_textures": _occlusion(source),
+        "alpha": mesh.opacity.counts if mesh.opacity else None,
         "points_to_bake": len(receivers.points),
         "flagged_vertices": {name: count for name, count in flagged.items() if count},
         "warnings": warnings + [line.removeprefix(f"{mesh.source}: ") for line in precision_warnings(mesh)],
@@ -52,7 +53,7 @@ def facts(source: MeshFile) -> dict[str, Any]:
 
 def describe(source: MeshFile) -> list[tuple[str, str]]:
     """Rows (name, value) about a file's objects, its extent, its defects and what a bake would do with it."""
-    found = facts(source)
+    found, mesh = facts(source), source.mesh
     names = [printable(name) for name in found["objects"]]
     open_edges, crowded = found["open_edges"], found["edges_of_three_faces_or_more"]
     corners = ("(" + ", ".join(f"{c:.6g}" for c in corner) + ")" for corner in found["bounds"])
@@ -68,6 +69,7 @@ def describe(source: MeshFile) -> list[tuple[str, str]]:
         ("normals", "in the file" if found["normals"] else "none in the file"),
         ("stored w", _stored_in_words(found["stored_w"])),
         ("occlusion", _occlusion_in_words(found["occlusion_textures"])),
+        ("alpha", mesh.opacity.summary.removeprefix("alpha: ") if mesh.opacity else "none: all faces are opaque"),
         ("points to bake", f"{found['points_to_bake']:,}, coincident vertices once"),
     ]
     rows += [(f"{name} vertices", f"{count:,}") for name, count in found["flagged_vertices"].items()]

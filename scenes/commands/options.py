@@ -18,6 +18,7 @@ FALLOFFS = "exponential", "binary", "linear", "smooth", "table:"
 Hidden = Literal["auto", "ignore", "mark", "fill"]
 NormalsFrom = Literal["angle", "area", "equal", "file"]
 Metric = Literal["flip", "rms", "max"]
+Alpha = Literal["auto", "ignore"]
 Up = Literal["x", "y", "z"]
 Occlusion = Literal["none", "ramp", "texture"]
 Format = Literal["npy", "npz", "ply", "glb", "html", "png", "exr", "tif"]

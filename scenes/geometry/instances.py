@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from raytrace import InputError, Mesh, MeshError
+from raytrace import InputError, Mesh, MeshError, Opacity
 from raytrace.system.memory import check_memory
 from raytrace.types import Float64s, Int64s
 
@@ -34,6 +34,7 @@ class Instance:
         detail: what else the file holds of the object, if that was asked for.
         unread: what the file holds and nobody reads, in words.
         w: (n,) obscurance that a bake has left in the file, unchecked, or None.
+        opacity: alpha of the faces, or None.
     """
 
     name: str
@@ -45,6 +46,7 @@ class Instance:
     detail: Detail | None = None
     unread: tuple[str, ...] = ()
     w: npt.NDArray[Any] | None = None
+    opacity: Opacity | None = None
 
     @property
     def is_flattened(self) -> bool:
@@ -137,14 +139,20 @@ def flatten(instances: Sequence[Instance], source: str) -> tuple[Mesh, tuple[Par
         vertex, face = vertex_end, face_end
     if len(instances) == 1 and instances[0].matrix is None:
         only = instances[0]
-        return Mesh(only.vertices, only.faces, only.normals, source=source), tuple(parts)
+        return Mesh(only.vertices, only.faces, only.normals, source=source, opacity=only.opacity), tuple(parts)
     vertices = np.empty((vertex, 3))
     faces = np.empty((face, 3), dtype=np.int64)
     has_normals = any(placed.normals is not None for placed in instances)
     normals = np.full((vertex, 3), np.nan) if has_normals else None
     for placed, part in zip(instances, parts, strict=True):
         _place(placed, part, vertices, faces, normals, source)
-    return Mesh(vertices, faces, normals, source=source), tuple(parts)
+    turned = [each.opacity.reversed() if each.opacity and _is_mirrored(each) else each.opacity for each in instances]
+    opacity = Opacity.joined(turned, [len(placed.faces) for placed in instances])
+    return Mesh(vertices, faces, normals, source=source, opacity=opacity), tuple(parts)
+
+
+def _is_mirrored(placed: Instance) -> bool:
+    return placed.matrix is not None and bool(np.linalg.det(placed.matrix[:3, :3]) < 0)
 
 
 def _place(
@@ -152,7 +160,7 @@ def _place(
 ) -> None:
     matrix = np.eye(4) if placed.matrix is None else placed.matrix
     linear = matrix[:3, :3]
-    mirrored = np.linalg.det(linear) < 0
+    mirrored = _is_mirrored(placed)
     vertices[part.vertices] = placed.vertices @ linear.T + matrix[:3, 3]
     # Indices are checked against the object's own vertices: shifted ones could fall into a neighbour's range.
     own = Mesh(vertices[part.vertices], placed.faces, source=f"{source}: {placed.name}")

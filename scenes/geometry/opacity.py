@@ -8,15 +8,11 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import numpy as np
-
 from raytrace.errors import InputError
-from raytrace.image.texture import Texture, texture_codes
+from raytrace.image.texture import Texture, texture_alpha, texture_codes
 from raytrace.types import Float32s
 
 from .detail import Paint
-
-_LUMINANCE = np.array([0.2126, 0.7152, 0.0722], np.float32)
 
 
 def is_opacity_map(path: Path, colour: Path | None) -> bool:
@@ -40,11 +36,4 @@ def opacity_map(paint: Paint) -> Float32s | None:
     """
     if paint.opacity_texture is None:
         return None
-    codes = texture_codes(Texture(paint.opacity_texture))
-    most = 1.0 if codes.dtype == np.float32 else 2.0 ** (8 * codes.itemsize) - 1
-    has_alpha = codes.shape[2] in (2, 4)
-    if has_alpha and (paint.opacity_texture == paint.texture or (codes[..., -1] != codes[0, 0, -1]).any()):
-        shown = codes[..., -1].astype(np.float32)
-    else:
-        shown = codes[..., :3] @ _LUMINANCE if codes.shape[2] > 2 else codes[..., 0].astype(np.float32)
-    return np.clip(np.nan_to_num(shown / np.float32(most)), 0, 1).astype(np.float32)
+    return texture_alpha(Texture(paint.opacity_texture), grey=paint.opacity_texture != paint.texture)

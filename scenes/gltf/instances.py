@@ -5,10 +5,15 @@ Format: Khronos glTF 2.0 specification, section 3.7.
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
+
+from raytrace import Opacity
+from raytrace.types import Int64s
 
 from ..geometry.instances import Instance, check_copies
 from .accessors import entry, normalized, values
@@ -18,29 +23,48 @@ from .nodes import node_matrices
 _COPIES = "EXT_mesh_gpu_instancing"
 
 
-def read_instances(asset: Gltf) -> list[Instance]:
+def read_instances(asset: Gltf, alpha: bool = False) -> list[Instance]:
     """The drawn triangle primitives, in the order of `primitives`; those of one mesh share their arrays.
+
+    Args: alpha: whether faces have that of their materials.
 
     Raises:
         MeshError: compressed values, which are not supported, or very many copies.
+        SceneError: an image with alpha is missing.
         ValueError: nodes that are no tree, or indices of what is not there.
     """
     drawn = list(primitives(asset.header))
     world = node_matrices(asset.header)
     arrays: dict[tuple[int, int], _Arrays] = {}
+    opacities: dict[tuple[int, int], Opacity | None] = {}
+    opacity_of = _opacities(asset) if alpha else None
     rows = 0
     made = []
     for piece in drawn:
         key = (piece.mesh, piece.place)
         if key not in arrays:
-            arrays[key] = _arrays(asset, entry(asset, "meshes", piece.mesh)["primitives"][piece.place])
+            primitive = entry(asset, "meshes", piece.mesh)["primitives"][piece.place]
+            arrays[key] = _arrays(asset, primitive)
+            opacities[key] = opacity_of(primitive, arrays[key][1]) if opacity_of else None
         vertices, faces, normals, w = arrays[key]
         rows += len(vertices) + len(faces)
         check_copies(rows, sum(map(len, asset.buffers)), asset.path)
         name = _name(piece, asset.header)
         notes = _notes(name, asset.header["nodes"][piece.node])
-        made.append(Instance(name, vertices, faces, normals, world[piece.node], notes, w=w))
+        made.append(Instance(name, vertices, faces, normals, world[piece.node], notes, w=w, opacity=opacities[key]))
     return made
+
+
+def _opacities(asset: Gltf) -> Callable[[dict[str, Any], Int64s], Opacity | None] | None:
+    """Alpha of a primitive's faces; None if no material of the asset has any."""
+    if all(material.get("alphaMode", "OPAQUE") == "OPAQUE" for material in asset.header.get("materials", [])):
+        return None
+    from .opacity import opacity_of
+    from .schema import check_materials
+    from .textures import Textures
+
+    check_materials(asset.header, asset.path)
+    return partial(opacity_of, Textures(asset))
 
 
 _Arrays = tuple[npt.NDArray[Any], npt.NDArray[Any], npt.NDArray[Any] | None, npt.NDArray[Any] | None]

@@ -205,6 +205,8 @@ class _MaterialExtensions(_Table):
 
 
 class _Material(_Table):
+    alphaMode: Literal["OPAQUE", "MASK", "BLEND"] = "OPAQUE"
+    alphaCutoff: Annotated[Number, Field(ge=0, le=1)] = 0.5
     occlusionTexture: _OcclusionReference | None = None
     pbrMetallicRoughness: _Surface = _Surface()
     emissiveFactor: Vector = (0, 0, 0)

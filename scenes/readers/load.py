@@ -111,18 +111,22 @@ class MeshFile:
 
 
 def load(
-    path: str | os.PathLike[str], target: str | os.PathLike[str] | None = None, content: bytes | None = None
+    path: str | os.PathLike[str],
+    target: str | os.PathLike[str] | None = None,
+    content: bytes | None = None,
+    alpha: bool = True,
 ) -> MeshFile:
     """Read a mesh file in the format of its ending.
 
     Polygons are cut into triangles. Point clouds, lines and cameras beside meshes are left out. A file's own
     normals fill `mesh.normals` (PLY `nx ny nz`, OBJ `vn` with one normal a vertex, glTF `NORMAL`). Materials,
-    textures and the like are read for a target only. Files that a file refers to are read only from its own folder or
-    below.
+    textures and the like are read for a target only, but for the alpha of faces (`mesh.opacity`). Files that a file
+    refers to are read only from its own folder or below.
 
     Args:
         target: the file that `scenes.write` is to make of it: what that can hold besides is read too.
         content: the file's bytes, if they came from elsewhere; `path` then only names it and its format.
+        alpha: whether faces have the alpha of their glTF or OBJ materials; otherwise they are opaque.
 
     Raises:
         MeshError: the file is missing, unreadable, empty, incomplete, of another format than its ending says,
@@ -131,7 +135,7 @@ def load(
     """
     path = Path(path)
     kind = "" if target is None else Path(target).suffix.lower()
-    instances, asset = read_objects(path, kind in (".ply", ".glb"), content)
+    instances, asset = read_objects(path, kind in (".ply", ".glb"), content, alpha)
     with mesh_errors(path):
         mesh, parts = flatten(instances, str(path))
         detail = instances[0].detail if len(instances) == 1 else None
@@ -150,12 +154,14 @@ def load(
     return MeshFile(path, mesh, parts, asset, detail, notes, unread, w)
 
 
-def read_objects(path: Path, keep: bool = False, content: bytes | None = None) -> tuple[list[Instance], Gltf | None]:
+def read_objects(
+    path: Path, keep: bool = False, content: bytes | None = None, alpha: bool = False
+) -> tuple[list[Instance], Gltf | None]:
     """The placed objects of a mesh file as it stores them, at least one, and the asset when it is glTF or GLB.
 
     Of a glTF they are its drawn primitives, in the order of `gltf.primitives`.
 
-    Args: keep: also the `Instance.detail` of OBJ and PLY. content: as `load` takes it.
+    Args: keep: also the `Instance.detail` of OBJ and PLY. content, alpha: as `load` takes them.
 
     Raises:
         MeshError: as `load`, but for indices and coordinates, which `raytrace.Mesh` checks.
@@ -179,9 +185,9 @@ def read_objects(path: Path, keep: bool = False, content: bytes | None = None) -
                 from ..gltf.instances import read_instances
 
                 asset = decode(file.read(), path)
-                instances = read_instances(asset)
+                instances = read_instances(asset, alpha)
             elif kind == "obj":
-                instances = read_obj(file.read(), path.stem, source, path.parent if keep else None)
+                instances = read_obj(file.read(), path.stem, source, path.parent, keep, alpha)
             elif kind == "ply":
                 instances = read_ply(file.read(), path.stem, source, keep)
             elif kind == "stl":

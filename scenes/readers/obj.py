@@ -18,10 +18,13 @@ from ..geometry.instances import Instance
 from ..geometry.polygons import triangulate
 from ..geometry.primitives import Origin
 from .obj_detail import obj_detail
+from .obj_opacity import obj_opacity
 from .obj_text import ObjText
 
 
-def read_obj(data: bytes, name: str, source: str, folder: Path | None = None) -> list[Instance]:
+def read_obj(
+    data: bytes, name: str, source: str, folder: Path = Path(), keep: bool = False, alpha: bool = False
+) -> list[Instance]:
     """All faces of the file, in its order.
 
     Objects, groups and materials divide no vertices in OBJ, so the whole file is one instance. Polygons become
@@ -32,7 +35,8 @@ def read_obj(data: bytes, name: str, source: str, folder: Path | None = None) ->
         data: the file's bytes.
         name: what to call the instance.
         source: the file's name for messages.
-        folder: where it is; also texture coordinates, all normals, colours and materials are read, as its detail.
+        folder: where it is. keep: read also texture coordinates, all normals, colours and materials, as its detail.
+        alpha: whether faces have that of their materials.
 
     Raises:
         MeshError, ValueError: as `ObjText.parse`.
@@ -42,10 +46,12 @@ def read_obj(data: bytes, name: str, source: str, folder: Path | None = None) ->
     vertex_normals = normals and normals.at_vertices(file.corners, len(file.vertices), np.nan)
     triangles = triangulate(file.vertices, file.corners, file.sizes, source)
     detail, unread = None, tuple[str, ...]()
-    if folder is not None:
+    if keep:
         detail, unread = obj_detail(file, folder, triangles, normals, vertex_normals is not None)
     faces = triangles.take(file.corners)
-    return [Instance(name, file.vertices, faces, vertex_normals, None, triangles.notes, detail, unread)]
+    opacity, notes = obj_opacity(file, folder, triangles) if alpha else (None, ())
+    notes = triangles.notes + (() if keep else notes)
+    return [Instance(name, file.vertices, faces, vertex_normals, None, notes, detail, unread, opacity=opacity)]
 
 
 def read_textured_obj(data: bytes, name: str, source: str) -> tuple[Instance, Float64s, Origin]:

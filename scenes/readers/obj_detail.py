@@ -37,8 +37,7 @@ def obj_detail(
     """
     text, uv = file.text, file.uv()
     colors = _colors(text, len(file.vertices))
-    starts = np.fromiter((face.start() for face in _FACE.finditer(text)), np.int64)
-    by_object, by_group, painted = (_named(text, keyword, starts) for keyword in ("o", "g", "usemtl"))
+    by_object, by_group, painted = polygons_of(text, "o", "g", "usemtl")
     objects = by_group if by_object.kinds < 2 <= by_group.kinds or not by_object.names else by_object
     finite = uv is None or bool(np.isfinite(uv.rows).all())
     left_out = (
@@ -81,7 +80,7 @@ def _colors(text: str, vertex_count: int) -> Float64s | None:
     return colors if (colors >= 0).all() and (colors <= 1).all() else None
 
 
-class _Named(NamedTuple):
+class Named(NamedTuple):
     """The names that statements give to the faces after them, (p,) which each has, −1: none, and how many differ."""
 
     names: tuple[str, ...]
@@ -89,7 +88,13 @@ class _Named(NamedTuple):
     kinds: int
 
 
-def _named(text: str, keyword: str, starts: Int64s) -> _Named:
+def polygons_of(text: str, *keywords: str) -> list[Named]:
+    """The polygons of what these statements name, such as `usemtl`."""
+    starts = np.fromiter((face.start() for face in _FACE.finditer(text)), np.int64)
+    return [_named(text, keyword, starts) for keyword in keywords]
+
+
+def _named(text: str, keyword: str, starts: Int64s) -> Named:
     """Args: starts: (p,) where the faces' statements start."""
     names: dict[str, int] = {}
     places, labels = [0], [-1]
@@ -97,13 +102,19 @@ def _named(text: str, keyword: str, starts: Int64s) -> _Named:
         places.append(statement.start())
         labels.append(names.setdefault(statement[1].strip(), len(names)))
     of = np.array(labels)[np.searchsorted(places, starts, "right") - 1]
-    return _Named(tuple(names), of, len(np.unique(of)))
+    return Named(tuple(names), of, len(np.unique(of)))
 
 
 def _paints(text: str, folder: Path, names: tuple[str, ...]) -> tuple[tuple[Paint, ...], tuple[Path, ...], list[str]]:
     """The materials of these names, the files they come from, and what was left out."""
     if not names:
         return (), (), []
+    known, files, left = read_paints(text, folder)
+    return tuple(known.get(name, Paint(name)) for name in names), tuple(files), left
+
+
+def read_paints(text: str, folder: Path) -> tuple[dict[str, Paint], list[Path], list[str]]:
+    """The materials of a file's libraries by name, the files they come from, and what was left out."""
     known: dict[str, Paint] = {}
     files: list[Path] = []
     left: list[str] = []
@@ -127,5 +138,4 @@ def _paints(text: str, folder: Path, names: tuple[str, ...]) -> tuple[tuple[Pain
             pictures = [picture for paint in more.values() for picture in (paint.texture, paint.opacity_texture)]
             files += [library, *filter(None, pictures)]
             left += missing
-    paints = tuple(known.get(name, Paint(name)) for name in names)
-    return paints, tuple(files), left
+    return known, files, left

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from ..commands.bake import BakeCommand, MeshBake, Work, Written
-from ..commands.console import KERNELS_OF_TEXTURE, progress, texture_summary, warn
+from ..commands.console import KERNELS_OF_TEXTURE, alpha_summary, progress, texture_summary, warn
 from ..commands.options import CAGE, BentSpace, Overlap, check_cage, parse_texels
 from ..writers.image_names import ENDINGS as IMAGES
 from ..writers.image_names import PLACEHOLDERS, UDIM, is_texture
@@ -99,11 +99,10 @@ class TextureCommand(MeshBake):
         from ao.memory import texture_bytes
         from ao.options import Options
 
-        from ..readers.load import load
-
         found, pages = self._layout(source)
         width, height = found.size
-        high = None if self.high is None else load(self.high).mesh
+        fine = self.read_high()
+        high = fine.mesh if fine else None
         solid = high or source.mesh
         rays = Options(**self.options()).rays
         needed = texture_bytes(width * height, len(solid.vertices), len(solid.faces), rays)
@@ -119,8 +118,6 @@ class TextureCommand(MeshBake):
     def bake(self, falloff: ao.Falloff) -> Iterator[Written]:
         from raytrace.system.outputs import check_outputs
 
-        from ..readers.load import load
-
         start = time.perf_counter()
         source = self.read()
         found, pages = self._layout(source)
@@ -128,7 +125,7 @@ class TextureCommand(MeshBake):
             from ..writers.orm import check_orm
 
             check_orm(source.gltf, found.number, self.replace_occlusion)
-        fine = None if self.high is None else load(self.high)
+        fine = self.read_high()
         read = [*source.files, *(fine.files if fine else ())]
         check_outputs(self._outputs(pages), read)
         loaded = time.perf_counter() - start
@@ -148,13 +145,15 @@ class TextureCommand(MeshBake):
                     seconds = {"load": loaded, "write": time.perf_counter() - begun}
                 made.append(Baked(self._title(page), baked, seconds, [*warnings, *more]))
                 if not glb:
-                    yield Written(texture_summary(baked, made[-1].title), made[-1].warnings)
+                    summary = texture_summary(baked, made[-1].title) + alpha_summary((fine or source).mesh)
+                    yield Written(summary, made[-1].warnings)
             if glb:
                 begun = time.perf_counter()
                 told = self._write_glb(glb, (source, fine), [each.baked for each in made], falloff)
                 made[-1].warnings.extend(told)
                 made[-1].seconds["write"] += time.perf_counter() - begun
                 summary = "\n".join(texture_summary(each.baked, each.title) for each in made)
+                summary += alpha_summary((fine or source).mesh)
                 yield Written(summary, list(dict.fromkeys(line for each in made for line in each.warnings)))
         if self.report:
             self._write_report(self.report, made, inputs, source.mesh)

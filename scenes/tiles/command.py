@@ -102,7 +102,7 @@ def tiles_command(text: str, options: dict[str, Any]) -> TilesCommand:
         if options[name] != needed:
             raise OptionError(name, expected, f"--{name}" if options[name] is True else options[name])
     for name, value in options.items():
-        if name not in _KEPT and name not in _NEEDED and value and value != _USUAL.get(name):
+        if name not in (*_KEPT, *_NEEDED, "alpha") and value and value != _USUAL.get(name):
             raise OptionError(name, "no such option with --tiles", value)
     if options["normals"] == "file":
         raise OptionError("normals", "angle, area or equal with --tiles", "file")

@@ -1,33 +1,27 @@
 """Bakes under faces with alpha, against form factors and against a sum over directions that knows only planes."""
 
+import pickle
 from dataclasses import replace
 
 import numpy as np
 import PIL.Image
 import pytest
+from leaf_cards import FLOOR, FLOOR_FACES, HALVES, HEIGHT, SQUARE, UP, form_factors, leaf_codes
+from parts_of_bakes import bits, merged, trace_part
 
 import ao
 from ao.analytic.form_factor import polygon_form_factor
-from raytrace import AlphaSurface, Lambert, Mesh, Object, Opacity, Scene, Shape, Texture
+from ao.options import Options
+from ao.prepared import Prepared
+from raytrace import AlphaSurface, InputError, Lambert, Mesh, Object, Opacity, Scene, Shape, Texture
 from raytrace.sampling.sequences import GOLDEN
 
-UP, HEIGHT = np.array([0.0, 0.0, 1.0]), 0.4
-SIDE = np.linspace(-0.9, 0.9, 5)
-FLOOR = np.stack([*(axis.ravel() for axis in np.meshgrid(SIDE, SIDE, indexing="ij")), np.zeros(25)], axis=-1)
-CELLS = (5 * np.arange(4)[:, None] + np.arange(4)).ravel()
-FLOOR_FACES = np.concatenate([CELLS[:, None] + [0, 5, 6], CELLS[:, None] + [0, 6, 1]])
-SQUARE = np.array([[-0.5, -0.5], [0.5, -0.5], [0.5, 0.5], [-0.5, 0.5]])
-HALVES = np.array([[0, 1, 2], [0, 2, 3]])
 RAYS = {"samples": 4096, "reconstruct": False}
 
 
-def leaf_texture(folder, alpha=1.0, name="leaf.png"):
-    """An image of this alpha whose right half is empty."""
-    codes = np.full((64, 64, 4), 200, np.uint8)
-    codes[..., 3] = round(255 * alpha)
-    codes[:, 32:, 3] = 0
-    PIL.Image.fromarray(codes).save(folder / name)
-    return Texture(folder / name, wrap="clamp_to_edge")
+def leaf_texture(folder, alpha=1.0):
+    PIL.Image.fromarray(leaf_codes(alpha)).save(folder / "leaf.png")
+    return Texture(folder / "leaf.png", wrap="clamp_to_edge")
 
 
 def over_floor(*layers):
@@ -42,13 +36,6 @@ def over_floor(*layers):
     uv = np.zeros((len(faces), 3, 2))
     uv[len(FLOOR_FACES) :] = np.tile((SQUARE + 0.5)[HALVES], (len(layers), 1, 1))
     return Mesh(np.concatenate(vertices), faces, opacity=Opacity(np.concatenate(of), tuple(surfaces), uv))
-
-
-def form_factors(height, half=0.5, right=None):
-    """Of a square over each vertex of the floor, cut off at x = `right`."""
-    square = np.column_stack([2 * half * SQUARE, np.full(4, height)])
-    square[:, 0] = np.minimum(square[:, 0], np.inf if right is None else right)
-    return np.array([polygon_form_factor(square, point, UP) for point in FLOOR])
 
 
 def w_of_planes(layers, mu, count=40_000):
@@ -176,3 +163,24 @@ def test_a_solid_with_a_hole_hides_nothing():
         assert ao.bake(mesh, samples=16, hidden=hidden).flags[8:].all()
         opacity = Opacity([0] * 12 + [-1] * 12, [AlphaSurface(0.1)])
         assert not ao.bake(replace(mesh, opacity=opacity), samples=16, hidden=hidden).flags.any()
+
+
+def test_parts_are_the_whole_and_of_another_alpha_are_refused(tmp_path):
+    leaf = AlphaSurface(texture=leaf_texture(tmp_path), cutoff=0.5)
+    mesh, other = over_floor((HEIGHT, 0.5, leaf)), over_floor((HEIGHT, 0.5, replace(leaf, cutoff=0.4)))
+
+    def make(mesh=mesh, **options):
+        return ao.bake(mesh, samples=32, **options)
+
+    for number in (1, 2):
+        trace_part(make, tmp_path / "parts", number, 2)
+    assert bits(merged(make, tmp_path / "parts")) == bits(make())
+    with pytest.raises(InputError, match="mesh"):
+        merged(make, tmp_path / "parts", mesh=other)
+
+
+def test_other_processes_get_the_alpha(tmp_path):
+    mesh = over_floor((HEIGHT, 0.5, AlphaSurface(texture=leaf_texture(tmp_path), cutoff=0.5)))
+    scene = pickle.loads(pickle.dumps(Prepared.of(mesh, ao.Binary().resolve(1), Options(), None, None).scene))
+    assert np.array_equal(scene.opacity.of, [-1] * len(FLOOR_FACES) + [0, 0])
+    assert scene.opacity.texels.shape == (64 * 64, 1)

@@ -1,0 +1,98 @@
+"""Alpha of glTF and OBJ materials in mesh files, from the file to w."""
+
+import numpy as np
+import pytest
+from command import obscurance
+from leaf_cards import FLOOR, card_glb, card_obj, form_factors, leaf_codes
+
+import ao
+from raytrace import InputError
+from scenes import load
+
+MASK = {"alphaMode": "MASK", "pbrMetallicRoughness": {"baseColorTexture": {"index": 0}}}
+MOVED = {"texCoord": 0, "extensions": {"KHR_texture_transform": {"offset": [0.25, 0], "scale": [0.5, 1]}}}
+BLEND = {"alphaMode": "BLEND", "pbrMetallicRoughness": {"baseColorFactor": [1, 1, 1, 0.3]}}
+LEAF = leaf_codes()
+
+
+def w_of_floor(path, **options):
+    return ao.bake(load(path, **options).mesh, "binary", 4096, reconstruct=False).w[: len(FLOOR)]
+
+
+def glb(folder, *arguments, **options):
+    (folder / "card.glb").write_bytes(card_glb(*arguments, **options))
+    return folder / "card.glb"
+
+
+def textured(mode, reference=None, **fields):
+    return {"alphaMode": mode, "pbrMetallicRoughness": {"baseColorTexture": {"index": 0} | (reference or {})}} | fields
+
+
+FILES = {
+    "cut out": (lambda folder: glb(folder, MASK, LEAF), 1.0, 0.0),
+    "cutoff": (lambda folder: glb(folder, MASK | {"alphaCutoff": 0.7}, leaf_codes(0.6)), 0.0, None),
+    "blended by the texture": (lambda folder: glb(folder, textured("BLEND"), leaf_codes(0.6)), 0.6, 0.0),
+    "blended by the factor": (lambda folder: glb(folder, BLEND), 0.3, None),
+    "moved texture": (lambda folder: glb(folder, textured("MASK", MOVED), LEAF), 1.0, 0.0),
+    "mirrored": (lambda folder: glb(folder, MASK, LEAF[:, ::-1], scale=[-1, 1, 1]), 1.0, 0.0),
+    "opaque": (lambda folder: glb(folder, textured("OPAQUE"), LEAF), 1.0, None),
+    "colours": (lambda folder: glb(folder, {"alphaMode": "BLEND"}, colours=[[1, 1, 1, 0.2]] * 4), 0.2, None),
+    "OBJ's d": (lambda folder: card_obj(folder, "d 0.3"), 0.3, None),
+    "OBJ's Tr": (lambda folder: card_obj(folder, "Tr 0.7"), 0.3, None),
+    "OBJ's map_d by alpha": (lambda folder: card_obj(folder, "map_d leaf.png", leaf_codes(0.6)), 0.6, 0.0),
+    "OBJ's map_d by grey": (lambda folder: card_obj(folder, "d 0.5\nmap_d leaf.png", LEAF[..., 3]), 0.5, 0.0),
+}
+
+
+@pytest.mark.parametrize("name", FILES)
+def test_w_under_a_card_from_a_file(tmp_path, name):
+    make, alpha, right = FILES[name]
+    path = make(tmp_path)
+    assert np.allclose(w_of_floor(path), 1 - alpha * form_factors(right=right), atol=0.01)
+    assert np.allclose(w_of_floor(path, alpha=False), 1 - form_factors(), atol=0.01)
+
+
+def test_an_opaque_file_has_no_alpha(tmp_path):
+    for path in (glb(tmp_path, textured("OPAQUE"), LEAF), card_obj(tmp_path, "d 1")):
+        assert load(path).mesh.opacity is None
+
+
+@pytest.mark.parametrize(
+    ("material", "field"),
+    [
+        (MASK | {"alphaCutoff": 1.5}, r"materials\[0\].alphaCutoff: expected .* got 1.5"),
+        (MASK | {"alphaCutoff": -0.5}, r"materials\[0\].alphaCutoff: expected .* got -0.5"),
+        (MASK | {"alphaMode": "SOLID"}, r"materials\[0\].alphaMode"),
+        ({"alphaMode": "BLEND", "pbrMetallicRoughness": {"baseColorFactor": [1, 1, 1, np.nan]}}, "baseColorFactor"),
+        (MASK, "leaf.png"),
+    ],
+)
+def test_alpha_that_cannot_be_read_is_told_in_a_line(tmp_path, material, field):
+    path = glb(tmp_path, material, LEAF, image_fields={"images": [{"uri": "leaf.png"}]})
+    with pytest.raises(InputError, match=field) as refused:
+        load(path)
+    assert "\n" not in str(refused.value)
+    assert load(path, alpha=False).mesh.opacity is None
+
+
+def test_a_missing_opacity_map_is_told(tmp_path):
+    assert any("map_d (leaf.png)" in note for note in load(card_obj(tmp_path, "map_d leaf.png")).notes)
+
+
+def test_the_command_tells_and_ignores_alpha(tmp_path):
+    path, options = glb(tmp_path, MASK, LEAF), ("--falloff", "binary", "--samples", "256")
+    cut = obscurance("bake", path, "-o", tmp_path / "cut.npy", *options)
+    assert "alpha: 2 faces cut out, 0 blended" in cut.stdout
+    full = obscurance("bake", path, "-o", tmp_path / "full.npy", *options, "--alpha", "ignore")
+    assert "alpha" not in full.stdout
+    solid = glb(tmp_path, textured("OPAQUE"), LEAF)
+    assert obscurance("bake", solid, "-o", tmp_path / "solid.npy", *options).returncode == 0
+    assert (tmp_path / "full.npy").read_bytes() == (tmp_path / "solid.npy").read_bytes()
+    assert abs(np.load(tmp_path / "cut.npy") - np.load(tmp_path / "full.npy")).max() > 0.3
+    path = glb(tmp_path, BLEND)
+    assert "0 faces cut out, 2 blended" in obscurance("info", path).stdout
+    for number in (1, 2):
+        assert obscurance("bake", path, "-o", tmp_path / "parts", "--part", f"{number}/2", *options).returncode == 0
+    assert obscurance("merge", tmp_path / "parts", "-o", tmp_path / "merged.npy").returncode == 0
+    assert obscurance("bake", path, "-o", tmp_path / "whole.npy", *options).returncode == 0
+    assert (tmp_path / "merged.npy").read_bytes() == (tmp_path / "whole.npy").read_bytes()
