@@ -7,6 +7,7 @@ FROM python:3.11-slim
 
 WORKDIR /source
 COPY pyproject.toml README.md LICENSE cli.py ./
+COPY obscurance obscurance
 COPY raytrace raytrace
 COPY ao ao
 COPY scenes scenes

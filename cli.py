@@ -5,10 +5,13 @@ from __future__ import annotations
 import gc
 import os
 import sys
-from pathlib import Path
-from typing import Annotated
+
+from obscurance import interrupts
 
 os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")  # or every package installed is searched for some
+
+from pathlib import Path
+from typing import Annotated
 
 import typer
 from typer.exceptions import TyperException
@@ -16,8 +19,10 @@ from typer.main import get_command
 
 from scenes.baking.sections import EXAMPLES, SectionedCommand
 from scenes.commands import options as choices
-from scenes.commands.console import columns, note, output_failed, readable_output
+from scenes.commands.console import columns, note, output_failed, readable_output, reopen_streams
 from scenes.commands.usage import mistake_in_words, option_in_words
+
+interrupts.all_imported()
 
 app = typer.Typer(
     rich_markup_mode=None,
@@ -47,7 +52,7 @@ Progress = Annotated[
 Cluster = Annotated[
     str | None,
     typer.Option(
-        metavar="local[:N]|tcp://HOST:PORT",
+        metavar="local[:N]|tls://HOST:PORT",
         help="Trace by N workers on this machine, or by those of a Dask scheduler (obscurance[cluster]).",
     ),
 ]
@@ -507,16 +512,25 @@ def start(
 
 def main() -> None:
     """Run the command. Exit status: 0 done, 2 the user's input, 1 anything else, 130 interrupted."""
+    try:
+        status = _run()
+    except KeyboardInterrupt:
+        status = 130
+    if status == 130:
+        print("interrupted; no file is half-written", file=sys.stderr)
+    sys.exit(status)
+
+
+def _run() -> int:
     from raytrace.errors import InputError, ObscuranceError, OutputError
 
     gc.set_threshold(20_000)  # what is imported stays: to look for garbage in it takes 5 % of a short bake
+    reopen_streams()
     arguments, commands = sys.argv[1:], get_command(app)
     with readable_output():
         try:
             status = commands.main(arguments, "obscurance", standalone_mode=False)
             sys.stdout.flush()
-        except KeyboardInterrupt:
-            status = 130
         except TyperException as mistake:
             status = _fail(mistake_in_words(mistake, commands, arguments), 2)
         except InputError as mistake:
@@ -529,9 +543,7 @@ def main() -> None:
             status = _fail("out of memory", 1)
         except OSError as failure:
             status = output_failed(failure)
-        if status == 130:
-            print("interrupted; no file is half-written", file=sys.stderr)
-    sys.exit(status)
+    return status
 
 
 def _fail(message: str, status: int) -> int:

@@ -175,11 +175,18 @@ class DaskCluster:
         import dask
         import distributed
 
-        logging.getLogger("distributed").setLevel(logging.CRITICAL + 1)
+        for name in (
+            "distributed",
+            "distributed.client",
+            "tornado.application",
+        ):  # which Dask gives levels of their own
+            logging.getLogger(name).setLevel(logging.CRITICAL + 1)
         dask.config.set(CONFIG)
         self._loop = asyncio.get_running_loop()
         async with AsyncExitStack() as stack:
             target: Any = self.address
+            if target.startswith("tls://") and not distributed.Security().get_connection_args("client")["ssl_context"]:
+                raise OptionError("cluster", "credentials in Dask's configuration, distributed.comm.tls", "none")
             if self.workers is not None:
                 local = distributed.LocalCluster(n_workers=self.workers, asynchronous=True, **LOCAL)
                 target = await stack.enter_async_context(local)

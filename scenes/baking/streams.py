@@ -37,9 +37,12 @@ def standard_input(format_: str | None) -> tuple[Path, bytes]:
     if sys.stdin.isatty():
         raise OptionError("mesh", "a mesh piped to standard input", "a terminal")
     content = bytearray()
-    while chunk := sys.stdin.buffer.read(_CHUNK):
-        content += chunk
-        check_memory(_SOURCE, 2 * len(content), f"to read {len(content):,} bytes and more")
+    try:
+        while chunk := sys.stdin.buffer.read(_CHUNK):
+            content += chunk
+            check_memory(_SOURCE, 2 * len(content), f"to read {len(content):,} bytes and more")
+    except OSError as reason:  # it is closed
+        raise MeshError(_SOURCE, "content", "a mesh", reason.strerror) from None
     if not content:
         raise MeshError(_SOURCE, "content", "a mesh", "nothing")
     return Path(f"<stdin>.{format_ or _format_of(content)}"), bytes(content)

@@ -48,6 +48,17 @@ def _in_plain_letters(fault: UnicodeError) -> tuple[str, int]:
     return "".join(c if c.isascii() else "" if unicodedata.combining(c) else ascii(c)[1:-1] for c in letters), fault.end
 
 
+def reopen_streams() -> None:
+    """Let standard streams that were closed refuse with an error of the system, but for errors, which nobody reads.
+
+    Otherwise the next files that are opened would be taken for them.
+    """
+    for number, name in enumerate(("stdin", "stdout", "stderr")):
+        if getattr(sys, name) is None:
+            os.open(os.devnull, os.O_RDONLY if name == "stdout" else os.O_WRONLY)  # the least number that is free
+            setattr(sys, name, os.fdopen(number, "w" if number else "r"))
+
+
 @contextmanager
 def readable_output() -> Iterator[None]:
     """Let standard output and standard error write any text, whatever their encoding, while this lasts."""

@@ -20,7 +20,7 @@ try:
     cli.main()
 except SystemExit:
     from raytrace.kernel import jit
-    heavy = ("numba", "scipy", "trimesh", "OpenImageIO", "rich", "PIL", "lxml", "networkx", "pydantic.v1")
+    heavy = ("numba", "scipy", "trimesh", "OpenImageIO", "rich", "PIL", "lxml", "networkx", "pydantic.v1", "asyncio")
     heavy = (*heavy, "scenes.gltf")
     print(json.dumps([[name for name in heavy if name in sys.modules], len(jit.loaded), len(jit.compiled)]))
 """
@@ -109,3 +109,58 @@ def test_a_later_run_that_compiles_more_names_it(monkeypatch, tmp_path):
 
 def test_what_compiles_nothing_says_nothing(monkeypatch, tmp_path):
     assert said_when(monkeypatch, tmp_path, 30) == ""
+
+
+INTERRUPTED = """
+import os, runpy, signal, sys
+
+class Interrupt:
+    def find_spec(self, name, *_):
+        if name == {name!r}:
+            os.kill(os.getpid(), signal.SIGINT)
+
+signal.signal(signal.SIGINT, signal.default_int_handler)
+sys.meta_path.insert(0, Interrupt())
+sys.argv[1:] = ["bake", {mesh!r}, "-o", {target!r}]
+runpy.run_path({cli!r}, run_name="__main__")
+"""
+
+
+@pytest.mark.skipif(os.name != "posix", reason="signals")
+@pytest.mark.parametrize(
+    "name", ["typer", "scenes.baking.sections", "scenes.baking.choose", "numpy", "llvmlite.binding"]
+)
+def test_an_interrupt_while_modules_are_imported_is_told_in_a_line(meshes, name):
+    files = {"mesh": str(meshes / "hills.obj"), "target": str(meshes / "w.npy"), "cli": str(ROOT / "cli.py")}
+    command = [sys.executable, "-c", INTERRUPTED.format(name=name, **files)]
+    result = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False, timeout=60)
+    assert (result.returncode, result.stderr) == (130, "interrupted; no file is half-written\n")
+
+
+@pytest.mark.skipif(os.name != "posix", reason="a shell")
+@pytest.mark.parametrize(
+    ("closed", "line", "status", "said"),
+    [
+        (">&-", "bake hills.ply -o w.npz --samples 16", 1, "obscurance: standard output: Bad file descriptor\n"),
+        (">&-", "--help", 1, "obscurance: standard output: Bad file descriptor\n"),
+        (">&-", "bake - -o - --samples 16 < hills.ply", 1, "obscurance: standard output: Bad file descriptor\n"),
+        ("2>&-", "bake nothing.ply -o w.npz", 2, ""),
+        ("<&- >&- 2>&-", "bake hills.ply -o w.npz --samples 16 --quiet", 0, ""),
+        (
+            "<&-",
+            "bake - -o w.npz",
+            2,
+            "obscurance: standard input: content: expected a mesh, got Bad file descriptor\n",
+        ),
+    ],
+)
+def test_closed_standard_streams_are_told_in_a_line(meshes, closed, line, status, said):
+    command = f"exec '{sys.executable}' '{ROOT / 'cli.py'}' {line} {closed}"
+    result = subprocess.run(["sh", "-c", command], cwd=meshes, capture_output=True, text=True, check=False, timeout=120)
+    assert (result.returncode, without_note(result.stderr)) == (status, said)
+    assert (meshes / "w.npz").exists() == ("hills.ply -o w" in line)
+
+
+def without_note(text):
+    """Without the note that kernels are compiled."""
+    return "".join(line for line in text.splitlines(True) if "ompiling kernels" not in line)

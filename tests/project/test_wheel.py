@@ -1,5 +1,6 @@
 """The wheel: it holds every file of the packages, and runs where it is installed alone; without Embree it says so."""
 
+import os
 import shutil
 import site
 import subprocess
@@ -11,7 +12,7 @@ from mesh_files import obj
 from meshes import hills
 from project import ROOT
 
-PACKAGES = ("raytrace", "ao", "scenes")
+PACKAGES = ("obscurance", "raytrace", "ao", "scenes")
 LIST = """
 import sys
 from setuptools import Distribution
@@ -42,26 +43,47 @@ def test_the_wheel_holds_every_file_of_the_packages(tmp_path):
     packed = {line.replace("\\", "/").removeprefix("build/lib/") for line in listed.stdout.splitlines()}
     held = [path for package in PACKAGES for path in (ROOT / package).rglob("*") if path.is_file()]
     wanted = {path.relative_to(ROOT).as_posix() for path in held if "__pycache__" not in path.parts}
-    assert packed == wanted | {"cli.py"}, listed.stderr
+    assert packed == wanted | {"obscurance/command/cli.py"}, listed.stderr
+
+
+QUIET = ("-m", "pip", "--quiet", "--disable-pip-version-check")
 
 
 @pytest.fixture(scope="module")
-def installed(tmp_path_factory):
-    """The scripts of an environment that has the wheel, and the dependencies of this one, but not this source tree."""
+def wheel(tmp_path_factory):
+    """The wheel, made of a copy of this source tree."""
     folder = tmp_path_factory.mktemp("wheel")
-    source, environment = folder / "source", folder / "environment"
+    source = folder / "source"
     for package in PACKAGES:
         shutil.copytree(ROOT / package, source / package, ignore=shutil.ignore_patterns("__pycache__"))
     for name in ("cli.py", "pyproject.toml", "README.md", "LICENSE"):
         shutil.copy(ROOT / name, source)
-    quiet = ("-m", "pip", "--quiet", "--disable-pip-version-check")
-    make = (sys.executable, *quiet, "wheel", source, "--no-deps", "--no-build-isolation", "-w", folder)
+    make = (sys.executable, *QUIET, "wheel", source, "--no-deps", "--no-build-isolation", "-w", folder)
     built = run(*make, folder=folder)
     assert built.returncode == 0, built.stderr
+    (wheel,) = folder.glob("*.whl")
+    return wheel
+
+
+def test_a_module_of_another_package_does_not_replace_the_command(wheel, tmp_path):
+    """Another package may install a `cli.py`, as several do."""
+    into = (sys.executable, *QUIET, "install", "--no-deps", "--no-index", "--target", tmp_path, wheel)
+    done = run(*into, folder=tmp_path)
+    assert done.returncode == 0, done.stderr
+    (tmp_path / "cli.py").write_text("def main():\n    print('taken over')\n")
+    for command in ([tmp_path / "bin" / "obscurance"], [sys.executable, "-m", "obscurance"]):
+        done = run(*command, "--version", folder=tmp_path, env=os.environ | {"PYTHONPATH": str(tmp_path)})
+        assert done.stdout.startswith("obscurance "), done.stdout + done.stderr
+
+
+@pytest.fixture(scope="module")
+def installed(wheel):
+    """The scripts of an environment that has the wheel, and the dependencies of this one, but not this source tree."""
+    folder = wheel.parent
+    environment = folder / "environment"
     run(sys.executable, "-m", "venv", "--without-pip", environment, folder=folder)
     scripts = environment / ("Scripts" if sys.platform == "win32" else "bin")
-    (wheel,) = folder.glob("*.whl")
-    into = (sys.executable, *quiet, "--python", scripts / "python", "install", "--no-deps", "--no-index", wheel)
+    into = (sys.executable, *QUIET, "--python", scripts / "python", "install", "--no-deps", "--no-index", wheel)
     done = run(*into, folder=folder)
     assert done.returncode == 0, done.stderr
     (packages,) = environment.rglob("site-packages")
@@ -72,7 +94,12 @@ def installed(tmp_path_factory):
 @pytest.mark.slow
 def test_the_wheel_runs_in_an_environment_of_its_own(installed, tmp_path):
     (tmp_path / "hills.obj").write_bytes(obj(*hills(5)))
-    where = run(installed / "python", "-c", "import cli, ao; print(cli.__file__, ao.__file__)", folder=tmp_path).stdout
+    where = run(
+        installed / "python",
+        "-c",
+        "import obscurance.cli, ao; print(obscurance.cli.__file__, ao.__file__)",
+        folder=tmp_path,
+    ).stdout
     assert where.count(str(installed.parent)) == 2
     for line in (
         "--version",

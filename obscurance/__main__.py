@@ -1,0 +1,5 @@
+"""`python -m obscurance`."""
+
+from obscurance.cli import main
+
+main()
