@@ -1,8 +1,8 @@
 """A mesh and its bakes as the bytes that a page holds: rounded to a few bits, in an order that compresses well.
 
 Positions are 16-bit steps of the bounding box, w 16-bit, error 8-bit on a scale that is finer near 0, flags 8-bit, unit
-vectors octahedral (Cigolle et al. 2014). Faces are sorted and stored as differences. Of numbers of several bytes, all
-first bytes come first, then all second ones.
+vectors octahedral (Cigolle et al. 2014). Faces are sorted and stored as differences, as are the texels of textures. Of
+numbers of several bytes, all first bytes come first, then all second ones.
 """
 
 from __future__ import annotations
@@ -10,6 +10,7 @@ from __future__ import annotations
 import gzip
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -17,11 +18,29 @@ import numpy.typing as npt
 
 from raytrace import Mesh, OptionError
 from raytrace.errors import numbers
+from raytrace.image.texture import Wrap
 from raytrace.mesh.normals import normalize
 from raytrace.renderer.vertex_origins import smooth_normals
-from raytrace.types import AnyFloats, Float64s, Int64s
+from raytrace.types import AnyFloats, Float64s, Int64s, UInt8s
 
 MOST = 65535
+_PLACES = (1 << 20) - 1  # steps of texture coordinates
+_LARGEST = 2048  # texels of a texture across or down, which every browser takes
+
+
+@dataclass(frozen=True, eq=False)
+class Textures:
+    """w in textures.
+
+    Attributes:
+        uv: (n, 2), a place for each vertex, v downwards. of: (n,), the texture of each vertex's faces, −1 for none.
+        images: uint8 (h, w) each, 255 w, the uppermost row first. wraps: modes of each along u and v.
+    """
+
+    uv: Float64s
+    of: Int64s
+    images: Sequence[UInt8s]
+    wraps: Sequence[tuple[Wrap, Wrap]]
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,7 +50,7 @@ class Values:
     Attributes:
         w: (n,), in [0, 1].
         error: (n,), standard error of w, in [0, 100]. flags: (n,), `ao.Flag`s. bent_normals: (n, 3), unit or zero.
-        name: what to call the bake.
+        name: what to call the bake. textures: what shows w in place of the vertices, or None.
     """
 
     w: AnyFloats
@@ -39,6 +58,7 @@ class Values:
     flags: npt.NDArray[Any] | None = None
     bent_normals: AnyFloats | None = None
     name: str = "bake"
+    textures: Textures | None = None
 
     def checked(self, count: int) -> Values:
         """The same as float64 and uint8 arrays for `count` vertices.
@@ -65,7 +85,7 @@ class Values:
             if bad.any():
                 raise OptionError(field, expected, array[bad][0], self.name)
             found[field] = array.astype(np.uint8) if field == "flags" else array
-        return Values(**found, name=self.name)
+        return Values(**found, name=self.name, textures=self.textures)
 
 
 def encoded(mesh: Mesh, bakes: Sequence[Values]) -> tuple[dict[str, Any], bytes]:
@@ -76,12 +96,14 @@ def encoded(mesh: Mesh, bakes: Sequence[Values]) -> tuple[dict[str, Any], bytes]
     low, high = mesh.bounds
     step = (high - low) / MOST
     steps = np.rint(np.divide(mesh.vertices - low, step, out=np.zeros_like(mesh.vertices), where=step > 0))
+    faces = _sorted(mesh.faces)
     columns: dict[str, npt.NDArray[Any]] = {
-        "faces": _sorted_differences(mesh.faces).astype("<u4"),
+        "faces": _differences(faces).astype("<u4"),
         "positions": np.minimum(steps, MOST).astype("<u2"),
         "normals": _octahedral(smooth_normals(mesh), MOST).astype("<u2"),
     }
-    described = []
+    described: list[dict[str, Any]] = []
+    shown = np.full((len(bakes), len(faces)), -1)
     for number, bake in enumerate(bakes):
         top = 0.0 if bake.error is None else float(bake.error.max(initial=0.0))
         columns[f"w{number}"] = np.rint(bake.w * MOST).astype("<u2")
@@ -93,6 +115,9 @@ def encoded(mesh: Mesh, bakes: Sequence[Values]) -> tuple[dict[str, Any], bytes]
             columns[f"bent{number}"] = _octahedral(bake.bent_normals, 255).astype("u1")
         rmse = 0.0 if bake.error is None else float(np.sqrt(np.mean(bake.error**2)))
         described.append({"name": bake.name, "rmse": rmse, "errorTop": top, "errorShown": _nice(bake.error)})
+        if bake.textures:
+            described[-1] |= _texture_columns(bake.textures, number, columns)
+            shown[number] = bake.textures.of[faces[:, 0]]
     change = np.abs(bakes[-1].w - bakes[0].w)
     facts = {
         "vertices": len(mesh.vertices),
@@ -101,6 +126,7 @@ def encoded(mesh: Mesh, bakes: Sequence[Values]) -> tuple[dict[str, Any], bytes]
         "step": step.tolist(),
         "authored": mesh.normals is not None,
         "bakes": described,
+        "draws": _runs(shown),
         "differenceShown": _nice(change),
         "columns": [[name, column.itemsize, column.size] for name, column in columns.items()],
     }
@@ -108,14 +134,52 @@ def encoded(mesh: Mesh, bakes: Sequence[Values]) -> tuple[dict[str, Any], bytes]
     return facts, gzip.compress(b"".join(planes), 9, mtime=0)
 
 
-def _sorted_differences(faces: Int64s) -> Int64s:
-    """Faces (m, 3) turned to begin with their least vertex and sorted: its growth, and how far the others lie above."""
+def _texture_columns(textures: Textures, number: int, columns: dict[str, npt.NDArray[Any]]) -> dict[str, Any]:
+    """Put the textures of a bake into the columns: what a page's script must know of them."""
+    low, high = textures.uv.min(axis=0), textures.uv.max(axis=0)
+    step = np.where(high > low, high - low, 1.0) / _PLACES
+    columns[f"uv{number}"] = np.rint((textures.uv - low) / step).astype("<u4")
+    images = [_shrunk(image) for image in textures.images]
+    for place, image in enumerate(images):
+        columns[f"texels{number}.{place}"] = np.diff(image.ravel(), prepend=np.uint8(0))
+    known = [
+        {"width": image.shape[1], "height": image.shape[0], "wrap": wrap}
+        for image, wrap in zip(images, textures.wraps, strict=True)
+    ]
+    return {"textures": known, "uvLow": low.tolist(), "uvStep": step.tolist()}
+
+
+def _shrunk(image: UInt8s) -> UInt8s:
+    """An image of at most `_LARGEST` texels across and down, by means over blocks."""
+    sizes = [-(-side // -(-side // _LARGEST)) for side in image.shape]
+    if tuple(sizes) == image.shape:
+        return image
+    starts = [np.arange(size) * side // size for size, side in zip(sizes, image.shape, strict=True)]
+    sums = np.add.reduceat(np.add.reduceat(image.astype(np.float64), starts[0], axis=0), starts[1], axis=1)
+    counts = [np.diff(start, append=side) for start, side in zip(starts, image.shape, strict=True)]
+    return np.rint(sums / np.outer(*counts)).astype(np.uint8)
+
+
+def _runs(shown: Int64s) -> list[list[int]]:
+    """How many faces follow one another with the same textures, and these. Args: shown: (bakes, m)."""
+    starts = np.flatnonzero((shown[:, 1:] != shown[:, :-1]).any(axis=0)) + 1
+    ends = [0, *starts.tolist(), shown.shape[1]]
+    return [[last - first, *shown[:, first].tolist()] for first, last in pairwise(ends)]
+
+
+def _sorted(faces: Int64s) -> Int64s:
+    """Faces (m, 3) turned to begin with their least vertex, and sorted."""
     least = np.argmin(faces, axis=1)
     turned = np.take_along_axis(faces, (least[:, None] + np.arange(3)) % 3, axis=1)
-    turned = turned[np.lexsort(turned.T[::-1])]
-    turned[:, 1:] -= turned[:, :1]
-    turned[1:, 0] = np.diff(turned[:, 0])
-    return np.ascontiguousarray(turned.T)
+    return turned[np.lexsort(turned.T[::-1])]
+
+
+def _differences(faces: Int64s) -> Int64s:
+    """Of sorted faces, (3, m): the growth of the least vertex, and how far the others lie above it."""
+    stored = faces.copy()
+    stored[:, 1:] -= faces[:, :1]
+    stored[1:, 0] = np.diff(faces[:, 0])
+    return np.ascontiguousarray(stored.T)
 
 
 def _octahedral(vectors: AnyFloats, most: int) -> Float64s:

@@ -9,10 +9,15 @@ import numpy as np
 
 from raytrace import Mesh, OptionError
 from raytrace.errors import SceneError
+from raytrace.image.texture import Texture, texture_codes
+from raytrace.types import UInt8s
 
-from ..readers.load import MeshFile, load
+from ..gltf.container import primitives
+from ..gltf.occlusion import RAMP, image_name, occlusion_reference
+from ..gltf.textures import Textures as GltfTextures
+from ..readers.load import MeshFile, load, mesh_errors
 from ..readers.stored_w import ENDINGS, read_beside_w, read_w
-from .encode import Values
+from .encode import Textures, Values
 
 _ARRAYS = (".npy", ".npz")
 _MOVED = 1e-4  # of the radius, by which formats may round coordinates
@@ -54,8 +59,38 @@ def read_results(results: list[Path], mesh: Path | None) -> Results:
 
 def _values(path: Path, whole: MeshFile, source: MeshFile | None) -> Values:
     count = len(whole.mesh.vertices)
-    w = read_w(path, count) if source is None or source.w is None else source.w
-    return Values(w, **read_beside_w(path, count), name=path.name).checked(count)
+    if source is None or source.w is None:
+        w, textures = read_w(path, count), _textures(source)
+    else:
+        w, textures = source.w, None
+    return Values(w, **read_beside_w(path, count), name=path.name, textures=textures).checked(count)
+
+
+def _textures(source: MeshFile | None) -> Textures | None:
+    """The occlusion textures of a glTF by which w varies between vertices: all but ramps."""
+    if source is None or source.gltf is None:
+        return None
+    asset, count = source.gltf, len(source.mesh.vertices)
+    uv, of = np.zeros((count, 2)), np.full(count, -1)
+    found: dict[tuple[Texture, float], int] = {}
+    with mesh_errors(asset.path):
+        textures = GltfTextures(asset)
+        for piece, part in zip(primitives(asset.header), source.parts, strict=True):
+            primitive = asset.header["meshes"][piece.mesh]["primitives"][piece.place]
+            reference = occlusion_reference(asset.header, primitive.get("material"))
+            used = textures.of_occlusion(primitive)
+            if reference and used and image_name(asset.header, reference) != RAMP:
+                uv[part.vertices] = used[0] * (1, -1) + (0, 1)
+                of[part.vertices] = found.setdefault(used[1:], len(found))
+        images = [_codes(*each) for each in found]
+    return Textures(uv, of, images, [texture.wrap for texture, _ in found]) if found else None
+
+
+def _codes(texture: Texture, strength: float) -> UInt8s:
+    """255 w, w being 1 + strength (R − 1); glTF's occlusion textures (section 5.21)."""
+    codes = texture_codes(texture)
+    most = {1: 255, 2: 65535}.get(codes.itemsize, 1)
+    return np.rint(255 * np.clip(1 + strength * (codes[..., 0] / most - 1), 0, 1)).astype(np.uint8)
 
 
 def _check_same(mesh: Mesh, other: Mesh, path: Path) -> None:

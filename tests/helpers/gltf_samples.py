@@ -1,5 +1,6 @@
 """Valid glTF files of what materials and geometry can be, made by hand, for the tests."""
 
+import base64
 import io
 
 import numpy as np
@@ -12,7 +13,7 @@ TEXTURED = {"name": "paint", "pbrMetallicRoughness": {"baseColorTexture": {"inde
 
 
 def encoded(codes):
-    """The bytes of a PNG of codes (h, w, 3)."""
+    """The bytes of a PNG of codes (h, w, 3) or (h, w)."""
     file = io.BytesIO()
     PIL.Image.fromarray(codes).save(file, "PNG")
     return file.getvalue()
@@ -39,6 +40,24 @@ def quad(builder, *sets, **fields):
     for number in sets:
         made["attributes"][f"TEXCOORD_{number}"] = builder.accessor(UV, "VEC2")
     return made
+
+
+def half_textured(codes, uv, **reference):
+    """A square with an occlusion texture (h, w) of 8 bits by coordinates (4, 2), beside one whose vertices have w."""
+    builder = Builder()
+    pieces = [quad(builder, material=0), quad(builder, material=1)]
+    pieces[0]["attributes"]["TEXCOORD_0"] = builder.accessor(np.asarray(uv, "<f4"), "VEC2")
+    pieces[1]["attributes"]["_OBSCURANCE"] = builder.accessor(np.full(4, 0.25, "<f4"), "SCALAR")
+    for piece in pieces:
+        builder.mesh(piece)
+    png = base64.b64encode(encoded(codes)).decode()
+    fields = {
+        "materials": [{"occlusionTexture": {"index": 0, **reference}}, {}],
+        "textures": [{"source": 0, "sampler": 0}],
+        "samplers": [{"wrapS": 33071, "wrapT": 33648}],
+        "images": [{"uri": f"data:image/png;base64,{png}"}],
+    }
+    return builder.glb([{"mesh": 0}, {"mesh": 1, "translation": [1, 0, 0]}], **fields)
 
 
 def plain():

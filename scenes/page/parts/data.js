@@ -11,6 +11,8 @@ async function readMesh(about, base64) {
     error: columns[`error${number}`],
     flags: columns[`flags${number}`],
     bent: columns[`bent${number}`] && unitVectors(columns[`bent${number}`], 255),
+    uv: bake.textures && coordinates(columns[`uv${number}`], bake),
+    textures: (bake.textures ?? []).map((about, place) => ({ ...about, texels: summed(columns[`texels${number}.${place}`]) })),
   }));
   return {
     count: about.vertices,
@@ -58,6 +60,14 @@ function facesOf(stored) {
     faces[3 * f + 2] = least + stored[2 * count + f];
   }
   return faces;
+}
+
+const coordinates = (stored, { uvLow, uvStep }) => Float32Array.from(stored, (each, i) => uvLow[i % 2] + each * uvStep[i % 2]);
+
+// Texels are stored as the difference to the one before, modulo 256.
+function summed(texels) {
+  for (let i = 1; i < texels.length; i++) texels[i] += texels[i - 1];
+  return texels;
 }
 
 function placed(stored, step, radius) {

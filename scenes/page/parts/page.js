@@ -52,7 +52,9 @@ class Page {
     const { count, faces, bakes } = this.mesh;
     const rmse = bakes.filter((bake) => bake.error).map((bake) => short(bake.rmse));
     const error = rmse.length ? `\nRMSE ${rmse.join(" | ")}` : "";
-    at("facts").textContent = `${grouped(count)} vertices, ${grouped(faces.length / 3)} faces${error}`;
+    const sizes = bakes.flatMap(({ textures }) => textures.map(({ width, height }) => `${width} × ${height}`));
+    const texels = sizes.length ? `\nw in textures: ${[...new Set(sizes)].join(", ")} texels` : "";
+    at("facts").textContent = `${grouped(count)} vertices, ${grouped(faces.length / 3)} faces${texels}${error}`;
     at("vertex").max = count - 1;
     if (this.mesh.bakes.length > 1) {
       at("comparison").hidden = false;

@@ -5,7 +5,10 @@ const int CLAY = 0, W = 1, ERROR = 2, FLAGS = 3, BENT = 4, DIFFERENCE = 5;
 uniform int mode;
 uniform vec3 clay, towardsKey, ramp[5];
 uniform float ambient, key, shown;
+uniform sampler2D page, otherPage;
+uniform bvec2 paged;  // whether w is that of a texture, and the other bake's
 centroid in vec3 normalHere, bentHere;
+centroid in vec2 placeHere, otherPlaceHere;
 centroid in float wHere, otherHere, errorHere;
 out vec4 colour;
 
@@ -20,18 +23,25 @@ vec3 ramped(float share) {
   return mix(ramp[step], ramp[step + 1], place - float(step));
 }
 
+float ownW() {
+  return paged.x ? texture(page, placeHere).r : wHere;
+}
+
 vec3 lit() {  // (12.75) in the form that weights ambient and diffuse light by w
   vec3 n = normalize(normalHere) * (gl_FrontFacing ? 1.0 : -1.0);
-  return clay * wHere * (ambient + key * max(dot(n, towardsKey), 0.0));
+  return clay * ownW() * (ambient + key * max(dot(n, towardsKey), 0.0));
 }
 
 void main() {
   vec3 shade = vec3(0.0);
   if (mode == CLAY) shade = encoded(lit());
-  if (mode == W) shade = encoded(vec3(wHere));
+  if (mode == W) shade = encoded(vec3(ownW()));
   if (mode == ERROR) shade = ramped(errorHere / shown);
   if (mode == FLAGS) shade = encoded(vec3(0.5 * dot(lit(), vec3(0.2126, 0.7152, 0.0722))));
   if (mode == BENT) shade = dot(bentHere, bentHere) > 0.0 ? 0.5 + 0.5 * normalize(bentHere) : vec3(0.0);
-  if (mode == DIFFERENCE) shade = ramped(0.5 + 0.5 * (otherHere - wHere) / shown);
+  if (mode == DIFFERENCE) {
+    float other = paged.y ? texture(otherPage, otherPlaceHere).r : otherHere;
+    shade = ramped(0.5 + 0.5 * (other - ownW()) / shown);
+  }
   colour = vec4(shade, 1.0);
 }

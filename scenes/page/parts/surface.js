@@ -1,7 +1,7 @@
 // The mesh on the graphics card, and its drawing.
 
 const SMOOTH = Math.cos(Math.PI / 6); // a computed normal that leans farther from a face marks a hard edge there
-const ATTRIBUTES = ["position", "normal", "bent", "w", "otherW", "error", "colour"];
+const ATTRIBUTES = ["position", "normal", "bent", "w", "otherW", "error", "colour", "place", "otherPlace"];
 
 // What to draw: the file's vertices, and further ones at hard edges, each with the normal of its face.
 function drawnVertices({ positions, normals, faces, authored }) {
@@ -46,18 +46,21 @@ class Surface {
     this.surfaceProgram = this.program("surface");
     this.dotsProgram = this.program("dots");
     const drawn = drawnVertices(mesh);
-    this.corners = drawn.indices.length;
     const shared = {
       position: this.buffer(spread(mesh.positions, drawn.origin, 3)),
       normal: this.buffer(drawn.normals),
       index: this.buffer(drawn.indices, this.gl.ELEMENT_ARRAY_BUFFER),
     };
-    const values = mesh.bakes.map(({ w, error, bent }) => ({
+    const values = mesh.bakes.map(({ w, error, bent, uv }) => ({
       w: this.buffer(spread(w, drawn.origin, 1)),
       error: error && this.buffer(spread(error, drawn.origin, 1)),
       bent: bent && this.buffer(spread(bent, drawn.origin, 3)),
+      place: uv && this.buffer(spread(uv, drawn.origin, 2)),
     }));
+    const textures = mesh.bakes.map((bake) => bake.textures.map((each) => this.texture(each)));
+    this.draws = about.draws.map(([faces, ...used]) => ({ corners: 3 * faces, pages: used.map((k, bake) => textures[bake][k]) }));
     this.sides = mesh.bakes.map((bake, number) => ({
+      number,
       errorTop: bake.errorTop,
       surface: this.surfaceArrays(shared, values[number], values[values.length - 1]),
       dots: this.dots(mesh, bake, about.flags),
@@ -92,6 +95,20 @@ class Surface {
     return buffer;
   }
 
+  texture({ width, height, wrap, texels }) {
+    const gl = this.gl;
+    const made = gl.createTexture();
+    const modes = { repeat: gl.REPEAT, mirrored_repeat: gl.MIRRORED_REPEAT, clamp_to_edge: gl.CLAMP_TO_EDGE };
+    gl.bindTexture(gl.TEXTURE_2D, made);
+    gl.pixelStorei(gl.UNPACK_ALIGNMENT, 1);
+    gl.texImage2D(gl.TEXTURE_2D, 0, gl.R8, width, height, 0, gl.RED, gl.UNSIGNED_BYTE, texels);
+    gl.texParameteri(gl.TEXTURE_2D, gl.TEXTURE_WRAP_S, modes[wrap[0]]);
+    gl.texParameteri(gl.TEXTURE_2D, gl.TEXTURE_WRAP_T, modes[wrap[1]]);
+    gl.texParameteri(gl.TEXTURE_2D, gl.TEXTURE_MIN_FILTER, gl.LINEAR_MIPMAP_LINEAR);
+    gl.generateMipmap(gl.TEXTURE_2D);
+    return made;
+  }
+
   attribute(name, buffer, size, type = this.gl.FLOAT) {
     const place = ATTRIBUTES.indexOf(name);
     if (!buffer) return;
@@ -110,6 +127,8 @@ class Surface {
     this.attribute("w", own.w, 1, gl.UNSIGNED_SHORT);
     this.attribute("otherW", other.w, 1, gl.UNSIGNED_SHORT);
     this.attribute("error", own.error, 1, gl.UNSIGNED_BYTE);
+    this.attribute("place", own.place, 2);
+    this.attribute("otherPlace", other.place, 2);
     gl.bindBuffer(gl.ELEMENT_ARRAY_BUFFER, shared.index);
     return arrays;
   }
@@ -162,19 +181,31 @@ class Surface {
     gl.enable(gl.DEPTH_TEST);
     gl.disable(gl.BLEND);
     gl.bindVertexArray(side.surface);
-    this.drawFaces();
+    this.drawFaces(side, uniforms);
     if (state.mode === MODES.flags.number && side.dots.count) this.drawDots(side.dots, toClip, camera.position);
   }
 
   // Backs of faces are moved away a little: where they meet fronts at an edge, rounding would let some pixels through.
-  drawFaces() {
+  drawFaces({ number }, uniforms) {
     const gl = this.gl;
+    gl.uniform1i(uniforms.page, 0);
+    gl.uniform1i(uniforms.otherPage, 1);
     gl.enable(gl.CULL_FACE);
     for (const [hidden, away] of [[gl.BACK, 0], [gl.FRONT, 1]]) {
       gl.cullFace(hidden);
       away ? gl.enable(gl.POLYGON_OFFSET_FILL) : gl.disable(gl.POLYGON_OFFSET_FILL);
       gl.polygonOffset(1, 1);
-      gl.drawElements(gl.TRIANGLES, this.corners, gl.UNSIGNED_INT, 0);
+      let first = 0;
+      for (const { corners, pages } of this.draws) {
+        const [own, other] = [pages[number], pages[pages.length - 1]];
+        [own, other].forEach((page, unit) => {
+          gl.activeTexture(gl.TEXTURE0 + unit);
+          gl.bindTexture(gl.TEXTURE_2D, page ?? null);
+        });
+        gl.uniform2i(uniforms.paged, own ? 1 : 0, other ? 1 : 0);
+        gl.drawElements(gl.TRIANGLES, corners, gl.UNSIGNED_INT, 4 * first);
+        first += corners;
+      }
     }
     gl.disable(gl.CULL_FACE);
   }

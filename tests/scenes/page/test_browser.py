@@ -5,6 +5,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from gltf_samples import half_textured
 from meshes import crumpled, hills
 
 import ao
@@ -17,6 +18,7 @@ from scenes.description.defaults import FROM, Y_UP
 from scenes.page.document import html_of_bakes
 from scenes.page.encode import Values
 from scenes.page.look import FIELD_OF_VIEW, clay_scene, clay_settings
+from scenes.page.view import view_results
 
 pytestmark = pytest.mark.skipif(chromium.MISSING is not None, reason=str(chromium.MISSING))
 SIZE = 480, 300
@@ -297,3 +299,27 @@ def test_a_page_can_be_shown_within_another(tab, bakes, tmp_path):
     tab.wait(f"{inner}.getElementById('ticks').textContent.includes('1 open')")
     settled(tab)
     assert tab.messages == []
+
+
+def test_a_browser_shows_the_texture_between_the_vertices(tab, tmp_path):
+    codes = np.repeat(np.array([[0, 0, 255, 255]], np.uint8), 2, axis=0)
+    one, two = tmp_path / "one.glb", tmp_path / "two.glb"
+    for path, each in ((one, codes), (two, 255 - codes)):
+        path.write_bytes(half_textured(each, [[0, 1], [1, 1], [1, 0], [0, 0]]))
+    view_results(one, two, tmp_path / "one.html", None, "y")
+    place = "mode=w&position=1,0.5,4&target=1,0.5,0"
+    for side, split in ((0, 1), (1, 0)):
+        opened(tab, f"{(tmp_path / 'one.html').as_uri()}#{place}&split={split}")
+        picture = shown(tab, tmp_path)[..., 0]
+        row = picture[picture.shape[0] // 2] ** 2.2
+        left, right, beside = row[150], row[220], row[300]
+        assert abs(left - side) < 0.02
+        assert abs(right - (1 - side)) < 0.02
+        assert abs(beside - 0.25) < 0.02
+        assert tab.messages == []
+    opened(tab, f"{(tmp_path / 'one.html').as_uri()}#{place.replace('mode=w', 'mode=difference')}")
+    picture = shown(tab, tmp_path)
+    left, right, beside = (picture[picture.shape[0] // 2, column] for column in (150, 220, 300))
+    assert left[0] > 2 * left[2]  # red: the second is lighter
+    assert right[2] > 2 * right[0]
+    assert abs(beside[0] - beside[2]) < 0.05
