@@ -384,6 +384,7 @@ def render(
     own_occlusion: Annotated[
         bool, typer.Option(help="Use a glTF file's own occlusion textures; otherwise bake there, too.")
     ] = True,
+    alpha: Annotated[choices.Alpha, typer.Option(help="auto: as the file has it; ignore: faces are opaque.")] = "auto",
     shadows: Annotated[bool | None, typer.Option("--shadows/--no-shadows", help="Trace shadow rays.")] = None,
     up: Annotated[
         choices.Up | None, typer.Option(help="Up axis of a mesh file, by default y, for STL and 3MF z.")

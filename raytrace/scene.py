@@ -8,11 +8,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from .brdf.layout import ALPHA
 from .errors import OptionError, check_type, numbers
 from .kernel.arrays import product
 from .mesh.convert import mesh_of
 from .mesh.mesh import Mesh
-from .mesh.opacity import Opacity
+from .mesh.opacity import AlphaSurface, Opacity
 from .types import Float64s
 
 if TYPE_CHECKING:
@@ -104,6 +105,18 @@ class Shape:
                 expected = f"texture coordinates of {len(self.mesh.vertices)} vertices"
                 raise OptionError("occlusion", expected, len(self.occlusion.uv), self.mesh.source)
 
+    @property
+    def opacity(self) -> Opacity | None:
+        """Alpha of the faces, times the opacity of a transparent material where there is no cutoff."""
+        own, alpha = self.mesh.opacity, float(self.material.pack().row[ALPHA])
+        if alpha == 1:
+            return own
+        if own is None:
+            return Opacity.uniform(AlphaSurface(alpha), self.mesh.faces)
+        blended = {each: replace(each, factor=alpha * each.factor) for each in own.surfaces if each.cutoff is None}
+        surfaces = (*(blended.get(each, each) for each in own.surfaces), AlphaSurface(alpha))
+        return replace(own, of=np.where(own.of < 0, len(own.surfaces), own.of), surfaces=surfaces)
+
     def __repr__(self) -> str:
         texture = "" if self.texture is None else f", {self.texture.path.name}"
         return f"<Shape {self.mesh!r}, {self.material!r}{texture}>"
@@ -191,7 +204,8 @@ class Scene:
             vertices.append(product(mesh.vertices, linear.T) + item.transform[:3, 3])
             mirrored = np.linalg.det(linear) < 0
             faces.append((mesh.faces[:, ::-1] if mirrored else mesh.faces) + start)
-            opacities.append(mesh.opacity.reversed() if mesh.opacity and mirrored else mesh.opacity)
+            opacity = item.shape.opacity
+            opacities.append(opacity.reversed() if opacity and mirrored else opacity)
             start += len(mesh.vertices)
         opacity = Opacity.joined(opacities, [len(each) for each in faces])
         return Mesh(np.concatenate(vertices), np.concatenate(faces), source="scene", opacity=opacity)
@@ -201,6 +215,12 @@ class Scene:
         shapes = {id(item.shape): item.shape for item in self.objects}
         bare = {key: replace(shape, occlusion=None) if shape.occlusion else shape for key, shape in shapes.items()}
         return replace(self, objects=tuple(replace(item, shape=bare[id(item.shape)]) for item in self.objects))
+
+    def without_alpha(self) -> Scene:
+        """The same scene with opaque faces; transparent materials stay as they are."""
+        shapes = {id(item.shape): item.shape for item in self.objects}
+        full = {key: replace(shape, mesh=replace(shape.mesh, opacity=None)) for key, shape in shapes.items()}
+        return replace(self, objects=tuple(replace(item, shape=full[id(item.shape)]) for item in self.objects))
 
     def with_obscurance(self, w: Float64s | Sequence[float], bent_normals: Float64s | None = None) -> Scene:
         """The same scene with w (n,), bent normals (n, 3) of `flattened()`, an object's vertices after the other's."""

@@ -173,9 +173,14 @@ def _levels(image: Texture) -> list[tuple[int, int]]:
 
 def texture_bytes(textures: Iterable[Texture], threads: int) -> int:
     """Bytes that `LazyTextures` take at their peak, read by so many threads; by headers."""
-    images = dict.fromkeys(replace(texture, wrap=("repeat", "repeat")) for texture in textures)
-    texels = sorted(width * height for image in images for width, height in _levels(image)[:1])
+    texels = sorted(texel_counts(textures))
     return _TEXEL * sum(texels) + _WORKING * sum(texels[-threads:])
+
+
+def texel_counts(textures: Iterable[Texture]) -> list[int]:
+    """Texels of each image once, by the files' headers; those of one that cannot be read are left out."""
+    images = dict.fromkeys(replace(texture, wrap=("repeat", "repeat")) for texture in textures)
+    return [width * height for image in images for width, height in _levels(image)[:1]]
 
 
 def texture_codes(texture: Texture) -> UInt8s | UInt16s | Float32s:

@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from ..image.texture import Texture
 
 _BLEND = -1.0  # a cutoff that there is not
+_FACE = 2 * 80  # bytes, joined and packed
 
 
 @dataclass(frozen=True)
@@ -69,6 +70,14 @@ class PackedOpacity(NamedTuple):
     cutoff: Float64s
     texels: Float32s
     images: Int64s
+
+    @classmethod
+    def opaque(cls, count: int) -> PackedOpacity:
+        """That of so many faces without alpha."""
+        values = np.zeros(0)
+        images = np.zeros((0, 5), np.int64)
+        empty = np.zeros((0, 1), np.float32)
+        return cls(np.full(count, -1), np.zeros((0, 3, 2)), np.zeros((0, 3)), values, values, empty, images)
 
     def only(self, kept: Bools) -> PackedOpacity | None:
         """That of the faces `kept`, bool (m,), numbered anew; None if they are opaque."""
@@ -130,6 +139,11 @@ class Opacity:
         """`counts` in words."""
         return "alpha: {cut_out:,} faces cut out, {blended:,} blended".format(**self.counts)
 
+    @classmethod
+    def uniform(cls, surface: AlphaSurface, faces: Int64s, uv: Float64s | None = None) -> Opacity:
+        """That of faces (m, 3) which all have one surface. Args: uv: (n, 2), of the vertices."""
+        return cls(np.zeros(len(faces), np.int64), (surface,), None if uv is None else uv[faces])
+
     def reversed(self) -> Opacity:
         """That of the same faces with their corners in reverse order."""
         uv, corners = (None if each is None else each[:, ::-1] for each in (self.uv, self.corners))
@@ -190,3 +204,11 @@ class Opacity:
         corners = np.zeros((0, 3)) if self.corners is None else self.corners
         factor = np.array([each.factor for each in self.surfaces], np.float64)
         return PackedOpacity(of, uv, corners, factor, cutoff, np.concatenate(texels), images)
+
+
+def opacity_bytes(opacities: Sequence[Opacity]) -> int:
+    """Bytes that these take at the peak of being joined and packed; images by their headers."""
+    from ..image.texture import texel_counts
+
+    images = (surface.texture for each in opacities for surface in each.surfaces if surface.texture)
+    return _FACE * sum(len(each.of) for each in opacities) + 2 * 4 * sum(texel_counts(images))

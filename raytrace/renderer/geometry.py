@@ -14,12 +14,14 @@ from weakref import WeakValueDictionary
 import numpy as np
 import numpy.typing as npt
 
+from ..brdf.layout import ALPHA
 from ..embree.scene import EmbreeScene, Instance, Triangles, TriangleScene
 from ..image.texture import Texture
 from ..kernel.arrays import aligned, product
 from ..materials.materials import pack_materials
 from ..mesh.mesh import Mesh
 from ..mesh.normals import normalize
+from ..mesh.opacity import Opacity, PackedOpacity
 from ..mesh.placement import Placement
 from ..scene import Object, Shape
 from ..settings import Normals
@@ -63,6 +65,7 @@ def build_geometry(objects: tuple[Object, ...], normals: Normals) -> BuiltGeomet
 
     Raises:
         EmbreeError: Embree failed, out of memory for instance.
+        InputError: an image of alpha cannot be read.
     """
     key = normals, *((item.shape, item.transform.tobytes()) for item in objects)
     geometry = _built.get(key)
@@ -153,6 +156,7 @@ def _build(objects: tuple[Object, ...], weighting: Normals) -> BuiltGeometry:
         kinds=kinds,
         rows=rows,
         boxes=pack_boxes(np.concatenate(boxes)),
+        opacity=_opacity(list(shapes.values())),
     )
     return BuiltGeometry(arrays, embree, centre, scale, textures, weighting)
 
@@ -177,6 +181,16 @@ def _colours(shapes: Iterable[Shape]) -> Float32s:
         return aligned((0, 3), np.float32)
     rows = [np.ones((len(s.mesh.vertices), 3)) if s.colours is None else s.colours for s in shapes]
     return _joined(rows, np.float32)
+
+
+def _opacity(shapes: list[Shape]) -> PackedOpacity | None:
+    """Of all shapes' faces; None if all are opaque and so are their materials."""
+    counts = [len(shape.mesh.faces) for shape in shapes]
+    joined = Opacity.joined([shape.mesh.opacity for shape in shapes], counts)
+    packed = joined.packed() if joined else None
+    if packed is None and any(shape.material.pack().row[ALPHA] < 1 for shape in shapes):
+        return PackedOpacity.opaque(sum(counts))
+    return packed
 
 
 def _bounds(objects: tuple[Object, ...]) -> Mesh:

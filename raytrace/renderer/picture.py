@@ -105,7 +105,8 @@ class Picture:
 
     def scratch(self) -> Scratch:
         """Memory for one thread."""
-        return new_scratch(len(self.scene.lights.kinds), len(self.geometry.textures))
+        opaque = self.geometry.arrays.opacity is None
+        return new_scratch(len(self.scene.lights.kinds), len(self.geometry.textures), opaque)
 
     def render(self, film: Film, scratch: Scratch, tiles: tuple[int, int], again: bool = False) -> Int64s:
         """Render the tiles [first, end) of a film; returns counts of rays, int64 (COUNTERS,).

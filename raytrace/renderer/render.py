@@ -15,12 +15,14 @@ from ..image.frame import LAYERS, Frame
 from ..image.texture import texture_bytes
 from ..kernel.simd import WIDE
 from ..lights.environment import EnvironmentLight, SkyLight
+from ..mesh.opacity import opacity_bytes
 from ..scene import Scene
 from ..settings import Settings
 from ..shade import workspace
-from ..shade.camera_rays import mark_seen, place_camera
+from ..shade.camera_rays import place_camera
 from ..shade.film import EDGE, TILE
 from ..shade.records import Film
+from ..shade.see_through import mark_seen
 from ..shade.shading_points import FILM, LIGHTING
 from ..system.memory import check_memory
 from ..system.threads import run_blocks, thread_count
@@ -116,9 +118,11 @@ def rendering_bytes(scene: Scene, settings: Settings, layers: bool, threads: int
     two_sided = any(item.shape.material.two_sided for item in scene.objects)
     lit = 8 * LIGHTING * rows * (1 + (surrounded or two_sided)) * (settings.shading == "gouraud")
     bent = 12 * rows * surrounded
+    opacities = {id(item.shape): item.shape.mesh.opacity for item in scene.objects}.values()
+    alpha = opacity_bytes([each for each in opacities if each])
     coloured = 12 * vertices * any(item.shape.colours is not None for item in scene.objects)
     textures = texture_bytes(shape_textures(item.shape for item in scene.objects), thread_count(threads))
-    return _BASE + _VERTEX * vertices + _FACE * faces + lit + bent + coloured + film + textures
+    return _BASE + _VERTEX * vertices + _FACE * faces + lit + bent + coloured + alpha + film + textures
 
 
 def describe_work(scene: Scene, settings: Settings) -> str:

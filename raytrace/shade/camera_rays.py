@@ -7,10 +7,10 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..camera import Camera
-from ..embree.packets import DIR_X, GEOM_ID, INST_ID, ORG_X, PRIM_ID, TFAR, intersect16
-from ..kernel.jit import inline, kernel
+from ..embree.packets import DIR_X, GEOM_ID, INST_ID, ORG_X, PRIM_ID, TFAR, TNEAR
+from ..kernel.jit import inline
 from ..kernel.simd import WIDE, double, select, single
-from ..kernel.simd_masks import lane_numbers, pick, replace
+from ..kernel.simd_masks import pick, replace
 from ..kernel.simd_memory import load_row, store_row
 from ..kernel.vector import add, dot, load3, scale, unit
 from ..sampling.hash import mix, mix_array, seed_key
@@ -142,6 +142,7 @@ def aim(packet, view, x, y, samples):
     for axis in range(3):
         store_row(packet, ORG_X + axis, single(near[axis]))
         store_row(packet, DIR_X + axis, single(direction[axis]))
+    store_row(packet, TNEAR, 0.0)
     store_row(packet, TFAR, FARTHEST)
     return single(start)
 
@@ -152,26 +153,3 @@ def hit_ids(packet):
     ids = packet.view(np.int32)
     outer, inner = load_row(ids, INST_ID), load_row(ids, GEOM_ID)
     return select((inner >= 0) & (outer >= 0), outer, inner), load_row(ids, PRIM_ID)
-
-
-@kernel
-def mark_seen(geometry, view, columns, rows, packet, valid, seen):
-    """Set `seen`, bool (w,), for the vertices of all faces that a sample of some pixels meets.
-
-    Args: columns, rows: of the pixels, (first, end). packet, valid: of `raytrace.embree.packets.new_packet`, sixteen.
-    """
-    left, right = columns
-    for y in range(rows[0], rows[1]):
-        for x in range(left, right, WIDE):
-            pixels = lane_numbers() + x
-            store_row(valid, 0, pixels < right)
-            for sample in range(max(1, view.offsets.shape[2])):
-                aim(packet, view, pixels, 0 * pixels + y, 0 * pixels + sample)
-                intersect16(geometry.handle, packet, valid)
-                items, faces = hit_ids(packet)
-                for lane in range(min(WIDE, right - x)):
-                    item = pick(items, lane)
-                    if item >= 0:
-                        shift = geometry.first_w[item] - geometry.first_vertex[item]
-                        for corner in range(3):
-                            seen[shift + geometry.faces[geometry.first_face[item] + pick(faces, lane), corner]] = True

@@ -6,7 +6,7 @@ I(p) = I_e + k_a I_a·w + Σ_j δ(p, j) I_L(j) (diffuse_j + specular_j); the boo
 import numpy as np
 
 from ..brdf.dispatch import ambient, emission, terms_wide
-from ..embree.packets import DIR_X, ORG_X, TFAR, occluded16
+from ..embree.packets import DIR_X, ORG_X
 from ..kernel.jit import inline
 from ..kernel.simd import double, select, single
 from ..kernel.simd_masks import count, first, highest, lane_numbers, lowest, pick, some
@@ -17,6 +17,7 @@ from ..lights.layout import AMBIENT as AMBIENT_LIGHT
 from . import shading_points as layout
 from .camera_rays import FARTHEST
 from .interaction import CONSTANT, FLAT
+from .see_through import dimmed, passing
 from .shading_points import put, take
 from .shaft_culling import obstructed
 from .surroundings import add_surroundings
@@ -137,7 +138,7 @@ def light_entries(geometry, lights, style, scratch, packets):
 @inline
 def light_entry(entry, items, used, geometry, lights, style, scratch):
     """Add up the first `used` active lights of sixteen points."""
-    counts = scratch.counts
+    counts, opacity = scratch.counts, geometry.opacity
     point, ahead = take(entry, layout.POINT), take(entry, layout.ORIGIN)
     n, tint = take(entry, layout.NORMAL), take(entry, layout.TINT)
     seen = (items >= 0) & (load_row(entry, layout.FRONT) > 0.0)
@@ -168,17 +169,18 @@ def light_entry(entry, items, used, geometry, lights, style, scratch):
         brightness = brought[0] + brought[1] + brought[2]
         bright = reached & (brightness > 0.0)
         counts[BLACK] += count(reached) - count(bright)
-        open_ = bright
+        open_, part = bright, select(bright, 1.0, 0.0)
         if style.shadows:
             if scratch.hidden[a]:
                 if style.shading in (CONSTANT, FLAT):  # the light is the face's, δ(p, j) the sample's
                     l, distance = towards(lights.kinds[j], lights.rows[j], origin)
-                open_ = bright & unshadowed(origin, bright, l, distance, geometry, scratch)
+                open_, part = unshadowed(origin, bright, l, distance, geometry, scratch)
             else:
                 counts[UNOBSTRUCTED] += count(bright)
+        body, highlight = dimmed(opacity, part, body), dimmed(opacity, part, highlight)
         diffuse, specular = add(diffuse, choose(open_, body, DARK)), add(specular, choose(open_, highlight, DARK))
         sent += select(bright, brightness, 0.0)
-        lit += select(open_, brightness, 0.0)
+        lit += select(open_, dimmed(opacity, part, (brightness, brightness, brightness))[0], 0.0)
     for c in range(3):
         store_row(entry, layout.DIFFUSE + c, diffuse[c])
         store_row(entry, layout.SPECULAR + c, specular[c])
@@ -210,13 +212,11 @@ def reflect(entry, items, reached, n, l, geometry):
 
 @inline
 def unshadowed(origin, wanted, l, distance, geometry, scratch):
-    """The mask of the points that see the light: a shadow ray for each of `wanted`."""
+    """What of the light reaches the points: a shadow ray for each of `wanted`, see `raytrace.shade.see_through`."""
     packet = scratch.packet
     for axis in range(3):
         store_row(packet, ORG_X + axis, origin[axis])
         store_row(packet, DIR_X + axis, l[axis])
-    store_row(packet, TFAR, min(distance * SHORT, FARTHEST))
-    store_row(scratch.valid, 0, wanted)
-    occluded16(geometry.handle, packet, scratch.valid)
     scratch.counts[SHADOW_RAYS] += count(wanted)
-    return load_row(packet, TFAR) >= 0.0
+    limit = min(distance * SHORT, FARTHEST)
+    return passing(geometry.opacity, geometry, packet, scratch.valid, wanted, limit)

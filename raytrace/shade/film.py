@@ -6,11 +6,11 @@ import numpy as np
 
 from ..kernel.jit import inline
 from ..kernel.simd import WIDE
-from ..kernel.simd_masks import pick, some
+from ..kernel.simd_masks import pick
 from ..kernel.simd_memory import load_row, scatter4, store_row
-from ..kernel.vector import add, scale
+from ..kernel.vector import add
 from . import shading_points as layout
-from .shading_points import put, take
+from .shading_points import take
 
 _BITS = 4
 TILE = 1 << _BITS  # pixels a side
@@ -36,15 +36,6 @@ def beauty(entry):
     """The sum of an entry's light, RGB."""
     matt = add(take(entry, layout.AMBIENT), take(entry, layout.DIFFUSE))
     return add(add(matt, take(entry, layout.SPECULAR)), take(entry, layout.EMISSION))
-
-
-@inline
-def add_background(entry, items, background):
-    """Let the background show through what is transparent: what else lies behind is not traced."""
-    clear = (items >= 0) & (load_row(entry, layout.ALPHA) < 1.0)
-    if some(clear):
-        shown = scale(1.0 - load_row(entry, layout.ALPHA), background)
-        put(entry, layout.EMISSION, clear, add(take(entry, layout.EMISSION), shown))
 
 
 @inline

@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 from ..image.texture import PackedTextures
 from ..kernel.borrow import borrow
 from ..kernel.jit import inline
+from ..mesh.opacity import PackedOpacity
 from ..types import Bools, Float32s, Float64s, Int32s, Int64s
 
 
@@ -25,7 +26,8 @@ class Geometry(NamedTuple):
         the source's own. magnitude: float64 (o,), least |coordinate| that ray offsets reckon with.
         texture, occlusion, grain: int64 (o,), −1 for none. strength: float64 (o,), of `occlusion`.
         kinds: int64 (o,), rows: float64 (o, …), packed materials (`raytrace.brdf.layout`). boxes: around all that
-        casts shadows (`raytrace.shade.shaft_culling.pack_boxes`).
+        casts shadows (`raytrace.shade.shaft_culling.pack_boxes`). opacity: of the shapes' faces; None if all is opaque,
+        materials included.
     """
 
     handle: Any
@@ -51,6 +53,7 @@ class Geometry(NamedTuple):
     kinds: Int64s
     rows: Float64s
     boxes: Float32s
+    opacity: PackedOpacity | None
 
 
 class Lights(NamedTuple):

@@ -8,7 +8,7 @@ import numpy as np
 
 from ..brdf.dispatch import alpha
 from ..brdf.layout import MODEL
-from ..embree.packets import DIR_X, TFAR, U, V, intersect16
+from ..embree.packets import DIR_X
 from ..kernel.borrow import borrow
 from ..kernel.jit import inline, kernel
 from ..kernel.simd import WIDE, double, select, single
@@ -16,12 +16,11 @@ from ..kernel.simd_masks import count, first, lane_numbers, pick, some
 from ..kernel.simd_memory import gather, load_row, store_row
 from ..kernel.vector import load3, multiply, scale
 from . import shading_points as layout
-from .camera_rays import aim, hit_ids
+from .camera_rays import aim
 from .direct_lighting import count_directed, light_entries
 from .film import (
     TILE,
     accumulate,
-    add_background,
     clear,
     column_of,
     converged,
@@ -34,6 +33,7 @@ from .film import (
 from .gouraud import interpolate_lit
 from .interaction import GOURAUD, Hits, bent_entry, hit_entry
 from .records import borrow_scene
+from .see_through import composite, keep_hits, meet, show_layers, still_seeing
 from .shading_points import put, put1, take
 from .texturing import apply_occlusion, apply_tint, texture_grain, texture_occlusion, texture_tint, vertex_tint
 from .workspace import BACKGROUND, FIRST, PRIMARY, RETIRED
@@ -52,6 +52,7 @@ def render_tiles(scene, view, style, film, scratch, span, again):
     """
     scene, view, film, scratch = borrow_scene(scene), borrow(view), borrow(film), borrow(scratch)
     entries, todo, counts, directed = scratch.entries, scratch.todo, scratch.counts, count_directed(scene.lights)
+    opacity = scene.geometry.opacity
     high, wide, _ = film.pixels.shape
     columns = -(-wide // TILE)
     for tile in range(span[0], span[1]):
@@ -67,19 +68,24 @@ def render_tiles(scene, view, style, film, scratch, span, again):
             packets = -(-pending // each)
             if pending == 0:
                 break
-            for e in range(packets):
-                there = turn < min(each, pending - e * each)
-                pixels = gather(todo, select(there, turn, 0) + e * each)
-                x, y = column_of(pixels) + (film.left + left), row_of(pixels) + (film.top + top)
-                start = aim(scratch.packet, view, x, y, lane_numbers() - turn * batch + done)
-                items = trace_packet(scene, view, style, scratch, entries[e], start, there)
-                store_row(scratch.items, e, items)
-                counts[PRIMARY] += count(there)
-                counts[BACKGROUND] += count(there & (items < 0)) * directed
-            if style.shading != GOURAUD:
-                light_entries(scene.geometry, scene.lights, style, scratch, packets)
-            for e in range(packets):
-                add_background(entries[e], load_row(scratch.items, e), style.background)
+            layer, going = 0, True
+            while going:  # surfaces front to back: once, where all are opaque
+                for e in range(packets):
+                    there = turn < min(each, pending - e * each)
+                    pixels = gather(todo, select(there, turn, 0) + e * each)
+                    x, y = column_of(pixels) + (film.left + left), row_of(pixels) + (film.top + top)
+                    start = aim(scratch.packet, view, x, y, lane_numbers() - turn * batch + done)
+                    there = still_seeing(opacity, scratch, e, layer, there)
+                    items = trace_packet(scene, view, style, scratch, e, start, there)
+                    store_row(scratch.items, e, items)
+                    counts[PRIMARY] += count(there)
+                    counts[BACKGROUND] += count(there & (items < 0)) * directed
+                if style.shading != GOURAUD:
+                    light_entries(scene.geometry, scene.lights, style, scratch, packets)
+                layer, going = layer + 1, False
+                for e in range(packets):
+                    going = composite(opacity, scratch, e, style.layers) or going
+            show_layers(opacity, scratch, packets)
             if style.samples > 1:
                 if done == 0:
                     clear(scratch.sums)
@@ -149,20 +155,18 @@ def remove_converged(scratch, size, pending, remaining, edges):
 
 
 @inline
-def trace_packet(scene, view, style, scratch, entry, start, there):
-    """Trace the viewing rays of `scratch.packet`, where the mask `there` is set; the hits become an entry.
+def trace_packet(scene, view, style, scratch, e, start, there):
+    """Trace the viewing rays of `scratch.packet`, where the mask `there` is set; the hits become entry e.
 
     Args: start: distance from the viewer at which the rays begin. Returns the rows of the objects hit, −1 for none.
     """
-    geometry, packet = scene.geometry, scratch.packet
-    store_row(scratch.valid, 0, there)
-    intersect16(geometry.handle, packet, scratch.valid)
-    items, faces = hit_ids(packet)
-    items = select(there, items, -1)
+    geometry, packet, entry = scene.geometry, scratch.packet, scratch.entries[e]
+    items, faces, u, v, distance, cover = meet(geometry.opacity, geometry, packet, scratch.valid, there)
+    keep_hits(geometry.opacity, scratch, e, distance, cover)
     clear_entry(entry, style)
     left = items >= 0
-    depth = start + load_row(packet, TFAR)
-    hits = Hits(faces, load_row(packet, U), load_row(packet, V), depth, scale(-1.0, take(packet, DIR_X)))
+    depth = start + distance
+    hits = Hits(faces, u, v, depth, scale(-1.0, take(packet, DIR_X)))
     if style.layers:
         store_row(entry, layout.DEPTH, select(left, depth, np.inf))
         store_row(entry, layout.ID, single(double(items + 1)))

@@ -11,7 +11,7 @@ from ..kernel.arrays import aligned
 from ..kernel.simd import WIDE
 from ..types import Bools, Float32s, Float64s, Int32s, Int64s
 from .film import SUMS, TILE
-from .shading_points import WIDTH
+from .shading_points import COVER, WIDTH
 
 FIRST = 4  # samples before a pixel may be retired
 PACKETS = TILE * TILE * FIRST // WIDE  # lit together
@@ -48,7 +48,10 @@ class Scratch(NamedTuple):
         for none. sums: float64 (pixels, …), a tile's film. order: int32 (pixels,), a tile's pixels so that sixteen on
         end are neighbours; todo: int32 (pixels + 16,), those that want more samples. active: int64 (lights,), lights
         that can matter; hidden: bool (lights,), whether something may stand between those and the points.
-        missing: int64 (textures,), 1 for textures that a ray has met before they were read. counts: int64 (COUNTERS,).
+        layers: float32 (packets or 0, FILM + 3, 16), what viewing rays have seen in front, and in the columns THROUGH,
+        BEGIN and COVER: what is left of them, where they go on, and the alpha of what they meet; none where all is
+        opaque. missing: int64 (textures,), 1 for textures that a ray has met before they were read. counts: int64
+        (COUNTERS,).
     """
 
     packet: Float32s
@@ -60,12 +63,13 @@ class Scratch(NamedTuple):
     todo: Int32s
     active: Int64s
     hidden: Bools
+    layers: Float32s
     missing: Int64s
     counts: Int64s
 
 
-def new_scratch(lights: int, textures: int) -> Scratch:
-    """Scratch for a scene with so many lights and textures."""
+def new_scratch(lights: int, textures: int, opaque: bool = True) -> Scratch:
+    """Scratch for a scene with so many lights and textures, all of it opaque or not."""
     return Scratch(
         *new_packet(WIDE, coherent=True),
         entries=aligned((PACKETS, WIDTH, WIDE), np.float32),
@@ -75,6 +79,7 @@ def new_scratch(lights: int, textures: int) -> Scratch:
         todo=aligned((TILE * TILE + WIDE,), np.int32),
         active=np.zeros(max(lights, 1), np.int64),
         hidden=np.zeros(max(lights, 1), np.bool_),
+        layers=aligned((0 if opaque else PACKETS, COVER + 1, WIDE), np.float32),
         missing=np.zeros(textures, np.int64),
         counts=np.zeros(COUNTERS, np.int64),
     )

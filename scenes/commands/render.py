@@ -19,6 +19,7 @@ from raytrace.renderer.render import describe_work, render, rendering_bytes
 from raytrace.system.memory import check_memory
 
 from ..description.description import SceneDescription
+from .options import Alpha
 from .picture_bake import with_obscurance
 
 if TYPE_CHECKING:
@@ -58,12 +59,14 @@ def adjusted(
     preview: bool,
     baked: Path | None = None,
     own_occlusion: bool = True,
+    alpha: Alpha = "auto",
 ) -> SceneDescription:
     """The description with the `Settings` changed that are not None; a preview: a quarter as wide and high, few rays.
 
     Args:
         baked: a file with w, in place of the description's own or of a bake.
         own_occlusion: use the occlusion textures that the file has, in place of a bake.
+        alpha: "ignore": faces are opaque.
 
     Raises:
         OptionError: a setting out of range, or `baked` for a picture without obscurance.
@@ -82,6 +85,8 @@ def adjusted(
         settings = _quarter(settings)
         bake = replace(bake, samples=min(bake.rays, PREVIEW_BAKE))
     scene = description.scene if own_occlusion else description.scene.without_occlusion()
+    if alpha == "ignore":
+        scene = scene.without_alpha()
     return replace(description, scene=scene, settings=settings, w_from=w_from, bake=bake, files=files)
 
 

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 from raytrace.errors import OptionError
 
 from .console import KERNELS_OF_RENDER, compiling, progress, show_picture, warn
-from .options import REPORTS, NormalsFrom, ProgressForm, Up, parse_crop, parse_size, plain
+from .options import REPORTS, Alpha, NormalsFrom, ProgressForm, Up, parse_crop, parse_size, plain
 
 if TYPE_CHECKING:
     from ao.cluster.session import ClusterSession
@@ -39,6 +39,7 @@ class RenderCommand:
     obscurance: str | None
     baked: Path | None
     own_occlusion: bool
+    alpha: Alpha
     shadows: bool | None
     up: Up | None
     crop: str | None
@@ -91,7 +92,7 @@ class RenderCommand:
             check_stored(self.baked)
         with compiling(KERNELS_OF_RENDER):
             read = read_scene(self.scene, size, self.up)
-            description = adjusted(read, settings, self.preview, self.baked, self.own_occlusion)
+            description = adjusted(read, settings, self.preview, self.baked, self.own_occlusion, self.alpha)
             check_outputs(outputs, description.files)
             inputs = hashed([self.scene, *description.files]) if self.report else []
             warnings = warn((item.shape.mesh for item in description.scene.objects), description.notes)

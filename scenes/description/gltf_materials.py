@@ -8,7 +8,6 @@ nearest here is Cook–Torrance's of RMS slope m = α, whose weights are k_d = 1
 - KHR_materials_pbrSpecularGlossiness: roughness = 1 − glossiness, F0 is the specular colour, the base
   the diffuse one, and metallic as far as the specular colour's largest channel lies from .04 to 1;
 - metallic 0 and roughness 1: Lambert; there is no highlight to speak of;
-- alpha mode BLEND with a base alpha below 1: Strauss, the one model with transparency;
 - KHR_materials_unlit without texture: emission of the base colour, and no reflection;
 - emission: emissiveFactor times KHR_materials_emissive_strength;
 - doubleSided: both sides reflect what falls on them, two_sided = "viewer";
@@ -49,7 +48,6 @@ class _Surface(NamedTuple):
     """The factors of a material, those of its textures' means included."""
 
     base: RGB
-    alpha: float
     roughness: float
     metallic: float
     f0: Float64s
@@ -99,12 +97,9 @@ class Materials:
         sides = "viewer" if stored.get("doubleSided") else False
         common: dict[str, Any] = {"emission": emitted.tolist(), "two_sided": sides}
         surface = self._specular(extensions) if SPECULAR_GLOSSINESS in extensions else self._metallic(stored)
-        base, alpha, roughness, metallic, f0 = surface
+        base, roughness, metallic, f0 = surface
         if "KHR_materials_unlit" in extensions and untextured:
             return material_from_dict(common | {"model": "lambert", "albedo": 0.0, "emission": base})
-        if stored.get("alphaMode") == "BLEND" and alpha < 1:
-            common |= {"smoothness": min(1 - roughness, 0.99), "metalness": metallic, "transparency": 1 - alpha}
-            return material_from_dict(common | {"model": "strauss", "colour": base})
         if metallic == 0 and (roughness == 1 or "KHR_materials_unlit" in extensions):
             return material_from_dict(common | {"model": "lambert", "albedo": base})
         facets = _FACETS + (1 - _FACETS) * metallic
@@ -114,21 +109,21 @@ class Materials:
 
     def _metallic(self, stored: dict[str, Any]) -> _Surface:
         given = stored.get("pbrMetallicRoughness", {"metallicFactor": 0.0})
-        *base, alpha = np.clip(given.get("baseColorFactor", [1, 1, 1, 1]), 0, 1).tolist()
+        base = np.clip(given.get("baseColorFactor", [1, 1, 1, 1])[:3], 0, 1).tolist()
         factors = np.clip([given.get("roughnessFactor", 1.0), given.get("metallicFactor", 1.0)], 0, 1)
         mean = self._mean(given, "metallicRoughnessTexture", srgb=False, unread=_NO_METAL)
         roughness, metallic = (factors * mean[1:3]).tolist()
         f0 = (1 - metallic) * DIELECTRIC_F0 + metallic * np.array(base)
-        return _Surface(tuple(base), alpha, roughness, metallic, f0)
+        return _Surface(tuple(base), roughness, metallic, f0)
 
     def _specular(self, extensions: dict[str, Any]) -> _Surface:
         given = extensions[SPECULAR_GLOSSINESS]
-        *diffuse, alpha = np.clip(given.get("diffuseFactor", [1, 1, 1, 1]), 0, 1).tolist()
+        diffuse = np.clip(given.get("diffuseFactor", [1, 1, 1, 1])[:3], 0, 1)
         factors = np.clip([*given.get("specularFactor", [1, 1, 1]), given.get("glossinessFactor", 1.0)], 0, 1)
         *f0, glossiness = (factors * self._mean(given, "specularGlossinessTexture", srgb=True)).tolist()
         metallic = max(0.0, (max(f0) - DIELECTRIC_F0) / (1 - DIELECTRIC_F0))
-        base = ((1 - metallic) * np.array(diffuse) + metallic * np.array(f0)).tolist()
-        return _Surface(tuple(base), alpha, 1 - glossiness, metallic, np.array(f0))
+        base = ((1 - metallic) * diffuse + metallic * np.array(f0)).tolist()
+        return _Surface(tuple(base), 1 - glossiness, metallic, np.array(f0))
 
     def _mean(self, table: dict[str, Any], key: str, srgb: bool, unread: Float64s = _WHITE) -> Float64s:
         """The mean RGBA of a texture, ones without it, `unread` if it cannot be read."""

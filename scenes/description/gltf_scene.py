@@ -55,7 +55,7 @@ def gltf_objects(path: Path) -> tuple[tuple[Object, ...], Gltf, tuple[str, ...]]
         MeshError: the file cannot be read, or draws no triangles.
         SceneError: a texture cannot be used.
     """
-    instances, asset = read_objects(path)
+    instances, asset = read_objects(path, alpha=True)
     if asset is None:
         raise MeshError(path, "file", "glTF or GLB", path.suffix)
     with mesh_errors(path):
@@ -80,8 +80,9 @@ def gltf_objects(path: Path) -> tuple[tuple[Object, ...], Gltf, tuple[str, ...]]
 def _shape(piece: Primitive, placed: Instance, materials: Materials, textures: Textures) -> Shape:
     asset, path = textures.asset, textures.asset.path
     primitive = asset.header["meshes"][piece.mesh]["primitives"][piece.place]
-    mesh = Mesh(placed.vertices, placed.faces, placed.normals, source=f"{path}: {placed.name}")
     uv, texture = textures.of_base(primitive) or (None, None)
+    name = f"{path}: {placed.name}"
+    mesh = Mesh(placed.vertices, placed.faces, placed.normals, source=name, opacity=placed.opacity)
     occlusion = textures.of_occlusion(primitive)
     with located(path, f"materials[{primitive.get('material')}]"):
         colours = vertex_colours(asset, primitive, placed.w)

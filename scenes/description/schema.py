@@ -44,6 +44,7 @@ def _affine(rows: list[list[float]]) -> list[list[float]]:
 
 
 Whole = Annotated[int, Field(strict=True)]
+Fraction = Annotated[Number, Field(ge=0, le=1)]
 Length = Annotated[Any, BeforeValidator(_length)]
 
 
@@ -79,10 +80,18 @@ class ObjectTable(Transform):
     material: Annotated[Any, BeforeValidator(_name_or_table)] = None
     texture: str | None = None
     grain: str | None = None
+    opacity: Fraction | None = None
+    opacity_texture: str | None = None
+    cutoff: Fraction | None = None
     wrap: Annotated[Any, BeforeValidator(_wrap)] = None
     own_normals: StrictBool = True
     vertex_colors: StrictBool | None = None
     copies: Annotated[list[Transform], Field(min_length=1, fail_fast=True)] | None = None
+
+    @property
+    def images(self) -> list[str]:
+        """The images that need texture coordinates."""
+        return [name for name in (self.texture, self.grain, self.opacity_texture) if name is not None]
 
 
 class CameraTable(Table):

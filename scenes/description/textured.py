@@ -25,8 +25,8 @@ def read_textured(path: Path) -> tuple[Geometry, list[str]]:
     Raises: MeshError, and what parsers raise.
     """
     if path.suffix.lower() == ".obj":
-        instance, uv, origin = read_textured_obj(path.read_bytes(), path.stem, str(path))
-        mesh = Mesh(instance.vertices, instance.faces, instance.normals, source=str(path))
+        instance, uv, origin = read_textured_obj(path.read_bytes(), path.stem, str(path), path.parent)
+        mesh = Mesh(instance.vertices, instance.faces, instance.normals, source=str(path), opacity=instance.opacity)
         return Geometry(mesh, uv, origin), [printable(f"{path}: {note}") for note in instance.notes]
     (instance,), _ = read_objects(path, keep=True)
     mesh = Mesh(instance.vertices, instance.faces, instance.normals, source=str(path))

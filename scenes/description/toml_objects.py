@@ -9,7 +9,7 @@ from typing import Any, Literal
 
 import numpy.typing as npt
 
-from raytrace import PRESETS, Object, Shape, Texture, material_from_dict
+from raytrace import PRESETS, AlphaSurface, Object, Opacity, Shape, Texture, material_from_dict
 from raytrace.errors import SceneError, nearest_name, printable
 from raytrace.materials.base import BaseMaterial
 from raytrace.system.faults import fields_of
@@ -111,8 +111,10 @@ class ObjectReader:
             unknown = (nearest_name(key, ("mesh", "builtin")) for key in table.model_extra or {})
             raise SceneError(self._source, path, "either mesh or builtin", got, next(filter(None, unknown), None))
         material = None if table.material is None else self._material(table.material, joined(path, "material"))
-        if table.wrap is not None and table.texture is None and table.grain is None:
-            raise SceneError(self._source, joined(path, "wrap"), "texture or grain with it", "none")
+        if table.wrap is not None and not table.images:
+            raise SceneError(self._source, joined(path, "wrap"), "texture, grain or opacity_texture with it", "none")
+        if table.cutoff is not None and table.opacity is None and table.opacity_texture is None:
+            raise SceneError(self._source, joined(path, "cutoff"), "opacity or opacity_texture with it", "none")
         texture = self._texture(table, path, "texture")
         if table.builtin is not None:
             solid = self._solid(table, path)
@@ -128,7 +130,7 @@ class ObjectReader:
         with located(self._source, field):
             if mesh.suffix.lower() in (".glb", ".gltf"):
                 return self._gltf_pieces(mesh, table, path, material, texture)
-            textured = texture is not None or table.grain is not None
+            textured = bool(table.images)
             geometry = self._once((mesh, textured), lambda: self._read(mesh, textured))
             if _wants_colours(table):
                 geometry = self._once((mesh, textured, "colours"), lambda: self._coloured(mesh, geometry))
@@ -159,7 +161,7 @@ class ObjectReader:
                 geometry, notes = read_textured(path)
                 self.notes += notes
                 return geometry
-            instances, _ = read_objects(path)
+            instances, _ = read_objects(path, alpha=True)
             self.notes += [printable(f"{path}: {note}") for instance in instances for note in instance.notes]
             return Geometry(flatten(instances, str(path))[0])
 
@@ -179,7 +181,8 @@ class ObjectReader:
         self, table: ObjectTable, path: str, geometry: Geometry, material: BaseMaterial | None, texture: Texture | None
     ) -> Shape:
         grain = self._texture(table, path, "grain")
-        for field, image in (("texture", texture), ("grain", grain)):
+        alpha = self._alpha(table, path)
+        for field, image in (("texture", texture), ("grain", grain), ("opacity_texture", alpha and alpha.texture)):
             if image is not None and geometry.uv is None:
                 raise SceneError(self._source, joined(path, field), "a mesh with texture coordinates", "one without")
         colours = geometry.colours if _wants_colours(table) else None
@@ -188,14 +191,22 @@ class ObjectReader:
                 self._source, joined(path, "vertex_colors"), "a mesh with colours of vertices", "one without"
             )
         material = material or (NEUTRAL if colours is None else WHITE)
-        key = (geometry, material, texture, grain, table.own_normals, colours is None)
+        key = (geometry, material, texture, grain, table.own_normals, colours is None, alpha, table.material is None)
         if key not in self._shapes:
             mesh = geometry.mesh if table.own_normals else replace(geometry.mesh, normals=None)
+            if alpha or (mesh.opacity and table.material):  # which take the place of the file's own alpha
+                mesh = replace(mesh, opacity=Opacity.uniform(alpha, mesh.faces, geometry.uv) if alpha else None)
             with located(self._source, path):
                 self._shapes[key] = Shape(mesh, material, geometry.uv, texture, grain=grain, colours=colours)
             if geometry.origin:
                 self._origins[id(self._shapes[key])] = geometry.origin
         return self._shapes[key]
+
+    def _alpha(self, table: ObjectTable, path: str) -> AlphaSurface | None:
+        image = self._texture(table, path, "opacity_texture")
+        if image is None and table.opacity is None:
+            return None
+        return AlphaSurface(1.0 if table.opacity is None else table.opacity, image, grey=True, cutoff=table.cutoff)
 
     def _material(self, given: str | dict[str, Any], path: str) -> BaseMaterial:
         if isinstance(given, str):
@@ -207,7 +218,9 @@ class ObjectReader:
         with located(self._source, path):
             return material_from_dict(given)
 
-    def _texture(self, table: ObjectTable, path: str, field: Literal["texture", "grain"]) -> Texture | None:
+    def _texture(
+        self, table: ObjectTable, path: str, field: Literal["texture", "grain", "opacity_texture"]
+    ) -> Texture | None:
         name = getattr(table, field)
         if name is None:
             return None

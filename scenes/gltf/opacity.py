@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -35,7 +36,7 @@ def opacity_of(textures: Textures, primitive: dict[str, Any], faces: Int64s) -> 
     alpha = AlphaSurface(float(np.clip(factor, 0, 1)), texture, cutoff=cutoff)
     corners = _vertex_alpha(textures, primitive)
     corners = None if corners is None else corners[faces]
-    return Opacity(np.zeros(len(faces), np.int64), (alpha,), None if uv is None else uv[faces], corners)
+    return replace(Opacity.uniform(alpha, faces, uv), corners=corners)
 
 
 def _vertex_alpha(textures: Textures, primitive: dict[str, Any]) -> Float64s | None:

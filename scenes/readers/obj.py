@@ -54,11 +54,13 @@ def read_obj(
     return [Instance(name, file.vertices, faces, vertex_normals, None, notes, detail, unread, opacity=opacity)]
 
 
-def read_textured_obj(data: bytes, name: str, source: str) -> tuple[Instance, Float64s, Origin]:
+def read_textured_obj(data: bytes, name: str, source: str, folder: Path) -> tuple[Instance, Float64s, Origin]:
     """All faces of the file with texture coordinates uv (n, 2), v upwards, and which vertices of the file they have.
 
     Every combination of a vertex with a texture coordinate, and with a normal where every face has them, becomes a
-    vertex of its own, so that seams and hard edges stay.
+    vertex of its own, so that seams and hard edges stay. Faces have the alpha of their materials.
+
+    Args: as `read_obj`.
 
     Raises:
         MeshError: as `read_obj`, or a corner without texture coordinates.
@@ -75,5 +77,6 @@ def read_textured_obj(data: bytes, name: str, source: str) -> tuple[Instance, Fl
     triangles = triangulate(file.vertices, file.corners, file.sizes, source)
     own = normals.rows[kinds[:, 2]] if normals else None
     faces = triangles.take(corners.ravel())
-    made = Instance(name, file.vertices[kinds[:, 0]], faces, own, notes=triangles.notes)
+    opacity, notes = obj_opacity(file, folder, triangles)
+    made = Instance(name, file.vertices[kinds[:, 0]], faces, own, notes=triangles.notes + notes, opacity=opacity)
     return made, uv.rows[kinds[:, 1]], Origin(kinds[:, 0], len(file.vertices))

@@ -10,7 +10,19 @@ from rendered import CAMERA, SMALL, box, still_scene
 from ao.cluster.dispatch import IN_FLIGHT
 from ao.cluster.pictures import render_on
 from ao.cluster.session import ClusterSession
-from raytrace import EnvironmentLight, InputError, Lambert, Object, Scene, Settings, Shape, SkyLight, render
+from raytrace import (
+    AlphaSurface,
+    EnvironmentLight,
+    InputError,
+    Lambert,
+    Object,
+    Opacity,
+    Scene,
+    Settings,
+    Shape,
+    SkyLight,
+    render,
+)
 from raytrace.image.texture import Texture
 from raytrace.image.write import write_image
 
@@ -41,6 +53,23 @@ def textured(path):
     return scene.with_obscurance(np.linspace(0, 1, count), bent / np.linalg.norm(bent, axis=1)[:, None])
 
 
+def pierced(path):
+    """The same with alpha: a box that is cut by the texture, and a glass one."""
+    scene = textured(path)
+    first, *boxes = scene.objects
+    cut, glass = (
+        Opacity.uniform(surface, box.shape.mesh.faces, box.shape.uv)
+        for box, surface in zip(
+            boxes, (AlphaSurface(texture=Texture(path), grey=True, cutoff=0.5), AlphaSurface(0.5)), strict=True
+        )
+    )
+    made = [
+        replace(box, shape=replace(box.shape, mesh=replace(box.shape.mesh, opacity=alpha)))
+        for box, alpha in zip(boxes, (cut, glass), strict=True)
+    ]
+    return replace(scene, objects=(first, *made))
+
+
 def still(_):
     return still_scene()
 
@@ -49,6 +78,7 @@ PICTURES = {
     "still": (still, SMALL),
     "gouraud": (still, replace(SMALL, shading="gouraud", obscurance="book")),
     "few samples, cropped": (still, replace(SMALL, samples=2, crop=(19, 7, 50, 40))),
+    "alpha": (pierced, Settings(width=150, height=101, samples=9)),
     "textured": (textured, Settings(width=150, height=101, samples=9)),
 }
 

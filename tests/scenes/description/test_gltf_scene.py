@@ -15,7 +15,7 @@ from scipy.integrate import quad
 
 from raytrace.errors import InputError, MeshError, SceneError
 from raytrace.lights.sources import AmbientLight, DirectionalLight, PointLight, SpotLight
-from raytrace.materials.materials import CookTorrance, Lambert, Strauss
+from raytrace.materials.materials import CookTorrance, Lambert
 from raytrace.materials.reflect import reflect
 from scenes.description.defaults import NEUTRAL
 from scenes.description.gltf_lights import spot_exponent
@@ -231,10 +231,45 @@ def test_emission_unlit_and_transparent(tmp_path):
     unlit = with_material(tmp_path, {"pbrMetallicRoughness": surface, "extensions": {"KHR_materials_unlit": {}}})
     assert unlit == Lambert(albedo=0.0, emission=(0.2, 0.4, 0.6))
     glass = with_material(tmp_path, {"pbrMetallicRoughness": surface, "alphaMode": "BLEND"})
-    assert isinstance(glass, Strauss)
-    assert glass.transparency == 0.75
-    opaque = with_material(tmp_path, {"pbrMetallicRoughness": surface})
-    assert not isinstance(opaque, Strauss)
+    assert glass == with_material(tmp_path, {"pbrMetallicRoughness": surface})
+
+
+def with_alpha(folder, material, colours=None):
+    """The opacity of a textured triangle, whose image has alpha."""
+    builder = triangle()
+    fields = textured(builder, image(1, 2, 3, 4))
+    surface = fields["materials"][0]["pbrMetallicRoughness"]
+    fields["materials"][0] = {"pbrMetallicRoughness": surface | material.pop("surface", {})} | material
+    if colours is not None:
+        attributes = builder.header["meshes"][0]["primitives"][0]["attributes"]
+        attributes["COLOR_0"] = builder.accessor(colours, f"VEC{colours.shape[1]}")
+    return read(folder, builder, [{"mesh": 0}], **fields).scene.objects[0].shape.mesh.opacity
+
+
+def test_alpha_is_the_factors_times_the_textures_times_the_vertices(tmp_path):
+    surface = {"surface": {"baseColorFactor": [1, 1, 1, 0.4]}}
+    assert with_alpha(tmp_path, {**surface}) is None
+    blended = with_alpha(tmp_path, {**surface, "alphaMode": "BLEND"})
+    (alpha,) = blended.surfaces
+    assert (alpha.factor, alpha.cutoff, alpha.grey) == (0.4, None, False)
+    assert alpha.texture.data.startswith(b"\x89PNG")
+    np.testing.assert_array_equal(blended.uv, [[[0, 1], [1, 1], [0, 0]]])
+    assert blended.corners is None
+    assert with_alpha(tmp_path, {"alphaMode": "MASK"}).surfaces[0].cutoff == 0.5
+    rows = np.array([[0, 0, 0, 0.25], [1, 1, 1, 0.5], [0, 0, 0, 1]], "<f4")
+    masked = with_alpha(tmp_path, {"alphaMode": "MASK", "alphaCutoff": 0.1}, rows)
+    assert masked.surfaces[0].cutoff == 0.1
+    np.testing.assert_array_equal(masked.corners, [[0.25, 0.5, 1]])
+    assert with_alpha(tmp_path, {"alphaMode": "BLEND"}, rows[:, :3].copy()).corners is None
+    given = {"diffuseFactor": [1, 1, 1, 0.3]}
+    glossy = with_alpha(tmp_path, {"alphaMode": "BLEND", "extensions": {"KHR_materials_pbrSpecularGlossiness": given}})
+    assert (glossy.surfaces[0].factor, glossy.surfaces[0].texture) == (0.3, None)
+
+
+@pytest.mark.parametrize(("key", "value"), [("alphaMode", "SOME"), ("alphaCutoff", 1.5), ("alphaCutoff", float("nan"))])
+def test_alpha_that_is_none_is_one_line(tmp_path, key, value):
+    with pytest.raises(MeshError, match=rf"scene.glb: materials\[0\].{key}: expected"):
+        with_alpha(tmp_path, {"alphaMode": "MASK"} | {key: value})
 
 
 def test_text_gltf(tmp_path):
