@@ -153,7 +153,7 @@ def bake(
     debug_image: Annotated[Path | None, typer.Option(help="Also write an image that marks flagged vertices.")] = None,
     up: Annotated[
         choices.Up | None,
-        typer.Option(help="With --debug-image or .html: the up axis, by default y, for STL and 3MF z."),
+        typer.Option(help="With --debug-image, .html, .ply or .glb: the up axis, by default what the file says, or y."),
     ] = None,
     resume: Annotated[
         bool, typer.Option("--resume", help="Continue an interrupted bake, or batch, to this output.")
@@ -292,7 +292,7 @@ def view(
         Path | None, typer.Option("--output", "-o", help="The page, .html; by default beside RESULT, with its name.")
     ] = None,
     mesh: Annotated[Path | None, typer.Option(help="The mesh file that a .npz or .npy belongs to.")] = None,
-    up: Annotated[choices.Up | None, typer.Option(help="Up axis, by default y, for STL and 3MF z.")] = None,
+    up: Annotated[choices.Up | None, typer.Option(help="Up axis at first, by default what it says, or y.")] = None,
     open_: Annotated[bool, typer.Option("--open", help="Open it in the browser.")] = False,
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="No summary.")] = False,
 ) -> None:
@@ -387,7 +387,7 @@ def render(
     alpha: Annotated[choices.Alpha, typer.Option(help="auto: as the file has it; ignore: faces are opaque.")] = "auto",
     shadows: Annotated[bool | None, typer.Option("--shadows/--no-shadows", help="Trace shadow rays.")] = None,
     up: Annotated[
-        choices.Up | None, typer.Option(help="Up axis of a mesh file, by default y, for STL and 3MF z.")
+        choices.Up | None, typer.Option(help="Up axis of a mesh file, by default what it says, or y.")
     ] = None,
     crop: Annotated[str | None, typer.Option(metavar="X,Y,W,H", help="Render only these pixels.")] = None,
     seed: Annotated[int | None, typer.Option(help="Random seed of the pixel samples.")] = None,

@@ -13,6 +13,7 @@ from .kernel.arrays import product
 from .mesh.convert import mesh_of
 from .mesh.mesh import Mesh
 from .mesh.normals import normalize
+from .mesh.up import FROM, UP, up_axis
 from .system.parameters import Number, Parameters, Point
 from .types import Float64s
 
@@ -57,8 +58,8 @@ class Camera(Parameters, kw_only=False, source="camera"):
     def framing(
         cls,
         mesh: Mesh | Any,
-        direction: Vector,
-        up: Vector = (0.0, 0.0, 1.0),
+        direction: Vector | None = None,
+        up: Vector | None = None,
         aspect: float = 1.0,
         field_of_view: float = 35.0,
     ) -> Camera:
@@ -66,12 +67,14 @@ class Camera(Parameters, kw_only=False, source="camera"):
 
         Args:
             mesh: in any form that `ao.bake` takes.
-            direction: (3,), from the centre to the camera.
-            up: (3,), as `Camera` has it.
+            direction: (3,), from the centre to the camera; by default from the front, the right and above.
+            up: (3,), as `Camera` has it; by default what is up in the mesh, y unless it says otherwise.
             aspect: width over height of the picture.
             field_of_view: vertical, in degrees.
         """
         mesh = mesh_of(mesh, "camera")
+        up = UP[up_axis(mesh)] if up is None else up
+        direction = FROM.get((up[0], up[1], up[2])) if direction is None else direction
         towards = numbers(direction, "camera", "direction", "three numbers")
         if towards.shape != (3,):
             raise OptionError("direction", "three numbers", direction, "camera")

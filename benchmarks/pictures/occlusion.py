@@ -19,7 +19,7 @@ from benchmarks.pictures.browser import missing, shown
 from raytrace import AmbientLight, DirectionalLight, Scene, Settings, render
 from raytrace.image.write import write_image
 from raytrace.types import Float32s
-from scenes.description.defaults import Z_UP, framing
+from scenes.description.defaults import framing
 from scenes.description.gltf_scene import gltf_objects
 from scenes.geometry.builtin_shapes import Temple
 from scenes.readers.load import MeshFile
@@ -40,7 +40,7 @@ def pictures(folder: Path) -> tuple[list[Float32s], list[Float32s]]:
     files = [folder / f"{name}.glb" for name in FILES]
     for file, options in zip(files, FILES.values(), strict=True):
         write(file, baked, source, **options)
-    camera = framing(mesh, Z_UP, WIDTH, HEIGHT)
+    camera = framing(mesh, None, WIDTH, HEIGHT)
     lights = {"ambient": AMBIENT, "sun": SUN, "towards_sun": TOWARDS_SUN, "background": BACKGROUND}
     theirs = shown(files, camera, (WIDTH, HEIGHT), **lights)
     objects, *_ = gltf_objects(files[1])

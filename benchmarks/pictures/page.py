@@ -21,7 +21,7 @@ from benchmarks.pictures.chromium import MISSING, Browser, browser
 from raytrace import Camera, Mesh, render
 from raytrace.image.compare import compare
 from raytrace.image.write import write_image
-from scenes.description.defaults import Z_UP, Vector, up_axis
+from raytrace.mesh.up import UP, up_axis
 from scenes.geometry.temple import temple
 from scenes.page.document import html_of_bakes
 from scenes.page.encode import Values
@@ -45,7 +45,7 @@ def opened(tab: Browser, page: Path, address: str = "", size: tuple[int, int] = 
     tab.wait("document.documentElement.dataset.firstPicture")
 
 
-def flip(tab: Browser, mesh: Mesh, bake: ao.Bake, up: Vector, folder: Path) -> float:
+def flip(tab: Browser, mesh: Mesh, bake: ao.Bake, folder: Path) -> float:
     """FLIP of a page's first picture from our own of the same view."""
     (folder / "page.png").write_bytes(tab.screenshot("view"))
     tab.run("document.getElementById('view').focus()")
@@ -53,20 +53,20 @@ def flip(tab: Browser, mesh: Mesh, bake: ao.Bake, up: Vector, folder: Path) -> f
     tab.run("new Promise((done) => setTimeout(done, 300))")
     address = dict(part.split("=") for part in tab.run("location.hash")[1:].split("&"))
     numbers = {name: address[name].split(",") for name in ("position", "target")}
-    camera = Camera(**numbers, up=up, field_of_view=FIELD_OF_VIEW)
+    camera = Camera(**numbers, up=UP[up_axis(mesh)], field_of_view=FIELD_OF_VIEW)
     width, height = _SIZE[0] - _PANEL, _SIZE[1]
     frame = render(clay_scene(mesh, bake.w, camera), camera, clay_settings(width, height), layers=False)
     write_image(folder / "ours.png", frame.layers["beauty"][..., :3])
     return compare(folder / "ours.png", folder / "page.png").flip
 
 
-def measure(mesh: Mesh, up: Vector, rounds: int) -> None:
+def measure(mesh: Mesh, rounds: int) -> None:
     """Print the figures of a mesh's page."""
     bake = ao.bake(mesh, samples=256)
     with tempfile.TemporaryDirectory() as name, browser() as tab:
         folder = Path(name)
         start = time.perf_counter()
-        content = html_of_bakes(mesh, [known(bake, mesh.source)], mesh.source, up)
+        content = html_of_bakes(mesh, [known(bake, mesh.source)], mesh.source)
         written = time.perf_counter() - start
         page = folder / "page.html"
         page.write_bytes(content)
@@ -74,7 +74,7 @@ def measure(mesh: Mesh, up: Vector, rounds: int) -> None:
         for _ in range(rounds):
             opened(tab, page)
             seconds.append(int(tab.run("document.documentElement.dataset.firstPicture")) / 1000)
-        away = flip(tab, mesh, bake, up, folder)
+        away = flip(tab, mesh, bake, folder)
     print(f"{mesh.source}: {len(mesh.vertices):,} vertices, {len(mesh.faces):,} faces")
     print(f"page {len(content) / 1e6:.2f} MB, made in {written:.2f} s")
     spread = f"{min(seconds):.2f} to {max(seconds):.2f}"
@@ -90,8 +90,8 @@ def take_pictures(folder: Path) -> None:
     bakes = known(ao.bake(mesh), "exponential"), known(ao.bake(mesh, ao.Binary()), "binary")
     with tempfile.TemporaryDirectory() as name, browser() as tab:
         page, both = Path(name) / "temple.html", Path(name) / "both.html"
-        page.write_bytes(html_of_bakes(mesh, bakes[:1], "temple.npz", Z_UP))
-        both.write_bytes(html_of_bakes(mesh, bakes, "exponential.npz and binary.npz", Z_UP))
+        page.write_bytes(html_of_bakes(mesh, bakes[:1], "temple.npz"))
+        both.write_bytes(html_of_bakes(mesh, bakes, "exponential.npz and binary.npz"))
         for mode in ("clay", "error", "flags"):
             opened(tab, page, f"#mode={mode}&vertex=2000", _SMALL)
             (folder / f"{mode}.png").write_bytes(tab.screenshot())
@@ -117,9 +117,9 @@ def main() -> None:
     if options.pictures:
         take_pictures(options.pictures)
     elif options.mesh:
-        measure(load(options.mesh).mesh, up_axis(options.mesh), options.rounds)
+        measure(load(options.mesh).mesh, options.rounds)
     else:
-        measure(temple(), Z_UP, options.rounds)
+        measure(temple(), options.rounds)
 
 
 if __name__ == "__main__":

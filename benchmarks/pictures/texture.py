@@ -15,7 +15,7 @@ from benchmarks import ROOT
 from raytrace import AmbientLight, Scene, Settings, render
 from raytrace.image.write import write_image
 from raytrace.types import Float32s
-from scenes.description.defaults import Z_UP, framing
+from scenes.description.defaults import framing
 from scenes.description.gltf_scene import gltf_objects
 from scenes.geometry.builtin_shapes import Temple
 from scenes.readers.load import MeshFile
@@ -35,7 +35,7 @@ def main() -> None:
         file.write_bytes(textured_glb(MeshFile.of(mesh), [baked])[0])
         objects, *_ = gltf_objects(file)
         scene = Scene(objects, (AmbientLight(intensity=(0.9,) * 3),), (0.2, 0.25, 0.3))
-        picture = render(scene, framing(mesh, Z_UP, WIDTH, HEIGHT), Settings(WIDTH, HEIGHT)).layers["beauty"][..., :3]
+        picture = render(scene, framing(mesh, None, WIDTH, HEIGHT), Settings(WIDTH, HEIGHT)).layers["beauty"][..., :3]
     covered = np.where(baked.covered, baked.w, 0.0)
     write_image(TARGET, np.concatenate([_small(covered), _small(baked.w), picture], axis=1).clip(0, 1))
     print(TARGET, baked, baked.facts)

@@ -12,6 +12,7 @@ import numpy.typing as npt
 from ..errors import MeshError
 from ..types import Float64s, Int64s
 from .opacity import Opacity
+from .up import UP
 
 LARGEST = 5e153  # squares of coordinates and their differences don't overflow
 
@@ -25,17 +26,19 @@ class Mesh:
         faces: int64 (m, 3), m ≥ 1, indices into `vertices`. Degenerate and doubled faces are allowed.
         normals: float64 (n, 3), the source's own vertex normals of any length (zero or NaN: none there), or None.
         source: what to call this mesh in messages, a file name for instance.
+        up: "x", "y", "z", "-x", "-y" or "-z", the axis that is up if the source tells it; None is shown as "y".
         opacity: alpha of the faces, or None: all are opaque.
 
     Raises:
         MeshError: an array has a wrong shape or type, is empty, has coordinates that are not finite or too
-            large, or indices out of range; or `opacity` is of another number of faces.
+            large, or indices out of range; `up` is no axis; or `opacity` is of another number of faces.
     """
 
     vertices: Float64s
     faces: Int64s
     normals: Float64s | None = None
     source: str = field(default="mesh", kw_only=True)
+    up: str | None = field(default=None, kw_only=True)
     opacity: Opacity | None = field(default=None, kw_only=True)
 
     def __post_init__(self) -> None:
@@ -60,6 +63,8 @@ class Mesh:
             if len(normals) != len(self.vertices):
                 raise MeshError(self.source, "normals", f"one per vertex ({len(self.vertices)})", len(normals))
             object.__setattr__(self, "normals", normals)
+        if self.up is not None and self.up not in UP:
+            raise MeshError(self.source, "up", "one of " + ", ".join(UP), repr(self.up))
         if self.opacity is not None:
             faces = len(self.opacity.of) if isinstance(self.opacity, Opacity) else repr(self.opacity)
             if faces != len(self.faces):

@@ -220,6 +220,9 @@ class MeshBake(ABC):
         """Bake and write, one output after the other. Raises: as `run`."""
 
 
+_STANDING = (".html", ".ply", ".glb")
+
+
 @dataclass(frozen=True, kw_only=True)
 class BakeCommand(MeshBake):
     """A bake to vertices."""
@@ -299,10 +302,9 @@ class BakeCommand(MeshBake):
         if self.report:
             self._write_report(self.report, baked, (inputs, seconds, warnings))
         if self.debug_image:
-            from ..description.defaults import up_axis
             from .flag_image import write_marked
 
-            write_marked(self.debug_image, source.mesh, baked, up_axis(self.mesh, self.up))
+            write_marked(self.debug_image, source.mesh, baked, self.up)
         yield Written(bake_summary(baked, self.output) + alpha_summary((fine or source).mesh), warnings)
 
     def check_own(self) -> None:
@@ -320,8 +322,9 @@ class BakeCommand(MeshBake):
 
             with named("debug_image"):
                 check_image_target(self.debug_image, layers=("beauty",))
-        if self.up and not self.debug_image and ".html" not in (_ending(self.output), _ending(self.report)):
-            raise OptionError("up", "--debug-image or an .html with it; w does not depend on it", "none")
+        if self.up and not self.debug_image and not {_ending(self.output), _ending(self.report)} & set(_STANDING):
+            standing = ", ".join(_STANDING)
+            raise OptionError("up", f"--debug-image or {standing} with it; w does not depend on it", "none")
 
     def outputs(self) -> dict[str, Path | None]:
         return {"--output": self.output, "--report": self.report, "--debug-image": self.debug_image}
@@ -351,13 +354,12 @@ class BakeCommand(MeshBake):
         """Args: made: what was read, the seconds it took, and warnings."""
         from ao.report import report
 
-        from ..description.defaults import up_axis
         from ..report.complete import complete, write_report
 
         def pictures() -> list[list[Picture]]:
             from ..report.pictures import pictures_of_vertices
 
-            return [pictures_of_vertices(baked.mesh, baked.w, baked.error, up_axis(self.mesh, self.up))]
+            return [pictures_of_vertices(baked.mesh, baked.w, baked.error, self.up)]
 
         inputs, seconds, warnings = made
         options = self.described()

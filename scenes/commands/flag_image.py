@@ -11,7 +11,7 @@ from raytrace import AmbientLight, Camera, Lambert, Mesh, Object, Scene, Setting
 from raytrace.image.write import write_image
 from raytrace.types import Float32s, Float64s
 
-from ..description.defaults import Z_UP, Vector, framing
+from ..description.defaults import framing
 
 COLOURS = {
     ao.Flag.UNREFERENCED: (0.1, 0.3, 1.0),
@@ -26,8 +26,8 @@ COLOURS = {
 _WIDTH, _HEIGHT, _DOT = 960, 720, 2
 
 
-def write_marked(target: Path, mesh: Mesh, baked: ao.Bake, up: Vector = Z_UP) -> None:
-    """Write the mesh in ambient light times w, with a dot on each flagged vertex. Args: up: one of `studio.UP`.
+def write_marked(target: Path, mesh: Mesh, baked: ao.Bake, up: str | None = None) -> None:
+    """Write the mesh in ambient light times w, with a dot on each flagged vertex. Args: up: in place of `Mesh.up`.
 
     Raises:
         OptionError: not the ending of a picture. OutputError: the file cannot be written.

@@ -18,7 +18,7 @@ from ..gltf.textures import Textures
 from ..gltf.vertex_colours import vertex_colours
 from ..readers.load import mesh_errors, read_objects
 from . import gltf_camera, gltf_lights
-from .defaults import BACKGROUND, framing, three_lights, up_axis
+from .defaults import BACKGROUND, framing, three_lights
 from .description import SceneDescription
 from .gltf_materials import Materials
 
@@ -40,8 +40,7 @@ def read_gltf(path: Path, settings: Settings, up: str | None = None) -> SceneDes
         lights = gltf_lights.lights(asset.header, world, path)
         if camera and up is not None:
             raise OptionError("--up", "a file without a camera", f"{path}, which has one")
-        axis = up_axis(path, up)
-        camera = camera or framing(Scene(objects).flattened(), axis, settings.width, settings.height)
+        camera = camera or framing(Scene(objects).flattened(), up, settings.width, settings.height)
     scene = Scene(objects, lights or three_lights(camera), BACKGROUND)
     return SceneDescription(scene, camera, settings, files=asset.files, notes=notes)
 

@@ -9,7 +9,7 @@ from raytrace import Object, OptionError, Scene, Settings, Shape
 
 from ..readers.load import load, mesh_errors
 from ..readers.vertex_colors import vertex_colors
-from .defaults import BACKGROUND, NEUTRAL, WHITE, framing, three_lights, up_axis
+from .defaults import BACKGROUND, NEUTRAL, WHITE, framing, three_lights
 from .description import SceneDescription
 from .gltf_scene import read_gltf
 from .toml_scene import read_toml
@@ -20,14 +20,14 @@ def read_scene(
 ) -> SceneDescription:
     """A scene by the file's ending: `.toml` (docs/scenes.md), `.glb` or `.gltf`, or any other mesh alone.
 
-    A mesh alone is matt, in the colours of its vertices or grey, framed whole, under three lights; its y is up, or z if
-    it is STL or 3MF, formats of construction and printing where z is. One baked file of the mesh fits it: vertices stay
+    A mesh alone is matt, in the colours of its vertices or grey, framed whole, under three lights; what is up in it
+    (`Mesh.up`) is up. One baked file of the mesh fits it: vertices stay
     as they are.
 
     Args:
         path: the file.
         size: width and height of the picture in pixels in place of the file's own; automatic framing goes by it.
-        up: "x", "y" or "z", the axis that is up in a file that says nothing of it: where it is seen and lit from.
+        up: "x", "y", "z", "-x", "-y" or "-z" in place of `Mesh.up`: where a mesh file is seen and lit from.
 
     Raises:
         SceneError: a fault of a scene file, with the path of the value.
@@ -47,6 +47,6 @@ def read_scene(
     with mesh_errors(path):
         colours, notes = vertex_colors(path)
     objects = (Object(Shape(source.mesh, NEUTRAL if colours is None else WHITE, colours=colours), name=path.stem),)
-    camera = framing(source.mesh, up_axis(path, up), settings.width, settings.height)
+    camera = framing(source.mesh, up, settings.width, settings.height)
     lit = Scene(objects, three_lights(camera), BACKGROUND)
     return SceneDescription(lit, camera, settings, files=source.files, notes=(*source.notes, *notes))

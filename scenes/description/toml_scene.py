@@ -14,6 +14,7 @@ import numpy as np
 from ao.options import Options
 from raytrace import Camera, Scene, Settings, light_from_dict
 from raytrace.errors import OptionError, SceneError
+from raytrace.mesh.up import FROM, UP
 from raytrace.system.faults import fields_of
 from raytrace.system.inputs import check_regular
 
@@ -21,7 +22,7 @@ from ..falloffs import make_falloff, table_of
 from ..field_errors import check_keys, located, shown
 from ..readers.stored_w import ENDINGS
 from ..safe_paths import confined
-from .defaults import FROM, Z_UP, three_lights
+from .defaults import three_lights
 from .description import SceneDescription, Source
 from .schema import CameraTable, Document, ObscuranceTable, parse_document
 from .toml_objects import ObjectReader, named_materials
@@ -146,10 +147,10 @@ def _camera(table: CameraTable, scene: Scene, settings: Settings, path: Path) ->
             if "direction" in values:
                 raise SceneError(path, "camera.direction", "either direction, or position and target", "both")
             return Camera(**values)
-        direction = values.pop("direction", FROM[Z_UP])
+        direction = values.pop("direction", FROM[UP["z"]])
         if not any(direction):
             raise SceneError(path, "camera.direction", "a vector other than zero", list(direction))
         aspect = settings.width / settings.height
-        view = {name: values.pop(name) for name in ("up", "field_of_view") if name in values}
+        view = {"up": UP["z"]} | {name: values.pop(name) for name in ("up", "field_of_view") if name in values}
         with np.errstate(over="ignore", invalid="ignore"):
             return replace(Camera.framing(scene.flattened(), direction, aspect=aspect, **view), **values)

@@ -35,6 +35,7 @@ class Instance:
         unread: what the file holds and nobody reads, in words.
         w: (n,) obscurance that a bake has left in the file, unchecked, or None.
         opacity: alpha of the faces, or None.
+        up: the axis that is up, as far as the file or its format tells (`Mesh.up`).
     """
 
     name: str
@@ -47,6 +48,7 @@ class Instance:
     unread: tuple[str, ...] = ()
     w: npt.NDArray[Any] | None = None
     opacity: Opacity | None = None
+    up: str | None = None
 
     @property
     def is_flattened(self) -> bool:
@@ -133,13 +135,14 @@ def flatten(instances: Sequence[Instance], source: str) -> tuple[Mesh, tuple[Par
     """
     parts = []
     vertex = face = 0
+    up = instances[0].up if instances else None
     for placed in instances:
         vertex_end, face_end = vertex + len(placed.vertices), face + len(placed.faces)
         parts.append(Part(placed.name, slice(vertex, vertex_end), slice(face, face_end)))
         vertex, face = vertex_end, face_end
     if len(instances) == 1 and instances[0].matrix is None:
         only = instances[0]
-        return Mesh(only.vertices, only.faces, only.normals, source=source, opacity=only.opacity), tuple(parts)
+        return Mesh(only.vertices, only.faces, only.normals, source=source, up=up, opacity=only.opacity), tuple(parts)
     vertices = np.empty((vertex, 3))
     faces = np.empty((face, 3), dtype=np.int64)
     has_normals = any(placed.normals is not None for placed in instances)
@@ -148,7 +151,7 @@ def flatten(instances: Sequence[Instance], source: str) -> tuple[Mesh, tuple[Par
         _place(placed, part, vertices, faces, normals, source)
     turned = [each.opacity.reversed() if each.opacity and _is_mirrored(each) else each.opacity for each in instances]
     opacity = Opacity.joined(turned, [len(placed.faces) for placed in instances])
-    return Mesh(vertices, faces, normals, source=source, opacity=opacity), tuple(parts)
+    return Mesh(vertices, faces, normals, source=source, up=up, opacity=opacity), tuple(parts)
 
 
 def _is_mirrored(placed: Instance) -> bool:

@@ -32,7 +32,7 @@ def menger(level: int, size: float, cuts: int) -> Mesh:
             faces.append(square[:, [[0, 1, 2], [0, 2, 3]]].reshape(-1, 3) + start)
             normals.append(np.tile(side * np.eye(3)[axis], (len(key), 1)))
             start += len(key)
-    return Mesh(np.concatenate(vertices), np.concatenate(faces), np.concatenate(normals), source="sponge")
+    return Mesh(np.concatenate(vertices), np.concatenate(faces), np.concatenate(normals), source="sponge", up="z")
 
 
 def _solid(level: int) -> Bools:

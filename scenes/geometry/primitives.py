@@ -45,7 +45,7 @@ def merge(pieces: Sequence[Geometry], source: str) -> Geometry:
     starts = np.cumsum([0] + [len(mesh.vertices) for mesh in meshes[:-1]])
     faces = np.concatenate([mesh.faces + start for mesh, start in zip(meshes, starts, strict=True)])
     normals = np.concatenate([mesh.normals for mesh in meshes if mesh.normals is not None])
-    mesh = Mesh(np.concatenate([mesh.vertices for mesh in meshes]), faces, normals, source=source)
+    mesh = Mesh(np.concatenate([mesh.vertices for mesh in meshes]), faces, normals, source=source, up="z")
     return Geometry(mesh, np.concatenate([piece.uv for piece in pieces if piece.uv is not None]))
 
 
@@ -138,4 +138,6 @@ def _patch(
     faces = np.stack([np.stack([a, b, c], -1), np.stack([a, c, d], -1)], axis=2).reshape(-1, 3)
     corners = points[faces]
     distinct = (corners != np.roll(corners, 1, axis=1)).any(axis=2).all(axis=1)
-    return Geometry(Mesh(points, faces[distinct], normals, source=name), np.stack([s.ravel(), t.ravel()], axis=-1))
+    return Geometry(
+        Mesh(points, faces[distinct], normals, source=name, up="z"), np.stack([s.ravel(), t.ravel()], axis=-1)
+    )

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from raytrace.mesh.up import TO_Y_UP
 from raytrace.types import Float64s
 
 from ..geometry.instances import world_matrices
@@ -35,6 +36,17 @@ def node_matrices(header: dict[str, Any]) -> dict[int, Float64s]:
         stack.extend((number, child) for child in reversed(nodes[number].get("children", [])))
     world = world_matrices(edges, -1)
     return {edge["frame_to"]: world[edge["frame_to"]] for edge in edges}
+
+
+def stand(header: dict[str, Any], up: str) -> None:
+    """Put the roots of the default scene below a node that turns `up` to y, glTF's up axis, if it is another."""
+    if up == "y":
+        return
+    matrix = np.eye(4)
+    matrix[:3, :3] = TO_Y_UP[up]
+    nodes = header["nodes"]
+    nodes.append({"name": f"{up} up", "matrix": matrix.T.ravel().tolist(), "children": roots(header)})
+    header.setdefault("scenes", [{}])[header.setdefault("scene", 0)]["nodes"] = [len(nodes) - 1]
 
 
 def _local(node: dict[str, Any]) -> Float64s:

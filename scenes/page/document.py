@@ -14,9 +14,9 @@ import numpy.typing as npt
 
 from raytrace import Mesh, OptionError
 from raytrace.errors import check_type, printable
+from raytrace.mesh.up import FROM, UP, up_axis
 from raytrace.types import AnyFloats
 
-from ..description.defaults import FROM, Y_UP, Vector
 from .encode import Values, encoded
 from .look import FLAGS, described
 
@@ -31,7 +31,7 @@ def html_page(
     flags: npt.NDArray[Any] | None = None,
     bent_normals: AnyFloats | None = None,
     title: str | None = None,
-    up: Vector = Y_UP,
+    up: str | None = None,
 ) -> bytes:
     """A page that shows one bake in a browser, UTF-8: the same input gives the same bytes.
 
@@ -42,7 +42,7 @@ def html_page(
         flags: (n,), bits of `ao.Flag`.
         bent_normals: (n, 3).
         title: by default what the mesh is called.
-        up: the axis that is upwards, one of `scenes.description.defaults.UP`.
+        up: "x", "y", "z", "-x", "-y" or "-z", the axis that is upwards at first, in place of `mesh.up`.
 
     Raises:
         OptionError: values of a wrong shape or out of range, or another axis.
@@ -51,11 +51,11 @@ def html_page(
     return html_of_bakes(mesh, [Values(w, error, flags, bent_normals, name)], name, up)
 
 
-def html_of_bakes(mesh: Mesh, bakes: Sequence[Values], title: str, up: Vector = Y_UP) -> bytes:
+def html_of_bakes(mesh: Mesh, bakes: Sequence[Values], title: str, up: str | None = None) -> bytes:
     """A page that shows one bake of a mesh, or two with a slider between: UTF-8, the same input gives the same bytes.
 
     Args:
-        bakes: one or two. up: one of `scenes.description.defaults.UP`.
+        bakes: one or two. up: as `html_page`.
 
     Raises:
         OptionError: another number of bakes, values of a wrong shape or out of range, or another axis.
@@ -63,12 +63,10 @@ def html_of_bakes(mesh: Mesh, bakes: Sequence[Values], title: str, up: Vector = 
     check_type(mesh, Mesh, "page", "mesh", "a raytrace.Mesh")
     if not 1 <= len(bakes) <= 2:
         raise OptionError("bakes", "one or two", len(bakes), "page")
-    up = tuple(up)  # type: ignore[assignment]
-    if up not in FROM:
-        raise OptionError("up", "one of " + ", ".join(map(str, FROM)), up, "page")
+    standing = {"up": up_axis(mesh, up), "ups": {name: [axis, FROM[axis]] for name, axis in UP.items()}}
     checked = [bake.checked(len(mesh.vertices)) for bake in bakes]
     facts, data = encoded(mesh, checked)
-    facts |= {"title": printable(title), "up": up, "from": FROM[up], "look": described(), "flags": list(FLAGS.items())}
+    facts |= {"title": printable(title), **standing, "look": described(), "flags": list(FLAGS.items())}
     style, script = _part("page.css"), "\n".join(_part(name) for name in _SCRIPTS)
     shaders = "\n".join(f'<script type="x-shader" id="{name}">\n{_part(name)}</script>' for name in _SHADERS)
     holes = {

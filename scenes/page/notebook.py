@@ -6,7 +6,6 @@ import html
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from ..description.defaults import Z_UP, up_axis
 from .document import html_page
 
 if TYPE_CHECKING:
@@ -18,12 +17,11 @@ _MOST = 250_000  # vertices; a notebook keeps some 10 bytes of each
 def framed_page(bake: Bake) -> str | None:
     """The page in an `iframe`, or None of a mesh too large to be kept in a notebook, which then shows a picture.
 
-    A mesh of a file stands as its format has it, one made in memory with z upwards.
+    It stands as `Mesh.up` says, with y upwards if it says nothing.
     """
-    mesh, source = bake.mesh, Path(bake.mesh.source)
+    mesh = bake.mesh
     if len(mesh.vertices) > _MOST:
         return None
-    up = up_axis(source) if source.suffix else Z_UP
-    page = html_page(mesh, bake.w, bake.error, bake.flags, bake.bent_normals, source.name, up)
+    page = html_page(mesh, bake.w, bake.error, bake.flags, bake.bent_normals, Path(mesh.source).name)
     content = html.escape(page.decode())
     return f'<iframe srcdoc="{content}" width="100%" height="480" style="border: 0"></iframe>'

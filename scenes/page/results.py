@@ -10,7 +10,8 @@ import numpy as np
 from raytrace import Mesh, OptionError
 from raytrace.errors import SceneError
 from raytrace.image.texture import Texture, texture_codes
-from raytrace.types import UInt8s
+from raytrace.mesh.up import TO_Y_UP, up_axis
+from raytrace.types import Float64s, UInt8s
 
 from ..gltf.container import primitives
 from ..gltf.occlusion import RAMP, image_name, occlusion_reference
@@ -93,12 +94,18 @@ def _codes(texture: Texture, strength: float) -> UInt8s:
     return np.rint(255 * np.clip(1 + strength * (codes[..., 0] / most - 1), 0, 1)).astype(np.uint8)
 
 
+def _upright(mesh: Mesh) -> Float64s:
+    """Vertices turned so that y is up, as a .glb places them."""
+    return mesh.vertices @ np.transpose(TO_Y_UP[up_axis(mesh)])
+
+
 def _check_same(mesh: Mesh, other: Mesh, path: Path) -> None:
     """Raises: SceneError: not the same vertices and faces."""
     if other.vertices.shape != mesh.vertices.shape:
         expected, got = f"the {len(mesh.vertices):,} of {mesh.source}", f"{len(other.vertices):,}"
         raise SceneError(path, "vertices", expected, got)
-    moved = float(np.abs(other.vertices - mesh.vertices).max())
+    pairs = (mesh.vertices, other.vertices), (_upright(mesh), _upright(other))
+    moved = min(float(np.abs(one - two).max()) for one, two in pairs)
     if moved > _MOVED * mesh.radius:
         raise SceneError(path, "vertices", f"those of {mesh.source}", f"others, up to {moved:.3g} away")
     if not np.array_equal(other.faces, mesh.faces):

@@ -9,7 +9,6 @@ from raytrace.errors import printable
 from raytrace.system.atomic import atomic_write
 from raytrace.system.outputs import check_ending, check_outputs
 
-from ..description.defaults import up_axis
 from .document import html_of_bakes
 from .results import check_results, read_results
 
@@ -21,7 +20,7 @@ def view_results(
 
     Args:
         output: by default beside `result` and with its name. mesh: what `.npy` and `.npz` belong to.
-        up: "x", "y", "z" or by the mesh's format. show: open it in a browser.
+        up: in place of `Mesh.up`. show: open it in a browser.
 
     Raises:
         OptionError: a name of another kind of file. OutputError: the page cannot be written.
@@ -36,7 +35,7 @@ def view_results(
     read = read_results(results, mesh)
     check_outputs({"--output": target}, read.files)
     title = " and ".join(path.name for path in results)
-    page = html_of_bakes(read.mesh, read.bakes, title, up_axis(mesh or result, up))
+    page = html_of_bakes(read.mesh, read.bakes, title, up)
     with atomic_write(target) as file:
         file.write(page)
     if show:

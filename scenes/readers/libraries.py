@@ -63,6 +63,7 @@ def _collada(file: BinaryIO, path: Path) -> list[Instance]:
     from collada.triangleset import TriangleSet
 
     content = Collada(file, ignore=[DaeError])
+    up = str(content.assetInfo.upaxis or "y")[0].lower()
     made, rows = [], 0
     for placed in content.scene.objects("geometry") if content.scene else ():
         shape = placed.original
@@ -79,7 +80,8 @@ def _collada(file: BinaryIO, path: Path) -> list[Instance]:
             check_copies(rows, file.seek(0, os.SEEK_END), path)
             cut = triangulate(vertices, corners, sizes, str(path))
             matrix = np.asarray(placed.matrix, np.float64)
-            made.append(Instance(str(shape.name or shape.id), vertices, cut.take(corners), None, matrix, cut.notes))
+            name, faces = str(shape.name or shape.id), cut.take(corners)
+            made.append(Instance(name, vertices, faces, None, matrix, cut.notes, up=up))
     return made
 
 

@@ -18,6 +18,7 @@ import numpy as np
 import numpy.typing as npt
 
 from raytrace.errors import MeshError
+from raytrace.mesh.up import UP
 from raytrace.types import Float64s, Int64s
 
 from ..geometry.elements import Element, Property
@@ -36,6 +37,7 @@ AXES = ("x", "y", "z")
 INDICES = ("vertex_indices", "vertex_index")
 _END = re.compile(rb"^end_header[ \t\r]*\n", re.MULTILINE)
 COUNT = "number of "
+UP_COMMENT = "comment up "  # of files of ours, and an axis
 
 Columns = dict[str, npt.NDArray[Any]]
 Lists = dict[str, tuple[npt.NDArray[Any], Int64s]]  # all values, and how many each row has
@@ -97,9 +99,11 @@ def read_ply(data: bytes, name: str, source: str, keep: bool = False) -> list[In
         raise MeshError(source, "elements", "one of vertices", "none")
     corners = _whole(corners)
     triangles = triangulate(vertices, corners, sizes, source)
-    comments = tuple(" ".join(line) for line in header if line[:1] in (["comment"], ["obj_info"])) if keep else ()
+    comments = ply_comments(header)
+    ups = [line.removeprefix(UP_COMMENT) for line in comments if line.startswith(UP_COMMENT)]
+    up = ups[0] if ups and ups[0] in UP else None
     detail = ply_detail(tuple(stored), comments, corners, sizes, triangles) if keep else None
-    return [Instance(name, vertices, triangles.take(corners), normals, None, triangles.notes, detail, w=w)]
+    return [Instance(name, vertices, triangles.take(corners), normals, None, triangles.notes, detail, w=w, up=up)]
 
 
 def _stored(
@@ -134,6 +138,11 @@ def ply_header(data: bytes) -> tuple[list[list[str]], str, int]:
     if len(formats) != 1 or formats[0] not in ORDERS:
         raise ValueError("no format of a PLY file")
     return lines, formats[0], end.end()
+
+
+def ply_comments(lines: list[list[str]]) -> tuple[str, ...]:
+    """The lines of a header that are comments or information about the object."""
+    return tuple(" ".join(line) for line in lines if line[:1] in (["comment"], ["obj_info"]))
 
 
 def ply_elements(lines: list[list[str]]) -> list[PlyElement]:

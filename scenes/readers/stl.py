@@ -40,7 +40,7 @@ def read_stl(data: bytes, name: str, source: str) -> list[Instance]:
 
 
 def _instance(name: str, vertices: np.ndarray) -> Instance:
-    return Instance(name, vertices, np.arange(len(vertices)).reshape(-1, 3))
+    return Instance(name, vertices, np.arange(len(vertices)).reshape(-1, 3), up="z")
 
 
 def _solids(text: str, source: str) -> list[tuple[str, np.ndarray]]:

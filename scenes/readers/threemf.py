@@ -105,7 +105,7 @@ def read_3mf(file: BinaryIO, source: str) -> list[Instance]:
         key, matrix = stack.pop()
         item = objects[key]
         if item.faces:
-            placed.append(Instance(item.name, *arrays[key], None, matrix, unread=unread))
+            placed.append(Instance(item.name, *arrays[key], None, matrix, unread=unread, up="z"))
         stack.extend((child, matrix @ local) for child, local in item.components[::-1])
     return placed
 

@@ -14,9 +14,9 @@ from raytrace import render as render_scene
 from raytrace.image.encode import write_data
 from raytrace.image.srgb import decode_srgb
 from raytrace.image.write import write_image
+from raytrace.mesh.up import UP, up_axis
 from raytrace.types import AnyFloats, Float32s, Float64s
 
-from ..description.defaults import FROM, Y_UP, Vector
 from ..page.look import BACKGROUND, FIELD_OF_VIEW, HEAT, clay_scene, clay_settings
 
 if TYPE_CHECKING:
@@ -39,7 +39,7 @@ class Picture(NamedTuple):
     top: float | None = None
 
 
-def pictures_of_vertices(mesh: Mesh, w: AnyFloats, error: AnyFloats, up: Vector = Y_UP) -> list[Picture]:
+def pictures_of_vertices(mesh: Mesh, w: AnyFloats, error: AnyFloats, up: str | None = None) -> list[Picture]:
     """A bake at the vertices: clay × w, w, and the error. Args: w, error: (n,)."""
     camera, top = _camera(mesh, up), float(np.max(error, initial=0.0))
     clay = render_scene(clay_scene(mesh, w, camera), camera, clay_settings(_WIDTH, _HEIGHT, _SAMPLES), layers=False)
@@ -50,7 +50,7 @@ def pictures_of_vertices(mesh: Mesh, w: AnyFloats, error: AnyFloats, up: Vector 
     ]
 
 
-def pictures_of_page(mesh: Mesh | None, page: BakedTexture, up: Vector = Y_UP) -> list[Picture]:
+def pictures_of_page(mesh: Mesh | None, page: BakedTexture, up: str | None = None) -> list[Picture]:
     """A page of a texture, and how the faces that are on it look with it if the mesh is given."""
     top = float(np.max(page.error, initial=0.0))
     share = page.error / (top or 1.0)
@@ -82,8 +82,8 @@ def heat(share: AnyFloats) -> Float32s:
 _WHITE = Lambert(albedo=(1, 1, 1), two_sided="viewer")
 
 
-def _camera(mesh: Mesh, up: Vector) -> Camera:
-    return Camera.framing(mesh, FROM[up], up, _WIDTH / _HEIGHT, FIELD_OF_VIEW)
+def _camera(mesh: Mesh, up: str | None) -> Camera:
+    return Camera.framing(mesh, None, UP[up_axis(mesh, up)], _WIDTH / _HEIGHT, FIELD_OF_VIEW)
 
 
 def _values(item: Object, camera: Camera) -> tuple[Float32s, Float32s]:

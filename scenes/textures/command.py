@@ -308,7 +308,6 @@ class TextureCommand(MeshBake):
         """Args: inputs: what was read."""
         from ao.report import report
 
-        from ..description.defaults import up_axis
         from ..report.complete import complete, write_report
 
         options = self.described()
@@ -321,6 +320,6 @@ class TextureCommand(MeshBake):
             from ..report.pictures import pictures_of_page
 
             shown = mesh if len(made) == 1 else None
-            return [pictures_of_page(shown, each.baked, up_axis(self.mesh)) for each in made]
+            return [pictures_of_page(shown, each.baked) for each in made]
 
         write_report(path, complete("bake", "mesh", whole, inputs, options), pictures)

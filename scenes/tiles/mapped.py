@@ -14,7 +14,17 @@ from raytrace.system.inputs import check_regular
 from raytrace.types import Float64s, Int64s
 
 from ..readers.load import mesh_errors
-from ..readers.ply import COUNT, INDICES, ORDERS, PlyElement, ply_elements, ply_header, row_fields
+from ..readers.ply import (
+    COUNT,
+    INDICES,
+    ORDERS,
+    UP_COMMENT,
+    PlyElement,
+    ply_comments,
+    ply_elements,
+    ply_header,
+    row_fields,
+)
 from ..readers.stl import HEADER, TRIANGLE
 
 _EXPECTED = "a binary PLY of vertices, then triangles, or a binary STL, for tiles"
@@ -81,7 +91,7 @@ def _stl(path: Path) -> MappedMesh:
     if path.stat().st_size != HEADER + announced * TRIANGLE.itemsize or not announced:
         raise MeshError(path, "content", _EXPECTED, "a text file, an incomplete or an empty one")
     rows = np.memmap(path, TRIANGLE, "r", HEADER, (announced,))
-    return MappedMesh(str(path), 3 * announced, announced, None, rows, "vertices")
+    return MappedMesh(str(path), 3 * announced, announced, None, rows, "vertices", (UP_COMMENT + "z",))
 
 
 def _ply(path: Path) -> MappedMesh:
@@ -102,8 +112,7 @@ def _ply(path: Path) -> MappedMesh:
         raise MeshError(path, "content", _EXPECTED, "polygons, or an end elsewhere than its header says")
     vertex_rows = np.memmap(path, vertex_type, "r", start, (vertex.count,))
     face_rows = np.memmap(path, face_type, "r", end, (face.count,))
-    comments = tuple(" ".join(line) for line in lines if line[:1] in (["comment"], ["obj_info"]))
-    return MappedMesh(str(path), vertex.count, face.count, vertex_rows, face_rows, lists[0], comments)
+    return MappedMesh(str(path), vertex.count, face.count, vertex_rows, face_rows, lists[0], ply_comments(lines))
 
 
 def _row(element: PlyElement, order: str, lengths: dict[str, int]) -> np.dtype[Any]:

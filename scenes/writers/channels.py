@@ -12,7 +12,7 @@ class Channels(NamedTuple):
         colors: also in `COLOR_0`, linear as glTF's vertex colours are; an existing one is replaced.
         ramp: also in the materials' occlusion textures (`scenes.gltf.ramp`).
         replace: in place of occlusion textures of the source, too.
-        up: "x", "y" or "z", the axis that a page has upwards; None: by the source's format.
+        up: the axis that is up, in place of `Mesh.up`.
     """
 
     colors: bool = False

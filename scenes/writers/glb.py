@@ -14,6 +14,7 @@ from ..geometry.instances import Part
 from ..gltf.compression import keep_plain_data
 from ..gltf.container import Gltf, encode_glb, primitives, referenced
 from ..gltf.glb_buffer import Packed
+from ..gltf.nodes import stand
 from ..gltf.ramp import write_ramp
 from ..gltf.schema import check_materials
 from ..readers.load import MeshFile
@@ -38,7 +39,9 @@ def glb(mesh_file: MeshFile, w: AnyFloats, channels: Channels) -> bytes:
         OptionError: coordinates of a source that is no glTF are too large for float32.
     """
     asset = mesh_file.gltf
-    packed, drawn = stored(asset, mesh_file.parts) if asset else plain(mesh_file, channels.colors)
+    packed, drawn = stored(asset, mesh_file.parts) if asset else plain(mesh_file, channels.colors, channels.up)
+    if asset and channels.up:
+        stand(packed.header, channels.up)
     for primitive, vertices in drawn:
         primitive["attributes"].update(packed.obscurance(w[vertices], channels.colors))
     if channels.ramp:

@@ -14,10 +14,12 @@ import numpy.typing as npt
 from raytrace.errors import OptionError
 from raytrace.image.srgb import decode_srgb
 from raytrace.mesh.normals import vertex_normals
+from raytrace.mesh.up import up_axis
 from raytrace.types import Float64s, Int64s
 
 from ..geometry.detail import split_corners
 from ..gltf.glb_buffer import ELEMENT_ARRAY_BUFFER, FLOAT, UNSIGNED_INT, Packed
+from ..gltf.nodes import stand
 from ..gltf.pictures import add_materials
 from ..readers.load import MeshFile
 
@@ -62,13 +64,15 @@ Drawn = tuple[dict[str, Any], Int64s]
 """A primitive of a document, and which of the baked mesh's vertices its own are."""
 
 
-def plain(mesh_file: MeshFile, colors: bool) -> tuple[Packed, list[Drawn]]:
+def plain(mesh_file: MeshFile, colors: bool, up: str | None = None) -> tuple[Packed, list[Drawn]]:
     """The document, without w, and its primitives, in the order of `groups`.
 
     The only primitive of a part has the part's vertices in their order, then those whose corners differ once more.
     One of several has the vertices that it uses, with their rows in the mesh as `_SOURCE_INDEX`.
 
-    Args: colors: leave the source's colours out.
+    Where another axis than y is up, all stand below a node that turns it to y.
+
+    Args: colors: leave the source's colours out. up: in place of `Mesh.up`.
     """
     detail, mesh = mesh_file.detail, mesh_file.mesh
     packed = Packed(
@@ -104,6 +108,7 @@ def plain(mesh_file: MeshFile, colors: bool) -> tuple[Packed, list[Drawn]]:
             primitive["attributes"][SOURCE_INDEX] = rows
         header["meshes"][-1]["primitives"].append(primitive)
         drawn.append((primitive, piece.vertices))
+    stand(header, up_axis(mesh, up))
     return packed, drawn
 
 

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 
+from raytrace.mesh.up import up_axis
 from raytrace.types import AnyFloats, AnyInts, Float64s
 
 from ..geometry.detail import Detail
 from ..geometry.elements import Element, Property
 from ..readers.load import MeshFile
+from ..readers.ply import UP_COMMENT
 from ..readers.ply_detail import RGB, grey_of, own_colors
 from .ply_bytes import encode_ply
 
@@ -19,7 +21,7 @@ _LONGEST = 1e38
 Values = AnyFloats
 
 
-def ply(mesh_file: MeshFile, w: Values, colors: bool) -> bytes:
+def ply(mesh_file: MeshFile, w: Values, colors: bool, up: str | None = None) -> bytes:
     """A PLY file with the float property `obscurance`, and grey `red green blue` = 255 w where that replaces nothing.
 
     A PLY source keeps all its elements, properties, polygons and comments, of others the polygons, normals, colours
@@ -29,6 +31,7 @@ def ply(mesh_file: MeshFile, w: Values, colors: bool) -> bytes:
         mesh_file: what was baked; its `detail` is what is kept.
         w: (n,), per vertex of `mesh_file.mesh`.
         colors: write the grey also where it replaces the source's own colours.
+        up: in place of `Mesh.up`; a comment says which axis it is unless it is y.
     """
     detail = mesh_file.detail
     if detail and detail.elements:
@@ -36,6 +39,10 @@ def ply(mesh_file: MeshFile, w: Values, colors: bool) -> bytes:
     else:
         elements, comments = _elements(mesh_file, detail), []
     grey = colors or not has_own_colors(detail)
+    axis = up_axis(mesh_file.mesh, up)
+    comments = [line for line in comments if not line.startswith(UP_COMMENT) or line == UP_COMMENT + axis]
+    if axis != "y" and UP_COMMENT + axis not in comments:
+        comments.insert(0, UP_COMMENT + axis)
     comments.insert(0, OWN + (GREY if grey else ""))
     annotated = [_annotate(element, w, grey) if element.name == "vertex" else element for element in elements]
     return encode_ply(annotated, comments)

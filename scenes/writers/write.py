@@ -68,7 +68,9 @@ def write(
         occlusion: "ramp" gives a .glb's materials an occlusion texture that shows w, "none" does not; None is "ramp",
             but "none" with `colors`.
         replace_occlusion: put the ramp also in place of occlusion textures of the source.
-        up: "x", "y" or "z", the axis that a page has upwards; by default that of the source's format.
+        up: "x", "y", "z", "-x", "-y" or "-z", the axis that is up, in place of `Mesh.up`: a page stands so, a .ply says
+            so in its header (`comment up z`), and what was no glTF is turned by a root node of a .glb, where y is up;
+            vertices stay what they are.
 
     Raises:
         OptionError: unknown ending, options that exclude each other, coordinates that a .glb cannot hold, or a
@@ -164,7 +166,7 @@ def _npz(bake: Bake, _mesh_file: MeshFile, _channels: Channels) -> memoryview:
 
 
 def _ply(bake: Bake, mesh_file: MeshFile, channels: Channels) -> bytes:
-    return ply(mesh_file, bake.w, channels.colors)
+    return ply(mesh_file, bake.w, channels.colors, channels.up)
 
 
 def _glb(bake: Bake, mesh_file: MeshFile, channels: Channels) -> bytes:
@@ -174,11 +176,10 @@ def _glb(bake: Bake, mesh_file: MeshFile, channels: Channels) -> bytes:
 
 
 def _html(bake: Bake, mesh_file: MeshFile, channels: Channels) -> bytes:
-    from ..description.defaults import up_axis
     from ..page.document import html_page
 
-    title, up = mesh_file.path.name, up_axis(mesh_file.path, channels.up)
-    return html_page(mesh_file.mesh, bake.w, bake.error, bake.flags, bake.bent_normals, title, up)
+    title = mesh_file.path.name
+    return html_page(mesh_file.mesh, bake.w, bake.error, bake.flags, bake.bent_normals, title, channels.up)
 
 
 _WRITERS: dict[str, _Write] = {

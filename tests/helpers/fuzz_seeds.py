@@ -163,6 +163,22 @@ MODEL = b"""<?xml version="1.0" encoding="UTF-8"?>
 <build><item objectid="2" transform="1 0 0 0 1 0 0 0 1 0 0 2"/><item objectid="1"/></build>
 </model>
 """
+DAE = b"""<?xml version="1.0"?>
+<COLLADA xmlns="http://www.collada.org/2005/11/COLLADASchema" version="1.4.1">
+<asset><up_axis>Z_UP</up_axis></asset>
+<library_geometries><geometry id="g" name="roof"><mesh>
+<source id="p"><float_array id="a" count="15">0 0 0 1 0 0 1 1 0 0 1 0 .5 .5 1</float_array>
+<technique_common><accessor source="#a" count="5" stride="3"><param name="X" type="float"/>
+<param name="Y" type="float"/><param name="Z" type="float"/></accessor></technique_common></source>
+<vertices id="v"><input semantic="POSITION" source="#p"/></vertices>
+<polylist count="1"><input semantic="VERTEX" source="#v" offset="0"/><vcount>4</vcount><p>3 2 1 0</p></polylist>
+<triangles count="2"><input semantic="VERTEX" source="#v" offset="0"/><p>0 1 4 1 2 4</p></triangles>
+<lines count="1"><input semantic="VERTEX" source="#v" offset="0"/><p>0 1</p></lines>
+</mesh></geometry></library_geometries>
+<library_visual_scenes><visual_scene id="s"><node><translate>0 0 2</translate><instance_geometry url="#g"/></node>
+<node><node><scale>2 2 2</scale><instance_geometry url="#g"/></node></node></visual_scene></library_visual_scenes>
+<scene><instance_visual_scene url="#s"/></scene></COLLADA>
+"""
 XAML = b"""<Page xmlns="http://schemas.microsoft.com/winfx/2006/xaml/presentation"><ModelVisual3D>
 <ModelVisual3D.Transform><MatrixTransform3D Matrix="1 0 0 0 0 1 0 0 0 0 1 0 1 2 3 1"/></ModelVisual3D.Transform>
 <GeometryModel3D><GeometryModel3D.Geometry><MeshGeometry3D Positions="0,0,0 1,0,0 0,1,0" Normals="0,0,1 0,0,1 0,0,1"

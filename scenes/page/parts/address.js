@@ -3,6 +3,8 @@
 function readAddress(page) {
   const { mesh, state } = page;
   const given = new URLSearchParams(location.hash.slice(1));
+  const up = given.get("up") ?? page.about.up;
+  if (Object.hasOwn(page.about.ups, up)) page.stand(up);
   const point = (name) => {
     const numbers = (given.get(name) ?? "").split(",").map(Number);
     return numbers.length === 3 && numbers.every(Number.isFinite) ? scaled(subtract(numbers, mesh.centre), 1 / mesh.radius) : null;
@@ -18,11 +20,12 @@ function readAddress(page) {
   if (["dark", "light"].includes(given.get("scheme"))) state.scheme = given.get("scheme");
 }
 
-function writeAddress({ mesh, camera, state }) {
+function writeAddress({ about, mesh, camera, state }) {
   const far = Math.max(...mesh.centre.map(Math.abs)) / mesh.radius; // away from the origin digits are lost
   const digits = Math.min(17, Math.ceil(8 + Math.log10(1 + far)));
   const text = (point) => add(scaled(point, mesh.radius), mesh.centre).map((x) => Number(x.toPrecision(digits))).join(",");
   const written = [`mode=${state.mode}`, `position=${text(camera.position)}`, `target=${text(camera.target)}`];
+  if (state.up !== about.up) written.push(`up=${state.up}`);
   if (mesh.bakes.length > 1) written.push(`split=${state.split}`);
   if (state.vertex !== null) written.push(`vertex=${state.vertex}`);
   if (state.scheme) written.push(`scheme=${state.scheme}`);

@@ -12,15 +12,20 @@ const NEAREST = 0.002;
 const FARTHEST = 100;
 
 class Camera {
-  // up: a coordinate axis. from: the direction to look from at first. fieldOfView: vertical, in degrees.
-  constructor({ up, from, look }) {
-    this.up = up;
-    const axis = up.indexOf(1);
-    this.sideways = [1, 2].map((next) => [0, 1, 2].map((i) => (i === (axis + next) % 3 ? 1 : 0)));
-    this.from = from;
+  // ups: of each axis by its name a vector, and the direction to look from at first. fieldOfView: vertical, in degrees.
+  constructor({ up, ups, look }) {
     this.half = Math.tan((look.fieldOfView * Math.PI) / 360);
     this.target = [0, 0, 0];
     this.distance = 3;
+    this.stand(...ups[up]);
+  }
+
+  stand(up, from) {
+    this.up = up;
+    this.from = from;
+    const axis = up.findIndex(Boolean);
+    const next = up[axis] > 0 ? [1, 2] : [2, 1];
+    this.sideways = next.map((step) => [0, 1, 2].map((i) => (i === (axis + step) % 3 ? 1 : 0)));
     this.lookFrom(from);
   }
 

@@ -21,7 +21,7 @@ class Page {
     this.canvas = at("view");
     this.camera = new Camera(about);
     this.surface = new Surface(this.canvas, mesh, about);
-    this.state = { mode: "clay", split: 0.5, vertex: null, scheme: null };
+    this.state = { mode: "clay", up: about.up, split: 0.5, vertex: null, scheme: null };
     this.dark = matchMedia("(prefers-color-scheme: dark)");
     this.describe();
     this.addModes();
@@ -85,6 +85,11 @@ class Page {
       key: (key) => this.key(key),
     });
     at("vertex").addEventListener("change", () => this.pickNumber(at("vertex").value));
+    at("up").append(...Object.keys(this.about.ups).map((name) => new Option(name)));
+    at("up").addEventListener("change", () => {
+      this.stand(at("up").value);
+      this.home();
+    });
     at("home").addEventListener("click", () => this.home());
     at("scheme").addEventListener("click", () => this.toggleScheme());
     at("split").addEventListener("input", () => this.set({ split: at("split").value / 1000 }));
@@ -128,6 +133,11 @@ class Page {
   home() {
     this.camera.frame(this.mesh.positions, this.aspect);
     this.changed();
+  }
+
+  stand(up) {
+    if (up !== this.state.up) this.camera.stand(...this.about.ups[up]);
+    this.state.up = at("up").value = up;
   }
 
   toggleScheme() {

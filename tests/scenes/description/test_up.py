@@ -1,14 +1,23 @@
 """The up axis of pictures of mesh files."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 from command import obscurance, refused
-from gltf_files import TRIANGLE, Builder
+from fuzz_seeds import DAE
+from gltf_files import TRIANGLE, Builder, check_glb, values
 from mesh_files import ply, stl
 
-from raytrace.errors import OptionError
+import ao
+import scenes
+from raytrace import Camera, Mesh
+from raytrace.errors import MeshError, OptionError
 from raytrace.image.read import read_image
+from raytrace.mesh.up import TO_Y_UP, UP
 from scenes.description.read import read_scene
+from scenes.readers.load import load
+from scenes.writers.write import write
 
 SIZE = ("--width", 40, "--height", 40, "--samples", 4)
 ROOF = np.array([[0, 0, 0], [4, 0, 0], [4, 2, 0], [0, 2, 0], [0, 1, 3], [4, 1, 1]], float)  # its ridge is up in z
@@ -55,7 +64,10 @@ def test_the_picture_of_a_bake_goes_by_it_and_w_does_not(folder):
 def test_it_is_refused_where_it_would_do_nothing(folder):
     (folder / "s.toml").write_text('[[objects]]\nmesh = "z.ply"\n')
     refused(obscurance("render", "s.toml", "-o", "p.png", "--up", "z"), "--up: expected a mesh file")
-    refused(obscurance("bake", "z.ply", "-o", "w.npy", "--up", "z"), "--up: expected --debug-image or an .html with it")
+    refused(
+        obscurance("bake", "z.ply", "-o", "w.npy", "--up", "z"),
+        "--up: expected --debug-image or .html, .ply, .glb with it",
+    )
     refused(obscurance("render", "z.ply", "-o", "p.png", "--up", "w"), "--up", "w")
     builder = Builder()
     builder.mesh(builder.primitive(TRIANGLE, [[0, 1, 2]]))
@@ -67,3 +79,81 @@ def test_it_is_refused_where_it_would_do_nothing(folder):
     assert read_scene("n.glb").camera.up == (0, 1, 0)
     with pytest.raises(OptionError, match="one of x, y, z"):
         read_scene("z.ply", up="w")
+
+
+def stored(name):
+    """Positions as a .glb stores them, its vertices in the world, and the names of the nodes of its scene."""
+    header, binary = check_glb((Path.cwd() / name).read_bytes())
+    positions = values(header, binary, header["meshes"][0]["primitives"][0]["attributes"]["POSITION"])
+    return positions, load(name).mesh.vertices, [header["nodes"][n]["name"] for n in header["scenes"][0]["nodes"]]
+
+
+def baked(*arguments):
+    done = obscurance("bake", *arguments, "--samples", 8, "--quiet")
+    assert done.returncode == 0, done.stderr
+
+
+def test_an_stl_stands_upright_in_a_glb_once(folder):
+    corners = ROOF[FACES].reshape(-1, 3)
+    baked("z.stl", "-o", "once.glb")
+    baked("once.glb", "-o", "twice.glb")
+    for name in ("once.glb", "twice.glb"):
+        positions, world, roots = stored(name)
+        np.testing.assert_array_equal(positions, corners)
+        np.testing.assert_array_equal(world, np.stack([corners[:, 0], corners[:, 2], -corners[:, 1]], axis=1))
+        assert roots == ["z up"]
+    baked("z.stl", "-o", "lying.glb", "--up", "y")
+    assert stored("lying.glb")[2] == ["z"]
+
+
+def test_a_ply_says_what_is_up(folder):
+    baked("z.stl", "-o", "one.ply")
+    baked("one.ply", "-o", "two.ply")
+    baked("two.ply", "-o", "y.glb")
+    baked("two.ply", "-o", "three.ply", "--up", "y")
+    baked("y.ply", "-o", "four.ply")
+    assert [load(f"{name}.ply").mesh.up for name in ("one", "two", "three", "four")] == ["z", "z", None, None]
+    assert (folder / "two.ply").read_bytes().count(b"\ncomment up z\n") == 1
+    assert b"comment up" not in (folder / "three.ply").read_bytes() + (folder / "four.ply").read_bytes()
+    assert stored("y.glb")[2] == ["z up"]
+    render = "-o", "p.exr", *SIZE, "--obscurance", "off"
+    np.testing.assert_array_equal(picture("render", "one.ply", *render), picture("render", "z.stl", *render))
+    assert obscurance("view", "one.ply", "y.glb", "-o", "both.html").returncode == 0
+    assert "\nup              z\n" in obscurance("info", "one.ply").stdout
+
+
+@pytest.mark.parametrize("axis", ["x", "y", "z", "-x", "-y", "-z"])
+def test_each_axis_becomes_y_in_a_glb_and_is_upwards_in_a_picture(folder, axis):
+    source = load("z.ply")
+    bake = ao.bake(source.mesh, samples=8)
+    write("m.glb", bake, source, up=axis)
+    sign, column = (-1 if axis[0] == "-" else 1), "xyz".index(axis[-1])
+    _, world, _ = stored("m.glb")
+    np.testing.assert_array_equal(world[:, 1], sign * source.mesh.vertices[:, column])
+    assert np.linalg.det(TO_Y_UP[axis]) == pytest.approx(1)
+    np.testing.assert_allclose(world, source.mesh.vertices @ np.transpose(TO_Y_UP[axis]))
+    write("m.ply", bake, source, up=axis)
+    camera = Camera.framing(load("m.ply").mesh)
+    assert camera.up == UP[axis]
+    turned = Camera.framing(Mesh(world, source.mesh.faces))
+    np.testing.assert_allclose(turned.position, np.array(TO_Y_UP[axis]) @ camera.position)
+
+
+def test_a_gltf_that_lies_is_set_up_when_asked(folder):
+    builder = Builder()
+    builder.mesh(builder.primitive(TRIANGLE, [[0, 1, 2]]))
+    (folder / "n.glb").write_bytes(builder.glb([{"mesh": 0, "name": "a"}, {"mesh": 0, "name": "b"}]))
+    baked("n.glb", "-o", "same.glb")
+    baked("n.glb", "-o", "up.glb", "--up", "z")
+    before, after = load("same.glb").mesh.vertices, load("up.glb").mesh.vertices
+    np.testing.assert_array_equal(after, np.stack([before[:, 0], before[:, 2], -before[:, 1]], axis=1))
+    assert stored("up.glb")[2] == ["z up"]
+
+
+def test_python_has_the_convention_of_the_command():
+    assert Camera.framing((ROOF, FACES)).up == (0, 1, 0)
+    assert scenes.Temple(fineness=1).geometry().mesh.up == "z"
+    assert Camera.framing(scenes.Temple(fineness=1).geometry().mesh).up == (0, 0, 1)
+    assert load("m.dae", content=DAE).mesh.up == "z"
+    with pytest.raises(MeshError, match="up: expected one of x, y, z, -x, -y, -z"):
+        Mesh(ROOF, FACES, up="w")

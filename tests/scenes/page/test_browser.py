@@ -14,7 +14,7 @@ from raytrace import Camera, Mesh, render
 from raytrace.image.compare import compare
 from raytrace.image.read import read_image
 from raytrace.image.write import write_image
-from scenes.description.defaults import FROM, Y_UP
+from raytrace.mesh.up import UP
 from scenes.page.document import html_of_bakes
 from scenes.page.encode import Values
 from scenes.page.look import FIELD_OF_VIEW, clay_scene, clay_settings
@@ -92,6 +92,22 @@ def address(tab, *expected):
     for part in expected:
         assert part in found
     return dict(part.split("=") for part in found[1:].split("&"))
+
+
+def test_another_axis_can_be_up_and_the_address_keeps_it(tab, pages, bakes):
+    opened(tab, pages.one + HOME)
+    for axis in ("z", "-x"):
+        tab.run(f"u = document.getElementById('up'); u.value = '{axis}'; u.dispatchEvent(new Event('change'))")
+        framed = Camera.framing(bakes[0], up=UP[axis], aspect=SIZE[0] / SIZE[1], field_of_view=FIELD_OF_VIEW)
+        found = address(tab, f"up={axis}")
+        assert camera_of(found).position == pytest.approx(framed.position, abs=1e-3)
+        assert camera_of(found).target == pytest.approx(framed.target, abs=1e-3)
+    again = tab.run("location.hash")
+    opened(tab, pages.one + again)
+    tab.run("document.getElementById('view').focus()")
+    tab.press("b")
+    assert address(tab, "scheme=", "up=-x")["position"] == found["position"]
+    assert tab.run("document.getElementById('up').value") == "-x"
 
 
 def camera_of(parts):
@@ -197,7 +213,7 @@ def test_a_vertex_is_picked_by_a_click_and_by_its_number(tab, pages, bakes):
 
 
 def test_all_of_the_mesh_is_in_view_at_first_and_again_by_a_key(tab, pages, bakes):
-    framed = Camera.framing(bakes[0], FROM[Y_UP], Y_UP, SIZE[0] / SIZE[1], FIELD_OF_VIEW)
+    framed = Camera.framing(bakes[0], aspect=SIZE[0] / SIZE[1], field_of_view=FIELD_OF_VIEW)
     for start, keys in (("", "2"), (HOME, "20")):
         opened(tab, pages.one + start)
         tab.run("document.getElementById('view').focus()")

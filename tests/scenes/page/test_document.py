@@ -119,7 +119,7 @@ def test_names_cannot_become_part_of_the_page(mesh):
         ({"w": ["a"] * 58}, "w: expected an array of numbers"),
         ({"error": [-1] * 58}, "error: expected numbers in [0, 100], got -1"),
         ({"error": [np.inf] * 58}, "error: expected numbers in [0, 100], got inf"),
-        ({"up": (0, 2, 0)}, "up: expected one of (1.0, 0.0, 0.0)"),
+        ({"up": "up"}, "up: expected one of x, y, z, -x, -y, -z"),
         ({"flags": [0] * 57}, "flags: expected shape (58,)"),
         ({"flags": [999] * 58}, "flags: expected"),
         ({"bent_normals": np.ones((58, 2))}, "bent_normals: expected shape (58, 3)"),

@@ -19,10 +19,10 @@ def test_the_page_is_whole_within_its_frame():
     shown = notebook.framed_page(bake)
     page = html.unescape(re.fullmatch('<iframe srcdoc="([^"]*)" [^<>]*></iframe>', shown)[1]).encode()
     assert abs(columns_of(page)["w0"] / 65535 - bake.w).max() <= 1 / 65535
-    assert facts_of(page)["up"] == [0, 0, 1]
-    named = ao.bake(Mesh(*two_boxes(), source="folder/boxes.obj"), samples=8)
+    assert facts_of(page)["up"] == "y"
+    named = ao.bake(Mesh(*two_boxes(), source="folder/boxes.stl", up="z"), samples=8)
     page = html.unescape(notebook.framed_page(named)).encode()
-    assert (facts_of(page)["up"], facts_of(page)["title"]) == ([0, 1, 0], "boxes.obj")
+    assert (facts_of(page)["up"], facts_of(page)["title"]) == ("z", "boxes.stl")
 
 
 def test_a_large_mesh_is_left_to_the_picture(monkeypatch):

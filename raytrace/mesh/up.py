@@ -1,0 +1,40 @@
+"""Which way is up: axes by name, and the rotations that stand a mesh upright where y is up."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from ..errors import OptionError
+
+Vector = tuple[float, float, float]
+
+TO_Y_UP: dict[str, tuple[Vector, Vector, Vector]] = {
+    "x": ((0.0, 1.0, 0.0), (1.0, 0.0, 0.0), (0.0, 0.0, -1.0)),
+    "y": ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)),
+    "z": ((1.0, 0.0, 0.0), (0.0, 0.0, 1.0), (0.0, -1.0, 0.0)),
+    "-x": ((0.0, 1.0, 0.0), (-1.0, 0.0, 0.0), (0.0, 0.0, 1.0)),
+    "-y": ((-1.0, 0.0, 0.0), (0.0, -1.0, 0.0), (0.0, 0.0, 1.0)),
+    "-z": ((1.0, 0.0, 0.0), (0.0, 0.0, -1.0), (0.0, 1.0, 0.0)),
+}
+"""Rows of the rotation that turns each axis to y; of z it is that of −90° about x."""
+UP = {name: rows[1] for name, rows in TO_Y_UP.items()}
+_FROM = (0.55, 0.4, 1.0)
+
+
+def _turned_back(rows: tuple[Vector, Vector, Vector]) -> Vector:
+    x, y, z = (sum(row[axis] * value for row, value in zip(rows, _FROM, strict=True)) for axis in range(3))
+    return x, y, z
+
+
+FROM = {rows[1]: _turned_back(rows) for rows in TO_Y_UP.values()}
+"""From the front, the right and above, by what is up."""
+
+
+def up_axis(mesh: Any, up: str | None = None) -> str:
+    """The axis `up`, or else the one that is up in a `Mesh`, y if that does not say.
+
+    Raises: OptionError: `up` is none of `UP`.
+    """
+    if up is not None and up not in UP:
+        raise OptionError("up", "one of " + ", ".join(UP), up)
+    return up or mesh.up or "y"
