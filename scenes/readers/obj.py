@@ -17,8 +17,7 @@ from raytrace.types import Float64s
 from ..geometry.instances import Instance
 from ..geometry.polygons import triangulate
 from ..geometry.primitives import Origin
-from .obj_detail import obj_detail
-from .obj_opacity import obj_opacity
+from .obj_detail import obj_detail, obj_opacity
 from .obj_text import ObjText
 
 
