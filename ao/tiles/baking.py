@@ -135,7 +135,7 @@ class _Tracing:
         tiles = self.survey.tile[rows]
         for tile in np.unique(tiles):
             scene, which = self._scene(cut(self.survey, int(tile), self.reach, False)), tiles == tile
-            out[which] = try_out(scene, self._points(rows[which]), len(rows), self.mu.limit, self.reach)
+            out[which] = try_out(scene.tree, self._points(rows[which]), len(rows), self.mu.limit, self.reach)
         return out
 
     def _points(self, rows: Int64s) -> Points:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from raytrace.bvh.bvh16 import BVH16
 from raytrace.mesh.placement import Placement
 from raytrace.types import Float64s, Int64s
 
@@ -17,7 +18,6 @@ from ..gather.points import Points
 from ..mu import KernelMu, Mu
 from ..options import MAX_SAMPLES, Traversal
 from ..stream.gather_streams import gather_streams
-from ..stream.layers import Layers
 from ..stream.rays import Rays
 from ..stream.walk import Walk
 from .ray_scene import RayScene
@@ -34,9 +34,11 @@ def packets_below(traversal: Traversal, scene: RayScene, placement: Placement, p
     """
     if traversal == "embree":
         return MAX_SAMPLES + 1
+    if scene.opacity is not None:  # packets begin anew behind each layer
+        return 0
     some = points[tried(len(points))]
     limit = mu.in_render_space(placement.scale).limit
-    return fewer_than(try_out(scene, some, len(some), limit, min(limit, placement.diagonal)), mu)
+    return fewer_than(try_out(scene.tree, some, len(some), limit, min(limit, placement.diagonal)), mu)
 
 
 def most_packets(mu: Mu) -> int:
@@ -49,12 +51,11 @@ def tried(count: int) -> Int64s:
     return np.arange(min(count, _POINTS)) * count // max(min(count, _POINTS), 1)
 
 
-def try_out(scene: RayScene, points: Points, count: int, limit: float, reach: float) -> Float64s:
+def try_out(tree: BVH16, points: Points, count: int, limit: float, reach: float) -> Float64s:
     """How open `points` (k,) are, of `count` that are tried in all."""
     table, out = DirectionTable.make(_RAYS, count, _KEY), np.empty((len(points), COLUMNS))
-    rays, binary = Rays.of(table), KernelMu(0.0, limit, 1.0)
-    walk = Walk.of(scene.tree, Layers.of(scene.opacity, rays.nearest.size, binary))
-    gather_streams(scene.tree, rays, walk, points.arrays, table, binary, reach, out)
+    binary = KernelMu(0.0, limit, 1.0)
+    gather_streams(tree, Rays.of(table), Walk.of(tree), points.arrays, table, binary, reach, out)
     return out[:, W]
 
 
