@@ -63,6 +63,7 @@ class Detail:
             -1: none; or None.
         elements, comments: everything, if it was a PLY file.
         files: read beside the mesh file, or to be read when it is written.
+        some_uv: (c, 2) texture coordinates of the corners, NaN of corners that lack them, where only some have any.
     """
 
     corners: Int64s
@@ -79,6 +80,7 @@ class Detail:
     elements: tuple[Element, ...] = ()
     comments: tuple[str, ...] = ()
     files: tuple[Path, ...] = ()
+    some_uv: Float64s | None = None
 
 
 def split_corners(

@@ -40,13 +40,14 @@ def obj_detail(
     colors = _colors(text, len(file.vertices))
     by_object, by_group, painted = polygons_of(text, "o", "g", "usemtl")
     objects = by_group if by_object.kinds < 2 <= by_group.kinds or not by_object.names else by_object
+    has_some_uv = uv is None and bool(_SOME_UV.search(file.faces))
     finite = uv is None or bool(np.isfinite(uv.rows).all())
     left_out = (
         (by_object.kinds > 1 and by_group.kinds > 1, "names of groups"),
         (objects.kinds > MAX_OBJECTS, f"its division into {objects.kinds:,} objects"),
         (len(set(_SMOOTHED.findall(text))) > 1, "smoothing groups"),
         (_OTHER.search(text), "lines, points, curves and surfaces"),
-        (uv is None and _SOME_UV.search(file.faces), "texture coordinates, which some corners lack"),
+        (has_some_uv, "texture coordinates, which some corners lack"),
         (normals is None and _SOME_NORMAL.search(file.faces), "normals, which some corners lack"),
         (not finite, "texture coordinates, some of which are not finite"),
         (colors is None and _COLOURED.search(text), "colours, which some vertices lack or have outside of [0, 1]"),
@@ -65,6 +66,7 @@ def obj_detail(
         objects=objects.names if is_divided else (),
         object_of=objects.of if is_divided else None,
         files=files,
+        some_uv=file.some_uv() if has_some_uv else None,
     )
     return detail, (*(words for is_left_out, words in left_out if is_left_out), *missing)
 

@@ -89,6 +89,13 @@ class ObjText:
         chosen = re.sub(r"(?<!\S)[^/\s]+/([^/\s]+)\S*", r"\1", self.faces)
         return PerCorner(uv, _indices(chosen, len(uv), self.source, "vt"))
 
+    def some_uv(self) -> Float64s:
+        """Texture coordinates (c, 2) of the corners, NaN where they have none. Raises: as `parse`."""
+        uv = np.append(_rows(_TEXTURE.findall(self.text), 2), [[np.nan, np.nan]], axis=0)
+        none = str(len(uv))
+        chosen = re.sub(r"(?<!\S)[^/\s]+(?:/([^/\s]*))?\S*", lambda found: found[1] or none, self.faces)
+        return uv[_indices(chosen, len(uv), self.source, "vt")]
+
 
 def _rows(lines: list[str], width: int) -> Float64s:
     return np.fromstring(" ".join(lines), sep=" ").reshape(-1, width)

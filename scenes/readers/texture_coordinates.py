@@ -16,10 +16,15 @@ ENDINGS = (".obj", ".ply", ".glb", ".gltf")  # of files that can have some
 
 
 def of_detail(detail: Detail | None) -> Float64s | None:
-    """Texture coordinates (m, 3, 2) of the triangles of an OBJ or PLY file, v upwards; None if it has none."""
-    if detail is None or detail.uv is None:
+    """Texture coordinates (m, 3, 2) of the triangles of an OBJ or PLY file, v upwards, NaN where a corner of one
+    has none; None if it has none."""
+    if detail is None:
         return None
-    return detail.uv.rows[detail.uv.of[detail.triangles.take(np.arange(len(detail.corners)))]]
+    places = detail.triangles.take(np.arange(len(detail.corners)))
+    if detail.some_uv is not None:
+        found = detail.some_uv[places]
+        return np.where(np.isnan(found).any(axis=(1, 2), keepdims=True), np.nan, found)
+    return None if detail.uv is None else detail.uv.rows[detail.uv.of[places]]
 
 
 def of_gltf(asset: Gltf, parts: tuple[Part, ...], faces: Int64s, number: int) -> Float64s | None:

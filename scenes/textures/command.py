@@ -289,13 +289,15 @@ class TextureCommand(MeshBake):
         from ao.texture.uv_layout import on_page
         from raytrace.system.atomic import atomic_write
 
+        from ..writers.pieces import pieces
         from ..writers.textured_glb import textured_glb
 
         (source, fine), w = meshes, None
         covered = np.any([on_page(each.uv) for each in baked], axis=0)
         if not covered.all():
             only = np.zeros(len(source.mesh.vertices), np.bool_)
-            only[source.mesh.faces[~covered]] = True
+            for piece in pieces(source):
+                only[source.mesh.faces[piece.faces]] |= not covered[piece.faces].all()
             high = fine.mesh if fine else None
             w = ao.bake(source.mesh, falloff, only=only, high=high, cage=self.cage or CAGE, **self.options()).w
         content, kept = textured_glb(source, baked, self.replace_occlusion, self.orm, w)

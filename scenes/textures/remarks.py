@@ -41,10 +41,13 @@ def lacking(source: MeshFile, uv: Float64s, glb: Path | None) -> list[str]:
     """The parts of a file that have no texture coordinates, in a line. Args: glb: what is to hold the textures."""
     from ao.texture.uv_layout import on_page
 
+    from ..writers.pieces import pieces
+
     without = ~on_page(uv)
     if not without.any():
         return []
-    names = [part.name for part in source.parts if without[part.faces].any()]
+    found = [piece for piece in pieces(source) if without[piece.faces].any()]
+    names = list(dict.fromkeys(f"{piece.object.name} ({piece.material.name})" for piece in found))
     more = f" and {len(names) - _LISTED:,} more" if len(names) > _LISTED else ""
     instead = "show w of their vertices" if glb else "get no texels"
     what = f"{without.sum():,} faces, of {', '.join(names[:_LISTED])}{more}, have no texture coordinates and {instead}"

@@ -164,7 +164,7 @@ def test_both_textures_in_metallic_roughness_images(tmp_path):
 def test_a_part_without_coordinates_stops_nothing(tmp_path):
     path = floor_and_lid(tmp_path, lid_uv=None)
     result = bake(path, "-o", tmp_path / "w.exr", *FEW)
-    told = "two.glb: 2 faces, of high, have no texture coordinates and"
+    told = "two.glb: 2 faces, of high (lid), have no texture coordinates and"
     assert f"{told} get no texels; --uv fill with --mesh-output makes some for them" in result.stderr
     assert abs(image(tmp_path / "w.exr") - W).max() < 0.03
     for options in ((), ("--orm",)):
@@ -174,6 +174,23 @@ def test_a_part_without_coordinates_stops_nothing(tmp_path):
         assert one in ("obscurance occlusion", "obscurance orm")
         assert other == "obscurance ramp"
         assert abs(low - W[0, 0]).max() < 0.03
+        assert np.allclose(high, 1)
+
+
+def test_faces_of_an_obj_without_coordinates_stop_nothing(tmp_path):
+    path, corners = tmp_path / "two.obj", np.concatenate([QUAD - (0.5, 0.5, 0)] * 2) * np.repeat([[2], [4]], 4, axis=0)
+    corners[4:, 2] = HEIGHT
+    lines = [f"v {x} {y} {z}" for x, y, z in corners] + ["vt 0 0", "vt 1 0", "vt 1 1", "vt 0 1"]
+    for mixed in (False, True):
+        faces = ["o low", "f 1/1 2/2 3/3", "f 1 3 4" if mixed else "f 1/1 3/3 4/4", "o high", "f 5 6 7 8"]
+        path.write_text("\n".join(lines + faces))
+        result = bake(path, "-o", tmp_path / "w.glb", "--occlusion", "texture", *FEW)
+        named = "low (default), high (default)" if mixed else "high (default)"
+        assert f"two.obj: {2 + mixed} faces, of {named}, have no texture coordinates" in result.stderr
+        (one, _, low), (other, _, high) = occlusion_of(tmp_path / "w.glb")
+        assert one == ("obscurance ramp" if mixed else "obscurance occlusion")
+        assert other == "obscurance ramp"
+        assert abs(low - (1 - polygon_form_factor(LID, (-1, -1, 0), (0, 0, 1)))).max() < 0.05
         assert np.allclose(high, 1)
 
 

@@ -40,9 +40,12 @@ def outputs(folder, source, name, ways=WAYS):
             except MeshError:
                 continue
             target = folder / f"{name}-{'own' if isinstance(uv, int) else 'new'}-{replace}-{orm}.glb"
-            baked = SimpleNamespace(w=W, uv=source.uv if isinstance(uv, int) else uv)
+            all_uv, odd = source.uv if isinstance(uv, int) else uv, np.zeros((len(source.mesh.faces), 1, 1), bool)
+            for part in source.parts[1::2]:
+                odd[part.faces] = True
+            sets = [SimpleNamespace(w=W, uv=np.where(odd == which, all_uv, np.nan)) for which in (False, True)]
             rest = np.linspace(0, 1, len(source.mesh.vertices))
-            target.write_bytes(textured_glb(source, [baked], replace, orm, rest)[0])
+            target.write_bytes(textured_glb(source, sets, replace, orm, rest)[0])
             yield target
 
 
