@@ -8,11 +8,11 @@ from pathlib import Path
 from raytrace import Object, OptionError, Scene, Settings, Shape
 
 from ..readers.load import load, mesh_errors
-from ..readers.vertex_colors import vertex_colors
 from .defaults import BACKGROUND, NEUTRAL, WHITE, framing, three_lights
 from .description import SceneDescription
 from .gltf_scene import read_gltf
 from .toml_scene import read_toml
+from .vertex_colors import vertex_colors
 
 
 def read_scene(

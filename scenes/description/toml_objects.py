@@ -19,13 +19,13 @@ from ..geometry.builtin_shapes import SOLIDS, Solid
 from ..geometry.instances import check_copies, flatten
 from ..geometry.primitives import Geometry, Origin
 from ..readers.load import mesh_errors, read_objects
-from ..readers.vertex_colors import vertex_colors
 from ..safe_paths import confined
 from .defaults import NEUTRAL, WHITE
 from .gltf_scene import gltf_objects
 from .schema import ObjectTable, Transform
 from .textured import ENDINGS, read_textured
 from .transforms import matrix_of
+from .vertex_colors import vertex_colors
 
 
 def named_materials(tables: Sequence[dict[str, Any]], source: object) -> dict[str, BaseMaterial]:

@@ -83,6 +83,12 @@ class Detail:
     some_uv: Float64s | None = None
 
 
+def painted(faces: Int64s, paints: tuple[Paint, ...], of: Int64s) -> Detail:
+    """The detail of triangles (m, 3) with materials (m,), -1: none."""
+    sizes = np.full(len(faces), 3)
+    return Detail(faces.ravel(), sizes, Triangles(np.ones_like(sizes), 0, None), paints=paints, paint_of=of)
+
+
 def split_corners(
     corners: Int64s, places: Int64s, several: list[PerCorner], keep: int
 ) -> tuple[Int64s, Int64s, Int64s]:

@@ -13,7 +13,7 @@ from raytrace import InputError, Mesh, MeshError, Opacity
 from raytrace.system.memory import check_memory
 from raytrace.types import Float64s, Int64s
 
-from .detail import Detail
+from .detail import Detail, Paint
 from .polygons import triangulate
 
 MAX_COPIED = 20_000_000
@@ -36,6 +36,7 @@ class Instance:
         w: (n,) obscurance that a bake has left in the file, unchecked, or None.
         opacity: alpha of the faces, or None.
         up: the axis that is up, as far as the file or its format tells (`Mesh.up`).
+        paints, paint_of: all materials of the file, and (m,) which each of the faces has, -1: none; or None.
     """
 
     name: str
@@ -49,6 +50,8 @@ class Instance:
     w: npt.NDArray[Any] | None = None
     opacity: Opacity | None = None
     up: str | None = None
+    paints: tuple[Paint, ...] = ()
+    paint_of: npt.NDArray[Any] | None = None
 
     @property
     def is_flattened(self) -> bool:

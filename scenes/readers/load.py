@@ -21,7 +21,7 @@ from raytrace.system.inputs import check_regular
 from raytrace.system.memory import check_memory
 from raytrace.types import Float64s
 
-from ..geometry.detail import Detail
+from ..geometry.detail import Detail, painted
 from ..geometry.instances import Instance, Part, flatten
 from .libraries import endings, read_by_library
 from .obj import read_obj
@@ -139,6 +139,9 @@ def load(
     with mesh_errors(path):
         mesh, parts = flatten(instances, str(path))
         detail = instances[0].detail if len(instances) == 1 else None
+        of = [instance.paint_of for instance in instances if instance.paint_of is not None]
+        if of:
+            detail = painted(mesh.faces, instances[0].paints, np.concatenate(of))
         unread = tuple(dict.fromkeys(words for instance in instances for words in instance.unread))
         if asset and kind in (".glb", ".ply"):
             from ..gltf.schema import check_materials
@@ -195,7 +198,7 @@ def read_objects(
             elif kind == "off":
                 instances = read_off(file.read(), path.stem, source)
             elif kind == "3mf":
-                instances = read_3mf(file, source)
+                instances = read_3mf(file, source, keep)
             else:
                 instances = read_by_library(file, kind, path, content is None)
         # Every primitive of a glTF keeps its part: the GLB writer counts on it.
