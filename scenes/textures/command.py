@@ -13,7 +13,7 @@ from ..commands.bake import BakeCommand, MeshBake, Work, Written
 from ..commands.console import KERNELS_OF_TEXTURE, alpha_summary, progress, texture_summary, warn
 from ..commands.options import CAGE, BentSpace, Overlap, check_cage, parse_texels
 from ..writers.image_names import ENDINGS as IMAGES
-from ..writers.image_names import PLACEHOLDERS, UDIM, is_texture
+from ..writers.image_names import MATERIAL, PLACEHOLDERS, UDIM, is_texture
 from .remarks import lacking, layout_remarks
 
 if TYPE_CHECKING:
@@ -127,7 +127,7 @@ class TextureCommand(MeshBake):
             check_orm(source.gltf, found.number, self.replace_occlusion)
         fine = self.read_high()
         read = [*source.files, *(fine.files if fine else ())]
-        check_outputs(self._outputs(pages), read)
+        check_outputs(self.outputs(pages), read)
         loaded = time.perf_counter() - start
         inputs, glb = self.hashed(read), self._glb()
         warnings = warn(
@@ -180,7 +180,8 @@ class TextureCommand(MeshBake):
             for placeholder in PLACEHOLDERS:
                 if path == glb and placeholder in path.name:
                     raise OptionError(name, f"{placeholder} in names of images alone: a .glb holds all textures", path)
-                if (placeholder in path.name) != (placeholder in self.output.name) and glb != self.output:
+                is_free = glb == self.output and placeholder == MATERIAL  # its sets have names
+                if (placeholder in path.name) != (placeholder in self.output.name) and not is_free:
                     raise OptionError(name, f"{placeholder} in all names of images, or in none", path)
         if self.mesh_output is not None:
             check_ending("mesh_output", self.mesh_output, ".glb")
@@ -200,9 +201,21 @@ class TextureCommand(MeshBake):
             raise OptionError("bent_space", "--bent-normals with it", "none")
         check_cage(self.cage, self.high)
 
-    def outputs(self) -> dict[str, Path | None]:
-        images = {f"--{name.replace('_', '-')}": path for name, path in self._images().items()}
-        return {**images, "--report": self.report, "--mesh-output": self.mesh_output}
+    def outputs(self, pages: Sequence[Page] = ()) -> dict[str, Path | None]:
+        """The files to write, by what the user calls them; without `pages`, as far as the options name them.
+
+        Raises: OptionError: several pages have one name for an image.
+        """
+        from raytrace.errors import OptionError
+
+        outputs: dict[str, Path | None] = {"--report": self.report, "--mesh-output": self.mesh_output}
+        for name, path in self._images().items():
+            option = f"--{name.replace('_', '-')}"
+            if len(pages) > 1 and path != self._glb() and pages[0].path(path) == path:
+                raise OptionError(name, f"{MATERIAL} in its name: overlapping materials have a texture each", path)
+            for placed in [page.path(path) for page in pages] or [path]:
+                outputs[option if placed == path else f"{option} {placed.name}"] = placed
+        return outputs
 
     def _images(self) -> dict[str, Path]:
         return {name: getattr(self, name) for name in _IMAGES if getattr(self, name) is not None}
@@ -218,15 +231,6 @@ class TextureCommand(MeshBake):
 
         found = coordinates(source, self.uv or "auto", self.size, self.texel_size, self._glb() is not None)
         return found, pages_of(source, found, self.output, self.overlap is not None, self.threads)
-
-    def _outputs(self, pages: Sequence[Page]) -> dict[str, Path | None]:
-        """The files to write, by what the user calls them."""
-        outputs: dict[str, Path | None] = {"--report": self.report, "--mesh-output": self.mesh_output}
-        for page in pages:
-            for name, path in self._images().items():
-                placed = page.path(path)
-                outputs[f"--{name.replace('_', '-')}{f' {placed.name}' if placed != path else ''}"] = placed
-        return outputs
 
     def _title(self, page: Page) -> str:
         """What summaries and reports call a page."""

@@ -107,10 +107,11 @@ def pages_of(source: MeshFile, found: Coordinates, output: Path, mixed: bool, th
     """
     layouts, mixed = Layouts(source, found), mixed or found.number is None  # an unwrapper leaves no overlaps
     if output.suffix.lower() == ".glb":
-        whole = Page(found.uv)
+        whole = Page(found.uv, words={MATERIAL: "all"})
         clashes = {} if mixed else layouts.clashes(whole, found.size, threads)
-        sets = [Page(_only(found.uv, mask), name=name) for name, mask in layouts.sets(clashes)] if clashes else [whole]
-        return [page for page in sets if on_page(page.uv).any()]
+        sets = layouts.sets(clashes) if clashes else []
+        made = [Page(_only(found.uv, mask), name=name, words={MATERIAL: name}) for name, mask in sets]
+        return [page for page in made if on_page(page.uv).any()] or [whole]
     made = []
     for words, mask in _groups(layouts.all, output, len(source.mesh.faces)):
         uv = _only(found.uv, mask)

@@ -81,6 +81,10 @@ def test_each_material_has_a_texture_of_its_own_in_a_glb(tmp_path):
     pages = json.loads((tmp_path / "r.json").read_text())["pages"]
     assert [page["texture"]["covered"] for page in pages.values()] == [256, 256]
     assert [Path(name).name for name in pages] == ["w.glb, floor", "w.glb, lid"]
+    line = "-o", made, "--occlusion", "texture", *FEW, "--error-map"
+    refused(obscurance("bake", path, *line, tmp_path / "e.exr"), "bake --error-map: expected <MATERIAL> in its name")
+    bake(path, *line, tmp_path / "e.<MATERIAL>.exr")
+    assert sorted(each.name for each in tmp_path.glob("*.exr")) == ["e.floor.exr", "e.lid.exr"]
 
 
 def test_names_of_materials_and_objects_in_names_of_files(tmp_path):
