@@ -28,10 +28,12 @@ class Mesh:
         source: what to call this mesh in messages, a file name for instance.
         up: "x", "y", "z", "-x", "-y" or "-z", the axis that is up if the source tells it; None is shown as "y".
         opacity: alpha of the faces, or None: all are opaque.
+        polygons: int64 (m,), faces of the same number are the triangles of one polygon, which shading takes as a whole;
+            None: each face is a polygon of its own.
 
     Raises:
         MeshError: an array has a wrong shape or type, is empty, has coordinates that are not finite or too
-            large, or indices out of range; `up` is no axis; or `opacity` is of another number of faces.
+            large, or indices out of range; `up` is no axis; or `opacity` or `polygons` is of another number of faces.
     """
 
     vertices: Float64s
@@ -40,6 +42,7 @@ class Mesh:
     source: str = field(default="mesh", kw_only=True)
     up: str | None = field(default=None, kw_only=True)
     opacity: Opacity | None = field(default=None, kw_only=True)
+    polygons: Int64s | None = field(default=None, kw_only=True)
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "vertices", self._array("vertices", self.vertices, np.float64))
@@ -69,6 +72,14 @@ class Mesh:
             faces = len(self.opacity.of) if isinstance(self.opacity, Opacity) else repr(self.opacity)
             if faces != len(self.faces):
                 raise MeshError(self.source, "opacity", f"a raytrace.Opacity of {len(self.faces)} faces", faces)
+        if self.polygons is not None:
+            polygons = np.array(self.polygons)
+            if polygons.shape != (len(self.faces),) or polygons.dtype.kind not in "iu":
+                got = f"shape {polygons.shape} of {polygons.dtype}"
+                raise MeshError(self.source, "polygons", f"{len(self.faces)} integers, one a face", got)
+            polygons = polygons.astype(np.int64)
+            polygons.flags.writeable = False
+            object.__setattr__(self, "polygons", polygons)
 
     def __repr__(self) -> str:
         return f"<Mesh {self.source!r}: {len(self.vertices):,} vertices, {len(self.faces):,} faces>"

@@ -28,6 +28,7 @@ from ..settings import Normals
 from ..shade.records import Geometry
 from ..shade.shaft_culling import SLACK, cluster, pack_boxes
 from ..types import AnyFloats, Float32s, Float64s, Int64s
+from .polygons import Polygons, mesh_polygons
 from .vertex_origins import INSTANCED, smooth_normals, vertex_origins
 
 
@@ -131,15 +132,19 @@ def _build(objects: tuple[Object, ...], weighting: Normals) -> BuiltGeometry:
     kinds, rows = pack_materials([item.shape.material for item in objects])
     uv = [np.zeros((len(s.mesh.vertices), 2)) if s.uv is None else s.uv for s in shapes.values()]
     occlusions = [item.shape.occlusion for item in objects]
+    polygons = _polygons([(shapes[key].mesh, placed) for key, placed in placed_shapes.items()])
     corner_rows = [s.mesh.faces + start for s, start in zip(shapes.values(), vertex_starts, strict=True)]
     arrays = Geometry(
         handle=embree.handle,
-        vertices=_joined([placed.vertices for placed in placed_shapes.values()], np.float32),
-        normals=_joined([placed.normals for placed in placed_shapes.values()], np.float32),
+        vertices=_joined([*(placed.vertices for placed in placed_shapes.values()), polygons.centres], np.float32),
+        normals=_joined([*(placed.normals for placed in placed_shapes.values()), polygons.normals], np.float32),
         faces=_joined(corner_rows, np.int32),
         uv=np.concatenate(uv).astype(np.float32),
         occlusion_uv=_occlusion_uv(shapes.values()),
         colours=_colours(shapes.values()),
+        polygons=polygons.of,
+        edges=polygons.edges,
+        first_edge=np.cumsum(np.append(0, polygons.counts)).astype(np.int32),
         first_vertex=vertex_starts[rank],
         first_face=face_starts[rank],
         first_w=np.cumsum([0, *(len(item.shape.mesh.vertices) for item in objects)]),
@@ -159,6 +164,24 @@ def _build(objects: tuple[Object, ...], weighting: Normals) -> BuiltGeometry:
         opacity=_opacity(list(shapes.values())),
     )
     return BuiltGeometry(arrays, embree, centre, scale, textures, weighting)
+
+
+def _polygons(meshes: list[tuple[Mesh, _PlacedShape]]) -> Polygons:
+    """The polygons of all shapes' meshes, numbered behind their vertices."""
+    none = mesh_polygons(np.empty((0, 3), np.float32), np.empty((0, 3), np.int64), None)
+    if all(mesh.polygons is None for mesh, _ in meshes):
+        return none
+    vertex, number = 0, sum(len(mesh.vertices) for mesh, _ in meshes)
+    found = []
+    for mesh, placed in meshes:
+        own = mesh_polygons(placed.vertices, mesh.faces, mesh.polygons)
+        mirrored = placed.scene is None and np.linalg.det(placed.from_shape[:3, :3]) < 0
+        own.of[own.of >= 0] += number
+        own.edges[:] += vertex
+        found.append(own._replace(normals=-own.normals) if mirrored else own)
+        vertex, number = vertex + len(mesh.vertices), number + len(own.counts)
+    joined = Polygons(*map(np.concatenate, zip(*found, strict=True)))
+    return joined if len(joined.counts) else none
 
 
 def shape_textures(shapes: Iterable[Shape]) -> tuple[Texture, ...]:

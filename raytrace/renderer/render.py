@@ -37,7 +37,7 @@ Progress = Callable[[int, int], None]
 _SHARES = 16  # of a picture for each thread: handing over takes as long as some tiles
 _LONGEST = 256  # samples of tiles in a share: what Ctrl-C waits for
 _EDGES = 4 * 4 * TILE * EDGE  # bytes of what tiles know of one another, each
-_BASE, _VERTEX, _FACE = 50 << 20, 64, 104  # bytes, `rendering_bytes`
+_BASE, _VERTEX, _FACE, _POLYGON = 50 << 20, 64, 104, 104  # bytes, `rendering_bytes`
 
 
 def render(
@@ -122,7 +122,9 @@ def rendering_bytes(scene: Scene, settings: Settings, layers: bool, threads: int
     alpha = opacity_bytes([each for each in opacities if each])
     coloured = 12 * vertices * any(item.shape.colours is not None for item in scene.objects)
     textures = texture_bytes(shape_textures(item.shape for item in scene.objects), thread_count(threads))
-    return _BASE + _VERTEX * vertices + _FACE * faces + lit + bent + coloured + alpha + film + textures
+    cut = sum(len(mesh.faces) for mesh in meshes if mesh.polygons is not None)
+    surfaces = _VERTEX * vertices + _FACE * faces + _POLYGON * cut
+    return _BASE + surfaces + lit + bent + coloured + alpha + film + textures
 
 
 def describe_work(scene: Scene, settings: Settings) -> str:
@@ -140,9 +142,11 @@ def seen_vertices(scene: Scene, camera: Camera, settings: Settings, threads: int
     view = place_camera(camera, settings, geometry.centre, geometry.scale)
     left, top, wide, high = whole_tiles(settings)
     seen = np.zeros(geometry.arrays.first_w[-1], np.bool_)
+    whole = settings.shading == "gouraud" and len(geometry.arrays.polygons) > 0
 
     def work(first: int, end: int) -> None:
-        mark_seen(geometry.arrays, view, (left, left + wide), (top + first, top + end), *new_packet(WIDE, True), seen)
+        part = (left, left + wide), (top + first, top + end)
+        mark_seen(geometry.arrays, view, *part, *new_packet(WIDE, True), seen, whole)
 
     run_blocks(high, 8, work, thread_count(threads))
     return seen

@@ -13,6 +13,7 @@ from ..kernel.vector import add, dot, scale
 from . import shading_points as layout
 from .direct_lighting import light_entries, lit_fraction
 from .interaction import between, corner, corner_rows, lights_seen, towards_viewer, vertex_normal
+from .polygons import polygon_light
 from .records import borrow_scene
 from .shading_points import lighting_column, put, put1
 from .workspace import PACKETS
@@ -87,6 +88,8 @@ def interpolate_lit(entry, scene, item, mask, hits, face_normal):
         at = first_row * width + column
         a, b, c = gather(lit, i * width + at), gather(lit, j * width + at), gather(lit, k * width + at)
         put1(entry, lighting_column(column), mask, single(between(a, b, c, hits.u, hits.v)))
+    if len(geometry.polygons) > 0:
+        polygon_light(entry, scene, item, mask, hits, first_row)
     if len(lit) == len(scene.w):  # backs are not lit: they reflect no lamp
         for column in range(layout.DIFFUSE, layout.EMISSION):
             put1(entry, column, mask & behind, 0.0)

@@ -18,6 +18,9 @@ class Geometry(NamedTuple):
         handle: Embree scene. vertices, normals: float32 (v, 3), each shape's in its own frame. faces: int32 (f, 3),
         indices into them. uv: float32 (v, 2). occlusion_uv: float32 (v, 2), or (0, 2) if no shape has any.
         colours: float32 (v, 3), linear RGB, or (0, 3) if no shape has any.
+        polygons: int32 (f,), rows of `vertices` and `normals`, behind those of the shapes, with the centre and the
+        Newell normal of each face's polygon, −1 for a face of its own; (0,) if there are no polygons. edges: int32
+        (e, 2), vertices of the polygons' outlines; first_edge: int32 (p + 1,), where those of each begin.
         first_vertex, first_face: int64 (o,), where the shape of each object begins. first_w: int64 (o + 1,), where
         each object's vertices begin, and the last one's end, among those of all objects, as in w.
         to_render: float64 (o, 3, 4), the frame of `vertices` to render space; normal_to_render: (o, 3, 3).
@@ -37,6 +40,9 @@ class Geometry(NamedTuple):
     uv: Float32s
     occlusion_uv: Float32s
     colours: Float32s
+    polygons: Int32s
+    edges: Int32s
+    first_edge: Int32s
     first_vertex: Int64s
     first_face: Int64s
     first_w: Int64s

@@ -201,10 +201,11 @@ def show_layers(opacity, scratch, packets):
 
 
 @kernel
-def mark_seen(geometry, view, columns, rows, packet, valid, seen):
+def mark_seen(geometry, view, columns, rows, packet, valid, seen, whole):
     """Set `seen`, bool (w,), for the vertices of all faces that a sample of some pixels meets.
 
     Args: columns, rows: of the pixels, (first, end). packet, valid: of `raytrace.embree.packets.new_packet`, sixteen.
+        whole: also for all vertices of these faces' polygons.
     """
     left, right = columns
     for y in range(rows[0], rows[1]):
@@ -215,17 +216,22 @@ def mark_seen(geometry, view, columns, rows, packet, valid, seen):
                 there, through = pixels < right, single(double(0 * pixels + 1))
                 while some(there):
                     items, faces, _, _, distance, cover = meet(geometry.opacity, geometry, packet, valid, there)
-                    mark_corners(geometry, items, faces, seen)
+                    mark_corners(geometry, items, faces, seen, whole)
                     met = distance, cover
                     there, through = behind(geometry.opacity, geometry, packet, items, met, through)
 
 
 @inline
-def mark_corners(geometry, items, faces, seen):
+def mark_corners(geometry, items, faces, seen, whole):
     """Set `seen` for the vertices of the faces that were met, rows of objects and of their shapes' faces in lanes."""
     for lane in range(WIDE):
         item = pick(items, lane)
         if item >= 0:
             shift = geometry.first_w[item] - geometry.first_vertex[item]
+            face = geometry.first_face[item] + pick(faces, lane)
             for corner in range(3):
-                seen[shift + geometry.faces[geometry.first_face[item] + pick(faces, lane), corner]] = True
+                seen[shift + geometry.faces[face, corner]] = True
+            if whole and geometry.polygons[face] >= 0:
+                polygon = geometry.polygons[face] - (len(geometry.vertices) - len(geometry.first_edge) + 1)
+                for edge in range(geometry.first_edge[polygon], geometry.first_edge[polygon + 1]):
+                    seen[shift + geometry.edges[edge, 0]] = True

@@ -32,6 +32,7 @@ from .film import (
 )
 from .gouraud import interpolate_lit
 from .interaction import GOURAUD, Hits, bent_entry, hit_entry
+from .polygons import polygon_entry
 from .records import borrow_scene
 from .see_through import composite, keep_hits, meet, show_layers, still_seeing
 from .shading_points import put, put1, take
@@ -174,6 +175,8 @@ def trace_packet(scene, view, style, scratch, e, start, there):
         item = pick(items, first(left))
         mask = left & (items == item)
         face_normal = hit_entry(entry, geometry, scene.w, item, mask, hits, view, style)
+        if len(geometry.polygons) > 0:
+            polygon_entry(entry, geometry, item, mask, hits, view, style, face_normal)
         bent_entry(entry, geometry, scene.bent, item, mask, hits)
         texture_tint(entry, scene, item, mask, hits, view, scratch.missing)
         vertex_tint(entry, geometry, item, mask, hits)

@@ -10,6 +10,7 @@ from raytrace.errors import printable
 from raytrace.mesh.mesh import Mesh
 
 from ..geometry.detail import split_corners
+from ..geometry.instances import flatten
 from ..geometry.primitives import Geometry, Origin
 from ..readers.load import read_objects
 from ..readers.obj import read_textured_obj
@@ -26,10 +27,10 @@ def read_textured(path: Path) -> tuple[Geometry, list[str]]:
     """
     if path.suffix.lower() == ".obj":
         instance, uv, origin = read_textured_obj(path.read_bytes(), path.stem, str(path), path.parent)
-        mesh = Mesh(instance.vertices, instance.faces, instance.normals, source=str(path), opacity=instance.opacity)
+        mesh, _ = flatten([instance], str(path))
         return Geometry(mesh, uv, origin), [printable(f"{path}: {note}") for note in instance.notes]
     (instance,), _ = read_objects(path, keep=True)
-    mesh = Mesh(instance.vertices, instance.faces, instance.normals, source=str(path))
+    mesh, _ = flatten([instance], str(path))
     notes = [printable(f"{path}: {note}") for note in instance.notes]
     detail = instance.detail
     if detail is None or detail.uv is None:
@@ -39,5 +40,5 @@ def read_textured(path: Path) -> tuple[Geometry, list[str]]:
     if len(vertices) == len(mesh.vertices):
         return Geometry(mesh, detail.uv.at_vertices(detail.corners, len(vertices))), notes
     normals = None if mesh.normals is None else mesh.normals[vertices]
-    split = Mesh(mesh.vertices[vertices], faces, normals, source=str(path))
+    split = Mesh(mesh.vertices[vertices], faces, normals, source=str(path), polygons=mesh.polygons)
     return Geometry(split, detail.uv.rows[detail.uv.of[like]], Origin(vertices, len(mesh.vertices))), notes

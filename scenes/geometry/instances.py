@@ -37,6 +37,7 @@ class Instance:
         opacity: alpha of the faces, or None.
         up: the axis that is up, as far as the file or its format tells (`Mesh.up`).
         paints, paint_of: all materials of the file, and (m,) which each of the faces has, -1: none; or None.
+        polygons: (m,) the polygon of each face, as `raytrace.Mesh` has it, or None.
     """
 
     name: str
@@ -52,6 +53,7 @@ class Instance:
     up: str | None = None
     paints: tuple[Paint, ...] = ()
     paint_of: npt.NDArray[Any] | None = None
+    polygons: Int64s | None = None
 
     @property
     def is_flattened(self) -> bool:
@@ -78,7 +80,8 @@ def instance(
     if faces.ndim == 2 and faces.shape[1] != 3:
         corners = faces.ravel()
         triangles = triangulate(vertices, corners, np.full(len(faces), faces.shape[1]), name)
-        return Instance(name, vertices, triangles.take(corners), normals, matrix, triangles.notes)
+        faces = triangles.take(corners)
+        return Instance(name, vertices, faces, normals, matrix, triangles.notes, polygons=triangles.polygons)
     return Instance(name, vertices, faces, normals, matrix)
 
 
@@ -145,7 +148,9 @@ def flatten(instances: Sequence[Instance], source: str) -> tuple[Mesh, tuple[Par
         vertex, face = vertex_end, face_end
     if len(instances) == 1 and instances[0].matrix is None:
         only = instances[0]
-        return Mesh(only.vertices, only.faces, only.normals, source=source, up=up, opacity=only.opacity), tuple(parts)
+        opacity, polygons = only.opacity, only.polygons
+        mesh = Mesh(only.vertices, only.faces, only.normals, source=source, up=up, opacity=opacity, polygons=polygons)
+        return mesh, tuple(parts)
     vertices = np.empty((vertex, 3))
     faces = np.empty((face, 3), dtype=np.int64)
     has_normals = any(placed.normals is not None for placed in instances)
@@ -154,7 +159,11 @@ def flatten(instances: Sequence[Instance], source: str) -> tuple[Mesh, tuple[Par
         _place(placed, part, vertices, faces, normals, source)
     turned = [each.opacity.reversed() if each.opacity and _is_mirrored(each) else each.opacity for each in instances]
     opacity = Opacity.joined(turned, [len(placed.faces) for placed in instances])
-    return Mesh(vertices, faces, normals, source=source, up=up, opacity=opacity), tuple(parts)
+    polygons = None
+    if any(placed.polygons is not None for placed in instances):
+        own = [np.arange(len(placed.faces)) if placed.polygons is None else placed.polygons for placed in instances]
+        polygons = np.concatenate([part.faces.start + each for part, each in zip(parts, own, strict=True)])
+    return Mesh(vertices, faces, normals, source=source, up=up, opacity=opacity, polygons=polygons), tuple(parts)
 
 
 def _is_mirrored(placed: Instance) -> bool:

@@ -44,6 +44,11 @@ class Triangles(NamedTuple):
         who = f"{self.crossing:,} polygons cross themselves" if self.crossing > 1 else "1 polygon crosses itself"
         return (f"{who}: no triangles between the corners fill what does",) if self.crossing else ()
 
+    @property
+    def polygons(self) -> Int64s | None:
+        """The polygon of each triangle, (m,), or None if all polygons are triangles."""
+        return None if self.places is None else np.repeat(np.arange(len(self.counts)), self.counts)
+
     def take(self, values: npt.NDArray[Any]) -> npt.NDArray[Any]:
         """Values of the corners (c,) as those of the triangles (m, 3)."""
         return values.reshape(-1, 3) if self.places is None else values[self.places]

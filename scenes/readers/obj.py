@@ -7,6 +7,7 @@ file, where what trimesh reads takes 22 times (docs/reliability.md).
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -50,7 +51,8 @@ def read_obj(
     faces = triangles.take(file.corners)
     opacity, notes = obj_opacity(file, folder, triangles) if alpha else (None, ())
     notes = triangles.notes + (() if keep else notes)
-    return [Instance(name, file.vertices, faces, vertex_normals, None, notes, detail, unread, opacity=opacity)]
+    made = Instance(name, file.vertices, faces, vertex_normals, None, notes, detail, unread, opacity=opacity)
+    return [replace(made, polygons=triangles.polygons)]
 
 
 def read_textured_obj(data: bytes, name: str, source: str, folder: Path) -> tuple[Instance, Float64s, Origin]:
@@ -77,5 +79,6 @@ def read_textured_obj(data: bytes, name: str, source: str, folder: Path) -> tupl
     own = normals.rows[kinds[:, 2]] if normals else None
     faces = triangles.take(corners.ravel())
     opacity, notes = obj_opacity(file, folder, triangles)
-    made = Instance(name, file.vertices[kinds[:, 0]], faces, own, notes=triangles.notes + notes, opacity=opacity)
+    vertices, notes = file.vertices[kinds[:, 0]], triangles.notes + notes
+    made = Instance(name, vertices, faces, own, notes=notes, opacity=opacity, polygons=triangles.polygons)
     return made, uv.rows[kinds[:, 1]], Origin(kinds[:, 0], len(file.vertices))

@@ -53,4 +53,5 @@ def read_off(data: bytes, name: str, source: str) -> list[Instance]:
     triangles = triangulate(places[:, :3], corners, sizes, source)
     normals = places[:, 3:] if width == 6 else None
     unread = ("colours",) if "C" in match[1] or any(len(f) > s + 1 for f, s in zip(faces, sizes, strict=True)) else ()
-    return [Instance(name, places[:, :3], triangles.take(corners), normals, None, triangles.notes, None, unread)]
+    filled, polygons = triangles.take(corners), triangles.polygons
+    return [Instance(name, places[:, :3], filled, normals, None, triangles.notes, None, unread, polygons=polygons)]

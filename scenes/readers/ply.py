@@ -11,7 +11,7 @@ from __future__ import annotations
 import re
 import struct
 from array import array
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -103,7 +103,8 @@ def read_ply(data: bytes, name: str, source: str, keep: bool = False) -> list[In
     ups = [line.removeprefix(UP_COMMENT) for line in comments if line.startswith(UP_COMMENT)]
     up = ups[0] if ups and ups[0] in UP else None
     detail = ply_detail(tuple(stored), comments, corners, sizes, triangles) if keep else None
-    return [Instance(name, vertices, triangles.take(corners), normals, None, triangles.notes, detail, w=w, up=up)]
+    made = Instance(name, vertices, triangles.take(corners), normals, None, triangles.notes, detail, w=w, up=up)
+    return [replace(made, polygons=triangles.polygons)]
 
 
 def _stored(

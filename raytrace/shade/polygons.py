@@ -1,0 +1,108 @@
+"""Polygons of more than three corners: lit once under constant shading, else interpolated over as wholes.
+
+Values at the corners are weighted by mean value coordinates: λ_i = w_i/Σ w, w_i = (tan(α_{i−1}/2) + tan(α_i/2))/r_i,
+where edge i is seen from the point in the angle α_i, and corner i stands r_i away. They are smooth within, linear along
+edges, barycentric on a triangle, and the same however the polygon is turned or cut into triangles. A polygon that is
+not flat is seen along its Newell normal.
+Source: Hormann & Floater 2006, "Mean Value Coordinates for Arbitrary Planar Polygons".
+"""
+
+from ..kernel.jit import inline
+from ..kernel.simd import select, single
+from ..kernel.simd_masks import some
+from ..kernel.simd_memory import gather, load_row
+from ..kernel.vector import add, choose, cross, dot, length, scale, subtract, unit
+from . import shading_points as layout
+from .interaction import CONSTANT, FLAT, QUADRATIC, corner, corner_normal, towards_viewer, vertex_normal
+from .shading_points import lighting_column, put, put1, take
+
+NEAR = 1e-9  # distance that counts as none, and sine of an angle that counts as 0 or π
+
+
+@inline
+def polygons_hit(geometry, item, mask, faces):
+    """Where the mask is set and the faces are parts of polygons, and the polygons' rows in `geometry.vertices`."""
+    first = len(geometry.vertices) - len(geometry.first_edge) + 1
+    rows = gather(geometry.polygons, select(mask, faces, 0) + geometry.first_face[item])
+    there = mask & (rows >= first)
+    return there, select(there, rows, first)
+
+
+@inline
+def polygon_entry(entry, geometry, item, mask, hits, view, style, face_normal):
+    """Write what shading takes of whole polygons, after `hit_entry`, whose result is `face_normal`."""
+    mask, rows = polygons_hit(geometry, item, mask, hits.faces)
+    newell = vertex_normal(geometry, item, rows)
+    side = select(dot(newell, face_normal) >= 0.0, 1.0, -1.0)
+    if style.shading in (CONSTANT, FLAT):
+        centre = corner(geometry, item, rows)
+        put(entry, layout.POINT, mask, centre)
+        put(entry, layout.VIEW, mask, towards_viewer(view, centre))
+        put(entry, layout.NORMAL, mask, scale(side, newell))
+    elif style.shading != QUADRATIC:
+        put(
+            entry,
+            layout.NORMAL,
+            mask,
+            scale(side, polygon_normal(geometry, item, mask, rows, take(entry, layout.POINT))),
+        )
+
+
+@inline
+def polygon_edges(geometry, rows):
+    """First edge of polygons, and the one after their last."""
+    number = rows - (len(geometry.vertices) - len(geometry.first_edge) + 1)
+    return gather(geometry.first_edge, number), gather(geometry.first_edge, number + 1)
+
+
+@inline
+def edge_weights(geometry, item, edge, point, newell):
+    """The two vertices of an edge of a polygon, and what it adds to the weight of either at a point."""
+    i, j = gather(geometry.edges, 2 * edge), gather(geometry.edges, 2 * edge + 1)
+    a, b = subtract(corner(geometry, item, i), point), subtract(corner(geometry, item, j), point)
+    a, b = subtract(a, scale(dot(a, newell), newell)), subtract(b, scale(dot(b, newell), newell))
+    near, far = max(length(a), NEAR), max(length(b), NEAR)
+    size, along, across = near * far, dot(a, b), dot(cross(a, b), newell)
+    across = select(abs(across) < NEAR * size, NEAR * size, across)
+    tangent = select(along > 0.0, across / (size + along), (size - along) / across)
+    return i, j, tangent / near, tangent / far
+
+
+@inline
+def polygon_normal(geometry, item, mask, rows, point):
+    """Phong 1975: unit normals at the corners interpolated at points of polygons, renormalised."""
+    newell = vertex_normal(geometry, item, rows)
+    edge, end = polygon_edges(geometry, rows)
+    total, sum_ = 0.0 * point[0], scale(0.0, point)
+    while some(mask):
+        i, j, a, b = edge_weights(geometry, item, edge, point, newell)
+        n, m = corner_normal(geometry, item, i, newell), corner_normal(geometry, item, j, newell)
+        sum_ = choose(mask, add(sum_, add(scale(a, n), scale(b, m))), sum_)
+        total = select(mask, total + a + b, total)
+        mask = mask & (edge + 1 < end)
+        edge = select(mask, edge + 1, edge)
+    return unit(scale(1.0 / total, sum_))
+
+
+@inline
+def polygon_light(entry, scene, item, mask, hits, first_row):
+    """Gouraud 1971: the light of polygons' vertices, from `first_row` of `scene.lit_vertices` on, interpolated."""
+    geometry, lit = scene.geometry, scene.lit_vertices
+    width = lit.shape[1]
+    there, rows = polygons_hit(geometry, item, mask, hits.faces)
+    point, newell = take(entry, layout.POINT), vertex_normal(geometry, item, rows)
+    for column in range(width):
+        put1(entry, lighting_column(column), there, 0.0)
+    edge, end = polygon_edges(geometry, rows)
+    total, left = 0.0 * point[0], there
+    while some(left):
+        i, j, a, b = edge_weights(geometry, item, edge, point, newell)
+        for column in range(width):
+            at = first_row * width + column
+            more = a * single(gather(lit, i * width + at)) + b * single(gather(lit, j * width + at))
+            put1(entry, lighting_column(column), left, load_row(entry, lighting_column(column)) + more)
+        total = select(left, total + a + b, total)
+        left = left & (edge + 1 < end)
+        edge = select(left, edge + 1, edge)
+    for column in range(width):
+        put1(entry, lighting_column(column), there, load_row(entry, lighting_column(column)) / total)
