@@ -43,7 +43,7 @@ class InputError(ObscuranceError, ValueError):
     def __init__(self, source: object, field: str, expected: str, got: object, nearest: str | None = None) -> None:
         self.source, self.field, self.expected, self.got, self.nearest = str(source), field, expected, got, nearest
         text = f"{self.source}: {shortened(field)}: expected {shortened(expected, 1000)}, got {shortened(got)}"
-        super().__init__(printable(f"{text}; did you mean {nearest}?" if nearest else text))
+        super().__init__(printable(f"{text}; did you mean {nearest}?" if nearest else text, LINE))
 
     def __reduce__(self) -> tuple[Any, ...]:
         return _unpickled, (type(self), str(self), {**vars(self), "got": str(self.got)})
@@ -92,8 +92,17 @@ def shortened(value: object, longest: int = 200) -> str:
     return text if len(text) <= longest else text[: longest - 1] + "…"
 
 
-def printable(text: str) -> str:
-    """The text on one line, with escapes for what moves a terminal's cursor or has no glyph."""
+LINE = 1000
+"""Characters of a message at most."""
+
+
+def printable(text: str, longest: int | None = None) -> str:
+    """The text on one line, with escapes for what moves a terminal's cursor or has no glyph.
+
+    Args: longest: characters, if there is a limit; of a longer text the middle is left out.
+    """
+    if longest and len(text) > longest:
+        text = f"{text[: longest * 3 // 4]}…{text[1 - longest // 4 :]}"
     return text if text.isprintable() else "".join(c if c.isprintable() else ascii(c)[1:-1] for c in text)
 
 

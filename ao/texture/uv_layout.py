@@ -140,8 +140,9 @@ def texels_across(uv: Float64s, areas: Float64s, texel_size: float) -> int:
 
 def _tiles(usable: Bools, first: Int64s, spans: Int64s, source: object) -> tuple[Int64s, Int64s]:
     """Every usable face once for each tile that it reaches into: rows (t,), and the tile (t, 2)."""
-    widest = int(np.argmax(np.where(usable, spans.max(axis=1), 0)))
-    if usable.any() and spans[widest].max() > _TILES:
+    widths = np.where(usable, spans.max(axis=1), 0)
+    if widths.max(initial=0) > _TILES:
+        widest = int(np.argmax(widths))
         expected = f"faces that reach over at most {_TILES} tiles"
         raise MeshError(source, f"texture coordinates of face {widest}", expected, int(spans[widest].max()))
     rows = np.flatnonzero(usable)

@@ -59,7 +59,7 @@ class Journal:
         """Learn what is in the file, up to the first record that is torn."""
         head = self._file.read(len(MAGIC) + IDENTITY)
         self.identity = head[len(MAGIC) :] if head.startswith(MAGIC) and len(head) == len(MAGIC) + IDENTITY else None
-        if self.identity is None and not MAGIC.startswith(head[: len(MAGIC)].rstrip(b"\0")):
+        if self.identity is None and not self._is_torn(head):
             raise OutputError(f"{self.path}: content: expected the journal of a bake or no such file, got another file")
         self._end = self._file.tell() if self.identity else 0
         while self.identity and len(start := self._file.read(_RECORD.size)) == _RECORD.size:
@@ -71,6 +71,11 @@ class Journal:
                 break
             self.blocks[call, first, last] = self._end + _RECORD.size, size
             self._end = self._file.tell()
+
+    def _is_torn(self, head: bytes) -> bool:
+        """Whether a file without a whole header may be a journal's: nothing but the begin of one, and zeros."""
+        begun = head.startswith(MAGIC) or MAGIC.startswith(head.rstrip(b"\0"))
+        return begun and not any(chunk.strip(b"\0") for chunk in iter(lambda: self._file.read(1 << 20), b""))
 
     def start(self, identity: bytes) -> None:
         """Empty the file and make it the journal of `identity`."""

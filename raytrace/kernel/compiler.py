@@ -24,6 +24,10 @@ from numba.np.arrayobj import make_array, populate_array
 from . import lanes as lanes  # Numba knows the type and its operators from then on
 from .deferred import types
 
+if numba.config.DISABLE_JIT:
+    from ..errors import OptionError
+
+    raise OptionError("NUMBA_DISABLE_JIT", "0 or nothing: kernels run as machine code alone", 1, "environment")
 _WORD, _BYTE = ir.IntType(64), ir.IntType(8)
 _POINTER = _BYTE.as_pointer()
 _HEAD = object.__basicsize__ // 8  # words before an array's own: data, number of axes, lengths, strides

@@ -11,10 +11,16 @@ import sys
 import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
+from functools import cache
 from pathlib import Path
 from typing import Any, BinaryIO
 
 from ..errors import OutputError
+
+if sys.platform != "win32":
+    import fcntl
+
+_BEGIN, _END = ".obscurance-", ".part"  # of temporary names
 
 
 @contextmanager
@@ -65,14 +71,21 @@ def _replacing(path: str | os.PathLike[str]) -> Iterator[tuple[Path, int]]:
     """A temporary file, and its open handle, that replaces `path` when the block ends without an exception."""
     try:
         target = _regular_target(path)
-        temporary = _beside(target)
+        _remove_left_over(target.parent)
+        temporary, lock = _beside(target), -1
         try:  # from before the file is there: an interrupt may come as it is opened
-            yield temporary, _create(temporary)
+            handle = _create(temporary)
+            if sys.platform != "win32":
+                lock = os.dup(handle)
+            yield temporary, handle
             os.replace(temporary, target)
         except BaseException:
             with suppress(OSError):
                 temporary.unlink()
             raise
+        finally:
+            if lock >= 0:
+                os.close(lock)
     except OSError as reason:
         if isinstance(reason, OutputError):
             raise
@@ -118,7 +131,9 @@ def check_writable(path: str | os.PathLike[str]) -> None:
             raise OutputError("standard output: cannot write: it is a terminal; pipe it, or name a file")
         return
     try:
-        temporary = _beside(_regular_target(path))
+        target = _regular_target(path)
+        _remove_left_over(target.parent)
+        temporary = _beside(target)
         try:
             os.close(_create(temporary))
         finally:
@@ -143,12 +158,39 @@ def _regular_target(path: str | os.PathLike[str]) -> Path:
 
 
 def _beside(target: Path) -> Path:
-    return target.parent / f".obscurance-{secrets.token_hex(6)}.part"
+    return target.parent / f"{_BEGIN}{secrets.token_hex(6)}{_END}"
 
 
 def _create(path: Path) -> int:
-    # os.open rather than tempfile: tempfile's mode is 0600 whatever the umask.
-    return os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | getattr(os, "O_BINARY", 0), 0o666)
+    """A new file, open, and locked as long as it or a duplicate is: what nobody holds a lock of, the dead have left."""
+    while True:
+        # os.open rather than tempfile: tempfile's mode is 0600 whatever the umask.
+        handle = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | getattr(os, "O_BINARY", 0), 0o666)
+        if sys.platform != "win32":
+            with suppress(OSError):  # a file system without locks
+                fcntl.flock(handle, fcntl.LOCK_EX)
+        if os.fstat(handle).st_nlink:
+            return handle
+        os.close(handle)  # taken for one of the dead's before it was locked
+
+
+@cache
+def _remove_left_over(folder: Path) -> None:
+    """Delete temporary files of processes that were killed; once in this process."""
+    if sys.platform == "win32":
+        return
+    with suppress(OSError), os.scandir(folder) as entries:
+        for entry in entries:
+            if not (entry.name.startswith(_BEGIN) and entry.name.endswith(_END)):
+                continue
+            with suppress(OSError):  # it is locked, or another user's
+                handle = os.open(entry.path, os.O_RDWR | os.O_NOFOLLOW | os.O_NONBLOCK)
+                try:
+                    fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+                    if os.fstat(handle).st_nlink:
+                        os.unlink(entry.path)
+                finally:
+                    os.close(handle)
 
 
 def _cannot_write(path: str | os.PathLike[str], reason: OSError) -> OutputError:

@@ -62,6 +62,8 @@ def _time(works: Sequence[Work], bake: MeshBake, most: str) -> str:
     if bake.tolerance is not None:
         return "as long as the tolerance takes, which only the bake finds out"
     largest = max(works, key=lambda work: work.points)
+    if not largest.points:
+        return "none: there is nothing to bake"
     fixed, of_point = _trial(largest, min(Options(**bake.options()).rays, _RAYS))
     points, threads = sum(work.points for work in works), thread_count(bake.threads)
     seconds = fixed * points / largest.points + of_point * points / threads

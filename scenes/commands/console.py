@@ -27,9 +27,9 @@ if TYPE_CHECKING:
 
 def note(message: str) -> None:
     """One line on standard error."""
-    from raytrace.errors import printable
+    from raytrace.errors import LINE, printable
 
-    print("obscurance: " + printable(" ".join(message.split())), file=sys.stderr)
+    print("obscurance: " + printable(" ".join(message.split()), LINE), file=sys.stderr)
 
 
 _PLAIN = str.maketrans({
@@ -99,14 +99,14 @@ def unprinted_warnings() -> Iterator[None]:
 
 def warn(meshes: Iterable[Mesh], others: Iterable[str] = ()) -> list[str]:
     """Print, once each, warnings about the precision of meshes, and others; return them all."""
-    from raytrace.errors import printable
+    from raytrace.errors import LINE, printable
     from raytrace.mesh.precision import precision_warnings
 
     each = {id(mesh): mesh for mesh in meshes}.values()
     warnings = list(dict.fromkeys(warning for mesh in each for warning in precision_warnings(mesh)))
     warnings += list(dict.fromkeys(others))
     for warning in () if getattr(_silent, "on", False) else warnings:
-        print(f"warning: {printable(warning)}", file=sys.stderr)
+        print(f"warning: {printable(warning, LINE)}", file=sys.stderr)
     return warnings
 
 

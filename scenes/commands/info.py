@@ -18,6 +18,8 @@ from ..gltf.occlusion import RAMP, image_name, occlusion_reference
 from ..gltf.schema import check_materials
 from ..readers.load import MeshFile
 
+_NAME = 80  # characters of an object's that are shown
+
 
 def facts(source: MeshFile) -> dict[str, Any]:
     """What `describe` tells of a file as JSON-ready values: lengths in mesh units, None for what is missing."""
@@ -55,7 +57,7 @@ def facts(source: MeshFile) -> dict[str, Any]:
 def describe(source: MeshFile) -> list[tuple[str, str]]:
     """Rows (name, value) about a file's objects, its extent, its defects and what a bake would do with it."""
     found, mesh = facts(source), source.mesh
-    names = [printable(name) for name in found["objects"]]
+    names = [printable(name, _NAME) for name in found["objects"]]
     open_edges, crowded = found["open_edges"], found["edges_of_three_faces_or_more"]
     corners = ("(" + ", ".join(f"{c:.6g}" for c in corner) + ")" for corner in found["bounds"])
     rows = [

@@ -23,6 +23,7 @@ from .compression import compressions, is_placeholder
 from .schema import check_geometry
 
 _GLB_MAGIC, _JSON_CHUNK, _BIN_CHUNK = 0x46546C67, 0x4E4F534A, 0x004E4942
+_DEEPEST = 100
 TRIANGLES, TRIANGLE_STRIP, TRIANGLE_FAN = 4, 5, 6
 
 
@@ -67,7 +68,13 @@ def decode(data: bytes, path: Path) -> Gltf:
     binary = None
     if data[:4] == b"glTF":
         data, binary = _chunks(data, path)
-    header = json.loads(data.decode("utf-8"))
+    try:
+        header = json.loads(data.decode("utf-8"))
+        deep = _depth(header) > _DEEPEST
+    except RecursionError:
+        deep = True
+    if deep:
+        raise MeshError(path, "content", f"JSON of at most {_DEEPEST} levels", "more")
     check_geometry(header, path)
     buffers = []
     read = cache(Path.read_bytes)
@@ -81,6 +88,16 @@ def decode(data: bytes, path: Path) -> Gltf:
             raise MeshError(path, f"buffers[{index}]", f"{buffer['byteLength']} bytes", len(content))
         buffers.append(content)
     return Gltf(path, header, tuple(buffers))
+
+
+def _depth(value: Any) -> int:
+    """Levels of lists and objects in one another, at most one more than may be."""
+    level, depth = [value] if isinstance(value, dict | list) else [], 0
+    while level and depth <= _DEEPEST:
+        children = (each.values() if isinstance(each, dict) else each for each in level)
+        level = [child for some in children for child in some if isinstance(child, dict | list)]
+        depth += 1
+    return depth
 
 
 def referenced(uri: str, folder: Path, read: Callable[[Path], bytes] = Path.read_bytes) -> bytes | None:

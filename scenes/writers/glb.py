@@ -72,7 +72,10 @@ def _one_buffer(asset: Gltf) -> Packed:
     keep_plain_data(packed.header)
     offsets = [packed.add(buffer) for buffer in asset.buffers]
     for view in packed.header.get("bufferViews", []):
-        view["byteOffset"] = view.get("byteOffset", 0) + offsets[view["buffer"]]
+        if view["buffer"] in range(len(offsets)):
+            view["byteOffset"] = view.get("byteOffset", 0) + offsets[view["buffer"]]
+        else:  # nothing that was read refers to it
+            view |= {"byteOffset": 0, "byteLength": 1}
         view["buffer"] = 0
     read = cache(Path.read_bytes)
     views: dict[int, int] = {}

@@ -311,3 +311,27 @@ def test_a_shell_completes_commands_options_and_choices():
     ):
         asked = {"_OBSCURANCE_COMPLETE": "complete_bash", "COMP_WORDS": words, "COMP_CWORD": str(count)}
         assert process(env={**os.environ, **asked}).stdout.split() == [expected]
+
+
+LONG = "n" * 100_000
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        f"bake {LONG}.obj -o w.npz",
+        f"bake long.obj -o {LONG}.npz",
+        f"bake long.obj -o w.npz --{LONG}",
+        f"render {LONG} -o w.png",
+        f"materials {LONG}",
+        "info long.obj",
+        "bake long.obj -o w.glb --samples 1",
+    ],
+    ids=lambda line: line[:20],
+)
+def test_however_long_a_name_is_messages_are_lines_that_people_read(tmp_path, monkeypatch, line):
+    (tmp_path / "long.obj").write_text(f"mtllib {LONG}\nusemtl {LONG}\no {LONG}\nv 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")
+    monkeypatch.chdir(tmp_path)
+    done = obscurance(*line.split())
+    assert done.returncode == (2 if LONG in line else 0)
+    assert max(map(len, (done.stdout + done.stderr).splitlines())) < 1100

@@ -6,9 +6,11 @@ import pytest
 from found_faults import baked, scene_mistake, triangle
 from mesh_files import mistake, read
 
+import ao
 import scenes.geometry.instances
 import scenes.readers.threemf
 from scenes.commands.info import describe
+from scenes.gltf.container import decode, encode_glb
 from scenes.readers.load import load
 from scenes.writers.write import write
 
@@ -92,3 +94,21 @@ def test_a_material_that_is_refused_is_named(tmp_path):
     materials = [{"emissiveFactor": [-1, 0, 0]}]
     message = scene_mistake(tmp_path, builder.glb([{"mesh": 0}], materials=materials), "m.glb")
     assert "m.glb: materials[0].emission[0]: expected a number in [0, inf), got -1" in message
+
+
+def test_a_view_of_no_buffer_that_nothing_uses_is_written(tmp_path):
+    path = tmp_path / "m.glb"
+    asset = decode(triangle().glb([{"mesh": 0}]), path)
+    asset.header["bufferViews"].append({"buffer": 7, "byteLength": 4})
+    path.write_bytes(encode_glb(asset.header, *asset.buffers))
+    file = load(path)
+    write(tmp_path / "w.glb", ao.bake(file.mesh, samples=16), file)
+    assert len(load(tmp_path / "w.glb").mesh.faces) == 1
+
+
+@pytest.mark.parametrize("depth", [400, 100_000])
+@pytest.mark.parametrize("letters", ["[]", "{}"])
+def test_deep_json_is_refused_in_a_line(tmp_path, depth, letters):
+    begin, end = ("[", "]") if letters == "[]" else ('{"a":', "}")
+    deep = f'{{"asset": {{"version": "2.0"}}, "extras": {begin * depth}1{end * depth}}}'
+    assert "content: expected JSON of at most 100 levels, got more" in mistake(tmp_path, "m.gltf", deep.encode())

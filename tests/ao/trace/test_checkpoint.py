@@ -212,11 +212,12 @@ def test_nothing_to_resume_is_reported(path, whole):
 
 
 @pytest.mark.parametrize("resume", [False, True])
-def test_a_file_of_something_else_is_never_overwritten(path, resume):
-    path.write_text("a chapter of my thesis")
+@pytest.mark.parametrize("content", [b"a chapter of my thesis", bytes(4096) + b"a disk", MAGIC[:9] + bytes(40) + b"x"])
+def test_a_file_of_something_else_is_never_overwritten(path, resume, content):
+    path.write_bytes(content)
     with pytest.raises(OutputError, match="expected the journal of a bake"):
         bake(path, resume=resume)
-    assert path.read_text() == "a chapter of my thesis"
+    assert path.read_bytes() == content
 
 
 @POSIX

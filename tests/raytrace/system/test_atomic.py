@@ -3,8 +3,11 @@
 import errno
 import json
 import os
+import subprocess
+import sys
 
 import pytest
+from project import ROOT
 
 from raytrace.errors import OutputError
 from raytrace.system.atomic import atomic_write, check_writable, write_json
@@ -144,3 +147,34 @@ def test_json_is_written_whole_or_not_at_all(tmp_path):
         write_json(target, {"a": float("nan")})
     assert target.read_bytes() == before
     assert names(tmp_path) == ["r.json"]
+
+
+KILLED = """
+import os, signal, sys
+from raytrace.system.atomic import atomic_path, atomic_write
+with {call}(sys.argv[1]) as made:
+    print("writing", flush=True)
+    {then}
+"""
+KILL, WAIT = "os.kill(os.getpid(), signal.SIGKILL)", "sys.stdin.read()"
+
+
+def writer(call, then, target):
+    command = [sys.executable, "-c", KILLED.format(call=call, then=then), str(target)]
+    return subprocess.Popen(command, cwd=ROOT, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
+
+
+@pytest.mark.skipif(os.name == "nt", reason="locks")
+@pytest.mark.parametrize("call", ["atomic_write", "atomic_path"])
+def test_what_a_killed_process_left_is_removed_but_not_what_another_is_writing(tmp_path, call):
+    with writer(call, KILL, tmp_path / "w.npy") as killed:
+        assert killed.wait() == -9
+    with writer(call, WAIT, tmp_path / "other.npy") as alive:
+        assert alive.stdout.readline() == "writing\n"
+        (left,) = names(tmp_path)  # the killed one's is gone
+        check_writable(tmp_path / "w.npy")
+        with atomic_write(tmp_path / "w.npy") as file:
+            file.write(b"whole")
+        assert names(tmp_path) == [left, "w.npy"]
+        alive.communicate()
+    assert names(tmp_path) == ["other.npy", "w.npy"]
