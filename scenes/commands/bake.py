@@ -92,6 +92,7 @@ class MeshBake(ABC):
     normals: NormalsFrom
     hidden: Hidden
     alpha: Alpha
+    up: Up | None
     report: Path | None
     resume: bool
     occlusion: Occlusion | None
@@ -198,7 +199,16 @@ class MeshBake(ABC):
         """The mesh file, with what the output can hold of it. Raises: InputError."""
         from ..readers.load import load
 
-        return load(self.mesh, self.kept, self.content, alpha=self.alpha == "auto")
+        return load(self.mesh, self.kept, self.content, self.alpha == "auto", self.up)
+
+    def check_up(self, picture: Path | None, *outputs: Path | None) -> None:
+        """Raises: OptionError: `up`, and neither a picture nor an output that stands."""
+        from raytrace.errors import OptionError
+
+        standing = (".html", ".ply", ".glb")
+        if self.up and not picture and not {_ending(path) for path in (*outputs, self.report)} & set(standing):
+            expected = f"--debug-image or {', '.join(standing)} with it; w does not depend on it"
+            raise OptionError("up", expected, "none")
 
     def read_high(self) -> MeshFile | None:
         """The finer mesh's file, if there is one. Raises: InputError."""
@@ -220,16 +230,12 @@ class MeshBake(ABC):
         """Bake and write, one output after the other. Raises: as `run`."""
 
 
-_STANDING = (".html", ".ply", ".glb")
-
-
 @dataclass(frozen=True, kw_only=True)
 class BakeCommand(MeshBake):
     """A bake to vertices."""
 
     method: Method
     debug_image: Path | None
-    up: Up | None
     colors: bool
 
     @property
@@ -304,7 +310,7 @@ class BakeCommand(MeshBake):
         if self.debug_image:
             from .flag_image import write_marked
 
-            write_marked(self.debug_image, source.mesh, baked, self.up)
+            write_marked(self.debug_image, source.mesh, baked)
         yield Written(bake_summary(baked, self.output) + alpha_summary((fine or source).mesh), warnings)
 
     def check_own(self) -> None:
@@ -322,9 +328,7 @@ class BakeCommand(MeshBake):
 
             with named("debug_image"):
                 check_image_target(self.debug_image, layers=("beauty",))
-        if self.up and not self.debug_image and not {_ending(self.output), _ending(self.report)} & set(_STANDING):
-            standing = ", ".join(_STANDING)
-            raise OptionError("up", f"--debug-image or {standing} with it; w does not depend on it", "none")
+        self.check_up(self.debug_image, self.output)
 
     def outputs(self) -> dict[str, Path | None]:
         return {"--output": self.output, "--report": self.report, "--debug-image": self.debug_image}
@@ -340,7 +344,7 @@ class BakeCommand(MeshBake):
 
     def _channels(self) -> dict[str, Any]:
         """The options of `scenes.write`."""
-        return {name: getattr(self, name) for name in ("colors", "occlusion", "replace_occlusion", "up")}
+        return {name: getattr(self, name) for name in ("colors", "occlusion", "replace_occlusion")}
 
     def _missed(self, baked: ao.Bake) -> list[str]:
         """A warning of the vertices that the cage missed, if there are any."""
@@ -359,7 +363,7 @@ class BakeCommand(MeshBake):
         def pictures() -> list[list[Picture]]:
             from ..report.pictures import pictures_of_vertices
 
-            return [pictures_of_vertices(baked.mesh, baked.w, baked.error, self.up)]
+            return [pictures_of_vertices(baked.mesh, baked.w, baked.error)]
 
         inputs, seconds, warnings = made
         options = self.described()

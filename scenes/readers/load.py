@@ -8,7 +8,7 @@ import os
 import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -115,6 +115,7 @@ def load(
     target: str | os.PathLike[str] | None = None,
     content: bytes | None = None,
     alpha: bool = True,
+    up: str | None = None,
 ) -> MeshFile:
     """Read a mesh file in the format of its ending.
 
@@ -127,6 +128,7 @@ def load(
         target: the file that `scenes.write` is to make of it: what that can hold besides is read too.
         content: the file's bytes, if they came from elsewhere; `path` then only names it and its format.
         alpha: whether faces have the alpha of their glTF or OBJ materials; otherwise they are opaque.
+        up: `mesh.up` in place of what the file says.
 
     Raises:
         MeshError: the file is missing, unreadable, empty, incomplete, of another format than its ending says,
@@ -136,6 +138,7 @@ def load(
     path = Path(path)
     kind = "" if target is None else Path(target).suffix.lower()
     instances, asset = read_objects(path, kind in (".ply", ".glb"), content, alpha)
+    instances = [replace(instance, up=up or instance.up) for instance in instances]
     with mesh_errors(path):
         mesh, parts = flatten(instances, str(path))
         detail = instances[0].detail if len(instances) == 1 else None

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from .coordinates import Coordinates
     from .pages import Page
 
-_OF_VERTICES = {"method": "vertex", "colors": False, "debug_image": None, "up": None}
+_OF_VERTICES = {"method": "vertex", "colors": False, "debug_image": None}
 _UVS = "auto", "unwrap", "fill"
 _IMAGES = "output", "bent_normals", "error_map"
 
@@ -200,6 +200,7 @@ class TextureCommand(MeshBake):
         if self.bent_space is not None and self.bent_normals is None:
             raise OptionError("bent_space", "--bent-normals with it", "none")
         check_cage(self.cage, self.high)
+        self.check_up(None, glb)
 
     def outputs(self, pages: Sequence[Page] = ()) -> dict[str, Path | None]:
         """The files to write, by what the user calls them; without `pages`, as far as the options name them.

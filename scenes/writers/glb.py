@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
+from raytrace.mesh.up import up_axis
 from raytrace.types import AnyFloats
 
 from ..geometry.instances import Part
@@ -40,8 +41,8 @@ def glb(mesh_file: MeshFile, w: AnyFloats, channels: Channels) -> bytes:
     """
     asset = mesh_file.gltf
     packed, drawn = stored(asset, mesh_file.parts) if asset else plain(mesh_file, channels.colors, channels.up)
-    if asset and channels.up:
-        stand(packed.header, channels.up)
+    if asset:
+        stand(packed.header, up_axis(mesh_file.mesh, channels.up))
     for primitive, vertices in drawn:
         primitive["attributes"].update(packed.obscurance(w[vertices], channels.colors))
     if channels.ramp:

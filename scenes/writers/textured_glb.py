@@ -11,11 +11,13 @@ import numpy.typing as npt
 from ao.texture.result import BakedTexture
 from raytrace.errors import MeshError
 from raytrace.image.encode import linear_png
+from raytrace.mesh.up import up_axis
 from raytrace.types import AnyFloats, Float32s, Float64s, Int64s
 
 from ..gltf.accessors import normalized, values
 from ..gltf.container import TRIANGLE_STRIP, Gltf, encode_glb
 from ..gltf.glb_buffer import ARRAY_BUFFER, ELEMENT_ARRAY_BUFFER, UNSIGNED_INT, Packed
+from ..gltf.nodes import stand
 from ..gltf.occlusion import OWN, OcclusionTextures, add_coordinates, free_set
 from ..gltf.ramp import write_ramp
 from ..readers.load import MeshFile
@@ -54,6 +56,8 @@ def textured_glb(
     """
     asset = mesh_file.gltf
     packed, drawn = stored(asset, mesh_file.parts) if asset else plain(mesh_file, False)
+    if asset:
+        stand(packed.header, up_axis(mesh_file.mesh))
     before = Gltf(mesh_file.path, packed.header, (bytes(packed.binary),))
     textures = OcclusionTextures(packed, replace)
     if orm:

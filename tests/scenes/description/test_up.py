@@ -106,6 +106,21 @@ def test_an_stl_stands_upright_in_a_glb_once(folder):
     assert stored("lying.glb")[2] == ["z"]
 
 
+def test_a_textured_glb_stands_upright_too(folder):
+    (folder / "t.obj").write_text(
+        "v 0 0 0\nv 1 0 0\nv 1 0 1\nv 0 0 1\nvt 0 0\nvt 1 0\nvt 1 1\nvt 0 1\nf 1/1 2/2 3/3 4/4\n"
+    )
+    texture = "--occlusion", "texture", "--size", 8
+    baked("t.obj", "-o", "t.glb", *texture, "--up", "z")
+    assert stored("t.glb")[2] == ["z up"]
+    baked("t.glb", "-o", "again.glb", *texture)
+    assert stored("again.glb")[2] == ["z up"]
+    assert load("again.glb").mesh.bounds[1].tolist() == [1, 1, 0]
+    refused(
+        obscurance("bake", "t.obj", "-o", "t.png", "--up", "z"), "--up: expected --debug-image or .html, .ply, .glb"
+    )
+
+
 def test_a_ply_says_what_is_up(folder):
     baked("z.stl", "-o", "one.ply")
     baked("one.ply", "-o", "two.ply")
