@@ -183,9 +183,9 @@ def test_a_transform_that_moves_nothing_goes(tmp_path):
     ],
 )
 def test_what_cannot_share_an_image_is_refused(tmp_path, reference, uv, words):
-    file = source(tmp_path, png(np.zeros((8, 8, 3), np.uint8)), rough(reference), (0, 1))
+    image = png(np.zeros((8, 8, 3), np.uint8))
     with pytest.raises(MeshError, match=words):
-        check_orm(file.gltf, uv, False)
+        check_orm(source(tmp_path, image, rough(reference), (0, 1)).gltf, uv, False)
 
 
 def test_images_that_cannot_be_read_are_refused(tmp_path):
