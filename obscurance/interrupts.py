@@ -1,12 +1,16 @@
-"""Ctrl-C while the command imports its modules, for a tenth of a second: a line and status 130, no traceback."""
+"""Ctrl-C and SIGTERM: alike, and a line and status 130 also while modules are imported, for a tenth of a second."""
 
 import os
 import signal
 import threading
 
-_guards = threading.current_thread() is threading.main_thread() and (
-    signal.getsignal(signal.SIGINT) is signal.default_int_handler  # not ignored, as in the background of a script
-)
+_USUAL = {signal.SIGINT: signal.default_int_handler, signal.SIGTERM: signal.SIG_DFL}
+_taken = [
+    number
+    for number, usual in _USUAL.items()
+    if threading.current_thread() is threading.main_thread()
+    and signal.getsignal(number) is usual  # not ignored, as in the background of a script
+]
 
 
 def _end(*_: object) -> None:
@@ -15,10 +19,10 @@ def _end(*_: object) -> None:
 
 
 def all_imported() -> None:
-    """Interrupts raise KeyboardInterrupt again."""
-    if _guards:
-        signal.signal(signal.SIGINT, signal.default_int_handler)
+    """Both raise KeyboardInterrupt from now on."""
+    for number in _taken:
+        signal.signal(number, signal.default_int_handler)
 
 
-if _guards:
-    signal.signal(signal.SIGINT, _end)
+for number in _taken:
+    signal.signal(number, _end)

@@ -2,6 +2,7 @@
 
 import json
 import os
+import signal
 import subprocess
 import sys
 
@@ -215,13 +216,14 @@ def test_usage_mistakes_take_one_line():
 
 
 @pytest.mark.skipif(os.name == "nt", reason="signals")
-def test_an_interrupt_leaves_nothing_behind(tmp_path):
+@pytest.mark.parametrize("by", [signal.SIGINT, signal.SIGTERM])
+def test_an_interrupt_leaves_nothing_behind(tmp_path, by):
     mesh = tmp_path / "ball.ply"
     trimesh.creation.icosphere(subdivisions=5).export(mesh)
     target = tmp_path / "w.npy"
     target.write_bytes(b"\x93NUMPY precious")
     command = ("bake", mesh, "-o", target, "--samples", 200_000)
-    status, errors = interrupted_command("ao.trace.work", *command)
+    status, errors = interrupted_command("ao.trace.work", *command, by=by)
     assert status == 130
     assert "interrupted" in errors
     assert "Traceback" not in errors

@@ -117,7 +117,7 @@ import os, runpy, signal, sys
 class Interrupt:
     def find_spec(self, name, *_):
         if name == {name!r}:
-            os.kill(os.getpid(), signal.SIGINT)
+            os.kill(os.getpid(), signal.{by})
 
 signal.signal(signal.SIGINT, signal.default_int_handler)
 sys.meta_path.insert(0, Interrupt())
@@ -126,13 +126,14 @@ runpy.run_path({cli!r}, run_name="__main__")
 """
 
 
+MODULES = ["typer", "scenes.baking.sections", "scenes.baking.choose", "numpy", "llvmlite.binding"]
+
+
 @pytest.mark.skipif(os.name != "posix", reason="signals")
-@pytest.mark.parametrize(
-    "name", ["typer", "scenes.baking.sections", "scenes.baking.choose", "numpy", "llvmlite.binding"]
-)
-def test_an_interrupt_while_modules_are_imported_is_told_in_a_line(meshes, name):
+@pytest.mark.parametrize(("name", "by"), [*((name, "SIGINT") for name in MODULES), ("typer", "SIGTERM")])
+def test_an_interrupt_while_modules_are_imported_is_told_in_a_line(meshes, name, by):
     files = {"mesh": str(meshes / "hills.obj"), "target": str(meshes / "w.npy"), "cli": str(ROOT / "cli.py")}
-    command = [sys.executable, "-c", INTERRUPTED.format(name=name, **files)]
+    command = [sys.executable, "-c", INTERRUPTED.format(name=name, by=by, **files)]
     result = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False, timeout=60)
     assert (result.returncode, result.stderr) == (130, "interrupted; no file is half-written\n")
 

@@ -81,8 +81,8 @@ cli.main()
 """
 
 
-def interrupted_command(module, *arguments):
-    """Run the command as a process and send it SIGINT half a second after `module` has begun to trace.
+def interrupted_command(module, *arguments, by=signal.SIGINT):
+    """Run the command as a process and send it a signal half a second after `module` has begun to trace.
 
     Returns: the status and what it wrote to standard error.
     """
@@ -90,7 +90,7 @@ def interrupted_command(module, *arguments):
     with started(command, cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as running:
         assert running.stdout.readline() == "begun\n"
         time.sleep(0.5)
-        running.send_signal(signal.SIGINT)
+        running.send_signal(by)
         _, errors = running.communicate(timeout=120)
     return running.returncode, errors
 
