@@ -15,6 +15,7 @@ from raytrace.types import Bools
 
 from .adaptive.tolerance import ToleranceWarning
 from .falloff import Falloff, Length, resolve_length
+from .interpolation import measure_interpolation
 from .memory import surface_bytes, vertex_bytes
 from .options import DEFAULT_SAMPLES, Hidden, Method, Normals, Options, Traversal, falloff_of
 from .prepared import Prepared
@@ -110,7 +111,10 @@ def bake(
 
         prepared, values = sample_fine_mesh(prepared, solid, mesh, reach, checkpoint)
     build = prepared.receivers.tree_seconds
-    baked = assemble(prepared, values, {"build": build, "bake": time.perf_counter() - start - build})
+    baked = assemble(prepared, values, {})
+    if high is None and only is None:
+        baked = replace(baked, interpolation=measure_interpolation(prepared, baked.w, baked.error))
+    baked.seconds.update(build=build, bake=time.perf_counter() - start - build)
     if tolerance is not None and baked.rmse > tolerance:
         reason = f": {options.rays:,} rays a vertex were allowed" if values.samples >= options.rays else ""
         text = f"tolerance {tolerance:g} is not met, the estimated RMSE is {baked.rmse:.3g}{reason}"

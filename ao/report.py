@@ -56,6 +56,7 @@ def report(
         "rmse_estimate": bake.rmse,
         "error_calibration": calibration_facts(bake.calibration),
         **(_flags(bake) if isinstance(bake, Bake) else {}),
+        **({"interpolation": bake.interpolation and bake.interpolation._asdict()} if isinstance(bake, Bake) else {}),
         "warnings": list(warnings),
         "w": _summary(bake.w[shown], 1.0),
         "error": _summary(bake.error[shown]),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 import numpy as np
 
@@ -15,7 +16,20 @@ from .gather.receivers import Flag
 from .mu import Mu
 from .prepared import Prepared
 
+_VISIBLE = 0.02  # five steps of an 8-bit value
+_TIMES_RMSE = 3.0
 _REASONS = "duplicate", "no_normal", "not_wanted", "below_face", "predicted", "hidden"
+
+
+class Interpolation(NamedTuple):
+    """How w interpolated between vertices differs from w on the faces.
+
+    Attributes:
+        rmse: over the surface, without the noise of either. at_least: the same less two standard errors.
+    """
+
+    rmse: float
+    at_least: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,6 +50,7 @@ class Bake:
         mesh: what was baked.
         shortfalls: what the result lacks of what was asked for, in words: a tolerance that is not met.
         calibration: of the squared errors, at vertices that were baked twice; None by the surface method.
+        interpolation: the error between the vertices; None with `only` and with `high`, where it is not measured.
     """
 
     w: Float64s
@@ -50,6 +65,7 @@ class Bake:
     mesh: Mesh
     shortfalls: tuple[str, ...] = ()
     calibration: Calibration | None = None
+    interpolation: Interpolation | None = None
 
     def __repr__(self) -> str:
         range_ = f"w from {self.w.min():.3f} to {self.w.max():.3f}"
@@ -69,6 +85,11 @@ class Bake:
         from .picture import bake_png
 
         return bake_png(self.mesh, self.w)
+
+    @property
+    def coarse(self) -> bool:
+        """Whether interpolation between the vertices surely errs by more than .02 and more than three times `rmse`."""
+        return self.interpolation is not None and self.interpolation.at_least > max(_VISIBLE, _TIMES_RMSE * self.rmse)
 
     @property
     def flagged(self) -> dict[str, int]:

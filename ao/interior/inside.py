@@ -10,13 +10,15 @@ from raytrace.embree.packets import DIR_X, GEOM_ID, INVALID, LANES, NG_X, PRIM_I
 from raytrace.embree.scene import TriangleScene
 from raytrace.kernel.borrow import borrow
 from raytrace.kernel.jit import kernel
+from raytrace.mesh.placement import Placement
 from raytrace.system.threads import run_blocks
-from raytrace.types import Bools, Float32s, Int64s
+from raytrace.types import AnyInts, Bools, Float32s, Int64s
 
 from ..gather.directions import DirectionTable, choose, turned_frame
 from ..gather.points import Points
 from ..gather.ray_packet import RayPacket, aim, start_from
 from ..gather.receivers import Receivers
+from ..options import Hidden
 from .closed_parts import closed_parts, inside_boxes
 
 RAYS = 16
@@ -57,6 +59,28 @@ def inside_other_parts(
     if len(rows):
         solids = Solids(np.where(closed[part], part, -1)[receivers.faces[:, 0]], own[rows])
         inside[rows] = hidden_points(receivers.embree(), points[rows], solids, reach, total_points, threads)
+    return inside
+
+
+def inside_solids(
+    points: Points, face: AnyInts, placement: Placement, receivers: Receivers, hidden: Hidden, threads: int
+) -> Bools:
+    """The points (k,), each on a face of `receivers`, that are inside a solid as the option `hidden` defines it."""
+    reach = placement.diagonal
+    inside = np.zeros(len(points), np.bool_)
+    if hidden == "ignore":
+        return inside
+    if hidden in ("fill", "mark"):
+        any_back = Solids(np.zeros(len(receivers.faces), np.int64), np.full(len(points), -1))
+        return hidden_points(receivers.embree(), points, any_back, reach, len(points), threads)
+    part, closed = closed_parts(placement.vertices, receivers.faces)
+    if not closed.any():
+        return inside
+    own = part[receivers.faces[face, 0]]
+    rows = inside_boxes(points.origins, own, placement.vertices, part, closed)
+    if len(rows):
+        solids = Solids(np.where(closed[part], part, -1)[receivers.faces[:, 0]], own[rows])
+        inside[rows] = hidden_points(receivers.embree(), points[rows], solids, reach, len(points), threads)
     return inside
 
 

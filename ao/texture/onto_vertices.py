@@ -13,13 +13,14 @@ from raytrace.types import Bools, Int64s
 from ..denoise.one_ring import Neighbours
 from ..gather.receivers import Flag, Receivers, find_receivers
 from ..interior.fill import Fill
+from ..interior.inside import inside_solids
 from ..prepared import Prepared
 from ..result import PointValues
 from ..trace.checkpoint import Checkpoint
 from .coverage import Coverage
 from .gathering import begin_tracing, estimate
 from .projection import Fine, project
-from .texels import find_texels, inside_solids
+from .texels import find_texels
 
 _OWN_CORNERS = Flag.FOLDED | Flag.OPPOSED  # how the coarse mesh's faces lie matters to its own w alone
 
@@ -44,7 +45,7 @@ def sample_fine_mesh(
         Coverage.of_points(np.arange(count), *nowhere), places, axes, surface, cage * placement.scale, threads
     )
     texels, _ = find_texels(found, found, placement, fine, replace(options, hidden="ignore"), threads)
-    inside = inside_solids(texels, placement, fine, options.hidden, threads)
+    inside = inside_solids(texels.points, texels.face, placement, fine, options.hidden, threads)
     row_of = np.full(count + 1, -1)
     row_of[texels.texels] = np.arange(count)
     wanted = _flagged(shown, missed, texels.texels[inside])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -19,7 +20,9 @@ from raytrace.system.threads import run_blocks
 from raytrace.types import Bools, Float32s, Float64s, Int64s
 
 from ..gather.receivers import Receivers
-from .coverage import Coverage
+
+if TYPE_CHECKING:
+    from .coverage import Coverage
 
 _LEAST_COSINE = 0.2  # between an interpolated normal and its face's; the face's stands for others
 _AROUND = 7.0  # times the way from a texel's centre to its points, in which nothing may rise

@@ -16,9 +16,8 @@ from raytrace.types import Bools, Float32s, Int32s, Int64s
 from ..gather.morton import morton_order
 from ..gather.points import Points
 from ..gather.receivers import Receivers
-from ..interior.closed_parts import closed_parts, inside_boxes
-from ..interior.inside import Solids, hidden_points
-from ..options import Hidden, Options
+from ..interior.inside import inside_solids
+from ..options import Options
 from .coverage import Coverage, refill
 from .page_rays import DEEP
 from .surface_points import Faces, centres_suffice
@@ -89,7 +88,7 @@ def find_texels(
     first = faces.points_at(coverage.face[:, 0].astype(np.int64), coverage.barycentric[:, 0], threads)[0]
     alone = centres_suffice(coverage, faces, receivers.tree, _most_bent(options), threads)
     texels = _placed(coverage, page, morton_order(first), alone, faces, receivers.tree, threads)
-    inside = inside_solids(texels, placement, receivers, options.hidden, threads)
+    inside = inside_solids(texels.points, texels.face, placement, receivers, options.hidden, threads)
     if not inside.any():
         return texels, 0
     good = ~inside
@@ -160,23 +159,3 @@ def _lay_out(order, starts, alone, points, layered, face, weights):
                 face[first + k], place = each[row, k], each_at[row, k]
             for corner in range(3):
                 weights[first + k, corner] = place[corner]
-
-
-def inside_solids(texels: Texels, placement: Placement, receivers: Receivers, hidden: Hidden, threads: int) -> Bools:
-    """The points that are inside a solid, as the option `hidden` defines it."""
-    points, reach = texels.points, placement.diagonal
-    inside = np.zeros(len(points), np.bool_)
-    if hidden == "ignore":
-        return inside
-    if hidden in ("fill", "mark"):
-        any_back = Solids(np.zeros(len(receivers.faces), np.int64), np.full(len(points), -1))
-        return hidden_points(receivers.embree(), points, any_back, reach, len(points), threads)
-    part, closed = closed_parts(placement.vertices, receivers.faces)
-    if not closed.any():
-        return inside
-    own = part[receivers.faces[texels.face, 0]]
-    rows = inside_boxes(points.origins, own, placement.vertices, part, closed)
-    if len(rows):
-        solids = Solids(np.where(closed[part], part, -1)[receivers.faces[:, 0]], own[rows])
-        inside[rows] = hidden_points(receivers.embree(), points[rows], solids, reach, len(points), threads)
-    return inside

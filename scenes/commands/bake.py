@@ -301,7 +301,7 @@ class BakeCommand(MeshBake):
                     source.mesh, falloff, progress=advance, checkpoint=checkpoint, high=fine.mesh if fine else None,
                     cage=self.cage or CAGE, **self.options(),
                 )  # fmt: skip
-            warnings += warn([], [*baked.shortfalls, *self._missed(baked)])
+            warnings += warn([], [*baked.shortfalls, *self._missed(baked), *self._coarse(baked)])
             tracing = time.perf_counter()
             write(self.output, baked, source, **self._channels())
         seconds = {"load": loaded - start, "write": time.perf_counter() - tracing}
@@ -351,6 +351,15 @@ class BakeCommand(MeshBake):
         missed = baked.flagged["missed"]
         text = "vertices are not within the cage of the fine mesh and take the closest point of it"
         return [f"{self.output}: {missed:,} {text}"] if missed else []
+
+    def _coarse(self, baked: ao.Bake) -> list[str]:
+        """A warning that w between the vertices is not what is interpolated, if that shows."""
+        if not baked.coarse or baked.interpolation is None:
+            return []
+        fit = "" if self.method == "surface" else "--method surface, "
+        instead = f"--occlusion texture for a .glb, -o NAME.png, {fit}or smaller faces"
+        text = f"between the vertices w errs by {baked.interpolation.rmse:.2f}, the faces are too large for it"
+        return [f"{self.output}: {text}: {instead}"]
 
     def _write_report(
         self, path: Path, baked: ao.Bake, made: tuple[list[dict[str, Any]], dict[str, float], list[str]]

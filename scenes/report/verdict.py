@@ -25,6 +25,7 @@ _REMEDIES = (
     (r"would keep tiles apart", "Write one texture for each tile with <UDIM> in the output's name."),
     (r"reach out of the unit square", "Nothing to do if the material's images repeat, too."),
     (r"have no texture coordinates", "--uv fill makes some for these faces."),
+    (r"between the vertices w errs", "Each of these shows what the vertices alone cannot."),
     (r"not within the cage", "Make --cage larger, or move the meshes onto each other."),
     (r"have no area in texture space", "Unwrap them, or use --uv unwrap."),
 )

@@ -63,6 +63,7 @@ def test_the_report_holds_the_contract(tmp_path, cube):
         "rmse_estimate",
         "falloff",
         "rays",
+        "interpolation",
         "rays_skipped",
         "seconds",
     }

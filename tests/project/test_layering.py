@@ -24,7 +24,7 @@ ORDER = [
         "ao.vertex_method",
         "ao.surface_method",
     ),
-    *("ao.texture", "ao.baking", "ao.report", "ao.cluster", "ao.tiles", "ao.analytic"),
+    *("ao.texture", "ao.interpolation", "ao.baking", "ao.report", "ao.cluster", "ao.tiles", "ao.analytic"),
     *("scenes.falloffs", "scenes.field_errors", "scenes.safe_paths"),
     *("scenes.geometry", "scenes.gltf", "scenes.readers"),
     *("scenes.description", "scenes.page", "scenes.writers", "scenes.library", "scenes.validation", "scenes.stress"),

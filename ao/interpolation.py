@@ -1,0 +1,89 @@
+"""How far interpolation between vertices is from w on the faces, measured where a few rays are traced."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from raytrace.mesh.normals import face_normals
+from raytrace.ray_origins.offset import ray_offset
+from raytrace.ray_origins.surface import Surface
+from raytrace.sampling.hash import mix_array
+from raytrace.types import Float32s, Float64s, Int64s
+
+from .adaptive.probes import derive
+from .gather.below_face import leave_out_below
+from .gather.estimate import W
+from .gather.points import Points
+from .interior.inside import inside_solids
+from .prepared import Prepared
+from .result import Interpolation
+from .texture.surface_points import Faces
+from .trace.tracer import Tracer
+
+_POINTS, _RAYS = 1024, 16  # the rays of each of two estimates
+
+
+def measure_interpolation(prepared: Prepared, w: Float64s, error: Float64s) -> Interpolation:
+    """Compare interpolated w with w at 1,024 points spread evenly over the faces, with 32 rays each.
+
+    Two independent estimates a, b of w at a point, as texels have it, give (v − a)(v − b), whose mean is the squared
+    error of the interpolated v, whatever the noise of a and b; that of v is taken away. Points inside solids are left
+    out.
+
+    Args: w, error: (n,), of all vertices, and their standard errors.
+    """
+    placement, receivers, threads = prepared.placement, prepared.receivers, prepared.threads
+    vertices, faces = placement.vertices.astype(np.float64), receivers.faces
+    normals, areas = face_normals(vertices, faces)
+    if not len(faces) or not len(receivers.points):
+        return Interpolation(0.0, 0.0)
+    own, weights = _spread(areas, derive(prepared.key, 7))
+    corners = faces[own]
+    point = receivers.of_vertex[corners]
+    axes = np.where(point[..., None] < 0, np.float32(0), receivers.points.normals[point])
+    points, sides = _on_faces(vertices[corners], normals[own], axes, weights)
+    hidden = prepared.options.hidden if prepared.options.method == "vertex" else "auto"
+    seen = ~inside_solids(points, own, placement, receivers, hidden, threads)
+    if not seen.any():
+        return Interpolation(0.0, 0.0)
+    points, sides = points[seen], sides[seen]
+    tracer = Tracer(prepared.scene, 0, placement, prepared.mu, threads, total_points=_POINTS)
+    a, b = (_w_at(tracer, points, sides, derive(prepared.key, salt)) for salt in (8, 9))
+    part, corners = weights[seen].astype(np.float64), corners[seen]
+    value = np.einsum("ki,ki->k", part, w[corners])
+    squared = (value - a) * (value - b) - np.einsum("ki,ki->k", part**2, error[corners] ** 2)
+    mean = float(squared.mean())
+    return Interpolation(_root(mean), _root(mean - 2 * float(squared.std()) / len(squared) ** 0.5))
+
+
+def _root(square: float) -> float:
+    return max(square, 0.0) ** 0.5
+
+
+def _spread(areas: Float64s, key: np.uint32) -> tuple[Int64s, Float32s]:
+    """Points one from each of equal shares of the faces' area: which face (k,), and barycentric coordinates (k, 3)."""
+    total, steps = np.cumsum(areas), np.arange(_POINTS)
+    share, u, v = np.ldexp(mix_array(mix_array(np.arange(3 * _POINTS)) ^ key), -32).reshape(3, -1)
+    own = np.searchsorted(total, (steps + share) / _POINTS * total[-1], "right").clip(0, len(areas) - 1)
+    root = np.sqrt(u)
+    return own, np.stack([1 - root, root * (1 - v), root * v], axis=-1).astype(np.float32)
+
+
+def _on_faces(corners: Float64s, normals: Float64s, axes: Float32s, weights: Float32s) -> tuple[Points, Float32s]:
+    """Points on faces of `corners` (k, 3, 3), whose vertices have `axes` (k, 3, 3), and the sides of hemispheres."""
+    count = len(corners)
+    rows, alone = np.arange(count), np.arange(3 * count).reshape(-1, 3)
+    each = np.repeat(rows[:, None], 3, axis=1)
+    surface = Surface.of(corners.reshape(-1, 3), alone, normals)
+    magnitude = surface.magnitudes(each, count)
+    faces = Faces(surface.vertices, axes.reshape(-1, 3).astype(np.float64), surface, magnitude, each)
+    places, sides, hemispheres = faces.points_at(rows, weights, 1)
+    origins = places + ray_offset(sides, magnitude, np.ones(count))[:, None] * sides
+    points = Points(origins.astype(np.float32), hemispheres.astype(np.float32), rows.astype(np.uint32))
+    return points, sides.astype(np.float32)
+
+
+def _w_at(tracer: Tracer, points: Points, sides: Float32s, key: np.uint32) -> Float64s:
+    rows = tracer.gather(points, _RAYS, key)
+    leave_out_below(points.arrays, sides, tracer.scene.table(_RAYS, _POINTS, key), rows)
+    return rows[:, W]

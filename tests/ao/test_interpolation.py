@@ -1,0 +1,85 @@
+"""What interpolation between vertices errs by, against closed forms; and when that is told."""
+
+import numpy as np
+import pytest
+from command import obscurance
+from mesh_files import ply
+from meshes import hills
+
+import ao
+from ao.analytic.form_factor import polygon_form_factor
+from raytrace import Mesh
+from scenes.geometry.polyhedra import icosphere, join, polygon
+
+UP = np.array([0.0, 0.0, 1.0])
+FLOOR = np.array([(-2.0, -2.0, 0.0), (2.0, -2.0, 0.0), (2.0, 2.0, 0.0), (-2.0, 2.0, 0.0)])
+LID = np.array([(-0.9, -0.7, 0.5), (0.7, -0.7, 0.5), (0.7, 0.9, 0.5), (-0.9, 0.9, 0.5)])
+PART = join([polygon(FLOOR), polygon(LID)])
+
+
+def floor_error():
+    """The exact RMS error over floor and lid, above which everything is open."""
+    w = [1 - polygon_form_factor(LID, corner, UP) for corner in FLOOR]
+    steps = (np.arange(24) + 0.5) / 24 * 4 - 2
+    squared = []
+    for x in steps:
+        for y in steps:
+            u, v = x / 4 + 0.5, y / 4 + 0.5
+            shown = w[0] + (u - v) * (w[1] - w[0]) + v * (w[2] - w[0])  # in 0, 1, 2, the half with u ≥ v
+            if u < v:
+                shown = w[0] + (v - u) * (w[3] - w[0]) + u * (w[2] - w[0])
+            squared.append((shown - 1 + polygon_form_factor(LID, np.array([x, y, 0.0]), UP)) ** 2)
+    return np.sqrt(np.mean(squared) * 16 / (16 + 1.6**2))
+
+
+@pytest.mark.parametrize("seed", [0, 1, 2])
+def test_the_error_is_that_of_the_closed_form(seed):
+    found = ao.bake(PART, "binary", 4096, seed).interpolation
+    assert found.rmse == pytest.approx(floor_error(), rel=0.08)
+    assert 0.8 * found.rmse < found.at_least < found.rmse
+
+
+@pytest.mark.parametrize("mesh", [polygon(FLOOR), icosphere(1)])
+def test_what_is_open_everywhere_has_none(mesh):
+    baked = ao.bake(mesh, samples=64)
+    assert baked.interpolation == (0.0, 0.0)
+    assert not baked.coarse
+
+
+def test_fine_meshes_are_not_coarse_however_noisy():
+    dense = hills(70)
+    for samples in (4, 256):
+        baked = ao.bake(dense, "binary", samples, reconstruct=False)
+        assert baked.interpolation.rmse < 0.04
+        assert not baked.coarse
+    assert baked.interpolation.rmse < 0.015
+    assert ao.bake(hills(8), "binary").coarse
+    assert ao.bake(hills(8), "binary", method="surface").interpolation.rmse < ao.bake(hills(8)).interpolation.rmse
+
+
+def test_any_number_of_threads_measures_the_same_and_some_bakes_do_not():
+    mesh = Mesh(*hills(8))
+    one, two = (ao.bake(mesh, samples=64, threads=threads).interpolation for threads in (1, 2))
+    assert one == two
+    assert ao.bake(mesh, samples=16, only=np.arange(64) < 9).interpolation is None
+    assert ao.bake(mesh, samples=16, high=mesh).interpolation is None
+
+
+def test_vertices_without_normals_are_no_obstacle():
+    normals = np.full((8, 3), np.nan)
+    assert ao.bake(Mesh(*PART, normals), samples=16, normals="file").interpolation == (0.0, 0.0)
+    normals[:4] = UP
+    assert ao.bake(Mesh(*PART, normals), samples=16, normals="file").interpolation.rmse > 0.1
+
+
+@pytest.mark.parametrize("method", ["vertex", "surface"])
+def test_a_command_tells_it_in_one_line(tmp_path, method):
+    (tmp_path / "lid.ply").write_bytes(ply(*PART))
+    page = tmp_path / "r.html"
+    line = tmp_path / "lid.ply", "-o", tmp_path / "w.ply", "--report", page, "--method", method, "--samples", 256
+    result = obscurance("bake", *line)
+    told = [text for text in result.stderr.splitlines() if "between the vertices w errs by 0." in text]
+    assert len(told) == 1
+    assert "--occlusion texture for a .glb, -o NAME.png" in told[0]
+    assert ("--method surface" in told[0]) == (method == "vertex")
+    assert "between the vertices w errs by 0." in page.read_text()
