@@ -10,6 +10,7 @@ from typing import Any
 from raytrace.errors import OptionError
 from raytrace.mesh.convert import mesh_of
 from raytrace.mesh.mesh import Mesh
+from raytrace.mesh.opacity import opacity_bytes
 from raytrace.system.memory import check_memory
 from raytrace.types import Bools
 
@@ -134,9 +135,10 @@ def _values(prepared: Prepared) -> PointValues:
 def _check_memory(meshes: list[Mesh], options: Options) -> None:
     """Raises: MemoryLimitError: the bake would not fit into memory."""
     vertices, faces = (sum(len(getattr(mesh, name)) for mesh in meshes) for name in ("vertices", "faces"))
+    images = opacity_bytes([mesh.opacity for mesh in meshes if mesh.opacity])
     source, work = meshes[-1].source, f"to bake {len(meshes[0].vertices):,} vertices and {faces:,} faces"
     if options.method == "vertex":
-        check_memory(source, vertex_bytes(vertices, faces, options.rays), work)
+        check_memory(source, images + vertex_bytes(vertices, faces, options.rays), work)
         return
     instead = {"the vertex method": vertex_bytes(vertices, faces, DEFAULT_SAMPLES)}
-    check_memory(source, surface_bytes(vertices, faces), work + " by the surface method", instead)
+    check_memory(source, images + surface_bytes(vertices, faces), work + " by the surface method", instead)

@@ -13,6 +13,7 @@ from raytrace.errors import OptionError
 from raytrace.mesh.convert import mesh_of
 from raytrace.mesh.mesh import Mesh
 from raytrace.mesh.normals import face_normals
+from raytrace.mesh.opacity import opacity_bytes
 from raytrace.mesh.placement import Placement
 from raytrace.system.memory import check_memory
 
@@ -111,6 +112,7 @@ def bake_texture(
     mu = options.falloff.resolve(solid.radius)
     counts = len(solid.vertices), len(solid.faces)
     needed = texture_bytes(width * height, *counts, options.rays)
+    needed += opacity_bytes([solid.opacity]) if solid.opacity else 0
     check_memory(mesh.source, needed, f"to bake {width * height:,} texels of {counts[1]:,} faces")
 
     start = time.perf_counter()

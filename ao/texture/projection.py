@@ -1,6 +1,7 @@
 """From a coarse mesh to a fine one: points of texels, or vertices, move along its smooth normals onto the fine surface.
 
 A ray starts as far outside as the cage reaches and goes in, twice as far; what it meets first is what the texel shows.
+It goes on through holes that alpha makes.
 Points that meet nothing take the closest one; where that is on the ray but for a hundredth of the cage, as on a border
 that both meshes have, it counts as met.
 """
@@ -18,6 +19,7 @@ from raytrace.kernel.borrow import borrow
 from raytrace.kernel.jit import kernel
 from raytrace.kernel.simd_masks import lowest_bit
 from raytrace.kernel.vector import load, load_triangle
+from raytrace.mesh.opacity_lookup import alphas
 from raytrace.ray_origins.closest import closest_on_triangle
 from raytrace.system.threads import run_blocks
 from raytrace.types import Bools, Float32s, Float64s, Int64s
@@ -27,6 +29,7 @@ from .coverage import Coverage
 
 _BLOCK = 1 << 12  # points
 _ROUNDED = 1e-6  # of coordinates, in single precision
+_MOST_HOLES = 64  # that a ray goes through
 _BESIDE = 0.01  # of the cage: how far from its ray a point that counts as met may be
 
 
@@ -54,8 +57,7 @@ def project(
         fine.vertices.min(axis=0), places.min(axis=0)
     )
     cage = min(cage, float(np.linalg.norm(apart)))
-    hits = intersect(fine.receivers.embree(), places + cage * normals, -normals, 2 * cage, threads)
-    face, weights = hits.face, hits.barycentric
+    face, weights = _first_hits(fine, places + cage * normals, -normals, 2 * cage, threads)
     missed = np.flatnonzero(face < 0)
     face[missed], weights[missed] = _closest_points(fine, places[missed], cage, threads)
     missed = missed[_outside(fine, face[missed], weights[missed], places[missed], normals[missed], cage)]
@@ -64,6 +66,29 @@ def project(
     shape = coverage.face.shape
     each = face.reshape(shape).astype(np.int32), weights.reshape(*shape, 3)
     return Coverage.of_points(coverage.texels, *each, coverage.overlapping), missed
+
+
+def _first_hits(
+    fine: Fine, starts: Float64s, directions: Float64s, reach: float, threads: int
+) -> tuple[Int64s, Float32s]:
+    """The face (k,) that rays meet first, −1 for none, and where on it (k, 3); through holes they go on."""
+    scene, opacity = fine.receivers.embree(), fine.receivers.opacity
+    hits = intersect(scene, starts, directions, reach, threads)
+    face, weights, distance = hits.face, hits.barycentric, hits.distance.astype(np.float64)
+    rows, step = np.arange(len(face)), _rounding(fine, starts)
+    for _ in range(_MOST_HOLES if opacity else 0):
+        rows = rows[face[rows] >= 0]
+        found = np.empty(len(rows))
+        alphas(opacity, face[rows], weights[rows, 1:].astype(np.float64), found)
+        rows = rows[found == 0]
+        if not len(rows):
+            break
+        distance[rows] += step
+        behind = starts[rows] + distance[rows, None] * directions[rows]
+        hits = intersect(scene, behind, directions[rows], np.maximum(reach - distance[rows], 0), threads)
+        face[rows], weights[rows] = hits.face, hits.barycentric
+        distance[rows] += hits.distance
+    return face, weights
 
 
 def _outside(fine: Fine, face: Int64s, weights: Float32s, places: Float64s, normals: Float64s, cage: float) -> Bools:

@@ -137,6 +137,16 @@ def test_the_other_ways_of_a_bake(tmp_path):
     assert abs(surface - expected).mean() < 0.03 < abs(whole - expected).mean()
 
 
+def test_a_fine_mesh_is_sought_behind_its_holes(tmp_path):
+    leaf = AlphaSurface(texture=leaf_texture(tmp_path), cutoff=0.5)
+    mesh = over_floor((0.05, 0.5, leaf), (0.3, 0.9, None))
+    w = ao.bake(Mesh(FLOOR, FLOOR_FACES), ao.Binary(), 1024, high=mesh, cage=0.1, reconstruct=False).w
+    expected = 1 - form_factors(0.3, 0.9) - form_factors(0.05, right=0.0)  # side by side as seen from the hole
+    behind = (FLOOR[:, 0] > 0.1) & (abs(FLOOR[:, :2]) < 0.5).all(axis=1)
+    assert np.allclose(w[behind], expected[behind], atol=0.02)
+    assert abs(expected - 1 + form_factors(0.25, 0.9))[behind].min() > 0.03  # what w is on top of the card
+
+
 def test_texels_under_a_card(tmp_path):
     mesh = over_floor((HEIGHT, 0.5, AlphaSurface(texture=leaf_texture(tmp_path), cutoff=0.5)))
     uv = np.concatenate([(FLOOR[:, :2] + 0.9) / 3.6, 0.3 * SQUARE + 0.8])
