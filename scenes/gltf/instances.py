@@ -57,7 +57,9 @@ def read_instances(asset: Gltf, alpha: bool = False) -> list[Instance]:
 
 def _opacities(asset: Gltf) -> Callable[[dict[str, Any], Int64s], Opacity | None] | None:
     """Alpha of a primitive's faces; None if no material of the asset has any."""
-    if all(material.get("alphaMode", "OPAQUE") == "OPAQUE" for material in asset.header.get("materials", [])):
+    materials = asset.header.get("materials", [])
+    tables = [each for each in materials if isinstance(each, dict)] if isinstance(materials, list) else []
+    if all(material.get("alphaMode", "OPAQUE") == "OPAQUE" for material in tables):
         return None
     from .opacity import opacity_of
     from .schema import check_materials

@@ -75,7 +75,7 @@ MISTAKES = {
         '[[objects]]\nbuiltin = "sponge"\nlevel = 1\nmaterial = "rolled_brass"\ngrain = "paint.png"'
     ),
     "objects[0].grain: expected an anisotropic material without a grain of its own": PLAIN + 'grain = "paint.png"',
-    "objects[0].wrap: expected texture or grain with it, got none": PLAIN + 'wrap = "repeat"',
+    "objects[0].wrap: expected texture, grain or opacity_texture with it, got none": PLAIN + 'wrap = "repeat"',
     'objects[0].material.two_sided: expected true, false or "viewer", got light': (
         PLAIN + 'material = { model = "lambert", albedo = 1, two_sided = "light" }'
     ),
