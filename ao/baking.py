@@ -52,7 +52,8 @@ def bake(
         falloff: μ, `Exponential(…)` (the default), `Binary(…)`, `Linear(…)`, `Smooth(…)` or `Tabulated(…)`; or "binary"
             or "exponential".
         samples: rays a vertex, 1 to 2²⁰, by default 256; with a tolerance the most, by default 2¹⁴. By the surface
-            method they are spread over the vertex's faces, up to 32 from each of many points.
+            method they are spread over the faces by area, up to 32 from each of many points, and without this number
+            there are at least 2²⁰ in all; with a tolerance, the most is 2²⁶ in all if that is more.
         seed: 0 to 2⁶⁴ − 1. The same seed gives the same bits for any number of threads.
         threads: None for all cores.
         normals: hemisphere axes: incident faces weighted by "angle", "area" or "equal", or "file", the mesh's own.
@@ -60,8 +61,8 @@ def bake(
         only: bool (n,), the vertices whose w is wanted; the others get 1. None: all. Turns reconstruction off;
             hidden ones are filled from those wanted. By the surface method w is fitted over their faces alone.
         tolerance: target root mean square error of w, 1e-5 to 1: ray counts and baked vertices are chosen to meet it,
-            the other vertices are predicted from their neighbours. None: every vertex gets `samples` rays. Vertex
-            method only.
+            the other vertices are predicted from their neighbours. None: every vertex gets `samples` rays. By the
+            surface method it is the error of the fitted values.
         reconstruct: whether estimates are shrunk towards leave-one-out predictions from their neighbours. Vertex method
             only.
         hidden: "auto": vertices inside a closed part of the mesh that is not their own are flagged, and get the values
@@ -117,7 +118,7 @@ def bake(
         baked = replace(baked, interpolation=measure_interpolation(prepared, baked.w, baked.error))
     baked.seconds.update(build=build, bake=time.perf_counter() - start - build)
     if tolerance is not None and baked.rmse > tolerance:
-        reason = f": {options.rays:,} rays a vertex were allowed" if values.samples >= options.rays else ""
+        reason = f": {values.samples:,} rays a vertex were allowed" if values.samples >= options.rays else ""
         text = f"tolerance {tolerance:g} is not met, the estimated RMSE is {baked.rmse:.3g}{reason}"
         warnings.warn(text, ToleranceWarning, stacklevel=2)
         return replace(baked, shortfalls=(text,))

@@ -17,6 +17,8 @@ from .falloff import Binary, Exponential, Falloff
 MAX_SAMPLES = 1 << 20
 DEFAULT_SAMPLES = 256
 _MOST_FOR_TOLERANCE = 1 << 14
+_FITTED = 1 << 20  # rays in all of the surface method: a coarse mesh needs more a vertex than a dense one
+_FITTED_FOR_TOLERANCE = 1 << 26
 
 
 def falloff_of(given: Falloff | str | None) -> Falloff:
@@ -68,7 +70,7 @@ class Options(Parameters, kw_only=False, source="options"):
 
     def __post_init__(self) -> None:
         if self.method == "surface":
-            for name in ("tolerance", "reconstruct", "hidden", "traversal"):
+            for name in ("reconstruct", "hidden", "traversal"):
                 if getattr(self, name) != getattr(Options, name):
                     raise OptionError(name, "method vertex with it", "method surface")
         if self.tolerance is None:
@@ -84,3 +86,10 @@ class Options(Parameters, kw_only=False, source="options"):
         if self.samples is not None:
             return self.samples
         return DEFAULT_SAMPLES if self.tolerance is None else _MOST_FOR_TOLERANCE
+
+    def rays_in_all(self, vertices: int) -> int:
+        """Rays for so many vertices; the most, if there is a tolerance."""
+        given = self.rays * vertices
+        if self.method == "vertex" or self.samples is not None:
+            return given
+        return max(given, _FITTED if self.tolerance is None else _FITTED_FOR_TOLERANCE)

@@ -5,33 +5,77 @@ Kavan, Bargteil & Sloan 2011, Least Squares Vertex Baking.
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 
+from raytrace.types import Bools, Float64s, Int64s
+
 from .least_squares.face_moments import BELOW, TRACED
-from .least_squares.fit import build_problems, fit_values
+from .least_squares.fit import Fit, build_problems, fit_values
 from .least_squares.patch import Patch, gather_moments, reveal_interiors
 from .prepared import Prepared
 from .result import PointValues
 
+_FIRST, _LEAST = 64, 1 << 20  # rays a vertex and in all, at least, to learn how many a tolerance needs
+_AIM = 0.8  # of the tolerance
+
 
 def fit_to_surface(prepared: Prepared) -> PointValues:
-    """Fit w over the faces of every point that is wanted; Embree's scene is released, to make room for the fit."""
-    receivers, wanted, only = prepared.receivers, prepared.wanted, prepared.options.only
-    patch = Patch.of(prepared.placement, receivers, np.ones(len(wanted.flags), np.bool_) if only is None else only)
-    moments, counts = gather_moments(prepared, patch)
-    reveal_interiors(patch, moments, counts)
-    traced = counts.sum(axis=0)
-    receivers.embree().release()
-    problem, trial = build_problems(patch, moments, prepared.threads)
-    del patch, moments, counts
-    checkpoint = prepared.checkpoint
-    fit = fit_values(problem, trial, checkpoint.once if checkpoint else lambda _, compute: compute())
+    """Fit w over the faces of every point that is wanted: once, or from ever more rays until a tolerance is met."""
+    receivers, wanted, options = prepared.receivers, prepared.wanted, prepared.options
+    tolerance, vertices = options.tolerance, _unknowns(prepared)
+    rays = most = options.rays_in_all(vertices)
+    if tolerance is not None:
+        rays = min(max(_FIRST * vertices, _LEAST), most)
+    fit, counts = _fit(prepared, rays)
+    while tolerance is not None and rays < most:
+        error = fit.error[receivers.of_vertex[receivers.of_vertex >= 0]]
+        rmse = float(np.sqrt(np.sum(error**2) / max(len(error), 1)))
+        if rmse <= tolerance:
+            break
+        rays = min(int(rays * np.clip((rmse / (_AIM * tolerance)) ** 2, 2.0, 16.0)), most)
+        fit, found = _fit(prepared, rays)
+        counts += found
     rows = receivers.of_vertex[wanted.first_vertex]
     return PointValues(
         w=fit.w[rows],
         error=fit.error[rows],
         bent=fit.bent[rows],
-        samples=prepared.options.rays,
-        rays=int(traced[TRACED]),
-        rays_skipped={"below_face": int(traced[BELOW])},
+        samples=rays // max(vertices, 1),
+        rays=int(counts[TRACED]),
+        rays_skipped={"below_face": int(counts[BELOW])},
     )
+
+
+def _wanted(prepared: Prepared) -> Bools:
+    only = prepared.options.only
+    return np.ones(len(prepared.wanted.flags), np.bool_) if only is None else only
+
+
+def _unknowns(prepared: Prepared) -> int:
+    """How many values are fitted."""
+    receivers = prepared.receivers
+    faces = receivers.faces[_wanted(prepared)[receivers.faces].any(axis=1)]
+    points = receivers.of_vertex[faces]
+    return len(np.unique(points[points >= 0])) + len(np.unique(faces[points < 0]))
+
+
+def _fit(prepared: Prepared, rays: int) -> tuple[Fit, Int64s]:
+    """A fit from so many `rays`, and counts (3,), see `gather_faces`; room for it is made of all that may go."""
+    receivers, checkpoint = prepared.receivers, prepared.checkpoint
+    patch = Patch.of(prepared.placement, receivers, _wanted(prepared))
+    moments, counts = gather_moments(prepared, patch, rays)
+    reveal_interiors(patch, moments, counts)
+    found = counts.sum(axis=0)
+    if prepared.options.tolerance is None:
+        if checkpoint:
+            checkpoint.all_traced()
+        receivers.embree().release()
+    problem, trial = build_problems(patch, moments, prepared.threads)
+    del patch, moments, counts
+
+    def once(name: str, compute: Callable[[], Float64s]) -> Float64s:
+        return checkpoint.once(f"{name}, {rays} rays", compute) if checkpoint else compute()
+
+    return fit_values(problem, trial, once), found

@@ -78,7 +78,7 @@ def fit_values(problem: Problem, trial: Problem, once: Once) -> Fit:
 
 
 def _build_problem(patch: Patch, moments: Float64s, laplacian: Float64s, threads: int) -> Problem:
-    hinges = find_hinges(patch.face_points, patch.normals, CREASE, patch.unknowns)
+    hinges = find_hinges(patch.face_points[: patch.own], patch.normals[: patch.own], CREASE, patch.unknowns)
     stencil = Stencil.of(patch.face_points, hinges, patch.unknowns)
     even, odd = (
         Half(

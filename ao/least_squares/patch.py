@@ -11,6 +11,7 @@ import numpy as np
 from raytrace.embree.packets import LANES
 from raytrace.mesh.normals import face_normals
 from raytrace.mesh.placement import Placement
+from raytrace.mesh.weld import CREASE
 from raytrace.sampling.hash import mix_array
 from raytrace.types import Bools, Float32s, Float64s, Int32s, Int64s
 
@@ -22,22 +23,28 @@ from ..prepared import Prepared
 from ..trace.ray_scene import RayScene
 from ..trace.work import Tables, fill
 from .face_moments import HIDDEN, MOMENTS, SEEN, FaceArrays, Lattices, gather_faces
+from .pattern import find_hinges
 from .samples import Samples
 
 _MOST_RAYS = 32
 _BLOCK_RAYS = 1 << 19
+_COARSE = 1 << 16  # faces; with more, how rectangles are cut is no longer seen
+_SQUARE = 1e-4  # of a rectangle's diagonal
 
 
 @dataclass(frozen=True, eq=False)
 class Patch:
-    """Faces in render space, in Morton order.
+    """Faces in render space, in Morton order; those of rectangles also as the other diagonal cuts them, at the end.
+
+    A fit to both halves of a rectangle raises or lowers the ends of its diagonal, which it would not do to the others.
 
     Attributes:
         corners: float64 (m, 3, 3). normals: float64 (m, 3), unit. areas: float64 (m,), above 0.
         face_points: int32 (m, 3), the unknown at each corner: its row in `Receivers.points`, or one behind those for a
             vertex without a point.
         axes: float32 (m, 3, 3), unit normals of the corners' points, or 0.
-        unknowns: how many there are.
+        unknowns: how many there are. own: how many of the faces are the mesh's.
+        cover: float64 (m,), the share of each face's area that it stands for: half in rectangles.
     """
 
     corners: Float64s
@@ -46,6 +53,8 @@ class Patch:
     face_points: Int32s
     axes: Float32s
     unknowns: int
+    own: int
+    cover: Float64s
 
     @classmethod
     def of(cls, placement: Placement, receivers: Receivers, wanted: Bools) -> Patch:
@@ -58,13 +67,42 @@ class Patch:
         unknown[without] = len(normals) + np.arange(len(without))
         axes = np.concatenate([normals, np.zeros((len(without), 3), np.float32)])
         points = unknown[faces]
-        return cls(vertices[faces], *face_normals(vertices, faces), points.astype(np.int32), axes[points], len(axes))
+        arrays = vertices[faces], *face_normals(vertices, faces), points.astype(np.int32), axes[points]
+        patch = cls(*arrays, len(axes), len(faces), np.broadcast_to(1.0, len(faces)))
+        return patch if len(faces) > _COARSE else patch._with_rectangles()
+
+    def _with_rectangles(self) -> Patch:
+        """With the other two halves of all that two faces form, which have half the samples of each then."""
+        hinges = find_hinges(self.face_points, self.normals, CREASE, self.unknowns).astype(np.int64)
+        first, last = hinges.T
+        at, face, corner = self.corners.reshape(-1, 3), first // 3, first % 3
+        one, other = 3 * face + (corner + 1) % 3, 3 * face + (corner + 2) % 3  # the ends of the diagonal
+        diagonal, across = at[one] - at[other], at[first] - at[last]
+        length = np.linalg.norm(diagonal, axis=1)
+        crooked = np.linalg.norm(at[first] + at[last] - at[one] - at[other], axis=1)
+        square = np.abs(np.linalg.norm(across, axis=1) - length) <= _SQUARE * length
+        cut = np.flatnonzero(square & (crooked <= _SQUARE * length))
+        turned = np.stack([first, one, last, first, last, other], axis=1)[cut].reshape(-1, 3)
+        face = np.repeat(face[cut], 2)
+        cover = np.ones(len(self.normals) + len(face))
+        cover[hinges[cut] // 3] = cover[len(self.normals) :] = 0.5
+        return Patch(
+            np.concatenate([self.corners, at[turned]]),
+            np.concatenate([self.normals, self.normals[face]]),
+            np.concatenate([self.areas, self.areas[face]]),
+            np.concatenate([self.face_points, self.face_points.ravel()[turned]]),
+            np.concatenate([self.axes, self.axes.reshape(-1, 3)[turned]]),
+            self.unknowns,
+            self.own,
+            cover,
+        )
 
     def part(self, faces: Int64s) -> Patch:
         """Some of the faces, with unknowns of their own."""
         own, face_points = np.unique(self.face_points[faces], return_inverse=True)
         local = face_points.reshape(-1, 3).astype(np.int32)
-        return Patch(self.corners[faces], self.normals[faces], self.areas[faces], local, self.axes[faces], len(own))
+        arrays = self.corners[faces], self.normals[faces], self.areas[faces], local, self.axes[faces]
+        return Patch(*arrays, len(own), len(faces), self.cover[faces])
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,7 +111,7 @@ class Moments:
 
     Attributes:
         faces: FaceArrays (m). samples: on these. points: int32 (m, 3), what tells these faces from others.
-        rays: of a sample. asked: samples asked for at a vertex. key: of the directions. mu: in render space.
+        rays: of a sample. count: samples in all. key: of the directions. mu: in render space.
         reach: length of rays there.
     """
 
@@ -81,7 +119,7 @@ class Moments:
     samples: Samples
     points: Int32s
     rays_of_sample: int
-    asked: int
+    count: int
     key: np.uint32
     mu: KernelMu
     reach: float
@@ -97,7 +135,7 @@ class Moments:
 
     @property
     def name(self) -> bytes:
-        digest = hashlib.blake2b(repr((self.asked, int(self.key))).encode(), digest_size=16)
+        digest = hashlib.blake2b(repr((self.count, int(self.key))).encode(), digest_size=16)
         digest.update(np.ascontiguousarray(self.points).data)
         return digest.digest()
 
@@ -125,19 +163,19 @@ class Moments:
         return write
 
 
-def gather_moments(prepared: Prepared, patch: Patch) -> tuple[Float64s, Int64s]:
-    """Moments (m, 29) and counts (m, 3) of the faces of `patch`, see `gather_faces`."""
+def gather_moments(prepared: Prepared, patch: Patch, total: int) -> tuple[Float64s, Int64s]:
+    """Moments (m, 29) and counts (m, 3) of the faces of `patch` from `total` rays, see `gather_faces`."""
     placement, checkpoint = prepared.placement, prepared.checkpoint
-    samples, key, progress = prepared.options.rays, prepared.key, prepared.progress
+    key, progress = prepared.key, prepared.progress
     if not len(patch.face_points):
         return np.zeros((0, MOMENTS)), np.zeros((0, 3), np.int64)
-    rays = int(np.clip(samples // 2 // LANES * LANES, LANES, _MOST_RAYS))
-    count = max(samples * len(np.unique(patch.face_points)) // rays, 1)
+    rays = int(np.clip(prepared.options.rays // 2 // LANES * LANES, LANES, _MOST_RAYS))
+    count = max(total // rays, 1)
     shift = float(np.ldexp(mix_array([key])[0], -32))
     faces = FaceArrays(patch.corners, patch.normals, patch.axes)
     mu = prepared.mu.in_render_space(placement.scale)
-    spread = Samples.spread(patch.areas, count, shift)
-    work = Moments(faces, spread, patch.face_points, rays, samples, key, mu, placement.diagonal)
+    spread = Samples.spread(patch.areas * patch.cover, count, shift)
+    work = Moments(faces, spread, patch.face_points, rays, count, key, mu, placement.diagonal)
     tables = work.tables()
     done = 0
 
@@ -148,8 +186,6 @@ def gather_moments(prepared: Prepared, patch: Patch) -> tuple[Float64s, Int64s]:
             progress(count * rays * done // len(work), count * rays)
 
     (checkpoint.fill if checkpoint else fill)(work, prepared.scene, tables, prepared.threads, advance)
-    if checkpoint:
-        checkpoint.all_traced()
     moments, counts = tables
     return moments, counts
 

@@ -45,14 +45,15 @@ def dry_run(bakes: Sequence[MeshBake], falloff: ao.Falloff, besides: Sequence[Pa
 
 def _rows(works: Sequence[Work], bake: MeshBake) -> list[tuple[str, str]]:
     points = sum(work.points for work in works)
-    rays = Options(**bake.options()).rays
+    options = Options(**bake.options())
+    rays = sum(options.rays_in_all(work.points) for work in works)
     most = "at most " if bake.tolerance is not None or works[0].unit == "texels" else ""
     meshes = f"{len(works):,} meshes, " if len(works) > 1 else ""
     free = available()
     room = "" if free is None else f", {_bytes(free)} available"
     return [
         ("would bake", f"{meshes}{most if works[0].unit == 'texels' else ''}{points:,} {works[0].unit}"),
-        ("rays", f"{most or 'about '}{points * rays:,}, {rays:,} each"),
+        ("rays", f"{most or 'about '}{rays:,}, {rays // max(points, 1):,} each"),
         ("memory", f"about {_bytes(max(work.bytes for work in works))}{room}"),
         ("time", _time(works, bake, most)),
     ]
@@ -64,7 +65,8 @@ def _time(works: Sequence[Work], bake: MeshBake, most: str) -> str:
     largest = max(works, key=lambda work: work.points)
     if not largest.points:
         return "none: there is nothing to bake"
-    fixed, of_point = _trial(largest, min(Options(**bake.options()).rays, _RAYS))
+    each = Options(**bake.options()).rays_in_all(largest.points) // largest.points
+    fixed, of_point = _trial(largest, min(each, _RAYS))
     points, threads = sum(work.points for work in works), thread_count(bake.threads)
     seconds = fixed * points / largest.points + of_point * points / threads
     text = f"{seconds:.2g} s" if seconds < 100 else f"{seconds / 60:.0f} minutes"

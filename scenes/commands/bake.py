@@ -261,8 +261,10 @@ class BakeCommand(MeshBake):
 
         mesh = (self.read_high() or source).mesh  # of whose surface points are traced
         counts = len(mesh.vertices), len(mesh.faces)
-        rays = Options(**self.options()).rays
-        needed = vertex_bytes(*counts, rays) if self.method == "vertex" else surface_bytes(*counts)
+        options, points = self.options(), find_receivers(source.mesh, Placement.of(source.mesh), self.normals).points
+        checked = Options(**options)
+        needed = vertex_bytes(*counts, checked.rays) if self.method == "vertex" else surface_bytes(*counts)
+        options["samples"] = checked.rays_in_all(len(points)) // max(len(points), 1)
 
         def trial(count: int) -> int:
             only = np.zeros(counts[0], bool)
@@ -270,10 +272,9 @@ class BakeCommand(MeshBake):
             if self.method == "surface":  # whose work is that of faces, which neighbours share
                 chosen = np.arange(len(chosen)) + (counts[0] - len(chosen)) // 2
             only[chosen] = True
-            ao.bake(mesh, falloff, only=only, **self.options())
+            ao.bake(mesh, falloff, only=only, **options)
             return len(chosen)
 
-        points = find_receivers(source.mesh, Placement.of(source.mesh), self.normals).points
         return Work(len(points), "vertices", needed, trial)
 
     def bake(self, falloff: ao.Falloff) -> Iterator[Written]:

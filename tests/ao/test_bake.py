@@ -140,9 +140,7 @@ def test_arguments_out_of_range_are_named(colonnade, field, value):
         ao.bake(colonnade, **{field: value})
 
 
-@pytest.mark.parametrize(
-    "option", [{"tolerance": 0.1}, {"reconstruct": False}, {"hidden": "fill"}, {"traversal": "embree"}]
-)
+@pytest.mark.parametrize("option", [{"reconstruct": False}, {"hidden": "fill"}, {"traversal": "embree"}])
 def test_the_surface_method_refuses_options_of_the_vertex_method(colonnade, option):
     (name,) = option
     with pytest.raises(OptionError, match=f"{name}: expected method vertex with it, got method surface"):
