@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-import hashlib
+import json
 import time
 from collections.abc import Sequence
-from contextlib import nullcontext
+from contextlib import nullcontext, suppress
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -18,7 +18,7 @@ from ..cluster.workers import Workers, cluster_checkpoint
 from ..commands.bake import MeshBake, told_shortfalls
 from ..commands.console import compiling, note, progress, warn
 from .inputs import MANIFEST, check_batch, made
-from .manifest import Entry, Manifest
+from .manifest import Entry, Manifest, digest
 from .one import Outcome, bake_one
 from .parts import dealt, part_manifest
 
@@ -106,7 +106,7 @@ class Batch:
         about: dict[str, Any] = {"options": options, "versions": versions()}
         if self.part:
             about["part"] = {"number": self.part[0], "of": self.part[1], "inputs": [str(b.mesh) for b in self.bakes]}
-        entries = [Entry(str(b.mesh), str(b.output), sha256=_digest(b.mesh)) for b in self._own()]
+        entries = [Entry(str(b.mesh), str(b.output), sha256=digest(_read_by(b))) for b in self._own()]
         manifest = Manifest(self.manifest, entries, about)
         if self.resume or (self.part and self.manifest.exists()):
             manifest.resume(note)
@@ -146,7 +146,7 @@ class Batch:
                     _note(entry, bake_one(bake, falloff, threads, self.resume))
                 except KeyboardInterrupt:
                     if _identity(bake.output) != before:  # it has been written, whole
-                        entry.status = "done"
+                        entry.done()
                     raise
 
             def bake_small(start: int, stop: int) -> None:
@@ -174,15 +174,19 @@ def _note(entry: Entry, outcome: Outcome) -> None:
     entry.warnings = outcome.warnings
     if outcome.status == "failed":
         note(outcome.message)
+    else:
+        entry.done()
 
 
-def _digest(path: Path) -> str:
-    """SHA-256 of a file's bytes in hex digits, nothing where it cannot be read: its bake will say why."""
-    try:
-        with path.open("rb") as file:
-            return hashlib.file_digest(file, "sha256").hexdigest()
-    except (OSError, ValueError):
-        return ""
+def _read_by(bake: MeshBake) -> list[Path]:
+    """The files that a bake reads: those of its options, and buffers and images that a .gltf among them names."""
+    from ..gltf.container import Gltf  # a slow import
+
+    files = bake.inputs()
+    for path in [path for path in files if path.suffix.lower() == ".gltf"]:
+        with suppress(OSError, ValueError, TypeError, AttributeError, RecursionError):  # its bake will say why
+            files += Gltf(path, json.loads(path.read_bytes()), ()).files[1:]
+    return files
 
 
 def _identity(path: Path) -> object:

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from threading import Lock
@@ -24,7 +25,8 @@ class Entry:
 
     Attributes:
         input, output: their names. status: "waiting" also of what an interrupt left out. seconds: of reading, baking
-            and writing. message: the summary or the fault. warnings: about the output. sha256: of the input's bytes.
+            and writing. message: the summary or the fault. warnings: about the output. sha256: of the bytes of the
+            input and of the files that it names. written: that of the output.
     """
 
     input: str
@@ -34,6 +36,24 @@ class Entry:
     message: str = ""
     warnings: list[str] = field(default_factory=list)
     sha256: str = ""
+    written: str = ""
+
+    def done(self) -> None:
+        """Take note of an output that is whole."""
+        self.status, self.written = "done", digest([Path(self.output)])
+
+
+def digest(files: Iterable[Path]) -> str:
+    """SHA-256 of the bytes of files in hex digits, nothing where one cannot be read: its bake will say why."""
+    hashed = hashlib.sha256()
+    try:
+        for path in files:
+            with path.open("rb") as file:
+                while chunk := file.read(1 << 20):
+                    hashed.update(chunk)
+    except (OSError, ValueError):
+        return ""
+    return hashed.hexdigest()
 
 
 class Manifest:
@@ -65,7 +85,7 @@ class Manifest:
     def resume(self, tell: Callable[[str], object]) -> None:
         """Take over what the file on disk says is done, of the same bytes with the same options and versions.
 
-        Outputs that have gone since, and inputs that have changed, are not done.
+        Outputs that are gone or have other bytes than were written, and inputs that have changed, are not done.
 
         Args: tell: called with a line for the user where nothing can be taken over.
 
@@ -88,5 +108,6 @@ class Manifest:
             return
         for place, entry in enumerate(self.entries):
             found = done.get(entry.input)
-            if found and (found.output, found.sha256) == (entry.output, entry.sha256) and Path(entry.output).is_file():
+            same = found and found.written and (found.output, found.sha256) == (entry.output, entry.sha256)
+            if found and same and digest([Path(entry.output)]) == found.written:
                 self.entries[place] = found

@@ -7,11 +7,15 @@ import subprocess
 import sys
 import time
 
+import numpy as np
 import pytest
 from command import BEGUN, obscurance, refused, started
+from found_faults import triangle
 from mesh_files import obj
 from meshes import hills
 from project import ROOT
+
+from scenes.gltf.container import decode
 
 SAMPLES = ("--samples", 16)
 
@@ -73,6 +77,34 @@ def test_a_resumed_batch_bakes_what_is_missing_changed_or_failed(folder):
     assert manifest(folder)["done"] == 9
     assert "other options" in obscurance(*command[:-1], 17, "--resume").stderr
     assert all(path.stat().st_mtime_ns != before for path, before in outputs.items())
+
+
+def test_a_resumed_batch_bakes_again_where_any_file_that_was_read_or_written_has_changed(folder):
+    asset = decode(triangle().glb([{"mesh": 0}]), folder / "near.gltf")
+    (content,) = asset.buffers
+    for name in ("near", "far"):
+        header = asset.header | {"buffers": [{"uri": f"{name}.bin", "byteLength": len(content)}]}
+        (folder / f"{name}.gltf").write_text(json.dumps(header))
+        (folder / f"{name}.bin").write_bytes(content)
+
+    def again(*command):
+        outputs = {path: path.stat().st_mtime_ns for path in (folder / "out").glob("*.npz")}
+        done = obscurance("bake", *command, "--output-dir", "out", *SAMPLES, "--format", "npz", "--resume")
+        assert done.returncode == 0, done.stderr
+        return {path.stem for path in (folder / "out").glob("*.npz") if path.stat().st_mtime_ns != outputs.get(path)}
+
+    assert again("near.gltf", "far.gltf", "hill[0-2].obj") == {"near", "far", "hill0", "hill1", "hill2"}
+    assert again("near.gltf", "far.gltf", "hill[0-2].obj") == set()
+    (folder / "far.bin").write_bytes((2 * np.frombuffer(content, "<f4")).tobytes())
+    (folder / "out" / "hill0.npz").write_bytes(b"")
+    (folder / "out" / "hill1.npz").write_bytes((folder / "out" / "hill1.npz").read_bytes()[:-1])
+    assert again("near.gltf", "far.gltf", "hill[0-2].obj") == {"far", "hill0", "hill1"}
+    fine = ("hill6.obj", "--high", "fine.obj")
+    (folder / "fine.obj").write_bytes((folder / "hill6.obj").read_bytes())
+    assert again(*fine) == {"hill6"}
+    assert again(*fine) == set()
+    (folder / "fine.obj").write_bytes((folder / "hill6.obj").read_bytes() + b"# changed\n")
+    assert again(*fine) == {"hill6"}
 
 
 @pytest.mark.parametrize("content", ["[]", "{}", '{"manifest_version": 99, "options": 1, "versions": 1, "inputs": []}'])
