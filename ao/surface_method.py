@@ -72,6 +72,7 @@ def _fit(prepared: Prepared, rays: int) -> tuple[Fit, Int64s]:
         if checkpoint:
             checkpoint.all_traced()
         receivers.embree().release()
+        receivers.embree.cache_clear()  # type: ignore[attr-defined]  # who needs it afterwards builds it anew
     problem, trial = build_problems(patch, moments, prepared.threads)
     del patch, moments, counts
 

@@ -14,7 +14,7 @@ from .adaptive.tolerance import Estimate, estimate_to
 from .denoise.one_ring import Neighbours
 from .gather.receivers import Flag, Receivers
 from .interior.fill import Fill
-from .interior.inside import Solids, hidden_points, inside_other_parts
+from .interior.inside import any_back, hidden_points, inside_other_parts
 from .prepared import Prepared
 from .result import PointValues
 from .trace.tracer import Tracer
@@ -84,11 +84,8 @@ def _inside(prepared: Prepared) -> Bools:
         return np.zeros(count, np.bool_)
     if hidden == "auto":
         return inside_other_parts(receivers, vertices, reach, total, threads)
-    of_face = np.zeros(len(receivers.faces), np.int64)
-    if receivers.opacity:
-        of_face[receivers.opacity.of >= 0] = -1
-    any_back = Solids(of_face, np.full(count, -1))
-    return hidden_points(receivers.embree(), receivers.points, any_back, reach, total, threads)
+    solids = any_back(receivers, count)
+    return hidden_points(receivers.embree(), receivers.points, solids, reach, total, threads)
 
 
 def _neighbours(receivers: Receivers, threads: int) -> Neighbours:

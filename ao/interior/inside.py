@@ -43,15 +43,11 @@ def inside_other_parts(
 ) -> Bools:
     """Whether each of the receivers' points is hidden (k,) in a closed part that it does not belong to.
 
-    A part is open where faces of it are not opaque.
-
     Args: vertices: float32 (n, 3), in render space. reach, total_points: as `hidden_points`.
     """
     points = receivers.points
     inside = np.zeros(len(points), np.bool_)
-    part, closed = closed_parts(vertices, receivers.faces)
-    if receivers.opacity:
-        closed[part[receivers.faces[receivers.opacity.of >= 0]]] = False
+    part, closed = _closed_parts(vertices, receivers)
     if not closed.any() or not len(points):
         return inside
     own = part[receivers.first_vertex]
@@ -71,9 +67,9 @@ def inside_solids(
     if hidden == "ignore":
         return inside
     if hidden in ("fill", "mark"):
-        any_back = Solids(np.zeros(len(receivers.faces), np.int64), np.full(len(points), -1))
-        return hidden_points(receivers.embree(), points, any_back, reach, len(points), threads)
-    part, closed = closed_parts(placement.vertices, receivers.faces)
+        solids = any_back(receivers, len(points))
+        return hidden_points(receivers.embree(), points, solids, reach, len(points), threads)
+    part, closed = _closed_parts(placement.vertices, receivers)
     if not closed.any():
         return inside
     own = part[receivers.faces[face, 0]]
@@ -82,6 +78,22 @@ def inside_solids(
         solids = Solids(np.where(closed[part], part, -1)[receivers.faces[:, 0]], own[rows])
         inside[rows] = hidden_points(receivers.embree(), points[rows], solids, reach, len(points), threads)
     return inside
+
+
+def any_back(receivers: Receivers, count: int) -> Solids:
+    """Solids that the backs of all opaque faces bound, for `count` points."""
+    of_face = np.zeros(len(receivers.faces), np.int64)
+    if receivers.opacity:
+        of_face[receivers.opacity.of >= 0] = -1
+    return Solids(of_face, np.full(count, -1))
+
+
+def _closed_parts(vertices: Float32s, receivers: Receivers) -> tuple[Int64s, Bools]:
+    """`closed_parts`, of which those are open that have faces with alpha."""
+    part, closed = closed_parts(vertices, receivers.faces)
+    if receivers.opacity:
+        closed[part[receivers.faces[receivers.opacity.of >= 0]]] = False
+    return part, closed
 
 
 def hidden_points(

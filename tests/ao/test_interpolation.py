@@ -9,6 +9,7 @@ from meshes import hills
 import ao
 from ao.analytic.form_factor import polygon_form_factor
 from raytrace import Mesh
+from scenes import Temple
 from scenes.geometry.polyhedra import icosphere, join, polygon
 
 UP = np.array([0.0, 0.0, 1.0])
@@ -83,3 +84,8 @@ def test_a_command_tells_it_in_one_line(tmp_path, method):
     assert "--occlusion texture for a .glb, -o NAME.png" in told[0]
     assert ("--method surface" in told[0]) == (method == "vertex")
     assert "between the vertices w errs by 0." in page.read_text()
+
+
+def test_what_is_inside_of_solids_is_found_after_a_fit():
+    mesh = Temple(fineness=1.0).geometry().mesh
+    assert ao.bake(mesh, method="surface", samples=16).interpolation is not None
