@@ -22,7 +22,7 @@ def make_far_lights_directional(kinds: Int64s, rows: Float64s) -> None:
         kind = int(kinds[j])
         if kind in (light_rows.POINT, light_rows.SPOT) and hypot(*triple(row, light_rows.POSITION)) > FAR:
             l, _, arriving = incident(kind, row, (0.0, 0.0, 0.0))
-            row[:] = 0.0
+            row[: light_rows.DIFFUSE] = 0.0
             row[light_rows.INTENSITY : light_rows.INTENSITY + 3] = arriving
             row[light_rows.DIRECTION : light_rows.DIRECTION + 3] = np.negative(l)
             kinds[j] = light_rows.DIRECTIONAL

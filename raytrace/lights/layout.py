@@ -11,12 +11,15 @@ COS_HALF_ANGLE 1       of a spot's cone
 HALF_ANGLE     1       radians
 EXPONENT       1       of the cosine within the cone
 INVERSE_RANGE  1       1/range, 0 without end
+DIFFUSE        3       RGB in [0, 1] of INTENSITY, what is reflected diffusely
+SPECULAR       3       RGB in [0, 1] of INTENSITY, what highlights reflect
 ============== ======= ===============================================
 """
 
 POINT, DIRECTIONAL, SPOT, AMBIENT = range(4)
 INTENSITY, POSITION, DIRECTION, RADIAL = 0, 3, 6, 9
-COS_HALF_ANGLE, HALF_ANGLE, EXPONENT, INVERSE_RANGE, WIDTH = 12, 13, 14, 15, 16
+COS_HALF_ANGLE, HALF_ANGLE, EXPONENT, INVERSE_RANGE = 12, 13, 14, 15
+DIFFUSE, SPECULAR, WIDTH = 16, 19, 22
 
 ZENITH, HORIZON, GROUND, UP, SKY_WIDTH = 0, 3, 6, 9, 12
 """Layout of the row of a sky gradient: three RGB, and the unit direction upwards."""

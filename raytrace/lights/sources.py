@@ -18,7 +18,7 @@ import numpy as np
 import numpy.typing as npt
 from pydantic import model_validator
 
-from ..errors import OptionError
+from ..errors import OptionError, numbers
 from ..system.parameters import Direction, HalfAngle, Length, NonNegative, Parameters, Point, Radiance
 from ..types import Float64s, Int64s
 from . import layout
@@ -46,6 +46,7 @@ class LightSource(BaseLight):
         """The kind and row that `raytrace.lights.kernels` takes."""
         row = np.zeros(layout.WIDTH)
         row[layout.INTENSITY : layout.INTENSITY + 3] = self.intensity
+        row[layout.DIFFUSE :] = 1.0
         self._write(row)
         return PackedLight(self.kind, row)
 
@@ -53,7 +54,25 @@ class LightSource(BaseLight):
         """Write the columns after the intensity."""
 
 
-class _Local(LightSource):
+class _Directed(LightSource):
+    """A light that comes from somewhere; its terms may have colours of their own, as OpenGL's lights do.
+
+    `diffuse`, `specular`: RGB intensity of what is reflected diffusely and in highlights, `intensity` unless given.
+    `ambient`: what the light adds to I_a, everywhere, neither attenuated nor shadowed.
+    """
+
+    ambient: Radiance = (0.0, 0.0, 0.0)
+    diffuse: Radiance | None = None
+    specular: Radiance | None = None
+
+    def _write(self, row: Float64s) -> None:
+        colours = [self.intensity if colour is None else colour for colour in (self.diffuse, self.specular)]
+        brightest = np.max(colours, axis=0)
+        row[layout.INTENSITY : layout.INTENSITY + 3] = brightest
+        row[layout.DIFFUSE :] = np.divide(colours, brightest, out=np.ones((2, 3)), where=brightest > 0).ravel()
+
+
+class _Local(_Directed):
     """A light with a place and radial attenuation 1/(a0 + a1 d + a2 d²); (0, 0, 1) is the physical law.
 
     `range`: the distance at which it ends: attenuation times 1 − (d/range)⁴, zero beyond (glTF, KHR_lights_punctual).
@@ -64,6 +83,7 @@ class _Local(LightSource):
     range: Length | None = None
 
     def _write(self, row: Float64s) -> None:
+        super()._write(row)
         row[layout.POSITION : layout.POSITION + 3] = self.position
         row[layout.RADIAL : layout.RADIAL + 3] = self.attenuation
         row[layout.INVERSE_RANGE] = 0.0 if self.range is None else 1.0 / self.range
@@ -99,7 +119,7 @@ class SpotLight(_Local):
         row[layout.EXPONENT] = self.exponent
 
 
-class DirectionalLight(LightSource):
+class DirectionalLight(_Directed):
     """Infinitely distant: `direction` is the way its light travels; no attenuation."""
 
     light: Literal["directional"] = "directional"
@@ -107,6 +127,7 @@ class DirectionalLight(LightSource):
     direction: Direction
 
     def _write(self, row: Float64s) -> None:
+        super()._write(row)
         row[layout.DIRECTION : layout.DIRECTION + 3] = _unit(self.direction)
 
 
@@ -118,8 +139,9 @@ class AmbientLight(LightSource):
 
 
 def pack_lights(lights: Sequence[LightSource]) -> tuple[Int64s, Float64s]:
-    """Kinds (k,) int64 and rows (k, WIDTH) float64 of a list of lights."""
-    packed = [light.pack() for light in lights]
+    """Kinds (k,) int64 and rows (k, WIDTH) float64 of lights, and behind them of what these add to ambient light."""
+    ambient = [AmbientLight(intensity=each.ambient) for each in lights if isinstance(each, _Directed)]
+    packed = [light.pack() for light in (*lights, *(each for each in ambient if any(each.intensity)))]
     kinds = np.array([p.kind for p in packed], np.int64)
     return kinds, np.array([p.row for p in packed], np.float64).reshape(-1, layout.WIDTH)
 
@@ -129,9 +151,20 @@ def irradiance(
 ) -> npt.NDArray[Any]:
     """E = I ⟨n·l⟩/d² (12.8), W/m².
 
-    Args: intensity I in W/sr, of any shape (…,); unit vectors n and l (…, 3); distance d > 0 in metres (…,).
+    Args: intensity I in W/sr, of any shape (…,); vectors n and l (…, 3), which are normalised here, zero receives
+    nothing; distance d > 0 in metres (…,).
+
+    Raises: OptionError: n or l is not of finite numbers (…, 3).
     """
-    cosine = np.maximum(0.0, np.sum(np.multiply(n, l), axis=-1))
+    from ..mesh.normals import normalize
+
+    units = []
+    for name, given in (("n", n), ("l", l)):
+        values = numbers(given, "irradiance", name, "an array of numbers (…, 3)")
+        if values.shape[-1:] != (3,) or not np.isfinite(values).all():
+            raise OptionError(name, "finite numbers (…, 3)", f"{values.tolist()}"[:60], "irradiance")
+        units.append(normalize(values))
+    cosine = np.maximum(0.0, np.sum(units[0] * units[1], axis=-1))
     return np.asarray(np.multiply(intensity, cosine) / np.square(distance))
 
 

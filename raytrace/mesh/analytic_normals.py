@@ -70,6 +70,28 @@ def newell_normal(polygon: npt.ArrayLike) -> Float64s:
     return normalize(newell_sums(polygon))
 
 
+def newell_plane(polygon: npt.ArrayLike) -> Float64s:
+    """(a, b, c, d) of Martin Newell's plane a x + b y + c z + d = 0: `newell_sums`, and d so that it holds corner 0."""
+    sums = newell_sums(polygon)
+    return np.append(sums, -(sums @ _polygon(polygon)[0]))
+
+
+def plane_through(points: npt.ArrayLike) -> Float64s:
+    """(a, b, c) of the plane a x + b y + c z = 1 through three points, C = X⁻¹ D: rows of X the points, D = (1, 1, 1).
+
+    `newell_plane` takes planes through the origin, too.
+
+    Raises: OptionError: not three points (3, 3), or they lie on one line, or their plane holds the origin.
+    """
+    x = _polygon(points)
+    if len(x) != 3:
+        raise OptionError("points", "three points, shape (3, 3)", x.shape, "normals")
+    size = np.abs(x).max()
+    if not np.isfinite(size) or size == 0 or np.linalg.matrix_rank(x / size) < 3:
+        raise OptionError("points", "three points of one plane that the origin is not in", x.tolist(), "normals")
+    return np.linalg.solve(x / size, np.ones(3)) / size
+
+
 def _polygon(polygon: npt.ArrayLike) -> Float64s:
     points = np.asarray(polygon, np.float64)
     if points.ndim != 2 or points.shape[0] < 3 or points.shape[1] != 3:

@@ -12,8 +12,9 @@ from ..kernel.simd import double, select, single
 from ..kernel.simd_masks import count, first, highest, lane_numbers, lowest, pick, some
 from ..kernel.simd_memory import load_row, store_row
 from ..kernel.vector import add, choose, dot, multiply, scale, subtract
-from ..lights.kernels import cannot_matter_in, incident, towards
+from ..lights.kernels import cannot_matter_in, incident, towards, triple
 from ..lights.layout import AMBIENT as AMBIENT_LIGHT
+from ..lights.layout import DIFFUSE, SPECULAR
 from . import shading_points as layout
 from .camera_rays import FARTHEST
 from .interaction import CONSTANT, FLAT
@@ -161,10 +162,11 @@ def light_entry(entry, items, used, geometry, lights, style, scratch):
         body, highlight = reflect(entry, items, reached, side, l, geometry)
         if style.shading == CONSTANT:
             highlight = zero
-        body = multiply(multiply(intensity, body), tint)
+        row = lights.rows[j]
+        body = multiply(multiply(multiply(intensity, triple(row, DIFFUSE)), body), tint)
         if style.form == BOOK:
             body = scale(load_row(entry, layout.W), body)
-        highlight = multiply(intensity, highlight)
+        highlight = multiply(multiply(intensity, triple(row, SPECULAR)), highlight)
         brought = add(body, highlight)
         brightness = brought[0] + brought[1] + brought[2]
         bright = reached & (brightness > 0.0)

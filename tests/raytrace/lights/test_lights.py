@@ -1,5 +1,6 @@
 """Lights: what arrives, and that nothing is skipped which matters."""
 
+from dataclasses import replace
 from math import cos, pi, radians, sin
 
 import numpy as np
@@ -22,7 +23,8 @@ from raytrace.lights.sources import (
     irradiance,
     pack_lights,
 )
-from raytrace.materials.materials import Lambert
+from raytrace.materials.materials import Lambert, Phong
+from raytrace.mesh.mesh import Mesh
 from raytrace.renderer.render import render
 from raytrace.scene import Object, Scene, Shape
 from raytrace.settings import Settings
@@ -120,6 +122,51 @@ def test_photometry_law():
     assert irradiance(100, n, l, 5) == pytest.approx(100 * 0.8 / 25)
     assert irradiance(100, n, -l, 5) == 0
     assert irradiance([1, 2], n, np.array([l, n]), [1, 2]).tolist() == pytest.approx([0.8, 0.5])
+    assert irradiance(100, 7 * n, 0.01 * l, 5) == pytest.approx(100 * 0.8 / 25)  # of any length
+    assert irradiance(100, 0 * n, l, 5) == 0
+    with pytest.raises(OptionError, match="irradiance: l: expected finite numbers"):
+        irradiance(1, n, [0, np.nan, 1], 1)
+
+
+COLOURS = {"ambient": (0.1, 0.2, 0.3), "diffuse": (2, 0, 1), "specular": (0, 3, 1.5)}
+
+
+@pytest.mark.parametrize(
+    ("light", "attenuation"),
+    [
+        (PointLight(position=(0, 0, 2), intensity=9, **COLOURS), 1 / 4),
+        (PointLight(position=(0, 0, 2), attenuation=(1, 2, 0), **COLOURS), 1 / 5),
+        (SpotLight(position=(0, 0, 2), direction=(0, 0.75, -1), half_angle=60, exponent=2, **COLOURS), 0.64 / 4),
+        (DirectionalLight(direction=(0, 0, -1), **COLOURS), 1.0),
+        (PointLight(position=(0, 0, 1e9), attenuation=(1, 0, 0), **COLOURS), 1.0),
+    ],
+)
+@pytest.mark.parametrize("shading", ["flat", "gouraud", "phong"])
+def test_terms_have_the_light_s_colours_for_them(light, attenuation, shading):
+    """GL's lights: I_a of all lights, unattenuated, and k_d and k_s times what arrives of each."""
+    floor = Mesh([[-1, -1, 0], [1, -1, 0], [0, 2, 0]], [[0, 1, 2]])
+    material = Phong(k_a=(0.5, 0.4, 0.2), k_d=(0.3, 0.2, 0.1), k_s=0.6, exponent=1)
+    camera = Camera((0, 0, 5), (0, 0, 0), (0, 1, 0))
+    scene = Scene((Object(Shape(floor, material)),), (light, AmbientLight(intensity=0.05)))
+    layers = render(scene, camera, Settings(1, 1, 1, shading=shading)).layers
+    np.testing.assert_allclose(layers["ambient"][0, 0], np.multiply(material.k_a, [0.15, 0.25, 0.35]), rtol=1e-6)
+    if shading != "gouraud":  # lamps are elsewhere as seen from the vertices
+        diffuse, specular = (attenuation * np.array(COLOURS[term]) for term in ("diffuse", "specular"))
+        np.testing.assert_allclose(layers["diffuse"][0, 0], material.k_d * diffuse, rtol=1e-5)
+        np.testing.assert_allclose(layers["specular"][0, 0], 0.6 * specular, rtol=1e-5)
+
+
+def test_a_light_without_colours_of_its_own_has_its_intensity_s():
+    light = PointLight(position=(1, 2, 3), intensity=(0.1, 0, 0.7))
+    given = replace(light, ambient=0, diffuse=light.intensity, specular=light.intensity)
+    np.testing.assert_array_equal(light.pack().row, given.pack().row)
+    assert (light.pack().row[light_rows.DIFFUSE :] == 1).all()
+    made = light_from_dict({"light": "point", "position": [1, 2, 3], "ambient": 0.1, "specular": [0, 0, 1]})
+    assert (made.ambient, made.diffuse, made.specular) == ((0.1, 0.1, 0.1), None, (0, 0, 1))
+    with pytest.raises(OptionError, match="diffuse"):
+        PointLight(position=(1, 2, 3), diffuse=-1)
+    with pytest.raises(OptionError, match="diffuse"):
+        light_from_dict({"light": "ambient", "diffuse": 1})
 
 
 def test_irradiance_is_incident_light_times_cosine():

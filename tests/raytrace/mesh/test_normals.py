@@ -9,8 +9,10 @@ from raytrace.mesh.analytic_normals import (
     corner_normals,
     implicit_normals,
     newell_normal,
+    newell_plane,
     newell_sums,
     parametric_normals,
+    plane_through,
 )
 from raytrace.mesh.normals import vertex_normals
 
@@ -23,6 +25,24 @@ def test_textbook_polygon():
     np.testing.assert_allclose(newell_normal(BENT), [0.235702, -0.235702, 0.942809], atol=5e-7)
     np.testing.assert_allclose(averaged_normal(BENT), [0.224949, -0.224949, 0.948049], atol=5e-7)
     np.testing.assert_allclose(corner_normals(BENT)[2], np.array([0.5, 0, 1]) / np.sqrt(1.25))
+
+
+def test_planes_of_polygons_and_points():
+    """The slide's polygon holds the origin: d = 0. Moved, both planes of its first three corners are one."""
+    np.testing.assert_allclose(newell_plane(BENT), [0.5, -0.5, 2, 0], atol=1e-15)
+    moved = np.add(BENT, [3, -2, 4])
+    np.testing.assert_allclose(newell_plane(moved), [0.5, -0.5, 2, -10.5], atol=1e-12)
+    for size in (1.0, 1e-30, 1e30):
+        points = size * moved[1:]
+        a, b, c, d = newell_plane(points / size)
+        np.testing.assert_allclose(plane_through(points) * size, np.array([a, b, c]) / -d, rtol=1e-12)
+        np.testing.assert_allclose(points @ plane_through(points), 1, rtol=1e-12)
+
+
+@pytest.mark.parametrize("points", [BENT[:3], [[1, 1, 1], [2, 2, 3], [3, 3, 5]], np.zeros((3, 3)), BENT + 1])
+def test_points_without_one_plane_clear_of_the_origin_are_refused(points):
+    with pytest.raises(OptionError, match="points: expected three points"):
+        plane_through(points)
 
 
 def test_newell_is_indifferent_to_start_place_and_far_origins():
