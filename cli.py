@@ -165,7 +165,7 @@ def bake(
         choices.Occlusion | None,
         typer.Option(
             help="Occlusion texture of .glb materials, which viewers show: ramp (w of the vertices, the default "
-            "without --colors), texture (w of texels) or none."
+            "without --colors), texture (w of texels), auto (texture where a ramp would err by more than .02) or none."
         ),
     ] = None,
     replace_occlusion: Annotated[

@@ -282,7 +282,7 @@ class BakeCommand(MeshBake):
         from raytrace.system.outputs import check_outputs
 
         from ..writers.losses import lost
-        from ..writers.write import channels, write
+        from ..writers.write import channels
 
         start = time.perf_counter()
         source = self.read()
@@ -302,9 +302,10 @@ class BakeCommand(MeshBake):
                     source.mesh, falloff, progress=advance, checkpoint=checkpoint, high=fine.mesh if fine else None,
                     cage=self.cage or CAGE, **self.options(),
                 )  # fmt: skip
-            warnings += warn([], [*baked.shortfalls, *self._missed(baked), *self._coarse(baked)])
+            warnings += warn([], [*baked.shortfalls, *self._missed(baked)])
             tracing = time.perf_counter()
-            write(self.output, baked, source, **self._channels())
+            told, more = self._write(baked, source, falloff)
+            warnings += warn([], more)
         seconds = {"load": loaded - start, "write": time.perf_counter() - tracing}
         if self.report:
             self._write_report(self.report, baked, (inputs, seconds, warnings))
@@ -312,7 +313,7 @@ class BakeCommand(MeshBake):
             from .flag_image import write_marked
 
             write_marked(self.debug_image, source.mesh, baked)
-        yield Written(bake_summary(baked, self.output) + alpha_summary((fine or source).mesh), warnings)
+        yield Written(bake_summary(baked, self.output) + alpha_summary((fine or source).mesh) + told, warnings)
 
     def check_own(self) -> None:
         from raytrace.errors import OptionError
@@ -345,13 +346,21 @@ class BakeCommand(MeshBake):
 
     def _channels(self) -> dict[str, Any]:
         """The options of `scenes.write`."""
-        return {name: getattr(self, name) for name in ("colors", "occlusion", "replace_occlusion")}
+        occlusion = None if self.occlusion == "auto" else self.occlusion
+        return {"colors": self.colors, "occlusion": occlusion, "replace_occlusion": self.replace_occlusion}
 
     def _missed(self, baked: ao.Bake) -> list[str]:
         """A warning of the vertices that the cage missed, if there are any."""
         missed = baked.flagged["missed"]
         text = "vertices are not within the cage of the fine mesh and take the closest point of it"
         return [f"{self.output}: {missed:,} {text}"] if missed else []
+
+    def _write(self, baked: ao.Bake, source: MeshFile, falloff: ao.Falloff) -> tuple[str, list[str]]:
+        """Write the output: what to add to the summary, and warnings. Args: falloff: of textures."""
+        from ..writers.write import write
+
+        write(self.output, baked, source, **self._channels())
+        return "", self._coarse(baked)
 
     def _coarse(self, baked: ao.Bake) -> list[str]:
         """A warning that w between the vertices is not what is interpolated, if that shows."""

@@ -14,6 +14,7 @@ from ..commands.console import KERNELS_OF_TEXTURE, alpha_summary, progress, text
 from ..commands.options import CAGE, BentSpace, Overlap, check_cage, parse_texels
 from ..writers.image_names import ENDINGS as IMAGES
 from ..writers.image_names import MATERIAL, PLACEHOLDERS, UDIM, is_texture
+from .auto import AutoCommand
 from .remarks import lacking, layout_remarks
 
 if TYPE_CHECKING:
@@ -43,14 +44,16 @@ def bake_command(options: dict[str, Any]) -> BakeCommand | TextureCommand:
     output = options["output"]
     check_ending("output", output, *ENDINGS, *IMAGES)
     own = {field.name for field in fields(BakeCommand)}
-    into_glb = options["occlusion"] == "texture"
-    if into_glb and output.suffix.lower() != ".glb" and not is_texture(output):
-        raise OptionError("occlusion", "a .glb output with texture", output)
+    into_glb, auto = options["occlusion"] == "texture", options["occlusion"] == "auto"
+    if (auto or into_glb) and output.suffix.lower() != ".glb" and not (into_glb and is_texture(output)):
+        raise OptionError("occlusion", f"a .glb output with {options['occlusion']}", output)
+    if auto and options["colors"]:
+        raise OptionError("occlusion", "auto or --colors: viewers multiply one with the other", "both")
     if not is_texture(output) and not into_glb:
         for name in options.keys() - own:
             if options[name]:
                 raise OptionError(name, "with it an image to write, or --occlusion texture", output)
-        return BakeCommand(**{name: value for name, value in options.items() if name in own})
+        return (AutoCommand if auto else BakeCommand)(**{name: options[name] for name in options.keys() & own})
     for name, usual in _OF_VERTICES.items():
         if options[name] != usual:
             raise OptionError(name, "w at vertices, not in a texture, with it", output)

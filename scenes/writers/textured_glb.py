@@ -37,6 +37,7 @@ def textured_glb(
     replace: bool = False,
     orm: bool = False,
     w: AnyFloats | None = None,
+    attribute: bool = False,
 ) -> tuple[bytes, int]:
     """A GLB file of a mesh file, with 8 bits of w a texel, and how many primitives keep another occlusion texture.
 
@@ -48,6 +49,7 @@ def textured_glb(
         replace: put them also in place of occlusion textures of the source.
         orm: put w into R of the materials' metallic-roughness images (`scenes.writers.orm`).
         w: (n,) of the vertices, for primitives that are on no page: a ramp shows it.
+        attribute: whether all primitives get `_OBSCURANCE`, from that.
 
     Raises:
         MeshError, SceneError, InputError: as `check_orm`, with `orm`.
@@ -58,6 +60,9 @@ def textured_glb(
     packed, drawn = stored(asset, mesh_file.parts) if asset else plain(mesh_file, False)
     if asset:
         stand(packed.header, up_axis(mesh_file.mesh))
+    if w is not None and attribute:
+        for primitive, vertices in drawn:
+            primitive["attributes"].update(packed.obscurance(w[vertices], False))
     before = Gltf(mesh_file.path, packed.header, (bytes(packed.binary),))
     textures = OcclusionTextures(packed, replace)
     if orm:

@@ -117,7 +117,7 @@ COMMANDS = [
     ("bake a.ply -o w.npy --report folder", "bake --report: expected a name ending in .json or .html, got folder"),
     ("bake a.ply -o w.npy --debug-image m.bmp", "bake --debug-image: expected a name ending in", "got m.bmp"),
     ("bake a.ply -o w.npy --colors", "bake --colors: expected a .glb or .ply output with it, got w.npy"),
-    ("bake a.ply -o w.glb --occlusion rmap", "expected one of none, ramp, texture, got rmap; did you mean ramp?"),
+    ("bake a.ply -o w.glb --occlusion rmap", "expected one of none, ramp, texture, auto, got rmap; did you mean ramp?"),
     ("bake a.ply -o w.ply --occlusion ramp", "bake --occlusion: expected a .glb output with ramp, got w.ply"),
     ("bake a.ply -o w.glb --occlusion ramp --colors", "bake --occlusion: expected ramp or --colors", "got both"),
     ("bake a.ply -o w.ply --replace-occlusion", "bake --replace-occlusion: expected an occlusion texture", "got none"),

@@ -1,0 +1,62 @@
+"""`bake --occlusion auto`: a texture where interpolation between the vertices errs, and a ramp elsewhere."""
+
+import numpy as np
+from command import obscurance, refused
+from mesh_files import obj, ply
+from meshes import hills
+
+import scenes
+from scenes.geometry.polyhedra import join, polygon
+
+FLOOR = np.array([(-2.0, -2.0, 0.0), (2.0, -2.0, 0.0), (2.0, 2.0, 0.0), (-2.0, 2.0, 0.0)])
+LID = FLOOR * (0.4, 0.4, 1) + (0, 0, 0.5)
+
+
+def textured(shift=0.0):
+    lines = [f"v {x} {y} {z}" for x, y, z in (*FLOOR, *LID)]
+    for left in (0.0, 0.2):
+        lines += [f"vt {left + u + shift} {v}" for u, v in ((0, 0), (0.1, 0), (0.1, 0.1), (0, 0.1))]
+    return "\n".join([*lines, "f 1/1 2/2 3/3", "f 1/1 3/3 4/4", "f 5/5 6/6 7/7", "f 5/5 7/7 8/8"])
+
+
+def bake(folder, name, content, *options):
+    (folder / name).write_bytes(content if isinstance(content, bytes) else content.encode())
+    return obscurance("bake", folder / name, "-o", folder / "w.glb", "--samples", 32, *options)
+
+
+def images(folder):
+    return [image["name"] for image in scenes.load(folder / "w.glb").gltf.header["images"]]
+
+
+def test_large_faces_with_texture_coordinates_get_a_texture_and_keep_w_at_the_vertices(tmp_path):
+    result = bake(tmp_path, "lid.obj", textured(), "--occlusion", "auto")
+    assert result.returncode == 0, result.stderr
+    assert "\nocclusion: a texture of 1024×1024, as between the vertices w errs by 0." in result.stdout
+    assert "between the vertices" not in result.stderr
+    assert images(tmp_path) == ["obscurance occlusion"]
+    header = scenes.load(tmp_path / "w.glb").gltf.header
+    assert all("_OBSCURANCE" in piece["attributes"] for mesh in header["meshes"] for piece in mesh["primitives"])
+    assert bake(tmp_path, "lid.obj", textured()).returncode == 0
+    assert images(tmp_path) != ["obscurance occlusion"]
+
+
+def test_elsewhere_it_is_the_ramp_byte_by_byte(tmp_path):
+    for name, content, coarse in (
+        ("lid.ply", ply(*join([polygon(FLOOR), polygon(LID)])), True),
+        ("repeated.obj", textured(0.95), True),
+        ("hills.obj", obj(*hills(70)), False),
+    ):
+        result = bake(tmp_path, name, content, "--occlusion", "auto")
+        assert result.stdout.endswith("\nocclusion: a ramp shows w of the vertices\n")
+        assert ("between the vertices w errs" in result.stderr) == coarse
+        found = (tmp_path / "w.glb").read_bytes()
+        assert bake(tmp_path, name, content).returncode == 0
+        assert (tmp_path / "w.glb").read_bytes() == found
+
+
+def test_what_does_not_go_with_it(tmp_path):
+    (tmp_path / "a.ply").write_bytes(ply(*hills(4)))
+    line = "bake", tmp_path / "a.ply", "--occlusion", "auto"
+    refused(obscurance(*line, "-o", tmp_path / "w.ply"), "bake --occlusion: expected a .glb output with auto")
+    refused(obscurance(*line, "-o", tmp_path / "w.glb", "--colors"), "bake --occlusion: expected auto or --colors")
+    refused(obscurance(*line, "-o", tmp_path / "w.glb", "--size", 64), "bake --size: expected")
