@@ -24,7 +24,7 @@ from benchmarks.meshes import bumpy_sphere
 from raytrace.system.atomic import write_json
 from raytrace.system.threads import thread_count
 
-COMMAND = [sys.executable, "-m", "cli", "bake"]
+COMMAND = [sys.executable, "-m", "obscurance", "bake"]
 
 
 def make_meshes(folder: Path, count: int) -> list[Path]:
