@@ -110,7 +110,7 @@ def warn(meshes: Iterable[Mesh], others: Iterable[str] = ()) -> list[str]:
     return warnings
 
 
-KERNELS_OF_BAKE, KERNELS_OF_SURFACE, KERNELS_OF_RENDER, KERNELS_OF_TEXTURE = 40, 35, 40, 50
+KERNELS_OF_BAKE, KERNELS_OF_SURFACE, KERNELS_OF_RENDER, KERNELS_OF_TEXTURE = 42, 40, 40, 50
 
 
 @contextmanager
