@@ -139,9 +139,10 @@ def is_kept(path: str) -> bool:
 def read_code(name: str) -> bytes | None:
     """What `write_code` kept by this name, if it is there and whole, not half a file after a crash.
 
-    Folders that this user cannot write to count: an administrator may have filled one.
+    Folders before `cache_folder` count, which this user cannot write to: an administrator may have filled one.
     """
-    for folder in _places():
+    places, last = _places(), cache_folder()
+    for folder in places[: places.index(last) + 1] if last else places:
         with suppress(OSError):
             if not _is_safe(folder):
                 continue

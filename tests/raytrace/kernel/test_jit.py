@@ -224,6 +224,14 @@ def test_kernels_of_a_folder_that_cannot_be_written_are_run(project):
     assert run(project, no_space + ANSWER, **elsewhere) == "1 0 False"
 
 
+def test_a_chosen_folder_is_filled_whatever_the_users_holds(project):
+    places = {"NUMBA_CACHE_DIR": "", "XDG_CACHE_HOME": str(project / "mine")}
+    assert run(project, ANSWER, **places) == "1 1 True"
+    chosen = places | {"NUMBA_CACHE_DIR": str(project / "chosen")}
+    assert run(project, ANSWER, **chosen) == "1 1 True"
+    assert run(project, ANSWER, **chosen) == "1 0 False"
+
+
 def test_whatever_the_umask_later_processes_run_what_was_kept(project):
     cache = str(project / "cache")
     assert run(project, "import os; os.umask(0)\n" + ANSWER, NUMBA_CACHE_DIR=cache) == "1 1 True"
