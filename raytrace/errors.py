@@ -101,9 +101,11 @@ def printable(text: str, longest: int | None = None) -> str:
 
     Args: longest: characters, if there is a limit; of a longer text the middle is left out.
     """
+    if not text.isprintable():
+        text = "".join(c if c.isprintable() else ascii(c)[1:-1] for c in text)
     if longest and len(text) > longest:
         text = f"{text[: longest * 3 // 4]}…{text[1 - longest // 4 :]}"
-    return text if text.isprintable() else "".join(c if c.isprintable() else ascii(c)[1:-1] for c in text)
+    return text
 
 
 def is_utf8(text: str) -> bool:

@@ -14,7 +14,7 @@ from mesh_files import obj
 
 import scenes.geometry.instances
 import scenes.readers.threemf
-from raytrace.errors import InputError, SceneError
+from raytrace.errors import LINE, InputError, SceneError
 from raytrace.image.read import read_image
 from raytrace.image.texture import Texture, pack_textures
 from scenes.commands.picture_bake import with_obscurance
@@ -28,6 +28,7 @@ def test_messages_are_printable_and_short(tmp_path):
     assert len(str(long)) < 700
     assert str(long).isprintable()
     assert (long.field, long.got) == ("f" * 5000, "g\n" * 5000)
+    assert len(str(InputError("\n" * 5000, "f", "e", "g"))) == LINE
 
 
 def test_toml_keys_of_very_many_parts(tmp_path):

@@ -73,6 +73,14 @@ def refuse(text):
     return step
 
 
+def ramble(path):
+    from raytrace.errors import LINE, InputError
+
+    error = InputError(path, "a", "b", "c")
+    error.args = (f"{path}: ".ljust(LINE + 1, "x"),)
+    raise error
+
+
 def test_the_judge_lets_clear_refusals_pass(judge):
     message, _, _ = judge(refuse(None))
     assert message.endswith("m.ply: a: expected b, got c")
@@ -85,7 +93,7 @@ def test_the_judge_lets_clear_refusals_pass(judge):
         (lambda path: sys.exit(), "SystemExit"),
         (lambda path: bytearray(1 << 30).find(b"\1"), "MiB for 1 bytes"),
         (refuse("elsewhere"), "names no file"),
-        (lambda path: refuse(str(path) + "x" * 3000)(path), "a message of"),
+        (ramble, "a message of"),
     ],
 )
 def test_the_judge_notices(judge, step, finding):

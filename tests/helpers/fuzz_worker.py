@@ -148,7 +148,7 @@ def look(path):
 
 def checked(family, path, made, index, opened):
     """Whether the input was accepted; its message if it was refused. Raises: Finding."""
-    from raytrace.errors import InputError
+    from raytrace.errors import LINE, InputError
 
     reset_peak()
     before, start = memory(), time.process_time()
@@ -163,7 +163,7 @@ def checked(family, path, made, index, opened):
             raise Finding(f"not one printable line: {message!r}") from None
         if OUT_OF_MEMORY in message:
             raise Finding("memory was asked for before the sizes were checked: " + where(refusal)) from None
-        if len(message) > 1000 + 2 * len(str(path)):
+        if len(message) > LINE:
             raise Finding(f"a message of {len(message)} characters: {message[:300]}") from None
         if not message.startswith(str(path.parent)):
             raise Finding(f"the message names no file: {message}") from None
