@@ -108,7 +108,7 @@ COMMANDS = [
     ("bake a.ply -o w.npy --normals aera", "did you mean area?"),
     ("bake a.ply -o w.npy --hidden yes", "bake --hidden: expected one of auto, ignore, mark, fill, got yes"),
     ("bake a.ply -o w.npy --method surfaces", "got surfaces; did you mean surface?"),
-    ("bake a.ply -o w.npy --method surface --tolerance .1", "bake --tolerance: expected method vertex with it"),
+    ("bake a.ply -o w.npy --method surface --tolerance .1 --hidden mark", "bake --hidden: expected method vertex"),
     ("bake a.ply -o w.npy --method surface --traversal embree", "bake --traversal: expected method vertex with it"),
     ("bake a.ply -o w.npy --traversal embre", "bake --traversal: expected one of auto, embree", "did you mean embree?"),
     ("bake a.ply -o w.npy --seed x", "bake --seed: expected a whole number, got x"),

@@ -24,6 +24,7 @@ from raytrace.mesh.mesh import Mesh
 
 bake_surface = partial(ao.bake, method="surface")
 METHODS = {"vertex": ao.bake, "surface": bake_surface}
+CHECK = 2 * 1024  # points of the check of what interpolation errs by, which every bake makes
 POSIX = pytest.mark.skipif(os.name == "nt", reason="POSIX locks, limits and signals")
 
 
@@ -66,7 +67,7 @@ def test_a_continued_bake_copies_what_was_traced(path, whole, traced):
     messages = []
     assert bits(bake(path, messages, resume=True)) == whole
     assert first > 0.5 * len(MESH.vertices)
-    assert traced[0] < 0.6 * len(MESH.vertices)
+    assert traced[0] - CHECK < 0.6 * len(MESH.vertices)
     assert messages == []
     assert not path.exists()
 
@@ -77,12 +78,12 @@ def test_a_continued_bake_of_the_surface_copies_what_was_traced(path, whole_surf
     messages = []
     assert bits(bake(path, messages, make=bake_surface, resume=True)) == whole_surface
     assert first > 0.5 * len(MESH.faces)
-    assert traced[0] < 0.6 * len(MESH.faces)
+    assert traced[0] - CHECK < 0.6 * len(MESH.faces)
     assert messages == []
     assert not path.exists()
 
 
-def test_a_bake_interrupted_after_its_last_ray_traces_none(path, whole_surface, traced, monkeypatch):
+def test_a_bake_interrupted_after_its_last_ray_traces_only_the_check(path, whole_surface, traced, monkeypatch):
     def stop(*_):
         raise Stopped
 
@@ -91,7 +92,7 @@ def test_a_bake_interrupted_after_its_last_ray_traces_none(path, whole_surface, 
         interrupted(path, stop=None, make=bake_surface)
     traced[0] = 0
     assert bits(bake(path, make=bake_surface, resume=True)) == whole_surface
-    assert traced[0] == 0
+    assert traced[0] == CHECK
 
 
 def test_a_fit_is_continued_where_it_was_interrupted(path, whole_surface, traced, monkeypatch):
@@ -107,7 +108,7 @@ def test_a_fit_is_continued_where_it_was_interrupted(path, whole_surface, traced
         patch.setattr(ao.least_squares.fit, "solve_within", lambda *a, **k: solved.append(a) or solve_within(*a, **k))
         traced[0] = 0
         assert bits(bake(path, make=bake_surface, resume=True)) == whole_surface
-    assert traced[0] == 0
+    assert traced[0] == CHECK
     assert len(solved) == 1  # the relaxed one
 
 
@@ -122,6 +123,7 @@ WAYS = [
     ("vertex", {"tolerance": 0.003}),
     ("vertex", THIRD),
     ("surface", {"samples": 512, "only": np.arange(4900) < 900}),
+    ("surface", {"tolerance": 0.003}),
 ]
 
 

@@ -29,7 +29,7 @@ from scenes.readers.load import load
         ("m.ply", b"\x89PNG\r\n\x1a\n" + bytes(100), "PLY file, got ValueError: no header of a PLY file"),
         ("m.glb", b"a text, not a GLB file", "GLB file"),
         ("m.gltf", b"[]", "content: expected an object"),
-        ("m.gltf", b"[" * 100_000, "GLTF file, got RecursionError"),
+        ("m.gltf", b"[" * 100_000, "content: expected JSON of at most 100 levels, got more"),
         ("m.stl", b"\x89PNG\r\n\x1a\n" + bytes(100), "complete ASCII or binary STL"),
         ("m.off", b"\x89PNG\r\n\x1a\n" + bytes(100), "OFF file"),
         ("m.obj", b"\x89PNG\r\n\x1a\n" + bytes(100), "at least one triangle"),

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 import ao
-from ao.falloff import Binary, Exponential
+from ao.falloff import Binary, Exponential, Linear, Smooth
 from ao.gather.directions import DirectionTable
 from raytrace import Mesh
 from raytrace.ray_origins.offset import ray_offset
@@ -111,7 +111,12 @@ def test_every_closed_form_has_a_line() -> None:
         assert name in names
     for name in {line.name for line in LINES} - {"tilted normal"}:
         kinds = {type(line.falloff) for line in LINES if line.name == name}
-        assert kinds == ({Binary} if "olygon" in name else {Binary, Exponential}), name
+        assert kinds - {Linear, Smooth} == ({Binary} if "olygon" in name else {Binary, Exponential}), name
+    for kind, at_least in (
+        (Linear, {"ceiling", "infinite wall", "trench", "closed unit cube", "closed box", "dome", "coaxial disk"}),
+        (Smooth, {"ceiling", "infinite wall", "dome", "coaxial disk"}),
+    ):
+        assert at_least <= {line.name for line in LINES if isinstance(line.falloff, kind)}
     limited = {line.name for line in LINES if not isinf(float(line.falloff.max_distance))}
     assert {"ceiling", "closed unit cube", "coaxial disk", "trench", "infinite wall"} <= limited
 
@@ -217,7 +222,7 @@ def test_uniform_directions_fail(monkeypatch: pytest.MonkeyPatch) -> None:
     other_directions(monkeypatch, lambda u: u)
     failed = failures(ao.bake)
     assert len(failed) >= 8
-    assert {type(result.falloff) for result in failed} == {Binary, Exponential}
+    assert {type(result.falloff) for result in failed} == {Binary, Exponential, Linear, Smooth}
 
 
 def test_a_missing_cosine_fails(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -250,7 +255,7 @@ def test_own_triangle_hits_fail(lift: float, monkeypatch: pytest.MonkeyPatch) ->
 
 def test_an_ignored_distance_limit_fails() -> None:
     def bake(mesh: Mesh, falloff: ao.Falloff, **options: object) -> ao.Bake:
-        return ao.bake(mesh, replace(falloff, max_distance=np.inf), **options)
+        return ao.bake(mesh, replace(falloff, max_distance=1000 * float(falloff.max_distance)), **options)
 
     limited = {label(line) for line in CHEAP if not isinf(float(line.falloff.max_distance))}
     assert len(failures(bake)) == len(limited)
