@@ -12,10 +12,10 @@ from ..kernel.jit import inline
 from ..kernel.simd import double, select, single
 from ..kernel.simd_memory import gather, gather3
 from ..kernel.vector import add, choose, cross, dot, load3, scale, subtract, unit
+from ..mesh.interpolation import centroid, interpolate, phong_normal, quadratic_normal
 from ..mesh.placement import ULP
 from ..ray_origins.offset import OFFSET_ULPS
 from . import shading_points as layout
-from .interpolation import centroid, interpolate, phong_normal, quadratic_normal
 from .shading_points import put, put1
 
 CONSTANT, FLAT, GOURAUD, PHONG, QUADRATIC = range(5)

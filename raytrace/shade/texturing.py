@@ -10,9 +10,9 @@ from ..kernel.simd import WIDE, double, select, single
 from ..kernel.simd_masks import pick, replace
 from ..kernel.simd_memory import gather, gather3, load_row
 from ..kernel.vector import add, cross, dot, multiply, perpendicular, scale, subtract
+from ..mesh.interpolation import interpolate
 from .camera_rays import pixel_width
 from .interaction import between, corner, corner_rows, doubled, tangents
-from .interpolation import interpolate
 from .shading_points import AMBIENT, DIFFUSE, NORMAL, OCCLUSION, TANGENT, TINT, W, put, put1, take
 from .workspace import BOOK, OFF
 

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from raytrace.materials.materials import BlinnPhong, Phong
 from raytrace.materials.reflect import reflect
 from raytrace.mesh.analytic_normals import newell_normal
-from raytrace.shade.interpolation import centroid, interpolate, phong_normal, quadratic_normal
+from raytrace.mesh.interpolation import centroid, interpolate, phong_normal, quadratic_normal
 
 P = [(2.0, 2.0, 1.0), (6.0, 2.0, 1.0), (4.0, 5.0, 1.0)]
 NORMALS = [tuple(np.array(n) / np.linalg.norm(n)) for n in ([-1, -1, 1], [1, 0, 0], [0, 1, 1])]
