@@ -51,7 +51,8 @@ def read_instances(asset: Gltf, alpha: bool = False) -> list[Instance]:
         check_copies(rows, sum(map(len, asset.buffers)), asset.path)
         name = _name(piece, asset.header)
         notes = _notes(name, asset.header["nodes"][piece.node])
-        made.append(Instance(name, vertices, faces, normals, world[piece.node], notes, w=w, opacity=opacities[key]))
+        opacity = opacities[key]
+        made.append(Instance(name, vertices, faces, normals, world[piece.node], notes, w=w, up="y", opacity=opacity))
     return made
 
 

@@ -135,6 +135,7 @@ def test_a_ply_says_what_is_up(folder):
     np.testing.assert_array_equal(picture("render", "one.ply", *render), picture("render", "z.stl", *render))
     assert obscurance("view", "one.ply", "y.glb", "-o", "both.html").returncode == 0
     assert "\nup              z\n" in obscurance("info", "one.ply").stdout
+    assert "\nup              y\n" in obscurance("info", "y.glb").stdout
 
 
 @pytest.mark.parametrize("axis", ["x", "y", "z", "-x", "-y", "-z"])
