@@ -23,11 +23,15 @@ def give(monkeypatch, content, terminal=False):
 
 def test_a_pipe_gives_the_bytes_of_a_file(tmp_path):
     (tmp_path / "hills.obj").write_bytes(obj(*hills(6)))
-    assert obscurance("bake", tmp_path / "hills.obj", "-o", tmp_path / "w.ply", "--samples", 16).returncode == 0
+    single = obscurance("bake", tmp_path / "hills.obj", "-o", tmp_path / "w.ply", "--samples", 16)
+    assert single.returncode == 0
     command = [*COMMAND, "bake", "-", "-o", "-", "--format", "ply", "--samples", "16"]
     done = subprocess.run(command, input=obj(*hills(6)), capture_output=True, cwd=tmp_path, check=True)
     assert done.stdout == (tmp_path / "w.ply").read_bytes()
-    assert done.stderr.startswith(b"<stdout>.ply: 36 vertices, ")
+    *warnings, summary = done.stderr.decode().splitlines()
+    assert summary.startswith("<stdout>.ply: 36 vertices, ")
+    assert warnings == single.stderr.replace(str(tmp_path / "w.ply"), "<stdout>.ply").splitlines()
+    assert [line.split(" w errs ")[0] for line in warnings] == ["warning: <stdout>.ply: between the vertices"]
     assert sorted(path.name for path in tmp_path.iterdir()) == ["hills.obj", "w.ply"]
 
 
