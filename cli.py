@@ -164,8 +164,8 @@ def bake(
     occlusion: Annotated[
         choices.Occlusion | None,
         typer.Option(
-            help="Occlusion texture of .glb materials, which viewers show: ramp (w of the vertices, the default "
-            "without --colors), texture (w of texels), auto (texture where a ramp would err by more than .02) or none."
+            help="Occlusion texture of .glb materials, for viewers: ramp (w of the vertices), texture (of texels), "
+            "auto (default without --colors: a texture where it errs less between the vertices, else a ramp) or none."
         ),
     ] = None,
     replace_occlusion: Annotated[

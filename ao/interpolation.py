@@ -26,9 +26,7 @@ _POINTS, _RAYS = 1024, 16  # the rays of each of two estimates
 def measure_interpolation(prepared: Prepared, w: Float64s, error: Float64s) -> Interpolation:
     """Compare interpolated w with w at 1,024 points spread evenly over the faces, with 32 rays each.
 
-    Two independent estimates a, b of w at a point, as texels have it, give (v − a)(v − b), whose mean is the squared
-    error of the interpolated v, whatever the noise of a and b; that of v is taken away. Points inside solids are left
-    out.
+    Points inside solids are left out.
 
     Args: w, error: (n,), of all vertices, and their standard errors.
     """
@@ -36,7 +34,7 @@ def measure_interpolation(prepared: Prepared, w: Float64s, error: Float64s) -> I
     vertices, faces = placement.vertices.astype(np.float64), receivers.faces
     normals, areas = face_normals(vertices, faces)
     if not len(faces) or not len(receivers.points):
-        return Interpolation(0.0, 0.0)
+        return _at_no_point()
     own, weights = _spread(areas, derive(prepared.key, 7))
     corners = faces[own]
     point = receivers.of_vertex[corners]
@@ -45,19 +43,20 @@ def measure_interpolation(prepared: Prepared, w: Float64s, error: Float64s) -> I
     hidden = prepared.options.hidden if prepared.options.method == "vertex" else "auto"
     seen = ~inside_solids(points, own, placement, receivers, hidden, threads)
     if not seen.any():
-        return Interpolation(0.0, 0.0)
+        return _at_no_point()
     points, sides = points[seen], sides[seen]
     tracer = Tracer(prepared.scene, 0, placement, prepared.mu, threads, total_points=_POINTS)
-    a, b = (_w_at(tracer, points, sides, derive(prepared.key, salt)) for salt in (8, 9))
+    estimates = np.stack([_w_at(tracer, points, sides, derive(prepared.key, salt)) for salt in (8, 9)], axis=-1)
     part, corners = weights[seen].astype(np.float64), corners[seen]
-    value = np.einsum("ki,ki->k", part, w[corners])
-    squared = (value - a) * (value - b) - np.einsum("ki,ki->k", part**2, error[corners] ** 2)
-    mean = float(squared.mean())
-    return Interpolation(_root(mean), _root(mean - 2 * float(squared.std()) / len(squared) ** 0.5))
+    values = np.einsum("ki,ki->k", part, w[corners])
+    variance = np.einsum("ki,ki->k", part**2, error[corners] ** 2)
+    usable = np.flatnonzero(face_normals(vertices, prepared.mesh.faces)[1] > 0)
+    return Interpolation.of(usable[own[seen]], part, estimates, values, variance)
 
 
-def _root(square: float) -> float:
-    return max(square, 0.0) ** 0.5
+def _at_no_point() -> Interpolation:
+    nothing = np.zeros(0)
+    return Interpolation.of(np.zeros(0, np.int64), np.zeros((0, 3)), np.zeros((0, 2)), nothing, nothing)
 
 
 def _spread(areas: Float64s, key: np.uint32) -> tuple[Int64s, Float32s]:

@@ -55,8 +55,7 @@ def report(
         "seconds": seconds | bake.seconds,
         "rmse_estimate": bake.rmse,
         "error_calibration": calibration_facts(bake.calibration),
-        **(_flags(bake) if isinstance(bake, Bake) else {}),
-        **({"interpolation": bake.interpolation and bake.interpolation._asdict()} if isinstance(bake, Bake) else {}),
+        **(_of_vertices(bake) if isinstance(bake, Bake) else {}),
         "warnings": list(warnings),
         "w": _summary(bake.w[shown], 1.0),
         "error": _summary(bake.error[shown]),
@@ -79,13 +78,15 @@ def calibration_facts(found: Calibration | None) -> dict[str, Any] | None:
     return found.whole()._asdict() | {"groups": [group._asdict() for group in found.groups()]}
 
 
-def _flags(bake: Bake) -> dict[str, Any]:
-    """How many vertices carry each flag, and the first of them."""
+def _of_vertices(bake: Bake) -> dict[str, Any]:
+    """How many vertices carry each flag, and the first of them; the error between the vertices."""
+    between = bake.interpolation
     rows = {str(flag.name).lower(): np.flatnonzero(bake.flags & flag)[:LISTED].tolist() for flag in Flag}
     return {
         "flagged": bake.flagged,
         "flagged_vertices": {name: found for name, found in rows.items() if found},
         "flagged_vertices_at_most": LISTED,
+        "interpolation": between and {"rmse": between.rmse, "at_least": between.at_least},
     }
 
 

@@ -9,27 +9,54 @@ import numpy as np
 
 from raytrace.mesh.mesh import Mesh
 from raytrace.mesh.normals import normalize
-from raytrace.types import Float64s, UInt8s
+from raytrace.types import Float64s, Int64s, UInt8s
 
 from .adaptive.calibration import Calibration
 from .gather.receivers import Flag
 from .mu import Mu
 from .prepared import Prepared
 
-_VISIBLE = 0.02  # five steps of an 8-bit value
+_VISIBLE = 0.02
 _TIMES_RMSE = 3.0
 _REASONS = "duplicate", "no_normal", "not_wanted", "below_face", "predicted", "hidden"
 
 
 class Interpolation(NamedTuple):
-    """How w interpolated between vertices differs from w on the faces.
+    """How w interpolated between vertices differs from w on the faces, at k points spread evenly over them.
 
     Attributes:
         rmse: over the surface, without the noise of either. at_least: the same less two standard errors.
+        faces: int64 (k,), the mesh's faces that the points are on. weights: float64 (k, 3), barycentric.
+        estimates: float64 (k, 2), two independent ones of w at each point.
     """
 
     rmse: float
     at_least: float
+    faces: Int64s
+    weights: Float64s
+    estimates: Float64s
+
+    @property
+    def visible(self) -> bool:
+        """Whether it is surely more than .02, five steps of an 8-bit value."""
+        return self.at_least > _VISIBLE
+
+    @classmethod
+    def of(
+        cls, faces: Int64s, weights: Float64s, estimates: Float64s, values: Float64s, variance: Float64s
+    ) -> Interpolation:
+        """That of interpolated values (k,) and their variances (k,).
+
+        For estimates a, b the mean of (v − a)(v − b) is the squared error of v, whatever their noise.
+        """
+        squared = (values - estimates[:, 0]) * (values - estimates[:, 1]) - variance
+        mean = float(squared.mean()) if len(squared) else 0.0
+        least = mean - 2 * float(squared.std()) / len(squared) ** 0.5 if len(squared) else 0.0
+        return cls(max(mean, 0.0) ** 0.5, max(least, 0.0) ** 0.5, faces, weights, estimates)
+
+    def of_others(self, values: Float64s) -> Interpolation:
+        """That of other values (k,) at the same points, of no variance to speak of."""
+        return Interpolation.of(self.faces, self.weights, self.estimates, values, np.zeros(len(values)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,7 +116,8 @@ class Bake:
     @property
     def coarse(self) -> bool:
         """Whether interpolation between the vertices surely errs by more than .02 and more than three times `rmse`."""
-        return self.interpolation is not None and self.interpolation.at_least > max(_VISIBLE, _TIMES_RMSE * self.rmse)
+        found = self.interpolation
+        return found is not None and found.visible and found.at_least > _TIMES_RMSE * self.rmse
 
     @property
     def flagged(self) -> dict[str, int]:

@@ -10,7 +10,7 @@ import numpy as np
 from raytrace.image.encode import linear_png
 from raytrace.image.fill import fill_holes
 from raytrace.mesh.normals import normalize
-from raytrace.types import Bools, Float32s, Float64s
+from raytrace.types import Bools, Float32s, Float64s, Int64s
 
 from ..adaptive.calibration import Calibration
 from ..mu import Mu
@@ -87,6 +87,21 @@ class BakedTexture:
         height, width = self.w.shape
         range_ = f"w from {self.w.min():.3f} to {self.w.max():.3f}"
         return f"<BakedTexture {width}×{height}: {range_}, RMSE {self.rmse:.2g}, {self.rays:,} rays>"
+
+    def at(self, faces: Int64s, weights: Float64s) -> Float64s:
+        """w (k,) that bilinear lookups see on `faces` (k,) of the mesh, NaN on faces that are not on the page.
+
+        Args: weights: (k, 3), barycentric.
+        """
+        from .seams import Lookups
+
+        height, width = self.w.shape
+        places = np.einsum("ki,kij->kj", weights, self.uv[faces])
+        shown = ~np.isnan(places).any(axis=1)
+        found = np.full(len(faces), np.nan)
+        lookups = Lookups.at(places[shown] * (width, -height) + (0, height), (width, height), True)
+        found[shown] = lookups.values(self.w.ravel().astype(np.float64))
+        return found
 
     def _repr_png_(self) -> bytes:
         """w as a PNG of greys without a colour space: what notebooks show."""

@@ -58,4 +58,4 @@ def _usual_occlusion(report: Mapping[str, Any]) -> str:
     """The occlusion texture that the earlier output had unless it was asked for another."""
     entries = report.get("inputs") or [{}]
     output = report["options"].get("output") or entries[0].get("output", "")
-    return "ramp" if str(output).lower().endswith(".glb") and not report["options"].get("colors") else "none"
+    return "auto" if str(output).lower().endswith(".glb") and not report["options"].get("colors") else "none"

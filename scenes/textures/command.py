@@ -44,7 +44,9 @@ def bake_command(options: dict[str, Any]) -> BakeCommand | TextureCommand:
     output = options["output"]
     check_ending("output", output, *ENDINGS, *IMAGES)
     own = {field.name for field in fields(BakeCommand)}
-    into_glb, auto = options["occlusion"] == "texture", options["occlusion"] == "auto"
+    into_glb = options["occlusion"] == "texture"
+    usual = output.suffix.lower() == ".glb" and not options["colors"] and options["occlusion"] is None
+    auto = usual or options["occlusion"] == "auto"
     if (auto or into_glb) and output.suffix.lower() != ".glb" and not (into_glb and is_texture(output)):
         raise OptionError("occlusion", f"a .glb output with {options['occlusion']}", output)
     if auto and options["colors"]:

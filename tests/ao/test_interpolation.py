@@ -43,7 +43,7 @@ def test_the_error_is_that_of_the_closed_form(seed):
 @pytest.mark.parametrize("mesh", [polygon(FLOOR), icosphere(1)])
 def test_what_is_open_everywhere_has_none(mesh):
     baked = ao.bake(mesh, samples=64)
-    assert baked.interpolation == (0.0, 0.0)
+    assert baked.interpolation[:2] == (0.0, 0.0)
     assert not baked.coarse
 
 
@@ -61,14 +61,14 @@ def test_fine_meshes_are_not_coarse_however_noisy():
 def test_any_number_of_threads_measures_the_same_and_some_bakes_do_not():
     mesh = Mesh(*hills(8))
     one, two = (ao.bake(mesh, samples=64, threads=threads).interpolation for threads in (1, 2))
-    assert one == two
+    assert one[:2] == two[:2]
     assert ao.bake(mesh, samples=16, only=np.arange(64) < 9).interpolation is None
     assert ao.bake(mesh, samples=16, high=mesh).interpolation is None
 
 
 def test_vertices_without_normals_are_no_obstacle():
     normals = np.full((8, 3), np.nan)
-    assert ao.bake(Mesh(*PART, normals), samples=16, normals="file").interpolation == (0.0, 0.0)
+    assert ao.bake(Mesh(*PART, normals), samples=16, normals="file").interpolation[:2] == (0.0, 0.0)
     normals[:4] = UP
     assert ao.bake(Mesh(*PART, normals), samples=16, normals="file").interpolation.rmse > 0.1
 

@@ -151,13 +151,14 @@ BAD_OPTIONS = [
 @pytest.mark.parametrize(
     ("target", "options", "expected"),
     [
-        ("w.glb", (), "ramp"),
+        ("w.glb", (), "auto"),
+        ("w.glb", ("--occlusion", "ramp"), "ramp"),
         ("w.glb", ("--colors",), "none"),
         ("w.glb", ("--occlusion", "none"), "none"),
         ("w.ply", (), "none"),
     ],
 )
-def test_the_report_has_the_occlusion_texture_that_was_written(tmp_path, cube, target, options, expected):
+def test_the_report_has_the_occlusion_texture_that_was_asked_for(tmp_path, cube, target, options, expected):
     report = tmp_path / "r.json"
     done = obscurance("bake", cube, "-o", tmp_path / target, "--samples", 8, "--report", report, *options)
     assert done.returncode == 0
