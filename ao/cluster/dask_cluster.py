@@ -221,7 +221,7 @@ class DaskCluster:
             self._served.pop(worker).cancel()
 
     async def _silent(self) -> set[str]:
-        """Workers that have sent no heartbeat for long, as stopped processes do; the user is told."""
+        """Workers that have sent no heartbeat for long, as stopped processes do; the user gets a line."""
         now = time.monotonic()
         if now >= self._asked + _HEARTBEATS:
             self._asked = now

@@ -81,8 +81,8 @@ def main() -> None:
                 seconds = {name: median(each[1:]) for name, each in took.items()}
                 ratios = {name: each / seconds["opaque"] for name, each in seconds.items()}
                 rows.append({"falloff": falloff, "traversal": traversal, "seconds": seconds, "ratios": ratios})
-                told = "  ".join(f"{seconds[name]:7.3f} s {ratios[name]:5.2f}×" for name in meshes)
-                print(f"{falloff:12} {traversal:10} {told}", flush=True)
+                line = "  ".join(f"{seconds[name]:7.3f} s {ratios[name]:5.2f}×" for name in meshes)
+                print(f"{falloff:12} {traversal:10} {line}", flush=True)
     write_json(TARGET, {"versions": versions(), "rows": rows})
 
 

@@ -304,7 +304,7 @@ class BakeCommand(MeshBake):
                 )  # fmt: skip
             warnings += warn([], [*baked.shortfalls, *self._missed(baked)])
             tracing = time.perf_counter()
-            told, more = self._write(baked, source, falloff)
+            shown, more = self._write(baked, source, falloff)
             warnings += warn([], more)
         seconds = {"load": loaded - start, "write": time.perf_counter() - tracing}
         if self.report:
@@ -313,7 +313,7 @@ class BakeCommand(MeshBake):
             from .flag_image import write_marked
 
             write_marked(self.debug_image, source.mesh, baked)
-        yield Written(bake_summary(baked, self.output) + alpha_summary((fine or source).mesh) + told, warnings)
+        yield Written(bake_summary(baked, self.output) + alpha_summary((fine or source).mesh) + shown, warnings)
 
     def check_own(self) -> None:
         from raytrace.errors import OptionError

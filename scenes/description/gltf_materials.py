@@ -69,9 +69,9 @@ class Materials:
     @property
     def notes(self) -> tuple[str, ...]:
         """In a line what materials have that pictures do not show, if they have some."""
-        told = [f"of {', '.join(sorted(self.means))} the mean"] if self.means else []
-        told += [f"left out {', '.join(sorted(self.left_out))}"] if self.left_out else []
-        return (f"{self._asset.path}: materials: {'; '.join(told)}",) if told else ()
+        words = [f"of {', '.join(sorted(self.means))} the mean"] if self.means else []
+        words += [f"left out {', '.join(sorted(self.left_out))}"] if self.left_out else []
+        return (f"{self._asset.path}: materials: {'; '.join(words)}",) if words else ()
 
     def of(self, primitive: dict[str, Any], coloured: bool) -> BaseMaterial:
         """The material of a primitive. Args: coloured: whether its vertices have colours.

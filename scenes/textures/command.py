@@ -154,8 +154,8 @@ class TextureCommand(MeshBake):
                     yield Written(summary, made[-1].warnings)
             if glb:
                 begun = time.perf_counter()
-                told = self._write_glb(glb, (source, fine), [each.baked for each in made], falloff)
-                made[-1].warnings.extend(told)
+                kept = self._write_glb(glb, (source, fine), [each.baked for each in made], falloff)
+                made[-1].warnings.extend(kept)
                 made[-1].seconds["write"] += time.perf_counter() - begun
                 summary = "\n".join(texture_summary(each.baked, each.title) for each in made)
                 summary += alpha_summary((fine or source).mesh)

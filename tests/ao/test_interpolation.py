@@ -1,4 +1,4 @@
-"""What interpolation between vertices errs by, against closed forms; and when that is told."""
+"""What interpolation between vertices errs by, against closed forms; and when the command warns of it."""
 
 import numpy as np
 import pytest
@@ -79,10 +79,10 @@ def test_a_command_tells_it_in_one_line(tmp_path, method):
     page = tmp_path / "r.html"
     line = tmp_path / "lid.ply", "-o", tmp_path / "w.ply", "--report", page, "--method", method, "--samples", 256
     result = obscurance("bake", *line)
-    told = [text for text in result.stderr.splitlines() if "between the vertices w errs by 0." in text]
-    assert len(told) == 1
-    assert "--occlusion texture for a .glb, -o NAME.png" in told[0]
-    assert ("--method surface" in told[0]) == (method == "vertex")
+    found = [text for text in result.stderr.splitlines() if "between the vertices w errs by 0." in text]
+    assert len(found) == 1
+    assert "--occlusion texture for a .glb, -o NAME.png" in found[0]
+    assert ("--method surface" in found[0]) == (method == "vertex")
     assert "between the vertices w errs by 0." in page.read_text()
 
 

@@ -34,11 +34,11 @@ def images(folder):
 def test_large_faces_with_texture_coordinates_get_a_texture_and_keep_w_at_the_vertices(tmp_path):
     result = bake(tmp_path, "lid.obj", textured(), "--occlusion", "auto")
     assert result.returncode == 0, result.stderr
-    told = re.search(
+    shown = re.search(
         r"\nocclusion: a texture of 512×512: between the vertices w errs by (.*), in textures by (.*)\n", result.stdout
     )
-    assert float(told[1]) > 0.1
-    assert float(told[2]) < 0.02
+    assert float(shown[1]) > 0.1
+    assert float(shown[2]) < 0.02
     assert "between the vertices" not in result.stderr
     assert images(tmp_path) == ["obscurance occlusion"]
     header = scenes.load(tmp_path / "w.glb").gltf.header

@@ -168,12 +168,12 @@ def test_both_textures_in_metallic_roughness_images(tmp_path):
 def test_a_part_without_coordinates_stops_nothing(tmp_path):
     path = floor_and_lid(tmp_path, lid_uv=None)
     result = bake(path, "-o", tmp_path / "w.exr", *FEW)
-    told = "two.glb: 2 faces, of high (lid), have no texture coordinates and"
-    assert f"{told} get no texels; --uv fill with --mesh-output makes some for them" in result.stderr
+    faces = "two.glb: 2 faces, of high (lid), have no texture coordinates and"
+    assert f"{faces} get no texels; --uv fill with --mesh-output makes some for them" in result.stderr
     assert abs(image(tmp_path / "w.exr") - W).max() < 0.03
     for options in ((), ("--orm",)):
         result = bake(path, "-o", tmp_path / "w.glb", "--occlusion", "texture", *FEW, *options)
-        assert f"{told} show w of their vertices; --uv fill makes some" in result.stderr
+        assert f"{faces} show w of their vertices; --uv fill makes some" in result.stderr
         (one, _, low), (other, _, high) = occlusion_of(tmp_path / "w.glb")
         assert one in ("obscurance occlusion", "obscurance orm")
         assert other == "obscurance ramp"

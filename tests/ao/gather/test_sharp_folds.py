@@ -60,7 +60,7 @@ def groove(cosine):
 
 
 def bake(rims, size, seed, **options):
-    """w at the apexes of fans, their told errors and what w is."""
+    """w at the apexes of fans, their estimated errors and what w is."""
     pose = generic_rotation(seed)
     places = APART * np.stack(np.meshgrid(*[np.arange(5)] * 3), axis=-1).reshape(-1, 3)[: len(rims)]
     meshes = [fan(size * rim) for rim in rims]
@@ -76,7 +76,7 @@ def bake(rims, size, seed, **options):
 
 @pytest.mark.parametrize("seed", range(4))
 def test_w_in_folds_of_rough_surfaces_is_that_at_the_vertex(seed):
-    """Squares of errors in units of those told have the mean 1, give or take; origins along the normal had 22 to 46."""
+    """Squared errors over estimated ones have the mean 1, give or take; origins along the normal had 22 to 46."""
     rng = np.random.default_rng(seed)
     w, error, exact = bake([crumpled(rng) for _ in range(125)], 1e-3, seed, samples=1024)
     assert np.mean(((w - exact) / error) ** 2) < 2
