@@ -50,8 +50,10 @@ def measure_interpolation(prepared: Prepared, w: Float64s, error: Float64s) -> I
     part, corners = weights[seen].astype(np.float64), corners[seen]
     values = np.einsum("ki,ki->k", part, w[corners])
     variance = np.einsum("ki,ki->k", part**2, error[corners] ** 2)
-    usable = np.flatnonzero(face_normals(vertices, prepared.mesh.faces)[1] > 0)
-    return Interpolation.of(usable[own[seen]], part, estimates, values, variance)
+    own = own[seen]
+    if len(faces) < len(prepared.mesh.faces):  # degenerate ones are not among them
+        own = np.flatnonzero(face_normals(vertices, prepared.mesh.faces)[1] > 0)[own]
+    return Interpolation.of(own, part, estimates, values, variance)
 
 
 def _at_no_point() -> Interpolation:

@@ -23,7 +23,6 @@ from raytrace.types import Float64s
 
 from ..geometry.detail import Detail, painted
 from ..geometry.instances import Instance, Part, flatten
-from .libraries import endings, read_by_library
 from .obj import read_obj
 from .off import read_off
 from .ply import read_ply
@@ -177,8 +176,11 @@ def read_objects(
     with mesh_errors(path):
         if content is None:
             check_regular(path, "a mesh file", MeshError)
-        if kind not in _PEAK and kind not in endings():
-            raise MeshError(path, "ending", "one of " + " ".join([*_PEAK, *endings()]), path.suffix or "none")
+        if kind not in _PEAK:
+            from .libraries import endings
+
+            if kind not in endings():
+                raise MeshError(path, "ending", "one of " + " ".join([*_PEAK, *endings()]), path.suffix or "none")
         size = path.stat().st_size if content is None else len(content)
         if size == 0:
             raise MeshError(path, "content", "a mesh", "an empty file")
@@ -203,6 +205,8 @@ def read_objects(
             elif kind == "3mf":
                 instances = read_3mf(file, source, keep)
             else:
+                from .libraries import read_by_library
+
                 instances = read_by_library(file, kind, path, content is None)
         # Every primitive of a glTF keeps its part: the GLB writer counts on it.
         solid = [instance for instance in instances if asset or len(instance.faces)]

@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from raytrace import AlphaSurface, Opacity, Texture
+from raytrace.mesh.opacity import AlphaSurface, Opacity
 from raytrace.types import Float64s, Int64s
 
 from ..geometry.detail import Detail, Paint, PerCorner
@@ -170,4 +170,6 @@ def _has_alpha(paint: Paint) -> bool:
 
 def _surface(paint: Paint, has_uv: bool) -> AlphaSurface:
     image = paint.opacity_texture if has_uv else None
+    from raytrace.image.texture import Texture
+
     return AlphaSurface(paint.opacity, Texture(image) if image else None, grey=image != paint.texture)

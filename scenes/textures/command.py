@@ -14,7 +14,6 @@ from ..commands.console import KERNELS_OF_TEXTURE, alpha_summary, progress, text
 from ..commands.options import CAGE, BentSpace, Overlap, check_cage, parse_texels
 from ..writers.image_names import ENDINGS as IMAGES
 from ..writers.image_names import MATERIAL, PLACEHOLDERS, UDIM, is_texture
-from .auto import AutoCommand
 from .remarks import lacking, layout_remarks
 
 if TYPE_CHECKING:
@@ -55,7 +54,12 @@ def bake_command(options: dict[str, Any]) -> BakeCommand | TextureCommand:
         for name in options.keys() - own:
             if options[name]:
                 raise OptionError(name, "with it an image to write, or --occlusion texture", output)
-        return (AutoCommand if auto else BakeCommand)(**{name: options[name] for name in options.keys() & own})
+        given = {name: options[name] for name in options.keys() & own}
+        if not auto:
+            return BakeCommand(**given)
+        from .auto import AutoCommand
+
+        return AutoCommand(**given)
     for name, usual in _OF_VERTICES.items():
         if options[name] != usual:
             raise OptionError(name, "w at vertices, not in a texture, with it", output)

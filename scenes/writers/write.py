@@ -78,9 +78,9 @@ def write(
         MeshError: materials of a glTF source are malformed.
         OutputError: the file cannot be written; an existing one is untouched.
     """
-    from ao.texture.result import BakedTexture
+    from ao import Bake
 
-    if isinstance(bake, Sequence | BakedTexture):
+    if not isinstance(bake, Bake):
         for name, value in {"colors": colors, "occlusion": occlusion, "up": up}.items():
             if value:
                 raise OptionError(name, "a bake of vertices with it", "a texture")
