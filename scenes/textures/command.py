@@ -158,8 +158,8 @@ class TextureCommand(MeshBake):
                     yield Written(summary, made[-1].warnings)
             if glb:
                 begun = time.perf_counter()
-                kept = self._write_glb(glb, (source, fine), [each.baked for each in made], falloff)
-                made[-1].warnings.extend(kept)
+                lines = self._write_glb(glb, (source, fine), [each.baked for each in made], falloff)
+                made[-1].warnings.extend(lines)
                 made[-1].seconds["write"] += time.perf_counter() - begun
                 summary = "\n".join(texture_summary(each.baked, each.title) for each in made)
                 summary += alpha_summary((fine or source).mesh)

@@ -6,7 +6,7 @@ import io
 import os
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal, get_args
+from typing import TYPE_CHECKING, Literal, cast, get_args
 
 import numpy as np
 
@@ -78,15 +78,13 @@ def write(
         MeshError: materials of a glTF source are malformed.
         OutputError: the file cannot be written; an existing one is untouched.
     """
-    from ao import Bake
-
-    if not isinstance(bake, Bake):
+    if isinstance(bake, Sequence) or bake.w.ndim == 2:  # texels, not vertices
         for name, value in {"colors": colors, "occlusion": occlusion, "up": up}.items():
             if value:
                 raise OptionError(name, "a bake of vertices with it", "a texture")
         _write_textures(Path(path), bake if isinstance(bake, Sequence) else [bake], mesh_file, replace_occlusion)
         return
-    content = _writer(path)(bake, mesh_file, channels(path, colors, occlusion, replace_occlusion, up))
+    content = _writer(path)(cast("Bake", bake), mesh_file, channels(path, colors, occlusion, replace_occlusion, up))
     with atomic_write(path) as file:
         file.write(content)
 
