@@ -29,7 +29,8 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"]},
     help="Bake ambient occlusion or obscurance (1 = open) and render scenes, with Embree.",
-    epilog="\b\nTo begin with:  obscurance bake bunny.obj -o bunny.ply\nMore of each:   obscurance COMMAND -h",
+    epilog="\b\nTo begin with:  obscurance demo\n                obscurance view demo/temple.ply --open\n"
+    "More of each:   obscurance COMMAND -h",
 )
 
 Threads = Annotated[int | None, typer.Option(help="Number of threads, by default all cores; results are the same.")]
@@ -53,7 +54,8 @@ Cluster = Annotated[
     str | None,
     typer.Option(
         metavar="local[:N]|tls://HOST:PORT",
-        help="Trace by N workers on this machine, or by those of a Dask scheduler (obscurance[cluster]).",
+        help="Trace by N workers on this machine, or by those of a Dask scheduler (pip install dask distributed "
+        "cryptography).",
     ),
 ]
 Shared = Annotated[
@@ -182,7 +184,7 @@ def bake(
         str | None,
         typer.Option(
             metavar="auto|N|unwrap|fill",
-            help="Texture: the file's texture coordinates, of a glTF the N-th; new ones (obscurance[unwrap]) of all, "
+            help="Texture: the file's texture coordinates, of a glTF the N-th; new ones (pip install uvunwrap) of all, "
             "or filled in where there are none.",
         ),
     ] = None,
@@ -245,7 +247,10 @@ def bake(
     quiet: Quiet = False,
     from_report: FromReport = None,
 ) -> None:
-    """Bake ambient occlusion or obscurance to vertices or a texture."""
+    """Bake ambient occlusion or obscurance to vertices or a texture.
+
+    The result is w, one number for each vertex or texel: 1 where it is open, 0 where it is closed.
+    """
     options = {name: value for name, value in locals().items() if name != "from_report"}
     from scenes.baking.choose import run_bake
 

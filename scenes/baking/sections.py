@@ -20,11 +20,11 @@ SECTIONS = {
     ),
 }
 EXAMPLES = """\b
-Examples:
-  obscurance bake bunny.obj -o bunny.ply
-  obscurance bake bunny.obj -o bunny.glb --falloff binary --tolerance 0.01
-  obscurance bake 'meshes/*.obj' --output-dir baked --format glb
-  obscurance bake chair.glb -o chair-occlusion.png --size 2048
+Examples, with the mesh that obscurance demo writes:
+  obscurance bake demo/temple.ply -o temple.glb
+  obscurance bake demo/temple.ply -o temple.html --falloff binary --tolerance 0.02
+  obscurance bake 'demo/*.ply' --output-dir baked --format glb
+  obscurance bake demo/temple.ply -o temple.png --uv unwrap --size 2048
 """
 
 

@@ -35,7 +35,7 @@ class Workers:
         from raytrace.errors import OptionError
 
         if find_spec("distributed") is None or find_spec("cryptography") is None:
-            expected = "Dask and cryptography, which pip install 'obscurance[cluster]' installs"
+            expected = "Dask and cryptography: pip install dask distributed cryptography"
             raise OptionError("cluster", expected, "not both")
         from ao.cluster.addresses import local_workers
 

@@ -220,13 +220,14 @@ def _json_lines(unit: str, start: float) -> Advance:
 
 
 def bake_summary(baked: ao.Bake, target: Path) -> str:
-    """The line after a bake: file, vertices, rays, time, estimated error; and a second one of flagged vertices."""
+    """The line after a bake: file, vertices, rays, time, estimated error; and one for each flag that vertices have."""
     from raytrace.errors import printable
+
+    from ..report.verdict import flags_in_words
 
     took = f"in {baked.seconds['bake']:.2f} s, estimated RMSE {baked.rmse:.4f}"
     text = f"{printable(str(target))}: {len(baked.w):,} vertices, {baked.rays:,} rays traced {took}"
-    flagged = ", ".join(f"{count} {name}" for name, count in baked.flagged.items() if count)
-    return f"{text}\nflagged vertices: {flagged}" if flagged else text
+    return "\n".join([text, *flags_in_words(baked.flagged, len(baked.w), baked.rays_skipped).values()])
 
 
 def texture_summary(baked: ao.BakedTexture, target: str) -> str:

@@ -35,7 +35,7 @@ _OF_FLAGS = {
     "unreferenced": ("belong to no face; w is 1 there", "They can be removed from the mesh."),
     "degenerate": ("belong to faces without area alone; w is 1 there", "Remove such faces, or ignore these vertices."),
     "opposed": ("have faces that look away from each other; w is the mean over them", "Split these vertices."),
-    "hidden": ("lie inside solids", "Nothing to do if parts are meant to cross; --hidden says what becomes of them."),
+    "hidden": ("lie inside solids{}", "Nothing to do if parts are meant to cross; --hidden says what becomes of them."),
     "missed": ("are not within the cage and take the closest point of the fine mesh", "Make --cage larger."),
     "folded": ("have a normal behind one of their faces; w is the mean over them", "Nothing to do if they are few."),
 }
@@ -110,11 +110,21 @@ def _occlusion(w: Facts) -> Iterator[Finding]:
 
 
 def _flags(report: Facts) -> Iterator[Finding]:
-    for name, count in report.get("flagged", {}).items():
-        if count:
-            what, do = _OF_FLAGS[name]
-            some = f"{count:,} of {report['vertices']:,} vertices" if count > 1 else "One vertex"
-            yield Finding("note", f"{some} {what if count > 1 else _singular(what)}.", do)
+    if "flagged" in report:
+        for name, text in flags_in_words(report["flagged"], report["vertices"], report.get("rays_skipped", {})).items():
+            yield Finding("note", f"{text}.", _OF_FLAGS[name][1])
+
+
+def flags_in_words(flagged: dict[str, int], vertices: int, rays_skipped: dict[str, int]) -> dict[str, str]:
+    """What became of a bake's flagged vertices, by the flag's name. Args: `flagged`, `rays_skipped`: see `ao.Bake`."""
+    hidden = "; w there is filled from visible neighbours" if rays_skipped.get("hidden") else ""
+    words = {name: _OF_FLAGS[name][0].format(hidden) for name, count in flagged.items() if count}
+    return {
+        name: f"{flagged[name]:,} of {vertices:,} vertices {what}"
+        if flagged[name] > 1
+        else f"One vertex {_singular(what)}"
+        for name, what in words.items()
+    }
 
 
 def _singular(what: str) -> str:

@@ -55,7 +55,7 @@ def coordinates(source: MeshFile, wanted: str, size: str | None, texel_size: str
         return Coordinates(uv, new, number, texels)
     if wanted not in (UNWRAP, FILL) and not (wanted == AUTO and into_glb and has_unwrapper()):
         which = f" of number {number}" if number else ""
-        install = "" if has_unwrapper() else "pip install 'obscurance[unwrap]' and "
+        install = "" if has_unwrapper() else "pip install uvunwrap and "
         advice = f"; {install}--uv unwrap makes some"
         raise MeshError(source.path, "texture coordinates", f"some{which} on every face", f"none{advice}")
     side = min(_page(mesh, None, *pages))

@@ -35,7 +35,7 @@ def unwrap(mesh: Mesh | Any, size: int = 1024) -> Float64s:
         MeshError: the library fails.
     """
     if not has_unwrapper():
-        raise OptionError("uv", "pip install 'obscurance[unwrap]' to unwrap meshes", "no uvunwrap")
+        raise OptionError("uv", "pip install uvunwrap, to unwrap meshes", "no uvunwrap")
     if not _LEAST <= size <= MAX_SIDE:
         raise OptionError("size", f"{_LEAST} to {MAX_SIDE} texels, to unwrap for", size)
     import uvunwrap

@@ -93,6 +93,21 @@ def test_quiet_is_quiet(tmp_path, cube):
     assert (result.returncode, result.stdout) == (0, "")
 
 
+def test_the_summary_says_what_became_of_vertices_inside_solids(tmp_path):
+    path = tmp_path / "boxes.ply"
+    post, block = trimesh.creation.box((1, 1, 4)).subdivide(), trimesh.creation.box((3, 3, 3))
+    trimesh.util.concatenate([post.apply_translation((0, 0, 2)), block]).export(path)
+    command = ("bake", path, "-o", tmp_path / "w.npy", "--samples", 16)
+    inside = "9 of 34 vertices lie inside solids"
+    assert f"{inside}; w there is filled from visible neighbours\n" in obscurance(*command, "--hidden", "fill").stdout
+    assert f"{inside}\n" in obscurance(*command, "--hidden", "mark").stdout
+
+
+def test_the_help_of_bake_says_what_w_is_before_it_speaks_of_it():
+    said = obscurance("bake", "--help").stdout
+    assert said.index("result is w, one number") < said.index("error of w")
+
+
 def test_info_tells_what_is_in_a_file(cube):
     result = obscurance("info", cube)
     assert result.returncode == 0

@@ -63,7 +63,9 @@ def test_mistakes_are_told_in_a_line(tmp_path, mesh, monkeypatch):
     refused(obscurance(*bake, "--cluster", "local", "--shared", mesh), "bake --shared: expected a folder")
     monkeypatch.setattr("scenes.cluster.workers.find_spec", lambda _: None)
     refused(
-        obscurance(*bake, "--cluster", "local"), "bake --cluster: expected Dask", "pip install 'obscurance[cluster]'"
+        obscurance(*bake, "--cluster", "local"),
+        "bake --cluster: expected Dask",
+        "pip install dask distributed cryptography",
     )
     assert [path.name for path in tmp_path.iterdir()] == ["hills.ply"]
 

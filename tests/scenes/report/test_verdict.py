@@ -71,6 +71,12 @@ def test_the_warnings_are_those_of_the_code(file, words):
         (GOOD, {"w": W | {"least": 1.0}}, "bad", "Nothing occludes"),
         (GOOD, {"w": W | {"quantiles": {"0.5": 0.01}}}, "bad", "inside out"),
         (GOOD, {"flagged": {"hidden": 2}}, "note", "2 of 9 vertices lie inside solids"),
+        (
+            GOOD,
+            {"flagged": {"hidden": 2}, "rays_skipped": {"hidden": 64}},
+            "note",
+            "inside solids; w there is filled from",
+        ),
         (GOOD, {"flagged": {"hidden": 1}}, "note", "One vertex lies inside solids"),
         (GOOD, {"warnings": [WARNINGS[0]]}, "note", "uncertain by"),
         (SEEN, {}, "good", "The picture was made"),
