@@ -329,39 +329,20 @@ def info(
 
 @app.command()
 def validate(
-    meshes: Annotated[
-        list[Path] | None,
-        typer.Argument(metavar="MESH", help="With --generated: mesh files to use instead of built-in shapes."),
-    ] = None,
     samples: Annotated[
-        int, typer.Option(help="Rays per vertex, with --generated of the reference; allowed errors depend on it.")
+        int, typer.Option(help="Rays per vertex; allowed errors depend on it.")
     ] = choices.VALIDATION_SAMPLES,
-    seed: Annotated[
-        int | None, typer.Option(help="Random seed of rays and generated meshes; with --generated a fresh one.")
-    ] = None,
+    seed: Annotated[int, typer.Option(help="Random seed of rays.")] = 0,
     threads: Threads = None,
-    stress: Annotated[
-        bool, typer.Option("--stress", help="Instead: numerical stress tests, in many poses and on degenerate meshes.")
-    ] = False,
-    generated: Annotated[
-        bool, typer.Option("--generated", help="Instead: test --tolerance on randomly generated meshes.")
-    ] = False,
-    long: Annotated[bool, typer.Option("--long", help="With --stress: minutes; with --generated: hours.")] = False,
-    family: Annotated[
-        list[str] | None, typer.Option(help="With --generated: only this family of meshes; repeatable.")
-    ] = None,
+    moved: Annotated[bool, typer.Option("--stress", "--generated", "--long", hidden=True)] = False,
 ) -> None:
     """Compare bakes with exact solutions; exit status 1 on failure."""
-    from scenes.commands import validate as command
+    from scenes.commands.validate import validate_closed_forms
 
-    command.check_forms(samples, seed, stress, generated, long, {"meshes": meshes or (), "family": family or ()})
-    if generated:
-        passed = command.validate_generated(meshes or [], samples, seed, threads, long, family or ())
-    elif stress:
-        passed = command.validate_stress(threads, long)
-    else:
-        passed = command.validate_closed_forms(samples, seed or 0, threads)
-    if not passed:
+    if moved:
+        where = "python -m pytest tests/stress tests/random_meshes, in the source folder"
+        raise typer.Exit(_fail(f"validate: stress tests and random meshes are test suites: {where}", 2))
+    if not validate_closed_forms(samples, seed, threads):
         raise typer.Exit(1)
 
 

@@ -27,8 +27,8 @@ ORDER = [
     *("ao.texture", "ao.interpolation", "ao.baking", "ao.report", "ao.cluster", "ao.tiles", "ao.analytic"),
     *("scenes.falloffs", "scenes.field_errors", "scenes.safe_paths"),
     *("scenes.geometry", "scenes.gltf", "scenes.readers"),
-    *("scenes.description", "scenes.page", "scenes.writers", "scenes.library", "scenes.validation", "scenes.stress"),
-    *("scenes.generated", "scenes.report", "scenes.commands", "scenes.textures"),
+    *("scenes.description", "scenes.page", "scenes.writers", "scenes.library", "scenes.validation"),
+    *("scenes.report", "scenes.commands", "scenes.textures"),
     *("scenes.tiles", "scenes.cluster", "scenes.batch", "scenes.baking"),
     "cli",
 ]
@@ -38,7 +38,6 @@ DOORS = {
     "dask": {"ao.cluster.dask_cluster"},
     "distributed": {"ao.cluster.dask_cluster"},
     "embreex": {"raytrace.embree.library"},
-    "fast_simplification": {"scenes.generated.damage"},
     "llvmlite": {
         "raytrace.kernel.cache",
         "raytrace.kernel.machine_code",

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from meshes import crumpled
 from reference import corner_means, folded
+from stress.solids import grid
 
 import ao
 from ao.gather.corners import Corners
@@ -21,7 +22,6 @@ from raytrace import MemoryLimitError, Mesh
 from raytrace.mesh.placement import Placement
 from raytrace.sampling.hash import seed_key
 from scenes.geometry.polyhedra import icosphere, join
-from scenes.stress.solids import grid
 from scenes.validation.reference import reference
 
 TORN = ao.Flag.FOLDED | ao.Flag.OPPOSED

@@ -8,8 +8,8 @@ import numpy as np
 
 from ao import Bake, Exponential, bake
 from raytrace.mesh.mesh import Mesh
+from scenes.geometry.polyhedra import Part, join, polygon
 
-from ..geometry.polyhedra import Part, join, polygon
 from .line import Line, undefined
 from .pose import Pose
 from .solids import torus
@@ -19,7 +19,7 @@ NOISE = 1.25  # times the estimated error of the difference
 _MU = Exponential(tau=2.0)
 
 
-def defects(long: bool, threads: int | None) -> Iterator[Line]:
+def defects(long: bool) -> Iterator[Line]:
     """A line for each defect: the difference of w it makes, in units of its estimated error, root mean square."""
     turns = range(4, 24) if long else range(4, 7)
     for name, change in _CHANGES.items():
@@ -29,7 +29,7 @@ def defects(long: bool, threads: int | None) -> Iterator[Line]:
             vertices = Pose(turn=turn).vertices(part[0])
             order, changed = change((vertices, part[1]), np.random.default_rng(turn))
             plain, other = (
-                bake(mesh, _MU, SAMPLES, seed=seed, threads=threads)
+                bake(mesh, _MU, SAMPLES, seed=seed)
                 for mesh, seed in ((Mesh(vertices, part[1]), 0), (Mesh(*changed), turn))
             )
             squares.append(_difference(plain, other, order))

@@ -8,8 +8,8 @@ import numpy as np
 
 from raytrace.mesh.mesh import Mesh
 from raytrace.types import Float64s
+from scenes.geometry.polyhedra import Part, join
 
-from ..geometry.polyhedra import Part, join
 from .dense import Make, Rng, displacement, field, log_uniform, placed, sized
 from .pieces import ball, box, capsule, cells, cylinder, knot, moved, random_turn, ring, sheet, solid
 

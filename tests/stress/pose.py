@@ -10,9 +10,8 @@ import numpy as np
 from ao.falloff import Exponential, Falloff, Tabulated
 from raytrace.mesh.mesh import Mesh
 from raytrace.types import Float64s
-
-from ..geometry.polyhedra import Part, generic_rotation
-from ..validation.configurations import Configuration
+from scenes.geometry.polyhedra import Part, generic_rotation
+from scenes.validation.configurations import Configuration
 
 _AWAY = np.array([0.6, -0.48, 0.64])
 SCALES = tuple(10.0**k for k in range(-9, 10, 3))

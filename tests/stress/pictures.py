@@ -10,8 +10,8 @@ from raytrace import Camera, Frame, Lambert, Object, Scene, Settings, Shape, ren
 from raytrace.lights.sources import BaseLight, DirectionalLight, PointLight
 from raytrace.system.parameters import Sides
 from raytrace.types import Float64s
+from scenes.geometry.polyhedra import Part, icosphere, join
 
-from ..geometry.polyhedra import Part, icosphere, join
 from .line import LEAKS, MILLION, SELF_HITS, Line, undefined
 from .pose import Pose
 from .solids import cube, grid
@@ -21,7 +21,7 @@ GREY = (0.8, 0.8, 0.8)
 _POSES = [Pose(turn=1), Pose(1e-9, 1e6, 2), Pose(1e9, 1e4, 3)]
 
 
-def pictures(long: bool, threads: int | None) -> Iterator[Line]:
+def pictures(long: bool) -> Iterator[Line]:
     """A line for each kind of light, over the poses."""
     size = 1024 if long else 256
 
@@ -32,7 +32,7 @@ def pictures(long: bool, threads: int | None) -> Iterator[Line]:
         target = _place(pose, part, np.zeros(3))
         up = pose.directions(np.array([[0.3, 1.0, 0.2]]))[0].tolist()
         camera = Camera(where, target, up, height=2.0 * pose.scale)
-        return render(scene, camera, Settings(size, size, samples=1), threads=threads)
+        return render(scene, camera, Settings(size, size, samples=1))
 
     above = np.array([0.0, 0.0, 3.0])
     for name, part in (("plane", grid(40, 4.0)), ("icosphere", icosphere(4))):

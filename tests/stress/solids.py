@@ -5,10 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from raytrace.types import Float64s
-
-from ..geometry.menger import menger
-from ..geometry.polyhedra import Part, hull, icosphere, join, part_of, prism
-from ..geometry.primitives import box
+from scenes.geometry.menger import menger
+from scenes.geometry.polyhedra import Part, hull, icosphere, join, part_of, prism
+from scenes.geometry.primitives import box
 
 
 def grid(cells: int, size: float = 1.0) -> Part:

@@ -1,4 +1,4 @@
-"""Limits for bakes of generated meshes, and the tables that show whether they are kept."""
+"""Limits for bakes of random meshes, and whether a group of bakes keeps them."""
 
 from __future__ import annotations
 
@@ -8,7 +8,6 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.stats import binom
 
-from ..validation.text_table import count_failures, text_table
 from .suite import Outcome
 
 KEPT = 0.95  # of all bakes, at least
@@ -97,37 +96,3 @@ def verdict(name: str, outcomes: Sequence[Outcome], limits: Limits) -> Verdict:
     faults = tuple(text for is_off, text in checks if is_off)
     rays = float(np.mean([f.rays for f in figures]))
     return Verdict(name, len(figures), len(figures) - missed, ratio, largest, (near, far), rays, faults)
-
-
-def verdicts(outcomes: Sequence[Outcome], limits: Limits) -> list[Verdict]:
-    """A verdict for each family, in order."""
-    names = dict.fromkeys(outcome.case.family for outcome in outcomes)
-    return [verdict(name, [o for o in outcomes if o.case.family == name], limits) for name in names]
-
-
-HEAD = (
-    f"{'family':32}  {'seed':>10}  {'falloff':16}  {'tolerance':>9}  {'true':>7}  {'estimated':>9}  {'ratio':>5}  "
-    f"{'largest':>7}  {'>2.5':>6}  {'>6':>7}  {'outliers':>8}  {'vertices':>8}  {'rays':>6}  kept"
-)
-
-
-def outcome_row(outcome: Outcome) -> str:
-    """A bake as a line below `HEAD`, of fixed widths because it is printed before the next one is known."""
-    c, f = outcome.case, outcome.figures
-    beyond = [count / max(f.vertices, 1) for count in f.beyond]
-    return (
-        f"{c.family:32.32}  {c.seed:10}  {outcome.kind:16}  {c.tolerance:9g}  {f.true:7.5f}  {f.estimated:9.5f}  "
-        f"{f.ratio:5.2f}  {f.largest:7.4f}  {beyond[0]:6.2%}  {beyond[1]:7.3%}  {f.outliers:8}  {f.vertices:8}  "
-        f"{f.rays:6.1f}  {'yes' if kept(outcome) else 'NO'}"
-    )
-
-
-def verdict_table(found: Sequence[Verdict]) -> str:
-    """Verdicts as lines of text, with a count at the end."""
-    head = ("family", "kept", "ratio", "largest", ">2.5", ">6", "rays", "verdict")
-    rows = [
-        (v.name[:32], f"{v.kept}/{v.runs}", f"{v.ratio:.2f}", f"{v.largest:.1f}t", f"{v.beyond[0]:.2%}",
-         f"{v.beyond[1]:.3%}", f"{v.rays:.1f}", "ok" if v.ok else "FAILED: " + "; ".join(v.faults))
-        for v in found
-    ]  # fmt: skip
-    return "\n".join([*text_table(head, rows, head[1:7]), count_failures([v.ok for v in found], "ok")])

@@ -1,18 +1,16 @@
-"""Cases of bakes to a tolerance on randomly generated meshes, and their runs."""
+"""Cases of bakes to a tolerance on random meshes, and their runs."""
 
 from __future__ import annotations
 
 import zlib
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from ao import Binary, Exponential, Falloff
-from ao import bake as _bake
+from ao import Binary, Exponential, Falloff, bake
 from raytrace.mesh.mesh import Mesh
 
-from ..validation.table import Baker
 from .comparison import Figures, compare_with_truth, find_truth
 from .families import LARGE, SMALL, families
 
@@ -28,13 +26,13 @@ class Case:
     """One bake.
 
     Attributes:
-        family, seed: the mesh: `draw(family, seed, size)`. size: places of vertices asked for, or None.
+        family, seed: the mesh: `draw(family, seed, size)`. size: places of vertices asked for.
         falloff: number of the falloff, 0 to 3, in `falloffs`. tolerance: asked for. again: number of the bake.
     """
 
     family: str
     seed: int
-    size: int | None
+    size: int
     falloff: int
     tolerance: float
     again: int = 0
@@ -61,26 +59,24 @@ def falloffs(mesh: Mesh) -> dict[str, Falloff]:
     }
 
 
-def draw(family: str, seed: int, size: int | None = None, given: Iterable[Mesh] = ()) -> Mesh:
+def draw(family: str, seed: int, size: int, given: Iterable[Mesh] = ()) -> Mesh:
     """The mesh that `family` makes of `seed`, whatever other families are drawn."""
     return families(given)[family](np.random.default_rng([seed, zlib.crc32(family.encode())]), size)
 
 
-def short_cases(seed: int, given: Iterable[Mesh] = (), count: int | None = None) -> list[Case]:
-    """A small mesh of every family, or of `count` of them; each with another falloff and tolerance."""
-    names = list(families(given))
+def short_cases(names: Sequence[str], seed: int, count: int) -> list[Case]:
+    """A small mesh of each of `count` of the families `names`, each with another falloff and tolerance."""
     rng = np.random.default_rng(seed)
-    chosen = names if count is None else [names[k] for k in rng.permutation(len(names))[:count]]
+    chosen = [names[k] for k in rng.permutation(len(names))[:count]]
     kinds = rng.permutation(4 * len(TOLERANCES))
     mixed = [kinds[k % len(kinds)] for k in range(len(chosen))]
     return [Case(name, seed, SMALL, int(k) % 4, TOLERANCES[k // 4]) for name, k in zip(chosen, mixed, strict=True)]
 
 
-def long_cases(seed: int, given: Iterable[Mesh] = ()) -> list[Case]:
-    """Every family, drawn small and large, with each falloff and tolerance, several bakes of each."""
+def long_cases(name: str, seed: int) -> list[Case]:
+    """Meshes of one family, drawn small and large, with each falloff and tolerance, several bakes of each."""
     return [
         Case(name, seed + number, size, falloff, tolerance, again)
-        for name in families(given)
         for number, size in zip(range(_DRAWS), (SMALL, LARGE), strict=True)
         for falloff in range(4)
         for tolerance in TOLERANCES
@@ -88,18 +84,11 @@ def long_cases(seed: int, given: Iterable[Mesh] = ()) -> list[Case]:
     ]
 
 
-def run_generated(
-    cases: Iterable[Case],
-    bake: Baker = _bake,
-    samples: int = TRUTH,
-    threads: int | None = None,
-    given: Iterable[Mesh] = (),
-) -> Iterator[Outcome]:
+def run_cases(cases: Iterable[Case], samples: int = TRUTH, given: Iterable[Mesh] = ()) -> Iterator[Outcome]:
     """Bake every case and compare it with the truth. The truth is kept from one case to the next where they share it.
 
     Args:
-        bake: the baker under test. samples: rays a vertex of the truth, at least 2.
-        given: meshes as `families` takes them.
+        samples: rays a vertex of the truth, at least 2. given: meshes as `families` takes them.
     """
     given = list(given)
     drawn: tuple[object, ...] = ()
@@ -111,7 +100,7 @@ def run_generated(
         kind, falloff = list(falloffs(mesh).items())[case.falloff]
         if known != (*drawn, kind):
             known = (*drawn, kind)
-            truth = find_truth(mesh, falloff, samples, case.seed % _APART + _APART, threads)
+            truth = find_truth(mesh, falloff, samples, case.seed % _APART + _APART)
         seed = (case.seed + case.again) % _APART
-        baked = bake(mesh, falloff, seed=seed, tolerance=case.tolerance, threads=threads)
+        baked = bake(mesh, falloff, seed=seed, tolerance=case.tolerance)
         yield Outcome(case, kind, compare_with_truth(mesh, baked, truth, case.tolerance))

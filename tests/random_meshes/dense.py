@@ -9,8 +9,7 @@ from scipy.spatial.transform import Rotation
 
 from raytrace.mesh.mesh import Mesh
 from raytrace.types import Float64s
-
-from ..geometry.polyhedra import Part
+from scenes.geometry.polyhedra import Part
 
 Rng = np.random.Generator
 Field = Callable[[Float64s], Float64s]

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from ao import Binary, bake
+from scenes.geometry.polyhedra import Part, hull, join
 
-from ..geometry.polyhedra import Part, hull, join
 from .line import ERROR, Line, undefined
 from .pose import Pose
 from .solids import grid, inward
@@ -27,7 +27,7 @@ class Contact:
     expected: list[float]
 
 
-def contacts(long: bool, threads: int | None) -> Iterator[Line]:
+def contacts(long: bool) -> Iterator[Line]:
     """A line for each contact: the largest error over the poses."""
     poses = [Pose(), Pose(turn=1), Pose(1e-6, 1e3, 2), Pose(1e6, 1e6, 3)]
     poses += [Pose(turn=turn) for turn in range(4, 24)] if long else []
@@ -35,7 +35,7 @@ def contacts(long: bool, threads: int | None) -> Iterator[Line]:
         worst, missing = 0.0, 0
         for pose in poses:
             mesh = pose.mesh(contact.part)
-            w = bake(mesh, Binary(), samples=4096, threads=threads, reconstruct=False, hidden="ignore").w
+            w = bake(mesh, Binary(), samples=4096, reconstruct=False, hidden="ignore").w
             worst = float(np.maximum(worst, np.abs(w[contact.points] - contact.expected).max()))
             missing += undefined(w)
         yield Line(contact.name, f"{len(poses)} poses", "error of w", worst, ERROR, missing)

@@ -5,15 +5,15 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from raytrace.mesh.precision import precision_warnings
+from scenes.geometry.polyhedra import Part, icosphere, join
+from scenes.validation.table import configurations
 
-from ..geometry.polyhedra import Part, icosphere, join
-from ..validation.table import configurations
 from .line import Line
 from .pose import Pose, poses
 from .solids import closed, convex, grid, stretched
 
 
-def limits(long: bool, threads: int | None) -> Iterator[Line]:
+def limits(long: bool) -> Iterator[Line]:
     """A line for each mesh that is too fine for float32: 0 where a warning says so; and one for false alarms."""
     small: Part = 1e-7 * icosphere(3)[0] + [0.4, 0.3, 1e-7], icosphere(3)[1]
     for name, part, pose in (

@@ -8,10 +8,10 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from raytrace.types import Float64s
+from scenes.geometry.polyhedra import Part, part_of
+from scenes.geometry.primitives import box as hard_box
+from scenes.geometry.primitives import cylinder as hard_cylinder
 
-from ..geometry.polyhedra import Part, part_of
-from ..geometry.primitives import box as hard_box
-from ..geometry.primitives import cylinder as hard_cylinder
 from .dense import Make, Rng, welded
 
 Surface = Callable[[Float64s, Float64s], Float64s]

@@ -2,67 +2,77 @@
 
 from __future__ import annotations
 
-import os
-import secrets
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import cache
-from pathlib import Path
 
 import numpy as np
 import pytest
-from command import obscurance, refused
-from mesh_files import ply
 from scipy.spatial import cKDTree
 
 import ao
 from ao import Bake, Falloff
 from raytrace import Mesh
-from scenes.generated.comparison import Figures, Truth, compare_with_truth, find_truth, off_median
-from scenes.generated.dense import places
-from scenes.generated.families import families
-from scenes.generated.suite import Case, Outcome, draw, falloffs, long_cases, run_generated, short_cases
-from scenes.generated.verdict import FEW, HEAD, LIMITS, Limits, outcome_row, verdict, verdict_table, verdicts
 from scenes.geometry.polyhedra import icosphere
+from scenes.readers.load import load
+
+from .comparison import Figures, Truth, compare_with_truth, find_truth, off_median
+from .dense import places
+from .families import families
+from .suite import Case, Outcome, draw, falloffs, long_cases, run_cases, short_cases
+from .verdict import FEW, LIMITS, Limits, verdict
 
 SPARSE = 5_000
-SEED = int(os.environ.get("GENERATED_SEED") or secrets.randbelow(1 << 31))
-FRESH = pytest.mark.parametrize("seed", [pytest.param(SEED, id="fresh")])
 
 
-def explained(outcomes: Sequence[Outcome], limits: Limits, seed: int) -> str:
-    """The table and how to see it again; empty if all is well."""
-    found = verdict(f"seed {seed}", outcomes, limits)
-    if found.ok:
-        return ""
-    again = f"once more: GENERATED_SEED={seed} python -m pytest tests/scenes/generated/test_generated.py"
-    return "\n".join(["", HEAD, *(outcome_row(outcome) for outcome in outcomes), verdict_table([found]), again])
+@cache
+def given_meshes(files: Sequence[str]) -> tuple[Mesh, ...]:
+    return tuple(load(file).mesh for file in files)
 
 
-@FRESH
-def test_the_tolerance_is_kept_on_unseen_meshes(seed: int) -> None:
+def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
+    """Every family, by the shapes at hand or by the files given."""
+    if "family" in metafunc.fixturenames:
+        metafunc.parametrize("family", list(families(given_meshes(tuple(metafunc.config.option.mesh)))))
+
+
+@pytest.fixture
+def seed(pytestconfig: pytest.Config) -> int:
+    return pytestconfig.option.mesh_seed
+
+
+@pytest.fixture
+def given(pytestconfig: pytest.Config) -> tuple[Mesh, ...]:
+    return given_meshes(tuple(pytestconfig.option.mesh))
+
+
+def broken_limits(outcomes: Sequence[Outcome], limits: Limits, seed: int) -> str:
+    """The limits that are broken, and how to see it again; empty if none is. All bakes are printed."""
+    print(*outcomes, sep="\n")
+    print(result := verdict(f"seed {seed}", outcomes, limits))
+    return "" if result.ok else f"{'; '.join(result.faults)}; once more: --mesh-seed {seed}"
+
+
+def test_the_tolerance_is_kept_on_unseen_meshes(seed: int, given: tuple[Mesh, ...]) -> None:
     """Meshes of eight of the families, chosen and drawn by a seed that nobody has seen."""
-    outcomes = list(run_generated(short_cases(seed, count=8), samples=512))
-    text = explained(outcomes, FEW, seed)
-    assert not text, text
+    outcomes = list(run_cases(short_cases(list(families(given)), seed, count=8), samples=512, given=given))
+    assert broken_limits(outcomes, FEW, seed) == ""
     assert min(outcome.figures.vertices for outcome in outcomes) >= 16384, f"seed {seed}: too few to predict any"
 
 
 @pytest.mark.slow
-@FRESH
-def test_the_tolerance_is_kept_in_every_family(seed: int) -> None:
-    found = verdicts(list(run_generated(long_cases(seed))), LIMITS)
-    assert all(one.ok for one in found), f"seed {seed}\n{verdict_table(found)}"
+def test_the_tolerance_is_kept_by_the_family(family: str, seed: int, given: tuple[Mesh, ...]) -> None:
+    assert broken_limits(list(run_cases(long_cases(family, seed), given=given)), LIMITS, seed) == ""
 
 
 Change = Callable[[Mesh, Bake], Bake]
 
 
-def sufficient(mesh: Mesh, falloff: Falloff, *, seed: int, tolerance: float, threads: int | None = None) -> Bake:
+def sufficient(mesh: Mesh, falloff: Falloff, *, seed: int, tolerance: float) -> Bake:
     """Plain rays at every vertex, as many as the error estimated by a first bake asks for: it keeps the tolerance."""
-    first = ao.bake(mesh, falloff, 128, seed + 1, threads)
+    first = ao.bake(mesh, falloff, 128, seed + 1)
     samples = int(np.clip(128 * (first.rmse / (0.85 * tolerance)) ** (4 / 3), 8, 4096))
-    return ao.bake(mesh, falloff, samples, seed, threads)
+    return ao.bake(mesh, falloff, samples, seed)
 
 
 def unchecked(mesh: Mesh, baked: Bake) -> Bake:
@@ -148,24 +158,24 @@ def test_a_vertex_is_compared_with_its_two_ring() -> None:
     np.testing.assert_allclose(off_median(Mesh(vertices, faces), w), np.abs(w - ring)[order])
 
 
-@pytest.mark.parametrize("name", list(families()))
-def test_a_family_draws_dense_meshes_anew(name: str) -> None:
+def test_a_family_draws_dense_meshes_anew(family: str, seed: int, given: tuple[Mesh, ...]) -> None:
     """As many vertices as asked for, the same for the same seed, others for another."""
-    one, same, other = (draw(name, seed, SPARSE) for seed in (SEED, SEED, SEED + 1))
+    one, same, other = (draw(family, number, SPARSE, given) for number in (seed, seed, seed + 1))
     for mesh in (one, other):
         count = places((mesh.vertices, mesh.faces))
-        assert 0.97 * SPARSE <= count <= 8 * SPARSE, f"{name}, seed {SEED}: {count}"
+        assert 0.97 * SPARSE <= count <= 8 * SPARSE, f"{family}, seed {seed}: {count}"
     assert one.vertices.tobytes() == same.vertices.tobytes()
     assert one.faces.tobytes() == same.faces.tobytes()
     assert one.vertices.shape != other.vertices.shape or (one.vertices != other.vertices).any()
 
 
 def test_the_cases_cover_what_they_should() -> None:
-    short, long = short_cases(5), long_cases(5)
-    assert {case.family for case in short} == {case.family for case in long} == set(families())
+    names = list(families())
+    short, long = short_cases(names, 5, len(names)), long_cases(names[0], 5)
+    assert {case.family for case in short} == set(names)
     assert len({(case.falloff, case.tolerance) for case in short}) == 12
-    assert len(long) == len(set(long)) == len(families()) * 12 * 2 * 2
-    assert short_cases(6) != short
+    assert len(long) == len(set(long)) == 12 * 2 * 2
+    assert short_cases(names, 6, 8) != short_cases(names, 5, 8)
 
 
 def test_few_runs_may_miss_what_many_may_not() -> None:
@@ -178,24 +188,9 @@ def test_few_runs_may_miss_what_many_may_not() -> None:
     assert verdict("many", [*twenty[4:], *[twenty[5]] * 4], LIMITS).ok
 
 
-def test_a_file_stands_in_for_the_meshes_at_hand(tmp_path: Path) -> None:
-    path = tmp_path / "ball.ply"
-    path.write_bytes(ply(*icosphere(3)))
-    run_ = obscurance("validate", "--generated", "--seed", 1, "--samples", 16, "--family", "ball.ply", path)
-    assert "ball.ply" in run_.stdout
-    assert run_.returncode in (0, 1)
-
-
-@pytest.mark.parametrize(
-    ("options", "words"),
-    [
-        (["--family", "posts"], "--generated"),
-        (["--generated", "--family", "hats"], "one of slab with posts"),
-        (["--generated", "--stress"], "--stress"),
-        (["--generated", "--samples", 1], "from 2"),
-        (["--generated", "--seed", -1], "seed"),
-        (["--generated", "nothing.obj"], "nothing.obj"),
-    ],
-)
-def test_mistakes_are_refused(options: list[object], words: str) -> None:
-    refused(obscurance("validate", *options), words)
+def test_a_mesh_stands_in_for_those_at_hand() -> None:
+    ball = Mesh(*icosphere(3), source="ball.ply")
+    names = list(families([ball]))
+    assert names[0] == "ball.ply"
+    assert all(name.startswith("ball.ply, ") for name in names[1:])
+    assert len(draw("ball.ply", 1, SPARSE, [ball]).vertices) >= SPARSE

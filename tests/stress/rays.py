@@ -12,8 +12,8 @@ from raytrace.embree.scene import TriangleScene
 from raytrace.mesh.placement import Placement
 from raytrace.mesh.precision import coarseness
 from raytrace.types import Float64s
+from scenes.geometry.polyhedra import Part
 
-from ..geometry.polyhedra import Part
 from .line import LEAKS, MILLION, SELF_HITS, Line, undefined
 from .pose import Pose, poses
 from .solids import FLAT, TORN, closed, convex, inward
@@ -22,33 +22,31 @@ SAMPLES = 256
 _SINGLE = [Pose(scale, offset, 9, True) for scale, offset in ((1.0, 10.0), (1e-6, 100.0), (1e6, 1000.0))]
 
 
-def self_hits(long: bool, threads: int | None) -> Iterator[Line]:
+def self_hits(long: bool) -> Iterator[Line]:
     """Convex meshes, where w is exactly 1: a line for each, over all poses."""
     for name, part in convex().items():
         single = [] if name in FLAT else _SINGLE
-        yield _share(name, part, 1.0, "self-hits/M", SELF_HITS, poses(long) + single, threads)
+        yield _share(name, part, 1.0, "self-hits/M", SELF_HITS, poses(long) + single)
 
 
-def leaks(long: bool, threads: int | None) -> Iterator[Line]:
+def leaks(long: bool) -> Iterator[Line]:
     """Closed meshes seen from inside, where the binary w is exactly 0: a line for each, over all poses."""
     for name, part in closed().items():
         single = [] if name in TORN else _SINGLE
-        yield _share(f"{name}, inside", inward(part), 0.0, "leaks/M", LEAKS, poses(long) + single, threads)
+        yield _share(f"{name}, inside", inward(part), 0.0, "leaks/M", LEAKS, poses(long) + single)
     count = 4_000_000 if long else 1_000_000
     for name in ("icosphere", "torus", "cube with T-junctions", "slab 1000:1000:1"):
-        yield _random_rays(name, closed()[name], count, threads)
+        yield _random_rays(name, closed()[name], count)
 
 
-def _share(
-    name: str, part: Part, truth: float, quantity: str, allowed: float, where: list[Pose], threads: int | None
-) -> Line:
+def _share(name: str, part: Part, truth: float, quantity: str, allowed: float, where: list[Pose]) -> Line:
     """Rays that make w differ from `truth`, a million, over the poses; stored as float32 where that can hold it."""
     wrong = rays = missing = used = 0
     for pose in where:
         mesh = pose.mesh(part)
         if pose.single and coarseness(mesh).vertices:
             continue
-        baked = bake(mesh, Binary(), samples=SAMPLES, threads=threads, reconstruct=False)
+        baked = bake(mesh, Binary(), samples=SAMPLES, reconstruct=False)
         used += 1
         rays += SAMPLES * len(baked.w)
         wrong += round(float(np.abs(baked.w - truth).sum()) * SAMPLES)
@@ -56,7 +54,7 @@ def _share(
     return Line(name, f"{used} poses, {rays / MILLION:.0f} M rays", quantity, wrong / rays * MILLION, allowed, missing)
 
 
-def _random_rays(name: str, part: Part, count: int, threads: int | None) -> Line:
+def _random_rays(name: str, part: Part, count: int) -> Line:
     """Random rays from random places inside, two turned poses of them."""
     escaped = 0
     for turn in (1, 2):
@@ -67,7 +65,7 @@ def _random_rays(name: str, part: Part, count: int, threads: int | None) -> Line
         origins = pose.directions(_inside(name, rng, count // 2)) * placement.scale
         directions = rng.normal(size=(count // 2, 3))
         scene = TriangleScene(placement.vertices, mesh.faces)
-        escaped += count // 2 - int(occluded(scene, origins, directions, threads=threads).sum())
+        escaped += count // 2 - int(occluded(scene, origins, directions).sum())
     return Line(
         f"{name}, rays from inside",
         f"2 poses, {count / MILLION:.0f} M rays",

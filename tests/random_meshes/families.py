@@ -4,14 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable
 from pathlib import Path
-from typing import Protocol
 
 from raytrace import Mesh, MeshError
+from scenes.geometry.polyhedra import Part, part_of
 
-from ..geometry.polyhedra import Part, part_of
 from .bases import dense_base
 from .damage import DAMAGES, Damage, damaged
-from .dense import Rng, extent, log_uniform, placed, refined, sized, unit, used
+from .dense import Rng, extent, placed, refined, sized, unit, used
 from .inserts import blades, character, eyes, pipes, posts, slab_with_posts
 from .layers import crossing_planes, nested_shells, planar_sets, scale_jumps, terraces, thin_sheets
 
@@ -19,24 +18,16 @@ SMALL = 17_000  # places of vertices; fewer than 16,384 points are never predict
 LARGE = 60_000
 
 
-class Family(Protocol):
-    """A way to draw meshes."""
-
-    def __call__(self, rng: Rng, size: int | None = None) -> Mesh:
-        """A mesh with vertices at `size` places, seldom more than twice as many; 17,000 to 60,000 for None."""
-        ...
-
-
-def _drawn(make: Callable[[Rng, int], Mesh]) -> Family:
-    return lambda rng, size=None: make(rng, int(log_uniform(rng, SMALL, LARGE / 1.3)) if size is None else size)
+Family = Callable[[Rng, int], Mesh]
+"""A random generator and a number to a mesh with vertices at that many places, seldom more than twice as many."""
 
 
 def _damaged(name: str, damage: Damage, surplus: float, given: Part | None = None) -> Family:
-    return _drawn(lambda rng, size: placed(damaged(damage, dense_base(rng, given), size, surplus, rng), rng, name))
+    return lambda rng, size: placed(damaged(damage, dense_base(rng, given), size, surplus, rng), rng, name)
 
 
 def _given(name: str, part: Part) -> Family:
-    return _drawn(lambda rng, size: placed(sized(lambda h: refined(part, h), size), rng, name))
+    return lambda rng, size: placed(sized(lambda h: refined(part, h), size), rng, name)
 
 
 def _unit(mesh: Mesh) -> Part:
@@ -57,8 +48,7 @@ def families(given: Iterable[Mesh] = ()) -> dict[str, Family]:
     """
     given = list(given)
     if not given:
-        made = {name: _drawn(make) for name, make in _MADE.items()}
-        return made | {name: _damaged(name, *how) for name, how in DAMAGES.items()}
+        return _MADE | {name: _damaged(name, *how) for name, how in DAMAGES.items()}
     found: dict[str, Family] = {}
     short = [Path(mesh.source).name for mesh in given]
     called = short if len(set(short)) == len(short) else [mesh.source for mesh in given]
@@ -70,7 +60,7 @@ def families(given: Iterable[Mesh] = ()) -> dict[str, Family]:
     return found
 
 
-_MADE: dict[str, Callable[[Rng, int], Mesh]] = {
+_MADE: dict[str, Family] = {
     "slab with posts": slab_with_posts,
     "posts": posts,
     "pipes": pipes,

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
+import fast_simplification
 import numpy as np
 
 from raytrace.types import Float64s, Int64s
+from scenes.geometry.polyhedra import Part, join
 
-from ..geometry.polyhedra import Part, join
 from .dense import Rng, extent, field, log_uniform, places, used, welded
 
 Damage = Callable[[Part, Rng], Part]
@@ -38,8 +39,6 @@ def folded(part: Part, rng: Rng) -> Part:
 
 def decimated(part: Part, rng: Rng) -> Part:
     """Noise, then half to a sixth of the faces are left by quadric edge collapse, as fast as it goes."""
-    import fast_simplification  # an extra: nothing else needs it
-
     part = noisy(part, rng)
     points, faces = fast_simplification.simplify(
         part[0].astype(np.float32),

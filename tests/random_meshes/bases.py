@@ -9,11 +9,12 @@ from pathlib import Path
 
 import numpy as np
 
-from ..description.read import read_scene
-from ..geometry.menger import menger
-from ..geometry.polyhedra import Part, join, part_of
-from ..geometry.temple import temple
-from ..library.catalogue import BUILTIN, write_builtin
+from scenes.description.read import read_scene
+from scenes.geometry.menger import menger
+from scenes.geometry.polyhedra import Part, join, part_of
+from scenes.geometry.temple import temple
+from scenes.library.catalogue import BUILTIN, write_builtin
+
 from .dense import Make, Rng, displacement, refined, sized, unit, used
 from .pieces import knot, plane, solid
 

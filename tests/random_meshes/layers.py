@@ -7,8 +7,8 @@ from scipy.spatial import Delaunay
 
 from raytrace.mesh.mesh import Mesh
 from raytrace.types import Float64s
+from scenes.geometry.polyhedra import Part, join
 
-from ..geometry.polyhedra import Part, join
 from .dense import Make, Rng, displacement, field, log_uniform, placed, sized
 from .pieces import ball, box, cells, moved, plane, random_turn, sheet, solid
 

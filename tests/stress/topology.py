@@ -11,8 +11,8 @@ from ao import Bake, Binary, bake
 from ao.gather.receivers import Normals
 from raytrace.mesh.mesh import Mesh
 from raytrace.types import Float64s
+from scenes.geometry.polyhedra import Part, hull, icosphere, join, patches
 
-from ..geometry.polyhedra import Part, hull, icosphere, join, patches
 from .line import ERROR, Line, undefined
 from .pose import Pose
 from .solids import grid, inward
@@ -21,7 +21,7 @@ PAGES = 8
 _FAR = 1000.0
 
 
-def topology(long: bool, threads: int | None) -> Iterator[Line]:
+def topology(long: bool) -> Iterator[Line]:
     """A line for each mesh: the largest error of the binary w over the poses."""
     poses = [Pose(turn=turn) for turn in range(1, 21 if long else 4)] + [Pose(1e-9, 1e6, 30), Pose(1e9, 1e4, 31)]
     sphere, rng = icosphere(3), np.random.default_rng(0)
@@ -40,22 +40,22 @@ def topology(long: bool, threads: int | None) -> Iterator[Line]:
     ):  # fmt: skip
         worst, missing = 0.0, 0
         for pose in poses:
-            baked = _bake(pose, part, normals, threads)
+            baked = _bake(pose, part, normals)
             w = baked.w if points is None else baked.w[points]
             worst = float(np.maximum(worst, np.abs(w - expected).max()))
             missing += undefined(baked.w, baked.error, baked.bent_normals)
         yield Line(name, f"{len(poses)} poses", "error of w", worst, allowed, missing)
-    yield _mixed(poses, (sphere[0], turned), threads)
+    yield _mixed(poses, (sphere[0], turned))
 
 
 _FOOT = 0.5 * (1 - 3**-0.5)
 
 
-def _bake(pose: Pose, part: Part, normals: Float64s | None, threads: int | None) -> Bake:
+def _bake(pose: Pose, part: Part, normals: Float64s | None) -> Bake:
     own = None if normals is None else pose.directions(normals)
     mesh = Mesh(pose.vertices(part[0]), part[1], own)
     kind: Normals = "angle" if own is None else "file"
-    return bake(mesh, Binary(), 4096 if own is None else 256, threads=threads, normals=kind, reconstruct=False)
+    return bake(mesh, Binary(), 4096 if own is None else 256, normals=kind, reconstruct=False)
 
 
 def _book() -> tuple[Part, list[int]]:
@@ -72,11 +72,11 @@ def _book() -> tuple[Part, list[int]]:
     return join(pages), readers
 
 
-def _mixed(poses: list[Pose], part: Part, threads: int | None) -> Line:
+def _mixed(poses: list[Pose], part: Part) -> Line:
     """Faces wound at random without normals have no outside: whatever w is, it is one."""
     outside = missing = 0
     for pose in poses:
-        baked = _bake(pose, part, None, threads)
+        baked = _bake(pose, part, None)
         outside += int(np.count_nonzero(~((baked.w >= 0) & (baked.w <= 1))))
         missing += undefined(baked.w, baked.error, baked.bent_normals)
     return Line("sphere with faces wound at random", f"{len(poses)} poses", "w outside [0, 1]", outside, 0, missing)

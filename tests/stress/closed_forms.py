@@ -4,18 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from ..validation.table import compare, configurations, described, measure
+from scenes.validation.table import compare, configurations, described, measure
+
 from .line import Line, undefined
 from .pose import poses
 
 
-def closed_forms(long: bool, threads: int | None) -> Iterator[Line]:
+def closed_forms(long: bool) -> Iterator[Line]:
     """A line for each pose."""
     for pose in poses(long):
         found, missing = [], 0
         for line in configurations():
             posed = pose.configuration(line)
-            measured = measure(posed, threads=threads)
+            measured = measure(posed)
             missing += undefined(measured)
             result = compare(posed, measured)
             case = f"{len(configurations())} closed forms, worst: {line.name}, {described(line.falloff)}"
