@@ -302,7 +302,7 @@ def view(
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="No summary.")] = False,
 ) -> None:
     """Make a page to look at a bake: one file, no network."""
-    from scenes.page.view import view_results
+    from scenes.show.page.view import view_results
 
     summary = view_results(result, other, output, mesh, up, open_)
     if not quiet:

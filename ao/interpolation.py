@@ -10,15 +10,15 @@ from raytrace.ray_origins.surface import Surface
 from raytrace.sampling.hash import mix_array
 from raytrace.types import Float32s, Float64s, Int64s
 
-from .adaptive.probes import derive
-from .gather.below_face import leave_out_below
-from .gather.estimate import W
-from .gather.points import Points
-from .interior.inside import inside_solids
+from .estimate.inside import inside_solids
+from .estimate.probes import derive
+from .execute.tracer import Tracer
+from .points.points import Points
 from .prepared import Prepared
+from .rays.below_face import leave_out_below
+from .rays.estimate import W
 from .result import Interpolation
 from .texture.surface_points import Faces
-from .trace.tracer import Tracer
 
 _POINTS, _RAYS = 1024, 16  # the rays of each of two estimates
 

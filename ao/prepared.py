@@ -12,12 +12,12 @@ from raytrace.mesh.placement import Placement
 from raytrace.sampling.hash import seed_key
 from raytrace.system.threads import thread_count
 
-from .gather.receivers import Receivers, find_receivers
+from .execute.checkpoint import Checkpoint
+from .execute.tracer import Progress
 from .mu import Mu
 from .options import Options
-from .trace.checkpoint import Checkpoint
-from .trace.ray_scene import RayScene
-from .trace.tracer import Progress
+from .points.receivers import Receivers, find_receivers
+from .rays.ray_scene import RayScene
 
 
 @dataclass(frozen=True, eq=False)

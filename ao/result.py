@@ -11,9 +11,9 @@ from raytrace.mesh.mesh import Mesh
 from raytrace.mesh.normals import normalize
 from raytrace.types import Float64s, Int64s, UInt8s
 
-from .adaptive.calibration import Calibration
-from .gather.receivers import Flag
+from .estimate.calibration import Calibration
 from .mu import Mu
+from .points.receivers import Flag
 from .prepared import Prepared
 
 _VISIBLE = 0.02

@@ -8,17 +8,17 @@ import numpy as np
 
 from raytrace.types import Bools
 
-from .adaptive.fixed_samples import estimated, place_samples, rays_of_corners, sampled, traced_twice, with_corners
-from .adaptive.probes import derive
-from .adaptive.tolerance import Estimate, estimate_to
-from .denoise.one_ring import Neighbours
-from .gather.receivers import Flag, Receivers
-from .interior.fill import Fill
-from .interior.inside import any_back, hidden_points, inside_other_parts
+from .estimate.fill import Fill
+from .estimate.fixed_samples import estimated, place_samples, rays_of_corners, sampled, traced_twice, with_corners
+from .estimate.inside import any_back, hidden_points, inside_other_parts
+from .estimate.one_ring import Neighbours
+from .estimate.probes import derive
+from .estimate.tolerance import Estimate, estimate_to
+from .execute.tracer import Tracer
+from .points.receivers import Flag, Receivers
 from .prepared import Prepared
+from .rays.traversal_choice import packets_below
 from .result import PointValues
-from .trace.tracer import Tracer
-from .trace.traversal import packets_below
 
 
 def sample_vertices(prepared: Prepared) -> PointValues:

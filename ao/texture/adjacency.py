@@ -9,8 +9,8 @@ from raytrace.mesh.components import connected_components
 from raytrace.system.threads import run_blocks
 from raytrace.types import Float64s, Int32s, Int64s
 
-from ..denoise.one_ring import Neighbours
-from ..gather.points import Points
+from ..estimate.one_ring import Neighbours
+from ..points.points import Points
 from .seams import Seams
 from .texels import Texels
 from .uv_layout import UVLayout

@@ -17,14 +17,14 @@ from raytrace.mesh.opacity import opacity_bytes
 from raytrace.mesh.placement import Placement
 from raytrace.system.memory import check_memory
 
-from ..adaptive.tolerance import ToleranceWarning
+from ..estimate.tolerance import ToleranceWarning
+from ..execute.checkpoint import Checkpoint
+from ..execute.tracer import Progress
 from ..falloff import Falloff, Length, resolve_length
-from ..gather.receivers import find_receivers
 from ..memory import texture_bytes
 from ..options import Hidden, Normals, Options, Traversal, falloff_of
+from ..points.receivers import find_receivers
 from ..prepared import Prepared
-from ..trace.checkpoint import Checkpoint
-from ..trace.tracer import Progress
 from .adjacency import face_charts, texel_neighbours, texel_sizes
 from .coverage import Overlap, cover
 from .gathering import begin_tracing, estimate

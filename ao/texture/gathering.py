@@ -10,17 +10,17 @@ import numpy as np
 from raytrace.system.threads import run_blocks
 from raytrace.types import Float32s, Float64s, Int64s
 
-from ..adaptive.fixed_samples import estimated, traced_twice
-from ..adaptive.tolerance import Estimate, estimate_to
-from ..denoise.one_ring import Neighbours
-from ..gather.below_face import leave_out_below
-from ..gather.directions import DirectionTable
-from ..gather.estimate import BATCH_VARIANCE, COLUMNS
-from ..gather.points import Points
+from ..estimate.fixed_samples import estimated, traced_twice
+from ..estimate.one_ring import Neighbours
+from ..estimate.tolerance import Estimate, estimate_to
+from ..execute.checkpoint import Checkpoint
+from ..execute.tracer import Tracer
+from ..points.points import Points
 from ..prepared import Prepared
-from ..trace.checkpoint import Checkpoint
-from ..trace.tracer import Tracer
-from ..trace.traversal import packets_below
+from ..rays.below_face import leave_out_below
+from ..rays.directions import DirectionTable
+from ..rays.estimate import BATCH_VARIANCE, COLUMNS
+from ..rays.traversal_choice import packets_below
 from .texels import Texels
 
 _ENOUGH = 8  # rays of a point, so that more points are worth their time

@@ -10,13 +10,13 @@ from raytrace.mesh.mesh import Mesh
 from raytrace.mesh.placement import Placement
 from raytrace.types import Bools, Int64s
 
-from ..denoise.one_ring import Neighbours
-from ..gather.receivers import Flag, Receivers, find_receivers
-from ..interior.fill import Fill
-from ..interior.inside import inside_solids
+from ..estimate.fill import Fill
+from ..estimate.inside import inside_solids
+from ..estimate.one_ring import Neighbours
+from ..execute.checkpoint import Checkpoint
+from ..points.receivers import Flag, Receivers, find_receivers
 from ..prepared import Prepared
 from ..result import PointValues
-from ..trace.checkpoint import Checkpoint
 from .coverage import Coverage
 from .gathering import begin_tracing, estimate
 from .projection import Fine, project

@@ -12,6 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from raytrace.bvh.closest import closest_on_triangle
 from raytrace.bvh.search import begin, new_stack, next_leaf
 from raytrace.embree.rays import intersect
 from raytrace.errors import MeshError
@@ -20,11 +21,10 @@ from raytrace.kernel.jit import kernel
 from raytrace.kernel.simd_masks import lowest_bit
 from raytrace.kernel.vector import load, load_triangle
 from raytrace.mesh.opacity_lookup import alphas
-from raytrace.ray_origins.closest import closest_on_triangle
 from raytrace.system.threads import run_blocks
 from raytrace.types import Bools, Float32s, Float64s, Int64s
 
-from ..gather.receivers import Receivers
+from ..points.receivers import Receivers
 from .coverage import Coverage
 
 _BLOCK = 1 << 12  # points

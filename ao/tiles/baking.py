@@ -14,18 +14,18 @@ from raytrace.sampling.hash import seed_key
 from raytrace.system.threads import thread_count
 from raytrace.types import Float64s, Int64s
 
-from ..adaptive.fixed_samples import place_samples
+from ..estimate.fixed_samples import place_samples
+from ..execute.hemispheres import Hemispheres
+from ..execute.work import fill
 from ..falloff import Falloff
-from ..gather.corners import Corners, find_corners
-from ..gather.estimate import W
-from ..gather.points import Points
-from ..gather.receivers import lift_points
 from ..mu import KernelMu, Mu
 from ..options import MAX_SAMPLES, Normals, Options, Traversal, falloff_of
-from ..trace.hemispheres import Hemispheres
-from ..trace.ray_scene import RayScene
-from ..trace.traversal import fewer_than, most_packets, tried, try_out
-from ..trace.work import fill
+from ..points.corners import Corners, find_corners
+from ..points.points import Points
+from ..points.receivers import lift_points
+from ..rays.estimate import W
+from ..rays.ray_scene import RayScene
+from ..rays.traversal_choice import fewer_than, most_packets, tried, try_out
 from .halo import Piece, cut
 from .numbering import Numbering, check_tile, number_points
 from .source import TileSource, runs

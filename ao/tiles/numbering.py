@@ -10,11 +10,11 @@ import numpy as np
 from raytrace.system.memory import check_memory
 from raytrace.types import Bools, Float32s, Float64s, Int64s, UInt32s
 
-from ..gather.corners import SPREAD, flattest_elsewhere
-from ..gather.morton import morton_codes
-from ..gather.receivers import lift_points
 from ..memory import vertex_bytes
 from ..options import Normals
+from ..points.corners import SPREAD, flattest_elsewhere
+from ..points.morton import morton_codes
+from ..points.receivers import lift_points
 from .halo import Piece, cut
 from .source import runs
 from .survey import Survey

@@ -7,6 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ..bvh.bvh16 import BVH16
+from ..bvh.closest import distance_to_triangle
 from ..bvh.search import begin, new_stack, next_leaf
 from ..kernel.borrow import borrow
 from ..kernel.jit import inline, kernel
@@ -15,7 +16,6 @@ from ..kernel.vector import load, load_triangle
 from ..mesh.placement import ULP
 from ..system.threads import run_blocks, thread_count
 from ..types import Bools, Float64s, Int64s
-from .closest import distance_to_triangle
 from .surface import Surface
 
 _BLOCK = 1 << 10  # points

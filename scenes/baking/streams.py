@@ -9,7 +9,7 @@ from pathlib import Path
 from raytrace.errors import MeshError, OptionError
 from raytrace.system.memory import check_memory
 
-from ..readers.load import MeshFile, load
+from ..formats.load import MeshFile, load
 
 STANDARD = Path("-")
 _CHUNK = 1 << 26

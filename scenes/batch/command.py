@@ -180,7 +180,7 @@ def _note(entry: Entry, outcome: Outcome) -> None:
 
 def _read_by(bake: MeshBake) -> list[Path]:
     """The files that a bake reads: those of its options, and buffers and images that a .gltf among them names."""
-    from ..gltf.container import Gltf  # a slow import
+    from ..formats.gltf.container import Gltf  # a slow import
 
     files = bake.inputs()
     for path in [path for path in files if path.suffix.lower() == ".gltf"]:

@@ -26,7 +26,7 @@ from .one import Outcome, bake_one
 if TYPE_CHECKING:
     import ao
     from ao.cluster.session import ClusterSession
-    from ao.trace.work import Tables
+    from ao.execute.work import Tables
 
 _BYTES = 50  # of a file, a vertex
 

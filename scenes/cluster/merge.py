@@ -7,8 +7,8 @@ from pathlib import Path
 from typing import Any
 
 from ..commands.console import note
+from ..formats.image_names import is_texture
 from ..textures.command import bake_command
-from ..writers.image_names import is_texture
 from .part import is_texture_part
 
 
@@ -21,7 +21,7 @@ def merge(folder: Path, options: dict[str, Any]) -> None:
         InputError: a part is missing, not finished or of another bake, or an option.
         OutputError, MemoryLimitError: as `bake`.
     """
-    from ao.trace.merge import Merge, read_parts
+    from ao.execute.merge import Merge, read_parts
     from raytrace.errors import OptionError
 
     parts = read_parts(folder)

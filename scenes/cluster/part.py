@@ -40,7 +40,7 @@ class PartCommand:
             OutputError: the folder cannot be made, or the part not be written.
             MemoryLimitError, EmbreeError: as `ao.bake` and `ao.bake_texture`.
         """
-        from ao.trace.parts import Part, PartTraced
+        from ao.execute.parts import Part, PartTraced
         from raytrace.system.outputs import make_folder
 
         start = time.perf_counter()

@@ -17,7 +17,7 @@ from ..textures.command import TextureCommand, bake_command
 
 if TYPE_CHECKING:
     from ao.cluster.session import ClusterSession
-    from ao.trace.checkpoint import Checkpoint
+    from ao.execute.checkpoint import Checkpoint
 
 
 @dataclass(frozen=True)

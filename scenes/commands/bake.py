@@ -31,10 +31,10 @@ from .options import (
 
 if TYPE_CHECKING:
     import ao
-    from ao.trace.checkpoint import Checkpoint
+    from ao.execute.checkpoint import Checkpoint
 
-    from ..readers.load import MeshFile
-    from ..report.pictures import Picture
+    from ..formats.load import MeshFile
+    from ..show.report.pictures import Picture
 
 NO_OPTIONS_OF_BAKE = frozenset(
     {"report", "quiet", "resume", "progress", "content", "open_checkpoint"}
@@ -152,13 +152,13 @@ class MeshBake(ABC):
     def hashed(self, files: Iterable[Path]) -> list[dict[str, Any]]:
         """Files that were read, as a report has them; nothing if there is none to write."""
         from ..falloffs import table_of
-        from ..report.inputs import hashed
+        from ..show.report.inputs import hashed
 
         return hashed([*files, *table_of(self.falloff)], {self.mesh: self.content}) if self.report else []
 
     def checkpoint(self, output: Path) -> AbstractContextManager[Checkpoint | None]:
         """Keeps what is traced for an output, beside it; none beside standard output."""
-        from ao.trace.checkpoint import Checkpoint
+        from ao.execute.checkpoint import Checkpoint
         from raytrace.system.atomic import is_standard_output
 
         if self.open_checkpoint:
@@ -197,7 +197,7 @@ class MeshBake(ABC):
 
     def read(self) -> MeshFile:
         """The mesh file, with what the output can hold of it. Raises: InputError."""
-        from ..readers.load import load
+        from ..formats.load import load
 
         return load(self.mesh, self.kept, self.content, self.alpha == "auto", self.up)
 
@@ -212,7 +212,7 @@ class MeshBake(ABC):
 
     def read_high(self) -> MeshFile | None:
         """The finer mesh's file, if there is one. Raises: InputError."""
-        from ..readers.load import load
+        from ..formats.load import load
 
         return None if self.high is None else load(self.high, alpha=self.alpha == "auto")
 
@@ -254,9 +254,9 @@ class BakeCommand(MeshBake):
         import numpy as np
 
         import ao
-        from ao.gather.receivers import find_receivers
         from ao.memory import surface_bytes, vertex_bytes
         from ao.options import Options
+        from ao.points.receivers import find_receivers
         from raytrace.mesh.placement import Placement
 
         mesh = (self.read_high() or source).mesh  # of whose surface points are traced
@@ -281,8 +281,8 @@ class BakeCommand(MeshBake):
         import ao
         from raytrace.system.outputs import check_outputs
 
-        from ..writers.losses import lost
-        from ..writers.write import channels
+        from ..formats.losses import lost
+        from ..write_bake import channels
 
         start = time.perf_counter()
         source = self.read()
@@ -318,7 +318,7 @@ class BakeCommand(MeshBake):
     def check_own(self) -> None:
         from raytrace.errors import OptionError
 
-        from ..writers.write import channels, check_target
+        from ..write_bake import channels, check_target
 
         check_cage(self.cage, self.high)
         if self.high is not None and self.method == "surface":
@@ -339,7 +339,7 @@ class BakeCommand(MeshBake):
         return {"method": self.method, **super().options()}
 
     def described(self) -> dict[str, Any]:
-        from ..writers.write import channels
+        from ..write_bake import channels
 
         ramp = channels(self.output, **self._channels()).ramp
         return super().described() | {"occlusion": "ramp" if ramp else "none"}
@@ -357,7 +357,7 @@ class BakeCommand(MeshBake):
 
     def _write(self, baked: ao.Bake, source: MeshFile, falloff: ao.Falloff) -> tuple[str, list[str]]:
         """Write the output: what to add to the summary, and warnings. Args: falloff: of textures."""
-        from ..writers.write import write
+        from ..write_bake import write
 
         write(self.output, baked, source, **self._channels())
         return "", self._coarse(baked)
@@ -377,10 +377,10 @@ class BakeCommand(MeshBake):
         """Args: made: what was read, the seconds it took, and warnings."""
         from ao.report import report
 
-        from ..report.complete import complete, write_report
+        from ..show.report.complete import complete, write_report
 
         def pictures() -> list[list[Picture]]:
-            from ..report.pictures import pictures_of_vertices
+            from ..show.report.pictures import pictures_of_vertices
 
             return [pictures_of_vertices(baked.mesh, baked.w, baked.error)]
 

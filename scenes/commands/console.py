@@ -223,7 +223,7 @@ def bake_summary(baked: ao.Bake, target: Path) -> str:
     """The line after a bake: file, vertices, rays, time, estimated error; and one for each flag that vertices have."""
     from raytrace.errors import printable
 
-    from ..report.verdict import flags_in_words
+    from ..show.report.verdict import flags_in_words
 
     took = f"in {baked.seconds['bake']:.2f} s, estimated RMSE {baked.rmse:.4f}"
     text = f"{printable(str(target))}: {len(baked.w):,} vertices, {baked.rays:,} rays traced {took}"

@@ -9,9 +9,9 @@ from raytrace import AmbientLight, Camera, Lambert, Object, Scene, Settings, Sha
 from raytrace.image.write import write_frame
 from raytrace.system.outputs import check_outputs, make_folder
 
+from ..formats.load import MeshFile
 from ..geometry.temple import temple
-from ..readers.load import MeshFile
-from ..writers.write import write
+from ..write_bake import write
 from .console import KERNELS_OF_BAKE, bake_summary, compiling, progress
 
 _SETTINGS = Settings(width=960, height=640)

@@ -10,8 +10,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import ao
+from ao.execute.tracer import Progress
 from ao.report import SCHEMA_VERSION, calibration_facts, versions
-from ao.trace.tracer import Progress
 from raytrace import Frame, Settings
 from raytrace.errors import OptionError, printable
 from raytrace.image.write import check_image_target, write_frame

@@ -12,16 +12,16 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from ..commands.bake import BakeCommand, MeshBake, Work, Written
 from ..commands.console import KERNELS_OF_TEXTURE, alpha_summary, progress, texture_summary, warn
 from ..commands.options import CAGE, BentSpace, Overlap, check_cage, parse_texels
-from ..writers.image_names import ENDINGS as IMAGES
-from ..writers.image_names import MATERIAL, PLACEHOLDERS, UDIM, is_texture
+from ..formats.image_names import ENDINGS as IMAGES
+from ..formats.image_names import MATERIAL, PLACEHOLDERS, UDIM, is_texture
 from .remarks import lacking, layout_remarks
 
 if TYPE_CHECKING:
     import ao
     from raytrace.mesh.mesh import Mesh
 
-    from ..readers.load import MeshFile
-    from ..report.pictures import Picture
+    from ..formats.load import MeshFile
+    from ..show.report.pictures import Picture
     from .coordinates import Coordinates
     from .pages import Page
 
@@ -38,7 +38,7 @@ def bake_command(options: dict[str, Any]) -> BakeCommand | TextureCommand:
     from raytrace.errors import OptionError
     from raytrace.system.outputs import check_ending
 
-    from ..writers.write import ENDINGS
+    from ..write_bake import ENDINGS
 
     output = options["output"]
     check_ending("output", output, *ENDINGS, *IMAGES)
@@ -131,7 +131,7 @@ class TextureCommand(MeshBake):
         source = self.read()
         found, pages = self._layout(source)
         if self.orm:
-            from ..writers.orm import check_orm
+            from ..formats.glb.orm import check_orm
 
             check_orm(source.gltf, found.number, self.replace_occlusion)
         fine = self.read_high()
@@ -172,7 +172,7 @@ class TextureCommand(MeshBake):
         from raytrace.errors import OptionError
         from raytrace.system.outputs import check_ending
 
-        from ..writers.images import check_texture_target
+        from ..formats.images import check_texture_target
 
         if self.hidden == "mark":
             raise OptionError("hidden", "auto, ignore or fill for a texture", "mark")
@@ -277,7 +277,7 @@ class TextureCommand(MeshBake):
         return baked, warn([], [*baked.shortfalls, *(f"{self._title(page)}: {line}" for line in remarks)])
 
     def _write_images(self, baked: ao.BakedTexture, page: Page) -> None:
-        from ..writers.images import write_error, write_normals, write_w
+        from ..formats.images import write_error, write_normals, write_w
 
         images = {name: page.path(path) for name, path in self._images().items()}
         if images["output"] != self._glb():
@@ -303,8 +303,8 @@ class TextureCommand(MeshBake):
         from ao.texture.uv_layout import on_page
         from raytrace.system.atomic import atomic_write
 
-        from ..writers.pieces import pieces
-        from ..writers.textured_glb import textured_glb
+        from ..formats.glb.pieces import pieces
+        from ..formats.glb.textured import textured_glb
 
         (source, fine), w = meshes, None
         covered = np.any([on_page(each.uv) for each in baked], axis=0)
@@ -324,7 +324,7 @@ class TextureCommand(MeshBake):
         """Args: inputs: what was read."""
         from ao.report import report
 
-        from ..report.complete import complete, write_report
+        from ..show.report.complete import complete, write_report
 
         options = self.described()
         reports = [report(each.baked, options, each.seconds, each.warnings) for each in made]
@@ -333,7 +333,7 @@ class TextureCommand(MeshBake):
             whole = {"pages": {each.title: about for each, about in zip(made, reports, strict=True)}}
 
         def pictures() -> list[list[Picture]]:
-            from ..report.pictures import pictures_of_page
+            from ..show.report.pictures import pictures_of_page
 
             shown = mesh if len(made) == 1 else None
             return [pictures_of_page(shown, each.baked) for each in made]

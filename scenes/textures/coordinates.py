@@ -14,7 +14,7 @@ from raytrace.mesh.normals import face_normals
 from raytrace.types import Bools, Float64s
 
 from ..commands.options import parse_texels
-from ..readers.load import MeshFile
+from ..formats.load import MeshFile
 from .unwrap import has_unwrapper, unwrap
 
 AUTO, UNWRAP, FILL = "auto", "unwrap", "fill"

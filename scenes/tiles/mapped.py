@@ -13,8 +13,8 @@ from raytrace.errors import MeshError
 from raytrace.system.inputs import check_regular
 from raytrace.types import Float64s, Int64s
 
-from ..readers.load import mesh_errors
-from ..readers.ply import (
+from ..formats.load import mesh_errors
+from ..formats.ply.read import (
     COUNT,
     INDICES,
     ORDERS,
@@ -25,7 +25,7 @@ from ..readers.ply import (
     ply_header,
     row_fields,
 )
-from ..readers.stl import HEADER, TRIANGLE
+from ..formats.stl import HEADER, TRIANGLE
 
 _EXPECTED = "a binary PLY of vertices, then triangles, or a binary STL, for tiles"
 _LONGEST_HEADER = 1 << 16

@@ -12,10 +12,10 @@ from raytrace.errors import OptionError
 from raytrace.system.atomic import atomic_write
 from raytrace.types import Float64s
 
-from ..readers.ply import COUNT
-from ..readers.ply_detail import RGB, grey_of
-from ..writers.ply import GREY, OWN
-from ..writers.ply_bytes import NAMES
+from ..formats.ply.detail import RGB, grey_of
+from ..formats.ply.encode import NAMES
+from ..formats.ply.read import COUNT
+from ..formats.ply.write import GREY, OWN
 from .mapped import MappedMesh
 
 ENDINGS = ".npy", ".ply"

@@ -15,7 +15,7 @@ from mesh_files import obj
 from meshes import hills
 from project import ROOT
 
-from scenes.gltf.container import decode
+from scenes.formats.gltf.container import decode
 
 SAMPLES = ("--samples", 16)
 

@@ -32,7 +32,7 @@ def test_every_output_format_is_written(tmp_path, cube, ending):
 
 def test_the_values_are_those_of_the_library(tmp_path, cube):
     import ao
-    from scenes.readers.load import load
+    from scenes.formats.load import load
 
     target = tmp_path / "w.npy"
     options = ("--half-distance", "30%", "--max-distance", "2", "--samples", 64, "--seed", 7, "--normals", "area")
@@ -240,7 +240,7 @@ def test_an_interrupt_leaves_nothing_behind(tmp_path, by):
     target = tmp_path / "w.npy"
     target.write_bytes(b"\x93NUMPY precious")
     command = ("bake", mesh, "-o", target, "--samples", 200_000)
-    status, errors = interrupted_command("ao.trace.work", *command, by=by)
+    status, errors = interrupted_command("ao.execute.work", *command, by=by)
     assert status == 130
     assert "interrupted" in errors
     assert "Traceback" not in errors

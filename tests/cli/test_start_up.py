@@ -21,7 +21,7 @@ try:
 except SystemExit:
     from raytrace.kernel import jit
     heavy = ("numba", "scipy", "trimesh", "OpenImageIO", "rich", "PIL", "lxml", "networkx", "pydantic.v1", "asyncio")
-    heavy = (*heavy, "scenes.gltf")
+    heavy = (*heavy, "scenes.formats.gltf")
     print(json.dumps([[name for name in heavy if name in sys.modules], len(jit.loaded), len(jit.compiled)]))
 """
 
@@ -51,7 +51,11 @@ COMMANDS = {
     "bake to a tolerance": ("bake hills.obj -o w.npy --tolerance 0.01", BAKE, []),
     "bake to a page": ("bake hills.obj -o w.html --samples 64 --report r.json", BAKE, []),
     "fit": ("bake hills.obj -o w.ply --method surface --samples 64", SURFACE, ["scipy"]),
-    "render": ("render hills.obj -o w.png --width 32 --height 32 --samples 4", RENDER, ["OpenImageIO", "scenes.gltf"]),
+    "render": (
+        "render hills.obj -o w.png --width 32 --height 32 --samples 4",
+        RENDER,
+        ["OpenImageIO", "scenes.formats.gltf"],
+    ),
 }
 
 
@@ -102,7 +106,7 @@ def test_a_first_run_says_on_a_terminal_how_far_compiling_is(monkeypatch, tmp_pa
 
 
 def test_a_later_run_that_compiles_more_names_it(monkeypatch, tmp_path):
-    said = said_when(monkeypatch, tmp_path, 30, "ao.denoise.upsampling._upsample.0123")
+    said = said_when(monkeypatch, tmp_path, 30, "ao.estimate.upsampling._upsample.0123")
     assert said.startswith("Compiling kernels that no run of this version has needed before")
     assert "\r_upsample" in said
 

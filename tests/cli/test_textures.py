@@ -8,7 +8,7 @@ from command import obscurance, refused
 from gltf_samples import SAMPLES
 
 from raytrace.image.read import read_image
-from scenes.readers.load import load
+from scenes.formats.load import load
 
 FLOOR_AND_WALL = """v -1 -1 0\nv 1 -1 0\nv 1 1 0\nv -1 1 0\nv -1 1 1\nv 1 1 1
 vt .05 .05\nvt .95 .05\nvt .95 .45\nvt .05 .45\nvt .05 .55\nvt .95 .55\nvt .95 .95\nvt .05 .95

@@ -13,8 +13,8 @@ from scipy.spatial import cKDTree
 import ao
 from ao import Bake, Falloff
 from raytrace import Mesh
+from scenes.formats.load import load
 from scenes.geometry.polyhedra import icosphere
-from scenes.readers.load import load
 
 from .comparison import Figures, Truth, compare_with_truth, find_truth, off_median
 from .dense import places

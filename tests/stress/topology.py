@@ -8,7 +8,7 @@ from math import pi, sin
 import numpy as np
 
 from ao import Bake, Binary, bake
-from ao.gather.receivers import Normals
+from ao.points.receivers import Normals
 from raytrace.mesh.mesh import Mesh
 from raytrace.types import Float64s
 from scenes.geometry.polyhedra import Part, hull, icosphere, join, patches

@@ -23,7 +23,7 @@ from raytrace.renderer.render import rendering_bytes
 from raytrace.system.memory import available, check_memory
 from scenes.commands.picture_bake import with_obscurance
 from scenes.description.read import read_scene
-from scenes.readers.load import load
+from scenes.formats.load import load
 
 MIB = 1 << 20
 LINUX = pytest.mark.skipif(sys.platform != "linux", reason="/proc tells")
