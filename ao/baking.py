@@ -8,6 +8,7 @@ from dataclasses import replace
 from typing import Any
 
 from raytrace.errors import OptionError
+from raytrace.kernel.notice import KERNELS_OF_BAKE, compiling
 from raytrace.mesh.convert import mesh_of
 from raytrace.mesh.mesh import Mesh
 from raytrace.mesh.opacity import opacity_bytes
@@ -26,6 +27,7 @@ from .result import Bake, PointValues, assemble
 from .vertex_method import sample_vertices
 
 
+@compiling(KERNELS_OF_BAKE)
 def bake(
     mesh: Mesh | Any,
     falloff: Falloff | str | None = None,

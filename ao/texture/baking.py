@@ -10,6 +10,7 @@ from typing import Any, Literal, get_args
 import numpy as np
 
 from raytrace.errors import OptionError
+from raytrace.kernel.notice import KERNELS_OF_TEXTURE, compiling
 from raytrace.mesh.convert import mesh_of
 from raytrace.mesh.mesh import Mesh
 from raytrace.mesh.normals import face_normals
@@ -39,6 +40,7 @@ from .uv_layout import UVLayout, corner_uv, on_page, page_size
 BentSpace = Literal["world", "tangent"]
 
 
+@compiling(KERNELS_OF_TEXTURE)
 def bake_texture(
     mesh: Mesh | Any,
     uv: Any,

@@ -10,10 +10,16 @@ import threading
 import time
 import unicodedata
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from contextlib import contextmanager, suppress
+from contextlib import AbstractContextManager, contextmanager, suppress
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
+
+from raytrace.kernel import notice
+from raytrace.kernel.notice import KERNELS_OF_BAKE as KERNELS_OF_BAKE
+from raytrace.kernel.notice import KERNELS_OF_RENDER as KERNELS_OF_RENDER
+from raytrace.kernel.notice import KERNELS_OF_SURFACE as KERNELS_OF_SURFACE
+from raytrace.kernel.notice import KERNELS_OF_TEXTURE as KERNELS_OF_TEXTURE
 
 from .options import ProgressForm
 
@@ -110,41 +116,11 @@ def warn(meshes: Iterable[Mesh], others: Iterable[str] = ()) -> list[str]:
     return warnings
 
 
-KERNELS_OF_BAKE, KERNELS_OF_SURFACE, KERNELS_OF_RENDER, KERNELS_OF_TEXTURE = 42, 40, 40, 50
+def compiling(expected: int) -> AbstractContextManager[None]:
+    """Say, wherever standard error goes, that kernels are being compiled. Args: expected: about how many."""
+    return notice.compiling(expected, always=True)
 
 
-@contextmanager
-def compiling(expected: int) -> Iterator[None]:
-    """Say that kernels are being compiled, if they are, and on a terminal how far that is.
-
-    Args: expected: about how many kernels the work takes.
-    """
-    from raytrace.kernel.cache import cache_folder
-    from raytrace.kernel.jit import notices
-
-    folder, begun = cache_folder(), 0
-    first = folder is None or not folder.exists()
-
-    def notice(name: str) -> None:
-        nonlocal begun
-        begun += 1
-        if begun == 1:
-            print(_FIRST if first else _FURTHER, file=sys.stderr)
-        if sys.stderr.isatty():
-            text = f"{begun} of about {max(expected, begun)}" if first else name.split(".")[-2]
-            print(f"\r{text:<30}", end="", file=sys.stderr, flush=True)
-
-    notices.append(notice)
-    try:
-        yield
-    finally:
-        notices.remove(notice)
-        if begun and sys.stderr.isatty():
-            print(f"\r{'':<30}\r", end="", file=sys.stderr, flush=True)
-
-
-_FIRST = "First run of this version: compiling kernels takes up to half a minute…"
-_FURTHER = "Compiling kernels that no run of this version has needed before…"
 _EVERY = 0.1  # seconds between lines of progress
 Advance = Callable[[int, int], None]
 
