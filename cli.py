@@ -17,10 +17,10 @@ import typer
 from typer.exceptions import TyperException
 from typer.main import get_command
 
-from scenes.baking.sections import EXAMPLES, SectionedCommand
-from scenes.commands import options as choices
-from scenes.commands.console import columns, note, output_failed, readable_output, reopen_streams
 from scenes.commands.usage import mistake_in_words, option_in_words
+from scenes.jobs import options as choices
+from scenes.jobs.console import columns, note, output_failed, readable_output, reopen_streams
+from scenes.jobs.parameters import EXAMPLES, SectionedCommand, saved_options
 
 interrupts.all_imported()
 
@@ -68,8 +68,6 @@ Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="No progress bar and 
 def _take_options(context: typer.Context, report: Path | None) -> None:
     """Let options that are not given have the values that they had in an earlier bake."""
     if report is not None:
-        from scenes.baking.saved_options import saved_options
-
         context.default_map = saved_options(report)
 
 
@@ -252,7 +250,7 @@ def bake(
     The result is w, one number for each vertex or texel: 1 where it is open, 0 where it is closed.
     """
     options = {name: value for name, value in locals().items() if name != "from_report"}
-    from scenes.baking.choose import run_bake
+    from scenes.jobs.run import run_bake
 
     raise typer.Exit(run_bake(options))
 
@@ -282,7 +280,7 @@ def merge(
 ) -> None:
     """Write the output of a bake, or a batch, traced in parts."""
     options = {name: value for name, value in locals().items() if name != "parts"}
-    from scenes.baking.choose import run_merge
+    from scenes.jobs.run import run_merge
 
     raise typer.Exit(run_merge(parts, options))
 
@@ -315,8 +313,8 @@ def info(
     json: Annotated[bool, typer.Option("--json", help="As JSON, for other programs.")] = False,
 ) -> None:
     """Describe a mesh file and its defects."""
-    from scenes.baking.streams import load_mesh
     from scenes.commands.info import describe, facts
+    from scenes.formats.standard_input import load_mesh
 
     source = load_mesh(mesh)
     if json:
@@ -389,7 +387,7 @@ def render(
 ) -> None:
     """Render a scene to an image; an .exr holds every layer."""
     options = locals()
-    from scenes.cluster.workers import render_command
+    from scenes.commands.render_file import render_command
 
     render_command(options).run()
 

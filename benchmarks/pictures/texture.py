@@ -20,7 +20,7 @@ from scenes.description.gltf_scene import gltf_objects
 from scenes.formats.glb.textured import textured_glb
 from scenes.formats.load import MeshFile
 from scenes.geometry.builtin_shapes import Temple
-from scenes.textures.unwrap import unwrap
+from scenes.jobs.textures.unwrap import unwrap
 
 TARGET = ROOT / "docs" / "textures" / "page.png"
 PAGE, WIDTH, HEIGHT = 1024, 480, 360

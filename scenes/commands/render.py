@@ -19,7 +19,7 @@ from raytrace.renderer.render import describe_work, render, rendering_bytes
 from raytrace.system.memory import check_memory
 
 from ..description.description import SceneDescription
-from .options import Alpha
+from ..jobs.options import Alpha
 from .picture_bake import with_obscurance
 
 if TYPE_CHECKING:

@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING, Any
 
 from raytrace.errors import OptionError
 
-from .console import KERNELS_OF_RENDER, compiling, progress, show_picture, warn
-from .options import REPORTS, Alpha, NormalsFrom, ProgressForm, Up, parse_crop, parse_size, plain
+from ..jobs.console import KERNELS_OF_RENDER, compiling, progress, show_picture, warn
+from ..jobs.options import REPORTS, Alpha, NormalsFrom, ProgressForm, Up, parse_crop, parse_size, plain
 
 if TYPE_CHECKING:
     from ao.cluster.session import ClusterSession
@@ -123,3 +123,19 @@ class RenderCommand:
             return [pictures_of_frame(picture.frame)]
 
         write_report(path, complete("render", "scene", report, inputs, options), pictures)
+
+
+def render_command(options: dict[str, Any]) -> RenderCommand:
+    """The command for `render`, with `--cluster` and `--shared` if they are given.
+
+    Raises: OptionError: as `Workers`, or `--shared` alone.
+    """
+    from ..jobs.workers import Workers
+
+    address, shared = options.pop("cluster"), options.pop("shared")
+    if address:
+        workers = Workers(address, shared, options["threads"])
+        return RenderCommand(**options, open_session=workers.session)
+    if shared:
+        raise OptionError("shared", "--cluster with it", "none")
+    return RenderCommand(**options)

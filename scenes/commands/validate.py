@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from .console import KERNELS_OF_BAKE, compiling
+from ..jobs.console import KERNELS_OF_BAKE, compiling
 
 
 def validate_closed_forms(samples: int, seed: int, threads: int | None) -> bool:

@@ -11,7 +11,7 @@ from typer.main import get_command
 
 from cli import app
 from raytrace.image.write import write_image
-from scenes.baking.sections import SECTIONS
+from scenes.jobs.parameters import SECTIONS
 
 COMMANDS = [
     (

@@ -19,8 +19,7 @@ ORDER = [
     *("ao.texture", "ao.interpolation", "ao.baking", "ao.report", "ao.cluster", "ao.tiles", "ao.analytic"),
     *("scenes.falloffs", "scenes.field_errors", "scenes.safe_paths"),
     *("scenes.geometry", "scenes.formats", "scenes.description", "scenes.show", "scenes.write_bake"),
-    *("scenes.library", "scenes.validation", "scenes.commands"),
-    *("scenes.textures", "scenes.tiles", "scenes.cluster", "scenes.batch", "scenes.baking"),
+    *("scenes.library", "scenes.validation", "scenes.tiles", "scenes.jobs", "scenes.commands"),
     "cli",
 ]
 """Every folder and every file outside folders: each may import what stands before it."""
@@ -39,7 +38,7 @@ DOORS = {
         "ao.execute.identity",
     },
     "numba": {"raytrace.kernel.lanes", "raytrace.kernel.compiler"},
-    "uvunwrap": {"scenes.textures.unwrap"},
+    "uvunwrap": {"scenes.jobs.textures.unwrap"},
     "OpenImageIO": {f"raytrace.image.{name}" for name in ("encode", "fill", "read", "compare", "texture")},
 }
 MODULES = {

@@ -35,13 +35,13 @@ PARTS = (
     ("scenes/formats/glb/ramp.py", "keeps the occlusion textures of"),
     ("scenes/formats/glb/ramp.py", "uses the set TEXCOORD_"),
     ("scenes/geometry/polygons.py", "crosses itself"),
-    ("scenes/commands/bake.py", "between the vertices w errs by"),
-    ("scenes/textures/remarks.py", "faces overlap in"),
-    ("scenes/textures/remarks.py", "reach out of the unit square"),
-    ("scenes/textures/remarks.py", "would keep tiles apart"),
-    ("scenes/textures/remarks.py", "have no texture coordinates"),
-    ("scenes/textures/remarks.py", "are not within the cage"),
-    ("scenes/textures/remarks.py", "have no area in texture space"),
+    ("scenes/jobs/vertices.py", "between the vertices w errs by"),
+    ("scenes/jobs/textures/remarks.py", "faces overlap in"),
+    ("scenes/jobs/textures/remarks.py", "reach out of the unit square"),
+    ("scenes/jobs/textures/remarks.py", "would keep tiles apart"),
+    ("scenes/jobs/textures/remarks.py", "have no texture coordinates"),
+    ("scenes/jobs/textures/remarks.py", "are not within the cage"),
+    ("scenes/jobs/textures/remarks.py", "have no area in texture space"),
 )
 W = {"least": 0.1, "quantiles": {"0.5": 0.8}}
 GOOD = {"w": W, "rmse_estimate": 0.004, "options": {}, "error_calibration": None, "warnings": [], "vertices": 9}

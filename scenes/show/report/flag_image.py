@@ -11,7 +11,7 @@ from raytrace import AmbientLight, Camera, Lambert, Mesh, Object, Scene, Setting
 from raytrace.image.write import write_image
 from raytrace.types import Float32s, Float64s
 
-from ..description.defaults import framing
+from ...description.defaults import framing
 
 COLOURS = {
     ao.Flag.UNREFERENCED: (0.1, 0.3, 1.0),

@@ -10,7 +10,7 @@ from pathlib import Path
 from tempfile import mkdtemp
 from typing import Any
 
-from ..commands.console import KERNELS_OF_BAKE, compiling, progress
+from .console import KERNELS_OF_BAKE, compiling, progress
 
 _KEPT = (
     *("mesh", "output", "falloff", "tau", "half_distance", "max_distance", "samples", "seed", "threads", "normals"),
@@ -54,8 +54,8 @@ class TilesCommand:
         from raytrace.system.outputs import check_outputs
 
         from ..falloffs import make_falloff, table_of
-        from .mapped import map_mesh
-        from .write import ENDINGS, write_tiled
+        from ..tiles.mapped import map_mesh
+        from ..tiles.write import ENDINGS, write_tiled
 
         start = time.perf_counter()
         falloff = make_falloff(self.falloff, self.tau, self.half_distance, self.max_distance)

@@ -13,8 +13,8 @@ from raytrace.mesh.mesh import Mesh
 from raytrace.mesh.normals import face_normals
 from raytrace.types import Bools, Float64s
 
-from ..commands.options import parse_texels
-from ..formats.load import MeshFile
+from ...formats.load import MeshFile
+from ..options import parse_texels
 from .unwrap import has_unwrapper, unwrap
 
 AUTO, UNWRAP, FILL = "auto", "unwrap", "fill"

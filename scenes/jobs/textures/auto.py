@@ -5,14 +5,14 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from ..commands.bake import BakeCommand
-from ..commands.console import progress
+from ..console import progress
+from ..vertices import BakeCommand
 
 if TYPE_CHECKING:
     import ao
     from ao.result import Interpolation
 
-    from ..formats.load import MeshFile
+    from ...formats.load import MeshFile
 
 _SIZE = "512"  # texels a side: meshes whose faces are too large for w at vertices are small
 
@@ -27,7 +27,7 @@ class AutoCommand(BakeCommand):
     def _write(self, baked: ao.Bake, source: MeshFile, falloff: ao.Falloff) -> tuple[str, list[str]]:
         from raytrace.system.atomic import atomic_write
 
-        from ..formats.glb.textured import textured_glb
+        from ...formats.glb.textured import textured_glb
 
         textures = self._textures(source, falloff) if baked.coarse else []
         shown = _shown(baked, textures)

@@ -12,8 +12,8 @@ from raytrace.errors import ObscuranceError, printable
 from raytrace.system.memory import available
 from raytrace.system.threads import thread_count
 
-from ..commands.bake import MeshBake, Work
-from ..commands.console import columns, compiling, note
+from .bake import MeshBake, Work
+from .console import columns, compiling, note
 
 if TYPE_CHECKING:
     import ao

@@ -14,13 +14,11 @@ from typing import TYPE_CHECKING, Any
 from raytrace.errors import printable
 from raytrace.system.threads import run_blocks, thread_count
 
-from ..cluster.workers import Workers, cluster_checkpoint
-from ..commands.bake import MeshBake, told_shortfalls
-from ..commands.console import compiling, note, progress, warn
+from .bake import MeshBake, Outcome, bake_one, told_shortfalls
+from .console import compiling, note, progress, warn
 from .inputs import MANIFEST, check_batch, made
-from .manifest import Entry, Manifest, digest
-from .one import Outcome, bake_one
-from .parts import dealt, part_manifest
+from .manifest import Entry, Manifest, dealt, digest, part_manifest
+from .workers import Workers, cluster_checkpoint
 
 if TYPE_CHECKING:
     import ao

@@ -1,18 +1,19 @@
-"""`obscurance bake --part`: one of several parts of a bake, into a folder from which `obscurance merge` takes them."""
+"""`obscurance bake --part`, one of several parts of a bake, into a folder; and `obscurance merge`, which takes them."""
 
 from __future__ import annotations
 
 import re
 import time
+from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from ..commands.bake import BakeCommand
-from ..commands.console import note
-from ..commands.options import plain
-from ..textures.command import TextureCommand, bake_command
+from ..formats.image_names import is_texture
+from .bake import MeshBake
+from .console import note
+from .options import plain
 
 OF_OUTPUT = (
     *("report", "debug_image", "up", "colors", "replace_occlusion", "mesh_output", "bent_normals", "bent_space"),
@@ -26,7 +27,7 @@ _OF_TEXTURE = "size", "texel_size"
 class PartCommand:
     """The command: `bake`, as it would be without `--part`, traced as part `number` of `of` into `folder`."""
 
-    bake: BakeCommand | TextureCommand
+    bake: MeshBake
     description: dict[str, Any]
     folder: Path
     number: int
@@ -52,8 +53,10 @@ class PartCommand:
             print(f"{part.path}: {part.rays:,} rays traced in {time.perf_counter() - start:.2f} s")
 
 
-def part_command(text: str, options: dict[str, Any]) -> PartCommand:
+def part_command(text: str, options: dict[str, Any], bake_command: Callable[[dict[str, Any]], MeshBake]) -> PartCommand:
     """The command for `--part` K/N; the parts are of a texture if its size is given.
+
+    Args: bake_command: makes the bake of options.
 
     Raises: OptionError: it is not two such numbers, or an option does not go with it.
     """
@@ -91,3 +94,34 @@ def part_numbers(text: str) -> tuple[int, int]:
 def is_texture_part(description: dict[str, Any]) -> bool:
     """Whether a part is one of a texture."""
     return any(description["options"][name] for name in _OF_TEXTURE)
+
+
+def merge(folder: Path, options: dict[str, Any], bake_command: Callable[[dict[str, Any]], MeshBake]) -> None:
+    """Make of the parts in `folder` what the bake would have made.
+
+    Args:
+        options: of the output, as `bake` has them; `mesh` and `high`: where they are now, None where they were.
+        bake_command: makes the bake of options.
+
+    Raises:
+        InputError: a part is missing, not finished or of another bake, or an option.
+        OutputError, MemoryLimitError: as `bake`.
+    """
+    from ao.execute.merge import Merge, read_parts
+    from raytrace.errors import OptionError
+
+    parts = read_parts(folder)
+    description, output = parts[0].description, options["output"]
+    texture = is_texture_part(description)
+    if texture and output.suffix.lower() == ".glb":
+        options["occlusion"] = "texture"
+    elif texture != is_texture(output):
+        expected = (
+            "an image or a .glb: the parts are of a texture" if texture else "a file of vertices, as the parts are"
+        )
+        raise OptionError("output", expected, output)
+    for name in ("mesh", "high"):
+        stored = description.get(name)
+        options[name] = options[name] or (Path(stored) if stored else None)
+    command = bake_command({**description["options"], **options, "resume": False})
+    replace(command, open_checkpoint=lambda _: Merge(parts, note)).run()

@@ -5,13 +5,13 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from ..formats.image_names import UDIM
+from ...formats.image_names import UDIM
 
 if TYPE_CHECKING:
     import ao
     from raytrace.types import Float64s
 
-    from ..formats.load import MeshFile
+    from ...formats.load import MeshFile
 
 _SOME = 1e-3  # of the covered texels, that may overlap without a word
 _LISTED = 3
@@ -41,7 +41,7 @@ def lacking(source: MeshFile, uv: Float64s, glb: Path | None) -> list[str]:
     """The parts of a file that have no texture coordinates, in a line. Args: glb: what is to hold the textures."""
     from ao.texture.uv_layout import on_page
 
-    from ..formats.glb.pieces import pieces
+    from ...formats.glb.pieces import pieces
 
     without = ~on_page(uv)
     if not without.any():
@@ -58,7 +58,7 @@ def _has_tiles(uv: Float64s) -> bool:
     from ao.texture.uv_layout import on_page
     from raytrace.errors import OptionError
 
-    from ..formats.images import udim_tiles
+    from ...formats.images import udim_tiles
 
     try:
         return bool(udim_tiles(uv[on_page(uv)], ""))

@@ -1,4 +1,4 @@
-"""The options of an earlier bake, from its report or from the manifest of a batch: `bake --options`."""
+"""The help of `obscurance bake` in sections, and the options of an earlier bake, from its report or manifest."""
 
 from __future__ import annotations
 
@@ -8,16 +8,47 @@ from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
-from ao.report import SCHEMA_VERSION
-from raytrace.errors import InputError, nearest_name
-from raytrace.system.inputs import check_regular
-
-from ..commands.bake import NO_OPTIONS_OF_BAKE, BakeCommand
-from ..textures.command import TextureCommand
+from typer.core import TyperCommand
 
 _OF_FILES = ("output", "debug_image", "up", "mesh_output", "bent_normals", "bent_space", "error_map")
 _NOT_TAKEN = (*_OF_FILES, "threads")
 _MOST = 1 << 28  # bytes; anything larger is no report
+SECTIONS = {
+    "What occludes": ("falloff", "tau", "half_distance", "max_distance", "normals", "hidden", "alpha"),
+    "Sampling": ("method", "reconstruct", "traversal", "seed", "threads"),
+    "What .glb and .ply show": ("colors", "occlusion", "replace_occlusion", "orm"),
+    "Textures": (
+        *("size", "texel_size", "uv", "mesh_output", "overlap", "bent_normals", "bent_space", "error_map"),
+        *("high", "cage", "half"),
+    ),
+    "More than one machine, or than its memory": ("part", "cluster", "shared", "tiles"),
+    "Reports, repeats, other programs": (
+        *("report", "debug_image", "up", "from_report", "resume", "dry_run", "progress", "format", "input_format"),
+    ),
+}
+EXAMPLES = """\b
+Examples, with the mesh that obscurance demo writes:
+  obscurance bake demo/temple.ply -o temple.glb
+  obscurance bake demo/temple.ply -o temple.html --falloff binary --tolerance 0.02
+  obscurance bake 'demo/*.ply' --output-dir baked --format glb
+  obscurance bake demo/temple.ply -o temple.png --uv unwrap --size 2048
+"""
+
+
+class SectionedCommand(TyperCommand):
+    """A command whose help lists options by what they are for, those of no section first."""
+
+    def format_options(self, ctx: Any, formatter: Any) -> None:
+        section = {name: title for title, names in SECTIONS.items() for name in names}
+        rows: dict[str, list[tuple[str, str]]] = {title: [] for title in ("Arguments", "Options", *SECTIONS)}
+        for parameter in self.get_params(ctx):
+            row = parameter.get_help_record(ctx)
+            if row is not None:
+                general = "Arguments" if parameter.param_type_name == "argument" else "Options"
+                rows[section.get(str(parameter.name), general)].append(row)
+        for title, found in rows.items():
+            with formatter.section(title):
+                formatter.write_dl(found)
 
 
 def saved_options(path: Path) -> dict[str, Any]:
@@ -28,6 +59,14 @@ def saved_options(path: Path) -> dict[str, Any]:
     Raises:
         InputError: not the report of a bake, or with an option that this version has not.
     """
+    from ao.report import SCHEMA_VERSION
+    from raytrace.errors import InputError, nearest_name
+    from raytrace.system.inputs import check_regular
+
+    from .bake import NO_OPTIONS_OF_BAKE
+    from .textures.bake import TextureCommand
+    from .vertices import BakeCommand
+
     check_regular(path, "the report of a bake")
     try:
         if path.stat().st_size > _MOST:

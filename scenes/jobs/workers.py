@@ -8,12 +8,10 @@ from dataclasses import dataclass, replace
 from functools import partial
 from importlib.util import find_spec
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
-from ..commands.bake import BakeCommand
-from ..commands.console import note
-from ..commands.render_file import RenderCommand
-from ..textures.command import TextureCommand, bake_command
+from .bake import MeshBake
+from .console import note
 
 if TYPE_CHECKING:
     from ao.cluster.session import ClusterSession
@@ -55,7 +53,7 @@ class Workers:
 class ClusterCommand:
     """The command: `bake`, traced by `workers`."""
 
-    bake: BakeCommand | TextureCommand
+    bake: MeshBake
     workers: Workers
 
     def run(self) -> None:
@@ -85,25 +83,3 @@ def cluster_checkpoint(session: ClusterSession, resume: bool, target: Path) -> C
     from ao.cluster.checkpoint import ClusterCheckpoint
 
     return ClusterCheckpoint(f"{target}.partial", session, resume, note)
-
-
-def cluster_command(address: str, shared: Path | None, options: dict[str, Any]) -> ClusterCommand:
-    """The command for `bake --cluster` and `--shared`. Raises: OptionError: as `Workers`, or of the bake."""
-    workers = Workers(address, shared, options["threads"])
-    return ClusterCommand(bake_command(options), workers)
-
-
-def render_command(options: dict[str, Any]) -> RenderCommand:
-    """The command for `render`, with `--cluster` and `--shared` if they are given.
-
-    Raises: OptionError: as `Workers`, or `--shared` alone.
-    """
-    from raytrace.errors import OptionError
-
-    address, shared = options.pop("cluster"), options.pop("shared")
-    if address:
-        workers = Workers(address, shared, options["threads"])
-        return RenderCommand(**options, open_session=workers.session)
-    if shared:
-        raise OptionError("shared", "--cluster with it", "none")
-    return RenderCommand(**options)

@@ -5,66 +5,27 @@ from __future__ import annotations
 import time
 from collections.abc import Iterator, Sequence
 from contextlib import ExitStack
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from ..commands.bake import BakeCommand, MeshBake, Work, Written
-from ..commands.console import KERNELS_OF_TEXTURE, alpha_summary, progress, texture_summary, warn
-from ..commands.options import CAGE, BentSpace, Overlap, check_cage, parse_texels
-from ..formats.image_names import ENDINGS as IMAGES
-from ..formats.image_names import MATERIAL, PLACEHOLDERS, UDIM, is_texture
+from ...formats.image_names import MATERIAL, PLACEHOLDERS, UDIM
+from ..bake import MeshBake, Work, Written
+from ..console import KERNELS_OF_TEXTURE, alpha_summary, progress, texture_summary, warn
+from ..options import CAGE, BentSpace, Overlap, check_cage, parse_texels
 from .remarks import lacking, layout_remarks
 
 if TYPE_CHECKING:
     import ao
     from raytrace.mesh.mesh import Mesh
 
-    from ..formats.load import MeshFile
-    from ..show.report.pictures import Picture
+    from ...formats.load import MeshFile
+    from ...show.report.pictures import Picture
     from .coordinates import Coordinates
     from .pages import Page
 
-_OF_VERTICES = {"method": "vertex", "colors": False, "debug_image": None}
 _UVS = "auto", "unwrap", "fill"
 _IMAGES = "output", "bent_normals", "error_map"
-
-
-def bake_command(options: dict[str, Any]) -> BakeCommand | TextureCommand:
-    """The command for an output.
-
-    Raises: OptionError: the output's ending is unknown, or an option is not for this sort of output.
-    """
-    from raytrace.errors import OptionError
-    from raytrace.system.outputs import check_ending
-
-    from ..write_bake import ENDINGS
-
-    output = options["output"]
-    check_ending("output", output, *ENDINGS, *IMAGES)
-    own = {field.name for field in fields(BakeCommand)}
-    into_glb = options["occlusion"] == "texture"
-    usual = output.suffix.lower() == ".glb" and not options["colors"] and options["occlusion"] is None
-    auto = usual or options["occlusion"] == "auto"
-    if (auto or into_glb) and output.suffix.lower() != ".glb" and not (into_glb and is_texture(output)):
-        raise OptionError("occlusion", f"a .glb output with {options['occlusion']}", output)
-    if auto and options["colors"]:
-        raise OptionError("occlusion", "auto or --colors: viewers multiply one with the other", "both")
-    if not is_texture(output) and not into_glb:
-        for name in options.keys() - own:
-            if options[name]:
-                raise OptionError(name, "with it an image to write, or --occlusion texture", output)
-        given = {name: options[name] for name in options.keys() & own}
-        if not auto:
-            return BakeCommand(**given)
-        from .auto import AutoCommand
-
-        return AutoCommand(**given)
-    for name, usual in _OF_VERTICES.items():
-        if options[name] != usual:
-            raise OptionError(name, "w at vertices, not in a texture, with it", output)
-    own = {field.name for field in fields(TextureCommand)}
-    return TextureCommand(**{name: value for name, value in options.items() if name in own})
 
 
 class Baked(NamedTuple):
@@ -131,7 +92,7 @@ class TextureCommand(MeshBake):
         source = self.read()
         found, pages = self._layout(source)
         if self.orm:
-            from ..formats.glb.orm import check_orm
+            from ...formats.glb.orm import check_orm
 
             check_orm(source.gltf, found.number, self.replace_occlusion)
         fine = self.read_high()
@@ -172,7 +133,7 @@ class TextureCommand(MeshBake):
         from raytrace.errors import OptionError
         from raytrace.system.outputs import check_ending
 
-        from ..formats.images import check_texture_target
+        from ...formats.images import check_texture_target
 
         if self.hidden == "mark":
             raise OptionError("hidden", "auto, ignore or fill for a texture", "mark")
@@ -277,7 +238,7 @@ class TextureCommand(MeshBake):
         return baked, warn([], [*baked.shortfalls, *(f"{self._title(page)}: {line}" for line in remarks)])
 
     def _write_images(self, baked: ao.BakedTexture, page: Page) -> None:
-        from ..formats.images import write_error, write_normals, write_w
+        from ...formats.images import write_error, write_normals, write_w
 
         images = {name: page.path(path) for name, path in self._images().items()}
         if images["output"] != self._glb():
@@ -303,8 +264,8 @@ class TextureCommand(MeshBake):
         from ao.texture.uv_layout import on_page
         from raytrace.system.atomic import atomic_write
 
-        from ..formats.glb.pieces import pieces
-        from ..formats.glb.textured import textured_glb
+        from ...formats.glb.pieces import pieces
+        from ...formats.glb.textured import textured_glb
 
         (source, fine), w = meshes, None
         covered = np.any([on_page(each.uv) for each in baked], axis=0)
@@ -324,7 +285,7 @@ class TextureCommand(MeshBake):
         """Args: inputs: what was read."""
         from ao.report import report
 
-        from ..show.report.complete import complete, write_report
+        from ...show.report.complete import complete, write_report
 
         options = self.described()
         reports = [report(each.baked, options, each.seconds, each.warnings) for each in made]
@@ -333,7 +294,7 @@ class TextureCommand(MeshBake):
             whole = {"pages": {each.title: about for each, about in zip(made, reports, strict=True)}}
 
         def pictures() -> list[list[Picture]]:
-            from ..show.report.pictures import pictures_of_page
+            from ...show.report.pictures import pictures_of_page
 
             shown = mesh if len(made) == 1 else None
             return [pictures_of_page(shown, each.baked) for each in made]

@@ -19,11 +19,11 @@ from ao.texture.uv_layout import on_page
 from raytrace.errors import OptionError
 from raytrace.types import Bools, Float64s, Int64s
 
-from ..formats.glb.pieces import Piece, pieces
-from ..formats.image_names import MATERIAL, OBJECT, UDIM
-from ..formats.images import tile_number, udim_tiles
-from ..formats.load import MeshFile
-from ..safe_paths import file_words
+from ...formats.glb.pieces import Piece, pieces
+from ...formats.image_names import MATERIAL, OBJECT, UDIM
+from ...formats.images import tile_number, udim_tiles
+from ...formats.load import MeshFile
+from ...safe_paths import file_words
 from .coordinates import Coordinates
 
 _SOME = 0.01  # of the texels of the smaller of two layouts, that may overlap

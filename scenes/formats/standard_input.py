@@ -9,7 +9,7 @@ from pathlib import Path
 from raytrace.errors import MeshError, OptionError
 from raytrace.system.memory import check_memory
 
-from ..formats.load import MeshFile, load
+from .load import MeshFile, load
 
 STANDARD = Path("-")
 _CHUNK = 1 << 26

@@ -3,20 +3,27 @@
 from __future__ import annotations
 
 import os.path
-from dataclasses import replace
+from dataclasses import fields, replace
 from pathlib import Path
 from typing import Any, get_args
 
 from raytrace.errors import OptionError
 from raytrace.system.atomic import standard_output
 
-from ..batch.command import Batch
-from ..batch.inputs import expand, is_pattern, outputs_in
-from ..commands.bake import MeshBake
-from ..commands.options import Format
-from ..textures.command import bake_command
-from .streams import STANDARD, standard_input
+from ..formats.image_names import ENDINGS as IMAGES
+from ..formats.image_names import is_texture
+from ..formats.standard_input import STANDARD, standard_input
+from .bake import MeshBake
+from .batch import Batch
+from .inputs import expand, is_pattern, outputs_in
+from .options import Format
+from .shards import PartCommand, part_command, part_numbers
+from .textures.bake import TextureCommand
+from .tiles import TilesCommand, tiles_command
+from .vertices import BakeCommand
+from .workers import ClusterCommand, Workers
 
+_OF_VERTICES = {"method": "vertex", "colors": False, "debug_image": None}
 _LARGE = "part", "cluster", "shared", "tiles"
 _ONE_FILE = dict.fromkeys(_LARGE, "one mesh file and --output with it, or --output-dir")
 _ONE_FILE["tiles"] = "one mesh file and --output with it"
@@ -36,9 +43,7 @@ def run_bake(options: dict[str, Any]) -> int:
         return _large_batch(options, dry, large).run()
     if any(large.values()):
         _for_one_file(options, dry, large)
-        from ..cluster.choose import large_command
-
-        large_command(**large, options=options).run()
+        _large_command(**large, options=options).run()
         return 0
     chosen = _chosen(options)
     if not dry:
@@ -54,15 +59,15 @@ def run_merge(folder: Path, options: dict[str, Any]) -> int:
     """Merge the parts in `folder`, of a bake or of a batch. Returns: the exit status, 1 if a mesh of a batch failed.
 
     Raises:
-        InputError, OutputError, MemoryLimitError: as `scenes.cluster.merge.merge` and `merge_batch`.
+        InputError, OutputError, MemoryLimitError: as `scenes.jobs.shards.merge` and `merge_batch`.
     """
-    from ..batch.parts import is_batch_of_parts, merge_batch
-    from ..cluster.merge import merge
+    from .manifest import is_batch_of_parts, merge_batch
+    from .shards import merge
 
     if not is_batch_of_parts(folder):
         if options["output"] is None:
             raise OptionError("output", "a file, for the parts of a bake", "nothing")
-        merge(folder, options)
+        merge(folder, options, bake_command)
         return 0
     for name, value in options.items():
         if value and name not in ("quiet", "threads"):
@@ -78,9 +83,6 @@ def run_merge(folder: Path, options: dict[str, Any]) -> int:
 
 def _large_batch(options: dict[str, Any], dry: bool, large: dict[str, Any]) -> Batch:
     """The batch that a cluster bakes, or a part of one. Raises: OptionError: options do not go together."""
-    from ..cluster.part import part_numbers
-    from ..cluster.workers import Workers
-
     name = "part" if large["part"] else "cluster"
     if dry:
         raise OptionError("dry_run", f"no such option with --{name}", "one")
@@ -163,3 +165,52 @@ def _check_single(given: list[Path], output: Path | None) -> None:
         raise OptionError("output", "a file", f"{output}, a folder", nearest="--output-dir")
     if several:
         raise OptionError("output", f"--output-dir for {several}", output, nearest="--output-dir")
+
+
+def bake_command(options: dict[str, Any]) -> MeshBake:
+    """The command for an output.
+
+    Raises: OptionError: the output's ending is unknown, or an option is not for this sort of output.
+    """
+    from raytrace.system.outputs import check_ending
+
+    from ..write_bake import ENDINGS
+
+    output = options["output"]
+    check_ending("output", output, *ENDINGS, *IMAGES)
+    own = {field.name for field in fields(BakeCommand)}
+    into_glb = options["occlusion"] == "texture"
+    usual = output.suffix.lower() == ".glb" and not options["colors"] and options["occlusion"] is None
+    auto = usual or options["occlusion"] == "auto"
+    if (auto or into_glb) and output.suffix.lower() != ".glb" and not (into_glb and is_texture(output)):
+        raise OptionError("occlusion", f"a .glb output with {options['occlusion']}", output)
+    if auto and options["colors"]:
+        raise OptionError("occlusion", "auto or --colors: viewers multiply one with the other", "both")
+    if not is_texture(output) and not into_glb:
+        for name in options.keys() - own:
+            if options[name]:
+                raise OptionError(name, "with it an image to write, or --occlusion texture", output)
+        given = {name: options[name] for name in options.keys() & own}
+        if not auto:
+            return BakeCommand(**given)
+        from .textures.auto import AutoCommand
+
+        return AutoCommand(**given)
+    for name, usual in _OF_VERTICES.items():
+        if options[name] != usual:
+            raise OptionError(name, "w at vertices, not in a texture, with it", output)
+    own = {field.name for field in fields(TextureCommand)}
+    return TextureCommand(**{name: value for name, value in options.items() if name in own})
+
+
+def _large_command(
+    part: str | None, cluster: str | None, shared: Path | None, tiles: str | None, options: dict[str, Any]
+) -> PartCommand | ClusterCommand | TilesCommand:
+    """The command. Raises: OptionError: options do not go together."""
+    if sum(map(bool, (part, cluster, tiles))) > 1:
+        raise OptionError("part" if part else "tiles", "one of --part, --cluster and --tiles", "several")
+    if cluster:
+        return ClusterCommand(bake_command(options), Workers(cluster, shared, options["threads"]))
+    if shared:
+        raise OptionError("shared", "--cluster with it", "none")
+    return tiles_command(tiles, options) if tiles else part_command(part or "", options, bake_command)

@@ -12,16 +12,14 @@ import os
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
 from raytrace.types import Int64s
 
-from ..commands.bake import MeshBake, told_shortfalls
-from ..commands.console import unprinted_warnings
-from .manifest import Status
-from .one import Outcome, bake_one
+from .bake import MeshBake, Outcome, bake_one, told_shortfalls
+from .console import unprinted_warnings
 
 if TYPE_CHECKING:
     import ao
@@ -115,7 +113,7 @@ def bake_remotely(
 def _outcome(fields: Any) -> Outcome:
     """The outcome as a worker says it, each field of its type."""
     try:
-        status: Status = "done" if fields["status"] == "done" else "failed"
+        status: Literal["done", "failed"] = "done" if fields["status"] == "done" else "failed"
         return Outcome(status, float(fields["seconds"]), str(fields["message"]), list(map(str, fields["warnings"])))
     except (TypeError, KeyError, ValueError) as reason:
         return Outcome("failed", 0.0, f"a worker's answer is no outcome of a bake: {reason}")
