@@ -7,7 +7,6 @@ from typing import NamedTuple
 import numpy as np
 
 from raytrace.embree.packets import DIR_X, GEOM_ID, INVALID, LANES, NG_X, PRIM_ID, intersect8
-from raytrace.embree.scene import TriangleScene
 from raytrace.kernel.borrow import borrow
 from raytrace.kernel.jit import kernel
 from raytrace.mesh.placement import Placement
@@ -38,49 +37,39 @@ class Solids(NamedTuple):
     of_point: Int64s
 
 
-def inside_other_parts(
-    receivers: Receivers, vertices: Float32s, reach: float, total_points: int, threads: int
-) -> Bools:
-    """Whether each of the receivers' points is hidden (k,) in a closed part that it does not belong to.
-
-    Args: vertices: float32 (n, 3), in render space. reach, total_points: as `hidden_points`.
-    """
-    points = receivers.points
-    inside = np.zeros(len(points), np.bool_)
-    part, closed = _closed_parts(vertices, receivers)
-    if not closed.any() or not len(points):
-        return inside
-    own = part[receivers.first_vertex]
-    rows = inside_boxes(points.origins, own, vertices, part, closed)
-    if len(rows):
-        solids = Solids(np.where(closed[part], part, -1)[receivers.faces[:, 0]], own[rows])
-        inside[rows] = hidden_points(receivers.embree(), points[rows], solids, reach, total_points, threads)
-    return inside
-
-
 def inside_solids(
-    points: Points, face: AnyInts, placement: Placement, receivers: Receivers, hidden: Hidden, threads: int
+    points: Points,
+    vertex: AnyInts,
+    placement: Placement,
+    receivers: Receivers,
+    hidden: Hidden,
+    threads: int,
+    total_points: int | None = None,
 ) -> Bools:
-    """The points (k,), each on a face of `receivers`, that are inside a solid as the option `hidden` defines it."""
-    reach = placement.diagonal
+    """The points (k,) that are inside a solid as the option `hidden` defines it.
+
+    Args:
+        vertex: (k,), one of the mesh that `receivers` are of, in the part that each point belongs to.
+        total_points: points of the whole mesh if these are some of them.
+    """
     inside = np.zeros(len(points), np.bool_)
-    if hidden == "ignore":
+    total = len(points) if total_points is None else total_points
+    if hidden == "ignore" or not len(points):
         return inside
-    if hidden in ("fill", "mark"):
-        solids = any_back(receivers, len(points))
-        return hidden_points(receivers.embree(), points, solids, reach, len(points), threads)
+    if hidden != "auto":
+        return _hidden_points(points, _any_back(receivers, len(points)), placement, receivers, total, threads)
     part, closed = _closed_parts(placement.vertices, receivers)
     if not closed.any():
         return inside
-    own = part[receivers.faces[face, 0]]
+    own = part[vertex]
     rows = inside_boxes(points.origins, own, placement.vertices, part, closed)
     if len(rows):
         solids = Solids(np.where(closed[part], part, -1)[receivers.faces[:, 0]], own[rows])
-        inside[rows] = hidden_points(receivers.embree(), points[rows], solids, reach, len(points), threads)
+        inside[rows] = _hidden_points(points[rows], solids, placement, receivers, total, threads)
     return inside
 
 
-def any_back(receivers: Receivers, count: int) -> Solids:
+def _any_back(receivers: Receivers, count: int) -> Solids:
     """Solids that the backs of all opaque faces bound, for `count` points."""
     of_face = np.zeros(len(receivers.faces), np.int64)
     if receivers.opacity:
@@ -96,15 +85,14 @@ def _closed_parts(vertices: Float32s, receivers: Receivers) -> tuple[Int64s, Boo
     return part, closed
 
 
-def hidden_points(
-    scene: TriangleScene, points: Points, solids: Solids, reach: float, total_points: int, threads: int
+def _hidden_points(
+    points: Points, solids: Solids, placement: Placement, receivers: Receivers, total_points: int, threads: int
 ) -> Bools:
     """Whether each point is hidden (k,): more than half of its `RAYS` rays end on the back of a face.
 
     Every bake of a mesh says the same, whatever its seed and whichever vertices it is asked for.
-
-    Args: reach: length of the rays, in render space. total_points: points of the whole mesh.
     """
+    scene, reach = receivers.embree(), placement.diagonal
     table = DirectionTable.make(RAYS, total_points, _KEY)
     hidden = np.empty(len(points), np.bool_)
 

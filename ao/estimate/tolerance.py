@@ -60,6 +60,10 @@ class Estimate:
     screened: int = 0
     calibration: Calibration | None = None
 
+    def skipped(self, hidden: int) -> dict[str, int]:
+        """Rays not traced, by reason. Args: hidden: number of points inside solids."""
+        return {"predicted": (self.samples - self.screened) * self.predicted, "hidden": self.samples * hidden}
+
 
 def estimate_to(
     tracer: Tracer, points: Points, neighbours: Neighbours, tolerance: float, most: int, key: np.uint32

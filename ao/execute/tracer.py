@@ -7,10 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from raytrace.mesh.placement import Placement
 from raytrace.types import Float64s
 
-from ..mu import Mu
+from ..mu import KernelMu
 from ..points.points import Points
 from ..rays.ray_scene import RayScene
 from .checkpoint import Checkpoint
@@ -26,7 +25,7 @@ class Tracer:
 
     Attributes:
         scene: what is traced. packets_below: fewer rays a point than this are traced by Embree, others walk the tree.
-        placement: where it is. mu: the falloff, in mesh units. threads: how many.
+        mu: the falloff, in render space. reach: length of rays there. threads: how many.
         total_points: how many points the whole mesh has, wanted or not.
         progress: called with (rays traced, rays expected in all). checkpoint: keeps traced rows, or None.
         expected: rays expected in all, 0 while none are planned. later: besides, of corners. rays: rays traced.
@@ -34,8 +33,8 @@ class Tracer:
 
     scene: RayScene
     packets_below: int
-    placement: Placement
-    mu: Mu
+    mu: KernelMu
+    reach: float
     threads: int
     total_points: int
     progress: Progress | None = None
@@ -50,9 +49,7 @@ class Tracer:
 
     def _gather(self, points: Points, samples: int, key: np.uint32, dealt: int) -> Float64s:
         """`gather` by a table whose lattices are dealt out to so many points each, see `DirectionTable`."""
-        mu = self.mu.in_render_space(self.placement.scale)
-        reach = min(mu.limit, self.placement.diagonal)
-        work = Hemispheres(points, samples, key, self.total_points, mu, reach, self.packets_below, dealt)
+        work = Hemispheres(points, samples, key, self.total_points, self.mu, self.reach, self.packets_below, dealt)
         tables = work.tables()
         filled = self.checkpoint.fill if self.checkpoint else fill
         filled(work, self.scene, tables, self.threads, lambda rows: self._advance(rows * samples))

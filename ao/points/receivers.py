@@ -95,14 +95,6 @@ class Receivers:
         some = self.points[kept], self.corners.only(kept), self.displaced[kept]
         return replace(self, points=some[0], corners=some[1], displaced=some[2], of_vertex=rows[of_vertex])
 
-    def ordinary(self) -> tuple[Receivers, Int64s]:
-        """What is baked by a hemisphere of its own, and the rows of these in `points`."""
-        if not len(self.corners):
-            return self, np.arange(len(self.points))
-        own = np.ones(len(self.points) + 1, np.bool_)
-        own[self.corners.rows] = False
-        return self.only(own[self.of_vertex]), np.flatnonzero(own[:-1])
-
 
 class Lifted(NamedTuple):
     """Points of n vertices and m faces that are not degenerate, with ray origins, before they are numbered.

@@ -9,10 +9,9 @@ from __future__ import annotations
 import numpy as np
 
 from raytrace.bvh.bvh16 import BVH16
-from raytrace.mesh.placement import Placement
 from raytrace.types import Float64s, Int64s
 
-from ..mu import KernelMu, Mu
+from ..mu import KernelMu, fades
 from ..options import MAX_SAMPLES, Traversal
 from ..points.points import Points
 from .directions import DirectionTable
@@ -27,7 +26,7 @@ _CLOSED = 0.5  # part of the rays that meet something from which on most points 
 _ANY_HIT, _CLOSEST_HIT = 320, 512  # rays a point, fewer of which are faster in packets there
 
 
-def packets_below(traversal: Traversal, scene: RayScene, placement: Placement, points: Points, mu: Mu) -> int:
+def packets_below(traversal: Traversal, scene: RayScene, points: Points, mu: KernelMu, reach: float) -> int:
     """The number of rays a point below which Embree traces them.
 
     Args: points: all of a mesh, some of which are tried, so that a bake of a part of them is that part of the whole.
@@ -37,13 +36,12 @@ def packets_below(traversal: Traversal, scene: RayScene, placement: Placement, p
     if scene.opacity is not None:  # packets begin anew behind each layer
         return 0
     some = points[tried(len(points))]
-    limit = mu.in_render_space(placement.scale).limit
-    return fewer_than(try_out(scene.tree, some, len(some), limit, min(limit, placement.diagonal)), mu)
+    return fewer_than(try_out(scene.tree, some, len(some), mu.limit, reach), mu)
 
 
-def most_packets(mu: Mu) -> int:
+def most_packets(mu: KernelMu) -> int:
     """The largest number that `packets_below` has for it."""
-    return _ANY_HIT if mu.binary else _CLOSEST_HIT
+    return _CLOSEST_HIT if fades(mu) else _ANY_HIT
 
 
 def tried(count: int) -> Int64s:
@@ -59,7 +57,7 @@ def try_out(tree: BVH16, points: Points, count: int, limit: float, reach: float)
     return out[:, W]
 
 
-def fewer_than(openness: Float64s, mu: Mu) -> int:
+def fewer_than(openness: Float64s, mu: KernelMu) -> int:
     """`packets_below` from what `try_out` found at all points that are tried, in their order."""
     if not len(openness) or np.mean(openness) > 1 - _CLOSED:
         return 0

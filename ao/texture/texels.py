@@ -88,7 +88,9 @@ def find_texels(
     first = faces.points_at(coverage.face[:, 0].astype(np.int64), coverage.barycentric[:, 0], threads)[0]
     alone = centres_suffice(coverage, faces, receivers.tree, _most_bent(options), threads)
     texels = _placed(coverage, page, morton_order(first), alone, faces, receivers.tree, threads)
-    inside = inside_solids(texels.points, texels.face, placement, receivers, options.hidden, threads)
+    inside = inside_solids(
+        texels.points, receivers.faces[texels.face, 0], placement, receivers, options.hidden, threads
+    )
     if not inside.any():
         return texels, 0
     good = ~inside

@@ -15,8 +15,7 @@ from raytrace.system.threads import thread_count
 from raytrace.types import Float64s, Int64s
 
 from ..estimate.fixed_samples import place_samples
-from ..execute.hemispheres import Hemispheres
-from ..execute.work import fill
+from ..execute.tracer import Tracer
 from ..falloff import Falloff
 from ..mu import KernelMu, Mu
 from ..options import MAX_SAMPLES, Normals, Options, Traversal, falloff_of
@@ -123,8 +122,8 @@ class _Tracing:
         made = cls(survey, numbering, options, kernel_mu, reach, 0, progress)
         if options.traversal == "embree":
             made.below = MAX_SAMPLES + 1
-        elif min(options.rays, place_samples(options.rays, False)) < most_packets(mu):
-            made.below = fewer_than(made._openness(), mu)
+        elif min(options.rays, place_samples(options.rays, False)) < most_packets(kernel_mu):
+            made.below = fewer_than(made._openness(), kernel_mu)
         return made
 
     def _openness(self) -> Float64s:
@@ -171,17 +170,11 @@ class _Tracing:
         numbering, options = self.numbering, self.options
         total = options.rays * (numbering.count - len(numbering.torn_first))
         total += place_samples(options.rays, False) * numbering.places
-        key = seed_key(options.seed)
-        work = Hemispheres(points, samples, key, numbering.count, self.mu, self.reach, self.below)
-        tables = work.tables()
-
-        def advance(rows: int) -> None:
-            self.rays += rows * samples
-            if self.progress:
-                self.progress(self.rays, total)
-
-        fill(work, scene, tables, thread_count(options.threads), advance)
-        return tables[0]
+        lengths, threads = (self.mu, self.reach), thread_count(options.threads)
+        tracer = Tracer(scene, self.below, *lengths, threads, numbering.count, self.progress, None, total, 0, self.rays)
+        rows = tracer.gather(points, samples, seed_key(options.seed))
+        self.rays = tracer.rays
+        return rows
 
     def _corners(self, tile: int) -> tuple[Corners, Int64s]:
         """The corners of a tile's torn points by number, and the first vertices (j,) of these."""

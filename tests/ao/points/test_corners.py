@@ -82,7 +82,8 @@ def test_ordinary_vertices_keep_their_bits(noisy):
         range(len(points), len(points) + len(receivers.corners.places))
     )
     scene = RayScene(placement.vertices, receivers.faces, receivers.tree, receivers.embree)
-    tracer = Tracer(scene, 0, placement, ao.Binary().resolve(mesh.radius), 1, len(points))
+    mu = ao.Binary().resolve(mesh.radius).in_render_space(placement.scale)
+    tracer = Tracer(scene, 0, mu, placement.diagonal, 1, len(points))
     plain = tracer.gather(points, 64, seed_key(0))[:, 0]
     baked = ao.bake(mesh, ao.Binary(), samples=64, reconstruct=False)
     np.testing.assert_array_equal(baked.w[~torn(baked)], plain[receivers.of_vertex][~torn(baked)])

@@ -5,7 +5,7 @@ import pytest
 from meshes import MESHES, hills
 
 import ao
-import ao.vertex_method
+import ao.prepared
 from ao.points.receivers import find_receivers
 from ao.rays.directions import DirectionTable, choose, turned_frame
 from ao.rays.estimate import COLUMNS, W
@@ -35,7 +35,7 @@ FALLOFFS = {
 @pytest.fixture(autouse=True)
 def walk_alone(monkeypatch):
     """Few rays in closed places walk, too: by themselves they would go through Embree and be compared with it."""
-    monkeypatch.setattr(ao.vertex_method, "packets_below", lambda traversal, *_: (1 << 30) * (traversal == "embree"))
+    monkeypatch.setattr(ao.prepared, "packets_below", lambda traversal, *_: (1 << 30) * (traversal == "embree"))
 
 
 def compare(mesh, falloff, samples=300, **options):
@@ -208,6 +208,7 @@ def test_few_rays_in_a_closed_room_go_through_embree():
         (open_, ao.Binary(), 0),
     ):
         prepared = Prepared(mesh, 16)
-        mu = falloff.resolve(mesh.radius)
-        assert packets_below("auto", prepared.receivers, prepared.placement, prepared.points, mu) == below
-    assert packets_below("embree", prepared.receivers, prepared.placement, prepared.points, mu) > 1 << 20
+        mu = falloff.resolve(mesh.radius).in_render_space(prepared.placement.scale)
+        lengths = mu, min(mu.limit, prepared.placement.diagonal)
+        assert packets_below("auto", prepared.receivers, prepared.points, *lengths) == below
+    assert packets_below("embree", prepared.receivers, prepared.points, *lengths) > 1 << 20
