@@ -50,8 +50,8 @@ def write(
     - `.npy`: w, float32 (n,).
     - `.npz`: `w` float32 (n,), `error` float32 (n,), `bent_normals` float32 (n, 3), `flags` uint8 (n,).
     - `.ply`: `obscurance`, and grey `red green blue` = 255 w, linear: viewers multiply by it as it stands, which is
-      what w is for (`ply.ply`). Coordinates are float where that loses nothing and double otherwise.
-    - `.glb`: `_OBSCURANCE` (`glb.glb`), and what viewers show: a ramp or colours.
+      what w is for (`scenes.formats.ply.write.ply`). Coordinates are float where that loses nothing, double otherwise.
+    - `.glb`: `_OBSCURANCE` (`scenes.formats.glb.write.glb`), and what viewers show: a ramp or colours.
     - `.html`: a page for a browser, everything in it (`scenes.show.page.document`).
     - `.png` `.exr` `.tif`, of a texture: w, linear, PNG of 16 bits, others float32.
 

@@ -112,16 +112,16 @@ def _closest_points(fine: Fine, places: Float64s, radius: float, threads: int) -
 
     def search(first: int, last: int) -> None:
         found = face[first:last], weights[first:last]
-        _search(tree, new_stack(), *surface, places[first:last], radius, rounded, *found)
+        _search(tree, new_stack(), surface, places[first:last], radius, rounded, *found)
 
     run_blocks(len(places), _BLOCK, search, threads)
     return face, weights
 
 
 @kernel
-def _search(tree, stack, vertices, faces, places, radius, rounded, face, weights):
+def _search(tree, stack, surface, places, radius, rounded, face, weights):
     """Write the closest points of `places`; `radius`: how far to look at first. `rounded`: to look farther."""
-    tree = borrow(tree)
+    tree, (vertices, faces) = borrow(tree), surface
     for i in range(len(places)):
         p, reach, best = load(places, i), radius, np.inf
         middle = np.float32(p[0]), np.float32(p[1]), np.float32(p[2])

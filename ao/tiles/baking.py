@@ -1,4 +1,4 @@
-"""`ao.bake_tiled`: w at the vertices of a mesh on the disk, in the memory of a tile."""
+"""`ao.tiles.baking.bake_tiled`: w at the vertices of a mesh on the disk, in the memory of a tile."""
 
 from __future__ import annotations
 

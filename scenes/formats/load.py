@@ -164,7 +164,7 @@ def read_objects(
 ) -> tuple[list[Instance], Gltf | None]:
     """The placed objects of a mesh file as it stores them, at least one, and the asset when it is glTF or GLB.
 
-    Of a glTF they are its drawn primitives, in the order of `gltf.primitives`.
+    Of a glTF they are its drawn primitives, in the order of `container.primitives`.
 
     Args: keep: also the `Instance.detail` of OBJ and PLY. content, alpha: as `load` takes them.
 

@@ -16,9 +16,9 @@ from .ply.write import has_own_colors
 
 
 def lost(target: Path, mesh_file: MeshFile, channels: Channels = Channels()) -> list[str]:
-    """What `write.write` does not keep, or does otherwise than one might think: lines for the user, mostly none.
+    """What `write_bake.write` does not keep, or does otherwise than one might think: lines for the user, mostly none.
 
-    Args: mesh_file: was loaded for `target`. channels: see `write.channels`.
+    Args: mesh_file: was loaded for `target`. channels: see `write_bake.channels`.
     """
     kind, colors = target.suffix.lower(), channels.colors
     if kind == ".glb":

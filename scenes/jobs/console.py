@@ -228,7 +228,7 @@ def alpha_summary(mesh: Mesh) -> str:
 def show_picture(pixels: npt.NDArray[np.float32]) -> None:
     """Print a picture in the terminal's colours, at most as wide as it: two pixels a character, one above the other.
 
-    Not OpenImageIO's `term` writer, which prints `\\u2580` in these six letters instead of the half block.
+    Not the terminal writer of OpenImageIO, which prints `\\u2580` in these six letters instead of the half block.
 
     Args: pixels: (h, w, 3 or more), linear RGB.
     """

@@ -29,7 +29,7 @@ def glb(mesh_file: MeshFile, w: AnyFloats, channels: Channels) -> bytes:
     A glTF source is kept as stored, with all its nodes, materials, textures, animations and extensions; only what
     holds w is added, and meshes that several nodes share are given to each node separately, because each
     instance has its own w. Every other source becomes one node a part, in world space, with the normals, texture
-    coordinates, colours and materials that it has (`plain_glb.plain`).
+    coordinates, colours and materials that it has (`plain.plain`).
 
     Args:
         mesh_file: what was baked.
