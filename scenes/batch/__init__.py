@@ -1,0 +1,1 @@
+"""Many meshes baked by one command."""
