@@ -1,0 +1,1 @@
+"""Adaptive sampling: ray counts and points for a tolerance, or a number of rays that is given."""

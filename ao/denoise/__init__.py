@@ -1,0 +1,1 @@
+"""Denoising by neighbouring points, and upsampling to points that were not traced."""

@@ -1,1 +1,0 @@
-"""Values of points: rays as many as given or as a tolerance needs, denoising, upsampling, interior points."""

@@ -1,1 +1,0 @@
-"""Work in blocks: threads, journals to resume from, parts and their merge."""

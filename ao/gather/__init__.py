@@ -1,0 +1,1 @@
+"""Hemispheres at points: receivers, ray origins, directions and the estimator."""

@@ -1,0 +1,1 @@
+"""Vertices inside closed parts: finding them, and filling them from visible ones."""

@@ -1,1 +1,0 @@
-"""What is baked: receivers of occlusion, corner samples of folds, Morton order."""

@@ -1,0 +1,1 @@
+"""Gathering at many points: threads, and checkpoints to resume from."""

@@ -1,0 +1,1 @@
+"""What `obscurance bake` makes of its options."""

@@ -1,1 +1,0 @@
-"""Mesh files in and out, one file or folder a format."""

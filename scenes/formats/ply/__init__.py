@@ -1,1 +1,0 @@
-"""PLY, in and out."""

@@ -1,1 +1,0 @@
-"""What a user looks at: pages, reports, the clay look."""

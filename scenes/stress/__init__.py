@@ -1,0 +1,1 @@
+"""Numerical stress tests: poses, contacts, defects, limits of float32."""

@@ -1,1 +1,0 @@
-"""The stress suite: poses, contacts, defects, limits of float32."""
