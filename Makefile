@@ -1,7 +1,9 @@
-PYTHON ?= python3.11
 VENV   := .venv
 BIN    := $(VENV)/bin
 STAMP  := $(VENV)/.installed
+SUITABLE := import sys, ensurepip, venv; sys.exit(not (3, 11) <= sys.version_info[:2] <= (3, 14))
+PYTHON ?= $(shell for python in $(BIN)/python python3.14 python3.13 python3.12 python3.11 python3 python; do \
+	$$python -c '$(SUITABLE)' >/dev/null 2>&1 && { echo $$python; break; }; done)
 PYTEST := $(BIN)/python -m pytest --numprocesses auto --maxprocesses 4 --dist worksteal
 
 .DEFAULT_GOAL := help
@@ -11,8 +13,10 @@ help: ## list the targets
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "  make %-12s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
 
 $(STAMP): pyproject.toml
-	@command -v $(PYTHON) >/dev/null || { echo "$(PYTHON) not found; set PYTHON=/path/to/python" >&2; exit 1; }
-	$(PYTHON) -m venv $(VENV)
+	@python='$(PYTHON)'; "$${python:-none}" -c '$(SUITABLE)' 2>/dev/null || { echo "expected Python 3.11 to 3.14 with its \
+	venv module, got $${python:-none}; set PYTHON=/path/to/python" >&2; exit 1; }
+	@"$(PYTHON)" -c 'import sys; print("Python", sys.version.split()[0], "of", sys.executable, "for $(VENV)")'
+	@[ "$$($(BIN)/python -V 2>&1)" = "$$("$(PYTHON)" -V 2>&1)" ] || clear=--clear; "$(PYTHON)" -m venv $$clear $(VENV)
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[test,bench,docs]'
 	$(BIN)/python -m compileall -q raytrace ao scenes cli.py
 	@touch $@
@@ -43,7 +47,7 @@ PEERS := .peers/mitsuba .peers/open3d .peers/blender
 .peers/blender: PACKAGE := bpy==5.0.1
 
 $(PEERS):
-	$(PYTHON) -m venv $@
+	"$(PYTHON)" -m venv $@
 	$@/bin/python -m pip install --quiet --disable-pip-version-check $(PACKAGE) || { rm -rf $@; exit 1; }
 
 peers: ## environments of the other bakers, in .peers/; one that cannot be had is left out

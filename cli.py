@@ -17,10 +17,10 @@ import typer
 from typer.exceptions import TyperException
 from typer.main import get_command
 
-from scenes.baking.sections import EXAMPLES, SectionedCommand
-from scenes.commands import options as choices
-from scenes.commands.console import columns, note, output_failed, readable_output, reopen_streams
 from scenes.commands.usage import mistake_in_words, option_in_words
+from scenes.jobs import options as choices
+from scenes.jobs.console import columns, note, output_failed, readable_output, reopen_streams
+from scenes.jobs.parameters import EXAMPLES, SectionedCommand, saved_options
 
 interrupts.all_imported()
 
@@ -29,7 +29,8 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"]},
     help="Bake ambient occlusion or obscurance (1 = open) and render scenes, with Embree.",
-    epilog="\b\nTo begin with:  obscurance bake bunny.obj -o bunny.ply\nMore of each:   obscurance COMMAND -h",
+    epilog="\b\nTo begin with:  obscurance demo\n                obscurance view demo/temple.ply --open\n"
+    "More of each:   obscurance COMMAND -h",
 )
 
 Threads = Annotated[int | None, typer.Option(help="Number of threads, by default all cores; results are the same.")]
@@ -53,7 +54,8 @@ Cluster = Annotated[
     str | None,
     typer.Option(
         metavar="local[:N]|tls://HOST:PORT",
-        help="Trace by N workers on this machine, or by those of a Dask scheduler (obscurance[cluster]).",
+        help="Trace by N workers on this machine, or by those of a Dask scheduler (pip install dask distributed "
+        "cryptography).",
     ),
 ]
 Shared = Annotated[
@@ -66,8 +68,6 @@ Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="No progress bar and 
 def _take_options(context: typer.Context, report: Path | None) -> None:
     """Let options that are not given have the values that they had in an earlier bake."""
     if report is not None:
-        from scenes.baking.saved_options import saved_options
-
         context.default_map = saved_options(report)
 
 
@@ -182,7 +182,7 @@ def bake(
         str | None,
         typer.Option(
             metavar="auto|N|unwrap|fill",
-            help="Texture: the file's texture coordinates, of a glTF the N-th; new ones (obscurance[unwrap]) of all, "
+            help="Texture: the file's texture coordinates, of a glTF the N-th; new ones (pip install uvunwrap) of all, "
             "or filled in where there are none.",
         ),
     ] = None,
@@ -245,9 +245,12 @@ def bake(
     quiet: Quiet = False,
     from_report: FromReport = None,
 ) -> None:
-    """Bake ambient occlusion or obscurance to vertices or a texture."""
+    """Bake ambient occlusion or obscurance to vertices or a texture.
+
+    The result is w, one number for each vertex or texel: 1 where it is open, 0 where it is closed.
+    """
     options = {name: value for name, value in locals().items() if name != "from_report"}
-    from scenes.baking.choose import run_bake
+    from scenes.jobs.run import run_bake
 
     raise typer.Exit(run_bake(options))
 
@@ -277,7 +280,7 @@ def merge(
 ) -> None:
     """Write the output of a bake, or a batch, traced in parts."""
     options = {name: value for name, value in locals().items() if name != "parts"}
-    from scenes.baking.choose import run_merge
+    from scenes.jobs.run import run_merge
 
     raise typer.Exit(run_merge(parts, options))
 
@@ -297,7 +300,7 @@ def view(
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="No summary.")] = False,
 ) -> None:
     """Make a page to look at a bake: one file, no network."""
-    from scenes.page.view import view_results
+    from scenes.show.page.view import view_results
 
     summary = view_results(result, other, output, mesh, up, open_)
     if not quiet:
@@ -310,8 +313,8 @@ def info(
     json: Annotated[bool, typer.Option("--json", help="As JSON, for other programs.")] = False,
 ) -> None:
     """Describe a mesh file and its defects."""
-    from scenes.baking.streams import load_mesh
     from scenes.commands.info import describe, facts
+    from scenes.formats.standard_input import load_mesh
 
     source = load_mesh(mesh)
     if json:
@@ -324,39 +327,20 @@ def info(
 
 @app.command()
 def validate(
-    meshes: Annotated[
-        list[Path] | None,
-        typer.Argument(metavar="MESH", help="With --generated: mesh files to use instead of built-in shapes."),
-    ] = None,
     samples: Annotated[
-        int, typer.Option(help="Rays per vertex, with --generated of the reference; allowed errors depend on it.")
+        int, typer.Option(help="Rays per vertex; allowed errors depend on it.")
     ] = choices.VALIDATION_SAMPLES,
-    seed: Annotated[
-        int | None, typer.Option(help="Random seed of rays and generated meshes; with --generated a fresh one.")
-    ] = None,
+    seed: Annotated[int, typer.Option(help="Random seed of rays.")] = 0,
     threads: Threads = None,
-    stress: Annotated[
-        bool, typer.Option("--stress", help="Instead: numerical stress tests, in many poses and on degenerate meshes.")
-    ] = False,
-    generated: Annotated[
-        bool, typer.Option("--generated", help="Instead: test --tolerance on randomly generated meshes.")
-    ] = False,
-    long: Annotated[bool, typer.Option("--long", help="With --stress: minutes; with --generated: hours.")] = False,
-    family: Annotated[
-        list[str] | None, typer.Option(help="With --generated: only this family of meshes; repeatable.")
-    ] = None,
+    moved: Annotated[bool, typer.Option("--stress", "--generated", "--long", hidden=True)] = False,
 ) -> None:
     """Compare bakes with exact solutions; exit status 1 on failure."""
-    from scenes.commands import validate as command
+    from scenes.commands.validate import validate_closed_forms
 
-    command.check_forms(samples, seed, stress, generated, long, {"meshes": meshes or (), "family": family or ()})
-    if generated:
-        passed = command.validate_generated(meshes or [], samples, seed, threads, long, family or ())
-    elif stress:
-        passed = command.validate_stress(threads, long)
-    else:
-        passed = command.validate_closed_forms(samples, seed or 0, threads)
-    if not passed:
+    if moved:
+        where = "python -m pytest tests/stress tests/random_meshes, in the source folder"
+        raise typer.Exit(_fail(f"validate: stress tests and random meshes are test suites: {where}", 2))
+    if not validate_closed_forms(samples, seed, threads):
         raise typer.Exit(1)
 
 
@@ -403,7 +387,7 @@ def render(
 ) -> None:
     """Render a scene to an image; an .exr holds every layer."""
     options = locals()
-    from scenes.cluster.workers import render_command
+    from scenes.commands.render_file import render_command
 
     render_command(options).run()
 

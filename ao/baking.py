@@ -8,24 +8,26 @@ from dataclasses import replace
 from typing import Any
 
 from raytrace.errors import OptionError
+from raytrace.kernel.notice import KERNELS_OF_BAKE, compiling
 from raytrace.mesh.convert import mesh_of
 from raytrace.mesh.mesh import Mesh
 from raytrace.mesh.opacity import opacity_bytes
 from raytrace.system.memory import check_memory
 from raytrace.types import Bools
 
-from .adaptive.tolerance import ToleranceWarning
+from .estimate.tolerance import ToleranceWarning
+from .execute.checkpoint import Checkpoint
+from .execute.tracer import Progress
 from .falloff import Falloff, Length, resolve_length
 from .interpolation import measure_interpolation
 from .memory import surface_bytes, vertex_bytes
 from .options import DEFAULT_SAMPLES, Hidden, Method, Normals, Options, Traversal, falloff_of
 from .prepared import Prepared
 from .result import Bake, PointValues, assemble
-from .trace.checkpoint import Checkpoint
-from .trace.tracer import Progress
 from .vertex_method import sample_vertices
 
 
+@compiling(KERNELS_OF_BAKE)
 def bake(
     mesh: Mesh | Any,
     falloff: Falloff | str | None = None,

@@ -10,15 +10,15 @@ from raytrace.ray_origins.surface import Surface
 from raytrace.sampling.hash import mix_array
 from raytrace.types import Float32s, Float64s, Int64s
 
-from .adaptive.probes import derive
-from .gather.below_face import leave_out_below
-from .gather.estimate import W
-from .gather.points import Points
-from .interior.inside import inside_solids
+from .estimate.inside import inside_solids
+from .estimate.probes import derive
+from .execute.tracer import Tracer
+from .points.points import Points
 from .prepared import Prepared
+from .rays.below_face import leave_out_below
+from .rays.estimate import W
 from .result import Interpolation
 from .texture.surface_points import Faces
-from .trace.tracer import Tracer
 
 _POINTS, _RAYS = 1024, 16  # the rays of each of two estimates
 
@@ -41,11 +41,12 @@ def measure_interpolation(prepared: Prepared, w: Float64s, error: Float64s) -> I
     axes = np.where(point[..., None] < 0, np.float32(0), receivers.points.normals[point])
     points, sides = _on_faces(vertices[corners], normals[own], axes, weights)
     hidden = prepared.options.hidden if prepared.options.method == "vertex" else "auto"
-    seen = ~inside_solids(points, own, placement, receivers, hidden, threads)
+    seen = ~inside_solids(points, faces[own, 0], placement, receivers, hidden, threads)
     if not seen.any():
         return _at_no_point()
     points, sides = points[seen], sides[seen]
-    tracer = Tracer(prepared.scene, 0, placement, prepared.mu, threads, total_points=_POINTS)
+    mu = prepared.mu.in_render_space(placement.scale)
+    tracer = Tracer(prepared.scene, 0, mu, min(mu.limit, placement.diagonal), threads, _POINTS)
     estimates = np.stack([_w_at(tracer, points, sides, derive(prepared.key, salt)) for salt in (8, 9)], axis=-1)
     part, corners = weights[seen].astype(np.float64), corners[seen]
     values = np.einsum("ki,ki->k", part, w[corners])

@@ -12,12 +12,14 @@ from raytrace.mesh.placement import Placement
 from raytrace.sampling.hash import seed_key
 from raytrace.system.threads import thread_count
 
-from .gather.receivers import Receivers, find_receivers
+from .estimate.estimate import Target
+from .execute.checkpoint import Checkpoint
+from .execute.tracer import Progress, Tracer
 from .mu import Mu
 from .options import Options
-from .trace.checkpoint import Checkpoint
-from .trace.ray_scene import RayScene
-from .trace.tracer import Progress
+from .points.receivers import Receivers, find_receivers
+from .rays.ray_scene import RayScene
+from .rays.traversal_choice import packets_below
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,6 +65,20 @@ class Prepared:
         """What rays are traced in."""
         receivers = self.receivers
         return RayScene(self.placement.vertices, receivers.faces, receivers.tree, receivers.embree, receivers.opacity)
+
+    def tracer(self, total_points: int) -> Tracer:
+        """What gathers hemispheres at up to `total_points` points; of a mesh, all of them, whichever are wanted."""
+        options, placement, receivers = self.options, self.placement, self.receivers
+        mu = self.mu.in_render_space(placement.scale)
+        reach = min(mu.limit, placement.diagonal)
+        below = packets_below(options.traversal, self.scene, receivers.points, mu, reach)
+        return Tracer(self.scene, below, mu, reach, self.threads, total_points, self.progress, self.checkpoint)
+
+    @property
+    def target(self) -> Target:
+        """What is asked for at the points that are wanted."""
+        options = self.options
+        return Target(options.rays, options.tolerance, options.reconstruct and options.only is None, self.key)
 
     @property
     def key(self) -> np.uint32:

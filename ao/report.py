@@ -13,8 +13,8 @@ import numpy as np
 from raytrace.embree import library as embree
 from raytrace.types import AnyFloats
 
-from .adaptive.calibration import Calibration
-from .gather.receivers import Flag
+from .estimate.calibration import Calibration
+from .points.receivers import Flag
 from .result import Bake
 from .texture.result import BakedTexture
 

@@ -11,9 +11,10 @@ from raytrace.mesh.mesh import Mesh
 from raytrace.mesh.normals import normalize
 from raytrace.types import Float64s, Int64s, UInt8s
 
-from .adaptive.calibration import Calibration
-from .gather.receivers import Flag
+from .estimate.calibration import Calibration
+from .estimate.tolerance import Estimate
 from .mu import Mu
+from .points.receivers import Flag
 from .prepared import Prepared
 
 _VISIBLE = 0.02
@@ -141,6 +142,12 @@ class PointValues:
     rays: int
     rays_skipped: dict[str, int]
     calibration: Calibration | None = None
+
+    @classmethod
+    def of(cls, found: Estimate, rays: int, hidden: int, displaced: Float64s | float = 0.0) -> PointValues:
+        """Of an estimate, of which `hidden` points were not traced. Args: displaced: errors besides, (k,)."""
+        w, error = np.clip(found.rows[:, 0], 0.0, 1.0), np.sqrt(found.variance + np.square(displaced))
+        return cls(w, error, found.rows[:, 1:], found.samples, rays, found.skipped(hidden), found.calibration)
 
 
 def assemble(prepared: Prepared, values: PointValues, seconds: dict[str, float]) -> Bake:

@@ -20,9 +20,9 @@ from typing import Any
 
 import numpy as np
 
+from ao.execute.hemispheres import Hemispheres
 from ao.falloff import Exponential
-from ao.gather.points import Points
-from ao.trace.hemispheres import Hemispheres
+from ao.points.points import Points
 from raytrace.system.atomic import write_json
 from raytrace.system.threads import thread_count
 from scenes.validation.text_table import text_table

@@ -29,7 +29,7 @@ from raytrace import Mesh
 from raytrace.mesh.placement import Placement
 from raytrace.system.atomic import write_json
 from raytrace.types import Bools, Float32s, Float64s
-from scenes.readers.load import load
+from scenes.formats.load import load
 
 OURS, THEIRS = (8, 16, 32, 64, 128, 256, 512), (16, 64, 256, 512)
 ERRORS = (0.02, 0.01, 0.005, 0.003, 0.0025)
@@ -42,7 +42,7 @@ class Blender:
 
     def __init__(self, process: Process, mesh: Mesh, uv: Float64s, size: int, folder: Path) -> None:
         self.process, self.size, self.folder = process, size, folder
-        from ao.gather.receivers import find_receivers
+        from ao.points.receivers import find_receivers
 
         receivers = find_receivers(mesh, Placement.of(mesh))
         self.reach = DISTANCE * float(np.linalg.norm(np.ptp(mesh.vertices, axis=0)))

@@ -16,7 +16,13 @@ extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.napoleon"]
 myst_heading_anchors = 4  # the anchors that Git forges give
 default_role = "code"  # single backticks in docstrings
 
-MODULES_OF_TYPES = ("raytrace.types", "raytrace.system.parameters", "raytrace.camera", "ao.options", "ao.trace.tracer")
+MODULES_OF_TYPES = (
+    "raytrace.types",
+    "raytrace.system.parameters",
+    "raytrace.camera",
+    "ao.options",
+    "ao.execute.tracer",
+)
 autodoc_default_options = {"members": True, "exclude-members": "source_name"}
 autodoc_member_order = "bysource"
 autodoc_preserve_defaults = True

@@ -10,10 +10,10 @@ import numpy as np
 from raytrace.mesh.placement import Placement
 from raytrace.types import Bools
 
-from ..gather.receivers import Receivers
-from ..trace.checkpoint import AFTER, EVERY, Checkpoint
-from ..trace.ray_scene import RayScene
-from ..trace.work import Advance, Tables, Work
+from ..execute.checkpoint import AFTER, EVERY, Checkpoint
+from ..execute.work import Advance, Tables, Work
+from ..points.receivers import Receivers
+from ..rays.ray_scene import RayScene
 from .session import ClusterSession
 
 

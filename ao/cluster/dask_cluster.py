@@ -23,7 +23,7 @@ from typing import Any
 from raytrace.errors import ClusterError, InputError, OptionError
 from raytrace.system.threads import thread_count
 
-from ..trace.work import Span, Tables, Work
+from ..execute.work import Span, Tables, Work
 from .addresses import CONFIG, LOCAL, local_workers, unguarded
 from .dispatch import IN_FLIGHT, Dispatch
 from .rows import unpack

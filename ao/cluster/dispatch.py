@@ -6,7 +6,7 @@ from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
-from ..trace.work import Span, Work
+from ..execute.work import Span, Work
 
 IN_FLIGHT = 3  # blocks that a worker has at once: one traced, the others on their way
 _SECONDS, _LEAST_SECONDS = 3.0, 0.25  # of a block

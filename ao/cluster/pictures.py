@@ -21,7 +21,7 @@ from raytrace.shade.records import Film
 from raytrace.system.threads import thread_count
 from raytrace.types import Float32s, Int64s
 
-from ..trace.work import Tables
+from ..execute.work import Tables
 from .session import ClusterSession
 
 _BLOCK_RAYS = 1 << 15  # of a block of work

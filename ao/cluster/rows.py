@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ..trace.work import Tables, Work
+from ..execute.work import Tables, Work
 
 
 def pack(tables: Tables) -> tuple[bytes, ...]:

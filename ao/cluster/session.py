@@ -11,9 +11,9 @@ import numpy as np
 
 from raytrace.types import Bools
 
-from ..trace.checkpoint import spans_of
-from ..trace.identity import machine
-from ..trace.work import Work, fill
+from ..execute.checkpoint import spans_of
+from ..execute.identity import machine
+from ..execute.work import Work, fill
 from .dask_cluster import DaskCluster, Found
 from .scene_file import SceneFile, write_scene
 

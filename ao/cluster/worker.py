@@ -10,8 +10,8 @@ from typing import Any
 from raytrace.errors import InputError, MemoryLimitError
 from raytrace.system.threads import thread_count
 
-from ..trace.identity import first_difference, machine
-from ..trace.work import Work, fill
+from ..execute.identity import first_difference, machine
+from ..execute.work import Work, fill
 from .rows import pack
 from .scene_file import SceneFile, load_scene
 

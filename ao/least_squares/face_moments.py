@@ -19,9 +19,9 @@ from raytrace.sampling.hash import mix
 from raytrace.sampling.warps import cosine_hemisphere
 from raytrace.types import Float32s, Float64s
 
-from ..gather.directions import turned_frame
-from ..gather.passing import backs, mu_of, passed_of, trace
-from ..gather.ray_packet import aim, start_from
+from ..rays.directions import turned_frame
+from ..rays.passing import backs, mu_of, passed_of, trace
+from ..rays.ray_packet import aim, start_from
 from .samples import GOLDEN, place
 
 HIDDEN = 1e-4  # weight of a sample that sees the back of things; not 0, so that hidden faces have a value too

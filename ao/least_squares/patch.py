@@ -15,13 +15,13 @@ from raytrace.mesh.weld import CREASE
 from raytrace.sampling.hash import mix_array
 from raytrace.types import Bools, Float32s, Float64s, Int32s, Int64s
 
-from ..gather.morton import fine_morton_order
-from ..gather.ray_packet import RayPacket
-from ..gather.receivers import Receivers
+from ..execute.work import Tables, fill
 from ..mu import KernelMu
+from ..points.morton import fine_morton_order
+from ..points.receivers import Receivers
 from ..prepared import Prepared
-from ..trace.ray_scene import RayScene
-from ..trace.work import Tables, fill
+from ..rays.ray_packet import RayPacket
+from ..rays.ray_scene import RayScene
 from .face_moments import HIDDEN, MOMENTS, SEEN, FaceArrays, Lattices, gather_faces
 from .pattern import find_hinges
 from .samples import Samples

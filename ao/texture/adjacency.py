@@ -9,8 +9,8 @@ from raytrace.mesh.components import connected_components
 from raytrace.system.threads import run_blocks
 from raytrace.types import Float64s, Int32s, Int64s
 
-from ..denoise.one_ring import Neighbours
-from ..gather.points import Points
+from ..estimate.one_ring import Neighbours
+from ..points.points import Points
 from .seams import Seams
 from .texels import Texels
 from .uv_layout import UVLayout
@@ -35,9 +35,10 @@ def texel_neighbours(
     beside = np.empty((count, 4), np.int32)
     chart, size = charts[face].astype(np.int32), sizes[face].astype(np.float32)
 
+    page, surface = (row_of, layout.width, layout.wraps), (chart, size, points.origins)
+
     def work(first: int, last: int) -> None:
-        page = row_of, layout.width, layout.wraps
-        _find_beside(first, last, texels.texels, *page, chart, size, points.origins, beside)
+        _find_beside(first, last, texels.texels, page, surface, beside)
 
     run_blocks(count, _BLOCK, work, threads)
     across = _across(seams, row_of)
@@ -93,7 +94,8 @@ def _across(seams: Seams, row_of: Int32s) -> Int64s:
 
 
 @kernel
-def _find_beside(first, last, texels, row_of, width, wraps, chart, size, origins, beside):
+def _find_beside(first, last, texels, page, surface, beside):
+    (row_of, width, wraps), (chart, size, origins) = page, surface
     height = len(row_of) // width
     for i in range(first, last):
         row, column = divmod(texels[i], width)

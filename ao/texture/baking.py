@@ -10,24 +10,29 @@ from typing import Any, Literal, get_args
 import numpy as np
 
 from raytrace.errors import OptionError
+from raytrace.kernel.notice import KERNELS_OF_TEXTURE, compiling
 from raytrace.mesh.convert import mesh_of
 from raytrace.mesh.mesh import Mesh
 from raytrace.mesh.normals import face_normals
 from raytrace.mesh.opacity import opacity_bytes
 from raytrace.mesh.placement import Placement
 from raytrace.system.memory import check_memory
+from raytrace.types import Int64s
 
-from ..adaptive.tolerance import ToleranceWarning
+from ..estimate.estimate import estimate
+from ..estimate.one_ring import Neighbours
+from ..estimate.tolerance import ToleranceWarning
+from ..execute.checkpoint import Checkpoint
+from ..execute.tracer import Progress
 from ..falloff import Falloff, Length, resolve_length
-from ..gather.receivers import find_receivers
 from ..memory import texture_bytes
 from ..options import Hidden, Normals, Options, Traversal, falloff_of
+from ..points.corners import Corners
+from ..points.receivers import find_receivers
 from ..prepared import Prepared
-from ..trace.checkpoint import Checkpoint
-from ..trace.tracer import Progress
 from .adjacency import face_charts, texel_neighbours, texel_sizes
 from .coverage import Overlap, cover
-from .gathering import begin_tracing, estimate
+from .gathering import begin_tracing
 from .projection import Fine, project
 from .result import BakedTexture, TextureFacts, assemble_pages
 from .seams import Seams
@@ -39,6 +44,7 @@ from .uv_layout import UVLayout, corner_uv, on_page, page_size
 BentSpace = Literal["world", "tangent"]
 
 
+@compiling(KERNELS_OF_TEXTURE)
 def bake_texture(
     mesh: Mesh | Any,
     uv: Any,
@@ -142,12 +148,13 @@ def bake_texture(
     seams = Seams.find(layout.uv, points_of_faces, (width, height), wrap)
     tracer = begin_tracing(prepared, texels, "texture", checkpoint)
     points = texels.first_points
-    neighbours = None
-    if reconstruct:
+
+    def neighbours(_: Int64s) -> Neighbours:
         charts = face_charts(layout.uv, points_of_faces)
         sizes = texel_sizes(layout.uv, vertices, shown.faces, placement.diagonal)
-        neighbours = texel_neighbours(texels, points, layout, seams, charts, sizes, count)
-    found = estimate(tracer, points, neighbours, prepared)
+        return texel_neighbours(texels, points, layout, seams, charts, sizes, count)
+
+    found = estimate(tracer, points, Corners.none(), neighbours, prepared.target)
     frames = None
     if bent_space == "tangent":
         on_faces = Faces.of(vertices, shown)
@@ -160,10 +167,7 @@ def bake_texture(
         bent_normals=pages.bent_normals,
         covered=pages.covered,
         rays=tracer.rays,
-        rays_skipped={
-            "predicted": (found.samples - found.screened) * found.predicted,
-            "hidden": found.samples * filled,
-        },
+        rays_skipped=found.skipped(filled),
         rmse=float(np.sqrt(np.mean(found.variance))),
         facts=TextureFacts(
             covered, overlapping, filled, len(missed), layout.mirrored, layout.flat, layout.outside, seams.edges,

@@ -16,7 +16,7 @@ from raytrace.embree.scene import TriangleScene
 from raytrace.system.threads import run_blocks, thread_count
 from raytrace.types import Bools, Float32s, Float64s, Int32s, Int64s
 
-from ..gather.ray_packet import RayPacket
+from ..rays.ray_packet import RayPacket
 from .page_rays import DEEP, SLOTS, find_hits, look_down
 from .slivers import find_slivers
 from .uv_layout import UVLayout

@@ -10,17 +10,13 @@ import numpy as np
 from raytrace.system.threads import run_blocks
 from raytrace.types import Float32s, Float64s, Int64s
 
-from ..adaptive.fixed_samples import estimated, traced_twice
-from ..adaptive.tolerance import Estimate, estimate_to
-from ..denoise.one_ring import Neighbours
-from ..gather.below_face import leave_out_below
-from ..gather.directions import DirectionTable
-from ..gather.estimate import BATCH_VARIANCE, COLUMNS
-from ..gather.points import Points
+from ..execute.checkpoint import Checkpoint
+from ..execute.tracer import Tracer
+from ..points.points import Points
 from ..prepared import Prepared
-from ..trace.checkpoint import Checkpoint
-from ..trace.tracer import Tracer
-from ..trace.traversal import packets_below
+from ..rays.below_face import leave_out_below
+from ..rays.directions import DirectionTable
+from ..rays.estimate import BATCH_VARIANCE, COLUMNS
 from .texels import Texels
 
 _ENOUGH = 8  # rays of a point, so that more points are worth their time
@@ -73,7 +69,7 @@ class TexelTracer(Tracer):
 
 def begin_tracing(prepared: Prepared, texels: Texels, kind: str, checkpoint: Checkpoint | None) -> TexelTracer:
     """A tracer of `texels` on the mesh of `prepared`, and the checkpoint begun. Args: kind: of bake."""
-    options, receivers, placement = prepared.options, prepared.receivers, prepared.placement
+    options = prepared.options
     if checkpoint:
         digest = hashlib.blake2b(texels.points.origins.data)
         digest.update(texels.points.normals.data)
@@ -85,26 +81,7 @@ def begin_tracing(prepared: Prepared, texels: Texels, kind: str, checkpoint: Che
             options.seed,
             options.normals,
         )
-        checkpoint.begin(placement, receivers, prepared.mu, kind, *settings, digest.hexdigest())
-    return TexelTracer(
-        prepared.scene,
-        packets_below(options.traversal, prepared.scene, placement, receivers.points, prepared.mu),
-        placement,
-        prepared.mu,
-        prepared.threads,
-        total_points=len(texels.points),
-        progress=prepared.progress,
-        checkpoint=checkpoint,
-        texels=texels,
-    )
-
-
-def estimate(tracer: TexelTracer, points: Points, neighbours: Neighbours | None, prepared: Prepared) -> Estimate:
-    """Estimates at `points`, with a number of rays each that is given or meets the tolerance."""
-    options = prepared.options
-    if options.tolerance is None:
-        traced = traced_twice(tracer, points, options.rays, prepared.key)
-        tracer.all_traced()
-        return estimated(traced, points, neighbours)
-    assert neighbours is not None  # `Options` has seen to it
-    return estimate_to(tracer, points, neighbours, options.tolerance, options.rays, prepared.key)
+        checkpoint.begin(prepared.placement, prepared.receivers, prepared.mu, kind, *settings, digest.hexdigest())
+    tracer = prepared.tracer(len(texels.points))
+    tracer.checkpoint = checkpoint
+    return TexelTracer(**vars(tracer), texels=texels)

@@ -10,15 +10,15 @@ from raytrace.mesh.mesh import Mesh
 from raytrace.mesh.placement import Placement
 from raytrace.types import Bools, Int64s
 
-from ..denoise.one_ring import Neighbours
-from ..gather.receivers import Flag, Receivers, find_receivers
-from ..interior.fill import Fill
-from ..interior.inside import inside_solids
+from ..estimate.estimate import edges_of, estimate_outside
+from ..estimate.inside import inside_solids
+from ..execute.checkpoint import Checkpoint
+from ..points.corners import Corners
+from ..points.receivers import Flag, Receivers, find_receivers
 from ..prepared import Prepared
 from ..result import PointValues
-from ..trace.checkpoint import Checkpoint
 from .coverage import Coverage
-from .gathering import begin_tracing, estimate
+from .gathering import begin_tracing
 from .projection import Fine, project
 from .texels import find_texels
 
@@ -41,43 +41,24 @@ def sample_fine_mesh(
     nowhere = np.zeros((count, 1), np.int32), np.zeros((count, 1, 3), np.float32), np.zeros(count, np.bool_)
     surface = Fine(placement.vertices.astype(np.float64), fine, high.source)
     axes = shown.points.normals.astype(np.float64)
-    found, missed = project(
+    coverage, missed = project(
         Coverage.of_points(np.arange(count), *nowhere), places, axes, surface, cage * placement.scale, threads
     )
-    texels, _ = find_texels(found, found, placement, fine, replace(options, hidden="ignore"), threads)
-    inside = inside_solids(texels.points, texels.face, placement, fine, options.hidden, threads)
+    texels, _ = find_texels(coverage, coverage, placement, fine, replace(options, hidden="ignore"), threads)
+    own = fine.faces[texels.face, 0]
+    inside = inside_solids(texels.points, own, placement, fine, options.hidden, threads)
     row_of = np.full(count + 1, -1)
     row_of[texels.texels] = np.arange(count)
     wanted = _flagged(shown, missed, texels.texels[inside])
     tracer = begin_tracing(prepared, texels, "high to low", checkpoint)
 
     points = texels.first_points
-    faces = row_of[shown.of_vertex[shown.faces]]
-    traced, filling = np.arange(count), None
-    if inside.any() and options.hidden != "mark":
-        filling = Fill.of(points, Neighbours.of(faces, points.normals, threads), inside)
-        traced = np.flatnonzero(filling.traced)
-    rows = np.full(count + 1, -1)
-    rows[traced] = np.arange(len(traced))
-    some = points[traced]
-    neighbours = Neighbours.of(rows[faces], some.normals, threads) if options.reconstruct else None
-    made = estimate(tracer, some, neighbours, prepared)
-    known = np.column_stack([made.rows, made.variance])
-    if filling is not None:
-        known = filling.extrapolate(known)
-    known = known[row_of[:-1]]
-    values = PointValues(
-        w=np.clip(known[:, 0], 0.0, 1.0),
-        error=np.sqrt(known[:, 4]),
-        bent=known[:, 1:4],
-        samples=made.samples,
-        rays=tracer.rays,
-        rays_skipped={
-            "predicted": (made.samples - made.screened) * made.predicted,
-            "hidden": made.samples * (count - len(traced)),
-        },
-        calibration=made.calibration,
-    )
+    edges = edges_of(points, row_of[shown.of_vertex[shown.faces]], threads)
+    filled = inside & (options.hidden != "mark")
+    found, untraced = estimate_outside(tracer, points, Corners.none(), edges, filled, prepared.target)
+    order = row_of[:-1]
+    found = replace(found, rows=found.rows[order], variance=found.variance[order])
+    values = PointValues.of(found, tracer.rays, untraced)
     return replace(prepared, mesh=coarse, wanted=wanted), values
 
 

@@ -12,6 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from raytrace.bvh.closest import closest_on_triangle
 from raytrace.bvh.search import begin, new_stack, next_leaf
 from raytrace.embree.rays import intersect
 from raytrace.errors import MeshError
@@ -20,11 +21,10 @@ from raytrace.kernel.jit import kernel
 from raytrace.kernel.simd_masks import lowest_bit
 from raytrace.kernel.vector import load, load_triangle
 from raytrace.mesh.opacity_lookup import alphas
-from raytrace.ray_origins.closest import closest_on_triangle
 from raytrace.system.threads import run_blocks
 from raytrace.types import Bools, Float32s, Float64s, Int64s
 
-from ..gather.receivers import Receivers
+from ..points.receivers import Receivers
 from .coverage import Coverage
 
 _BLOCK = 1 << 12  # points
@@ -112,16 +112,16 @@ def _closest_points(fine: Fine, places: Float64s, radius: float, threads: int) -
 
     def search(first: int, last: int) -> None:
         found = face[first:last], weights[first:last]
-        _search(tree, new_stack(), *surface, places[first:last], radius, rounded, *found)
+        _search(tree, new_stack(), surface, places[first:last], radius, rounded, *found)
 
     run_blocks(len(places), _BLOCK, search, threads)
     return face, weights
 
 
 @kernel
-def _search(tree, stack, vertices, faces, places, radius, rounded, face, weights):
+def _search(tree, stack, surface, places, radius, rounded, face, weights):
     """Write the closest points of `places`; `radius`: how far to look at first. `rounded`: to look farther."""
-    tree = borrow(tree)
+    tree, (vertices, faces) = borrow(tree), surface
     for i in range(len(places)):
         p, reach, best = load(places, i), radius, np.inf
         middle = np.float32(p[0]), np.float32(p[1]), np.float32(p[2])

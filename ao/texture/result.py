@@ -12,7 +12,7 @@ from raytrace.image.fill import fill_holes
 from raytrace.mesh.normals import normalize
 from raytrace.types import Bools, Float32s, Float64s, Int64s
 
-from ..adaptive.calibration import Calibration
+from ..estimate.calibration import Calibration
 from ..mu import Mu
 from .texels import Texels
 from .uv_layout import UVLayout

@@ -8,18 +8,18 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from raytrace.bvh.bvh16 import BVH16
+from raytrace.bvh.closest import distance_to_triangle
 from raytrace.bvh.search import begin, new_stack, next_leaf
 from raytrace.kernel.borrow import borrow
 from raytrace.kernel.jit import inline, kernel
 from raytrace.kernel.simd_masks import lowest_bit
 from raytrace.kernel.vector import dot, length, load, load_triangle, scale, store, subtract
 from raytrace.mesh.normals import face_normals
-from raytrace.ray_origins.closest import distance_to_triangle
 from raytrace.ray_origins.surface import Surface
 from raytrace.system.threads import run_blocks
 from raytrace.types import Bools, Float32s, Float64s, Int64s
 
-from ..gather.receivers import Receivers
+from ..points.receivers import Receivers
 
 if TYPE_CHECKING:
     from .coverage import Coverage

@@ -13,11 +13,11 @@ from raytrace.ray_origins.origins import ray_origins
 from raytrace.system.threads import run_blocks
 from raytrace.types import Bools, Float32s, Int32s, Int64s
 
-from ..gather.morton import morton_order
-from ..gather.points import Points
-from ..gather.receivers import Receivers
-from ..interior.inside import inside_solids
+from ..estimate.inside import inside_solids
 from ..options import Options
+from ..points.morton import morton_order
+from ..points.points import Points
+from ..points.receivers import Receivers
 from .coverage import Coverage, refill
 from .page_rays import DEEP
 from .surface_points import Faces, centres_suffice
@@ -88,7 +88,9 @@ def find_texels(
     first = faces.points_at(coverage.face[:, 0].astype(np.int64), coverage.barycentric[:, 0], threads)[0]
     alone = centres_suffice(coverage, faces, receivers.tree, _most_bent(options), threads)
     texels = _placed(coverage, page, morton_order(first), alone, faces, receivers.tree, threads)
-    inside = inside_solids(texels.points, texels.face, placement, receivers, options.hidden, threads)
+    inside = inside_solids(
+        texels.points, receivers.faces[texels.face, 0], placement, receivers, options.hidden, threads
+    )
     if not inside.any():
         return texels, 0
     good = ~inside

@@ -1,4 +1,4 @@
-"""`ao.bake_tiled`: w at the vertices of a mesh on the disk, in the memory of a tile."""
+"""`ao.tiles.baking.bake_tiled`: w at the vertices of a mesh on the disk, in the memory of a tile."""
 
 from __future__ import annotations
 
@@ -14,21 +14,20 @@ from raytrace.sampling.hash import seed_key
 from raytrace.system.threads import thread_count
 from raytrace.types import Float64s, Int64s
 
-from ..adaptive.fixed_samples import place_samples
+from ..estimate.fixed_samples import place_samples
+from ..execute.tracer import Tracer
 from ..falloff import Falloff
-from ..gather.corners import Corners, find_corners
-from ..gather.estimate import W
-from ..gather.points import Points
-from ..gather.receivers import lift_points
 from ..mu import KernelMu, Mu
 from ..options import MAX_SAMPLES, Normals, Options, Traversal, falloff_of
-from ..trace.hemispheres import Hemispheres
-from ..trace.ray_scene import RayScene
-from ..trace.traversal import fewer_than, most_packets, tried, try_out
-from ..trace.work import fill
+from ..points.corners import Corners, find_corners
+from ..points.points import Points
+from ..points.receivers import lift_points
+from ..rays.estimate import W
+from ..rays.ray_scene import RayScene
+from ..rays.traversal_choice import fewer_than, most_packets, tried, try_out
 from .halo import Piece, cut
 from .numbering import Numbering, check_tile, number_points
-from .source import TileSource, on_disk, runs
+from .source import TileSource, runs
 from .survey import Grid, Survey
 
 _FAR = 1 << 40  # number of points of other tiles
@@ -72,7 +71,6 @@ def bake_tiled(
         OptionError: an argument is out of range, or nothing limits the distance.
         MeshError: `source` is no mesh.
         MemoryLimitError: a tile would not fit into memory.
-        OutputError: the disk of `scratch` is full.
     """
     options = Options(
         "vertex", falloff_of(falloff), samples, seed, threads, normals, None, None, False, "ignore", traversal
@@ -86,7 +84,7 @@ def bake_tiled(
         raise OptionError("max_distance", expected, mu.max_distance)
     numbering = number_points(survey, normals, scratch)
     tracing = _Tracing.of(survey, numbering, mu, options, progress)
-    values = on_disk(scratch / "w", np.float64, source.vertex_count)
+    values = np.memmap(scratch / "w", np.float64, "w+", shape=(source.vertex_count,))
     tiles = faces = 0
     for tile in range(survey.tiles):
         found = tracing.trace(tile, values)
@@ -124,8 +122,8 @@ class _Tracing:
         made = cls(survey, numbering, options, kernel_mu, reach, 0, progress)
         if options.traversal == "embree":
             made.below = MAX_SAMPLES + 1
-        elif min(options.rays, place_samples(options.rays, False)) < most_packets(mu):
-            made.below = fewer_than(made._openness(), mu)
+        elif min(options.rays, place_samples(options.rays, False)) < most_packets(kernel_mu):
+            made.below = fewer_than(made._openness(), kernel_mu)
         return made
 
     def _openness(self) -> Float64s:
@@ -172,17 +170,11 @@ class _Tracing:
         numbering, options = self.numbering, self.options
         total = options.rays * (numbering.count - len(numbering.torn_first))
         total += place_samples(options.rays, False) * numbering.places
-        key = seed_key(options.seed)
-        work = Hemispheres(points, samples, key, numbering.count, self.mu, self.reach, self.below)
-        tables = work.tables()
-
-        def advance(rows: int) -> None:
-            self.rays += rows * samples
-            if self.progress:
-                self.progress(self.rays, total)
-
-        fill(work, scene, tables, thread_count(options.threads), advance)
-        return tables[0]
+        lengths, threads = (self.mu, self.reach), thread_count(options.threads)
+        tracer = Tracer(scene, self.below, *lengths, threads, numbering.count, self.progress, None, total, 0, self.rays)
+        rows = tracer.gather(points, samples, seed_key(options.seed))
+        self.rays = tracer.rays
+        return rows
 
     def _corners(self, tile: int) -> tuple[Corners, Int64s]:
         """The corners of a tile's torn points by number, and the first vertices (j,) of these."""

@@ -35,8 +35,8 @@ from raytrace.renderer.render import render
 from raytrace.scene import Object, Scene, Shape
 from raytrace.settings import Settings
 from raytrace.system.atomic import write_json
+from scenes.formats.load import load
 from scenes.geometry.primitives import plane
-from scenes.readers.load import load
 
 ALBEDO = (0.6, 0.5, 0.4)
 WIDTH, HEIGHT, SAMPLES = 1920, 1080, 64

@@ -20,7 +20,7 @@ import numpy as np
 import numpy.typing as npt
 
 import ao
-from ao.gather.receivers import find_receivers
+from ao.points.receivers import find_receivers
 from ao.report import versions
 from benchmarks import RESULTS
 from raytrace.embree.rays import intersect
@@ -31,7 +31,7 @@ from raytrace.ray_origins.offset import ray_offset
 from raytrace.sampling.sequences import owen_sobol
 from raytrace.sampling.warps import cosine_hemisphere
 from raytrace.system.atomic import write_json
-from scenes.readers.load import load
+from scenes.formats.load import load
 
 Floats = npt.NDArray[np.float64]
 FALLOFFS = {"exponential": ao.Exponential(), "binary": ao.Binary()}

@@ -21,9 +21,9 @@ from raytrace.image.write import write_image
 from raytrace.types import Float32s
 from scenes.description.defaults import framing
 from scenes.description.gltf_scene import gltf_objects
+from scenes.formats.load import MeshFile
 from scenes.geometry.builtin_shapes import Temple
-from scenes.readers.load import MeshFile
-from scenes.writers.write import write
+from scenes.write_bake import write
 
 TARGET = ROOT / "docs" / "textures" / "viewers.png"
 WIDTH, HEIGHT = 320, 240

@@ -17,10 +17,10 @@ from raytrace.image.write import write_image
 from raytrace.types import Float32s
 from scenes.description.defaults import framing
 from scenes.description.gltf_scene import gltf_objects
+from scenes.formats.glb.textured import textured_glb
+from scenes.formats.load import MeshFile
 from scenes.geometry.builtin_shapes import Temple
-from scenes.readers.load import MeshFile
-from scenes.textures.unwrap import unwrap
-from scenes.writers.textured_glb import textured_glb
+from scenes.jobs.textures.unwrap import unwrap
 
 TARGET = ROOT / "docs" / "textures" / "page.png"
 PAGE, WIDTH, HEIGHT = 1024, 480, 360

@@ -18,12 +18,12 @@ from statistics import median
 import numpy as np
 
 from ao import Binary, Exponential
-from ao.gather.directions import DirectionTable, choose, turned_frame
-from ao.gather.estimate import COLUMNS
-from ao.gather.hemisphere import gather_hemispheres
-from ao.gather.ray_packet import RayPacket
-from ao.gather.receivers import find_receivers
 from ao.mu import KernelMu
+from ao.points.receivers import find_receivers
+from ao.rays.directions import DirectionTable, choose, turned_frame
+from ao.rays.estimate import COLUMNS
+from ao.rays.hemisphere import gather_hemispheres
+from ao.rays.ray_packet import RayPacket
 from ao.report import versions
 from benchmarks import RESULTS
 from raytrace.embree.packets import (
@@ -46,8 +46,8 @@ from raytrace.mesh.placement import Placement
 from raytrace.sampling.hash import seed_key
 from raytrace.system.atomic import write_json
 from raytrace.system.threads import run_blocks, thread_count
+from scenes.formats.load import load
 from scenes.geometry.temple import temple
-from scenes.readers.load import load
 
 BLOCK = 2048
 
@@ -80,7 +80,7 @@ def bare(scene, packet, valid, origins, directions, reach, closest, hits):
 
 @kernel
 def world_directions(normals, numbers, table, out):
-    """The directions that `ao.gather.hemisphere.gather_hemispheres` would trace, float32 (k, 3, samples)."""
+    """The directions that `ao.rays.hemisphere.gather_hemispheres` would trace, float32 (k, 3, samples)."""
     local = table.directions
     for i in range(len(normals)):
         chosen, turn = choose(numbers[i], table)

@@ -13,21 +13,21 @@ from typing import Any
 
 import numpy as np
 
-from ao.gather.directions import DirectionTable
-from ao.gather.estimate import COLUMNS, W
-from ao.gather.hemisphere import gather_hemispheres
-from ao.gather.ray_packet import RayPacket
-from ao.gather.receivers import find_receivers
+from ao.points.receivers import find_receivers
+from ao.rays.directions import DirectionTable
+from ao.rays.estimate import COLUMNS, W
+from ao.rays.gather_streams import gather_streams
+from ao.rays.hemisphere import gather_hemispheres
+from ao.rays.ray_blocks import Rays
+from ao.rays.ray_packet import RayPacket
+from ao.rays.traverse import Walk
 from ao.report import versions
-from ao.stream.gather_streams import gather_streams
-from ao.stream.rays import Rays
-from ao.stream.walk import Walk
 from benchmarks import RESULTS
 from benchmarks.time_against_error.suite import Specimen, builtin, falloffs
 from raytrace.mesh.placement import Placement
 from raytrace.sampling.hash import seed_key
 from raytrace.system.atomic import write_json
-from scenes.readers.load import load
+from scenes.formats.load import load
 
 TARGET = RESULTS / "traversal.json"
 SAMPLES = (8, 16, 32, 64, 256, 1024)

@@ -17,8 +17,8 @@ import numpy as np
 import numpy.typing as npt
 
 import ao
-from ao.gather.receivers import find_receivers
 from ao.mu import Mu
+from ao.points.receivers import find_receivers
 from benchmarks.peers.process import PeerFailed, Process
 from raytrace.mesh.mesh import Mesh
 from raytrace.mesh.placement import Placement

@@ -17,8 +17,8 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from ao.gather.receivers import find_receivers
 from ao.mu import Mu
+from ao.points.receivers import find_receivers
 from raytrace.kernel.cache import cache_folder
 from raytrace.mesh.mesh import Mesh
 from raytrace.mesh.placement import ULP, Placement
@@ -54,7 +54,7 @@ def cached_reference(task: Task, mus: Sequence[Mu], rays: int, vertices: int) ->
 def well_posed(mesh: Mesh, vertices: npt.NDArray[np.int64], mus: Sequence[Mu]) -> npt.NDArray[np.bool_]:
     """Whether w at each of `vertices` (k,) stays within `JUMP` as its ray origin moves to four sides by `MOVED`.
 
-    Vertices without a hemisphere of their own (`ao.gather.corners`) are not: other programs cannot be given any.
+    Vertices without a hemisphere of their own (`ao.points.corners`) are not: other programs cannot be given any.
     """
     placement = Placement.of(mesh)
     receivers = find_receivers(mesh, placement)

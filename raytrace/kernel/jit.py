@@ -19,6 +19,7 @@ import numpy as np
 from .cache import is_kept, read_code, write_code
 from .deferred import compiler
 from .machine_code import load
+from .notice import compiling, notices
 
 F = TypeVar("F", bound=Callable[..., Any])
 _C, _FORTRAN, _ALIGNED, _WRITEABLE = 0x1, 0x2, 0x100, 0x400  # NumPy's flags
@@ -33,8 +34,6 @@ loaded: list[str] = []
 """Names of the kernels that this process has loaded, in this order."""
 compiled: list[str] = []
 """Those of them that it has compiled."""
-notices: list[Callable[[str], None]] = []
-"""Called with the name of each kernel that is about to be compiled."""
 
 
 class _Loaded(NamedTuple):
@@ -147,10 +146,10 @@ def _code(name: str, function: Callable[..., Any], compile_: Callable[[], bytes]
     kept = is_kept(function.__code__.co_filename)
     code = read_code(name) if kept else None
     if code is None:
-        for notice in notices:
-            notice(name)
-        compiled.append(name)
-        code = compile_()
+        with compiling(1):  # unless what calls has said so, with a better number
+            notices[0](name)
+            compiled.append(name)
+            code = compile_()
         if kept:
             write_code(name, code)
     return code

@@ -19,7 +19,7 @@ def mesh_of(given: Mesh | Any, source: str) -> Mesh:
 
     Args:
         given: a `Mesh`; a pair of arrays, vertices (n, 3) and faces (m, 3); or an object with `vertices` and `faces`,
-            as trimesh has them, with `points` and the padded `faces` of PyVista's `PolyData`, or with `points` and the
+            as trimesh has them, with `points` and the padded `faces` of `pyvista.PolyData`, or with `points` and the
             `cells` of meshio, triangles or quads. Polygons are cut into triangles.
         source: what to call it in messages.
 

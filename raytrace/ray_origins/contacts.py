@@ -7,6 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ..bvh.bvh16 import BVH16
+from ..bvh.closest import distance_to_triangle
 from ..bvh.search import begin, new_stack, next_leaf
 from ..kernel.borrow import borrow
 from ..kernel.jit import inline, kernel
@@ -15,7 +16,6 @@ from ..kernel.vector import load, load_triangle
 from ..mesh.placement import ULP
 from ..system.threads import run_blocks, thread_count
 from ..types import Bools, Float64s, Int64s
-from .closest import distance_to_triangle
 from .surface import Surface
 
 _BLOCK = 1 << 10  # points
@@ -92,7 +92,7 @@ def _search(tree, stack, around, surface, first, last, found):
     """Write the contacts of points from `first` to `last` into `found` as far as they fit; returns their number."""
     tree, around, surface, found = borrow(tree), borrow(around), borrow(surface), borrow(found)
     points, reach, count = around.points, around.reach, 0
-    kept, distances = np.empty(_MOST, np.int64), np.empty(_MOST)
+    nearest = kept, distances = np.empty(_MOST, np.int64), np.empty(_MOST)
     for i in range(first, last):
         if reach[i] < 0.0:
             continue
@@ -104,7 +104,7 @@ def _search(tree, stack, around, surface, first, last, found):
             while near != 0:
                 f = tree.rows[leaf, lowest_bit(near)]
                 near &= near - 1
-                filled = _keep(surface, around, f, p, number, reach[i], kept, distances, filled)
+                filled = _keep(surface, around, f, p, number, reach[i], nearest, filled)
             leaf, near = next_leaf(tree, stack, middle, radius)
         for k in range(filled):
             if count < len(found.point):
@@ -114,9 +114,12 @@ def _search(tree, stack, around, surface, first, last, found):
 
 
 @inline
-def _keep(surface, around, f, p, number, reach, kept, distances, filled):
-    """Put a face among those `kept`, sorted, if it is near enough; returns how many there are."""
-    corners = around.face_points
+def _keep(surface, around, f, p, number, reach, nearest, filled):
+    """Put a face among the `nearest`, sorted by number, if it is near enough; returns how many there are.
+
+    Args: nearest: the faces kept and their distances. filled: how many there are.
+    """
+    (kept, distances), corners = nearest, around.face_points
     if corners[f, 0] == number or corners[f, 1] == number or corners[f, 2] == number:
         return filled
     within = max(reach, surface.rounding[f])

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 
+from ..bvh.closest import distance_to_triangle
 from ..kernel.arrays import product
 from ..kernel.borrow import borrow
 from ..kernel.jit import kernel
 from ..kernel.vector import add, dot, load, load_triangle, scale, subtract
 from ..mesh.placement import ULP
 from ..types import Float64s
-from .closest import distance_to_triangle
 
 OFFSET_ULPS = 16.0  # 4 were enough in 20,000 trials
 _LEAST = 0.25  # of an offset

@@ -13,7 +13,7 @@ from dataclasses import fields
 from inspect import Parameter, Signature
 from math import inf, pi
 from numbers import Integral, Real
-from typing import Annotated, Any, Literal, TypeVar, dataclass_transform
+from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeVar, dataclass_transform
 
 from pydantic import AfterValidator, BeforeValidator, ConfigDict, Field, ValidationError
 from pydantic.dataclasses import dataclass as validated
@@ -73,11 +73,18 @@ Whole = Annotated[int, Field(strict=True), BeforeValidator(_whole)]
 Switch = Annotated[bool, Field(strict=True), BeforeValidator(_listed)]
 Seed = Annotated[Whole, Field(ge=0, le=2**64 - 1)]
 
-Reflectance = Annotated[tuple[Fraction, Fraction, Fraction], BeforeValidator(triple)]
-Radiance = Annotated[tuple[NonNegative, NonNegative, NonNegative], BeforeValidator(triple)]
-Indices = Annotated[tuple[Index, Index, Index], BeforeValidator(triple)]
-Wavelengths = Annotated[tuple[Nanometres, Nanometres, Nanometres], BeforeValidator(triple)]
-Lengths = Annotated[tuple[Length, Length, Length], BeforeValidator(triple)]
+if TYPE_CHECKING:  # three are kept, one number may be given
+    Reflectance = tuple[float, float, float] | Any
+    Radiance = Reflectance
+    Indices = Reflectance
+    Wavelengths = Reflectance
+    Lengths = Reflectance
+else:
+    Reflectance = Annotated[tuple[Fraction, Fraction, Fraction], BeforeValidator(triple)]
+    Radiance = Annotated[tuple[NonNegative, NonNegative, NonNegative], BeforeValidator(triple)]
+    Indices = Annotated[tuple[Index, Index, Index], BeforeValidator(triple)]
+    Wavelengths = Annotated[tuple[Nanometres, Nanometres, Nanometres], BeforeValidator(triple)]
+    Lengths = Annotated[tuple[Length, Length, Length], BeforeValidator(triple)]
 Point = Annotated[tuple[Finite, Finite, Finite], BeforeValidator(_listed)]
 Direction = Annotated[Point, AfterValidator(_direction)]
 Sides = Annotated[bool | Literal["viewer"], BeforeValidator(_side)]

@@ -16,11 +16,11 @@ from raytrace.system.atomic import write_json
 from raytrace.system.outputs import check_ending, check_outputs
 from raytrace.system.threads import thread_count
 
+from ..formats.load import load
 from ..geometry.temple import temple
-from ..readers.load import load
+from ..jobs.console import KERNELS_OF_BAKE, compiling
 from ..validation.reference import RAYS, Errors, reference
 from ..validation.text_table import text_table
-from .console import KERNELS_OF_BAKE, compiling
 
 SAMPLES = (16, 64, 256, 1024)
 ROUNDS = 3

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from .console import columns
-from .options import Metric, named
+from ..jobs.console import columns
+from ..jobs.options import Metric, named
 
 _FIGURES = ("mean_error", "rms_error", "max_error", "psnr", "flip")
 

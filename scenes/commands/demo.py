@@ -9,10 +9,10 @@ from raytrace import AmbientLight, Camera, Lambert, Object, Scene, Settings, Sha
 from raytrace.image.write import write_frame
 from raytrace.system.outputs import check_outputs, make_folder
 
+from ..formats.load import MeshFile
 from ..geometry.temple import temple
-from ..readers.load import MeshFile
-from ..writers.write import write
-from .console import KERNELS_OF_BAKE, bake_summary, compiling, progress
+from ..jobs.console import KERNELS_OF_BAKE, bake_summary, compiling, progress
+from ..write_bake import write
 
 _SETTINGS = Settings(width=960, height=640)
 _BACKGROUND = (0.05, 0.05, 0.05)

@@ -6,17 +6,17 @@ from typing import Any
 
 import numpy as np
 
-from ao.gather.receivers import Flag, find_receivers
+from ao.points.receivers import Flag, find_receivers
 from raytrace.errors import printable
 from raytrace.mesh.normals import face_normals
 from raytrace.mesh.placement import Placement
 from raytrace.mesh.precision import precision_warnings
 from raytrace.types import Float64s
 
-from ..gltf.container import primitives
-from ..gltf.occlusion import RAMP, image_name, occlusion_reference
-from ..gltf.schema import check_materials
-from ..readers.load import MeshFile
+from ..formats.glb.occlusion import RAMP, image_name, occlusion_reference
+from ..formats.gltf.container import primitives
+from ..formats.gltf.schema import check_materials
+from ..formats.load import MeshFile
 
 _NAME = 80  # characters of an object's that are shown
 

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 import ao
+from ao.execute.tracer import Progress
 from ao.memory import vertex_bytes
-from ao.trace.tracer import Progress
 from raytrace import EnvironmentLight, SkyLight
 from raytrace.renderer.render import seen_vertices
 from raytrace.renderer.render_scene import release
@@ -18,7 +18,7 @@ from raytrace.system.memory import available
 from raytrace.types import Float64s
 
 from ..description.description import SceneDescription
-from ..readers.stored_w import read_w
+from ..formats.stored_w import read_w
 
 if TYPE_CHECKING:
     from ao.cluster.session import ClusterSession

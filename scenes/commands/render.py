@@ -10,8 +10,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import ao
+from ao.execute.tracer import Progress
 from ao.report import SCHEMA_VERSION, calibration_facts, versions
-from ao.trace.tracer import Progress
 from raytrace import Frame, Settings
 from raytrace.errors import OptionError, printable
 from raytrace.image.write import check_image_target, write_frame
@@ -19,7 +19,7 @@ from raytrace.renderer.render import describe_work, render, rendering_bytes
 from raytrace.system.memory import check_memory
 
 from ..description.description import SceneDescription
-from .options import Alpha
+from ..jobs.options import Alpha
 from .picture_bake import with_obscurance
 
 if TYPE_CHECKING:

@@ -12,13 +12,13 @@ from typing import TYPE_CHECKING, Any
 
 from raytrace.errors import OptionError
 
-from .console import KERNELS_OF_RENDER, compiling, progress, show_picture, warn
-from .options import REPORTS, Alpha, NormalsFrom, ProgressForm, Up, parse_crop, parse_size, plain
+from ..jobs.console import KERNELS_OF_RENDER, compiling, progress, show_picture, warn
+from ..jobs.options import REPORTS, Alpha, NormalsFrom, ProgressForm, Up, parse_crop, parse_size, plain
 
 if TYPE_CHECKING:
     from ao.cluster.session import ClusterSession
 
-    from ..report.pictures import Picture as Shown
+    from ..show.report.pictures import Picture as Shown
     from .render import Picture
 
 _SETTINGS = ("samples", "shading", "normals", "obscurance", "shadows", "seed")
@@ -84,8 +84,8 @@ class RenderCommand:
         outputs = {"--output": output, "--report": self.report}
         check_outputs(outputs, [self.scene])
         from ..description.read import read_scene
-        from ..readers.stored_w import check_stored
-        from ..report.inputs import hashed
+        from ..formats.stored_w import check_stored
+        from ..show.report.inputs import hashed
         from .render import adjusted, make_picture, render_report
 
         if self.baked:
@@ -113,13 +113,29 @@ class RenderCommand:
     def _write_report(
         self, path: Path, report: dict[str, Any], picture: Picture, inputs: Sequence[Mapping[str, Any]]
     ) -> None:
-        from ..report.complete import complete, write_report
+        from ..show.report.complete import complete, write_report
 
         options = {name: plain(value) for name, value in vars(self).items() if name not in _NO_OPTIONS_OF_RENDER}
 
         def pictures() -> list[list[Shown]]:
-            from ..report.pictures import pictures_of_frame
+            from ..show.report.pictures import pictures_of_frame
 
             return [pictures_of_frame(picture.frame)]
 
         write_report(path, complete("render", "scene", report, inputs, options), pictures)
+
+
+def render_command(options: dict[str, Any]) -> RenderCommand:
+    """The command for `render`, with `--cluster` and `--shared` if they are given.
+
+    Raises: OptionError: as `Workers`, or `--shared` alone.
+    """
+    from ..jobs.workers import Workers
+
+    address, shared = options.pop("cluster"), options.pop("shared")
+    if address:
+        workers = Workers(address, shared, options["threads"])
+        return RenderCommand(**options, open_session=workers.session)
+    if shared:
+        raise OptionError("shared", "--cluster with it", "none")
+    return RenderCommand(**options)

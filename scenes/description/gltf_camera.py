@@ -20,7 +20,7 @@ Floats = npt.NDArray[Any]
 
 
 def camera(header: dict[str, Any], world: dict[int, Floats], source: object) -> Camera | None:
-    """The first camera among the nodes in `world` (`gltf_nodes.node_matrices`), or None.
+    """The first camera among the nodes in `world` (`scenes.formats.gltf.nodes.node_matrices`), or None.
 
     Raises:
         SceneError: a camera with values out of range.

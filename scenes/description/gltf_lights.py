@@ -22,7 +22,7 @@ EXTENSION = "KHR_lights_punctual"
 
 
 def lights(header: dict[str, Any], world: dict[int, Float64s], source: object) -> tuple[BaseLight, ...]:
-    """The lights of the nodes in `world` (`gltf_nodes.node_matrices`), in their order.
+    """The lights of the nodes in `world` (`scenes.formats.gltf.nodes.node_matrices`), in their order.
 
     Raises:
         SceneError: a light with values out of range.

@@ -33,8 +33,8 @@ from raytrace.materials.base import RGB, BaseMaterial
 from raytrace.materials.materials import material_from_dict
 from raytrace.types import Float64s
 
-from ..gltf.accessors import entry
-from ..gltf.textures import SPECULAR_GLOSSINESS, Textures, base_texture
+from ..formats.gltf.accessors import entry
+from ..formats.gltf.textures import SPECULAR_GLOSSINESS, Textures, base_texture
 from .defaults import NEUTRAL, WHITE
 
 DIELECTRIC_F0 = 0.04

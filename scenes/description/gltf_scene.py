@@ -10,13 +10,13 @@ from raytrace import Mesh, MeshError, Object, Occlusion, OptionError, Scene, Set
 from raytrace.errors import printable
 
 from ..field_errors import located
+from ..formats.gltf.container import Gltf, Primitive, primitives
+from ..formats.gltf.nodes import node_matrices
+from ..formats.gltf.schema import check_appearance
+from ..formats.gltf.textures import Textures
+from ..formats.gltf.vertex_colours import vertex_colours
+from ..formats.load import mesh_errors, read_objects
 from ..geometry.instances import Instance
-from ..gltf.container import Gltf, Primitive, primitives
-from ..gltf.nodes import node_matrices
-from ..gltf.schema import check_appearance
-from ..gltf.textures import Textures
-from ..gltf.vertex_colours import vertex_colours
-from ..readers.load import mesh_errors, read_objects
 from . import gltf_camera, gltf_lights
 from .defaults import BACKGROUND, framing, three_lights
 from .description import SceneDescription

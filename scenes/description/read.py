@@ -7,7 +7,7 @@ from pathlib import Path
 
 from raytrace import Object, OptionError, Scene, Settings, Shape
 
-from ..readers.load import load, mesh_errors
+from ..formats.load import load, mesh_errors
 from .defaults import BACKGROUND, NEUTRAL, WHITE, framing, three_lights
 from .description import SceneDescription
 from .gltf_scene import read_gltf

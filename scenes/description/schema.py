@@ -15,7 +15,7 @@ from raytrace.system.faults import first_fault
 from raytrace.system.parameters import Radiance, triple
 
 from ..field_errors import shown
-from ..gltf.schema import Number, Vector
+from ..formats.gltf.schema import Number, Vector
 
 
 def _name_or_table(value: Any) -> Any:

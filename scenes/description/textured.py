@@ -9,11 +9,11 @@ import numpy as np
 from raytrace.errors import printable
 from raytrace.mesh.mesh import Mesh
 
+from ..formats.load import read_objects
+from ..formats.obj.read import read_textured_obj
 from ..geometry.detail import split_corners
 from ..geometry.instances import flatten
 from ..geometry.primitives import Geometry, Origin
-from ..readers.load import read_objects
-from ..readers.obj import read_textured_obj
 
 ENDINGS = (".obj", ".ply")
 

@@ -15,10 +15,10 @@ from raytrace.materials.base import BaseMaterial
 from raytrace.system.faults import fields_of
 
 from ..field_errors import check_keys, joined, located, shown
+from ..formats.load import mesh_errors, read_objects
 from ..geometry.builtin_shapes import SOLIDS, Solid
 from ..geometry.instances import check_copies, flatten
 from ..geometry.primitives import Geometry, Origin
-from ..readers.load import mesh_errors, read_objects
 from ..safe_paths import confined
 from .defaults import NEUTRAL, WHITE
 from .gltf_scene import gltf_objects

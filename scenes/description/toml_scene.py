@@ -20,7 +20,7 @@ from raytrace.system.inputs import check_regular
 
 from ..falloffs import make_falloff, table_of
 from ..field_errors import check_keys, located, shown
-from ..readers.stored_w import ENDINGS
+from ..formats.stored_w import ENDINGS
 from ..safe_paths import confined
 from .defaults import three_lights
 from .description import SceneDescription, Source

@@ -12,7 +12,7 @@ from raytrace.errors import printable
 from raytrace.image.srgb import decode_srgb
 from raytrace.types import Float64s
 
-from ..readers.load import read_objects
+from ..formats.load import read_objects
 
 _BEGIN = 1 << 16  # bytes of a file that tell whether there can be any
 

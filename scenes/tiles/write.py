@@ -12,16 +12,16 @@ from raytrace.errors import OptionError
 from raytrace.system.atomic import atomic_write
 from raytrace.types import Float64s
 
-from ..readers.ply import COUNT
-from ..readers.ply_detail import RGB, grey_of
-from ..writers.ply import GREY, OWN
-from ..writers.ply_bytes import NAMES
-from .stored import StoredMesh
+from ..formats.ply.detail import RGB, grey_of
+from ..formats.ply.encode import NAMES
+from ..formats.ply.read import COUNT
+from ..formats.ply.write import GREY, OWN
+from .mapped import MappedMesh
 
 ENDINGS = ".npy", ".ply"
 
 
-def write_tiled(path: Path, w: Float64s, mesh: StoredMesh) -> None:
+def write_tiled(path: Path, w: Float64s, mesh: MappedMesh) -> None:
     """Write w (n,) as `.npy` or `.ply`, as `scenes.write` does.
 
     Vertex colours of a PLY stay what they are; else w is also written as grey.
@@ -42,7 +42,7 @@ def write_tiled(path: Path, w: Float64s, mesh: StoredMesh) -> None:
             _write_ply(file, w, mesh)
 
 
-def _write_ply(file: BinaryIO, w: Float64s, mesh: StoredMesh) -> None:
+def _write_ply(file: BinaryIO, w: Float64s, mesh: MappedMesh) -> None:
     kept = _kept(mesh)
     grey = not set(RGB) <= {name for name, _ in kept}
     fields = [*kept, ("obscurance", "f"), *((name, "B") for name in RGB if grey)]
@@ -55,9 +55,11 @@ def _write_ply(file: BinaryIO, w: Float64s, mesh: StoredMesh) -> None:
     file.write("\n".join([*lines, "end_header\n"]).encode("latin-1", "replace"))
     for run in runs(mesh.vertex_count):
         rows = np.empty(run.stop - run.start, row)
-        stored: Any = mesh.vertices(run.start, run.stop) if mesh.vertex_rows is None else mesh.vertex_rows[run]
         for number, (name, _) in enumerate(kept):
-            rows[name] = stored[:, number] if mesh.vertex_rows is None else stored[name]
+            if mesh.vertex_rows is None:
+                rows[name] = mesh.vertices(run.start, run.stop)[:, number]
+            else:
+                rows[name] = mesh.vertex_rows[run][name]
         rows["obscurance"] = w[run]
         for name in RGB if grey else ():
             rows[name] = grey_of(w[run])
@@ -72,7 +74,7 @@ def _write_ply(file: BinaryIO, w: Float64s, mesh: StoredMesh) -> None:
         file.write(rows.tobytes())
 
 
-def _kept(mesh: StoredMesh) -> list[tuple[str, str]]:
+def _kept(mesh: MappedMesh) -> list[tuple[str, str]]:
     """Names and types of the vertices' properties that an output keeps."""
     if mesh.vertex_rows is None:
         return [(axis, "f") for axis in "xyz"]
@@ -80,7 +82,7 @@ def _kept(mesh: StoredMesh) -> list[tuple[str, str]]:
     return [(name, mesh.vertex_rows.dtype[name].char) for name in names if name != "obscurance"]
 
 
-def _face_fields(mesh: StoredMesh) -> list[tuple[str, str, int]]:
+def _face_fields(mesh: MappedMesh) -> list[tuple[str, str, int]]:
     """Names, types and lengths, 0 for a single value, of the faces' properties."""
     if mesh.vertex_rows is None:
         return [("vertex_indices", "i", 3)]

@@ -19,7 +19,7 @@ import numpy.typing as npt
 
 from ao.analytic.closed_forms import Rate
 from ao.falloff import Falloff
-from ao.gather.receivers import Normals
+from ao.points.receivers import Normals
 from raytrace.mesh.mesh import Mesh
 from raytrace.types import Float64s, Int64s
 

@@ -1,4 +1,4 @@
-"""Tables of text with aligned columns, and the line that counts failures below them."""
+"""Tables of text with aligned columns."""
 
 from __future__ import annotations
 
@@ -15,9 +15,3 @@ def text_table(head: Sequence[str], rows: Sequence[Sequence[str]], numbers: Coll
         ).rstrip()
         for row in (head, *rows)
     ]
-
-
-def count_failures(passed: Sequence[bool], all_passed: str) -> str:
-    """The last line of a table, "2 of 9 failed" or "all 9 …", by whether each row passed."""
-    failed = len(passed) - sum(passed)
-    return f"{failed} of {len(passed)} failed" if failed else f"all {len(passed)} {all_passed}"

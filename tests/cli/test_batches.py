@@ -13,10 +13,9 @@ from command import BEGUN, obscurance, refused, started
 from found_faults import triangle
 from mesh_files import obj
 from meshes import hills
-from PIL import Image
 from project import ROOT
 
-from scenes.gltf.container import decode
+from scenes.formats.gltf.container import decode
 
 SAMPLES = ("--samples", 16)
 
@@ -37,7 +36,7 @@ def manifest(folder):
 
 @pytest.mark.parametrize("largest", [1, 1200, 1 << 21])
 def test_every_output_is_the_one_of_a_bake_of_its_own(folder, monkeypatch, largest):
-    monkeypatch.setattr("scenes.batch.command._LARGE", largest)
+    monkeypatch.setattr("scenes.jobs.batch._LARGE", largest)
     options = (*SAMPLES, "--falloff", "binary", "--seed", 3)
     done = obscurance("bake", "hill*.obj", "--output-dir", "out", "--format", "npz", "--threads", 3, *options)
     assert done.returncode == 0, done.stderr
@@ -110,32 +109,6 @@ def test_a_resumed_batch_bakes_again_where_any_file_that_was_read_or_written_has
     assert again(*fine) == {"hill6"}
 
 
-def test_a_resumed_batch_bakes_an_obj_again_where_its_materials_or_their_pictures_have_changed(folder):
-    vertices, faces = hills(4)
-    lines = [b"mtllib leaf.mtl", obj(vertices, faces), b"vt 0 0", b"usemtl leaf", b"f 1/1 2/1 3/1"]
-    (folder / "leaf.obj").write_bytes(b"\n".join(lines))
-    library, picture = folder / "leaf.mtl", folder / "leaf.png"
-    library.write_text("newmtl leaf\nmap_d leaf.png\n")
-    Image.new("L", (2, 2), 255).save(picture)
-    command = "bake", "leaf.obj", "hill0.obj", "--output-dir", "out", *SAMPLES, "--format", "npz", "--resume"
-
-    def again():
-        before = {path: path.stat().st_mtime_ns for path in (folder / "out").glob("*.npz")}
-        done = obscurance(*command)
-        assert done.returncode == 0, done.stderr
-        return {path.stem for path in (folder / "out").glob("*.npz") if path.stat().st_mtime_ns != before.get(path)}
-
-    assert again() == {"leaf", "hill0"}
-    assert again() == set()
-    Image.new("L", (2, 2), 0).save(picture)
-    assert again() == {"leaf"}
-    library.write_text("newmtl leaf\nd .5\n")
-    assert again() == {"leaf"}
-    library.unlink()
-    assert again() == {"leaf"}
-    assert again() == set()
-
-
 @pytest.mark.parametrize("content", ["[]", "{}", '{"manifest_version": 99, "options": 1, "versions": 1, "inputs": []}'])
 def test_what_is_no_manifest_is_not_resumed(folder, content):
     (folder / "out").mkdir()
@@ -163,7 +136,7 @@ def test_an_interrupt_leaves_whole_files_and_says_how_far_it_was(folder):
     for number in range(60):
         (folder / f"more{number}.obj").write_bytes(obj(*hills(30)))
     command = ["bake", "more*.obj", "--output-dir", "out", "--samples", "1024", "--threads", "2"]
-    code = [sys.executable, "-c", BEGUN.format(module="scenes.batch.command"), *command]
+    code = [sys.executable, "-c", BEGUN.format(module="scenes.jobs.batch"), *command]
     environment = {**os.environ, "PYTHONPATH": str(ROOT)}
     with started(code, cwd=folder, env=environment, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as run:
         assert run.stdout.readline() == "begun\n"

@@ -32,7 +32,7 @@ def test_every_output_format_is_written(tmp_path, cube, ending):
 
 def test_the_values_are_those_of_the_library(tmp_path, cube):
     import ao
-    from scenes.readers.load import load
+    from scenes.formats.load import load
 
     target = tmp_path / "w.npy"
     options = ("--half-distance", "30%", "--max-distance", "2", "--samples", 64, "--seed", 7, "--normals", "area")
@@ -91,6 +91,21 @@ def test_embree_can_trace_all_rays_and_finds_the_same(tmp_path, cube):
 def test_quiet_is_quiet(tmp_path, cube):
     result = obscurance("bake", cube, "-o", tmp_path / "w.npy", "--samples", 8, "--quiet")
     assert (result.returncode, result.stdout) == (0, "")
+
+
+def test_the_summary_says_what_became_of_vertices_inside_solids(tmp_path):
+    path = tmp_path / "boxes.ply"
+    post, block = trimesh.creation.box((1, 1, 4)).subdivide(), trimesh.creation.box((3, 3, 3))
+    trimesh.util.concatenate([post.apply_translation((0, 0, 2)), block]).export(path)
+    command = ("bake", path, "-o", tmp_path / "w.npy", "--samples", 16)
+    inside = "9 of 34 vertices lie inside solids"
+    assert f"{inside}; w there is filled from visible neighbours\n" in obscurance(*command, "--hidden", "fill").stdout
+    assert f"{inside}\n" in obscurance(*command, "--hidden", "mark").stdout
+
+
+def test_the_help_of_bake_says_what_w_is_before_it_speaks_of_it():
+    said = obscurance("bake", "--help").stdout
+    assert said.index("result is w, one number") < said.index("error of w")
 
 
 def test_info_tells_what_is_in_a_file(cube):
@@ -225,7 +240,7 @@ def test_an_interrupt_leaves_nothing_behind(tmp_path, by):
     target = tmp_path / "w.npy"
     target.write_bytes(b"\x93NUMPY precious")
     command = ("bake", mesh, "-o", target, "--samples", 200_000)
-    status, errors = interrupted_command("ao.trace.work", *command, by=by)
+    status, errors = interrupted_command("ao.execute.work", *command, by=by)
     assert status == 130
     assert "interrupted" in errors
     assert "Traceback" not in errors

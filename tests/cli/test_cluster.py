@@ -48,7 +48,7 @@ def test_mistakes_with_pictures_are_told_in_a_line(tmp_path, mesh, monkeypatch):
     refused(obscurance(*render, "--cluster", "here"), "render --cluster: expected local, local:N or the address")
     refused(obscurance(*render, "--shared", tmp_path), "render --shared: expected --cluster with it")
     refused(obscurance(*render, "--cluster", "local", "--shared", mesh), "render --shared: expected a folder")
-    monkeypatch.setattr("scenes.cluster.workers.find_spec", lambda _: None)
+    monkeypatch.setattr("scenes.jobs.workers.find_spec", lambda _: None)
     refused(obscurance(*render, "--cluster", "local"), "render --cluster: expected Dask")
     assert [path.name for path in tmp_path.iterdir()] == ["hills.ply"]
 
@@ -61,9 +61,11 @@ def test_mistakes_are_told_in_a_line(tmp_path, mesh, monkeypatch):
     )
     refused(obscurance(*bake, "--shared", tmp_path), "bake --shared: expected --cluster with it")
     refused(obscurance(*bake, "--cluster", "local", "--shared", mesh), "bake --shared: expected a folder")
-    monkeypatch.setattr("scenes.cluster.workers.find_spec", lambda _: None)
+    monkeypatch.setattr("scenes.jobs.workers.find_spec", lambda _: None)
     refused(
-        obscurance(*bake, "--cluster", "local"), "bake --cluster: expected Dask", "pip install 'obscurance[cluster]'"
+        obscurance(*bake, "--cluster", "local"),
+        "bake --cluster: expected Dask",
+        "pip install dask distributed cryptography",
     )
     assert [path.name for path in tmp_path.iterdir()] == ["hills.ply"]
 

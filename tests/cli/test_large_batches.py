@@ -10,9 +10,9 @@ from mesh_files import obj
 from meshes import hills
 
 from ao.falloff import Binary
-from scenes.batch.parts import dealt
-from scenes.batch.remote import SharedBakes
-from scenes.textures.command import bake_command
+from scenes.jobs.manifest import dealt
+from scenes.jobs.remote import SharedBakes
+from scenes.jobs.run import bake_command
 
 __all__ = ["small_blocks"]
 OPTIONS = "--samples", 16, "--format", "npz"
@@ -49,7 +49,7 @@ def same_files(folder, one, other):
 
 @pytest.mark.usefixtures("small_blocks")
 def test_a_batch_by_a_cluster_is_that_of_one_machine_and_can_be_resumed(folder, monkeypatch):
-    monkeypatch.setattr("scenes.batch.command._LARGE", (folder / "hill4.obj").stat().st_size)
+    monkeypatch.setattr("scenes.jobs.batch._LARGE", (folder / "hill4.obj").stat().st_size)
     whole = bake("whole")
     with scheduler(1) as cluster:
         done = bake("out", "--cluster", cluster.scheduler_address)

@@ -11,7 +11,7 @@ from typer.main import get_command
 
 from cli import app
 from raytrace.image.write import write_image
-from scenes.baking.sections import SECTIONS
+from scenes.jobs.parameters import SECTIONS
 
 COMMANDS = [
     (
@@ -129,9 +129,9 @@ COMMANDS = [
     ("info a.ply a.ply", "info: expected no more arguments, got a.ply"),
     ("info picture.png", "picture.png: ending", "got .png"),
     ("validate --samples 0", "validate --samples: expected a whole number from 1", "got 0"),
-    ("validate --long", "validate --long: expected --stress or --generated with it"),
-    ("validate a.ply", "validate MESH: expected --generated with it"),
-    ("validate --family ball", "validate --family: expected --generated with it"),
+    ("validate --stress", "test suites: python -m pytest tests/stress tests/random_meshes"),
+    ("validate --generated --long", "test suites: python -m pytest tests/stress tests/random_meshes"),
+    ("validate a.ply", "validate: expected no more arguments, got a.ply"),
     ("render a.ply", "render --output: expected an image file, or --show, got nothing"),
     ("render a.ply --show", "render --show: expected a terminal as standard output, got a file or a pipe"),
     ("render scene.toml -o x.bmp", "render --output: expected a name ending in .exr", "got x.bmp"),

@@ -8,7 +8,7 @@ import pytest
 import trimesh
 from command import obscurance, process, refused
 
-from scenes.commands.console import readable_output
+from scenes.jobs.console import readable_output
 
 PLAIN = [
     {"PYTHONIOENCODING": "ascii"},

@@ -8,7 +8,7 @@ from mesh_files import ply
 from meshes import hills, two_boxes
 from uv_meshes import grid_charts
 
-from scenes.cluster.part import part_command
+from scenes.jobs.shards import part_command
 
 
 @pytest.fixture
@@ -62,7 +62,7 @@ def test_merged_parts_of_a_texture_are_the_file_of_one_bake(tmp_path):
 @pytest.mark.parametrize("part", ["0/3", "4/3", "3", "1/x", "-1/2", "1/0", "1/2/3", ""])
 def test_a_part_is_two_numbers(part):
     with pytest.raises(ValueError, match="part: expected K/N"):
-        part_command(part, {})
+        part_command(part, {}, dict)
 
 
 def test_mistakes_are_told_in_a_line(tmp_path, mesh):

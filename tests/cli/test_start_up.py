@@ -5,13 +5,15 @@ import os
 import subprocess
 import sys
 
+import numpy as np
 import pytest
 from mesh_files import obj, ply, stl
 from meshes import hills, two_boxes
 from project import ROOT
 
-from raytrace.kernel import jit
-from scenes.commands import console
+import ao
+import raytrace
+from raytrace.kernel import notice
 
 COMMAND = """
 import json, sys, cli
@@ -21,7 +23,7 @@ try:
 except SystemExit:
     from raytrace.kernel import jit
     heavy = ("numba", "scipy", "trimesh", "OpenImageIO", "rich", "PIL", "lxml", "networkx", "pydantic.v1", "asyncio")
-    heavy = (*heavy, "scenes.gltf")
+    heavy = (*heavy, "scenes.formats.gltf")
     print(json.dumps([[name for name in heavy if name in sys.modules], len(jit.loaded), len(jit.compiled)]))
 """
 
@@ -43,7 +45,7 @@ def meshes(tmp_path):
     return tmp_path
 
 
-BAKE, SURFACE, RENDER = console.KERNELS_OF_BAKE, console.KERNELS_OF_SURFACE, console.KERNELS_OF_RENDER
+BAKE, SURFACE, RENDER = notice.KERNELS_OF_BAKE, notice.KERNELS_OF_SURFACE, notice.KERNELS_OF_RENDER
 COMMANDS = {
     "bake": ("bake hills.obj -o w.ply --samples 64", BAKE, []),
     "bake a ply": ("bake hills.ply -o w.npz --falloff binary", BAKE, []),
@@ -51,7 +53,11 @@ COMMANDS = {
     "bake to a tolerance": ("bake hills.obj -o w.npy --tolerance 0.01", BAKE, []),
     "bake to a page": ("bake hills.obj -o w.html --samples 64 --report r.json", BAKE, []),
     "fit": ("bake hills.obj -o w.ply --method surface --samples 64", SURFACE, ["scipy"]),
-    "render": ("render hills.obj -o w.png --width 32 --height 32 --samples 4", RENDER, ["OpenImageIO", "scenes.gltf"]),
+    "render": (
+        "render hills.obj -o w.png --width 32 --height 32 --samples 4",
+        RENDER,
+        ["OpenImageIO", "scenes.formats.gltf"],
+    ),
 }
 
 
@@ -87,10 +93,13 @@ def said_when(monkeypatch, folder, expected, *names):
     with monkeypatch.context() as patch:
         patch.setattr(sys, "stderr", terminal)
         patch.setattr("raytrace.kernel.cache.cache_folder", lambda: folder)
-        with console.compiling(expected):
+        notice._is_first_run.cache_clear()
+        notice._announce.cache_clear()
+        with notice.compiling(expected):
             for name in names:
-                jit.notices[-1](name)
-    assert not jit.notices
+                notice.notices[0](name)
+        notice._is_first_run.cache_clear()
+    assert not notice.notices
     return terminal.text
 
 
@@ -102,13 +111,54 @@ def test_a_first_run_says_on_a_terminal_how_far_compiling_is(monkeypatch, tmp_pa
 
 
 def test_a_later_run_that_compiles_more_names_it(monkeypatch, tmp_path):
-    said = said_when(monkeypatch, tmp_path, 30, "ao.denoise.upsampling._upsample.0123")
+    said = said_when(monkeypatch, tmp_path, 30, "ao.estimate.upsampling._upsample.0123")
     assert said.startswith("Compiling kernels that no run of this version has needed before")
     assert "\r_upsample" in said
 
 
 def test_what_compiles_nothing_says_nothing(monkeypatch, tmp_path):
     assert said_when(monkeypatch, tmp_path, 30) == ""
+
+
+REFLECT = (
+    "from raytrace import Lambert, reflect; "
+    "print(reflect(Lambert(albedo=0.8), n=[0, 0, 1], l=[0, 0, 1], v=[0, 0, 1])[0])"
+)
+LOGGED = "import logging; logging.basicConfig(level='INFO', format='%(name)s %(message)s'); "
+
+
+@pytest.mark.skipif(os.name == "nt", reason="pseudoterminals")
+def test_a_first_use_from_python_says_on_a_terminal_or_to_a_log_that_it_compiles(tmp_path):
+    def said(code, folder, stderr=subprocess.PIPE):
+        environment = os.environ | {"NUMBA_CACHE_DIR": str(tmp_path / folder)}
+        command = [sys.executable, "-c", code]
+        return subprocess.run(
+            command, cwd=ROOT, env=environment, stdout=subprocess.PIPE, stderr=stderr, check=True
+        ).stderr
+
+    terminal, other_end = os.openpty()
+    said(REFLECT, "kept", other_end)
+    shown = os.read(terminal, 10_000).decode()
+    assert shown.startswith("First run of this version: compiling kernels takes up to a minute…\r\n\r1 of about")
+    assert shown.endswith("\r")
+    said(REFLECT, "kept", other_end)
+    os.set_blocking(terminal, False)
+    with pytest.raises(BlockingIOError):
+        os.read(terminal, 1)
+    assert said(REFLECT, "other") == b""
+    assert said(LOGGED + REFLECT, "another").startswith(b"obscurance compiling kernel 1: raytrace.")
+
+
+def test_baking_and_rendering_count_all_that_they_compile():
+    found = {"bake": [], "texture": [], "render": []}
+    mesh, uv = raytrace.Mesh(*hills(5)), np.tile([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]], (32, 1, 1))
+    ao.bake(mesh, samples=4, progress=lambda *_: found["bake"].extend(notice.notices))
+    ao.bake_texture(mesh, uv, 8, samples=4, progress=lambda *_: found["texture"].extend(notice.notices))
+    scene = raytrace.Scene((raytrace.Object(raytrace.Shape(mesh, raytrace.Lambert(albedo=0.8))),), ())
+    small = raytrace.Settings(width=8, height=8)
+    camera = raytrace.Camera.framing(mesh, (1, 1, 1))
+    raytrace.render(scene, camera, small, progress=lambda *_: found["render"].extend(notice.notices))
+    assert all(found.values())
 
 
 INTERRUPTED = """
@@ -126,7 +176,7 @@ runpy.run_path({cli!r}, run_name="__main__")
 """
 
 
-MODULES = ["typer", "scenes.baking.sections", "scenes.baking.choose", "numpy", "llvmlite.binding"]
+MODULES = ["typer", "scenes.jobs.parameters", "scenes.jobs.run", "numpy", "llvmlite.binding"]
 
 
 @pytest.mark.skipif(os.name != "posix", reason="signals")

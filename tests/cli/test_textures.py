@@ -8,7 +8,7 @@ from command import obscurance, refused
 from gltf_samples import SAMPLES
 
 from raytrace.image.read import read_image
-from scenes.readers.load import load
+from scenes.formats.load import load
 
 FLOOR_AND_WALL = """v -1 -1 0\nv 1 -1 0\nv 1 1 0\nv -1 1 0\nv -1 1 1\nv 1 1 1
 vt .05 .05\nvt .95 .05\nvt .95 .45\nvt .05 .45\nvt .05 .55\nvt .95 .55\nvt .95 .95\nvt .05 .95
@@ -133,7 +133,7 @@ def test_w_of_a_fine_mesh_at_vertices(corner, tmp_path):
     fine.write_text("v -1 -1 .01\nv 1 -1 .01\nv 1 1 .01\nv -1 1 .01\nf 1 2 3 4\n")
     result = bake(corner, "--high", fine, "--cage", 0.1, "-o", target, "--samples", 8, "--report", report)
     assert "w.npz: 2 vertices are not within the cage of the fine mesh" in result.stderr
-    assert "flagged vertices: 2 missed" in result.stdout
+    assert "2 of 6 vertices are not within the cage and take the closest point" in result.stdout
     assert np.load(target)["w"].tolist() == [1] * 6
     assert json.loads(report.read_text())["flagged_vertices"] == {"missed": [4, 5]}
 

@@ -7,12 +7,12 @@ from found_faults import baked, scene_mistake, triangle
 from mesh_files import mistake, read
 
 import ao
+import scenes.formats.threemf
 import scenes.geometry.instances
-import scenes.readers.threemf
 from scenes.commands.info import describe
-from scenes.gltf.container import decode, encode_glb
-from scenes.readers.load import load
-from scenes.writers.write import write
+from scenes.formats.gltf.container import decode, encode_glb
+from scenes.formats.load import load
+from scenes.write_bake import write
 
 
 def test_one_gltf_array_is_not_placed_without_end(tmp_path, monkeypatch):

@@ -12,8 +12,8 @@ from found_faults import PLANE, scene_mistake
 from fuzz_mutations import toml_text
 from mesh_files import obj
 
+import scenes.formats.threemf
 import scenes.geometry.instances
-import scenes.readers.threemf
 from raytrace.errors import LINE, InputError, SceneError
 from raytrace.image.read import read_image
 from raytrace.image.texture import Texture, pack_textures

@@ -90,9 +90,9 @@ def consume(family, path, made, index):
     from scenes.commands.info import describe
     from scenes.commands.picture_bake import with_obscurance
     from scenes.description.read import read_scene
-    from scenes.readers.load import load
-    from scenes.writers.losses import lost
-    from scenes.writers.write import write
+    from scenes.formats.load import load
+    from scenes.formats.losses import lost
+    from scenes.write_bake import write
 
     if family == "array":
         scene = path.with_name("m.toml")

@@ -5,7 +5,7 @@ import pytest
 from meshes import hills
 
 import ao
-from ao.trace.checkpoint import Checkpoint
+from ao.execute.checkpoint import Checkpoint
 from raytrace.mesh.mesh import Mesh
 
 MESH = Mesh(*hills(70))

@@ -16,7 +16,7 @@ import numpy as np
 from meshes import hills
 
 import ao
-from ao.trace.checkpoint import Checkpoint
+from ao.execute.checkpoint import Checkpoint
 from raytrace.mesh.mesh import Mesh
 from raytrace.system.atomic import atomic_write
 

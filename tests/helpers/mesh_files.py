@@ -7,7 +7,7 @@ import pytest
 from gltf_files import QUAD, Builder
 
 from raytrace.errors import MeshError
-from scenes.readers.load import load
+from scenes.formats.load import load
 
 # Two squares that share an edge; vertex 2 repeats vertex 1, vertex 6 is unused.
 VERTICES = np.array([[0, 0, 0], [1, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0.25], [2, 0, 0], [9, 9, 9]])

@@ -3,8 +3,8 @@
 import pytest
 from interrupted_bakes import bits, bits_of
 
-from ao.trace.merge import Merge, read_parts
-from ao.trace.parts import Part, PartTraced
+from ao.execute.merge import Merge, read_parts
+from ao.execute.parts import Part, PartTraced
 
 DESCRIPTION = {"mesh": "hills", "options": {"seed": 0}}
 

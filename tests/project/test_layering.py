@@ -14,22 +14,12 @@ ORDER = [
     "raytrace.scene",
     *("raytrace.shade", "raytrace.renderer"),
     *("ao.mu", "ao.falloff", "ao.options", "ao.memory"),
-    *("ao.gather", "ao.stream", "ao.trace", "ao.denoise", "ao.interior"),
-    *(
-        "ao.prepared",
-        "ao.adaptive",
-        "ao.least_squares",
-        "ao.picture",
-        "ao.result",
-        "ao.vertex_method",
-        "ao.surface_method",
-    ),
+    *("ao.points", "ao.rays", "ao.execute", "ao.estimate", "ao.prepared", "ao.least_squares", "ao.picture"),
+    *("ao.result", "ao.vertex_method", "ao.surface_method"),
     *("ao.texture", "ao.interpolation", "ao.baking", "ao.report", "ao.cluster", "ao.tiles", "ao.analytic"),
     *("scenes.falloffs", "scenes.field_errors", "scenes.safe_paths"),
-    *("scenes.geometry", "scenes.gltf", "scenes.readers"),
-    *("scenes.description", "scenes.page", "scenes.writers", "scenes.library", "scenes.validation", "scenes.stress"),
-    *("scenes.generated", "scenes.report", "scenes.commands", "scenes.textures"),
-    *("scenes.tiles", "scenes.cluster", "scenes.batch", "scenes.baking"),
+    *("scenes.geometry", "scenes.formats", "scenes.description", "scenes.show", "scenes.write_bake"),
+    *("scenes.library", "scenes.validation", "scenes.tiles", "scenes.jobs", "scenes.commands"),
     "cli",
 ]
 """Every folder and every file outside folders: each may import what stands before it."""
@@ -38,7 +28,6 @@ DOORS = {
     "dask": {"ao.cluster.dask_cluster"},
     "distributed": {"ao.cluster.dask_cluster"},
     "embreex": {"raytrace.embree.library"},
-    "fast_simplification": {"scenes.generated.damage"},
     "llvmlite": {
         "raytrace.kernel.cache",
         "raytrace.kernel.machine_code",
@@ -46,10 +35,10 @@ DOORS = {
         "raytrace.kernel.lanes",
         "raytrace.kernel.compiler",
         "raytrace.embree.library",
-        "ao.trace.identity",
+        "ao.execute.identity",
     },
     "numba": {"raytrace.kernel.lanes", "raytrace.kernel.compiler"},
-    "uvunwrap": {"scenes.textures.unwrap"},
+    "uvunwrap": {"scenes.jobs.textures.unwrap"},
     "OpenImageIO": {f"raytrace.image.{name}" for name in ("encode", "fill", "read", "compare", "texture")},
 }
 MODULES = {

@@ -95,7 +95,8 @@ def test_every_file_that_is_no_module_is_installed():
     for package in PACKAGES:
         folder = ROOT / package
         wanted = {path for path in folder.rglob("*") if path.is_file() and "__pycache__" not in path.parts}
-        stubs = {path for path in folder.rglob("*.pyi") if (path.parent / "__init__.py").exists()}
+        typed = {path for name in ("*.pyi", "py.typed") for path in folder.rglob(name)}
+        stubs = {path for path in typed if (path.parent / "__init__.py").exists()}
         listed = {path for pattern in patterns.get(package, []) for path in folder.glob(pattern)}
         assert wanted == {path for path in wanted if path.suffix == ".py"} | stubs | listed
-    assert patterns["*"] == ["*.pyi"]
+    assert patterns["*"] == ["*.pyi", "py.typed"]

@@ -1,10 +1,12 @@
 """The wheel: it holds every file of the packages, and runs where it is installed alone; without Embree it says so."""
 
 import os
+import re
 import shutil
 import site
 import subprocess
 import sys
+import zipfile
 
 import pytest
 from command import refused
@@ -58,11 +60,31 @@ def wheel(tmp_path_factory):
         shutil.copytree(ROOT / package, source / package, ignore=shutil.ignore_patterns("__pycache__"))
     for name in ("cli.py", "pyproject.toml", "README.md", "LICENSE"):
         shutil.copy(ROOT / name, source)
+    return wheel_of(source, folder)
+
+
+def wheel_of(source, folder):
     make = (sys.executable, *QUIET, "wheel", source, "--no-deps", "--no-build-isolation", "-w", folder)
     built = run(*make, folder=folder)
     assert built.returncode == 0, built.stderr
     (wheel,) = folder.glob("*.whl")
     return wheel
+
+
+SDIST = "from setuptools import build_meta; print(build_meta.build_sdist(r'{}'))"
+
+
+def test_wheel_and_source_archive_pass_the_check_of_the_index_and_hold_the_same(wheel, tmp_path):
+    built = run(sys.executable, "-W", "ignore", "-c", SDIST.format(tmp_path), folder=wheel.parent / "source")
+    archive = tmp_path / built.stdout.split()[-1]
+    checked = run(sys.executable, "-m", "twine", "--no-color", "check", "--strict", wheel, archive, folder=tmp_path)
+    assert checked.stdout.count("PASSED") == 2, checked.stdout + checked.stderr
+    unpacked = tmp_path / "unpacked"
+    shutil.unpack_archive(archive, unpacked, filter="data")
+    again = wheel_of(next(unpacked.iterdir()), tmp_path)
+    names = [set(zipfile.ZipFile(each).namelist()) for each in (wheel, again)]
+    assert names[0] == names[1]
+    assert {f"{package}/py.typed" for package in PACKAGES} <= names[0]
 
 
 def test_a_module_of_another_package_does_not_replace_the_command(wheel, tmp_path):
@@ -111,6 +133,37 @@ def test_the_wheel_runs_in_an_environment_of_its_own(installed, tmp_path):
         assert done.returncode == 0, done.stderr
     for made in ("hills.glb", "cornell.toml", "demo/temple.png", "demo/temple.ply"):
         assert (tmp_path / made).stat().st_size > 500
+
+
+TYPED = """
+from typing import assert_type
+import numpy as np
+import numpy.typing as npt
+import ao, raytrace, scenes
+
+mesh = scenes.Temple(fineness=0.2).geometry().mesh
+assert_type(mesh, raytrace.Mesh)
+baked = ao.bake(mesh, ao.Exponential(half_distance="50%"), tolerance=0.02)
+assert_type(baked, ao.Bake)
+assert_type(baked.w, npt.NDArray[np.float64])
+texture = ao.bake_texture(mesh, scenes.unwrap(mesh), 64)
+assert_type(texture, ao.BakedTexture)
+scenes.write("temple.glb", baked, scenes.MeshFile.of(mesh))
+white = raytrace.Object(raytrace.Shape(mesh, raytrace.Lambert(albedo=0.8)), w=baked.w)
+camera = raytrace.Camera.framing(mesh, direction=(0.5, 1, 0.8), up=(0, 0, 1), aspect=1.5)
+scene = raytrace.Scene((white,), (raytrace.AmbientLight(intensity=0.4),))
+assert_type(raytrace.render(scene, camera, raytrace.Settings(width=48)), raytrace.Frame)
+ao.bake(mesh, smaples=3)
+"""
+
+
+@pytest.mark.slow
+def test_a_user_s_script_under_strict_mypy_sees_the_types(installed, tmp_path):
+    (tmp_path / "script.py").write_text(TYPED)
+    check = ("--strict", "--no-incremental", "--python-executable", installed / "python")
+    found = run(sys.executable, "-m", "mypy", *check, "script.py", folder=tmp_path).stdout
+    wrong = 'Unexpected keyword argument "smaples" for "bake"; did you mean "samples"?'
+    assert re.findall(r":(\d+): error: (.*)  \[", found) == [(str(TYPED.count("\n")), wrong)], found
 
 
 def test_without_embree_one_line_says_what_to_do(tmp_path):

@@ -16,7 +16,7 @@ import ao
 import ao.cluster.session
 from ao.cluster.addresses import LOCAL, local_workers
 from ao.cluster.dispatch import IN_FLIGHT
-from ao.trace.checkpoint import Checkpoint
+from ao.execute.checkpoint import Checkpoint
 from raytrace import InputError, Mesh, OptionError
 from raytrace.errors import ClusterError
 

@@ -11,8 +11,8 @@ from command import started
 from project import environment
 
 from ao.cluster.dispatch import IN_FLIGHT
-from ao.trace.checkpoint import Checkpoint
-from ao.trace.journal import Journal
+from ao.execute.checkpoint import Checkpoint
+from ao.execute.journal import Journal
 from raytrace.errors import ClusterError
 
 __all__ = ["small_blocks"]

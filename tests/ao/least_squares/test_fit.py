@@ -7,11 +7,11 @@ from scipy.optimize import lsq_linear
 from scipy.sparse import csr_array
 from scipy.spatial import Delaunay
 
-from ao.gather.morton import fine_morton_order
 from ao.least_squares.conjugate_gradients import multiply, solve, solve_within
 from ao.least_squares.pattern import Stencil, find_hinges
 from ao.least_squares.problem import Half, Problem, add_laplacian, cross_validated, normal_matrix, right_side, roughness
 from ao.least_squares.samples import Samples, place
+from ao.points.morton import fine_morton_order
 from raytrace.mesh.normals import face_normals
 
 

@@ -9,7 +9,7 @@ from uv_meshes import quads, rectangle, square
 
 import ao
 from ao.analytic import closed_forms
-from ao.trace.checkpoint import Checkpoint
+from ao.execute.checkpoint import Checkpoint
 from raytrace import Mesh, MeshError, OptionError
 from scenes.geometry.polyhedra import generic_rotation
 

@@ -8,7 +8,7 @@ from uv_meshes import grid_charts, icosphere, quads, rectangle, square
 import ao
 from ao.analytic import closed_forms
 from raytrace import Mesh, MeshError
-from raytrace.ray_origins.closest import closest_on_triangle
+from raytrace.bvh.closest import closest_on_triangle
 
 FLOOR = rectangle((0, -2, 0), (4, 0, 0), (0, 4, 0)), square(0, 0, 1, 1)
 

@@ -7,7 +7,7 @@ from meshes import hills
 from uv_meshes import grid_charts
 
 import ao
-from ao.trace.checkpoint import Checkpoint
+from ao.execute.checkpoint import Checkpoint
 from raytrace import Mesh
 
 OPTIONS = {"size": 96, "samples": 256}

@@ -7,7 +7,7 @@ from uv_meshes import icosphere, inward_cube, quads, rectangle, square
 
 import ao
 import ao.texture.texels
-from ao.gather.receivers import find_receivers
+from ao.points.receivers import find_receivers
 from ao.texture.coverage import cover
 from ao.texture.surface_points import Faces, centres_suffice
 from ao.texture.uv_layout import UVLayout, corner_uv

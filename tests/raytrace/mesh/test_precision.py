@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 import trimesh
 from command import obscurance
+from stress.pose import Pose
+from stress.solids import grid
 
 from raytrace import Mesh
 from raytrace.mesh.precision import TILT, coarseness, precision_warnings
 from scenes.geometry.polyhedra import icosphere, join
-from scenes.stress.pose import Pose
-from scenes.stress.solids import grid
 
 
 def test_a_mesh_far_from_the_origin_is_reported_by_how_it_is_stored():

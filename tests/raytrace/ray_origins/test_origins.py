@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from stress.solids import cube, ellipsoid, grid, inward
 
 import ao
 from raytrace import Mesh
@@ -12,7 +13,6 @@ from raytrace.ray_origins.clearance import outermost_normals
 from raytrace.ray_origins.contacts import find_contacts
 from raytrace.ray_origins.surface import Surface
 from scenes.geometry.polyhedra import generic_rotation, icosphere, join
-from scenes.stress.solids import cube, ellipsoid, grid, inward
 
 
 def binary(part, turn, samples=256):

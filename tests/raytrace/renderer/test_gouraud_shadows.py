@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import trimesh
+from stress.solids import cube, inward
 
 from raytrace.camera import Camera
 from raytrace.lights.sources import PointLight
@@ -15,7 +16,6 @@ from raytrace.scene import Object, Scene, Shape
 from raytrace.settings import Settings
 from scenes.geometry import primitives
 from scenes.geometry.polyhedra import generic_rotation
-from scenes.stress.solids import cube, inward
 
 SETTINGS = Settings(width=48, height=48, samples=4, shading="gouraud")
 WHITE = Lambert(albedo=0.8)

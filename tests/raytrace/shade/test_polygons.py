@@ -17,8 +17,8 @@ from raytrace.renderer.render import render, seen_vertices
 from raytrace.scene import Object, Scene, Shape
 from raytrace.settings import Settings
 from scenes.description.read import read_scene
+from scenes.formats.load import load
 from scenes.geometry.polygons import triangulate
-from scenes.readers.load import load
 
 SIZE = 96
 ABOVE = Camera((0, 0, 9), (0, 0, 0), (0, 1, 0), height=4)

@@ -13,7 +13,7 @@ import pytest
 
 import ao
 from ao.falloff import Binary, Exponential, Linear, Smooth
-from ao.gather.directions import DirectionTable
+from ao.rays.directions import DirectionTable
 from raytrace import Mesh
 from raytrace.ray_origins.offset import ray_offset
 from scenes.geometry.polyhedra import icosphere, inscribed_radius, prism
@@ -209,7 +209,7 @@ def other_directions(monkeypatch: pytest.MonkeyPatch, cosine: Callable[[np.ndarr
         r = np.sqrt(np.maximum(1 - z * z, 0))
         return np.stack([r * np.cos(azimuth), r * np.sin(azimuth), z], axis=-2)
 
-    monkeypatch.setattr("ao.gather.directions.cosine_hemisphere", directions)
+    monkeypatch.setattr("ao.rays.directions.cosine_hemisphere", directions)
 
 
 def test_the_true_estimator_passes_however_it_is_wrapped(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -1,1 +1,0 @@
-"""Denoising by neighbouring points, and upsampling to points that were not traced."""

@@ -1,0 +1,106 @@
+"""The one way from points to their values: vertices, texels, points of a fine mesh alike.
+
+Points with a hemisphere of their own are traced, those that `Corners` stand for get the mean over their corner samples,
+and points inside solids the values of the nearest that are not.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+
+from raytrace.types import Bools, Int64s
+
+from ..execute.tracer import Tracer
+from ..points.corners import Corners
+from ..points.points import Points
+from .fill import Fill
+from .fixed_samples import estimated, place_samples, rays_of_corners, sampled, traced_twice, with_corners
+from .one_ring import Neighbours
+from .probes import derive
+from .tolerance import Estimate, estimate_to
+
+NeighboursOf = Callable[[Int64s], Neighbours]
+"""From rows of points (k,), ascending, the neighbours of these points, numbered in that order."""
+
+
+class Target(NamedTuple):
+    """What is asked for.
+
+    Attributes:
+        samples: rays a point; with a tolerance the most. tolerance: root mean square error of w, or None.
+        denoise: whether estimates are shrunk towards predictions from neighbours. key: of the directions.
+    """
+
+    samples: int
+    tolerance: float | None
+    denoise: bool
+    key: np.uint32
+
+
+def edges_of(points: Points, faces: Int64s, threads: int) -> NeighboursOf:
+    """Neighbours along the edges of `faces` (m, 3), rows of `points` or −1."""
+
+    def among(rows: Int64s) -> Neighbours:
+        if len(rows) == len(points):
+            return Neighbours.of(faces, points.normals, threads)
+        return Neighbours.of(_renumbering(rows, len(points))[faces], points.normals[rows], threads)
+
+    return among
+
+
+def estimate(tracer: Tracer, points: Points, corners: Corners, neighbours_of: NeighboursOf, target: Target) -> Estimate:
+    """Estimates at all `points` (k,), with a number of rays each that is given or meets the tolerance."""
+    rows = np.delete(np.arange(len(points)), corners.rows)
+    ordinary = points[rows] if len(corners) else points
+    places, (most, tolerance, denoise, key) = corners.places, target
+    if tolerance is None or not len(points):
+        samples = place_samples(most, False)
+        tracer.later = rays_of_corners(corners, samples)
+        traced = traced_twice(tracer, ordinary, most, key)
+        tracer.later = 0
+        at_corners = traced_twice(tracer, places, samples, key) if len(corners) else None
+        tracer.all_traced()
+        found = estimated(traced, ordinary, neighbours_of(rows) if denoise else None)
+        if at_corners is None:
+            return found
+        return with_corners(found, rows, estimated(at_corners, places, None), corners)
+    if not len(rows):  # none to plan rays by but corner samples, of which the mean of some 18 is asked for
+        alone = Neighbours.of(np.zeros((0, 3), np.int64), places.normals, tracer.threads)
+        at_places = estimate_to(tracer, places, alone, min(2 * tolerance, 1.0), most, key)
+        nothing = Estimate(np.zeros((0, 4)), np.zeros(0), at_places.samples, 0)
+        return with_corners(nothing, rows, at_places, corners)
+    found = estimate_to(tracer, ordinary, neighbours_of(rows), tolerance, most, key)
+    if not len(corners):
+        return found
+    return with_corners(found, rows, sampled(tracer, places, place_samples(found.samples, True), key), corners)
+
+
+def estimate_outside(
+    tracer: Tracer, points: Points, corners: Corners, neighbours_of: NeighboursOf, inside: Bools, target: Target
+) -> tuple[Estimate, int]:
+    """`estimate` where points `inside` (k,) are filled from the nearest that are not; how many were not traced."""
+    if not inside.any():
+        return estimate(tracer, points, corners, neighbours_of, target), 0
+    filling = Fill.of(points, neighbours_of(np.arange(len(points))), inside)
+    kept = np.flatnonzero(filling.traced)
+    traced, some = points[kept], corners.only(kept)
+    found = estimate(tracer, traced, some, lambda rows: neighbours_of(kept[rows]), target)
+    known = np.column_stack([found.rows, found.variance])
+    if target.tolerance is not None:  # errors at the edge of what is hidden stand for many
+        edge = filling.sources
+        edge[some.rows] = False
+        again = sampled(tracer, traced[edge], min(4 * found.samples, target.samples), derive(target.key, 6))
+        known[edge] = np.column_stack([again.rows, again.variance])
+    rows = filling.extrapolate(known)
+    return replace(found, rows=rows[:, :4], variance=rows[:, 4]), len(points) - len(kept)
+
+
+def _renumbering(rows: Int64s, count: int) -> Int64s:
+    """The place of each of `count` points in `rows`, and of −1: −1 for those that are not there."""
+    place = np.full(count + 1, -1)
+    place[rows] = np.arange(len(rows))
+    return place

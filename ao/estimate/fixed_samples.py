@@ -1,0 +1,106 @@
+"""Estimates by a given number of rays, at points and at the corners that stand for some of them."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+
+from raytrace.sampling.hash import mix_array
+from raytrace.types import Float64s, Int64s
+
+from ..execute.tracer import Tracer
+from ..points.corners import Corners
+from ..points.points import Points
+from ..rays.estimate import BATCH_VARIANCE, BENT, VALUES, W
+from .calibration import Calibration
+from .one_ring import Neighbours
+from .ray_budget import sampling_variance
+from .shrinkage import calibration_factor, denoise, distribute_variance, shrunk_to_mean
+from .tolerance import Estimate
+
+_CALIBRATION_SHARE = 32
+_CALIBRATION_LEAST = 128
+_PLACE_SHARE = 8  # of the rays that a point gets, for each of some 18 places about a corner: they err as much together
+_PLACE_SHARE_RAW = 3  # where points are denoised besides
+
+
+class TracedTwice(NamedTuple):
+    """What rays have found at points, some of which were traced twice to calibrate the error.
+
+    Attributes:
+        rows: float64 (k, COLUMNS). samples: rays of each. calibration: int64 (c,), the points that were traced twice.
+        again: float64 (c,), w of these by other directions. rays: traced in the bake so far.
+    """
+
+    rows: Float64s
+    samples: int
+    calibration: Int64s
+    again: Float64s
+    rays: int
+
+
+def traced_twice(tracer: Tracer, points: Points, samples: int, key: np.uint32) -> TracedTwice:
+    """Trace `samples` rays at every point."""
+    calibration = _calibration_subset(len(points))
+    tracer.expected = tracer.rays + samples * (len(points) + len(calibration))
+    rows = tracer.gather(points, samples, key)
+    again = tracer.gather(points[calibration], samples, mix_array([key ^ np.uint32(0xA5A5A5A5)])[0])[:, W]
+    return TracedTwice(rows, samples, calibration, again, tracer.rays)
+
+
+def estimated(traced: TracedTwice, points: Points, neighbours: Neighbours | None) -> Estimate:
+    """Estimates at points that were traced; denoised if `neighbours` are given."""
+    rows, samples, calibration, again, rays = traced
+    w = rows[:, W]
+    level = sampling_variance(w[calibration], again, samples)
+    spread = rows[:, BATCH_VARIANCE]
+    if len(points) and not spread.any() and (w == w[0]).all():  # of n rays that agree, the next may not (Laplace)
+        level = min(level, rays**-2.0)
+    variance, before = shrunk_to_mean(distribute_variance(spread, level)), (w[calibration] - again) ** 2
+    checked = Calibration(variance[calibration], before / 2)
+    raw = Estimate(rows[:, VALUES], variance, samples, 0, calibration=checked)
+    if neighbours is None:
+        return raw
+    denoised, error = denoise(neighbours, points, rows, level)
+    after = (denoised[calibration] - again) ** 2
+    if float(np.sum(after - before)) >= 0:
+        return raw
+    error *= calibration_factor(error[calibration], after - before / 2, error)
+    checked = Calibration(error[calibration], after - before / 2)
+    return Estimate(np.column_stack([denoised, rows[:, BENT:]]), error, samples, 0, calibration=checked)
+
+
+def sampled(tracer: Tracer, points: Points, samples: int, key: np.uint32) -> Estimate:
+    """Every point with `samples` rays, as they come."""
+    return estimated(traced_twice(tracer, points, samples, key), points, None)
+
+
+def place_samples(samples: int, denoised: bool) -> int:
+    """Rays for each place of a corner where points get `samples`, and are denoised or are not."""
+    return -(-samples // (_PLACE_SHARE_RAW if denoised else _PLACE_SHARE))
+
+
+def rays_of_corners(corners: Corners, samples: int) -> int:
+    """How many rays `with_corners` asks for."""
+    return samples * (len(corners.places) + len(_calibration_subset(len(corners.places))))
+
+
+def with_corners(estimate: Estimate, rows: Int64s, found: Estimate, corners: Corners) -> Estimate:
+    """Estimates of all points.
+
+    Args: estimate: of the points `rows` (i,). found: of the places of `corners`, which stand for all other points.
+    """
+    values, variance = np.empty((len(rows) + len(corners), 4)), np.empty(len(rows) + len(corners))
+    values[rows], variance[rows] = estimate.rows, estimate.variance
+    values[corners.rows, :1] = corners.mean(found.rows[:, :1])
+    values[corners.rows, 1:] = corners.mean_direction(found.rows[:, 1:])
+    variance[corners.rows] = corners.variance(found.variance)
+    return replace(estimate, rows=values, variance=variance)
+
+
+def _calibration_subset(count: int) -> Int64s:
+    """Evenly spread points to bake a second time with independent directions: one in 32, 128 at least."""
+    wanted = min(count, max(_CALIBRATION_LEAST, count // _CALIBRATION_SHARE))
+    return np.arange(wanted) * count // max(wanted, 1)

@@ -1,0 +1,138 @@
+"""Vertices inside a solid: those that see the backs of faces, where the faces of closed solids look outwards."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from raytrace.embree.packets import DIR_X, GEOM_ID, INVALID, LANES, NG_X, PRIM_ID, intersect8
+from raytrace.kernel.borrow import borrow
+from raytrace.kernel.jit import kernel
+from raytrace.mesh.placement import Placement
+from raytrace.system.threads import run_blocks
+from raytrace.types import AnyInts, Bools, Float32s, Int64s
+
+from ..options import Hidden
+from ..points.points import Points
+from ..points.receivers import Receivers
+from ..rays.directions import DirectionTable, choose, turned_frame
+from ..rays.ray_packet import RayPacket, aim, start_from
+from .closed_parts import closed_parts, inside_boxes
+
+RAYS = 16
+_KEY = np.uint32(0x51DE)
+_BLOCK = 1 << 8  # points
+
+
+class Solids(NamedTuple):
+    """Faces whose backs hide points.
+
+    Attributes:
+        of_face: int64 (m,), the part of each face of the scene, −1 if its back hides nothing.
+        of_point: int64 (k,), the part of each point, which does not hide it.
+    """
+
+    of_face: Int64s
+    of_point: Int64s
+
+
+def inside_solids(
+    points: Points,
+    vertex: AnyInts,
+    placement: Placement,
+    receivers: Receivers,
+    hidden: Hidden,
+    threads: int,
+    total_points: int | None = None,
+) -> Bools:
+    """The points (k,) that are inside a solid as the option `hidden` defines it.
+
+    Args:
+        vertex: (k,), one of the mesh that `receivers` are of, in the part that each point belongs to.
+        total_points: points of the whole mesh if these are some of them.
+    """
+    inside = np.zeros(len(points), np.bool_)
+    total = len(points) if total_points is None else total_points
+    if hidden == "ignore" or not len(points):
+        return inside
+    if hidden != "auto":
+        return _hidden_points(points, _any_back(receivers, len(points)), placement, receivers, total, threads)
+    part, closed = _closed_parts(placement.vertices, receivers)
+    if not closed.any():
+        return inside
+    own = part[vertex]
+    rows = inside_boxes(points.origins, own, placement.vertices, part, closed)
+    if len(rows):
+        solids = Solids(np.where(closed[part], part, -1)[receivers.faces[:, 0]], own[rows])
+        inside[rows] = _hidden_points(points[rows], solids, placement, receivers, total, threads)
+    return inside
+
+
+def _any_back(receivers: Receivers, count: int) -> Solids:
+    """Solids that the backs of all opaque faces bound, for `count` points."""
+    of_face = np.zeros(len(receivers.faces), np.int64)
+    if receivers.opacity:
+        of_face[receivers.opacity.of >= 0] = -1
+    return Solids(of_face, np.full(count, -1))
+
+
+def _closed_parts(vertices: Float32s, receivers: Receivers) -> tuple[Int64s, Bools]:
+    """`closed_parts`, of which those are open that have faces with alpha."""
+    part, closed = closed_parts(vertices, receivers.faces)
+    if receivers.opacity:
+        closed[part[receivers.faces[receivers.opacity.of >= 0]]] = False
+    return part, closed
+
+
+def _hidden_points(
+    points: Points, solids: Solids, placement: Placement, receivers: Receivers, total_points: int, threads: int
+) -> Bools:
+    """Whether each point is hidden (k,): more than half of its `RAYS` rays end on the back of a face.
+
+    Every bake of a mesh says the same, whatever its seed and whichever vertices it is asked for.
+    """
+    scene, reach = receivers.embree(), placement.diagonal
+    table = DirectionTable.make(RAYS, total_points, _KEY)
+    hidden = np.empty(len(points), np.bool_)
+
+    def work(first: int, last: int) -> None:
+        some = Solids(solids.of_face, solids.of_point[first:last])
+        _find_hidden(RayPacket.of(scene), points[first:last].arrays, table, some, reach, hidden[first:last])
+
+    run_blocks(len(points), _BLOCK, work, threads)
+    return hidden
+
+
+@kernel
+def _find_hidden(packet, points, table, solids, reach, hidden):
+    """Whether over half of each point's rays end on the back of a face, bool (n,); no more are traced than decide."""
+    scene, rays, valid, _ = borrow(packet)
+    origins, normals, numbers = borrow(points)
+    table = borrow(table)
+    directions = table.directions
+    of_face, of_point = borrow(solids)
+    hidden = borrow(hidden)
+    samples = directions.shape[2]
+    ids = rays.view(np.uint32)
+    for i in range(len(origins)):
+        chosen, turn = choose(numbers[i], table)
+        n = normals[i]
+        t, b = turned_frame(n, turn)
+        start_from(rays, origins[i])
+        count = np.int64(0)
+        for first in range(0, samples, LANES):
+            if 2 * count > samples or 2 * (count + samples - first) <= samples:
+                break
+            aim(rays, directions[chosen], first, t, b, n, reach)
+            intersect8(scene, rays, valid)
+            for lane in range(LANES):
+                if ids[GEOM_ID, lane] == INVALID:
+                    continue
+                part = of_face[ids[PRIM_ID, lane]]
+                if part >= 0 and part != of_point[i]:
+                    along = np.float32(0.0)
+                    for axis in range(3):
+                        along += rays[DIR_X + axis, lane] * rays[NG_X + axis, lane]
+                    count += along > 0.0
+        hidden[i] = 2 * count > samples

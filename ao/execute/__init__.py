@@ -1,0 +1,1 @@
+"""Work in blocks: threads, journals to resume from, parts and their merge."""

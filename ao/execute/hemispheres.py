@@ -1,0 +1,91 @@
+"""The rows of `ao.rays.estimate` at points, as work that any process can do."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ..mu import KernelMu
+from ..points.points import Points
+from ..rays.estimate import COLUMNS
+from ..rays.gather_streams import gather_streams
+from ..rays.hemisphere import gather_hemispheres
+from ..rays.layers import Layers
+from ..rays.ray_blocks import Rays
+from ..rays.ray_packet import RayPacket
+from ..rays.ray_scene import RayScene
+from ..rays.traverse import Walk
+from .work import Tables
+
+_BLOCK_RAYS, _LEAST_RAYS = 1 << 19, 1 << 13  # of a block of work
+_BLOCKS = 32  # at least, if they are not too small: for threads to share evenly
+
+
+@dataclass(frozen=True, eq=False)
+class Hemispheres:
+    """Hemispheres to be gathered.
+
+    Attributes:
+        points: where. samples: rays of each. key: by which directions are drawn.
+        total_points: how many points the whole mesh has, wanted or not.
+        mu: the falloff, in render space. reach: length of rays there.
+        packets_below: fewer rays a point than this are traced by Embree, others walk the tree.
+        dealt: how many points share a lattice of directions.
+    """
+
+    points: Points
+    samples: int
+    key: np.uint32
+    total_points: int
+    mu: KernelMu
+    reach: float
+    packets_below: int
+    dealt: int = 1
+
+    def __len__(self) -> int:
+        return len(self.points)
+
+    def __getitem__(self, rows: slice) -> Hemispheres:
+        return replace(self, points=self.points[rows])
+
+    @property
+    def name(self) -> bytes:
+        digest = hashlib.blake2b(repr((self.samples, int(self.key), self.dealt)).encode(), digest_size=16)
+        digest.update(np.ascontiguousarray(self.points.numbers).data)
+        return digest.digest()
+
+    @property
+    def rays(self) -> float:
+        return self.samples
+
+    @property
+    def block(self) -> int:
+        rays = min(max(len(self) * self.samples // _BLOCKS, _LEAST_RAYS), _BLOCK_RAYS)
+        return max(rays // self.samples, 1)
+
+    def tables(self) -> Tables:
+        return (np.empty((len(self), COLUMNS)),)
+
+    def writer(self, scene: RayScene, tables: Tables) -> Callable[[int, int], None]:
+        table = scene.table(self.samples, self.total_points, self.key, self.dealt)
+        points, mu, reach, (out,) = self.points, self.mu, self.reach, tables
+        if self.samples < self.packets_below:
+            embree = scene.embree()
+
+            def by_packets(first: int, last: int) -> None:
+                packet = RayPacket.of(embree, scene.opacity)
+                gather_hemispheres(packet, points[first:last].arrays, table, mu, reach, out[first:last])
+
+            return by_packets
+        tree = scene.tree
+
+        def by_streams(first: int, last: int) -> None:
+            some = points[first:last].arrays
+            rays = Rays.of(table)
+            walk = Walk.of(tree, Layers.of(scene.opacity, rays.nearest.size, mu))
+            gather_streams(tree, rays, walk, some, table, mu, reach, out[first:last])
+
+        return by_streams

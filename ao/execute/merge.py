@@ -1,0 +1,139 @@
+"""Merging the parts of a bake: a checkpoint that copies all rows from their journals and traces none."""
+
+from __future__ import annotations
+
+import json
+from collections import Counter
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from types import TracebackType
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from raytrace.errors import InputError, OutputError
+from raytrace.mesh.placement import Placement
+from raytrace.types import Float64s
+
+from ..points.receivers import Receivers
+from ..rays.ray_scene import RayScene
+from .checkpoint import Checkpoint, identity, restore
+from .identity import first_difference, machine
+from .journal import Block, Journal
+from .parts import DESCRIPTION, ENDING, WHOLE, digest_of, owners
+from .work import Advance, Tables, Work
+
+_OF_PART = "part", "mesh", "high"  # what parts of one bake may differ in: files have other names elsewhere
+
+
+class PartFile(NamedTuple):
+    """A part as it lies on the disk.
+
+    Attributes:
+        path: of its journal. identity: of the bake. description: what `Part` was given, and what it added.
+        blocks: where rows lie in the file.
+    """
+
+    path: Path
+    identity: bytes
+    description: dict[str, Any]
+    blocks: dict[Block, tuple[int, int]]
+
+    @property
+    def facts(self) -> dict[str, str]:
+        """What must be the same in all parts of a bake, by name."""
+        flat = {"number of parts": self.description["of"], "mesh": self.description["mesh digest"]}
+        flat |= self.description["options"] | self.description["machine"]
+        return {name: str(value) for name, value in flat.items()}
+
+
+def read_parts(folder: Path) -> list[PartFile]:
+    """All parts of the one bake whose parts are in `folder`, by number.
+
+    Raises:
+        InputError: there are none, one is missing, not finished, or of another bake.
+    """
+    try:
+        paths = sorted(path for path in folder.iterdir() if path.suffix == ENDING)
+    except OSError as reason:
+        raise InputError(folder, "folder", "a folder of parts", reason.strerror) from None
+    if not paths:
+        raise InputError(folder, "parts", f"files that end in {ENDING}, which obscurance bake --part makes", "none")
+    parts = [_read(path) for path in paths]
+    usual = dict(Counter(tuple(part.facts.items()) for part in parts).most_common(1)[0][0])
+    for part in parts:
+        if found := first_difference(usual, part.facts):
+            name, expected, got = found
+            raise InputError(part.path, name, f"{expected}, as in the other parts", got)
+    identity = Counter(part.identity for part in parts).most_common(1)[0][0]
+    for part in parts:
+        if part.identity != identity:
+            raise InputError(part.path, "header", "what the other parts have", "that of another bake")
+    of, numbers = int(usual["number of parts"]), [part.description["part"] for part in parts]
+    if missing := sorted(set(range(1, of + 1)) - set(numbers)):
+        lacking = ", ".join(map(str, missing[:20])) + (", …" if len(missing) > 20 else "")
+        raise InputError(folder, "parts", f"all of 1 to {of}", f"{len(parts)} of them; missing: {lacking}")
+    return parts
+
+
+def _read(path: Path) -> PartFile:
+    try:
+        journal = Journal(path, create=False)
+    except OutputError as reason:
+        at_work = "at work" in str(reason)
+        raise InputError(path, "content", "a finished part", "one at work" if at_work else "another file") from None
+    except OSError as reason:
+        raise InputError(path, "file", "a readable and writable file", reason.strerror) from None
+    try:
+        if journal.identity is None or DESCRIPTION not in journal.blocks or WHOLE not in journal.blocks:
+            expected = "a finished part; the same command continues it"
+            raise InputError(path, "content", expected, "a part that was interrupted")
+        description = json.loads(journal.content(DESCRIPTION))
+        return PartFile(path, journal.identity, description, dict(journal.blocks))
+    finally:
+        journal.close()
+
+
+class Merge(Checkpoint):
+    """The checkpoint of a bake whose rows were all traced in parts.
+
+    Args:
+        parts: `read_parts` of them. tell: called with a line for the user.
+
+    Raises, in the bake:
+        InputError: the parts are of another bake.
+    """
+
+    def __init__(self, parts: list[PartFile], tell: Callable[[str], object]) -> None:
+        super().__init__(parts[0].path, tell=tell)
+        self.parts = parts
+
+    def begin(self, placement: Placement, receivers: Receivers, *settings: object) -> None:
+        if identity(placement, receivers, settings) == self.parts[0].identity:
+            return
+        own: Mapping[str, str] = machine() | {"mesh": digest_of(placement, receivers)}
+        facts = self.parts[0].facts
+        found = first_difference({name: facts[name] for name in own}, own)
+        name, expected, got = found or ("header", "that of this very bake", "that of another")
+        raise InputError(self.path.parent, name, f"{expected}, as in the parts", f"{got} here")
+
+    def fill(self, work: Work, scene: RayScene, tables: Tables, threads: int, advance: Advance) -> None:
+        name, restored = work.name, np.zeros(len(work), np.bool_)
+        for part in self.parts:
+            blocks = {block: place for block, place in part.blocks.items() if block[0] == name}
+            with part.path.open("rb") as file:
+                for block, (begin, size) in blocks.items():
+                    file.seek(begin)
+                    restore(block, file.read(size), tables, restored)
+        if not restored.all():
+            of = len(self.parts)
+            part = self.parts[int(owners(len(work), of)[np.argmin(restored)]) - 1]
+            lacking = f"{np.count_nonzero(~restored):,} missing"
+            raise InputError(part.path, "rows", f"all of its share of {len(work):,}", lacking)
+        advance(len(work))
+
+    def once(self, name: str, compute: Callable[[], Float64s]) -> Float64s:
+        return compute()
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, _: TracebackType | None) -> None:
+        pass

@@ -1,0 +1,66 @@
+"""Gathering at many points, in blocks on threads, with the same bits for any number of them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from raytrace.types import Float64s
+
+from ..mu import KernelMu
+from ..points.points import Points
+from ..rays.ray_scene import RayScene
+from .checkpoint import Checkpoint
+from .hemispheres import Hemispheres
+from .work import fill
+
+Progress = Callable[[int, int], None]
+
+
+@dataclass(eq=False)
+class Tracer:
+    """A scene in which hemispheres are gathered.
+
+    Attributes:
+        scene: what is traced. packets_below: fewer rays a point than this are traced by Embree, others walk the tree.
+        mu: the falloff, in render space. reach: length of rays there. threads: how many.
+        total_points: how many points the whole mesh has, wanted or not.
+        progress: called with (rays traced, rays expected in all). checkpoint: keeps traced rows, or None.
+        expected: rays expected in all, 0 while none are planned. later: besides, of corners. rays: rays traced.
+    """
+
+    scene: RayScene
+    packets_below: int
+    mu: KernelMu
+    reach: float
+    threads: int
+    total_points: int
+    progress: Progress | None = None
+    checkpoint: Checkpoint | None = None
+    expected: int = 0
+    later: int = 0
+    rays: int = 0
+
+    def gather(self, points: Points, samples: int, key: np.uint32) -> Float64s:
+        """Rows (k, COLUMNS) of `gather_hemispheres`: of `points`, by `samples` rays each, directions drawn by `key`."""
+        return self._gather(points, samples, key, 1)
+
+    def _gather(self, points: Points, samples: int, key: np.uint32, dealt: int) -> Float64s:
+        """`gather` by a table whose lattices are dealt out to so many points each, see `DirectionTable`."""
+        work = Hemispheres(points, samples, key, self.total_points, self.mu, self.reach, self.packets_below, dealt)
+        tables = work.tables()
+        filled = self.checkpoint.fill if self.checkpoint else fill
+        filled(work, self.scene, tables, self.threads, lambda rows: self._advance(rows * samples))
+        return tables[0]
+
+    def all_traced(self) -> None:
+        """Tell the checkpoint that there are no more rays."""
+        if self.checkpoint:
+            self.checkpoint.all_traced()
+
+    def _advance(self, rays: int) -> None:
+        self.rays += rays
+        if self.progress and self.expected:
+            self.progress(self.rays, max(self.rays, self.expected + self.later))

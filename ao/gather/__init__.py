@@ -1,1 +1,0 @@
-"""Hemispheres at points: receivers, ray origins, directions and the estimator."""

@@ -1,1 +1,0 @@
-"""Vertices inside closed parts: finding them, and filling them from visible ones."""

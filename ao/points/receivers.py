@@ -1,0 +1,196 @@
+"""The points of a mesh that are baked: coincident vertices once, each with a hemisphere and a safe ray origin."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from enum import IntFlag
+from functools import cache, partial
+from typing import NamedTuple
+
+import numpy as np
+
+from raytrace.bvh.bvh16 import BVH16
+from raytrace.embree.scene import TriangleScene
+from raytrace.errors import MeshError, OptionError
+from raytrace.mesh.mesh import Mesh
+from raytrace.mesh.normals import face_normals, nonzero, normalize
+from raytrace.mesh.opacity import PackedOpacity
+from raytrace.mesh.placement import Placement
+from raytrace.ray_origins.surface import Surface
+from raytrace.ray_origins.welded import weld_points
+from raytrace.system.memory import check_memory
+from raytrace.types import Bools, Float32s, Float64s, Int64s, UInt8s
+
+from ..memory import NEGLIGIBLE, corner_bytes
+from ..options import Normals
+from .corners import Corners, find_corners
+from .morton import morton_order
+from .points import Points
+
+SAME = 1.0 - 1e-9
+_DISPLACED = 0.3  # error of w, root mean square over rough surfaces, of an origin one shortest edge away
+
+
+class Flag(IntFlag):
+    """Why a vertex is not an ordinary one; unreferenced and degenerate ones get w = 1."""
+
+    UNREFERENCED = 1  #: no face uses it
+    DEGENERATE = 2  #: every face that uses it has zero area, or its own normal was asked for and is missing
+    OPPOSED = 4  #: no direction sees the front of all its faces; w is the mean over its corners
+    HIDDEN = 8  #: it is inside a solid, as most of what it sees is backs of faces
+    FOLDED = 16  #: its normal lies behind one of its faces; w is the mean over its corners
+    MISSED = 32  #: nothing of the fine mesh is within the cage; w is that of the closest point
+
+
+@dataclass(frozen=True, eq=False)
+class Receivers:
+    """The points to bake, and whose they are.
+
+    Attributes:
+        points: one for every group of coincident vertices, numbered along a curve that keeps neighbours together.
+        corners: what the points that are folded or opposed are baked by instead.
+        of_vertex: int64 (n,), the row of each vertex in `points`, −1 for none.
+        flags: uint8 (n,), `Flag`s of each vertex.
+        faces: int64 (m', 3), the faces that are not degenerate. tree: over these.
+        tree_seconds: how long it took to build.
+        displaced: float64 (k,), standard error of w that stems from origins away from their points, in sharp folds.
+        embree: these in Embree, built when it is first called, which must not be on two threads at once.
+        opacity: of these, None if all are opaque.
+    """
+
+    points: Points
+    corners: Corners
+    of_vertex: Int64s
+    flags: UInt8s
+    faces: Int64s
+    tree: BVH16
+    tree_seconds: float
+    displaced: Float64s
+    embree: Callable[[], TriangleScene]
+    opacity: PackedOpacity | None
+
+    @property
+    def first_vertex(self) -> Int64s:
+        """The first vertex (k,) of each point."""
+        vertices = np.flatnonzero(self.of_vertex >= 0)[::-1]
+        first = np.empty(len(self.points), np.int64)
+        first[self.of_vertex[vertices]] = vertices
+        return first
+
+    def only(self, wanted: Bools) -> Receivers:
+        """The points of the `wanted` vertices, bool (n,); the other vertices have none.
+
+        Raises:
+            OptionError: `wanted` is not one truth value a vertex.
+        """
+        if wanted.shape != self.of_vertex.shape or wanted.dtype != np.bool_:
+            raise OptionError("only", f"bool ({len(self.of_vertex)},)", f"{wanted.dtype} {wanted.shape}")
+        of_vertex = np.where(wanted, self.of_vertex, -1)
+        needed = np.zeros(len(self.points) + 1, np.bool_)
+        needed[of_vertex] = True
+        needed[-1] = False  # what −1 has set
+        kept, rows = np.flatnonzero(needed), np.where(needed, np.cumsum(needed) - 1, -1)
+        some = self.points[kept], self.corners.only(kept), self.displaced[kept]
+        return replace(self, points=some[0], corners=some[1], displaced=some[2], of_vertex=rows[of_vertex])
+
+
+class Lifted(NamedTuple):
+    """Points of n vertices and m faces that are not degenerate, with ray origins, before they are numbered.
+
+    Attributes:
+        group: int64 (n,), the point of each vertex. first: int64 (k,), the first vertex of each point.
+        face_points: int64 (m, 3), the point at each corner of the faces of `surface`.
+        origins, axes: float64 (k, 3), of hemispheres. usable: bool (k,), which points have any.
+        torn: bool (k,), which of these are folded or opposed. displaced: float64 (k,), as `Receivers` has it.
+        flags: uint8 (n,). tree: over the faces. tree_seconds: how long it took to build.
+    """
+
+    group: Int64s
+    first: Int64s
+    face_points: Int64s
+    surface: Surface
+    origins: Float64s
+    axes: Float64s
+    usable: Bools
+    torn: Bools
+    displaced: Float64s
+    flags: UInt8s
+    tree: BVH16
+    tree_seconds: float
+
+
+def lift_points(
+    placed: Float32s, faces: Int64s, normals: Normals = "angle", own_normals: Float64s | None = None
+) -> Lifted:
+    """Weld, orient and lift vertices `placed` (n, 3) in render space.
+
+    Args: own_normals: (n, 3), any length, for `normals` "file".
+    """
+    vertices = placed.astype(np.float64)
+    count = len(vertices)
+    flags = np.zeros(count, np.uint8)
+    flags[np.bincount(faces.ravel(), minlength=count) == 0] = Flag.UNREFERENCED
+
+    if normals == "file":
+        axes = normalize(np.asarray(own_normals))
+        welded = weld_points(vertices, faces, "angle", axes, SAME)
+        axes, folded = axes[welded.first], np.zeros(len(welded.first), np.bool_)
+    else:
+        welded = weld_points(vertices, faces, normals)
+        axes = welded.axes
+        folded = (welded.clearance <= 0) | (axes != welded.normals).any(axis=1)
+    surface = welded.surface(vertices)
+    start = time.perf_counter()
+    tree = BVH16.of(placed, welded.faces)
+    tree_seconds = time.perf_counter() - start
+    origins = welded.ray_origins(tree, surface)
+
+    group = welded.group
+    usable = nonzero(welded.directions) & nonzero(axes)
+    flags[~usable[group] & (flags == 0)] = Flag.DEGENERATE
+    flags[(usable & folded)[group]] = Flag.FOLDED
+    flags[(usable & (welded.clearance <= 0))[group]] = Flag.OPPOSED
+    torn = usable & folded
+    displaced = np.where(torn, 0.0, np.minimum(_DISPLACED * welded.displacement(surface, origins), 0.5))
+    points = welded.first, welded.face_points, surface, origins, axes, usable, torn, displaced
+    return Lifted(group, *points, flags, tree, tree_seconds)
+
+
+def find_receivers(mesh: Mesh, placement: Placement, normals: Normals = "angle") -> Receivers:
+    """Weld, orient and lift the vertices of `mesh`.
+
+    Raises:
+        InputError: an image of its alpha cannot be read.
+        MeshError: `normals` is "file" for a mesh that has none.
+        MemoryLimitError: the corners of folded vertices would not fit into memory.
+    """
+    if normals == "file" and mesh.normals is None:
+        raise MeshError(mesh.source, "normals", "vertex normals in the mesh", "none")
+    lifted = lift_points(placement.vertices, mesh.faces, normals, mesh.normals)
+    rows = np.flatnonzero(lifted.usable)
+    rows = rows[morton_order(lifted.origins[rows])]
+    index = np.full(len(lifted.usable), -1)
+    index[rows] = np.arange(len(rows))
+    numbers = np.arange(len(rows), dtype=np.uint32)
+    points = Points(lifted.origins[rows].astype(np.float32), lifted.axes[rows].astype(np.float32), numbers)
+    corners, faces = Corners.none(), lifted.surface.faces
+    if lifted.torn.any():
+        torn = np.flatnonzero(lifted.torn[lifted.face_points])
+        needed = corner_bytes(len(torn))
+        if needed > NEGLIGIBLE:
+            check_memory(mesh.source, needed, f"for the {len(torn):,} corners of folded vertices")
+        numbered = index[lifted.face_points.ravel()[torn]]
+        corners = find_corners(lifted.tree, lifted.surface, torn, numbered, len(rows))
+    embree = cache(partial(TriangleScene, placement.vertices, faces))
+    of_vertex, flags = index[lifted.group], lifted.flags
+    opacity = _opacity(mesh, placement)
+    tree, displaced = (lifted.tree, lifted.tree_seconds), lifted.displaced[rows]
+    return Receivers(points, corners, of_vertex, flags, faces, *tree, displaced, embree, opacity)
+
+
+def _opacity(mesh: Mesh, placement: Placement) -> PackedOpacity | None:
+    """Of the faces that are not degenerate."""
+    packed = mesh.opacity.packed() if mesh.opacity else None
+    return packed and packed.only(face_normals(placement.vertices.astype(np.float64), mesh.faces)[1] > 0)

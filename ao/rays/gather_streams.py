@@ -1,0 +1,58 @@
+"""The estimator of `ao.rays.hemisphere` with all rays of a point in one walk through our own hierarchy."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from raytrace.kernel.borrow import borrow
+from raytrace.kernel.jit import kernel
+from raytrace.kernel.simd import WIDE
+from raytrace.kernel.simd_masks import lowest_bit
+
+from ..mu import fades
+from .directions import choose, turned_frame
+from .estimate import BATCHES, write_estimate
+from .layers import clear, lost, rays_that_met
+from .ray_blocks import send_out
+from .traverse import walk
+
+
+@kernel
+def gather_streams(tree, rays, room, points, table, falloff, reach, out):
+    """Estimate the obscurance of n points, as `gather_hemispheres` does with Embree.
+
+    Args:
+        tree: BVH16. rays: Rays and room: Walk, overwritten; if that has layers, faces have alpha.
+        points: PointArrays. table: DirectionTable.
+        falloff: KernelMu. reach: length of every ray, at most falloff.limit.
+        out: float64 (n, COLUMNS), written.
+    """
+    tree, rays, room = borrow(tree), borrow(rays), borrow(room)
+    origins, normals, numbers = borrow(points)
+    table, out = borrow(table), borrow(out)
+    batches, samples = table.batches, len(table.batches)
+    falloff, reach = borrow(falloff), np.float32(reach)
+    fading = fades(falloff)
+    losses = np.zeros(BATCHES)
+    for i in range(len(origins)):
+        origin, normal = (origins[i, 0], origins[i, 1], origins[i, 2]), (normals[i, 0], normals[i, 1], normals[i, 2])
+        chosen, turn = choose(numbers[i], table)
+        t, b = turned_frame(normal, turn)
+        frame = t, b, normal
+        send_out(rays, table.directions, table.cones, chosen, samples, frame, reach)
+        clear(room.layers)
+        walk(tree, room, rays, origin, normal, table.lowest[chosen], fading, reach)
+        losses[:] = 0.0
+        x = y = z = 0.0
+        for k in range(len(rays.nearest)):
+            sent = (1 << min(samples - WIDE * k, WIDE)) - 1
+            met = rays_that_met(room.layers, rays, k, sent, fading)
+            while met != 0:
+                ray = WIDE * k + lowest_bit(met)
+                met &= met - 1
+                loss = lost(room.layers, rays, ray, falloff)
+                losses[batches[ray]] += loss
+                x += loss * table.directions[chosen, 0, ray]
+                y += loss * table.directions[chosen, 1, ray]
+                z += loss * table.directions[chosen, 2, ray]
+        write_estimate(out, i, losses, (x, y, z), table, chosen, frame)

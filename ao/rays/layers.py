@@ -1,0 +1,164 @@
+"""Places that let a part of a ray through: the layers of each ray of a point, nearest first.
+
+A share α of a ray ends where it meets alpha α. Its hits are found in no order; 1 − μ is Σ αᵢ Π (1 − αⱼ) (1 − μ(dᵢ))
+over them, with j before i. Of a ray that meets more layers than there is room for, the farthest are made one
+(multi-layer alpha blending: Salvi & Vaidyanathan 2014). With the binary falloff, for which neither order nor distance
+matter, one is enough.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from raytrace.kernel.jit import inline
+from raytrace.kernel.simd import WIDE
+from raytrace.kernel.simd_masks import bits
+from raytrace.kernel.simd_memory import load_row
+from raytrace.kernel.vector import cross, dot, subtract
+from raytrace.mesh.opacity import PackedOpacity
+from raytrace.mesh.opacity_lookup import alpha
+from raytrace.types import Float32s, Int64s
+
+from ..mu import KernelMu, faded, fades
+from .ray_blocks import NEVER, bring_nearer, is_open, stop
+
+LEAST = 2.0**-12  # of a ray: what is left of it where it ends
+_MOST = 8
+
+
+class Layers(NamedTuple):
+    """What r rays of a point have passed.
+
+    Attributes:
+        opacity: of the tree's faces. counts: int64 (r,), layers of each ray.
+        distances, alphas: float32 (r, l + 1), of these, with a place to sort in.
+    """
+
+    opacity: PackedOpacity
+    counts: Int64s
+    distances: Float32s
+    alphas: Float32s
+
+    @classmethod
+    def of(cls, opacity: PackedOpacity | None, rays: int, falloff: KernelMu) -> Layers | None:
+        """Room for so many rays, None for opaque faces."""
+        if opacity is None:
+            return None
+        shape = rays, (_MOST if falloff.tau > 0 or len(falloff.values) else 1) + 1
+        return cls(opacity, np.zeros(rays, np.int64), np.zeros(shape, np.float32), np.zeros(shape, np.float32))
+
+
+@inline
+def clear(layers):
+    """Begin with a point."""
+    if layers is not None:
+        layers.counts[:] = 0
+
+
+@inline
+def leaf_of(layers, tree, node, origin):
+    """A leaf of a `BVH16` seen from a point, as `pass_through` takes it; None where all is opaque."""
+    if layers is None:
+        return None
+    return layers, tree.rows[node], tree.triangles[node], origin
+
+
+@inline
+def has_alpha(leaf, place):
+    """Whether the triangle at a place of a leaf is not opaque everywhere."""
+    layers, faces, _, _ = leaf
+    return layers.opacity.of[faces[place]] >= 0
+
+
+@inline
+def pass_through(leaf, rays, block, lane, place, distance, closest, reach):
+    """Let a ray, lane of a block, meet the triangle at a place of a leaf: stop it, or note a layer."""
+    layers, faces, triangles, origin = leaf
+    if closest and distance >= rays.nearest[block, lane]:
+        return
+    count = len(rays.nearest)
+    v = (
+        np.float64(rays.directions[block, lane]),
+        np.float64(rays.directions[count + block, lane]),
+        np.float64(rays.directions[2 * count + block, lane]),
+    )
+    a, b, c = (
+        _corner(triangles, place, 0, origin),
+        _corner(triangles, place, 3, origin),
+        _corner(triangles, place, 6, origin),
+    )
+    first, second, third = dot(v, cross(b, c)), dot(v, cross(c, a)), dot(v, cross(a, b))
+    total = first + second + third
+    if total == 0.0:
+        first, second, third, total = 1.0, 1.0, 1.0, 3.0
+    found = alpha(layers.opacity, faces[place], second / total, third / total)
+    if found > 0.0 and found < 1.0:
+        left = _add(layers, WIDE * block + lane, distance, found)
+        if closest or left > LEAST:
+            return
+    if found > 0.0:
+        if closest:
+            rays.nearest[block, lane] = distance
+            bring_nearer(rays, block, reach)
+        else:
+            stop(rays, block, 1 << lane)
+
+
+@inline
+def _corner(triangles, place, row, origin):
+    x, y, z = (
+        np.float64(triangles[row, place]),
+        np.float64(triangles[row + 1, place]),
+        np.float64(triangles[row + 2, place]),
+    )
+    return subtract((x, y, z), origin)
+
+
+@inline
+def _add(layers, ray, distance, found):
+    """Put a layer in its place; what of the ray goes on behind it, if there is room for one alone."""
+    distances, alphas, place = layers.distances[ray], layers.alphas[ray], layers.counts[ray]
+    while place > 0 and distances[place - 1] > distance:
+        distances[place], alphas[place] = distances[place - 1], alphas[place - 1]
+        place -= 1
+    distances[place], alphas[place] = distance, found
+    last = layers.counts[ray]
+    if last < len(distances) - 1:
+        layers.counts[ray] = last + 1
+        return 1.0 - found
+    behind = (1.0 - alphas[last - 1]) * alphas[last]
+    both = alphas[last - 1] + behind
+    distances[last - 1] += behind / both * (distances[last] - distances[last - 1])
+    alphas[last - 1] = both
+    return 1.0 - both
+
+
+@inline
+def rays_that_met(layers, rays, block, sent, closest):
+    """Of the rays `sent` of a block, bits, those that may have lost something."""
+    if layers is not None:
+        return sent
+    return bits(load_row(rays.nearest, block) < NEVER) & sent if closest else sent & ~rays.open[block]
+
+
+@inline
+def lost(layers, rays, ray, falloff):
+    """1 − μ of a ray."""
+    nearest = rays.nearest[ray // WIDE, ray % WIDE]
+    fading = fades(falloff)
+    if layers is None:
+        return 1.0 - faded(nearest, falloff) if fading else 1.0
+    if not fading and not is_open(rays, ray):
+        return 1.0
+    loss, left = 0.0, 1.0
+    for layer in range(layers.counts[ray]):
+        distance, found = layers.distances[ray, layer], np.float64(layers.alphas[ray, layer])
+        if distance >= nearest:
+            break
+        loss += left * found * (1.0 - faded(distance, falloff) if fading else 1.0)
+        left *= 1.0 - found
+    if nearest < NEVER:
+        loss += left * (1.0 - faded(nearest, falloff))
+    return loss

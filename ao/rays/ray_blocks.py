@@ -1,0 +1,152 @@
+"""The rays of one point, sixteen to a block: their directions, the cones around blocks, and what they have met so far.
+
+Cones are bounds: they may be too wide by `SLACK`, which decides what is tested and never what is hit.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from raytrace.kernel.arrays import aligned
+from raytrace.kernel.jit import inline
+from raytrace.kernel.simd import WIDE, multiply_add, reciprocal_root, select
+from raytrace.kernel.simd_masks import bits, highest, lowest_bit
+from raytrace.kernel.simd_memory import load_row, store_row
+from raytrace.types import Float32s, Int64s
+
+from .directions import DirectionTable
+
+SLACK = np.float32(2.0**-18)  # of cosines, sines and parts of distances, for their rounding
+ZERO, ONE = np.float32(0.0), np.float32(1.0)
+NEVER = np.float32(np.inf)  # the distance of a hit that there is not
+EVERYWHERE = np.float32(-1.0)  # the cosine of a cone that holds all directions
+_LEAST = np.float32(1e-18)  # of a direction's components, for their reciprocals
+TINY = np.float32(1e-30)  # of squares, for their roots
+
+
+class Rays(NamedTuple):
+    """b blocks of sixteen rays of a point, in groups of sixteen blocks.
+
+    Attributes:
+        directions: float32 (3·b, 16), all x, then all y, then all z. reciprocals: 1/ these.
+        cones: float32 (5·g, 16), the axes of the cones around blocks, and the cosines and sines of their half angles.
+        open: int64 (16·g,), bits of the rays of each block that nothing has stopped yet.
+        groups: int64 (g,), bits of the blocks of each group that have such rays.
+        nearest: float32 (b, 16), distances of the nearest hits yet, `NEVER` without one.
+        farthest: float32 (b,), how far the rays of a block still matter.
+    """
+
+    directions: Float32s
+    reciprocals: Float32s
+    cones: Float32s
+    open: Int64s
+    groups: Int64s
+    nearest: Float32s
+    farthest: Float32s
+
+    @classmethod
+    def of(cls, table: DirectionTable) -> Rays:
+        """Room for the rays of one point at a time."""
+        blocks, groups = table.directions.shape[2] // WIDE, table.cones.shape[2] // WIDE
+        directions, reciprocals = aligned((3 * blocks, WIDE), np.float32), aligned((3 * blocks, WIDE), np.float32)
+        cones, nearest = aligned((5 * groups, WIDE), np.float32), aligned((blocks, WIDE), np.float32)
+        still = np.zeros(groups * WIDE, np.int64), np.zeros(groups, np.int64)
+        return cls(directions, reciprocals, cones, *still, nearest, np.zeros(blocks, np.float32))
+
+
+@inline
+def root(a):
+    """√a of lanes, for a ≥ 0, with an error within `SLACK`."""
+    return a * reciprocal_root(max(a, TINY))
+
+
+@inline
+def along(rows, k, count, v):
+    """The dot products of a triple with the sixteen vectors in rows k, count + k and 2·count + k."""
+    xy = multiply_add(load_row(rows, count + k), v[1], load_row(rows, 2 * count + k) * v[2])
+    return multiply_add(load_row(rows, k), v[0], xy)
+
+
+@inline
+def _turn(rows, first, k, count, frame, out):
+    """Write sixteen vectors of a frame's coordinates, from row `first` on, in those of space."""
+    x, y, z = load_row(rows, first + k), load_row(rows, first + count + k), load_row(rows, first + 2 * count + k)
+    for axis in range(3):
+        store_row(out, axis * count + k, x * frame[0][axis] + y * frame[1][axis] + z * frame[2][axis])
+
+
+@inline
+def send_out(rays, directions, cones, chosen, samples, frame, reach):
+    """Begin with a point: turn set `chosen` of a table's directions and cones into its frame; nothing is met yet."""
+    blocks, groups = len(rays.nearest), len(rays.groups)
+    for k in range(blocks):
+        _turn(directions, 3 * blocks * chosen, k, blocks, frame, rays.directions)
+        for axis in range(3):
+            x = load_row(rays.directions, axis * blocks + k)
+            store_row(rays.reciprocals, axis * blocks + k, ONE / select(abs(x) > _LEAST, x, _LEAST))
+        store_row(rays.nearest, k, NEVER)
+        rays.farthest[k] = reach
+        rays.open[k] = (1 << min(samples - WIDE * k, WIDE)) - 1
+    for g in range(groups):
+        _turn(cones, 5 * groups * chosen, g, groups, frame, rays.cones)
+        for row in (3, 4):
+            store_row(rays.cones, row * groups + g, load_row(cones, 5 * groups * chosen + row * groups + g))
+        rays.groups[g] = (1 << min(blocks - WIDE * g, WIDE)) - 1
+
+
+@inline
+def blocks_within(rays, g, axis, cosine, sine):
+    """The blocks of a group, as bits, that have open rays and may have some within a cone."""
+    groups = len(rays.groups)
+    if cosine == EVERYWHERE:
+        return rays.groups[g]
+    both = load_row(rays.cones, 3 * groups + g) * cosine - load_row(rays.cones, 4 * groups + g) * sine - SLACK
+    return bits(along(rays.cones, g, groups, axis) >= both) & rays.groups[g]
+
+
+@inline
+def list_within(rays, axis, cosine, gap, most, out, first):
+    """List the open rays within a cone that still matter at distance `gap`, if there are at most `most`.
+
+    Returns: how many, −1 for more; from out[first] on their numbers.
+    """
+    count, sine = 0, np.float32(np.sqrt(max(ONE - cosine * cosine, ZERO))) + SLACK
+    for g in range(len(rays.groups)):
+        inside = blocks_within(rays, g, axis, cosine, sine)
+        while inside != 0:
+            k = g * WIDE + lowest_bit(inside)
+            inside &= inside - 1
+            if rays.farthest[k] < gap:
+                continue
+            found = rays.open[k]
+            if cosine != EVERYWHERE:
+                found &= bits(along(rays.directions, k, len(rays.nearest), axis) >= cosine - SLACK)
+            while found != 0:
+                if count == most:
+                    return -1
+                out[first + count] = WIDE * k + lowest_bit(found)
+                found &= found - 1
+                count += 1
+    return count
+
+
+@inline
+def is_open(rays, ray):
+    """Whether nothing has stopped a ray yet."""
+    return rays.open[ray // WIDE] >> (ray % WIDE) & 1 != 0
+
+
+@inline
+def stop(rays, block, stopped):
+    """Take rays of a block, bits, out of those that are open."""
+    rays.open[block] &= ~stopped
+    if rays.open[block] == 0:
+        rays.groups[block // WIDE] &= ~(1 << (block % WIDE))
+
+
+@inline
+def bring_nearer(rays, block, reach):
+    """Note how far the rays of a block matter after some of them have hit."""
+    rays.farthest[block] = min(highest(load_row(rays.nearest, block)), reach)

@@ -1,0 +1,50 @@
+"""What the rays of a bake are traced in: placed faces, in a hierarchy of our own and, when asked for, in Embree."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cache, partial
+
+import numpy as np
+
+from raytrace.bvh.bvh16 import BVH16
+from raytrace.embree.scene import TriangleScene
+from raytrace.mesh.opacity import PackedOpacity
+from raytrace.types import Float32s, Int64s
+
+from .directions import DirectionTable
+
+
+@dataclass(eq=False)
+class RayScene:
+    """Faces in render space. Pickled, they go to other processes, which build their own hierarchies.
+
+    Attributes:
+        vertices: float32 (n, 3). faces: int64 (m, 3), none degenerate. tree: over these.
+        embree: these in Embree, built when it is first called, which must not be on two threads at once.
+        opacity: of these, or None.
+    """
+
+    vertices: Float32s
+    faces: Int64s
+    tree: BVH16
+    embree: Callable[[], TriangleScene]
+    opacity: PackedOpacity | None = None
+    _last: tuple[tuple[int, int, int, int], DirectionTable] | None = None
+
+    @classmethod
+    def of(cls, vertices: Float32s, faces: Int64s, opacity: PackedOpacity | None = None) -> RayScene:
+        """A scene of its own, with the same bits wherever it is made."""
+        embree = cache(partial(TriangleScene, vertices, faces))
+        return cls(vertices, faces, BVH16.of(vertices, faces), embree, opacity)
+
+    def __reduce__(self) -> tuple[Callable[..., RayScene], tuple[Float32s, Int64s, PackedOpacity | None]]:
+        return RayScene.of, (self.vertices, self.faces, self.opacity)
+
+    def table(self, samples: int, points: int, key: np.uint32, dealt: int = 1) -> DirectionTable:
+        """`DirectionTable.make`, or the last one again if it is the same."""
+        wanted = samples, points, int(key), dealt
+        if self._last is None or self._last[0] != wanted:
+            self._last = wanted, DirectionTable.make(samples, points, key, dealt)
+        return self._last[1]

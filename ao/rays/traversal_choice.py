@@ -1,0 +1,64 @@
+"""Which way rays are traced: all of a point in one walk, or in packets through Embree.
+
+Where most rays meet something, in halls and piles, few go far: Embree's packets are faster there for few rays
+(docs/benchmarks.md).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from raytrace.bvh.bvh16 import BVH16
+from raytrace.types import Float64s, Int64s
+
+from ..mu import KernelMu, fades
+from ..options import MAX_SAMPLES, Traversal
+from ..points.points import Points
+from .directions import DirectionTable
+from .estimate import COLUMNS, W
+from .gather_streams import gather_streams
+from .ray_blocks import Rays
+from .ray_scene import RayScene
+from .traverse import Walk
+
+_POINTS, _RAYS, _KEY = 64, 16, np.uint32(0x7A1)  # that are tried
+_CLOSED = 0.5  # part of the rays that meet something from which on most points are closed in
+_ANY_HIT, _CLOSEST_HIT = 320, 512  # rays a point, fewer of which are faster in packets there
+
+
+def packets_below(traversal: Traversal, scene: RayScene, points: Points, mu: KernelMu, reach: float) -> int:
+    """The number of rays a point below which Embree traces them.
+
+    Args: points: all of a mesh, some of which are tried, so that a bake of a part of them is that part of the whole.
+    """
+    if traversal == "embree":
+        return MAX_SAMPLES + 1
+    if scene.opacity is not None:  # packets begin anew behind each layer
+        return 0
+    some = points[tried(len(points))]
+    return fewer_than(try_out(scene.tree, some, len(some), mu.limit, reach), mu)
+
+
+def most_packets(mu: KernelMu) -> int:
+    """The largest number that `packets_below` has for it."""
+    return _CLOSEST_HIT if fades(mu) else _ANY_HIT
+
+
+def tried(count: int) -> Int64s:
+    """Which of `count` points are tried."""
+    return np.arange(min(count, _POINTS)) * count // max(min(count, _POINTS), 1)
+
+
+def try_out(tree: BVH16, points: Points, count: int, limit: float, reach: float) -> Float64s:
+    """How open `points` (k,) are, of `count` that are tried in all."""
+    table, out = DirectionTable.make(_RAYS, count, _KEY), np.empty((len(points), COLUMNS))
+    binary = KernelMu(0.0, limit, 1.0)
+    gather_streams(tree, Rays.of(table), Walk.of(tree), points.arrays, table, binary, reach, out)
+    return out[:, W]
+
+
+def fewer_than(openness: Float64s, mu: KernelMu) -> int:
+    """`packets_below` from what `try_out` found at all points that are tried, in their order."""
+    if not len(openness) or np.mean(openness) > 1 - _CLOSED:
+        return 0
+    return most_packets(mu)

@@ -1,0 +1,175 @@
+"""The walk of all rays of a point through a `BVH16`: each node is read once for all rays that may meet something in it.
+
+Near the point a node lies in the way of many rays: its children are opened by their cones. As soon as no more than
+`_LISTED` rays pass through a node they are listed, and each is tested against sixteen children or triangles at once
+(ray streams: Tsakok 2009, Faster Incoherent Rays: Multi-BVH Ray Stream Tracing).
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from raytrace.bvh.bvh16 import BVH16
+from raytrace.kernel.arrays import aligned
+from raytrace.kernel.jit import inline
+from raytrace.kernel.simd import WIDE, reciprocal_root, select
+from raytrace.kernel.simd_masks import bits, lowest_bit
+from raytrace.kernel.simd_memory import load_row, store_row
+from raytrace.kernel.vector import dot, subtract
+from raytrace.types import Float32s, Int64s
+
+from .layers import Layers, leaf_of
+from .ray_blocks import EVERYWHERE, ONE, SLACK, TINY, ZERO, is_open, list_within, root
+from .triangles import PLANES, find_cones, find_planes, meet_by_rays, meet_by_triangles
+
+_LISTED = 32
+_ENTRIES = 1 << 8  # of the stack: fifteen brothers a level
+_NODE, _LEVEL, _FIRST, _COUNT = range(4)  # columns of entries; a count of −1: the rays are not listed
+_AXIS, _COSINE, _GAP = 0, 3, 4  # columns of bounds: the cone around a node, and how far away it begins
+
+
+class Walk(NamedTuple):
+    """Room for one walk at a time.
+
+    Attributes:
+        entries: int64 (e, 4), the stack: nodes, their levels, and the part of `listed` that are their rays.
+        bounds: float32 (e, 5), of the same nodes.
+        listed: int64, numbers of rays.
+        passing: int64 (16, _LISTED), the rays that pass through each child of a node. passes: int64 (16,), how many.
+        children: float32 (5, 16), `bounds` of a node's children. planes: float32 (PLANES, 16), of a leaf's triangles.
+        layers: what rays pass, or None where all faces are opaque.
+    """
+
+    entries: Int64s
+    bounds: Float32s
+    listed: Int64s
+    passing: Int64s
+    passes: Int64s
+    children: Float32s
+    planes: Float32s
+    layers: Layers | None
+
+    @classmethod
+    def of(cls, tree: BVH16, layers: Layers | None = None) -> Walk:
+        entries, bounds = np.zeros((_ENTRIES, 4), np.int64), np.zeros((_ENTRIES, 5), np.float32)
+        listed = np.zeros((len(tree.starts) + 1) * WIDE * _LISTED, np.int64)
+        passing = np.zeros((WIDE, _LISTED), np.int64)
+        children, planes = aligned((5, WIDE), np.float32), aligned((PLANES, WIDE), np.float32)
+        return cls(entries, bounds, listed, passing, np.zeros(WIDE, np.int64), children, planes, layers)
+
+
+@inline
+def walk(tree, walk, rays, origin, normal, lowest_sine, closest, reach):
+    """Find which rays meet something nearer than `reach`, and with `closest` how far away.
+
+    Args: lowest_sine: of the elevation of the lowest ray over the plane of the unit `normal`.
+    """
+    triangles, boxes, starts = tree.triangles, tree.boxes, tree.starts
+    entries, bounds = walk.entries, walk.bounds
+    levels = len(starts) - 1
+    entries[0, _NODE], entries[0, _LEVEL], entries[0, _FIRST], entries[0, _COUNT] = starts[levels] - 1, levels, 0, -1
+    bounds[0, _COSINE], bounds[0, _GAP] = EVERYWHERE, ZERO
+    waiting = 1
+    while waiting > 0:
+        waiting -= 1
+        node, level = entries[waiting, _NODE], entries[waiting, _LEVEL]
+        first, count = entries[waiting, _FIRST], entries[waiting, _COUNT]
+        if count < 0:
+            bound = bounds[waiting]
+            axis = bound[_AXIS], bound[_AXIS + 1], bound[_AXIS + 2]
+            count = list_within(rays, axis, bound[_COSINE], bound[_GAP], _LISTED, walk.listed, first)
+        if count == 0:
+            continue
+        if level == 0:
+            a, b, c = find_planes(triangles[node], origin, walk.planes)
+            leaf = leaf_of(walk.layers, tree, node, origin)
+            if count < 0:
+                facing = find_cones(a, b, c, normal, lowest_sine, walk.planes)
+                meet_by_triangles(rays, facing, walk.planes, closest, reach, leaf)
+            else:
+                meet_by_rays(rays, walk.listed, first, first + count, walk.planes, closest, reach, leaf)
+            continue
+        child = (node - starts[level - 1]) * WIDE + (starts[level - 2] if level > 1 else 0)
+        if count < 0:
+            opened = _open_children(boxes[node], walk, origin, normal, lowest_sine, reach)
+        else:
+            opened = _pass_through(boxes[node], walk, rays, first, first + count, origin, reach)
+        bottom = waiting
+        while opened != 0:
+            k = lowest_bit(opened)
+            opened &= opened - 1
+            place, gap = waiting, walk.children[_GAP, k]
+            while place > bottom and bounds[place - 1, _GAP] < gap:  # the nearest is taken first
+                entries[place, _NODE], bounds[place, _GAP] = entries[place - 1, _NODE], bounds[place - 1, _GAP]
+                place -= 1
+            entries[place, _NODE], bounds[place, _GAP] = k, gap
+            waiting += 1
+        for place in range(bottom, waiting):
+            k = entries[place, _NODE]
+            entries[place, _NODE], entries[place, _LEVEL], entries[place, _FIRST] = child + k, level - 1, first
+            if count < 0:
+                entries[place, _COUNT] = -1
+                for column in range(_GAP):
+                    bounds[place, column] = walk.children[column, k]
+            else:
+                entries[place, _COUNT] = walk.passes[k]
+                for q in range(walk.passes[k]):
+                    walk.listed[first + q] = walk.passing[k, q]
+                first += walk.passes[k]
+
+
+@inline
+def _open_children(box, walk, origin, normal, lowest_sine, reach):
+    """Write the bounds of a node's children; bits of those within reach that rise above the lowest ray."""
+    d, half, gap = _relative(box, origin)
+    squared = max(dot(d, d), TINY)
+    nearness = reciprocal_root(squared)
+    radius, distance = root(dot(half, half)), squared * nearness
+    upright = abs(normal[0]), abs(normal[1]), abs(normal[2])
+    height = dot(d, normal) + dot(half, upright) + SLACK * (distance + radius)
+    sine = radius * nearness + SLACK
+    for axis in range(3):
+        store_row(walk.children, _AXIS + axis, d[axis] * nearness)
+    store_row(walk.children, _COSINE, select(sine < ONE, root(max(ONE - sine * sine, ZERO)), EVERYWHERE))
+    store_row(walk.children, _GAP, gap * (ONE - SLACK))
+    return bits((height > lowest_sine * gap) & (gap * (ONE - SLACK) <= reach))
+
+
+@inline
+def _relative(box, origin):
+    """Centres of boxes (6, 16) relative to a point, half their sides, and how far away they begin."""
+    d = subtract((load_row(box, 0), load_row(box, 1), load_row(box, 2)), origin)
+    half = load_row(box, 3), load_row(box, 4), load_row(box, 5)
+    gap = max(abs(d[0]) - half[0], ZERO), max(abs(d[1]) - half[1], ZERO), max(abs(d[2]) - half[2], ZERO)
+    return d, half, root(dot(gap, gap))
+
+
+@inline
+def _pass_through(box, walk, rays, first, last, origin, reach):
+    """List the rays that pass through each child of a node within reach, by slabs; bits of the children with any."""
+    d, half, gap = _relative(box, origin)
+    store_row(walk.children, _GAP, gap)
+    used = half[0] >= ZERO
+    low, high = subtract(d, half), (d[0] + half[0], d[1] + half[1], d[2] + half[2])
+    blocks, opened = len(rays.nearest), 0
+    for k in range(WIDE):
+        walk.passes[k] = 0
+    for place in range(first, last):
+        ray = walk.listed[place]
+        if not is_open(rays, ray):
+            continue
+        k, lane = ray // WIDE, ray % WIDE
+        x, y, z = rays.reciprocals[k, lane], rays.reciprocals[blocks + k, lane], rays.reciprocals[2 * blocks + k, lane]
+        ax, bx, ay, by, az, bz = low[0] * x, high[0] * x, low[1] * y, high[1] * y, low[2] * z, high[2] * z
+        enter = max(max(min(ax, bx), min(ay, by)), max(min(az, bz), ZERO))
+        leave = min(min(max(ax, bx), max(ay, by)), min(max(az, bz), min(rays.nearest[k, lane], reach)))
+        passed = bits((enter * (ONE - SLACK) <= leave * (ONE + SLACK)) & used)
+        opened |= passed
+        while passed != 0:
+            c = lowest_bit(passed)
+            passed &= passed - 1
+            walk.passing[c, walk.passes[c]] = ray
+            walk.passes[c] += 1
+    return opened

@@ -1,0 +1,205 @@
+"""Sixteen triangles against the rays of a point, by the planes through the point and each edge.
+
+A ray of direction ω from the point meets a triangle a, b, c, relative to the point, where it lies on the same side of
+the planes a × b, b × c and c × a, at the distance a·N/ω·N with the triangle's normal N (Amanatides & Choi 1997, Ray
+Tracing Triangular Meshes). Two triangles that share an edge get its plane with opposite signs, bit for bit, so that no
+ray slips between them. With 2 a × b = (a − b) × (a + b), as Embree does it, long edges near the point lose no digits;
+where a corner is near, a × b does. Nothing is allowed for rounding: near a corner it would be a wide angle.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from raytrace.kernel.jit import inline
+from raytrace.kernel.simd import WIDE, multiply_add, reciprocal_root, select
+from raytrace.kernel.simd_masks import bits, lowest, lowest_bit, pick, some
+from raytrace.kernel.simd_memory import load_row, store_row
+from raytrace.kernel.vector import add, dot, scale, subtract
+
+from .layers import has_alpha, pass_through
+from .ray_blocks import (
+    EVERYWHERE,
+    NEVER,
+    ONE,
+    SLACK,
+    TINY,
+    ZERO,
+    along,
+    blocks_within,
+    bring_nearer,
+    is_open,
+    root,
+    stop,
+)
+
+PLANES = 18  # rows of sixteen: the three edges' normals, N, a·N, and a cone around each: axis, cosine, sine
+_NORMAL, _VOLUME, _AXIS, _COSINE, _SINE = 9, 12, 13, 16, 17
+_FOUR = np.float32(4.0)
+_THIRD = np.float32(1.0 / 3.0)
+
+
+@inline
+def find_planes(triangles, origin, planes):
+    """Write the planes of sixteen triangles of a `BVH16`, float32 (9, 16), seen from a point.
+
+    Args: planes: float32 (PLANES, 16), written.
+    Returns: their corners, triples of lanes, relative to the point.
+    """
+    a = subtract((load_row(triangles, 0), load_row(triangles, 1), load_row(triangles, 2)), origin)
+    b = subtract((load_row(triangles, 3), load_row(triangles, 4), load_row(triangles, 5)), origin)
+    c = subtract((load_row(triangles, 6), load_row(triangles, 7), load_row(triangles, 8)), origin)
+    ab, bc, ca = subtract(a, b), subtract(b, c), subtract(c, a)
+    n = _normal(ab, bc, ca)
+    volume = multiply_add(a[0], n[0], multiply_add(a[1], n[1], a[2] * n[2]))
+    side = select(volume < ZERO, -ONE, ONE)  # so that all products are positive where a ray meets the triangle
+    _store(planes, 0, scale(side, _edge_plane(a, b, ab)))
+    _store(planes, 3, scale(side, _edge_plane(b, c, bc)))
+    _store(planes, 6, scale(side, _edge_plane(c, a, ca)))
+    _store(planes, _NORMAL, scale(side, n))
+    volume = abs(volume)
+    store_row(planes, _VOLUME, select(volume > ZERO, volume, NEVER))
+    return a, b, c
+
+
+@inline
+def find_cones(a, b, c, normal, lowest_sine, planes):
+    """Write the cones around sixteen triangles whose planes are found.
+
+    Args: normal: of the point's hemisphere. lowest_sine: of the elevation of the lowest ray.
+    Returns: bits of the triangles that have an area and reach above the lowest ray.
+    """
+    centre = scale(_THIRD, add(add(a, b), c))
+    to_a, to_b, to_c = subtract(a, centre), subtract(b, centre), subtract(c, centre)
+    radius = root(max(max(dot(to_a, to_a), dot(to_b, to_b)), dot(to_c, to_c)))
+    squared = max(dot(centre, centre), TINY)
+    nearness = reciprocal_root(squared)
+    sine = radius * nearness + SLACK
+    _store(planes, _AXIS, scale(nearness, centre))
+    store_row(planes, _COSINE, select(sine < ONE, root(max(ONE - sine * sine, ZERO)), EVERYWHERE))
+    store_row(planes, _SINE, sine)
+    distance = squared * nearness
+    height = max(max(dot(a, normal), dot(b, normal)), dot(c, normal)) + SLACK * (distance + radius)
+    above = height > max(lowest_sine * (distance - radius), ZERO)
+    return bits(above & (load_row(planes, _VOLUME) < NEVER))
+
+
+@inline
+def _edge_plane(a, b, ab):
+    """a × b up to a factor, by the form that loses fewer digits; of b and a the exact negative. Args: ab: a − b."""
+    both = add(a, b)
+    squared_a, squared_b = dot(a, a), dot(b, b)
+    near_a, near_b = _FOUR * squared_a < squared_b, _FOUR * squared_b < squared_a
+    first = _choose(near_a, a, _choose(near_b, b, ab))
+    second = _choose(near_a, b, _choose(near_b, scale(-ONE, a), both))
+    return _cross(first, second)
+
+
+@inline
+def _choose(mask, a, b):
+    """A triple of lanes out of two."""
+    return select(mask, a[0], b[0]), select(mask, a[1], b[1]), select(mask, a[2], b[2])
+
+
+@inline
+def _cross(a, b):
+    """a × b of lanes, rounded less than by separate products."""
+    return (
+        multiply_add(a[1], b[2], -(a[2] * b[1])),
+        multiply_add(a[2], b[0], -(a[0] * b[2])),
+        multiply_add(a[0], b[1], -(a[1] * b[0])),
+    )
+
+
+@inline
+def _normal(ab, bc, ca):
+    """The normal of triangles with these edges: each coordinate from the edges whose products are smaller."""
+    first, second = _cross(ab, bc), _cross(bc, ca)
+    return (
+        select(abs(ab[2] * bc[1]) < abs(bc[2] * ca[1]), first[0], second[0]),
+        select(abs(ab[0] * bc[2]) < abs(bc[0] * ca[2]), first[1], second[1]),
+        select(abs(ab[1] * bc[0]) < abs(bc[1] * ca[0]), first[2], second[2]),
+    )
+
+
+@inline
+def _store(rows, first, v):
+    """Write a triple of lanes to three rows."""
+    store_row(rows, first, v[0])
+    store_row(rows, first + 1, v[1])
+    store_row(rows, first + 2, v[2])
+
+
+@inline
+def _pick(rows, first, lane):
+    """One lane of three rows."""
+    return rows[first, lane], rows[first + 1, lane], rows[first + 2, lane]
+
+
+@inline
+def _meets(sides, ahead, volume, reach):
+    """Where rays meet triangles nearer than `reach`."""
+    return (min(min(sides[0], sides[1]), sides[2]) >= ZERO) & (volume < reach * ahead)
+
+
+@inline
+def meet_by_rays(rays, listed, first, last, planes, closest, reach, leaf):
+    """Test listed rays one by one, each against all sixteen triangles. Args: leaf: of `leaf_of`."""
+    blocks = len(rays.nearest)
+    volume = load_row(planes, _VOLUME)
+    for place in range(first, last):
+        ray = listed[place]
+        k, lane = ray // WIDE, ray % WIDE
+        if not is_open(rays, ray):
+            continue
+        v = rays.directions[k, lane], rays.directions[blocks + k, lane], rays.directions[2 * blocks + k, lane]
+        sides = along(planes, 0, 1, v), along(planes, 3, 1, v), along(planes, 6, 1, v)
+        ahead = along(planes, _NORMAL, 1, v)
+        met = _meets(sides, ahead, volume, reach)
+        if not some(met):
+            continue
+        if leaf is not None:
+            distances, found = volume / ahead, bits(met)
+            while found != 0 and is_open(rays, ray):
+                j = lowest_bit(found)
+                found &= found - 1
+                pass_through(leaf, rays, k, lane, j, pick(distances, j), closest, reach)
+        elif closest:
+            distance = lowest(select(met, volume / ahead, NEVER))
+            rays.nearest[k, lane] = min(rays.nearest[k, lane], distance)
+            bring_nearer(rays, k, reach)
+        else:
+            stop(rays, k, 1 << lane)
+
+
+@inline
+def meet_by_triangles(rays, triangles, planes, closest, reach, leaf):
+    """Test triangles, bits, one by one, each against blocks of sixteen rays. Args: leaf: of `leaf_of`."""
+    directions, blocks = rays.directions, len(rays.nearest)
+    while triangles != 0:
+        j = lowest_bit(triangles)
+        triangles &= triangles - 1
+        ab, bc, ca, n = _pick(planes, 0, j), _pick(planes, 3, j), _pick(planes, 6, j), _pick(planes, _NORMAL, j)
+        axis, volume = _pick(planes, _AXIS, j), planes[_VOLUME, j]
+        for g in range(len(rays.groups)):
+            inside = blocks_within(rays, g, axis, planes[_COSINE, j], planes[_SINE, j])
+            while inside != 0:
+                k = g * WIDE + lowest_bit(inside)
+                inside &= inside - 1
+                left, right = along(directions, k, blocks, ab), along(directions, k, blocks, bc)
+                sides, ahead = (left, right, along(directions, k, blocks, ca)), along(directions, k, blocks, n)
+                met = _meets(sides, ahead, volume, reach)
+                if not some(met):
+                    continue
+                if leaf is not None and has_alpha(leaf, j):
+                    distances, found = volume / ahead, bits(met) & rays.open[k]
+                    while found != 0:
+                        lane = lowest_bit(found)
+                        found &= found - 1
+                        pass_through(leaf, rays, k, lane, j, pick(distances, lane), closest, reach)
+                elif closest:
+                    nearest = load_row(rays.nearest, k)
+                    store_row(rays.nearest, k, select(met, min(volume / ahead, nearest), nearest))
+                    bring_nearer(rays, k, reach)
+                else:
+                    stop(rays, k, bits(met))

@@ -1,1 +1,0 @@
-"""All rays of a point through one hierarchy together, as they start at the same place."""

@@ -1,1 +1,0 @@
-"""Gathering at many points: threads, and checkpoints to resume from."""

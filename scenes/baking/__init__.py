@@ -1,1 +1,0 @@
-"""What `obscurance bake` makes of its options."""

@@ -1,1 +1,0 @@
-"""Many meshes baked by one command."""

@@ -1,0 +1,199 @@
+"""Occlusion textures put into a glTF document, and the texture coordinates that they use.
+
+A material's occlusion texture multiplies indirect light alone by its R channel, linear, 1 = open. It goes by one set of
+texture coordinates, so that a material of primitives with different sets becomes several.
+Format: Khronos glTF 2.0 specification, sections 3.7.2 (sets of texture coordinates) and 3.9.3 (occlusion).
+"""
+
+from __future__ import annotations
+
+import copy
+from collections.abc import Iterator
+from itertools import count
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from raytrace.types import AnyFloats
+
+from .buffer import FLOAT, Packed
+
+OWN = "obscurance"
+"""Names of images of ours begin so: a later bake replaces their textures."""
+RAMP = f"{OWN} ramp"
+LINEAR, CLAMP_TO_EDGE = 9729, 33071
+_VARIANTS, TRANSFORM = "KHR_materials_variants", "KHR_texture_transform"
+
+
+class _Given(NamedTuple):
+    primitive: dict[str, Any]
+    texture: int
+    coordinates: int
+
+
+class OcclusionTextures:
+    """Occlusion textures for primitives of a document: `add` images, `give` them to primitives, then `apply` once."""
+
+    def __init__(self, packed: Packed, replace: bool = False) -> None:
+        """Args: replace: put them also in place of occlusion textures that are not ours."""
+        self._packed, self._replace = packed, replace
+        self._given: list[_Given] = []
+
+    def add(self, png: bytes, name: str, **sampler: int) -> int:
+        """Index of a new texture.
+
+        Args:
+            png: linear grey or RGB of 8 bits, without a chunk about colours (`raytrace.image.encode.linear_png`).
+            name: of its image; begins with `OWN`.
+            sampler: glTF's filters and wrap modes, linear without mip maps and clamped unless given.
+        """
+        image = {"name": name, "mimeType": "image/png", "bufferView": self._packed.bytes_view(png)}
+        modes = {"magFilter": LINEAR, "minFilter": LINEAR, "wrapS": CLAMP_TO_EDGE, "wrapT": CLAMP_TO_EDGE} | sampler
+        texture = {"sampler": self._append("samplers", modes), "source": self._append("images", image)}
+        return self._append("textures", texture)
+
+    def takes(self, primitive: dict[str, Any]) -> bool:
+        """Whether some material of the primitive has no occlusion texture that is to be kept."""
+        return bool(self.materials(primitive))
+
+    def materials(self, primitive: dict[str, Any]) -> list[int | None]:
+        """The primitive's materials that have no occlusion texture that is to be kept; None for no material."""
+        return [slot.get("material") for slot in _slots(primitive) if self._open(slot.get("material"))]
+
+    def give(self, primitive: dict[str, Any], texture: int, coordinates: int) -> None:
+        """Note that a primitive of the document is to have this texture by its TEXCOORD set of this number."""
+        self._given.append(_Given(primitive, texture, coordinates))
+
+    def apply(self) -> None:
+        """Put the textures into the primitives' materials; those that serve others too are copied for it.
+
+        A primitive without material gets the specification's default one. Materials keep their places.
+        """
+        header = self._packed.header
+        before = copy.deepcopy(header.get("materials", []))
+        given = {id(each.primitive): each for each in self._given}
+        others: set[int | None] = set()
+        uses: dict[tuple[int | None, int, int], list[dict[str, Any]]] = {}
+        for primitive in (piece for mesh in header["meshes"] for piece in mesh["primitives"]):
+            for slot in _slots(primitive):
+                material = slot.get("material")
+                if id(primitive) not in given:
+                    others.add(material)
+                elif self._open(material):
+                    each = given[id(primitive)]
+                    uses.setdefault((material, each.texture, each.coordinates), []).append(slot)
+        others.add(None)  # there is no such entry
+        for (material, texture, coordinates), slots in uses.items():
+            made = header["materials"][material] if material is not None else {}
+            if material in others:
+                made = {} if material is None else copy.deepcopy(before[material])
+                number = self._append("materials", made)
+                for slot in slots:
+                    slot["material"] = number
+            else:
+                others.add(material)
+            self._put(made, texture, coordinates)
+
+    def _put(self, material: dict[str, Any], texture: int, coordinates: int) -> None:
+        """Give a material, in place, its texture by a TEXCOORD set."""
+        material["occlusionTexture"] = texture_reference(texture, coordinates)
+
+    def _open(self, material: int | None) -> bool:
+        header = self._packed.header
+        if material is not None and material >= len(header.get("materials", [])):
+            return False
+        reference = occlusion_reference(header, material)
+        return self._replace or reference is None or image_name(header, reference).startswith(OWN)
+
+    def _append(self, key: str, entry: dict[str, Any]) -> int:
+        entries: list[dict[str, Any]] = self._packed.header.setdefault(key, [])
+        entries.append(entry)
+        return len(entries) - 1
+
+
+def texture_reference(texture: int, coordinates: int) -> dict[str, Any]:
+    """A material's reference to a texture by a TEXCOORD set."""
+    return {"index": texture, **({"texCoord": coordinates} if coordinates else {})}
+
+
+def free_set(header: dict[str, Any], primitive: dict[str, Any]) -> int:
+    """Number of the first TEXCOORD set that a primitive neither has nor its materials refer to.
+
+    A set that only a ramp of ours uses counts as free.
+    """
+    names = {*primitive["attributes"], *(name for target in primitive.get("targets", []) for name in target)}
+    used: set[int] = set()
+    for material in (slot.get("material") for slot in _slots(primitive)):
+        known = material is not None and material < len(header.get("materials", []))
+        stored = header["materials"][material] if known else {}
+        own = occlusion_reference(header, material)
+        ramp = own if own and image_name(header, own) == RAMP else None
+        used |= {number for each in _references(stored) if each is not ramp for number in sets_of(each)}
+    ramps = ramp_sets(header, primitive)
+    return next(n for n in count() if n not in used and (n in ramps or f"TEXCOORD_{n}" not in names))
+
+
+def ramp_sets(header: dict[str, Any], primitive: dict[str, Any]) -> set[int]:
+    """Numbers of the TEXCOORD sets by which a primitive's materials use a ramp of ours."""
+    references = [occlusion_reference(header, slot.get("material")) for slot in _slots(primitive)]
+    return {each.get("texCoord", 0) for each in references if each and image_name(header, each) == RAMP}
+
+
+def add_coordinates(packed: Packed, primitive: dict[str, Any], number: int, uv: AnyFloats) -> None:
+    """Give a primitive the set TEXCOORD_`number`.
+
+    Sets below it that it lacks become zeros: the specification wants them contiguous, and viewers read zeros there.
+
+    Args: uv: (n, 2) of its vertices, v downwards.
+    """
+    for lower in range(number):
+        if f"TEXCOORD_{lower}" not in primitive["attributes"]:
+            zeros = packed.accessor(np.zeros((len(uv), 2), "<f4"), FLOAT, "VEC2")
+            primitive["attributes"][f"TEXCOORD_{lower}"] = zeros
+    primitive["attributes"][f"TEXCOORD_{number}"] = packed.accessor(uv.astype("<f4"), FLOAT, "VEC2")
+
+
+def occlusion_reference(header: dict[str, Any], material: int | None) -> dict[str, Any] | None:
+    """The reference (`index`, `texCoord`, `strength`) to a material's occlusion texture, or None."""
+    materials = header.get("materials", [])
+    if material is None or material >= len(materials):
+        return None
+    reference: dict[str, Any] | None = materials[material].get("occlusionTexture")
+    return reference
+
+
+def image_name(header: dict[str, Any], reference: dict[str, Any]) -> str:
+    """Name of the image that a texture reference of a material leads to; empty if it has none, or leads nowhere."""
+    textures, images = header.get("textures", []), header.get("images", [])
+    source = textures[reference["index"]].get("source", -1) if reference["index"] < len(textures) else -1
+    return str(images[source].get("name", "")) if 0 <= source < len(images) else ""
+
+
+def texture_images(header: dict[str, Any], material: dict[str, Any], coordinates: int) -> set[int]:
+    """Numbers of the images that a material uses by a TEXCOORD set, but for those of earlier bakes."""
+    used = [each for each in _references(material) if coordinates in sets_of(each)]
+    kept = [each for each in used if not image_name(header, each).startswith(OWN)]
+    textures = header.get("textures", [])
+    return {textures[each["index"]].get("source", -1) for each in kept if each["index"] < len(textures)} - {-1}
+
+
+def _slots(primitive: dict[str, Any]) -> Iterator[dict[str, Any]]:
+    """What holds a `material` of the primitive: itself, and the mappings of its variants."""
+    yield primitive
+    yield from primitive.get("extensions", {}).get(_VARIANTS, {}).get("mappings", [])
+
+
+def _references(stored: Any) -> Iterator[dict[str, Any]]:
+    """All texture references in a material, extensions' included."""
+    if isinstance(stored, dict):
+        if isinstance(stored.get("index"), int):
+            yield stored
+        for inner in stored.values():
+            yield from _references(inner)
+
+
+def sets_of(reference: dict[str, Any]) -> set[int]:
+    """The sets of texture coordinates that readers with and without KHR_texture_transform take."""
+    own = reference.get("texCoord", 0)
+    found = own, reference.get("extensions", {}).get(TRANSFORM, {}).get("texCoord", own)
+    return {number for number in found if isinstance(number, int)}

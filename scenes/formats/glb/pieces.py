@@ -1,0 +1,75 @@
+"""The faces of a mesh file by material and object, as the primitives of a .glb draw them."""
+
+from __future__ import annotations
+
+from collections.abc import Hashable, Iterator
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from raytrace.types import Int64s
+
+from ...geometry.instances import Part
+from ..gltf.container import Gltf, Primitive, primitives
+from ..load import MeshFile
+from .occlusion import texture_images
+from .plain import groups
+
+_NO_MATERIAL = "default"
+
+
+class Named(NamedTuple):
+    """What tells a material or object from all others, and its name, which may be another one's too."""
+
+    key: Hashable
+    name: str
+
+
+@dataclass(frozen=True, eq=False)
+class Piece:
+    """Faces of one material in one object.
+
+    Attributes:
+        faces: (k,) rows of the mesh's faces.
+        body: what the object shares with its copies.
+        image: an image that the material has by the piece's texture coordinates, or None.
+    """
+
+    faces: Int64s
+    material: Named
+    object: Named
+    body: Hashable
+    image: Hashable
+
+
+def pieces(mesh_file: MeshFile, number: int = 0) -> Iterator[Piece]:
+    """The pieces of a file, in the order in which `write.stored` and `plain.plain` list primitives.
+
+    Args: number: of the set of texture coordinates by which materials have their images.
+    """
+    asset, detail = mesh_file.gltf, mesh_file.detail
+    if asset:
+        for drawn, part in zip(primitives(asset.header), mesh_file.parts, strict=True):
+            yield _of_gltf(asset, drawn, part, number)
+        return
+    for group in groups(mesh_file):
+        material = detail.paints[group.paint - 1] if detail and group.paint else None
+        owner, named = (group.part, group.name), Named(group.paint, material.name if material else _NO_MATERIAL)
+        yield Piece(group.faces, named, Named(owner, group.name), owner, material.texture if material else None)
+
+
+def _of_gltf(asset: Gltf, drawn: Primitive, part: Part, number: int) -> Piece:
+    header = asset.header
+    primitive = header["meshes"][drawn.mesh]["primitives"][drawn.place]
+    index, materials = primitive.get("material"), header.get("materials", [])
+    material = materials[index] if index is not None and index < len(materials) else {}
+    name = material.get("name") or (_NO_MATERIAL if index is None else f"material {index}")
+    images = texture_images(header, material, number) if f"TEXCOORD_{number}" in primitive["attributes"] else set()
+    return Piece(
+        np.arange(part.faces.start, part.faces.stop),
+        Named(index, str(name)),
+        Named(drawn.node, part.name.removesuffix(f"[{drawn.place}]")),
+        drawn.mesh,
+        min(images, default=None),
+    )

@@ -1,0 +1,210 @@
+"""Binary glTF of meshes that were no glTF: one node an object, one primitive a material of it."""
+
+from __future__ import annotations
+
+import copy
+from collections import Counter
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from raytrace.errors import OptionError
+from raytrace.image.srgb import decode_srgb
+from raytrace.mesh.normals import vertex_normals
+from raytrace.mesh.up import up_axis
+from raytrace.types import Float64s, Int64s
+
+from ...geometry.detail import split_corners
+from ..gltf.nodes import stand
+from ..load import MeshFile
+from .buffer import ELEMENT_ARRAY_BUFFER, FLOAT, UNSIGNED_INT, Packed
+from .pictures import add_materials
+
+_LARGEST = 1e38  # of float32, and of a difference of two
+WHITE: dict[str, Any] = {"pbrMetallicRoughness": {"metallicFactor": 0, "roughnessFactor": 1}}
+SOURCE_INDEX = "_SOURCE_INDEX"
+
+
+class Group(NamedTuple):
+    """Triangles that become one primitive: those of one object and one material.
+
+    Attributes:
+        part: number of the mesh file's part.
+        name: of the object.
+        paint: number of the material in the document.
+        faces: (t,) rows of the mesh's faces, ascending.
+    """
+
+    part: int
+    name: str
+    paint: int
+    faces: Int64s
+
+
+@dataclass(frozen=True, eq=False)
+class _Piece:
+    """Attributes of a group's vertices.
+
+    Attributes:
+        vertices: (k,) which vertices of the mesh these are; those with several normals or texture coordinates repeat.
+        faces: (t, 3) places in `vertices`.
+        normals, uv: (k, 3) and (k, 2), or None.
+    """
+
+    vertices: Int64s
+    faces: Int64s
+    normals: Float64s | None
+    uv: Float64s | None
+
+
+Drawn = tuple[dict[str, Any], Int64s]
+"""A primitive of a document, and which of the baked mesh's vertices its own are."""
+
+
+def plain(mesh_file: MeshFile, colors: bool, up: str | None = None) -> tuple[Packed, list[Drawn]]:
+    """The document, without w, and its primitives, in the order of `groups`.
+
+    The only primitive of a part has the part's vertices in their order, then those whose corners differ once more.
+    One of several has the vertices that it uses, with their rows in the mesh as `_SOURCE_INDEX`.
+
+    Where another axis than y is up, all stand below a node that turns it to y.
+
+    Args: colors: leave the source's colours out. up: in place of `Mesh.up`.
+    """
+    detail, mesh = mesh_file.detail, mesh_file.mesh
+    packed = Packed(
+        {
+            "asset": {"version": "2.0", "generator": "obscurance"},
+            "scene": 0,
+            "scenes": [{"nodes": []}],
+            "nodes": [],
+            "meshes": [],
+            "materials": [copy.deepcopy(WHITE)],
+        }
+    )
+    add_materials(packed, detail.paints if detail else ())
+    header = packed.header
+    drawn: list[Drawn] = []
+    origins = [_origin(mesh.vertices[part.vertices]) for part in mesh_file.parts]
+    found = groups(mesh_file)
+    before = None
+    for group, piece in zip(found, _pieces(mesh_file, found), strict=True):
+        origin = origins[group.part]
+        if before != (group.part, group.name):
+            before = group.part, group.name
+            node: dict[str, Any] = {"name": group.name, "mesh": len(header["meshes"])}
+            if origin is not None:
+                node["translation"] = origin.tolist()
+            header["scenes"][0]["nodes"].append(len(header["nodes"]))
+            header["nodes"].append(node)
+            header["meshes"].append({"name": group.name, "primitives": []})
+        primitive = _primitive(packed, mesh_file, piece, origin, colors)
+        primitive["material"] = group.paint
+        if len(found) > len(mesh_file.parts) and fits_float(piece.vertices):
+            rows = packed.accessor(piece.vertices.astype("<f4"), FLOAT, "SCALAR")
+            primitive["attributes"][SOURCE_INDEX] = rows
+        header["meshes"][-1]["primitives"].append(primitive)
+        drawn.append((primitive, piece.vertices))
+    stand(header, up_axis(mesh, up))
+    return packed, drawn
+
+
+def groups(mesh_file: MeshFile) -> list[Group]:
+    """The primitives of a document of what is no glTF: part by part, object by object, materials ascending."""
+    detail = mesh_file.detail
+    paint = of = np.zeros(len(mesh_file.mesh.faces), np.int64)
+    if detail and detail.paint_of is not None:
+        paint = np.repeat(detail.paint_of + 1, detail.triangles.counts)
+    if detail and detail.object_of is not None:
+        of = np.repeat(detail.object_of + 1, detail.triangles.counts)
+    names = ("", *(detail.objects if detail else ()))
+    made = []
+    for number, part in enumerate(mesh_file.parts):
+        order = np.lexsort((paint[part.faces], of[part.faces])) + part.faces.start
+        kinds = np.stack([of[order], paint[order]], axis=1)
+        starts = np.flatnonzero((kinds[1:] != kinds[:-1]).any(axis=1)) + 1
+        for faces in np.split(order, starts):
+            name = names[of[faces[0]]] or part.name
+            made.append(Group(number, name, int(paint[faces[0]]), faces))
+    return made
+
+
+def _pieces(mesh_file: MeshFile, found: list[Group]) -> Iterator[_Piece]:
+    mesh, detail = mesh_file.mesh, mesh_file.detail
+    several = [values for values in (detail.uv, detail.normals) if values is not None] if detail else []
+    places = detail.triangles.take(np.arange(len(detail.corners))) if detail else None
+    smooth = mesh.normals
+    if detail and detail.uv and smooth is None and detail.normals is None:
+        corners = detail.uv.at_vertices(detail.corners, len(mesh.vertices))
+        if corners is None or len({group.paint for group in found}) > 1:  # seams must not turn into hard edges
+            smooth = vertex_normals(mesh.vertices, mesh.faces)
+    several_groups = Counter(group.part for group in found)
+    for group in found:
+        part, is_alone = mesh_file.parts[group.part], several_groups[group.part] == 1
+        faces, rows = mesh.faces[group.faces], dict[int, Float64s]()
+        if several and detail and places is not None:
+            keep = len(mesh.vertices) if is_alone else 0
+            vertices, faces, first = split_corners(detail.corners, places[group.faces], several, keep)
+            rows = {id(values): values.rows[values.of[first]] for values in several}
+        elif is_alone:
+            vertices, faces = np.arange(part.vertices.start, part.vertices.stop), faces - part.vertices.start
+        else:
+            vertices, places_of = np.unique(faces, return_inverse=True)
+            faces = places_of.reshape(-1, 3)
+        normals = rows.get(id(detail and detail.normals), None if smooth is None else smooth[vertices])
+        yield _Piece(vertices, faces, normals, rows.get(id(detail and detail.uv)))
+
+
+def _origin(vertices: Float64s) -> Float64s | None:
+    """The origin of positions that float32 cannot hold about zero, or None."""
+    if np.abs(vertices).max() > _LARGEST:
+        raise OptionError("output", f"coordinates up to {_LARGEST:g} in a .glb", f"{np.abs(vertices).max():g}")
+    if np.array_equal(vertices.astype("<f4"), vertices):
+        return None
+    return np.asarray((vertices.min(axis=0) + vertices.max(axis=0)) / 2)
+
+
+def _primitive(
+    packed: Packed,
+    mesh_file: MeshFile,
+    piece: _Piece,
+    origin: Float64s | None,
+    colors: bool,
+) -> dict[str, Any]:
+    mesh, detail = mesh_file.mesh, mesh_file.detail
+    places = mesh.vertices[piece.vertices] - (0 if origin is None else origin)
+    stored = places.astype("<f4")
+    bounds = {"min": stored.min(axis=0).tolist(), "max": stored.max(axis=0).tolist()}
+    attributes = {"POSITION": packed.accessor(stored, FLOAT, "VEC3", **bounds)}
+    if piece.normals is not None:
+        length = np.linalg.norm(piece.normals, axis=1, keepdims=True)
+        # glTF allows unit normals only: a part that lacks some goes without.
+        if np.isfinite(length).all() and (length > 0).all():
+            attributes["NORMAL"] = packed.accessor((piece.normals / length).astype("<f4"), FLOAT, "VEC3")
+    if piece.uv is not None:
+        downwards = np.stack([piece.uv[:, 0], 1 - piece.uv[:, 1]], axis=1).astype("<f4")
+        attributes["TEXCOORD_0"] = packed.accessor(downwards, FLOAT, "VEC2")
+    if detail and detail.colors is not None and not colors:
+        own = detail.colors[piece.vertices]
+        own = np.concatenate([decode_srgb(own[:, :3]), own[:, 3:]], axis=1).astype("<f4")
+        attributes["COLOR_0"] = packed.accessor(own, FLOAT, f"VEC{own.shape[1]}")
+    for name, values in (detail.numbers if detail else {}).items():
+        if fits_float(values) and attribute_name(name) not in attributes:
+            attributes[attribute_name(name)] = packed.accessor(values[piece.vertices].astype("<f4"), FLOAT, "SCALAR")
+    faces = piece.faces.astype("<u4").ravel()
+    indices = packed.accessor(faces, UNSIGNED_INT, "SCALAR", ELEMENT_ARRAY_BUFFER)
+    return {"attributes": attributes, "indices": indices}
+
+
+def fits_float(values: npt.NDArray[Any]) -> bool:
+    """Whether float32 holds the values exactly."""
+    with np.errstate(over="ignore", invalid="ignore"):
+        return bool(np.isfinite(values).all() and np.array_equal(values.astype("<f4"), values))
+
+
+def attribute_name(name: str) -> str:
+    """What glTF calls an attribute of one's own."""
+    return "_" + name.upper()

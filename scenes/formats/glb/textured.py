@@ -1,0 +1,161 @@
+"""A binary glTF with baked textures as its materials' occlusion textures, by the coordinates they were baked for."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from ao.texture.result import BakedTexture
+from raytrace.errors import MeshError
+from raytrace.image.encode import linear_png
+from raytrace.mesh.up import up_axis
+from raytrace.types import AnyFloats, Float32s, Float64s, Int64s
+
+from ..gltf.accessors import normalized, values
+from ..gltf.container import TRIANGLE_STRIP, Gltf, encode_glb
+from ..gltf.nodes import stand
+from ..load import MeshFile
+from .buffer import ARRAY_BUFFER, ELEMENT_ARRAY_BUFFER, UNSIGNED_INT, Packed
+from .occlusion import OWN, OcclusionTextures, add_coordinates, free_set
+from .orm import OrmTextures
+from .pieces import pieces
+from .plain import plain
+from .ramp import write_ramp
+from .write import stored
+
+_REPEAT = 10497
+_SAME = 1e-6  # of texture coordinates that float32 has rounded
+_KINDS = {"SCALAR", "VEC2", "VEC3", "VEC4"}
+
+
+def textured_glb(
+    mesh_file: MeshFile,
+    pages: Sequence[BakedTexture],
+    replace: bool = False,
+    orm: bool = False,
+    w: AnyFloats | None = None,
+    attribute: bool = False,
+) -> tuple[bytes, int]:
+    """A GLB file of a mesh file, with 8 bits of w a texel, and how many primitives keep another occlusion texture.
+
+    A glTF source is kept as stored, as by `scenes.formats.glb.write`; what was no glTF becomes one. Coordinates of a
+    page that a primitive has not become a set of its own: vertices whose corners differ there are stored several times.
+
+    Args:
+        pages: textures of different faces.
+        replace: put them also in place of occlusion textures of the source.
+        orm: put w into R of the materials' metallic-roughness images (`scenes.formats.glb.orm`).
+        w: (n,) of the vertices, for primitives that are on no page: a ramp shows it.
+        attribute: whether all primitives get `_OBSCURANCE`, from that.
+
+    Raises:
+        MeshError, SceneError, InputError: as `check_orm`, with `orm`.
+        MeshError: the source's materials or values are malformed.
+        OptionError: coordinates of vertices that are too large for float32.
+    """
+    asset = mesh_file.gltf
+    packed, drawn = stored(asset, mesh_file.parts) if asset else plain(mesh_file, False)
+    if asset:
+        stand(packed.header, up_axis(mesh_file.mesh))
+    if w is not None and attribute:
+        for primitive, vertices in drawn:
+            primitive["attributes"].update(packed.obscurance(w[vertices], False))
+    before = Gltf(mesh_file.path, packed.header, (bytes(packed.binary),))
+    textures = OcclusionTextures(packed, replace)
+    if orm:
+        textures = OrmTextures(packed, asset, [page.w for page in pages], replace)
+    numbers = [k if orm else _add(textures, page.w) for k, page in enumerate(pages)]
+    rest, kept = [], 0
+    for (primitive, vertices), piece in zip(drawn, pieces(mesh_file), strict=True):
+        texture = next((k for k, page in enumerate(pages) if not np.isnan(page.uv[piece.faces]).any()), None)
+        if not textures.takes(primitive):
+            kept += 1
+        elif texture is None:
+            rest.append((primitive, vertices))
+        else:
+            triangles, uv = _triangles(before, primitive), pages[texture].uv[piece.faces]
+            if not np.array_equal(vertices[triangles], mesh_file.mesh.faces[piece.faces]):  # mirrored, and turned over
+                uv = uv[:, ::-1]
+            number = _set_of(before, primitive, triangles, uv)
+            if number is None:
+                number = free_set(packed.header, primitive)
+                split_vertices(packed, before, primitive, number, triangles, uv)
+            textures.give(primitive, numbers[texture], number)
+    textures.apply()
+    if w is not None:
+        write_ramp(packed, [(primitive, w[vertices]) for primitive, vertices in rest], replace)
+    packed.header["buffers"] = [{"byteLength": len(packed.binary)}]
+    return encode_glb(packed.header, bytes(packed.binary)), kept
+
+
+def _add(textures: OcclusionTextures, w: Float32s) -> int:
+    codes = np.rint(np.clip(w, 0, 1) * 255).astype(np.uint8)
+    return textures.add(linear_png(codes[:, :, None]), f"{OWN} occlusion", wrapS=_REPEAT, wrapT=_REPEAT)
+
+
+def _set_of(asset: Gltf, primitive: dict[str, Any], triangles: Int64s, uv: Float64s) -> int | None:
+    """Number of the set of a primitive that holds the coordinates `uv` (t, 3, 2), or None."""
+    for name, accessor in primitive["attributes"].items():
+        if name.startswith("TEXCOORD_"):
+            found = normalized(values(asset, accessor, "VEC2"))[triangles] * (1, -1) + (0, 1)
+            if np.allclose(found, uv, _SAME, _SAME):
+                return int(name.removeprefix("TEXCOORD_"))
+    return None
+
+
+def split_vertices(
+    packed: Packed, asset: Gltf, primitive: dict[str, Any], number: int, triangles: Int64s, uv: Float64s
+) -> None:
+    """Give a primitive the set TEXCOORD_`number`, with a vertex for each place that one of its vertices has there.
+
+    Args: asset: the document as it is. triangles: (t, 3), rows of its vertices. uv: (t, 3, 2), v upwards.
+    """
+    rounded = uv.reshape(-1, 2).astype("<f4")
+    keys = np.empty(len(rounded), [("vertex", "<i8"), ("u", "<f4"), ("v", "<f4")])
+    keys["vertex"], keys["u"], keys["v"] = triangles.ravel(), rounded[:, 0], rounded[:, 1]
+    kinds, corners = np.unique(keys, return_inverse=True)
+    for attributes in (primitive["attributes"], *primitive.get("targets", [])):
+        for name, accessor in attributes.items():
+            attributes[name] = _taken(packed, asset, accessor, kinds["vertex"])
+    downwards = np.stack([kinds["u"], np.float32(1) - kinds["v"]], axis=1)
+    add_coordinates(packed, primitive, number, downwards)
+    indices = corners.ravel().astype("<u4")
+    primitive["indices"] = packed.accessor(indices, UNSIGNED_INT, "SCALAR", ELEMENT_ARRAY_BUFFER)
+    primitive.pop("mode", None)
+
+
+def _taken(packed: Packed, asset: Gltf, number: int, rows: Int64s) -> int:
+    """Index of a new accessor of some rows of another."""
+    old = asset.header["accessors"][number]
+    if old["type"] not in _KINDS:
+        raise MeshError(asset.path, f"accessors[{number}]", "a number or vector a vertex", old["type"])
+    taken = np.ascontiguousarray(values(asset, number, old["type"])[rows])
+    size = taken.shape[1] * taken.dtype.itemsize
+    stride = -(-size // 4) * 4
+    padded: npt.NDArray[np.uint8] = np.zeros((len(rows), stride), np.uint8)
+    padded[:, :size] = taken.view(np.uint8).reshape(len(rows), size)
+    made = {key: old[key] for key in ("componentType", "type", "normalized", "name") if key in old}
+    view = packed.bytes_view(
+        padded.tobytes(), target=ARRAY_BUFFER, **({"byteStride": stride} if stride != size else {})
+    )
+    made |= {"bufferView": view, "count": len(rows)}
+    if "min" in old:
+        made |= {"min": taken.min(axis=0).tolist(), "max": taken.max(axis=0).tolist()}
+    packed.header["accessors"].append(made)
+    return len(packed.header["accessors"]) - 1
+
+
+def _triangles(asset: Gltf, primitive: dict[str, Any]) -> Int64s:
+    """The triangles (t, 3) of a primitive, as `scenes.formats.gltf.instances` reads them."""
+    if "indices" in primitive:
+        corners = values(asset, primitive["indices"], "SCALAR").ravel().astype(np.int64)
+    else:
+        corners = np.arange(asset.header["accessors"][primitive["attributes"]["POSITION"]]["count"])
+    if primitive.get("mode") != TRIANGLE_STRIP:
+        return corners.reshape(-1, 3)
+    faces = np.stack([corners[:-2], corners[1:-1], corners[2:]], axis=1)
+    faces[1::2] = faces[1::2, ::-1]
+    return faces

@@ -1,0 +1,92 @@
+"""Obscurance as vertex attributes of a binary glTF file."""
+
+from __future__ import annotations
+
+import copy
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+
+from raytrace.mesh.up import up_axis
+from raytrace.types import AnyFloats
+
+from ...geometry.instances import Part
+from ..channels import Channels
+from ..gltf.compression import keep_plain_data
+from ..gltf.container import Gltf, encode_glb, primitives, referenced
+from ..gltf.nodes import stand
+from ..gltf.schema import check_materials
+from ..load import MeshFile
+from .buffer import Packed
+from .plain import Drawn, plain
+from .ramp import write_ramp
+
+
+def glb(mesh_file: MeshFile, w: AnyFloats, channels: Channels) -> bytes:
+    """A GLB file with the vertex attribute `_OBSCURANCE` (float32 SCALAR).
+
+    A glTF source is kept as stored, with all its nodes, materials, textures, animations and extensions; only what
+    holds w is added, and meshes that several nodes share are given to each node separately, because each
+    instance has its own w. Every other source becomes one node a part, in world space, with the normals, texture
+    coordinates, colours and materials that it has (`plain.plain`).
+
+    Args:
+        mesh_file: what was baked.
+        w: (n,), per vertex of `mesh_file.mesh`.
+
+    Raises:
+        MeshError: materials of the source are malformed.
+        OptionError: coordinates of a source that is no glTF are too large for float32.
+    """
+    asset = mesh_file.gltf
+    packed, drawn = stored(asset, mesh_file.parts) if asset else plain(mesh_file, channels.colors, channels.up)
+    if asset:
+        stand(packed.header, up_axis(mesh_file.mesh, channels.up))
+    for primitive, vertices in drawn:
+        primitive["attributes"].update(packed.obscurance(w[vertices], channels.colors))
+    if channels.ramp:
+        write_ramp(packed, [(primitive, w[vertices]) for primitive, vertices in drawn], channels.replace)
+    packed.header["buffers"] = [{"byteLength": len(packed.binary)}]
+    return encode_glb(packed.header, bytes(packed.binary))
+
+
+def stored(asset: Gltf, parts: tuple[Part, ...]) -> tuple[Packed, list[Drawn]]:
+    """The document of a glTF source, and its drawn primitives, an own one for each instance."""
+    check_materials(asset.header, asset.path)
+    packed = _one_buffer(asset)
+    nodes, meshes = packed.header["nodes"], packed.header["meshes"]
+    owner: dict[int, int] = {}
+    drawn: list[Drawn] = []
+    for piece, part in zip(primitives(asset.header), parts, strict=True):
+        if owner.setdefault(piece.mesh, piece.node) != piece.node and nodes[piece.node]["mesh"] == piece.mesh:
+            meshes.append(copy.deepcopy(meshes[piece.mesh]))
+            nodes[piece.node]["mesh"] = len(meshes) - 1
+        rows = np.arange(part.vertices.start, part.vertices.stop)
+        drawn.append((meshes[nodes[piece.node]["mesh"]]["primitives"][piece.place], rows))
+    return packed, drawn
+
+
+def _one_buffer(asset: Gltf) -> Packed:
+    """The asset with all buffers joined, and with the images beside it taken in where they can be read."""
+    packed = Packed(copy.deepcopy(asset.header))
+    keep_plain_data(packed.header)
+    offsets = [packed.add(buffer) for buffer in asset.buffers]
+    for view in packed.header.get("bufferViews", []):
+        if view["buffer"] in range(len(offsets)):
+            view["byteOffset"] = view.get("byteOffset", 0) + offsets[view["buffer"]]
+        else:  # nothing that was read refers to it
+            view |= {"byteOffset": 0, "byteLength": 1}
+        view["buffer"] = 0
+    read = cache(Path.read_bytes)
+    views: dict[int, int] = {}
+    for image in packed.header.get("images", []):
+        uri = str(image.get("uri", "data:"))
+        data = None if uri.startswith("data:") else referenced(uri, asset.path.parent, read)
+        if data is not None:
+            del image["uri"]
+            image.setdefault("mimeType", "image/png" if data.startswith(b"\x89PNG") else "image/jpeg")
+            if id(data) not in views:
+                views[id(data)] = packed.bytes_view(data)
+            image["bufferView"] = views[id(data)]
+    return packed

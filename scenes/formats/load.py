@@ -1,0 +1,249 @@
+"""Any mesh file: OBJ, PLY, STL, OFF, glTF and 3MF by own readers, others by libraries; vertices exactly as stored."""
+
+from __future__ import annotations
+
+import io
+import logging
+import os
+import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from raytrace.errors import InputError, MeshError, printable
+from raytrace.mesh.convert import mesh_of
+from raytrace.mesh.mesh import Mesh
+from raytrace.system.inputs import check_regular
+from raytrace.system.memory import check_memory
+from raytrace.types import Float64s
+
+from ..geometry.detail import Detail, painted
+from ..geometry.instances import Instance, Part, flatten
+from .obj.read import read_obj
+from .off import read_off
+from .ply.read import read_ply
+from .stl import read_stl
+from .threemf import read_3mf
+
+if TYPE_CHECKING:
+    from .gltf.container import Gltf
+
+# Bytes of memory a byte of file at the peak of reading: of archives and glTF less, what they hold is counted later.
+_PEAK = {"obj": 7.0, "ply": 7.5, "stl": 6.0, "off": 22.0, "glb": 2.0, "gltf": 2.0, "3mf": 1.0}
+_PEAK_OF_LIBRARIES = 22.0
+_KEPT = 2.5  # besides, where details are kept
+
+
+@dataclass(frozen=True)
+class MeshFile:
+    """A mesh file's content.
+
+    Attributes:
+        path: where it was read.
+        mesh: all objects, node hierarchies applied and repeated nodes repeated, in world space. The vertices of
+            each object are those of the file, in its order: none merged, split, dropped or added.
+        parts: the objects, consecutive in `mesh`.
+        gltf: the asset as stored, when the file is glTF or GLB.
+        detail: what else the file holds that the target can hold too, if one was named.
+        notes: warnings about the objects.
+        unread: what the file holds and the mesh lacks, in words, if a target was named.
+        w: (n,) obscurance that a bake has left in the file, unchecked, or None.
+    """
+
+    path: Path
+    mesh: Mesh
+    parts: tuple[Part, ...]
+    gltf: Gltf | None = None
+    detail: Detail | None = None
+    notes: tuple[str, ...] = ()
+    unread: tuple[str, ...] = ()
+    w: Float64s | None = None
+
+    @property
+    def files(self) -> tuple[Path, ...]:
+        """Every file that was read, or will be when the mesh is written."""
+        own = self.gltf.files if self.gltf else (self.path,)
+        return own + (self.detail.files if self.detail else ())
+
+    @property
+    def objects(self) -> tuple[str, ...]:
+        """Names of the objects: those of an OBJ file, loaded for a target, or else of the parts."""
+        detail = self.detail
+        if detail is None or detail.object_of is None:
+            return tuple(part.name for part in self.parts)
+        names = (*detail.objects, "")
+        return tuple(names[number] or self.parts[0].name for number in np.unique(detail.object_of))
+
+    @property
+    def uv(self) -> Float64s | None:
+        """Texture coordinates (m, 3, 2) by face and corner, v upwards, NaN of faces without; None if there are none.
+
+        Raises: MeshError: as `texture_coordinates`.
+        """
+        return self.texture_coordinates()
+
+    def texture_coordinates(self, number: int = 0) -> Float64s | None:
+        """As `uv`; of a glTF, whose vertices may have several, the set of this number.
+
+        Raises: MeshError: a set of a glTF is malformed.
+        """
+        from . import texture_coordinates
+
+        if self.gltf:
+            return texture_coordinates.of_gltf(self.gltf, self.parts, self.mesh.faces, number)
+        detail = self.detail
+        if detail is None and self.path.suffix.lower() in texture_coordinates.ENDINGS and self.path.is_file():
+            detail = read_objects(self.path, keep=True)[0][0].detail  # `load` was told of no target
+        uv = None if number else texture_coordinates.of_detail(detail)
+        return uv if uv is not None and len(uv) == len(self.mesh.faces) else None
+
+    @classmethod
+    def of(cls, mesh: Mesh | Any) -> MeshFile:
+        """A mesh made in memory, in any form that `ao.bake` takes, as if read from a file of its one object."""
+        mesh = mesh_of(mesh, "mesh")
+        whole = Part(mesh.source, slice(0, len(mesh.vertices)), slice(0, len(mesh.faces)))
+        return cls(Path(mesh.source), mesh, (whole,))
+
+
+def load(
+    path: str | os.PathLike[str],
+    target: str | os.PathLike[str] | None = None,
+    content: bytes | None = None,
+    alpha: bool = True,
+    up: str | None = None,
+) -> MeshFile:
+    """Read a mesh file in the format of its ending.
+
+    Polygons are cut into triangles. Point clouds, lines and cameras beside meshes are left out. A file's own
+    normals fill `mesh.normals` (PLY `nx ny nz`, OBJ `vn` with one normal a vertex, glTF `NORMAL`). Materials,
+    textures and the like are read for a target only, but for the alpha of faces (`mesh.opacity`). Files that a file
+    refers to are read only from its own folder or below.
+
+    Args:
+        target: the file that `scenes.write` is to make of it: what that can hold besides is read too.
+        content: the file's bytes, if they came from elsewhere; `path` then only names it and its format.
+        alpha: whether faces have the alpha of their glTF or OBJ materials; otherwise they are opaque.
+        up: `mesh.up` in place of what the file says.
+
+    Raises:
+        MeshError: the file is missing, unreadable, empty, incomplete, of another format than its ending says,
+            without triangles, or has indices out of range or coordinates that are not finite.
+        MemoryLimitError: it would not fit into memory.
+    """
+    path = Path(path)
+    kind = "" if target is None else Path(target).suffix.lower()
+    instances, asset = read_objects(path, kind in (".ply", ".glb"), content, alpha)
+    instances = [replace(instance, up=up or instance.up) for instance in instances]
+    with mesh_errors(path):
+        mesh, parts = flatten(instances, str(path))
+        detail = instances[0].detail if len(instances) == 1 else None
+        of = [instance.paint_of for instance in instances if instance.paint_of is not None]
+        if of:
+            detail = painted(mesh.faces, instances[0].paints, np.concatenate(of))
+        unread = tuple(dict.fromkeys(words for instance in instances for words in instance.unread))
+        if asset and kind in (".glb", ".ply"):
+            from .gltf.schema import check_materials
+
+            check_materials(asset.header, path)
+        if asset and kind == ".ply":
+            from .gltf.detail import gltf_detail
+
+            detail, unread = gltf_detail(asset, instances, mesh.faces)
+    notes = tuple(printable(f"{path}: {note}") for instance in instances for note in instance.notes)
+    stored = [np.asarray(instance.w, np.float64) for instance in instances if instance.w is not None]
+    w = np.concatenate(stored) if len(stored) == len(instances) else None
+    return MeshFile(path, mesh, parts, asset, detail, notes, unread, w)
+
+
+def read_objects(
+    path: Path, keep: bool = False, content: bytes | None = None, alpha: bool = False
+) -> tuple[list[Instance], Gltf | None]:
+    """The placed objects of a mesh file as it stores them, at least one, and the asset when it is glTF or GLB.
+
+    Of a glTF they are its drawn primitives, in the order of `container.primitives`.
+
+    Args: keep: also the `Instance.detail` of OBJ and PLY. content, alpha: as `load` takes them.
+
+    Raises:
+        MeshError: as `load`, but for indices and coordinates, which `raytrace.Mesh` checks.
+    """
+    source = str(path)
+    kind = path.suffix.lower().removeprefix(".")
+    with mesh_errors(path):
+        if content is None:
+            check_regular(path, "a mesh file", MeshError)
+        if kind not in _PEAK:
+            from .libraries import endings
+
+            if kind not in endings():
+                raise MeshError(path, "ending", "one of " + " ".join([*_PEAK, *endings()]), path.suffix or "none")
+        size = path.stat().st_size if content is None else len(content)
+        if size == 0:
+            raise MeshError(path, "content", "a mesh", "an empty file")
+        needed = _PEAK.get(kind, _PEAK_OF_LIBRARIES) + (_KEPT if keep else 0)
+        check_memory(source, int(needed * size), f"to read {size:,} bytes")
+        asset = None
+        with path.open("rb") if content is None else io.BytesIO(content) as file:
+            if kind in ("glb", "gltf"):
+                from .gltf.container import decode
+                from .gltf.instances import read_instances
+
+                asset = decode(file.read(), path)
+                instances = read_instances(asset, alpha)
+            elif kind == "obj":
+                instances = read_obj(file.read(), path.stem, source, path.parent, keep, alpha)
+            elif kind == "ply":
+                instances = read_ply(file.read(), path.stem, source, keep)
+            elif kind == "stl":
+                instances = read_stl(file.read(), path.stem, source)
+            elif kind == "off":
+                instances = read_off(file.read(), path.stem, source)
+            elif kind == "3mf":
+                instances = read_3mf(file, source, keep)
+            else:
+                from .libraries import read_by_library
+
+                instances = read_by_library(file, kind, path, content is None)
+        # Every primitive of a glTF keeps its part: the GLB writer counts on it.
+        solid = [instance for instance in instances if asset or len(instance.faces)]
+        if not solid:
+            points = sum(len(instance.vertices) for instance in instances)
+            besides = "no vertices: perhaps it is no OBJ" if kind == "obj" and not points else f"{points} points"
+            raise MeshError(path, "faces", "at least one triangle", f"none, and {besides}")
+    return solid, asset
+
+
+@contextmanager
+def mesh_errors(path: Path) -> Iterator[None]:
+    """Everything a parser may raise on the hostile data of a mesh file, as one clear line."""
+    try:
+        with _quiet():
+            yield
+    except InputError:
+        raise
+    except OSError as reason:
+        raise MeshError(path, "file", "a readable file", reason.strerror or reason) from None
+    except MemoryError:
+        raise MeshError(path, "content", "sizes that fit into memory", "larger ones") from None
+    except Exception as reason:
+        detail = " ".join(f"{type(reason).__name__}: {reason}".split())[:160]
+        kind = path.suffix.upper().removeprefix(".")
+        raise MeshError(path, "content", f"a complete and valid {kind} file", detail) from None
+
+
+@contextmanager
+def _quiet() -> Iterator[None]:
+    """Neither trimesh's log nor NumPy's warnings about a file's numbers reach the user."""
+    logger = logging.getLogger("trimesh")
+    level = logger.level
+    logger.setLevel(logging.CRITICAL + 1)
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            yield
+    finally:
+        logger.setLevel(level)

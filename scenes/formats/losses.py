@@ -1,0 +1,101 @@
+"""Warnings of what an output format cannot keep of the mesh file."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from raytrace.errors import printable
+
+from .channels import Channels
+from .load import MeshFile
+from .obj.detail import PAINT_WORDS
+from .ply.detail import own_colors
+from .ply.write import has_own_colors
+
+
+def lost(target: Path, mesh_file: MeshFile, channels: Channels = Channels()) -> list[str]:
+    """What `write_bake.write` does not keep, or does otherwise than one might think: lines for the user, mostly none.
+
+    Args: mesh_file: was loaded for `target`. channels: see `write_bake.channels`.
+    """
+    kind, colors = target.suffix.lower(), channels.colors
+    if kind == ".glb":
+        missing = _of_glb(mesh_file, colors)
+    elif kind == ".ply":
+        missing = _of_ply(mesh_file, colors)
+    else:
+        return []
+    warnings = [f"{target}: not kept from {mesh_file.path}: {', '.join(missing)}"] if missing else []
+    if kind == ".ply" and not colors and has_own_colors(mesh_file.detail):
+        warnings.append(f"{target}: keeps the colours of {mesh_file.path}; w is in its property obscurance alone")
+    if channels.ramp and mesh_file.gltf:
+        from .glb.ramp import ramp_warnings
+
+        warnings += [f"{target}: {line}" for line in ramp_warnings(mesh_file.gltf.header, channels.replace)]
+    return [printable(line) for line in warnings]
+
+
+def _of_ply(mesh_file: MeshFile, colors: bool) -> list[str]:
+    detail = mesh_file.detail
+    missing = ["its colours"] if colors and has_own_colors(detail) else []
+    if detail is None or not detail.elements:
+        missing += _objects(mesh_file)
+        missing += [words for words in mesh_file.unread if not words.startswith(PAINT_WORDS)]
+    if detail and detail.normals is not None:
+        missing.append("normals of vertices that have several")
+    if detail and detail.paints:
+        missing.append("materials")
+    return missing
+
+
+def _of_glb(mesh_file: MeshFile, colors: bool) -> list[str]:
+    detail = mesh_file.detail
+    if mesh_file.gltf:
+        pieces = [piece for mesh in mesh_file.gltf.header["meshes"] for piece in mesh["primitives"]]
+        return ["its colours"] if colors and any("COLOR_0" in piece["attributes"] for piece in pieces) else []
+    missing = list(mesh_file.unread)
+    if detail is None:
+        return missing
+    if colors and detail.colors is not None:
+        missing.append("its colours")
+    from .glb.plain import SOURCE_INDEX, attribute_name, fits_float, groups
+
+    if len(groups(mesh_file)) > len(mesh_file.parts):
+        missing.append(f"the order of vertices ({SOURCE_INDEX} has their places)")
+        if len(np.unique(detail.corners)) < len(mesh_file.mesh.vertices):
+            missing.append("vertices that no face uses")
+    if (detail.sizes != 3).any():
+        missing.append("polygons, which become triangles")
+    names = {"POSITION", "NORMAL", "_OBSCURANCE"}
+    for name, values in detail.numbers.items():
+        if not fits_float(values) or attribute_name(name) in names:
+            missing.append(f"{name} of vertices")
+        names.add(attribute_name(name))
+    for element in detail.elements:
+        if element.name == "vertex":
+            columns = {column.name: column for column in element.properties}
+            missing += [f"{c.name} of vertices" for c in element.properties if c.sizes is not None]
+            if own_colors(columns) and detail.colors is None:
+                missing.append("its colours")
+        elif element.name == "face":
+            used = ("vertex_indices", "vertex_index", "texcoord" if _wedges(mesh_file) else "")
+            missing += [f"{c.name} of faces" for c in element.properties if c.name not in used]
+        elif element.count:
+            missing.append(f"elements {element.name}")
+    return missing
+
+
+def _wedges(mesh_file: MeshFile) -> bool:
+    """Whether the texture coordinates are those of the faces' corners."""
+    detail = mesh_file.detail
+    return bool(detail and detail.uv and detail.uv.of is not detail.corners)
+
+
+def _objects(mesh_file: MeshFile) -> list[str]:
+    detail = mesh_file.detail
+    several = len(mesh_file.parts) > 1 or (
+        detail is not None and detail.object_of is not None and np.ptp(detail.object_of)
+    )
+    return ["its division into objects"] if several and not mesh_file.gltf else []

@@ -1,0 +1,175 @@
+"""Colours, texture coordinates and materials of an OBJ file, its faces' alpha, and in words what is not kept."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from raytrace.mesh.opacity import AlphaSurface, Opacity
+from raytrace.types import Float64s, Int64s
+
+from ...geometry.detail import Detail, Paint, PerCorner
+from ...geometry.polygons import Triangles
+from .mtl import OPAQUE, read_mtl
+from .text import ObjText, statements
+
+PAINT_WORDS = ("texture of", "material library", OPAQUE)  # how what is missing of materials begins
+_COLOURED = statements("v", r"(\S+(?:[ \t]+\S+){5})[ \t]*(?:#.*)?$")
+MAX_OBJECTS = 4096  # each takes a kilobyte or two of a .glb
+_FACE = statements("f", "")
+_LIBRARY = statements("mtllib", r"([^#\n]+)")
+_SMOOTHED = statements("s", r"(\S+)")
+_OTHER = statements("(?:l|p|curv|curv2|surf)", "")
+_SOME_UV = re.compile(r"[^/\s]/[^/\s]")
+_SOME_NORMAL = re.compile(r"/[^/\s]*/[^/\s]")
+
+
+def obj_detail(
+    file: ObjText, folder: Path, triangles: Triangles, normals: PerCorner | None, one_each: bool
+) -> tuple[Detail, tuple[str, ...]]:
+    """All of an OBJ file that can be kept, and the rest in words.
+
+    Args:
+        folder: where the file is; its material libraries and their images are there or below.
+        triangles: of its faces. normals: of all corners. one_each: whether no vertex has several of them.
+    """
+    text, uv = file.text, file.uv()
+    colors = _colors(text, len(file.vertices))
+    by_object, by_group, painted = polygons_of(text, "o", "g", "usemtl")
+    objects = by_group if by_object.kinds < 2 <= by_group.kinds or not by_object.names else by_object
+    has_some_uv = uv is None and bool(_SOME_UV.search(file.faces))
+    finite = uv is None or bool(np.isfinite(uv.rows).all())
+    left_out = (
+        (by_object.kinds > 1 and by_group.kinds > 1, "names of groups"),
+        (objects.kinds > MAX_OBJECTS, f"its division into {objects.kinds:,} objects"),
+        (len(set(_SMOOTHED.findall(text))) > 1, "smoothing groups"),
+        (_OTHER.search(text), "lines, points, curves and surfaces"),
+        (has_some_uv, "texture coordinates, which some corners lack"),
+        (normals is None and _SOME_NORMAL.search(file.faces), "normals, which some corners lack"),
+        (not finite, "texture coordinates, some of which are not finite"),
+        (colors is None and _COLOURED.search(text), "colours, which some vertices lack or have outside of [0, 1]"),
+    )
+    paints, files, missing = _paints(text, folder, painted.names)
+    is_divided = objects.names and objects.kinds <= MAX_OBJECTS
+    detail = Detail(
+        file.corners,
+        file.sizes,
+        triangles,
+        uv if finite else None,
+        None if one_each else normals,
+        colors,
+        paints=paints,
+        paint_of=painted.of if paints else None,
+        objects=objects.names if is_divided else (),
+        object_of=objects.of if is_divided else None,
+        files=files,
+        some_uv=file.some_uv() if has_some_uv else None,
+    )
+    return detail, (*(words for is_left_out, words in left_out if is_left_out), *missing)
+
+
+def _colors(text: str, vertex_count: int) -> Float64s | None:
+    """Red, green and blue behind the coordinates of every vertex, as many programs write them."""
+    rows = _COLOURED.findall(text)
+    if not rows or len(rows) != vertex_count:
+        return None
+    try:
+        colors = np.fromstring(" ".join(rows), sep=" ").reshape(vertex_count, 6)[:, 3:]
+    except ValueError:
+        return None
+    return colors if (colors >= 0).all() and (colors <= 1).all() else None
+
+
+class Named(NamedTuple):
+    """The names that statements give to the faces after them, (p,) which each has, −1: none, and how many differ."""
+
+    names: tuple[str, ...]
+    of: Int64s
+    kinds: int
+
+
+def polygons_of(text: str, *keywords: str) -> list[Named]:
+    """The polygons of what these statements name, such as `usemtl`."""
+    starts = np.fromiter((face.start() for face in _FACE.finditer(text)), np.int64)
+    return [_named(text, keyword, starts) for keyword in keywords]
+
+
+def _named(text: str, keyword: str, starts: Int64s) -> Named:
+    """Args: starts: (p,) where the faces' statements start."""
+    names: dict[str, int] = {}
+    places, labels = [0], [-1]
+    for statement in re.finditer(rf"^[ \t]*{keyword}(?!\S)([^#\n]*)", text, re.MULTILINE):
+        places.append(statement.start())
+        labels.append(names.setdefault(statement[1].strip(), len(names)))
+    of = np.array(labels)[np.searchsorted(places, starts, "right") - 1]
+    return Named(tuple(names), of, len(np.unique(of)))
+
+
+def _paints(text: str, folder: Path, names: tuple[str, ...]) -> tuple[tuple[Paint, ...], tuple[Path, ...], list[str]]:
+    """The materials of these names, the files they come from, and what was left out."""
+    if not names:
+        return (), (), []
+    known, files, left = read_paints(text, folder)
+    return tuple(known.get(name, Paint(name)) for name in names), tuple(files), left
+
+
+def read_paints(text: str, folder: Path) -> tuple[dict[str, Paint], list[Path], list[str]]:
+    """The materials of a file's libraries by name, the files they come from, and what was left out."""
+    known: dict[str, Paint] = {}
+    files: list[Path] = []
+    left: list[str] = []
+
+    def beside(name: str) -> Path | None:
+        try:
+            root = folder.resolve()
+            target = (root / name.strip().strip('"').replace("\\", "/")).resolve()
+            return target if target.is_relative_to(root) and target.is_file() else None
+        except (OSError, ValueError):
+            return None
+
+    for line in _LIBRARY.findall(text):
+        found = [beside(line)] if beside(line) else [beside(name) for name in line.split()]
+        for library in found:
+            if library is None:
+                left.append(f"material library {line.strip()}")
+                continue
+            more, missing = read_mtl(library, beside)
+            known = more | known
+            pictures = [picture for paint in more.values() for picture in (paint.texture, paint.opacity_texture)]
+            files += [library, *filter(None, pictures)]
+            left += missing
+    return known, files, left
+
+
+def obj_opacity(file: ObjText, folder: Path, triangles: Triangles) -> tuple[Opacity | None, tuple[str, ...]]:
+    """Alpha of the faces, None where all are opaque; and warnings of images that are missing.
+
+    Args: folder: where the file is. triangles: of its polygons.
+    """
+    known, _, left = read_paints(file.text, folder)
+    notes = tuple(f"{words} is not read: alpha there is that of d alone" for words in left if "map_d" in words)
+    paints = {name: paint for name, paint in known.items() if _has_alpha(paint)}
+    if not paints:
+        return None, notes
+    (painted,) = polygons_of(file.text, "usemtl")
+    of_name = [list(paints).index(name) if name in paints else -1 for name in painted.names]
+    of = np.repeat(np.array([*of_name, -1])[painted.of], triangles.counts)
+    if (of < 0).all():
+        return None, notes
+    uv = file.uv()
+    surfaces = tuple(_surface(paint, uv is not None) for paint in paints.values())
+    return Opacity(of, surfaces, None if uv is None else uv.rows[triangles.take(uv.of)]), notes
+
+
+def _has_alpha(paint: Paint) -> bool:
+    return paint.opacity < 1 or paint.opacity_texture is not None
+
+
+def _surface(paint: Paint, has_uv: bool) -> AlphaSurface:
+    image = paint.opacity_texture if has_uv else None
+    from raytrace.image.texture import Texture
+
+    return AlphaSurface(paint.opacity, Texture(image) if image else None, grey=image != paint.texture)

@@ -1,0 +1,101 @@
+"""Material libraries of OBJ files, as far as glTF's metallic-roughness materials hold them.
+
+`Kd` with `map_Kd`, `d` or `Tr` with `map_d`, `Ke`, and `Pm`, `Pr` or else `Ks` with `Ns`, whose Blinn–Phong exponent
+becomes the roughness (2 / (Ns + 2))^¼ (Walter et al. 2007: α² = 2 / (Ns + 2); glTF: α = roughness²).
+`Tr`, which the format does not have, is 1 − d; MeshLab, 3ds Max and mvs-texturing write 1 for what is opaque.
+Format: Wavefront MTL 5.0, 1995; the PBR extension of Clara.io, 2014.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ...geometry.detail import Paint
+
+OPAQUE = "Tr 1"
+_PICTURES = (b"\x89PNG", b"\xff\xd8\xff")
+_LARGEST = 1 << 24  # bytes of a library
+
+
+def read_mtl(path: Path, beside: Callable[[str], Path | None]) -> tuple[dict[str, Paint], list[str]]:
+    """The materials of a library by name, and what of it was left out, in words.
+
+    Args: beside: finds the file that a name means, or None.
+    """
+    content = path.read_bytes()[:_LARGEST].decode("utf-8", "replace").replace("\r", "\n").replace("\\\n", " ")
+    made: dict[str, Paint] = {}
+    given: dict[str, dict[str, Any]] = {}
+    left = []
+    name = ""
+    for line in content.split("\n"):
+        key, _, rest = line.partition("#")[0].strip().partition(" ")
+        rest = rest.strip()
+        if key == "newmtl" and rest:
+            name = rest
+            given[name] = {}
+        elif name and key in ("Kd", "Ke", "Ks"):
+            given[name][key] = _numbers(rest, 3)
+        elif name and key in ("d", "Tr", "Ns", "Pm", "Pr"):
+            given[name][key] = _numbers(rest, 1)
+        elif name and key in ("map_Kd", "map_d"):
+            given[name][key] = beside(rest.split()[-1] if rest.startswith("-") else rest)
+            if given[name][key] is None or (key == "map_Kd" and not _starts(given[name][key]).startswith(_PICTURES)):
+                left.append(f"texture of {key} ({rest or 'no name'})")
+                del given[name][key]
+        elif name and key.startswith(("map_", "bump", "disp", "decal", "refl", "norm")):
+            left.append(f"texture of {key} ({rest or 'no name'})")
+    for name, values in given.items():
+        made[name] = _paint(name, values)
+        if "map_d" in values and made[name].opacity_texture is None:
+            left.append(f"texture of map_d ({values['map_d'].name})")
+    opaque = [name for name, values in given.items() if _is_opaque(values)]
+    if opaque:
+        more = f" and {len(opaque) - 3:,} more" if len(opaque) > 3 else ""
+        left.append(f"{OPAQUE} of {', '.join(opaque[:3])}{more}, taken for opaque")
+    return made, left
+
+
+def _is_opaque(given: dict[str, Any]) -> bool:
+    """Whether `Tr` would hide everything."""
+    return not given.get("d") and bool(given.get("Tr")) and given["Tr"][0] >= 1
+
+
+def _numbers(text: str, count: int) -> tuple[float, ...] | None:
+    try:
+        values = [float(word) for word in text.split()[:count]]
+    except ValueError:
+        return None
+    if len(values) == 1:
+        values *= count
+    return tuple(values) if len(values) == count and np.isfinite(values).all() else None
+
+
+def _starts(path: Path) -> bytes:
+    with path.open("rb") as file:
+        return file.read(8)
+
+
+def _paint(name: str, given: dict[str, Any]) -> Paint:
+    def fraction(key: str, otherwise: float) -> float:
+        return float(np.clip(given[key][0], 0, 1)) if given.get(key) else otherwise
+
+    def colour(key: str, otherwise: float) -> tuple[float, float, float]:
+        red, green, blue = np.clip(given.get(key) or (otherwise,) * 3, 0, 1).tolist()
+        return red, green, blue
+
+    paint = Paint(name, colour("Kd", 1.0), emission=colour("Ke", 0.0), texture=given.get("map_Kd"))
+    roughness = fraction("Pr", 1.0)
+    if not given.get("Pr") and given.get("Ns") and any(given.get("Ks") or (0,)):
+        roughness = float((2 / (max(given["Ns"][0], 0) + 2)) ** 0.25)
+    opacity = 1.0 if _is_opaque(given) else fraction("d", 1 - fraction("Tr", 0.0))
+    mapped = given.get("map_d")
+    if mapped:
+        from ...geometry.opacity import is_opacity_map
+
+        paint = replace(paint, opacity_texture=mapped if is_opacity_map(mapped, paint.texture) else None)
+    return replace(paint, opacity=opacity, metallic=fraction("Pm", 0.0), roughness=roughness)

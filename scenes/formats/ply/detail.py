@@ -1,0 +1,76 @@
+"""Colours, texture coordinates and further properties of a PLY file, by their conventional names."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from raytrace.types import AnyInts, Float64s, Int64s
+
+from ...geometry.detail import Detail, PerCorner
+from ...geometry.elements import Element, Property
+from ...geometry.polygons import Triangles
+
+RGB = ("red", "green", "blue")
+UV = (("s", "t"), ("u", "v"), ("texture_u", "texture_v"), ("texture_s", "texture_t"))
+_MESH = ("x", "y", "z", "nx", "ny", "nz")
+
+
+def ply_detail(
+    elements: tuple[Element, ...], comments: tuple[str, ...], corners: Int64s, sizes: AnyInts, triangles: Triangles
+) -> Detail:
+    """All of a PLY file. Args: corners, sizes: of its polygons."""
+    vertex, face = (
+        {c.name: c for e in elements if e.name == name for c in e.properties} for name in ("vertex", "face")
+    )
+    uv, used = _coordinates(vertex, face, corners, sizes)
+    own = own_colors(vertex)
+    colors = None
+    if own and set(RGB) <= set(own):
+        colors = np.stack([_fraction(column) for column in own.values()], axis=1)
+    known = {*_MESH, *RGB, "alpha", "obscurance", *used}
+    numbers = {name: c.values for name, c in vertex.items() if c.sizes is None and name not in known}
+    kept = tuple(line for line in comments if not line.startswith("comment obscurance: "))
+    return Detail(
+        corners, np.asarray(sizes, np.int64), triangles, uv, None, colors, numbers, elements=elements, comments=kept
+    )
+
+
+def own_colors(vertex: dict[str, Property]) -> dict[str, Property]:
+    """The properties red, green, blue and alpha, unless they are the grey that a bake gave them."""
+    own = {name: vertex[name] for name in (*RGB, "alpha") if name in vertex and vertex[name].sizes is None}
+    baked = vertex.get("obscurance")
+    if baked is not None and all(name in own and own[name].kind == "B" for name in RGB):
+        grey = grey_of(baked.values)
+        if all(np.array_equal(own[name].values, grey) for name in RGB):
+            return {}
+    return own if set(own) & set(RGB) else {}
+
+
+def grey_of(w: npt.NDArray[Any]) -> Float64s:
+    """255 w, rounded."""
+    return np.rint(np.clip(np.nan_to_num(w.astype(np.float64)), 0, 1) * 255)
+
+
+def _coordinates(
+    vertex: dict[str, Property], face: dict[str, Property], corners: Int64s, sizes: AnyInts
+) -> tuple[PerCorner | None, tuple[str, ...]]:
+    """Texture coordinates, of vertices or of corners, and the vertices' properties that they come from."""
+    for pair in UV:
+        if all(name in vertex and vertex[name].sizes is None and _finite(vertex[name]) for name in pair):
+            return PerCorner(np.stack([vertex[name].values for name in pair], axis=1).astype(np.float64), corners), pair
+    wedges = face.get("texcoord")
+    if wedges is not None and wedges.sizes is not None and _finite(wedges) and np.array_equal(wedges.sizes, 2 * sizes):
+        return PerCorner(wedges.values.reshape(-1, 2).astype(np.float64), np.arange(len(corners))), ()
+    return None, ()
+
+
+def _finite(column: Property) -> bool:
+    return bool(np.isfinite(column.values).all())
+
+
+def _fraction(column: Property) -> Float64s:
+    largest = 1.0 if column.kind in "fd" else float(np.iinfo(column.kind).max)
+    return column.values.astype(np.float64) / largest

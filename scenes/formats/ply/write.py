@@ -1,0 +1,105 @@
+"""Obscurance as vertex properties of a binary PLY file."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from raytrace.mesh.up import up_axis
+from raytrace.types import AnyFloats, AnyInts, Float64s
+
+from ...geometry.detail import Detail
+from ...geometry.elements import Element, Property
+from ..load import MeshFile
+from .detail import RGB, grey_of, own_colors
+from .encode import encode_ply
+from .read import UP_COMMENT
+
+OWN = "comment obscurance: 1 = open"
+GREY = "; red green blue = 255 obscurance"
+_LONGEST = 1e38
+
+Values = AnyFloats
+
+
+def ply(mesh_file: MeshFile, w: Values, colors: bool, up: str | None = None) -> bytes:
+    """A PLY file with the float property `obscurance`, and grey `red green blue` = 255 w where that replaces nothing.
+
+    A PLY source keeps all its elements, properties, polygons and comments, of others the polygons, normals, colours
+    and texture coordinates are kept (`s t` of vertices, or `texcoord` of faces where a vertex has several).
+
+    Args:
+        mesh_file: what was baked; its `detail` is what is kept.
+        w: (n,), per vertex of `mesh_file.mesh`.
+        colors: write the grey also where it replaces the source's own colours.
+        up: in place of `Mesh.up`; a comment says which axis it is unless it is y.
+    """
+    detail = mesh_file.detail
+    if detail and detail.elements:
+        elements, comments = detail.elements, list(detail.comments)
+    else:
+        elements, comments = _elements(mesh_file, detail), []
+    grey = colors or not has_own_colors(detail)
+    axis = up_axis(mesh_file.mesh, up)
+    comments = [line for line in comments if not line.startswith(UP_COMMENT) or line == UP_COMMENT + axis]
+    if axis != "y" and UP_COMMENT + axis not in comments:
+        comments.insert(0, UP_COMMENT + axis)
+    comments.insert(0, OWN + (GREY if grey else ""))
+    annotated = [_annotate(element, w, grey) if element.name == "vertex" else element for element in elements]
+    return encode_ply(annotated, comments)
+
+
+def has_own_colors(detail: Detail | None) -> bool:
+    """Whether the source has vertex colours that are not the grey of an earlier bake."""
+    if detail is None or not detail.elements:
+        return detail is not None and detail.colors is not None
+    return bool(
+        own_colors({column.name: column for e in detail.elements if e.name == "vertex" for column in e.properties})
+    )
+
+
+def _annotate(element: Element, w: Values, grey: bool) -> Element:
+    replaced = ("obscurance", *RGB) if grey else ("obscurance",)
+    kept = [column for column in element.properties if column.name not in replaced]
+    made = [Property("obscurance", "f", w.astype("<f4"))]
+    if grey:
+        made += [Property(name, "B", grey_of(w)) for name in RGB]
+    return Element(element.name, element.count, (*kept, *made))
+
+
+def _elements(mesh_file: MeshFile, detail: Detail | None) -> tuple[Element, ...]:
+    mesh = mesh_file.mesh
+    columns = [Property(axis, "f", mesh.vertices[:, number]) for number, axis in enumerate("xyz")]
+    columns = [column.fitting() for column in columns]
+    if any(column.kind == "d" for column in columns):
+        columns = [Property(column.name, "d", column.values) for column in columns]
+    if mesh.normals is not None:
+        normals = _storable(mesh.normals).astype("<f4")
+        columns += [Property(axis, "f", normals[:, number]) for number, axis in enumerate(("nx", "ny", "nz"))]
+    sizes, corners = np.full(len(mesh.faces), 3), mesh.faces.ravel()
+    lists = []
+    if detail:
+        sizes, corners = detail.sizes, detail.corners
+        if detail.uv:
+            uv = detail.uv.at_vertices(corners, len(mesh.vertices))
+            if uv is None:
+                uv = detail.uv.rows[detail.uv.of]
+                lists = [Property("texcoord", "f", uv.astype("<f4").ravel(), _counted(2 * sizes), 2 * sizes)]
+            else:
+                columns += [Property(name, "f", uv[:, n].astype("<f4")) for n, name in enumerate("st")]
+        if detail.colors is not None:
+            whole = np.rint(np.clip(np.nan_to_num(detail.colors), 0, 1) * 255)
+            names = (*RGB, "alpha")
+            columns += [Property(name, "B", column) for name, column in zip(names, whole.T, strict=False)]
+    faces = Property("vertex_indices", "i", corners, _counted(sizes), sizes)
+    return Element("vertex", len(mesh.vertices), tuple(columns)), Element("face", len(sizes), (faces, *lists))
+
+
+def _counted(sizes: AnyInts) -> str:
+    return "B" if sizes.max(initial=0) < 256 else "I"
+
+
+def _storable(normals: Float64s) -> Float64s:
+    """Normals (n, 3) without NaN, those too long for float32 shortened."""
+    finite = np.nan_to_num(normals)
+    longest = np.abs(finite).max(axis=1, keepdims=True)
+    return finite / np.where(longest > _LONGEST, longest, 1.0)

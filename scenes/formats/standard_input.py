@@ -1,0 +1,64 @@
+"""A mesh on standard input: its bytes, and a name that says its format."""
+
+from __future__ import annotations
+
+import re
+import sys
+from pathlib import Path
+
+from raytrace.errors import MeshError, OptionError
+from raytrace.system.memory import check_memory
+
+from .load import MeshFile, load
+
+STANDARD = Path("-")
+_CHUNK = 1 << 26
+_SOURCE = "standard input"
+_FIRST_BYTES = [
+    (re.compile(rb"ply\r?\n"), "ply"),
+    (re.compile(rb"glTF"), "glb"),
+    (re.compile(rb"PK\x03\x04"), "3mf"),
+    (re.compile(rb"\s*\{"), "gltf"),
+    (re.compile(rb"\s*(ST)?(C?N?4?n?)OFF\b"), "off"),
+    (re.compile(rb"\s*solid\b.*\n\s*facet\b"), "stl"),
+    (re.compile(rb"(\s*(#[^\n]*)?\n)*\s*(v|vn|vt|o|g|mtllib|usemtl|s)\s"), "obj"),
+]
+_TRIANGLES, _TRIANGLE, _HEAD = slice(80, 84), 50, 84  # of a binary STL
+
+
+def standard_input(format_: str | None) -> tuple[Path, bytes]:
+    """What standard input holds, and its name with the ending of `format_`, or of the format that its first bytes tell.
+
+    Raises:
+        OptionError: a terminal.
+        MeshError: nothing came, or something of no format that the first bytes tell.
+        MemoryLimitError: it would not fit into memory.
+    """
+    if sys.stdin.isatty():
+        raise OptionError("mesh", "a mesh piped to standard input", "a terminal")
+    content = bytearray()
+    try:
+        while chunk := sys.stdin.buffer.read(_CHUNK):
+            content += chunk
+            check_memory(_SOURCE, 2 * len(content), f"to read {len(content):,} bytes and more")
+    except OSError as reason:  # it is closed
+        raise MeshError(_SOURCE, "content", "a mesh", reason.strerror) from None
+    if not content:
+        raise MeshError(_SOURCE, "content", "a mesh", "nothing")
+    return Path(f"<stdin>.{format_ or _format_of(content)}"), bytes(content)
+
+
+def load_mesh(path: Path) -> MeshFile:
+    """A mesh file's content with its details, or standard input's for "-". Raises: as `load` and `standard_input`."""
+    piped, content = standard_input(None) if path == STANDARD else (path, None)
+    return load(piped, "described.glb", content)
+
+
+def _format_of(content: bytes | bytearray) -> str:
+    """Raises: MeshError: the first bytes tell of no format."""
+    for beginning, name in _FIRST_BYTES:
+        if beginning.match(content[:4096]):
+            return name
+    if len(content) == _HEAD + _TRIANGLE * int.from_bytes(content[_TRIANGLES], "little"):
+        return "stl"
+    raise MeshError(_SOURCE, "format", "PLY, OBJ, STL, OFF, GLB, glTF or 3MF, or --input-format", "another")

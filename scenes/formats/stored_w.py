@@ -1,0 +1,152 @@
+"""w(p) as `obscurance bake` has stored it: in arrays, and in meshes beside their vertices."""
+
+from __future__ import annotations
+
+import warnings
+import zipfile
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import IO, Any
+
+import numpy as np
+import numpy.typing as npt
+
+from raytrace.errors import MeshError, OptionError, SceneError
+from raytrace.image.texture import Texture, pack_textures
+from raytrace.image.texture_lookup import sample_points
+from raytrace.types import AnyFloats, Float64s
+
+from ..geometry.instances import Instance
+from .gltf.container import Gltf, primitives
+from .gltf.schema import check_appearance
+from .gltf.textures import Textures
+from .load import mesh_errors, read_objects
+
+ENDINGS = (".npy", ".npz", ".ply", ".glb", ".gltf")
+_BESIDE = {"error": (), "flags": (), "bent_normals": (3,)}
+
+
+def check_stored(path: Path) -> None:
+    """Raises: OptionError: the name is not that of an existing file of w."""
+    if path.suffix.lower() not in ENDINGS:
+        raise OptionError("--baked", "a name ending in " + ", ".join(ENDINGS), path)
+    if not path.is_file():
+        raise OptionError("--baked", "an existing file", path)
+
+
+def read_w(path: Path, *counts: int) -> Float64s:
+    """w (n,), n being one of `counts`: a `.npy` file, the array `w` of a `.npz` file, or that of a mesh's vertices.
+
+    Primitives of a glTF that a bake has left nothing in have what their occlusion texture is at the vertices.
+
+    Of an array only the header is read if it is of another scene.
+
+    Raises:
+        SceneError: the file cannot be read, has no w, or has it for another number of vertices.
+    """
+    try:
+        w = _of_mesh(path, counts) if path.suffix.lower() in (".ply", ".glb", ".gltf") else _of_array(path, counts)
+    except MeshError as fault:
+        raise SceneError(fault.source, fault.field, fault.expected, fault.got) from None
+    if not ((w >= 0) & (w <= 1)).all():
+        raise SceneError(path, "w", "values in [0, 1]", "others")
+    return w
+
+
+def _of_mesh(path: Path, counts: tuple[int, ...]) -> Float64s:
+    instances, asset = read_objects(path)
+    found = [each.w for each in instances] if asset is None else _of_gltf(instances, asset)
+    stored = [(each, w) for each, w in zip(instances, found, strict=True) if w is not None]
+    if not stored or len(stored) < len(instances):
+        raise SceneError(path, "w", "obscurance at every vertex, as obscurance bake writes it", "none")
+    if asset and sum(len(w) for _, w in stored) not in counts:  # pictures leave out what nodes flatten to nothing
+        stored = [(each, w) for each, w in stored if not each.is_flattened]
+    w = np.concatenate([np.empty(0), *(w for _, w in stored)]).astype(np.float64)
+    if len(w) not in counts:
+        raise SceneError(path, "w", _expected(counts), f"{len(w):,}")
+    return w
+
+
+def _of_gltf(instances: Sequence[Instance], asset: Gltf) -> list[AnyFloats | None]:
+    """w of each drawn primitive: the attribute of a bake, or else the occlusion texture at the vertices."""
+    if all(each.w is not None for each in instances):
+        return [each.w for each in instances]
+    with mesh_errors(asset.path):
+        check_appearance(asset.header, asset.path)
+        textures, found = Textures(asset), []
+        for piece, each in zip(primitives(asset.header), instances, strict=True):
+            primitive = asset.header["meshes"][piece.mesh]["primitives"][piece.place]
+            used = textures.of_occlusion(primitive) if each.w is None else None
+            found.append(each.w if used is None else _sampled(*used))
+    return found
+
+
+def _sampled(uv: Float64s, texture: Texture, strength: float) -> Float64s:
+    """1 + strength (R − 1) at texture coordinates (n, 2); glTF's occlusion textures (section 5.21)."""
+    linear = np.empty((len(uv), 3))
+    sample_points(pack_textures([texture]), 0, uv, linear)
+    return 1.0 + strength * (linear[:, 0] - 1.0)
+
+
+def read_beside_w(path: Path, count: int) -> dict[str, npt.NDArray[Any]]:
+    """`error`, `flags`, `bent_normals` of `count` vertices, those of them that a `.npz` file holds beside w.
+
+    Of other files nothing. Raises: SceneError: the file cannot be read, or has them for another number of vertices.
+    """
+    if path.suffix.lower() != ".npz":
+        return {}
+    with _array_errors(path), zipfile.ZipFile(path) as archive:
+        held = {name for name in _BESIDE if f"{name}.npy" in archive.namelist()}
+    return {name: _of_array(path, (count,), name, columns) for name, columns in _BESIDE.items() if name in held}
+
+
+def _of_array(path: Path, counts: tuple[int, ...], name: str = "w", columns: tuple[int, ...] = ()) -> npt.NDArray[Any]:
+    """The array of a `.npy` file, or the one of this name of a `.npz` file. Only its header is read if that is another.
+
+    Args: columns: its shape but for the first number, which is one of `counts`.
+    """
+    with _array_errors(path), _member(path, name) as file, warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        version = np.lib.format.read_magic(file)
+        headers = {(1, 0): np.lib.format.read_array_header_1_0, (2, 0): np.lib.format.read_array_header_2_0}
+        shape, by_columns, kind = headers[version](file)
+        if shape[1:] != columns or len(shape) != 1 + len(columns) or shape[0] not in counts:
+            got = f"{shape[0]:,}" if len(shape) == 1 and not columns else f"shape {shape}"
+            raise SceneError(path, name, _expected(counts), got)
+        if kind.kind not in "fiu" or kind.itemsize > 16:
+            raise SceneError(path, name, "numbers", kind)
+        data = file.read(int(np.prod(shape)) * kind.itemsize)
+        return (
+            np.frombuffer(data, kind, int(np.prod(shape)))
+            .reshape(shape, order="F" if by_columns else "C")
+            .astype(np.float64)
+        )
+
+
+@contextmanager
+def _array_errors(path: Path) -> Iterator[None]:
+    """What NumPy and zipfile raise of files that are not theirs, a dozen kinds, as one."""
+    try:
+        yield
+    except SceneError:
+        raise
+    except Exception as reason:
+        raise SceneError(path, "content", "w as obscurance bake writes it", " ".join(str(reason).split())) from None
+
+
+def _expected(counts: tuple[int, ...]) -> str:
+    """In words. Args: counts: of the vertices of mesh files, and of the scene."""
+    either = f"{counts[0]:,} values, one a vertex of the scene"
+    return either if len(set(counts)) == 1 else f"{either}'s files, or {counts[1]:,}, one a vertex of the scene"
+
+
+@contextmanager
+def _member(path: Path, name: str) -> Iterator[IO[bytes]]:
+    """The bytes of an array's `.npy` file, which a `.npz` file holds as a member."""
+    if path.suffix.lower() != ".npz":
+        with path.open("rb") as file:
+            yield file
+        return
+    with zipfile.ZipFile(path) as archive, archive.open(f"{name}.npy") as member:
+        yield member

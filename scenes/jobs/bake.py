@@ -1,0 +1,266 @@
+"""What bakes of a mesh file to vertices and to a texture share, and one of them as the bake of a batch."""
+
+from __future__ import annotations
+
+import sys
+import time
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import AbstractContextManager, contextmanager, nullcontext
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple
+from warnings import catch_warnings, simplefilter
+
+from raytrace.errors import ClusterError, ObscuranceError, printable
+
+from .console import compiling, note
+from .options import (
+    REPORTS,
+    Alpha,
+    Hidden,
+    NormalsFrom,
+    Occlusion,
+    ProgressForm,
+    Traversal,
+    Up,
+    plain,
+)
+
+if TYPE_CHECKING:
+    import ao
+    from ao.execute.checkpoint import Checkpoint
+
+    from ..formats.load import MeshFile
+
+NO_OPTIONS_OF_BAKE = frozenset(
+    {"report", "quiet", "resume", "progress", "content", "open_checkpoint"}
+)  # they change no result
+
+
+@contextmanager
+def told_shortfalls() -> Iterator[None]:
+    """No warnings of Python's about tolerances that are not met, while this lasts: commands print them as their own."""
+    import ao
+
+    with catch_warnings():
+        simplefilter("ignore", ao.ToleranceWarning)
+        yield
+
+
+class Work(NamedTuple):
+    """What a bake is made of.
+
+    Attributes:
+        points: how many are baked, at most. unit: what they are, "vertices" or "texels".
+        bytes: memory that the bake takes at its peak.
+        trial: bakes about so many of the points, to see how long that takes; returns how many.
+    """
+
+    points: int
+    unit: str
+    bytes: int
+    trial: Callable[[int], int]
+
+
+class Written(NamedTuple):
+    """An output that was written: its summary, and warnings about it, which have been printed."""
+
+    summary: str
+    warnings: list[str]
+
+
+@dataclass(frozen=True, kw_only=True)
+class MeshBake(ABC):
+    """The options of a bake of a mesh file, to vertices or a texture; `obscurance bake --help` explains each."""
+
+    mesh: Path
+    output: Path
+    falloff: str
+    tau: float | None
+    half_distance: str | None
+    max_distance: str
+    samples: int | None
+    tolerance: float | None
+    reconstruct: bool
+    traversal: Traversal
+    seed: int
+    threads: int | None
+    normals: NormalsFrom
+    hidden: Hidden
+    alpha: Alpha
+    up: Up | None
+    report: Path | None
+    resume: bool
+    occlusion: Occlusion | None
+    replace_occlusion: bool
+    high: Path | None
+    cage: str | None
+    quiet: bool
+    progress: ProgressForm = "bar"
+    content: bytes | None = None
+    """Of the mesh, if it is no file's."""
+    open_checkpoint: Callable[[Path], AbstractContextManager[Checkpoint]] | None = None
+    """Makes the checkpoint of an output, if not the usual one is wanted."""
+
+    def run(self) -> int:
+        """Bake, write, and print a summary. Returns: the exit status, 0.
+
+        Raises:
+            InputError: an option, the mesh, or options that exclude each other.
+            OutputError, MemoryLimitError, EmbreeError: as `ao.bake`, `ao.bake_texture` and when writing.
+        """
+        from raytrace.system.atomic import is_standard_output
+
+        falloff = self.check()
+        with compiling(self.kernels), told_shortfalls():
+            for written in self.bake(falloff):
+                if not self.quiet:
+                    print(written.summary, file=sys.stderr if is_standard_output(self.output) else sys.stdout)
+        return 0
+
+    def check(self) -> ao.Falloff:
+        """The falloff, if the options go together and the outputs can be written. Raises: OptionError, OutputError."""
+        from ao.options import Options
+        from raytrace.system.outputs import check_ending, check_outputs
+
+        from ..falloffs import make_falloff
+
+        falloff = make_falloff(self.falloff, self.tau, self.half_distance, self.max_distance)
+        Options(**self.options())
+        self.check_own()
+        if self.report:
+            check_ending("--report", self.report, *REPORTS)
+        check_outputs(self.outputs(), self.inputs())
+        return falloff
+
+    def options(self) -> dict[str, Any]:
+        """The options that `ao.bake` and `ao.bake_texture` take."""
+        names = ("samples", "seed", "threads", "normals", "tolerance", "reconstruct", "hidden", "traversal")
+        return {name: getattr(self, name) for name in names}
+
+    def described(self) -> dict[str, Any]:
+        """Every effective option, as a JSON report has it."""
+        from raytrace.system.threads import thread_count
+
+        options = {name: plain(value) for name, value in vars(self).items() if name not in NO_OPTIONS_OF_BAKE}
+        return options | {"threads": thread_count(self.threads)}
+
+    def hashed(self, files: Iterable[Path]) -> list[dict[str, Any]]:
+        """Files that were read, as a report has them; nothing if there is none to write."""
+        from ..falloffs import table_of
+        from ..show.report.inputs import hashed
+
+        return hashed([*files, *table_of(self.falloff)], {self.mesh: self.content}) if self.report else []
+
+    def checkpoint(self, output: Path) -> AbstractContextManager[Checkpoint | None]:
+        """Keeps what is traced for an output, beside it; none beside standard output."""
+        from ao.execute.checkpoint import Checkpoint
+        from raytrace.system.atomic import is_standard_output
+
+        if self.open_checkpoint:
+            return self.open_checkpoint(output)
+        if is_standard_output(output):
+            return nullcontext()
+        return Checkpoint(self.journal(output), self.resume, note)
+
+    def journal(self, output: Path) -> Path:
+        """Where what is traced for an output is kept until it is written."""
+        return Path(f"{output}.partial")
+
+    def inputs(self) -> list[Path]:
+        """The files that are read, as far as the options name them."""
+        from ..falloffs import table_of
+
+        return [self.mesh, *([self.high] if self.high else []), *table_of(self.falloff)]
+
+    @property
+    @abstractmethod
+    def kernels(self) -> int:
+        """About how many kernels the bake takes."""
+
+    @property
+    @abstractmethod
+    def side_by_side(self) -> bool:
+        """Whether a bake of a small file is small, too: one for a single core."""
+
+    @abstractmethod
+    def outputs(self) -> dict[str, Path | None]:
+        """The files to write, by what the user calls them."""
+
+    @abstractmethod
+    def check_own(self) -> None:
+        """Check the options of this sort of bake. Raises: OptionError, OutputError."""
+
+    def read(self) -> MeshFile:
+        """The mesh file, with what the output can hold of it. Raises: InputError."""
+        from ..formats.load import load
+
+        return load(self.mesh, self.kept, self.content, self.alpha == "auto", self.up)
+
+    def check_up(self, picture: Path | None, *outputs: Path | None) -> None:
+        """Raises: OptionError: `up`, and neither a picture nor an output that stands."""
+        from raytrace.errors import OptionError
+
+        standing = (".html", ".ply", ".glb")
+        if self.up and not picture and not {_ending(path) for path in (*outputs, self.report)} & set(standing):
+            expected = f"--debug-image or {', '.join(standing)} with it; w does not depend on it"
+            raise OptionError("up", expected, "none")
+
+    def read_high(self) -> MeshFile | None:
+        """The finer mesh's file, if there is one. Raises: InputError."""
+        from ..formats.load import load
+
+        return None if self.high is None else load(self.high, alpha=self.alpha == "auto")
+
+    @property
+    @abstractmethod
+    def kept(self) -> Path:
+        """A name of the format for which a mesh file's details are read."""
+
+    @abstractmethod
+    def work(self, source: MeshFile, falloff: ao.Falloff) -> Work:
+        """What a bake of `source` is made of. Raises: InputError: as `bake`, before anything is traced."""
+
+    @abstractmethod
+    def bake(self, falloff: ao.Falloff) -> Iterator[Written]:
+        """Bake and write, one output after the other. Raises: as `run`."""
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """Attributes: as of `scenes.jobs.manifest.Entry`."""
+
+    status: Literal["done", "failed"]
+    seconds: float
+    message: str
+    warnings: list[str] = field(default_factory=list)
+
+
+def bake_one(bake: MeshBake, falloff: ao.Falloff, threads: int, resume: bool) -> Outcome:
+    """Bake and write; faults become messages, but for that of a cluster, which is lost for the others, too.
+
+    Args: resume: continue what an interrupted run has traced, if there is any.
+    """
+    begun = resume and bake.journal(bake.output).exists()
+    bake = replace(bake, quiet=True, progress="bar", threads=threads, resume=begun)
+    start = time.perf_counter()
+    try:
+        written = list(bake.bake(falloff))
+    except ClusterError:
+        raise
+    except Exception as fault:
+        expected = isinstance(fault, ObscuranceError | OSError | MemoryError)
+        message = str(fault) if expected and str(fault) else f"{type(fault).__name__}: {fault}"
+        message = printable(message if str(bake.mesh) in message else f"{bake.mesh}: {message}")
+        return Outcome("failed", _since(start), message)
+    message = "\n".join(each.summary for each in written)
+    return Outcome("done", _since(start), message, [line for each in written for line in each.warnings])
+
+
+def _since(start: float) -> float:
+    return round(time.perf_counter() - start, 3)
+
+
+def _ending(path: Path | None) -> str:
+    return path.suffix.lower() if path else ""

@@ -1,0 +1,203 @@
+"""`obscurance bake` of several inputs: small meshes side by side on the cores, large ones by all of them in turn."""
+
+from __future__ import annotations
+
+import json
+import time
+from collections.abc import Sequence
+from contextlib import nullcontext, suppress
+from dataclasses import dataclass, replace
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from raytrace.errors import printable
+from raytrace.system.threads import run_blocks, thread_count
+
+from .bake import MeshBake, Outcome, bake_one, told_shortfalls
+from .console import compiling, note, progress, warn
+from .inputs import MANIFEST, check_batch, made
+from .manifest import Entry, Manifest, dealt, digest, part_manifest
+from .workers import Workers, cluster_checkpoint
+
+if TYPE_CHECKING:
+    import ao
+    from ao.cluster.session import ClusterSession
+
+_LARGE = 1 << 21  # bytes of a mesh file from which on a bake keeps all cores busy by itself
+_OF_ONE = ("mesh", "output", "threads")  # options that differ from one bake to another, or change no result
+
+
+@dataclass(frozen=True)
+class Batch:
+    """Bakes with the same options.
+
+    Attributes:
+        bakes: one for each input. folder: of their outputs. resume: leave out what the manifest says is done.
+        threads: how many in all. quiet: no progress bar and no summary.
+        workers: of a cluster, to trace the rays. part: (K, N), to bake only the K-th of N parts.
+    """
+
+    bakes: Sequence[MeshBake]
+    folder: Path
+    resume: bool
+    threads: int | None
+    quiet: bool
+    workers: Workers | None = None
+    part: tuple[int, int] | None = None
+
+    def run(self) -> int:
+        """Bake all, going on after faults, each reported in one line. Returns: the exit status, 1 for faults.
+
+        Raises:
+            InputError: an option, or a manifest that cannot be resumed.
+            OutputError: the folder, or an output in it, cannot be written.
+            SystemExit: interrupted.
+        """
+        if self.workers:
+            self.check(keep=False)  # before any are asked for
+        start = time.perf_counter()
+        with self.workers.session(self.folder / MANIFEST) if self.workers else nullcontext() as session:
+            falloff = self.check()
+            manifest = self._manifest()
+            try:
+                with compiling(self.bakes[0].kernels), told_shortfalls():
+                    self._bake_all(manifest, falloff, session)
+            except KeyboardInterrupt:
+                note(f"interrupted: {self._told(manifest)}; the same command with --resume bakes the others")
+                raise SystemExit(130) from None
+            finally:
+                manifest.write()
+        if not self.quiet:
+            print(f"{self._told(manifest)} in {time.perf_counter() - start:.2f} s; {printable(str(manifest.path))}")
+            if session:
+                print(session.summary())
+        return 1 if manifest.count("failed") else 0
+
+    def check(self, keep: bool = True) -> ao.Falloff:
+        """The falloff, if the options go together and the outputs can be written; makes the folder of these.
+
+        Args: keep: whether a folder that is made stays.
+
+        Raises: OptionError, OutputError.
+        """
+        with made(self.folder, keep):
+            falloff = self.bakes[0].check()
+            inputs = [path for bake in self.bakes for path in bake.inputs()]
+            check_batch(inputs, [bake.output for bake in self.bakes], self.manifest)
+        return falloff
+
+    @property
+    def manifest(self) -> Path:
+        """The file that says what became of each input."""
+        return self.folder / (part_manifest(*self.part) if self.part else MANIFEST)
+
+    def _told(self, manifest: Manifest) -> str:
+        failed = manifest.count("failed")
+        text = f"{manifest.count('done'):,} of {len(manifest.entries):,} meshes baked to {printable(str(self.folder))}"
+        return text + (f", {failed:,} failed" if failed else "")
+
+    def _manifest(self) -> Manifest:
+        from ao.report import versions
+
+        options = {name: value for name, value in self.bakes[0].described().items() if name not in _OF_ONE}
+        about: dict[str, Any] = {"options": options, "versions": versions()}
+        if self.part:
+            about["part"] = {"number": self.part[0], "of": self.part[1], "inputs": [str(b.mesh) for b in self.bakes]}
+        entries = [Entry(str(b.mesh), str(b.output), sha256=digest(_read_by(b))) for b in self._own()]
+        manifest = Manifest(self.manifest, entries, about)
+        if self.resume or (self.part and self.manifest.exists()):
+            manifest.resume(note)
+        return manifest
+
+    def _own(self) -> list[MeshBake]:
+        """The bakes to be done here: all, or those of the part."""
+        if not self.part:
+            return list(self.bakes)
+        owners = dealt([_size(bake.mesh) for bake in self.bakes], self.part[1])
+        return [bake for bake, owner in zip(self.bakes, owners, strict=True) if owner == self.part[0]]
+
+    def _bake_all(self, manifest: Manifest, falloff: ao.Falloff, session: ClusterSession | None) -> None:
+        bakes = self._own()
+        count = len(bakes)
+        places = [place for place in range(count) if manifest.entries[place].status == "waiting"]
+        threads = thread_count(self.threads)
+        small = [place for place in places if bakes[place].side_by_side and _size(bakes[place].mesh) < _LARGE]
+        large = sorted({*places} - {*small})
+        done = count - len(places)
+        status = session.status if session else str
+        with progress(self.quiet, "meshes", form=self.bakes[0].progress, status=status) as (advance,):
+
+            def add(more: int) -> None:
+                nonlocal done
+                done += more
+                if advance:
+                    advance(done, count)
+                manifest.save()
+
+            def bake_here(place: int, threads: int) -> None:
+                entry, bake = manifest.entries[place], bakes[place]
+                before = _identity(bake.output)
+                if session:
+                    bake = replace(bake, open_checkpoint=partial(cluster_checkpoint, session, self.resume))
+                try:
+                    _note(entry, bake_one(bake, falloff, threads, self.resume))
+                except KeyboardInterrupt:
+                    if _identity(bake.output) != before:  # it has been written, whole
+                        entry.done()
+                    raise
+
+            def bake_small(start: int, stop: int) -> None:
+                for place in small[start:stop]:
+                    bake_here(place, 1)
+
+            if session:
+                from .remote import bake_remotely
+
+                given = [bakes[place] for place in small]
+                for place, outcome in bake_remotely(session, given, falloff, self.resume, threads):
+                    warn([], outcome.warnings)
+                    _note(manifest.entries[small[place]], outcome)
+                    add(1)
+            else:
+                run_blocks(len(small), 1, bake_small, threads, add)
+            for place in large:
+                bake_here(place, threads)
+                add(1)
+
+
+def _note(entry: Entry, outcome: Outcome) -> None:
+    """Take over what became of an input."""
+    entry.status, entry.seconds, entry.message = outcome.status, outcome.seconds, outcome.message
+    entry.warnings = outcome.warnings
+    if outcome.status == "failed":
+        note(outcome.message)
+    else:
+        entry.done()
+
+
+def _read_by(bake: MeshBake) -> list[Path]:
+    """The files that a bake reads: those of its options, and buffers and images that a .gltf among them names."""
+    from ..formats.gltf.container import Gltf  # a slow import
+
+    files = bake.inputs()
+    for path in [path for path in files if path.suffix.lower() == ".gltf"]:
+        with suppress(OSError, ValueError, TypeError, AttributeError, RecursionError):  # its bake will say why
+            files += Gltf(path, json.loads(path.read_bytes()), ()).files[1:]
+    return files
+
+
+def _identity(path: Path) -> object:
+    """What differs after a file is replaced."""
+    try:
+        found = path.stat()
+        return found.st_ino, found.st_mtime_ns
+    except (OSError, ValueError):
+        return None
+
+
+def _size(path: Path) -> int:
+    try:
+        return path.stat().st_size
+    except (OSError, ValueError):
+        return 0

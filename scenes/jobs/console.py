@@ -1,0 +1,270 @@
+"""Notes, warnings, progress bars and summaries of the commands."""
+
+from __future__ import annotations
+
+import codecs
+import io
+import os
+import sys
+import threading
+import time
+import unicodedata
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import AbstractContextManager, contextmanager, suppress
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from raytrace.kernel import notice
+from raytrace.kernel.notice import KERNELS_OF_BAKE as KERNELS_OF_BAKE
+from raytrace.kernel.notice import KERNELS_OF_RENDER as KERNELS_OF_RENDER
+from raytrace.kernel.notice import KERNELS_OF_SURFACE as KERNELS_OF_SURFACE
+from raytrace.kernel.notice import KERNELS_OF_TEXTURE as KERNELS_OF_TEXTURE
+
+from .options import ProgressForm
+
+if TYPE_CHECKING:
+    import numpy as np
+    import numpy.typing as npt
+
+    import ao
+    from raytrace.mesh.mesh import Mesh
+
+
+def note(message: str) -> None:
+    """One line on standard error."""
+    from raytrace.errors import LINE, printable
+
+    print("obscurance: " + printable(" ".join(message.split()), LINE), file=sys.stderr)
+
+
+_PLAIN = str.maketrans({
+    "τ": "tau", "μ": "mu", "ρ": "rho", "σ": "sigma", "η": "eta", "π": "pi", "ω": "omega", "θ": "theta", "φ": "phi",
+    "×": "x", "−": "-", "–": "-", "°": " degrees", "∫": "integral ", "∥": "|", "⊥": "_|_", "≤": "<=", "≥": ">=",
+    "…": "...", "“": '"', "”": '"', "’": "'", "→": "->", "·": "*", "∞": "inf", "²": "^2", "³": "^3", "—": "-",
+})  # fmt: skip
+
+
+def _in_plain_letters(fault: UnicodeError) -> tuple[str, int]:
+    """What stands for characters that an output cannot hold: letters that read alike, else escapes."""
+    if not isinstance(fault, UnicodeEncodeError):
+        raise fault
+    characters = fault.object[fault.start : fault.end].translate(_PLAIN)
+    letters = unicodedata.normalize("NFKD", characters).translate(_PLAIN)
+    return "".join(c if c.isascii() else "" if unicodedata.combining(c) else ascii(c)[1:-1] for c in letters), fault.end
+
+
+def reopen_streams() -> None:
+    """Let standard streams that were closed refuse with an error of the system, but for errors, which nobody reads.
+
+    Otherwise the next files that are opened would be taken for them.
+    """
+    for number, name in enumerate(("stdin", "stdout", "stderr")):
+        if getattr(sys, name) is None:
+            os.open(os.devnull, os.O_RDONLY if name == "stdout" else os.O_WRONLY)  # the least number that is free
+            setattr(sys, name, os.fdopen(number, "w" if number else "r"))
+
+
+@contextmanager
+def readable_output() -> Iterator[None]:
+    """Let standard output and standard error write any text, whatever their encoding, while this lasts."""
+    codecs.register_error("plain-letters", _in_plain_letters)
+    kept = {}
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):
+            kept[stream] = stream.errors
+            stream.reconfigure(errors="plain-letters")
+    try:
+        yield
+    finally:
+        for stream, errors in kept.items():
+            stream.reconfigure(errors=errors)
+
+
+def output_failed(failure: OSError) -> int:
+    """Exit status after an error of the system's, which is reported in one line unless a pipe is closed."""
+    with suppress(OSError, ValueError):  # what is still buffered has nowhere to go
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+    if not isinstance(failure, BrokenPipeError):
+        note(f"{failure.filename or 'standard output'}: {failure.strerror or failure}")
+    return 1
+
+
+_silent = threading.local()  # its `on`: whether warnings on this thread are for others to print
+
+
+@contextmanager
+def unprinted_warnings() -> Iterator[None]:
+    """Let `warn` print nothing on this thread, while this lasts: who asked for the work is elsewhere."""
+    _silent.on = True
+    try:
+        yield
+    finally:
+        _silent.on = False
+
+
+def warn(meshes: Iterable[Mesh], others: Iterable[str] = ()) -> list[str]:
+    """Print, once each, warnings about the precision of meshes, and others; return them all."""
+    from raytrace.errors import LINE, printable
+    from raytrace.mesh.precision import precision_warnings
+
+    each = {id(mesh): mesh for mesh in meshes}.values()
+    warnings = list(dict.fromkeys(warning for mesh in each for warning in precision_warnings(mesh)))
+    warnings += list(dict.fromkeys(others))
+    for warning in () if getattr(_silent, "on", False) else warnings:
+        print(f"warning: {printable(warning, LINE)}", file=sys.stderr)
+    return warnings
+
+
+def compiling(expected: int) -> AbstractContextManager[None]:
+    """Say, wherever standard error goes, that kernels are being compiled. Args: expected: about how many."""
+    return notice.compiling(expected, always=True)
+
+
+_EVERY = 0.1  # seconds between lines of progress
+Advance = Callable[[int, int], None]
+
+
+@contextmanager
+def progress(
+    quiet: bool, *units: str, form: ProgressForm = "bar", status: Callable[[], str] = str
+) -> Iterator[tuple[Advance | None, ...]]:
+    """Progress bars on a terminal's standard error, one after the other, each from its first call on.
+
+    In the form "json" they are lines, ten a second at most, on standard error whatever that is, quiet or not.
+
+    Each is called with (done, total); the total is a guess and may change. A bar is full when the next one begins, and
+    the last when the work is done.
+
+    Args: units: what each bar counts, for its rate. status: says what else to show.
+    """
+    if form == "json":
+        start = time.perf_counter()
+        yield tuple(_json_lines(unit, start) for unit in units)
+        return
+    if quiet or not sys.stderr.isatty():
+        yield (None,) * len(units)
+        return
+    from rich.console import Console
+    from rich.progress import BarColumn, Progress, TaskID, TextColumn, TimeRemainingColumn
+
+    figures = TextColumn("{task.percentage:3.0f} % {task.fields[rate]}")
+    bars = Progress(BarColumn(), figures, TimeRemainingColumn(), console=Console(stderr=True), transient=True)
+    began: dict[TaskID, tuple[float, int]] = {}
+
+    def advance(task: TaskID, unit: str, done: int, total: int) -> None:
+        if task not in began:
+            fill()
+            began[task] = time.perf_counter(), done
+            bars.start()
+            bars.update(task, visible=True)
+        start, before = began[task]
+        rate = (done - before) / max(time.perf_counter() - start, 1e-6)
+        text = f"{rate / 1e6:.1f} M {unit}/s" if rate >= 1e5 else f"{rate:.0f} {unit}/s"
+        bars.update(task, completed=done, total=total, rate=f"{text} {status()}".rstrip())
+
+    def fill() -> None:
+        for task in began:
+            bars.update(task, completed=bars.tasks[task].total)
+            bars.refresh()
+            bars.update(task, visible=False)
+
+    tasks = [bars.add_task("", visible=False, rate="") for _ in units]
+    try:
+        yield tuple(partial(advance, task, unit) for task, unit in zip(tasks, units, strict=True))
+        fill()
+    finally:
+        bars.stop()
+
+
+def _json_lines(unit: str, start: float) -> Advance:
+    """Progress as objects with event, unit, done, total and seconds since `start`, one a line."""
+    import json
+
+    last = 0.0
+
+    def advance(done: int, total: int) -> None:
+        nonlocal last
+        now = time.perf_counter()
+        if done < total and now - last < _EVERY:
+            return
+        last = now
+        about = {"event": "progress", "unit": unit, "done": done, "total": total, "seconds": round(now - start, 3)}
+        print(json.dumps(about), file=sys.stderr, flush=True)
+
+    return advance
+
+
+def bake_summary(baked: ao.Bake, target: Path) -> str:
+    """The line after a bake: file, vertices, rays, time, estimated error; and one for each flag that vertices have."""
+    from raytrace.errors import printable
+
+    from ..show.report.verdict import flags_in_words
+
+    took = f"in {baked.seconds['bake']:.2f} s, estimated RMSE {baked.rmse:.4f}"
+    text = f"{printable(str(target))}: {len(baked.w):,} vertices, {baked.rays:,} rays traced {took}"
+    return "\n".join([text, *flags_in_words(baked.flagged, len(baked.w), baked.rays_skipped).values()])
+
+
+def texture_summary(baked: ao.BakedTexture, target: str) -> str:
+    """The line after a bake of a texture, and a second one about its layout and seams."""
+    from raytrace.errors import printable
+
+    height, width = baked.w.shape
+    facts = baked.facts
+    rays = f"{baked.rays:,} rays traced in {baked.seconds['bake']:.2f} s, estimated RMSE {baked.rmse:.4f}"
+    text = f"{printable(target)}: {width}×{height}, {facts.covered:,} texels covered, {rays}"
+    if not facts.seam_edges:
+        return text
+    jumps = f"largest jump {facts.seam_jump:.4f}, {facts.seam_jump_before:.4f} before they were closed"
+    return f"{text}\n{facts.seam_edges:,} edges at seams, {jumps}"
+
+
+def alpha_summary(mesh: Mesh) -> str:
+    """One more line for a mesh of which some faces have alpha."""
+    return f"\n{mesh.opacity.summary}" if mesh.opacity else ""
+
+
+def show_picture(pixels: npt.NDArray[np.float32]) -> None:
+    """Print a picture in the terminal's colours, at most as wide as it: two pixels a character, one above the other.
+
+    Not the terminal writer of OpenImageIO, which prints `\\u2580` in these six letters instead of the half block.
+
+    Args: pixels: (h, w, 3 or more), linear RGB.
+    """
+    from rich.color import Color
+    from rich.console import Console
+    from rich.style import Style
+    from rich.text import Text
+
+    from raytrace.image.srgb import encode_srgb
+
+    console = Console()
+    half, step = ("▀", 2) if "utf" in console.encoding.lower() else (" ", 1)
+    codes = (255 * encode_srgb(_reduced(pixels[..., :3], console.width, step)) + 0.5).astype(int)
+    for lines in zip(*(codes[first::step] for first in range(step)), strict=True):
+        text = Text(no_wrap=True, end="\n")
+        for column in range(codes.shape[1]):
+            upper, lower = (Color.from_rgb(*line[column]) for line in (lines[0], lines[-1]))
+            text.append(half, Style(color=upper, bgcolor=lower))
+        console.print(text)
+
+
+def _reduced(pixels: npt.NDArray[np.float32], columns: int, step: int) -> npt.NDArray[np.float32]:
+    """Means over blocks: at most `columns` wide, characters being twice as high as wide, rows a multiple of `step`."""
+    import numpy as np
+
+    height, width = pixels.shape[:2]
+    wide = min(columns, width)
+    high = max(round(height * wide / width * step / 2 / step), 1) * step
+    means = np.add.reduceat(pixels, np.arange(high) * height // high, axis=0)
+    means = np.add.reduceat(means, np.arange(wide) * width // wide, axis=1)
+    ones = np.add.reduceat(np.ones((height, 1)), np.arange(high) * height // high, axis=0)
+    counts = ones * np.add.reduceat(np.ones(width), np.arange(wide) * width // wide)
+    return (means / counts[..., None]).astype(np.float32)
+
+
+def columns(rows: Sequence[tuple[str, str]]) -> str:
+    """Names and values, aligned."""
+    width = max(len(name) for name, _ in rows)
+    return "\n".join(f"{name:<{width}}  {value}" for name, value in rows)

@@ -1,0 +1,101 @@
+"""`bake --dry-run`: what a bake would take and write, from the meshes and a trial of a few points."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from ao.options import Options
+from raytrace.errors import ObscuranceError, printable
+from raytrace.system.memory import available
+from raytrace.system.threads import thread_count
+
+from .bake import MeshBake, Work
+from .console import columns, compiling, note
+
+if TYPE_CHECKING:
+    import ao
+
+_RAYS = 1 << 21  # of a trial: half a second
+
+
+def dry_run(bakes: Sequence[MeshBake], falloff: ao.Falloff, besides: Sequence[Path] = ()) -> int:
+    """Print points, rays, memory and time that checked bakes would take, and what they would write.
+
+    Args: besides: what else would be written.
+
+    Returns: the exit status, 1 if a mesh cannot be read.
+    """
+    works: dict[MeshBake, Work] = {}
+    for bake in bakes:
+        try:
+            works[bake] = bake.work(bake.read(), falloff)
+        except ObscuranceError as fault:
+            if len(bakes) == 1:
+                raise
+            note(str(fault))
+    if works:
+        with compiling(bakes[0].kernels):
+            rows = _rows(list(works.values()), bakes[0])
+        print(columns([*rows, *_written(list(works), besides)]))
+    return 0 if len(works) == len(bakes) else 1
+
+
+def _rows(works: Sequence[Work], bake: MeshBake) -> list[tuple[str, str]]:
+    points = sum(work.points for work in works)
+    options = Options(**bake.options())
+    rays = sum(options.rays_in_all(work.points) for work in works)
+    most = "at most " if bake.tolerance is not None or works[0].unit == "texels" else ""
+    meshes = f"{len(works):,} meshes, " if len(works) > 1 else ""
+    free = available()
+    room = "" if free is None else f", {_bytes(free)} available"
+    return [
+        ("would bake", f"{meshes}{most if works[0].unit == 'texels' else ''}{points:,} {works[0].unit}"),
+        ("rays", f"{most or 'about '}{rays:,}, {rays // max(points, 1):,} each"),
+        ("memory", f"about {_bytes(max(work.bytes for work in works))}{room}"),
+        ("time", _time(works, bake, most)),
+    ]
+
+
+def _time(works: Sequence[Work], bake: MeshBake, most: str) -> str:
+    if bake.tolerance is not None:
+        return "as long as the tolerance takes, which only the bake finds out"
+    largest = max(works, key=lambda work: work.points)
+    if not largest.points:
+        return "none: there is nothing to bake"
+    each = Options(**bake.options()).rays_in_all(largest.points) // largest.points
+    fixed, of_point = _trial(largest, min(each, _RAYS))
+    points, threads = sum(work.points for work in works), thread_count(bake.threads)
+    seconds = fixed * points / largest.points + of_point * points / threads
+    text = f"{seconds:.2g} s" if seconds < 100 else f"{seconds / 60:.0f} minutes"
+    return f"{most or 'about '}{text} on {threads} threads, by a trial; reading and writing besides"
+
+
+def _trial(work: Work, rays: int) -> tuple[float, float]:
+    """Seconds of one core that the mesh takes whatever is baked, and that a point takes."""
+
+    def seconds(count: int) -> tuple[float, int]:
+        start = time.process_time()  # the clock of a busy machine says little
+        done = work.trial(count)
+        return time.process_time() - start, done
+
+    many = max(_RAYS // rays, 16)
+    seconds(min(many, 64))  # loads the kernels
+    (fixed, few), (longer, count) = seconds(1), seconds(many)
+    return fixed, max(longer - fixed, 0.0) / max(count - few, 1)
+
+
+def _written(bakes: Sequence[MeshBake], besides: Sequence[Path]) -> list[tuple[str, str]]:
+    paths = [path for bake in bakes for path in bake.outputs().values() if path is not None]
+    paths += besides
+    shown = [
+        f"{printable(str(path))}{' in place of the one there' if Path(path).exists() else ''}" for path in paths[:8]
+    ]
+    more = [f"and {len(paths) - 8:,} more"] if len(paths) > 8 else []
+    return [("would write", line) for line in shown + more]
+
+
+def _bytes(size: int) -> str:
+    return f"{size / 2**30:.1f} GiB" if size >= 1 << 30 else f"{size / 2**20:.0f} MiB"

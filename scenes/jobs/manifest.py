@@ -1,0 +1,192 @@
+"""What became of each input of a batch: the manifest as JSON, and one manifest of those of all parts."""
+
+from __future__ import annotations
+
+import hashlib
+import heapq
+import json
+import re
+import time
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import asdict, dataclass, field, fields
+from pathlib import Path
+from threading import Lock
+from typing import Any, Literal
+
+from raytrace.errors import InputError
+from raytrace.system.atomic import write_json
+
+from .inputs import MANIFEST
+
+VERSION = 1
+EVERY = 2.0  # seconds between writes while work goes on
+Status = Literal["done", "failed", "waiting"]
+_NAME = re.compile(r"manifest-\d+-of-(\d+)\.json")
+
+
+@dataclass
+class Entry:
+    """What became of an input.
+
+    Attributes:
+        input, output: their names. status: "waiting" also of what an interrupt left out. seconds: of reading, baking
+            and writing. message: the summary or the fault. warnings: about the output. sha256: of the bytes of the
+            input and of the files that it names. written: that of the output.
+    """
+
+    input: str
+    output: str
+    status: Status = "waiting"
+    seconds: float = 0.0
+    message: str = ""
+    warnings: list[str] = field(default_factory=list)
+    sha256: str = ""
+    written: str = ""
+
+    def done(self) -> None:
+        """Take note of an output that is whole."""
+        self.status, self.written = "done", digest([Path(self.output)])
+
+
+def digest(files: Iterable[Path]) -> str:
+    """SHA-256 of the bytes of files in hex digits, nothing where one cannot be read: its bake will say why."""
+    hashed = hashlib.sha256()
+    try:
+        for path in files:
+            with path.open("rb") as file:
+                while chunk := file.read(1 << 20):
+                    hashed.update(chunk)
+    except (OSError, ValueError):
+        return ""
+    return hashed.hexdigest()
+
+
+class Manifest:
+    """The entries of a batch in the order of its inputs, written every few seconds; from any thread.
+
+    Args: path: the file. entries: all of them. about: what else the file says: options and versions.
+    """
+
+    def __init__(self, path: Path, entries: list[Entry], about: dict[str, Any]) -> None:
+        self.path, self.entries, self._about = path, entries, about
+        self._lock, self._due = Lock(), time.monotonic() + EVERY
+
+    def count(self, status: Status) -> int:
+        return sum(entry.status == status for entry in self.entries)
+
+    def save(self) -> None:
+        """Write it if it is time to."""
+        with self._lock:
+            if time.monotonic() >= self._due:
+                self.write()
+                self._due = time.monotonic() + EVERY
+
+    def write(self) -> None:
+        """Raises: OutputError: it cannot be written."""
+        counts = {status: self.count(status) for status in ("done", "failed", "waiting")}
+        entries = [asdict(entry) for entry in self.entries]
+        write_json(self.path, {"manifest_version": VERSION, **counts, **self._about, "inputs": entries})
+
+    def resume(self, tell: Callable[[str], object]) -> None:
+        """Take over what the file on disk says is done, of the same bytes with the same options and versions.
+
+        Outputs that are gone or have other bytes than were written, and inputs that have changed, are not done.
+
+        Args: tell: called with a line for the user where nothing can be taken over.
+
+        Raises: InputError: the file cannot be read, or is no manifest of this version.
+        """
+        try:
+            stored = json.loads(self.path.read_bytes())
+            version, about = stored["manifest_version"], {name: stored[name] for name in self._about}
+            done = {each["input"]: Entry(**each) for each in stored["inputs"] if each["status"] == "done"}
+        except FileNotFoundError:
+            tell(f"{self.path}: nothing to resume; starting from the beginning")
+            return
+        except (OSError, ValueError, KeyError, TypeError, AttributeError):
+            version, about, done = None, {}, {}
+        if version != VERSION:
+            got = "something else" if version is None else f"one of version {version}"
+            raise InputError(self.path, "manifest_version", f"a manifest of version {VERSION}", got)
+        if about != self._about:
+            tell(f"{self.path}: of other options or another version; starting from the beginning")
+            return
+        for place, entry in enumerate(self.entries):
+            found = done.get(entry.input)
+            same = found and found.written and (found.output, found.sha256) == (entry.output, entry.sha256)
+            if found and same and digest([Path(entry.output)]) == found.written:
+                self.entries[place] = found
+
+
+def part_manifest(number: int, of: int) -> str:
+    """The name of the manifest of a part."""
+    return f"manifest-{number:0{len(str(of))}}-of-{of}.json"
+
+
+def dealt(sizes: Sequence[int], of: int) -> list[int]:
+    """Which of the parts 1 to `of` bakes each mesh: the largest first, each to who has the least to do yet."""
+    owners, loads = [0] * len(sizes), [(0, part) for part in range(1, of + 1)]
+    for place in sorted(range(len(sizes)), key=lambda place: -sizes[place]):
+        load, owners[place] = heapq.heappop(loads)
+        heapq.heappush(loads, (load + sizes[place] + 1, owners[place]))
+    return owners
+
+
+def is_batch_of_parts(folder: Path) -> bool:
+    """Whether a folder has manifests of parts."""
+    return folder.is_dir() and any(_NAME.fullmatch(path.name) for path in folder.iterdir())
+
+
+def merge_batch(folder: Path) -> Manifest:
+    """Make one manifest of those of all parts.
+
+    Raises:
+        InputError: a part is missing, not finished, or of another batch.
+        OutputError: the manifest cannot be written.
+    """
+    paths = sorted(path for path in folder.iterdir() if _NAME.fullmatch(path.name))
+    parts = [_read(path) for path in paths]
+    first = parts[0]
+    for path, part in zip(paths, parts, strict=True):
+        for name in first["options"].keys() | part["options"].keys():
+            _same(path, name, first["options"].get(name), part["options"].get(name))
+        _same(path, "versions", first["versions"], part["versions"])
+        _same(path, "of", first["part"]["of"], part["part"]["of"])
+        _same(path, "inputs", first["part"]["inputs"], part["part"]["inputs"])
+    of, numbers = first["part"]["of"], {part["part"]["number"] for part in parts}
+    if missing := sorted({*range(1, of + 1)} - numbers):
+        lacking = ", ".join(map(str, missing[:20])) + (", …" if len(missing) > 20 else "")
+        raise InputError(folder, "parts", f"all of 1 to {of}", f"{len(parts)} of them; missing: {lacking}")
+    entries = {each["input"]: Entry(**each) for part in parts for each in part["inputs"]}
+    for path, part in zip(paths, parts, strict=True):
+        if part["waiting"]:
+            expected = "a finished part; the same command continues it"
+            raise InputError(path, "waiting", expected, f"{part['waiting']:,} meshes that wait")
+    for name in first["part"]["inputs"]:
+        if name not in entries:  # the parts saw files of other sizes
+            raise InputError(folder, "inputs", f"{name} in one of the parts", "none that has it")
+    about = {name: first[name] for name in ("options", "versions")}
+    manifest = Manifest(folder / MANIFEST, [entries[name] for name in first["part"]["inputs"]], about)
+    manifest.write()
+    return manifest
+
+
+def _same(path: Path, name: str, expected: object, got: object) -> None:
+    """Raises: InputError: they differ."""
+    if expected != got:
+        raise InputError(path, name, f"{expected}, as in the first part", got)
+
+
+def _read(path: Path) -> dict[str, Any]:
+    try:
+        stored: dict[str, Any] = json.loads(path.read_bytes())
+        part, names = stored["part"], {field.name for field in fields(Entry)}
+        whole = isinstance(part["number"], int) and isinstance(part["of"], int) and isinstance(part["inputs"], list)
+        whole = whole and isinstance(stored["options"], dict) and isinstance(stored["waiting"], int)
+        whole = whole and all({*each} == names for each in stored["inputs"]) and "versions" in stored
+        version = stored["manifest_version"] if whole else None
+    except (OSError, ValueError, KeyError, TypeError, AttributeError):
+        version = None
+    if version != VERSION:
+        raise InputError(path, "manifest_version", f"the manifest of a part, of version {VERSION}", "something else")
+    return stored

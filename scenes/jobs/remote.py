@@ -1,0 +1,135 @@
+"""Small meshes of a batch as work for the workers of a cluster, each baked as a whole on one core of theirs.
+
+Workers read the meshes and write the outputs themselves, so they must see the files under the names that these have
+here.
+"""
+
+from __future__ import annotations
+
+import errno
+import hashlib
+import os
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal
+
+import numpy as np
+
+from raytrace.types import Int64s
+
+from .bake import MeshBake, Outcome, bake_one, told_shortfalls
+from .console import unprinted_warnings
+
+if TYPE_CHECKING:
+    import ao
+    from ao.cluster.session import ClusterSession
+    from ao.execute.work import Tables
+
+_BYTES = 50  # of a file, a vertex
+
+
+@dataclass(frozen=True, eq=False)
+class SharedBakes:
+    """Bakes whose files all workers see. Unpickled where they are not seen, it raises OSError.
+
+    Attributes: bakes: with absolute names. falloff: of all. resume: continue what an interrupted run has traced.
+    """
+
+    bakes: tuple[MeshBake, ...]
+    falloff: ao.Falloff
+    resume: bool
+
+    def __reduce__(self) -> tuple[Callable[..., SharedBakes], tuple[object, ...]]:
+        files = [path for bake in self.bakes for path in bake.inputs() if path.exists()]
+        folders = {bake.output.parent for bake in self.bakes}
+        return _seen, ({*files, *folders}, self.bakes, self.falloff, self.resume)
+
+
+def _seen(files: set[Path], bakes: tuple[MeshBake, ...], falloff: ao.Falloff, resume: bool) -> SharedBakes:
+    for path in sorted(files):
+        if not path.exists():
+            raise FileNotFoundError(errno.ENOENT, os.strerror(errno.ENOENT), str(path))
+    return SharedBakes(bakes, falloff, resume)
+
+
+@dataclass(frozen=True, eq=False)
+class WholeBakes:
+    """Bakes to be done, the rows of which are their outcomes.
+
+    Attributes: numbers: int64 (k,), places in `SharedBakes.bakes`. rays: of one, about.
+    """
+
+    numbers: Int64s
+    rays: float
+
+    def __len__(self) -> int:
+        return len(self.numbers)
+
+    def __getitem__(self, rows: slice) -> WholeBakes:
+        return replace(self, numbers=self.numbers[rows])
+
+    @property
+    def name(self) -> bytes:
+        return hashlib.blake2b(np.ascontiguousarray(self.numbers).data, digest_size=16).digest()
+
+    @property
+    def block(self) -> int:
+        return 1
+
+    def tables(self) -> Tables:
+        return (np.empty(len(self), object),)
+
+    def writer(self, scene: SharedBakes, tables: Tables) -> Callable[[int, int], None]:
+        (outcomes,) = tables
+
+        def write(first: int, last: int) -> None:
+            for row in range(first, last):
+                bake = scene.bakes[self.numbers[row]]
+                with unprinted_warnings(), told_shortfalls():
+                    outcomes[row] = asdict(bake_one(bake, scene.falloff, 1, scene.resume))
+
+        return write
+
+
+def bake_remotely(
+    session: ClusterSession, bakes: Sequence[MeshBake], falloff: ao.Falloff, resume: bool, threads: int
+) -> Iterator[tuple[int, Outcome]]:
+    """Bake by workers, or on threads here if it is little: the place of each bake, and what became of it.
+
+    Raises: as `ClusterSession.trace`.
+    """
+    if not bakes:
+        return
+    sizes = np.array([bake.mesh.stat().st_size if bake.mesh.is_file() else 0 for bake in bakes])
+    rays = max(sizes.mean() / _BYTES, 1) * (bakes[0].samples or 256)
+    work = WholeBakes(np.argsort(-sizes, kind="stable"), float(rays))  # the largest first, to end together
+    scene = SharedBakes(tuple(map(_absolute, bakes)), falloff, resume)
+    for first, last, (outcomes,) in session.rows(work, scene, threads):
+        for place, outcome in zip(work.numbers[first:last].tolist(), outcomes, strict=True):
+            yield place, _named_as(bakes[place], _outcome(outcome))
+
+
+def _outcome(fields: Any) -> Outcome:
+    """The outcome as a worker says it, each field of its type."""
+    try:
+        status: Literal["done", "failed"] = "done" if fields["status"] == "done" else "failed"
+        return Outcome(status, float(fields["seconds"]), str(fields["message"]), list(map(str, fields["warnings"])))
+    except (TypeError, KeyError, ValueError) as reason:
+        return Outcome("failed", 0.0, f"a worker's answer is no outcome of a bake: {reason}")
+
+
+def _absolute(bake: MeshBake) -> MeshBake:
+    high = None if bake.high is None else bake.high.absolute()
+    return replace(bake, mesh=bake.mesh.absolute(), output=bake.output.absolute(), high=high)
+
+
+def _named_as(bake: MeshBake, outcome: Outcome) -> Outcome:
+    """The outcome with the names of files as they were given."""
+
+    def given(text: str) -> str:
+        for path in (*bake.inputs(), bake.output):
+            text = text.replace(str(path.absolute()), str(path))
+        return text
+
+    return replace(outcome, message=given(outcome.message), warnings=[given(line) for line in outcome.warnings])

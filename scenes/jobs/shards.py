@@ -1,0 +1,127 @@
+"""`obscurance bake --part`, one of several parts of a bake, into a folder; and `obscurance merge`, which takes them."""
+
+from __future__ import annotations
+
+import re
+import time
+from collections.abc import Callable
+from contextlib import suppress
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from ..formats.image_names import is_texture
+from .bake import MeshBake
+from .console import note
+from .options import plain
+
+OF_OUTPUT = (
+    *("report", "debug_image", "up", "colors", "replace_occlusion", "mesh_output", "bent_normals", "bent_space"),
+    *("error_map", "half", "orm"),
+)
+_FILES, _OF_PROCESS = ("mesh", "high"), ("output", "occlusion", "threads", "quiet", "resume", *OF_OUTPUT)
+_OF_TEXTURE = "size", "texel_size"
+
+
+@dataclass(frozen=True)
+class PartCommand:
+    """The command: `bake`, as it would be without `--part`, traced as part `number` of `of` into `folder`."""
+
+    bake: MeshBake
+    description: dict[str, Any]
+    folder: Path
+    number: int
+    of: int
+
+    def run(self) -> None:
+        """Trace the part, and print a summary.
+
+        Raises:
+            InputError: an option, the mesh, or the folder has this part of another bake.
+            OutputError: the folder cannot be made, or the part not be written.
+            MemoryLimitError, EmbreeError: as `ao.bake` and `ao.bake_texture`.
+        """
+        from ao.execute.parts import Part, PartTraced
+        from raytrace.system.outputs import make_folder
+
+        start = time.perf_counter()
+        make_folder(self.folder)
+        part = Part(self.folder, self.number, self.of, self.description, note)
+        with suppress(PartTraced):
+            replace(self.bake, open_checkpoint=lambda _: part).run()
+        if not self.bake.quiet:
+            print(f"{part.path}: {part.rays:,} rays traced in {time.perf_counter() - start:.2f} s")
+
+
+def part_command(text: str, options: dict[str, Any], bake_command: Callable[[dict[str, Any]], MeshBake]) -> PartCommand:
+    """The command for `--part` K/N; the parts are of a texture if its size is given.
+
+    Args: bake_command: makes the bake of options.
+
+    Raises: OptionError: it is not two such numbers, or an option does not go with it.
+    """
+    from raytrace.errors import OptionError
+
+    from ..falloffs import table_of
+
+    number, of = part_numbers(text)
+    if options["tolerance"] is not None:
+        expected = "--samples with --part: the rays of a tolerance depend on what earlier ones find"
+        raise OptionError("tolerance", expected, options["tolerance"])
+    for name in ("occlusion", *OF_OUTPUT):
+        if options[name]:
+            raise OptionError(name, "it with obscurance merge, which writes the output", "it with --part")
+    folder, texture = options["output"], any(options[name] for name in _OF_TEXTURE)
+    stand_in = {"output": folder / ("texture.glb" if texture else "w.npy"), "occlusion": "texture" if texture else None}
+    files = {name: str(options[name].absolute()) for name in _FILES if options[name]}
+    described = {name: plain(value) for name, value in options.items() if name not in (*_FILES, *_OF_PROCESS)}
+    for table in table_of(options["falloff"]):
+        described["falloff"] = f"table:{table.absolute()}"
+    return PartCommand(bake_command(options | stand_in), {**files, "options": described}, folder, number, of)
+
+
+def part_numbers(text: str) -> tuple[int, int]:
+    """K and N of `--part` K/N. Raises: OptionError: it is not two such numbers."""
+    from raytrace.errors import OptionError
+
+    found = re.fullmatch(r"(\d{1,6})/(\d{1,6})", text)
+    number, of = map(int, found.groups()) if found else (0, 0)
+    if not 1 <= number <= of:
+        raise OptionError("part", "K/N, the K-th of N parts, at most 999999, such as 3/16", repr(text))
+    return number, of
+
+
+def is_texture_part(description: dict[str, Any]) -> bool:
+    """Whether a part is one of a texture."""
+    return any(description["options"][name] for name in _OF_TEXTURE)
+
+
+def merge(folder: Path, options: dict[str, Any], bake_command: Callable[[dict[str, Any]], MeshBake]) -> None:
+    """Make of the parts in `folder` what the bake would have made.
+
+    Args:
+        options: of the output, as `bake` has them; `mesh` and `high`: where they are now, None where they were.
+        bake_command: makes the bake of options.
+
+    Raises:
+        InputError: a part is missing, not finished or of another bake, or an option.
+        OutputError, MemoryLimitError: as `bake`.
+    """
+    from ao.execute.merge import Merge, read_parts
+    from raytrace.errors import OptionError
+
+    parts = read_parts(folder)
+    description, output = parts[0].description, options["output"]
+    texture = is_texture_part(description)
+    if texture and output.suffix.lower() == ".glb":
+        options["occlusion"] = "texture"
+    elif texture != is_texture(output):
+        expected = (
+            "an image or a .glb: the parts are of a texture" if texture else "a file of vertices, as the parts are"
+        )
+        raise OptionError("output", expected, output)
+    for name in ("mesh", "high"):
+        stored = description.get(name)
+        options[name] = options[name] or (Path(stored) if stored else None)
+    command = bake_command({**description["options"], **options, "resume": False})
+    replace(command, open_checkpoint=lambda _: Merge(parts, note)).run()

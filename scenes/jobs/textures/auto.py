@@ -1,0 +1,83 @@
+"""`--occlusion auto`: a ramp shows w of the vertices, or textures do where they err less between them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+from ..console import progress
+from ..vertices import BakeCommand
+
+if TYPE_CHECKING:
+    import ao
+    from ao.result import Interpolation
+
+    from ...formats.load import MeshFile
+
+_SIZE = "512"  # texels a side: meshes whose faces are too large for w at vertices are small
+
+
+@dataclass(frozen=True, kw_only=True)
+class AutoCommand(BakeCommand):
+    """A bake to the vertices of a .glb, and to textures beside them if they err less and the file has coordinates."""
+
+    def described(self) -> dict[str, Any]:
+        return super().described() | {"occlusion": "auto"}
+
+    def _write(self, baked: ao.Bake, source: MeshFile, falloff: ao.Falloff) -> tuple[str, list[str]]:
+        from raytrace.system.atomic import atomic_write
+
+        from ...formats.glb.textured import textured_glb
+
+        textures = self._textures(source, falloff) if baked.coarse else []
+        shown = _shown(baked, textures)
+        if shown is None or baked.interpolation is None or shown.rmse >= baked.interpolation.rmse:
+            return super()._write(baked, source, falloff)
+        content, _ = textured_glb(source, textures, self.replace_occlusion, w=baked.w, attribute=True)
+        with atomic_write(self.output) as file:
+            file.write(content)
+        each = f"{len(textures)} textures" if len(textures) > 1 else "a texture"
+        why = f"between the vertices w errs by {baked.interpolation.rmse:.2f}, in textures by {shown.rmse:.2f}"
+        repeated = (
+            f"{self.output}: faces share texels, or have none: --occlusion texture --uv unwrap gives each its own"
+        )
+        return f"\nocclusion: {each} of {_SIZE}×{_SIZE}: {why}", [repeated] if shown.visible else []
+
+    def _textures(self, source: MeshFile, falloff: ao.Falloff) -> list[ao.BakedTexture]:
+        """w by the file's own texture coordinates; none if it has none of use."""
+        import ao
+        from raytrace.errors import MeshError
+
+        from .coordinates import coordinates
+        from .pages import pages_of
+
+        if self.hidden == "mark" or source.texture_coordinates(0) is None:
+            return []
+        options = {name: value for name, value in self.options().items() if name != "method"}
+        with progress(self.quiet, "rays", form=self.progress) as (advance,):
+            try:
+                found = coordinates(source, "0", _SIZE, None, True)
+                pages = pages_of(source, found, self.output, False, self.threads)
+                return [
+                    ao.bake_texture(source.mesh, page.uv, found.size, falloff, progress=advance, **options)
+                    for page in pages
+                ]
+            except MeshError:  # no face has an area on the page
+                return []
+
+
+def _shown(baked: ao.Bake, textures: list[ao.BakedTexture]) -> Interpolation | None:
+    """How w as textures show it, or the ramp where they have no texels, differs from w; None without any.
+
+    Faces that repeat an image share its texels, which then show none of them.
+    """
+    import numpy as np
+
+    checked = baked.interpolation
+    if checked is None or not textures:
+        return None
+    values = np.einsum("ki,ki->k", checked.weights, baked.w[baked.mesh.faces[checked.faces]])
+    for texture in textures:
+        found = texture.at(checked.faces, checked.weights)
+        values = np.where(np.isnan(found), values, found)
+    return checked.of_others(values)

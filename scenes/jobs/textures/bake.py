@@ -1,0 +1,302 @@
+"""`obscurance bake` to images: from a mesh file with texture coordinates to w, companions and a report."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator, Sequence
+from contextlib import ExitStack
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+from ...formats.image_names import MATERIAL, PLACEHOLDERS, UDIM
+from ..bake import MeshBake, Work, Written
+from ..console import KERNELS_OF_TEXTURE, alpha_summary, progress, texture_summary, warn
+from ..options import CAGE, BentSpace, Overlap, check_cage, parse_texels
+from .remarks import lacking, layout_remarks
+
+if TYPE_CHECKING:
+    import ao
+    from raytrace.mesh.mesh import Mesh
+
+    from ...formats.load import MeshFile
+    from ...show.report.pictures import Picture
+    from .coordinates import Coordinates
+    from .pages import Page
+
+_UVS = "auto", "unwrap", "fill"
+_IMAGES = "output", "bent_normals", "error_map"
+
+
+class Baked(NamedTuple):
+    """A page as reports have it. Attributes: seconds: of reading and writing."""
+
+    title: str
+    baked: ao.BakedTexture
+    seconds: dict[str, float]
+    warnings: list[str]
+
+
+@dataclass(frozen=True, kw_only=True)
+class TextureCommand(MeshBake):
+    """A bake to a texture."""
+
+    mesh_output: Path | None
+    size: str | None
+    texel_size: str | None
+    uv: str | None
+    overlap: Overlap | None
+    bent_normals: Path | None
+    bent_space: BentSpace | None
+    error_map: Path | None
+    half: bool
+    orm: bool
+
+    @property
+    def kernels(self) -> int:
+        return KERNELS_OF_TEXTURE
+
+    @property
+    def side_by_side(self) -> bool:
+        return False
+
+    @property
+    def kept(self) -> Path:
+        return Path("texture.glb")
+
+    def work(self, source: MeshFile, falloff: ao.Falloff) -> Work:
+        import ao
+        from ao.memory import texture_bytes
+        from ao.options import Options
+
+        found, pages = self._layout(source)
+        width, height = found.size
+        fine = self.read_high()
+        high = fine.mesh if fine else None
+        solid = high or source.mesh
+        rays = Options(**self.options()).rays
+        needed = texture_bytes(width * height, len(solid.vertices), len(solid.faces), rays)
+
+        def trial(count: int) -> int:
+            side = max(int(count**0.5), 1)
+            cage = self.cage or CAGE
+            ao.bake_texture(source.mesh, pages[0].uv, side, falloff, high=high, cage=cage, **self.options())
+            return side * side
+
+        return Work(len(pages) * width * height, "texels", needed, trial)
+
+    def bake(self, falloff: ao.Falloff) -> Iterator[Written]:
+        from raytrace.system.outputs import check_outputs
+
+        start = time.perf_counter()
+        source = self.read()
+        found, pages = self._layout(source)
+        if self.orm:
+            from ...formats.glb.orm import check_orm
+
+            check_orm(source.gltf, found.number, self.replace_occlusion)
+        fine = self.read_high()
+        read = [*source.files, *(fine.files if fine else ())]
+        check_outputs(self.outputs(pages), read)
+        loaded = time.perf_counter() - start
+        inputs, glb = self.hashed(read), self._glb()
+        warnings = warn(
+            [source.mesh, *([fine.mesh] if fine else [])],
+            [*source.notes, *(fine.notes if fine else ()), *lacking(source, found.uv, glb)],
+        )
+        made: list[Baked] = []
+        with ExitStack() as kept:
+            for page in pages:
+                with ExitStack() as own:
+                    keep = kept if glb and not self.open_checkpoint else own  # until the .glb is written
+                    baked, more = self._bake_page((source, fine), page, found, falloff, (len(pages), len(made), keep))
+                    begun = time.perf_counter()
+                    self._write_images(baked, page)
+                    seconds = {"load": loaded, "write": time.perf_counter() - begun}
+                made.append(Baked(self._title(page), baked, seconds, [*warnings, *more]))
+                if not glb:
+                    summary = texture_summary(baked, made[-1].title) + alpha_summary((fine or source).mesh)
+                    yield Written(summary, made[-1].warnings)
+            if glb:
+                begun = time.perf_counter()
+                lines = self._write_glb(glb, (source, fine), [each.baked for each in made], falloff)
+                made[-1].warnings.extend(lines)
+                made[-1].seconds["write"] += time.perf_counter() - begun
+                summary = "\n".join(texture_summary(each.baked, each.title) for each in made)
+                summary += alpha_summary((fine or source).mesh)
+                yield Written(summary, list(dict.fromkeys(line for each in made for line in each.warnings)))
+        if self.report:
+            self._write_report(self.report, made, inputs, source.mesh)
+
+    def check_own(self) -> None:
+        from ao.texture.uv_layout import page_size
+        from raytrace.errors import OptionError
+        from raytrace.system.outputs import check_ending
+
+        from ...formats.images import check_texture_target
+
+        if self.hidden == "mark":
+            raise OptionError("hidden", "auto, ignore or fill for a texture", "mark")
+        if self.size is not None:
+            if self.texel_size is not None:
+                raise OptionError("texel_size", "either --size or --texel-size", "both")
+            page_size(parse_texels(self.size))
+        if self.uv not in (None, *_UVS) and not (self.uv.isdecimal() and len(self.uv) < 4):
+            raise OptionError("uv", "auto, unwrap, fill or the number of a set of texture coordinates", repr(self.uv))
+        glb = self._glb()
+        for name, path in self._images().items():
+            if path != glb:
+                check_texture_target(name, path, self.half)
+            for placeholder in PLACEHOLDERS:
+                if path == glb and placeholder in path.name:
+                    raise OptionError(name, f"{placeholder} in names of images alone: a .glb holds all textures", path)
+                is_free = glb == self.output and placeholder == MATERIAL  # its sets have names
+                if (placeholder in path.name) != (placeholder in self.output.name) and not is_free:
+                    raise OptionError(name, f"{placeholder} in all names of images, or in none", path)
+        if self.mesh_output is not None:
+            check_ending("mesh_output", self.mesh_output, ".glb")
+            if glb == self.output or UDIM in self.output.name:
+                raise OptionError("mesh_output", "an image of one page as --output with it", self.output)
+        if self.replace_occlusion and glb is None:
+            raise OptionError("replace_occlusion", "an occlusion texture to write to a .glb", "none")
+        if self.orm and glb is None:
+            raise OptionError("orm", "a .glb to write, as --output or --mesh-output", self.output)
+        if self.occlusion not in (None, "texture"):
+            raise OptionError("occlusion", "texture for a texture", self.occlusion)
+        if self.uv in ("unwrap", "fill") and glb is None:
+            raise OptionError("uv", f"--mesh-output, for the coordinates that {self.uv} makes", "none")
+        if self.half and glb == self.output and len(self._images()) == 1:
+            raise OptionError("half", "images that end in .exr or .tif", self.output)
+        if self.bent_space is not None and self.bent_normals is None:
+            raise OptionError("bent_space", "--bent-normals with it", "none")
+        check_cage(self.cage, self.high)
+        self.check_up(None, glb)
+
+    def outputs(self, pages: Sequence[Page] = ()) -> dict[str, Path | None]:
+        """The files to write, by what the user calls them; without `pages`, as far as the options name them.
+
+        Raises: OptionError: several pages have one name for an image.
+        """
+        from raytrace.errors import OptionError
+
+        outputs: dict[str, Path | None] = {"--report": self.report, "--mesh-output": self.mesh_output}
+        for name, path in self._images().items():
+            option = f"--{name.replace('_', '-')}"
+            if len(pages) > 1 and path != self._glb() and pages[0].path(path) == path:
+                raise OptionError(name, f"{MATERIAL} in its name: overlapping materials have a texture each", path)
+            for placed in [page.path(path) for page in pages] or [path]:
+                outputs[option if placed == path else f"{option} {placed.name}"] = placed
+        return outputs
+
+    def _images(self) -> dict[str, Path]:
+        return {name: getattr(self, name) for name in _IMAGES if getattr(self, name) is not None}
+
+    def _glb(self) -> Path | None:
+        """The .glb to write, if there is one."""
+        return self.output if self.output.suffix.lower() == ".glb" else self.mesh_output
+
+    def _layout(self, source: MeshFile) -> tuple[Coordinates, list[Page]]:
+        """The texture coordinates, and the pages. Raises: MeshError, OptionError: as `coordinates` and `pages_of`."""
+        from .coordinates import coordinates
+        from .pages import pages_of
+
+        found = coordinates(source, self.uv or "auto", self.size, self.texel_size, self._glb() is not None)
+        return found, pages_of(source, found, self.output, self.overlap is not None, self.threads)
+
+    def _title(self, page: Page) -> str:
+        """What summaries and reports call a page."""
+        return f"{page.path(self.output)}{f', {page.name}' if page.name else ''}"
+
+    def _bake_page(
+        self,
+        meshes: tuple[MeshFile, MeshFile | None],
+        page: Page,
+        found: Coordinates,
+        falloff: ao.Falloff,
+        place: tuple[int, int, ExitStack],
+    ) -> tuple[ao.BakedTexture, list[str]]:
+        """Bake one page: what was baked, and warnings.
+
+        Args: meshes: the file, and the fine one. place: of how many pages, which it is, and what closes its journal.
+        """
+        import ao
+        from raytrace.errors import OptionError
+
+        pages, number, stack = place
+        target = page.path(self.output) if not page.name or not number else Path(f"{self.output}.{number + 1}")
+        checkpoint = stack.enter_context(self.checkpoint(target))
+        if pages > 1 and checkpoint and checkpoint.partial:
+            raise OptionError("part", "one texture, as by --overlap mean", f"{pages} texture sets that overlap")
+        (source, fine), status = meshes, checkpoint.status if checkpoint else str
+        with progress(self.quiet, "rays", form=self.progress, status=status) as (advance,):
+            baked = ao.bake_texture(
+                source.mesh, page.uv, found.size, falloff, progress=advance, checkpoint=checkpoint,
+                overlap=self.overlap or "mean", wrap=page.wraps, high=fine.mesh if fine else None,
+                cage=self.cage or CAGE, bent_space=self.bent_space or "world", **self.options(),
+            )  # fmt: skip
+        remarks = layout_remarks(baked, page.wraps, self._glb() != self.output)
+        return baked, warn([], [*baked.shortfalls, *(f"{self._title(page)}: {line}" for line in remarks)])
+
+    def _write_images(self, baked: ao.BakedTexture, page: Page) -> None:
+        from ...formats.images import write_error, write_normals, write_w
+
+        images = {name: page.path(path) for name, path in self._images().items()}
+        if images["output"] != self._glb():
+            write_w(images["output"], baked, self.half, {"content": "w, 1 = open", "seed": str(self.seed)})
+        if "bent_normals" in images:
+            space = "tangent space, +Y up" if self.bent_space == "tangent" else "the space of the mesh"
+            described = {"content": f"bent normals in {space}"}
+            write_normals(images["bent_normals"], baked.bent_normals, self.half, described)
+        if "error_map" in images:
+            write_error(images["error_map"], baked, self.half, {"content": "standard error of w"})
+
+    def _write_glb(
+        self,
+        path: Path,
+        meshes: tuple[MeshFile, MeshFile | None],
+        baked: Sequence[ao.BakedTexture],
+        falloff: ao.Falloff,
+    ) -> list[str]:
+        """Write the .glb, with w of vertices where there are no texture coordinates; returns warnings."""
+        import numpy as np
+
+        import ao
+        from ao.texture.uv_layout import on_page
+        from raytrace.system.atomic import atomic_write
+
+        from ...formats.glb.pieces import pieces
+        from ...formats.glb.textured import textured_glb
+
+        (source, fine), w = meshes, None
+        covered = np.any([on_page(each.uv) for each in baked], axis=0)
+        if not covered.all():
+            only = np.zeros(len(source.mesh.vertices), np.bool_)
+            for piece in pieces(source):
+                only[source.mesh.faces[piece.faces]] |= not covered[piece.faces].all()
+            high = fine.mesh if fine else None
+            w = ao.bake(source.mesh, falloff, only=only, high=high, cage=self.cage or CAGE, **self.options()).w
+        content, kept = textured_glb(source, baked, self.replace_occlusion, self.orm, w)
+        with atomic_write(path) as file:
+            file.write(content)
+        advice = "whose w viewers do not show; --replace-occlusion replaces them"
+        return warn([], [f"{path}: keeps the occlusion textures of {kept:,} primitives, {advice}"] if kept else [])
+
+    def _write_report(self, path: Path, made: Sequence[Baked], inputs: list[dict[str, Any]], mesh: Mesh) -> None:
+        """Args: inputs: what was read."""
+        from ao.report import report
+
+        from ...show.report.complete import complete, write_report
+
+        options = self.described()
+        reports = [report(each.baked, options, each.seconds, each.warnings) for each in made]
+        whole = reports[0]
+        if len(made) > 1:
+            whole = {"pages": {each.title: about for each, about in zip(made, reports, strict=True)}}
+
+        def pictures() -> list[list[Picture]]:
+            from ...show.report.pictures import pictures_of_page
+
+            shown = mesh if len(made) == 1 else None
+            return [pictures_of_page(shown, each.baked) for each in made]
+
+        write_report(path, complete("bake", "mesh", whole, inputs, options), pictures)

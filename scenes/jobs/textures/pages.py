@@ -1,0 +1,158 @@
+"""The pages of a bake: one for all faces, or one each for materials, objects and UDIM tiles.
+
+Materials with layouts of their own lie over one another in texture coordinates, where one page would show their mean.
+In a .glb they become pages of their own, in images by placeholders in the output's name. Within a material, faces that
+overlap are taken to be meant so, as mirrored halves are; so are objects whose common material has an image, and
+copies of one object.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Hashable, Iterator, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from ao.texture.coverage import shared_texels
+from ao.texture.uv_layout import on_page
+from raytrace.errors import OptionError
+from raytrace.types import Bools, Float64s, Int64s
+
+from ...formats.glb.pieces import Piece, pieces
+from ...formats.image_names import MATERIAL, OBJECT, UDIM
+from ...formats.images import tile_number, udim_tiles
+from ...formats.load import MeshFile
+from ...safe_paths import file_words
+from .coordinates import Coordinates
+
+_SOME = 0.01  # of the texels of the smaller of two layouts, that may overlap
+
+
+@dataclass(frozen=True, eq=False)
+class Page:
+    """One page.
+
+    Attributes:
+        uv: (m, 3, 2), NaN of faces that are not on it. wraps: whether what lies outside of it is taken modulo 1.
+        name: of a texture set, where one file holds several. words: for placeholders in the names of its files.
+    """
+
+    uv: Float64s
+    wraps: bool = True
+    name: str = ""
+    words: dict[str, str] = field(default_factory=dict)
+
+    def path(self, template: Path) -> Path:
+        """Name of a file of the page."""
+        name = template.name
+        for placeholder, word in self.words.items():
+            name = name.replace(placeholder, word)
+        return template.with_name(name)
+
+
+class Layouts:
+    """The layouts of a mesh file: faces that may overlap, those of a material or of its part in one object.
+
+    Attributes:
+        of: int64 (m,), the layout of each face. all: the file's pieces. pieces: one of each layout.
+        images: an image of each layout, or what tells it from all others.
+    """
+
+    def __init__(self, source: MeshFile, found: Coordinates) -> None:
+        self.of: Int64s = np.zeros(len(source.mesh.faces), np.int64)
+        self.all = list(pieces(source, found.number or 0))
+        self.pieces: list[Piece] = []
+        self.images: list[Hashable] = []
+        self.path = source.path
+        keys: dict[Hashable, int] = {}
+        for piece in self.all:
+            new = bool(found.new[piece.faces].any())
+            shared = piece.image is not None and not new
+            key = piece.material.key, None if shared else piece.body, new
+            if key not in keys:
+                self.pieces.append(piece)
+                self.images.append("new" if new else ("image", piece.image) if shared else key)
+            self.of[piece.faces] = keys.setdefault(key, len(keys))
+
+    def clashes(self, page: Page, size: tuple[int, int], threads: int | None) -> dict[tuple[int, int], int]:
+        """In how many texels layouts overlap on a page, by pairs."""
+        used = self.of[on_page(page.uv)]
+        if len(np.unique(used)) < 2:
+            return {}
+        shared, covered = shared_texels(page.uv, self.of, size, page.wraps, self.path, threads)
+        return {pair: count for pair, count in shared.items() if count > _SOME * min(covered[list(pair)])}
+
+    def sets(self, clashes: dict[tuple[int, int], int]) -> Iterator[tuple[str, Bools]]:
+        """Names and faces (m,) of pages: layouts that have an image in common and do not overlap share one."""
+        found: list[list[int]] = []
+        for layout, image in enumerate(self.images):
+            beside = [each for each in found if self.images[each[0]] == image]
+            free = (each for each in beside if not any((other, layout) in clashes for other in each))
+            page = next(free, None)
+            if page is None:
+                found.append(page := [])
+            page.append(layout)
+        names = file_words(self.pieces[page[0]].material.name for page in found)
+        return zip(names, (np.isin(self.of, page) for page in found), strict=True)
+
+
+def pages_of(source: MeshFile, found: Coordinates, output: Path, mixed: bool, threads: int | None) -> list[Page]:
+    """The pages of an output, each of some faces.
+
+    Args: mixed: whether layouts that overlap may share a page.
+
+    Raises:
+        OptionError: they would, and may not; or tiles that have no number.
+    """
+    layouts, mixed = Layouts(source, found), mixed or found.number is None  # an unwrapper leaves no overlaps
+    if output.suffix.lower() == ".glb":
+        whole = Page(found.uv, words={MATERIAL: "all"})
+        clashes = {} if mixed else layouts.clashes(whole, found.size, threads)
+        sets = layouts.sets(clashes) if clashes else []
+        made = [Page(_only(found.uv, mask), name=name, words={MATERIAL: name}) for name, mask in sets]
+        return [page for page in made if on_page(page.uv).any()] or [whole]
+    made = []
+    for words, mask in _groups(layouts.all, output, len(source.mesh.faces)):
+        uv = _only(found.uv, mask)
+        shown = uv[on_page(uv)]
+        if UDIM in output.name and len(shown):
+            tiles = udim_tiles(shown, source.path)
+            made += [Page(uv - tile, False, words=words | {UDIM: tile_number(tile)}) for tile in tiles]
+        elif len(shown):
+            made.append(Page(uv, words=words))
+    for page in () if mixed else made:
+        clashes = layouts.clashes(page, found.size, threads)
+        if clashes:
+            raise _refusal(source, layouts, clashes, page.path(output))
+    return made
+
+
+def _groups(all_pieces: Sequence[Piece], output: Path, count: int) -> list[tuple[dict[str, str], Bools]]:
+    """The words for <MATERIAL> and <OBJECT>, as far as they are in a name, and the faces (m,) that each stand for."""
+    columns = {MATERIAL: [piece.material for piece in all_pieces], OBJECT: [piece.object for piece in all_pieces]}
+    words = []
+    for placeholder, column in columns.items():
+        if placeholder in output.name:
+            different = dict.fromkeys(column)
+            known = dict(zip(different, file_words(each.name for each in different), strict=True))
+            words.append([(placeholder, known[each]) for each in column])
+    groups: dict[tuple[tuple[str, str], ...], Bools] = {}
+    for number, piece in enumerate(all_pieces):
+        key = tuple(column[number] for column in words)
+        groups.setdefault(key, np.zeros(count, np.bool_))[piece.faces] = True
+    return [(dict(key), mask) for key, mask in groups.items()]
+
+
+def _only(uv: Float64s, mask: Bools) -> Float64s:
+    return np.where(mask[:, None, None], uv, np.nan)
+
+
+def _refusal(source: MeshFile, layouts: Layouts, clashes: dict[tuple[int, int], int], output: Path) -> OptionError:
+    pair = max(clashes, key=lambda each: clashes[each])
+    one, other = (layouts.pieces[each] for each in pair)
+    by_material = one.material.key != other.material.key
+    names = " and ".join(each.material.name if by_material else each.object.name for each in (one, other))
+    more = f" ({len(clashes) - 1} more such pairs)" if len(clashes) > 1 else ""
+    expected = f"{MATERIAL if by_material else OBJECT} in its name, a .glb, or --overlap mean: layouts overlap"
+    return OptionError("output", expected, f"{clashes[pair]:,} texels of {output} for both {names}{more}", source.path)

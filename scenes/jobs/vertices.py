@@ -1,0 +1,179 @@
+"""`obscurance bake` to vertices: from a mesh file to w, a report and an image of the flagged vertices."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from .bake import MeshBake, Work, Written
+from .console import KERNELS_OF_BAKE, KERNELS_OF_SURFACE, alpha_summary, bake_summary, progress, warn
+from .options import CAGE, Method, check_cage, named
+
+if TYPE_CHECKING:
+    import ao
+
+    from ..formats.load import MeshFile
+    from ..show.report.pictures import Picture
+
+
+@dataclass(frozen=True, kw_only=True)
+class BakeCommand(MeshBake):
+    """A bake to vertices."""
+
+    method: Method
+    debug_image: Path | None
+    colors: bool
+
+    @property
+    def kernels(self) -> int:
+        return KERNELS_OF_BAKE if self.method == "vertex" else KERNELS_OF_SURFACE
+
+    @property
+    def side_by_side(self) -> bool:
+        return True
+
+    @property
+    def kept(self) -> Path:
+        return self.output
+
+    def work(self, source: MeshFile, falloff: ao.Falloff) -> Work:
+        import numpy as np
+
+        import ao
+        from ao.memory import surface_bytes, vertex_bytes
+        from ao.options import Options
+        from ao.points.receivers import find_receivers
+        from raytrace.mesh.placement import Placement
+
+        mesh = (self.read_high() or source).mesh  # of whose surface points are traced
+        counts = len(mesh.vertices), len(mesh.faces)
+        options, points = self.options(), find_receivers(source.mesh, Placement.of(source.mesh), self.normals).points
+        checked = Options(**options)
+        needed = vertex_bytes(*counts, checked.rays) if self.method == "vertex" else surface_bytes(*counts)
+        options["samples"] = checked.rays_in_all(len(points)) // max(len(points), 1)
+
+        def trial(count: int) -> int:
+            only = np.zeros(counts[0], bool)
+            chosen = np.linspace(0, counts[0] - 1, min(count, counts[0])).astype(np.int64)
+            if self.method == "surface":  # whose work is that of faces, which neighbours share
+                chosen = np.arange(len(chosen)) + (counts[0] - len(chosen)) // 2
+            only[chosen] = True
+            ao.bake(mesh, falloff, only=only, **options)
+            return len(chosen)
+
+        return Work(len(points), "vertices", needed, trial)
+
+    def bake(self, falloff: ao.Falloff) -> Iterator[Written]:
+        import ao
+        from raytrace.system.outputs import check_outputs
+
+        from ..formats.losses import lost
+        from ..write_bake import channels
+
+        start = time.perf_counter()
+        source = self.read()
+        fine = self.read_high()
+        check_outputs(self.outputs(), [*source.files, *(fine.files if fine else ())])
+        loaded = time.perf_counter()
+        inputs = self.hashed([*source.files, *(fine.files if fine else ())])
+        notes = [*source.notes, *(fine.notes if fine else ())]
+        warnings = warn(
+            [source.mesh, *([fine.mesh] if fine else [])],
+            [*notes, *lost(self.output, source, channels(self.output, **self._channels()))],
+        )
+        with self.checkpoint(self.output) as checkpoint:
+            status = checkpoint.status if checkpoint else str
+            with progress(self.quiet, "rays", form=self.progress, status=status) as (advance,):
+                baked = ao.bake(
+                    source.mesh, falloff, progress=advance, checkpoint=checkpoint, high=fine.mesh if fine else None,
+                    cage=self.cage or CAGE, **self.options(),
+                )  # fmt: skip
+            warnings += warn([], [*baked.shortfalls, *self._missed(baked)])
+            tracing = time.perf_counter()
+            shown, more = self._write(baked, source, falloff)
+            warnings += warn([], more)
+        seconds = {"load": loaded - start, "write": time.perf_counter() - tracing}
+        if self.report:
+            self._write_report(self.report, baked, (inputs, seconds, warnings))
+        if self.debug_image:
+            from ..show.report.flag_image import write_marked
+
+            write_marked(self.debug_image, source.mesh, baked)
+        yield Written(bake_summary(baked, self.output) + alpha_summary((fine or source).mesh) + shown, warnings)
+
+    def check_own(self) -> None:
+        from raytrace.errors import OptionError
+
+        from ..write_bake import channels, check_target
+
+        check_cage(self.cage, self.high)
+        if self.high is not None and self.method == "surface":
+            raise OptionError("high", "method vertex with it", "method surface")
+        check_target(self.output)
+        channels(self.output, **self._channels())
+        if self.debug_image:
+            from raytrace.image.write import check_image_target
+
+            with named("debug_image"):
+                check_image_target(self.debug_image, layers=("beauty",))
+        self.check_up(self.debug_image, self.output)
+
+    def outputs(self) -> dict[str, Path | None]:
+        return {"--output": self.output, "--report": self.report, "--debug-image": self.debug_image}
+
+    def options(self) -> dict[str, Any]:
+        return {"method": self.method, **super().options()}
+
+    def described(self) -> dict[str, Any]:
+        from ..write_bake import channels
+
+        ramp = channels(self.output, **self._channels()).ramp
+        return super().described() | {"occlusion": "ramp" if ramp else "none"}
+
+    def _channels(self) -> dict[str, Any]:
+        """The options of `scenes.write`."""
+        occlusion = None if self.occlusion == "auto" else self.occlusion
+        return {"colors": self.colors, "occlusion": occlusion, "replace_occlusion": self.replace_occlusion}
+
+    def _missed(self, baked: ao.Bake) -> list[str]:
+        """A warning of the vertices that the cage missed, if there are any."""
+        missed = baked.flagged["missed"]
+        text = "vertices are not within the cage of the fine mesh and take the closest point of it"
+        return [f"{self.output}: {missed:,} {text}"] if missed else []
+
+    def _write(self, baked: ao.Bake, source: MeshFile, falloff: ao.Falloff) -> tuple[str, list[str]]:
+        """Write the output: what to add to the summary, and warnings. Args: falloff: of textures."""
+        from ..write_bake import write
+
+        write(self.output, baked, source, **self._channels())
+        return "", self._coarse(baked)
+
+    def _coarse(self, baked: ao.Bake) -> list[str]:
+        """A warning that w between the vertices is not what is interpolated, if that shows."""
+        if not baked.coarse or baked.interpolation is None:
+            return []
+        fit = "" if self.method == "surface" else "--method surface, "
+        instead = f"--occlusion texture for a .glb, -o NAME.png, {fit}or smaller faces"
+        text = f"between the vertices w errs by {baked.interpolation.rmse:.2f}, the faces are too large for it"
+        return [f"{self.output}: {text}: {instead}"]
+
+    def _write_report(
+        self, path: Path, baked: ao.Bake, made: tuple[list[dict[str, Any]], dict[str, float], list[str]]
+    ) -> None:
+        """Args: made: what was read, the seconds it took, and warnings."""
+        from ao.report import report
+
+        from ..show.report.complete import complete, write_report
+
+        def pictures() -> list[list[Picture]]:
+            from ..show.report.pictures import pictures_of_vertices
+
+            return [pictures_of_vertices(baked.mesh, baked.w, baked.error)]
+
+        inputs, seconds, warnings = made
+        options = self.described()
+        whole = complete("bake", "mesh", report(baked, options, seconds, warnings), inputs, options)
+        write_report(path, whole, pictures)

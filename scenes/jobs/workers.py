@@ -1,0 +1,85 @@
+"""`--cluster`: bakes and pictures whose rays are traced by the workers of a Dask cluster."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from functools import partial
+from importlib.util import find_spec
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from .bake import MeshBake
+from .console import note
+
+if TYPE_CHECKING:
+    from ao.cluster.session import ClusterSession
+    from ao.execute.checkpoint import Checkpoint
+
+
+@dataclass(frozen=True)
+class Workers:
+    """Workers at `address`, which see the folder `shared`, or that of the output.
+
+    Raises: OptionError: Dask is not installed, `address` is none, or `shared` no folder.
+    """
+
+    address: str
+    shared: Path | None
+    threads: int | None
+
+    def __post_init__(self) -> None:
+        from raytrace.errors import OptionError
+
+        if find_spec("distributed") is None or find_spec("cryptography") is None:
+            expected = "Dask and cryptography: pip install dask distributed cryptography"
+            raise OptionError("cluster", expected, "not both")
+        from ao.cluster.addresses import local_workers
+
+        local_workers(self.address)
+        if self.shared is not None and not self.shared.is_dir():
+            raise OptionError("shared", "a folder", self.shared)
+
+    def session(self, output: Path) -> ClusterSession:
+        """The workers, for an output."""
+        from ao.cluster.session import ClusterSession
+
+        shared = output.parent if self.shared is None else self.shared
+        return ClusterSession(self.address, shared, output.name, note, self.threads)
+
+
+@dataclass(frozen=True)
+class ClusterCommand:
+    """The command: `bake`, traced by `workers`."""
+
+    bake: MeshBake
+    workers: Workers
+
+    def run(self) -> None:
+        """Bake, write, and print summaries.
+
+        Raises:
+            InputError, OutputError, MemoryLimitError, EmbreeError: as the bake.
+            OptionError: there is no scheduler at the address.
+            ClusterError: the cluster is lost, or none of its workers can be used.
+        """
+        opened: list[ClusterSession] = []
+        replace(self.bake, open_checkpoint=partial(self._open, opened)).run()
+        if not self.bake.quiet:
+            for session in opened:
+                print(session.summary())
+
+    @contextmanager
+    def _open(self, opened: list[ClusterSession], target: Path) -> Iterator[Checkpoint]:
+        with self.workers.session(target) as session:
+            opened.append(session)
+            with cluster_checkpoint(session, self.bake.resume, target) as checkpoint:
+                yield checkpoint
+
+
+def cluster_checkpoint(session: ClusterSession, resume: bool, target: Path) -> Checkpoint:
+    """Lets workers trace what a target needs, and keeps it beside that."""
+    from ao.cluster.checkpoint import ClusterCheckpoint
+
+    return ClusterCheckpoint(f"{target}.partial", session, resume, note)

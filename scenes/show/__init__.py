@@ -1,0 +1,1 @@
+"""What a user looks at: pages, reports, the clay look."""

@@ -1,0 +1,96 @@
+"""A page as one HTML file: style, scripts, shaders and data inside, and a policy that lets nothing else in."""
+
+from __future__ import annotations
+
+import base64
+import hashlib
+import html
+import json
+from collections.abc import Sequence
+from importlib.resources import files
+from typing import Any
+
+import numpy.typing as npt
+
+from raytrace import Mesh, OptionError
+from raytrace.errors import check_type, printable
+from raytrace.mesh.up import FROM, UP, up_axis
+from raytrace.types import AnyFloats
+
+from ..look import FLAGS, described
+from .encode import Values, encoded
+
+_SCRIPTS = "data.js", "camera.js", "surface.js", "pick.js", "controls.js", "address.js", "panel.js", "page.js"
+_SHADERS = "surface.vert", "surface.frag", "dots.vert", "dots.frag"
+
+
+def html_page(
+    mesh: Mesh,
+    w: AnyFloats,
+    error: AnyFloats | None = None,
+    flags: npt.NDArray[Any] | None = None,
+    bent_normals: AnyFloats | None = None,
+    title: str | None = None,
+    up: str | None = None,
+) -> bytes:
+    """A page that shows one bake in a browser, UTF-8: the same input gives the same bytes.
+
+    Args:
+        mesh: what was baked.
+        w: (n,), in [0, 1], a vertex each.
+        error: (n,), the standard error of w.
+        flags: (n,), bits of `ao.Flag`.
+        bent_normals: (n, 3).
+        title: by default what the mesh is called.
+        up: "x", "y", "z", "-x", "-y" or "-z", the axis that is upwards at first, in place of `mesh.up`.
+
+    Raises:
+        OptionError: values of a wrong shape or out of range, or another axis.
+    """
+    name = mesh.source if title is None else title
+    return html_of_bakes(mesh, [Values(w, error, flags, bent_normals, name)], name, up)
+
+
+def html_of_bakes(mesh: Mesh, bakes: Sequence[Values], title: str, up: str | None = None) -> bytes:
+    """A page that shows one bake of a mesh, or two with a slider between: UTF-8, the same input gives the same bytes.
+
+    Args:
+        bakes: one or two. up: as `html_page`.
+
+    Raises:
+        OptionError: another number of bakes, values of a wrong shape or out of range, or another axis.
+    """
+    check_type(mesh, Mesh, "page", "mesh", "a raytrace.Mesh")
+    if not 1 <= len(bakes) <= 2:
+        raise OptionError("bakes", "one or two", len(bakes), "page")
+    standing = {"up": up_axis(mesh, up), "ups": {name: [axis, FROM[axis]] for name, axis in UP.items()}}
+    checked = [bake.checked(len(mesh.vertices)) for bake in bakes]
+    facts, data = encoded(mesh, checked)
+    facts |= {"title": printable(title), **standing, "look": described(), "flags": list(FLAGS.items())}
+    style, script = _part("page.css"), "\n".join(_part(name) for name in _SCRIPTS)
+    shaders = "\n".join(f'<script type="x-shader" id="{name}">\n{_part(name)}</script>' for name in _SHADERS)
+    holes = {
+        "policy": policy(style, script),
+        "title": html.escape(printable(title)),
+        "style": style,
+        "shaders": shaders,
+        "facts": json.dumps(facts, allow_nan=False, ensure_ascii=True).replace("<", "\\u003c"),
+        "data": base64.b64encode(data).decode(),
+        "script": script,
+    }
+    pieces = _part("page.html").split("@@")
+    return "".join(piece if number % 2 == 0 else holes[piece] for number, piece in enumerate(pieces)).encode()
+
+
+def policy(style: str, script: str = "") -> str:
+    """A Content-Security-Policy: no network; inline this style and script, by their hashes, or pictures without one."""
+    allowed = f"script-src '{_hashed(script)}'" if script else "img-src data:"
+    return f"default-src 'none'; base-uri 'none'; form-action 'none'; style-src '{_hashed(style)}'; {allowed}"
+
+
+def _hashed(text: str) -> str:
+    return "sha256-" + base64.b64encode(hashlib.sha256(text.encode()).digest()).decode()
+
+
+def _part(name: str) -> str:
+    return files(__package__).joinpath("parts", name).read_text("utf-8")

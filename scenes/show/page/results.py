@@ -1,0 +1,112 @@
+"""Baked files as what a page shows: a mesh, and the values at its vertices."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from raytrace import Mesh, OptionError
+from raytrace.errors import SceneError
+from raytrace.image.texture import Texture, texture_codes
+from raytrace.mesh.up import TO_Y_UP, up_axis
+from raytrace.types import Float64s, UInt8s
+
+from ...formats.glb.occlusion import RAMP, image_name, occlusion_reference
+from ...formats.gltf.container import primitives
+from ...formats.gltf.textures import Textures as GltfTextures
+from ...formats.load import MeshFile, load, mesh_errors
+from ...formats.stored_w import ENDINGS, read_beside_w, read_w
+from .encode import Textures, Values
+
+_ARRAYS = (".npy", ".npz")
+_MOVED = 1e-4  # of the radius, by which formats may round coordinates
+
+
+class Results(NamedTuple):
+    """One or two bakes of one mesh. Attributes: files: all that were read."""
+
+    mesh: Mesh
+    bakes: list[Values]
+    files: tuple[Path, ...]
+
+
+def check_results(results: list[Path], mesh: Path | None) -> None:
+    """Raises: OptionError: a name of no baked file, or arrays of which nobody says what mesh they belong to."""
+    for field, path in zip(("result", "other"), results, strict=False):
+        if path.suffix.lower() not in ENDINGS:
+            raise OptionError(field, "a baked file, its name ending in " + ", ".join(ENDINGS), path)
+    if mesh is None and all(path.suffix.lower() in _ARRAYS for path in results):
+        raise OptionError("mesh", f"--mesh with the mesh that {results[0].name} belongs to", "none")
+
+
+def read_results(results: list[Path], mesh: Path | None) -> Results:
+    """Read what `obscurance bake` has written.
+
+    Args: results: one or two, checked. mesh: the file of the mesh, if it is not in one of them.
+
+    Raises:
+        MeshError, SceneError: a file cannot be read, has no w, or belongs to another mesh.
+    """
+    sources = {path: load(path) for path in results if path.suffix.lower() not in _ARRAYS}
+    whole = load(mesh) if mesh else next(iter(sources.values()))
+    for source in sources.values():
+        _check_same(whole.mesh, source.mesh, source.path)
+    bakes = [_values(path, whole, sources.get(path)) for path in results]
+    read = [*whole.files, *results, *(file for source in sources.values() for file in source.files)]
+    return Results(whole.mesh, bakes, tuple(read))
+
+
+def _values(path: Path, whole: MeshFile, source: MeshFile | None) -> Values:
+    count = len(whole.mesh.vertices)
+    if source is None or source.w is None:
+        w, textures = read_w(path, count), _textures(source)
+    else:
+        w, textures = source.w, None
+    return Values(w, **read_beside_w(path, count), name=path.name, textures=textures).checked(count)
+
+
+def _textures(source: MeshFile | None) -> Textures | None:
+    """The occlusion textures of a glTF by which w varies between vertices: all but ramps."""
+    if source is None or source.gltf is None:
+        return None
+    asset, count = source.gltf, len(source.mesh.vertices)
+    uv, of = np.zeros((count, 2)), np.full(count, -1)
+    found: dict[tuple[Texture, float], int] = {}
+    with mesh_errors(asset.path):
+        textures = GltfTextures(asset)
+        for piece, part in zip(primitives(asset.header), source.parts, strict=True):
+            primitive = asset.header["meshes"][piece.mesh]["primitives"][piece.place]
+            reference = occlusion_reference(asset.header, primitive.get("material"))
+            used = textures.of_occlusion(primitive)
+            if reference and used and image_name(asset.header, reference) != RAMP:
+                uv[part.vertices] = used[0] * (1, -1) + (0, 1)
+                of[part.vertices] = found.setdefault(used[1:], len(found))
+        images = [_codes(*each) for each in found]
+    return Textures(uv, of, images, [texture.wrap for texture, _ in found]) if found else None
+
+
+def _codes(texture: Texture, strength: float) -> UInt8s:
+    """255 w, w being 1 + strength (R − 1); glTF's occlusion textures (section 5.21)."""
+    codes = texture_codes(texture)
+    most = {1: 255, 2: 65535}.get(codes.itemsize, 1)
+    return np.rint(255 * np.clip(1 + strength * (codes[..., 0] / most - 1), 0, 1)).astype(np.uint8)
+
+
+def _upright(mesh: Mesh) -> Float64s:
+    """Vertices turned so that y is up, as a .glb places them."""
+    return mesh.vertices @ np.transpose(TO_Y_UP[up_axis(mesh)])
+
+
+def _check_same(mesh: Mesh, other: Mesh, path: Path) -> None:
+    """Raises: SceneError: not the same vertices and faces."""
+    if other.vertices.shape != mesh.vertices.shape:
+        expected, got = f"the {len(mesh.vertices):,} of {mesh.source}", f"{len(other.vertices):,}"
+        raise SceneError(path, "vertices", expected, got)
+    pairs = (mesh.vertices, other.vertices), (_upright(mesh), _upright(other))
+    moved = min(float(np.abs(one - two).max()) for one, two in pairs)
+    if moved > _MOVED * mesh.radius:
+        raise SceneError(path, "vertices", f"those of {mesh.source}", f"others, up to {moved:.3g} away")
+    if not np.array_equal(other.faces, mesh.faces):
+        raise SceneError(path, "faces", f"those of {mesh.source}", "others")

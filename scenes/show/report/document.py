@@ -1,0 +1,145 @@
+"""A report as one HTML file to read, from the values that its JSON has, and pictures."""
+
+from __future__ import annotations
+
+import base64
+import html
+import json
+from collections.abc import Mapping, Sequence
+from importlib.resources import files
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from raytrace.errors import printable
+
+from ..page.document import policy
+from .charts import calibration, histogram, number, shares
+from .pictures import Picture, heat
+
+Report = Mapping[str, Any]
+_STEPS = 32  # of a legend's colours
+
+
+def html_report(report: Report, pictures: Sequence[Sequence[Picture]]) -> bytes:
+    """A page, UTF-8, without scripts.
+
+    Args:
+        report: as its JSON has it, from `scenes.show.report.complete`.
+        pictures: of each of its `pages`, or of the one it is.
+    """
+    style = files(__package__).joinpath("parts", "report.css").read_text("utf-8")
+    title = f"{Path(report['inputs'][0]['path']).name}: {report['kind']}"
+    pages = report.get("pages", {"": report})
+    parts = [_verdict(report)]
+    for (name, page), shown in zip(pages.items(), pictures, strict=True):
+        parts += [f"<h2>{_text(name)}</h2>" if name else "", _pictures(shown), _values(page)]
+        parts += [_calibration(page), _costs(page), _flags(page)]
+    parts.append(_repeat(report))
+    for name in ("settings", "options", "versions"):
+        parts.append(_section(name.capitalize(), _table(_flat(report[name]))) if name in report else "")
+    filled = {"policy": policy(style), "title": _text(title), "style": style, "parts": "\n".join(filter(None, parts))}
+    pieces = files(__package__).joinpath("parts", "report.html").read_text("utf-8").split("@@")
+    return "".join(filled[each] if odd % 2 else each for odd, each in enumerate(pieces)).encode()
+
+
+def _verdict(report: Report) -> str:
+    found = report["verdict"]
+    rows = "".join(
+        f'<li class="{each["level"]}">{_text(each["what"])}'
+        + (f"<p>{_text(each['do'])}</p>" if each["do"] else "")
+        + "</li>"
+        for each in found["findings"]
+    )
+    notes = sum(each["level"] == "note" for each in found["findings"])
+    word = "Look at this first" if not found["good"] else f"Done, with {notes} to note" if notes > 0 else "All is well"
+    mark = "bad" if not found["good"] else "note" if notes else "good"
+    return f'<section class="verdict {mark}"><h2>{word}</h2><ul>{rows}</ul></section>'
+
+
+def _pictures(pictures: Sequence[Picture]) -> str:
+    figures = "".join(
+        f'<figure><img alt="{_text(each.title)}" src="data:image/png;base64,{base64.b64encode(each.png).decode()}">'
+        f"<figcaption>{_text(each.title)}{'' if each.top is None else _legend(each.top)}</figcaption></figure>"
+        for each in pictures
+    )
+    return _section("Pictures", f'<div class="pictures">{figures}</div>') if pictures else ""
+
+
+def _legend(top: float) -> str:
+    colours = (round(share * 255) for share in heat(np.linspace(0, 1, _STEPS)).ravel().tolist())
+    fills = ["#" + "".join(f"{next(colours):02x}" for _ in range(3)) for _ in range(_STEPS)]
+    bar = "".join(f'<rect x="{x}" width="1.1" height="1" fill="{fill}"/>' for x, fill in enumerate(fills))
+    crisp = 'shape-rendering="crispEdges" preserveAspectRatio="none"'
+    scale = f'<svg class="scale" viewBox="0 0 {_STEPS} 1" {crisp}>{bar}</svg>'
+    return f' <span class="legend">0 {scale} {number(top)}</span>'
+
+
+def _values(report: Report) -> str:
+    if "w" not in report:
+        return ""
+    figures = "".join(f"<figure>{histogram(report[name], name)}</figure>" for name in ("w", "error"))
+    what = f"{number(report['vertices'])} vertices" if "vertices" in report else "the covered texels"
+    return _section(f"Values at {what}", f'<div class="charts">{figures}</div>')
+
+
+def _calibration(report: Report) -> str:
+    found = report.get("error_calibration")
+    if not found:
+        return ""
+    points, estimated, measured = (number(found[name]) for name in ("points", "estimated", "measured"))
+    text = (
+        f"{points} points were baked twice: their errors were estimated as {estimated} and measured as {measured}, root"
+        " mean squares. This has set the level of all estimates."
+    )
+    if not found["groups"]:
+        return _section("Are the errors right?", f"<p>{text}</p>")
+    text += (
+        " Whether they are larger where errors are larger shows below, for groups of points: both agree on the line."
+    )
+    chart = f'<figure class="calibration">{calibration(found["groups"])}</figure>'
+    return _section("Are the errors right?", f"<p>{text}</p>{chart}")
+
+
+def _costs(report: Report) -> str:
+    rays = dict(report["rays"]) if isinstance(report["rays"], Mapping) else {"traced": report["rays"]}
+    skipped = {f"not traced: {name}": count for name, count in report["rays_skipped"].items() if count}
+    whole = shares(rays | skipped, "Rays", "")
+    return _section("Costs", f'<div class="charts">{shares(report["seconds"], "Seconds", " s")}{whole}</div>')
+
+
+def _flags(report: Report) -> str:
+    listed = report.get("flagged_vertices")
+    if not listed:
+        return ""
+    rows = {
+        f"{name}: {number(report['flagged'][name])}": ", ".join(map(str, some))
+        + (f", … ({number(report['flagged'][name] - len(some))} more)" if len(some) < report["flagged"][name] else "")
+        for name, some in listed.items()
+    }
+    return _section("Flagged vertices", f"<p>Numbers count from 0, in the file's order.</p>{_table(rows)}")
+
+
+def _repeat(report: Report) -> str:
+    rows = {each["path"]: f"{number(each['bytes'])} bytes, SHA-256 {each['sha256']}" for each in report["inputs"]}
+    return _section("To repeat it", f"<pre>{_text(report['command'])}</pre>{_table(rows)}")
+
+
+def _flat(options: Mapping[str, Any]) -> dict[str, str]:
+    """Those that are given, as text."""
+    given = {name: value for name, value in options.items() if value is not None}
+    return {name: value if isinstance(value, str) else json.dumps(value) for name, value in given.items()}
+
+
+def _table(rows: Mapping[str, Any]) -> str:
+    found = "".join(f"<tr><th>{_text(name)}</th><td>{_text(value)}</td></tr>" for name, value in rows.items())
+    return f"<table>{found}</table>"
+
+
+def _section(title: str, content: str) -> str:
+    return f"<section><h2>{_text(title)}</h2>{content}</section>"
+
+
+def _text(value: object) -> str:
+    return html.escape(printable(str(value)))

@@ -1,0 +1,144 @@
+"""Pictures of reports: a bake seen as on a page, its error in colours, pages of a texture, layers of a rendering."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from ao.texture.uv_layout import on_page
+from raytrace import AmbientLight, Camera, Frame, Lambert, Mesh, Object, Occlusion, Scene, Settings, Shape, Texture
+from raytrace import render as render_scene
+from raytrace.image.encode import write_data
+from raytrace.image.srgb import decode_srgb
+from raytrace.image.write import write_image
+from raytrace.mesh.up import UP, up_axis
+from raytrace.types import AnyFloats, Float32s, Float64s
+
+from ..look import BACKGROUND, FIELD_OF_VIEW, HEAT, clay_scene, clay_settings
+
+if TYPE_CHECKING:
+    from ao import BakedTexture
+
+_WIDTH, _HEIGHT = 480, 400
+_SAMPLES = 8
+_LARGEST = 512  # side of a texture's page or a rendering as shown
+_LAYERS = ("beauty", "ambient", "diffuse", "specular", "emission", "obscurance", "shadow", "normal", "albedo")
+
+
+class Picture(NamedTuple):
+    """A picture of a report.
+
+    Attributes: title: what it shows. png: the file. top: the largest error, if it shows errors.
+    """
+
+    title: str
+    png: bytes
+    top: float | None = None
+
+
+def pictures_of_vertices(mesh: Mesh, w: AnyFloats, error: AnyFloats, up: str | None = None) -> list[Picture]:
+    """A bake at the vertices: clay × w, w, and the error. Args: w, error: (n,)."""
+    camera, top = _camera(mesh, up), float(np.max(error, initial=0.0))
+    clay = render_scene(clay_scene(mesh, w, camera), camera, clay_settings(_WIDTH, _HEIGHT, _SAMPLES), layers=False)
+    return [
+        Picture("clay × w", _png(clay.layers["beauty"][..., :3])),
+        Picture("w", _png(_over(*_values(Object(Shape(mesh, _WHITE), w=np.asarray(w, np.float64)), camera)))),
+        Picture("error", _png(_hot(Object(Shape(mesh, _WHITE), w=np.asarray(error / (top or 1.0))), camera)), top),
+    ]
+
+
+def pictures_of_page(mesh: Mesh | None, page: BakedTexture, up: str | None = None) -> list[Picture]:
+    """A page of a texture, and how the faces that are on it look with it if the mesh is given."""
+    top = float(np.max(page.error, initial=0.0))
+    share = page.error / (top or 1.0)
+    shown = [
+        Picture("the page: w", _png(_shrunk(page.w[..., None].astype(np.float32)))),
+        Picture("the page: error", _png(decode_srgb(heat(_shrunk(share[..., None].astype(np.float32))[..., 0]))), top),
+    ]
+    if mesh is None:
+        return shown
+    camera = _camera(mesh, up)
+    w, error = (Object(_textured(mesh, page.uv, values)) for values in (page.w, share))
+    on_mesh = [Picture("w", _png(_over(*_values(w, camera)))), Picture("error", _png(_hot(error, camera)), top)]
+    return on_mesh + shown
+
+
+def pictures_of_frame(frame: Frame) -> list[Picture]:
+    """The layers of a rendering that are colours, as far as it has them."""
+    names = [name for name in _LAYERS if name in frame.layers]
+    return [Picture(name, _png(_shown(name, _shrunk(frame.layers[name])))) for name in names]
+
+
+def heat(share: AnyFloats) -> Float32s:
+    """sRGB (…, 3) of values (…,) in [0, 1] in the colours of a page's error."""
+    stops = np.array([[int(colour[i : i + 2], 16) for i in (1, 3, 5)] for colour in HEAT]) / 255
+    at = np.linspace(0, 1, len(stops))
+    return np.stack([np.interp(share, at, channel) for channel in stops.T], axis=-1).astype(np.float32)
+
+
+_WHITE = Lambert(albedo=(1, 1, 1), two_sided="viewer")
+
+
+def _camera(mesh: Mesh, up: str | None) -> Camera:
+    return Camera.framing(mesh, None, UP[up_axis(mesh, up)], _WIDTH / _HEIGHT, FIELD_OF_VIEW)
+
+
+def _values(item: Object, camera: Camera) -> tuple[Float32s, Float32s]:
+    """The object's w in the picture times its coverage, and the coverage, each (h, w, 1)."""
+    scene = Scene((item,), (AmbientLight(intensity=(1, 1, 1)),))
+    settings = Settings(width=_WIDTH, height=_HEIGHT, samples=_SAMPLES, shadows=False)
+    beauty = render_scene(scene, camera, settings, layers=False).layers["beauty"]
+    return beauty[..., :1], beauty[..., 3:]
+
+
+def _over(colour: Float32s, coverage: Float32s) -> Float32s:
+    """Premultiplied colours over the background."""
+    return colour + (1 - coverage) * np.array(BACKGROUND["dark"], np.float32)
+
+
+def _hot(item: Object, camera: Camera) -> Float32s:
+    values, coverage = _values(item, camera)
+    share = np.divide(values, coverage, out=np.zeros_like(values), where=coverage > 0)[..., 0]
+    return _over(decode_srgb(heat(share)) * coverage, coverage)
+
+
+def _textured(mesh: Mesh, uv: Float64s, values: AnyFloats) -> Shape:
+    """A shape whose corners are vertices of their own, with a page of values in [0, 1] as its occlusion texture."""
+    shown = on_page(uv)
+    corners, drawn = uv[shown], mesh.faces[shown]
+    normals = None if mesh.normals is None else mesh.normals[drawn].reshape(-1, 3)
+    faces = np.arange(drawn.size).reshape(-1, 3)
+    apart = Mesh(mesh.vertices[drawn].reshape(-1, 3), faces, normals, source=mesh.source)
+    with TemporaryDirectory() as folder:
+        file = Path(folder) / "values.png"
+        write_data(file, values[..., None].astype(np.float32), {}, False, "Y")
+        texture = Texture(Path("values.png"), file.read_bytes(), srgb=False)
+    return Shape(apart, _WHITE, occlusion=Occlusion(corners.reshape(-1, 2), texture))
+
+
+def _shown(name: str, layer: Float32s) -> Float32s:
+    """A layer as linear colours."""
+    if name == "normal":
+        return decode_srgb(0.5 + 0.5 * layer)
+    return layer[..., :3]
+
+
+def _shrunk(layer: Float32s) -> Float32s:
+    """A picture of at most `_LARGEST` pixels a side, by means over squares of pixels."""
+    height, width, channels = layer.shape
+    size = -(-max(height, width) // _LARGEST)
+    if size == 1:
+        return layer
+    high, wide = max(height // size, 1), max(width // size, 1)
+    whole = layer[: high * size, : wide * size]
+    return whole.reshape(high, min(size, height), wide, min(size, width), channels).mean(axis=(1, 3), dtype=np.float32)
+
+
+def _png(linear: AnyFloats) -> bytes:
+    with TemporaryDirectory() as folder:
+        file = Path(folder) / "picture.png"
+        write_image(file, linear)
+        return file.read_bytes()

@@ -1,0 +1,154 @@
+"""The verdict of a report: whether what was asked for is met, what is suspicious, and what can be done about it."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Mapping
+from typing import Any, NamedTuple
+
+Facts = Mapping[str, Any]
+_LEVELS = "bad", "note", "good"
+_NOISY = 0.02  # RMSE of w that shows in a picture
+_OPEN, _CLOSED = 0.999, 0.05  # w of a mesh without occlusion, and of one that is inside out
+_MISSED = 2.0  # times its estimate may an error be measured
+_CLIPPED = 0.05  # of the pixels, brighter than an 8-bit picture holds
+
+_REMEDIES = (
+    (r"are uncertain by .* too coarse", "Move the mesh to the origin before it is stored, or store doubles."),
+    (r"tolerance .*is not met", "Allow more rays with --samples, or a larger --tolerance."),
+    (r"not kept from", "Choose an output of another format, or the format of the input."),
+    (r"keeps the colours of", "--colors writes w in their place."),
+    (r"keeps the occlusion textures of", "--replace-occlusion puts w in their place."),
+    (r"uses the set TEXCOORD_", "Remove unused texture coordinates from the mesh if a viewer shows no w."),
+    (r"cross(es)? (itself|themselves)", "Cut these polygons into triangles in the program that made them."),
+    (r"faces overlap in", "--uv unwrap gives every face a place of its own."),
+    (r"would keep tiles apart", "Write one texture for each tile with <UDIM> in the output's name."),
+    (r"reach out of the unit square", "Nothing to do if the material's images repeat, too."),
+    (r"have no texture coordinates", "--uv fill makes some for these faces."),
+    (r"between the vertices w errs", "Each of these shows what the vertices alone cannot."),
+    (r"not within the cage", "Make --cage larger, or move the meshes onto each other."),
+    (r"have no area in texture space", "Unwrap them, or use --uv unwrap."),
+)
+_GENERAL = "docs/bake.md and docs/reliability.md say what limits a result."
+
+_OF_FLAGS = {
+    "unreferenced": ("belong to no face; w is 1 there", "They can be removed from the mesh."),
+    "degenerate": ("belong to faces without area alone; w is 1 there", "Remove such faces, or ignore these vertices."),
+    "opposed": ("have faces that look away from each other; w is the mean over them", "Split these vertices."),
+    "hidden": ("lie inside solids{}", "Nothing to do if parts are meant to cross; --hidden says what becomes of them."),
+    "missed": ("are not within the cage and take the closest point of the fine mesh", "Make --cage larger."),
+    "folded": ("have a normal behind one of their faces; w is the mean over them", "Nothing to do if they are few."),
+}
+
+
+class Finding(NamedTuple):
+    """One sentence of a verdict. Attributes: level: "good", "note" or "bad". what; do: what can be done, or ""."""
+
+    level: str
+    what: str
+    do: str = ""
+
+
+def verdict(report: Facts) -> dict[str, Any]:
+    """Whether nothing is bad, and the findings, bad ones first; of a report of several pages, of each by its name."""
+    pages = report.get("pages", {"": report})
+    found = [
+        each._replace(what=f"{name}: {each.what}") if name else each
+        for name, page in pages.items()
+        for each in _findings(page)
+    ]
+    found = sorted(dict.fromkeys(found), key=lambda each: _LEVELS.index(each.level))
+    return {"good": all(each.level != "bad" for each in found), "findings": [each._asdict() for each in found]}
+
+
+def remedy(warning: str) -> str:
+    """What can be done about a warning of a command."""
+    return next((advice for pattern, advice in _REMEDIES if re.search(pattern, warning)), _GENERAL)
+
+
+def _findings(report: Facts) -> Iterator[Finding]:
+    if "w" in report:
+        yield from _error(report)
+        yield from _occlusion(report["w"])
+        yield from _flags(report)
+    else:
+        yield from _picture(report)
+    for warning in report["warnings"]:
+        if "is not met" not in warning:
+            yield Finding("note", warning, remedy(warning))
+
+
+def _error(report: Facts) -> Iterator[Finding]:
+    rmse, tolerance = report["rmse_estimate"], report["options"].get("tolerance")
+    if tolerance is None and rmse > _NOISY:
+        yield Finding(
+            "note", f"The estimated RMSE of w is {rmse:.2g}: noise may show.", "--tolerance 0.01, or more --samples."
+        )
+    elif tolerance is None:
+        yield Finding("good", f"The estimated RMSE of w is {rmse:.2g}.")
+    elif rmse <= tolerance:
+        yield Finding("good", f"The tolerance of {tolerance:g} is met: the estimated RMSE of w is {rmse:.2g}.")
+    else:
+        text = f"The tolerance of {tolerance:g} is not met: the estimated RMSE of w is {rmse:.2g}."
+        yield Finding("bad", text, remedy("tolerance is not met"))
+    calibration = report["error_calibration"]
+    for group in calibration["groups"] if calibration else ():
+        if group["low"] > _MISSED * group["estimated"]:
+            text = f"Where errors of {group['estimated']:.2g} were expected, {group['measured']:.2g} were measured."
+            yield Finding("note", text, "Trust the RMSE of the whole more than the errors of single places.")
+
+
+def _occlusion(w: Facts) -> Iterator[Finding]:
+    if w["least"] >= _OPEN:
+        text = "Nothing occludes anything: w is 1 everywhere."
+        yield Finding(
+            "bad", text, "Convex meshes are so; else compare --max-distance and --half-distance with the mesh."
+        )
+    elif w["quantiles"]["0.5"] <= _CLOSED:
+        text = f"Half of w is below {_CLOSED}: the mesh may be inside out."
+        yield Finding("bad", text, "obscurance info MESH tells of its faces; turn them over where it is made.")
+
+
+def _flags(report: Facts) -> Iterator[Finding]:
+    if "flagged" in report:
+        for name, text in flags_in_words(report["flagged"], report["vertices"], report.get("rays_skipped", {})).items():
+            yield Finding("note", f"{text}.", _OF_FLAGS[name][1])
+
+
+def flags_in_words(flagged: dict[str, int], vertices: int, rays_skipped: dict[str, int]) -> dict[str, str]:
+    """What became of a bake's flagged vertices, by the flag's name. Args: `flagged`, `rays_skipped`: see `ao.Bake`."""
+    hidden = "; w there is filled from visible neighbours" if rays_skipped.get("hidden") else ""
+    words = {name: _OF_FLAGS[name][0].format(hidden) for name, count in flagged.items() if count}
+    return {
+        name: f"{flagged[name]:,} of {vertices:,} vertices {what}"
+        if flagged[name] > 1
+        else f"One vertex {_singular(what)}"
+        for name, what in words.items()
+    }
+
+
+def _singular(what: str) -> str:
+    verbs = {"belong": "belongs", "lie": "lies", "have": "has", "are": "is"}
+    verb, _, rest = what.partition(" ")
+    return f"{verbs[verb]} {rest}"
+
+
+def _picture(report: Facts) -> Iterator[Finding]:
+    seen, brightest, clipped = (report["picture"][name] for name in ("covered", "brightest", "clipped"))
+    if not seen:
+        yield Finding("bad", "Nothing is in view.", "Check the camera, or leave it out to have everything framed.")
+    elif brightest <= 0:
+        yield Finding("bad", "The picture is black.", "Check the lights and the background.")
+    elif clipped > _CLIPPED:
+        text = f"{clipped:.0%} of the pixels are brighter than an 8-bit picture holds."
+        yield Finding("note", text, "Lower the lights' intensities, or write an .exr.")
+    else:
+        yield Finding("good", "The picture was made.")
+    rmse = report["rmse_estimate"]
+    if rmse is not None:
+        level = "note" if rmse > _NOISY else "good"
+        yield Finding(
+            level,
+            f"The estimated RMSE of w at the vertices in view is {rmse:.2g}.",
+            "More samples in [bake]." if rmse > _NOISY else "",
+        )

@@ -1,1 +1,0 @@
-"""Numerical stress tests: poses, contacts, defects, limits of float32."""

@@ -1,0 +1,191 @@
+"""A bake as a file, in the format of its ending."""
+
+from __future__ import annotations
+
+import io
+import os
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Literal, cast, get_args
+
+import numpy as np
+
+from raytrace.errors import OptionError
+from raytrace.system.atomic import atomic_write, check_writable
+
+from .formats.channels import Channels
+from .formats.load import MeshFile
+from .formats.ply.write import ply
+
+if TYPE_CHECKING:
+    from ao import Bake, BakedTexture
+
+
+Occlusion = Literal["none", "ramp"]
+
+
+def check_target(path: str | os.PathLike[str]) -> None:
+    """Find out before the bake whether `write` will accept `path`.
+
+    Raises:
+        OptionError: the ending is none of .npy .npz .ply .glb .html.
+        OutputError: the folder is missing or refuses new files, or `path` is something other than a file.
+    """
+    _writer(path)
+    check_writable(path)
+
+
+def write(
+    path: str | os.PathLike[str],
+    bake: Bake | BakedTexture | Sequence[Bake | BakedTexture],
+    mesh_file: MeshFile,
+    *,
+    colors: bool = False,
+    occlusion: Occlusion | None = None,
+    replace_occlusion: bool = False,
+    up: str | None = None,
+) -> None:
+    """Write a bake in the format of the ending, whole or not at all; the same input gives the same bytes.
+
+    - `.npy`: w, float32 (n,).
+    - `.npz`: `w` float32 (n,), `error` float32 (n,), `bent_normals` float32 (n, 3), `flags` uint8 (n,).
+    - `.ply`: `obscurance`, and grey `red green blue` = 255 w, linear: viewers multiply by it as it stands, which is
+      what w is for (`scenes.formats.ply.write.ply`). Coordinates are float where that loses nothing, double otherwise.
+    - `.glb`: `_OBSCURANCE` (`scenes.formats.glb.write.glb`), and what viewers show: a ramp or colours.
+    - `.html`: a page for a browser, everything in it (`scenes.show.page.document`).
+    - `.png` `.exr` `.tif`, of a texture: w, linear, PNG of 16 bits, others float32.
+
+    Of textures a `.glb` has each as the occlusion texture of the faces that it is for (`textured_glb.textured_glb`).
+
+    What the source holds besides is kept if it was loaded for this target (`load`); `losses.lost` lists what is not.
+
+    Args:
+        path: the target, replaced if it exists.
+        bake: per vertex of `mesh_file.mesh`, or a texture of its faces. For a .glb also a list of textures of
+            different faces; a bake per vertex among them is for faces on none.
+        mesh_file: what was baked.
+        colors: give a .glb the vertex colours `COLOR_0` = w, and a .ply the grey, in place of the source's colours.
+        occlusion: "ramp" gives a .glb's materials an occlusion texture that shows w, "none" does not; None is "ramp",
+            but "none" with `colors`.
+        replace_occlusion: put the ramp also in place of occlusion textures of the source.
+        up: "x", "y", "z", "-x", "-y" or "-z", the axis that is up, in place of `Mesh.up`: a page stands so, a .ply says
+            so in its header (`comment up z`), and what was no glTF is turned by a root node of a .glb, where y is up;
+            vertices stay what they are.
+
+    Raises:
+        OptionError: unknown ending, options that exclude each other, coordinates that a .glb cannot hold, or a
+            texture of another mesh.
+        MeshError: materials of a glTF source are malformed.
+        OutputError: the file cannot be written; an existing one is untouched.
+    """
+    if isinstance(bake, Sequence) or bake.w.ndim == 2:  # texels, not vertices
+        for name, value in {"colors": colors, "occlusion": occlusion, "up": up}.items():
+            if value:
+                raise OptionError(name, "a bake of vertices with it", "a texture")
+        _write_textures(Path(path), bake if isinstance(bake, Sequence) else [bake], mesh_file, replace_occlusion)
+        return
+    content = _writer(path)(cast("Bake", bake), mesh_file, channels(path, colors, occlusion, replace_occlusion, up))
+    with atomic_write(path) as file:
+        file.write(content)
+
+
+def _write_textures(path: Path, baked: Sequence[Bake | BakedTexture], mesh_file: MeshFile, replace: bool) -> None:
+    from ao.texture.result import BakedTexture
+
+    from .formats.glb.textured import textured_glb
+    from .formats.image_names import is_texture
+    from .formats.images import write_w
+
+    textures = [each for each in baked if isinstance(each, BakedTexture)]
+    vertices = [each.w for each in baked if not isinstance(each, BakedTexture)]
+    for texture in textures:
+        if len(texture.uv) != len(mesh_file.mesh.faces):
+            expected = f"a texture of the {len(mesh_file.mesh.faces):,} faces of {mesh_file.path}"
+            raise OptionError("bake", expected, f"{len(texture.uv):,} faces")
+    if path.suffix.lower() == ".glb":
+        content, _ = textured_glb(mesh_file, textures, replace, w=vertices[0] if vertices else None)
+        with atomic_write(path) as file:
+            file.write(content)
+    elif is_texture(path) and len(baked) == 1:
+        write_w(path, textures[0], False, {"content": "w, 1 = open"})
+    else:
+        raise OptionError("output", "a .glb, or an image of one texture", os.fspath(path))
+
+
+def channels(
+    path: str | os.PathLike[str],
+    colors: bool,
+    occlusion: Occlusion | None,
+    replace_occlusion: bool,
+    up: str | None = None,
+) -> Channels:
+    """Where `write` puts w for viewers. Raises: OptionError: options that exclude each other, or the ending."""
+    ending = Path(path).suffix.lower()
+    if colors and ending not in (".glb", ".ply"):
+        raise OptionError("colors", "a .glb or .ply output with it", os.fspath(path))
+    if occlusion not in (None, *get_args(Occlusion)):
+        raise OptionError("occlusion", "one of " + ", ".join(get_args(Occlusion)), occlusion)
+    if occlusion == "ramp" and ending != ".glb":
+        raise OptionError("occlusion", "a .glb output with ramp", os.fspath(path))
+    if occlusion == "ramp" and colors:
+        raise OptionError("occlusion", "ramp or --colors: viewers multiply one with the other", "both")
+    ramp = ending == ".glb" and (occlusion == "ramp" if occlusion else not colors)
+    if replace_occlusion and not ramp:
+        raise OptionError("replace_occlusion", "an occlusion texture to write", "none")
+    return Channels(colors, ramp, replace_occlusion, up)
+
+
+_Write = Callable[["Bake", MeshFile, Channels], bytes | memoryview]
+
+
+def _writer(path: str | os.PathLike[str]) -> _Write:
+    ending = Path(path).suffix.lower()
+    if ending not in _WRITERS:
+        raise OptionError("output", "a name ending in " + ", ".join(_WRITERS), os.fspath(path))
+    return _WRITERS[ending]
+
+
+def _npy(bake: Bake, _mesh_file: MeshFile, _channels: Channels) -> memoryview:
+    content = io.BytesIO()
+    np.save(content, bake.w.astype("<f4"), allow_pickle=False)
+    return content.getbuffer()
+
+
+def _npz(bake: Bake, _mesh_file: MeshFile, _channels: Channels) -> memoryview:
+    content = io.BytesIO()
+    np.savez(
+        content,
+        w=bake.w.astype("<f4"),
+        error=bake.error.astype("<f4"),
+        bent_normals=bake.bent_normals.astype("<f4"),
+        flags=bake.flags.astype(np.uint8),
+    )
+    return content.getbuffer()
+
+
+def _ply(bake: Bake, mesh_file: MeshFile, channels: Channels) -> bytes:
+    return ply(mesh_file, bake.w, channels.colors, channels.up)
+
+
+def _glb(bake: Bake, mesh_file: MeshFile, channels: Channels) -> bytes:
+    from .formats.glb.write import glb
+
+    return glb(mesh_file, bake.w, channels)
+
+
+def _html(bake: Bake, mesh_file: MeshFile, channels: Channels) -> bytes:
+    from .show.page.document import html_page
+
+    title = mesh_file.path.name
+    return html_page(mesh_file.mesh, bake.w, bake.error, bake.flags, bake.bent_normals, title, channels.up)
+
+
+_WRITERS: dict[str, _Write] = {
+    ".npy": _npy,
+    ".npz": _npz,
+    ".ply": _ply,
+    ".glb": _glb,
+    ".html": _html,
+}
+ENDINGS = tuple(_WRITERS)
+"""Of the names of files that `write` makes."""

@@ -1,0 +1,63 @@
+"""What a bake says of its errors' calibration is what its errors are."""
+
+import numpy as np
+import pytest
+from meshes import hills
+
+import ao
+from ao.estimate.calibration import Calibration
+from raytrace import Mesh
+
+OPTIONS = {
+    "raw": {"samples": 32, "reconstruct": False},
+    "denoised": {"samples": 32},
+    "to a tolerance": {"tolerance": 0.01},
+}
+
+
+@pytest.fixture(scope="module")
+def mesh():
+    return Mesh(*hills(28))
+
+
+@pytest.fixture(scope="module")
+def truth(mesh):
+    return ao.bake(mesh, ao.Binary(), samples=4096, reconstruct=False, seed=99).w
+
+
+@pytest.mark.parametrize("name", OPTIONS)
+def test_measured_errors_are_those_of_a_reference(mesh, truth, name):
+    bakes = [ao.bake(mesh, ao.Binary(), seed=seed, **OPTIONS[name]) for seed in range(4)]
+    true = np.sqrt(np.mean([np.mean((bake.w - truth) ** 2) for bake in bakes]))
+    found = [bake.calibration for bake in bakes]
+    measured = np.concatenate([each.measured for each in found])
+    estimated = np.concatenate([each.estimated for each in found])
+    assert np.sqrt(measured.mean()) == pytest.approx(true, rel=0.15)
+    assert np.sqrt(estimated.mean()) == pytest.approx(true, rel=0.25)
+
+
+def test_errors_estimated_as_larger_are_larger(mesh):
+    groups = ao.bake(mesh, ao.Binary(), samples=32).calibration.groups(2)
+    assert groups[0].estimated < groups[1].estimated
+    assert groups[0].measured < groups[1].measured
+    assert sum(group.points for group in groups) == 128
+
+
+def test_groups_are_root_mean_squares_with_their_doubt():
+    found = Calibration(np.repeat([4.0, 1.0], 8), np.tile([9.0, -7.0], 8))
+    low, high = found.groups(2)
+    assert (low.points, low.estimated, high.estimated) == (8, 1, 2)
+    assert low.measured == 1
+    assert low.low == 0
+    assert low.high == pytest.approx(np.sqrt(1 + np.sqrt(4 * 81 + 4 * 49) / 8))
+    assert found.whole().estimated == pytest.approx(np.sqrt(2.5))
+
+
+def test_few_points_are_not_grouped_and_none_have_no_error():
+    assert Calibration(np.ones(30), np.ones(30)).groups() == []
+    nothing = Calibration(np.zeros(0), np.zeros(0)).whole()
+    assert nothing == (0, 0, 0, 0, 0)
+
+
+def test_the_surface_method_bakes_nothing_twice(mesh):
+    assert ao.bake(mesh, samples=4, method="surface").calibration is None

@@ -1,0 +1,80 @@
+"""Screening: jumps of w that no baked point has seen are found, and without it they are not."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import ao
+from ao.estimate.screening import Screening
+from raytrace import Mesh
+from scenes.geometry.polyhedra import join
+
+TOLERANCE = 0.01
+
+
+def slab_with_posts(side: int = 160) -> Mesh:
+    """A finely cut square and seven thin posts that stand on it: 17 edges apart, so that few baked points are near."""
+    steps = np.linspace(-4, 4, side + 1)
+    x, y = (axis.ravel() for axis in np.meshgrid(steps, steps, indexing="ij"))
+    cell = np.array([i * (side + 1) + j for i in range(side) for j in range(side)])
+    ahead = side + 1
+    square = np.concatenate([np.stack([cell, cell + ahead, cell + ahead + 1], -1),
+                             np.stack([cell, cell + ahead + 1, cell + 1], -1)])  # fmt: skip
+    parts = [(np.stack([x, y, 0 * x], -1), square)]
+    corners = np.array([(i, j, k) for i in (-0.1, 0.1) for j in (-0.1, 0.1) for k in (0.0, 2.0)])
+    sides = np.array([[0, 1, 3], [0, 3, 2], [4, 6, 7], [4, 7, 5], [0, 4, 5], [0, 5, 1], [2, 3, 7], [2, 7, 6]])
+    for place in np.random.default_rng(3).uniform(-3.5, 3.5, (7, 2)):
+        parts.append((corners + np.append(place, 0.0), sides))
+    return Mesh(*join(parts))
+
+
+@pytest.fixture(scope="module")
+def posts() -> Mesh:
+    return slab_with_posts()
+
+
+@pytest.fixture(scope="module")
+def truth(posts: Mesh) -> ao.Bake:
+    return ao.bake(posts, ao.Binary(), samples=2048, seed=99, reconstruct=False)
+
+
+def failures(mesh: Mesh, truth: ao.Bake, seed: int) -> list[str]:
+    """What a bake to a tolerance fails in."""
+    baked = ao.bake(mesh, ao.Binary(), tolerance=TOLERANCE, seed=seed)
+    assert baked.rays_skipped["predicted"] > 0
+    off = baked.w - truth.w
+    true = np.sqrt(np.mean(off**2))
+    found = {
+        "tolerance": true > 1.05 * TOLERANCE,
+        "estimated error": not 1 / 1.4 < true / baked.rmse < 1.4,
+        "largest error": np.abs(off).max() > 20 * TOLERANCE,
+        "errors of vertices": np.mean(np.abs(off) > 6 * np.hypot(baked.error, truth.error)) > 2e-3,
+    }
+    return [name for name, failed in found.items() if failed]
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_contact_shadows_between_baked_points_are_found(posts: Mesh, truth: ao.Bake, seed: int) -> None:
+    assert not failures(posts, truth, seed)
+
+
+def test_without_screening_they_are_lost(posts: Mesh, truth: ao.Bake, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(Screening, "correct", lambda self, predicted, error, free: predicted)
+    monkeypatch.setattr(Screening, "outliers", lambda self, predicted: np.zeros(len(predicted), np.bool_))
+    found = [failures(posts, truth, seed) for seed in range(3)]
+    assert all("largest error" in failed for failed in found)
+    assert any("estimated error" in failed for failed in found)
+
+
+def test_a_single_vertex_that_differs_is_baked(posts: Mesh) -> None:
+    """A roof over one vertex, smaller than the edges there, far from all else."""
+    at = int(np.argmin(np.linalg.norm(posts.vertices[: 161**2, :2] - [0.51, -2.02], axis=1)))
+    roof = posts.vertices[at] + 0.01 * np.array([[-1, -1, 0.5], [1, -1, 0.5], [0, 1.2, 0.5]])
+    mesh = Mesh(np.vstack([posts.vertices, roof]), np.vstack([posts.faces, len(posts.vertices) + np.arange(3)]))
+    only = np.arange(len(mesh.vertices)) == at
+    plain = ao.bake(mesh, ao.Binary(), samples=1024, reconstruct=False, only=only)
+    assert plain.w[at] < 0.5
+    for seed in range(4):
+        baked = ao.bake(mesh, ao.Binary(), tolerance=TOLERANCE, seed=seed)
+        assert abs(baked.w[at] - plain.w[at]) < 0.1

@@ -1,0 +1,122 @@
+"""Baking to a tolerance: kept, honestly estimated, and by fewer rays than brute force."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from meshes import hills
+
+import ao
+from ao.estimate.one_ring import Neighbours
+from ao.estimate.upsampling import coarsened, nearest_baked, upsample
+from ao.points.receivers import find_receivers
+from raytrace import Mesh, OptionError
+from raytrace.mesh.placement import Placement
+from scenes.geometry.temple import temple
+
+MESHES = {"hills": Mesh(*hills(60)), "temple": temple(fineness=0.6)}
+
+
+def rms(difference: np.ndarray) -> float:
+    return float(np.sqrt(np.mean(np.square(difference))))
+
+
+def check(name: str, seeds: int, tolerances: tuple[float, ...]) -> None:
+    truth = ao.bake(MESHES[name], ao.Binary(), samples=8192, seed=999, reconstruct=False).w
+    kept, ratios = [], []
+    for seed in range(seeds):
+        for tolerance in tolerances:
+            baked = ao.bake(MESHES[name], ao.Binary(), seed=seed, tolerance=tolerance)
+            true = rms(baked.w - truth)
+            kept.append(true <= tolerance)
+            ratios.append(baked.rmse / true)
+    assert np.mean(kept) >= 0.95
+    assert max(ratios) < 1.4
+    assert min(ratios) > 1 / 1.4
+
+
+@pytest.mark.parametrize("name", MESHES)
+def test_the_tolerance_is_kept_and_the_error_estimated(name: str) -> None:
+    check(name, 5, (0.03, 0.01, 0.005))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", MESHES)
+def test_the_tolerance_is_kept_over_forty_seeds(name: str) -> None:
+    check(name, 40, (0.03, 0.01, 0.005))
+
+
+def test_a_dense_mesh_costs_what_its_shape_does() -> None:
+    """The same surface in four times as many faces takes far less than four times the rays."""
+    coarse, dense = (ao.bake(Mesh(*hills(side)), ao.Binary(), tolerance=0.01) for side in (150, 300))
+    assert dense.rays_skipped["predicted"] > 0
+    assert dense.rays < 2.6 * coarse.rays
+    sparse = ao.bake(Mesh(*hills(300)), ao.Binary(), samples=64)
+    assert dense.rays * dense.rmse ** (4 / 3) < sparse.rays * sparse.rmse ** (4 / 3) / 2  # at equal error
+
+
+def test_what_was_predicted_is_within_the_tolerance_too() -> None:
+    mesh = Mesh(*hills(150))
+    looked_at = np.random.default_rng(0).random(len(mesh.vertices)) < 0.05
+    truth = ao.bake(mesh, ao.Binary(), samples=4096, seed=99, only=looked_at).w
+    baked = ao.bake(mesh, ao.Binary(), tolerance=0.01)
+    assert rms((baked.w - truth)[looked_at]) <= 0.011
+    assert ((baked.w >= 0) & (baked.w <= 1)).all()
+    np.testing.assert_allclose(np.linalg.norm(baked.bent_normals, axis=1), 1, atol=1e-6)
+
+
+def test_threads_change_nothing_and_seeds_do() -> None:
+    mesh = Mesh(*hills(150))
+    one, two, three = (ao.bake(mesh, tolerance=0.02, threads=k) for k in (1, 2, 3))
+    for other in (two, three):
+        assert other.w.tobytes() == one.w.tobytes()
+        assert other.error.tobytes() == one.error.tobytes()
+    assert ao.bake(mesh, tolerance=0.02, seed=1).w.tobytes() != one.w.tobytes()
+
+
+def test_samples_are_the_most() -> None:
+    with pytest.warns(ao.ToleranceWarning, match="tolerance 0.0001 is not met.*32 rays a vertex were allowed"):
+        baked = ao.bake(MESHES["hills"], ao.Binary(), samples=32, tolerance=1e-4)
+    assert baked.rmse > 1e-3
+    assert baked.rays_skipped["predicted"] == 0
+
+
+@pytest.mark.parametrize(("tolerance", "others"), [
+    (0, {}), (-0.1, {}), (2, {}), (np.nan, {}), ("1%", {}), (True, {}),
+    (0.01, {"only": np.ones(3600, bool)}), (0.01, {"reconstruct": False}),
+])  # fmt: skip
+def test_mistakes(tolerance: object, others: dict[str, object]) -> None:
+    with pytest.raises(OptionError):
+        ao.bake(MESHES["hills"], tolerance=tolerance, **others)  # type: ignore[arg-type]
+
+
+def test_what_varies_linearly_is_filled_in_exactly() -> None:
+    steps = np.linspace(0, 1, 20)
+    x, y = (axis.ravel() for axis in np.meshgrid(steps, steps, indexing="ij"))
+    cell = np.array([i * 20 + j for i in range(19) for j in range(19)])
+    faces = np.concatenate([np.stack([cell, cell + 20, cell + 21], -1), np.stack([cell, cell + 21, cell + 1], -1)])
+    mesh = Mesh(np.stack([x, y, 0 * x], -1), faces)
+    receivers = find_receivers(mesh, Placement.of(mesh))
+    near = Neighbours.of(receivers.of_vertex[receivers.faces], receivers.points.normals, 2)
+    baked = np.arange(400) % 4 == 0
+    owner = nearest_baked(near, baked)
+    assert baked[owner].all()
+    joined, rows, cell = coarsened(near, owner, receivers.points.normals)
+    place = receivers.points.origins.astype(np.float64)
+    value = np.column_stack([0.2 + 0.3 * place[:, 0] - 0.1 * place[:, 1], np.full(400, 0.7)])
+    filled = upsample(receivers.points, np.arange(400), joined, rows, cell, value[rows])
+    np.testing.assert_array_equal(filled[rows], value[rows])
+    assert np.abs(filled[:, 0] - value[:, 0]).max() < 0.02  # on the rim it leans on one side
+    assert rms(filled[:, 0] - value[:, 0]) < 0.004
+    np.testing.assert_array_equal(filled[:, 1], value[:, 1])
+
+
+def test_a_part_without_a_baked_point_is_baked() -> None:
+    """Forty small islands beside a dense sheet: the stride misses some, and each is found."""
+    vertices, faces = hills(150)
+    islands = np.random.default_rng(0).uniform(-1, 1, (40, 1, 3)) + np.array([[0, 0, 2], [0.1, 0, 2], [0, 0.1, 2]])
+    more = np.arange(120).reshape(-1, 3) + len(vertices)
+    mesh = Mesh(np.concatenate([vertices, islands.reshape(-1, 3)]), np.concatenate([faces, more]))
+    baked = ao.bake(mesh, ao.Binary(), tolerance=0.02)
+    truth = ao.bake(mesh, ao.Binary(), samples=1024, only=np.arange(len(mesh.vertices)) >= len(vertices)).w
+    assert rms((baked.w - truth)[len(vertices) :]) < 0.08

@@ -1,0 +1,290 @@
+"""Interrupted bakes: what was traced is kept, what is continued has the same bits."""
+
+import errno
+import os
+import subprocess
+import sys
+from functools import partial
+
+import numpy as np
+import pytest
+from interrupted_bakes import MESH, OPTIONS, Stopped, bake, bits, interrupted
+from project import environment
+
+import ao
+import ao.execute.hemispheres
+import ao.least_squares.fit
+import ao.least_squares.patch
+import ao.surface_method
+from ao.execute.checkpoint import Checkpoint
+from ao.execute.journal import IDENTITY, MAGIC, Journal
+from ao.least_squares.conjugate_gradients import solve_within
+from raytrace.errors import InputError, OutputError
+from raytrace.mesh.mesh import Mesh
+
+bake_surface = partial(ao.bake, method="surface")
+METHODS = {"vertex": ao.bake, "surface": bake_surface}
+CHECK = 2 * 1024  # points of the check of what interpolation errs by, which every bake makes
+POSIX = pytest.mark.skipif(os.name == "nt", reason="POSIX locks, limits and signals")
+
+
+@pytest.fixture(scope="module")
+def whole():
+    return bits(ao.bake(MESH, **OPTIONS))
+
+
+@pytest.fixture(scope="module")
+def whole_surface():
+    return bits(bake_surface(MESH, **OPTIONS))
+
+
+@pytest.fixture
+def path(tmp_path):
+    return tmp_path / "w.npy.partial"
+
+
+@pytest.fixture
+def traced(monkeypatch):
+    """The number of rows or faces that were traced rather than copied."""
+    count = [0]
+    for module, name in (
+        (ao.execute.hemispheres, "gather_hemispheres"),
+        (ao.execute.hemispheres, "gather_streams"),
+        (ao.least_squares.patch, "gather_faces"),
+    ):
+
+        def counted(*arguments, gather=getattr(module, name)):
+            count[0] += len(arguments[-1])
+            gather(*arguments)
+
+        monkeypatch.setattr(module, name, counted)
+    return count
+
+
+def test_a_continued_bake_copies_what_was_traced(path, whole, traced):
+    interrupted(path)
+    first, traced[0] = traced[0], 0
+    messages = []
+    assert bits(bake(path, messages, resume=True)) == whole
+    assert first > 0.5 * len(MESH.vertices)
+    assert traced[0] - CHECK < 0.6 * len(MESH.vertices)
+    assert messages == []
+    assert not path.exists()
+
+
+def test_a_continued_bake_of_the_surface_copies_what_was_traced(path, whole_surface, traced):
+    interrupted(path, make=bake_surface)
+    first, traced[0] = traced[0], 0
+    messages = []
+    assert bits(bake(path, messages, make=bake_surface, resume=True)) == whole_surface
+    assert first > 0.5 * len(MESH.faces)
+    assert traced[0] - CHECK < 0.6 * len(MESH.faces)
+    assert messages == []
+    assert not path.exists()
+
+
+def test_a_bake_interrupted_after_its_last_ray_traces_only_the_check(path, whole_surface, traced, monkeypatch):
+    def stop(*_):
+        raise Stopped
+
+    with monkeypatch.context() as patch:
+        patch.setattr(ao.surface_method, "fit_values", stop)
+        interrupted(path, stop=None, make=bake_surface)
+    traced[0] = 0
+    assert bits(bake(path, make=bake_surface, resume=True)) == whole_surface
+    assert traced[0] == CHECK
+
+
+def test_a_fit_is_continued_where_it_was_interrupted(path, whole_surface, traced, monkeypatch):
+    def stop(*_, **__):
+        raise Stopped
+
+    with monkeypatch.context() as patch:
+        patch.setattr(ao.least_squares.fit, "solve", stop)  # the bent normals'
+        interrupted(path, stop=None, make=bake_surface)
+    solved = []
+    with monkeypatch.context() as patch:
+        patch.setattr(ao.least_squares.fit, "cross_validated", stop)
+        patch.setattr(ao.least_squares.fit, "solve_within", lambda *a, **k: solved.append(a) or solve_within(*a, **k))
+        traced[0] = 0
+        assert bits(bake(path, make=bake_surface, resume=True)) == whole_surface
+    assert traced[0] == CHECK
+    assert len(solved) == 1  # the relaxed one
+
+
+def test_much_that_waits_is_written_before_a_minute(path, monkeypatch):
+    monkeypatch.setattr(ao.execute.checkpoint, "_MOST_WAITING", 300_000)
+    interrupted(path, make=bake_surface, after=60)
+    assert path.stat().st_size > 300_000
+
+
+THIRD = {"samples": 512, "only": np.arange(4900) % 3 == 0}
+WAYS = [
+    ("vertex", {"tolerance": 0.003}),
+    ("vertex", THIRD),
+    ("surface", {"samples": 512, "only": np.arange(4900) < 900}),
+    ("surface", {"tolerance": 0.003}),
+]
+
+
+@pytest.mark.parametrize(("method", "options"), WAYS, ids=str)
+def test_every_way_to_bake_is_continued(path, method, options):
+    make = METHODS[method]
+    interrupted(path, 0.5, options=options, make=make)
+    assert bits(bake(path, resume=True, options=options, make=make)) == bits(make(MESH, **options))
+
+
+def test_a_short_bake_leaves_no_trace(path, whole):
+    interrupted(path, after=60)
+    assert not path.exists()
+    assert bits(bake(path, after=60)) == whole
+
+
+def test_starting_over_is_reported_and_tidies_up(path, whole, traced):
+    interrupted(path)
+    traced[0] = 0
+    messages = []
+    assert bits(bake(path, messages, after=60)) == whole
+    assert traced[0] > len(MESH.vertices)
+    assert len(messages) == 1
+    assert "--resume would continue it" in messages[0]
+    assert not path.exists()
+
+
+@pytest.mark.parametrize("share", [0.0, 0.3, 0.9, 0.999])
+@pytest.mark.parametrize("method", METHODS)
+def test_a_torn_journal_is_used_as_far_as_it_is_whole(path, whole, whole_surface, share, method):
+    interrupted(path, make=METHODS[method])
+    os.truncate(path, int(share * path.stat().st_size))
+    expected = whole if method == "vertex" else whole_surface
+    assert bits(bake(path, resume=True, make=METHODS[method])) == expected
+
+
+def test_a_changed_byte_is_not_believed(path, whole):
+    interrupted(path)
+    content = bytearray(path.read_bytes())
+    content[len(content) // 2] ^= 1
+    path.write_bytes(content)
+    assert bits(bake(path, resume=True)) == whole
+
+
+def test_zeros_that_a_power_failure_leaves_are_not_believed(path, whole):
+    interrupted(path)
+    size = path.stat().st_size
+    os.truncate(path, size // 2)
+    os.truncate(path, size)
+    assert bits(bake(path, resume=True)) == whole
+    path.write_bytes(bytes(1000))
+    assert bits(bake(path, resume=True)) == whole
+
+
+CHANGES = [{"seed": 1}, {"samples": 1023}, {"normals": "area"}, {"reconstruct": False}]
+
+
+@pytest.mark.parametrize(
+    ("method", "change"),
+    [("vertex", change) for change in CHANGES] + [("surface", change) for change in CHANGES[:3]],
+    ids=str,
+)
+def test_the_journal_of_another_bake_is_refused(path, method, change):
+    make = METHODS[method]
+    interrupted(path, make=make)
+    before = path.read_bytes()
+    with pytest.raises(InputError, match=r"w\.npy\.partial: header: expected the journal of this very bake"):
+        bake(path, resume=True, options=OPTIONS | change, make=make)
+    assert path.read_bytes() == before
+
+
+def test_a_bake_by_the_other_method_is_another_bake(path):
+    interrupted(path)
+    with pytest.raises(InputError, match="expected the journal of this very bake"):
+        bake(path, resume=True, make=bake_surface)
+
+
+def test_another_mesh_is_another_bake(path):
+    interrupted(path)
+    with pytest.raises(InputError), Checkpoint(path, resume=True) as checkpoint:
+        ao.bake(Mesh(MESH.vertices * [1, 1, 1.001], MESH.faces), checkpoint=checkpoint, **OPTIONS)
+
+
+def test_nothing_to_resume_is_reported(path, whole):
+    messages = []
+    assert bits(bake(path, messages, resume=True)) == whole
+    assert "nothing to resume" in messages[0]
+
+
+@pytest.mark.parametrize("resume", [False, True])
+@pytest.mark.parametrize("content", [b"a chapter of my thesis", bytes(4096) + b"a disk", MAGIC[:9] + bytes(40) + b"x"])
+def test_a_file_of_something_else_is_never_overwritten(path, resume, content):
+    path.write_bytes(content)
+    with pytest.raises(OutputError, match="expected the journal of a bake"):
+        bake(path, resume=resume)
+    assert path.read_bytes() == content
+
+
+@POSIX
+@pytest.mark.parametrize("resume", [False, True])
+def test_a_second_bake_to_the_same_target_is_refused(path, resume):
+    holder = Journal(path, create=True)
+    holder.start(bytes(IDENTITY))
+    with pytest.raises(OutputError, match="another bake to the same target is at work"):
+        bake(path, resume=resume)
+    holder.close()
+    assert path.read_bytes() == MAGIC + bytes(IDENTITY)
+
+
+@POSIX
+def test_of_two_bakes_that_begin_together_one_goes_on_without(path, whole, monkeypatch):
+    messages, holder = [], []
+    begin = Checkpoint.begin
+
+    def begin_beside_another(*arguments):
+        begin(*arguments)
+        holder.append(Journal(path, create=True))
+
+    monkeypatch.setattr(Checkpoint, "begin", begin_beside_another)
+    assert bits(bake(path, messages)) == whole
+    holder[0].close()
+    assert len(messages) == 1
+    assert "another bake to the same target is at work; going on without checkpoints" in messages[0]
+    assert path.exists()
+
+
+@pytest.mark.parametrize(
+    ("code", "method"), [(errno.ENOSPC, "vertex"), (errno.EIO, "vertex"), (errno.ENOSPC, "surface")]
+)
+def test_a_disk_that_refuses_does_not_stop_the_bake(path, whole, whole_surface, monkeypatch, code, method):
+    def refuse(*_):
+        raise OSError(code, os.strerror(code))
+
+    messages = []
+    monkeypatch.setattr(Journal, "append", refuse)
+    assert bits(bake(path, messages, make=METHODS[method])) == (whole if method == "vertex" else whole_surface)
+    assert len(messages) == 1
+    assert messages[0].endswith(f"w.npy.partial: {os.strerror(code)}; going on without checkpoints")
+
+
+LIMITED = """
+import resource, signal, sys
+resource.setrlimit(resource.RLIMIT_FSIZE, (200_000, 200_000))
+signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+from pathlib import Path
+import interrupted_bakes as t
+messages = []
+assert t.bits(t.bake(Path(sys.argv[1]), messages)) == t.bits(t.ao.bake(t.MESH, **t.OPTIONS))
+print(messages)
+messages = []
+t.interrupted(Path(sys.argv[1]))
+print(Path(sys.argv[1]).stat().st_size)
+"""
+
+
+@POSIX
+def test_a_file_that_may_not_grow_further(path, whole):
+    """A write that the system takes a part of; what was whole before is continued."""
+    command = [sys.executable, "-c", LIMITED, path]
+    result = subprocess.run(command, env=environment(), capture_output=True, text=True, timeout=120, check=True)
+    messages, size = result.stdout.splitlines()
+    assert messages.count("going on without checkpoints") == 1
+    assert 100_000 < int(size) <= 200_000
+    assert bits(bake(path, resume=True)) == whole

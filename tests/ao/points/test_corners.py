@@ -1,0 +1,218 @@
+"""Vertices that share no hemisphere with their faces: w as the mean over their corners."""
+
+from __future__ import annotations
+
+from functools import cache
+
+import numpy as np
+import pytest
+from meshes import crumpled
+from reference import corner_means, folded
+from stress.solids import grid
+
+import ao
+from ao.execute.checkpoint import Checkpoint
+from ao.execute.tracer import Tracer
+from ao.memory import corner_bytes
+from ao.points.corners import Corners
+from ao.points.points import Points
+from ao.points.receivers import find_receivers
+from ao.rays.ray_scene import RayScene
+from raytrace import MemoryLimitError, Mesh
+from raytrace.mesh.placement import Placement
+from raytrace.sampling.hash import seed_key
+from scenes.geometry.polyhedra import icosphere, join
+from scenes.validation.reference import reference
+
+TORN = ao.Flag.FOLDED | ao.Flag.OPPOSED
+FALLOFFS = [(None, ao.Binary()), (2.0, ao.Exponential(tau=2.0))]
+
+
+@pytest.fixture(scope="module", params=range(2))
+def noisy(request):
+    return crumpled(icosphere(2), 0.45, request.param)
+
+
+@pytest.fixture(scope="module")
+def brute_force(noisy):
+    """w at every fourth folded vertex as a function of τ, computed once for each."""
+    return cache(lambda tau: corner_means(*noisy, folded(*noisy)[::4], tau))
+
+
+def torn(baked):
+    return (baked.flags & TORN) != 0
+
+
+def test_every_vertex_with_a_face_behind_its_normal_is_flagged_and_no_other(noisy):
+    baked = ao.bake(Mesh(*noisy), samples=8)
+    assert np.flatnonzero(torn(baked)).tolist() == folded(*noisy).tolist()
+    assert baked.flagged["folded"] > 10
+    assert baked.flagged["opposed"] > 0
+
+
+@pytest.mark.parametrize(("tau", "falloff"), FALLOFFS)
+@pytest.mark.parametrize("options", [{"samples": 256}, {"samples": 256, "reconstruct": False}, {"tolerance": 0.01}])
+def test_folded_vertices_are_the_mean_over_their_corners(noisy, brute_force, tau, falloff, options):
+    which = folded(*noisy)[::4]
+    off = np.abs(ao.bake(Mesh(*noisy), falloff, **options).w[which] - brute_force(tau))
+    assert off.mean() <= 0.025
+    assert (off > 0.15).mean() <= 0.02
+    assert (off > 0.3).mean() <= 0.01
+
+
+@pytest.mark.parametrize("options", [{"samples": 64}, {"samples": 256}, {"tolerance": 0.02}])
+def test_their_errors_are_estimated(options):
+    mesh = Mesh(*crumpled(icosphere(4), 0.35, 5))
+    baked, truth = ao.bake(mesh, ao.Binary(), **options), ao.bake(mesh, ao.Binary(), samples=8192, seed=1)
+    which = torn(baked)
+    assert which.sum() > 500
+    off = (baked.w - truth.w)[which] / np.hypot(baked.error, truth.error)[which]
+    assert 0.85 < np.sqrt(np.mean(off**2)) < 1.15
+    assert np.quantile(np.abs(off), 0.999) < 6
+
+
+def test_ordinary_vertices_keep_their_bits(noisy):
+    """Their points, numbers and directions are what they are without corners."""
+    mesh = Mesh(*noisy)
+    placement = Placement.of(mesh)
+    receivers = find_receivers(mesh, placement)
+    points = receivers.points
+    assert points.numbers.tolist() == list(range(len(points)))
+    assert receivers.corners.places.numbers.tolist() == list(
+        range(len(points), len(points) + len(receivers.corners.places))
+    )
+    scene = RayScene(placement.vertices, receivers.faces, receivers.tree, receivers.embree)
+    mu = ao.Binary().resolve(mesh.radius).in_render_space(placement.scale)
+    tracer = Tracer(scene, 0, mu, placement.diagonal, 1, len(points))
+    plain = tracer.gather(points, 64, seed_key(0))[:, 0]
+    baked = ao.bake(mesh, ao.Binary(), samples=64, reconstruct=False)
+    np.testing.assert_array_equal(baked.w[~torn(baked)], plain[receivers.of_vertex][~torn(baked)])
+    assert (baked.w != plain[receivers.of_vertex])[torn(baked)].mean() > 0.9
+
+
+def test_some_are_baked_like_all_by_any_number_of_threads(noisy):
+    mesh = Mesh(*noisy)
+    only = np.arange(len(mesh.vertices)) % 3 == 0
+    whole = ao.bake(mesh, samples=64, reconstruct=False, threads=1)
+    some = ao.bake(mesh, samples=64, reconstruct=False, threads=3, only=only)
+    np.testing.assert_array_equal(some.w[only], whole.w[only])
+    np.testing.assert_array_equal(some.bent_normals[only], whole.bent_normals[only])
+    assert some.rays < whole.rays
+
+
+def test_a_bake_interrupted_among_corners_continues_to_the_same_bits(noisy, tmp_path):
+    class Stopped(Exception):
+        pass
+
+    def stop(done, total):
+        assert done <= total
+        if done > 0.9 * total:
+            raise Stopped
+
+    mesh, path = Mesh(*noisy), tmp_path / "w.partial"
+    whole = ao.bake(mesh, samples=4096)
+    with pytest.raises(Stopped), Checkpoint(path, after=0, every=0, tell=lambda _: None) as checkpoint:
+        ao.bake(mesh, samples=4096, checkpoint=checkpoint, progress=stop)
+    assert path.exists()
+    with Checkpoint(path, resume=True, after=0, every=0, tell=lambda _: None) as checkpoint:
+        again = ao.bake(mesh, samples=4096, checkpoint=checkpoint)
+    for one, other in ((again.w, whole.w), (again.error, whole.error), (again.bent_normals, whole.bent_normals)):
+        assert one.tobytes() == other.tobytes()
+
+
+def two_sided(side):
+    vertices, faces = grid(2)
+    return vertices, np.concatenate([faces, faces[:, ::-1]][::side])
+
+
+@pytest.mark.parametrize("side", [1, -1])
+def test_a_sheet_with_both_sides_welded_is_the_mean_of_both(side):
+    """Whichever side comes first in the file: the upper one is open, the lower one closed by a floor."""
+    sheet, floor = two_sided(side), grid(1, 1e3)
+    mesh = Mesh(*join([(sheet[0] + [0, 0, 1e-3], sheet[1]), floor]))
+    baked = ao.bake(mesh, ao.Binary(), samples=256)
+    assert baked.flagged["opposed"] == 9
+    assert baked.w[4] == pytest.approx(0.5, abs=0.002)
+
+
+def test_the_bent_normal_of_an_open_sheet_is_its_normal():
+    """The mean direction of what both sides see is nothing but noise."""
+    baked = ao.bake(Mesh(*two_sided(1)), samples=64)
+    assert (baked.w == 1).all()
+    np.testing.assert_allclose(np.abs(baked.bent_normals[:, 2]), 1)
+
+
+@pytest.mark.parametrize("tolerance", [0.02, 0.1])
+def test_a_mesh_of_nothing_but_such_vertices_is_baked_to_a_tolerance(tolerance):
+    sheet, lid = two_sided(1), two_sided(1)
+    mesh = Mesh(*join([sheet, (lid[0] + [0, 0, 0.5], lid[1])]))
+    baked, truth = (ao.bake(mesh, ao.Binary(), **kind) for kind in ({"tolerance": tolerance}, {"samples": 1 << 14}))
+    assert torn(baked).all()
+    assert np.sqrt(np.mean((baked.w - truth.w) ** 2)) < tolerance
+    assert baked.rays < truth.rays / 20
+
+
+def test_bent_normals_are_means_too(noisy):
+    mesh = Mesh(*noisy)
+    few, many = (ao.bake(mesh, ao.Binary(), samples=samples) for samples in (128, 8192))
+    which = torn(few) & (many.w > 0.1)
+    np.testing.assert_allclose(np.linalg.norm(few.bent_normals, axis=1), 1)
+    assert np.quantile(np.einsum("ij,ij->i", few.bent_normals, many.bent_normals)[which], 0.1) > 0.97
+
+
+def test_the_reference_of_benchmarks_is_the_same_quantity(noisy):
+    mesh = Mesh(*noisy)
+    truth = reference(mesh, [ao.Binary().resolve(mesh.radius)], 4096)
+    baked = ao.bake(mesh, ao.Binary(), samples=4096, reconstruct=False)
+    assert np.abs(baked.w[truth.vertices] - truth.w[0]).max() < 0.02
+
+
+def test_hidden_ones_are_filled(noisy):
+    outer = icosphere(3)
+    mesh = Mesh(*join([(noisy[0] * 0.2, noisy[1]), (outer[0], outer[1])]))
+    plain, marked = (ao.bake(mesh, samples=16, hidden=policy) for policy in ("ignore", "mark"))
+    np.testing.assert_array_equal(plain.w, marked.w)
+    both = (marked.flags & TORN != 0) & (marked.flags & ao.Flag.HIDDEN != 0)
+    assert both.any()
+
+
+def test_the_files_normals_are_obeyed(noisy):
+    """A hemisphere that the user gives is baked, folded or not."""
+    normals = noisy[0] / np.linalg.norm(noisy[0], axis=1, keepdims=True)
+    baked = ao.bake(Mesh(*noisy, normals), samples=8, normals="file")
+    assert baked.flagged["folded"] == 0
+
+
+def test_places_lie_inside_their_faces_and_weights_sum_to_one(noisy):
+    mesh = Mesh(*noisy)
+    placement = Placement.of(mesh)
+    corners = find_receivers(mesh, placement).corners
+    sums = np.add.reduceat(corners.weights, corners.starts[:-1])
+    np.testing.assert_allclose(sums, 1)
+    triangles = placement.vertices[mesh.faces].astype(float)
+    normal = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
+    normal /= np.linalg.norm(normal, axis=1, keepdims=True)
+    for origin, axis in zip(corners.places.origins[::7].astype(float), corners.places.normals[::7], strict=True):
+        in_plane = triangles[np.abs(normal - axis).max(axis=1) < 1e-6]
+        weights = [np.linalg.lstsq(np.vstack([t.T, np.ones(3)]), np.append(origin, 1), rcond=None)[0] for t in in_plane]
+        assert any((w > 0).all() and 0.7 < w.max() < 0.985 for w in weights)
+
+
+def test_means_keep_equal_values_and_combine_variances():
+    points = Points(np.zeros((5, 3), np.float32), np.zeros((5, 3), np.float32), np.arange(5, dtype=np.uint32))
+    corners = Corners(np.array([2, 7]), np.array([0, 3, 5]), points, np.array([0.2, 0.3, 0.5, 0.1, 0.9]))
+    assert corners.mean(np.full((5, 1), 0.1)).tolist() == [[0.1], [0.1]]
+    np.testing.assert_allclose(corners.mean(np.arange(5.0)[:, None])[:, 0], [1.3, 3.9])
+    np.testing.assert_allclose(corners.variance(np.ones(5)), [0.38, 0.82])
+    kept = corners.only(np.array([3, 7, 9]))
+    assert kept.rows.tolist() == [1]
+    assert kept.starts.tolist() == [0, 2]
+    assert kept.places.numbers.tolist() == [3, 4]
+    assert len(corners.only(np.array([3]))) == 0
+
+
+def test_corners_that_do_not_fit_into_memory_are_refused(monkeypatch):
+    mesh = Mesh(*crumpled(icosphere(4), 0.5, 0), None)
+    monkeypatch.setattr("raytrace.system.memory.available", lambda: corner_bytes(3000))
+    with pytest.raises(MemoryLimitError, match="corners of folded vertices"):
+        find_receivers(mesh, Placement.of(mesh))

@@ -1,0 +1,113 @@
+"""Points that are baked: welding, hard edges, flags and safe origins."""
+
+import numpy as np
+import pytest
+import trimesh
+
+import ao
+from ao import Flag
+from ao.points.receivers import find_receivers
+from raytrace import Mesh, MeshError, OptionError
+from raytrace.mesh.placement import Placement
+from raytrace.ray_origins.clearance import outermost_normals
+
+
+def receivers(mesh, normals="angle"):
+    return find_receivers(mesh, Placement.of(mesh), normals)
+
+
+def soup(shape):
+    """Every face with corners of its own, as STL stores them."""
+    return Mesh(shape.triangles.reshape(-1, 3), np.arange(3 * len(shape.faces)).reshape(-1, 3))
+
+
+def test_a_cube_of_loose_triangles_keeps_its_edges():
+    found = receivers(soup(trimesh.creation.box()))
+    assert len(found.points) == 24
+    assert set(np.abs(found.points.normals).max(axis=1)) == {1.0}
+
+
+def test_a_sphere_of_loose_triangles_is_smooth_again():
+    sphere = trimesh.creation.icosphere(subdivisions=3)
+    found = receivers(soup(sphere))
+    assert len(found.points) == len(sphere.vertices)
+    outward = found.points.origins / np.linalg.norm(found.points.origins, axis=1, keepdims=True)
+    assert np.einsum("ij,ij->i", found.points.normals, outward).min() > 0.999
+
+
+def test_shared_vertices_are_never_split():
+    cube = trimesh.creation.box()
+    found = receivers(Mesh(cube.vertices, cube.faces))
+    np.testing.assert_allclose(np.abs(found.points.normals), 3**-0.5, atol=1e-6)
+
+
+def test_unreferenced_and_degenerate_vertices_are_flagged_and_have_no_receiver():
+    vertices = [[0, 0, 0], [1, 0, 0], [0, 1, 0], [5, 5, 5], [2, 0, 0], [3, 0, 0], [4, 0, 0]]
+    found = receivers(Mesh(vertices, [[0, 1, 2], [4, 5, 6], [4, 4, 5]]))
+    assert found.flags.tolist() == [0, 0, 0, Flag.UNREFERENCED, *[Flag.DEGENERATE] * 3]
+    assert found.of_vertex[3:].tolist() == [-1] * 4
+    assert len(found.faces) == 1
+
+
+def test_a_sheet_with_two_opposite_sides_is_flagged_opposed():
+    found = receivers(Mesh([[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 1, 2], [0, 2, 1]]))
+    assert found.flags.tolist() == [Flag.OPPOSED] * 3
+    np.testing.assert_allclose(np.abs(found.points.normals[:, 2]), 1)
+
+
+def test_the_files_normals_are_taken_as_they_are():
+    normals = [[0, 0, 2.0], [0.6, 0, 0.8], [np.nan, 0, 0]]
+    mesh = Mesh([[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 1, 2]], normals)
+    found = receivers(mesh, "file")
+    np.testing.assert_allclose(found.points.normals, [[0, 0, 1], [0.6, 0, 0.8]], atol=1e-7)
+    assert found.flags.tolist() == [0, 0, Flag.DEGENERATE]
+    assert (found.points.origins[:, 2] > 0).all()
+
+
+def test_rays_start_on_the_side_the_files_normal_points_to():
+    down = Mesh([[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 1, 2]], [[0, 0, -1.0]] * 3)
+    assert (receivers(down, "file").points.origins[:, 2] < 0).all()
+
+
+def test_normals_must_be_known_and_present():
+    mesh = Mesh([[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 1, 2]])
+    with pytest.raises(OptionError, match="normals: expected angle, area, equal or file"):
+        ao.bake(mesh, normals="best")
+    with pytest.raises(MeshError, match="expected vertex normals in the mesh, got none"):
+        receivers(mesh, "file")
+
+
+def test_a_normal_behind_one_of_its_faces_is_moved_in_front_of_all():
+    tilt = np.radians(88)
+    faces = np.array(
+        [[0, 0, 1.0], *[[np.sin(tilt) * np.cos(a), np.sin(tilt) * np.sin(a), np.cos(tilt)] for a in (0, 2, 4)]]
+    )
+    start = np.array([[-0.8, 0.0, -0.6]])
+    moved, directions, clearance = outermost_normals(start, np.zeros((4, 3), np.int64), faces)
+    assert (faces @ moved[0]).min() > 0
+    assert (faces @ directions[0]).min() == pytest.approx(clearance[0])
+
+
+@pytest.mark.parametrize("offset", [0, 1, 1e3])
+def test_no_ray_hits_the_faces_it_starts_on(offset):
+    """A small bumpy sphere beside a far triangle, so that float32 is coarse where the sphere is."""
+    from raytrace.embree.rays import intersect
+
+    sphere = trimesh.creation.icosphere(subdivisions=4, radius=1 / max(offset, 1))
+    rng = np.random.default_rng(0)
+    bumpy = sphere.vertices * rng.uniform(0.97, 1.03, (len(sphere.vertices), 1)) + min(offset, 1)
+    far = np.array([[-1, -1, -1], [-1, -1, -1.01], [-1, -1.01, -1]])
+    count = len(bumpy)
+    mesh = Mesh(np.vstack([bumpy, far]), np.vstack([sphere.faces, [[count, count + 1, count + 2]]]))
+    placement = Placement.of(mesh)
+    found = receivers(mesh)
+    chosen = rng.integers(0, len(found.points), 300_000)
+    normal = found.points.normals[chosen].astype(float)
+    direction = rng.normal(size=(len(chosen), 3))
+    direction *= np.sign(np.einsum("ij,ij->i", direction, normal))[:, None]
+    hits = intersect(found.embree(), found.points.origins[chosen], direction)
+    corners = placement.vertices[found.faces[hits.face]].astype(float)
+    geometric = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    own = (found.of_vertex[found.faces[hits.face]] == chosen[:, None]).any(axis=1) & (hits.face >= 0)
+    in_front = np.einsum("ij,ij->i", geometric, direction) > 0
+    assert np.count_nonzero(own & in_front) == 0

@@ -1,0 +1,43 @@
+"""Direction sets that points which follow one another draw together: the parts of one lattice."""
+
+import numpy as np
+import pytest
+
+from ao.rays.directions import DirectionTable, choose
+
+SAMPLES, KEY = 50, np.uint32(7)
+
+
+def drawn(table, number):
+    """Places on the disk (2, samples) of a point's directions, and which set they are."""
+    chosen, turn = choose(np.uint32(number), table)
+    x, y = table.directions[chosen, :2, : table.samples].astype(np.float64)
+    return np.array([x * np.cos(turn) - y * np.sin(turn), x * np.sin(turn) + y * np.cos(turn)]), int(chosen)
+
+
+@pytest.mark.parametrize("dealt", [2, 4])
+def test_together_they_have_one_direction_in_every_ring_and_a_lattice_around(dealt):
+    table = DirectionTable.make(SAMPLES, 1000, KEY, dealt)
+    for first in (0, 40, 84):
+        together = np.concatenate([drawn(table, first + slot)[0] for slot in range(dealt)], axis=1)
+        u = np.sum(together**2, axis=0)
+        order = np.argsort(u)
+        assert np.floor(u[order] * dealt * SAMPLES + 1e-3).astype(int).tolist() == list(range(dealt * SAMPLES))
+        v = np.arctan2(together[1], together[0])[order] / (2 * np.pi)
+        step = (np.diff(v) - 0.36038 + 0.5) % 1 - 0.5
+        assert np.abs(step).max() < 1.01 / (dealt * SAMPLES)
+
+
+def test_every_point_draws_every_part_as_often():
+    """Or it would look into some of the strata alone, and be wrong in the mean."""
+    table = DirectionTable.make(SAMPLES, 1000, KEY, 4)
+    parts = np.array([[drawn(table, 4 * owner + slot)[1] % 4 for slot in range(4)] for owner in range(1000)])
+    assert (np.sort(parts, axis=1) == np.arange(4)).all()
+    counts = np.array([np.bincount(column, minlength=4) for column in parts.T])
+    assert np.abs(counts - 250).max() < 60
+
+
+def test_points_that_draw_alone_draw_what_they_did():
+    one, other = DirectionTable.make(SAMPLES, 1000, KEY), DirectionTable.make(SAMPLES, 1000, KEY, 1)
+    assert np.array_equal(one.directions, other.directions)
+    assert {drawn(one, number)[1] for number in range(500)} == set(range(len(one.directions)))

@@ -1,0 +1,144 @@
+"""Names in docstrings and pages are names of the program; functions take eight parameters at most."""
+
+import ast
+import re
+from collections import defaultdict
+from functools import cache
+
+from project import ROOT
+
+PACKAGES = ("raytrace", "ao", "scenes")
+PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
+FILES = {
+    ".".join(path.relative_to(ROOT).with_suffix("").parts).removesuffix(".__init__"): path
+    for package in PACKAGES
+    for path in sorted((ROOT / package).rglob("*.py"))
+} | {"cli": ROOT / "cli.py"}
+LIBRARIES = ("OpenImageIO", "numba", "pyvista", "scipy")
+QUOTED = re.compile(r"(?<!`)`([^`]+)`(?!`)")
+NAME = re.compile(r"[A-Za-z_]\w*(?:\.[A-Za-z_]\w*)*")
+FILE = re.compile(rf"(?:(?:{'|'.join(PACKAGES)}|tests|benchmarks|docs)/[\w./]*|\w+\.pyi?)")
+MOST_PARAMETERS = 8
+FACES = {"ao.baking.bake", "ao.texture.baking.bake_texture", "ao.tiles.baking.bake_tiled"}
+"""The Python faces of commands."""
+
+
+@cache
+def tree(path):
+    return ast.parse(path.read_text(encoding="utf-8"))
+
+
+def docstrings(module):
+    """Texts that stand as statements: docstrings, and what follows a constant."""
+    for node in ast.walk(tree(FILES[module])):
+        if isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant) and isinstance(node.value.value, str):
+            yield node.value
+
+
+def bound(node):
+    """Names that are bound anywhere within a node, attributes of `self` among them."""
+    for child in ast.walk(node):
+        if isinstance(child, ast.FunctionDef | ast.ClassDef):
+            yield child.name
+        elif isinstance(child, ast.alias):
+            yield (child.asname or child.name).split(".")[0]
+        elif isinstance(child, ast.Name) and isinstance(child.ctx, ast.Store):
+            yield child.id
+        elif isinstance(child, ast.Attribute) and isinstance(child.ctx, ast.Store):
+            yield child.attr
+
+
+@cache
+def names_of(module):
+    stub = FILES[module].with_suffix(".pyi")
+    return {*bound(tree(FILES[module])), *(bound(tree(stub)) if stub.exists() else ())}
+
+
+@cache
+def members():
+    """Of each class its own members and those of the classes below which it stands."""
+    classes = {
+        node.name: node for path in FILES.values() for node in ast.walk(tree(path)) if isinstance(node, ast.ClassDef)
+    }
+    found = defaultdict(set)
+    for name, node in classes.items():
+        queue = [node]
+        while queue:
+            each = queue.pop()
+            found[name] |= set(bound(each))
+            queue += [classes[base.id] for base in each.bases if isinstance(base, ast.Name) and base.id in classes]
+    return found
+
+
+@cache
+def vocabulary():
+    """Every word of the program's code, docstrings left out."""
+    words = set(FILES)
+    for module, path in FILES.items():
+        prose = set(map(id, docstrings(module)))
+        for node in ast.walk(tree(path)):
+            texts = [] if id(node) in prose else [text for _, text in ast.iter_fields(node) if isinstance(text, str)]
+            words |= {word for text in texts for word in re.findall(r"\w+", text)}
+        words |= set(module.split("."))
+    return words
+
+
+def is_missing(name):
+    """Whether a dotted name begins as one of the program's does and is none."""
+    parts = name.split(".")
+    module = next((".".join(parts[:k]) for k in range(len(parts), 0, -1) if ".".join(parts[:k]) in FILES), None)
+    rest = parts[len(module.split(".")) :] if module else parts
+    if module and rest and rest[0] not in names_of(module):
+        return True
+    if len(rest) < 2 or not (module or rest[0] in members()):
+        return False
+    return rest[1] not in members().get(rest[0], ())
+
+
+def quoted_names(text):
+    """Names between backticks, of calls without what is in the brackets, of files left out."""
+    names = [re.sub(r"\(.*\)$", "", quoted, flags=re.DOTALL) for quoted in QUOTED.findall(text)]
+    return [name for name in names if NAME.fullmatch(name) and not FILE.fullmatch(name)]
+
+
+def missing_files(text):
+    """Paths and names of files that are not there; one without a folder may be anywhere."""
+    quoted = [name for name in QUOTED.findall(text) if FILE.fullmatch(name)]
+    return [name for name in quoted if not (ROOT / name).exists() and ("/" in name or not any(ROOT.rglob(name)))]
+
+
+def test_names_in_docstrings_are_of_the_program():
+    for module in FILES:
+        for text in docstrings(module):
+            assert missing_files(text.value) == [], module
+            for name in quoted_names(text.value):
+                if not name.startswith(LIBRARIES):
+                    assert set(name.split(".")) <= vocabulary(), f"{module}: {name}"
+                    assert not is_missing(name), f"{module}: {name}"
+
+
+def test_names_in_pages_are_of_the_program():
+    for page in PAGES:
+        text = page.read_text(encoding="utf-8")
+        assert missing_files(text) == [], page
+        assert [name for name in quoted_names(text) if is_missing(name)] == [], page
+
+
+def test_a_name_that_is_not_there_is_noticed():
+    assert is_missing("ao.falloff.Fallof")
+    assert is_missing("ao.no_such_module.name")
+    assert is_missing("ao.Bake.no_such_field")
+    assert is_missing("Bake.no_such_field")
+    assert is_missing("scenes.load.mesh_errors")
+    assert not is_missing("ao.Bake.bent_normals")
+    assert missing_files("`ao/no_such.py` or `no_such.py`") == ["ao/no_such.py", "no_such.py"]
+
+
+def test_functions_take_eight_parameters_at_most():
+    """But commands, and their Python faces."""
+    for module in FILES.keys() - {"cli"}:
+        for node in ast.walk(tree(FILES[module])):
+            if isinstance(node, ast.FunctionDef) and f"{module}.{node.name}" not in FACES:
+                given = [*node.args.posonlyargs, *node.args.args, *node.args.kwonlyargs]
+                names = [argument.arg for argument in given if argument.arg not in ("self", "cls")]
+                assert len(names) <= MOST_PARAMETERS, f"{module}.{node.name}({', '.join(names)})"

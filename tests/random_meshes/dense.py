@@ -1,0 +1,133 @@
+"""Refinement of surfaces to a number of vertices, displacement by smooth random fields, random placement."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from raytrace.mesh.mesh import Mesh
+from raytrace.types import Float64s
+from scenes.geometry.polyhedra import Part
+
+Rng = np.random.Generator
+Field = Callable[[Float64s], Float64s]
+Make = Callable[[float], Part]
+SURPLUS = 1.25  # vertices more than asked for that `sized` is content with
+_SAME = 1e-7  # of a part's extent: vertices nearer than this are one
+
+
+def log_uniform(rng: Rng, low: float, high: float) -> float:
+    """A number between `low` and `high`, every power of ten as likely."""
+    return float(np.exp(rng.uniform(np.log(low), np.log(high))))
+
+
+def field(rng: Rng, low: float = 0.3, high: float = 4.0) -> Field:
+    """A smooth random function of points (n, 3), mean 0 and variance 1: 24 waves of `low` to `high` per unit length."""
+    waves = rng.normal(size=(24, 3))
+    waves *= (
+        2 * np.pi * np.exp(rng.uniform(np.log(low), np.log(high), (24, 1))) / np.linalg.norm(waves, axis=1)[:, None]
+    )
+    phases = rng.uniform(0, 2 * np.pi, 24)
+    return lambda points: np.cos(points @ waves.T + phases).sum(axis=1) / np.sqrt(12)
+
+
+def displacement(rng: Rng, height: float, low: float = 0.3, high: float = 3.0) -> Field:
+    """Displacements (n, 3) of points (n, 3): three fields of at most `high` waves per unit length, slope `height`."""
+    fields = [field(rng, low, high) for _ in range(3)]
+    return lambda points: height / (2 * np.pi * high) * np.stack([f(points) for f in fields], axis=-1)
+
+
+def extent(part: Part) -> float:
+    """The longest side of the bounding box."""
+    return float(np.ptp(part[0], axis=0).max())
+
+
+def unit(part: Part) -> Part:
+    """Moved to the origin and scaled to a longest side of 1."""
+    low, high = part[0].min(axis=0), part[0].max(axis=0)
+    return (part[0] - (low + high) / 2) / float((high - low).max()), part[1]
+
+
+def welded(part: Part) -> Part:
+    """One vertex for those at one place; without faces that lose their area by it, or vertices of no face."""
+    steps = np.round(part[0] / (_SAME * max(extent(part), 1e-300))).astype(np.int64)
+    _, first, group = np.unique(steps, axis=0, return_index=True, return_inverse=True)
+    return used((part[0][first], group.reshape(-1)[part[1]]))
+
+
+def used(part: Part) -> Part:
+    """Without faces of fewer than three vertices, and without vertices of no face."""
+    faces = part[1]
+    faces = faces[(faces != np.roll(faces, 1, axis=1)).all(axis=1)]
+    kept, index = np.unique(faces, return_inverse=True)
+    return part[0][kept], index.reshape(faces.shape)
+
+
+def places(part: Part) -> int:
+    """How many different places the vertices of faces are at; a bake has at least as many points."""
+    return len(np.unique(part[0][np.unique(part[1])].astype(np.float32), axis=0))
+
+
+def refined(part: Part, length: float) -> Part:
+    """Every edge longer than `length` halved, until none is; neighbouring faces stay neighbours."""
+    vertices, faces = part
+    while True:
+        edges = np.sort(np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]]), axis=1)
+        unique, which = np.unique(edges, axis=0, return_inverse=True)
+        long = np.linalg.norm(vertices[unique[:, 0]] - vertices[unique[:, 1]], axis=1) > length
+        if not long.any():
+            return vertices, faces
+        middle = np.where(long, len(vertices) - 1 + np.cumsum(long), -1)[which].reshape(3, -1).T
+        vertices = np.concatenate([vertices, vertices[unique[long]].mean(axis=1)])
+        faces = _split(faces, middle)
+
+
+def _split(faces: np.ndarray, middle: np.ndarray) -> np.ndarray:
+    """Faces (m, 3) cut where `middle` (m, 3), the vertex in the middle of each side ab, bc, ca, is not −1."""
+    cuts = (middle >= 0).sum(axis=1)
+    pieces = [faces[cuts == 0]]
+    for count in (1, 2, 3):
+        f, m = faces[cuts == count], middle[cuts == count]
+        turn = np.argmax(m >= 0, axis=1) if count == 1 else (np.argmin(m >= 0, axis=1) + 1) % 3
+        order = (turn[:, None] + np.arange(3)) % 3  # the first side is cut; of two, the first two
+        (a, b, c), (ab, bc, ca) = (np.take_along_axis(values, order, axis=1).T for values in (f, m))
+        triangles = {
+            1: ((a, ab, c), (ab, b, c)),
+            2: ((ab, b, bc), (a, ab, c), (ab, bc, c)),
+            3: ((a, ab, ca), (ab, b, bc), (ca, bc, c), (ab, bc, ca)),
+        }[count]
+        pieces += [np.stack(triangle, axis=-1) for triangle in triangles]
+    return np.concatenate(pieces)
+
+
+def sized(make: Make, size: int, most: float = SURPLUS) -> Part:
+    """make(fineness), the same part at any fineness, so fine that it has `size` to `most`·`size` places of vertices.
+
+    Where the number jumps past that, the coarsest found that has `size`.
+    """
+    low, high, fineness, before, found = 0.0, np.inf, 0.05, 0, None
+    for _ in range(24):
+        part = make(fineness)
+        count = places(part)
+        if count >= size:
+            found, low = part, max(low, fineness)
+            if count <= most * size or count == before:
+                break
+        else:
+            high = min(high, fineness)
+        guess = fineness * float(np.sqrt(count / (1.1 * size))) * (0.5 if count == before else 1.0)
+        before = count
+        fineness = guess if low < guess < high else float(np.sqrt(max(low, high / 8) * min(high, 8 * low)))
+    if found is None:
+        raise ValueError(f"no fineness down to {fineness:g} gives {size} vertices")
+    return found
+
+
+def placed(part: Part, rng: Rng, source: str) -> Mesh:
+    """Somewhere in space, of some size, turned somehow, or one time in four along the axes."""
+    turn = Rotation.from_quat(rng.normal(size=4)) if rng.random() < 0.75 else Rotation.identity()
+    scale, away = log_uniform(rng, 1e-2, 1e2), rng.normal(size=3)
+    vertices = scale * (turn.apply(part[0]) + extent(part) * away)
+    return Mesh(vertices, part[1], source=source)

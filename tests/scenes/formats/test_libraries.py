@@ -1,0 +1,51 @@
+"""Formats that libraries read: COLLADA, and meshio's."""
+
+import subprocess
+import sys
+
+import meshio
+import numpy as np
+import pytest
+from command import obscurance
+from fuzz_seeds import DAE, archive
+
+from scenes.formats.load import load
+
+PLACES = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0], [0.5, 0.5, 1]])
+
+
+@pytest.mark.parametrize("ending", ["dae", "zae"])
+def test_collada_keeps_its_vertices_and_nodes(tmp_path, ending):
+    path = tmp_path / f"m.{ending}"
+    path.write_bytes(DAE if ending == "dae" else archive(**{"m.dae": DAE}))
+    file = load(path)
+    assert file.objects == ("roof", "roof")
+    np.testing.assert_array_equal(file.mesh.vertices, np.concatenate([PLACES + np.array([0, 0, 2]), 2 * PLACES]))
+    first = [[3, 2, 1], [3, 1, 0], [0, 1, 4], [1, 2, 4]]
+    np.testing.assert_array_equal(file.mesh.faces, np.concatenate([first, np.add(first, 5)]))
+
+
+def test_a_gmsh_file_is_read_without_a_word(tmp_path):
+    cells = [("triangle", [[0, 1, 4]]), ("quad", [[0, 3, 2, 1]]), ("tetra", [[0, 1, 2, 4]])]
+    meshio.Mesh(PLACES, cells).write(tmp_path / "m.msh")
+    done = obscurance("bake", tmp_path / "m.msh", "-o", tmp_path / "m.npy", "--samples", 8)
+    assert (done.returncode, done.stderr) == (
+        0, f"warning: {tmp_path}/m.msh: tetra cells are left out: only triangles and quads are read\n"
+    )  # fmt: skip
+    np.testing.assert_array_equal(load(tmp_path / "m.msh").mesh.faces, [[0, 1, 4], [0, 3, 2], [0, 2, 1]])
+    content = (tmp_path / "m.msh").read_bytes()
+    np.testing.assert_array_equal(load("m.msh", content=content).mesh.vertices, PLACES)
+
+
+def test_an_ending_is_refused_without_importing_a_library(tmp_path):
+    (tmp_path / "m.svg").write_text("<svg/>")
+    code = """
+import sys
+from scenes.formats.load import load
+try:
+    load(sys.argv[1])
+except ValueError as error:
+    print(str(error)[-8:], {"meshio", "trimesh", "collada"} & set(sys.modules))
+"""
+    done = subprocess.run([sys.executable, "-c", code, tmp_path / "m.svg"], capture_output=True, text=True, check=True)
+    assert done.stdout == "got .svg set()\n"

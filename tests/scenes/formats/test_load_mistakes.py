@@ -1,0 +1,195 @@
+"""Every careless or hostile mesh file is refused in one line, or is a mesh."""
+
+import json
+import os
+from contextlib import suppress
+
+import numpy as np
+import pytest
+from gltf_files import QUAD, TRIANGLE, Builder
+from mesh_files import FACES, NORMALS, VERTICES, ascii_ply, ascii_stl, glb, mistake, mixed_ply, obj, off, ply, read, stl
+
+from raytrace.errors import MeshError
+from scenes.formats.load import load
+
+
+@pytest.mark.parametrize(
+    ("name", "data", "expected"),
+    [
+        ("m.ply", b"", "an empty file"),
+        ("m.obj", b"", "content: expected a mesh, got an empty file"),
+        ("m.obj", b"ply\nformat ascii 1.0\nelement vertex 3\n", "none, and no vertices: perhaps it is no OBJ"),
+        ("m.blend", b"x", "ending: expected one of obj ply stl off glb gltf 3mf 3dxml dae xaml zae"),
+        ("m.svg", b"<svg/>", "ending: expected one of obj"),
+        ("m.msh", b"no mesh", "content: expected a file that meshio reads as .msh, got "),
+        ("m.dae", b"<COLLADA", "DAE file"),
+        ("m.zae", b"PK\x03\x04 and no archive", "ZAE file"),
+        ("m", b"x", "got none"),
+        ("m.xyz", b"0 0 0\n", "ending"),
+        ("m.ply", b"\x89PNG\r\n\x1a\n" + bytes(100), "PLY file, got ValueError: no header of a PLY file"),
+        ("m.glb", b"a text, not a GLB file", "GLB file"),
+        ("m.gltf", b"[]", "content: expected an object"),
+        ("m.gltf", b"[" * 100_000, "content: expected JSON of at most 100 levels, got more"),
+        ("m.stl", b"\x89PNG\r\n\x1a\n" + bytes(100), "complete ASCII or binary STL"),
+        ("m.off", b"\x89PNG\r\n\x1a\n" + bytes(100), "OFF file"),
+        ("m.obj", b"\x89PNG\r\n\x1a\n" + bytes(100), "at least one triangle"),
+        ("m.3mf", b"PK\x03\x04 and no archive", "3MF file"),
+        ("m.3mf", b"text", "3MF file"),
+        ("m.xaml", b"<a", "XAML file"),
+        ("m.ply", ply(faces=np.empty((0, 3))), "at least one triangle, got none, and 7 points"),
+        ("m.ply", ply(faces=FACES + 5), "indices from 0 to 6"),
+        ("m.ply", ply(faces=FACES - 1), "indices from 0 to 6"),
+        ("m.ply", ply(vertices=VERTICES * np.nan), "finite coordinates"),
+        ("m.ply", ply(vertices=VERTICES + np.inf), "finite coordinates"),
+        ("m.ply", ply().replace(b"vertex 7", b"vertex 99999999999999"), "m.ply: "),
+        ("m.ply", ascii_ply().replace(b"vertex 7", b"vertex 99999999999999"), "m.ply: "),
+        ("m.ply", ascii_ply().replace(b"face 3", b"face 99999999999999"), "99999999999999 rows, got an end"),
+        ("m.ply", ply().replace(b"property float z\n", b""), "m.ply: "),
+        ("m.ply", ply()[:-1], "element face: expected 3 rows, got an end before that"),
+        ("m.ply", ply()[:250], "element vertex: expected 7 rows, got an end before that"),
+        ("m.ply", mixed_ply()[:-1], "element face: expected 3 rows, got an end before that"),
+        ("m.ply", mixed_ply().replace(b"face 3", b"face 99999999999"), "element face: expected 99999999999 rows"),
+        ("m.off", off(faces=FACES + 5), "indices from 0 to 6"),
+        ("m.off", off(faces=FACES - 1), "indices from 0 to 6"),
+        ("m.off", off().replace(b"7 3 0", b"7 9 0"), "7 vertices and 9 faces"),
+        ("m.stl", stl(np.empty((0, 3, 3))), "at least one triangle"),
+        ("m.stl", stl(VERTICES[FACES])[:-1], "complete ASCII or binary STL"),
+        ("m.stl", ascii_stl(("one", VERTICES[FACES]), ("two", VERTICES[FACES]))[:-20], "complete ASCII"),
+    ],
+)  # fmt: skip
+def test_mistakes_are_one_line(tmp_path, name, data, expected, capfd):
+    assert expected in mistake(tmp_path, name, data)
+    assert capfd.readouterr() == ("", "")
+
+
+def test_the_librarys_log_stays_quiet(tmp_path, caplog):
+    data = ascii_stl(("one", VERTICES[FACES])).replace(b"normal 0 0 0", b"normal none at all")
+    assert len(read(tmp_path, "m.stl", data).mesh.faces) == 3
+    assert caplog.records == []
+
+
+def test_files_that_are_none(tmp_path):
+    (tmp_path / "folder.ply").mkdir()
+    os.mkfifo(tmp_path / "pipe.ply")
+    for name, expected in {"missing.ply": "got none", "folder.ply": "a folder", "pipe.ply": "regular file"}.items():
+        with pytest.raises(MeshError, match=expected):
+            load(tmp_path / name)
+    with pytest.raises(MeshError, match="too long"):
+        load(tmp_path / ("n" * 300))
+
+
+def test_a_file_that_may_not_be_read(tmp_path, monkeypatch):
+    def refuse(*_arguments, **_options):
+        raise PermissionError(13, "Permission denied")
+
+    (tmp_path / "m.ply").write_bytes(ply())
+    monkeypatch.setattr("pathlib.Path.open", refuse)
+    with pytest.raises(MeshError, match=r"m\.ply: file: expected a readable file, got Permission denied"):
+        load(tmp_path / "m.ply")
+
+
+def sparse(count=2, kind=5121):
+    """A table of a sparse accessor, its indices those of the quad's positions as bytes or the like."""
+    return {"count": count, "indices": {"bufferView": 0, "componentType": kind}, "values": {"bufferView": 1}}
+
+
+def compressed(name, kind):
+    """Changes a header as the compression `name` does, whose decoder fills buffers, views or accessors."""
+
+    def change(header):
+        header |= {"extensionsUsed": [name], "extensionsRequired": [name]}
+        entry = header[kind][0]
+        if kind == "accessors":
+            del entry["bufferView"]
+        elif kind == "buffers":
+            del entry["uri"]
+            entry["extensions"] = {name: {"fallback": True}}
+        else:
+            entry["extensions"] = {name: {}}
+
+    return change
+
+
+@pytest.mark.parametrize(
+    ("change", "expected"),
+    [
+        (lambda h: h["accessors"][0].update(count=10**9), "GLB file"),
+        (lambda h: h["accessors"][0].update(count=10**15), "GLB file"),
+        (
+            lambda h: h["accessors"][0].update(count=-1),
+            "accessors[0].count: expected greater than or equal to 0, got -1",
+        ),
+        (lambda h: h["accessors"][0].update(count=0), "count of at least 1, got 0"),
+        (lambda h: h["accessors"][0].pop("bufferView"), "uncompressed values"),
+        (lambda h: h["accessors"][0].update(sparse={}), "accessors[0].sparse.count: expected a value, got nothing"),
+        (lambda h: h["accessors"][0].update(sparse=sparse(count=5)), "GLB file"),
+        (
+            lambda h: h["accessors"][0].update(sparse=sparse(kind=5126)),
+            "sparse.indices: expected whole numbers below 4",
+        ),
+        (
+            lambda h: h["accessors"][0].update(sparse=sparse(count=8, kind=5123)),
+            "sparse.indices: expected whole numbers below 4",
+        ),
+        (
+            lambda h: (h["accessors"][0].pop("bufferView"), h["accessors"][0].update(count=10**9, sparse=sparse())),
+            "accessors[0]: expected a count that the file's bytes can hold, got 1000000000",
+        ),
+        (compressed("EXT_meshopt_compression", "bufferViews"), "uncompressed values, got EXT_meshopt_compression"),
+        (compressed("KHR_meshopt_compression", "bufferViews"), "uncompressed values, got KHR_meshopt_compression"),
+        (compressed("KHR_meshopt_compression", "buffers"), "buffers[0]: expected uncompressed values, got KHR_meshopt"),
+        (compressed("KHR_draco_mesh_compression", "accessors"), "uncompressed values, got KHR_draco_mesh_compression"),
+        (lambda h: h["meshes"][0]["primitives"][0].update(mode=6), "triangle fan"),
+        (lambda h: h["meshes"][0]["primitives"][0].update(indices=99), "GLB file"),
+        (lambda h: h["meshes"][0]["primitives"][0]["attributes"].pop("POSITION"), "GLB file"),
+        (lambda h: h["nodes"][0].update(children=[0]), "own ancestor"),
+        (lambda h: h["nodes"][0].update(mesh=7), "GLB file"),
+        (
+            lambda h: h["nodes"][0].update(scale=[float("nan")] * 3),
+            "nodes[0].scale[0]: expected a finite number, got nan",
+        ),
+        (lambda h: h["scenes"][0].update(nodes=[-1]), "scenes[0].nodes[0]: expected"),
+        (lambda h: h["scenes"][0].update(nodes=[]), "at least one triangle"),
+        (lambda h: h.update(nodes=3), "nodes: expected a list"),
+        (lambda h: h.update(asset={"version": "1.0"}), "glTF 2.0"),
+        (lambda h: h["buffers"][0].update(byteLength=10**9), "1000000000 bytes"),
+    ],
+)
+def test_gltf_mistakes(tmp_path, change, expected):
+    builder = Builder()
+    builder.mesh(builder.primitive(QUAD, [[0, 1, 2], [0, 2, 3]]))
+    header = builder.header | {"nodes": [{"mesh": 0}], "scenes": [{"nodes": [0]}]}
+    header["buffers"] = [{"uri": "m.bin", "byteLength": len(builder.binary)}]
+    (tmp_path / "m.bin").write_bytes(builder.binary)
+    change(header)
+    message = mistake(tmp_path, "m.gltf", json.dumps(header).encode())
+    assert expected.replace("GLB file", "GLTF file") in message
+
+
+def test_indices_into_a_neighbour_are_refused(tmp_path):
+    builder = Builder()
+    builder.mesh(builder.primitive(TRIANGLE, [[0, 1, 4]]), builder.primitive(TRIANGLE, [[0, 1, 2]]))
+    assert "indices from 0 to 2" in mistake(tmp_path, "m.glb", builder.glb([{"mesh": 0, "name": "bad"}]))
+
+
+@pytest.mark.parametrize(
+    ("name", "data"),
+    [("m.ply", ply(normals=NORMALS)), ("m.ply", ascii_ply()), ("m.ply", mixed_ply()),
+     ("m.obj", obj()), ("m.off", off()), ("m.glb", glb()),
+     ("m.stl", stl(VERTICES[FACES])), ("m.stl", ascii_stl(("a", VERTICES[FACES]), ("b", VERTICES[FACES])))],
+)  # fmt: skip
+def test_files_cut_off_or_damaged_anywhere(tmp_path, name, data):
+    """A damaged file is either refused or a mesh: nothing else may come out."""
+    rng = np.random.default_rng(7)
+    path = tmp_path / name
+    for cut in rng.integers(0, len(data), 60):
+        path.write_bytes(data[:cut])
+        with suppress(MeshError):
+            load(path)
+    for _ in range(60):
+        damaged = np.frombuffer(data, dtype=np.uint8).copy()
+        places = rng.integers(0, len(damaged), rng.integers(1, 6))
+        damaged[places] = rng.choice(np.frombuffer(b'0123456789- {}[]"\n\x00\xff', np.uint8), len(places))
+        path.write_bytes(damaged.tobytes())
+        with suppress(MeshError):
+            load(path)

@@ -1,0 +1,490 @@
+"""Contents of a mesh file come through a bake: PLY and GLB files keep what they can, and the rest is reported."""
+
+import json
+
+import numpy as np
+import PIL.Image
+import pytest
+from command import obscurance
+from fuzz_seeds import MODEL, archive
+from gltf_files import QUAD, Builder, check_glb, values
+from mesh_files import XYZ, ascii_ply, read, rich_ply, stl
+
+from raytrace.image.srgb import decode_srgb, encode_srgb
+from scenes.formats.load import load
+from scenes.formats.losses import lost
+from scenes.formats.obj.mtl import read_mtl
+from scenes.geometry.opacity import opacity_map
+
+
+def bake(folder, source, target, *options):
+    """What the command tells on standard error."""
+    done = obscurance(
+        "bake", folder / source, "-o", folder / target, "--samples", 8, "--report", folder / "r.json", *options
+    )
+    assert done.returncode == 0, done.stderr
+    printed = done.stderr.replace(str(folder) + "/", "")
+    assert all("warning: " + line.replace(str(folder) + "/", "") in printed for line in report(folder))
+    return printed
+
+
+def report(folder):
+    return json.loads((folder / "r.json").read_text())["warnings"]
+
+
+def columns(path):
+    """The properties of a PLY file's elements by element and name, as our reader has them."""
+    (detail,) = [load(path, "x.ply").detail]
+    return {element.name: {c.name: c for c in element.properties} for element in detail.elements}, detail
+
+
+def test_a_ply_keeps_everything(tmp_path):
+    (tmp_path / "rich.ply").write_bytes(rich_ply())
+    printed = bake(tmp_path, "rich.ply", "out.ply")
+    before, _ = columns(tmp_path / "rich.ply")
+    after, detail = columns(tmp_path / "out.ply")
+    assert list(after) == ["vertex", "face", "edge"]
+    assert list(after["vertex"]) == [*before["vertex"], "obscurance"]
+    for element, properties in before.items():
+        for name, column in properties.items():
+            again = after[element][name]
+            assert (again.kind, again.counted) == (column.kind, column.counted)
+            np.testing.assert_array_equal(again.values, column.values)
+            np.testing.assert_array_equal(again.sizes, column.sizes)
+    assert detail.comments == ("comment TextureFile paint.png", "obj_info made by hand", "comment Grüße")
+    assert "comment Grüße\n".encode("latin-1") in (tmp_path / "out.ply").read_bytes()
+    assert detail.sizes.tolist() == [5, 3, 4]
+    assert np.array_equal(load(tmp_path / "out.ply").mesh.faces, load(tmp_path / "rich.ply").mesh.faces)
+    assert printed.count("\n") == 1
+    assert "keeps the colours of rich.ply" in printed
+
+
+def test_a_second_bake_of_what_was_baked_replaces_its_w_and_grey(tmp_path):
+    (tmp_path / "plain.ply").write_bytes(ascii_ply())
+    assert bake(tmp_path, "plain.ply", "one.ply") == ""
+    assert bake(tmp_path, "one.ply", "two.ply", "--seed", 5, "--max-distance", 0.1) == ""
+    vertex = columns(tmp_path / "two.ply")[0]["vertex"]
+    assert list(vertex) == ["x", "y", "z", "obscurance", "red", "green", "blue"]
+    np.testing.assert_array_equal(vertex["red"].values, np.rint(255 * vertex["obscurance"].values))
+    assert (tmp_path / "two.ply").read_bytes().count(b"comment obscurance") == 1
+
+
+def test_colors_replaces_the_colours_of_a_ply_and_says_so(tmp_path):
+    (tmp_path / "rich.ply").write_bytes(rich_ply())
+    assert "not kept from rich.ply: its colours" in bake(tmp_path, "rich.ply", "out.ply", "--colors")
+    vertex = columns(tmp_path / "out.ply")[0]["vertex"]
+    np.testing.assert_array_equal(vertex["green"].values, np.rint(255 * vertex["obscurance"].values))
+
+
+def test_floats_of_text_stay_floats(tmp_path):
+    text = ascii_ply().replace(b"property double", b"property float").replace(b"9.0 9.0 9.0", b"0.1 -1.7e-5 123.456789")
+    (tmp_path / "m.ply").write_bytes(text)
+    bake(tmp_path, "m.ply", "out.ply")
+    vertex = columns(tmp_path / "out.ply")[0]["vertex"]
+    assert [vertex[axis].kind for axis in "xyz"] == ["f", "f", "f"]
+    np.testing.assert_array_equal([vertex[axis].values[-1] for axis in "xyz"], np.float32([0.1, -1.7e-5, 123.456789]))
+
+
+def text_ply(rows):
+    head = "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\n"
+    head += "property float quality\nelement face 1\nproperty list uchar int vertex_indices\nend_header\n"
+    return f"{head}{rows}\n3 0 1 2\n"
+
+
+def test_numbers_of_text_that_a_type_cannot_hold_get_one_that_can(tmp_path):
+    rows = "0 4500000.123 0 .5\n1 4500000.25 0 1e39\n0 4500001 1 2"
+    (tmp_path / "m.ply").write_text(text_ply(rows).replace("uchar int", "uchar uchar"))
+    bake(tmp_path, "m.ply", "out.ply")
+    vertex = columns(tmp_path / "out.ply")[0]["vertex"]
+    assert [vertex[name].kind for name in ("x", "y", "z", "quality")] == ["d", "d", "d", "d"]
+    assert vertex["y"].values.tolist() == [4500000.123, 4500000.25, 4500001]
+
+
+def test_quality_of_a_text_file_becomes_an_attribute(tmp_path):
+    (tmp_path / "m.ply").write_text(text_ply("0 0.1 0 0.3\n1 0 0 0.25\n0 1 0 0.123457"))
+    assert "warning" not in bake(tmp_path, "m.ply", "out.glb")
+    header, binary = check_glb((tmp_path / "out.glb").read_bytes())
+    quality = values(header, binary, header["meshes"][0]["primitives"][0]["attributes"]["_QUALITY"])
+    np.testing.assert_array_equal(quality, np.float32([0.3, 0.25, 0.123457]))
+
+
+def test_a_glb_keeps_of_a_ply_what_it_can_and_tells_the_rest(tmp_path):
+    (tmp_path / "rich.ply").write_bytes(rich_ply())
+    printed = bake(tmp_path, "rich.ply", "out.glb")
+    rest = "polygons, which become triangles, flags of faces, weights of faces, elements edge"
+    assert printed == f"warning: out.glb: not kept from rich.ply: {rest}\n"
+    header, binary = check_glb((tmp_path / "out.glb").read_bytes())
+    (primitive,) = header["meshes"][0]["primitives"]
+    found = {name: values(header, binary, number) for name, number in primitive["attributes"].items()}
+    assert set(found) == {"POSITION", "TEXCOORD_0", "TEXCOORD_1", "COLOR_0", "_QUALITY", "_OBSCURANCE"}
+    np.testing.assert_array_equal(found["POSITION"], XYZ)
+    np.testing.assert_allclose(found["TEXCOORD_0"], np.stack([np.arange(6) / 8, 1 - np.arange(6) / 4], axis=1))
+    np.testing.assert_allclose(found["COLOR_0"][0], [*decode_srgb(np.array([250, 10, 0]) / 255), 1], rtol=1e-6)
+    np.testing.assert_array_equal(found["_QUALITY"], np.arange(6) / 2)
+
+
+OBJ = """mtllib paint.mtl
+v 0 0 0 1 0 0
+v 1 0 0 0 1 0
+v 1 1 0 0 0 1
+v 0 1 0 1 1 1
+v 0 0 1 .5 .5 .5
+v 1 0 1 .5 .5 .5
+vt 0 0
+vt 1 0
+vt 1 1
+vt 0 1
+vt .25 .75
+"""
+SEAM = "f 1/1 2/2 3/3 4/4\nf 1/5 2/3 6/1 5/2\n"
+NO_SEAM = "f 1/1 2/2 3/3 4/4\nf 1/1 2/2 6/3 5/5\n"
+MTL = """newmtl red
+Kd .8 .1 .1
+map_Kd paint.png
+newmtl glass
+Kd .2 .3 .4
+d .5
+Pm .25
+Pr .75
+Ke 0 .5 0
+"""
+
+
+def write_obj(folder, faces):
+    (folder / "m.obj").write_text(OBJ + faces)
+    (folder / "paint.mtl").write_text(MTL)
+    PIL.Image.new("RGB", (2, 2), (200, 10, 10)).save(folder / "paint.png")
+
+
+def test_a_ply_keeps_polygons_colours_and_texture_coordinates_of_an_obj(tmp_path):
+    write_obj(tmp_path, NO_SEAM)
+    printed = bake(tmp_path, "m.obj", "out.ply")
+    assert printed == "warning: out.ply: keeps the colours of m.obj; w is in its property obscurance alone\n"
+    elements, detail = columns(tmp_path / "out.ply")
+    assert detail.sizes.tolist() == [4, 4]
+    assert elements["vertex"]["red"].values.tolist() == [255, 0, 0, 255, 128, 128]
+    uv = np.stack([elements["vertex"][name].values for name in "st"], axis=1)
+    np.testing.assert_array_equal(uv, [[0, 0], [1, 0], [1, 1], [0, 1], [0.25, 0.75], [1, 1]])
+
+
+def test_texture_coordinates_with_seams_go_to_the_corners_of_a_ply(tmp_path):
+    write_obj(tmp_path, SEAM)
+    bake(tmp_path, "m.obj", "out.ply")
+    elements, detail = columns(tmp_path / "out.ply")
+    assert "s" not in elements["vertex"]
+    expected = [0, 0, 1, 0, 1, 1, 0, 1, 0.25, 0.75, 1, 1, 0, 0, 1, 0]
+    assert elements["face"]["texcoord"].values.tolist() == expected
+    assert "texcoord" not in bake(tmp_path, "out.ply", "again.glb")
+    header, binary = check_glb((tmp_path / "again.glb").read_bytes())
+    uv = values(header, binary, header["meshes"][0]["primitives"][0]["attributes"]["TEXCOORD_0"])
+    assert len(uv) == 8
+    assert len(detail.corners) == 8
+
+
+@pytest.mark.parametrize("ending", ["ply", "glb"])
+def test_several_normals_of_a_vertex(tmp_path, ending):
+    faces = "vn 0 0 1\nvn 0 -1 0\nf 1//1 2//1 3//1\nf 1//2 6//2 2//2\n"
+    (tmp_path / "m.obj").write_text("\n".join(line for line in OBJ.splitlines() if "mtllib" not in line) + "\n" + faces)
+    printed = bake(tmp_path, "m.obj", f"out.{ending}")
+    assert ("normals of vertices that have several" in printed) == (ending == "ply")
+    if ending == "glb":
+        header, binary = check_glb((tmp_path / "out.glb").read_bytes())
+        (primitive,) = header["meshes"][0]["primitives"]
+        normals = values(header, binary, primitive["attributes"]["NORMAL"])
+        corners = values(header, binary, primitive["indices"]).reshape(-1, 3)
+        np.testing.assert_array_equal(normals[corners], [[[0, 0, 1]] * 3, [[0, -1, 0]] * 3])
+
+
+def test_a_glb_keeps_materials_textures_and_seams_of_an_obj(tmp_path):
+    write_obj(tmp_path, "usemtl red\n" + SEAM.replace("\nf", "\nusemtl glass\nf"))
+    printed = bake(tmp_path, "m.obj", "out.glb")
+    order = "the order of vertices (_SOURCE_INDEX has their places)"
+    assert printed == f"warning: out.glb: not kept from m.obj: {order}, polygons, which become triangles\n"
+    header, binary = check_glb((tmp_path / "out.glb").read_bytes())
+    one, two = header["meshes"][0]["primitives"]
+    names = [header["materials"][piece["material"]] for piece in (one, two)]
+    assert [material["name"] for material in names] == ["red", "glass"]
+    red, glass = (material["pbrMetallicRoughness"] for material in names)
+    assert red["baseColorFactor"] == [0.8, 0.1, 0.1, 1]
+    assert glass == {"baseColorFactor": [0.2, 0.3, 0.4, 0.5], "metallicFactor": 0.25, "roughnessFactor": 0.75}
+    assert names[1]["alphaMode"] == "BLEND"
+    assert names[1]["emissiveFactor"] == [0, 0.5, 0]
+    image = header["images"][header["textures"][red["baseColorTexture"]["index"]]["source"]]
+    view = header["bufferViews"][image["bufferView"]]
+    picture = binary[view["byteOffset"] : view["byteOffset"] + view["byteLength"]]
+    assert picture == (tmp_path / "paint.png").read_bytes()
+    uv = values(header, binary, two["attributes"]["TEXCOORD_0"])
+    corners = values(header, binary, two["indices"]).reshape(-1, 3)
+    np.testing.assert_array_equal(uv[corners][0], [[0.25, 0.25], [1, 0], [0, 1]])
+    places = values(header, binary, two["attributes"]["POSITION"])
+    np.testing.assert_array_equal(places[corners][0], [[0, 0, 0], [1, 0, 0], [1, 0, 1]])
+    colors = values(header, binary, one["attributes"]["COLOR_0"])
+    assert sorted(map(tuple, colors.tolist())) == [(0, 0, 1), (0, 1, 0), (1, 0, 0), (1, 1, 1)]
+
+
+def test_a_material_that_tr_1_would_hide_is_opaque(tmp_path):
+    write_obj(tmp_path, "usemtl red\n" + NO_SEAM.replace("\nf", "\nusemtl glass\nf"))
+    (tmp_path / "paint.mtl").write_text("newmtl red\nTr 1.000000\nnewmtl glass\nTr .75\nnewmtl clear\nd 0\nTr 1\n")
+    printed = bake(tmp_path, "m.obj", "out.glb")
+    assert "Tr 1 of red, taken for opaque" in printed
+    header, _ = check_glb((tmp_path / "out.glb").read_bytes())
+    red, glass = header["materials"][1:]
+    assert (red["pbrMetallicRoughness"]["baseColorFactor"][3], "alphaMode" in red) == (1, False)
+    assert (glass["pbrMetallicRoughness"]["baseColorFactor"][3], glass["alphaMode"]) == (0.25, "BLEND")
+    assert read_mtl(tmp_path / "paint.mtl", lambda _: None)[0]["clear"].opacity == 0
+    assert "Tr" not in bake(tmp_path, "m.obj", "out.ply")
+
+
+@pytest.mark.parametrize("given", ["grey", "alpha", "both"])
+def test_an_opacity_map_is_the_alpha_of_the_base_colour_texture(tmp_path, given):
+    write_obj(tmp_path, "usemtl red\n" + NO_SEAM)
+    rng = np.random.default_rng(3)
+    alpha = rng.integers(0, 256, (2, 4), np.uint8)
+    colour = np.full((2, 4, 4), (200, 10, 10, 255), np.uint8)
+    colour[..., 3] = alpha
+    maps = {"grey": PIL.Image.fromarray(alpha), "alpha": PIL.Image.fromarray(np.stack([255 - alpha, alpha], axis=2))}
+    maps["both"] = PIL.Image.fromarray(colour)
+    maps[given].save(tmp_path / "leaf.png")
+    own = "leaf.png" if given == "both" else "paint.png"  # of 2 × 2, enlarged
+    (tmp_path / "paint.mtl").write_text(f"newmtl red\nmap_d leaf.png\nmap_Kd {own}\n")
+    (paint,) = load(tmp_path / "m.obj", "x.glb").detail.paints
+    np.testing.assert_allclose(opacity_map(paint), alpha / 255, atol=1e-6)
+    assert "texture" not in bake(tmp_path, "m.obj", "out.glb")
+    header, binary = check_glb((tmp_path / "out.glb").read_bytes())
+    assert header["materials"][1]["alphaMode"] == "BLEND"
+    view = header["bufferViews"][header["images"][0]["bufferView"]]
+    (tmp_path / "in.png").write_bytes(binary[view["byteOffset"] : view["byteOffset"] + view["byteLength"]])
+    np.testing.assert_array_equal(PIL.Image.open(tmp_path / "in.png"), colour)
+
+
+def test_images_that_are_no_opacity_maps(tmp_path):
+    write_obj(tmp_path, "usemtl red\n" + NO_SEAM)
+    (tmp_path / "cut.png").write_bytes((tmp_path / "paint.png").read_bytes()[:-30])
+    for line in ("map_d cut.png", "map_d gone.png", "map_d paint.mtl", "map_d paint.png\nmap_Kd paint.png"):
+        (tmp_path / "paint.mtl").write_text(f"newmtl red\n{line}\n")
+        assert f"texture of {line.splitlines()[0].replace(' ', ' (')})" in bake(tmp_path, "m.obj", "out.glb")
+        assert "alphaMode" not in check_glb((tmp_path / "out.glb").read_bytes())[0]["materials"][1]
+
+
+def test_vertices_without_seams_keep_their_order_in_a_glb(tmp_path):
+    write_obj(tmp_path, SEAM)
+    bake(tmp_path, "m.obj", "out.glb")
+    w = load(tmp_path / "out.glb").mesh.vertices
+    np.testing.assert_array_equal(w[:6], load(tmp_path / "m.obj").mesh.vertices)
+    np.testing.assert_array_equal(w[6:], [[0, 0, 0], [1, 0, 0]])
+
+
+OBJECTS = """v 0 0 0
+v 1 0 0
+v 1 1 0
+v 0 1 0
+v 0 0 1
+v 1 0 1
+o floor
+g left
+usemtl red
+f 1 2 3
+usemtl glass
+f 1 3 4
+o wall
+g right
+f 1 5 6
+o floor
+usemtl red
+f 2 4 3
+o
+f 1 6 2
+"""
+
+
+def test_objects_of_an_obj_are_nodes_whose_vertices_tell_their_place_in_it(tmp_path):
+    (tmp_path / "m.obj").write_text(OBJECTS)
+    printed = bake(tmp_path, "m.obj", "out.glb")
+    assert "names of groups, the order of vertices (_SOURCE_INDEX has their places)" in printed
+    assert "its division into objects" in bake(tmp_path, "m.obj", "out.ply")
+    source, done = load(tmp_path / "m.obj", "x.glb"), check_glb((tmp_path / "out.glb").read_bytes())
+    header = done[0]
+    assert source.objects == ("floor", "wall", "m")
+    assert [node["name"] for node in header["nodes"]] == ["floor", "wall", "m"]
+    assert header["scenes"] == [{"nodes": [0, 1, 2]}]
+    assert [len(mesh["primitives"]) for mesh in header["meshes"]] == [2, 1, 1]
+    drawn = {}
+    for node in header["nodes"]:
+        for piece in header["meshes"][node["mesh"]]["primitives"]:
+            rows = values(*done, piece["attributes"]["_SOURCE_INDEX"]).astype(int)
+            places = values(*done, piece["attributes"]["POSITION"])
+            np.testing.assert_array_equal(places, source.mesh.vertices[rows])
+            faces = rows[values(*done, piece["indices"]).reshape(-1, 3)]
+            drawn[node["name"], header["materials"][piece["material"]]["name"]] = faces.tolist()
+    assert drawn == {
+        ("floor", "red"): [[0, 1, 2], [1, 3, 2]],
+        ("floor", "glass"): [[0, 2, 3]],
+        ("wall", "glass"): [[0, 4, 5]],
+        ("m", "red"): [[0, 5, 1]],
+    }
+    again = load(tmp_path / "out.glb")
+    rows = np.concatenate(
+        [values(*done, p["attributes"]["_SOURCE_INDEX"]) for m in header["meshes"] for p in m["primitives"]]
+    )
+    bake(tmp_path, "m.obj", "out.npy")
+    np.testing.assert_array_equal(np.load(tmp_path / "out.npy")[rows.astype(int)], again.w)
+
+
+@pytest.mark.parametrize("statements", ["o a\ng b", "g b", "g b\no a\ng b"])
+def test_the_name_of_a_single_object(tmp_path, statements):
+    (tmp_path / "m.obj").write_text(OBJECTS[: OBJECTS.index("o floor")] + statements + "\nf 1 2 3\nf 3 4 1\n")
+    assert bake(tmp_path, "m.obj", "out.glb") == ""
+    header, binary = check_glb((tmp_path / "out.glb").read_bytes())
+    assert [node["name"] for node in header["nodes"]] == ["a" if "a" in statements else "b"]
+    (piece,) = header["meshes"][0]["primitives"]
+    np.testing.assert_array_equal(values(header, binary, piece["attributes"]["POSITION"])[5], [1, 0, 1])
+
+
+def test_objects_beyond_measure_become_one(tmp_path, monkeypatch):
+    monkeypatch.setattr("scenes.formats.obj.detail.MAX_OBJECTS", 2)
+    (tmp_path / "m.obj").write_text(OBJECTS)
+    source = load(tmp_path / "m.obj", "x.glb")
+    assert source.objects == ("m",)
+    assert "its division into 3 objects" in source.unread
+
+
+def test_what_is_missing_of_materials_is_reported(tmp_path):
+    write_obj(tmp_path, "usemtl red\n" + SEAM)
+    (tmp_path / "paint.png").write_text("no picture")
+    (tmp_path / "m.obj").write_text((tmp_path / "m.obj").read_text() + "mtllib ../gone.mtl\nl 1 2\n")
+    printed = bake(tmp_path, "m.obj", "out.glb")
+    for words in (
+        "texture of map_Kd (paint.png)",
+        "material library ../gone.mtl",
+        "lines",
+    ):
+        assert words in printed
+    printed = bake(tmp_path, "m.obj", "out.ply")
+    assert "materials" in printed
+    assert "texture of" not in printed
+
+
+def test_materials_and_textures_are_inputs(tmp_path):
+    write_obj(tmp_path, "usemtl red\n" + SEAM)
+    done = obscurance("bake", tmp_path / "m.obj", "-o", tmp_path / "o.glb", "--debug-image", tmp_path / "paint.png")
+    assert done.returncode == 2
+    assert "--debug-image: expected a file that is not read" in done.stderr
+
+
+def test_a_ply_keeps_colours_and_texture_coordinates_of_a_gltf(tmp_path):
+    builder = Builder()
+    primitive = builder.primitive(QUAD, [[0, 1, 2], [0, 2, 3]])
+    primitive["attributes"]["TEXCOORD_0"] = builder.accessor(QUAD[:, :2].copy(), "VEC2")
+    primitive["attributes"]["COLOR_0"] = builder.accessor((QUAD * 0.5).astype("<f4"), "VEC3")
+    builder.mesh(primitive)
+    builder.mesh(builder.primitive(QUAD + np.float32(2), [[0, 1, 2]]))
+    data = builder.glb([{"mesh": 0}, {"mesh": 1}], materials=[{"name": "paint"}])
+    (tmp_path / "in.glb").write_bytes(data)
+    printed = bake(tmp_path, "in.glb", "out.ply")
+    assert "not kept from in.glb: nodes, materials\n" in printed
+    vertex = columns(tmp_path / "out.ply")[0]["vertex"]
+    np.testing.assert_array_equal(vertex["t"].values[:4], 1 - QUAD[:, 1])
+    expected = np.rint(255 * encode_srgb(QUAD[:, 0] * 0.5))
+    np.testing.assert_array_equal(vertex["red"].values, [*expected, 255, 255, 255, 255])
+
+
+def test_nothing_is_reported_where_nothing_is_lost(tmp_path):
+    (tmp_path / "m.stl").write_bytes(stl(QUAD[[[0, 1, 2], [0, 2, 3]]]))
+    for target in ("w.npy", "w.npz", "w.ply", "w.glb"):
+        assert bake(tmp_path, "m.stl", target) == ""
+
+
+def test_polygons_that_cross_themselves_are_reported(tmp_path):
+    (tmp_path / "bow.obj").write_text("v 0 0 0\nv 1 1 0\nv 1 0 0\nv 0 1 0\nf 1 2 3 4\n")
+    assert "bow.obj: 1 polygon crosses itself" in bake(tmp_path, "bow.obj", "w.npy")
+
+
+def test_colours_of_an_off_file_are_reported(tmp_path):
+    file = read(tmp_path, "m.off", b"OFF\n3 1 0\n0 0 0\n1 0 0\n0 1 0\n3 0 1 2 255 0 0\n")
+    assert "colours" in lost(tmp_path / "w.ply", file)[0]
+
+
+GROUPS = b"""<resources><basematerials id="7"><base name="PLA" displaycolor="#FF8000"/><base name="glass"
+displaycolor="#0000FF80"/></basematerials><colorgroup id="8"><color color="#00FF00FF"/>
+<color color="green"/></colorgroup>"""
+
+
+def painted_3mf(*changes):
+    model = MODEL.replace(b"<resources>", GROUPS)
+    for old, new in (*changes, (b'id="1" name="one"', b'id="1" name="one" pid="7" pindex="1"')):
+        assert old in model
+        model = model.replace(old, new)
+    return archive(**{"3D/3dmodel.model": model})
+
+
+def test_materials_of_a_3mf_file_come_into_a_glb(tmp_path):
+    changes = (b'v1="0" v2="1" v3="3"', b'v1="0" v2="1" v3="3" pid="8" p1="0"')
+    (tmp_path / "m.3mf").write_bytes(painted_3mf(changes))
+    order = "the order of vertices (_SOURCE_INDEX has their places)"
+    assert bake(tmp_path, "m.3mf", "out.glb") == f"warning: out.glb: not kept from m.3mf: {order}\n"
+    assert "not kept from m.3mf: its division into objects, materials" in bake(tmp_path, "m.3mf", "out.ply")
+    header, binary = check_glb((tmp_path / "out.glb").read_bytes())
+    factors = {m["name"]: m["pbrMetallicRoughness"]["baseColorFactor"] for m in header["materials"][1:]}
+    assert factors["PLA"] == pytest.approx([1, float(decode_srgb(np.array(128 / 255))), 0, 1])
+    assert factors["glass"] == pytest.approx([0, 0, 1, 128 / 255])
+    assert factors["#00FF00FF"] == [0, 1, 0, 1]
+    source = load(tmp_path / "m.3mf")
+    assert len(header["meshes"]) == len(source.parts) == 3
+    for mesh, part in zip(header["meshes"], source.parts, strict=True):
+        found = {header["materials"][piece["material"]]["name"]: piece for piece in mesh["primitives"]}
+        assert list(found) == ["glass", "#00FF00FF"]
+        for piece, faces in zip(found.values(), source.mesh.faces[part.faces], strict=True):
+            rows = values(header, binary, piece["attributes"]["_SOURCE_INDEX"]).astype(int)
+            np.testing.assert_array_equal(rows[values(header, binary, piece["indices"])], faces)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "expected"),
+    [
+        (b'v2="2" v3="1"', b'v2="2" v3="1" pid="8" p1="0" p2="1"', "colours that vary within triangles"),
+        (b"<object id", b'<texture2dgroup id="9"/><object id', "materials and colours"),
+        (b'v2="2" v3="1"', b'v2="2" v3="1" pid="8" p1="99999999999" p2="x" p3="-1"', None),
+        (b'v2="2" v3="1"', b'v2="2" v3="1" pid="70" p1="0"', None),
+    ],
+)
+def test_properties_of_a_3mf_file_that_a_glb_has_no_place_for(tmp_path, old, new, expected):
+    (tmp_path / "m.3mf").write_bytes(painted_3mf((old, new)))
+    file = load(tmp_path / "m.3mf", "x.glb")
+    assert (list(file.unread) == [expected]) if expected else not file.unread
+    assert load(tmp_path / "m.3mf").unread == (("materials and colours",))
+
+
+def test_too_many_colours_of_a_3mf_file_are_reported(tmp_path, monkeypatch):
+    monkeypatch.setattr("scenes.formats.threemf.MAX_PAINTS", 3)
+    file = read(tmp_path, "m.3mf", painted_3mf())
+    (tmp_path / "m.3mf").write_bytes(painted_3mf())
+    assert load(tmp_path / "m.3mf", "x.glb").unread == ("its 4 materials and colours",)
+    assert "materials and colours" in lost(tmp_path / "w.ply", file)[0]
+
+
+def test_seams_of_a_mesh_without_normals_are_no_edges_in_a_glb(tmp_path):
+    write_obj(tmp_path, "f 1/1 2/2 3/3 4/4\nf 1/5 5/3 6/1 2/5\n")
+    bake(tmp_path, "m.obj", "out.glb")
+    mesh = load(tmp_path / "out.glb").mesh
+    assert len(mesh.vertices) == 8
+    for repeated, original in ((6, 0), (7, 1)):
+        np.testing.assert_array_equal(mesh.vertices[repeated], mesh.vertices[original])
+        np.testing.assert_allclose(mesh.normals[repeated], mesh.normals[original])
+    np.testing.assert_allclose(mesh.normals[0], np.array([0, 1, 1]) / 2**0.5, atol=1e-6)
+    write_obj(tmp_path, NO_SEAM)
+    bake(tmp_path, "m.obj", "out.glb")
+    assert load(tmp_path / "out.glb").mesh.normals is None
+
+
+def test_what_only_some_corners_of_an_obj_have_is_reported(tmp_path):
+    write_obj(tmp_path, "vn 0 0 1\ns 1\nf 1/1/1 2/2/1 3/3/1\ns 2\nf 1 3 4\nusemtl a\nf 1 2 6\nusemtl b\nf 1 2 4\n")
+    printed = bake(tmp_path, "m.obj", "out.glb")
+    for words in (
+        "texture coordinates, which some corners lack",
+        "normals, which some corners lack",
+        "smoothing groups",
+        "vertices that no face uses",
+    ):
+        assert words in printed
+    (tmp_path / "c.obj").write_text("v 0 0 0 1 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")
+    assert "colours, which some vertices lack" in bake(tmp_path, "c.obj", "out.ply")

@@ -1,0 +1,1 @@
+"""The stress suite: poses, contacts, defects, limits of float32."""

@@ -1,0 +1,25 @@
+"""Every closed form of the validation table in every pose, a line for the one nearest to its limit."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from scenes.validation.table import compare, configurations, described, measure
+
+from .line import Line, undefined
+from .pose import poses
+
+
+def closed_forms(long: bool) -> Iterator[Line]:
+    """A line for each pose."""
+    for pose in poses(long):
+        found, missing = [], 0
+        for line in configurations():
+            posed = pose.configuration(line)
+            measured = measure(posed)
+            missing += undefined(measured)
+            result = compare(posed, measured)
+            case = f"{len(configurations())} closed forms, worst: {line.name}, {described(line.falloff)}"
+            found.append(Line(case, str(pose), "error of w", abs(result.error), result.allowed))
+        worst = max(found, key=lambda line: (not line.ok, line.measured / max(line.allowed, 1e-9)))
+        yield Line(worst.case, worst.pose, worst.quantity, worst.measured, worst.allowed, missing)

@@ -1,0 +1,119 @@
+"""Meshes with defects that must not change w: doubled, degenerate and mixed-up faces, fans, junk far away."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+
+import numpy as np
+
+from ao import Bake, Exponential, bake
+from raytrace.mesh.mesh import Mesh
+from scenes.geometry.polyhedra import Part, join, polygon
+
+from .line import Line, undefined
+from .pose import Pose
+from .solids import torus
+
+SAMPLES = 512
+NOISE = 1.25  # times the estimated error of the difference
+_MU = Exponential(tau=2.0)
+
+
+def defects(long: bool) -> Iterator[Line]:
+    """A line for each defect: the difference of w it makes, in units of its estimated error, root mean square."""
+    turns = range(4, 24) if long else range(4, 7)
+    for name, change in _CHANGES.items():
+        squares, missing = [], 0
+        for turn in turns:
+            part = torus(40, 20, 0.6)
+            vertices = Pose(turn=turn).vertices(part[0])
+            order, changed = change((vertices, part[1]), np.random.default_rng(turn))
+            plain, other = (
+                bake(mesh, _MU, SAMPLES, seed=seed)
+                for mesh, seed in ((Mesh(vertices, part[1]), 0), (Mesh(*changed), turn))
+            )
+            squares.append(_difference(plain, other, order))
+            missing += undefined(other.w, other.error, other.bent_normals)
+        ratio = float(np.sqrt(np.mean(squares)))
+        yield Line(name, f"{len(turns)} turns", "rms difference/error", ratio, NOISE, missing)
+
+
+def _difference(plain: Bake, other: Bake, order: np.ndarray) -> float:
+    """Mean square of w's difference over the mean square of its estimated error; vertex i became order[i]."""
+    squared = (plain.w - other.w[order]) ** 2
+    expected = plain.error**2 + other.error[order] ** 2
+    return float(squared.mean() / expected.mean())
+
+
+Change = Callable[[Part, np.random.Generator], tuple[np.ndarray, Part]]
+
+
+def _vertices(part: Part, rng: np.random.Generator) -> tuple[np.ndarray, Part]:
+    place = rng.permutation(len(part[0]))
+    vertices = np.empty_like(part[0])
+    vertices[place] = part[0]
+    return place, (vertices, place[part[1]])
+
+
+def _faces(part: Part, rng: np.random.Generator) -> tuple[np.ndarray, Part]:
+    return _same(part), (part[0], np.roll(rng.permutation(part[1]), 1, axis=1))
+
+
+def _doubled(part: Part, rng: np.random.Generator) -> tuple[np.ndarray, Part]:
+    return _same(part), (part[0], np.concatenate([part[1], part[1]]))
+
+
+def _shells(part: Part, rng: np.random.Generator) -> tuple[np.ndarray, Part]:
+    """The whole mesh twice at the same place, vertices and all."""
+    return _same(part), join([part, part])
+
+
+def _loose(part: Part, rng: np.random.Generator) -> tuple[np.ndarray, Part]:
+    """Every face with corners of its own."""
+    first = np.zeros(len(part[0]), np.int64)
+    first[part[1].ravel()] = np.arange(3 * len(part[1]))
+    return first, (part[0][part[1]].reshape(-1, 3), np.arange(3 * len(part[1])).reshape(-1, 3))
+
+
+def _no_area(part: Part, rng: np.random.Generator) -> tuple[np.ndarray, Part]:
+    """Points and lines for faces, a third as many as there are."""
+    some = part[1][rng.random(len(part[1])) < 1 / 3]
+    return _same(part), (part[0], np.concatenate([part[1], some[:, [0, 0, 1]], some[:, [2, 2, 2]]]))
+
+
+def _far(part: Part, rng: np.random.Generator) -> tuple[np.ndarray, Part]:
+    """A small triangle a thousand sizes away."""
+    return _same(part), join([part, polygon(1000 * rng.normal(size=3) + rng.normal(size=(3, 3)))])
+
+
+def _unused(part: Part, rng: np.random.Generator) -> tuple[np.ndarray, Part]:
+    """Vertices of no face, all over the place."""
+    return _same(part), (np.concatenate([part[0], 10 * rng.normal(size=(500, 3))]), part[1])
+
+
+def _cut(part: Part, rng: np.random.Generator) -> tuple[np.ndarray, Part]:
+    """Faces cut at an edge's middle on one side only: T-junctions."""
+    which = rng.choice(len(part[1]), 60, replace=False)
+    a, b, c = part[1][which].T
+    middle = len(part[0]) + np.arange(len(which))
+    vertices = np.concatenate([part[0], (part[0][a] + part[0][b]) / 2])
+    rest = np.delete(part[1], which, axis=0)
+    cut = np.concatenate([rest, np.stack([a, middle, c], -1), np.stack([middle, b, c], -1)])
+    return _same(part), (vertices, cut)
+
+
+def _same(part: Part) -> np.ndarray:
+    return np.arange(len(part[0]))
+
+
+_CHANGES: dict[str, Change] = {
+    "vertices in another order": _vertices,
+    "faces in another order": _faces,
+    "every face twice": _doubled,
+    "the whole mesh twice": _shells,
+    "every face with vertices of its own": _loose,
+    "faces without area": _no_area,
+    "a triangle 1,000 sizes away": _far,
+    "vertices of no face": _unused,
+    "T-junctions": _cut,
+}

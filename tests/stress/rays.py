@@ -1,0 +1,84 @@
+"""Self-intersections at vertices of convex meshes; rays that leak out of closed ones, from vertices and from inside."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from ao import Binary, bake
+from raytrace.embree.rays import occluded
+from raytrace.embree.scene import TriangleScene
+from raytrace.mesh.placement import Placement
+from raytrace.mesh.precision import coarseness
+from raytrace.types import Float64s
+from scenes.geometry.polyhedra import Part
+
+from .line import LEAKS, MILLION, SELF_HITS, Line, undefined
+from .pose import Pose, poses
+from .solids import FLAT, TORN, closed, convex, inward
+
+SAMPLES = 256
+_SINGLE = [Pose(scale, offset, 9, True) for scale, offset in ((1.0, 10.0), (1e-6, 100.0), (1e6, 1000.0))]
+
+
+def self_hits(long: bool) -> Iterator[Line]:
+    """Convex meshes, where w is exactly 1: a line for each, over all poses."""
+    for name, part in convex().items():
+        single = [] if name in FLAT else _SINGLE
+        yield _share(name, part, 1.0, "self-hits/M", SELF_HITS, poses(long) + single)
+
+
+def leaks(long: bool) -> Iterator[Line]:
+    """Closed meshes seen from inside, where the binary w is exactly 0: a line for each, over all poses."""
+    for name, part in closed().items():
+        single = [] if name in TORN else _SINGLE
+        yield _share(f"{name}, inside", inward(part), 0.0, "leaks/M", LEAKS, poses(long) + single)
+    count = 4_000_000 if long else 1_000_000
+    for name in ("icosphere", "torus", "cube with T-junctions", "slab 1000:1000:1"):
+        yield _random_rays(name, closed()[name], count)
+
+
+def _share(name: str, part: Part, truth: float, quantity: str, allowed: float, where: list[Pose]) -> Line:
+    """Rays that make w differ from `truth`, a million, over the poses; stored as float32 where that can hold it."""
+    wrong = rays = missing = used = 0
+    for pose in where:
+        mesh = pose.mesh(part)
+        if pose.single and coarseness(mesh).vertices:
+            continue
+        baked = bake(mesh, Binary(), samples=SAMPLES, reconstruct=False)
+        used += 1
+        rays += SAMPLES * len(baked.w)
+        wrong += round(float(np.abs(baked.w - truth).sum()) * SAMPLES)
+        missing += undefined(baked.w, baked.error, baked.bent_normals)
+    return Line(name, f"{used} poses, {rays / MILLION:.0f} M rays", quantity, wrong / rays * MILLION, allowed, missing)
+
+
+def _random_rays(name: str, part: Part, count: int) -> Line:
+    """Random rays from random places inside, two turned poses of them."""
+    escaped = 0
+    for turn in (1, 2):
+        pose = Pose(1.0, 1e3, turn)
+        mesh = pose.mesh(part)
+        placement = Placement.of(mesh)
+        rng = np.random.default_rng(turn)
+        origins = pose.directions(_inside(name, rng, count // 2)) * placement.scale
+        directions = rng.normal(size=(count // 2, 3))
+        scene = TriangleScene(placement.vertices, mesh.faces)
+        escaped += count // 2 - int(occluded(scene, origins, directions).sum())
+    return Line(
+        f"{name}, rays from inside",
+        f"2 poses, {count / MILLION:.0f} M rays",
+        "leaks/M",
+        escaped / count * MILLION,
+        LEAKS,
+    )
+
+
+def _inside(name: str, rng: np.random.Generator, count: int) -> Float64s:
+    """Places inside a mesh of `closed`, from the centre of its bounding box."""
+    if name == "torus":
+        angle = rng.uniform(0, 2 * np.pi, count)
+        return np.stack([np.cos(angle), np.sin(angle), rng.uniform(-0.3, 0.3, count)], axis=-1)
+    reach = {"icosphere": (0.55,) * 3, "slab 1000:1000:1": (0.499, 0.499, 0.000499)}.get(name, (0.499,) * 3)
+    return rng.uniform(-1, 1, (count, 3)) * reach

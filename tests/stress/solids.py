@@ -1,0 +1,114 @@
+"""Convex solids, whose vertices see nothing, and closed ones, which no ray from inside leaves."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from raytrace.types import Float64s
+from scenes.geometry.menger import menger
+from scenes.geometry.polyhedra import Part, hull, icosphere, join, part_of, prism
+from scenes.geometry.primitives import box
+
+
+def grid(cells: int, size: float = 1.0) -> Part:
+    """A square in z = 0 facing +z, centred."""
+    steps = np.linspace(-size / 2, size / 2, cells + 1)
+    x, y = (axis.ravel() for axis in np.meshgrid(steps, steps, indexing="ij"))
+    first = np.array([i * (cells + 1) + j for i in range(cells) for j in range(cells)])
+    right, across = first + cells + 1, first + cells + 2
+    faces = np.concatenate([np.stack([first, right, across], -1), np.stack([first, across, first + 1], -1)])
+    return np.stack([x, y, np.zeros_like(x)], axis=-1), faces
+
+
+def cube(cells: int) -> Part:
+    """The unit cube, each side with vertices of its own: hard edges."""
+    return part_of(box((0, 0, 0), (1, 1, 1), 1 / cells).mesh)
+
+
+def ellipsoid(points: int, axes: tuple[float, float, float]) -> Part:
+    """Convex hull of random points on an ellipsoid: flat triangles where it is flat."""
+    directions = np.random.default_rng(0).normal(size=(points, 3))
+    return hull(directions / np.linalg.norm(directions, axis=1, keepdims=True) * axes)
+
+
+def torus(major: int = 60, minor: int = 30, thickness: float = 0.45) -> Part:
+    """A torus of radius 1 about z."""
+    u, v = (axis.ravel() for axis in np.meshgrid(np.arange(major), np.arange(minor), indexing="ij"))
+    a, b = 2 * np.pi * u / major, 2 * np.pi * v / minor
+    ring = 1 + thickness * np.cos(b)
+    vertices = np.stack([ring * np.cos(a), ring * np.sin(a), thickness * np.sin(b)], axis=-1)
+    right, up = (u + 1) % major * minor, (v + 1) % minor
+    here, beside, above, across = u * minor + v, right + v, u * minor + up, right + up
+    return vertices, np.concatenate([np.stack([here, beside, across], -1), np.stack([here, across, above], -1)])
+
+
+def junctions(cells: int = 12) -> Part:
+    """A closed cube whose sides are cut unlike, so that the vertices of one lie on the edges of the next."""
+    sides = []
+    for side, turn in enumerate(_SIDES):
+        vertices, faces = grid(cells if side % 2 else 1 + side)
+        sides.append(((vertices + np.array([0, 0, 0.5])) @ turn.T, faces))
+    return join(sides)
+
+
+def stretched(part: Part, axes: tuple[float, float, float]) -> Part:
+    """A part scaled along x, y and z."""
+    return part[0] * axes, part[1]
+
+
+def cone(sides: int) -> Part:
+    """The wall of a cone about +z: triangles that all meet at the apex, the first vertex."""
+    angle = 2 * np.pi * np.arange(sides) / sides
+    rim = np.stack([np.cos(angle), np.sin(angle), np.zeros(sides)], axis=-1)
+    place = np.arange(sides)
+    faces = np.stack([np.zeros(sides, int), place + 1, (place + 1) % sides + 1], axis=-1)
+    return np.concatenate([[[0.0, 0.0, 2.0]], rim]), faces
+
+
+def inward(part: Part) -> Part:
+    """A part with its faces turned round."""
+    return part[0], part[1][:, ::-1]
+
+
+def _turn(x: tuple[int, int, int], y: tuple[int, int, int]) -> Float64s:
+    return np.stack([x, y, np.cross(x, y)], axis=1).astype(np.float64)
+
+
+_SIDES = [
+    _turn((1, 0, 0), (0, 1, 0)), _turn((0, 1, 0), (0, 0, 1)), _turn((0, 0, 1), (1, 0, 0)),
+    _turn((0, 1, 0), (1, 0, 0)), _turn((0, 0, 1), (0, 1, 0)), _turn((1, 0, 0), (0, 0, 1)),
+]  # fmt: skip
+
+
+TORN = {"cube with T-junctions"}  # by the rounding to float32 far from the origin
+FLAT = TORN | {"plane", "cube, hard edges", "coarse cube, hard edges"}  # sides that this rounding makes truly bumpy
+
+
+def convex() -> dict[str, Part]:
+    """Convex parts and open planes, by name."""
+    return {
+        "icosphere": icosphere(5),
+        "cube, hard edges": cube(32),
+        "coarse cube, hard edges": cube(8),
+        "plane": grid(100),
+        "cube with T-junctions": junctions(),
+        "ellipsoid 1000:1:1": ellipsoid(2000, (1, 1e-3, 1e-3)),
+        "ellipsoid 1000:1000:1": ellipsoid(2000, (1, 1, 1e-3)),
+        "prism of slivers 10⁴:1": prism(64, 1e3),
+        "prism of 3,000 slivers": prism(3000, 2.0),
+        "cone of 5,000 slivers": cone(5000),
+    }
+
+
+def closed() -> dict[str, Part]:
+    """Closed parts that face outward, by name."""
+    return {
+        "icosphere": icosphere(4),
+        "torus": torus(),
+        "cube, hard edges": cube(32),
+        "coarse cube, hard edges": cube(8),
+        "cube with T-junctions": junctions(),
+        "Menger sponge": part_of(menger(2, 1.0, 1)),
+        "slab 1000:1000:1": stretched(cube(8), (1, 1, 1e-3)),
+        "ellipsoid 1000:1000:1": ellipsoid(2000, (1, 1, 1e-3)),
+    }
