@@ -2,29 +2,20 @@
 
 from __future__ import annotations
 
-import re
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
 
 from raytrace.mesh.opacity import AlphaSurface, Opacity
-from raytrace.types import Float64s, Int64s
 
 from ...geometry.detail import Detail, Paint, PerCorner
 from ...geometry.polygons import Triangles
 from .mtl import OPAQUE, read_mtl
-from .text import ObjText, statements
+from .text import ObjText
 
 PAINT_WORDS = ("texture of", "material library", OPAQUE)  # how what is missing of materials begins
-_COLOURED = statements("v", r"(\S+(?:[ \t]+\S+){5})[ \t]*(?:#.*)?$")
 MAX_OBJECTS = 4096  # each takes a kilobyte or two of a .glb
-_FACE = statements("f", "")
-_LIBRARY = statements("mtllib", r"([^#\n]+)")
-_SMOOTHED = statements("s", r"(\S+)")
-_OTHER = statements("(?:l|p|curv|curv2|surf)", "")
-_SOME_UV = re.compile(r"[^/\s]/[^/\s]")
-_SOME_NORMAL = re.compile(r"/[^/\s]*/[^/\s]")
+_OTHER = "l", "p", "curv", "curv2", "surf"
 
 
 def obj_detail(
@@ -36,23 +27,24 @@ def obj_detail(
         folder: where the file is; its material libraries and their images are there or below.
         triangles: of its faces. normals: of all corners. one_each: whether no vertex has several of them.
     """
-    text, uv = file.text, file.uv()
-    colors = _colors(text, len(file.vertices))
-    by_object, by_group, painted = polygons_of(text, "o", "g", "usemtl")
+    uv, colors = file.uv(), file.colors
+    if colors is not None and not ((colors >= 0) & (colors <= 1)).all():
+        colors = None
+    by_object, by_group, painted = (file.named(keyword) for keyword in ("o", "g", "usemtl"))
     objects = by_group if by_object.kinds < 2 <= by_group.kinds or not by_object.names else by_object
-    has_some_uv = uv is None and bool(_SOME_UV.search(file.faces))
+    has_some_uv = uv is None and bool(file.some("vt").any())
     finite = uv is None or bool(np.isfinite(uv.rows).all())
     left_out = (
         (by_object.kinds > 1 and by_group.kinds > 1, "names of groups"),
         (objects.kinds > MAX_OBJECTS, f"its division into {objects.kinds:,} objects"),
-        (len(set(_SMOOTHED.findall(text))) > 1, "smoothing groups"),
-        (_OTHER.search(text), "lines, points, curves and surfaces"),
+        (len(set(file.lines("s").split())) > 1, "smoothing groups"),
+        (any(run.keyword in _OTHER for run in file.runs), "lines, points, curves and surfaces"),
         (has_some_uv, "texture coordinates, which some corners lack"),
-        (normals is None and _SOME_NORMAL.search(file.faces), "normals, which some corners lack"),
+        (normals is None and file.some("vn").any(), "normals, which some corners lack"),
         (not finite, "texture coordinates, some of which are not finite"),
-        (colors is None and _COLOURED.search(text), "colours, which some vertices lack or have outside of [0, 1]"),
+        (colors is None and (file.widths == 6).any(), "colours, which some vertices lack or have outside of [0, 1]"),
     )
-    paints, files, missing = _paints(text, folder, painted.names)
+    paints, files, missing = _paints(file, folder, painted.names)
     is_divided = objects.names and objects.kinds <= MAX_OBJECTS
     detail = Detail(
         file.corners,
@@ -71,52 +63,17 @@ def obj_detail(
     return detail, (*(words for is_left_out, words in left_out if is_left_out), *missing)
 
 
-def _colors(text: str, vertex_count: int) -> Float64s | None:
-    """Red, green and blue behind the coordinates of every vertex, as many programs write them."""
-    rows = _COLOURED.findall(text)
-    if not rows or len(rows) != vertex_count:
-        return None
-    try:
-        colors = np.fromstring(" ".join(rows), sep=" ").reshape(vertex_count, 6)[:, 3:]
-    except ValueError:
-        return None
-    return colors if (colors >= 0).all() and (colors <= 1).all() else None
-
-
-class Named(NamedTuple):
-    """The names that statements give to the faces after them, (p,) which each has, −1: none, and how many differ."""
-
-    names: tuple[str, ...]
-    of: Int64s
-    kinds: int
-
-
-def polygons_of(text: str, *keywords: str) -> list[Named]:
-    """The polygons of what these statements name, such as `usemtl`."""
-    starts = np.fromiter((face.start() for face in _FACE.finditer(text)), np.int64)
-    return [_named(text, keyword, starts) for keyword in keywords]
-
-
-def _named(text: str, keyword: str, starts: Int64s) -> Named:
-    """Args: starts: (p,) where the faces' statements start."""
-    names: dict[str, int] = {}
-    places, labels = [0], [-1]
-    for statement in re.finditer(rf"^[ \t]*{keyword}(?!\S)([^#\n]*)", text, re.MULTILINE):
-        places.append(statement.start())
-        labels.append(names.setdefault(statement[1].strip(), len(names)))
-    of = np.array(labels)[np.searchsorted(places, starts, "right") - 1]
-    return Named(tuple(names), of, len(np.unique(of)))
-
-
-def _paints(text: str, folder: Path, names: tuple[str, ...]) -> tuple[tuple[Paint, ...], tuple[Path, ...], list[str]]:
+def _paints(
+    file: ObjText, folder: Path, names: tuple[str, ...]
+) -> tuple[tuple[Paint, ...], tuple[Path, ...], list[str]]:
     """The materials of these names, the files they come from, and what was left out."""
     if not names:
         return (), (), []
-    known, files, left = read_paints(text, folder)
+    known, files, left = _read_paints(file, folder)
     return tuple(known.get(name, Paint(name)) for name in names), tuple(files), left
 
 
-def read_paints(text: str, folder: Path) -> tuple[dict[str, Paint], list[Path], list[str]]:
+def _read_paints(file: ObjText, folder: Path) -> tuple[dict[str, Paint], list[Path], list[str]]:
     """The materials of a file's libraries by name, the files they come from, and what was left out."""
     known: dict[str, Paint] = {}
     files: list[Path] = []
@@ -130,11 +87,11 @@ def read_paints(text: str, folder: Path) -> tuple[dict[str, Paint], list[Path], 
         except (OSError, ValueError):
             return None
 
-    for line in _LIBRARY.findall(text):
+    for line in filter(None, map(str.strip, file.lines("mtllib").split("\n"))):
         found = [beside(line)] if beside(line) else [beside(name) for name in line.split()]
         for library in found:
             if library is None:
-                left.append(f"material library {line.strip()}")
+                left.append(f"material library {line}")
                 continue
             more, missing = read_mtl(library, beside)
             known = more | known
@@ -149,12 +106,12 @@ def obj_opacity(file: ObjText, folder: Path, triangles: Triangles) -> tuple[Opac
 
     Args: folder: where the file is. triangles: of its polygons.
     """
-    known, _, left = read_paints(file.text, folder)
+    known, _, left = _read_paints(file, folder)
     notes = tuple(f"{words} is not read: alpha there is that of d alone" for words in left if "map_d" in words)
     paints = {name: paint for name, paint in known.items() if _has_alpha(paint)}
     if not paints:
         return None, notes
-    (painted,) = polygons_of(file.text, "usemtl")
+    painted = file.named("usemtl")
     of_name = [list(paints).index(name) if name in paints else -1 for name in painted.names]
     of = np.repeat(np.array([*of_name, -1])[painted.of], triangles.counts)
     if (of < 0).all():

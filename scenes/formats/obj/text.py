@@ -1,5 +1,7 @@
 """The statements of a Wavefront OBJ file: vertices, faces, and the indices at their corners.
 
+Programs write thousands of lines of a kind after one another: such runs are found once and their numbers read together.
+
 Format: Wavefront Advanced Visualizer manual, appendix B1.
 """
 
@@ -7,46 +9,56 @@ from __future__ import annotations
 
 import re
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
 from raytrace.errors import MeshError
-from raytrace.types import Float64s, Int64s
+from raytrace.types import Bools, Float64s, Int64s, UInt8s
 
 from ...geometry.detail import PerCorner
 
+_RUN = re.compile(r"^[ \t]*(\w+)(?!\S)[^\n]*(?:\n[ \t]*\1(?!\S)[^\n]*)*+", re.MULTILINE)
+_INDEXED = "v", "vt", "vn"
+_NONE = 1 << 62  # the index of a corner that has none
 
-def statements(keyword: str, rest: str = r"([^#\n]*)") -> re.Pattern[str]:
-    """Lines that begin with `keyword`, a pattern, and go on with `rest`."""
-    return re.compile(rf"^[ \t]*{keyword}[ \t]+{rest}", re.MULTILINE)
+
+class Run(NamedTuple):
+    """Statements of one keyword after one another, a line each."""
+
+    keyword: str
+    text: str
+    lines: int
 
 
-_VERTEX = statements("v", r"(\S+[ \t]+\S+[ \t]+\S+)")
-_VERTEX_LINE = statements("v", "")
-_NORMAL = statements("vn", r"(\S+[ \t]+\S+[ \t]+\S+)")
-_TEXTURE = statements("vt", r"(\S+[ \t]+\S+)")
-_FACE = statements("f")
-_INDEXED = statements("(v|vt|vn|f)")
-_CORNER_WITHOUT_NORMAL = re.compile(r"(?<!\S)(?![^/\s]+/[^/\s]*/[^/\s]+(?!\S))\S")
-_CORNER_WITHOUT_UV = re.compile(r"(?<!\S)(?![^/\s]+/[^/\s]+)\S")
+class Named(NamedTuple):
+    """The names that statements give to the faces after them, (p,) which each has, −1: none, and how many differ."""
+
+    names: tuple[str, ...]
+    of: Int64s
+    kinds: int
 
 
 @dataclass(frozen=True, eq=False)
 class ObjText:
-    """An OBJ file's text and its geometry.
+    """An OBJ file's statements and its geometry.
 
     Attributes:
-        text: continued lines joined. source: the file's name for messages.
-        vertices: float64 (n, 3). sizes: int64 (p,), corners of each face.
-        faces: the corners, a face a line, with positive indices.
+        runs: all statements; continued lines are joined. source: the file's name for messages.
+        vertices: float64 (n, 3). widths: int64 (n,), numbers on the line of each.
+        colors: float64 (n, 3), what follows the coordinates where every line has six numbers, or None.
+        sizes: int64 (p,), corners of each face.
+        indices: int64 (c, 3), those of each corner's vertex, texture coordinate and normal, from 1 on or `_NONE`.
         corners: int64 (c,), the vertex of each.
     """
 
-    text: str
+    runs: list[Run]
     source: str
     vertices: Float64s
+    widths: Int64s
+    colors: Float64s | None
     sizes: Int64s
-    faces: str
+    indices: Int64s
     corners: Int64s
 
     @classmethod
@@ -60,66 +72,142 @@ class ObjText:
         """
         text = data.decode("utf-8", "replace").removeprefix("\ufeff").replace("\r\n", "\n").replace("\r", "\n")
         text = text.replace("\\\n", " ")
-        vertices = _rows(_VERTEX.findall(text), 3)
-        short = sum(1 for _ in _VERTEX_LINE.finditer(text)) - len(vertices)
-        if short:
+        runs = [Run(run[1], run[0], run[0].count("\n") + 1) for run in _RUN.finditer(text)]
+        del text
+        lines = _lines(runs, "v")
+        widths = _words(*_layout(lines))
+        numbers = _rows(lines, 3, widths)
+        if short := len(widths) - len(numbers):
             raise MeshError(source, "v", "three coordinates on every line", f"fewer on {short} of them")
-        faces = "\n".join(_FACE.findall(text))
-        if "-" in faces:
-            faces = _absolute(text)
-        sizes = np.array([len(line.split()) for line in faces.split("\n")] if faces else [], dtype=np.int64)
+        faces = _lines(runs, "f")
+        layout = _layout(faces)
+        sizes = _words(*layout)
         if (sizes < 3).any():
             raise MeshError(source, f"face {int(np.argmax(sizes < 3)) + 1}", "three corners or more", int(sizes.min()))
-        corners = _indices(re.sub(r"/\S*", "", faces), len(vertices), source, "v")
-        return cls(text, source, vertices, sizes, faces, corners)
+        indices = _indices(faces, *layout)
+        if "-" in faces:
+            indices = np.where(indices < 0, indices + 1 + np.repeat(_seen(runs), sizes, axis=0), indices)
+        vertices = np.ascontiguousarray(numbers[:, :3])
+        colors = numbers[:, 3:] if numbers.shape[1] == 6 else None
+        corners = _from_zero(indices[:, 0], len(vertices), source, "v")
+        return cls(runs, source, vertices, widths, colors, sizes, indices, corners)
+
+    def lines(self, keyword: str) -> str:
+        """What follows a keyword, a statement a line, without comments."""
+        return _lines(self.runs, keyword)
 
     def normals(self) -> PerCorner | None:
         """Normals of all corners, or None if some corner has none. Raises: as `parse`."""
-        normals = _rows(_NORMAL.findall(self.text), 3)
-        if not len(normals) or _CORNER_WITHOUT_NORMAL.search(self.faces):
-            return None
-        chosen = re.sub(r"(?<!\S)[^/\s]+/[^/\s]*/", "", self.faces)
-        return PerCorner(normals, _indices(chosen, len(normals), self.source, "vn"))
+        return self._of_corners("vn", 3)
 
     def uv(self) -> PerCorner | None:
         """Texture coordinates of all corners, v upwards, or None if some corner has none. Raises: as `parse`."""
-        uv = _rows(_TEXTURE.findall(self.text), 2)
-        if not len(uv) or _CORNER_WITHOUT_UV.search(self.faces):
-            return None
-        chosen = re.sub(r"(?<!\S)[^/\s]+/([^/\s]+)\S*", r"\1", self.faces)
-        return PerCorner(uv, _indices(chosen, len(uv), self.source, "vt"))
+        return self._of_corners("vt", 2)
+
+    def some(self, keyword: str) -> Bools:
+        """Which corners have an index of `vt` or `vn`."""
+        return np.asarray(self.indices[:, _INDEXED.index(keyword)] != _NONE)
 
     def some_uv(self) -> Float64s:
         """Texture coordinates (c, 2) of the corners, NaN where they have none. Raises: as `parse`."""
-        uv = np.append(_rows(_TEXTURE.findall(self.text), 2), [[np.nan, np.nan]], axis=0)
-        none = str(len(uv))
-        chosen = re.sub(r"(?<!\S)[^/\s]+(?:/([^/\s]*))?\S*", lambda found: found[1] or none, self.faces)
-        return uv[_indices(chosen, len(uv), self.source, "vt")]
+        rows, some = self._numbers("vt", 2), self.some("vt")
+        uv = np.full((len(some), 2), np.nan)
+        uv[some] = rows[_from_zero(self.indices[some, 1], len(rows), self.source, "vt")]
+        return uv
+
+    def named(self, keyword: str) -> Named:
+        """The faces by the statements before them, such as `usemtl`."""
+        names: dict[str, int] = {}
+        labels, counts, label = [], [], -1
+        for run in self.runs:
+            if run.keyword == keyword:
+                for line in _lines([run], keyword).split("\n"):
+                    label = names.setdefault(line.strip(), len(names))
+            elif run.keyword == "f":
+                labels.append(label)
+                counts.append(run.lines)
+        return Named(tuple(names), np.repeat(np.array(labels, np.int64), np.array(counts, np.int64)), len(set(labels)))
+
+    def _numbers(self, keyword: str, width: int) -> Float64s:
+        lines = self.lines(keyword)
+        return np.ascontiguousarray(_rows(lines, width, _words(*_layout(lines)))[:, :width])
+
+    def _of_corners(self, keyword: str, width: int) -> PerCorner | None:
+        if not self.some(keyword).all():
+            return None
+        rows, indices = self._numbers(keyword, width), self.indices[:, _INDEXED.index(keyword)]
+        return PerCorner(rows, _from_zero(indices, len(rows), self.source, keyword)) if len(rows) else None
 
 
-def _rows(lines: list[str], width: int) -> Float64s:
-    return np.fromstring(" ".join(lines), sep=" ").reshape(-1, width)
+def _lines(runs: list[Run], keyword: str) -> str:
+    text = "\n".join(run.text for run in runs if run.keyword == keyword)
+    if "#" in text:
+        text = re.sub(r"#[^\n]*", "", text)
+    if text.count(keyword) == text.count("\n") + 1:
+        return text.replace(keyword, "")
+    return re.sub(rf"^[ \t]*{keyword}", "", text, flags=re.MULTILINE)
 
 
-def _absolute(text: str) -> str:
-    """The faces with relative indices replaced by absolute ones, each counted at its own line."""
-    count = {"v": 0, "vt": 0, "vn": 0}
-    faces = []
-    for keyword, values in _INDEXED.findall(text):
-        if keyword != "f":
-            count[keyword] += 1
-            continue
-        corners = []
-        for corner in values.split():
-            indices = zip(corner.split("/"), count.values(), strict=False)
-            corners.append("/".join(str(n + 1 + int(i)) if i.startswith("-") else i for i, n in indices))
-        faces.append(" ".join(corners))
-    return "\n".join(faces)
+def _layout(lines: str) -> tuple[UInt8s, Bools]:
+    """The bytes of lines, each after its line feed, and where a word starts."""
+    data = np.frombuffer(f"\n{lines}".encode() if lines else b"", np.uint8)
+    blank = data <= 32
+    return data, np.append(False, blank[:-1] & ~blank[1:])[: len(data)]
 
 
-def _indices(text: str, count: int, source: str, keyword: str) -> Int64s:
-    """Zero-based indices from one-based ones in text."""
-    indices = np.fromstring(text, dtype=np.int64, sep=" ")
+def _words(data: UInt8s, starts: Bools) -> Int64s:
+    """How many words each line has."""
+    ends = np.searchsorted(np.flatnonzero(starts), np.flatnonzero(data == ord("\n")))
+    return np.diff(ends, append=np.count_nonzero(starts))
+
+
+def _rows(lines: str, width: int, words: Int64s) -> Float64s:
+    """All numbers of lines that have equally many, and `width` of them or more; else the first `width` of each line.
+
+    Args: words: how many each line has.
+    """
+    if len(words) and words[0] >= width and (words == words[0]).all():
+        numbers = np.fromstring(lines, sep=" ")
+        if len(numbers) == words.sum():
+            return numbers.reshape(len(words), -1)
+    found = re.findall(r"^[ \t]*(\S+" + r"[ \t]+\S+" * (width - 1) + ")", lines, re.MULTILINE)
+    return np.fromstring(" ".join(found), sep=" ").reshape(-1, width)
+
+
+def _indices(faces: str, data: UInt8s, starts: Bools) -> Int64s:
+    """Indices (c, 3) as they are written, `_NONE` where there is none."""
+    slash = data == ord("/")
+    indices = np.full((np.count_nonzero(starts), 3), _NONE)
+    marks = slash[slash | starts]
+    width = len(marks) // max(len(indices), 1)
+    if 1 <= width <= 3 and len(marks) == width * len(indices):
+        alike = bool((marks.reshape(-1, width) == (np.arange(width) > 0)).all())
+        empty = faces.count("//")
+        columns = [0, 2] if width == 3 and empty else list(range(width))
+        values = np.fromstring(faces.replace("/", " "), np.int64, sep=" ")
+        if alike and empty in (0, len(indices)) and len(values) == len(indices) * len(columns):
+            indices[:, columns] = values.reshape(-1, len(columns))
+            return indices
+    for row, corner in enumerate(faces.split()):
+        for column, index in enumerate(corner.split("/")[:3]):
+            indices[row, column] = int(index) if index else _NONE
+    return indices
+
+
+def _seen(runs: list[Run]) -> Int64s:
+    """How many of `_INDEXED` stand before each face, (p, 3): relative indices count back from there."""
+    seen, rows, counts = dict.fromkeys(_INDEXED, 0), [], []
+    for run in runs:
+        if run.keyword == "f":
+            rows.append(list(seen.values()))
+            counts.append(run.lines)
+        elif run.keyword in seen:
+            seen[run.keyword] += run.lines
+    return np.repeat(np.array(rows), counts, axis=0)
+
+
+def _from_zero(indices: Int64s, count: int, source: str, keyword: str) -> Int64s:
+    """Indices from one on as those from zero on."""
     outside = (indices < 1) | (indices > count)
     if outside.any():
         raise MeshError(source, "f", f"{keyword} indices from 1 to {count}", int(indices[np.argmax(outside)]))
