@@ -33,7 +33,7 @@ if TYPE_CHECKING:
     from .gltf.container import Gltf
 
 # Bytes of memory a byte of file at the peak of reading: of archives and glTF less, what they hold is counted later.
-_PEAK = {"obj": 7.0, "ply": 7.5, "stl": 6.0, "off": 22.0, "glb": 2.0, "gltf": 2.0, "3mf": 1.0}
+_PEAK = {"obj": 9.0, "ply": 7.5, "stl": 6.0, "off": 22.0, "glb": 2.0, "gltf": 2.0, "3mf": 1.0}
 _PEAK_OF_LIBRARIES = 22.0
 _KEPT = 2.5  # besides, where details are kept
 

@@ -44,11 +44,12 @@ class ObjText:
     """An OBJ file's statements and its geometry.
 
     Attributes:
-        runs: all statements; continued lines are joined. source: the file's name for messages.
+        runs: all statements, those of `v` and `f` without their text; continued lines are joined.
+        source: the file's name for messages.
         vertices: float64 (n, 3). widths: int64 (n,), numbers on the line of each.
         colors: float64 (n, 3), what follows the coordinates where every line has six numbers, or None.
         sizes: int64 (p,), corners of each face.
-        indices: int64 (c, 3), those of each corner's vertex, texture coordinate and normal, from 1 on or `_NONE`.
+        indices: int64 (c,) by keyword, those of the corners' vertices, `vt` and `vn`, from 1 on, or `_NONE`.
         corners: int64 (c,), the vertex of each.
     """
 
@@ -58,7 +59,7 @@ class ObjText:
     widths: Int64s
     colors: Float64s | None
     sizes: Int64s
-    indices: Int64s
+    indices: dict[str, Int64s]
     corners: Int64s
 
     @classmethod
@@ -79,17 +80,20 @@ class ObjText:
         numbers = _rows(lines, 3, widths)
         if short := len(widths) - len(numbers):
             raise MeshError(source, "v", "three coordinates on every line", f"fewer on {short} of them")
-        faces = _lines(runs, "f")
-        layout = _layout(faces)
+        vertices = np.ascontiguousarray(numbers[:, :3])
+        colors = numbers[:, 3:] if numbers.shape[1] == 6 else None
+        lines = _lines(runs, "f")
+        runs = [run._replace(text="") if run.keyword in ("v", "f") else run for run in runs]
+        layout = _layout(lines)
         sizes = _words(*layout)
         if (sizes < 3).any():
             raise MeshError(source, f"face {int(np.argmax(sizes < 3)) + 1}", "three corners or more", int(sizes.min()))
-        indices = _indices(faces, *layout)
-        if "-" in faces:
-            indices = np.where(indices < 0, indices + 1 + np.repeat(_seen(runs), sizes, axis=0), indices)
-        vertices = np.ascontiguousarray(numbers[:, :3])
-        colors = numbers[:, 3:] if numbers.shape[1] == 6 else None
-        corners = _from_zero(indices[:, 0], len(vertices), source, "v")
+        indices = dict(zip(_INDEXED, _indices(lines, *layout), strict=True))
+        if "-" in lines:
+            for keyword, seen in zip(_INDEXED, _seen(runs).T, strict=True):
+                relative = indices[keyword]
+                indices[keyword] = np.where(relative < 0, relative + 1 + np.repeat(seen, sizes), relative)
+        corners = _from_zero(indices["v"], len(vertices), source, "v")
         return cls(runs, source, vertices, widths, colors, sizes, indices, corners)
 
     def lines(self, keyword: str) -> str:
@@ -105,14 +109,14 @@ class ObjText:
         return self._of_corners("vt", 2)
 
     def some(self, keyword: str) -> Bools:
-        """Which corners have an index of `vt` or `vn`."""
-        return np.asarray(self.indices[:, _INDEXED.index(keyword)] != _NONE)
+        """Which corners have an index of `vt` or `vn`, (c,)."""
+        return np.asarray(self.indices[keyword] != _NONE)
 
     def some_uv(self) -> Float64s:
         """Texture coordinates (c, 2) of the corners, NaN where they have none. Raises: as `parse`."""
         rows, some = self._numbers("vt", 2), self.some("vt")
         uv = np.full((len(some), 2), np.nan)
-        uv[some] = rows[_from_zero(self.indices[some, 1], len(rows), self.source, "vt")]
+        uv[some] = rows[_from_zero(self.indices["vt"][some], len(rows), self.source, "vt")]
         return uv
 
     def named(self, keyword: str) -> Named:
@@ -135,8 +139,9 @@ class ObjText:
     def _of_corners(self, keyword: str, width: int) -> PerCorner | None:
         if not self.some(keyword).all():
             return None
-        rows, indices = self._numbers(keyword, width), self.indices[:, _INDEXED.index(keyword)]
-        return PerCorner(rows, _from_zero(indices, len(rows), self.source, keyword)) if len(rows) else None
+        rows = self._numbers(keyword, width)
+        own = self.indices[keyword]
+        return PerCorner(rows, _from_zero(own, len(rows), self.source, keyword)) if len(rows) else None
 
 
 def _lines(runs: list[Run], keyword: str) -> str:
@@ -151,14 +156,18 @@ def _lines(runs: list[Run], keyword: str) -> str:
 def _layout(lines: str) -> tuple[UInt8s, Bools]:
     """The bytes of lines, each after its line feed, and where a word starts."""
     data = np.frombuffer(f"\n{lines}".encode() if lines else b"", np.uint8)
-    blank = data <= 32
-    return data, np.append(False, blank[:-1] & ~blank[1:])[: len(data)]
+    blank, starts = data <= 32, np.zeros(len(data), np.bool_)
+    np.greater(blank[:-1], blank[1:], out=starts[1:])
+    return data, starts
 
 
 def _words(data: UInt8s, starts: Bools) -> Int64s:
     """How many words each line has."""
-    ends = np.searchsorted(np.flatnonzero(starts), np.flatnonzero(data == ord("\n")))
-    return np.diff(ends, append=np.count_nonzero(starts))
+    begins, ones = np.flatnonzero(data == ord("\n")), starts.view(np.uint8)
+    words = np.add.reduceat(ones, begins, dtype=np.uint8).astype(np.int64)
+    if words.sum() < np.count_nonzero(starts):  # a line has more than 255
+        words = np.add.reduceat(ones, begins, dtype=np.int64)
+    return words
 
 
 def _rows(lines: str, width: int, words: Int64s) -> Float64s:
@@ -174,24 +183,23 @@ def _rows(lines: str, width: int, words: Int64s) -> Float64s:
     return np.fromstring(" ".join(found), sep=" ").reshape(-1, width)
 
 
-def _indices(faces: str, data: UInt8s, starts: Bools) -> Int64s:
-    """Indices (c, 3) as they are written, `_NONE` where there is none."""
-    slash = data == ord("/")
-    indices = np.full((np.count_nonzero(starts), 3), _NONE)
+def _indices(faces: str, data: UInt8s, starts: Bools) -> list[Int64s]:
+    """Indices (c,) of `_INDEXED` as they are written, `_NONE` where there is none."""
+    slash, count = data == ord("/"), int(np.count_nonzero(starts))
+    values = np.fromstring(faces.replace("/", " "), np.int64, sep=" ")
     marks = slash[slash | starts]
-    width = len(marks) // max(len(indices), 1)
-    if 1 <= width <= 3 and len(marks) == width * len(indices):
+    width = len(marks) // max(count, 1)
+    if 1 <= width <= 3 and len(marks) == width * count:
         alike = bool((marks.reshape(-1, width) == (np.arange(width) > 0)).all())
         empty = faces.count("//")
-        columns = [0, 2] if width == 3 and empty else list(range(width))
-        values = np.fromstring(faces.replace("/", " "), np.int64, sep=" ")
-        if alike and empty in (0, len(indices)) and len(values) == len(indices) * len(columns):
-            indices[:, columns] = values.reshape(-1, len(columns))
-            return indices
-    for row, corner in enumerate(faces.split()):
-        for column, index in enumerate(corner.split("/")[:3]):
-            indices[row, column] = int(index) if index else _NONE
-    return indices
+        columns = (0, 2) if width == 3 and empty else range(width)
+        if alike and empty in (0, count) and len(values) == count * len(columns):
+            found = dict(zip(columns, values.reshape(count, -1).T, strict=True))
+            absent: Int64s = np.broadcast_to(np.array(_NONE), count)
+            return [found.get(column, absent) for column in range(3)]
+    corners = (corner[0].split("/") for corner in re.finditer(r"\S+", faces))
+    each = (int(index or _NONE) for corner in corners for index in [*corner, "", ""][:3])
+    return list(np.fromiter(each, np.int64, 3 * count).reshape(count, 3).T)
 
 
 def _seen(runs: list[Run]) -> Int64s:
