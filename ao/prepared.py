@@ -70,9 +70,9 @@ class Prepared:
         """What gathers hemispheres at up to `total_points` points; of a mesh, all of them, whichever are wanted."""
         options, placement, receivers = self.options, self.placement, self.receivers
         mu = self.mu.in_render_space(placement.scale)
-        reach = min(mu.limit, placement.diagonal)
-        below = packets_below(options.traversal, self.scene, receivers.points, mu, reach)
-        return Tracer(self.scene, below, mu, reach, self.threads, total_points, self.progress, self.checkpoint)
+        t_max = min(mu.limit, placement.diagonal)
+        below = packets_below(options.traversal, self.scene, receivers.points, mu, t_max)
+        return Tracer(self.scene, below, mu, t_max, self.threads, total_points, self.progress, self.checkpoint)
 
     @property
     def target(self) -> Target:

@@ -17,7 +17,7 @@ from ..rays.layers import Layers
 from ..rays.ray_blocks import Rays
 from ..rays.ray_packet import RayPacket
 from ..rays.ray_scene import RayScene
-from ..rays.traverse import Walk
+from ..rays.traverse import TraversalState
 from .work import Tables
 
 _BLOCK_RAYS, _LEAST_RAYS = 1 << 19, 1 << 13  # of a block of work
@@ -31,9 +31,9 @@ class Hemispheres:
     Attributes:
         points: where. samples: rays of each. key: by which directions are drawn.
         total_points: how many points the whole mesh has, wanted or not.
-        mu: the falloff, in render space. reach: length of rays there.
+        mu: the falloff, in render space. t_max: length of rays there.
         packets_below: fewer rays a point than this are traced by Embree, others walk the tree.
-        dealt: how many points share a lattice of directions.
+        leap: how many points share a lattice of directions.
     """
 
     points: Points
@@ -41,9 +41,9 @@ class Hemispheres:
     key: np.uint32
     total_points: int
     mu: KernelMu
-    reach: float
+    t_max: float
     packets_below: int
-    dealt: int = 1
+    leap: int = 1
 
     def __len__(self) -> int:
         return len(self.points)
@@ -53,7 +53,7 @@ class Hemispheres:
 
     @property
     def name(self) -> bytes:
-        digest = hashlib.blake2b(repr((self.samples, int(self.key), self.dealt)).encode(), digest_size=16)
+        digest = hashlib.blake2b(repr((self.samples, int(self.key), self.leap)).encode(), digest_size=16)
         digest.update(np.ascontiguousarray(self.points.numbers).data)
         return digest.digest()
 
@@ -70,14 +70,14 @@ class Hemispheres:
         return (np.empty((len(self), COLUMNS)),)
 
     def writer(self, scene: RayScene, tables: Tables) -> Callable[[int, int], None]:
-        table = scene.table(self.samples, self.total_points, self.key, self.dealt)
-        points, mu, reach, (out,) = self.points, self.mu, self.reach, tables
+        table = scene.table(self.samples, self.total_points, self.key, self.leap)
+        points, mu, t_max, (out,) = self.points, self.mu, self.t_max, tables
         if self.samples < self.packets_below:
             embree = scene.embree()
 
             def by_packets(first: int, last: int) -> None:
                 packet = RayPacket.of(embree, scene.opacity)
-                gather_hemispheres(packet, points[first:last].arrays, table, mu, reach, out[first:last])
+                gather_hemispheres(packet, points[first:last].arrays, table, mu, t_max, out[first:last])
 
             return by_packets
         tree = scene.tree
@@ -85,7 +85,7 @@ class Hemispheres:
         def by_streams(first: int, last: int) -> None:
             some = points[first:last].arrays
             rays = Rays.of(table)
-            walk = Walk.of(tree, Layers.of(scene.opacity, rays.nearest.size, mu))
-            gather_streams(tree, rays, walk, some, table, mu, reach, out[first:last])
+            state = TraversalState.of(tree, Layers.of(scene.opacity, rays.t_hit.size, mu))
+            gather_streams(tree, rays, state, some, table, mu, t_max, out[first:last])
 
         return by_streams

@@ -20,7 +20,7 @@ from ..rays.ray_scene import RayScene
 from .checkpoint import Checkpoint, identity, restore
 from .identity import first_difference, machine
 from .journal import Block, Journal
-from .parts import DESCRIPTION, ENDING, WHOLE, digest_of, owners
+from .parts import DESCRIPTION, ENDING, WHOLE, assign_shards, digest_of
 from .work import Advance, Tables, Work
 
 _OF_PART = "part", "mesh", "high"  # what parts of one bake may differ in: files have other names elsewhere
@@ -127,7 +127,7 @@ class Merge(Checkpoint):
                     restore(block, file.read(size), tables, restored)
         if not restored.all():
             of = len(self.parts)
-            part = self.parts[int(owners(len(work), of)[np.argmin(restored)]) - 1]
+            part = self.parts[int(assign_shards(len(work), of)[np.argmin(restored)]) - 1]
             lacking = f"{np.count_nonzero(~restored):,} missing"
             raise InputError(part.path, "rows", f"all of its share of {len(work):,}", lacking)
         advance(len(work))

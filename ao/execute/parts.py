@@ -32,7 +32,7 @@ class PartTraced(ObscuranceError):
     """All rays of a part are traced: the bake of it ends here."""
 
 
-def owners(count: int, of: int) -> Int64s:
+def assign_shards(count: int, of: int) -> Int64s:
     """Which of the parts 1 to `of` makes each of `count` rows, (count,): short runs in turn, which take alike."""
     run = max(-(-count // (of * _RUNS)), _LEAST)
     return np.arange(count) // run % of + 1
@@ -82,7 +82,7 @@ class Part(Checkpoint):
     def _trace(
         self, work: Work, scene: RayScene, missing: Bools, tables: Tables, threads: int, advance: Advance
     ) -> None:
-        own = owners(len(work), self.of) == self.number
+        own = assign_shards(len(work), self.of) == self.number
         self.rays += int(np.count_nonzero(own) * work.rays)
         advance(int(np.count_nonzero(missing & ~own)))
         super()._trace(work, scene, missing & own, tables, threads, advance)

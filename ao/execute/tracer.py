@@ -25,7 +25,7 @@ class Tracer:
 
     Attributes:
         scene: what is traced. packets_below: fewer rays a point than this are traced by Embree, others walk the tree.
-        mu: the falloff, in render space. reach: length of rays there. threads: how many.
+        mu: the falloff, in render space. t_max: length of rays there. threads: how many.
         total_points: how many points the whole mesh has, wanted or not.
         progress: called with (rays traced, rays expected in all). checkpoint: keeps traced rows, or None.
         expected: rays expected in all, 0 while none are planned. later: besides, of corners. rays: rays traced.
@@ -34,7 +34,7 @@ class Tracer:
     scene: RayScene
     packets_below: int
     mu: KernelMu
-    reach: float
+    t_max: float
     threads: int
     total_points: int
     progress: Progress | None = None
@@ -47,9 +47,9 @@ class Tracer:
         """Rows (k, COLUMNS) of `gather_hemispheres`: of `points`, by `samples` rays each, directions drawn by `key`."""
         return self._gather(points, samples, key, 1)
 
-    def _gather(self, points: Points, samples: int, key: np.uint32, dealt: int) -> Float64s:
-        """`gather` by a table whose lattices are dealt out to so many points each, see `DirectionTable`."""
-        work = Hemispheres(points, samples, key, self.total_points, self.mu, self.reach, self.packets_below, dealt)
+    def _gather(self, points: Points, samples: int, key: np.uint32, leap: int) -> Float64s:
+        """`gather` by leaped lattices that so many points share, see `DirectionTable`."""
+        work = Hemispheres(points, samples, key, self.total_points, self.mu, self.t_max, self.packets_below, leap)
         tables = work.tables()
         filled = self.checkpoint.fill if self.checkpoint else fill
         filled(work, self.scene, tables, self.threads, lambda rows: self._advance(rows * samples))

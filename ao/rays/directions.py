@@ -11,7 +11,7 @@ from raytrace.kernel.arrays import aligned
 from raytrace.kernel.jit import inline
 from raytrace.kernel.simd import WIDE
 from raytrace.sampling.hash import mix
-from raytrace.sampling.sequences import DEALT, GOLDEN, jittered_lattice
+from raytrace.sampling.sequences import GOLDEN, LEAPED, jittered_lattice
 from raytrace.sampling.warps import cosine_hemisphere
 from raytrace.types import Float32s, Float64s, Int64s, UInt8s
 
@@ -33,8 +33,8 @@ class DirectionTable(NamedTuple):
         cones: float32 (sets, 5, b), cones around the blocks, padded with NaN to a multiple of sixteen: unit axes, then
             cosines and sines of half angles.
         key: uint32 from which each point draws its set and its turn.
-        dealt: int64: so many points that follow one another draw together: the points of one lattice are dealt out to
-            their sets, so that these together are as even as the lattice for the mean over the points. step: of it.
+        leap: int64: so many points that follow one another share a lattice, each taking every leap-th of its points
+            (leaped lattice), so that their mean is as even as the whole lattice. step: of it.
     """
 
     directions: Float32s
@@ -44,7 +44,7 @@ class DirectionTable(NamedTuple):
     lowest: Float32s
     cones: Float32s
     key: np.uint32
-    dealt: np.int64
+    leap: np.int64
     step: np.float64
 
     @property
@@ -52,14 +52,14 @@ class DirectionTable(NamedTuple):
         return len(self.batches)
 
     @classmethod
-    def make(cls, samples: int, points: int, key: np.uint32, dealt: int = 1) -> DirectionTable:
+    def make(cls, samples: int, points: int, key: np.uint32, leap: int = 1) -> DirectionTable:
         """A table for gathering at `points` points: so many sets that making them costs little beside that."""
-        lattices = min(max(_TABLE_POINTS // (samples * dealt), 8), max(points // (_SHARERS * dealt), 8), 256)
-        sets = lattices * dealt
-        step = GOLDEN if dealt == 1 else DEALT
-        u, v = jittered_lattice(lattices, samples * dealt, key, step)
-        v -= step * (np.arange(samples * dealt) % dealt)  # parts that are alike: `choose` turns them back
-        u, v = (each.reshape(lattices, samples, dealt).swapaxes(1, 2).reshape(sets, samples) for each in (u, v))
+        lattices = min(max(_TABLE_POINTS // (samples * leap), 8), max(points // (_SHARERS * leap), 8), 256)
+        sets = lattices * leap
+        step = GOLDEN if leap == 1 else LEAPED
+        u, v = jittered_lattice(lattices, samples * leap, key, step)
+        v -= step * (np.arange(samples * leap) % leap)  # parts that are alike: `choose` turns them back
+        u, v = (each.reshape(lattices, samples, leap).swapaxes(1, 2).reshape(sets, samples) for each in (u, v))
         lattice = cosine_hemisphere(u, v)
         order = _in_blocks(*lattice[0, :2])
         lattice = lattice[:, :, order]
@@ -68,7 +68,7 @@ class DirectionTable(NamedTuple):
         batches = (order % BATCHES).astype(np.uint8)
         sizes = np.bincount(batches, minlength=BATCHES).astype(np.float64)
         mean, lowest = lattice.mean(axis=2), directions[:, 2].min(axis=1)
-        return cls(directions, batches, sizes, mean, lowest, _cones(directions), key, np.int64(dealt), np.float64(step))
+        return cls(directions, batches, sizes, mean, lowest, _cones(directions), key, np.int64(leap), np.float64(step))
 
 
 def _in_blocks(x: Float64s, y: Float64s) -> Int64s:
@@ -99,12 +99,12 @@ def _cones(directions: Float32s) -> Float32s:
 @inline
 def choose(number, table):
     """A point's direction set and its turn in radians."""
-    dealt = np.uint32(table.dealt)
-    chance = mix(mix(number // dealt) ^ table.key)
+    leap = np.uint32(table.leap)
+    chance = mix(mix(number // leap) ^ table.key)
     other = mix(chance)
-    part = (number % dealt + other % dealt) % dealt  # by chance, or each of the points would see some strata alone
+    part = (number % leap + other % leap) % leap  # by chance, or each of the points would see some strata alone
     turn = other * (2.0 * np.pi / 4294967296.0) + part * (2.0 * np.pi * table.step)
-    return chance % (np.uint32(len(table.directions)) // dealt) * dealt + part, turn
+    return chance % (np.uint32(len(table.directions)) // leap) * leap + part, turn
 
 
 @inline

@@ -1,4 +1,4 @@
-"""The estimator of `ao.rays.hemisphere` with all rays of a point in one walk through our own hierarchy."""
+"""The estimator of `ao.rays.hemisphere` with all rays of a point in one traversal of our own hierarchy."""
 
 from __future__ import annotations
 
@@ -13,25 +13,25 @@ from ..mu import fades
 from .directions import choose, turned_frame
 from .estimate import BATCHES, write_estimate
 from .layers import clear, lost, rays_that_met
-from .ray_blocks import send_out
-from .traverse import walk
+from .ray_blocks import init_rays
+from .traverse import traverse
 
 
 @kernel
-def gather_streams(tree, rays, room, points, table, falloff, reach, out):
+def gather_streams(tree, rays, state, points, table, falloff, t_max, out):
     """Estimate the obscurance of n points, as `gather_hemispheres` does with Embree.
 
     Args:
-        tree: BVH16. rays: Rays and room: Walk, overwritten; if that has layers, faces have alpha.
+        tree: BVH16. rays: Rays and state: TraversalState, overwritten; if that has layers, faces have alpha.
         points: PointArrays. table: DirectionTable.
-        falloff: KernelMu. reach: length of every ray, at most falloff.limit.
+        falloff: KernelMu. t_max: length of every ray, at most falloff.limit.
         out: float64 (n, COLUMNS), written.
     """
-    tree, rays, room = borrow(tree), borrow(rays), borrow(room)
+    tree, rays, state = borrow(tree), borrow(rays), borrow(state)
     origins, normals, numbers = borrow(points)
     table, out = borrow(table), borrow(out)
     batches, samples = table.batches, len(table.batches)
-    falloff, reach = borrow(falloff), np.float32(reach)
+    falloff, t_max = borrow(falloff), np.float32(t_max)
     fading = fades(falloff)
     losses = np.zeros(BATCHES)
     for i in range(len(origins)):
@@ -39,18 +39,18 @@ def gather_streams(tree, rays, room, points, table, falloff, reach, out):
         chosen, turn = choose(numbers[i], table)
         t, b = turned_frame(normal, turn)
         frame = t, b, normal
-        send_out(rays, table.directions, table.cones, chosen, samples, frame, reach)
-        clear(room.layers)
-        walk(tree, room, rays, origin, normal, table.lowest[chosen], fading, reach)
+        init_rays(rays, table.directions, table.cones, chosen, samples, frame, t_max)
+        clear(state.layers)
+        traverse(tree, state, rays, origin, normal, table.lowest[chosen], fading, t_max)
         losses[:] = 0.0
         x = y = z = 0.0
-        for k in range(len(rays.nearest)):
+        for k in range(len(rays.t_hit)):
             sent = (1 << min(samples - WIDE * k, WIDE)) - 1
-            met = rays_that_met(room.layers, rays, k, sent, fading)
+            met = rays_that_met(state.layers, rays, k, sent, fading)
             while met != 0:
                 ray = WIDE * k + lowest_bit(met)
                 met &= met - 1
-                loss = lost(room.layers, rays, ray, falloff)
+                loss = lost(state.layers, rays, ray, falloff)
                 losses[batches[ray]] += loss
                 x += loss * table.directions[chosen, 0, ray]
                 y += loss * table.directions[chosen, 1, ray]

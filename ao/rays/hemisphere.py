@@ -19,12 +19,12 @@ from .ray_packet import aim, start_from
 
 
 @kernel
-def gather_hemispheres(packet, points, table, falloff, reach, out):
+def gather_hemispheres(packet, points, table, falloff, t_max, out):
     """Estimate the obscurance of n points.
 
     Args:
         packet: RayPacket. points: PointArrays. table: DirectionTable. falloff: KernelMu.
-        reach: length of every ray, at most falloff.limit.
+        t_max: length of every ray, at most falloff.limit.
         out: float64 (n, COLUMNS), written.
     """
     packet = borrow(packet)
@@ -47,8 +47,8 @@ def gather_hemispheres(packet, points, table, falloff, reach, out):
         for first in range(0, samples, LANES):
             lanes = min(LANES, samples - first)
             valid[lanes:] = 0
-            aim(rays, local, first, t, b, n, reach)
-            trace(packet, fading, falloff, reach, passed)
+            aim(rays, local, first, t, b, n, t_max)
+            trace(packet, fading, falloff, t_max, passed)
             for lane in range(lanes):
                 loss = 1.0 - mu_of(rays, lane, fading, falloff, passed)
                 if loss == 0.0:

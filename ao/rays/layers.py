@@ -22,7 +22,7 @@ from raytrace.mesh.opacity_lookup import alpha
 from raytrace.types import Float32s, Int64s
 
 from ..mu import KernelMu, faded, fades
-from .ray_blocks import NEVER, bring_nearer, is_open, stop
+from .ray_blocks import T_MISS, deactivate, is_active, shrink_t_max
 
 LEAST = 2.0**-12  # of a ray: what is left of it where it ends
 _MOST = 8
@@ -73,12 +73,12 @@ def has_alpha(leaf, place):
 
 
 @inline
-def pass_through(leaf, rays, block, lane, place, distance, closest, reach):
-    """Let a ray, lane of a block, meet the triangle at a place of a leaf: stop it, or note a layer."""
+def pass_through(leaf, rays, block, lane, place, distance, closest, t_max):
+    """Let a ray, lane of a block, meet the triangle at a place of a leaf: end it there, or note a layer."""
     layers, faces, triangles, origin = leaf
-    if closest and distance >= rays.nearest[block, lane]:
+    if closest and distance >= rays.t_hit[block, lane]:
         return
-    count = len(rays.nearest)
+    count = len(rays.t_hit)
     v = (
         np.float64(rays.directions[block, lane]),
         np.float64(rays.directions[count + block, lane]),
@@ -100,10 +100,10 @@ def pass_through(leaf, rays, block, lane, place, distance, closest, reach):
             return
     if found > 0.0:
         if closest:
-            rays.nearest[block, lane] = distance
-            bring_nearer(rays, block, reach)
+            rays.t_hit[block, lane] = distance
+            shrink_t_max(rays, block, t_max)
         else:
-            stop(rays, block, 1 << lane)
+            deactivate(rays, block, 1 << lane)
 
 
 @inline
@@ -140,25 +140,25 @@ def rays_that_met(layers, rays, block, sent, closest):
     """Of the rays `sent` of a block, bits, those that may have lost something."""
     if layers is not None:
         return sent
-    return bits(load_row(rays.nearest, block) < NEVER) & sent if closest else sent & ~rays.open[block]
+    return bits(load_row(rays.t_hit, block) < T_MISS) & sent if closest else sent & ~rays.active[block]
 
 
 @inline
 def lost(layers, rays, ray, falloff):
     """1 − μ of a ray."""
-    nearest = rays.nearest[ray // WIDE, ray % WIDE]
+    t_hit = rays.t_hit[ray // WIDE, ray % WIDE]
     fading = fades(falloff)
     if layers is None:
-        return 1.0 - faded(nearest, falloff) if fading else 1.0
-    if not fading and not is_open(rays, ray):
+        return 1.0 - faded(t_hit, falloff) if fading else 1.0
+    if not fading and not is_active(rays, ray):
         return 1.0
     loss, left = 0.0, 1.0
     for layer in range(layers.counts[ray]):
         distance, found = layers.distances[ray, layer], np.float64(layers.alphas[ray, layer])
-        if distance >= nearest:
+        if distance >= t_hit:
             break
         loss += left * found * (1.0 - faded(distance, falloff) if fading else 1.0)
         left *= 1.0 - found
-    if nearest < NEVER:
-        loss += left * (1.0 - faded(nearest, falloff))
+    if t_hit < T_MISS:
+        loss += left * (1.0 - faded(t_hit, falloff))
     return loss

@@ -45,11 +45,11 @@ def passed_of(opacity):
 
 
 @inline
-def trace(packet, closest, falloff, reach, passed):
+def trace(packet, closest, falloff, t_max, passed):
     """Trace the valid rays of a `RayPacket`. Args: closest: whether distances, or backs, matter."""
     scene, rays, valid, _ = packet
     if passed is not None:
-        _trace_through(packet, falloff, reach, passed)
+        _trace_through(packet, falloff, t_max, passed)
     elif closest:
         intersect8(scene, rays, valid)
     else:
@@ -90,7 +90,7 @@ def _is_back(rays, lane):
 
 
 @inline
-def _trace_through(packet, falloff, reach, passed):
+def _trace_through(packet, falloff, t_max, passed):
     scene, rays, valid, opacity = packet
     ids = rays.view(np.uint32)
     asked = going = 0
@@ -105,7 +105,7 @@ def _trace_through(packet, falloff, reach, passed):
                 continue
             if ids[GEOM_ID, lane] != INVALID:
                 _meet(opacity, falloff, rays, lane, passed)
-                rays[TNEAR, lane], rays[TFAR, lane] = rays[TFAR, lane] * _FARTHER, reach
+                rays[TNEAR, lane], rays[TFAR, lane] = rays[TFAR, lane] * _FARTHER, t_max
             if ids[GEOM_ID, lane] == INVALID or passed[_LEFT, lane] <= LEAST:
                 valid[lane] = 0
                 going &= ~(1 << lane)

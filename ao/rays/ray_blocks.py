@@ -20,8 +20,8 @@ from .directions import DirectionTable
 
 SLACK = np.float32(2.0**-18)  # of cosines, sines and parts of distances, for their rounding
 ZERO, ONE = np.float32(0.0), np.float32(1.0)
-NEVER = np.float32(np.inf)  # the distance of a hit that there is not
-EVERYWHERE = np.float32(-1.0)  # the cosine of a cone that holds all directions
+T_MISS = np.float32(np.inf)  # the distance of a hit that there is not
+FULL_SPHERE = np.float32(-1.0)  # the cosine of a cone that holds all directions
 _LEAST = np.float32(1e-18)  # of a direction's components, for their reciprocals
 TINY = np.float32(1e-30)  # of squares, for their roots
 
@@ -32,28 +32,28 @@ class Rays(NamedTuple):
     Attributes:
         directions: float32 (3·b, 16), all x, then all y, then all z. reciprocals: 1/ these.
         cones: float32 (5·g, 16), the axes of the cones around blocks, and the cosines and sines of their half angles.
-        open: int64 (16·g,), bits of the rays of each block that nothing has stopped yet.
+        active: int64 (16·g,), bits of the rays of each block that have met nothing that ends them.
         groups: int64 (g,), bits of the blocks of each group that have such rays.
-        nearest: float32 (b, 16), distances of the nearest hits yet, `NEVER` without one.
-        farthest: float32 (b,), how far the rays of a block still matter.
+        t_hit: float32 (b, 16), distances of the nearest hits yet, `T_MISS` without one.
+        t_max: float32 (b,), how far the rays of a block still matter.
     """
 
     directions: Float32s
     reciprocals: Float32s
     cones: Float32s
-    open: Int64s
+    active: Int64s
     groups: Int64s
-    nearest: Float32s
-    farthest: Float32s
+    t_hit: Float32s
+    t_max: Float32s
 
     @classmethod
     def of(cls, table: DirectionTable) -> Rays:
         """Room for the rays of one point at a time."""
         blocks, groups = table.directions.shape[2] // WIDE, table.cones.shape[2] // WIDE
         directions, reciprocals = aligned((3 * blocks, WIDE), np.float32), aligned((3 * blocks, WIDE), np.float32)
-        cones, nearest = aligned((5 * groups, WIDE), np.float32), aligned((blocks, WIDE), np.float32)
+        cones, t_hit = aligned((5 * groups, WIDE), np.float32), aligned((blocks, WIDE), np.float32)
         still = np.zeros(groups * WIDE, np.int64), np.zeros(groups, np.int64)
-        return cls(directions, reciprocals, cones, *still, nearest, np.zeros(blocks, np.float32))
+        return cls(directions, reciprocals, cones, *still, t_hit, np.zeros(blocks, np.float32))
 
 
 @inline
@@ -78,17 +78,17 @@ def _turn(rows, first, k, count, frame, out):
 
 
 @inline
-def send_out(rays, directions, cones, chosen, samples, frame, reach):
+def init_rays(rays, directions, cones, chosen, samples, frame, t_max):
     """Begin with a point: turn set `chosen` of a table's directions and cones into its frame; nothing is met yet."""
-    blocks, groups = len(rays.nearest), len(rays.groups)
+    blocks, groups = len(rays.t_hit), len(rays.groups)
     for k in range(blocks):
         _turn(directions, 3 * blocks * chosen, k, blocks, frame, rays.directions)
         for axis in range(3):
             x = load_row(rays.directions, axis * blocks + k)
             store_row(rays.reciprocals, axis * blocks + k, ONE / select(abs(x) > _LEAST, x, _LEAST))
-        store_row(rays.nearest, k, NEVER)
-        rays.farthest[k] = reach
-        rays.open[k] = (1 << min(samples - WIDE * k, WIDE)) - 1
+        store_row(rays.t_hit, k, T_MISS)
+        rays.t_max[k] = t_max
+        rays.active[k] = (1 << min(samples - WIDE * k, WIDE)) - 1
     for g in range(groups):
         _turn(cones, 5 * groups * chosen, g, groups, frame, rays.cones)
         for row in (3, 4):
@@ -98,17 +98,17 @@ def send_out(rays, directions, cones, chosen, samples, frame, reach):
 
 @inline
 def blocks_within(rays, g, axis, cosine, sine):
-    """The blocks of a group, as bits, that have open rays and may have some within a cone."""
+    """The blocks of a group, as bits, that have active rays and may have some within a cone."""
     groups = len(rays.groups)
-    if cosine == EVERYWHERE:
+    if cosine == FULL_SPHERE:
         return rays.groups[g]
     both = load_row(rays.cones, 3 * groups + g) * cosine - load_row(rays.cones, 4 * groups + g) * sine - SLACK
     return bits(along(rays.cones, g, groups, axis) >= both) & rays.groups[g]
 
 
 @inline
-def list_within(rays, axis, cosine, gap, most, out, first):
-    """List the open rays within a cone that still matter at distance `gap`, if there are at most `most`.
+def list_within(rays, axis, cosine, gap, max_count, out, first):
+    """List the active rays within a cone that still matter at distance `gap`, if there are at most `max_count`.
 
     Returns: how many, −1 for more; from out[first] on their numbers.
     """
@@ -118,13 +118,13 @@ def list_within(rays, axis, cosine, gap, most, out, first):
         while inside != 0:
             k = g * WIDE + lowest_bit(inside)
             inside &= inside - 1
-            if rays.farthest[k] < gap:
+            if rays.t_max[k] < gap:
                 continue
-            found = rays.open[k]
-            if cosine != EVERYWHERE:
-                found &= bits(along(rays.directions, k, len(rays.nearest), axis) >= cosine - SLACK)
+            found = rays.active[k]
+            if cosine != FULL_SPHERE:
+                found &= bits(along(rays.directions, k, len(rays.t_hit), axis) >= cosine - SLACK)
             while found != 0:
-                if count == most:
+                if count == max_count:
                     return -1
                 out[first + count] = WIDE * k + lowest_bit(found)
                 found &= found - 1
@@ -133,20 +133,20 @@ def list_within(rays, axis, cosine, gap, most, out, first):
 
 
 @inline
-def is_open(rays, ray):
-    """Whether nothing has stopped a ray yet."""
-    return rays.open[ray // WIDE] >> (ray % WIDE) & 1 != 0
+def is_active(rays, ray):
+    """Whether nothing has ended a ray yet."""
+    return rays.active[ray // WIDE] >> (ray % WIDE) & 1 != 0
 
 
 @inline
-def stop(rays, block, stopped):
-    """Take rays of a block, bits, out of those that are open."""
-    rays.open[block] &= ~stopped
-    if rays.open[block] == 0:
+def deactivate(rays, block, stopped):
+    """Take rays of a block, bits, out of those that are active."""
+    rays.active[block] &= ~stopped
+    if rays.active[block] == 0:
         rays.groups[block // WIDE] &= ~(1 << (block % WIDE))
 
 
 @inline
-def bring_nearer(rays, block, reach):
+def shrink_t_max(rays, block, t_max):
     """Note how far the rays of a block matter after some of them have hit."""
-    rays.farthest[block] = min(highest(load_row(rays.nearest, block)), reach)
+    rays.t_max[block] = min(highest(load_row(rays.t_hit, block)), t_max)

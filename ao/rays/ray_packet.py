@@ -40,11 +40,11 @@ def start_from(rays, origin):
 
 
 @inline
-def aim(rays, local, first, t, b, n, reach):
-    """Turn eight of the directions `local` about +z, (3, samples), into the frame t, b, n; rays of length `reach`."""
+def aim(rays, local, first, t, b, n, t_max):
+    """Turn eight of the directions `local` about +z, (3, samples), into the frame t, b, n; rays of length `t_max`."""
     for lane in range(LANES):
         x, y, z = local[0, first + lane], local[1, first + lane], local[2, first + lane]
         rays[DIR_X, lane] = x * t[0] + y * b[0] + z * n[0]
         rays[DIR_Y, lane] = x * t[1] + y * b[1] + z * n[1]
         rays[DIR_Z, lane] = x * t[2] + y * b[2] + z * n[2]
-        rays[TFAR, lane] = reach
+        rays[TFAR, lane] = t_max

@@ -42,9 +42,9 @@ class RayScene:
     def __reduce__(self) -> tuple[Callable[..., RayScene], tuple[Float32s, Int64s, PackedOpacity | None]]:
         return RayScene.of, (self.vertices, self.faces, self.opacity)
 
-    def table(self, samples: int, points: int, key: np.uint32, dealt: int = 1) -> DirectionTable:
+    def table(self, samples: int, points: int, key: np.uint32, leap: int = 1) -> DirectionTable:
         """`DirectionTable.make`, or the last one again if it is the same."""
-        wanted = samples, points, int(key), dealt
+        wanted = samples, points, int(key), leap
         if self._last is None or self._last[0] != wanted:
-            self._last = wanted, DirectionTable.make(samples, points, key, dealt)
+            self._last = wanted, DirectionTable.make(samples, points, key, leap)
         return self._last[1]

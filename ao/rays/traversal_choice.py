@@ -19,14 +19,14 @@ from .estimate import COLUMNS, W
 from .gather_streams import gather_streams
 from .ray_blocks import Rays
 from .ray_scene import RayScene
-from .traverse import Walk
+from .traverse import TraversalState
 
 _POINTS, _RAYS, _KEY = 64, 16, np.uint32(0x7A1)  # that are tried
 _CLOSED = 0.5  # part of the rays that meet something from which on most points are closed in
 _ANY_HIT, _CLOSEST_HIT = 320, 512  # rays a point, fewer of which are faster in packets there
 
 
-def packets_below(traversal: Traversal, scene: RayScene, points: Points, mu: KernelMu, reach: float) -> int:
+def packets_below(traversal: Traversal, scene: RayScene, points: Points, mu: KernelMu, t_max: float) -> int:
     """The number of rays a point below which Embree traces them.
 
     Args: points: all of a mesh, some of which are tried, so that a bake of a part of them is that part of the whole.
@@ -36,7 +36,7 @@ def packets_below(traversal: Traversal, scene: RayScene, points: Points, mu: Ker
     if scene.opacity is not None:  # packets begin anew behind each layer
         return 0
     some = points[tried(len(points))]
-    return fewer_than(try_out(scene.tree, some, len(some), mu.limit, reach), mu)
+    return fewer_than(try_out(scene.tree, some, len(some), mu.limit, t_max), mu)
 
 
 def most_packets(mu: KernelMu) -> int:
@@ -49,11 +49,11 @@ def tried(count: int) -> Int64s:
     return np.arange(min(count, _POINTS)) * count // max(min(count, _POINTS), 1)
 
 
-def try_out(tree: BVH16, points: Points, count: int, limit: float, reach: float) -> Float64s:
+def try_out(tree: BVH16, points: Points, count: int, limit: float, t_max: float) -> Float64s:
     """How open `points` (k,) are, of `count` that are tried in all."""
     table, out = DirectionTable.make(_RAYS, count, _KEY), np.empty((len(points), COLUMNS))
     binary = KernelMu(0.0, limit, 1.0)
-    gather_streams(tree, Rays.of(table), Walk.of(tree), points.arrays, table, binary, reach, out)
+    gather_streams(tree, Rays.of(table), TraversalState.of(tree), points.arrays, table, binary, t_max, out)
     return out[:, W]
 
 

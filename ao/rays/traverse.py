@@ -1,4 +1,4 @@
-"""The walk of all rays of a point through a `BVH16`: each node is read once for all rays that may meet something in it.
+"""The traversal by all rays of a point of a `BVH16`: each node is read once for all rays that may meet something in it.
 
 Near the point a node lies in the way of many rays: its children are opened by their cones. As soon as no more than
 `_LISTED` rays pass through a node they are listed, and each is tested against sixteen children or triangles at once
@@ -21,8 +21,8 @@ from raytrace.kernel.vector import dot, subtract
 from raytrace.types import Float32s, Int64s
 
 from .layers import Layers, leaf_of
-from .ray_blocks import EVERYWHERE, ONE, SLACK, TINY, ZERO, is_open, list_within, root
-from .triangles import PLANES, find_cones, find_planes, meet_by_rays, meet_by_triangles
+from .ray_blocks import FULL_SPHERE, ONE, SLACK, TINY, ZERO, is_active, list_within, root
+from .triangles import PLANES, find_cones, find_planes, intersect_by_rays, intersect_by_triangles
 
 _LISTED = 32
 _ENTRIES = 1 << 8  # of the stack: fifteen brothers a level
@@ -30,14 +30,14 @@ _NODE, _LEVEL, _FIRST, _COUNT = range(4)  # columns of entries; a count of −1:
 _AXIS, _COSINE, _GAP = 0, 3, 4  # columns of bounds: the cone around a node, and how far away it begins
 
 
-class Walk(NamedTuple):
-    """Room for one walk at a time.
+class TraversalState(NamedTuple):
+    """Scratch arrays of one traversal at a time.
 
     Attributes:
         entries: int64 (e, 4), the stack: nodes, their levels, and the part of `listed` that are their rays.
         bounds: float32 (e, 5), of the same nodes.
         listed: int64, numbers of rays.
-        passing: int64 (16, _LISTED), the rays that pass through each child of a node. passes: int64 (16,), how many.
+        child_rays: int64 (16, _LISTED), the rays that pass through each child of a node. child_counts: int64 (16,).
         children: float32 (5, 16), `bounds` of a node's children. planes: float32 (PLANES, 16), of a leaf's triangles.
         layers: what rays pass, or None where all faces are opaque.
     """
@@ -45,32 +45,32 @@ class Walk(NamedTuple):
     entries: Int64s
     bounds: Float32s
     listed: Int64s
-    passing: Int64s
-    passes: Int64s
+    child_rays: Int64s
+    child_counts: Int64s
     children: Float32s
     planes: Float32s
     layers: Layers | None
 
     @classmethod
-    def of(cls, tree: BVH16, layers: Layers | None = None) -> Walk:
+    def of(cls, tree: BVH16, layers: Layers | None = None) -> TraversalState:
         entries, bounds = np.zeros((_ENTRIES, 4), np.int64), np.zeros((_ENTRIES, 5), np.float32)
         listed = np.zeros((len(tree.starts) + 1) * WIDE * _LISTED, np.int64)
-        passing = np.zeros((WIDE, _LISTED), np.int64)
+        child_rays = np.zeros((WIDE, _LISTED), np.int64)
         children, planes = aligned((5, WIDE), np.float32), aligned((PLANES, WIDE), np.float32)
-        return cls(entries, bounds, listed, passing, np.zeros(WIDE, np.int64), children, planes, layers)
+        return cls(entries, bounds, listed, child_rays, np.zeros(WIDE, np.int64), children, planes, layers)
 
 
 @inline
-def walk(tree, walk, rays, origin, normal, lowest_sine, closest, reach):
-    """Find which rays meet something nearer than `reach`, and with `closest` how far away.
+def traverse(tree, state, rays, origin, normal, lowest_sine, closest, t_max):
+    """Find which rays meet something nearer than `t_max`, and with `closest` how far away.
 
     Args: lowest_sine: of the elevation of the lowest ray over the plane of the unit `normal`.
     """
     triangles, boxes, starts = tree.triangles, tree.boxes, tree.starts
-    entries, bounds = walk.entries, walk.bounds
+    entries, bounds = state.entries, state.bounds
     levels = len(starts) - 1
     entries[0, _NODE], entries[0, _LEVEL], entries[0, _FIRST], entries[0, _COUNT] = starts[levels] - 1, levels, 0, -1
-    bounds[0, _COSINE], bounds[0, _GAP] = EVERYWHERE, ZERO
+    bounds[0, _COSINE], bounds[0, _GAP] = FULL_SPHERE, ZERO
     waiting = 1
     while waiting > 0:
         waiting -= 1
@@ -79,50 +79,61 @@ def walk(tree, walk, rays, origin, normal, lowest_sine, closest, reach):
         if count < 0:
             bound = bounds[waiting]
             axis = bound[_AXIS], bound[_AXIS + 1], bound[_AXIS + 2]
-            count = list_within(rays, axis, bound[_COSINE], bound[_GAP], _LISTED, walk.listed, first)
+            count = list_within(rays, axis, bound[_COSINE], bound[_GAP], _LISTED, state.listed, first)
         if count == 0:
             continue
         if level == 0:
-            a, b, c = find_planes(triangles[node], origin, walk.planes)
-            leaf = leaf_of(walk.layers, tree, node, origin)
+            a, b, c = find_planes(triangles[node], origin, state.planes)
+            leaf = leaf_of(state.layers, tree, node, origin)
             if count < 0:
-                facing = find_cones(a, b, c, normal, lowest_sine, walk.planes)
-                meet_by_triangles(rays, facing, walk.planes, closest, reach, leaf)
+                facing = find_cones(a, b, c, normal, lowest_sine, state.planes)
+                intersect_by_triangles(rays, facing, state.planes, closest, t_max, leaf)
             else:
-                meet_by_rays(rays, walk.listed, first, first + count, walk.planes, closest, reach, leaf)
+                intersect_by_rays(rays, state.listed, first, first + count, state.planes, closest, t_max, leaf)
             continue
         child = (node - starts[level - 1]) * WIDE + (starts[level - 2] if level > 1 else 0)
         if count < 0:
-            opened = _open_children(boxes[node], walk, origin, normal, lowest_sine, reach)
+            opened = _open_children(boxes[node], state, origin, normal, lowest_sine, t_max)
         else:
-            opened = _pass_through(boxes[node], walk, rays, first, first + count, origin, reach)
-        bottom = waiting
-        while opened != 0:
-            k = lowest_bit(opened)
-            opened &= opened - 1
-            place, gap = waiting, walk.children[_GAP, k]
-            while place > bottom and bounds[place - 1, _GAP] < gap:  # the nearest is taken first
-                entries[place, _NODE], bounds[place, _GAP] = entries[place - 1, _NODE], bounds[place - 1, _GAP]
-                place -= 1
-            entries[place, _NODE], bounds[place, _GAP] = k, gap
-            waiting += 1
-        for place in range(bottom, waiting):
-            k = entries[place, _NODE]
-            entries[place, _NODE], entries[place, _LEVEL], entries[place, _FIRST] = child + k, level - 1, first
-            if count < 0:
-                entries[place, _COUNT] = -1
-                for column in range(_GAP):
-                    bounds[place, column] = walk.children[column, k]
-            else:
-                entries[place, _COUNT] = walk.passes[k]
-                for q in range(walk.passes[k]):
-                    walk.listed[first + q] = walk.passing[k, q]
-                first += walk.passes[k]
+            opened = _intersect_children(boxes[node], state, rays, first, first + count, origin, t_max)
+        waiting = _push(state, opened, waiting, child, level - 1, first, count >= 0)
 
 
 @inline
-def _open_children(box, walk, origin, normal, lowest_sine, reach):
-    """Write the bounds of a node's children; bits of those within reach that rise above the lowest ray."""
+def _push(state, opened, waiting, child, level, first, listed):
+    """Put `opened` children, bits, on the stack, the nearest on top; how many nodes wait now.
+
+    Args: child: the first child. first: where the rays of the children begin in `TraversalState.listed` if `listed`.
+    """
+    entries, bounds = state.entries, state.bounds
+    bottom = waiting
+    while opened != 0:
+        k = lowest_bit(opened)
+        opened &= opened - 1
+        place, gap = waiting, state.children[_GAP, k]
+        while place > bottom and bounds[place - 1, _GAP] < gap:
+            entries[place, _NODE], bounds[place, _GAP] = entries[place - 1, _NODE], bounds[place - 1, _GAP]
+            place -= 1
+        entries[place, _NODE], bounds[place, _GAP] = k, gap
+        waiting += 1
+    for place in range(bottom, waiting):
+        k = entries[place, _NODE]
+        entries[place, _NODE], entries[place, _LEVEL], entries[place, _FIRST] = child + k, level, first
+        if not listed:
+            entries[place, _COUNT] = -1
+            for column in range(_GAP):
+                bounds[place, column] = state.children[column, k]
+        else:
+            entries[place, _COUNT] = state.child_counts[k]
+            for q in range(state.child_counts[k]):
+                state.listed[first + q] = state.child_rays[k, q]
+            first += state.child_counts[k]
+    return waiting
+
+
+@inline
+def _open_children(box, state, origin, normal, lowest_sine, t_max):
+    """Write the bounds of a node's children; bits of those within t_max that rise above the lowest ray."""
     d, half, gap = _relative(box, origin)
     squared = max(dot(d, d), TINY)
     nearness = reciprocal_root(squared)
@@ -131,10 +142,10 @@ def _open_children(box, walk, origin, normal, lowest_sine, reach):
     height = dot(d, normal) + dot(half, upright) + SLACK * (distance + radius)
     sine = radius * nearness + SLACK
     for axis in range(3):
-        store_row(walk.children, _AXIS + axis, d[axis] * nearness)
-    store_row(walk.children, _COSINE, select(sine < ONE, root(max(ONE - sine * sine, ZERO)), EVERYWHERE))
-    store_row(walk.children, _GAP, gap * (ONE - SLACK))
-    return bits((height > lowest_sine * gap) & (gap * (ONE - SLACK) <= reach))
+        store_row(state.children, _AXIS + axis, d[axis] * nearness)
+    store_row(state.children, _COSINE, select(sine < ONE, root(max(ONE - sine * sine, ZERO)), FULL_SPHERE))
+    store_row(state.children, _GAP, gap * (ONE - SLACK))
+    return bits((height > lowest_sine * gap) & (gap * (ONE - SLACK) <= t_max))
 
 
 @inline
@@ -147,29 +158,29 @@ def _relative(box, origin):
 
 
 @inline
-def _pass_through(box, walk, rays, first, last, origin, reach):
-    """List the rays that pass through each child of a node within reach, by slabs; bits of the children with any."""
+def _intersect_children(box, state, rays, first, last, origin, t_max):
+    """List the rays that pass through each child of a node within t_max, by slabs; bits of the children with any."""
     d, half, gap = _relative(box, origin)
-    store_row(walk.children, _GAP, gap)
+    store_row(state.children, _GAP, gap)
     used = half[0] >= ZERO
     low, high = subtract(d, half), (d[0] + half[0], d[1] + half[1], d[2] + half[2])
-    blocks, opened = len(rays.nearest), 0
+    blocks, opened = len(rays.t_hit), 0
     for k in range(WIDE):
-        walk.passes[k] = 0
+        state.child_counts[k] = 0
     for place in range(first, last):
-        ray = walk.listed[place]
-        if not is_open(rays, ray):
+        ray = state.listed[place]
+        if not is_active(rays, ray):
             continue
         k, lane = ray // WIDE, ray % WIDE
         x, y, z = rays.reciprocals[k, lane], rays.reciprocals[blocks + k, lane], rays.reciprocals[2 * blocks + k, lane]
         ax, bx, ay, by, az, bz = low[0] * x, high[0] * x, low[1] * y, high[1] * y, low[2] * z, high[2] * z
         enter = max(max(min(ax, bx), min(ay, by)), max(min(az, bz), ZERO))
-        leave = min(min(max(ax, bx), max(ay, by)), min(max(az, bz), min(rays.nearest[k, lane], reach)))
+        leave = min(min(max(ax, bx), max(ay, by)), min(max(az, bz), min(rays.t_hit[k, lane], t_max)))
         passed = bits((enter * (ONE - SLACK) <= leave * (ONE + SLACK)) & used)
         opened |= passed
         while passed != 0:
             c = lowest_bit(passed)
             passed &= passed - 1
-            walk.passing[c, walk.passes[c]] = ray
-            walk.passes[c] += 1
+            state.child_rays[c, state.child_counts[c]] = ray
+            state.child_counts[c] += 1
     return opened

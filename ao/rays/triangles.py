@@ -19,18 +19,18 @@ from raytrace.kernel.vector import add, dot, scale, subtract
 
 from .layers import has_alpha, pass_through
 from .ray_blocks import (
-    EVERYWHERE,
-    NEVER,
+    FULL_SPHERE,
     ONE,
     SLACK,
+    T_MISS,
     TINY,
     ZERO,
     along,
     blocks_within,
-    bring_nearer,
-    is_open,
+    deactivate,
+    is_active,
     root,
-    stop,
+    shrink_t_max,
 )
 
 PLANES = 18  # rows of sixteen: the three edges' normals, N, a·N, and a cone around each: axis, cosine, sine
@@ -58,7 +58,7 @@ def find_planes(triangles, origin, planes):
     _store(planes, 6, scale(side, _edge_plane(c, a, ca)))
     _store(planes, _NORMAL, scale(side, n))
     volume = abs(volume)
-    store_row(planes, _VOLUME, select(volume > ZERO, volume, NEVER))
+    store_row(planes, _VOLUME, select(volume > ZERO, volume, T_MISS))
     return a, b, c
 
 
@@ -76,12 +76,12 @@ def find_cones(a, b, c, normal, lowest_sine, planes):
     nearness = reciprocal_root(squared)
     sine = radius * nearness + SLACK
     _store(planes, _AXIS, scale(nearness, centre))
-    store_row(planes, _COSINE, select(sine < ONE, root(max(ONE - sine * sine, ZERO)), EVERYWHERE))
+    store_row(planes, _COSINE, select(sine < ONE, root(max(ONE - sine * sine, ZERO)), FULL_SPHERE))
     store_row(planes, _SINE, sine)
     distance = squared * nearness
     height = max(max(dot(a, normal), dot(b, normal)), dot(c, normal)) + SLACK * (distance + radius)
     above = height > max(lowest_sine * (distance - radius), ZERO)
-    return bits(above & (load_row(planes, _VOLUME) < NEVER))
+    return bits(above & (load_row(planes, _VOLUME) < T_MISS))
 
 
 @inline
@@ -137,45 +137,45 @@ def _pick(rows, first, lane):
 
 
 @inline
-def _meets(sides, ahead, volume, reach):
-    """Where rays meet triangles nearer than `reach`."""
-    return (min(min(sides[0], sides[1]), sides[2]) >= ZERO) & (volume < reach * ahead)
+def _meets(sides, ahead, volume, t_max):
+    """Where rays meet triangles nearer than `t_max`."""
+    return (min(min(sides[0], sides[1]), sides[2]) >= ZERO) & (volume < t_max * ahead)
 
 
 @inline
-def meet_by_rays(rays, listed, first, last, planes, closest, reach, leaf):
+def intersect_by_rays(rays, listed, first, last, planes, closest, t_max, leaf):
     """Test listed rays one by one, each against all sixteen triangles. Args: leaf: of `leaf_of`."""
-    blocks = len(rays.nearest)
+    blocks = len(rays.t_hit)
     volume = load_row(planes, _VOLUME)
     for place in range(first, last):
         ray = listed[place]
         k, lane = ray // WIDE, ray % WIDE
-        if not is_open(rays, ray):
+        if not is_active(rays, ray):
             continue
         v = rays.directions[k, lane], rays.directions[blocks + k, lane], rays.directions[2 * blocks + k, lane]
         sides = along(planes, 0, 1, v), along(planes, 3, 1, v), along(planes, 6, 1, v)
         ahead = along(planes, _NORMAL, 1, v)
-        met = _meets(sides, ahead, volume, reach)
+        met = _meets(sides, ahead, volume, t_max)
         if not some(met):
             continue
         if leaf is not None:
             distances, found = volume / ahead, bits(met)
-            while found != 0 and is_open(rays, ray):
+            while found != 0 and is_active(rays, ray):
                 j = lowest_bit(found)
                 found &= found - 1
-                pass_through(leaf, rays, k, lane, j, pick(distances, j), closest, reach)
+                pass_through(leaf, rays, k, lane, j, pick(distances, j), closest, t_max)
         elif closest:
-            distance = lowest(select(met, volume / ahead, NEVER))
-            rays.nearest[k, lane] = min(rays.nearest[k, lane], distance)
-            bring_nearer(rays, k, reach)
+            distance = lowest(select(met, volume / ahead, T_MISS))
+            rays.t_hit[k, lane] = min(rays.t_hit[k, lane], distance)
+            shrink_t_max(rays, k, t_max)
         else:
-            stop(rays, k, 1 << lane)
+            deactivate(rays, k, 1 << lane)
 
 
 @inline
-def meet_by_triangles(rays, triangles, planes, closest, reach, leaf):
+def intersect_by_triangles(rays, triangles, planes, closest, t_max, leaf):
     """Test triangles, bits, one by one, each against blocks of sixteen rays. Args: leaf: of `leaf_of`."""
-    directions, blocks = rays.directions, len(rays.nearest)
+    directions, blocks = rays.directions, len(rays.t_hit)
     while triangles != 0:
         j = lowest_bit(triangles)
         triangles &= triangles - 1
@@ -188,18 +188,18 @@ def meet_by_triangles(rays, triangles, planes, closest, reach, leaf):
                 inside &= inside - 1
                 left, right = along(directions, k, blocks, ab), along(directions, k, blocks, bc)
                 sides, ahead = (left, right, along(directions, k, blocks, ca)), along(directions, k, blocks, n)
-                met = _meets(sides, ahead, volume, reach)
+                met = _meets(sides, ahead, volume, t_max)
                 if not some(met):
                     continue
                 if leaf is not None and has_alpha(leaf, j):
-                    distances, found = volume / ahead, bits(met) & rays.open[k]
+                    distances, found = volume / ahead, bits(met) & rays.active[k]
                     while found != 0:
                         lane = lowest_bit(found)
                         found &= found - 1
-                        pass_through(leaf, rays, k, lane, j, pick(distances, lane), closest, reach)
+                        pass_through(leaf, rays, k, lane, j, pick(distances, lane), closest, t_max)
                 elif closest:
-                    nearest = load_row(rays.nearest, k)
-                    store_row(rays.nearest, k, select(met, min(volume / ahead, nearest), nearest))
-                    bring_nearer(rays, k, reach)
+                    t_hit = load_row(rays.t_hit, k)
+                    store_row(rays.t_hit, k, select(met, min(volume / ahead, t_hit), t_hit))
+                    shrink_t_max(rays, k, t_max)
                 else:
-                    stop(rays, k, bits(met))
+                    deactivate(rays, k, bits(met))

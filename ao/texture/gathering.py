@@ -57,7 +57,7 @@ class TexelTracer(Tracer):
         found = self._gather(some, rays, key, slots)
         self._leave_out_below(some, self.texels.sides[each], table, found)
         means = found.reshape(-1, slots, COLUMNS).sum(axis=1) / slots
-        means[:, BATCH_VARIANCE] *= slots**-1.5  # as if the batches were of all rays: they are dealt from one lattice
+        means[:, BATCH_VARIANCE] *= slots**-1.5  # as if the batches were of all rays: they share a leaped lattice
         return means
 
     def _leave_out_below(self, points: Points, sides: Float32s, table: DirectionTable, found: Float64s) -> None:

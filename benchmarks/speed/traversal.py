@@ -20,7 +20,7 @@ from ao.rays.gather_streams import gather_streams
 from ao.rays.hemisphere import gather_hemispheres
 from ao.rays.ray_blocks import Rays
 from ao.rays.ray_packet import RayPacket
-from ao.rays.traverse import Walk
+from ao.rays.traverse import TraversalState
 from ao.report import versions
 from benchmarks import RESULTS
 from benchmarks.time_against_error.suite import Specimen, builtin, falloffs
@@ -55,7 +55,9 @@ def measure(specimen: Specimen) -> list[dict[str, Any]]:
                 start = time.perf_counter()
                 gather_hemispheres(RayPacket.of(scene), points.arrays, table, mu, reach, by_packets)
                 middle = time.perf_counter()
-                gather_streams(tree, Rays.of(table), Walk.of(tree), points.arrays, table, mu, reach, by_streams)
+                gather_streams(
+                    tree, Rays.of(table), TraversalState.of(tree), points.arrays, table, mu, reach, by_streams
+                )
                 seconds["embree"].append(middle - start)
                 seconds["stream"].append(time.perf_counter() - middle)
             took = {way: 1e6 * median(times[1:]) / len(points) for way, times in seconds.items()}

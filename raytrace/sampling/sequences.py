@@ -19,7 +19,7 @@ from ..types import Float64s, UInt32s
 from .hash import mix_array
 
 GOLDEN = (5**0.5 - 1) / 2
-DEALT = 0.36038
+LEAPED = 0.36038
 """A step whose double and fourfold are as far from fractions as itself: q ‖q α‖ ≥ .228 of all three, for multiples up
 to 1,024. The golden ratio's are .38, .22 and .11, so that every fourth point of its lattice lies on few spokes."""
 

@@ -14,7 +14,7 @@ import ao.execute.parts
 from ao.execute.journal import Journal
 from ao.execute.merge import read_parts
 from ao.execute.parts import DESCRIPTION as DESCRIPTION_BLOCK
-from ao.execute.parts import WHOLE, Part, owners
+from ao.execute.parts import WHOLE, Part, assign_shards
 from raytrace import InputError, Mesh, OptionError, OutputError
 
 HILLS = Mesh(*hills(40))
@@ -54,10 +54,10 @@ def test_merged_parts_of_a_texture_are_the_whole(tmp_path, of):
 
 def test_every_row_has_one_owner_and_neighbours_mostly_the_same():
     for count, of in ((0, 3), (1, 3), (100_000, 16), (1000, 7)):
-        own = owners(count, of)
+        own = assign_shards(count, of)
         assert own.shape == (count,)
         assert ((own >= 1) & (own <= of)).all()
-    own = owners(100_000, 16)
+    own = assign_shards(100_000, 16)
     assert np.ptp(np.bincount(own)[1:]) < 500
     assert np.count_nonzero(np.diff(own)) < 300
 

@@ -14,7 +14,7 @@ from ao.rays.hemisphere import gather_hemispheres
 from ao.rays.ray_blocks import Rays
 from ao.rays.ray_packet import RayPacket
 from ao.rays.traversal_choice import packets_below
-from ao.rays.traverse import Walk
+from ao.rays.traverse import TraversalState
 from raytrace import Mesh
 from raytrace.kernel.arrays import aligned
 from raytrace.mesh.placement import Placement
@@ -135,7 +135,7 @@ class Prepared:
 
     def streams(self, tree=None):
         out, tree = np.empty((len(self.points), COLUMNS)), tree or self.tree
-        room = Rays.of(self.table), Walk.of(tree)
+        room = Rays.of(self.table), TraversalState.of(tree)
         gather_streams(tree, *room, self.points.arrays, self.table, self.mu, self.placement.diagonal, out)
         return out[:, W]
 

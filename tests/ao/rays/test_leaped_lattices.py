@@ -15,17 +15,17 @@ def drawn(table, number):
     return np.array([x * np.cos(turn) - y * np.sin(turn), x * np.sin(turn) + y * np.cos(turn)]), int(chosen)
 
 
-@pytest.mark.parametrize("dealt", [2, 4])
-def test_together_they_have_one_direction_in_every_ring_and_a_lattice_around(dealt):
-    table = DirectionTable.make(SAMPLES, 1000, KEY, dealt)
+@pytest.mark.parametrize("leap", [2, 4])
+def test_together_they_have_one_direction_in_every_ring_and_a_lattice_around(leap):
+    table = DirectionTable.make(SAMPLES, 1000, KEY, leap)
     for first in (0, 40, 84):
-        together = np.concatenate([drawn(table, first + slot)[0] for slot in range(dealt)], axis=1)
+        together = np.concatenate([drawn(table, first + slot)[0] for slot in range(leap)], axis=1)
         u = np.sum(together**2, axis=0)
         order = np.argsort(u)
-        assert np.floor(u[order] * dealt * SAMPLES + 1e-3).astype(int).tolist() == list(range(dealt * SAMPLES))
+        assert np.floor(u[order] * leap * SAMPLES + 1e-3).astype(int).tolist() == list(range(leap * SAMPLES))
         v = np.arctan2(together[1], together[0])[order] / (2 * np.pi)
         step = (np.diff(v) - 0.36038 + 0.5) % 1 - 0.5
-        assert np.abs(step).max() < 1.01 / (dealt * SAMPLES)
+        assert np.abs(step).max() < 1.01 / (leap * SAMPLES)
 
 
 def test_every_point_draws_every_part_as_often():
