@@ -177,13 +177,17 @@ def _note(entry: Entry, outcome: Outcome) -> None:
 
 
 def _read_by(bake: MeshBake) -> list[Path]:
-    """The files that a bake reads: those of its options, and buffers and images that a .gltf among them names."""
-    from ..formats.gltf.container import Gltf  # a slow import
+    """The files that a bake reads: those of its options, and what a .gltf or .obj among them names."""
+    from ..formats.gltf.container import Gltf  # slow imports
+    from ..formats.obj.detail import named_files
 
     files = bake.inputs()
-    for path in [path for path in files if path.suffix.lower() == ".gltf"]:
+    for path in bake.inputs():
         with suppress(OSError, ValueError, TypeError, AttributeError, RecursionError):  # its bake will say why
-            files += Gltf(path, json.loads(path.read_bytes()), ()).files[1:]
+            if path.suffix.lower() == ".gltf":
+                files += Gltf(path, json.loads(path.read_bytes()), ()).files[1:]
+            elif path.suffix.lower() == ".obj":
+                files += named_files(path)
     return files
 
 

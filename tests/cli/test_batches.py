@@ -13,6 +13,7 @@ from command import BEGUN, obscurance, refused, started
 from found_faults import triangle
 from mesh_files import obj
 from meshes import hills
+from PIL import Image
 from project import ROOT
 
 from scenes.formats.gltf.container import decode
@@ -107,6 +108,32 @@ def test_a_resumed_batch_bakes_again_where_any_file_that_was_read_or_written_has
     assert again(*fine) == set()
     (folder / "fine.obj").write_bytes((folder / "hill6.obj").read_bytes() + b"# changed\n")
     assert again(*fine) == {"hill6"}
+
+
+def test_a_resumed_batch_bakes_an_obj_again_where_its_materials_or_their_pictures_have_changed(folder):
+    vertices, faces = hills(4)
+    lines = [b"mtllib leaf.mtl", obj(vertices, faces), b"vt 0 0", b"usemtl leaf", b"f 1/1 2/1 3/1"]
+    (folder / "leaf.obj").write_bytes(b"\n".join(lines))
+    library, picture = folder / "leaf.mtl", folder / "leaf.png"
+    library.write_text("newmtl leaf\nmap_d leaf.png\n")
+    Image.new("L", (2, 2), 255).save(picture)
+    command = "bake", "leaf.obj", "hill0.obj", "--output-dir", "out", *SAMPLES, "--format", "npz", "--resume"
+
+    def again():
+        before = {path: path.stat().st_mtime_ns for path in (folder / "out").glob("*.npz")}
+        done = obscurance(*command)
+        assert done.returncode == 0, done.stderr
+        return {path.stem for path in (folder / "out").glob("*.npz") if path.stat().st_mtime_ns != before.get(path)}
+
+    assert again() == {"leaf", "hill0"}
+    assert again() == set()
+    Image.new("L", (2, 2), 0).save(picture)
+    assert again() == {"leaf"}
+    library.write_text("newmtl leaf\nd .5\n")
+    assert again() == {"leaf"}
+    library.unlink()
+    assert again() == {"leaf"}
+    assert again() == set()
 
 
 @pytest.mark.parametrize("content", ["[]", "{}", '{"manifest_version": 99, "options": 1, "versions": 1, "inputs": []}'])

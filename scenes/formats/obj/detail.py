@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import re
+from collections.abc import Callable, Iterable, Iterator
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -10,11 +13,12 @@ from raytrace.mesh.opacity import AlphaSurface, Opacity
 
 from ...geometry.detail import Detail, Paint, PerCorner
 from ...geometry.polygons import Triangles
-from .mtl import OPAQUE, read_mtl
-from .text import ObjText
+from .mtl import OPAQUE, named_pictures, read_mtl
+from .text import ObjText, joined_lines
 
 PAINT_WORDS = ("texture of", "material library", OPAQUE)  # how what is missing of materials begins
 MAX_OBJECTS = 4096  # each takes a kilobyte or two of a .glb
+_LIBRARY = re.compile(r"^[ \t]*mtllib(?!\S)([^#\n]*)", re.MULTILINE)
 _OTHER = "l", "p", "curv", "curv2", "surf"
 
 
@@ -78,27 +82,43 @@ def _read_paints(file: ObjText, folder: Path) -> tuple[dict[str, Paint], list[Pa
     known: dict[str, Paint] = {}
     files: list[Path] = []
     left: list[str] = []
-
-    def beside(name: str) -> Path | None:
-        try:
-            root = folder.resolve()
-            target = (root / name.strip().strip('"').replace("\\", "/")).resolve()
-            return target if target.is_relative_to(root) and target.is_file() else None
-        except (OSError, ValueError):
-            return None
-
-    for line in filter(None, map(str.strip, file.lines("mtllib").split("\n"))):
-        found = [beside(line)] if beside(line) else [beside(name) for name in line.split()]
-        for library in found:
-            if library is None:
-                left.append(f"material library {line}")
-                continue
-            more, missing = read_mtl(library, beside)
-            known = more | known
-            pictures = [picture for paint in more.values() for picture in (paint.texture, paint.opacity_texture)]
-            files += [library, *filter(None, pictures)]
-            left += missing
+    beside = partial(_beside, folder)
+    for line, library in _libraries(file.lines("mtllib").split("\n"), beside):
+        if library is None:
+            left.append(f"material library {line}")
+            continue
+        more, missing = read_mtl(library, beside)
+        known = more | known
+        pictures = [picture for paint in more.values() for picture in (paint.texture, paint.opacity_texture)]
+        files += [library, *filter(None, pictures)]
+        left += missing
     return known, files, left
+
+
+def named_files(path: Path) -> list[Path]:
+    """Material libraries of an OBJ file and pictures of these, used or not, as far as they are there."""
+    beside = partial(_beside, path.parent)
+    lines = _LIBRARY.findall(joined_lines(path.read_bytes()))
+    libraries = [library for _, library in _libraries(lines, beside) if library]
+    pictures = [picture for library in libraries for picture in named_pictures(library, beside)]
+    return list(dict.fromkeys(libraries + pictures))
+
+
+def _libraries(lines: Iterable[str], beside: Callable[[str], Path | None]) -> Iterator[tuple[str, Path | None]]:
+    """What follows each `mtllib`, and the files that it names, None for what is not there."""
+    for line in filter(None, map(str.strip, lines)):
+        for name in [line] if beside(line) else line.split():
+            yield line, beside(name)
+
+
+def _beside(folder: Path, name: str) -> Path | None:
+    """A file in a folder or below it, or None."""
+    try:
+        root = folder.resolve()
+        target = (root / name.strip().strip('"').replace("\\", "/")).resolve()
+        return target if target.is_relative_to(root) and target.is_file() else None
+    except (OSError, ValueError):
+        return None
 
 
 def obj_opacity(file: ObjText, folder: Path, triangles: Triangles) -> tuple[Opacity | None, tuple[str, ...]]:

@@ -8,7 +8,7 @@ Format: Wavefront MTL 5.0, 1995; the PBR extension of Clara.io, 2014.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -16,8 +16,10 @@ from typing import Any
 import numpy as np
 
 from ...geometry.detail import Paint
+from .text import joined_lines
 
 OPAQUE = "Tr 1"
+_MAPS = "map_Kd", "map_d"
 _PICTURES = (b"\x89PNG", b"\xff\xd8\xff")
 _LARGEST = 1 << 24  # bytes of a library
 
@@ -27,14 +29,11 @@ def read_mtl(path: Path, beside: Callable[[str], Path | None]) -> tuple[dict[str
 
     Args: beside: finds the file that a name means, or None.
     """
-    content = path.read_bytes()[:_LARGEST].decode("utf-8", "replace").replace("\r", "\n").replace("\\\n", " ")
     made: dict[str, Paint] = {}
     given: dict[str, dict[str, Any]] = {}
     left = []
     name = ""
-    for line in content.split("\n"):
-        key, _, rest = line.partition("#")[0].strip().partition(" ")
-        rest = rest.strip()
+    for key, rest in _statements(path):
         if key == "newmtl" and rest:
             name = rest
             given[name] = {}
@@ -42,8 +41,8 @@ def read_mtl(path: Path, beside: Callable[[str], Path | None]) -> tuple[dict[str
             given[name][key] = _numbers(rest, 3)
         elif name and key in ("d", "Tr", "Ns", "Pm", "Pr"):
             given[name][key] = _numbers(rest, 1)
-        elif name and key in ("map_Kd", "map_d"):
-            given[name][key] = beside(rest.split()[-1] if rest.startswith("-") else rest)
+        elif name and key in _MAPS:
+            given[name][key] = beside(_picture(rest))
             if given[name][key] is None or (key == "map_Kd" and not _starts(given[name][key]).startswith(_PICTURES)):
                 left.append(f"texture of {key} ({rest or 'no name'})")
                 del given[name][key]
@@ -58,6 +57,24 @@ def read_mtl(path: Path, beside: Callable[[str], Path | None]) -> tuple[dict[str
         more = f" and {len(opaque) - 3:,} more" if len(opaque) > 3 else ""
         left.append(f"{OPAQUE} of {', '.join(opaque[:3])}{more}, taken for opaque")
     return made, left
+
+
+def named_pictures(path: Path, beside: Callable[[str], Path | None]) -> list[Path]:
+    """The pictures that `read_mtl` looks at. Args: as of that."""
+    found = (beside(_picture(rest)) for key, rest in _statements(path) if key in _MAPS)
+    return [picture for picture in found if picture]
+
+
+def _statements(path: Path) -> Iterator[tuple[str, str]]:
+    """Keywords of a library, and what follows them on the line."""
+    for line in joined_lines(path.read_bytes()[:_LARGEST]).split("\n"):
+        key, _, rest = line.partition("#")[0].strip().partition(" ")
+        yield key, rest.strip()
+
+
+def _picture(rest: str) -> str:
+    """The name of a picture after its options."""
+    return rest.split()[-1] if rest.startswith("-") else rest
 
 
 def _is_opaque(given: dict[str, Any]) -> bool:

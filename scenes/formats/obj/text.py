@@ -39,6 +39,12 @@ class Named(NamedTuple):
     kinds: int
 
 
+def joined_lines(data: bytes) -> str:
+    """The text of an OBJ or MTL file, continued lines joined."""
+    text = data.decode("utf-8", "replace").removeprefix("\ufeff").replace("\r\n", "\n").replace("\r", "\n")
+    return text.replace("\\\n", " ")
+
+
 @dataclass(frozen=True, eq=False)
 class ObjText:
     """An OBJ file's statements and its geometry.
@@ -71,8 +77,7 @@ class ObjText:
                 outside the file's lines.
             ValueError: text that is not numbers.
         """
-        text = data.decode("utf-8", "replace").removeprefix("\ufeff").replace("\r\n", "\n").replace("\r", "\n")
-        text = text.replace("\\\n", " ")
+        text = joined_lines(data)
         runs = [Run(run[1], run[0], run[0].count("\n") + 1) for run in _RUN.finditer(text)]
         del text
         lines = _lines(runs, "v")
