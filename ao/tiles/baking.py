@@ -27,7 +27,7 @@ from ..rays.ray_scene import RayScene
 from ..rays.traversal_choice import fewer_than, most_packets, tried, try_out
 from .halo import Piece, cut
 from .numbering import Numbering, check_tile, number_points
-from .source import TileSource, runs
+from .source import TileSource, on_disk, runs
 from .survey import Grid, Survey
 
 _FAR = 1 << 40  # number of points of other tiles
@@ -71,6 +71,7 @@ def bake_tiled(
         OptionError: an argument is out of range, or nothing limits the distance.
         MeshError: `source` is no mesh.
         MemoryLimitError: a tile would not fit into memory.
+        OutputError: the disk of `scratch` is full.
     """
     options = Options(
         "vertex", falloff_of(falloff), samples, seed, threads, normals, None, None, False, "ignore", traversal
@@ -84,7 +85,7 @@ def bake_tiled(
         raise OptionError("max_distance", expected, mu.max_distance)
     numbering = number_points(survey, normals, scratch)
     tracing = _Tracing.of(survey, numbering, mu, options, progress)
-    values = np.memmap(scratch / "w", np.float64, "w+", shape=(source.vertex_count,))
+    values = on_disk(scratch / "w", np.float64, source.vertex_count)
     tiles = faces = 0
     for tile in range(survey.tiles):
         found = tracing.trace(tile, values)

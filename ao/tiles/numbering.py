@@ -16,7 +16,7 @@ from ..points.corners import SPREAD, flattest_elsewhere
 from ..points.morton import morton_codes
 from ..points.receivers import lift_points
 from .halo import Piece, cut
-from .source import runs
+from .source import on_disk, runs
 from .survey import Survey
 
 
@@ -49,9 +49,9 @@ class Numbering:
 def number_points(survey: Survey, normals: Normals, scratch: Path) -> Numbering:
     """Lift the points of every tile, then number them all."""
     count = survey.source.vertex_count
-    first = np.memmap(scratch / "first", np.int64, "w+", shape=(count,))
-    origins = np.memmap(scratch / "origins", np.float64, "w+", shape=(count, 3))
-    axes = np.memmap(scratch / "axes", np.float32, "w+", shape=(count, 3))
+    first = on_disk(scratch / "first", np.int64, count)
+    origins = on_disk(scratch / "origins", np.float64, count, 3)
+    axes = on_disk(scratch / "axes", np.float32, count, 3)
     torn = np.zeros(count, np.bool_)
     flattest = 0.0
     torn_first, corner_counts = [np.zeros(0, np.int64)], [np.zeros(0, np.int64)]
@@ -110,7 +110,7 @@ def _numbered(
     for run in runs(len(points)):
         codes[run] = morton_codes(np.ascontiguousarray(origins[points[run]]), low, float((high - low).max()))
     order = points[np.argsort(codes, kind="stable")]
-    number = np.memmap(scratch / "number", np.uint32, "w+", shape=(count,))
+    number = on_disk(scratch / "number", np.uint32, count)
     number[order] = np.arange(len(order), dtype=np.uint32)
     by_number = np.argsort(number[torn_first], kind="stable")
     torn_first, corners = torn_first[by_number], corners[by_number]

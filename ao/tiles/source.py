@@ -1,13 +1,21 @@
-"""A mesh that stays on the disk, read in runs of rows."""
+"""A mesh that stays on the disk, read in runs of rows, and arrays beside it."""
 
 from __future__ import annotations
 
+import math
+import os
 from collections.abc import Iterator
-from typing import Protocol
+from pathlib import Path
+from typing import Any, Protocol
 
+import numpy as np
+import numpy.typing as npt
+
+from raytrace.errors import OutputError
 from raytrace.types import Float64s, Int64s
 
 RUN = 1 << 19  # rows at once
+_ZEROS = 1 << 20
 
 
 class TileSource(Protocol):
@@ -37,3 +45,22 @@ def runs(count: int) -> Iterator[slice]:
     """Runs of `count` rows."""
     for first in range(0, count, RUN):
         yield slice(first, min(first + RUN, count))
+
+
+def on_disk(path: Path, kind: npt.DTypeLike, *shape: int) -> npt.NDArray[Any]:
+    """An array of zeros in a new file. Its space is taken now: a full disk would end the process at some later write.
+
+    Raises: OutputError: there is no space.
+    """
+    size = np.dtype(kind).itemsize * math.prod(shape)
+    try:
+        with path.open("wb") as file:
+            if hasattr(os, "posix_fallocate"):
+                os.posix_fallocate(file.fileno(), 0, size)
+            else:
+                for first in range(0, size, _ZEROS):
+                    file.write(bytes(min(_ZEROS, size - first)))
+        return np.memmap(path, kind, "r+", shape=shape)
+    except OSError as reason:
+        text = f"{size:,} bytes beside the output, for tiles: {reason.strerror}"
+        raise OutputError(f"{path}: cannot write {text}") from None

@@ -13,7 +13,7 @@ from raytrace.mesh.mesh import LARGEST
 from raytrace.mesh.placement import RenderSpace
 from raytrace.types import Float32s, Float64s, Int32s
 
-from .source import TileSource, runs
+from .source import TileSource, on_disk, runs
 
 Grid = tuple[int, int, int]
 
@@ -45,8 +45,8 @@ class Survey:
         low, high = _bounds(source)
         space = RenderSpace.of(low, high)
         count = source.vertex_count
-        placed = np.memmap(scratch / "placed", np.float32, "w+", shape=(count, 3))
-        tile = np.memmap(scratch / "tile", np.int32, "w+", shape=(count,))
+        placed = on_disk(scratch / "placed", np.float32, count, 3)
+        tile = on_disk(scratch / "tile", np.int32, count)
         for run in runs(count):
             placed[run] = space.place(source.vertices(run.start, run.stop))
         first, last = (space.place(corner[None])[0] for corner in (low, high))

@@ -1,4 +1,4 @@
-"""Files that appear whole or not at all."""
+"""Files that appear whole or not at all, and folders for what is on the way."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ import io
 import json
 import os
 import secrets
+import shutil
 import stat
 import sys
 import tempfile
@@ -21,6 +22,7 @@ if sys.platform != "win32":
     import fcntl
 
 _BEGIN, _END = ".obscurance-", ".part"  # of temporary names
+_LOCK = "lock"  # in a temporary folder
 
 
 @contextmanager
@@ -90,6 +92,27 @@ def _replacing(path: str | os.PathLike[str]) -> Iterator[tuple[Path, int]]:
         if isinstance(reason, OutputError):
             raise
         raise _cannot_write(path, reason) from None
+
+
+@contextmanager
+def scratch_folder(target: str | os.PathLike[str]) -> Iterator[Path]:
+    """A folder beside `target` until the block ends; what a killed process left there, the next one removes.
+
+    Raises:
+        OutputError: it cannot be made.
+    """
+    folder = _beside(Path(target).absolute())
+    try:
+        _remove_left_over(folder.parent)
+        folder.mkdir()
+        lock = _create(folder / _LOCK)
+    except OSError as reason:
+        raise _cannot_write(target, reason) from None
+    try:
+        yield folder
+    finally:
+        shutil.rmtree(folder, ignore_errors=True)
+        os.close(lock)
 
 
 def standard_output(ending: str) -> Path:
@@ -176,7 +199,7 @@ def _create(path: Path) -> int:
 
 @cache
 def _remove_left_over(folder: Path) -> None:
-    """Delete temporary files of processes that were killed; once in this process."""
+    """Delete temporary files and folders of processes that were killed; once in this process."""
     if sys.platform == "win32":
         return
     with suppress(OSError), os.scandir(folder) as entries:
@@ -184,11 +207,13 @@ def _remove_left_over(folder: Path) -> None:
             if not (entry.name.startswith(_BEGIN) and entry.name.endswith(_END)):
                 continue
             with suppress(OSError):  # it is locked, or another user's
-                handle = os.open(entry.path, os.O_RDWR | os.O_NOFOLLOW | os.O_NONBLOCK)
+                is_folder = entry.is_dir(follow_symlinks=False)
+                locked = os.path.join(entry.path, _LOCK) if is_folder else entry.path
+                handle = os.open(locked, os.O_RDWR | os.O_NOFOLLOW | os.O_NONBLOCK)
                 try:
                     fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
                     if os.fstat(handle).st_nlink:
-                        os.unlink(entry.path)
+                        (shutil.rmtree if is_folder else os.unlink)(entry.path)
                 finally:
                     os.close(handle)
 

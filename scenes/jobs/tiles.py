@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 import re
-import shutil
 import time
 from dataclasses import dataclass
 from pathlib import Path
-from tempfile import mkdtemp
 from typing import Any
 
 from .console import KERNELS_OF_BAKE, compiling, progress
@@ -50,11 +48,12 @@ class TilesCommand:
             OutputError: the output, or the folder beside it that holds what is on the way.
         """
         from ao.tiles.baking import bake_tiled
-        from raytrace.errors import OptionError, OutputError
+        from raytrace.errors import OptionError
+        from raytrace.system.atomic import scratch_folder
         from raytrace.system.outputs import check_outputs
 
         from ..falloffs import make_falloff, table_of
-        from ..tiles.mapped import map_mesh
+        from ..tiles.stored import open_mesh
         from ..tiles.write import ENDINGS, write_tiled
 
         start = time.perf_counter()
@@ -62,20 +61,14 @@ class TilesCommand:
         if self.output.suffix.lower() not in ENDINGS:
             raise OptionError("output", "a name ending in " + " or ".join(ENDINGS) + " with --tiles", self.output)
         check_outputs({"--output": self.output}, [self.mesh, *table_of(self.falloff)])
-        mesh = map_mesh(self.mesh)
-        try:
-            scratch = Path(mkdtemp(prefix=".obscurance-tiles-", dir=self.output.absolute().parent))
-        except OSError as reason:
-            raise OutputError(f"{self.output}: cannot write beside it: {reason.strerror or reason}") from None
-        try:
+        mesh = open_mesh(self.mesh)
+        with scratch_folder(self.output) as scratch:
             with progress(self.quiet, "rays", form=self.progress) as (advance,), compiling(KERNELS_OF_BAKE):
                 baked = bake_tiled(
                     mesh, scratch, self.grid, falloff, self.samples, self.seed, self.threads, self.normals,
                     self.traversal, advance,
                 )  # fmt: skip
             write_tiled(self.output, baked.w, mesh)
-        finally:
-            shutil.rmtree(scratch, ignore_errors=True)
         if not self.quiet:
             took = f"{baked.rays:,} rays traced in {time.perf_counter() - start:.2f} s"
             print(f"{self.output}: {mesh.vertex_count:,} vertices, {took}")

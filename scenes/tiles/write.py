@@ -16,12 +16,12 @@ from ..formats.ply.detail import RGB, grey_of
 from ..formats.ply.encode import NAMES
 from ..formats.ply.read import COUNT
 from ..formats.ply.write import GREY, OWN
-from .mapped import MappedMesh
+from .stored import StoredMesh
 
 ENDINGS = ".npy", ".ply"
 
 
-def write_tiled(path: Path, w: Float64s, mesh: MappedMesh) -> None:
+def write_tiled(path: Path, w: Float64s, mesh: StoredMesh) -> None:
     """Write w (n,) as `.npy` or `.ply`, as `scenes.write` does.
 
     Vertex colours of a PLY stay what they are; else w is also written as grey.
@@ -42,7 +42,7 @@ def write_tiled(path: Path, w: Float64s, mesh: MappedMesh) -> None:
             _write_ply(file, w, mesh)
 
 
-def _write_ply(file: BinaryIO, w: Float64s, mesh: MappedMesh) -> None:
+def _write_ply(file: BinaryIO, w: Float64s, mesh: StoredMesh) -> None:
     kept = _kept(mesh)
     grey = not set(RGB) <= {name for name, _ in kept}
     fields = [*kept, ("obscurance", "f"), *((name, "B") for name in RGB if grey)]
@@ -55,11 +55,9 @@ def _write_ply(file: BinaryIO, w: Float64s, mesh: MappedMesh) -> None:
     file.write("\n".join([*lines, "end_header\n"]).encode("latin-1", "replace"))
     for run in runs(mesh.vertex_count):
         rows = np.empty(run.stop - run.start, row)
+        stored: Any = mesh.vertices(run.start, run.stop) if mesh.vertex_rows is None else mesh.vertex_rows[run]
         for number, (name, _) in enumerate(kept):
-            if mesh.vertex_rows is None:
-                rows[name] = mesh.vertices(run.start, run.stop)[:, number]
-            else:
-                rows[name] = mesh.vertex_rows[run][name]
+            rows[name] = stored[:, number] if mesh.vertex_rows is None else stored[name]
         rows["obscurance"] = w[run]
         for name in RGB if grey else ():
             rows[name] = grey_of(w[run])
@@ -74,7 +72,7 @@ def _write_ply(file: BinaryIO, w: Float64s, mesh: MappedMesh) -> None:
         file.write(rows.tobytes())
 
 
-def _kept(mesh: MappedMesh) -> list[tuple[str, str]]:
+def _kept(mesh: StoredMesh) -> list[tuple[str, str]]:
     """Names and types of the vertices' properties that an output keeps."""
     if mesh.vertex_rows is None:
         return [(axis, "f") for axis in "xyz"]
@@ -82,7 +80,7 @@ def _kept(mesh: MappedMesh) -> list[tuple[str, str]]:
     return [(name, mesh.vertex_rows.dtype[name].char) for name in names if name != "obscurance"]
 
 
-def _face_fields(mesh: MappedMesh) -> list[tuple[str, str, int]]:
+def _face_fields(mesh: StoredMesh) -> list[tuple[str, str, int]]:
     """Names, types and lengths, 0 for a single value, of the faces' properties."""
     if mesh.vertex_rows is None:
         return [("vertex_indices", "i", 3)]

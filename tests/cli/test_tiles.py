@@ -1,10 +1,19 @@
 """`obscurance bake --tiles`: the file of one process, from meshes that stay on the disk."""
 
+import resource
+import sys
+import time
+
 import numpy as np
 import pytest
-from command import obscurance, refused
+from command import obscurance, process, refused, started
 from mesh_files import obj, stl
 from meshes import crumpled, hills, two_boxes
+from project import ROOT, environment
+
+import raytrace.system.atomic
+from raytrace.errors import MeshError
+from scenes.tiles.stored import open_mesh
 
 OPTIONS = "--samples", "16", "--max-distance", "20%", "--no-reconstruct", "--hidden", "ignore", "--falloff", "binary"
 
@@ -94,3 +103,56 @@ def test_mistakes_are_told_in_a_line(tmp_path):
     refused(obscurance("bake", tmp_path / "empty.stl", *good[2:]), "empty.stl: content: expected a binary PLY")
     assert not list(tmp_path.glob("w.*"))
     assert not list(tmp_path.glob(".obscurance*"))
+
+
+def confined(mesh, target, limit):
+    """A tiled bake that may write files of so many bytes."""
+
+    def confine():
+        resource.setrlimit(resource.RLIMIT_FSIZE, (limit, limit))
+
+    return process("bake", mesh, "-o", target, *OPTIONS, "--tiles", "2x1x1", preexec_fn=confine)
+
+
+@pytest.mark.parametrize("room", [0.5, 2, 20])  # bytes a vertex: none of the arrays fits, the smaller ones do, most do
+def test_a_disk_without_space_for_tiles_is_told_before_they_are_traced(tmp_path, room):
+    mesh = tmp_path / "m.ply"
+    mesh.write_bytes(MESHES["hills.ply"])
+    result = confined(mesh, tmp_path / "w.npy", int(room * 400))
+    refused(result, "cannot write", "bytes beside the output, for tiles: File too large")
+    assert [path.name for path in tmp_path.iterdir()] == ["m.ply"]
+
+
+@pytest.mark.parametrize("rows", ["vertices", "faces"])
+def test_a_mesh_that_is_cut_short_while_its_tiles_are_baked_is_told(tmp_path, rows):
+    path = tmp_path / "m.ply"
+    path.write_bytes(MESHES["hills.ply"])
+    mesh = open_mesh(path)
+    whole = getattr(mesh, rows)(0, 8)
+    with path.open("r+b") as file:
+        file.truncate(path.stat().st_size // 8)
+    with pytest.raises(MeshError, match=r"m\.ply: file: expected one that stays as it is while it is baked"):
+        getattr(mesh, rows)(0, 8)
+    path.write_bytes(MESHES["hills.ply"])
+    assert np.array_equal(getattr(open_mesh(path), rows)(0, 8), whole)
+    path.unlink()
+    with pytest.raises(MeshError, match=r"m\.ply: file: expected a readable file, got No such file"):
+        getattr(mesh, rows)(0, 8)
+
+
+def test_the_folder_of_a_tiled_bake_that_was_killed_is_removed_by_the_next_one(tmp_path):
+    mesh, bake = tmp_path / "m.ply", ("-o", tmp_path / "w.npy", *OPTIONS[2:], "--tiles", "2x1x1")
+    mesh.write_bytes(MESHES["hills.ply"])
+    command = [sys.executable, ROOT / "cli.py", "bake", mesh, *map(str, bake), "--samples", "100000"]
+    with started(command, env=environment()) as running:
+        while not list(tmp_path.glob(".obscurance-*/w")):
+            time.sleep(0.02)
+            assert running.poll() is None
+        assert obscurance("bake", mesh, *bake, "--samples", "16").returncode == 0
+        (folder,) = tmp_path.glob(".obscurance-*")  # of the one that goes on
+        running.kill()
+        running.wait()
+    assert folder.exists()
+    raytrace.system.atomic._remove_left_over.cache_clear()
+    assert obscurance("bake", mesh, *bake, "--samples", "16").returncode == 0
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["m.ply", "w.npy"]

@@ -1,7 +1,11 @@
-"""Binary PLY and STL files as meshes that stay on the disk."""
+"""Binary PLY and STL files as meshes that stay on the disk, read in runs of rows.
+
+Not mapped into memory: to touch a mapped page of a file that has been cut short ends the process.
+"""
 
 from __future__ import annotations
 
+import os
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -31,13 +35,37 @@ _EXPECTED = "a binary PLY of vertices, then triangles, or a binary STL, for tile
 _LONGEST_HEADER = 1 << 16
 
 
+@dataclass(frozen=True)
+class StoredRows:
+    """Rows of `dtype` in a file, from byte `begin` on; `state`: what tells that the file is still the same."""
+
+    path: Path
+    dtype: np.dtype[Any]
+    begin: int
+    state: tuple[int, ...]
+
+    def __getitem__(self, rows: slice) -> npt.NDArray[Any]:
+        """Raises: MeshError: the file is gone, cut short, or another."""
+        with mesh_errors(self.path), self.path.open("rb") as file:
+            state, begin = _state(file.fileno()), self.begin + rows.start * self.dtype.itemsize
+            found = np.fromfile(file, self.dtype, rows.stop - rows.start, offset=begin)
+        if state != self.state or len(found) < rows.stop - rows.start:
+            raise MeshError(self.path, "file", "one that stays as it is while it is baked", "another, or a part of it")
+        return found
+
+
+def _state(file: int | Path) -> tuple[int, ...]:
+    found = os.stat(file)
+    return found.st_dev, found.st_ino, found.st_size, found.st_mtime_ns
+
+
 @dataclass(frozen=True, eq=False)
-class MappedMesh:
+class StoredMesh:
     """A mesh on the disk, an `ao.tiles.source.TileSource`.
 
     Attributes:
         name: the file's. vertex_count, face_count: at least 1.
-        vertex_rows: (n,), with the fields of a PLY's vertices, or None. face_rows: (m,), as stored.
+        vertex_rows: n, with the fields of a PLY's vertices, or None. face_rows: m, as stored.
         corners: the field of `face_rows` with three indices, or with three vertices where `vertex_rows` is None.
         comments: lines of the header, for an output that keeps them.
     """
@@ -45,8 +73,8 @@ class MappedMesh:
     name: str
     vertex_count: int
     face_count: int
-    vertex_rows: npt.NDArray[Any] | None
-    face_rows: npt.NDArray[Any]
+    vertex_rows: StoredRows | None
+    face_rows: StoredRows
     corners: str
     comments: tuple[str, ...] = ()
 
@@ -69,7 +97,7 @@ class MappedMesh:
         return some[self.corners].astype(np.int64)
 
 
-def map_mesh(path: Path) -> MappedMesh:
+def open_mesh(path: Path) -> StoredMesh:
     """A mesh file without reading it.
 
     Raises:
@@ -85,16 +113,16 @@ def map_mesh(path: Path) -> MappedMesh:
         raise MeshError(path, "ending", _EXPECTED, path.suffix or "none")
 
 
-def _stl(path: Path) -> MappedMesh:
+def _stl(path: Path) -> StoredMesh:
     with path.open("rb") as file:
         announced = int.from_bytes(file.read(HEADER)[HEADER - 4 :], "little")
     if path.stat().st_size != HEADER + announced * TRIANGLE.itemsize or not announced:
         raise MeshError(path, "content", _EXPECTED, "a text file, an incomplete or an empty one")
-    rows = np.memmap(path, TRIANGLE, "r", HEADER, (announced,))
-    return MappedMesh(str(path), 3 * announced, announced, None, rows, "vertices", (UP_COMMENT + "z",))
+    rows = StoredRows(path, TRIANGLE, HEADER, _state(path))
+    return StoredMesh(str(path), 3 * announced, announced, None, rows, "vertices", (UP_COMMENT + "z",))
 
 
-def _ply(path: Path) -> MappedMesh:
+def _ply(path: Path) -> StoredMesh:
     with path.open("rb") as file:
         lines, order, start = ply_header(file.read(_LONGEST_HEADER))
     elements = ply_elements(lines)
@@ -110,9 +138,10 @@ def _ply(path: Path) -> MappedMesh:
     end = start + vertex.count * vertex_type.itemsize
     if end + face.count * face_type.itemsize != path.stat().st_size:
         raise MeshError(path, "content", _EXPECTED, "polygons, or an end elsewhere than its header says")
-    vertex_rows = np.memmap(path, vertex_type, "r", start, (vertex.count,))
-    face_rows = np.memmap(path, face_type, "r", end, (face.count,))
-    return MappedMesh(str(path), vertex.count, face.count, vertex_rows, face_rows, lists[0], ply_comments(lines))
+    vertex_rows, face_rows = (
+        StoredRows(path, kind, begin, _state(path)) for kind, begin in ((vertex_type, start), (face_type, end))
+    )
+    return StoredMesh(str(path), vertex.count, face.count, vertex_rows, face_rows, lists[0], ply_comments(lines))
 
 
 def _row(element: PlyElement, order: str, lengths: dict[str, int]) -> np.dtype[Any]:
