@@ -9,12 +9,14 @@ from typing import Any, Literal
 import numpy as np
 
 from ..errors import InputError, OptionError
+from ..system.memory import check_memory
 from ..system.outputs import check_outputs
 from ..types import Float32s
-from .read import read_image
+from .read import open_image, read_image
 from .srgb import decode_srgb
 from .write import check_image_target, write_image
 
+_READ, _FLIP = 52, 150  # bytes that a pixel takes while two pictures are read, and FLIP takes besides
 Metric = Literal["flip", "rms", "max"]
 
 
@@ -60,6 +62,7 @@ def compare(
 
     Raises:
         InputError: a file cannot be read, holds values that are not finite, or the sizes differ.
+        MemoryLimitError: they do not fit into memory; FLIP of pictures that differ takes most.
         OptionError, OutputError: `difference` cannot be written, or is `a` or `b`.
     """
     import OpenImageIO as oiio
@@ -67,15 +70,17 @@ def compare(
     if difference is not None:
         check_image_target(difference, layers=("beauty",))
         check_outputs({"--difference": difference}, (a, b))
-    reference, test = _colour(a), _colour(b)
-    if reference.shape != test.shape:
-        sizes = [f"{pixels.shape[1]}×{pixels.shape[0]} pixels" for pixels in (reference, test)]
+    width, height = _size(a)
+    if _size(b) != (width, height):
+        sizes = ["{}×{} pixels".format(*_size(path)) for path in (a, b)]
         raise InputError(os.fspath(b), "size", f"{sizes[0]} as in {os.fspath(a)}", sizes[1])
-    same = np.array_equal(reference, test)
-    first, second = _buffer(reference), _buffer(test)
+    work = f"to compare {width:,}×{height:,} pixels"
+    check_memory(os.fspath(a), _READ * width * height, work)
+    first, second = _buffer(_colour(a)), _buffer(_colour(b))
     figures = oiio.ImageBufAlgo.compare(first, second, 0.0, 0.0)
-    seen = _buffer(np.zeros((*reference.shape[:2], 1), np.float32))
-    if not same:
+    seen = _buffer(np.zeros((height, width, 1), np.float32))
+    if figures.maxerror:
+        check_memory(os.fspath(a), _FLIP * width * height, work)
         seen = oiio.ImageBufAlgo.FLIP_diff(first, second)
     if difference is not None:
         write_image(difference, decode_srgb(_pixels(oiio.ImageBufAlgo.color_map(seen, 0, "magma"))))
@@ -86,6 +91,11 @@ def compare(
         float(figures.PSNR),
         float(np.mean(_pixels(seen), dtype=np.float64)),
     )
+
+
+def _size(path: str | os.PathLike[str]) -> tuple[int, int]:
+    spec = open_image(path).spec()
+    return spec.width, spec.height
 
 
 def _colour(path: str | os.PathLike[str]) -> Float32s:

@@ -16,12 +16,14 @@ import numpy.typing as npt
 from ..errors import InputError, is_utf8
 from ..settings import MAX_SIZE
 from ..system.inputs import check_regular
+from ..system.memory import check_memory
 from ..types import Float32s
 from .encode import NAMESPACE
 from .srgb import decode_srgb
 
 GROWTH, SPARE = 1100, 1 << 26  # deflate grows 1032-fold at most; 64 MiB hold 4096×4096 pixels of four bytes
 _ROWS = 64
+_FEW = 1 << 20  # bytes; to look at what is available takes longer than to decode so few
 _printing = threading.Lock()
 _ORDER = {name: place for place, name in enumerate("RGBXYZA")}
 
@@ -39,9 +41,11 @@ def read_image(path: str | os.PathLike[str]) -> tuple[dict[str, Float32s], dict[
 
     Raises:
         InputError: `path` is missing, a folder, not an image, damaged, or more than 32768 pixels wide or high.
+        MemoryLimitError: its pixels do not fit into memory.
     """
     image = open_image(path)
     spec = image.spec()
+    check_pixels(image, path, 4 * spec.nchannels)
     groups = _layers(list(spec.channelnames))
     layers = {name: np.empty((spec.height, spec.width, len(group)), np.float32) for name, group in groups.items()}
     values = decoding_table(spec)
@@ -93,6 +97,17 @@ def open_image(path: str | os.PathLike[str], content: Path | None = None, max_si
     return image
 
 
+def check_pixels(image: Any, path: str | os.PathLike[str], each: int) -> None:
+    """Refuse to decode an opened image that does not fit. Args: each: bytes that a pixel takes.
+
+    Raises: MemoryLimitError.
+    """
+    spec = image.spec()
+    needed = each * spec.width * spec.height
+    if needed > _FEW:
+        check_memory(os.fspath(path), needed, f"to read {spec.width:,}×{spec.height:,} pixels")
+
+
 def row_blocks(image: Any, path: str | os.PathLike[str]) -> Iterator[tuple[slice, npt.NDArray[Any]]]:
     """The opened image from the top, some rows at a time: which rows, and uint8 or uint16 codes, or float32.
 
@@ -100,7 +115,7 @@ def row_blocks(image: Any, path: str | os.PathLike[str]) -> Iterator[tuple[slice
         InputError: these rows are damaged or missing.
     """
     spec = image.spec()
-    kind = _codes(spec) or "float"
+    kind = stored_type(spec).replace("float32", "float")  # as OpenImageIO calls it
     step = spec.tile_height or _ROWS
     for first in range(0, spec.height, step):
         end = min(first + step, spec.height)
@@ -122,8 +137,8 @@ def decoding_table(spec: Any, srgb: bool | None = None) -> Float32s | None:
     Args:
         srgb: whether codes are sRGB-encoded; None asks the file.
     """
-    codes = _codes(spec)
-    if codes is None:
+    codes = stored_type(spec)
+    if codes == "float32":
         return None
     values = np.linspace(0.0, 1.0, 256 if codes == "uint8" else 65536)
     if srgb is None:
@@ -148,10 +163,10 @@ def _silenced() -> Iterator[None]:
             os.close(kept)
 
 
-def _codes(spec: Any) -> str | None:
-    """The unsigned integer type to read the file as, None for floats."""
+def stored_type(spec: Any) -> str:
+    """What a file is read as: uint8 or uint16 codes, or float32."""
     text = str(spec.format)
-    return text if text in ("uint8", "uint16") else None
+    return text if text in ("uint8", "uint16") else "float32"
 
 
 def _linear(numbers: npt.NDArray[Any], values: Float32s | None, has_alpha: bool) -> Float32s:

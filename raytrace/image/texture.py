@@ -13,12 +13,14 @@ from typing import Any, Literal, NamedTuple, get_args
 import numpy as np
 
 from ..errors import InputError, OptionError
+from ..system.memory import check_memory
 from ..types import Float32s, Float64s, Int64s, UInt8s, UInt16s
-from .read import decoding_table, open_image, row_blocks
+from .read import check_pixels, decoding_table, open_image, row_blocks, stored_type
 
 MAX_SIDE = 16384
 _TEXEL = 16  # bytes of a texel with its share of the coarser levels
 _WORKING = 12  # bytes of a texel while the coarser levels are made
+_ALPHA = 8  # bytes of a texel while its alpha is made from what is stored
 _LUMINANCE = np.array([0.2126, 0.7152, 0.0722], np.float32)  # ITU-R BT.709
 Wrap = Literal["repeat", "mirrored_repeat", "clamp_to_edge"]
 WRAPS: tuple[Wrap, ...] = get_args(Wrap)
@@ -148,7 +150,13 @@ class LazyTextures:
 
 
 def pack_textures(textures: Sequence[Texture]) -> PackedTextures:
-    """Read textures; those of one image once, however they are wrapped. Errors as `LazyTextures.read`."""
+    """Read textures; those of one image once, however they are wrapped.
+
+    Raises: InputError: as `LazyTextures.read`. MemoryLimitError: they do not fit into memory.
+    """
+    if textures:
+        texels = sum(texel_counts(textures))
+        check_memory(textures[0].path, texture_bytes(textures, 1), f"to read {texels:,} texels")
     lazy = LazyTextures(textures)
     lazy.read(range(len(textures)))
     return lazy.packed
@@ -183,13 +191,21 @@ def texel_counts(textures: Iterable[Texture]) -> list[int]:
     return [width * height for image in images for width, height in _levels(image)[:1]]
 
 
-def texture_codes(texture: Texture) -> UInt8s | UInt16s | Float32s:
+def texture_codes(texture: Texture, besides: int = 0) -> UInt8s | UInt16s | Float32s:
     """The numbers of an image as stored, (h, w, 1 to 4), rows from the top, alpha straight.
+
+    Args: besides: bytes of a pixel that whoever asks takes besides.
 
     Raises: InputError: as `pack_textures`.
     """
     with _opened(texture) as image:
-        return np.concatenate([codes for _, codes in row_blocks(image, texture.path)])
+        spec = image.spec()
+        kind = np.dtype(stored_type(spec))
+        check_pixels(image, texture.path, kind.itemsize * spec.nchannels + besides)
+        found = np.empty((spec.height, spec.width, spec.nchannels), kind)
+        for rows, codes in row_blocks(image, texture.path):
+            found[rows] = codes
+        return found
 
 
 def texture_alpha(texture: Texture, grey: bool = False) -> Float32s:
@@ -199,13 +215,14 @@ def texture_alpha(texture: Texture, grey: bool = False) -> Float32s:
 
     Raises: InputError: as `texture_codes`.
     """
-    codes = texture_codes(texture)
+    codes = texture_codes(texture, _ALPHA)
     most = 1.0 if codes.dtype == np.float32 else 2.0 ** (8 * codes.itemsize) - 1
     colours = codes.shape[2] - 1 + codes.shape[2] % 2  # 1 or 3
-    found = codes[..., -1] if colours < codes.shape[2] else np.full(codes.shape[:2], most)
+    found = codes[..., -1] if colours < codes.shape[2] else np.full(codes.shape[:2], most, np.float32)
     if grey and (found == found[0, 0]).all():
         found = codes[..., :3] @ _LUMINANCE if colours == 3 else codes[..., 0]
-    return np.clip(np.nan_to_num(found / np.float32(most)), 0.0, 1.0).astype(np.float32)
+    alpha: Float32s = np.divide(found, most, dtype=np.float32)
+    return np.clip(np.nan_to_num(alpha, copy=False), 0.0, 1.0, out=alpha)
 
 
 def texture_mean(texture: Texture) -> Float64s:

@@ -15,6 +15,7 @@ from ..types import Float32s, Float64s
 from .layout import MAP_HEIGHT, MAP_SLOPE, MAP_WIDTH, MAPS
 
 _NORMS = np.array([4, 4 / 3, 4 / 3, 4 / 3, 4 / 15, 4 / 15, 16 / 5, 4 / 15, 16 / 15]) * np.pi  # 1/c² of Y = c p
+_COLUMNS = 256
 _COSINE = np.array([1, 2 / 3, 2 / 3, 2 / 3, 1 / 4, 1 / 4, 1 / 4, 1 / 4, 1 / 4])  # of the clamped cosine over π
 
 
@@ -30,10 +31,12 @@ def read_environment(path: Path) -> Float64s:
     height, width, channels = image.shape
     if width != 2 * height:
         raise InputError(path, "size", "twice as wide as high, 360° by 180°", f"{width}×{height}")
-    rgb = image[..., :3] if channels >= 3 else np.repeat(image[..., :1], 3, axis=2)
-    if not np.isfinite(rgb).all() or rgb.min() < 0:
+    rgb = image[..., :3] if channels >= 3 else np.broadcast_to(image[..., :1], (height, width, 3))
+    if not 0 <= rgb.min() <= rgb.max() < np.inf:
         raise InputError(path, "pixels", "finite numbers, none negative", "others")
-    return resampled(resampled(rgb.astype(np.float64), MAP_HEIGHT, 0), MAP_WIDTH, 1)
+    strips = (rgb[:, first : first + _COLUMNS] for first in range(0, width, _COLUMNS))  # float64 of all is large
+    rows = [resampled(strip.astype(np.float64), MAP_HEIGHT, 0) for strip in strips]
+    return resampled(np.concatenate(rows, axis=1), MAP_WIDTH, 1)
 
 
 def resampled(image: Float64s, size: int, axis: int) -> Float64s:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from raytrace.errors import InputError
+from raytrace.errors import InputError, MemoryLimitError
 from raytrace.image.texture import Texture, texture_alpha, texture_codes
 from raytrace.types import Float32s
 
@@ -22,6 +22,8 @@ def is_opacity_map(path: Path, colour: Path | None) -> bool:
     """
     try:
         channels = [texture_codes(Texture(each)).shape[2] for each in {path, colour} if each]
+    except MemoryLimitError:
+        raise
     except InputError:
         return False
     return path != colour or channels[0] in (2, 4)

@@ -17,13 +17,17 @@ import raytrace.system.memory
 import scenes.commands.picture_bake
 from ao.memory import surface_bytes, vertex_bytes
 from raytrace import InputError, Lambert, MemoryLimitError, Mesh, Object, Scene, Settings, Shape
-from raytrace.image.texture import Texture
+from raytrace.image.compare import compare
+from raytrace.image.read import read_image
+from raytrace.image.texture import Texture, pack_textures, texture_alpha, texture_codes
+from raytrace.lights.prefilter import read_environment
 from raytrace.renderer import render_scene
 from raytrace.renderer.render import rendering_bytes
 from raytrace.system.memory import available, check_memory
 from scenes.commands.picture_bake import with_obscurance
 from scenes.description.read import read_scene
 from scenes.formats.load import load
+from scenes.geometry.opacity import is_opacity_map
 
 MIB = 1 << 20
 LINUX = pytest.mark.skipif(sys.platform != "linux", reason="/proc tells")
@@ -173,6 +177,43 @@ def test_textures_are_counted_once_each_by_their_headers(tmp_path):
     another = needed("large.png", "damaged.png") - needed("large.png")  # of the second object
     assert needed("large.png", "large.png") - needed("large.png") == another
     assert needed("large.png", "small.jpg") - needed("large.png") - another == 16 * small
+
+
+def noise(path):
+    pixels = np.random.default_rng(len(path.name)).integers(0, 256, (1024, 2048, 3), np.uint8)
+    Image.fromarray(pixels).save(path)
+    return path
+
+
+@pytest.mark.parametrize(
+    "read",
+    [
+        lambda path: compare(path, path),
+        read_image,
+        read_environment,
+        lambda path: texture_codes(Texture(path)),
+        lambda path: texture_alpha(Texture(path)),
+        lambda path: pack_textures([Texture(path)]),
+        lambda path: is_opacity_map(path, None),
+    ],
+    ids=["compare", "image", "environment", "codes", "alpha", "pack", "opacity map"],
+)
+def test_images_are_not_decoded_if_they_would_not_fit(read, tmp_path, monkeypatch):
+    path = noise(tmp_path / "t.png")
+    read(path)
+    monkeypatch.setattr(raytrace.system.memory, "available", lambda: 4 * MIB)
+    monkeypatch.setattr(raytrace.image.read, "row_blocks", pytest.fail)
+    monkeypatch.setattr(raytrace.image.texture, "row_blocks", pytest.fail)
+    with pytest.raises(MemoryLimitError, match=r"t\.png: memory: expected at most 4 MiB.* (2,048×1,024|2,097,152)"):
+        read(path)
+
+
+def test_pictures_that_differ_take_more_to_compare(tmp_path, monkeypatch):
+    a, b = noise(tmp_path / "a.png"), noise(tmp_path / "other.png")
+    monkeypatch.setattr(raytrace.system.memory, "available", lambda: 200 * MIB)
+    assert compare(a, a).flip == 0
+    with pytest.raises(MemoryLimitError, match=r"a\.png: memory: .* to compare 2,048×1,024 pixels"):
+        compare(a, b)
 
 
 @LINUX
