@@ -208,6 +208,8 @@ class Opacity:
 
 def opacity_bytes(opacities: Sequence[Opacity]) -> int:
     """Bytes that these take at the peak of being joined and packed; images by their headers."""
+    if not opacities:
+        return 0
     from ..image.texture import texel_counts
 
     images = (surface.texture for each in opacities for surface in each.surfaces if surface.texture)

@@ -23,11 +23,6 @@ from raytrace.types import Float64s
 
 from ..geometry.detail import Detail, painted
 from ..geometry.instances import Instance, Part, flatten
-from .obj.read import read_obj
-from .off import read_off
-from .ply.read import read_ply
-from .stl import read_stl
-from .threemf import read_3mf
 
 if TYPE_CHECKING:
     from .gltf.container import Gltf
@@ -195,14 +190,24 @@ def read_objects(
                 asset = decode(file.read(), path)
                 instances = read_instances(asset, alpha)
             elif kind == "obj":
+                from .obj.read import read_obj
+
                 instances = read_obj(file.read(), path.stem, source, path.parent, keep, alpha)
             elif kind == "ply":
+                from .ply.read import read_ply
+
                 instances = read_ply(file.read(), path.stem, source, keep)
             elif kind == "stl":
+                from .stl import read_stl
+
                 instances = read_stl(file.read(), path.stem, source)
             elif kind == "off":
+                from .off import read_off
+
                 instances = read_off(file.read(), path.stem, source)
             elif kind == "3mf":
+                from .threemf import read_3mf
+
                 instances = read_3mf(file, source, keep)
             else:
                 from .libraries import read_by_library
