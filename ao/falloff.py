@@ -17,7 +17,7 @@ from raytrace.errors import OptionError, numbers
 from raytrace.system.parameters import Parameters
 from raytrace.types import Float64s
 
-from .mu import Mu
+from .mu import Form, Mu
 
 Length = float | str
 DEFAULT_HALF_DISTANCE = "50%"
@@ -119,41 +119,46 @@ class Exponential(Parameters, kw_only=False, source="options"):
         return Mu("exponential", resolve_length("max_distance", self.max_distance, radius or 1.0), tau)
 
 
-class Linear(Parameters, kw_only=False, source="options"):
+class _Ramp(Parameters, kw_only=False, source="options"):
+    """μ of t = x/D for x < D, 1 beyond."""
+
+    max_distance: Reach
+
+    def resolve(self, radius: float) -> Mu:
+        """μ for a mesh of bounding-sphere radius `radius`."""
+        limit = resolve_length("max_distance", self.max_distance, radius or 1.0)
+        form, t, values = self._curve()
+        return Mu(form, limit, knots=_knots(limit * t, values))
+
+    def _curve(self) -> tuple[Form, Float64s, Float64s]:
+        """The name, and values at ascending t from 0 to 1."""
+        raise NotImplementedError
+
+
+class Linear(_Ramp, kw_only=False, source="options"):
     """μ(x) = x/D for x < D, 1 beyond: linear attenuation, the limit of the exponential form for τ → 0.
 
-    Args:
-        max_distance: D, a finite length in mesh units or "P%" of the bounding-sphere radius.
+    Args: max_distance: D, a finite length in mesh units or "P%" of the bounding-sphere radius.
 
-    Raises:
-        OptionError: `max_distance` is not a finite length above 0.
+    Raises: OptionError: `max_distance` is not a finite length above 0.
     """
 
-    max_distance: Reach
-
-    def resolve(self, radius: float) -> Mu:
-        """μ for a mesh of bounding-sphere radius `radius`."""
-        limit = resolve_length("max_distance", self.max_distance, radius or 1.0)
-        return Mu("linear", limit, knots=((0.0, 0.0), (limit, 1.0)))
+    def _curve(self) -> tuple[Form, Float64s, Float64s]:
+        t = np.linspace(0, 1, 2)
+        return "linear", t, t
 
 
-class Smooth(Parameters, kw_only=False, source="options"):
+class Smooth(_Ramp, kw_only=False, source="options"):
     """μ(x) = 3t² − 2t³ with t = x/D for x < D, 1 beyond: the smooth step, by 1,025 knots exact to 1e-6.
 
-    Args:
-        max_distance: D, a finite length in mesh units or "P%" of the bounding-sphere radius.
+    Args: max_distance: D, as in `Linear`.
 
-    Raises:
-        OptionError: `max_distance` is not a finite length above 0.
+    Raises: OptionError: as `Linear`.
     """
 
-    max_distance: Reach
-
-    def resolve(self, radius: float) -> Mu:
-        """μ for a mesh of bounding-sphere radius `radius`."""
-        limit = resolve_length("max_distance", self.max_distance, radius or 1.0)
+    def _curve(self) -> tuple[Form, Float64s, Float64s]:
         t = np.linspace(0, 1, _STEPS + 1)
-        return Mu("smooth", limit, knots=_knots(limit * t, t * t * (3 - 2 * t)))
+        return "smooth", t, t * t * (3 - 2 * t)
 
 
 class Tabulated(Parameters, kw_only=False, source="options"):
