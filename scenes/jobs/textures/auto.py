@@ -25,14 +25,14 @@ class AutoCommand(BakeCommand):
         return super().described() | {"occlusion": "auto"}
 
     def _write(self, baked: ao.Bake, source: MeshFile, falloff: ao.Falloff) -> tuple[str, list[str]]:
-        from raytrace.system.atomic import atomic_write
-
-        from ...formats.glb.textured import textured_glb
-
         textures = self._textures(source, falloff) if baked.coarse else []
         shown = _shown(baked, textures)
         if shown is None or baked.interpolation is None or shown.rmse >= baked.interpolation.rmse:
             return super()._write(baked, source, falloff)
+        from raytrace.system.atomic import atomic_write
+
+        from ...formats.glb.textured import textured_glb
+
         content, _ = textured_glb(source, textures, self.replace_occlusion, w=baked.w, attribute=True)
         with atomic_write(self.output) as file:
             file.write(content)
