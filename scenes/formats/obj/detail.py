@@ -13,10 +13,10 @@ from raytrace.mesh.opacity import AlphaSurface, Opacity
 
 from ...geometry.detail import Detail, Paint, PerCorner
 from ...geometry.polygons import Triangles
-from .mtl import OPAQUE, named_pictures, read_mtl
+from .mtl import OPAQUE, OPTION, named_pictures, read_mtl
 from .text import ObjText, joined_lines
 
-PAINT_WORDS = ("texture of", "material library", OPAQUE)  # how what is missing of materials begins
+PAINT_WORDS = ("texture of", "material library", OPAQUE, OPTION)  # how what is missing of materials begins
 MAX_OBJECTS = 4096  # each takes a kilobyte or two of a .glb
 _LIBRARY = re.compile(r"^[ \t]*mtllib(?!\S)([^#\n]*)", re.MULTILINE)
 _OTHER = "l", "p", "curv", "curv2", "surf"
@@ -127,7 +127,9 @@ def obj_opacity(file: ObjText, folder: Path, triangles: Triangles) -> tuple[Opac
     Args: folder: where the file is. triangles: of its polygons.
     """
     known, _, left = _read_paints(file, folder)
-    notes = tuple(f"{words} is not read: alpha there is that of d alone" for words in left if "map_d" in words)
+    missing = [words for words in left if "map_d" in words]
+    without = {words: "" if words.startswith(OPTION) else ": alpha there is that of d alone" for words in missing}
+    notes = tuple(f"{words} is not read{instead}" for words, instead in without.items())
     paints = {name: paint for name, paint in known.items() if _has_alpha(paint)}
     if not paints:
         return None, notes

@@ -8,6 +8,7 @@ Format: Wavefront MTL 5.0, 1995; the PBR extension of Clara.io, 2014.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -18,10 +19,16 @@ import numpy as np
 from ...geometry.detail import Paint
 from .text import joined_lines
 
-OPAQUE = "Tr 1"
+OPAQUE, OPTION = "Tr 1", "option"  # how words on them begin
 _MAPS = "map_Kd", "map_d"
 _PICTURES = (b"\x89PNG", b"\xff\xd8\xff")
 _LARGEST = 1 << 24  # bytes of a library
+_OPTION = re.compile(r"-(?:mm\s+\S+\s+\S+|[ost](?:\s+[-+.\de]+(?=\s)){1,3}|[a-z]+\s+\S+)\s+", re.IGNORECASE)
+_IDLE = re.compile(  # options as they are where none is given, and those of filters and bumps
+    r"-(?:s(\s+1(\.0*)?)+|[ot](\s+0(\.0*)?)+|mm\s+0(\.0*)?\s+1(\.0*)?|(clamp|cc)\s+off"
+    r"|(blendu|blendv|bm|boost|texres)\s+\S+)\s+",
+    re.IGNORECASE,
+)
 
 
 def read_mtl(path: Path, beside: Callable[[str], Path | None]) -> tuple[dict[str, Paint], list[str]]:
@@ -42,7 +49,9 @@ def read_mtl(path: Path, beside: Callable[[str], Path | None]) -> tuple[dict[str
         elif name and key in ("d", "Tr", "Ns", "Pm", "Pr"):
             given[name][key] = _numbers(rest, 1)
         elif name and key in _MAPS:
-            given[name][key] = beside(_picture(rest))
+            picture, options = _picture(rest)
+            given[name][key] = beside(picture)
+            left += [f"{OPTION} {option} of {key} ({picture})" for option in options if given[name][key]]
             if given[name][key] is None or (key == "map_Kd" and not _starts(given[name][key]).startswith(_PICTURES)):
                 left.append(f"texture of {key} ({rest or 'no name'})")
                 del given[name][key]
@@ -61,20 +70,24 @@ def read_mtl(path: Path, beside: Callable[[str], Path | None]) -> tuple[dict[str
 
 def named_pictures(path: Path, beside: Callable[[str], Path | None]) -> list[Path]:
     """The pictures that `read_mtl` looks at. Args: as of that."""
-    found = (beside(_picture(rest)) for key, rest in _statements(path) if key in _MAPS)
+    found = (beside(_picture(rest)[0]) for key, rest in _statements(path) if key in _MAPS)
     return [picture for picture in found if picture]
 
 
 def _statements(path: Path) -> Iterator[tuple[str, str]]:
     """Keywords of a library, and what follows them on the line."""
     for line in joined_lines(path.read_bytes()[:_LARGEST]).split("\n"):
-        key, _, rest = line.partition("#")[0].strip().partition(" ")
-        yield key, rest.strip()
+        key, rest = [*line.partition("#")[0].strip().split(maxsplit=1), "", ""][:2]
+        yield key, rest
 
 
-def _picture(rest: str) -> str:
-    """The name of a picture after its options."""
-    return rest.split()[-1] if rest.startswith("-") else rest
+def _picture(text: str) -> tuple[str, list[str]]:
+    """The name at the end of a texture's statement, and the options before it that change what is shown."""
+    options = []
+    while found := _OPTION.match(text):
+        text = text[found.end() :]
+        options += [] if _IDLE.fullmatch(found[0]) else [found[0].strip()]
+    return text, options
 
 
 def _is_opaque(given: dict[str, Any]) -> bool:

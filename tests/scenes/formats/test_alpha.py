@@ -40,6 +40,11 @@ FILES = {
     "OBJ's d": (lambda folder: card_obj(folder, "d 0.3"), 0.3, None),
     "OBJ's Tr": (lambda folder: card_obj(folder, "Tr 0.7"), 0.3, None),
     "OBJ's map_d by alpha": (lambda folder: card_obj(folder, "map_d leaf.png", leaf_codes(0.6)), 0.6, 0.0),
+    "OBJ's map_d behind options": (
+        lambda folder: card_obj(folder, "map_d -s 1 1.0 1 -clamp off -bm .5 leaf.png", leaf_codes(0.6)),
+        0.6,
+        0.0,
+    ),
     "OBJ's map_d by grey": (lambda folder: card_obj(folder, "d 0.5\nmap_d leaf.png", LEAF[..., 3]), 0.5, 0.0),
 }
 
@@ -73,6 +78,25 @@ def test_alpha_that_cannot_be_read_is_told_in_a_line(tmp_path, material, field):
         load(path)
     assert "\n" not in str(refused.value)
     assert load(path, alpha=False).mesh.opacity is None
+
+
+@pytest.mark.parametrize(
+    ("options", "named"),
+    [
+        ("-s 1 1 1 -o 0 0 -blendu on -mm 0 1", []),
+        ("-clamp on", ["-clamp on"]),
+        ("-s 2 2 1 -clamp off -imfchan r", ["-s 2 2 1", "-imfchan r"]),
+        ("-o .5 -t 0.1 0 0 -mm 0.2 1", ["-o .5", "-t 0.1 0 0", "-mm 0.2 1"]),
+    ],
+)
+def test_options_that_change_an_opacity_map_are_named(tmp_path, options, named):
+    path = card_obj(tmp_path, f"map_d {options} 2nd leaf.png", LEAF)
+    (tmp_path / "leaf.png").rename(tmp_path / "2nd leaf.png")
+    file = load(path)
+    assert file.mesh.opacity is not None
+    assert [note.split(": ")[1] for note in file.notes] == [
+        f"option {option} of map_d (2nd leaf.png) is not read" for option in named
+    ]
 
 
 def test_a_missing_opacity_map_is_told(tmp_path):
