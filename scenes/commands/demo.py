@@ -1,21 +1,29 @@
-"""`obscurance demo`: bake the built-in temple and render it."""
+"""`obscurance demo`: bake the built-in temple and render it, without w and with it."""
 
 from __future__ import annotations
 
 from pathlib import Path
 
+import numpy as np
+
 import ao
-from raytrace import AmbientLight, Camera, Lambert, Object, Scene, Settings, Shape, render
-from raytrace.image.write import write_frame
+import raytrace as rt
+from raytrace.image.write import write_image
 from raytrace.system.outputs import check_outputs, make_folder
+from raytrace.types import Float64s
 
 from ..formats.load import MeshFile
 from ..geometry.temple import temple
-from ..jobs.console import KERNELS_OF_BAKE, bake_summary, compiling, progress
+from ..jobs.console import KERNELS_OF_BAKE, KERNELS_OF_RENDER, bake_summary, compiling, progress
 from ..write_bake import write
 
-_SETTINGS = Settings(width=960, height=640)
-_BACKGROUND = (0.05, 0.05, 0.05)
+_HALF = rt.Settings(width=720, height=560)
+_GAP = 6  # pixels between the halves
+_CAMERA = rt.Camera(position=(7.0, -14.6, 4.2), target=(0.1, 0.3, 1.4), field_of_view=29)
+_KEY = rt.DirectionalLight(direction=(0.85, 0.5, -0.6), intensity=(2.9, 2.15, 1.35))
+_SKY = rt.SkyLight(intensity=0.7, zenith=(0.72, 0.92, 1.25), horizon=(1.0, 0.97, 0.94), ground=(0.6, 0.5, 0.38))
+_STONE, _GROUND = rt.OrenNayar(albedo=(0.82, 0.77, 0.7), sigma=0.4), rt.Lambert(albedo=(0.5, 0.52, 0.53))
+_ABOVE = (0.3, 0.42, 0.6)  # colour of the backdrop at the upper edge
 
 
 def targets(folder: Path) -> tuple[Path, Path]:
@@ -27,19 +35,32 @@ def targets(folder: Path) -> tuple[Path, Path]:
 
 
 def make_demo(folder: Path, quiet: bool = False) -> None:
-    """Bake the temple with the default options; write the mesh with w, and an image of it in ambient light alone.
+    """Bake the temple with the default options; write the mesh with w, and a picture: left without, right with w.
 
     Raises: OptionError, OutputError: the files cannot be written.
     """
     mesh_target, image_target = targets(folder)
-    mesh = temple()
-    with progress(quiet, "rays") as (advance,), compiling(KERNELS_OF_BAKE):
+    with progress(quiet, "rays") as (advance,), compiling(KERNELS_OF_BAKE + KERNELS_OF_RENDER):
+        mesh = temple()
         baked = ao.bake(mesh, progress=advance)
+        shape = rt.Shape(mesh, _STONE)
+        halves = _half(rt.Object(shape)), _half(rt.Object(shape, w=baked.w, bent_normals=baked.bent_normals))
     write(mesh_target, baked, MeshFile.of(mesh))
-    white = Object(Shape(mesh, Lambert(albedo=(1, 1, 1))), w=baked.w)
-    scene = Scene((white,), (AmbientLight(intensity=(1, 1, 1)),), _BACKGROUND)
-    camera = Camera.framing(mesh, (0.8, -1.6, 0.55), aspect=_SETTINGS.width / _SETTINGS.height)
-    write_frame(image_target, render(scene, camera, _SETTINGS, layers=False), {"scene": "temple"})
+    write_image(image_target, np.concatenate([halves[0], np.ones((_HALF.height, _GAP, 3)), halves[1]], axis=1))
     if not quiet:
         print(bake_summary(baked, mesh_target))
         print(f"image: {image_target}")
+
+
+def _half(temple: rt.Object) -> Float64s:
+    """The temple on a wide ground, before a backdrop that begins in the ground's colour: linear RGB (h, w, 3)."""
+    far = 500.0
+    corners = np.array([(x, y, -0.1) for x, y in ((-far, -far), (far, -far), (far, far), (-far, far))])
+    ground = rt.Object(rt.Shape(rt.Mesh(corners, np.array([[0, 1, 2], [0, 2, 3]])), _GROUND))
+    frame = rt.render(rt.Scene((temple, ground), (_KEY, _SKY)), _CAMERA, _HALF, layers=False)
+    pixels = frame.layers["beauty"].astype(np.float64)
+    edge = int(np.argmax(pixels[:, 0, 3] == 1))
+    above = np.maximum(1 - np.arange(_HALF.height) / edge, 0)[:, None, None]
+    backdrop = pixels[edge, 0, :3] + above * (np.array(_ABOVE) - pixels[edge, 0, :3])
+    picture: Float64s = pixels[..., :3] + (1 - pixels[..., 3:]) * backdrop
+    return picture

@@ -12,6 +12,8 @@ import trimesh
 from command import interrupted_command, obscurance, process, refused
 from project import ROOT
 
+from raytrace.image.read import read_image
+
 
 @pytest.fixture
 def cube(tmp_path):
@@ -122,7 +124,10 @@ def test_the_demonstration_makes_a_mesh_and_a_picture(tmp_path):
     w = mesh.metadata["_ply_raw"]["vertex"]["data"]["obscurance"]
     assert 0 <= w.min() < 0.1
     assert w.max() == 1
-    assert (tmp_path / "demo" / "temple.png").read_bytes().startswith(b"\x89PNG")
+    picture = read_image(tmp_path / "demo" / "temple.png")[0]["beauty"][..., 1]
+    without, with_w = picture[:, :720], picture[:, -720:]
+    assert (with_w <= without + 0.01).all()
+    assert with_w.mean() < 0.95 * without.mean()
 
 
 LIGHT = """
