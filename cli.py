@@ -485,7 +485,7 @@ def start(
     """Bake ambient occlusion or obscurance (1 = open) and render scenes, with Embree."""
     if version:
         from ao.report import versions
-        from raytrace.kernel.processor import processor
+        from raytrace.system.processor import processor
 
         found = versions()
         print("obscurance", found["obscurance"])

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import time
-import warnings
 from dataclasses import replace
 from typing import Any
 
@@ -15,7 +14,7 @@ from raytrace.mesh.opacity import opacity_bytes
 from raytrace.system.memory import check_memory
 from raytrace.types import Bools
 
-from .estimate.tolerance import ToleranceWarning
+from .estimate.tolerance import shortfall
 from .execute.checkpoint import Checkpoint
 from .execute.tracer import Progress
 from .falloff import Falloff, Length, resolve_length
@@ -111,7 +110,7 @@ def bake(
     if high is None:
         values = _values(prepared)
     else:
-        from .texture.onto_vertices import sample_fine_mesh
+        from .fine_mesh import sample_fine_mesh
 
         prepared, values = sample_fine_mesh(prepared, solid, mesh, reach, checkpoint)
     build = prepared.receivers.tree_seconds
@@ -119,12 +118,8 @@ def bake(
     if high is None and only is None:
         baked = replace(baked, interpolation=measure_interpolation(prepared, baked.w, baked.error))
     baked.seconds.update(build=build, bake=time.perf_counter() - start - build)
-    if tolerance is not None and baked.rmse > tolerance:
-        reason = f": {values.samples:,} rays a vertex were allowed" if values.samples >= options.rays else ""
-        text = f"tolerance {tolerance:g} is not met, the estimated RMSE is {baked.rmse:.3g}{reason}"
-        warnings.warn(text, ToleranceWarning, stacklevel=2)
-        return replace(baked, shortfalls=(text,))
-    return baked
+    short = shortfall(options, baked.rmse, values.samples, "vertex")
+    return replace(baked, shortfalls=(short,)) if short else baked
 
 
 def _values(prepared: Prepared) -> PointValues:

@@ -8,6 +8,7 @@ more points are baked where they show that it is needed. Probes say when to stop
 
 from __future__ import annotations
 
+import warnings
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,6 +16,7 @@ import numpy as np
 from raytrace.types import Bools, Float64s, Int64s
 
 from ..execute.tracer import Tracer
+from ..options import Options
 from ..points.points import Points
 from ..rays.estimate import BENT, COLUMNS, VALUES, W
 from .calibration import Calibration
@@ -41,6 +43,19 @@ _DEEPER = np.array([0, 0.25, 0.35, 0.5, 0.7, 1, 1.4, 2, 2.8, 4, 8, 16, 32])  # t
 
 class ToleranceWarning(UserWarning):
     """A bake's estimated error exceeds the tolerance asked for."""
+
+
+def shortfall(options: Options, rmse: float, samples: int, each: str) -> str | None:
+    """In words what an estimated error lacks of the tolerance asked for, or None; it is warned of, too.
+
+    Args: samples: rays that each point, of the sort `each`, got.
+    """
+    if options.tolerance is None or rmse <= options.tolerance:
+        return None
+    reason = f": {samples:,} rays a {each} were allowed" if samples >= options.rays else ""
+    text = f"tolerance {options.tolerance:g} is not met, the estimated RMSE is {rmse:.3g}{reason}"
+    warnings.warn(text, ToleranceWarning, stacklevel=4)  # whoever called the Python face, which a decorator wraps
+    return text
 
 
 @dataclass(frozen=True, eq=False)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import time
-import warnings
 from dataclasses import replace
 from typing import Any, Literal, get_args
 
@@ -13,33 +12,26 @@ from raytrace.errors import OptionError
 from raytrace.kernel.notice import KERNELS_OF_TEXTURE, compiling
 from raytrace.mesh.convert import mesh_of
 from raytrace.mesh.mesh import Mesh
-from raytrace.mesh.normals import face_normals
 from raytrace.mesh.opacity import opacity_bytes
-from raytrace.mesh.placement import Placement
 from raytrace.system.memory import check_memory
 from raytrace.types import Int64s
 
 from ..estimate.estimate import estimate
 from ..estimate.one_ring import Neighbours
-from ..estimate.tolerance import ToleranceWarning
+from ..estimate.tolerance import shortfall
 from ..execute.checkpoint import Checkpoint
 from ..execute.tracer import Progress
 from ..falloff import Falloff, Length, resolve_length
 from ..memory import texture_bytes
 from ..options import Hidden, Normals, Options, Traversal, falloff_of
 from ..points.corners import Corners
-from ..points.receivers import find_receivers
 from ..prepared import Prepared
-from .adjacency import face_charts, texel_neighbours, texel_sizes
 from .coverage import Overlap, cover
 from .gathering import begin_tracing
-from .projection import Fine, project
 from .result import BakedTexture, TextureFacts, assemble_pages
-from .seams import Seams
-from .surface_points import Faces
-from .tangents import tangent_frames
+from .shown import Shown
 from .texels import find_texels
-from .uv_layout import UVLayout, corner_uv, on_page, page_size
+from .uv_layout import corner_uv, page_size
 
 BentSpace = Literal["world", "tangent"]
 
@@ -104,12 +96,7 @@ def bake_texture(
     options = Options(
         "vertex", falloff_of(falloff), samples, seed, threads, normals, None, tolerance, reconstruct, hidden, traversal
     )
-    if hidden == "mark":
-        raise OptionError("hidden", "auto, ignore or fill for a texture", "mark")
-    if overlap not in get_args(Overlap):
-        raise OptionError("overlap", "one of " + ", ".join(get_args(Overlap)), overlap)
-    if bent_space not in get_args(BentSpace):
-        raise OptionError("bent_space", "one of " + ", ".join(get_args(BentSpace)), bent_space)
+    _check_texture_options(hidden, overlap, bent_space)
     width, height = page_size(size)
     mesh = mesh_of(mesh, "bake_texture")
     corners = corner_uv(uv, mesh)
@@ -123,44 +110,27 @@ def bake_texture(
 
     start = time.perf_counter()
     prepared = Prepared.of(solid, mu, options, progress, None)
-    placement, receivers, count = prepared.placement, prepared.receivers, prepared.threads
-    shown = receivers
-    vertices = placement.vertices.astype(np.float64)
-    if high is not None:
-        shown = find_receivers(mesh, Placement.of(mesh), normals)
-        vertices = (mesh.vertices - solid.centre) * placement.scale
-    has_area = face_normals(Placement.of(mesh).vertices.astype(np.float64), mesh.faces)[1] > 0
-    layout = UVLayout.of(corners[has_area], (width, height), wrap, mesh.source)
-    coverage = cover(layout, overlap, count)
-    overlapping = int(np.count_nonzero(coverage.overlapping))
+    shown = Shown.of(mesh, corners, prepared, (width, height), wrap)
+    page = cover(shown.layout, overlap, prepared.threads)
+    overlapping = int(np.count_nonzero(page.overlapping))
     if overlap == "refuse" and overlapping:
         expected = "faces that do not overlap on the page"
         raise OptionError("overlap", expected, f"{overlapping:,} texels with several", mesh.source)
-    covered, page, missed = len(coverage.texels), coverage, np.zeros(0, np.int64)
+    covered, coverage, missed = len(page.texels), page, np.zeros(0, np.int64)
     if high is not None:
-        fine = Fine(placement.vertices.astype(np.float64), receivers, solid.source)
-        flat, weights = coverage.face.ravel().astype(np.int64), coverage.barycentric.reshape(-1, 3)
-        places, _, axes = Faces.of(vertices, shown).points_at(flat, weights, count)
-        coverage, missed = project(coverage, places, axes, fine, reach * placement.scale, count)
-    texels, filled = find_texels(coverage, page, placement, receivers, options, count)
+        coverage, missed = shown.project(page, prepared, reach)
+    texels, filled = find_texels(coverage, page, prepared.placement, prepared.receivers, options, prepared.threads)
     del coverage, page
-    points_of_faces = np.where(on_page(corners[has_area])[:, None], shown.of_vertex[shown.faces], -1)
-    seams = Seams.find(layout.uv, points_of_faces, (width, height), wrap)
     tracer = begin_tracing(prepared, texels, "texture", checkpoint)
-    points = texels.first_points
 
     def neighbours(_: Int64s) -> Neighbours:
-        charts = face_charts(layout.uv, points_of_faces)
-        sizes = texel_sizes(layout.uv, vertices, shown.faces, placement.diagonal)
-        return texel_neighbours(texels, points, layout, seams, charts, sizes, count)
+        return shown.neighbours(texels, prepared.placement.diagonal, prepared.threads)
 
-    found = estimate(tracer, points, Corners.none(), neighbours, prepared.target)
-    frames = None
-    if bent_space == "tangent":
-        on_faces = Faces.of(vertices, shown)
-        frames = tangent_frames(layout.uv, shown.faces, points_of_faces, on_faces, texels.shown, texels.shown_at)
-    pages = assemble_pages(layout, texels, found.rows, found.variance, frames, seams, close_seams, count)
-    build = receivers.tree_seconds
+    found = estimate(tracer, texels.first_points, Corners.none(), neighbours, prepared.target)
+    frames = shown.tangent_frames(texels) if bent_space == "tangent" else None
+    values = found.rows, found.variance, frames
+    pages = assemble_pages(shown.layout, texels, *values, shown.seams, close_seams, prepared.threads)
+    build, layout = prepared.receivers.tree_seconds, shown.layout
     baked = BakedTexture(
         w=pages.w,
         error=pages.error,
@@ -170,7 +140,7 @@ def bake_texture(
         rays_skipped=found.skipped(filled),
         rmse=float(np.sqrt(np.mean(found.variance))),
         facts=TextureFacts(
-            covered, overlapping, filled, len(missed), layout.mirrored, layout.flat, layout.outside, seams.edges,
+            covered, overlapping, filled, len(missed), layout.mirrored, layout.flat, layout.outside, shown.seams.edges,
             pages.jump, pages.jump_before,
         ),
         uv=corners,
@@ -178,9 +148,13 @@ def bake_texture(
         mu=mu,
         calibration=found.calibration,
     )  # fmt: skip
-    if tolerance is not None and baked.rmse > tolerance:
-        reason = f": {options.rays:,} rays a texel were allowed" if found.samples >= options.rays else ""
-        text = f"tolerance {tolerance:g} is not met, the estimated RMSE is {baked.rmse:.3g}{reason}"
-        warnings.warn(text, ToleranceWarning, stacklevel=2)
-        return replace(baked, shortfalls=(text,))
-    return baked
+    short = shortfall(options, baked.rmse, found.samples, "texel")
+    return replace(baked, shortfalls=(short,)) if short else baked
+
+
+def _check_texture_options(hidden: Hidden, overlap: Overlap, bent_space: BentSpace) -> None:
+    if hidden == "mark":
+        raise OptionError("hidden", "auto, ignore or fill for a texture", "mark")
+    for name, value, known in (("overlap", overlap, Overlap), ("bent_space", bent_space, BentSpace)):
+        if value not in get_args(known):
+            raise OptionError(name, "one of " + ", ".join(get_args(known)), value)

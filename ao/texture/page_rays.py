@@ -59,14 +59,19 @@ def find_hits(packet, texels, width, step, in_turn, found, layered):
     scene, rays, valid, _ = borrow(packet)
     triangle, barycentric, overlapping = found
     deep, deep_triangle, deep_place = layered
-    ids, count = rays.view(np.uint32), SLOTS * len(texels)
-    height, layers, several = np.zeros(LANES), np.zeros(LANES, np.int64), np.zeros(LANES, np.bool_)
-    face, weights = np.zeros((LANES, _LAYERS), np.int64), np.zeros((LANES, _LAYERS, 3), np.float32)
+    count = SLOTS * len(texels)
+    stack = (
+        np.zeros(LANES, np.int64),
+        np.zeros((LANES, _LAYERS), np.int64),
+        np.zeros((LANES, _LAYERS, 3), np.float32),
+        np.zeros(LANES, np.bool_),
+    )
+    height = np.zeros(LANES)
     for first in range(0, count, LANES):
         for lane in range(LANES):
             i, k = divmod(min(first + lane, count - 1), SLOTS)
             valid[lane] = -1 if first + lane < count else 0
-            height[lane], layers[lane], several[lane] = _ABOVE, 0, False
+            height[lane], stack[0][lane], stack[3][lane] = _ABOVE, 0, False
             rays[ORG_X, lane], rays[ORG_Y, lane] = texels[i] % width + _GRID[k, 0], texels[i] // width + _GRID[k, 1]
             rays[DIR_X, lane], rays[DIR_Y, lane], rays[DIR_Z, lane] = 0.0, 0.0, -1.0
         depth, going = 0, True
@@ -76,30 +81,15 @@ def find_hits(packet, texels, width, step, in_turn, found, layered):
             intersect8(scene, rays, valid)
             going = False
             for lane in range(LANES):
-                if valid[lane] == 0:
-                    continue
-                if ids[GEOM_ID, lane] == INVALID:
+                if valid[lane] != 0 and _note_layer(rays, lane, depth, first, triangle, barycentric, stack):
+                    height[lane] -= rays[TFAR, lane] + step / 2.0
+                    if depth > 0 and not (stack[3][lane] and in_turn):
+                        valid[lane] = 0
+                    going = going or valid[lane] != 0
+                else:
                     valid[lane] = 0
-                    continue
-                met, u, v = np.int64(ids[PRIM_ID, lane]), rays[U, lane], rays[V, lane]
-                place = np.float32(1.0) - u - v, u, v
-                i, k = divmod(first + lane, SLOTS)
-                if depth == 0:
-                    triangle[i, k] = met
-                    for corner in range(3):
-                        barycentric[i, k, corner] = place[corner]
-                if min(place[0], place[1], place[2]) > _INSIDE:
-                    if depth == 1:
-                        several[lane] = layers[lane] == 1 and face[lane, 0] != met
-                    face[lane, layers[lane]] = met
-                    for corner in range(3):
-                        weights[lane, layers[lane], corner] = place[corner]
-                    layers[lane] += 1
-                height[lane] -= rays[TFAR, lane] + step / 2.0
-                if depth > 0 and not (several[lane] and in_turn):
-                    valid[lane] = 0
-                going = going or valid[lane] != 0
             depth += 1
+        layers, face, weights, several = stack
         for lane in range(min(LANES, count - first)):
             if several[lane]:
                 i, k = divmod(first + lane, SLOTS)
@@ -108,22 +98,54 @@ def find_hits(packet, texels, width, step, in_turn, found, layered):
                 if in_turn:
                     chosen = (_TURNS[k] * layers[lane] // SLOTS + texels[i]) % layers[lane]
                     triangle[i, k] = face[lane, chosen]
-                    for corner in range(3):
-                        barycentric[i, k, corner] = weights[lane, chosen, corner]
+                    _put(barycentric, i, k, weights[lane, chosen])
         for begin in range(0, min(LANES, count - first), SLOTS):
             i = (first + begin) // SLOTS
             if not (overlapping[i] and in_turn):
                 _bring_forward(triangle[i], barycentric[i])
             if deep[i]:
-                total = layers[begin : begin + SLOTS].sum()
-                for point in range(DEEP):
-                    lane, layer = begin, point * total // DEEP
-                    while layer >= layers[lane]:
-                        layer -= layers[lane]
-                        lane += 1
-                    deep_triangle[i, point] = face[lane, layer]
-                    for corner in range(3):
-                        deep_place[i, point, corner] = weights[lane, layer, corner]
+                _spread(stack, begin, deep_triangle, deep_place, i)
+
+
+@inline
+def _note_layer(rays, lane, depth, first, triangle, barycentric, stack):
+    """Note what a ray has met in its `depth`-th step on the stack of its layers; whether it met anything."""
+    layers, face, weights, several = stack
+    ids = rays.view(np.uint32)
+    if ids[GEOM_ID, lane] == INVALID:
+        return False
+    met, u, v = np.int64(ids[PRIM_ID, lane]), rays[U, lane], rays[V, lane]
+    place = np.float32(1.0) - u - v, u, v
+    if depth == 0:
+        i, k = divmod(first + lane, SLOTS)
+        triangle[i, k] = met
+        _put(barycentric, i, k, place)
+    if min(place[0], place[1], place[2]) > _INSIDE:
+        if depth == 1:
+            several[lane] = layers[lane] == 1 and face[lane, 0] != met
+        face[lane, layers[lane]] = met
+        _put(weights, lane, layers[lane], place)
+        layers[lane] += 1
+    return True
+
+
+@inline
+def _spread(stack, begin, triangle, barycentric, i):
+    """Spread `DEEP` points over all layers at the points of the texel `i`, whose lanes start at `begin`."""
+    layers, face, weights, _ = stack
+    total = layers[begin : begin + SLOTS].sum()
+    for point in range(DEEP):
+        lane, layer = begin, point * total // DEEP
+        while layer >= layers[lane]:
+            layer -= layers[lane]
+            lane += 1
+        triangle[i, point] = face[lane, layer]
+        _put(barycentric, i, point, weights[lane, layer])
+
+
+@inline
+def _put(rows, i, k, v):
+    rows[i, k, 0], rows[i, k, 1], rows[i, k, 2] = v[0], v[1], v[2]
 
 
 @inline

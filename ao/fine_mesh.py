@@ -10,17 +10,17 @@ from raytrace.mesh.mesh import Mesh
 from raytrace.mesh.placement import Placement
 from raytrace.types import Bools, Int64s
 
-from ..estimate.estimate import edges_of, estimate_outside
-from ..estimate.inside import inside_solids
-from ..execute.checkpoint import Checkpoint
-from ..points.corners import Corners
-from ..points.receivers import Flag, Receivers, find_receivers
-from ..prepared import Prepared
-from ..result import PointValues
-from .coverage import Coverage
-from .gathering import begin_tracing
-from .projection import Fine, project
-from .texels import find_texels
+from .estimate.estimate import edges_of, estimate_outside
+from .estimate.inside import inside_solids
+from .execute.checkpoint import Checkpoint
+from .points.corners import Corners
+from .points.receivers import Flag, Receivers, find_receivers
+from .prepared import Prepared
+from .result import PointValues
+from .texture.coverage import Coverage
+from .texture.gathering import begin_tracing
+from .texture.projection import Fine, project
+from .texture.texels import find_texels
 
 _OWN_CORNERS = Flag.FOLDED | Flag.OPPOSED  # how the coarse mesh's faces lie matters to its own w alone
 

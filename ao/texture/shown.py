@@ -1,0 +1,84 @@
+"""The mesh that a texture shows, in the render space of what is baked: itself, or a finer mesh at its place."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from raytrace.mesh.mesh import Mesh
+from raytrace.mesh.normals import face_normals
+from raytrace.mesh.placement import Placement
+from raytrace.types import Float64s, Int64s
+
+from ..estimate.one_ring import Neighbours
+from ..points.receivers import Receivers, find_receivers
+from ..prepared import Prepared
+from .adjacency import face_charts, texel_neighbours, texel_sizes
+from .coverage import Coverage
+from .projection import Fine, project
+from .seams import Seams
+from .surface_points import Faces
+from .tangents import tangent_frames
+from .texels import Texels
+from .uv_layout import UVLayout, on_page
+
+
+@dataclass(frozen=True, eq=False)
+class Shown:
+    """Attributes:
+    vertices: float64 (n, 3). receivers: of this mesh. layout: of its faces that are not degenerate.
+    points_of_faces: int64 (m', 3), the receivers at the corners of these, −1 of faces that are not on the page.
+    """
+
+    vertices: Float64s
+    receivers: Receivers
+    layout: UVLayout
+    points_of_faces: Int64s
+
+    @classmethod
+    def of(cls, mesh: Mesh, uv: Float64s, prepared: Prepared, size: tuple[int, int], wrap: bool) -> Shown:
+        """`mesh` with texture coordinates `uv` (m, 3, 2) on a page of `size`; `prepared`: of it or of a finer mesh.
+
+        Raises: MeshError: see `UVLayout.of` and `find_receivers`.
+        """
+        own = Placement.of(mesh)
+        receivers, vertices = prepared.receivers, own.vertices.astype(np.float64)
+        uv = uv[face_normals(vertices, mesh.faces)[1] > 0]
+        if mesh is not prepared.mesh:
+            receivers = find_receivers(mesh, own, prepared.options.normals)
+            vertices = (mesh.vertices - prepared.mesh.centre) * prepared.placement.scale
+        layout = UVLayout.of(uv, size, wrap, mesh.source)
+        points = np.where(on_page(uv)[:, None], receivers.of_vertex[receivers.faces], -1)
+        return cls(vertices, receivers, layout, points)
+
+    @cached_property
+    def faces(self) -> Faces:
+        """The faces that are not degenerate."""
+        return Faces.of(self.vertices, self.receivers)
+
+    @cached_property
+    def seams(self) -> Seams:
+        """The edges that lie at two places of the page."""
+        size = self.layout.width, self.layout.height
+        return Seams.find(self.layout.uv, self.points_of_faces, size, self.layout.wraps)
+
+    def project(self, page: Coverage, prepared: Prepared, cage: float) -> tuple[Coverage, Int64s]:
+        """`projection.project` of the points of `page` onto the mesh of `prepared`; `cage`: in mesh units."""
+        placement, threads = prepared.placement, prepared.threads
+        fine = Fine(placement.vertices.astype(np.float64), prepared.receivers, prepared.mesh.source)
+        flat, weights = page.face.ravel().astype(np.int64), page.barycentric.reshape(-1, 3)
+        places, _, axes = self.faces.points_at(flat, weights, threads)
+        return project(page, places, axes, fine, cage * placement.scale, threads)
+
+    def neighbours(self, texels: Texels, diagonal: float, threads: int) -> Neighbours:
+        """`adjacency.texel_neighbours`. Args: diagonal: of what is baked."""
+        charts = face_charts(self.layout.uv, self.points_of_faces)
+        sizes = texel_sizes(self.layout.uv, self.vertices, self.receivers.faces, diagonal)
+        return texel_neighbours(texels, texels.first_points, self.layout, self.seams, charts, sizes, threads)
+
+    def tangent_frames(self, texels: Texels) -> Float64s:
+        """`tangents.tangent_frames` at what texels show."""
+        faces, places = self.receivers.faces, (texels.shown, texels.shown_at)
+        return tangent_frames(self.layout.uv, faces, self.points_of_faces, self.faces, *places)
