@@ -1,7 +1,7 @@
 # obscurance with its kernels compiled:
 #   docker build -t obscurance .
 #   docker run --rm -v "$PWD:/work" obscurance                           # the demo, into ./demo
-#   docker run --rm -v "$PWD:/work" obscurance bake bunny.obj -o bunny.ply
+#   docker run --rm -v "$PWD:/work" obscurance bake demo/temple.ply -o temple.glb
 # Kernels are compiled for the processor that builds the image; on another kind the first run compiles them anew.
 FROM python:3.11-slim
 
@@ -18,7 +18,8 @@ ENV NUMBA_CACHE_DIR=/opt/kernels
 RUN obscurance demo --output /tmp/demo --quiet \
  && obscurance bake /tmp/demo/temple.ply -o /tmp/w.npy --tolerance 0.05 --quiet \
  && obscurance bake /tmp/demo/temple.ply -o /tmp/w.npy --method surface --samples 16 --quiet \
- && rm -r /tmp/demo /tmp/w.npy \
+ && obscurance bake /tmp/demo/temple.ply -o /tmp/w.png --uv unwrap --size 256 --samples 16 --quiet \
+ && rm -r /tmp/demo /tmp/w.npy /tmp/w.png \
  && chmod -R a+rX,go-w /opt/kernels
 
 ENTRYPOINT ["obscurance"]

@@ -50,7 +50,7 @@ def test_every_link_leads_somewhere(page):
 
 
 def test_broken_links_are_found():
-    text = """# Rays & `walks`\n\n[a](bake.md#method) ![b](none.png) [c](#rays--walks) [d](#rays)\n[e](scenes.md#none)
+    text = """# Rays & `walks`\n\n[a](bake.md#files) ![b](none.png) [c](#rays--walks) [d](#rays)\n[e](scenes.md#none)
     `[f](none.md)`\n\n```md\n[g](none.md)\n# none\n```\n[h](https://none.example/x.md) [i](#none)\n"""
     assert list(broken(DOCS / "page.md", text)) == [
         "none.png: no such file",

@@ -1,12 +1,12 @@
 """The README and the docs: examples work, files that they name exist."""
 
 import re
+import shlex
 
 import numpy as np
 import pytest
+from command import obscurance
 from project import ROOT
-
-from raytrace.image.read import read_image
 
 README = (ROOT / "README.md").read_text()
 
@@ -17,9 +17,31 @@ def test_the_python_examples_run_one_after_the_other(tmp_path, monkeypatch, caps
     for code in re.findall(r"```python\n(.*?)```", README, re.DOTALL):
         exec(compile(code, "README.md", "exec"), names)
     assert "[" in capsys.readouterr().out
-    picture = read_image(tmp_path / "corner.png")[0]["beauty"]
-    assert picture.shape == (320, 480, 3)
-    assert picture.std() > 0.1
+    assert (tmp_path / "temple.glb").stat().st_size > 1000
+
+
+def test_the_commands_run_one_after_the_other(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    makefile = (ROOT / "Makefile").read_text()
+    made = set()
+    for line in "".join(re.findall(r"```sh\n(.*?)```", README, re.DOTALL)).splitlines():
+        words = shlex.split(line, comments=True)
+        if words[0] == "make":
+            (recipe,) = re.findall(rf"^{words[1]}:.*\n\t\$\(BIN\)/(.*)$", makefile, re.MULTILINE)
+            words = recipe.split()
+        assert words[0].removeprefix(".venv/bin/") == "obscurance"
+        done = obscurance(*words[1:])
+        assert done.returncode == 0, f"{line}\n{done.stderr}"
+        assert {path for path in tmp_path.rglob("*") if path.is_file()} > made, f"{line} writes nothing"
+        made = {path for path in tmp_path.rglob("*") if path.is_file()}
+    assert {path.name for path in made} >= {"temple.ply", "temple.png", "temple.html", "temple.glb", "still_life.exr"}
+
+
+def test_the_readme_is_short_and_has_a_screen_to_begin_with():
+    assert len(README.split()) <= 700
+    first = README[: README.index("\n## ")]
+    assert len(first.splitlines()) <= 40
+    assert "make demo" in first
 
 
 def test_the_examples_of_the_page_about_normals():
@@ -57,7 +79,8 @@ def test_every_file_and_folder_of_the_code_that_a_page_names_exists(page):
 
 
 def test_the_layout_names_every_folder_and_only_files_that_exist():
-    table = README[README.index("## Layout") : README.index("[docs/architecture.md]")]
+    page = (ROOT / "docs" / "architecture.md").read_text()
+    table = page[page.index("## Layout") : page.index("## The way of a vertex")]
     package, named = None, set()
     for row in re.findall(r"^\| (`.*) \| (.*) \|$", table, re.MULTILINE):
         folders = re.findall(r"`([\w.]+)/?`", row[0])
