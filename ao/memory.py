@@ -10,7 +10,6 @@ _BASE = 40 << 20  # kernels, Embree, threads
 _TABLE, _DIRECTION = 1 << 18, 100  # directions in a table, and bytes for each while it is made
 _VERTEX, _FACE = 560, 120
 _CORNER = 450
-NEGLIGIBLE = 1 << 20  # bytes; finding out whether so few are available takes longer than baking what needs them
 _SURFACE_VERTEX, _SURFACE_FACE = 72, 660
 _TEXEL = 760
 

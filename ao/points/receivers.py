@@ -20,10 +20,10 @@ from raytrace.mesh.opacity import PackedOpacity
 from raytrace.mesh.placement import Placement
 from raytrace.ray_origins.surface import Surface
 from raytrace.ray_origins.welded import weld_points
-from raytrace.system.memory import check_memory
+from raytrace.system.memory import NEGLIGIBLE, check_memory
 from raytrace.types import Bools, Float32s, Float64s, Int64s, UInt8s
 
-from ..memory import NEGLIGIBLE, corner_bytes
+from ..memory import corner_bytes
 from ..options import Normals
 from .corners import Corners, find_corners
 from .morton import morton_order

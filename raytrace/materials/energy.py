@@ -65,4 +65,4 @@ def asymmetry(material: BaseMaterial, count: int = 20_000, seed: int = 0) -> flo
     there, back = reflect(material, NORMAL, l, v) / l[:, 2:], reflect(material, NORMAL, v, l) / v[:, 2:]
     size = np.maximum(there, back)
     usable = size > 1e-12
-    return float(np.max(np.abs(there - back)[usable] / size[usable]))
+    return float(np.max(np.abs(there - back)[usable] / size[usable], initial=0.0))

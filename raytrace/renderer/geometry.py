@@ -175,7 +175,7 @@ def _polygons(meshes: list[tuple[Mesh, _PlacedShape]]) -> Polygons:
     found = []
     for mesh, placed in meshes:
         own = mesh_polygons(placed.vertices, mesh.faces, mesh.polygons)
-        mirrored = placed.scene is None and np.linalg.det(placed.from_shape[:3, :3]) < 0
+        mirrored = placed.scene is None and np.linalg.slogdet(placed.from_shape[:3, :3])[0] < 0
         own.of[own.of >= 0] += number
         own.edges[:] += vertex
         found.append(own._replace(normals=-own.normals) if mirrored else own)

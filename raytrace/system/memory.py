@@ -12,6 +12,7 @@ from pathlib import Path
 
 from ..errors import MemoryLimitError
 
+NEGLIGIBLE = 1 << 20  # bytes; finding out whether so few are available takes longer than work that needs them
 _NO_LIMIT = 1 << 60  # kernels write about 2^63 for none
 _UNTOUCHED = 256 << 20  # address space that stacks, arenas and pools of threads reserve and never touch
 

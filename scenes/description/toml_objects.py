@@ -27,6 +27,8 @@ from .textured import ENDINGS, read_textured
 from .transforms import matrix_of
 from .vertex_colors import vertex_colors
 
+MAX_BUILT = 4_000_000
+
 
 def named_materials(tables: Sequence[dict[str, Any]], source: object) -> dict[str, BaseMaterial]:
     """Materials by name: the presets, then those of `[[materials]]`.
@@ -69,6 +71,7 @@ class ObjectReader:
         self.files: list[Path] = []
         self.notes: list[str] = []
         self._placed = 0
+        self._built = 0.0
 
     def read(self, table: ObjectTable, path: str) -> list[Object]:
         """The objects of one entry, whose path in the file is `path`: one for each copy, or more for a glTF file.
@@ -76,8 +79,9 @@ class ObjectReader:
         Raises:
             SceneError: a bad or missing value or file.
         """
-        pieces = self._pieces(table, path)
-        self._check_copies(pieces, table)
+        repeated = joined(path, "mesh" if table.mesh else "fineness") if table.copies is None else f"{path}.copies"
+        pieces = self._pieces(table, path, repeated)
+        self._check_copies(pieces, table, repeated)
         own = matrix_of(table, self._source, path)
         copies: list[tuple[str, npt.NDArray[Any]]] = [("", own)]
         if table.copies is not None:
@@ -95,16 +99,23 @@ class ObjectReader:
         """Where the vertices of one of the objects come from, if they are not its file's one by one."""
         return self._origins.get(id(item.shape))
 
-    def _check_copies(self, pieces: list[Object], table: ObjectTable) -> None:
+    def _check_copies(self, pieces: list[Object], table: ObjectTable, field: str) -> None:
         """Count vertices and triangles, those of mesh files once and those of all copies."""
         rows = {id(item.shape.mesh): len(item.shape.mesh.vertices) + len(item.shape.mesh.faces) for item in pieces}
         if table.mesh is not None:
             self._stored |= rows
         each = sum(rows[id(item.shape.mesh)] for item in pieces)
         self._placed += each * (1 if table.copies is None else len(table.copies))
-        check_copies(self._placed, sum(self._stored.values()), self._source, SceneError)
+        check_copies(self._placed, sum(self._stored.values()), self._source, SceneError, field)
 
-    def _pieces(self, table: ObjectTable, path: str) -> list[Object]:
+    def _check_built(self, solid: Solid, table: ObjectTable, field: str) -> None:
+        """Count the triangles of built-in shapes with all copies before they are made."""
+        self._built += solid.triangles() * (1 if table.copies is None else len(table.copies))
+        if not self._built <= MAX_BUILT:
+            expected = f"at most {MAX_BUILT:,} triangles of built-in shapes with all copies"
+            raise SceneError(self._source, field, expected, f"about {self._built:,.0f}")
+
+    def _pieces(self, table: ObjectTable, path: str, repeated: str) -> list[Object]:
         """The entry's objects before its own transform."""
         if (table.mesh is None) == (table.builtin is None):
             got = "neither" if table.mesh is None else "both"
@@ -118,6 +129,7 @@ class ObjectReader:
         texture = self._texture(table, path, "texture")
         if table.builtin is not None:
             solid = self._solid(table, path)
+            self._check_built(solid, table, repeated)
             with located(self._source, path):
                 geometry = self._once(solid, solid.geometry)
             shape = self._shape(table, path, geometry, material, texture)

@@ -235,7 +235,8 @@ def mesh_errors(path: Path) -> Iterator[None]:
     except MemoryError:
         raise MeshError(path, "content", "sizes that fit into memory", "larger ones") from None
     except Exception as reason:
-        detail = " ".join(f"{type(reason).__name__}: {reason}".split())[:160]
+        begin = {ValueError: "", KeyError: "no "}.get(type(reason), f"{type(reason).__name__}: ")
+        detail = " ".join(f"{begin}{reason}".split())[:160]
         kind = path.suffix.upper().removeprefix(".")
         raise MeshError(path, "content", f"a complete and valid {kind} file", detail) from None
 

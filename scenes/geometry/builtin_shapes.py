@@ -13,6 +13,7 @@ from typing import Annotated
 from pydantic import Field
 
 from raytrace.errors import OptionError
+from raytrace.system.memory import NEGLIGIBLE, check_memory
 from raytrace.system.parameters import Length, Lengths, Parameters, Whole
 
 from . import primitives
@@ -21,6 +22,8 @@ from .primitives import Geometry
 from .temple import temple
 
 MAX_TRIANGLES = 20_000_000
+_SIDES = 16  # triangles around a slim cylinder, the most of any shape
+_TRIANGLE = 200  # bytes of one while it is made
 _CELLS = 32  # along the longest side, where no fineness is given
 
 
@@ -32,14 +35,23 @@ class Solid(Parameters):
     def geometry(self) -> Geometry:
         """The mesh, with texture coordinates where the shape has some.
 
-        Raises: OptionError: more than `MAX_TRIANGLES`.
+        Raises: OptionError: more than `MAX_TRIANGLES`. MemoryLimitError: they would not fit into memory.
         """
-        longest, area = self._extent()
-        length = longest / _CELLS if self.fineness is None else self.fineness
-        if not 2 * max(longest / length, area / length / length) <= MAX_TRIANGLES:
+        count, name = self.triangles(), type(self).__name__.lower()
+        if not count <= MAX_TRIANGLES:
             expected = f"a length that makes at most {MAX_TRIANGLES:,} triangles"
-            raise OptionError("fineness", expected, f"{length:g}", type(self).__name__.lower())
-        return self._make(length)
+            raise OptionError("fineness", expected, f"{self._length():g}", name)
+        if _TRIANGLE * count > NEGLIGIBLE:
+            check_memory(name, int(_TRIANGLE * count), f"to make about {count:,.0f} triangles")
+        return self._make(self._length())
+
+    def triangles(self) -> float:
+        """About how many triangles the mesh has; infinity is possible."""
+        (longest, area), length = self._extent(), self._length()
+        return max(_SIDES * longest / length, 2 * area / length / length)
+
+    def _length(self) -> float:
+        return self._extent()[0] / _CELLS if self.fineness is None else self.fineness
 
     @abstractmethod
     def _extent(self) -> tuple[float, float]:

@@ -85,12 +85,15 @@ def instance(
     return Instance(name, vertices, faces, normals, matrix)
 
 
-def check_copies(rows: int, stored: int, source: object, error: type[InputError] = MeshError) -> None:
+def check_copies(
+    rows: int, stored: int, source: object, error: type[InputError] = MeshError, field: str = "objects"
+) -> None:
     """Refuse a small file that fills the memory by repeating what it holds.
 
     Args:
         rows: vertices and triangles, counted wherever they are placed. Each takes a byte or more where it is stored.
         stored: bytes that hold them.
+        field: what the file's part that repeats is called.
 
     Raises:
         error: more rows than bytes, and than `MAX_COPIED`.
@@ -98,7 +101,7 @@ def check_copies(rows: int, stored: int, source: object, error: type[InputError]
     """
     limit = max(stored, MAX_COPIED)
     if rows > limit:
-        raise error(source, "objects", f"at most {limit:,} vertices and triangles with all copies", f"{rows:,}")
+        raise error(source, field, f"at most {limit:,} vertices and triangles with all copies", f"{rows:,}")
     check_memory(source, _ROW * rows, f"to place {rows:,} vertices and triangles")
 
 

@@ -74,7 +74,7 @@ def test_a_text_ply_of_many_properties_and_rows_takes_little(tmp_path):
         ("ply", b"3 0 1 3\n", b"3 0 1 3 4\n", "one line for each, with as many numbers"),
         ("ply", b"1.0 0.0 0.0\n1.0 0.0 0.0\n", b"1.0 0.0 0.0 1.0 0.0 0.0\n", "one line for each"),
         ("ply", b"3 2 5 3\n", b"3 2 5 3\n7\n", "one line for each, with as many numbers"),
-        ("ply", b"property list uchar int", b"property list", "KeyError: 'list'"),
+        ("ply", b"property list uchar int", b"property list", "no 'list'"),
         ("ply", b"property list uchar int vertex_indices", b"property list", "the line property list"),
         (
             "3mf",
@@ -84,7 +84,7 @@ def test_a_text_ply_of_many_properties_and_rows_takes_little(tmp_path):
         ),
         ("3mf", b'<component objectid="1"/>', b'<component objectid="7"/>', "object 7: expected an object of the file"),
         ("3mf", b"1 0 0 0 1 0 0 0 1 5 0 0", b"1 0 0", "3MF file"),
-        ("3mf", b"</triangles>", b'<triangle v1="0"/></triangles>', "KeyError: 'v2'"),
+        ("3mf", b"</triangles>", b'<triangle v1="0"/></triangles>', "no 'v2'"),
         ("3mf", b'v1="0" v2="2"', b'v1="9" v2="2"', "indices from 0 to 3"),
         ("3mf", b'x="1"', b'x="nan"', "finite coordinates"),
     ],

@@ -13,10 +13,12 @@ from fuzz_mutations import toml_text
 from mesh_files import obj
 
 import scenes.formats.threemf
+import scenes.geometry.builtin_shapes
 import scenes.geometry.instances
 from raytrace.errors import LINE, InputError, SceneError
 from raytrace.image.read import read_image
 from raytrace.image.texture import Texture, pack_textures
+from raytrace.system import memory
 from scenes.commands.picture_bake import with_obscurance
 from scenes.description.read import read_scene
 
@@ -45,9 +47,37 @@ def test_copies_in_a_toml_scene_end_somewhere(tmp_path, monkeypatch):
     monkeypatch.setattr(scenes.geometry.instances, "MAX_COPIED", 1000)
     (tmp_path / "m.obj").write_bytes(obj())
     copied = {"mesh": "m.obj", "copies": [{}] * 101}
-    assert "m.toml: objects: expected at most 1,000" in scene_mistake(tmp_path, toml_text({"objects": [copied]}))
+    message = scene_mistake(tmp_path, toml_text({"objects": [copied]}))
+    assert "m.toml: objects[0].copies: expected at most 1,000" in message
     several = {"objects": [{"builtin": "plane", "fineness": 0.1, "size": [1 + n, 1.0]} for n in range(4)]}
-    assert "m.toml: objects: expected at most 1,000" in scene_mistake(tmp_path, toml_text(several))
+    assert "m.toml: objects[2].fineness: expected at most 1,000" in scene_mistake(tmp_path, toml_text(several))
+
+
+@pytest.mark.parametrize(
+    ("added", "expected"),
+    [
+        ({"builtin": "sphere", "fineness": 1e-3}, "objects[1].fineness: expected at most 4,000,000 triangles of built"),
+        ({"builtin": "sponge", "fineness": 1e-3}, "objects[1].fineness: expected at most 4,000,000 triangles of built"),
+        ({"builtin": "cylinder", "height": 1e6, "fineness": 1}, "objects[1].fineness: expected at most 4,000,000"),
+        ({"builtin": "box", "fineness": 1e-90}, "objects[1].fineness: expected at most 4,000,000 triangles of built"),
+        ({"builtin": "temple", "copies": [{}] * 20}, "objects[1].copies: expected at most 4,000,000 triangles of"),
+    ],
+)
+def test_built_in_shapes_are_counted_before_they_are_made(tmp_path, monkeypatch, added, expected):
+    def made(*_):
+        raise AssertionError("it was made")
+
+    monkeypatch.setattr(scenes.geometry.builtin_shapes.SOLIDS[added["builtin"]], "_make", made)
+    text = toml_text({"objects": [*PLANE["objects"], added]})
+    assert f"m.toml: {expected}" in scene_mistake(tmp_path, text)
+
+
+def test_built_in_shapes_that_do_not_fit_into_memory_are_not_made(tmp_path, monkeypatch):
+    monkeypatch.setattr(memory, "available", lambda: 100 << 20)
+    text = toml_text({"objects": [{"builtin": "sphere", "fineness": 0.003}]})
+    assert "memory: expected at most 100 MiB, what is available, got about 209 MiB to make" in scene_mistake(
+        tmp_path, text
+    )
 
 
 @pytest.mark.parametrize("ending", ["npy", "npz"])

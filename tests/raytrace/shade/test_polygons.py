@@ -13,6 +13,7 @@ from raytrace.lights.sources import AmbientLight, PointLight
 from raytrace.materials.materials import Lambert, Phong
 from raytrace.materials.reflect import reflect
 from raytrace.mesh.analytic_normals import newell_normal
+from raytrace.renderer.geometry import build_geometry
 from raytrace.renderer.render import render, seen_vertices
 from raytrace.scene import Object, Scene, Shape
 from raytrace.settings import Settings
@@ -29,6 +30,11 @@ SQUARE = np.array([[-1.5, -1.2, 0], [1.6, -1.3, 0], [1.4, 1.7, 0], [-1.7, 1.1, 0
 ARROW = np.array([[-1.5, -1.6, 0], [0.1, -0.3, 0], [1.7, -1.5, 0], [1.2, 1.4, 0], [-0.2, 1.8, 0], [-1.3, 0.7, 0]])
 BENT = np.add(SQUARE, [[0, 0, 0], [0, 0, 0.3], [0, 0, -0.2], [0, 0, 0.4]])
 LAMP = np.array([0.4, -0.3, 3.0])
+
+
+def test_polygons_with_coordinates_whose_cube_overflows():
+    item = Object(Shape(cut(SQUARE * 1e120), Lambert(albedo=0.5)))
+    assert len(build_geometry((item,), "file").arrays.first_edge) == 2  # one polygon, and nothing is warned of
 
 
 def cut(polygon, turn=0, **fields):

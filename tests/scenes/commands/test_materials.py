@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from command import obscurance, refused
 
-from raytrace.materials.energy import directional_albedo
+from raytrace.materials.energy import asymmetry, directional_albedo
 from raytrace.materials.materials import CookTorrance, EllipticalBeckmann, Lambert, OrenNayar, Phong, material_from_dict
 from raytrace.materials.presets import PRESETS
 from scenes.commands.materials import albedo, check, fit_error, preset_toml
@@ -67,6 +67,10 @@ def test_the_error_of_the_fit_is_the_one_documented():
     rms, largest = fit_error(OrenNayar(albedo=0.9, sigma=0.5))  # docs/models/oren_nayar.md has .027 and .173
     assert rms == pytest.approx(0.027, abs=0.006)
     assert largest == pytest.approx(0.173, abs=0.02)
+
+
+def test_black_is_reciprocal():
+    assert asymmetry(Lambert(albedo=0)) == 0
 
 
 def test_names_that_are_none(tmp_path):

@@ -26,7 +26,7 @@ from scenes.formats.load import load
         ("m.zae", b"PK\x03\x04 and no archive", "ZAE file"),
         ("m", b"x", "got none"),
         ("m.xyz", b"0 0 0\n", "ending"),
-        ("m.ply", b"\x89PNG\r\n\x1a\n" + bytes(100), "PLY file, got ValueError: no header of a PLY file"),
+        ("m.ply", b"\x89PNG\r\n\x1a\n" + bytes(100), "PLY file, got no header of a PLY file"),
         ("m.glb", b"a text, not a GLB file", "GLB file"),
         ("m.gltf", b"[]", "content: expected an object"),
         ("m.gltf", b"[" * 100_000, "content: expected JSON of at most 100 levels, got more"),
