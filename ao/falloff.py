@@ -119,10 +119,10 @@ class Exponential(Parameters, kw_only=False, source="options"):
         return Mu("exponential", resolve_length("max_distance", self.max_distance, radius or 1.0), tau)
 
 
-class _Ramp(Parameters, kw_only=False, source="options"):
-    """μ of t = x/D for x < D, 1 beyond."""
+class _Ramp:
+    """μ of t = x/D for x < D, 1 beyond, of parameters with a `max_distance` D."""
 
-    max_distance: Reach
+    max_distance: Length
 
     def resolve(self, radius: float) -> Mu:
         """μ for a mesh of bounding-sphere radius `radius`."""
@@ -135,7 +135,7 @@ class _Ramp(Parameters, kw_only=False, source="options"):
         raise NotImplementedError
 
 
-class Linear(_Ramp, kw_only=False, source="options"):
+class Linear(_Ramp, Parameters, kw_only=False, source="options"):
     """μ(x) = x/D for x < D, 1 beyond: linear attenuation, the limit of the exponential form for τ → 0.
 
     Args: max_distance: D, a finite length in mesh units or "P%" of the bounding-sphere radius.
@@ -143,18 +143,22 @@ class Linear(_Ramp, kw_only=False, source="options"):
     Raises: OptionError: `max_distance` is not a finite length above 0.
     """
 
+    max_distance: Reach
+
     def _curve(self) -> tuple[Form, Float64s, Float64s]:
         t = np.linspace(0, 1, 2)
         return "linear", t, t
 
 
-class Smooth(_Ramp, kw_only=False, source="options"):
+class Smooth(_Ramp, Parameters, kw_only=False, source="options"):
     """μ(x) = 3t² − 2t³ with t = x/D for x < D, 1 beyond: the smooth step, by 1,025 knots exact to 1e-6.
 
     Args: max_distance: D, as in `Linear`.
 
     Raises: OptionError: as `Linear`.
     """
+
+    max_distance: Reach
 
     def _curve(self) -> tuple[Form, Float64s, Float64s]:
         t = np.linspace(0, 1, _STEPS + 1)

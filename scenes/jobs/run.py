@@ -18,7 +18,6 @@ from .batch import Batch
 from .inputs import expand, is_pattern, outputs_in
 from .options import Format
 from .shards import PartCommand, part_command, part_numbers
-from .textures.bake import TextureCommand
 from .tiles import TilesCommand, tiles_command
 from .vertices import BakeCommand
 from .workers import ClusterCommand, Workers
@@ -199,6 +198,8 @@ def bake_command(options: dict[str, Any]) -> MeshBake:
     for name, usual in _OF_VERTICES.items():
         if options[name] != usual:
             raise OptionError(name, "w at vertices, not in a texture, with it", output)
+    from .textures.bake import TextureCommand
+
     own = {field.name for field in fields(TextureCommand)}
     return TextureCommand(**{name: value for name, value in options.items() if name in own})
 

@@ -23,11 +23,10 @@ OPAQUE, OPTION = "Tr 1", "option"  # how words on them begin
 _MAPS = "map_Kd", "map_d"
 _PICTURES = (b"\x89PNG", b"\xff\xd8\xff")
 _LARGEST = 1 << 24  # bytes of a library
-_OPTION = re.compile(r"-(?:mm\s+\S+\s+\S+|[ost](?:\s+[-+.\de]+(?=\s)){1,3}|[a-z]+\s+\S+)\s+", re.IGNORECASE)
-_IDLE = re.compile(  # options as they are where none is given, and those of filters and bumps
-    r"-(?:s(\s+1(\.0*)?)+|[ot](\s+0(\.0*)?)+|mm\s+0(\.0*)?\s+1(\.0*)?|(clamp|cc)\s+off"
-    r"|(blendu|blendv|bm|boost|texres)\s+\S+)\s+",
-    re.IGNORECASE,
+_OPTION = r"(?i)-(?:mm\s+\S+\s+\S+|[ost](?:\s+[-+.\de]+(?=\s)){1,3}|[a-z]+\s+\S+)\s+"
+_IDLE = (  # options as they are where none is given, and those of filters and bumps
+    r"(?i)-(?:s(\s+1(\.0*)?)+|[ot](\s+0(\.0*)?)+|mm\s+0(\.0*)?\s+1(\.0*)?|(clamp|cc)\s+off"
+    r"|(blendu|blendv|bm|boost|texres)\s+\S+)\s+"
 )
 
 
@@ -84,9 +83,9 @@ def _statements(path: Path) -> Iterator[tuple[str, str]]:
 def _picture(text: str) -> tuple[str, list[str]]:
     """The name at the end of a texture's statement, and the options before it that change what is shown."""
     options = []
-    while found := _OPTION.match(text):
+    while found := re.match(_OPTION, text):
         text = text[found.end() :]
-        options += [] if _IDLE.fullmatch(found[0]) else [found[0].strip()]
+        options += [] if re.fullmatch(_IDLE, found[0]) else [found[0].strip()]
     return text, options
 
 
