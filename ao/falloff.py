@@ -201,7 +201,7 @@ class Tabulated(Parameters, kw_only=False, source="options"):
     def of(cls, function: Callable[[float], float], max_distance: Length) -> Tabulated:
         """`function` at 1,025 distances, denser towards 0: the k-th is D (k/1024)².
 
-        Between them μ errs by at most D²/(2·1024²) · max |x/D · μ''(x)|, such as 1e-5 for 1 − e^(−τx) with D = 40/τ.
+        Between them μ errs by at most `D²/(2·1024²) · max |x/D · μ''(x)|`, such as 1e-5 for 1 − e^(−τx) with D = 40/τ.
 
         Args:
             function: μ of one distance, in mesh units, or in percent of the radius if `max_distance` is; 0 at 0, 1 at

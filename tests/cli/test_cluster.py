@@ -18,7 +18,7 @@ def mesh(tmp_path):
 
 @pytest.mark.usefixtures("small_blocks")
 def test_workers_started_here_make_the_file_of_one_process(tmp_path, mesh):
-    pytest.importorskip("distributed", reason="needs obscurance[cluster]")
+    pytest.importorskip("distributed", reason="pip install '.[cluster]'")
     assert obscurance("bake", mesh, "--samples", "64", "-o", tmp_path / "whole.npz").returncode == 0
     result = obscurance("bake", mesh, "--samples", "64", "-o", tmp_path / "w.npz", "--cluster", "local")
     assert (result.returncode, result.stderr) == (0, "")
@@ -30,7 +30,7 @@ def test_workers_started_here_make_the_file_of_one_process(tmp_path, mesh):
 
 @pytest.mark.usefixtures("small_blocks")
 def test_a_picture_by_workers_started_here_is_the_file_of_one_process(tmp_path):
-    pytest.importorskip("distributed", reason="needs obscurance[cluster]")
+    pytest.importorskip("distributed", reason="pip install '.[cluster]'")
     assert obscurance("scenes", "still_life", "-o", tmp_path / "scene.toml").returncode == 0
     render = "render", tmp_path / "scene.toml", "--width", 96, "--height", 64
     assert obscurance(*render, "-o", tmp_path / "whole.exr").returncode == 0
@@ -71,7 +71,7 @@ def test_mistakes_are_told_in_a_line(tmp_path, mesh, monkeypatch):
 
 
 def test_a_scheduler_that_does_not_answer_is_told(tmp_path, mesh, monkeypatch):
-    pytest.importorskip("distributed", reason="needs obscurance[cluster]")
+    pytest.importorskip("distributed", reason="pip install '.[cluster]'")
     monkeypatch.setattr("ao.cluster.dask_cluster._CONNECT", 0.3)
     for command, output in (("bake", "w.npz"), ("render", "picture.png")):
         result = obscurance(command, mesh, "-o", tmp_path / output, "--cluster", "tcp://127.0.0.1:1")

@@ -137,7 +137,7 @@ def test_mistakes_are_told_in_a_line(folder, monkeypatch):
     refused(bake("out", "--cluster", "local", "--tiles", "2x2x2"), "bake --tiles: expected no such option")
     refused(bake("out", "--shared", "."), "bake --output-dir")
     refused(obscurance("merge", "out"), "merge --output: expected a file")
-    pytest.importorskip("distributed", reason="needs obscurance[cluster]")
+    pytest.importorskip("distributed", reason="pip install '.[cluster]'")
     monkeypatch.setattr("ao.cluster.dask_cluster._CONNECT", 0.3)
     refused(bake("out", "--cluster", "tcp://127.0.0.1:1"), "bake --cluster: expected", "nothing that answers")
     assert not (folder / "out").exists()

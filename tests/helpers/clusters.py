@@ -49,7 +49,7 @@ def scheduler(workers, preload=()):
 
     Args: preload: scripts that each worker runs first.
     """
-    distributed = pytest.importorskip("distributed", reason="needs obscurance[cluster]")
+    distributed = pytest.importorskip("distributed", reason="pip install '.[cluster]'")
     security = distributed.Security.temporary()
     credentials = {"ca-file": security.tls_ca_file, "client.key": security.tls_client_key}
     credentials["client.cert"] = security.tls_client_cert

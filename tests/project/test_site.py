@@ -11,7 +11,7 @@ from project import ROOT
 @pytest.mark.slow
 def test_the_site_is_built_without_a_warning(tmp_path):
     for package in ("sphinx", "furo", "myst_parser"):
-        pytest.importorskip(package, reason="pip install 'obscurance[docs]'")
+        pytest.importorskip(package, reason="pip install '.[docs]'")
     options = ("-m", "sphinx", "--builder", "html", "--fail-on-warning", "--keep-going", "-d", tmp_path / "doctrees")
     built = subprocess.run(
         [sys.executable, *options, ROOT / "docs", tmp_path / "site"], capture_output=True, text=True, check=False

@@ -38,7 +38,7 @@ def run(*command, folder, **options):
 
 
 def test_the_wheel_holds_every_file_of_the_packages(tmp_path):
-    setuptools = pytest.importorskip("setuptools", reason="pip install 'obscurance[test]'")
+    setuptools = pytest.importorskip("setuptools", reason="pip install '.[test]'")
     if int(setuptools.__version__.split(".")[0]) < 77:
         pytest.skip("the project's metadata need setuptools 77")
     listed = run(sys.executable, "-W", "ignore", "-c", LIST, tmp_path, folder=ROOT)

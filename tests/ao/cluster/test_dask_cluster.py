@@ -219,7 +219,7 @@ def test_what_a_worker_answers_is_no_code_and_of_the_length_that_was_asked_for(c
 
 
 def test_workers_started_here_let_nobody_in_without_their_credentials():
-    psutil = pytest.importorskip("psutil", reason="needs obscurance[cluster]")
+    psutil = pytest.importorskip("psutil", reason="pip install '.[cluster]'")
     from distributed import Security
     from distributed.comm import connect
 
@@ -257,7 +257,7 @@ def test_workers_started_here_let_nobody_in_without_their_credentials():
 
 
 def test_of_a_scheduler_without_credentials_a_line_is_told(tmp_path):
-    distributed = pytest.importorskip("distributed", reason="needs obscurance[cluster]")
+    distributed = pytest.importorskip("distributed", reason="pip install '.[cluster]'")
     messages = []
     with distributed.LocalCluster(n_workers=1, **LOCAL | {"security": None}) as open_to_all:
         address = open_to_all.scheduler_address
