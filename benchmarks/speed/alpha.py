@@ -1,4 +1,5 @@
-"""What alpha costs: a thousand leaf cards over a floor, opaque and with alpha, by both traversals, in turns.
+"""What alpha costs: a thousand leaf cards over a floor, opaque and with alpha, in turns: bakes by both traversals, and
+pictures with shadows, also of fifteen layers over one another.
 
 python -m benchmarks.speed.alpha
 """
@@ -18,11 +19,28 @@ import ao
 from ao.options import Traversal
 from ao.report import versions
 from benchmarks import RESULTS
-from raytrace import AlphaSurface, Mesh, Opacity, Texture
+from raytrace import (
+    AlphaSurface,
+    AmbientLight,
+    Camera,
+    DirectionalLight,
+    Lambert,
+    Mesh,
+    Object,
+    Opacity,
+    Scene,
+    Settings,
+    Shape,
+    Texture,
+    render,
+)
 from raytrace.system.atomic import write_json
 
 TARGET = RESULTS / "alpha.json"
-CARDS, FLOOR, TEXELS, ROUNDS, SAMPLES = 1000, 65, 256, 5, 256
+CARDS, FLOOR, TEXELS, ROUNDS, SAMPLES, LAYERS = 1000, 65, 256, 5, 256, 15
+CAMERA = Camera(position=(0.8, -1.0, 0.9), target=(0, 0, 0.55), up=(0, 0, 1), field_of_view=45)
+SETTINGS = Settings(384, 256, samples=4, obscurance="off")
+LIGHTS = DirectionalLight(direction=(-0.3, 0.5, -1.0)), AmbientLight(intensity=0.2)
 CORNERS = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]])
 HALVES = np.array([[0, 1, 2], [0, 2, 3]])
 
@@ -59,6 +77,30 @@ def foliage(surface: AlphaSurface | None) -> Mesh:
     return Mesh(vertices, np.concatenate([faces, ground + 4 * CARDS]), opacity=opacity)
 
 
+def sheets(surface: AlphaSurface | None) -> Mesh:
+    """Squares over one another and over one that is opaque."""
+    squares = np.tile(np.column_stack([CORNERS, np.zeros(4)]), (LAYERS + 1, 1))
+    squares[:, 2] = 0.05 * np.repeat(np.arange(LAYERS + 1), 4)
+    opacity = Opacity(np.repeat([-1, *[0] * LAYERS], 2), (surface,)) if surface else None
+    return Mesh(squares, (4 * np.arange(LAYERS + 1)[:, None, None] + HALVES).reshape(-1, 3), opacity=opacity)
+
+
+def picture_row(meshes: dict[str, Mesh]) -> dict[str, Any]:
+    """CPU time of pictures of the meshes, of which the first is opaque, and its multiples."""
+    material = Lambert(albedo=0.7, two_sided=True)
+    scenes = {name: Scene((Object(Shape(mesh, material)),), LIGHTS) for name, mesh in meshes.items()}
+    took: dict[str, list[float]] = {name: [] for name in meshes}
+    for _ in range(ROUNDS + 1):
+        for name, scene in scenes.items():
+            start = time.process_time()
+            render(scene, CAMERA, SETTINGS)
+            took[name].append(time.process_time() - start)
+    seconds = {name: median(each[1:]) for name, each in took.items()}
+    ratios = {name: each / next(iter(seconds.values())) for name, each in seconds.items()}
+    print("picture      " + "  ".join(f"{name}: {seconds[name]:.3f} s {ratios[name]:.2f}×" for name in meshes))
+    return {"seconds": seconds, "ratios": ratios}
+
+
 def main() -> None:
     rows: list[dict[str, Any]] = []
     with tempfile.TemporaryDirectory() as folder:
@@ -83,7 +125,10 @@ def main() -> None:
                 rows.append({"falloff": falloff, "traversal": traversal, "seconds": seconds, "ratios": ratios})
                 line = "  ".join(f"{seconds[name]:7.3f} s {ratios[name]:5.2f}×" for name in meshes)
                 print(f"{falloff:12} {traversal:10} {line}", flush=True)
-    write_json(TARGET, {"versions": versions(), "rows": rows})
+        meshes["blended at the border"] = foliage(AlphaSurface(texture=texture))
+        layered = {"one sheet": sheets(None), f"{LAYERS} layers": sheets(AlphaSurface(0.5))}
+        pictures = [picture_row(meshes), picture_row(layered)]
+    write_json(TARGET, {"versions": versions(), "rows": rows, "pictures": pictures})
 
 
 if __name__ == "__main__":

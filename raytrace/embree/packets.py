@@ -11,7 +11,8 @@ import numpy as np
 
 from ..kernel.arrays import aligned
 from ..kernel.jit import external, inline
-from ..types import Float32s, Int32s
+from ..kernel.simd_memory import rows_at
+from ..types import Float32s, Int32s, Int64s
 from . import library as library  # LLVM knows Embree's functions from then on
 
 LANES = 8
@@ -20,7 +21,9 @@ NG_X, NG_Y, NG_Z, U, V, PRIM_ID, GEOM_ID, INST_ID, INST_PRIM_ID = range(12, 21)
 ARGUMENTS = 21
 _ARGUMENTS_AT = ARGUMENTS * LANES * 4
 INVALID = np.uint32(0xFFFFFFFF)
-_COHERENT = 1 << 16
+_COHERENT, _INVOKE_FILTER = 1 << 16, 1 << 1
+CONTEXT, ROOM, END = 22, 23, 42  # rows of packets with a filter: Embree's context, and what the filter may write to
+FILTER_PATH = 2, 1  # from what Embree gives a filter to the words of its `Kernel.callback`
 
 _intersect8 = external("rtcIntersect8", 4)
 _occluded8 = external("rtcOccluded8", 4)
@@ -63,15 +66,35 @@ def occluded16(scene, packet, valid):
     _occluded16(valid.ctypes.data, scene, packet.ctypes.data, packet.ctypes.data + 2 * _ARGUMENTS_AT)
 
 
-def new_packet(lanes: int = LANES, coherent: bool = False) -> tuple[Float32s, Int32s]:
+@inline
+def filtered(call):
+    """What Embree gives the filter of a packet of sixteen by its address `call`: of k hits the mask, int32 (k,), to be
+    set to 0 where one is rejected, rays, float32 (12, k), hits, (9, k), the rows from NG_X on; and the packet.
+    """
+    given = rows_at(call, 1, 12).view(np.int64)[0]
+    count = given[5] & 0xFFFFFFFF
+    packet = rows_at(given[2] - CONTEXT * 2 * LANES * 4, END, 2 * LANES)
+    valid = rows_at(given[0], 1, count).view(np.int32)[0]
+    return valid, rows_at(given[3], 12, count), rows_at(given[4], 9, count), packet
+
+
+def new_packet(
+    lanes: int = LANES, coherent: bool = False, hit_filter: tuple[int, Int64s] | None = None
+) -> tuple[Float32s, Int32s]:
     """A packet ready for tracing from tnear 0 with no mask, and its `valid` lanes, all on.
 
     Args: lanes: 8 or 16. coherent: whether its rays will run closely side by side, as a camera's do.
+        hit_filter: a `Kernel.callback` that Embree calls at each hit of sixteen lanes; it is to be kept meanwhile.
     """
-    packet = aligned((22, lanes), np.float32)
-    ids = packet.view(np.uint32)
+    packet = aligned((ARGUMENTS + 1 if hit_filter is None else END, lanes), np.float32)
+    ids, words = packet.view(np.uint32), packet.view(np.int64)
     ids[MASK] = INVALID
     ids[ARGUMENTS, :2] = (_COHERENT if coherent else 0), INVALID  # flags, features
+    if hit_filter is not None:
+        ids[ID], ids[CONTEXT, :2] = np.arange(lanes), INVALID
+        ids[ARGUMENTS, 0] |= _INVOKE_FILTER
+        words[ARGUMENTS, 1:3] = packet[CONTEXT].ctypes.data, hit_filter[0]
+        words[CONTEXT, 1] = hit_filter[1].ctypes.data
     valid = aligned((lanes,), np.int32)
     valid[:] = -1
     return packet, valid

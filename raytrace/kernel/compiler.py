@@ -104,12 +104,14 @@ def _compiling() -> Iterator[None]:
                 gc.enable()
 
 
-def kernel_code(name: str, function: Callable[..., Any], arguments: tuple[Any, ...]) -> bytes:
+def kernel_code(name: str, function: Callable[..., Any], arguments: tuple[Any, ...], path: tuple[int, ...]) -> bytes:
     """The formats of its results, as `struct` has them, those of a tuple in brackets; a newline; an object file.
 
     Its function `name` takes the address of one word for each number and array of the arguments, tuples being taken
     apart: a number's value, with double precision if it is no whole number, or the address of the array's Python
     object. To a second address it writes the results, a word each. It returns 0, or 1 if it ran out of memory.
+
+    Args: path: of a `Kernel.callback`, which takes one address and finds the words from there; its first argument.
     """
     with _compiling():
         given = tuple(numba.typeof(argument) for argument in arguments)
@@ -118,8 +120,13 @@ def kernel_code(name: str, function: Callable[..., Any], arguments: tuple[Any, .
         entry = ir.Function(module, ir.FunctionType(ir.IntType(32), [_POINTER, _POINTER]), name)
         builder = ir.IRBuilder(entry.append_basic_block())
         words, results = (builder.bitcast(pointer, _WORD.as_pointer()) for pointer in entry.args)
+        for place in path:
+            pointer = builder.load(cgutils.gep_inbounds(builder, words, place))
+            words = builder.inttoptr(pointer, _WORD.as_pointer())
         rows = count()
         values = [_argument(builder, words, rows, kind) for kind in given]
+        if path:
+            values[0] = builder.ptrtoint(entry.args[0], _WORD)
         status, found = _call(builder, compiled, values)
         with builder.if_then(status.is_error):
             builder.ret(ir.IntType(32)(1))

@@ -16,6 +16,7 @@ from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 
+from ..types import Int64s
 from .cache import is_kept, read_code, write_code
 from .deferred import compiler
 from .machine_code import load
@@ -79,12 +80,24 @@ class Kernel:
             raise MemoryError(f"{self.__name__}: no memory for its arrays")
         return next(_nested(code.nesting, iter(code.results.unpack(results)))) if results else None
 
-    def _load(self, key: tuple[Any, ...], arguments: tuple[Any, ...]) -> _Loaded:
+    def callback(self, path: tuple[int, ...], *arguments: Any) -> tuple[int, Int64s]:
+        """Address of a C function that calls this with the address it is given and `arguments`, and their words.
+
+        Args: path: places of pointers, counted in words, that lead from what it is given to the words.
+        """
+        kinds: list[Any] = []
+        words: list[Any] = []
+        _flatten((0, *arguments), kinds, words)
+        code = self._load(tuple(kinds), (0, *arguments), path)
+        packed = np.frombuffer(code.arguments.pack(*words), np.int64)
+        return ctypes.cast(code.call, ctypes.c_void_p).value or 0, packed
+
+    def _load(self, key: tuple[Any, ...], arguments: tuple[Any, ...], path: tuple[int, ...] = ()) -> _Loaded:
         types, formats = _types(key)
         name = f"{self.__module__}.{self.__name__}.{sha256(types.encode()).hexdigest()[:16]}"
         with _lock:
             if name not in self._by_name:
-                stored = _code(name, self.function, lambda: compiler.kernel_code(name, self.function, arguments))
+                stored = _code(name, self.function, lambda: compiler.kernel_code(name, self.function, arguments, path))
                 results, _, code = stored.partition(b"\n")
                 nesting = results.decode()
                 self._by_name[name] = _Loaded(

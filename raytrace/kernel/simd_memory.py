@@ -47,6 +47,20 @@ def store_row(_typing: Any, array: Any, row: Any, value: Any) -> Any:
     return types.void(array, types.int64, value), generate
 
 
+@intrinsic
+def rows_at(_typing: Any, address: Any, rows: Any, columns: Any) -> Any:
+    """A float32 array (rows, columns), C-contiguous, that stands at an address."""
+    kind = types.Array(types.float32, 2, "C")
+
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        array, size = arrayobj.make_array(kind)(context, builder), ir.IntType(64)(4)
+        data = builder.inttoptr(arguments[0], array.data.type)
+        arrayobj.populate_array(array, data, arguments[1:], [builder.mul(arguments[2], size), size], size, None)
+        return array._getvalue()
+
+    return kind(types.int64, types.int64, types.int64), generate
+
+
 def _transpose(builder: Any, rows: list[Any]) -> list[Any]:
     """Four vectors that hold four 4×4 blocks side by side, each block transposed."""
 

@@ -8,16 +8,18 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, cast
 from weakref import WeakValueDictionary
 
 import numpy as np
 import numpy.typing as npt
 
 from ..brdf.layout import ALPHA
+from ..embree.packets import FILTER_PATH
 from ..embree.scene import EmbreeScene, Instance, Triangles, TriangleScene
 from ..image.texture import Texture
 from ..kernel.arrays import aligned, product
+from ..kernel.jit import Kernel
 from ..materials.materials import pack_materials
 from ..mesh.mesh import Mesh
 from ..mesh.normals import normalize
@@ -25,6 +27,7 @@ from ..mesh.opacity import Opacity, PackedOpacity
 from ..mesh.placement import Placement
 from ..scene import Object, Shape
 from ..settings import Normals
+from ..shade.alpha_filter import filter_hits
 from ..shade.records import Geometry
 from ..shade.shaft_culling import SLACK, cluster, pack_boxes
 from ..types import AnyFloats, Float32s, Float64s, Int64s
@@ -54,6 +57,14 @@ class BuiltGeometry:
     def vertex_origins(self) -> Float32s:
         """`raytrace.renderer.vertex_origins.vertex_origins`, made when it is first asked for."""
         return vertex_origins(self.arrays)
+
+    @cached_property
+    def hit_filter(self) -> tuple[int, Int64s] | None:
+        """`raytrace.shade.alpha_filter.filter_hits` for `new_packet`, None where all is opaque."""
+        arrays = self.arrays
+        if arrays.opacity is None:
+            return None
+        return cast(Kernel, filter_hits).callback(FILTER_PATH, arrays.opacity, arrays.first_face, arrays.rows)
 
 
 _built: WeakValueDictionary[Any, BuiltGeometry] = WeakValueDictionary()

@@ -105,8 +105,7 @@ class Picture:
 
     def scratch(self) -> Scratch:
         """Memory for one thread."""
-        opaque = self.geometry.arrays.opacity is None
-        return new_scratch(len(self.scene.lights.kinds), len(self.geometry.textures), opaque)
+        return new_scratch(len(self.scene.lights.kinds), len(self.geometry.textures), self.geometry.hit_filter)
 
     def render(self, film: Film, scratch: Scratch, tiles: tuple[int, int], again: bool = False) -> Int64s:
         """Render the tiles [first, end) of a film; returns counts of rays, int64 (COUNTERS,).

@@ -148,7 +148,7 @@ def seen_vertices(scene: Scene, camera: Camera, settings: Settings, threads: int
 
     def work(first: int, end: int) -> None:
         part = (left, left + wide), (top + first, top + end)
-        mark_seen(geometry.arrays, view, *part, *new_packet(WIDE, True), seen, whole)
+        mark_seen(geometry.arrays, view, *part, *new_packet(WIDE, True, geometry.hit_filter), seen, whole)
 
     run_blocks(high, 8, work, thread_count(threads))
     return seen

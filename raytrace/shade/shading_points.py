@@ -40,7 +40,7 @@ FILM = 26
 POINT, ORIGIN, BACK, VIEW, TANGENT, TINT = np.arange(26, 44, 3)
 FRONT, SENT, LIT, OCCLUSION, BENT = np.array([44, 45, 46, 47, 48])
 WIDTH = 51
-THROUGH, BEGIN, COVER = np.array([26, 27, 28])  # of layers, behind the columns of the film, see `Scratch`
+THROUGH, BEGIN, BEHIND, COVER = np.array([26, 27, 28, 29])  # of layers, behind the film's columns, see `Scratch`
 ON_THIS_SIDE, ON_BOTH_SIDES = 1.0, 2.0
 LIGHTING = 14  # columns that lighting writes, see `lighting_column`
 

@@ -34,7 +34,7 @@ from .gouraud import interpolate_lit
 from .interaction import GOURAUD, Hits, bent_entry, hit_entry
 from .polygons import polygon_entry
 from .records import borrow_scene
-from .see_through import composite, keep_hits, meet, show_layers, still_seeing
+from .see_through import begin_behind, begin_layers, composite, keep_hits, meet, ray_numbers, seen_entries
 from .shading_points import put, put1, take
 from .texturing import apply_occlusion, apply_tint, texture_grain, texture_occlusion, texture_tint, vertex_tint
 from .workspace import BACKGROUND, FIRST, PRIMARY, RETIRED
@@ -52,8 +52,9 @@ def render_tiles(scene, view, style, film, scratch, span, again):
     A few samples of all pixels of a tile come first, then more of those that don't agree.
     """
     scene, view, film, scratch = borrow_scene(scene), borrow(view), borrow(film), borrow(scratch)
-    entries, todo, counts, directed = scratch.entries, scratch.todo, scratch.counts, count_directed(scene.lights)
+    todo, counts, directed = scratch.todo, scratch.counts, count_directed(scene.lights)
     opacity = scene.geometry.opacity
+    entries = seen_entries(opacity, scratch)
     high, wide, _ = film.pixels.shape
     columns = -(-wide // TILE)
     for tile in range(span[0], span[1]):
@@ -65,28 +66,28 @@ def render_tiles(scene, view, style, film, scratch, span, again):
         for done in range(0, style.samples, FIRST):
             batch = min(FIRST, style.samples - done)
             each = WIDE // batch  # pixels a packet, all samples of a pixel on end
-            turn = (lane_numbers() * (256 // batch + 1)) >> 8  # lane // batch
             packets = -(-pending // each)
             if pending == 0:
                 break
-            layer, going = 0, True
-            while going:  # surfaces front to back: once, where all are opaque
-                for e in range(packets):
-                    there = turn < min(each, pending - e * each)
-                    pixels = gather(todo, select(there, turn, 0) + e * each)
+            traced = begin_layers(opacity, scratch, packets)
+            while traced > 0:  # surfaces front to back: once, where all are opaque
+                for e in range(traced):
+                    numbers = ray_numbers(opacity, scratch, e)
+                    turn = ((numbers & (WIDE - 1)) * (256 // batch + 1)) >> 8  # number // batch, in a packet
+                    place = turn + (numbers >> 4) * each
+                    there = (numbers >= 0) & (turn < each) & (place < pending)
+                    pixels = gather(todo, select(there, place, 0))
                     x, y = column_of(pixels) + (film.left + left), row_of(pixels) + (film.top + top)
-                    start = aim(scratch.packet, view, x, y, lane_numbers() - turn * batch + done)
-                    there = still_seeing(opacity, scratch, e, layer, there)
+                    samples = (numbers & (WIDE - 1)) - turn * batch + done
+                    start = aim(scratch.packet, view, x, y, select(there, samples, 0))
+                    begin_behind(opacity, scratch, numbers)
                     items = trace_packet(scene, view, style, scratch, e, start, there)
                     store_row(scratch.items, e, items)
                     counts[PRIMARY] += count(there)
                     counts[BACKGROUND] += count(there & (items < 0)) * directed
                 if style.shading != GOURAUD:
-                    light_entries(scene.geometry, scene.lights, style, scratch, packets)
-                layer, going = layer + 1, False
-                for e in range(packets):
-                    going = composite(opacity, scratch, e, style.layers) or going
-            show_layers(opacity, scratch, packets)
+                    light_entries(scene.geometry, scene.lights, style, scratch, traced)
+                traced = composite(opacity, scratch, traced, style.layers)
             if style.samples > 1:
                 if done == 0:
                     clear(scratch.sums)
@@ -162,8 +163,8 @@ def trace_packet(scene, view, style, scratch, e, start, there):
     Args: start: distance from the viewer at which the rays begin. Returns the rows of the objects hit, −1 for none.
     """
     geometry, packet, entry = scene.geometry, scratch.packet, scratch.entries[e]
-    items, faces, u, v, distance, cover = meet(geometry.opacity, geometry, packet, scratch.valid, there)
-    keep_hits(geometry.opacity, scratch, e, distance, cover)
+    items, faces, u, v, distance = meet(geometry.opacity, geometry, packet, scratch.valid, there)
+    keep_hits(geometry.opacity, scratch, e, distance)
     clear_entry(entry, style)
     left = items >= 0
     depth = start + distance

@@ -48,10 +48,11 @@ class Scratch(NamedTuple):
         for none. sums: float64 (pixels, …), a tile's film. order: int32 (pixels,), a tile's pixels so that sixteen on
         end are neighbours; todo: int32 (pixels + 16,), those that want more samples. active: int64 (lights,), lights
         that can matter; hidden: bool (lights,), whether something may stand between those and the points.
-        layers: float32 (packets or 0, FILM + 3, 16), what viewing rays have seen in front, and in the columns THROUGH,
-        BEGIN and COVER: what is left of them, where they go on, and the alpha of what they meet; none where all is
-        opaque. missing: int64 (textures,), 1 for textures that a ray has met before they were read. counts: int64
-        (COUNTERS,).
+        layers: float32 (packets or 0, FILM + 4, 16), of each viewing ray, by its number: what it has seen in front, and
+        in the columns THROUGH and BEGIN what is left of it and where it goes on; of each entry BEHIND and COVER: where
+        its ray would go on, and the alpha of what it meets. None where all is opaque. going: int32 (packets, 16),
+        numbers of the rays that are traced, −1 for none: those that see further layers fill few packets.
+        missing: int64 (textures,), 1 for textures that a ray has met before they were read. counts: int64 (COUNTERS,).
     """
 
     packet: Float32s
@@ -64,14 +65,15 @@ class Scratch(NamedTuple):
     active: Int64s
     hidden: Bools
     layers: Float32s
+    going: Int32s
     missing: Int64s
     counts: Int64s
 
 
-def new_scratch(lights: int, textures: int, opaque: bool = True) -> Scratch:
-    """Scratch for a scene with so many lights and textures, all of it opaque or not."""
+def new_scratch(lights: int, textures: int, hit_filter: tuple[int, Int64s] | None = None) -> Scratch:
+    """Scratch for a scene with so many lights and textures. Args: hit_filter: None where all is opaque."""
     return Scratch(
-        *new_packet(WIDE, coherent=True),
+        *new_packet(WIDE, True, hit_filter),
         entries=aligned((PACKETS, WIDTH, WIDE), np.float32),
         items=aligned((PACKETS, WIDE), np.int32),
         sums=aligned((TILE * TILE, SUMS), np.float64),
@@ -79,7 +81,8 @@ def new_scratch(lights: int, textures: int, opaque: bool = True) -> Scratch:
         todo=aligned((TILE * TILE + WIDE,), np.int32),
         active=np.zeros(max(lights, 1), np.int64),
         hidden=np.zeros(max(lights, 1), np.bool_),
-        layers=aligned((0 if opaque else PACKETS, COVER + 1, WIDE), np.float32),
+        layers=aligned((PACKETS if hit_filter else 0, COVER + 1, WIDE), np.float32),
+        going=aligned((PACKETS, WIDE), np.int32),
         missing=np.zeros(textures, np.int64),
         counts=np.zeros(COUNTERS, np.int64),
     )

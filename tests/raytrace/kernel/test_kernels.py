@@ -1,13 +1,15 @@
 """Kernels called from Python: every kind of argument and result, against the same function interpreted."""
 
+import ctypes
 import sys
 from concurrent.futures import ThreadPoolExecutor
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, cast
 
 import numpy as np
 import pytest
 
-from raytrace.kernel.jit import inline, kernel
+from raytrace.kernel.jit import Kernel, inline, kernel
+from raytrace.kernel.simd_memory import rows_at
 
 
 class Pair(NamedTuple):
@@ -154,3 +156,18 @@ def test_a_kernel_is_compiled_without_what_it_is_not_given():
 
     assert sum_of(np.ones(3), None) == 3.0
     assert sum_of(np.ones(3), More(np.ones(2))) == 5.0
+
+
+@kernel
+def add_up(call, pair, out):
+    given = rows_at(call, 1, 4)
+    out[0] = pair.factor * given[0, 2] + pair.values.sum() + given[0, 3]
+
+
+def test_c_functions_call_a_kernel_back_with_their_address_and_words():
+    out = np.zeros(1)
+    address, words = cast(Kernel, add_up).callback((0,), Pair(VALUES, 2.0), out)
+    given = np.array([words.ctypes.data, 0], np.int64)
+    given.view(np.float32)[2:] = 3.0, 0.5
+    ctypes.CFUNCTYPE(None, ctypes.c_void_p)(address)(given.ctypes.data)
+    assert out[0] == 6.5 + VALUES.sum()

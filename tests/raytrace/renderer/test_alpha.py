@@ -84,10 +84,38 @@ def test_layers_are_composited_front_to_back_over_the_background(shading):
 
 def test_what_lies_behind_is_what_is_there():
     cards = at(0.2, shape(BLUE, AlphaSurface(0.25))), at(0.1, shape(GREEN, AlphaSurface(0.5)))
-    frame = picture([at(0, shape(RED, size=3)), *cards], samples=9)
+    frame = picture([at(0, shape(RED, size=3)), *cards], samples=7)
     expected = 0.25 * BLUE + 0.75 * (0.5 * GREEN + 0.5 * RED)
     np.testing.assert_allclose(frame.layers["beauty"][4:12, 4:12, :3], np.broadcast_to(expected, (8, 8, 3)), atol=1e-6)
     assert (frame.layers["beauty"][..., 3] == 1).all()
+
+
+@pytest.mark.parametrize("alpha", [0.3, 0.5, 1.0])
+def test_each_ray_goes_on_behind_what_it_has_met(alpha):
+    """Through a heap of small cards, so that some rays go on where their neighbours have ended."""
+    rng = np.random.default_rng(1)
+    low, sizes, colours = rng.uniform(-0.2, 0.9, (60, 2)), rng.uniform(0.1, 0.5, (60, 2)), rng.uniform(size=(60, 3))
+    centres = (np.arange(16) + 0.5) / 16
+    x, y = np.meshgrid(centres, centres[::-1])
+    expected, items = np.broadcast_to(BACKGROUND, (16, 16, 3)), []
+    for row, (corner, size, colour) in enumerate(zip(low, sizes, colours, strict=True)):
+        surface = AlphaSurface(texture=half_cut(), cutoff=0.5) if row % 3 == 0 else AlphaSurface(alpha)
+        matrix = np.diag([*size, 1.0, 1.0])
+        matrix[:3, 3] = *corner, 0.01 * row
+        items.append(Object(shape(colour, surface), matrix))
+        s, t = (x - corner[0]) / size[0], (y - corner[1]) / size[1]
+        card = (s > 0) & (s < (0.5 if row % 3 == 0 else 1)) & (t > 0) & (t < 1)
+        part = np.where(card, 1.0 if row % 3 == 0 else alpha, 0.0)[..., None]
+        expected = part * colour + (1 - part) * expected
+    np.testing.assert_allclose(picture(items).layers["beauty"][..., :3], expected, atol=1e-5)
+
+
+def test_a_hole_hides_nothing_that_lies_in_it():
+    cut = AlphaSurface(texture=half_cut(), cutoff=0.5)
+    inlaid = [at(0, shape(GREEN, cut)), at(0, shape(RED))]
+    assert (picture(inlaid).layers["beauty"][:, 8:, :3] == RED).all()
+    above = [at(0.4, shape(GREEN, cut, size=2)), at(0.4, shape(size=2)), at(0, shape())]
+    assert (picture(above, DOWN, BELOW_CARDS).layers["shadow"] == 0).all()
 
 
 def test_copies_of_a_shape_are_layers_too():
@@ -120,6 +148,12 @@ def test_shadows_of_layers_multiply(shading, light):
     np.testing.assert_allclose(dim["beauty"][..., :3], 0.375 * lit["beauty"][..., :3], rtol=1e-5)
     dark = picture([at(0, shape()), *cards, at(0.8, shape(size=9))], light, BELOW_CARDS, shading=shading)
     assert not dark.layers["beauty"][..., :3].any()
+
+
+def test_shadows_of_more_layers_than_are_noted_multiply():
+    cards = [at(0.3 + 0.01 * row, shape(RED, AlphaSurface(0.05), size=3)) for row in range(40)]
+    shadow = picture([at(0, shape()), *cards], DOWN, BELOW_CARDS).layers["shadow"]
+    np.testing.assert_allclose(shadow, 0.95**40, rtol=1e-5)
 
 
 @pytest.mark.parametrize(
