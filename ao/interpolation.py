@@ -15,7 +15,7 @@ from .estimate.probes import derive
 from .execute.tracer import Tracer
 from .points.points import Points
 from .prepared import Prepared
-from .rays.below_face import leave_out_below
+from .rays.below_face import leave_out_below, with_alpha
 from .rays.estimate import W
 from .result import Interpolation
 from .texture.surface_points import Faces
@@ -44,7 +44,7 @@ def measure_interpolation(prepared: Prepared, w: Float64s, error: Float64s) -> I
     seen = ~inside_solids(points, faces[own, 0], placement, receivers, hidden, threads)
     if not seen.any():
         return _at_no_point()
-    points, sides = points[seen], sides[seen]
+    points, sides = points[seen], with_alpha(sides, receivers.opacity, own, weights)[seen]
     mu = prepared.mu.in_render_space(placement.scale)
     tracer = Tracer(prepared.scene, 0, mu, min(mu.limit, placement.diagonal), threads, _POINTS)
     estimates = np.stack([_w_at(tracer, points, sides, derive(prepared.key, salt)) for salt in (8, 9)], axis=-1)

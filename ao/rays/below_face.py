@@ -1,7 +1,8 @@
 """Rays that start below the face that they leave, where the hemisphere is that of an interpolated normal.
 
 They end on that face at once and say nothing of the surroundings: estimates are made of the other rays alone, as by
-the surface method (`ao.least_squares.face_moments`). So convex surfaces are open, however coarse.
+the surface method (`ao.least_squares.face_moments`). So convex surfaces are open, however coarse. Where the face has an
+alpha, that is the part of them that ends there; what passes counts as other rays do.
 """
 
 from __future__ import annotations
@@ -10,11 +11,22 @@ import numpy as np
 
 from raytrace.kernel.borrow import borrow
 from raytrace.kernel.jit import kernel
+from raytrace.mesh.opacity import PackedOpacity
+from raytrace.mesh.opacity_lookup import alphas
+from raytrace.types import AnyFloats, Float32s, Int64s
 
 from .directions import choose, turned_frame
 from .estimate import BATCH_VARIANCE, BENT, COLUMNS, W
 
 _NOTHING = 1e-9  # of the rays lost: rounding
+
+
+def with_alpha(sides: AnyFloats, opacity: PackedOpacity | None, faces: Int64s, weights: Float32s) -> Float32s:
+    """Normals (k, 3) of `faces`, and alpha at barycentric places (k, 3) on them: float32 (k, 4)."""
+    found = np.ones(len(faces))
+    if opacity is not None:
+        alphas(opacity, faces, weights[:, 1:].astype(np.float64), found)
+    return np.column_stack([sides, found]).astype(np.float32)
 
 
 @kernel
@@ -23,7 +35,7 @@ def leave_out_below(points, sides, table, out):
 
     Args:
         points: PointArrays. table: DirectionTable by which they were gathered.
-        sides: float32 (n, 3), unit normals of the faces, on the side of the hemispheres.
+        sides: float32 (n, 4), unit normals of the faces, on the side of the hemispheres, and alpha there.
         out: float64 (n, COLUMNS), of `Tracer.gather`, changed in place.
     """
     _, normals, numbers = borrow(points)
@@ -43,8 +55,9 @@ def leave_out_below(points, sides, table, out):
             below += x * local[0, k] + y * local[1, k] + z * local[2, k] < 0.0
         if below == 0 or below == samples:
             continue
-        above = np.float64(samples - below)
-        lost = (1.0 - out[i, W]) * samples - below
+        ended = below * np.float64(side[3])
+        above = samples - ended
+        lost = (1.0 - out[i, W]) * samples - ended
         if lost <= _NOTHING * samples:
             out[i, W], out[i, BATCH_VARIANCE] = 1.0, 0.0
         else:

@@ -6,7 +6,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from raytrace.bvh.bvh16 import BVH16
 from raytrace.kernel.jit import kernel
 from raytrace.mesh.placement import Placement
 from raytrace.ray_origins.origins import ray_origins
@@ -18,6 +17,7 @@ from ..options import Options
 from ..points.morton import morton_order
 from ..points.points import Points
 from ..points.receivers import Receivers
+from ..rays.below_face import with_alpha
 from .coverage import Coverage, refill
 from .page_rays import DEEP
 from .surface_points import Faces, centres_suffice
@@ -39,7 +39,7 @@ class Texels:
         starts: int64 (k + 1,): the points of texel i, one or several, are those from starts[i] to starts[i + 1].
         face: int32 (p,), the face under each point.
         points: p, numbered one by one.
-        sides: float32 (p, 3), normals of the faces on the hemispheres' side.
+        sides: float32 (p, 4), normals of the faces on the hemispheres' side, and alpha.
         shown: int32 (k,), the face on the page at each texel's first point; shown_at: float32 (k, 3), where on it.
     """
 
@@ -87,7 +87,7 @@ def find_texels(
     faces = Faces.of(placement.vertices.astype(np.float64), receivers)
     first = faces.points_at(coverage.face[:, 0].astype(np.int64), coverage.barycentric[:, 0], threads)[0]
     alone = centres_suffice(coverage, faces, receivers.tree, _most_bent(options), threads)
-    texels = _placed(coverage, page, morton_order(first), alone, faces, receivers.tree, threads)
+    texels = _placed(coverage, page, morton_order(first), alone, faces, receivers, threads)
     inside = inside_solids(
         texels.points, receivers.faces[texels.face, 0], placement, receivers, options.hidden, threads
     )
@@ -113,7 +113,7 @@ def _most_bent(options: Options) -> float:
 
 
 def _placed(
-    coverage: Coverage, page: Coverage, order: Int64s, alone: Bools, faces: Faces, tree: BVH16, threads: int
+    coverage: Coverage, page: Coverage, order: Int64s, alone: Bools, faces: Faces, receivers: Receivers, threads: int
 ) -> Texels:
     """Points with origins from which no ray hits the faces that they lie on.
 
@@ -130,14 +130,14 @@ def _placed(
         _lay_out(order[first:last], starts[first : last + 1], alone, points, layered, face, weights)
 
     run_blocks(len(order), _BLOCK, lay_out, threads)
-    origins, normals, sides = (np.empty((count, 3), np.float32) for _ in range(3))
+    origins, normals, sides = (np.empty((count, columns), np.float32) for columns in (3, 3, 4))
     for first in range(0, count, _PLACED):
         part = slice(first, first + _PLACED)
         own = face[part].astype(np.int64)
         places, side, axis = faces.points_at(own, weights[part], threads)
         clearance, magnitude = np.ones(len(places)), faces.magnitude[own]
-        origins[part] = ray_origins(tree, faces.surface, places, side, clearance, faces.own, own, magnitude)
-        normals[part], sides[part] = axis, side
+        origins[part] = ray_origins(receivers.tree, faces.surface, places, side, clearance, faces.own, own, magnitude)
+        normals[part], sides[part] = axis, with_alpha(side, receivers.opacity, own, weights[part])
     placed = Points(origins, normals, np.arange(count, dtype=np.uint32))
     shown = np.where(alone, page.centre_face, page.face[:, 0])[order]
     shown_at = np.where(alone[:, None], page.centre, page.barycentric[:, 0])[order]

@@ -158,6 +158,25 @@ def test_texels_under_a_card(tmp_path):
     assert np.allclose(w, expected, atol=0.02)
 
 
+def test_rays_below_a_face_that_is_not_there_count():
+    """A coarse smooth ridge of alpha 0 under a card: texels see the hemispheres of their normals."""
+    slope = np.radians(40)
+    x, y = np.repeat([-0.5, 0, 0.5], 2), np.tile([-1.0, 1.0], 3)
+    ridge = np.column_stack([x, y, -abs(x) * np.tan(slope)])
+    faces = np.array([[0, 2, 3], [0, 3, 1], [2, 4, 5], [2, 5, 3]])
+    card = np.column_stack([SQUARE, np.full(4, HEIGHT)])
+    opacity = Opacity([0] * 4 + [-1] * 2, [AlphaSurface(0.0)])
+    mesh = Mesh(np.concatenate([ridge, card]), np.concatenate([faces, HALVES + 6]), opacity=opacity)
+    uv = np.concatenate([np.column_stack([x + 0.5, y / 4 + 0.5]), np.full((4, 2), [0.9, 0.02])])
+    w = ao.bake_texture(mesh, uv, 16, ao.Binary(), 1024, reconstruct=False).w[7:9].mean(axis=0)
+    for column in (5, 6, 7, 8, 9, 10):
+        x = (column + 0.5) / 16 - 0.5
+        side = np.array([np.sign(x) * np.sin(slope), 0, np.cos(slope)])
+        normal = 2 * abs(x) * side + (1 - 2 * abs(x)) * UP
+        point = np.array([x, 0.125, -abs(x) * np.tan(slope)])
+        assert abs(w[column] - 1 + polygon_form_factor(card, point, normal / np.linalg.norm(normal))) < 0.015
+
+
 def _card(leaf):
     vertices = np.column_stack([SQUARE, np.full(4, HEIGHT)])
     return Shape(Mesh(vertices, HALVES, opacity=Opacity([0, 0], [leaf], (SQUARE + 0.5)[HALVES])), Lambert(albedo=0.5))
