@@ -14,15 +14,16 @@ from ..errors import MemoryLimitError
 
 NEGLIGIBLE = 1 << 20  # bytes; finding out whether so few are available takes longer than work that needs them
 _NO_LIMIT = 1 << 60  # kernels write about 2^63 for none
+_ADDRESSES, _RESIDENT, _DATA = 0, 1, 5  # columns of /proc/self/statm
 _UNTOUCHED = 256 << 20  # address space that stacks, arenas and pools of threads reserve and never touch
 
 
 def available(root: Path = Path("/")) -> int | None:
-    """Bytes that this process can still fill: the least of what the system, control groups and RLIMIT_AS leave.
+    """Bytes that this process can still fill: the least of what the system, control groups and its own limits leave.
 
     None if nothing can be read. Args: root: where `proc` and `sys` are.
     """
-    limits = [*_system(root / "proc"), *_control_groups(root), *_address_space(root / "proc")]
+    limits = [*_system(root / "proc"), *_control_groups(root), *_own_limits(root / "proc")]
     return max(min(limits), 0) if limits else None
 
 
@@ -39,14 +40,20 @@ def check_memory(source: object, needed: int, work: str, instead: dict[str, int]
     free = available()
     if free is None or needed <= free:
         return
-    fitting = [f"{way} takes about {_text(size)}" for way, size in (instead or {}).items() if size <= free]
+    fitting = [f"{way} takes about {size_text(size)}" for way, size in (instead or {}).items() if size <= free]
     advice = fitting[0] if fitting else f"{free / needed:.0%} of that work would fit"
     raise MemoryLimitError(
-        source, "memory", f"at most {_text(free)}, what is available", f"about {_text(needed)} {work}; {advice}"
+        source, "memory", f"at most {size_text(free)}, what is available", f"about {size_text(needed)} {work}; {advice}"
     )
 
 
-def _text(size: int) -> str:
+def in_use(proc: Path = Path("/proc")) -> int | None:
+    """Bytes that this process holds now; None where the system does not say."""
+    return _pages(proc, _RESIDENT)
+
+
+def size_text(size: int) -> str:
+    """A number of bytes as people read it."""
     return f"{size / 2**30:.1f} GiB" if size >= 1 << 30 else f"{size / 2**20:.0f} MiB"
 
 
@@ -93,16 +100,21 @@ def _remaining(folder: Path, limit: str, used: str, prefix: str) -> Iterator[int
         return
 
 
-def _address_space(proc: Path) -> Iterator[int]:
+def _own_limits(proc: Path) -> Iterator[int]:
+    """Bytes left by `ulimit -v`, address space, and `ulimit -d`, private memory that can be written."""
     if sys.platform == "win32":
         return
     import resource
 
-    limit = resource.getrlimit(resource.RLIMIT_AS)[0]
-    if limit == resource.RLIM_INFINITY:
-        return
+    for kind, column in ((resource.RLIMIT_AS, _ADDRESSES), (resource.RLIMIT_DATA, _DATA)):
+        limit = resource.getrlimit(kind)[0]
+        if limit != resource.RLIM_INFINITY:
+            yield limit - (_pages(proc, column) or 0) - _UNTOUCHED
+
+
+def _pages(proc: Path, column: int) -> int | None:
+    """Bytes that a column of `statm` says, None without one."""
     try:
-        pages = int((proc / "self" / "statm").read_text().split()[0])
+        return int((proc / "self" / "statm").read_text().split()[column]) * os.sysconf("SC_PAGE_SIZE")
     except OSError:
-        pages = 0
-    yield limit - pages * resource.getpagesize() - _UNTOUCHED
+        return None

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from ao.options import Options
 from raytrace.errors import ObscuranceError, printable
-from raytrace.system.memory import available
+from raytrace.system.memory import available, in_use, size_text
 from raytrace.system.threads import thread_count
 
 from .bake import MeshBake, Work
@@ -29,32 +29,38 @@ def dry_run(bakes: Sequence[MeshBake], falloff: ao.Falloff, besides: Sequence[Pa
     Returns: the exit status, 1 if a mesh cannot be read.
     """
     works: dict[MeshBake, Work] = {}
+    held = 0
     for bake in bakes:
         try:
-            works[bake] = bake.work(bake.read(), falloff)
+            source = bake.read()
+            held = held or in_use() or 0  # before what a bake makes anew
+            works[bake] = bake.work(source, falloff)
         except ObscuranceError as fault:
             if len(bakes) == 1:
                 raise
             note(str(fault))
     if works:
         with compiling(bakes[0].kernels):
-            rows = _rows(list(works.values()), bakes[0])
+            rows = _rows(list(works.values()), bakes[0], held)
         print(columns([*rows, *_written(list(works), besides)]))
     return 0 if len(works) == len(bakes) else 1
 
 
-def _rows(works: Sequence[Work], bake: MeshBake) -> list[tuple[str, str]]:
+def _rows(works: Sequence[Work], bake: MeshBake, held: int) -> list[tuple[str, str]]:
+    """Args: held: bytes that the process has before it bakes."""
     points = sum(work.points for work in works)
     options = Options(**bake.options())
     rays = sum(options.rays_in_all(work.points) for work in works)
     most = "at most " if bake.tolerance is not None or works[0].unit == "texels" else ""
     meshes = f"{len(works):,} meshes, " if len(works) > 1 else ""
     free = available()
-    room = "" if free is None else f", {_bytes(free)} available"
+    room = "" if free is None else f", {size_text(free)} available"
+    needed = max(work.bytes for work in works)
+    whole = f"about {size_text(needed + held)} in all, {size_text(needed)} of it beside the mesh"
     return [
         ("would bake", f"{meshes}{most if works[0].unit == 'texels' else ''}{points:,} {works[0].unit}"),
         ("rays", f"{most or 'about '}{rays:,}, {rays // max(points, 1):,} each"),
-        ("memory", f"about {_bytes(max(work.bytes for work in works))}{room}"),
+        ("memory", whole + room),
         ("time", _time(works, bake, most)),
     ]
 
@@ -95,7 +101,3 @@ def _written(bakes: Sequence[MeshBake], besides: Sequence[Path]) -> list[tuple[s
     ]
     more = [f"and {len(paths) - 8:,} more"] if len(paths) > 8 else []
     return [("would write", line) for line in shown + more]
-
-
-def _bytes(size: int) -> str:
-    return f"{size / 2**30:.1f} GiB" if size >= 1 << 30 else f"{size / 2**20:.0f} MiB"

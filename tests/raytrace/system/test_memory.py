@@ -83,7 +83,8 @@ def test_what_makes_no_sense_limits_nothing(tmp_path, content):
 
 
 @LINUX
-def test_an_address_space_limits_it():
+@pytest.mark.parametrize("kind", [resource.RLIMIT_AS, resource.RLIMIT_DATA], ids=["addresses", "data"])
+def test_a_limit_of_the_process_limits_it(kind):
     code = "from raytrace.system.memory import available; print(available())"
     limit = 4 << 30
     result = subprocess.run(
@@ -91,7 +92,7 @@ def test_an_address_space_limits_it():
         capture_output=True,
         text=True,
         check=True,
-        preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_AS, (limit, limit)),
+        preexec_fn=lambda: resource.setrlimit(kind, (limit, limit)),
         cwd=ROOT,
     )
     assert limit - 1024 * MIB < int(result.stdout) < limit - 256 * MIB
