@@ -3,13 +3,17 @@
 Each finding prints its number; `python tests/helpers/fuzz_worker.py SEED INDEX` repeats it alone.
 """
 
+import subprocess
 import sys
 
-import fuzz_mutations
 import fuzz_seeds
+import fuzz_structure
 import fuzz_worker
 import fuzzing
 import pytest
+
+from scenes.description import toml_objects
+from scenes.geometry import instances
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="limits by /proc and RLIMIT_AS")
 
@@ -33,11 +37,63 @@ def test_very_many_damaged_files():
     assert not findings, report(findings, "0")
 
 
+@pytest.mark.slow
+def test_files_that_are_wrong_by_structure(tmp_path, monkeypatch):
+    """Some through one command each, in this process, with little work for shapes and copies."""
+    monkeypatch.setattr(toml_objects, "MAX_BUILT", 20_000)
+    monkeypatch.setattr(instances, "MAX_COPIED", 100_000)
+    inside, made, accepted = fuzz_worker.prepared(tmp_path), tmp_path / "made", 0
+    for index in range(240):
+        family, name, content, chance = fuzz_worker.input_of("structure short", index)
+        spared = (inside / name).read_bytes() if (inside / name).exists() else None
+        (inside / name).write_bytes(content)
+        every = [
+            each for each in fuzz_structure.commands(family, inside / name, made, chance) if each[0] != "materials"
+        ]
+        message, _ = fuzz_structure.judged(*every[index // 3 % len(every)], made)
+        accepted += message is None
+        if spared is not None:
+            (inside / name).write_bytes(spared)
+    assert accepted > 20
+
+
+@pytest.mark.slow
+def test_very_many_files_that_are_wrong_by_structure():
+    findings, counts, most = fuzzing.run(15_000, "structure")
+    print(fuzzing.table(counts, most))
+    assert not findings, report(findings, "structure")
+
+
+@pytest.mark.parametrize(
+    ("status", "output", "errors", "makes", "finding"),
+    [
+        (1, "", "Traceback (most recent call last):\n", "", "status 1"),
+        (0, "", "a.py:1: RuntimeWarning: overflow\n", "page.html", "RuntimeWarning"),
+        (0, "", "", "", "page.html is there: False"),
+        (2, "", "obscurance: a: expected b, got c\n", "page.html", "page.html is there: True"),
+        (0, "", "", ".obscurance-12.part", "left"),
+        (2, "", "obscurance: a\nb\n", "", "no one line"),
+        (2, "some rows\n", "obscurance: a\n", "", "no one line"),
+        (2, "", f"obscurance: {'x' * 2000}\n", "", "not a line for people"),
+        (2, "", "obscurance: \x1b[31m\n", "", "not a line for people"),
+    ],
+)
+def test_the_judge_of_commands_notices(tmp_path, monkeypatch, status, output, errors, makes, finding):
+    def command(*arguments):
+        if makes:
+            (tmp_path / makes).write_text("x")
+        return subprocess.CompletedProcess(arguments, status, output, errors)
+
+    monkeypatch.setattr(fuzz_structure, "obscurance", command)
+    with pytest.raises(fuzz_worker.Finding, match=finding):
+        fuzz_structure.judged(["view", "m.ply"], tmp_path / "page.html", tmp_path)
+
+
 def test_the_same_number_is_the_same_file():
-    for index in range(2 * len(fuzz_seeds.seeds())):
-        family = fuzz_worker.family_of(index)
-        first, second = (fuzz_mutations.spoiled(family, fuzz_worker.random_of("a", index)) for _ in range(2))
-        assert first == second
+    for seed in ("a", "structure"):
+        for index in range(2 * len(fuzz_seeds.seeds())):
+            first, second = (fuzz_worker.input_of(seed, index)[:3] for _ in range(2))
+            assert first == second
 
 
 def hostile(step):
@@ -117,7 +173,7 @@ def test_the_driver_notices(tmp_path, monkeypatch, step, finding):
         "import os, sys",
         "import fuzz_worker",
         "fuzz_worker.SECONDS = 0.3",
-        "fuzz_worker.warm = lambda inside, made: None",
+        "fuzz_worker.warm = lambda inside, made, structure: None",
         "def consume(family, path, made, index):",
         f"    {step}",
         "fuzz_worker.consume = consume",

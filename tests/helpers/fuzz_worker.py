@@ -3,7 +3,8 @@
     python tests/helpers/fuzz_worker.py SEED FIRST END PROGRESS     the inputs FIRST … END - 1, as `fuzzing.run` does
     python tests/helpers/fuzz_worker.py SEED INDEX                  one input: keeps its file and tells what happens
 
-Findings are JSON lines on standard output.
+A seed is any text; with one that begins with "structure", files of `fuzz_structure` go through every command, else
+files of `fuzz_mutations` through the loaders. Findings are JSON lines on standard output.
 """
 
 import faulthandler
@@ -23,31 +24,34 @@ from pathlib import Path
 
 import fuzz_mutations
 import fuzz_seeds
+import fuzz_structure
+from fuzz_structure import Finding
 from project import ROOT
 
-SECONDS = 10  # of processor time for one input
+SECONDS = 10  # of processor time for one input, or one command
 SPARE = 2 << 30  # address space beyond what the process has once it is warm
 CONSTANT, FACTOR = 64 << 20, 256  # an input of k bytes may take CONSTANT + FACTOR k bytes
 PICTURES = ("png", "jpeg", "exr", "tiff", "pictures")
 OUT_OF_MEMORY = "sizes that fit into memory"
+MOST = 1 << 30  # bytes that a command may take
 
 
-class Finding(Exception):
-    """An input did what none may do."""
+def by_structure(seed):
+    return seed.startswith("structure")
 
 
-def family_of(index):
-    return list(fuzz_seeds.seeds())[index % len(fuzz_seeds.seeds())]
-
-
-def random_of(seed, index):
-    return random.Random(f"{seed}:{index}")
+def input_of(seed, index):
+    """The family of an input, its name and content, and the chance that is left."""
+    maker = fuzz_structure if by_structure(seed) else fuzz_mutations
+    families = fuzz_structure.FAMILIES if by_structure(seed) else list(fuzz_seeds.seeds())
+    family, chance = families[index % len(families)], random.Random(f"{seed}:{index}")
+    return family, *maker.spoiled(family, chance), chance
 
 
 def prepared(folder):
     """The folder of the inputs, what they may refer to within it, and what they must not reach beside it."""
     inside = folder / "inside"
-    for name, content in fuzz_seeds.companions().items():
+    for name, content in fuzz_structure.companions().items():
         target = inside / name
         target.parent.mkdir(parents=True, exist_ok=True)
         target.write_bytes(content)
@@ -65,7 +69,12 @@ def watch(folder):
     from raytrace.kernel.cache import cache_folder
 
     opened = []
-    proc = ["/proc/self", "/proc/meminfo"]
+    proc = [
+        "/proc/self",
+        "/proc/meminfo",
+        "/proc/cpuinfo",
+        str(Path("<unknown>").resolve()),
+    ]  # linecache looks for kernels
     system = [sys.prefix, sys.base_prefix, "/usr", "/lib", "/etc/ld", *proc, "/dev/null", "/sys"]
     allowed = tuple(map(os.path.realpath, [folder / "inside", folder / "made", ROOT, cache_folder(), *system]))
 
@@ -182,6 +191,31 @@ def checked(family, path, made, index, opened):
     return message, peak, time.process_time() - start
 
 
+def commanded(family, path, made, chance, opened):
+    """As `checked`, for all commands that read the file: accepted if one made a bake or a picture."""
+    first, accepted, highest, longest = None, False, 0, 0.0
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        for arguments, target in fuzz_structure.commands(family, path, made, chance):
+            measuring = arguments[0] == "materials"  # some seconds a material, by design
+            signal.setitimer(signal.ITIMER_PROF, 20 * SECONDS if measuring else SECONDS)
+            reset_peak()
+            before = memory()
+            message, seconds = fuzz_structure.judged(arguments, target, made)
+            peak = memory("VmHWM") - before
+            if peak > MOST:
+                raise Finding(f"{arguments[0]}: {peak >> 20} MiB")
+            if message and OUT_OF_MEMORY in message:
+                raise Finding(f"{arguments[0]}: memory was asked for before the sizes were checked: {message}")
+            if opened:
+                seen = sorted(set(opened))
+                opened.clear()
+                raise Finding(f"{arguments[0]}: opened {seen}")
+            accepted |= message is None and arguments[0] in ("bake", "render")
+            first, highest, longest = first or message, max(highest, peak), max(longest, seconds)
+    return None if accepted else first, highest, longest
+
+
 def where(error):
     chain = [error.__context__] if error.__context__ else []
     frames = [frame for each in (error, *chain) for frame in traceback.extract_tb(each.__traceback__)]
@@ -213,12 +247,13 @@ def main(seed, first, end, progress):
     results = os.fdopen(os.dup(1), "w")
     folder = Path(tempfile.mkdtemp(prefix="fuzz-")).resolve()
     fuzz_seeds.seeds()
-    inside = prepared(folder)
-    modest()
-    warm(inside, folder / "made")
+    inside, structure = prepared(folder), by_structure(seed)
+    if not structure:
+        modest()
+    warm(inside, folder / "made", structure)
     opened = watch(folder)
     tempfile.tempdir = str(folder / "made")
-    limit = memory("VmSize") + SPARE
+    limit = memory("VmSize") + (MOST if structure else SPARE)
     resource.setrlimit(resource.RLIMIT_AS, (limit, limit))
     crash = os.dup(2)
     faulthandler.register(signal.SIGPROF, file=crash, chain=True)
@@ -228,16 +263,18 @@ def main(seed, first, end, progress):
         os.dup2(printed, 2)
         faulthandler.enable(crash)
     for index in range(first, end):
-        family = family_of(index)
+        family, name, content, chance = input_of(seed, index)
         if progress:
             os.pwrite(progress, f"{index:<12}".encode(), 0)
-        name, content = fuzz_mutations.spoiled(family, random_of(seed, index))
         path = inside / name
         spared = path.read_bytes() if path.exists() else None
         path.write_bytes(content)
         signal.setitimer(signal.ITIMER_PROF, SECONDS)
         try:
-            message, peak, seconds = checked(family, path, folder / "made", index, opened)
+            if structure:
+                message, peak, seconds = commanded(family, path, folder / "made", chance, opened)
+            else:
+                message, peak, seconds = checked(family, path, folder / "made", index, opened)
             said = "" if kept else silent(printed)
             if said:
                 raise Finding(f"printed {said!r}")
@@ -269,8 +306,14 @@ def modest():
     scenes.geometry.instances.MAX_COPIED = 200_000
 
 
-def warm(inside, made):
+def warm(inside, made, structure=False):
     """Everything imported and compiled, all threads started."""
+    if structure:
+        for family in fuzz_structure.FAMILIES:
+            for path, arguments, target in fuzz_structure.sound(family, inside, made):
+                fuzz_structure.judged(arguments, target, made)
+                path.unlink(missing_ok=True)
+        return
     for family, files in fuzz_seeds.seeds().items():
         for name, content in files:
             if isinstance(content, dict):

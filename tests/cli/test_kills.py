@@ -1,0 +1,34 @@
+"""Commands killed at random moments: every output is whole, and the same bytes when the command runs again."""
+
+import json
+import os
+import subprocess
+import sys
+
+import pytest
+from command import started
+from project import HELPERS, environment
+
+pytestmark = pytest.mark.skipif(os.name == "nt", reason="POSIX signals")
+KINDS = ("npy", "ply", "glb", "texture", "textured", "batch", "textures", "picture", "tiles", "parts", "page", "report")
+
+
+def killed(folder, kills, kind):
+    command = [sys.executable, HELPERS / "killed_commands.py", str(kills), "1", kind, folder]
+    pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
+    with started(command, env=environment(), **pipes) as running:  # it forks: the commands are to end with it
+        output, errors = running.communicate(timeout=3600)
+    assert running.returncode == 0, errors
+    seen = json.loads(output.splitlines()[-1])
+    assert seen["killed"] >= kills
+    assert seen["faults"] == []
+
+
+def test_a_killed_batch_is_whole_or_not_there_and_goes_on(tmp_path):
+    killed(tmp_path, 3, "batch")
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("kind", KINDS)
+def test_outputs_of_commands_killed_forty_times(tmp_path, kind):
+    killed(tmp_path, 40, kind)
