@@ -20,6 +20,7 @@ from ..embree.scene import EmbreeScene, Instance, Triangles, TriangleScene
 from ..image.texture import Texture
 from ..kernel.arrays import aligned, product
 from ..kernel.jit import Kernel
+from ..materials.alpha_filter import filter_hits
 from ..materials.materials import pack_materials
 from ..mesh.mesh import Mesh
 from ..mesh.normals import normalize
@@ -27,7 +28,6 @@ from ..mesh.opacity import Opacity, PackedOpacity
 from ..mesh.placement import Placement
 from ..scene import Object, Shape
 from ..settings import Normals
-from ..shade.alpha_filter import filter_hits
 from ..shade.records import Geometry
 from ..shade.shaft_culling import SLACK, cluster, pack_boxes
 from ..types import AnyFloats, Float32s, Float64s, Int64s
@@ -60,7 +60,7 @@ class BuiltGeometry:
 
     @cached_property
     def hit_filter(self) -> tuple[int, Int64s] | None:
-        """`raytrace.shade.alpha_filter.filter_hits` for `new_packet`, None where all is opaque."""
+        """`raytrace.materials.alpha_filter.filter_hits` for `new_packet`, None where all is opaque."""
         arrays = self.arrays
         if arrays.opacity is None:
             return None

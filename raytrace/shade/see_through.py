@@ -1,8 +1,8 @@
 """Surfaces that let light through: what of it passes them, and what is seen behind them.
 
-Embree calls `raytrace.shade.alpha_filter` at each hit: a shadow ray is traced once, a viewing ray once for each layer
-that it sees. It goes on `STEP` behind it: surfaces nearer together than that, and triangles that meet in an edge, count
-once.
+Embree calls `raytrace.materials.alpha_filter` at each hit: a shadow ray is traced once, a viewing ray once for each
+layer that it sees. It goes on `STEP` behind it: surfaces nearer together than that, and triangles that meet in an edge,
+count once.
 
 Where all is opaque, `opacity` is None, and kernels are compiled without any of this.
 """
@@ -15,9 +15,9 @@ from ..kernel.simd import WIDE, double, select, single
 from ..kernel.simd_masks import lane_numbers, pick, some
 from ..kernel.simd_memory import load_row, store_row
 from ..kernel.vector import scale
-from . import alpha_filter
+from ..materials import alpha_filter
+from ..materials.alpha_filter import LEAST, STEP
 from . import shading_points as layout
-from .alpha_filter import LEAST, STEP
 from .camera_rays import FARTHEST, aim, hit_ids
 from .shading_points import BEGIN, BEHIND, COVER, THROUGH
 
