@@ -114,7 +114,7 @@ def kernel_code(name: str, function: Callable[..., Any], arguments: tuple[Any, .
     Args: path: of a `Kernel.callback`, which takes one address and finds the words from there; its first argument.
     """
     with _compiling():
-        given = tuple(numba.typeof(argument) for argument in arguments)
+        given = tuple(map(_kind, arguments))
         compiled = _compiled(function, given)
         module = _context.create_module(name)
         entry = ir.Function(module, ir.FunctionType(ir.IntType(32), [_POINTER, _POINTER]), name)
@@ -133,6 +133,14 @@ def kernel_code(name: str, function: Callable[..., Any], arguments: tuple[Any, .
         formats = _store(builder, compiled.signature.return_type, found, results, count())
         builder.ret(ir.IntType(32)(0))
         return formats.encode() + b"\n" + _object_file(compiled.library, module, name)
+
+
+def _kind(value: Any) -> Any:
+    """Numba's type of an argument; that of a read-only array is as if it were writable."""
+    if isinstance(value, tuple):
+        return types.BaseTuple.from_types(tuple(map(_kind, value)), type(value))
+    kind = numba.typeof(value)
+    return kind.copy(readonly=False) if isinstance(kind, types.Array) else kind
 
 
 def _compiled(function: Callable[..., Any], given: tuple[Any, ...]) -> Any:

@@ -23,8 +23,8 @@ from .machine_code import load
 from .notice import compiling, notices
 
 F = TypeVar("F", bound=Callable[..., Any])
-_C, _FORTRAN, _ALIGNED, _WRITEABLE = 0x1, 0x2, 0x100, 0x400  # NumPy's flags
-_LAYOUT = _C | _FORTRAN | _ALIGNED | _WRITEABLE
+_C, _FORTRAN, _ALIGNED = 0x1, 0x2, 0x100  # NumPy's flags
+_LAYOUT = _C | _FORTRAN | _ALIGNED
 _WORDS = {"b": "q", "i": "q", "u": "Q", "f": "d"}
 ndarray = np.ndarray
 _SIGNED = 1 << 63
@@ -50,7 +50,8 @@ class Kernel:
     """A function that Numba compiles: machine code when called from Python, a part of the kernels that call it.
 
     Arguments are arrays, numbers, None, and tuples of such; results are numbers or a tuple of numbers. Code under
-    `if argument is not None` is left out where it is None.
+    `if argument is not None` is left out where it is None. Read-only arrays share the code of writable ones, so a
+    kernel must write to none but its results.
 
     Raises:
         TypeError: other arguments or results.

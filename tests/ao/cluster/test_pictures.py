@@ -93,9 +93,8 @@ def render_by(cluster, folder, *picture, **options):
 def test_workers_make_the_bits_of_one_process(cluster, tmp_path, name):
     make, settings = PICTURES[name]
     scene = make(image(tmp_path / "paint.png"))
-    done = []
+    alone, done = render(scene, CAMERA, settings), []  # at first, so that workers load its kernels
     frame, dispatch = render_by(cluster, tmp_path, scene, CAMERA, settings, progress=lambda *tiles: done.append(tiles))
-    alone = render(scene, CAMERA, settings)
     for layer, values in alone.layers.items():
         assert np.array_equal(frame.layers[layer], values), layer
     assert (frame.rays, frame.rays_skipped) == (alone.rays, alone.rays_skipped)
