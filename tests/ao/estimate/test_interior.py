@@ -153,12 +153,6 @@ def test_a_part_with_nothing_in_sight_keeps_its_values() -> None:
     np.testing.assert_array_equal(marked.w, filled.w)
 
 
-def test_threads_change_nothing(solids: Mesh) -> None:
-    one, three = (ao.bake(solids, samples=16, hidden="fill", threads=k) for k in (1, 3))
-    assert one.w.tobytes() == three.w.tobytes()
-    assert one.flags.tobytes() == three.flags.tobytes()
-
-
 def test_an_unknown_policy_is_a_mistake(solids: Mesh) -> None:
     with pytest.raises(OptionError, match="hidden"):
         ao.bake(solids, hidden="perhaps")  # type: ignore[arg-type]

@@ -65,15 +65,6 @@ def test_what_was_predicted_is_within_the_tolerance_too() -> None:
     np.testing.assert_allclose(np.linalg.norm(baked.bent_normals, axis=1), 1, atol=1e-6)
 
 
-def test_threads_change_nothing_and_seeds_do() -> None:
-    mesh = Mesh(*hills(150))
-    one, two, three = (ao.bake(mesh, tolerance=0.02, threads=k) for k in (1, 2, 3))
-    for other in (two, three):
-        assert other.w.tobytes() == one.w.tobytes()
-        assert other.error.tobytes() == one.error.tobytes()
-    assert ao.bake(mesh, tolerance=0.02, seed=1).w.tobytes() != one.w.tobytes()
-
-
 def test_samples_are_the_most() -> None:
     with pytest.warns(ao.ToleranceWarning, match="tolerance 0.0001 is not met.*32 rays a vertex were allowed"):
         baked = ao.bake(MESHES["hills"], ao.Binary(), samples=32, tolerance=1e-4)

@@ -29,7 +29,7 @@ def test_the_command_continues_after_an_interrupt(tmp_path, method):
     mesh, target, journal = tmp_path / "hills.obj", tmp_path / "w.npz", tmp_path / "w.npz.partial"
     lines = [f"v {x} {y} {z}" for x, y, z in MESH.vertices] + [f"f {a} {b} {c}" for a, b, c in MESH.faces + 1]
     mesh.write_text("\n".join(lines))
-    arguments = [mesh, "--samples", "8192", "--quiet", "--method", method]
+    arguments = [mesh, "--samples", "4096", "--quiet", "--method", method]
     command = [sys.executable, "-c", AT_ONCE, "bake", *arguments, "-o", target]
     assert obscurance("bake", *arguments, "-o", tmp_path / "whole.npz").returncode == 0
     with started(command, cwd=ROOT, stderr=subprocess.PIPE, text=True) as running:
@@ -64,7 +64,7 @@ def killed(tmp_path, kills, method, options):
 
 @pytest.mark.parametrize("method", [*METHODS, "texture"])
 def test_killed_at_random_moments_nothing_is_lost(tmp_path, method):
-    killed(tmp_path, 6, method, {"samples": 256})
+    killed(tmp_path, 4, method, {"samples": 256})
 
 
 @pytest.mark.slow

@@ -85,12 +85,6 @@ def test_nor_at_any_size_and_place(scale, shift):
     assert compare(Mesh(vertices * scale + shift, faces), ao.Binary()) < 1e-6
 
 
-def test_bits_are_the_same_for_any_number_of_threads():
-    mesh = Mesh(*hills(40))
-    bakes = [ao.bake(mesh, samples=512, threads=n) for n in (1, 2, 5)]
-    assert len({(baked.w.tobytes(), baked.error.tobytes(), baked.bent_normals.tobytes()) for baked in bakes}) == 1
-
-
 def test_a_convex_body_is_open():
     assert (ao.bake(Mesh(*icosphere(3)), ao.Binary(), 256, reconstruct=False).w == 1).all()
 

@@ -142,10 +142,3 @@ def test_neighbours_do_not_overlap():
     a, b, c, d = points[:-1, :-1], points[:-1, 1:], points[1:, 1:], points[1:, :-1]
     uv = np.concatenate([np.stack(t, axis=-2).reshape(-1, 3, 2) for t in ((a, b, c), (a, c, d))])
     assert not cover(laid_out(uv, (256, 256)), "mean", 1).overlapping.any()
-
-
-def test_coverage_is_the_same_on_any_number_of_threads():
-    layout = laid_out(grid_charts(300), (256, 256))
-    one, other = cover(layout, "mean", 1), cover(layout, "mean", 3)
-    for name in ("texels", "face", "barycentric", "overlapping"):
-        assert np.array_equal(getattr(one, name), getattr(other, name))

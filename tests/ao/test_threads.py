@@ -1,0 +1,31 @@
+"""Every way to bake: the same bits for any number of threads, others for another seed."""
+
+from functools import partial
+
+import pytest
+from clusters import BAKES, all_bits
+from meshes import hills, two_boxes
+
+import ao
+from raytrace import Mesh
+
+STEEP = hills(40)[0] * [1, 1, 40], hills(40)[1][:, ::-1]
+ENTRIES = BAKES | {
+    "projected": partial(ao.bake, Mesh(*hills(40)), high=Mesh(*hills(80)), cage="10%", samples=64),
+    "interior filled": partial(ao.bake, Mesh(*two_boxes()), samples=16, hidden="fill"),
+    "many rays": partial(ao.bake, Mesh(*STEEP), "binary", samples=1024),
+    "predicted": partial(ao.bake, Mesh(*hills(150)), tolerance=0.02),
+}
+
+
+def facts(baked):
+    """All bits, and the error of interpolation where it is measured."""
+    measured = getattr(baked, "interpolation", None)
+    return all_bits(baked), measured and measured[:2]
+
+
+@pytest.mark.parametrize("entry", ENTRIES)
+def test_threads_change_nothing_and_seeds_do(entry):
+    one, *others = (facts(ENTRIES[entry](threads=count)) for count in (1, 2, 3))
+    assert all(other == one for other in others)
+    assert facts(ENTRIES[entry](seed=1)) != one
