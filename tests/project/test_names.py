@@ -101,10 +101,15 @@ def quoted_names(text):
     return [name for name in names if NAME.fullmatch(name) and not FILE.fullmatch(name)]
 
 
+@cache
+def file_names():
+    return {path.name for top in (*PACKAGES, "tests", "benchmarks") for path in (ROOT / top).rglob("*.py*")}
+
+
 def missing_files(text):
     """Paths and names of files that are not there; one without a folder may be anywhere."""
     quoted = [name for name in QUOTED.findall(text) if FILE.fullmatch(name)]
-    return [name for name in quoted if not (ROOT / name).exists() and ("/" in name or not any(ROOT.rglob(name)))]
+    return [name for name in quoted if not (ROOT / name).exists() and ("/" in name or name not in file_names())]
 
 
 def test_names_in_docstrings_are_of_the_program():
