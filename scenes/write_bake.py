@@ -49,8 +49,8 @@ def write(
 
     - `.npy`: w, float32 (n,).
     - `.npz`: `w` float32 (n,), `error` float32 (n,), `bent_normals` float32 (n, 3), `flags` uint8 (n,).
-    - `.ply`: `obscurance`, and grey `red green blue` = 255 w, linear: viewers multiply by it as it stands, which is
-      what w is for (`scenes.formats.ply.write.ply`). Coordinates are float where that loses nothing, double otherwise.
+    - `.ply`: `obscurance`, and w as the grey `red green blue`, sRGB-encoded as Blender and three.js take the colours of
+      a PLY (`scenes.formats.ply.write.ply`). Coordinates are float where that loses nothing, double otherwise.
     - `.glb`: `_OBSCURANCE` (`scenes.formats.glb.write.glb`), and what viewers show: a ramp or colours.
     - `.html`: a page for a browser, everything in it (`scenes.show.page.document`).
     - `.png` `.exr` `.tif`, of a texture: w, linear, PNG of 16 bits, others float32.

@@ -7,7 +7,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from raytrace.types import AnyInts, Float64s, Int64s
+from raytrace.image.srgb import encode_srgb
+from raytrace.types import AnyInts, Float32s, Float64s, Int64s
 
 from ...geometry.detail import Detail, PerCorner
 from ...geometry.elements import Element, Property
@@ -43,15 +44,16 @@ def own_colors(vertex: dict[str, Property]) -> dict[str, Property]:
     own = {name: vertex[name] for name in (*RGB, "alpha") if name in vertex and vertex[name].sizes is None}
     baked = vertex.get("obscurance")
     if baked is not None and all(name in own and own[name].kind == "B" for name in RGB):
-        grey = grey_of(baked.values)
-        if all(np.array_equal(own[name].values, grey) for name in RGB):
-            return {}
+        linear = np.rint(np.clip(np.nan_to_num(baked.values), 0, 1) * 255.0)  # of older files
+        for grey in (grey_of(baked.values), linear):
+            if all(np.array_equal(own[name].values, grey) for name in RGB):
+                return {}
     return own if set(own) & set(RGB) else {}
 
 
-def grey_of(w: npt.NDArray[Any]) -> Float64s:
-    """255 w, rounded."""
-    return np.rint(np.clip(np.nan_to_num(w.astype(np.float64)), 0, 1) * 255)
+def grey_of(w: npt.NDArray[Any]) -> Float32s:
+    """Greys in [0, 255] that programs which take colours of a PLY for sRGB, as most do, read as w."""
+    return np.rint(255 * encode_srgb(np.nan_to_num(w)))
 
 
 def _coordinates(

@@ -15,14 +15,15 @@ from .encode import encode_ply
 from .read import UP_COMMENT
 
 OWN = "comment obscurance: 1 = open"
-GREY = "; red green blue = 255 obscurance"
+GREY = "; red green blue = obscurance as sRGB"
 _LONGEST = 1e38
 
 Values = AnyFloats
 
 
 def ply(mesh_file: MeshFile, w: Values, colors: bool, up: str | None = None) -> bytes:
-    """A PLY file with the float property `obscurance`, and grey `red green blue` = 255 w where that replaces nothing.
+    """A PLY file with the float property `obscurance`, and grey `red green blue`, w as sRGB, where that replaces
+    nothing.
 
     A PLY source keeps all its elements, properties, polygons and comments, of others the polygons, normals, colours
     and texture coordinates are kept (`s t` of vertices, or `texcoord` of faces where a vertex has several).

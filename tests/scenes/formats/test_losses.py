@@ -65,7 +65,7 @@ def test_a_second_bake_of_what_was_baked_replaces_its_w_and_grey(tmp_path):
     assert bake(tmp_path, "one.ply", "two.ply", "--seed", 5, "--max-distance", 0.1) == ""
     vertex = columns(tmp_path / "two.ply")[0]["vertex"]
     assert list(vertex) == ["x", "y", "z", "obscurance", "red", "green", "blue"]
-    np.testing.assert_array_equal(vertex["red"].values, np.rint(255 * vertex["obscurance"].values))
+    np.testing.assert_array_equal(vertex["red"].values, np.rint(255 * encode_srgb(vertex["obscurance"].values)))
     assert (tmp_path / "two.ply").read_bytes().count(b"comment obscurance") == 1
 
 
@@ -73,7 +73,7 @@ def test_colors_replaces_the_colours_of_a_ply_and_says_so(tmp_path):
     (tmp_path / "rich.ply").write_bytes(rich_ply())
     assert "not kept from rich.ply: its colours" in bake(tmp_path, "rich.ply", "out.ply", "--colors")
     vertex = columns(tmp_path / "out.ply")[0]["vertex"]
-    np.testing.assert_array_equal(vertex["green"].values, np.rint(255 * vertex["obscurance"].values))
+    np.testing.assert_array_equal(vertex["green"].values, np.rint(255 * encode_srgb(vertex["obscurance"].values)))
 
 
 def test_floats_of_text_stay_floats(tmp_path):

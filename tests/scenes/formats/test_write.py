@@ -13,6 +13,7 @@ import trimesh
 from gltf_files import QUAD, TRIANGLE, Builder, check_glb, values
 
 from raytrace.errors import OptionError, OutputError
+from raytrace.image.srgb import encode_srgb
 from raytrace.mesh.mesh import Mesh
 from scenes.formats.load import MeshFile, load
 from scenes.geometry.instances import Part
@@ -70,12 +71,38 @@ def test_ply(tmp_path, normals, shift):
     assert raw["properties"]["x"] == ("<f8" if shift else "<f4")
     assert ("nx" in raw["properties"]) == (normals is not None)
     np.testing.assert_array_equal(raw["data"]["obscurance"], result.w.astype(np.float32))
-    grey = np.rint(result.w * 255).astype(np.uint8)
-    np.testing.assert_array_equal(mesh.visual.vertex_colors[:, :3], np.stack([grey] * 3, axis=1))
+    grey = mesh.visual.vertex_colors[:, :3] / 255.0
+    np.testing.assert_allclose(((grey + 0.055) / 1.055) ** 2.4, np.stack([result.w] * 3, axis=1), atol=0.005)
     again = load(tmp_path / "m.ply").mesh
     np.testing.assert_array_equal(again.vertices, source.mesh.vertices)
     if normals is not None:
         np.testing.assert_allclose(again.normals, normals, atol=1e-7)
+
+
+def test_half_open_is_half_the_light_to_readers_of_either_format(tmp_path):
+    half = SimpleNamespace(w=np.full(4, 0.5))
+    for ending in ("ply", "glb"):
+        write(tmp_path / f"m.{ending}", half, mesh_file(), colors=True)
+    colours = trimesh.load_mesh(tmp_path / "m.ply", process=False).visual.vertex_colors
+    assert np.unique(colours[:, :3]).tolist() == [188]  # importers of PLY take sRGB
+    header, binary = check_glb((tmp_path / "m.glb").read_bytes())
+    colours = values(header, binary, header["meshes"][0]["primitives"][0]["attributes"]["COLOR_0"])
+    assert np.unique(colours[:, :3]).tolist() == [128]  # linear, as glTF has it
+
+
+@pytest.mark.parametrize("encode", [lambda w: w, encode_srgb])
+def test_a_grey_of_either_encoding_is_taken_for_w_and_not_for_a_colour(tmp_path, encode):
+    write(tmp_path / "m.ply", bake(4), mesh_file())
+    content = bytearray((tmp_path / "m.ply").read_bytes())
+    rows = np.frombuffer(
+        content, np.dtype([("p", "<f4", 3), ("w", "<f4"), ("grey", "u1", 3)]), 4, content.index(b"end_header\n") + 11
+    )
+    rows["grey"] = np.rint(255 * encode(rows["w"]))[:, None]
+    (tmp_path / "m.ply").write_bytes(content)
+    assert load(tmp_path / "m.ply", target="again.ply").detail.colors is None
+    rows["grey"] += 1
+    (tmp_path / "m.ply").write_bytes(content)
+    assert load(tmp_path / "m.ply", target="again.ply").detail.colors is not None
 
 
 def test_glb_of_a_plain_mesh(tmp_path):
