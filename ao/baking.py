@@ -48,8 +48,8 @@ def bake(
     """Obscurance w(p) = (1/π) ∫ μ(d) cosθ dω (12.71) at every vertex of `mesh`.
 
     Args:
-        mesh: the surface, a `raytrace.Mesh`, a pair (vertices, faces), or a mesh of trimesh, PyVista or meshio; both
-            sides of every face occlude.
+        mesh: the surface, a `raytrace.Mesh`, a pair (vertices, faces), or a mesh of trimesh, PyVista, meshio or Open3D;
+            both sides of every face occlude.
         falloff: μ, `Exponential(…)` (the default), `Binary(…)`, `Linear(…)`, `Smooth(…)` or `Tabulated(…)`; or "binary"
             or "exponential".
         samples: rays a vertex, 1 to 2²⁰, by default 256; with a tolerance the most, by default 2¹⁴. By the surface

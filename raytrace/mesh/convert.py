@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from typing import Any
 
 import numpy as np
@@ -19,8 +20,9 @@ def mesh_of(given: Mesh | Any, source: str) -> Mesh:
 
     Args:
         given: a `Mesh`; a pair of arrays, vertices (n, 3) and faces (m, 3); or an object with `vertices` and `faces`,
-            as trimesh has them, with `points` and the padded `faces` of `pyvista.PolyData`, or with `points` and the
-            `cells` of meshio, triangles or quads. Polygons are cut into triangles.
+            as trimesh has them, with `points` and the padded `faces` of `pyvista.PolyData`, with `points` and the
+            `cells` of meshio, triangles or quads, or a triangle mesh of Open3D, legacy or tensor. Polygons are cut into
+            triangles.
         source: what to call it in messages.
 
     Raises:
@@ -37,11 +39,24 @@ def mesh_of(given: Mesh | Any, source: str) -> Mesh:
         return Mesh(triangles.points, np.reshape(triangles.faces, (-1, 4))[:, 1:], source=source)
     if hasattr(given, "points") and isinstance(getattr(given, "cells", None), list):
         return Mesh(given.points, _triangles(given, source), source=source)
-    advice = next((name for name in ("extract_surface", "combine", "to_mesh") if hasattr(given, name)), None)
-    expected = "a raytrace.Mesh, a pair (vertices, faces), or a mesh of trimesh, PyVista or meshio"
-    raise MeshError(
-        source, "mesh", expected, " ".join(repr(given).split()), nearest=f"its {advice}()" if advice else None
-    )
+    if hasattr(given, "vertices") and hasattr(given, "triangles"):
+        return Mesh(given.vertices, given.triangles, source=source)
+    if hasattr(given, "vertex") and hasattr(given, "triangle"):
+        return Mesh(*_tensors(given, source), source=source)
+    methods = "extract_surface", "combine", "to_mesh"
+    nearest = next((f"its {name}()" for name in methods if hasattr(given, name)), None)
+    if isinstance(given, str | os.PathLike):
+        nearest = f'scenes.load("{os.fspath(given)}").mesh'
+    expected = "a raytrace.Mesh, a pair (vertices, faces), or a mesh of trimesh, PyVista, meshio or Open3D"
+    raise MeshError(source, "mesh", expected, " ".join(repr(given).split()), nearest=nearest)
+
+
+def _tensors(given: Any, source: str) -> tuple[Any, Any]:
+    """Vertices and faces of Open3D's tensor mesh, from whatever device. Raises: MeshError: it has none."""
+    try:
+        return given.vertex["positions"].cpu().numpy(), given.triangle["indices"].cpu().numpy()
+    except KeyError:
+        raise MeshError(source, "mesh", "vertex.positions and triangle.indices", "an empty mesh") from None
 
 
 def _triangles(given: Any, source: str) -> Int64s:

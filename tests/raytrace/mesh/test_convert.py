@@ -1,6 +1,7 @@
 """Meshes of other libraries: stand-ins for what these have, and the recipes of docs/python.md with the real ones."""
 
 import re
+from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
@@ -17,7 +18,7 @@ from raytrace.mesh.normals import face_normals
 POINTS = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0], [0.5, 0.5, 2]], float)
 FACES = np.array([[0, 1, 4], [1, 2, 4], [2, 3, 4], [3, 0, 4]])
 RECIPES = re.findall(r"```python\n(.*?)```", (ROOT / "docs" / "python.md").read_text(), re.DOTALL)
-LIBRARIES = ("trimesh", "pyvista", "meshio")
+LIBRARIES = ("trimesh", "pyvista", "meshio", "open3d")
 
 
 def meshio_like(*cells, points=POINTS):
@@ -30,9 +31,36 @@ def polydata_like(faces, all_triangles=True):
     return SimpleNamespace(points=POINTS.astype(np.float32), faces=padded, strips=[], is_all_triangles=all_triangles)
 
 
+class Sequence:
+    """What Open3D's vectors show of themselves: rows, and an array when NumPy asks."""
+
+    def __init__(self, rows):
+        self.rows = rows
+
+    def __array__(self, dtype=None, copy=None):
+        return np.array(self.rows, dtype)
+
+
+class Tensor:
+    """A tensor on a graphics card, which NumPy cannot look into."""
+
+    def __init__(self, rows):
+        self.rows = rows
+
+    def cpu(self):
+        return SimpleNamespace(numpy=lambda: self.rows)
+
+
+def tensor_mesh(**attributes):
+    names = {"vertex": "positions", "triangle": "indices"}
+    return SimpleNamespace(**{name: {key: attributes[key]} if key in attributes else {} for name, key in names.items()})
+
+
 @pytest.mark.parametrize(
     "given",
     [
+        SimpleNamespace(vertices=Sequence(POINTS), triangles=Sequence(FACES.astype(np.int32))),
+        tensor_mesh(positions=Tensor(POINTS.astype(np.float32)), indices=Tensor(FACES)),
         Mesh(POINTS, FACES),
         (POINTS, FACES),
         [POINTS.tolist(), FACES.tolist()],
@@ -64,7 +92,12 @@ def test_quads_are_cut_where_they_stay_what_they_are(first):
 
 
 WRONG = {
-    "a name": ("ball.obj", r"mesh: expected a raytrace\.Mesh, a pair .* got 'ball\.obj'"),
+    "a name": (
+        "ball.obj",
+        r"mesh: expected a raytrace\.Mesh, a pair .*; did you mean scenes\.load\(\"ball\.obj\"\)\.mesh",
+    ),
+    "a path": (Path("a") / "ball.obj", r'did you mean scenes\.load\("a.ball\.obj"\)\.mesh\?'),
+    "an empty tensor mesh": (tensor_mesh(), r"expected vertex\.positions and triangle\.indices, got an empty mesh"),
     "a volume": (meshio_like(("tetra", [[0, 1, 2, 3]])), "cells: expected triangle or quad, got tetra"),
     "lines": (meshio_like(("line", [[0, 1]])), "cells: expected triangle or quad, got none of them"),
     "a grid": (SimpleNamespace(points=POINTS, extract_surface=None), r"did you mean its extract_surface\(\)\?"),
