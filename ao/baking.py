@@ -6,7 +6,7 @@ import time
 from dataclasses import replace
 from typing import Any
 
-from raytrace.errors import OptionError
+from raytrace.errors import ConflictError
 from raytrace.kernel.notice import KERNELS_OF_BAKE, compiling
 from raytrace.mesh.convert import mesh_of
 from raytrace.mesh.mesh import Mesh
@@ -20,12 +20,13 @@ from .execute.tracer import Progress
 from .falloff import Falloff, Length, resolve_length
 from .interpolation import measure_interpolation
 from .memory import surface_bytes, vertex_bytes
-from .options import DEFAULT_SAMPLES, Hidden, Method, Normals, Options, Traversal, falloff_of
+from .options import DEFAULT_SAMPLES, Interior, Method, Normals, Options, Traversal, earlier_names, falloff_of
 from .prepared import Prepared
 from .result import Bake, PointValues, assemble
 from .vertex_method import sample_vertices
 
 
+@earlier_names(reconstruct="denoise", hidden="interior")
 @compiling(KERNELS_OF_BAKE)
 def bake(
     mesh: Mesh | Any,
@@ -37,8 +38,8 @@ def bake(
     progress: Progress | None = None,
     only: Bools | None = None,
     tolerance: float | None = None,
-    reconstruct: bool = True,
-    hidden: Hidden = "auto",
+    denoise: bool = True,
+    interior: Interior = "auto",
     traversal: Traversal = "auto",
     checkpoint: Checkpoint | None = None,
     method: Method = "vertex",
@@ -59,16 +60,16 @@ def bake(
         threads: None for all cores.
         normals: hemisphere axes: incident faces weighted by "angle", "area" or "equal", or "file", the mesh's own.
         progress: called with (rays traced, rays in all) as the work goes on.
-        only: bool (n,), the vertices whose w is wanted; the others get 1. None: all. Turns reconstruction off;
+        only: bool (n,), the vertices whose w is wanted; the others get 1. None: all. Turns denoising off;
             hidden ones are filled from those wanted. By the surface method w is fitted over their faces alone.
         tolerance: target root mean square error of w, 1e-5 to 1: ray counts and baked vertices are chosen to meet it,
             the other vertices are predicted from their neighbours. None: every vertex gets `samples` rays. By the
             surface method it is the error of the fitted values.
-        reconstruct: whether estimates are shrunk towards leave-one-out predictions from their neighbours. Vertex method
+        denoise: whether estimates are shrunk towards leave-one-out predictions from their neighbours. Vertex method
             only.
-        hidden: "auto": vertices inside a closed part of the mesh that is not their own are flagged, and get the values
-            of the nearest that are not. "ignore": both sides of faces are surface. "mark": faces bound solids, and
-            vertices that mostly see backs, being inside one, are flagged. "fill": besides, they are filled. Vertex
+        interior: "auto": vertices inside a closed part of the mesh that is not their own are flagged, and get the
+            values of the nearest that are not. "ignore": both sides of faces are surface. "mark": faces bound solids,
+            and vertices that mostly see backs, being inside one, are flagged. "fill": besides, they are filled. Vertex
             method only.
         traversal: "auto": the rays of a vertex walk a hierarchy of our own together, but go through Embree in packets
             where half of them meet something and they are few; "embree": always, as a check. Vertex method only.
@@ -94,11 +95,10 @@ def bake(
         ToleranceWarning: the `tolerance` is not met, with too few `samples` allowed for instance.
     """
     options = Options(
-        method, falloff_of(falloff), samples, seed, threads, normals, only, tolerance, reconstruct, hidden, traversal
+        method, falloff_of(falloff), samples, seed, threads, normals, only, tolerance, denoise, interior, traversal
     )
     if high is not None and (method == "surface" or only is not None):
-        got = "a mask of some" if only is not None else "method surface"
-        raise OptionError("high", "w at all vertices by the vertex method with it", got)
+        raise ConflictError("high", "does not go with", "only" if only is not None else ("method", "surface"))
     mesh = mesh_of(mesh, "bake")
     solid = mesh if high is None else mesh_of(high, "bake")
     mu = options.falloff.resolve(solid.radius)

@@ -13,7 +13,7 @@ from typing import Annotated, Any
 import numpy as np
 from pydantic import Field, PlainValidator, ValidationInfo
 
-from raytrace.errors import OptionError, numbers
+from raytrace.errors import ConflictError, OptionError, numbers
 from raytrace.system.parameters import Parameters
 from raytrace.types import Float64s
 
@@ -106,7 +106,7 @@ class Exponential(Parameters, kw_only=False, source="options"):
 
     def __post_init__(self) -> None:
         if self.tau is not None and self.half_distance is not None:
-            raise OptionError("tau", "either tau or half_distance", "both")
+            raise ConflictError("tau", "excludes", "half_distance")
         if self.half_distance is not None and math.isinf(resolve_length("half_distance", self.half_distance, 1.0)):
             raise OptionError("half_distance", "a finite length", repr(self.half_distance))
 

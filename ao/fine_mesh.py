@@ -44,9 +44,9 @@ def sample_fine_mesh(
     coverage, missed = project(
         Coverage.of_points(np.arange(count), *nowhere), places, axes, surface, cage * placement.scale, threads
     )
-    texels, _ = find_texels(coverage, coverage, placement, fine, replace(options, hidden="ignore"), threads)
+    texels, _ = find_texels(coverage, coverage, placement, fine, replace(options, interior="ignore"), threads)
     own = fine.faces[texels.face, 0]
-    inside = inside_solids(texels.points, own, placement, fine, options.hidden, threads)
+    inside = inside_solids(texels.points, own, placement, fine, options.interior, threads)
     row_of = np.full(count + 1, -1)
     row_of[texels.texels] = np.arange(count)
     wanted = _flagged(shown, missed, texels.texels[inside])
@@ -54,7 +54,7 @@ def sample_fine_mesh(
 
     points = texels.first_points
     edges = edges_of(points, row_of[shown.of_vertex[shown.faces]], threads)
-    filled = inside & (options.hidden != "mark")
+    filled = inside & (options.interior != "mark")
     found, untraced = estimate_outside(tracer, points, Corners.none(), edges, filled, prepared.target)
     order = row_of[:-1]
     found = replace(found, rows=found.rows[order], variance=found.variance[order])

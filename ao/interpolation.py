@@ -40,8 +40,8 @@ def measure_interpolation(prepared: Prepared, w: Float64s, error: Float64s) -> I
     point = receivers.of_vertex[corners]
     axes = np.where(point[..., None] < 0, np.float32(0), receivers.points.normals[point])
     points, sides = _on_faces(vertices[corners], normals[own], axes, weights)
-    hidden = prepared.options.hidden if prepared.options.method == "vertex" else "auto"
-    seen = ~inside_solids(points, faces[own, 0], placement, receivers, hidden, threads)
+    interior = prepared.options.interior if prepared.options.method == "vertex" else "auto"
+    seen = ~inside_solids(points, faces[own, 0], placement, receivers, interior, threads)
     if not seen.any():
         return _at_no_point()
     points, sides = points[seen], with_alpha(sides, receivers.opacity, own, weights)[seen]

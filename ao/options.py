@@ -2,21 +2,26 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from collections.abc import Callable
+from functools import wraps
+from typing import Annotated, Any, Literal, ParamSpec, TypeVar
 
 import numpy as np
 from pydantic import Field, PlainValidator
 
-from raytrace.errors import OptionError, nearest_name
+from raytrace.errors import ConflictError, OptionError, nearest_name
 from raytrace.system.parameters import Parameters, Seed, Whole
 from raytrace.system.threads import MAX_THREADS
 from raytrace.types import Bools
 
 from .falloff import Binary, Exponential, Falloff
 
+P = ParamSpec("P")
+R = TypeVar("R")
 MAX_SAMPLES = 1 << 20
 DEFAULT_SAMPLES = 256
 _MOST_FOR_TOLERANCE = 1 << 14
+_NO_RAYS = frozenset({"threads", "falloff"})  # the first because bits do not depend on it
 _FITTED = 1 << 20  # rays in all of the surface method: a coarse mesh needs more a vertex than a dense one
 _FITTED_FOR_TOLERANCE = 1 << 26
 
@@ -39,9 +44,23 @@ def falloff_of(given: Falloff | str | None) -> Falloff:
     raise OptionError("falloff", expected, repr(given), "bake", near)
 
 
+def earlier_names(**names: str) -> Callable[[Callable[P, R]], Callable[P, R]]:
+    """Let a function take keywords by their earlier names, too. Args: names: the present one of each."""
+
+    def with_names(function: Callable[P, R]) -> Callable[P, R]:
+        @wraps(function)
+        def called(*unnamed: P.args, **named: P.kwargs) -> R:
+            present: Any = {names.get(name, name): value for name, value in named.items()}
+            return function(*unnamed, **present)
+
+        return called
+
+    return with_names
+
+
 Method = Annotated[Literal["vertex", "surface"], Field(description="vertex or surface")]
 Normals = Annotated[Literal["angle", "area", "equal", "file"], Field(description="angle, area, equal or file")]
-Hidden = Annotated[Literal["auto", "ignore", "mark", "fill"], Field(description="auto, ignore, mark or fill")]
+Interior = Annotated[Literal["auto", "ignore", "mark", "fill"], Field(description="auto, ignore, mark or fill")]
 Traversal = Annotated[Literal["auto", "embree"], Field(description="auto or embree")]
 Samples = Annotated[Whole, Field(ge=1, le=MAX_SAMPLES)]
 Threads = Annotated[Whole, Field(ge=1, le=MAX_THREADS)]
@@ -64,21 +83,29 @@ class Options(Parameters, kw_only=False, source="options"):
     normals: Normals = "angle"
     only: Mask | None = None
     tolerance: Tolerance | None = None
-    reconstruct: bool = True
-    hidden: Hidden = "auto"
+    denoise: bool = True
+    interior: Interior = "auto"
     traversal: Traversal = "auto"
 
     def __post_init__(self) -> None:
         if self.method == "surface":
-            for name in ("reconstruct", "hidden", "traversal"):
-                if getattr(self, name) != getattr(Options, name):
-                    raise OptionError(name, "method vertex with it", "method surface")
+            for name in ("denoise", "interior", "traversal"):
+                value = getattr(self, name)
+                if value != getattr(Options, name):
+                    raise ConflictError((name, value), "does not go with", ("method", "surface"))
         if self.tolerance is None:
             return
         if self.only is not None:
-            raise OptionError("only", "no mask of vertices together with a tolerance", "both")
-        if not self.reconstruct:
-            raise OptionError("reconstruct", "reconstruction together with a tolerance", "none")
+            raise ConflictError("only", "excludes", "tolerance")
+        if not self.denoise:
+            raise ConflictError(("denoise", False), "does not go with", "tolerance")
+
+    @property
+    def identity(self) -> tuple[object, ...]:
+        """Every option that can change a ray; μ, in which lengths are those of the mesh, stands for the falloff."""
+        values = {name: value for name, value in vars(self).items() if name not in _NO_RAYS}
+        only = None if self.only is None else np.packbits(self.only).tobytes()
+        return tuple((values | {"samples": self.rays, "only": only}).items())
 
     @property
     def rays(self) -> int:

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from raytrace.errors import OptionError
+from raytrace.errors import ConflictError
 from raytrace.mesh.mesh import Mesh
 from raytrace.mesh.placement import Placement
 from raytrace.sampling.hash import seed_key
@@ -50,14 +50,12 @@ class Prepared:
         Raises: as `find_receivers`, `Receivers.only` and `Checkpoint.begin`.
         """
         if checkpoint and checkpoint.partial and options.tolerance is not None:
-            raise OptionError("tolerance", "a number of samples: parts cannot know what others found", "a tolerance")
+            raise ConflictError("part", "excludes", "tolerance")
         placement, only = Placement.of(mesh), options.only
         receivers = find_receivers(mesh, placement, options.normals)
         wanted = receivers if only is None else receivers.only(only)
         if checkpoint:
-            chosen = None if only is None else np.packbits(only).tobytes()
-            kind = options.method, options.traversal, options.rays, options.tolerance, options.reconstruct
-            checkpoint.begin(placement, receivers, mu, chosen, *kind, options.seed, options.normals)
+            checkpoint.begin(placement, receivers, mu, options.identity)
         return cls(mesh, options, mu, placement, receivers, wanted, progress, checkpoint)
 
     @property
@@ -78,7 +76,7 @@ class Prepared:
     def target(self) -> Target:
         """What is asked for at the points that are wanted."""
         options = self.options
-        return Target(options.rays, options.tolerance, options.reconstruct and options.only is None, self.key)
+        return Target(options.rays, options.tolerance, options.denoise and options.only is None, self.key)
 
     @property
     def key(self) -> np.uint32:

@@ -17,11 +17,11 @@ def sample_vertices(prepared: Prepared) -> PointValues:
     points, point, total = receivers.points, receivers.of_vertex, len(prepared.receivers.points)
     tracer = prepared.tracer(total)
     inside = inside_solids(
-        points, receivers.first_vertex, prepared.placement, receivers, options.hidden, tracer.threads, total
+        points, receivers.first_vertex, prepared.placement, receivers, options.interior, tracer.threads, total
     )
     baked = point >= 0
     receivers.flags[baked & np.append(inside, False)[point]] |= np.uint8(Flag.HIDDEN)
-    filled = inside & (options.hidden != "mark")
+    filled = inside & (options.interior != "mark")
     edges = edges_of(points, point[receivers.faces], tracer.threads)
     found, untraced = estimate_outside(tracer, points, receivers.corners, edges, filled, prepared.target)
     return PointValues.of(found, tracer.rays, untraced, receivers.displaced)

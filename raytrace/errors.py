@@ -7,19 +7,21 @@
     │   ├── MeshError                 a mesh or mesh file
     │   ├── SceneError                a scene file
     │   ├── OptionError               an option or parameter value
+    │   │   └── ConflictError         options that do not go together
     │   └── MemoryLimitError          work that does not fit into memory
     ├── OutputError (OSError)         a target that cannot be written: exit status 2
     ├── EmbreeError (RuntimeError)    Embree reported an error, is not version 4, or is missing
     └── ClusterError (RuntimeError)   a cluster is lost or cannot work
 
-Every message is one line that says where, which field, what was expected and what came.
+Every message is one line that says where, which field, what was expected and what came; or which options do not go
+together.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from difflib import get_close_matches
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 if TYPE_CHECKING:
     from .types import Float64s
@@ -132,6 +134,46 @@ class OptionError(InputError):
         self, field: str, expected: str, got: object, source: object = "options", nearest: str | None = None
     ) -> None:
         super().__init__(source, field, expected, got, nearest)
+
+
+Relation = Literal["needs", "excludes", "does not go with"]
+Term = str | tuple[str, object]
+
+
+class ConflictError(OptionError):
+    """Options that need, exclude, or do not go with one another.
+
+    Args:
+        first, second: names of options, or pairs of a name and the value that matters; `second` also in words.
+        relation: `first` to `second`.
+    """
+
+    def __init__(self, first: Term, relation: Relation, second: Term, source: object = "options") -> None:
+        self.first, self.relation, self.second = first, relation, second
+        expected, got = {
+            "needs": (f"{_in_words(second)} with it", "none" if isinstance(second, str) else "another"),
+            "excludes": (f"either {_in_words(first)} or {_in_words(second)}", "both"),
+            "does not go with": (f"no {_in_words(second)} with it", "both"),
+        }[relation]
+        super().__init__(first if isinstance(first, str) else first[0], expected, got, source)
+        self.args = (printable(f"{self.source}: {self.in_words(_in_python)}", LINE),)
+
+    def in_words(self, shown: Callable[[Term], str]) -> str:
+        """The sentence. Args: shown: how options are written."""
+        first, second = shown(self.first), shown(self.second)
+        return (
+            f"{first} and {second} exclude each other"
+            if self.relation == "excludes"
+            else (f"{first} {self.relation} {second}")
+        )
+
+
+def _in_words(term: Term) -> str:
+    return term if isinstance(term, str) else f"{term[0]} {term[1]}"
+
+
+def _in_python(term: Term) -> str:
+    return term if isinstance(term, str) else f"{term[0]}={term[1]!r}"
 
 
 class MemoryLimitError(InputError):

@@ -4,14 +4,17 @@ from __future__ import annotations
 
 from typing import Annotated, Literal
 
-from pydantic import Field
+from pydantic import BeforeValidator, Field
 
 from .errors import OptionError
 from .system.parameters import Parameters, Seed, Switch, Whole
 
 Shading = Literal["constant", "flat", "gouraud", "phong", "quadratic"]
 Normals = Literal["file", "angle", "area", "equal"]
-ObscuranceForm = Literal["off", "ambient", "book"]
+ObscuranceForm = Annotated[
+    Literal["off", "ambient", "ambient and diffuse"],
+    BeforeValidator(lambda form: "ambient and diffuse" if form == "book" else form),  # its earlier name
+]
 MAX_SIZE = 32768
 Pixels = Annotated[Whole, Field(ge=1, le=MAX_SIZE)]
 Samples = Annotated[Whole, Field(ge=1, le=4096)]
@@ -27,8 +30,8 @@ class Settings(Parameters, kw_only=False, source="render"):
         samples: most rays a pixel; pixels whose first samples agree get no more.
         shading: interpolation over a face: constant (the textbook's, without specular terms), flat (constant with
             them), Gouraud, Phong, or quadratic (van Overveld & Wyvill).
-        obscurance: what w(p) weights: "ambient" light alone; "book", the textbook's (12.75): ambient and diffuse
-            light; "off": nothing.
+        obscurance: what w(p) weights: "ambient" light alone; "ambient and diffuse" light, as in the textbook
+            (12.75); "off": nothing.
         shadows: trace shadow rays for the visibility δ(p, j).
         terminator: move shadow rays' origins off a coarse mesh onto the smooth surface that its normals describe.
         crop: (x, y, width, height) in pixels from the upper left; only these are rendered.

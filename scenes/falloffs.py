@@ -12,7 +12,7 @@ import numpy as np
 
 import ao
 from ao.falloff import MAX_KNOTS, Length
-from raytrace.errors import InputError, OptionError, nearest_name
+from raytrace.errors import ConflictError, InputError, OptionError, nearest_name
 from raytrace.system.inputs import check_regular
 
 FORMS = {"exponential": ao.Exponential, "binary": ao.Binary, "linear": ao.Linear, "smooth": ao.Smooth}
@@ -47,11 +47,11 @@ def make_falloff(
         raise OptionError("falloff", expected, form, nearest=nearest_name(form, FORMS))
     for name, value in (("tau", tau), ("half_distance", half_distance)):
         if value is not None:
-            raise OptionError(name, "falloff exponential with it", form)
+            raise ConflictError(name, "needs", ("falloff", "exponential"))
     if not table:
         return FORMS[form](max_distance=limit)
     if str(limit) != "inf":
-        raise OptionError("max_distance", "none with a table, which ends where μ is 1", limit)
+        raise ConflictError("max_distance", "does not go with", "a table, which ends where μ is 1")
     return read_table(table[0])
 
 

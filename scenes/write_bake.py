@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Literal, cast, get_args
 
 import numpy as np
 
-from raytrace.errors import OptionError
+from raytrace.errors import ConflictError, OptionError
 from raytrace.system.atomic import atomic_write, check_writable
 
 from .formats.channels import Channels
@@ -81,7 +81,7 @@ def write(
     if isinstance(bake, Sequence) or bake.w.ndim == 2:  # texels, not vertices
         for name, value in {"colors": colors, "occlusion": occlusion, "up": up}.items():
             if value:
-                raise OptionError(name, "a bake of vertices with it", "a texture")
+                raise ConflictError(name, "does not go with", "a texture")
         _write_textures(Path(path), bake if isinstance(bake, Sequence) else [bake], mesh_file, replace_occlusion)
         return
     content = _writer(path)(cast("Bake", bake), mesh_file, channels(path, colors, occlusion, replace_occlusion, up))
@@ -122,16 +122,16 @@ def channels(
     """Where `write` puts w for viewers. Raises: OptionError: options that exclude each other, or the ending."""
     ending = Path(path).suffix.lower()
     if colors and ending not in (".glb", ".ply"):
-        raise OptionError("colors", "a .glb or .ply output with it", os.fspath(path))
+        raise ConflictError("colors", "needs", "a .glb or .ply output")
     if occlusion not in (None, *get_args(Occlusion)):
         raise OptionError("occlusion", "one of " + ", ".join(get_args(Occlusion)), occlusion)
     if occlusion == "ramp" and ending != ".glb":
-        raise OptionError("occlusion", "a .glb output with ramp", os.fspath(path))
+        raise ConflictError(("occlusion", "ramp"), "needs", "a .glb output")
     if occlusion == "ramp" and colors:
-        raise OptionError("occlusion", "ramp or --colors: viewers multiply one with the other", "both")
+        raise ConflictError("colors", "does not go with", ("occlusion", "ramp"))
     ramp = ending == ".glb" and (occlusion == "ramp" if occlusion else not colors)
     if replace_occlusion and not ramp:
-        raise OptionError("replace_occlusion", "an occlusion texture to write", "none")
+        raise ConflictError("replace_occlusion", "needs", "an occlusion texture to write")
     return Channels(colors, ramp, replace_occlusion, up)
 
 

@@ -13,7 +13,7 @@ from raytrace.mesh.placement import Placement
 from raytrace.system.threads import run_blocks
 from raytrace.types import AnyInts, Bools, Float32s, Int64s
 
-from ..options import Hidden
+from ..options import Interior
 from ..points.points import Points
 from ..points.receivers import Receivers
 from ..rays.directions import DirectionTable, choose, turned_frame
@@ -42,11 +42,11 @@ def inside_solids(
     vertex: AnyInts,
     placement: Placement,
     receivers: Receivers,
-    hidden: Hidden,
+    interior: Interior,
     threads: int,
     total_points: int | None = None,
 ) -> Bools:
-    """The points (k,) that are inside a solid as the option `hidden` defines it.
+    """The points (k,) that are inside a solid as the option `interior` defines it.
 
     Args:
         vertex: (k,), one of the mesh that `receivers` are of, in the part that each point belongs to.
@@ -54,9 +54,9 @@ def inside_solids(
     """
     inside = np.zeros(len(points), np.bool_)
     total = len(points) if total_points is None else total_points
-    if hidden == "ignore" or not len(points):
+    if interior == "ignore" or not len(points):
         return inside
-    if hidden != "auto":
+    if interior != "auto":
         return _hidden_points(points, _any_back(receivers, len(points)), placement, receivers, total, threads)
     part, closed = _closed_parts(placement.vertices, receivers)
     if not closed.any():

@@ -54,7 +54,7 @@ def shortfall(options: Options, rmse: float, samples: int, each: str) -> str | N
         return None
     reason = f": {samples:,} rays a {each} were allowed" if samples >= options.rays else ""
     text = f"tolerance {options.tolerance:g} is not met, the estimated RMSE is {rmse:.3g}{reason}"
-    warnings.warn(text, ToleranceWarning, stacklevel=4)  # whoever called the Python face, which a decorator wraps
+    warnings.warn(text, ToleranceWarning, stacklevel=5)  # whoever called the Python face, which two decorators wrap
     return text
 
 

@@ -8,7 +8,7 @@ from typing import Any, Literal, get_args
 
 import numpy as np
 
-from raytrace.errors import OptionError
+from raytrace.errors import ConflictError, OptionError
 from raytrace.kernel.notice import KERNELS_OF_TEXTURE, compiling
 from raytrace.mesh.convert import mesh_of
 from raytrace.mesh.mesh import Mesh
@@ -23,7 +23,7 @@ from ..execute.checkpoint import Checkpoint
 from ..execute.tracer import Progress
 from ..falloff import Falloff, Length, resolve_length
 from ..memory import texture_bytes
-from ..options import Hidden, Normals, Options, Traversal, falloff_of
+from ..options import Interior, Normals, Options, Traversal, earlier_names, falloff_of
 from ..points.corners import Corners
 from ..prepared import Prepared
 from .coverage import Overlap, cover
@@ -36,6 +36,7 @@ from .uv_layout import corner_uv, page_size
 BentSpace = Literal["world", "tangent"]
 
 
+@earlier_names(reconstruct="denoise", hidden="interior")
 @compiling(KERNELS_OF_TEXTURE)
 def bake_texture(
     mesh: Mesh | Any,
@@ -48,8 +49,8 @@ def bake_texture(
     normals: Normals = "angle",
     progress: Progress | None = None,
     tolerance: float | None = None,
-    reconstruct: bool = True,
-    hidden: Hidden = "auto",
+    denoise: bool = True,
+    interior: Interior = "auto",
     traversal: Traversal = "auto",
     checkpoint: Checkpoint | None = None,
     overlap: Overlap = "mean",
@@ -71,9 +72,9 @@ def bake_texture(
         size: texels across and down, one number for a square; 1 to 16384.
         samples: rays a texel, 1 to 2²⁰, by default 256; with a tolerance the most, by default 2¹⁴.
         tolerance: target root mean square error of w over the covered texels, 1e-5 to 1.
-        reconstruct: whether estimates are shrunk towards predictions from the texels next to them on the surface,
+        denoise: whether estimates are shrunk towards predictions from the texels next to them on the surface,
             across seams too.
-        hidden: "auto": texels inside a closed part of the mesh that is not their own are filled as if they were not
+        interior: "auto": texels inside a closed part of the mesh that is not their own are filled as if they were not
             covered; "fill": also those that mostly see backs of faces; "ignore": none.
         overlap: where faces lie over one another on the page: "mean", the texel is that of all of them; "first", of
             the first in the mesh's order; "refuse", an error.
@@ -94,9 +95,9 @@ def bake_texture(
         ToleranceWarning: the `tolerance` is not met.
     """
     options = Options(
-        "vertex", falloff_of(falloff), samples, seed, threads, normals, None, tolerance, reconstruct, hidden, traversal
+        "vertex", falloff_of(falloff), samples, seed, threads, normals, None, tolerance, denoise, interior, traversal
     )
-    _check_texture_options(hidden, overlap, bent_space)
+    _check_texture_options(interior, overlap, bent_space)
     width, height = page_size(size)
     mesh = mesh_of(mesh, "bake_texture")
     corners = corner_uv(uv, mesh)
@@ -152,9 +153,9 @@ def bake_texture(
     return replace(baked, shortfalls=(short,)) if short else baked
 
 
-def _check_texture_options(hidden: Hidden, overlap: Overlap, bent_space: BentSpace) -> None:
-    if hidden == "mark":
-        raise OptionError("hidden", "auto, ignore or fill for a texture", "mark")
+def _check_texture_options(interior: Interior, overlap: Overlap, bent_space: BentSpace) -> None:
+    if interior == "mark":
+        raise ConflictError(("interior", "mark"), "does not go with", "a texture")
     for name, value, known in (("overlap", overlap, Overlap), ("bent_space", bent_space, BentSpace)):
         if value not in get_args(known):
             raise OptionError(name, "one of " + ", ".join(get_args(known)), value)

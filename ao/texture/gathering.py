@@ -69,19 +69,11 @@ class TexelTracer(Tracer):
 
 def begin_tracing(prepared: Prepared, texels: Texels, kind: str, checkpoint: Checkpoint | None) -> TexelTracer:
     """A tracer of `texels` on the mesh of `prepared`, and the checkpoint begun. Args: kind: of bake."""
-    options = prepared.options
     if checkpoint:
         digest = hashlib.blake2b(texels.points.origins.data)
         digest.update(texels.points.normals.data)
-        settings = (
-            options.traversal,
-            options.rays,
-            options.tolerance,
-            options.reconstruct,
-            options.seed,
-            options.normals,
-        )
-        checkpoint.begin(prepared.placement, prepared.receivers, prepared.mu, kind, *settings, digest.hexdigest())
+        settings = prepared.mu, kind, prepared.options.identity, digest.hexdigest()
+        checkpoint.begin(prepared.placement, prepared.receivers, *settings)
     tracer = prepared.tracer(len(texels.points))
     tracer.checkpoint = checkpoint
     return TexelTracer(**vars(tracer), texels=texels)

@@ -89,7 +89,7 @@ def find_texels(
     alone = centres_suffice(coverage, faces, receivers.tree, _most_bent(options), threads)
     texels = _placed(coverage, page, morton_order(first), alone, faces, receivers, threads)
     inside = inside_solids(
-        texels.points, receivers.faces[texels.face, 0], placement, receivers, options.hidden, threads
+        texels.points, receivers.faces[texels.face, 0], placement, receivers, options.interior, threads
     )
     if not inside.any():
         return texels, 0

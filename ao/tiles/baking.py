@@ -36,7 +36,7 @@ _FAR = 1 << 40  # number of points of other tiles
 @dataclass(frozen=True, eq=False)
 class TiledBake:
     """Attributes:
-    w: float64 (n,), on the disk: the bits of `ao.bake(…, reconstruct=False, hidden="ignore").w`.
+    w: float64 (n,), on the disk: the bits of `ao.bake(…, denoise=False, interior="ignore").w`.
     rays: traced. mu: the falloff, in mesh units. tiles: how many had vertices.
     halo: faces that tiles were given, over those of the mesh, less 1.
     """

@@ -48,8 +48,8 @@ Way = tuple[Callable[[Mesh], object], Callable[[int, int, Mesh], int]]
 WAYS: dict[str, Way] = {
     "--samples 256": (lambda mesh: ao.bake(mesh, samples=SAMPLES), lambda n, m, _: vertex_bytes(n, m, SAMPLES)),
     "--tolerance .05": (lambda mesh: ao.bake(mesh, tolerance=0.05), lambda n, m, _: vertex_bytes(n, m, 1 << 14)),
-    "--hidden fill": (
-        lambda mesh: ao.bake(mesh, samples=SAMPLES, hidden="fill"),
+    "--interior fill": (
+        lambda mesh: ao.bake(mesh, samples=SAMPLES, interior="fill"),
         lambda n, m, _: vertex_bytes(n, m, SAMPLES),
     ),
     "--method surface": (

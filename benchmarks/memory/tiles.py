@@ -90,7 +90,7 @@ def main() -> None:
         write_sphere(mesh, given.faces)
         print(f"{mesh.stat().st_size >> 20:,} MiB of mesh", flush=True)
         options = [str(mesh), "--samples", given.samples, "--max-distance", given.max_distance, "--falloff", "binary"]
-        options += ["--no-reconstruct", "--hidden", "ignore"]
+        options += ["--no-denoise", "--interior", "ignore"]
         results = {"tiled": run([*options, "-o", f"{name}/tiled.npy", "--tiles", given.tiles], LIMIT, given.group)}
         if given.whole:
             results["whole"] = run([*options, "-o", f"{name}/whole.npy"], None)

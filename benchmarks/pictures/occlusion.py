@@ -29,7 +29,7 @@ TARGET = ROOT / "docs" / "textures" / "viewers.png"
 WIDTH, HEIGHT = 320, 240
 AMBIENT, SUN, TOWARDS_SUN, BACKGROUND = 0.45, 0.5, (-0.5, -0.6, 0.7), (0.2, 0.25, 0.3)
 FILES = {"attribute": {"occlusion": "none"}, "ramp": {}, "colours": {"colors": True}}
-FORMS = ("off", "ambient", "book")
+FORMS = ("off", "ambient", "ambient and diffuse")
 
 
 def pictures(folder: Path) -> tuple[list[Float32s], list[Float32s]]:

@@ -118,7 +118,7 @@ def main() -> None:
                 for _ in range(ROUNDS + 1):
                     for name, mesh in meshes.items():
                         start = time.process_time()
-                        ao.bake(mesh, falloff, SAMPLES, reconstruct=False, traversal=traversal)
+                        ao.bake(mesh, falloff, SAMPLES, denoise=False, traversal=traversal)
                         took[name].append(time.process_time() - start)
                 seconds = {name: median(each[1:]) for name, each in took.items()}
                 ratios = {name: each / seconds["opaque"] for name, each in seconds.items()}

@@ -87,7 +87,7 @@ class Ours:
 
     def bake(self, task: Task, falloff: ao.Falloff, seed: int, arguments: Mapping[str, Any]) -> Made:
         start = time.perf_counter()
-        baked = ao.bake(task.mesh, falloff, seed=seed, hidden="ignore", **arguments)
+        baked = ao.bake(task.mesh, falloff, seed=seed, interior="ignore", **arguments)
         return Made(time.perf_counter() - start, baked.seconds["build"], baked.w)
 
 
@@ -120,7 +120,7 @@ class OurCommand(Ours):
         if not mesh.exists():
             write_ply(task.mesh, mesh)
         options = {"falloff": "exponential" if mu.tau else "binary", "max-distance": mu.max_distance, "seed": seed}
-        chosen = [f"--{name}={value}" for name, value in {**options, "hidden": "ignore", **arguments}.items()]
+        chosen = [f"--{name}={value}" for name, value in {**options, "interior": "ignore", **arguments}.items()]
         rate = [f"--tau={mu.tau}"] if mu.tau else []
         start = time.perf_counter()
         command = [sys.executable, ROOT / "cli.py", "bake", mesh, "-o", target, "-q", *chosen, *rate]

@@ -30,7 +30,7 @@ from .render_scene import RenderScene
 from .tiling import tile_count, whole_tiles
 
 _SHADINGS = get_args(Shading)
-_FORMS = ("off", "ambient", "book")
+_FORMS = ("off", "ambient", "ambient and diffuse")
 _SKIPPED = {
     "behind": workspace.BEHIND,
     "unreached": workspace.UNREACHED,

@@ -55,12 +55,12 @@ def run_bench(
 ) -> list[Row]:
     """Bake `mesh` `rounds` times with each of `samples`, in turn, and compare w with a reference of 16384 rays."""
     truth = reference(mesh, [falloff.resolve(mesh.radius)], RAYS, _VERTICES, threads)
-    ao.bake(mesh, falloff, samples[0], seed, threads, hidden="ignore")
+    ao.bake(mesh, falloff, samples[0], seed, threads, interior="ignore")
     bakes: dict[int, list[tuple[float, ao.Bake]]] = {count: [] for count in samples}
     for turn in range(rounds):
         for count in samples:
             start = time.perf_counter()
-            baked = ao.bake(mesh, falloff, count, seed + turn, threads, hidden="ignore")  # as the reference
+            baked = ao.bake(mesh, falloff, count, seed + turn, threads, interior="ignore")  # as the reference
             bakes[count].append((time.perf_counter() - start, baked))
     rows = []
     for count, made in bakes.items():

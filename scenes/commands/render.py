@@ -13,7 +13,7 @@ import ao
 from ao.execute.tracer import Progress
 from ao.report import SCHEMA_VERSION, calibration_facts, versions
 from raytrace import Frame, Settings
-from raytrace.errors import OptionError, printable
+from raytrace.errors import ConflictError, printable
 from raytrace.image.write import check_image_target, write_frame
 from raytrace.renderer.render import describe_work, render, rendering_bytes
 from raytrace.system.memory import check_memory
@@ -79,7 +79,7 @@ def adjusted(
         w_from = "bake"
     if baked is not None:
         if settings.obscurance == "off":
-            raise OptionError("--baked", "--obscurance ambient or book with it", "off")
+            raise ConflictError("baked", "does not go with", ("obscurance", "off"))
         w_from, files = baked, (*files, baked)
     if preview:
         settings = _quarter(settings)

@@ -5,15 +5,14 @@ from __future__ import annotations
 import sys
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import nullcontext
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any
 
 from raytrace.errors import OptionError
 
 from ..jobs.console import KERNELS_OF_RENDER, compiling, progress, show_picture, warn
-from ..jobs.options import REPORTS, Alpha, NormalsFrom, ProgressForm, Up, parse_crop, parse_size, plain
+from ..jobs.options import REPORTS, ROWS, Normals, Option, Record, check_together, command_line, plain
 
 if TYPE_CHECKING:
     from ao.cluster.session import ClusterSession
@@ -22,35 +21,33 @@ if TYPE_CHECKING:
     from .render import Picture
 
 _SETTINGS = ("samples", "shading", "normals", "obscurance", "shadows", "seed")
-_NO_OPTIONS_OF_RENDER = ("report", "quiet", "progress", "show", "open_session")  # they change no picture
+RENDER = (
+    Option("scene", Path, ..., "A .toml scene, a .glb or .gltf, or any mesh.", metavar="SCENE"),
+    replace(ROWS["output"], help="Output image, format by ending: .exr .png .tif .jpg"),
+    Option("width", int | None, None, "Image width in pixels; needs --height.", needs={"height": ...}),
+    Option("height", int | None, None, "Image height in pixels; needs --width.", needs={"width": ...}),
+    Option("samples", int | None, None, "Most camera rays per pixel."),
+    Option("shading", str | None, None, "Interpolation over a face: constant, flat, gouraud, phong or quadratic."),
+    replace(ROWS["normals"], kind=Normals | None, default=None),
+    Option("obscurance", str | None, None, "What w scales: ambient (ambient light only), "
+           "'ambient and diffuse' (light, as in the textbook's equation 12.75), or off (nothing)."),
+    Option("baked", Path | None, None, "Read w from a baked file: .npy .npz .ply .glb"),
+    Option("own_occlusion", bool, True, "Use a glTF file's own occlusion textures; otherwise bake there, too."),
+    replace(ROWS["alpha"], help="auto: as the file has it; ignore: faces are opaque."),
+    Option("shadows", bool | None, None, "Trace shadow rays."),
+    replace(ROWS["up"], help="Up axis of a mesh file, by default what it says, or y."),
+    Option("crop", str | None, None, "Render only these pixels.", metavar="X,Y,W,H"),
+    replace(ROWS["seed"], kind=int | None, default=None, help="Random seed of the pixel samples."),
+    Option("preview", bool, False, "A quarter of the width and height, few samples."),
+    replace(ROWS["half"], help="16-bit floats in an .exr."),
+    Option("show", bool, False, "Show the image in the terminal, too, or instead.", role="run"),
+    *(ROWS[name] for name in ("threads", "cluster", "shared", "report", "progress", "quiet")),
+)  # fmt: skip
 
 
-@dataclass(frozen=True, kw_only=True)
-class RenderCommand:
-    """The command with its options; `obscurance render --help` explains each. None: as the scene has it."""
+class RenderCommand(Record):
+    """The command with its options as attributes; None: as the scene has it. Attributes: open_session: of workers."""
 
-    scene: Path
-    output: Path | None
-    width: int | None
-    height: int | None
-    samples: int | None
-    shading: str | None
-    normals: NormalsFrom | None
-    obscurance: str | None
-    baked: Path | None
-    own_occlusion: bool
-    alpha: Alpha
-    shadows: bool | None
-    up: Up | None
-    crop: str | None
-    seed: int | None
-    preview: bool
-    half: bool
-    threads: int | None
-    report: Path | None
-    quiet: bool
-    progress: ProgressForm
-    show: bool
     open_session: Callable[[Path], ClusterSession] | None = None
 
     def run(self) -> None:
@@ -64,15 +61,17 @@ class RenderCommand:
             return
         if not self.show:
             raise OptionError("output", "an image file, or --show", "nothing")
+        from tempfile import TemporaryDirectory
+
         with TemporaryDirectory() as folder:
-            replace(self, quiet=True)._render(Path(folder) / "shown.png")
+            self.replaced(quiet=True)._render(Path(folder) / "shown.png")
 
     def _render(self, output: Path) -> None:
         if self.show and not sys.stdout.isatty():
             raise OptionError("show", "a terminal as standard output", "a file or a pipe")
-        size = parse_size(self.width, self.height)
+        size = None if self.width is None else (self.width, self.height)
         settings = {name: getattr(self, name) for name in _SETTINGS}
-        settings["crop"] = None if self.crop is None else parse_crop(self.crop)
+        settings["crop"] = None if self.crop is None else _crop(self.crop)
         from raytrace.image.write import check_image_target
         from raytrace.system.outputs import check_ending, check_outputs
         from raytrace.system.threads import thread_count
@@ -115,27 +114,37 @@ class RenderCommand:
     ) -> None:
         from ..show.report.complete import complete, write_report
 
-        options = {name: plain(value) for name, value in vars(self).items() if name not in _NO_OPTIONS_OF_RENDER}
+        kept = [row for row in RENDER if row.role != "run" or row.name == "threads"]
+        options = {row.name: plain(getattr(self, row.name)) for row in kept}
 
         def pictures() -> list[list[Shown]]:
             from ..show.report.pictures import pictures_of_frame
 
             return [pictures_of_frame(picture.frame)]
 
-        write_report(path, complete("render", "scene", report, inputs, options), pictures)
+        write_report(
+            path, complete("render", command_line("render", RENDER, options), report, inputs, options), pictures
+        )
+
+
+def _crop(text: str) -> tuple[int, int, int, int]:
+    """Left, top, width and height of "X,Y,W,H". Raises: OptionError."""
+    try:
+        x, y, width, height = (int(number) for number in text.split(","))
+    except ValueError:
+        raise OptionError("crop", "four whole numbers X,Y,W,H", repr(text)) from None
+    return x, y, width, height
 
 
 def render_command(options: dict[str, Any]) -> RenderCommand:
     """The command for `render`, with `--cluster` and `--shared` if they are given.
 
-    Raises: OptionError: as `Workers`, or `--shared` alone.
+    Raises: OptionError: as `Workers`, or options do not go together.
     """
+    check_together(options, RENDER)
+    if not options["cluster"]:
+        return RenderCommand(options)
     from ..jobs.workers import Workers
 
-    address, shared = options.pop("cluster"), options.pop("shared")
-    if address:
-        workers = Workers(address, shared, options["threads"])
-        return RenderCommand(**options, open_session=workers.session)
-    if shared:
-        raise OptionError("shared", "--cluster with it", "none")
-    return RenderCommand(**options)
+    workers = Workers(options["cluster"], options["shared"], options["threads"])
+    return RenderCommand(options, open_session=workers.session)

@@ -52,13 +52,28 @@ def mistake_in_words(mistake: Any, app: Any, arguments: Sequence[str]) -> str:
 
 def option_in_words(mistake: InputError, app: Any, arguments: Sequence[str]) -> str:
     """A mistake that the command itself found: an option by its name, where there is one of that name."""
-    from raytrace.errors import OptionError
+    from raytrace.errors import ConflictError, OptionError, printable
 
     command = _command(app, arguments)
     if (mistake.field, mistake.got) == ("file", "none"):
         return str(mistake) + _file_meant(Path(mistake.source))
     if command is None or not isinstance(mistake, OptionError) or mistake.source not in _OPTIONS:
         return str(mistake)
+    if isinstance(mistake, ConflictError):
+        parameters = {item.name: item for item in command.params}
+
+        def in_command(term: Any) -> str:
+            name, *value = (term,) if isinstance(term, str) else term
+            item = parameters.get(name)
+            if item is None:
+                return str(name)
+            if not value:
+                return _given(item) if name == mistake.field else _shown(item)
+            flag = item.secondary_opts[0] if value[0] is False else item.opts[0]
+            return str(flag if isinstance(value[0], bool) else f"{flag} {value[0]}")
+
+        text = f"{command.name}: {mistake.in_words(in_command)}; see obscurance {command.name} --help"
+        return printable(text)
     field = mistake.field
     shown = {item.name: _given(item) for item in command.params}.get(field, field)
     return _line(f"{command.name} {shown}", mistake.expected, mistake.got, mistake.nearest, command)

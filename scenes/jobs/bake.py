@@ -5,9 +5,9 @@ from __future__ import annotations
 import sys
 import time
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import AbstractContextManager, contextmanager, nullcontext
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 from warnings import catch_warnings, simplefilter
@@ -15,27 +15,14 @@ from warnings import catch_warnings, simplefilter
 from raytrace.errors import ClusterError, ObscuranceError, printable
 
 from .console import compiling, note
-from .options import (
-    REPORTS,
-    Alpha,
-    Hidden,
-    NormalsFrom,
-    Occlusion,
-    ProgressForm,
-    Traversal,
-    Up,
-    plain,
-)
+from .options import CAGE, REPORTS, ROWS, Record, command_line, plain
 
 if TYPE_CHECKING:
     import ao
     from ao.execute.checkpoint import Checkpoint
 
     from ..formats.load import MeshFile
-
-NO_OPTIONS_OF_BAKE = frozenset(
-    {"report", "quiet", "resume", "progress", "content", "open_checkpoint"}
-)  # they change no result
+    from ..show.report.pictures import Picture
 
 
 @contextmanager
@@ -70,38 +57,17 @@ class Written(NamedTuple):
     warnings: list[str]
 
 
-@dataclass(frozen=True, kw_only=True)
-class MeshBake(ABC):
-    """The options of a bake of a mesh file, to vertices or a texture; `obscurance bake --help` explains each."""
+class MeshBake(Record, ABC):
+    """A bake of a mesh file, to vertices or a texture, with its options as attributes.
 
-    mesh: Path
-    output: Path
-    falloff: str
-    tau: float | None
-    half_distance: str | None
-    max_distance: str
-    samples: int | None
-    tolerance: float | None
-    reconstruct: bool
-    traversal: Traversal
-    seed: int
-    threads: int | None
-    normals: NormalsFrom
-    hidden: Hidden
-    alpha: Alpha
-    up: Up | None
-    report: Path | None
-    resume: bool
-    occlusion: Occlusion | None
-    replace_occlusion: bool
-    high: Path | None
-    cage: str | None
-    quiet: bool
-    progress: ProgressForm = "bar"
+    Attributes:
+        sort: in the words of `Option.on`. content: of the mesh, if it is no file's.
+        open_checkpoint: makes the checkpoint of an output, if not the usual one is wanted.
+    """
+
+    sort: str
     content: bytes | None = None
-    """Of the mesh, if it is no file's."""
     open_checkpoint: Callable[[Path], AbstractContextManager[Checkpoint]] | None = None
-    """Makes the checkpoint of an output, if not the usual one is wanted."""
 
     def run(self) -> int:
         """Bake, write, and print a summary. Returns: the exit status, 0.
@@ -121,30 +87,34 @@ class MeshBake(ABC):
 
     def check(self) -> ao.Falloff:
         """The falloff, if the options go together and the outputs can be written. Raises: OptionError, OutputError."""
+        from ao.falloff import resolve_length
         from ao.options import Options
+        from raytrace.errors import OptionError
         from raytrace.system.outputs import check_ending, check_outputs
 
         from ..falloffs import make_falloff
 
         falloff = make_falloff(self.falloff, self.tau, self.half_distance, self.max_distance)
-        Options(**self.options())
+        Options(**self.arguments())
+        if resolve_length("cage", self.cage or CAGE, 1.0) == float("inf"):
+            raise OptionError("cage", "a finite length", self.cage)
         self.check_own()
         if self.report:
             check_ending("--report", self.report, *REPORTS)
         check_outputs(self.outputs(), self.inputs())
         return falloff
 
-    def options(self) -> dict[str, Any]:
+    def arguments(self) -> dict[str, Any]:
         """The options that `ao.bake` and `ao.bake_texture` take."""
-        names = ("samples", "seed", "threads", "normals", "tolerance", "reconstruct", "hidden", "traversal")
+        names = ("samples", "seed", "threads", "normals", "tolerance", "denoise", "interior", "traversal")
         return {name: getattr(self, name) for name in names}
 
     def described(self) -> dict[str, Any]:
         """Every effective option, as a JSON report has it."""
         from raytrace.system.threads import thread_count
 
-        options = {name: plain(value) for name, value in vars(self).items() if name not in NO_OPTIONS_OF_BAKE}
-        return options | {"threads": thread_count(self.threads)}
+        rows = [row for row in ROWS.values() if row.role != "run" and self.sort in row.on.split()]
+        return {row.name: plain(getattr(self, row.name)) for row in rows} | {"threads": thread_count(self.threads)}
 
     def hashed(self, files: Iterable[Path]) -> list[dict[str, Any]]:
         """Files that were read, as a report has them; nothing if there is none to write."""
@@ -152,6 +122,16 @@ class MeshBake(ABC):
         from ..show.report.inputs import hashed
 
         return hashed([*files, *table_of(self.falloff)], {self.mesh: self.content}) if self.report else []
+
+    def write_report(
+        self, report: Mapping[str, Any], inputs: list[dict[str, Any]], pictures: Callable[[], list[list[Picture]]]
+    ) -> None:
+        """Write the report. Args: report: of `ao.report`, or of pages. inputs: what was read. pictures: makes them."""
+        from ..show.report.complete import complete, write_report
+
+        options = self.described()
+        line = command_line("bake", ROWS.values(), options)
+        write_report(self.report, complete("bake", line, report, inputs, options), pictures)
 
     def checkpoint(self, output: Path) -> AbstractContextManager[Checkpoint | None]:
         """Keeps what is traced for an output, beside it; none beside standard output."""
@@ -200,12 +180,11 @@ class MeshBake(ABC):
 
     def check_up(self, picture: Path | None, *outputs: Path | None) -> None:
         """Raises: OptionError: `up`, and neither a picture nor an output that stands."""
-        from raytrace.errors import OptionError
+        from raytrace.errors import ConflictError
 
         standing = (".html", ".ply", ".glb")
         if self.up and not picture and not {_ending(path) for path in (*outputs, self.report)} & set(standing):
-            expected = f"--debug-image or {', '.join(standing)} with it; w does not depend on it"
-            raise OptionError("up", expected, "none")
+            raise ConflictError("up", "needs", f"--debug-image or {', '.join(standing)}: w does not depend on it")
 
     def read_high(self) -> MeshFile | None:
         """The finer mesh's file, if there is one. Raises: InputError."""
@@ -243,7 +222,7 @@ def bake_one(bake: MeshBake, falloff: ao.Falloff, threads: int, resume: bool) ->
     Args: resume: continue what an interrupted run has traced, if there is any.
     """
     begun = resume and bake.journal(bake.output).exists()
-    bake = replace(bake, quiet=True, progress="bar", threads=threads, resume=begun)
+    bake = bake.replaced(quiet=True, progress="bar", threads=threads, resume=begun)
     start = time.perf_counter()
     try:
         written = list(bake.bake(falloff))

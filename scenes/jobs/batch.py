@@ -6,7 +6,7 @@ import json
 import time
 from collections.abc import Sequence
 from contextlib import nullcontext, suppress
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -33,16 +33,12 @@ class Batch:
     """Bakes with the same options.
 
     Attributes:
-        bakes: one for each input. folder: of their outputs. resume: leave out what the manifest says is done.
-        threads: how many in all. quiet: no progress bar and no summary.
+        bakes: one for each input. folder: of their outputs.
         workers: of a cluster, to trace the rays. part: (K, N), to bake only the K-th of N parts.
     """
 
     bakes: Sequence[MeshBake]
     folder: Path
-    resume: bool
-    threads: int | None
-    quiet: bool
     workers: Workers | None = None
     part: tuple[int, int] | None = None
 
@@ -68,7 +64,7 @@ class Batch:
                 raise SystemExit(130) from None
             finally:
                 manifest.write()
-        if not self.quiet:
+        if not self.bakes[0].quiet:
             print(f"{self._told(manifest)} in {time.perf_counter() - start:.2f} s; {printable(str(manifest.path))}")
             if session:
                 print(session.summary())
@@ -106,7 +102,7 @@ class Batch:
             about["part"] = {"number": self.part[0], "of": self.part[1], "inputs": [str(b.mesh) for b in self.bakes]}
         entries = [Entry(str(b.mesh), str(b.output), sha256=digest(_read_by(b))) for b in self._own()]
         manifest = Manifest(self.manifest, entries, about)
-        if self.resume or (self.part and self.manifest.exists()):
+        if self.bakes[0].resume or (self.part and self.manifest.exists()):
             manifest.resume(note)
         return manifest
 
@@ -121,12 +117,12 @@ class Batch:
         bakes = self._own()
         count = len(bakes)
         places = [place for place in range(count) if manifest.entries[place].status == "waiting"]
-        threads = thread_count(self.threads)
+        threads = thread_count(self.bakes[0].threads)
         small = [place for place in places if bakes[place].side_by_side and _size(bakes[place].mesh) < _LARGE]
         large = sorted({*places} - {*small})
         done = count - len(places)
         status = session.status if session else str
-        with progress(self.quiet, "meshes", form=self.bakes[0].progress, status=status) as (advance,):
+        with progress(self.bakes[0].quiet, "meshes", form=self.bakes[0].progress, status=status) as (advance,):
 
             def add(more: int) -> None:
                 nonlocal done
@@ -139,9 +135,9 @@ class Batch:
                 entry, bake = manifest.entries[place], bakes[place]
                 before = _identity(bake.output)
                 if session:
-                    bake = replace(bake, open_checkpoint=partial(cluster_checkpoint, session, self.resume))
+                    bake = bake.replaced(open_checkpoint=partial(cluster_checkpoint, session, self.bakes[0].resume))
                 try:
-                    _note(entry, bake_one(bake, falloff, threads, self.resume))
+                    _note(entry, bake_one(bake, falloff, threads, self.bakes[0].resume))
                 except KeyboardInterrupt:
                     if _identity(bake.output) != before:  # it has been written, whole
                         entry.done()
@@ -155,7 +151,7 @@ class Batch:
                 from .remote import bake_remotely
 
                 given = [bakes[place] for place in small]
-                for place, outcome in bake_remotely(session, given, falloff, self.resume, threads):
+                for place, outcome in bake_remotely(session, given, falloff, self.bakes[0].resume, threads):
                     warn([], outcome.warnings)
                     _note(manifest.entries[small[place]], outcome)
                     add(1)

@@ -49,7 +49,7 @@ def dry_run(bakes: Sequence[MeshBake], falloff: ao.Falloff, besides: Sequence[Pa
 def _rows(works: Sequence[Work], bake: MeshBake, held: int) -> list[tuple[str, str]]:
     """Args: held: bytes that the process has before it bakes."""
     points = sum(work.points for work in works)
-    options = Options(**bake.options())
+    options = Options(**bake.arguments())
     rays = sum(options.rays_in_all(work.points) for work in works)
     most = "at most " if bake.tolerance is not None or works[0].unit == "texels" else ""
     meshes = f"{len(works):,} meshes, " if len(works) > 1 else ""
@@ -71,7 +71,7 @@ def _time(works: Sequence[Work], bake: MeshBake, most: str) -> str:
     largest = max(works, key=lambda work: work.points)
     if not largest.points:
         return "none: there is nothing to bake"
-    each = Options(**bake.options()).rays_in_all(largest.points) // largest.points
+    each = Options(**bake.arguments()).rays_in_all(largest.points) // largest.points
     fixed, of_point = _trial(largest, min(each, _RAYS))
     points, threads = sum(work.points for work in works), thread_count(bake.threads)
     seconds = fixed * points / largest.points + of_point * points / threads

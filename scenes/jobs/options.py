@@ -1,31 +1,278 @@
-"""Choices of the command's options, and their parsing. Heavy imports wait until one is used."""
+"""THE table of the options of `bake`, `merge` and `render`: each is declared here, and acts somewhere, once.
+
+Parameters of the command and sections of its help, what goes together, `--options`, what a part, a report and a
+manifest say of a bake, and the line of a report that repeats it are made from the rows.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import shlex
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
+from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Literal
+from typing import TYPE_CHECKING, Any, Literal, Self
 
 CAGE = "2%"  # of the radius, unless --cage is given
 REPORTS = ".json", ".html"  # endings
 VALIDATION_SAMPLES = 4096  # rays per vertex of `obscurance validate`, unless given
 
-
-Traversal = Literal["auto", "embree"]
-Method = Literal["vertex", "surface"]
 FALLOFFS = "exponential", "binary", "linear", "smooth", "table:"
-Hidden = Literal["auto", "ignore", "mark", "fill"]
-NormalsFrom = Literal["angle", "area", "equal", "file"]
+Normals = Literal["angle", "area", "equal", "file"]
 Metric = Literal["flip", "rms", "max"]
 Alpha = Literal["auto", "ignore"]
 Up = Literal["x", "y", "z", "-x", "-y", "-z"]
-Occlusion = Literal["none", "ramp", "texture", "auto"]
 Format = Literal["npy", "npz", "ply", "glb", "html", "png", "exr", "tif"]
 InputFormat = Literal["ply", "obj", "stl", "off", "glb", "gltf", "3mf"]
 ProgressForm = Literal["bar", "json"]
-Overlap = Literal["mean", "first", "refuse"]
-BentSpace = Literal["world", "tangent"]
+
+Role = Literal["input", "output", "result", "run"]
+_EACH, _ALL = "vertices texture part batch", "vertices texture part batch tiles"
+_IMAGE, _WRITTEN = "texture part batch", "vertices texture batch merge"
+SORTS = {"tiles": "tiles", "batch": "output_dir", "part": "part"}  # of bakes, and the options that ask for them
+
+
+@dataclass(frozen=True)
+class Option:
+    """A row of the table.
+
+    Attributes:
+        name: in Python and in reports. kind: its type, or its choices. default: `...` of an argument that is needed.
+        help: in one line. on: sorts of bakes that take it, of vertices, texture, tiles, part, merge and batch.
+        role: a file that is read, what is written, what is computed, or how that is run.
+        needs: other options, with the value that they must have, or `...` for any but the default.
+        excludes: other options. metavar, short: in the help. section: of the help. was: its earlier name.
+        words: for completion. repeated: whether `--options` takes it over, if it is no file that is written.
+    """
+
+    name: str
+    kind: Any
+    default: Any
+    help: str
+    on: str = _ALL
+    role: Role = "result"
+    needs: Mapping[str, Any] = field(default_factory=dict)
+    excludes: tuple[str, ...] = ()
+    metavar: str | None = None
+    short: str | None = None
+    section: str = ""
+    was: str | None = None
+    words: tuple[str, ...] = ()
+    repeated: bool = True
+
+    @property
+    def flags(self) -> list[str]:
+        """Its names in the command, the one that turns it off last."""
+        flag = f"--{self.name.replace('_', '-')}"
+        switch = self.kind in (bool, bool | None)
+        off = f"/--no-{flag[2:]}" if switch and self.default is not False else ""
+        return [flag + off, *([self.short] if self.short else [])]
+
+    @property
+    def rays(self) -> bool:
+        """Whether it can change what a journal, a part or a worker has traced."""
+        return self.role in ("input", "result")
+
+    @property
+    def taken(self) -> bool:
+        """Whether `--options` takes it over."""
+        return self.repeated and self.role != "run" and not (self.role == "output" and self.kind == Path | None)
+
+
+_SECTIONS: dict[str, tuple[Option, ...]] = {
+    "": (
+        Option("mesh", list[Path], ..., "A mesh file: PLY, OBJ, STL, OFF, GLB, glTF, 3MF, ...; several; a pattern "
+               "('meshes/*.obj'); or - for standard input.", role="input", metavar="INPUT"),
+        Option("output", Path | None, None, "Output file, format by ending: .npy .npz .ply .glb of the vertices; .html "
+               "to look at them; .png .exr .tif a texture, with <UDIM>, <MATERIAL>, <OBJECT> in the name one for each.",
+               _ALL + " merge", "output", short="-o"),
+        Option("output_dir", Path | None, None, "For several inputs: folder of their outputs, and of manifest.json.",
+               _EACH, "run", excludes=("output",), metavar="FOLDER"),
+        Option("samples", int | None, None,
+               "Rays per vertex or texel, 256 by default; with --tolerance the most, by default 16384."),
+        Option("tolerance", float | None, None, "Target RMS error of w; ray counts are chosen to meet it.",
+               "vertices texture batch"),
+        Option("quiet", bool, False, "No progress bar and no summary.", _ALL + " merge", "run", short="-q"),
+    ),
+    "What occludes": (
+        Option("falloff", str, "exponential", "How occlusion fades with distance; not at all (binary: ambient "
+               "occlusion); or a table of two columns, distance and what a hit there leaves open, 0 to 1: .csv .txt "
+               ".npy.", metavar="exponential|binary|linear|smooth|table:FILE", words=FALLOFFS),
+        Option("tau", float | None, None, "Rate of the exponential falloff, per mesh unit."),
+        Option("half_distance", str | None, None,
+               'Distance at which a hit occludes half: mesh units, or "50%" of the radius (the default).'),
+        Option("max_distance", str, "inf", 'Ignore hits farther away: mesh units, "25%" of the radius, or inf.'),
+        Option("normals", Normals, "angle",
+               "Vertex normals: face normals weighted by angle, by area or equally, or the file's own."),
+        Option("interior", Literal["auto", "ignore", "mark", "fill"], "auto", "Vertices inside closed solids: ignore, "
+               "flag (mark), or fill from visible neighbours; auto fills those inside parts of the mesh that are "
+               "closed.", was="hidden"),
+        Option("alpha", Alpha, "auto",
+               "auto: what glTF and OBJ materials cut out or blend lets light through; ignore: opaque."),
+    ),
+    "Sampling": (
+        Option("method", Literal["vertex", "surface"], "vertex",
+               "Sample at the vertices, or all over the faces with a least-squares fit.", "vertices part batch"),
+        Option("denoise", bool, True, "Shrink estimates towards those of neighbours.", was="reconstruct"),
+        Option("traversal", Literal["auto", "embree"], "auto",
+               "Who traces rays; embree is slower, and checks auto."),
+        Option("seed", int, 0, "Random seed."),
+        Option("threads", int | None, None, "Number of threads, by default all cores; results are the same.",
+               _ALL + " merge", "run"),
+    ),
+    "What .glb and .ply show": (
+        Option("colors", bool, False, "Write w as vertex colours: COLOR_0 of .glb, replacing a .ply's own.",
+               "vertices batch merge", "output"),
+        Option("occlusion", Literal["none", "ramp", "texture", "auto"] | None, None, "Occlusion texture of .glb "
+               "materials, for viewers: ramp (w of the vertices), texture (of texels), auto (default without --colors: "
+               "a texture where it errs less between the vertices, else a ramp) or none.", _WRITTEN, "output"),
+        Option("replace_occlusion", bool, False, "Also where a material has an occlusion texture of its own.",
+               _WRITTEN, "output"),
+        Option("orm", bool, False, "Texture: w into R of the metallic-roughness images of a .glb, one image for both.",
+               "texture batch merge", "output"),
+    ),
+    "Textures": (
+        Option("size", str | None, None, "Texture: texels across and down, 1024 by default.", _IMAGE, metavar="N|WxH"),
+        Option("texel_size", str | None, None, 'Texture: what a texel covers at most, in mesh units or "1%" of the '
+               "radius; sets the size.", _IMAGE, excludes=("size",)),
+        Option("uv", str | None, None, "Texture: the file's texture coordinates, of a glTF the N-th; new ones (pip "
+               "install uvunwrap) of all, or filled in where there are none.", _IMAGE, metavar="auto|N|unwrap|fill"),
+        Option("mesh_output", Path | None, None, "Texture: also write the mesh with it, and with new coordinates.",
+               "texture merge", "output", metavar="GLB"),
+        Option("overlap", Literal["mean", "first", "refuse"] | None, None, "Texture: where faces overlap, w is their "
+               "mean (the default within a material), the first's, or an error.", _IMAGE),
+        Option("bent_normals", Path | None, None, "Texture: also write the mean open directions.", "texture merge",
+               "output", metavar="IMAGE"),
+        Option("bent_space", Literal["world", "tangent"] | None, None,
+               "Of bent normals: the mesh's own (the default), or tangent, +Y up.", "texture merge", "output",
+               {"bent_normals": ...}, repeated=False),
+        Option("error_map", Path | None, None, "Texture: also write the standard error of w.", "texture merge",
+               "output", metavar="IMAGE"),
+        Option("high", Path | None, None, "Bake w of this finer mesh onto the input's vertices or texture.", _EACH,
+               "input", metavar="MESH"),
+        Option("cage", str | None, None, "With --high: how far it may be from the input, mesh units or "
+               '"2%" of the radius (the default).', _EACH, needs={"high": ...}),
+        Option("half", bool, False, "Texture: 16-bit floats in .exr and .tif.", "texture batch merge", "output"),
+    ),
+    "More than one machine, or than its memory": (
+        Option("part", str | None, None, "Trace only the K-th of N parts, into the folder --output, for obscurance "
+               "merge; of a texture, if --size or --texel-size is given. With --output-dir: bake the K-th part of the "
+               "inputs.", _EACH, "run", excludes=("cluster", "dry_run"), metavar="K/N"),
+        Option("cluster", str | None, None, "Trace by N workers on this machine, or by those of a Dask scheduler (pip "
+               "install dask distributed cryptography).", "vertices texture batch", "run", excludes=("dry_run",),
+               metavar="local[:N]|tls://HOST:PORT"),
+        Option("shared", Path | None, None, "With --cluster: a folder that all workers see; that of the output.",
+               "vertices texture batch", "run", {"cluster": ...}, metavar="FOLDER"),
+        Option("tiles", str | None, None, "For a mesh larger than memory, a binary PLY or STL: so many tiles along x, "
+               "y and z, one at a time; with --max-distance, --no-denoise and --interior ignore.", "tiles", "run",
+               {"denoise": False, "interior": "ignore"}, metavar="AxBxC"),
+    ),
+    "Reports, repeats, other programs": (
+        Option("format", Format | None, None,
+               "Format of the outputs in --output-dir, or of -o - (standard output); by default ply.", _EACH, "run"),
+        Option("input_format", InputFormat | None, None,
+               "With - as INPUT: its format, if its first bytes do not tell.", _EACH, "run"),
+        Option("report", Path | None, None, "Also write a report, .html to read or .json.", "vertices texture merge",
+               "run"),
+        Option("debug_image", Path | None, None, "Also write an image that marks flagged vertices.", "vertices merge",
+               "output"),
+        Option("up", Up | None, None, "With --debug-image, .html, .ply or .glb: the up axis, by default what the file "
+               "says, or y.", _WRITTEN, "output", repeated=False),
+        Option("resume", bool, False, "Continue an interrupted bake, or batch, to this output.", _EACH, "run"),
+        Option("dry_run", bool, False, "Write nothing; tell rays, memory, time and what would be written.",
+               "vertices texture batch", "run"),
+        Option("progress", ProgressForm, "bar",
+               "A bar on a terminal, or lines of JSON on standard error for other programs.", _ALL, "run"),
+        Option("options", Path | None, None, "Options of an earlier bake, from its --report or manifest.json; those "
+               "given here override them.", _ALL, "run", metavar="REPORT"),
+    ),
+}  # fmt: skip
+BAKE = tuple(replace(row, section=section) for section, rows in _SECTIONS.items() for row in rows)
+ROWS = {row.name: row for row in BAKE}
+MERGE = (
+    Option("parts", Path, ..., "Where bake --part has put all parts.", metavar="FOLDER"),
+    Option("mesh", Path | None, None, "The mesh file, if it is elsewhere than for the parts."),
+    replace(ROWS["output"], help="Output file, as of bake; none for parts of a batch."),
+    replace(ROWS["high"], help="The finer mesh file, likewise."),
+    *(row for row in BAKE if "merge" in row.on and row.name != "output"),
+)
+
+
+class Record:
+    """Values of options by their names, as attributes. Args: options: the values. more: what is no option."""
+
+    if TYPE_CHECKING:
+
+        def __getattr__(self, name: str) -> Any: ...
+
+    def __init__(self, options: Mapping[str, Any], **more: Any) -> None:
+        vars(self).update(options, **more)
+
+    def replaced(self, **changes: Any) -> Self:
+        """A copy with some values changed."""
+        copy = object.__new__(type(self))
+        vars(copy).update(vars(self), **changes)
+        return copy
+
+
+def defaults() -> dict[str, Any]:
+    """The options of a plain bake, without the mesh."""
+    return {row.name: row.default for row in BAKE if row.default is not ...}
+
+
+def _given(row: Option, options: Mapping[str, Any]) -> bool:
+    return row.default is not ... and options.get(row.name, row.default) != row.default
+
+
+def check_sort(options: Mapping[str, Any], sort: str) -> None:
+    """Raises: ConflictError: an option is given that a bake of this sort, in the words of `Option.on`, has not."""
+    from raytrace.errors import ConflictError
+
+    for row in BAKE:
+        if _given(row, options) and sort not in row.on.split():
+            if sort == "vertices":
+                raise ConflictError(row.name, "needs", "an image as --output, or --occlusion texture")
+            if sort == "texture":
+                raise ConflictError(row.name, "does not go with", "a texture")
+            raise ConflictError(row.name, "excludes", SORTS[sort])
+
+
+def check_together(options: Mapping[str, Any], table: Iterable[Option]) -> None:
+    """Raises: ConflictError: an option is given that needs or excludes another."""
+    from raytrace.errors import ConflictError
+
+    rows = {row.name: row for row in table}
+    for row in rows.values():
+        if not _given(row, options):
+            continue
+        for name in row.excludes:
+            if name in rows and _given(rows[name], options):
+                raise ConflictError(row.name, "excludes", name)
+        for name, value in row.needs.items():
+            if not _given(rows[name], options) if value is ... else options[name] != value:
+                raise ConflictError(row.name, "needs", name if value is ... else (name, value))
+
+
+def command_line(command: str, rows: Iterable[Option], options: Mapping[str, Any]) -> str:
+    """The line for a shell that runs a command of `obscurance` with options by their names in its report."""
+    words = ["obscurance", command]
+    for row in rows:
+        value = options.get(row.name)
+        if row.default is ...:
+            words += _streamed(str(value), "--input-format")
+        elif value is None or row.name == "threads":  # the result is the same
+            continue
+        elif not isinstance(value, bool):
+            words += [row.flags[0], *_streamed(str(value), "--format")]
+        elif value is not row.default:
+            words.append(row.flags[0].split("/")[not value])
+    return shlex.join(words)
+
+
+def _streamed(name: str, option: str) -> list[str]:
+    """A file's name as words of a command; that of a standard stream, "<stdin>.ply" say, as "-" and its format."""
+    stream, _, ending = name.rpartition(".")
+    return ["-", option, ending] if stream in ("<stdin>", "<stdout>") else [name]
 
 
 @contextmanager
@@ -37,55 +284,6 @@ def named(option: str) -> Iterator[None]:
         yield
     except OptionError as fault:
         raise OptionError(option, fault.expected, fault.got, nearest=fault.nearest) from None
-
-
-def parse_crop(text: str) -> tuple[int, int, int, int]:
-    """Left, top, width and height of "X,Y,W,H". Raises: OptionError."""
-    from raytrace.errors import OptionError
-
-    try:
-        x, y, width, height = (int(part) for part in text.split(","))
-    except ValueError:
-        raise OptionError("crop", "four whole numbers X,Y,W,H", repr(text)) from None
-    return x, y, width, height
-
-
-def parse_size(width: int | None, height: int | None) -> tuple[int, int] | None:
-    """Both or neither. Raises: OptionError."""
-    from raytrace.errors import OptionError
-
-    if width is None and height is None:
-        return None
-    if width is None or height is None:
-        missing = "width" if width is None else "height"
-        raise OptionError(missing, "--width and --height together", "one of them")
-    return width, height
-
-
-def parse_texels(text: str) -> int | tuple[int, int]:
-    """A side, or the width and height of "WxH". Raises: OptionError."""
-    from raytrace.errors import OptionError
-
-    try:
-        sides = [int(part) for part in text.lower().split("x")]
-    except ValueError:
-        sides = []
-    if len(sides) not in (1, 2):
-        raise OptionError("size", "a number of texels, such as 1024, or WIDTHxHEIGHT", repr(text))
-    return sides[0] if len(sides) == 1 else (sides[0], sides[1])
-
-
-def check_cage(cage: str | None, high: Path | None) -> None:
-    """Raises: OptionError: a cage that is no length, or without a fine mesh."""
-    if cage is None:
-        return
-    from ao.falloff import resolve_length
-    from raytrace.errors import OptionError
-
-    if high is None:
-        raise OptionError("cage", "--high with it", "none")
-    if resolve_length("cage", cage, 1.0) == float("inf"):
-        raise OptionError("cage", "a finite length", cage)
 
 
 def plain(value: object) -> object:

@@ -1,54 +1,82 @@
-"""The help of `obscurance bake` in sections, and the options of an earlier bake, from its report or manifest."""
+"""Parameters of the command from the rows of the table, its help in sections, and `bake --options`."""
 
 from __future__ import annotations
 
-import json
-from collections.abc import Mapping
-from dataclasses import fields
+from collections.abc import Callable, Iterable, Mapping
+from inspect import Parameter, Signature
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any, TypeVar
 
+import typer
 from typer.core import TyperCommand
 
-_OF_FILES = ("output", "debug_image", "up", "mesh_output", "bent_normals", "bent_space", "error_map")
-_NOT_TAKEN = (*_OF_FILES, "threads")
+from .options import BAKE, ROWS, Option
+
 _MOST = 1 << 28  # bytes; anything larger is no report
-SECTIONS = {
-    "What occludes": ("falloff", "tau", "half_distance", "max_distance", "normals", "hidden", "alpha"),
-    "Sampling": ("method", "reconstruct", "traversal", "seed", "threads"),
-    "What .glb and .ply show": ("colors", "occlusion", "replace_occlusion", "orm"),
-    "Textures": (
-        *("size", "texel_size", "uv", "mesh_output", "overlap", "bent_normals", "bent_space", "error_map"),
-        *("high", "cage", "half"),
-    ),
-    "More than one machine, or than its memory": ("part", "cluster", "shared", "tiles"),
-    "Reports, repeats, other programs": (
-        *("report", "debug_image", "up", "from_report", "resume", "dry_run", "progress", "format", "input_format"),
-    ),
-}
+_OLD = {f"--{no}{row.was}": f"--{no}{row.name}" for row in BAKE if row.was for no in ("", "no-")}
 EXAMPLES = """\b
 Examples, with the mesh that obscurance demo writes:
   obscurance bake demo/temple.ply -o temple.glb
   obscurance bake demo/temple.ply -o temple.html --falloff binary --tolerance 0.02
   obscurance bake 'demo/*.ply' --output-dir baked --format glb
-  obscurance bake demo/temple.ply -o temple.png --uv unwrap --size 2048
+  obscurance bake demo/temple.ply -o temple.png --uv unwrap --mesh-output temple.glb
 """
+F = TypeVar("F", bound=Callable[..., object])
 
 
-class SectionedCommand(TyperCommand):
-    """A command whose help lists options by what they are for, those of no section first."""
+def parameters(rows: Iterable[Option]) -> Callable[[F], F]:
+    """Give a command that takes any values by their names a parameter for each row."""
+
+    def with_parameters(command: F) -> F:
+        given = [
+            Parameter(
+                row.name, Parameter.KEYWORD_ONLY, annotation=Annotated[row.kind, parameter(row)],
+                default=Parameter.empty if row.default is ... else row.default,
+            )
+            for row in rows
+        ]  # fmt: skip
+        command.__signature__ = Signature(given)  # type: ignore[attr-defined]
+        return command
+
+    return with_parameters
+
+
+def parameter(row: Option) -> Any:
+    """What Typer calls the row: an argument if it has no default."""
+    if row.default is ...:
+        return typer.Argument(metavar=row.metavar, help=row.help)
+    more: dict[str, Any] = {}
+    if row.words:
+        more["autocompletion"] = lambda incomplete: [word for word in row.words if word.startswith(incomplete)]
+    if row.name == "options":
+        more |= {"parser": Path, "is_eager": True, "callback": _take_options, "expose_value": False}
+    return typer.Option(*row.flags, metavar=row.metavar, help=row.help, **more)
+
+
+class TableCommand(TyperCommand):
+    """`bake` and `merge`: their help lists options by what they are for; options by earlier names are understood."""
+
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        pairs = [argument.partition("=") for argument in args]
+        return super().parse_args(ctx, [_OLD.get(name, name) + sign + value for name, sign, value in pairs])
 
     def format_options(self, ctx: Any, formatter: Any) -> None:
-        section = {name: title for title, names in SECTIONS.items() for name in names}
-        rows: dict[str, list[tuple[str, str]]] = {title: [] for title in ("Arguments", "Options", *SECTIONS)}
-        for parameter in self.get_params(ctx):
-            row = parameter.get_help_record(ctx)
-            if row is not None:
-                general = "Arguments" if parameter.param_type_name == "argument" else "Options"
-                rows[section.get(str(parameter.name), general)].append(row)
+        rows: dict[str, list[tuple[str, str]]] = {"Arguments": [], "Options": []}
+        for item in self.get_params(ctx):
+            record = item.get_help_record(ctx)
+            if record is not None:
+                general = "Arguments" if item.param_type_name == "argument" else "Options"
+                row = ROWS.get(str(item.name))
+                rows.setdefault((row and row.section) or general, []).append(record)
         for title, found in rows.items():
             with formatter.section(title):
                 formatter.write_dl(found)
+
+
+def _take_options(context: typer.Context, report: Path | None) -> None:
+    """Let options that are not given have the values that they had in an earlier bake."""
+    if report is not None:
+        context.default_map = saved_options(report)
 
 
 def saved_options(path: Path) -> dict[str, Any]:
@@ -59,13 +87,11 @@ def saved_options(path: Path) -> dict[str, Any]:
     Raises:
         InputError: not the report of a bake, or with an option that this version has not.
     """
+    import json
+
     from ao.report import SCHEMA_VERSION
     from raytrace.errors import InputError, nearest_name
     from raytrace.system.inputs import check_regular
-
-    from .bake import NO_OPTIONS_OF_BAKE
-    from .textures.bake import TextureCommand
-    from .vertices import BakeCommand
 
     check_regular(path, "the report of a bake")
     try:
@@ -80,17 +106,17 @@ def saved_options(path: Path) -> dict[str, Any]:
     if not isinstance(report, dict) or not isinstance(report.get("options"), dict) or "settings" in report:
         got = "the report of a rendering" if isinstance(report, dict) and "settings" in report else "something else"
         raise InputError(path, "options", "the report of a bake, or the manifest of a batch", got)
-    options = {name: value for name, value in report["options"].items() if value is not None}
-    names = {field.name for kind in (BakeCommand, TextureCommand) for field in fields(kind)}
-    for name in options:
-        if name not in names - NO_OPTIONS_OF_BAKE:
-            near = nearest_name(name, names)
-            raise InputError(path, f"options.{name}", "options of this version", "one that it has not", near)
+    new = {row.was: row.name for row in BAKE if row.was}
+    options = {new.get(name, name): value for name, value in report["options"].items() if value is not None}
+    names = {row.name for row in BAKE if row.role != "run"} | {"threads"}
+    for name in options.keys() - names:
+        near = nearest_name(name, names)
+        raise InputError(path, f"options.{name}", "options of this version", "one that it has not", near)
     if options.get("occlusion") == _usual_occlusion(report):
         del options["occlusion"]
     if "mesh" in options:
         options["mesh"] = [options["mesh"]]
-    return {name: value for name, value in options.items() if name not in _NOT_TAKEN}
+    return {name: value for name, value in options.items() if ROWS[name].taken}
 
 
 def _usual_occlusion(report: Mapping[str, Any]) -> str:

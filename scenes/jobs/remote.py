@@ -121,7 +121,7 @@ def _outcome(fields: Any) -> Outcome:
 
 def _absolute(bake: MeshBake) -> MeshBake:
     high = None if bake.high is None else bake.high.absolute()
-    return replace(bake, mesh=bake.mesh.absolute(), output=bake.output.absolute(), high=high)
+    return bake.replaced(mesh=bake.mesh.absolute(), output=bake.output.absolute(), high=high)
 
 
 def _named_as(bake: MeshBake, outcome: Outcome) -> Outcome:

@@ -4,22 +4,17 @@ from __future__ import annotations
 
 import re
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from ..formats.image_names import is_texture
 from .bake import MeshBake
 from .console import note
-from .options import plain
+from .options import BAKE, plain
 
-OF_OUTPUT = (
-    *("report", "debug_image", "up", "colors", "replace_occlusion", "mesh_output", "bent_normals", "bent_space"),
-    *("error_map", "half", "orm"),
-)
-_FILES, _OF_PROCESS = ("mesh", "high"), ("output", "occlusion", "threads", "quiet", "resume", *OF_OUTPUT)
 _OF_TEXTURE = "size", "texel_size"
 
 
@@ -33,8 +28,8 @@ class PartCommand:
     number: int
     of: int
 
-    def run(self) -> None:
-        """Trace the part, and print a summary.
+    def run(self) -> int:
+        """Trace the part, and print a summary. Returns: the exit status, 0.
 
         Raises:
             InputError: an option, the mesh, or the folder has this part of another bake.
@@ -48,33 +43,27 @@ class PartCommand:
         make_folder(self.folder)
         part = Part(self.folder, self.number, self.of, self.description, note)
         with suppress(PartTraced):
-            replace(self.bake, open_checkpoint=lambda _: part).run()
+            self.bake.replaced(open_checkpoint=lambda _: part).run()
         if not self.bake.quiet:
             print(f"{part.path}: {part.rays:,} rays traced in {time.perf_counter() - start:.2f} s")
+        return 0
 
 
-def part_command(text: str, options: dict[str, Any], bake_command: Callable[[dict[str, Any]], MeshBake]) -> PartCommand:
+def part_command(options: dict[str, Any], bake_command: Callable[[Mapping[str, Any]], MeshBake]) -> PartCommand:
     """The command for `--part` K/N; the parts are of a texture if its size is given.
 
     Args: bake_command: makes the bake of options.
 
     Raises: OptionError: it is not two such numbers, or an option does not go with it.
     """
-    from raytrace.errors import OptionError
-
     from ..falloffs import table_of
 
-    number, of = part_numbers(text)
-    if options["tolerance"] is not None:
-        expected = "--samples with --part: the rays of a tolerance depend on what earlier ones find"
-        raise OptionError("tolerance", expected, options["tolerance"])
-    for name in ("occlusion", *OF_OUTPUT):
-        if options[name]:
-            raise OptionError(name, "it with obscurance merge, which writes the output", "it with --part")
+    number, of = part_numbers(options["part"])
     folder, texture = options["output"], any(options[name] for name in _OF_TEXTURE)
     stand_in = {"output": folder / ("texture.glb" if texture else "w.npy"), "occlusion": "texture" if texture else None}
-    files = {name: str(options[name].absolute()) for name in _FILES if options[name]}
-    described = {name: plain(value) for name, value in options.items() if name not in (*_FILES, *_OF_PROCESS)}
+    rows = [row for row in BAKE if row.rays and "part" in row.on.split()]
+    files = {row.name: str(options[row.name].absolute()) for row in rows if row.role == "input" and options[row.name]}
+    described = {row.name: plain(options[row.name]) for row in rows if row.role == "result"}
     for table in table_of(options["falloff"]):
         described["falloff"] = f"table:{table.absolute()}"
     return PartCommand(bake_command(options | stand_in), {**files, "options": described}, folder, number, of)
@@ -96,7 +85,7 @@ def is_texture_part(description: dict[str, Any]) -> bool:
     return any(description["options"][name] for name in _OF_TEXTURE)
 
 
-def merge(folder: Path, options: dict[str, Any], bake_command: Callable[[dict[str, Any]], MeshBake]) -> None:
+def merge(folder: Path, options: dict[str, Any], bake_command: Callable[[Mapping[str, Any]], MeshBake]) -> None:
     """Make of the parts in `folder` what the bake would have made.
 
     Args:
@@ -123,5 +112,5 @@ def merge(folder: Path, options: dict[str, Any], bake_command: Callable[[dict[st
     for name in ("mesh", "high"):
         stored = description.get(name)
         options[name] = options[name] or (Path(stored) if stored else None)
-    command = bake_command({**description["options"], **options, "resume": False})
-    replace(command, open_checkpoint=lambda _: Merge(parts, note)).run()
+    command = bake_command({**description["options"], **options})
+    command.replaced(open_checkpoint=lambda _: Merge(parts, note)).run()

@@ -4,44 +4,19 @@ from __future__ import annotations
 
 import re
 import time
-from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 from .console import KERNELS_OF_BAKE, compiling, progress
-
-_KEPT = (
-    *("mesh", "output", "falloff", "tau", "half_distance", "max_distance", "samples", "seed", "threads", "normals"),
-    *("traversal", "progress", "quiet"),
-)
-_NEEDED = {
-    "reconstruct": (False, "--no-reconstruct with --tiles: neighbours all over the mesh have a say"),
-    "hidden": ("ignore", "ignore with --tiles: closed parts may reach through all of them"),
-}
-_USUAL = {"method": "vertex"}
+from .options import Record
 
 
-@dataclass(frozen=True, kw_only=True)
-class TilesCommand:
-    """The command with its options; `obscurance bake --help` explains each."""
+class TilesCommand(Record):
+    """The command with its options as attributes. Attributes: grid: how many tiles along x, y and z."""
 
-    mesh: Path
-    output: Path
-    falloff: str
-    tau: float | None
-    half_distance: str | None
-    max_distance: str
-    samples: int | None
-    seed: int
-    threads: int | None
-    normals: Any
-    traversal: Any
-    progress: Any
-    quiet: bool
     grid: tuple[int, int, int]
 
-    def run(self) -> None:
-        """Bake, write, and print a summary.
+    def run(self) -> int:
+        """Bake, write, and print a summary. Returns: the exit status, 0.
 
         Raises:
             InputError: an option or the mesh.
@@ -73,30 +48,23 @@ class TilesCommand:
             took = f"{baked.rays:,} rays traced in {time.perf_counter() - start:.2f} s"
             print(f"{self.output}: {mesh.vertex_count:,} vertices, {took}")
             print(f"{baked.tiles:,} tiles, {baked.halo:.0%} more faces than without")
+        return 0
 
 
-def tiles_command(text: str, options: dict[str, Any]) -> TilesCommand:
+def tiles_command(options: dict[str, Any]) -> TilesCommand:
     """The command for `--tiles` AxBxC.
 
-    Raises: OptionError: it is not three numbers, nothing limits the distance, or an option does not go with it.
+    Raises: OptionError: it is not three numbers, nothing limits the distance, or the file's normals.
     """
-    from raytrace.errors import OptionError
+    from raytrace.errors import ConflictError, OptionError
 
-    found = re.fullmatch(r"(\d{1,3})x(\d{1,3})x(\d{1,3})", text)
+    found = re.fullmatch(r"(\d{1,3})x(\d{1,3})x(\d{1,3})", options["tiles"])
     grid = tuple(map(int, found.groups())) if found else ()
     if len(grid) != 3 or 0 in grid:
-        raise OptionError("tiles", "how many along x, y and z, such as 2x2x2", repr(text))
+        raise OptionError("tiles", "how many along x, y and z, such as 2x2x2", repr(options["tiles"]))
     endless = options["max_distance"].strip().lower() in ("inf", "+inf", "infinity")
     if endless and not options["falloff"].startswith("table:"):
-        raise OptionError(
-            "max_distance", "a limit with --tiles: else rays of every tile may meet the whole mesh", "inf"
-        )
-    for name, (needed, expected) in _NEEDED.items():
-        if options[name] != needed:
-            raise OptionError(name, expected, f"--{name}" if options[name] is True else options[name])
-    for name, value in options.items():
-        if name not in (*_KEPT, *_NEEDED, "alpha") and value and value != _USUAL.get(name):
-            raise OptionError(name, "no such option with --tiles", value)
+        raise ConflictError("tiles", "needs", "max_distance")
     if options["normals"] == "file":
-        raise OptionError("normals", "angle, area or equal with --tiles", "file")
-    return TilesCommand(**{name: options[name] for name in _KEPT}, grid=grid)
+        raise ConflictError("tiles", "does not go with", ("normals", "file"))
+    return TilesCommand(options, grid=grid)

@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterator
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from .bake import MeshBake, Work, Written
 from .console import KERNELS_OF_BAKE, KERNELS_OF_SURFACE, alpha_summary, bake_summary, progress, warn
-from .options import CAGE, Method, check_cage, named
+from .options import CAGE, named
 
 if TYPE_CHECKING:
     import ao
@@ -19,13 +18,10 @@ if TYPE_CHECKING:
     from ..show.report.pictures import Picture
 
 
-@dataclass(frozen=True, kw_only=True)
 class BakeCommand(MeshBake):
     """A bake to vertices."""
 
-    method: Method
-    debug_image: Path | None
-    colors: bool
+    sort = "vertices"
 
     @property
     def kernels(self) -> int:
@@ -50,7 +46,7 @@ class BakeCommand(MeshBake):
 
         mesh = (self.read_high() or source).mesh  # of whose surface points are traced
         counts = len(mesh.vertices), len(mesh.faces)
-        options, points = self.options(), find_receivers(source.mesh, Placement.of(source.mesh), self.normals).points
+        options, points = self.arguments(), find_receivers(source.mesh, Placement.of(source.mesh), self.normals).points
         checked = Options(**options)
         needed = vertex_bytes(*counts, checked.rays) if self.method == "vertex" else surface_bytes(*counts)
         options["samples"] = checked.rays_in_all(len(points)) // max(len(points), 1)
@@ -89,7 +85,7 @@ class BakeCommand(MeshBake):
             with progress(self.quiet, "rays", form=self.progress, status=status) as (advance,):
                 baked = ao.bake(
                     source.mesh, falloff, progress=advance, checkpoint=checkpoint, high=fine.mesh if fine else None,
-                    cage=self.cage or CAGE, **self.options(),
+                    cage=self.cage or CAGE, **self.arguments(),
                 )  # fmt: skip
             warnings += warn([], [*baked.shortfalls, *self._missed(baked)])
             tracing = time.perf_counter()
@@ -97,7 +93,14 @@ class BakeCommand(MeshBake):
             warnings += warn([], more)
         seconds = {"load": loaded - start, "write": time.perf_counter() - tracing}
         if self.report:
-            self._write_report(self.report, baked, (inputs, seconds, warnings))
+            from ao.report import report
+
+            def pictures() -> list[list[Picture]]:
+                from ..show.report.pictures import pictures_of_vertices
+
+                return [pictures_of_vertices(baked.mesh, baked.w, baked.error)]
+
+            self.write_report(report(baked, self.described(), seconds, warnings), inputs, pictures)
         if self.debug_image:
             from ..show.report.flag_image import write_marked
 
@@ -105,13 +108,12 @@ class BakeCommand(MeshBake):
         yield Written(bake_summary(baked, self.output) + alpha_summary((fine or source).mesh) + shown, warnings)
 
     def check_own(self) -> None:
-        from raytrace.errors import OptionError
+        from raytrace.errors import ConflictError
 
         from ..write_bake import channels, check_target
 
-        check_cage(self.cage, self.high)
         if self.high is not None and self.method == "surface":
-            raise OptionError("high", "method vertex with it", "method surface")
+            raise ConflictError("high", "does not go with", ("method", "surface"))
         check_target(self.output)
         channels(self.output, **self._channels())
         if self.debug_image:
@@ -124,8 +126,8 @@ class BakeCommand(MeshBake):
     def outputs(self) -> dict[str, Path | None]:
         return {"--output": self.output, "--report": self.report, "--debug-image": self.debug_image}
 
-    def options(self) -> dict[str, Any]:
-        return {"method": self.method, **super().options()}
+    def arguments(self) -> dict[str, Any]:
+        return {"method": self.method, **super().arguments()}
 
     def described(self) -> dict[str, Any]:
         from ..write_bake import channels
@@ -159,21 +161,3 @@ class BakeCommand(MeshBake):
         instead = f"--occlusion texture for a .glb, -o NAME.png, {fit}or smaller faces"
         text = f"between the vertices w errs by {baked.interpolation.rmse:.2f}, the faces are too large for it"
         return [f"{self.output}: {text}: {instead}"]
-
-    def _write_report(
-        self, path: Path, baked: ao.Bake, made: tuple[list[dict[str, Any]], dict[str, float], list[str]]
-    ) -> None:
-        """Args: made: what was read, the seconds it took, and warnings."""
-        from ao.report import report
-
-        from ..show.report.complete import complete, write_report
-
-        def pictures() -> list[list[Picture]]:
-            from ..show.report.pictures import pictures_of_vertices
-
-            return [pictures_of_vertices(baked.mesh, baked.w, baked.error)]
-
-        inputs, seconds, warnings = made
-        options = self.described()
-        whole = complete("bake", "mesh", report(baked, options, seconds, warnings), inputs, options)
-        write_report(path, whole, pictures)

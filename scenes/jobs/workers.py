@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import partial
 from importlib.util import find_spec
 from pathlib import Path
@@ -56,8 +56,8 @@ class ClusterCommand:
     bake: MeshBake
     workers: Workers
 
-    def run(self) -> None:
-        """Bake, write, and print summaries.
+    def run(self) -> int:
+        """Bake, write, and print summaries. Returns: the exit status, 0.
 
         Raises:
             InputError, OutputError, MemoryLimitError, EmbreeError: as the bake.
@@ -65,10 +65,11 @@ class ClusterCommand:
             ClusterError: the cluster is lost, or none of its workers can be used.
         """
         opened: list[ClusterSession] = []
-        replace(self.bake, open_checkpoint=partial(self._open, opened)).run()
+        self.bake.replaced(open_checkpoint=partial(self._open, opened)).run()
         if not self.bake.quiet:
             for session in opened:
                 print(session.summary())
+        return 0
 
     @contextmanager
     def _open(self, opened: list[ClusterSession], target: Path) -> Iterator[Checkpoint]:

@@ -1,7 +1,7 @@
 """How pages and the pictures of reports show a bake: camera, light, clay, colours; in the browser as by `render`.
 
 Clay is Lambert's, lit by ambient light and by one directional light that stands with the camera and throws no shadows;
-w weights both, the form `book` of (12.75). So what a page draws can be rendered, and a test compares the two.
+w weights both, as in (12.75). So what a page draws can be rendered, and a test compares the two.
 """
 
 from __future__ import annotations
@@ -63,4 +63,4 @@ def clay_scene(mesh: Mesh, w: AnyFloats, camera: Camera, scheme: Scheme = "dark"
 
 def clay_settings(width: int, height: int, samples: int = 16) -> Settings:
     """Settings of a picture like a page's clay × w."""
-    return Settings(width=width, height=height, samples=samples, obscurance="book", shadows=False)
+    return Settings(width=width, height=height, samples=samples, obscurance="ambient and diffuse", shadows=False)

@@ -16,7 +16,7 @@ from ao.prepared import Prepared
 from raytrace import AlphaSurface, InputError, Lambert, Mesh, Object, Opacity, Scene, Shape, Texture
 from raytrace.sampling.sequences import GOLDEN
 
-RAYS = {"samples": 4096, "reconstruct": False}
+RAYS = {"samples": 4096, "denoise": False}
 
 
 def leaf_texture(folder, alpha=1.0):
@@ -118,7 +118,7 @@ def test_both_traversals_find_the_same(tmp_path, falloff):
     surfaces = AlphaSurface(0.35), AlphaSurface(texture=leaf_texture(tmp_path), cutoff=0.5), AlphaSurface(1.0)
     opacity = Opacity(np.arange(60) % 4 - 1, surfaces, rng.uniform(0, 1, (60, 3, 2)))
     mesh = Mesh(corners.reshape(-1, 3), np.arange(180).reshape(-1, 3), opacity=opacity)
-    walked, packets = (ao.bake(mesh, falloff, 64, reconstruct=False, traversal=each) for each in ("auto", "embree"))
+    walked, packets = (ao.bake(mesh, falloff, 64, denoise=False, traversal=each) for each in ("auto", "embree"))
     assert np.allclose(walked.w, packets.w, atol=2e-4)
     assert np.allclose(walked.bent_normals, packets.bent_normals, atol=1e-3)
     assert np.allclose(walked.error, packets.error, atol=1e-3)
@@ -140,7 +140,7 @@ def test_the_other_ways_of_a_bake(tmp_path):
 def test_a_fine_mesh_is_sought_behind_its_holes(tmp_path):
     leaf = AlphaSurface(texture=leaf_texture(tmp_path), cutoff=0.5)
     mesh = over_floor((0.05, 0.5, leaf), (0.3, 0.9, None))
-    w = ao.bake(Mesh(FLOOR, FLOOR_FACES), ao.Binary(), 1024, high=mesh, cage=0.1, reconstruct=False).w
+    w = ao.bake(Mesh(FLOOR, FLOOR_FACES), ao.Binary(), 1024, high=mesh, cage=0.1, denoise=False).w
     expected = 1 - form_factors(0.3, 0.9) - form_factors(0.05, right=0.0)  # side by side as seen from the hole
     behind = (FLOOR[:, 0] > 0.1) & (abs(FLOOR[:, :2]) < 0.5).all(axis=1)
     assert np.allclose(w[behind], expected[behind], atol=0.02)
@@ -150,7 +150,7 @@ def test_a_fine_mesh_is_sought_behind_its_holes(tmp_path):
 def test_texels_under_a_card(tmp_path):
     mesh = over_floor((HEIGHT, 0.5, AlphaSurface(texture=leaf_texture(tmp_path), cutoff=0.5)))
     uv = np.concatenate([(FLOOR[:, :2] + 0.9) / 3.6, 0.3 * SQUARE + 0.8])
-    w = ao.bake_texture(mesh, uv, 24, ao.Binary(), 1024, reconstruct=False).w[:11:-1, :12].T
+    w = ao.bake_texture(mesh, uv, 24, ao.Binary(), 1024, denoise=False).w[:11:-1, :12].T
     x = (np.arange(12) + 0.5) / 12 * 1.8 - 0.9
     square = np.column_stack([SQUARE, np.full(4, HEIGHT)])
     square[:, 0] = np.minimum(square[:, 0], 0)
@@ -168,7 +168,7 @@ def test_rays_below_a_face_that_is_not_there_count():
     opacity = Opacity([0] * 4 + [-1] * 2, [AlphaSurface(0.0)])
     mesh = Mesh(np.concatenate([ridge, card]), np.concatenate([faces, HALVES + 6]), opacity=opacity)
     uv = np.concatenate([np.column_stack([x + 0.5, y / 4 + 0.5]), np.full((4, 2), [0.9, 0.02])])
-    w = ao.bake_texture(mesh, uv, 16, ao.Binary(), 1024, reconstruct=False).w[7:9].mean(axis=0)
+    w = ao.bake_texture(mesh, uv, 16, ao.Binary(), 1024, denoise=False).w[7:9].mean(axis=0)
     for column in (5, 6, 7, 8, 9, 10):
         x = (column + 0.5) / 16 - 0.5
         side = np.array([np.sign(x) * np.sin(slope), 0, np.cos(slope)])
@@ -188,10 +188,10 @@ def test_a_solid_with_a_hole_hides_nothing():
     walls = np.array([[q[0], q[i], q[i + 1]] for q in quads for i in (1, 2)])
     small = 0.2 * box + 0.05
     mesh = Mesh(np.concatenate([box, small]), np.concatenate([walls, walls + 8]))
-    for hidden in ("auto", "mark"):
-        assert ao.bake(mesh, samples=16, hidden=hidden).flags[8:].all()
+    for interior in ("auto", "mark"):
+        assert ao.bake(mesh, samples=16, interior=interior).flags[8:].all()
         opacity = Opacity([0] * 12 + [-1] * 12, [AlphaSurface(0.1)])
-        assert not ao.bake(replace(mesh, opacity=opacity), samples=16, hidden=hidden).flags.any()
+        assert not ao.bake(replace(mesh, opacity=opacity), samples=16, interior=interior).flags.any()
 
 
 def test_parts_are_the_whole_and_of_another_alpha_are_refused(tmp_path):

@@ -55,12 +55,12 @@ def test_rays_are_counted():
 
 
 def test_coincident_vertices_get_the_same_value(colonnade):
-    baked = ao.bake(colonnade, ao.Binary(), samples=64, hidden="ignore")
+    baked = ao.bake(colonnade, ao.Binary(), samples=64, interior="ignore")
     doubled = Mesh(
         np.vstack([colonnade.vertices, colonnade.vertices]),
         np.vstack([colonnade.faces, colonnade.faces + len(colonnade.vertices)]),
     )
-    again = ao.bake(doubled, ao.Binary(), samples=64, hidden="ignore")
+    again = ao.bake(doubled, ao.Binary(), samples=64, interior="ignore")
     np.testing.assert_array_equal(again.w[: len(baked.w)], again.w[len(baked.w) :])
     assert again.rays == baked.rays
 
@@ -140,10 +140,10 @@ def test_arguments_out_of_range_are_named(colonnade, field, value):
         ao.bake(colonnade, **{field: value})
 
 
-@pytest.mark.parametrize("option", [{"reconstruct": False}, {"hidden": "fill"}, {"traversal": "embree"}])
+@pytest.mark.parametrize("option", [{"denoise": False}, {"interior": "fill"}, {"traversal": "embree"}])
 def test_the_surface_method_refuses_options_of_the_vertex_method(colonnade, option):
     (name,) = option
-    with pytest.raises(OptionError, match=f"{name}: expected method vertex with it, got method surface"):
+    with pytest.raises(OptionError, match=f"{name}=.* does not go with method='surface'"):
         ao.bake(colonnade, method="surface", **option)
 
 
@@ -162,8 +162,8 @@ def test_large_seeds_are_seeds_of_their_own(colonnade):
 
 def test_a_bake_of_some_vertices_is_that_part_of_the_whole(colonnade):
     wanted = np.arange(len(colonnade.vertices)) % 3 == 0
-    whole = ao.bake(colonnade, samples=16, reconstruct=False, hidden="mark")
-    part = ao.bake(colonnade, samples=16, only=wanted, hidden="mark")
+    whole = ao.bake(colonnade, samples=16, denoise=False, interior="mark")
+    part = ao.bake(colonnade, samples=16, only=wanted, interior="mark")
     np.testing.assert_array_equal(part.flags[wanted], whole.flags[wanted])
     np.testing.assert_array_equal(part.w[wanted], whole.w[wanted])
     assert (part.w[~wanted] == 1).all()
@@ -178,7 +178,7 @@ def test_a_bake_of_few_vertices_draws_the_same_directions():
     mesh = Mesh(room.vertices, room.faces[:, ::-1])
     wanted = np.arange(len(mesh.vertices)) == 5
     falloff = ao.Exponential(half_distance=0.3)
-    whole, part = (ao.bake(mesh, falloff, samples=64, only=only, reconstruct=False).w for only in (None, wanted))
+    whole, part = (ao.bake(mesh, falloff, samples=64, only=only, denoise=False).w for only in (None, wanted))
     assert part[5] == whole[5] < 1
 
 

@@ -47,7 +47,7 @@ def test_tau_must_be_finite_and_above_zero(tau):
 
 
 def test_one_rate_only():
-    with pytest.raises(OptionError, match="either tau or half_distance"):
+    with pytest.raises(OptionError, match="tau and half_distance exclude each other"):
         Exponential(tau=1.0, half_distance=1.0)
     with pytest.raises(OptionError, match="half_distance: expected a finite length"):
         Exponential(half_distance="inf")

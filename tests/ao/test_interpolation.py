@@ -50,7 +50,7 @@ def test_what_is_open_everywhere_has_none(mesh):
 def test_fine_meshes_are_not_coarse_however_noisy():
     dense = hills(70)
     for samples in (4, 256):
-        baked = ao.bake(dense, "binary", samples, reconstruct=False)
+        baked = ao.bake(dense, "binary", samples, denoise=False)
         assert baked.interpolation.rmse < 0.04
         assert not baked.coarse
     assert baked.interpolation.rmse < 0.015

@@ -29,7 +29,7 @@ def spread_over_seeds(part: Part, falloff: Falloff, normals: np.ndarray | None =
     kind = "angle" if normals is None else "file"
     mesh = Mesh(*part, normals)
     return np.array([
-        ao.bake(mesh, falloff, samples=SAMPLES, seed=first + k, normals=kind, reconstruct=False).w for k in range(SEEDS)
+        ao.bake(mesh, falloff, samples=SAMPLES, seed=first + k, normals=kind, denoise=False).w for k in range(SEEDS)
     ])  # fmt: skip
 
 
@@ -66,7 +66,7 @@ def test_translation_far_away(name: str, falloff: Falloff) -> None:
     far = np.array([1e6, -1e6, 1e6])
     moved = vertices + far
     np.testing.assert_array_equal(moved - far, vertices)
-    here, there = (ao.bake(Mesh(v, faces), falloff, samples=SAMPLES, reconstruct=False).w for v in (vertices, moved))
+    here, there = (ao.bake(Mesh(v, faces), falloff, samples=SAMPLES, denoise=False).w for v in (vertices, moved))
     assert np.abs(here - there).max() <= 1 / SAMPLES + 1e-6  # a ray at an edge may fall on its other side
     assert np.mean(np.abs(here - there) > 1e-6) < 0.1
 
@@ -80,8 +80,8 @@ def test_scale_with_its_rate(name: str, scale: float) -> None:
         (ao.Exponential(tau=1.5), ao.Exponential(tau=1.5 / scale)),
         (ao.Exponential(tau=1.5, max_distance=0.8), ao.Exponential(tau=1.5 / scale, max_distance=0.8 * scale)),
     ):
-        w = ao.bake(Mesh(vertices, faces), plain, samples=SAMPLES, reconstruct=False).w
-        again = ao.bake(Mesh(scale * vertices, faces), scaled, samples=SAMPLES, reconstruct=False).w
+        w = ao.bake(Mesh(vertices, faces), plain, samples=SAMPLES, denoise=False).w
+        again = ao.bake(Mesh(scale * vertices, faces), scaled, samples=SAMPLES, denoise=False).w
         assert np.abs(w - again).max() <= 1 / SAMPLES + 1e-6
         assert np.mean(np.abs(w - again) > 1e-5) < 0.1
 
@@ -99,10 +99,10 @@ def test_vertex_permutation(falloff: Falloff) -> None:
 @meshes
 def test_face_permutation_and_doubled_faces(name: str, falloff: Falloff) -> None:
     vertices, faces = MESHES[name]
-    w = ao.bake(Mesh(vertices, faces), falloff, samples=SAMPLES, reconstruct=False).w
+    w = ao.bake(Mesh(vertices, faces), falloff, samples=SAMPLES, denoise=False).w
     order = np.random.default_rng(1).permutation(len(faces))
     for other in (np.roll(faces[order], 1, axis=1), np.concatenate([faces, faces])):
-        again = ao.bake(Mesh(vertices, other), falloff, samples=SAMPLES, reconstruct=False).w
+        again = ao.bake(Mesh(vertices, other), falloff, samples=SAMPLES, denoise=False).w
         assert np.abs(w - again).max() <= 1 / SAMPLES + 1e-6  # normals may round otherwise
         assert np.mean(np.abs(w - again) > 1e-6) < 0.1
 
@@ -115,7 +115,7 @@ def test_windings_do_not_matter_once_normals_are_given(name: str, falloff: Fallo
     a, b, c = vertices[faces].transpose(1, 0, 2)
     np.add.at(normals, faces.ravel(), np.repeat(np.cross(b - a, c - a), 3, axis=0))
     w, flipped = (
-        ao.bake(Mesh(vertices, f, normals), falloff, samples=SAMPLES, reconstruct=False, normals="file").w
+        ao.bake(Mesh(vertices, f, normals), falloff, samples=SAMPLES, denoise=False, normals="file").w
         for f in (faces, faces[:, ::-1])
     )
     assert np.abs(w - flipped).max() <= 1 / SAMPLES + 1e-6
@@ -127,7 +127,7 @@ def test_monotone_in_rate_and_limit(name: str) -> None:
     mesh = Mesh(*MESHES[name])
 
     def w(falloff: Falloff) -> np.ndarray:
-        return ao.bake(mesh, falloff, samples=SAMPLES, reconstruct=False).w
+        return ao.bake(mesh, falloff, samples=SAMPLES, denoise=False).w
 
     rising = [w(ao.Binary())] + [w(ao.Exponential(tau=tau)) for tau in (0.01, 0.3, 1.0, 4.0, 50.0)] + [np.ones(1)]
     falling_in_limit = [w(ao.Binary(limit)) for limit in (inf, 3.0, 1.0, 0.3, 0.05)]
@@ -144,7 +144,7 @@ def test_convex_meshes_are_open(falloff: Falloff) -> None:
     points /= np.linalg.norm(points, axis=1, keepdims=True)
     for part in (icosphere(2), hull(points), hull(points * [1.0, 1.0, 0.05] + 100.0), hull(1e-5 * points)):
         for normals in ("angle", "area", "equal"):
-            baked = ao.bake(Mesh(*part), falloff, samples=SAMPLES, reconstruct=False, normals=normals)
+            baked = ao.bake(Mesh(*part), falloff, samples=SAMPLES, denoise=False, normals=normals)
             assert (baked.w == 1.0).all()
 
 

@@ -86,7 +86,7 @@ def test_a_buried_vertex_does_not_darken_what_is_in_sight():
     mesh = buried()
     points = Points(mesh, 20_000, 128)
     points.hidden |= points.corners[:, 0] >= 25  # the ground
-    vertex, surface = ao.bake(mesh, samples=256, hidden="ignore"), bake_surface(mesh, samples=256)
+    vertex, surface = ao.bake(mesh, samples=256, interior="ignore"), bake_surface(mesh, samples=256)
     centre = 12
     assert vertex.w[centre] < 0.5
     assert surface.w[centre] > 0.75

@@ -101,8 +101,8 @@ def test_the_summary_says_what_became_of_vertices_inside_solids(tmp_path):
     trimesh.util.concatenate([post.apply_translation((0, 0, 2)), block]).export(path)
     command = ("bake", path, "-o", tmp_path / "w.npy", "--samples", 16)
     inside = "9 of 34 vertices lie inside solids"
-    assert f"{inside}; w there is filled from visible neighbours\n" in obscurance(*command, "--hidden", "fill").stdout
-    assert f"{inside}\n" in obscurance(*command, "--hidden", "mark").stdout
+    assert f"{inside}; w there is filled from visible neighbours\n" in obscurance(*command, "--interior", "fill").stdout
+    assert f"{inside}\n" in obscurance(*command, "--interior", "mark").stdout
 
 
 def test_the_help_of_bake_says_what_w_is_before_it_speaks_of_it():

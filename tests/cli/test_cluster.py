@@ -46,7 +46,7 @@ def test_a_picture_by_workers_started_here_is_the_file_of_one_process(tmp_path):
 def test_mistakes_with_pictures_are_told_in_a_line(tmp_path, mesh, monkeypatch):
     render = "render", mesh, "-o", tmp_path / "picture.png"
     refused(obscurance(*render, "--cluster", "here"), "render --cluster: expected local, local:N or the address")
-    refused(obscurance(*render, "--shared", tmp_path), "render --shared: expected --cluster with it")
+    refused(obscurance(*render, "--shared", tmp_path), "render: --shared needs --cluster")
     refused(obscurance(*render, "--cluster", "local", "--shared", mesh), "render --shared: expected a folder")
     monkeypatch.setattr("scenes.jobs.workers.find_spec", lambda _: None)
     refused(obscurance(*render, "--cluster", "local"), "render --cluster: expected Dask")
@@ -59,7 +59,7 @@ def test_mistakes_are_told_in_a_line(tmp_path, mesh, monkeypatch):
     refused(
         obscurance(*bake, "--cluster", "local", "--part", "1/2"), "bake --part: expected one of --part, --cluster and"
     )
-    refused(obscurance(*bake, "--shared", tmp_path), "bake --shared: expected --cluster with it")
+    refused(obscurance(*bake, "--shared", tmp_path), "bake: --shared needs --cluster")
     refused(obscurance(*bake, "--cluster", "local", "--shared", mesh), "bake --shared: expected a folder")
     monkeypatch.setattr("scenes.jobs.workers.find_spec", lambda _: None)
     refused(

@@ -54,7 +54,7 @@ def test_a_batch_by_a_cluster_is_that_of_one_machine_and_can_be_resumed(folder, 
     with scheduler(1) as cluster:
         done = bake("out", "--cluster", cluster.scheduler_address)
         assert (whole.returncode, done.returncode) == (1, 1)
-        assert done.stderr.replace("out/", "whole/") == whole.stderr
+        assert sorted(done.stderr.replace("out/", "whole/").splitlines()) == sorted(whole.stderr.splitlines())
         assert done.stdout.startswith("5 of 6 meshes baked to out, 1 failed in ")
         assert " blocks traced by 1 worker\n" in done.stdout
         same_files(folder, "whole", "out")
@@ -71,17 +71,9 @@ def test_a_batch_by_a_cluster_is_that_of_one_machine_and_can_be_resumed(folder, 
 
 
 def test_files_that_a_worker_does_not_see_are_named(folder):
-    options = {
-        "mesh": folder / "hill0.obj",
-        "output": folder / "w.npz",
-        "occlusion": None,
-        "high": None,
-        "falloff": "binary",
-    }
-    missing = dict.fromkeys(bake_command.__globals__["BakeCommand"].__dataclass_fields__) | options
-    bakes = bake_command({**missing, "method": "vertex", "colors": False})
+    bakes = bake_command({"mesh": folder / "hill0.obj", "output": folder / "w.npz", "falloff": "binary"})
     stored = pickle.dumps(SharedBakes((bakes,), Binary(), False))
-    assert pickle.loads(stored).bakes == (bakes,)
+    assert [vars(bake) for bake in pickle.loads(stored).bakes] == [vars(bakes)]
     (folder / "hill0.obj").unlink()
     with pytest.raises(FileNotFoundError) as fault:
         pickle.loads(stored)
@@ -132,10 +124,10 @@ def test_parts_of_a_batch_that_are_missing_or_foreign_are_named(folder):
 
 def test_mistakes_are_told_in_a_line(folder, monkeypatch):
     refused(bake("out", "--part", "4/3"), "bake --part: expected K/N")
-    refused(bake("out", "--part", "1/3", "--cluster", "local"), "bake --cluster: expected no such option with --part")
-    refused(bake("out", "--part", "1/3", "--dry-run"), "bake --dry-run: expected no such option with --part")
-    refused(bake("out", "--cluster", "local", "--tiles", "2x2x2"), "bake --tiles: expected no such option")
-    refused(bake("out", "--shared", "."), "bake --output-dir")
+    refused(bake("out", "--part", "1/3", "--cluster", "local"), "bake: --part and --cluster exclude each other")
+    refused(bake("out", "--part", "1/3", "--dry-run"), "bake: --part and --dry-run exclude each other")
+    refused(bake("out", "--cluster", "local", "--tiles", "2x2x2"), "bake: --output-dir and --tiles exclude each other")
+    refused(bake("out", "--shared", "."), "bake: --shared needs --cluster")
     refused(obscurance("merge", "out"), "merge --output: expected a file")
     pytest.importorskip("distributed", reason="pip install '.[cluster]'")
     monkeypatch.setattr("ao.cluster.dask_cluster._CONNECT", 0.3)

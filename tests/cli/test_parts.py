@@ -8,7 +8,7 @@ from mesh_files import ply
 from meshes import hills, two_boxes
 from uv_meshes import grid_charts
 
-from scenes.jobs.shards import part_command
+from scenes.jobs.shards import part_numbers
 
 
 @pytest.fixture
@@ -62,15 +62,15 @@ def test_merged_parts_of_a_texture_are_the_file_of_one_bake(tmp_path):
 @pytest.mark.parametrize("part", ["0/3", "4/3", "3", "1/x", "-1/2", "1/0", "1/2/3", ""])
 def test_a_part_is_two_numbers(part):
     with pytest.raises(ValueError, match="part: expected K/N"):
-        part_command(part, {}, dict)
+        part_numbers(part)
 
 
 def test_mistakes_are_told_in_a_line(tmp_path, mesh):
     parts = tmp_path / "parts"
     bake = "bake", mesh, "--part", "1/2", "-o", parts
-    refused(obscurance(*bake, "--tolerance", "0.01"), "bake --tolerance: expected --samples with --part")
-    refused(obscurance(*bake, "--colors"), "bake --colors: expected it with obscurance merge")
-    refused(obscurance(*bake, "--uv", "1"), "bake --uv")
+    refused(obscurance(*bake, "--tolerance", "0.01"), "bake: --tolerance and --part exclude each other")
+    refused(obscurance(*bake, "--colors"), "bake: --colors and --part exclude each other")
+    refused(obscurance(*bake, "--uv", "1"), "bake: --uv needs an image as --output")
     refused(obscurance(*bake[:-1], mesh), "boxes.ply: cannot make this folder: it is a file")
     refused(obscurance("merge", parts, "-o", tmp_path / "w.ply"), "folder of parts")
     assert not parts.exists()

@@ -192,7 +192,7 @@ def test_a_mesh_alone_and_its_baked_file(tmp_path):
     alone = rendered(mesh, tmp_path / "alone.exr")
     assert 0.1 < alone["beauty"][..., 3].mean() < 0.9
     check_sum(alone)
-    assert obscurance("bake", mesh, "-o", tmp_path / "w.npy", "--no-reconstruct").returncode == 0
+    assert obscurance("bake", mesh, "-o", tmp_path / "w.npy", "--no-denoise").returncode == 0
     table = '[[objects]]\nmesh = "ring.ply"\n'
     (tmp_path / "now.toml").write_text(table)
     (tmp_path / "then.toml").write_text(f'[obscurance]\nbaked = "w.npy"\n{table}')

@@ -62,7 +62,7 @@ def test_a_fault_of_the_scene_is_named_with_its_place(tmp_path, fault):
         (("--crop", "0,0,0,5"), ("crop",)),
         (("--crop=-1,0,5,5",), ("crop", "-1")),
         (("--shading", "toon"), ("shading", "quadratic", "toon")),
-        (("--obscurance", "deep"), ("obscurance", "book", "deep")),
+        (("--obscurance", "deep"), ("obscurance", "ambient and diffuse", "deep")),
         (("--seed", -1), ("seed", "got -1")),
         (("--threads", 0), ("threads", "got 0")),
         (("--half",), ("half", ".exr")),

@@ -29,7 +29,7 @@ EARLIER = (
     5,
     "--max-distance",
     "20%",
-    "--no-reconstruct",
+    "--no-denoise",
     "--threads",
     1,
 )
@@ -40,8 +40,8 @@ def test_an_earlier_bake_is_repeated_but_for_what_is_given(folder):
     again = ("--options", "r.json", "--report", "s.json")
     assert obscurance("bake", "-o", "again.glb", *again).returncode == 0
     assert (folder / "again.glb").read_bytes() == (folder / "w.glb").read_bytes()
-    assert obscurance("bake", "more.obj", "-o", "more.ply", *again, "--seed", 6, "--reconstruct").returncode == 0
-    changed = {"mesh": "more.obj", "output": "more.ply", "seed": 6, "reconstruct": True, "occlusion": "none"}
+    assert obscurance("bake", "more.obj", "-o", "more.ply", *again, "--seed", 6, "--denoise").returncode == 0
+    changed = {"mesh": "more.obj", "output": "more.ply", "seed": 6, "denoise": True, "occlusion": "none"}
     old, new = options(folder), options(folder, "s.json")
     assert new == old | changed | {"threads": new["threads"]}
 
@@ -60,7 +60,7 @@ WRONG = {
     "an option that is gone": ('{"options": {"smaples": 3}}', "r.json: options.smaples", "did you mean samples?"),
     "an option of no report": ('{"options": {"output_dir": "x"}}', "expected options of this version"),
     "a number that is none": ('{"options": {"samples": "many"}}', "bake --samples: expected a whole number, got many"),
-    "a switch that is none": ('{"options": {"reconstruct": "maybe"}}', "bake --reconstruct: expected true or false"),
+    "a switch that is none": ('{"options": {"reconstruct": "maybe"}}', "bake --denoise: expected true or false"),
     "a choice that is none": ('{"options": {"falloff": "exp"}}', "did you mean exponential?"),
     "a table": ('{"options": {"seed": {"a": 1}}}', "bake --seed: expected a whole number"),
 }

@@ -15,7 +15,7 @@ import raytrace.system.atomic
 from raytrace.errors import MeshError
 from scenes.tiles.stored import open_mesh
 
-OPTIONS = "--samples", "16", "--max-distance", "20%", "--no-reconstruct", "--hidden", "ignore", "--falloff", "binary"
+OPTIONS = "--samples", "16", "--max-distance", "20%", "--no-denoise", "--interior", "ignore", "--falloff", "binary"
 
 
 def stored_ply(vertices, faces, kind="<f4", order="little"):
@@ -75,15 +75,15 @@ def test_mistakes_are_told_in_a_line(tmp_path):
     bake = "bake", mesh, "-o", tmp_path / "w.npy", "--tiles", "2x2x2"
     limited = *bake, "--max-distance", "10%"
     for tiles in ("2", "0x1x1", "2x2", "axbxc"):
-        refused(obscurance(*bake[:-1], tiles), "bake --tiles: expected how many along x, y and z")
-    refused(obscurance(*bake), "bake --max-distance: expected a limit with --tiles", "got inf")
-    refused(obscurance(*limited), "bake --no-reconstruct: expected --no-reconstruct with --tiles")
-    refused(obscurance(*limited, "--no-reconstruct"), "bake --hidden: expected ignore with --tiles")
-    good = *limited, "--no-reconstruct", "--hidden", "ignore"
-    refused(obscurance(*good, "--tolerance", "0.1"), "bake --tolerance: expected no such option with --tiles")
-    refused(obscurance(*good, "--method", "surface"), "bake --method: expected no such option with --tiles")
-    refused(obscurance(*good, "--normals", "file"), "bake --normals: expected angle, area or equal with --tiles")
-    refused(obscurance(*good, "--cluster", "local"), "expected one of --part, --cluster and --tiles")
+        refused(obscurance(*bake[:-1], tiles, *OPTIONS), "bake --tiles: expected how many along x, y and z")
+    refused(obscurance(*limited), "bake: --tiles needs --no-denoise; see")
+    refused(obscurance(*limited, "--no-denoise"), "bake: --tiles needs --interior ignore; see")
+    refused(obscurance(*bake, "--no-denoise", "--interior", "ignore"), "bake: --tiles needs --max-distance; see")
+    good = *limited, "--no-denoise", "--interior", "ignore"
+    refused(obscurance(*good, "--tolerance", "0.1"), "bake: --tolerance and --tiles exclude each other")
+    refused(obscurance(*good, "--method", "surface"), "bake: --method and --tiles exclude each other")
+    refused(obscurance(*good, "--normals", "file"), "bake: --tiles does not go with --normals file")
+    refused(obscurance(*good, "--cluster", "local"), "bake: --cluster and --tiles exclude each other")
     refused(obscurance(*good, "-o", tmp_path / "w.glb"), "bake --output: expected a name ending in .npy or .ply")
     refused(obscurance("bake", text, *good[2:]), "m.obj: ending: expected a binary PLY of vertices, then triangles")
     (tmp_path / "ascii.ply").write_bytes(mesh.read_bytes().replace(b"binary_little_endian", b"ascii"))

@@ -61,7 +61,7 @@ def companions():
 
 
 SMALL = ("--width", "16", "--height", "12", "--samples", "2", "--threads", "2")
-TILES = ("--tiles", "2x1x1", "--no-reconstruct", "--hidden", "ignore", "--max-distance", "25%")
+TILES = ("--tiles", "2x1x1", "--no-denoise", "--interior", "ignore", "--max-distance", "25%")
 BAKES = (
     ("-o", "made.ply"), ("-o", "made.glb"), ("-o", "made.npz"), ("-o", "made.npy"), ("-o", "made.html"), ("--dry-run",),
     ("-o", "made.ply", "--method", "surface"), ("-o", "made.ply", "--tolerance", ".05"),

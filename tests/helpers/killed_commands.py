@@ -43,7 +43,7 @@ BATCH = (
     "out",
     "--resume",
 )
-TILES = (*BAKE, "--tiles", "2x2x1", "--max-distance", "25%", "--no-reconstruct", "--hidden", "ignore", "-o")
+TILES = (*BAKE, "--tiles", "2x2x1", "--max-distance", "25%", "--no-denoise", "--interior", "ignore", "-o")
 KINDS = {
     "npy": [(*RESUMED, "out/w.npy")],
     "ply": [(*RESUMED, "out/w.ply")],

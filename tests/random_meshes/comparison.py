@@ -64,7 +64,7 @@ class Truth:
 
 def find_truth(mesh: Mesh, falloff: Falloff, samples: int, seed: int) -> Truth:
     """w by `samples` rays a vertex in all, from 2 on; its seeds are `seed` and the one after."""
-    bakes = [bake(mesh, falloff, samples // 2, seed + k, reconstruct=False) for k in (0, 1)]
+    bakes = [bake(mesh, falloff, samples // 2, seed + k, denoise=False) for k in (0, 1)]
     halves = np.stack([baked.w for baked in bakes])
     variance = np.maximum(bakes[0].error ** 2 + bakes[1].error ** 2, (halves[0] - halves[1]) ** 2) / 4
     some = (bakes[0].flags & (Flag.UNREFERENCED | Flag.DEGENERATE)) == 0

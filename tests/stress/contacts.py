@@ -35,7 +35,7 @@ def contacts(long: bool) -> Iterator[Line]:
         worst, missing = 0.0, 0
         for pose in poses:
             mesh = pose.mesh(contact.part)
-            w = bake(mesh, Binary(), samples=4096, reconstruct=False, hidden="ignore").w
+            w = bake(mesh, Binary(), samples=4096, denoise=False, interior="ignore").w
             worst = float(np.maximum(worst, np.abs(w[contact.points] - contact.expected).max()))
             missing += undefined(w)
         yield Line(contact.name, f"{len(poses)} poses", "error of w", worst, ERROR, missing)

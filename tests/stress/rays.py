@@ -46,7 +46,7 @@ def _share(name: str, part: Part, truth: float, quantity: str, allowed: float, w
         mesh = pose.mesh(part)
         if pose.single and coarseness(mesh).vertices:
             continue
-        baked = bake(mesh, Binary(), samples=SAMPLES, reconstruct=False)
+        baked = bake(mesh, Binary(), samples=SAMPLES, denoise=False)
         used += 1
         rays += SAMPLES * len(baked.w)
         wrong += round(float(np.abs(baked.w - truth).sum()) * SAMPLES)

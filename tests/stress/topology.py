@@ -55,7 +55,7 @@ def _bake(pose: Pose, part: Part, normals: Float64s | None) -> Bake:
     own = None if normals is None else pose.directions(normals)
     mesh = Mesh(pose.vertices(part[0]), part[1], own)
     kind: Normals = "angle" if own is None else "file"
-    return bake(mesh, Binary(), 4096 if own is None else 256, normals=kind, reconstruct=False)
+    return bake(mesh, Binary(), 4096 if own is None else 256, normals=kind, denoise=False)
 
 
 def _book() -> tuple[Part, list[int]]:

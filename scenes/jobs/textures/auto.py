@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from ..console import progress
@@ -17,7 +16,6 @@ if TYPE_CHECKING:
 _SIZE = "512"  # texels a side: meshes whose faces are too large for w at vertices are small
 
 
-@dataclass(frozen=True, kw_only=True)
 class AutoCommand(BakeCommand):
     """A bake to the vertices of a .glb, and to textures beside them if they err less and the file has coordinates."""
 
@@ -51,9 +49,9 @@ class AutoCommand(BakeCommand):
         from .coordinates import coordinates
         from .pages import pages_of
 
-        if self.hidden == "mark" or source.texture_coordinates(0) is None:
+        if self.interior == "mark" or source.texture_coordinates(0) is None:
             return []
-        options = {name: value for name, value in self.options().items() if name != "method"}
+        options = {name: value for name, value in self.arguments().items() if name != "method"}
         with progress(self.quiet, "rays", form=self.progress) as (advance,):
             try:
                 found = coordinates(source, "0", _SIZE, None, True)

@@ -5,14 +5,14 @@ from __future__ import annotations
 import time
 from collections.abc import Iterator, Sequence
 from contextlib import ExitStack
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from ...formats.image_names import MATERIAL, PLACEHOLDERS, UDIM
 from ..bake import MeshBake, Work, Written
 from ..console import KERNELS_OF_TEXTURE, alpha_summary, progress, texture_summary, warn
-from ..options import CAGE, BentSpace, Overlap, check_cage, parse_texels
+from ..options import CAGE
+from .coordinates import parse_texels
 from .remarks import lacking, layout_remarks
 
 if TYPE_CHECKING:
@@ -37,20 +37,10 @@ class Baked(NamedTuple):
     warnings: list[str]
 
 
-@dataclass(frozen=True, kw_only=True)
 class TextureCommand(MeshBake):
     """A bake to a texture."""
 
-    mesh_output: Path | None
-    size: str | None
-    texel_size: str | None
-    uv: str | None
-    overlap: Overlap | None
-    bent_normals: Path | None
-    bent_space: BentSpace | None
-    error_map: Path | None
-    half: bool
-    orm: bool
+    sort = "texture"
 
     @property
     def kernels(self) -> int:
@@ -74,13 +64,13 @@ class TextureCommand(MeshBake):
         fine = self.read_high()
         high = fine.mesh if fine else None
         solid = high or source.mesh
-        rays = Options(**self.options()).rays
+        rays = Options(**self.arguments()).rays
         needed = texture_bytes(width * height, len(solid.vertices), len(solid.faces), rays)
 
         def trial(count: int) -> int:
             side = max(int(count**0.5), 1)
             cage = self.cage or CAGE
-            ao.bake_texture(source.mesh, pages[0].uv, side, falloff, high=high, cage=cage, **self.options())
+            ao.bake_texture(source.mesh, pages[0].uv, side, falloff, high=high, cage=cage, **self.arguments())
             return side * side
 
         return Work(len(pages) * width * height, "texels", needed, trial)
@@ -126,20 +116,18 @@ class TextureCommand(MeshBake):
                 summary += alpha_summary((fine or source).mesh)
                 yield Written(summary, list(dict.fromkeys(line for each in made for line in each.warnings)))
         if self.report:
-            self._write_report(self.report, made, inputs, source.mesh)
+            self._write_report(made, inputs, source.mesh)
 
     def check_own(self) -> None:
         from ao.texture.uv_layout import page_size
-        from raytrace.errors import OptionError
+        from raytrace.errors import ConflictError, OptionError
         from raytrace.system.outputs import check_ending
 
         from ...formats.images import check_texture_target
 
-        if self.hidden == "mark":
-            raise OptionError("hidden", "auto, ignore or fill for a texture", "mark")
+        if self.interior == "mark":
+            raise ConflictError(("interior", "mark"), "does not go with", "a texture")
         if self.size is not None:
-            if self.texel_size is not None:
-                raise OptionError("texel_size", "either --size or --texel-size", "both")
             page_size(parse_texels(self.size))
         if self.uv not in (None, *_UVS) and not (self.uv.isdecimal() and len(self.uv) < 4):
             raise OptionError("uv", "auto, unwrap, fill or the number of a set of texture coordinates", repr(self.uv))
@@ -156,20 +144,17 @@ class TextureCommand(MeshBake):
         if self.mesh_output is not None:
             check_ending("mesh_output", self.mesh_output, ".glb")
             if glb == self.output or UDIM in self.output.name:
-                raise OptionError("mesh_output", "an image of one page as --output with it", self.output)
+                raise ConflictError("mesh_output", "needs", "an image of one page as --output")
         if self.replace_occlusion and glb is None:
-            raise OptionError("replace_occlusion", "an occlusion texture to write to a .glb", "none")
+            raise ConflictError("replace_occlusion", "needs", "a .glb to write")
         if self.orm and glb is None:
-            raise OptionError("orm", "a .glb to write, as --output or --mesh-output", self.output)
+            raise ConflictError("orm", "needs", "a .glb to write, as --output or --mesh-output")
         if self.occlusion not in (None, "texture"):
-            raise OptionError("occlusion", "texture for a texture", self.occlusion)
+            raise ConflictError(("occlusion", self.occlusion), "does not go with", "a texture")
         if self.uv in ("unwrap", "fill") and glb is None:
-            raise OptionError("uv", f"--mesh-output, for the coordinates that {self.uv} makes", "none")
+            raise ConflictError(("uv", self.uv), "needs", "mesh_output")
         if self.half and glb == self.output and len(self._images()) == 1:
-            raise OptionError("half", "images that end in .exr or .tif", self.output)
-        if self.bent_space is not None and self.bent_normals is None:
-            raise OptionError("bent_space", "--bent-normals with it", "none")
-        check_cage(self.cage, self.high)
+            raise ConflictError("half", "needs", "images that end in .exr or .tif")
         self.check_up(None, glb)
 
     def outputs(self, pages: Sequence[Page] = ()) -> dict[str, Path | None]:
@@ -220,19 +205,21 @@ class TextureCommand(MeshBake):
         Args: meshes: the file, and the fine one. place: of how many pages, which it is, and what closes its journal.
         """
         import ao
-        from raytrace.errors import OptionError
+        from raytrace.errors import ConflictError
 
         pages, number, stack = place
         target = page.path(self.output) if not page.name or not number else Path(f"{self.output}.{number + 1}")
         checkpoint = stack.enter_context(self.checkpoint(target))
         if pages > 1 and checkpoint and checkpoint.partial:
-            raise OptionError("part", "one texture, as by --overlap mean", f"{pages} texture sets that overlap")
+            raise ConflictError(
+                "part", "does not go with", f"{pages} texture sets that overlap, but with --overlap mean"
+            )
         (source, fine), status = meshes, checkpoint.status if checkpoint else str
         with progress(self.quiet, "rays", form=self.progress, status=status) as (advance,):
             baked = ao.bake_texture(
                 source.mesh, page.uv, found.size, falloff, progress=advance, checkpoint=checkpoint,
                 overlap=self.overlap or "mean", wrap=page.wraps, high=fine.mesh if fine else None,
-                cage=self.cage or CAGE, bent_space=self.bent_space or "world", **self.options(),
+                cage=self.cage or CAGE, bent_space=self.bent_space or "world", **self.arguments(),
             )  # fmt: skip
         remarks = layout_remarks(baked, page.wraps, self._glb() != self.output)
         return baked, warn([], [*baked.shortfalls, *(f"{self._title(page)}: {line}" for line in remarks)])
@@ -274,18 +261,16 @@ class TextureCommand(MeshBake):
             for piece in pieces(source):
                 only[source.mesh.faces[piece.faces]] |= not covered[piece.faces].all()
             high = fine.mesh if fine else None
-            w = ao.bake(source.mesh, falloff, only=only, high=high, cage=self.cage or CAGE, **self.options()).w
+            w = ao.bake(source.mesh, falloff, only=only, high=high, cage=self.cage or CAGE, **self.arguments()).w
         content, kept = textured_glb(source, baked, self.replace_occlusion, self.orm, w)
         with atomic_write(path) as file:
             file.write(content)
         advice = "whose w viewers do not show; --replace-occlusion replaces them"
         return warn([], [f"{path}: keeps the occlusion textures of {kept:,} primitives, {advice}"] if kept else [])
 
-    def _write_report(self, path: Path, made: Sequence[Baked], inputs: list[dict[str, Any]], mesh: Mesh) -> None:
+    def _write_report(self, made: Sequence[Baked], inputs: list[dict[str, Any]], mesh: Mesh) -> None:
         """Args: inputs: what was read."""
         from ao.report import report
-
-        from ...show.report.complete import complete, write_report
 
         options = self.described()
         reports = [report(each.baked, options, each.seconds, each.warnings) for each in made]
@@ -299,4 +284,4 @@ class TextureCommand(MeshBake):
             shown = mesh if len(made) == 1 else None
             return [pictures_of_page(shown, each.baked) for each in made]
 
-        write_report(path, complete("bake", "mesh", whole, inputs, options), pictures)
+        self.write_report(whole, inputs, pictures)

@@ -8,13 +8,12 @@ import numpy as np
 
 from ao.falloff import resolve_length
 from ao.texture.uv_layout import on_page, page_size, texels_across
-from raytrace.errors import MeshError
+from raytrace.errors import MeshError, OptionError
 from raytrace.mesh.mesh import Mesh
 from raytrace.mesh.normals import face_normals
 from raytrace.types import Bools, Float64s
 
 from ...formats.load import MeshFile
-from ..options import parse_texels
 from .unwrap import has_unwrapper, unwrap
 
 AUTO, UNWRAP, FILL = "auto", "unwrap", "fill"
@@ -60,6 +59,17 @@ def coordinates(source: MeshFile, wanted: str, size: str | None, texel_size: str
         raise MeshError(source.path, "texture coordinates", f"some{which} on every face", f"none{advice}")
     side = min(_page(mesh, None, *pages))
     return Coordinates(unwrap(mesh, side), np.ones(len(mesh.faces), np.bool_), None, (side, side))
+
+
+def parse_texels(text: str) -> int | tuple[int, int]:
+    """A side, or the width and height of "WxH". Raises: OptionError."""
+    try:
+        sides = [int(part) for part in text.lower().split("x")]
+    except ValueError:
+        sides = []
+    if len(sides) not in (1, 2):
+        raise OptionError("size", "a number of texels, such as 1024, or WIDTHxHEIGHT", repr(text))
+    return sides[0] if len(sides) == 1 else (sides[0], sides[1])
 
 
 def _page(mesh: Mesh, uv: Float64s | None, size: str | None, texel_size: str | None) -> tuple[int, int]:

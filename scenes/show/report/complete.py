@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Any
 
 from raytrace.system.atomic import atomic_write, write_json
 
-from .inputs import command_line
 from .verdict import verdict
 
 if TYPE_CHECKING:
@@ -16,18 +15,18 @@ if TYPE_CHECKING:
 
 
 def complete(
-    kind: str, argument: str, report: Mapping[str, Any], inputs: Sequence[Mapping[str, Any]], options: Mapping[str, Any]
+    kind: str, line: str, report: Mapping[str, Any], inputs: Sequence[Mapping[str, Any]], options: Mapping[str, Any]
 ) -> dict[str, Any]:
     """The report of a command, ready for JSON and for `scenes.show.report.document.html_report`.
 
     Args:
-        kind: the command, "bake" or "render". argument: the option that is its argument.
+        kind: the command, "bake" or "render". line: the command line that repeats it.
         report: of `ao.report`, or like it; with `pages`, of several pages.
         inputs: from `scenes.show.report.inputs.hashed`. options: every effective option.
     """
     first = next(iter(report["pages"].values())) if "pages" in report else report
     head = {"schema_version": first["schema_version"], "kind": kind, "verdict": verdict(report)}
-    tail = {"command": command_line(kind, argument, options), "inputs": list(inputs), "options": dict(options)}
+    tail = {"command": line, "inputs": list(inputs), "options": dict(options)}
     return {
         **head,
         **{name: value for name, value in report.items() if name not in head},

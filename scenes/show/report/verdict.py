@@ -35,7 +35,7 @@ _OF_FLAGS = {
     "unreferenced": ("belong to no face; w is 1 there", "They can be removed from the mesh."),
     "degenerate": ("belong to faces without area alone; w is 1 there", "Remove such faces, or ignore these vertices."),
     "opposed": ("have faces that look away from each other; w is the mean over them", "Split these vertices."),
-    "hidden": ("lie inside solids{}", "Nothing to do if parts are meant to cross; --hidden says what becomes of them."),
+    "hidden": ("lie inside solids{}", "Nothing to do if parts are meant to cross; --interior says what they become."),
     "missed": ("are not within the cage and take the closest point of the fine mesh", "Make --cage larger."),
     "folded": ("have a normal behind one of their faces; w is the mean over them", "Nothing to do if they are few."),
 }

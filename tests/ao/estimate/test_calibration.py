@@ -9,7 +9,7 @@ from ao.estimate.calibration import Calibration
 from raytrace import Mesh
 
 OPTIONS = {
-    "raw": {"samples": 32, "reconstruct": False},
+    "raw": {"samples": 32, "denoise": False},
     "denoised": {"samples": 32},
     "to a tolerance": {"tolerance": 0.01},
 }
@@ -22,7 +22,7 @@ def mesh():
 
 @pytest.fixture(scope="module")
 def truth(mesh):
-    return ao.bake(mesh, ao.Binary(), samples=4096, reconstruct=False, seed=99).w
+    return ao.bake(mesh, ao.Binary(), samples=4096, denoise=False, seed=99).w
 
 
 @pytest.mark.parametrize("name", OPTIONS)

@@ -45,7 +45,7 @@ def outside(mesh: Mesh) -> np.ndarray:
 
 
 def test_both_sides_are_surface_if_asked(solids: Mesh) -> None:
-    baked = ao.bake(solids, ao.Binary(), samples=64, hidden="ignore")
+    baked = ao.bake(solids, ao.Binary(), samples=64, interior="ignore")
     assert baked.flagged["hidden"] == 0
 
 
@@ -55,7 +55,7 @@ def parts(*meshes: trimesh.Trimesh) -> Mesh:
 
 
 def test_inside_closed_parts_vertices_are_filled_by_default(solids: Mesh) -> None:
-    baked, filled = ao.bake(solids, ao.Binary(), samples=64), ao.bake(solids, ao.Binary(), samples=64, hidden="fill")
+    baked, filled = ao.bake(solids, ao.Binary(), samples=64), ao.bake(solids, ao.Binary(), samples=64, interior="fill")
     np.testing.assert_array_equal(baked.flags, filled.flags)
     np.testing.assert_array_equal(baked.w, filled.w)
     assert baked.flagged["hidden"] > 100
@@ -81,11 +81,11 @@ def test_nothing_but_closed_parts_hides_by_default() -> None:
     through.apply_translation((0.7, 0.7, 0))
     crumpled = trimesh.Trimesh(*noisy(icosphere(3), 0.5, 0), process=False)
     for mesh in (parts(dome, floor), parts(room, through), parts(crumpled), parts(crumpled, dome)):
-        plain, baked = (ao.bake(mesh, samples=16, hidden=policy) for policy in ("ignore", "auto"))
+        plain, baked = (ao.bake(mesh, samples=16, interior=policy) for policy in ("ignore", "auto"))
         assert baked.flagged["hidden"] == 0
         np.testing.assert_array_equal(baked.w, plain.w)
-    assert ao.bake(parts(dome, floor), samples=16, hidden="mark").flagged["hidden"] > 0
-    assert ao.bake(parts(crumpled), samples=16, hidden="mark").flagged["hidden"] > 0
+    assert ao.bake(parts(dome, floor), samples=16, interior="mark").flagged["hidden"] > 0
+    assert ao.bake(parts(crumpled), samples=16, interior="mark").flagged["hidden"] > 0
     ball.apply_translation((0, 0, 0.1))
     assert ao.bake(parts(ball, floor, dome), samples=16).flagged["hidden"] > 0
 
@@ -97,14 +97,14 @@ def test_interpolation_no_longer_carries_the_dark_of_what_is_buried_into_sight()
     ball = trimesh.creation.icosphere(subdivisions=4)
     ball.apply_translation((0.03, 0.02, 0.5))
     coarse, dense = parts(block, ball), parts(fine, ball)
-    truth = ao.bake(dense, ao.Binary(), samples=256, hidden="ignore")
+    truth = ao.bake(dense, ao.Binary(), samples=256, interior="ignore")
     x, y, z = dense.vertices[: len(fine.vertices)].T
     seen = np.flatnonzero((np.abs(z - 0.5) < 1e-6) & ((x - 0.03) ** 2 + (y - 0.02) ** 2 > 1.05**2))
     where = trimesh.proximity.closest_point_naive(block, fine.vertices[seen])[2]
     weights = trimesh.triangles.points_to_barycentric(block.triangles[where], fine.vertices[seen])
     off = {}
     for policy in ("ignore", "auto"):
-        baked = ao.bake(coarse, ao.Binary(), samples=256, hidden=policy)
+        baked = ao.bake(coarse, ao.Binary(), samples=256, interior=policy)
         corners = block.faces[where]
         near = inside(coarse)[corners].any(axis=1)
         error = (weights * baked.w[corners]).sum(axis=1) - truth.w[seen]
@@ -113,7 +113,7 @@ def test_interpolation_no_longer_carries_the_dark_of_what_is_buried_into_sight()
 
 
 def test_what_is_inside_is_found_and_nothing_else(solids: Mesh) -> None:
-    plain, baked = (ao.bake(solids, ao.Binary(), samples=64, hidden=policy) for policy in ("ignore", "mark"))
+    plain, baked = (ao.bake(solids, ao.Binary(), samples=64, interior=policy) for policy in ("ignore", "mark"))
     found = (baked.flags & ao.Flag.HIDDEN) != 0
     assert found[inside(solids)].all()
     assert not found[outside(solids)].any()
@@ -122,7 +122,7 @@ def test_what_is_inside_is_found_and_nothing_else(solids: Mesh) -> None:
 
 def test_hidden_vertices_take_their_neighbours_values(solids: Mesh) -> None:
     plain, baked = (
-        ao.bake(solids, ao.Binary(), samples=256, hidden=policy, reconstruct=False) for policy in ("ignore", "fill")
+        ao.bake(solids, ao.Binary(), samples=256, interior=policy, denoise=False) for policy in ("ignore", "fill")
     )
     found = (baked.flags & ao.Flag.HIDDEN) != 0
     np.testing.assert_array_equal(baked.w[~found], plain.w[~found])
@@ -137,31 +137,32 @@ def test_hidden_vertices_take_their_neighbours_values(solids: Mesh) -> None:
 def test_an_inward_room_sees_fronts_and_an_outward_one_backs() -> None:
     box = trimesh.creation.box().subdivide()
     for faces, expected in ((box.faces[:, ::-1], 0), (box.faces, 0)):
-        baked = ao.bake(Mesh(box.vertices, faces), samples=16, hidden="mark")
+        baked = ao.bake(Mesh(box.vertices, faces), samples=16, interior="mark")
         assert baked.flagged["hidden"] == expected
     room = trimesh.creation.box((3, 3, 3))
     both = trimesh.util.concatenate([box, room])
-    assert ao.bake(Mesh(both.vertices, both.faces), samples=16, hidden="mark").flagged["hidden"] == len(box.vertices)
+    assert ao.bake(Mesh(both.vertices, both.faces), samples=16, interior="mark").flagged["hidden"] == len(box.vertices)
 
 
 def test_a_part_with_nothing_in_sight_keeps_its_values() -> None:
     box, room = trimesh.creation.box(), trimesh.creation.box((3, 3, 3))
     both = trimesh.util.concatenate([box, room])
     marked, filled = (
-        ao.bake(Mesh(both.vertices, both.faces), ao.Binary(), samples=16, hidden=policy) for policy in ("mark", "fill")
+        ao.bake(Mesh(both.vertices, both.faces), ao.Binary(), samples=16, interior=policy)
+        for policy in ("mark", "fill")
     )
     np.testing.assert_array_equal(marked.w, filled.w)
 
 
 def test_an_unknown_policy_is_a_mistake(solids: Mesh) -> None:
-    with pytest.raises(OptionError, match="hidden"):
-        ao.bake(solids, hidden="perhaps")  # type: ignore[arg-type]
+    with pytest.raises(OptionError, match="interior"):
+        ao.bake(solids, interior="perhaps")  # type: ignore[arg-type]
 
 
 def test_the_command_reports_and_marks_them(solids: Mesh, tmp_path: Path) -> None:
     trimesh.Trimesh(solids.vertices, solids.faces, process=False).export(tmp_path / "solids.ply")
     done = process(
-        "bake", "solids.ply", "-o", "w.npy", "--samples", "16", "--hidden", "fill",
+        "bake", "solids.ply", "-o", "w.npy", "--samples", "16", "--interior", "fill",
         "--report", "r.json", "--debug-image", "marked.png", cwd=tmp_path,
     )  # fmt: skip
     assert done.returncode == 0, done.stderr

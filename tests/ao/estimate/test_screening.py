@@ -36,7 +36,7 @@ def posts() -> Mesh:
 
 @pytest.fixture(scope="module")
 def truth(posts: Mesh) -> ao.Bake:
-    return ao.bake(posts, ao.Binary(), samples=2048, seed=99, reconstruct=False)
+    return ao.bake(posts, ao.Binary(), samples=2048, seed=99, denoise=False)
 
 
 def failures(mesh: Mesh, truth: ao.Bake, seed: int) -> list[str]:
@@ -73,7 +73,7 @@ def test_a_single_vertex_that_differs_is_baked(posts: Mesh) -> None:
     roof = posts.vertices[at] + 0.01 * np.array([[-1, -1, 0.5], [1, -1, 0.5], [0, 1.2, 0.5]])
     mesh = Mesh(np.vstack([posts.vertices, roof]), np.vstack([posts.faces, len(posts.vertices) + np.arange(3)]))
     only = np.arange(len(mesh.vertices)) == at
-    plain = ao.bake(mesh, ao.Binary(), samples=1024, reconstruct=False, only=only)
+    plain = ao.bake(mesh, ao.Binary(), samples=1024, denoise=False, only=only)
     assert plain.w[at] < 0.5
     for seed in range(4):
         baked = ao.bake(mesh, ao.Binary(), tolerance=TOLERANCE, seed=seed)

@@ -41,16 +41,14 @@ def rms(difference: np.ndarray) -> float:
 
 @pytest.fixture(scope="module")
 def truth() -> dict[str, np.ndarray]:
-    return {
-        name: ao.bake(mesh, ao.Binary(), samples=8192, seed=999, reconstruct=False).w for name, mesh in SCENES.items()
-    }
+    return {name: ao.bake(mesh, ao.Binary(), samples=8192, seed=999, denoise=False).w for name, mesh in SCENES.items()}
 
 
 @pytest.mark.parametrize("samples", [4, 16, 64, 256])
 @pytest.mark.parametrize("name", SCENES)
 def test_never_worse_than_the_raw_estimate(name: str, samples: int, truth: dict[str, np.ndarray]) -> None:
     raw, denoised = (
-        [ao.bake(SCENES[name], ao.Binary(), samples, seed, reconstruct=on) for seed in range(3)] for on in (False, True)
+        [ao.bake(SCENES[name], ao.Binary(), samples, seed, denoise=on) for seed in range(3)] for on in (False, True)
     )
     before, after = (rms(np.stack([b.w for b in some]) - truth[name]) for some in (raw, denoised))
     assert after <= 1.01 * before
@@ -63,7 +61,7 @@ def test_never_worse_than_the_raw_estimate(name: str, samples: int, truth: dict[
 def test_it_vanishes_as_samples_grow() -> None:
     moved = []
     for samples in (64, 8192):
-        raw, denoised = (ao.bake(SCENES["hills"], ao.Binary(), samples, reconstruct=on) for on in (False, True))
+        raw, denoised = (ao.bake(SCENES["hills"], ao.Binary(), samples, denoise=on) for on in (False, True))
         moved.append(rms(raw.w - denoised.w) / raw.rmse)
     assert moved[1] < 0.6 * moved[0]
 

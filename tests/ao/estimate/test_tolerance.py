@@ -22,7 +22,7 @@ def rms(difference: np.ndarray) -> float:
 
 
 def check(name: str, seeds: int, tolerances: tuple[float, ...]) -> None:
-    truth = ao.bake(MESHES[name], ao.Binary(), samples=8192, seed=999, reconstruct=False).w
+    truth = ao.bake(MESHES[name], ao.Binary(), samples=8192, seed=999, denoise=False).w
     kept, ratios = [], []
     for seed in range(seeds):
         for tolerance in tolerances:
@@ -74,7 +74,7 @@ def test_samples_are_the_most() -> None:
 
 @pytest.mark.parametrize(("tolerance", "others"), [
     (0, {}), (-0.1, {}), (2, {}), (np.nan, {}), ("1%", {}), (True, {}),
-    (0.01, {"only": np.ones(3600, bool)}), (0.01, {"reconstruct": False}),
+    (0.01, {"only": np.ones(3600, bool)}), (0.01, {"denoise": False}),
 ])  # fmt: skip
 def test_mistakes(tolerance: object, others: dict[str, object]) -> None:
     with pytest.raises(OptionError):

@@ -178,7 +178,7 @@ def test_zeros_that_a_power_failure_leaves_are_not_believed(path, whole):
     assert bits(bake(path, resume=True)) == whole
 
 
-CHANGES = [{"seed": 1}, {"samples": 1023}, {"normals": "area"}, {"reconstruct": False}]
+CHANGES = [{"seed": 1}, {"samples": 1023}, {"normals": "area"}, {"denoise": False}]
 
 
 @pytest.mark.parametrize(

@@ -23,7 +23,7 @@ BAKES = {
     "binary": partial(ao.bake, HILLS, "binary", samples=64),
     "exponential": partial(ao.bake, HILLS, samples=64),
     "limited": partial(ao.bake, HILLS, LIMITED, samples=64),
-    "raw": partial(ao.bake, HILLS, samples=16, reconstruct=False),
+    "raw": partial(ao.bake, HILLS, samples=16, denoise=False),
     "folded": partial(ao.bake, Mesh(*crumpled(hills(30), 0.5, 1)), samples=64),
     "partly inside": partial(ao.bake, Mesh(*two_boxes()), samples=64),
     "surface": partial(ao.bake, HILLS, samples=64, method="surface"),
@@ -180,7 +180,7 @@ def test_a_full_disk_ends_the_part_and_keeps_what_is_done(tmp_path, monkeypatch)
 
 def test_a_tolerance_has_no_parts(tmp_path):
     with (
-        pytest.raises(OptionError, match="tolerance: expected a number of samples"),
+        pytest.raises(OptionError, match="part and tolerance exclude each other"),
         Part(tmp_path, 1, 2, DESCRIPTION, pytest.fail) as part,
     ):
         ao.bake(HILLS, tolerance=0.1, checkpoint=part)

@@ -51,7 +51,7 @@ def test_every_vertex_with_a_face_behind_its_normal_is_flagged_and_no_other(nois
 
 
 @pytest.mark.parametrize(("tau", "falloff"), FALLOFFS)
-@pytest.mark.parametrize("options", [{"samples": 256}, {"samples": 256, "reconstruct": False}, {"tolerance": 0.01}])
+@pytest.mark.parametrize("options", [{"samples": 256}, {"samples": 256, "denoise": False}, {"tolerance": 0.01}])
 def test_folded_vertices_are_the_mean_over_their_corners(noisy, brute_force, tau, falloff, options):
     which = folded(*noisy)[::4]
     off = np.abs(ao.bake(Mesh(*noisy), falloff, **options).w[which] - brute_force(tau))
@@ -85,7 +85,7 @@ def test_ordinary_vertices_keep_their_bits(noisy):
     mu = ao.Binary().resolve(mesh.radius).in_render_space(placement.scale)
     tracer = Tracer(scene, 0, mu, placement.diagonal, 1, len(points))
     plain = tracer.gather(points, 64, seed_key(0))[:, 0]
-    baked = ao.bake(mesh, ao.Binary(), samples=64, reconstruct=False)
+    baked = ao.bake(mesh, ao.Binary(), samples=64, denoise=False)
     np.testing.assert_array_equal(baked.w[~torn(baked)], plain[receivers.of_vertex][~torn(baked)])
     assert (baked.w != plain[receivers.of_vertex])[torn(baked)].mean() > 0.9
 
@@ -93,8 +93,8 @@ def test_ordinary_vertices_keep_their_bits(noisy):
 def test_some_are_baked_like_all_by_any_number_of_threads(noisy):
     mesh = Mesh(*noisy)
     only = np.arange(len(mesh.vertices)) % 3 == 0
-    whole = ao.bake(mesh, samples=64, reconstruct=False, threads=1)
-    some = ao.bake(mesh, samples=64, reconstruct=False, threads=3, only=only)
+    whole = ao.bake(mesh, samples=64, denoise=False, threads=1)
+    some = ao.bake(mesh, samples=64, denoise=False, threads=3, only=only)
     np.testing.assert_array_equal(some.w[only], whole.w[only])
     np.testing.assert_array_equal(some.bent_normals[only], whole.bent_normals[only])
     assert some.rays < whole.rays
@@ -163,14 +163,14 @@ def test_bent_normals_are_means_too(noisy):
 def test_the_reference_of_benchmarks_is_the_same_quantity(noisy):
     mesh = Mesh(*noisy)
     truth = reference(mesh, [ao.Binary().resolve(mesh.radius)], 4096)
-    baked = ao.bake(mesh, ao.Binary(), samples=4096, reconstruct=False)
+    baked = ao.bake(mesh, ao.Binary(), samples=4096, denoise=False)
     assert np.abs(baked.w[truth.vertices] - truth.w[0]).max() < 0.02
 
 
 def test_hidden_ones_are_filled(noisy):
     outer = icosphere(3)
     mesh = Mesh(*join([(noisy[0] * 0.2, noisy[1]), (outer[0], outer[1])]))
-    plain, marked = (ao.bake(mesh, samples=16, hidden=policy) for policy in ("ignore", "mark"))
+    plain, marked = (ao.bake(mesh, samples=16, interior=policy) for policy in ("ignore", "mark"))
     np.testing.assert_array_equal(plain.w, marked.w)
     both = (marked.flags & TORN != 0) & (marked.flags & ao.Flag.HIDDEN != 0)
     assert both.any()

@@ -68,7 +68,7 @@ def bake(rims, size, seed, **options):
     vertices = np.concatenate([v + at for (v, _), at in zip(meshes, places, strict=True)])
     faces = np.concatenate([f + start for (_, f), start in zip(meshes, starts, strict=False)])
     mesh = Mesh(pose.apply(vertices), faces)
-    baked = ao.bake(mesh, ao.Binary(max_distance=APART / 2), reconstruct=False, hidden="ignore", seed=seed, **options)
+    baked = ao.bake(mesh, ao.Binary(max_distance=APART / 2), denoise=False, interior="ignore", seed=seed, **options)
     assert not (baked.flags[starts[:-1]] & (ao.Flag.FOLDED | ao.Flag.OPPOSED)).any()
     exact = [sky(rim) for rim in rims]
     return baked.w[starts[:-1]], baked.error[starts[:-1]], np.array(exact)

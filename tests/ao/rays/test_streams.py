@@ -40,7 +40,7 @@ def walk_alone(monkeypatch):
 
 def compare(mesh, falloff, samples=300, **options):
     """What part of the rays differ between the two ways: the sum of |Δw|; both are of unbiased estimates."""
-    options = {"reconstruct": False, "hidden": "ignore"} | options
+    options = {"denoise": False, "interior": "ignore"} | options
     packets, streams = (ao.bake(mesh, falloff, samples, traversal=by, **options) for by in ("embree", "auto"))
     assert np.array_equal(packets.flags, streams.flags)
     assert packets.rays == streams.rays
@@ -86,7 +86,7 @@ def test_nor_at_any_size_and_place(scale, shift):
 
 
 def test_a_convex_body_is_open():
-    assert (ao.bake(Mesh(*icosphere(3)), ao.Binary(), 256, reconstruct=False).w == 1).all()
+    assert (ao.bake(Mesh(*icosphere(3)), ao.Binary(), 256, denoise=False).w == 1).all()
 
 
 def cone(count):
@@ -98,7 +98,7 @@ def cone(count):
 
 
 def test_the_apex_of_thousands_of_slivers_is_open():
-    assert (ao.bake(cone(5000), ao.Binary(), 512, reconstruct=False).w == 1).all()
+    assert (ao.bake(cone(5000), ao.Binary(), 512, denoise=False).w == 1).all()
 
 
 def crossing_planes():

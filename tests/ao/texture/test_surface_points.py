@@ -79,7 +79,7 @@ def test_errors_of_one_point_and_of_several_are_of_a_size(monkeypatch, falloff):
         return (coverage.centre_face >= 0) & (coverage.texels % 2 == 0)
 
     monkeypatch.setattr(ao.texture.texels, "centres_suffice", every_second)
-    texture = ao.bake_texture(mesh, uv, size, falloff, samples=64, reconstruct=False, close_seams=False)
+    texture = ao.bake_texture(mesh, uv, size, falloff, samples=64, denoise=False, close_seams=False)
     inside = slice(size // 4, 3 * size // 4)
     variance = texture.error[inside, inside].astype(float) ** 2
     assert texture.covered[inside, inside].all()
@@ -88,7 +88,7 @@ def test_errors_of_one_point_and_of_several_are_of_a_size(monkeypatch, falloff):
 
 def test_one_point_is_as_near_to_the_truth_as_several(monkeypatch):
     mesh, uv, _ = inward_cube(16)
-    options = {"size": 64, "falloff": ao.Exponential(tau=2.0), "reconstruct": False, "close_seams": False}
+    options = {"size": 64, "falloff": ao.Exponential(tau=2.0), "denoise": False, "close_seams": False}
     fine = ao.bake_texture(mesh, uv, **options | {"size": 256}, samples=256)
     true = fine.w.reshape(64, 4, 64, 4).mean(axis=(1, 3))
     whole = fine.covered.reshape(64, 4, 64, 4).all(axis=(1, 3))

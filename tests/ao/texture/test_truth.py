@@ -24,13 +24,13 @@ def mean_over(value, low, high):
     return total
 
 
-@pytest.mark.parametrize("reconstruct", [True, False])
-def test_a_floor_beside_a_wall(reconstruct):
+@pytest.mark.parametrize("denoise", [True, False])
+def test_a_floor_beside_a_wall(denoise):
     tau, width = 1.0, 4.0
     floor = rectangle((0, -2, 0), (width, 0, 0), (0, width, 0)), square(0, 0, 1, 0.75)
     wall = rectangle((0, 60, 0), (0, -120, 0), (0, 0, 60)), square(0.1, 0.8, 0.9, 0.95)
     mesh, uv = quads(floor, wall)
-    texture = ao.bake_texture(mesh, uv, 32, ao.Exponential(tau=tau), samples=1024, reconstruct=reconstruct)
+    texture = ao.bake_texture(mesh, uv, 32, ao.Exponential(tau=tau), samples=1024, denoise=denoise)
     exact = [mean_over(lambda x, _: closed_forms.wall(x, tau=tau), (k / 8, 0), ((k + 1) / 8, 1)) for k in range(32)]
     found = texture.w[9:]  # the texels of the floor alone
     assert texture.covered[9:].all()
@@ -107,7 +107,7 @@ def test_to_a_tolerance_the_error_is_met():
     mesh, uv, _ = inward_cube(16)
     falloff, tolerance = ao.Exponential(tau=2.0), 0.01
     texture = ao.bake_texture(mesh, uv, 64, falloff, tolerance=tolerance, close_seams=False)
-    reference = ao.bake_texture(mesh, uv, 64, falloff, samples=8192, seed=9, reconstruct=False, close_seams=False)
+    reference = ao.bake_texture(mesh, uv, 64, falloff, samples=8192, seed=9, denoise=False, close_seams=False)
     off = (texture.w - reference.w)[texture.covered]
     assert texture.rmse < 1.05 * tolerance
     assert np.sqrt(np.mean(off**2)) < 1.2 * tolerance
@@ -123,12 +123,12 @@ def test_the_estimated_error_is_the_true_one_where_texels_show_several_charts():
     assert true / 1.5 < texture.rmse < 1.5 * true
 
 
-@pytest.mark.parametrize("reconstruct", [True, False])
-def test_the_estimated_error_is_the_true_one(reconstruct):
+@pytest.mark.parametrize("denoise", [True, False])
+def test_the_estimated_error_is_the_true_one(denoise):
     mesh, uv, _ = inward_cube(16)
     falloff = ao.Exponential(tau=2.0)
-    texture = ao.bake_texture(mesh, uv, 64, falloff, samples=64, reconstruct=reconstruct, close_seams=False)
-    reference = ao.bake_texture(mesh, uv, 64, falloff, samples=8192, seed=9, reconstruct=False, close_seams=False)
+    texture = ao.bake_texture(mesh, uv, 64, falloff, samples=64, denoise=denoise, close_seams=False)
+    reference = ao.bake_texture(mesh, uv, 64, falloff, samples=8192, seed=9, denoise=False, close_seams=False)
     true = np.sqrt(np.mean((texture.w - reference.w)[texture.covered] ** 2))
     assert true / 1.5 < texture.rmse < 1.5 * true
 

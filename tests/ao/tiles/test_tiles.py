@@ -34,7 +34,7 @@ PARTS = {
     "oddities": with_oddities(hills(20)),
 }
 FALLOFFS = {"binary": ao.Binary("10%"), "exponential": ao.Exponential(tau=2.0, max_distance="30%")}
-FIXED = {"reconstruct": False, "hidden": "ignore"}
+FIXED = {"denoise": False, "interior": "ignore"}
 
 
 @pytest.mark.parametrize("falloff", FALLOFFS)

@@ -136,7 +136,7 @@ def test_vertices_that_no_pixel_sees_need_no_obscurance(still, shading):
     mesh = still.flattened()
     seen = seen_vertices(still, CAMERA, settings)
     assert 0.2 < seen.mean() < 0.8
-    whole, part = (ao.bake(mesh, samples=16, only=only, reconstruct=False).w for only in (None, seen))
+    whole, part = (ao.bake(mesh, samples=16, only=only, denoise=False).w for only in (None, seen))
     a, b = (render(still.with_obscurance(w), CAMERA, settings).layers for w in (whole, part))
     for name, layer in a.items():
         np.testing.assert_array_equal(b[name], layer)

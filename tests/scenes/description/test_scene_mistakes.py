@@ -158,13 +158,14 @@ MISTAKES = {
     "render.normals: expected one of file, angle, area, equal, got own": '[render]\nnormals = "own"\n' + PLAIN,
     "render.crop: expected a part of 960×640 pixels": "[render]\ncrop = [0, 0, 961, 1]\n" + PLAIN,
     "render.obscurance: expected one of width": '[render]\nobscurance = "off"\n' + PLAIN,
-    'obscurance.form: expected one of off, ambient, book, got "on"': '[obscurance]\nform = "on"\n' + PLAIN,
+    'obscurance.form: expected one of off, ambient, ambient and diffuse, got "on"': '[obscurance]\nform = "on"\n'
+    + PLAIN,
     "obscurance.falloff: expected one of exponential, binary, linear, smooth, table:FILE, got cubic": (
         '[obscurance]\nfalloff = "cubic"\n' + PLAIN
     ),
     "obscurance.max_distance: expected a finite length": '[obscurance]\nfalloff = "linear"\n' + PLAIN,
     "obscurance.falloff: expected a path in the scene's folder": '[obscurance]\nfalloff = "table:../t.csv"\n' + PLAIN,
-    "obscurance.tau: expected falloff exponential with it, got binary": (
+    "obscurance.tau: expected falloff exponential with it, got another": (
         '[obscurance]\nfalloff = "binary"\ntau = 1\n' + PLAIN
     ),
     "obscurance.tau: expected either tau or half_distance, got both": (

@@ -16,7 +16,7 @@ LEAF = leaf_codes()
 
 
 def w_of_floor(path, **options):
-    return ao.bake(load(path, **options).mesh, "binary", 4096, reconstruct=False).w[: len(FLOOR)]
+    return ao.bake(load(path, **options).mesh, "binary", 4096, denoise=False).w[: len(FLOOR)]
 
 
 def glb(folder, *arguments, **options):

@@ -261,12 +261,12 @@ def test_references_to_nothing_are_left_alone(tmp_path):
 @pytest.mark.parametrize(
     ("target", "options", "expected"),
     [
-        ("m.ply", {"occlusion": "ramp"}, "occlusion: expected a .glb output with ramp, got m.ply"),
-        ("m.npy", {"replace_occlusion": True}, "replace_occlusion: expected an occlusion texture to write, got none"),
-        ("m.glb", {"occlusion": "none", "replace_occlusion": True}, "replace_occlusion: expected"),
-        ("m.glb", {"occlusion": "ramp", "colors": True}, "occlusion: expected ramp or --colors"),
+        ("m.ply", {"occlusion": "ramp"}, "occlusion='ramp' needs a .glb output"),
+        ("m.npy", {"replace_occlusion": True}, "replace_occlusion needs an occlusion texture to write"),
+        ("m.glb", {"occlusion": "none", "replace_occlusion": True}, "replace_occlusion needs"),
+        ("m.glb", {"occlusion": "ramp", "colors": True}, "colors does not go with occlusion='ramp'"),
         ("m.glb", {"occlusion": "pramp"}, "occlusion: expected one of none, ramp, got pramp"),
-        ("m.npz", {"colors": True}, "colors: expected a .glb or .ply output with it, got m.npz"),
+        ("m.npz", {"colors": True}, "colors needs a .glb or .ply output"),
     ],
 )
 def test_options_that_exclude_each_other(tmp_path, monkeypatch, target, options, expected):

@@ -25,7 +25,7 @@ FLOOR_AND_WALL = """v -1 -1 0\nv 1 -1 0\nv 1 1 0\nv -1 1 0\nv -1 1 1\nv 1 1 1
 vt .05 .05\nvt .95 .05\nvt .95 .45\nvt .05 .45\nvt 1.05 .55\nvt 1.95 .55\nvt 1.95 .95\nvt 1.05 .95
 f 1/1 2/2 3/3 4/4\nf 4/5 3/6 6/7 5/8\n"""
 LINES = {
-    "vertex": "bake hills.obj -o w.npz --samples 16 --no-reconstruct --seed 7",
+    "vertex": "bake hills.obj -o w.npz --samples 16 --no-denoise --seed 7",
     "tolerance": "bake hills.obj -o w.npy --tolerance 0.0001 --samples 32 --max-distance 40%",
     "surface": "bake hills.obj -o w.ply --method surface --samples 16 --quiet",
     "render": "render hills.obj -o p.exr --width 48 --height 32 --no-shadows",

@@ -6,7 +6,9 @@ from pathlib import Path
 import pytest
 
 from ao import Flag
-from scenes.show.report.inputs import command_line, hashed
+from scenes.commands.render_file import RENDER
+from scenes.jobs.options import BAKE, command_line
+from scenes.show.report.inputs import hashed
 from scenes.show.report.verdict import remedy, verdict
 
 WARNINGS = [
@@ -29,7 +31,7 @@ WARNINGS = [
 ]
 PARTS = (
     ("raytrace/mesh/precision.py", "too coarse for the faces there"),
-    ("ao/baking.py", "is not met, the estimated RMSE"),
+    ("ao/estimate/tolerance.py", "is not met, the estimated RMSE"),
     ("scenes/formats/losses.py", "not kept from"),
     ("scenes/formats/losses.py", "keeps the colours of"),
     ("scenes/formats/glb/ramp.py", "keeps the occlusion textures of"),
@@ -112,13 +114,15 @@ def test_pages_of_a_texture_are_judged_each():
 
 
 def test_standard_streams_are_so_in_the_command_and_have_a_hash():
-    line = command_line("bake", "mesh", {"mesh": "<stdin>.ply", "output": "<stdout>.npy", "seed": 3})
+    line = command_line("bake", BAKE, {"mesh": "<stdin>.ply", "output": "<stdout>.npy", "seed": 3})
     assert line == "obscurance bake - --input-format ply --output - --format npy --seed 3"
     (found,) = hashed([Path("<stdin>.ply")], {Path("<stdin>.ply"): b"ply"})
     assert (found["bytes"], found["sha256"]) == (3, hashlib.sha256(b"ply").hexdigest())
 
 
 def test_a_command_line_has_the_options_that_differ_from_nothing():
-    options = {"mesh": "a b.ply", "output": "w.npy", "tau": None, "reconstruct": False, "colors": True, "half": False}
-    line = command_line("bake", "mesh", {**options, "threads": 2, "own_occlusion": True, "shadows": False})
-    assert line == "obscurance bake 'a b.ply' --output w.npy --no-reconstruct --colors --no-shadows"
+    options = {"mesh": "a b.ply", "output": "w.npy", "tau": None, "denoise": False, "colors": True, "half": False}
+    line = command_line("bake", BAKE, {**options, "threads": 2})
+    assert line == "obscurance bake 'a b.ply' --output w.npy --no-denoise --colors"
+    options = {"scene": "s.toml", "own_occlusion": True, "shadows": False}
+    assert command_line("render", RENDER, options) == "obscurance render s.toml --no-shadows"

@@ -116,7 +116,7 @@ def test_every_closed_form_has_a_line() -> None:
 
 
 def polygon_errors(samples: int, seed: int) -> np.ndarray:
-    raw = partial(ao.bake, reconstruct=False)
+    raw = partial(ao.bake, denoise=False)
     with one_direction_table():
         return np.concatenate([validation.measure(line, raw, samples, seed) - line.exact for line in POLYGONS])
 

@@ -1,0 +1,217 @@
+"""The table of options: what is in it is in the help, reports, `--options`, parts, batches and what workers are sent;
+and each option changes what a journal belongs to, or is one that changes no ray."""
+
+import subprocess
+import sys
+
+import pytest
+from meshes import hills
+from project import environment
+
+import ao
+from ao.execute.checkpoint import Checkpoint, identity
+from ao.options import Options
+from raytrace import Settings
+from raytrace.errors import ConflictError
+from scenes.jobs.options import BAKE, MERGE, ROWS, check_sort, check_together, defaults
+from scenes.jobs.run import bake_command
+
+ADDED = """
+import contextlib, io, json, pickle, sys
+import scenes.jobs.options as table
+
+row = table.Option("grain", str | None, None, "Grain of the wood.", section="Sampling")
+table.BAKE = (*table.BAKE, row)
+table.ROWS["grain"] = row
+import cli
+from scenes.jobs.run import bake_command
+
+def run(*line):
+    sys.argv = ["obscurance", *line]
+    streams = io.StringIO(), io.StringIO()
+    with contextlib.redirect_stdout(streams[0]), contextlib.redirect_stderr(streams[1]):
+        try:
+            cli.main()
+        except SystemExit as end:
+            return end.code, streams[0].getvalue() + streams[1].getvalue()
+
+found = {"help": run("bake", "--help")[1]}
+few, oak = ("hills.obj", "--samples", "4"), ("--grain", "oak")
+run("bake", *few, *oak, "-o", "w.npy", "--report", "r.json")
+run("bake", "-o", "again.npy", "--options", "r.json", "--report", "s.json")
+found["report"], found["again"] = (json.load(open(name)) for name in ("r.json", "s.json"))
+run("bake", *few, *oak, "-o", "parts", "--part", "1/2")
+run("bake", *few, "-o", "parts", "--part", "2/2")
+found["merge"] = run("merge", "parts", "-o", "merged.npy")
+run("bake", *few, *oak, "--output-dir", "out")
+found["resume"] = run("bake", *few, "--output-dir", "out", "--resume")[1]
+from pathlib import Path
+bake = bake_command({"mesh": Path("hills.obj"), "output": Path("w.npy"), "grain": "oak"})
+found["sent"] = pickle.loads(pickle.dumps(bake)).grain
+print(json.dumps(found))
+"""
+
+
+def test_an_option_that_is_added_to_the_table_is_found_everywhere(tmp_path):
+    import json
+
+    (tmp_path / "hills.obj").write_text(obj())
+    command = [sys.executable, "-c", ADDED]
+    done = subprocess.run(
+        command, cwd=tmp_path, capture_output=True, text=True, timeout=300, check=False, env=environment()
+    )
+    assert done.returncode == 0, done.stderr
+    found = json.loads(done.stdout.splitlines()[-1])
+    section = found["help"].partition("Sampling:")[2].partition("\n\n")[0]
+    assert "--grain <str>" in section
+    assert "Grain of the wood." in section
+    for report in (found["report"], found["again"]):
+        assert report["options"]["grain"] == "oak"
+        assert " --grain oak" in report["command"]
+    status, said = found["merge"]
+    assert status == 2
+    assert ".part: grain: expected" in said
+    assert "of other options or another version; starting from the beginning" in found["resume"]
+    assert found["sent"] == "oak"
+
+
+def obj(height=0.0):
+    """Hills twice, one above the other and of glass, with the same texture coordinates."""
+    vertices, faces = hills(5)
+    lines = ["mtllib glass.mtl"]
+    for lift in (0.0, 1.0 + height):
+        lines += [f"v {x} {y} {z + lift}" for x, y, z in vertices]
+    low, high = vertices.min(axis=0), vertices.max(axis=0)
+    lines += [f"vt {u} {v}" for u, v, _ in (vertices - low) / (high - low)]
+    for first, material in ((1, "stone"), (1 + len(vertices), "glass")):
+        lines.append(f"usemtl {material}")
+        lines += ["f " + " ".join(f"{first + v}/{1 + v}" for v in face) for face in faces]
+    return "\n".join(lines) + "\n"
+
+
+class Begun(Exception):
+    """A bake that has said what it belongs to."""
+
+
+class Identity(Checkpoint):
+    """A checkpoint that says what a journal would belong to, before anything is traced."""
+
+    def begin(self, placement, receivers, *settings):
+        raise Begun(identity(placement, receivers, settings))
+
+
+@pytest.fixture
+def folder(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "hills.obj").write_text(obj())
+    (tmp_path / "other.obj").write_text(obj(0.5))
+    (tmp_path / "glass.mtl").write_text("newmtl stone\nnewmtl glass\nd 0.5\n")
+    return tmp_path
+
+
+def identity_of(folder, **options):
+    """What a journal of the bake with these options belongs to."""
+    given = {"mesh": folder / "hills.obj", "output": folder / "w.npy", "quiet": True} | options
+    bake = bake_command(given).replaced(open_checkpoint=lambda _: Identity(folder / "journal"))
+    with pytest.raises(Begun) as begun:
+        bake.run()
+    return begun.value.args[0]
+
+
+TEXTURE = {"size": "16", "overlap": "mean"}
+CHANGED = {
+    "samples": 9, "tolerance": 0.1, "falloff": "binary", "tau": 3.0, "half_distance": "20%", "max_distance": "70%",
+    "normals": "area", "interior": "ignore", "alpha": "ignore", "method": "surface", "denoise": False,
+    "traversal": "embree", "seed": 1, "size": "32", "overlap": "first", "cage": "3%",
+    "quiet": False, "threads": 1, "replace_occlusion": True, "error_map": "e.png", "half": True, "debug_image": "d.png",
+    "bent_space": "tangent", "resume": True, "progress": "json", "output_dir": "out", "format": "ply",
+    "input_format": "ply", "part": "1/1", "cluster": "local", "shared": ".", "options": "r.json", "dry_run": True,
+}  # fmt: skip
+"""Of each option another value than that of the bakes below."""
+PATHS = {
+    "mesh": "other.obj", "high": "other.obj", "mesh_output": "m.glb", "bent_normals": "b.exr", "report": "r.json",
+    "output": "v.npy",
+}  # fmt: skip
+TOGETHER = {
+    "texel_size": ({"size": None}, {"size": None, "texel_size": "5%"}),
+    "uv": ({"mesh_output": "m.glb", "size": "64"}, {"mesh_output": "m.glb", "size": "64", "uv": "unwrap"}),
+    "cage": ({"high": "other.obj"}, {"high": "other.obj", "cage": "9%"}),
+    "colors": ({"output": "w.ply"}, {"output": "w.ply", "colors": True}),
+    "up": ({"output": "w.ply"}, {"output": "w.ply", "up": "z"}),
+    "occlusion": ({"output": "w.glb"}, {"output": "w.glb", "occlusion": "ramp"}),
+    "replace_occlusion": ({"output": "w.glb"}, {"output": "w.glb", "replace_occlusion": True}),
+    "orm": ({"output": "w.png", "mesh_output": "m.glb"}, {"output": "w.png", "mesh_output": "m.glb"}),
+    "bent_space": ({"bent_normals": "b.exr"}, {"bent_normals": "b.exr", "bent_space": "tangent"}),
+    "half": ({"output": "w.exr"}, {"output": "w.exr", "half": True}),
+}
+"""Of options that need others, the options of two bakes; `orm` needs a glTF file, and writes what has been traced."""
+APART = {"tiles"}
+"""Options of bakes that keep no journal."""
+
+
+@pytest.mark.parametrize("row", [row for row in BAKE if row.name not in APART], ids=lambda row: row.name)
+def test_every_option_changes_what_a_journal_belongs_to_or_is_one_that_changes_no_ray(folder, row):
+    if row.name == "uv":
+        pytest.importorskip("uvunwrap")
+    value = CHANGED.get(row.name) or PATHS.get(row.name, CHANGED.get(row.name))
+    one, other = TOGETHER.get(row.name, ({}, {row.name: value}))
+    assert other != {row.name: None}, "a new option needs another value here"
+    paths = {row.name for row in BAKE if "Path" in str(row.kind)}
+    if "vertices" not in row.on.split():
+        one, other = ({"output": "w.png"} | TEXTURE | options for options in (one, other))
+    one, other = (
+        {name: folder / value if name in paths and value else value for name, value in options.items()}
+        for options in (one, other)
+    )
+    same = identity_of(folder, **one) == identity_of(folder, **other)
+    assert same != row.rays
+
+
+@pytest.mark.parametrize("name", [name for name in vars(Options()) if name not in ("threads", "falloff", "only")])
+def test_every_option_of_a_bake_in_python_is_part_of_what_a_journal_belongs_to(name):
+    other = {"method": "surface", "samples": 9, "seed": 1, "normals": "area", "tolerance": 0.1, "denoise": False,
+             "interior": "fill", "traversal": "embree"}[name]  # fmt: skip
+    assert Options(**{name: other}).identity != Options().identity
+
+
+def test_rays_by_default_are_the_rays_that_are_given():
+    assert Options(samples=256).identity == Options().identity
+    assert Options(threads=1).identity == Options().identity
+
+
+def test_the_three_forms_of_conflicts():
+    plain = defaults()
+    for options, said in [
+        ({"cage": "2%"}, "cage needs high"),
+        ({"size": "64", "texel_size": "1%"}, "texel_size and size exclude each other"),
+        ({"tiles": "1x1x1"}, "tiles needs denoise=False"),
+    ]:
+        with pytest.raises(ConflictError, match=f"options: {said}$"):
+            check_together(plain | options, BAKE)
+    for sort, said in {"tiles": "and tiles exclude each other", "texture": "does not go with a texture"}.items():
+        with pytest.raises(ConflictError, match=f"options: colors {said}$"):
+            check_sort(plain | {"colors": True}, sort)
+    with pytest.raises(ConflictError, match=r"^options: denoise=False does not go with tolerance$") as fault:
+        Options(tolerance=0.1, denoise=False)
+    assert (fault.value.first, fault.value.relation) == (("denoise", False), "does not go with")
+
+
+def test_relations_name_options_of_the_table():
+    for row in (*BAKE, *MERGE):
+        for name in (*row.needs, *row.excludes):
+            assert name in ROWS, f"{row.name} needs or excludes {name}"
+        assert set(row.on.split()) <= {"vertices", "texture", "tiles", "part", "merge", "batch"}
+
+
+def test_earlier_names_of_options_are_understood_in_python():
+    vertices, faces = hills(4)
+    new = ao.bake((vertices, faces), samples=4, denoise=False, interior="mark")
+    old = ao.bake((vertices, faces), samples=4, reconstruct=False, hidden="mark")
+    assert old.w.tobytes() == new.w.tobytes()
+    assert old.w.tobytes() != ao.bake((vertices, faces), samples=4).w.tobytes()
+    with pytest.raises(TypeError):
+        ao.bake((vertices, faces), smooth=False)
+
+
+def test_the_earlier_name_of_a_form_of_obscurance_is_understood():
+    assert Settings(obscurance="book") == Settings(obscurance="ambient and diffuse")
