@@ -71,13 +71,13 @@ class Batch:
         return 1 if manifest.count("failed") else 0
 
     def check(self, keep: bool = True) -> ao.Falloff:
-        """The falloff, if the options go together and the outputs can be written; makes the folder of these.
+        """The falloff, if the options go together and the outputs can be written; makes the folders of these.
 
-        Args: keep: whether a folder that is made stays.
+        Args: keep: whether folders that are made stay.
 
         Raises: OptionError, OutputError.
         """
-        with made(self.folder, keep):
+        with made((self.folder, *(bake.output.parent for bake in self.bakes)), keep):
             falloff = self.bakes[0].check()
             inputs = [path for bake in self.bakes for path in bake.inputs()]
             check_batch(inputs, [bake.output for bake in self.bakes], self.manifest)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import glob
 import os
 from collections.abc import Iterable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from raytrace.errors import OptionError
@@ -50,38 +50,49 @@ def _pattern_in(folder: Path) -> str | None:
 def outputs_in(folder: Path, inputs: Sequence[Path], ending: str) -> list[Path]:
     """An output for each input: its name, with another ending, in `folder`.
 
+    Where names are equal the outputs lie below `folder` as the inputs do below the folder that holds them all.
+
     Raises: OptionError: two inputs would have one output.
     """
-    outputs: dict[str, tuple[Path, Path]] = {}
-    for path in inputs:
-        output = folder / f"{path.stem}.{ending}"
-        other = outputs.setdefault(os.path.normcase(output), (output, path))[1]
+    names = [Path(f"{path.stem}.{ending}") for path in inputs]
+    if len({os.path.normcase(name) for name in names}) < len(names):
+        folders = [os.path.abspath(path.parent) for path in inputs]
+        with suppress(ValueError):  # they are on several drives
+            top = os.path.commonpath(folders)
+            names = [Path(os.path.relpath(each, top), name) for each, name in zip(folders, names, strict=True)]
+    first: dict[str, Path] = {}
+    for path, name in zip(inputs, names, strict=True):
+        other = first.setdefault(os.path.normcase(name), path)
         if other is not path:
-            raise OptionError("output_dir", "inputs of different names", f"{other} and {path}, both for {output}")
-    return [output for output, _ in outputs.values()]
+            expected = "inputs of different names in each folder"
+            raise OptionError("output_dir", expected, f"{other} and {path}, both for {folder / name}")
+    return [folder / name for name in names]
 
 
 @contextmanager
-def made(folder: Path, keep: bool = True) -> Iterator[None]:
-    """Make a folder for outputs, unless it is there; if the checks in the block fail, it goes again.
+def made(folders: Iterable[Path], keep: bool = True) -> Iterator[None]:
+    """Make folders for outputs, unless they are there; if that or the checks in the block fail, they go again.
 
-    Args: keep: whether it stays otherwise.
+    Args: keep: whether they stay otherwise.
 
-    Raises: OutputError: it cannot be made.
+    Raises: OutputError: one cannot be made.
     """
-    new = [each for each in (folder, *folder.parents) if not os.path.exists(each)]
-    make_folder(folder)
+    several = dict.fromkeys(folders)
+    new = {each for folder in several for each in (folder, *folder.parents) if not os.path.exists(each)}
     passed = False
     try:
+        for folder in several:
+            make_folder(folder)
         yield
         passed = True
     finally:
         if not (passed and keep):
-            for each in new:
-                each.rmdir()
+            for each in sorted(new, reverse=True):  # the deepest first
+                with suppress(OSError):
+                    each.rmdir()
 
 
 def check_batch(inputs: Iterable[Path], outputs: Iterable[Path], manifest: Path) -> None:
     """Raises: OptionError, OutputError: an output of a batch, or its manifest, cannot be written, or is an input."""
-    written: dict[str, Path | None] = {f"output {path.name}": path for path in outputs}
+    written: dict[str, Path | None] = {f"output {path}": path for path in outputs}
     check_outputs({**written, "manifest": manifest}, inputs)

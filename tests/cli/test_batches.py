@@ -67,6 +67,41 @@ def test_a_bad_file_has_its_line_and_the_others_are_baked(folder):
     assert len(found["inputs"][0]["sha256"]) == 64
 
 
+def test_equal_names_have_outputs_in_folders_like_those_of_the_inputs(folder):
+    for name in ("a", "b/deep"):
+        (folder / "set" / name).mkdir(parents=True)
+        (folder / "set" / name / "x.obj").write_bytes((folder / f"hill{len(name)}.obj").read_bytes())
+    done = obscurance(
+        "bake", "set/**/x.obj", "set/a/../../hill2.obj", "--output-dir", "out", "--format", "npy", *SAMPLES
+    )
+    assert done.returncode == 0, done.stderr
+    outputs = [each["output"] for each in manifest(folder)["inputs"]]
+    assert outputs == ["out/set/a/x.npy", "out/set/b/deep/x.npy", "out/hill2.npy"]
+    for output, number in zip(outputs, (1, 6, 2), strict=True):
+        assert obscurance("bake", f"hill{number}.obj", "-o", "single.npy", *SAMPLES).returncode == 0
+        assert (folder / output).read_bytes() == (folder / "single.npy").read_bytes()
+    again = obscurance(
+        "bake", "set/**/x.obj", "hill2.obj", "--output-dir", "out", "--format", "npy", "--resume", *SAMPLES
+    )
+    assert "3 of 3 meshes baked" in again.stdout
+
+
+def test_a_dry_run_leaves_no_folders_behind(folder):
+    for name in ("a", "b"):
+        (folder / name).mkdir()
+        (folder / name / "x.obj").write_bytes((folder / "hill0.obj").read_bytes())
+    done = obscurance("bake", "a/x.obj", "b/x.obj", "--output-dir", "out", "--dry-run")
+    assert "out/b/x.ply" in done.stdout
+    assert not (folder / "out").exists()
+    (folder / "a" / "x.stl").write_bytes(b"")
+    line = obscurance("bake", "a/x.obj", "a/x.stl", "b/x.obj", "--output-dir", "out")
+    refused(line, "different names in each folder, got a/x.obj and a/x.stl, both for out/a/x.ply")
+    (folder / "file").write_text("")
+    line = obscurance("bake", "a/x.obj", "b/x.obj", "--output-dir", "new/../file/out")
+    assert line.returncode == 2
+    assert not (folder / "new").exists()
+
+
 def test_a_resumed_batch_bakes_what_is_missing_changed_or_failed(folder):
     command = ("bake", "hill*.obj", "noise.obj", "--output-dir", "out", *SAMPLES)
     assert obscurance(*command).returncode == 1

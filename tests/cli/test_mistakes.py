@@ -49,8 +49,8 @@ COMMANDS = [
     ("bake a.ply -o - --resume", "bake: --resume does not go with -o -, standard output"),
     ("bake a.ply --output-dir .", "expected a file that is not read, got a.ply, an input"),
     (
-        "bake a.ply folder/a.obj --output-dir out",
-        "bake --output-dir: expected inputs of different names, got a.ply and f",
+        "bake a.ply a.obj --output-dir out",
+        "bake --output-dir: expected inputs of different names in each folder, got a.ply and a.obj",
     ),
     (
         "bake folder --output-dir out",
