@@ -22,7 +22,7 @@ from scenes.commands.usage import mistake_in_words, option_in_words
 from scenes.jobs import options as choices
 from scenes.jobs.console import columns, note, output_failed, readable_output, reopen_streams
 from scenes.jobs.options import BAKE, MERGE, ROWS
-from scenes.jobs.parameters import EXAMPLES, TableCommand, parameter, parameters
+from scenes.jobs.parameters import EXAMPLES, TableCommand, name_of, parameter, parameters
 
 interrupts.all_imported()
 
@@ -130,7 +130,9 @@ def render(**options: Any) -> None:
 
 @app.command()
 def scenes(
-    name: Annotated[str | None, typer.Argument(metavar="NAME", help="A built-in scene; without, a list.")] = None,
+    name: Annotated[
+        str | None, name_of("scenes.library.catalogue.BUILTIN", "A built-in scene; without, a list.")
+    ] = None,
     output: Annotated[Path | None, typer.Option("--output", "-o", help="Write the scene to this .toml file.")] = None,
 ) -> None:
     """List the built-in scenes, or print or write one as TOML."""
@@ -150,7 +152,8 @@ def scenes(
 @app.command()
 def materials(
     name: Annotated[
-        str | None, typer.Argument(metavar="NAME", help="A preset; with --check also a scene file; without, a list.")
+        str | None,
+        name_of("raytrace.materials.presets.PRESETS", "A preset; with --check also a scene file; without, a list."),
     ] = None,
     check: Annotated[
         bool,

@@ -14,7 +14,7 @@ from raytrace.errors import ConflictError, OptionError
 from raytrace.system.atomic import atomic_write, check_writable
 
 from .formats.channels import Channels
-from .formats.load import MeshFile
+from .formats.load import PIPED, MeshFile
 from .formats.ply.write import ply
 
 if TYPE_CHECKING:
@@ -176,7 +176,7 @@ def _glb(bake: Bake, mesh_file: MeshFile, channels: Channels) -> bytes:
 def _html(bake: Bake, mesh_file: MeshFile, channels: Channels) -> bytes:
     from .show.page.document import html_page
 
-    title = mesh_file.path.name
+    title = "standard input" if mesh_file.path.stem == PIPED else mesh_file.path.name
     return html_page(mesh_file.mesh, bake.w, bake.error, bake.flags, bake.bent_normals, title, channels.up)
 
 

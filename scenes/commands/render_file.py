@@ -27,7 +27,8 @@ RENDER = (
     Option("width", int | None, None, "Image width in pixels; needs --height.", needs={"height": ...}),
     Option("height", int | None, None, "Image height in pixels; needs --width.", needs={"width": ...}),
     Option("samples", int | None, None, "Most camera rays per pixel."),
-    Option("shading", str | None, None, "Interpolation over a face: constant, flat, gouraud, phong or quadratic."),
+    Option("shading", str | None, None, "Interpolation over a face: constant, flat, gouraud, phong or quadratic.",
+           words=("constant", "flat", "gouraud", "phong", "quadratic")),
     replace(ROWS["normals"], kind=Normals | None, default=None),
     Option("obscurance", str | None, None, "What w scales: ambient (ambient light only), "
            "'ambient and diffuse' (light, as in the textbook's equation 12.75), or off (nothing)."),

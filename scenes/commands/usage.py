@@ -90,7 +90,7 @@ def _line(place: str, expected: str, got: object, near: str | None, command: Any
 
 
 def _file_meant(missing: Path) -> str:
-    """The name beside a missing file, or of a built-in scene, that is like its own."""
+    """The name beside a missing file, or of a built-in scene, that is like its own but for the ending."""
     from raytrace.errors import nearest_name, printable
 
     from ..library.catalogue import BUILTIN
@@ -98,10 +98,13 @@ def _file_meant(missing: Path) -> str:
     if missing.name in BUILTIN:
         return f"; obscurance scenes {missing.name} -o {missing.name}.toml writes that built-in scene"
     try:
-        near = nearest_name(missing.name, sorted(os.listdir(missing.parent))[:10_000])
+        found = [missing.with_name(name) for name in sorted(os.listdir(missing.parent))[:10_000]]
     except OSError:
         return ""
-    return printable(f"; did you mean {missing.with_name(near)}?") if near else ""
+    found.sort(key=lambda path: path.suffix.lower() == missing.suffix.lower())
+    by_stem = {path.stem: path for path in found}  # of several with the ending that was given, if one has it
+    near = nearest_name(missing.stem, by_stem)
+    return printable(f"; did you mean {by_stem[near]}?") if near else ""
 
 
 def _command(app: Any, arguments: Sequence[str]) -> Any:

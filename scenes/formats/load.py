@@ -31,6 +31,8 @@ if TYPE_CHECKING:
 _PEAK = {"obj": 9.0, "ply": 7.5, "stl": 6.0, "off": 22.0, "glb": 2.0, "gltf": 2.0, "3mf": 1.0}
 _PEAK_OF_LIBRARIES = 22.0
 _KEPT = 2.5  # besides, where details are kept
+PIPED = "<stdin>"
+"""In place of a file's name without its ending."""
 
 
 @dataclass(frozen=True)
@@ -167,7 +169,7 @@ def read_objects(
         MeshError: as `load`, but for indices and coordinates, which `raytrace.Mesh` checks.
     """
     source = str(path)
-    kind = path.suffix.lower().removeprefix(".")
+    kind, name = path.suffix.lower().removeprefix("."), "mesh" if path.stem == PIPED else path.stem
     with mesh_errors(path):
         if content is None:
             check_regular(path, "a mesh file", MeshError)
@@ -192,19 +194,19 @@ def read_objects(
             elif kind == "obj":
                 from .obj.read import read_obj
 
-                instances = read_obj(file.read(), path.stem, source, path.parent, keep, alpha)
+                instances = read_obj(file.read(), name, source, path.parent, keep, alpha)
             elif kind == "ply":
                 from .ply.read import read_ply
 
-                instances = read_ply(file.read(), path.stem, source, keep)
+                instances = read_ply(file.read(), name, source, keep)
             elif kind == "stl":
                 from .stl import read_stl
 
-                instances = read_stl(file.read(), path.stem, source)
+                instances = read_stl(file.read(), name, source)
             elif kind == "off":
                 from .off import read_off
 
-                instances = read_off(file.read(), path.stem, source)
+                instances = read_off(file.read(), name, source)
             elif kind == "3mf":
                 from .threemf import read_3mf
 

@@ -9,7 +9,7 @@ from pathlib import Path
 from raytrace.errors import MeshError, OptionError
 from raytrace.system.memory import check_memory
 
-from .load import MeshFile, load
+from .load import PIPED, MeshFile, load
 
 STANDARD = Path("-")
 _CHUNK = 1 << 26
@@ -45,7 +45,7 @@ def standard_input(format_: str | None) -> tuple[Path, bytes]:
         raise MeshError(_SOURCE, "content", "a mesh", reason.strerror) from None
     if not content:
         raise MeshError(_SOURCE, "content", "a mesh", "nothing")
-    return Path(f"<stdin>.{format_ or _format_of(content)}"), bytes(content)
+    return Path(f"{PIPED}.{format_ or _format_of(content)}"), bytes(content)
 
 
 def load_mesh(path: Path) -> MeshFile:

@@ -104,7 +104,10 @@ def unprinted_warnings() -> Iterator[None]:
 
 
 def warn(meshes: Iterable[Mesh], others: Iterable[str] = ()) -> list[str]:
-    """Print, once each, warnings about the precision of meshes, and others; return them all."""
+    """Print, once each, warnings about the precision of meshes, and others; return them all.
+
+    What an output cannot hold is printed as a note.
+    """
     from raytrace.errors import LINE, printable
     from raytrace.mesh.precision import precision_warnings
 
@@ -112,7 +115,8 @@ def warn(meshes: Iterable[Mesh], others: Iterable[str] = ()) -> list[str]:
     warnings = list(dict.fromkeys(warning for mesh in each for warning in precision_warnings(mesh)))
     warnings += list(dict.fromkeys(others))
     for warning in () if getattr(_silent, "on", False) else warnings:
-        print(f"warning: {printable(warning, LINE)}", file=sys.stderr)
+        kind = "note" if ": not kept from " in warning else "warning"
+        print(f"{kind}: {printable(warning, LINE)}", file=sys.stderr)
     return warnings
 
 

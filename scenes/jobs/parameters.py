@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
+from importlib import import_module
 from inspect import Parameter, Signature
 from pathlib import Path
 from typing import Annotated, Any, TypeVar
@@ -51,6 +52,16 @@ def parameter(row: Option) -> Any:
     if row.name == "options":
         more |= {"parser": Path, "is_eager": True, "callback": _take_options, "expose_value": False}
     return typer.Option(*row.flags, metavar=row.metavar, help=row.help, **more)
+
+
+def name_of(table: str, help: str) -> Any:
+    """The argument NAME, which a shell completes by a table given as module.TABLE and imported only then."""
+    module, _, name = table.rpartition(".")
+
+    def names(begun: str) -> list[str]:
+        return [each for each in getattr(import_module(module), name) if each.startswith(begun)]
+
+    return typer.Argument(metavar="NAME", help=help, autocompletion=names)
 
 
 class TableCommand(TyperCommand):

@@ -24,6 +24,12 @@ from .tiles import TilesCommand, tiles_command
 from .vertices import BakeCommand
 from .workers import ClusterCommand, Workers
 
+_MEANT = {  # formats that can hold w, in place of some that can't
+    ".ply": (".obj", ".stl", ".off"),
+    ".glb": (".gltf", ".fbx", ".3mf"),
+    ".png": (".jpg", ".jpeg", ".bmp", ".tga"),
+}
+
 
 def run_bake(options: dict[str, Any]) -> int:
     """Run the command. Args: options: as the command line has them. Returns: the exit status.
@@ -74,14 +80,16 @@ def bake_command(options: Mapping[str, Any]) -> MeshBake:
 
     Raises: OptionError: the output's ending is unknown, or an option is not for this sort of output.
     """
-    from raytrace.system.outputs import check_ending
-
     from ..write_bake import ENDINGS
 
     options = {**defaults(), **options}
     output, shown, colors = options["output"], options["occlusion"], options["colors"]
-    check_ending("output", output, *ENDINGS, *IMAGES)
-    glb, image = output.suffix.lower() == ".glb", is_texture(output)
+    ending = output.suffix.lower()
+    if ending not in (*ENDINGS, *IMAGES):
+        meant = next((each for each, endings in _MEANT.items() if ending in endings), None)
+        expected = "a name ending in " + ", ".join((*ENDINGS, *IMAGES))
+        raise OptionError("output", expected, output, nearest=meant and str(output.with_suffix(meant)))
+    glb, image = ending == ".glb", is_texture(output)
     if shown in ("auto", "texture") and not (glb or (image and shown == "texture")):
         raise ConflictError(("occlusion", shown), "needs", "a .glb output")
     if shown == "auto" and colors:

@@ -66,15 +66,20 @@ COMMANDS = [
     ("bake a.ply -o", "bake -o: expected a value, got nothing"),
     (
         "bake a.ply -o w",
-        "bake --output: expected a name ending in .npy or",
-        ".glb or .html or .png or .exr or",
+        "bake --output: expected a name ending in .npy,",
+        ".glb, .html, .png, .exr,",
         "got w;",
     ),
+    ("bake a.ply -o c.obj", "got c.obj; did you mean c.ply?"),
+    ("bake a.ply -o c.JPG", "got c.JPG; did you mean c.png?"),
+    ("bake a.ply -o c.gltf", "got c.gltf; did you mean c.glb?"),
     ("bake a.ply -o w.npy.txt", "got w.npy.txt"),
     ("bake a.ply -o ''", "bake --output", "got ., a folder;"),
     ("bake a.ply -o none/w.npy", "none/w.npy: cannot write: there is no folder"),
-    ("bake b.ply -o w.npy", "b.ply: file: expected an existing file, got none; did you mean a.ply?"),
+    ("bake aa.ply -o w.npy", "aa.ply: file: expected an existing file, got none; did you mean a.ply?"),
     ("bake A.ply -o w.npy", "did you mean a.ply?"),
+    ("bake a.pyl -o w.npy", "did you mean a.ply?"),
+    ("bake pictur.ply -o w.npy", "did you mean picture.png?"),
     ("bake folder -o w.npy", "folder: file: expected a mesh file, got a folder"),
     ("bake cloud.obj -o w.npy", "cloud.obj: faces: expected at least one triangle"),
     ("bake scene.toml -o w.npy", "scene.toml: ending: expected one of obj", "got .toml"),
@@ -172,7 +177,7 @@ COMMANDS = [
         "bench --falloff: expected one of exponential,",
         "smooth, table:FILE, got none",
     ),
-    ("bench b.ply", "did you mean a.ply?"),
+    ("bench aa.ply", "did you mean a.ply?"),
     ("demo x", "demo: expected no more arguments, got x"),
     ("demo -o a.ply", "a.ply: cannot make this folder: it is a file"),
 ]
@@ -318,6 +323,9 @@ def test_a_shell_completes_commands_options_and_choices():
         ("obscurance be", 1, "bench"),
         ("obscurance bake --fal", 2, "--falloff"),
         ("obscurance bake --falloff b", 3, "binary"),
+        ("obscurance render a.ply --shading g", 4, "gouraud"),
+        ("obscurance scenes cor", 2, "cornell"),
+        ("obscurance materials red_p", 2, "red_plastic"),
     ):
         asked = {"_OBSCURANCE_COMPLETE": "complete_bash", "COMP_WORDS": words, "COMP_CWORD": str(count)}
         assert process(env={**os.environ, **asked}).stdout.split() == [expected]
@@ -345,3 +353,11 @@ def test_however_long_a_name_is_messages_are_lines_that_people_read(tmp_path, mo
     done = obscurance(*line.split())
     assert done.returncode == (2 if LONG in line else 0)
     assert max(map(len, (done.stdout + done.stderr).splitlines())) < 1100
+
+
+def test_a_name_that_shares_its_ending_alone_is_not_offered(tmp_path):
+    (tmp_path / "fandisk.glb").write_bytes(b"")
+    (tmp_path / "duck2.glb").write_bytes(b"")
+    assert "did you mean" not in obscurance("bake", tmp_path / "Suzanne.glb", "-o", tmp_path / "w.npy").stderr
+    result = obscurance("bake", tmp_path / "Duck.glb", "-o", tmp_path / "w.npy")
+    assert result.stderr.endswith(f"did you mean {tmp_path / 'duck2.glb'}?\n")

@@ -11,6 +11,7 @@ from mesh_files import glb, obj, off, ply, stl
 from meshes import hills, two_boxes
 
 from raytrace.system import atomic
+from scenes.formats.gltf.container import decode
 from scenes.formats.standard_input import standard_input
 
 VERTICES, FACES = two_boxes()
@@ -33,6 +34,16 @@ def test_a_pipe_gives_the_bytes_of_a_file(tmp_path):
     assert warnings == single.stderr.replace(str(tmp_path / "w.ply"), "<stdout>.ply").splitlines()
     assert [line.split(" w errs ")[0] for line in warnings] == ["warning: <stdout>.ply: between the vertices"]
     assert sorted(path.name for path in tmp_path.iterdir()) == ["hills.obj", "w.ply"]
+
+
+def test_a_pipe_gives_its_object_a_name(tmp_path):
+    command = [*COMMAND, "bake", "-", "-o", "-", "--format", "glb", "--samples", "16"]
+    done = subprocess.run(command, input=obj(*hills(6)), capture_output=True, cwd=tmp_path, check=True)
+    assert decode(done.stdout, tmp_path / "w.glb").header["nodes"][0]["name"] == "mesh"
+    command[command.index("glb")] = "html"
+    done = subprocess.run(command, input=obj(*hills(6)), capture_output=True, cwd=tmp_path, check=True)
+    assert b"<title>standard input " in done.stdout
+    assert b"stdin&gt;" not in done.stdout
 
 
 FORMATS = {
@@ -92,8 +103,6 @@ def test_terminals_are_neither_read_nor_written(tmp_path, monkeypatch):
 def test_options_are_checked_before_a_pipe_is_read(tmp_path, monkeypatch):
     give(monkeypatch, b"junk")
     refused(obscurance("bake", "-", "-o", tmp_path / "w.npy", "--samples", 0), "bake --samples")
-    refused(obscurance("bake", "-", "a.ply", "--output-dir", tmp_path / "out"), "expected files for a batch, got -")
-    refused(
-        obscurance("bake", "a.ply", "-o", "w.npy", "--input-format", "ply"), "--input-format: expected - as the input"
-    )
+    refused(obscurance("bake", "-", "a.ply", "--output-dir", tmp_path / "out"), "--output-dir does not go with -")
+    refused(obscurance("bake", "a.ply", "-o", "w.npy", "--input-format", "ply"), "--input-format needs - as INPUT")
     assert sys.stdin.buffer.tell() == 0

@@ -20,6 +20,7 @@ from .pictures import Picture, heat
 
 Report = Mapping[str, Any]
 _STEPS = 32  # of a legend's colours
+_LISTED = 10  # vertices of a flag
 
 
 def html_report(report: Report, pictures: Sequence[Sequence[Picture]]) -> bytes:
@@ -114,11 +115,14 @@ def _flags(report: Report) -> str:
     if not listed:
         return ""
     rows = {
-        f"{name}: {number(report['flagged'][name])}": ", ".join(map(str, some))
-        + (f", … ({number(report['flagged'][name] - len(some))} more)" if len(some) < report["flagged"][name] else "")
+        f"{name}: {number(report['flagged'][name])}": ", ".join(map(str, some[:_LISTED]))
+        + (", …" if report["flagged"][name] > _LISTED else "")
         for name, some in listed.items()
     }
-    return _section("Flagged vertices", f"<p>Numbers count from 0, in the file's order.</p>{_table(rows)}")
+    return _section(
+        "Flagged vertices",
+        f"<p>The first of each, counted from 0 in the file's order; JSON lists a hundred.</p>{_table(rows)}",
+    )
 
 
 def _repeat(report: Report) -> str:
