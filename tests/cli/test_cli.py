@@ -154,7 +154,7 @@ BAD_OPTIONS = [
     (("--tau", "-1"), ("tau", "above 0")),
     (("--tau", "0"), ("tau", "above 0")),
     (("--tau", "nan"), ("tau", "finite")),
-    (("--tau", "1", "--half-distance", "2"), ("tau", "either")),
+    (("--tau", "1", "--half-distance", "2"), ("--tau and --half-distance exclude each other",)),
     (("--half-distance", "-5%"), ("--half-distance", "above 0")),
     (("--max-distance", "0"), ("--max-distance", "above 0")),
     (("--max-distance", "near"), ("--max-distance", "near")),
