@@ -2,14 +2,17 @@
 
 import os
 import signal
+import sys
 import threading
 
 _USUAL = {signal.SIGINT: signal.default_int_handler, signal.SIGTERM: signal.SIG_DFL}
+_main = sys.modules.get("__mp_main__")  # another one where multiprocessing starts a worker, and runs the command anew
 _taken = [
     number
     for number, usual in _USUAL.items()
     if threading.current_thread() is threading.main_thread()
     and signal.getsignal(number) is usual  # not ignored, as in the background of a script
+    and _main in (None, sys.modules["__main__"])
 ]
 
 

@@ -7,12 +7,10 @@ from collections.abc import Callable
 
 import numpy as np
 
-from raytrace.mesh.placement import Placement
 from raytrace.types import Bools
 
 from ..execute.checkpoint import AFTER, EVERY, Checkpoint
 from ..execute.work import Advance, Tables, Work
-from ..points.receivers import Receivers
 from ..rays.ray_scene import RayScene
 from .session import ClusterSession
 
@@ -29,7 +27,7 @@ class ClusterCheckpoint(Checkpoint):
 
     def __init__(
         self,
-        path: str | os.PathLike[str],
+        path: str | os.PathLike[str] | None,
         session: ClusterSession,
         resume: bool = False,
         tell: Callable[[str], object] = print,
@@ -55,14 +53,3 @@ class ClusterCheckpoint(Checkpoint):
 
     def status(self) -> str:
         return self.session.status()
-
-
-class Unkept(ClusterCheckpoint):
-    """A checkpoint that keeps nothing, for bakes that nobody can resume, such as a picture's."""
-
-    def __init__(self, session: ClusterSession) -> None:
-        super().__init__("", session)
-        self._given_up = True
-
-    def begin(self, placement: Placement, receivers: Receivers, *settings: object) -> None:
-        pass

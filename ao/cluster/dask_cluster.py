@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import asyncio
 import logging
+import math
 import signal
 import threading
 import time
@@ -35,7 +36,8 @@ _LOOK = 0.2  # seconds between looks at who is there
 _PATIENCE = 10.0  # seconds without any worker until a message says so
 _HEARTBEATS = 2.0  # seconds between looks at when workers were heard of
 _SILENCE = 30.0  # seconds without a heartbeat, after which others get a worker's blocks
-_START = 60.0  # seconds that workers on this machine have to start
+_START = 120.0  # seconds without any worker on this machine, after which none is waited for
+_END = 10.0  # seconds that they have to end
 _FAILURES = 3  # of one block, after which it is the block's fault
 _LOSSES = 10  # of workers with the same block, likewise: out of memory, for instance
 
@@ -69,12 +71,10 @@ class DaskCluster:
         self._more = asyncio.Condition()
         self._served: dict[str, asyncio.Task[None]] = {}
         self._refused: dict[str, InputError | ClusterError] = {}
-        self._heard: dict[
-            str, tuple[float, float]
-        ] = {}  # the scheduler's time of the last heartbeat, ours when it came
+        self._heard: dict[str, tuple[float, float]] = {}  # last heartbeats: the scheduler's time, ours when it came
         self._failures: dict[Span, int] = {}
         self._losses: dict[int, int] = {}
-        self._asked = 0.0
+        self._asked, self._late = 0.0, math.inf
         self._thread = threading.Thread(target=self._run, daemon=True)
         self._client: Any = None
         self._thread.start()
@@ -152,11 +152,14 @@ class DaskCluster:
         """
         for reason in list(self._refused.values()):
             raise reason
-        if self.workers and seconds > _START:
-            raise ClusterError(f"{self.address}: its workers have ended and do not start again")
-        if not reported:
+        if self.workers:
+            failed = [nanny.status.name in ("failed", "closed") for nanny in list(self._local.workers.values())]
+            if seconds > _START or (failed and all(failed)):
+                raise ClusterError(f"{self.address}: no worker has started within {seconds:.0f} s")
+        if not reported and seconds > (_SILENCE if self.workers else _PATIENCE):
             self.tell(f"{self.address}: no workers; waiting for some to join")
-        return True
+            reported = True
+        return reported
 
     def _run(self) -> None:
         if hasattr(signal, "pthread_sigmask"):  # workers that this thread starts leave Ctrl-C to who started them
@@ -188,14 +191,18 @@ class DaskCluster:
             if target.startswith("tls://") and not distributed.Security().get_connection_args("client")["ssl_context"]:
                 raise OptionError("cluster", "credentials in Dask's configuration, distributed.comm.tls", "none")
             if self.workers is not None:
-                local = distributed.LocalCluster(n_workers=self.workers, asynchronous=True, **LOCAL)
-                target = await stack.enter_async_context(local)
+                local = distributed.LocalCluster(n_workers=0, asynchronous=True, **LOCAL)
+                target = self._local = await stack.enter_async_context(local)
+                stack.callback(lambda: asyncio.create_task(_kill(local)))  # which ends with the event loop
             client = distributed.Client(target, asynchronous=True, set_as_default=False, timeout=_CONNECT)
             try:
                 self._client = await stack.enter_async_context(client)
             except (OSError, TimeoutError, ValueError) as reason:
                 text = f"nothing that answers ({type(reason).__name__})"
                 raise OptionError("cluster", "local, local:N or the address of a Dask scheduler", text) from None
+            if self.workers:
+                local.scale(self.workers)  # now: both of them, as they are entered, wait for the last worker to start
+                self._late = time.monotonic() + _SILENCE
             if warning := unguarded(self.address):
                 self._messages.put(warning)
             self._connected.set()
@@ -213,7 +220,14 @@ class DaskCluster:
         """Serve workers that have come, and let go of those that have gone."""
         if self._client.status != "running":
             raise ClusterError("its scheduler has gone")
-        present = (await self._client.scheduler.ncores()).keys() - await self._silent()
+        started = (await self._client.scheduler.ncores()).keys()
+        if self.workers and len(started) >= self.workers:
+            self._late = math.inf
+        elif started and time.monotonic() > self._late:
+            self._late = math.inf
+            late = f"{len(started)} of {self.workers} workers have started within {_SILENCE:.0f} s"
+            self._messages.put(f"{self.address}: {late}; going on without the rest")
+        present = started - await self._silent()
         for worker in present - self._served.keys():
             self._served[worker] = asyncio.create_task(self._serve(worker))
         for worker in self._served.keys() - present:
@@ -350,6 +364,17 @@ class DaskCluster:
         self._losses.clear()
         self.dispatch.begin(work, spans)
         self._waking = asyncio.ensure_future(wake())
+
+
+async def _kill(local: Any) -> None:
+    """End workers on this machine that Dask would wait for: those that are starting, and after a while all."""
+    end = time.monotonic() + _END
+    while True:
+        for nanny in list(local._created):
+            worker = nanny.process
+            if worker and worker.process and (worker.status.name == "starting" or time.monotonic() > end):
+                await worker.process.kill()
+        await asyncio.sleep(0.1)
 
 
 class _Failed(Exception):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import weakref
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -96,5 +97,6 @@ class ClusterSession:
 
     def _remove(self) -> None:
         if self._file:
-            Path(self._file.path).unlink(missing_ok=True)
+            with suppress(OSError):  # the shared folder has gone
+                Path(self._file.path).unlink()
         self._file = None

@@ -39,7 +39,7 @@ class Checkpoint:
     ends well, and kept when it does not.
 
     Args:
-        path: the journal, best beside the target. resume: continue what it holds.
+        path: the journal, best beside the target; None keeps nothing. resume: continue what it holds.
         tell: called with a line for the user. after, every: seconds until the first write and between writes.
 
     Attributes:
@@ -55,17 +55,17 @@ class Checkpoint:
 
     def __init__(
         self,
-        path: str | os.PathLike[str],
+        path: str | os.PathLike[str] | None,
         resume: bool = False,
         tell: Callable[[str], object] = warnings.warn,
         after: float = AFTER,
         every: float = EVERY,
     ) -> None:
-        self.path, self.resume, self.tell, self.after, self.every = Path(path), resume, tell, after, every
+        self.path, self.resume, self.tell, self.after, self.every = Path(path or ""), resume, tell, after, every
         self._journal: Journal | None = None
         self._identity = b""
         self._left_over = False
-        self._given_up = False
+        self._given_up = path is None
         self._pending: list[bytes] = []
         self._due = time.monotonic() + after
 
@@ -84,6 +84,8 @@ class Checkpoint:
 
     def begin(self, placement: Placement, receivers: Receivers, *settings: object) -> None:
         """Open what there is to continue. Args: everything that decides rows; `settings` by their repr."""
+        if self._given_up:
+            return
         self._identity = identity(placement, receivers, settings)
         self._due = time.monotonic() + self.after
         try:

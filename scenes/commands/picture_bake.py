@@ -57,9 +57,9 @@ def with_obscurance(
         release(scene)  # the bake does not fit beside the geometry, which is built again for the picture
     checkpoint = None
     if session:
-        from ao.cluster.checkpoint import Unkept
+        from ao.cluster.checkpoint import ClusterCheckpoint
 
-        checkpoint = Unkept(session)
+        checkpoint = ClusterCheckpoint(None, session)
     made = ao.bake(
         mesh,
         options.falloff,

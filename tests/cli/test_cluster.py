@@ -1,8 +1,15 @@
 """`obscurance bake --cluster`: the file of one process, and one line where it cannot be."""
 
+import os
+import shutil
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
 import pytest
 from clusters import small_blocks
-from command import obscurance, refused
+from command import COMMAND, obscurance, process, refused, started
 from mesh_files import ply
 from meshes import hills
 
@@ -78,3 +85,57 @@ def test_a_scheduler_that_does_not_answer_is_told(tmp_path, mesh, monkeypatch):
         expected = f"{command} --cluster: expected local, local:N or the address of a Dask scheduler"
         refused(result, expected, "nothing that answers")
     assert [path.name for path in tmp_path.iterdir()] == ["hills.ply"]
+
+
+@pytest.mark.skipif(os.name == "nt", reason="signals")
+def test_sigterm_to_a_bake_and_its_workers_is_one_line(tmp_path, mesh):
+    pytest.importorskip("distributed", reason="pip install '.[cluster]'")
+    command = [*COMMAND, "bake", mesh, "-o", tmp_path / "w.npz", "--samples", 500_000, "--cluster", "local:2"]
+    with started([*command, "--progress", "json"], stderr=subprocess.PIPE, text=True) as running:
+        while '"done"' not in running.stderr.readline():
+            assert running.poll() is None
+        os.killpg(running.pid, signal.SIGTERM)
+        errors = running.communicate(timeout=60)[1].splitlines()
+    assert running.returncode == 130
+    told = [line for line in errors if not line.startswith("{")]
+    assert told == ["interrupted; no file is half-written"]
+    assert [path.name for path in tmp_path.iterdir()] == ["hills.ply"]
+
+
+@pytest.mark.usefixtures("small_blocks")
+def test_a_shared_folder_that_vanishes_does_not_lose_the_bake(tmp_path, mesh, monkeypatch):
+    pytest.importorskip("distributed", reason="pip install '.[cluster]'")
+    import ao.execute.checkpoint
+
+    shared, added = tmp_path / "shared", ao.execute.checkpoint.Checkpoint.add
+    shared.mkdir()
+
+    def vanish(*arguments):
+        if shared.is_dir():
+            assert list(shared.glob(".w.npz-*.scene"))
+            shutil.rmtree(shared)
+            shared.touch()
+        added(*arguments)
+
+    monkeypatch.setattr("ao.execute.checkpoint.Checkpoint.add", vanish)
+    bake = "bake", mesh, "--samples", "64", "--quiet", "-o"
+    result = obscurance(*bake, tmp_path / "w.npz", "--cluster", "local", "--shared", shared)
+    assert (result.returncode, result.stderr) == (0, "")
+    assert shared.is_file()
+    assert obscurance(*bake, tmp_path / "whole.npz").returncode == 0
+    assert (tmp_path / "w.npz").read_bytes() == (tmp_path / "whole.npz").read_bytes()
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="limits of POSIX")
+@pytest.mark.parametrize("options", [("--cluster", "local"), ("--part", "1/2")])
+def test_a_shared_folder_that_is_full_is_told_in_a_line(tmp_path, mesh, options):
+    pytest.importorskip("distributed", reason="pip install '.[cluster]'")
+    import resource
+
+    def confine():
+        resource.setrlimit(resource.RLIMIT_FSIZE, (4096, 4096))
+
+    target = tmp_path / ("w.npz" if "--cluster" in options else "parts")
+    result = process("bake", mesh, "--samples", "1024", "-o", target, *options, preexec_fn=confine)
+    refused(result, str(tmp_path), "File too large")
+    assert not list(Path(tmp_path).glob("*.scene"))

@@ -187,6 +187,93 @@ def test_a_worker_that_stands_still_is_told_and_its_blocks_are_traced_by_others(
     assert messages == [f"worker {odd} has not been heard of for 2 s; others get its blocks"]
 
 
+STOPS = """
+import os, signal
+from pathlib import Path
+from clusters import holding
+try:
+    Path({stopped!r}).open("x").write(str(os.getpid()))
+except FileExistsError:
+    holding(0, {told!r})()
+else:
+    os.kill(os.getpid(), signal.SIGSTOP)
+"""
+
+
+@pytest.fixture
+def starting(tmp_path, monkeypatch):
+    """A function: let workers of this machine run a script as they start, and wait for them only briefly."""
+    pytest.importorskip("distributed", reason="needs obscurance[cluster]")
+
+    def starting(text):
+        script = tmp_path / "starts.py"
+        script.write_text(text)
+        monkeypatch.setitem(LOCAL, "preload", [*LOCAL["preload"], str(script)])
+        for name, seconds in {"_SILENCE": 3.0, "_START": 4.0, "_PATIENCE": 0.5, "_END": 1.0}.items():
+            monkeypatch.setattr(f"ao.cluster.dask_cluster.{name}", seconds)
+
+    return starting
+
+
+def test_a_worker_that_is_stopped_as_it_starts_is_told_and_others_trace(tmp_path, medium, starting, monkeypatch):
+    stopped, told, messages = tmp_path / "stopped", tmp_path / "told", []
+    starting(STOPS.format(stopped=str(stopped), told=str(told)))
+    monkeypatch.setattr("ao.cluster.dask_cluster._START", 60.0)
+
+    def tell(line):
+        messages.append(line)
+        if "have started" in line:
+            told.touch()
+
+    baked, dispatch = bake_on("local:2", MEDIUM, tmp_path / "w.partial", tell)
+    assert bits(baked) == medium
+    assert len(dispatch.blocks) == 1
+    assert messages[-1] == "local:2: 1 of 2 workers have started within 3 s; going on without the rest"
+    with pytest.raises(ProcessLookupError):
+        os.kill(int(stopped.read_text()), 0)
+
+
+def test_where_all_workers_are_stopped_as_they_start_the_bake_ends(tmp_path, starting):
+    stopped, messages = tmp_path / "stopped", []
+    starting(STOPS.format(stopped=str(stopped), told=""))
+    with pytest.raises(ClusterError, match="local: no worker has started within 4 s"):
+        bake_on("local", MEDIUM, tmp_path / "w.partial", messages.append)
+    assert messages == ["local: no workers; waiting for some to join"]
+    with pytest.raises(ProcessLookupError):
+        os.kill(int(stopped.read_text()), 0)
+
+
+def test_workers_that_cannot_start_end_the_bake_at_once(tmp_path, starting, monkeypatch, capfd):
+    starting("raise RuntimeError('no worker here')")
+    monkeypatch.setattr("ao.cluster.dask_cluster._START", 60.0)
+    monkeypatch.setattr("ao.cluster.dask_cluster._SILENCE", 60.0)
+    with pytest.raises(ClusterError, match="local: no worker has started within "):
+        bake_on("local", MEDIUM, tmp_path / "w.partial")
+    assert capfd.readouterr().err == ""
+
+
+def test_a_worker_that_is_stopped_at_work_does_not_hold_the_end(tmp_path, medium, starting):
+    stopped, messages = tmp_path / "stopped", []
+    starting(f"""
+import os, signal
+from pathlib import Path
+import ao.cluster.worker
+from ao.execute.work import fill
+def stop(*arguments):
+    try:
+        Path({str(stopped)!r}).open("x").write(str(os.getpid()))
+    except FileExistsError:
+        return fill(*arguments)
+    os.kill(os.getpid(), signal.SIGSTOP)
+ao.cluster.worker.fill = stop
+""")
+    baked, _ = bake_on("local:2", MEDIUM, tmp_path / "w.partial", messages.append)
+    assert bits(baked) == medium
+    assert any("has not been heard of for 3 s" in line for line in messages)
+    with pytest.raises(ProcessLookupError):
+        os.kill(int(stopped.read_text()), 0)
+
+
 class Attack:
     """What makes a file where it is unpickled."""
 
@@ -248,8 +335,10 @@ def test_workers_started_here_let_nobody_in_without_their_credentials():
     cluster = DaskCluster("local:1", 1, pytest.fail)
     try:
         cluster.connect()
-        places = listening() - before
-        assert len(places) >= 3  # the scheduler's, the worker's, its nanny's
+        until = time.monotonic() + 60
+        while len(places := listening() - before) < 3:  # the scheduler's, the worker's, its nanny's
+            assert time.monotonic() < until
+            time.sleep(0.1)
         assert {place.ip for place in places} == {"127.0.0.1"}
         answers = asyncio.run(attack(places))
         assert [answer for answer in answers if not isinstance(answer, OSError | TimeoutError)] == []

@@ -1,5 +1,6 @@
 """Bakes in parts: whatever their number and order, merged they are the bake of one process, bit by bit."""
 
+import shutil
 from functools import partial
 
 import numpy as np
@@ -185,3 +186,17 @@ def test_a_tolerance_has_no_parts(tmp_path):
     ):
         ao.bake(HILLS, tolerance=0.1, checkpoint=part)
     assert not list(tmp_path.iterdir())
+
+
+def test_a_part_whose_folder_vanishes_is_told(tmp_path):
+    folder = tmp_path / "parts"
+    folder.mkdir()
+
+    def vanish(done, total):
+        if done < total and part.path.exists():
+            shutil.rmtree(folder)
+
+    part = Part(folder, 1, 2, DESCRIPTION, pytest.fail)
+    part.after = part.every = 0
+    with pytest.raises(OutputError, match=r"part-1-of-2\.part: No such file or directory"), part:
+        ao.bake(Mesh(*hills(100)), samples=256, threads=1, checkpoint=part, progress=vanish)
