@@ -8,6 +8,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from raytrace import Mesh
+from raytrace.mesh.creases import creased_normals
 from raytrace.types import Float64s, Int64s
 
 from .elements import Element
@@ -113,3 +115,14 @@ def split_corners(
     whole, like = np.arange(keep + int(repeated.sum())), np.full(keep + int(repeated.sum()), flat[0])
     whole[slots], like[slots] = vertices, flat[first]
     return whole, slots[inverse].reshape(-1, 3), like
+
+
+def split_creases(mesh: Mesh) -> tuple[Int64s, Int64s, Float64s]:
+    """A mesh with a vertex for each normal that `raytrace.mesh.creases` gives: (k,), (m, 3), (k, 3).
+
+    Returns vertices, the n of the mesh first and those that repeat after them, faces, and normals.
+    """
+    rows, of = creased_normals(mesh)
+    own, places = PerCorner(rows, of.ravel()), np.arange(of.size).reshape(-1, 3)
+    vertices, faces, like = split_corners(mesh.faces.ravel(), places, [own], len(mesh.vertices))
+    return vertices, faces, rows[own.of[like]]

@@ -6,6 +6,7 @@ w weights both, as in (12.75). So what a page draws can be rendered, and a test 
 
 from __future__ import annotations
 
+from dataclasses import replace
 from math import pi
 from typing import Any, Literal
 
@@ -13,6 +14,8 @@ import numpy as np
 
 from raytrace import AmbientLight, Camera, DirectionalLight, Lambert, Mesh, Object, Scene, Settings, Shape
 from raytrace.types import AnyFloats
+
+from ..geometry.detail import split_creases
 
 Scheme = Literal["dark", "light"]
 FIELD_OF_VIEW = 35.0
@@ -57,7 +60,9 @@ def clay_scene(mesh: Mesh, w: AnyFloats, camera: Camera, scheme: Scheme = "dark"
     to_right, upwards, to_viewer = TOWARDS_KEY
     travels = forward * to_viewer - right * to_right - above * upwards
     key = DirectionalLight(direction=travels.tolist(), intensity=(pi * KEY,) * 3)  # Lambert's reflects 1/π of it
-    clay = Object(Shape(mesh, Lambert(albedo=CLAY, two_sided="viewer")), w=np.asarray(w, np.float64))
+    rows, faces, normals = split_creases(mesh)
+    drawn = replace(mesh, vertices=mesh.vertices[rows], faces=faces, normals=normals)
+    clay = Object(Shape(drawn, Lambert(albedo=CLAY, two_sided="viewer")), w=np.asarray(w, np.float64)[rows])
     return Scene((clay,), (key, AmbientLight(intensity=(AMBIENT,) * 3)), BACKGROUND[scheme])
 
 

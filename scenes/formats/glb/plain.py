@@ -13,11 +13,11 @@ import numpy.typing as npt
 
 from raytrace.errors import OptionError
 from raytrace.image.srgb import decode_srgb
-from raytrace.mesh.normals import vertex_normals
+from raytrace.mesh.creases import creased_normals
 from raytrace.mesh.up import up_axis
 from raytrace.types import Float64s, Int64s
 
-from ...geometry.detail import split_corners
+from ...geometry.detail import PerCorner, split_corners
 from ..gltf.nodes import stand
 from ..load import MeshFile
 from .buffer import ELEMENT_ARRAY_BUFFER, FLOAT, UNSIGNED_INT, Packed
@@ -69,6 +69,9 @@ def plain(mesh_file: MeshFile, colors: bool, up: str | None = None) -> tuple[Pac
 
     The only primitive of a part has the part's vertices in their order, then those whose corners differ once more.
     One of several has the vertices that it uses, with their rows in the mesh as `_SOURCE_INDEX`.
+
+    A mesh without normals gets those of `raytrace.mesh.creases`, but for parts that have their vertices alone and would
+    have to repeat some for it: a row of theirs is a vertex of the file.
 
     Where another axis than y is up, all stand below a node that turns it to y.
 
@@ -134,28 +137,32 @@ def groups(mesh_file: MeshFile) -> list[Group]:
 
 def _pieces(mesh_file: MeshFile, found: list[Group]) -> Iterator[_Piece]:
     mesh, detail = mesh_file.mesh, mesh_file.detail
-    several = [values for values in (detail.uv, detail.normals) if values is not None] if detail else []
-    places = detail.triangles.take(np.arange(len(detail.corners))) if detail else None
-    smooth = mesh.normals
-    if detail and detail.uv and smooth is None and detail.normals is None:
-        corners = detail.uv.at_vertices(detail.corners, len(mesh.vertices))
-        if corners is None or len({group.paint for group in found}) > 1:  # seams must not turn into hard edges
-            smooth = vertex_normals(mesh.vertices, mesh.faces)
-    several_groups = Counter(group.part for group in found)
+    corners, smooth = np.arange(mesh.faces.size).reshape(-1, 3), mesh.normals
+    uv = normals = None
+    if detail and (detail.uv or detail.normals):
+        places = detail.triangles.take(np.arange(len(detail.corners))).ravel()
+        uv, normals = (each and PerCorner(each.rows, each.of[places]) for each in (detail.uv, detail.normals))
+    several = [values for values in (uv, normals) if values is not None]
+    computed = None
+    if smooth is None and normals is None:
+        rows, of = creased_normals(mesh)
+        rows[~rows.any(axis=1)] = 0, 0, 1  # of faces without area, which nothing shows
+        computed = PerCorner(rows, of.ravel())
+    alone = Counter(group.part for group in found)
     for group in found:
-        part, is_alone = mesh_file.parts[group.part], several_groups[group.part] == 1
-        faces, rows = mesh.faces[group.faces], dict[int, Float64s]()
-        if several and detail and places is not None:
-            keep = len(mesh.vertices) if is_alone else 0
-            vertices, faces, first = split_corners(detail.corners, places[group.faces], several, keep)
-            rows = {id(values): values.rows[values.of[first]] for values in several}
-        elif is_alone:
-            vertices, faces = np.arange(part.vertices.start, part.vertices.stop), faces - part.vertices.start
-        else:
-            vertices, places_of = np.unique(faces, return_inverse=True)
-            faces = places_of.reshape(-1, 3)
-        normals = rows.get(id(detail and detail.normals), None if smooth is None else smooth[vertices])
-        yield _Piece(vertices, faces, normals, rows.get(id(detail and detail.uv)))
+        start, stop = mesh_file.parts[group.part].vertices.start, mesh_file.parts[group.part].vertices.stop
+        own, keep = mesh.faces.ravel() - start, stop - start if alone[group.part] == 1 else 0
+        vertices, faces, first = split_corners(own, corners[group.faces], several, keep)
+        if computed:
+            split = split_corners(own, corners[group.faces], [*several, computed], keep)
+            normals = computed if len(vertices) != keep or len(split[0]) == keep else None
+            vertices, faces, first = split if normals else (vertices, faces, first)
+        yield _Piece(
+            vertices + start,
+            faces,
+            normals.rows[normals.of[first]] if normals else None if smooth is None else smooth[vertices + start],
+            uv.rows[uv.of[first]] if uv else None,
+        )
 
 
 def _origin(vertices: Float64s) -> Float64s | None:

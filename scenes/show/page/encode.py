@@ -1,8 +1,9 @@
 """A mesh and its bakes as the bytes that a page holds: rounded to a few bits, in an order that compresses well.
 
 Positions are 16-bit steps of the bounding box, w 16-bit, error 8-bit on a scale that is finer near 0, flags 8-bit, unit
-vectors octahedral (Cigolle et al. 2014). Faces are sorted and stored as differences, as are the texels of textures. Of
-numbers of several bytes, all first bytes come first, then all second ones.
+vectors octahedral (Cigolle et al. 2014). Vertices at creases are stored again for each further normal. Faces are sorted
+and stored as differences, as are the texels of textures. Of numbers of several bytes, all first bytes come first, then
+all second ones.
 """
 
 from __future__ import annotations
@@ -20,8 +21,9 @@ from raytrace import Mesh, OptionError
 from raytrace.errors import numbers
 from raytrace.image.texture import Wrap
 from raytrace.mesh.normals import normalize
-from raytrace.renderer.vertex_origins import smooth_normals
 from raytrace.types import AnyFloats, Float64s, Int64s, UInt8s
+
+from ...geometry.detail import split_creases
 
 MOST = 65535
 _PLACES = (1 << 20) - 1  # steps of texture coordinates
@@ -96,11 +98,17 @@ def encoded(mesh: Mesh, bakes: Sequence[Values]) -> tuple[dict[str, Any], bytes]
     low, high = mesh.bounds
     step = (high - low) / MOST
     steps = np.rint(np.divide(mesh.vertices - low, step, out=np.zeros_like(mesh.vertices), where=step > 0))
-    faces = _sorted(mesh.faces)
+    order = _sorted(mesh.faces)
+    faces = mesh.faces.ravel()[order]
+    _, split, normals = split_creases(mesh)
+    drawn = split.ravel()[order.ravel()]
+    again = np.flatnonzero(drawn >= len(mesh.vertices))  # corners whose normal is not the first of their vertex
     columns: dict[str, npt.NDArray[Any]] = {
         "faces": _differences(faces).astype("<u4"),
         "positions": np.minimum(steps, MOST).astype("<u2"),
-        "normals": _octahedral(smooth_normals(mesh), MOST).astype("<u2"),
+        "normals": _octahedral(normals, MOST).astype("<u2"),
+        "again": np.diff(again, prepend=0).astype("<u4"),
+        "further": (drawn[again] - len(mesh.vertices)).astype("<u4"),
     }
     described: list[dict[str, Any]] = []
     shown = np.full((len(bakes), len(faces)), -1)
@@ -124,7 +132,6 @@ def encoded(mesh: Mesh, bakes: Sequence[Values]) -> tuple[dict[str, Any], bytes]
         "faces": len(mesh.faces),
         "low": low.tolist(),
         "step": step.tolist(),
-        "authored": mesh.normals is not None,
         "bakes": described,
         "draws": _runs(shown),
         "differenceShown": _nice(change),
@@ -168,10 +175,10 @@ def _runs(shown: Int64s) -> list[list[int]]:
 
 
 def _sorted(faces: Int64s) -> Int64s:
-    """Faces (m, 3) turned to begin with their least vertex, and sorted."""
+    """The corners (m, 3) of the faces (m, 3), turned to begin with their least vertex, and sorted."""
     least = np.argmin(faces, axis=1)
-    turned = np.take_along_axis(faces, (least[:, None] + np.arange(3)) % 3, axis=1)
-    return turned[np.lexsort(turned.T[::-1])]
+    corners = 3 * np.arange(len(faces))[:, None] + (least[:, None] + np.arange(3)) % 3
+    return corners[np.lexsort(faces.ravel()[corners].T[::-1])]
 
 
 def _differences(faces: Int64s) -> Int64s:

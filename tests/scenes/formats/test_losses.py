@@ -464,18 +464,27 @@ def test_too_many_colours_of_a_3mf_file_are_reported(tmp_path, monkeypatch):
     assert "materials and colours" in lost(tmp_path / "w.ply", file)[0]
 
 
-def test_seams_of_a_mesh_without_normals_are_no_edges_in_a_glb(tmp_path):
-    write_obj(tmp_path, "f 1/1 2/2 3/3 4/4\nf 1/5 5/3 6/1 2/5\n")
-    bake(tmp_path, "m.obj", "out.glb")
-    mesh = load(tmp_path / "out.glb").mesh
-    assert len(mesh.vertices) == 8
-    for repeated, original in ((6, 0), (7, 1)):
-        np.testing.assert_array_equal(mesh.vertices[repeated], mesh.vertices[original])
-        np.testing.assert_allclose(mesh.normals[repeated], mesh.normals[original])
-    np.testing.assert_allclose(mesh.normals[0], np.array([0, 1, 1]) / 2**0.5, atol=1e-6)
-    write_obj(tmp_path, NO_SEAM)
-    bake(tmp_path, "m.obj", "out.glb")
-    assert load(tmp_path / "out.glb").mesh.normals is None
+@pytest.mark.parametrize(("height", "creased"), [(0.25, False), (1, True)])
+def test_a_glb_of_a_mesh_without_normals_has_smooth_ones_but_across_creases(tmp_path, height, creased):
+    """Two squares that meet at an edge with a seam, and that lie in one plane by less than 30°, or do not."""
+    places = [(0, -1, 0), (0, 1, 0), (-1, 1, 0), (-1, -1, 0), (1, -1, -height), (1, 1, -height)]
+    vertices = "".join("v {} {} {}\n".format(*place) for place in places) + "vt 0 0\nvt 1 1\n"
+    for seam in (False, True):
+        faces = "f 1/1 2/1 3/1 4/1\nf 1/2 5/2 6/2 2/2\n" if seam else "f 1 2 3 4\nf 1 5 6 2\n"
+        (tmp_path / "m.obj").write_text(vertices + faces)
+        assert "error" not in bake(tmp_path, "m.obj", "out.glb")
+        header, binary = check_glb((tmp_path / "out.glb").read_bytes())
+        (primitive,) = header["meshes"][0]["primitives"]
+        found = {name: values(header, binary, number) for name, number in primitive["attributes"].items()}
+        rows = [0, 1, 2, 3, 4, 5, *([0, 1] if seam else [])]
+        np.testing.assert_array_equal(found["POSITION"], np.float32(places)[rows])
+        np.testing.assert_array_equal(found["_OBSCURANCE"], found["_OBSCURANCE"][rows])
+        assert ("NORMAL" in found) == (seam or not creased)
+        if "NORMAL" in found:
+            np.testing.assert_allclose(np.linalg.norm(found["NORMAL"], axis=1), 1, atol=1e-6)
+        if seam:
+            turned = np.degrees(np.arccos((found["NORMAL"][0] * found["NORMAL"][6]).sum().clip(-1, 1)))
+            assert turned == pytest.approx(np.degrees(np.arctan(height)) if creased else 0, abs=0.1)
 
 
 def test_what_only_some_corners_of_an_obj_have_is_reported(tmp_path):

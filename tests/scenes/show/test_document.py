@@ -72,7 +72,7 @@ def test_a_flat_mesh_and_a_single_point_of_it_are_held():
 
 def test_only_what_is_known_is_held(mesh):
     found = columns_of(scenes.html_page(mesh, np.ones(len(mesh.vertices))))
-    assert set(found) == {"faces", "positions", "normals", "w0"}
+    assert set(found) == {"faces", "positions", "normals", "again", "further", "w0"}
 
 
 def test_nothing_leads_out_of_a_page(page):

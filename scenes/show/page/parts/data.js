@@ -5,6 +5,7 @@ async function readMesh(about, base64) {
   const columns = splitColumns(about.columns, await decompressed(base64));
   const centre = about.low.map((low, axis) => low + 32767.5 * about.step[axis]);
   const radius = Math.hypot(...about.step.map((step) => 32767.5 * step)) || 1;
+  const faces = facesOf(columns.faces);
   const bakes = about.bakes.map((bake, number) => ({
     ...bake,
     w: columns[`w${number}`],
@@ -16,12 +17,11 @@ async function readMesh(about, base64) {
   }));
   return {
     count: about.vertices,
-    authored: about.authored,
     centre,
     radius,
-    faces: facesOf(columns.faces),
+    faces,
+    ...drawnVertices(faces, about.vertices, columns),
     positions: placed(columns.positions, about.step, radius),
-    normals: unitVectors(columns.normals, 65535),
     bakes,
   };
 }
@@ -60,6 +60,20 @@ function facesOf(stored) {
     faces[3 * f + 2] = least + stored[2 * count + f];
   }
   return faces;
+}
+
+// What to draw: the file's vertices, and those at creases again for each further normal. `again` holds how far apart the
+// corners are that have such a one, `further` which.
+function drawnVertices(faces, count, { again, further, normals }) {
+  const indices = Uint32Array.from(faces);
+  const origin = Uint32Array.from({ length: normals.length / 2 }, (_, i) => i);
+  let corner = 0;
+  for (let i = 0; i < again.length; i++) {
+    corner += again[i];
+    indices[corner] = count + further[i];
+    origin[indices[corner]] = faces[corner];
+  }
+  return { indices, origin, normals: unitVectors(normals, 65535) };
 }
 
 const coordinates = (stored, { uvLow, uvStep }) => Float32Array.from(stored, (each, i) => uvLow[i % 2] + each * uvStep[i % 2]);

@@ -1,42 +1,6 @@
 // The mesh on the graphics card, and its drawing.
 
-const SMOOTH = Math.cos(Math.PI / 6); // a computed normal that leans farther from a face marks a hard edge there
 const ATTRIBUTES = ["position", "normal", "bent", "w", "otherW", "error", "colour", "place", "otherPlace"];
-
-// What to draw: the file's vertices, and further ones at hard edges, each with the normal of its face.
-function drawnVertices({ positions, normals, faces, authored }) {
-  const indices = Uint32Array.from(faces);
-  const count = positions.length / 3;
-  const vertices = []; // of the further ones
-  const across = []; // their normals
-  for (let f = 0; f < faces.length; f += 3) {
-    const [nx, ny, nz] = faceNormal(positions, 3 * faces[f], 3 * faces[f + 1], 3 * faces[f + 2]);
-    for (let k = f; k < f + 3; k++) {
-      const i = 3 * faces[k];
-      const [x, y, z] = [normals[i], normals[i + 1], normals[i + 2]];
-      if (authored ? x || y || z : x * nx + y * ny + z * nz > SMOOTH) continue;
-      indices[k] = count + vertices.length;
-      vertices.push(faces[k]);
-      across.push(nx, ny, nz);
-    }
-  }
-  const origin = new Uint32Array(count + vertices.length);
-  for (let i = 0; i < count; i++) origin[i] = i;
-  origin.set(vertices, count);
-  const drawn = new Float32Array(3 * origin.length);
-  drawn.set(normals);
-  drawn.set(across, 3 * count);
-  return { indices, origin, normals: drawn };
-}
-
-// The unit normal of a face whose corners' coordinates begin at a, b and c; zero without area.
-function faceNormal(positions, a, b, c) {
-  const ux = positions[b] - positions[a], uy = positions[b + 1] - positions[a + 1], uz = positions[b + 2] - positions[a + 2];
-  const vx = positions[c] - positions[b], vy = positions[c + 1] - positions[b + 1], vz = positions[c + 2] - positions[b + 2];
-  const x = uy * vz - uz * vy, y = uz * vx - ux * vz, z = ux * vy - uy * vx;
-  const length = Math.sqrt(x * x + y * y + z * z) || 1;
-  return [x / length, y / length, z / length];
-}
 
 class Surface {
   constructor(canvas, mesh, about) {
@@ -45,17 +9,16 @@ class Surface {
     this.look = about.look;
     this.surfaceProgram = this.program("surface");
     this.dotsProgram = this.program("dots");
-    const drawn = drawnVertices(mesh);
     const shared = {
-      position: this.buffer(spread(mesh.positions, drawn.origin, 3)),
-      normal: this.buffer(drawn.normals),
-      index: this.buffer(drawn.indices, this.gl.ELEMENT_ARRAY_BUFFER),
+      position: this.buffer(spread(mesh.positions, mesh.origin, 3)),
+      normal: this.buffer(mesh.normals),
+      index: this.buffer(mesh.indices, this.gl.ELEMENT_ARRAY_BUFFER),
     };
     const values = mesh.bakes.map(({ w, error, bent, uv }) => ({
-      w: this.buffer(spread(w, drawn.origin, 1)),
-      error: error && this.buffer(spread(error, drawn.origin, 1)),
-      bent: bent && this.buffer(spread(bent, drawn.origin, 3)),
-      place: uv && this.buffer(spread(uv, drawn.origin, 2)),
+      w: this.buffer(spread(w, mesh.origin, 1)),
+      error: error && this.buffer(spread(error, mesh.origin, 1)),
+      bent: bent && this.buffer(spread(bent, mesh.origin, 3)),
+      place: uv && this.buffer(spread(uv, mesh.origin, 2)),
     }));
     const textures = mesh.bakes.map((bake) => bake.textures.map((each) => this.texture(each)));
     this.draws = about.draws.map(([faces, ...used]) => ({ corners: 3 * faces, pages: used.map((k, bake) => textures[bake][k]) }));
