@@ -37,6 +37,8 @@ RENDER = (
     replace(ROWS["alpha"], help="auto: as the file has it; ignore: faces are opaque."),
     Option("shadows", bool | None, None, "Trace shadow rays."),
     replace(ROWS["up"], help="Up axis of a mesh file, by default what it says, or y."),
+    Option("view", str | None, None, "Where a mesh file is seen from: front, back, left, right, top, bottom, or a "
+           "direction X,Y,Z from it to the camera.", words=("front", "back", "left", "right", "top", "bottom")),
     Option("crop", str | None, None, "Render only these pixels.", metavar="X,Y,W,H"),
     replace(ROWS["seed"], kind=int | None, default=None, help="Random seed of the pixel samples."),
     Option("preview", bool, False, "A quarter of the width and height, few samples."),
@@ -91,7 +93,7 @@ class RenderCommand(Record):
         if self.baked:
             check_stored(self.baked)
         with compiling(KERNELS_OF_RENDER):
-            read = read_scene(self.scene, size, self.up)
+            read = read_scene(self.scene, size, self.up, self.view)
             description = adjusted(read, settings, self.preview, self.baked, self.own_occlusion, self.alpha)
             check_outputs(outputs, description.files)
             inputs = hashed([self.scene, *description.files]) if self.report else []

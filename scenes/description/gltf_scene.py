@@ -23,10 +23,10 @@ from .description import SceneDescription
 from .gltf_materials import Materials
 
 
-def read_gltf(path: Path, settings: Settings, up: str | None = None) -> SceneDescription:
+def read_gltf(path: Path, settings: Settings, up: str | None = None, view: str | None = None) -> SceneDescription:
     """A whole glTF scene; y is up, as glTF has it, unless `up` says otherwise.
 
-    Without a camera everything is framed; without lights there are three of our own.
+    Without a camera, or with a `view`, everything is framed; without lights there are three of our own.
 
     Raises:
         MeshError: the file cannot be read (`scenes.load`).
@@ -36,11 +36,11 @@ def read_gltf(path: Path, settings: Settings, up: str | None = None) -> SceneDes
     objects, asset, notes = gltf_objects(path)
     with mesh_errors(path):
         world = node_matrices(asset.header)
-        camera = gltf_camera.camera(asset.header, world, path)
+        camera = None if view else gltf_camera.camera(asset.header, world, path)
         lights = gltf_lights.lights(asset.header, world, path)
         if camera and up is not None:
             raise OptionError("--up", "a file without a camera", f"{path}, which has one")
-        camera = camera or framing(Scene(objects).flattened(), up, settings.width, settings.height)
+        camera = camera or framing(Scene(objects).flattened(), up, settings.width, settings.height, view)
     scene = Scene(objects, lights or three_lights(camera), BACKGROUND)
     return SceneDescription(scene, camera, settings, files=asset.files, notes=notes)
 

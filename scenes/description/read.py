@@ -16,7 +16,10 @@ from .vertex_colors import vertex_colors
 
 
 def read_scene(
-    path: str | os.PathLike[str], size: tuple[int, int] | None = None, up: str | None = None
+    path: str | os.PathLike[str],
+    size: tuple[int, int] | None = None,
+    up: str | None = None,
+    view: str | None = None,
 ) -> SceneDescription:
     """A scene by the file's ending: `.toml` (docs/scenes.md), `.glb` or `.gltf`, or any other mesh alone.
 
@@ -28,25 +31,28 @@ def read_scene(
         path: the file.
         size: width and height of the picture in pixels in place of the file's own; automatic framing goes by it.
         up: "x", "y", "z", "-x", "-y" or "-z" in place of `Mesh.up`: where a mesh file is seen and lit from.
+        view: "front", "back", "left", "right", "top", "bottom", or "X,Y,Z", from the mesh to the camera in the file's
+            axes; in place of the file's own camera.
 
     Raises:
         SceneError: a fault of a scene file, with the path of the value.
         MeshError: a mesh or glTF file cannot be read.
-        OptionError: `size` is out of range, or `up` is of no use.
+        OptionError: `size` is out of range, or `up` or `view` is wrong or of no use.
     """
     path = Path(path)
     ending = path.suffix.lower()
     settings = Settings(*size) if size else Settings()
     if ending == ".toml":
-        if up is not None:
-            raise OptionError("--up", "a mesh file; a scene has camera.up", path)
+        for name, given, own in (("--up", up, "up"), ("--view", view, "direction")):
+            if given is not None:
+                raise OptionError(name, f"a mesh file; a scene has camera.{own}", path)
         return read_toml(path, size)
     if ending in (".glb", ".gltf"):
-        return read_gltf(path, settings, up)
+        return read_gltf(path, settings, up, view)
     source = load(path)
     with mesh_errors(path):
         colours, notes = vertex_colors(path)
     objects = (Object(Shape(source.mesh, NEUTRAL if colours is None else WHITE, colours=colours), name=path.stem),)
-    camera = framing(source.mesh, up, settings.width, settings.height)
+    camera = framing(source.mesh, up, settings.width, settings.height, view)
     lit = Scene(objects, three_lights(camera), BACKGROUND)
     return SceneDescription(lit, camera, settings, files=source.files, notes=(*source.notes, *notes))

@@ -24,11 +24,7 @@ from .tiles import TilesCommand, tiles_command
 from .vertices import BakeCommand
 from .workers import ClusterCommand, Workers
 
-_MEANT = {  # formats that can hold w, in place of some that can't
-    ".ply": (".obj", ".stl", ".off"),
-    ".glb": (".gltf", ".fbx", ".3mf"),
-    ".png": (".jpg", ".jpeg", ".bmp", ".tga"),
-}
+_MEANT = {".obj": ".ply", ".stl": ".ply", ".gltf": ".glb", ".jpg": ".png", ".jpeg": ".png"}  # which can hold w
 
 
 def run_bake(options: dict[str, Any]) -> int:
@@ -86,9 +82,8 @@ def bake_command(options: Mapping[str, Any]) -> MeshBake:
     output, shown, colors = options["output"], options["occlusion"], options["colors"]
     ending = output.suffix.lower()
     if ending not in (*ENDINGS, *IMAGES):
-        meant = next((each for each, endings in _MEANT.items() if ending in endings), None)
-        expected = "a name ending in " + ", ".join((*ENDINGS, *IMAGES))
-        raise OptionError("output", expected, output, nearest=meant and str(output.with_suffix(meant)))
+        meant = str(output.with_suffix(_MEANT[ending])) if ending in _MEANT else None
+        raise OptionError("output", "a name ending in " + ", ".join((*ENDINGS, *IMAGES)), output, nearest=meant)
     glb, image = ending == ".glb", is_texture(output)
     if shown in ("auto", "texture") and not (glb or (image and shown == "texture")):
         raise ConflictError(("occlusion", shown), "needs", "a .glb output")

@@ -81,6 +81,51 @@ def test_it_is_refused_where_it_would_do_nothing(folder):
         read_scene("z.ply", up="w")
 
 
+VIEWS = {  # forward, and upwards in the picture: of Blender's views where z is up
+    "front": ((0, 1, 0), (0, 0, 1)),
+    "back": ((0, -1, 0), (0, 0, 1)),
+    "right": ((-1, 0, 0), (0, 0, 1)),
+    "left": ((1, 0, 0), (0, 0, 1)),
+    "top": ((0, 0, -1), (0, 1, 0)),
+    "bottom": ((0, 0, 1), (0, -1, 0)),
+    "0,0,2": ((0, 0, -1), (0, 1, 0)),
+    "-3,0,0": ((1, 0, 0), (0, 0, 1)),
+    "1,0,1": ((-(0.5**0.5), 0, -(0.5**0.5)), (-(0.5**0.5), 0, 0.5**0.5)),
+}
+
+
+@pytest.mark.parametrize("view", VIEWS)
+def test_a_view_is_that_side_of_the_mesh(folder, view):
+    _, above, forward = read_scene("z.ply", up="z", view=view).camera.axes()
+    np.testing.assert_allclose([forward, above], VIEWS[view], atol=1e-12)
+
+
+@pytest.mark.parametrize("axis", UP)
+def test_views_turn_with_what_is_up(folder, axis):
+    turn = np.array(TO_Y_UP[axis])
+    for view in ("front", "left", "top", "bottom"):
+        expected = read_scene("y.ply", up="y", view=view).camera.axes()
+        np.testing.assert_allclose(read_scene("z.ply", up=axis, view=view).camera.axes(), expected @ turn, atol=1e-12)
+
+
+def test_a_view_is_in_the_picture_and_takes_the_place_of_a_camera(folder):
+    render = ("-o", "p.exr", *SIZE, "--obscurance", "off")
+    top = picture("render", "z.stl", *render, "--view", "top")
+    np.testing.assert_array_equal(picture("render", "z.stl", *render, "--view", "0,0,1"), top)
+    covered = np.argwhere(picture("render", "z.stl", *render, "--view", "bottom")[..., 3] > 0.5)
+    wide, high = np.ptp(covered[:, 1]) + 1, np.ptp(covered[:, 0]) + 1
+    assert 1.8 < wide / high < 2.2  # the floor below the roof is 4 by 2
+    builder = Builder()
+    builder.mesh(builder.primitive(TRIANGLE, [[0, 1, 2]]))
+    camera = {"type": "perspective", "perspective": {"yfov": 1, "znear": 0.1}}
+    (folder / "c.glb").write_bytes(builder.glb([{"mesh": 0}, {"camera": 0}], cameras=[camera]))
+    np.testing.assert_allclose(read_scene("c.glb", view="back").camera.axes()[2], [0, 0, 1])
+    (folder / "s.toml").write_text('[[objects]]\nmesh = "z.ply"\n')
+    refused(obscurance("render", "s.toml", "-o", "p.png", "--view", "top"), "--view: expected a mesh file")
+    for wrong in ("tpo", "1,2", "0,0,0", "nan,0,1", "inf,0,1", "1,2,x", ""):
+        refused(obscurance("render", "z.ply", "-o", "p.png", "--view", wrong), "render --view: expected front, back")
+
+
 def stored(name):
     """Positions as a .glb stores them, its vertices in the world, and the names of the nodes of its scene."""
     header, binary = check_glb((Path.cwd() / name).read_bytes())
