@@ -22,7 +22,7 @@ from .texture.gathering import begin_tracing
 from .texture.projection import Fine, project
 from .texture.texels import find_texels
 
-_OWN_CORNERS = Flag.FOLDED | Flag.OPPOSED  # how the coarse mesh's faces lie matters to its own w alone
+_OWN_CORNERS = Flag.FOLDED | Flag.OPPOSED | Flag.CONTACT  # how the coarse mesh's faces lie matters to its own w alone
 
 
 def sample_fine_mesh(
@@ -37,7 +37,7 @@ def sample_fine_mesh(
     options, placement, fine, threads = prepared.options, prepared.placement, prepared.receivers, prepared.threads
     shown = find_receivers(coarse, Placement.of(coarse), options.normals)
     count = len(shown.points)
-    places = (coarse.vertices[shown.first_vertex] - high.centre) * placement.scale
+    places = (coarse.vertices[shown.first_vertex] - placement.centre) * placement.scale
     nowhere = np.zeros((count, 1), np.int32), np.zeros((count, 1, 3), np.float32), np.zeros(count, np.bool_)
     surface = Fine(placement.vertices.astype(np.float64), fine, high.source)
     axes = shown.points.normals.astype(np.float64)

@@ -81,7 +81,7 @@ class Camera(Parameters, kw_only=False, source="camera"):
         view = cls((0.0, 0.0, 0.0), (-normalize(towards)).tolist(), up, field_of_view)
         right, above, forward = view.axes()
         half = np.tan(np.radians(view.field_of_view / 2))
-        offset = mesh.vertices - mesh.centre
+        offset = mesh.used - mesh.centre
         across = np.maximum(np.abs(product(offset, right)) / aspect, np.abs(product(offset, above)))
         distance = 1.05 * float(np.max(across / half - product(offset, forward))) or 1.0
         return cls((mesh.centre - distance * forward).tolist(), mesh.centre.tolist(), up, field_of_view)

@@ -105,4 +105,4 @@ def _local_mean(stencil: Stencil, data: Float64s, values: Float64s, threads: int
     weights = stencil.matrix(data)
     mass, sums = (multiply(weights, x, threads) for x in (np.ones(len(values)), values))
     local = np.where(mass > 0, sums / np.where(mass > 0, mass, 1.0), values)
-    return 0.9 * local + 0.1 * float(np.mean(values))
+    return 0.9 * local + 0.1 * float(values[mass > 0].mean() if mass.any() else 0.0)

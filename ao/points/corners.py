@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from raytrace.bvh.bvh16 import BVH16
+from raytrace.mesh.placement import NEAR
 from raytrace.ray_origins.offset import ray_offset
 from raytrace.ray_origins.origins import ray_origins
 from raytrace.ray_origins.surface import Surface
@@ -115,10 +116,10 @@ def find_corners(
     if flattest is None:
         flattest = flattest_elsewhere(surface, turn == len(face))
     beside = (turn[face] == len(face)).any(axis=1)
-    magnitude = np.maximum(surface.extent[face], np.maximum(surface.flat[face], np.where(beside, flattest, 0.0)))[
-        number
-    ]
-    origins = ray_origins(tree, surface, places, lift, clearance, turn, number, magnitude)
+    extents = surface.extent[face]
+    others = np.where(beside, np.minimum(flattest, np.maximum(NEAR, extents)), 0.0)
+    magnitude = np.maximum(np.maximum(extents, surface.flat[face]), others)[number]
+    origins, _ = ray_origins(tree, surface, places, lift, clearance, turn, number, magnitude)
     total = np.add.reduceat(angle, starts[:-1])
     weights = angle / np.repeat(total, np.diff(starts)) / SPREAD
     numbers = first + np.arange(SPREAD * len(face), dtype=np.uint32)

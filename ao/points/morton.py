@@ -8,6 +8,7 @@ from __future__ import annotations
 import numpy as np
 
 from raytrace.kernel.jit import inline, kernel
+from raytrace.mesh.placement import NEAR
 from raytrace.types import AnyFloats, Float64s, Int64s, UInt32s
 
 _COARSE, _FINE = 10, 21  # bits an axis
@@ -17,13 +18,14 @@ def morton_order(points: AnyFloats) -> Int64s:
     """Rows of `points` (n, 3), finite, by 2^10 cells a side of their bounding cube; stable."""
     if not len(points):
         return np.zeros(0, np.int64)
-    low = np.array([column.min() for column in points.T], np.float64)
-    extent = max(float(column.max() - least) for column, least in zip(points.T, low, strict=True))
-    return np.argsort(morton_codes(points, low, extent), kind="stable")
+    low, high = (np.array([bound(column) for column in points.T], np.float64) for bound in (np.min, np.max))
+    return np.argsort(morton_codes(points, low, high), kind="stable")
 
 
-def morton_codes(points: AnyFloats, low: Float64s, extent: float) -> UInt32s:
-    """What `morton_order` sorts by, (n,). Args: low: (3,), the lower corner of the cube; extent: its side."""
+def morton_codes(points: AnyFloats, low: Float64s, high: Float64s) -> UInt32s:
+    """What `morton_order` sorts by, (n,). Args: low, high: (3,), bounds of all points; those `NEAR` count."""
+    low, high = np.clip(low, -NEAR, NEAR), np.clip(high, -NEAR, NEAR)
+    extent = float((high - low).max())
     codes = np.empty(len(points), np.uint32)
     _codes(points, low, (2.0**_COARSE - 1.0) / extent if extent > 0 else 0.0, codes)
     return codes

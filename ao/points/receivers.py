@@ -42,6 +42,7 @@ class Flag(IntFlag):
     HIDDEN = 8  #: it is inside a solid, as most of what it sees is backs of faces
     FOLDED = 16  #: its normal lies behind one of its faces; w is the mean over its corners
     MISSED = 32  #: nothing of the fine mesh is within the cage; w is that of the closest point
+    CONTACT = 64  #: it touches a face of which it is no corner, and w depends on the side that it is taken to be on
 
 
 @dataclass(frozen=True, eq=False)
@@ -145,13 +146,15 @@ def lift_points(
     start = time.perf_counter()
     tree = BVH16.of(placed, welded.faces)
     tree_seconds = time.perf_counter() - start
-    origins = welded.ray_origins(tree, surface)
+    origins, decided = welded.ray_origins(tree, surface)
 
     group = welded.group
     usable = nonzero(welded.directions) & nonzero(axes)
     flags[~usable[group] & (flags == 0)] = Flag.DEGENERATE
-    flags[(usable & folded)[group]] = Flag.FOLDED
-    flags[(usable & (welded.clearance <= 0))[group]] = Flag.OPPOSED
+    flags[(usable & decided)[group]] = Flag.CONTACT
+    flags[(usable & folded)[group]] |= np.uint8(Flag.FOLDED)
+    opposed = (usable & (welded.clearance <= 0))[group]
+    flags[opposed] = flags[opposed] & np.uint8(Flag.CONTACT) | np.uint8(Flag.OPPOSED)
     torn = usable & folded
     displaced = np.where(torn, 0.0, np.minimum(_DISPLACED * welded.displacement(surface, origins), 0.5))
     points = welded.first, welded.face_points, surface, origins, axes, usable, torn, displaced

@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from raytrace.bvh.closest import closest_on_triangle
-from raytrace.bvh.search import begin, new_stack, next_leaf
+from raytrace.bvh.search import begin, new_stack, next_leaf, widened
 from raytrace.embree.rays import intersect
 from raytrace.errors import MeshError
 from raytrace.kernel.borrow import borrow
@@ -21,6 +21,7 @@ from raytrace.kernel.jit import kernel
 from raytrace.kernel.simd_masks import lowest_bit
 from raytrace.kernel.vector import load, load_triangle
 from raytrace.mesh.opacity_lookup import alphas
+from raytrace.mesh.placement import NEAR
 from raytrace.system.threads import run_blocks
 from raytrace.types import Bools, Float32s, Float64s, Int64s
 
@@ -100,27 +101,27 @@ def _outside(fine: Fine, face: Int64s, weights: Float32s, places: Float64s, norm
     return (np.abs(along) > cage + rounded) | (beside > _BESIDE * cage + rounded)
 
 
-def _rounding(fine: Fine, places: Float64s) -> float:
-    return _ROUNDED * max(float(np.abs(fine.vertices).max()), float(np.abs(places).max(initial=0.0)))
+def _rounding(fine: Fine, places: Float64s) -> Float64s:
+    most = max(float(np.abs(fine.vertices).max()), float(np.abs(places).max(initial=0.0)))
+    return _ROUNDED * np.minimum(most, np.maximum(NEAR, np.abs(places).max(axis=1)))
 
 
 def _closest_points(fine: Fine, places: Float64s, radius: float, threads: int) -> tuple[Int64s, Float32s]:
     """The face (k,) nearest to each of `places` (k, 3), and where on it (k, 3); sought within `radius` at first."""
     face, weights = np.full(len(places), -1), np.zeros((len(places), 3), np.float32)
     tree, surface = fine.receivers.tree, (fine.vertices, fine.receivers.faces)
-    rounded = _rounding(fine, places)
 
     def search(first: int, last: int) -> None:
         found = face[first:last], weights[first:last]
-        _search(tree, new_stack(), surface, places[first:last], radius, rounded, *found)
+        _search(tree, new_stack(), surface, places[first:last], radius, *found)
 
     run_blocks(len(places), _BLOCK, search, threads)
     return face, weights
 
 
 @kernel
-def _search(tree, stack, surface, places, radius, rounded, face, weights):
-    """Write the closest points of `places`; `radius`: how far to look at first. `rounded`: to look farther."""
+def _search(tree, stack, surface, places, radius, face, weights):
+    """Write the closest points of `places`; `radius`: how far to look at first."""
     tree, (vertices, faces) = borrow(tree), surface
     for i in range(len(places)):
         p, reach, best = load(places, i), radius, np.inf
@@ -129,7 +130,8 @@ def _search(tree, stack, surface, places, radius, rounded, face, weights):
             if best < np.inf:
                 reach = best
             begin(tree, stack)
-            leaf, near = next_leaf(tree, stack, middle, np.float32(reach * (1.0 + 1e-6) + rounded))
+            within = widened(middle, reach)
+            leaf, near = next_leaf(tree, stack, middle, within)
             while near != 0:
                 while near != 0:
                     f = tree.rows[leaf, lowest_bit(near)]
@@ -139,6 +141,6 @@ def _search(tree, stack, surface, places, radius, rounded, face, weights):
                     if away < best or (away == best and f < face[i]):
                         best, face[i] = away, f
                         weights[i, 0], weights[i, 1], weights[i, 2] = 1.0 - u - v, u, v
-                leaf, near = next_leaf(tree, stack, middle, np.float32(reach * (1.0 + 1e-6) + rounded))
+                leaf, near = next_leaf(tree, stack, middle, within)
             if best == np.inf:
                 reach *= 2.0

@@ -48,7 +48,7 @@ class Shown:
         uv = uv[face_normals(vertices, mesh.faces)[1] > 0]
         if mesh is not prepared.mesh:
             receivers = find_receivers(mesh, own, prepared.options.normals)
-            vertices = (mesh.vertices - prepared.mesh.centre) * prepared.placement.scale
+            vertices = (mesh.vertices - prepared.placement.centre) * prepared.placement.scale
         layout = UVLayout.of(uv, size, wrap, mesh.source)
         points = np.where(on_page(uv)[:, None], receivers.of_vertex[receivers.faces], -1)
         return cls(vertices, receivers, layout, points)

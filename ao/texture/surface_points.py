@@ -9,7 +9,7 @@ import numpy as np
 
 from raytrace.bvh.bvh16 import BVH16
 from raytrace.bvh.closest import distance_to_triangle
-from raytrace.bvh.search import begin, new_stack, next_leaf
+from raytrace.bvh.search import begin, new_stack, next_leaf, widened
 from raytrace.kernel.borrow import borrow
 from raytrace.kernel.jit import inline, kernel
 from raytrace.kernel.simd_masks import lowest_bit
@@ -28,7 +28,6 @@ _LEAST_COSINE = 0.2  # between an interpolated normal and its face's; the face's
 _AROUND = 7.0  # times the way from a texel's centre to its points, in which nothing may rise
 _SLOPE = 2.0  # by more than so many times what normals may differ by, of that way
 _BLOCK = 1 << 13  # points
-_ROUNDED = 1e-6  # of coordinates, in single precision
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,13 +74,12 @@ def centres_suffice(coverage: Coverage, faces: Faces, tree: BVH16, most: float, 
     Args: tree: over the faces. most: by how much normals within a texel may differ from those at its centre.
     """
     enough = np.zeros(len(coverage.texels), np.bool_)
-    rounded = _ROUNDED * float(np.abs(faces.vertices).max(initial=0.0))
     points = coverage.face, coverage.barycentric, coverage.centre_face, coverage.centre
 
     def work(first: int, last: int) -> None:
         face, weights, centre_face, centre = (array[first:last] for array in points)
         some = face, weights, centre_face, centre
-        _find_smooth(tree, new_stack(), faces.surface, faces.axes, some, (most, rounded), enough[first:last])
+        _find_smooth(tree, new_stack(), faces.surface, faces.axes, some, most, enough[first:last])
 
     run_blocks(len(enough), _BLOCK, work, threads)
     return enough
@@ -116,16 +114,15 @@ def _place(own, weights, surface, axes, places, sides, hemispheres):
 
 
 @kernel
-def _find_smooth(tree, stack, surface, axes, points, limits, enough):
+def _find_smooth(tree, stack, surface, axes, points, most, enough):
     """Set `enough` where centres suffice.
 
     Args:
         points: faces and weights, of texels' points and of their centres.
-        limits: `most`, and how much farther to look than what is sought.
+        most: by how much directions may differ.
     """
     tree, surface = borrow(tree), borrow(surface)
     face, weights, centre_face, centre = points
-    most, rounded = limits
     for i in range(len(enough)):
         if centre_face[i] < 0:
             continue
@@ -135,15 +132,14 @@ def _find_smooth(tree, stack, surface, axes, points, limits, enough):
             q, other, up = _point_on(surface, axes, face[i, k], weights[i, k])
             reach = max(reach, length(subtract(q, p)))
             bent = max(bent, length(subtract(other, side)), length(subtract(up, axis)))
-        around = _AROUND * reach, rounded
-        enough[i] = bent < most and not _rises(tree, stack, surface, p, side, around, _SLOPE * most)
+        enough[i] = bent < most and not _rises(tree, stack, surface, p, side, _AROUND * reach, _SLOPE * most)
 
 
 @inline
-def _rises(tree, stack, surface, p, side, around, slope):
+def _rises(tree, stack, surface, p, side, reach, slope):
     """Whether a face not far around a point rises above the plane through it, by more than a slope."""
-    reach, rounded = around
-    middle, radius = (np.float32(p[0]), np.float32(p[1]), np.float32(p[2])), np.float32(reach + rounded)
+    middle = np.float32(p[0]), np.float32(p[1]), np.float32(p[2])
+    radius = widened(middle, reach)
     most = slope * reach
     begin(tree, stack)
     leaf, near = next_leaf(tree, stack, middle, radius)

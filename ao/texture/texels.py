@@ -136,7 +136,9 @@ def _placed(
         own = face[part].astype(np.int64)
         places, side, axis = faces.points_at(own, weights[part], threads)
         clearance, magnitude = np.ones(len(places)), faces.magnitude[own]
-        origins[part] = ray_origins(receivers.tree, faces.surface, places, side, clearance, faces.own, own, magnitude)
+        origins[part], _ = ray_origins(
+            receivers.tree, faces.surface, places, side, clearance, faces.own, own, magnitude
+        )
         normals[part], sides[part] = axis, with_alpha(side, receivers.opacity, own, weights[part])
     placed = Points(origins, normals, np.arange(count, dtype=np.uint32))
     shown = np.where(alone, page.centre_face, page.face[:, 0])[order]

@@ -16,7 +16,8 @@ from raytrace.types import Bools, Float32s, Int64s
 from .source import runs
 from .survey import Survey
 
-MARGIN = 2.0**-7  # in render space: ray origins are within 2^-9 of vertices, and what is near them within 2^-8
+MARGIN = 2.0**-7  # of render space: ray origins are within 2^-9 of vertices, and what is near them within 2^-8
+_ROUNDED = np.float32(2.0**-20)  # of a face's coordinates, and more: how far from it what touches it may be
 
 
 class Piece(NamedTuple):
@@ -39,13 +40,16 @@ def cut(survey: Survey, tile: int, reach: float, origins: bool) -> Piece:
     Args: reach: length of its rays, in render space. origins: also all that decides where rays begin.
     """
     low, high = _box(survey, tile)
-    low, high = low - np.float32(reach + MARGIN), high + np.float32(reach + MARGIN)
+    size = max(1.0, float(np.abs([low, high]).max())) if (low <= high).all() else 1.0
+    low, high = low - np.float32(reach + MARGIN * size), high + np.float32(reach + MARGIN * size)
     source, kept = survey.source, []
     rim: list[Int64s] = []
     for run in runs(source.face_count):
         faces = source.faces(run.start, run.stop)
         corners = survey.placed[faces]
-        near = (corners.min(axis=1) <= high).all(axis=1) & (corners.max(axis=1) >= low).all(axis=1)
+        least, most = corners.min(axis=1), corners.max(axis=1)
+        rounded = _ROUNDED * np.maximum(-least, most).max(axis=1, keepdims=True)
+        near = (least - rounded <= high).all(axis=1) & (most + rounded >= low).all(axis=1)
         kept.append(run.start + np.flatnonzero(near))
         if origins:
             rim.append(np.unique(faces[(survey.tile[faces] == tile).any(axis=1)]))

@@ -108,7 +108,7 @@ def _numbered(
         some = origins[points[run]]
         low, high = np.minimum(low, some.min(axis=0)), np.maximum(high, some.max(axis=0))
     for run in runs(len(points)):
-        codes[run] = morton_codes(np.ascontiguousarray(origins[points[run]]), low, float((high - low).max()))
+        codes[run] = morton_codes(np.ascontiguousarray(origins[points[run]]), low, high)
     order = points[np.argsort(codes, kind="stable")]
     number = on_disk(scratch / "number", np.uint32, count)
     number[order] = np.arange(len(order), dtype=np.uint32)

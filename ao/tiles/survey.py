@@ -10,8 +10,8 @@ import numpy as np
 
 from raytrace.errors import MeshError
 from raytrace.mesh.mesh import LARGEST
-from raytrace.mesh.placement import RenderSpace
-from raytrace.types import Float32s, Float64s, Int32s
+from raytrace.mesh.placement import RenderSpace, sample
+from raytrace.types import Bools, Float32s, Float64s, Int32s
 
 from .source import TileSource, on_disk, runs
 
@@ -24,8 +24,8 @@ class Survey:
 
     Attributes:
         source: the mesh. space: where it is placed. radius: of its bounding sphere, in mesh units.
-        placed: float32 (n, 3), its vertices in render space. tile: int32 (n,), the tile of each. Both are on the disk.
-        tiles: how many there are.
+        placed: float32 (n, 3), its vertices in render space. tile: int32 (n,), the tile of each, −1 for none.
+        Both are on the disk. tiles: how many there are.
     """
 
     source: TileSource
@@ -42,23 +42,23 @@ class Survey:
         Raises:
             MeshError: coordinates are not finite or too large, or indices out of range.
         """
-        low, high = _bounds(source)
-        space = RenderSpace.of(low, high)
+        used = _used(source)
+        low, high = _bounds(source, used)
+        space = RenderSpace.of(low, high, _sample(source, used))
         count = source.vertex_count
         placed = on_disk(scratch / "placed", np.float32, count, 3)
         tile = on_disk(scratch / "tile", np.int32, count)
         for run in runs(count):
             placed[run] = space.place(source.vertices(run.start, run.stop))
-        first, last = (space.place(corner[None])[0] for corner in (low, high))
+        first, last = (space.place(corner[None])[0].clip(-1, 1) for corner in (low, high))
         cells, extent = np.array(grid), np.maximum(last - first, np.float32(1e-30))
         for run in runs(count):
-            cell = np.minimum(((placed[run] - first) / extent * cells).astype(np.int32), cells - 1)
-            tile[run] = np.ravel_multi_index(tuple(np.maximum(cell, 0).T), grid)
-        _check_faces(source)
-        return cls(source, space, _radius(source, space.centre), placed, tile, int(cells.prod()))
+            cell = np.minimum((placed[run].clip(-1, 1) - first) / extent * cells, cells - 1).astype(np.int32)
+            tile[run] = np.where(used[run], np.ravel_multi_index(tuple(np.maximum(cell, 0).T), grid), -1)
+        return cls(source, space, _radius(source, used, low + (high - low) / 2), placed, tile, int(cells.prod()))
 
 
-def _bounds(source: TileSource) -> tuple[Float64s, Float64s]:
+def _bounds(source: TileSource, used: Bools) -> tuple[Float64s, Float64s]:
     low, high = np.full(3, np.inf), np.full(3, -np.inf)
     for run in runs(source.vertex_count):
         vertices = source.vertices(run.start, run.stop)
@@ -66,15 +66,17 @@ def _bounds(source: TileSource) -> tuple[Float64s, Float64s]:
             bad = run.start + int(np.argmax(~(np.abs(vertices) <= LARGEST).all(axis=1)))
             expected = f"finite coordinates up to {LARGEST:g}"
             raise MeshError(source.name, f"vertices[{bad}]", expected, vertices[bad - run.start])
-        low, high = np.minimum(low, vertices.min(axis=0)), np.maximum(high, vertices.max(axis=0))
+        vertices = vertices[used[run]]
+        low, high = np.vstack([low, vertices]).min(axis=0), np.vstack([high, vertices]).max(axis=0)
     return low, high
 
 
-def _radius(source: TileSource, centre: Float64s) -> float:
+def _radius(source: TileSource, used: Bools, centre: Float64s) -> float:
     """As `raytrace.Mesh.radius`."""
 
     def offsets() -> Iterator[Float64s]:
-        return (source.vertices(run.start, run.stop) - centre for run in runs(source.vertex_count))
+        rows = (source.vertices(run.start, run.stop)[used[run]] for run in runs(source.vertex_count))
+        return (some - centre for some in rows if len(some))
 
     largest = max(float(np.abs(offset).max()) for offset in offsets())
     if largest <= 0:
@@ -82,10 +84,24 @@ def _radius(source: TileSource, centre: Float64s) -> float:
     return float(largest * np.sqrt(max(((offset / largest) ** 2).sum(axis=1).max() for offset in offsets())))
 
 
-def _check_faces(source: TileSource) -> None:
+def _sample(source: TileSource, used: Bools) -> Float64s:
+    """What `raytrace.mesh.placement.sample` takes of the vertices that faces use."""
+    rows = np.flatnonzero(used)
+    rows, found = rows[sample(len(rows))], []
+    for run in runs(source.vertex_count):
+        own = rows[np.searchsorted(rows, run.start) : np.searchsorted(rows, run.stop)]
+        found.append(source.vertices(run.start, run.stop)[own - run.start])
+    return np.concatenate(found)
+
+
+def _used(source: TileSource) -> Bools:
+    """The vertices (n,) that are corners of faces."""
+    used = np.zeros(source.vertex_count, np.bool_)
     for run in runs(source.face_count):
         faces = source.faces(run.start, run.stop)
         if faces.min() < 0 or faces.max() >= source.vertex_count:
             bad = int(np.argmax(((faces < 0) | (faces >= source.vertex_count)).any(axis=1)))
             expected = f"indices from 0 to {source.vertex_count - 1}"
             raise MeshError(source.name, f"faces[{run.start + bad}]", expected, faces[bad])
+        used[faces] = True
+    return used

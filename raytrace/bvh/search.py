@@ -1,6 +1,7 @@
 """Faces near a point: a walk of a `BVH16` that a kernel takes leaf by leaf.
 
 begin(tree, stack)
+radius = widened(point, radius)
 leaf, near = next_leaf(tree, stack, point, radius)
 while near != 0:
     while near != 0:
@@ -17,9 +18,12 @@ from ..kernel.jit import inline
 from ..kernel.simd import WIDE
 from ..kernel.simd_masks import bits, lowest_bit
 from ..kernel.simd_memory import load_row
+from ..kernel.vector import cross, dot, subtract
 from ..types import Int64s
 
 _ENTRIES = 1 << 8
+_ROUNDED = 2.0**-20  # of a coordinate and of a distance: sixteen roundings of single precision
+_PLANE = np.float32(2.0**-19)
 _NODE, _LEVEL = range(2)  # columns; the last row has how many wait
 
 
@@ -36,10 +40,16 @@ def begin(tree, stack):
 
 
 @inline
+def widened(point, radius):
+    """A radius to search with for all that is within `radius` of a point, in spite of single precision: float32."""
+    return np.float32(radius + _ROUNDED * (radius + max(abs(point[0]), abs(point[1]), abs(point[2]))))
+
+
+@inline
 def next_leaf(tree, stack, point, radius):
     """The next leaf of the walk with triangles whose boxes are within `radius` of a point along every axis.
 
-    Args: point: triple of float32. radius: float32, in which the rounding of single precision is included.
+    Args: point: triple of float32. radius: float32, `widened`.
     Returns: the leaf and these triangles as bits; no bits if there are none any more.
     """
     starts = tree.starts
@@ -49,6 +59,8 @@ def next_leaf(tree, stack, point, radius):
         if level == 0:
             stack[_ENTRIES, 0] = waiting
             within = _triangles_within(tree.triangles[node], point, radius)
+            if within != 0:
+                within &= _faces_within(tree.triangles[node], point, radius)
             if within != 0:
                 return node, within
             continue
@@ -84,3 +96,30 @@ def _along_axis(triangles, axis, x, radius):
     """The triangles of which some part is within `radius` of a point's coordinate `x`."""
     a, b, c = load_row(triangles, axis), load_row(triangles, 3 + axis), load_row(triangles, 6 + axis)
     return (min(min(a, b), c) - radius <= x) & (max(max(a, b), c) + radius >= x)
+
+
+@inline
+def _faces_within(triangles, point, radius):
+    """The triangles (9, 16) that may be within `radius` of a point, by their planes and those across their edges."""
+    a = load_row(triangles, 0), load_row(triangles, 1), load_row(triangles, 2)
+    b = load_row(triangles, 3), load_row(triangles, 4), load_row(triangles, 5)
+    c = load_row(triangles, 6), load_row(triangles, 7), load_row(triangles, 8)
+    ab, bc, ca = subtract(b, a), subtract(c, b), subtract(a, c)
+    n, a, b, c = cross(ca, ab), subtract(a, point), subtract(b, point), subtract(c, point)
+    size = _sum(ab) + _sum(ca)
+    vague = _PLANE * size * size * (_sum(a) + size + radius)  # of its sides: rounding
+    beside = abs(dot(n, a)) > radius * _sum(n) + vague
+    return bits(~(beside | _beyond(ab, n, a, radius, vague) | _beyond(bc, n, b, radius, vague)
+                  | _beyond(ca, n, c, radius, vague)))  # fmt: skip
+
+
+@inline
+def _beyond(edge, n, end, radius, vague):
+    """Where a point is beyond an edge by more than `radius`. Args: n: normals; end: of the edge, from the point."""
+    outwards = cross(edge, n)
+    return dot(outwards, end) < -(radius * _sum(outwards) + vague * _sum(edge))
+
+
+@inline
+def _sum(v):
+    return abs(v[0]) + abs(v[1]) + abs(v[2])

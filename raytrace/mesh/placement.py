@@ -1,4 +1,9 @@
-"""Render space: the float32 coordinates that Embree sees, a mesh recentred and scaled to about unit size."""
+"""Render space: the float32 coordinates that Embree sees, a mesh recentred and scaled to about unit size.
+
+Single precision is finest at the origin, and all that is reckoned in render space allows for the rounding of the
+coordinates at hand. So the origin is where most of the vertices are: a few that are very far away, `FAR` times as far
+as is usual, lie beyond [−1, 1] and cost what is near no digits.
+"""
 
 from __future__ import annotations
 
@@ -14,6 +19,10 @@ from .mesh import Mesh
 
 ULP = 2.0**-24  # half the spacing of float32 numbers at 1
 TOUCHING = 4.0  # roundings of a coordinate; the point's and the face's own make 2
+FAR = 64.0  # times the median distance from the median vertex: what is farther has no say in where the origin is
+NEAR = 8.0  # what coordinates count for at least where bounds of errors are cut off
+_LARGEST = 36  # binary exponent of coordinates; products of three are float32 numbers
+_SAMPLE = 1 << 12  # vertices that say where most are
 _LEAST = 2.0**-16  # what coordinates count for at least: double precision rounds, too, where a mesh is placed
 
 
@@ -34,19 +43,44 @@ class RenderSpace(NamedTuple):
     diagonal: float
 
     @classmethod
-    def of(cls, low: Float64s, high: Float64s) -> RenderSpace:
-        """For a mesh with the bounding box from `low` (3,) to `high`."""
-        centre = low + (high - low) / 2
-        extent = float((high / 2 - low / 2).max())
+    def of(cls, low: Float64s, high: Float64s, some: Float64s) -> RenderSpace:
+        """For a mesh with the bounding box from `low` (3,) to `high`, and `some` (k, 3) of its vertices (`sample`)."""
+        near_low, near_high = near_box(low, high, some)
+        centre = near_low + (near_high - near_low) / 2
+        extent = float((near_high / 2 - near_low / 2).max())
         exponent = min(-math.frexp(extent)[1], 1023) if extent > 0 else 0  # 2^1024 is no number
-        scale = math.ldexp(1.0, exponent)
+        farthest = float(np.maximum(high - centre, centre - low).max())
+        scale = math.ldexp(1.0, min(exponent, _LARGEST - math.frexp(farthest)[1]) if farthest > 0 else exponent)
         least, most = (((at - centre) * scale).astype(np.float32) for at in (low, high))
         diagonal = 1.001 * float(np.linalg.norm(most.astype(np.float64) - least))
         return cls(centre, scale, max(diagonal, 1e-30))
 
     def place(self, vertices: Float64s) -> Float32s:
         """Vertices (k, 3) in render space."""
-        return ((vertices - self.centre) * self.scale).astype(np.float32)
+        with np.errstate(over="ignore"):
+            return to_single((vertices - self.centre) * self.scale)
+
+
+def to_single(placed: Float64s) -> Float32s:
+    """Points (k, 3) of render space as float32; those that no face uses may be too far away for that."""
+    return np.clip(placed, -(2.0**38), 2.0**38).astype(np.float32)
+
+
+def sample(count: int) -> slice:
+    """Which rows of `count` vertices say where most of them are."""
+    return slice(None, None, -(-count // _SAMPLE) or 1)
+
+
+def near_box(low: Float64s, high: Float64s, some: Float64s) -> tuple[Float64s, Float64s]:
+    """The bounding box from `low` (3,) to `high`, or of what of `some` (k, 3) vertices is near if others are far."""
+    middle = np.quantile(some, 0.5, axis=0, method="lower")
+    away = np.abs(some - middle).max(axis=1)
+    apart = away[away > 0]
+    limit = FAR * float(np.quantile(apart, 0.5, method="lower")) if len(apart) else np.inf
+    if float((high / 2 - low / 2).max()) <= limit:
+        return low, high
+    near = some[away <= limit]
+    return near.min(axis=0), near.max(axis=0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,16 +88,17 @@ class Placement:
     """A mesh in render space: recentred in float64, scaled by a power of two to about unit size, then rounded once.
 
     Attributes:
-        vertices: float32 (n, 3), within [−1, 1].
+        vertices: float32 (n, 3), within [−1, 1], but for a few far away. centre: float64 (3,), mesh units.
         scale: what a length in mesh units is multiplied by; a power of two, so nothing is rounded by it.
         diagonal: no two points of the placed mesh are farther apart; a ray need not be longer.
     """
 
     vertices: Float32s
+    centre: Float64s
     scale: float
     diagonal: float
 
     @classmethod
     def of(cls, mesh: Mesh) -> Placement:
-        space = RenderSpace.of(*mesh.bounds)
-        return cls(space.place(mesh.vertices), space.scale, space.diagonal)
+        space = RenderSpace.of(*mesh.bounds, mesh.used[sample(len(mesh.used))])
+        return cls(space.place(mesh.vertices), space.centre, space.scale, space.diagonal)

@@ -14,7 +14,7 @@ from ..kernel.jit import kernel
 from ..kernel.vector import cross, dot, length, load_triangle, subtract
 from ..types import Float64s
 from .mesh import Mesh
-from .placement import Placement
+from .placement import Placement, near_box, sample
 
 TILT = 0.01
 
@@ -40,8 +40,9 @@ def coarseness(mesh: Mesh) -> Coarseness:
     """Look for vertices that rounding leaves without a reliable normal."""
     kind = np.float32 if _rounded_to_single(mesh.vertices) else np.float64
     placement = Placement.of(mesh)
-    placed = np.ldexp(mesh.vertices - mesh.centre, int(np.log2(placement.scale)))
-    stored = _spacing(mesh.vertices, kind) * placement.scale
+    with np.errstate(over="ignore"):  # of vertices that no face uses
+        placed = np.ldexp(mesh.vertices - placement.centre, int(np.log2(placement.scale)))
+        stored = _spacing(mesh.vertices, kind) * placement.scale
     seen = _spacing(placed, np.float32)
     tilt, spacing = np.zeros(len(placed)), np.zeros(len(placed))
     weight = np.zeros(len(placed))
@@ -68,6 +69,18 @@ def precision_warnings(mesh: Mesh) -> list[str]:
         f"{mesh.source}: normals of {found.vertices:,} of {len(mesh.vertices):,} vertices are uncertain by"
         f" {np.degrees(found.tilt):.2g}° (median): {what} have steps of {found.spacing:.2g},"
         " too coarse for the faces there"
+    ]
+
+
+def outlier_warnings(mesh: Mesh) -> list[str]:
+    """A line if few vertices, very far away, make the radius that relative lengths are parts of; or none."""
+    low, high = near_box(*mesh.bounds, mesh.used[sample(len(mesh.used))])
+    if low is mesh.bounds[0]:
+        return []
+    size = float(np.linalg.norm(high - low)) / 2
+    return [
+        f"{mesh.source}: a few vertices far away make its radius {mesh.radius:.3g}, most lie within {size:.2g}:"
+        f" give lengths in its own units, such as --half-distance {size / 2:.2g}"
     ]
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 
 import numpy as np
@@ -82,7 +83,10 @@ def _locate(positions, shift, keys, beside):
     for i in range(len(positions)):
         key, near = 0, False
         for axis in range(3):
-            at = positions[i, axis] * _CELLS + shift
+            size, steps = np.float64(abs(positions[i, axis])), 0.0
+            while size > 2.0:  # as many cells from 2 to 4 and from 4 to 8 as from 1 to 2
+                size, steps = 0.5 * size, steps + 1.0
+            at = math.copysign(size + steps, positions[i, axis]) * _CELLS + shift
             cell = np.floor(at)
             key = key << 21 | (int(cell) & 0x1FFFFF)
             near |= not _EDGE <= at - cell <= 1.0 - _EDGE
@@ -122,7 +126,7 @@ def _pairs(keys: AnyInts, along: Float64s | None = None) -> Iterator[tuple[Int64
     for step in range(1, min(_NEIGHBOURS, len(keys) - 1) + 1):
         same = keys[step:] == keys[:-step]
         if along is not None:
-            same &= along[step:] - along[:-step] <= _EDGE / _CELLS
+            same &= along[step:] - along[:-step] <= _EDGE / _CELLS * np.maximum(1.0, np.abs(along[step:]))
         first = np.flatnonzero(same)
         if not len(first):
             return

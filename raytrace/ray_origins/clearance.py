@@ -11,6 +11,7 @@ from ..types import Float64s, Int64s
 
 SHARP = 0.1
 ENOUGH = 0.3  # clearance with which a search for a better direction ends
+MANY = 1 << 10  # faces at a point; of more, some stand for all where each is compared with each
 _MOVES = 1000
 _FEW = 100  # of which there may be many
 
@@ -101,8 +102,9 @@ def _moved(before, faces, enough, moves):
 @inline
 def _two_sides(normals):
     """Whether two of the normals look opposite ways, as those of the two sides of a sheet."""
+    step = 1 + len(normals) // MANY
     for i in range(len(normals)):
-        for j in range(i):
+        for j in range(i % step, i, step):
             if dot(load(normals, i), load(normals, j)) < -0.9999:
                 return True
     return False

@@ -8,12 +8,12 @@ import numpy as np
 
 from ..bvh.bvh16 import BVH16
 from ..bvh.closest import distance_to_triangle
-from ..bvh.search import begin, new_stack, next_leaf
+from ..bvh.search import begin, new_stack, next_leaf, widened
 from ..kernel.borrow import borrow
 from ..kernel.jit import inline, kernel
 from ..kernel.simd_masks import lowest_bit
 from ..kernel.vector import load, load_triangle
-from ..mesh.placement import ULP
+from ..mesh.placement import NEAR, TOUCHING, ULP
 from ..system.threads import run_blocks, thread_count
 from ..types import Bools, Float64s, Int64s
 from .surface import Surface
@@ -21,6 +21,9 @@ from .surface import Surface
 _BLOCK = 1 << 10  # points
 _USUAL = 4  # contacts of a point that there are places for at first; coarse boxes on end have 2.5
 _MOST = 64  # contacts of one point; of more, those with the lowest rows are kept
+_SEEN = 1 << 10  # faces that are compared with these; then no more are looked for
+_USUAL_ROUNDING = 3.0 * NEAR * TOUCHING * ULP  # of all faces but those that reach far away
+_CLASS = 16.0  # ratio of the roundings of faces that are searched for together
 
 
 class Contacts(NamedTuple):
@@ -36,14 +39,15 @@ class Contacts(NamedTuple):
 
 
 class _Points(NamedTuple):
-    """Points to search around: float64 (k, 3), `reach` and `radius` (k,), `face_points` and `numbers`, as below.
+    """Points to search around: float64 (k, 3), `reach` (k,), `face_points` and `numbers`, as below.
 
-    `radius` is how far the tree is searched: at least `reach` and every face's margin, and its rounding.
+    Faces are sought whose rounding is above `least` and up to `most`.
     """
 
     points: Float64s
     reach: Float64s
-    radius: Float64s
+    least: float
+    most: float
     face_points: Int64s
     numbers: Int64s
 
@@ -60,8 +64,26 @@ def find_contacts(
     """
     if not (reach >= 0.0).any() or not len(surface.faces):
         return _empty(0)
-    slack = 8.0 * ULP * max(float(np.abs(points).max()), float(np.abs(surface.vertices).max()))  # of single precision
-    around = _Points(points, reach, np.maximum(reach, surface.rounding.max()) + slack, face_points, numbers)
+    most = float(surface.rounding.max())
+    if most <= _USUAL_ROUNDING:
+        return _find(tree, surface, _Points(points, reach, -1.0, most, face_points, numbers))
+    found, least = [], -1.0
+    while least < most:
+        limit = max(_CLASS * least, _USUAL_ROUNDING)
+        rows = np.flatnonzero((surface.rounding > least) & (surface.rounding <= limit))
+        if len(rows):
+            some = BVH16.of(surface.vertices.astype(np.float32), surface.faces[rows])
+            some = some._replace(rows=np.where(some.rows < 0, -1, rows[some.rows]))
+            found.append(_find(some, surface, _Points(points, reach, least, limit, face_points, numbers)))
+        least = limit
+    joined = Contacts(*(np.concatenate(column) for column in zip(*found, strict=True)))
+    joined = joined.only(np.lexsort((joined.face, joined.point)))
+    place = np.arange(len(joined.point)) - np.searchsorted(joined.point, joined.point)
+    return joined.only(place < _MOST)
+
+
+def _find(tree: BVH16, surface: Surface, around: _Points) -> Contacts:
+    points = around.points
     parts: list[Contacts] = [_empty(0)] * -(-len(points) // _BLOCK)
 
     def search(first: int, last: int) -> None:
@@ -96,14 +118,16 @@ def _search(tree, stack, around, surface, first, last, found):
     for i in range(first, last):
         if reach[i] < 0.0:
             continue
-        p, number, filled = load(points, i), around.numbers[i], 0
-        middle, radius = (np.float32(p[0]), np.float32(p[1]), np.float32(p[2])), np.float32(around.radius[i])
+        p, number, filled, seen = load(points, i), around.numbers[i], 0, 0
+        middle = np.float32(p[0]), np.float32(p[1]), np.float32(p[2])
+        radius = widened(middle, max(reach[i], around.most))
         begin(tree, stack)
         leaf, near = next_leaf(tree, stack, middle, radius)
-        while near != 0:
+        while near != 0 and seen < _SEEN:
             while near != 0:
                 f = tree.rows[leaf, lowest_bit(near)]
                 near &= near - 1
+                seen += filled == _MOST
                 filled = _keep(surface, around, f, p, number, reach[i], nearest, filled)
             leaf, near = next_leaf(tree, stack, middle, radius)
         for k in range(filled):
@@ -119,10 +143,11 @@ def _keep(surface, around, f, p, number, reach, nearest, filled):
 
     Args: nearest: the faces kept and their distances. filled: how many there are.
     """
-    (kept, distances), corners = nearest, around.face_points
+    (kept, distances), corners, within = nearest, around.face_points, max(reach, surface.rounding[f])
+    if surface.rounding[f] <= around.least or surface.rounding[f] > around.most:
+        return filled
     if corners[f, 0] == number or corners[f, 1] == number or corners[f, 2] == number:
         return filled
-    within = max(reach, surface.rounding[f])
     a, b, c = load_triangle(surface.vertices, surface.faces, f)
     if _beside(p[0], within, a[0], b[0], c[0]) or _beside(p[1], within, a[1], b[1], c[1]):
         return filled

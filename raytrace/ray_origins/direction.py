@@ -16,14 +16,15 @@ from ..kernel.borrow import borrow
 from ..kernel.counting_sort import counting_sort
 from ..kernel.jit import inline, kernel
 from ..kernel.vector import add, angle_between, cross, divide, dot, length, load, scale, store, subtract
-from ..mesh.placement import ULP
+from ..mesh.placement import NEAR, ULP
 from ..system.threads import run_blocks, thread_count
-from ..types import Float64s, Int64s
-from .clearance import outermost_normal
+from ..types import Bools, Float64s, Int64s
+from .clearance import MANY, outermost_normal
 from .contacts import Contacts
 from .surface import Surface
 
 _SAME_PLANE = 0.9999
+_RISE = 1e-3
 _BLOCK = 1 << 9  # points
 
 
@@ -44,17 +45,18 @@ class _Incident(NamedTuple):
 
 
 def turn_directions(
-    directions: Float64s,
-    clearance: Float64s,
+    found: tuple[Float64s, Float64s, Bools],
     surface: Surface,
     points: Float64s,
     touched: Contacts,
     face_points: Int64s,
     numbers: Int64s,
 ) -> None:
-    """Turn `directions` (k, 3) and `clearance` (k,) of touched `points` in front of what they touch, where possible.
+    """Turn the directions of touched `points` in front of what they touch, where possible.
 
     Args:
+        found: directions (k, 3), their clearance (k,), and whether (k,) a touched face decides what is seen: it rises
+            above the plane across the direction, or lies in it and looks the other way. Changed in place.
         touched: at least one, sorted by point.
         face_points: int64 (m, 3), the number of the point at each face corner. numbers: int64 (k,), of each point.
     """
@@ -69,13 +71,13 @@ def turn_directions(
     incident = _Incident(rows, corners // 3, starts[own], starts[own + 1], touched.face, touched_starts)
 
     def work(first: int, last: int) -> None:
-        _turn(incident, surface, points, first, last, directions, clearance)
+        _turn(incident, surface, points, first, last, *found)
 
     run_blocks(len(rows), _BLOCK, work, thread_count(None))
 
 
 @kernel
-def _turn(incident, surface, points, first, last, directions, clearance):
+def _turn(incident, surface, points, first, last, directions, clearance, decided):
     """`turn_directions` of the points incident.rows[first:last]."""
     incident, surface = borrow(incident), borrow(surface)
     own, own_starts, own_ends = incident.own, incident.own_starts, incident.own_ends
@@ -95,6 +97,8 @@ def _turn(incident, surface, points, first, last, directions, clearance):
             f = own[i] if is_own[count] else touched[j]
             i, j = (i + 1, j) if is_own[count] else (i, j + 1)
             n = load(surface.normals, f)
+            if not is_own[count]:
+                decided[row] |= dot(n, direction) < -_SAME_PLANE or _rises(p, direction, surface, f)
             if is_own[count] and dot(n, direction) < 0.0:  # seen from its other side
                 n = scale(-1.0, n)
             store(normals, count, n)
@@ -116,11 +120,21 @@ def _turn(incident, surface, points, first, last, directions, clearance):
 
 
 @inline
+def _rises(p, direction, surface, f):
+    """Whether a face that a point touches rises above the plane through the point across a direction."""
+    height, size = 0.0, 0.0
+    for k in range(3):
+        away = subtract(load(surface.vertices, surface.faces[f, k]), p)
+        height, size = max(height, dot(away, direction)), max(size, length(away))
+    return height > _RISE * size
+
+
+@inline
 def _is_in_front(i, normals, angles, is_own):
     """Whether a point is taken to be in front of its i-th face; see the module on faces that look opposite ways."""
     balance, opposed = 0.0, False
-    n = load(normals, i)
-    for j in range(len(normals)):
+    n, step = load(normals, i), 1 + len(normals) // MANY
+    for j in range(i % step, len(normals), step):
         cosine = dot(n, load(normals, j))
         if cosine > _SAME_PLANE:
             balance += angles[j]
@@ -133,7 +147,7 @@ def _is_in_front(i, normals, angles, is_own):
 @inline
 def _angle_about(p, vertices, faces, f):
     """Angle that a face fills about a point on it: a corner's own, π on an edge, 2π inside."""
-    angle, tiny = 2.0 * np.pi, 16.0 * ULP
+    angle, tiny = 2.0 * np.pi, 16.0 * ULP * max(1.0, max(abs(p[0]), abs(p[1]), abs(p[2])) / NEAR)
     for k in range(3):
         a = subtract(load(vertices, faces[f, k]), p)
         b = subtract(load(vertices, faces[f, (k + 1) % 3]), p)

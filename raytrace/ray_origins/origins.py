@@ -7,7 +7,7 @@ import numpy as np
 from ..bvh.bvh16 import BVH16
 from ..mesh.normals import nonzero
 from ..mesh.placement import contact_radius
-from ..types import Float64s, Int64s
+from ..types import Bools, Float64s, Int64s
 from .clearance import SHARP
 from .contacts import Contacts, find_contacts
 from .direction import turn_directions
@@ -24,8 +24,8 @@ def ray_origins(
     face_points: Int64s,
     numbers: Int64s,
     magnitude: Float64s,
-) -> Float64s:
-    """Ray origins (k, 3) of `points` (k, 3) in render space.
+) -> tuple[Float64s, Bools]:
+    """Ray origins (k, 3) of `points` (k, 3) in render space, and which (k,) are decided by faces that they touch.
 
     Args:
         tree: over the faces of `surface`.
@@ -37,13 +37,14 @@ def ray_origins(
     """
     directions, clearance, magnitude = directions.copy(), clearance.copy(), magnitude.copy()
     offset = ray_offset(directions, magnitude, clearance)
-    touching = contact_radius(points)
+    touching, decided = contact_radius(points), np.zeros(len(points), np.bool_)
     reach = np.maximum(4.0 * offset, touching)  # so far that turning a direction seldom asks for more
     reach[~nonzero(directions)] = -1.0
     near = find_contacts(tree, surface, points, reach, face_points, numbers)
     touched = near.only(near.distance <= np.maximum(touching[near.point], surface.rounding[near.face]))
     if len(touched.point):
-        turn_directions(directions, clearance, surface, points, touched, face_points, numbers)
+        found = directions, clearance, decided
+        turn_directions(found, surface, points, touched, face_points, numbers)
         np.maximum.at(magnitude, touched.point, np.maximum(surface.extent[touched.face], surface.flat[touched.face]))
         offset = ray_offset(directions, magnitude, clearance)
         farther = np.where((reach >= 0.0) & (2.0 * offset > reach), 2.0 * offset, -1.0)
@@ -53,4 +54,4 @@ def ray_origins(
     if len(sharp):
         offset[sharp] = stay_near(offset[sharp], surface.shortest_edges(face_points, numbers[sharp]))
     stop_short(offset, points, directions, touching, near, surface)
-    return points + offset[:, None] * directions
+    return points + offset[:, None] * directions, decided

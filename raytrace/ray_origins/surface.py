@@ -7,9 +7,9 @@ from typing import NamedTuple
 import numpy as np
 
 from ..kernel.borrow import borrow
-from ..kernel.jit import kernel
+from ..kernel.jit import inline, kernel
 from ..kernel.vector import cross, length, load_triangle, subtract
-from ..mesh.placement import TOUCHING, ULP
+from ..mesh.placement import NEAR, TOUCHING, ULP
 from ..system.threads import run_blocks, thread_count
 from ..types import Float64s, Int64s
 
@@ -22,10 +22,11 @@ class Surface(NamedTuple):
 
     Attributes:
         vertices: float64 (n, 3). faces: int64 (m, 3), none degenerate. normals: float64 (m, 3), unit.
-        extent: float64 (m,), the largest |coordinate| of each face's corners.
+        extent: float64 (m,), the largest |coordinate| of each face's corners; above `NEAR` no more than counts across.
         flat: float64 (m,), as large as that may be beside a flat triangle: Embree takes the distance of its plane from
             a normal that it computes in float32, whose relative error is that of a coordinate over the sine of the
-            largest angle, times the distance of a corner. At most 8: the offset there is 10⁻⁵ of the mesh, no more.
+            largest angle, times the distance of a corner. At most `NEAR`, or as far away as the face is: the offset
+            there is 10⁻⁵ of the mesh, no more.
         rounding: float64 (m,), how far from a face a point may be that touches it.
     """
 
@@ -74,13 +75,20 @@ def _measure(surface, first, last):
     surface = borrow(surface)
     for f in range(first, last):
         a, b, c = load_triangle(surface.vertices, surface.faces, f)
+        across = 0.0
         for axis in range(3):
             largest = max(abs(a[axis]), abs(b[axis]), abs(c[axis]))
             surface.extent[f] = max(surface.extent[f], largest)
-            surface.rounding[f] += TOUCHING * ULP * abs(surface.normals[f, axis]) * largest
+            across += abs(surface.normals[f, axis]) * largest
+        surface.extent[f], surface.rounding[f] = min(surface.extent[f], max(NEAR, across)), TOUCHING * ULP * across
         ab, bc, ca = subtract(b, a), subtract(c, b), subtract(a, c)
         slender = length(ab) * length(bc) * length(ca) / max(length(cross(ab, bc)), 1e-150)  # longest edge/sine
-        surface.flat[f] = min(FLAT * slender, 8.0)
+        surface.flat[f] = min(FLAT * slender, max(NEAR, min(_largest(a), _largest(b), _largest(c))))
+
+
+@inline
+def _largest(p):
+    return max(abs(p[0]), abs(p[1]), abs(p[2]))
 
 
 @kernel

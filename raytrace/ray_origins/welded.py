@@ -9,7 +9,7 @@ import numpy as np
 from ..bvh.bvh16 import BVH16
 from ..mesh.normals import Weighting, face_normals, nonzero, normalize, vertex_sums
 from ..mesh.weld import CREASE, sum_groups, weld
-from ..types import Float64s, Int64s
+from ..types import Bools, Float64s, Int64s
 from .clearance import SHARP, outermost_normals
 from .origins import ray_origins
 from .surface import Surface
@@ -45,8 +45,8 @@ class WeldedPoints(NamedTuple):
         """The faces in render space. Args: vertices: (n, 3)."""
         return Surface.of(vertices, self.faces, self.face_normals)
 
-    def ray_origins(self, tree: BVH16, surface: Surface) -> Float64s:
-        """Ray origins (k, 3). Args: tree: over the faces of `surface`, which is `self.surface`."""
+    def ray_origins(self, tree: BVH16, surface: Surface) -> tuple[Float64s, Bools]:
+        """`raytrace.ray_origins.origins.ray_origins`. Args: tree: over the faces of `surface`, `self.surface`."""
         points, corners, numbers = surface.vertices[self.first], self.face_points, np.arange(len(self.first))
         magnitude = surface.magnitudes(corners, len(numbers))
         return ray_origins(tree, surface, points, self.directions, self.clearance, corners, numbers, magnitude)

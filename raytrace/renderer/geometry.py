@@ -25,7 +25,7 @@ from ..materials.materials import pack_materials
 from ..mesh.mesh import Mesh
 from ..mesh.normals import normalize
 from ..mesh.opacity import Opacity, PackedOpacity
-from ..mesh.placement import Placement
+from ..mesh.placement import Placement, RenderSpace, sample, to_single
 from ..scene import Object, Shape
 from ..settings import Normals
 from ..shade.records import Geometry
@@ -96,9 +96,9 @@ class _PlacedShape(NamedTuple):
 
 
 def _build(objects: tuple[Object, ...], weighting: Normals) -> BuiltGeometry:
-    whole = _bounds(objects)
-    placement = Placement.of(whole)
-    centre, scale = whole.centre, placement.scale
+    low, high = _bounds(objects)
+    space = RenderSpace.of(low, high, _some(objects))
+    centre, scale = space.centre, space.scale
     place = np.diag([scale, scale, scale, 1.0])
     place[:3, 3] = -scale * centre
 
@@ -147,6 +147,7 @@ def _build(objects: tuple[Object, ...], weighting: Normals) -> BuiltGeometry:
     corner_rows = [s.mesh.faces + start for s, start in zip(shapes.values(), vertex_starts, strict=True)]
     arrays = Geometry(
         handle=embree.handle,
+        farthest=8.0 * max(1.0, scale * float(np.maximum(high - centre, centre - low).max())),
         vertices=_joined([*(placed.vertices for placed in placed_shapes.values()), polygons.centres], np.float32),
         normals=_joined([*(placed.normals for placed in placed_shapes.values()), polygons.normals], np.float32),
         faces=_joined(corner_rows, np.int32),
@@ -227,12 +228,22 @@ def _opacity(shapes: list[Shape]) -> PackedOpacity | None:
     return packed
 
 
-def _bounds(objects: tuple[Object, ...]) -> Mesh:
-    """The corners of all objects' bounding boxes: what render space is centred and scaled by."""
-    corners = []
-    for item in objects:
-        corners.append(_corners(item.shape.mesh.vertices) @ item.transform[:3, :3].T + item.transform[:3, 3])
-    return Mesh(np.concatenate(corners), np.array([[0, 1, 2]]), source="scene")
+def _bounds(objects: tuple[Object, ...]) -> tuple[Float64s, Float64s]:
+    """The bounds of the corners of all objects' bounding boxes."""
+    corners = [
+        _corners(np.array(item.shape.mesh.bounds)) @ item.transform[:3, :3].T + item.transform[:3, 3]
+        for item in objects
+    ]
+    joined = np.concatenate(corners)
+    return joined.min(axis=0), joined.max(axis=0)
+
+
+def _some(objects: tuple[Object, ...]) -> Float64s:
+    """Vertices (k, 3) of all objects, as many of each as it has part in the scene: they say where most of it is."""
+    rows = sample(sum(len(item.shape.mesh.used) for item in objects))
+    return np.concatenate(
+        [item.shape.mesh.used[rows] @ item.transform[:3, :3].T + item.transform[:3, 3] for item in objects]
+    )
 
 
 def _corners(points: AnyFloats) -> Float64s:
@@ -256,13 +267,13 @@ def _place_instanced(shape: Shape, weighting: Normals) -> _PlacedShape:
     mesh = shape.mesh
     placement = Placement.of(mesh)
     matrix = np.diag([placement.scale, placement.scale, placement.scale, 1.0])
-    matrix[:3, 3] = -placement.scale * mesh.centre
+    matrix[:3, 3] = -placement.scale * placement.centre
     normals = smooth_normals(mesh, weighting).astype(np.float32)
     return _PlacedShape(placement.vertices, normals, TriangleScene(placement.vertices, mesh.faces), matrix)
 
 
 def _place_once(shape: Shape, matrix: Float64s, weighting: Normals) -> _PlacedShape:
     mesh, linear = shape.mesh, matrix[:3, :3]
-    vertices = (product(mesh.vertices, linear.T) + matrix[:3, 3]).astype(np.float32)
+    vertices = to_single(product(mesh.vertices, linear.T) + matrix[:3, 3])
     normals = normalize(product(smooth_normals(mesh, weighting), np.linalg.inv(linear))).astype(np.float32)
     return _PlacedShape(vertices, normals, None, matrix)

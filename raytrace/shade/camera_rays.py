@@ -20,7 +20,6 @@ from ..types import Float64s
 
 _SETS = 256
 _CENTRE = np.empty((0, 4, 1))  # no sets of places: every ray goes through its pixel's centre
-FARTHEST = 8.0  # longer than anything in render space
 
 
 class View(NamedTuple):
@@ -114,16 +113,17 @@ def pixel_width(view, depth):
 
 
 @inline
-def approach(origin, direction):
-    """Distance a ray can go before it comes near the scene, which lies within 2 of the centre of render space."""
-    return max(0.0, -2.0 - dot(origin, direction))
+def approach(origin, direction, farthest):
+    """Distance a ray can go before it comes near the scene, which lies within a quarter of `farthest` of the origin."""
+    return max(0.0, -0.25 * farthest - dot(origin, direction))
 
 
 @inline
-def aim(packet, view, x, y, samples):
+def aim(packet, view, x, y, samples, farthest):
     """Make `packet` the viewing rays of sixteen pixels; returns how far from the viewer they start, float32.
 
     Args: x, y: int32 lanes, of the whole picture. samples: int32 lanes, numbers of the samples.
+        farthest: of `Geometry`.
     """
     film_x, film_y = double(x) + 0.5, double(y) + 0.5
     lens_x, lens_y = 0.0 * film_x, 0.0 * film_x
@@ -137,13 +137,13 @@ def aim(packet, view, x, y, samples):
             lens_x = replace(lens_x, lane, offsets[k, 2, sample])
             lens_y = replace(lens_y, lane, offsets[k, 3, sample])
     origin, direction = viewing_ray(view, film_x, film_y, lens_x, lens_y)
-    start = approach(origin, direction)
+    start = approach(origin, direction, farthest)
     near = add(origin, scale(start, direction))
     for axis in range(3):
         store_row(packet, ORG_X + axis, single(near[axis]))
         store_row(packet, DIR_X + axis, single(direction[axis]))
     store_row(packet, TNEAR, 0.0)
-    store_row(packet, TFAR, FARTHEST)
+    store_row(packet, TFAR, farthest)
     return single(start)
 
 

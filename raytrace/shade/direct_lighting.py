@@ -16,7 +16,6 @@ from ..lights.kernels import cannot_matter_in, incident, towards, triple
 from ..lights.layout import AMBIENT as AMBIENT_LIGHT
 from ..lights.layout import DIFFUSE, SPECULAR
 from . import shading_points as layout
-from .camera_rays import FARTHEST
 from .interaction import CONSTANT, FLAT
 from .see_through import dimmed, passing
 from .shading_points import put, take
@@ -112,7 +111,7 @@ def select_lights(geometry, lights, shading, scratch, packets):
         if kind == AMBIENT_LIGHT or cannot_matter_in(kind, row, low, high, (0.0, 0.0, 1.0), np.pi, 0.0):
             continue
         scratch.active[used] = j
-        scratch.hidden[used] = obstructed(geometry.boxes, start, shift, kind, row)
+        scratch.hidden[used] = obstructed(geometry.boxes, geometry.farthest, start, shift, kind, row)
         used += 1
     return used
 
@@ -220,5 +219,5 @@ def unshadowed(origin, wanted, l, distance, geometry, scratch):
         store_row(packet, ORG_X + axis, origin[axis])
         store_row(packet, DIR_X + axis, l[axis])
     scratch.counts[SHADOW_RAYS] += count(wanted)
-    limit = min(distance * SHORT, FARTHEST)
+    limit = min(distance * SHORT, geometry.farthest)
     return passing(geometry.opacity, geometry, packet, scratch.valid, wanted, limit)

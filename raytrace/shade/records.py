@@ -15,8 +15,9 @@ class Geometry(NamedTuple):
     """Shapes and objects in render space: o objects, v vertices and f faces of their shapes.
 
     Attributes:
-        handle: Embree scene. vertices, normals: float32 (v, 3), each shape's in its own frame. faces: int32 (f, 3),
-        indices into them. uv: float32 (v, 2). occlusion_uv: float32 (v, 2), or (0, 2) if no shape has any.
+        handle: Embree scene. farthest: longer than anything in render space.
+        vertices, normals: float32 (v, 3), each shape's in its own frame. faces: int32 (f, 3), indices into them.
+        uv: float32 (v, 2). occlusion_uv: float32 (v, 2), or (0, 2) if no shape has any.
         colours: float32 (v, 3), linear RGB, or (0, 3) if no shape has any.
         polygons: int32 (f,), rows of `vertices` and `normals`, behind those of the shapes, with the centre and the
         Newell normal of each face's polygon, −1 for a face of its own; (0,) if there are no polygons. edges: int32
@@ -34,6 +35,7 @@ class Geometry(NamedTuple):
     """
 
     handle: Any
+    farthest: float
     vertices: Float32s
     normals: Float32s
     faces: Int32s

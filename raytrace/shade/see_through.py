@@ -18,7 +18,7 @@ from ..kernel.vector import scale
 from ..materials import alpha_filter
 from ..materials.alpha_filter import LEAST, STEP
 from . import shading_points as layout
-from .camera_rays import FARTHEST, aim, hit_ids
+from .camera_rays import aim, hit_ids
 from .shading_points import BEGIN, BEHIND, COVER, THROUGH
 
 HALF = 0.5
@@ -40,7 +40,7 @@ def meet(opacity, geometry, packet, valid, there):
 
 
 @inline
-def behind(opacity, packet, items, distance, through):
+def behind(opacity, geometry, packet, items, distance, through):
     """Where viewing rays go on behind what they `meet`, a mask, and what is left of them, float32 lanes.
 
     Args: through: what was left before.
@@ -49,7 +49,7 @@ def behind(opacity, packet, items, distance, through):
         return items < items, through
     through = through * (1.0 - load_row(packet, alpha_filter.STOPPED))
     store_row(packet, TNEAR, distance + STEP)
-    store_row(packet, TFAR, FARTHEST)
+    store_row(packet, TFAR, geometry.farthest)
     return (items >= 0) & (through > LEAST), through
 
 
@@ -179,12 +179,12 @@ def mark_seen(geometry, view, columns, rows, packet, valid, seen, whole):
         for x in range(left, right, WIDE):
             pixels = lane_numbers() + x
             for sample in range(max(1, view.offsets.shape[2])):
-                aim(packet, view, pixels, 0 * pixels + y, 0 * pixels + sample)
+                aim(packet, view, pixels, 0 * pixels + y, 0 * pixels + sample, geometry.farthest)
                 there, through = pixels < right, single(double(0 * pixels + 1))
                 while some(there):
                     items, faces, _, _, distance = meet(geometry.opacity, geometry, packet, valid, there)
                     mark_corners(geometry, items, faces, seen, whole)
-                    there, through = behind(geometry.opacity, packet, items, distance, through)
+                    there, through = behind(geometry.opacity, geometry, packet, items, distance, through)
 
 
 @inline

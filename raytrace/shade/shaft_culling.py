@@ -21,8 +21,8 @@ from ..kernel.simd_masks import some
 from ..kernel.simd_memory import load_row
 from ..kernel.vector import add, load3, scale, subtract
 from ..lights.layout import DIRECTION, DIRECTIONAL, POSITION
+from ..mesh.placement import NEAR
 from ..types import Float32s, Float64s, Int64s
-from .camera_rays import FARTHEST
 
 SLACK = 2.0**-18  # of the largest coordinate: sixteen times what Embree's edge tests can be off
 ROUNDED = np.float32(2.0**-20)  # relative error of a place on the way, and more
@@ -33,7 +33,7 @@ _BOXES = 1024  # of all objects together, about
 
 def cluster(vertices: Float32s, faces: Int64s, objects: int) -> Float64s:
     """Boxes (n, 2, 3), low and high corners, around the faces of a mesh, a share of all objects' number of boxes."""
-    low, high = vertices.min(axis=0), vertices.max(axis=0)
+    low, high = vertices.min(axis=0).clip(-NEAR, NEAR), vertices.max(axis=0).clip(-NEAR, NEAR)
     side = float((high - low).max()) or 1.0
     finest = np.sqrt(min(len(faces) / _FACES, _BOXES / objects) / 5)  # a sphere goes through some 4 n² cells of n³
     size = side / np.clip(np.ceil(finest), 1, GRID)
@@ -62,7 +62,7 @@ def _enclose(vertices, faces, low, per_length, cells, boxes):
 
 def pack_boxes(boxes: Float64s) -> Float32s:
     """Boxes (n, 2, 3) thickened and packed for `obstructed`: float32 (⌈n/16⌉, 6, 16), low and high corners."""
-    thick = SLACK * np.maximum(1.0, np.abs(boxes).max())
+    thick = SLACK * np.maximum(1.0, np.abs(boxes).max(axis=(1, 2)))[:, None]
     flat = boxes[:, 0] == boxes[:, 1]
     grown = np.stack([boxes[:, 0] - np.where(flat, 0, thick), boxes[:, 1] + np.where(flat, 0, thick)], axis=1)
     groups = -(-len(boxes) // WIDE)
@@ -74,18 +74,18 @@ def pack_boxes(boxes: Float64s) -> Float32s:
 
 
 @inline
-def obstructed(boxes, start, shift, kind, row):
+def obstructed(boxes, farthest, start, shift, kind, row):
     """Whether some box may meet a shadow ray to a light.
 
-    Args: boxes: of `pack_boxes`. start: corners of a box of the rays' origins, float32; shift: of a box of the
-        origins less the points that are lit. kind, row: of the light, not an ambient one.
+    Args: boxes: of `pack_boxes`. farthest: of `Geometry`. start: corners of a box of the rays' origins, float32; shift:
+        of a box of the origins less the points that are lit. kind, row: of the light, not an ambient one.
     """
     size = 1.0
     for axis in range(3):
         size = max(size, abs(start[0][axis]), abs(start[1][axis]), abs(row[POSITION + axis]))
     slack = SLACK * size
     if kind == DIRECTIONAL:
-        end, around = scale(-FARTHEST, load3(row[DIRECTION:])), start
+        end, around = scale(-farthest, load3(row[DIRECTION:])), start
     else:
         end, around = load3(row[POSITION:]), shift
     margin = (slack, slack, slack)

@@ -79,7 +79,7 @@ def render_tiles(scene, view, style, film, scratch, span, again):
                     pixels = gather(todo, select(there, place, 0))
                     x, y = column_of(pixels) + (film.left + left), row_of(pixels) + (film.top + top)
                     samples = (numbers & (WIDE - 1)) - turn * batch + done
-                    start = aim(scratch.packet, view, x, y, select(there, samples, 0))
+                    start = aim(scratch.packet, view, x, y, select(there, samples, 0), scene.geometry.farthest)
                     begin_behind(opacity, scratch, numbers)
                     items = trace_packet(scene, view, style, scratch, e, start, there)
                     store_row(scratch.items, e, items)

@@ -10,7 +10,7 @@ from ao.points.receivers import Flag, find_receivers
 from raytrace.errors import printable
 from raytrace.mesh.normals import face_normals
 from raytrace.mesh.placement import Placement
-from raytrace.mesh.precision import precision_warnings
+from raytrace.mesh.precision import outlier_warnings, precision_warnings
 from raytrace.types import Float64s
 
 from ..formats.glb.occlusion import RAMP, image_name, occlusion_reference
@@ -31,6 +31,7 @@ def facts(source: MeshFile) -> dict[str, Any]:
     uses = np.unique(edges[:, 0] * len(mesh.vertices) + edges[:, 1], return_counts=True)[1]
     flagged = {(flag.name or "").lower(): int(np.count_nonzero(receivers.flags & flag)) for flag in Flag}
     warnings = [note.removeprefix(f"{source.path}: ") for note in source.notes]
+    lines = [*outlier_warnings(mesh), *precision_warnings(mesh)]
     return {
         "file": str(source.path),
         "objects": list(source.objects),
@@ -40,7 +41,7 @@ def facts(source: MeshFile) -> dict[str, Any]:
         "edges": len(uses),
         "open_edges": int((uses == 1).sum()),
         "edges_of_three_faces_or_more": int((uses > 2).sum()),
-        "bounds": [mesh.vertices.min(axis=0).tolist(), mesh.vertices.max(axis=0).tolist()],
+        "bounds": [corner.tolist() for corner in mesh.bounds],
         "up": mesh.up,
         "radius": mesh.radius,
         "area": _finite(float(area.sum()) / placement.scale / placement.scale),
@@ -50,7 +51,7 @@ def facts(source: MeshFile) -> dict[str, Any]:
         "alpha": mesh.opacity.counts if mesh.opacity else None,
         "points_to_bake": len(receivers.points),
         "flagged_vertices": {name: count for name, count in flagged.items() if count},
-        "warnings": warnings + [line.removeprefix(f"{mesh.source}: ") for line in precision_warnings(mesh)],
+        "warnings": warnings + [line.removeprefix(f"{mesh.source}: ") for line in lines],
     }
 
 

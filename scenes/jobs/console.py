@@ -103,16 +103,20 @@ def unprinted_warnings() -> Iterator[None]:
         _silent.on = False
 
 
-def warn(meshes: Iterable[Mesh], others: Iterable[str] = ()) -> list[str]:
+def warn(meshes: Iterable[Mesh], others: Iterable[str] = (), falloff: ao.Falloff | None = None) -> list[str]:
     """Print, once each, warnings about the precision of meshes, and others; return them all.
 
     What an output cannot hold is printed as a note.
+
+    Args: falloff: that is relative to the radius of the last of the meshes, perhaps.
     """
     from raytrace.errors import LINE, printable
-    from raytrace.mesh.precision import precision_warnings
+    from raytrace.mesh.precision import outlier_warnings, precision_warnings
 
     each = {id(mesh): mesh for mesh in meshes}.values()
     warnings = list(dict.fromkeys(warning for mesh in each for warning in precision_warnings(mesh)))
+    if falloff and len({(mu.max_distance, mu.tau) for mu in map(falloff.resolve, (1.0, 2.0))}) > 1:
+        warnings += outlier_warnings(list(each)[-1])
     warnings += list(dict.fromkeys(others))
     for warning in () if getattr(_silent, "on", False) else warnings:
         kind = "note" if ": not kept from " in warning else "warning"

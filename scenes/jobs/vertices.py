@@ -79,6 +79,7 @@ class BakeCommand(MeshBake):
         warnings = warn(
             [source.mesh, *([fine.mesh] if fine else [])],
             [*notes, *lost(self.output, source, channels(self.output, **self._channels()))],
+            falloff,
         )
         with self.checkpoint(self.output) as checkpoint:
             status = checkpoint.status if checkpoint else str

@@ -36,6 +36,7 @@ FLAGS = {
     "hidden": "#ff1f9b",
     "folded": "#2fc82f",
     "missed": "#ff8a1f",
+    "contact": "#8a5cff",
 }
 """Of the dot on a vertex; in the order of the bits of `ao.Flag`."""
 

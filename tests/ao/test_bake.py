@@ -70,7 +70,7 @@ def test_vertices_without_a_normal_are_open_and_flagged():
     baked = ao.bake(mesh)
     assert baked.w.tolist() == [1.0] * 5
     assert baked.error[3:].tolist() == [0, 0]
-    assert baked.flagged == {"unreferenced": 1, "degenerate": 1, "opposed": 0, "hidden": 0, "folded": 0, "missed": 0}
+    assert {name: count for name, count in baked.flagged.items() if count} == {"unreferenced": 1, "degenerate": 1}
     assert baked.rays_skipped["no_normal"] == 2 * 256
 
 

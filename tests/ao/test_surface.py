@@ -258,7 +258,7 @@ def test_vertices_without_a_normal_are_open_and_flagged():
     mesh = Mesh([[0, 0, 0], [1, 0, 0], [0, 1, 0], [5, 5, 5], [2, 0, 0]], [[0, 1, 2], [4, 4, 0]])
     baked = bake_surface(mesh)
     assert baked.w.tolist() == [1.0] * 5
-    assert baked.flagged == {"unreferenced": 1, "degenerate": 1, "opposed": 0, "hidden": 0, "folded": 0, "missed": 0}
+    assert {name: count for name, count in baked.flagged.items() if count} == {"unreferenced": 1, "degenerate": 1}
     nothing = bake_surface(Mesh([[0, 0, 0], [1, 0, 0], [2, 0, 0]], [[0, 1, 2]]))
     assert nothing.w.tolist() == [1.0] * 3
     assert nothing.rays == 0

@@ -20,7 +20,7 @@ def limits(long: bool) -> Iterator[Line]:
         ("icosphere stored 10⁵ sizes away", icosphere(4), Pose(1.0, 1e5, 1, True)),
         ("ellipsoid 1000:1:1 stored 1,000 sizes away", convex()["ellipsoid 1000:1:1"], Pose(1.0, 1e3, 1, True)),
         ("slivers 10⁶:1", stretched(grid(60), (1, 1e-6, 1)), Pose(turn=1)),
-        ("a sphere of 10⁻⁷ on a floor of 1", join([grid(8), small]), Pose(turn=1)),
+        ("a sphere of 10⁻⁷ on a floor of 1", join([grid(40), small]), Pose(turn=1)),
         ("icosphere 10¹⁴ sizes away", icosphere(4), Pose(1.0, 1e14, 1)),
     ):
         silent = not precision_warnings(pose.mesh(part))

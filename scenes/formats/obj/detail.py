@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
+from raytrace.errors import printable
 from raytrace.mesh.opacity import AlphaSurface, Opacity
 
 from ...geometry.detail import Detail, Paint, PerCorner
@@ -17,6 +18,7 @@ from .mtl import OPAQUE, OPTION, named_pictures, read_mtl
 from .text import ObjText, joined_lines
 
 PAINT_WORDS = ("texture of", "material library", OPAQUE, OPTION)  # how what is missing of materials begins
+_NAMES, _NAME = 3, 60  # of libraries that are not there: how many are told, and how long
 MAX_OBJECTS = 4096  # each takes a kilobyte or two of a .glb
 _LIBRARY = re.compile(r"^[ \t]*mtllib(?!\S)([^#\n]*)", re.MULTILINE)
 _OTHER = "l", "p", "curv", "curv2", "surf"
@@ -82,16 +84,21 @@ def _read_paints(file: ObjText, folder: Path) -> tuple[dict[str, Paint], list[Pa
     known: dict[str, Paint] = {}
     files: list[Path] = []
     left: list[str] = []
+    gone: dict[str, None] = {}
     beside = partial(_beside, folder)
-    for line, library in _libraries(file.lines("mtllib").split("\n"), beside):
+    for name, library in _libraries(file.lines("mtllib").split("\n"), beside):
         if library is None:
-            left.append(f"material library {line}")
+            gone[name] = None
             continue
         more, missing = read_mtl(library, beside)
         known = more | known
         pictures = [picture for paint in more.values() for picture in (paint.texture, paint.opacity_texture)]
         files += [library, *filter(None, pictures)]
         left += missing
+    if gone:
+        first = ", ".join(printable(name, _NAME) for name in list(gone)[:_NAMES])
+        rest = f" and {len(gone) - _NAMES:,} more" if len(gone) > _NAMES else ""
+        left.insert(0, f"material library {first}{rest}")
     return known, files, left
 
 
@@ -105,10 +112,10 @@ def named_files(path: Path) -> list[Path]:
 
 
 def _libraries(lines: Iterable[str], beside: Callable[[str], Path | None]) -> Iterator[tuple[str, Path | None]]:
-    """What follows each `mtllib`, and the files that it names, None for what is not there."""
+    """The names behind each `mtllib`, and their files, None for what is not there."""
     for line in filter(None, map(str.strip, lines)):
-        for name in [line] if beside(line) else line.split():
-            yield line, beside(name)
+        for name in [line] if beside(line) else dict.fromkeys(line.split()):
+            yield name, beside(name)
 
 
 def _beside(folder: Path, name: str) -> Path | None:

@@ -93,6 +93,7 @@ class TextureCommand(MeshBake):
         warnings = warn(
             [source.mesh, *([fine.mesh] if fine else [])],
             [*source.notes, *(fine.notes if fine else ()), *lacking(source, found.uv, glb)],
+            falloff,
         )
         made: list[Baked] = []
         with ExitStack() as kept:

@@ -105,7 +105,7 @@ def encoded(mesh: Mesh, bakes: Sequence[Values]) -> tuple[dict[str, Any], bytes]
     again = np.flatnonzero(drawn >= len(mesh.vertices))  # corners whose normal is not the first of their vertex
     columns: dict[str, npt.NDArray[Any]] = {
         "faces": _differences(faces).astype("<u4"),
-        "positions": np.minimum(steps, MOST).astype("<u2"),
+        "positions": np.clip(steps, 0, MOST).astype("<u2"),
         "normals": _octahedral(normals, MOST).astype("<u2"),
         "again": np.diff(again, prepend=0).astype("<u4"),
         "further": (drawn[again] - len(mesh.vertices)).astype("<u4"),

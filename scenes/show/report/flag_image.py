@@ -14,6 +14,7 @@ from raytrace.types import Float32s, Float64s
 from ...description.defaults import framing
 
 COLOURS = {
+    ao.Flag.CONTACT: (1.0, 1.0, 1.0),
     ao.Flag.UNREFERENCED: (0.1, 0.3, 1.0),
     ao.Flag.DEGENERATE: (1.0, 0.8, 0.0),
     ao.Flag.OPPOSED: (0.0, 0.8, 0.9),
@@ -21,7 +22,7 @@ COLOURS = {
     ao.Flag.HIDDEN: (1.0, 0.0, 0.6),
     ao.Flag.MISSED: (1.0, 0.25, 0.0),
 }
-"""Linear RGB of the dot on a vertex: blue, yellow, cyan, green, magenta, orange; the last flag of a vertex wins."""
+"""Linear RGB of the dot on a vertex: white, blue, yellow, cyan, green, magenta, orange; the last one wins."""
 
 _WIDTH, _HEIGHT, _DOT = 960, 720, 2
 

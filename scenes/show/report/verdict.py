@@ -37,6 +37,7 @@ _OF_FLAGS = {
     "opposed": ("have faces that look away from each other; w is the mean over them", "Split these vertices."),
     "hidden": ("lie inside solids{}", "Nothing to do if parts are meant to cross; --interior says what they become."),
     "missed": ("are not within the cage and take the closest point of the fine mesh", "Make --cage larger."),
+    "contact": ("touch faces of which they are no corner; w is that of one side", "Nothing to do if parts touch."),
     "folded": ("have a normal behind one of their faces; w is the mean over them", "Nothing to do if they are few."),
 }
 

@@ -27,12 +27,15 @@ def test_a_mesh_far_from_the_origin_is_reported_by_how_it_is_stored():
 def test_a_detail_too_small_for_the_whole_is_reported():
     part = icosphere(3)
     for size, expected in ((1e-3, 0), (1e-7, len(part[0]))):
-        scene = join(
-            [(np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0.0]]), np.array([[0, 1, 2]])), (size * part[0] + 0.4, part[1])]
-        )
-        found = coarseness(Mesh(*scene))
+        found = coarseness(Mesh(*join([icosphere(4), (size * part[0] + 0.7, part[1])])))
         assert found.vertices == expected
         assert not found.stored
+
+
+def test_a_detail_that_is_most_of_a_mesh_is_not_too_small():
+    vertices, faces = icosphere(3)
+    floor = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0.0]]), np.array([[0, 1, 2]])
+    assert coarseness(Mesh(*join([floor, (1e-7 * vertices + 0.4, faces)]))).vertices == 0
 
 
 @pytest.mark.parametrize("scale", [1e-9, 1.0, 1e9])

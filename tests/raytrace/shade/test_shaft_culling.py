@@ -17,7 +17,6 @@ from raytrace.renderer import render_scene
 from raytrace.renderer.render import render
 from raytrace.scene import Object, Scene, Shape
 from raytrace.settings import Settings
-from raytrace.shade.camera_rays import FARTHEST
 from raytrace.shade.shaft_culling import cluster, obstructed, pack_boxes
 from scenes.geometry import primitives
 
@@ -110,12 +109,12 @@ def test_no_ray_of_an_unobstructed_shaft_meets_anything(kind):
             origins = (rng.uniform(-0.9, 0.9, 3) + rng.uniform(-0.1, 0.1, (64, 3))).astype(np.float32)
             if kind == "directional":
                 light = DirectionalLight(direction=tuple(rng.normal(size=3)))
-                towards = np.broadcast_to(-FARTHEST * packed(light)[1][6:9], origins.shape)
+                towards = np.broadcast_to(-8.0 * packed(light)[1][6:9], origins.shape)
             else:
                 place = rng.uniform(-1, 1, 3) * (3.0 if kind == "point" else 0.9)
                 light = PointLight(position=tuple(place))
                 towards = place - origins
-            if not obstructed(boxes, box_of(origins), NO_SHIFT, *packed(light)):
+            if not obstructed(boxes, 8.0, box_of(origins), NO_SHIFT, *packed(light)):
                 free += 1
                 assert not occluded(embree, origins, towards, 1.0).any()
     assert free > 100
@@ -126,9 +125,9 @@ def test_a_floor_hides_no_light_from_what_stands_above_it():
     boxes = pack_boxes(cluster(floor, np.array([[0, 1, 2], [0, 2, 3]]), 1))
     points = np.float32([[0.1, 0.1, 1e-6], [0.2, 0.3, 2e-6]])
     above, below = PointLight(position=(0.3, 0.1, 0.5)), PointLight(position=(0.3, 0.1, -0.5))
-    assert not obstructed(boxes, box_of(points), NO_SHIFT, *packed(above))
-    assert obstructed(boxes, box_of(points), NO_SHIFT, *packed(below))
-    assert not obstructed(boxes, box_of(-points), NO_SHIFT, *packed(below))
+    assert not obstructed(boxes, 8.0, box_of(points), NO_SHIFT, *packed(above))
+    assert obstructed(boxes, 8.0, box_of(points), NO_SHIFT, *packed(below))
+    assert not obstructed(boxes, 8.0, box_of(-points), NO_SHIFT, *packed(below))
 
 
 def test_boxes_hold_all_faces():

@@ -1,0 +1,138 @@
+"""What is far away: vertices that no face uses count for nothing, triangles cost what is near no digits."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import ao
+from ao.tiles.baking import bake_tiled
+from raytrace import Camera, DirectionalLight, Lambert, Mesh, Object, Scene, Settings, Shape, render
+from raytrace.mesh.precision import outlier_warnings
+from tests.helpers.meshes import soup_over_floor
+
+VERTICES, FACES = soup_over_floor(3, 6)
+COUNT = len(VERTICES)
+SAMPLES = 1 << 16
+FALLOFFS = {"binary": ao.Binary(), "limited": ao.Binary(max_distance=2.0), "exponential": ao.Exponential(tau=1.0)}
+NOWHERE = [[1e3, 0, 0], [0, -1e8, 0], [1e60, 1e60, 0], [0.5, 0.5, 0.5]]
+
+
+def with_far_triangle(factor: float) -> Mesh:
+    """The small mesh and a triangle under its floor, a hundredth as large as far away."""
+    size = np.ptp(VERTICES, axis=0).max()
+    corner = factor * size * np.array([0.6, 0.48, -0.64])
+    away = corner + 0.01 * factor * size * np.eye(3)
+    return Mesh(np.vstack([VERTICES, away]), np.vstack([FACES, [[COUNT, COUNT + 1, COUNT + 2]]]))
+
+
+def with_unused_vertices() -> Mesh:
+    return Mesh(np.vstack([VERTICES, NOWHERE]), FACES)
+
+
+@pytest.fixture(scope="module")
+def alone():
+    return {name: ao.bake(Mesh(VERTICES, FACES), falloff, SAMPLES).w for name, falloff in FALLOFFS.items()}
+
+
+@pytest.mark.parametrize("method", ["vertex", "surface"])
+def test_unused_vertices_change_no_bit(method):
+    meshes = Mesh(VERTICES, FACES), with_unused_vertices()
+    one, other = (ao.bake(mesh, samples=64, method=method) for mesh in meshes)
+    assert one.mu == other.mu
+    assert np.array_equal(one.w, other.w[:COUNT])
+    assert np.array_equal(one.error, other.error[:COUNT])
+    assert (other.flags[COUNT:] == ao.Flag.UNREFERENCED).all()
+
+
+def test_unused_vertices_change_no_tile(tmp_path):
+    class Source:
+        name = "mesh"
+
+        def __init__(self, mesh):
+            self.mesh, self.vertex_count, self.face_count = mesh, len(mesh.vertices), len(mesh.faces)
+
+        def vertices(self, first, last):
+            return self.mesh.vertices[first:last]
+
+        def faces(self, first, last):
+            return self.mesh.faces[first:last]
+
+    found = []
+    for number, mesh in enumerate((Mesh(VERTICES, FACES), with_unused_vertices(), with_far_triangle(1e6))):
+        folder = tmp_path / str(number)
+        folder.mkdir()
+        found.append(bake_tiled(Source(mesh), folder, (2, 2, 1), ao.Binary(max_distance="20%"), 64))
+        whole = ao.bake(mesh, ao.Binary(max_distance="20%"), 64, reconstruct=False, hidden="ignore")
+        assert np.array_equal(found[-1].w, whole.w)
+    assert np.array_equal(found[0].w, found[1].w[:COUNT])
+    assert found[0].mu == found[1].mu
+
+
+def test_unused_vertices_change_no_texel():
+    uv = np.random.default_rng(0).uniform(size=(3 * len(FACES), 2)).reshape(-1, 3, 2)
+    pages = [
+        ao.bake_texture(mesh, uv, 32, samples=16, overlap="first")
+        for mesh in (Mesh(VERTICES, FACES), with_unused_vertices())
+    ]
+    assert np.array_equal(pages[0].w, pages[1].w)
+
+
+@pytest.mark.parametrize("factor", [1e2, 1e4, 1e6, 1e8])
+@pytest.mark.parametrize("name", FALLOFFS)
+def test_a_far_triangle_leaves_what_is_near_right(alone, name, factor):
+    w = ao.bake(with_far_triangle(factor), FALLOFFS[name], SAMPLES).w[:COUNT]
+    assert np.abs(w - alone[name]).max() < 1e-3
+
+
+@pytest.mark.parametrize("factor", [1e3, 1e8])
+def test_a_far_triangle_leaves_what_is_near_right_in_embree(alone, factor):
+    w = ao.bake(with_far_triangle(factor), FALLOFFS["binary"], SAMPLES, traversal="embree").w[:COUNT]
+    assert np.abs(w - alone["binary"]).max() < 1e-3
+
+
+@pytest.mark.parametrize("traversal", ["auto", "embree"])
+def test_a_far_triangle_occludes(traversal):
+    """One that is as large as far away takes the same share of the sky at every distance."""
+    small, faces = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [1, 1, 0.0]]), [[0, 1, 2], [1, 3, 2], [4, 5, 6]]
+    roof = np.array([[-1, -1, 0.5], [2, -1, 0.5], [-1, 2, 0.5]])
+    found = []
+    for factor in (1e3, 1e5, 1e8):
+        mesh = Mesh(np.vstack([small, factor * roof]), faces)
+        found.append(ao.bake(mesh, ao.Binary(), SAMPLES, traversal=traversal).w[:4])
+    assert found[0].max() < 0.9
+    assert np.ptp(found, axis=0).max() < 3e-3  # seen from the corners of the small square, not from its middle
+
+
+def picture(mesh: Mesh) -> np.ndarray:
+    """From nearby, with shadows."""
+    shape = Shape(mesh, Lambert(albedo=(0.8, 0.8, 0.8), two_sided="viewer"))
+    scene = Scene((Object(shape),), (DirectionalLight(direction=(0.3, 0.2, -1.0), intensity=(3, 3, 3)),))
+    camera = Camera((0.5, -6.0, 5.0), (0.0, 0.0, 0.0), (0, 0, 1))
+    return render(scene, camera, Settings(width=64, height=48), layers=False).layers["beauty"][..., :3]
+
+
+def test_far_geometry_leaves_pictures_right():
+    wanted = picture(Mesh(VERTICES, FACES))
+    assert wanted.max() > 0.1
+    assert (wanted.min(axis=2) == 0).any()
+    assert np.array_equal(picture(with_unused_vertices()), wanted)
+    for factor in (1e2, 1e5, 1e8):
+        apart = np.abs(picture(with_far_triangle(factor)) - wanted).max(axis=2)
+        assert (apart > 1e-3).mean() <= 2 / apart.size  # at a shadow's edge
+
+
+def test_far_geometry_shows_in_pictures():
+    """A wall a million sizes behind the mesh hides the background."""
+    mesh = with_far_triangle(1.0)
+    wall = 1e6 * np.array([[-9, 9, -9], [9, 9, -9], [0, 9, 18.0]])
+    behind = Mesh(np.vstack([mesh.vertices, wall]), np.vstack([mesh.faces, [[COUNT + 3, COUNT + 4, COUNT + 5]]]))
+    scene = Scene((Object(Shape(behind, Lambert(albedo=(1, 1, 1), two_sided="viewer"))),), background=(1, 0, 0))
+    camera = Camera((0.5, -6.0, 5.0), (0.0, 3.0, 5.0), (0, 0, 1))
+    assert not (render(scene, camera, Settings(width=32, height=24), layers=False).layers["beauty"][..., 0] == 1).all()
+
+
+def test_a_radius_that_few_vertices_make_is_told():
+    assert outlier_warnings(Mesh(VERTICES, FACES)) == outlier_warnings(with_unused_vertices()) == []
+    (line,) = outlier_warnings(with_far_triangle(1e4))
+    assert "--half-distance" in line
