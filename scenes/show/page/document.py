@@ -20,7 +20,18 @@ from raytrace.types import AnyFloats
 from ..look import FLAGS, described
 from .encode import Values, encoded
 
-_SCRIPTS = "data.js", "camera.js", "surface.js", "pick.js", "controls.js", "address.js", "panel.js", "page.js"
+_SCRIPTS = (
+    "data.js",
+    "camera.js",
+    "coarse.js",
+    "surface.js",
+    "pick.js",
+    "hover.js",
+    "controls.js",
+    "address.js",
+    "panel.js",
+    "page.js",
+)
 _SHADERS = "surface.vert", "surface.frag", "dots.vert", "dots.frag"
 
 

@@ -339,3 +339,140 @@ def test_a_browser_shows_the_texture_between_the_vertices(tab, tmp_path):
     assert left[0] > 2 * left[2]  # red: the second is lighter
     assert right[2] > 2 * right[0]
     assert abs(beside[0] - beside[2]) < 0.05
+
+
+def middle_of(tab, selector):
+    """The middle of an element in the window, after what has been scrolled shows it."""
+    return tab.run(
+        f"(() => {{ const e = document.querySelector({selector!r}); e.scrollIntoView();"
+        " const b = e.getBoundingClientRect(); return [b.x + b.width / 2, b.y + b.height / 2]; })()"
+    )
+
+
+def test_keys_work_from_the_start_and_after_every_control(tab, pages):
+    opened(tab, pages.two + HOME)
+    tab.press("2")
+    found = address(tab, "mode=w")
+    controls = [
+        "#modes input[value=error]",
+        "#modes label:first-of-type",
+        "#scheme",
+        "#fit",
+        "#strength",
+        "#split",
+        "summary",
+    ]
+    for control in controls:
+        tab.drag(tuple(middle_of(tab, control)))
+        mode = tab.run("document.querySelector('#modes input:checked').value")
+        tab.press("ArrowLeft")
+        before, found = found, address(tab, f"mode={mode}")
+        assert found["position"] != before["position"], control
+        tab.press("2")
+        address(tab, "mode=w")
+    tab.drag(tuple(middle_of(tab, "#vertex")))
+    for key in ("1", "ArrowLeft"):
+        tab.press(key)
+    assert address(tab, "mode=w")["position"] == found["position"]
+    assert tab.run("document.getElementById('vertex').value").startswith("1")
+
+
+def test_the_line_between_two_bakes_is_dragged_anywhere_along_it(tab, pages):
+    opened(tab, pages.two + HOME)
+    split = 0.5
+    for height in (20, 150, 250):
+        x = 250 + split * SIZE[0]
+        tab.drag((x + 2, height), (x + 40, height), (x + 48, height))
+        before, split = split, float(address(tab)["split"])
+        assert split == pytest.approx(before + 48 / SIZE[0], abs=0.006)
+    assert camera_of(address(tab)) == camera_of(dict(part.split("=") for part in HOME[1:].split("&")))
+
+
+def test_all_modes_are_in_view_in_a_small_window(tab, pages):
+    for width, height in ((500, 300), (700, 300)):
+        opened(tab, pages.two + HOME)
+        tab.open(pages.two + HOME, width=width, height=height)
+        boxes = "[...document.querySelectorAll('#modes input')].map((e) => e.getBoundingClientRect().bottom)"
+        assert len(tab.run(boxes)) == 6
+        assert max(tab.run(boxes)) < height
+
+
+def test_range_and_strength_are_for_looking_only_and_stand_in_the_address(tab, pages, bakes, tmp_path):
+    place = HOME.replace("clay", "w")
+    opened(tab, pages.one + place)
+    plain = shown(tab, tmp_path)[..., 0]
+    opened(tab, f"{pages.one}{place}&range=0.4,0.9&strength=2")
+    toned = shown(tab, tmp_path)[..., 0]
+    grey = (plain > 0.2) & (plain < 0.999)
+    w = ((plain[grey] + 0.055) / 1.055) ** 2.4
+    light = ((np.clip(w, 0.4, 0.9) - 0.4) / 0.5) ** 2
+    expected = np.where(light < 0.0031308, 12.92 * light, 1.055 * np.maximum(light, 1e-9) ** (1 / 2.4) - 0.055)
+    assert np.median(abs(expected - toned[grey])) < 0.005
+    assert abs(plain - toned)[grey].mean() > 0.05
+    found = address(tab)
+    assert (found["range"], found["strength"]) == ("0.4,0.9", "2")
+    assert "≤ 0.4" in text_of(tab, "ticks")
+    tab.run("document.getElementById('fit').click()")
+    low, high = map(float, address(tab, "range=")["range"].split(","))
+    assert np.quantile(bakes[1].w, [0.01, 0.99]) == pytest.approx([low, high], abs=0.03)
+    tab.run("document.getElementById('baked').click()")
+    drawn(tab)
+    assert not {"range", "strength"} & set(address(tab))
+    assert abs(shown(tab, tmp_path)[..., 0] - plain).max() < 0.01
+
+
+def test_the_value_under_the_pointer_stands_on_a_scale(tab, pages, bakes, tmp_path):
+    opened(tab, pages.one + HOME.replace("clay", "w"))
+    grey = shown(tab, tmp_path)[180, 240, 0]
+    tab.call("Input.dispatchMouseEvent", type="mouseMoved", x=250 + 240, y=180)
+    tab.wait("!document.getElementById('hover').hidden")
+    w = float(text_of(tab, "hoverValue").removeprefix("w "))
+    assert w == pytest.approx(((grey + 0.055) / 1.055) ** 2.4, abs=0.02)
+    assert float(tab.run("document.getElementById('hoverTick').style.left").rstrip("%")) == pytest.approx(
+        100 * w, abs=0.1
+    )
+    tab.press("3")
+    drawn(tab)
+    assert tab.run("document.getElementById('hover').hidden")
+    tab.call("Input.dispatchMouseEvent", type="mouseMoved", x=250 + 241, y=180)
+    tab.wait("!document.getElementById('hover').hidden")
+    assert 0 < float(text_of(tab, "hoverValue").removeprefix("error ")) <= bakes[1].error.max()
+
+
+def test_the_picture_is_saved_as_a_png(tab, pages, tmp_path):
+    opened(tab, pages.one + HOME)
+    picture = shown(tab, tmp_path)
+    tab.call("Browser.setDownloadBehavior", behavior="allow", downloadPath=str(tmp_path / "saved"))
+    tab.press("p")
+    for _ in range(200):
+        settled(tab)
+        if (tmp_path / "saved" / "hills.png").is_file():
+            break
+    saved = read_image(tmp_path / "saved" / "hills.png")[0]["beauty"][..., :3]
+    linear = np.where(picture <= 0.04045, picture / 12.92, ((picture + 0.055) / 1.055) ** 2.4)
+    assert saved.shape == linear.shape
+    assert abs(saved - linear).max() < 0.01
+    assert tab.messages == []
+
+
+def test_a_large_mesh_is_coarse_while_it_turns_and_whole_at_rest(tab, tmp_path):
+    vertices, faces = hills(350)
+    mesh = Mesh(vertices @ [[1, 0, 0], [0, 0, -1], [0, 1, 0]], faces)
+    assert len(faces) > 200_000
+    (tmp_path / "large.html").write_bytes(html_of_bakes(mesh, [Values(np.linspace(0, 1, len(vertices)))], "hills"))
+    opened(tab, (tmp_path / "large.html").as_uri())
+    whole = shown(tab, tmp_path)
+    tab.call("Input.dispatchMouseEvent", type="mousePressed", x=500, y=200, button="left", buttons=1, clickCount=1)
+    tab.call("Input.dispatchMouseEvent", type="mouseMoved", x=510, y=200, button="left", buttons=1)
+    settled(tab)
+    tab.call("Input.dispatchMouseEvent", type="mouseMoved", x=500, y=200, button="left", buttons=1)
+    drawn(tab)
+    assert tab.run("document.documentElement.dataset.coarse") == "true"
+    few = int(tab.run("document.documentElement.dataset.triangles"))
+    assert 1000 < few < len(faces) / 4
+    coarse = shown(tab, tmp_path)
+    assert 0 < abs(coarse - whole).mean() < 0.02
+    tab.call("Input.dispatchMouseEvent", type="mouseReleased", x=500, y=200, button="left", buttons=0, clickCount=1)
+    tab.wait("document.documentElement.dataset.coarse === 'false'")
+    assert int(tab.run("document.documentElement.dataset.triangles")) == len(faces)
+    assert abs(shown(tab, tmp_path) - whole).mean() < 1e-3

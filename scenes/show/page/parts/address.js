@@ -15,6 +15,10 @@ function readAddress(page) {
   if (Object.hasOwn(MODES, mode) && !page.missing(mode)) state.mode = mode;
   const split = Number(given.get("split") ?? NaN);
   if (split >= 0 && split <= 1) state.split = split;
+  const [low, high] = (given.get("range") ?? "").split(",").map(Number);
+  if (low >= 0 && high <= 1 && high - low >= 0.05) Object.assign(state, { low, high });
+  const strength = Number(given.get("strength") ?? NaN);
+  if (strength >= 1 && strength <= 8) state.strength = strength;
   const vertex = given.get("vertex") ?? "";
   if (/^\d+$/.test(vertex) && Number(vertex) < mesh.count) state.vertex = Number(vertex);
   if (["dark", "light"].includes(given.get("scheme"))) state.scheme = given.get("scheme");
@@ -27,6 +31,8 @@ function writeAddress({ about, mesh, camera, state }) {
   const written = [`mode=${state.mode}`, `position=${text(camera.position)}`, `target=${text(camera.target)}`];
   if (state.up !== about.up) written.push(`up=${state.up}`);
   if (mesh.bakes.length > 1) written.push(`split=${state.split}`);
+  if (state.low > 0 || state.high < 1) written.push(`range=${state.low},${state.high}`);
+  if (state.strength !== 1) written.push(`strength=${state.strength}`);
   if (state.vertex !== null) written.push(`vertex=${state.vertex}`);
   if (state.scheme) written.push(`scheme=${state.scheme}`);
   if (location.protocol !== "about:") history.replaceState(null, "", `#${written.join("&")}`);

@@ -21,7 +21,7 @@ class Page {
     this.canvas = at("view");
     this.camera = new Camera(about);
     this.surface = new Surface(this.canvas, mesh, about);
-    this.state = { mode: "clay", up: about.up, split: 0.5, vertex: null, scheme: null };
+    this.state = { mode: "clay", up: about.up, split: 0.5, vertex: null, scheme: null, ...AS_BAKED };
     this.dark = matchMedia("(prefers-color-scheme: dark)");
     this.describe();
     this.addModes();
@@ -79,11 +79,20 @@ class Page {
 
   connect() {
     listen(this.canvas, this.camera, {
-      moved: () => this.changed(),
+      moved: (held) => this.moved(held),
+      released: () => this.released(),
+      hover: (x, y) => hover(this, x, y),
       pick: (x, y) => this.pick(x, y),
       turnAbout: (x, y) => this.turnAbout(x, y),
       key: (key) => this.key(key),
     });
+    listenToPanel(at("panel"), this.canvas);
+    listenToPanel(at("comparison"), this.canvas);
+    listenToLine(at("line"), (split) => this.slide(split, true), () => this.released());
+    for (const name of Object.keys(AS_BAKED)) at(name).addEventListener("input", () => this.setTone(name, Number(at(name).value)));
+    at("fit").addEventListener("click", () => this.set(fittedRange(this.mesh)));
+    at("baked").addEventListener("click", () => this.set(AS_BAKED));
+    at("save").addEventListener("click", () => this.save());
     at("vertex").addEventListener("change", () => this.pickNumber(at("vertex").value));
     at("up").append(...Object.keys(this.about.ups).map((name) => new Option(name)));
     at("up").addEventListener("change", () => {
@@ -92,7 +101,7 @@ class Page {
     });
     at("home").addEventListener("click", () => this.home());
     at("scheme").addEventListener("click", () => this.toggleScheme());
-    at("split").addEventListener("input", () => this.set({ split: at("split").value / 1000 }));
+    at("split").addEventListener("input", () => this.slide(at("split").value / 1000, false));
     this.dark.addEventListener("change", () => this.changed());
     addEventListener("hashchange", () => {
       readAddress(this);
@@ -112,6 +121,7 @@ class Page {
       "[": () => this.nextFlagged(-1),
       "]": () => this.nextFlagged(1),
       b: () => this.toggleScheme(),
+      p: () => this.save(),
       f: () => this.state.vertex !== null && this.centreOn(this.position(this.state.vertex)),
     };
     const action = mode ? () => this.missing(mode) || this.set({ mode }) : actions[key.toLowerCase()] ?? actions[key];
@@ -127,7 +137,50 @@ class Page {
   changed() {
     this.waiting ??= requestAnimationFrame(() => this.draw());
     clearTimeout(this.writing);
-    this.writing = setTimeout(() => writeAddress(this), WAIT);
+    this.writing = setTimeout(() => this.rest(), this.coarse ? 2 * WAIT : WAIT);
+  }
+
+  rest() {
+    writeAddress(this);
+    if (!this.coarse || this.held) return;
+    this.coarse = false;
+    this.draw();
+  }
+
+  // The camera or the slider has moved; while that goes on, slow pictures are coarse. held: by a pointer that is down.
+  moved(held) {
+    this.held = held;
+    this.coarse = Boolean(this.slow);
+    this.changed();
+  }
+
+  released() {
+    this.held = false;
+    if (this.coarse) this.changed();
+  }
+
+  slide(split, held) {
+    this.state.split = split;
+    this.moved(held);
+  }
+
+  // Black stays below white.
+  setTone(name, value) {
+    const tone = { ...this.state, [name]: value };
+    if (name === "low") tone.high = Math.max(tone.high, value + 0.05);
+    if (name === "high") tone.low = Math.min(tone.low, value - 0.05);
+    this.set({ low: Number(tone.low.toFixed(2)), high: Number(tone.high.toFixed(2)), strength: tone.strength });
+  }
+
+  // The picture as a PNG file, whole.
+  save() {
+    if (this.coarse) this.coarse = this.held = false;
+    this.draw();
+    this.canvas.toBlob((blob) => {
+      const link = Object.assign(document.createElement("a"), { download: `${this.about.title}.png`, href: URL.createObjectURL(blob) });
+      link.click();
+      setTimeout(() => URL.revokeObjectURL(link.href), 1000);
+    });
   }
 
   home() {
@@ -161,9 +214,12 @@ class Page {
     this.pickAt(...this.inPicture(x, y));
   }
 
+  sideAt(x) {
+    return this.mesh.bakes.length > 1 && (x + 1) / 2 > this.state.split ? 1 : 0;
+  }
+
   pickAt(...place) {
-    const side = this.mesh.bakes.length > 1 && (place[0] + 1) / 2 > this.state.split ? 1 : 0;
-    const { flags } = this.mesh.bakes[side];
+    const { flags } = this.mesh.bakes[this.sideAt(place[0])];
     const reach = 20 / this.canvas.clientHeight;
     let vertex = this.state.mode === "flags" ? dotAt(this.mesh, flags, this.camera, ...place, this.aspect, reach) : null;
     vertex ??= vertexAt(this.mesh, this.camera, ...place, this.aspect)?.vertex ?? null;
@@ -214,15 +270,21 @@ class Page {
     this.waiting = undefined;
     const { mode } = this.state;
     const { look } = this.about;
-    const shown = mode === "error" ? Math.max(...this.mesh.bakes.map((bake) => bake.errorShown)) : this.about.differenceShown;
+    const shown = this.shown = mode === "error" ? Math.max(...this.mesh.bakes.map((bake) => bake.errorShown)) : this.about.differenceShown;
     const ramp = mode === "difference" ? look.difference : look.heat;
     document.documentElement.dataset.scheme = this.scheme;
-    this.surface.draw(this.camera, { ...this.state, mode: MODES[mode].number, shown, ramp, scheme: this.scheme });
-    const said = [mode, this.scheme, this.state.split].join();
-    if (said !== this.said) showPanel(this, mode, shown, ramp);
+    hover(this);
+    const state = { ...this.state, coarse: this.coarse, mode: MODES[mode].number, shown, ramp, scheme: this.scheme };
+    if (this.coarse || this.mesh.faces.length < 3 * MANY) this.surface.draw(this.camera, state);
+    else this.slow = this.surface.timed(this.camera, state) > SLOW;
+    const { split, low, high, strength } = this.state;
+    const said = [mode, this.scheme, split, low, high, strength].join();
+    if (said !== this.said) showPanel(this, mode, shown);
     this.said = said;
     this.showMark();
     const { dataset } = document.documentElement;
+    dataset.coarse = Boolean(this.coarse);
+    dataset.triangles = this.surface.triangles;
     dataset.firstPicture ??= Math.round(performance.now()); // milliseconds since the page was opened
   }
 

@@ -1,29 +1,57 @@
-// What the panel says of what is shown: the mode, its legend, the other scheme, the slider.
+// What the panel says of what is shown: the mode, its legend, the range of w, the other scheme, the slider.
 
-function showPanel(page, mode, shown, ramp) {
+const AS_BAKED = { low: 0, high: 1, strength: 1 };
+
+function showPanel(page, mode, shown) {
+  const { state } = page;
   for (const radio of at("modes").querySelectorAll("input")) radio.checked = radio.value === mode;
   at("scheme").textContent = page.scheme === "dark" ? "Light" : "Dark";
-  at("split").value = 1000 * page.state.split;
-  at("line").style.left = `${100 * page.state.split}%`;
+  at("split").value = 1000 * state.split;
+  at("line").style.left = `${100 * state.split}%`;
   at("comparison").classList.toggle("whole", mode === "difference");
+  at("tone").hidden = !["clay", "w"].includes(mode);
+  for (const name of Object.keys(AS_BAKED)) {
+    at(name).value = state[name];
+    at(`${name}Value`).textContent = Number(state[name]).toFixed(2);
+  }
   at("legend").hidden = mode === "clay";
-  const scale = at("scale");
-  scale.style.background = "";
-  const gradient = (colours) => (scale.style.background = `linear-gradient(to right, ${colours.join(", ")})`);
-  const ticks = (...texts) => at("ticks").replaceChildren(...texts.map((text) => span(text)));
   at("legend").className = mode;
-  if (mode === "w") {
-    gradient(Array.from({ length: 17 }, (_, i) => grey(i / 16)));
-    ticks("0 closed", "w", "1 open");
-  } else if (mode === "error") {
-    gradient(ramp);
-    ticks("0", "standard error of w", `≥ ${short(shown)}`);
-  } else if (mode === "difference") {
-    gradient(ramp);
-    ticks(`−${short(shown)}`, "second − first", `+${short(shown)}`);
-  } else if (mode === "flags") {
+  at("scale").style.background = gradient(scaleOf(page, mode).colours);
+  const ticks = (...texts) => at("ticks").replaceChildren(...texts.map((text) => span(text)));
+  if (mode === "w") ticks(state.low > 0 ? `≤ ${state.low}` : "0 closed", "w", state.high < 1 ? `≥ ${state.high}` : "1 open");
+  else if (mode === "error") ticks("0", "standard error of w", `≥ ${short(shown)}`);
+  else if (mode === "difference") ticks(`−${short(shown)}`, "second − first", `+${short(shown)}`);
+  else if (mode === "flags") {
     at("ticks").replaceChildren(...page.about.flags.map(([name, colour], bit) => flagRow(page, name, colour, 1 << bit)));
   } else if (mode === "bent") ticks("red x, green y, blue z, each from −1 to 1");
+}
+
+// The colours of a mode's numbers from `low` to `high`.
+function scaleOf({ about, state, shown }, mode) {
+  if (mode === "error") return { name: "error", low: 0, high: shown, colours: about.look.heat };
+  if (mode === "difference") return { name: "difference", low: -shown, high: shown, colours: about.look.difference };
+  const colours = Array.from({ length: 17 }, (_, i) => grey((i / 16) ** state.strength));
+  return { name: "w", low: state.low, high: state.high, colours };
+}
+
+const gradient = (colours) => `linear-gradient(to right, ${colours.join(", ")})`;
+
+// The range that all but a hundredth of w above and below lies in.
+function fittedRange({ bakes }) {
+  const counts = new Uint32Array(101);
+  for (const { w, textures } of bakes) {
+    if (textures.length) textures.forEach(({ texels }) => texels.forEach((code) => counts[Math.round(code / 2.55)]++));
+    else w.forEach((code) => counts[Math.round(code / 655.35)]++);
+  }
+  const all = counts.reduce((sum, count) => sum + count, 0);
+  let [sum, low, high] = [0, 0, 100];
+  counts.forEach((count, step) => {
+    if (sum <= 0.01 * all) low = step;
+    if (sum < 0.99 * all) high = step;
+    sum += count;
+  });
+  low = Math.min(low, 95);
+  return { low: low / 100, high: Math.max(high, low + 5) / 100 };
 }
 
 function flagRow(page, name, colour, bit) {

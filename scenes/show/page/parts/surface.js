@@ -14,6 +14,8 @@ class Surface {
       normal: this.buffer(mesh.normals),
       index: this.buffer(mesh.indices, this.gl.ELEMENT_ARRAY_BUFFER),
     };
+    this.mesh = mesh;
+    this.whole = shared.index;
     const values = mesh.bakes.map(({ w, error, bent, uv }) => ({
       w: this.buffer(spread(w, mesh.origin, 1)),
       error: error && this.buffer(spread(error, mesh.origin, 1)),
@@ -92,7 +94,6 @@ class Surface {
     this.attribute("error", own.error, 1, gl.UNSIGNED_BYTE);
     this.attribute("place", own.place, 2);
     this.attribute("otherPlace", other.place, 2);
-    gl.bindBuffer(gl.ELEMENT_ARRAY_BUFFER, shared.index);
     return arrays;
   }
 
@@ -109,7 +110,29 @@ class Surface {
     return { arrays, count: rows.length };
   }
 
-  // state: mode, shown (end of the legend), ramp (five sRGB colours), split (share of the width), scheme.
+  // The list of faces to draw: all of them, or few.
+  facesToDraw(isCoarse) {
+    if (!isCoarse) return { index: this.whole, draws: this.draws };
+    if (!this.coarse) {
+      const { indices, draws } = coarseFaces(this.mesh, this.draws);
+      this.coarse = { index: this.buffer(indices, this.gl.ELEMENT_ARRAY_BUFFER), draws };
+    }
+    return this.coarse;
+  }
+
+  get triangles() {
+    return this.drawn.reduce((sum, { corners }) => sum + corners, 0) / 3;
+  }
+
+  // Milliseconds until the picture is there: a pixel of it is waited for.
+  timed(camera, state) {
+    const start = performance.now();
+    this.draw(camera, state);
+    this.gl.readPixels(0, 0, 1, 1, this.gl.RGBA, this.gl.UNSIGNED_BYTE, new Uint8Array(4));
+    return performance.now() - start;
+  }
+
+  // state: coarse, mode, low, high, strength, shown (end of the legend), ramp (five sRGB colours), split (share of the width), scheme.
   draw(camera, state) {
     const gl = this.gl;
     const { width, height } = gl.canvas;
@@ -140,16 +163,20 @@ class Surface {
     gl.uniform3fv(uniforms.ramp, state.ramp.flatMap(channels));
     gl.uniform1f(uniforms.ambient, this.look.ambient);
     gl.uniform1f(uniforms.key, this.look.key);
+    gl.uniform3f(uniforms.tone, state.low, state.high, state.strength);
     gl.uniform1f(uniforms.shown, state.mode === MODES.error.number ? state.shown / (side.errorTop || 1) : state.shown);
     gl.enable(gl.DEPTH_TEST);
     gl.disable(gl.BLEND);
+    const { index, draws } = this.facesToDraw(state.coarse);
+    this.drawn = draws;
     gl.bindVertexArray(side.surface);
-    this.drawFaces(side, uniforms);
+    gl.bindBuffer(gl.ELEMENT_ARRAY_BUFFER, index);
+    this.drawFaces(side, draws, uniforms);
     if (state.mode === MODES.flags.number && side.dots.count) this.drawDots(side.dots, toClip, camera.position);
   }
 
   // Backs of faces are moved away a little: where they meet fronts at an edge, rounding would let some pixels through.
-  drawFaces({ number }, uniforms) {
+  drawFaces({ number }, draws, uniforms) {
     const gl = this.gl;
     gl.uniform1i(uniforms.page, 0);
     gl.uniform1i(uniforms.otherPage, 1);
@@ -159,7 +186,7 @@ class Surface {
       away ? gl.enable(gl.POLYGON_OFFSET_FILL) : gl.disable(gl.POLYGON_OFFSET_FILL);
       gl.polygonOffset(1, 1);
       let first = 0;
-      for (const { corners, pages } of this.draws) {
+      for (const { corners, pages } of draws) {
         const [own, other] = [pages[number], pages[pages.length - 1]];
         [own, other].forEach((page, unit) => {
           gl.activeTexture(gl.TEXTURE0 + unit);
