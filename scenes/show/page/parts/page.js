@@ -23,8 +23,8 @@ class Page {
     this.surface = new Surface(this.canvas, mesh, about);
     this.state = { mode: "clay", up: about.up, split: 0.5, vertex: null, scheme: null, ...AS_BAKED };
     this.dark = matchMedia("(prefers-color-scheme: dark)");
-    this.describe();
-    this.addModes();
+    describe(this);
+    addModes(this);
     this.connect();
     this.resize();
     this.camera.frame(mesh.positions, this.aspect);
@@ -46,35 +46,6 @@ class Page {
     if (mode === "difference") return bakes.length > 1 ? null : "there is one bake only";
     const needed = { error: "error", flags: "flags", bent: "bent" }[mode];
     return !needed || bakes.every((bake) => bake[needed]) ? null : "the file does not hold them";
-  }
-
-  describe() {
-    const { count, faces, bakes } = this.mesh;
-    const rmse = bakes.filter((bake) => bake.error).map((bake) => short(bake.rmse));
-    const error = rmse.length ? `\nRMSE ${rmse.join(" | ")}` : "";
-    const sizes = bakes.flatMap(({ textures }) => textures.map(({ width, height }) => `${width} × ${height}`));
-    const texels = sizes.length ? `\nw in textures: ${[...new Set(sizes)].join(", ")} texels` : "";
-    at("facts").textContent = `${grouped(count)} vertices, ${grouped(faces.length / 3)} faces${texels}${error}`;
-    at("vertex").max = count - 1;
-    if (this.mesh.bakes.length > 1) {
-      at("comparison").hidden = false;
-      ["left", "right"].forEach((side, number) => (at(side).textContent = this.mesh.bakes[number].name));
-    }
-  }
-
-  addModes() {
-    for (const [mode, { number, label }] of Object.entries(MODES)) {
-      if (mode === "difference" && this.missing(mode)) continue;
-      const radio = Object.assign(document.createElement("input"), { type: "radio", name: "mode", value: mode });
-      const row = document.createElement("label");
-      const reason = this.missing(mode);
-      radio.disabled = Boolean(reason);
-      row.title = reason ?? `key ${number + 1}`;
-      row.append(radio, label);
-      if (reason) row.append(` (${reason})`);
-      radio.addEventListener("change", () => this.set({ mode }));
-      at("modes").append(row);
-    }
   }
 
   connect() {
@@ -257,13 +228,6 @@ class Page {
     return [...this.mesh.positions.subarray(3 * vertex, 3 * vertex + 3)];
   }
 
-  valueOf(bake, vertex) {
-    const w = (bake.w[vertex] / 65535).toFixed(4);
-    const error = bake.error ? ` ± ${short(bake.errorTop * (bake.error[vertex] / 255) ** 2)}` : "";
-    const flags = this.about.flags.filter((_, bit) => bake.flags?.[vertex] & (1 << bit)).map(([name]) => name);
-    return `w ${w}${error}${flags.length ? `, ${flags.join(", ")}` : ""}`;
-  }
-
   // ---- showing
 
   draw() {
@@ -281,29 +245,13 @@ class Page {
     const said = [mode, this.scheme, split, low, high, strength].join();
     if (said !== this.said) showPanel(this, mode, shown);
     this.said = said;
-    this.showMark();
+    showMark(this);
     const { dataset } = document.documentElement;
     dataset.coarse = Boolean(this.coarse);
     dataset.triangles = this.surface.triangles;
     dataset.firstPicture ??= Math.round(performance.now()); // milliseconds since the page was opened
   }
 
-  showMark() {
-    const { vertex } = this.state;
-    const place = vertex === null ? null : this.camera.project(this.position(vertex), this.aspect);
-    const mark = at("mark");
-    mark.hidden = !place;
-    if (place) {
-      mark.style.left = `${50 * (place[0] + 1)}%`;
-      mark.style.top = `${50 * (1 - place[1])}%`;
-    }
-    const { bakes } = this.mesh;
-    const name = ({ name }) => (bakes.length > 1 ? `${name}: ` : "");
-    const values = vertex === null ? [] : bakes.map((bake) => name(bake) + this.valueOf(bake, vertex));
-    at("picked").textContent = values.length ? values.join("\n") : this.unknown ?? "Click the mesh, or type a number.";
-    this.unknown = undefined;
-    if (document.activeElement !== at("vertex")) at("vertex").value = vertex ?? "";
-  }
 }
 
 function fail(reason) {

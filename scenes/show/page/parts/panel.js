@@ -1,4 +1,4 @@
-// What the panel says of what is shown: the mode, its legend, the range of w, the other scheme, the slider.
+// What the panel says of the mesh and of what is shown: modes, legend, range of w, the other scheme, the slider, a vertex.
 
 const AS_BAKED = { low: 0, high: 1, strength: 1 };
 
@@ -71,4 +71,57 @@ function span(text) {
 function grey(light) {
   const value = Math.round(255 * encodedSrgb(light));
   return `rgb(${value}, ${value}, ${value})`;
+}
+
+function describe(page) {
+  const { count, faces, bakes } = page.mesh;
+  const rmse = bakes.filter((bake) => bake.error).map((bake) => short(bake.rmse));
+  const error = rmse.length ? `\nRMSE ${rmse.join(" | ")}` : "";
+  const sizes = bakes.flatMap(({ textures }) => textures.map(({ width, height }) => `${width} × ${height}`));
+  const texels = sizes.length ? `\nw in textures: ${[...new Set(sizes)].join(", ")} texels` : "";
+  at("facts").textContent = `${grouped(count)} vertices, ${grouped(faces.length / 3)} faces${texels}${error}`;
+  at("vertex").max = count - 1;
+  if (page.mesh.bakes.length > 1) {
+    at("comparison").hidden = false;
+    ["left", "right"].forEach((side, number) => (at(side).textContent = page.mesh.bakes[number].name));
+  }
+}
+
+function addModes(page) {
+  for (const [mode, { number, label }] of Object.entries(MODES)) {
+    if (mode === "difference" && page.missing(mode)) continue;
+    const radio = Object.assign(document.createElement("input"), { type: "radio", name: "mode", value: mode });
+    const row = document.createElement("label");
+    const reason = page.missing(mode);
+    radio.disabled = Boolean(reason);
+    row.title = reason ?? `key ${number + 1}`;
+    row.append(radio, label);
+    if (reason) row.append(` (${reason})`);
+    radio.addEventListener("change", () => page.set({ mode }));
+    at("modes").append(row);
+  }
+}
+
+function valueOf(page, bake, vertex) {
+  const w = (bake.w[vertex] / 65535).toFixed(4);
+  const error = bake.error ? ` ± ${short(bake.errorTop * (bake.error[vertex] / 255) ** 2)}` : "";
+  const flags = page.about.flags.filter((_, bit) => bake.flags?.[vertex] & (1 << bit)).map(([name]) => name);
+  return `w ${w}${error}${flags.length ? `, ${flags.join(", ")}` : ""}`;
+}
+
+function showMark(page) {
+  const { vertex } = page.state;
+  const place = vertex === null ? null : page.camera.project(page.position(vertex), page.aspect);
+  const mark = at("mark");
+  mark.hidden = !place;
+  if (place) {
+    mark.style.left = `${50 * (place[0] + 1)}%`;
+    mark.style.top = `${50 * (1 - place[1])}%`;
+  }
+  const { bakes } = page.mesh;
+  const name = ({ name }) => (bakes.length > 1 ? `${name}: ` : "");
+  const values = vertex === null ? [] : bakes.map((bake) => name(bake) + valueOf(page, bake, vertex));
+  at("picked").textContent = values.length ? values.join("\n") : page.unknown ?? "Click the mesh, or type a number.";
+  page.unknown = undefined;
+  if (document.activeElement !== at("vertex")) at("vertex").value = vertex ?? "";
 }

@@ -29,6 +29,7 @@ float ownW() {
 }
 
 float shownW() {
+  if (mode == FLAGS) return ownW();
   return pow(clamp((ownW() - tone.x) / (tone.y - tone.x), 0.0, 1.0), tone.z);
 }
 
