@@ -101,8 +101,7 @@ def _file_meant(missing: Path) -> str:
         found = [missing.with_name(name) for name in sorted(os.listdir(missing.parent))[:10_000]]
     except OSError:
         return ""
-    found.sort(key=lambda path: path.suffix.lower() == missing.suffix.lower())
-    by_stem = {path.stem: path for path in found}  # of several with the ending that was given, if one has it
+    by_stem = {path.stem: path for path in sorted(found, key=lambda path: path.suffix == missing.suffix)}
     near = nearest_name(missing.stem, by_stem)
     return printable(f"; did you mean {by_stem[near]}?") if near else ""
 

@@ -31,8 +31,7 @@ if TYPE_CHECKING:
 _PEAK = {"obj": 9.0, "ply": 7.5, "stl": 6.0, "off": 22.0, "glb": 2.0, "gltf": 2.0, "3mf": 1.0}
 _PEAK_OF_LIBRARIES = 22.0
 _KEPT = 2.5  # besides, where details are kept
-PIPED = "<stdin>"
-"""In place of a file's name without its ending."""
+PIPED = "<stdin>"  # in place of a file's name without its ending
 
 
 @dataclass(frozen=True)
@@ -199,14 +198,11 @@ def read_objects(
                 from .ply.read import read_ply
 
                 instances = read_ply(file.read(), name, source, keep)
-            elif kind == "stl":
+            elif kind in ("stl", "off"):
+                from .off import read_off
                 from .stl import read_stl
 
-                instances = read_stl(file.read(), name, source)
-            elif kind == "off":
-                from .off import read_off
-
-                instances = read_off(file.read(), name, source)
+                instances = (read_stl if kind == "stl" else read_off)(file.read(), name, source)
             elif kind == "3mf":
                 from .threemf import read_3mf
 

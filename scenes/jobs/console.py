@@ -104,9 +104,7 @@ def unprinted_warnings() -> Iterator[None]:
 
 
 def warn(meshes: Iterable[Mesh], others: Iterable[str] = (), falloff: ao.Falloff | None = None) -> list[str]:
-    """Print, once each, warnings about the precision of meshes, and others; return them all.
-
-    What an output cannot hold is printed as a note.
+    """Print, once each, warnings about the precision of meshes, and others, losses of an output as notes; return them.
 
     Args: falloff: that is relative to the radius of the last of the meshes, perhaps.
     """

@@ -119,10 +119,8 @@ def _flags(report: Report) -> str:
         + (", …" if report["flagged"][name] > _LISTED else "")
         for name, some in listed.items()
     }
-    return _section(
-        "Flagged vertices",
-        f"<p>The first of each, counted from 0 in the file's order; JSON lists a hundred.</p>{_table(rows)}",
-    )
+    text = "The first of each, counted from 0 in the file's order; a report in JSON lists a hundred."
+    return _section("Flagged vertices", f"<p>{text}</p>{_table(rows)}")
 
 
 def _repeat(report: Report) -> str:
