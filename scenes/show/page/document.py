@@ -20,18 +20,7 @@ from raytrace.types import AnyFloats
 from ..look import FLAGS, described
 from .encode import Values, encoded
 
-_SCRIPTS = (
-    "data.js",
-    "camera.js",
-    "coarse.js",
-    "surface.js",
-    "pick.js",
-    "hover.js",
-    "controls.js",
-    "address.js",
-    "panel.js",
-    "page.js",
-)
+_SCRIPTS = "data", "camera", "coarse", "surface", "pick", "hover", "controls", "address", "panel", "page"
 _SHADERS = "surface.vert", "surface.frag", "dots.vert", "dots.frag"
 
 
@@ -78,7 +67,7 @@ def html_of_bakes(mesh: Mesh, bakes: Sequence[Values], title: str, up: str | Non
     checked = [bake.checked(len(mesh.vertices)) for bake in bakes]
     facts, data = encoded(mesh, checked)
     facts |= {"title": printable(title), **standing, "look": described(), "flags": list(FLAGS.items())}
-    style, script = _part("page.css"), "\n".join(_part(name) for name in _SCRIPTS)
+    style, script = _part("page.css"), "\n".join(_part(f"{name}.js") for name in _SCRIPTS)
     shaders = "\n".join(f'<script type="x-shader" id="{name}">\n{_part(name)}</script>' for name in _SHADERS)
     holes = {
         "policy": policy(style, script),
