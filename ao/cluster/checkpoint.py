@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 
 from raytrace.types import Bools
 
-from ..execute.checkpoint import AFTER, EVERY, Checkpoint
+from ..execute.checkpoint import Checkpoint
 from ..execute.work import Advance, Tables, Work
 from ..rays.ray_scene import RayScene
 from .session import ClusterSession
@@ -26,15 +26,9 @@ class ClusterCheckpoint(Checkpoint):
     """
 
     def __init__(
-        self,
-        path: str | os.PathLike[str] | None,
-        session: ClusterSession,
-        resume: bool = False,
-        tell: Callable[[str], object] = print,
-        after: float = AFTER,
-        every: float = EVERY,
+        self, path: str | os.PathLike[str] | None, session: ClusterSession, *settings: Any, **named: Any
     ) -> None:
-        super().__init__(path, resume, tell, after, every)
+        super().__init__(path, *settings, **named)
         self.session = session
 
     def _trace(

@@ -178,11 +178,7 @@ class DaskCluster:
         import dask
         import distributed
 
-        for name in (
-            "distributed",
-            "distributed.client",
-            "tornado.application",
-        ):  # which Dask gives levels of their own
+        for name in ("distributed", "distributed.client", "tornado.application"):  # Dask gives them levels of their own
             logging.getLogger(name).setLevel(logging.CRITICAL + 1)
         dask.config.set(CONFIG)
         self._loop = asyncio.get_running_loop()

@@ -8,12 +8,13 @@ import sys
 from pathlib import Path
 
 import pytest
-from clusters import small_blocks
+from clusters import LEFT_SOCKETS, left_sockets, small_blocks
 from command import COMMAND, obscurance, process, refused, started
 from mesh_files import ply
 from meshes import hills
 
-__all__ = ["small_blocks"]
+__all__ = ["left_sockets", "small_blocks"]
+pytestmark = LEFT_SOCKETS
 
 
 @pytest.fixture
@@ -63,9 +64,7 @@ def test_mistakes_with_pictures_are_told_in_a_line(tmp_path, mesh, monkeypatch):
 def test_mistakes_are_told_in_a_line(tmp_path, mesh, monkeypatch):
     bake = "bake", mesh, "-o", tmp_path / "w.npz"
     refused(obscurance(*bake, "--cluster", "here"), "bake --cluster: expected local, local:N or the address", "'here'")
-    refused(
-        obscurance(*bake, "--cluster", "local", "--part", "1/2"), "bake --part: expected one of --part, --cluster and"
-    )
+    refused(obscurance(*bake, "--cluster", "local", "--part", "1/2"), "bake: --cluster and --part exclude each other")
     refused(obscurance(*bake, "--shared", tmp_path), "bake: --shared needs --cluster")
     refused(obscurance(*bake, "--cluster", "local", "--shared", mesh), "bake --shared: expected a folder")
     monkeypatch.setattr("scenes.jobs.workers.find_spec", lambda _: None)

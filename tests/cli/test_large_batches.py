@@ -4,7 +4,7 @@ import json
 import pickle
 
 import pytest
-from clusters import scheduler, small_blocks
+from clusters import LEFT_SOCKETS, left_sockets, scheduler, small_blocks
 from command import obscurance, refused
 from mesh_files import obj
 from meshes import hills
@@ -14,7 +14,8 @@ from scenes.jobs.manifest import dealt
 from scenes.jobs.remote import SharedBakes
 from scenes.jobs.run import bake_command
 
-__all__ = ["small_blocks"]
+__all__ = ["left_sockets", "small_blocks"]
+pytestmark = LEFT_SOCKETS
 OPTIONS = "--samples", 16, "--format", "npz"
 
 

@@ -1,5 +1,6 @@
 """Bakes on a real Dask cluster on this machine's loopback, in blocks so small that every worker has several."""
 
+import gc
 import importlib
 import os
 import signal
@@ -83,6 +84,16 @@ def holding(after, until, mark=None):
         ao.cluster.worker.fill = held
 
     return hold
+
+
+LEFT_SOCKETS = pytest.mark.filterwarnings("ignore:unclosed <s:ResourceWarning")  # of TLS, by Dask
+
+
+@pytest.fixture(autouse=True)
+def left_sockets():
+    """Sockets that Dask leaves to the garbage collector are closed within the test, where the filter holds."""
+    yield
+    gc.collect()
 
 
 @pytest.fixture

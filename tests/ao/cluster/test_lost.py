@@ -6,7 +6,7 @@ import sys
 import time
 
 import pytest
-from clusters import BAKES, LONG, LONG_ROWS, all_bits, bake_on, kill, scheduler, small_blocks, victims_of
+from clusters import BAKES, LEFT_SOCKETS, LONG, LONG_ROWS, all_bits, bake_on, kill, scheduler, small_blocks, victims_of
 from command import started
 from project import environment
 
@@ -16,6 +16,7 @@ from ao.execute.journal import Journal
 from raytrace.errors import ClusterError
 
 __all__ = ["small_blocks"]
+pytestmark = LEFT_SOCKETS
 
 COORDINATOR = """
 import sys, logging

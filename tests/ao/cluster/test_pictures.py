@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from clusters import killed_in_mid_block, small_blocks
+from clusters import LEFT_SOCKETS, killed_in_mid_block, small_blocks
 from rendered import CAMERA, SMALL, box, still_scene
 
 from ao.cluster.dispatch import IN_FLIGHT
@@ -27,6 +27,7 @@ from raytrace.image.texture import Texture
 from raytrace.image.write import write_image
 
 __all__ = ["small_blocks"]
+pytestmark = LEFT_SOCKETS
 
 
 @pytest.fixture(autouse=True)
