@@ -264,7 +264,7 @@ def _run() -> int:
         except ObscuranceError as failure:
             status = _fail(str(failure), 1)
         except MemoryError:
-            status = _fail("out of memory", 1)
+            status = _fail("out of memory: the system or a limit, ulimit -v for instance, gives no more", 2)
         except OSError as failure:
             status = output_failed(failure)
     return status

@@ -7,6 +7,8 @@ import numpy as np
 import pytest
 import trimesh
 from command import obscurance, process, refused
+from mesh_files import ply
+from meshes import hills
 from typer.main import get_command
 
 from cli import app
@@ -361,3 +363,14 @@ def test_a_name_that_shares_its_ending_alone_is_not_offered(tmp_path):
     assert "did you mean" not in obscurance("bake", tmp_path / "Suzanne.glb", "-o", tmp_path / "w.npy").stderr
     result = obscurance("bake", tmp_path / "Duck.glb", "-o", tmp_path / "w.npy")
     assert result.stderr.endswith(f"did you mean {tmp_path / 'duck2.glb'}?\n")
+
+
+def test_memory_that_runs_out_after_the_estimate_is_told_in_a_line(tmp_path, monkeypatch):
+    def run_out(*_, **__):
+        raise MemoryError
+
+    mesh = tmp_path / "hills.ply"
+    mesh.write_bytes(ply(*hills(4)))
+    monkeypatch.setattr("ao.bake", run_out)
+    refused(obscurance("bake", mesh, "-o", tmp_path / "w.npz"), "out of memory: the system or a limit, ulimit -v")
+    assert not (tmp_path / "w.npz").exists()
