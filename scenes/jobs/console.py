@@ -209,7 +209,8 @@ def bake_summary(baked: ao.Bake, target: Path) -> str:
 
     took = f"in {baked.seconds['bake']:.2f} s, estimated RMSE {baked.rmse:.4f}"
     text = f"{printable(str(target))}: {len(baked.w):,} vertices, {baked.rays:,} rays traced {took}"
-    return "\n".join([text, *flags_in_words(baked.flagged, len(baked.w), baked.rays_skipped).values()])
+    flags = flags_in_words(baked.flagged, len(baked.w), baked.rays_skipped)
+    return "\n".join([text, *(words for name, words in flags.items() if name != "contact")])  # usual where parts meet
 
 
 def texture_summary(baked: ao.BakedTexture, target: str) -> str:
