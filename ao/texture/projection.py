@@ -84,7 +84,7 @@ def _first_hits(
         rows = rows[found == 0]
         if not len(rows):
             break
-        distance[rows] += step
+        distance[rows] += step[rows]
         behind = starts[rows] + distance[rows, None] * directions[rows]
         hits = intersect(scene, behind, directions[rows], np.maximum(reach - distance[rows], 0), threads)
         face[rows], weights[rows] = hits.face, hits.barycentric

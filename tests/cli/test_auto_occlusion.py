@@ -66,6 +66,6 @@ def test_elsewhere_it_is_the_ramp_byte_by_byte(tmp_path):
 def test_what_does_not_go_with_it(tmp_path):
     (tmp_path / "a.ply").write_bytes(ply(*hills(4)))
     line = "bake", tmp_path / "a.ply", "--occlusion", "auto"
-    refused(obscurance(*line, "-o", tmp_path / "w.ply"), "bake --occlusion: expected a .glb output with auto")
-    refused(obscurance(*line, "-o", tmp_path / "w.glb", "--colors"), "bake --occlusion: expected auto or --colors")
-    refused(obscurance(*line, "-o", tmp_path / "w.glb", "--size", 64), "bake --size: expected")
+    refused(obscurance(*line, "-o", tmp_path / "w.ply"), "bake: --occlusion auto needs a .glb output")
+    refused(obscurance(*line, "-o", tmp_path / "w.glb", "--colors"), "bake: --colors does not go with --occlusion auto")
+    refused(obscurance(*line, "-o", tmp_path / "w.glb", "--size", 64), "bake: --size needs an image")

@@ -75,6 +75,6 @@ def test_what_cannot_be_taken_over_is_told_in_one_line(folder, name):
 
 
 def test_a_missing_report_and_a_missing_output_are_told(folder):
-    (folder / "r.json").write_text('{"options": {"output": "w.npy"}}')
-    refused(obscurance("bake", "hills.obj", "-o", "w.npy", "--options", "s.json"), "did you mean r.json?")
-    refused(obscurance("bake", "hills.obj", "--options", "r.json"), "bake --output: expected a file")
+    (folder / "report.json").write_text('{"options": {"output": "w.npy"}}')
+    refused(obscurance("bake", "hills.obj", "-o", "w.npy", "--options", "reports.json"), "did you mean report.json?")
+    refused(obscurance("bake", "hills.obj", "--options", "report.json"), "bake --output: expected a file")

@@ -118,7 +118,7 @@ def test_one_image_of_several_layouts_is_refused_unless_their_mean_is_asked_for(
     assert abs(image(made).mean() - (1 + W.mean()) / 2) < 0.01
     assert "overlap in 100.0%" in result.stderr
     part = obscurance("bake", path, "-o", tmp_path / "parts", "--part", "1/2", *FEW)
-    refused(part, "bake: --part does not go with 2 overlapping texture sets, but with --overlap mean")
+    refused(part, "bake: --part does not go with 2 texture sets that overlap, but with --overlap mean")
 
 
 def test_objects_of_one_plain_material_are_told_apart_and_those_of_an_image_are_meant_to_overlap(tmp_path):
