@@ -129,9 +129,9 @@ def flags_in_words(flagged: dict[str, int], vertices: int, rays_skipped: dict[st
 
 
 def _singular(what: str) -> str:
-    verbs = {"belong": "belongs", "lie": "lies", "have": "has", "are": "is"}
+    verbs = {"belong": "belongs", "lie": "lies", "have": "has", "are": "is", "touch": "touches"}
     verb, _, rest = what.partition(" ")
-    return f"{verbs[verb]} {rest}"
+    return f"{verbs[verb]} {rest.replace('they are', 'it is')}"
 
 
 def _picture(report: Facts) -> Iterator[Finding]:

@@ -9,7 +9,7 @@ from ao import Flag
 from scenes.commands.render_file import RENDER
 from scenes.jobs.options import BAKE, command_line
 from scenes.show.report.inputs import hashed
-from scenes.show.report.verdict import remedy, verdict
+from scenes.show.report.verdict import flags_in_words, remedy, verdict
 
 WARNINGS = [
     "m.ply: normals of 3 of 9 vertices are uncertain by 2° (median): its coordinates as stored have steps of 1,"
@@ -105,6 +105,15 @@ def test_every_flag_has_its_words():
     for flag in Flag:
         found = verdict(GOOD | {"flagged": {flag.name.lower(): 3}})
         assert "3 of 9 vertices" in found["findings"][0]["what"]
+
+
+@pytest.mark.parametrize("flag", list(Flag))
+def test_every_flag_has_words_for_one_vertex_and_for_several(flag):
+    name = flag.name.lower()
+    (one,), (two,) = (flags_in_words({name: count}, 9, {}).values() for count in (1, 2))
+    assert one.startswith("One vertex ")
+    assert two.startswith("2 of 9 vertices ")
+    assert " they " not in one
 
 
 def test_pages_of_a_texture_are_judged_each():
