@@ -93,7 +93,8 @@ def _place_lights(lights: tuple[BaseLight, ...], centre: Float64s, scale: float)
         rows[:, light_rows.POSITION : light_rows.POSITION + 3] - centre
     )
     radial = rows[:, light_rows.RADIAL : light_rows.RADIAL + 3]
-    radial /= scale ** np.arange(3)
+    with np.errstate(over="ignore"):  # of scenes too small for squares of their scale
+        radial /= scale ** np.arange(3)
     largest = np.where(radial.any(axis=1), radial.max(axis=1), 1.0)[:, None]  # kept out of what float32 can hold
     radial /= largest
     rows[:, light_rows.INTENSITY : light_rows.INTENSITY + 3] /= largest
