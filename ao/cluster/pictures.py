@@ -11,9 +11,9 @@ import numpy as np
 
 from raytrace.camera import Camera
 from raytrace.image.frame import Frame
-from raytrace.renderer.apart import TileRows, edges_around, paste, render_apart, reopened
-from raytrace.renderer.picture import Picture
+from raytrace.renderer.remote_tiles import TileRows, edges_around, paste, render_numbered, reopened
 from raytrace.renderer.render import Progress, prepare_picture
+from raytrace.renderer.render_job import RenderJob
 from raytrace.scene import Scene
 from raytrace.settings import Settings
 from raytrace.shade.film import TILE
@@ -61,10 +61,10 @@ class Tiles:
     def tables(self) -> Tables:
         return tuple(TileRows.empty(len(self), self.channels, self.adaptive))
 
-    def writer(self, scene: Picture, tables: Tables) -> Callable[[int, int], None]:
+    def writer(self, scene: RenderJob, tables: Tables) -> Callable[[int, int], None]:
         def write(first: int, last: int) -> None:
             around = None if self.around is None else self.around[first:last]
-            render_apart(scene, self.numbers[first:last], around, TileRows(*(table[first:last] for table in tables)))
+            render_numbered(scene, self.numbers[first:last], around, TileRows(*(table[first:last] for table in tables)))
 
         return write
 
@@ -104,7 +104,7 @@ def render_on(
     return picture.frame(film, {"build": built - start, "render": time.perf_counter() - built})
 
 
-def _render_again(session: ClusterSession, picture: Picture, film: Film, threads: int) -> None:
+def _render_again(session: ClusterSession, picture: RenderJob, film: Film, threads: int) -> None:
     """Render the pixels of a film that need all samples for a neighbour in another tile."""
     marks = reopened(picture, film)
     numbers = np.flatnonzero(marks.any(axis=(1, 2)))

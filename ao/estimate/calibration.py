@@ -10,7 +10,7 @@ import numpy as np
 from raytrace.types import Float64s
 
 
-class Group(NamedTuple):
+class CalibrationGroup(NamedTuple):
     """Points of about the same estimated error.
 
     Attributes:
@@ -36,11 +36,11 @@ class Calibration:
     estimated: Float64s
     measured: Float64s
 
-    def whole(self) -> Group:
+    def whole(self) -> CalibrationGroup:
         """All points."""
         return _group(self.estimated, self.measured)
 
-    def groups(self, count: int = 5) -> list[Group]:
+    def groups(self, count: int = 5) -> list[CalibrationGroup]:
         """The points in `count` groups of one size by their estimated error, the least first; none for few points."""
         if len(self.estimated) < 8 * count:
             return []
@@ -48,8 +48,8 @@ class Calibration:
         return [_group(self.estimated[each], self.measured[each]) for each in rows]
 
 
-def _group(estimated: Float64s, measured: Float64s) -> Group:
+def _group(estimated: Float64s, measured: Float64s) -> CalibrationGroup:
     count = max(len(measured), 1)
     mean, doubt = float(np.sum(measured)) / count, float(np.sqrt(np.sum(measured**2))) / count
     squares = float(np.sum(estimated)) / count, mean, mean - doubt, mean + doubt
-    return Group(len(measured), *(float(np.sqrt(max(square, 0.0))) for square in squares))
+    return CalibrationGroup(len(measured), *(float(np.sqrt(max(square, 0.0))) for square in squares))

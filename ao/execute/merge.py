@@ -30,7 +30,7 @@ class PartFile(NamedTuple):
     """A part as it lies on the disk.
 
     Attributes:
-        path: of its journal. identity: of the bake. description: what `Part` was given, and what it added.
+        path: of its journal. identity: of the bake. description: what `ShardCheckpoint` was given, and what it added.
         blocks: where rows lie in the file.
     """
 

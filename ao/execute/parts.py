@@ -46,7 +46,7 @@ def digest_of(placement: Placement, receivers: Receivers) -> str:
     return digest.hexdigest()
 
 
-class Part(Checkpoint):
+class ShardCheckpoint(Checkpoint):
     """A checkpoint that traces one of several parts of a bake and keeps its journal, for `Merge`.
 
     The bake raises `PartTraced` when its rays are traced. What an earlier run of the same part has traced is kept.

@@ -14,7 +14,7 @@ Source: Poulin & Fournier 1990, "A Model for Anisotropic Reflection", added cyli
 from math import asin, atan2, copysign, cos, pi, sin, sqrt
 
 from ..kernel.jit import inline
-from ..kernel.vector import dot, halfway, load3, perpendicular, scale
+from ..kernel.vector import dot, halfway, perpendicular, scale, triple
 from .layout import MODEL, TERMS
 
 K_S, EXPONENT, SPACING, CAP, DOMAIN, SERIES = MODEL + 3, MODEL + 6, MODEL + 7, MODEL + 8, MODEL + 11, MODEL + 12
@@ -109,4 +109,4 @@ def terms(row, n, l, v, grain):
     if dot(n, v) <= 0.0:
         return (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
     diffuse, specular = period_averages(row, n, l, v, grain)
-    return scale(diffuse, load3(row[MODEL:])), scale(specular, load3(row[K_S:]))
+    return scale(diffuse, triple(row, MODEL)), scale(specular, triple(row, K_S))

@@ -14,7 +14,7 @@ from math import exp, pi, sqrt
 
 from ..kernel.jit import inline
 from ..kernel.simd import select
-from ..kernel.vector import dot, halfway, load3, perpendicular, scale
+from ..kernel.vector import dot, halfway, perpendicular, scale, triple
 from .layout import MODEL, WARD_FORMS
 
 K_S, M_PARALLEL, M_PERPENDICULAR, FORM = MODEL + 3, MODEL + 6, MODEL + 7, MODEL + 8
@@ -43,4 +43,4 @@ def lobe(row, n, l, v, grain):
 @inline
 def terms(row, n, l, v, grain):
     """Diffuse and specular RGB reflected per unit incident RGB for a packed row; in lanes, too."""
-    return scale(dot(n, l) / pi, load3(row[MODEL:])), scale(lobe(row, n, l, v, grain), load3(row[K_S:]))
+    return scale(dot(n, l) / pi, triple(row, MODEL)), scale(lobe(row, n, l, v, grain), triple(row, K_S))

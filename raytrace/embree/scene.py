@@ -43,7 +43,7 @@ class Triangles:
         return made
 
 
-class Instance:
+class EmbreeInstance:
     """A scene placed inside another.
 
     Args:
@@ -74,7 +74,7 @@ class EmbreeScene:
         EmbreeError: Embree reports an error, out of memory for instance.
     """
 
-    def __init__(self, geometries: Sequence[Triangles | Instance]) -> None:
+    def __init__(self, geometries: Sequence[Triangles | EmbreeInstance]) -> None:
         self.geometries = tuple(geometries)
         start = time.perf_counter()
         with _lock:

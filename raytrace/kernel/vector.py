@@ -17,9 +17,9 @@ def load(array, i):
 
 
 @inline
-def load3(a):
-    """A (3,) array as a triple."""
-    return a[0], a[1], a[2]
+def triple(row, column):
+    """Three consecutive columns of a row."""
+    return row[column], row[column + 1], row[column + 2]
 
 
 @inline

@@ -9,8 +9,7 @@ from math import acos, asin, atan2, cos, erf, exp, floor, log2, pi, sqrt
 import numpy as np
 
 from ..kernel.jit import inline
-from ..kernel.vector import add, dot, scale
-from .kernels import triple
+from ..kernel.vector import add, dot, scale, triple
 from .layout import GROUND, HORIZON, MAP_HEIGHT, MAP_SLOPE, MAP_WIDTH, MAPS, UP, ZENITH
 
 

@@ -6,9 +6,10 @@ from math import hypot
 
 import numpy as np
 
+from ..kernel.vector import triple
 from ..types import Float64s, Int64s
 from . import layout as light_rows
-from .kernels import incident, triple
+from .kernels import incident
 
 FAR = 2.0**24  # times the size of the scene: across it direction and attenuation change by less than a rounding
 

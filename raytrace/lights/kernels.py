@@ -9,16 +9,10 @@ from math import acos, asin, inf, pi, sqrt
 
 from ..kernel.jit import inline
 from ..kernel.simd import select
-from ..kernel.vector import add, dot, scale, subtract, unit
+from ..kernel.vector import add, dot, scale, subtract, triple, unit
 from . import layout
 
 FLOOR = 1e-30  # of the attenuation's denominator: finite at the light itself
-
-
-@inline
-def triple(row, column):
-    """Three consecutive columns."""
-    return (row[column], row[column + 1], row[column + 2])
 
 
 @inline

@@ -29,7 +29,7 @@ BLACK = (0.0, 0.0, 0.0)
 MATT = Gloss(BLACK, BLACK, 1.0)
 
 
-class Packed(NamedTuple):
+class PackedMaterial(NamedTuple):
     """A material as kernels take it: integer kind, and a float64 row of `rows.WIDTH`."""
 
     kind: int
@@ -56,7 +56,7 @@ class BaseMaterial(Parameters):
     emission: Radiance = (0.0, 0.0, 0.0)
     two_sided: Sides = False
 
-    def pack(self) -> Packed:
+    def pack(self) -> PackedMaterial:
         """The kind and parameter row that `raytrace.brdf.dispatch.evaluate` takes."""
         row = np.zeros(rows.WIDTH)
         row[rows.EMISSION : rows.EMISSION + 3] = self.emission
@@ -69,7 +69,7 @@ class BaseMaterial(Parameters):
         row[rows.SLOPE] = gloss.slope
         parameters = self._parameters()
         row[rows.MODEL : rows.MODEL + len(parameters)] = parameters
-        return Packed(self.kind, row)
+        return PackedMaterial(self.kind, row)
 
     @abstractmethod
     def _ambient(self) -> RGB:

@@ -16,13 +16,12 @@ import numpy.typing as npt
 
 from ..brdf.layout import ALPHA
 from ..embree.packets import FILTER_PATH
-from ..embree.scene import EmbreeScene, Instance, Triangles, TriangleScene
+from ..embree.scene import EmbreeInstance, EmbreeScene, Triangles, TriangleScene
 from ..image.texture import Texture
 from ..kernel.arrays import aligned, product
 from ..kernel.jit import Kernel
 from ..materials.alpha_filter import filter_hits
 from ..materials.materials import pack_materials
-from ..mesh.mesh import Mesh
 from ..mesh.normals import normalize
 from ..mesh.opacity import Opacity, PackedOpacity
 from ..mesh.placement import Placement, RenderSpace, sample, to_single
@@ -55,7 +54,7 @@ class BuiltGeometry:
 
     @cached_property
     def vertex_origins(self) -> Float32s:
-        """`raytrace.renderer.vertex_origins.vertex_origins`, made when it is first asked for."""
+        """`raytrace.renderer.vertex_origins.vertex_origins`, computed on first use."""
         return vertex_origins(self.arrays)
 
     @cached_property
@@ -89,9 +88,10 @@ def build_geometry(objects: tuple[Object, ...], normals: Normals) -> BuiltGeomet
 class _PlacedShape(NamedTuple):
     """A shape in the frame it is traced in."""
 
+    shape: Shape
     vertices: Float32s
     normals: Float32s
-    scene: TriangleScene | None
+    scene: TriangleScene | None  # of a shape that several objects use
     from_shape: Float64s  # (4, 4)
 
 
@@ -105,94 +105,96 @@ def _build(objects: tuple[Object, ...], weighting: Normals) -> BuiltGeometry:
     uses: dict[int, list[Object]] = {}
     for item in objects:
         uses.setdefault(id(item.shape), []).append(item)
-    shapes = {key: items[0].shape for key, items in uses.items()}
-    order = {key: row for row, key in enumerate(shapes)}
-    placed_shapes = {
-        key: _place_instanced(shapes[key], weighting)
-        if len(items) > 1
-        else _place_once(shapes[key], place @ items[0].transform, weighting)
-        for key, items in uses.items()
-    }
-    vertex_starts = _starts([len(shape.mesh.vertices) for shape in shapes.values()])
-    face_starts = _starts([len(shape.mesh.faces) for shape in shapes.values()])
-    textures = shape_textures(shapes.values())
+    placed_shapes = [
+        _place_once(item.shape, place @ item.transform, weighting)
+        if not others
+        else _place_instanced(item.shape, weighting)
+        for item, *others in uses.values()
+    ]
+    shapes = [placed.shape for placed in placed_shapes]
+    row_of = {key: row for row, key in enumerate(uses)}
+    rank = [row_of[id(item.shape)] for item in objects]
+    vertex_starts = _starts([len(shape.mesh.vertices) for shape in shapes])
+    face_starts = _starts([len(shape.mesh.faces) for shape in shapes])
+    textures = shape_textures(shapes)
     number = {texture: row for row, texture in enumerate(textures)} | {None: -1}
 
-    geometries: list[Triangles | Instance] = []
-    boxes = []
-    count = len(objects)
-    to_render, normal_to_render = np.empty((count, 3, 4)), np.empty((count, 3, 3))
-    mirrored, magnitude = np.ones(count), np.zeros(count)
-    for row, item in enumerate(objects):
-        placed = placed_shapes[id(item.shape)]
-        matrix = place @ item.transform @ np.linalg.inv(placed.from_shape) if placed.scene else np.eye(4)
-        if placed.scene:
-            geometries.append(Instance(placed.scene, matrix[:3].astype(np.float32)))
-            magnitude[row] = INSTANCED
-            corners = _corners(placed.vertices) @ matrix[:3, :3].T + matrix[:3, 3]
-            boxes.append(np.stack([corners.min(axis=0) - 4 * SLACK, corners.max(axis=0) + 4 * SLACK])[None])
-        else:
-            geometries.append(Triangles(placed.vertices, item.shape.mesh.faces))
-            boxes.append(cluster(placed.vertices, item.shape.mesh.faces, count))
-        to_render[row] = matrix[:3]
-        normal_to_render[row] = np.linalg.inv(matrix[:3, :3]).T
-        mirrored[row] = np.sign(np.linalg.det(item.transform[:3, :3]))
-    embree = EmbreeScene(geometries)
-
-    rank = [order[id(item.shape)] for item in objects]
+    placed_objects = [placed_shapes[row] for row in rank]
+    instanced = np.array([placed.scene is not None for placed in placed_objects])
+    matrices = np.array([
+        place @ item.transform @ np.linalg.inv(placed.from_shape) if placed.scene else np.eye(4)
+        for item, placed in zip(objects, placed_objects, strict=True)
+    ])  # fmt: skip
+    embree, boxes = _build_embree(placed_objects, matrices)
     kinds, rows = pack_materials([item.shape.material for item in objects])
-    uv = [np.zeros((len(s.mesh.vertices), 2)) if s.uv is None else s.uv for s in shapes.values()]
+    uv = [np.zeros((len(s.mesh.vertices), 2)) if s.uv is None else s.uv for s in shapes]
     occlusions = [item.shape.occlusion for item in objects]
-    polygons = _polygons([(shapes[key].mesh, placed) for key, placed in placed_shapes.items()])
-    corner_rows = [s.mesh.faces + start for s, start in zip(shapes.values(), vertex_starts, strict=True)]
+    polygons = _polygons(placed_shapes)
+    corner_rows = [s.mesh.faces + start for s, start in zip(shapes, vertex_starts, strict=True)]
     arrays = Geometry(
         handle=embree.handle,
         farthest=8.0 * max(1.0, scale * float(np.maximum(high - centre, centre - low).max())),
-        vertices=_joined([*(placed.vertices for placed in placed_shapes.values()), polygons.centres], np.float32),
-        normals=_joined([*(placed.normals for placed in placed_shapes.values()), polygons.normals], np.float32),
+        vertices=_joined([*(placed.vertices for placed in placed_shapes), polygons.centres], np.float32),
+        normals=_joined([*(placed.normals for placed in placed_shapes), polygons.normals], np.float32),
         faces=_joined(corner_rows, np.int32),
         uv=np.concatenate(uv).astype(np.float32),
-        occlusion_uv=_occlusion_uv(shapes.values()),
-        colours=_colours(shapes.values()),
+        occlusion_uv=_occlusion_uv(shapes),
+        colours=_colours(shapes),
         polygons=polygons.of,
         edges=polygons.edges,
         first_edge=np.cumsum(np.append(0, polygons.counts)).astype(np.int32),
         first_vertex=vertex_starts[rank],
         first_face=face_starts[rank],
         first_w=np.cumsum([0, *(len(item.shape.mesh.vertices) for item in objects)]),
-        to_render=to_render,
-        normal_to_render=normal_to_render,
-        mirrored=mirrored,
-        placed=np.array([placed_shapes[id(item.shape)].scene is None for item in objects]),
+        to_render=np.ascontiguousarray(matrices[:, :3]),
+        normal_to_render=np.array([np.linalg.inv(matrix[:3, :3]).T for matrix in matrices]),
+        mirrored=np.array([np.sign(np.linalg.det(item.transform[:3, :3])) for item in objects]),
+        placed=~instanced,
         authored=np.array([weighting == "file" and item.shape.mesh.normals is not None for item in objects]),
-        magnitude=magnitude,
+        magnitude=np.where(instanced, INSTANCED, 0.0),
         texture=np.array([number[item.shape.texture] for item in objects]),
         occlusion=np.array([number[each.texture] if each else -1 for each in occlusions]),
         grain=np.array([number[item.shape.grain] for item in objects]),
         strength=np.array([each.strength if each else 0.0 for each in occlusions]),
         kinds=kinds,
         rows=rows,
-        boxes=pack_boxes(np.concatenate(boxes)),
-        opacity=_opacity(list(shapes.values())),
+        boxes=pack_boxes(boxes),
+        opacity=_opacity(shapes),
     )
     return BuiltGeometry(arrays, embree, centre, scale, textures, weighting)
 
 
-def _polygons(meshes: list[tuple[Mesh, _PlacedShape]]) -> Polygons:
+def _build_embree(objects: list[_PlacedShape], matrices: Float64s) -> tuple[EmbreeScene, Float64s]:
+    """The Embree scene of objects, `matrices` (o, 4, 4) to render space, and boxes (n, 2, 3) around what they hold."""
+    geometries: list[Triangles | EmbreeInstance] = []
+    boxes = []
+    for placed, matrix in zip(objects, matrices, strict=True):
+        if placed.scene:
+            geometries.append(EmbreeInstance(placed.scene, matrix[:3].astype(np.float32)))
+            corners = _corners(placed.vertices) @ matrix[:3, :3].T + matrix[:3, 3]
+            boxes.append(np.stack([corners.min(axis=0) - 4 * SLACK, corners.max(axis=0) + 4 * SLACK])[None])
+        else:
+            geometries.append(Triangles(placed.vertices, placed.shape.mesh.faces))
+            boxes.append(cluster(placed.vertices, placed.shape.mesh.faces, len(objects)))
+    return EmbreeScene(geometries), np.concatenate(boxes)
+
+
+def _polygons(shapes: list[_PlacedShape]) -> Polygons:
     """The polygons of all shapes' meshes, numbered behind their vertices."""
     none = mesh_polygons(np.empty((0, 3), np.float32), np.empty((0, 3), np.int64), None)
-    if all(mesh.polygons is None for mesh, _ in meshes):
+    meshes = [placed.shape.mesh for placed in shapes]
+    if all(mesh.polygons is None for mesh in meshes):
         return none
-    vertex, number = 0, sum(len(mesh.vertices) for mesh, _ in meshes)
-    found = []
-    for mesh, placed in meshes:
+    vertex, number = 0, sum(len(mesh.vertices) for mesh in meshes)
+    polygons = []
+    for mesh, placed in zip(meshes, shapes, strict=True):
         own = mesh_polygons(placed.vertices, mesh.faces, mesh.polygons)
         mirrored = placed.scene is None and np.linalg.slogdet(placed.from_shape[:3, :3])[0] < 0
         own.of[own.of >= 0] += number
         own.edges[:] += vertex
-        found.append(own._replace(normals=-own.normals) if mirrored else own)
+        polygons.append(own._replace(normals=-own.normals) if mirrored else own)
         vertex, number = vertex + len(mesh.vertices), number + len(own.counts)
-    joined = Polygons(*map(np.concatenate, zip(*found, strict=True)))
+    joined = Polygons(*map(np.concatenate, zip(*polygons, strict=True)))
     return joined if len(joined.counts) else none
 
 
@@ -239,7 +241,7 @@ def _bounds(objects: tuple[Object, ...]) -> tuple[Float64s, Float64s]:
 
 
 def _some(objects: tuple[Object, ...]) -> Float64s:
-    """Vertices (k, 3) of all objects, as many of each as it has part in the scene: they say where most of it is."""
+    """A sample (k, 3) of all objects' vertices, the same fraction of each object's."""
     rows = sample(sum(len(item.shape.mesh.used) for item in objects))
     return np.concatenate(
         [item.shape.mesh.used[rows] @ item.transform[:3, :3].T + item.transform[:3, 3] for item in objects]
@@ -269,11 +271,11 @@ def _place_instanced(shape: Shape, weighting: Normals) -> _PlacedShape:
     matrix = np.diag([placement.scale, placement.scale, placement.scale, 1.0])
     matrix[:3, 3] = -placement.scale * placement.centre
     normals = smooth_normals(mesh, weighting).astype(np.float32)
-    return _PlacedShape(placement.vertices, normals, TriangleScene(placement.vertices, mesh.faces), matrix)
+    return _PlacedShape(shape, placement.vertices, normals, TriangleScene(placement.vertices, mesh.faces), matrix)
 
 
 def _place_once(shape: Shape, matrix: Float64s, weighting: Normals) -> _PlacedShape:
     mesh, linear = shape.mesh, matrix[:3, :3]
     vertices = to_single(product(mesh.vertices, linear.T) + matrix[:3, 3])
     normals = normalize(product(smooth_normals(mesh, weighting), np.linalg.inv(linear))).astype(np.float32)
-    return _PlacedShape(vertices, normals, None, matrix)
+    return _PlacedShape(shape, vertices, normals, None, matrix)

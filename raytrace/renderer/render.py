@@ -29,7 +29,7 @@ from ..system.memory import check_memory
 from ..system.threads import run_blocks, thread_count
 from ..types import Bools, Int64s
 from .geometry import shape_textures
-from .picture import Picture
+from .render_job import RenderJob
 from .render_scene import build
 from .tiling import tile_count, whole_tiles
 
@@ -76,7 +76,7 @@ def render(
 
 def prepare_picture(
     scene: Scene, camera: Camera, settings: Settings | None, layers: bool, threads: int | None = None
-) -> Picture:
+) -> RenderJob:
     """The picture that `render` renders. Errors as there."""
     settings = Settings() if settings is None else settings
     for field, value, kind in (("scene", scene, Scene), ("camera", camera, Camera), ("settings", settings, Settings)):
@@ -84,10 +84,10 @@ def prepare_picture(
     if settings.shading == "gouraud" and any(item.shape.grain for item in scene.objects):
         raise OptionError("shading", "another one where a texture has the grain", "gouraud", "render")
     check_memory("scene", rendering_bytes(scene, settings, layers, threads), describe_work(scene, settings))
-    return Picture(build(scene, settings.normals), scene.background, camera, settings, layers)
+    return RenderJob(build(scene, settings.normals), scene.background, camera, settings, layers)
 
 
-def _render_tiles(picture: Picture, film: Film, threads: int, progress: Progress | None) -> None:
+def _render_tiles(picture: RenderJob, film: Film, threads: int, progress: Progress | None) -> None:
     """Render all tiles; then those pixels once more that need all samples for a neighbour in another tile."""
     tiles, done = picture.tiles, 0
 

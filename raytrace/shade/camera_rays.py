@@ -12,7 +12,7 @@ from ..kernel.jit import inline
 from ..kernel.simd import WIDE, double, select, single
 from ..kernel.simd_masks import pick, replace
 from ..kernel.simd_memory import load_row, store_row
-from ..kernel.vector import add, dot, load3, scale, unit
+from ..kernel.vector import add, dot, scale, triple, unit
 from ..sampling.hash import mix, mix_array, seed_key
 from ..sampling.sequences import owen_sobol
 from ..settings import Settings
@@ -90,7 +90,7 @@ def _tent(u: Float64s) -> Float64s:
 @inline
 def viewing_ray(view, x, y, lens_x, lens_y):
     """Origin and unit direction, lanes, through the film points (x, y) in pixels from the upper left."""
-    right, up, forward = load3(view.right), load3(view.up), load3(view.forward)
+    right, up, forward = triple(view.right, 0), triple(view.up, 0), triple(view.forward, 0)
     a = (2.0 * x - view.width) * (view.half / view.height)
     b = (view.height - 2.0 * y) * (view.half / view.height)
     across = add(scale(a, right), scale(b, up))
@@ -102,7 +102,7 @@ def viewing_ray(view, x, y, lens_x, lens_y):
             sharp = scale(view.focus / dot(direction, forward), direction)
             shift = add(scale(view.lens * lens_x, right), scale(view.lens * lens_y, up))
             direction = unit(add(sharp, scale(-1.0, shift)))
-    return add(load3(view.eye), shift), direction
+    return add(triple(view.eye, 0), shift), direction
 
 
 @inline
@@ -119,8 +119,8 @@ def approach(origin, direction, farthest):
 
 
 @inline
-def aim(packet, view, x, y, samples, farthest):
-    """Make `packet` the viewing rays of sixteen pixels; returns how far from the viewer they start, float32.
+def aim(rays, view, x, y, samples, farthest):
+    """Make `rays` the viewing rays of sixteen pixels; returns how far from the viewer they start, float32.
 
     Args: x, y: int32 lanes, of the whole picture. samples: int32 lanes, numbers of the samples.
         farthest: of `Geometry`.
@@ -140,16 +140,16 @@ def aim(packet, view, x, y, samples, farthest):
     start = approach(origin, direction, farthest)
     near = add(origin, scale(start, direction))
     for axis in range(3):
-        store_row(packet, ORG_X + axis, single(near[axis]))
-        store_row(packet, DIR_X + axis, single(direction[axis]))
-    store_row(packet, TNEAR, 0.0)
-    store_row(packet, TFAR, farthest)
+        store_row(rays, ORG_X + axis, single(near[axis]))
+        store_row(rays, DIR_X + axis, single(direction[axis]))
+    store_row(rays, TNEAR, 0.0)
+    store_row(rays, TFAR, farthest)
     return single(start)
 
 
 @inline
-def hit_ids(packet):
+def hit_ids(rays):
     """Rows of the objects and of their shapes' faces that a packet has hit, int32 lanes; object −1: a miss."""
-    ids = packet.view(np.int32)
+    ids = rays.view(np.int32)
     outer, inner = load_row(ids, INST_ID), load_row(ids, GEOM_ID)
     return select((inner >= 0) & (outer >= 0), outer, inner), load_row(ids, PRIM_ID)

@@ -11,16 +11,16 @@ from ..kernel.jit import inline
 from ..kernel.simd import double, select, single
 from ..kernel.simd_masks import count, first, highest, lane_numbers, lowest, pick, some
 from ..kernel.simd_memory import load_row, store_row
-from ..kernel.vector import add, choose, dot, multiply, scale, subtract
-from ..lights.kernels import cannot_matter_in, incident, towards, triple
+from ..kernel.vector import add, choose, dot, multiply, scale, subtract, triple
+from ..lights.kernels import cannot_matter_in, incident, towards
 from ..lights.layout import AMBIENT as AMBIENT_LIGHT
 from ..lights.layout import DIFFUSE, SPECULAR
 from . import shading_points as layout
+from .environment_lighting import add_environment
 from .interaction import CONSTANT, FLAT
-from .see_through import dimmed, passing
-from .shading_points import put, take
+from .see_through import attenuate, transmittance
+from .shading_points import load3, store3
 from .shaft_culling import obstructed
-from .surroundings import add_surroundings
 from .workspace import BEHIND, BLACK, BOOK, CULLED, OFF, SHADOW_RAYS, UNOBSTRUCTED, UNREACHED
 
 SHORT = 1.0 - 1e-5  # of the way to a light: what touches the light itself is no obstacle
@@ -39,26 +39,26 @@ def ambient_light(lights):
 
 
 @inline
-def add_undirected(entry, items, geometry, total, form):
-    """Write what needs no light that comes from somewhere: emission and reflected ambient light."""
+def add_undirected(packet, items, geometry, total, form):
+    """Write emission and reflected ambient light, which have no direction."""
     left = items >= 0
-    tint = take(entry, layout.TINT)
-    w = load_row(entry, layout.W)
+    albedo = load3(packet, layout.ALBEDO_MAP)
+    w = load_row(packet, layout.W)
     while some(left):
         item = pick(items, first(left))
         mask = left & (items == item)
         material = geometry.rows[item]
-        reflected = multiply(multiply(ambient(material), total), tint)
+        reflected = multiply(multiply(ambient(material), total), albedo)
         if form != OFF:
             reflected = scale(w, reflected)
-        put(entry, layout.AMBIENT, mask, reflected)
-        put(entry, layout.EMISSION, mask, emission(material))
+        store3(packet, layout.AMBIENT, mask, reflected)
+        store3(packet, layout.EMISSION, mask, emission(material))
         left = left & ~mask
 
 
 @inline
 def count_directed(lights):
-    """Number of lights that come from somewhere: all but ambient ones."""
+    """Number of lights that are not ambient."""
     found = 0
     for j in range(len(lights.kinds)):
         found += lights.kinds[j] != AMBIENT_LIGHT
@@ -85,7 +85,7 @@ def corners(box):
 
 @inline
 def select_lights(geometry, lights, shading, scratch, packets):
-    """Find the lights that can matter to some of the first `packets` entries, and which of them may be hidden.
+    """Find the lights that can matter to a point of the first `packets` packets, and which of the lights may be hidden.
 
     Fills `active` and `hidden` of `scratch`; returns their number.
     """
@@ -94,12 +94,12 @@ def select_lights(geometry, lights, shading, scratch, packets):
     points, origins, shifts = empty, empty, empty
     for e in range(packets):
         there = load_row(scratch.items, e) >= 0
-        point, origin = take(scratch.entries[e], layout.POINT), take(scratch.entries[e], layout.ORIGIN)
+        point, origin = load3(scratch.points[e], layout.POINT), load3(scratch.points[e], layout.ORIGIN)
         points, origins = extended(points, there, point), extended(origins, there, origin)
         shifts = extended(shifts, there, subtract(origin, point))
-        both = there & (load_row(scratch.entries[e], layout.FRONT) > layout.ON_THIS_SIDE)
+        both = there & (load_row(scratch.points[e], layout.FRONT) > layout.ON_THIS_SIDE)
         if some(both):
-            back = take(scratch.entries[e], layout.BACK)
+            back = load3(scratch.points[e], layout.BACK)
             origins, shifts = extended(origins, both, back), extended(shifts, both, subtract(back, point))
     low, high = corners(points)
     start, shift = corners(origins), corners(shifts)
@@ -117,89 +117,89 @@ def select_lights(geometry, lights, shading, scratch, packets):
 
 
 @inline
-def light_entries(geometry, lights, style, scratch, packets):
-    """Light the first `packets` entries of `scratch`."""
+def light_packets(geometry, lights, style, scratch, packets):
+    """Light the first `packets` packets of `scratch.points`."""
     total = ambient_light(lights)
     points = 0
     for e in range(packets):
         items = load_row(scratch.items, e)
-        add_undirected(scratch.entries[e], items, geometry, total, style.form)
+        add_undirected(scratch.points[e], items, geometry, total, style.form)
         if len(lights.skies) + len(lights.harmonics) > 0:
-            add_surroundings(scratch.entries[e], items, geometry, lights, total, style)
+            add_environment(scratch.points[e], items, geometry, lights, total, style)
         points += count(items >= 0)
     used = select_lights(geometry, lights, style.shading, scratch, packets) if points > 0 else 0
     scratch.counts[CULLED] += (count_directed(lights) - used) * points
     for e in range(packets):
         items = load_row(scratch.items, e)
         if some(items >= 0):
-            light_entry(scratch.entries[e], items, used, geometry, lights, style, scratch)
+            light_packet(scratch.points[e], items, used, geometry, lights, style, scratch)
 
 
 @inline
-def light_entry(entry, items, used, geometry, lights, style, scratch):
+def light_packet(packet, items, used, geometry, lights, style, scratch):
     """Add up the first `used` active lights of sixteen points."""
     counts, opacity = scratch.counts, geometry.opacity
-    point, ahead = take(entry, layout.POINT), take(entry, layout.ORIGIN)
-    n, tint = take(entry, layout.NORMAL), take(entry, layout.TINT)
-    seen = (items >= 0) & (load_row(entry, layout.FRONT) > 0.0)
-    both = (items >= 0) & (load_row(entry, layout.FRONT) > layout.ON_THIS_SIDE)
+    point, ahead = load3(packet, layout.POINT), load3(packet, layout.ORIGIN)
+    n, albedo = load3(packet, layout.NORMAL), load3(packet, layout.ALBEDO_MAP)
+    seen = (items >= 0) & (load_row(packet, layout.FRONT) > 0.0)
+    both = (items >= 0) & (load_row(packet, layout.FRONT) > layout.ON_THIS_SIDE)
     zero = scale(0.0, point)
-    diffuse, specular, sent, lit = zero, zero, zero[0], zero[0]
+    diffuse, specular, unshadowed, shadowed = zero, zero, zero[0], zero[0]
     for a in range(used):
         j = scratch.active[a]
         l, distance, intensity = incident(lights.kinds[j], lights.rows[j], point)
         side, origin = n, ahead
         behind = both & (dot(n, l) < 0.0)
         if some(behind):
-            side, origin = choose(behind, scale(-1.0, n), n), choose(behind, take(entry, layout.BACK), ahead)
+            side, origin = choose(behind, scale(-1.0, n), n), choose(behind, load3(packet, layout.BACK), ahead)
         facing = seen & (dot(side, l) > 0.0)
         reached = facing & (intensity[0] + intensity[1] + intensity[2] > 0.0)
         counts[BEHIND] += count(items >= 0) - count(facing)
         counts[UNREACHED] += count(facing) - count(reached)
         if not some(reached):
             continue
-        body, highlight = reflect(entry, items, reached, side, l, geometry)
+        body, highlight = reflect(packet, items, reached, side, l, geometry)
         if style.shading == CONSTANT:
             highlight = zero
         row = lights.rows[j]
-        body = multiply(multiply(multiply(intensity, triple(row, DIFFUSE)), body), tint)
+        body = multiply(multiply(multiply(intensity, triple(row, DIFFUSE)), body), albedo)
         if style.form == BOOK:
-            body = scale(load_row(entry, layout.W), body)
+            body = scale(load_row(packet, layout.W), body)
         highlight = multiply(multiply(intensity, triple(row, SPECULAR)), highlight)
-        brought = add(body, highlight)
-        brightness = brought[0] + brought[1] + brought[2]
+        reflected = add(body, highlight)
+        brightness = reflected[0] + reflected[1] + reflected[2]
         bright = reached & (brightness > 0.0)
         counts[BLACK] += count(reached) - count(bright)
-        open_, part = bright, select(bright, 1.0, 0.0)
+        lit, part = bright, select(bright, 1.0, 0.0)
         if style.shadows:
             if scratch.hidden[a]:
                 if style.shading in (CONSTANT, FLAT):  # the light is the face's, δ(p, j) the sample's
                     l, distance = towards(lights.kinds[j], lights.rows[j], origin)
-                open_, part = unshadowed(origin, bright, l, distance, geometry, scratch)
+                lit, part = trace_shadow_rays(origin, bright, l, distance, geometry, scratch)
             else:
                 counts[UNOBSTRUCTED] += count(bright)
-        body, highlight = dimmed(opacity, part, body), dimmed(opacity, part, highlight)
-        diffuse, specular = add(diffuse, choose(open_, body, DARK)), add(specular, choose(open_, highlight, DARK))
-        sent += select(bright, brightness, 0.0)
-        lit += select(open_, dimmed(opacity, part, (brightness, brightness, brightness))[0], 0.0)
+        body, highlight = attenuate(opacity, part, body), attenuate(opacity, part, highlight)
+        diffuse, specular = add(diffuse, choose(lit, body, DARK)), add(specular, choose(lit, highlight, DARK))
+        unshadowed += select(bright, brightness, 0.0)
+        shadowed += select(lit, attenuate(opacity, part, (brightness, brightness, brightness))[0], 0.0)
     for c in range(3):
-        store_row(entry, layout.DIFFUSE + c, diffuse[c])
-        store_row(entry, layout.SPECULAR + c, specular[c])
-    store_row(entry, layout.SENT, sent)
-    store_row(entry, layout.LIT, lit)
-    store_row(entry, layout.SHADOW, lit_fraction(sent, lit))
+        store_row(packet, layout.DIFFUSE + c, diffuse[c])
+        store_row(packet, layout.SPECULAR + c, specular[c])
+    store_row(packet, layout.UNSHADOWED, unshadowed)
+    store_row(packet, layout.SHADOWED, shadowed)
+    store_row(packet, layout.SHADOW, visible_fraction(unshadowed, shadowed))
 
 
 @inline
-def lit_fraction(sent, lit):
-    """The part of the light that δ lets through, 1 where there is none."""
-    return select(sent > 0.0, lit / sent, 1.0)
+def visible_fraction(unshadowed, shadowed):
+    """The part of the light that δ lets through, 1 without light."""
+    return select(unshadowed > 0.0, shadowed / unshadowed, 1.0)
 
 
 @inline
-def reflect(entry, items, reached, n, l, geometry):
+def reflect(packet, items, reached, n, l, geometry):
     """Diffuse and specular RGB per unit of light from `l`, each point by its own material."""
-    view, tangent = take(entry, layout.VIEW), take(entry, layout.TANGENT)
+    view, tangent = load3(packet, layout.VIEW), load3(packet, layout.TANGENT)
     diffuse, specular = scale(0.0, n), scale(0.0, n)
     left = reached
     while some(left):
@@ -212,12 +212,12 @@ def reflect(entry, items, reached, n, l, geometry):
 
 
 @inline
-def unshadowed(origin, wanted, l, distance, geometry, scratch):
-    """What of the light reaches the points: a shadow ray for each of `wanted`, see `raytrace.shade.see_through`."""
-    packet = scratch.packet
+def trace_shadow_rays(origin, wanted, l, distance, geometry, scratch):
+    """The `wanted` points that light reaches, a mask, and the part of it that does: `transmittance` of shadow rays."""
+    rays = scratch.rays
     for axis in range(3):
-        store_row(packet, ORG_X + axis, origin[axis])
-        store_row(packet, DIR_X + axis, l[axis])
+        store_row(rays, ORG_X + axis, origin[axis])
+        store_row(rays, DIR_X + axis, l[axis])
     scratch.counts[SHADOW_RAYS] += count(wanted)
     limit = min(distance * SHORT, geometry.farthest)
-    return passing(geometry.opacity, geometry, packet, scratch.valid, wanted, limit)
+    return transmittance(geometry.opacity, geometry, rays, scratch.valid, wanted, limit)

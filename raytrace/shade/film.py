@@ -1,4 +1,4 @@
-"""From lit entries to pixels: sums of samples, and adaptive anti-aliasing: converged pixels need no more of them."""
+"""From lit points to pixels: sums of samples, and adaptive anti-aliasing: converged pixels get no more samples."""
 
 from math import sqrt
 
@@ -10,11 +10,11 @@ from ..kernel.simd_masks import pick
 from ..kernel.simd_memory import load_row, scatter4, store_row
 from ..kernel.vector import add
 from . import shading_points as layout
-from .shading_points import take
+from .shading_points import load3
 
 _BITS = 4
 TILE = 1 << _BITS  # pixels a side
-# Columns of a pixel's float64 sums: those of an entry, and then
+# Columns of a pixel's float64 sums: the film's, and then
 SHADED, SAMPLES, LOW, HIGH = layout.FILM, layout.FILM + 1, layout.FILM + 2, layout.FILM + 5
 SUMS = layout.FILM + 8
 EDGE = 7  # of a pixel on a tile's edge: LOW, HIGH, and 1 if it was retired
@@ -32,57 +32,57 @@ def clear(sums):
 
 
 @inline
-def beauty(entry):
-    """The sum of an entry's light, RGB."""
-    matt = add(take(entry, layout.AMBIENT), take(entry, layout.DIFFUSE))
-    return add(add(matt, take(entry, layout.SPECULAR)), take(entry, layout.EMISSION))
+def beauty(packet):
+    """The sum of a packet's light, RGB."""
+    matt = add(load3(packet, layout.AMBIENT), load3(packet, layout.DIFFUSE))
+    return add(add(matt, load3(packet, layout.SPECULAR)), load3(packet, layout.EMISSION))
 
 
 @inline
-def accumulate(entry, sums, pixels, batch, layers):
-    """Add the first lanes of an entry, `batch` for each of `pixels`, to their sums."""
-    colour = beauty(entry)
+def accumulate(packet, sums, pixels, batch, layers):
+    """Add the first lanes of a packet to the sums of `pixels`, `batch` lanes a pixel."""
+    colour = beauty(packet)
     for c in range(3):
-        store_row(entry, layout.BEAUTY + c, colour[c])
+        store_row(packet, layout.BEAUTY + c, colour[c])
     for lane in range(len(pixels) * batch):
         sum_ = sums[pixels[lane // batch]]
         for column in range(layout.ALPHA, layout.W):
-            sum_[column] += entry[column, lane]
+            sum_[column] += packet[column, lane]
         for c in range(3):
-            sum_[LOW + c] = min(sum_[LOW + c], entry[layout.BEAUTY + c, lane])
-            sum_[HIGH + c] = max(sum_[HIGH + c], entry[layout.BEAUTY + c, lane])
+            sum_[LOW + c] = min(sum_[LOW + c], packet[layout.BEAUTY + c, lane])
+            sum_[HIGH + c] = max(sum_[HIGH + c], packet[layout.BEAUTY + c, lane])
         sum_[SAMPLES] += 1.0
-        if layers and entry[layout.ID, lane] > 0.0:
+        if layers and packet[layout.ID, lane] > 0.0:
             sum_[SHADED] += 1.0
-            sum_[layout.W] += entry[layout.W, lane]
-            sum_[layout.SHADOW] += entry[layout.SHADOW, lane]
+            sum_[layout.W] += packet[layout.W, lane]
+            sum_[layout.SHADOW] += packet[layout.SHADOW, lane]
             for c in range(3):
-                sum_[layout.ALBEDO + c] += entry[layout.ALBEDO + c, lane]
-            if entry[layout.DEPTH, lane] < sum_[layout.DEPTH]:
-                sum_[layout.DEPTH] = entry[layout.DEPTH, lane]
-                sum_[layout.ID] = entry[layout.ID, lane]
+                sum_[layout.ALBEDO + c] += packet[layout.ALBEDO + c, lane]
+            if packet[layout.DEPTH, lane] < sum_[layout.DEPTH]:
+                sum_[layout.DEPTH] = packet[layout.DEPTH, lane]
+                sum_[layout.ID] = packet[layout.ID, lane]
                 for c in range(3):
-                    sum_[layout.NORMAL + c] = entry[layout.NORMAL + c, lane]
+                    sum_[layout.NORMAL + c] = packet[layout.NORMAL + c, lane]
 
 
 @inline
-def mean(sums, pixels, layers, entry):
-    """Turn the sums of up to sixteen pixels into the lanes of an entry."""
+def mean(sums, pixels, layers, packet):
+    """Write the means of up to sixteen pixels to the lanes of a packet."""
     for lane in range(len(pixels)):
         sum_ = sums[pixels[lane]]
         share = 1.0 / sum_[SAMPLES]
         for column in range(layout.ALPHA, layout.W):
-            entry[column, lane] = sum_[column] * share
+            packet[column, lane] = sum_[column] * share
         if layers:
             hit = sum_[SHADED] > 0.0
             share = 1.0 / max(sum_[SHADED], 1.0)
-            entry[layout.W, lane] = sum_[layout.W] * share if hit else 1.0
-            entry[layout.SHADOW, lane] = sum_[layout.SHADOW] * share if hit else 1.0
+            packet[layout.W, lane] = sum_[layout.W] * share if hit else 1.0
+            packet[layout.SHADOW, lane] = sum_[layout.SHADOW] * share if hit else 1.0
             for c in range(3):
-                entry[layout.ALBEDO + c, lane] = sum_[layout.ALBEDO + c] * share
-                entry[layout.NORMAL + c, lane] = sum_[layout.NORMAL + c]
-            entry[layout.DEPTH, lane] = sum_[layout.DEPTH]
-            entry[layout.ID, lane] = sum_[layout.ID]
+                packet[layout.ALBEDO + c, lane] = sum_[layout.ALBEDO + c] * share
+                packet[layout.NORMAL + c, lane] = sum_[layout.NORMAL + c]
+            packet[layout.DEPTH, lane] = sum_[layout.DEPTH]
+            packet[layout.ID, lane] = sum_[layout.ID]
 
 
 @inline
@@ -98,23 +98,23 @@ def row_of(pixels):
 
 
 @inline
-def write_pixels(entry, pixels, mask, film, left, top):
-    """Write the lanes of an entry where the mask is set to the film.
+def write_pixels(packet, pixels, mask, film, left, top):
+    """Write the lanes of a packet where the mask is set to the film.
 
     Args: pixels: of the tile, lanes; left, top: of the tile in the film.
     """
     _, width, channels = film.pixels.shape
-    colour = beauty(entry)
+    colour = beauty(packet)
     begin = (top * width + left) * channels
     places = (row_of(pixels) * width + column_of(pixels)) * channels
-    scatter4(film.pixels, begin, places, mask, (colour[0], colour[1], colour[2], load_row(entry, layout.ALPHA)))
+    scatter4(film.pixels, begin, places, mask, (colour[0], colour[1], colour[2], load_row(packet, layout.ALPHA)))
     if channels > layout.AMBIENT:
-        store_row(entry, layout.DEPTH, load_row(entry, layout.DEPTH) / film.scale)
+        store_row(packet, layout.DEPTH, load_row(packet, layout.DEPTH) / film.scale)
         for lane in range(WIDE):
             if pick(mask, lane):
                 x, y = left + column_of(pick(pixels, lane)), top + row_of(pick(pixels, lane))
                 for column in range(layout.AMBIENT, layout.FILM):
-                    film.pixels[y, x, column] = entry[column, lane]
+                    film.pixels[y, x, column] = packet[column, lane]
 
 
 @inline
@@ -132,7 +132,7 @@ def sample_range(a, b):
 
 @inline
 def converged(sums, p, size):
-    """Whether a pixel's samples agree among themselves, and roughly with those of its neighbours in the tile.
+    """Whether a pixel's samples agree among themselves, and roughly with its neighbours' samples in the tile.
 
     Args: size: of the tile, (wide, high).
     """

@@ -11,11 +11,11 @@ from ..kernel.simd_masks import lane_numbers
 from ..kernel.simd_memory import gather, gather3, load_row, store_row
 from ..kernel.vector import add, dot, scale
 from . import shading_points as layout
-from .direct_lighting import light_entries, lit_fraction
+from .direct_lighting import light_packets, visible_fraction
 from .interaction import between, corner, corner_rows, lights_seen, towards_viewer, vertex_normal
 from .polygons import polygon_light
 from .records import borrow_scene
-from .shading_points import lighting_column, put, put1
+from .shading_points import lighting_column, store1, store3
 from .workspace import PACKETS
 
 
@@ -23,7 +23,7 @@ from .workspace import PACKETS
 def light_vertices(scene, view, style, scratch, origins, item, span):
     """Gouraud 1971, first step: light the rows [span[0], span[1]) of `scene.lit_vertices`, one side of one object.
 
-    Args: origins: as `vertex_entry` has them; item: row of the object.
+    Args: origins: as `write_vertices` has them; item: row of the object.
     """
     scene, view, scratch, origins = borrow_scene(scene), borrow(view), borrow(scratch), borrow(origins)
     geometry, out = scene.geometry, scene.lit_vertices
@@ -31,52 +31,52 @@ def light_vertices(scene, view, style, scratch, origins, item, span):
     for begin in range(span[0], span[1], PACKETS * WIDE):
         packets = -(-min(PACKETS * WIDE, span[1] - begin) // WIDE)
         for e in range(packets):
-            entry, k = scratch.entries[e], begin + e * WIDE
+            packet, k = scratch.points[e], begin + e * WIDE
             mask = lane_numbers() < span[1] - k
             at = select(mask, lane_numbers(), 0) + (k - shift)
-            vertex_entry(entry, scene, origins, item, mask, at, view, side)
+            write_vertices(packet, scene, origins, item, mask, at, view, side)
             store_row(scratch.items, e, select(mask, item, -1))
-        light_entries(geometry, scene.lights, style, scratch, packets)
+        light_packets(geometry, scene.lights, style, scratch, packets)
         for e in range(packets):
             for lane in range(min(WIDE, span[1] - begin - e * WIDE)):
                 for column in range(out.shape[1]):
-                    out[begin + e * WIDE + lane, column] = scratch.entries[e, lighting_column(column), lane]
+                    out[begin + e * WIDE + lane, column] = scratch.points[e, lighting_column(column), lane]
 
 
 @inline
-def vertex_entry(entry, scene, origins, item, mask, rows, view, side):
-    """Write an entry for vertices as Gouraud shading lights them.
+def write_vertices(packet, scene, origins, item, mask, rows, view, side):
+    """Write the packet of vertices that Gouraud shading lights.
 
     Args: origins: of `raytrace.renderer.vertex_origins`, or none where no shadow is looked for; rows: of `scene.w`;
-        side: 1.0 for the side that the vertices' normals point to, −1.0 for the other.
+        side: 1.0 for the side that the vertices' normals point to, −1.0 for the opposite side.
     """
     geometry, w, bent = scene.geometry, scene.w, scene.bent
     vertices = rows + (geometry.first_vertex[item] - geometry.first_w[item])
     point = corner(geometry, item, vertices)
-    put(entry, layout.POINT, mask, point)
+    store3(packet, layout.POINT, mask, point)
     if len(origins) > 0:
         above, below = (0, len(origins) - len(w)) if side > 0.0 else (len(origins) - len(w), 0)
-        put(entry, layout.ORIGIN, mask, gather3(origins, rows + above))
-        put(entry, layout.BACK, mask, gather3(origins, rows + below))
+        store3(packet, layout.ORIGIN, mask, gather3(origins, rows + above))
+        store3(packet, layout.BACK, mask, gather3(origins, rows + below))
     else:
-        put(entry, layout.ORIGIN, mask, point)
-        put(entry, layout.BACK, mask, point)
-    put(entry, layout.NORMAL, mask, scale(side, vertex_normal(geometry, item, vertices)))
-    put(entry, layout.VIEW, mask, towards_viewer(view, point))
-    put(entry, layout.TINT, mask, (1.0, 1.0, 1.0))
-    put(entry, layout.BENT, mask, (0.0, 0.0, 0.0))
+        store3(packet, layout.ORIGIN, mask, point)
+        store3(packet, layout.BACK, mask, point)
+    store3(packet, layout.NORMAL, mask, scale(side, vertex_normal(geometry, item, vertices)))
+    store3(packet, layout.VIEW, mask, towards_viewer(view, point))
+    store3(packet, layout.ALBEDO_MAP, mask, (1.0, 1.0, 1.0))
+    store3(packet, layout.BENT, mask, (0.0, 0.0, 0.0))
     if len(bent) > 0:
-        put(entry, layout.BENT, mask, gather3(bent, rows))
-    put(entry, layout.TANGENT, mask, (0.0, 0.0, 0.0))
-    put1(entry, layout.FRONT, mask, lights_seen(geometry, item, side))
-    put1(entry, layout.W, mask, single(gather(w, rows)))
+        store3(packet, layout.BENT, mask, gather3(bent, rows))
+    store3(packet, layout.TANGENT, mask, (0.0, 0.0, 0.0))
+    store1(packet, layout.FRONT, mask, lights_seen(geometry, item, side))
+    store1(packet, layout.W, mask, single(gather(w, rows)))
 
 
 @inline
-def interpolate_lit(entry, scene, item, mask, hits, face_normal):
+def interpolate_lit(packet, scene, item, mask, hits, face_normal):
     """Gouraud 1971: the light of hits is interpolated between their faces' corners', on the side that is seen.
 
-    Args: face_normal: as `hit_entry` returns it.
+    Args: face_normal: as `write_hits` returns it.
     """
     geometry, lit = scene.geometry, scene.lit_vertices
     i, j, k = corner_rows(geometry, item, mask, hits.faces)
@@ -87,12 +87,13 @@ def interpolate_lit(entry, scene, item, mask, hits, face_normal):
     for column in range(width):
         at = first_row * width + column
         a, b, c = gather(lit, i * width + at), gather(lit, j * width + at), gather(lit, k * width + at)
-        put1(entry, lighting_column(column), mask, single(between(a, b, c, hits.u, hits.v)))
+        store1(packet, lighting_column(column), mask, single(between(a, b, c, hits.u, hits.v)))
     if len(geometry.polygons) > 0:
-        polygon_light(entry, scene, item, mask, hits, first_row)
+        polygon_light(packet, scene, item, mask, hits, first_row)
     if len(lit) == len(scene.w):  # backs are not lit: they reflect no lamp
         for column in range(layout.DIFFUSE, layout.EMISSION):
-            put1(entry, column, mask & behind, 0.0)
-        put1(entry, layout.SENT, mask & behind, 0.0)
-        put1(entry, layout.LIT, mask & behind, 0.0)
-    put1(entry, layout.SHADOW, mask, lit_fraction(load_row(entry, layout.SENT), load_row(entry, layout.LIT)))
+            store1(packet, column, mask & behind, 0.0)
+        store1(packet, layout.UNSHADOWED, mask & behind, 0.0)
+        store1(packet, layout.SHADOWED, mask & behind, 0.0)
+    unshadowed, shadowed = load_row(packet, layout.UNSHADOWED), load_row(packet, layout.SHADOWED)
+    store1(packet, layout.SHADOW, mask, visible_fraction(unshadowed, shadowed))

@@ -11,12 +11,12 @@ from ..brdf.layout import BRUSHED, GRAIN, TO_LIGHT, TO_VIEWER, TWO_SIDED
 from ..kernel.jit import inline
 from ..kernel.simd import double, select, single
 from ..kernel.simd_memory import gather, gather3
-from ..kernel.vector import add, choose, cross, dot, load3, scale, subtract, unit
+from ..kernel.vector import add, choose, cross, dot, scale, subtract, triple, unit
 from ..mesh.interpolation import centroid, interpolate, phong_normal, quadratic_normal
 from ..mesh.placement import ULP
 from ..ray_origins.offset import OFFSET_ULPS
 from . import shading_points as layout
-from .shading_points import put, put1
+from .shading_points import store1, store3
 
 CONSTANT, FLAT, GOURAUD, PHONG, QUADRATIC = range(5)
 SMOOTH = 0.8660254037844387  # cos 30°: a computed normal that leans away farther marks a hard edge
@@ -33,7 +33,7 @@ def rotate(matrix, a):
     )
 
 
-class Hits(NamedTuple):
+class PacketHits(NamedTuple):
     """Hits of sixteen viewing rays, lanes.
 
     Attributes:
@@ -50,13 +50,13 @@ class Hits(NamedTuple):
 
 @inline
 def corner_rows(geometry, item, mask, faces):
-    """Rows of the three corners of an object's faces in `geometry.vertices`; those of its first where no mask is."""
+    """Rows in `geometry.vertices` of the corners of an object's `faces`; of its first face where the mask is unset."""
     return gather3(geometry.faces, select(mask, faces, 0) + geometry.first_face[item])
 
 
 @inline
 def corner(geometry, item, vertices):
-    """Vertices' places in render space."""
+    """Positions of vertices in render space."""
     p = gather3(geometry.vertices, vertices)
     if geometry.placed[item]:
         return p
@@ -66,7 +66,7 @@ def corner(geometry, item, vertices):
 
 @inline
 def vertex_normal(geometry, item, vertices):
-    """Vertices' unit normals in render space; zero where there is none."""
+    """Unit normals of vertices in render space; zero for vertices without a normal."""
     n = gather3(geometry.normals, vertices)
     if geometry.placed[item]:
         return n
@@ -126,7 +126,7 @@ def smooth_origin(p, corners, normals, u, v):
 
 @inline
 def between(a, b, c, u, v):
-    """A float64 value within a face, from its corners'; exactly theirs where all are the same."""
+    """A float64 value interpolated in a face; where its corners' values are equal, exactly this value."""
     return a + (double(u) * (b - a) + double(v) * (c - a))
 
 
@@ -165,12 +165,12 @@ def lights_seen(geometry, item, side):
 def towards_viewer(view, point):
     """Unit directions from points to the eye of a view."""
     if view.orthographic:
-        return add(scale(0.0, point), scale(-1.0, load3(view.forward)))
-    return unit(subtract(load3(view.eye), point))
+        return add(scale(0.0, point), scale(-1.0, triple(view.forward, 0)))
+    return unit(subtract(triple(view.eye, 0), point))
 
 
 @inline
-def hit_entry(entry, geometry, w, item, mask, hits, view, style):
+def write_hits(packet, geometry, w, item, mask, hits, view, style):
     """Write what lighting needs of hits on one object; returns their faces' unit normals on the viewer's side.
 
     Args: w: of `SceneArrays`; item: row of the object; mask: the lanes that have hit it; view: that the rays are of.
@@ -187,49 +187,48 @@ def hit_entry(entry, geometry, w, item, mask, hits, view, style):
     side = select(dot(geometric, backward) >= 0.0, 1.0, -1.0)
     geometric, n0, n1, n2 = scale(side, geometric), scale(side, n0), scale(side, n1), scale(side, n2)
 
-    origin, lit, normal = point, point, geometric
-    if style.shading in (CONSTANT, FLAT):
+    flat = style.shading in (CONSTANT, FLAT)
+    lit, normal = point, geometric
+    if flat:
         lit = centroid(p0, p1, p2)
         backward = towards_viewer(view, lit)
+    elif style.shading == QUADRATIC:
+        normal = quadratic_normal(p0, p1, p2, n0, n1, n2, u, v)
     else:
-        if style.terminator:
-            origin = smooth_origin(point, (p0, p1, p2), (n0, n1, n2), u, v)
-        if style.shading == QUADRATIC:
-            normal = quadratic_normal(p0, p1, p2, n0, n1, n2, u, v)
-        else:
-            normal = phong_normal(n0, n1, n2, u, v)
+        normal = phong_normal(n0, n1, n2, u, v)
     size = max(max(largest(p0), largest(p1)), largest(p2))
-    put(entry, layout.POINT, mask, lit)
-    put(entry, layout.ORIGIN, mask, lift(geometry, item, origin, geometric, size))
+    ahead = behind = point
+    if style.terminator and not flat:
+        backs = scale(-1.0, n0), scale(-1.0, n1), scale(-1.0, n2)
+        ahead = smooth_origin(point, (p0, p1, p2), (n0, n1, n2), u, v)
+        behind = smooth_origin(point, (p0, p1, p2), backs, u, v)
+    store3(packet, layout.POINT, mask, lit)
+    store3(packet, layout.ORIGIN, mask, lift(geometry, item, ahead, geometric, size))
     if geometry.rows[item, TWO_SIDED] == TO_LIGHT:
-        behind = point
-        if style.terminator and style.shading not in (CONSTANT, FLAT):
-            n0, n1, n2 = scale(-1.0, n0), scale(-1.0, n1), scale(-1.0, n2)
-            behind = smooth_origin(point, (p0, p1, p2), (n0, n1, n2), u, v)
-        put(entry, layout.BACK, mask, lift(geometry, item, behind, scale(-1.0, geometric), size))
-    put(entry, layout.NORMAL, mask, normal)
-    put(entry, layout.VIEW, mask, backward)
-    put(entry, layout.TINT, mask, (1.0, 1.0, 1.0))
-    put1(entry, layout.FRONT, mask, lights_seen(geometry, item, side))
+        store3(packet, layout.BACK, mask, lift(geometry, item, behind, scale(-1.0, geometric), size))
+    store3(packet, layout.NORMAL, mask, normal)
+    store3(packet, layout.VIEW, mask, backward)
+    store3(packet, layout.ALBEDO_MAP, mask, (1.0, 1.0, 1.0))
+    store1(packet, layout.FRONT, mask, lights_seen(geometry, item, side))
     if needs_tangent(geometry, item):
         along_u, _ = tangents(geometry, i, j, k, edge1, edge2)
-        put(entry, layout.TANGENT, mask, along_u)
+        store3(packet, layout.TANGENT, mask, along_u)
     if style.weighted:
         shift = geometry.first_w[item] - geometry.first_vertex[item]
         w0, w1, w2 = gather(w, i + shift), gather(w, j + shift), gather(w, k + shift)
-        put1(entry, layout.W, mask, single(between(w0, w1, w2, u, v)))
+        store1(packet, layout.W, mask, single(between(w0, w1, w2, u, v)))
     return geometric
 
 
 @inline
-def bent_entry(entry, geometry, bent, item, mask, hits):
+def write_bent_normals(packet, geometry, bent, item, mask, hits):
     """Write the bent normals of hits on one object, interpolated between their faces' corners'.
 
-    Args: bent: of `SceneArrays`; the others as `hit_entry`.
+    Args: bent: of `SceneArrays`; else as `write_hits`.
     """
-    put(entry, layout.BENT, mask, (0.0, 0.0, 0.0))
+    store3(packet, layout.BENT, mask, (0.0, 0.0, 0.0))
     if len(bent) > 0:
         i, j, k = corner_rows(geometry, item, mask, hits.faces)
         shift = geometry.first_w[item] - geometry.first_vertex[item]
         b0, b1, b2 = gather3(bent, i + shift), gather3(bent, j + shift), gather3(bent, k + shift)
-        put(entry, layout.BENT, mask, interpolate(b0, b1, b2, hits.u, hits.v))
+        store3(packet, layout.BENT, mask, interpolate(b0, b1, b2, hits.u, hits.v))

@@ -14,7 +14,7 @@ from ..kernel.simd_memory import gather, load_row
 from ..kernel.vector import add, choose, cross, dot, length, scale, subtract, unit
 from . import shading_points as layout
 from .interaction import CONSTANT, FLAT, QUADRATIC, corner, corner_normal, towards_viewer, vertex_normal
-from .shading_points import lighting_column, put, put1, take
+from .shading_points import lighting_column, load3, store1, store3
 
 NEAR = 1e-9  # distance that counts as none, and sine of an angle that counts as 0 or π
 
@@ -29,22 +29,22 @@ def polygons_hit(geometry, item, mask, faces):
 
 
 @inline
-def polygon_entry(entry, geometry, item, mask, hits, view, style, face_normal):
-    """Write what shading takes of whole polygons, after `hit_entry`, whose result is `face_normal`."""
+def write_polygons(packet, geometry, item, mask, hits, view, style, face_normal):
+    """Write what shading takes of whole polygons, after `write_hits`, whose result is `face_normal`."""
     mask, rows = polygons_hit(geometry, item, mask, hits.faces)
     newell = vertex_normal(geometry, item, rows)
     side = select(dot(newell, face_normal) >= 0.0, 1.0, -1.0)
     if style.shading in (CONSTANT, FLAT):
         centre = corner(geometry, item, rows)
-        put(entry, layout.POINT, mask, centre)
-        put(entry, layout.VIEW, mask, towards_viewer(view, centre))
-        put(entry, layout.NORMAL, mask, scale(side, newell))
+        store3(packet, layout.POINT, mask, centre)
+        store3(packet, layout.VIEW, mask, towards_viewer(view, centre))
+        store3(packet, layout.NORMAL, mask, scale(side, newell))
     elif style.shading != QUADRATIC:
-        put(
-            entry,
+        store3(
+            packet,
             layout.NORMAL,
             mask,
-            scale(side, polygon_normal(geometry, item, mask, rows, take(entry, layout.POINT))),
+            scale(side, polygon_normal(geometry, item, mask, rows, load3(packet, layout.POINT))),
         )
 
 
@@ -85,14 +85,14 @@ def polygon_normal(geometry, item, mask, rows, point):
 
 
 @inline
-def polygon_light(entry, scene, item, mask, hits, first_row):
+def polygon_light(packet, scene, item, mask, hits, first_row):
     """Gouraud 1971: the light of polygons' vertices, from `first_row` of `scene.lit_vertices` on, interpolated."""
     geometry, lit = scene.geometry, scene.lit_vertices
     width = lit.shape[1]
     there, rows = polygons_hit(geometry, item, mask, hits.faces)
-    point, newell = take(entry, layout.POINT), vertex_normal(geometry, item, rows)
+    point, newell = load3(packet, layout.POINT), vertex_normal(geometry, item, rows)
     for column in range(width):
-        put1(entry, lighting_column(column), there, 0.0)
+        store1(packet, lighting_column(column), there, 0.0)
     edge, end = polygon_edges(geometry, rows)
     total, left = 0.0 * point[0], there
     while some(left):
@@ -100,9 +100,9 @@ def polygon_light(entry, scene, item, mask, hits, first_row):
         for column in range(width):
             at = first_row * width + column
             more = a * single(gather(lit, i * width + at)) + b * single(gather(lit, j * width + at))
-            put1(entry, lighting_column(column), left, load_row(entry, lighting_column(column)) + more)
+            store1(packet, lighting_column(column), left, load_row(packet, lighting_column(column)) + more)
         total = select(left, total + a + b, total)
         left = left & (edge + 1 < end)
         edge = select(left, edge + 1, edge)
     for column in range(width):
-        put1(entry, lighting_column(column), there, load_row(entry, lighting_column(column)) / total)
+        store1(packet, lighting_column(column), there, load_row(packet, lighting_column(column)) / total)

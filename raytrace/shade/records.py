@@ -19,11 +19,11 @@ class Geometry(NamedTuple):
         vertices, normals: float32 (v, 3), each shape's in its own frame. faces: int32 (f, 3), indices into them.
         uv: float32 (v, 2). occlusion_uv: float32 (v, 2), or (0, 2) if no shape has any.
         colours: float32 (v, 3), linear RGB, or (0, 3) if no shape has any.
-        polygons: int32 (f,), rows of `vertices` and `normals`, behind those of the shapes, with the centre and the
+        polygons: int32 (f,), rows of `vertices` and `normals`, behind the shapes' rows, with the centre and the
         Newell normal of each face's polygon, −1 for a face of its own; (0,) if there are no polygons. edges: int32
-        (e, 2), vertices of the polygons' outlines; first_edge: int32 (p + 1,), where those of each begin.
-        first_vertex, first_face: int64 (o,), where the shape of each object begins. first_w: int64 (o + 1,), where
-        each object's vertices begin, and the last one's end, among those of all objects, as in w.
+        (e, 2), vertices of the polygons' outlines; first_edge: int32 (p + 1,), the first edge of each polygon.
+        first_vertex, first_face: int64 (o,), the first vertex and face of each object's shape. first_w: int64 (o + 1,),
+        the first row of each object in w, and the number of rows.
         to_render: float64 (o, 3, 4), the frame of `vertices` to render space; normal_to_render: (o, 3, 3).
         mirrored: float64 (o,), −1 where the object's transform mirrors, else 1.
         placed: bool (o,), whether `vertices` are in render space already. authored: bool (o,), whether the normals are
@@ -68,8 +68,8 @@ class Lights(NamedTuple):
     """Packed lights in render space.
 
     Attributes:
-        kinds: int64 (k,), rows: float64 (k, …) (`raytrace.lights.layout`). skies, harmonics, maps, frame: light from
-        all around (`raytrace.lights.environment.Environment`).
+        kinds: int64 (k,), rows: float64 (k, …) (`raytrace.lights.layout`). skies, harmonics, maps, frame: environment
+        light (`raytrace.lights.environment.Environment`).
     """
 
     kinds: Int64s
@@ -86,8 +86,8 @@ class SceneArrays(NamedTuple):
     Attributes:
         w: float64 (n,), obscurance at every vertex of every object. bent: float32 (n, 3), bent normals there, zero for
         none, or (0, 3) where no light asks for them. lit_vertices: float64 (n, LIGHTING), light at them
-        for Gouraud shading (`raytrace.shade.shading_points.lighting_column`), and n rows more for their other sides
-        where those may reflect light; (0, LIGHTING) for other shadings.
+        for Gouraud shading (`raytrace.shade.shading_points.lighting_column`), and n rows more for the vertices' backs
+        where backs may reflect light; (0, LIGHTING) for all shadings but Gouraud.
     """
 
     geometry: Geometry

@@ -25,72 +25,72 @@ HALF = 0.5
 
 
 @inline
-def meet(opacity, geometry, packet, valid, there):
-    """Trace the rays of a packet where the mask `there` is set, past holes.
+def closest_hits(opacity, geometry, rays, valid, there):
+    """The closest hits of `rays` where the mask `there` is set, past holes.
 
-    Returns: rows of the objects met, −1 for none, and of their shapes' faces, int32 lanes; barycentrics u, v and
+    Returns: rows of the objects hit, −1 for none, and of their shapes' faces, int32 lanes; barycentrics u, v and
     distance, float32 lanes.
     """
     if opacity is not None:
-        store_row(packet, alpha_filter.THROUGH, -1.0)
+        store_row(rays, alpha_filter.THROUGH, -1.0)
     store_row(valid, 0, there)
-    intersect16(geometry.handle, packet, valid)
-    items, faces = hit_ids(packet)
-    return select(there, items, -1), faces, load_row(packet, U), load_row(packet, V), load_row(packet, TFAR)
+    intersect16(geometry.handle, rays, valid)
+    items, faces = hit_ids(rays)
+    return select(there, items, -1), faces, load_row(rays, U), load_row(rays, V), load_row(rays, TFAR)
 
 
 @inline
-def behind(opacity, geometry, packet, items, distance, through):
-    """Where viewing rays go on behind what they `meet`, a mask, and what is left of them, float32 lanes.
+def behind(opacity, geometry, rays, items, distance, through):
+    """Continue viewing rays behind their `closest_hits`: a mask of the rays that do, and their transmittance, lanes.
 
-    Args: through: what was left before.
+    Args: through: transmittance before.
     """
     if opacity is None:
         return items < items, through
-    through = through * (1.0 - load_row(packet, alpha_filter.STOPPED))
-    store_row(packet, TNEAR, distance + STEP)
-    store_row(packet, TFAR, geometry.farthest)
+    through = through * (1.0 - load_row(rays, alpha_filter.STOPPED))
+    store_row(rays, TNEAR, distance + STEP)
+    store_row(rays, TFAR, geometry.farthest)
     return (items >= 0) & (through > LEAST), through
 
 
 @inline
-def passing(opacity, geometry, packet, valid, wanted, limit):
-    """δ of shadow rays up to the distances `limit`: the product of 1 − alpha over all that they meet.
+def transmittance(opacity, geometry, rays, valid, wanted, limit):
+    """δ of shadow rays up to the distances `limit`: the product of 1 − alpha over all surfaces that they hit.
 
-    Returns: the mask of the `wanted` rays that some light passes along, and how much, float32 lanes: `dimmed` takes it.
+    Returns: the mask of the `wanted` rays that light passes along, and δ for `attenuate`, float32 lanes.
     """
-    store_row(packet, TFAR, limit)
+    store_row(rays, TFAR, limit)
     store_row(valid, 0, wanted)
     if opacity is not None:
-        store_row(packet, TNEAR, 0.0)
-        store_row(packet, alpha_filter.THROUGH, 1.0)
-        store_row(packet, alpha_filter.COUNT, 0.0)
-    occluded16(geometry.handle, packet, valid)
-    lit, part = wanted & (load_row(packet, TFAR) >= 0.0), limit
+        store_row(rays, TNEAR, 0.0)
+        store_row(rays, alpha_filter.THROUGH, 1.0)
+        store_row(rays, alpha_filter.COUNT, 0.0)
+    occluded16(geometry.handle, rays, valid)
+    lit, part = wanted & (load_row(rays, TFAR) >= 0.0), limit
     if opacity is not None:
-        part = select(lit, load_row(packet, alpha_filter.THROUGH), 0.0)
+        part = select(lit, load_row(rays, alpha_filter.THROUGH), 0.0)
     return lit, part
 
 
 @inline
-def dimmed(opacity, part, a):
-    """A triple times the part of the light that passes; the triple where all is opaque."""
+def attenuate(opacity, part, a):
+    """The triple `a` times the part of the light that passes; `a` itself where all is opaque."""
     if opacity is None:
         return a
     return scale(part, a)
 
 
 @inline
-def seen_entries(opacity, scratch):
-    """Where viewing rays have their light in the end, by their numbers: entries, or what layers are gathered in."""
+def seen_packets(opacity, scratch):
+    """The packets that hold the light of viewing rays in the end: `layers`, or `points` where all is opaque."""
     if opacity is None:
-        return scratch.entries
+        return scratch.points
     return scratch.layers
 
 
 @inline
 def begin_layers(opacity, scratch, packets):
-    """Begin with the viewing rays of so many packets, which have seen nothing; returns `packets`."""
+    """Reset the viewing rays of the first `packets` packets, which have seen nothing yet; returns `packets`."""
     if opacity is not None:
         for e in range(packets):
             kept = scratch.layers[e]
@@ -115,26 +115,26 @@ def ray_numbers(opacity, scratch, e):
 
 @inline
 def begin_behind(opacity, scratch, numbers):
-    """Let the rays of these numbers begin behind the layers that they have seen."""
+    """Start the rays of these `numbers` behind the layers that they have seen."""
     if opacity is not None:
         for lane in range(WIDE):
             ray = max(pick(numbers, lane), 0)
-            scratch.packet[TNEAR, lane] = scratch.layers[ray // WIDE, BEGIN, ray % WIDE]
+            scratch.rays[TNEAR, lane] = scratch.layers[ray // WIDE, BEGIN, ray % WIDE]
 
 
 @inline
 def keep_hits(opacity, scratch, e, distance):
-    """Note where the rays of packet e would go on, and the alpha of what they have met."""
+    """Store where the rays of packet e would go on, and the alpha of what they hit."""
     if opacity is not None:
         store_row(scratch.layers[e], BEHIND, distance + STEP)
-        store_row(scratch.layers[e], COVER, load_row(scratch.packet, alpha_filter.MET_ALPHA))
+        store_row(scratch.layers[e], COVER, load_row(scratch.rays, alpha_filter.MET_ALPHA))
 
 
 @inline
 def composite(opacity, scratch, packets, layers):
-    """Put what rays have met, or the background, behind what they met before; returns the packets of those that go on.
+    """Composite hits, or the background, behind earlier hits of their rays; returns the packets of rays that go on.
 
-    Args: layers: whether all layers of a picture are wanted. Those that are no light are of the first surface behind
+    Args: layers: whether all layers of a picture are wanted. Layers that are no light show the first surface behind
         which less than half of the light passes.
     """
     going = 0
@@ -152,44 +152,44 @@ def composite(opacity, scratch, packets, layers):
 
 @inline
 def composite_ray(scratch, e, lane, kept, ray, layers):
-    """Put what a lane of packet e has met behind what its ray has `kept`; returns whether the ray goes on."""
-    entry, noted, met = scratch.entries[e], scratch.layers[e], scratch.items[e, lane] >= 0
+    """Composite the hit of a lane of packet e behind what its ray has `kept`; returns whether the ray goes on."""
+    packet, noted, met = scratch.points[e], scratch.layers[e], scratch.items[e, lane] >= 0
     through = kept[THROUGH, ray]
     part = through * noted[COVER, lane] if met else through
     for column in range(layout.AMBIENT, layout.W):
-        kept[column, ray] += part * entry[column, lane]
-    left = through - part * entry[layout.ALPHA, lane] if met else through
+        kept[column, ray] += part * packet[column, lane]
+    left = through - part * packet[layout.ALPHA, lane] if met else through
     left = left if left > LEAST else np.float32(0.0)
     if layers and met and through > HALF and left <= HALF:
         for column in range(layout.W, layout.FILM):
-            kept[column, ray] = entry[column, lane]
+            kept[column, ray] = packet[column, lane]
     kept[layout.ALPHA, ray], kept[THROUGH, ray], kept[BEGIN, ray] = np.float32(1.0) - left, left, noted[BEHIND, lane]
     return met and left > 0.0
 
 
 @kernel
-def mark_seen(geometry, view, columns, rows, packet, valid, seen, whole):
+def mark_seen(geometry, view, columns, rows, rays, valid, seen, whole):
     """Set `seen`, bool (w,), for the vertices of all faces that a sample of some pixels meets.
 
     Args: columns, rows: of the pixels, (first, end). packet, valid: of `raytrace.embree.packets.new_packet`, sixteen.
-        whole: also for all vertices of these faces' polygons.
+        whole: also for all vertices of the faces' polygons.
     """
     left, right = columns
     for y in range(rows[0], rows[1]):
         for x in range(left, right, WIDE):
             pixels = lane_numbers() + x
             for sample in range(max(1, view.offsets.shape[2])):
-                aim(packet, view, pixels, 0 * pixels + y, 0 * pixels + sample, geometry.farthest)
+                aim(rays, view, pixels, 0 * pixels + y, 0 * pixels + sample, geometry.farthest)
                 there, through = pixels < right, single(double(0 * pixels + 1))
                 while some(there):
-                    items, faces, _, _, distance = meet(geometry.opacity, geometry, packet, valid, there)
+                    items, faces, _, _, distance = closest_hits(geometry.opacity, geometry, rays, valid, there)
                     mark_corners(geometry, items, faces, seen, whole)
-                    there, through = behind(geometry.opacity, geometry, packet, items, distance, through)
+                    there, through = behind(geometry.opacity, geometry, rays, items, distance, through)
 
 
 @inline
 def mark_corners(geometry, items, faces, seen, whole):
-    """Set `seen` for the vertices of the faces that were met, rows of objects and of their shapes' faces in lanes."""
+    """Set `seen` for the vertices of faces that were hit. Args: items, faces: as `closest_hits` returns them."""
     for lane in range(WIDE):
         item = pick(items, lane)
         if item >= 0:

@@ -19,7 +19,7 @@ from ..kernel.jit import inline, kernel
 from ..kernel.simd import WIDE, select
 from ..kernel.simd_masks import some
 from ..kernel.simd_memory import load_row
-from ..kernel.vector import add, load3, scale, subtract
+from ..kernel.vector import add, scale, subtract, triple
 from ..lights.layout import DIRECTION, DIRECTIONAL, POSITION
 from ..mesh.placement import NEAR
 from ..types import Float32s, Float64s, Int64s
@@ -85,9 +85,9 @@ def obstructed(boxes, farthest, start, shift, kind, row):
         size = max(size, abs(start[0][axis]), abs(start[1][axis]), abs(row[POSITION + axis]))
     slack = SLACK * size
     if kind == DIRECTIONAL:
-        end, around = scale(-farthest, load3(row[DIRECTION:])), start
+        end, around = scale(-farthest, triple(row, DIRECTION)), start
     else:
-        end, around = load3(row[POSITION:]), shift
+        end, around = triple(row, POSITION), shift
     margin = (slack, slack, slack)
     end_low, end_high = subtract(add(end, around[0]), margin), add(add(end, around[1]), margin)
     for box in boxes:

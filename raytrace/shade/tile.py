@@ -14,10 +14,10 @@ from ..kernel.jit import inline, kernel
 from ..kernel.simd import WIDE, double, select, single
 from ..kernel.simd_masks import count, first, lane_numbers, pick, some
 from ..kernel.simd_memory import gather, load_row, store_row
-from ..kernel.vector import load3, multiply, scale
+from ..kernel.vector import multiply, scale, triple
 from . import shading_points as layout
 from .camera_rays import aim
-from .direct_lighting import count_directed, light_entries
+from .direct_lighting import count_directed, light_packets
 from .film import (
     TILE,
     accumulate,
@@ -31,12 +31,19 @@ from .film import (
     write_pixels,
 )
 from .gouraud import interpolate_lit
-from .interaction import GOURAUD, Hits, bent_entry, hit_entry
-from .polygons import polygon_entry
+from .interaction import GOURAUD, PacketHits, write_bent_normals, write_hits
+from .polygons import write_polygons
 from .records import borrow_scene
-from .see_through import begin_behind, begin_layers, composite, keep_hits, meet, ray_numbers, seen_entries
-from .shading_points import put, put1, take
-from .texturing import apply_occlusion, apply_tint, texture_grain, texture_occlusion, texture_tint, vertex_tint
+from .see_through import begin_behind, begin_layers, closest_hits, composite, keep_hits, ray_numbers, seen_packets
+from .shading_points import load3, store1, store3
+from .texturing import (
+    apply_albedo_map,
+    apply_occlusion,
+    map_albedo,
+    map_grain,
+    map_occlusion,
+    map_vertex_colours,
+)
 from .workspace import BACKGROUND, FIRST, PRIMARY, RETIRED
 
 
@@ -44,17 +51,15 @@ from .workspace import BACKGROUND, FIRST, PRIMARY, RETIRED
 def render_tiles(scene, view, style, film, scratch, span, again):
     """Render the tiles [span[0], span[1]), counted along the rows of the film.
 
-    Where `scratch.missing` is set afterwards, those textures are to be read and the tiles to be rendered once more.
+    Textures whose `scratch.missing` is set afterwards are to be read, and the tiles to be rendered once more.
 
     Args: scene, view, style, film, scratch: `SceneArrays`, `View`, `Style`, `Film`, `Scratch`. again: only the pixels
         that need all samples after all, by the `edges` that a first call for all tiles has written.
 
-    A few samples of all pixels of a tile come first, then more of those that don't agree.
+    A few samples of all pixels of a tile come first, then more of the pixels whose samples don't agree.
     """
     scene, view, film, scratch = borrow_scene(scene), borrow(view), borrow(film), borrow(scratch)
-    todo, counts, directed = scratch.todo, scratch.counts, count_directed(scene.lights)
-    opacity = scene.geometry.opacity
-    entries = seen_entries(opacity, scratch)
+    todo, points = scratch.todo, seen_packets(scene.geometry.opacity, scratch)
     high, wide, _ = film.pixels.shape
     columns = -(-wide // TILE)
     for tile in range(span[0], span[1]):
@@ -64,44 +69,27 @@ def render_tiles(scene, view, style, film, scratch, span, again):
         if again:
             scratch.counts[RETIRED] -= pending * (style.samples - FIRST)
         for done in range(0, style.samples, FIRST):
+            if pending == 0:
+                break
             batch = min(FIRST, style.samples - done)
             each = WIDE // batch  # pixels a packet, all samples of a pixel on end
             packets = -(-pending // each)
-            if pending == 0:
-                break
-            traced = begin_layers(opacity, scratch, packets)
-            while traced > 0:  # surfaces front to back: once, where all are opaque
-                for e in range(traced):
-                    numbers = ray_numbers(opacity, scratch, e)
-                    turn = ((numbers & (WIDE - 1)) * (256 // batch + 1)) >> 8  # number // batch, in a packet
-                    place = turn + (numbers >> 4) * each
-                    there = (numbers >= 0) & (turn < each) & (place < pending)
-                    pixels = gather(todo, select(there, place, 0))
-                    x, y = column_of(pixels) + (film.left + left), row_of(pixels) + (film.top + top)
-                    samples = (numbers & (WIDE - 1)) - turn * batch + done
-                    start = aim(scratch.packet, view, x, y, select(there, samples, 0), scene.geometry.farthest)
-                    begin_behind(opacity, scratch, numbers)
-                    items = trace_packet(scene, view, style, scratch, e, start, there)
-                    store_row(scratch.items, e, items)
-                    counts[PRIMARY] += count(there)
-                    counts[BACKGROUND] += count(there & (items < 0)) * directed
-                if style.shading != GOURAUD:
-                    light_entries(scene.geometry, scene.lights, style, scratch, traced)
-                traced = composite(opacity, scratch, traced, style.layers)
+            corner = film.left + left, film.top + top
+            trace_samples(scene, view, style, scratch, corner, (pending, packets), (done, batch))
             if style.samples > 1:
                 if done == 0:
                     clear(scratch.sums)
                 for e in range(packets):
                     k = e * each
-                    accumulate(entries[e], scratch.sums, todo[k : min(k + each, pending)], batch, style.layers)
+                    accumulate(points[e], scratch.sums, todo[k : min(k + each, pending)], batch, style.layers)
                 if done == 0 and style.samples > FIRST and not again:
                     pending = remove_converged(scratch, size, pending, style.samples - FIRST, film.edges[tile])
         taken = pending if again else list_pixels(scratch, size)
         for k in range(0, taken, WIDE):
-            entry = entries[k // WIDE]  # with one sample a pixel that is the pixel
+            packet = points[k // WIDE]  # with one sample a pixel, its lanes are the pixels
             if style.samples > 1:
-                mean(scratch.sums, todo[k : min(k + WIDE, taken)], style.layers, entry)
-            write_pixels(entry, load_row(todo, k // WIDE), lane_numbers() < taken - k, film, left, top)
+                mean(scratch.sums, todo[k : min(k + WIDE, taken)], style.layers, packet)
+            write_pixels(packet, load_row(todo, k // WIDE), lane_numbers() < taken - k, film, left, top)
 
 
 @kernel
@@ -157,55 +145,90 @@ def remove_converged(scratch, size, pending, remaining, edges):
 
 
 @inline
+def trace_samples(scene, view, style, scratch, corner, work, samples):
+    """Trace and light samples of the pixels on the list `todo`, surface by surface from front to back.
+
+    Args: corner: of the tile in the picture. work: number of pixels, and of packets for them. samples: the first, and
+        how many of each pixel.
+    """
+    (pending, packets), (done, batch) = work, samples
+    opacity, each, directed = scene.geometry.opacity, WIDE // batch, count_directed(scene.lights)
+    traced = begin_layers(opacity, scratch, packets)
+    while traced > 0:  # once, where all surfaces are opaque
+        for e in range(traced):
+            numbers = ray_numbers(opacity, scratch, e)
+            turn = ((numbers & (WIDE - 1)) * (256 // batch + 1)) >> 8  # number // batch, in a packet
+            place = turn + (numbers >> 4) * each
+            there = (numbers >= 0) & (turn < each) & (place < pending)
+            pixels = gather(scratch.todo, select(there, place, 0))
+            sample = (numbers & (WIDE - 1)) - turn * batch + done
+            x, y = column_of(pixels) + corner[0], row_of(pixels) + corner[1]
+            start = aim(scratch.rays, view, x, y, select(there, sample, 0), scene.geometry.farthest)
+            begin_behind(opacity, scratch, numbers)
+            items = trace_packet(scene, view, style, scratch, e, start, there)
+            store_row(scratch.items, e, items)
+            scratch.counts[PRIMARY] += count(there)
+            scratch.counts[BACKGROUND] += count(there & (items < 0)) * directed
+        if style.shading != GOURAUD:
+            light_packets(scene.geometry, scene.lights, style, scratch, traced)
+        traced = composite(opacity, scratch, traced, style.layers)
+
+
+@inline
 def trace_packet(scene, view, style, scratch, e, start, there):
-    """Trace the viewing rays of `scratch.packet`, where the mask `there` is set; the hits become entry e.
+    """Trace the viewing rays `scratch.rays` where the mask `there` is set; the hits become packet e.
 
     Args: start: distance from the viewer at which the rays begin. Returns the rows of the objects hit, −1 for none.
     """
-    geometry, packet, entry = scene.geometry, scratch.packet, scratch.entries[e]
-    items, faces, u, v, distance = meet(geometry.opacity, geometry, packet, scratch.valid, there)
+    geometry, rays, packet = scene.geometry, scratch.rays, scratch.points[e]
+    items, faces, u, v, distance = closest_hits(geometry.opacity, geometry, rays, scratch.valid, there)
     keep_hits(geometry.opacity, scratch, e, distance)
-    clear_entry(entry, style)
+    clear_packet(packet, style)
     left = items >= 0
     depth = start + distance
-    hits = Hits(faces, u, v, depth, scale(-1.0, take(packet, DIR_X)))
+    hits = PacketHits(faces, u, v, depth, scale(-1.0, load3(rays, DIR_X)))
     if style.layers:
-        store_row(entry, layout.DEPTH, select(left, depth, np.inf))
-        store_row(entry, layout.ID, single(double(items + 1)))
+        store_row(packet, layout.DEPTH, select(left, depth, np.inf))
+        store_row(packet, layout.ID, single(double(items + 1)))
     while some(left):
         item = pick(items, first(left))
         mask = left & (items == item)
-        face_normal = hit_entry(entry, geometry, scene.w, item, mask, hits, view, style)
+        face_normal = write_hits(packet, geometry, scene.w, item, mask, hits, view, style)
         if len(geometry.polygons) > 0:
-            polygon_entry(entry, geometry, item, mask, hits, view, style, face_normal)
-        bent_entry(entry, geometry, scene.bent, item, mask, hits)
-        texture_tint(entry, scene, item, mask, hits, view, scratch.missing)
-        vertex_tint(entry, geometry, item, mask, hits)
-        texture_grain(entry, scene, item, mask, hits, view, scratch.missing)
+            write_polygons(packet, geometry, item, mask, hits, view, style, face_normal)
+        write_bent_normals(packet, geometry, scene.bent, item, mask, hits)
+        map_albedo(packet, scene, item, mask, hits, view, scratch.missing)
+        map_vertex_colours(packet, geometry, item, mask, hits)
+        map_grain(packet, scene, item, mask, hits, view, scratch.missing)
         if style.weighted:
-            texture_occlusion(entry, scene, item, mask, hits, view, scratch.missing)
+            map_occlusion(packet, scene, item, mask, hits, view, scratch.missing)
         material = geometry.rows[item]
-        put1(entry, layout.ALPHA, mask, alpha(material))
+        store1(packet, layout.ALPHA, mask, alpha(material))
         if style.layers:
-            put(entry, layout.ALBEDO, mask, multiply(take(entry, layout.TINT), load3(material[MODEL:])))
+            store3(
+                packet,
+                layout.ALBEDO,
+                mask,
+                multiply(load3(packet, layout.ALBEDO_MAP), triple(material, MODEL)),
+            )
         if style.shading == GOURAUD:
-            interpolate_lit(entry, scene, item, mask, hits, face_normal)
-            apply_tint(entry, mask)
+            interpolate_lit(packet, scene, item, mask, hits, face_normal)
+            apply_albedo_map(packet, mask)
             if style.weighted:
-                apply_occlusion(entry, mask, style.form)
+                apply_occlusion(packet, mask, style.form)
         left = left & ~mask
     return items
 
 
 @inline
-def clear_entry(entry, style):
-    """An entry that has met nothing but the background."""
+def clear_packet(packet, style):
+    """Fill a packet with the background."""
     for column in range(layout.BEAUTY, layout.EMISSION):
-        store_row(entry, column, 0.0)
+        store_row(packet, column, 0.0)
     for c in range(3):
-        store_row(entry, layout.EMISSION + c, style.background[c])
-    store_row(entry, layout.SENT, 0.0)
-    store_row(entry, layout.LIT, 0.0)
+        store_row(packet, layout.EMISSION + c, style.background[c])
+    store_row(packet, layout.UNSHADOWED, 0.0)
+    store_row(packet, layout.SHADOWED, 0.0)
     if style.layers:
         for column in range(layout.W, layout.FILM):
-            store_row(entry, column, 1.0 if column <= layout.SHADOW else 0.0)
+            store_row(packet, column, 1.0 if column <= layout.SHADOW else 0.0)

@@ -43,21 +43,21 @@ class Scratch(NamedTuple):
     """Memory that one thread works with.
 
     Attributes:
-        packet, valid: rays (`raytrace.embree.packets.new_packet`), sixteen.
-        entries: float32 (packets, WIDTH, 16), points to be lit; items: int32 (packets, 16), rows of their objects, −1
+        rays, valid: sixteen rays (`raytrace.embree.packets.new_packet`).
+        points: float32 (packets, WIDTH, 16), points to be lit; items: int32 (packets, 16), rows of their objects, −1
         for none. sums: float64 (pixels, …), a tile's film. order: int32 (pixels,), a tile's pixels so that sixteen on
-        end are neighbours; todo: int32 (pixels + 16,), those that want more samples. active: int64 (lights,), lights
-        that can matter; hidden: bool (lights,), whether something may stand between those and the points.
+        end are neighbours; todo: int32 (pixels + 16,), pixels that want more samples. active: int64 (lights,), lights
+        that can matter; hidden: bool (lights,), whether something may stand between an active light and the points.
         layers: float32 (packets or 0, FILM + 4, 16), of each viewing ray, by its number: what it has seen in front, and
-        in the columns THROUGH and BEGIN what is left of it and where it goes on; of each entry BEHIND and COVER: where
-        its ray would go on, and the alpha of what it meets. None where all is opaque. going: int32 (packets, 16),
-        numbers of the rays that are traced, −1 for none: those that see further layers fill few packets.
+        in the columns THROUGH and BEGIN its transmittance and where it goes on; of each packet BEHIND and COVER: where
+        its rays would go on, and the alpha of what they hit. None where all is opaque. going: int32 (packets, 16),
+        numbers of the rays that are traced, −1 for none: rays that see further layers fill few packets.
         missing: int64 (textures,), 1 for textures that a ray has met before they were read. counts: int64 (COUNTERS,).
     """
 
-    packet: Float32s
+    rays: Float32s
     valid: Int32s
-    entries: Float32s
+    points: Float32s
     items: Int32s
     sums: Float64s
     order: Int32s
@@ -74,7 +74,7 @@ def new_scratch(lights: int, textures: int, hit_filter: tuple[int, Int64s] | Non
     """Scratch for a scene with so many lights and textures. Args: hit_filter: None where all is opaque."""
     return Scratch(
         *new_packet(WIDE, True, hit_filter),
-        entries=aligned((PACKETS, WIDTH, WIDE), np.float32),
+        points=aligned((PACKETS, WIDTH, WIDE), np.float32),
         items=aligned((PACKETS, WIDE), np.int32),
         sums=aligned((TILE * TILE, SUMS), np.float64),
         order=_order(),

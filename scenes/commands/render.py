@@ -30,7 +30,7 @@ PREVIEW_BAKE = 32  # and it bakes with that many rays a vertex
 
 
 @dataclass(frozen=True)
-class Picture:
+class RenderedPicture:
     """A picture that was made, and its costs.
 
     Attributes:
@@ -108,7 +108,7 @@ def make_picture(
     baking: Progress | None = None,
     rendering: Progress | None = None,
     session: ClusterSession | None = None,
-) -> Picture:
+) -> RenderedPicture:
     """Make the picture of a described scene and write it.
 
     Args: source: the scene file, for the picture's metadata. half: 16-bit floats in EXR. baking, rendering: progress.
@@ -137,7 +137,7 @@ def make_picture(
     rendered = time.perf_counter()
     write_frame(output, frame, metadata(source, description), half)
     seconds = {"bake": prepared - start, **frame.seconds, "write": time.perf_counter() - rendered}
-    return Picture(frame, baked, seconds)
+    return RenderedPicture(frame, baked, seconds)
 
 
 def metadata(source: Path, description: SceneDescription) -> dict[str, str]:
@@ -155,7 +155,7 @@ def metadata(source: Path, description: SceneDescription) -> dict[str, str]:
 
 
 def render_report(
-    source: Path, settings: Settings, picture: Picture, threads: int, warnings: Sequence[str] = ()
+    source: Path, settings: Settings, picture: RenderedPicture, threads: int, warnings: Sequence[str] = ()
 ) -> dict[str, Any]:
     """The report of a rendering as JSON-ready values.
 

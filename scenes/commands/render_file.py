@@ -17,8 +17,8 @@ from ..jobs.options import REPORTS, ROWS, Normals, Option, Record, check_togethe
 if TYPE_CHECKING:
     from ao.cluster.session import ClusterSession
 
-    from ..show.report.pictures import Picture as Shown
-    from .render import Picture
+    from ..show.report.pictures import Picture
+    from .render import RenderedPicture
 
 _SETTINGS = ("samples", "shading", "normals", "obscurance", "shadows", "seed")
 RENDER = (
@@ -113,14 +113,14 @@ class RenderCommand(Record):
                 print(session.summary())
 
     def _write_report(
-        self, path: Path, report: dict[str, Any], picture: Picture, inputs: Sequence[Mapping[str, Any]]
+        self, path: Path, report: dict[str, Any], picture: RenderedPicture, inputs: Sequence[Mapping[str, Any]]
     ) -> None:
         from ..show.report.complete import complete, write_report
 
         kept = [row for row in RENDER if row.role != "run" or row.name == "threads"]
         options = {row.name: plain(getattr(self, row.name)) for row in kept}
 
-        def pictures() -> list[list[Shown]]:
+        def pictures() -> list[list[Picture]]:
             from ..show.report.pictures import pictures_of_frame
 
             return [pictures_of_frame(picture.frame)]

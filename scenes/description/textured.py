@@ -13,12 +13,12 @@ from ..formats.load import read_objects
 from ..formats.obj.read import read_textured_obj
 from ..geometry.detail import split_corners
 from ..geometry.instances import flatten
-from ..geometry.primitives import Geometry, Origin
+from ..geometry.primitives import Origin, TexturedMesh
 
 ENDINGS = (".obj", ".ply")
 
 
-def read_textured(path: Path) -> tuple[Geometry, list[str]]:
+def read_textured(path: Path) -> tuple[TexturedMesh, list[str]]:
     """An OBJ or PLY file with its texture coordinates, without them if a PLY has none, and warnings.
 
     Vertices whose corners have several coordinates repeat.
@@ -28,17 +28,17 @@ def read_textured(path: Path) -> tuple[Geometry, list[str]]:
     if path.suffix.lower() == ".obj":
         instance, uv, origin = read_textured_obj(path.read_bytes(), path.stem, str(path), path.parent)
         mesh, _ = flatten([instance], str(path))
-        return Geometry(mesh, uv, origin), [printable(f"{path}: {note}") for note in instance.notes]
+        return TexturedMesh(mesh, uv, origin), [printable(f"{path}: {note}") for note in instance.notes]
     (instance,), _ = read_objects(path, keep=True)
     mesh, _ = flatten([instance], str(path))
     notes = [printable(f"{path}: {note}") for note in instance.notes]
     detail = instance.detail
     if detail is None or detail.uv is None:
-        return Geometry(mesh), notes
+        return TexturedMesh(mesh), notes
     places = detail.triangles.take(np.arange(len(detail.corners)))
     vertices, faces, like = split_corners(detail.corners, places, [detail.uv], len(mesh.vertices))
     if len(vertices) == len(mesh.vertices):
-        return Geometry(mesh, detail.uv.at_vertices(detail.corners, len(vertices))), notes
+        return TexturedMesh(mesh, detail.uv.at_vertices(detail.corners, len(vertices))), notes
     normals = None if mesh.normals is None else mesh.normals[vertices]
     split = Mesh(mesh.vertices[vertices], faces, normals, source=str(path), polygons=mesh.polygons)
-    return Geometry(split, detail.uv.rows[detail.uv.of[like]], Origin(vertices, len(mesh.vertices))), notes
+    return TexturedMesh(split, detail.uv.rows[detail.uv.of[like]], Origin(vertices, len(mesh.vertices))), notes

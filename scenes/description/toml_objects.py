@@ -18,7 +18,7 @@ from ..field_errors import check_keys, joined, located, shown
 from ..formats.load import mesh_errors, read_objects
 from ..geometry.builtin_shapes import SOLIDS, Solid
 from ..geometry.instances import check_copies, flatten
-from ..geometry.primitives import Geometry, Origin
+from ..geometry.primitives import Origin, TexturedMesh
 from ..safe_paths import confined
 from .defaults import NEUTRAL, WHITE
 from .gltf_scene import gltf_objects
@@ -62,7 +62,7 @@ class ObjectReader:
 
     def __init__(self, source: Path, materials: dict[str, BaseMaterial]) -> None:
         self._source, self._materials = source, materials
-        self._geometry: dict[Any, Geometry] = {}
+        self._geometry: dict[Any, TexturedMesh] = {}
         self._textures: dict[Texture, Texture] = {}
         self._gltf: dict[Path, tuple[Object, ...]] = {}
         self._shapes: dict[Any, Shape] = {}
@@ -158,7 +158,7 @@ class ObjectReader:
         pieces = []
         for item in self._gltf[mesh]:
             shape = item.shape
-            geometry = self._once(shape, lambda shape=shape: Geometry(shape.mesh, shape.uv, None, shape.colours))
+            geometry = self._once(shape, lambda shape=shape: TexturedMesh(shape.mesh, shape.uv, None, shape.colours))
             # A material of the entry's own takes the place of the file's with its texture.
             kept = texture or (shape.texture if material is None else None)
             made = self._shape(table, path, geometry, material or shape.material, kept)
@@ -166,7 +166,7 @@ class ObjectReader:
             pieces.append(replace(item, shape=made, name=name))
         return pieces
 
-    def _read(self, path: Path, textured: bool) -> Geometry:
+    def _read(self, path: Path, textured: bool) -> TexturedMesh:
         """Any mesh file but glTF. Texture coordinates are read of OBJ and PLY, where `textured`."""
         with mesh_errors(path):
             if textured and path.suffix.lower() in ENDINGS:
@@ -175,43 +175,43 @@ class ObjectReader:
                 return geometry
             instances, _ = read_objects(path, alpha=True)
             self.notes += [printable(f"{path}: {note}") for instance in instances for note in instance.notes]
-            return Geometry(flatten(instances, str(path))[0])
+            return TexturedMesh(flatten(instances, str(path))[0])
 
-    def _coloured(self, path: Path, geometry: Geometry) -> Geometry:
+    def _coloured(self, path: Path, geometry: TexturedMesh) -> TexturedMesh:
         colours, notes = vertex_colors(path)
         self.notes += notes
         if colours is None:
             return geometry
         return replace(geometry, colours=colours[geometry.origin.of] if geometry.origin else colours)
 
-    def _once(self, key: Any, make: Any) -> Geometry:
+    def _once(self, key: Any, make: Any) -> TexturedMesh:
         if key not in self._geometry:
             self._geometry[key] = make()
         return self._geometry[key]
 
     def _shape(
-        self, table: ObjectTable, path: str, geometry: Geometry, material: BaseMaterial | None, texture: Texture | None
+        self, table: ObjectTable, path: str, given: TexturedMesh, material: BaseMaterial | None, texture: Texture | None
     ) -> Shape:
         grain = self._texture(table, path, "grain")
         alpha = self._alpha(table, path)
         for field, image in (("texture", texture), ("grain", grain), ("opacity_texture", alpha and alpha.texture)):
-            if image is not None and geometry.uv is None:
+            if image is not None and given.uv is None:
                 raise SceneError(self._source, joined(path, field), "a mesh with texture coordinates", "one without")
-        colours = geometry.colours if _wants_colours(table) else None
+        colours = given.colours if _wants_colours(table) else None
         if table.vertex_colors and colours is None:
             raise SceneError(
                 self._source, joined(path, "vertex_colors"), "a mesh with colours of vertices", "one without"
             )
         material = material or (NEUTRAL if colours is None else WHITE)
-        key = (geometry, material, texture, grain, table.own_normals, colours is None, alpha, table.material is None)
+        key = (given, material, texture, grain, table.own_normals, colours is None, alpha, table.material is None)
         if key not in self._shapes:
-            mesh = geometry.mesh if table.own_normals else replace(geometry.mesh, normals=None)
+            mesh = given.mesh if table.own_normals else replace(given.mesh, normals=None)
             if alpha or (mesh.opacity and table.material):  # which take the place of the file's own alpha
-                mesh = replace(mesh, opacity=Opacity.uniform(alpha, mesh.faces, geometry.uv) if alpha else None)
+                mesh = replace(mesh, opacity=Opacity.uniform(alpha, mesh.faces, given.uv) if alpha else None)
             with located(self._source, path):
-                self._shapes[key] = Shape(mesh, material, geometry.uv, texture, grain=grain, colours=colours)
-            if geometry.origin:
-                self._origins[id(self._shapes[key])] = geometry.origin
+                self._shapes[key] = Shape(mesh, material, given.uv, texture, grain=grain, colours=colours)
+            if given.origin:
+                self._origins[id(self._shapes[key])] = given.origin
         return self._shapes[key]
 
     def _alpha(self, table: ObjectTable, path: str) -> AlphaSurface | None:

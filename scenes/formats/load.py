@@ -22,7 +22,7 @@ from raytrace.system.memory import check_memory
 from raytrace.types import Float64s
 
 from ..geometry.detail import Detail, painted
-from ..geometry.instances import Instance, Part, flatten
+from ..geometry.instances import Instance, Submesh, flatten
 
 if TYPE_CHECKING:
     from .gltf.container import Gltf
@@ -52,7 +52,7 @@ class MeshFile:
 
     path: Path
     mesh: Mesh
-    parts: tuple[Part, ...]
+    parts: tuple[Submesh, ...]
     gltf: Gltf | None = None
     detail: Detail | None = None
     notes: tuple[str, ...] = ()
@@ -101,7 +101,7 @@ class MeshFile:
     def of(cls, mesh: Mesh | Any) -> MeshFile:
         """A mesh made in memory, in any form that `ao.bake` takes, as if read from a file of its one object."""
         mesh = mesh_of(mesh, "mesh")
-        whole = Part(mesh.source, slice(0, len(mesh.vertices)), slice(0, len(mesh.faces)))
+        whole = Submesh(mesh.source, slice(0, len(mesh.vertices)), slice(0, len(mesh.faces)))
         return cls(Path(mesh.source), mesh, (whole,))
 
 

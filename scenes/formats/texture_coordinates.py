@@ -8,7 +8,7 @@ from raytrace.errors import MeshError
 from raytrace.types import Float64s, Int64s
 
 from ..geometry.detail import Detail
-from ..geometry.instances import Part
+from ..geometry.instances import Submesh
 from .gltf.accessors import entry, normalized, values
 from .gltf.container import Gltf, primitives
 
@@ -27,7 +27,7 @@ def of_detail(detail: Detail | None) -> Float64s | None:
     return None if detail.uv is None else detail.uv.rows[detail.uv.of[places]]
 
 
-def of_gltf(asset: Gltf, parts: tuple[Part, ...], faces: Int64s, number: int) -> Float64s | None:
+def of_gltf(asset: Gltf, parts: tuple[Submesh, ...], faces: Int64s, number: int) -> Float64s | None:
     """The set TEXCOORD_`number` of all drawn primitives by corner (m, 3, 2), v upwards, NaN where one lacks it; None
     if all do.
 
@@ -47,7 +47,7 @@ def of_gltf(asset: Gltf, parts: tuple[Part, ...], faces: Int64s, number: int) ->
     return np.stack([downwards[:, 0], 1 - downwards[:, 1]], axis=1)[faces]
 
 
-def _stored(asset: Gltf, accessor: int, part: Part, field: str) -> Float64s:
+def _stored(asset: Gltf, accessor: int, part: Submesh, field: str) -> Float64s:
     count = part.vertices.stop - part.vertices.start
     try:
         stored = normalized(values(asset, accessor, "VEC2"))

@@ -18,7 +18,7 @@ from raytrace.system.parameters import Length, Lengths, Parameters, Whole
 
 from . import primitives
 from .menger import menger
-from .primitives import Geometry
+from .primitives import TexturedMesh
 from .temple import temple
 
 MAX_TRIANGLES = 20_000_000
@@ -32,7 +32,7 @@ class Solid(Parameters):
 
     fineness: Length | None = None
 
-    def geometry(self) -> Geometry:
+    def geometry(self) -> TexturedMesh:
         """The mesh, with texture coordinates where the shape has some.
 
         Raises: OptionError: more than `MAX_TRIANGLES`. MemoryLimitError: they would not fit into memory.
@@ -58,7 +58,7 @@ class Solid(Parameters):
         """The longest side, and the area of the whole surface, roughly."""
 
     @abstractmethod
-    def _make(self, fineness: float) -> Geometry:
+    def _make(self, fineness: float) -> TexturedMesh:
         """The mesh with edges of at most `fineness`."""
 
 
@@ -70,7 +70,7 @@ class Plane(Solid):
     def _extent(self) -> tuple[float, float]:
         return max(self.size), self.size[0] * self.size[1]
 
-    def _make(self, fineness: float) -> Geometry:
+    def _make(self, fineness: float) -> TexturedMesh:
         x, y = self.size
         return primitives.plane((-x / 2, -y / 2, 0), (x, 0, 0), (0, y, 0), fineness)
 
@@ -84,7 +84,7 @@ class Box(Solid):
         x, y, z = self.size
         return max(x, y, z), 2 * (x * y + y * z + z * x)
 
-    def _make(self, fineness: float) -> Geometry:
+    def _make(self, fineness: float) -> TexturedMesh:
         return primitives.box((0, 0, 0), self.size, fineness)
 
 
@@ -96,7 +96,7 @@ class Sphere(Solid):
     def _extent(self) -> tuple[float, float]:
         return 2 * self.radius, 4 * math.pi * self.radius**2 * math.pi / 2
 
-    def _make(self, fineness: float) -> Geometry:
+    def _make(self, fineness: float) -> TexturedMesh:
         return primitives.sphere(self.radius, fineness)
 
 
@@ -109,7 +109,7 @@ class Cylinder(Solid):
     def _extent(self) -> tuple[float, float]:
         return max(2 * self.radius, self.height), 2 * math.pi * self.radius * (self.height + 2 * self.radius)
 
-    def _make(self, fineness: float) -> Geometry:
+    def _make(self, fineness: float) -> TexturedMesh:
         return primitives.cylinder(self.radius, self.height, fineness)
 
 
@@ -121,8 +121,8 @@ class Temple(Solid):
     def _extent(self) -> tuple[float, float]:
         return 8.0, 700.0
 
-    def _make(self, fineness: float) -> Geometry:
-        return Geometry(temple(fineness))
+    def _make(self, fineness: float) -> TexturedMesh:
+        return TexturedMesh(temple(fineness))
 
 
 class Sponge(Solid):
@@ -134,9 +134,9 @@ class Sponge(Solid):
     def _extent(self) -> tuple[float, float]:
         return self.size, (2 * (20 / 9) ** self.level + 4 * (8 / 9) ** self.level) * self.size**2
 
-    def _make(self, fineness: float) -> Geometry:
+    def _make(self, fineness: float) -> TexturedMesh:
         cuts = max(math.ceil(self.size / 3**self.level / fineness), 1)
-        return Geometry(menger(self.level, self.size, cuts))
+        return TexturedMesh(menger(self.level, self.size, cuts))
 
 
 SOLIDS: dict[str, type[Solid]] = {

@@ -13,7 +13,7 @@ from raytrace.mesh.creases import creased_normals
 from raytrace.types import Float64s, Int64s
 
 from .elements import Element
-from .polygons import Triangles
+from .polygons import Triangulation
 
 
 class PerCorner(NamedTuple):
@@ -70,7 +70,7 @@ class Detail:
 
     corners: Int64s
     sizes: Int64s
-    triangles: Triangles
+    triangles: Triangulation
     uv: PerCorner | None = None
     normals: PerCorner | None = None
     colors: Float64s | None = None
@@ -88,7 +88,7 @@ class Detail:
 def painted(faces: Int64s, paints: tuple[Paint, ...], of: Int64s) -> Detail:
     """The detail of triangles (m, 3) with materials (m,), -1: none."""
     sizes = np.full(len(faces), 3)
-    return Detail(faces.ravel(), sizes, Triangles(np.ones_like(sizes), 0, None), paints=paints, paint_of=of)
+    return Detail(faces.ravel(), sizes, Triangulation(np.ones_like(sizes), 0, None), paints=paints, paint_of=of)
 
 
 def split_corners(

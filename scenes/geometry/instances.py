@@ -62,7 +62,7 @@ class Instance:
 
 
 @dataclass(frozen=True)
-class Part:
+class Submesh:
     """One placed object of a file: `mesh.vertices[part.vertices]`, `mesh.faces[part.faces]`."""
 
     name: str
@@ -133,7 +133,7 @@ def world_matrices(edges: Iterable[dict[str, Any]], base: Any) -> dict[Any, Floa
     return world
 
 
-def flatten(instances: Sequence[Instance], source: str) -> tuple[Mesh, tuple[Part, ...]]:
+def flatten(instances: Sequence[Instance], source: str) -> tuple[Mesh, tuple[Submesh, ...]]:
     """One mesh of all instances, in their order, in world space.
 
     A mirroring matrix (negative determinant) reverses the winding of its faces, so that an outside stays an outside.
@@ -147,7 +147,7 @@ def flatten(instances: Sequence[Instance], source: str) -> tuple[Mesh, tuple[Par
     up = instances[0].up if instances else None
     for placed in instances:
         vertex_end, face_end = vertex + len(placed.vertices), face + len(placed.faces)
-        parts.append(Part(placed.name, slice(vertex, vertex_end), slice(face, face_end)))
+        parts.append(Submesh(placed.name, slice(vertex, vertex_end), slice(face, face_end)))
         vertex, face = vertex_end, face_end
     if len(instances) == 1 and instances[0].matrix is None:
         only = instances[0]
@@ -174,7 +174,7 @@ def _is_mirrored(placed: Instance) -> bool:
 
 
 def _place(
-    placed: Instance, part: Part, vertices: Float64s, faces: Int64s, normals: Float64s | None, source: str
+    placed: Instance, part: Submesh, vertices: Float64s, faces: Int64s, normals: Float64s | None, source: str
 ) -> None:
     matrix = np.eye(4) if placed.matrix is None else placed.matrix
     linear = matrix[:3, :3]

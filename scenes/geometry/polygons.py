@@ -25,7 +25,7 @@ _FLAT = 1e-7  # of a polygon's area: how far a triangle of a fan may be turned o
 _OVERLAP = 1e-5  # of a polygon's area: how much may be covered twice or not at all
 
 
-class Triangles(NamedTuple):
+class Triangulation(NamedTuple):
     """How polygons are cut.
 
     Attributes:
@@ -71,7 +71,9 @@ class _Views(NamedTuple):
     fills: Bools
 
 
-def triangulate(vertices: npt.NDArray[Any], corners: AnyInts, sizes: AnyInts, source: object = "polygons") -> Triangles:
+def triangulate(
+    vertices: npt.NDArray[Any], corners: AnyInts, sizes: AnyInts, source: object = "polygons"
+) -> Triangulation:
     """Cut polygons into triangles between their own corners, wound as they are.
 
     Where an index points at no vertex, or a coordinate is none, all become fans: `raytrace.Mesh` tells the fault.
@@ -91,7 +93,7 @@ def triangulate(vertices: npt.NDArray[Any], corners: AnyInts, sizes: AnyInts, so
         raise ValueError(f"{len(corners)} corners for polygons of {lengths.sum()}")
     counts = np.maximum(lengths - 2, 0)
     if (lengths == 3).all():
-        return Triangles(counts, 0, None)
+        return Triangulation(counts, 0, None)
     starts = np.cumsum(lengths) - lengths
     diagonal: list[Int64s] = []
     clipped: dict[int, Int64s] = {}
@@ -119,7 +121,7 @@ def triangulate(vertices: npt.NDArray[Any], corners: AnyInts, sizes: AnyInts, so
         other = np.concatenate(diagonal)
         for row, turned in enumerate(([1, 2, 3], [1, 3, 0])):
             places[begins[other] + row] = starts[other][:, None] + turned
-    return Triangles(counts, crossing, places)
+    return Triangulation(counts, crossing, places)
 
 
 class _Block:

@@ -12,15 +12,15 @@ from scipy.spatial.transform import Rotation
 from raytrace.mesh.mesh import Mesh
 from raytrace.types import Float64s, Int64s
 
-Part = tuple[Float64s, Int64s]
+RawMesh = tuple[Float64s, Int64s]
 
 
-def part_of(mesh: Mesh) -> Part:
+def part_of(mesh: Mesh) -> RawMesh:
     """The vertices, to be changed at will, and the faces of a mesh."""
     return np.array(mesh.vertices), mesh.faces
 
 
-def join(parts: Iterable[Part]) -> Part:
+def join(parts: Iterable[RawMesh]) -> RawMesh:
     """Several (vertices (n, 3), faces (m, 3)) as one, vertices in the order of the parts."""
     vertices, faces, count = [], [], 0
     for points, triangles in parts:
@@ -30,7 +30,7 @@ def join(parts: Iterable[Part]) -> Part:
     return np.concatenate(vertices), np.concatenate(faces)
 
 
-def patches(points: npt.ArrayLike, size: float = 0.1) -> Part:
+def patches(points: npt.ArrayLike, size: float = 0.1) -> RawMesh:
     """A triangle of the given size about each of `points` (k, 3), facing +z; point i becomes vertex 3i.
 
     The triangles extend to +x of their points and may overlap, for they lie in one plane.
@@ -40,14 +40,14 @@ def patches(points: npt.ArrayLike, size: float = 0.1) -> Part:
     return (points[:, None] + reach).reshape(-1, 3), np.arange(3 * len(points)).reshape(-1, 3)
 
 
-def polygon(corners: npt.ArrayLike) -> Part:
+def polygon(corners: npt.ArrayLike) -> RawMesh:
     """A convex polygon (k, 3) as a fan about its first corner."""
     corners = np.asarray(corners, dtype=np.float64)
     second = np.arange(1, len(corners) - 1)
     return corners, np.stack([np.zeros_like(second), second, second + 1], axis=-1)
 
 
-def hull(points: npt.ArrayLike) -> Part:
+def hull(points: npt.ArrayLike) -> RawMesh:
     """Convex hull of `points` (k, 3), all of them its corners, wound outward."""
     points = np.asarray(points, dtype=np.float64)
     made = ConvexHull(points)
@@ -59,7 +59,7 @@ def hull(points: npt.ArrayLike) -> Part:
     return points, faces
 
 
-def icosphere(subdivisions: int) -> Part:
+def icosphere(subdivisions: int) -> RawMesh:
     """Unit sphere of 20·4^subdivisions triangles, from the icosahedron by halving edges; vertices exactly on it."""
     golden = (1 + np.sqrt(5)) / 2
     corners = [(0, a, b) for a in (-1, 1) for b in (-golden, golden)]
@@ -74,7 +74,7 @@ def icosphere(subdivisions: int) -> Part:
     return vertices / np.linalg.norm(vertices, axis=1, keepdims=True), faces
 
 
-def prism(sides: int, length: float, rings: int = 2) -> Part:
+def prism(sides: int, length: float, rings: int = 2) -> RawMesh:
     """Open prism inscribed in the unit cylinder along y, from −length/2 to length/2, wound outward.
 
     Vertex i of ring j, at angle 2πi/sides from −z, is number j·sides + i.
@@ -89,7 +89,7 @@ def prism(sides: int, length: float, rings: int = 2) -> Part:
     return vertices, faces
 
 
-def inscribed_radius(part: Part) -> float:
+def inscribed_radius(part: RawMesh) -> float:
     """Distance of the nearest face plane from the origin: the radius of the largest ball in a convex part about it."""
     a, b, c = part[0][part[1]].transpose(1, 0, 2)
     normal = np.cross(b - a, c - a)

@@ -25,7 +25,7 @@ class Origin(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class Geometry:
+class TexturedMesh:
     """A mesh and its texture coordinates uv, float64 (n, 2), v upwards, or None.
 
     Attributes:
@@ -39,17 +39,17 @@ class Geometry:
     colours: Float64s | None = None
 
 
-def merge(pieces: Sequence[Geometry], source: str) -> Geometry:
+def merge(pieces: Sequence[TexturedMesh], source: str) -> TexturedMesh:
     """All `pieces`, made by this module, as one; vertices and faces in order."""
     meshes = [piece.mesh for piece in pieces]
     starts = np.cumsum([0] + [len(mesh.vertices) for mesh in meshes[:-1]])
     faces = np.concatenate([mesh.faces + start for mesh, start in zip(meshes, starts, strict=True)])
     normals = np.concatenate([mesh.normals for mesh in meshes if mesh.normals is not None])
     mesh = Mesh(np.concatenate([mesh.vertices for mesh in meshes]), faces, normals, source=source, up="z")
-    return Geometry(mesh, np.concatenate([piece.uv for piece in pieces if piece.uv is not None]))
+    return TexturedMesh(mesh, np.concatenate([piece.uv for piece in pieces if piece.uv is not None]))
 
 
-def plane(corner: npt.ArrayLike, along: npt.ArrayLike, across: npt.ArrayLike, fineness: float) -> Geometry:
+def plane(corner: npt.ArrayLike, along: npt.ArrayLike, across: npt.ArrayLike, fineness: float) -> TexturedMesh:
     """A parallelogram with normal along × across, cut into triangles with legs of at most `fineness`."""
     start, s_side, t_side = (np.asarray(vector, np.float64) for vector in (corner, along, across))
     normal = normalize(np.cross(s_side, t_side))
@@ -61,7 +61,7 @@ def plane(corner: npt.ArrayLike, along: npt.ArrayLike, across: npt.ArrayLike, fi
     return _patch(surface, cells[0], cells[1], "plane")
 
 
-def box(centre: npt.ArrayLike, size: npt.ArrayLike, fineness: float) -> Geometry:
+def box(centre: npt.ArrayLike, size: npt.ArrayLike, fineness: float) -> TexturedMesh:
     """An axis-aligned box, outward normals."""
     sides, extent = [], np.asarray(size, np.float64)
     for axis in range(3):
@@ -78,7 +78,7 @@ def box(centre: npt.ArrayLike, size: npt.ArrayLike, fineness: float) -> Geometry
     return merge(sides, source="box")
 
 
-def sphere(radius: float, fineness: float) -> Geometry:
+def sphere(radius: float, fineness: float) -> TexturedMesh:
     """A sphere about the origin, poles on z; u runs around from +x, v from pole to pole upwards."""
 
     def surface(s: Float64s, t: Float64s) -> tuple[Float64s, Float64s]:
@@ -90,7 +90,7 @@ def sphere(radius: float, fineness: float) -> Geometry:
     return _patch(surface, 2 * rows, rows, "sphere")
 
 
-def tube(base: npt.ArrayLike, radius: float, height: float, fineness: float) -> Geometry:
+def tube(base: npt.ArrayLike, radius: float, height: float, fineness: float) -> TexturedMesh:
     """The side of a cylinder that stands on `base` along z, outward normals, no caps."""
 
     def surface(s: Float64s, t: Float64s) -> tuple[Float64s, Float64s]:
@@ -101,7 +101,7 @@ def tube(base: npt.ArrayLike, radius: float, height: float, fineness: float) -> 
     return _patch(surface, _around(radius, fineness), max(int(np.ceil(height / fineness)), 1), "tube")
 
 
-def cylinder(radius: float, height: float, fineness: float) -> Geometry:
+def cylinder(radius: float, height: float, fineness: float) -> TexturedMesh:
     """A closed cylinder about the origin, axis z."""
 
     def cap(side: float) -> Callable[[Float64s, Float64s], tuple[Float64s, Float64s]]:
@@ -129,7 +129,7 @@ def _ring(turn: Float64s, radius: Float64s) -> tuple[Float64s, Float64s]:
 
 def _patch(
     surface: Callable[[Float64s, Float64s], tuple[Float64s, Float64s]], rows: int, columns: int, name: str
-) -> Geometry:
+) -> TexturedMesh:
     """A surface given by points and unit normals (…, 3) of s and t (…, 1) in [0, 1], facing ∂s × ∂t."""
     s, t = np.meshgrid(np.linspace(0, 1, rows + 1), np.linspace(0, 1, columns + 1), indexing="ij")
     points, normals = (values.reshape(-1, 3) for values in surface(s[..., None], t[..., None]))
@@ -138,6 +138,6 @@ def _patch(
     faces = np.stack([np.stack([a, b, c], -1), np.stack([a, c, d], -1)], axis=2).reshape(-1, 3)
     corners = points[faces]
     distinct = (corners != np.roll(corners, 1, axis=1)).any(axis=2).all(axis=1)
-    return Geometry(
+    return TexturedMesh(
         Mesh(points, faces[distinct], normals, source=name, up="z"), np.stack([s.ravel(), t.ravel()], axis=-1)
     )

@@ -7,7 +7,7 @@ import numpy as np
 from raytrace.mesh.mesh import Mesh
 from raytrace.types import Float64s
 
-from .primitives import Geometry, box, merge, tube
+from .primitives import TexturedMesh, box, merge, tube
 
 COLUMNS = (5, 3)  # along x and along y
 SPACING = 1.5
@@ -41,7 +41,7 @@ def _ring() -> Float64s:
     return grid[outer]
 
 
-def _column(position: Float64s, floor: float, fineness: float) -> Geometry:
+def _column(position: Float64s, floor: float, fineness: float) -> TexturedMesh:
     x, y = position
     cap = 0.14
     side = 2.6 * COLUMN_RADIUS

@@ -35,7 +35,7 @@ def told_shortfalls() -> Iterator[None]:
         yield
 
 
-class Work(NamedTuple):
+class WorkSize(NamedTuple):
     """What a bake is made of.
 
     Attributes:
@@ -198,7 +198,7 @@ class MeshBake(Record, ABC):
         """A name of the format for which a mesh file's details are read."""
 
     @abstractmethod
-    def work(self, source: MeshFile, falloff: ao.Falloff) -> Work:
+    def work(self, source: MeshFile, falloff: ao.Falloff) -> WorkSize:
         """What a bake of `source` is made of. Raises: InputError: as `bake`, before anything is traced."""
 
     @abstractmethod

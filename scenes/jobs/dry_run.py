@@ -12,7 +12,7 @@ from raytrace.errors import ObscuranceError, printable
 from raytrace.system.memory import available, in_use, size_text
 from raytrace.system.threads import thread_count
 
-from .bake import MeshBake, Work
+from .bake import MeshBake, WorkSize
 from .console import columns, compiling, note
 
 if TYPE_CHECKING:
@@ -28,7 +28,7 @@ def dry_run(bakes: Sequence[MeshBake], falloff: ao.Falloff, besides: Sequence[Pa
 
     Returns: the exit status, 1 if a mesh cannot be read.
     """
-    works: dict[MeshBake, Work] = {}
+    works: dict[MeshBake, WorkSize] = {}
     held = 0
     for bake in bakes:
         try:
@@ -46,7 +46,7 @@ def dry_run(bakes: Sequence[MeshBake], falloff: ao.Falloff, besides: Sequence[Pa
     return 0 if len(works) == len(bakes) else 1
 
 
-def _rows(works: Sequence[Work], bake: MeshBake, held: int) -> list[tuple[str, str]]:
+def _rows(works: Sequence[WorkSize], bake: MeshBake, held: int) -> list[tuple[str, str]]:
     """Args: held: bytes that the process has before it bakes."""
     points = sum(work.points for work in works)
     options = Options(**bake.arguments())
@@ -65,7 +65,7 @@ def _rows(works: Sequence[Work], bake: MeshBake, held: int) -> list[tuple[str, s
     ]
 
 
-def _time(works: Sequence[Work], bake: MeshBake, most: str) -> str:
+def _time(works: Sequence[WorkSize], bake: MeshBake, most: str) -> str:
     if bake.tolerance is not None:
         return "as long as the tolerance takes, which only the bake finds out"
     largest = max(works, key=lambda work: work.points)
@@ -79,7 +79,7 @@ def _time(works: Sequence[Work], bake: MeshBake, most: str) -> str:
     return f"{most or 'about '}{text} on {threads} threads, by a trial; reading and writing besides"
 
 
-def _trial(work: Work, rays: int) -> tuple[float, float]:
+def _trial(work: WorkSize, rays: int) -> tuple[float, float]:
     """Seconds of one core that the mesh takes whatever is baked, and that a point takes."""
 
     def seconds(count: int) -> tuple[float, int]:

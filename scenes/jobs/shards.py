@@ -36,12 +36,12 @@ class PartCommand:
             OutputError: the folder cannot be made, or the part not be written.
             MemoryLimitError, EmbreeError: as `ao.bake` and `ao.bake_texture`.
         """
-        from ao.execute.parts import Part, PartTraced
+        from ao.execute.parts import PartTraced, ShardCheckpoint
         from raytrace.system.outputs import make_folder
 
         start = time.perf_counter()
         make_folder(self.folder)
-        part = Part(self.folder, self.number, self.of, self.description, note)
+        part = ShardCheckpoint(self.folder, self.number, self.of, self.description, note)
         with suppress(PartTraced):
             self.bake.replaced(open_checkpoint=lambda _: part).run()
         if not self.bake.quiet:

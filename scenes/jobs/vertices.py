@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from .bake import MeshBake, Work, Written
+from .bake import MeshBake, WorkSize, Written
 from .console import KERNELS_OF_BAKE, KERNELS_OF_SURFACE, alpha_summary, bake_summary, progress, warn
 from .options import CAGE, named
 
@@ -35,7 +35,7 @@ class BakeCommand(MeshBake):
     def kept(self) -> Path:
         return self.output
 
-    def work(self, source: MeshFile, falloff: ao.Falloff) -> Work:
+    def work(self, source: MeshFile, falloff: ao.Falloff) -> WorkSize:
         import numpy as np
 
         import ao
@@ -60,7 +60,7 @@ class BakeCommand(MeshBake):
             ao.bake(mesh, falloff, only=only, **options)
             return len(chosen)
 
-        return Work(len(points), "vertices", needed, trial)
+        return WorkSize(len(points), "vertices", needed, trial)
 
     def bake(self, falloff: ao.Falloff) -> Iterator[Written]:
         import ao

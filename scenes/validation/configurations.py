@@ -23,7 +23,7 @@ from ao.points.receivers import Normals
 from raytrace.mesh.mesh import Mesh
 from raytrace.types import Float64s, Int64s
 
-from ..geometry.polyhedra import Part, generic_rotation
+from ..geometry.polyhedra import RawMesh, generic_rotation
 
 ClosedForm = Callable[[Rate, float], npt.ArrayLike]
 
@@ -127,7 +127,7 @@ class Configuration:
         return target + self.truncation + self.tessellation
 
 
-def posed(part: Part, seed: int | None = None, normals: Float64s | None = None, source: str = "mesh") -> Mesh:
+def posed(part: RawMesh, seed: int | None = None, normals: Float64s | None = None, source: str = "mesh") -> Mesh:
     """`part` as a Mesh, rotated and moved generically by `seed`; left where it is for None."""
     vertices, faces = part
     if seed is not None:

@@ -15,7 +15,7 @@ from ao.analytic.special import bickley
 from ao.falloff import Binary, Exponential, Falloff, Linear, Smooth
 from raytrace.types import Float64s, Int64s
 
-from ..geometry.polyhedra import Part, icosphere, inscribed_radius, join, patches, polygon, prism
+from ..geometry.polyhedra import RawMesh, icosphere, inscribed_radius, join, patches, polygon, prism
 from .configurations import ClosedForm, Setting, posed
 
 BOTH: tuple[Falloff, ...] = (Binary(), Exponential(tau=1.0))
@@ -48,7 +48,7 @@ def _receivers_only(count: int, points: Int64s, normals: npt.ArrayLike) -> Float
 def _above_plane(
     name: str,
     points: npt.ArrayLike,
-    part: Part,
+    part: RawMesh,
     bounds: tuple[ClosedForm, ClosedForm],
     falloffs: tuple[Falloff, ...] = BOTH,
     *,
@@ -85,7 +85,7 @@ def _bounds(
     return lambda tau, limit: w(radius, tau, limit), lambda tau, limit: w(inner, tau, limit)
 
 
-def _dome(sphere: Part) -> Setting:
+def _dome(sphere: RawMesh) -> Setting:
     radius = 1.5
     vertices, faces = sphere
     cap = faces[vertices[faces][:, :, 2].max(axis=1) > -0.1]
@@ -116,7 +116,7 @@ def _disk(radius: float, height: float, seed: int) -> Setting:
     )
 
 
-def _sphere_above(sphere: Part) -> Setting:
+def _sphere_above(sphere: RawMesh) -> Setting:
     radius, height, offsets = 0.8, 1.0, (0.0, 0.6, 1.5)
     inner = radius * inscribed_radius(sphere)
     return _above_plane(
@@ -158,7 +158,7 @@ def _seen_from_within(weight: Callable[[float, float], float], radius: float, in
     return w
 
 
-def _inside_sphere(sphere: Part) -> Setting:
+def _inside_sphere(sphere: RawMesh) -> Setting:
     radius = 0.5
     inner, points = radius * inscribed_radius(sphere), np.arange(0, len(sphere[0]), len(sphere[0]) // 16)
     vertices, faces = radius * sphere[0], sphere[1][:, ::-1]

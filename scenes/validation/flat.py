@@ -12,7 +12,7 @@ from ao.analytic.form_factor import polygon_form_factor
 from ao.falloff import Binary, Exponential, Falloff, Linear, Smooth
 from raytrace.types import Float64s
 
-from ..geometry.polyhedra import Part, generic_rotation, hull, icosphere, join, patches, polygon
+from ..geometry.polyhedra import RawMesh, generic_rotation, hull, icosphere, join, patches, polygon
 from .configurations import ClosedForm, Setting, posed
 
 UP = np.array([0.0, 0.0, 1.0])
@@ -76,11 +76,11 @@ def _rectangle(
 
 
 def _open() -> list[Setting]:
-    plane: Part = patches(np.random.default_rng(0).normal(size=(8, 3)) * [1.0, 1.0, 0.0], 0.5)
-    cube: Part = hull([(x, y, z) for x in (0, 1) for y in (0, 1) for z in (0, 1)])
-    tetrahedron: Part = hull([(1, 1, 1), (1, -1, -1), (-1, 1, -1), (-1, -1, 1)])
+    plane: RawMesh = patches(np.random.default_rng(0).normal(size=(8, 3)) * [1.0, 1.0, 0.0], 0.5)
+    cube: RawMesh = hull([(x, y, z) for x in (0, 1) for y in (0, 1) for z in (0, 1)])
+    tetrahedron: RawMesh = hull([(1, 1, 1), (1, -1, -1), (-1, 1, -1), (-1, -1, 1)])
     directions = np.random.default_rng(1).normal(size=(40, 3))
-    pebble: Part = hull(directions / np.linalg.norm(directions, axis=1, keepdims=True) * [1.0, 0.7, 0.2])
+    pebble: RawMesh = hull(directions / np.linalg.norm(directions, axis=1, keepdims=True) * [1.0, 0.7, 0.2])
     shapes = {"plane": plane, "cube from outside": cube, "tetrahedron": tetrahedron, "icosphere": icosphere(1)}
     shapes["convex hull"] = pebble
     return [

@@ -13,7 +13,7 @@ import ao
 from ao.analytic import closed_forms as analytic
 from ao.falloff import Falloff
 from raytrace import Mesh
-from scenes.geometry.polyhedra import Part, generic_rotation, hull, icosphere, join
+from scenes.geometry.polyhedra import RawMesh, generic_rotation, hull, icosphere, join
 
 FALLOFFS = [ao.Binary(), ao.Binary(0.8), ao.Exponential(tau=1.5), ao.Exponential(tau=1.5, max_distance=0.8)]
 NAMES = ["binary", "binary limited", "exponential", "exponential limited"]
@@ -24,7 +24,7 @@ falloffs = pytest.mark.parametrize("falloff", FALLOFFS, ids=NAMES)
 meshes = pytest.mark.parametrize("name", ["soup", "torus", "hills"])
 
 
-def spread_over_seeds(part: Part, falloff: Falloff, normals: np.ndarray | None = None, first: int = 0) -> np.ndarray:
+def spread_over_seeds(part: RawMesh, falloff: Falloff, normals: np.ndarray | None = None, first: int = 0) -> np.ndarray:
     """w (seeds, n) of SEEDS bakes."""
     kind = "angle" if normals is None else "file"
     mesh = Mesh(*part, normals)

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from scenes.geometry.polyhedra import Part, generic_rotation, hull, join
+from scenes.geometry.polyhedra import RawMesh, generic_rotation, hull, join
 
 
-def soup_over_floor(seed: int, triangles: int = 14) -> Part:
+def soup_over_floor(seed: int, triangles: int = 14) -> RawMesh:
     """Random triangles above a floor, none touching another's vertices."""
     rng = np.random.default_rng(seed)
     corners = rng.uniform(-1, 1, (triangles, 1, 3)) + rng.normal(scale=0.35, size=(triangles, 3, 3)) + [0, 0, 2]
@@ -18,7 +18,7 @@ def soup_over_floor(seed: int, triangles: int = 14) -> Part:
     return join([(grid, floor), (corners.reshape(-1, 3), np.arange(3 * triangles).reshape(-1, 3))])
 
 
-def torus(major: int = 9, minor: int = 6, tube: float = 0.45) -> Part:
+def torus(major: int = 9, minor: int = 6, tube: float = 0.45) -> RawMesh:
     """A coarse torus of radius 1, smooth enough that no vertex normal lies behind a face."""
     u, v = np.meshgrid(np.arange(major), np.arange(minor), indexing="ij")
     a, b = 2 * np.pi * u.ravel() / major, 2 * np.pi * v.ravel() / minor
@@ -32,7 +32,7 @@ def torus(major: int = 9, minor: int = 6, tube: float = 0.45) -> Part:
     return vertices, np.concatenate([np.stack([p, q, r], axis=-1), np.stack([p, r, s], axis=-1)])
 
 
-def two_boxes() -> Part:
+def two_boxes() -> RawMesh:
     """Two boxes a little apart, the second turned."""
     cube, faces = hull([(x, y, z) for x in (0.0, 1.0) for y in (0.0, 1.0) for z in (0.0, 1.0)])
     c, s = np.cos(0.4), np.sin(0.4)
@@ -40,7 +40,7 @@ def two_boxes() -> Part:
     return join([(cube, faces), (turned, faces)])
 
 
-def hills(side: int = 8) -> Part:
+def hills(side: int = 8) -> RawMesh:
     """A height field with ridges and hollows."""
     steps = np.linspace(-1, 1, side)
     x, y = (axis.ravel() for axis in np.meshgrid(steps, steps, indexing="ij"))
@@ -50,7 +50,7 @@ def hills(side: int = 8) -> Part:
     return np.stack([x, y, z], axis=-1), np.concatenate(faces)
 
 
-def turned(part: Part) -> Part:
+def turned(part: RawMesh) -> RawMesh:
     """`part` off every coordinate axis: a normal at ±0 has either of two frames, by its sign."""
     return generic_rotation(6).apply(part[0]), part[1]
 
@@ -64,7 +64,7 @@ MESHES = {
 }
 
 
-def crumpled(part: Part, share: float, seed: int) -> Part:
+def crumpled(part: RawMesh, share: float, seed: int) -> RawMesh:
     """`part` with noise of `share` of its mean edge in each coordinate, so that it folds over itself."""
     vertices, faces = part
     edges = vertices[faces] - vertices[np.roll(faces, 1, axis=1)]

@@ -4,7 +4,7 @@ import pytest
 from interrupted_bakes import bits, bits_of
 
 from ao.execute.merge import Merge, read_parts
-from ao.execute.parts import Part, PartTraced
+from ao.execute.parts import PartTraced, ShardCheckpoint
 
 DESCRIPTION = {"mesh": "hills", "options": {"seed": 0}}
 
@@ -12,7 +12,7 @@ DESCRIPTION = {"mesh": "hills", "options": {"seed": 0}}
 def trace_part(make, folder, number, of, **options):
     """The part, after `make` has traced it."""
     folder.mkdir(exist_ok=True)
-    with pytest.raises(PartTraced), Part(folder, number, of, DESCRIPTION, pytest.fail) as part:
+    with pytest.raises(PartTraced), ShardCheckpoint(folder, number, of, DESCRIPTION, pytest.fail) as part:
         make(checkpoint=part, **options)
     return part
 

@@ -11,7 +11,7 @@ import numpy as np
 
 from scenes.description.read import read_scene
 from scenes.geometry.menger import menger
-from scenes.geometry.polyhedra import Part, join, part_of
+from scenes.geometry.polyhedra import RawMesh, join, part_of
 from scenes.geometry.temple import temple
 from scenes.library.catalogue import BUILTIN, write_builtin
 
@@ -58,14 +58,14 @@ def built_in(rng: Rng) -> Make:
     middle = vertices[faces].mean(axis=1)
     near = faces[np.argsort(np.linalg.norm(middle - middle[rng.integers(len(middle))], axis=1))]
 
-    def piece(h: float) -> Part:
+    def piece(h: float) -> RawMesh:
         return refined(used((vertices, near[: int(1 / h**2)])), 20 * h)
 
     return piece
 
 
 @cache
-def _scene(name: str) -> Part:
+def _scene(name: str) -> RawMesh:
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "scene.toml"
         write_builtin(name, path)
@@ -80,12 +80,12 @@ def _scene(name: str) -> Part:
 BASES: tuple[Base, ...] = (shape, open_plane, colonnade, sponge, winding, built_in)
 
 
-def dense_base(rng: Rng, given: Part | None = None) -> Callable[[int], Part]:
+def dense_base(rng: Rng, given: RawMesh | None = None) -> Callable[[int], RawMesh]:
     """A base of any number of vertices: `given`, of unit size, or one at hand; displaced smoothly or not at all."""
     make = BASES[rng.integers(len(BASES))](rng) if given is None else lambda h: refined(given, h)
     bend = displacement(rng, rng.choice([0.0, 1.0]) * rng.uniform(0.1, 1.0))
 
-    def dense(size: int) -> Part:
+    def dense(size: int) -> RawMesh:
         vertices, faces = sized(make, size)
         return vertices + bend(vertices), faces
 

@@ -8,26 +8,26 @@ import fast_simplification
 import numpy as np
 
 from raytrace.types import Float64s, Int64s
-from scenes.geometry.polyhedra import Part, join
+from scenes.geometry.polyhedra import RawMesh, join
 
 from .dense import Rng, extent, field, log_uniform, places, used, welded
 
-Damage = Callable[[Part, Rng], Part]
+Damage = Callable[[RawMesh, Rng], RawMesh]
 
 
-def edge_length(part: Part) -> float:
+def edge_length(part: RawMesh) -> float:
     """The mean length of an edge."""
     a, b, c = part[0][part[1]].transpose(1, 0, 2)
     return float(np.mean([np.linalg.norm(side, axis=1).mean() for side in (a - b, b - c, c - a)]))
 
 
-def noisy(part: Part, rng: Rng) -> Part:
+def noisy(part: RawMesh, rng: Rng) -> RawMesh:
     """Every vertex off by 3 to 40 % of an edge."""
     part = welded(part)
     return part[0] + log_uniform(rng, 0.03, 0.4) * edge_length(part) * rng.normal(size=part[0].shape), part[1]
 
 
-def folded(part: Part, rng: Rng) -> Part:
+def folded(part: RawMesh, rng: Rng) -> RawMesh:
     """One vertex in 200 to one in 5 moved by an edge or two, so that faces lie over their neighbours."""
     vertices, faces = welded(part)
     which = rng.random(len(vertices)) < log_uniform(rng, 0.005, 0.2)
@@ -37,7 +37,7 @@ def folded(part: Part, rng: Rng) -> Part:
     return vertices + np.where(which[:, None], shift, 0.0), faces
 
 
-def decimated(part: Part, rng: Rng) -> Part:
+def decimated(part: RawMesh, rng: Rng) -> RawMesh:
     """Noise, then half to a sixth of the faces are left by quadric edge collapse, as fast as it goes."""
     part = noisy(part, rng)
     points, faces = fast_simplification.simplify(
@@ -52,7 +52,7 @@ def decimated(part: Part, rng: Rng) -> Part:
 DECIMATED = 3  # by what `decimated` divides the number of vertices
 
 
-def cut(part: Part, rng: Rng) -> Part:
+def cut(part: RawMesh, rng: Rng) -> RawMesh:
     """Holes, some of them tiny, and now and then everything on one side of a plane gone."""
     vertices, faces = part
     holes, speckled, side = rng.integers(3, 40), rng.choice([0.0, 0.003]), rng.normal(size=3)
@@ -66,7 +66,7 @@ def cut(part: Part, rng: Rng) -> Part:
     return used((vertices, faces[kept])) if kept.any() else part
 
 
-def doubled(part: Part, rng: Rng) -> Part:
+def doubled(part: RawMesh, rng: Rng) -> RawMesh:
     """Faces twice; or all of it twice, in one place, hardly apart, or as a second skin, perhaps turned inside out."""
     vertices, faces = part
     kind = rng.integers(3)
@@ -78,7 +78,7 @@ def doubled(part: Part, rng: Rng) -> Part:
     return join([part, (vertices + shift, faces[:, ::-1] if rng.random() < 0.5 else faces)])
 
 
-def unwelded(part: Part, rng: Rng) -> Part:
+def unwelded(part: RawMesh, rng: Rng) -> RawMesh:
     """Faces with corners of their own, all or some; perhaps a hair apart, perhaps wound at random."""
     vertices, faces = part
     share, apart, wound = rng.choice([0.2, 1.0]), rng.choice([0.0, log_uniform(rng, 1e-6, 3e-2)]), rng.random() < 0.3
@@ -92,7 +92,7 @@ def unwelded(part: Part, rng: Rng) -> Part:
     return used((np.concatenate([vertices, corners]), faces))
 
 
-def flipped(part: Part, rng: Rng) -> Part:
+def flipped(part: RawMesh, rng: Rng) -> RawMesh:
     """Other diagonals: edges between two faces flipped at random, several times over, slivers as they come."""
     vertices, faces = welded(part)
     for _ in range(rng.integers(3, 12)):
@@ -132,7 +132,7 @@ def _area_normal(vertices: Float64s, a: Int64s, b: Int64s, c: Int64s) -> Float64
     return np.cross(vertices[b] - vertices[a], vertices[c] - vertices[a])
 
 
-def vertex_normals(part: Part) -> Float64s:
+def vertex_normals(part: RawMesh) -> Float64s:
     """Unit normals (n, 3) of the vertices, zero where there is none."""
     vertices, faces = part
     normals = np.zeros_like(vertices)
@@ -143,7 +143,7 @@ def vertex_normals(part: Part) -> Float64s:
     return np.divide(normals, length, out=np.zeros_like(normals), where=length > 0)
 
 
-def uneven(part: Part, rng: Rng) -> Part:
+def uneven(part: RawMesh, rng: Rng) -> RawMesh:
     """Collapsed here and there: some regions keep a tenth of their vertices, drawn together to cells of a grid."""
     vertices, faces = welded(part)
     cell = rng.uniform(2.0, 5.0) * edge_length((vertices, faces))
@@ -169,7 +169,7 @@ DAMAGES: dict[str, tuple[Damage, float]] = {  # and how many times as many verti
 }
 
 
-def damaged(damage: Damage, dense: Callable[[int], Part], size: int, surplus: float, rng: Rng) -> Part:
+def damaged(damage: Damage, dense: Callable[[int], RawMesh], size: int, surplus: float, rng: Rng) -> RawMesh:
     """A damaged part that has `size` to 1.6·`size` places of vertices, if any number that it began with gives that.
 
     Args: dense: a part of any number of places. surplus: times `size`, how many it had better begin with.

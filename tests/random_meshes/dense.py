@@ -9,11 +9,11 @@ from scipy.spatial.transform import Rotation
 
 from raytrace.mesh.mesh import Mesh
 from raytrace.types import Float64s
-from scenes.geometry.polyhedra import Part
+from scenes.geometry.polyhedra import RawMesh
 
 Rng = np.random.Generator
 Field = Callable[[Float64s], Float64s]
-Make = Callable[[float], Part]
+Make = Callable[[float], RawMesh]
 SURPLUS = 1.25  # vertices more than asked for that `sized` is content with
 _SAME = 1e-7  # of a part's extent: vertices nearer than this are one
 
@@ -39,25 +39,25 @@ def displacement(rng: Rng, height: float, low: float = 0.3, high: float = 3.0) -
     return lambda points: height / (2 * np.pi * high) * np.stack([f(points) for f in fields], axis=-1)
 
 
-def extent(part: Part) -> float:
+def extent(part: RawMesh) -> float:
     """The longest side of the bounding box."""
     return float(np.ptp(part[0], axis=0).max())
 
 
-def unit(part: Part) -> Part:
+def unit(part: RawMesh) -> RawMesh:
     """Moved to the origin and scaled to a longest side of 1."""
     low, high = part[0].min(axis=0), part[0].max(axis=0)
     return (part[0] - (low + high) / 2) / float((high - low).max()), part[1]
 
 
-def welded(part: Part) -> Part:
+def welded(part: RawMesh) -> RawMesh:
     """One vertex for those at one place; without faces that lose their area by it, or vertices of no face."""
     steps = np.round(part[0] / (_SAME * max(extent(part), 1e-300))).astype(np.int64)
     _, first, group = np.unique(steps, axis=0, return_index=True, return_inverse=True)
     return used((part[0][first], group.reshape(-1)[part[1]]))
 
 
-def used(part: Part) -> Part:
+def used(part: RawMesh) -> RawMesh:
     """Without faces of fewer than three vertices, and without vertices of no face."""
     faces = part[1]
     faces = faces[(faces != np.roll(faces, 1, axis=1)).all(axis=1)]
@@ -65,12 +65,12 @@ def used(part: Part) -> Part:
     return part[0][kept], index.reshape(faces.shape)
 
 
-def places(part: Part) -> int:
+def places(part: RawMesh) -> int:
     """How many different places the vertices of faces are at; a bake has at least as many points."""
     return len(np.unique(part[0][np.unique(part[1])].astype(np.float32), axis=0))
 
 
-def refined(part: Part, length: float) -> Part:
+def refined(part: RawMesh, length: float) -> RawMesh:
     """Every edge longer than `length` halved, until none is; neighbouring faces stay neighbours."""
     vertices, faces = part
     while True:
@@ -102,7 +102,7 @@ def _split(faces: np.ndarray, middle: np.ndarray) -> np.ndarray:
     return np.concatenate(pieces)
 
 
-def sized(make: Make, size: int, most: float = SURPLUS) -> Part:
+def sized(make: Make, size: int, most: float = SURPLUS) -> RawMesh:
     """make(fineness), the same part at any fineness, so fine that it has `size` to `most`·`size` places of vertices.
 
     Where the number jumps past that, the coarsest found that has `size`.
@@ -125,7 +125,7 @@ def sized(make: Make, size: int, most: float = SURPLUS) -> Part:
     return found
 
 
-def placed(part: Part, rng: Rng, source: str) -> Mesh:
+def placed(part: RawMesh, rng: Rng, source: str) -> Mesh:
     """Somewhere in space, of some size, turned somehow, or one time in four along the axes."""
     turn = Rotation.from_quat(rng.normal(size=4)) if rng.random() < 0.75 else Rotation.identity()
     scale, away = log_uniform(rng, 1e-2, 1e2), rng.normal(size=3)

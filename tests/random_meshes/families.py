@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterable
 from pathlib import Path
 
 from raytrace import Mesh, MeshError
-from scenes.geometry.polyhedra import Part, part_of
+from scenes.geometry.polyhedra import RawMesh, part_of
 
 from .bases import dense_base
 from .damage import DAMAGES, Damage, damaged
@@ -22,15 +22,15 @@ Family = Callable[[Rng, int], Mesh]
 """A random generator and a number to a mesh with vertices at that many places, seldom more than twice as many."""
 
 
-def _damaged(name: str, damage: Damage, surplus: float, given: Part | None = None) -> Family:
+def _damaged(name: str, damage: Damage, surplus: float, given: RawMesh | None = None) -> Family:
     return lambda rng, size: placed(damaged(damage, dense_base(rng, given), size, surplus, rng), rng, name)
 
 
-def _given(name: str, part: Part) -> Family:
+def _given(name: str, part: RawMesh) -> Family:
     return lambda rng, size: placed(sized(lambda h: refined(part, h), size), rng, name)
 
 
-def _unit(mesh: Mesh) -> Part:
+def _unit(mesh: Mesh) -> RawMesh:
     part = used(part_of(mesh))
     if not len(part[1]) or extent(part) == 0:
         raise MeshError(mesh.source, "faces", "some that are not points", "none")

@@ -8,7 +8,7 @@ import numpy as np
 
 from raytrace.mesh.mesh import Mesh
 from raytrace.types import Float64s
-from scenes.geometry.polyhedra import Part, join
+from scenes.geometry.polyhedra import RawMesh, join
 
 from .dense import Make, Rng, displacement, field, log_uniform, placed, sized
 from .pieces import ball, box, capsule, cells, cylinder, knot, moved, random_turn, ring, sheet, solid
@@ -23,7 +23,7 @@ def slab_with_posts(rng: Rng, size: int) -> Mesh:
     feet = np.column_stack([rng.uniform(-3.7, 3.7, (7, 2)), np.ones(7)])
     hard = bool(rng.random() < 0.5)
 
-    def make(h: float) -> Part:
+    def make(h: float) -> RawMesh:
         slab = moved(box((8.0, 8.0, thick), h, hard), np.array([0, 0, -thick / 2]))
         post = box((0.2, 0.2, 2.0), h, hard)
         return join([slab, *(moved(post, foot, turn) for foot, turn in zip(feet, turns, strict=True))])
@@ -68,7 +68,7 @@ def _post(rng: Rng, height: Height) -> Make:
     if rng.random() < 0.25:
         lean[:2, 2] = rng.uniform(-0.4, 0.4, 2)
 
-    def make(h: float) -> Part:
+    def make(h: float) -> RawMesh:
         vertices, faces = cylinder(a / 2, c, h, hard) if is_round else box((a, b, c), h, hard)
         return moved((vertices @ lean.T, faces), foot, turn)
 
@@ -88,7 +88,7 @@ def _pipe(rng: Rng, height: Height) -> Make:
     shift = np.array([*xy, float(height(xy[None])[0]) + radius + _clearance(rng, 1.8 * radius)])
     winding = knot(rng, radius / length)
 
-    def make(h: float) -> Part:
+    def make(h: float) -> RawMesh:
         if kind == 0:
             return moved(ring(max(length / 2, 1.2 * radius), radius, h), shift, turn)
         if kind == 1:
@@ -109,10 +109,10 @@ def eyes(rng: Rng, size: int) -> Mesh:
     sockets, lids = rng.random(len(looks)) < 0.5, rng.random(len(looks)) < 0.3
     gaps = [0.0 if rng.random() < 0.4 else log_uniform(rng, 1e-5, 2e-2) for _ in looks]
 
-    def make(h: float) -> Part:
+    def make(h: float) -> RawMesh:
         skin, faces = ball(1.0, h)
         skin = skin + bumps(skin)
-        parts: list[Part] = []
+        parts: list[RawMesh] = []
         for look, radius, deep, socket, lid, gap in zip(looks, radii, depth, sockets, lids, gaps, strict=True):
             point = look + bumps(look[None])[0]
             centre = point - deep * look
@@ -165,7 +165,7 @@ def character(rng: Rng, size: int) -> Mesh:
     even = rng.random() < 0.5
     relative = np.ones(len(makes)) if even else np.exp(rng.uniform(-1, 1, len(makes)))
 
-    def make(h: float) -> Part:
+    def make(h: float) -> RawMesh:
         return join([moved(make(h * f), c) for make, c, f in zip(makes, centres, relative, strict=True)])
 
     return placed(sized(make, size), rng, "character")

@@ -7,7 +7,7 @@ from scipy.spatial import Delaunay
 
 from raytrace.mesh.mesh import Mesh
 from raytrace.types import Float64s
-from scenes.geometry.polyhedra import Part, join
+from scenes.geometry.polyhedra import RawMesh, join
 
 from .dense import Make, Rng, displacement, field, log_uniform, placed, sized
 from .pieces import ball, box, cells, moved, plane, random_turn, sheet, solid
@@ -22,7 +22,7 @@ def thin_sheets(rng: Rng, size: int) -> Mesh:
     holes = rng.uniform(-0.5, 0.5, (count, 4, 2)), rng.uniform(0.0, 0.2, (count, 4))
     turns = rng.uniform(1.5, 4.0)
 
-    def layer(k: int, h: float) -> Part:
+    def layer(k: int, h: float) -> RawMesh:
         def surface(s: Float64s, t: Float64s) -> Float64s:
             x, y = widths[k, 0] * (s - 0.5), widths[k, 1] * (t - 0.5)
             z = bend * waves(np.stack([x, y, 0 * x], -1).reshape(-1, 3)).reshape(x.shape)
@@ -38,7 +38,7 @@ def thin_sheets(rng: Rng, size: int) -> Mesh:
         faces = faces[kept] if kept.any() else faces
         return vertices, faces[:, ::-1] if sides[k] else faces
 
-    def roll(h: float) -> Part:
+    def roll(h: float) -> RawMesh:
         def surface(s: Float64s, t: Float64s) -> Float64s:
             angle = 2 * np.pi * turns * s
             out = 0.05 + 0.02 * angle
@@ -60,7 +60,7 @@ def nested_shells(rng: Rng, size: int) -> Mesh:
     holes = [rng.normal(size=(int(rng.integers(0, 12)), 3)) for _ in range(count)]
     width = [np.exp(rng.uniform(np.log(0.02), np.log(0.5), len(h))) for h in holes]
 
-    def make(h: float) -> Part:
+    def make(h: float) -> RawMesh:
         skin, triangles = ball(1.0, h)
         parts = []
         for radius, turned, directions, wide in zip(radii, inward, holes, width, strict=True):
@@ -84,7 +84,7 @@ def terraces(rng: Rng, size: int) -> Mesh:
         shifts = rng.uniform(-0.5, 0.5, (steps, 2)) * 0.02
         hard = bool(rng.random() < 0.5)
 
-        def stairs(h: float) -> Part:
+        def stairs(h: float) -> RawMesh:
             parts, level = [], 0.0
             for (a, b), height, shift in zip(corners, heights, shifts, strict=True):
                 parts.append(moved(box((a, b, height), h, hard), np.array([*shift, level + height / 2])))
@@ -115,7 +115,7 @@ def scale_jumps(rng: Rng, size: int) -> Mesh:
         make, xy = solid(rng, 1.0), rng.normal(size=2) * 0.05
         lift = rng.choice([0.5, 0.3, 0.0, 0.5 + log_uniform(rng, 1e-4, 0.1)])
 
-        def bumpy(h: float, make=make, bumps=bumps) -> Part:
+        def bumpy(h: float, make=make, bumps=bumps) -> RawMesh:
             vertices, faces = make(h)
             return vertices + bumps(vertices), faces
 
@@ -127,7 +127,7 @@ def scale_jumps(rng: Rng, size: int) -> Mesh:
         x, y = (np.sign(2 * u - 1) * np.abs(2 * u - 1) ** power / 2 for u in (s, t))
         return np.stack([x, y, np.zeros_like(x)], -1)
 
-    def make_all(h: float) -> Part:
+    def make_all(h: float) -> RawMesh:
         parts = [sheet(graded, cells(1.0, h), cells(1.0, h))]
         parts += [moved(make(2 * h), shift, None, length) for make, shift, length in things]
         if walls:
@@ -167,7 +167,7 @@ def crossing_planes(rng: Rng, size: int) -> Mesh:
     """Dense rectangles through one another at any angle."""
     planes = [(random_turn(rng), rng.normal(size=3) * 0.2, rng.uniform(0.3, 1.0, 2)) for _ in range(rng.integers(3, 9))]
 
-    def make(h: float) -> Part:
+    def make(h: float) -> RawMesh:
         return join([moved(plane(a, b, h), shift, turn) for turn, shift, (a, b) in planes])
 
     return placed(sized(make, size), rng, "crossing planes")

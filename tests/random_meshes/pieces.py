@@ -8,7 +8,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from raytrace.types import Float64s
-from scenes.geometry.polyhedra import Part, part_of
+from scenes.geometry.polyhedra import RawMesh, part_of
 from scenes.geometry.primitives import box as hard_box
 from scenes.geometry.primitives import cylinder as hard_cylinder
 
@@ -17,7 +17,7 @@ from .dense import Make, Rng, welded
 Surface = Callable[[Float64s, Float64s], Float64s]
 
 
-def sheet(surface: Surface, rows: int, columns: int) -> Part:
+def sheet(surface: Surface, rows: int, columns: int) -> RawMesh:
     """Points (…, 3) of s and t (…) in [0, 1] on a lattice of `rows` × `columns` cells, facing ∂s × ∂t, seams closed."""
     s, t = np.meshgrid(np.linspace(0, 1, rows + 1), np.linspace(0, 1, columns + 1), indexing="ij")
     index = np.arange(s.size).reshape(s.shape)
@@ -31,7 +31,7 @@ def cells(length: float, fineness: float, least: int = 1) -> int:
     return max(int(np.ceil(length / fineness)), least)
 
 
-def plane(width: float, depth: float, fineness: float) -> Part:
+def plane(width: float, depth: float, fineness: float) -> RawMesh:
     """A rectangle in z = 0 about the origin, facing +z."""
     return sheet(
         lambda s, t: np.stack([width * (s - 0.5), depth * (t - 0.5), np.zeros_like(s)], -1),
@@ -40,26 +40,26 @@ def plane(width: float, depth: float, fineness: float) -> Part:
     )
 
 
-def box(size: tuple[float, float, float], fineness: float, hard: bool = True) -> Part:
+def box(size: tuple[float, float, float], fineness: float, hard: bool = True) -> RawMesh:
     """A box about the origin; its sides have vertices of their own if `hard`."""
     part = part_of(hard_box((0, 0, 0), size, fineness).mesh)
     return part if hard else welded(part)
 
 
-def ball(radius: float, fineness: float) -> Part:
+def ball(radius: float, fineness: float) -> RawMesh:
     """A sphere about the origin: a cube blown up, so that it has no poles."""
     vertices, faces = box((2.0, 2.0, 2.0), 2 * fineness / (1.6 * radius) if fineness < radius else 1.0, hard=False)
     vertices = np.tan(vertices * np.pi / 4)
     return radius * vertices / np.linalg.norm(vertices, axis=1, keepdims=True), faces
 
 
-def cylinder(radius: float, height: float, fineness: float, hard: bool = True) -> Part:
+def cylinder(radius: float, height: float, fineness: float, hard: bool = True) -> RawMesh:
     """A closed cylinder about the origin along z."""
     part = part_of(hard_cylinder(radius, height, fineness).mesh)
     return part if hard else welded(part)
 
 
-def ring(radius: float, thickness: float, fineness: float) -> Part:
+def ring(radius: float, thickness: float, fineness: float) -> RawMesh:
     """A torus about z; `thickness` is the radius of its tube."""
 
     def surface(s: Float64s, t: Float64s) -> Float64s:
@@ -70,7 +70,7 @@ def ring(radius: float, thickness: float, fineness: float) -> Part:
     return sheet(surface, cells(2 * np.pi * radius, fineness, 8), cells(2 * np.pi * thickness, fineness, 6))
 
 
-def capsule(radius: float, length: float, fineness: float) -> Part:
+def capsule(radius: float, length: float, fineness: float) -> RawMesh:
     """A cylinder along z with half spheres at ±length/2."""
     quarter = np.pi / 2 * radius
     total = 2 * quarter + length
@@ -108,7 +108,7 @@ def knot(rng: Rng, radius: float) -> Make:
     return lambda fineness: sheet(surface, cells(length, fineness, 12), cells(2 * np.pi * radius, fineness, 6))
 
 
-def moved(part: Part, shift: Float64s, turn: Rotation | None = None, stretch: Float64s | float = 1.0) -> Part:
+def moved(part: RawMesh, shift: Float64s, turn: Rotation | None = None, stretch: Float64s | float = 1.0) -> RawMesh:
     """Stretched along the axes, then turned, then shifted."""
     vertices = part[0] * stretch
     return (vertices if turn is None else turn.apply(vertices)) + shift, part[1]

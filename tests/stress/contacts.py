@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ao import Binary, bake
-from scenes.geometry.polyhedra import Part, hull, join
+from scenes.geometry.polyhedra import RawMesh, hull, join
 
 from .line import ERROR, Line, undefined
 from .pose import Pose
@@ -22,7 +22,7 @@ class Contact:
     """A mesh with the binary w expected at some of its vertices."""
 
     name: str
-    part: Part
+    part: RawMesh
     points: list[int]
     expected: list[float]
 
@@ -51,7 +51,7 @@ def _contacts() -> Iterator[Contact]:
 
     corners = box[0][box[1]]
     normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    loose: Part = corners.reshape(-1, 3), np.arange(36).reshape(-1, 3)
+    loose: RawMesh = corners.reshape(-1, 3), np.arange(36).reshape(-1, 3)
     low = np.flatnonzero(loose[0][:, 2] == 0)
     bottom = np.repeat(normal[:, 2] < 0, 3)[low]
     expected = np.where(bottom, 0.0, 0.5).tolist()
@@ -60,28 +60,28 @@ def _contacts() -> Iterator[Contact]:
     under = [8 + _at(fine, *place) for place in ((0, 0), (1, 0), (1, 1))]
     yield Contact("floor under the middle, an edge and a corner of a box", join([box, fine]), under, [0.0, 0.5, 0.75])
 
-    wall: Part = (
+    wall: RawMesh = (
         np.array([[0, -1, 0], [0, 1, 0], [0, 1, 2], [0, -1, 2], [0, 0, 0.0]]),
         np.array([[0, 4, 3], [4, 2, 3], [4, 1, 2]]),
     )
     yield Contact("wall on a floor, its foot", join([wall, floor]), [4], [0.5])
-    tall: Part = wall[0] * [1, 1e3, 1e3], wall[1]
+    tall: RawMesh = wall[0] * [1, 1e3, 1e3], wall[1]
     yield Contact("floor, at the foot of a wall", join([tall, fine]), [5 + _at(fine, 0, 0)], [0.5])
 
     sheet = grid(2)
     yield Contact("sheet with two sides", join([sheet, inward(sheet)]), list(range(18)), [1.0] * 18)
 
     plate, middle = grid(4), 12
-    lifted: Part = plate[0] + [0, 0, GAP], plate[1]
+    lifted: RawMesh = plate[0] + [0, 0, GAP], plate[1]
     facing = join([plate, inward(lifted)])
     yield Contact("plates 10⁻⁶ apart, face to face", facing, [middle, 25 + middle], [0.0, 0.0])
     yield Contact("plates 10⁻⁶ apart, back to back", join([inward(plate), lifted]), [middle, 25 + middle], [1.0, 1.0])
 
-    other: Part = box[0] * 0.999 + [0.7, 0.6, 0.5], box[1]
+    other: RawMesh = box[0] * 0.999 + [0.7, 0.6, 0.5], box[1]
     crossing = join([box, other])
     hidden = [8 + k for k in range(8) if (np.abs(other[0][k] - [0, 0, 1]) < 1).all()]
     yield Contact("boxes that cross, a corner inside the other", crossing, hidden, [0.0] * len(hidden))
 
 
-def _at(part: Part, x: float, y: float) -> int:
+def _at(part: RawMesh, x: float, y: float) -> int:
     return int(np.argmin(np.abs(part[0] - [x, y, 0]).sum(axis=1)))

@@ -8,7 +8,7 @@ import numpy as np
 
 from ao import Bake, Exponential, bake
 from raytrace.mesh.mesh import Mesh
-from scenes.geometry.polyhedra import Part, join, polygon
+from scenes.geometry.polyhedra import RawMesh, join, polygon
 
 from .line import Line, undefined
 from .pose import Pose
@@ -45,53 +45,53 @@ def _difference(plain: Bake, other: Bake, order: np.ndarray) -> float:
     return float(squared.mean() / expected.mean())
 
 
-Change = Callable[[Part, np.random.Generator], tuple[np.ndarray, Part]]
+Change = Callable[[RawMesh, np.random.Generator], tuple[np.ndarray, RawMesh]]
 
 
-def _vertices(part: Part, rng: np.random.Generator) -> tuple[np.ndarray, Part]:
+def _vertices(part: RawMesh, rng: np.random.Generator) -> tuple[np.ndarray, RawMesh]:
     place = rng.permutation(len(part[0]))
     vertices = np.empty_like(part[0])
     vertices[place] = part[0]
     return place, (vertices, place[part[1]])
 
 
-def _faces(part: Part, rng: np.random.Generator) -> tuple[np.ndarray, Part]:
+def _faces(part: RawMesh, rng: np.random.Generator) -> tuple[np.ndarray, RawMesh]:
     return _same(part), (part[0], np.roll(rng.permutation(part[1]), 1, axis=1))
 
 
-def _doubled(part: Part, rng: np.random.Generator) -> tuple[np.ndarray, Part]:
+def _doubled(part: RawMesh, rng: np.random.Generator) -> tuple[np.ndarray, RawMesh]:
     return _same(part), (part[0], np.concatenate([part[1], part[1]]))
 
 
-def _shells(part: Part, rng: np.random.Generator) -> tuple[np.ndarray, Part]:
+def _shells(part: RawMesh, rng: np.random.Generator) -> tuple[np.ndarray, RawMesh]:
     """The whole mesh twice at the same place, vertices and all."""
     return _same(part), join([part, part])
 
 
-def _loose(part: Part, rng: np.random.Generator) -> tuple[np.ndarray, Part]:
+def _loose(part: RawMesh, rng: np.random.Generator) -> tuple[np.ndarray, RawMesh]:
     """Every face with corners of its own."""
     first = np.zeros(len(part[0]), np.int64)
     first[part[1].ravel()] = np.arange(3 * len(part[1]))
     return first, (part[0][part[1]].reshape(-1, 3), np.arange(3 * len(part[1])).reshape(-1, 3))
 
 
-def _no_area(part: Part, rng: np.random.Generator) -> tuple[np.ndarray, Part]:
+def _no_area(part: RawMesh, rng: np.random.Generator) -> tuple[np.ndarray, RawMesh]:
     """Points and lines for faces, a third as many as there are."""
     some = part[1][rng.random(len(part[1])) < 1 / 3]
     return _same(part), (part[0], np.concatenate([part[1], some[:, [0, 0, 1]], some[:, [2, 2, 2]]]))
 
 
-def _far(part: Part, rng: np.random.Generator) -> tuple[np.ndarray, Part]:
+def _far(part: RawMesh, rng: np.random.Generator) -> tuple[np.ndarray, RawMesh]:
     """A small triangle a thousand sizes away."""
     return _same(part), join([part, polygon(1000 * rng.normal(size=3) + rng.normal(size=(3, 3)))])
 
 
-def _unused(part: Part, rng: np.random.Generator) -> tuple[np.ndarray, Part]:
+def _unused(part: RawMesh, rng: np.random.Generator) -> tuple[np.ndarray, RawMesh]:
     """Vertices of no face, all over the place."""
     return _same(part), (np.concatenate([part[0], 10 * rng.normal(size=(500, 3))]), part[1])
 
 
-def _cut(part: Part, rng: np.random.Generator) -> tuple[np.ndarray, Part]:
+def _cut(part: RawMesh, rng: np.random.Generator) -> tuple[np.ndarray, RawMesh]:
     """Faces cut at an edge's middle on one side only: T-junctions."""
     which = rng.choice(len(part[1]), 60, replace=False)
     a, b, c = part[1][which].T
@@ -102,7 +102,7 @@ def _cut(part: Part, rng: np.random.Generator) -> tuple[np.ndarray, Part]:
     return _same(part), (vertices, cut)
 
 
-def _same(part: Part) -> np.ndarray:
+def _same(part: RawMesh) -> np.ndarray:
     return np.arange(len(part[0]))
 
 

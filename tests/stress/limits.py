@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from raytrace.mesh.precision import precision_warnings
-from scenes.geometry.polyhedra import Part, icosphere, join
+from scenes.geometry.polyhedra import RawMesh, icosphere, join
 from scenes.validation.table import configurations
 
 from .line import Line
@@ -15,7 +15,7 @@ from .solids import closed, convex, grid, stretched
 
 def limits(long: bool) -> Iterator[Line]:
     """A line for each mesh that is too fine for float32: 0 where a warning says so; and one for false alarms."""
-    small: Part = 1e-7 * icosphere(3)[0] + [0.4, 0.3, 1e-7], icosphere(3)[1]
+    small: RawMesh = 1e-7 * icosphere(3)[0] + [0.4, 0.3, 1e-7], icosphere(3)[1]
     for name, part, pose in (
         ("icosphere stored 10⁵ sizes away", icosphere(4), Pose(1.0, 1e5, 1, True)),
         ("ellipsoid 1000:1:1 stored 1,000 sizes away", convex()["ellipsoid 1000:1:1"], Pose(1.0, 1e3, 1, True)),

@@ -10,7 +10,7 @@ from raytrace import Camera, Frame, Lambert, Object, Scene, Settings, Shape, ren
 from raytrace.lights.sources import BaseLight, DirectionalLight, PointLight
 from raytrace.system.parameters import Sides
 from raytrace.types import Float64s
-from scenes.geometry.polyhedra import Part, icosphere, join
+from scenes.geometry.polyhedra import RawMesh, icosphere, join
 
 from .line import LEAKS, MILLION, SELF_HITS, Line, undefined
 from .pose import Pose
@@ -25,7 +25,7 @@ def pictures(long: bool) -> Iterator[Line]:
     """A line for each kind of light, over the poses."""
     size = 1024 if long else 256
 
-    def take(pose: Pose, part: Part, light: BaseLight, eye: Float64s, two_sided: Sides = False) -> Frame:
+    def take(pose: Pose, part: RawMesh, light: BaseLight, eye: Float64s, two_sided: Sides = False) -> Frame:
         """A picture of a part of about unit size from `eye`, in the part's own frame."""
         scene = Scene((Object(Shape(pose.mesh(part), Lambert(albedo=GREY, two_sided=two_sided))),), (light,))
         where = _place(pose, part, eye)
@@ -101,12 +101,12 @@ def pictures(long: bool) -> Iterator[Line]:
     )
 
 
-def _place(pose: Pose, part: Part, point: Float64s) -> tuple[float, float, float]:
+def _place(pose: Pose, part: RawMesh, point: Float64s) -> tuple[float, float, float]:
     """Where a point of a part's own frame lies."""
     return pose.vertices(part[0], point[None])[0].tolist()
 
 
-def _lamp(pose: Pose, part: Part, place: Float64s) -> PointLight:
+def _lamp(pose: Pose, part: RawMesh, place: Float64s) -> PointLight:
     return PointLight(position=_place(pose, part, place), intensity=(10.0 * pose.scale**2,) * 3)
 
 

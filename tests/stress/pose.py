@@ -10,7 +10,7 @@ import numpy as np
 from ao.falloff import Exponential, Falloff, Tabulated
 from raytrace.mesh.mesh import Mesh
 from raytrace.types import Float64s
-from scenes.geometry.polyhedra import Part, generic_rotation
+from scenes.geometry.polyhedra import RawMesh, generic_rotation
 from scenes.validation.configurations import Configuration
 
 _AWAY = np.array([0.6, -0.48, 0.64])
@@ -54,7 +54,7 @@ class Pose:
         """Directions (n, 3), turned."""
         return np.array(directions) if self.turn is None else generic_rotation(self.turn).apply(np.array(directions))
 
-    def mesh(self, part: Part, source: str = "mesh") -> Mesh:
+    def mesh(self, part: RawMesh, source: str = "mesh") -> Mesh:
         """A part as a mesh."""
         return Mesh(self.vertices(part[0]), part[1], source=source)
 

@@ -12,7 +12,7 @@ from raytrace.embree.scene import TriangleScene
 from raytrace.mesh.placement import Placement
 from raytrace.mesh.precision import coarseness
 from raytrace.types import Float64s
-from scenes.geometry.polyhedra import Part
+from scenes.geometry.polyhedra import RawMesh
 
 from .line import LEAKS, MILLION, SELF_HITS, Line, undefined
 from .pose import Pose, poses
@@ -39,7 +39,7 @@ def leaks(long: bool) -> Iterator[Line]:
         yield _random_rays(name, closed()[name], count)
 
 
-def _share(name: str, part: Part, truth: float, quantity: str, allowed: float, where: list[Pose]) -> Line:
+def _share(name: str, part: RawMesh, truth: float, quantity: str, allowed: float, where: list[Pose]) -> Line:
     """Rays that make w differ from `truth`, a million, over the poses; stored as float32 where that can hold it."""
     wrong = rays = missing = used = 0
     for pose in where:
@@ -54,7 +54,7 @@ def _share(name: str, part: Part, truth: float, quantity: str, allowed: float, w
     return Line(name, f"{used} poses, {rays / MILLION:.0f} M rays", quantity, wrong / rays * MILLION, allowed, missing)
 
 
-def _random_rays(name: str, part: Part, count: int) -> Line:
+def _random_rays(name: str, part: RawMesh, count: int) -> Line:
     """Random rays from random places inside, two turned poses of them."""
     escaped = 0
     for turn in (1, 2):

@@ -6,11 +6,11 @@ import numpy as np
 
 from raytrace.types import Float64s
 from scenes.geometry.menger import menger
-from scenes.geometry.polyhedra import Part, hull, icosphere, join, part_of, prism
+from scenes.geometry.polyhedra import RawMesh, hull, icosphere, join, part_of, prism
 from scenes.geometry.primitives import box
 
 
-def grid(cells: int, size: float = 1.0) -> Part:
+def grid(cells: int, size: float = 1.0) -> RawMesh:
     """A square in z = 0 facing +z, centred."""
     steps = np.linspace(-size / 2, size / 2, cells + 1)
     x, y = (axis.ravel() for axis in np.meshgrid(steps, steps, indexing="ij"))
@@ -20,18 +20,18 @@ def grid(cells: int, size: float = 1.0) -> Part:
     return np.stack([x, y, np.zeros_like(x)], axis=-1), faces
 
 
-def cube(cells: int) -> Part:
+def cube(cells: int) -> RawMesh:
     """The unit cube, each side with vertices of its own: hard edges."""
     return part_of(box((0, 0, 0), (1, 1, 1), 1 / cells).mesh)
 
 
-def ellipsoid(points: int, axes: tuple[float, float, float]) -> Part:
+def ellipsoid(points: int, axes: tuple[float, float, float]) -> RawMesh:
     """Convex hull of random points on an ellipsoid: flat triangles where it is flat."""
     directions = np.random.default_rng(0).normal(size=(points, 3))
     return hull(directions / np.linalg.norm(directions, axis=1, keepdims=True) * axes)
 
 
-def torus(major: int = 60, minor: int = 30, thickness: float = 0.45) -> Part:
+def torus(major: int = 60, minor: int = 30, thickness: float = 0.45) -> RawMesh:
     """A torus of radius 1 about z."""
     u, v = (axis.ravel() for axis in np.meshgrid(np.arange(major), np.arange(minor), indexing="ij"))
     a, b = 2 * np.pi * u / major, 2 * np.pi * v / minor
@@ -42,7 +42,7 @@ def torus(major: int = 60, minor: int = 30, thickness: float = 0.45) -> Part:
     return vertices, np.concatenate([np.stack([here, beside, across], -1), np.stack([here, across, above], -1)])
 
 
-def junctions(cells: int = 12) -> Part:
+def junctions(cells: int = 12) -> RawMesh:
     """A closed cube whose sides are cut unlike, so that the vertices of one lie on the edges of the next."""
     sides = []
     for side, turn in enumerate(_SIDES):
@@ -51,12 +51,12 @@ def junctions(cells: int = 12) -> Part:
     return join(sides)
 
 
-def stretched(part: Part, axes: tuple[float, float, float]) -> Part:
+def stretched(part: RawMesh, axes: tuple[float, float, float]) -> RawMesh:
     """A part scaled along x, y and z."""
     return part[0] * axes, part[1]
 
 
-def cone(sides: int) -> Part:
+def cone(sides: int) -> RawMesh:
     """The wall of a cone about +z: triangles that all meet at the apex, the first vertex."""
     angle = 2 * np.pi * np.arange(sides) / sides
     rim = np.stack([np.cos(angle), np.sin(angle), np.zeros(sides)], axis=-1)
@@ -65,7 +65,7 @@ def cone(sides: int) -> Part:
     return np.concatenate([[[0.0, 0.0, 2.0]], rim]), faces
 
 
-def inward(part: Part) -> Part:
+def inward(part: RawMesh) -> RawMesh:
     """A part with its faces turned round."""
     return part[0], part[1][:, ::-1]
 
@@ -84,7 +84,7 @@ TORN = {"cube with T-junctions"}  # by the rounding to float32 far from the orig
 FLAT = TORN | {"plane", "cube, hard edges", "coarse cube, hard edges"}  # sides that this rounding makes truly bumpy
 
 
-def convex() -> dict[str, Part]:
+def convex() -> dict[str, RawMesh]:
     """Convex parts and open planes, by name."""
     return {
         "icosphere": icosphere(5),
@@ -100,7 +100,7 @@ def convex() -> dict[str, Part]:
     }
 
 
-def closed() -> dict[str, Part]:
+def closed() -> dict[str, RawMesh]:
     """Closed parts that face outward, by name."""
     return {
         "icosphere": icosphere(4),

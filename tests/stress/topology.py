@@ -11,7 +11,7 @@ from ao import Bake, Binary, bake
 from ao.points.receivers import Normals
 from raytrace.mesh.mesh import Mesh
 from raytrace.types import Float64s
-from scenes.geometry.polyhedra import Part, hull, icosphere, join, patches
+from scenes.geometry.polyhedra import RawMesh, hull, icosphere, join, patches
 
 from .line import ERROR, Line, undefined
 from .pose import Pose
@@ -51,14 +51,14 @@ def topology(long: bool) -> Iterator[Line]:
 _FOOT = 0.5 * (1 - 3**-0.5)
 
 
-def _bake(pose: Pose, part: Part, normals: Float64s | None) -> Bake:
+def _bake(pose: Pose, part: RawMesh, normals: Float64s | None) -> Bake:
     own = None if normals is None else pose.directions(normals)
     mesh = Mesh(pose.vertices(part[0]), part[1], own)
     kind: Normals = "angle" if own is None else "file"
     return bake(mesh, Binary(), 4096 if own is None else 256, normals=kind, denoise=False)
 
 
-def _book() -> tuple[Part, list[int]]:
+def _book() -> tuple[RawMesh, list[int]]:
     """Pages around one edge, and the vertex of a patch that lies on each, a little off the edge."""
     pages, readers = [], []
     for k in range(PAGES):
@@ -72,7 +72,7 @@ def _book() -> tuple[Part, list[int]]:
     return join(pages), readers
 
 
-def _mixed(poses: list[Pose], part: Part) -> Line:
+def _mixed(poses: list[Pose], part: RawMesh) -> Line:
     """Faces wound at random without normals have no outside: whatever w is, it is one."""
     outside = missing = 0
     for pose in poses:

@@ -10,7 +10,7 @@ import numpy as np
 
 from raytrace.types import Int64s
 
-from ...geometry.instances import Part
+from ...geometry.instances import Submesh
 from ..gltf.container import Gltf, Primitive, primitives
 from ..load import MeshFile
 from .occlusion import texture_images
@@ -59,7 +59,7 @@ def pieces(mesh_file: MeshFile, number: int = 0) -> Iterator[Piece]:
         yield Piece(group.faces, named, Named(owner, group.name), owner, material.texture if material else None)
 
 
-def _of_gltf(asset: Gltf, drawn: Primitive, part: Part, number: int) -> Piece:
+def _of_gltf(asset: Gltf, drawn: Primitive, part: Submesh, number: int) -> Piece:
     header = asset.header
     primitive = header["meshes"][drawn.mesh]["primitives"][drawn.place]
     index, materials = primitive.get("material"), header.get("materials", [])

@@ -11,7 +11,7 @@ import numpy as np
 from raytrace.mesh.up import up_axis
 from raytrace.types import AnyFloats
 
-from ...geometry.instances import Part
+from ...geometry.instances import Submesh
 from ..channels import Channels
 from ..gltf.compression import keep_plain_data
 from ..gltf.container import Gltf, encode_glb, primitives, referenced
@@ -51,7 +51,7 @@ def glb(mesh_file: MeshFile, w: AnyFloats, channels: Channels) -> bytes:
     return encode_glb(packed.header, bytes(packed.binary))
 
 
-def stored(asset: Gltf, parts: tuple[Part, ...]) -> tuple[Packed, list[Drawn]]:
+def stored(asset: Gltf, parts: tuple[Submesh, ...]) -> tuple[Packed, list[Drawn]]:
     """The document of a glTF source, and its drawn primitives, an own one for each instance."""
     check_materials(asset.header, asset.path)
     packed = _one_buffer(asset)

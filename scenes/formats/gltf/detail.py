@@ -13,7 +13,7 @@ from raytrace.types import Float64s
 
 from ...geometry.detail import Detail, PerCorner
 from ...geometry.instances import Instance
-from ...geometry.polygons import Triangles
+from ...geometry.polygons import Triangulation
 from ..glb.occlusion import ramp_sets
 from .accessors import normalized, values
 from .container import Gltf, primitives
@@ -54,7 +54,7 @@ def gltf_detail(asset: Gltf, instances: Sequence[Instance], faces: np.ndarray) -
     if colors is not None:
         colors = np.concatenate([encode_srgb(colors[:, :3]).astype(np.float64), colors[:, 3:]], axis=1)
         colors = colors[:, :3] if (colors[:, 3] == 1).all() else colors
-    whole = Triangles(np.ones(len(faces), np.int64), 0, None)
+    whole = Triangulation(np.ones(len(faces), np.int64), 0, None)
     coordinates = None if uv is None else PerCorner(uv, corners)
     return Detail(corners, sizes, whole, coordinates, None, colors), tuple(unread)
 

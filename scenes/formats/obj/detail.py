@@ -13,7 +13,7 @@ from raytrace.errors import printable
 from raytrace.mesh.opacity import AlphaSurface, Opacity
 
 from ...geometry.detail import Detail, Paint, PerCorner
-from ...geometry.polygons import Triangles
+from ...geometry.polygons import Triangulation
 from .mtl import OPAQUE, OPTION, named_pictures, read_mtl
 from .text import ObjText, joined_lines
 
@@ -25,7 +25,7 @@ _OTHER = "l", "p", "curv", "curv2", "surf"
 
 
 def obj_detail(
-    file: ObjText, folder: Path, triangles: Triangles, normals: PerCorner | None, one_each: bool
+    file: ObjText, folder: Path, triangles: Triangulation, normals: PerCorner | None, one_each: bool
 ) -> tuple[Detail, tuple[str, ...]]:
     """All of an OBJ file that can be kept, and the rest in words.
 
@@ -128,7 +128,7 @@ def _beside(folder: Path, name: str) -> Path | None:
         return None
 
 
-def obj_opacity(file: ObjText, folder: Path, triangles: Triangles) -> tuple[Opacity | None, tuple[str, ...]]:
+def obj_opacity(file: ObjText, folder: Path, triangles: Triangulation) -> tuple[Opacity | None, tuple[str, ...]]:
     """Alpha of the faces, None where all are opaque; and warnings of images that are missing.
 
     Args: folder: where the file is. triangles: of its polygons.

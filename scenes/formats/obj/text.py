@@ -31,7 +31,7 @@ class Run(NamedTuple):
     lines: int
 
 
-class Named(NamedTuple):
+class FaceNames(NamedTuple):
     """The names that statements give to the faces after them, (p,) which each has, −1: none, and how many differ."""
 
     names: tuple[str, ...]
@@ -124,7 +124,7 @@ class ObjText:
         uv[some] = rows[_from_zero(self.indices["vt"][some], len(rows), self.source, "vt")]
         return uv
 
-    def named(self, keyword: str) -> Named:
+    def named(self, keyword: str) -> FaceNames:
         """The faces by the statements before them, such as `usemtl`."""
         names: dict[str, int] = {}
         labels, counts, label = [], [], -1
@@ -135,7 +135,9 @@ class ObjText:
             elif run.keyword == "f":
                 labels.append(label)
                 counts.append(run.lines)
-        return Named(tuple(names), np.repeat(np.array(labels, np.int64), np.array(counts, np.int64)), len(set(labels)))
+        return FaceNames(
+            tuple(names), np.repeat(np.array(labels, np.int64), np.array(counts, np.int64)), len(set(labels))
+        )
 
     def _numbers(self, keyword: str, width: int) -> Float64s:
         lines = self.lines(keyword)

@@ -12,7 +12,7 @@ from raytrace.types import AnyInts, Float32s, Float64s, Int64s
 
 from ...geometry.detail import Detail, PerCorner
 from ...geometry.elements import Element, Property
-from ...geometry.polygons import Triangles
+from ...geometry.polygons import Triangulation
 
 RGB = ("red", "green", "blue")
 UV = (("s", "t"), ("u", "v"), ("texture_u", "texture_v"), ("texture_s", "texture_t"))
@@ -20,7 +20,7 @@ _MESH = ("x", "y", "z", "nx", "ny", "nz")
 
 
 def ply_detail(
-    elements: tuple[Element, ...], comments: tuple[str, ...], corners: Int64s, sizes: AnyInts, triangles: Triangles
+    elements: tuple[Element, ...], comments: tuple[str, ...], corners: Int64s, sizes: AnyInts, triangles: Triangulation
 ) -> Detail:
     """All of a PLY file. Args: corners, sizes: of its polygons."""
     vertex, face = (

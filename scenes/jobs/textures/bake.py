@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from ...formats.image_names import MATERIAL, PLACEHOLDERS, UDIM
-from ..bake import MeshBake, Work, Written
+from ..bake import MeshBake, WorkSize, Written
 from ..console import KERNELS_OF_TEXTURE, alpha_summary, progress, texture_summary, warn
 from ..options import CAGE
 from .coordinates import parse_texels
@@ -54,7 +54,7 @@ class TextureCommand(MeshBake):
     def kept(self) -> Path:
         return Path("texture.glb")
 
-    def work(self, source: MeshFile, falloff: ao.Falloff) -> Work:
+    def work(self, source: MeshFile, falloff: ao.Falloff) -> WorkSize:
         import ao
         from ao.memory import texture_bytes
         from ao.options import Options
@@ -73,7 +73,7 @@ class TextureCommand(MeshBake):
             ao.bake_texture(source.mesh, pages[0].uv, side, falloff, high=high, cage=cage, **self.arguments())
             return side * side
 
-        return Work(len(pages) * width * height, "texels", needed, trial)
+        return WorkSize(len(pages) * width * height, "texels", needed, trial)
 
     def bake(self, falloff: ao.Falloff) -> Iterator[Written]:
         from raytrace.system.outputs import check_outputs

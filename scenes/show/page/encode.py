@@ -31,7 +31,7 @@ _LARGEST = 2048  # texels of a texture across or down, which every browser takes
 
 
 @dataclass(frozen=True, eq=False)
-class Textures:
+class TexturedW:
     """w in textures.
 
     Attributes:
@@ -60,7 +60,7 @@ class Values:
     flags: npt.NDArray[Any] | None = None
     bent_normals: AnyFloats | None = None
     name: str = "bake"
-    textures: Textures | None = None
+    textures: TexturedW | None = None
 
     def checked(self, count: int) -> Values:
         """The same as float64 and uint8 arrays for `count` vertices.
@@ -141,7 +141,7 @@ def encoded(mesh: Mesh, bakes: Sequence[Values]) -> tuple[dict[str, Any], bytes]
     return facts, gzip.compress(b"".join(planes), 9, mtime=0)
 
 
-def _texture_columns(textures: Textures, number: int, columns: dict[str, npt.NDArray[Any]]) -> dict[str, Any]:
+def _texture_columns(textures: TexturedW, number: int, columns: dict[str, npt.NDArray[Any]]) -> dict[str, Any]:
     """Put the textures of a bake into the columns: what a page's script must know of them."""
     low, high = textures.uv.min(axis=0), textures.uv.max(axis=0)
     step = np.where(high > low, high - low, 1.0) / _PLACES

@@ -15,10 +15,10 @@ from raytrace.types import Float64s, UInt8s
 
 from ...formats.glb.occlusion import RAMP, image_name, occlusion_reference
 from ...formats.gltf.container import primitives
-from ...formats.gltf.textures import Textures as GltfTextures
+from ...formats.gltf.textures import Textures
 from ...formats.load import MeshFile, load, mesh_errors
 from ...formats.stored_w import ENDINGS, read_beside_w, read_w
-from .encode import Textures, Values
+from .encode import TexturedW, Values
 
 _ARRAYS = (".npy", ".npz")
 _MOVED = 1e-4  # of the radius, by which formats may round coordinates
@@ -67,7 +67,7 @@ def _values(path: Path, whole: MeshFile, source: MeshFile | None) -> Values:
     return Values(w, **read_beside_w(path, count), name=path.name, textures=textures).checked(count)
 
 
-def _textures(source: MeshFile | None) -> Textures | None:
+def _textures(source: MeshFile | None) -> TexturedW | None:
     """The occlusion textures of a glTF by which w varies between vertices: all but ramps."""
     if source is None or source.gltf is None:
         return None
@@ -75,7 +75,7 @@ def _textures(source: MeshFile | None) -> Textures | None:
     uv, of = np.zeros((count, 2)), np.full(count, -1)
     found: dict[tuple[Texture, float], int] = {}
     with mesh_errors(asset.path):
-        textures = GltfTextures(asset)
+        textures = Textures(asset)
         for piece, part in zip(primitives(asset.header), source.parts, strict=True):
             primitive = asset.header["meshes"][piece.mesh]["primitives"][piece.place]
             reference = occlusion_reference(asset.header, primitive.get("material"))
@@ -84,7 +84,7 @@ def _textures(source: MeshFile | None) -> Textures | None:
                 uv[part.vertices] = used[0] * (1, -1) + (0, 1)
                 of[part.vertices] = found.setdefault(used[1:], len(found))
         images = [_codes(*each) for each in found]
-    return Textures(uv, of, images, [texture.wrap for texture, _ in found]) if found else None
+    return TexturedW(uv, of, images, [texture.wrap for texture, _ in found]) if found else None
 
 
 def _codes(texture: Texture, strength: float) -> UInt8s:

@@ -15,7 +15,7 @@ import ao.execute.parts
 from ao.execute.journal import Journal
 from ao.execute.merge import read_parts
 from ao.execute.parts import DESCRIPTION as DESCRIPTION_BLOCK
-from ao.execute.parts import WHOLE, Part, assign_shards
+from ao.execute.parts import WHOLE, ShardCheckpoint, assign_shards
 from raytrace import InputError, Mesh, OptionError, OutputError
 
 HILLS = Mesh(*hills(40))
@@ -144,7 +144,7 @@ def test_an_interrupted_part_is_named_and_continued(tmp_path):
 
     trace_part(MAKE, tmp_path, 2, 2)
     messages = []
-    with pytest.raises(KeyboardInterrupt), Part(tmp_path, 1, 2, DESCRIPTION, messages.append) as part:
+    with pytest.raises(KeyboardInterrupt), ShardCheckpoint(tmp_path, 1, 2, DESCRIPTION, messages.append) as part:
         MAKE(checkpoint=part, progress=stop)
     assert messages == [f"{part.path} keeps what is done; the same command continues from it"]
     assert said(tmp_path).startswith("FOLDER/part-1-of-2.part: content: expected a finished part")
@@ -174,7 +174,7 @@ def test_a_full_disk_ends_the_part_and_keeps_what_is_done(tmp_path, monkeypatch)
     monkeypatch.setattr(Journal, "append", refuse)
     with (
         pytest.raises(OutputError, match=r"part-1-of-1\.part: No space left on device; the same command continues"),
-        Part(tmp_path, 1, 1, DESCRIPTION, pytest.fail) as part,
+        ShardCheckpoint(tmp_path, 1, 1, DESCRIPTION, pytest.fail) as part,
     ):
         MAKE(checkpoint=part)
 
@@ -182,7 +182,7 @@ def test_a_full_disk_ends_the_part_and_keeps_what_is_done(tmp_path, monkeypatch)
 def test_a_tolerance_has_no_parts(tmp_path):
     with (
         pytest.raises(OptionError, match="part and tolerance exclude each other"),
-        Part(tmp_path, 1, 2, DESCRIPTION, pytest.fail) as part,
+        ShardCheckpoint(tmp_path, 1, 2, DESCRIPTION, pytest.fail) as part,
     ):
         ao.bake(HILLS, tolerance=0.1, checkpoint=part)
     assert not list(tmp_path.iterdir())
@@ -196,7 +196,7 @@ def test_a_part_whose_folder_vanishes_is_told(tmp_path):
         if done < total and part.path.exists():
             shutil.rmtree(folder)
 
-    part = Part(folder, 1, 2, DESCRIPTION, pytest.fail)
+    part = ShardCheckpoint(folder, 1, 2, DESCRIPTION, pytest.fail)
     part.after = part.every = 0
     with pytest.raises(OutputError, match=r"part-1-of-2\.part: No such file or directory"), part:
         ao.bake(Mesh(*hills(100)), samples=256, threads=1, checkpoint=part, progress=vanish)

@@ -16,13 +16,13 @@ from raytrace.errors import OptionError, OutputError
 from raytrace.image.srgb import encode_srgb
 from raytrace.mesh.mesh import Mesh
 from scenes.formats.load import MeshFile, load
-from scenes.geometry.instances import Part
+from scenes.geometry.instances import Submesh
 from scenes.write_bake import check_target, write
 
 
 def mesh_file(vertices=QUAD, faces=((0, 1, 2), (0, 2, 3)), normals=None):
     mesh = Mesh(vertices, faces, normals)
-    return MeshFile("m.obj", mesh, (Part("m", slice(0, len(mesh.vertices)), slice(0, len(mesh.faces))),))
+    return MeshFile("m.obj", mesh, (Submesh("m", slice(0, len(mesh.vertices)), slice(0, len(mesh.faces))),))
 
 
 def bake(count):

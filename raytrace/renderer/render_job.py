@@ -41,7 +41,7 @@ _SKIPPED = {
 }
 
 
-class Picture:
+class RenderJob:
     """A picture to be rendered. Pickled, it goes to other processes, which make the same bits of it.
 
     Args:
@@ -87,8 +87,8 @@ class Picture:
         self.channels = FILM if layers else LAYERS["beauty"]
         self.counts = np.zeros(workspace.COUNTERS, np.int64)
 
-    def __reduce__(self) -> tuple[type[Picture], tuple[object, ...]]:
-        return Picture, (*self._given, self.scene.lit_vertices)
+    def __reduce__(self) -> tuple[type[RenderJob], tuple[object, ...]]:
+        return RenderJob, (*self._given, self.scene.lit_vertices)
 
     def film(self, first: int = 0, end: int | None = None) -> Film:
         """A film for the tiles of the rows [first, end), None: all."""

@@ -15,7 +15,7 @@ from ..shade.records import Film
 from ..shade.tile import mark_reopened
 from ..shade.workspace import COUNTERS
 from ..types import Bools, Float32s, Int64s
-from .picture import Picture
+from .render_job import RenderJob
 
 
 class TileRows(NamedTuple):
@@ -38,7 +38,7 @@ class TileRows(NamedTuple):
         return cls(pixels, np.zeros((tiles, *edges), np.float32), np.zeros((tiles, COUNTERS), np.int64))
 
 
-def render_apart(picture: Picture, numbers: Int64s, around: Float32s | None, out: TileRows) -> None:
+def render_numbered(picture: RenderJob, numbers: Int64s, around: Float32s | None, out: TileRows) -> None:
     """Render tiles of these numbers, int64 (k,).
 
     Args:
@@ -69,20 +69,20 @@ def paste(film: Film, numbers: Int64s, pixels: Float32s, marks: Bools | None = N
         np.copyto(part, pixels[row, :high, :wide], where=mask)
 
 
-def reopened(picture: Picture, film: Film) -> Bools:
+def reopened(picture: RenderJob, film: Film) -> Bools:
     """The pixels of each tile that are to be rendered again, bool (tiles, TILE, TILE)."""
     marks = np.zeros((picture.tiles, TILE * TILE), np.bool_)
     mark_reopened(film, picture.scratch(), marks)
     return marks.reshape(-1, TILE, TILE)
 
 
-def edges_around(picture: Picture, film: Film, numbers: Int64s) -> Float32s:
+def edges_around(picture: RenderJob, film: Film, numbers: Int64s) -> Float32s:
     """Edges of tiles and of those beside them, float32 (k, 5, 4, TILE, EDGE)."""
     around: Float32s = film.edges[_around(picture, numbers)]
     return around
 
 
-def _around(picture: Picture, numbers: Int64s) -> Int64s:
+def _around(picture: RenderJob, numbers: Int64s) -> Int64s:
     """Numbers of tiles and of those to the left, right, above and below, (k, 5); of itself where there is none."""
     columns = picture.columns
     left, right = numbers % columns > 0, (numbers + 1) % columns > 0

@@ -15,7 +15,7 @@ from ..brdf.layout import GLOSS, GRAZING, SLOPE
 from ..kernel.jit import inline
 from ..kernel.simd import WIDE
 from ..kernel.simd_masks import pick
-from ..kernel.vector import add, dot, load3, mirror, unit
+from ..kernel.vector import add, dot, mirror, triple, unit
 from ..lights.environment_kernels import (
     cone_visibility,
     harmonic_irradiance,
@@ -29,8 +29,8 @@ from .workspace import OFF
 
 
 @inline
-def light_of_hemisphere(lights, total, n):
-    """I_a about a direction n: of ambient lights, `total`, skies and an image."""
+def diffuse_ibl(lights, total, n):
+    """I_a about a direction n: sum of ambient lights, `total`, of skies and of an image."""
     for sky in lights.skies:
         total = add(total, sky_irradiance(sky, n))
     if len(lights.harmonics) > 0:
@@ -39,7 +39,7 @@ def light_of_hemisphere(lights, total, n):
 
 
 @inline
-def light_from(lights, total, d, slope):
+def specular_ibl(lights, total, d, slope):
     """L from a direction d, blurred for facets of RMS `slope`."""
     for sky in lights.skies:
         total = add(total, sky_radiance(sky, d, slope))
@@ -49,44 +49,45 @@ def light_from(lights, total, d, slope):
 
 
 @inline
-def lane_triple(entry, column, lane):
+def lane_triple(packet, column, lane):
     """Three columns of one lane, in double precision."""
-    return (np.float64(entry[column, lane]), np.float64(entry[column + 1, lane]), np.float64(entry[column + 2, lane]))
+    x, y, z = packet[column, lane], packet[column + 1, lane], packet[column + 2, lane]
+    return np.float64(x), np.float64(y), np.float64(z)
 
 
 @inline
-def add_surroundings(entry, items, geometry, lights, total, style):
-    """Write the reflected ambient light of an entry, of ambient lights, `total`, and of all around."""
+def add_environment(packet, items, geometry, lights, total, style):
+    """Write the ambient light that a packet reflects, of ambient lights, `total`, and of the environment."""
     for lane in range(WIDE):
         if pick(items, lane) >= 0:
-            surround(entry, lane, geometry.rows[pick(items, lane)], lights, total, style)
+            reflect_environment(packet, lane, geometry.rows[pick(items, lane)], lights, total, style)
 
 
 @inline
-def surround(entry, lane, row, lights, total, style):
-    """Write the reflected ambient light of one lane."""
-    n, v = lane_triple(entry, layout.NORMAL, lane), lane_triple(entry, layout.VIEW, lane)
+def reflect_environment(packet, lane, row, lights, total, style):
+    """Write the ambient light that one lane reflects."""
+    n, v = lane_triple(packet, layout.NORMAL, lane), lane_triple(packet, layout.VIEW, lane)
     w, bent = 1.0, n
     if style.form != OFF:
-        w, bent = np.float64(entry[layout.W, lane]), unit(lane_triple(entry, layout.BENT, lane))
-        if dot(bent, n) <= 0.0:  # none is known, or the surface is seen from behind
+        w, bent = np.float64(packet[layout.W, lane]), unit(lane_triple(packet, layout.BENT, lane))
+        if dot(bent, n) <= 0.0:  # no bent normal is known, or the surface is seen from behind
             bent = n
-    arriving, reflectance = light_of_hemisphere(lights, total, bent), ambient(row)
-    slope, gloss, grazing = row[SLOPE], load3(row[GLOSS:]), load3(row[GRAZING:])
+    arriving, reflectance = diffuse_ibl(lights, total, bent), ambient(row)
+    slope, gloss, grazing = row[SLOPE], triple(row, GLOSS), triple(row, GRAZING)
     mirrored, visible, rise = (0.0, 0.0, 0.0), 0.0, 0.0
     glossy = style.shading != CONSTANT and max(grazing[0], grazing[1], grazing[2]) > 0.0
     if glossy:
         r = mirror(n, v)
-        mirrored = light_from(lights, total, r, slope)
+        mirrored = specular_ibl(lights, total, r, slope)
         visible = cone_visibility(w, acos(max(-1.0, min(1.0, dot(bent, r)))), slope)
         rise = fifth(1.0 - max(0.0, min(1.0, dot(n, v))))
     for c in range(3):
         # in single precision, as ambient light alone is reflected
-        share = np.float32(reflectance[c]) * entry[layout.TINT + c, lane]
-        value = np.float32(reflectance[c] * arriving[c]) * entry[layout.TINT + c, lane]
+        share = np.float32(reflectance[c]) * packet[layout.ALBEDO_MAP + c, lane]
+        value = np.float32(reflectance[c] * arriving[c]) * packet[layout.ALBEDO_MAP + c, lane]
         if style.form != OFF:
             value = np.float32(w) * value
         if glossy:
             part = min(np.float64(share), gloss[c] + (grazing[c] - gloss[c]) * rise)
             value = np.float32(max(0.0, value + part * visible * (mirrored[c] - arriving[c] * w)))
-        entry[layout.AMBIENT + c, lane] = value
+        packet[layout.AMBIENT + c, lane] = value
