@@ -13,9 +13,7 @@ from raytrace.mesh.placement import Placement
 from raytrace.mesh.precision import outlier_warnings, precision_warnings
 from raytrace.types import Float64s
 
-from ..formats.glb.occlusion import RAMP, image_name, occlusion_reference
-from ..formats.gltf.container import primitives
-from ..formats.gltf.schema import check_materials
+from ..formats.glb.occlusion import is_ramp, occlusion_reference
 from ..formats.load import MeshFile
 
 _NAME = 80  # characters of an object's that are shown
@@ -85,13 +83,12 @@ def _occlusion(source: MeshFile) -> dict[str, int] | None:
     """How many primitives of a glTF file have occlusion textures, and how many of those are ramps of a bake."""
     if source.gltf is None:
         return None
-    header = source.gltf.header
-    check_materials(header, source.path)
-    pieces = [header["meshes"][each.mesh]["primitives"][each.place] for each in primitives(header)]
-    references = [occlusion_reference(header, piece.get("material")) for piece in pieces]
-    found = [reference for reference in references if reference]
-    ramps = sum(image_name(header, reference) == RAMP for reference in found)
-    return {"primitives": len(pieces), "textured": len(found), "ramps": ramps}
+    header, drawn = source.gltf.header, source.gltf.drawn
+    source.gltf.check_materials()
+    materials = [piece.primitive.material for piece in drawn]
+    textured = sum(occlusion_reference(header, material) is not None for material in materials)
+    ramps = sum(is_ramp(header, material) for material in materials)
+    return {"primitives": len(drawn), "textured": textured, "ramps": ramps}
 
 
 def _occlusion_in_words(found: dict[str, int] | None) -> str:

@@ -15,28 +15,32 @@ from raytrace.camera import Camera
 from raytrace.mesh.normals import normalize
 
 from ..field_errors import located
+from ..formats.gltf.asset import Gltf, entry
+from ..formats.gltf.records import GltfCamera
 
 Floats = npt.NDArray[Any]
 
 
-def camera(header: dict[str, Any], world: dict[int, Floats], source: object) -> Camera | None:
-    """The first camera among the nodes in `world` (`scenes.formats.gltf.nodes.node_matrices`), or None.
+def camera(asset: Gltf) -> Camera | None:
+    """The first camera among the nodes that are shown, or None.
 
     Raises:
+        MeshError: malformed cameras.
         SceneError: a camera with values out of range.
-        Exception: a malformed header.
+        ValueError: there is no such camera.
     """
-    for node, matrix in world.items():
-        if "camera" in header["nodes"][node]:
-            number = header["nodes"][node]["camera"]
-            with located(source, f"cameras[{number}]"):
-                return _camera(header["cameras"][number], matrix)
+    cameras = asset.stage.cameras
+    for node, matrix in asset.world.items():
+        number = asset.geometry.nodes[node].camera
+        if number is not None:
+            with located(asset.path, f"cameras[{number}]"):
+                return _camera(entry(cameras, number, "cameras"), matrix)
     return None
 
 
-def _camera(stored: dict[str, Any], matrix: Floats) -> Camera:
+def _camera(stored: GltfCamera, matrix: Floats) -> Camera:
     target = matrix[:3, 3] - normalize(matrix[:3, 2])
     view: dict[str, Any] = {"position": matrix[:3, 3].tolist(), "target": target.tolist(), "up": matrix[:3, 1].tolist()}
-    if stored["type"] == "orthographic":
-        return Camera(**view, height=2.0 * stored["orthographic"]["ymag"])
-    return Camera(**view, field_of_view=degrees(stored["perspective"]["yfov"]))
+    if stored.type == "orthographic":
+        return Camera(**view, height=2.0 * stored.ymag)
+    return Camera(**view, field_of_view=degrees(stored.yfov))

@@ -16,39 +16,40 @@ from raytrace.lights.sources import BaseLight
 from raytrace.types import Float64s
 
 from ..field_errors import located
+from ..formats.gltf.asset import Gltf, entry
+from ..formats.gltf.records import LIGHTS, GltfLight
 
 FLOAT32_RIGHT_ANGLE = 1.5707964
-EXTENSION = "KHR_lights_punctual"
 
 
-def lights(header: dict[str, Any], world: dict[int, Float64s], source: object) -> tuple[BaseLight, ...]:
-    """The lights of the nodes in `world` (`scenes.formats.gltf.nodes.node_matrices`), in their order.
+def lights(asset: Gltf) -> tuple[BaseLight, ...]:
+    """The lights of the nodes that are shown, in their order.
 
     Raises:
+        MeshError: malformed lights.
         SceneError: a light with values out of range.
-        Exception: a malformed header.
+        ValueError: there is no such light.
     """
-    made = []
-    for node, matrix in world.items():
-        number = header["nodes"][node].get("extensions", {}).get(EXTENSION, {}).get("light")
+    made, stored = [], asset.stage.lights
+    for node, matrix in asset.world.items():
+        number = asset.geometry.nodes[node].light
         if number is not None:
-            with located(source, f"extensions.{EXTENSION}.lights[{number}]"):
-                made.append(_light(header["extensions"][EXTENSION]["lights"][number], matrix))
+            with located(asset.path, f"{LIGHTS}[{number}]"):
+                made.append(_light(entry(stored, number, LIGHTS), matrix))
     return tuple(made)
 
 
-def _light(stored: dict[str, Any], matrix: Float64s) -> BaseLight:
-    intensity = [stored.get("intensity", 1.0) * channel for channel in stored.get("color", [1, 1, 1])]
-    values: dict[str, Any] = {"light": stored["type"], "intensity": intensity}
-    if stored["type"] != "directional":
-        values |= {"position": matrix[:3, 3], "range": stored.get("range")}
-    if stored["type"] != "point":
+def _light(stored: GltfLight, matrix: Float64s) -> BaseLight:
+    intensity = [stored.intensity * channel for channel in stored.color]
+    values: dict[str, Any] = {"light": stored.type, "intensity": intensity}
+    if stored.type != "directional":
+        values |= {"position": matrix[:3, 3], "range": stored.range}
+    if stored.type != "point":
         values["direction"] = -matrix[:3, 2]
-    if stored["type"] == "spot":
-        cone = stored.get("spot", {})
-        outer = cone.get("outerConeAngle", pi / 4)
+    if stored.type == "spot":
+        outer = stored.outerConeAngle
         values["half_angle"] = 90.0 if pi / 2 < outer <= FLOAT32_RIGHT_ANGLE else degrees(outer)
-        values["exponent"] = spot_exponent(cone.get("innerConeAngle", 0.0), outer)
+        values["exponent"] = spot_exponent(stored.innerConeAngle, outer)
     return light_from_dict(values)
 
 

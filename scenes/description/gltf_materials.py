@@ -33,15 +33,17 @@ from raytrace.materials.base import RGB, BaseMaterial
 from raytrace.materials.materials import material_from_dict
 from raytrace.types import Float64s
 
-from ..formats.gltf.accessors import entry
-from ..formats.gltf.textures import SPECULAR_GLOSSINESS, Textures, base_texture
+from ..formats.gltf.asset import entry
+from ..formats.gltf.parse import JsonObject
+from ..formats.gltf.records import GltfMaterial, Primitive, SpecularGlossiness, TextureReference
+from ..formats.gltf.textures import Textures
 from .defaults import NEUTRAL, WHITE
 
 DIELECTRIC_F0 = 0.04
 _LEAST_SLOPE = 0.02  # sharper highlights of lights without extent are smaller than a pixel
 _FACETS = 0.1
 _WHITE, _NO_METAL = np.ones(4), np.array([1.0, 1.0, 0.0, 1.0])
-_READ = {"KHR_materials_emissive_strength", "KHR_materials_unlit", SPECULAR_GLOSSINESS}
+_READ = {"KHR_materials_emissive_strength", "KHR_materials_unlit", "KHR_materials_pbrSpecularGlossiness"}
 
 
 class _Surface(NamedTuple):
@@ -73,63 +75,61 @@ class Materials:
         words += [f"left out {', '.join(sorted(self.left_out))}"] if self.left_out else []
         return (f"{self._asset.path}: materials: {'; '.join(words)}",) if words else ()
 
-    def of(self, primitive: dict[str, Any], coloured: bool) -> BaseMaterial:
+    def of(self, primitive: Primitive, coloured: bool) -> BaseMaterial:
         """The material of a primitive. Args: coloured: whether its vertices have colours.
 
-        Raises: Exception: a malformed header.
+        Raises: ValueError: there is no such material, or texture.
         """
-        if "material" not in primitive:
+        number = primitive.material
+        if number is None:
             return WHITE if coloured else NEUTRAL
-        number = primitive["material"]
         if number not in self._made:
-            untextured = base_texture(self._asset, primitive) is None
-            self._made[number] = self._material(entry(self._asset, "materials", number), untextured)
+            self._made[number] = self._material(self._asset.material(primitive))
         return self._made[number]
 
-    def _material(self, stored: dict[str, Any], untextured: bool) -> BaseMaterial:
-        extensions = stored.get("extensions", {})
-        self.left_out |= {name for name in extensions if name not in _READ}
-        self.left_out |= {name for name in ("normalTexture",) if name in stored}
-        strength = extensions.get("KHR_materials_emissive_strength", {}).get("emissiveStrength", 1.0)
-        emitted = np.multiply(stored.get("emissiveFactor", [0, 0, 0]), strength)
+    def _material(self, stored: GltfMaterial) -> BaseMaterial:
+        self.left_out |= {name for name in stored.extensions if name not in _READ}
+        self.left_out |= {"normalTexture"} & vars(stored).keys()
+        emitted = np.multiply(stored.emissiveFactor, stored.emissiveStrength)
         if emitted.any():
             emitted = emitted * self._mean(stored, "emissiveTexture", srgb=True)[:3]
-        sides = "viewer" if stored.get("doubleSided") else False
+        sides = "viewer" if stored.doubleSided else False
         common: dict[str, Any] = {"emission": emitted.tolist(), "two_sided": sides}
-        surface = self._specular(extensions) if SPECULAR_GLOSSINESS in extensions else self._metallic(stored)
-        base, roughness, metallic, f0 = surface
-        if "KHR_materials_unlit" in extensions and untextured:
+        base, roughness, metallic, f0 = self._specular(stored.specular) if stored.specular else self._metallic(stored)
+        unlit = "KHR_materials_unlit" in stored.extensions
+        if unlit and stored.base[1] is None:
             return material_from_dict(common | {"model": "lambert", "albedo": 0.0, "emission": base})
-        if metallic == 0 and (roughness == 1 or "KHR_materials_unlit" in extensions):
+        if metallic == 0 and (roughness == 1 or unlit):
             return material_from_dict(common | {"model": "lambert", "albedo": base})
         facets = _FACETS + (1 - _FACETS) * metallic
         eta = [eta_from_reflectance(min(channel / facets, 0.999)) for channel in f0.tolist()]
         common |= {"albedo": base, "k_s": facets, "eta": eta, "m": max(roughness**2, _LEAST_SLOPE)}
         return material_from_dict(common | {"model": "cook_torrance"})
 
-    def _metallic(self, stored: dict[str, Any]) -> _Surface:
-        given = stored.get("pbrMetallicRoughness", {"metallicFactor": 0.0})
-        base = np.clip(given.get("baseColorFactor", [1, 1, 1, 1])[:3], 0, 1).tolist()
-        factors = np.clip([given.get("roughnessFactor", 1.0), given.get("metallicFactor", 1.0)], 0, 1)
+    def _metallic(self, stored: GltfMaterial) -> _Surface:
+        given = stored.pbrMetallicRoughness
+        is_metal = given.metallicFactor if "pbrMetallicRoughness" in vars(stored) else 0.0
+        base = np.clip(given.baseColorFactor[:3], 0.0, 1.0).tolist()
+        factors = np.clip([given.roughnessFactor, is_metal], 0.0, 1.0)
         mean = self._mean(given, "metallicRoughnessTexture", srgb=False, unread=_NO_METAL)
         roughness, metallic = (factors * mean[1:3]).tolist()
         f0 = (1 - metallic) * DIELECTRIC_F0 + metallic * np.array(base)
         return _Surface(tuple(base), roughness, metallic, f0)
 
-    def _specular(self, extensions: dict[str, Any]) -> _Surface:
-        given = extensions[SPECULAR_GLOSSINESS]
-        diffuse = np.clip(given.get("diffuseFactor", [1, 1, 1, 1])[:3], 0, 1)
-        factors = np.clip([*given.get("specularFactor", [1, 1, 1]), given.get("glossinessFactor", 1.0)], 0, 1)
+    def _specular(self, given: SpecularGlossiness) -> _Surface:
+        diffuse = np.clip(given.diffuseFactor[:3], 0.0, 1.0)
+        factors = np.clip([*given.specularFactor, given.glossinessFactor], 0.0, 1.0)
         *f0, glossiness = (factors * self._mean(given, "specularGlossinessTexture", srgb=True)).tolist()
         metallic = max(0.0, (max(f0) - DIELECTRIC_F0) / (1 - DIELECTRIC_F0))
         base = ((1 - metallic) * diffuse + metallic * np.array(f0)).tolist()
         return _Surface(tuple(base), 1 - glossiness, metallic, np.array(f0))
 
-    def _mean(self, table: dict[str, Any], key: str, srgb: bool, unread: Float64s = _WHITE) -> Float64s:
-        """The mean RGBA of a texture, ones without it, `unread` if it cannot be read."""
-        if key not in table:
+    def _mean(self, record: JsonObject, key: str, srgb: bool, unread: Float64s = _WHITE) -> Float64s:
+        """The mean RGBA of a record's texture, ones without it, `unread` if it cannot be read."""
+        reference: TextureReference | None = getattr(record, key)
+        if reference is None:
             return _WHITE
-        number = entry(self._asset, "textures", table[key]["index"]).get("source")
+        number = entry(self._asset.materials.textures, reference.index, "textures").source
         if (number, srgb) not in self._means:
             self._means[number, srgb] = None
             if number is not None:

@@ -10,11 +10,9 @@ from raytrace import Mesh, MeshError, Object, Occlusion, OptionError, Scene, Set
 from raytrace.errors import printable
 
 from ..field_errors import located
-from ..formats.gltf.container import Gltf, Primitive, primitives
-from ..formats.gltf.nodes import node_matrices
-from ..formats.gltf.schema import check_appearance
+from ..formats.gltf.appearance import vertex_colours
+from ..formats.gltf.asset import DrawnPrimitive, Gltf
 from ..formats.gltf.textures import Textures
-from ..formats.gltf.vertex_colours import vertex_colours
 from ..formats.load import mesh_errors, read_objects
 from ..geometry.instances import Instance
 from . import gltf_camera, gltf_lights
@@ -35,9 +33,8 @@ def read_gltf(path: Path, settings: Settings, up: str | None = None, view: str |
     """
     objects, asset, notes = gltf_objects(path)
     with mesh_errors(path):
-        world = node_matrices(asset.header)
-        camera = None if view else gltf_camera.camera(asset.header, world, path)
-        lights = gltf_lights.lights(asset.header, world, path)
+        camera = None if view else gltf_camera.camera(asset)
+        lights = gltf_lights.lights(asset)
         if camera and up is not None:
             raise OptionError("--up", "a file without a camera", f"{path}, which has one")
         camera = camera or framing(Scene(objects).flattened(), up, settings.width, settings.height, view)
@@ -58,12 +55,12 @@ def gltf_objects(path: Path) -> tuple[tuple[Object, ...], Gltf, tuple[str, ...]]
     if asset is None:
         raise MeshError(path, "file", "glTF or GLB", path.suffix)
     with mesh_errors(path):
-        check_appearance(asset.header, path)
+        asset.check_materials()
         textures = Textures(asset)
         materials = Materials(textures)
         shapes: dict[tuple[int, int], Shape] = {}
         objects = []
-        for piece, placed in zip(primitives(asset.header), instances, strict=True):
+        for piece, placed in zip(asset.drawn, instances, strict=True):
             if placed.is_flattened:
                 continue
             matrix = np.eye(4) if placed.matrix is None else placed.matrix
@@ -76,14 +73,14 @@ def gltf_objects(path: Path) -> tuple[tuple[Object, ...], Gltf, tuple[str, ...]]
     return tuple(objects), asset, tuple(map(printable, materials.notes))
 
 
-def _shape(piece: Primitive, placed: Instance, materials: Materials, textures: Textures) -> Shape:
+def _shape(piece: DrawnPrimitive, placed: Instance, materials: Materials, textures: Textures) -> Shape:
     asset, path = textures.asset, textures.asset.path
-    primitive = asset.header["meshes"][piece.mesh]["primitives"][piece.place]
+    primitive = piece.primitive
     uv, texture = textures.of_base(primitive) or (None, None)
     name = f"{path}: {placed.name}"
     mesh = Mesh(placed.vertices, placed.faces, placed.normals, source=name, opacity=placed.opacity)
     occlusion = textures.of_occlusion(primitive)
-    with located(path, f"materials[{primitive.get('material')}]"):
+    with located(path, f"materials[{primitive.material}]"):
         colours = vertex_colours(asset, primitive, placed.w)
         material = materials.of(primitive, colours is not None)
         return Shape(mesh, material, uv, texture, occlusion and Occlusion(*occlusion), colours=colours)

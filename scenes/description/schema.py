@@ -15,7 +15,6 @@ from raytrace.system.faults import first_fault
 from raytrace.system.parameters import Radiance, triple
 
 from ..field_errors import shown
-from ..formats.gltf.schema import Number, Vector
 
 
 def _name_or_table(value: Any) -> Any:
@@ -44,6 +43,8 @@ def _affine(rows: list[list[float]]) -> list[list[float]]:
 
 
 Whole = Annotated[int, Field(strict=True)]
+Number = Annotated[float, Field(strict=True, allow_inf_nan=False, ge=-1e100, le=1e100)]
+Vector = tuple[Number, Number, Number]
 Fraction = Annotated[Number, Field(ge=0, le=1)]
 Length = Annotated[Any, BeforeValidator(_length)]
 

@@ -25,7 +25,7 @@ from ..geometry.detail import Detail, painted
 from ..geometry.instances import Instance, Submesh, flatten
 
 if TYPE_CHECKING:
-    from .gltf.container import Gltf
+    from .gltf.asset import Gltf
 
 # Bytes of memory a byte of file at the peak of reading: of archives and glTF less, what they hold is counted later.
 _PEAK = {"obj": 9.0, "ply": 7.5, "stl": 6.0, "off": 22.0, "glb": 2.0, "gltf": 2.0, "3mf": 1.0}
@@ -87,14 +87,14 @@ class MeshFile:
 
         Raises: MeshError: a set of a glTF is malformed.
         """
-        from . import texture_coordinates
-
         if self.gltf:
-            return texture_coordinates.of_gltf(self.gltf, self.parts, self.mesh.faces, number)
+            from .gltf.detail import texture_coordinates
+
+            return texture_coordinates(self.gltf, self.parts, self.mesh.faces, number)
         detail = self.detail
-        if detail is None and self.path.suffix.lower() in texture_coordinates.ENDINGS and self.path.is_file():
+        if detail is None and self.path.suffix.lower() in (".obj", ".ply") and self.path.is_file():
             detail = read_objects(self.path, keep=True)[0][0].detail  # `load` was told of no target
-        uv = None if number else texture_coordinates.of_detail(detail)
+        uv = detail.corner_uv() if detail and not number else None
         return uv if uv is not None and len(uv) == len(self.mesh.faces) else None
 
     @classmethod
@@ -142,13 +142,11 @@ def load(
             detail = painted(mesh.faces, instances[0].paints, np.concatenate(of))
         unread = tuple(dict.fromkeys(words for instance in instances for words in instance.unread))
         if asset and kind in (".glb", ".ply"):
-            from .gltf.schema import check_materials
-
-            check_materials(asset.header, path)
+            asset.check_materials()
         if asset and kind == ".ply":
             from .gltf.detail import gltf_detail
 
-            detail, unread = gltf_detail(asset, instances, mesh.faces)
+            detail, unread = gltf_detail(asset, parts, mesh.faces)
     notes = tuple(printable(f"{path}: {note}") for instance in instances for note in instance.notes)
     stored = [np.asarray(instance.w, np.float64) for instance in instances if instance.w is not None]
     w = np.concatenate(stored) if len(stored) == len(instances) else None
@@ -160,7 +158,7 @@ def read_objects(
 ) -> tuple[list[Instance], Gltf | None]:
     """The placed objects of a mesh file as it stores them, at least one, and the asset when it is glTF or GLB.
 
-    Of a glTF they are its drawn primitives, in the order of `container.primitives`.
+    Of a glTF they are its drawn primitives, in the order of `Gltf.drawn`.
 
     Args: keep: also the `Instance.detail` of OBJ and PLY. content, alpha: as `load` takes them.
 

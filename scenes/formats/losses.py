@@ -33,7 +33,7 @@ def lost(target: Path, mesh_file: MeshFile, channels: Channels = Channels()) -> 
     if channels.ramp and mesh_file.gltf:
         from .glb.ramp import ramp_warnings
 
-        warnings += [f"{target}: {line}" for line in ramp_warnings(mesh_file.gltf.header, channels.replace)]
+        warnings += [f"{target}: {line}" for line in ramp_warnings(mesh_file.gltf, channels.replace)]
     return [printable(line) for line in warnings]
 
 
@@ -53,8 +53,8 @@ def _of_ply(mesh_file: MeshFile, colors: bool) -> list[str]:
 def _of_glb(mesh_file: MeshFile, colors: bool) -> list[str]:
     detail = mesh_file.detail
     if mesh_file.gltf:
-        pieces = [piece for mesh in mesh_file.gltf.header["meshes"] for piece in mesh["primitives"]]
-        return ["its colours"] if colors and any("COLOR_0" in piece["attributes"] for piece in pieces) else []
+        pieces = [piece for mesh in mesh_file.gltf.geometry.meshes for piece in mesh.primitives]
+        return ["its colours"] if colors and any("COLOR_0" in piece.attributes for piece in pieces) else []
     missing = list(mesh_file.unread)
     if detail is None:
         return missing

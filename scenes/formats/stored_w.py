@@ -18,8 +18,7 @@ from raytrace.image.texture_lookup import sample_points
 from raytrace.types import AnyFloats, Float64s
 
 from ..geometry.instances import Instance
-from .gltf.container import Gltf, primitives
-from .gltf.schema import check_appearance
+from .gltf.asset import Gltf
 from .gltf.textures import Textures
 from .load import mesh_errors, read_objects
 
@@ -73,11 +72,9 @@ def _of_gltf(instances: Sequence[Instance], asset: Gltf) -> list[AnyFloats | Non
     if all(each.w is not None for each in instances):
         return [each.w for each in instances]
     with mesh_errors(asset.path):
-        check_appearance(asset.header, asset.path)
         textures, found = Textures(asset), []
-        for piece, each in zip(primitives(asset.header), instances, strict=True):
-            primitive = asset.header["meshes"][piece.mesh]["primitives"][piece.place]
-            used = textures.of_occlusion(primitive) if each.w is None else None
+        for piece, each in zip(asset.drawn, instances, strict=True):
+            used = textures.of_occlusion(piece.primitive) if each.w is None else None
             found.append(each.w if used is None else _sampled(*used))
     return found
 

@@ -84,6 +84,15 @@ class Detail:
     files: tuple[Path, ...] = ()
     some_uv: Float64s | None = None
 
+    def corner_uv(self) -> Float64s | None:
+        """Texture coordinates (m, 3, 2) of the triangles, v upwards, NaN where a corner of one has none; None if there
+        are none."""
+        places = self.triangles.take(np.arange(len(self.corners)))
+        if self.some_uv is not None:
+            found = self.some_uv[places]
+            return np.where(np.isnan(found).any(axis=(1, 2), keepdims=True), np.nan, found)
+        return None if self.uv is None else self.uv.rows[self.uv.of[places]]
+
 
 def painted(faces: Int64s, paints: tuple[Paint, ...], of: Int64s) -> Detail:
     """The detail of triangles (m, 3) with materials (m,), -1: none."""

@@ -174,14 +174,14 @@ def _note(entry: Entry, outcome: Outcome) -> None:
 
 def _read_by(bake: MeshBake) -> list[Path]:
     """The files that a bake reads: those of its options, and what a .gltf or .obj among them names."""
-    from ..formats.gltf.container import Gltf  # slow imports
+    from ..formats.gltf.asset import Gltf  # slow imports
     from ..formats.obj.detail import named_files
 
     files = bake.inputs()
     for path in bake.inputs():
         with suppress(OSError, ValueError, TypeError, AttributeError, RecursionError):  # its bake will say why
             if path.suffix.lower() == ".gltf":
-                files += Gltf(path, json.loads(path.read_bytes()), ()).files[1:]
+                files += Gltf(path, json.loads(path.read_bytes())).files[1:]
             elif path.suffix.lower() == ".obj":
                 files += named_files(path)
     return files

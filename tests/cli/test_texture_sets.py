@@ -61,9 +61,9 @@ def occlusion_of(path):
     file, found = scenes.load(path), []
     textures = Textures(file.gltf)
     w = scenes.read_w(path, len(file.mesh.vertices))
-    for node, part in zip(file.gltf.header["nodes"], file.parts, strict=True):
-        primitive = file.gltf.header["meshes"][node["mesh"]]["primitives"][0]
-        reference = occlusion_reference(file.gltf.header, primitive["material"])
+    for drawn, part in zip(file.gltf.drawn, file.parts, strict=True):
+        primitive = drawn.primitive
+        reference = occlusion_reference(file.gltf.header, primitive.material)
         assert textures.of_occlusion(primitive)
         found.append((image_name(file.gltf.header, reference), reference["index"], w[part.vertices]))
     return found

@@ -133,6 +133,12 @@ def free_set(header: dict[str, Any], primitive: dict[str, Any]) -> int:
     return next(n for n in count() if n not in used and (n in ramps or f"TEXCOORD_{n}" not in names))
 
 
+def is_ramp(header: dict[str, Any], material: int | None) -> bool:
+    """Whether a material's occlusion texture is a ramp of ours."""
+    reference = occlusion_reference(header, material)
+    return reference is not None and image_name(header, reference) == RAMP
+
+
 def ramp_sets(header: dict[str, Any], primitive: dict[str, Any]) -> set[int]:
     """Numbers of the TEXCOORD sets by which a primitive's materials use a ramp of ours."""
     references = [occlusion_reference(header, slot.get("material")) for slot in _slots(primitive)]

@@ -16,18 +16,16 @@ from raytrace.image.encode import linear_png
 from raytrace.image.texture import texture_codes
 from raytrace.types import Float32s, UInt8s, UInt16s
 
-from ..gltf.accessors import entry
-from ..gltf.container import Gltf, primitives
+from ..gltf.asset import Gltf, entry
+from ..gltf.records import WRAP, TextureReference, UvTransform
 from ..gltf.textures import Textures
 from ..load import mesh_errors
 from .buffer import Packed
-from .occlusion import OWN, TRANSFORM, OcclusionTextures, sets_of, texture_reference
+from .occlusion import OWN, TRANSFORM, OcclusionTextures, texture_reference
 from .pictures import enlarged
 
 _NAME = f"{OWN} orm"
 _SURFACE, _OWN = "pbrMetallicRoughness", "metallicRoughnessTexture"
-_REPEAT = 10497
-_UNMOVED: dict[str, Any] = {"offset": [0, 0], "rotation": 0, "scale": [1, 1]}
 
 
 class OrmTextures(OcclusionTextures):
@@ -54,22 +52,23 @@ class OrmTextures(OcclusionTextures):
 
     def _pack(self, number: int | None, w: Float32s) -> tuple[int, int]:
         """Textures for occlusion and for the rest, mostly one, in place of a metallic-roughness texture or of none."""
-        repeat = {"wrapS": _REPEAT, "wrapT": _REPEAT}
+        repeat = {"wrapS": WRAP, "wrapT": WRAP}
         if number is None or self._asset is None:
             white = np.full((*w.shape, 3), 255, np.uint8)
             both = self.add(linear_png(with_occlusion(white, w)), _NAME, **repeat)
             return both, both
-        stored = entry(self._asset, "textures", number)
-        sampler = _sampler(self._asset, stored)
-        image = texture_codes(Textures(self._asset).image(stored["source"]))
+        stored = self._asset.materials.textures[number]
+        assert stored.source is not None  # as `check_orm` has found
+        image = texture_codes(Textures(self._asset).image(stored.source))
         both = self.add(linear_png(with_occlusion(image, w)), _NAME, **repeat)
         added = self._packed.header["textures"]
-        if "sampler" not in stored:
+        sampler = self._asset.sampler(stored)
+        if stored.sampler is None:
             del added[both]["sampler"]
-        elif sampler | repeat == sampler:
-            added[both]["sampler"] = stored["sampler"]
+        elif sampler.wrapS == sampler.wrapT == WRAP:
+            added[both]["sampler"] = stored.sampler
         else:  # what is baked is taken modulo 1
-            added.append(added[both] | {"sampler": stored["sampler"]})
+            added.append(added[both] | {"sampler": stored.sampler})
             return both, len(added) - 1
         return both, both
 
@@ -102,38 +101,30 @@ def check_orm(asset: Gltf | None, coordinates: int | None, replace: bool) -> Non
         return
     taking = OcclusionTextures(Packed(asset.header), replace)
     with mesh_errors(asset.path):
-        drawn = [asset.header["meshes"][each.mesh]["primitives"][each.place] for each in primitives(asset.header)]
+        drawn = [each.of(asset.header) for each in asset.drawn]
         if coordinates is not None:
             drawn = [piece for piece in drawn if f"TEXCOORD_{coordinates}" in piece["attributes"]]
         found = {number for piece in drawn for number in taking.materials(piece) if number is not None}
         for material in sorted(found):
-            own = entry(asset, "materials", material).get(_SURFACE, {}).get(_OWN)
+            own = entry(asset.materials.materials, material, "materials").pbrMetallicRoughness.metallicRoughnessTexture
             if own:
                 _check(asset, own, f"materials[{material}].{_SURFACE}.{_OWN}", coordinates)
 
 
-def _check(asset: Gltf, own: dict[str, Any], field: str, coordinates: int | None) -> None:
-    numbers = sets_of(own)
+def _check(asset: Gltf, own: TextureReference, field: str, coordinates: int | None) -> None:
+    moved = own.transform
+    numbers = {own.texCoord, own.texCoord if moved.texCoord is None else moved.texCoord}
     if numbers != {coordinates}:
         named = "new coordinates" if coordinates is None else f"TEXCOORD_{coordinates}"
         got = " and ".join(f"TEXCOORD_{number}" for number in sorted(numbers))
         raise MeshError(asset.path, field, f"the coordinates of the bake, {named}, for --orm", got)
-    moved = own.get("extensions", {}).get(TRANSFORM, {})
-    if any(list(np.ravel(moved.get(name, usual))) != list(np.ravel(usual)) for name, usual in _UNMOVED.items()):
-        raise MeshError(asset.path, field, f"no {TRANSFORM}, for --orm", {name: moved[name] for name in moved})
-    stored = entry(asset, "textures", own["index"])
-    if "source" not in stored:
-        raise MeshError(asset.path, f"textures[{own['index']}]", "a PNG or JPEG image, for --orm", "none")
-    _sampler(asset, stored)
-    image = texture_codes(Textures(asset).image(stored["source"]))
+    if any(getattr(moved, name) != getattr(UvTransform, name) for name in ("offset", "rotation", "scale")):
+        raise MeshError(asset.path, field, f"no {TRANSFORM}, for --orm", vars(moved))
+    stored = entry(asset.materials.textures, own.index, "textures")
+    if stored.source is None:
+        raise MeshError(asset.path, f"textures[{own.index}]", "a PNG or JPEG image, for --orm", "none")
+    asset.sampler(stored)  # if it is there
+    image = texture_codes(Textures(asset).image(stored.source))
     if image.dtype not in (np.uint8, np.uint16) or image.shape[2] > 4:
         got = f"{image.shape[2]} channels of {image.dtype}"
-        raise MeshError(
-            asset.path, f"images[{stored['source']}]", "up to four channels of 8 or 16 bits, for --orm", got
-        )
-
-
-def _sampler(asset: Gltf, texture: dict[str, Any]) -> dict[str, Any]:
-    """The sampler of a texture, with the modes that it leaves out."""
-    own = entry(asset, "samplers", texture["sampler"]) if "sampler" in texture else {}
-    return {"wrapS": _REPEAT, "wrapT": _REPEAT} | own
+        raise MeshError(asset.path, f"images[{stored.source}]", "up to four channels of 8 or 16 bits, for --orm", got)

@@ -11,7 +11,7 @@ import numpy as np
 from raytrace.types import Int64s
 
 from ...geometry.instances import Submesh
-from ..gltf.container import Gltf, Primitive, primitives
+from ..gltf.asset import DrawnPrimitive, Gltf
 from ..load import MeshFile
 from .occlusion import texture_images
 from .plain import groups
@@ -50,7 +50,7 @@ def pieces(mesh_file: MeshFile, number: int = 0) -> Iterator[Piece]:
     """
     asset, detail = mesh_file.gltf, mesh_file.detail
     if asset:
-        for drawn, part in zip(primitives(asset.header), mesh_file.parts, strict=True):
+        for drawn, part in zip(asset.drawn, mesh_file.parts, strict=True):
             yield _of_gltf(asset, drawn, part, number)
         return
     for group in groups(mesh_file):
@@ -59,13 +59,13 @@ def pieces(mesh_file: MeshFile, number: int = 0) -> Iterator[Piece]:
         yield Piece(group.faces, named, Named(owner, group.name), owner, material.texture if material else None)
 
 
-def _of_gltf(asset: Gltf, drawn: Primitive, part: Submesh, number: int) -> Piece:
-    header = asset.header
-    primitive = header["meshes"][drawn.mesh]["primitives"][drawn.place]
-    index, materials = primitive.get("material"), header.get("materials", [])
+def _of_gltf(asset: Gltf, drawn: DrawnPrimitive, part: Submesh, number: int) -> Piece:
+    header, index = asset.header, drawn.primitive.material
+    materials = header.get("materials", [])
     material = materials[index] if index is not None and index < len(materials) else {}
     name = material.get("name") or (_NO_MATERIAL if index is None else f"material {index}")
-    images = texture_images(header, material, number) if f"TEXCOORD_{number}" in primitive["attributes"] else set()
+    has_set = f"TEXCOORD_{number}" in drawn.primitive.attributes
+    images = texture_images(header, material, number) if has_set else set()
     return Piece(
         np.arange(part.faces.start, part.faces.stop),
         Named(index, str(name)),

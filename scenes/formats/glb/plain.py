@@ -18,7 +18,7 @@ from raytrace.mesh.up import up_axis
 from raytrace.types import Float64s, Int64s
 
 from ...geometry.detail import PerCorner, split_corners
-from ..gltf.nodes import stand
+from ..gltf.container import stand
 from ..load import MeshFile
 from .buffer import ELEMENT_ARRAY_BUFFER, FLOAT, UNSIGNED_INT, Packed
 from .pictures import add_materials
@@ -111,7 +111,7 @@ def plain(mesh_file: MeshFile, colors: bool, up: str | None = None) -> tuple[Pac
             primitive["attributes"][SOURCE_INDEX] = rows
         header["meshes"][-1]["primitives"].append(primitive)
         drawn.append((primitive, piece.vertices))
-    stand(header, up_axis(mesh, up))
+    stand(header, up_axis(mesh, up), header["scenes"][0]["nodes"])
     return packed, drawn
 
 

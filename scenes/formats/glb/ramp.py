@@ -15,7 +15,7 @@ import numpy as np
 from raytrace.image.encode import linear_png
 from raytrace.types import AnyFloats, Float64s
 
-from ..gltf.container import primitives
+from ..gltf.asset import Gltf
 from .buffer import Packed
 from .occlusion import RAMP, OcclusionTextures, add_coordinates, free_set
 
@@ -58,10 +58,11 @@ def write_ramp(packed: Packed, drawn: Iterable[tuple[dict[str, Any], AnyFloats]]
     textures.apply()
 
 
-def ramp_warnings(header: dict[str, Any], replace: bool) -> list[str]:
+def ramp_warnings(asset: Gltf, replace: bool) -> list[str]:
     """Where `write_ramp` leaves w out, or some viewers will: lines for the user, mostly none."""
+    header = asset.header
     textures = OcclusionTextures(Packed(header), replace)
-    pieces = [header["meshes"][mesh]["primitives"][place] for mesh, place in {each[1:] for each in primitives(header)}]
+    pieces = {each[1:3]: each.of(header) for each in asset.drawn}.values()
     kept = sum(not textures.takes(piece) for piece in pieces)
     lines = []
     if kept:

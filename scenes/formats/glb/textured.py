@@ -14,9 +14,11 @@ from raytrace.image.encode import linear_png
 from raytrace.mesh.up import up_axis
 from raytrace.types import AnyFloats, Float32s, Float64s, Int64s
 
-from ..gltf.accessors import normalized, values
-from ..gltf.container import TRIANGLE_STRIP, Gltf, encode_glb
-from ..gltf.nodes import stand
+from ..gltf.accessors import normalized, triangles, values
+from ..gltf.asset import Gltf
+from ..gltf.container import encode_glb, stand
+from ..gltf.parse import parse
+from ..gltf.records import Primitive
 from ..load import MeshFile
 from .buffer import ARRAY_BUFFER, ELEMENT_ARRAY_BUFFER, UNSIGNED_INT, Packed
 from .occlusion import OWN, OcclusionTextures, add_coordinates, free_set
@@ -59,7 +61,7 @@ def textured_glb(
     asset = mesh_file.gltf
     packed, drawn = stored(asset, mesh_file.parts) if asset else plain(mesh_file, False)
     if asset:
-        stand(packed.header, up_axis(mesh_file.mesh))
+        stand(packed.header, up_axis(mesh_file.mesh), asset.roots)
     if w is not None and attribute:
         for primitive, vertices in drawn:
             primitive["attributes"].update(packed.obscurance(w[vertices], False))
@@ -76,13 +78,14 @@ def textured_glb(
         elif texture is None:
             rest.append((primitive, vertices))
         else:
-            triangles, uv = _triangles(before, primitive), pages[texture].uv[piece.faces]
-            if not np.array_equal(vertices[triangles], mesh_file.mesh.faces[piece.faces]):  # mirrored, and turned over
+            record = parse(Primitive, primitive, before.path)
+            faces, uv = triangles(before, record, len(vertices)).astype(np.int64), pages[texture].uv[piece.faces]
+            if not np.array_equal(vertices[faces], mesh_file.mesh.faces[piece.faces]):  # mirrored, and turned over
                 uv = uv[:, ::-1]
-            number = _set_of(before, primitive, triangles, uv)
+            number = _set_of(before, record, faces, uv)
             if number is None:
                 number = free_set(packed.header, primitive)
-                split_vertices(packed, before, primitive, number, triangles, uv)
+                split_vertices(packed, before, primitive, number, faces, uv)
             textures.give(primitive, numbers[texture], number)
     textures.apply()
     if w is not None:
@@ -96,26 +99,26 @@ def _add(textures: OcclusionTextures, w: Float32s) -> int:
     return textures.add(linear_png(codes[:, :, None]), f"{OWN} occlusion", wrapS=_REPEAT, wrapT=_REPEAT)
 
 
-def _set_of(asset: Gltf, primitive: dict[str, Any], triangles: Int64s, uv: Float64s) -> int | None:
+def _set_of(asset: Gltf, primitive: Primitive, faces: Int64s, uv: Float64s) -> int | None:
     """Number of the set of a primitive that holds the coordinates `uv` (t, 3, 2), or None."""
-    for name, accessor in primitive["attributes"].items():
+    for name, accessor in primitive.attributes.items():
         if name.startswith("TEXCOORD_"):
-            found = normalized(values(asset, accessor, "VEC2"))[triangles] * (1, -1) + (0, 1)
+            found = normalized(values(asset, accessor, "VEC2"))[faces] * (1, -1) + (0, 1)
             if np.allclose(found, uv, _SAME, _SAME):
                 return int(name.removeprefix("TEXCOORD_"))
     return None
 
 
 def split_vertices(
-    packed: Packed, asset: Gltf, primitive: dict[str, Any], number: int, triangles: Int64s, uv: Float64s
+    packed: Packed, asset: Gltf, primitive: dict[str, Any], number: int, faces: Int64s, uv: Float64s
 ) -> None:
     """Give a primitive the set TEXCOORD_`number`, with a vertex for each place that one of its vertices has there.
 
-    Args: asset: the document as it is. triangles: (t, 3), rows of its vertices. uv: (t, 3, 2), v upwards.
+    Args: asset: the document as it is. faces: (t, 3), rows of its vertices. uv: (t, 3, 2), v upwards.
     """
     rounded = uv.reshape(-1, 2).astype("<f4")
     keys = np.empty(len(rounded), [("vertex", "<i8"), ("u", "<f4"), ("v", "<f4")])
-    keys["vertex"], keys["u"], keys["v"] = triangles.ravel(), rounded[:, 0], rounded[:, 1]
+    keys["vertex"], keys["u"], keys["v"] = faces.ravel(), rounded[:, 0], rounded[:, 1]
     kinds, corners = np.unique(keys, return_inverse=True)
     for attributes in (primitive["attributes"], *primitive.get("targets", [])):
         for name, accessor in attributes.items():
@@ -146,16 +149,3 @@ def _taken(packed: Packed, asset: Gltf, number: int, rows: Int64s) -> int:
         made |= {"min": taken.min(axis=0).tolist(), "max": taken.max(axis=0).tolist()}
     packed.header["accessors"].append(made)
     return len(packed.header["accessors"]) - 1
-
-
-def _triangles(asset: Gltf, primitive: dict[str, Any]) -> Int64s:
-    """The triangles (t, 3) of a primitive, as `scenes.formats.gltf.instances` reads them."""
-    if "indices" in primitive:
-        corners = values(asset, primitive["indices"], "SCALAR").ravel().astype(np.int64)
-    else:
-        corners = np.arange(asset.header["accessors"][primitive["attributes"]["POSITION"]]["count"])
-    if primitive.get("mode") != TRIANGLE_STRIP:
-        return corners.reshape(-1, 3)
-    faces = np.stack([corners[:-2], corners[1:-1], corners[2:]], axis=1)
-    faces[1::2] = faces[1::2, ::-1]
-    return faces

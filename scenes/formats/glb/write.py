@@ -13,10 +13,9 @@ from raytrace.types import AnyFloats
 
 from ...geometry.instances import Submesh
 from ..channels import Channels
+from ..gltf.asset import Gltf, referenced
 from ..gltf.compression import keep_plain_data
-from ..gltf.container import Gltf, encode_glb, primitives, referenced
-from ..gltf.nodes import stand
-from ..gltf.schema import check_materials
+from ..gltf.container import encode_glb, stand
 from ..load import MeshFile
 from .buffer import Packed
 from .plain import Drawn, plain
@@ -42,7 +41,7 @@ def glb(mesh_file: MeshFile, w: AnyFloats, channels: Channels) -> bytes:
     asset = mesh_file.gltf
     packed, drawn = stored(asset, mesh_file.parts) if asset else plain(mesh_file, channels.colors, channels.up)
     if asset:
-        stand(packed.header, up_axis(mesh_file.mesh, channels.up))
+        stand(packed.header, up_axis(mesh_file.mesh, channels.up), asset.roots)
     for primitive, vertices in drawn:
         primitive["attributes"].update(packed.obscurance(w[vertices], channels.colors))
     if channels.ramp:
@@ -53,12 +52,12 @@ def glb(mesh_file: MeshFile, w: AnyFloats, channels: Channels) -> bytes:
 
 def stored(asset: Gltf, parts: tuple[Submesh, ...]) -> tuple[Packed, list[Drawn]]:
     """The document of a glTF source, and its drawn primitives, an own one for each instance."""
-    check_materials(asset.header, asset.path)
+    asset.check_materials()
     packed = _one_buffer(asset)
     nodes, meshes = packed.header["nodes"], packed.header["meshes"]
     owner: dict[int, int] = {}
     drawn: list[Drawn] = []
-    for piece, part in zip(primitives(asset.header), parts, strict=True):
+    for piece, part in zip(asset.drawn, parts, strict=True):
         if owner.setdefault(piece.mesh, piece.node) != piece.node and nodes[piece.node]["mesh"] == piece.mesh:
             meshes.append(copy.deepcopy(meshes[piece.mesh]))
             nodes[piece.node]["mesh"] = len(meshes) - 1

@@ -13,91 +13,80 @@ import numpy.typing as npt
 from raytrace.errors import MeshError
 from raytrace.types import Float64s
 
+from .asset import Gltf, entry
 from .compression import compressions, must_be_decoded
-from .container import Gltf
+from .records import TRIANGLE_STRIP, Primitive, Sparse
 
 _COMPONENTS = {5120: "<i1", 5121: "<u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
 _COLUMNS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4}
 _ZEROS, _GROWTH = 1 << 22, 16  # values of a sparse accessor without others, and more of them a byte of the file
 
 
-def entry(asset: Gltf, key: str, number: int) -> Any:
-    """`header[key][number]`. Raises: ValueError: there is no such entry."""
-    entries = asset.header.get(key, [])
-    if number >= len(entries):
-        raise ValueError(f"there is no {key}[{number}]")
-    return entries[number]
-
-
 def view_bytes(asset: Gltf, number: int) -> memoryview:
     """The bytes of a buffer view, without a copy. Raises: ValueError: it reaches beyond its buffer."""
-    view = entry(asset, "bufferViews", number)
-    if view["buffer"] >= len(asset.buffers):
-        raise ValueError(f"there is no buffers[{view['buffer']}]")
-    start = view.get("byteOffset", 0)
-    data = memoryview(asset.buffers[view["buffer"]])[start : start + view["byteLength"]]
-    if len(data) < view["byteLength"]:
+    view = entry(asset.geometry.bufferViews, number, "bufferViews")
+    buffer = entry(asset.buffers, view.buffer, "buffers")
+    data = memoryview(buffer)[view.byteOffset : view.byteOffset + view.byteLength]
+    if len(data) < view.byteLength:
         raise ValueError(f"bufferViews[{number}] reaches beyond its buffer")
     return data
 
 
-def values(asset: Gltf, number: int, kind: str) -> npt.NDArray[Any]:
+def values(asset: Gltf, number: int, *kinds: str) -> npt.NDArray[Any]:
     """The values of an accessor as stored, (count, columns) and read-only, without a copy unless they are sparse.
 
     Args:
-        kind: the type that it must have: SCALAR, VEC2, VEC3, VEC4.
+        kinds: the types that it may have: SCALAR, VEC2, VEC3, VEC4.
 
     Raises:
         MeshError: an accessor that is compressed, empty or of another type.
         ValueError: it is missing, or reaches beyond its buffer view.
     """
-    accessor = entry(asset, "accessors", number)
-
-    def fault(expected: str, got: object) -> MeshError:
-        return MeshError(asset.path, f"accessors[{number}]", expected, got)
-
-    if accessor["count"] < 1:
-        raise fault("a count of at least 1", accessor["count"])
-    if accessor["type"] != kind or accessor["componentType"] not in _COMPONENTS:
-        raise fault(f"{kind} of a component type", f"{accessor['type']} of {accessor['componentType']}")
-    count, item = accessor["count"], np.dtype(_COMPONENTS[accessor["componentType"]])
-    sparse = accessor.get("sparse")
-    if "bufferView" in accessor:
-        base = _rows(asset, accessor, count, item, _COLUMNS[kind], f"accessors[{number}]")
+    accessor, field = entry(asset.geometry.accessors, number, "accessors"), f"accessors[{number}]"
+    count, sparse = accessor.count, accessor.sparse
+    if min(count, sparse.count if sparse else 1) < 1:
+        raise MeshError(asset.path, field, "a count of at least 1", 0)
+    if accessor.type not in kinds or accessor.componentType not in _COMPONENTS:
+        got = f"{accessor.type} of {accessor.componentType}"
+        raise MeshError(asset.path, field, f"{kinds[0]} of a component type", got)
+    item, columns = np.dtype(_COMPONENTS[accessor.componentType]), _COLUMNS[accessor.type]
+    if accessor.bufferView is not None:
+        base = _rows(asset, accessor.bufferView, accessor.byteOffset, (count, columns), item, field)
     elif sparse is None:
-        raise fault("uncompressed values", compressions(asset.header) or "no data")
-    elif count * _COLUMNS[kind] > _ZEROS + _GROWTH * sum(map(len, asset.buffers)):
-        raise fault("a count that the file's bytes can hold", count)
+        raise MeshError(asset.path, field, "uncompressed values", compressions(asset.geometry) or "no data")
+    elif count * columns > _ZEROS + _GROWTH * sum(map(len, asset.buffers)):
+        raise MeshError(asset.path, field, "a count that the file's bytes can hold", count)
     else:
-        base = np.zeros((count, _COLUMNS[kind]), item)
-    return base if sparse is None else _replaced(asset, base, sparse, f"accessors[{number}].sparse")
+        base = np.zeros((count, columns), item)
+    return base if sparse is None else _replaced(asset, base, sparse, f"{field}.sparse")
 
 
-def _replaced(asset: Gltf, base: npt.NDArray[Any], sparse: dict[str, Any], field: str) -> npt.NDArray[Any]:
+def _replaced(asset: Gltf, base: npt.NDArray[Any], sparse: Sparse, field: str) -> npt.NDArray[Any]:
     """The values of a sparse accessor (section 3.6.2.3)."""
-    index = np.dtype(_COMPONENTS.get(sparse["indices"]["componentType"], "<f4"))
-    places = _rows(asset, sparse["indices"], sparse["count"], index, 1, f"{field}.indices").ravel()
-    if index.kind != "u" or (len(places) and places.max() >= len(base)):
-        raise MeshError(asset.path, f"{field}.indices", f"whole numbers below {len(base)}", "others")
+    index = np.dtype(_COMPONENTS.get(sparse.index_type, "<f4"))
+    at = f"{field}.indices"
+    places = _rows(asset, sparse.index_view, sparse.index_offset, (sparse.count, 1), index, at).ravel()
+    if index.kind != "u" or places.max() >= len(base):
+        raise MeshError(asset.path, at, f"whole numbers below {len(base)}", "others")
     made = base.copy()
-    made[places] = _rows(asset, sparse["values"], sparse["count"], base.dtype, base.shape[1], f"{field}.values")
+    shape = sparse.count, base.shape[1]
+    made[places] = _rows(asset, sparse.view, sparse.offset, shape, base.dtype, f"{field}.values")
     made.flags.writeable = False
     return made
 
 
 def _rows(
-    asset: Gltf, stored: dict[str, Any], count: int, item: np.dtype[Any], columns: int, field: str
+    asset: Gltf, number: int, start: int, shape: tuple[int, int], item: np.dtype[Any], field: str
 ) -> npt.NDArray[Any]:
-    """So many rows of the buffer view that an accessor, or a part of a sparse one, refers to: a view of its bytes."""
-    view = entry(asset, "bufferViews", stored["bufferView"])
-    if must_be_decoded(asset.header, view):
-        raise MeshError(asset.path, field, "uncompressed values", compressions(asset.header))
-    start, data = stored.get("byteOffset", 0), view_bytes(asset, stored["bufferView"])
-    row = columns * item.itemsize
-    stride = view.get("byteStride", 0) or row
-    if stride < row or start + (count - 1) * stride + row > len(data):
+    """Rows from byte `start` of a buffer view on: a view of its bytes."""
+    view = entry(asset.geometry.bufferViews, number, "bufferViews")
+    if must_be_decoded(asset.geometry, view):
+        raise MeshError(asset.path, field, "uncompressed values", compressions(asset.geometry))
+    data, row = view_bytes(asset, number), shape[1] * item.itemsize
+    stride = view.byteStride or row
+    if stride < row or start + (shape[0] - 1) * stride + row > len(data):
         raise ValueError(f"{field} does not fit into its buffer view")
-    return np.ndarray((count, columns), item, data, start, (stride, item.itemsize))
+    return np.ndarray(shape, item, data, start, (stride, item.itemsize))
 
 
 def normalized(stored: npt.NDArray[Any]) -> Float64s:
@@ -105,3 +94,33 @@ def normalized(stored: npt.NDArray[Any]) -> Float64s:
     if stored.dtype.kind == "f":
         return stored.astype(np.float64)
     return np.maximum(stored / np.iinfo(stored.dtype).max, -1.0)
+
+
+def triangles(asset: Gltf, primitive: Primitive, count: int) -> npt.NDArray[Any]:
+    """The faces (m, 3) of a primitive of so many vertices."""
+    corners: npt.NDArray[Any] = np.arange(count)
+    if primitive.indices is not None:
+        corners = values(asset, primitive.indices, "SCALAR").ravel()
+    if primitive.mode != TRIANGLE_STRIP:
+        return corners.reshape(-1, 3)
+    faces = np.stack([corners[:-2], corners[1:-1], corners[2:]], axis=1) if len(corners) > 2 else corners[:0, None]
+    faces[1::2] = faces[1::2, ::-1]
+    return faces.reshape(-1, 3)
+
+
+def column(asset: Gltf, primitive: Primitive, name: str, *kinds: str) -> Float64s | None:
+    """An attribute of a primitive's vertices, finite and one for each; None if it has none of the name.
+
+    Raises:
+        MeshError, ValueError: as `values`, or values that are not finite or not one for each vertex.
+    """
+    number = primitive.attributes.get(name)
+    if number is None:
+        return None
+    count = entry(asset.geometry.accessors, primitive.attributes["POSITION"], "accessors").count
+    found = normalized(values(asset, number, *kinds))
+    if len(found) != count:
+        raise MeshError(asset.path, name, f"{count} rows", len(found))
+    if not np.isfinite(found).all():
+        raise MeshError(asset.path, name, "finite numbers", "others")
+    return found

@@ -8,26 +8,22 @@ from __future__ import annotations
 
 from typing import Any
 
+from .records import BufferView, GltfGeometry
+
 DRACO = "KHR_draco_mesh_compression"
 MESHOPT = ("EXT_meshopt_compression", "KHR_meshopt_compression")
 
 
-def compressions(header: dict[str, Any]) -> str:
+def compressions(geometry: GltfGeometry) -> str:
     """The compressions that a file says it uses, for messages; empty if none."""
-    named = {*header.get("extensionsUsed", []), *header.get("extensionsRequired", [])}
+    named = {*geometry.extensionsUsed, *geometry.extensionsRequired}
     used = [name for name in (DRACO, *MESHOPT) if name in named]
     return ", ".join(used) + ", which is not decoded" if used else ""
 
 
-def is_placeholder(buffer: dict[str, Any]) -> bool:
-    """Whether a buffer stands for what a decoder is to fill, and has no data itself."""
-    extensions = buffer.get("extensions", {})
-    return "uri" not in buffer and any(extensions.get(name, {}).get("fallback") for name in MESHOPT)
-
-
-def must_be_decoded(header: dict[str, Any], view: dict[str, Any]) -> bool:
+def must_be_decoded(geometry: GltfGeometry, view: BufferView) -> bool:
     """Whether a buffer view has compressed data, and the file does not promise plain ones beside them."""
-    return any(name in view.get("extensions", {}) for name in MESHOPT if name in header.get("extensionsRequired", []))
+    return any(name in view.extensions for name in MESHOPT if name in geometry.extensionsRequired)
 
 
 def keep_plain_data(header: dict[str, Any]) -> None:

@@ -1,61 +1,29 @@
 """glTF 2.0 files as stored: the JSON header and the bytes of its buffers.
 
-An own reader because an output keeps all of the file that it does not change, references must stay in the file's
-folder, and memory is bounded: 256 times the bytes of a file + 64 MiB at most (docs/reliability.md).
-Format: Khronos glTF 2.0 specification, chapter 4 (GLB container), section 3.6 (buffers), 3.7 (meshes).
+An own reader, as trimesh's and pygltflib's keep neither all of a file that an output does not change, nor references
+in the file's folder, nor memory bounded: 256 times the bytes of a file + 64 MiB at most (docs/reliability.md).
+Format: Khronos glTF 2.0 specification, chapter 4 (GLB container), section 3.6 (buffers).
 """
 
 from __future__ import annotations
 
-import base64
 import json
 import struct
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from collections.abc import Callable
 from functools import cache
 from pathlib import Path
-from typing import Any, NamedTuple
-from urllib.parse import unquote
+from typing import Any
+
+import numpy as np
 
 from raytrace.errors import MeshError
+from raytrace.mesh.up import TO_Y_UP
 
-from .compression import compressions, is_placeholder
-from .schema import check_geometry
+from .asset import Gltf, referenced
+from .compression import compressions
 
 _GLB_MAGIC, _JSON_CHUNK, _BIN_CHUNK = 0x46546C67, 0x4E4F534A, 0x004E4942
 _DEEPEST = 100
-TRIANGLES, TRIANGLE_STRIP, TRIANGLE_FAN = 4, 5, 6
-
-
-@dataclass(frozen=True)
-class Gltf:
-    """A glTF asset.
-
-    Attributes:
-        path: where it was read; relative references start beside it.
-        header: the JSON document.
-        buffers: the bytes of each entry of `header["buffers"]`.
-    """
-
-    path: Path
-    header: dict[str, Any]
-    buffers: tuple[bytes, ...]
-
-    @property
-    def files(self) -> tuple[Path, ...]:
-        """The file itself and those beside it that it names, buffers and images."""
-        entries = [*self.header.get("buffers", []), *self.header.get("images", [])]
-        names = [str(entry.get("uri", "data:")) for entry in entries]
-        beside = [_beside(name, self.path.parent) for name in dict.fromkeys(names) if not name.startswith("data:")]
-        return self.path, *(path for path in beside if path)
-
-
-class Primitive(NamedTuple):
-    """A drawn piece of triangles: indices of its node and mesh, and its place among the mesh's primitives."""
-
-    node: int
-    mesh: int
-    place: int
 
 
 def decode(data: bytes, path: Path) -> Gltf:
@@ -75,19 +43,22 @@ def decode(data: bytes, path: Path) -> Gltf:
         deep = True
     if deep:
         raise MeshError(path, "content", f"JSON of at most {_DEEPEST} levels", "more")
-    check_geometry(header, path)
-    buffers = []
-    read = cache(Path.read_bytes)
-    for index, buffer in enumerate(header.get("buffers", [])):
-        if is_placeholder(buffer):
-            raise MeshError(path, f"buffers[{index}]", "uncompressed values", compressions(header) or "none")
-        content = binary if "uri" not in buffer else referenced(buffer["uri"], path.parent, read)
-        if content is None:
-            raise MeshError(path, f"buffers[{index}]", "data in or beside the file", buffer.get("uri", "none")[:80])
-        if len(content) < buffer["byteLength"]:
-            raise MeshError(path, f"buffers[{index}]", f"{buffer['byteLength']} bytes", len(content))
-        buffers.append(content)
-    return Gltf(path, header, tuple(buffers))
+    asset, read = Gltf(path, header), cache(Path.read_bytes)
+    asset.buffers = tuple(_content(asset, n, binary, read) for n in range(len(asset.geometry.buffers)))
+    return asset
+
+
+def _content(asset: Gltf, number: int, binary: bytes | None, read: Callable[[Path], bytes]) -> bytes:
+    """The bytes of a buffer. Args: binary: the binary chunk of a GLB container. read: as of `referenced`."""
+    stored, path, name = asset.geometry.buffers[number], asset.path, f"buffers[{number}]"
+    if stored.uri is None and (stored.fallback or stored.khr_fallback):  # to be filled by a decoder
+        raise MeshError(path, name, "uncompressed values", compressions(asset.geometry) or "none")
+    content = binary if stored.uri is None else referenced(stored.uri, path.parent, read)
+    if content is None:
+        raise MeshError(path, name, "data in or beside the file", (stored.uri or "none")[:80])
+    if len(content) < stored.byteLength:
+        raise MeshError(path, name, f"{stored.byteLength} bytes", len(content))
+    return content
 
 
 def _depth(value: Any) -> int:
@@ -98,30 +69,6 @@ def _depth(value: Any) -> int:
         level = [child for some in children for child in some if isinstance(child, dict | list)]
         depth += 1
     return depth
-
-
-def referenced(uri: str, folder: Path, read: Callable[[Path], bytes] = Path.read_bytes) -> bytes | None:
-    """The bytes a URI stands for: embedded base64 data, or a file inside `folder`. None for anything else.
-
-    Args: read: given once to several calls, it may keep what it has read.
-    """
-    try:
-        if uri.startswith("data:"):
-            return base64.b64decode(uri.partition("base64,")[2])
-        target = _beside(uri, folder)
-        return read(target) if target else None
-    except (OSError, ValueError):
-        return None
-
-
-def _beside(uri: str, folder: Path) -> Path | None:
-    """The existing file inside `folder` that a relative URI names, or None."""
-    try:
-        root = folder.resolve()
-        target = (root / unquote(uri)).resolve()
-        return target if target.is_relative_to(root) and target.is_file() else None
-    except (OSError, ValueError):
-        return None
 
 
 def _chunks(data: bytes, path: Path) -> tuple[bytes, bytes | None]:
@@ -152,42 +99,12 @@ def encode_glb(header: dict[str, Any], binary: bytes) -> bytes:
     return struct.pack("<III", _GLB_MAGIC, 2, 12 + len(chunks)) + chunks
 
 
-def roots(header: dict[str, Any]) -> list[int]:
-    """The nodes on which the default scene stands; a file without scenes shows every node that is no child."""
-    nodes = header.get("nodes", [])
-    children = {child for node in nodes for child in node.get("children", [])}
-    scenes = header.get("scenes", [{"nodes": [n for n in range(len(nodes)) if n not in children]}])
-    shown = header.get("scene", 0)
-    if shown >= len(scenes):
-        raise ValueError(f"there is no scenes[{shown}]")
-    return list(scenes[shown].get("nodes", []))
-
-
-def primitives(header: dict[str, Any]) -> Iterator[Primitive]:
-    """The triangle primitives the default scene draws, depth first, children in their order.
-
-    Raises:
-        ValueError: the nodes are no tree, indices of what is not there, or a triangle fan, which is not supported.
-    """
-    nodes, meshes = header.get("nodes", []), header.get("meshes", [])
-    stack = list(reversed(roots(header)))
-    seen: set[int] = set()
-    while stack:
-        number = stack.pop()
-        if number in seen:
-            raise ValueError(f"node {number} has two parents or is its own ancestor")
-        if number >= len(nodes):
-            raise ValueError(f"there is no nodes[{number}]")
-        seen.add(number)
-        node = nodes[number]
-        stack.extend(reversed(node.get("children", [])))
-        if "mesh" not in node:
-            continue
-        if node["mesh"] >= len(meshes):
-            raise ValueError(f"there is no meshes[{node['mesh']}]")
-        for place, primitive in enumerate(meshes[node["mesh"]]["primitives"]):
-            mode = primitive.get("mode", TRIANGLES)
-            if mode == TRIANGLE_FAN:
-                raise ValueError(f"mesh {node['mesh']} is a triangle fan, which is not supported")
-            if mode in (TRIANGLES, TRIANGLE_STRIP):
-                yield Primitive(number, node["mesh"], place)
+def stand(header: dict[str, Any], up: str, roots: list[int]) -> None:
+    """Put the roots of the default scene below a node that turns `up` to y, glTF's up axis, if it is another."""
+    if up == "y":
+        return
+    matrix = np.eye(4)
+    matrix[:3, :3] = TO_Y_UP[up]
+    nodes = header["nodes"]
+    nodes.append({"name": f"{up} up", "matrix": matrix.T.ravel().tolist(), "children": roots})
+    header.setdefault("scenes", [{}])[header.setdefault("scene", 0)]["nodes"] = [len(nodes) - 1]

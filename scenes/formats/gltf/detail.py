@@ -1,22 +1,21 @@
-"""Texture coordinates and colours of a glTF file's vertices, for formats that hold nothing else of it."""
+"""Texture coordinates and colours of all vertices of a glTF file, for outputs that hold nothing else of it."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 
 from raytrace.errors import MeshError
 from raytrace.image.srgb import encode_srgb
-from raytrace.types import Float64s
+from raytrace.types import Float64s, Int64s
 
 from ...geometry.detail import Detail, PerCorner
-from ...geometry.instances import Instance
+from ...geometry.instances import Submesh
 from ...geometry.polygons import Triangulation
 from ..glb.occlusion import ramp_sets
-from .accessors import normalized, values
-from .container import Gltf, primitives
+from .accessors import column
+from .asset import Gltf
 
 _READ = ("POSITION", "NORMAL", "TEXCOORD_0", "COLOR_0", "_OBSCURANCE")
 _WORDS = {
@@ -25,63 +24,74 @@ _WORDS = {
 }  # fmt: skip
 
 
-def gltf_detail(asset: Gltf, instances: Sequence[Instance], faces: np.ndarray) -> tuple[Detail, tuple[str, ...]]:
+def gltf_detail(asset: Gltf, parts: Sequence[Submesh], faces: Int64s) -> tuple[Detail, tuple[str, ...]]:
     """The first texture coordinates and colours of all vertices, and what else the file holds, in words.
 
-    Args:
-        instances: `read_instances(asset)`. faces: (m, 3), all of them, as they are placed.
+    Args: parts: the drawn primitives. faces: (m, 3), all of them, as they are placed.
     """
-    header = asset.header
-    pieces = [header["meshes"][piece.mesh]["primitives"][piece.place] for piece in primitives(header)]
-    counts = [len(instance.vertices) for instance in instances]
-    unread = [words for key, words in _WORDS.items() if header.get(key)]
-    if len(instances) > 1:
+    unread = [words for key, words in _WORDS.items() if asset.header.get(key)]
+    if len(parts) > 1:
         unread.insert(0, "nodes")
-    pieces = [_without_ramp(header, piece) for piece in pieces]
-    names = {name for piece in pieces for name in piece["attributes"]} - set(_READ)
-    unread += sorted(names)
+    ramps = [{f"TEXCOORD_{n}" for n in ramp_sets(asset.header, piece.of(asset.header))} for piece in asset.drawn]
+    names = [piece.primitive.attributes.keys() - own for piece, own in zip(asset.drawn, ramps, strict=True)]
+    unread += sorted(set[str]().union(*names) - set(_READ))
     columns = {}
-    for name, kinds in (("TEXCOORD_0", ("VEC2",)), ("COLOR_0", ("VEC3", "VEC4"))):
+    for name, kinds, missing in (("TEXCOORD_0", ("VEC2",), 0.0), ("COLOR_0", ("VEC3", "VEC4"), 1.0)):
+        lacking = [name not in own for own in names]
         try:
-            columns[name] = _column(asset, pieces, counts, name, kinds)
+            columns[name] = _column(asset, parts, name, kinds, missing, lacking)
         except (MeshError, ValueError, KeyError, TypeError):
             unread.append(name)
     corners = faces.ravel()
-    sizes = np.full(len(faces), 3)
     uv, colors = columns.get("TEXCOORD_0"), columns.get("COLOR_0")
-    if uv is not None:
-        uv = np.stack([uv[:, 0], 1 - uv[:, 1]], axis=1)
     if colors is not None:
         colors = np.concatenate([encode_srgb(colors[:, :3]).astype(np.float64), colors[:, 3:]], axis=1)
         colors = colors[:, :3] if (colors[:, 3] == 1).all() else colors
     whole = Triangulation(np.ones(len(faces), np.int64), 0, None)
-    coordinates = None if uv is None else PerCorner(uv, corners)
-    return Detail(corners, sizes, whole, coordinates, None, colors), tuple(unread)
+    coordinates = None if uv is None else PerCorner(_upwards(uv), corners)
+    return Detail(corners, np.full(len(faces), 3), whole, coordinates, None, colors), tuple(unread)
 
 
-def _without_ramp(header: dict[str, Any], piece: dict[str, Any]) -> dict[str, Any]:
-    """A primitive without the texture coordinates of the ramp that an earlier bake has given it."""
-    ramps = {f"TEXCOORD_{number}" for number in ramp_sets(header, piece)}
-    return piece | {"attributes": {name: n for name, n in piece["attributes"].items() if name not in ramps}}
+def texture_coordinates(asset: Gltf, parts: Sequence[Submesh], faces: Int64s, number: int) -> Float64s | None:
+    """The set TEXCOORD_`number` of all drawn primitives by corner (m, 3, 2), v upwards, NaN where one lacks it; None
+    if all do.
+
+    Args: parts: the primitives. faces: (m, 3).
+
+    Raises:
+        MeshError: values that are not finite, or not one for each vertex.
+    """
+    name = f"TEXCOORD_{number}"
+    try:
+        uv = _column(asset, parts, name, ("VEC2",), np.nan)
+    except (ValueError, KeyError, TypeError) as reason:
+        raise MeshError(asset.path, name, "two numbers a vertex", reason) from None
+    return None if uv is None else _upwards(uv)[faces]
+
+
+def _upwards(uv: Float64s) -> Float64s:
+    return np.stack([uv[:, 0], 1 - uv[:, 1]], axis=1)
 
 
 def _column(
-    asset: Gltf, pieces: list[dict[str, Any]], counts: list[int], name: str, kinds: tuple[str, ...]
+    asset: Gltf,
+    parts: Sequence[Submesh],
+    name: str,
+    kinds: tuple[str, ...],
+    missing: float,
+    lacking: Sequence[bool] | None = None,
 ) -> Float64s | None:
-    """An attribute of all vertices: of those that lack it, 0 for coordinates, and white."""
-    if not any(name in piece["attributes"] for piece in pieces):
+    """An attribute of all vertices, `missing` of primitives that lack it or are said to; None if all do.
+
+    Raises: as `column`.
+    """
+    lacks = lacking or [name not in piece.primitive.attributes for piece in asset.drawn]
+    if all(lacks):
         return None
-    width = int(kinds[-1][-1])
-    rows = []
-    for piece, count in zip(pieces, counts, strict=True):
-        made = np.full((count, width), 1.0 if width == 4 else 0.0)
-        if name in piece["attributes"]:
-            number = piece["attributes"][name]
-            accessors = asset.header["accessors"]
-            kind = accessors[number]["type"] if number < len(accessors) else kinds[0]
-            stored = normalized(values(asset, number, kind if kind in kinds else kinds[0]))
-            if len(stored) != count or not np.isfinite(stored).all():
-                raise ValueError("values that are not of the vertices")
-            made[:, : stored.shape[1]] = stored
-        rows.append(made)
-    return np.concatenate(rows)
+    made = np.full((parts[-1].vertices.stop, int(kinds[-1][-1])), missing)
+    for piece, part, is_lacking in zip(asset.drawn, parts, lacks, strict=True):
+        if not is_lacking:
+            found = column(asset, piece.primitive, name, *kinds)
+            assert found is not None
+            made[part.vertices, : found.shape[1]] = found
+    return made

@@ -13,8 +13,7 @@ from raytrace.image.texture import Texture, texture_codes
 from raytrace.mesh.up import TO_Y_UP, up_axis
 from raytrace.types import Float64s, UInt8s
 
-from ...formats.glb.occlusion import RAMP, image_name, occlusion_reference
-from ...formats.gltf.container import primitives
+from ...formats.glb.occlusion import is_ramp
 from ...formats.gltf.textures import Textures
 from ...formats.load import MeshFile, load, mesh_errors
 from ...formats.stored_w import ENDINGS, read_beside_w, read_w
@@ -76,11 +75,9 @@ def _textures(source: MeshFile | None) -> TexturedW | None:
     found: dict[tuple[Texture, float], int] = {}
     with mesh_errors(asset.path):
         textures = Textures(asset)
-        for piece, part in zip(primitives(asset.header), source.parts, strict=True):
-            primitive = asset.header["meshes"][piece.mesh]["primitives"][piece.place]
-            reference = occlusion_reference(asset.header, primitive.get("material"))
-            used = textures.of_occlusion(primitive)
-            if reference and used and image_name(asset.header, reference) != RAMP:
+        for piece, part in zip(asset.drawn, source.parts, strict=True):
+            used = textures.of_occlusion(piece.primitive)
+            if used and not is_ramp(asset.header, piece.primitive.material):
                 uv[part.vertices] = used[0] * (1, -1) + (0, 1)
                 of[part.vertices] = found.setdefault(used[1:], len(found))
         images = [_codes(*each) for each in found]
