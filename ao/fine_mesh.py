@@ -13,7 +13,7 @@ from raytrace.types import Bools, Int64s
 from .estimate.estimate import edges_of, estimate_outside
 from .estimate.inside import inside_solids
 from .execute.checkpoint import Checkpoint
-from .points.corners import Corners
+from .points.corners import CornerSamples
 from .points.receivers import Flag, Receivers, find_receivers
 from .prepared import Prepared
 from .result import PointValues
@@ -55,7 +55,7 @@ def sample_fine_mesh(
     points = texels.first_points
     edges = edges_of(points, row_of[shown.of_vertex[shown.faces]], threads)
     filled = inside & (options.interior != "mark")
-    found, untraced = estimate_outside(tracer, points, Corners.none(), edges, filled, prepared.target)
+    found, untraced = estimate_outside(tracer, points, CornerSamples.none(), edges, filled, prepared.target)
     order = row_of[:-1]
     found = replace(found, rows=found.rows[order], variance=found.variance[order])
     values = PointValues.of(found, tracer.rays, untraced)

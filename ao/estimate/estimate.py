@@ -1,7 +1,7 @@
 """The one way from points to their values: vertices, texels, points of a fine mesh alike.
 
-Points with a hemisphere of their own are traced, those that `Corners` stand for get the mean over their corner samples,
-and points inside solids the values of the nearest that are not.
+Points with a hemisphere of their own are traced, folded points get the mean over their `CornerSamples`, and points
+inside solids the values of the nearest points outside.
 """
 
 from __future__ import annotations
@@ -15,10 +15,17 @@ import numpy as np
 from raytrace.types import Bools, Int64s
 
 from ..execute.tracer import Tracer
-from ..points.corners import Corners
+from ..points.corners import CornerSamples
 from ..points.points import Points
 from .fill import Fill
-from .fixed_samples import estimated, place_samples, rays_of_corners, sampled, traced_twice, with_corners
+from .fixed_samples import (
+    count_corner_rays,
+    estimated,
+    rays_per_corner_sample,
+    sampled,
+    traced_twice,
+    with_corner_means,
+)
 from .one_ring import Neighbours
 from .probes import derive
 from .tolerance import Estimate, estimate_to
@@ -28,7 +35,7 @@ NeighboursOf = Callable[[Int64s], Neighbours]
 
 
 class Target(NamedTuple):
-    """What is asked for.
+    """What a bake asks for.
 
     Attributes:
         samples: rays a point; with a tolerance the most. tolerance: root mean square error of w, or None.
@@ -52,55 +59,58 @@ def edges_of(points: Points, faces: Int64s, threads: int) -> NeighboursOf:
     return among
 
 
-def estimate(tracer: Tracer, points: Points, corners: Corners, neighbours_of: NeighboursOf, target: Target) -> Estimate:
+def estimate(
+    tracer: Tracer, points: Points, corners: CornerSamples, neighbours_of: NeighboursOf, target: Target
+) -> Estimate:
     """Estimates at all `points` (k,), with a number of rays each that is given or meets the tolerance."""
     rows = np.delete(np.arange(len(points)), corners.rows)
     ordinary = points[rows] if len(corners) else points
-    places, (most, tolerance, denoise, key) = corners.places, target
+    most, tolerance, denoise, key = target
     if tolerance is None or not len(points):
-        samples = place_samples(most, False)
-        tracer.later = rays_of_corners(corners, samples)
+        samples = rays_per_corner_sample(most, False)
+        tracer.later = count_corner_rays(corners, samples)
         traced = traced_twice(tracer, ordinary, most, key)
         tracer.later = 0
-        at_corners = traced_twice(tracer, places, samples, key) if len(corners) else None
+        at_corners = traced_twice(tracer, corners.points, samples, key) if len(corners) else None
         tracer.all_traced()
-        found = estimated(traced, ordinary, neighbours_of(rows) if denoise else None)
+        values = estimated(traced, ordinary, neighbours_of(rows) if denoise else None)
         if at_corners is None:
-            return found
-        return with_corners(found, rows, estimated(at_corners, places, None), corners)
-    if not len(rows):  # none to plan rays by but corner samples, of which the mean of some 18 is asked for
-        alone = Neighbours.of(np.zeros((0, 3), np.int64), places.normals, tracer.threads)
-        at_places = estimate_to(tracer, places, alone, min(2 * tolerance, 1.0), most, key)
-        nothing = Estimate(np.zeros((0, 4)), np.zeros(0), at_places.samples, 0)
-        return with_corners(nothing, rows, at_places, corners)
-    found = estimate_to(tracer, ordinary, neighbours_of(rows), tolerance, most, key)
+            return values
+        return with_corner_means(values, rows, estimated(at_corners, corners.points, None), corners)
+    if not len(rows):  # rays can be planned by corner samples alone, of which the mean of some 18 is asked for
+        alone = Neighbours.of(np.zeros((0, 3), np.int64), corners.points.normals, tracer.threads)
+        sampled_corners = estimate_to(tracer, corners.points, alone, min(2 * tolerance, 1.0), most, key)
+        nothing = Estimate(np.zeros((0, 4)), np.zeros(0), sampled_corners.samples, 0)
+        return with_corner_means(nothing, rows, sampled_corners, corners)
+    values = estimate_to(tracer, ordinary, neighbours_of(rows), tolerance, most, key)
     if not len(corners):
-        return found
-    return with_corners(found, rows, sampled(tracer, places, place_samples(found.samples, True), key), corners)
+        return values
+    samples = rays_per_corner_sample(values.samples, True)
+    return with_corner_means(values, rows, sampled(tracer, corners.points, samples, key), corners)
 
 
 def estimate_outside(
-    tracer: Tracer, points: Points, corners: Corners, neighbours_of: NeighboursOf, inside: Bools, target: Target
+    tracer: Tracer, points: Points, corners: CornerSamples, neighbours_of: NeighboursOf, inside: Bools, target: Target
 ) -> tuple[Estimate, int]:
-    """`estimate` where points `inside` (k,) are filled from the nearest that are not; how many were not traced."""
+    """`estimate` where points `inside` (k,) are filled from the nearest points outside; how many were not traced."""
     if not inside.any():
         return estimate(tracer, points, corners, neighbours_of, target), 0
     filling = Fill.of(points, neighbours_of(np.arange(len(points))), inside)
     kept = np.flatnonzero(filling.traced)
-    traced, some = points[kept], corners.only(kept)
-    found = estimate(tracer, traced, some, lambda rows: neighbours_of(kept[rows]), target)
-    known = np.column_stack([found.rows, found.variance])
-    if target.tolerance is not None:  # errors at the edge of what is hidden stand for many
+    traced, subset = points[kept], corners.only(kept)
+    values = estimate(tracer, traced, subset, lambda rows: neighbours_of(kept[rows]), target)
+    known = np.column_stack([values.rows, values.variance])
+    if target.tolerance is not None:  # an error at the edge of the hidden points stands for many
         edge = filling.sources
-        edge[some.rows] = False
-        again = sampled(tracer, traced[edge], min(4 * found.samples, target.samples), derive(target.key, 6))
+        edge[subset.rows] = False
+        again = sampled(tracer, traced[edge], min(4 * values.samples, target.samples), derive(target.key, 6))
         known[edge] = np.column_stack([again.rows, again.variance])
     rows = filling.extrapolate(known)
-    return replace(found, rows=rows[:, :4], variance=rows[:, 4]), len(points) - len(kept)
+    return replace(values, rows=rows[:, :4], variance=rows[:, 4]), len(points) - len(kept)
 
 
 def _renumbering(rows: Int64s, count: int) -> Int64s:
-    """The place of each of `count` points in `rows`, and of −1: −1 for those that are not there."""
+    """The place of each of `count` points, and of −1, in `rows`; −1 for points that are not in them."""
     place = np.full(count + 1, -1)
     place[rows] = np.arange(len(rows))
     return place

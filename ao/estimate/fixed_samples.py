@@ -1,4 +1,4 @@
-"""Estimates by a given number of rays, at points and at the corners that stand for some of them."""
+"""Estimates by a given number of rays, at points and at corner samples of folded points."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from raytrace.sampling.hash import mix_array
 from raytrace.types import Float64s, Int64s
 
 from ..execute.tracer import Tracer
-from ..points.corners import Corners
+from ..points.corners import CornerSamples
 from ..points.points import Points
 from ..rays.estimate import BATCH_VARIANCE, BENT, VALUES, W
 from .calibration import Calibration
@@ -22,8 +22,8 @@ from .tolerance import Estimate
 
 _CALIBRATION_SHARE = 32
 _CALIBRATION_LEAST = 128
-_PLACE_SHARE = 8  # of the rays that a point gets, for each of some 18 places about a corner: they err as much together
-_PLACE_SHARE_RAW = 3  # where points are denoised besides
+_CORNER_SHARE = 8  # of a point's rays, for each of some 18 corner samples, whose mean errs as much as a point's w
+_CORNER_SHARE_DENOISED = 3  # where the points are denoised
 
 
 class TracedTwice(NamedTuple):
@@ -31,7 +31,7 @@ class TracedTwice(NamedTuple):
 
     Attributes:
         rows: float64 (k, COLUMNS). samples: rays of each. calibration: int64 (c,), the points that were traced twice.
-        again: float64 (c,), w of these by other directions. rays: traced in the bake so far.
+        again: float64 (c,), their w by independent directions. rays: traced in the bake so far.
     """
 
     rows: Float64s
@@ -77,26 +77,23 @@ def sampled(tracer: Tracer, points: Points, samples: int, key: np.uint32) -> Est
     return estimated(traced_twice(tracer, points, samples, key), points, None)
 
 
-def place_samples(samples: int, denoised: bool) -> int:
-    """Rays for each place of a corner where points get `samples`, and are denoised or are not."""
-    return -(-samples // (_PLACE_SHARE_RAW if denoised else _PLACE_SHARE))
+def rays_per_corner_sample(samples: int, denoised: bool) -> int:
+    """Rays of each corner sample where ordinary points get `samples` rays."""
+    return -(-samples // (_CORNER_SHARE_DENOISED if denoised else _CORNER_SHARE))
 
 
-def rays_of_corners(corners: Corners, samples: int) -> int:
-    """How many rays `with_corners` asks for."""
-    return samples * (len(corners.places) + len(_calibration_subset(len(corners.places))))
+def count_corner_rays(corners: CornerSamples, samples: int) -> int:
+    """Rays that corner samples take with `samples` rays each."""
+    return samples * (len(corners.points) + len(_calibration_subset(len(corners.points))))
 
 
-def with_corners(estimate: Estimate, rows: Int64s, found: Estimate, corners: Corners) -> Estimate:
-    """Estimates of all points.
-
-    Args: estimate: of the points `rows` (i,). found: of the places of `corners`, which stand for all other points.
-    """
+def with_corner_means(estimate: Estimate, rows: Int64s, samples: Estimate, corners: CornerSamples) -> Estimate:
+    """Estimates of all points: `estimate` of the points `rows` (i,), and means of `samples`, of the corner samples."""
     values, variance = np.empty((len(rows) + len(corners), 4)), np.empty(len(rows) + len(corners))
     values[rows], variance[rows] = estimate.rows, estimate.variance
-    values[corners.rows, :1] = corners.mean(found.rows[:, :1])
-    values[corners.rows, 1:] = corners.mean_direction(found.rows[:, 1:])
-    variance[corners.rows] = corners.variance(found.variance)
+    values[corners.rows, :1] = corners.mean(samples.rows[:, :1])
+    values[corners.rows, 1:] = corners.mean_direction(samples.rows[:, 1:])
+    variance[corners.rows] = corners.variance(samples.variance)
     return replace(estimate, rows=values, variance=variance)
 
 

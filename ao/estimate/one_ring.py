@@ -29,43 +29,44 @@ class Neighbours:
 
     Attributes:
         starts: int64 (k + 1,).
-        others: int32 (starts[k],): the neighbours of point i are others[starts[i]:starts[i + 1]].
-        weights: float32, as `others`: how much a neighbour has in common with the point: 1 for the same normal, half
-            as much at the end of an edge with one face.
-        threads: how many work on means.
+        indices: int32 (starts[k],): the neighbours of point i are indices[starts[i]:starts[i + 1]].
+        weights: float32, as `indices`: 1 for a neighbour of the same normal, half of it along an edge with one face.
+        threads: number that compute means.
     """
 
     starts: Int64s
-    others: Int32s
+    indices: Int32s
     weights: Float32s
     threads: int
 
     @classmethod
     def of(cls, faces: AnyInts, normals: Float32s, threads: int) -> Neighbours:
-        """Args: faces: (m, 3), rows of points, −1 for a corner that is none. normals: float32 (k, 3), unit."""
+        """Args: faces: (m, 3), rows of points, −1 for a corner without a point. normals: float32 (k, 3), unit."""
         count = len(normals)
         corners = np.bincount(faces.ravel() + 1, minlength=count + 1)[1:]
         listed = np.concatenate([[0], np.cumsum(2 * corners)])
         corner = np.full(listed[-1], -1, np.int32)
         _list_face_edges(faces, listed[:-1].copy(), corner)
-        starts, others, weights = (
+        starts, indices, weights = (
             np.zeros(count + 1, np.int64),
             np.empty_like(corner),
             np.empty(len(corner), np.float32),
         )
-        _merge_edges(listed, corner, starts, others, weights)
-        return cls.weighted(starts, others[: starts[-1]].copy(), weights[: starts[-1]].copy(), normals, threads)
+        _merge_edges(listed, corner, starts, indices, weights)
+        return cls.weighted(starts, indices[: starts[-1]].copy(), weights[: starts[-1]].copy(), normals, threads)
 
     @classmethod
-    def weighted(cls, starts: Int64s, others: Int32s, weights: Float32s, normals: Float32s, threads: int) -> Neighbours:
-        """The rings given, their `weights` lessened where the points' `normals`, float32 (k, 3), disagree."""
-        found = cls(starts, others, weights, threads)
-        found.each(lambda first, last: _weigh_by_normals(first, last, starts, others, normals, weights))
-        return found
+    def weighted(
+        cls, starts: Int64s, indices: Int32s, weights: Float32s, normals: Float32s, threads: int
+    ) -> Neighbours:
+        """One-rings whose `weights` are lowered where the points' `normals`, float32 (k, 3), disagree."""
+        rings = cls(starts, indices, weights, threads)
+        rings.each(lambda first, last: _weigh_by_normals(first, last, starts, indices, normals, weights))
+        return rings
 
     def of_points(self, rows: Int64s) -> Int32s:
         """The neighbours of the points `rows` (j,), one after another."""
-        return np.concatenate([self.others[self.starts[i] : self.starts[i + 1]] for i in rows])
+        return np.concatenate([self.indices[self.starts[i] : self.starts[i + 1]] for i in rows])
 
     def each(self, work: Callable[[int, int], None]) -> None:
         """Call `work(first, last)` for blocks of points, on threads."""
@@ -88,24 +89,24 @@ class Neighbours:
     def _means(self, values: npt.NDArray[Real], own: float) -> npt.NDArray[Real]:
         means = _mean if values.ndim == 1 else _mean_triples if values.shape[1] == 3 else _mean_lanes
         values, out = np.ascontiguousarray(values), aligned(values.shape, values.dtype)
-        self.each(lambda first, last: means(first, last, self.starts, self.others, self.weights, values, own, out))
+        self.each(lambda first, last: means(first, last, self.starts, self.indices, self.weights, values, own, out))
         return out
 
-    def own(self) -> Float64s:
-        """The share (k,) that a point's own value has in its mean with the neighbours'."""
+    def self_weight(self) -> Float64s:
+        """Weight (k,) of a point's own value in its mean with its neighbours."""
         out = np.empty(len(self.starts) - 1)
-        self.each(lambda first, last: _own(first, last, self.starts, self.weights, out))
+        self.each(lambda first, last: _self_weights(first, last, self.starts, self.weights, out))
         return out
 
-    def own_share(self) -> Float64s:
-        """About the share (k,) that a point's own value has after four rounds of `smooth`, for valences from 1 to 8."""
-        own = self.own()
-        return own * (1 + own) / 2
+    def smoothed_self_weight(self) -> Float64s:
+        """About the weight (k,) of a point's own value after four rounds of `smooth`, for valences from 1 to 8."""
+        weight = self.self_weight()
+        return weight * (1 + weight) / 2
 
-    def returned(self) -> Float64s:
-        """The share (k,) that a point's own value has in the mean of its own and its neighbours' predictions."""
-        whole, out = 1 / self.own() - 1, np.empty(len(self.starts) - 1)
-        self.each(lambda first, last: _returned(first, last, self.starts, self.others, self.weights, whole, out))
+    def leverage(self) -> Float64s:
+        """Leverage (k,) of a point: weight of its own value in the mean of its own and its neighbours' predictions."""
+        whole, out = 1 / self.self_weight() - 1, np.empty(len(self.starts) - 1)
+        self.each(lambda first, last: _leverages(first, last, self.starts, self.indices, self.weights, whole, out))
         return out
 
 
@@ -122,7 +123,7 @@ def _list_face_edges(faces, ends, corner):
 
 
 @kernel
-def _merge_edges(listed, corner, starts, others, weights):
+def _merge_edges(listed, corner, starts, indices, weights):
     """List every neighbour once, weighted by half the number of faces at the edge to it."""
     count = len(starts) - 1
     place = np.full(count, -1, np.int64)
@@ -134,62 +135,62 @@ def _merge_edges(listed, corner, starts, others, weights):
                 continue
             if place[j] < starts[i]:
                 place[j] = last
-                others[last], weights[last] = j, 0.0
+                indices[last], weights[last] = j, 0.0
                 last += 1
             weights[place[j]] += np.float32(0.5)
         starts[i + 1] = last
 
 
 @kernel
-def _weigh_by_normals(first, last, starts, others, normals, weights):
+def _weigh_by_normals(first, last, starts, indices, normals, weights):
     for i in range(first, last):
         for k in range(starts[i], starts[i + 1]):
             cosine = np.float32(0.0)
             for axis in range(3):
-                cosine += normals[i, axis] * normals[others[k], axis]
+                cosine += normals[i, axis] * normals[indices[k], axis]
             weights[k] *= max(cosine, np.float32(0.0)) ** _CREASE
 
 
 @kernel
-def _mean(first, last, starts, others, weights, values, own, out):
+def _mean(first, last, starts, indices, weights, values, own, out):
     """Ring means, the point's own value weighted by `own`, of differences: equal values stay equal to the bit."""
     for i in range(first, last):
         weight, difference, centre = own, 0.0, values[i]
         for k in range(starts[i], starts[i + 1]):
             w = np.float64(weights[k])
             weight += w
-            difference += w * (values[others[k]] - centre)
+            difference += w * (values[indices[k]] - centre)
         out[i] = centre + difference / weight if weight > _NOTHING else np.nan
 
 
 @kernel
-def _mean_triples(first, last, starts, others, weights, values, own, out):
+def _mean_triples(first, last, starts, indices, weights, values, own, out):
     """`_mean` of rows of three."""
     for i in range(first, last):
         weight, difference, centre = own, (0.0, 0.0, 0.0), load(values, i)
         for k in range(starts[i], starts[i + 1]):
             w = np.float64(weights[k])
             weight += w
-            difference = add(difference, scale(w, subtract(load(values, others[k]), centre)))
+            difference = add(difference, scale(w, subtract(load(values, indices[k]), centre)))
         share = 1.0 / weight if weight > _NOTHING else np.nan
         store(out, i, add(centre, scale(share, difference)))
 
 
 @kernel
-def _mean_lanes(first, last, starts, others, weights, values, own, out):
+def _mean_lanes(first, last, starts, indices, weights, values, own, out):
     """`_mean` of rows of sixteen."""
     for i in range(first, last):
         weight, centre = np.float32(own), load_row(values, i)
         difference = centre - centre
         for k in range(starts[i], starts[i + 1]):
             weight += weights[k]
-            difference = multiply_add(weights[k], load_row(values, others[k]) - centre, difference)
+            difference = multiply_add(weights[k], load_row(values, indices[k]) - centre, difference)
         share = np.float32(1.0) / weight if weight > _NOTHING else np.float32(np.nan)
         store_row(out, i, multiply_add(share, difference, centre))
 
 
 @kernel
-def _own(first, last, starts, weights, out):
+def _self_weights(first, last, starts, weights, out):
     for i in range(first, last):
         weight = 1.0
         for k in range(starts[i], starts[i + 1]):
@@ -198,10 +199,10 @@ def _own(first, last, starts, weights, out):
 
 
 @kernel
-def _returned(first, last, starts, others, weights, whole, out):
+def _leverages(first, last, starts, indices, weights, whole, out):
     for i in range(first, last):
         out[i] = 0.0
         for k in range(starts[i], starts[i + 1]):
-            if whole[others[k]] > 1e-6:
-                out[i] += weights[k] * weights[k] / whole[others[k]]
+            if whole[indices[k]] > 1e-6:
+                out[i] += weights[k] * weights[k] / whole[indices[k]]
         out[i] /= whole[i] + 1.0

@@ -23,7 +23,7 @@ from .upsampling import coarsened, nearest_baked
 
 _RAYS = 0.16  # times 1/tolerance: a prediction that is 20 tolerances off differs by 4 to 6 standard deviations
 _OUTLIER, _JUMP = 2.25, 3.25  # standard deviations
-_REACH = 4  # edges over which residuals are averaged; see `Neighbours.own_share`
+_REACH = 4  # edges over which residuals are averaged; see `Neighbours.smoothed_self_weight`
 _GROUP = 8  # points, about, whose squares are summed, and averaged with those of the groups next to it
 _MOST = 0.36  # variance of n rays · n^RATE, where w is about one half and all of it is edges
 _TYPICAL = 0.4  # of the mean of expected squared errors in each: few rays cannot tell that there is none
@@ -53,10 +53,10 @@ class Screening:
         self.screened = which
         self.estimate[which] = rows[:, W]
         self._neighbours = neighbours
-        self._own = neighbours.own_share()
+        self._self_weights = neighbours.smoothed_self_weight()
         every = np.arange(len(points))
-        owner = nearest_baked(neighbours, every % _GROUP == 0)
-        self._groups, _, self._group = coarsened(neighbours, np.where(owner < 0, every, owner), points.normals)
+        nearest = nearest_baked(neighbours, every % _GROUP == 0)
+        self._groups, _, self._group = coarsened(neighbours, np.where(nearest < 0, every, nearest), points.normals)
         spread = np.zeros(len(points))
         spread[which] = rows[:, BATCH_VARIANCE]
         spread, count = self._sums(spread, which)
@@ -82,11 +82,11 @@ class Screening:
         residual = np.where(free, self.estimate - predicted, 0.0).astype(np.float32)
         shared = self._neighbours.smooth(residual, _REACH)
         noise = np.where(free, self.variance, 0.0)
-        product, square = self._sums(residual * shared - self._own * noise, shared**2)
+        product, square = self._sums(residual * shared - self._self_weights * noise, shared**2)
         part = np.clip(product / np.maximum(square, 1e-12), 0.0, 1.0)[self._group]  # least squares
         change = np.where(free, part * shared, 0.0)
-        beyond = (residual - change) ** 2 - noise * (1 - 2 * part * self._own)
-        excess, chance = self._sums(beyond, self._own * noise**2) / self._count
+        beyond = (residual - change) ** 2 - noise * (1 - 2 * part * self._self_weights)
+        excess, chance = self._sums(beyond, self._self_weights * noise**2) / self._count
         excess -= _CERTAIN * np.sqrt(2 * chance)
         error[free] = np.maximum(shrunk_to_mean(error[free], _TYPICAL), excess[self._group[free]])
         return predicted + change

@@ -8,7 +8,7 @@ h of y has gone into, E(y − w)(p − w) = h σ²: shrunk by a share s, y then 
 
 The prediction is the mean over the neighbours, corrected for what makes a vertex differ from them: how it leans
 towards what is closed around it, and how far its neighbours stand above its tangent plane. The coefficients are fitted
-by least squares, to the whole mesh and then to the surroundings of each point.
+by least squares, to the whole mesh and then around each point.
 """
 
 from __future__ import annotations
@@ -66,12 +66,12 @@ def _prediction(
     isolated = np.isnan(ring)
     predicted = np.where(isolated, estimate, ring)
     wide = neighbours.smooth(predicted, 1)
-    own = neighbours.returned()
+    own = neighbours.leverage()
     closed = np.where(isolated[:, None], closed, neighbours.predict(closed))
     leaning = np.einsum("ij,ij->i", neighbours.smooth(closed, _LEAN_REACH), normals)
     rise = np.empty(len(points))
-    starts, others = neighbours.starts, neighbours.others
-    neighbours.each(lambda first, last: _mean_rises(first, last, starts, others, points.origins, points.normals, rise))
+    starts, indices = neighbours.starts, neighbours.indices
+    neighbours.each(lambda first, last: _mean_rises(first, last, starts, indices, points.origins, points.normals, rise))
     beside = (wide - own * estimate) / (1 - own) - predicted
     unlike = np.column_stack([beside, *(about - neighbours.predict(about) for about in (leaning, rise))])
     unlike[isolated] = 0.0
@@ -79,7 +79,7 @@ def _prediction(
     rough = np.nan_to_num(neighbours.predict(neighbours.smooth(residual**2 - variance, 2)))
     weight = 1 / np.maximum(variance + np.maximum(rough, 0.0), 1e-12)
     everywhere = product(unlike, _ridge_regression(unlike, residual, weight))
-    around, part = _fitted_around(neighbours, unlike, residual - everywhere, weight)
+    around, part = _local_fit(neighbours, unlike, residual - everywhere, weight)
     return ring + everywhere + around, part
 
 
@@ -94,7 +94,7 @@ def _ridge_regression(columns: Float64s, target: Float64s, weight: Float64s) -> 
     return np.where(used, np.linalg.solve(inside, right / size) / size, 0.0)
 
 
-def _fitted_around(
+def _local_fit(
     neighbours: Neighbours, columns: Float64s, target: Float64s, weight: Float64s
 ) -> tuple[Float64s, Float64s]:
     """`target` (k,) by least squares from three `columns` (k, 3), fitted anew around each point; its own part in that.
@@ -104,14 +104,14 @@ def _fitted_around(
     size = np.sqrt(np.einsum("ki,ki,k->i", columns, columns, weight) / max(len(target), 1))
     scaled = columns / np.where(size > 0, size, 1.0)
     moments, fit, part = aligned((len(target), WIDE), np.float32), np.empty(len(target)), np.empty(len(target))
-    neighbours.each(lambda first, last: _weighted_products(first, last, scaled, target, weight, moments))
+    neighbours.each(lambda first, last: _normal_equations(first, last, scaled, target, weight, moments))
     around = neighbours.smooth(moments, _FIT_REACH)
     neighbours.each(lambda first, last: _local_fits(first, last, scaled, around, fit, part))
-    return fit, np.minimum(part * weight * neighbours.own_share(), 0.5)
+    return fit, np.minimum(part * weight * neighbours.smoothed_self_weight(), 0.5)
 
 
 @kernel
-def _weighted_products(first, last, columns, target, weight, out):
+def _normal_equations(first, last, columns, target, weight, out):
     for i in range(first, last):
         a, b, c = load(columns, i)
         values = a * a, a * b, a * c, b * b, b * c, c * c, a * target[i], b * target[i], c * target[i]
@@ -132,14 +132,14 @@ def _local_fits(first, last, columns, moments, fit, part):
 
 
 @kernel
-def _mean_rises(first, last, starts, others, origins, normals, out):
+def _mean_rises(first, last, starts, indices, origins, normals, out):
     """The mean sine by which neighbours stand above each point's tangent plane, 0 for those below."""
     for i in range(first, last):
         out[i] = 0.0
         for k in range(starts[i], starts[i + 1]):
             height = squared = 0.0
             for axis in range(3):
-                d = np.float64(origins[others[k], axis]) - origins[i, axis]
+                d = np.float64(origins[indices[k], axis]) - origins[i, axis]
                 height += d * normals[i, axis]
                 squared += d * d
             if height > 0.0:

@@ -203,7 +203,7 @@ def identity(placement: Placement, receivers: Receivers, settings: tuple[object,
     """Hash of all that decides a bake's rows, 32 bytes."""
     digest = hashlib.blake2b(repr((machine(), placement.scale, placement.diagonal, settings)).encode())
     arrays: list[npt.NDArray[Any]] = [placement.vertices, receivers.faces]
-    for points in (receivers.points, receivers.corners.places):
+    for points in (receivers.points, receivers.corners.points):
         arrays += [points.origins, points.normals, points.numbers]
     arrays += receivers.opacity or ()
     for array in arrays:

@@ -1,7 +1,7 @@
 """Moments of obscurance over each face, from which values at the vertices are fitted.
 
-At a point of a face the hemisphere is the one a renderer shades with: about the normal interpolated between the
-vertices, less what lies below the face, which no ray from there can reach.
+At a point of a face the hemisphere is that of shading: about the normal interpolated between the vertices, less the
+directions below the face, in which no ray can start there.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from ..rays.passing import backs, mu_of, passed_of, trace
 from ..rays.ray_packet import aim, start_from
 from .samples import GOLDEN, place
 
-HIDDEN = 1e-4  # weight of a sample that sees the back of things; not 0, so that hidden faces have a value too
+HIDDEN = 1e-4  # weight of a sample that sees backs of faces; not 0, so that hidden faces have a value too
 _MOSTLY = 0.5
 SQUARES, MATRIX, RIGHT, HALF = 0, 1, 7, 10  # of either half of the samples
 BENT, MOMENTS = 2 * HALF, 2 * HALF + 9
@@ -38,8 +38,8 @@ class Lattices(NamedTuple):
     """Fibonacci lattices of cosine-weighted directions about +z, shifted in height.
 
     Attributes:
-        directions: float32 (256, 3, rays), ordered by azimuth, which keeps those of a packet together.
-        key: uint32 by which samples draw from them.
+        directions: float32 (256, 3, rays), ordered by azimuth, which keeps a packet's rays together.
+        key: uint32 by which samples draw lattices.
     """
 
     directions: Float32s
@@ -102,14 +102,11 @@ def gather_faces(packet, faces, samples, lattices, falloff, reach, moments, coun
         counts: int64 (n, 3), added to: rays traced, rays below the face, samples that are not hidden.
     """
     packet = borrow(packet)
-    _, rays, valid, opacity = packet
     corners, normals, axes = borrow(faces)
     shift, ends, starts, weights = borrow(samples)
     directions, key = borrow(lattices)
-    falloff = borrow(falloff)
-    moments, counts = borrow(moments), borrow(counts)
-    passed = passed_of(opacity)
-    count = directions.shape[2]
+    falloff, moments, counts = borrow(falloff), borrow(moments), borrow(counts)
+    passed = passed_of(packet.opacity)
     values, b, side, origin = np.zeros(4), np.zeros(3), np.zeros(3), np.zeros(3)
     for f in range(len(corners)):
         g = normals[f]
@@ -126,46 +123,56 @@ def gather_faces(packet, faces, samples, lattices, falloff, reach, moments, coun
                 side[axis] = front * g[axis]
                 at = b[0] * corners[f, 0, axis] + b[1] * corners[f, 1, axis] + b[2] * corners[f, 2, axis]
                 origin[axis] = at + lift * side[axis]
-            start_from(rays, origin)
+            start_from(packet.rays, origin)
             chosen, turn = _draw(k, key)
-            local = directions[chosen]
             t, u = turned_frame(n, turn)
-            values[:] = 0.0
-            traced, behind = 0, 0.0
-            for start in range(0, count, LANES):
-                aim(rays, local, start, t, u, n, reach)
-                for lane in range(LANES):
-                    x, y, z = rays[DIR_X, lane], rays[DIR_Y, lane], rays[DIR_Z, lane]
-                    valid[lane] = -1 if x * side[0] + y * side[1] + z * side[2] > 0.0 else 0
-                    traced -= valid[lane]
-                trace(packet, True, falloff, reach, passed)
-                for lane in range(LANES):
-                    if valid[lane] == 0:
-                        continue
-                    x, y, z = rays[DIR_X, lane], rays[DIR_Y, lane], rays[DIR_Z, lane]
-                    behind += backs(rays, lane, passed)
-                    mu = mu_of(rays, lane, True, falloff, passed)
-                    values[0] += 1.0 - mu
-                    values[1] += mu * x
-                    values[2] += mu * y
-                    values[3] += mu * z
+            traced, behind = _trace_above(packet, passed, directions[chosen], (t, u, n), side, falloff, reach, values)
             counts[f, TRACED] += traced
-            counts[f, BELOW] += count - traced
+            counts[f, BELOW] += directions.shape[2] - traced
             if traced == 0:
                 continue
-            weight = weights[f]
-            if behind > _MOSTLY * traced:
-                weight *= HIDDEN
-            else:
-                counts[f, SEEN] += 1
-            row, half = moments[f], (k & 1) * HALF
+            hidden = behind > _MOSTLY * traced
+            counts[f, SEEN] += not hidden
             values /= traced
-            row[half + SQUARES] += weight * values[0] * values[0]
-            entry = half + MATRIX
-            for i in range(3):
-                for j in range(i, 3):
-                    row[entry] += weight * b[i] * b[j]
-                    entry += 1
-                row[half + RIGHT + i] += weight * b[i] * values[0]
-                for q in range(3):
-                    row[BENT + 3 * q + i] += weight * b[i] * values[1 + q]
+            _add_moments(moments[f], (k & 1) * HALF, weights[f] * HIDDEN if hidden else weights[f], b, values)
+
+
+@inline
+def _trace_above(packet, passed, local, frame, side, falloff, reach, values):
+    """Trace the rays of a hemisphere that are above a face, seen from its side `side`.
+
+    Args: values: float64 (4,), becomes Σ 1 − μ and Σ μ·direction. Returns: numbers of rays, and of rays that hit backs.
+    """
+    rays, valid, (t, u, n) = packet.rays, packet.valid, frame
+    values[:] = 0.0
+    traced, behind = 0, 0.0
+    for start in range(0, local.shape[1], LANES):
+        aim(rays, local, start, t, u, n, reach)
+        for lane in range(LANES):
+            x, y, z = rays[DIR_X, lane], rays[DIR_Y, lane], rays[DIR_Z, lane]
+            valid[lane] = -1 if x * side[0] + y * side[1] + z * side[2] > 0.0 else 0
+            traced -= valid[lane]
+        trace(packet, True, falloff, reach, passed)
+        for lane in range(LANES):
+            if valid[lane] == 0:
+                continue
+            behind += backs(rays, lane, passed)
+            mu = mu_of(rays, lane, True, falloff, passed)
+            values[0] += 1.0 - mu
+            for axis in range(3):
+                values[1 + axis] += mu * rays[DIR_X + axis, lane]
+    return traced, behind
+
+
+@inline
+def _add_moments(row, half, weight, b, values):
+    """Add a sample at barycentrics b with `values`, 1 − w and the mean of μ·direction, to a row of moments."""
+    row[half + SQUARES] += weight * values[0] * values[0]
+    entry = half + MATRIX
+    for i in range(3):
+        for j in range(i, 3):
+            row[entry] += weight * b[i] * b[j]
+            entry += 1
+        row[half + RIGHT + i] += weight * b[i] * values[0]
+        for q in range(3):
+            row[BENT + 3 * q + i] += weight * b[i] * values[1 + q]

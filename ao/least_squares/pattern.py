@@ -23,26 +23,26 @@ class Stencil(NamedTuple):
 
     face_points: Int32s
     starts: Int32s
-    others: Int32s
+    indices: Int32s
 
     @classmethod
     def of(cls, face_points: Int32s, hinges: Int32s, count: int) -> Stencil:
         """Args: face_points: as above. hinges: as `find_hinges` gives them. count: how many unknowns there are."""
         starts = np.zeros(count + 1, np.int64)
         _count_meetings(face_points, hinges, starts)
-        others = np.empty(starts[-1], np.int32)
-        _list_meetings(face_points, hinges, starts[:-1].copy(), others)
-        size = _sort_rows(starts, others)
-        return cls(face_points, starts.astype(np.int32), others[:size].copy())
+        indices = np.empty(starts[-1], np.int32)
+        _list_meetings(face_points, hinges, starts[:-1].copy(), indices)
+        size = _sort_rows(starts, indices)
+        return cls(face_points, starts.astype(np.int32), indices[:size].copy())
 
     def zeros(self) -> Float64s:
         """Values (z,) of a matrix to add to."""
-        return np.zeros(len(self.others))
+        return np.zeros(len(self.indices))
 
     def matrix(self, values: Float64s) -> csr_array:
         """The matrix (n, n) with `values` (z,), which it keeps."""
         count = len(self.starts) - 1
-        return csr_array((values, self.others, self.starts), shape=(count, count))
+        return csr_array((values, self.indices, self.starts), shape=(count, count))
 
 
 def find_hinges(face_points: Int32s, normals: Float64s, agreement: float, count: int) -> Int32s:
@@ -117,39 +117,39 @@ def _count_meetings(face_points, hinges, starts):
 
 
 @kernel
-def _list_meetings(face_points, hinges, ends, others):
+def _list_meetings(face_points, hinges, ends, indices):
     for i in range(len(ends)):
-        others[ends[i]] = i
+        indices[ends[i]] = i
         ends[i] += 1
     for f in range(len(face_points)):
         for corner in range(3):
             i = face_points[f, corner]
             for step in range(1, 3):
-                others[ends[i]] = face_points[f, (corner + step) % 3]
+                indices[ends[i]] = face_points[f, (corner + step) % 3]
                 ends[i] += 1
     for h in range(len(hinges)):
         i, j = _opposite(face_points, hinges, h)
-        others[ends[i]] = j
+        indices[ends[i]] = j
         ends[i] += 1
-        others[ends[j]] = i
+        indices[ends[j]] = i
         ends[j] += 1
 
 
 @kernel
-def _sort_rows(starts, others):
+def _sort_rows(starts, indices):
     """Sort each row, name each unknown once, close the gaps; returns how many are left."""
     size, begin = 0, 0
     for i in range(len(starts) - 1):
         first = size
         for k in range(begin, starts[i + 1]):
-            other, place = others[k], size
-            while place > first and others[place - 1] >= other:
+            other, place = indices[k], size
+            while place > first and indices[place - 1] >= other:
                 place -= 1
-            if place < size and others[place] == other:
+            if place < size and indices[place] == other:
                 continue
             for later in range(size, place, -1):
-                others[later] = others[later - 1]
-            others[place] = other
+                indices[later] = indices[later - 1]
+            indices[place] = other
             size += 1
         begin = starts[i + 1]
         starts[i] = first
@@ -158,12 +158,12 @@ def _sort_rows(starts, others):
 
 
 @inline
-def entry(starts, others, i, j):
+def entry(starts, indices, i, j):
     """Where row `i` has column `j`, which it must have."""
     low, high = starts[i], starts[i + 1] - 1
     while low < high:
         middle = (low + high) // 2
-        if others[middle] < j:
+        if indices[middle] < j:
             low = middle + 1
         else:
             high = middle

@@ -97,15 +97,15 @@ def roughness(stencil: Stencil, hinges: Int32s, corners: Float64s, areas: Float6
 
 @kernel
 def _add_faces(stencil, entries, values):
-    face_points, starts, others = borrow(stencil)
+    face_points, starts, indices = borrow(stencil)
     for f in range(len(face_points)):
         k = 0
         for a in range(3):
             for b in range(a, 3):
                 i, j = face_points[f, a], face_points[f, b]
-                values[entry(starts, others, i, j)] += entries[f, k]
+                values[entry(starts, indices, i, j)] += entries[f, k]
                 if a != b:
-                    values[entry(starts, others, j, i)] += entries[f, k]
+                    values[entry(starts, indices, j, i)] += entries[f, k]
                 k += 1
 
 
@@ -115,14 +115,14 @@ def add_laplacian(stencil, weights, values):
 
     Args: stencil: `Stencil`. weights: float64 (m,), of its faces. values: float64 (z,), of the matrix.
     """
-    face_points, starts, others = borrow(stencil)
+    face_points, starts, indices = borrow(stencil)
     for f in range(len(face_points)):
         for a in range(3):
             i, j = face_points[f, a], face_points[f, (a + 1) % 3]
-            values[entry(starts, others, i, i)] += weights[f]
-            values[entry(starts, others, j, j)] += weights[f]
-            values[entry(starts, others, i, j)] -= weights[f]
-            values[entry(starts, others, j, i)] -= weights[f]
+            values[entry(starts, indices, i, i)] += weights[f]
+            values[entry(starts, indices, j, j)] += weights[f]
+            values[entry(starts, indices, i, j)] -= weights[f]
+            values[entry(starts, indices, j, i)] -= weights[f]
 
 
 @kernel
@@ -134,7 +134,7 @@ def _add_corners(face_points, entries, out):
 
 @kernel
 def _add_jumps(stencil, hinges, corners, areas, values):
-    face_points, starts, others = borrow(stencil)
+    face_points, starts, indices = borrow(stencil)
     place, slope = np.empty(6, np.int32), np.empty(6)
     for h in range(len(hinges)):
         weight = areas[hinges[h, 0] // 3] + areas[hinges[h, 1] // 3]
@@ -158,7 +158,7 @@ def _add_jumps(stencil, hinges, corners, areas, values):
                 slope[at] += product / (2 * areas[f] * np.sqrt(squared))
         for a in range(count):
             for b in range(count):
-                values[entry(starts, others, place[a], place[b])] += weight * slope[a] * slope[b]
+                values[entry(starts, indices, place[a], place[b])] += weight * slope[a] * slope[b]
 
 
 def cross_validated(problem: Problem, start: Float64s) -> tuple[float, tuple[Float64s, Float64s]]:

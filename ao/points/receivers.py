@@ -25,7 +25,7 @@ from raytrace.types import Bools, Float32s, Float64s, Int64s, UInt8s
 
 from ..memory import corner_bytes
 from ..options import Normals
-from .corners import Corners, find_corners
+from .corners import CornerSamples, find_corner_samples
 from .morton import morton_order
 from .points import Points
 
@@ -34,35 +34,35 @@ _DISPLACED = 0.3  # error of w, root mean square over rough surfaces, of an orig
 
 
 class Flag(IntFlag):
-    """Why a vertex is not an ordinary one; unreferenced and degenerate ones get w = 1."""
+    """Why a vertex is not ordinary; unreferenced and degenerate vertices get w = 1."""
 
     UNREFERENCED = 1  #: no face uses it
     DEGENERATE = 2  #: every face that uses it has zero area, or its own normal was asked for and is missing
-    OPPOSED = 4  #: no direction sees the front of all its faces; w is the mean over its corners
+    OPPOSED = 4  #: no direction sees the front of all its faces; w is the mean over corner samples
     HIDDEN = 8  #: it is inside a solid, as most of what it sees is backs of faces
-    FOLDED = 16  #: its normal lies behind one of its faces; w is the mean over its corners
+    FOLDED = 16  #: its normal lies behind one of its faces; w is the mean over corner samples
     MISSED = 32  #: nothing of the fine mesh is within the cage; w is that of the closest point
     CONTACT = 64  #: it touches a face of which it is no corner, and w depends on the side that it is taken to be on
 
 
 @dataclass(frozen=True, eq=False)
 class Receivers:
-    """The points to bake, and whose they are.
+    """The points to bake, and the vertices they belong to.
 
     Attributes:
         points: one for every group of coincident vertices, numbered along a curve that keeps neighbours together.
-        corners: what the points that are folded or opposed are baked by instead.
+        corners: corner samples of points that are folded or opposed.
         of_vertex: int64 (n,), the row of each vertex in `points`, −1 for none.
         flags: uint8 (n,), `Flag`s of each vertex.
         faces: int64 (m', 3), the faces that are not degenerate. tree: over these.
         tree_seconds: how long it took to build.
         displaced: float64 (k,), standard error of w that stems from origins away from their points, in sharp folds.
-        embree: these in Embree, built when it is first called, which must not be on two threads at once.
-        opacity: of these, None if all are opaque.
+        embree: the faces in Embree, built when it is first called, which must not be on two threads at once.
+        opacity: of the faces, None if all are opaque.
     """
 
     points: Points
-    corners: Corners
+    corners: CornerSamples
     of_vertex: Int64s
     flags: UInt8s
     faces: Int64s
@@ -81,7 +81,7 @@ class Receivers:
         return first
 
     def only(self, wanted: Bools) -> Receivers:
-        """The points of the `wanted` vertices, bool (n,); the other vertices have none.
+        """The points of the `wanted` vertices, bool (n,).
 
         Raises:
             OptionError: `wanted` is not one truth value a vertex.
@@ -97,14 +97,14 @@ class Receivers:
         return replace(self, points=some[0], corners=some[1], displaced=some[2], of_vertex=rows[of_vertex])
 
 
-class Lifted(NamedTuple):
-    """Points of n vertices and m faces that are not degenerate, with ray origins, before they are numbered.
+class OffsetPoints(NamedTuple):
+    """Points of n vertices, with ray origins, before they are numbered; m faces that are not degenerate.
 
     Attributes:
         group: int64 (n,), the point of each vertex. first: int64 (k,), the first vertex of each point.
         face_points: int64 (m, 3), the point at each corner of the faces of `surface`.
-        origins, axes: float64 (k, 3), of hemispheres. usable: bool (k,), which points have any.
-        torn: bool (k,), which of these are folded or opposed. displaced: float64 (k,), as `Receivers` has it.
+        origins, axes: float64 (k, 3), of hemispheres. usable: bool (k,), points that have a hemisphere.
+        split: bool (k,), points whose faces share no hemisphere: folded or opposed. displaced: as `Receivers` has it.
         flags: uint8 (n,). tree: over the faces. tree_seconds: how long it took to build.
     """
 
@@ -115,17 +115,17 @@ class Lifted(NamedTuple):
     origins: Float64s
     axes: Float64s
     usable: Bools
-    torn: Bools
+    split: Bools
     displaced: Float64s
     flags: UInt8s
     tree: BVH16
     tree_seconds: float
 
 
-def lift_points(
+def offset_points(
     placed: Float32s, faces: Int64s, normals: Normals = "angle", own_normals: Float64s | None = None
-) -> Lifted:
-    """Weld, orient and lift vertices `placed` (n, 3) in render space.
+) -> OffsetPoints:
+    """Weld vertices `placed` (n, 3) in render space; the points' axes, and origins offset from the surface.
 
     Args: own_normals: (n, 3), any length, for `normals` "file".
     """
@@ -155,14 +155,14 @@ def lift_points(
     flags[(usable & folded)[group]] |= np.uint8(Flag.FOLDED)
     opposed = (usable & (welded.clearance <= 0))[group]
     flags[opposed] = flags[opposed] & np.uint8(Flag.CONTACT) | np.uint8(Flag.OPPOSED)
-    torn = usable & folded
-    displaced = np.where(torn, 0.0, np.minimum(_DISPLACED * welded.displacement(surface, origins), 0.5))
-    points = welded.first, welded.face_points, surface, origins, axes, usable, torn, displaced
-    return Lifted(group, *points, flags, tree, tree_seconds)
+    split = usable & folded
+    displaced = np.where(split, 0.0, np.minimum(_DISPLACED * welded.displacement(surface, origins), 0.5))
+    points = welded.first, welded.face_points, surface, origins, axes, usable, split, displaced
+    return OffsetPoints(group, *points, flags, tree, tree_seconds)
 
 
 def find_receivers(mesh: Mesh, placement: Placement, normals: Normals = "angle") -> Receivers:
-    """Weld, orient and lift the vertices of `mesh`.
+    """The points of the vertices of `mesh`.
 
     Raises:
         InputError: an image of its alpha cannot be read.
@@ -171,25 +171,25 @@ def find_receivers(mesh: Mesh, placement: Placement, normals: Normals = "angle")
     """
     if normals == "file" and mesh.normals is None:
         raise MeshError(mesh.source, "normals", "vertex normals in the mesh", "none")
-    lifted = lift_points(placement.vertices, mesh.faces, normals, mesh.normals)
-    rows = np.flatnonzero(lifted.usable)
-    rows = rows[morton_order(lifted.origins[rows])]
-    index = np.full(len(lifted.usable), -1)
+    offset = offset_points(placement.vertices, mesh.faces, normals, mesh.normals)
+    rows = np.flatnonzero(offset.usable)
+    rows = rows[morton_order(offset.origins[rows])]
+    index = np.full(len(offset.usable), -1)
     index[rows] = np.arange(len(rows))
     numbers = np.arange(len(rows), dtype=np.uint32)
-    points = Points(lifted.origins[rows].astype(np.float32), lifted.axes[rows].astype(np.float32), numbers)
-    corners, faces = Corners.none(), lifted.surface.faces
-    if lifted.torn.any():
-        torn = np.flatnonzero(lifted.torn[lifted.face_points])
-        needed = corner_bytes(len(torn))
+    points = Points(offset.origins[rows].astype(np.float32), offset.axes[rows].astype(np.float32), numbers)
+    corners, faces = CornerSamples.none(), offset.surface.faces
+    if offset.split.any():
+        split = np.flatnonzero(offset.split[offset.face_points])
+        needed = corner_bytes(len(split))
         if needed > NEGLIGIBLE:
-            check_memory(mesh.source, needed, f"for the {len(torn):,} corners of folded vertices")
-        numbered = index[lifted.face_points.ravel()[torn]]
-        corners = find_corners(lifted.tree, lifted.surface, torn, numbered, len(rows))
+            check_memory(mesh.source, needed, f"for the {len(split):,} corners of folded vertices")
+        numbered = index[offset.face_points.ravel()[split]]
+        corners = find_corner_samples(offset.tree, offset.surface, split, numbered, len(rows))
     embree = cache(partial(TriangleScene, placement.vertices, faces))
-    of_vertex, flags = index[lifted.group], lifted.flags
+    of_vertex, flags = index[offset.group], offset.flags
     opacity = _opacity(mesh, placement)
-    tree, displaced = (lifted.tree, lifted.tree_seconds), lifted.displaced[rows]
+    tree, displaced = (offset.tree, offset.tree_seconds), offset.displaced[rows]
     return Receivers(points, corners, of_vertex, flags, faces, *tree, displaced, embree, opacity)
 
 

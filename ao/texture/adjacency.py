@@ -46,13 +46,13 @@ def texel_neighbours(
     counts = listed.sum(axis=1)
     if len(across):
         rows = np.concatenate([np.repeat(np.arange(count), counts), across[:, 0]])
-        others = np.concatenate([beside[listed], across[:, 1].astype(np.int32)])
-        others = others[np.argsort(rows, kind="stable")]
+        indices = np.concatenate([beside[listed], across[:, 1].astype(np.int32)])
+        indices = indices[np.argsort(rows, kind="stable")]
         counts += np.bincount(across[:, 0], minlength=count)
     else:
-        others = beside[listed]
+        indices = beside[listed]
     starts = np.concatenate([[0], np.cumsum(counts)])
-    return Neighbours.weighted(starts, others, np.ones(len(others), np.float32), points.normals, threads)
+    return Neighbours.weighted(starts, indices, np.ones(len(indices), np.float32), points.normals, threads)
 
 
 def face_charts(uv: Float64s, points: Int64s) -> Int64s:

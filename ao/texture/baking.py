@@ -24,7 +24,7 @@ from ..execute.tracer import Progress
 from ..falloff import Falloff, Length, resolve_length
 from ..memory import texture_bytes
 from ..options import Interior, Normals, Options, Traversal, earlier_names, falloff_of
-from ..points.corners import Corners
+from ..points.corners import CornerSamples
 from ..prepared import Prepared
 from .coverage import Overlap, cover
 from .gathering import begin_tracing
@@ -127,7 +127,7 @@ def bake_texture(
     def neighbours(_: Int64s) -> Neighbours:
         return shown.neighbours(texels, prepared.placement.diagonal, prepared.threads)
 
-    found = estimate(tracer, texels.first_points, Corners.none(), neighbours, prepared.target)
+    found = estimate(tracer, texels.first_points, CornerSamples.none(), neighbours, prepared.target)
     frames = shown.tangent_frames(texels) if bent_space == "tangent" else None
     values = found.rows, found.variance, frames
     pages = assemble_pages(shown.layout, texels, *values, shown.seams, close_seams, prepared.threads)

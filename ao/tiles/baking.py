@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -14,23 +14,21 @@ from raytrace.sampling.hash import seed_key
 from raytrace.system.threads import thread_count
 from raytrace.types import Float64s, Int64s
 
-from ..estimate.fixed_samples import place_samples
+from ..estimate.fixed_samples import rays_per_corner_sample
 from ..execute.tracer import Tracer
 from ..falloff import Falloff
 from ..mu import KernelMu, Mu
 from ..options import MAX_SAMPLES, Normals, Options, Traversal, falloff_of
-from ..points.corners import Corners, find_corners
+from ..points.corners import CornerSamples, find_corner_samples
 from ..points.points import Points
-from ..points.receivers import lift_points
+from ..points.receivers import offset_points
 from ..rays.estimate import W
 from ..rays.ray_scene import RayScene
 from ..rays.traversal_choice import fewer_than, most_packets, tried, try_out
-from .halo import Piece, cut
+from .halo import TileMesh, extract_tile
 from .numbering import Numbering, check_tile, number_points
 from .source import TileSource, on_disk, runs
-from .survey import Grid, Survey
-
-_FAR = 1 << 40  # number of points of other tiles
+from .tiling_pass import Grid, Tiling
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,7 +36,7 @@ class TiledBake:
     """Attributes:
     w: float64 (n,), on the disk: the bits of `ao.bake(…, denoise=False, interior="ignore").w`.
     rays: traced. mu: the falloff, in mesh units. tiles: how many had vertices.
-    halo: faces that tiles were given, over those of the mesh, less 1.
+    halo: faces of all tiles' meshes over faces of the mesh, less 1.
     """
 
     w: Float64s
@@ -60,12 +58,12 @@ def bake_tiled(
     traversal: Traversal = "auto",
     progress: Callable[[int, int], None] | None = None,
 ) -> TiledBake:
-    """w at every vertex of a mesh that need not fit into memory, without reconstruction.
+    """w at every vertex of a mesh that need not fit into memory, not denoised.
 
     Args:
         source: the mesh. scratch: an empty folder on a disk, for some 70 bytes a vertex; `TiledBake.w` lies there.
-        grid: tiles along x, y and z; memory holds one with what lies within `max_distance` of it.
-        falloff: with a finite `max_distance`. Others as `ao.bake` has them.
+        grid: tiles along x, y and z; memory holds one, with the faces within `max_distance` of it.
+        falloff: with a finite `max_distance`. All else as for `ao.bake`.
 
     Raises:
         OptionError: an argument is out of range, or nothing limits the distance.
@@ -78,122 +76,119 @@ def bake_tiled(
     )
     if normals == "file":
         raise OptionError("normals", "angle, area or equal for tiles", "file")
-    survey = Survey.of(source, grid, scratch)
-    mu = options.falloff.resolve(survey.radius)
+    tiling = Tiling.of(source, grid, scratch)
+    mu = options.falloff.resolve(tiling.radius)
     if not mu.max_distance < np.inf:
         expected = "a finite distance: without one, rays of every tile may meet the whole mesh"
         raise OptionError("max_distance", expected, mu.max_distance)
-    numbering = number_points(survey, normals, scratch)
-    tracing = _Tracing.of(survey, numbering, mu, options, progress)
+    numbering = number_points(tiling, normals, scratch)
+    tracer = _TileTracer.of(tiling, numbering, mu, options, progress)
     values = on_disk(scratch / "w", np.float64, source.vertex_count)
     tiles = faces = 0
-    for tile in range(survey.tiles):
-        found = tracing.trace(tile, values)
-        tiles, faces = tiles + (found > 0), faces + found
+    for tile in range(tiling.tiles):
+        traced = tracer.trace(tile, values)
+        tiles, faces = tiles + (traced > 0), faces + traced
     for run in runs(source.vertex_count):
         first = numbering.first[run]
         values[run] = np.where(first >= 0, values[np.maximum(first, 0)], 1.0)
-    return TiledBake(values, tracing.rays, mu, tiles, faces / source.face_count - 1)
+    return TiledBake(values, tracer.rays, mu, tiles, faces / source.face_count - 1)
 
 
 @dataclass(eq=False)
-class _Tracing:
-    """What all tiles are traced with; rays: traced so far."""
+class _TileTracer:
+    """Traces tile after tile. Attributes: reach: length of rays. rays: traced so far."""
 
-    survey: Survey
+    tiling: Tiling
     numbering: Numbering
     options: Options
     mu: KernelMu
     reach: float
-    below: int
+    packets_below: int
     progress: Callable[[int, int], None] | None
     rays: int = 0
 
     @classmethod
     def of(
         cls,
-        survey: Survey,
+        tiling: Tiling,
         numbering: Numbering,
         mu: Mu,
         options: Options,
         progress: Callable[[int, int], None] | None,
-    ) -> _Tracing:
-        kernel_mu = mu.in_render_space(survey.space.scale)
-        reach = min(kernel_mu.limit, survey.space.diagonal)
-        made = cls(survey, numbering, options, kernel_mu, reach, 0, progress)
+    ) -> _TileTracer:
+        kernel_mu = mu.in_render_space(tiling.space.scale)
+        reach = min(kernel_mu.limit, tiling.space.diagonal)
+        tracer = cls(tiling, numbering, options, kernel_mu, reach, 0, progress)
         if options.traversal == "embree":
-            made.below = MAX_SAMPLES + 1
-        elif min(options.rays, place_samples(options.rays, False)) < most_packets(kernel_mu):
-            made.below = fewer_than(made._openness(), kernel_mu)
-        return made
+            tracer.packets_below = MAX_SAMPLES + 1
+        elif min(options.rays, rays_per_corner_sample(options.rays, False)) < most_packets(kernel_mu):
+            tracer.packets_below = fewer_than(tracer._openness(), kernel_mu)
+        return tracer
 
     def _openness(self) -> Float64s:
-        """`try_out` of the points that are tried, each in its tile."""
+        """`try_out` of the `tried` points, each in its tile."""
         numbers = tried(self.numbering.count)
         rows = self.numbering.order[numbers]
         out = np.empty(len(rows))
-        tiles = self.survey.tile[rows]
+        tiles = self.tiling.tile[rows]
         for tile in np.unique(tiles):
-            scene, which = self._scene(cut(self.survey, int(tile), self.reach, False)), tiles == tile
+            scene, which = self._scene(extract_tile(self.tiling, int(tile), self.reach, False)), tiles == tile
             out[which] = try_out(scene.tree, self._points(rows[which]), len(rows), self.mu.limit, self.reach)
         return out
 
     def _points(self, rows: Int64s) -> Points:
-        """The points whose first vertices are `rows`."""
+        """The points with the first vertices `rows`."""
         numbering = self.numbering
         return Points(numbering.origins[rows].astype(np.float32), numbering.axes[rows], numbering.number[rows])
 
-    def _scene(self, piece: Piece) -> RayScene:
-        area = face_normals(piece.placed.astype(np.float64), piece.faces)[1]
-        return RayScene.of(piece.placed, piece.faces[area > 0])
+    def _scene(self, mesh: TileMesh) -> RayScene:
+        area = face_normals(mesh.placed.astype(np.float64), mesh.faces)[1]
+        return RayScene.of(mesh.placed, mesh.faces[area > 0])
 
     def trace(self, tile: int, values: Float64s) -> int:
-        """Write w of a tile's points at their first vertices; how many faces that took."""
+        """Write w of a tile's points at their first vertices; the number of faces of the tile's mesh."""
         numbering = self.numbering
-        piece = cut(self.survey, tile, self.reach, False)
-        vertices = piece.vertices[piece.own]
+        mesh = extract_tile(self.tiling, tile, self.reach, False)
+        vertices = mesh.vertices[mesh.own]
         rows = vertices[numbering.first[vertices] == vertices]
         if not len(rows):
             return 0
-        check_tile(self.survey, piece)
-        scene, samples = self._scene(piece), self.options.rays
-        torn = numbering.torn[rows]
-        ordinary = rows[~torn]
+        check_tile(self.tiling, mesh)
+        scene, samples = self._scene(mesh), self.options.rays
+        split = numbering.split[rows]
+        ordinary = rows[~split]
         ordinary = ordinary[np.argsort(numbering.number[ordinary])]
         values[ordinary] = np.clip(self._rows(scene, self._points(ordinary), samples)[:, W], 0.0, 1.0)
-        if torn.any():
-            corners, at = self._corners(tile)
-            found = self._rows(scene, corners.places, place_samples(samples, False))
-            values[at] = np.clip(corners.mean(found[:, :1])[:, 0], 0.0, 1.0)
-        return len(piece.faces)
+        if split.any():
+            corners, first = self._corner_samples(tile)
+            rows = self._rows(scene, corners.points, rays_per_corner_sample(samples, False))
+            values[first] = np.clip(corners.mean(rows[:, :1])[:, 0], 0.0, 1.0)
+        return len(mesh.faces)
 
     def _rows(self, scene: RayScene, points: Points, samples: int) -> Float64s:
         numbering, options = self.numbering, self.options
-        total = options.rays * (numbering.count - len(numbering.torn_first))
-        total += place_samples(options.rays, False) * numbering.places
+        total = options.rays * (numbering.count - len(numbering.split_first))
+        total += rays_per_corner_sample(options.rays, False) * numbering.corner_count
         lengths, threads = (self.mu, self.reach), thread_count(options.threads)
-        tracer = Tracer(scene, self.below, *lengths, threads, numbering.count, self.progress, None, total, 0, self.rays)
+        how = self.packets_below, *lengths, threads, numbering.count
+        tracer = Tracer(scene, *how, self.progress, None, total, 0, self.rays)
         rows = tracer.gather(points, samples, seed_key(options.seed))
         self.rays = tracer.rays
         return rows
 
-    def _corners(self, tile: int) -> tuple[Corners, Int64s]:
-        """The corners of a tile's torn points by number, and the first vertices (j,) of these."""
+    def _corner_samples(self, tile: int) -> tuple[CornerSamples, Int64s]:
+        """Corner samples of a tile's split points, and the first vertices (j,) of these points."""
         numbering = self.numbering
-        piece = cut(self.survey, tile, 0.0, True)
-        lifted = lift_points(piece.placed, piece.faces, self.options.normals)
-        first = piece.vertices[lifted.first]
-        own = lifted.torn & piece.own[lifted.first]
-        number = np.where(own, numbering.number[first].astype(np.int64), _FAR + np.arange(len(first)))
-        torn = np.flatnonzero(lifted.torn[lifted.face_points])
-        points = number[lifted.face_points.ravel()[torn]]
-        corners = find_corners(lifted.tree, lifted.surface, torn, points, 0, numbering.flattest)
-        count = int(np.searchsorted(corners.rows, _FAR))
-        starts = corners.starts[: count + 1]
-        at = numbering.order[corners.rows[:count]]
-        begin = numbering.places_from[np.searchsorted(numbering.torn_first, at)]
-        numbers = np.repeat(begin - starts[:-1], np.diff(starts)) + np.arange(starts[-1])
-        places = Points(
-            corners.places.origins[: starts[-1]], corners.places.normals[: starts[-1]], numbers.astype(np.uint32)
-        )
-        return Corners(corners.rows[:count], starts, places, corners.weights[: starts[-1]]), at
+        mesh = extract_tile(self.tiling, tile, 0.0, True)
+        offset = offset_points(mesh.placed, mesh.faces, self.options.normals)
+        own = offset.split & mesh.own[offset.first]
+        elsewhere = -1 - np.arange(len(own))
+        number = np.where(own, numbering.number[mesh.vertices[offset.first]].astype(np.int64), elsewhere)
+        split = np.flatnonzero(offset.split[offset.face_points])
+        points = number[offset.face_points.ravel()[split]]
+        corners = find_corner_samples(offset.tree, offset.surface, split, points, 0, numbering.flattest)
+        kept = np.sort(number[own])
+        corners, first = corners.only(kept), numbering.order[kept]
+        begin = numbering.first_corner[np.searchsorted(numbering.split_first, first)]
+        numbers = np.repeat(begin - corners.starts[:-1], np.diff(corners.starts)) + np.arange(len(corners.points))
+        return replace(corners, points=replace(corners.points, numbers=numbers.astype(np.uint32))), first

@@ -1,7 +1,7 @@
-"""The part of a mesh that a tile's vertices depend on.
+"""The part of a mesh that w at a tile's vertices depends on.
 
-What rays of theirs can meet, and all faces that decide where those rays begin: those at the vertices, at vertices that
-coincide with them, and at the neighbours of both.
+That is the faces which rays from these vertices can hit, and the faces that decide where the rays begin: faces at the
+vertices, at vertices that coincide with them, and at the neighbours of both.
 """
 
 from __future__ import annotations
@@ -14,18 +14,18 @@ from raytrace.mesh.weld import grids
 from raytrace.types import Bools, Float32s, Int64s
 
 from .source import runs
-from .survey import Survey
+from .tiling_pass import Tiling
 
-MARGIN = 2.0**-7  # of render space: ray origins are within 2^-9 of vertices, and what is near them within 2^-8
-_ROUNDED = np.float32(2.0**-20)  # of a face's coordinates, and more: how far from it what touches it may be
+MARGIN = 2.0**-7  # of render space: ray origins are within 2^-9 of vertices, and faces near them within 2^-8
+_ROUNDED = np.float32(2.0**-20)  # of a face's coordinates: more than the rounded distance of a point on it
 
 
-class Piece(NamedTuple):
+class TileMesh(NamedTuple):
     """Faces with vertices of their own, in the order of the whole mesh.
 
     Attributes:
-        vertices: int64 (n,), ascending: which of the whole mesh. placed: float32 (n, 3), where they are.
-        faces: int64 (m, 3), into these. own: bool (n,), the vertices of the tile.
+        vertices: int64 (n,), ascending, rows of the whole mesh. placed: float32 (n, 3), in render space.
+        faces: int64 (m, 3), rows of `placed`. own: bool (n,), the vertices of the tile.
     """
 
     vertices: Int64s
@@ -34,67 +34,66 @@ class Piece(NamedTuple):
     own: Bools
 
 
-def cut(survey: Survey, tile: int, reach: float, origins: bool) -> Piece:
-    """What tile number `tile` needs.
-
-    Args: reach: length of its rays, in render space. origins: also all that decides where rays begin.
-    """
-    low, high = _box(survey, tile)
+def extract_tile(tiling: Tiling, tile: int, reach: float, origins: bool) -> TileMesh:
+    """The mesh of a tile. Args: reach: length of its rays, in render space. origins: also what decides ray origins."""
+    low, high = _box(tiling, tile)
     size = max(1.0, float(np.abs([low, high]).max())) if (low <= high).all() else 1.0
     low, high = low - np.float32(reach + MARGIN * size), high + np.float32(reach + MARGIN * size)
-    source, kept = survey.source, []
+    source, kept = tiling.source, []
     rim: list[Int64s] = []
     for run in runs(source.face_count):
         faces = source.faces(run.start, run.stop)
-        corners = survey.placed[faces]
-        least, most = corners.min(axis=1), corners.max(axis=1)
-        rounded = _ROUNDED * np.maximum(-least, most).max(axis=1, keepdims=True)
-        near = (least - rounded <= high).all(axis=1) & (most + rounded >= low).all(axis=1)
+        corners = tiling.placed[faces]
+        face_low, face_high = corners.min(axis=1), corners.max(axis=1)
+        rounded = _ROUNDED * np.maximum(-face_low, face_high).max(axis=1, keepdims=True)
+        near = (face_low - rounded <= high).all(axis=1) & (face_high + rounded >= low).all(axis=1)
         kept.append(run.start + np.flatnonzero(near))
         if origins:
-            rim.append(np.unique(faces[(survey.tile[faces] == tile).any(axis=1)]))
+            rim.append(np.unique(faces[(tiling.tile[faces] == tile).any(axis=1)]))
     rows = np.concatenate(kept)
     if origins and any(map(len, rim)):
-        rows = np.union1d(rows, _around(survey, np.unique(np.concatenate(rim))))
-    faces = _take_faces(survey, rows)
+        rows = np.union1d(rows, _faces_at(tiling, np.unique(np.concatenate(rim))))
+    faces = _read_faces(tiling, rows)
     used = np.unique(faces)
-    own_vertices = np.concatenate([run.start + np.flatnonzero(survey.tile[run] == tile) for run in _all(survey)])
+    own_vertices = np.concatenate(
+        [run.start + np.flatnonzero(tiling.tile[run] == tile) for run in _vertex_runs(tiling)]
+    )
     vertices = np.union1d(used, own_vertices)
     place = np.searchsorted(vertices, faces)
-    return Piece(vertices, np.ascontiguousarray(survey.placed[vertices]), place, survey.tile[vertices] == tile)
+    return TileMesh(vertices, np.ascontiguousarray(tiling.placed[vertices]), place, tiling.tile[vertices] == tile)
 
 
-def _all(survey: Survey) -> list[slice]:
-    return list(runs(survey.source.vertex_count))
+def _vertex_runs(tiling: Tiling) -> list[slice]:
+    return list(runs(tiling.source.vertex_count))
 
 
-def _box(survey: Survey, tile: int) -> tuple[Float32s, Float32s]:
-    """The bounding box of a tile's vertices; of none an empty one."""
+def _box(tiling: Tiling, tile: int) -> tuple[Float32s, Float32s]:
+    """The bounding box of a tile's vertices; empty without vertices."""
     low, high = np.full(3, np.inf, np.float32), np.full(3, -np.inf, np.float32)
-    for run in _all(survey):
-        own = survey.placed[run][survey.tile[run] == tile]
+    for run in _vertex_runs(tiling):
+        own = tiling.placed[run][tiling.tile[run] == tile]
         if len(own):
             low, high = np.minimum(low, own.min(axis=0)), np.maximum(high, own.max(axis=0))
     return low, high
 
 
-def _around(survey: Survey, vertices: Int64s) -> Int64s:
-    """The rows of all faces with a corner where any of `vertices`, ascending, is, and perhaps of a few more."""
-    places = [np.unique(keys) for _, keys in grids(survey.placed[vertices])]
-    touched = np.zeros(survey.source.vertex_count, np.bool_)
-    for run in _all(survey):
-        for (rows, keys), known in zip(grids(survey.placed[run]), places, strict=True):
+def _faces_at(tiling: Tiling, vertices: Int64s) -> Int64s:
+    """The rows of all faces with a corner at one of `vertices`, ascending, and perhaps of a few more."""
+    cells = [np.unique(keys) for _, keys in grids(tiling.placed[vertices])]
+    touched = np.zeros(tiling.source.vertex_count, np.bool_)
+    for run in _vertex_runs(tiling):
+        for (rows, keys), known in zip(grids(tiling.placed[run]), cells, strict=True):
             touched[run.start + rows[np.isin(keys, known)]] = True
-    found_rows = []
-    for run in runs(survey.source.face_count):
-        faces = survey.source.faces(run.start, run.stop)
-        found_rows.append(run.start + np.flatnonzero(touched[faces].any(axis=1)))
-    return np.concatenate(found_rows)
+    rows_at = []
+    for run in runs(tiling.source.face_count):
+        faces = tiling.source.faces(run.start, run.stop)
+        rows_at.append(run.start + np.flatnonzero(touched[faces].any(axis=1)))
+    return np.concatenate(rows_at)
 
 
-def _take_faces(survey: Survey, rows: Int64s) -> Int64s:
+def _read_faces(tiling: Tiling, rows: Int64s) -> Int64s:
     """The faces (k, 3) of ascending `rows` (k,)."""
-    out, source = np.empty((len(rows), 3), np.int64), survey.source
+    out, source = np.empty((len(rows), 3), np.int64), tiling.source
     for run in runs(source.face_count):
         first, last = np.searchsorted(rows, [run.start, run.stop])
         if first < last:

@@ -1,4 +1,4 @@
-"""The points of all tiles, numbered as those of the whole mesh are: along a curve, from which their rays are drawn."""
+"""Numbers of the points of all tiles, as in a bake of the whole mesh: along a curve. Directions are drawn by them."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ from ..memory import vertex_bytes
 from ..options import Normals
 from ..points.corners import SPREAD, flattest_elsewhere
 from ..points.morton import morton_codes
-from ..points.receivers import lift_points
-from .halo import Piece, cut
+from ..points.receivers import offset_points
+from .halo import TileMesh, extract_tile
 from .source import on_disk, runs
-from .survey import Survey
+from .tiling_pass import Tiling
 
 
 @dataclass(frozen=True, eq=False)
@@ -26,10 +26,10 @@ class Numbering:
 
     Attributes:
         first: int64 (n,), the first vertex of each vertex's point, −1 for none.
-        origins: float64 (n, 3), axes: float32 (n, 3), number: uint32 (n,), torn: bool (n,): of points.
-        count: how many points there are. order: int64 (count,), their first vertices by number.
-        torn_first: int64 (j,), ascending: the points that are folded or opposed. places_from: int64 (j,), the number of
-            the first place of each; places: how many these are in all.
+        origins: float64 (n, 3), axes: float32 (n, 3), number: uint32 (n,), split: bool (n,): of points.
+        count: of points. order: int64 (count,), their first vertices by number.
+        split_first: int64 (j,), ascending, the first vertices of split points. first_corner: int64 (j,), the number of
+            each one's first corner sample. corner_count: corner samples in all.
         flattest: see `flattest_elsewhere`.
     """
 
@@ -37,63 +37,63 @@ class Numbering:
     origins: Float64s
     axes: Float32s
     number: UInt32s
-    torn: Bools
+    split: Bools
     count: int
     order: Int64s
-    torn_first: Int64s
-    places_from: Int64s
-    places: int
+    split_first: Int64s
+    first_corner: Int64s
+    corner_count: int
     flattest: float
 
 
-def number_points(survey: Survey, normals: Normals, scratch: Path) -> Numbering:
-    """Lift the points of every tile, then number them all."""
-    count = survey.source.vertex_count
+def number_points(tiling: Tiling, normals: Normals, scratch: Path) -> Numbering:
+    """Find the points of every tile, then number them all."""
+    count = tiling.source.vertex_count
     first = on_disk(scratch / "first", np.int64, count)
     origins = on_disk(scratch / "origins", np.float64, count, 3)
     axes = on_disk(scratch / "axes", np.float32, count, 3)
-    torn = np.zeros(count, np.bool_)
+    split = np.zeros(count, np.bool_)
     flattest = 0.0
-    torn_first, corner_counts = [np.zeros(0, np.int64)], [np.zeros(0, np.int64)]
+    split_first, corner_counts = [np.zeros(0, np.int64)], [np.zeros(0, np.int64)]
     for run in runs(count):
         first[run] = -1
-    for tile in range(survey.tiles):
-        piece = cut(survey, tile, 0.0, True)
-        if not (piece.own.any() and len(piece.faces)):
+    for tile in range(tiling.tiles):
+        mesh = extract_tile(tiling, tile, 0.0, True)
+        if not (mesh.own.any() and len(mesh.faces)):
             continue
-        check_tile(survey, piece)
-        lifted = lift_points(piece.placed, piece.faces, normals)
-        own: Bools = lifted.usable & piece.own[lifted.first]
-        rows = piece.vertices[lifted.first[own]]
-        origins[rows], axes[rows] = lifted.origins[own], lifted.axes[own]
-        vertices = piece.own & lifted.usable[lifted.group]
-        first[piece.vertices[vertices]] = piece.vertices[lifted.first[lifted.group[vertices]]]
-        at_torn: Bools = lifted.torn[lifted.face_points]
-        at_own: Bools = own[lifted.face_points]
-        flattest = max(flattest, flattest_elsewhere(lifted.surface, ~at_torn & at_own.any(axis=1, keepdims=True)))
-        corners = np.bincount(lifted.face_points[at_torn], minlength=len(own))
-        own_torn = own & lifted.torn
-        torn[piece.vertices[lifted.first[own_torn]]] = True
-        torn_first.append(piece.vertices[lifted.first[own_torn]])
-        corner_counts.append(corners[own_torn])
+        check_tile(tiling, mesh)
+        offset = offset_points(mesh.placed, mesh.faces, normals)
+        own: Bools = offset.usable & mesh.own[offset.first]
+        rows = mesh.vertices[offset.first[own]]
+        origins[rows], axes[rows] = offset.origins[own], offset.axes[own]
+        vertices = mesh.own & offset.usable[offset.group]
+        first[mesh.vertices[vertices]] = mesh.vertices[offset.first[offset.group[vertices]]]
+        at_split: Bools = offset.split[offset.face_points]
+        at_own: Bools = own[offset.face_points]
+        flattest = max(flattest, flattest_elsewhere(offset.surface, ~at_split & at_own.any(axis=1, keepdims=True)))
+        corners = np.bincount(offset.face_points[at_split], minlength=len(own))
+        own_split = own & offset.split
+        split_first.append(mesh.vertices[offset.first[own_split]])
+        split[split_first[-1]] = True
+        corner_counts.append(corners[own_split])
     return _numbered(
-        first, origins, axes, torn, np.concatenate(torn_first), np.concatenate(corner_counts), flattest, scratch
+        first, origins, axes, split, np.concatenate(split_first), np.concatenate(corner_counts), flattest, scratch
     )
 
 
-def check_tile(survey: Survey, piece: Piece) -> None:
+def check_tile(tiling: Tiling, mesh: TileMesh) -> None:
     """Raises: MemoryLimitError: a tile would not fit into memory."""
-    counts = len(piece.vertices), len(piece.faces)
+    counts = len(mesh.vertices), len(mesh.faces)
     work = f"for a tile of {counts[0]:,} vertices and {counts[1]:,} faces; more tiles are smaller"
-    check_memory(survey.source.name, vertex_bytes(*counts, 1), work)
+    check_memory(tiling.source.name, vertex_bytes(*counts, 1), work)
 
 
 def _numbered(
     first: Int64s,
     origins: Float64s,
     axes: Float32s,
-    torn: Bools,
-    torn_first: Int64s,
+    split: Bools,
+    split_first: Int64s,
     corners: Int64s,
     flattest: float,
     scratch: Path,
@@ -112,11 +112,11 @@ def _numbered(
     order = points[np.argsort(codes, kind="stable")]
     number = on_disk(scratch / "number", np.uint32, count)
     number[order] = np.arange(len(order), dtype=np.uint32)
-    by_number = np.argsort(number[torn_first], kind="stable")
-    torn_first, corners = torn_first[by_number], corners[by_number]
-    places_from = len(order) + SPREAD * (np.cumsum(corners) - corners)
-    by_vertex = np.argsort(torn_first)
+    by_number = np.argsort(number[split_first], kind="stable")
+    split_first, corners = split_first[by_number], corners[by_number]
+    first_corner = len(order) + SPREAD * (np.cumsum(corners) - corners)
+    by_vertex = np.argsort(split_first)
     return Numbering(
-        first, origins, axes, number, torn, len(order), order, torn_first[by_vertex], places_from[by_vertex],
+        first, origins, axes, number, split, len(order), order, split_first[by_vertex], first_corner[by_vertex],
         SPREAD * int(corners.sum()), flattest,
     )  # fmt: skip

@@ -76,7 +76,7 @@ def reference(
     w = trace(scene, placement, points, mus, rays, threads)
     corners = receivers.corners.only(chosen)
     if len(corners):
-        places = trace(scene, placement, corners.places, mus, rays, threads)
+        places = trace(scene, placement, corners.points, mus, rays, threads)
         w[:, corners.rows] = corners.mean(places.T).T
     return Reference(receivers.first_vertex[chosen], w)
 

@@ -203,7 +203,7 @@ def test_doubled_faces_meet_at_their_own_corners_only():
     face_points = np.array([[0, 1, 2], [1, 0, 2], [0, 2, 3]])
     stencil, hinges = stencil_of(face_points, np.tile([0.0, 0, 1], (3, 1)))
     assert len(hinges) == 2  # 0 1 and 1 2, for 2 0 has three faces
-    rows = np.split(stencil.others, stencil.starts[1:-1])
+    rows = np.split(stencil.indices, stencil.starts[1:-1])
     assert [row.tolist() for row in rows] == [[0, 1, 2, 3], [0, 1, 2], [0, 1, 2, 3], [0, 2, 3]]
 
 

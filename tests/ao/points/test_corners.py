@@ -14,7 +14,7 @@ import ao
 from ao.execute.checkpoint import Checkpoint
 from ao.execute.tracer import Tracer
 from ao.memory import corner_bytes
-from ao.points.corners import Corners
+from ao.points.corners import CornerSamples
 from ao.points.points import Points
 from ao.points.receivers import find_receivers
 from ao.rays.ray_scene import RayScene
@@ -39,13 +39,13 @@ def brute_force(noisy):
     return cache(lambda tau: corner_means(*noisy, folded(*noisy)[::4], tau))
 
 
-def torn(baked):
+def split(baked):
     return (baked.flags & TORN) != 0
 
 
 def test_every_vertex_with_a_face_behind_its_normal_is_flagged_and_no_other(noisy):
     baked = ao.bake(Mesh(*noisy), samples=8)
-    assert np.flatnonzero(torn(baked)).tolist() == folded(*noisy).tolist()
+    assert np.flatnonzero(split(baked)).tolist() == folded(*noisy).tolist()
     assert baked.flagged["folded"] > 10
     assert baked.flagged["opposed"] > 0
 
@@ -64,7 +64,7 @@ def test_folded_vertices_are_the_mean_over_their_corners(noisy, brute_force, tau
 def test_their_errors_are_estimated(options):
     mesh = Mesh(*crumpled(icosphere(4), 0.35, 5))
     baked, truth = ao.bake(mesh, ao.Binary(), **options), ao.bake(mesh, ao.Binary(), samples=8192, seed=1)
-    which = torn(baked)
+    which = split(baked)
     assert which.sum() > 500
     off = (baked.w - truth.w)[which] / np.hypot(baked.error, truth.error)[which]
     assert 0.85 < np.sqrt(np.mean(off**2)) < 1.15
@@ -78,16 +78,16 @@ def test_ordinary_vertices_keep_their_bits(noisy):
     receivers = find_receivers(mesh, placement)
     points = receivers.points
     assert points.numbers.tolist() == list(range(len(points)))
-    assert receivers.corners.places.numbers.tolist() == list(
-        range(len(points), len(points) + len(receivers.corners.places))
+    assert receivers.corners.points.numbers.tolist() == list(
+        range(len(points), len(points) + len(receivers.corners.points))
     )
     scene = RayScene(placement.vertices, receivers.faces, receivers.tree, receivers.embree)
     mu = ao.Binary().resolve(mesh.radius).in_render_space(placement.scale)
     tracer = Tracer(scene, 0, mu, placement.diagonal, 1, len(points))
     plain = tracer.gather(points, 64, seed_key(0))[:, 0]
     baked = ao.bake(mesh, ao.Binary(), samples=64, denoise=False)
-    np.testing.assert_array_equal(baked.w[~torn(baked)], plain[receivers.of_vertex][~torn(baked)])
-    assert (baked.w != plain[receivers.of_vertex])[torn(baked)].mean() > 0.9
+    np.testing.assert_array_equal(baked.w[~split(baked)], plain[receivers.of_vertex][~split(baked)])
+    assert (baked.w != plain[receivers.of_vertex])[split(baked)].mean() > 0.9
 
 
 def test_some_are_baked_like_all_by_any_number_of_threads(noisy):
@@ -147,7 +147,7 @@ def test_a_mesh_of_nothing_but_such_vertices_is_baked_to_a_tolerance(tolerance):
     sheet, lid = two_sided(1), two_sided(1)
     mesh = Mesh(*join([sheet, (lid[0] + [0, 0, 0.5], lid[1])]))
     baked, truth = (ao.bake(mesh, ao.Binary(), **kind) for kind in ({"tolerance": tolerance}, {"samples": 1 << 14}))
-    assert torn(baked).all()
+    assert split(baked).all()
     assert np.sqrt(np.mean((baked.w - truth.w) ** 2)) < tolerance
     assert baked.rays < truth.rays / 20
 
@@ -155,7 +155,7 @@ def test_a_mesh_of_nothing_but_such_vertices_is_baked_to_a_tolerance(tolerance):
 def test_bent_normals_are_means_too(noisy):
     mesh = Mesh(*noisy)
     few, many = (ao.bake(mesh, ao.Binary(), samples=samples) for samples in (128, 8192))
-    which = torn(few) & (many.w > 0.1)
+    which = split(few) & (many.w > 0.1)
     np.testing.assert_allclose(np.linalg.norm(few.bent_normals, axis=1), 1)
     assert np.quantile(np.einsum("ij,ij->i", few.bent_normals, many.bent_normals)[which], 0.1) > 0.97
 
@@ -192,7 +192,7 @@ def test_places_lie_inside_their_faces_and_weights_sum_to_one(noisy):
     triangles = placement.vertices[mesh.faces].astype(float)
     normal = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
     normal /= np.linalg.norm(normal, axis=1, keepdims=True)
-    for origin, axis in zip(corners.places.origins[::7].astype(float), corners.places.normals[::7], strict=True):
+    for origin, axis in zip(corners.points.origins[::7].astype(float), corners.points.normals[::7], strict=True):
         in_plane = triangles[np.abs(normal - axis).max(axis=1) < 1e-6]
         weights = [np.linalg.lstsq(np.vstack([t.T, np.ones(3)]), np.append(origin, 1), rcond=None)[0] for t in in_plane]
         assert any((w > 0).all() and 0.7 < w.max() < 0.985 for w in weights)
@@ -200,14 +200,14 @@ def test_places_lie_inside_their_faces_and_weights_sum_to_one(noisy):
 
 def test_means_keep_equal_values_and_combine_variances():
     points = Points(np.zeros((5, 3), np.float32), np.zeros((5, 3), np.float32), np.arange(5, dtype=np.uint32))
-    corners = Corners(np.array([2, 7]), np.array([0, 3, 5]), points, np.array([0.2, 0.3, 0.5, 0.1, 0.9]))
+    corners = CornerSamples(np.array([2, 7]), np.array([0, 3, 5]), points, np.array([0.2, 0.3, 0.5, 0.1, 0.9]))
     assert corners.mean(np.full((5, 1), 0.1)).tolist() == [[0.1], [0.1]]
     np.testing.assert_allclose(corners.mean(np.arange(5.0)[:, None])[:, 0], [1.3, 3.9])
     np.testing.assert_allclose(corners.variance(np.ones(5)), [0.38, 0.82])
     kept = corners.only(np.array([3, 7, 9]))
     assert kept.rows.tolist() == [1]
     assert kept.starts.tolist() == [0, 2]
-    assert kept.places.numbers.tolist() == [3, 4]
+    assert kept.points.numbers.tolist() == [3, 4]
     assert len(corners.only(np.array([3]))) == 0
 
 

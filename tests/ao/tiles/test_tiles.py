@@ -76,8 +76,9 @@ def test_closed_places_are_traced_as_by_the_whole_bake(tmp_path):
 
 def test_a_halo_too_narrow_is_noticed(tmp_path, monkeypatch):
     """The test of the tests above: without what is in reach, w is another."""
-    cut = ao.tiles.halo.cut
-    monkeypatch.setattr("ao.tiles.baking.cut", lambda survey, tile, reach, origins: cut(survey, tile, 0.0, origins))
+    extract = ao.tiles.halo.extract_tile
+    short = lambda tiling, tile, reach, origins: extract(tiling, tile, 0.0, origins)  # noqa: E731
+    monkeypatch.setattr("ao.tiles.baking.extract_tile", short)
     whole = ao.bake(Mesh(*PARTS["hills"]), FALLOFFS["exponential"], samples=32, **FIXED)
     tiled = bake_tiled(Arrays(*PARTS["hills"]), tmp_path, (2, 2, 2), FALLOFFS["exponential"], 32)
     assert (tiled.w != whole.w).any()

@@ -1,4 +1,4 @@
-"""What all tiles must agree on: bounds, the render space and in it every vertex, and which tile that belongs to."""
+"""A pass over the whole mesh before its tiles: bounds, render space, every vertex in it, and the tile of each."""
 
 from __future__ import annotations
 
@@ -19,13 +19,13 @@ Grid = tuple[int, int, int]
 
 
 @dataclass(frozen=True, eq=False)
-class Survey:
+class Tiling:
     """A mesh on the disk, placed in render space.
 
     Attributes:
         source: the mesh. space: where it is placed. radius: of its bounding sphere, in mesh units.
-        placed: float32 (n, 3), its vertices in render space. tile: int32 (n,), the tile of each, −1 for none.
-        Both are on the disk. tiles: how many there are.
+        placed: float32 (n, 3), its vertices in render space. tile: int32 (n,), the tile of each, −1 for none. Both are
+        on the disk. tiles: number of tiles.
     """
 
     source: TileSource
@@ -36,8 +36,8 @@ class Survey:
     tiles: int
 
     @classmethod
-    def of(cls, source: TileSource, grid: Grid, scratch: Path) -> Survey:
-        """Look at all vertices and faces; `grid`: how many tiles along each axis.
+    def of(cls, source: TileSource, grid: Grid, scratch: Path) -> Tiling:
+        """Read all vertices and faces. Args: grid: number of tiles along each axis.
 
         Raises:
             MeshError: coordinates are not finite or too large, or indices out of range.
@@ -85,13 +85,13 @@ def _radius(source: TileSource, used: Bools, centre: Float64s) -> float:
 
 
 def _sample(source: TileSource, used: Bools) -> Float64s:
-    """What `raytrace.mesh.placement.sample` takes of the vertices that faces use."""
+    """The `raytrace.mesh.placement.sample` of the vertices that faces use."""
     rows = np.flatnonzero(used)
-    rows, found = rows[sample(len(rows))], []
+    rows, vertices = rows[sample(len(rows))], []
     for run in runs(source.vertex_count):
         own = rows[np.searchsorted(rows, run.start) : np.searchsorted(rows, run.stop)]
-        found.append(source.vertices(run.start, run.stop)[own - run.start])
-    return np.concatenate(found)
+        vertices.append(source.vertices(run.start, run.stop)[own - run.start])
+    return np.concatenate(vertices)
 
 
 def _used(source: TileSource) -> Bools:
