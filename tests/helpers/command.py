@@ -131,3 +131,10 @@ def refused(result, *words, status=2):
     for word in words:
         assert word in errors
     assert "Traceback" not in errors
+
+
+def refused_without_a_trace(folder, words, *arguments):
+    """`refused`, and no file of the folder is changed, added or removed."""
+    before = {path: path.read_bytes() for path in folder.iterdir() if path.is_file()}
+    refused(obscurance(*arguments), *words)
+    assert {path: path.read_bytes() for path in folder.iterdir() if path.is_file()} == before

@@ -1,0 +1,30 @@
+"""Bakes whose output keeps what it can of the input, and what they report."""
+
+import json
+
+from command import obscurance
+
+from scenes.formats.load import load
+
+
+def bake(folder, source, target, *options):
+    """What the command tells on standard error."""
+    done = obscurance(
+        "bake", folder / source, "-o", folder / target, "--samples", 8, "--report", folder / "r.json", *options
+    )
+    assert done.returncode == 0, done.stderr
+    printed = done.stderr.replace(str(folder) + "/", "")
+    for line in report(folder):
+        kind = "note" if ": not kept from " in line else "warning"
+        assert f"{kind}: {line.replace(str(folder) + '/', '')}\n" in printed
+    return printed
+
+
+def report(folder):
+    return json.loads((folder / "r.json").read_text())["warnings"]
+
+
+def columns(path):
+    """The properties of a PLY file's elements by element and name, as our reader has them."""
+    (detail,) = [load(path, "x.ply").detail]
+    return {element.name: {c.name: c for c in element.properties} for element in detail.elements}, detail
