@@ -22,7 +22,7 @@ from .closed_parts import closed_parts, inside_boxes
 
 RAYS = 16
 _KEY = np.uint32(0x51DE)
-_BLOCK = 1 << 8  # points
+_BLOCK, _MOST = 1 << 7, 16  # points, and blocks at once
 
 
 class Solids(NamedTuple):
@@ -100,7 +100,7 @@ def _hidden_points(
         some = Solids(solids.of_face, solids.of_point[first:last])
         _find_hidden(RayPacket.of(scene), points[first:last].arrays, table, some, reach, hidden[first:last])
 
-    run_blocks(len(points), _BLOCK, work, threads)
+    run_blocks(len(points), _BLOCK, work, threads, most=_MOST)
     return hidden
 
 

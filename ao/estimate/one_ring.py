@@ -20,7 +20,7 @@ from raytrace.types import AnyInts, Float32s, Float64s, Int32s, Int64s
 Real = TypeVar("Real", np.float32, np.float64)
 _NOTHING = 1e-6  # of weight
 _CREASE = 16  # power of n·n' by which a neighbour counts less
-_BLOCK = 1 << 13  # points, about: starting a thread for fewer costs more than it gains
+_BLOCK, _MOST = 1 << 11, 16  # points, and blocks at once
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,8 +70,7 @@ class Neighbours:
 
     def each(self, work: Callable[[int, int], None]) -> None:
         """Call `work(first, last)` for blocks of points, on threads."""
-        count = len(self.starts) - 1
-        run_blocks(count, -(-count // max(round(count / _BLOCK), 1)) or 1, work, self.threads)
+        run_blocks(len(self.starts) - 1, _BLOCK, work, self.threads, most=_MOST)
 
     def predict(self, values: npt.NDArray[Real]) -> npt.NDArray[Real]:
         """The weighted mean of the neighbours' `values` (k,) or (k, 3), the point's own left out; NaN without any."""

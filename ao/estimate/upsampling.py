@@ -20,7 +20,7 @@ from raytrace.types import Bools, Float32s, Float64s, Int32s, Int64s
 from ..points.points import Points
 from .one_ring import Neighbours
 
-_BLOCK = 1 << 14
+_BLOCK, _SHARE = 1 << 10, 16  # points, and blocks at once
 _MOST = 32  # baked points that a prediction looks at
 
 
@@ -110,7 +110,7 @@ def upsample(
         rows = wanted[first:last], cells[first:last]
         _upsample(points.arrays, arrays, *rows, values, values.shape[1] - variances, scratch, out[first:last])
 
-    run_blocks(len(wanted), _BLOCK, work, graph.threads)
+    run_blocks(len(wanted), _BLOCK, work, graph.threads, most=_SHARE)
     return out
 
 

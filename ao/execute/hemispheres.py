@@ -20,8 +20,7 @@ from ..rays.ray_scene import RayScene
 from ..rays.traverse import TraversalState
 from .work import Tables
 
-_BLOCK_RAYS, _LEAST_RAYS = 1 << 19, 1 << 13  # of a block of work
-_BLOCKS = 32  # at least, if they are not too small: for threads to share evenly
+_BLOCK_RAYS = 1 << 11  # of a block of work
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,8 +62,7 @@ class Hemispheres:
 
     @property
     def block(self) -> int:
-        rays = min(max(len(self) * self.samples // _BLOCKS, _LEAST_RAYS), _BLOCK_RAYS)
-        return max(rays // self.samples, 1)
+        return max(_BLOCK_RAYS // self.samples, 1)
 
     def tables(self) -> Tables:
         return (np.empty((len(self), COLUMNS)),)

@@ -8,11 +8,12 @@ from typing import Any, Protocol
 
 import numpy.typing as npt
 
-from raytrace.system.threads import run_blocks
+from raytrace.system.threads import run_blocks, shares
 
 Tables = tuple[npt.NDArray[Any], ...]
 Span = tuple[int, int]
 Advance = Callable[[int], None]
+_MOST_RAYS = 1 << 17  # of blocks made at once: what Ctrl-C waits for
 
 
 class Work(Protocol):
@@ -20,7 +21,7 @@ class Work(Protocol):
 
     Attributes:
         name: 16 bytes that no other work in the same bake has. rays: of a row, about.
-        block: rows that a thread makes at once.
+        block: rows that a thread makes at once, at least.
     """
 
     @property
@@ -60,7 +61,8 @@ def fill_spans(
 ) -> None:
     """Make the rows of `spans`, each a first and a last row. Args: finished: called with such, from any thread."""
     write, size = work.writer(scene, tables), work.block
-    blocks = [(a, min(a + size, last)) for first, last in spans for a in range(first, last, size)]
+    most = int(_MOST_RAYS / (size * max(work.rays, 1)))
+    blocks = [(first + a, first + b) for first, last in spans for a, b in shares(last - first, size, threads, most)]
     rows: deque[int] = deque()
 
     def make(number: int, _: int) -> None:

@@ -13,7 +13,7 @@ FINE, COARSE = 1e-6, 1e-4
 _STAGES = COARSE, 1e-5, FINE
 _STEPS = 1000
 _ROUNDS = 20
-_BLOCK = 1 << 16  # rows
+_BLOCK, _MOST = 1 << 14, 4  # rows, and blocks at once
 
 
 def dot(a: Float64s, b: Float64s) -> float:
@@ -32,7 +32,7 @@ def multiply(matrix: csr_array, x: Float64s, threads: int, out: Float64s | None 
     if threads == 1 or len(x) <= _BLOCK:  # a product of a small mesh takes as long as handing it over
         work(0, len(x))
     else:
-        run_blocks(len(x), _BLOCK, work, threads)
+        run_blocks(len(x), _BLOCK, work, threads, most=_MOST)
     return out
 
 

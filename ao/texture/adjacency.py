@@ -16,7 +16,7 @@ from .texels import Texels
 from .uv_layout import UVLayout
 
 _NEAR = 3.0  # times the size of a texel on the surface that a neighbour may be away: more is another part of the chart
-_BLOCK = 1 << 15
+_BLOCK, _SHARE = 1 << 12, 16  # texels, and blocks at once
 
 
 def texel_neighbours(
@@ -40,7 +40,7 @@ def texel_neighbours(
     def work(first: int, last: int) -> None:
         _find_beside(first, last, texels.texels, page, surface, beside)
 
-    run_blocks(count, _BLOCK, work, threads)
+    run_blocks(count, _BLOCK, work, threads, most=_SHARE)
     across = _across(seams, row_of)
     listed = beside >= 0
     counts = listed.sum(axis=1)

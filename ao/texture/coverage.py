@@ -28,7 +28,7 @@ _FINE_TEXELS = 1 << 14  # together
 _HIGHEST = 0.5  # triangles lie at heights up to this, so that one ray can meet those below
 _STEP = 2.0**-22
 _BAND = 1 << 17  # texels
-_BLOCK = 1 << 13
+_BLOCK, _SHARE = 1 << 10, 16  # texels, and blocks at once
 
 
 @dataclass(frozen=True, eq=False)
@@ -128,7 +128,7 @@ def _cover_band(
         layered = deep[some], deep_triangle[some], deep_place[some]
         find_hits(RayPacket.of(scene), texels[some], layout.width, step, overlap == "mean", found, layered)
 
-    run_blocks(len(texels), _BLOCK, work, threads)
+    run_blocks(len(texels), _BLOCK, work, threads, most=_SHARE)
     hit = triangle >= 0
     whole = np.flatnonzero(hit.all(axis=1) & ~overlapping)
     centre_face, centre = np.full(len(texels), -1), np.zeros((len(texels), 3), np.float32)

@@ -21,7 +21,7 @@ from .texels import Texels
 
 _ENOUGH = 8  # rays of a point, so that more points are worth their time
 _GATHERED = 1 << 20  # points
-_BLOCK = 1 << 13
+_BLOCK, _SHARE = 1 << 11, 16  # points, and blocks at once
 
 
 @dataclass(eq=False)
@@ -64,7 +64,7 @@ class TexelTracer(Tracer):
         def work(first: int, last: int) -> None:
             leave_out_below(points[first:last].arrays, sides[first:last], table, found[first:last])
 
-        run_blocks(len(points), _BLOCK, work, self.threads)
+        run_blocks(len(points), _BLOCK, work, self.threads, most=_SHARE)
 
 
 def begin_tracing(prepared: Prepared, texels: Texels, kind: str, checkpoint: Checkpoint | None) -> TexelTracer:

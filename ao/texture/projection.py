@@ -28,7 +28,7 @@ from raytrace.types import Bools, Float32s, Float64s, Int64s
 from ..points.receivers import Receivers
 from .coverage import Coverage
 
-_BLOCK = 1 << 12  # points
+_BLOCK, _SHARE = 1 << 9, 16  # points, and blocks at once
 _ROUNDED = 1e-6  # of coordinates, in single precision
 _MOST_HOLES = 64  # that a ray goes through
 _BESIDE = 0.01  # of the cage: how far from its ray a point that counts as met may be
@@ -115,7 +115,7 @@ def _closest_points(fine: Fine, places: Float64s, radius: float, threads: int) -
         found = face[first:last], weights[first:last]
         _search(tree, new_stack(), surface, places[first:last], radius, *found)
 
-    run_blocks(len(places), _BLOCK, search, threads)
+    run_blocks(len(places), _BLOCK, search, threads, most=_SHARE)
     return face, weights
 
 

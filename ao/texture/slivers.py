@@ -14,7 +14,7 @@ from raytrace.kernel.simd_masks import lowest_bit
 from raytrace.system.threads import run_blocks
 from raytrace.types import Float32s, Float64s, Int64s
 
-_BLOCK = 1 << 14  # texels
+_BLOCK, _SHARE = 1 << 10, 16  # texels, and blocks at once
 _ROUNDED = 1e-6  # of coordinates, in single precision
 _LEAST = 1e-9  # area, in texels, that is any at all
 _CORNERS = 8  # of a triangle cut by a square, at most 7
@@ -45,7 +45,7 @@ def find_slivers(corners: Float64s, texels: Int64s, width: int, threads: int) ->
         some = Slivers(found.face[first:last], found.barycentric[first:last])
         _search(tree, new_stack(), corners, texels[first:last], width, radius, some)
 
-    run_blocks(len(texels), _BLOCK, work, threads)
+    run_blocks(len(texels), _BLOCK, work, threads, most=_SHARE)
     return found
 
 

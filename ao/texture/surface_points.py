@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 _LEAST_COSINE = 0.2  # between an interpolated normal and its face's; the face's stands for others
 _AROUND = 7.0  # times the way from a texel's centre to its points, in which nothing may rise
 _SLOPE = 2.0  # by more than so many times what normals may differ by, of that way
-_BLOCK = 1 << 13  # points
+_BLOCK, _SHARE = 1 << 10, 16  # points, and blocks at once
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,7 +61,7 @@ class Faces:
             some = slice(first, last)
             _place(own[some], weights[some], self.surface, self.axes, found[0, some], found[1, some], found[2, some])
 
-        run_blocks(len(own), _BLOCK, work, threads)
+        run_blocks(len(own), _BLOCK, work, threads, most=_SHARE)
         return found[0], found[1], found[2]
 
 
@@ -81,7 +81,7 @@ def centres_suffice(coverage: Coverage, faces: Faces, tree: BVH16, most: float, 
         some = face, weights, centre_face, centre
         _find_smooth(tree, new_stack(), faces.surface, faces.axes, some, most, enough[first:last])
 
-    run_blocks(len(enough), _BLOCK, work, threads)
+    run_blocks(len(enough), _BLOCK, work, threads, most=_SHARE)
     return enough
 
 

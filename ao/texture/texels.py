@@ -23,7 +23,7 @@ from .page_rays import DEEP
 from .surface_points import Faces, centres_suffice
 
 _PLACED = 1 << 18  # points whose origins are found together
-_BLOCK = 1 << 13
+_BLOCK, _SHARE = 1 << 11, 16  # texels, and blocks at once
 _RAYS, _NOISE = 256, 0.004  # so many rays a texel, and about how much they err by
 _BENT = (
     0.2  # by how much normals may differ within a texel, for that: one point and several then differ by a third of it
@@ -129,7 +129,7 @@ def _placed(
     def lay_out(first: int, last: int) -> None:
         _lay_out(order[first:last], starts[first : last + 1], alone, points, layered, face, weights)
 
-    run_blocks(len(order), _BLOCK, lay_out, threads)
+    run_blocks(len(order), _BLOCK, lay_out, threads, most=_SHARE)
     origins, normals, sides = (np.empty((count, columns), np.float32) for columns in (3, 3, 4))
     for first in range(0, count, _PLACED):
         part = slice(first, first + _PLACED)

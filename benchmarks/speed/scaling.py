@@ -2,15 +2,15 @@
 
     python -m benchmarks.speed.scaling [CASE ...] [--rounds 5] [--cores 2 4 8 16 32]
 
-Every case runs on one thread with `run_blocks` replaced by a recorder, which takes the time of each block, and with the
-functions of `STAGES` replaced by ones that say where time goes; it is the thread's processor time, which other programs
-disturb little. By a model, c cores take
+Every case runs on one thread with `run_blocks` replaced by a recorder, which takes the time of each block that c
+threads would have, and with the functions of `STAGES` replaced by ones that say where time goes; it is the thread's
+processor time, which other programs disturb little. By a model, c cores take
 
     time outside blocks + Σ max(longest block, sum of the blocks / c) + joins × cost of a join
 
-A join is a call of `run_blocks` with several blocks; what one costs is measured with c threads and blocks that do
-nothing, on the cores that there are. Whole times on one and on two threads stand beside that, measured in turns
-without the recorder. Medians of the rounds.
+A join is a call of `run_blocks` with several blocks; what one costs is measured with c threads and as many blocks that
+sleep, so that all threads have to be awake at once, on the cores that there are. Whole times on one and on two threads
+stand beside that, measured in turns without the recorder. Medians of the rounds.
 """
 
 from __future__ import annotations
@@ -65,7 +65,7 @@ STAGES = (
     ("pixels", "raytrace.renderer.render _render_tiles"),
 )
 REST = "the rest"
-_NOTHING = 200  # joins to take the time of
+_JOINS, _ASLEEP = 200, 1e-3  # to take the time of; seconds
 
 
 @dataclass
@@ -84,10 +84,11 @@ class Stage:
 class Recorder:
     """What takes the place of `run_blocks`: all blocks on this thread, one after another, each with its time.
 
-    Attributes: stages: by name, in the order in which they first came.
+    Attributes: cores: how many threads blocks are for. stages: by name, in the order in which they first came.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, cores: int) -> None:
+        self.cores = cores
         self.stages: dict[str, Stage] = {}
         self._within, self._blocks = [REST], False
         self._last = 0.0
@@ -100,7 +101,7 @@ class Recorder:
     def run(self, case: Callable[[int], object]) -> dict[str, Stage]:
         """The stages of a case, which calls this recorder."""
         self._lap()
-        case(1)
+        case(self.cores)
         self._stage.outside += self._lap()
         return self.stages
 
@@ -129,13 +130,13 @@ class Recorder:
         work: Callable[[int, int], None],
         threads: int,
         progress: Callable[[int], None] | None = None,
+        most: int = 1,
     ) -> None:
         outermost, blocks = not self._blocks, []
         if outermost:
             self._stage.outside += self._lap()
             self._blocks = True
-        for start in range(0, count, block):
-            stop = min(start + block, count)
+        for start, stop in threads_module.shares(count, block, self.cores if threads > 1 else 1, most):
             work(start, stop)
             if outermost:
                 blocks.append(self._lap())
@@ -146,9 +147,9 @@ class Recorder:
             self._stage.joins.append(blocks)
 
 
-def record(case: Callable[[int], object]) -> dict[str, Stage]:
-    """The stages of a case, called with one thread. It has run before, so that all its modules are there."""
-    recorder, restored = Recorder(), []
+def record(case: Callable[[int], object], cores: int) -> dict[str, Stage]:
+    """The stages of a case in blocks for so many cores. It has run before, so that all its modules are there."""
+    recorder, restored = Recorder(cores), []
     modules = {place: import_module(place.split()[0]) for _, place in STAGES}  # before anything is replaced
 
     def replace(owner: Any, name: str, value: Any) -> None:
@@ -191,17 +192,22 @@ def _booked(recorder: Recorder, stage: str, function: Callable[..., Any]) -> Cal
 
 
 def cost_of_join(threads: int) -> float:
-    """Seconds that a join of `threads` takes beside its blocks, of which each has four."""
+    """Seconds that a join of `threads`, each with one block, takes longer than a block on this thread alone."""
 
-    def nothing(first: int, last: int) -> None:
-        pass
+    def sleep(first: int, last: int) -> None:
+        time.sleep(_ASLEEP)
 
     def seconds(count: int) -> float:
         start = time.perf_counter()
-        threads_module.run_blocks(4 * threads, 1, nothing, count)
+        threads_module.run_blocks(count, 1, sleep, count)
         return time.perf_counter() - start
 
-    return median(seconds(threads) for _ in range(_NOTHING)) - median(seconds(1) for _ in range(_NOTHING))
+    cores = threads_module.thread_count
+    threads_module.thread_count = lambda _: threads  # or there would be no more than there are cores for
+    try:
+        return median(seconds(threads) for _ in range(_JOINS)) - median(seconds(1) for _ in range(_JOINS))
+    finally:
+        threads_module.thread_count = cores
 
 
 def cases() -> dict[str, Callable[[], Callable[[int], object]]]:
@@ -256,56 +262,52 @@ def _rendering() -> Callable[[int], object]:
 def measure(
     case: Callable[[int], object], rounds: int, cores: Iterable[int], joins: dict[int, float]
 ) -> dict[str, Any]:
-    """Times on one and two threads, and the recorded round of median length as rows of a table."""
+    """Times on one and two threads, and the recorded rounds of median length as rows of a table."""
     case(2)
     seconds: dict[int, list[float]] = {1: [], 2: []}
-    recorded: list[tuple[float, dict[str, Stage]]] = []
-    for _ in range(rounds):
+    recorded: dict[int, list[tuple[float, int, dict[str, Stage]]]] = {c: [] for c in (1, *cores)}
+    for number in range(rounds):
         for threads, times in seconds.items():
             start = time.perf_counter()
             case(threads)
             times.append(time.perf_counter() - start)
-        stages = record(case)
-        recorded.append((sum(stage.predicted(1, 0.0) for stage in stages.values()), stages))
-    whole, stages = sorted(recorded, key=lambda pair: pair[0])[rounds // 2]
+        for c, found in recorded.items():
+            stages = record(case, c)
+            found.append((sum(stage.predicted(c, joins[c]) for stage in stages.values()), number, stages))
+    model = {c: sorted(found)[rounds // 2] for c, found in recorded.items()}
+    finest = model[max(model)][2]
     rows: dict[str, dict[str, Any]] = {
         name: {
             "joins": sum(len(each) > 1 for each in stage.joins),
             "blocks": sum(map(len, stage.joins)),
             "longest": max((max(each) for each in stage.joins if each), default=0.0),
             "outside": stage.outside,
-            "model": {1: stage.predicted(1, 0.0)} | {c: stage.predicted(c, joins[c]) for c in cores},
+            "model": {c: stages[name].predicted(c, joins[c]) for c, (_, _, stages) in model.items()},
         }
-        for name, stage in stages.items()
+        for name, stage in finest.items()
     }
-    total = {c: sum(row["model"][c] for row in rows.values()) for c in cores}
     return {
         "seconds": {threads: median(times) for threads, times in seconds.items()},
         "rounds": seconds,
-        "recorded": whole,
-        "model": total,
+        "model": {c: whole for c, (whole, _, _) in model.items()},
         "stages": rows,
     }
 
 
 def show(name: str, found: dict[str, Any]) -> None:
-    """Print milliseconds of the stages, the longest first, and what all take together."""
-    cores = list(found["model"])
+    """Print milliseconds of the stages, the longest first, and of all; blocks are those for the most cores."""
+    model = found["model"]
     one, two = found["seconds"].values()
     print(f"\n{name}: {1e3 * one:.1f} ms on one thread, {1e3 * two:.1f} on two, {one / two:.2f} ×")
-    heads = "".join(f"{c:>8}" for c in cores)
-    print(f"{'ms':24}{'joins':>6}{'blocks':>7}{'longest':>8}{'outside':>8}{'one':>8}{heads}")
-    for stage, row in sorted(found["stages"].items(), key=lambda pair: -pair[1]["model"][cores[-1]]):
-        times = "".join(f"{1e3 * row['model'][c]:8.2f}" for c in (1, *cores))
-        figures = f"{1e3 * row['longest']:8.2f}{1e3 * row['outside']:8.2f}"
-        print(f"{stage:24}{row['joins']:6}{row['blocks']:7}{figures}{times}")
-    rows = found["stages"].values()
-    sums = f"{sum(row['joins'] for row in rows):6}{sum(row['blocks'] for row in rows):7}"
-    outside = f"{1e3 * max(row['longest'] for row in rows):8.2f}{1e3 * sum(row['outside'] for row in rows):8.2f}"
-    times = "".join(f"{1e3 * t:8.2f}" for t in (found["recorded"], *found["model"].values()))
-    print(f"{'together':24}{sums}{outside}{times}")
-    gains = "".join(f"{found['recorded'] / t:8.2f}" for t in found["model"].values())
-    print(f"{'times as fast':61}{gains}", flush=True)
+    print(f"{'ms':24}{'joins':>6}{'blocks':>7}{'longest':>8}{'outside':>8}" + "".join(f"{c:>8}" for c in model))
+    rows = found["stages"]
+    whole = {key: sum(row[key] for row in rows.values()) for key in ("joins", "blocks", "outside")}
+    whole |= {"longest": max(row["longest"] for row in rows.values()), "model": model}
+    last = max(model)
+    for stage, row in [*sorted(rows.items(), key=lambda pair: -pair[1]["model"][last]), ("together", whole)]:
+        figures = "".join(f"{1e3 * t:8.2f}" for t in (row["longest"], row["outside"], *row["model"].values()))
+        print(f"{stage:24}{row['joins']:6}{row['blocks']:7}{figures}")
+    print(f"{'times as fast':53}" + "".join(f"{model[1] / t:8.2f}" for t in model.values()), flush=True)
 
 
 def main() -> None:
@@ -317,7 +319,7 @@ def main() -> None:
     chosen = parser.parse_args()
     if unknown := set(chosen.cases) - set(known):
         parser.error(f"no such case: {', '.join(sorted(unknown))}")
-    joins = {c: cost_of_join(c) for c in chosen.cores}
+    joins = {1: 0.0} | {c: cost_of_join(c) for c in chosen.cores}
     print("cost of a join, µs:", ", ".join(f"{c} threads {1e6 * cost:.0f}" for c, cost in joins.items()))
     found = {}
     for name in chosen.cases or known:

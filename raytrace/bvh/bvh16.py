@@ -13,7 +13,7 @@ from ..system.threads import run_blocks, thread_count
 from ..types import Float32s, Int64s
 from .median_splits import median_order
 
-_BLOCK = 1 << 10  # leaves
+_BLOCK, _MOST = 1 << 7, 16  # leaves, and blocks at once
 _GROWN = np.float32(1.0 + 2.0**-20)  # half sides, for their rounding
 
 
@@ -43,7 +43,7 @@ class BVH16(NamedTuple):
         def fill_leaves(first: int, last: int) -> None:
             _fill_leaves(vertices, faces, order[first * WIDE : last * WIDE], triangles[first:last], bounds[first:last])
 
-        run_blocks(leaves, _BLOCK, fill_leaves, thread_count(None))
+        run_blocks(leaves, _BLOCK, fill_leaves, thread_count(None), most=_MOST)
         levels, starts = [], [0]
         while True:
             nodes = -(-len(bounds) // WIDE)

@@ -15,7 +15,7 @@ from ..types import Bools, Float32s, Int64s
 from .packets import DIR_X, GEOM_ID, INVALID, LANES, ORG_X, PRIM_ID, TFAR, U, V, intersect8, new_packet, occluded8
 from .scene import TriangleScene
 
-_BLOCK = 1 << 16
+_BLOCK, _MOST = 1 << 12, 16  # rays, and blocks at once
 
 
 @dataclass(frozen=True, eq=False)
@@ -116,7 +116,7 @@ def intersect(
         out = hits.distance[a:b], hits.face[a:b], hits.barycentric[a:b]
         _closest(scene.handle, *new_packet(), rays.part(a, b), *out)
 
-    run_blocks(count, _BLOCK, work, thread_count(threads))
+    run_blocks(count, _BLOCK, work, thread_count(threads), most=_MOST)
     return hits
 
 
@@ -130,5 +130,5 @@ def occluded(
     def work(a: int, b: int) -> None:
         _any(scene.handle, *new_packet(), rays.part(a, b), hit[a:b])
 
-    run_blocks(len(hit), _BLOCK, work, thread_count(threads))
+    run_blocks(len(hit), _BLOCK, work, thread_count(threads), most=_MOST)
     return hit

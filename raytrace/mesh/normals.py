@@ -15,7 +15,7 @@ from ..kernel.vector import cross, divide, dot, length, load, load_triangle, sto
 from ..system.threads import run_blocks, thread_count
 from ..types import AnyInts, Bools, Float64s
 
-_BLOCK = 1 << 15  # faces
+_BLOCK, _MOST = 1 << 11, 32  # faces, and blocks at once
 EPSILON = float(np.finfo(np.float64).eps)
 Weighting = Literal["angle", "area", "equal"]
 
@@ -45,7 +45,7 @@ def face_normals(vertices: Float64s, faces: AnyInts) -> tuple[Float64s, Float64s
     def work(first: int, last: int) -> None:
         _face_normals(vertices, faces[first:last], normals[first:last], areas[first:last])
 
-    run_blocks(len(faces), _BLOCK, work, thread_count(None))
+    run_blocks(len(faces), _BLOCK, work, thread_count(None), most=_MOST)
     return normals, areas
 
 
@@ -69,7 +69,7 @@ def vertex_sums(
         def measure(first: int, last: int) -> None:
             _angles(vertices, faces[first:last], areas[first:last], weights[first:last])
 
-        run_blocks(len(faces), _BLOCK, measure, thread_count(None))
+        run_blocks(len(faces), _BLOCK, measure, thread_count(None), most=_MOST)
     _vertex_sums(faces, normals, areas, weights, sums, magnitude)
     return sums
 

@@ -25,7 +25,7 @@ from .surface import Surface
 
 _SAME_PLANE = 0.9999
 _RISE = 1e-3
-_BLOCK = 1 << 9  # points
+_BLOCK, _MOST = 1 << 7, 16  # points, and blocks at once
 
 
 class _Incident(NamedTuple):
@@ -73,7 +73,7 @@ def turn_directions(
     def work(first: int, last: int) -> None:
         _turn(incident, surface, points, first, last, *found)
 
-    run_blocks(len(rows), _BLOCK, work, thread_count(None))
+    run_blocks(len(rows), _BLOCK, work, thread_count(None), most=_MOST)
 
 
 @kernel

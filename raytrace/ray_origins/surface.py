@@ -14,7 +14,7 @@ from ..system.threads import run_blocks, thread_count
 from ..types import Float64s, Int64s
 
 FLAT = 1.0 / 16.0
-_BLOCK = 1 << 15  # faces
+_BLOCK, _MOST = 1 << 11, 32  # faces, and blocks at once
 
 
 class Surface(NamedTuple):
@@ -41,7 +41,8 @@ class Surface(NamedTuple):
     def of(cls, vertices: Float64s, faces: Int64s, normals: Float64s) -> Surface:
         """These faces, measured; arguments as the attributes."""
         surface = cls(vertices, faces, normals, *(np.zeros(len(faces)) for _ in range(3)))
-        run_blocks(len(faces), _BLOCK, lambda first, last: _measure(surface, first, last), thread_count(None))
+        threads = thread_count(None)
+        run_blocks(len(faces), _BLOCK, lambda first, last: _measure(surface, first, last), threads, most=_MOST)
         return surface
 
     def reversed(self) -> Surface:

@@ -1,5 +1,6 @@
 """Blocks of work on threads: progress, Ctrl-C and results that don't depend on the number of threads.
 
+Threads stay for later calls: to start one takes five times as long as to wake one, and a bake has some forty calls.
 Not concurrent.futures, whose pool fails where the system grants fewer threads than asked for: here the calling thread
 works too, so one is enough, and an interrupt waits for no more than the blocks at work (docs/reliability.md).
 """
@@ -8,6 +9,7 @@ from __future__ import annotations
 
 import os
 import threading
+from collections import deque
 from collections.abc import Callable, Iterator
 from queue import Empty, SimpleQueue
 
@@ -15,6 +17,9 @@ from ..errors import OptionError
 
 MAX_THREADS = 4096
 _within = threading.local()  # its `blocks`: whether this thread is at work for `run_blocks`
+_PARTS = 2  # of what is left, for each thread, the largest share handed over at once
+_BEYOND = 1  # threads more than cores, at most: others would only take turns, and fill address space
+_WAKES = 2  # threads that each thread wakes, so that all of many are soon awake
 
 
 def thread_count(threads: int | None) -> int:
@@ -30,68 +35,171 @@ def thread_count(threads: int | None) -> int:
     return threads
 
 
+def shares(count: int, block: int, threads: int, most: int = 1) -> Iterator[tuple[int, int]]:
+    """The parts [start, stop) of [0, count) that `run_blocks` hands over, one after another.
+
+    Each is up to `most` blocks, as long as that is at most half of a thread's part of what is left: few at first, and
+    at the end so short that no thread waits long for the last (guided self-scheduling, Polychronopoulos & Kuck 1987).
+    """
+    start = 0
+    while start < count:
+        size = block * max(min((count - start) // (_PARTS * threads * block), most), 1)
+        yield start, min(start + size, count)
+        start += size
+
+
 def run_blocks(
     count: int,
     block: int,
     work: Callable[[int, int], None],
     threads: int,
     progress: Callable[[int], None] | None = None,
+    most: int = 1,
 ) -> None:
-    """Call `work(start, stop)` over [0, count) in blocks, on this thread and others: `threads`, if so many are granted.
+    """Call `work(start, stop)` over [0, count) in blocks, on this thread and others: `threads`, if so many are granted
+    and there are cores for all but one.
 
     `work` must release the GIL to gain anything and write only its own rows. `progress` is called, on this thread,
     with the number of items of each finished block. An exception or Ctrl-C drops the blocks that have not begun.
     A call within `work` stays on its thread: the others are at work already.
+
+    Args: most: blocks that `work` may be given at once.
     """
-    threads = min(threads, -(-count // block), 1 if getattr(_within, "blocks", False) else MAX_THREADS)
+    threads = min(threads, -(-count // block), 1 if getattr(_within, "blocks", False) else thread_count(None) + _BEYOND)
+    parts = shares(count, block, max(threads, 1), most)
     if threads <= 1:  # the bake of a small mesh has dozens of these; a queue would take as long as their work
-        for start in range(0, count, block):
-            stop = min(start + block, count)
+        for start, stop in parts:
             work(start, stop)
             if progress:
                 progress(stop - start)
         return
-    starts = iter(range(0, count, block))
-    finished: SimpleQueue[int | BaseException] = SimpleQueue()
-    taking, over = threading.Lock(), threading.Event()
-
-    def work_one() -> bool:
-        with taking:
-            start = next(starts, None)
-        if start is None or over.is_set():
-            return False
-        stop = min(start + block, count)
-        _within.blocks = True
-        try:
-            work(start, stop)
-        finally:
-            _within.blocks = False
-        finished.put(stop - start)
-        return True
-
-    def work_off() -> None:
-        try:
-            while work_one():
-                pass
-        except BaseException as failure:
-            finished.put(failure)
-
-    workers: list[threading.Thread] = []
+    call = _Call(parts, work)
     try:
-        _start(workers, work_off, threads - 1)
+        _team.ask(call, threads - 1)
         left, busy = count, True
         while left > 0:
-            busy = busy and work_one()
-            for size in _taken(finished, wait=not busy):
+            busy = busy and call.work_one()
+            for size in _taken(call.finished, wait=not busy):
                 if isinstance(size, BaseException):
                     raise size
                 left -= size
                 if progress:
                     progress(size)
     finally:
-        over.set()
-        for worker in workers:
-            worker.join()
+        _team.dismiss(call)
+        call.over = True
+        while call.helping and left > 0:  # if all is done, they only have to notice it
+            for _ in _taken(call.finished, wait=True):
+                pass
+
+
+class _Call:
+    """A call of `run_blocks`.
+
+    Attributes: finished: sizes of finished blocks, and failures. over: no more blocks are to begin. helping: threads at
+        work beside the one that called.
+    """
+
+    def __init__(self, parts: Iterator[tuple[int, int]], work: Callable[[int, int], None]) -> None:
+        self.finished: SimpleQueue[int | BaseException] = SimpleQueue()
+        self.over, self.helping = False, 0
+        self._parts, self._work, self._taking = parts, work, threading.Lock()
+
+    def work_one(self) -> bool:
+        """Do the next block, if there is one."""
+        with self._taking:
+            part = None if self.over else next(self._parts, None)
+        if part is None:
+            return False
+        _within.blocks = True
+        try:
+            self._work(*part)
+        finally:
+            _within.blocks = False
+        self.finished.put(part[1] - part[0])
+        return True
+
+    def count_helper(self) -> None:
+        with self._taking:
+            self.helping += 1
+
+    def help(self) -> None:
+        """Do blocks as long as there are some, and be one helper less."""
+        failure: BaseException | None = None
+        try:
+            while self.work_one():
+                pass
+        except BaseException as reason:
+            failure = reason
+        with self._taking:
+            self.helping -= 1
+        if failure or self.over:
+            self.finished.put(failure or 0)
+
+
+class _Team:
+    """Threads that wait for work until the process ends; a process that is forked begins with none.
+
+    Attributes: asked: calls to be helped, once for each thread wanted. idle: locks that threads wait for. wanted: how
+        many threads each call of this moment wants. there: how many there are.
+    """
+
+    def __init__(self) -> None:
+        self._lock = threading.Lock()
+        self._asked: deque[_Call] = deque()
+        self._idle: list[threading.Lock] = []
+        self._wanted: dict[_Call, int] = {}
+        self._there = 0
+
+    def ask(self, call: _Call, threads: int) -> None:
+        """Have so many threads help; a system short of memory or of processes grants fewer."""
+        with self._lock:
+            self._wanted[call] = threads
+            self._asked.extend([call] * threads)
+            missing = sum(self._wanted.values()) - self._there
+            self._there += max(missing, 0)
+        for started in range(missing):
+            try:
+                threading.Thread(target=self._serve, daemon=True).start()
+            except RuntimeError:
+                with self._lock:
+                    self._there -= missing - started
+                break
+        self._wake()
+
+    def dismiss(self, call: _Call) -> None:
+        """End what `ask` began: threads that have not come are not to come."""
+        with self._lock:
+            self._wanted.pop(call, None)
+            for _ in range(self._asked.count(call)):
+                self._asked.remove(call)
+
+    def _wake(self) -> None:
+        with self._lock:
+            for _ in range(min(_WAKES, len(self._asked), len(self._idle))):
+                self._idle.pop().release()
+
+    def _serve(self) -> None:
+        waiting = threading.Lock()
+        waiting.acquire()
+        while True:
+            with self._lock:
+                call = self._asked.popleft() if self._asked else None
+                if call:
+                    call.count_helper()
+                else:
+                    self._idle.append(waiting)
+            if call:
+                self._wake()
+                call.help()
+                del call  # and with it what the work refers to
+            else:
+                waiting.acquire()
+
+
+_team = _Team()
+if hasattr(os, "register_at_fork"):
+    os.register_at_fork(after_in_child=_team.__init__)  # type: ignore[misc]
 
 
 def _taken(finished: SimpleQueue[int | BaseException], wait: bool) -> Iterator[int | BaseException]:
@@ -102,14 +210,3 @@ def _taken(finished: SimpleQueue[int | BaseException], wait: bool) -> Iterator[i
             yield finished.get_nowait()
     except Empty:
         return
-
-
-def _start(workers: list[threading.Thread], work: Callable[[], None], most: int) -> None:
-    """Add up to `most` running threads to `workers`; a system short of memory or of processes grants fewer."""
-    for _ in range(most):
-        worker = threading.Thread(target=work)
-        try:
-            worker.start()
-        except RuntimeError:
-            return
-        workers.append(worker)

@@ -19,7 +19,7 @@ def test_a_stage_waits_for_its_longest_block_and_pays_for_each_join():
 def test_a_bake_is_recorded_stage_by_stage():
     mesh, run_blocks = icosphere(3), threads.run_blocks
     baked = []
-    stages = record(lambda count: baked.append(ao.bake(mesh, samples=8, threads=count)))
+    stages = record(lambda count: baked.append(ao.bake(mesh, samples=8, threads=count)), 4)
     assert {"welding, normals", "hierarchy", "origins", "rays", "denoising", "result"} <= set(stages)
     assert len(stages["rays"].joins) == 4  # twice, as some vertices are, and those between vertices
     assert all(stage.outside > 0 for stage in stages.values())
@@ -30,5 +30,5 @@ def test_a_bake_is_recorded_stage_by_stage():
 def test_a_failure_while_recording_leaves_nothing_replaced():
     run_blocks = threads.run_blocks
     with pytest.raises(ZeroDivisionError):
-        record(lambda count: count // 0)
+        record(lambda count: count // 0, 4)
     assert threads.run_blocks is run_blocks
