@@ -6,6 +6,7 @@ from importlib.metadata import version as installed
 from pathlib import Path
 
 from docutils import nodes
+from docutils.utils.math.latex2mathml import tex2mathml
 from sphinx.util.inspect import TypeAliasForwardRef
 
 sys.path.insert(0, str(Path(__file__).parent.parent))
@@ -13,6 +14,7 @@ sys.path.insert(0, str(Path(__file__).parent.parent))
 project = "obscurance"
 version = release = installed("obscurance")
 extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.napoleon"]
+myst_enable_extensions = ["dollarmath"]
 myst_heading_anchors = 4  # the anchors that Git forges give
 default_role = "code"  # single backticks in docstrings
 
@@ -38,6 +40,7 @@ maximum_signature_line_length = 90
 toc_object_entries_show_parents = "hide"
 
 html_theme = "furo"
+html_math_renderer = "mathml"  # made with the site: browsers need no script for it
 html_title = "obscurance"
 html_static_path = ["static"]
 html_css_files = ["site.css"]
@@ -49,6 +52,12 @@ def defaults_in_python(app, what, name, obj, options, signature, returned):
     return signature and signature.replace("<factory>", "..."), returned
 
 
+def formula(translator, node):
+    """A formula of a page, in TeX as Git forges read it, as MathML."""
+    translator.body.append(tex2mathml(node.astext(), as_block=isinstance(node, nodes.math_block)))
+    raise nodes.SkipNode
+
+
 def titles_for_paths(app, doctree, page):
     """Links that show a page's path, as is best where Markdown is read as it is, show its title."""
     for link in doctree.findall(nodes.reference):
@@ -58,5 +67,6 @@ def titles_for_paths(app, doctree, page):
 
 
 def setup(app):
+    app.add_html_math_renderer("mathml", (formula, None), (formula, None))
     app.connect("autodoc-process-signature", defaults_in_python)
     app.connect("doctree-resolved", titles_for_paths)

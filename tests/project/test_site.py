@@ -1,4 +1,4 @@
-"""The site is built without a warning, and fetches nothing."""
+"""The site is built without a warning, fetches nothing, and has its formulas as MathML."""
 
 import re
 import subprocess
@@ -22,6 +22,8 @@ def test_the_site_is_built_without_a_warning(tmp_path):
         assert word in text
     for noise in ("FieldInfo", "TypeAliasForwardRef", "dtype["):
         assert noise not in text
+    formula = (tmp_path / "site" / "models" / "lambert.html").read_text()
+    assert re.search(r"<math.*<mfrac>\s*<mi>ρ</mi>\s*<mi>π</mi>\s*</mfrac>", formula, re.S)
     pages = [*(tmp_path / "site").rglob("*.html")]
     fetched = {url for page in pages for url in re.findall(r'(?:src|<link[^>]*href)="(https?:[^"]+)', page.read_text())}
     assert len(pages) > 35
