@@ -15,10 +15,13 @@ from raytrace.system.atomic import atomic_write, check_writable
 
 from .formats.channels import Channels
 from .formats.load import PIPED, MeshFile
-from .formats.ply.write import ply
+from .formats.table import endings, format_of, function
 
 if TYPE_CHECKING:
     from ao import Bake, BakedTexture
+    from raytrace.types import Float64s
+
+    from .formats.stored_mesh import StoredMesh
 
 
 Occlusion = Literal["none", "ramp"]
@@ -112,6 +115,27 @@ def _write_textures(path: Path, baked: Sequence[Bake | BakedTexture], mesh_file:
         raise OptionError("output", "a .glb, or an image of one texture", os.fspath(path))
 
 
+def write_tiled(path: Path, w: Float64s, mesh: StoredMesh) -> None:
+    """Write w (n,) of a mesh on the disk in runs of rows, as `write` does; vertex colours of a PLY stay what they are.
+
+    Args: path: its name ends as one of `TILED`.
+
+    Raises: OutputError: the file cannot be written.
+    """
+    from ao.tiles.source import runs
+
+    with atomic_write(path) as file:
+        if path.suffix.lower() == ".npy":
+            header = {"descr": "<f4", "fortran_order": False, "shape": (len(w),)}
+            np.lib.format.write_array_header_1_0(file, header)
+            for run in runs(len(w)):
+                file.write(w[run].astype("<f4").tobytes())
+        else:
+            from .formats.ply.stored import write_stored_ply
+
+            write_stored_ply(file, w, mesh)
+
+
 def channels(
     path: str | os.PathLike[str],
     colors: bool,
@@ -121,7 +145,7 @@ def channels(
 ) -> Channels:
     """Where `write` puts w for viewers. Raises: OptionError: options that exclude each other, or the ending."""
     ending = Path(path).suffix.lower()
-    if colors and ending not in (".glb", ".ply"):
+    if colors and "colors" not in format_of(path).holds:
         raise ConflictError("colors", "needs", "a .glb or .ply output")
     if occlusion not in (None, *get_args(Occlusion)):
         raise OptionError("occlusion", "one of " + ", ".join(get_args(Occlusion)), occlusion)
@@ -135,23 +159,26 @@ def channels(
     return Channels(colors, ramp, replace_occlusion, up)
 
 
-_Write = Callable[["Bake", MeshFile, Channels], bytes | memoryview]
+ENDINGS = endings("write")
+"""Of the names of files that `write` makes."""
+TILED = ".npy", ".ply"
+"""Of those that `write_tiled` makes."""
 
 
-def _writer(path: str | os.PathLike[str]) -> _Write:
-    ending = Path(path).suffix.lower()
-    if ending not in _WRITERS:
-        raise OptionError("output", "a name ending in " + ", ".join(_WRITERS), os.fspath(path))
-    return _WRITERS[ending]
+def _writer(path: str | os.PathLike[str]) -> Callable[[Bake, MeshFile, Channels], bytes | memoryview]:
+    target = format_of(os.fspath(path)).write
+    if not target:
+        raise OptionError("output", "a name ending in " + ", ".join(ENDINGS), os.fspath(path))
+    return function(target)
 
 
-def _npy(bake: Bake, _mesh_file: MeshFile, _channels: Channels) -> memoryview:
+def npy(bake: Bake, _mesh_file: MeshFile, _channels: Channels) -> memoryview:
     content = io.BytesIO()
     np.save(content, bake.w.astype("<f4"), allow_pickle=False)
     return content.getbuffer()
 
 
-def _npz(bake: Bake, _mesh_file: MeshFile, _channels: Channels) -> memoryview:
+def npz(bake: Bake, _mesh_file: MeshFile, _channels: Channels) -> memoryview:
     content = io.BytesIO()
     np.savez(
         content,
@@ -163,29 +190,8 @@ def _npz(bake: Bake, _mesh_file: MeshFile, _channels: Channels) -> memoryview:
     return content.getbuffer()
 
 
-def _ply(bake: Bake, mesh_file: MeshFile, channels: Channels) -> bytes:
-    return ply(mesh_file, bake.w, channels.colors, channels.up)
-
-
-def _glb(bake: Bake, mesh_file: MeshFile, channels: Channels) -> bytes:
-    from .formats.glb.write import glb
-
-    return glb(mesh_file, bake.w, channels)
-
-
-def _html(bake: Bake, mesh_file: MeshFile, channels: Channels) -> bytes:
+def html(bake: Bake, mesh_file: MeshFile, channels: Channels) -> bytes:
     from .show.page.document import html_page
 
     title = "standard input" if mesh_file.path.stem == PIPED else mesh_file.path.name
     return html_page(mesh_file.mesh, bake.w, bake.error, bake.flags, bake.bent_normals, title, channels.up)
-
-
-_WRITERS: dict[str, _Write] = {
-    ".npy": _npy,
-    ".npz": _npz,
-    ".ply": _ply,
-    ".glb": _glb,
-    ".html": _html,
-}
-ENDINGS = tuple(_WRITERS)
-"""Of the names of files that `write` makes."""

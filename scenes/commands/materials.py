@@ -17,12 +17,14 @@ from raytrace.materials import energy
 from raytrace.materials.base import BaseMaterial, Brushed
 from raytrace.materials.energy import NORMAL, asymmetry, towards
 
+from ..formats.table import endings
+
 ANGLES = (0, 20, 40, 60, 75, 85, 89)  # degrees from the normal
 _RECIPROCAL = 1e-6
 _ORDER = 384  # of the quadrature: narrow highlights of empirical models want many points
 _FIT_ANGLES, _FIT_TURNS, _FIT_ORDER = (5, 30, 55, 75), (0, 60, 120, 180), 64
 _CHANNELS = ("red", "green", "blue")
-_SCENES = (".toml", ".glb", ".gltf")
+_SCENES = (".toml", *endings("holds", "scene"))
 
 
 def presets() -> list[tuple[str, str]]:

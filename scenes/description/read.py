@@ -8,6 +8,7 @@ from pathlib import Path
 from raytrace import Object, OptionError, Scene, Settings, Shape
 
 from ..formats.load import load, mesh_errors
+from ..formats.table import format_of
 from .defaults import BACKGROUND, NEUTRAL, WHITE, framing, three_lights
 from .description import SceneDescription
 from .gltf_scene import read_gltf
@@ -47,7 +48,7 @@ def read_scene(
             if given is not None:
                 raise OptionError(name, f"a mesh file; a scene has camera.{own}", path)
         return read_toml(path, size)
-    if ending in (".glb", ".gltf"):
+    if "scene" in format_of(path).holds:
         return read_gltf(path, settings, up, view)
     source = load(path)
     with mesh_errors(path):

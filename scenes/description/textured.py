@@ -15,8 +15,6 @@ from ..geometry.detail import split_corners
 from ..geometry.instances import flatten
 from ..geometry.primitives import Origin, TexturedMesh
 
-ENDINGS = (".obj", ".ply")
-
 
 def read_textured(path: Path) -> tuple[TexturedMesh, list[str]]:
     """An OBJ or PLY file with its texture coordinates, without them if a PLY has none, and warnings.

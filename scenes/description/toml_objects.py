@@ -16,6 +16,7 @@ from raytrace.system.faults import fields_of
 
 from ..field_errors import check_keys, joined, located, shown
 from ..formats.load import mesh_errors, read_objects
+from ..formats.table import format_of
 from ..geometry.builtin_shapes import SOLIDS, Solid
 from ..geometry.instances import check_copies, flatten
 from ..geometry.primitives import Origin, TexturedMesh
@@ -23,7 +24,7 @@ from ..safe_paths import confined
 from .defaults import NEUTRAL, WHITE
 from .gltf_scene import gltf_objects
 from .schema import ObjectTable, Transform
-from .textured import ENDINGS, read_textured
+from .textured import read_textured
 from .transforms import matrix_of
 from .vertex_colors import vertex_colors
 
@@ -140,7 +141,7 @@ class ObjectReader:
         mesh = confined(table.mesh or "", self._source.parent, self._source, field)
         self.files.append(mesh)
         with located(self._source, field):
-            if mesh.suffix.lower() in (".glb", ".gltf"):
+            if "scene" in format_of(mesh).holds:
                 return self._gltf_pieces(mesh, table, path, material, texture)
             textured = bool(table.images)
             geometry = self._once((mesh, textured), lambda: self._read(mesh, textured))
@@ -169,7 +170,7 @@ class ObjectReader:
     def _read(self, path: Path, textured: bool) -> TexturedMesh:
         """Any mesh file but glTF. Texture coordinates are read of OBJ and PLY, where `textured`."""
         with mesh_errors(path):
-            if textured and path.suffix.lower() in ENDINGS:
+            if textured and "uv" in format_of(path).holds:
                 geometry, notes = read_textured(path)
                 self.notes += notes
                 return geometry

@@ -16,6 +16,7 @@ from raytrace.errors import MeshError
 
 from ..geometry.instances import Instance, check_copies, instance, world_matrices
 from ..geometry.polygons import triangulate
+from .table import MeshInput
 from .threemf import check_archive
 
 _OWN = ("3dxml", "dae", "xaml", "zae")
@@ -27,27 +28,27 @@ _MESHIO = (
 _SURFACES = ("triangle", "quad")
 
 
-def endings() -> tuple[str, ...]:
-    """Those of files that `read_by_library` takes here, without the dot; no library is imported."""
-    return _OWN + (_MESHIO if find_spec("meshio") else ())
+def library_endings() -> tuple[str, ...]:
+    """Those of files that `read_by_library` takes here; no library is imported."""
+    return tuple(f".{ending}" for ending in _OWN + (_MESHIO if find_spec("meshio") else ()))
 
 
-def read_by_library(file: BinaryIO, kind: str, path: Path, is_on_disk: bool) -> list[Instance]:
-    """The placed objects of a file.
-
-    Args: kind: one of `endings()`. is_on_disk: whether `path` holds the bytes of `file`.
+def read_by_library(given: MeshInput) -> list[Instance]:
+    """The placed objects of a file with one of `library_endings`.
 
     Raises:
         MeshError: an archive or copies beyond measure, or no format of meshio's.
         Exception: what the libraries raise.
     """
+    file, path = given.file, given.path
+    kind = path.suffix.lower().removeprefix(".")
     if kind in ("3dxml", "zae"):
         check_archive(file, str(path))
     if kind in ("dae", "zae"):
         return _collada(file, path)
     if kind in ("3dxml", "xaml"):
         return _trimesh(file, kind, path)
-    if is_on_disk:
+    if given.is_on_disk:
         return _meshio(path, path)
     with tempfile.TemporaryDirectory() as folder:
         copy = Path(folder) / f"mesh.{kind}"

@@ -23,14 +23,12 @@ from raytrace.types import Float64s
 
 from ..geometry.detail import Detail, painted
 from ..geometry.instances import Instance, Submesh, flatten
+from .table import MeshInput, endings, format_of, function
 
 if TYPE_CHECKING:
     from .gltf.asset import Gltf
 
-# Bytes of memory a byte of file at the peak of reading: of archives and glTF less, what they hold is counted later.
-_PEAK = {"obj": 9.0, "ply": 7.5, "stl": 6.0, "off": 22.0, "glb": 2.0, "gltf": 2.0, "3mf": 1.0}
-_PEAK_OF_LIBRARIES = 22.0
-_KEPT = 2.5  # besides, where details are kept
+_KEPT = 2.5  # bytes of memory a byte of file where details are kept, besides the table's
 PIPED = "<stdin>"  # in place of a file's name without its ending
 
 
@@ -92,7 +90,7 @@ class MeshFile:
 
             return texture_coordinates(self.gltf, self.parts, self.mesh.faces, number)
         detail = self.detail
-        if detail is None and self.path.suffix.lower() in (".obj", ".ply") and self.path.is_file():
+        if detail is None and "uv" in format_of(self.path).holds and self.path.is_file():
             detail = read_objects(self.path, keep=True)[0][0].detail  # `load` was told of no target
         uv = detail.corner_uv() if detail and not number else None
         return uv if uv is not None and len(uv) == len(self.mesh.faces) else None
@@ -131,8 +129,8 @@ def load(
         MemoryLimitError: it would not fit into memory.
     """
     path = Path(path)
-    kind = "" if target is None else Path(target).suffix.lower()
-    instances, asset = read_objects(path, kind in (".ply", ".glb"), content, alpha)
+    aim = format_of(target or "")
+    instances, asset = read_objects(path, bool(aim.lost), content, alpha)
     instances = [replace(instance, up=up or instance.up) for instance in instances]
     with mesh_errors(path):
         mesh, parts = flatten(instances, str(path))
@@ -141,12 +139,12 @@ def load(
         if of:
             detail = painted(mesh.faces, instances[0].paints, np.concatenate(of))
         unread = tuple(dict.fromkeys(words for instance in instances for words in instance.unread))
-        if asset and kind in (".glb", ".ply"):
+        if asset and aim.lost:
             asset.check_materials()
-        if asset and kind == ".ply":
-            from .gltf.detail import gltf_detail
+            if "scene" not in aim.holds:
+                from .gltf.detail import gltf_detail
 
-            detail, unread = gltf_detail(asset, parts, mesh.faces)
+                detail, unread = gltf_detail(asset, parts, mesh.faces)
     notes = tuple(printable(f"{path}: {note}") for instance in instances for note in instance.notes)
     stored = [np.asarray(instance.w, np.float64) for instance in instances if instance.w is not None]
     w = np.concatenate(stored) if len(stored) == len(instances) else None
@@ -165,55 +163,28 @@ def read_objects(
     Raises:
         MeshError: as `load`, but for indices and coordinates, which `raytrace.Mesh` checks.
     """
-    source = str(path)
-    kind, name = path.suffix.lower().removeprefix("."), "mesh" if path.stem == PIPED else path.stem
+    row, name = format_of(path), "mesh" if path.stem == PIPED else path.stem
     with mesh_errors(path):
         if content is None:
             check_regular(path, "a mesh file", MeshError)
-        if kind not in _PEAK:
-            from .libraries import endings
+        if not row.read or not row.ending:
+            from .libraries import library_endings
 
-            if kind not in endings():
-                raise MeshError(path, "ending", "one of " + " ".join([*_PEAK, *endings()]), path.suffix or "none")
+            if path.suffix.lower() not in library_endings():
+                known = " ".join([*endings("read"), *library_endings()]).replace(".", "")
+                raise MeshError(path, "ending", f"one of {known}", path.suffix or "none")
         size = path.stat().st_size if content is None else len(content)
         if size == 0:
             raise MeshError(path, "content", "a mesh", "an empty file")
-        needed = _PEAK.get(kind, _PEAK_OF_LIBRARIES) + (_KEPT if keep else 0)
-        check_memory(source, int(needed * size), f"to read {size:,} bytes")
-        asset = None
+        check_memory(path, int((row.peak + (_KEPT if keep else 0)) * size), f"to read {size:,} bytes")
         with path.open("rb") if content is None else io.BytesIO(content) as file:
-            if kind in ("glb", "gltf"):
-                from .gltf.container import decode
-                from .gltf.instances import read_instances
-
-                asset = decode(file.read(), path)
-                instances = read_instances(asset, alpha)
-            elif kind == "obj":
-                from .obj.read import read_obj
-
-                instances = read_obj(file.read(), name, source, path.parent, keep, alpha)
-            elif kind == "ply":
-                from .ply.read import read_ply
-
-                instances = read_ply(file.read(), name, source, keep)
-            elif kind in ("stl", "off"):
-                from .off import read_off
-                from .stl import read_stl
-
-                instances = (read_stl if kind == "stl" else read_off)(file.read(), name, source)
-            elif kind == "3mf":
-                from .threemf import read_3mf
-
-                instances = read_3mf(file, source, keep)
-            else:
-                from .libraries import read_by_library
-
-                instances = read_by_library(file, kind, path, content is None)
+            made = function(row.read)(MeshInput(file, path, name, keep, alpha, content is None))
+        instances, asset = made if isinstance(made, tuple) else (made, None)
         # Every primitive of a glTF keeps its part: the GLB writer counts on it.
         solid = [instance for instance in instances if asset or len(instance.faces)]
         if not solid:
             points = sum(len(instance.vertices) for instance in instances)
-            besides = "no vertices: perhaps it is no OBJ" if kind == "obj" and not points else f"{points} points"
+            besides = "no vertices: perhaps it is no OBJ" if row.name == "OBJ" and not points else f"{points} points"
             raise MeshError(path, "faces", "at least one triangle", f"none, and {besides}")
     return solid, asset
 

@@ -13,6 +13,7 @@ from .load import MeshFile
 from .obj.detail import PAINT_WORDS
 from .ply.detail import own_colors
 from .ply.write import has_own_colors
+from .table import format_of, function
 
 
 def lost(target: Path, mesh_file: MeshFile, channels: Channels = Channels()) -> list[str]:
@@ -20,15 +21,12 @@ def lost(target: Path, mesh_file: MeshFile, channels: Channels = Channels()) -> 
 
     Args: mesh_file: was loaded for `target`. channels: see `write_bake.channels`.
     """
-    kind, colors = target.suffix.lower(), channels.colors
-    if kind == ".glb":
-        missing = _of_glb(mesh_file, colors)
-    elif kind == ".ply":
-        missing = _of_ply(mesh_file, colors)
-    else:
+    row, colors = format_of(target), channels.colors
+    if not row.lost:
         return []
+    missing = function(row.lost)(mesh_file, colors)
     warnings = [f"{target}: not kept from {mesh_file.path}: {', '.join(missing)}"] if missing else []
-    if kind == ".ply" and not colors and has_own_colors(mesh_file.detail):
+    if row.name == "PLY" and not colors and has_own_colors(mesh_file.detail):
         warnings.append(f"{target}: keeps the colours of {mesh_file.path}; w is in its property obscurance alone")
     if channels.ramp and mesh_file.gltf:
         from .glb.ramp import ramp_warnings
@@ -37,7 +35,7 @@ def lost(target: Path, mesh_file: MeshFile, channels: Channels = Channels()) -> 
     return [printable(line) for line in warnings]
 
 
-def _of_ply(mesh_file: MeshFile, colors: bool) -> list[str]:
+def of_ply(mesh_file: MeshFile, colors: bool) -> list[str]:
     detail = mesh_file.detail
     missing = ["its colours"] if colors and has_own_colors(detail) else []
     if detail is None or not detail.elements:
@@ -50,7 +48,7 @@ def _of_ply(mesh_file: MeshFile, colors: bool) -> list[str]:
     return missing
 
 
-def _of_glb(mesh_file: MeshFile, colors: bool) -> list[str]:
+def of_glb(mesh_file: MeshFile, colors: bool) -> list[str]:
     detail = mesh_file.detail
     if mesh_file.gltf:
         pieces = [piece for mesh in mesh_file.gltf.geometry.meshes for piece in mesh.primitives]

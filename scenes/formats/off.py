@@ -15,23 +15,20 @@ from raytrace.errors import MeshError
 
 from ..geometry.instances import Instance
 from ..geometry.polygons import triangulate
+from .table import MeshInput
 
 _HEADER = re.compile(r"\s*((?:ST)?C?N?)OFF\b(?!\s+BINARY)(.*)", re.DOTALL)
 
 
-def read_off(data: bytes, name: str, source: str) -> list[Instance]:
+def read_off(given: MeshInput) -> list[Instance]:
     """The vertices and triangles of an OFF file, with its normals if it is of the variant N. Colours are not read.
-
-    Args:
-        data: the file's bytes.
-        name: what to call the instance.
-        source: the file's name for messages.
 
     Raises:
         MeshError: it is no OFF file, or ends early.
         ValueError: anything else that is malformed.
     """
-    match = _HEADER.match(re.sub(r"#[^\n\r]*", "", data.decode("utf-8", "replace")))
+    source = given.source
+    match = _HEADER.match(re.sub(r"#[^\n\r]*", "", given.file.read().decode("utf-8", "replace")))
     if not match:
         raise MeshError(source, "content", "an OFF file of text with three coordinates a vertex", "another header")
     rows = [row for row in match[2].splitlines() if row and not row.isspace()]
@@ -54,4 +51,6 @@ def read_off(data: bytes, name: str, source: str) -> list[Instance]:
     normals = places[:, 3:] if width == 6 else None
     unread = ("colours",) if "C" in match[1] or any(len(f) > s + 1 for f, s in zip(faces, sizes, strict=True)) else ()
     filled, polygons = triangles.take(corners), triangles.polygons
-    return [Instance(name, places[:, :3], filled, normals, None, triangles.notes, None, unread, polygons=polygons)]
+    return [
+        Instance(given.name, places[:, :3], filled, normals, None, triangles.notes, None, unread, polygons=polygons)
+    ]

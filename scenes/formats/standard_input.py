@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 import sys
 from pathlib import Path
 
@@ -10,19 +9,11 @@ from raytrace.errors import MeshError, OptionError
 from raytrace.system.memory import check_memory
 
 from .load import PIPED, MeshFile, load
+from .table import FORMATS, endings, told_by
 
 STANDARD = Path("-")
 _CHUNK = 1 << 26
 _SOURCE = "standard input"
-_FIRST_BYTES = [
-    (re.compile(rb"ply\r?\n"), "ply"),
-    (re.compile(rb"glTF"), "glb"),
-    (re.compile(rb"PK\x03\x04"), "3mf"),
-    (re.compile(rb"\s*\{"), "gltf"),
-    (re.compile(rb"\s*(ST)?(C?N?4?n?)OFF\b"), "off"),
-    (re.compile(rb"\s*solid\b.*\n\s*facet\b"), "stl"),
-    (re.compile(rb"(\s*(#[^\n]*)?\n)*\s*(v|vn|vt|o|g|mtllib|usemtl|s)\s"), "obj"),
-]
 _TRIANGLES, _TRIANGLE, _HEAD = slice(80, 84), 50, 84  # of a binary STL
 
 
@@ -56,9 +47,9 @@ def load_mesh(path: Path) -> MeshFile:
 
 def _format_of(content: bytes | bytearray) -> str:
     """Raises: MeshError: the first bytes tell of no format."""
-    for beginning, name in _FIRST_BYTES:
-        if beginning.match(content[:4096]):
-            return name
+    if known := told_by(content[:4096]):
+        return known.removeprefix(".")
     if len(content) == _HEAD + _TRIANGLE * int.from_bytes(content[_TRIANGLES], "little"):
         return "stl"
-    raise MeshError(_SOURCE, "format", "PLY, OBJ, STL, OFF, GLB, glTF or 3MF, or --input-format", "another")
+    names = ", ".join(FORMATS[ending].name for ending in endings("begins"))
+    raise MeshError(_SOURCE, "format", f"one of {names}, or --input-format", "another")

@@ -8,34 +8,39 @@ Format: 3D Systems, StereoLithography interface specification, 1989.
 from __future__ import annotations
 
 import re
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
 from raytrace.errors import MeshError
 
 from ..geometry.instances import Instance
+from .ply.layout import INDICES, UP_COMMENT, PlyElement
+from .stored_mesh import EXPECTED, StoredMesh, StoredRows
+from .table import MeshInput
 
-HEADER, TRIANGLE = 84, np.dtype([("normal", "<f4", 3), ("vertices", "<f4", (3, 3)), ("attribute", "<u2")])
+_HEADER, _TRIANGLE = 84, np.dtype([("normal", "<f4", 3), ("vertices", "<f4", (3, 3)), ("attribute", "<u2")])
 _LINE = re.compile(r"^[ \t]*(solid|vertex|endsolid)\b[ \t]*([^\n]*)", re.MULTILINE | re.IGNORECASE)
 
 
-def read_stl(data: bytes, name: str, source: str) -> list[Instance]:
+def read_stl(given: MeshInput) -> list[Instance]:
     """The triangles; the solids of a text file one by one. The stored face normals are not read.
 
-    Args:
-        data: the file's bytes. They are binary if their number is the one that a binary header announces.
-        name: what to call the only object of a file.
-        source: the file's name for messages.
+    A file is binary if its bytes are as many as a binary header announces.
 
     Raises:
         MeshError: the file ends early, or is no STL.
         ValueError: text that is not numbers.
     """
-    announced = int.from_bytes(data[80:HEADER], "little")
-    if len(data) == HEADER + announced * TRIANGLE.itemsize:
-        rows = np.frombuffer(data, TRIANGLE, announced, HEADER)
+    data, name = given.file.read(), given.name
+    announced = int.from_bytes(data[80:_HEADER], "little")
+    if len(data) == _HEADER + announced * _TRIANGLE.itemsize:
+        rows = np.frombuffer(data, _TRIANGLE, announced, _HEADER)
         return [_instance(name, rows["vertices"].reshape(-1, 3))]
-    solids = _solids(data.decode("utf-8", "replace").replace("\r", "\n"), source)
+    solids = _solids(data.decode("utf-8", "replace").replace("\r", "\n"), given.source)
     return [_instance(label if len(solids) > 1 else name, vertices) for label, vertices in solids]
 
 
@@ -67,3 +72,37 @@ def _solids(text: str, source: str) -> list[tuple[str, np.ndarray]]:
 
 def _damaged(source: str) -> MeshError:
     return MeshError(source, "content", "complete ASCII or binary STL", "neither: damaged or cut off")
+
+
+@dataclass(frozen=True)
+class _Vertices:
+    """The corners of a file's triangles, one after the other."""
+
+    triangles: StoredRows
+    vertex: PlyElement
+
+    def __getitem__(self, run: slice) -> npt.NDArray[Any]:
+        some = self.triangles[run.start // 3 : -(-run.stop // 3)]["vertices"].reshape(-1, 3)
+        return some[run.start % 3 :][: run.stop - run.start].copy().view(self.vertex.row({})).ravel()
+
+
+@dataclass(frozen=True)
+class _Faces:
+    face: PlyElement
+
+    def __getitem__(self, run: slice) -> npt.NDArray[Any]:
+        rows = np.full(run.stop - run.start, 3, self.face.row({INDICES[0]: 3}))
+        rows[INDICES[0]] = np.arange(3 * run.start, 3 * run.stop).reshape(-1, 3)
+        return rows
+
+
+def open_stl(path: Path) -> StoredMesh:
+    """A binary file that stays on the disk. Raises: MeshError: it is none."""
+    with path.open("rb") as file:
+        announced = int.from_bytes(file.read(_HEADER)[80:], "little")
+    if path.stat().st_size != _HEADER + announced * _TRIANGLE.itemsize or not announced:
+        raise MeshError(path, "content", EXPECTED, "a text file, an incomplete or an empty one")
+    vertex = PlyElement("vertex", 3 * announced, {axis: ("f", "") for axis in "xyz"})
+    face = PlyElement("face", announced, {INDICES[0]: ("i", "B")})
+    vertices = _Vertices(StoredRows.of(path, _TRIANGLE, _HEADER), vertex)
+    return StoredMesh(str(path), vertex, face, vertices, _Faces(face), INDICES[0], (UP_COMMENT + "z",))

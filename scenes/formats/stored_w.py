@@ -21,8 +21,9 @@ from ..geometry.instances import Instance
 from .gltf.asset import Gltf
 from .gltf.textures import Textures
 from .load import mesh_errors, read_objects
+from .table import endings, format_of
 
-ENDINGS = (".npy", ".npz", ".ply", ".glb", ".gltf")
+ENDINGS = endings("holds", "w")
 _BESIDE = {"error": (), "flags": (), "bent_normals": (3,)}
 
 
@@ -45,7 +46,7 @@ def read_w(path: Path, *counts: int) -> Float64s:
         SceneError: the file cannot be read, has no w, or has it for another number of vertices.
     """
     try:
-        w = _of_mesh(path, counts) if path.suffix.lower() in (".ply", ".glb", ".gltf") else _of_array(path, counts)
+        w = _of_mesh(path, counts) if format_of(path).read else _of_array(path, counts)
     except MeshError as fault:
         raise SceneError(fault.source, fault.field, fault.expected, fault.got) from None
     if not ((w >= 0) & (w <= 1)).all():

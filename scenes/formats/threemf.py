@@ -25,6 +25,7 @@ from raytrace.types import Float64s, Int64s
 
 from ..geometry.detail import Paint
 from ..geometry.instances import Instance, check_copies
+from .table import MeshInput
 
 ROOT = "3d/3dmodel.model"
 GROWTH, SPARE = 100, 1 << 24  # an archive may unpack to 100 times its size, and always to 16 MiB
@@ -111,23 +112,21 @@ def _paint(attributes: Mapping[str, str]) -> Paint:
     return Paint(name, (red, green, blue), float(codes[3]) if len(codes) == 4 else 1.0)
 
 
-def read_3mf(file: BinaryIO, source: str, keep: bool = False) -> list[Instance]:
+def read_3mf(given: MeshInput) -> list[Instance]:
     """The meshes where the build items place them; those of one object share their arrays.
 
-    Args:
-        file: the archive.
-        source: the file's name for messages.
-        keep: also read the base materials and colours of triangles, as the instances' paints.
+    With `given.keep` base materials and colours of triangles are the instances' paints.
 
     Raises:
         MeshError: an archive that unpacks to very much, or very many copies.
         Exception: zipfile's, lxml's and others on malformed content.
     """
+    file, source = given.file, given.source
     unpacked = check_archive(file, source)
     with zipfile.ZipFile(file) as archive:
         models = {_member(entry.filename): entry for entry in archive.infolist() if entry.filename.endswith(".model")}
         objects: dict[Key, _Object] = {}
-        readers = {name: _Reader(name, objects, keep) for name in models}
+        readers = {name: _Reader(name, objects, given.keep) for name in models}
         items = {name: _parse(archive, entry, readers[name]) for name, entry in models.items()}
     paints, of, unread = _painted(readers, objects)
     build = items[next(name for name in models if name.endswith(ROOT))]

@@ -11,8 +11,9 @@ from pathlib import Path
 from raytrace.errors import OptionError
 from raytrace.system.outputs import check_outputs, make_folder
 
+from ..formats.table import endings
+
 MANIFEST = "manifest.json"
-_ENDINGS = (".ply", ".obj", ".glb", ".gltf", ".stl", ".off", ".3mf")  # of which a folder's pattern is made up
 
 
 def expand(given: Iterable[Path]) -> list[Path]:
@@ -42,9 +43,9 @@ def is_pattern(path: Path) -> bool:
 
 def _pattern_in(folder: Path) -> str | None:
     """A pattern of the mesh files in a folder, in quotes as a shell takes it."""
-    endings = [entry.suffix.lower() for entry in folder.iterdir()]
-    most = max(_ENDINGS, key=endings.count)
-    return f"'{folder / '*'}{most}'" if most in endings else None
+    found = [entry.suffix.lower() for entry in folder.iterdir()]
+    most = max(endings("read"), key=found.count)
+    return f"'{folder / '*'}{most}'" if most in found else None
 
 
 def outputs_in(folder: Path, inputs: Sequence[Path], ending: str) -> list[Path]:

@@ -28,13 +28,13 @@ class TilesCommand(Record):
         from raytrace.system.outputs import check_outputs
 
         from ..falloffs import make_falloff, table_of
-        from ..tiles.stored import open_mesh
-        from ..tiles.write import ENDINGS, write_tiled
+        from ..formats.stored_mesh import open_mesh
+        from ..write_bake import TILED, write_tiled
 
         start = time.perf_counter()
         falloff = make_falloff(self.falloff, self.tau, self.half_distance, self.max_distance)
-        if self.output.suffix.lower() not in ENDINGS:
-            raise OptionError("output", "a name ending in " + " or ".join(ENDINGS) + " with --tiles", self.output)
+        if self.output.suffix.lower() not in TILED:
+            raise OptionError("output", "a name ending in " + " or ".join(TILED) + " with --tiles", self.output)
         check_outputs({"--output": self.output}, [self.mesh, *table_of(self.falloff)])
         mesh = open_mesh(self.mesh)
         with scratch_folder(self.output) as scratch:

@@ -13,7 +13,7 @@ from project import ROOT, environment
 
 import raytrace.system.atomic
 from raytrace.errors import MeshError
-from scenes.tiles.stored import open_mesh
+from scenes.formats.stored_mesh import open_mesh
 
 OPTIONS = "--samples", "16", "--max-distance", "20%", "--no-denoise", "--interior", "ignore", "--falloff", "binary"
 

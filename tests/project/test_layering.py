@@ -19,7 +19,7 @@ ORDER = [
     *("ao.interpolation", "ao.baking", "ao.report", "ao.cluster", "ao.tiles", "ao.analytic"),
     *("scenes.falloffs", "scenes.field_errors", "scenes.safe_paths"),
     *("scenes.geometry", "scenes.formats", "scenes.description", "scenes.show", "scenes.write_bake"),
-    *("scenes.library", "scenes.validation", "scenes.tiles", "scenes.jobs", "scenes.commands"),
+    *("scenes.library", "scenes.validation", "scenes.jobs", "scenes.commands"),
     "cli",
 ]
 """Every folder and every file outside folders: each may import what stands before it."""

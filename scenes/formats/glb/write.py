@@ -5,11 +5,11 @@ from __future__ import annotations
 import copy
 from functools import cache
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from raytrace.mesh.up import up_axis
-from raytrace.types import AnyFloats
 
 from ...geometry.instances import Submesh
 from ..channels import Channels
@@ -21,8 +21,11 @@ from .buffer import Packed
 from .plain import Drawn, plain
 from .ramp import write_ramp
 
+if TYPE_CHECKING:
+    from ao import Bake
 
-def glb(mesh_file: MeshFile, w: AnyFloats, channels: Channels) -> bytes:
+
+def glb(bake: Bake, mesh_file: MeshFile, channels: Channels) -> bytes:
     """A GLB file with the vertex attribute `_OBSCURANCE` (float32 SCALAR).
 
     A glTF source is kept as stored, with all its nodes, materials, textures, animations and extensions; only what
@@ -30,15 +33,11 @@ def glb(mesh_file: MeshFile, w: AnyFloats, channels: Channels) -> bytes:
     instance has its own w. Every other source becomes one node a part, in world space, with the normals, texture
     coordinates, colours and materials that it has (`plain.plain`).
 
-    Args:
-        mesh_file: what was baked.
-        w: (n,), per vertex of `mesh_file.mesh`.
-
     Raises:
         MeshError: materials of the source are malformed.
         OptionError: coordinates of a source that is no glTF are too large for float32.
     """
-    asset = mesh_file.gltf
+    asset, w = mesh_file.gltf, bake.w
     packed, drawn = stored(asset, mesh_file.parts) if asset else plain(mesh_file, channels.colors, channels.up)
     if asset:
         stand(packed.header, up_axis(mesh_file.mesh, channels.up), asset.roots)

@@ -12,11 +12,19 @@ from typing import Any
 import numpy.typing as npt
 
 from ...geometry.instances import Instance, check_copies
+from ..table import MeshInput
 from .accessors import normalized, triangles, values
 from .asset import DrawnPrimitive, Gltf, entry
+from .container import decode
 from .records import Primitive
 
 _COPIES = "EXT_mesh_gpu_instancing"
+
+
+def read_gltf(given: MeshInput) -> tuple[list[Instance], Gltf]:
+    """The drawn primitives of a file, and its asset. Raises: as `decode` and `read_instances`."""
+    asset = decode(given.file.read(), given.path)
+    return read_instances(asset, given.alpha), asset
 
 
 def read_instances(asset: Gltf, alpha: bool = False) -> list[Instance]:

@@ -18,40 +18,35 @@ from raytrace.types import Float64s
 from ...geometry.instances import Instance
 from ...geometry.polygons import triangulate
 from ...geometry.primitives import Origin
+from ..table import MeshInput
 from .detail import obj_detail, obj_opacity
 from .text import ObjText
 
 
-def read_obj(
-    data: bytes, name: str, source: str, folder: Path = Path(), keep: bool = False, alpha: bool = False
-) -> list[Instance]:
+def read_obj(given: MeshInput) -> list[Instance]:
     """All faces of the file, in its order.
 
     Objects, groups and materials divide no vertices in OBJ, so the whole file is one instance. Polygons become
     triangles. Normals are taken where every face has them and each vertex has only one. Negative indices count back
     from their own line, as the format has it.
 
-    Args:
-        data: the file's bytes.
-        name: what to call the instance.
-        source: the file's name for messages.
-        folder: where it is. keep: read also texture coordinates, all normals, colours and materials, as its detail.
-        alpha: whether faces have that of their materials.
+    With `given.keep` its detail has texture coordinates, all normals, colours and materials.
 
     Raises:
         MeshError, ValueError: as `ObjText.parse`.
     """
-    file = ObjText.parse(data, source)
+    folder, keep = given.path.parent, given.keep
+    file = ObjText.parse(given.file.read(), given.source)
     normals = file.normals()
     vertex_normals = normals and normals.at_vertices(file.corners, len(file.vertices), np.nan)
-    triangles = triangulate(file.vertices, file.corners, file.sizes, source)
+    triangles = triangulate(file.vertices, file.corners, file.sizes, given.source)
     detail, unread = None, tuple[str, ...]()
     if keep:
         detail, unread = obj_detail(file, folder, triangles, normals, vertex_normals is not None)
     faces = triangles.take(file.corners)
-    opacity, notes = obj_opacity(file, folder, triangles) if alpha else (None, ())
+    opacity, notes = obj_opacity(file, folder, triangles) if given.alpha else (None, ())
     notes = triangles.notes + (() if keep else notes)
-    made = Instance(name, file.vertices, faces, vertex_normals, None, notes, detail, unread, opacity=opacity)
+    made = Instance(given.name, file.vertices, faces, vertex_normals, None, notes, detail, unread, opacity=opacity)
     return [replace(made, polygons=triangles.polygons)]
 
 
@@ -61,7 +56,7 @@ def read_textured_obj(data: bytes, name: str, source: str, folder: Path) -> tupl
     Every combination of a vertex with a texture coordinate, and with a normal where every face has them, becomes a
     vertex of its own, so that seams and hard edges stay. Faces have the alpha of their materials.
 
-    Args: as `read_obj`.
+    Args: data: the file's bytes. name: of the instance. source: the file, for messages. folder: where it is.
 
     Raises:
         MeshError: as `read_obj`, or a corner without texture coordinates.

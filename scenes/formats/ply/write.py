@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 
 from raytrace.mesh.up import up_axis
@@ -9,38 +11,39 @@ from raytrace.types import AnyFloats, AnyInts, Float64s
 
 from ...geometry.detail import Detail
 from ...geometry.elements import Element, Property
+from ..channels import Channels
 from ..load import MeshFile
 from .detail import RGB, grey_of, own_colors
 from .encode import encode_ply
-from .read import UP_COMMENT
+from .layout import UP_COMMENT
+
+if TYPE_CHECKING:
+    from ao import Bake
 
 OWN = "comment obscurance: 1 = open"
 GREY = "; red green blue = obscurance as sRGB"
 _LONGEST = 1e38
 
-Values = AnyFloats
 
-
-def ply(mesh_file: MeshFile, w: Values, colors: bool, up: str | None = None) -> bytes:
+def ply(bake: Bake, mesh_file: MeshFile, channels: Channels) -> bytes:
     """A PLY file with the float property `obscurance`, and grey `red green blue`, w as sRGB, where that replaces
     nothing.
 
     A PLY source keeps all its elements, properties, polygons and comments, of others the polygons, normals, colours
     and texture coordinates are kept (`s t` of vertices, or `texcoord` of faces where a vertex has several).
 
-    Args:
-        mesh_file: what was baked; its `detail` is what is kept.
-        w: (n,), per vertex of `mesh_file.mesh`.
-        colors: write the grey also where it replaces the source's own colours.
-        up: in place of `Mesh.up`; a comment says which axis it is unless it is y.
+    With `channels.colors` the grey also replaces the source's own colours. A comment says which axis but y is up.
+
+    Args: mesh_file: what was baked; its `detail` is what is kept.
     """
+    w = bake.w
     detail = mesh_file.detail
     if detail and detail.elements:
         elements, comments = detail.elements, list(detail.comments)
     else:
         elements, comments = _elements(mesh_file, detail), []
-    grey = colors or not has_own_colors(detail)
-    axis = up_axis(mesh_file.mesh, up)
+    grey = channels.colors or not has_own_colors(detail)
+    axis = up_axis(mesh_file.mesh, channels.up)
     comments = [line for line in comments if not line.startswith(UP_COMMENT) or line == UP_COMMENT + axis]
     if axis != "y" and UP_COMMENT + axis not in comments:
         comments.insert(0, UP_COMMENT + axis)
@@ -58,7 +61,7 @@ def has_own_colors(detail: Detail | None) -> bool:
     )
 
 
-def _annotate(element: Element, w: Values, grey: bool) -> Element:
+def _annotate(element: Element, w: AnyFloats, grey: bool) -> Element:
     replaced = ("obscurance", *RGB) if grey else ("obscurance",)
     kept = [column for column in element.properties if column.name not in replaced]
     made = [Property("obscurance", "f", w.astype("<f4"))]

@@ -1,0 +1,114 @@
+"""Meshes that stay on the disk, read in runs of rows; for tiles.
+
+Not mapped into memory: to touch a mapped page of a file that has been cut short ends the process.
+"""
+
+from __future__ import annotations
+
+import os
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Protocol
+
+import numpy as np
+import numpy.typing as npt
+
+from raytrace.errors import MeshError
+from raytrace.system.inputs import check_regular
+from raytrace.types import Float64s, Int64s
+
+from .load import mesh_errors
+from .ply.layout import COUNT, PlyElement
+from .table import format_of, function
+
+EXPECTED = "a binary PLY of vertices, then triangles, or a binary STL, for tiles"
+
+
+class Rows(Protocol):
+    def __getitem__(self, run: slice) -> npt.NDArray[Any]:
+        """Rows with the fields of an element."""
+
+
+@dataclass(frozen=True)
+class StoredRows:
+    """Rows of `dtype` in a file, from byte `begin` on, as long as nobody changes it."""
+
+    path: Path
+    dtype: np.dtype[Any]
+    begin: int
+    state: tuple[int, ...]
+
+    @classmethod
+    def of(cls, path: Path, dtype: np.dtype[Any], begin: int) -> StoredRows:
+        return cls(path, dtype, begin, _state(path))
+
+    def __getitem__(self, run: slice) -> npt.NDArray[Any]:
+        """Raises: MeshError: the file is gone, cut short, or another."""
+        with mesh_errors(self.path), self.path.open("rb") as file:
+            state, begin = _state(file.fileno()), self.begin + run.start * self.dtype.itemsize
+            found = np.fromfile(file, self.dtype, run.stop - run.start, offset=begin)
+        if state != self.state or len(found) < run.stop - run.start:
+            raise MeshError(self.path, "file", "one that stays as it is while it is baked", "another, or a part of it")
+        return found
+
+
+def _state(file: int | Path) -> tuple[int, ...]:
+    found = os.stat(file)
+    return found.st_dev, found.st_ino, found.st_size, found.st_mtime_ns
+
+
+@dataclass(frozen=True, eq=False)
+class StoredMesh:
+    """A mesh on the disk, an `ao.tiles.source.TileSource`.
+
+    Attributes:
+        name: the file's.
+        vertex, face: what a PLY file declares of its rows, at least one of each.
+        vertex_rows, face_rows: these rows.
+        corners: the property of faces with three indices.
+        comments: lines of a header, for an output that keeps them.
+    """
+
+    name: str
+    vertex: PlyElement
+    face: PlyElement
+    vertex_rows: Rows
+    face_rows: Rows
+    corners: str
+    comments: tuple[str, ...] = ()
+
+    @property
+    def vertex_count(self) -> int:
+        return self.vertex.count
+
+    @property
+    def face_count(self) -> int:
+        return self.face.count
+
+    def vertices(self, first: int, last: int) -> Float64s:
+        some = self.vertex_rows[first:last]
+        return np.stack([some[axis] for axis in "xyz"], axis=1).astype(np.float64)
+
+    def faces(self, first: int, last: int) -> Int64s:
+        """Raises: MeshError: a face is no triangle."""
+        some = self.face_rows[first:last]
+        sizes = some[COUNT + self.corners]
+        if not (sizes == 3).all():
+            bad = int(np.argmax(sizes != 3))
+            raise MeshError(self.name, f"faces[{first + bad}]", "three vertices, for tiles", int(sizes[bad]))
+        return some[self.corners].astype(np.int64)
+
+
+def open_mesh(path: Path) -> StoredMesh:
+    """A mesh file without reading it.
+
+    Raises:
+        MeshError: it is missing, or none that can be read in runs of rows.
+    """
+    with mesh_errors(path):
+        check_regular(path, "a mesh file", MeshError)
+        target = format_of(path).open_rows
+        if not target:
+            raise MeshError(path, "ending", EXPECTED, path.suffix or "none")
+        made: StoredMesh = function(target)(path)
+        return made
