@@ -55,10 +55,10 @@ def sample_fine_mesh(
     points = texels.first_points
     edges = edges_of(points, row_of[shown.of_vertex[shown.faces]], threads)
     filled = inside & (options.interior != "mark")
-    found, untraced = estimate_outside(tracer, points, CornerSamples.none(), edges, filled, prepared.target)
+    estimated, untraced = estimate_outside(tracer, points, CornerSamples.none(), edges, filled, prepared.target)
     order = row_of[:-1]
-    found = replace(found, rows=found.rows[order], variance=found.variance[order])
-    values = PointValues.of(found, tracer.rays, untraced)
+    estimated = replace(estimated, rows=estimated.rows[order], variance=estimated.variance[order])
+    values = PointValues.of(estimated, tracer.rays, untraced)
     return replace(prepared, mesh=coarse, wanted=wanted), values
 
 

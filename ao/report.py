@@ -27,13 +27,13 @@ _BINS = 40
 
 def versions() -> dict[str, str]:
     """Versions of everything that can change a result."""
-    found = {"python": platform.python_version(), "embree": embree.version()}
+    packages = {"python": platform.python_version(), "embree": embree.version()}
     for package in ("obscurance", "embreex", "numba", "numpy", "scipy", "trimesh", "mapbox_earcut"):
         try:
-            found[package] = version(package)
+            packages[package] = version(package)
         except PackageNotFoundError:
-            found[package] = "unknown"
-    return found
+            packages[package] = "unknown"
+    return packages
 
 
 def report(
@@ -71,11 +71,11 @@ def report(
     }
 
 
-def calibration_facts(found: Calibration | None) -> dict[str, Any] | None:
+def calibration_facts(calibration: Calibration | None) -> dict[str, Any] | None:
     """Estimated errors and measured ones, all together and in groups of about the same estimated error."""
-    if found is None:
+    if calibration is None:
         return None
-    return found.whole()._asdict() | {"groups": [group._asdict() for group in found.groups()]}
+    return calibration.whole()._asdict() | {"groups": [group._asdict() for group in calibration.groups()]}
 
 
 def _of_vertices(bake: Bake) -> dict[str, Any]:

@@ -117,8 +117,8 @@ class Bake:
     @property
     def coarse(self) -> bool:
         """Whether interpolation between the vertices surely errs by more than .02 and more than three times `rmse`."""
-        found = self.interpolation
-        return found is not None and found.visible and found.at_least > _TIMES_RMSE * self.rmse
+        interpolation = self.interpolation
+        return interpolation is not None and interpolation.visible and interpolation.at_least > _TIMES_RMSE * self.rmse
 
     @property
     def flagged(self) -> dict[str, int]:

@@ -67,7 +67,7 @@ def _fit(prepared: Prepared, rays: int) -> tuple[Fit, Int64s]:
     patch = Patch.of(prepared.placement, receivers, _wanted(prepared))
     moments, counts = gather_moments(prepared, patch, rays)
     reveal_interiors(patch, moments, counts)
-    found = counts.sum(axis=0)
+    totals = counts.sum(axis=0)
     if prepared.options.tolerance is None:
         if checkpoint:
             checkpoint.all_traced()
@@ -79,4 +79,4 @@ def _fit(prepared: Prepared, rays: int) -> tuple[Fit, Int64s]:
     def once(name: str, compute: Callable[[], Float64s]) -> Float64s:
         return checkpoint.once(f"{name}, {rays} rays", compute) if checkpoint else compute()
 
-    return fit_values(problem, trial, once), found
+    return fit_values(problem, trial, once), totals

@@ -23,5 +23,5 @@ def sample_vertices(prepared: Prepared) -> PointValues:
     receivers.flags[baked & np.append(inside, False)[point]] |= np.uint8(Flag.HIDDEN)
     filled = inside & (options.interior != "mark")
     edges = edges_of(points, point[receivers.faces], tracer.threads)
-    found, untraced = estimate_outside(tracer, points, receivers.corners, edges, filled, prepared.target)
-    return PointValues.of(found, tracer.rays, untraced, receivers.displaced)
+    estimated, untraced = estimate_outside(tracer, points, receivers.corners, edges, filled, prepared.target)
+    return PointValues.of(estimated, tracer.rays, untraced, receivers.displaced)

@@ -82,10 +82,10 @@ def read_table(path: Path) -> ao.Tabulated:
 
 
 def _array(path: Path) -> tuple[Any, Any]:
-    found = np.load(path, allow_pickle=False)
-    if not isinstance(found, np.ndarray) or found.ndim != 2 or found.shape[1] != 2 or found.dtype.kind not in "fiu":
-        raise ValueError(f"shape {getattr(found, 'shape', '?')} of {getattr(found, 'dtype', '?')}")
-    return tuple(found.T.astype(np.float64).tolist())
+    values = np.load(path, allow_pickle=False)
+    if not isinstance(values, np.ndarray) or values.ndim != 2 or values.shape[1] != 2 or values.dtype.kind not in "fiu":
+        raise ValueError(f"shape {getattr(values, 'shape', '?')} of {getattr(values, 'dtype', '?')}")
+    return tuple(values.T.astype(np.float64).tolist())
 
 
 def _text(path: Path) -> tuple[list[str], list[float]]:

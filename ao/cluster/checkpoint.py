@@ -19,7 +19,7 @@ class ClusterCheckpoint(Checkpoint):
     """A checkpoint for `ao.bake` in a `with` block whose rays are traced by the workers of a Dask cluster.
 
     Args:
-        path, resume, tell, after, every: as `Checkpoint`. session: the workers, open.
+        path, resume, notify, after, every: as `Checkpoint`. session: the workers, open.
 
     Raises, in the bake:
         ClusterError: the scheduler is lost, or no worker can be used. What is traced is kept.

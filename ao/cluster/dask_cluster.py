@@ -50,7 +50,7 @@ class DaskCluster:
     Args:
         address: `local`, `local:N` for N workers on this machine, or a scheduler's, `tls://host:port`.
         threads: of a worker on this machine; None: they share all cores.
-        tell: called, on the caller's thread, with a line for the user.
+        notify: called, on the caller's thread, with a line for the user.
 
     Attributes:
         dispatch: what is handed out, and what came back.
@@ -59,8 +59,8 @@ class DaskCluster:
         OptionError: there is no scheduler at that address.
     """
 
-    def __init__(self, address: str, threads: int | None, tell: Callable[[str], object]) -> None:
-        self.address, self.tell = address, tell
+    def __init__(self, address: str, threads: int | None, notify: Callable[[str], object]) -> None:
+        self.address, self.notify = address, notify
         self.dispatch = Dispatch()
         self.workers = local_workers(address)
         self._threads = None if self.workers is None else max(thread_count(threads) // self.workers, 1)
@@ -141,7 +141,7 @@ class DaskCluster:
             if isinstance(message, BaseException):
                 raise message
             if isinstance(message, str):
-                self.tell(message)
+                self.notify(message)
             else:
                 return message
 
@@ -157,7 +157,7 @@ class DaskCluster:
             if seconds > _START or (failed and all(failed)):
                 raise ClusterError(f"{self.address}: no worker has started within {seconds:.0f} s")
         if not reported and seconds > (_SILENCE if self.workers else _PATIENCE):
-            self.tell(f"{self.address}: no workers; waiting for some to join")
+            self.notify(f"{self.address}: no workers; waiting for some to join")
             reported = True
         return reported
 

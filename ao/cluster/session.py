@@ -27,7 +27,7 @@ class ClusterSession:
     Args:
         address: `local`, `local:N` or a scheduler's, `tls://host:port`.
         shared: a folder that all workers see under this name, for scenes. name: of their files, the output's.
-        tell: called with a line for the user.
+        notify: called with a line for the user.
         threads: of all workers on this machine together; None: all cores.
 
     Attributes:
@@ -38,9 +38,9 @@ class ClusterSession:
     """
 
     def __init__(
-        self, address: str, shared: Path, name: str, tell: Callable[[str], object], threads: int | None = None
+        self, address: str, shared: Path, name: str, notify: Callable[[str], object], threads: int | None = None
     ) -> None:
-        self.cluster = DaskCluster(address, threads, tell)
+        self.cluster = DaskCluster(address, threads, notify)
         self._shared, self._name = shared, name
         self._scene: Callable[[], object] = lambda: None  # a weak reference: it may be large
         self._file: SceneFile | None = None

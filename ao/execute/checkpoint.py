@@ -40,7 +40,7 @@ class Checkpoint:
 
     Args:
         path: the journal, best beside the target; None keeps nothing. resume: continue what it holds.
-        tell: called with a line for the user. after, every: seconds until the first write and between writes.
+        notify: called with a line for the user. after, every: seconds until the first write and between writes.
 
     Attributes:
         partial: whether it fills only some rows, so that later rays must not depend on what earlier ones found.
@@ -57,11 +57,11 @@ class Checkpoint:
         self,
         path: str | os.PathLike[str] | None,
         resume: bool = False,
-        tell: Callable[[str], object] = warnings.warn,
+        notify: Callable[[str], object] = warnings.warn,
         after: float = AFTER,
         every: float = EVERY,
     ) -> None:
-        self.path, self.resume, self.tell, self.after, self.every = Path(path or ""), resume, tell, after, every
+        self.path, self.resume, self.notify, self.after, self.every = Path(path or ""), resume, notify, after, every
         self._journal: Journal | None = None
         self._identity = b""
         self._left_over = False
@@ -79,7 +79,7 @@ class Checkpoint:
         if self._journal or time.monotonic() >= self._due:
             self._write()
         if self._journal:
-            self.tell(f"{self.path} keeps the finished part; the same command with --resume continues from it")
+            self.notify(f"{self.path} keeps the finished part; the same command with --resume continues from it")
             self._journal.close()
 
     def begin(self, placement: Placement, receivers: Receivers, *settings: object) -> None:
@@ -104,10 +104,10 @@ class Checkpoint:
         if self.resume:
             if found and found.identity:
                 raise InputError(self.path, "header", self._expected, "that of another or of a change")
-            self.tell(f"{self.path}: nothing to resume; starting from the beginning")
+            self.notify(f"{self.path}: nothing to resume; starting from the beginning")
         self._left_over = found is not None
         if found and found.identity == self._identity:
-            self.tell(f"{self.path}: left by an interrupted run; --resume would continue it; starting over")
+            self.notify(f"{self.path}: left by an interrupted run; --resume would continue it; starting over")
 
     def fill(self, work: Work, scene: RayScene, tables: Tables, threads: int, advance: Advance) -> None:
         """Make all rows of `work`, or copy those that the journal has.
@@ -185,7 +185,7 @@ class Checkpoint:
         """What is done where the journal cannot be written."""
         self._given_up = True
         self._pending.clear()
-        self.tell(f"{reason}; going on without checkpoints")
+        self.notify(f"{reason}; going on without checkpoints")
 
     def _start(self, journal: Journal) -> None:
         """Make an open file the journal of this bake."""

@@ -23,7 +23,7 @@ from .journal import Block, Journal
 from .parts import DESCRIPTION, ENDING, WHOLE, assign_shards, digest_of
 from .work import Advance, Tables, Work
 
-_OF_PART = "part", "mesh", "high"  # what parts of one bake may differ in: files have other names elsewhere
+_MAY_DIFFER = "part", "mesh", "high"  # what parts of one bake may differ in: files have other names elsewhere
 
 
 class PartFile(NamedTuple):
@@ -98,14 +98,14 @@ class Merge(Checkpoint):
     """The checkpoint of a bake whose rows were all traced in parts.
 
     Args:
-        parts: `read_parts` of them. tell: called with a line for the user.
+        parts: `read_parts` of them. notify: called with a line for the user.
 
     Raises, in the bake:
         InputError: the parts are of another bake.
     """
 
-    def __init__(self, parts: list[PartFile], tell: Callable[[str], object]) -> None:
-        super().__init__(parts[0].path, tell=tell)
+    def __init__(self, parts: list[PartFile], notify: Callable[[str], object]) -> None:
+        super().__init__(parts[0].path, notify=notify)
         self.parts = parts
 
     def begin(self, placement: Placement, receivers: Receivers, *settings: object) -> None:
@@ -113,8 +113,8 @@ class Merge(Checkpoint):
             return
         own: Mapping[str, str] = machine() | {"mesh": digest_of(placement, receivers)}
         facts = self.parts[0].facts
-        found = first_difference({name: facts[name] for name in own}, own)
-        name, expected, got = found or ("header", "that of this very bake", "that of another")
+        difference = first_difference({name: facts[name] for name in own}, own)
+        name, expected, got = difference or ("header", "that of this very bake", "that of another")
         raise InputError(self.path.parent, name, f"{expected}, as in the parts", f"{got} here")
 
     def fill(self, work: Work, scene: RayScene, tables: Tables, threads: int, advance: Advance) -> None:

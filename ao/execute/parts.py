@@ -54,7 +54,7 @@ class ShardCheckpoint(Checkpoint):
     Args:
         folder: where the journal is kept. number, of: which part, from 1, of how many.
         description: what is baked, as JSON-ready values, for who merges the parts.
-        tell: called with a line for the user.
+        notify: called with a line for the user.
 
     Attributes:
         rays: how many this part has traced, by an earlier run too.
@@ -68,10 +68,10 @@ class ShardCheckpoint(Checkpoint):
     _expected = "no such file, or this part of this very bake"
 
     def __init__(
-        self, folder: Path, number: int, of: int, description: Mapping[str, Any], tell: Callable[[str], object]
+        self, folder: Path, number: int, of: int, description: Mapping[str, Any], notify: Callable[[str], object]
     ) -> None:
         path = folder / f"part-{number:0{len(str(of))}}-of-{of}{ENDING}"
-        super().__init__(path, path.exists(), tell)
+        super().__init__(path, path.exists(), notify)
         self.number, self.of, self.rays = number, of, 0
         self._description = {**description, "part": number, "of": of}
 
@@ -104,6 +104,6 @@ class ShardCheckpoint(Checkpoint):
         if kind is not None and not issubclass(kind, ObscuranceError):
             self._write()
             if self._journal:
-                self.tell(f"{self.path} keeps what is done; the same command continues from it")
+                self.notify(f"{self.path} keeps what is done; the same command continues from it")
         if self._journal:
             self._journal.close()

@@ -73,7 +73,7 @@ def _lower_ends(face_points, out):
 
 @kernel
 def _match_halves(face_points, normals, agreement, starts, half_edges, hinges):
-    found = 0
+    count = 0
     for low in range(len(starts) - 1):
         edges = half_edges[starts[low] : starts[low + 1]]
         high = np.empty(len(edges), np.int32)
@@ -91,10 +91,10 @@ def _match_halves(face_points, normals, agreement, starts, half_edges, hinges):
                 for axis in range(3):
                     cosine += normals[one // 3, axis] * normals[two // 3, axis]
                 if cosine >= agreement:
-                    hinges[found, 0], hinges[found, 1] = one, two
-                    found += 1
+                    hinges[count, 0], hinges[count, 1] = one, two
+                    count += 1
             k = end
-    return found
+    return count
 
 
 @inline

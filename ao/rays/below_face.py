@@ -23,10 +23,10 @@ _NOTHING = 1e-9  # of the rays lost: rounding
 
 def with_alpha(sides: AnyFloats, opacity: PackedOpacity | None, faces: Int64s, weights: Float32s) -> Float32s:
     """Normals (k, 3) of `faces`, and alpha at barycentric places (k, 3) on them: float32 (k, 4)."""
-    found = np.ones(len(faces))
+    alpha = np.ones(len(faces))
     if opacity is not None:
-        alphas(opacity, faces, weights[:, 1:].astype(np.float64), found)
-    return np.column_stack([sides, found]).astype(np.float32)
+        alphas(opacity, faces, weights[:, 1:].astype(np.float64), alpha)
+    return np.column_stack([sides, alpha]).astype(np.float32)
 
 
 @kernel

@@ -120,14 +120,14 @@ def list_within(rays, axis, cosine, gap, max_count, out, first):
             inside &= inside - 1
             if rays.t_max[k] < gap:
                 continue
-            found = rays.active[k]
+            within = rays.active[k]
             if cosine != FULL_SPHERE:
-                found &= bits(along(rays.directions, k, len(rays.t_hit), axis) >= cosine - SLACK)
-            while found != 0:
+                within &= bits(along(rays.directions, k, len(rays.t_hit), axis) >= cosine - SLACK)
+            while within != 0:
                 if count == max_count:
                     return -1
-                out[first + count] = WIDE * k + lowest_bit(found)
-                found &= found - 1
+                out[first + count] = WIDE * k + lowest_bit(within)
+                within &= within - 1
                 count += 1
     return count
 

@@ -127,9 +127,9 @@ def bake_texture(
     def neighbours(_: Int64s) -> Neighbours:
         return shown.neighbours(texels, prepared.placement.diagonal, prepared.threads)
 
-    found = estimate(tracer, texels.first_points, CornerSamples.none(), neighbours, prepared.target)
+    estimated = estimate(tracer, texels.first_points, CornerSamples.none(), neighbours, prepared.target)
     frames = shown.tangent_frames(texels) if bent_space == "tangent" else None
-    values = found.rows, found.variance, frames
+    values = estimated.rows, estimated.variance, frames
     pages = assemble_pages(shown.layout, texels, *values, shown.seams, close_seams, prepared.threads)
     build, layout = prepared.receivers.tree_seconds, shown.layout
     baked = BakedTexture(
@@ -138,8 +138,8 @@ def bake_texture(
         bent_normals=pages.bent_normals,
         covered=pages.covered,
         rays=tracer.rays,
-        rays_skipped=found.skipped(filled),
-        rmse=float(np.sqrt(np.mean(found.variance))),
+        rays_skipped=estimated.skipped(filled),
+        rmse=float(np.sqrt(np.mean(estimated.variance))),
         facts=TextureFacts(
             covered, overlapping, filled, len(missed), layout.mirrored, layout.flat, layout.outside, shown.seams.edges,
             pages.jump, pages.jump_before,
@@ -147,9 +147,9 @@ def bake_texture(
         uv=corners,
         seconds={"build": build, "bake": time.perf_counter() - start - build},
         mu=mu,
-        calibration=found.calibration,
+        calibration=estimated.calibration,
     )  # fmt: skip
-    short = shortfall(options, baked.rmse, found.samples, "texel")
+    short = shortfall(options, baked.rmse, estimated.samples, "texel")
     return replace(baked, shortfalls=(short,)) if short else baked
 
 

@@ -167,12 +167,12 @@ def _at_centres(
 
     Args: triangle, barycentric: of the points about it, (k, SLOTS) and (k, SLOTS, 3).
     """
-    found, place = triangle[:, 0].copy(), barycentric.sum(axis=1) / np.float32(SLOTS)
+    face, place = triangle[:, 0].copy(), barycentric.sum(axis=1) / np.float32(SLOTS)
     several = np.flatnonzero((triangle != triangle[:, :1]).any(axis=1))
     middles = np.stack([texels[several] % width, texels[several] // width], axis=1) + np.array([0.5, 0.5])
     hits = look_down(scene, middles, threads)
-    found[several], place[several] = hits.face, hits.barycentric
-    return found, place
+    face[several], place[several] = hits.face, hits.barycentric
+    return face, place
 
 
 def _spread_over_part(

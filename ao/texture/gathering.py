@@ -54,9 +54,9 @@ class TexelTracer(Tracer):
         numbers = (slots * rows[:, None] + np.arange(slots)).ravel().astype(np.uint32)
         some = replace(self.texels.points[each], numbers=numbers)
         table = self.scene.table(rays, self.total_points, key, slots)
-        found = self._gather(some, rays, key, slots)
-        self._leave_out_below(some, self.texels.sides[each], table, found)
-        means = found.reshape(-1, slots, COLUMNS).sum(axis=1) / slots
+        values = self._gather(some, rays, key, slots)
+        self._leave_out_below(some, self.texels.sides[each], table, values)
+        means = values.reshape(-1, slots, COLUMNS).sum(axis=1) / slots
         means[:, BATCH_VARIANCE] *= slots**-1.5  # as if the batches were of all rays: they share a leaped lattice
         return means
 

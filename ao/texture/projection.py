@@ -79,9 +79,9 @@ def _first_hits(
     rows, step = np.arange(len(face)), _rounding(fine, starts)
     for _ in range(_MOST_HOLES if opacity else 0):
         rows = rows[face[rows] >= 0]
-        found = np.empty(len(rows))
-        alphas(opacity, face[rows], weights[rows, 1:].astype(np.float64), found)
-        rows = rows[found == 0]
+        alpha = np.empty(len(rows))
+        alphas(opacity, face[rows], weights[rows, 1:].astype(np.float64), alpha)
+        rows = rows[alpha == 0]
         if not len(rows):
             break
         distance[rows] += step[rows]
@@ -112,8 +112,8 @@ def _closest_points(fine: Fine, places: Float64s, radius: float, threads: int) -
     tree, surface = fine.receivers.tree, (fine.vertices, fine.receivers.faces)
 
     def search(first: int, last: int) -> None:
-        found = face[first:last], weights[first:last]
-        _search(tree, new_stack(), surface, places[first:last], radius, *found)
+        out = face[first:last], weights[first:last]
+        _search(tree, new_stack(), surface, places[first:last], radius, *out)
 
     run_blocks(len(places), _BLOCK, search, threads, most=_SHARE)
     return face, weights

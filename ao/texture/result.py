@@ -98,10 +98,10 @@ class BakedTexture:
         height, width = self.w.shape
         places = np.einsum("ki,kij->kj", weights, self.uv[faces])
         shown = ~np.isnan(places).any(axis=1)
-        found = np.full(len(faces), np.nan)
+        values = np.full(len(faces), np.nan)
         lookups = Lookups.at(places[shown] * (width, -height) + (0, height), (width, height), True)
-        found[shown] = lookups.values(self.w.ravel().astype(np.float64))
-        return found
+        values[shown] = lookups.values(self.w.ravel().astype(np.float64))
+        return values
 
     def _repr_png_(self) -> bytes:
         """w as a PNG of greys without a colour space: what notebooks show."""

@@ -33,20 +33,20 @@ def find_slivers(corners: Float64s, texels: Int64s, width: int, threads: int) ->
     Args:
         corners: float64 (t, 3, 2), of the triangles, in texels. texels: int64 (k,), row · width + column.
     """
-    found = Slivers(np.full(len(texels), -1), np.zeros((len(texels), 3), np.float32))
+    slivers = Slivers(np.full(len(texels), -1), np.zeros((len(texels), 3), np.float32))
     if not len(texels):
-        return found
+        return slivers
     flat = np.zeros((3 * len(corners), 3), np.float32)
     flat[:, :2] = corners.reshape(-1, 2)
     tree = BVH16.of(flat, np.arange(len(flat)).reshape(-1, 3))
     radius = 0.5 * (1 + _ROUNDED) + _ROUNDED * float(np.abs(flat).max())
 
     def work(first: int, last: int) -> None:
-        some = Slivers(found.face[first:last], found.barycentric[first:last])
+        some = Slivers(slivers.face[first:last], slivers.barycentric[first:last])
         _search(tree, new_stack(), corners, texels[first:last], width, radius, some)
 
     run_blocks(len(texels), _BLOCK, work, threads, most=_SHARE)
-    return found
+    return slivers
 
 
 @kernel

@@ -55,14 +55,14 @@ class Faces:
 
         Args: weights: float32 (k, 3), barycentric coordinates.
         """
-        found = np.empty((3, len(own), 3))
+        out = np.empty((3, len(own), 3))
 
         def work(first: int, last: int) -> None:
             some = slice(first, last)
-            _place(own[some], weights[some], self.surface, self.axes, found[0, some], found[1, some], found[2, some])
+            _place(own[some], weights[some], self.surface, self.axes, out[0, some], out[1, some], out[2, some])
 
         run_blocks(len(own), _BLOCK, work, threads, most=_SHARE)
-        return found[0], found[1], found[2]
+        return out[0], out[1], out[2]
 
 
 def centres_suffice(coverage: Coverage, faces: Faces, tree: BVH16, most: float, threads: int) -> Bools:

@@ -37,10 +37,10 @@ class Triangles:
 
     def geometry(self, device: int) -> int:
         """A new, uncommitted Embree geometry; keep `self` alive as long as it."""
-        made: int = library.rtcNewGeometry(device, _TRIANGLE)
+        geometry: int = library.rtcNewGeometry(device, _TRIANGLE)
         for kind, layout, data in ((_VERTEX, _FLOAT3, self.vertices), (_INDEX, _UINT3, self.faces)):
-            library.rtcSetSharedGeometryBuffer(made, kind, 0, layout, data.ctypes.data, 0, 12, len(data))
-        return made
+            library.rtcSetSharedGeometryBuffer(geometry, kind, 0, layout, data.ctypes.data, 0, 12, len(data))
+        return geometry
 
 
 class EmbreeInstance:
@@ -56,10 +56,10 @@ class EmbreeInstance:
 
     def geometry(self, device: int) -> int:
         """A new, uncommitted Embree geometry; keep `self` alive as long as it."""
-        made: int = library.rtcNewGeometry(device, _INSTANCE)
-        library.rtcSetGeometryInstancedScene(made, int(self.scene.handle))
-        library.rtcSetGeometryTransform(made, 0, _FLOAT3X4_ROWS, self.matrix.ctypes.data)
-        return made
+        geometry: int = library.rtcNewGeometry(device, _INSTANCE)
+        library.rtcSetGeometryInstancedScene(geometry, int(self.scene.handle))
+        library.rtcSetGeometryTransform(geometry, 0, _FLOAT3X4_ROWS, self.matrix.ctypes.data)
+        return geometry
 
 
 class EmbreeScene:

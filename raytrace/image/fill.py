@@ -25,7 +25,7 @@ def fill_holes(pixels: Float32s, known: Bools) -> Float32s:
     alpha = known[:, :, None].astype(np.float32)
     source.set_pixels(spec.roi, np.ascontiguousarray(np.concatenate([pixels * alpha, alpha], axis=2)))
     filled = oiio.ImageBufAlgo.fillholes_pushpull(source)
-    found = None if filled.has_error else filled.get_pixels("float")
-    if found is None:
+    pushed = None if filled.has_error else filled.get_pixels("float")
+    if pushed is None:
         raise ObscuranceError(f"padding failed: {filled.geterror()}")
-    return np.where(known[:, :, None], pixels, np.asarray(found, np.float32)[:, :, :channels])
+    return np.where(known[:, :, None], pixels, np.asarray(pushed, np.float32)[:, :, :channels])

@@ -103,12 +103,12 @@ def _places() -> tuple[Path, ...]:
     return tuple(parent / name for parent in parents)
 
 
-def _is_private(found: os.stat_result) -> bool:
+def _is_private(status: os.stat_result) -> bool:
     """Whether nobody but this user and root can have written to a file or folder: theirs, open to no one, no link."""
     if os.name != "posix":
         return True
-    is_open = found.st_mode & (stat.S_IWGRP | stat.S_IWOTH) or stat.S_ISLNK(found.st_mode)
-    return found.st_uid in (0, os.geteuid()) and not is_open
+    is_open = status.st_mode & (stat.S_IWGRP | stat.S_IWOTH) or stat.S_ISLNK(status.st_mode)
+    return status.st_uid in (0, os.geteuid()) and not is_open
 
 
 def _is_safe(folder: Path) -> bool:

@@ -71,9 +71,9 @@ def external(name: str, count: int) -> Any:
 
 def intrinsic(function: Callable[..., Any]) -> Any:
     """Numba's type of a function that writes LLVM's code."""
-    made = numba.extending.intrinsic(function)
+    compiled = numba.extending.intrinsic(function)
     cpu_target.typing_context.refresh()
-    return cpu_target.typing_context.resolve_value_type(made)
+    return cpu_target.typing_context.resolve_value_type(compiled)
 
 
 @contextmanager

@@ -59,9 +59,9 @@ def widened(context: Any, builder: Any, value: Any, kind: types.Type, lanes: Lan
 
 def common(*kinds: types.Type) -> Lanes | None:
     """The lanes that all of the lanes among `kinds` are; the others must be scalars."""
-    found = {kind for kind in kinds if isinstance(kind, Lanes)}
+    vectors = {kind for kind in kinds if isinstance(kind, Lanes)}
     scalars = all(isinstance(kind, Lanes | types.Number | types.Boolean) for kind in kinds)
-    return found.pop() if len(found) == 1 and scalars else None
+    return vectors.pop() if len(vectors) == 1 and scalars else None
 
 
 def _operator(function: Any, emit: Callable[..., Any], result: Callable[[Lanes], Lanes] = lambda lanes: lanes) -> None:

@@ -38,10 +38,10 @@ def _label(links, component):
             b = _root(parent, links[row, k])
             a, b = min(a, b), max(a, b)
             parent[b] = a
-    found = 0
+    count = 0
     for i in range(len(component)):  # parents come before their children
         if parent[i] == i:
-            component[i] = found
-            found += 1
+            component[i] = count
+            count += 1
         else:
             component[i] = component[parent[i]]

@@ -64,18 +64,18 @@ def _triangles(given: Any, source: str) -> Int64s:
 
     Raises: MeshError: cells of another kind, or none of these.
     """
-    found = []
+    parts = []
     for block in given.cells:
         if block.type in _SKIPPED:
             continue
         if block.type not in _OF_SURFACES:
             raise MeshError(source, "cells", "triangle or quad", block.type)
-        found.append(
+        parts.append(
             block.data if block.type == "triangle" else _halves(np.asarray(given.points, np.float64), block.data)
         )
-    if not found:
+    if not parts:
         raise MeshError(source, "cells", "triangle or quad", "none of them")
-    return np.concatenate(found).astype(np.int64)
+    return np.concatenate(parts).astype(np.int64)
 
 
 def _halves(points: Any, quads: Any) -> Any:

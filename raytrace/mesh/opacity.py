@@ -180,7 +180,7 @@ class Opacity:
         of, texels, end = self.of.copy(), [np.zeros((0, 1), np.float32)], 0
         images = np.zeros((len(self.surfaces), 5), np.int64)
         cutoff = np.array([_BLEND if each.cutoff is None else each.cutoff for each in self.surfaces])
-        made: dict[tuple[Texture, bool], tuple[int, int, int, float]] = {}
+        stored: dict[tuple[Texture, bool], tuple[int, int, int, float]] = {}
         for number, surface in enumerate(self.surfaces):
             faces = self.of == number
             if not faces.any():
@@ -188,12 +188,12 @@ class Opacity:
             least = surface.factor if self.corners is None else surface.factor * self.corners[faces].min()
             if surface.texture is not None:
                 key = replace(surface.texture, wrap=("repeat", "repeat")), surface.grey
-                if key not in made:
+                if key not in stored:
                     values = texture_alpha(surface.texture, surface.grey)
-                    made[key] = end, values.shape[1], values.shape[0], float(values.min())
+                    stored[key] = end, values.shape[1], values.shape[0], float(values.min())
                     texels.append(values.reshape(-1, 1))
                     end += values.size
-                *place, lowest = made[key]
+                *place, lowest = stored[key]
                 images[number] = *place, *(WRAPS.index(mode) for mode in surface.texture.wrap)
                 least *= lowest
             if least >= (1.0 if surface.cutoff is None else surface.cutoff):

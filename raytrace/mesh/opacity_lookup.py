@@ -15,18 +15,18 @@ def alpha(opacity, face, u, v):
     surface = opacity.of[face]
     if surface < 0:
         return 1.0
-    found, first = opacity.factor[surface], 1.0 - u - v
+    a, first = opacity.factor[surface], 1.0 - u - v
     if len(opacity.corners) > 0:
         at = opacity.corners[face]
-        found *= first * at[0] + u * at[1] + v * at[2]
+        a *= first * at[0] + u * at[1] + v * at[2]
     if opacity.images[surface, 1] > 0:
         at = opacity.uv[face]
         s = first * at[0, 0] + u * at[1, 0] + v * at[2, 0]
         t = first * at[0, 1] + u * at[1, 1] + v * at[2, 1]
-        found *= _texture_alpha(opacity.texels, opacity.images[surface], s, t)
+        a *= _texture_alpha(opacity.texels, opacity.images[surface], s, t)
     if opacity.cutoff[surface] < 0.0:
-        return min(max(found, 0.0), 1.0)
-    return 1.0 if found >= opacity.cutoff[surface] else 0.0
+        return min(max(a, 0.0), 1.0)
+    return 1.0 if a >= opacity.cutoff[surface] else 0.0
 
 
 @inline

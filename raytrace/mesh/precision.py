@@ -61,13 +61,13 @@ def coarseness(mesh: Mesh) -> Coarseness:
 
 def precision_warnings(mesh: Mesh) -> list[str]:
     """Warnings about the precision of `mesh`'s coordinates: one line, or none."""
-    found = coarseness(mesh)
-    if not found.vertices:
+    coarse = coarseness(mesh)
+    if not coarse.vertices:
         return []
-    what = "its coordinates as stored" if found.stored else "float32 coordinates from the centre of the mesh"
+    what = "its coordinates as stored" if coarse.stored else "float32 coordinates from the centre of the mesh"
     return [
-        f"{mesh.source}: normals of {found.vertices:,} of {len(mesh.vertices):,} vertices are uncertain by"
-        f" {np.degrees(found.tilt):.2g}° (median): {what} have steps of {found.spacing:.2g},"
+        f"{mesh.source}: normals of {coarse.vertices:,} of {len(mesh.vertices):,} vertices are uncertain by"
+        f" {np.degrees(coarse.tilt):.2g}° (median): {what} have steps of {coarse.spacing:.2g},"
         " too coarse for the faces there"
     ]
 

@@ -43,10 +43,10 @@ def coincident(positions: Float32s, faces: Int64s) -> tuple[Int64s, Int64s]:
 
     Returns these and the number (k,) of each one's place, ascending from 0.
     """
-    found = np.zeros(len(positions), np.bool_)
+    repeated = np.zeros(len(positions), np.bool_)
     for some, keys in grids(positions):
-        found[some[_repeated(keys)]] = True
-    rows = np.flatnonzero(found)
+        repeated[some[_repeated(keys)]] = True
+    rows = np.flatnonzero(repeated)
     x, y, z = (positions[rows] + np.float32(0.0)).T  # −0 becomes 0
     order = np.lexsort((z, y, x))
     new = np.zeros(len(rows), np.bool_)

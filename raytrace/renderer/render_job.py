@@ -159,9 +159,9 @@ class RenderJob:
         """The crop's channels by layer, as views."""
         x, y, width, height = self._crop
         crop = film.pixels[y - self._top : y - self._top + height, x - self._left : x - self._left + width]
-        found, first = {}, 0
+        layers, first = {}, 0
         for name, channels in LAYERS.items():
             if first < crop.shape[2]:
-                found[name] = crop[..., first : first + channels]
+                layers[name] = crop[..., first : first + channels]
             first += channels
-        return found
+        return layers

@@ -53,14 +53,14 @@ def build(scene: Scene, normals: Normals = "file") -> RenderScene:
         EmbreeError: Embree failed, out of memory for instance.
         InputError: the image of an environment light cannot be read.
     """
-    made = _scenes.get(scene)
-    if made is None or made.geometry.normals != normals:
+    built = _scenes.get(scene)
+    if built is None or built.geometry.normals != normals:
         geometry = build_geometry(scene.objects, normals)
         w = [np.ones(len(item.shape.mesh.vertices)) if item.w is None else item.w for item in scene.objects]
         lights = _place_lights(scene.lights, geometry.centre, geometry.scale)
         bent = _bent_normals(scene, len(lights.skies) + len(lights.harmonics) > 0)
-        made = _scenes[scene] = RenderScene(scene.objects, geometry, np.concatenate(w), bent, lights)
-    return made
+        built = _scenes[scene] = RenderScene(scene.objects, geometry, np.concatenate(w), bent, lights)
+    return built
 
 
 def _rebuilt(objects: tuple[Object, ...], normals: Normals, w: Float64s, bent: Float32s, lights: Lights) -> RenderScene:

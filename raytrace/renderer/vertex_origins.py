@@ -45,11 +45,11 @@ def vertex_origins(geometry: Geometry) -> Float32s:
     away = 0.0 if geometry.placed.all() else INSTANCED  # all that is reckoned with is in proportion to coordinates
     surface = points.surface(vertices + away)
     tree = BVH16.of(surface.vertices.astype(np.float32), surface.faces)
-    found = [points.ray_origins(tree, surface)[0][points.group]]
+    sides = [points.ray_origins(tree, surface)[0][points.group]]
     if geometry.rows[:, TWO_SIDED].any():
-        found.append(points.reversed().ray_origins(tree, surface.reversed())[0][points.group])
-    origins = aligned((len(found) * len(vertices), 3), np.float32)
-    origins[:] = np.concatenate(found) - away
+        sides.append(points.reversed().ray_origins(tree, surface.reversed())[0][points.group])
+    origins = aligned((len(sides) * len(vertices), 3), np.float32)
+    origins[:] = np.concatenate(sides) - away
     return origins
 
 

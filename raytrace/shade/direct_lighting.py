@@ -59,10 +59,10 @@ def add_undirected(packet, items, geometry, total, form):
 @inline
 def count_directed(lights):
     """Number of lights that are not ambient."""
-    found = 0
+    directed = 0
     for j in range(len(lights.kinds)):
-        found += lights.kinds[j] != AMBIENT_LIGHT
-    return found
+        directed += lights.kinds[j] != AMBIENT_LIGHT
+    return directed
 
 
 @inline

@@ -82,15 +82,15 @@ def fields_of(kind: Any) -> dict[str, FieldInfo]:
 
 def declared(kind: Any, location: Iterable[str | int]) -> FieldInfo:
     """What `kind` says of the value at a fault's location, through fields, lists, tuples and what may be None."""
-    found = _required(FieldInfo.from_annotation(kind))
+    field = _required(FieldInfo.from_annotation(kind))
     for part in location:
-        within = get_args(found.annotation)
+        within = get_args(field.annotation)
         if isinstance(part, str):
-            found = fields_of(found.annotation).get(part, _ANYTHING)
+            field = fields_of(field.annotation).get(part, _ANYTHING)
         else:
-            found = FieldInfo.from_annotation(within[min(part, len(within) - 1)]) if within else _ANYTHING
-        found = _required(found)
-    return found
+            field = FieldInfo.from_annotation(within[min(part, len(within) - 1)]) if within else _ANYTHING
+        field = _required(field)
+    return field
 
 
 _ANYTHING = FieldInfo.from_annotation(Any)

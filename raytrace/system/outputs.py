@@ -97,9 +97,9 @@ def check_ending(option: str, path: Name, *endings: str) -> None:
 
 def _identity(path: Name) -> object:
     try:
-        found = os.stat(path)
-        if found.st_ino:
-            return found.st_dev, found.st_ino
+        status = os.stat(path)
+        if status.st_ino:
+            return status.st_dev, status.st_ino
     except (OSError, ValueError):
         pass
     return os.path.normcase(os.path.realpath(path))

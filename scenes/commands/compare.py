@@ -25,6 +25,6 @@ def compare_files(a: Path, b: Path, threshold: float | None, metric: Metric, dif
     if difference:
         with named("difference"):
             check_image_target(difference, layers=("beauty",))
-    found = compare(a, b, difference)
-    print(columns([(name, f"{getattr(found, name):.6g}") for name in _FIGURES]))
-    return threshold is None or found.within(threshold, metric)
+    comparison = compare(a, b, difference)
+    print(columns([(name, f"{getattr(comparison, name):.6g}") for name in _FIGURES]))
+    return threshold is None or comparison.within(threshold, metric)

@@ -55,28 +55,28 @@ def facts(source: MeshFile) -> dict[str, Any]:
 
 def describe(source: MeshFile) -> list[tuple[str, str]]:
     """Rows (name, value) about a file's objects, its extent, its defects and what a bake would do with it."""
-    found, mesh = facts(source), source.mesh
-    names = [printable(name, _NAME) for name in found["objects"]]
-    open_edges, crowded = found["open_edges"], found["edges_of_three_faces_or_more"]
-    corners = ("(" + ", ".join(f"{c:.6g}" for c in corner) + ")" for corner in found["bounds"])
+    known, mesh = facts(source), source.mesh
+    names = [printable(name, _NAME) for name in known["objects"]]
+    open_edges, crowded = known["open_edges"], known["edges_of_three_faces_or_more"]
+    corners = ("(" + ", ".join(f"{c:.6g}" for c in corner) + ")" for corner in known["bounds"])
     rows = [
-        ("file", printable(found["file"])),
+        ("file", printable(known["file"])),
         ("objects", f"{len(names)}: " + ", ".join(names[:8])),
-        ("vertices", f"{found['vertices']:,}"),
-        ("faces", f"{found['faces']:,}, {found['degenerate_faces']:,} of them degenerate"),
-        ("edges", f"{found['edges']:,}: {open_edges:,} open, {crowded:,} between three faces or more"),
+        ("vertices", f"{known['vertices']:,}"),
+        ("faces", f"{known['faces']:,}, {known['degenerate_faces']:,} of them degenerate"),
+        ("edges", f"{known['edges']:,}: {open_edges:,} open, {crowded:,} between three faces or more"),
         ("bounds", " – ".join(corners)),
-        ("up", found["up"] or "not said: y"),
-        ("radius", f"{found['radius']:.6g}, of the bounding sphere: 100 % for relative distances"),
-        ("area", "too large" if found["area"] is None else f"{found['area']:.6g}"),
-        ("normals", "in the file" if found["normals"] else "none in the file"),
-        ("stored w", _stored_in_words(found["stored_w"])),
-        ("occlusion", _occlusion_in_words(found["occlusion_textures"])),
+        ("up", known["up"] or "not said: y"),
+        ("radius", f"{known['radius']:.6g}, of the bounding sphere: 100 % for relative distances"),
+        ("area", "too large" if known["area"] is None else f"{known['area']:.6g}"),
+        ("normals", "in the file" if known["normals"] else "none in the file"),
+        ("stored w", _stored_in_words(known["stored_w"])),
+        ("occlusion", _occlusion_in_words(known["occlusion_textures"])),
         ("alpha", mesh.opacity.summary.removeprefix("alpha: ") if mesh.opacity else "none: all faces are opaque"),
-        ("points to bake", f"{found['points_to_bake']:,}, coincident vertices once"),
+        ("points to bake", f"{known['points_to_bake']:,}, coincident vertices once"),
     ]
-    rows += [(f"{name} vertices", f"{count:,}") for name, count in found["flagged_vertices"].items()]
-    return rows + [("warning", line) for line in found["warnings"]]
+    rows += [(f"{name} vertices", f"{count:,}") for name, count in known["flagged_vertices"].items()]
+    return rows + [("warning", line) for line in known["warnings"]]
 
 
 def _occlusion(source: MeshFile) -> dict[str, int] | None:

@@ -60,7 +60,7 @@ def with_obscurance(
         from ao.cluster.checkpoint import ClusterCheckpoint
 
         checkpoint = ClusterCheckpoint(None, session)
-    made = ao.bake(
+    bake = ao.bake(
         mesh,
         options.falloff,
         options.samples,
@@ -72,7 +72,7 @@ def with_obscurance(
         checkpoint=checkpoint,
     )
     surrounded = any(isinstance(light, SkyLight | EnvironmentLight) for light in scene.lights)
-    return scene.with_obscurance(made.w, made.bent_normals if surrounded else None), made
+    return scene.with_obscurance(bake.w, bake.bent_normals if surrounded else None), bake
 
 
 def _stored(description: SceneDescription, path: Path) -> Float64s:

@@ -128,12 +128,12 @@ def make_picture(
     start = time.perf_counter()
     scene, baked = with_obscurance(description, threads, baking, session)
     prepared = time.perf_counter()
-    made = render
+    renderer = render
     if session:
         from ao.cluster.pictures import render_on
 
-        made = partial(render_on, session)
-    frame = made(scene, description.camera, description.settings, layers is None, threads, rendering)
+        renderer = partial(render_on, session)
+    frame = renderer(scene, description.camera, description.settings, layers is None, threads, rendering)
     rendered = time.perf_counter()
     write_frame(output, frame, metadata(source, description), half)
     seconds = {"bake": prepared - start, **frame.seconds, "write": time.perf_counter() - rendered}
@@ -161,7 +161,7 @@ def render_report(
 
     Args: warnings: what limits the picture, see `raytrace.mesh.precision`.
     """
-    made = picture.bake
+    bake = picture.bake
     beauty = picture.frame.layers["beauty"]
     return {
         "schema_version": SCHEMA_VERSION,
@@ -173,12 +173,12 @@ def render_report(
             "clipped": float((beauty[..., :3] > 1).any(axis=2).mean()),
         },
         "settings": vars(settings) | {"threads": threads},
-        "rays": picture.frame.rays | ({"bake": made.rays} if made else {}),
+        "rays": picture.frame.rays | ({"bake": bake.rays} if bake else {}),
         "rays_skipped": picture.frame.rays_skipped
-        | ({f"bake_{reason}": count for reason, count in made.rays_skipped.items()} if made else {}),
+        | ({f"bake_{reason}": count for reason, count in bake.rays_skipped.items()} if bake else {}),
         "seconds": picture.seconds,
-        "rmse_estimate": made.rmse if made else None,
-        "error_calibration": calibration_facts(made.calibration) if made else None,
+        "rmse_estimate": bake.rmse if bake else None,
+        "error_calibration": calibration_facts(bake.calibration) if bake else None,
         "warnings": list(warnings),
         "versions": versions(),
     }

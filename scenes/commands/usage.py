@@ -98,10 +98,10 @@ def _file_meant(missing: Path) -> str:
     if missing.name in BUILTIN:
         return f"; obscurance scenes {missing.name} -o {missing.name}.toml writes that built-in scene"
     try:
-        found = [missing.with_name(name) for name in sorted(os.listdir(missing.parent))[:10_000]]
+        names = [missing.with_name(name) for name in sorted(os.listdir(missing.parent))[:10_000]]
     except OSError:
         return ""
-    by_stem = {path.stem: path for path in sorted(found, key=lambda path: path.suffix == missing.suffix)}
+    by_stem = {path.stem: path for path in sorted(names, key=lambda path: path.suffix == missing.suffix)}
     near = nearest_name(missing.stem, by_stem)
     return printable(f"; did you mean {by_stem[near]}?") if near else ""
 

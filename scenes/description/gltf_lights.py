@@ -30,13 +30,13 @@ def lights(asset: Gltf) -> tuple[BaseLight, ...]:
         SceneError: a light with values out of range.
         ValueError: there is no such light.
     """
-    made, stored = [], asset.stage.lights
+    placed, stored = [], asset.stage.lights
     for node, matrix in asset.world.items():
         number = asset.geometry.nodes[node].light
         if number is not None:
             with located(asset.path, f"{LIGHTS}[{number}]"):
-                made.append(_light(entry(stored, number, LIGHTS), matrix))
-    return tuple(made)
+                placed.append(_light(entry(stored, number, LIGHTS), matrix))
+    return tuple(placed)
 
 
 def _light(stored: GltfLight, matrix: Float64s) -> BaseLight:

@@ -37,7 +37,7 @@ def named_materials(tables: Sequence[dict[str, Any]], source: object) -> dict[st
     Raises:
         SceneError: a name is missing or given twice, or a material has a bad value.
     """
-    made = {name: material_from_dict({"preset": name}) for name in PRESETS}
+    materials = {name: material_from_dict({"preset": name}) for name in PRESETS}
     own: set[str] = set()
     for number, table in enumerate(tables):
         path = f"materials[{number}]"
@@ -49,8 +49,8 @@ def named_materials(tables: Sequence[dict[str, Any]], source: object) -> dict[st
             raise SceneError(source, joined(path, "name"), "a name of its own", f"{shown(name)} again")
         own.add(name)
         with located(source, path):
-            made[name] = material_from_dict({key: value for key, value in table.items() if key != "name"})
-    return made
+            materials[name] = material_from_dict({key: value for key, value in table.items() if key != "name"})
+    return materials
 
 
 class ObjectReader:

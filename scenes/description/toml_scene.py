@@ -97,12 +97,12 @@ def _settings(document: Document, path: Path, size: tuple[int, int] | None) -> S
     values = document.render if size is None else document.render | {"width": size[0], "height": size[1]}
     check_keys(path, "render", values, [name for name in fields_of(Settings) if name != "obscurance"])
     with located(path, "render"):
-        made = Settings(**values)
+        settings = Settings(**values)
     form = document.obscurance.form
     if form is None:
-        return made
+        return settings
     try:
-        return replace(made, obscurance=form)  # type: ignore[arg-type]
+        return replace(settings, obscurance=form)  # type: ignore[arg-type]
     except OptionError as fault:
         raise SceneError(path, "obscurance.form", fault.expected, shown(form), fault.nearest) from None
 

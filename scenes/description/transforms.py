@@ -27,31 +27,31 @@ def matrix_of(table: Transform, source: object, path: str) -> Float64s:
     if table.matrix is not None:
         if given != ["matrix"]:
             raise fault("matrix", "nothing beside it", ", ".join(key for key in given if key != "matrix"))
-        made = np.array(table.matrix)
-        if not np.linalg.det(made[:3, :3]):
+        matrix = np.array(table.matrix)
+        if not np.linalg.det(matrix[:3, :3]):
             raise fault("matrix", "an invertible matrix", shown(table.matrix))
-        return made
+        return matrix
     if table.scale is not None and 0 in table.scale:
         raise fault("scale", "numbers other than 0", list(table.scale))
     if (table.axis is None) != (table.angle is None):
         raise fault("axis" if table.axis is None else "angle", "axis and angle together", "one alone")
     if table.axis is not None and table.rotate is not None:
         raise fault("rotate", "either rotate, or axis and angle", "both")
-    made = np.eye(4)
+    matrix = np.eye(4)
     if table.axis is not None and table.angle is not None:
         length = np.linalg.norm(table.axis)
         if not length > 0:
             raise fault("axis", "a vector other than zero", list(table.axis))
-        made[:3, :3] = _rotations().from_rotvec(np.radians(table.angle) * np.array(table.axis) / length).as_matrix()
+        matrix[:3, :3] = _rotations().from_rotvec(np.radians(table.angle) * np.array(table.axis) / length).as_matrix()
     elif table.rotate is not None:
-        made[:3, :3] = _rotations().from_euler("xyz", table.rotate, degrees=True).as_matrix()
+        matrix[:3, :3] = _rotations().from_euler("xyz", table.rotate, degrees=True).as_matrix()
     if table.scale is not None:
-        made[:3, :3] *= table.scale
-        if not np.linalg.det(made[:3, :3]):
+        matrix[:3, :3] *= table.scale
+        if not np.linalg.det(matrix[:3, :3]):
             raise fault("scale", "numbers that do not vanish together", list(table.scale))
     if table.translate is not None:
-        made[:3, 3] = table.translate
-    return made
+        matrix[:3, 3] = table.translate
+    return matrix
 
 
 def _rotations() -> Any:

@@ -100,15 +100,15 @@ def triangulate(
     crossing, work = 0, 0.0
     if _usable(vertices, corners):
         for polygons in _blocks(_doubtful(vertices, corners, starts, lengths), lengths):
-            found = _Block(vertices, corners, starts, lengths, polygons)
-            diagonal.append(found.diagonal)
-            crossing += found.crossing
-            work += float((lengths[found.concave].astype(np.float64) ** 2).sum())
+            block = _Block(vertices, corners, starts, lengths, polygons)
+            diagonal.append(block.diagonal)
+            crossing += block.crossing
+            work += float((lengths[block.concave].astype(np.float64) ** 2).sum())
             if work > MAX_EAR_WORK + _EAR_WORK_PER_CORNER * len(corners):
                 limit = f"concave polygons of at most {int(MAX_EAR_WORK**0.5):,} corners, of fewer if there are many"
-                raise MeshError(source, "faces", limit, f"one of {int(lengths[found.concave].max()):,}")
-            for polygon in found.concave.tolist():
-                clipped[polygon], fits = found.clip(polygon)
+                raise MeshError(source, "faces", limit, f"one of {int(lengths[block.concave].max()):,}")
+            for polygon in block.concave.tolist():
+                clipped[polygon], fits = block.clip(polygon)
                 crossing += not fits
     counts[list(clipped)] = [len(local) for local in clipped.values()]
     begins = np.cumsum(counts) - counts

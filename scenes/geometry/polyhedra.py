@@ -50,11 +50,11 @@ def polygon(corners: npt.ArrayLike) -> RawMesh:
 def hull(points: npt.ArrayLike) -> RawMesh:
     """Convex hull of `points` (k, 3), all of them its corners, wound outward."""
     points = np.asarray(points, dtype=np.float64)
-    made = ConvexHull(points)
-    faces = made.simplices.astype(np.int64)
+    convex = ConvexHull(points)
+    faces = convex.simplices.astype(np.int64)
     corners = points[faces]
     facing = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    inward = np.einsum("ij,ij->i", facing, made.equations[:, :3]) < 0
+    inward = np.einsum("ij,ij->i", facing, convex.equations[:, :3]) < 0
     faces[inward] = faces[inward][:, ::-1]
     return points, faces
 

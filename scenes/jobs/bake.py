@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
 
 @contextmanager
-def told_shortfalls() -> Iterator[None]:
+def silence_tolerance_warnings() -> Iterator[None]:
     """No warnings of Python's about tolerances that are not met, while this lasts: commands print them as their own."""
     import ao
 
@@ -79,7 +79,7 @@ class MeshBake(Record, ABC):
         from raytrace.system.atomic import is_standard_output
 
         falloff = self.check()
-        with compiling(self.kernels), told_shortfalls():
+        with compiling(self.kernels), silence_tolerance_warnings():
             for written in self.bake(falloff):
                 if not self.quiet:
                     print(written.summary, file=sys.stderr if is_standard_output(self.output) else sys.stdout)

@@ -14,10 +14,10 @@ from typing import TYPE_CHECKING, Any
 from raytrace.errors import printable
 from raytrace.system.threads import run_blocks, thread_count
 
-from .bake import MeshBake, Outcome, bake_one, told_shortfalls
+from .bake import MeshBake, Outcome, bake_one, silence_tolerance_warnings
 from .console import compiling, note, progress, warn
 from .inputs import MANIFEST, check_batch, made
-from .manifest import Entry, Manifest, dealt, digest, part_manifest
+from .manifest import Entry, Manifest, assign_shards, digest, part_manifest
 from .workers import Workers, cluster_checkpoint
 
 if TYPE_CHECKING:
@@ -57,15 +57,15 @@ class Batch:
             falloff = self.check()
             manifest = self._manifest()
             try:
-                with compiling(self.bakes[0].kernels), told_shortfalls():
+                with compiling(self.bakes[0].kernels), silence_tolerance_warnings():
                     self._bake_all(manifest, falloff, session)
             except KeyboardInterrupt:
-                note(f"interrupted: {self._told(manifest)}; the same command with --resume bakes the others")
+                note(f"interrupted: {self._summary(manifest)}; the same command with --resume bakes the others")
                 raise SystemExit(130) from None
             finally:
                 manifest.write()
         if not self.bakes[0].quiet:
-            print(f"{self._told(manifest)} in {time.perf_counter() - start:.2f} s; {printable(str(manifest.path))}")
+            print(f"{self._summary(manifest)} in {time.perf_counter() - start:.2f} s; {printable(str(manifest.path))}")
             if session:
                 print(session.summary())
         return 1 if manifest.count("failed") else 0
@@ -88,7 +88,7 @@ class Batch:
         """The file that says what became of each input."""
         return self.folder / (part_manifest(*self.part) if self.part else MANIFEST)
 
-    def _told(self, manifest: Manifest) -> str:
+    def _summary(self, manifest: Manifest) -> str:
         failed = manifest.count("failed")
         text = f"{manifest.count('done'):,} of {len(manifest.entries):,} meshes baked to {printable(str(self.folder))}"
         return text + (f", {failed:,} failed" if failed else "")
@@ -97,11 +97,11 @@ class Batch:
         from ao.report import versions
 
         options = {name: value for name, value in self.bakes[0].described().items() if name not in _OF_ONE}
-        about: dict[str, Any] = {"options": options, "versions": versions()}
+        facts: dict[str, Any] = {"options": options, "versions": versions()}
         if self.part:
-            about["part"] = {"number": self.part[0], "of": self.part[1], "inputs": [str(b.mesh) for b in self.bakes]}
+            facts["part"] = {"number": self.part[0], "of": self.part[1], "inputs": [str(b.mesh) for b in self.bakes]}
         entries = [Entry(str(b.mesh), str(b.output), sha256=digest(_read_by(b))) for b in self._own()]
-        manifest = Manifest(self.manifest, entries, about)
+        manifest = Manifest(self.manifest, entries, facts)
         if self.bakes[0].resume or (self.part and self.manifest.exists()):
             manifest.resume(note)
         return manifest
@@ -110,8 +110,8 @@ class Batch:
         """The bakes to be done here: all, or those of the part."""
         if not self.part:
             return list(self.bakes)
-        owners = dealt([_size(bake.mesh) for bake in self.bakes], self.part[1])
-        return [bake for bake, owner in zip(self.bakes, owners, strict=True) if owner == self.part[0]]
+        shards = assign_shards([_size(bake.mesh) for bake in self.bakes], self.part[1])
+        return [bake for bake, shard in zip(self.bakes, shards, strict=True) if shard == self.part[0]]
 
     def _bake_all(self, manifest: Manifest, falloff: ao.Falloff, session: ClusterSession | None) -> None:
         bakes = self._own()
@@ -190,8 +190,8 @@ def _read_by(bake: MeshBake) -> list[Path]:
 def _identity(path: Path) -> object:
     """What differs after a file is replaced."""
     try:
-        found = path.stat()
-        return found.st_ino, found.st_mtime_ns
+        status = path.stat()
+        return status.st_ino, status.st_mtime_ns
     except (OSError, ValueError):
         return None
 

@@ -195,8 +195,8 @@ def _json_lines(unit: str, start: float) -> Advance:
         if done < total and now - last < _EVERY:
             return
         last = now
-        about = {"event": "progress", "unit": unit, "done": done, "total": total, "seconds": round(now - start, 3)}
-        print(json.dumps(about), file=sys.stderr, flush=True)
+        event = {"event": "progress", "unit": unit, "done": done, "total": total, "seconds": round(now - start, 3)}
+        print(json.dumps(event), file=sys.stderr, flush=True)
 
     return advance
 

@@ -22,7 +22,7 @@ def expand(given: Iterable[Path]) -> list[Path]:
     Raises:
         OptionError: a folder, or a pattern that matches nothing.
     """
-    found: dict[str, Path] = {}
+    paths: dict[str, Path] = {}
     for path in given:
         if os.path.isdir(path):
             raise OptionError("mesh", "mesh files", f"{path}, a folder", nearest=_pattern_in(path))
@@ -32,8 +32,8 @@ def expand(given: Iterable[Path]) -> list[Path]:
             if not matches:
                 raise OptionError("mesh", "a pattern that matches files", f"{path}, which matches none")
         for match in matches:
-            found.setdefault(os.path.realpath(match), match)
-    return list(found.values())
+            paths.setdefault(os.path.realpath(match), match)
+    return list(paths.values())
 
 
 def is_pattern(path: Path) -> bool:

@@ -87,35 +87,35 @@ class Manifest:
         entries = [asdict(entry) for entry in self.entries]
         write_json(self.path, {"manifest_version": VERSION, **counts, **self._about, "inputs": entries})
 
-    def resume(self, tell: Callable[[str], object]) -> None:
+    def resume(self, notify: Callable[[str], object]) -> None:
         """Take over what the file on disk says is done, of the same bytes with the same options and versions.
 
         Outputs that are gone or have other bytes than were written, and inputs that have changed, are not done.
 
-        Args: tell: called with a line for the user where nothing can be taken over.
+        Args: notify: called with a line for the user where nothing can be taken over.
 
         Raises: InputError: the file cannot be read, or is no manifest of this version.
         """
         try:
             stored = json.loads(self.path.read_bytes())
-            version, about = stored["manifest_version"], {name: stored[name] for name in self._about}
+            version, facts = stored["manifest_version"], {name: stored[name] for name in self._about}
             done = {each["input"]: Entry(**each) for each in stored["inputs"] if each["status"] == "done"}
         except FileNotFoundError:
-            tell(f"{self.path}: nothing to resume; starting from the beginning")
+            notify(f"{self.path}: nothing to resume; starting from the beginning")
             return
         except (OSError, ValueError, KeyError, TypeError, AttributeError):
-            version, about, done = None, {}, {}
+            version, facts, done = None, {}, {}
         if version != VERSION:
             got = "something else" if version is None else f"one of version {version}"
             raise InputError(self.path, "manifest_version", f"a manifest of version {VERSION}", got)
-        if about != self._about:
-            tell(f"{self.path}: of other options or another version; starting from the beginning")
+        if facts != self._about:
+            notify(f"{self.path}: of other options or another version; starting from the beginning")
             return
         for place, entry in enumerate(self.entries):
-            found = done.get(entry.input)
-            same = found and found.written and (found.output, found.sha256) == (entry.output, entry.sha256)
-            if found and same and digest([Path(entry.output)]) == found.written:
-                self.entries[place] = found
+            earlier = done.get(entry.input)
+            same = earlier and earlier.written and (earlier.output, earlier.sha256) == (entry.output, entry.sha256)
+            if earlier and same and digest([Path(entry.output)]) == earlier.written:
+                self.entries[place] = earlier
 
 
 def part_manifest(number: int, of: int) -> str:
@@ -123,13 +123,13 @@ def part_manifest(number: int, of: int) -> str:
     return f"manifest-{number:0{len(str(of))}}-of-{of}.json"
 
 
-def dealt(sizes: Sequence[int], of: int) -> list[int]:
-    """Which of the parts 1 to `of` bakes each mesh: the largest first, each to who has the least to do yet."""
-    owners, loads = [0] * len(sizes), [(0, part) for part in range(1, of + 1)]
+def assign_shards(sizes: Sequence[int], of: int) -> list[int]:
+    """The shard, 1 to `of`, of each mesh: the largest first, each to the shard with the least work so far."""
+    shards, loads = [0] * len(sizes), [(0, part) for part in range(1, of + 1)]
     for place in sorted(range(len(sizes)), key=lambda place: -sizes[place]):
-        load, owners[place] = heapq.heappop(loads)
-        heapq.heappush(loads, (load + sizes[place] + 1, owners[place]))
-    return owners
+        load, shards[place] = heapq.heappop(loads)
+        heapq.heappush(loads, (load + sizes[place] + 1, shards[place]))
+    return shards
 
 
 def is_batch_of_parts(folder: Path) -> bool:
@@ -165,8 +165,8 @@ def merge_batch(folder: Path) -> Manifest:
     for name in first["part"]["inputs"]:
         if name not in entries:  # the parts saw files of other sizes
             raise InputError(folder, "inputs", f"{name} in one of the parts", "none that has it")
-    about = {name: first[name] for name in ("options", "versions")}
-    manifest = Manifest(folder / MANIFEST, [entries[name] for name in first["part"]["inputs"]], about)
+    facts = {name: first[name] for name in ("options", "versions")}
+    manifest = Manifest(folder / MANIFEST, [entries[name] for name in first["part"]["inputs"]], facts)
     manifest.write()
     return manifest
 

@@ -18,7 +18,7 @@ import numpy as np
 
 from raytrace.types import Int64s
 
-from .bake import MeshBake, Outcome, bake_one, told_shortfalls
+from .bake import MeshBake, Outcome, bake_one, silence_tolerance_warnings
 from .console import unprinted_warnings
 
 if TYPE_CHECKING:
@@ -86,7 +86,7 @@ class WholeBakes:
         def write(first: int, last: int) -> None:
             for row in range(first, last):
                 bake = scene.bakes[self.numbers[row]]
-                with unprinted_warnings(), told_shortfalls():
+                with unprinted_warnings(), silence_tolerance_warnings():
                     outcomes[row] = asdict(bake_one(bake, scene.falloff, 1, scene.resume))
 
         return write

@@ -73,8 +73,8 @@ def part_numbers(text: str) -> tuple[int, int]:
     """K and N of `--part` K/N. Raises: OptionError: it is not two such numbers."""
     from raytrace.errors import OptionError
 
-    found = re.fullmatch(r"(\d{1,6})/(\d{1,6})", text)
-    number, of = map(int, found.groups()) if found else (0, 0)
+    match = re.fullmatch(r"(\d{1,6})/(\d{1,6})", text)
+    number, of = map(int, match.groups()) if match else (0, 0)
     if not 1 <= number <= of:
         raise OptionError("part", "K/N, the K-th of N parts, at most 999999, such as 3/16", repr(text))
     return number, of

@@ -58,8 +58,8 @@ def tiles_command(options: dict[str, Any]) -> TilesCommand:
     """
     from raytrace.errors import ConflictError, OptionError
 
-    found = re.fullmatch(r"(\d{1,3})x(\d{1,3})x(\d{1,3})", options["tiles"])
-    grid = tuple(map(int, found.groups())) if found else ()
+    match = re.fullmatch(r"(\d{1,3})x(\d{1,3})x(\d{1,3})", options["tiles"])
+    grid = tuple(map(int, match.groups())) if match else ()
     if len(grid) != 3 or 0 in grid:
         raise OptionError("tiles", "how many along x, y and z, such as 2x2x2", repr(options["tiles"]))
     endless = options["max_distance"].strip().lower() in ("inf", "+inf", "infinity")

@@ -130,9 +130,9 @@ def test_the_same_bytes_for_any_number_of_threads_and_after_an_interruption(tmp_
     coarse, fine, path = Mesh(*hills(40)), Mesh(*hills(80)), tmp_path / "w.partial"
     options = {"high": fine, "cage": "10%", "samples": 512}
     whole = bits(ao.bake(coarse, **options, threads=1))
-    with pytest.raises(Stopped), Checkpoint(path, after=0, every=0, tell=lambda _: None) as checkpoint:
+    with pytest.raises(Stopped), Checkpoint(path, after=0, every=0, notify=lambda _: None) as checkpoint:
         ao.bake(coarse, **options, checkpoint=checkpoint, progress=stop)
-    with Checkpoint(path, resume=True, after=0, every=0, tell=lambda _: None) as checkpoint:
+    with Checkpoint(path, resume=True, after=0, every=0, notify=lambda _: None) as checkpoint:
         assert bits(ao.bake(coarse, **options, threads=3, checkpoint=checkpoint)) == whole
     assert not path.exists()
 

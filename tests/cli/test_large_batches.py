@@ -10,7 +10,7 @@ from mesh_files import obj
 from meshes import hills
 
 from ao.falloff import Binary
-from scenes.jobs.manifest import dealt
+from scenes.jobs.manifest import assign_shards
 from scenes.jobs.remote import SharedBakes
 from scenes.jobs.run import bake_command
 
@@ -84,9 +84,9 @@ def test_files_that_a_worker_does_not_see_are_named(folder):
 @pytest.mark.parametrize("of", [1, 2, 7])
 def test_meshes_are_dealt_by_size(of):
     sizes = [5, 1, 0, 9, 4, 4, 3]
-    owners = dealt(sizes, of)
-    loads = [sum(size for size, owner in zip(sizes, owners, strict=True) if owner == part + 1) for part in range(of)]
-    assert set(owners) == set(range(1, of + 1))
+    shards = assign_shards(sizes, of)
+    loads = [sum(size for size, shard in zip(sizes, shards, strict=True) if shard == part + 1) for part in range(of)]
+    assert set(shards) == set(range(1, of + 1))
     assert max(loads) - min(loads) <= max(sizes)
     assert sum(loads) == 26
 

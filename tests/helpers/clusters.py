@@ -104,11 +104,11 @@ def small_blocks(monkeypatch):
     monkeypatch.setattr("ao.cluster.dispatch._LEAST_SECONDS", 0.02)
 
 
-def bake_on(address, make, path, tell=pytest.fail, progress=None, **settings):
+def bake_on(address, make, path, notify=pytest.fail, progress=None, **settings):
     """What `make` makes with a cluster, and what that handed out."""
     with (
-        ClusterSession(address, path.parent, path.stem, tell) as session,
-        ClusterCheckpoint(path, session, tell=tell, **settings) as checkpoint,
+        ClusterSession(address, path.parent, path.stem, notify) as session,
+        ClusterCheckpoint(path, session, notify=notify, **settings) as checkpoint,
     ):
         return make(checkpoint=checkpoint, progress=progress), session.cluster.dispatch
 

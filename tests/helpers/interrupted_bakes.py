@@ -16,16 +16,16 @@ class Stopped(Exception):
     pass
 
 
-def bake(path, tell=None, stop=None, options=OPTIONS, make=ao.bake, **settings):
+def bake(path, notify=None, stop=None, options=OPTIONS, make=ao.bake, **settings):
     """Bake `MESH` with a journal at `path`; `stop` is the fraction of the rays after which it fails."""
-    messages = [] if tell is None else tell
+    messages = [] if notify is None else notify
 
     def progress(done, total):
         if stop is not None and done >= stop * total:
             raise Stopped
 
     settings = {"after": 0, "every": 0} | settings
-    with Checkpoint(path, tell=messages.append, **settings) as checkpoint:
+    with Checkpoint(path, notify=messages.append, **settings) as checkpoint:
         return make(MESH, checkpoint=checkpoint, progress=progress, **options)
 
 

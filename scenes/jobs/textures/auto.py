@@ -54,10 +54,10 @@ class AutoCommand(BakeCommand):
         options = {name: value for name, value in self.arguments().items() if name != "method"}
         with progress(self.quiet, "rays", form=self.progress) as (advance,):
             try:
-                found = coordinates(source, "0", _SIZE, None, True)
-                pages = pages_of(source, found, self.output, False, self.threads)
+                layout = coordinates(source, "0", _SIZE, None, True)
+                pages = pages_of(source, layout, self.output, False, self.threads)
                 return [
-                    ao.bake_texture(source.mesh, page.uv, found.size, falloff, progress=advance, **options)
+                    ao.bake_texture(source.mesh, page.uv, layout.size, falloff, progress=advance, **options)
                     for page in pages
                 ]
             except MeshError:  # no face has an area on the page
@@ -76,6 +76,6 @@ def _shown(baked: ao.Bake, textures: list[ao.BakedTexture]) -> Interpolation | N
         return None
     values = np.einsum("ki,ki->k", checked.weights, baked.w[baked.mesh.faces[checked.faces]])
     for texture in textures:
-        found = texture.at(checked.faces, checked.weights)
-        values = np.where(np.isnan(found), values, found)
+        shown = texture.at(checked.faces, checked.weights)
+        values = np.where(np.isnan(shown), values, shown)
     return checked.of_others(values)

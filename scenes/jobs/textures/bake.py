@@ -95,29 +95,29 @@ class TextureCommand(MeshBake):
             [*source.notes, *(fine.notes if fine else ()), *lacking(source, found.uv, glb)],
             falloff,
         )
-        made: list[Baked] = []
+        bakes: list[Baked] = []
         with ExitStack() as kept:
             for page in pages:
                 with ExitStack() as own:
                     keep = kept if glb and not self.open_checkpoint else own  # until the .glb is written
-                    baked, more = self._bake_page((source, fine), page, found, falloff, (len(pages), len(made), keep))
+                    baked, more = self._bake_page((source, fine), page, found, falloff, (len(pages), len(bakes), keep))
                     begun = time.perf_counter()
                     self._write_images(baked, page)
                     seconds = {"load": loaded, "write": time.perf_counter() - begun}
-                made.append(Baked(self._title(page), baked, seconds, [*warnings, *more]))
+                bakes.append(Baked(self._title(page), baked, seconds, [*warnings, *more]))
                 if not glb:
-                    summary = texture_summary(baked, made[-1].title) + alpha_summary((fine or source).mesh)
-                    yield Written(summary, made[-1].warnings)
+                    summary = texture_summary(baked, bakes[-1].title) + alpha_summary((fine or source).mesh)
+                    yield Written(summary, bakes[-1].warnings)
             if glb:
                 begun = time.perf_counter()
-                lines = self._write_glb(glb, (source, fine), [each.baked for each in made], falloff)
-                made[-1].warnings.extend(lines)
-                made[-1].seconds["write"] += time.perf_counter() - begun
-                summary = "\n".join(texture_summary(each.baked, each.title) for each in made)
+                lines = self._write_glb(glb, (source, fine), [each.baked for each in bakes], falloff)
+                bakes[-1].warnings.extend(lines)
+                bakes[-1].seconds["write"] += time.perf_counter() - begun
+                summary = "\n".join(texture_summary(each.baked, each.title) for each in bakes)
                 summary += alpha_summary((fine or source).mesh)
-                yield Written(summary, list(dict.fromkeys(line for each in made for line in each.warnings)))
+                yield Written(summary, list(dict.fromkeys(line for each in bakes for line in each.warnings)))
         if self.report:
-            self._write_report(made, inputs, source.mesh)
+            self._write_report(bakes, inputs, source.mesh)
 
     def check_own(self) -> None:
         from ao.texture.uv_layout import page_size

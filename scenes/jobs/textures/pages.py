@@ -110,22 +110,22 @@ def pages_of(source: MeshFile, found: Coordinates, output: Path, mixed: bool, th
         whole = Page(found.uv, words={MATERIAL: "all"})
         clashes = {} if mixed else layouts.clashes(whole, found.size, threads)
         sets = layouts.sets(clashes) if clashes else []
-        made = [Page(_only(found.uv, mask), name=name, words={MATERIAL: name}) for name, mask in sets]
-        return [page for page in made if on_page(page.uv).any()] or [whole]
-    made = []
+        pages = [Page(_only(found.uv, mask), name=name, words={MATERIAL: name}) for name, mask in sets]
+        return [page for page in pages if on_page(page.uv).any()] or [whole]
+    pages = []
     for words, mask in _groups(layouts.all, output, len(source.mesh.faces)):
         uv = _only(found.uv, mask)
         shown = uv[on_page(uv)]
         if UDIM in output.name and len(shown):
             tiles = udim_tiles(shown, source.path)
-            made += [Page(uv - tile, False, words=words | {UDIM: tile_number(tile)}) for tile in tiles]
+            pages += [Page(uv - tile, False, words=words | {UDIM: tile_number(tile)}) for tile in tiles]
         elif len(shown):
-            made.append(Page(uv, words=words))
-    for page in () if mixed else made:
+            pages.append(Page(uv, words=words))
+    for page in () if mixed else pages:
         clashes = layouts.clashes(page, found.size, threads)
         if clashes:
             raise _refusal(source, layouts, clashes, page.path(output))
-    return made
+    return pages
 
 
 def _groups(all_pieces: Sequence[Piece], output: Path, count: int) -> list[tuple[dict[str, str], Bools]]:

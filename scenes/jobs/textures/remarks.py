@@ -46,8 +46,8 @@ def lacking(source: MeshFile, uv: Float64s, glb: Path | None) -> list[str]:
     without = ~on_page(uv)
     if not without.any():
         return []
-    found = [piece for piece in pieces(source) if without[piece.faces].any()]
-    names = list(dict.fromkeys(f"{piece.object.name} ({piece.material.name})" for piece in found))
+    without_uv = [piece for piece in pieces(source) if without[piece.faces].any()]
+    names = list(dict.fromkeys(f"{piece.object.name} ({piece.material.name})" for piece in without_uv))
     more = f" and {len(names) - _LISTED:,} more" if len(names) > _LISTED else ""
     instead = "show w of their vertices" if glb else "get no texels"
     what = f"{without.sum():,} faces, of {', '.join(names[:_LISTED])}{more}, have no texture coordinates and {instead}"

@@ -47,10 +47,10 @@ def unwrap(mesh: Mesh | Any, size: int = 1024) -> Float64s:
         atlas = uvunwrap.generate([given], page_size=size, padding=_PADDING)
     except Exception as reason:
         raise MeshError(mesh.source, "faces", "a mesh that uvunwrap can unwrap", reason) from None
-    made = np.asarray(atlas.meshes[0].corner_uvs, np.float64).reshape(-1, 3, 2)
+    uv = np.asarray(atlas.meshes[0].corner_uvs, np.float64).reshape(-1, 3, 2)
     if atlas.page_count > 1:
         got = f"{atlas.page_count} pages of {size} texels; a larger --size may do"
         raise MeshError(mesh.source, "faces", "a mesh that uvunwrap can unwrap to one page", got)
-    if atlas.page_count != 1 or len(made) != len(mesh.faces) or not np.isfinite(made).all():
+    if atlas.page_count != 1 or len(uv) != len(mesh.faces) or not np.isfinite(uv).all():
         raise MeshError(mesh.source, "faces", "a mesh that uvunwrap can unwrap", f"{atlas!r}")
-    return made
+    return uv

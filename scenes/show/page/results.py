@@ -72,16 +72,16 @@ def _textures(source: MeshFile | None) -> TexturedW | None:
         return None
     asset, count = source.gltf, len(source.mesh.vertices)
     uv, of = np.zeros((count, 2)), np.full(count, -1)
-    found: dict[tuple[Texture, float], int] = {}
+    numbers: dict[tuple[Texture, float], int] = {}
     with mesh_errors(asset.path):
         textures = Textures(asset)
         for piece, part in zip(asset.drawn, source.parts, strict=True):
             used = textures.of_occlusion(piece.primitive)
             if used and not is_ramp(asset.header, piece.primitive.material):
                 uv[part.vertices] = used[0] * (1, -1) + (0, 1)
-                of[part.vertices] = found.setdefault(used[1:], len(found))
-        images = [_codes(*each) for each in found]
-    return TexturedW(uv, of, images, [texture.wrap for texture, _ in found]) if found else None
+                of[part.vertices] = numbers.setdefault(used[1:], len(numbers))
+        images = [_codes(*each) for each in numbers]
+    return TexturedW(uv, of, images, [texture.wrap for texture, _ in numbers]) if numbers else None
 
 
 def _codes(texture: Texture, strength: float) -> UInt8s:

@@ -46,16 +46,16 @@ def html_report(report: Report, pictures: Sequence[Sequence[Picture]]) -> bytes:
 
 
 def _verdict(report: Report) -> str:
-    found = report["verdict"]
+    facts = report["verdict"]
     rows = "".join(
         f'<li class="{each["level"]}">{_text(each["what"])}'
         + (f"<p>{_text(each['do'])}</p>" if each["do"] else "")
         + "</li>"
-        for each in found["findings"]
+        for each in facts["findings"]
     )
-    notes = sum(each["level"] == "note" for each in found["findings"])
-    word = "Look at this first" if not found["good"] else f"Done, with {notes} to note" if notes > 0 else "All is well"
-    mark = "bad" if not found["good"] else "note" if notes else "good"
+    notes = sum(each["level"] == "note" for each in facts["findings"])
+    word = "Look at this first" if not facts["good"] else f"Done, with {notes} to note" if notes > 0 else "All is well"
+    mark = "bad" if not facts["good"] else "note" if notes else "good"
     return f'<section class="verdict {mark}"><h2>{word}</h2><ul>{rows}</ul></section>'
 
 
@@ -86,20 +86,20 @@ def _values(report: Report) -> str:
 
 
 def _calibration(report: Report) -> str:
-    found = report.get("error_calibration")
-    if not found:
+    calibrated = report.get("error_calibration")
+    if not calibrated:
         return ""
-    points, estimated, measured = (number(found[name]) for name in ("points", "estimated", "measured"))
+    points, estimated, measured = (number(calibrated[name]) for name in ("points", "estimated", "measured"))
     text = (
         f"{points} points were baked twice: their errors were estimated as {estimated} and measured as {measured}, root"
         " mean squares. This has set the level of all estimates."
     )
-    if not found["groups"]:
+    if not calibrated["groups"]:
         return _section("Are the errors right?", f"<p>{text}</p>")
     text += (
         " Whether they are larger where errors are larger shows below, for groups of points: both agree on the line."
     )
-    chart = f'<figure class="calibration">{calibration(found["groups"])}</figure>'
+    chart = f'<figure class="calibration">{calibration(calibrated["groups"])}</figure>'
     return _section("Are the errors right?", f"<p>{text}</p>{chart}")
 
 
@@ -135,8 +135,8 @@ def _flat(options: Mapping[str, Any]) -> dict[str, str]:
 
 
 def _table(rows: Mapping[str, Any]) -> str:
-    found = "".join(f"<tr><th>{_text(name)}</th><td>{_text(value)}</td></tr>" for name, value in rows.items())
-    return f"<table>{found}</table>"
+    cells = "".join(f"<tr><th>{_text(name)}</th><td>{_text(value)}</td></tr>" for name, value in rows.items())
+    return f"<table>{cells}</table>"
 
 
 def _section(title: str, content: str) -> str:

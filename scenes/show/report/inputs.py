@@ -11,10 +11,10 @@ from typing import Any
 
 def hashed(files: Iterable[Path], contents: Mapping[Path, bytes | None] = {}) -> list[dict[str, Any]]:
     """Name, size in bytes and SHA-256 of files, each once. Args: contents: of those that are no files."""
-    found = []
+    rows = []
     for path in dict.fromkeys(files):
         content = contents.get(path)
         with path.open("rb") if content is None else io.BytesIO(content) as file:
             digest = hashlib.file_digest(file, "sha256").hexdigest()
-            found.append({"path": str(path), "bytes": file.seek(0, io.SEEK_END), "sha256": digest})
-    return found
+            rows.append({"path": str(path), "bytes": file.seek(0, io.SEEK_END), "sha256": digest})
+    return rows

@@ -53,13 +53,13 @@ class Finding(NamedTuple):
 def verdict(report: Facts) -> dict[str, Any]:
     """Whether nothing is bad, and the findings, bad ones first; of a report of several pages, of each by its name."""
     pages = report.get("pages", {"": report})
-    found = [
+    findings = [
         each._replace(what=f"{name}: {each.what}") if name else each
         for name, page in pages.items()
         for each in _findings(page)
     ]
-    found = sorted(dict.fromkeys(found), key=lambda each: _LEVELS.index(each.level))
-    return {"good": all(each.level != "bad" for each in found), "findings": [each._asdict() for each in found]}
+    findings = sorted(dict.fromkeys(findings), key=lambda each: _LEVELS.index(each.level))
+    return {"good": all(each.level != "bad" for each in findings), "findings": [each._asdict() for each in findings]}
 
 
 def remedy(warning: str) -> str:

@@ -167,7 +167,7 @@ def test_workers_may_come_late_and_a_lost_scheduler_leaves_a_journal_for_one_pro
         f"{late.scheduler_address}: no workers; waiting for some to join",
         f"{path} keeps the finished part; the same command with --resume continues from it",
     ]
-    with Checkpoint(path, resume=True, tell=pytest.fail) as checkpoint:
+    with Checkpoint(path, resume=True, notify=pytest.fail) as checkpoint:
         assert bits(MEDIUM(checkpoint=checkpoint)) == medium
 
 

@@ -95,7 +95,7 @@ def test_a_coordinator_killed_at_random_moments_is_resumed(tmp_path, small_block
             baked, dispatch = bake_on(resumed_on, LONG, path, resume=True)
             assert dispatch.rows == LONG_ROWS - kept
         else:
-            with Checkpoint(path, resume=True, tell=pytest.fail) as checkpoint:
+            with Checkpoint(path, resume=True, notify=pytest.fail) as checkpoint:
                 baked = LONG(checkpoint=checkpoint)
         assert all_bits(baked) == whole
         assert not path.exists()

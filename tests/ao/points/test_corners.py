@@ -111,10 +111,10 @@ def test_a_bake_interrupted_among_corners_continues_to_the_same_bits(noisy, tmp_
 
     mesh, path = Mesh(*noisy), tmp_path / "w.partial"
     whole = ao.bake(mesh, samples=4096)
-    with pytest.raises(Stopped), Checkpoint(path, after=0, every=0, tell=lambda _: None) as checkpoint:
+    with pytest.raises(Stopped), Checkpoint(path, after=0, every=0, notify=lambda _: None) as checkpoint:
         ao.bake(mesh, samples=4096, checkpoint=checkpoint, progress=stop)
     assert path.exists()
-    with Checkpoint(path, resume=True, after=0, every=0, tell=lambda _: None) as checkpoint:
+    with Checkpoint(path, resume=True, after=0, every=0, notify=lambda _: None) as checkpoint:
         again = ao.bake(mesh, samples=4096, checkpoint=checkpoint)
     for one, other in ((again.w, whole.w), (again.error, whole.error), (again.bent_normals, whole.bent_normals)):
         assert one.tobytes() == other.tobytes()

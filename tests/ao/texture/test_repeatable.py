@@ -44,11 +44,11 @@ def test_an_interrupted_bake_continues_to_the_same_bytes(scene, tmp_path, option
             raise Stopped
 
     path, options = tmp_path / "w.partial", OPTIONS | options
-    with pytest.raises(Stopped), Checkpoint(path, after=0, every=0, tell=lambda _: None) as checkpoint:
+    with pytest.raises(Stopped), Checkpoint(path, after=0, every=0, notify=lambda _: None) as checkpoint:
         ao.bake_texture(*scene, **options, checkpoint=checkpoint, progress=stop)
     assert path.exists()
     first = []
-    with Checkpoint(path, resume=True, after=0, every=0, tell=lambda _: None) as checkpoint:
+    with Checkpoint(path, resume=True, after=0, every=0, notify=lambda _: None) as checkpoint:
         again = ao.bake_texture(*scene, **options, checkpoint=checkpoint, progress=lambda done, _: first.append(done))
     assert bits(again) == bits(ao.bake_texture(*scene, **options))
     assert not path.exists()
@@ -62,7 +62,7 @@ def test_a_journal_of_another_page_is_refused(scene, tmp_path):
         raise Stopped
 
     path = tmp_path / "w.partial"
-    with pytest.raises(Stopped), Checkpoint(path, after=0, every=0, tell=lambda _: None) as checkpoint:
+    with pytest.raises(Stopped), Checkpoint(path, after=0, every=0, notify=lambda _: None) as checkpoint:
         ao.bake_texture(*scene, **OPTIONS, checkpoint=checkpoint, progress=stop)
     with pytest.raises(ValueError, match="another"), Checkpoint(path, resume=True) as checkpoint:
         ao.bake_texture(*scene, **OPTIONS | {"size": 97}, checkpoint=checkpoint)
