@@ -60,8 +60,8 @@ def bake(
         threads: None for all cores.
         normals: hemisphere axes: incident faces weighted by "angle", "area" or "equal", or "file", the mesh's own.
         progress: called with (rays traced, rays in all) as the work goes on.
-        only: bool (n,), the vertices whose w is wanted; the others get 1. None: all. Turns denoising off;
-            hidden ones are filled from those wanted. By the surface method w is fitted over their faces alone.
+        only: bool (n,), the vertices whose w is wanted; elsewhere w is 1. None: all. Turns denoising off;
+            hidden vertices are filled from wanted ones. The surface method fits w over their faces alone.
         tolerance: target root mean square error of w, 1e-5 to 1: ray counts and baked vertices are chosen to meet it,
             the other vertices are predicted from their neighbours. None: every vertex gets `samples` rays. By the
             surface method it is the error of the fitted values.

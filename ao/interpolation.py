@@ -1,4 +1,4 @@
-"""How far interpolation between vertices is from w on the faces, measured where a few rays are traced."""
+"""The error of interpolation between vertices, measured by rays at points on the faces."""
 
 from __future__ import annotations
 

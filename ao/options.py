@@ -102,7 +102,7 @@ class Options(Parameters, kw_only=False, source="options"):
 
     @property
     def identity(self) -> tuple[object, ...]:
-        """Every option that can change a ray; μ, in which lengths are those of the mesh, stands for the falloff."""
+        """Every option that can change a ray; μ, with lengths in mesh units, stands for the falloff."""
         values = {name: value for name, value in vars(self).items() if name not in _NO_RAYS}
         only = None if self.only is None else np.packbits(self.only).tobytes()
         return tuple((values | {"samples": self.rays, "only": only}).items())

@@ -28,7 +28,7 @@ class Prepared:
 
     Attributes:
         mesh: what is baked. options: checked. mu: the falloff, in mesh units. placement: of the mesh in render space.
-        receivers: of all vertices. wanted: of those in `options.only`; the same object if that is None.
+        receivers: of all vertices. wanted: of the vertices in `options.only`; the same object if that is None.
         progress: called with (rays traced, rays in all), or None. checkpoint: begun, or None.
     """
 
@@ -60,12 +60,12 @@ class Prepared:
 
     @property
     def scene(self) -> RayScene:
-        """What rays are traced in."""
+        """The scene that rays are traced in."""
         receivers = self.receivers
         return RayScene(self.placement.vertices, receivers.faces, receivers.tree, receivers.embree, receivers.opacity)
 
     def tracer(self, total_points: int) -> Tracer:
-        """What gathers hemispheres at up to `total_points` points; of a mesh, all of them, whichever are wanted."""
+        """A tracer of up to `total_points` points, for a mesh all of its points, wanted or not."""
         options, placement, receivers = self.options, self.placement, self.receivers
         mu = self.mu.in_render_space(placement.scale)
         t_max = min(mu.limit, placement.diagonal)
@@ -74,7 +74,7 @@ class Prepared:
 
     @property
     def target(self) -> Target:
-        """What is asked for at the points that are wanted."""
+        """The target of the wanted points."""
         options = self.options
         return Target(options.rays, options.tolerance, options.denoise and options.only is None, self.key)
 

@@ -79,7 +79,7 @@ def calibration_facts(calibration: Calibration | None) -> dict[str, Any] | None:
 
 
 def _of_vertices(bake: Bake) -> dict[str, Any]:
-    """How many vertices carry each flag, and the first of them; the error between the vertices."""
+    """The number of vertices with each flag, and the first of them; the error between the vertices."""
     between = bake.interpolation
     rows = {str(flag.name).lower(): np.flatnonzero(bake.flags & flag)[:LISTED].tolist() for flag in Flag}
     return {

@@ -23,7 +23,7 @@ _REASONS = "duplicate", "no_normal", "not_wanted", "below_face", "predicted", "h
 
 
 class Interpolation(NamedTuple):
-    """How w interpolated between vertices differs from w on the faces, at k points spread evenly over them.
+    """The error of w interpolated between vertices, at k points spread evenly over the faces.
 
     Attributes:
         rmse: over the surface, without the noise of either. at_least: the same less two standard errors.
@@ -100,7 +100,7 @@ class Bake:
         return f"<Bake of {len(self.w):,} vertices: {range_}, RMSE {self.rmse:.2g}, {self.rays:,} rays>"
 
     def _repr_html_(self) -> str | None:
-        """What notebooks show where a package offers HTML for it: entry points of the group `obscurance.html`."""
+        """HTML for notebooks, by a package with an entry point of the group `obscurance.html`."""
         from importlib.metadata import entry_points
 
         for offer in entry_points(group="obscurance.html"):
@@ -109,7 +109,7 @@ class Bake:
         return None
 
     def _repr_png_(self) -> bytes:
-        """What notebooks show otherwise: w on the mesh."""
+        """A picture for notebooks: w on the mesh."""
         from .picture import bake_png
 
         return bake_png(self.mesh, self.w)
@@ -128,7 +128,7 @@ class Bake:
 
 @dataclass(frozen=True, eq=False)
 class PointValues:
-    """What a method finds at the k points of `Prepared.wanted`.
+    """Values at the k points of `Prepared.wanted`.
 
     Attributes:
         w: float64 (k,), in [0, 1]. error: float64 (k,), its standard error. bent: float64 (k, 3), mean of μ·direction.

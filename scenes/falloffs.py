@@ -33,7 +33,7 @@ def make_falloff(
     max_distance: Length | None = None,
     locate: Callable[[str], Path] = Path,
 ) -> ao.Falloff:
-    """The falloff that the options of these names describe; `locate` finds the file of "table:FILE".
+    """The falloff of these options; `locate` finds the file of "table:FILE".
 
     Raises:
         OptionError: they are out of range or don't go together. InputError: the file is no table of μ.

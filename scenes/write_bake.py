@@ -56,7 +56,7 @@ def write(
       a PLY (`scenes.formats.ply.write.ply`). Coordinates are float where that loses nothing, double otherwise.
     - `.glb`: `_OBSCURANCE` (`scenes.formats.glb.write.glb`), and what viewers show: a ramp or colours.
     - `.html`: a page for a browser, everything in it (`scenes.show.page.document`).
-    - `.png` `.exr` `.tif`, of a texture: w, linear, PNG of 16 bits, others float32.
+    - `.png` `.exr` `.tif`, of a texture: w, linear, PNG of 16 bits, else float32.
 
     Of textures a `.glb` has each as the occlusion texture of the faces that it is for (`textured_glb.textured_glb`).
 
@@ -143,7 +143,7 @@ def channels(
     replace_occlusion: bool,
     up: str | None = None,
 ) -> Channels:
-    """Where `write` puts w for viewers. Raises: OptionError: options that exclude each other, or the ending."""
+    """The channels of w for viewers. Raises: OptionError: options that exclude each other, or the ending."""
     ending = Path(path).suffix.lower()
     if colors and "colors" not in format_of(path).holds:
         raise ConflictError("colors", "needs", "a .glb or .ply output")

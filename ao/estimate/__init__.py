@@ -1,1 +1,1 @@
-"""Values of points: rays as many as given or as a tolerance needs, denoising, upsampling, interior points."""
+"""Values of points: by a number of rays or to a tolerance, denoising, upsampling, interior points."""

@@ -1,4 +1,4 @@
-"""How well a bake knows its errors: what it expects where independent rays measure them."""
+"""Calibration of a bake's errors: expected errors beside errors that independent rays measure."""
 
 from __future__ import annotations
 

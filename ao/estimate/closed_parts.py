@@ -67,9 +67,9 @@ def _add_volumes(vertices, faces, part, volume):
 
 @kernel
 def _strike_open(corners, edges, starts, part, closed):
-    """Take those parts out of `closed` that have an edge along which more faces run one way than the other.
+    """Unset `closed` of parts that have an edge along which more faces run one way than the other.
 
-    Args: edges: those with lower end i are edges[starts[i] : starts[i + 1]]; 3 f + k begins at corners[f, k].
+    Args: edges: edges[starts[i] : starts[i + 1]] have the lower end i; edge 3 f + k begins at corners[f, k].
     """
     balance = np.zeros(len(part), np.int64)
     for i in range(len(part)):

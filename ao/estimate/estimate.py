@@ -31,7 +31,7 @@ from .probes import derive
 from .tolerance import Estimate, estimate_to
 
 NeighboursOf = Callable[[Int64s], Neighbours]
-"""From rows of points (k,), ascending, the neighbours of these points, numbered in that order."""
+"""From rows of points (k,), ascending, their neighbours among each other, numbered in that order."""
 
 
 class Target(NamedTuple):

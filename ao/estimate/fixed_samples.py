@@ -27,7 +27,7 @@ _CORNER_SHARE_DENOISED = 3  # where the points are denoised
 
 
 class TracedTwice(NamedTuple):
-    """What rays have found at points, some of which were traced twice to calibrate the error.
+    """Traced points, some of them traced twice to calibrate the error.
 
     Attributes:
         rows: float64 (k, COLUMNS). samples: rays of each. calibration: int64 (c,), the points that were traced twice.

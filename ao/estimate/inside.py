@@ -1,4 +1,4 @@
-"""Vertices inside a solid: those that see the backs of faces, where the faces of closed solids look outwards."""
+"""Vertices inside a solid: they see the backs of faces, where the faces of closed solids look outwards."""
 
 from __future__ import annotations
 
@@ -49,8 +49,8 @@ def inside_solids(
     """The points (k,) that are inside a solid as the option `interior` defines it.
 
     Args:
-        vertex: (k,), one of the mesh that `receivers` are of, in the part that each point belongs to.
-        total_points: points of the whole mesh if these are some of them.
+        vertex: (k,), a vertex of the part that each point belongs to.
+        total_points: of the whole mesh; None: k.
     """
     inside = np.zeros(len(points), np.bool_)
     total = len(points) if total_points is None else total_points
@@ -78,7 +78,7 @@ def _any_back(receivers: Receivers, count: int) -> Solids:
 
 
 def _closed_parts(vertices: Float32s, receivers: Receivers) -> tuple[Int64s, Bools]:
-    """`closed_parts`, of which those are open that have faces with alpha."""
+    """`closed_parts`; parts that have faces with alpha are open."""
     part, closed = closed_parts(vertices, receivers.faces)
     if receivers.opacity:
         closed[part[receivers.faces[receivers.opacity.of >= 0]]] = False
@@ -90,7 +90,7 @@ def _hidden_points(
 ) -> Bools:
     """Whether each point is hidden (k,): more than half of its `RAYS` rays end on the back of a face.
 
-    Every bake of a mesh says the same, whatever its seed and whichever vertices it is asked for.
+    Every bake of a mesh agrees, whatever its seed and whichever vertices it is asked for.
     """
     scene, reach = receivers.embree(), placement.diagonal
     table = DirectionTable.make(RAYS, total_points, _KEY)

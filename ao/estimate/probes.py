@@ -47,16 +47,16 @@ class Probes:
         self.variance = sampling_variance(self.raw[:, W], self.other, self.samples)
 
     def squared(self, w: Float64s, baked: Bools) -> Float64s:
-        """Unbiased squared error (j,) of `w` (j,), what all points' estimates make of the probed ones.
+        """Unbiased squared error (j,) of `w` (j,) at the probes.
 
-        Args: baked: (j,), which of them have a part in it themselves.
+        Args: baked: (j,), probes whose own estimate is part of `w`.
         """
         own = (w - self.other) ** 2 - (self.raw[:, W] - self.other) ** 2 / 2
         return np.where(baked, own, (w - self.raw[:, W]) * (w - self.other))
 
 
 def derive(key: np.uint32, salt: int) -> np.uint32:
-    """Another key, for rays independent of those of `key`."""
+    """A key of directions that are independent of the directions of `key`."""
     return mix_array(mix_array([salt]) ^ key)[0]
 
 

@@ -18,7 +18,7 @@ HALVED = 1.2  # by what the error of predictions falls when the stride is halved
 MET = 1.1  # times the goal is near enough
 ADDED = 0.7  # of the goal at most, the squared error of points that are baked later
 _BISECTIONS = 12  # of the range of multipliers
-_DEEPER = np.array([0, 0.25, 0.35, 0.5, 0.7, 1, 1.4, 2, 2.8, 4, 8, 16, 32])  # times as many rays more, to choose from
+_DEEPER = np.array([0, 0.25, 0.35, 0.5, 0.7, 1, 1.4, 2, 2.8, 4, 8, 16, 32])  # rays added, times the rays so far
 
 
 class Cells(NamedTuple):

@@ -1,4 +1,4 @@
-"""The number of rays a point that a tolerance needs, estimated from some points and their neighbours baked twice."""
+"""Rays a point for a tolerance, planned from pilots: points that are baked twice with their neighbours."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ def plan(tracer: Tracer, points: Points, neighbours: Neighbours, pilots: Pilots,
 
 
 def work(rays: float) -> float:
-    """Time that so many rays of one point take, in proportion."""
+    """Time of `rays` rays of one point, relative."""
     return float(rays**_WORK)
 
 
@@ -69,11 +69,11 @@ def sampling_variance(first: Float64s, second: Float64s, rays: int) -> float:
 
 
 def denoised_error(variance: float, error: float, lessened: float) -> float:
-    """The mean square `error` of denoised estimates of `variance` once that is `lessened` by a factor below 1."""
+    """The mean square `error` of denoised estimates of `variance` after `variance` is multiplied by `lessened` < 1."""
     gained = 1 - error / variance if variance > 0 else 0.0
     if gained <= 0:
         return error * lessened
-    gained_all = max(_GAINED, gained)  # the more so the less rays tell beside predictions, which stay what they are
+    gained_all = max(_GAINED, gained)  # more than that where predictions matter more than rays
     predicted = variance * (gained_all / gained - 1)
     return lessened * variance * (1 - gained_all * lessened * variance / (lessened * variance + predicted))
 

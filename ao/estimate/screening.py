@@ -24,22 +24,22 @@ from .upsampling import coarsened, nearest_baked
 _RAYS = 0.16  # times 1/tolerance: a prediction that is 20 tolerances off differs by 4 to 6 standard deviations
 _OUTLIER, _JUMP = 2.25, 3.25  # standard deviations
 _REACH = 4  # edges over which residuals are averaged; see `Neighbours.smoothed_self_weight`
-_GROUP = 8  # points, about, whose squares are summed, and averaged with those of the groups next to it
+_GROUP = 8  # points, about, whose squares are summed, and averaged with the sums of neighbouring groups
 _MOST = 0.36  # variance of n rays · n^RATE, where w is about one half and all of it is edges
-_TYPICAL = 0.4  # of the mean of expected squared errors in each: few rays cannot tell that there is none
+_TYPICAL = 0.4  # of the mean of expected squared errors in each: few rays cannot show that an error is 0
 _CERTAIN = 1.0  # standard deviations of the excess over σ² that may be chance
 
 
 def screening_samples(tolerance: float, most: int) -> int:
-    """Rays a point, at most as many as a baked one has."""
+    """Screening rays a point, `most` at most."""
     return min(8 * max(round(_RAYS / tolerance / 8), 1), most)
 
 
 class Screening:
-    """Few rays at many points.
+    """Estimates by a few rays at every predicted point.
 
     Attributes:
-        samples: rays a point. screened: bool (k,), which points have them. estimate: float64 (k,), w by them;
+        samples: rays a point. screened: bool (k,), points with such rays. estimate: float64 (k,), w by them;
         variance: (k,), its mean square error.
     """
 
@@ -70,7 +70,7 @@ class Screening:
         (self._count,) = self._sums(np.ones(len(points)))
 
     def _sums(self, *columns: AnyFloats | Bools) -> Float64s:
-        """Sums (c, g) of values (k,) over each group, averaged with those of the groups next to it."""
+        """Sums (c, g) of values (k,) over each group, averaged with the sums of neighbouring groups."""
         sums = (np.bincount(self._group, values, len(self._groups.starts) - 1).astype(np.float64) for values in columns)
         return np.array([self._groups.smooth(each, 1) for each in sums])
 
@@ -92,7 +92,7 @@ class Screening:
         return predicted + change
 
     def outliers(self, predicted: Float64s) -> Bools:
-        """Where estimates (k,) differ from the `predicted` w (k,) by more than chance, and who is joined to a jump."""
+        """Points (k,) where estimates and `predicted` w (k,) differ by more than chance, and neighbours of jumps."""
         squared = (self.estimate - predicted) ** 2 / np.maximum(self.variance, 1e-30)
         jumps = np.where(self.screened & (squared > _JUMP**2), np.float32(1), np.float32(0))
         return (squared > _OUTLIER**2) | (self._neighbours.smooth(jumps, 1) > 0)

@@ -133,7 +133,7 @@ def _local_fits(first, last, columns, moments, fit, part):
 
 @kernel
 def _mean_rises(first, last, starts, indices, origins, normals, out):
-    """The mean sine by which neighbours stand above each point's tangent plane, 0 for those below."""
+    """The mean sine by which neighbours stand above each point's tangent plane; a neighbour below counts as 0."""
     for i in range(first, last):
         out[i] = 0.0
         for k in range(starts[i], starts[i + 1]):

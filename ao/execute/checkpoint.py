@@ -143,7 +143,7 @@ class Checkpoint:
             self._pending.append(record((name, first, last), content))
 
     def status(self) -> str:
-        """What to show beside the progress."""
+        """Text to show beside the progress."""
         return ""
 
     def all_traced(self) -> None:
@@ -182,7 +182,7 @@ class Checkpoint:
             self._give_up(_refused(self.path, reason))
 
     def _give_up(self, reason: OutputError) -> None:
-        """What is done where the journal cannot be written."""
+        """Go on without a journal that cannot be written."""
         self._given_up = True
         self._pending.clear()
         self.notify(f"{reason}; going on without checkpoints")

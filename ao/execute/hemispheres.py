@@ -31,7 +31,7 @@ class Hemispheres:
         points: where. samples: rays of each. key: by which directions are drawn.
         total_points: how many points the whole mesh has, wanted or not.
         mu: the falloff, in render space. t_max: length of rays there.
-        packets_below: fewer rays a point than this are traced by Embree, others walk the tree.
+        packets_below: points with fewer rays are traced by Embree, else by `ao.rays.traverse`.
         leap: how many points share a lattice of directions.
     """
 

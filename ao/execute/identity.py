@@ -1,4 +1,4 @@
-"""What decides the bits of traced rows beside a bake's input: code, libraries and processor."""
+"""The identity of a machine, which decides the bits of traced rows beside the input: code, libraries, processor."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from raytrace.kernel.cache import numba_settings, source_hash
 
 @cache
 def machine() -> dict[str, str]:
-    """What must be equal where rows are to have the same bits, by name.
+    """Facts that must be equal for rows of the same bits, by name.
 
     The C library counts for its sines, and NumPy and Embree choose instructions by what the processor has.
     """

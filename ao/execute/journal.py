@@ -91,7 +91,7 @@ class Journal:
                 os.close(folder)
 
     def content(self, block: Block) -> bytes:
-        """What was recorded of one of `blocks`."""
+        """The recorded content of one of `blocks`."""
         begin, size = self.blocks[block]
         self._file.seek(begin)
         return self._file.read(size)

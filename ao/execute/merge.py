@@ -41,7 +41,7 @@ class PartFile(NamedTuple):
 
     @property
     def facts(self) -> dict[str, str]:
-        """What must be the same in all parts of a bake, by name."""
+        """Facts that must be equal in all parts of a bake, by name."""
         flat = {"number of parts": self.description["of"], "mesh": self.description["mesh digest"]}
         flat |= self.description["options"] | self.description["machine"]
         return {name: str(value) for name, value in flat.items()}

@@ -21,10 +21,10 @@ Progress = Callable[[int, int], None]
 
 @dataclass(eq=False)
 class Tracer:
-    """A scene in which hemispheres are gathered.
+    """Gathers hemispheres in a scene.
 
     Attributes:
-        scene: what is traced. packets_below: fewer rays a point than this are traced by Embree, others walk the tree.
+        scene: what is traced. packets_below: points with fewer rays are traced by Embree, else by `ao.rays.traverse`.
         mu: the falloff, in render space. t_max: length of rays there. threads: how many.
         total_points: how many points the whole mesh has, wanted or not.
         progress: called with (rays traced, rays expected in all). checkpoint: keeps traced rows, or None.
@@ -48,7 +48,7 @@ class Tracer:
         return self._gather(points, samples, key, 1)
 
     def _gather(self, points: Points, samples: int, key: np.uint32, leap: int) -> Float64s:
-        """`gather` by leaped lattices that so many points share, see `DirectionTable`."""
+        """`gather` by leaped lattices, see `DirectionTable`."""
         work = Hemispheres(points, samples, key, self.total_points, self.mu, self.t_max, self.packets_below, leap)
         tables = work.tables()
         filled = self.checkpoint.fill if self.checkpoint else fill
@@ -56,7 +56,7 @@ class Tracer:
         return tables[0]
 
     def all_traced(self) -> None:
-        """Tell the checkpoint that there are no more rays."""
+        """All rays are traced: passed on to the checkpoint."""
         if self.checkpoint:
             self.checkpoint.all_traced()
 

@@ -55,7 +55,7 @@ def solve(
 ) -> Float64s:
     """Solve matrix · x = right, positive semidefinite, by conjugate gradients with Jacobi's preconditioner.
 
-    Args: start: (n,), where to begin. free: bool (n,), the unknowns to solve for; the others keep their start.
+    Args: start: (n,), where to begin. free: bool (n,), the unknowns to solve for; fixed unknowns keep their start.
         tolerance: of the residual, as a part of the right side.
     """
     diagonal = matrix.diagonal()

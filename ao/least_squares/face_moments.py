@@ -95,7 +95,7 @@ def gather_faces(packet, faces, samples, lattices, falloff, reach, moments, coun
     """Gather the moments of n faces.
 
     Args:
-        packet: RayPacket. faces: FaceArrays. samples: Samples, of these faces. lattices: Lattices. falloff: KernelMu.
+        packet: RayPacket. faces: FaceArrays. samples: Samples, of the faces. lattices: Lattices. falloff: KernelMu.
         reach: length of every ray.
         moments: float64 (n, 29), added to: for the even and for the odd samples Σ y² of y = 1 − w, the upper triangle
             of Σ b bᵀ, and Σ b y; for all Σ b ȳ_x, Σ b ȳ_y, Σ b ȳ_z, with ȳ the mean of μ·direction; weighted.

@@ -34,16 +34,16 @@ _SQUARE = 1e-4  # of a rectangle's diagonal
 
 @dataclass(frozen=True, eq=False)
 class Patch:
-    """Faces in render space, in Morton order; those of rectangles also as the other diagonal cuts them, at the end.
+    """Faces in render space, in Morton order; at the end the faces of rectangles again, cut by the other diagonal.
 
-    A fit to both halves of a rectangle raises or lowers the ends of its diagonal, which it would not do to the others.
+    A fit to the two halves of a rectangle alone would raise or lower the ends of its diagonal.
 
     Attributes:
         corners: float64 (m, 3, 3). normals: float64 (m, 3), unit. areas: float64 (m,), above 0.
-        face_points: int32 (m, 3), the unknown at each corner: its row in `Receivers.points`, or one behind those for a
-            vertex without a point.
+        face_points: int32 (m, 3), the unknown at each corner: its row in `Receivers.points`, or a row behind them for
+            a vertex without a point.
         axes: float32 (m, 3, 3), unit normals of the corners' points, or 0.
-        unknowns: how many there are. own: how many of the faces are the mesh's.
+        unknowns: their number. own: number of faces that are the mesh's.
         cover: float64 (m,), the share of each face's area that it stands for: half in rectangles.
     """
 
@@ -72,7 +72,7 @@ class Patch:
         return patch if len(faces) > _COARSE else patch._with_rectangles()
 
     def _with_rectangles(self) -> Patch:
-        """With the other two halves of all that two faces form, which have half the samples of each then."""
+        """With both cuts of every rectangle that two faces form; each cut has half the samples."""
         hinges = find_hinges(self.face_points, self.normals, CREASE, self.unknowns).astype(np.int64)
         first, last = hinges.T
         at, face, corner = self.corners.reshape(-1, 3), first // 3, first % 3
@@ -98,7 +98,7 @@ class Patch:
         )
 
     def part(self, faces: Int64s) -> Patch:
-        """Some of the faces, with unknowns of their own."""
+        """A patch of some faces, with unknowns of their own."""
         own, face_points = np.unique(self.face_points[faces], return_inverse=True)
         local = face_points.reshape(-1, 3).astype(np.int32)
         arrays = self.corners[faces], self.normals[faces], self.areas[faces], local, self.axes[faces]
@@ -110,7 +110,7 @@ class Moments:
     """Moments and counts of faces, as work that any process can do; see `gather_faces`.
 
     Attributes:
-        faces: FaceArrays (m). samples: on these. points: int32 (m, 3), what tells these faces from others.
+        faces: FaceArrays (m). samples: on the faces. points: int32 (m, 3), unknowns, which identify the faces.
         rays: of a sample. count: samples in all. key: of the directions. mu: in render space.
         reach: length of rays there.
     """

@@ -13,11 +13,11 @@ from raytrace.types import Float64s, Int32s
 
 
 class Stencil(NamedTuple):
-    """The pairs of unknowns that meet: those of one face, and those opposite each other at a hinge.
+    """The pairs of unknowns that meet, in one face or opposite each other at a hinge.
 
     Attributes:
         face_points: int32 (m, 3), the unknown at each corner of each face.
-        starts: int32 (n + 1,), others: int32 (z,): unknowns that meet each, itself among them, ascending, as the
+        starts: int32 (n + 1,), indices: int32 (z,): unknowns that meet each, itself among them, ascending, as the
             indptr and indices of a `scipy.sparse.csr_array`.
     """
 
@@ -159,7 +159,7 @@ def _sort_rows(starts, indices):
 
 @inline
 def entry(starts, indices, i, j):
-    """Where row `i` has column `j`, which it must have."""
+    """The place of column `j` in row `i`, which must have it."""
     low, high = starts[i], starts[i + 1] - 1
     while low < high:
         middle = (low + high) // 2

@@ -10,7 +10,7 @@ from raytrace.kernel.jit import inline
 from raytrace.types import Float64s, Int64s
 
 GOLDEN = 0.6180339887498949
-_EVEN = 0.2  # a fifth as many samples again, the same number for every face, so that small ones have some
+_EVEN = 0.2  # a fifth more samples, the same number for every face, so that small faces have some
 
 
 class Samples(NamedTuple):
@@ -43,7 +43,7 @@ class Samples(NamedTuple):
         return cls(shift, ends, starts, share / np.diff(ends))
 
     def of_faces(self, first: int, last: int) -> Samples:
-        """Those on some of the faces."""
+        """The samples on the faces from a first one to a last one."""
         return Samples(self.shift, self.ends[first : last + 1], self.starts[first : last + 1], self.weights[first:last])
 
 

@@ -1,1 +1,1 @@
-"""What is baked: receivers of occlusion, corner samples of folds, Morton order."""
+"""Points to bake: receivers of occlusion, corner samples of folds, Morton order."""

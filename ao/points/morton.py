@@ -23,7 +23,7 @@ def morton_order(points: AnyFloats) -> Int64s:
 
 
 def morton_codes(points: AnyFloats, low: Float64s, high: Float64s) -> UInt32s:
-    """What `morton_order` sorts by, (n,). Args: low, high: (3,), bounds of all points; those `NEAR` count."""
+    """Keys (n,) of `morton_order`. Args: low, high: (3,), bounds of all points, clipped to `NEAR`."""
     low, high = np.clip(low, -NEAR, NEAR), np.clip(high, -NEAR, NEAR)
     extent = float((high - low).max())
     codes = np.empty(len(points), np.uint32)

@@ -29,11 +29,11 @@ _MOST = 8
 
 
 class Layers(NamedTuple):
-    """What r rays of a point have passed.
+    """The layers that r rays of a point have passed.
 
     Attributes:
         opacity: of the tree's faces. counts: int64 (r,), layers of each ray.
-        distances, alphas: float32 (r, l + 1), of these, with a place to sort in.
+        distances, alphas: float32 (r, l + 1), of the layers, with a place to sort in.
     """
 
     opacity: PackedOpacity
@@ -52,7 +52,7 @@ class Layers(NamedTuple):
 
 @inline
 def clear(layers):
-    """Begin with a point."""
+    """Reset the layers for a new point."""
     if layers is not None:
         layers.counts[:] = 0
 
@@ -118,7 +118,7 @@ def _corner(triangles, place, row, origin):
 
 @inline
 def _add(layers, ray, distance, found):
-    """Put a layer in its place; what of the ray goes on behind it, if there is room for one alone."""
+    """Insert a layer; the part of the ray that goes on behind it, if there is room for one layer alone."""
     distances, alphas, place = layers.distances[ray], layers.alphas[ray], layers.counts[ray]
     while place > 0 and distances[place - 1] > distance:
         distances[place], alphas[place] = distances[place - 1], alphas[place - 1]
@@ -137,7 +137,7 @@ def _add(layers, ray, distance, found):
 
 @inline
 def rays_that_met(layers, rays, block, sent, closest):
-    """Of the rays `sent` of a block, bits, those that may have lost something."""
+    """The rays among `sent`, bits of a block, that may be occluded in part or whole."""
     if layers is not None:
         return sent
     return bits(load_row(rays.t_hit, block) < T_MISS) & sent if closest else sent & ~rays.active[block]

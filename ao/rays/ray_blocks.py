@@ -71,7 +71,7 @@ def along(rows, k, count, v):
 
 @inline
 def _turn(rows, first, k, count, frame, out):
-    """Write sixteen vectors of a frame's coordinates, from row `first` on, in those of space."""
+    """Write sixteen vectors, from row `first` on, turned from a frame's coordinates into those of space."""
     x, y, z = load_row(rows, first + k), load_row(rows, first + count + k), load_row(rows, first + 2 * count + k)
     for axis in range(3):
         store_row(out, axis * count + k, x * frame[0][axis] + y * frame[1][axis] + z * frame[2][axis])
@@ -140,7 +140,7 @@ def is_active(rays, ray):
 
 @inline
 def deactivate(rays, block, stopped):
-    """Take rays of a block, bits, out of those that are active."""
+    """Mark the rays `stopped`, bits of a block, as inactive."""
     rays.active[block] &= ~stopped
     if rays.active[block] == 0:
         rays.groups[block // WIDE] &= ~(1 << (block % WIDE))

@@ -1,4 +1,4 @@
-"""What the rays of a bake are traced in: placed faces, in a hierarchy of our own and, when asked for, in Embree."""
+"""The scene of a bake's rays: placed faces in a hierarchy of our own and, when first asked for, in Embree."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ class RayScene:
     Attributes:
         vertices: float32 (n, 3). faces: int64 (m, 3), none degenerate. tree: over these.
         embree: these in Embree, built when it is first called, which must not be on two threads at once.
-        opacity: of these, or None.
+        opacity: of the faces, or None.
     """
 
     vertices: Float32s

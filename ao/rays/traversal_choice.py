@@ -1,4 +1,4 @@
-"""Which way rays are traced: all of a point in one walk, or in packets through Embree.
+"""The choice of a traversal: all rays of a point at once, or packets through Embree.
 
 Where most rays meet something, in halls and piles, few go far: Embree's packets are faster there for few rays
 (docs/benchmarks.md).
@@ -45,12 +45,12 @@ def most_packets(mu: KernelMu) -> int:
 
 
 def tried(count: int) -> Int64s:
-    """Which of `count` points are tried."""
+    """The points, of `count`, that are tried."""
     return np.arange(min(count, _POINTS)) * count // max(min(count, _POINTS), 1)
 
 
 def try_out(tree: BVH16, points: Points, count: int, limit: float, t_max: float) -> Float64s:
-    """How open `points` (k,) are, of `count` that are tried in all."""
+    """Openness of `points` (k,), of `count` that are tried in all."""
     table, out = DirectionTable.make(_RAYS, count, _KEY), np.empty((len(points), COLUMNS))
     binary = KernelMu(0.0, limit, 1.0)
     gather_streams(tree, Rays.of(table), TraversalState.of(tree), points.arrays, table, binary, t_max, out)

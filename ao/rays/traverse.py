@@ -133,7 +133,7 @@ def _push(state, opened, waiting, child, level, first, listed):
 
 @inline
 def _open_children(box, state, origin, normal, lowest_sine, t_max):
-    """Write the bounds of a node's children; bits of those within t_max that rise above the lowest ray."""
+    """Write the bounds of a node's children; bits of the children within t_max that rise above the lowest ray."""
     d, half, gap = _relative(box, origin)
     squared = max(dot(d, d), TINY)
     nearness = reciprocal_root(squared)

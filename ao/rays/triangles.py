@@ -138,7 +138,7 @@ def _pick(rows, first, lane):
 
 @inline
 def _meets(sides, ahead, volume, t_max):
-    """Where rays meet triangles nearer than `t_max`."""
+    """The mask of rays that hit triangles nearer than `t_max`."""
     return (min(min(sides[0], sides[1]), sides[2]) >= ZERO) & (volume < t_max * ahead)
 
 

@@ -76,7 +76,7 @@ def corner_places(uv: Float64s, points: Int64s) -> Int64s:
 
 
 def texel_sizes(uv: Float64s, vertices: Float64s, faces: Int64s, most: float) -> Float64s:
-    """How far a texel reaches (m,) on each face, in render space, at most `most`. Args: uv: as above."""
+    """The size (m,) of a texel on each face, in render space, `most` at most. Args: uv: as above."""
     a, b = uv[:, 1] - uv[:, 0], uv[:, 2] - uv[:, 0]
     page = np.abs(a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0])
     p, q, r = (vertices[faces[:, corner]] for corner in range(3))

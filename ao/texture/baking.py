@@ -63,19 +63,19 @@ def bake_texture(
     """Obscurance w, as `ao.bake` has it, of every texel that shows a part of `mesh`: the mean over that part.
 
     The hemisphere at a point of a face is that of the normal interpolated between the vertices, less what lies below
-    the face. Where points of a texel are inside of solids, the others stand for it.
+    the face. Points of a texel that are inside solids are left out of it.
 
     Args:
         mesh, falloff, seed, threads, normals, progress, traversal, checkpoint: as `ao.bake` has them.
         uv: texture coordinates, v upwards: (n, 2) by vertex or (m, 3, 2) by face and corner. Faces for which they are
-            NaN are not on the page, as those of another material; they occlude.
+            NaN are not on the page, such as faces of another material; they occlude.
         size: texels across and down, one number for a square; 1 to 16384.
         samples: rays a texel, 1 to 2²⁰, by default 256; with a tolerance the most, by default 2¹⁴.
         tolerance: target root mean square error of w over the covered texels, 1e-5 to 1.
         denoise: whether estimates are shrunk towards predictions from the texels next to them on the surface,
             across seams too.
         interior: "auto": texels inside a closed part of the mesh that is not their own are filled as if they were not
-            covered; "fill": also those that mostly see backs of faces; "ignore": none.
+            covered; "fill": also texels that mostly see backs of faces; "ignore": none.
         overlap: where faces lie over one another on the page: "mean", the texel is that of all of them; "first", of
             the first in the mesh's order; "refuse", an error.
         wrap: whether faces outside of the unit square are taken modulo 1, or left out.

@@ -1,4 +1,4 @@
-"""Which texels the faces cover, and where: rays straight down on the page through Embree, four a texel.
+"""The texels that faces cover, and points in them: rays straight down on the page through Embree, four a texel.
 
 Every texel that a face reaches into is covered, however little of it, and all points lie on faces: nothing is ever
 extrapolated over the edge of a chart, which is what dark seams come from.
@@ -25,7 +25,7 @@ Overlap = Literal["mean", "first", "refuse"]
 _FINE = 8  # points across and down of texels that are not whole
 _WITHIN = np.array([0.125, 0.625, 0.375, 0.875])  # where to take one from each quarter of them
 _FINE_TEXELS = 1 << 14  # together
-_HIGHEST = 0.5  # triangles lie at heights up to this, so that one ray can meet those below
+_HIGHEST = 0.5  # triangles lie at heights up to this, so that one ray can meet overlapping ones
 _STEP = 2.0**-22
 _BAND = 1 << 17  # texels
 _BLOCK, _SHARE = 1 << 10, 16  # texels, and blocks at once
@@ -40,7 +40,7 @@ class Coverage:
         face: int32 (k, SLOTS), the face that each point lies on, a row of `UVLayout.uv`.
         barycentric: float32 (k, SLOTS, 3).
         centre_face: int32 (k,), the face at the centre of each texel that is covered as a whole by faces that do not
-            overlap, −1 for others. centre: float32 (k, 3), barycentric.
+            overlap, else −1. centre: float32 (k, 3), barycentric.
         overlapping: bool (k,), whether several faces lie over one another.
         deep: bool (k,), whether these are more than two at some point, and share the texel.
         deep_face: int32 (j, DEEP), deep_barycentric: float32 (j, DEEP, 3), of the j deep texels: points on all faces.

@@ -1,4 +1,4 @@
-"""Estimates at texels, each the mean over its points: by as many rays as are given or as a tolerance needs."""
+"""Estimates at texels, each the mean over its points."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Rays straight down on a page through Embree: the faces at the points of texels, those over one another too."""
+"""Rays straight down on a page through Embree: the faces at the points of texels, overlapping faces too."""
 
 from __future__ import annotations
 
@@ -28,8 +28,8 @@ from raytrace.types import Float64s
 
 SLOTS = 4  # points of a texel
 _GRID = np.array([[0.375, 0.125], [0.125, 0.625], [0.875, 0.375], [0.625, 0.875]])
-"""A rotated grid: means of what is linear over a texel are exact, and so are those over a diagonal: the first and the
-last point, or the other two. Two faces over one another take turns so that each has a diagonal; of other texels the
+"""A rotated grid: means of a linear function over a texel are exact, also over a diagonal: the first and the last
+point, or the other two. Two faces over one another take turns so that each has a diagonal; of other texels the
 first two points are one."""
 DEEP = 16  # points of a texel in which more than two faces lie over one another
 _TURNS = np.array([0, 2, 3, 1])  # of slots, so that the first two take different ones of two faces
@@ -39,7 +39,7 @@ _INSIDE = 1e-4  # least barycentric coordinate of what counts as inside: neighbo
 
 
 def look_down(scene: TriangleScene, places: Float64s, threads: int) -> Hits:
-    """What rays from above the `places` (k, 2) of a page meet first."""
+    """The first hits of rays down on the `places` (k, 2) of a page."""
     origins = np.empty((len(places), 3), np.float32)
     origins[:, :2], origins[:, 2] = places, _ABOVE
     return intersect(scene, origins, [[0.0, 0.0, -1.0]], np.inf, threads)
@@ -54,7 +54,7 @@ def find_hits(packet, texels, width, step, in_turn, found, layered):
         found: triangles, int64 (k, SLOTS), where on them, float32 (k, SLOTS, 3), and whether there are several at any
             point, bool (k,); written where there are any.
         layered: whether there are more than two, bool (k,), and points on all of them, int64 (k, DEEP) and float32
-            (k, DEEP, 3); written likewise.
+            (k, DEEP, 3); written, too.
     """
     scene, rays, valid, _ = borrow(packet)
     triangle, barycentric, overlapping = found

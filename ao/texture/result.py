@@ -26,11 +26,11 @@ _AROUND = [(y, x) for y in (-1, 0, 1) for x in (-1, 0, 1) if (y, x) != (0, 0)]
 
 @dataclass(frozen=True, eq=False)
 class TextureFacts:
-    """What a layout of texture coordinates is like.
+    """Facts about a layout of texture coordinates.
 
     Attributes:
-        covered: texels that faces reach into. overlapping: those of them in which faces lie over one another.
-        hidden: those that are filled because they lie inside of solids. missed: points that the cage missed.
+        covered: texels that faces reach into. overlapping: texels in which faces lie over one another.
+        hidden: texels that are filled because they lie inside solids. missed: points that the cage missed.
         mirrored, flat, outside: faces that are turned over, have no area on the page, or reach out of the unit square.
         seam_edges: edges that lie at two places of the page.
         seam_jump: the largest difference of w between the two sides of such an edge, as bilinear lookups see it; in
@@ -57,7 +57,7 @@ class BakedTexture:
         w: float32 (h, w), mean obscurance over what each texel shows, in [0, 1]; 1 is open.
         error: float32 (h, w), estimated standard error of w; 0 beside the charts.
         bent_normals: float32 (h, w, 3), unit mean direction of what is open, in the mesh's space or in tangent space.
-        covered: bool (h, w), the texels that were baked; the others are padding.
+        covered: bool (h, w), the texels that were baked; the rest is padding.
         rays: number of rays traced, by an interrupted run too.
         rays_skipped: number of rays not traced, by reason.
         rmse: estimated root mean square of `error` over the covered texels.
@@ -163,7 +163,7 @@ def assemble_pages(
 
 
 def _extend(page: Float64s, covered: Bools, wraps: bool) -> Bools:
-    """Give texels next to covered ones the mean of those, in place; returns which, bool (h, w)."""
+    """Give texels next to covered ones the covered neighbours' mean, in place; returns these texels, bool (h, w)."""
     total, count = np.zeros(page.shape), np.zeros(page.shape, np.int8)
     weighted = page * covered
     for y, x in _AROUND:

@@ -1,6 +1,6 @@
 """Seams: edges of the surface that lie at two places of the page, measured by what bilinear lookups see on both sides.
 
-They are closed by moving the texels at charts' borders, and those next to them, as little as possible in the sense of
+They are closed by moving the texels at charts' borders, and texels next to them, as little as possible in the sense of
 least squares: the lookups on both sides then agree all along the edge.
 """
 
@@ -43,7 +43,7 @@ class Lookups:
         return cls((rows[:, :, None] * size[0] + columns[:, None]).reshape(-1, 4), weights)
 
     def values(self, page: Float64s) -> Float64s:
-        """What the lookups see (s,) of a flat `page`."""
+        """The values (s,) of the lookups in a flat `page`."""
         return np.einsum("st,st->s", page[self.texels], self.weights)
 
     def nearest(self) -> Int64s:
@@ -98,7 +98,7 @@ class Seams:
     def close(self, page: Float64s, covered: Bools, threads: int) -> Float64s:
         """The flat `page`, changed at charts' borders so that both sides agree; values stay in [0, 1].
 
-        Args: covered: bool (h · w,), texels that are baked; others give way more easily.
+        Args: covered: bool (h · w,), texels that are baked; padding gives way more easily.
         """
         if not len(self.left.weights):
             return page
@@ -129,7 +129,7 @@ def _shared_edges(points: Int64s) -> tuple[Int64s, Int64s]:
 
 
 def _ends(uv: Float64s, points: Int64s, edges: Int64s) -> Float64s:
-    """Where the ends of face edges are on the page, (e, 2, 2), the one of the lower point first."""
+    """Page coordinates (e, 2, 2) of the ends of face edges, the lower point's first."""
     face, corner = np.divmod(edges, 3)
     ahead = (corner + 1) % 3
     turned = points[face, corner] > points[face, ahead]

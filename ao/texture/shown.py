@@ -29,7 +29,7 @@ from .uv_layout import UVLayout, on_page
 class Shown:
     """Attributes:
     vertices: float64 (n, 3). receivers: of this mesh. layout: of its faces that are not degenerate.
-    points_of_faces: int64 (m', 3), the receivers at the corners of these, −1 of faces that are not on the page.
+    points_of_faces: int64 (m', 3), the receivers at the corners of the faces, −1 for faces that are not on the page.
     """
 
     vertices: Float64s

@@ -24,7 +24,7 @@ from ..points.receivers import Receivers
 if TYPE_CHECKING:
     from .coverage import Coverage
 
-_LEAST_COSINE = 0.2  # between an interpolated normal and its face's; the face's stands for others
+_LEAST_COSINE = 0.2  # between an interpolated normal and its face's, which is used below that
 _AROUND = 7.0  # times the way from a texel's centre to its points, in which nothing may rise
 _SLOPE = 2.0  # by more than so many times what normals may differ by, of that way
 _BLOCK, _SHARE = 1 << 10, 16  # points, and blocks at once
@@ -51,7 +51,7 @@ class Faces:
 
     def points_at(self, own: Int64s, weights: Float32s, threads: int) -> tuple[Float64s, Float64s, Float64s]:
         """Points (k,) on the faces `own`: float64 (k, 3), where they are, their faces' normals on the side of the
-        hemispheres, and the axes of these.
+        hemispheres, and the hemispheres' axes.
 
         Args: weights: float32 (k, 3), barycentric coordinates.
         """
@@ -69,9 +69,9 @@ def centres_suffice(coverage: Coverage, faces: Faces, tree: BVH16, most: float, 
     """Whether the point at the centre can stand for all of a texel, (k,): the surface is smooth there, and nothing
     rises from it nearby.
 
-    Means of what is linear over a texel are then as exact as those over several points.
+    The value at the centre of a linear function is its mean over the texel.
 
-    Args: tree: over the faces. most: by how much normals within a texel may differ from those at its centre.
+    Args: tree: over the faces. most: by how much normals within a texel may differ from the normal at its centre.
     """
     enough = np.zeros(len(coverage.texels), np.bool_)
     points = coverage.face, coverage.barycentric, coverage.centre_face, coverage.centre

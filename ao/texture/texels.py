@@ -36,7 +36,7 @@ class Texels:
 
     Attributes:
         texels: int64 (k,), row · width + column.
-        starts: int64 (k + 1,): the points of texel i, one or several, are those from starts[i] to starts[i + 1].
+        starts: int64 (k + 1,): the points of texel i, one or several, are starts[i] to starts[i + 1].
         face: int32 (p,), the face under each point.
         points: p, numbered one by one.
         sides: float32 (p, 4), normals of the faces on the hemispheres' side, and alpha.
@@ -56,7 +56,7 @@ class Texels:
 
     @property
     def counts(self) -> Int64s:
-        """How many points (k,) each texel has."""
+        """The number of points (k,) of each texel."""
         return np.diff(self.starts)
 
     @property
@@ -148,7 +148,7 @@ def _placed(
 
 @kernel
 def _lay_out(order, starts, alone, points, layered, face, weights):
-    """Write the face of each point and where on it, of texels in their order: those of a `Coverage`, as many as fit."""
+    """Write the face and barycentrics of each texel's points in order, from a `Coverage`, up to the texel's count."""
     each, each_at, centre, centre_at = points
     number, deep, deep_at = layered
     for i in range(len(order)):

@@ -76,7 +76,7 @@ class UVLayout:
 
 
 def on_page(uv: Float64s) -> Bools:
-    """The faces (m,) that texture coordinates (m, 3, 2) place on a page: those that are not NaN."""
+    """The faces (m,) whose texture coordinates (m, 3, 2) are not NaN, which are on a page."""
     shown: Bools = np.all(~np.isnan(uv), axis=(1, 2))
     return shown
 
@@ -92,7 +92,7 @@ def page_size(size: Any) -> tuple[int, int]:
 
 
 def corner_uv(uv: Any, mesh: Mesh) -> Float64s:
-    """Texture coordinates (m, 3, 2) of the corners of all faces, from these or from those of vertices (n, 2).
+    """Texture coordinates (m, 3, 2) of the corners of all faces, given as such or of vertices (n, 2).
 
     NaN at all corners of a face stays: it has none.
 

@@ -1,4 +1,4 @@
-"""Triangles ordered so that every sixteen, and every sixteen of these, lie close together: median splits of centroids.
+"""Triangles ordered so that every 16, every 16², … lie close together: median splits of centroids.
 
 A node takes its children from the halves of halves of its triangles, each cut across the longest side of the box around
 their centroids, as in a k-d tree (Bentley 1975, Multidimensional Binary Search Trees Used for Associative Searching).

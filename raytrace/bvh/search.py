@@ -100,7 +100,7 @@ def _along_axis(triangles, axis, x, radius):
 
 @inline
 def _faces_within(triangles, point, radius):
-    """The triangles (9, 16) that may be within `radius` of a point, by their planes and those across their edges."""
+    """The triangles (9, 16) that may be within `radius` of a point, by their planes and planes across their edges."""
     a = load_row(triangles, 0), load_row(triangles, 1), load_row(triangles, 2)
     b = load_row(triangles, 3), load_row(triangles, 4), load_row(triangles, 5)
     c = load_row(triangles, 6), load_row(triangles, 7), load_row(triangles, 8)
@@ -115,7 +115,7 @@ def _faces_within(triangles, point, radius):
 
 @inline
 def _beyond(edge, n, end, radius, vague):
-    """Where a point is beyond an edge by more than `radius`. Args: n: normals; end: of the edge, from the point."""
+    """Lanes where a point is beyond an edge by more than `radius`. Args: n: normals; end: edge ends, from the point."""
     outwards = cross(edge, n)
     return dot(outwards, end) < -(radius * _sum(outwards) + vague * _sum(edge))
 

@@ -37,7 +37,7 @@ def channel_names(layer: str, count: int) -> tuple[str, ...]:
 
 
 def file_format(path: str | os.PathLike[str]) -> str:
-    """OpenImageIO's name of the format of `path`. Raises: OptionError: another ending than those of `FORMATS`."""
+    """OpenImageIO's name of the format of `path`. Raises: OptionError: an ending that is not in `FORMATS`."""
     try:
         return FORMATS[Path(path).suffix.lower()]
     except KeyError:
@@ -104,7 +104,7 @@ def write_picture(
 def write_data(
     path: str | os.PathLike[str], values: Float32s, metadata: Mapping[str, str], half: bool, names: str
 ) -> None:
-    """Write numbers as they are, (height, width, channels): in PNG those from 0 to 1, as 16 bits; else as floats.
+    """Write numbers as they are, (height, width, channels): in PNG from 0 to 1, as 16 bits; else as floats.
 
     Args: half: floats of 16 bits. names: a letter for each channel, in EXR files.
     """
@@ -181,7 +181,7 @@ def _reserve(scratch: Path, size: int) -> None:
 
 
 def _complete(scratch: Path, format_name: str, height: int) -> bool:
-    """Whether the file has its end: writers buffer, and don't all tell that the last bytes were refused."""
+    """Whether the file has its end: writers buffer, and don't all report that the last bytes were refused."""
     import OpenImageIO as oiio
 
     if format_name in _ENDS:

@@ -1,4 +1,4 @@
-"""Filling of pixels that hold nothing from those that do."""
+"""Filling of unknown pixels from known ones."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from ..types import Bools, Float32s
 
 
 def fill_holes(pixels: Float32s, known: Bools) -> Float32s:
-    """`pixels` (h, w, c) with all that are not `known`, bool (h, w), filled from the others, which keep every bit.
+    """`pixels` (h, w, c) with unknown pixels filled from `known` ones, bool (h, w), which keep every bit.
 
     The push–pull method (Gortler, Grzeszczuk, Szeliski & Cohen 1996) in OpenImageIO: near known pixels as they are,
     farther away their means over larger and larger surroundings.

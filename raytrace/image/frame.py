@@ -34,7 +34,7 @@ all others means.
 
 @dataclass(frozen=True, eq=False)
 class Frame:
-    """What `raytrace.render` returns.
+    """A rendered picture, as `raytrace.render` returns it.
 
     Attributes:
         layers: float32 (height, width, channels) for each name of `LAYERS`, row 0 at the top.

@@ -164,7 +164,7 @@ def _silenced() -> Iterator[None]:
 
 
 def stored_type(spec: Any) -> str:
-    """What a file is read as: uint8 or uint16 codes, or float32."""
+    """The dtype that a file is read as: uint8 or uint16 codes, or float32."""
     text = str(spec.format)
     return text if text in ("uint8", "uint16") else "float32"
 

@@ -87,7 +87,7 @@ class PackedTextures(NamedTuple):
 
 
 class LazyTextures:
-    """Textures with a place for each, by their files' headers; read when they are asked for, those of one image once.
+    """Textures with a place for each, by their files' headers; read when they are asked for, each image once.
 
     Alpha is ignored; grey becomes RGB. Files may have 8 or 16 bits, floats, a palette, one to four channels. A place
     takes no memory before its texture is read.
@@ -118,7 +118,7 @@ class LazyTextures:
         )
 
     def read(self, numbers: Iterable[int]) -> None:
-        """Read the textures of these numbers that are not read yet; images that another thread reads come last.
+        """Read the textures `numbers` that are not read yet; images that another thread reads come last.
 
         Raises:
             InputError: a file is missing, damaged, not an image, or more than 16384 texels wide or high.
@@ -150,7 +150,7 @@ class LazyTextures:
 
 
 def pack_textures(textures: Sequence[Texture]) -> PackedTextures:
-    """Read textures; those of one image once, however they are wrapped.
+    """Read textures, each image once, however it is wrapped.
 
     Raises: InputError: as `LazyTextures.read`. MemoryLimitError: they do not fit into memory.
     """
@@ -186,7 +186,7 @@ def texture_bytes(textures: Iterable[Texture], threads: int) -> int:
 
 
 def texel_counts(textures: Iterable[Texture]) -> list[int]:
-    """Texels of each image once, by the files' headers; those of one that cannot be read are left out."""
+    """Texels of each image once, by the files' headers; images that cannot be read are left out."""
     images = dict.fromkeys(replace(texture, wrap=("repeat", "repeat")) for texture in textures)
     return [width * height for image in images for width, height in _levels(image)[:1]]
 
@@ -256,7 +256,7 @@ def _opened(texture: Texture) -> Iterator[Any]:
 
 
 def _build_pyramid(pyramid: list[Float32s], image: Any, texture: Texture) -> None:
-    """Read the finest level and reduce it to the others."""
+    """Read the finest level and reduce it to the coarser ones."""
     import OpenImageIO as oiio
 
     _read(pyramid[0], image, texture)

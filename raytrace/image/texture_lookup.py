@@ -82,7 +82,7 @@ def blend(texels, a, b, c, d, s, t, channel):
 
 @inline
 def wrapped(x, wrap):
-    """Where in [0, 1] the place x is looked up; 0 if x is not finite."""
+    """The coordinate in [0, 1] for x, by a wrap mode; 0 if x is not finite."""
     if not np.isfinite(x):
         return 0.0
     if wrap == CLAMP_TO_EDGE:

@@ -137,7 +137,7 @@ def is_kept(path: str) -> bool:
 
 
 def read_code(name: str) -> bytes | None:
-    """What `write_code` kept by this name, if it is there and whole, not half a file after a crash.
+    """Code that `write_code` kept by this name; None unless it is whole: a crash may leave half a file.
 
     Folders before `cache_folder` count, which this user cannot write to: an administrator may have filled one.
     """

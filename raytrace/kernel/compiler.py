@@ -105,7 +105,7 @@ def _compiling() -> Iterator[None]:
 
 
 def kernel_code(name: str, function: Callable[..., Any], arguments: tuple[Any, ...], path: tuple[int, ...]) -> bytes:
-    """The formats of its results, as `struct` has them, those of a tuple in brackets; a newline; an object file.
+    """The formats of its results, as `struct` has them, a tuple's in brackets; a newline; an object file.
 
     Its function `name` takes the address of one word for each number and array of the arguments, tuples being taken
     apart: a number's value, with double precision if it is no whole number, or the address of the array's Python
@@ -231,7 +231,7 @@ def _object_file(library: Any, module: Any, name: str) -> bytes:
 
 
 def _memory() -> Any:
-    """What Numba's arrays need of its runtime, which warm processes do not load: memory from `malloc`."""
+    """Stand-ins for Numba's runtime, which warm processes do not load: memory from `malloc`."""
     module = _context.create_module("memory")
     malloc, free, allocate, release = (
         ir.Function(module, ir.FunctionType(*kind), name)

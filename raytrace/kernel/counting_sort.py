@@ -13,7 +13,7 @@ def counting_sort(keys: AnyInts, count: int) -> tuple[Int64s, Int64s]:
 
     Args: keys: C-contiguous, any shape, below `count`; negative ones are left out.
     Returns: places in the flattened keys (k,), int64, by key, ascending among equal keys; and starts (count + 1,),
-        int64: those of key i are places[starts[i] : starts[i + 1]].
+        int64: places[starts[i] : starts[i + 1]] have key i.
     """
     flat, starts = keys.reshape(-1), np.zeros(count + 2, np.int64)
     _count(flat, starts)

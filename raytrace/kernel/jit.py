@@ -34,7 +34,7 @@ _lock = threading.RLock()
 loaded: list[str] = []
 """Names of the kernels that this process has loaded, in this order."""
 compiled: list[str] = []
-"""Those of them that it has compiled."""
+"""Kernels that this process has compiled."""
 
 
 class _Loaded(NamedTuple):
@@ -67,7 +67,7 @@ class Kernel:
 
     @cached_property
     def _numba_type_(self) -> Any:
-        """What Numba takes it for where a kernel names it."""
+        """The Numba type of the kernel in other kernels."""
         return compiler.type_of(self.function, self._inlined)
 
     def __call__(self, *arguments: Any) -> Any:

@@ -58,7 +58,7 @@ def widened(context: Any, builder: Any, value: Any, kind: types.Type, lanes: Lan
 
 
 def common(*kinds: types.Type) -> Lanes | None:
-    """The lanes that all of the lanes among `kinds` are; the others must be scalars."""
+    """The one type of lanes among `kinds`, None if there are several; all else must be scalars."""
     vectors = {kind for kind in kinds if isinstance(kind, Lanes)}
     scalars = all(isinstance(kind, Lanes | types.Number | types.Boolean) for kind in kinds)
     return vectors.pop() if len(vectors) == 1 and scalars else None

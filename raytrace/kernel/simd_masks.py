@@ -31,7 +31,7 @@ def some(_typing: Any, mask: Any) -> Any:
 
 @intrinsic
 def count(_typing: Any, mask: Any) -> Any:
-    """How many lanes of a mask are set, int64."""
+    """The number of set lanes of a mask, int64."""
 
     def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
         return builder.zext(builder.ctpop(_bits(builder, arguments[0])), ir.IntType(64))

@@ -126,7 +126,7 @@ def gather(_typing: Any, array: Any, places: Any) -> Any:
 def scatter4(_typing: Any, array: Any, begin: Any, places: Any, mask: Any, values: Any) -> Any:
     """Write four float32 lanes as four neighbours each, from the lanes' places on, where the mask is set.
 
-    Args: array: float32, C-contiguous; begin: place in it from which the others are counted, int64.
+    Args: array: float32, C-contiguous; begin: place in it from which `places` are counted, int64.
     """
     four = ir.VectorType(ir.FloatType(), _FOUR)
 

@@ -71,7 +71,7 @@ class EnvironmentLight(BaseLight):
         return np.stack([cosine * right + sine * front, cosine * front - sine * right, up])
 
     def to_dict(self) -> dict[str, Any]:
-        """As others', the path as text."""
+        """As for other lights, the path as text."""
         return super().to_dict() | {"image": str(self.image)}
 
 

@@ -1,4 +1,4 @@
-"""Lights so far away that float32 kernels cannot tell them from directional ones, nor square their distance."""
+"""Lights so far away that they are directional in float32, where their squared distance may overflow."""
 
 from __future__ import annotations
 

@@ -32,7 +32,7 @@ class PackedLight(NamedTuple):
 
 
 class BaseLight(Parameters):
-    """What every light has: an RGB intensity ≥ 0 (one number means white)."""
+    """The parameter of every light: an RGB intensity ≥ 0 (one number means white)."""
 
     intensity: Radiance = (1.0, 1.0, 1.0)
 

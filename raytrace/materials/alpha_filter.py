@@ -1,4 +1,4 @@
-"""What Embree does at each hit of rays that see through surfaces: holes are no hits, and shadow rays go on, dimmed.
+"""Embree's filter of hits on surfaces with alpha: holes are no hits, and shadow rays go on, attenuated.
 
 A hit has an alpha (`raytrace.mesh.opacity`): the part of the place that is there, 0 in a hole. What is there may let
 light through by its material, so that a share 1 − alpha · (opacity of the material) passes.

@@ -18,7 +18,7 @@ RGB = tuple[float, float, float]
 
 
 class Gloss(NamedTuple):
-    """What a material mirrors of its surroundings: RGB at normal incidence and at grazing, RMS slope of the facets."""
+    """Specular reflectance of a material: RGB at normal incidence and at grazing, RMS slope of the facets."""
 
     normal: RGB
     grazing: RGB
@@ -43,7 +43,7 @@ def normalized(vector: RGB) -> Float64s:
 
 
 class BaseMaterial(Parameters):
-    """What every material has: emission I_e, and which sides of a surface reflect.
+    """Parameters of every material: emission I_e, and the sides of a surface that reflect.
 
     `two_sided`: False: the one that the normal points away from. True: the normal turns to the light, n·l → |n·l|, so
     light on either side is seen from both, as through paper. "viewer": it turns to the viewer, so each side reflects

@@ -1,4 +1,4 @@
-"""Meshes of other libraries as meshes: by what they have, so that none of these libraries is imported."""
+"""Meshes of other libraries as meshes, recognised by their attributes, so that no such library is imported."""
 
 from __future__ import annotations
 
@@ -62,7 +62,7 @@ def _tensors(given: Any, source: str) -> tuple[Any, Any]:
 def _triangles(given: Any, source: str) -> Int64s:
     """The triangles of meshio's cells, quads cut along the diagonal that lies inside of them.
 
-    Raises: MeshError: cells of another kind, or none of these.
+    Raises: MeshError: no cells, or cells of another kind.
     """
     parts = []
     for block in given.cells:

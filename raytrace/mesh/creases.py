@@ -20,7 +20,7 @@ from .weld import CREASE, sum_groups, weld
 def creased_normals(mesh: Mesh) -> tuple[Float64s, Int64s]:
     """Unit normals (k, 3), and which of them (m, 3) each corner of the faces has.
 
-    A mesh's own normals stay, with the face's where a vertex has none; others are by fans. Faces without area have the
+    A mesh's own normals stay, with the face's where a vertex has none; else fans. Faces without area have the
     normals of other faces at their vertices, or zero.
     """
     vertices, faces = Placement.of(mesh).vertices, mesh.faces

@@ -26,7 +26,7 @@ class Mesh:
         faces: int64 (m, 3), m ≥ 1, indices into `vertices`. Degenerate and doubled faces are allowed.
         normals: float64 (n, 3), the source's own vertex normals of any length (zero or NaN: none there), or None.
         source: what to call this mesh in messages, a file name for instance.
-        up: "x", "y", "z", "-x", "-y" or "-z", the axis that is up if the source tells it; None is shown as "y".
+        up: "x", "y", "z", "-x", "-y" or "-z", the axis that is up, if the source defines it; None is shown as "y".
         opacity: alpha of the faces, or None: all are opaque.
         polygons: int64 (m,), faces of the same number are the triangles of one polygon, which shading takes as a whole;
             None: each face is a polygon of its own.
@@ -103,7 +103,7 @@ class Mesh:
 
     @cached_property
     def used(self) -> Float64s:
-        """The vertices (k, 3) that are corners of faces: others count for nothing, wherever they are."""
+        """The vertices (k, 3) that are corners of faces."""
         mask = np.zeros(len(self.vertices), np.bool_)
         mask[self.faces] = True
         return self.vertices if mask.all() else self.vertices[mask]

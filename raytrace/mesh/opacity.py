@@ -25,13 +25,13 @@ _FACE = 2 * 80  # bytes, joined and packed
 
 @dataclass(frozen=True)
 class AlphaSurface:
-    """How the alpha of some faces is found, and what it means.
+    """The alpha of some faces: factor, texture, and cutoff.
 
     Attributes:
         factor: alpha, or what a texture's is multiplied by, in [0, 1].
         texture: its alpha channel is taken, which is 1 in an image without one.
         grey: whether an image without an alpha channel holds alpha as its luminance, as OBJ's `map_d` does.
-        cutoff: in [0, 1]: places of this alpha or more are opaque and all others holes; None: a share 1 − alpha passes.
+        cutoff: in [0, 1]: places of this alpha or more are opaque, all else is a hole; None: a share 1 − alpha passes.
 
     Raises:
         OptionError: a number out of range, or no texture.
@@ -130,7 +130,7 @@ class Opacity:
 
     @property
     def counts(self) -> dict[str, int]:
-        """How many faces are cut out, by a cutoff, and how many blended."""
+        """Numbers of faces with a cutoff, and of blended ones."""
         cut = np.array([*(surface.cutoff is not None for surface in self.surfaces), False])[self.of]
         return {"cut_out": int(cut.sum()), "blended": int((self.of >= 0).sum() - cut.sum())}
 

@@ -27,12 +27,12 @@ _LEAST = 2.0**-16  # what coordinates count for at least: double precision round
 
 
 def contact_radius(points: Float64s) -> Float64s:
-    """How far (k,) from `points` (k, 3) in render space something may be that touches them, or is them."""
+    """The distance (k,) from `points` (k, 3) in render space within which positions touch them or coincide."""
     return TOUCHING * ULP * np.maximum(product(np.abs(points), np.ones(3)), _LEAST)
 
 
 class RenderSpace(NamedTuple):
-    """Where a mesh of known bounds is placed.
+    """The placement of a mesh of known bounds.
 
     Attributes:
         centre: float64 (3,), in mesh units. scale, diagonal: as of `Placement`.
@@ -62,17 +62,17 @@ class RenderSpace(NamedTuple):
 
 
 def to_single(placed: Float64s) -> Float32s:
-    """Points (k, 3) of render space as float32; those that no face uses may be too far away for that."""
+    """Points (k, 3) of render space as float32, clipped: points that no face uses may be too far away."""
     return np.clip(placed, -(2.0**38), 2.0**38).astype(np.float32)
 
 
 def sample(count: int) -> slice:
-    """Which rows of `count` vertices say where most of them are."""
+    """A sample of the rows of `count` vertices."""
     return slice(None, None, -(-count // _SAMPLE) or 1)
 
 
 def near_box(low: Float64s, high: Float64s, some: Float64s) -> tuple[Float64s, Float64s]:
-    """The bounding box from `low` (3,) to `high`, or of what of `some` (k, 3) vertices is near if others are far."""
+    """The bounding box from `low` (3,) to `high`, or of the near ones of `some` vertices (k, 3) if a few are far."""
     middle = np.quantile(some, 0.5, axis=0, method="lower")
     away = np.abs(some - middle).max(axis=1)
     apart = away[away > 0]

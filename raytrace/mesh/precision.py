@@ -25,9 +25,9 @@ class Coarseness:
 
     Attributes:
         vertices: how many have a normal that is uncertain by more than `TILT`.
-        tilt: median of what those are uncertain by, radians.
+        tilt: median uncertainty of their normals, radians.
         spacing: largest distance of neighbouring float32 numbers among the coordinates of their faces, mesh units.
-        stored: whether the mesh's own coordinates are that coarse; else only those of render space.
+        stored: whether the mesh's own coordinates are that coarse; else only coordinates of render space.
     """
 
     vertices: int

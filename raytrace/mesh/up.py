@@ -1,4 +1,4 @@
-"""Which way is up: axes by name, and the rotations that stand a mesh upright where y is up."""
+"""The up axis: axes by name, and rotations to y up."""
 
 from __future__ import annotations
 

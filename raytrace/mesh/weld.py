@@ -66,7 +66,7 @@ def grids(positions: Float32s) -> Iterator[tuple[Int64s, Int64s]]:
     """Four grids of cells, each moved by a quarter: rows of `positions` (n, 3), and a key of each one's cell.
 
     Two positions within the contact radius share a key in one of them at least: along each axis they are parted by one
-    grid at most. A grid has the rows near borders of all those before.
+    grid at most. A grid has the rows near borders of all grids before it.
     """
     rows = np.arange(len(positions))
     for quarter in range(4):
@@ -84,7 +84,7 @@ def _locate(positions, shift, keys, beside):
         key, near = 0, False
         for axis in range(3):
             size, steps = np.float64(abs(positions[i, axis])), 0.0
-            while size > 2.0:  # as many cells from 2 to 4 and from 4 to 8 as from 1 to 2
+            while size > 2.0:  # the same number of cells from 2 to 4 and from 4 to 8 as from 1 to 2
                 size, steps = 0.5 * size, steps + 1.0
             at = math.copysign(size + steps, positions[i, axis]) * _CELLS + shift
             cell = np.floor(at)

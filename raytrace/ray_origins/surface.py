@@ -61,7 +61,7 @@ class Surface(NamedTuple):
         return shortest[points]
 
     def magnitudes(self, face_points: Int64s, count: int) -> Float64s:
-        """What the offset at each of `count` points is in proportion to (`ray_offset`): float64 (count,).
+        """The scale of the offset at each of `count` points (`ray_offset`): float64 (count,).
 
         Args: face_points: int64 (m, 3), the point at each face corner.
         """

@@ -52,7 +52,7 @@ class WeldedPoints(NamedTuple):
         return ray_origins(tree, surface, points, self.directions, self.clearance, corners, numbers, magnitude)
 
     def displacement(self, surface: Surface, origins: Float64s) -> Float64s:
-        """How far origins (k, 3) are from points in folds as sharp as `SHARP`, in shortest edges there; elsewhere 0."""
+        """Distances (k,) of origins (k, 3) from points in folds as sharp as `SHARP`, in shortest edges; elsewhere 0."""
         found, sharp = np.zeros(len(self.first)), np.flatnonzero(nonzero(self.directions) & (self.clearance < SHARP))
         if len(sharp):
             away = np.linalg.norm(origins[sharp] - surface.vertices[self.first[sharp]], axis=1)

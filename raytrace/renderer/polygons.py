@@ -16,7 +16,7 @@ _TURNED = 1e-5  # of twice a polygon's area: a triangle turned over by more than
 
 
 class Polygons(NamedTuple):
-    """Polygons of a mesh, those whose triangles all face the way that the Newell normal does.
+    """Polygons of a mesh whose triangles all face the way of the Newell normal.
 
     Attributes:
         of: int32 (m,), the polygon of each face, −1 for none. centres, normals: float64 (p, 3), mean of the corners and
@@ -121,7 +121,7 @@ def _half_edge(faces, own, half):
 
 @inline
 def _slot(slots, size, a, b):
-    """Where an edge of a polygon stands in the first `size` slots; it is entered if it does not yet."""
+    """The slot of a polygon's edge, of the first `size`; a new edge is entered."""
     key = min(a, b) << 32 | max(a, b)
     at = np.int64(mix(mix(a) + mix(b))) & (size - 1)
     while slots[0, at] >= 0 and slots[0, at] != key:

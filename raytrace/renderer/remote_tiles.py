@@ -1,4 +1,4 @@
-"""Tiles of a picture apart from one another, for processes that render only some: as rows of arrays, with margins.
+"""Tiles of a picture for processes that render only some of them: rows of arrays, with the edges of their neighbours.
 
 Whether a pixel that was retired early needs all samples after all is decided by its neighbours in other tiles
 (`raytrace.shade.tile`): their edges come along.
@@ -39,10 +39,10 @@ class TileRows(NamedTuple):
 
 
 def render_numbered(picture: RenderJob, numbers: Int64s, around: Float32s | None, out: TileRows) -> None:
-    """Render tiles of these numbers, int64 (k,).
+    """Render the tiles `numbers`, int64 (k,).
 
     Args:
-        around: `edges_around` each, (k, 5, 4, TILE, EDGE): only the pixels that these reopen are rendered, again.
+        around: `edges_around` each, (k, 5, 4, TILE, EDGE): only pixels that they reopen are rendered, again.
         out: written.
     """
     columns, again = picture.columns, around is not None
@@ -77,13 +77,13 @@ def reopened(picture: RenderJob, film: Film) -> Bools:
 
 
 def edges_around(picture: RenderJob, film: Film, numbers: Int64s) -> Float32s:
-    """Edges of tiles and of those beside them, float32 (k, 5, 4, TILE, EDGE)."""
+    """Edges of tiles and of the tiles beside them, float32 (k, 5, 4, TILE, EDGE)."""
     around: Float32s = film.edges[_around(picture, numbers)]
     return around
 
 
 def _around(picture: RenderJob, numbers: Int64s) -> Int64s:
-    """Numbers of tiles and of those to the left, right, above and below, (k, 5); of itself where there is none."""
+    """Numbers of tiles and of the tiles left, right, above and below, (k, 5); the tile's own where there is none."""
     columns = picture.columns
     left, right = numbers % columns > 0, (numbers + 1) % columns > 0
     above, below = numbers >= columns, numbers + columns < picture.tiles

@@ -88,7 +88,7 @@ def prepare_picture(
 
 
 def _render_tiles(picture: RenderJob, film: Film, threads: int, progress: Progress | None) -> None:
-    """Render all tiles; then those pixels once more that need all samples for a neighbour in another tile."""
+    """Render all tiles; then once more the pixels that need all samples for a neighbour in another tile."""
     tiles, done = picture.tiles, 0
 
     def advance(count: int) -> None:

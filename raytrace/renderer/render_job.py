@@ -1,4 +1,4 @@
-"""What all tiles of one picture share, and how a run of them is rendered: by threads here, or by other processes."""
+"""The rendering of a picture tile by tile: data that all tiles share, for threads here or other processes."""
 
 from __future__ import annotations
 

@@ -64,7 +64,7 @@ def build(scene: Scene, normals: Normals = "file") -> RenderScene:
 
 
 def _rebuilt(objects: tuple[Object, ...], normals: Normals, w: Float64s, bent: Float32s, lights: Lights) -> RenderScene:
-    """What was pickled, its arrays where kernels may read behind their ends."""
+    """A pickled scene, its arrays padded so that kernels may read behind their ends."""
     rows, maps = aligned(bent.shape, np.float32), aligned(lights.maps.shape, np.float32)
     rows[:], maps[:] = bent, lights.maps
     return RenderScene(objects, build_geometry(objects, normals), w, rows, lights._replace(maps=maps))

@@ -9,7 +9,7 @@ from ..shade.film import TILE
 def whole_tiles(settings: Settings) -> tuple[int, int, int, int]:
     """Left, top, width and height, in pixels, of what is rendered: the whole picture.
 
-    For a crop, the tiles that it touches and those around them, whose pixels decide about those on its edges.
+    For a crop, the tiles that it touches and their neighbours, whose pixels decide about pixels on its edges.
     """
     x, y, wide, high = settings.crop or (0, 0, settings.width, settings.height)
     left, top = max(x // TILE - 1, 0) * TILE, max(y // TILE - 1, 0) * TILE
@@ -19,5 +19,5 @@ def whole_tiles(settings: Settings) -> tuple[int, int, int, int]:
 
 
 def tile_count(wide: int, high: int) -> int:
-    """How many tiles cover so many pixels."""
+    """The number of tiles that cover a picture."""
     return -(-wide // TILE) * -(-high // TILE)

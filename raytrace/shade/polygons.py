@@ -21,7 +21,7 @@ NEAR = 1e-9  # distance that counts as none, and sine of an angle that counts as
 
 @inline
 def polygons_hit(geometry, item, mask, faces):
-    """Where the mask is set and the faces are parts of polygons, and the polygons' rows in `geometry.vertices`."""
+    """The lanes of `mask` whose faces are parts of polygons, and the polygons' rows in `geometry.vertices`."""
     first = len(geometry.vertices) - len(geometry.first_edge) + 1
     rows = gather(geometry.polygons, select(mask, faces, 0) + geometry.first_face[item])
     there = mask & (rows >= first)

@@ -107,7 +107,7 @@ def borrow_scene(scene):
 
 
 class Film(NamedTuple):
-    """What tiles are rendered to.
+    """The pixels that tiles are rendered to.
 
     Attributes:
         pixels: float32 (height, width, 4 or FILM), whole tiles. left, top: place of its first pixel in the picture.

@@ -6,7 +6,7 @@ with t, so a box meets the shaft where six linear inequalities in t hold togethe
 need be traced.
 
 The test errs on the side of tracing: ends and boxes are larger than Embree's rounding. A box that is exactly flat,
-like those of a floor, is not thickened across: a ray from above it that runs upwards is never found to meet it, since
+like a floor's, is not thickened across: a ray from above it that runs upwards is never found to meet it, since
 Embree's signs are exact there. So a floor does not hide the light from the points on it, lifted as they are.
 """
 

@@ -15,7 +15,7 @@ from ..errors import nearest_name
 
 
 class Fault(NamedTuple):
-    """What is wrong with plain values: where, what would have been accepted, what came, what was probably meant."""
+    """A fault in plain values: its path, the expected and the given value, and the name that was probably meant."""
 
     path: str
     expected: str
@@ -41,14 +41,14 @@ _EXPECTATIONS = {
 
 
 def most_telling(error: ValidationError) -> ErrorDetails:
-    """The fault to tell: an unknown name before a missing one, which it may be."""
+    """The most useful fault: an unknown name before a missing one, which it may be."""
     faults = error.errors(include_url=False)
     unknown = (fault for fault in faults if fault["type"] in _UNKNOWN)
     return next(unknown, faults[0]) if faults[0]["type"] == "missing" else faults[0]
 
 
 def first_fault(error: ValidationError, kind: type, shown: Callable[[Any], Any] = lambda value: value) -> Fault:
-    """The fault of a validation to tell. Args: kind: what was validated. shown: the text of a value that came."""
+    """The most useful fault of a validation. Args: kind: what was validated. shown: text of a value that came."""
     fault = most_telling(error)
     location, came = fault["loc"], fault["input"]
     path = path_of(location)
@@ -104,7 +104,7 @@ def _required(declared: FieldInfo) -> FieldInfo:
 
 
 def _expected(fault: ErrorDetails, declared: FieldInfo) -> str:
-    """What would have been accepted, in a few words."""
+    """The expected value, in a few words."""
     names = ("ge", "gt", "le", "lt")
     bounds = {name: getattr(each, name) for each in declared.metadata for name in names if hasattr(each, name)}
     if declared.annotation is int and {"ge", "le"} <= set(bounds):

@@ -31,7 +31,7 @@ def check_memory(source: object, needed: int, work: str, instead: dict[str, int]
     """Refuse work that does not fit.
 
     Args:
-        source: what to name in the message. needed: bytes beside those in use now. work: such as "to bake 8 vertices".
+        source: what to name in the message. needed: bytes beyond the memory in use. work: such as "to bake 8 vertices".
         instead: bytes that other ways to reach the same need, by name, best first.
 
     Raises:

@@ -81,7 +81,7 @@ def check_outputs(outputs: Mapping[str, Name | None], inputs: Iterable[Name] = (
 
 
 def make_folder(folder: Path) -> None:
-    """Make a folder for outputs, and those above it, unless it is there. Raises: OutputError."""
+    """Make a folder for outputs, and its parents, unless it is there. Raises: OutputError."""
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as reason:

@@ -119,7 +119,7 @@ class _Refusing(ABCMeta):
 
     @property
     def __signature__(cls) -> Signature:
-        """What may be given, needed values first, by the names of their types in this module, for `help`."""
+        """The parameters, required ones first, with the names of their types in this module, for `help`."""
         written: dict[str, str] = {}
         for base in reversed(cls.__mro__):
             written |= vars(base).get("__annotations__", {})
@@ -138,7 +138,7 @@ class _Refusing(ABCMeta):
 
 
 def _option_error(error: ValidationError, kind: _Refusing, values: dict[str, Any]) -> OptionError:
-    """The fault to tell; of a field with a description, all of the value."""
+    """The error of a validation; of a field with a description, with the whole value."""
     fault = most_telling(error)
     cause = fault.get("ctx", {}).get("error")
     if isinstance(cause, OptionError):

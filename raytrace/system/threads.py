@@ -61,13 +61,13 @@ def run_blocks(
 
     `work` must release the GIL to gain anything and write only its own rows. `progress` is called, on this thread,
     with the number of items of each finished block. An exception or Ctrl-C drops the blocks that have not begun.
-    A call within `work` stays on its thread: the others are at work already.
+    A call within `work` stays on its thread: all threads are at work already.
 
     Args: most: blocks that `work` may be given at once.
     """
     threads = min(threads, -(-count // block), 1 if getattr(_within, "blocks", False) else thread_count(None) + _BEYOND)
     parts = shares(count, block, max(threads, 1), most)
-    if threads <= 1:  # the bake of a small mesh has dozens of these; a queue would take as long as their work
+    if threads <= 1:  # the bake of a small mesh has dozens of calls; a queue would take as long as their work
         for start, stop in parts:
             work(start, stop)
             if progress:

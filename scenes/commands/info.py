@@ -20,7 +20,7 @@ _NAME = 80  # characters of an object's that are shown
 
 
 def facts(source: MeshFile) -> dict[str, Any]:
-    """What `describe` tells of a file as JSON-ready values: lengths in mesh units, None for what is missing."""
+    """The facts of `describe` as JSON-ready values: lengths in mesh units, None for what is missing."""
     mesh = source.mesh
     placement = Placement.of(mesh)
     receivers = find_receivers(mesh, placement)
@@ -80,7 +80,7 @@ def describe(source: MeshFile) -> list[tuple[str, str]]:
 
 
 def _occlusion(source: MeshFile) -> dict[str, int] | None:
-    """How many primitives of a glTF file have occlusion textures, and how many of those are ramps of a bake."""
+    """Numbers of primitives of a glTF file with occlusion textures, and with the ramp of a bake."""
     if source.gltf is None:
         return None
     header, drawn = source.gltf.header, source.gltf.drawn

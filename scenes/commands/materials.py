@@ -99,7 +99,7 @@ def fit_error(material: OrenNayar) -> tuple[float, float]:
 
 
 def _fit_lines(material: OrenNayar) -> list[str]:
-    """What the model has for f in its plane of incidence, and the integral that it fits."""
+    """The model's f in the plane of incidence, and the integral that it fits."""
     lines = []
     for title, turn in (("back to the light", 0.0), ("away from it", np.pi)):
         rows = []
@@ -117,7 +117,7 @@ def _fit_lines(material: OrenNayar) -> list[str]:
 
 
 def _orientations(material: BaseMaterial) -> Sequence[tuple[str, BaseMaterial]]:
-    """Anisotropic materials along and across their grain, others as they are."""
+    """Anisotropic materials along and across their grain, isotropic ones as they are."""
     if not isinstance(material, Brushed):
         return [("", material)]
     along, across = (replace(material, grain=grain) for grain in ((1.0, 0, 0), (0, 1.0, 0)))
@@ -136,7 +136,7 @@ def _written(values: dict[str, Any]) -> str:
 
 
 def _value(value: Any, digits: int | None = 5) -> str:
-    """A value as TOML has it, one number for three equal ones. Args: digits: None: as many as tell it from others."""
+    """A value as TOML has it, one number for three equal ones. Args: digits: None: the shortest exact form."""
     if isinstance(value, list | tuple):
         parts = [_value(each, digits) for each in value]
         return parts[0] if len(set(parts)) == 1 else f"[{', '.join(parts)}]"

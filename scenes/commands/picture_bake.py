@@ -32,7 +32,7 @@ def with_obscurance(
 ) -> tuple[Scene, ao.Bake | None]:
     """The scene with w(p) as `description.w_from` and `description.bake` ask, and the bake if there was one.
 
-    Only vertices that the picture can show are baked; the others get w = 1, and so do those of shapes with an
+    Only vertices that the picture can show are baked; all else gets w = 1, and so do vertices of shapes with an
     occlusion texture. w from a file stands in place of such textures.
 
     Args: threads, progress: as `ao.bake` takes them. session: workers who trace the rays.

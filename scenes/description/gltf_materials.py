@@ -47,7 +47,7 @@ _READ = {"KHR_materials_emissive_strength", "KHR_materials_unlit", "KHR_material
 
 
 class _Surface(NamedTuple):
-    """The factors of a material, those of its textures' means included."""
+    """The factors of a material, multiplied by its textures' means."""
 
     base: RGB
     roughness: float

@@ -43,7 +43,7 @@ def read_gltf(path: Path, settings: Settings, up: str | None = None, view: str |
 
 
 def gltf_objects(path: Path) -> tuple[tuple[Object, ...], Gltf, tuple[str, ...]]:
-    """The drawn primitives of a file, those of one mesh sharing their shapes, the asset, and what is left out of it.
+    """The drawn primitives of a file, sharing shapes by mesh, the asset, and notes on what is left out.
 
     Objects that their nodes flatten to nothing (a scale of zero hides, in glTF) are left out.
 

@@ -32,7 +32,7 @@ MAX_BUILT = 4_000_000
 
 
 def named_materials(tables: Sequence[dict[str, Any]], source: object) -> dict[str, BaseMaterial]:
-    """Materials by name: the presets, then those of `[[materials]]`.
+    """Materials by name: the presets, then `[[materials]]`.
 
     Raises:
         SceneError: a name is missing or given twice, or a material has a bad value.
@@ -97,11 +97,11 @@ class ObjectReader:
         return objects
 
     def origin(self, item: Object) -> Origin | None:
-        """Where the vertices of one of the objects come from, if they are not its file's one by one."""
+        """The file's vertices that an object's vertices come from, None if they are the same."""
         return self._origins.get(id(item.shape))
 
     def _check_copies(self, pieces: list[Object], table: ObjectTable, field: str) -> None:
-        """Count vertices and triangles, those of mesh files once and those of all copies."""
+        """Count vertices and triangles, of mesh files once and of all copies."""
         rows = {id(item.shape.mesh): len(item.shape.mesh.vertices) + len(item.shape.mesh.faces) for item in pieces}
         if table.mesh is not None:
             self._stored |= rows

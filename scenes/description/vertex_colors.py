@@ -14,7 +14,7 @@ from raytrace.types import Float64s
 
 from ..formats.load import read_objects
 
-_BEGIN = 1 << 16  # bytes of a file that tell whether there can be any
+_BEGIN = 1 << 16  # bytes of a file that show whether it can have any
 
 
 def vertex_colors(path: Path) -> tuple[Float64s | None, list[str]]:

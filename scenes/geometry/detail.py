@@ -129,7 +129,7 @@ def split_corners(
 def split_creases(mesh: Mesh) -> tuple[Int64s, Int64s, Float64s]:
     """A mesh with a vertex for each normal that `raytrace.mesh.creases` gives: (k,), (m, 3), (k, 3).
 
-    Returns vertices, the n of the mesh first and those that repeat after them, faces, and normals.
+    Returns vertices, the mesh's n first and repeated ones after them, faces, and normals.
     """
     rows, of = creased_normals(mesh)
     own, places = PerCorner(rows, of.ravel()), np.arange(of.size).reshape(-1, 3)

@@ -35,7 +35,7 @@ class Instance:
         unread: what the file holds and nobody reads, in words.
         w: (n,) obscurance that a bake has left in the file, unchecked, or None.
         opacity: alpha of the faces, or None.
-        up: the axis that is up, as far as the file or its format tells (`Mesh.up`).
+        up: the axis that is up, if the file or its format defines it (`Mesh.up`).
         paints, paint_of: all materials of the file, and (m,) which each of the faces has, -1: none; or None.
         polygons: (m,) the polygon of each face, as `raytrace.Mesh` has it, or None.
     """
@@ -137,7 +137,7 @@ def flatten(instances: Sequence[Instance], source: str) -> tuple[Mesh, tuple[Sub
     """One mesh of all instances, in their order, in world space.
 
     A mirroring matrix (negative determinant) reverses the winding of its faces, so that an outside stays an outside.
-    Normals go by the inverse transpose; where only some instances have them, the others' are NaN.
+    Normals go by the inverse transpose; where only some instances have normals, the rest is NaN.
 
     Raises:
         MeshError: the arrays are not a mesh (`raytrace.Mesh`).

@@ -36,7 +36,7 @@ def menger(level: int, size: float, cuts: int) -> Mesh:
 
 
 def _solid(level: int) -> Bools:
-    """Which cells of the 3^level lattice are filled."""
+    """The filled cells of the 3^level lattice."""
     middle = np.indices((3, 3, 3)) == 1
     solid = np.ones((1, 1, 1), bool)
     for _ in range(level):

@@ -26,7 +26,7 @@ _OVERLAP = 1e-5  # of a polygon's area: how much may be covered twice or not at 
 
 
 class Triangulation(NamedTuple):
-    """How polygons are cut.
+    """Polygons cut into triangles.
 
     Attributes:
         counts: (p,) triangles of each polygon.
@@ -50,7 +50,7 @@ class Triangulation(NamedTuple):
         return None if self.places is None else np.repeat(np.arange(len(self.counts)), self.counts)
 
     def take(self, values: npt.NDArray[Any]) -> npt.NDArray[Any]:
-        """Values of the corners (c,) as those of the triangles (m, 3)."""
+        """Values (m, 3) of the triangles, from values (c,) of the corners."""
         return values.reshape(-1, 3) if self.places is None else values[self.places]
 
 
@@ -76,7 +76,7 @@ def triangulate(
 ) -> Triangulation:
     """Cut polygons into triangles between their own corners, wound as they are.
 
-    Where an index points at no vertex, or a coordinate is none, all become fans: `raytrace.Mesh` tells the fault.
+    Where an index or a coordinate is invalid, all become fans: `raytrace.Mesh` raises the error.
 
     Args:
         vertices: (n, 3).
@@ -128,9 +128,9 @@ class _Block:
     """Some polygons of four corners and more, and which of them a fan does not fill.
 
     Attributes:
-        diagonal: numbers of those of four corners that their other diagonal cuts.
+        diagonal: numbers of quadrilaterals that their other diagonal cuts.
         crossing: how many of four corners neither diagonal cuts.
-        concave: numbers of those of more corners.
+        concave: numbers of concave polygons of more corners.
     """
 
     def __init__(

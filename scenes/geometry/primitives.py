@@ -18,7 +18,7 @@ from raytrace.types import Float64s, Int64s
 
 
 class Origin(NamedTuple):
-    """Which of the `total` vertices of its file each vertex of a mesh is: `of`, int64 (n,)."""
+    """The vertex of its file, of `total`, that each vertex of a mesh comes from: `of`, int64 (n,)."""
 
     of: Int64s
     total: int

@@ -1,4 +1,4 @@
-"""What bakes of a mesh file to vertices and to a texture share, and one of them as the bake of a batch."""
+"""The common part of bakes of a mesh file to vertices and to a texture, and one bake of a batch."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
 @contextmanager
 def silence_tolerance_warnings() -> Iterator[None]:
-    """No warnings of Python's about tolerances that are not met, while this lasts: commands print them as their own."""
+    """Silence Python's warnings about tolerances that are not met: commands print their own."""
     import ao
 
     with catch_warnings():
@@ -36,12 +36,12 @@ def silence_tolerance_warnings() -> Iterator[None]:
 
 
 class WorkSize(NamedTuple):
-    """What a bake is made of.
+    """The size of a bake.
 
     Attributes:
-        points: how many are baked, at most. unit: what they are, "vertices" or "texels".
+        points: number to be baked, at most. unit: "vertices" or "texels".
         bytes: memory that the bake takes at its peak.
-        trial: bakes about so many of the points, to see how long that takes; returns how many.
+        trial: bakes about so many points, to be timed; returns their number.
     """
 
     points: int
@@ -62,7 +62,7 @@ class MeshBake(Record, ABC):
 
     Attributes:
         sort: in the words of `Option.on`. content: of the mesh, if it is no file's.
-        open_checkpoint: makes the checkpoint of an output, if not the usual one is wanted.
+        open_checkpoint: makes the checkpoint of an output, unless it is the usual one.
     """
 
     sort: str
@@ -145,7 +145,7 @@ class MeshBake(Record, ABC):
         return Checkpoint(self.journal(output), self.resume, note)
 
     def journal(self, output: Path) -> Path:
-        """Where what is traced for an output is kept until it is written."""
+        """The path of an output's journal."""
         return Path(f"{output}.partial")
 
     def inputs(self) -> list[Path]:
@@ -199,7 +199,7 @@ class MeshBake(Record, ABC):
 
     @abstractmethod
     def work(self, source: MeshFile, falloff: ao.Falloff) -> WorkSize:
-        """What a bake of `source` is made of. Raises: InputError: as `bake`, before anything is traced."""
+        """The size of a bake of `source`. Raises: InputError: as `bake`, before anything is traced."""
 
     @abstractmethod
     def bake(self, falloff: ao.Falloff) -> Iterator[Written]:
@@ -217,7 +217,7 @@ class Outcome:
 
 
 def bake_one(bake: MeshBake, falloff: ao.Falloff, threads: int, resume: bool) -> Outcome:
-    """Bake and write; faults become messages, but for that of a cluster, which is lost for the others, too.
+    """Bake and write; errors become messages, but for a cluster's, which ends all bakes.
 
     Args: resume: continue what an interrupted run has traced, if there is any.
     """

@@ -71,7 +71,7 @@ class Batch:
         return 1 if manifest.count("failed") else 0
 
     def check(self, keep: bool = True) -> ao.Falloff:
-        """The falloff, if the options go together and the outputs can be written; makes the folders of these.
+        """The falloff, if the options go together and the outputs can be written; makes the outputs' folders.
 
         Args: keep: whether folders that are made stay.
 
@@ -85,7 +85,7 @@ class Batch:
 
     @property
     def manifest(self) -> Path:
-        """The file that says what became of each input."""
+        """The path of the manifest."""
         return self.folder / (part_manifest(*self.part) if self.part else MANIFEST)
 
     def _summary(self, manifest: Manifest) -> str:
@@ -107,7 +107,7 @@ class Batch:
         return manifest
 
     def _own(self) -> list[MeshBake]:
-        """The bakes to be done here: all, or those of the part."""
+        """The bakes to be done here: all, or this shard's."""
         if not self.part:
             return list(self.bakes)
         shards = assign_shards([_size(bake.mesh) for bake in self.bakes], self.part[1])
@@ -173,7 +173,7 @@ def _note(entry: Entry, outcome: Outcome) -> None:
 
 
 def _read_by(bake: MeshBake) -> list[Path]:
-    """The files that a bake reads: those of its options, and what a .gltf or .obj among them names."""
+    """The files that a bake reads: in its options, and files that a .gltf or .obj names."""
     from ..formats.gltf.asset import Gltf  # slow imports
     from ..formats.obj.detail import named_files
 
@@ -188,7 +188,7 @@ def _read_by(bake: MeshBake) -> list[Path]:
 
 
 def _identity(path: Path) -> object:
-    """What differs after a file is replaced."""
+    """A value that changes if a file is replaced."""
     try:
         status = path.stat()
         return status.st_ino, status.st_mtime_ns

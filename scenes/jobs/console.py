@@ -46,7 +46,7 @@ _PLAIN = str.maketrans({
 
 
 def _in_plain_letters(fault: UnicodeError) -> tuple[str, int]:
-    """What stands for characters that an output cannot hold: letters that read alike, else escapes."""
+    """Replacements for characters that an output cannot encode: similar letters, else escapes."""
     if not isinstance(fault, UnicodeEncodeError):
         raise fault
     characters = fault.object[fault.start : fault.end].translate(_PLAIN)
@@ -90,7 +90,7 @@ def output_failed(failure: OSError) -> int:
     return 1
 
 
-_silent = threading.local()  # its `on`: whether warnings on this thread are for others to print
+_silent = threading.local()  # its `on`: whether warnings on this thread are printed by the caller
 
 
 @contextmanager
@@ -104,7 +104,7 @@ def unprinted_warnings() -> Iterator[None]:
 
 
 def warn(meshes: Iterable[Mesh], others: Iterable[str] = (), falloff: ao.Falloff | None = None) -> list[str]:
-    """Print, once each, warnings about the precision of meshes, and others, losses of an output as notes; return them.
+    """Print, once each, warnings about the precision of meshes, and `others`, losses of an output as notes; return all.
 
     Args: falloff: that is relative to the radius of the last of the meshes, perhaps.
     """

@@ -17,7 +17,7 @@ MANIFEST = "manifest.json"
 
 
 def expand(given: Iterable[Path]) -> list[Path]:
-    """Files by their names, and those that patterns of `glob` match, each once.
+    """Files by their names and by patterns of `glob`, each once.
 
     Raises:
         OptionError: a folder, or a pattern that matches nothing.

@@ -1,4 +1,4 @@
-"""What became of each input of a batch: the manifest as JSON, and one manifest of those of all parts."""
+"""The manifest of a batch as JSON, with the outcome of each input; manifests of shards merged into one."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ _NAME = re.compile(r"manifest-\d+-of-(\d+)\.json")
 
 @dataclass
 class Entry:
-    """What became of an input.
+    """The outcome of an input.
 
     Attributes:
         input, output: their names. status: "waiting" also of what an interrupt left out. seconds: of reading, baking
@@ -138,7 +138,7 @@ def is_batch_of_parts(folder: Path) -> bool:
 
 
 def merge_batch(folder: Path) -> Manifest:
-    """Make one manifest of those of all parts.
+    """Merge the manifests of all shards.
 
     Raises:
         InputError: a part is missing, not finished, or of another batch.

@@ -43,7 +43,7 @@ def parameters(rows: Iterable[Option]) -> Callable[[F], F]:
 
 
 def parameter(row: Option) -> Any:
-    """What Typer calls the row: an argument if it has no default."""
+    """The row as Typer's parameter: an argument if it has no default."""
     if row.default is ...:
         return typer.Argument(metavar=row.metavar, help=row.help)
     more: dict[str, Any] = {}
@@ -91,7 +91,7 @@ def _take_options(context: typer.Context, report: Path | None) -> None:
 
 
 def saved_options(path: Path) -> dict[str, Any]:
-    """Options as the command line has them, those at which the earlier bake differs from a plain one among them.
+    """Options as the command line has them, and options of the earlier bake that differ from the defaults.
 
     What was written and the number of threads are not taken over.
 

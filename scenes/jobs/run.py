@@ -1,4 +1,4 @@
-"""What `obscurance bake` is to do: bake one input, or several into a folder."""
+"""`obscurance bake`: one input, or several into a folder."""
 
 from __future__ import annotations
 

@@ -1,1 +1,1 @@
-"""What a user looks at: pages, reports, the clay look."""
+"""Views of a bake: pages, reports, the clay look."""

@@ -1,4 +1,4 @@
-"""How pages and the pictures of reports show a bake: camera, light, clay, colours; in the browser as by `render`.
+"""The clay look of pages and reports: camera, light, clay, colours; the same in the browser and by `render`.
 
 Clay is Lambert's, lit by ambient light and by one directional light that stands with the camera and throws no shadows;
 w weights both, as in (12.75). So what a page draws can be rendered, and a test compares the two.
@@ -21,7 +21,7 @@ Scheme = Literal["dark", "light"]
 FIELD_OF_VIEW = 35.0
 CLAY = (0.66, 0.58, 0.49)
 AMBIENT, KEY = 0.4, 0.85
-"""What a white surface reflects of the ambient light, and of the key light where that is overhead."""
+"""Light that a white surface reflects: ambient, and of the key light overhead."""
 TOWARDS_KEY = (-0.45, 0.6, 0.66)
 """From the surface to the right of the picture, upwards and to the viewer."""
 BACKGROUND: dict[Scheme, tuple[float, float, float]] = {"dark": (0.009, 0.010, 0.013), "light": (0.60, 0.61, 0.62)}
@@ -42,7 +42,7 @@ FLAGS = {
 
 
 def described() -> dict[str, Any]:
-    """What a page's script knows of this, as JSON-ready values."""
+    """The look as JSON-ready values, for a page's script."""
     return {
         "fieldOfView": FIELD_OF_VIEW,
         "clay": CLAY,

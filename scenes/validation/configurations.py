@@ -44,7 +44,7 @@ class Setting:
         mesh: the stand-in.
         points: int64 (k,), the vertices whose w is known.
         exact: (`Rate`, max_distance) → w, (k,) or one number for all.
-        falloffs: those it is to be baked with.
+        falloffs: to bake it with.
         normals: as `ao.bake` takes it.
         missing, beyond: see the module; 0 and ∞ for geometry that is finite already.
         bracket: (`Rate`, max_distance) → w of the other bound of the tessellation, or None for flat geometry.

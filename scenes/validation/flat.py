@@ -211,7 +211,7 @@ def _tilted() -> Setting:
 def _triangles(seed: int) -> Setting:
     """Triangles at any height and slant, some through the horizon, that don't overlap as seen from the origin.
 
-    The directions to their corners are those of a triangulated sphere, and each corner moves along its direction.
+    Directions to their corners are a triangulated sphere's, and each corner moves along its direction.
     """
     rng = np.random.default_rng(100 + seed)
     directions = rng.normal(size=(9, 3))

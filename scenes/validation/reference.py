@@ -43,7 +43,7 @@ class Reference:
 
 @dataclass(frozen=True)
 class Errors:
-    """How far w is from a reference: root mean square, 99th percentile of |error|, largest, and mean (the bias)."""
+    """Errors of w against a reference: root mean square, 99th percentile of |error|, largest, and mean (the bias)."""
 
     rmse: float
     p99: float
@@ -61,7 +61,7 @@ class Errors:
 def reference(
     mesh: Mesh, mus: Sequence[Mu], rays: int = RAYS, vertices: int = VERTICES, threads: int | None = None
 ) -> Reference:
-    """w by brute force at no more than `vertices` vertices, chosen at random among those that are baked.
+    """w by brute force at no more than `vertices` vertices, chosen at random among baked ones.
 
     Args:
         mus: falloffs with lengths in the mesh's units.

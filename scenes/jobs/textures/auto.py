@@ -65,7 +65,7 @@ class AutoCommand(BakeCommand):
 
 
 def _shown(baked: ao.Bake, textures: list[ao.BakedTexture]) -> Interpolation | None:
-    """How w as textures show it, or the ramp where they have no texels, differs from w; None without any.
+    """The error of w as textures show it, or the ramp where they have no texels; None without any.
 
     Faces that repeat an image share its texels, which then show none of them.
     """

@@ -190,7 +190,7 @@ class TextureCommand(MeshBake):
         return found, pages_of(source, found, self.output, self.overlap is not None, self.threads)
 
     def _title(self, page: Page) -> str:
-        """What summaries and reports call a page."""
+        """The name of a page in summaries and reports."""
         return f"{page.path(self.output)}{f', {page.name}' if page.name else ''}"
 
     def _bake_page(

@@ -36,7 +36,7 @@ class Coordinates:
 
 
 def coordinates(source: MeshFile, wanted: str, size: str | None, texel_size: str | None, into_glb: bool) -> Coordinates:
-    """What the options --uv, --size and --texel-size ask for.
+    """Texture coordinates and size by the options --uv, --size and --texel-size.
 
     Args: into_glb: whether new coordinates would be written.
 

@@ -52,11 +52,11 @@ class Page:
 
 
 class Layouts:
-    """The layouts of a mesh file: faces that may overlap, those of a material or of its part in one object.
+    """The layouts of a mesh file: sets of faces, of a material or of its part in one object, which may overlap.
 
     Attributes:
         of: int64 (m,), the layout of each face. all: the file's pieces. pieces: one of each layout.
-        images: an image of each layout, or what tells it from all others.
+        images: an image of each layout, or a key that is the layout's own.
     """
 
     def __init__(self, source: MeshFile, found: Coordinates) -> None:

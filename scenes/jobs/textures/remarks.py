@@ -1,4 +1,4 @@
-"""What users should know of the texture coordinates of a bake, in lines."""
+"""Remarks on the texture coordinates of a bake, in lines."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ _LISTED = 3
 
 
 def layout_remarks(baked: ao.BakedTexture, wraps: bool, tiles: bool) -> list[str]:
-    """What is unusual about a page.
+    """Remarks on the layout of a page.
 
     Args: wraps: whether it was taken modulo 1. tiles: whether the output may have a file for each tile.
     """

@@ -47,7 +47,7 @@ class TexturedW:
 
 @dataclass(frozen=True, eq=False)
 class Values:
-    """What a bake left at n vertices, as much as is known; an `ao.Bake` has the same attributes.
+    """Values of a bake at n vertices, None if unknown; an `ao.Bake` has the same attributes.
 
     Attributes:
         w: (n,), in [0, 1].
@@ -91,7 +91,7 @@ class Values:
 
 
 def encoded(mesh: Mesh, bakes: Sequence[Values]) -> tuple[dict[str, Any], bytes]:
-    """What a page's script must know, JSON-ready, and the gzip-compressed data; the same input gives the same bytes.
+    """A page's data: a JSON-ready header, and gzip-compressed arrays; the same input gives the same bytes.
 
     Args: bakes: checked.
     """
@@ -168,7 +168,7 @@ def _shrunk(image: UInt8s) -> UInt8s:
 
 
 def _runs(shown: Int64s) -> list[list[int]]:
-    """How many faces follow one another with the same textures, and these. Args: shown: (bakes, m)."""
+    """Runs of faces with the same textures: their lengths and textures. Args: shown: (bakes, m)."""
     starts = np.flatnonzero((shown[:, 1:] != shown[:, :-1]).any(axis=0)) + 1
     ends = [0, *starts.tolist(), shown.shape[1]]
     return [[last - first, *shown[:, first].tolist()] for first, last in pairwise(ends)]
@@ -182,7 +182,7 @@ def _sorted(faces: Int64s) -> Int64s:
 
 
 def _differences(faces: Int64s) -> Int64s:
-    """Of sorted faces, (3, m): the growth of the least vertex, and how far the others lie above it."""
+    """Of sorted faces, (3, m): the growth of the lowest vertex, and how far the other two lie above it."""
     stored = faces.copy()
     stored[:, 1:] -= faces[:, :1]
     stored[1:, 0] = np.diff(faces[:, 0])
@@ -201,7 +201,7 @@ def _octahedral(vectors: AnyFloats, most: int) -> Float64s:
 
 
 def _nice(error: AnyFloats | None) -> float:
-    """Where a legend of the error ends: above all but a hundredth of it, a 1, 2 or 5 of its power of ten."""
+    """The upper end of the error's scale: the 99th percentile, rounded up to 1, 2 or 5 times a power of ten."""
     reached = 0.0 if error is None or not len(error) else float(np.quantile(error, 0.99))
     if reached < 1e-6:
         return 0.001

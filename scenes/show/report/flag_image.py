@@ -1,4 +1,4 @@
-"""An image of a baked mesh with a dot on every flagged vertex, also on those that other faces hide."""
+"""An image of a baked mesh with a dot on every flagged vertex, hidden or not."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a command read, for its report."""
+"""The inputs of a command, for its report."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from typing import Any
 
 
 def hashed(files: Iterable[Path], contents: Mapping[Path, bytes | None] = {}) -> list[dict[str, Any]]:
-    """Name, size in bytes and SHA-256 of files, each once. Args: contents: of those that are no files."""
+    """Name, size in bytes and SHA-256 of files, each once. Args: contents: of inputs that are no files."""
     rows = []
     for path in dict.fromkeys(files):
         content = contents.get(path)

@@ -63,7 +63,7 @@ def verdict(report: Facts) -> dict[str, Any]:
 
 
 def remedy(warning: str) -> str:
-    """What can be done about a warning of a command."""
+    """The remedy for a warning of a command."""
     return next((advice for pattern, advice in _REMEDIES if re.search(pattern, warning)), _GENERAL)
 
 
@@ -117,7 +117,7 @@ def _flags(report: Facts) -> Iterator[Finding]:
 
 
 def flags_in_words(flagged: dict[str, int], vertices: int, rays_skipped: dict[str, int]) -> dict[str, str]:
-    """What became of a bake's flagged vertices, by the flag's name. Args: `flagged`, `rays_skipped`: see `ao.Bake`."""
+    """The treatment of a bake's flagged vertices, by flag, in words. Args: `flagged`, `rays_skipped`: see `ao.Bake`."""
     hidden = "; w there is filled from visible neighbours" if rays_skipped.get("hidden") else ""
     words = {name: _OF_FLAGS[name][0].format(hidden) for name, count in flagged.items() if count}
     return {
