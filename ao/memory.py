@@ -21,12 +21,10 @@ def vertex_bytes(vertices: int, faces: int, samples: int) -> int:
 
 
 def corner_bytes(corners: int) -> int:
-    """Bytes that the corners of folded vertices take besides."""
     return _CORNER * corners
 
 
 def surface_bytes(vertices: int, faces: int) -> int:
-    """Bytes that the surface method takes at its peak."""
     return _BASE + _SURFACE_VERTEX * vertices + _SURFACE_FACE * faces
 
 

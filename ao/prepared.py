@@ -60,7 +60,6 @@ class Prepared:
 
     @property
     def scene(self) -> RayScene:
-        """The scene that rays are traced in."""
         receivers = self.receivers
         return RayScene(self.placement.vertices, receivers.faces, receivers.tree, receivers.embree, receivers.opacity)
 
@@ -74,7 +73,6 @@ class Prepared:
 
     @property
     def target(self) -> Target:
-        """The target of the wanted points."""
         options = self.options
         return Target(options.rays, options.tolerance, options.denoise and options.only is None, self.key)
 

@@ -54,7 +54,6 @@ def _wanted(prepared: Prepared) -> Bools:
 
 
 def _unknowns(prepared: Prepared) -> int:
-    """The number of values that are fitted."""
     receivers = prepared.receivers
     faces = receivers.faces[_wanted(prepared)[receivers.faces].any(axis=1)]
     points = receivers.of_vertex[faces]

@@ -37,7 +37,6 @@ class Calibration:
     measured: Float64s
 
     def whole(self) -> CalibrationGroup:
-        """All points."""
         return _group(self.estimated, self.measured)
 
     def groups(self, count: int = 5) -> list[CalibrationGroup]:

@@ -52,7 +52,6 @@ def inside_boxes(points: Float32s, own: Int64s, vertices: Float32s, part: Int64s
 
 
 def _are_one(part: Int64s, faces: Int64s) -> bool:
-    """Whether all faces are of one part."""
     of_face = part[faces[:, 0]]
     return bool((of_face == of_face[:1]).all())
 

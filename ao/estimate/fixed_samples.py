@@ -42,7 +42,6 @@ class TracedTwice(NamedTuple):
 
 
 def traced_twice(tracer: Tracer, points: Points, samples: int, key: np.uint32) -> TracedTwice:
-    """Trace `samples` rays at every point."""
     calibration = _calibration_subset(len(points))
     tracer.expected = tracer.rays + samples * (len(points) + len(calibration))
     rows = tracer.gather(points, samples, key)

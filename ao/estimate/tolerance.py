@@ -228,7 +228,6 @@ class _Field:
         return halve_strides(cells, np.maximum(stride, 1), added_error, goal * len(self.points) - spent)
 
     def _deepen(self, more: int) -> None:
-        """Give every baked point `more` rays."""
         rows = self.tracer.gather(self.points[self.baked], more, derive(self.key, 5 + self.samples))
         kept = variance_factor(self.samples, more)
         self.rows[self.baked] += (1 - kept) * (rows - self.rows[self.baked])

@@ -91,7 +91,6 @@ class Journal:
                 os.close(folder)
 
     def content(self, block: Block) -> bytes:
-        """The recorded content of one of `blocks`."""
         begin, size = self.blocks[block]
         self._file.seek(begin)
         return self._file.read(size)
@@ -114,7 +113,6 @@ class Journal:
         self._file.close()
 
     def remove(self) -> None:
-        """Delete the file and let go of it."""
         with suppress(OSError):
             self.path.unlink()
         self.close()

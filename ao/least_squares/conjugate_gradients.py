@@ -22,7 +22,6 @@ def dot(a: Float64s, b: Float64s) -> float:
 
 
 def multiply(matrix: csr_array, x: Float64s, threads: int, out: Float64s | None = None) -> Float64s:
-    """matrix · x, into `out` if it is given."""
     out = np.empty(len(x)) if out is None else out
     starts, columns = matrix.indptr.view(np.uint32), matrix.indices.view(np.uint32)  # no sign to be minded
 

@@ -52,7 +52,6 @@ class Layers(NamedTuple):
 
 @inline
 def clear(layers):
-    """Reset the layers for a new point."""
     if layers is not None:
         layers.counts[:] = 0
 

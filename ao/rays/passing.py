@@ -8,24 +8,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from raytrace.embree.packets import (
-    DIR_X,
-    DIR_Y,
-    DIR_Z,
-    GEOM_ID,
-    INVALID,
-    LANES,
-    NG_X,
-    NG_Y,
-    NG_Z,
-    PRIM_ID,
-    TFAR,
-    TNEAR,
-    U,
-    V,
-    intersect8,
-    occluded8,
-)
+from raytrace.embree import packets
+from raytrace.embree.packets import intersect8, occluded8
 from raytrace.kernel.jit import inline
 from raytrace.mesh.opacity_lookup import alpha
 
@@ -41,7 +25,7 @@ def passed_of(opacity):
     """Room for what the rays of a packet pass; None where all faces are opaque."""
     if opacity is None:
         return None
-    return np.zeros((4, LANES))
+    return np.zeros((4, packets.LANES))
 
 
 @inline
@@ -62,10 +46,10 @@ def mu_of(rays, lane, closest, falloff, passed):
     if passed is not None:
         return 1.0 - passed[_LOST, lane]
     if not closest:
-        return 0.0 if rays[TFAR, lane] < 0.0 else 1.0
-    if rays.view(np.uint32)[GEOM_ID, lane] == INVALID:
+        return 0.0 if rays[packets.TFAR, lane] < 0.0 else 1.0
+    if rays.view(np.uint32)[packets.GEOM_ID, lane] == packets.INVALID:
         return 1.0
-    return _mu_at(rays[TFAR, lane], falloff)
+    return _mu_at(rays[packets.TFAR, lane], falloff)
 
 
 @inline
@@ -73,7 +57,7 @@ def backs(rays, lane, passed):
     """The part of a ray, traced for the closest hit, that ends on the back of a face."""
     if passed is not None:
         return passed[_BACKS, lane]
-    return 1.0 if rays.view(np.uint32)[GEOM_ID, lane] != INVALID and _is_back(rays, lane) else 0.0
+    return 1.0 if rays.view(np.uint32)[packets.GEOM_ID, lane] != packets.INVALID and _is_back(rays, lane) else 0.0
 
 
 @inline
@@ -85,8 +69,8 @@ def _mu_at(distance, falloff):
 
 @inline
 def _is_back(rays, lane):
-    x, y, z = rays[DIR_X, lane], rays[DIR_Y, lane], rays[DIR_Z, lane]
-    return x * rays[NG_X, lane] + y * rays[NG_Y, lane] + z * rays[NG_Z, lane] > 0.0
+    x, y, z = rays[packets.DIR_X, lane], rays[packets.DIR_Y, lane], rays[packets.DIR_Z, lane]
+    return x * rays[packets.NG_X, lane] + y * rays[packets.NG_Y, lane] + z * rays[packets.NG_Z, lane] > 0.0
 
 
 @inline
@@ -94,34 +78,34 @@ def _trace_through(packet, falloff, t_max, passed):
     scene, rays, valid, opacity = packet
     ids = rays.view(np.uint32)
     asked = going = 0
-    for lane in range(LANES):
+    for lane in range(packets.LANES):
         passed[_LEFT, lane], passed[_LOST, lane], passed[_BACKS, lane], passed[_LAST, lane] = 1.0, 0.0, 0.0, -1.0
         asked |= -valid[lane] << lane
     going = asked
     while going != 0:
         intersect8(scene, rays, valid)
-        for lane in range(LANES):
+        for lane in range(packets.LANES):
             if valid[lane] == 0:
                 continue
-            if ids[GEOM_ID, lane] != INVALID:
+            if ids[packets.GEOM_ID, lane] != packets.INVALID:
                 _meet(opacity, falloff, rays, lane, passed)
-                rays[TNEAR, lane], rays[TFAR, lane] = rays[TFAR, lane] * _FARTHER, t_max
-            if ids[GEOM_ID, lane] == INVALID or passed[_LEFT, lane] <= LEAST:
+                rays[packets.TNEAR, lane], rays[packets.TFAR, lane] = rays[packets.TFAR, lane] * _FARTHER, t_max
+            if ids[packets.GEOM_ID, lane] == packets.INVALID or passed[_LEFT, lane] <= LEAST:
                 valid[lane] = 0
                 going &= ~(1 << lane)
-    for lane in range(LANES):
+    for lane in range(packets.LANES):
         valid[lane] = -(asked >> lane & 1)
-        rays[TNEAR, lane] = 0.0
+        rays[packets.TNEAR, lane] = 0.0
 
 
 @inline
 def _meet(opacity, falloff, rays, lane, passed):
     """Leave at a hit the part of a ray that ends there."""
-    face = np.int64(rays.view(np.uint32)[PRIM_ID, lane])
+    face = np.int64(rays.view(np.uint32)[packets.PRIM_ID, lane])
     if face == passed[_LAST, lane]:
         return
-    share = passed[_LEFT, lane] * alpha(opacity, face, rays[U, lane], rays[V, lane])
+    share = passed[_LEFT, lane] * alpha(opacity, face, rays[packets.U, lane], rays[packets.V, lane])
     passed[_LEFT, lane] -= share
-    passed[_LOST, lane] += share * (1.0 - _mu_at(rays[TFAR, lane], falloff))
+    passed[_LOST, lane] += share * (1.0 - _mu_at(rays[packets.TFAR, lane], falloff))
     passed[_BACKS, lane] += share * _is_back(rays, lane)
     passed[_LAST, lane] = face

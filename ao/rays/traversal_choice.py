@@ -45,7 +45,6 @@ def most_packets(mu: KernelMu) -> int:
 
 
 def tried(count: int) -> Int64s:
-    """The points, of `count`, that are tried."""
     return np.arange(min(count, _POINTS)) * count // max(min(count, _POINTS), 1)
 
 

@@ -124,7 +124,6 @@ def _normal(ab, bc, ca):
 
 @inline
 def _store(rows, first, v):
-    """Write a triple of lanes to three rows."""
     store_row(rows, first, v[0])
     store_row(rows, first + 1, v[1])
     store_row(rows, first + 2, v[2])
@@ -132,7 +131,6 @@ def _store(rows, first, v):
 
 @inline
 def _pick(rows, first, lane):
-    """One lane of three rows."""
     return rows[first, lane], rows[first + 1, lane], rows[first + 2, lane]
 
 

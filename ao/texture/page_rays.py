@@ -4,22 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from raytrace.embree.packets import (
-    DIR_X,
-    DIR_Y,
-    DIR_Z,
-    GEOM_ID,
-    INVALID,
-    LANES,
-    ORG_X,
-    ORG_Y,
-    ORG_Z,
-    PRIM_ID,
-    TFAR,
-    U,
-    V,
-    intersect8,
-)
+from raytrace.embree import packets
+from raytrace.embree.packets import intersect8
 from raytrace.embree.rays import Hits, intersect
 from raytrace.embree.scene import TriangleScene
 from raytrace.kernel.borrow import borrow
@@ -61,28 +47,29 @@ def find_hits(packet, texels, width, step, in_turn, found, layered):
     deep, deep_triangle, deep_place = layered
     count = SLOTS * len(texels)
     stack = (
-        np.zeros(LANES, np.int64),
-        np.zeros((LANES, _LAYERS), np.int64),
-        np.zeros((LANES, _LAYERS, 3), np.float32),
-        np.zeros(LANES, np.bool_),
+        np.zeros(packets.LANES, np.int64),
+        np.zeros((packets.LANES, _LAYERS), np.int64),
+        np.zeros((packets.LANES, _LAYERS, 3), np.float32),
+        np.zeros(packets.LANES, np.bool_),
     )
-    height = np.zeros(LANES)
-    for first in range(0, count, LANES):
-        for lane in range(LANES):
+    height = np.zeros(packets.LANES)
+    for first in range(0, count, packets.LANES):
+        for lane in range(packets.LANES):
             i, k = divmod(min(first + lane, count - 1), SLOTS)
             valid[lane] = -1 if first + lane < count else 0
             height[lane], stack[0][lane], stack[3][lane] = _ABOVE, 0, False
-            rays[ORG_X, lane], rays[ORG_Y, lane] = texels[i] % width + _GRID[k, 0], texels[i] // width + _GRID[k, 1]
-            rays[DIR_X, lane], rays[DIR_Y, lane], rays[DIR_Z, lane] = 0.0, 0.0, -1.0
+            rays[packets.ORG_X, lane] = texels[i] % width + _GRID[k, 0]
+            rays[packets.ORG_Y, lane] = texels[i] // width + _GRID[k, 1]
+            rays[packets.DIR_X, lane], rays[packets.DIR_Y, lane], rays[packets.DIR_Z, lane] = 0.0, 0.0, -1.0
         depth, going = 0, True
         while going and depth < _LAYERS:
-            for lane in range(LANES):
-                rays[ORG_Z, lane], rays[TFAR, lane] = height[lane], np.inf
+            for lane in range(packets.LANES):
+                rays[packets.ORG_Z, lane], rays[packets.TFAR, lane] = height[lane], np.inf
             intersect8(scene, rays, valid)
             going = False
-            for lane in range(LANES):
+            for lane in range(packets.LANES):
                 if valid[lane] != 0 and _note_layer(rays, lane, depth, first, triangle, barycentric, stack):
-                    height[lane] -= rays[TFAR, lane] + step / 2.0
+                    height[lane] -= rays[packets.TFAR, lane] + step / 2.0
                     if depth > 0 and not (stack[3][lane] and in_turn):
                         valid[lane] = 0
                     going = going or valid[lane] != 0
@@ -90,7 +77,7 @@ def find_hits(packet, texels, width, step, in_turn, found, layered):
                     valid[lane] = 0
             depth += 1
         layers, face, weights, several = stack
-        for lane in range(min(LANES, count - first)):
+        for lane in range(min(packets.LANES, count - first)):
             if several[lane]:
                 i, k = divmod(first + lane, SLOTS)
                 overlapping[i] = True
@@ -99,7 +86,7 @@ def find_hits(packet, texels, width, step, in_turn, found, layered):
                     chosen = (_TURNS[k] * layers[lane] // SLOTS + texels[i]) % layers[lane]
                     triangle[i, k] = face[lane, chosen]
                     _put(barycentric, i, k, weights[lane, chosen])
-        for begin in range(0, min(LANES, count - first), SLOTS):
+        for begin in range(0, min(packets.LANES, count - first), SLOTS):
             i = (first + begin) // SLOTS
             if not (overlapping[i] and in_turn):
                 _bring_forward(triangle[i], barycentric[i])
@@ -112,9 +99,9 @@ def _note_layer(rays, lane, depth, first, triangle, barycentric, stack):
     """Note what a ray has met in its `depth`-th step on the stack of its layers; whether it met anything."""
     layers, face, weights, several = stack
     ids = rays.view(np.uint32)
-    if ids[GEOM_ID, lane] == INVALID:
+    if ids[packets.GEOM_ID, lane] == packets.INVALID:
         return False
-    met, u, v = np.int64(ids[PRIM_ID, lane]), rays[U, lane], rays[V, lane]
+    met, u, v = np.int64(ids[packets.PRIM_ID, lane]), rays[packets.U, lane], rays[packets.V, lane]
     place = np.float32(1.0) - u - v, u, v
     if depth == 0:
         i, k = divmod(first + lane, SLOTS)

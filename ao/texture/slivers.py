@@ -114,7 +114,6 @@ def _common(triangle, left, top, polygon, scratch):
 
 @inline
 def _weights(triangle, x, y, out):
-    """Barycentric coordinates of a point, none below 0."""
     for k in range(3):
         b, c = (k + 1) % 3, (k + 2) % 3
         bx, by = triangle[b, 0] - x, triangle[b, 1] - y

@@ -48,6 +48,5 @@ def tangent_frames(
 
 
 def _angles(corners: Float64s) -> Float64s:
-    """Interior angles (m, 3) of triangles."""
     ahead, behind = (normalize(np.roll(corners, -step, axis=1) - corners) for step in (1, 2))
     return np.arccos(np.einsum("fcd,fcd->fc", ahead, behind).clip(-1, 1))

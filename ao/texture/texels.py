@@ -56,7 +56,6 @@ class Texels:
 
     @property
     def counts(self) -> Int64s:
-        """The number of points (k,) of each texel."""
         return np.diff(self.starts)
 
     @property

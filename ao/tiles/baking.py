@@ -126,7 +126,6 @@ class _TileTracer:
         return tracer
 
     def _openness(self) -> Float64s:
-        """`try_out` of the `tried` points, each in its tile."""
         numbers = tried(self.numbering.count)
         rows = self.numbering.order[numbers]
         out = np.empty(len(rows))
@@ -137,7 +136,6 @@ class _TileTracer:
         return out
 
     def _points(self, rows: Int64s) -> Points:
-        """The points with the first vertices `rows`."""
         numbering = self.numbering
         return Points(numbering.origins[rows].astype(np.float32), numbering.axes[rows], numbering.number[rows])
 

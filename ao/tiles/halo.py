@@ -92,7 +92,6 @@ def _faces_at(tiling: Tiling, vertices: Int64s) -> Int64s:
 
 
 def _read_faces(tiling: Tiling, rows: Int64s) -> Int64s:
-    """The faces (k, 3) of ascending `rows` (k,)."""
     out, source = np.empty((len(rows), 3), np.int64), tiling.source
     for run in runs(source.face_count):
         first, last = np.searchsorted(rows, [run.start, run.stop])

@@ -42,7 +42,6 @@ class TileSource(Protocol):
 
 
 def runs(count: int) -> Iterator[slice]:
-    """Runs of `count` rows."""
     for first in range(0, count, RUN):
         yield slice(first, min(first + RUN, count))
 

@@ -21,7 +21,6 @@ R_S, N_PARALLEL, N_PERPENDICULAR = MODEL + 3, MODEL + 6, MODEL + 7
 
 @inline
 def fifth(x):
-    """x⁵"""
     square = x * x
     return square * square * x
 

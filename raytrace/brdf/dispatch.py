@@ -121,13 +121,11 @@ def _in_lanes(parts, lanes):
 
 @inline
 def _lane(a, lane):
-    """One lane of a triple, in double precision."""
     return (np.float64(pick(a[0], lane)), np.float64(pick(a[1], lane)), np.float64(pick(a[2], lane)))
 
 
 @inline
 def _replaced(a, lane, b):
-    """A triple of lanes with one lane replaced."""
     return (replace(a[0], lane, b[0]), replace(a[1], lane, b[1]), replace(a[2], lane, b[2]))
 
 

@@ -39,5 +39,4 @@ def closest_on_triangle(p, a, b, c):
 
 @inline
 def distance_to_triangle(p, a, b, c):
-    """Distance of a point from a triangle."""
     return closest_on_triangle(p, a, b, c)[0]

@@ -34,7 +34,6 @@ def new_stack() -> Int64s:
 
 @inline
 def begin(tree, stack):
-    """Begin a walk at the root."""
     stack[0, _NODE], stack[0, _LEVEL] = tree.starts[-1] - 1, len(tree.starts) - 1
     stack[_ENTRIES, 0] = 1
 

@@ -1,4 +1,4 @@
-"""Closest hits and occlusion of rays in arrays, for code that is not a kernel."""
+"""Closest hits of rays in arrays, for code that is not a kernel."""
 
 from __future__ import annotations
 
@@ -9,10 +9,10 @@ import numpy as np
 
 from ..errors import OptionError
 from ..kernel.borrow import borrow
-from ..kernel.jit import inline, kernel
+from ..kernel.jit import kernel
 from ..system.threads import run_blocks, thread_count
-from ..types import Bools, Float32s, Int64s
-from .packets import DIR_X, GEOM_ID, INVALID, LANES, ORG_X, PRIM_ID, TFAR, U, V, intersect8, new_packet, occluded8
+from ..types import Float32s, Int64s
+from .packets import DIR_X, GEOM_ID, INVALID, LANES, ORG_X, PRIM_ID, TFAR, U, V, intersect8, new_packet
 from .scene import TriangleScene
 
 _BLOCK, _MOST = 1 << 12, 16  # rays, and blocks at once
@@ -44,25 +44,18 @@ class _Rays(NamedTuple):
         return _Rays(self.origins[first:last], self.directions[first:last], self.reach[first:last])
 
 
-@inline
-def _load(packet, valid, first, rays):
-    """Fill a packet with the rays from `first` on; lanes beyond the last are not valid."""
-    count = len(rays.reach)
-    for lane in range(LANES):
-        ray = min(first + lane, count - 1)
-        valid[lane] = -1 if first + lane < count else 0
-        for axis in range(3):
-            packet[ORG_X + axis, lane] = rays.origins[ray, axis]
-            packet[DIR_X + axis, lane] = rays.directions[ray, axis]
-        packet[TFAR, lane] = rays.reach[ray]
-
-
 @kernel
 def _closest(scene, packet, valid, rays, distance, face, barycentric):
     rays, ids = borrow(rays), packet.view(np.uint32)
     count = len(rays.reach)
     for first in range(0, count, LANES):
-        _load(packet, valid, first, rays)
+        for lane in range(LANES):
+            ray = min(first + lane, count - 1)
+            valid[lane] = -1 if first + lane < count else 0
+            for axis in range(3):
+                packet[ORG_X + axis, lane] = rays.origins[ray, axis]
+                packet[DIR_X + axis, lane] = rays.directions[ray, axis]
+            packet[TFAR, lane] = rays.reach[ray]
         intersect8(scene, packet, valid)
         for lane in range(min(LANES, count - first)):
             if ids[GEOM_ID, lane] != INVALID:
@@ -73,17 +66,6 @@ def _closest(scene, packet, valid, rays, distance, face, barycentric):
                 barycentric[ray, 0] = np.float32(1.0) - u - v
                 barycentric[ray, 1] = u
                 barycentric[ray, 2] = v
-
-
-@kernel
-def _any(scene, packet, valid, rays, hit):
-    rays = borrow(rays)
-    count = len(rays.reach)
-    for first in range(0, count, LANES):
-        _load(packet, valid, first, rays)
-        occluded8(scene, packet, valid)
-        for lane in range(min(LANES, count - first)):
-            hit[first + lane] = packet[TFAR, lane] < 0.0
 
 
 def _rays(origins: Any, directions: Any, reach: Any) -> _Rays:
@@ -118,17 +100,3 @@ def intersect(
 
     run_blocks(count, _BLOCK, work, thread_count(threads), most=_MOST)
     return hits
-
-
-def occluded(
-    scene: TriangleScene, origins: Any, directions: Any, reach: Any = np.inf, threads: int | None = None
-) -> Bools:
-    """Whether anything is hit within `reach`: bool (k,). Arguments and errors as `intersect`."""
-    rays = _rays(origins, directions, reach)
-    hit = np.zeros(len(rays.reach), np.bool_)
-
-    def work(a: int, b: int) -> None:
-        _any(scene.handle, *new_packet(), rays.part(a, b), hit[a:b])
-
-    run_blocks(len(hit), _BLOCK, work, thread_count(threads), most=_MOST)
-    return hit

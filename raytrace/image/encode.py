@@ -31,7 +31,6 @@ _SPARE = 1 << 20
 
 
 def channel_names(layer: str, count: int) -> tuple[str, ...]:
-    """Names of a layer's channels in an EXR file."""
     suffixes = CHANNELS.get(layer, _BY_COUNT[count])
     return tuple(suffixes) if layer == "beauty" else tuple(f"{layer}.{suffix}" for suffix in suffixes)
 

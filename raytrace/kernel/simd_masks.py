@@ -11,7 +11,6 @@ from .simd import WIDE
 
 @intrinsic
 def lane_numbers(_typing: Any) -> Any:
-    """0, 1, … as int32."""
     return lanes.WHOLE(), lambda *_: ir.Constant(lanes.llvm_type(lanes.WHOLE), list(range(WIDE)))
 
 
@@ -31,7 +30,6 @@ def some(_typing: Any, mask: Any) -> Any:
 
 @intrinsic
 def count(_typing: Any, mask: Any) -> Any:
-    """The number of set lanes of a mask, int64."""
 
     def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
         return builder.zext(builder.ctpop(_bits(builder, arguments[0])), ir.IntType(64))
@@ -68,7 +66,6 @@ def lowest_bit(_typing: Any, number: Any) -> Any:
 
 @intrinsic
 def pick(_typing: Any, a: Any, lane: Any) -> Any:
-    """One lane's value."""
 
     def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
         return builder.extract_element(*arguments)

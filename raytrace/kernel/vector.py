@@ -36,25 +36,21 @@ def store(array, i, a):
 
 @inline
 def dot(a, b):
-    """a·b"""
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
 @inline
 def cross(a, b):
-    """a × b"""
     return (a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0])
 
 
 @inline
 def scale(s, a):
-    """s a"""
     return (s * a[0], s * a[1], s * a[2])
 
 
 @inline
 def divide(a, s):
-    """a/s"""
     return (a[0] / s, a[1] / s, a[2] / s)
 
 
@@ -66,19 +62,16 @@ def multiply(a, b):
 
 @inline
 def add(a, b):
-    """a + b"""
     return (a[0] + b[0], a[1] + b[1], a[2] + b[2])
 
 
 @inline
 def subtract(a, b):
-    """a − b"""
     return (a[0] - b[0], a[1] - b[1], a[2] - b[2])
 
 
 @inline
 def length(a):
-    """|a|"""
     return sqrt(dot(a, a))
 
 

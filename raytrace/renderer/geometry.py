@@ -199,7 +199,6 @@ def _polygons(shapes: list[_PlacedShape]) -> Polygons:
 
 
 def shape_textures(shapes: Iterable[Shape]) -> tuple[Texture, ...]:
-    """Every texture of the shapes once."""
     kinds = ((shape.texture, shape.occlusion and shape.occlusion.texture, shape.grain) for shape in shapes)
     return tuple(dict.fromkeys(texture for found in kinds for texture in found if texture))
 
@@ -249,7 +248,6 @@ def _some(objects: tuple[Object, ...]) -> Float64s:
 
 
 def _corners(points: AnyFloats) -> Float64s:
-    """The corners (8, 3) of the points' bounding box."""
     ends = zip(points.min(axis=0), points.max(axis=0), strict=True)
     return np.array(np.meshgrid(*ends), np.float64).reshape(3, -1).T
 

@@ -32,7 +32,6 @@ class TileRows(NamedTuple):
 
     @classmethod
     def empty(cls, tiles: int, channels: int, adaptive: bool) -> TileRows:
-        """Rows to be written."""
         edges = (4, TILE, EDGE) if adaptive else (0, 0, 0)
         pixels = np.zeros((tiles, TILE, TILE, channels), np.float32)
         return cls(pixels, np.zeros((tiles, *edges), np.float32), np.zeros((tiles, COUNTERS), np.int64))

@@ -130,7 +130,6 @@ def rendering_bytes(scene: Scene, settings: Settings, layers: bool, threads: int
 
 
 def describe_work(scene: Scene, settings: Settings) -> str:
-    """Description of a rendering, for messages about memory."""
     faces = sum(len(item.shape.mesh.faces) for item in scene.objects)
     return f"to render {faces:,} faces in {settings.width:,}×{settings.height:,} pixels"
 

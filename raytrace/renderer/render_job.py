@@ -104,7 +104,6 @@ class RenderJob:
         )
 
     def scratch(self) -> Scratch:
-        """Memory for one thread."""
         return new_scratch(len(self.scene.lights.kinds), len(self.geometry.textures), self.geometry.hit_filter)
 
     def render(self, film: Film, scratch: Scratch, tiles: tuple[int, int], again: bool = False) -> Int64s:
@@ -144,7 +143,6 @@ class RenderJob:
         self.counts += np.sum(finished, axis=0)
 
     def frame(self, film: Film, seconds: dict[str, float]) -> Frame:
-        """The picture on a film of all tiles."""
         counts = self.counts
         return Frame(
             layers=self._layers(film),
@@ -156,7 +154,6 @@ class RenderJob:
         )
 
     def _layers(self, film: Film) -> dict[str, Float32s]:
-        """The crop's channels by layer, as views."""
         x, y, width, height = self._crop
         crop = film.pixels[y - self._top : y - self._top + height, x - self._left : x - self._left + width]
         layers, first = {}, 0

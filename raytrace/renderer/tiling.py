@@ -19,5 +19,4 @@ def whole_tiles(settings: Settings) -> tuple[int, int, int, int]:
 
 
 def tile_count(wide: int, high: int) -> int:
-    """The number of tiles that cover a picture."""
     return -(-wide // TILE) * -(-high // TILE)

@@ -58,7 +58,6 @@ def add_undirected(packet, items, geometry, total, form):
 
 @inline
 def count_directed(lights):
-    """Number of lights that are not ambient."""
     directed = 0
     for j in range(len(lights.kinds)):
         directed += lights.kinds[j] != AMBIENT_LIGHT
@@ -118,7 +117,6 @@ def select_lights(geometry, lights, shading, scratch, packets):
 
 @inline
 def light_packets(geometry, lights, style, scratch, packets):
-    """Light the first `packets` packets of `scratch.points`."""
     total = ambient_light(lights)
     points = 0
     for e in range(packets):

@@ -50,7 +50,6 @@ def specular_ibl(lights, total, d, slope):
 
 @inline
 def lane_triple(packet, column, lane):
-    """Three columns of one lane, in double precision."""
     x, y, z = packet[column, lane], packet[column + 1, lane], packet[column + 2, lane]
     return np.float64(x), np.float64(y), np.float64(z)
 
@@ -65,7 +64,6 @@ def add_environment(packet, items, geometry, lights, total, style):
 
 @inline
 def reflect_environment(packet, lane, row, lights, total, style):
-    """Write the ambient light that one lane reflects."""
     n, v = lane_triple(packet, layout.NORMAL, lane), lane_triple(packet, layout.VIEW, lane)
     w, bent = 1.0, n
     if style.form != OFF:

@@ -24,7 +24,6 @@ ROUGHLY = 4.0 * AGREE
 
 @inline
 def clear(sums):
-    """Nothing gathered yet."""
     sums[:] = 0.0
     sums[:, layout.DEPTH] = np.inf
     sums[:, LOW : LOW + 3] = np.inf
@@ -87,13 +86,11 @@ def mean(sums, pixels, layers, packet):
 
 @inline
 def column_of(pixels):
-    """Columns of pixels of a tile."""
     return pixels & (TILE - 1)
 
 
 @inline
 def row_of(pixels):
-    """Rows of pixels of a tile."""
     return pixels >> _BITS
 
 
@@ -167,7 +164,6 @@ def store_edge(sums, p, size, retired, edges):
 
 @inline
 def store_edge_pixel(sums, retired, row):
-    """Fill a row of `edges`."""
     for c in range(6):
         row[c] = sums[LOW + c]
     row[6] = 1.0 if retired else 0.0

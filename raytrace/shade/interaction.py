@@ -98,7 +98,6 @@ def doubled(a):
 
 @inline
 def largest(p):
-    """The largest |coordinate|."""
     return max(max(abs(p[0]), abs(p[1])), abs(p[2]))
 
 

@@ -122,7 +122,6 @@ def texture_places(geometry, uv, item, mask, hits, view):
 
 @inline
 def texture_coordinates(uv, vertices):
-    """Texture coordinates of vertices, lanes of float64."""
     return double(gather(uv, 2 * vertices)), double(gather(uv, 2 * vertices + 1))
 
 

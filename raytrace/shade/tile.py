@@ -222,7 +222,6 @@ def trace_packet(scene, view, style, scratch, e, start, there):
 
 @inline
 def clear_packet(packet, style):
-    """Fill a packet with the background."""
     for column in range(layout.BEAUTY, layout.EMISSION):
         store_row(packet, column, 0.0)
     for c in range(3):

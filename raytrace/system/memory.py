@@ -53,7 +53,6 @@ def in_use(proc: Path = Path("/proc")) -> int | None:
 
 
 def size_text(size: int) -> str:
-    """A number of bytes as people read it."""
     return f"{size / 2**30:.1f} GiB" if size >= 1 << 30 else f"{size / 2**20:.0f} MiB"
 
 

@@ -72,7 +72,6 @@ def run_bench(
 
 
 def bench_table(rows: Sequence[Row]) -> str:
-    """The rows as text."""
     head = ("samples", "seconds", "Mrays/s", "RMSE", "p99", "max", "estimated")
     cells = [
         (str(row.samples), f"{median(row.seconds):.3f}", f"{row.rays / median(row.seconds) / 1e6:.1f}",

@@ -28,7 +28,6 @@ _SCENES = (".toml", *endings("holds", "scene"))
 
 
 def presets() -> list[tuple[str, str]]:
-    """Name and content of every preset."""
     return [(name, _written(values)) for name, values in PRESETS.items()]
 
 

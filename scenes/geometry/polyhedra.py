@@ -15,7 +15,7 @@ from raytrace.types import Float64s, Int64s
 RawMesh = tuple[Float64s, Int64s]
 
 
-def part_of(mesh: Mesh) -> RawMesh:
+def raw_mesh(mesh: Mesh) -> RawMesh:
     """The vertices, to be changed at will, and the faces of a mesh."""
     return np.array(mesh.vertices), mesh.faces
 

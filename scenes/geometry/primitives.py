@@ -62,7 +62,6 @@ def plane(corner: npt.ArrayLike, along: npt.ArrayLike, across: npt.ArrayLike, fi
 
 
 def box(centre: npt.ArrayLike, size: npt.ArrayLike, fineness: float) -> TexturedMesh:
-    """An axis-aligned box, outward normals."""
     sides, extent = [], np.asarray(size, np.float64)
     for axis in range(3):
         u, v = (axis + 1) % 3, (axis + 2) % 3
@@ -102,7 +101,6 @@ def tube(base: npt.ArrayLike, radius: float, height: float, fineness: float) -> 
 
 
 def cylinder(radius: float, height: float, fineness: float) -> TexturedMesh:
-    """A closed cylinder about the origin, axis z."""
 
     def cap(side: float) -> Callable[[Float64s, Float64s], tuple[Float64s, Float64s]]:
         def surface(s: Float64s, t: Float64s) -> tuple[Float64s, Float64s]:

@@ -85,7 +85,6 @@ class Batch:
 
     @property
     def manifest(self) -> Path:
-        """The path of the manifest."""
         return self.folder / (part_manifest(*self.part) if self.part else MANIFEST)
 
     def _summary(self, manifest: Manifest) -> str:

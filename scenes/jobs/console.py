@@ -32,7 +32,6 @@ if TYPE_CHECKING:
 
 
 def note(message: str) -> None:
-    """One line on standard error."""
     from raytrace.errors import LINE, printable
 
     print("obscurance: " + printable(" ".join(message.split()), LINE), file=sys.stderr)
@@ -272,6 +271,5 @@ def _reduced(pixels: npt.NDArray[np.float32], columns: int, step: int) -> npt.ND
 
 
 def columns(rows: Sequence[tuple[str, str]]) -> str:
-    """Names and values, aligned."""
     width = max(len(name) for name, _ in rows)
     return "\n".join(f"{name:<{width}}  {value}" for name, value in rows)

@@ -119,7 +119,6 @@ class Manifest:
 
 
 def part_manifest(number: int, of: int) -> str:
-    """The name of the manifest of a part."""
     return f"manifest-{number:0{len(str(of))}}-of-{of}.json"
 
 
@@ -133,7 +132,6 @@ def assign_shards(sizes: Sequence[int], of: int) -> list[int]:
 
 
 def is_batch_of_parts(folder: Path) -> bool:
-    """Whether a folder has manifests of parts."""
     return folder.is_dir() and any(_NAME.fullmatch(path.name) for path in folder.iterdir())
 
 

@@ -81,7 +81,6 @@ def part_numbers(text: str) -> tuple[int, int]:
 
 
 def is_texture_part(description: dict[str, Any]) -> bool:
-    """Whether a part is one of a texture."""
     return any(description["options"][name] for name in _OF_TEXTURE)
 
 

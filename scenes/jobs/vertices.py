@@ -19,8 +19,6 @@ if TYPE_CHECKING:
 
 
 class BakeCommand(MeshBake):
-    """A bake to vertices."""
-
     sort = "vertices"
 
     @property
@@ -137,7 +135,6 @@ class BakeCommand(MeshBake):
         return super().described() | {"occlusion": "ramp" if ramp else "none"}
 
     def _channels(self) -> dict[str, Any]:
-        """The options of `scenes.write`."""
         occlusion = None if self.occlusion == "auto" else self.occlusion
         return {"colors": self.colors, "occlusion": occlusion, "replace_occlusion": self.replace_occlusion}
 

@@ -42,7 +42,6 @@ class Workers:
             raise OptionError("shared", "a folder", self.shared)
 
     def session(self, output: Path) -> ClusterSession:
-        """The workers, for an output."""
         from ao.cluster.session import ClusterSession
 
         shared = output.parent if self.shared is None else self.shared

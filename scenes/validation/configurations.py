@@ -63,7 +63,6 @@ class Setting:
     certain: bool = False
 
     def configurations(self) -> list[Configuration]:
-        """This setting under each of its falloffs."""
         return [self._with(falloff) for falloff in self.falloffs]
 
     def _with(self, falloff: Falloff) -> Configuration:

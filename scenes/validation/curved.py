@@ -25,7 +25,6 @@ LENGTH = 200.0
 
 
 def curved_settings() -> list[Setting]:
-    """Every setting with curved surfaces."""
     sphere = icosphere(SUBDIVISIONS)
     return [
         _dome(sphere),

@@ -25,7 +25,6 @@ TRIANGLE_SEEDS = (0, 1, 2, 3, 6, 7)
 
 
 def flat_settings() -> list[Setting]:
-    """Every setting without curved surfaces."""
     return [
         *_open(),
         *_ceilings(),

@@ -47,7 +47,6 @@ class Result:
 
 @lru_cache(maxsize=1)
 def configurations() -> tuple[Configuration, ...]:
-    """All lines of the table, binary and exponential."""
     return tuple(line for setting in (*flat_settings(), *curved_settings()) for line in setting.configurations())
 
 

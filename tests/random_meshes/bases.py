@@ -11,7 +11,7 @@ import numpy as np
 
 from scenes.description.read import read_scene
 from scenes.geometry.menger import menger
-from scenes.geometry.polyhedra import RawMesh, join, part_of
+from scenes.geometry.polyhedra import RawMesh, join, raw_mesh
 from scenes.geometry.temple import temple
 from scenes.library.catalogue import BUILTIN, write_builtin
 
@@ -38,13 +38,13 @@ def open_plane(rng: Rng) -> Make:
 
 def colonnade(rng: Rng) -> Make:
     """The temple."""
-    return lambda h: unit(part_of(temple(8 * h)))
+    return lambda h: unit(raw_mesh(temple(8 * h)))
 
 
 def sponge(rng: Rng) -> Make:
     """A Menger sponge of level 1 or 2, its vertices shared or each side's own."""
     level = int(rng.integers(1, 3))
-    return lambda h: part_of(menger(level, 1.0, max(round(3.0**-level / h), 1)))
+    return lambda h: raw_mesh(menger(level, 1.0, max(round(3.0**-level / h), 1)))
 
 
 def winding(rng: Rng) -> Make:

@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterable
 from pathlib import Path
 
 from raytrace import Mesh, MeshError
-from scenes.geometry.polyhedra import RawMesh, part_of
+from scenes.geometry.polyhedra import RawMesh, raw_mesh
 
 from .bases import dense_base
 from .damage import DAMAGES, Damage, damaged
@@ -31,7 +31,7 @@ def _given(name: str, part: RawMesh) -> Family:
 
 
 def _unit(mesh: Mesh) -> RawMesh:
-    part = used(part_of(mesh))
+    part = used(raw_mesh(mesh))
     if not len(part[1]) or extent(part) == 0:
         raise MeshError(mesh.source, "faces", "some that are not points", "none")
     return unit(part)

@@ -8,7 +8,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from raytrace.types import Float64s
-from scenes.geometry.polyhedra import RawMesh, part_of
+from scenes.geometry.polyhedra import RawMesh, raw_mesh
 from scenes.geometry.primitives import box as hard_box
 from scenes.geometry.primitives import cylinder as hard_cylinder
 
@@ -42,7 +42,7 @@ def plane(width: float, depth: float, fineness: float) -> RawMesh:
 
 def box(size: tuple[float, float, float], fineness: float, hard: bool = True) -> RawMesh:
     """A box about the origin; its sides have vertices of their own if `hard`."""
-    part = part_of(hard_box((0, 0, 0), size, fineness).mesh)
+    part = raw_mesh(hard_box((0, 0, 0), size, fineness).mesh)
     return part if hard else welded(part)
 
 
@@ -55,7 +55,7 @@ def ball(radius: float, fineness: float) -> RawMesh:
 
 def cylinder(radius: float, height: float, fineness: float, hard: bool = True) -> RawMesh:
     """A closed cylinder about the origin along z."""
-    part = part_of(hard_cylinder(radius, height, fineness).mesh)
+    part = raw_mesh(hard_cylinder(radius, height, fineness).mesh)
     return part if hard else welded(part)
 
 

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from ao import Binary, bake
-from raytrace.embree.rays import occluded
+from raytrace.embree.rays import intersect
 from raytrace.embree.scene import TriangleScene
 from raytrace.mesh.placement import Placement
 from raytrace.mesh.precision import coarseness
@@ -65,7 +65,7 @@ def _random_rays(name: str, part: RawMesh, count: int) -> Line:
         origins = pose.directions(_inside(name, rng, count // 2)) * placement.scale
         directions = rng.normal(size=(count // 2, 3))
         scene = TriangleScene(placement.vertices, mesh.faces)
-        escaped += count // 2 - int(occluded(scene, origins, directions).sum())
+        escaped += count // 2 - int((intersect(scene, origins, directions).face >= 0).sum())
     return Line(
         f"{name}, rays from inside",
         f"2 poses, {count / MILLION:.0f} M rays",

@@ -6,7 +6,7 @@ import numpy as np
 
 from raytrace.types import Float64s
 from scenes.geometry.menger import menger
-from scenes.geometry.polyhedra import RawMesh, hull, icosphere, join, part_of, prism
+from scenes.geometry.polyhedra import RawMesh, hull, icosphere, join, prism, raw_mesh
 from scenes.geometry.primitives import box
 
 
@@ -22,7 +22,7 @@ def grid(cells: int, size: float = 1.0) -> RawMesh:
 
 def cube(cells: int) -> RawMesh:
     """The unit cube, each side with vertices of its own: hard edges."""
-    return part_of(box((0, 0, 0), (1, 1, 1), 1 / cells).mesh)
+    return raw_mesh(box((0, 0, 0), (1, 1, 1), 1 / cells).mesh)
 
 
 def ellipsoid(points: int, axes: tuple[float, float, float]) -> RawMesh:
@@ -108,7 +108,7 @@ def closed() -> dict[str, RawMesh]:
         "cube, hard edges": cube(32),
         "coarse cube, hard edges": cube(8),
         "cube with T-junctions": junctions(),
-        "Menger sponge": part_of(menger(2, 1.0, 1)),
+        "Menger sponge": raw_mesh(menger(2, 1.0, 1)),
         "slab 1000:1000:1": stretched(cube(8), (1, 1, 1e-3)),
         "ellipsoid 1000:1000:1": ellipsoid(2000, (1, 1, 1e-3)),
     }

@@ -38,8 +38,6 @@ class Baked(NamedTuple):
 
 
 class TextureCommand(MeshBake):
-    """A bake to a texture."""
-
     sort = "texture"
 
     @property
@@ -178,7 +176,6 @@ class TextureCommand(MeshBake):
         return {name: getattr(self, name) for name in _IMAGES if getattr(self, name) is not None}
 
     def _glb(self) -> Path | None:
-        """The .glb to write, if there is one."""
         return self.output if self.output.suffix.lower() == ".glb" else self.mesh_output
 
     def _layout(self, source: MeshFile) -> tuple[Coordinates, list[Page]]:
@@ -190,7 +187,6 @@ class TextureCommand(MeshBake):
         return found, pages_of(source, found, self.output, self.overlap is not None, self.threads)
 
     def _title(self, page: Page) -> str:
-        """The name of a page in summaries and reports."""
         return f"{page.path(self.output)}{f', {page.name}' if page.name else ''}"
 
     def _bake_page(

@@ -44,7 +44,6 @@ class Page:
     words: dict[str, str] = field(default_factory=dict)
 
     def path(self, template: Path) -> Path:
-        """Name of a file of the page."""
         name = template.name
         for placeholder, word in self.words.items():
             name = name.replace(placeholder, word)

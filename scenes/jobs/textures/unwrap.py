@@ -17,7 +17,6 @@ _LEAST = 64  # texels across, below which there is no room for charts
 
 
 def has_unwrapper() -> bool:
-    """Whether the library is installed."""
     from importlib.util import find_spec
 
     return find_spec("uvunwrap") is not None

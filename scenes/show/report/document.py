@@ -129,7 +129,6 @@ def _repeat(report: Report) -> str:
 
 
 def _flat(options: Mapping[str, Any]) -> dict[str, str]:
-    """The options that are given, as text."""
     given = {name: value for name, value in options.items() if value is not None}
     return {name: value if isinstance(value, str) else json.dumps(value) for name, value in given.items()}
 

@@ -120,7 +120,6 @@ def _textured(mesh: Mesh, uv: Float64s, values: AnyFloats) -> Shape:
 
 
 def _shown(name: str, layer: Float32s) -> Float32s:
-    """A layer as linear colours."""
     if name == "normal":
         return decode_srgb(0.5 + 0.5 * layer)
     return layer[..., :3]

@@ -63,7 +63,6 @@ def verdict(report: Facts) -> dict[str, Any]:
 
 
 def remedy(warning: str) -> str:
-    """The remedy for a warning of a command."""
     return next((advice for pattern, advice in _REMEDIES if re.search(pattern, warning)), _GENERAL)
 
 

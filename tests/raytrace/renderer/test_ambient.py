@@ -5,7 +5,7 @@ import trimesh
 
 import ao
 from raytrace import Camera, Lambert, Mesh, Object, Scene, Settings, Shape, render
-from raytrace.embree.rays import occluded
+from raytrace.embree.rays import intersect
 from raytrace.embree.scene import TriangleScene
 from raytrace.lights.sources import AmbientLight
 from scenes.geometry import primitives
@@ -39,8 +39,9 @@ def test_ambient_light_is_the_brute_force_occlusion_image():
     for _ in range(RAYS):
         ball_points = rng.normal(size=points.shape)
         ball_points /= np.linalg.norm(ball_points, axis=1, keepdims=True)
-        blocked += occluded(
-            embree, points, normals + ball_points, REACH / np.linalg.norm(normals + ball_points, axis=1)
+        blocked += (
+            intersect(embree, points, normals + ball_points, REACH / np.linalg.norm(normals + ball_points, axis=1)).face
+            >= 0
         )
     error = layers["beauty"][..., 0][hit] - (1 - blocked / RAYS)
     assert hit.sum() > 500
