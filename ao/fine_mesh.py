@@ -28,7 +28,7 @@ _OWN_CORNERS = Flag.FOLDED | Flag.OPPOSED | Flag.CONTACT  # how the coarse mesh'
 def sample_fine_mesh(
     prepared: Prepared, high: Mesh, coarse: Mesh, cage: float, checkpoint: Checkpoint | None
 ) -> tuple[Prepared, PointValues]:
-    """Estimate w of `high`, the mesh of `prepared`, at the vertices of `coarse`, which are then what is wanted of it.
+    """Estimate w of `high`, the mesh of `prepared`, at the vertices of `coarse`, which become the wanted points.
 
     Args: cage: how far from `coarse` the fine mesh may be, in mesh units.
 
@@ -37,13 +37,12 @@ def sample_fine_mesh(
     options, placement, fine, threads = prepared.options, prepared.placement, prepared.receivers, prepared.threads
     shown = find_receivers(coarse, Placement.of(coarse), options.normals)
     count = len(shown.points)
-    places = (coarse.vertices[shown.first_vertex] - placement.centre) * placement.scale
     nowhere = np.zeros((count, 1), np.int32), np.zeros((count, 1, 3), np.float32), np.zeros(count, np.bool_)
-    surface = Fine(placement.vertices.astype(np.float64), fine, high.source)
+    coverage = Coverage.of_points(np.arange(count), *nowhere)
+    positions = (coarse.vertices[shown.first_vertex] - placement.centre) * placement.scale
     axes = shown.points.normals.astype(np.float64)
-    coverage, missed = project(
-        Coverage.of_points(np.arange(count), *nowhere), places, axes, surface, cage * placement.scale, threads
-    )
+    surface = Fine(placement.vertices.astype(np.float64), fine, high.source)
+    coverage, missed = project(coverage, positions, axes, surface, cage * placement.scale, threads)
     texels, _ = find_texels(coverage, coverage, placement, fine, replace(options, interior="ignore"), threads)
     own = fine.faces[texels.face, 0]
     inside = inside_solids(texels.points, own, placement, fine, options.interior, threads)

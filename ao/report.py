@@ -99,12 +99,12 @@ def _summary(values: AnyFloats, highest: float | None = None) -> dict[str, Any]:
     """Extremes, mean, quantiles and a histogram from 0 to `highest`, or to the largest value."""
     top = float(values.max(initial=0.0)) if highest is None else highest
     counts, _ = np.histogram(values, _BINS, (0.0, top or 1.0))
-    some = values if values.size else np.zeros(1)
-    quantiles = {str(share): float(np.quantile(some, share)) for share in (0.01, 0.1, 0.5, 0.9, 0.99)}
+    shown = values if values.size else np.zeros(1)
+    quantiles = {str(share): float(np.quantile(shown, share)) for share in (0.01, 0.1, 0.5, 0.9, 0.99)}
     return {
-        "least": float(some.min()),
-        "mean": float(some.mean()),
-        "most": float(some.max()),
+        "least": float(shown.min()),
+        "mean": float(shown.mean()),
+        "most": float(shown.max()),
         "quantiles": quantiles,
         "histogram": {"from": 0.0, "to": top or 1.0, "counts": counts.tolist()},
     }

@@ -65,11 +65,11 @@ def estimate(
     """Estimates at all `points` (k,), with a number of rays each that is given or meets the tolerance."""
     rows = np.delete(np.arange(len(points)), corners.rows)
     ordinary = points[rows] if len(corners) else points
-    most, tolerance, denoise, key = target
+    max_samples, tolerance, denoise, key = target
     if tolerance is None or not len(points):
-        samples = rays_per_corner_sample(most, False)
+        samples = rays_per_corner_sample(max_samples, False)
         tracer.later = count_corner_rays(corners, samples)
-        traced = traced_twice(tracer, ordinary, most, key)
+        traced = traced_twice(tracer, ordinary, max_samples, key)
         tracer.later = 0
         at_corners = traced_twice(tracer, corners.points, samples, key) if len(corners) else None
         tracer.all_traced()
@@ -79,10 +79,10 @@ def estimate(
         return with_corner_means(values, rows, estimated(at_corners, corners.points, None), corners)
     if not len(rows):  # rays can be planned by corner samples alone, of which the mean of some 18 is asked for
         alone = Neighbours.of(np.zeros((0, 3), np.int64), corners.points.normals, tracer.threads)
-        sampled_corners = estimate_to(tracer, corners.points, alone, min(2 * tolerance, 1.0), most, key)
+        sampled_corners = estimate_to(tracer, corners.points, alone, min(2 * tolerance, 1.0), max_samples, key)
         nothing = Estimate(np.zeros((0, 4)), np.zeros(0), sampled_corners.samples, 0)
         return with_corner_means(nothing, rows, sampled_corners, corners)
-    values = estimate_to(tracer, ordinary, neighbours_of(rows), tolerance, most, key)
+    values = estimate_to(tracer, ordinary, neighbours_of(rows), tolerance, max_samples, key)
     if not len(corners):
         return values
     samples = rays_per_corner_sample(values.samples, True)

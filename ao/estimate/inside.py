@@ -97,8 +97,8 @@ def _hidden_points(
     hidden = np.empty(len(points), np.bool_)
 
     def work(first: int, last: int) -> None:
-        some = Solids(solids.of_face, solids.of_point[first:last])
-        _find_hidden(RayPacket.of(scene), points[first:last].arrays, table, some, reach, hidden[first:last])
+        subset = Solids(solids.of_face, solids.of_point[first:last])
+        _find_hidden(RayPacket.of(scene), points[first:last].arrays, table, subset, reach, hidden[first:last])
 
     run_blocks(len(points), _BLOCK, work, threads, most=_MOST)
     return hidden

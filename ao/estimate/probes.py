@@ -33,13 +33,13 @@ class Probes:
     """
 
     def __init__(
-        self, tracer: Tracer, points: Points, neighbours: Neighbours, aim: float, most: int, key: np.uint32
+        self, tracer: Tracer, points: Points, neighbours: Neighbours, aim: float, max_samples: int, key: np.uint32
     ) -> None:
         self.all_baked = len(points) < _ALL
         pilots, rays, share, fewest, probes = _SMALL if self.all_baked else _LARGE
         centres = _stratified_rows(len(points), min(pilots, max(len(points) // (4 * share), 16)))
-        sample = Pilots(centres, min(rays, most), (derive(key, 1), derive(key, 2)))
-        self.samples = plan(tracer, points, neighbours, sample, aim, most)
+        sample = Pilots(centres, min(rays, max_samples), (derive(key, 1), derive(key, 2)))
+        self.samples = plan(tracer, points, neighbours, sample, aim, max_samples)
         self.rows = _stratified_rows(len(points), int(np.clip(len(points) // share, fewest, probes)))
         probed = points[self.rows]
         self.other = tracer.gather(probed, self.samples, derive(key, 4))[:, W]

@@ -56,11 +56,11 @@ def halve_strides(cells: Cells, stride: Float64s, added_error: float, total: flo
 
     Args: stride: (b,), mean of the predicted points'. added_error: squared error of points that are baked by this.
     """
-    most = np.ceil(np.log2(stride))
+    max_halvings = np.ceil(np.log2(stride))
     gain = np.log2(np.maximum(cells.error * stride, 1e-30)) / np.log2(2 * HALVED**2)
 
     def halved(level: float) -> tuple[Float64s, Float64s]:
-        halvings = np.clip(np.ceil(gain - level), 0, most)
+        halvings = np.clip(np.ceil(gain - level), 0, max_halvings)
         return halvings, np.where(halvings > 0, cells.points * np.minimum(np.exp2(halvings) / stride, 1), 0.0)
 
     low, high = float(gain.min()) - np.log2(COARSEST), float(gain.max())
@@ -73,12 +73,12 @@ def halve_strides(cells: Cells, stride: Float64s, added_error: float, total: flo
     return halvings.astype(np.int64), float(np.sum(added))
 
 
-def cheapest(cells: Cells, baked: Baked, most: int, goal: float) -> tuple[float, int, Bools]:
+def cheapest(cells: Cells, baked: Baked, max_samples: int, goal: float) -> tuple[float, int, Bools]:
     """The least work that reaches a mean squared error: work, rays more of every baked point, cells (b,) to bake."""
     order = np.argsort(cells.error, kind="stable")
     error, count = np.cumsum((cells.error * cells.points)[order]), np.cumsum(cells.points[order])
-    best: tuple[float, int, int] = np.inf, most - baked.samples, 0
-    choices = np.minimum(8 * np.round(_DEEPER * baked.samples / 8), most - baked.samples)
+    best: tuple[float, int, int] = np.inf, max_samples - baked.samples, 0
+    choices = np.minimum(8 * np.round(_DEEPER * baked.samples / 8), max_samples - baked.samples)
     for more in map(int, np.unique(choices)):
         baked_error = denoised_error(baked.noise, baked.error, variance_factor(baked.samples, more))
         added_error = min(baked_error, ADDED * goal)

@@ -38,14 +38,14 @@ class Pilots(NamedTuple):
     keys: tuple[np.uint32, np.uint32]
 
 
-def plan(tracer: Tracer, points: Points, neighbours: Neighbours, pilots: Pilots, aim: float, most: int) -> int:
-    """Rays a point, up to `most`, for a root mean square error of `aim` once points are denoised."""
+def plan(tracer: Tracer, points: Points, neighbours: Neighbours, pilots: Pilots, aim: float, max_samples: int) -> int:
+    """Rays a point, up to `max_samples`, for a root mean square error of `aim` once points are denoised."""
     rays, centres = pilots.rays, pilots.centres
     rows = np.union1d(centres, neighbours.of_points(centres))
     first, second = (tracer.gather(points[rows], rays, key)[:, W] for key in pilots.keys)
     noise = sampling_variance(first, second, rays)
     rough = _roughness(neighbours, rows, first, noise, centres)
-    counts = np.arange(8, most + 8, 8)
+    counts = np.arange(8, max_samples + 8, 8)
     variance = noise * (rays / counts) ** RATE
     if np.isinf(rough):
         error = variance
@@ -54,7 +54,8 @@ def plan(tracer: Tracer, points: Points, neighbours: Neighbours, pilots: Pilots,
     else:
         error = _denoised_error(variance, _UNEXPLAINED * rough + _SHARED * variance, _GAINED)
     enough = np.maximum(error, variance / _GAIN**2) <= aim**2
-    return int(np.clip(counts[np.argmax(enough)] if enough.any() else most, min(_LEAST, most), most))
+    samples = counts[np.argmax(enough)] if enough.any() else max_samples
+    return int(np.clip(samples, min(_LEAST, max_samples), max_samples))
 
 
 def work(rays: float) -> float:

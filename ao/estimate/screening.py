@@ -30,9 +30,9 @@ _TYPICAL = 0.4  # of the mean of expected squared errors in each: few rays canno
 _CERTAIN = 1.0  # standard deviations of the excess over σ² that may be chance
 
 
-def screening_samples(tolerance: float, most: int) -> int:
-    """Screening rays a point, `most` at most."""
-    return min(8 * max(round(_RAYS / tolerance / 8), 1), most)
+def screening_samples(tolerance: float, max_samples: int) -> int:
+    """Screening rays a point, `max_samples` at most."""
+    return min(8 * max(round(_RAYS / tolerance / 8), 1), max_samples)
 
 
 class Screening:

@@ -77,15 +77,15 @@ class Estimate:
 
 
 def estimate_to(
-    tracer: Tracer, points: Points, neighbours: Neighbours, tolerance: float, most: int, key: np.uint32
+    tracer: Tracer, points: Points, neighbours: Neighbours, tolerance: float, max_samples: int, key: np.uint32
 ) -> Estimate:
-    """Estimates whose root mean square error over all points is `tolerance`, if `most` rays a point allow it."""
+    """Estimates whose root mean square error over all points is `tolerance`, if `max_samples` rays a point allow it."""
     aim = _AIM * tolerance
-    probes = Probes(tracer, points, neighbours, aim, most, key)
+    probes = Probes(tracer, points, neighbours, aim, max_samples, key)
     tracer.expected = tracer.rays + probes.samples * len(points)  # the most, if no point can be predicted
     field = _Field(tracer, points, neighbours, probes, aim, key)
     field.bake_coarsely()
-    field.refine(most)
+    field.refine(max_samples)
     return field.estimate()
 
 
@@ -143,7 +143,7 @@ class _Field:
                 self._bake(self._halve(self._halvings(_COARSE / 2 * self.goal)[0]))
             self._reconstruct()
 
-    def refine(self, most: int) -> None:
+    def refine(self, max_samples: int) -> None:
         """Screen predicted points, and bake outliers and doubtful points or trace more rays until the goal is met."""
         if not self.baked.all():
             self.screening = Screening(
@@ -157,7 +157,7 @@ class _Field:
                 halvings, added = self._halvings(self.goal)
                 error = float(np.mean(self.error[self.baked]))
                 baked = Baked(int(np.count_nonzero(self.baked)), self.samples, self.noise, error)
-                effort, more, cells = cheapest(self._cells(), baked, most, self.goal)
+                effort, more, cells = cheapest(self._cells(), baked, max_samples, self.goal)
                 if more and not 0 < added * work(self.samples) <= effort:
                     doubtful = ~self.baked & cells[self.cell]
                     self._deepen(more)

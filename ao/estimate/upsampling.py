@@ -50,7 +50,7 @@ def _flood(starts, indices, nearest, queue, last):
 def coarsened(neighbours: Neighbours, nearest: Int64s, normals: Float32s) -> tuple[Neighbours, Int64s, Int32s]:
     """The graph of the baked points' neighbours, the baked points (b,), ascending, and the cell (k,) of each point.
 
-    Args: owner: (k,), as `nearest_baked` gives it, ≥ 0 everywhere. normals: float32 (k, 3), of all points.
+    Args: nearest: (k,), as `nearest_baked` gives it, ≥ 0 everywhere. normals: float32 (k, 3), of all points.
     """
     baked = np.flatnonzero(nearest == np.arange(len(nearest)))
     row = np.empty(len(nearest), np.int32)

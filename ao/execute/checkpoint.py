@@ -220,9 +220,9 @@ def restore(block: Block, content: bytes, tables: Tables, restored: Bools) -> No
         return
     begin = 0
     for table in tables:
-        some = table[first:last]
-        some[:] = np.frombuffer(content, table.dtype, some.size, begin).reshape(some.shape)
-        begin += some.nbytes
+        block_rows = table[first:last]
+        block_rows[:] = np.frombuffer(content, table.dtype, block_rows.size, begin).reshape(block_rows.shape)
+        begin += block_rows.nbytes
     restored[first:last] = True
 
 

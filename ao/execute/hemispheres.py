@@ -81,9 +81,9 @@ class Hemispheres:
         tree = scene.tree
 
         def by_streams(first: int, last: int) -> None:
-            some = points[first:last].arrays
+            subset = points[first:last].arrays
             rays = Rays.of(table)
             state = TraversalState.of(tree, Layers.of(scene.opacity, rays.t_hit.size, mu))
-            gather_streams(tree, rays, state, some, table, mu, t_max, out[first:last])
+            gather_streams(tree, rays, state, subset, table, mu, t_max, out[first:last])
 
         return by_streams

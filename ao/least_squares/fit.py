@@ -44,8 +44,8 @@ def build_problems(patch: Patch, moments: Float64s, threads: int) -> tuple[Probl
     if len(moments) <= 2 * _RUNS * _RUN:
         return whole, whole
     starts = np.arange(_RUNS) * (len(moments) - _RUN) // (_RUNS - 1)
-    some = (starts[:, None] + np.arange(_RUN)).ravel()
-    return whole, _build_problem(patch.part(some), moments[some], laplacian[some], threads)
+    rows = (starts[:, None] + np.arange(_RUN)).ravel()
+    return whole, _build_problem(patch.part(rows), moments[rows], laplacian[rows], threads)
 
 
 def fit_values(problem: Problem, trial: Problem, once: Once) -> Fit:

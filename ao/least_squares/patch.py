@@ -156,9 +156,9 @@ class Moments:
         moments, counts = tables
 
         def write(first: int, last: int) -> None:
-            some = self[first:last]
+            subset = self[first:last]
             packet, found = RayPacket.of(embree, scene.opacity), (moments[first:last], counts[first:last])
-            gather_faces(packet, some.faces, some.samples, lattices, self.mu, self.reach, *found)
+            gather_faces(packet, subset.faces, subset.samples, lattices, self.mu, self.reach, *found)
 
         return write
 

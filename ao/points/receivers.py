@@ -93,8 +93,8 @@ class Receivers:
         needed[of_vertex] = True
         needed[-1] = False  # what −1 has set
         kept, rows = np.flatnonzero(needed), np.where(needed, np.cumsum(needed) - 1, -1)
-        some = self.points[kept], self.corners.only(kept), self.displaced[kept]
-        return replace(self, points=some[0], corners=some[1], displaced=some[2], of_vertex=rows[of_vertex])
+        subset = self.points[kept], self.corners.only(kept), self.displaced[kept]
+        return replace(self, points=subset[0], corners=subset[1], displaced=subset[2], of_vertex=rows[of_vertex])
 
 
 class OffsetPoints(NamedTuple):

@@ -35,8 +35,8 @@ def packets_below(traversal: Traversal, scene: RayScene, points: Points, mu: Ker
         return MAX_SAMPLES + 1
     if scene.opacity is not None:  # packets begin anew behind each layer
         return 0
-    some = points[tried(len(points))]
-    return fewer_than(try_out(scene.tree, some, len(some), mu.limit, t_max), mu)
+    subset = points[tried(len(points))]
+    return fewer_than(try_out(scene.tree, subset, len(subset), mu.limit, t_max), mu)
 
 
 def most_packets(mu: KernelMu) -> int:

@@ -123,10 +123,10 @@ def _cover_band(
     deep_triangle, deep_place = np.empty((len(texels), DEEP), np.int64), np.empty((len(texels), DEEP, 3), np.float32)
 
     def work(first: int, last: int) -> None:
-        some = slice(first, last)
-        found = triangle[some], barycentric[some], overlapping[some]
-        layered = deep[some], deep_triangle[some], deep_place[some]
-        find_hits(RayPacket.of(scene), texels[some], layout.width, step, overlap == "mean", found, layered)
+        block = slice(first, last)
+        found = triangle[block], barycentric[block], overlapping[block]
+        layered = deep[block], deep_triangle[block], deep_place[block]
+        find_hits(RayPacket.of(scene), texels[block], layout.width, step, overlap == "mean", found, layered)
 
     run_blocks(len(texels), _BLOCK, work, threads, most=_SHARE)
     hit = triangle >= 0
@@ -142,8 +142,8 @@ def _cover_band(
     refill(hit, triangle, barycentric)
     parts = np.flatnonzero(~(hit.all(axis=1) | (triangle[:, 0] < 0) | overlapping))
     for first in range(0, len(parts), _FINE_TEXELS):
-        some = parts[first : first + _FINE_TEXELS]
-        _spread_over_part(scene, texels[some], layout.width, some, triangle, barycentric, threads)
+        block = parts[first : first + _FINE_TEXELS]
+        _spread_over_part(scene, texels[block], layout.width, block, triangle, barycentric, threads)
     covered = triangle[:, 0] >= 0
     number = np.append(layout.face, -1).astype(np.int32)
     face, centre_face = number[triangle[covered]], number[centre_face[covered]]

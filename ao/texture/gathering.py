@@ -43,8 +43,8 @@ class TexelTracer(Tracer):
             rows = np.flatnonzero(counts == count)
             slots = 1 << int(np.clip(samples // _ENOUGH, 1, count)).bit_length() - 1
             for first in range(0, len(rows), _GATHERED // slots):
-                some = rows[first : first + _GATHERED // slots]
-                out[some] = self._means(texels[some], slots, -(-samples // slots), key)
+                block = rows[first : first + _GATHERED // slots]
+                out[block] = self._means(texels[block], slots, -(-samples // slots), key)
         return out
 
     def _means(self, rows: Int64s, slots: int, rays: int, key: np.uint32) -> Float64s:
@@ -52,10 +52,10 @@ class TexelTracer(Tracer):
         assert self.texels is not None
         each = (self.texels.starts[rows, None] + np.arange(slots)).ravel()
         numbers = (slots * rows[:, None] + np.arange(slots)).ravel().astype(np.uint32)
-        some = replace(self.texels.points[each], numbers=numbers)
+        subset = replace(self.texels.points[each], numbers=numbers)
         table = self.scene.table(rays, self.total_points, key, slots)
-        values = self._gather(some, rays, key, slots)
-        self._leave_out_below(some, self.texels.sides[each], table, values)
+        values = self._gather(subset, rays, key, slots)
+        self._leave_out_below(subset, self.texels.sides[each], table, values)
         means = values.reshape(-1, slots, COLUMNS).sum(axis=1) / slots
         means[:, BATCH_VARIANCE] *= slots**-1.5  # as if the batches were of all rays: they share a leaped lattice
         return means

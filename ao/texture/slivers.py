@@ -42,8 +42,8 @@ def find_slivers(corners: Float64s, texels: Int64s, width: int, threads: int) ->
     radius = 0.5 * (1 + _ROUNDED) + _ROUNDED * float(np.abs(flat).max())
 
     def work(first: int, last: int) -> None:
-        some = Slivers(slivers.face[first:last], slivers.barycentric[first:last])
-        _search(tree, new_stack(), corners, texels[first:last], width, radius, some)
+        subset = Slivers(slivers.face[first:last], slivers.barycentric[first:last])
+        _search(tree, new_stack(), corners, texels[first:last], width, radius, subset)
 
     run_blocks(len(texels), _BLOCK, work, threads, most=_SHARE)
     return slivers

@@ -58,8 +58,8 @@ class Faces:
         out = np.empty((3, len(own), 3))
 
         def work(first: int, last: int) -> None:
-            some = slice(first, last)
-            _place(own[some], weights[some], self.surface, self.axes, out[0, some], out[1, some], out[2, some])
+            block = slice(first, last)
+            _place(own[block], weights[block], self.surface, self.axes, out[0, block], out[1, block], out[2, block])
 
         run_blocks(len(own), _BLOCK, work, threads, most=_SHARE)
         return out[0], out[1], out[2]
@@ -78,8 +78,8 @@ def centres_suffice(coverage: Coverage, faces: Faces, tree: BVH16, most: float, 
 
     def work(first: int, last: int) -> None:
         face, weights, centre_face, centre = (array[first:last] for array in points)
-        some = face, weights, centre_face, centre
-        _find_smooth(tree, new_stack(), faces.surface, faces.axes, some, most, enough[first:last])
+        subset = face, weights, centre_face, centre
+        _find_smooth(tree, new_stack(), faces.surface, faces.axes, subset, most, enough[first:last])
 
     run_blocks(len(enough), _BLOCK, work, threads, most=_SHARE)
     return enough

@@ -96,9 +96,9 @@ def find_texels(
     for count in np.unique(texels.counts).tolist():
         each = texels.starts[:-1][texels.counts == count, None] + np.arange(count)
         for table in (texels.face, texels.points.origins, texels.points.normals, texels.sides):
-            some = table[each]
-            refill(good[each], some)
-            table[each] = some
+            values = table[each]
+            refill(good[each], values)
+            table[each] = values
     rows = np.flatnonzero(np.logical_or.reduceat(good, texels.starts[:-1]))
     if not len(rows):  # a room whose walls face outwards, for instance
         return texels, 0

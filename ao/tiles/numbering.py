@@ -105,8 +105,8 @@ def _numbered(
     codes = np.empty(len(points), np.uint32)
     low, high = np.full(3, np.inf), np.full(3, -np.inf)
     for run in runs(len(points)):
-        some = origins[points[run]]
-        low, high = np.minimum(low, some.min(axis=0)), np.maximum(high, some.max(axis=0))
+        positions = origins[points[run]]
+        low, high = np.minimum(low, positions.min(axis=0)), np.maximum(high, positions.max(axis=0))
     for run in runs(len(points)):
         codes[run] = morton_codes(np.ascontiguousarray(origins[points[run]]), low, high)
     order = points[np.argsort(codes, kind="stable")]

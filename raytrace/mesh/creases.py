@@ -36,9 +36,9 @@ def creased_normals(mesh: Mesh) -> tuple[Float64s, Int64s]:
     first = np.unique(fan, return_index=True)[1]
     group = weld(vertices[faces.ravel()[first]], fan.reshape(-1, 3), normalize(sums), CREASE)
     of, flat = group[fan].reshape(-1, 3), areas == 0
-    some = np.full(len(vertices), -1)
-    some[faces[~flat]] = of[~flat]
-    of[flat] = np.where(some[faces[flat]] >= 0, some[faces[flat]], of[flat])
+    group_at = np.full(len(vertices), -1)
+    group_at[faces[~flat]] = of[~flat]
+    of[flat] = np.where(group_at[faces[flat]] >= 0, group_at[faces[flat]], of[flat])
     return normalize(sum_groups(group, sums)), of
 
 

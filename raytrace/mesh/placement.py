@@ -43,9 +43,9 @@ class RenderSpace(NamedTuple):
     diagonal: float
 
     @classmethod
-    def of(cls, low: Float64s, high: Float64s, some: Float64s) -> RenderSpace:
-        """For a mesh with the bounding box from `low` (3,) to `high`, and `some` (k, 3) of its vertices (`sample`)."""
-        near_low, near_high = near_box(low, high, some)
+    def of(cls, low: Float64s, high: Float64s, subset: Float64s) -> RenderSpace:
+        """For a mesh with the bounding box from `low` (3,) to `high`, and a `subset` (k, 3) of its vertices."""
+        near_low, near_high = near_box(low, high, subset)
         centre = near_low + (near_high - near_low) / 2
         extent = float((near_high / 2 - near_low / 2).max())
         exponent = min(-math.frexp(extent)[1], 1023) if extent > 0 else 0  # 2^1024 is no number
@@ -71,15 +71,15 @@ def sample(count: int) -> slice:
     return slice(None, None, -(-count // _SAMPLE) or 1)
 
 
-def near_box(low: Float64s, high: Float64s, some: Float64s) -> tuple[Float64s, Float64s]:
-    """The bounding box from `low` (3,) to `high`, or of the near ones of `some` vertices (k, 3) if a few are far."""
-    middle = np.quantile(some, 0.5, axis=0, method="lower")
-    away = np.abs(some - middle).max(axis=1)
+def near_box(low: Float64s, high: Float64s, subset: Float64s) -> tuple[Float64s, Float64s]:
+    """The bounding box from `low` (3,) to `high`, or of the near vertices of `subset` (k, 3) if a few are far."""
+    middle = np.quantile(subset, 0.5, axis=0, method="lower")
+    away = np.abs(subset - middle).max(axis=1)
     apart = away[away > 0]
     limit = FAR * float(np.quantile(apart, 0.5, method="lower")) if len(apart) else np.inf
     if float((high / 2 - low / 2).max()) <= limit:
         return low, high
-    near = some[away <= limit]
+    near = subset[away <= limit]
     return near.min(axis=0), near.max(axis=0)
 
 

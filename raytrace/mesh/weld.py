@@ -44,8 +44,8 @@ def coincident(positions: Float32s, faces: Int64s) -> tuple[Int64s, Int64s]:
     Returns these and the number (k,) of each one's place, ascending from 0.
     """
     repeated = np.zeros(len(positions), np.bool_)
-    for some, keys in grids(positions):
-        repeated[some[_repeated(keys)]] = True
+    for subset, keys in grids(positions):
+        repeated[subset[_repeated(keys)]] = True
     rows = np.flatnonzero(repeated)
     x, y, z = (positions[rows] + np.float32(0.0)).T  # −0 becomes 0
     order = np.lexsort((z, y, x))
@@ -70,9 +70,9 @@ def grids(positions: Float32s) -> Iterator[tuple[Int64s, Int64s]]:
     """
     rows = np.arange(len(positions))
     for quarter in range(4):
-        some = positions[rows] if quarter else positions
+        subset = positions[rows] if quarter else positions
         keys, beside = np.empty(len(rows), np.int64), np.empty(len(rows), np.bool_)
-        _locate(some, quarter / 4 + 0.1, keys, beside)  # no border is at 0, where many coordinates are
+        _locate(subset, quarter / 4 + 0.1, keys, beside)  # no border is at 0, where many coordinates are
         yield rows, keys
         rows = rows[beside]
 
@@ -100,25 +100,25 @@ def sum_groups(group: Int64s, values: Float64s) -> Float64s:
 
 def _near(positions: Float32s, faces: Int64s, rows: Int64s) -> Int64s:
     """Pairs (j, 2) of `rows` (k,), which are sorted by x, that share a place: indices into these."""
-    some, links = positions[rows], [np.zeros((0, 2), np.int64)]
-    for which, keys in grids(some):
+    subset, links = positions[rows], [np.zeros((0, 2), np.int64)]
+    for which, keys in grids(subset):
         sort = np.argsort(keys, kind="stable")
         order = which[sort]
-        at = some[order].astype(np.float64)
+        at = subset[order].astype(np.float64)
         radius = contact_radius(at)
         for a, b in _pairs(keys[sort], at[:, 0]):
             near = np.linalg.norm(at[a] - at[b], axis=1) <= radius[a]
             links.append(np.stack([order[a[near]], order[b[near]]], axis=1))
-    found = np.concatenate(links)
-    if not len(found):
-        return found
+    pairs = np.concatenate(links)
+    if not len(pairs):
+        return pairs
     longest = np.zeros(len(positions))
     for corner in range(3):
         edge = positions[faces[:, corner]] - positions[faces[:, corner - 1]]
         for end in (corner, corner - 1):
             np.maximum.at(longest, faces[:, end], np.linalg.norm(edge, axis=1))
-    large = longest[rows] >= _FINE * contact_radius(some.astype(np.float64))
-    return found[large[found].all(axis=1)]
+    large = longest[rows] >= _FINE * contact_radius(subset.astype(np.float64))
+    return pairs[large[pairs].all(axis=1)]
 
 
 def _pairs(keys: AnyInts, along: Float64s | None = None) -> Iterator[tuple[Int64s, Int64s]]:
