@@ -109,12 +109,7 @@ class _TileTracer:
 
     @classmethod
     def of(
-        cls,
-        tiling: Tiling,
-        numbering: Numbering,
-        mu: Mu,
-        options: Options,
-        progress: Callable[[int, int], None] | None,
+        cls, tiling: Tiling, numbering: Numbering, mu: Mu, options: Options, progress: Callable[[int, int], None] | None
     ) -> _TileTracer:
         kernel_mu = mu.in_render_space(tiling.space.scale)
         reach = min(kernel_mu.limit, tiling.space.diagonal)

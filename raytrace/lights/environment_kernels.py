@@ -79,10 +79,7 @@ def map_radiance(maps, frame, d, slope):
         level = min(MAPS - 1.0, 1.0 + log2(level))
     lower = min(int(level), MAPS - 2)
     part = level - lower
-    return add(
-        scale(1.0 - part, bilinear_map(maps[lower], u, v)),
-        scale(part, bilinear_map(maps[lower + 1], u, v)),
-    )
+    return add(scale(1.0 - part, bilinear_map(maps[lower], u, v)), scale(part, bilinear_map(maps[lower + 1], u, v)))
 
 
 @inline

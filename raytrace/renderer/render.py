@@ -135,10 +135,7 @@ def describe_work(scene: Scene, settings: Settings) -> str:
 
 
 def seen_vertices(scene: Scene, camera: Camera, settings: Settings, threads: int | None = None) -> Bools:
-    """Vertices of `scene.flattened()` that a rendering with these settings may read: bool (n,).
-
-    Errors as `render`.
-    """
+    """Vertices of `scene.flattened()` that a rendering with these settings may read: bool (n,). Errors as `render`."""
     geometry = build(scene, settings.normals).geometry
     view = place_camera(camera, settings, geometry.centre, geometry.scale)
     left, top, wide, high = whole_tiles(settings)

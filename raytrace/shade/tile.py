@@ -18,32 +18,14 @@ from ..kernel.vector import multiply, scale, triple
 from . import shading_points as layout
 from .camera_rays import aim
 from .direct_lighting import count_directed, light_packets
-from .film import (
-    TILE,
-    accumulate,
-    clear,
-    column_of,
-    converged,
-    mean,
-    reopened,
-    row_of,
-    store_edge,
-    write_pixels,
-)
+from .film import TILE, accumulate, clear, column_of, converged, mean, reopened, row_of, store_edge, write_pixels
 from .gouraud import interpolate_lit
 from .interaction import GOURAUD, PacketHits, write_bent_normals, write_hits
 from .polygons import write_polygons
 from .records import borrow_scene
 from .see_through import begin_behind, begin_layers, closest_hits, composite, keep_hits, ray_numbers, seen_packets
 from .shading_points import load3, store1, store3
-from .texturing import (
-    apply_albedo_map,
-    apply_occlusion,
-    map_albedo,
-    map_grain,
-    map_occlusion,
-    map_vertex_colours,
-)
+from .texturing import apply_albedo_map, apply_occlusion, map_albedo, map_grain, map_occlusion, map_vertex_colours
 from .workspace import BACKGROUND, FIRST, PRIMARY, RETIRED
 
 
@@ -205,12 +187,7 @@ def trace_packet(scene, view, style, scratch, e, start, there):
         material = geometry.rows[item]
         store1(packet, layout.ALPHA, mask, alpha(material))
         if style.layers:
-            store3(
-                packet,
-                layout.ALBEDO,
-                mask,
-                multiply(load3(packet, layout.ALBEDO_MAP), triple(material, MODEL)),
-            )
+            store3(packet, layout.ALBEDO, mask, multiply(load3(packet, layout.ALBEDO_MAP), triple(material, MODEL)))
         if style.shading == GOURAUD:
             interpolate_lit(packet, scene, item, mask, hits, face_normal)
             apply_albedo_map(packet, mask)

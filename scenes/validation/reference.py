@@ -30,12 +30,7 @@ _SEED = 0x5EED_0F_7EA1  # of its own, so that no bake under judgement draws the 
 
 @dataclass(frozen=True, eq=False)
 class Reference:
-    """w at some vertices of a mesh.
-
-    Attributes:
-        vertices: int64 (k,), which ones.
-        w: float64 (falloffs, k).
-    """
+    """w at some vertices of a mesh. Attributes: vertices: int64 (k,), which ones. w: float64 (falloffs, k)."""
 
     vertices: Int64s
     w: Float64s
