@@ -28,7 +28,7 @@ from ..mesh.placement import Placement, RenderSpace, sample, to_single
 from ..scene import Object, Shape
 from ..settings import Normals
 from ..shade.records import Geometry
-from ..shade.shaft_culling import SLACK, cluster, pack_boxes
+from ..shade.shaft_culling import SLACK, cluster, merged, pack_boxes
 from ..types import AnyFloats, Float32s, Float64s, Int64s
 from .polygons import Polygons, mesh_polygons
 from .vertex_origins import INSTANCED, smooth_normals, vertex_origins
@@ -113,20 +113,18 @@ def _build(objects: tuple[Object, ...], weighting: Normals) -> BuiltGeometry:
     ]
     shapes = [placed.shape for placed in placed_shapes]
     row_of = {key: row for row, key in enumerate(uses)}
-    rank = [row_of[id(item.shape)] for item in objects]
+    rank = np.array([row_of[id(item.shape)] for item in objects])
     vertex_starts = _starts([len(shape.mesh.vertices) for shape in shapes])
     face_starts = _starts([len(shape.mesh.faces) for shape in shapes])
     textures = shape_textures(shapes)
     number = {texture: row for row, texture in enumerate(textures)} | {None: -1}
 
-    placed_objects = [placed_shapes[row] for row in rank]
-    instanced = np.array([placed.scene is not None for placed in placed_objects])
-    matrices = np.array([
-        place @ item.transform @ np.linalg.inv(placed.from_shape) if placed.scene else np.eye(4)
-        for item, placed in zip(objects, placed_objects, strict=True)
-    ])  # fmt: skip
-    embree, boxes = _build_embree(placed_objects, matrices)
-    kinds, rows = pack_materials([item.shape.material for item in objects])
+    transforms, eye = np.array([item.transform for item in objects]), np.eye(4)
+    instanced = np.array([placed.scene is not None for placed in placed_shapes])[rank]
+    to_shape = np.array([np.linalg.inv(placed.from_shape) if placed.scene else eye for placed in placed_shapes])
+    matrices = np.where(instanced[:, None, None], place @ transforms @ to_shape[rank], eye)
+    embree, boxes = _build_embree(placed_shapes, rank, matrices)
+    kinds, rows = pack_materials([shape.material for shape in shapes])
     uv = [np.zeros((len(s.mesh.vertices), 2)) if s.uv is None else s.uv for s in shapes]
     occlusions = [item.shape.occlusion for item in objects]
     polygons = _polygons(placed_shapes)
@@ -147,8 +145,8 @@ def _build(objects: tuple[Object, ...], weighting: Normals) -> BuiltGeometry:
         first_face=face_starts[rank],
         first_w=np.cumsum([0, *(len(item.shape.mesh.vertices) for item in objects)]),
         to_render=np.ascontiguousarray(matrices[:, :3]),
-        normal_to_render=np.array([np.linalg.inv(matrix[:3, :3]).T for matrix in matrices]),
-        mirrored=np.array([np.sign(np.linalg.det(item.transform[:3, :3])) for item in objects]),
+        normal_to_render=np.ascontiguousarray(np.linalg.inv(matrices[:, :3, :3]).transpose(0, 2, 1)),
+        mirrored=np.sign(np.linalg.det(transforms[:, :3, :3])),
         placed=~instanced,
         authored=np.array([weighting == "file" and item.shape.mesh.normals is not None for item in objects]),
         magnitude=np.where(instanced, INSTANCED, 0.0),
@@ -156,26 +154,31 @@ def _build(objects: tuple[Object, ...], weighting: Normals) -> BuiltGeometry:
         occlusion=np.array([number[each.texture] if each else -1 for each in occlusions]),
         grain=np.array([number[item.shape.grain] for item in objects]),
         strength=np.array([each.strength if each else 0.0 for each in occlusions]),
-        kinds=kinds,
-        rows=rows,
-        boxes=pack_boxes(boxes),
+        kinds=kinds[rank],
+        rows=rows[rank],
+        boxes=pack_boxes(merged(boxes)),
         opacity=_opacity(shapes),
     )
     return BuiltGeometry(arrays, embree, centre, scale, textures, weighting)
 
 
-def _build_embree(objects: list[_PlacedShape], matrices: Float64s) -> tuple[EmbreeScene, Float64s]:
-    """The Embree scene of objects, `matrices` (o, 4, 4) to render space, and boxes (n, 2, 3) around what they hold."""
+def _build_embree(shapes: list[_PlacedShape], rank: Int64s, matrices: Float64s) -> tuple[EmbreeScene, Float64s]:
+    """The Embree scene of objects, `matrices` (o, 4, 4) to render space, and boxes (n, 2, 3) around what they hold.
+
+    Args: rank: (o,) row of each object's shape.
+    """
     geometries: list[Triangles | EmbreeInstance] = []
+    corners = np.array([_corners(placed.vertices) for placed in shapes])[rank]
+    corners = corners @ matrices[:, :3, :3].transpose(0, 2, 1) + matrices[:, None, :3, 3]
+    around = np.stack([corners.min(axis=1) - 4 * SLACK, corners.max(axis=1) + 4 * SLACK], axis=1)
     boxes = []
-    for placed, matrix in zip(objects, matrices, strict=True):
+    for placed, matrix, box in zip((shapes[row] for row in rank), matrices.astype(np.float32), around, strict=True):
         if placed.scene:
-            geometries.append(EmbreeInstance(placed.scene, matrix[:3].astype(np.float32)))
-            corners = _corners(placed.vertices) @ matrix[:3, :3].T + matrix[:3, 3]
-            boxes.append(np.stack([corners.min(axis=0) - 4 * SLACK, corners.max(axis=0) + 4 * SLACK])[None])
+            geometries.append(EmbreeInstance(placed.scene, matrix[:3]))
+            boxes.append(box[None])
         else:
             geometries.append(Triangles(placed.vertices, placed.shape.mesh.faces))
-            boxes.append(cluster(placed.vertices, placed.shape.mesh.faces, len(objects)))
+            boxes.append(cluster(placed.vertices, placed.shape.mesh.faces, len(rank)))
     return EmbreeScene(geometries), np.concatenate(boxes)
 
 
@@ -231,12 +234,10 @@ def _opacity(shapes: list[Shape]) -> PackedOpacity | None:
 
 def _bounds(objects: tuple[Object, ...]) -> tuple[Float64s, Float64s]:
     """The bounds of the corners of all objects' bounding boxes."""
-    corners = [
-        _corners(np.array(item.shape.mesh.bounds)) @ item.transform[:3, :3].T + item.transform[:3, 3]
-        for item in objects
-    ]
-    joined = np.concatenate(corners)
-    return joined.min(axis=0), joined.max(axis=0)
+    shapes = {id(item.shape): item.shape for item in objects}
+    boxes = {key: _corners(np.array(shape.mesh.bounds)) for key, shape in shapes.items()}
+    corners = [boxes[id(item.shape)] @ item.transform[:3, :3].T + item.transform[:3, 3] for item in objects]
+    return np.min(corners, axis=(0, 1)), np.max(corners, axis=(0, 1))
 
 
 def _some(objects: tuple[Object, ...]) -> Float64s:

@@ -12,13 +12,12 @@ from ..camera import Camera
 from ..image.frame import LAYERS, Frame
 from ..image.texture import LazyTextures
 from ..kernel.arrays import aligned
-from ..kernel.simd import WIDE
 from ..lights.layout import AMBIENT as AMBIENT_LIGHT
 from ..settings import Settings, Shading
 from ..shade import workspace
 from ..shade.camera_rays import place_camera
 from ..shade.film import EDGE, TILE
-from ..shade.gouraud import light_vertices
+from ..shade.gouraud import GROUP, light_vertices
 from ..shade.interaction import GOURAUD
 from ..shade.records import Film, SceneArrays
 from ..shade.shading_points import FILM, LIGHTING
@@ -131,15 +130,16 @@ class RenderJob:
         sides = 2 if surrounded or self.scene.geometry.rows[:, TWO_SIDED].any() else 1
         self.scene = self.scene._replace(lit_vertices=np.zeros((sides * rows, LIGHTING)))
         finished: list[Int64s] = []
-        objects = list(enumerate(itertools.pairwise(self.scene.geometry.first_w.tolist())))
-        for side, (item, (begin, stop)) in itertools.product(range(sides), objects):
+        objects = itertools.pairwise(self.scene.geometry.first_w.tolist())
+        front = np.concatenate([np.arange(*span, GROUP) for span in objects])
+        groups = np.concatenate([front + side * rows for side in range(sides)])
 
-            def work(first: int, end: int, item: int = item, begin: int = begin + side * rows) -> None:
-                scratch = self.scratch()
-                light_vertices(self.scene, self.view, self.style, scratch, origins, item, (begin + first, begin + end))
-                finished.append(scratch.counts)
+        def work(first: int, end: int) -> None:
+            scratch = self.scratch()
+            light_vertices(self.scene, self.view, self.style, scratch, origins, groups[first:end])
+            finished.append(scratch.counts)
 
-            run_blocks(stop - begin, 4 * workspace.PACKETS * WIDE, work, threads)
+        run_blocks(len(groups), 4 if len(groups) < 1000 else 32, work, threads)
         self.counts += np.sum(finished, axis=0)
 
     def frame(self, film: Film, seconds: dict[str, float]) -> Frame:

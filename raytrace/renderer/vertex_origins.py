@@ -68,5 +68,5 @@ def _in_render_space(geometry: Geometry) -> tuple[Float64s, Int64s, Float64s]:
         corners = geometry.faces[geometry.first_face[item] : ends[item]] - start + geometry.first_w[item]
         vertices.append(own)
         faces.append(corners[:, ::-1] if geometry.mirrored[item] < 0 else corners)
-        normals.append(normalize(normal))
-    return np.concatenate(vertices), np.concatenate(faces).astype(np.int64), np.concatenate(normals)
+        normals.append(normal)
+    return np.concatenate(vertices), np.concatenate(faces).astype(np.int64), normalize(np.concatenate(normals))

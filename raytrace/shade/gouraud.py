@@ -4,6 +4,8 @@ Which side of a vertex is seen is a matter of the face that is hit: a closed bod
 around vertices just over the horizon, whose normals point away from the viewer.
 """
 
+import numpy as np
+
 from ..kernel.borrow import borrow
 from ..kernel.jit import inline, kernel
 from ..kernel.simd import WIDE, select, single
@@ -18,27 +20,31 @@ from .records import borrow_scene
 from .shading_points import lighting_column, store1, store3
 from .workspace import PACKETS
 
+GROUP = PACKETS * WIDE  # vertices lit together
+
 
 @kernel
-def light_vertices(scene, view, style, scratch, origins, item, span):
-    """Gouraud 1971, first step: light the rows [span[0], span[1]) of `scene.lit_vertices`, one side of one object.
+def light_vertices(scene, view, style, scratch, origins, groups):
+    """Gouraud 1971, first step: light rows of `scene.lit_vertices`, one side of one object at a time.
 
-    Args: origins: as `write_vertices` has them; item: row of the object.
+    Args: origins: as `write_vertices` has them; groups: int64 (k,), where `GROUP` rows begin, or the last of an object.
     """
     scene, view, scratch, origins = borrow_scene(scene), borrow(view), borrow(scratch), borrow(origins)
     geometry, out = scene.geometry, scene.lit_vertices
-    shift, side = (len(scene.w), -1.0) if span[0] >= len(scene.w) else (0, 1.0)
-    for begin in range(span[0], span[1], PACKETS * WIDE):
-        packets = -(-min(PACKETS * WIDE, span[1] - begin) // WIDE)
+    for begin in groups:
+        shift, side = (len(scene.w), -1.0) if begin >= len(scene.w) else (0, 1.0)
+        item = np.searchsorted(geometry.first_w, begin - shift, side="right") - 1
+        end = min(begin + GROUP, geometry.first_w[item + 1] + shift)
+        packets = -(-(end - begin) // WIDE)
         for e in range(packets):
             packet, k = scratch.points[e], begin + e * WIDE
-            mask = lane_numbers() < span[1] - k
+            mask = lane_numbers() < end - k
             at = select(mask, lane_numbers(), 0) + (k - shift)
             write_vertices(packet, scene, origins, item, mask, at, view, side)
             store_row(scratch.items, e, select(mask, item, -1))
         light_packets(geometry, scene.lights, style, scratch, packets)
         for e in range(packets):
-            for lane in range(min(WIDE, span[1] - begin - e * WIDE)):
+            for lane in range(min(WIDE, end - begin - e * WIDE)):
                 for column in range(out.shape[1]):
                     out[begin + e * WIDE + lane, column] = scratch.points[e, lighting_column(column), lane]
 

@@ -60,6 +60,19 @@ def _enclose(vertices, faces, low, per_length, cells, boxes):
                 boxes[cell, 1, axis] = max(boxes[cell, 1, axis], x)
 
 
+def merged(boxes: Float64s) -> Float64s:
+    """Boxes (n, 2, 3), or where they are many, those around neighbours: every light looks through all of them."""
+    if len(boxes) <= 4 * _BOXES:
+        return boxes
+    middles = boxes.mean(axis=1).clip(-NEAR, NEAR)
+    size = np.ptp(middles, axis=0).max() / 2 / GRID or 1.0
+    cells, of = np.unique(np.floor((middles - middles.min(axis=0)) / size), axis=0, return_inverse=True)
+    ends = np.stack([np.full((len(cells), 3), np.inf), np.full((len(cells), 3), -np.inf)], axis=1)
+    np.minimum.at(ends[:, 0], of, boxes[:, 0])
+    np.maximum.at(ends[:, 1], of, boxes[:, 1])
+    return ends
+
+
 def pack_boxes(boxes: Float64s) -> Float32s:
     """Boxes (n, 2, 3) thickened and packed for `obstructed`: float32 (⌈n/16⌉, 6, 16), low and high corners."""
     thick = SLACK * np.maximum(1.0, np.abs(boxes).max(axis=(1, 2)))[:, None]

@@ -28,7 +28,8 @@ from .textured import read_textured
 from .transforms import matrix_of
 from .vertex_colors import vertex_colors
 
-MAX_BUILT = 4_000_000
+MAX_BUILT = 1_500_000  # triangles: 1 GiB for a picture
+MAX_OBJECTS = 100_000  # 10 s for a picture
 
 
 def named_materials(tables: Sequence[dict[str, Any]], source: object) -> dict[str, BaseMaterial]:
@@ -71,7 +72,7 @@ class ObjectReader:
         self._origins: dict[int, Origin] = {}
         self.files: list[Path] = []
         self.notes: list[str] = []
-        self._placed = 0
+        self._placed = self._objects = 0
         self._built = 0.0
 
     def read(self, table: ObjectTable, path: str) -> list[Object]:
@@ -101,12 +102,17 @@ class ObjectReader:
         return self._origins.get(id(item.shape))
 
     def _check_copies(self, pieces: list[Object], table: ObjectTable, field: str) -> None:
-        """Count vertices and triangles, of mesh files once and of all copies."""
+        """Count objects, vertices and triangles, of mesh files once and of all copies."""
+        copies = 1 if table.copies is None else len(table.copies)
+        self._objects += copies * len(pieces)
+        if self._objects > MAX_OBJECTS:
+            expected = f"at most {MAX_OBJECTS:,} objects with all copies"
+            raise SceneError(self._source, field, expected, f"{self._objects:,}")
         rows = {id(item.shape.mesh): len(item.shape.mesh.vertices) + len(item.shape.mesh.faces) for item in pieces}
         if table.mesh is not None:
             self._stored |= rows
         each = sum(rows[id(item.shape.mesh)] for item in pieces)
-        self._placed += each * (1 if table.copies is None else len(table.copies))
+        self._placed += each * copies
         check_copies(self._placed, sum(self._stored.values()), self._source, SceneError, field)
 
     def _check_built(self, solid: Solid, table: ObjectTable, field: str) -> None:

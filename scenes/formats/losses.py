@@ -20,6 +20,8 @@ def lost(target: Path, mesh_file: MeshFile, channels: Channels = Channels()) -> 
     """What `write_bake.write` does not keep, or does otherwise than one might think: lines for the user, mostly none.
 
     Args: mesh_file: was loaded for `target`. channels: see `write_bake.channels`.
+
+    Raises: OptionError: coordinates that the format does not hold.
     """
     row, colors = format_of(target), channels.colors
     if not row.lost:
@@ -53,13 +55,14 @@ def of_glb(mesh_file: MeshFile, colors: bool) -> list[str]:
     if mesh_file.gltf:
         pieces = [piece for mesh in mesh_file.gltf.geometry.meshes for piece in mesh.primitives]
         return ["its colours"] if colors and any("COLOR_0" in piece.attributes for piece in pieces) else []
+    from .glb.plain import SOURCE_INDEX, attribute_name, fits_float, groups, part_origin
+
+    part_origin(mesh_file.mesh.vertices)
     missing = list(mesh_file.unread)
     if detail is None:
         return missing
     if colors and detail.colors is not None:
         missing.append("its colours")
-    from .glb.plain import SOURCE_INDEX, attribute_name, fits_float, groups
-
     if len(groups(mesh_file)) > len(mesh_file.parts):
         missing.append(f"the order of vertices ({SOURCE_INDEX} has their places)")
         if len(np.unique(detail.corners)) < len(mesh_file.mesh.vertices):

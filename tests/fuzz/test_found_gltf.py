@@ -65,6 +65,7 @@ def test_gltf_buffers_of_one_file_are_read_once(tmp_path, monkeypatch):
         (lambda h: h.update(scene=9), "there is no scenes[9]"),
         (lambda h: h.update(nodes=[1] * 1000), "nodes[0]: expected an object, got 1"),
         (lambda h: h.update(materials=[{"emissiveFactor": "x"}]), "materials[0].emissiveFactor: expected"),
+        (lambda h: h.update(textures=[{"source": None}]), "textures[0].source: expected a whole number, got None"),
         (lambda h: h.update(cameras=[{"type": "x" * 5000}]), "cameras[0].type: expected one of perspective"),
         (
             lambda h: h.update(materials=[{"pbrMetallicRoughness": {"baseColorFactor": [1, 1]}}]),

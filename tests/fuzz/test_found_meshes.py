@@ -6,6 +6,7 @@ import time
 import fuzz_seeds
 import numpy as np
 import pytest
+from command import obscurance
 from found_faults import baked, triangle
 from fuzz_worker import memory, reset_peak
 from mesh_files import FACES, VERTICES, ascii_ply, ascii_stl, mistake, obj, ply, read
@@ -157,6 +158,16 @@ def test_writing_what_float32_cannot_hold(tmp_path):
     np.testing.assert_allclose(again.normals[1], [0, 1, -1])
     with pytest.raises(OptionError, match=r"coordinates up to 1e\+38 in a \.glb, got 9e\+50"):
         write(tmp_path / "m.glb", baked(len(VERTICES)), file)
+
+
+def test_what_float32_cannot_hold_is_told_in_one_line_before_the_bake(tmp_path):
+    colours = [f"{x * 1e50} {y * 1e50} {z * 1e50} 255 0 0" for x, y, z in VERTICES]
+    rows = [f"3 {i} {j} {k}" for i, j, k in FACES]
+    (tmp_path / "m.off").write_text("\n".join(["COFF", f"{len(VERTICES)} {len(FACES)} 0", *colours, *rows]))
+    result = obscurance("bake", tmp_path / "m.off", "-o", tmp_path / "m.glb")
+    assert result.returncode == 2
+    assert result.stderr.startswith("obscurance: bake --output: expected coordinates up to 1e+38 in a .glb, got 9e+50")
+    assert result.stderr.count("\n") == 1
 
 
 def test_polygons_of_very_many_corners(tmp_path):

@@ -53,14 +53,23 @@ def test_copies_in_a_toml_scene_end_somewhere(tmp_path, monkeypatch):
     assert "m.toml: objects[2].fineness: expected at most 1,000" in scene_mistake(tmp_path, toml_text(several))
 
 
+def test_objects_are_counted_before_they_are_placed(tmp_path):
+    (tmp_path / "paint.png").write_bytes(fuzz_seeds.image("png"))
+    (tmp_path / "quad.glb").write_bytes(fuzz_seeds.quad_glb())
+    copies = [{"mesh": "quad.glb", "copies": [{}] * 20_000}]
+    message = scene_mistake(tmp_path, toml_text({"objects": copies}))
+    assert "m.toml: objects[0].copies: expected at most 100,000 objects with all copies, got 120,000" in message
+
+
 @pytest.mark.parametrize(
     ("added", "expected"),
     [
-        ({"builtin": "sphere", "fineness": 1e-3}, "objects[1].fineness: expected at most 4,000,000 triangles of built"),
-        ({"builtin": "sponge", "fineness": 1e-3}, "objects[1].fineness: expected at most 4,000,000 triangles of built"),
-        ({"builtin": "cylinder", "height": 1e6, "fineness": 1}, "objects[1].fineness: expected at most 4,000,000"),
-        ({"builtin": "box", "fineness": 1e-90}, "objects[1].fineness: expected at most 4,000,000 triangles of built"),
-        ({"builtin": "temple", "copies": [{}] * 20}, "objects[1].copies: expected at most 4,000,000 triangles of"),
+        ({"builtin": "sphere", "fineness": 1e-3}, "objects[1].fineness: expected at most 1,500,000 triangles of built"),
+        ({"builtin": "sponge", "fineness": 1e-3}, "objects[1].fineness: expected at most 1,500,000 triangles of built"),
+        ({"builtin": "cylinder", "height": 1e6, "fineness": 1}, "objects[1].fineness: expected at most 1,500,000"),
+        ({"builtin": "box", "fineness": 1e-90}, "objects[1].fineness: expected at most 1,500,000 triangles of built"),
+        ({"builtin": "temple", "fineness": 0.0274}, "objects[1].fineness: expected at most 1,500,000 triangles of"),
+        ({"builtin": "temple", "copies": [{}] * 20}, "objects[1].copies: expected at most 1,500,000 triangles of"),
     ],
 )
 def test_built_in_shapes_are_counted_before_they_are_made(tmp_path, monkeypatch, added, expected):

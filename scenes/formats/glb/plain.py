@@ -91,7 +91,7 @@ def plain(mesh_file: MeshFile, colors: bool, up: str | None = None) -> tuple[Pac
     add_materials(packed, detail.paints if detail else ())
     header = packed.header
     drawn: list[Drawn] = []
-    origins = [_origin(mesh.vertices[part.vertices]) for part in mesh_file.parts]
+    origins = [part_origin(mesh.vertices[part.vertices]) for part in mesh_file.parts]
     found = groups(mesh_file)
     before = None
     for group, piece in zip(found, _pieces(mesh_file, found), strict=True):
@@ -165,8 +165,8 @@ def _pieces(mesh_file: MeshFile, found: list[Group]) -> Iterator[_Piece]:
         )
 
 
-def _origin(vertices: Float64s) -> Float64s | None:
-    """The origin of positions that float32 cannot hold about zero, or None."""
+def part_origin(vertices: Float64s) -> Float64s | None:
+    """The origin of positions that float32 cannot hold about zero, or None. Raises: OptionError: about none it can."""
     if np.abs(vertices).max() > _LARGEST:
         raise OptionError("output", f"coordinates up to {_LARGEST:g} in a .glb", f"{np.abs(vertices).max():g}")
     if np.array_equal(vertices.astype("<f4"), vertices):

@@ -98,3 +98,10 @@ def test_so_does_that_for_pictures_once_for_each_mesh(tmp_path):
         printed = [line for line in done.stderr.splitlines() if line.startswith("warning: ")]
         assert len(printed) == count, done.stderr
         assert [f"warning: {text}" for text in json.loads(report.read_text())["warnings"]] == printed
+
+
+def test_what_float32_cannot_hold_overflows_nowhere():
+    vertices = np.random.default_rng(0).normal(size=(300, 3))
+    vertices[-1] = 1e60
+    (warning,) = precision_warnings(Mesh(vertices, np.arange(300).reshape(-1, 3)))
+    assert "float32 coordinates from the centre of the mesh have steps of" in warning

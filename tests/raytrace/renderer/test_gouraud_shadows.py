@@ -11,6 +11,7 @@ from raytrace.camera import Camera
 from raytrace.lights.sources import PointLight
 from raytrace.materials.materials import Lambert
 from raytrace.mesh.mesh import Mesh
+from raytrace.renderer import picture
 from raytrace.renderer.render import render
 from raytrace.scene import Object, Scene, Shape
 from raytrace.settings import Settings
@@ -177,3 +178,14 @@ def test_instanced_rooms_whose_walls_meet_in_the_middle_of_the_world_are_black(f
         objects = [Object(shape, matrix @ low), Object(shape, matrix @ beside @ low)]
         for eye in ((0, 0, 0), (1, 0, 0)):
             assert not seen(objects, matrix, eye, (0.5, 0, 0), lamps).any()
+
+
+def test_very_many_small_objects_are_lit_by_few_kernels(monkeypatch):
+    lit, calls = picture.light_vertices, []
+    monkeypatch.setattr(picture, "light_vertices", lambda *arguments: calls.append(0) or lit(*arguments))
+    shape = Shape(Mesh([[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 1, 2]]), WHITE)
+    places = np.tile(np.eye(4), (1200, 1, 1))
+    places[:, 0, 3] = np.arange(1200)
+    scene = Scene(tuple(Object(shape, place) for place in places), (PointLight((0, 0, 5), 9.0),))
+    render(scene, Camera((0, 0, 9), (0, 0, 0)), SETTINGS, threads=1)
+    assert len(calls) < 50

@@ -17,7 +17,7 @@ from raytrace.renderer import render_scene
 from raytrace.renderer.render import render
 from raytrace.scene import Object, Scene, Shape
 from raytrace.settings import Settings
-from raytrace.shade.shaft_culling import cluster, obstructed, pack_boxes
+from raytrace.shade.shaft_culling import cluster, merged, obstructed, pack_boxes
 from scenes.geometry import primitives
 
 CAMERA = Camera((3, -6, 3), (0, 0, 0))
@@ -139,3 +139,14 @@ def test_boxes_hold_all_faces():
         inside = (corners[:, None] >= boxes[:, None, 0]) & (corners[:, None] <= boxes[:, None, 1])
         assert inside.all(axis=(2, 3)).any(axis=1).all()
         assert len(boxes) <= max(1, 1200 // objects)
+
+
+def test_very_many_boxes_become_boxes_around_them():
+    corners = np.random.default_rng(3).uniform(0, 1, (20_000, 1, 3))
+    boxes = np.concatenate([corners, corners + np.array([0.01, 0.02, 0.03])], axis=1)
+    few = merged(boxes)
+    assert len(few) < 5000
+    for part in np.split(boxes, 20):
+        assert ((part[:, None, 0] >= few[:, 0]) & (part[:, None, 1] <= few[:, 1])).all(axis=2).any(axis=1).all()
+    assert (few[:, 1] - few[:, 0]).max() < 0.12
+    np.testing.assert_array_equal(merged(boxes[:1000]), boxes[:1000])

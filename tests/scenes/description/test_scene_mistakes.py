@@ -39,7 +39,7 @@ MISTAKES = {
     "objects[0].size[1]: expected a number in [1e-100, 1e100], got 0": PLAIN + "size = [1, 0]",
     "objects[0].radius: expected a number in [1e-100, 1e100], got nan": '[[objects]]\nbuiltin = "sphere"\nradius = nan',
     "objects[0].level: expected": '[[objects]]\nbuiltin = "sponge"\nlevel = 9',
-    "objects[0].fineness: expected at most 4,000,000 triangles": '[[objects]]\nbuiltin = "box"\nfineness = 1e-9',
+    "objects[0].fineness: expected at most 1,500,000 triangles": '[[objects]]\nbuiltin = "box"\nfineness = 1e-9',
     'objects[0].mesh: expected an existing file, got "none.obj"': '[[objects]]\nmesh = "none.obj"',
     'objects[0].mesh: expected a file, got "folder"': '[[objects]]\nmesh = "folder"',
     'objects[0].mesh: expected a path in the scene\'s folder or below, got "../x.obj"': (
