@@ -11,7 +11,7 @@ from raytrace.camera import Camera
 from raytrace.lights.sources import PointLight
 from raytrace.materials.materials import Lambert
 from raytrace.mesh.mesh import Mesh
-from raytrace.renderer import picture
+from raytrace.renderer import render_job
 from raytrace.renderer.render import render
 from raytrace.scene import Object, Scene, Shape
 from raytrace.settings import Settings
@@ -181,8 +181,8 @@ def test_instanced_rooms_whose_walls_meet_in_the_middle_of_the_world_are_black(f
 
 
 def test_very_many_small_objects_are_lit_by_few_kernels(monkeypatch):
-    lit, calls = picture.light_vertices, []
-    monkeypatch.setattr(picture, "light_vertices", lambda *arguments: calls.append(0) or lit(*arguments))
+    lit, calls = render_job.light_vertices, []
+    monkeypatch.setattr(render_job, "light_vertices", lambda *arguments: calls.append(0) or lit(*arguments))
     shape = Shape(Mesh([[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 1, 2]]), WHITE)
     places = np.tile(np.eye(4), (1200, 1, 1))
     places[:, 0, 3] = np.arange(1200)
