@@ -139,7 +139,7 @@ class RenderJob:
             light_vertices(self.scene, self.view, self.style, scratch, origins, groups[first:end])
             finished.append(scratch.counts)
 
-        run_blocks(len(groups), 4 if len(groups) < 1000 else 32, work, threads)
+        run_blocks(len(groups), 4, work, threads, most=16)
         self.counts += np.sum(finished, axis=0)
 
     def frame(self, film: Film, seconds: dict[str, float]) -> Frame:
