@@ -175,7 +175,7 @@ class Checkpoint:
         try:
             if self._journal is None:
                 self._journal = Journal(self.path, create=True)
-                self._start(self._journal)
+                self._journal.start(self._identity)
             self._journal.append(b"".join(self._pending[:count]))
             del self._pending[:count]
         except OSError as reason:
@@ -186,10 +186,6 @@ class Checkpoint:
         self._given_up = True
         self._pending.clear()
         self.notify(f"{reason}; going on without checkpoints")
-
-    def _start(self, journal: Journal) -> None:
-        """Make an open file the journal of this bake."""
-        journal.start(self._identity)
 
     def _remove(self) -> None:
         if self._journal is None and self._left_over:

@@ -19,7 +19,7 @@ from ..points.receivers import Receivers
 from ..rays.ray_scene import RayScene
 from .checkpoint import Checkpoint
 from .identity import machine
-from .journal import Block, Journal, record
+from .journal import Block, record
 from .work import Advance, Tables, Work
 
 ENDING = ".part"
@@ -78,6 +78,8 @@ class ShardCheckpoint(Checkpoint):
     def begin(self, placement: Placement, receivers: Receivers, *settings: object) -> None:
         self._description |= {"mesh digest": digest_of(placement, receivers), "machine": machine()}
         super().begin(placement, receivers, *settings)
+        if not self._journal or DESCRIPTION not in self._journal.blocks:
+            self._pending.append(record(DESCRIPTION, json.dumps(self._description).encode()))
 
     def _trace(
         self, work: Work, scene: RayScene, missing: Bools, tables: Tables, threads: int, advance: Advance
@@ -92,10 +94,6 @@ class ShardCheckpoint(Checkpoint):
         self._pending.append(record(WHOLE, b"whole"))
         self._write()
         raise PartTraced(f"{self.path}: traced")
-
-    def _start(self, journal: Journal) -> None:
-        super()._start(journal)
-        journal.append(record(DESCRIPTION, json.dumps(self._description).encode()))
 
     def _give_up(self, reason: OutputError) -> None:
         raise OutputError(f"{reason}; the same command continues from what is there")

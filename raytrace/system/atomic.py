@@ -101,13 +101,16 @@ def scratch_folder(target: str | os.PathLike[str]) -> Iterator[Path]:
     Raises:
         OutputError: it cannot be made.
     """
-    folder = _beside(Path(target).absolute())
-    try:
-        _remove_left_over(folder.parent)
-        folder.mkdir()
-        lock = _create(folder / _LOCK)
-    except OSError as reason:
-        raise _cannot_write(target, reason) from None
+    for again in (False, True):  # the first may be taken for one of the dead's before it is locked
+        folder = _beside(Path(target).absolute())
+        try:
+            _remove_left_over(folder.parent)
+            folder.mkdir()
+            lock = _create(folder / _LOCK)
+            break
+        except OSError as reason:
+            if again:
+                raise _cannot_write(target, reason) from None
     try:
         yield folder
     finally:
@@ -209,11 +212,12 @@ def _remove_left_over(folder: Path) -> None:
             with suppress(OSError):  # it is locked, or another user's
                 is_folder = entry.is_dir(follow_symlinks=False)
                 locked = os.path.join(entry.path, _LOCK) if is_folder else entry.path
-                handle = os.open(locked, os.O_RDWR | os.O_NOFOLLOW | os.O_NONBLOCK)
+                create = os.O_CREAT if is_folder else 0  # a process may be killed as it makes or removes the folder
+                handle = os.open(locked, os.O_RDWR | os.O_NOFOLLOW | os.O_NONBLOCK | create, 0o666)
                 try:
                     fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
                     if os.fstat(handle).st_nlink:
-                        (shutil.rmtree if is_folder else os.unlink)(entry.path)
+                        shutil.rmtree(entry.path, ignore_errors=True) if is_folder else os.unlink(entry.path)
                 finally:
                     os.close(handle)
 

@@ -249,8 +249,7 @@ def main(seed, first, end, progress):
     folder = Path(tempfile.mkdtemp(prefix="fuzz-")).resolve()
     fuzz_seeds.seeds()
     inside, structure = prepared(folder), by_structure(seed)
-    if not structure:
-        modest()
+    modest(*((1_500_000, 500_000) if structure else (20_000, 200_000)))
     warm(inside, folder / "made", structure)
     opened = watch(folder)
     tempfile.tempdir = str(folder / "made")
@@ -298,13 +297,13 @@ def main(seed, first, end, progress):
     shutil.rmtree(folder)
 
 
-def modest():
+def modest(triangles, rows):
     """Built-in shapes and copies are work that a few bytes may ask for on purpose: here no more than a little."""
     import scenes.geometry.builtin_shapes
     import scenes.geometry.instances
 
-    scenes.geometry.builtin_shapes.MAX_TRIANGLES = 20_000
-    scenes.geometry.instances.MAX_COPIED = 200_000
+    scenes.geometry.builtin_shapes.MAX_TRIANGLES = triangles
+    scenes.geometry.instances.MAX_COPIED = rows
 
 
 def warm(inside, made, structure=False):

@@ -12,7 +12,7 @@ from uv_meshes import grid_charts
 import ao
 import ao.execute.merge
 import ao.execute.parts
-from ao.execute.journal import Journal
+from ao.execute.journal import IDENTITY, MAGIC, Journal
 from ao.execute.merge import read_parts
 from ao.execute.parts import DESCRIPTION as DESCRIPTION_BLOCK
 from ao.execute.parts import WHOLE, ShardCheckpoint, assign_shards
@@ -200,3 +200,14 @@ def test_a_part_whose_folder_vanishes_is_told(tmp_path):
     part.after = part.every = 0
     with pytest.raises(OutputError, match=r"part-1-of-2\.part: No such file or directory"), part:
         ao.bake(Mesh(*hills(100)), samples=256, threads=1, checkpoint=part, progress=vanish)
+
+
+@pytest.mark.parametrize("more", [0, 10])
+def test_a_part_killed_before_it_is_described_is_continued(tmp_path, more):
+    whole = bits(MAKE())
+    for number in (1, 2):
+        trace_part(MAKE, tmp_path, number, 2)
+    path = tmp_path / "part-1-of-2.part"
+    path.write_bytes(path.read_bytes()[: len(MAGIC) + IDENTITY + more])
+    trace_part(MAKE, tmp_path, 1, 2)
+    assert bits(merged(MAKE, tmp_path)) == whole

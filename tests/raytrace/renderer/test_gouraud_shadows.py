@@ -186,6 +186,6 @@ def test_very_many_small_objects_are_lit_by_few_kernels(monkeypatch):
     shape = Shape(Mesh([[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 1, 2]]), WHITE)
     places = np.tile(np.eye(4), (1200, 1, 1))
     places[:, 0, 3] = np.arange(1200)
-    scene = Scene(tuple(Object(shape, place) for place in places), (PointLight((0, 0, 5), 9.0),))
-    render(scene, Camera((0, 0, 9), (0, 0, 0)), SETTINGS, threads=1)
+    scene = Scene(tuple(Object(shape, place) for place in places), (PointLight(position=(0, 0, 5), intensity=9.0),))
+    render(scene, Camera((0, -1, 9), (0, 0, 0)), SETTINGS, threads=1)
     assert len(calls) < 50
