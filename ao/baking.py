@@ -18,7 +18,7 @@ from .estimate.tolerance import shortfall
 from .execute.checkpoint import Checkpoint
 from .execute.tracer import Progress
 from .falloff import Falloff, Length, resolve_length
-from .interpolation import measure_interpolation
+from .interpolation_error import measure_interpolation
 from .memory import surface_bytes, vertex_bytes
 from .options import DEFAULT_SAMPLES, Interior, Method, Normals, Options, Traversal, earlier_names, falloff_of
 from .prepared import Prepared

@@ -17,7 +17,7 @@ from raytrace.types import Bools, Int64s
 from ..execute.tracer import Tracer
 from ..points.corners import CornerSamples
 from ..points.points import Points
-from .fill import Fill
+from .extrapolation import Extrapolation
 from .fixed_samples import (
     count_corner_rays,
     estimated,
@@ -95,17 +95,17 @@ def estimate_outside(
     """`estimate` where points `inside` (k,) are filled from the nearest points outside; how many were not traced."""
     if not inside.any():
         return estimate(tracer, points, corners, neighbours_of, target), 0
-    filling = Fill.of(points, neighbours_of(np.arange(len(points))), inside)
-    kept = np.flatnonzero(filling.traced)
+    extrapolation = Extrapolation.of(points, neighbours_of(np.arange(len(points))), inside)
+    kept = np.flatnonzero(extrapolation.traced)
     traced, subset = points[kept], corners.only(kept)
     values = estimate(tracer, traced, subset, lambda rows: neighbours_of(kept[rows]), target)
     known = np.column_stack([values.rows, values.variance])
     if target.tolerance is not None:  # an error at the edge of the hidden points stands for many
-        edge = filling.sources
+        edge = extrapolation.sources
         edge[subset.rows] = False
         again = sampled(tracer, traced[edge], min(4 * values.samples, target.samples), derive(target.key, 6))
         known[edge] = np.column_stack([again.rows, again.variance])
-    rows = filling.extrapolate(known)
+    rows = extrapolation.extrapolate(known)
     return replace(values, rows=rows[:, :4], variance=rows[:, 4]), len(points) - len(kept)
 
 

@@ -56,7 +56,7 @@ STAGES = (
     ("denoising", "ao.estimate.shrinkage denoise"),
     ("planning", "ao.estimate.tolerance estimate_to"),
     ("result", "ao.result assemble"),
-    ("error between vertices", "ao.interpolation measure_interpolation"),
+    ("error between vertices", "ao.interpolation_error measure_interpolation"),
     ("charts", "ao.texture.shown Shown.of"),
     ("coverage", "ao.texture.coverage cover"),
     ("texels", "ao.texture.texels find_texels"),

@@ -30,7 +30,7 @@ from ..settings import Normals
 from ..shade.records import Geometry
 from ..shade.shaft_culling import SLACK, cluster, merged, pack_boxes
 from ..types import AnyFloats, Float32s, Float64s, Int64s
-from .polygons import Polygons, mesh_polygons
+from .polygon_outlines import Polygons, mesh_polygons
 from .vertex_origins import INSTANCED, smooth_normals, vertex_origins
 
 

@@ -15,7 +15,7 @@ from ..kernel.vector import add, dot, scale
 from . import shading_points as layout
 from .direct_lighting import light_packets, visible_fraction
 from .interaction import between, corner, corner_rows, lights_seen, towards_viewer, vertex_normal
-from .polygons import polygon_light
+from .polygon_shading import polygon_light
 from .records import borrow_scene
 from .shading_points import lighting_column, store1, store3
 from .workspace import PACKETS

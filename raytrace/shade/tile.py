@@ -21,7 +21,7 @@ from .direct_lighting import count_directed, light_packets
 from .film import TILE, accumulate, clear, column_of, converged, mean, reopened, row_of, store_edge, write_pixels
 from .gouraud import interpolate_lit
 from .interaction import GOURAUD, PacketHits, write_bent_normals, write_hits
-from .polygons import write_polygons
+from .polygon_shading import write_polygons
 from .records import borrow_scene
 from .see_through import begin_behind, begin_layers, closest_hits, composite, keep_hits, ray_numbers, seen_packets
 from .shading_points import load3, store1, store3

@@ -14,7 +14,7 @@ from .upsampling import coarsened, nearest_baked, upsample
 
 
 @dataclass(frozen=True, eq=False)
-class Fill:
+class Extrapolation:
     """Extrapolates the values of points that are not traced from the traced points nearest along the surface.
 
     Attributes:
@@ -27,7 +27,7 @@ class Fill:
     cell: Int32s
 
     @classmethod
-    def of(cls, points: Points, neighbours: Neighbours, inside: Bools) -> Fill:
+    def of(cls, points: Points, neighbours: Neighbours, inside: Bools) -> Extrapolation:
         """Points `inside` (k,) are not traced, unless no path of edges leads out."""
         nearest = nearest_baked(neighbours, ~inside)
         alone = nearest < 0

@@ -1,4 +1,4 @@
-"""Polygons of meshes as kernels read them: centre, Newell normal and outline of each of more than three corners."""
+"""Polygons of more than three corners as kernels read them: centre, Newell normal and outline of each."""
 
 from __future__ import annotations
 
