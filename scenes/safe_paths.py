@@ -36,6 +36,16 @@ def confined(name: str, folder: Path, source: object, field: str) -> Path:
     return folder / name
 
 
+def beside(name: str, folder: Path) -> Path | None:
+    """The existing regular file `name` in `folder` or below, links followed, or None."""
+    try:
+        root = folder.resolve()
+        target = (root / name).resolve()
+        return target if target.is_relative_to(root) and target.is_file() else None
+    except (OSError, ValueError):
+        return None
+
+
 _RESERVED = re.compile(r"(?i:con|prn|aux|nul|com\d|lpt\d)$")  # by Windows, whatever follows a dot
 _LONGEST = 60
 

@@ -13,9 +13,8 @@ import numpy as np
 from raytrace.errors import ConflictError, OptionError
 from raytrace.system.atomic import atomic_write, check_writable
 
-from .formats.channels import Channels
 from .formats.load import PIPED, MeshFile
-from .formats.table import endings, format_of, function
+from .formats.table import Channels, endings, format_of, function
 
 if TYPE_CHECKING:
     from ao import Bake, BakedTexture
@@ -97,7 +96,7 @@ def _write_textures(path: Path, baked: Sequence[Bake | BakedTexture], mesh_file:
 
     from .formats.glb.textured import textured_glb
     from .formats.image_names import is_texture
-    from .formats.images import write_w
+    from .formats.images import write_grey
 
     textures = [each for each in baked if isinstance(each, BakedTexture)]
     vertices = [each.w for each in baked if not isinstance(each, BakedTexture)]
@@ -110,7 +109,7 @@ def _write_textures(path: Path, baked: Sequence[Bake | BakedTexture], mesh_file:
         with atomic_write(path) as file:
             file.write(content)
     elif is_texture(path) and len(baked) == 1:
-        write_w(path, textures[0], False, {"content": "w, 1 = open"})
+        write_grey(path, textures[0].w, False, {"content": "w, 1 = open"})
     else:
         raise OptionError("output", "a .glb, or an image of one texture", os.fspath(path))
 

@@ -1,21 +1,29 @@
-"""A glTF or GLB file as a scene: objects, materials, base colour and occlusion textures, camera and lights."""
+"""A glTF or GLB file as a scene: objects, materials, base colour and occlusion textures, camera and lights.
+
+A camera's node looks along its −z with +y upwards. The vertical angle (or `ymag`) is kept whatever the picture's shape.
+Format: Khronos glTF 2.0 specification, section 3.10 (cameras).
+"""
 
 from __future__ import annotations
 
+from math import degrees
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
-from raytrace import Mesh, MeshError, Object, Occlusion, OptionError, Scene, Settings, Shape
+from raytrace import Camera, Mesh, MeshError, Object, Occlusion, OptionError, Scene, Settings, Shape
 from raytrace.errors import printable
+from raytrace.mesh.normals import normalize
+from raytrace.types import Float64s
 
 from ..field_errors import located
-from ..formats.gltf.appearance import vertex_colours
-from ..formats.gltf.asset import DrawnPrimitive, Gltf
-from ..formats.gltf.textures import Textures
+from ..formats.gltf.asset import DrawnPrimitive, Gltf, entry
+from ..formats.gltf.records import GltfCamera
+from ..formats.gltf.textures import Textures, vertex_colours
 from ..formats.load import mesh_errors, read_objects
 from ..geometry.instances import Instance
-from . import gltf_camera, gltf_lights
+from . import gltf_lights
 from .defaults import BACKGROUND, framing, three_lights
 from .description import SceneDescription
 from .gltf_materials import Materials
@@ -33,7 +41,7 @@ def read_gltf(path: Path, settings: Settings, up: str | None = None, view: str |
     """
     objects, asset, notes = gltf_objects(path)
     with mesh_errors(path):
-        camera = None if view else gltf_camera.camera(asset)
+        camera = None if view else _camera(asset)
         lights = gltf_lights.lights(asset)
         if camera and up is not None:
             raise OptionError("--up", "a file without a camera", f"{path}, which has one")
@@ -84,3 +92,22 @@ def _shape(piece: DrawnPrimitive, placed: Instance, materials: Materials, textur
         colours = vertex_colours(asset, primitive, placed.w)
         material = materials.of(primitive, colours is not None)
         return Shape(mesh, material, uv, texture, occlusion and Occlusion(*occlusion), colours=colours)
+
+
+def _camera(asset: Gltf) -> Camera | None:
+    """The first camera among the nodes that are shown, or None."""
+    cameras = asset.stage.cameras
+    for node, matrix in asset.world.items():
+        number = asset.geometry.nodes[node].camera
+        if number is not None:
+            with located(asset.path, f"cameras[{number}]"):
+                return _seen_by(entry(cameras, number, "cameras"), matrix)
+    return None
+
+
+def _seen_by(stored: GltfCamera, matrix: Float64s) -> Camera:
+    target = matrix[:3, 3] - normalize(matrix[:3, 2])
+    view: dict[str, Any] = {"position": matrix[:3, 3].tolist(), "target": target.tolist(), "up": matrix[:3, 1].tolist()}
+    if stored.type == "orthographic":
+        return Camera(**view, height=2.0 * stored.ymag)
+    return Camera(**view, field_of_view=degrees(stored.yfov))

@@ -8,7 +8,6 @@ from pathlib import Path
 
 import numpy as np
 
-from ao.texture.result import BakedTexture
 from raytrace.errors import OptionError, OutputError, is_utf8, printable
 from raytrace.image.encode import write_data
 from raytrace.system.atomic import check_writable
@@ -63,14 +62,9 @@ def tile_number(tile: tuple[int, int]) -> str:
     return str(1001 + tile[0] + _ACROSS * tile[1])
 
 
-def write_w(path: Path, baked: BakedTexture, half: bool, metadata: Mapping[str, str]) -> None:
-    """Write w, linear, 1 = open: PNG of 16 bits, EXR and TIFF of floats. Raises: OutputError."""
-    write_data(path, baked.w[:, :, None], metadata, half, "Y")
-
-
-def write_error(path: Path, baked: BakedTexture, half: bool, metadata: Mapping[str, str]) -> None:
-    """Write the standard error of w, 0 beside the charts. Raises: OutputError."""
-    write_data(path, baked.error[:, :, None], metadata, half, "Y")
+def write_grey(path: Path, values: Float32s, half: bool, metadata: Mapping[str, str]) -> None:
+    """Write w or its error (h, w), linear: PNG of 16 bits, EXR and TIFF of floats. Raises: OutputError."""
+    write_data(path, values[:, :, None], metadata, half, "Y")
 
 
 def write_normals(path: Path, normals: Float32s, half: bool, metadata: Mapping[str, str]) -> None:

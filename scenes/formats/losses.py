@@ -8,12 +8,11 @@ import numpy as np
 
 from raytrace.errors import printable
 
-from .channels import Channels
 from .load import MeshFile
 from .obj.detail import PAINT_WORDS
 from .ply.detail import own_colors
 from .ply.write import has_own_colors
-from .table import format_of, function
+from .table import Channels, format_of, function
 
 
 def lost(target: Path, mesh_file: MeshFile, channels: Channels = Channels()) -> list[str]:

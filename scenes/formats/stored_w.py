@@ -114,12 +114,8 @@ def _of_array(path: Path, counts: tuple[int, ...], name: str = "w", columns: tup
             raise SceneError(path, name, _expected(counts), got)
         if kind.kind not in "fiu" or kind.itemsize > 16:
             raise SceneError(path, name, "numbers", kind)
-        data = file.read(int(np.prod(shape)) * kind.itemsize)
-        return (
-            np.frombuffer(data, kind, int(np.prod(shape)))
-            .reshape(shape, order="F" if by_columns else "C")
-            .astype(np.float64)
-        )
+        data = np.frombuffer(file.read(int(np.prod(shape)) * kind.itemsize), kind, int(np.prod(shape)))
+        return data.reshape(shape, order="F" if by_columns else "C").astype(np.float64)
 
 
 @contextmanager

@@ -31,6 +31,22 @@ class MeshInput(NamedTuple):
         return str(self.path)
 
 
+class Channels(NamedTuple):
+    """Where a GLB holds w beside the attribute `_OBSCURANCE`, for viewers, and how a page stands.
+
+    Attributes:
+        colors: also in `COLOR_0`, linear as glTF's vertex colours are; an existing one is replaced.
+        ramp: also in the materials' occlusion textures (`scenes.formats.glb.ramp`).
+        replace: in place of occlusion textures of the source, too.
+        up: the axis that is up, in place of `Mesh.up`.
+    """
+
+    colors: bool = False
+    ramp: bool = False
+    replace: bool = False
+    up: str | None = None
+
+
 class FileFormat(NamedTuple):
     """A row of the table. Functions are texts, `module:name` below `scenes`, so that none is imported before its use.
 

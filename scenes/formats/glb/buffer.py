@@ -9,6 +9,8 @@ import numpy.typing as npt
 
 from raytrace.types import AnyFloats
 
+from ..gltf.container import encode_glb
+
 FLOAT, UNSIGNED_BYTE, UNSIGNED_INT = 5126, 5121, 5125
 ARRAY_BUFFER, ELEMENT_ARRAY_BUFFER = 34962, 34963
 
@@ -34,6 +36,11 @@ class Packed:
         accessors = self.header.setdefault("accessors", [])
         accessors.append({"bufferView": view, "componentType": component, "count": len(array), "type": kind, **fields})
         return len(accessors) - 1
+
+    def encode(self) -> bytes:
+        """The GLB file."""
+        self.header["buffers"] = [{"byteLength": len(self.binary)}]
+        return encode_glb(self.header, bytes(self.binary))
 
     def add(self, data: bytes) -> int:
         """Offset of `data` in the buffer, aligned as every component type needs."""

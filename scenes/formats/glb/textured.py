@@ -16,7 +16,7 @@ from raytrace.types import AnyFloats, Float32s, Float64s, Int64s
 
 from ..gltf.accessors import normalized, triangles, values
 from ..gltf.asset import Gltf
-from ..gltf.container import encode_glb, stand
+from ..gltf.container import stand
 from ..gltf.parse import parse
 from ..gltf.records import Primitive
 from ..load import MeshFile
@@ -90,8 +90,7 @@ def textured_glb(
     textures.apply()
     if w is not None:
         write_ramp(packed, [(primitive, w[vertices]) for primitive, vertices in rest], replace)
-    packed.header["buffers"] = [{"byteLength": len(packed.binary)}]
-    return encode_glb(packed.header, bytes(packed.binary)), kept
+    return packed.encode(), kept
 
 
 def _add(textures: OcclusionTextures, w: Float32s) -> int:

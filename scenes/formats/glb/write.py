@@ -12,11 +12,11 @@ import numpy as np
 from raytrace.mesh.up import up_axis
 
 from ...geometry.instances import Submesh
-from ..channels import Channels
 from ..gltf.asset import Gltf, referenced
 from ..gltf.compression import keep_plain_data
-from ..gltf.container import encode_glb, stand
+from ..gltf.container import stand
 from ..load import MeshFile
+from ..table import Channels
 from .buffer import Packed
 from .plain import Drawn, plain
 from .ramp import write_ramp
@@ -45,8 +45,7 @@ def glb(bake: Bake, mesh_file: MeshFile, channels: Channels) -> bytes:
         primitive["attributes"].update(packed.obscurance(w[vertices], channels.colors))
     if channels.ramp:
         write_ramp(packed, [(primitive, w[vertices]) for primitive, vertices in drawn], channels.replace)
-    packed.header["buffers"] = [{"byteLength": len(packed.binary)}]
-    return encode_glb(packed.header, bytes(packed.binary))
+    return packed.encode()
 
 
 def stored(asset: Gltf, parts: tuple[Submesh, ...]) -> tuple[Packed, list[Drawn]]:

@@ -18,20 +18,10 @@ import numpy as np
 from raytrace.errors import MeshError
 from raytrace.types import Float64s
 
+from ...safe_paths import beside
+from . import records
 from .parse import parse
-from .records import (
-    TRIANGLE_FAN,
-    TRIANGLE_STRIP,
-    TRIANGLES,
-    GltfGeometry,
-    GltfMaterial,
-    GltfMaterials,
-    GltfTexture,
-    Node,
-    Primitive,
-    Sampler,
-    Stage,
-)
+from .records import GltfGeometry, GltfMaterial, GltfMaterials, GltfTexture, Node, Primitive, Sampler, Stage
 
 _PLACED = {"matrix", "translation", "rotation", "scale"}
 T = TypeVar("T")
@@ -89,7 +79,7 @@ class Gltf:
         """The file itself and those beside it that it names, buffers and images."""
         buffers, images = self.geometry.buffers, self.geometry.images
         names = dict.fromkeys([*(each.uri or "" for each in buffers), *(each.uri for each in images)])
-        found = [_beside(name, self.path.parent) for name in names if not name.startswith("data:")]
+        found = [beside(unquote(name), self.path.parent) for name in names if not name.startswith("data:")]
         return self.path, *(path for path in found if path)
 
     @cached_property
@@ -129,9 +119,9 @@ class Gltf:
             mesh = self.geometry.nodes[node].mesh
             pieces = [] if mesh is None else entry(self.geometry.meshes, mesh, "meshes").primitives
             for place, primitive in enumerate(pieces):
-                if primitive.mode == TRIANGLE_FAN:
+                if primitive.mode == records.TRIANGLE_FAN:
                     raise ValueError(f"mesh {mesh} is a triangle fan, which is not supported")
-                if mesh is not None and primitive.mode in (TRIANGLES, TRIANGLE_STRIP):
+                if mesh is not None and primitive.mode in (records.TRIANGLES, records.TRIANGLE_STRIP):
                     made.append(DrawnPrimitive(node, mesh, place, primitive))
         return made
 
@@ -174,17 +164,7 @@ def referenced(uri: str, folder: Path, read: Callable[[Path], bytes] = Path.read
     try:
         if uri.startswith("data:"):
             return base64.b64decode(uri.partition("base64,")[2])
-        target = _beside(uri, folder)
+        target = beside(unquote(uri), folder)
         return read(target) if target else None
-    except (OSError, ValueError):
-        return None
-
-
-def _beside(uri: str, folder: Path) -> Path | None:
-    """The existing file inside `folder` that a relative URI names, or None."""
-    try:
-        root = folder.resolve()
-        target = (root / unquote(uri)).resolve()
-        return target if target.is_relative_to(root) and target.is_file() else None
     except (OSError, ValueError):
         return None

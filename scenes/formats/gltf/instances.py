@@ -40,8 +40,8 @@ def read_instances(asset: Gltf, alpha: bool = False) -> list[Instance]:
     shapes: dict[tuple[int, int], Instance] = {}
     opacity_of = None
     if alpha and _has_alpha(asset):
-        from .appearance import opacity_of as of
         from .textures import Textures
+        from .textures import opacity_of as of
 
         opacity_of = partial(of, Textures(asset))
     rows = 0

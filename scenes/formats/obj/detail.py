@@ -14,6 +14,7 @@ from raytrace.mesh.opacity import AlphaSurface, Opacity
 
 from ...geometry.detail import Detail, Paint, PerCorner
 from ...geometry.polygons import Triangulation
+from ...safe_paths import beside
 from .mtl import OPAQUE, OPTION, named_pictures, read_mtl
 from .text import ObjText, joined_lines
 
@@ -85,12 +86,12 @@ def _read_paints(file: ObjText, folder: Path) -> tuple[dict[str, Paint], list[Pa
     files: list[Path] = []
     left: list[str] = []
     gone: dict[str, None] = {}
-    beside = partial(_beside, folder)
-    for name, library in _libraries(file.lines("mtllib").split("\n"), beside):
+    find = partial(_beside, folder)
+    for name, library in _libraries(file.lines("mtllib").split("\n"), find):
         if library is None:
             gone[name] = None
             continue
-        more, missing = read_mtl(library, beside)
+        more, missing = read_mtl(library, find)
         known = more | known
         pictures = [picture for paint in more.values() for picture in (paint.texture, paint.opacity_texture)]
         files += [library, *filter(None, pictures)]
@@ -104,28 +105,23 @@ def _read_paints(file: ObjText, folder: Path) -> tuple[dict[str, Paint], list[Pa
 
 def named_files(path: Path) -> list[Path]:
     """Material libraries of an OBJ file and pictures of these, used or not, as far as they are there."""
-    beside = partial(_beside, path.parent)
+    find = partial(_beside, path.parent)
     lines = _LIBRARY.findall(joined_lines(path.read_bytes()))
-    libraries = [library for _, library in _libraries(lines, beside) if library]
-    pictures = [picture for library in libraries for picture in named_pictures(library, beside)]
+    libraries = [library for _, library in _libraries(lines, find) if library]
+    pictures = [picture for library in libraries for picture in named_pictures(library, find)]
     return list(dict.fromkeys(libraries + pictures))
 
 
-def _libraries(lines: Iterable[str], beside: Callable[[str], Path | None]) -> Iterator[tuple[str, Path | None]]:
+def _libraries(lines: Iterable[str], find: Callable[[str], Path | None]) -> Iterator[tuple[str, Path | None]]:
     """The names behind each `mtllib`, and their files, None for what is not there."""
     for line in filter(None, map(str.strip, lines)):
-        for name in [line] if beside(line) else dict.fromkeys(line.split()):
-            yield name, beside(name)
+        for name in [line] if find(line) else dict.fromkeys(line.split()):
+            yield name, find(name)
 
 
 def _beside(folder: Path, name: str) -> Path | None:
     """A file in a folder or below it, or None."""
-    try:
-        root = folder.resolve()
-        target = (root / name.strip().strip('"').replace("\\", "/")).resolve()
-        return target if target.is_relative_to(root) and target.is_file() else None
-    except (OSError, ValueError):
-        return None
+    return beside(name.strip().strip('"').replace("\\", "/"), folder)
 
 
 def obj_opacity(file: ObjText, folder: Path, triangles: Triangulation) -> tuple[Opacity | None, tuple[str, ...]]:

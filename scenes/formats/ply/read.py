@@ -1,7 +1,7 @@
 """PLY, text and binary.
 
-An own reader because properties, polygons and the order of vertices are kept for the output, and memory stays bounded:
-estimated at 7.5 times the bytes of a file, where what trimesh reads takes 22 times (docs/reliability.md).
+An own reader, beside trimesh's and plyfile, because properties, polygons and the order of vertices are kept for the
+output, and memory stays bounded: 7.5 times the bytes of a file, where trimesh takes 22 times (docs/reliability.md).
 Format: Greg Turk, The PLY polygon file format, 1994. The numbers of a text file become a binary one of doubles, so
 that both are read alike. No count is trusted: rows are looked for in the bytes that are there.
 """

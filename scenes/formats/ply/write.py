@@ -11,8 +11,8 @@ from raytrace.types import AnyFloats, AnyInts, Float64s
 
 from ...geometry.detail import Detail
 from ...geometry.elements import Element, Property
-from ..channels import Channels
 from ..load import MeshFile
+from ..table import Channels
 from .detail import RGB, grey_of, own_colors
 from .encode import encode_ply
 from .layout import UP_COMMENT

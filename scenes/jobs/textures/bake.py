@@ -222,17 +222,17 @@ class TextureCommand(MeshBake):
         return baked, warn([], [*baked.shortfalls, *(f"{self._title(page)}: {line}" for line in remarks)])
 
     def _write_images(self, baked: ao.BakedTexture, page: Page) -> None:
-        from ...formats.images import write_error, write_normals, write_w
+        from ...formats.images import write_grey, write_normals
 
         images = {name: page.path(path) for name, path in self._images().items()}
         if images["output"] != self._glb():
-            write_w(images["output"], baked, self.half, {"content": "w, 1 = open", "seed": str(self.seed)})
+            write_grey(images["output"], baked.w, self.half, {"content": "w, 1 = open", "seed": str(self.seed)})
         if "bent_normals" in images:
             space = "tangent space, +Y up" if self.bent_space == "tangent" else "the space of the mesh"
             described = {"content": f"bent normals in {space}"}
             write_normals(images["bent_normals"], baked.bent_normals, self.half, described)
         if "error_map" in images:
-            write_error(images["error_map"], baked, self.half, {"content": "standard error of w"})
+            write_grey(images["error_map"], baked.error, self.half, {"content": "standard error of w"})
 
     def _write_glb(
         self,

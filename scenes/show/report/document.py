@@ -1,4 +1,8 @@
-"""A report as one HTML file to read, from the values that its JSON has, and pictures."""
+"""A report as one HTML file to read, from the values that its JSON has, and pictures.
+
+No template engine: some twenty fragments, all of whose values are escaped in one function, need none, and importing one
+would be the longest part of writing a report.
+"""
 
 from __future__ import annotations
 
