@@ -46,7 +46,7 @@ class Interpolation(NamedTuple):
     def of(
         cls, faces: Int64s, weights: Float64s, estimates: Float64s, values: Float64s, variance: Float64s
     ) -> Interpolation:
-        """That of interpolated values (k,) and their variances (k,).
+        """The error of interpolated `values` (k,) with a `variance` (k,).
 
         For estimates a, b the mean of (v − a)(v − b) is the squared error of v, whatever their noise.
         """
@@ -55,8 +55,8 @@ class Interpolation(NamedTuple):
         least = mean - 2 * float(squared.std()) / len(squared) ** 0.5 if len(squared) else 0.0
         return cls(max(mean, 0.0) ** 0.5, max(least, 0.0) ** 0.5, faces, weights, estimates)
 
-    def of_others(self, values: Float64s) -> Interpolation:
-        """That of other values (k,) at the same points, of no variance to speak of."""
+    def of_values(self, values: Float64s) -> Interpolation:
+        """The error of `values` (k,) at the same points, of negligible variance."""
         return Interpolation.of(self.faces, self.weights, self.estimates, values, np.zeros(len(values)))
 
 

@@ -161,11 +161,8 @@ class ConflictError(OptionError):
     def in_words(self, shown: Callable[[Term], str]) -> str:
         """The sentence. Args: shown: how options are written."""
         first, second = shown(self.first), shown(self.second)
-        return (
-            f"{first} and {second} exclude each other"
-            if self.relation == "excludes"
-            else (f"{first} {self.relation} {second}")
-        )
+        excludes = self.relation == "excludes"
+        return f"{first} and {second} exclude each other" if excludes else f"{first} {self.relation} {second}"
 
 
 def _in_words(term: Term) -> str:

@@ -55,22 +55,16 @@ def extract_tile(tiling: Tiling, tile: int, reach: float, origins: bool) -> Tile
         rows = np.union1d(rows, _faces_at(tiling, np.unique(np.concatenate(rim))))
     faces = _read_faces(tiling, rows)
     used = np.unique(faces)
-    own_vertices = np.concatenate(
-        [run.start + np.flatnonzero(tiling.tile[run] == tile) for run in _vertex_runs(tiling)]
-    )
-    vertices = np.union1d(used, own_vertices)
+    own = [run.start + np.flatnonzero(tiling.tile[run] == tile) for run in runs(source.vertex_count)]
+    vertices = np.union1d(used, np.concatenate(own))
     place = np.searchsorted(vertices, faces)
     return TileMesh(vertices, np.ascontiguousarray(tiling.placed[vertices]), place, tiling.tile[vertices] == tile)
-
-
-def _vertex_runs(tiling: Tiling) -> list[slice]:
-    return list(runs(tiling.source.vertex_count))
 
 
 def _box(tiling: Tiling, tile: int) -> tuple[Float32s, Float32s]:
     """The bounding box of a tile's vertices; empty without vertices."""
     low, high = np.full(3, np.inf, np.float32), np.full(3, -np.inf, np.float32)
-    for run in _vertex_runs(tiling):
+    for run in runs(tiling.source.vertex_count):
         own = tiling.placed[run][tiling.tile[run] == tile]
         if len(own):
             low, high = np.minimum(low, own.min(axis=0)), np.maximum(high, own.max(axis=0))
@@ -81,7 +75,7 @@ def _faces_at(tiling: Tiling, vertices: Int64s) -> Int64s:
     """The rows of all faces with a corner at one of `vertices`, ascending, and perhaps of a few more."""
     cells = [np.unique(keys) for _, keys in grids(tiling.placed[vertices])]
     touched = np.zeros(tiling.source.vertex_count, np.bool_)
-    for run in _vertex_runs(tiling):
+    for run in runs(tiling.source.vertex_count):
         for (rows, keys), known in zip(grids(tiling.placed[run]), cells, strict=True):
             touched[run.start + rows[np.isin(keys, known)]] = True
     rows_at = []

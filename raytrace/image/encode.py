@@ -77,9 +77,11 @@ def write_picture(
     """Write linear `pixels`, (height, width, channels), sRGB-encoded, without their alpha if `opaque`."""
     import OpenImageIO as oiio
 
-    opaque = opaque or file_format(path) == "jpeg" or (pixels.shape[2] == 4 and _has_background(pixels))
-    straight = pixels.shape[2] == 4 and not opaque
-    if pixels.shape[2] == 4 and not straight:
+    has_alpha = pixels.shape[2] == 4
+    # colour where alpha is 0, which straight alpha cannot hold
+    has_background = has_alpha and (pixels[..., :3].any(axis=2) & (pixels[..., 3] == 0)).any()
+    straight = has_alpha and not (opaque or file_format(path) == "jpeg" or has_background)
+    if has_alpha and not straight:
         pixels = pixels[..., :3]
     height, width, channels = pixels.shape
     spec = oiio.ImageSpec(width, height, channels, "uint16" if file_format(path) == "tiff" else "uint8")
@@ -134,11 +136,6 @@ def linear_png(values: npt.NDArray[np.uint8 | np.uint16]) -> bytes:
         target = Path(folder) / "data.png"
         _write(target, spec, {}, lambda first, end: values[first:end])
         return target.read_bytes()
-
-
-def _has_background(pixels: Float32s) -> bool:
-    """Whether there is colour where the alpha is 0, which straight alpha cannot hold."""
-    return bool((pixels[..., :3].any(axis=2) & (pixels[..., 3] == 0)).any())
 
 
 def _write(

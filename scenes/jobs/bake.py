@@ -183,7 +183,11 @@ class MeshBake(Record, ABC):
         from raytrace.errors import ConflictError
 
         standing = (".html", ".ply", ".glb")
-        if self.up and not picture and not {_ending(path) for path in (*outputs, self.report)} & set(standing):
+        if (
+            self.up
+            and not picture
+            and not {path.suffix.lower() for path in (*outputs, self.report) if path} & {*standing}
+        ):
             raise ConflictError("up", "needs", f"--debug-image or {', '.join(standing)}: w does not depend on it")
 
     def read_high(self) -> MeshFile | None:
@@ -239,7 +243,3 @@ def bake_one(bake: MeshBake, falloff: ao.Falloff, threads: int, resume: bool) ->
 
 def _since(start: float) -> float:
     return round(time.perf_counter() - start, 3)
-
-
-def _ending(path: Path | None) -> str:
-    return path.suffix.lower() if path else ""

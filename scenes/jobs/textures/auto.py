@@ -78,4 +78,4 @@ def _shown(baked: ao.Bake, textures: list[ao.BakedTexture]) -> Interpolation | N
     for texture in textures:
         shown = texture.at(checked.faces, checked.weights)
         values = np.where(np.isnan(shown), values, shown)
-    return checked.of_others(values)
+    return checked.of_values(values)
