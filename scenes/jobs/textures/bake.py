@@ -28,7 +28,7 @@ _UVS = "auto", "unwrap", "fill"
 _IMAGES = "output", "bent_normals", "error_map"
 
 
-class Baked(NamedTuple):
+class BakedPage(NamedTuple):
     """A page as reports have it. Attributes: seconds: of reading and writing."""
 
     title: str
@@ -93,7 +93,7 @@ class TextureCommand(MeshBake):
             [*source.notes, *(fine.notes if fine else ()), *lacking(source, found.uv, glb)],
             falloff,
         )
-        bakes: list[Baked] = []
+        bakes: list[BakedPage] = []
         with ExitStack() as kept:
             for page in pages:
                 with ExitStack() as own:
@@ -102,7 +102,7 @@ class TextureCommand(MeshBake):
                     begun = time.perf_counter()
                     self._write_images(baked, page)
                     seconds = {"load": loaded, "write": time.perf_counter() - begun}
-                bakes.append(Baked(self._title(page), baked, seconds, [*warnings, *more]))
+                bakes.append(BakedPage(self._title(page), baked, seconds, [*warnings, *more]))
                 if not glb:
                     summary = texture_summary(baked, bakes[-1].title) + alpha_summary((fine or source).mesh)
                     yield Written(summary, bakes[-1].warnings)
@@ -265,7 +265,7 @@ class TextureCommand(MeshBake):
         advice = "whose w viewers do not show; --replace-occlusion replaces them"
         return warn([], [f"{path}: keeps the occlusion textures of {kept:,} primitives, {advice}"] if kept else [])
 
-    def _write_report(self, made: Sequence[Baked], inputs: list[dict[str, Any]], mesh: Mesh) -> None:
+    def _write_report(self, made: Sequence[BakedPage], inputs: list[dict[str, Any]], mesh: Mesh) -> None:
         """Args: inputs: what was read."""
         from ao.report import report
 
