@@ -13,7 +13,7 @@ import numpy as np
 import ao
 from ao.falloff import MAX_KNOTS, Length
 from raytrace.errors import ConflictError, InputError, OptionError, nearest_name
-from raytrace.system.inputs import check_regular
+from raytrace.system.regular_files import check_regular
 
 FORMS = {"exponential": ao.Exponential, "binary": ao.Binary, "linear": ao.Linear, "smooth": ao.Smooth}
 _TABLE = "table:"

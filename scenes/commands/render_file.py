@@ -87,7 +87,7 @@ class RenderCommand(Record):
         check_outputs(outputs, [self.scene])
         from ..description.read import read_scene
         from ..formats.stored_w import check_stored
-        from ..show.report.inputs import hashed
+        from ..show.report.file_hashes import hashed
         from .render import adjusted, make_picture, render_report
 
         if self.baked:

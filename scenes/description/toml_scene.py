@@ -16,7 +16,7 @@ from raytrace import Camera, Scene, Settings, light_from_dict
 from raytrace.errors import OptionError, SceneError
 from raytrace.mesh.up import FROM, UP
 from raytrace.system.faults import fields_of
-from raytrace.system.inputs import check_regular
+from raytrace.system.regular_files import check_regular
 
 from ..falloffs import make_falloff, table_of
 from ..field_errors import check_keys, located, shown

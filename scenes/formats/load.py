@@ -17,8 +17,8 @@ import numpy as np
 from raytrace.errors import InputError, MeshError, printable
 from raytrace.mesh.convert import mesh_of
 from raytrace.mesh.mesh import Mesh
-from raytrace.system.inputs import check_regular
 from raytrace.system.memory import check_memory
+from raytrace.system.regular_files import check_regular
 from raytrace.types import Float64s
 
 from ..geometry.detail import Detail, painted

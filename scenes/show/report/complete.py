@@ -22,7 +22,7 @@ def complete(
     Args:
         kind: the command, "bake" or "render". line: the command line that repeats it.
         report: of `ao.report`, or like it; with `pages`, of several pages.
-        inputs: from `scenes.show.report.inputs.hashed`. options: every effective option.
+        inputs: from `scenes.show.report.file_hashes.hashed`. options: every effective option.
     """
     first = next(iter(report["pages"].values())) if "pages" in report else report
     head = {"schema_version": first["schema_version"], "kind": kind, "verdict": verdict(report)}

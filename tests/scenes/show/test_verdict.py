@@ -8,7 +8,7 @@ import pytest
 from ao import Flag
 from scenes.commands.render_file import RENDER
 from scenes.jobs.options import BAKE, command_line
-from scenes.show.report.inputs import hashed
+from scenes.show.report.file_hashes import hashed
 from scenes.show.report.verdict import flags_in_words, remedy, verdict
 
 WARNINGS = [
