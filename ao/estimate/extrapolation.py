@@ -49,15 +49,19 @@ class Extrapolation:
 
         Args: known: (b, c), the rows of the traced points, the last column their variance.
         """
-        traced, valence = np.flatnonzero(self.traced), np.diff(self.graph.starts)
-        positions = self.points.origins.astype(np.float64)
-        here = np.repeat(np.arange(len(traced)), valence)
-        lengths = np.linalg.norm(positions[traced[self.graph.indices]] - positions[traced[here]], axis=1)
+        traced, filled = np.flatnonzero(self.traced), np.flatnonzero(~self.traced)
+        positions, valence = self.points.origins.astype(np.float64), np.diff(self.graph.starts)
+        cell, needed = self.cell[filled], np.zeros(len(traced), np.bool_)
+        needed[cell] = True
+        here, ends = np.repeat(np.flatnonzero(needed), valence[needed]), self.graph.indices[np.repeat(needed, valence)]
+        lengths = np.linalg.norm(positions[traced[ends]] - positions[traced[here]], axis=1)
         edge = np.bincount(here, lengths, len(traced)) / np.maximum(valence, 1)
-        nearest = positions[traced[self.cell]]
-        away = positions - nearest
+        nearest = positions[traced[cell]]
+        away = positions[filled] - nearest
         distance = np.maximum(np.linalg.norm(away, axis=1), 1e-30)
-        away *= np.minimum(1.0, edge[self.cell] / distance)[:, None]
-        moved = replace(self.points, origins=(nearest + away).astype(np.float32))
-        every = np.arange(len(positions))
-        return upsample(moved, every, self.graph, traced, self.cell, np.ascontiguousarray(known), variances=1)
+        away *= np.minimum(1.0, edge[cell] / distance)[:, None]
+        moved = replace(self.points, origins=self.points.origins.copy())
+        moved.origins[filled] = nearest + away
+        rows, known = np.empty((len(positions), known.shape[1])), np.ascontiguousarray(known)
+        rows[traced], rows[filled] = known, upsample(moved, filled, self.graph, traced, self.cell, known, variances=1)
+        return rows

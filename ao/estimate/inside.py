@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from typing import NamedTuple
+from weakref import WeakKeyDictionary
 
 import numpy as np
 
@@ -23,6 +24,7 @@ from .closed_parts import closed_parts, inside_boxes
 RAYS = 16
 _KEY = np.uint32(0x51DE)
 _BLOCK, _MOST = 1 << 7, 16  # points, and blocks at once
+_sought: WeakKeyDictionary[Receivers, tuple[Int64s, Bools]] = WeakKeyDictionary()
 
 
 class Solids(NamedTuple):
@@ -78,11 +80,13 @@ def _any_back(receivers: Receivers, count: int) -> Solids:
 
 
 def _closed_parts(vertices: Float32s, receivers: Receivers) -> tuple[Int64s, Bools]:
-    """`closed_parts`; parts that have faces with alpha are open."""
-    part, closed = closed_parts(vertices, receivers.faces)
-    if receivers.opacity:
-        closed[part[receivers.faces[receivers.opacity.of >= 0]]] = False
-    return part, closed
+    """`closed_parts`, sought once for the same receivers; parts that have faces with alpha are open."""
+    if receivers not in _sought:
+        part, closed = closed_parts(vertices, receivers.faces)
+        if receivers.opacity:
+            closed[part[receivers.faces[receivers.opacity.of >= 0]]] = False
+        _sought[receivers] = part, closed
+    return _sought[receivers]
 
 
 def _hidden_points(

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
+import numpy as np
 import numpy.typing as npt
 
 from raytrace.types import Float32s, UInt32s
@@ -35,7 +36,10 @@ class Points:
         return len(self.numbers)
 
     def __getitem__(self, which: slice | npt.NDArray[Any]) -> Points:
-        return Points(self.origins[which], self.normals[which], self.numbers[which])
+        if isinstance(which, slice):
+            return Points(self.origins[which], self.normals[which], self.numbers[which])
+        rows = np.flatnonzero(which) if which.dtype == np.bool_ else which
+        return Points(self.origins.take(rows, axis=0), self.normals.take(rows, axis=0), self.numbers.take(rows))
 
     @property
     def arrays(self) -> PointArrays:

@@ -13,11 +13,13 @@ from raytrace.kernel.simd import WIDE
 from raytrace.sampling.hash import mix
 from raytrace.sampling.sequences import GOLDEN, LEAPED, jittered_lattice
 from raytrace.sampling.warps import cosine_hemisphere
+from raytrace.system.threads import run_blocks, thread_count
 from raytrace.types import Float32s, Float64s, Int64s, UInt8s
 
 BATCHES = 6  # the lattice steps by 6 × golden ratio = .708 within a part, as irrational as one can wish
 _TABLE_POINTS = 1 << 18
 _SHARERS = 64  # points to a set at least; they turn it each its own way
+_BLOCK, _MOST = 1 << 12, 4  # directions, and blocks at once
 _ROUNDED = 2.0**-20  # of the cosines and sines of cones
 
 
@@ -60,15 +62,22 @@ class DirectionTable(NamedTuple):
         u, v = jittered_lattice(lattices, samples * leap, key, step)
         v -= step * (np.arange(samples * leap) % leap)  # parts that are alike: `choose` turns them back
         u, v = (each.reshape(lattices, samples, leap).swapaxes(1, 2).reshape(sets, samples) for each in (u, v))
-        lattice = cosine_hemisphere(u, v)
-        order = _in_blocks(*lattice[0, :2])
-        lattice = lattice[:, :, order]
+        order = _in_blocks(*cosine_hemisphere(u[:1], v[:1])[0, :2])
         directions = aligned((sets, 3, samples + -samples % WIDE), np.float32)
-        directions[:, :, :samples], directions[:, :, samples:] = lattice, lattice[:, :, -1:]
+        blocks = directions.shape[2] // WIDE
+        cones = aligned((sets, 5, blocks + -blocks % WIDE), np.float32)
+        mean, lowest = np.empty((sets, 3)), np.empty(sets, np.float32)
+
+        def fill(first: int, last: int) -> None:
+            some, lattice = directions[first:last], cosine_hemisphere(u[first:last], v[first:last])[:, :, order]
+            some[:, :, :samples], some[:, :, samples:] = lattice, lattice[:, :, -1:]
+            mean[first:last], lowest[first:last] = lattice.mean(axis=2), some[:, 2].min(axis=1)
+            _write_cones(some, cones[first:last])
+
+        run_blocks(sets, max(_BLOCK // samples, 1), fill, thread_count(None), most=_MOST)
         batches = (order % BATCHES).astype(np.uint8)
         sizes = np.bincount(batches, minlength=BATCHES).astype(np.float64)
-        mean, lowest = lattice.mean(axis=2), directions[:, 2].min(axis=1)
-        return cls(directions, batches, sizes, mean, lowest, _cones(directions), key, np.int64(leap), np.float64(step))
+        return cls(directions, batches, sizes, mean, lowest, cones, key, np.int64(leap), np.float64(step))
 
 
 def _in_blocks(x: Float64s, y: Float64s) -> Int64s:
@@ -81,19 +90,17 @@ def _in_blocks(x: Float64s, y: Float64s) -> Int64s:
     return np.concatenate([part[np.argsort(y[part], kind="stable")] for part in parts])
 
 
-def _cones(directions: Float32s) -> Float32s:
+def _write_cones(directions: Float32s, cones: Float32s) -> None:
     """The cones around each sixteen of directions (sets, 3, padded), see `DirectionTable`."""
     sets, _, padded = directions.shape
     blocks = directions.reshape(sets, 3, padded // WIDE, WIDE)
     axes = blocks.mean(axis=3)
     axes /= np.sqrt(np.sum(axes**2, axis=1, keepdims=True))
     cosines = np.sum(blocks * axes[..., None], axis=1).min(axis=2)
-    cones = aligned((sets, 5, blocks.shape[2] + -blocks.shape[2] % WIDE), np.float32)
     cones[:] = np.nan
     cones[:, :3, : blocks.shape[2]] = axes
     cones[:, 3, : blocks.shape[2]] = cosines - _ROUNDED
     cones[:, 4, : blocks.shape[2]] = np.sqrt(np.maximum(1 - cosines**2, 0)) + np.sqrt(2 * _ROUNDED)
-    return cones
 
 
 @inline

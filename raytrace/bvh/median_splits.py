@@ -28,15 +28,17 @@ def median_order(vertices: Float32s, faces: Int64s) -> Int64s:
         _find_centroids(vertices, faces[first:last], centroids[first:last])
 
     run_blocks(len(faces), _LEAST, measure, threads)
-    ends = np.empty(4 * _PARTS * WIDE, np.int64)
-    parts = _split(centroids, order, 0, len(faces), max(_LEAST, len(faces) // _PARTS), ends)
-    bounds = np.append(0, ends[:parts])
+    parts, most = [(0, len(faces))], max(_LEAST, len(faces) // _PARTS)
 
-    def order_part(first: int, last: int) -> None:
-        for part in range(first, last):
-            _split(centroids, order, bounds[part], bounds[part + 1], WIDE, ends[:0])
+    def halve(first: int, _: int) -> None:
+        begin, end = large[first]
+        middle = _halve(centroids, order, begin, end)
+        parts.extend([(begin, middle), (middle, end)])
 
-    run_blocks(parts, 1, order_part, threads)
+    while large := [part for part in parts if part[1] - part[0] > most]:
+        parts = [part for part in parts if part not in large]
+        run_blocks(len(large), 1, halve, threads)
+    run_blocks(len(parts), 1, lambda first, _: _split(centroids, order, *parts[first]), threads)
     return order
 
 
@@ -50,28 +52,31 @@ def _find_centroids(vertices, faces, out):
 
 
 @kernel
-def _split(centroids, order, first, last, most, ends):
-    """Reorder order[first:last] until parts have at most `most` triangles; their ends go to `ends`, if it has room."""
+def _halve(centroids, order, first, last):
+    """Reorder order[first:last] so that all before the place that is returned lie below all after it."""
+    child = WIDE
+    while child * WIDE < last - first:
+        child *= WIDE
+    middle = first + (last - first + child - 1) // child // 2 * child
+    _partition(centroids, order, first, last, middle, _longest_axis(centroids, order, first, last))
+    return middle
+
+
+@kernel
+def _split(centroids, order, first, last):
+    """Reorder order[first:last] by halves of halves until parts have at most sixteen triangles."""
     firsts, lasts = np.empty(_STACK, np.int64), np.empty(_STACK, np.int64)
     firsts[0], lasts[0] = first, last
-    waiting, parts = 1, 0
+    waiting = 1
     while waiting > 0:
         waiting -= 1
         first, last = firsts[waiting], lasts[waiting]
-        if last - first <= most:
-            if len(ends):
-                ends[parts] = last
-            parts += 1
+        if last - first <= WIDE:
             continue
-        child = WIDE
-        while child * WIDE < last - first:
-            child *= WIDE
-        middle = first + (last - first + child - 1) // child // 2 * child
-        _partition(centroids, order, first, last, middle, _longest_axis(centroids, order, first, last))
+        middle = _halve(centroids, order, first, last)
         firsts[waiting], lasts[waiting] = middle, last
         firsts[waiting + 1], lasts[waiting + 1] = first, middle
         waiting += 2
-    return parts
 
 
 @inline

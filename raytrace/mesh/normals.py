@@ -15,17 +15,21 @@ from ..kernel.vector import cross, divide, dot, length, load, load_triangle, sto
 from ..system.threads import run_blocks, thread_count
 from ..types import AnyInts, Bools, Float64s
 
-_BLOCK, _MOST = 1 << 11, 32  # faces, and blocks at once
+_BLOCK, _MOST = 1 << 11, 32  # faces or vectors, and blocks at once
 EPSILON = float(np.finfo(np.float64).eps)
 Weighting = Literal["angle", "area", "equal"]
 
 
 def normalize(vectors: Float64s) -> Float64s:
     """Unit vectors along `vectors` (…, 3); zero, and what is not finite, becomes zero."""
-    vectors = np.asarray(vectors, np.float64)
-    out = np.zeros(vectors.shape)
-    _normalize(np.ascontiguousarray(vectors).reshape(-1, 3), out.reshape(-1, 3))
-    return out
+    rows = np.ascontiguousarray(vectors, np.float64).reshape(-1, 3)
+    out = np.zeros(rows.shape)
+
+    def work(first: int, last: int) -> None:
+        _normalize(rows[first:last], out[first:last])
+
+    run_blocks(len(rows), _BLOCK, work, thread_count(None), most=_MOST)
+    return out.reshape(np.shape(vectors))
 
 
 def nonzero(vectors: Float64s) -> Bools:
