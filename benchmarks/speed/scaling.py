@@ -9,8 +9,9 @@ processor time, which other programs disturb little. By a model, c cores take
     time outside blocks + Σ max(longest block, sum of the blocks / c) + joins × cost of a join
 
 A join is a call of `run_blocks` with several blocks; what one costs is measured with c threads and as many blocks that
-sleep, so that all threads have to be awake at once, on the cores that there are. Whole times on one and on two threads
-stand beside that, measured in turns without the recorder. Medians of the rounds.
+sleep, so that all threads have to be awake at once, on the cores that there are; one of fewer blocks wakes no more
+threads than that. Whole times on one and on two threads stand beside that, measured in turns without the recorder.
+Medians of the rounds. Without a CASE all run, and what is found goes to `scaling.json` and to the documentation.
 """
 
 from __future__ import annotations
@@ -26,18 +27,14 @@ from importlib import import_module
 from statistics import median
 from typing import Any
 
-import ao
-import raytrace
-from benchmarks import RESULTS
+from benchmarks import RESULTS, ROOT
+from benchmarks.speed.scaling_cases import cases
+from benchmarks.speed.scaling_page import table, write_page
 from benchmarks.time_against_error.machine import machine
-from benchmarks.time_against_error.suite import stone
-from raytrace.mesh.mesh import Mesh
 from raytrace.system import threads as threads_module
 from raytrace.system.atomic import write_json
-from scenes.geometry.primitives import plane
-from scenes.geometry.temple import temple
 
-TARGET = RESULTS / "scaling.json"
+TARGET, PAGE = RESULTS / "scaling.json", ROOT / "docs" / "benchmarks"
 CORES = (2, 4, 8, 16, 32)
 STAGES = (
     ("mesh bounds", "raytrace.mesh.placement Placement.of"),
@@ -75,10 +72,14 @@ class Stage:
     outside: float = 0.0
     joins: list[list[float]] = field(default_factory=list)
 
-    def predicted(self, cores: int, join: float) -> float:
-        """What it takes on so many cores. Args: join: cost of one, seconds."""
-        blocks = sum(max(max(each), sum(each) / cores) for each in self.joins if each)
-        return self.outside + blocks + join * sum(len(each) > 1 for each in self.joins)
+    def predicted(self, cores: int, costs: dict[int, float]) -> float:
+        """What it takes on so many cores. Args: costs: seconds of a join, by numbers of threads."""
+        total = self.outside
+        for each in self.joins:
+            total += max(max(each), sum(each) / cores) if each else 0.0
+            threads = min(len(each), cores)
+            total += costs[min(c for c in costs if c >= threads)] if threads > 1 else 0.0
+        return total
 
 
 class Recorder:
@@ -203,60 +204,11 @@ def cost_of_join(threads: int) -> float:
         return time.perf_counter() - start
 
     cores = threads_module.thread_count
-    threads_module.thread_count = lambda _: threads  # or there would be no more than there are cores for
+    threads_module.thread_count = lambda _: threads  # type: ignore[assignment]  # or there would be no more than there are cores for
     try:
         return median(seconds(threads) for _ in range(_JOINS)) - median(seconds(1) for _ in range(_JOINS))
     finally:
         threads_module.thread_count = cores
-
-
-def cases() -> dict[str, Callable[[], Callable[[int], object]]]:
-    """What there is to run, by name: functions that make one of a number of threads."""
-    meshes = {
-        "pebble": lambda: stone(3),  # 642 vertices
-        "temple": lambda: temple(0.4),  # 6,210
-        "stone": lambda: stone(5),  # 10,242
-        "large-temple": lambda: temple(0.125),  # 43,982
-        "large-stone": lambda: stone(6),  # 40,962
-        "huge-stone": lambda: stone(7),  # 163,842
-    }
-    found: dict[str, Callable[[], Callable[[int], object]]] = {}
-    for name, make in meshes.items():
-        found[f"{name}-64"] = functools.partial(_vertices, make, samples=64)
-        found[f"{name}-.01"] = functools.partial(_vertices, make, tolerance=0.01)
-    found["texture-temple"] = functools.partial(_texture, meshes["temple"])
-    found["texture-stone"] = functools.partial(_texture, meshes["stone"])
-    found["render"] = _rendering
-    return found
-
-
-def _vertices(make: Callable[[], Mesh], **options: Any) -> Callable[[int], object]:
-    mesh = make()
-    return lambda threads: ao.bake(mesh, threads=threads, **options)
-
-
-def _texture(make: Callable[[], Mesh]) -> Callable[[int], object]:
-    """64 rays a texel of 1024²."""
-    from scenes.jobs.textures.unwrap import unwrap
-
-    mesh = make()
-    uv = unwrap(mesh, 1024)
-    return lambda threads: ao.bake_texture(mesh, uv, 1024, samples=64, threads=threads)
-
-
-def _rendering() -> Callable[[int], object]:
-    """1920×1080 pixels of four samples: a stone on a floor, a sun and three lamps with shadows."""
-    meshes = stone(6), plane((-4, -4, -1), (8, 0, 0), (0, 8, 0), 0.1).mesh
-    places = ((3.0, -2.0, 3.0), (-3.0, -2.0, 3.0), (0.0, 3.0, 4.0), (0.5, -4.0, 1.0))
-    lamps = tuple(raytrace.PointLight(position=place, intensity=10.0) for place in places)
-    camera = raytrace.Camera((2.5, -4.0, 2.5), (0.0, 0.0, 0.0), field_of_view=35.0)
-    settings = raytrace.Settings(width=1920, height=1080, samples=4)
-
-    def rendered(threads: int) -> object:  # of new shapes, whose geometry has not been kept
-        objects = tuple(raytrace.Object(raytrace.Shape(mesh, raytrace.Lambert(albedo=0.6))) for mesh in meshes)
-        return raytrace.render(raytrace.Scene(objects, lamps), camera, settings, layers=False, threads=threads)
-
-    return rendered
 
 
 def measure(
@@ -273,7 +225,7 @@ def measure(
             times.append(time.perf_counter() - start)
         for c, found in recorded.items():
             stages = record(case, c)
-            found.append((sum(stage.predicted(c, joins[c]) for stage in stages.values()), number, stages))
+            found.append((sum(stage.predicted(c, joins) for stage in stages.values()), number, stages))
     model = {c: sorted(found)[rounds // 2] for c, found in recorded.items()}
     finest = model[max(model)][2]
     rows: dict[str, dict[str, Any]] = {
@@ -282,7 +234,7 @@ def measure(
             "blocks": sum(map(len, stage.joins)),
             "longest": max((max(each) for each in stage.joins if each), default=0.0),
             "outside": stage.outside,
-            "model": {c: stages[name].predicted(c, joins[c]) for c, (_, _, stages) in model.items()},
+            "model": {c: stages[name].predicted(c, joins) for c, (_, _, stages) in model.items()},
         }
         for name, stage in finest.items()
     }
@@ -292,22 +244,6 @@ def measure(
         "model": {c: whole for c, (whole, _, _) in model.items()},
         "stages": rows,
     }
-
-
-def show(name: str, found: dict[str, Any]) -> None:
-    """Print milliseconds of the stages, the longest first, and of all; blocks are those for the most cores."""
-    model = found["model"]
-    one, two = found["seconds"].values()
-    print(f"\n{name}: {1e3 * one:.1f} ms on one thread, {1e3 * two:.1f} on two, {one / two:.2f} ×")
-    print(f"{'ms':24}{'joins':>6}{'blocks':>7}{'longest':>8}{'outside':>8}" + "".join(f"{c:>8}" for c in model))
-    rows = found["stages"]
-    whole = {key: sum(row[key] for row in rows.values()) for key in ("joins", "blocks", "outside")}
-    whole |= {"longest": max(row["longest"] for row in rows.values()), "model": model}
-    last = max(model)
-    for stage, row in [*sorted(rows.items(), key=lambda pair: -pair[1]["model"][last]), ("together", whole)]:
-        figures = "".join(f"{1e3 * t:8.2f}" for t in (row["longest"], row["outside"], *row["model"].values()))
-        print(f"{stage:24}{row['joins']:6}{row['blocks']:7}{figures}")
-    print(f"{'times as fast':53}" + "".join(f"{model[1] / t:8.2f}" for t in model.values()), flush=True)
 
 
 def main() -> None:
@@ -324,9 +260,11 @@ def main() -> None:
     found = {}
     for name in chosen.cases or known:
         found[name] = measure(known[name](), chosen.rounds, chosen.cores, joins)
-        show(name, found[name])
+        print(f"\n{table(name, found[name])}", flush=True)
     if not chosen.cases:
-        write_json(TARGET, {"machine": machine(), "joins": joins, "cases": found})
+        results = {"machine": machine(), "joins": joins, "cases": found}
+        write_json(TARGET, results)
+        write_page(results, PAGE)
 
 
 if __name__ == "__main__":

@@ -11,9 +11,10 @@ from scenes.geometry.polyhedra import icosphere
 
 def test_a_stage_waits_for_its_longest_block_and_pays_for_each_join():
     stage = Stage(outside=1.0, joins=[[3.0, 1.0, 1.0, 1.0], [0.5]])
-    assert stage.predicted(1, 0.0) == 7.5
-    assert stage.predicted(2, 0.25) == 1.0 + 3.0 + 0.5 + 0.25
-    assert stage.predicted(100, 0.25) == 1.0 + 3.0 + 0.5 + 0.25
+    costs = {2: 0.25, 4: 0.5, 100: 9.0}
+    assert stage.predicted(1, costs) == 7.5
+    assert stage.predicted(2, costs) == 1.0 + 3.0 + 0.5 + 0.25
+    assert stage.predicted(100, costs) == 1.0 + 3.0 + 0.5 + 0.5  # it has blocks for four threads
 
 
 def test_a_bake_is_recorded_stage_by_stage():
@@ -21,7 +22,7 @@ def test_a_bake_is_recorded_stage_by_stage():
     baked = []
     stages = record(lambda count: baked.append(ao.bake(mesh, samples=8, threads=count)), 4)
     assert {"welding, normals", "hierarchy", "origins", "rays", "denoising", "result"} <= set(stages)
-    assert len(stages["rays"].joins) == 4  # twice, as some vertices are, and those between vertices
+    assert len(stages["rays"].joins) >= 4  # twice, as some vertices are, and those between vertices
     assert all(stage.outside > 0 for stage in stages.values())
     assert (baked[0].w == ao.bake(mesh, samples=8).w).all()
     assert work.run_blocks is threads.run_blocks is run_blocks
