@@ -21,6 +21,7 @@ Real = TypeVar("Real", np.float32, np.float64)
 _NOTHING = 1e-6  # of weight
 _CREASE = 16  # power of n·n' by which a neighbour counts less
 _BLOCK, _MOST = 1 << 11, 16  # points, and blocks at once
+_PART = 1 << 12  # points for each thread: to wake one for fewer takes longer than they do
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,7 +71,8 @@ class Neighbours:
 
     def each(self, work: Callable[[int, int], None]) -> None:
         """Call `work(first, last)` for blocks of points, on threads."""
-        run_blocks(len(self.starts) - 1, _BLOCK, work, self.threads, most=_MOST)
+        count = len(self.starts) - 1
+        run_blocks(count, _BLOCK, work, min(self.threads, count // _PART), most=_MOST)
 
     def predict(self, values: npt.NDArray[Real]) -> npt.NDArray[Real]:
         """The weighted mean of the neighbours' `values` (k,) or (k, 3), the point's own left out; NaN without any."""

@@ -2,9 +2,9 @@
 
     python -m benchmarks.speed.scaling [CASE ...] [--rounds 5] [--cores 2 4 8 16 32]
 
-Every case runs on one thread with `run_blocks` replaced by a recorder, which takes the time of each block that c
-threads would have, and with the functions of `STAGES` replaced by ones that say where time goes; it is the thread's
-processor time, which other programs disturb little. By a model, c cores take
+Every case runs on one thread with `run_blocks` replaced by a recorder, which takes the time of each block, and with the
+functions of `STAGES` replaced by ones that say where time goes; it is the thread's processor time, which other programs
+disturb little. Blocks are those for as many threads as there are `--cores` at most. By a model, c cores take
 
     time outside blocks + Σ max(longest block, sum of the blocks / c) + joins × cost of a join
 
@@ -20,7 +20,7 @@ import argparse
 import functools
 import sys
 import time
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from importlib import import_module
@@ -67,17 +67,17 @@ _JOINS, _ASLEEP = 200, 1e-3  # to take the time of; seconds
 
 @dataclass
 class Stage:
-    """Seconds of a stage. Attributes: outside: of blocks. joins: of each, its blocks."""
+    """Seconds of a stage. Attributes: outside: of blocks. joins: of each, how many threads it is for, its blocks."""
 
     outside: float = 0.0
-    joins: list[list[float]] = field(default_factory=list)
+    joins: list[tuple[int, list[float]]] = field(default_factory=list)
 
     def predicted(self, cores: int, costs: dict[int, float]) -> float:
         """What it takes on so many cores. Args: costs: seconds of a join, by numbers of threads."""
         total = self.outside
-        for each in self.joins:
-            total += max(max(each), sum(each) / cores) if each else 0.0
-            threads = min(len(each), cores)
+        for most, blocks in self.joins:
+            threads = min(len(blocks), most, cores)
+            total += max(max(blocks), sum(blocks) / threads) if blocks else 0.0
             total += costs[min(c for c in costs if c >= threads)] if threads > 1 else 0.0
         return total
 
@@ -137,7 +137,7 @@ class Recorder:
         if outermost:
             self._stage.outside += self._lap()
             self._blocks = True
-        for start, stop in threads_module.shares(count, block, self.cores if threads > 1 else 1, most):
+        for start, stop in threads_module.shares(count, block, max(threads, 1), most):
             work(start, stop)
             if outermost:
                 blocks.append(self._lap())
@@ -145,7 +145,7 @@ class Recorder:
                 progress(stop - start)
         if outermost:
             self._blocks = False
-            self._stage.joins.append(blocks)
+            self._stage.joins.append((threads, blocks))
 
 
 def record(case: Callable[[int], object], cores: int) -> dict[str, Stage]:
@@ -164,6 +164,7 @@ def record(case: Callable[[int], object], cores: int) -> dict[str, Stage]:
                     replace(module, name, value)
 
     everywhere(threads_module.run_blocks, recorder.run_blocks)
+    everywhere(threads_module.thread_count, lambda threads: threads or cores)
     for stage, place in STAGES:
         owner: Any = modules[place]
         *classes, name = place.split()[1].split(".")
@@ -211,39 +212,45 @@ def cost_of_join(threads: int) -> float:
         threads_module.thread_count = cores
 
 
-def measure(
-    case: Callable[[int], object], rounds: int, cores: Iterable[int], joins: dict[int, float]
-) -> dict[str, Any]:
-    """Times on one and two threads, and the recorded rounds of median length as rows of a table."""
+def measure(case: Callable[[int], object], rounds: int, costs: dict[int, float]) -> dict[str, Any]:
+    """Times on one and two threads, and the recorded rounds of median length as rows of a table.
+
+    Args: costs: seconds of a join by numbers of threads, from 1 to those of the model.
+    """
     case(2)
+    most = max(costs)
     seconds: dict[int, list[float]] = {1: [], 2: []}
-    recorded: dict[int, list[tuple[float, int, dict[str, Stage]]]] = {c: [] for c in (1, *cores)}
-    for number in range(rounds):
+    recorded: dict[int, list[dict[str, Stage]]] = {1: [], most: []}
+    for _ in range(rounds):
         for threads, times in seconds.items():
             start = time.perf_counter()
             case(threads)
             times.append(time.perf_counter() - start)
-        for c, found in recorded.items():
-            stages = record(case, c)
-            found.append((sum(stage.predicted(c, joins) for stage in stages.values()), number, stages))
-    model = {c: sorted(found)[rounds // 2] for c, found in recorded.items()}
-    finest = model[max(model)][2]
+        for threads, found in recorded.items():
+            found.append(record(case, threads))
+    alone, shared = (
+        sorted(each, key=lambda stages: _total(stages, 1, costs))[rounds // 2] for each in recorded.values()
+    )
     rows: dict[str, dict[str, Any]] = {
         name: {
-            "joins": sum(len(each) > 1 for each in stage.joins),
-            "blocks": sum(map(len, stage.joins)),
-            "longest": max((max(each) for each in stage.joins if each), default=0.0),
+            "joins": sum(min(threads, len(blocks)) > 1 for threads, blocks in stage.joins),
+            "blocks": sum(len(blocks) for _, blocks in stage.joins),
+            "longest": max((max(blocks) for _, blocks in stage.joins if blocks), default=0.0),
             "outside": stage.outside,
-            "model": {c: stages[name].predicted(c, joins) for c, (_, _, stages) in model.items()},
+            "model": {c: (alone if c == 1 else shared)[name].predicted(c, costs) for c in costs},
         }
-        for name, stage in finest.items()
+        for name, stage in shared.items()
     }
     return {
         "seconds": {threads: median(times) for threads, times in seconds.items()},
         "rounds": seconds,
-        "model": {c: whole for c, (whole, _, _) in model.items()},
+        "model": {c: _total(alone if c == 1 else shared, c, costs) for c in costs},
         "stages": rows,
     }
+
+
+def _total(stages: dict[str, Stage], cores: int, costs: dict[int, float]) -> float:
+    return sum(stage.predicted(cores, costs) for stage in stages.values())
 
 
 def main() -> None:
@@ -255,16 +262,16 @@ def main() -> None:
     chosen = parser.parse_args()
     if unknown := set(chosen.cases) - set(known):
         parser.error(f"no such case: {', '.join(sorted(unknown))}")
-    joins = {1: 0.0} | {c: cost_of_join(c) for c in chosen.cores}
+    joins = {1: 0.0} | {c: cost_of_join(c) for c in sorted(chosen.cores)}
     print("cost of a join, µs:", ", ".join(f"{c} threads {1e6 * cost:.0f}" for c, cost in joins.items()))
     found = {}
     for name in chosen.cases or known:
-        found[name] = measure(known[name](), chosen.rounds, chosen.cores, joins)
+        found[name] = measure(known[name](), chosen.rounds, joins)
         print(f"\n{table(name, found[name])}", flush=True)
-    if not chosen.cases:
-        results = {"machine": machine(), "joins": joins, "cases": found}
-        write_json(TARGET, results)
-        write_page(results, PAGE)
+        if not chosen.cases:
+            results = {"machine": machine(), "joins": joins, "cases": found}
+            write_json(TARGET, results)
+            write_page(results, PAGE)
 
 
 if __name__ == "__main__":

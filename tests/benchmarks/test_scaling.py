@@ -10,11 +10,11 @@ from scenes.geometry.polyhedra import icosphere
 
 
 def test_a_stage_waits_for_its_longest_block_and_pays_for_each_join():
-    stage = Stage(outside=1.0, joins=[[3.0, 1.0, 1.0, 1.0], [0.5]])
+    stage = Stage(outside=1.0, joins=[(100, [3.0, 1.0, 1.0, 1.0]), (100, [0.5]), (1, [0.5, 0.5])])
     costs = {2: 0.25, 4: 0.5, 100: 9.0}
-    assert stage.predicted(1, costs) == 7.5
-    assert stage.predicted(2, costs) == 1.0 + 3.0 + 0.5 + 0.25
-    assert stage.predicted(100, costs) == 1.0 + 3.0 + 0.5 + 0.5  # it has blocks for four threads
+    assert stage.predicted(1, costs) == 8.5
+    assert stage.predicted(2, costs) == 1.0 + 3.0 + 0.5 + 1.0 + 0.25
+    assert stage.predicted(100, costs) == 1.0 + 3.0 + 0.5 + 1.0 + 0.5  # it has blocks for four threads
 
 
 def test_a_bake_is_recorded_stage_by_stage():
