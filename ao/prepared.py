@@ -13,7 +13,7 @@ from raytrace.sampling.hash import seed_key
 from raytrace.system.threads import thread_count
 
 from .estimate.estimate import Target
-from .execute.checkpoint import Checkpoint
+from .execute.checkpoint import NOTHING_KEPT, Checkpoint
 from .execute.tracer import Progress, Tracer
 from .mu import Mu
 from .options import Options
@@ -29,7 +29,7 @@ class Prepared:
     Attributes:
         mesh: what is baked. options: checked. mu: the falloff, in mesh units. placement: of the mesh in render space.
         receivers: of all vertices. wanted: of the vertices in `options.only`; the same object if that is None.
-        progress: called with (rays traced, rays in all), or None. checkpoint: begun, or None.
+        progress: called with (rays traced, rays in all), or None. checkpoint: begun.
     """
 
     mesh: Mesh
@@ -39,7 +39,7 @@ class Prepared:
     receivers: Receivers
     wanted: Receivers
     progress: Progress | None
-    checkpoint: Checkpoint | None
+    checkpoint: Checkpoint
 
     @classmethod
     def of(
@@ -49,13 +49,13 @@ class Prepared:
 
         Raises: as `find_receivers`, `Receivers.only` and `Checkpoint.begin`.
         """
-        if checkpoint and checkpoint.partial and options.tolerance is not None:
+        checkpoint = checkpoint or NOTHING_KEPT
+        if checkpoint.partial and options.tolerance is not None:
             raise ConflictError("part", "excludes", "tolerance")
         placement, only = Placement.of(mesh), options.only
         receivers = find_receivers(mesh, placement, options.normals)
         wanted = receivers if only is None else receivers.only(only)
-        if checkpoint:
-            checkpoint.begin(placement, receivers, mu, options.identity)
+        checkpoint.begin(placement, receivers, mu, options.identity)
         return cls(mesh, options, mu, placement, receivers, wanted, progress, checkpoint)
 
     @property

@@ -68,14 +68,13 @@ def _fit(prepared: Prepared, rays: int) -> tuple[Fit, Int64s]:
     reveal_interiors(patch, moments, counts)
     totals = counts.sum(axis=0)
     if prepared.options.tolerance is None:
-        if checkpoint:
-            checkpoint.all_traced()
+        checkpoint.all_traced()
         receivers.embree().release()
         receivers.embree.cache_clear()  # type: ignore[attr-defined]  # who needs it afterwards builds it anew
     problem, trial = build_problems(patch, moments, prepared.threads)
     del patch, moments, counts
 
     def once(name: str, compute: Callable[[], Float64s]) -> Float64s:
-        return checkpoint.once(f"{name}, {rays} rays", compute) if checkpoint else compute()
+        return checkpoint.once(f"{name}, {rays} rays", compute)
 
     return fit_values(problem, trial, once), totals

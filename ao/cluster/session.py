@@ -1,24 +1,40 @@
-"""A connection to workers for one command, which traces one work after the other in one scene after the other."""
+"""Rows made by the workers of a Dask cluster, for one command: one work after the other, one scene after the other.
+
+Dask carries calls to workers and says which of these are alive. What it does not do is here: no block goes to a worker
+that is unlike this machine, does not see the scene, or has failed; one that stands still has its blocks taken away; and
+a block's losses end the bake once they are many, whatever the scheduler allows (`allowed-failures`).
+"""
 
 from __future__ import annotations
 
+import time
 import weakref
-from collections.abc import Callable, Iterator
+from collections import Counter
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import FIRST_COMPLETED, Future, wait
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
-import numpy as np
+from raytrace.errors import ClusterError, InputError
 
-from raytrace.types import Bools
-
-from ..execute.checkpoint import spans_of
 from ..execute.identity import machine
-from ..execute.work import Work, fill
-from .dask_cluster import DaskCluster, Found
+from ..execute.work import Finished, Span, Tables, Work, fill, fill_spans
+from .addresses import unguarded
+from .dask_cluster import DaskCluster
+from .dispatch import IN_FLIGHT, Dispatch
 from .scene_file import SceneFile, write_scene
+from .worker import trace_block, unpack
 
 _FEW = 1 << 19  # rays that are traced here: to send them takes as long
+_LOOK = 0.2  # seconds between looks at who is there
+_PATIENCE = 10.0  # seconds without any worker until a message says so
+_SILENCE = 30.0  # seconds without a heartbeat, after which others get a worker's blocks
+_START = 120.0  # seconds without any worker on this machine, after which none is waited for
+_FAILURES = 3  # of one block, after which it is the block's fault
+_LOSSES = 10  # of workers with the same block, likewise: out of memory, for instance
+
+Found = tuple[int, int, Tables]
 
 
 class ClusterSession:
@@ -31,7 +47,7 @@ class ClusterSession:
         threads: of all workers on this machine together; None: all cores.
 
     Attributes:
-        cluster: the workers.
+        dispatch: what is handed out, and what came back.
 
     Raises, when the block is entered:
         OptionError: there is no scheduler at the address.
@@ -40,63 +56,204 @@ class ClusterSession:
     def __init__(
         self, address: str, shared: Path, name: str, notify: Callable[[str], object], threads: int | None = None
     ) -> None:
-        self.cluster = DaskCluster(address, threads, notify)
+        self.dispatch, self._notify, self._address = Dispatch(), notify, address
+        self._cluster = DaskCluster(address, threads)
         self._shared, self._name = shared, name
         self._scene: Callable[[], object] = lambda: None  # a weak reference: it may be large
         self._file: SceneFile | None = None
+        self._calls: dict[Future[Any], tuple[str, Span]] = {}
+        self._heard: dict[str, tuple[object, float]] = {}  # last heartbeats, and when they were learnt of
+        self._workers: dict[str, InputError | ClusterError | None] = {}  # why they get no work, if they do not
+        self._lost_before: Counter[tuple[int, int]] = Counter()  # how often, by first row and by what ends the bake
+        self._begun = self._looked = self._alone_since = time.monotonic()
+        self._told_late, self._told_alone = not self._cluster.count, False
 
     def __enter__(self) -> ClusterSession:
-        if self.cluster.workers is None:
-            self.cluster.connect()
+        if not self._cluster.count:
+            self._cluster.connect()
+            if warning := unguarded(self._address):
+                self._notify(warning)
         return self
 
-    def worth(self, work: Work, rows: int) -> bool:
-        """Whether so many rows are better traced by workers than here."""
-        return rows * work.rays >= _FEW
-
-    def trace(self, work: Work, scene: Any, missing: Bools) -> Iterator[Found]:
-        """The `missing` rows, bool (k,), of `work` in a scene, in blocks as they come: first row, last row, tables.
-
-        Raises:
-            OutputError: the scene's file cannot be written.
-            InputError, ClusterError: as `DaskCluster.trace`.
-        """
-        if self._scene() is not scene:
+    def __exit__(self, *_: object) -> None:
+        try:
+            self._cluster.close()
+        finally:
             self._remove()
-            self._file = write_scene(self._shared, self._name, scene)
-            self._scene = weakref.ref(scene)
-            self.cluster.use(self._file, machine())
-        yield from self.cluster.trace(work, spans_of(missing))
+
+    def fill_spans(
+        self, work: Work, scene: Any, spans: Sequence[Span], tables: Tables, threads: int, finished: Finished
+    ) -> None:
+        """As `ao.execute.work.fill_spans`, by workers unless that is little. Errors as `trace`."""
+        if sum(last - first for first, last in spans) * work.rays < _FEW:
+            fill_spans(work, scene, spans, tables, threads, finished)
+            return
+        for first, last, found in self.trace(work, scene, spans):
+            for table, rows in zip(tables, found, strict=True):
+                table[first:last] = rows
+            finished(first, last)
 
     def rows(self, work: Work, scene: Any, threads: int) -> Iterator[Found]:
         """All rows of `work` in blocks, by workers or, if they are few, by so many threads here. Errors as `trace`."""
-        if self.worth(work, len(work)):
-            yield from self.trace(work, scene, np.ones(len(work), np.bool_))
+        if len(work) * work.rays >= _FEW:
+            yield from self.trace(work, scene, [(0, len(work))])
         else:
             tables = work.tables()
             fill(work, scene, tables, threads)
             yield 0, len(work), tables
 
+    def trace(self, work: Work, scene: Any, spans: Sequence[Span]) -> Iterator[Found]:
+        """The rows `spans` of `work` in a scene, in blocks as they come: first row, last row, tables.
+
+        Raises:
+            OutputError: the scene's file cannot be written.
+            InputError: no worker is like this machine or sees the scene; or the work itself cannot be done, a texture
+                not be read for instance.
+            ClusterError: the scheduler is lost, or blocks fail again and again.
+        """
+        self._use(scene)
+        self.dispatch.begin(work, spans)
+        self._lost_before.clear()
+        self._alone_since, self._told_alone = time.monotonic(), False
+        try:
+            while self.dispatch.left:
+                self._look()
+                self._hand_out(work)
+                if not self._calls:
+                    time.sleep(_LOOK)
+                for call in wait(self._calls, _LOOK, FIRST_COMPLETED).done:
+                    worker, span = self._calls.pop(call, ("", (0, 0)))
+                    if worker and (tables := self._answer(work, worker, span, call)):
+                        yield *span, tables
+        finally:
+            self._drop()
+
     def status(self) -> str:
         """How many workers there are, in words."""
-        return self.cluster.status()
+        return _plural(list(self._workers.values()).count(None), "worker")
 
     def summary(self) -> str:
         """What the cluster did, in a line."""
-        done = self.cluster.dispatch
+        done = self.dispatch
         again = f", {done.again:,} of them once more, for workers that were lost" if done.again else ""
-        blocks, workers = sum(done.blocks.values()), len(done.blocks)
-        by = f"{workers:,} worker{'' if workers == 1 else 's'}"
-        return f"{self.cluster.address}: {blocks:,} block{'' if blocks == 1 else 's'} traced by {by}{again}"
+        blocks, workers = _plural(done.blocks.total(), "block"), _plural(len(done.blocks), "worker")
+        return f"{self._address}: {blocks} traced by {workers}{again}"
 
-    def __exit__(self, *_: object) -> None:
-        try:
-            self.cluster.close()
-        finally:
+    def _use(self, scene: Any) -> None:
+        """Let workers trace in a scene from now on."""
+        if self._scene() is not scene:
             self._remove()
+            self._file = write_scene(self._shared, self._name, scene)
+            self._scene = weakref.ref(scene)
+            self._cluster.connect()
+            self.dispatch.speed.clear()
+
+    def _look(self) -> None:
+        """Take on workers that have come, and let go of those that have gone or stand still."""
+        now = time.monotonic()
+        if now < self._looked + _LOOK:
+            return
+        self._looked, before = now, self._heard
+        self._heard = {}
+        for worker, beat in self._cluster.workers().items():
+            seen, since = before.get(worker, (None, now))
+            self._heard[worker] = beat, since if seen == beat else now
+        silent = {worker for worker, (_, since) in self._heard.items() if now > since + _SILENCE}
+        present = self._heard.keys() - silent
+        for worker in self._workers.keys() - present:
+            if worker in silent:
+                self._notify(f"worker {worker} has not been heard of for {_SILENCE:.0f} s; others get its blocks")
+            del self._workers[worker]
+            for span in self._drop(worker):
+                self._lost(span, _LOSSES, f"{_LOSSES} workers have ended with the same block: too little memory?")
+        self._workers |= dict.fromkeys(present - self._workers.keys())
+        started, count = len(self._heard), self._cluster.count
+        if not self._told_late and count and started and (started >= count or now > self._begun + _SILENCE):
+            self._told_late = True
+            if started < count:
+                late = f"{started} of {count} workers have started within {_SILENCE:.0f} s"
+                self._notify(f"{self._address}: {late}; going on without the rest")
+        if None in self._workers.values():
+            self._alone_since, self._told_alone = now, False
+        elif now > self._alone_since + _PATIENCE:
+            self._alone(now - self._alone_since)
+
+    def _alone(self, seconds: float) -> None:
+        """Say, once, that no worker can be used for so many seconds.
+
+        Raises: InputError, ClusterError: waiting is of no use.
+        """
+        for reason in filter(None, self._workers.values()):
+            raise reason
+        local = self._cluster.count
+        if local and (seconds > _START or self._cluster.none_starts()):
+            raise ClusterError(f"{self._address}: no worker has started within {seconds:.0f} s")
+        if not self._told_alone and seconds > (_SILENCE if local else _PATIENCE):
+            self._notify(f"{self._address}: no workers; waiting for some to join")
+            self._told_alone = True
+
+    def _hand_out(self, work: Work) -> None:
+        """Give blocks to workers that have few of them."""
+        busy = Counter(worker for worker, _ in self._calls.values())
+        for worker in (worker for worker, reason in self._workers.items() if not reason):
+            while busy[worker] < IN_FLIGHT and self.dispatch.spans:
+                first, last = self.dispatch.take(worker)
+                block = machine(), self._file, self._cluster.threads, work[first:last]
+                self._calls[self._cluster.call(worker, trace_block, *block)] = worker, (first, last)
+                busy[worker] += 1
+
+    def _answer(self, work: Work, worker: str, span: Span, call: Future[Any]) -> Tables | None:
+        """The rows of a block; None if there are none, and the worker gets no more.
+
+        Raises:
+            InputError: every worker would say so.
+            ClusterError: the block has failed on several.
+        """
+        nobody, (first, last) = f"{self._address}: no worker can be used: {worker}", span
+        error: InputError | ClusterError
+        try:
+            sort, *contents = call.result()
+            if isinstance(sort, float):
+                tables = unpack(work[first:last], contents)
+                self.dispatch.came_back(worker, last - first, sort)
+                return tables
+            if sort == "failed":
+                error = ClusterError(f"{nobody}: {contents[0]}")
+            else:
+                error = InputError(*contents) if sort == "wrong" else InputError(nobody, *contents)
+        except Exception as fault:  # no answer of `trace_block`
+            got = f"{type(fault).__name__}: {fault}"
+            sort, error = "refused", InputError(nobody, "code", "obscurance as it is here", got)
+        if sort == "wrong":
+            raise error
+        text, self._workers[worker] = str(error).removeprefix(nobody), error
+        self._notify(f"worker {worker} gets no work{text}")
+        for each in self._drop(worker):
+            self.dispatch.lost(each)
+        self._lost(span, _FAILURES if sort == "failed" else 0, f"a block fails on every worker{text}")
+        return None
+
+    def _lost(self, span: Span, most: int, text: str) -> None:
+        """Hand out a block once more. Raises: ClusterError: for the time `most`, unless that is 0."""
+        self.dispatch.lost(span)
+        self._lost_before[span[0], most] += 1
+        if self._lost_before[span[0], most] == most:
+            raise ClusterError(f"{self._address}: {text}")
+
+    def _drop(self, worker: str | None = None) -> list[Span]:
+        """The blocks that a worker has, or that all have; what it makes of them is of no interest any more."""
+        calls = [call for call, (of, _) in self._calls.items() if worker in (of, None)]
+        self.dispatch.speed.pop(worker or "", None)
+        for call in calls:
+            call.cancel()
+        return [self._calls.pop(call)[1] for call in calls]
 
     def _remove(self) -> None:
         if self._file:
             with suppress(OSError):  # the shared folder has gone
                 Path(self._file.path).unlink()
         self._file = None
+
+
+def _plural(count: int, noun: str) -> str:
+    return f"{count:,} {noun}{'' if count == 1 else 's'}"

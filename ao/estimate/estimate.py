@@ -72,7 +72,7 @@ def estimate(
         traced = traced_twice(tracer, ordinary, max_samples, key)
         tracer.later = 0
         at_corners = traced_twice(tracer, corners.points, samples, key) if len(corners) else None
-        tracer.all_traced()
+        tracer.checkpoint.all_traced()
         values = estimated(traced, ordinary, neighbours_of(rows) if denoise else None)
         if at_corners is None:
             return values

@@ -1,4 +1,4 @@
-"""Checkpoints of long bakes: traced blocks go to a journal, from which a later run copies them."""
+"""Checkpoints of long bakes: traced rows go to a journal, from which a later run takes them."""
 
 from __future__ import annotations
 
@@ -8,7 +8,6 @@ import time
 import warnings
 from collections.abc import Callable
 from contextlib import suppress
-from functools import partial
 from pathlib import Path
 from types import TracebackType
 from typing import Any
@@ -24,7 +23,7 @@ from ..points.receivers import Receivers
 from ..rays.ray_scene import RayScene
 from .identity import machine
 from .journal import IDENTITY, Block, Journal, record
-from .work import Advance, Span, Tables, Work, fill_spans
+from .work import Advance, FillSpans, Span, Tables, Work, fill_spans
 
 AFTER = 60.0  # seconds of work until a journal is begun
 EVERY = 5.0  # seconds between writes
@@ -32,7 +31,7 @@ _MOST_WAITING = 1 << 26  # bytes that are written at once, due or not
 
 
 class Checkpoint:
-    """The journal of one bake, for `ao.bake` in a `with` block that also writes what was baked.
+    """Where the rows of one bake are kept, for `ao.bake` in a `with` block that also writes what was baked: a journal.
 
     Rows depend only on what their call is named by and on the header's hash, so copied ones are the bits that tracing
     would give. The file appears after a minute of work, or when much waits to be written. It is deleted when the block
@@ -41,6 +40,7 @@ class Checkpoint:
     Args:
         path: the journal, best beside the target; None keeps nothing. resume: continue what it holds.
         notify: called with a line for the user. after, every: seconds until the first write and between writes.
+        fill_spans: makes the rows that are not kept. status: what to show beside the progress of that.
 
     Attributes:
         partial: whether it fills only some rows, so that later rays must not depend on what earlier ones found.
@@ -60,8 +60,11 @@ class Checkpoint:
         notify: Callable[[str], object] = warnings.warn,
         after: float = AFTER,
         every: float = EVERY,
+        fill_spans: FillSpans = fill_spans,
+        status: Callable[[], str] = str,
     ) -> None:
         self.path, self.resume, self.notify, self.after, self.every = Path(path or ""), resume, notify, after, every
+        self.fill_spans, self.status = fill_spans, status
         self._journal: Journal | None = None
         self._identity = b""
         self._left_over = False
@@ -110,74 +113,68 @@ class Checkpoint:
             self.notify(f"{self.path}: left by an interrupted run; --resume would continue it; starting over")
 
     def fill(self, work: Work, scene: RayScene, tables: Tables, threads: int, advance: Advance) -> None:
-        """Make all rows of `work`, or copy those that the journal has.
+        """Make all rows of `work`, or take those that are kept.
 
         Args: tables: of `work.tables`, contiguous, written. advance: called with numbers of finished rows.
         """
-        blocks = {} if self._journal is None else self._journal.blocks
-        name, restored = work.name, np.zeros(len(work), np.bool_)
-        for block in blocks:
-            if block[0] == name and self._journal:
-                restore(block, self._journal.content(block), tables, restored)
-        if restored.any():
-            advance(int(np.count_nonzero(restored)))
-        if not restored.all():
-            self._trace(work, scene, ~restored, tables, threads, advance)
-
-    def _trace(
-        self, work: Work, scene: RayScene, missing: Bools, tables: Tables, threads: int, advance: Advance
-    ) -> None:
-        """Make the `missing` rows, bool (k,), and keep them."""
         name = work.name
+        wanted = self.choose(work, ~self.take(name, tables))
 
-        def advanced(rows: int) -> None:
-            self.save()
-            advance(rows)
+        def finished(first: int, last: int) -> None:
+            self.put(name, first, last, tables)
+            advance(last - first)
 
-        fill_spans(work, scene, spans_of(missing), tables, threads, partial(self.add, name, tables), advanced)
+        if done := len(work) - int(np.count_nonzero(wanted)):
+            advance(done)
+        if wanted.any():
+            self.fill_spans(work, scene, spans_of(wanted), tables, threads, finished)
 
-    def add(self, name: bytes, tables: Tables, first: int, last: int) -> None:
-        """Take note of traced rows of the work of this name; from any thread."""
+    def choose(self, work: Work, missing: Bools) -> Bools:
+        """Which of the `missing` rows, bool (k,), are to be made here: all."""
+        return missing
+
+    def take(self, name: bytes, tables: Tables) -> Bools:
+        """Which rows of the work of this name are kept, bool (k,); they are copied into `tables`."""
+        taken = np.zeros(len(tables[0]), np.bool_)
+        if self._journal:
+            for block in (block for block in self._journal.blocks if block[0] == name):
+                restore(block, self._journal.content(block), tables, taken)
+        return taken
+
+    def put(self, name: bytes, first: int, last: int, tables: Tables) -> None:
+        """Keep the rows from a first to a last one of the work of this name; written when it is time to, or much."""
         if not self._given_up:
             content = b"".join(table[first:last].tobytes() for table in tables)
-            self._pending.append(record((name, first, last), content))
-
-    def status(self) -> str:
-        """Text to show beside the progress."""
-        return ""
+            self._put((name, first, last), content)
 
     def all_traced(self) -> None:
         """No more rows will be asked for."""
 
     def once(self, name: str, compute: Callable[[], Float64s]) -> Float64s:
-        """What `compute` returns, (k,), unless the journal has it; from the thread that writes."""
+        """What `compute` returns, (k,), unless it is kept."""
         block = hashlib.blake2b(name.encode(), digest_size=16).digest(), 0, 0
         if self._journal and block in self._journal.blocks:
             return np.frombuffer(self._journal.content(block))
         values = compute()
         if not self._given_up:
-            self._pending.append(record(block, values.tobytes()))
-            self.save()
+            self._put(block, values.tobytes())
         return values
 
-    def save(self) -> None:
-        """Write what was added if it is time to, or if much was."""
-        if self._given_up:
-            return
+    def _put(self, block: Block, content: bytes) -> None:
+        self._pending.append(record(block, content))
         if time.monotonic() >= self._due or sum(map(len, self._pending)) >= _MOST_WAITING:
             self._write()
             self._due = time.monotonic() + self.every
 
     def _write(self) -> None:
-        count = len(self._pending)
-        if self._given_up or not count:
+        if self._given_up or not self._pending:
             return
         try:
             if self._journal is None:
                 self._journal = Journal(self.path, create=True)
                 self._journal.start(self._identity)
-            self._journal.append(b"".join(self._pending[:count]))
-            del self._pending[:count]
+            self._journal.append(b"".join(self._pending))
+            self._pending.clear()
         except OSError as reason:
             self._give_up(_refused(self.path, reason))
 
@@ -193,6 +190,9 @@ class Checkpoint:
                 self._journal = Journal(self.path, create=False)
         if self._journal:
             self._journal.remove()
+
+
+NOTHING_KEPT = Checkpoint(None)
 
 
 def identity(placement: Placement, receivers: Receivers, settings: tuple[object, ...]) -> bytes:

@@ -1,27 +1,25 @@
-"""Merging the parts of a bake: a checkpoint that copies all rows from their journals and traces none."""
+"""Merging the parts of a bake: a checkpoint that takes all rows from their journals and makes none."""
 
 from __future__ import annotations
 
 import json
 from collections import Counter
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from pathlib import Path
-from types import TracebackType
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from raytrace.errors import InputError, OutputError
 from raytrace.mesh.placement import Placement
-from raytrace.types import Float64s
+from raytrace.types import Bools
 
 from ..points.receivers import Receivers
-from ..rays.ray_scene import RayScene
 from .checkpoint import Checkpoint, identity, restore
 from .identity import first_difference, machine
 from .journal import Block, Journal
 from .parts import DESCRIPTION, ENDING, WHOLE, assign_shards, digest_of
-from .work import Advance, Tables, Work
+from .work import Tables
 
 _MAY_DIFFER = "part", "mesh", "high"  # what parts of one bake may differ in: files have other names elsewhere
 
@@ -98,14 +96,14 @@ class Merge(Checkpoint):
     """The checkpoint of a bake whose rows were all traced in parts.
 
     Args:
-        parts: `read_parts` of them. notify: called with a line for the user.
+        parts: `read_parts` of them.
 
     Raises, in the bake:
         InputError: the parts are of another bake.
     """
 
-    def __init__(self, parts: list[PartFile], notify: Callable[[str], object]) -> None:
-        super().__init__(parts[0].path, notify=notify)
+    def __init__(self, parts: list[PartFile]) -> None:
+        super().__init__(None)
         self.parts = parts
 
     def begin(self, placement: Placement, receivers: Receivers, *settings: object) -> None:
@@ -115,25 +113,18 @@ class Merge(Checkpoint):
         facts = self.parts[0].facts
         difference = first_difference({name: facts[name] for name in own}, own)
         name, expected, got = difference or ("header", "that of this very bake", "that of another")
-        raise InputError(self.path.parent, name, f"{expected}, as in the parts", f"{got} here")
+        raise InputError(self.parts[0].path.parent, name, f"{expected}, as in the parts", f"{got} here")
 
-    def fill(self, work: Work, scene: RayScene, tables: Tables, threads: int, advance: Advance) -> None:
-        name, restored = work.name, np.zeros(len(work), np.bool_)
+    def take(self, name: bytes, tables: Tables) -> Bools:
+        taken = np.zeros(len(tables[0]), np.bool_)
         for part in self.parts:
-            blocks = {block: place for block, place in part.blocks.items() if block[0] == name}
             with part.path.open("rb") as file:
-                for block, (begin, size) in blocks.items():
-                    file.seek(begin)
-                    restore(block, file.read(size), tables, restored)
-        if not restored.all():
-            of = len(self.parts)
-            part = self.parts[int(assign_shards(len(work), of)[np.argmin(restored)]) - 1]
-            lacking = f"{np.count_nonzero(~restored):,} missing"
-            raise InputError(part.path, "rows", f"all of its share of {len(work):,}", lacking)
-        advance(len(work))
-
-    def once(self, name: str, compute: Callable[[], Float64s]) -> Float64s:
-        return compute()
-
-    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, _: TracebackType | None) -> None:
-        pass
+                for block, (begin, size) in part.blocks.items():
+                    if block[0] == name:
+                        file.seek(begin)
+                        restore(block, file.read(size), tables, taken)
+        if not taken.all():
+            part = self.parts[int(assign_shards(len(taken), len(self.parts))[np.argmin(taken)]) - 1]
+            lacking = f"{np.count_nonzero(~taken):,} missing"
+            raise InputError(part.path, "rows", f"all of its share of {len(taken):,}", lacking)
+        return taken

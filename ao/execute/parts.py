@@ -16,11 +16,10 @@ from raytrace.mesh.placement import Placement
 from raytrace.types import Bools, Int64s
 
 from ..points.receivers import Receivers
-from ..rays.ray_scene import RayScene
 from .checkpoint import Checkpoint
 from .identity import machine
 from .journal import Block, record
-from .work import Advance, Tables, Work
+from .work import Work
 
 ENDING = ".part"
 _RUNS, _LEAST = 16, 64  # runs of neighbouring rows to each part, and rows in one at least
@@ -29,7 +28,10 @@ WHOLE: Block = hashlib.blake2b(b"whole", digest_size=16).digest(), 0, 0
 
 
 class PartTraced(ObscuranceError):
-    """All rays of a part are traced: the bake of it ends here."""
+    """All rays of a part are traced: the bake of it ends here, since all that follows needs rows of the other parts.
+
+    An exception, or every step between the rays and the written file would have to know of a bake without values.
+    """
 
 
 def assign_shards(count: int, of: int) -> Int64s:
@@ -81,13 +83,10 @@ class ShardCheckpoint(Checkpoint):
         if not self._journal or DESCRIPTION not in self._journal.blocks:
             self._pending.append(record(DESCRIPTION, json.dumps(self._description).encode()))
 
-    def _trace(
-        self, work: Work, scene: RayScene, missing: Bools, tables: Tables, threads: int, advance: Advance
-    ) -> None:
+    def choose(self, work: Work, missing: Bools) -> Bools:
         own = assign_shards(len(work), self.of) == self.number
         self.rays += int(np.count_nonzero(own) * work.rays)
-        advance(int(np.count_nonzero(missing & ~own)))
-        super()._trace(work, scene, missing & own, tables, threads, advance)
+        return missing & own
 
     def all_traced(self) -> None:
         """Raises: PartTraced."""

@@ -12,9 +12,8 @@ from raytrace.types import Float64s
 from ..mu import KernelMu
 from ..points.points import Points
 from ..rays.ray_scene import RayScene
-from .checkpoint import Checkpoint
+from .checkpoint import NOTHING_KEPT, Checkpoint
 from .hemispheres import Hemispheres
-from .work import fill
 
 Progress = Callable[[int, int], None]
 
@@ -27,7 +26,7 @@ class Tracer:
         scene: what is traced. packets_below: points with fewer rays are traced by Embree, else by `ao.rays.traverse`.
         mu: the falloff, in render space. t_max: length of rays there. threads: how many.
         total_points: how many points the whole mesh has, wanted or not.
-        progress: called with (rays traced, rays expected in all). checkpoint: keeps traced rows, or None.
+        progress: called with (rays traced, rays expected in all). checkpoint: of traced rows.
         expected: rays expected in all, 0 while none are planned. later: besides, of corners. rays: rays traced.
     """
 
@@ -38,7 +37,7 @@ class Tracer:
     threads: int
     total_points: int
     progress: Progress | None = None
-    checkpoint: Checkpoint | None = None
+    checkpoint: Checkpoint = NOTHING_KEPT
     expected: int = 0
     later: int = 0
     rays: int = 0
@@ -51,14 +50,8 @@ class Tracer:
         """`gather` by leaped lattices, see `DirectionTable`."""
         work = Hemispheres(points, samples, key, self.total_points, self.mu, self.t_max, self.packets_below, leap)
         tables = work.tables()
-        filled = self.checkpoint.fill if self.checkpoint else fill
-        filled(work, self.scene, tables, self.threads, lambda rows: self._advance(rows * samples))
+        self.checkpoint.fill(work, self.scene, tables, self.threads, lambda rows: self._advance(rows * samples))
         return tables[0]
-
-    def all_traced(self) -> None:
-        """All rays are traced: passed on to the checkpoint."""
-        if self.checkpoint:
-            self.checkpoint.all_traced()
 
     def _advance(self, rays: int) -> None:
         self.rays += rays

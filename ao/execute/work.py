@@ -13,6 +13,8 @@ from raytrace.system.threads import run_blocks, shares
 Tables = tuple[npt.NDArray[Any], ...]
 Span = tuple[int, int]
 Advance = Callable[[int], None]
+Finished = Callable[[int, int], None]
+FillSpans = Callable[["Work", Any, Sequence[Span], Tables, int, Finished], None]  # `fill_spans`, or by other machines
 _MOST_RAYS = 1 << 17  # of blocks made at once: what Ctrl-C waits for
 
 
@@ -47,28 +49,19 @@ class Work(Protocol):
 
 def fill(work: Work, scene: Any, tables: Tables, threads: int, advance: Advance | None = None) -> None:
     """Make all rows. Args: tables: of `work.tables`, written. advance: called with numbers of finished rows."""
-    fill_spans(work, scene, [(0, len(work))], tables, threads, lambda first, last: None, advance)
+    finished: Finished = lambda first, last: advance(last - first) if advance else None  # noqa: E731
+    fill_spans(work, scene, [(0, len(work))], tables, threads, finished)
 
 
-def fill_spans(
-    work: Work,
-    scene: Any,
-    spans: Sequence[Span],
-    tables: Tables,
-    threads: int,
-    finished: Callable[[int, int], None],
-    advance: Advance | None,
-) -> None:
-    """Make the rows of `spans`, each a first and a last row. Args: finished: called with such, from any thread."""
+def fill_spans(work: Work, scene: Any, spans: Sequence[Span], tables: Tables, threads: int, finished: Finished) -> None:
+    """Make the rows of `spans` on threads. Args: finished: called on this one, with a first and a last row."""
     write, size = work.writer(scene, tables), work.block
     most = int(_MOST_RAYS / (size * max(work.rays, 1)))
     blocks = [(first + a, first + b) for first, last in spans for a, b in shares(last - first, size, threads, most)]
-    rows: deque[int] = deque()
+    made: deque[Span] = deque()
 
     def make(number: int, _: int) -> None:
-        first, last = blocks[number]
-        write(first, last)
-        finished(first, last)
-        rows.append(last - first)
+        write(*blocks[number])
+        made.append(blocks[number])
 
-    run_blocks(len(blocks), 1, make, threads, lambda _: advance(rows.popleft()) if advance else None)
+    run_blocks(len(blocks), 1, make, threads, lambda _: finished(*made.popleft()))

@@ -15,7 +15,7 @@ from raytrace.mesh.weld import CREASE
 from raytrace.sampling.hash import mix_array
 from raytrace.types import Bools, Float32s, Float64s, Int32s, Int64s
 
-from ..execute.work import Tables, fill
+from ..execute.work import Tables
 from ..mu import KernelMu
 from ..points.morton import fine_morton_order
 from ..points.receivers import Receivers
@@ -185,7 +185,7 @@ def gather_moments(prepared: Prepared, patch: Patch, total: int) -> tuple[Float6
         if progress:
             progress(count * rays * done // len(work), count * rays)
 
-    (checkpoint.fill if checkpoint else fill)(work, prepared.scene, tables, prepared.threads, advance)
+    checkpoint.fill(work, prepared.scene, tables, prepared.threads, advance)
     moments, counts = tables
     return moments, counts
 

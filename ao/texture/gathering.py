@@ -69,11 +69,11 @@ class TexelTracer(Tracer):
 
 def begin_tracing(prepared: Prepared, texels: Texels, kind: str, checkpoint: Checkpoint | None) -> TexelTracer:
     """A tracer of `texels` on the mesh of `prepared`, and the checkpoint begun. Args: kind: of bake."""
+    tracer = prepared.tracer(len(texels.points))
     if checkpoint:
         digest = hashlib.blake2b(texels.points.origins.data)
         digest.update(texels.points.normals.data)
         settings = prepared.mu, kind, prepared.options.identity, digest.hexdigest()
         checkpoint.begin(prepared.placement, prepared.receivers, *settings)
-    tracer = prepared.tracer(len(texels.points))
-    tracer.checkpoint = checkpoint
+        tracer.checkpoint = checkpoint
     return TexelTracer(**vars(tracer), texels=texels)

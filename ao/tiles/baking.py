@@ -164,7 +164,7 @@ class _TileTracer:
         total += rays_per_corner_sample(options.rays, False) * numbering.corner_count
         lengths, threads = (self.mu, self.reach), thread_count(options.threads)
         how = self.packets_below, *lengths, threads, numbering.count
-        tracer = Tracer(scene, *how, self.progress, None, total, 0, self.rays)
+        tracer = Tracer(scene, *how, self.progress, expected=total, rays=self.rays)
         rows = tracer.gather(points, samples, seed_key(options.seed))
         self.rays = tracer.rays
         return rows

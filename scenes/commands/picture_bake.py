@@ -19,6 +19,7 @@ from raytrace.types import Float64s
 
 from ..description.description import SceneDescription
 from ..formats.stored_w import read_w
+from ..jobs.workers import cluster_checkpoint
 
 if TYPE_CHECKING:
     from ao.cluster.session import ClusterSession
@@ -55,11 +56,6 @@ def with_obscurance(
     mesh, room = scene.flattened(), available()
     if room is not None and vertex_bytes(len(mesh.vertices), len(mesh.faces), options.rays) > room:
         release(scene)  # the bake does not fit beside the geometry, which is built again for the picture
-    checkpoint = None
-    if session:
-        from ao.cluster.checkpoint import ClusterCheckpoint
-
-        checkpoint = ClusterCheckpoint(None, session)
     bake = ao.bake(
         mesh,
         options.falloff,
@@ -69,7 +65,7 @@ def with_obscurance(
         "angle" if settings.normals == "file" else settings.normals,
         progress,
         only=seen,
-        checkpoint=checkpoint,
+        checkpoint=cluster_checkpoint(session, False, None) if session else None,
     )
     surrounded = any(isinstance(light, SkyLight | EnvironmentLight) for light in scene.lights)
     return scene.with_obscurance(bake.w, bake.bent_normals if surrounded else None), bake

@@ -6,7 +6,7 @@ import sys
 import time
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from contextlib import AbstractContextManager, contextmanager, nullcontext
+from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple
@@ -133,16 +133,14 @@ class MeshBake(Record, ABC):
         line = command_line("bake", ROWS.values(), options)
         write_report(self.report, complete("bake", line, report, inputs, options), pictures)
 
-    def checkpoint(self, output: Path) -> AbstractContextManager[Checkpoint | None]:
+    def checkpoint(self, output: Path) -> AbstractContextManager[Checkpoint]:
         """Keeps what is traced for an output, beside it; none beside standard output."""
         from ao.execute.checkpoint import Checkpoint
         from raytrace.system.atomic import is_standard_output
 
         if self.open_checkpoint:
             return self.open_checkpoint(output)
-        if is_standard_output(output):
-            return nullcontext()
-        return Checkpoint(self.journal(output), self.resume, note)
+        return Checkpoint(None if is_standard_output(output) else self.journal(output), self.resume, note)
 
     def journal(self, output: Path) -> Path:
         """The path of an output's journal."""

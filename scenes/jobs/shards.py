@@ -112,4 +112,4 @@ def merge(folder: Path, options: dict[str, Any], bake_command: Callable[[Mapping
         stored = description.get(name)
         options[name] = options[name] or (Path(stored) if stored else None)
     command = bake_command({**description["options"], **options})
-    command.replaced(open_checkpoint=lambda _: Merge(parts, note)).run()
+    command.replaced(open_checkpoint=lambda _: Merge(parts)).run()

@@ -80,8 +80,7 @@ class BakeCommand(MeshBake):
             falloff,
         )
         with self.checkpoint(self.output) as checkpoint:
-            status = checkpoint.status if checkpoint else str
-            with progress(self.quiet, "rays", form=self.progress, status=status) as (advance,):
+            with progress(self.quiet, "rays", form=self.progress, status=checkpoint.status) as (advance,):
                 baked = ao.bake(
                     source.mesh, falloff, progress=advance, checkpoint=checkpoint, high=fine.mesh if fine else None,
                     cage=self.cage or CAGE, **self.arguments(),

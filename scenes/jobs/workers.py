@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import partial
 from importlib.util import find_spec
@@ -63,23 +61,17 @@ class ClusterCommand:
             OptionError: there is no scheduler at the address.
             ClusterError: the cluster is lost, or none of its workers can be used.
         """
-        opened: list[ClusterSession] = []
-        self.bake.replaced(open_checkpoint=partial(self._open, opened)).run()
+        self.bake.check()  # before any are asked for
+        with self.workers.session(self.bake.output) as session:
+            self.bake.replaced(open_checkpoint=partial(cluster_checkpoint, session, self.bake.resume)).run()
         if not self.bake.quiet:
-            for session in opened:
-                print(session.summary())
+            print(session.summary())
         return 0
 
-    @contextmanager
-    def _open(self, opened: list[ClusterSession], target: Path) -> Iterator[Checkpoint]:
-        with self.workers.session(target) as session:
-            opened.append(session)
-            with cluster_checkpoint(session, self.bake.resume, target) as checkpoint:
-                yield checkpoint
 
+def cluster_checkpoint(session: ClusterSession, resume: bool, target: Path | None) -> Checkpoint:
+    """Lets workers trace what a target needs, and keeps it beside that; nothing without a target."""
+    from ao.execute.checkpoint import Checkpoint
 
-def cluster_checkpoint(session: ClusterSession, resume: bool, target: Path) -> Checkpoint:
-    """Lets workers trace what a target needs, and keeps it beside that."""
-    from ao.cluster.checkpoint import ClusterCheckpoint
-
-    return ClusterCheckpoint(f"{target}.partial", session, resume, note)
+    path = None if target is None else f"{target}.partial"
+    return Checkpoint(path, resume, note, fill_spans=session.fill_spans, status=session.status)

@@ -106,7 +106,7 @@ def test_a_shared_folder_that_vanishes_does_not_lose_the_bake(tmp_path, mesh, mo
     pytest.importorskip("distributed", reason="pip install '.[cluster]'")
     import ao.execute.checkpoint
 
-    shared, added = tmp_path / "shared", ao.execute.checkpoint.Checkpoint.add
+    shared, added = tmp_path / "shared", ao.execute.checkpoint.Checkpoint.put
     shared.mkdir()
 
     def vanish(*arguments):
@@ -116,7 +116,7 @@ def test_a_shared_folder_that_vanishes_does_not_lose_the_bake(tmp_path, mesh, mo
             shared.touch()
         added(*arguments)
 
-    monkeypatch.setattr("ao.execute.checkpoint.Checkpoint.add", vanish)
+    monkeypatch.setattr("ao.execute.checkpoint.Checkpoint.put", vanish)
     bake = "bake", mesh, "--samples", "64", "--quiet", "-o"
     result = obscurance(*bake, tmp_path / "w.npz", "--cluster", "local", "--shared", shared)
     assert (result.returncode, result.stderr) == (0, "")

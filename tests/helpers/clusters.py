@@ -18,8 +18,8 @@ from uv_meshes import grid_charts
 
 import ao
 from ao.cluster.addresses import CONFIG, LOCAL
-from ao.cluster.checkpoint import ClusterCheckpoint
 from ao.cluster.session import ClusterSession
+from ao.execute.checkpoint import Checkpoint
 from raytrace import Mesh
 
 HILLS = Mesh(*hills(60))
@@ -99,7 +99,7 @@ def left_sockets():
 @pytest.fixture
 def small_blocks(monkeypatch):
     monkeypatch.setattr("ao.cluster.session._FEW", 0)
-    monkeypatch.setattr("ao.cluster.dispatch._FIRST_RAYS", 1 << 12)  # a core
+    monkeypatch.setattr("ao.cluster.dispatch._FIRST_RAYS", 1 << 12)
     monkeypatch.setattr("ao.cluster.dispatch._SECONDS", 0.1)
     monkeypatch.setattr("ao.cluster.dispatch._LEAST_SECONDS", 0.02)
 
@@ -108,9 +108,9 @@ def bake_on(address, make, path, notify=pytest.fail, progress=None, **settings):
     """What `make` makes with a cluster, and what that handed out."""
     with (
         ClusterSession(address, path.parent, path.stem, notify) as session,
-        ClusterCheckpoint(path, session, notify=notify, **settings) as checkpoint,
+        Checkpoint(path, notify=notify, fill_spans=session.fill_spans, status=session.status, **settings) as checkpoint,
     ):
-        return make(checkpoint=checkpoint, progress=progress), session.cluster.dispatch
+        return make(checkpoint=checkpoint, progress=progress), session.dispatch
 
 
 @contextmanager

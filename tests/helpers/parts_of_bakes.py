@@ -19,7 +19,7 @@ def trace_part(make, folder, number, of, **options):
 
 def merged(make, folder, **options):
     """What `make` makes of the parts in `folder`."""
-    with Merge(read_parts(folder), pytest.fail) as parts:
+    with Merge(read_parts(folder)) as parts:
         return make(checkpoint=parts, **options)
 
 

@@ -207,12 +207,12 @@ class TextureCommand(MeshBake):
         pages, number, stack = place
         target = page.path(self.output) if not page.name or not number else Path(f"{self.output}.{number + 1}")
         checkpoint = stack.enter_context(self.checkpoint(target))
-        if pages > 1 and checkpoint and checkpoint.partial:
+        if pages > 1 and checkpoint.partial:
             raise ConflictError(
                 "part", "does not go with", f"{pages} texture sets that overlap, but with --overlap mean"
             )
-        (source, fine), status = meshes, checkpoint.status if checkpoint else str
-        with progress(self.quiet, "rays", form=self.progress, status=status) as (advance,):
+        source, fine = meshes
+        with progress(self.quiet, "rays", form=self.progress, status=checkpoint.status) as (advance,):
             baked = ao.bake_texture(
                 source.mesh, page.uv, found.size, falloff, progress=advance, checkpoint=checkpoint,
                 overlap=self.overlap or "mean", wrap=page.wraps, high=fine.mesh if fine else None,

@@ -7,6 +7,7 @@ import time
 from contextlib import contextmanager
 from functools import partial
 
+import numpy as np
 import pytest
 from clusters import (
     BAKES,
@@ -26,6 +27,7 @@ import ao
 import ao.cluster.session
 from ao.cluster.addresses import LOCAL, local_workers
 from ao.cluster.dispatch import IN_FLIGHT
+from ao.cluster.session import ClusterSession
 from ao.execute.checkpoint import Checkpoint
 from raytrace import InputError, Mesh, OptionError
 from raytrace.errors import ClusterError
@@ -122,7 +124,7 @@ def test_a_worker_whose_disk_is_full_gets_no_more_work(cluster, tmp_path, medium
 
 
 def test_where_no_worker_can_be_used_the_reason_is_told(cluster, tmp_path, monkeypatch):
-    monkeypatch.setattr("ao.cluster.dask_cluster._PATIENCE", 0.5)
+    monkeypatch.setattr("ao.cluster.session._PATIENCE", 0.5)
     here = ao.cluster.session.machine()
     monkeypatch.setattr("ao.cluster.session.machine", lambda: here | {"Embree": "4.0.0"})
     messages = []
@@ -132,7 +134,7 @@ def test_where_no_worker_can_be_used_the_reason_is_told(cluster, tmp_path, monke
 
 
 def test_a_folder_that_workers_do_not_see_is_told(cluster, tmp_path, monkeypatch):
-    monkeypatch.setattr("ao.cluster.dask_cluster._PATIENCE", 0.5)
+    monkeypatch.setattr("ao.cluster.session._PATIENCE", 0.5)
     written = ao.cluster.session.write_scene
 
     def unshared(folder, *arguments):
@@ -160,7 +162,7 @@ def test_workers_may_come_late_and_a_lost_scheduler_leaves_a_journal_for_one_pro
             if len(messages) == 1:
                 late.scale(1)
 
-        monkeypatch.setattr("ao.cluster.dask_cluster._PATIENCE", 0.2)
+        monkeypatch.setattr("ao.cluster.session._PATIENCE", 0.2)
         with pytest.raises(ClusterError, match=r"tls://.*: the cluster is lost"):
             bake_on(late.scheduler_address, MEDIUM, path, tell, progress, after=0, every=0)
     assert list(dict.fromkeys(messages)) == [
@@ -182,8 +184,7 @@ def test_an_address_without_a_scheduler_is_refused(tmp_path, monkeypatch):
 
 
 def test_a_worker_that_stands_still_is_told_and_its_blocks_are_traced_by_others(cluster, tmp_path, medium, monkeypatch):
-    monkeypatch.setattr("ao.cluster.dask_cluster._SILENCE", 1.5)
-    monkeypatch.setattr("ao.cluster.dask_cluster._HEARTBEATS", 0.2)
+    monkeypatch.setattr("ao.cluster.session._SILENCE", 1.5)
 
     def stop():
         import ao.cluster.worker
@@ -219,8 +220,8 @@ def starting(tmp_path, monkeypatch):
         script = tmp_path / "starts.py"
         script.write_text(text)
         monkeypatch.setitem(LOCAL, "preload", [*LOCAL["preload"], str(script)])
-        for name, seconds in {"_SILENCE": 3.0, "_PATIENCE": 0.5, "_END": 1.0}.items():
-            monkeypatch.setattr(f"ao.cluster.dask_cluster.{name}", seconds)
+        for name, seconds in {"session._SILENCE": 3.0, "session._PATIENCE": 0.5, "dask_cluster._END": 1.0}.items():
+            monkeypatch.setattr(f"ao.cluster.{name}", seconds)
 
     return starting
 
@@ -250,7 +251,7 @@ def test_where_all_workers_are_stopped_as_they_start_the_bake_ends(tmp_path, sta
         messages.append(line)
         while not stopped.exists() or not stopped.read_text():
             time.sleep(0.05)
-        monkeypatch.setattr("ao.cluster.dask_cluster._START", 0.0)
+        monkeypatch.setattr("ao.cluster.session._START", 0.0)
 
     with pytest.raises(ClusterError, match="local: no worker has started within "):
         bake_on("local", MEDIUM, tmp_path / "w.partial", tell)
@@ -261,7 +262,7 @@ def test_where_all_workers_are_stopped_as_they_start_the_bake_ends(tmp_path, sta
 
 def test_workers_that_cannot_start_end_the_bake_at_once(tmp_path, starting, monkeypatch, capfd):
     starting("raise RuntimeError('no worker here')")
-    monkeypatch.setattr("ao.cluster.dask_cluster._SILENCE", 60.0)
+    monkeypatch.setattr("ao.cluster.session._SILENCE", 60.0)
     with pytest.raises(ClusterError, match="local: no worker has started within "):
         bake_on("local", MEDIUM, tmp_path / "w.partial")
     assert capfd.readouterr().err == ""
@@ -321,6 +322,46 @@ def test_what_a_worker_answers_is_no_code_and_of_the_length_that_was_asked_for(c
     assert messages[0].startswith(f"worker {odd} gets no work: ")
 
 
+def numbered(first, fails=-1):
+    """Work of eight rows: numbers from `first` on, in some time; row `fails` of the whole cannot be made."""
+
+    class Numbered:
+        name, rays, block = b"numbered" * 2, float(1 << 20), 1
+
+        def __init__(self, numbers):
+            self.numbers = numbers
+
+        def __len__(self):
+            return len(self.numbers)
+
+        def __getitem__(self, rows):
+            return Numbered(self.numbers[rows])
+
+        def tables(self):
+            return (np.empty(len(self)),)
+
+        def writer(self, scene, tables):
+            def write(start, stop):
+                time.sleep(0.05)
+                if first + fails in self.numbers[start:stop]:
+                    raise InputError("mesh", "row", "one that can be made", fails)
+                tables[0][start:stop] = self.numbers[start:stop]
+
+            return write
+
+    return Numbered(np.arange(first, first + 8))
+
+
+def test_blocks_of_a_work_that_has_failed_are_no_blocks_of_the_next(cluster, tmp_path):
+    scene, rows = np.zeros(1), np.zeros(8)
+    with ClusterSession(cluster.scheduler_address, tmp_path, "w", pytest.fail) as session:
+        with pytest.raises(InputError, match="mesh: row: expected one that can be made, got 1"):
+            list(session.trace(numbered(0, fails=1), scene, [(0, 8)]))
+        for first, last, (found,) in session.trace(numbered(100), scene, [(0, 8)]):
+            rows[first:last] = found
+    assert rows.tolist() == list(range(100, 108))
+
+
 def test_workers_started_here_let_nobody_in_without_their_credentials():
     psutil = pytest.importorskip("psutil", reason="pip install '.[cluster]'")
     from distributed import Security
@@ -347,7 +388,7 @@ def test_workers_started_here_let_nobody_in_without_their_credentials():
         return await asyncio.gather(*calls, return_exceptions=True)
 
     before = listening()
-    cluster = DaskCluster("local:1", 1, pytest.fail)
+    cluster = DaskCluster("local:1", 1)
     try:
         cluster.connect()
         until = time.monotonic() + 60

@@ -68,7 +68,7 @@ def test_workers_killed_at_random_moments(tmp_path, small_blocks, victims):
 
 @pytest.mark.slow
 def test_a_block_that_ends_every_worker_ends_the_bake(tmp_path, small_blocks, monkeypatch):
-    monkeypatch.setattr("ao.cluster.dask_cluster._LOSSES", 3)
+    monkeypatch.setattr("ao.cluster.session._LOSSES", 3)
     crash = tmp_path / "crash.py"
     crash.write_text("import os, ao.cluster.worker\nao.cluster.worker.fill = lambda *_: os._exit(1)\n")
     with scheduler(1, [str(crash)]) as cluster, pytest.raises(ClusterError, match="3 workers have ended with the same"):

@@ -87,7 +87,7 @@ PICTURES = {
 def render_by(cluster, folder, *picture, **options):
     """What workers render, and what they were handed out."""
     with ClusterSession(cluster.scheduler_address, folder, "picture.exr", pytest.fail) as session:
-        return render_on(session, *picture, **options), session.cluster.dispatch
+        return render_on(session, *picture, **options), session.dispatch
 
 
 @pytest.mark.parametrize("name", PICTURES)
