@@ -119,23 +119,7 @@ class Exponential(Parameters, kw_only=False, source="options"):
         return Mu("exponential", resolve_length("max_distance", self.max_distance, radius or 1.0), tau)
 
 
-class _Ramp:
-    """μ of t = x/D for x < D, 1 beyond, of parameters with a `max_distance` D."""
-
-    max_distance: Length
-
-    def resolve(self, radius: float) -> Mu:
-        """μ for a mesh of bounding-sphere radius `radius`."""
-        limit = resolve_length("max_distance", self.max_distance, radius or 1.0)
-        form, t, values = self._curve()
-        return Mu(form, limit, knots=_knots(limit * t, values))
-
-    def _curve(self) -> tuple[Form, Float64s, Float64s]:
-        """The name, and values at ascending t from 0 to 1."""
-        raise NotImplementedError
-
-
-class Linear(_Ramp, Parameters, kw_only=False, source="options"):
+class Linear(Parameters, kw_only=False, source="options"):
     """μ(x) = x/D for x < D, 1 beyond: linear attenuation, the limit of the exponential form for τ → 0.
 
     Args: max_distance: D, a finite length in mesh units or "P%" of the bounding-sphere radius.
@@ -145,12 +129,12 @@ class Linear(_Ramp, Parameters, kw_only=False, source="options"):
 
     max_distance: Reach
 
-    def _curve(self) -> tuple[Form, Float64s, Float64s]:
-        t = np.linspace(0, 1, 2)
-        return "linear", t, t
+    def resolve(self, radius: float) -> Mu:
+        """μ for a mesh of bounding-sphere radius `radius`."""
+        return _ramp("linear", self.max_distance, radius, np.linspace(0, 1, 2))
 
 
-class Smooth(_Ramp, Parameters, kw_only=False, source="options"):
+class Smooth(Parameters, kw_only=False, source="options"):
     """μ(x) = 3t² − 2t³ with t = x/D for x < D, 1 beyond: the smooth step, by 1,025 knots exact to 1e-6.
 
     Args: max_distance: D, as in `Linear`.
@@ -160,9 +144,15 @@ class Smooth(_Ramp, Parameters, kw_only=False, source="options"):
 
     max_distance: Reach
 
-    def _curve(self) -> tuple[Form, Float64s, Float64s]:
-        t = np.linspace(0, 1, _STEPS + 1)
-        return "smooth", t, t * t * (3 - 2 * t)
+    def resolve(self, radius: float) -> Mu:
+        """μ for a mesh of bounding-sphere radius `radius`."""
+        return _ramp("smooth", self.max_distance, radius, np.linspace(0, 1, _STEPS + 1))
+
+
+def _ramp(form: Form, max_distance: Length, radius: float, t: Float64s) -> Mu:
+    """μ by its values at ascending t = x/D from 0 to 1."""
+    limit = resolve_length("max_distance", max_distance, radius or 1.0)
+    return Mu(form, limit, knots=_knots(limit * t, t if form == "linear" else t * t * (3 - 2 * t)))
 
 
 class Tabulated(Parameters, kw_only=False, source="options"):
