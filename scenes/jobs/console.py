@@ -18,8 +18,6 @@ from typing import TYPE_CHECKING
 from raytrace.kernel import notice
 from raytrace.kernel.notice import KERNELS_OF_BAKE as KERNELS_OF_BAKE
 from raytrace.kernel.notice import KERNELS_OF_RENDER as KERNELS_OF_RENDER
-from raytrace.kernel.notice import KERNELS_OF_SURFACE as KERNELS_OF_SURFACE
-from raytrace.kernel.notice import KERNELS_OF_TEXTURE as KERNELS_OF_TEXTURE
 
 from .options import ProgressForm
 

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from .bake import MeshBake, WorkSize, Written
-from .console import KERNELS_OF_BAKE, KERNELS_OF_SURFACE, alpha_summary, bake_summary, progress, warn
+from .console import alpha_summary, bake_summary, progress, warn
 from .options import CAGE, named
 
 if TYPE_CHECKING:
@@ -20,10 +20,6 @@ if TYPE_CHECKING:
 
 class BakeCommand(MeshBake):
     sort = "vertices"
-
-    @property
-    def kernels(self) -> int:
-        return KERNELS_OF_BAKE if self.method == "vertex" else KERNELS_OF_SURFACE
 
     @property
     def side_by_side(self) -> bool:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from ...formats.image_names import MATERIAL, PLACEHOLDERS, UDIM
 from ..bake import MeshBake, WorkSize, Written
-from ..console import KERNELS_OF_TEXTURE, alpha_summary, progress, texture_summary, warn
+from ..console import alpha_summary, progress, texture_summary, warn
 from ..options import CAGE
 from .coordinates import parse_texels
 from .remarks import lacking, layout_remarks
@@ -39,10 +39,6 @@ class BakedPage(NamedTuple):
 
 class TextureCommand(MeshBake):
     sort = "texture"
-
-    @property
-    def kernels(self) -> int:
-        return KERNELS_OF_TEXTURE
 
     @property
     def side_by_side(self) -> bool:
