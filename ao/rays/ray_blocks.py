@@ -22,7 +22,7 @@ SLACK = np.float32(2.0**-18)  # of cosines, sines and parts of distances, for th
 ZERO, ONE = np.float32(0.0), np.float32(1.0)
 T_MISS = np.float32(np.inf)  # the distance of a hit that there is not
 FULL_SPHERE = np.float32(-1.0)  # the cosine of a cone that holds all directions
-_LEAST = np.float32(1e-18)  # of a direction's components, for their reciprocals
+LEAST = np.float32(1e-18)  # of a direction's components, for their reciprocals
 TINY = np.float32(1e-30)  # of squares, for their roots
 
 
@@ -85,7 +85,7 @@ def init_rays(rays, directions, cones, chosen, samples, frame, t_max):
         _turn(directions, 3 * blocks * chosen, k, blocks, frame, rays.directions)
         for axis in range(3):
             x = load_row(rays.directions, axis * blocks + k)
-            store_row(rays.reciprocals, axis * blocks + k, ONE / select(abs(x) > _LEAST, x, _LEAST))
+            store_row(rays.reciprocals, axis * blocks + k, ONE / select(abs(x) > LEAST, x, LEAST))
         store_row(rays.t_hit, k, T_MISS)
         rays.t_max[k] = t_max
         rays.active[k] = (1 << min(samples - WIDE * k, WIDE)) - 1
@@ -129,6 +129,17 @@ def list_within(rays, axis, cosine, gap, max_count, out, first):
                 out[first + count] = WIDE * k + lowest_bit(within)
                 within &= within - 1
                 count += 1
+    return count
+
+
+@inline
+def list_active(rays, first, last, out):
+    """List the active of the rays from `first` to `last` in `out`; returns how many they are."""
+    count = 0
+    for ray in range(first, last):
+        if is_active(rays, ray):
+            out[count] = ray
+            count += 1
     return count
 
 

@@ -12,16 +12,17 @@ from typing import NamedTuple
 import numpy as np
 
 from raytrace.bvh.bvh16 import BVH16
+from raytrace.bvh.oriented import along_axes, box_offsets
 from raytrace.kernel.arrays import aligned
 from raytrace.kernel.jit import inline
 from raytrace.kernel.simd import WIDE, reciprocal_root, select
 from raytrace.kernel.simd_masks import bits, lowest_bit
-from raytrace.kernel.simd_memory import load_row, store_row
+from raytrace.kernel.simd_memory import store_row
 from raytrace.kernel.vector import dot, subtract
 from raytrace.types import Float32s, Int64s
 
 from .layers import Layers, leaf_of
-from .ray_blocks import FULL_SPHERE, ONE, SLACK, TINY, ZERO, is_active, list_within, root
+from .ray_blocks import FULL_SPHERE, LEAST, ONE, SLACK, TINY, ZERO, is_active, list_active, list_within, root
 from .triangles import PLANES, find_cones, find_planes, intersect_by_rays, intersect_by_triangles
 
 _LISTED = 32
@@ -68,35 +69,39 @@ def traverse(tree, state, rays, origin, normal, lowest_sine, closest, t_max):
     """
     triangles, boxes, starts = tree.triangles, tree.boxes, tree.starts
     entries, bounds = state.entries, state.bounds
-    levels = len(starts) - 1
-    entries[0, _NODE], entries[0, _LEVEL], entries[0, _FIRST], entries[0, _COUNT] = starts[levels] - 1, levels, 0, -1
-    bounds[0, _COSINE], bounds[0, _GAP] = FULL_SPHERE, ZERO
-    waiting = 1
-    while waiting > 0:
-        waiting -= 1
-        node, level = entries[waiting, _NODE], entries[waiting, _LEVEL]
-        first, count = entries[waiting, _FIRST], entries[waiting, _COUNT]
-        if count < 0:
-            bound = bounds[waiting]
-            axis = bound[_AXIS], bound[_AXIS + 1], bound[_AXIS + 2]
-            count = list_within(rays, axis, bound[_COSINE], bound[_GAP], _LISTED, state.listed, first)
-        if count == 0:
-            continue
-        if level == 0:
-            a, b, c = find_planes(triangles[node], origin, state.planes)
-            leaf = leaf_of(state.layers, tree, node, origin)
+    levels, last = len(starts) - 1, WIDE * len(rays.t_hit)
+    for ray in range(0, last, last if tree.axes is None else _LISTED):
+        entries[0, _NODE], entries[0, _LEVEL], entries[0, _FIRST] = starts[levels] - 1, levels, 0
+        entries[0, _COUNT] = -1
+        if tree.axes is not None:  # there are no cones around oriented boxes
+            entries[0, _COUNT] = list_active(rays, ray, min(ray + _LISTED, last), state.listed)
+        bounds[0, _COSINE], bounds[0, _GAP] = FULL_SPHERE, ZERO
+        waiting = 1
+        while waiting > 0:
+            waiting -= 1
+            node, level = entries[waiting, _NODE], entries[waiting, _LEVEL]
+            first, count = entries[waiting, _FIRST], entries[waiting, _COUNT]
             if count < 0:
-                facing = find_cones(a, b, c, normal, lowest_sine, state.planes)
-                intersect_by_triangles(rays, facing, state.planes, closest, t_max, leaf)
+                bound = bounds[waiting]
+                axis = bound[_AXIS], bound[_AXIS + 1], bound[_AXIS + 2]
+                count = list_within(rays, axis, bound[_COSINE], bound[_GAP], _LISTED, state.listed, first)
+            if count == 0:
+                continue
+            if level == 0:
+                a, b, c = find_planes(triangles[node], origin, state.planes)
+                leaf = leaf_of(state.layers, tree, node, origin)
+                if count < 0:
+                    facing = find_cones(a, b, c, normal, lowest_sine, state.planes)
+                    intersect_by_triangles(rays, facing, state.planes, closest, t_max, leaf)
+                else:
+                    intersect_by_rays(rays, state.listed, first, first + count, state.planes, closest, t_max, leaf)
+                continue
+            child = (node - starts[level - 1]) * WIDE + (starts[level - 2] if level > 1 else 0)
+            if count < 0:
+                opened = _open_children(boxes, node, state, origin, normal, lowest_sine, t_max)
             else:
-                intersect_by_rays(rays, state.listed, first, first + count, state.planes, closest, t_max, leaf)
-            continue
-        child = (node - starts[level - 1]) * WIDE + (starts[level - 2] if level > 1 else 0)
-        if count < 0:
-            opened = _open_children(boxes[node], state, origin, normal, lowest_sine, t_max)
-        else:
-            opened = _intersect_children(boxes[node], state, rays, first, first + count, origin, t_max)
-        waiting = _push(state, opened, waiting, child, level - 1, first, count >= 0)
+                opened = _intersect_children(tree, node, state, rays, (first, first + count), origin, t_max)
+            waiting = _push(state, opened, waiting, child, level - 1, first, count >= 0)
 
 
 @inline
@@ -132,9 +137,9 @@ def _push(state, opened, waiting, child, level, first, listed):
 
 
 @inline
-def _open_children(box, state, origin, normal, lowest_sine, t_max):
-    """Write the bounds of a node's children; bits of the children within t_max that rise above the lowest ray."""
-    d, half, gap = _relative(box, origin)
+def _open_children(boxes, node, state, origin, normal, lowest_sine, t_max):
+    """Write the bounds of a node's children in aligned boxes; bits of those within t_max above the lowest ray."""
+    d, half, gap = _relative(boxes, None, node, origin)
     squared = max(dot(d, d), TINY)
     nearness = reciprocal_root(squared)
     radius, distance = root(dot(half, half)), squared * nearness
@@ -149,30 +154,53 @@ def _open_children(box, state, origin, normal, lowest_sine, t_max):
 
 
 @inline
-def _relative(box, origin):
-    """Centres of boxes (6, 16) relative to a point, half their sides, and how far away they begin."""
-    d = subtract((load_row(box, 0), load_row(box, 1), load_row(box, 2)), origin)
-    half = load_row(box, 3), load_row(box, 4), load_row(box, 5)
+def _relative(boxes, axes, node, origin):
+    """Centres of a node's boxes relative to a point and half their sides along `axes`, and how far away they begin."""
+    d, half = box_offsets(boxes, axes, node, origin)
+    if axes is not None:
+        blur = SLACK * (abs(d[0]) + abs(d[1]) + abs(d[2]))
+        half = half[0] + blur, half[1] + blur, half[2] + blur
     gap = max(abs(d[0]) - half[0], ZERO), max(abs(d[1]) - half[1], ZERO), max(abs(d[2]) - half[2], ZERO)
     return d, half, root(dot(gap, gap))
 
 
 @inline
-def _intersect_children(box, state, rays, first, last, origin, t_max):
-    """List the rays that pass through each child of a node within t_max, by slabs; bits of the children with any."""
-    d, half, gap = _relative(box, origin)
+def _reciprocals(rays, ray, axes, node, used):
+    """1/ the components of a ray along the axes of a node's boxes, sixteen times where these are aligned."""
+    k, lane, blocks = ray // WIDE, ray % WIDE, len(rays.t_hit)
+    if axes is not None:
+        x, y, z = along_axes(axes, node, _repeated(rays.directions, k, lane, blocks, used))
+        x, y, z = select(abs(x) > LEAST, x, LEAST), select(abs(y) > LEAST, y, LEAST), select(abs(z) > LEAST, z, LEAST)
+        return ONE / x, ONE / y, ONE / z
+    return _repeated(rays.reciprocals, k, lane, blocks, used)
+
+
+@inline
+def _repeated(rows, k, lane, count, mask):
+    """A vector in rows k, count + k and 2·count + k as a triple of lanes."""
+    x, y, z = rows[k, lane], rows[count + k, lane], rows[2 * count + k, lane]
+    return select(mask, x, x), select(mask, y, y), select(mask, z, z)
+
+
+@inline
+def _intersect_children(tree, node, state, rays, listed, origin, t_max):
+    """List the rays that pass through each child of a node within t_max, by slabs; bits of the children with any.
+
+    Args: listed: from where to where the rays of the node are in `TraversalState.listed`.
+    """
+    d, half, gap = _relative(tree.boxes, tree.axes, node, origin)
     store_row(state.children, _GAP, gap)
     used = half[0] >= ZERO
     low, high = subtract(d, half), (d[0] + half[0], d[1] + half[1], d[2] + half[2])
-    blocks, opened = len(rays.t_hit), 0
+    opened = 0
     for k in range(WIDE):
         state.child_counts[k] = 0
-    for place in range(first, last):
+    for place in range(listed[0], listed[1]):
         ray = state.listed[place]
         if not is_active(rays, ray):
             continue
         k, lane = ray // WIDE, ray % WIDE
-        x, y, z = rays.reciprocals[k, lane], rays.reciprocals[blocks + k, lane], rays.reciprocals[2 * blocks + k, lane]
+        x, y, z = _reciprocals(rays, ray, tree.axes, node, used)
         ax, bx, ay, by, az, bz = low[0] * x, high[0] * x, low[1] * y, high[1] * y, low[2] * z, high[2] * z
         enter = max(max(min(ax, bx), min(ay, by)), max(min(az, bz), ZERO))
         leave = min(min(max(ax, bx), max(ay, by)), min(max(az, bz), min(rays.t_hit[k, lane], t_max)))

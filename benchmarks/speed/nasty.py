@@ -1,7 +1,8 @@
 """Meshes on which work may grow by the square of their size: `python -m benchmarks.speed.nasty [--sizes N…] [SHAPE…]`.
 
-Each is baked with few rays, so that what is done before them shows. The growth is the exponent between a size and the
-one before: 1 is linear. Contacts are the pairs of a point and a face near it that are kept.
+Each is baked with few rays, so that what is done before them shows. Seconds are of processor time, the growth is the
+exponent between a size and the one before: 1 is linear. Contacts are the pairs of a point and a face near it that are
+kept.
 """
 
 from __future__ import annotations
@@ -15,6 +16,7 @@ from unittest.mock import patch
 import numpy as np
 
 import ao
+from ao.options import Traversal
 from raytrace import Mesh
 from raytrace.ray_origins import origins
 from scenes.geometry.polyhedra import icosphere
@@ -90,8 +92,8 @@ SHAPES: dict[str, Callable[[int], Part]] = {
 }
 
 
-def measure(part: Part) -> tuple[float, int]:
-    """Seconds of a bake, and contacts kept in it."""
+def measure(part: Part, traversal: Traversal) -> tuple[float, int]:
+    """Processor time of a bake in seconds, and contacts kept in it."""
     kept, find = 0, origins.find_contacts
 
     def counted(*arguments: object) -> origins.Contacts:
@@ -102,22 +104,24 @@ def measure(part: Part) -> tuple[float, int]:
 
     mesh = Mesh(*part)
     with patch.object(origins, "find_contacts", counted):
-        start = time.perf_counter()
-        ao.bake(mesh, samples=_SAMPLES)
-        return time.perf_counter() - start, kept
+        start = time.process_time()
+        ao.bake(mesh, samples=_SAMPLES, traversal=traversal)
+        return time.process_time() - start, kept
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("shapes", nargs="*", choices=[[], *SHAPES], metavar="SHAPE", help=", ".join(SHAPES))
     parser.add_argument("--sizes", nargs="+", type=int, default=SIZES, help="faces")
+    parser.add_argument("--traversal", choices=["auto", "embree"], default="auto")
     args = parser.parse_args()
-    ao.bake(Mesh(*stray(100)), samples=_SAMPLES)  # kernels
+    for small in stray, cone:  # kernels, for boxes of both kinds
+        ao.bake(Mesh(*small(4_000)), samples=_SAMPLES, traversal=args.traversal)
     rows = []
     for name in args.shapes or SHAPES:
         before: tuple[int, float] | None = None
         for size in args.sizes:
-            seconds, contacts = measure(SHAPES[name](size))
+            seconds, contacts = measure(SHAPES[name](size), args.traversal)
             growth = math.log(seconds / before[1]) / math.log(size / before[0]) if before else math.nan
             rows.append([name, f"{size:,}", f"{seconds:.2f}", f"{growth:.2f}", f"{contacts:,}"])
             print(*rows[-1], flush=True)

@@ -1,4 +1,4 @@
-"""A bounding volume hierarchy of sixteen axis-aligned bounding boxes (AABB) a node, tested sixteen at once."""
+"""A bounding volume hierarchy of sixteen boxes a node, all aligned or all oriented, tested sixteen at once."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ from ..kernel.simd import WIDE
 from ..system.threads import run_blocks, thread_count
 from ..types import Float32s, Int64s
 from .median_splits import median_order
+from .oriented import orient
 
 _BLOCK, _MOST = 1 << 7, 16  # leaves, and blocks at once
 _GROWN = np.float32(1.0 + 2.0**-20)  # half sides, for their rounding
@@ -26,12 +27,15 @@ class BVH16(NamedTuple):
         triangles: float32 (leaves, 9, 16), the corners' coordinates. rows: int64 (leaves, 16), which faces they are.
         boxes: float32 (nodes, 6, 16), centres and half sides of a node's children; levels follow each other upwards.
         starts: int64 (levels + 1,), the first node of each level, the lowest one's children being leaves.
+        axes: float32 (nodes, 9, 16), three unit vectors, along which the sides of these boxes are; None if all boxes
+            are aligned.
     """
 
     triangles: Float32s
     rows: Int64s
     boxes: Float32s
     starts: Int64s
+    axes: Float32s | None
 
     @classmethod
     def of(cls, vertices: Float32s, faces: Int64s) -> BVH16:
@@ -58,7 +62,7 @@ class BVH16(NamedTuple):
         np.concatenate(levels, out=boxes)
         rows = np.full((leaves, WIDE), -1)
         rows.ravel()[: len(order)] = order
-        return cls(triangles, rows, boxes, np.array(starts))
+        return cls(triangles, rows, *orient(triangles, boxes, np.array(starts)))
 
 
 @kernel

@@ -20,10 +20,12 @@ from ..kernel.simd_masks import bits, lowest_bit
 from ..kernel.simd_memory import load_row
 from ..kernel.vector import cross, dot, subtract
 from ..types import Int64s
+from .oriented import box_offsets
 
 _ENTRIES = 1 << 8
 _ROUNDED = 2.0**-20  # of a coordinate and of a distance: sixteen roundings of single precision
 _PLANE = np.float32(2.0**-19)
+_DIAGONAL = np.float32(1.733)  # of a cube of side 1, from oriented boxes to the axes of space
 _NODE, _LEVEL = range(2)  # columns; the last row has how many wait
 
 
@@ -64,7 +66,7 @@ def next_leaf(tree, stack, point, radius):
                 return node, within
             continue
         child = (node - starts[level - 1]) * WIDE + (starts[level - 2] if level > 1 else 0)
-        within = _boxes_within(tree.boxes[node], point, radius)
+        within = _boxes_within(tree.boxes, tree.axes, node, point, radius)
         while within != 0:
             stack[waiting, _NODE], stack[waiting, _LEVEL] = child + lowest_bit(within), level - 1
             within &= within - 1
@@ -74,12 +76,11 @@ def next_leaf(tree, stack, point, radius):
 
 
 @inline
-def _boxes_within(box, point, radius):
-    """The boxes (6, 16) that are within `radius` of a point along every axis, as bits."""
-    x = abs(load_row(box, 0) - point[0]) - load_row(box, 3)
-    y = abs(load_row(box, 1) - point[1]) - load_row(box, 4)
-    z = abs(load_row(box, 2) - point[2]) - load_row(box, 5)
-    return bits((x <= radius) & (y <= radius) & (z <= radius))
+def _boxes_within(boxes, axes, node, point, radius):
+    """The boxes of a node that may have something within `radius` of a point along every axis, as bits."""
+    d, half = box_offsets(boxes, axes, node, point)
+    reach = radius if axes is None else _DIAGONAL * radius
+    return bits((abs(d[0]) - half[0] <= reach) & (abs(d[1]) - half[1] <= reach) & (abs(d[2]) - half[2] <= reach))
 
 
 @inline

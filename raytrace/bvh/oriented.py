@@ -1,0 +1,129 @@
+"""Oriented bounding boxes, where slivers, pages or needles lie so close that most of their aligned boxes overlap.
+
+Their axes are the principal ones of the corners inside (Gottschalk, Lin & Manocha 1996, OBBTree). They decide what is
+tested, and never what is hit.
+"""
+
+from __future__ import annotations
+
+from itertools import pairwise
+
+import numpy as np
+
+from ..kernel.arrays import aligned
+from ..kernel.jit import inline, kernel
+from ..kernel.simd import WIDE
+from ..kernel.simd_memory import load_row
+from ..kernel.vector import dot, subtract
+from ..types import Float32s, Int64s
+
+_CROWDED = 8.0  # boxes of leaves around the middle of a triangle, from which on others are tried
+_GAIN = 2.0  # how many times as few these must be
+_TRIANGLES, _NODES = 32, 128  # that are compared
+_GROWN = 2.0**-20  # of half sides, for their rounding and that of what is compared with them
+
+
+def orient(triangles: Float32s, boxes: Float32s, starts: Int64s) -> tuple[Float32s, Int64s, Float32s | None]:
+    """`boxes`, `starts` and `axes` of a `BVH16`: aligned `boxes` as they are, or oriented ones if these overlap less.
+
+    Args: triangles, boxes, starts: as of a `BVH16`.
+    """
+    crowding = _crowding(triangles, boxes[: starts[1]], None)
+    if crowding < _CROWDED:
+        return boxes, starts, None
+    oriented, axes, span = aligned(boxes.shape, np.float32), aligned((len(boxes), 9, WIDE), np.float32), 1
+    oriented[:], axes[:] = boxes, 0.0
+    for first, last in pairwise(starts):
+        covariances = np.zeros((-(-len(triangles) // span), 3, 3))
+        _covariances(triangles, span, covariances)
+        rows = np.zeros(((last - first) * WIDE, 9))
+        rows[: len(covariances)] = np.linalg.eigh(covariances)[1].transpose(0, 2, 1).reshape(-1, 9)
+        axes[first:last] = rows.reshape(-1, WIDE, 9).transpose(0, 2, 1)
+        _enclose(triangles, span, axes[first:last], oriented[first:last])
+        span *= WIDE
+    fewer = _crowding(triangles, oriented[: starts[1]], axes[: starts[1]]) * _GAIN < crowding
+    return (oriented, starts, axes) if fewer else (boxes, starts, None)
+
+
+def _crowding(triangles: Float32s, boxes: Float32s, axes: Float32s | None) -> float:
+    """In how many of the boxes of all leaves the middle of a triangle is, on average over some of both."""
+    some = triangles[:: -(-len(triangles) // _TRIANGLES), :, 0].reshape(-1, 3, 3).mean(axis=1)
+    step = -(-len(boxes) // _NODES)
+    away = boxes[None, ::step, :3] - some[:, None, :, None]
+    if axes is not None:
+        away = np.einsum("nijk,pnjk->pnik", axes[::step].reshape(-1, 3, 3, WIDE), away)
+    return step * float(np.count_nonzero((np.abs(away) <= boxes[::step, 3:]).all(axis=2))) / len(some)
+
+
+@kernel
+def _covariances(triangles, span, out):
+    """Write those of the corners in every `span` leaves, up to their number."""
+    for k in range(len(out)):
+        count, total, offset = 0, np.zeros(3), np.zeros(3)
+        for leaf in range(k * span, min((k + 1) * span, len(triangles))):
+            for place in range(3 * WIDE):
+                corner, lane = place // WIDE, place % WIDE
+                if np.isnan(triangles[leaf, 0, lane]):
+                    continue
+                count += 1
+                for axis in range(3):
+                    offset[axis] = np.float64(triangles[leaf, 3 * corner + axis, lane]) - triangles[k * span, axis, 0]
+                    total[axis] += offset[axis]
+                for axis in range(3):
+                    for other in range(3):
+                        out[k, axis, other] += offset[axis] * offset[other]
+        for axis in range(3):
+            for other in range(3):
+                out[k, axis, other] -= total[axis] * total[other] / count
+
+
+@kernel
+def _enclose(triangles, span, axes, boxes):
+    """Write boxes (nodes, 6, 16) along `axes` (nodes, 9, 16), each around `span` leaves."""
+    for k in range(-(-len(triangles) // span)):
+        node, lane = k // WIDE, k % WIDE
+        low, high, centre, along = np.full(3, np.inf), np.full(3, -np.inf), np.zeros(3), np.zeros(3)
+        for leaf in range(k * span, min((k + 1) * span, len(triangles))):
+            for place in range(3 * WIDE):
+                first, at = 3 * (place // WIDE), place % WIDE
+                if np.isnan(triangles[leaf, 0, at]):
+                    continue
+                for axis in range(3):
+                    x = 0.0
+                    for j in range(3):
+                        x += np.float64(axes[node, 3 * axis + j, lane]) * triangles[leaf, first + j, at]
+                    low[axis], high[axis] = min(x, low[axis]), max(x, high[axis])
+        for axis in range(3):
+            for j in range(3):
+                centre[j] += 0.5 * (low[axis] + high[axis]) * axes[node, 3 * axis + j, lane]
+        for j in range(3):
+            boxes[node, j, lane] = centre[j]
+            for axis in range(3):
+                along[axis] += np.float64(axes[node, 3 * axis + j, lane]) * boxes[node, j, lane]
+        half = 0.0
+        for axis in range(3):
+            half += max(high[axis] - along[axis], along[axis] - low[axis])
+        for axis in range(3):
+            away = max(high[axis] - along[axis], along[axis] - low[axis])
+            boxes[node, 3 + axis, lane] = (away + _GROWN * half) * (1.0 + _GROWN)
+
+
+@inline
+def box_offsets(boxes, axes, node, point):
+    """Centres of a node's sixteen boxes relative to a point, along their axes, and half their sides: triples."""
+    box = boxes[node]
+    d = subtract((load_row(box, 0), load_row(box, 1), load_row(box, 2)), point)
+    return along_axes(axes, node, d), (load_row(box, 3), load_row(box, 4), load_row(box, 5))
+
+
+@inline
+def along_axes(axes, node, v):
+    """A vector, or sixteen, along the axes of a node's boxes; as it is where they are aligned."""
+    if axes is None:
+        return v
+    own = axes[node]
+    return (
+        dot((load_row(own, 0), load_row(own, 1), load_row(own, 2)), v),
+        dot((load_row(own, 3), load_row(own, 4), load_row(own, 5)), v),
+        dot((load_row(own, 6), load_row(own, 7), load_row(own, 8)), v),
+    )
