@@ -1,7 +1,7 @@
 """glTF 2.0 files as stored: the JSON header and the bytes of its buffers.
 
-An own reader, as trimesh's and pygltflib's keep neither all of a file that an output does not change, nor references
-in the file's folder, nor memory bounded: 256 times the bytes of a file + 64 MiB at most (docs/reliability.md).
+An own reader, beside trimesh's and pygltflib, because an output keeps all of a file that it does not change, references
+stay in the file's folder, and memory is bounded: 256 times the bytes of a file + 64 MiB at most (docs/reliability.md).
 Format: Khronos glTF 2.0 specification, chapter 4 (GLB container), section 3.6 (buffers).
 """
 

@@ -24,12 +24,14 @@ def encode_ply(elements: Sequence[Element], comments: Sequence[str]) -> bytes:
 
 def _rows(element: Element, layout: PlyElement) -> bytes:
     """The rows of an element: packed together where their lists are equally long."""
-    lists = [column.sizes for column in element.properties if column.counted]
-    lengths = np.stack([np.zeros(0) if each is None else each for each in lists], axis=1) if lists else None
-    if lengths is None or (lengths == lengths[:1]).all():
+    lists = [column.sizes for column in element.properties if column.sizes is not None]
+    if all((sizes == sizes[:1]).all() for sizes in lists):
         return _packed(element, layout, slice(None)).tobytes()
-    _, kind_of, counts = np.unique(lengths, axis=0, return_inverse=True, return_counts=True)
-    groups = np.split(np.argsort(kind_of.ravel(), kind="stable"), np.cumsum(counts)[:-1])
+    key = lists[0].astype(np.int64)
+    for sizes in lists[1:]:
+        key = np.unique(key, return_inverse=True)[1] * (int(sizes.max()) + 1) + sizes
+    order = np.argsort(key.astype(np.uint16) if key.max() < 1 << 16 else key, kind="stable")  # of 16 bits much faster
+    groups = np.split(order, np.flatnonzero(np.diff(key[order])) + 1)
     packed = [_packed(element, layout, rows) for rows in groups]
     widths = np.empty(element.count, np.int64)
     for rows, group in zip(groups, packed, strict=True):
