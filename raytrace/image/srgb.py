@@ -17,4 +17,4 @@ def encode_srgb(linear: npt.ArrayLike) -> Float32s:
 def decode_srgb(encoded: npt.ArrayLike) -> Float32s:
     """Linear values of sRGB ones in [0, 1]; the inverse of `encode_srgb`."""
     x = np.asarray(encoded, np.float64)
-    return np.where(x <= 0.04045, x / 12.92, ((x + 0.055) / 1.055) ** 2.4).astype(np.float32)
+    return np.where(x <= 0.04045, x / 12.92, ((np.maximum(x, 0.04045) + 0.055) / 1.055) ** 2.4).astype(np.float32)

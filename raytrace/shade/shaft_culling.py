@@ -34,7 +34,8 @@ _BOXES = 1024  # of all objects together, about
 def cluster(vertices: Float32s, faces: Int64s, objects: int) -> Float64s:
     """Boxes (n, 2, 3), low and high corners, around the faces of a mesh, a share of all objects' number of boxes."""
     low, high = vertices.min(axis=0).clip(-NEAR, NEAR), vertices.max(axis=0).clip(-NEAR, NEAR)
-    side = float((high - low).max()) or 1.0
+    longest = float((high - low).max())
+    side = longest if longest > 1e-30 else 1.0
     finest = np.sqrt(min(len(faces) / _FACES, _BOXES / objects) / 5)  # a sphere goes through some 4 n² cells of n³
     size = side / np.clip(np.ceil(finest), 1, GRID)
     cells = np.maximum(1, np.ceil((high - low) / size)).astype(np.int64)

@@ -17,7 +17,7 @@ from project import HELPERS, environment
 WORKER = HELPERS / "fuzz_worker.py"
 COUNT = 60_000
 BATCH = 2000
-SILENCE = 120  # seconds of wall time without a result: asleep
+SILENCE = 600  # seconds of wall time without a result: asleep
 
 
 def run(count=COUNT, seed="0", processes=2, batch=None):
@@ -40,6 +40,7 @@ def run(count=COUNT, seed="0", processes=2, batch=None):
                 for record in records:
                     if isinstance(record, dict):
                         findings.append(record)
+                        print(json.dumps(record), file=sys.stderr, flush=True)
                         record = [record["family"], "finding", 0, 0.0]
                     family, outcome, peak, seconds = record
                     counts.setdefault(family, dict.fromkeys(("accepted", "refused", "finding"), 0))[outcome] += 1

@@ -2,6 +2,7 @@
 
 import errno
 import os
+import shutil
 import subprocess
 import sys
 from functools import partial
@@ -211,6 +212,37 @@ def test_nothing_to_resume_is_reported(path, whole):
     messages = []
     assert bits(bake(path, messages, resume=True)) == whole
     assert "nothing to resume" in messages[0]
+
+
+@pytest.mark.parametrize("gone", ["journal", "folder"])
+def test_a_journal_that_vanished_is_a_fresh_start(tmp_path, whole, gone):
+    path = tmp_path / "out" / "w.npy.partial"
+    path.parent.mkdir()
+    interrupted(path)
+    path.unlink() if gone == "journal" else shutil.rmtree(path.parent)
+    messages = []
+    assert bits(bake(path, messages, resume=True)) == whole
+    assert messages[0] == f"{path}: nothing to resume; starting from the beginning"
+    later = [] if gone == "journal" else [f"{path}: No such file or directory; going on without checkpoints"]
+    assert messages[1:] == later
+
+
+@POSIX
+@pytest.mark.parametrize("gone", ["journal", "folder"])
+def test_a_journal_that_vanishes_while_it_is_continued_costs_no_row(tmp_path, whole, gone):
+    path = tmp_path / "out" / "w.npy.partial"
+    path.parent.mkdir()
+    interrupted(path)
+
+    def vanish(done, total):
+        if path.exists() and done > 0.8 * total:
+            path.unlink() if gone == "journal" else shutil.rmtree(path.parent)
+
+    messages = []
+    with Checkpoint(path, resume=True, notify=messages.append, after=0, every=0) as checkpoint:
+        assert bits(ao.bake(MESH, checkpoint=checkpoint, progress=vanish, **OPTIONS)) == whole
+    assert messages == [f"{path}: No such file or directory; going on without checkpoints"]
+    assert not path.exists()
 
 
 @pytest.mark.parametrize("resume", [False, True])

@@ -214,3 +214,7 @@ write_frame({str(tmp_path / "large.exr")!r}, large, {{}})
 print((resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before) / 1024)
 """
     assert float(python(code).stdout) < 50  # MiB; the frame has 92
+
+
+def test_colours_below_black_are_decoded_without_a_warning():
+    np.testing.assert_allclose(decode_srgb([-1.0, 0.0, 1.0]), [-1 / 12.92, 0, 1])

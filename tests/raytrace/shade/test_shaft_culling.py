@@ -150,3 +150,10 @@ def test_very_many_boxes_become_boxes_around_them():
         assert ((part[:, None, 0] >= few[:, 0]) & (part[:, None, 1] <= few[:, 1])).all(axis=2).any(axis=1).all()
     assert (few[:, 1] - few[:, 0]).max() < 0.12
     np.testing.assert_array_equal(merged(boxes[:1000]), boxes[:1000])
+
+
+@pytest.mark.parametrize("size", [0.0, 1e-44, 1e-32, 1e-28])
+def test_boxes_of_something_tiny(size):
+    corners = np.array([[0, 0, 0], [size, 0, 0], [0, size, 0]], np.float32)
+    boxes = cluster(corners, np.array([[0, 1, 2]]), 1)
+    np.testing.assert_array_equal(boxes, [[corners.min(axis=0), corners.max(axis=0)]])
