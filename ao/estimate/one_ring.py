@@ -72,7 +72,7 @@ class Neighbours:
     def each(self, work: Callable[[int, int], None]) -> None:
         """Call `work(first, last)` for blocks of points, on threads."""
         count = len(self.starts) - 1
-        run_blocks(count, _BLOCK, work, min(self.threads, count // _PART), most=_MOST)
+        run_blocks(count, _BLOCK, work, min(self.threads, count // _PART or 1), most=_MOST)
 
     def predict(self, values: npt.NDArray[Real]) -> npt.NDArray[Real]:
         """The weighted mean of the neighbours' `values` (k,) or (k, 3), the point's own left out; NaN without any."""

@@ -28,9 +28,9 @@ def cases() -> dict[str, Callable[[], Callable[[int], object]]]:
     for name, make in meshes.items():
         found[f"{name}-64"] = functools.partial(_vertices, make, samples=64)
         found[f"{name}-.01"] = functools.partial(_vertices, make, tolerance=0.01)
-    found["texture-temple"] = functools.partial(_texture, meshes["temple"])
-    found["texture-stone"] = functools.partial(_texture, meshes["stone"])
     found["render"] = _rendering
+    found["texture-stone"] = functools.partial(_texture, meshes["stone"])
+    found["texture-temple"] = functools.partial(_texture, meshes["temple"])
     return found
 
 

@@ -24,6 +24,7 @@ def test_a_bake_is_recorded_stage_by_stage():
     assert {"welding, normals", "hierarchy", "origins", "rays", "denoising", "result"} <= set(stages)
     assert len(stages["rays"].joins) >= 4  # twice, as some vertices are, and those between vertices
     assert all(stage.outside > 0 for stage in stages.values())
+    assert all(stage.predicted(2, {1: 0.0, 2: 0.0}) <= stage.predicted(1, {1: 0.0}) for stage in stages.values())
     assert (baked[0].w == ao.bake(mesh, samples=8).w).all()
     assert work.run_blocks is threads.run_blocks is run_blocks
 
