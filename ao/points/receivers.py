@@ -42,7 +42,7 @@ class Flag(IntFlag):
     HIDDEN = 8  #: it is inside a solid, as most of what it sees is backs of faces
     FOLDED = 16  #: its normal lies behind one of its faces; w is the mean over corner samples
     MISSED = 32  #: nothing of the fine mesh is within the cage; w is that of the closest point
-    CONTACT = 64  #: it touches a face of which it is no corner, and w depends on the side that it is taken to be on
+    CONTACT = 64  #: w depends on rounding, or on a choice of side, beside a face of which it is no corner
 
 
 @dataclass(frozen=True, eq=False)

@@ -14,6 +14,8 @@ from .direction import turn_directions
 from .offset import ray_offset, stay_near, stop_short
 from .surface import Surface
 
+_BLURRED = 5.0  # offsets within which rounding has a say in what a point sees of a face, and where faces are looked for
+
 
 def ray_origins(
     tree: BVH16,
@@ -25,7 +27,7 @@ def ray_origins(
     numbers: Int64s,
     magnitude: Float64s,
 ) -> tuple[Float64s, Bools]:
-    """Ray origins (k, 3) of `points` (k, 3) in render space, and which (k,) are decided by faces that they touch.
+    """Ray origins (k, 3) of `points` (k, 3) in render space, and which (k,) are decided by faces beside them.
 
     Args:
         tree: over the faces of `surface`.
@@ -38,10 +40,11 @@ def ray_origins(
     directions, clearance, magnitude = directions.copy(), clearance.copy(), magnitude.copy()
     offset = ray_offset(directions, magnitude, clearance)
     touching, decided = contact_radius(points), np.zeros(len(points), np.bool_)
-    reach = np.maximum(4.0 * offset, touching)  # so far that turning a direction seldom asks for more
+    reach = np.maximum(_BLURRED * offset, touching)  # so far that turning a direction seldom asks for more
     reach[~nonzero(directions)] = -1.0
     near = find_contacts(tree, surface, points, reach, face_points, numbers)
-    touched = near.only(near.distance <= np.maximum(touching[near.point], surface.rounding[near.face]))
+    touches = near.distance <= np.maximum(touching[near.point], surface.rounding[near.face])
+    touched, blurred = near.only(touches), near.point[~touches & (near.distance <= (reach * clearance)[near.point])]
     if len(touched.point):
         found = directions, clearance, decided
         turn_directions(found, surface, points, touched, face_points, numbers)
@@ -50,6 +53,7 @@ def ray_origins(
         farther = np.where((reach >= 0.0) & (2.0 * offset > reach), 2.0 * offset, -1.0)
         more = find_contacts(tree, surface, points, farther, face_points, numbers)
         near = Contacts(*(np.append(a, b) for a, b in zip(near, more, strict=True)))
+    decided[blurred] = True
     sharp = np.flatnonzero(nonzero(directions) & (clearance < SHARP))
     if len(sharp):
         offset[sharp] = stay_near(offset[sharp], surface.shortest_edges(face_points, numbers[sharp]))

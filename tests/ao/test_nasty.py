@@ -2,8 +2,8 @@
 
 Slivers, faces that coincide, T-junctions, fans, folded sheets, needles: drawn by seed. The caster of
 `tests.helpers.reference` shares nothing with the fast one, nor does it know the rules of docs/reliability.md. Left out
-are vertices that these decide: flagged ones, which touch a face of which they are no corner or have no common
-hemisphere, and those as near to a face as what counts as contact.
+are vertices that these decide: flagged ones, which have a face beside them of which they are no corner or no common
+hemisphere, and vertices that are in contact with a face.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from tests.helpers import reference
 EXPLAINED = ao.Flag.CONTACT | ao.Flag.FOLDED | ao.Flag.OPPOSED | ao.Flag.DEGENERATE
 RAYS, SAMPLES = 1024, 4096
 SIGMAS, ROUNDING = 6.0, 2e-3  # the fast baker's own error is a fraction of the caster's
-CONTACT = 3e-6  # of the size of a mesh: in contact, or as little apart as rounding moves what one sees of the other
+CONTACT = 4e-7  # of the size of a mesh, as docs/reliability.md says
 
 
 def fan(rng):
@@ -147,7 +147,7 @@ def check(seeds):
 
 
 def test_small_nasty_meshes():
-    assert check(range(30)) > 300
+    assert check([*range(30), 52, 97, 115, 239]) > 300  # of the last four some are all but in contact
 
 
 @pytest.mark.slow
