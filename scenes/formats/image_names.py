@@ -7,9 +7,9 @@ from pathlib import Path
 
 ENDINGS = (".png", ".exr", ".tif", ".tiff")
 UDIM = "<UDIM>"
-"""What stands for a tile's number in the name of an output."""
+"""Placeholder of a tile's number in the name of an output."""
 MATERIAL, OBJECT = "<MATERIAL>", "<OBJECT>"
-"""What stands for their names."""
+"""Placeholders of their names."""
 PLACEHOLDERS = UDIM, MATERIAL, OBJECT
 
 

@@ -58,7 +58,7 @@ def udim_tiles(uv: Float64s, source: object) -> list[tuple[int, int]]:
 
 
 def tile_number(tile: tuple[int, int]) -> str:
-    """What stands for `UDIM` in the names of a tile's files."""
+    """The number that replaces `UDIM` in the names of a tile's files."""
     return str(1001 + tile[0] + _ACROSS * tile[1])
 
 

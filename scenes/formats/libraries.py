@@ -29,7 +29,7 @@ _SURFACES = ("triangle", "quad")
 
 
 def library_endings() -> tuple[str, ...]:
-    """Those of files that `read_by_library` takes here; no library is imported."""
+    """Endings of files that `read_by_library` takes here; no library is imported."""
     return tuple(f".{ending}" for ending in _OWN + (_MESHIO if find_spec("meshio") else ()))
 
 

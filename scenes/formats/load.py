@@ -1,4 +1,4 @@
-"""Any mesh file: OBJ, PLY, STL, OFF, glTF and 3MF by own readers, others by libraries; vertices exactly as stored."""
+"""Any mesh file: OBJ, PLY, STL, OFF, glTF and 3MF by own readers, more by libraries; vertices exactly as stored."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ class MeshFile:
     Attributes:
         path: where it was read.
         mesh: all objects, node hierarchies applied and repeated nodes repeated, in world space. The vertices of
-            each object are those of the file, in its order: none merged, split, dropped or added.
+            each object are the file's, in its order: none merged, split, dropped or added.
         parts: the objects, consecutive in `mesh`.
         gltf: the asset as stored, when the file is glTF or GLB.
         detail: what else the file holds that the target can hold too, if one was named.
@@ -65,7 +65,7 @@ class MeshFile:
 
     @property
     def objects(self) -> tuple[str, ...]:
-        """Names of the objects: those of an OBJ file, loaded for a target, or else of the parts."""
+        """Names of the objects: of an OBJ file, loaded for a target, or else of the parts."""
         detail = self.detail
         if detail is None or detail.object_of is None:
             return tuple(part.name for part in self.parts)
@@ -91,7 +91,7 @@ class MeshFile:
             return texture_coordinates(self.gltf, self.parts, self.mesh.faces, number)
         detail = self.detail
         if detail is None and "uv" in format_of(self.path).holds and self.path.is_file():
-            detail = read_objects(self.path, keep=True)[0][0].detail  # `load` was told of no target
+            detail = read_objects(self.path, keep=True)[0][0].detail  # loaded for no target
         uv = detail.corner_uv() if detail and not number else None
         return uv if uv is not None and len(uv) == len(self.mesh.faces) else None
 

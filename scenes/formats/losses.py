@@ -16,7 +16,7 @@ from .table import Channels, format_of, function
 
 
 def lost(target: Path, mesh_file: MeshFile, channels: Channels = Channels()) -> list[str]:
-    """What `write_bake.write` does not keep, or does otherwise than one might think: lines for the user, mostly none.
+    """Losses of `write_bake.write`, and unexpected changes: lines for the user, mostly none.
 
     Args: mesh_file: was loaded for `target`. channels: see `write_bake.channels`.
 
@@ -88,7 +88,7 @@ def of_glb(mesh_file: MeshFile, colors: bool) -> list[str]:
 
 
 def _wedges(mesh_file: MeshFile) -> bool:
-    """Whether the texture coordinates are those of the faces' corners."""
+    """Whether texture coordinates belong to the faces' corners."""
     detail = mesh_file.detail
     return bool(detail and detail.uv and detail.uv.of is not detail.corners)
 

@@ -18,11 +18,11 @@ _TRIANGLES, _TRIANGLE, _HEAD = slice(80, 84), 50, 84  # of a binary STL
 
 
 def standard_input(format_: str | None) -> tuple[Path, bytes]:
-    """What standard input holds, and its name with the ending of `format_`, or of the format that its first bytes tell.
+    """The content of standard input, and a name with the ending of `format_`, or of the format by its first bytes.
 
     Raises:
         OptionError: a terminal.
-        MeshError: nothing came, or something of no format that the first bytes tell.
+        MeshError: nothing came, or the first bytes identify no format.
         MemoryLimitError: it would not fit into memory.
     """
     if sys.stdin.isatty():
@@ -46,7 +46,7 @@ def load_mesh(path: Path) -> MeshFile:
 
 
 def _format_of(content: bytes | bytearray) -> str:
-    """Raises: MeshError: the first bytes tell of no format."""
+    """Raises: MeshError: the first bytes identify no format."""
     if known := told_by(content[:4096]):
         return known.removeprefix(".")
     if len(content) == _HEAD + _TRIANGLE * int.from_bytes(content[_TRIANGLES], "little"):

@@ -29,7 +29,7 @@ _LINE = re.compile(r"^[ \t]*(solid|vertex|endsolid)\b[ \t]*([^\n]*)", re.MULTILI
 def read_stl(given: MeshInput) -> list[Instance]:
     """The triangles; the solids of a text file one by one. The stored face normals are not read.
 
-    A file is binary if its bytes are as many as a binary header announces.
+    A file is binary if it has the size that a binary header announces.
 
     Raises:
         MeshError: the file ends early, or is no STL.

@@ -88,7 +88,7 @@ def _sampled(uv: Float64s, texture: Texture, strength: float) -> Float64s:
 
 
 def read_beside_w(path: Path, count: int) -> dict[str, npt.NDArray[Any]]:
-    """`error`, `flags`, `bent_normals` of `count` vertices, those of them that a `.npz` file holds beside w.
+    """`error`, `flags`, `bent_normals` of `count` vertices, as far as a `.npz` file holds them beside w.
 
     Of other files nothing. Raises: SceneError: the file cannot be read, or has them for another number of vertices.
     """
@@ -120,7 +120,7 @@ def _of_array(path: Path, counts: tuple[int, ...], name: str = "w", columns: tup
 
 @contextmanager
 def _array_errors(path: Path) -> Iterator[None]:
-    """What NumPy and zipfile raise of files that are not theirs, a dozen kinds, as one."""
+    """The dozen kinds of errors of NumPy and zipfile on invalid files, as one kind."""
     try:
         yield
     except SceneError:

@@ -54,7 +54,7 @@ class FileFormat(NamedTuple):
         ending: of files, in lower case. name: of the format.
         read: a `MeshInput` to a list of `Instance`s, of glTF with its asset.
         peak: bytes of memory a byte of file while it is read; what archives and glTF hold is counted later.
-        begins: a pattern of first bytes, by which a pipe's format is told.
+        begins: a pattern of the first bytes, which identifies a pipe's format.
         open_rows: a path to a `StoredMesh`, for tiles.
         write: a bake, a `MeshFile` and `Channels` to bytes.
         lost: a `MeshFile` and whether colours are written to words for what an output lacks.
@@ -93,7 +93,7 @@ _LIBRARIES = FileFormat("", "", "formats.libraries:read_by_library", 22.0)
 
 
 def format_of(path: str | os.PathLike[str]) -> FileFormat:
-    """The row of a file's ending; of others one without an ending, which libraries may read."""
+    """The row of a file's ending; for unknown endings a row without one, which libraries may read."""
     return FORMATS.get(Path(path).suffix.lower(), _LIBRARIES)
 
 
@@ -110,5 +110,5 @@ def function(name: str) -> Callable[..., Any]:
 
 
 def told_by(content: bytes | bytearray) -> str | None:
-    """The ending of the format that first bytes tell, if one does."""
+    """The ending of the format that the first bytes identify, or None."""
     return next((row.ending for row in _ROWS if row.begins and re.match(row.begins, content)), None)

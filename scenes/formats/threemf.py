@@ -50,7 +50,7 @@ class _Object:
 
 
 class _Reader:
-    """What the XML parser calls: collects the objects and build items of one model file."""
+    """The target of the XML parser: collects the objects and build items of one model file."""
 
     def __init__(self, model: str, objects: dict[Key, _Object], keep: bool) -> None:
         self.model, self.objects, self.keep = model, objects, keep
@@ -113,13 +113,13 @@ def _paint(attributes: Mapping[str, str]) -> Paint:
 
 
 def read_3mf(given: MeshInput) -> list[Instance]:
-    """The meshes where the build items place them; those of one object share their arrays.
+    """The meshes where the build items place them, sharing arrays by object.
 
     With `given.keep` base materials and colours of triangles are the instances' paints.
 
     Raises:
         MeshError: an archive that unpacks to very much, or very many copies.
-        Exception: zipfile's, lxml's and others on malformed content.
+        Exception: any, zipfile's and lxml's among them, on malformed content.
     """
     file, source = given.file, given.source
     unpacked = check_archive(file, source)

@@ -65,7 +65,7 @@ class OcclusionTextures:
         self._given.append(_Given(primitive, texture, coordinates))
 
     def apply(self) -> None:
-        """Put the textures into the primitives' materials; those that serve others too are copied for it.
+        """Put the textures into the primitives' materials; materials that other primitives share are copied first.
 
         A primitive without material gets the specification's default one. Materials keep their places.
         """
@@ -176,7 +176,7 @@ def image_name(header: dict[str, Any], reference: dict[str, Any]) -> str:
 
 
 def texture_images(header: dict[str, Any], material: dict[str, Any], coordinates: int) -> set[int]:
-    """Numbers of the images that a material uses by a TEXCOORD set, but for those of earlier bakes."""
+    """Numbers of the images that a material uses by a TEXCOORD set, without images of earlier bakes."""
     used = [each for each in _references(material) if coordinates in sets_of(each)]
     kept = [each for each in used if not image_name(header, each).startswith(OWN)]
     textures = header.get("textures", [])
@@ -184,7 +184,7 @@ def texture_images(header: dict[str, Any], material: dict[str, Any], coordinates
 
 
 def _slots(primitive: dict[str, Any]) -> Iterator[dict[str, Any]]:
-    """What holds a `material` of the primitive: itself, and the mappings of its variants."""
+    """The tables with a `material` of the primitive: itself, and the mappings of its variants."""
     yield primitive
     yield from primitive.get("extensions", {}).get(_VARIANTS, {}).get("mappings", [])
 

@@ -20,7 +20,7 @@ _NO_MATERIAL = "default"
 
 
 class Named(NamedTuple):
-    """What tells a material or object from all others, and its name, which may be another one's too."""
+    """A unique key of a material or object, and its name, which need not be unique."""
 
     key: Hashable
     name: str

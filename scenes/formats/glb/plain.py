@@ -29,7 +29,7 @@ SOURCE_INDEX = "_SOURCE_INDEX"
 
 
 class Group(NamedTuple):
-    """Triangles that become one primitive: those of one object and one material.
+    """Triangles of one object and one material, which become one primitive.
 
     Attributes:
         part: number of the mesh file's part.
@@ -49,7 +49,7 @@ class _Piece:
     """Attributes of a group's vertices.
 
     Attributes:
-        vertices: (k,) which vertices of the mesh these are; those with several normals or texture coordinates repeat.
+        vertices: (k,), rows of the mesh's; vertices with several normals or texture coordinates repeat.
         faces: (t, 3) places in `vertices`.
         normals, uv: (k, 3) and (k, 2), or None.
     """
@@ -70,7 +70,7 @@ def plain(mesh_file: MeshFile, colors: bool, up: str | None = None) -> tuple[Pac
     The only primitive of a part has the part's vertices in their order, then those whose corners differ once more.
     One of several has the vertices that it uses, with their rows in the mesh as `_SOURCE_INDEX`.
 
-    A mesh without normals gets those of `raytrace.mesh.creases`, but for parts that have their vertices alone and would
+    A mesh without normals gets them by `raytrace.mesh.creases`, but for parts that have their vertices alone and would
     have to repeat some for it: a row of theirs is a vertex of the file.
 
     Where another axis than y is up, all stand below a node that turns it to y.
@@ -213,5 +213,5 @@ def fits_float(values: npt.NDArray[Any]) -> bool:
 
 
 def attribute_name(name: str) -> str:
-    """What glTF calls an attribute of one's own."""
+    """The glTF name of an attribute that is not in the specification."""
     return "_" + name.upper()

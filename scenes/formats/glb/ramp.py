@@ -20,7 +20,7 @@ from .buffer import Packed
 from .occlusion import RAMP, OcclusionTextures, add_coordinates, free_set
 
 LEVELS = 256
-SETS_OF_ALL_VIEWERS = 2  # glTF asks for as many (section 3.7.2.1)
+SETS_OF_ALL_VIEWERS = 2  # the least that viewers must support (section 3.7.2.1)
 _ROWS = 4
 
 
@@ -44,7 +44,7 @@ def write_ramp(packed: Packed, drawn: Iterable[tuple[dict[str, Any], AnyFloats]]
 
     Args:
         drawn: the primitives, each with w (n,) of its vertices.
-        replace: also those that have an occlusion texture which is not ours.
+        replace: also primitives that have an occlusion texture which is not ours.
     """
     textures = OcclusionTextures(packed, replace)
     open_to_it = [(primitive, w) for primitive, w in drawn if textures.takes(primitive)]
@@ -59,7 +59,7 @@ def write_ramp(packed: Packed, drawn: Iterable[tuple[dict[str, Any], AnyFloats]]
 
 
 def ramp_warnings(asset: Gltf, replace: bool) -> list[str]:
-    """Where `write_ramp` leaves w out, or some viewers will: lines for the user, mostly none."""
+    """Warnings where `write_ramp` leaves w out, or some viewers will: lines for the user, mostly none."""
     header = asset.header
     textures = OcclusionTextures(Packed(header), replace)
     pieces = {each[1:3]: each.of(header) for each in asset.drawn}.values()

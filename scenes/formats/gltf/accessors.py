@@ -19,7 +19,7 @@ from .records import TRIANGLE_STRIP, Primitive, Sparse
 
 _COMPONENTS = {5120: "<i1", 5121: "<u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
 _COLUMNS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4}
-_ZEROS, _GROWTH = 1 << 22, 16  # values of a sparse accessor without others, and more of them a byte of the file
+_ZEROS, _GROWTH = 1 << 22, 16  # values of a sparse accessor without a base, and more of them a byte of the file
 
 
 def view_bytes(asset: Gltf, number: int) -> memoryview:

@@ -76,7 +76,7 @@ class Gltf:
 
     @property
     def files(self) -> tuple[Path, ...]:
-        """The file itself and those beside it that it names, buffers and images."""
+        """The file itself, and the buffers and images beside it that it names."""
         buffers, images = self.geometry.buffers, self.geometry.images
         names = dict.fromkeys([*(each.uri or "" for each in buffers), *(each.uri for each in images)])
         found = [beside(unquote(name), self.path.parent) for name in names if not name.startswith("data:")]

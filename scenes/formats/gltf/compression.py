@@ -1,4 +1,4 @@
-"""Compressed geometry in glTF: it is not decoded, but where plain data stand beside it those are read and kept.
+"""Compressed geometry in glTF: it is not decoded; plain data beside it are read and kept.
 
 Format: Khronos glTF extensions KHR_draco_mesh_compression (of primitives), EXT_meshopt_compression and
 KHR_meshopt_compression (of buffer views).

@@ -28,7 +28,7 @@ def read_gltf(given: MeshInput) -> tuple[list[Instance], Gltf]:
 
 
 def read_instances(asset: Gltf, alpha: bool = False) -> list[Instance]:
-    """The drawn triangle primitives, in the order of `Gltf.drawn`; those of one mesh share their arrays.
+    """The drawn triangle primitives, in the order of `Gltf.drawn`, sharing arrays by mesh.
 
     Args: alpha: whether faces have that of their materials.
 
@@ -64,7 +64,7 @@ def read_instances(asset: Gltf, alpha: bool = False) -> list[Instance]:
 
 
 def _has_alpha(asset: Gltf) -> bool:
-    """Whether a material has alpha; the others are not looked at."""
+    """Whether a material has alpha; opaque materials are not read."""
     materials = asset.header.get("materials", [])
     tables = [each for each in materials if isinstance(each, dict)] if isinstance(materials, list) else []
     return any(material.get("alphaMode", "OPAQUE") != "OPAQUE" for material in tables)
@@ -84,7 +84,7 @@ def _shape(asset: Gltf, primitive: Primitive) -> Instance:
 
 
 def _stored_w(asset: Gltf, attributes: dict[str, int], count: int) -> npt.NDArray[Any] | None:
-    """What a bake has left, unless an attribute of that name is something else."""
+    """w of an earlier bake, unless the attribute of that name is something else."""
     if "_OBSCURANCE" not in attributes:
         return None
     try:

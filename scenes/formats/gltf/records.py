@@ -97,7 +97,7 @@ class Image(JsonObject):
 
 
 class GltfGeometry(JsonObject):
-    """What a mesh needs of a header."""
+    """The part of a header that a mesh needs."""
 
     version: Annotated[str, At("asset.version")]
     extensionsUsed: list[str] = []
@@ -178,7 +178,7 @@ class GltfMaterial(JsonObject):
 
 
 class GltfMaterials(JsonObject):
-    """What materials need of a header besides."""
+    """The part of a header that materials need."""
 
     textures: list[GltfTexture] = []
     samplers: list[Sampler] = []

@@ -73,7 +73,7 @@ def obj_detail(
 def _paints(
     file: ObjText, folder: Path, names: tuple[str, ...]
 ) -> tuple[tuple[Paint, ...], tuple[Path, ...], list[str]]:
-    """The materials of these names, the files they come from, and what was left out."""
+    """The materials `names`, the files they come from, and notes on what was left out."""
     if not names:
         return (), (), []
     known, files, left = _read_paints(file, folder)
@@ -104,7 +104,7 @@ def _read_paints(file: ObjText, folder: Path) -> tuple[dict[str, Paint], list[Pa
 
 
 def named_files(path: Path) -> list[Path]:
-    """Material libraries of an OBJ file and pictures of these, used or not, as far as they are there."""
+    """Material libraries of an OBJ file and their pictures, used or not, as far as they exist."""
     find = partial(_beside, path.parent)
     lines = _LIBRARY.findall(joined_lines(path.read_bytes()))
     libraries = [library for _, library in _libraries(lines, find) if library]

@@ -24,7 +24,7 @@ _MAPS = "map_Kd", "map_d"
 _PICTURES = (b"\x89PNG", b"\xff\xd8\xff")
 _LARGEST = 1 << 24  # bytes of a library
 _OPTION = r"(?i)-(?:mm\s+\S+\s+\S+|[ost](?:\s+[-+.\de]+(?=\s)){1,3}|[a-z]+\s+\S+)\s+"
-_IDLE = (  # options as they are where none is given, and those of filters and bumps
+_IDLE = (  # options at their defaults, and options of filters and bumps
     r"(?i)-(?:s(\s+1(\.0*)?)+|[ot](\s+0(\.0*)?)+|mm\s+0(\.0*)?\s+1(\.0*)?|(clamp|cc)\s+off"
     r"|(blendu|blendv|bm|boost|texres)\s+\S+)\s+"
 )

@@ -50,12 +50,12 @@ class ObjText:
     """An OBJ file's statements and its geometry.
 
     Attributes:
-        runs: all statements, those of `v` and `f` without their text; continued lines are joined.
+        runs: all statements, `v` and `f` without their text; continued lines are joined.
         source: the file's name for messages.
         vertices: float64 (n, 3). widths: int64 (n,), numbers on the line of each.
         colors: float64 (n, 3), what follows the coordinates where every line has six numbers, or None.
         sizes: int64 (p,), corners of each face.
-        indices: int64 (c,) by keyword, those of the corners' vertices, `vt` and `vn`, from 1 on, or `_NONE`.
+        indices: int64 (c,) by keyword, of the corners' vertices, `vt` and `vn`, from 1 on, or `_NONE`.
         corners: int64 (c,), the vertex of each.
     """
 
@@ -102,7 +102,7 @@ class ObjText:
         return cls(runs, source, vertices, widths, colors, sizes, indices, corners)
 
     def lines(self, keyword: str) -> str:
-        """What follows a keyword, a statement a line, without comments."""
+        """The text after a keyword, a statement a line, without comments."""
         return _lines(self.runs, keyword)
 
     def normals(self) -> PerCorner | None:
@@ -114,7 +114,7 @@ class ObjText:
         return self._of_corners("vt", 2)
 
     def some(self, keyword: str) -> Bools:
-        """Which corners have an index of `vt` or `vn`, (c,)."""
+        """The corners (c,) that have an index of `vt` or `vn`."""
         return np.asarray(self.indices[keyword] != _NONE)
 
     def some_uv(self) -> Float64s:
@@ -169,7 +169,7 @@ def _layout(lines: str) -> tuple[UInt8s, Bools]:
 
 
 def _words(data: UInt8s, starts: Bools) -> Int64s:
-    """How many words each line has."""
+    """The number of words of each line."""
     begins, ones = np.flatnonzero(data == ord("\n")), starts.view(np.uint8)
     words = np.add.reduceat(ones, begins, dtype=np.uint8).astype(np.int64)
     if words.sum() < np.count_nonzero(starts):  # a line has more than 255
@@ -210,7 +210,7 @@ def _indices(faces: str, data: UInt8s, starts: Bools) -> list[Int64s]:
 
 
 def _seen(runs: list[Run]) -> Int64s:
-    """How many of `_INDEXED` stand before each face, (p, 3): relative indices count back from there."""
+    """Numbers (p, 3) of `_INDEXED` statements before each face: relative indices count back from there."""
     seen, rows, counts = dict.fromkeys(_INDEXED, 0), [], []
     for run in runs:
         if run.keyword == "f":
@@ -222,7 +222,7 @@ def _seen(runs: list[Run]) -> Int64s:
 
 
 def _from_zero(indices: Int64s, count: int, source: str, keyword: str) -> Int64s:
-    """Indices from one on as those from zero on."""
+    """Indices from zero on, of indices from one on."""
     outside = (indices < 1) | (indices > count)
     if outside.any():
         raise MeshError(source, "f", f"{keyword} indices from 1 to {count}", int(indices[np.argmax(outside)]))

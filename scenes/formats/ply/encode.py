@@ -45,7 +45,7 @@ def _rows(element: Element, layout: PlyElement) -> bytes:
 
 
 def _packed(element: Element, layout: PlyElement, rows: slice | Int64s) -> npt.NDArray[Any]:
-    """Rows whose lists are as long as those of the first."""
+    """Rows whose lists have the lengths of the first row's."""
     lengths, values = {}, {}
     for column in element.properties:
         values[column.name] = column.values[rows] if column.sizes is None else column.values

@@ -52,7 +52,7 @@ class PlyElement:
 
 class PlyHeader(NamedTuple):
     """Attributes: text: whether the data are numbers in words. order: NumPy's sign of the bytes' order.
-    elements: those that have properties. comments: lines, "comment …" or "obj_info …". start: of the data."""
+    elements: with at least one property. comments: lines, "comment …" or "obj_info …". start: of the data."""
 
     text: bool
     order: str

@@ -103,7 +103,7 @@ def _counted(sizes: AnyInts) -> str:
 
 
 def _storable(normals: Float64s) -> Float64s:
-    """Normals (n, 3) without NaN, those too long for float32 shortened."""
+    """Normals (n, 3) without NaN, shortened where they are too long for float32."""
     finite = np.nan_to_num(normals)
     longest = np.abs(finite).max(axis=1, keepdims=True)
     return finite / np.where(longest > _LONGEST, longest, 1.0)
