@@ -7,8 +7,8 @@ from typing import Any
 
 HEAD = """# More cores
 
-Made by `python -m benchmarks.speed.scaling` on {machine}. [Benchmarks](../benchmarks.md#more-cores) says what it does.
-A join costs {joins}.
+Made by `python -m benchmarks.speed.scaling` on {machine}, load {load:.1f} before the start.
+[Benchmarks](../benchmarks.md#more-cores) says what it does. A join costs {joins}.
 
 ![How many times as fast on 2 to 32 cores, by the model](scaling.png)
 
@@ -44,7 +44,8 @@ def write_page(results: dict[str, Any], folder: Path) -> None:
     """`scaling.md` and `scaling.png` of what the benchmark has found."""
     joins = ", ".join(f"{1e6 * cost:.0f} µs on {c} threads" for c, cost in results["joins"].items() if cost)
     machine = results["machine"]
-    head = HEAD.format(machine=f"{machine['cpu']}, {machine['threads']} threads", joins=joins)
+    on = f"{machine['cpu']}, {machine['threads']} threads"
+    head = HEAD.format(machine=on, load=machine["load"], joins=joins)
     sections = [head, *(table(name, found) for name, found in results["cases"].items())]
     (folder / "scaling.md").write_text("\n".join(sections), encoding="utf-8")
     _plot(results["cases"], folder / "scaling.png")
