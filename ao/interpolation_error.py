@@ -40,6 +40,7 @@ def measure_interpolation(prepared: Prepared, w: Float64s, error: Float64s) -> I
     point = receivers.of_vertex[corners]
     axes = np.where(point[..., None] < 0, np.float32(0), receivers.points.normals[point])
     points, sides = _on_faces(vertices[corners], normals[own], axes, weights)
+    del vertices, normals, areas
     interior = prepared.options.interior if prepared.options.method == "vertex" else "auto"
     seen = ~inside_solids(points, faces[own, 0], placement, receivers, interior, threads)
     if not seen.any():
@@ -53,7 +54,7 @@ def measure_interpolation(prepared: Prepared, w: Float64s, error: Float64s) -> I
     variance = np.einsum("ki,ki->k", part**2, error[corners] ** 2)
     own = own[seen]
     if len(faces) < len(prepared.mesh.faces):  # degenerate ones are not among them
-        own = np.flatnonzero(face_normals(vertices, prepared.mesh.faces)[1] > 0)[own]
+        own = np.flatnonzero(face_normals(placement.vertices.astype(np.float64), prepared.mesh.faces)[1] > 0)[own]
     return Interpolation.of(own, part, estimates, values, variance)
 
 

@@ -1,23 +1,33 @@
 """Estimates of the memory that a bake takes beside its mesh, from counts.
 
-The coefficients are fitted to measured peaks (`python -m benchmarks.memory.baking`): of a smooth mesh and of loose
-triangles of 200,000 and 600,000 vertices they give 0.98 to 1.54 times what was measured. Threads add next to nothing.
+The coefficients are fitted to peaks of the whole command, of .1 to 5 million triangles (docs/reliability.md, Memory):
+spheres, loose triangles, an STL's unshared vertices. Threads and rays add next to nothing.
 """
 
 from __future__ import annotations
 
-_BASE = 40 << 20  # kernels, Embree, threads
+_BASE = 32 << 20  # kernels, Embree, threads
 _TABLE, _DIRECTION = 1 << 18, 100  # directions in a table, and bytes for each while it is made
-_VERTEX, _FACE = 560, 120
+_VERTEX, _POINT, _FACE = 84, 340, 132
+_TRACED = 240  # of `_POINT`, what is taken once points are known
 _CORNER = 450
-_SURFACE_VERTEX, _SURFACE_FACE = 72, 660
-_TEXEL = 760
+_SURFACE, _SURFACE_VERTEX, _SURFACE_FACE = 64 << 20, 72, 750  # the first is what waits for the journal, and SciPy
+_LAYOUT, _TEXTURED_FACE, _TEXEL = 730, 390, 560  # a face on the page while seams are sought; while texels are traced
 
 
-def vertex_bytes(vertices: int, faces: int, samples: int) -> int:
-    """Bytes that the vertex method takes at its peak, to a tolerance of at most so many samples too."""
+def vertex_bytes(vertices: int, faces: int, samples: int, points: int | None = None) -> int:
+    """Bytes that the vertex method takes at its peak, to a tolerance of at most so many samples too.
+
+    Args: points: how many the vertices are once they are welded; None: as of a closed surface.
+    """
     directions = samples * min(max(_TABLE // samples, 8), 256)
-    return _BASE + _DIRECTION * directions + _VERTEX * vertices + _FACE * faces
+    points = min(vertices, faces // 2) if points is None else points
+    return _BASE + _DIRECTION * directions + _VERTEX * vertices + _POINT * points + _FACE * faces
+
+
+def point_bytes(points: int) -> int:
+    """Bytes that the vertex method takes at its peak beside what it holds when the vertices are welded."""
+    return _TRACED * points
 
 
 def corner_bytes(corners: int) -> int:
@@ -25,9 +35,9 @@ def corner_bytes(corners: int) -> int:
 
 
 def surface_bytes(vertices: int, faces: int) -> int:
-    return _BASE + _SURFACE_VERTEX * vertices + _SURFACE_FACE * faces
+    return _BASE + _SURFACE + _SURFACE_VERTEX * vertices + _SURFACE_FACE * faces
 
 
 def texture_bytes(texels: int, vertices: int, faces: int, samples: int) -> int:
     """Bytes that a texture takes at its peak, if all of its texels are covered."""
-    return vertex_bytes(vertices, 3 * faces, samples) + _TEXEL * texels
+    return vertex_bytes(vertices, 0, samples) + max(_LAYOUT * faces, _TEXTURED_FACE * faces + _TEXEL * texels)

@@ -4,8 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
+from raytrace.system.memory import NEGLIGIBLE, check_memory
+
 from .estimate.estimate import edges_of, estimate_outside
 from .estimate.inside import inside_solids
+from .memory import point_bytes
 from .points.receivers import Flag
 from .prepared import Prepared
 from .result import PointValues
@@ -15,6 +18,9 @@ def sample_vertices(prepared: Prepared) -> PointValues:
     """Estimate w at every point that is wanted; vertices inside solids are flagged in place."""
     options, receivers = prepared.options, prepared.wanted
     points, point, total = receivers.points, receivers.of_vertex, len(prepared.receivers.points)
+    needed = point_bytes(len(points))
+    if needed > NEGLIGIBLE:
+        check_memory(prepared.mesh.source, needed, f"to trace rays at {len(points):,} points")
     tracer = prepared.tracer(total)
     inside = inside_solids(
         points, receivers.first_vertex, prepared.placement, receivers, options.interior, tracer.threads, total

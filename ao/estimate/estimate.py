@@ -73,6 +73,7 @@ def estimate(
         tracer.later = 0
         at_corners = traced_twice(tracer, corners.points, samples, key) if len(corners) else None
         tracer.checkpoint.all_traced()
+        tracer.scene.embree.cache_clear()  # type: ignore[attr-defined]  # who needs it afterwards builds it anew
         values = estimated(traced, ordinary, neighbours_of(rows) if denoise else None)
         if at_corners is None:
             return values

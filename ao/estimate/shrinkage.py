@@ -19,7 +19,7 @@ from raytrace.kernel.arrays import aligned, product
 from raytrace.kernel.jit import kernel
 from raytrace.kernel.simd import WIDE
 from raytrace.kernel.vector import add, cross, dot, load, scale
-from raytrace.types import Float64s
+from raytrace.types import Float32s, Float64s
 
 from ..points.points import Points
 from ..rays.directions import BATCHES
@@ -60,10 +60,24 @@ def _prediction(
     neighbours: Neighbours, points: Points, rows: Float64s, variance: Float64s
 ) -> tuple[Float64s, Float64s]:
     """Predictions from the neighbours, (k,), NaN without any; and the part that each estimate has in its own, (k,)."""
-    estimate, normals = rows[:, W], points.normals.astype(np.float64)
-    closed = 2 / 3 * normals - rows[:, BENT:]  # mean of (1 − μ)·direction
-    ring = neighbours.predict(estimate)
+    estimate, ring = rows[:, W], neighbours.predict(rows[:, W])
     isolated = np.isnan(ring)
+    unlike = _differences(neighbours, points, rows, ring)
+    residual = np.where(isolated, 0.0, estimate - ring)
+    rough = np.nan_to_num(neighbours.predict(neighbours.smooth(residual**2 - variance, 2)))
+    weight = 1 / np.maximum(variance + np.maximum(rough, 0.0), 1e-12)
+    everywhere = product(unlike, _ridge_regression(unlike, residual, weight))
+    around, part = _local_fit(neighbours, unlike, residual - everywhere, weight)
+    return ring + everywhere + around, part
+
+
+def _differences(neighbours: Neighbours, points: Points, rows: Float64s, ring: Float64s) -> Float64s:
+    """How each point differs from its neighbours, (k, 3): in what is around these, in its leaning and in its rise.
+
+    Args: ring: (k,), the neighbours' mean w.
+    """
+    estimate, isolated, normals = rows[:, W], np.isnan(ring), points.normals.astype(np.float64)
+    closed = 2 / 3 * normals - rows[:, BENT:]  # mean of (1 − μ)·direction
     predicted = np.where(isolated, estimate, ring)
     wide = neighbours.smooth(predicted, 1)
     own = neighbours.leverage()
@@ -75,12 +89,7 @@ def _prediction(
     beside = (wide - own * estimate) / (1 - own) - predicted
     unlike = np.column_stack([beside, *(about - neighbours.predict(about) for about in (leaning, rise))])
     unlike[isolated] = 0.0
-    residual = np.where(isolated, 0.0, estimate - ring)
-    rough = np.nan_to_num(neighbours.predict(neighbours.smooth(residual**2 - variance, 2)))
-    weight = 1 / np.maximum(variance + np.maximum(rough, 0.0), 1e-12)
-    everywhere = product(unlike, _ridge_regression(unlike, residual, weight))
-    around, part = _local_fit(neighbours, unlike, residual - everywhere, weight)
-    return ring + everywhere + around, part
+    return unlike
 
 
 def _ridge_regression(columns: Float64s, target: Float64s, weight: Float64s) -> Float64s:
@@ -103,9 +112,14 @@ def _local_fit(
     """
     size = np.sqrt(np.einsum("ki,ki,k->i", columns, columns, weight) / max(len(target), 1))
     scaled = columns / np.where(size > 0, size, 1.0)
-    moments, fit, part = aligned((len(target), WIDE), np.float32), np.empty(len(target)), np.empty(len(target))
-    neighbours.each(lambda first, last: _normal_equations(first, last, scaled, target, weight, moments))
-    around = neighbours.smooth(moments, _FIT_REACH)
+    fit, part = np.empty(len(target)), np.empty(len(target))
+
+    def moments() -> Float32s:
+        out = aligned((len(target), WIDE), np.float32)
+        neighbours.each(lambda first, last: _normal_equations(first, last, scaled, target, weight, out))
+        return out
+
+    around = neighbours.smooth(moments(), _FIT_REACH)  # which lets go of them after a round
     neighbours.each(lambda first, last: _local_fits(first, last, scaled, around, fit, part))
     return fit, np.minimum(part * weight * neighbours.smoothed_self_weight(), 0.5)
 

@@ -27,7 +27,7 @@ from .work import Advance, FillSpans, Span, Tables, Work, fill_spans
 
 AFTER = 60.0  # seconds of work until a journal is begun
 EVERY = 5.0  # seconds between writes
-_MOST_WAITING = 1 << 26  # bytes that are written at once, due or not
+_MOST_WAITING = 1 << 25  # bytes that are written at once, due or not
 
 
 class Checkpoint:
@@ -173,7 +173,7 @@ class Checkpoint:
             if self._journal is None:
                 self._journal = Journal(self.path, create=True)
                 self._journal.start(self._identity)
-            self._journal.append(b"".join(self._pending))
+            self._journal.append(*self._pending)
             self._pending.clear()
         except OSError as reason:
             self._give_up(_refused(self.path, reason))

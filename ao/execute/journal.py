@@ -95,19 +95,20 @@ class Journal:
         self._file.seek(begin)
         return self._file.read(size)
 
-    def append(self, content: bytes) -> None:
-        """Write `content` behind the last whole record; it is on the disk when this returns.
+    def append(self, *records: bytes) -> None:
+        """Write `records` behind the last whole one; they are on the disk when this returns.
 
         Raises: OSError: there is no space, or the file or its folder has gone.
         """
         self._file.seek(self._end)
         self._file.truncate()
-        rest = memoryview(content)
-        while rest:  # a nearly full disk takes a part and refuses the next
-            rest = rest[self._file.write(rest) :]
+        for content in records:
+            rest = memoryview(content)
+            while rest:  # a nearly full disk takes a part and refuses the next
+                rest = rest[self._file.write(rest) :]
         os.fsync(self._file.fileno())
         self.path.stat()  # what has no name any more is kept for nobody
-        self._end += len(content)
+        self._end += sum(map(len, records))
 
     def close(self) -> None:
         self._file.close()

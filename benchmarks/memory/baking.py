@@ -46,11 +46,11 @@ def scene_of(mesh: Mesh) -> Scene:
 
 Way = tuple[Callable[[Mesh], object], Callable[[int, int, Mesh], int]]
 WAYS: dict[str, Way] = {
-    "--samples 256": (lambda mesh: ao.bake(mesh, samples=SAMPLES), lambda n, m, _: vertex_bytes(n, m, SAMPLES)),
-    "--tolerance .05": (lambda mesh: ao.bake(mesh, tolerance=0.05), lambda n, m, _: vertex_bytes(n, m, 1 << 14)),
+    "--samples 256": (lambda mesh: ao.bake(mesh, samples=SAMPLES), lambda n, m, _: vertex_bytes(n, m, SAMPLES, n)),
+    "--tolerance .05": (lambda mesh: ao.bake(mesh, tolerance=0.05), lambda n, m, _: vertex_bytes(n, m, 1 << 14, n)),
     "--interior fill": (
         lambda mesh: ao.bake(mesh, samples=SAMPLES, interior="fill"),
-        lambda n, m, _: vertex_bytes(n, m, SAMPLES),
+        lambda n, m, _: vertex_bytes(n, m, SAMPLES, n),
     ),
     "--method surface": (
         lambda mesh: ao.bake(mesh, samples=SAMPLES, method="surface"),

@@ -2,8 +2,8 @@
 
 Bumpy spheres of so many million triangles, by default 1 and 2, are baked by the command in a process of its own. Said
 is what `bake --dry-run` says, taken the largest resident memory (VmHWM: Linux only). Then each limit, address space
-(`ulimit -v`), private memory (`ulimit -d`) and, if its folder is given, a control group, leaves a tenth less than the
-bake needs, or a tenth more: the first must be refused with exit status 2, the second must bake.
+(`ulimit -v`), private memory (`ulimit -d`) and, if its folder is given, a control group, leaves .9, 1, 1.1 and 1.3
+times what the bake needs: it is refused with exit status 2, or bakes; the first is refused, the last bakes.
 """
 
 from __future__ import annotations
@@ -77,7 +77,7 @@ def measure(mesh: Path, way: str, group: Path | None) -> dict[str, object]:
     row: dict[str, object] = {"mesh": mesh.stem, "way": way, "said": whole, "taken": taken}
     for name, limit in limits(group).items():
         _, needed, free = said(limit(LARGE))
-        for share in (0.9, 1.1):
+        for share in (0.9, 1.0, 1.1, 1.3):
             size = LARGE - free + int(share * needed)
             row[f"{name} {share}"] = outcome(confined([*command, "--quiet"], limit(size)))
     return row

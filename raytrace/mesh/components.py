@@ -16,9 +16,10 @@ def connected_components(links: AnyInts, count: int) -> Int64s:
 
     Args: links: (m, any), the members that each row connects.
     """
-    component = np.empty(count, np.int64)
-    _label(links, component)
-    return component
+    parent = np.arange(count)
+    join(links, parent)
+    number(parent)
+    return parent
 
 
 @inline
@@ -30,18 +31,23 @@ def _root(parent, i):
 
 
 @kernel
-def _label(links, component):
-    parent = np.arange(len(component))
+def join(links, parent):
+    """Connect the members in each row of `links` (m, any) in the forest `parent` (count,), int64; roots are least."""
     for row in range(len(links)):
         a = _root(parent, links[row, 0])
         for k in range(1, links.shape[1]):
             b = _root(parent, links[row, k])
             a, b = min(a, b), max(a, b)
             parent[b] = a
+
+
+@kernel
+def number(parent):
+    """Write the number of each member's component in place of its parent."""
     count = 0
-    for i in range(len(component)):  # parents come before their children
+    for i in range(len(parent)):  # parents come before their children
         if parent[i] == i:
-            component[i] = count
+            parent[i] = count
             count += 1
         else:
-            component[i] = component[parent[i]]
+            parent[i] = parent[parent[i]]

@@ -89,7 +89,7 @@ class Mesh:
             array = np.array(values)
             if dtype is np.int64 and array.size and not np.issubdtype(array.dtype, np.integer):
                 raise MeshError(self.source, name, "integers", array.dtype)
-            array = array.astype(dtype)
+            array = array.astype(dtype, copy=False)
         except (TypeError, ValueError) as reason:
             if isinstance(reason, MeshError):
                 raise

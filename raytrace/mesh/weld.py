@@ -9,7 +9,7 @@ import numpy as np
 
 from ..kernel.jit import kernel
 from ..types import AnyInts, Float32s, Float64s, Int64s
-from .components import connected_components
+from .components import connected_components, join, number
 from .placement import contact_radius
 
 CREASE = float(np.cos(np.radians(30.0)))  # coincident vertices whose faces differ by more stay apart: a hard edge
@@ -26,11 +26,12 @@ def weld(positions: Float32s, faces: Int64s, normals: Float64s, agreement: float
         agreement: the least cosine.
     """
     order, place = coincident(positions, faces)
-    links = []
+    group = np.arange(len(positions))
     for a, b in _pairs(place):
         agree = np.einsum("ij,ij->i", normals[order[a]], normals[order[b]]) >= agreement
-        links.append(np.stack([order[a[agree]], order[b[agree]]], axis=1))
-    return connected_components(np.concatenate(links), len(positions)) if links else np.arange(len(positions))
+        join(np.stack([order[a[agree]], order[b[agree]]], axis=1), group)
+    number(group)
+    return group
 
 
 def coincident(positions: Float32s, faces: Int64s) -> tuple[Int64s, Int64s]:

@@ -15,7 +15,7 @@ from ..errors import MemoryLimitError
 NEGLIGIBLE = 1 << 20  # bytes; finding out whether so few are available takes longer than work that needs them
 _NO_LIMIT = 1 << 60  # kernels write about 2^63 for none
 _ADDRESSES, _RESIDENT, _DATA = 0, 1, 5  # columns of /proc/self/statm
-_UNTOUCHED = 256 << 20  # address space that stacks, arenas and pools of threads reserve and never touch
+_UNTOUCHED = 640 << 20, 192 << 20  # addresses, private memory: reserved by libraries, stacks, arenas
 
 
 def available(root: Path = Path("/")) -> int | None:
@@ -105,10 +105,12 @@ def _own_limits(proc: Path) -> Iterator[int]:
         return
     import resource
 
-    for kind, column in ((resource.RLIMIT_AS, _ADDRESSES), (resource.RLIMIT_DATA, _DATA)):
+    resident = _pages(proc, _RESIDENT) or 0
+    kinds = (resource.RLIMIT_AS, _ADDRESSES), (resource.RLIMIT_DATA, _DATA)
+    for (kind, column), untouched in zip(kinds, _UNTOUCHED, strict=True):
         limit = resource.getrlimit(kind)[0]
         if limit != resource.RLIM_INFINITY:
-            yield limit - (_pages(proc, column) or 0) - _UNTOUCHED
+            yield limit - resident - max((_pages(proc, column) or 0) - resident, untouched)
 
 
 def _pages(proc: Path, column: int) -> int | None:

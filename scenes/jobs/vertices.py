@@ -42,7 +42,8 @@ class BakeCommand(MeshBake):
         counts = len(mesh.vertices), len(mesh.faces)
         options, points = self.arguments(), find_receivers(source.mesh, Placement.of(source.mesh), self.normals).points
         checked = Options(**options)
-        needed = vertex_bytes(*counts, checked.rays) if self.method == "vertex" else surface_bytes(*counts)
+        by_vertices = vertex_bytes(*counts, checked.rays, len(points))
+        needed = by_vertices if self.method == "vertex" else surface_bytes(*counts)
         options["samples"] = checked.rays_in_all(len(points)) // max(len(points), 1)
 
         def trial(count: int) -> int:

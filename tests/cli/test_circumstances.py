@@ -53,7 +53,7 @@ def test_threads_that_the_system_refuses_are_done_without(bake, expected):
     """Address space for the stacks of some of 64 threads."""
     code = SMALL_BLOCKS + "import resource; from raytrace.system.memory import _UNTOUCHED; from pathlib import Path;"
     code += "used = int(Path('/proc/self/statm').read_text().split()[0]) * resource.getpagesize();"
-    code += "most = used + _UNTOUCHED + (280 << 20);"
+    code += "most = used + _UNTOUCHED[0] + (140 << 20);"
     code += "resource.setrlimit(resource.RLIMIT_AS, (most, most)); import cli; cli.main()"
     assert bake("--threads", "64", code=code) == (expected, "")
 
