@@ -150,12 +150,7 @@ class ConflictError(OptionError):
 
     def __init__(self, first: Term, relation: Relation, second: Term, source: object = "options") -> None:
         self.first, self.relation, self.second = first, relation, second
-        expected, got = {
-            "needs": (f"{_in_words(second)} with it", "none" if isinstance(second, str) else "another"),
-            "excludes": (f"either {_in_words(first)} or {_in_words(second)}", "both"),
-            "does not go with": (f"no {_in_words(second)} with it", "both"),
-        }[relation]
-        super().__init__(first if isinstance(first, str) else first[0], expected, got, source)
+        super().__init__(first if isinstance(first, str) else first[0], "options that go together", "others", source)
         self.args = (printable(f"{self.source}: {self.in_words(_in_python)}", LINE),)
 
     def in_words(self, shown: Callable[[Term], str]) -> str:
@@ -163,10 +158,6 @@ class ConflictError(OptionError):
         first, second = shown(self.first), shown(self.second)
         excludes = self.relation == "excludes"
         return f"{first} and {second} exclude each other" if excludes else f"{first} {self.relation} {second}"
-
-
-def _in_words(term: Term) -> str:
-    return term if isinstance(term, str) else f"{term[0]} {term[1]}"
 
 
 def _in_python(term: Term) -> str:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 
-from raytrace.errors import InputError, OptionError, SceneError, nearest_name, shortened
+from raytrace.errors import LINE, ConflictError, InputError, OptionError, SceneError, nearest_name, printable, shortened
 
 _LONGEST = 100
 
@@ -38,6 +38,11 @@ def located(source: object, path: str) -> Iterator[None]:
         yield
     except SceneError:
         raise
+    except ConflictError as fault:
+        error = SceneError(source, joined(path, fault.field), fault.expected, fault.got)
+        sentence = fault.in_words(lambda term: term if isinstance(term, str) else f"{term[0]} = {shown(term[1])}")
+        error.args = (printable(f"{source}: {joined(path, sentence)}", LINE),)
+        raise error from None
     except OptionError as fault:
         got = _one_line(fault.got)
         raise SceneError(source, joined(path, fault.field), fault.expected, got, fault.nearest) from None

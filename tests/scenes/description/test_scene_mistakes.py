@@ -165,12 +165,8 @@ MISTAKES = {
     ),
     "obscurance.max_distance: expected a finite length": '[obscurance]\nfalloff = "linear"\n' + PLAIN,
     "obscurance.falloff: expected a path in the scene's folder": '[obscurance]\nfalloff = "table:../t.csv"\n' + PLAIN,
-    "obscurance.tau: expected falloff exponential with it, got another": (
-        '[obscurance]\nfalloff = "binary"\ntau = 1\n' + PLAIN
-    ),
-    "obscurance.tau: expected either tau or half_distance, got both": (
-        "[obscurance]\nhalf_distance = 1\ntau = 1\n" + PLAIN
-    ),
+    'obscurance.tau needs falloff = "exponential"': ('[obscurance]\nfalloff = "binary"\ntau = 1\n' + PLAIN),
+    "obscurance.tau and half_distance exclude each other": ("[obscurance]\nhalf_distance = 1\ntau = 1\n" + PLAIN),
     "obscurance.tau: expected a finite rate above 0, got 0.0": "[obscurance]\ntau = 0\n" + PLAIN,
     "obscurance.max_distance: expected a length above 0": '[obscurance]\nmax_distance = "-3%"\n' + PLAIN,
     "obscurance.half_distance: expected a length": "[obscurance]\nhalf_distance = true\n" + PLAIN,
