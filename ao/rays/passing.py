@@ -16,7 +16,7 @@ from raytrace.mesh.opacity_lookup import alpha
 from ..mu import faded, fades
 
 LEAST = 2.0**-12  # of a ray: what is left of it where it ends
-_FARTHER = np.float32(1.0 + 2.0**-23)
+_FARTHER, _LEAST_T = np.float32(1.0 + 2.0**-23), np.float32(2.0**-126)  # so that a hit at 0 is left behind, too
 _LEFT, _LOST, _BACKS, _LAST = range(4)  # rows: what goes on, 1 − μ, the part that ended on backs, the last face
 
 
@@ -89,7 +89,8 @@ def _trace_through(packet, falloff, t_max, passed):
                 continue
             if ids[packets.GEOM_ID, lane] != packets.INVALID:
                 _meet(opacity, falloff, rays, lane, passed)
-                rays[packets.TNEAR, lane], rays[packets.TFAR, lane] = rays[packets.TFAR, lane] * _FARTHER, t_max
+                rays[packets.TNEAR, lane] = max(rays[packets.TFAR, lane] * _FARTHER, _LEAST_T)
+                rays[packets.TFAR, lane] = t_max
             if ids[packets.GEOM_ID, lane] == packets.INVALID or passed[_LEFT, lane] <= LEAST:
                 valid[lane] = 0
                 going &= ~(1 << lane)

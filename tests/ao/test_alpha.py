@@ -137,6 +137,17 @@ def test_the_other_ways_of_a_bake(tmp_path):
     assert abs(surface - expected).mean() < 0.03 < abs(whole - expected).mean()
 
 
+def test_hits_at_the_origin_of_a_ray_are_left_behind():
+    """Half transparent triangles that meet at an edge occlude each other half as much as opaque ones."""
+    vertices, faces = [[1, 2, 3], [2, 2, 3], [1, 3, 3], [1, 2, 4]], [[0, 1, 2], [0, 2, 3]]
+    opacity = Opacity(np.zeros(2, int), (AlphaSurface(0.5),))
+    opaque, half = (
+        ao.bake(Mesh(vertices, faces, opacity=each), ao.Binary(), method="surface").w for each in (None, opacity)
+    )
+    assert opaque.min() < 0.9
+    assert np.abs((1 - half) - (1 - opaque) / 2).max() < 0.003
+
+
 def test_a_fine_mesh_is_sought_behind_its_holes(tmp_path):
     leaf = AlphaSurface(texture=leaf_texture(tmp_path), cutoff=0.5)
     mesh = over_floor((0.05, 0.5, leaf), (0.3, 0.9, None))
