@@ -36,7 +36,7 @@ def test_a_bake_is_described_and_nothing_is_written(folder):
     assert {path: path.read_bytes() for path in folder.iterdir()} == before
     assert rows["would bake"] == "400 vertices"
     assert rows["rays"] == "about 25,600, 64 each"
-    assert re.match(r"about \d+ MiB", rows["memory"])
+    assert re.match(r"about [\d.]+ [MG]iB in all, \d+ MiB of it beside the mesh", rows["memory"])
     assert re.match(r"about [\d.e-]+ s on \d+ threads", rows["time"])
     assert rows["would write"] == "w.npy in place of the one there; r.json"
 

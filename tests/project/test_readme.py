@@ -70,7 +70,7 @@ def test_every_command_of_the_readme_exists():
 
 def test_the_layout_names_every_folder_and_only_files_that_exist():
     page = (ROOT / "docs" / "architecture.md").read_text()
-    table = page[page.index("## Layout") : page.index("## The way of a vertex")]
+    table = page[page.index("## Layout") : page.index("## Bake pipeline")]
     package, named = None, set()
     for row in re.findall(r"^\| (`.*) \| (.*) \|$", table, re.MULTILINE):
         folders = re.findall(r"`([\w.]+)/?`", row[0])

@@ -18,7 +18,7 @@ pytestmark = pytest.mark.skipif(os.name == "nt", reason="POSIX signals")
 AT_ONCE = """
 import warnings
 from ao.execute.checkpoint import Checkpoint
-Checkpoint.__init__.__defaults__ = (False, warnings.warn, 0.0, 0.0)
+Checkpoint.__init__.__defaults__ = (False, warnings.warn, 0.0, 0.0, *Checkpoint.__init__.__defaults__[4:])
 import cli
 cli.main()
 """
