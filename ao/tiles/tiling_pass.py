@@ -53,8 +53,8 @@ class Tiling:
         first, last = (space.place(corner[None])[0].clip(-1, 1) for corner in (low, high))
         cells, extent = np.array(grid), np.maximum(last - first, np.float32(1e-30))
         for run in runs(count):
-            cell = np.minimum((placed[run].clip(-1, 1) - first) / extent * cells, cells - 1).astype(np.int32)
-            tile[run] = np.where(used[run], np.ravel_multi_index(tuple(np.maximum(cell, 0).T), grid), -1)
+            cell = ((placed[run].clip(-1, 1) - first) / extent * cells).clip(0, cells - 1).astype(np.int32)
+            tile[run] = np.where(used[run], np.ravel_multi_index(tuple(cell.T), grid), -1)
         return cls(source, space, _radius(source, used, low + (high - low) / 2), placed, tile, int(cells.prod()))
 
 

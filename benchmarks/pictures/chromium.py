@@ -83,7 +83,7 @@ class Browser:
         self.call("Emulation.setEmulatedMedia", features=preference)
         self.call("Page.navigate", url="about:blank")
         self.call("Page.navigate", url=address)
-        self.wait("document.readyState === 'complete'")
+        self.wait("location.href !== 'about:blank' && document.readyState === 'complete'")
 
     def run(self, expression):
         """The value of a JavaScript expression."""

@@ -74,6 +74,11 @@ def test_closed_places_are_traced_as_by_the_whole_bake(tmp_path):
     np.testing.assert_array_equal(bake_tiled(Arrays(*part), tmp_path, (2, 2, 2), falloff, 32).w, whole.w)
 
 
+def test_a_flat_mesh_with_an_unused_vertex_below_it(tmp_path):
+    part = [[0, 0, 0], [1, 0, 0], [0, 1, 0], [0.5, 0.5, -1]], [[0, 1, 2]]
+    assert bake_tiled(Arrays(*part), tmp_path, (2, 2, 2), FALLOFFS["binary"], 32).w.min() == 1
+
+
 def test_a_halo_too_narrow_is_noticed(tmp_path, monkeypatch):
     """The test of the tests above: without what is in reach, w is another."""
     extract = ao.tiles.halo.extract_tile
