@@ -56,7 +56,7 @@ class Journal:
             raise
 
     def _read(self) -> None:
-        """Learn what is in the file, up to the first record that is torn."""
+        """Learn what is in the file, up to the first incomplete record."""
         head = self._file.read(len(MAGIC) + IDENTITY)
         self.identity = head[len(MAGIC) :] if head.startswith(MAGIC) and len(head) == len(MAGIC) + IDENTITY else None
         if self.identity is None and not self._is_torn(head):

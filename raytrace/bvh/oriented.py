@@ -1,4 +1,4 @@
-"""Oriented bounding boxes, where slivers, pages or needles lie so close that most of their aligned boxes overlap.
+"""Oriented bounding boxes, where slivers or pages lie so close that most of their aligned boxes overlap.
 
 Their axes are the principal ones of the corners inside (Gottschalk, Lin & Manocha 1996, OBBTree). They decide what is
 tested, and never what is hit.

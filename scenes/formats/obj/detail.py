@@ -19,7 +19,7 @@ from .mtl import OPAQUE, OPTION, named_pictures, read_mtl
 from .text import ObjText, joined_lines
 
 PAINT_WORDS = ("texture of", "material library", OPAQUE, OPTION)  # how what is missing of materials begins
-_NAMES, _NAME = 3, 60  # of libraries that are not there: how many are told, and how long
+_NAMES, _NAME = 3, 60  # missing libraries that a message lists, and letters of each
 MAX_OBJECTS = 4096  # each takes a kilobyte or two of a .glb
 _LIBRARY = re.compile(r"^[ \t]*mtllib(?!\S)([^#\n]*)", re.MULTILINE)
 _OTHER = "l", "p", "curv", "curv2", "surf"
