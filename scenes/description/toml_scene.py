@@ -27,6 +27,7 @@ from .description import SceneDescription, Source
 from .schema import CameraTable, Document, ObscuranceTable, parse_document
 from .toml_objects import ObjectReader, named_materials
 
+_LARGEST = 16 << 20  # bytes; tomllib takes a second for each
 _PARTS = 100  # tomllib takes memory by the square of their number
 _LONG_KEY = re.compile(
     r"""(?<![\w-])(?:(?:[\w-]++|"(?:[^"\\\n]|\\.)*+"|'[^'\n]*+')[ \t]*+\.[ \t]*+){""" + f"{_PARTS - 1}}}"
@@ -68,6 +69,8 @@ def read_toml(path: Path, size: tuple[int, int] | None = None) -> SceneDescripti
 def _load(path: Path) -> dict[str, Any]:
     try:
         check_regular(path, "a scene file", SceneError)
+        if (size := path.stat().st_size) > _LARGEST:
+            raise SceneError(path, "content", f"at most {_LARGEST:,} bytes of TOML", f"{size:,}")
         content = path.read_bytes()
     except OSError as reason:
         raise SceneError(path, "file", "a readable file", reason.strerror or reason) from None

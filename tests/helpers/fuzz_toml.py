@@ -6,7 +6,7 @@ from functools import cache
 import fuzz_seeds
 from fuzz_gltf import rows_of
 from fuzz_meshes import wrong_lines
-from fuzz_mutations import NUMBERS, OTHERS, PATHS, mutated, toml_text
+from fuzz_mutations import LONGEST, NUMBERS, OTHERS, PATHS, mutated, toml_text
 
 
 @cache
@@ -68,7 +68,7 @@ def spoiled(rng):
     for _ in range(rng.choice((1, 1, 2, 3, 5))):
         rng.choice((_key, _key, _key, _solid, _solid, _copies, _light, _material, _other))(tree, rng)
     text = toml_text(tree)
-    if rng.random() < 0.1:
+    if rng.random() < 0.1 and len(text) < LONGEST:
         text = "\n".join(
             wrong_lines(text.split("\n"), rng, ("[camera]", "[[objects]]", "objects = []", "a.b.c = 1", "["))
         )

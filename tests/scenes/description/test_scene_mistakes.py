@@ -212,6 +212,11 @@ def test_an_empty_file(tmp_path, content):
         scene(tmp_path, content)
 
 
+def test_a_file_too_large_to_parse(tmp_path):
+    with pytest.raises(SceneError, match="content: expected at most 16,777,216 bytes of TOML, got 16,777,217"):
+        scene(tmp_path, b"#" * (2**24 + 1))
+
+
 @pytest.mark.parametrize("ending", ["toml", "glb", "gltf", "ply"])
 def test_missing_files_and_folders(tmp_path, ending):
     with pytest.raises(InputError, match=f"none.{ending}: file: expected an existing file, got none"):
