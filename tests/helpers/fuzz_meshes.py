@@ -36,7 +36,9 @@ def spoiled(rng):
             case 0:
                 rng.choice(corners)[rng.randrange(3)] = rng.choice((math.nan, math.inf, 1e308, 1e30, 1e-320, 1e6, 0))
             case 1:
-                rng.choice(polygons)[0] = rng.choice((-1, len(corners), len(corners) - 1, 0, 2**31, 2**32, 10**30))
+                rng.choice([each for each in polygons if each])[0] = rng.choice(
+                    (-1, len(corners), len(corners) - 1, 0, 2**31, 2**32, 10**30)
+                )
             case 2:
                 polygons.append([rng.randrange(len(corners)) for _ in range(rng.choice((0, 1, 2, 3, 4, 9, 255, 300)))])
             case 3:
