@@ -8,6 +8,7 @@ from .falloff import Linear as Linear
 from .falloff import Smooth as Smooth
 from .falloff import Tabulated as Tabulated
 from .points.receivers import Flag as Flag
+from .profile import Profile as Profile
 from .result import Bake as Bake
 from .texture.baking import bake_texture as bake_texture
 from .texture.result import BakedTexture as BakedTexture

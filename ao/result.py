@@ -16,6 +16,7 @@ from .estimate.tolerance import Estimate
 from .mu import Mu
 from .points.receivers import Flag
 from .prepared import Prepared
+from .profile import Profile
 
 _VISIBLE = 0.02
 _TIMES_RMSE = 3.0
@@ -79,6 +80,7 @@ class Bake:
         shortfalls: what the result lacks of what was asked for, in words: a tolerance that is not met.
         calibration: of the squared errors, at vertices that were baked twice; None by the surface method.
         interpolation: the error between the vertices; None with `only` and with `high`, where it is not measured.
+        profile: w at half-distances an octave apart, (n, k); None where it was not asked for.
     """
 
     w: Float64s
@@ -94,6 +96,7 @@ class Bake:
     shortfalls: tuple[str, ...] = ()
     calibration: Calibration | None = None
     interpolation: Interpolation | None = None
+    profile: Profile | None = None
 
     def __repr__(self) -> str:
         range_ = f"w from {self.w.min():.3f} to {self.w.max():.3f}"

@@ -14,6 +14,7 @@ from raytrace.types import Bools, Float32s, Float64s, Int64s
 
 from ..estimate.calibration import Calibration
 from ..mu import Mu
+from ..profile import Profile
 from .texels import Texels
 from .uv_layout import UVLayout
 
@@ -67,6 +68,7 @@ class BakedTexture:
         mu: as `ao.Bake` has it.
         shortfalls: as `ao.Bake` has them.
         calibration: as `ao.Bake` has it.
+        profile: as `ao.Bake` has it, (h, w, k).
     """
 
     w: Float32s
@@ -82,6 +84,7 @@ class BakedTexture:
     mu: Mu
     shortfalls: tuple[str, ...] = ()
     calibration: Calibration | None = None
+    profile: Profile | None = None
 
     def __repr__(self) -> str:
         height, width = self.w.shape

@@ -13,7 +13,7 @@ ORDER = [
     *("raytrace.ray_origins", "raytrace.lights", "raytrace.brdf", "raytrace.materials", "raytrace.camera"),
     "raytrace.scene",
     *("raytrace.shade", "raytrace.renderer"),
-    *("ao.mu", "ao.falloff", "ao.options", "ao.memory"),
+    *("ao.mu", "ao.falloff", "ao.profile", "ao.options", "ao.memory"),
     *("ao.points", "ao.rays", "ao.execute", "ao.estimate", "ao.prepared", "ao.least_squares", "ao.picture"),
     *("ao.result", "ao.vertex_method", "ao.surface_method", "ao.texture", "ao.fine_mesh"),
     *("ao.interpolation_error", "ao.baking", "ao.report", "ao.cluster", "ao.tiles", "ao.analytic"),

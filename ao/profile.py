@@ -1,0 +1,91 @@
+"""w at several half-distances of the exponential falloff, and by interpolation at every one between them.
+
+w(τ) = 1 − E[e^(−τd)], d the distance to what is hit, ∞ for a miss (12.74). Weights of columns that suit every single
+distance d suit every mixture of them, so every mesh: with ten columns an octave apart no w errs by more than .0036.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from raytrace.errors import OptionError, numbers
+from raytrace.types import Float32s, Float64s
+
+from .falloff import Length, resolve_length
+
+_ROUNDING = 1e-6  # by which a half-distance may lie outside the range, as a share of it
+_DISTANCES = 400
+_RCOND = 1e-5  # columns much less than an octave apart are combined, which keeps noise small
+
+
+@dataclass(frozen=True, eq=False)
+class Profile:
+    """w(p) at k half-distances ln 2/τ of the exponential falloff without a limit (12.74).
+
+    Attributes:
+        half_distances: float64 (k,), finite, ascending, above 0; mesh units.
+        values: float32 (…, k), in [0, 1]: (n, k) of vertices, (h, w, k) of texels.
+        radius: of the bounding sphere of what was baked, 100 % of relative lengths; mesh units.
+
+    Raises:
+        OptionError: values of another shape or out of range.
+    """
+
+    half_distances: Float64s
+    values: Float32s
+    radius: float
+
+    def __post_init__(self) -> None:
+        lengths = numbers(self.half_distances, "profile", "half_distances", "numbers")
+        rising = lengths.ndim == 1 and len(lengths) > 0 and bool((np.diff(lengths, prepend=0.0) > 0).all())
+        if not rising or not np.isfinite(lengths).all():
+            raise OptionError("half_distances", "finite lengths above 0, ascending", self.half_distances, "profile")
+        values = np.asarray(self.values, np.float32)
+        if values.ndim < 2 or values.shape[-1] != len(lengths):
+            raise OptionError("values", f"an array of {len(lengths)} columns", f"shape {values.shape}", "profile")
+        if not ((values >= 0) & (values <= 1)).all():
+            raise OptionError("values", "numbers in [0, 1]", "others", "profile")
+        radius = resolve_length("radius", self.radius or 1.0, 1.0)
+        for name, value in {"half_distances": lengths, "values": values, "radius": radius}.items():
+            object.__setattr__(self, name, value)
+
+    def __repr__(self) -> str:
+        return f"<Profile of {self.values[..., 0].size:,} values at half-distances {self.range}>"
+
+    @property
+    def range(self) -> str:
+        """The least and the largest half-distance, in words."""
+        ends = self.half_distances[[0, -1]]
+        units, percents = (" to ".join(f"{end:.4g}" for end in part) for part in (ends, 100 * ends / self.radius))
+        return f"{units} ({percents} % of the radius)"
+
+    def length(self, half_distance: Length) -> float:
+        """A half-distance in mesh units. Raises: OptionError: it is no length, or outside the profile."""
+        length = resolve_length("half_distance", half_distance, self.radius)
+        least, largest = self.half_distances[[0, -1]]
+        if not least * (1 - _ROUNDING) <= length <= largest * (1 + _ROUNDING):
+            raise OptionError("half_distance", f"one of the profile's, {self.range}", f"{length:.4g}")
+        return float(np.clip(length, least, largest))
+
+    def weights(self, half_distance: Length) -> Float64s:
+        """Weights (k,), of sum 1, of the columns: their product with a row interpolates it, exactly at its columns.
+
+        They are the least squares solution for single distances, evenly spread in their logarithm.
+
+        Raises: OptionError: as `length`.
+        """
+        tau, taus = math.log(2) / self.length(half_distance), math.log(2) / self.half_distances
+        d = np.append(np.geomspace(self.half_distances[0] / 100, self.half_distances[-1] * 100, _DISTANCES), np.inf)
+        weight = np.append(np.ones(_DISTANCES), _DISTANCES / 4)  # a miss stays one: the weights' sum is 1
+        columns, target = (-np.expm1(-t * d) * weight for t in (taus[:, None], tau))
+        return np.asarray(np.linalg.lstsq(columns.T, target, rcond=_RCOND)[0])
+
+    def at(self, half_distance: Length) -> Float64s:
+        """w (…,), in [0, 1], at a half-distance in mesh units or as "P%" of the radius.
+
+        Raises: OptionError: it is no length, or outside the profile.
+        """
+        return np.clip(self.values @ self.weights(half_distance), 0.0, 1.0)

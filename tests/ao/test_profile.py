@@ -1,0 +1,94 @@
+"""Profiles: w between their half-distances, for every mesh and for closed forms."""
+
+import math
+
+import numpy as np
+import pytest
+
+import ao
+from ao.analytic import closed_forms
+from raytrace.errors import OptionError
+
+HALF_DISTANCES = 0.005 * 2.0 ** np.arange(10)
+QUARTERS = np.geomspace(HALF_DISTANCES[0], HALF_DISTANCES[-1], 37)
+
+
+def _obscured(half_distance, distance):
+    return -np.expm1(-math.log(2) * distance / half_distance)
+
+
+def test_no_mixture_of_distances_errs_by_more_than_004():
+    """Errors of mixtures are mixtures of the errors of single distances, so this holds for every mesh."""
+    distances = np.append(np.geomspace(1e-6, 1e4, 3000), np.inf)
+    profile = ao.Profile(HALF_DISTANCES, _obscured(HALF_DISTANCES, distances[:, None]), 1.0)
+    for half_distance in np.geomspace(HALF_DISTANCES[0], HALF_DISTANCES[-1], 145):
+        assert np.abs(profile.at(half_distance) - _obscured(half_distance, distances)).max() < 0.0036
+
+
+@pytest.mark.parametrize("size", [0.004, 0.02, 0.3, 2.0])
+@pytest.mark.parametrize(
+    "form",
+    [
+        lambda size, tau: closed_forms.wall(size, tau=tau),
+        lambda size, tau: closed_forms.ceiling(size, tau=tau),
+        lambda size, tau: closed_forms.inside_sphere(size, tau=tau),
+        lambda size, tau: closed_forms.inside_cylinder(size, tau=tau),
+    ],
+    ids=["plane with wall", "slab", "closed sphere", "closed cylinder"],
+)
+def test_closed_forms_at_quarter_octaves(form, size):
+    values = [[form(size, math.log(2) / each) for each in HALF_DISTANCES]]
+    profile = ao.Profile(HALF_DISTANCES, values, 1.0)
+    errors = [profile.at(each)[0] - form(size, math.log(2) / each) for each in QUARTERS]
+    assert np.abs(errors).max() < 0.003
+
+
+def test_columns_and_open_places_are_met_exactly():
+    values = np.random.default_rng(1).random((3, 4, 10), np.float32)
+    values[0] = 1
+    profile = ao.Profile(HALF_DISTANCES, values, 2.0)
+    for column, half_distance in enumerate(HALF_DISTANCES):
+        assert np.allclose(profile.at(half_distance), values[..., column], rtol=0, atol=1e-6)
+    assert np.allclose(profile.at("0.9%"), profile.at(0.018), rtol=0, atol=1e-12)
+    assert np.allclose([profile.at(each)[0] for each in QUARTERS], 1, rtol=0, atol=2e-5)
+
+
+def test_close_columns_do_not_amplify_noise():
+    profile = ao.Profile(np.geomspace(0.1, 1, 30), np.zeros((1, 30)), 1.0)
+    for half_distance in np.geomspace(0.1, 1, 50):
+        assert np.linalg.norm(profile.weights(half_distance)) < 1.5
+
+
+@pytest.mark.parametrize("half_distance", [0.00499, 2.57, "0.4%", "260%"])
+def test_a_half_distance_outside_is_an_error_that_says_the_range(half_distance):
+    profile = ao.Profile(HALF_DISTANCES, np.ones((2, 10)), 1.0)
+    with pytest.raises(OptionError) as fault:
+        profile.at(half_distance)
+    assert fault.value.field == "half_distance"
+    assert "0.005 to 2.56 (0.5 to 256 % of the radius)" in fault.value.expected
+
+
+@pytest.mark.parametrize("half_distance", [0, -1, math.nan, math.inf, "x", None])
+def test_a_half_distance_that_is_no_length(half_distance):
+    with pytest.raises(OptionError):
+        ao.Profile(HALF_DISTANCES, np.ones((2, 10)), 1.0).at(half_distance)
+
+
+@pytest.mark.parametrize(
+    ("half_distances", "values", "field"),
+    [
+        ([1, 1], np.ones((3, 2)), "half_distances"),
+        ([2, 1], np.ones((3, 2)), "half_distances"),
+        ([0, 1], np.ones((3, 2)), "half_distances"),
+        ([1, math.inf], np.ones((3, 2)), "half_distances"),
+        ([], np.ones((3, 0)), "half_distances"),
+        ([1, 2], np.ones((3, 3)), "values"),
+        ([1, 2], np.ones(2), "values"),
+        ([1, 2], np.full((3, 2), 1.1), "values"),
+        ([1, 2], np.full((3, 2), math.nan), "values"),
+    ],
+)
+def test_profiles_that_are_none(half_distances, values, field):
+    with pytest.raises(OptionError) as fault:
+        ao.Profile(half_distances, values, 1.0)
+    assert fault.value.field == field
