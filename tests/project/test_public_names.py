@@ -52,6 +52,7 @@ def test_the_public_names_of_the_baker_are_these():
         "Falloff",
         "Flag",
         "Linear",
+        "Profile",
         "Smooth",
         "Tabulated",
         "ToleranceWarning",
