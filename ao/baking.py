@@ -7,7 +7,7 @@ from dataclasses import replace
 from typing import Any
 
 from raytrace.errors import ConflictError
-from raytrace.kernel.notice import KERNELS_OF_BAKE, compiling
+from raytrace.kernel.notice import compiling
 from raytrace.mesh.convert import mesh_of
 from raytrace.mesh.mesh import Mesh
 from raytrace.mesh.opacity import opacity_bytes
@@ -27,7 +27,7 @@ from .vertex_method import sample_vertices
 
 
 @earlier_names(reconstruct="denoise", hidden="interior")
-@compiling(KERNELS_OF_BAKE)
+@compiling()
 def bake(
     mesh: Mesh | Any,
     falloff: Falloff | str | None = None,

@@ -9,7 +9,7 @@ from typing import Any, Literal, get_args
 import numpy as np
 
 from raytrace.errors import ConflictError, OptionError
-from raytrace.kernel.notice import KERNELS_OF_TEXTURE, compiling
+from raytrace.kernel.notice import compiling
 from raytrace.mesh.convert import mesh_of
 from raytrace.mesh.mesh import Mesh
 from raytrace.mesh.opacity import opacity_bytes
@@ -37,7 +37,7 @@ BentSpace = Literal["world", "tangent"]
 
 
 @earlier_names(reconstruct="denoise", hidden="interior")
-@compiling(KERNELS_OF_TEXTURE)
+@compiling()
 def bake_texture(
     mesh: Mesh | Any,
     uv: Any,

@@ -7,18 +7,19 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from functools import cache
 
-KERNELS_OF_BAKE, KERNELS_OF_SURFACE, KERNELS_OF_RENDER, KERNELS_OF_TEXTURE = 42, 40, 40, 50
 notices: list[Callable[[str], None]] = []
 """Called with the name of each kernel that is about to be compiled; one at most."""
 
 
 @contextmanager
-def compiling(expected: int, always: bool = False) -> Iterator[None]:
+def compiling(expected: int = 42, always: bool = False) -> Iterator[None]:
     """Say that kernels are being compiled, if they are, and on a terminal or in a notebook how far that is.
 
     It goes to standard error, and to the logger "obscurance" at the level INFO. Within another one it does nothing.
 
-    Args: expected: about how many kernels the work takes. always: whether other outputs than terminals get the line.
+    Args:
+        expected: about how many kernels the work takes; a texture or a picture takes nearly as many as a bake.
+        always: whether other outputs than terminals get the line.
     """
     if notices:
         yield

@@ -18,7 +18,7 @@ from raytrace.system.threads import thread_count
 
 from ..formats.load import load
 from ..geometry.temple import temple
-from ..jobs.console import KERNELS_OF_BAKE, compiling
+from ..jobs.console import compiling
 from ..validation.reference import RAYS, Errors, reference
 from ..validation.text_table import text_table
 
@@ -113,7 +113,7 @@ def bench_file(
         check_outputs({"--report": report}, [path] if path else [])
     Options(seed=seed, threads=threads)
     mesh = temple(_FINENESS) if path is None else load(path).mesh
-    with compiling(KERNELS_OF_BAKE):
+    with compiling():
         rows = run_bench(mesh, falloff, seed=seed, threads=threads)
     print(f"{mesh.source}: {len(mesh.vertices):,} vertices, {len(mesh.faces):,} faces")
     print(bench_table(rows))

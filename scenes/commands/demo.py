@@ -14,7 +14,7 @@ from raytrace.types import Float64s
 
 from ..formats.load import MeshFile
 from ..geometry.temple import temple
-from ..jobs.console import KERNELS_OF_BAKE, KERNELS_OF_RENDER, bake_summary, compiling, progress
+from ..jobs.console import bake_summary, compiling, progress
 from ..write_bake import write
 
 _HALF = rt.Settings(width=720, height=560)
@@ -40,7 +40,7 @@ def make_demo(folder: Path, quiet: bool = False) -> None:
     Raises: OptionError, OutputError: the files cannot be written.
     """
     mesh_target, image_target = targets(folder)
-    with progress(quiet, "rays") as (advance,), compiling(KERNELS_OF_BAKE + KERNELS_OF_RENDER):
+    with progress(quiet, "rays") as (advance,), compiling(84):
         mesh = temple()
         baked = ao.bake(mesh, progress=advance)
         shape = rt.Shape(mesh, _STONE)

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 from raytrace.errors import OptionError
 
-from ..jobs.console import KERNELS_OF_RENDER, compiling, progress, show_picture, warn
+from ..jobs.console import compiling, progress, show_picture, warn
 from ..jobs.options import REPORTS, ROWS, Normals, Option, Record, check_together, command_line, plain
 
 if TYPE_CHECKING:
@@ -92,7 +92,7 @@ class RenderCommand(Record):
 
         if self.baked:
             check_stored(self.baked)
-        with compiling(KERNELS_OF_RENDER):
+        with compiling():
             read = read_scene(self.scene, size, self.up, self.view)
             description = adjusted(read, settings, self.preview, self.baked, self.own_occlusion, self.alpha)
             check_outputs(outputs, description.files)

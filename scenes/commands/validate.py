@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from ..jobs.console import KERNELS_OF_BAKE, compiling
+from ..jobs.console import compiling
 
 
 def validate_closed_forms(samples: int, seed: int, threads: int | None) -> bool:
@@ -12,7 +12,7 @@ def validate_closed_forms(samples: int, seed: int, threads: int | None) -> bool:
     from ..validation.table import run_validation, validation_table
 
     Options(samples=samples, seed=seed, threads=threads)
-    with compiling(KERNELS_OF_BAKE):
+    with compiling():
         results = run_validation(samples=samples, seed=seed, threads=threads)
     print(validation_table(results))
     return all(result.ok for result in results)

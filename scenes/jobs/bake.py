@@ -14,7 +14,7 @@ from warnings import catch_warnings, simplefilter
 
 from raytrace.errors import ClusterError, ObscuranceError, printable
 
-from .console import KERNELS_OF_BAKE, compiling, note
+from .console import compiling, note
 from .options import CAGE, REPORTS, ROWS, Record, command_line, plain
 
 if TYPE_CHECKING:
@@ -79,7 +79,7 @@ class MeshBake(Record, ABC):
         from raytrace.system.atomic import is_standard_output
 
         falloff = self.check()
-        with compiling(KERNELS_OF_BAKE), silence_tolerance_warnings():
+        with compiling(), silence_tolerance_warnings():
             for written in self.bake(falloff):
                 if not self.quiet:
                     print(written.summary, file=sys.stderr if is_standard_output(self.output) else sys.stdout)

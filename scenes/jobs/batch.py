@@ -15,7 +15,7 @@ from raytrace.errors import printable
 from raytrace.system.threads import run_blocks, thread_count
 
 from .bake import MeshBake, Outcome, bake_one, silence_tolerance_warnings
-from .console import KERNELS_OF_BAKE, compiling, note, progress, warn
+from .console import compiling, note, progress, warn
 from .inputs import MANIFEST, check_batch, made
 from .manifest import Entry, Manifest, assign_shards, digest, part_manifest
 from .workers import Workers, cluster_checkpoint
@@ -57,7 +57,7 @@ class Batch:
             falloff = self.check()
             manifest = self._manifest()
             try:
-                with compiling(KERNELS_OF_BAKE), silence_tolerance_warnings():
+                with compiling(), silence_tolerance_warnings():
                     self._bake_all(manifest, falloff, session)
             except KeyboardInterrupt:
                 note(f"interrupted: {self._summary(manifest)}; the same command with --resume bakes the others")

@@ -16,8 +16,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from raytrace.kernel import notice
-from raytrace.kernel.notice import KERNELS_OF_BAKE as KERNELS_OF_BAKE
-from raytrace.kernel.notice import KERNELS_OF_RENDER as KERNELS_OF_RENDER
 
 from .options import ProgressForm
 
@@ -119,7 +117,7 @@ def warn(meshes: Iterable[Mesh], others: Iterable[str] = (), falloff: ao.Falloff
     return warnings
 
 
-def compiling(expected: int) -> AbstractContextManager[None]:
+def compiling(expected: int = 42) -> AbstractContextManager[None]:
     """Say, wherever standard error goes, that kernels are being compiled. Args: expected: about how many."""
     return notice.compiling(expected, always=True)
 

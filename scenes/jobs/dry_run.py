@@ -13,7 +13,7 @@ from raytrace.system.memory import available, in_use, size_text
 from raytrace.system.threads import thread_count
 
 from .bake import MeshBake, WorkSize
-from .console import KERNELS_OF_BAKE, columns, compiling, note
+from .console import columns, compiling, note
 
 if TYPE_CHECKING:
     import ao
@@ -40,7 +40,7 @@ def dry_run(bakes: Sequence[MeshBake], falloff: ao.Falloff, besides: Sequence[Pa
                 raise
             note(str(fault))
     if works:
-        with compiling(KERNELS_OF_BAKE):
+        with compiling():
             rows = _rows(list(works.values()), bakes[0], held)
         print(columns([*rows, *_written(list(works), besides)]))
     return 0 if len(works) == len(bakes) else 1

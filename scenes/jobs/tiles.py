@@ -6,7 +6,7 @@ import re
 import time
 from typing import Any
 
-from .console import KERNELS_OF_BAKE, compiling, progress
+from .console import compiling, progress
 from .options import Record
 
 
@@ -38,7 +38,7 @@ class TilesCommand(Record):
         check_outputs({"--output": self.output}, [self.mesh, *table_of(self.falloff)])
         mesh = open_mesh(self.mesh)
         with scratch_folder(self.output) as scratch:
-            with progress(self.quiet, "rays", form=self.progress) as (advance,), compiling(KERNELS_OF_BAKE):
+            with progress(self.quiet, "rays", form=self.progress) as (advance,), compiling():
                 baked = bake_tiled(
                     mesh, scratch, self.grid, falloff, self.samples, self.seed, self.threads, self.normals,
                     self.traversal, advance,

@@ -140,11 +140,11 @@ TOGETHER = {
     "up": ({"output": "w.ply"}, {"output": "w.ply", "up": "z"}),
     "occlusion": ({"output": "w.glb"}, {"output": "w.glb", "occlusion": "ramp"}),
     "replace_occlusion": ({"output": "w.glb"}, {"output": "w.glb", "replace_occlusion": True}),
-    "orm": ({"output": "w.png", "mesh_output": "m.glb"}, {"output": "w.png", "mesh_output": "m.glb"}),
+    "orm": ({"output": "w.glb", "occlusion": "texture"}, {"output": "w.glb", "occlusion": "texture", "orm": True}),
     "bent_space": ({"bent_normals": "b.exr"}, {"bent_normals": "b.exr", "bent_space": "tangent"}),
     "half": ({"output": "w.exr"}, {"output": "w.exr", "half": True}),
 }
-"""Of options that need others, the options of two bakes; `orm` needs a glTF file, and writes what has been traced."""
+"""Of options that need others, the options of two bakes."""
 APART = {"tiles"}
 """Options of bakes that keep no journal."""
 
