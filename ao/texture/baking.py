@@ -33,7 +33,7 @@ from .shown import Shown
 from .texels import find_texels
 from .uv_layout import corner_uv, page_size
 
-BentSpace = Literal["world", "tangent"]
+BentSpace = Literal["world", "tangent", "tangent-directx"]
 
 
 @earlier_names(reconstruct="denoise", hidden="interior")
@@ -80,7 +80,8 @@ def bake_texture(
             the first in the mesh's order; "refuse", an error.
         wrap: whether faces outside of the unit square are taken modulo 1, or left out.
         close_seams: whether texels at charts' borders are moved until both sides of a seam agree.
-        bent_space: of bent normals: "world", the mesh's own, or "tangent": x along u, y along v upwards, z the normal.
+        bent_space: of bent normals: "world", the mesh's own; "tangent": x along u, y along v upwards (+Y, as OpenGL
+            and glTF have it), z the normal; or "tangent-directx": the same with y downwards (−Y).
         high: a finer mesh, of which w is baked instead: that of its points outwards or inwards of `mesh` along the
             smooth normals of that. `mesh` itself then occludes nothing.
         cage: how far from `mesh` the finer one may be: a length, or "2%" of the radius. Points at which there is
@@ -128,7 +129,9 @@ def bake_texture(
         return shown.neighbours(texels, prepared.placement.diagonal, prepared.threads)
 
     estimated = estimate(tracer, texels.first_points, CornerSamples.none(), neighbours, prepared.target)
-    frames = shown.tangent_frames(texels) if bent_space == "tangent" else None
+    frames = None if bent_space == "world" else shown.tangent_frames(texels)
+    if frames is not None and bent_space == "tangent-directx":
+        frames[:, 1] *= -1
     values = estimated.rows, estimated.variance, frames
     pages = assemble_pages(shown.layout, texels, *values, shown.seams, close_seams, prepared.threads)
     build, layout = prepared.receivers.tree_seconds, shown.layout

@@ -103,16 +103,21 @@ def write_picture(
 
 
 def write_data(
-    path: str | os.PathLike[str], values: Float32s, metadata: Mapping[str, str], half: bool, names: str
+    path: str | os.PathLike[str],
+    values: Float32s,
+    metadata: Mapping[str, str],
+    half: bool,
+    names: str,
+    bits: int = 16,
 ) -> None:
-    """Write numbers as they are, (height, width, channels): in PNG from 0 to 1, as 16 bits; else as floats.
+    """Write numbers as they are, (height, width, channels): in PNG from 0 to 1; else as floats.
 
-    Args: half: floats of 16 bits. names: a letter for each channel, in EXR files.
+    Args: half: floats of 16 bits. names: a letter for each channel, in EXR files. bits: of a channel in PNG, 8 or 16.
     """
     import OpenImageIO as oiio
 
     height, width, channels = values.shape
-    kind = "uint16" if file_format(path) == "png" else "half" if half else "float"
+    kind = f"uint{bits}" if file_format(path) == "png" else "half" if half else "float"
     spec = oiio.ImageSpec(width, height, channels, kind)
     spec.attribute("oiio:ColorSpace", "data")
     if half:

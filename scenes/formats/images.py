@@ -62,12 +62,12 @@ def tile_number(tile: tuple[int, int]) -> str:
     return str(1001 + tile[0] + _ACROSS * tile[1])
 
 
-def write_grey(path: Path, values: Float32s, half: bool, metadata: Mapping[str, str]) -> None:
-    """Write w or its error (h, w), linear: PNG of 16 bits, EXR and TIFF of floats. Raises: OutputError."""
-    write_data(path, values[:, :, None], metadata, half, "Y")
+def write_grey(path: Path, values: Float32s, half: bool, metadata: Mapping[str, str], bits: int = 16) -> None:
+    """Write w or its error (h, w), linear: PNG of 8 or 16 bits, EXR and TIFF of floats. Raises: OutputError."""
+    write_data(path, values[:, :, None], metadata, half, "Y", bits)
 
 
-def write_normals(path: Path, normals: Float32s, half: bool, metadata: Mapping[str, str]) -> None:
+def write_normals(path: Path, normals: Float32s, half: bool, metadata: Mapping[str, str], bits: int) -> None:
     """Write unit vectors (h, w, 3): n in files of floats, (n + 1)/2 in PNG. Raises: OutputError."""
     encoded = (normals + 1) / 2 if path.suffix.lower() == ".png" else normals
-    write_data(path, encoded.astype(np.float32), metadata, half, "RGB")
+    write_data(path, encoded.astype(np.float32), metadata, half, "RGB", bits)

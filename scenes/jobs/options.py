@@ -13,6 +13,8 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, Self
 
+from ..presets import HELP as PRESET_HELP
+
 CAGE = "2%"  # of the radius, unless --cage is given
 REPORTS = ".json", ".html"  # endings
 VALIDATION_SAMPLES = 4096  # rays per vertex of `obscurance validate`, unless given
@@ -25,6 +27,7 @@ Up = Literal["x", "y", "z", "-x", "-y", "-z"]
 Format = Literal["npy", "npz", "ply", "glb", "html", "png", "exr", "tif"]
 InputFormat = Literal["ply", "obj", "stl", "off", "glb", "gltf", "3mf"]
 ProgressForm = Literal["bar", "json"]
+Preset = Literal["unreal", "unity", "godot", "blender", "three"]
 
 Role = Literal["input", "output", "result", "run"]
 _EACH, _ALL = "vertices texture part batch", "vertices texture part batch tiles"
@@ -121,6 +124,7 @@ _SECTIONS: dict[str, tuple[Option, ...]] = {
                _ALL + " merge", "run"),
     ),
     "What .glb and .ply show": (
+        Option("preset", Preset | None, None, f"{PRESET_HELP}.", "vertices texture batch", "output"),
         Option("colors", bool, False, "Write w as vertex colours: COLOR_0 of .glb, replacing a .ply's own.",
                "vertices batch merge", "output"),
         Option("occlusion", Literal["none", "ramp", "texture", "auto"] | None, None, "Occlusion texture of .glb "
@@ -143,8 +147,8 @@ _SECTIONS: dict[str, tuple[Option, ...]] = {
                "mean (the default within a material), the first's, or an error.", _IMAGE),
         Option("bent_normals", Path | None, None, "Texture: also write the mean open directions.", "texture merge",
                "output", metavar="IMAGE"),
-        Option("bent_space", Literal["world", "tangent"] | None, None,
-               "Of bent normals: the mesh's own (the default), or tangent, +Y up.", "texture merge", "output",
+        Option("bent_space", Literal["world", "tangent", "tangent-directx"] | None, None, "Of bent normals: the "
+               "mesh's own (the default), or tangent: +Y, or with -directx -Y.", "texture merge", "output",
                {"bent_normals": ...}, repeated=False),
         Option("error_map", Path | None, None, "Texture: also write the standard error of w.", "texture merge",
                "output", metavar="IMAGE"),
@@ -153,6 +157,8 @@ _SECTIONS: dict[str, tuple[Option, ...]] = {
         Option("cage", str | None, None, "With --high: how far it may be from the input, mesh units or "
                '"2%" of the radius (the default).', _EACH, needs={"high": ...}),
         Option("half", bool, False, "Texture: 16-bit floats in .exr and .tif.", "texture batch merge", "output"),
+        Option("bits", Literal["8", "16"] | None, None, "Texture: of a channel of w and bent normals in .png, 16 by "
+               "default.", "texture batch merge", "output"),
     ),
     "More than one machine, or than its memory": (
         Option("part", str | None, None, "Trace only the K-th of N parts, into the folder --output, for obscurance "

@@ -11,6 +11,7 @@ from typing import Annotated, Any, TypeVar
 import typer
 from typer.core import TyperCommand
 
+from ..presets import without_preset
 from .options import BAKE, ROWS, Option
 
 _MOST = 1 << 28  # bytes; anything larger is no report
@@ -123,6 +124,7 @@ def saved_options(path: Path) -> dict[str, Any]:
     for name in options.keys() - names:
         near = nearest_name(name, names)
         raise InputError(path, f"options.{name}", "options of this version", "one that it has not", near)
+    options = without_preset(options)
     if options.get("occlusion") == _usual_occlusion(report):
         del options["occlusion"]
     if "mesh" in options:

@@ -14,6 +14,7 @@ from raytrace.system.atomic import standard_output
 from ..formats.image_names import ENDINGS as IMAGES
 from ..formats.image_names import is_texture
 from ..formats.standard_input import STANDARD, standard_input
+from ..presets import preset_format, with_preset
 from .bake import MeshBake
 from .batch import Batch
 from .inputs import expand, is_pattern, outputs_in
@@ -79,11 +80,13 @@ def bake_command(options: Mapping[str, Any]) -> MeshBake:
     from ..write_bake import ENDINGS
 
     options = {**defaults(), **options}
-    output, shown, colors = options["output"], options["occlusion"], options["colors"]
+    output = options["output"]
     ending = output.suffix.lower()
     if ending not in (*ENDINGS, *IMAGES):
         meant = str(output.with_suffix(_MEANT[ending])) if ending in _MEANT else None
         raise OptionError("output", "a name ending in " + ", ".join((*ENDINGS, *IMAGES)), output, nearest=meant)
+    options = with_preset(options)
+    shown, colors = options["occlusion"], options["colors"]
     glb, image = ending == ".glb", is_texture(output)
     if shown in ("auto", "texture") and not (glb or (image and shown == "texture")):
         raise ConflictError(("occlusion", shown), "needs", "a .glb output")
@@ -112,7 +115,7 @@ def _single(options: dict[str, Any]) -> MeshBake | PartCommand | ClusterCommand 
     if output == STANDARD:
         if options["resume"]:
             raise ConflictError("resume", "does not go with", "-o -, standard output")
-        output = standard_output(format_ or "ply")
+        output = standard_output(preset_format(options) or "ply")
     elif format_ is not None:
         raise ConflictError("format", "needs", "--output-dir or -o -")
     options = {**options, "mesh": given[0], "output": output}
@@ -140,7 +143,7 @@ def _batch(options: dict[str, Any]) -> Batch:
     if folder.suffix.lower().removeprefix(".") in get_args(Format) and not os.path.exists(folder):
         raise OptionError("output_dir", "a folder", f"{folder}, the name of a file", nearest="--output")
     inputs = expand(given)
-    pairs = zip(inputs, outputs_in(folder, inputs, options["format"] or "ply"), strict=True)
+    pairs = zip(inputs, outputs_in(folder, inputs, preset_format(options) or "ply"), strict=True)
     bakes = [bake_command({**options, "mesh": path, "output": output}) for path, output in pairs]
     batch = Batch(bakes, folder)
     if options["part"]:

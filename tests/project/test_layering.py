@@ -17,7 +17,7 @@ ORDER = [
     *("ao.points", "ao.rays", "ao.execute", "ao.estimate", "ao.prepared", "ao.least_squares", "ao.picture"),
     *("ao.result", "ao.vertex_method", "ao.surface_method", "ao.texture", "ao.fine_mesh"),
     *("ao.interpolation_error", "ao.baking", "ao.report", "ao.cluster", "ao.tiles", "ao.analytic"),
-    *("scenes.falloffs", "scenes.field_errors", "scenes.safe_paths"),
+    *("scenes.falloffs", "scenes.field_errors", "scenes.presets", "scenes.safe_paths"),
     *("scenes.geometry", "scenes.formats", "scenes.description", "scenes.show", "scenes.write_bake"),
     *("scenes.library", "scenes.validation", "scenes.jobs", "scenes.commands"),
     "cli",

@@ -150,6 +150,8 @@ class TextureCommand(MeshBake):
             raise ConflictError(("uv", self.uv), "needs", "mesh_output")
         if self.half and glb == self.output and len(self._images()) == 1:
             raise ConflictError("half", "needs", "images that end in .exr or .tif")
+        if self.bits and not any(path and path.suffix.lower() == ".png" for path in (self.output, self.bent_normals)):
+            raise ConflictError("bits", "needs", "w or bent normals in an image that ends in .png")
         self.check_up(None, glb)
 
     def outputs(self, pages: Sequence[Page] = ()) -> dict[str, Path | None]:
@@ -220,13 +222,15 @@ class TextureCommand(MeshBake):
     def _write_images(self, baked: ao.BakedTexture, page: Page) -> None:
         from ...formats.images import write_grey, write_normals
 
+        bits = int(self.bits or 16)
         images = {name: page.path(path) for name, path in self._images().items()}
         if images["output"] != self._glb():
-            write_grey(images["output"], baked.w, self.half, {"content": "w, 1 = open", "seed": str(self.seed)})
+            described = {"content": "w, 1 = open", "seed": str(self.seed)}
+            write_grey(images["output"], baked.w, self.half, described, bits)
         if "bent_normals" in images:
-            space = "tangent space, +Y up" if self.bent_space == "tangent" else "the space of the mesh"
-            described = {"content": f"bent normals in {space}"}
-            write_normals(images["bent_normals"], baked.bent_normals, self.half, described)
+            space = {"tangent": "tangent space, +Y", "tangent-directx": "tangent space, -Y"}.get(self.bent_space)
+            described = {"content": f"bent normals in {space or 'the space of the mesh'}"}
+            write_normals(images["bent_normals"], baked.bent_normals, self.half, described, bits)
         if "error_map" in images:
             write_grey(images["error_map"], baked.error, self.half, {"content": "standard error of w"})
 

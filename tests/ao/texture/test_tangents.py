@@ -40,10 +40,12 @@ def test_an_open_surface_is_bent_nowhere():
     assert directions[:, 2].min() > 0.9
 
 
-def test_both_spaces_are_one_rotation_apart():
+def test_spaces_are_one_rotation_apart_or_have_green_reversed():
     mesh, uv = icosphere(1)
-    world, tangent = (
-        ao.bake_texture(mesh, uv, 64, samples=16, bent_space=space).bent_normals for space in ("world", "tangent")
+    world, tangent, directx = (
+        ao.bake_texture(mesh, uv, 64, samples=16, bent_space=space).bent_normals
+        for space in ("world", "tangent", "tangent-directx")
     )
+    assert np.array_equal(directx, tangent * np.float32([1, -1, 1]))
     assert np.allclose(np.linalg.norm(world, axis=2), np.linalg.norm(tangent, axis=2), atol=1e-5)
     assert not np.allclose(world, tangent, atol=0.1)

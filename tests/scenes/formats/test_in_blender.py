@@ -10,8 +10,8 @@ from mesh_files import obj
 from project import ROOT
 
 BLENDER = ROOT / ".peers" / "blender" / "bin" / "python"
-OUTPUTS = {"plain.glb": ("--occlusion", "none"), "ramp.glb": ("--occlusion", "ramp"), "colors.glb": ("--colors",),
-           "w.ply": (), "w.npy": ()}  # fmt: skip
+OUTPUTS = {"plain.glb": ("--occlusion", "none"), "ramp.glb": ("--occlusion", "ramp"),
+           "colors.glb": ("--preset", "blender"), "w.ply": (), "w.npy": ()}  # fmt: skip
 
 
 def floor_and_wall(side=9):

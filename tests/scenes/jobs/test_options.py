@@ -124,7 +124,7 @@ CHANGED = {
     "normals": "area", "interior": "ignore", "alpha": "ignore", "method": "surface", "denoise": False,
     "traversal": "embree", "seed": 1, "size": "32", "overlap": "first", "cage": "3%",
     "quiet": False, "threads": 1, "replace_occlusion": True, "error_map": "e.png", "half": True, "debug_image": "d.png",
-    "bent_space": "tangent", "resume": True, "progress": "json", "output_dir": "out", "format": "ply",
+    "bits": "8", "bent_space": "tangent", "resume": True, "progress": "json", "output_dir": "out", "format": "ply",
     "input_format": "ply", "part": "1/1", "cluster": "local", "shared": ".", "options": "r.json", "dry_run": True,
 }  # fmt: skip
 """Of each option another value than that of the bakes below."""
@@ -138,6 +138,7 @@ TOGETHER = {
     "cage": ({"high": "other.obj"}, {"high": "other.obj", "cage": "9%"}),
     "colors": ({"output": "w.ply"}, {"output": "w.ply", "colors": True}),
     "up": ({"output": "w.ply"}, {"output": "w.ply", "up": "z"}),
+    "preset": ({"output": "w.glb"}, {"output": "w.glb", "preset": "three"}),
     "occlusion": ({"output": "w.glb"}, {"output": "w.glb", "occlusion": "ramp"}),
     "replace_occlusion": ({"output": "w.glb"}, {"output": "w.glb", "replace_occlusion": True}),
     "orm": ({"output": "w.glb", "occlusion": "texture"}, {"output": "w.glb", "occlusion": "texture", "orm": True}),
