@@ -1,4 +1,4 @@
-"""Calibration of a bake's errors: expected errors beside errors that independent rays measure."""
+"""Expected squared errors: from the spread between batches of rays, and calibrated by errors that rays measure."""
 
 from __future__ import annotations
 
@@ -8,6 +8,11 @@ from typing import NamedTuple
 import numpy as np
 
 from raytrace.types import Float64s
+
+from ..rays.directions import BATCHES
+
+_TYPICAL = 0.2  # of their mean in each expected squared error
+_USUAL, _DOUBT = 1.0, 0.3  # factor by which expected squared errors are off, and its standard deviation
 
 
 class CalibrationGroup(NamedTuple):
@@ -52,3 +57,37 @@ def _group(estimated: Float64s, measured: Float64s) -> CalibrationGroup:
     mean, doubt = float(np.sum(measured)) / count, float(np.sqrt(np.sum(measured**2))) / count
     squares = float(np.sum(estimated)) / count, mean, mean - doubt, mean + doubt
     return CalibrationGroup(len(measured), *(float(np.sqrt(max(square, 0.0))) for square in squares))
+
+
+def calibration_factor(expected: Float64s, squared: Float64s, everywhere: Float64s) -> float:
+    """The factor by which `expected` squared errors (j,) are off in the mean, from unbiased measures `squared` (j,).
+
+    A measure that scatters much is mistrusted: the mean of it and what is usual, weighted by their variances. So is one
+    where few points have most of the error `everywhere`, expected of all (k,), for it may have missed these.
+    """
+    mean = float(np.mean(expected)) if len(expected) else 0.0
+    if mean <= 0 or len(squared) <= 1:
+        return 1.0
+    uneven = float(np.mean(everywhere**2) / np.mean(everywhere) ** 2)
+    scatter = (float(np.var(squared)) / mean**2 + 2 * uneven) / len(squared)
+    return float(np.clip(_USUAL + (float(np.mean(squared)) / mean - _USUAL) / (1 + scatter / _DOUBT**2), 1 / 3, 3))
+
+
+def shrunk_to_mean(squared: Float64s, typical: float = _TYPICAL) -> Float64s:
+    """Expected squared errors (k,) shrunk towards their mean, for they are uncertain themselves."""
+    return squared + typical * (np.mean(squared) - squared) if len(squared) else squared
+
+
+def distribute_variance(spread: Float64s, level: float, typical: float | None = None) -> Float64s:
+    """Variances (k,) of mean `level`, distributed as the `spread` (k,) between each point's batches.
+
+    It is shrunk towards its mean by one degree of freedom, so that lucky agreement never reads as certainty.
+
+    Args: typical: mean of the spread, of more points than these.
+    """
+    if typical is None:
+        typical = float(np.mean(spread)) if len(spread) else 0.0
+    if typical == 0:
+        return np.full(len(spread), level)
+    freedom = BATCHES - 1
+    return level / typical * (freedom * spread + typical) / (freedom + 1)

@@ -14,10 +14,10 @@ from ..execute.tracer import Tracer
 from ..points.corners import CornerSamples
 from ..points.points import Points
 from ..rays.estimate import BATCH_VARIANCE, BENT, VALUES, W
-from .calibration import Calibration
+from .calibration import Calibration, calibration_factor, distribute_variance, shrunk_to_mean
 from .one_ring import Neighbours
 from .ray_budget import sampling_variance
-from .shrinkage import calibration_factor, denoise, distribute_variance, shrunk_to_mean
+from .shrinkage import denoise
 from .tolerance import Estimate
 
 _CALIBRATION_SHARE = 32

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 import numpy.typing as npt
@@ -21,7 +21,7 @@ Real = TypeVar("Real", np.float32, np.float64)
 _NOTHING = 1e-6  # of weight
 _CREASE = 16  # power of n·n' by which a neighbour counts less
 _BLOCK, _MOST = 1 << 11, 16  # points, and blocks at once
-_PART = 1 << 12  # points for each thread: to wake one for fewer takes longer than they do
+_PART = 1 << 11  # points for each thread: to wake one for fewer takes longer than they do
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,9 +74,14 @@ class Neighbours:
         count = len(self.starts) - 1
         run_blocks(count, _BLOCK, work, min(self.threads, count // _PART or 1), most=_MOST)
 
+    @property
+    def ring(self) -> tuple[Int64s, Int32s, Float32s]:
+        """`starts`, `indices` and `weights`, for kernels."""
+        return self.starts, self.indices, self.weights
+
     def predict(self, values: npt.NDArray[Real]) -> npt.NDArray[Real]:
         """The weighted mean of the neighbours' `values` (k,) or (k, 3), the point's own left out; NaN without any."""
-        return self._means(values, 0.0)
+        return self.means((values, 0.0))[0]
 
     def smooth(self, values: npt.NDArray[Real], rounds: int) -> npt.NDArray[Real]:
         """`values` averaged with the neighbours', `rounds` times: about `rounds` edges far.
@@ -84,14 +89,31 @@ class Neighbours:
         Args: values: (k,), float64 (k, 3), or float32 (k, 16) as `aligned` makes it.
         """
         for _ in range(rounds):
-            values = self._means(values, 1.0)
+            values = self.means((values, 1.0))[0]
         return values
 
-    def _means(self, values: npt.NDArray[Real], own: float) -> npt.NDArray[Real]:
-        means = _mean if values.ndim == 1 else _mean_triples if values.shape[1] == 3 else _mean_lanes
-        values, out = np.ascontiguousarray(values), aligned(values.shape, values.dtype)
-        self.each(lambda first, last: means(first, last, self.starts, self.indices, self.weights, values, own, out))
-        return out
+    def means(self, *wanted: tuple[npt.NDArray[Any], float], then: Callable[..., None] | None = None) -> Any:
+        """Weighted means over the neighbours of several values, all in one pass over the points.
+
+        Args: wanted: values as `smooth` takes them, and the weight of a point's own. then: called with a first and a
+            last point, and the means, of which those of these points are there.
+        """
+        ring, passes = self.ring, []
+        for values, own in wanted:
+            kernel = _mean if values.ndim == 1 else _mean_triples if values.shape[1] == 3 else _mean_lanes
+            passes.append(
+                (kernel, np.ascontiguousarray(values), own, aligned(values.shape, values.dtype, zeroed=False))
+            )
+        found = [out for *_, out in passes]
+
+        def work(first: int, last: int) -> None:
+            for kernel, values, own, out in passes:
+                kernel(first, last, *ring, values, own, out)
+            if then:
+                then(first, last, *found)
+
+        self.each(work)
+        return found
 
     def self_weight(self) -> Float64s:
         """Weight (k,) of a point's own value in its mean with its neighbours."""
@@ -103,12 +125,6 @@ class Neighbours:
         """About the weight (k,) of a point's own value after four rounds of `smooth`, for valences from 1 to 8."""
         weight = self.self_weight()
         return weight * (1 + weight) / 2
-
-    def leverage(self) -> Float64s:
-        """Leverage (k,) of a point: weight of its own value in the mean of its own and its neighbours' predictions."""
-        whole, out = 1 / self.self_weight() - 1, np.empty(len(self.starts) - 1)
-        self.each(lambda first, last: _leverages(first, last, self.starts, self.indices, self.weights, whole, out))
-        return out
 
 
 @kernel
@@ -197,13 +213,3 @@ def _self_weights(first, last, starts, weights, out):
         for k in range(starts[i], starts[i + 1]):
             weight += weights[k]
         out[i] = 1.0 / weight
-
-
-@kernel
-def _leverages(first, last, starts, indices, weights, whole, out):
-    for i in range(first, last):
-        out[i] = 0.0
-        for k in range(starts[i], starts[i + 1]):
-            if whole[indices[k]] > 1e-6:
-                out[i] += weights[k] * weights[k] / whole[indices[k]]
-        out[i] /= whole[i] + 1.0

@@ -15,10 +15,10 @@ from raytrace.types import AnyFloats, Bools, Float64s
 from ..execute.tracer import Tracer
 from ..points.points import Points
 from ..rays.estimate import BATCH_VARIANCE, W
+from .calibration import distribute_variance, shrunk_to_mean
 from .one_ring import Neighbours
 from .probes import Probes
 from .ray_budget import RATE
-from .shrinkage import distribute_variance, shrunk_to_mean
 from .upsampling import coarsened, nearest_baked
 
 _RAYS = 0.16  # times 1/tolerance: a prediction that is 20 tolerances off differs by 4 to 6 standard deviations

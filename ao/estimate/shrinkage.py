@@ -13,27 +13,56 @@ by least squares, to the whole mesh and then around each point.
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
-from raytrace.kernel.arrays import aligned, product
+from raytrace.kernel.arrays import aligned
+from raytrace.kernel.borrow import borrow
 from raytrace.kernel.jit import kernel
 from raytrace.kernel.simd import WIDE
-from raytrace.kernel.vector import add, cross, dot, load, scale
-from raytrace.types import Float32s, Float64s
+from raytrace.kernel.vector import add, cross, dot, load, scale, store
+from raytrace.types import Float64s
 
 from ..points.points import Points
-from ..rays.directions import BATCHES
 from ..rays.estimate import BATCH_VARIANCE, BENT, W
+from .calibration import distribute_variance, shrunk_to_mean
 from .one_ring import Neighbours
 
-_SPREAD_REACH = 3  # edges over which the spread between batches is averaged
-_REACH = 4  # and squared residuals
-_LEAN_REACH = 3  # and what is closed around a point
-_FIT_REACH = 4  # and what corrections are fitted to
+_REACH = 4  # edges over which squared residuals are averaged
+_FIT_REACH = 4  # and what corrections are fitted to; three for the spread between batches and what is closed around
 _OUTLIER = 9.0  # a residual of more than three σ is the point's own
-_TYPICAL = 0.2  # of their mean in each expected squared error
 _RIDGE, _RIDGE_POINTS = 3e-3, 10.0
-_USUAL, _DOUBT = 1.0, 0.3  # factor by which expected squared errors are off, and its standard deviation
+
+
+class _Fields(NamedTuple):
+    """What denoising reckons at k points, float64 (k,), but (k, 3) for `closed` and `unlike`.
+
+    Attributes:
+        w, variance: estimates, and their variances; at last denoised, and the mean square errors expected of them.
+        spread: between the batches of a point. self_weight: of a point's own value in its mean with its neighbours.
+        closed: mean of (1 − μ)·direction. leaning: how far the normal leans to what is closed around the point.
+        rise: mean sine by which the neighbours stand above the tangent plane.
+        unlike: how a point differs from its neighbours: in what is around these, in its leaning and in its rise.
+        prediction: of w by the neighbours, NaN without any. filled: their mean w, the point's own without any.
+        residual: of w from its prediction, 0 without any. excess: its square less the variance.
+        weight: of residuals in fits. part: that each estimate has in its own prediction.
+    """
+
+    w: Float64s
+    variance: Float64s
+    spread: Float64s
+    self_weight: Float64s
+    closed: Float64s
+    leaning: Float64s
+    rise: Float64s
+    unlike: Float64s
+    prediction: Float64s
+    filled: Float64s
+    residual: Float64s
+    excess: Float64s
+    weight: Float64s
+    part: Float64s
 
 
 def denoise(neighbours: Neighbours, points: Points, rows: Float64s, level: float) -> tuple[Float64s, Float64s]:
@@ -43,113 +72,51 @@ def denoise(neighbours: Neighbours, points: Points, rows: Float64s, level: float
 
     Args: rows: (k, COLUMNS), see `gather_hemispheres`. level: mean square error of their w.
     """
-    estimate, spread = rows[:, W], neighbours.smooth(rows[:, BATCH_VARIANCE], _SPREAD_REACH)
-    variance = distribute_variance(spread, level)
-    prediction, part = _prediction(neighbours, points, rows, variance)
-    isolated = np.isnan(prediction)
-    residual = np.where(isolated, 0.0, estimate - prediction)
-    squared = residual**2
-    beyond = neighbours.smooth(squared - variance, _REACH)
-    error = np.maximum(np.maximum(beyond, squared - _OUTLIER * variance), 0.01 * variance)
-    usable = ~isolated & (variance > 0) & (spread > 0)
-    share = np.where(usable, variance / np.where(usable, variance + error, 1.0), 0.0)
-    return estimate - share * residual, shrunk_to_mean(variance * (1 - share * (1 - 2 * part)))
+    count, ring, normals, means = len(points), neighbours.ring, points.normals, neighbours.means
+    at = _Fields(*(np.empty((count, 3) if name in ("closed", "unlike") else count) for name in _Fields._fields))
 
+    neighbours.each(lambda first, last: _begin(first, last, ring, rows, points.origins, normals, at))
+    _, closed, _, spread = means(
+        (at.w, 0.0), (at.closed, 0.0), (at.rise, 0.0), (at.spread, 1.0),
+        then=lambda first, last, mean, closed, rise, _: _compare(first, last, mean, closed, rise, at),
+    )  # fmt: skip
+    _, closed, spread = means(
+        (at.filled, 1.0), (closed, 1.0), (spread, 1.0),
+        then=lambda first, last, wide, *_: _compare_rings(first, last, ring, wide, at),
+    )  # fmt: skip
+    closed, spread = means((closed, 1.0), (spread, 1.0))
+    typical = float(np.mean(spread)) if count else 0.0
 
-def _prediction(
-    neighbours: Neighbours, points: Points, rows: Float64s, variance: Float64s
-) -> tuple[Float64s, Float64s]:
-    """Predictions from the neighbours, (k,), NaN without any; and the part that each estimate has in its own, (k,)."""
-    estimate, ring = rows[:, W], neighbours.predict(rows[:, W])
-    isolated = np.isnan(ring)
-    unlike = _differences(neighbours, points, rows, ring)
-    residual = np.where(isolated, 0.0, estimate - ring)
-    rough = np.nan_to_num(neighbours.predict(neighbours.smooth(residual**2 - variance, 2)))
-    weight = 1 / np.maximum(variance + np.maximum(rough, 0.0), 1e-12)
-    everywhere = product(unlike, _ridge_regression(unlike, residual, weight))
-    around, part = _local_fit(neighbours, unlike, residual - everywhere, weight)
-    return ring + everywhere + around, part
+    def lean(first: int, last: int, closed: Float64s) -> None:
+        at.variance[first:last] = distribute_variance(spread[first:last], level, typical)
+        _lean(first, last, closed, normals, at)
 
-
-def _differences(neighbours: Neighbours, points: Points, rows: Float64s, ring: Float64s) -> Float64s:
-    """How each point differs from its neighbours, (k, 3): in what is around these, in its leaning and in its rise.
-
-    Args: ring: (k,), the neighbours' mean w.
-    """
-    estimate, isolated, normals = rows[:, W], np.isnan(ring), points.normals.astype(np.float64)
-    closed = 2 / 3 * normals - rows[:, BENT:]  # mean of (1 − μ)·direction
-    predicted = np.where(isolated, estimate, ring)
-    wide = neighbours.smooth(predicted, 1)
-    own = neighbours.leverage()
-    closed = np.where(isolated[:, None], closed, neighbours.predict(closed))
-    leaning = np.einsum("ij,ij->i", neighbours.smooth(closed, _LEAN_REACH), normals)
-    rise = np.empty(len(points))
-    starts, indices = neighbours.starts, neighbours.indices
-    neighbours.each(lambda first, last: _mean_rises(first, last, starts, indices, points.origins, points.normals, rise))
-    beside = (wide - own * estimate) / (1 - own) - predicted
-    unlike = np.column_stack([beside, *(about - neighbours.predict(about) for about in (leaning, rise))])
-    unlike[isolated] = 0.0
-    return unlike
-
-
-def _ridge_regression(columns: Float64s, target: Float64s, weight: Float64s) -> Float64s:
-    """Coefficients (c,) of weighted ridge regression: near 0 where few points or like columns leave them open."""
-    matrix, right = np.einsum("ki,kj,k->ij", columns, columns, weight), np.einsum("ki,k,k->i", columns, target, weight)
-    size = np.sqrt(np.diag(matrix))
-    used = size > 0
-    size = np.where(used, size, 1.0)
-    ridge = _RIDGE + _RIDGE_POINTS / max(len(target), 1)
-    inside = matrix / np.outer(size, size) + ridge * np.eye(len(size))
-    return np.where(used, np.linalg.solve(inside, right / size) / size, 0.0)
-
-
-def _local_fit(
-    neighbours: Neighbours, columns: Float64s, target: Float64s, weight: Float64s
-) -> tuple[Float64s, Float64s]:
-    """`target` (k,) by least squares from three `columns` (k, 3), fitted anew around each point; its own part in that.
-
-    Coefficients are shrunk to 0 as if a typical surrounding had that for a result.
-    """
-    size = np.sqrt(np.einsum("ki,ki,k->i", columns, columns, weight) / max(len(target), 1))
-    scaled = columns / np.where(size > 0, size, 1.0)
-    fit, part = np.empty(len(target)), np.empty(len(target))
-
-    def moments() -> Float32s:
-        out = aligned((len(target), WIDE), np.float32)
-        neighbours.each(lambda first, last: _normal_equations(first, last, scaled, target, weight, out))
-        return out
-
-    around = neighbours.smooth(moments(), _FIT_REACH)  # which lets go of them after a round
-    neighbours.each(lambda first, last: _local_fits(first, last, scaled, around, fit, part))
-    return fit, np.minimum(part * weight * neighbours.smoothed_self_weight(), 0.5)
+    means((closed, 1.0), then=lean)
+    _, excess = means(
+        (at.leaning, 0.0), (at.excess, 1.0), then=lambda first, last, mean, _: _compare_leaning(first, last, mean, at)
+    )
+    means((neighbours.smooth(excess, 1), 0.0), then=lambda first, last, rough: _weigh(first, last, rough, at))
+    coefficients, size = _ridge_regression(at.unlike, at.residual, at.weight)
+    moments = aligned((count, WIDE), np.float32)
+    neighbours.each(lambda first, last: _normal_equations(first, last, coefficients, size, at, moments))
+    for _ in range(_FIT_REACH - 1):
+        moments = means((moments, 1.0))[0]  # which lets go of those before
+    means((moments, 1.0), then=lambda first, last, around: _local_fits(first, last, around, at))
+    excess = neighbours.smooth(at.excess, _REACH - 1)
+    means((excess, 1.0), then=lambda first, last, beyond: _shrink(first, last, beyond, spread, at))
+    return at.w, shrunk_to_mean(at.variance)
 
 
 @kernel
-def _normal_equations(first, last, columns, target, weight, out):
+def _begin(first, last, ring, rows, origins, normals, at):
+    """Fill in `w`, `spread`, `self_weight`, `closed` and `rise`, where a neighbour below counts as 0."""
+    starts, indices, weights = borrow(ring)
+    rows, origins, normals, at = borrow(rows), borrow(origins), borrow(normals), borrow(at)
     for i in range(first, last):
-        a, b, c = load(columns, i)
-        values = a * a, a * b, a * c, b * b, b * c, c * c, a * target[i], b * target[i], c * target[i]
-        for k in range(9):
-            out[i, k] = weight[i] * values[k]
-
-
-@kernel
-def _local_fits(first, last, columns, moments, fit, part):
-    for i in range(first, last):
-        m = moments[i]
-        x, y, z = (1.0 + m[0], m[1], m[2]), (m[1], 1.0 + m[3], m[4]), (m[2], m[4], 1.0 + m[5])
-        yz, zx, xy = cross(y, z), cross(z, x), cross(x, y)  # columns of the inverse, times the determinant
-        row, determinant = load(columns, i), dot(x, yz)
-        solved = add(add(scale(row[0], yz), scale(row[1], zx)), scale(row[2], xy))
-        fit[i] = dot(solved, (m[6], m[7], m[8])) / determinant
-        part[i] = dot(solved, row) / determinant
-
-
-@kernel
-def _mean_rises(first, last, starts, indices, origins, normals, out):
-    """The mean sine by which neighbours stand above each point's tangent plane; a neighbour below counts as 0."""
-    for i in range(first, last):
-        out[i] = 0.0
+        at.w[i], at.spread[i] = rows[i, W], rows[i, BATCH_VARIANCE]
+        for axis in range(3):
+            at.closed[i, axis] = 2.0 / 3.0 * normals[i, axis] - rows[i, BENT + axis]
+        whole, rise = 1.0, 0.0
         for k in range(starts[i], starts[i + 1]):
             height = squared = 0.0
             for axis in range(3):
@@ -157,36 +124,127 @@ def _mean_rises(first, last, starts, indices, origins, normals, out):
                 height += d * normals[i, axis]
                 squared += d * d
             if height > 0.0:
-                out[i] += height / np.sqrt(squared)
-        out[i] /= max(starts[i + 1] - starts[i], 1)
+                rise += height / np.sqrt(squared)
+            whole += weights[k]
+        at.rise[i], at.self_weight[i] = rise / max(starts[i + 1] - starts[i], 1), 1.0 / whole
 
 
-def calibration_factor(expected: Float64s, squared: Float64s, everywhere: Float64s) -> float:
-    """The factor by which `expected` squared errors (j,) are off in the mean, from unbiased measures `squared` (j,).
+@kernel
+def _compare(first, last, mean, closed, rise, at):
+    """Compare points with the means of their neighbours' `w`, `closed` and `rise`."""
+    for i in range(first, last):
+        alone = np.isnan(mean[i])
+        if alone:
+            store(closed, i, load(at.closed, i))
+        at.prediction[i], at.filled[i] = mean[i], at.w[i] if alone else mean[i]
+        at.residual[i] = 0.0 if alone else at.w[i] - mean[i]
+        at.unlike[i, 2] = 0.0 if alone else at.rise[i] - rise[i]
 
-    A measure that scatters much is mistrusted: the mean of it and what is usual, weighted by their variances. So is one
-    where few points have most of the error `everywhere`, expected of all (k,), for it may have missed these.
+
+@kernel
+def _compare_rings(first, last, ring, wide, at):
+    """Compare the mean of the neighbours with that of their neighbours, from which the point's own w is taken out.
+
+    The leverage of a point is the weight of its own value in the mean of its own and its neighbours' predictions.
     """
-    mean = float(np.mean(expected)) if len(expected) else 0.0
-    if mean <= 0 or len(squared) <= 1:
-        return 1.0
-    uneven = float(np.mean(everywhere**2) / np.mean(everywhere) ** 2)
-    scatter = (float(np.var(squared)) / mean**2 + 2 * uneven) / len(squared)
-    return float(np.clip(_USUAL + (float(np.mean(squared)) / mean - _USUAL) / (1 + scatter / _DOUBT**2), 1 / 3, 3))
+    starts, indices, weights = borrow(ring)
+    at = borrow(at)
+    for i in range(first, last):
+        leverage = 0.0
+        for k in range(starts[i], starts[i + 1]):
+            whole = 1.0 / at.self_weight[indices[k]] - 1.0
+            if whole > 1e-6:
+                leverage += weights[k] * weights[k] / whole
+        leverage /= 1.0 / at.self_weight[i] - 1.0 + 1.0
+        beside = (wide[i] - leverage * at.w[i]) / (1.0 - leverage) - at.filled[i]
+        at.unlike[i, 0] = 0.0 if np.isnan(at.prediction[i]) else beside
 
 
-def shrunk_to_mean(squared: Float64s, typical: float = _TYPICAL) -> Float64s:
-    """Expected squared errors (k,) shrunk towards their mean, for they are uncertain themselves."""
-    return squared + typical * (np.mean(squared) - squared) if len(squared) else squared
+@kernel
+def _lean(first, last, closed, normals, at):
+    for i in range(first, last):
+        c, n = load(closed, i), load(normals, i)
+        at.leaning[i] = c[0] * n[0] + c[2] * n[2] + c[1] * n[1]
+        at.excess[i] = at.residual[i] ** 2 - at.variance[i]
 
 
-def distribute_variance(spread: Float64s, level: float) -> Float64s:
-    """Variances (k,) of mean `level`, distributed as the `spread` (k,) between each point's batches.
+@kernel
+def _compare_leaning(first, last, mean, at):
+    for i in range(first, last):
+        at.unlike[i, 1] = 0.0 if np.isnan(at.prediction[i]) else at.leaning[i] - mean[i]
 
-    It is shrunk towards its mean by one degree of freedom, so that lucky agreement never reads as certainty.
+
+@kernel
+def _weigh(first, last, rough, at):
+    for i in range(first, last):
+        beyond = 0.0 if np.isnan(rough[i]) else max(rough[i], 0.0)
+        at.weight[i] = 1.0 / max(at.variance[i] + beyond, 1e-12)
+
+
+def _ridge_regression(columns: Float64s, target: Float64s, weight: Float64s) -> tuple[Float64s, Float64s]:
+    """Coefficients (3,) of weighted ridge regression, near 0 where few points or like columns leave them open.
+
+    Also the root mean squares (3,) of the weighted columns, 1 instead of 0.
     """
-    typical = float(np.mean(spread)) if len(spread) else 0.0
-    if typical == 0:
-        return np.full(len(spread), level)
-    freedom = BATCHES - 1
-    return level / typical * (freedom * spread + typical) / (freedom + 1)
+    matrix, right = np.zeros((3, 3)), np.zeros(3)
+    _sum_moments(columns, target, weight, matrix, right)
+    size = np.sqrt(np.diag(matrix))
+    used, count = size > 0, max(len(target), 1)
+    size = np.where(used, size, 1.0)
+    inside = matrix / np.outer(size, size) + (_RIDGE + _RIDGE_POINTS / count) * np.eye(len(size))
+    mean = np.sqrt(np.diag(matrix) / count)
+    return np.where(used, np.linalg.solve(inside, right / size) / size, 0.0), np.where(mean > 0, mean, 1.0)
+
+
+@kernel
+def _sum_moments(columns, target, weight, matrix, right):
+    for k in range(len(target)):
+        for i in range(3):
+            right[i] += columns[k, i] * target[k] * weight[k]
+            for j in range(3):
+                matrix[i, j] += columns[k, i] * columns[k, j] * weight[k]
+
+
+@kernel
+def _normal_equations(first, last, coefficients, size, at, out):
+    """The moments of least squares around a point, of what the `coefficients` leave, in columns scaled by `size`."""
+    at = borrow(at)
+    for i in range(first, last):
+        u, c = load(at.unlike, i), coefficients
+        everywhere = u[0] * c[0] + u[2] * c[2] + u[1] * c[1]
+        target = at.residual[i] - everywhere
+        at.prediction[i] += everywhere
+        a, b, c = u[0] / size[0], u[1] / size[1], u[2] / size[2]
+        store(at.unlike, i, (a, b, c))
+        values = a * a, a * b, a * c, b * b, b * c, c * c, a * target, b * target, c * target
+        for k in range(9):
+            out[i, k] = at.weight[i] * values[k]
+
+
+@kernel
+def _local_fits(first, last, moments, at):
+    """Correct predictions by fits around each point, shrunk to 0 as if a typical surrounding had that for a result."""
+    at = borrow(at)
+    for i in range(first, last):
+        m = moments[i]
+        x, y, z = (1.0 + m[0], m[1], m[2]), (m[1], 1.0 + m[3], m[4]), (m[2], m[4], 1.0 + m[5])
+        yz, zx, xy = cross(y, z), cross(z, x), cross(x, y)  # columns of the inverse, times the determinant
+        row, determinant = load(at.unlike, i), dot(x, yz)
+        solved = add(add(scale(row[0], yz), scale(row[1], zx)), scale(row[2], xy))
+        at.prediction[i] += dot(solved, (m[6], m[7], m[8])) / determinant
+        own = at.self_weight[i]  # of four rounds of `smooth` about own (1 + own) / 2, for valences from 1 to 8
+        at.part[i] = min(dot(solved, row) / determinant * at.weight[i] * (own * (1.0 + own) / 2.0), 0.5)
+        at.residual[i] = 0.0 if np.isnan(at.prediction[i]) else at.w[i] - at.prediction[i]
+        at.excess[i] = at.residual[i] ** 2 - at.variance[i]
+
+
+@kernel
+def _shrink(first, last, beyond, spread, at):
+    at = borrow(at)
+    for i in range(first, last):
+        variance, residual = at.variance[i], at.residual[i]
+        error = max(max(beyond[i], residual * residual - _OUTLIER * variance), 0.01 * variance)
+        usable = not np.isnan(at.prediction[i]) and variance > 0.0 and spread[i] > 0.0
+        share = variance / (variance + error) if usable else 0.0
+        at.w[i] -= share * residual
+        at.variance[i] = variance * (1.0 - share * (1.0 - 2.0 * at.part[i]))

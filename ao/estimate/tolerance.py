@@ -19,13 +19,13 @@ from ..execute.tracer import Tracer
 from ..options import Options
 from ..points.points import Points
 from ..rays.estimate import BENT, COLUMNS, VALUES, W
-from .calibration import Calibration
+from .calibration import Calibration, calibration_factor
 from .one_ring import Neighbours
 from .probes import Probes, derive
 from .rate_allocation import ADDED, COARSEST, MET, Baked, Cells, cheapest, halve_strides, variance_factor
 from .ray_budget import work
 from .screening import Screening, screening_samples
-from .shrinkage import calibration_factor, denoise
+from .shrinkage import denoise
 from .upsampling import coarsened, nearest_baked, upsample
 
 _FEWEST = 4096  # points baked at first, at least

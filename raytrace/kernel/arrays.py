@@ -20,9 +20,9 @@ def product(rows: Float64s, matrix: AnyFloats) -> Float64s:
     return np.asarray(np.einsum("nk,k...->n...", rows, matrix))
 
 
-def aligned(shape: tuple[int, ...], dtype: npt.DTypeLike) -> npt.NDArray[Any]:
-    """Zeroed array that starts on a 64-byte boundary and owns 16 spare bytes behind its end, as Embree wants."""
+def aligned(shape: tuple[int, ...], dtype: npt.DTypeLike, zeroed: bool = True) -> npt.NDArray[Any]:
+    """Array that starts on a 64-byte boundary and owns 16 spare bytes behind its end, as Embree wants."""
     size = math.prod(shape) * np.dtype(dtype).itemsize
-    raw = np.zeros(size + 80, np.uint8)
+    raw = (np.zeros if zeroed else np.empty)(size + 80, np.uint8)
     start = -raw.ctypes.data % 64
     return raw[start : start + size].view(dtype).reshape(shape)

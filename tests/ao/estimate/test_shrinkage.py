@@ -8,8 +8,9 @@ import trimesh
 from meshes import hills
 
 import ao
+from ao.estimate.calibration import distribute_variance
 from ao.estimate.one_ring import Neighbours
-from ao.estimate.shrinkage import denoise, distribute_variance
+from ao.estimate.shrinkage import denoise
 from ao.points.receivers import Points, find_receivers
 from raytrace import Mesh
 from raytrace.mesh.placement import Placement
