@@ -156,24 +156,21 @@ class PointValues:
 def assemble(prepared: Prepared, values: PointValues, seconds: dict[str, float]) -> Bake:
     """Spread values at points over the vertices of the mesh."""
     point, flags, only = prepared.wanted.of_vertex, prepared.wanted.flags, prepared.options.only
-    baked = point >= 0
-    row = point[baked]
     normals = prepared.wanted.points.normals
     clear = np.einsum("ij,ij->i", values.bent, values.bent) > 1e-18
-    w, error, bent = np.ones(len(point)), np.zeros(len(point)), np.zeros((len(point), 3))
-    w[baked], error[baked] = values.w[row], values.error[row]
-    bent[baked] = np.where(clear[:, None], normalize(values.bent), normals)[row]
+    bent = np.where(clear[:, None], normalize(values.bent), normals)
+    error = np.append(values.error, 0.0)[point]  # −1, for no point, is the last row
     wanted = len(point) if only is None else int(np.count_nonzero(only))
     vertices_skipped = {
-        "duplicate": int(np.count_nonzero(baked)) - len(normals),
+        "duplicate": int(np.count_nonzero(point >= 0)) - len(normals),
         "no_normal": int(np.count_nonzero(flags & (Flag.UNREFERENCED | Flag.DEGENERATE))),
         "not_wanted": len(point) - wanted,
     }
     skipped = {name: values.samples * count for name, count in vertices_skipped.items()} | values.rays_skipped
     return Bake(
-        w=w,
+        w=np.append(values.w, 1.0)[point],
         error=error,
-        bent_normals=bent,
+        bent_normals=np.append(bent, np.zeros((1, 3)), axis=0).take(point, axis=0),
         flags=flags,
         rays=values.rays,
         rays_skipped={reason: skipped[reason] for reason in _REASONS if reason in skipped},

@@ -21,19 +21,17 @@ def closed_parts(vertices: Float32s, faces: Int64s) -> tuple[Int64s, Bools]:
     part = connected_components(faces, len(vertices))
     if _are_one(part, faces):  # the usual case, found soonest
         return part, np.zeros(int(part.max(initial=-1)) + 1, np.bool_)
-    place = np.arange(len(vertices))
-    order, number = coincident(vertices, faces)
-    place[order] = order[np.flatnonzero(np.diff(number, prepend=-1))][number]
+    place = coincident(vertices, faces)
     corners = place[faces]
-    part = connected_components(corners, len(vertices))[place]
+    part = connected_components(corners, int(place.max()) + 1)
     closed = np.zeros(int(part.max()) + 1, np.bool_)
-    if not _are_one(part, faces):
+    if not _are_one(part, corners):
         volume = np.zeros(len(closed))
-        _add_volumes(vertices, faces, part, volume)
+        _add_volumes(vertices, faces, part[place], volume)
         closed = volume > 0
-        edges, starts = counting_sort(np.minimum(corners, corners[:, [1, 2, 0]]), len(vertices))
+        edges, starts = counting_sort(np.minimum(corners, corners[:, [1, 2, 0]]), len(part))
         _strike_open(corners, edges, starts, part, closed)
-    return part, closed
+    return part[place], closed
 
 
 def inside_boxes(points: Float32s, own: Int64s, vertices: Float32s, part: Int64s, closed: Bools) -> Int64s:

@@ -82,7 +82,11 @@ def _any_back(receivers: Receivers, count: int) -> Solids:
 def _closed_parts(vertices: Float32s, receivers: Receivers) -> tuple[Int64s, Bools]:
     """`closed_parts`, sought once for the same receivers; parts that have faces with alpha are open."""
     if receivers not in _sought:
-        part, closed = closed_parts(vertices, receivers.faces)
+        point, rest = receivers.of_vertex, np.flatnonzero(receivers.of_vertex < 0)  # welded vertices count once
+        number = point.copy()
+        number[rest] = np.arange(len(receivers.points), len(receivers.points) + len(rest))
+        part, closed = closed_parts(vertices[np.append(receivers.first_vertex, rest)], number[receivers.faces])
+        part = part[number]
         if receivers.opacity:
             closed[part[receivers.faces[receivers.opacity.of >= 0]]] = False
         _sought[receivers] = part, closed

@@ -30,15 +30,19 @@ def _root(parent, i):
     return i
 
 
+@inline
+def connect(parent, a, b):
+    """Connect two members in the forest `parent` (count,), int64; roots are least."""
+    a, b = _root(parent, a), _root(parent, b)
+    parent[max(a, b)] = min(a, b)
+
+
 @kernel
 def join(links, parent):
-    """Connect the members in each row of `links` (m, any) in the forest `parent` (count,), int64; roots are least."""
+    """Connect the members in each row of `links` (m, any) in the forest `parent`, as `connect` does two."""
     for row in range(len(links)):
-        a = _root(parent, links[row, 0])
         for k in range(1, links.shape[1]):
-            b = _root(parent, links[row, k])
-            a, b = min(a, b), max(a, b)
-            parent[b] = a
+            connect(parent, links[row, 0], links[row, k])
 
 
 @kernel

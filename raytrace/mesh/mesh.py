@@ -123,6 +123,7 @@ class Mesh:
     @cached_property
     def radius(self) -> float:
         """Radius of the bounding sphere about `centre`: what a relative distance ("25%") is a part of."""
-        offset = self.used - self.centre
-        largest = np.abs(offset).max()  # no underflow in the squares
-        return float(largest * np.sqrt(((offset / largest) ** 2).sum(axis=1).max())) if largest > 0 else 0.0
+        offsets = [column - middle for column, middle in zip(self.used.T, self.centre, strict=True)]
+        largest = max(np.abs(offset).max() for offset in offsets)  # no underflow in the squares
+        squares = sum((offset / (largest or 1.0)) ** 2 for offset in offsets)
+        return float(largest * np.sqrt(np.max(squares)))

@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
+from ..kernel.counting_sort import counting_sort
 from ..kernel.jit import kernel
 from ..types import AnyInts, Float32s, Float64s, Int64s
-from .components import connected_components, join, number
+from .components import connect, join, number
 from .placement import contact_radius
 
 CREASE = float(np.cos(np.radians(30.0)))  # coincident vertices whose faces differ by more stay apart: a hard edge
@@ -25,42 +28,80 @@ def weld(positions: Float32s, faces: Int64s, normals: Float64s, agreement: float
     Args: positions (n, 3), faces (m, 3): as `coincident` takes them. normals (n, 3), unit or zero (agrees with none);
         agreement: the least cosine.
     """
-    order, place = coincident(positions, faces)
-    group = np.arange(len(positions))
-    for a, b in _pairs(place):
-        agree = np.einsum("ij,ij->i", normals[order[a]], normals[order[b]]) >= agreement
-        join(np.stack([order[a[agree]], order[b[agree]]], axis=1), group)
-    number(group)
+    place, group = coincident(positions, faces), np.arange(len(positions))
+    count = int(place.max(initial=-1)) + 1
+    if count < len(positions):
+        _join_agreeing(*counting_sort(place, count), normals, agreement, group)
+        number(group)
     return group
 
 
-def coincident(positions: Float32s, faces: Int64s) -> tuple[Int64s, Int64s]:
-    """Rows (k,) of all `positions` (n, 3) that share a place, and perhaps of a few more, sorted by place.
+def coincident(positions: Float32s, faces: Int64s) -> Int64s:
+    """The place (n,) of each of the `positions` (n, 3), numbered from 0 in the order of their first rows.
 
     Positions share a place if they are equal or within their `contact_radius`, or are linked by others that are; but
     for vertices all whose edges are hardly longer than that, which must be equal.
 
     Args: positions: render space. faces: int64 (m, 3).
-
-    Returns these and the number (k,) of each one's place, ascending from 0.
     """
-    repeated = np.zeros(len(positions), np.bool_)
-    for subset, keys in grids(positions):
-        repeated[subset[_repeated(keys)]] = True
-    rows = np.flatnonzero(repeated)
-    x, y, z = (positions[rows] + np.float32(0.0)).T  # −0 becomes 0
-    order = np.lexsort((z, y, x))
-    new = np.zeros(len(rows), np.bool_)
-    for coordinate in (x, y, z):
-        new[1:] |= coordinate[order[1:]] != coordinate[order[:-1]]
-    order = rows[order]
-    place: Int64s = np.cumsum(new)
-    links = _near(positions, faces, order[np.flatnonzero(np.diff(place, prepend=-1))])
-    if len(links):
-        place = connected_components(links, int(place[-1]) + 1)[place]
-        again = np.lexsort((order, place))
-        order, place = order[again], place[again]
-    return order, place
+    first = _first_alike(positions + np.float32(0.0))  # −0 becomes 0
+    rows = np.flatnonzero(first == np.arange(len(first)))
+    beside = np.zeros(len(rows), np.bool_)
+    for subset, keys in grids(positions[rows]):
+        alike = _first_alike(keys[:, None])
+        again = alike != np.arange(len(alike))
+        beside[subset[again]] = beside[subset[alike[again]]] = True
+    rows = rows[beside]
+    if len(rows):
+        rows = rows[np.lexsort(positions[rows].T[::-1])]
+        join(rows[_near(positions, faces, rows)], first)
+    number(first)
+    return first
+
+
+def _first_alike(values: npt.NDArray[Any]) -> Int64s:
+    """The first of the rows of `values` (n, any) that are equal bit by bit to each row, (n,)."""
+    first = np.empty(len(values), np.int64)
+    _find_first(np.ascontiguousarray(values).view(np.uint32), np.zeros(2 << len(values).bit_length(), np.uint32), first)
+    return first
+
+
+@kernel
+def _find_first(words, table, first):
+    """Args: words: (n, any). table: of zeros, a power of two and more than n; filled with rows, from 1 on, by hash."""
+    last = len(table) - 1
+    for i in range(len(words)):
+        hashed = np.uint64(0)
+        for k in range(words.shape[1]):
+            hashed = (hashed ^ np.uint64(words[i, k])) * np.uint64(0x9E3779B97F4A7C15)
+            hashed ^= hashed >> np.uint64(32)
+        at, row = np.int64(hashed) & last, np.int64(0)
+        while True:
+            row = np.int64(table[at]) - 1
+            alike = row >= 0
+            for k in range(words.shape[1]):
+                alike = alike and words[row, k] == words[i, k]
+            if alike or row < 0:
+                break
+            at = at + 1 & last
+        if row < 0:
+            table[at] = i + 1
+        first[i] = i if row < 0 else row
+
+
+@kernel
+def _join_agreeing(order, starts, normals, agreement, group):
+    """Connect vertices at one place, up to 64 apart there, in the forest `group` (n,) if their normals agree.
+
+    Args: order: vertices order[starts[k] : starts[k + 1]] are at place k.
+    """
+    for k in range(len(starts) - 1):
+        for i in range(starts[k], starts[k + 1]):
+            for j in range(i + 1, min(i + 1 + _NEIGHBOURS, starts[k + 1])):
+                a, b = order[i], order[j]
+                x, y, z = normals[a, 0] * normals[b, 0], normals[a, 1] * normals[b, 1], normals[a, 2] * normals[b, 2]
+                if x + z + y >= agreement:  # as NumPy's einsum adds
+                    connect(group, a, b)
 
 
 def grids(positions: Float32s) -> Iterator[tuple[Int64s, Int64s]]:
@@ -132,12 +173,3 @@ def _pairs(keys: AnyInts, along: Float64s | None = None) -> Iterator[tuple[Int64
         if not len(first):
             return
         yield first, first + step
-
-
-def _repeated(keys: Int64s) -> Int64s:
-    """Rows, ascending, of all `keys` (n,) that occur more than once."""
-    ordered = np.sort(keys)
-    twice = ordered[1:][ordered[1:] == ordered[:-1]]
-    if not len(twice):
-        return np.zeros(0, np.int64)
-    return np.flatnonzero(twice[np.minimum(np.searchsorted(twice, keys), len(twice) - 1)] == keys)
