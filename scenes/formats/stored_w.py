@@ -63,9 +63,23 @@ def _of_mesh(path: Path, counts: tuple[int, ...]) -> Float64s:
     if asset and sum(len(w) for _, w in stored) not in counts:  # pictures leave out what nodes flatten to nothing
         stored = [(each, w) for each, w in stored if not each.is_flattened]
     w = np.concatenate([np.empty(0), *(w for _, w in stored)]).astype(np.float64)
+    if len(stored) == 1 and asset:
+        w = w[: unrepeated(stored[0][0].vertices, counts)]
     if len(w) not in counts:
         raise SceneError(path, "w", _expected(counts), f"{len(w):,}")
     return w
+
+
+def unrepeated(vertices: npt.NDArray[Any], counts: tuple[int, ...]) -> int:
+    """How many of the vertices (n, 3) of a .glb are the mesh file's: one of `counts` if the others repeat those, or n.
+
+    A .glb stores vertices at seams and creases again, after the file's.
+    """
+    for count in counts:
+        own, more = (np.unique(vertices[part], axis=0) for part in (np.s_[:count], np.s_[count:]))
+        if count < len(vertices) and len(np.unique(np.concatenate([own, more]), axis=0)) == len(own):
+            return count
+    return len(vertices)
 
 
 def _of_gltf(instances: Sequence[Instance], asset: Gltf) -> list[AnyFloats | None]:

@@ -70,8 +70,7 @@ def plain(mesh_file: MeshFile, colors: bool, up: str | None = None) -> tuple[Pac
     The only primitive of a part has the part's vertices in their order, then those whose corners differ once more.
     One of several has the vertices that it uses, with their rows in the mesh as `_SOURCE_INDEX`.
 
-    A mesh without normals gets them by `raytrace.mesh.creases`, but for parts that have their vertices alone and would
-    have to repeat some for it: a row of theirs is a vertex of the file.
+    A mesh without normals gets them by `raytrace.mesh.creases`.
 
     Where another axis than y is up, all stand below a node that turns it to y.
 
@@ -142,21 +141,16 @@ def _pieces(mesh_file: MeshFile, found: list[Group]) -> Iterator[_Piece]:
     if detail and (detail.uv or detail.normals):
         places = detail.triangles.take(np.arange(len(detail.corners))).ravel()
         uv, normals = (each and PerCorner(each.rows, each.of[places]) for each in (detail.uv, detail.normals))
-    several = [values for values in (uv, normals) if values is not None]
-    computed = None
     if smooth is None and normals is None:
         rows, of = creased_normals(mesh)
         rows[~rows.any(axis=1)] = 0, 0, 1  # of faces without area, which nothing shows
-        computed = PerCorner(rows, of.ravel())
+        normals = PerCorner(rows, of.ravel())
+    several = [values for values in (uv, normals) if values is not None]
     alone = Counter(group.part for group in found)
     for group in found:
         start, stop = mesh_file.parts[group.part].vertices.start, mesh_file.parts[group.part].vertices.stop
         own, keep = mesh.faces.ravel() - start, stop - start if alone[group.part] == 1 else 0
         vertices, faces, first = split_corners(own, corners[group.faces], several, keep)
-        if computed:
-            split = split_corners(own, corners[group.faces], [*several, computed], keep)
-            normals = computed if len(vertices) != keep or len(split[0]) == keep else None
-            vertices, faces, first = split if normals else (vertices, faces, first)
         yield _Piece(
             vertices + start,
             faces,

@@ -16,7 +16,7 @@ from raytrace.types import Float64s, UInt8s
 from ...formats.glb.occlusion import is_ramp
 from ...formats.gltf.textures import Textures
 from ...formats.load import MeshFile, load, mesh_errors
-from ...formats.stored_w import ENDINGS, read_beside_w, read_w
+from ...formats.stored_w import ENDINGS, read_beside_w, read_w, unrepeated
 from .encode import TexturedW, Values
 
 _ARRAYS = (".npy", ".npz")
@@ -49,9 +49,9 @@ def read_results(results: list[Path], mesh: Path | None) -> Results:
         MeshError, SceneError: a file cannot be read, has no w, or belongs to another mesh.
     """
     sources = {path: load(path) for path in results if path.suffix.lower() not in _ARRAYS}
-    whole = load(mesh) if mesh else next(iter(sources.values()))
+    whole = load(mesh) if mesh else min(sources.values(), key=lambda each: len(each.mesh.vertices))
     for source in sources.values():
-        _check_same(whole.mesh, source.mesh, source.path)
+        _check_same(whole.mesh, source)
     bakes = [_values(path, whole, sources.get(path)) for path in results]
     read = [*whole.files, *results, *(file for source in sources.values() for file in source.files)]
     return Results(whole.mesh, bakes, tuple(read))
@@ -62,7 +62,7 @@ def _values(path: Path, whole: MeshFile, source: MeshFile | None) -> Values:
     if source is None or source.w is None:
         w, textures = read_w(path, count), _textures(source)
     else:
-        w, textures = source.w, None
+        w, textures = source.w[:count], None
     return Values(w, **read_beside_w(path, count), name=path.name, textures=textures).checked(count)
 
 
@@ -96,14 +96,16 @@ def _upright(mesh: Mesh) -> Float64s:
     return mesh.vertices @ np.transpose(TO_Y_UP[up_axis(mesh)])
 
 
-def _check_same(mesh: Mesh, other: Mesh, path: Path) -> None:
-    """Raises: SceneError: not the same vertices and faces."""
-    if other.vertices.shape != mesh.vertices.shape:
-        expected, got = f"the {len(mesh.vertices):,} of {mesh.source}", f"{len(other.vertices):,}"
+def _check_same(mesh: Mesh, source: MeshFile) -> None:
+    """Raises: SceneError: not the same vertices, but for repeated ones with w of their own, or not the same faces."""
+    other, path, count = source.mesh, source.path, len(mesh.vertices)
+    own = len(other.vertices) if source.w is None else unrepeated(other.vertices, (count,))
+    if own != count:
+        expected, got = f"the {count:,} of {mesh.source}", f"{len(other.vertices):,}"
         raise SceneError(path, "vertices", expected, got)
-    pairs = (mesh.vertices, other.vertices), (_upright(mesh), _upright(other))
+    pairs = (mesh.vertices, other.vertices[:count]), (_upright(mesh), _upright(other)[:count])
     moved = min(float(np.abs(one - two).max()) for one, two in pairs)
     if moved > _MOVED * mesh.radius:
         raise SceneError(path, "vertices", f"those of {mesh.source}", f"others, up to {moved:.3g} away")
-    if not np.array_equal(other.faces, mesh.faces):
+    if not np.array_equal(other.vertices[other.faces], other.vertices[mesh.faces]):
         raise SceneError(path, "faces", f"those of {mesh.source}", "others")

@@ -13,6 +13,7 @@ from mesh_files import ply
 from PIL import Image
 
 from raytrace.image.read import read_image
+from scenes.formats.load import load
 
 SIZE = ("--width", 48, "--height", 32, "--samples", 4)
 CORNER = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0], [1, 0, 1], [0, 0, 1]], float)
@@ -57,7 +58,7 @@ def test_every_format_gives_the_same_picture(folder, ending):
 @pytest.mark.parametrize("ending", ["ply", "glb"])
 def test_a_baked_mesh_is_rendered_with_its_own_w(folder, ending):
     stored = picture(f"w.{ending}", "--baked", f"w.{ending}")
-    np.testing.assert_array_equal(stored, picture(f"w.{ending}", "--baked", "w.npy"))
+    np.testing.assert_array_equal(stored, picture("corner.ply", "--baked", "w.npy"))
     assert stored.min() < 0.9
 
 
@@ -94,7 +95,8 @@ def test_values_that_are_no_w_are_refused(folder):
 
 @pytest.mark.parametrize("ending", ["ply", "glb"])
 def test_info_shows_stored_w(folder, ending):
-    w = np.load("w.npy")
+    w = load(folder / f"w.{ending}").w
+    np.testing.assert_array_equal(w[:6], np.load("w.npy"))
     line = next(row for row in obscurance("info", f"w.{ending}").stdout.splitlines() if row.startswith("stored w"))
     assert line.split(maxsplit=2)[2] == f"{w.min():.4g} to {w.max():.4g}, mean {w.mean(dtype=np.float64):.4g}"
     assert "stored w        none in the file" in obscurance("info", "corner.ply").stdout
@@ -155,10 +157,10 @@ def test_a_ramp_is_read_as_w(folder):
 
 
 def test_a_gltf_is_rendered_with_its_own_occlusion_and_needs_no_bake(folder):
-    expected = picture("w.glb", "--baked", "w.npy")
+    expected = picture("corner.ply", "--baked", "w.npy")
     np.testing.assert_allclose(picture("w.glb"), expected, rtol=0, atol=1e-6)
     book = picture_of("beauty", "w.glb", "--obscurance", "book")
-    baked = picture_of("beauty", "w.glb", "--obscurance", "book", "--baked", "w.npy")
+    baked = picture_of("beauty", "w.glb", "--obscurance", "book", "--baked", "w.glb")
     np.testing.assert_allclose(book, baked, rtol=0, atol=1e-5)
     assert np.abs(book - picture_of("beauty", "w.glb", "--obscurance", "off")).max() > 0.05
 
@@ -167,7 +169,7 @@ def test_a_bake_can_take_the_place_of_a_gltf_s_own_occlusion(folder):
     command = "render", "w.glb", "-o", "p.exr", *SIZE, "--report", "p.json"
     assert obscurance(*command, "--no-own-occlusion").returncode == 0
     assert json.loads(Path("p.json").read_text())["rays"]["bake"] > 0
-    np.testing.assert_allclose(read_image("p.exr")[0]["obscurance"], picture("w.glb"), rtol=0, atol=0.1)
+    np.testing.assert_allclose(read_image("p.exr")[0]["obscurance"], picture("w.glb"), rtol=0, atol=0.12)
 
 
 def test_objects_without_an_occlusion_texture_are_baked_beside_those_with(folder):
@@ -189,8 +191,8 @@ def test_scenes_of_toml_bake_what_they_place(folder):
 
 
 def test_info_tells_of_ramps(folder):
-    said = obscurance("info", "w.glb").stdout
-    assert "occlusion       textures of 1 of 1 primitives, 1 of them ramps of a bake" in said
+    said = " ".join(obscurance("info", "w.glb").stdout.split())
+    assert "occlusion textures of 1 of 1 primitives, 1 of them ramps of a bake" in said
     assert "occlusion       no textures in the file" in obscurance("info", "corner.ply").stdout
 
 

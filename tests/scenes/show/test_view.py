@@ -9,7 +9,9 @@ from mesh_files import obj
 from meshes import hills, two_boxes
 from pages import columns_of, facts_of
 
+from raytrace.errors import SceneError
 from scenes.formats.load import load
+from scenes.formats.stored_w import read_w
 
 BAKE = "--samples", 8
 
@@ -37,9 +39,9 @@ def test_every_baked_file_becomes_a_page_beside_it(folder, tmp_path, name):
     mesh = ("--mesh", folder / "hills.obj") if name.startswith("w.np") else ()
     done = obscurance("view", result, *mesh)
     assert done.returncode == 0, done.stderr
-    assert f"{tmp_path / 'w.html'}: 64 vertices" in done.stdout
+    w = load(result).w if name == "w.glb" else np.load(folder / "w.npy")
+    assert f"{tmp_path / 'w.html'}: {len(w)} vertices" in done.stdout
     page = (tmp_path / "w.html").read_bytes()
-    w = np.load(folder / "w.npy")
     assert abs(columns_of(page)["w0"] / 65535 - w).max() <= 1 / 65535
     assert ("error0" in columns_of(page)) == (name == "w.npz")
     assert facts_of(page)["title"] == name
@@ -51,6 +53,22 @@ def test_a_bake_writes_the_page_of_its_npz(folder, tmp_path):
     for name, column in columns_of(viewed).items():
         np.testing.assert_array_equal(columns_of(baked)[name], column)
     assert facts_of(baked)["title"] == "hills.obj"
+
+
+@pytest.mark.parametrize("order", [("boxes.ply", "boxes.glb"), ("boxes.glb", "boxes.ply")])
+def test_a_glb_that_repeats_vertices_at_creases_is_the_same_mesh(folder, tmp_path, order):
+    assert obscurance("bake", folder / "boxes.obj", "-o", folder / "boxes.glb", *BAKE).returncode == 0
+    boxes = load(folder / "boxes.ply")
+    count = len(boxes.mesh.vertices)
+    assert len(load(folder / "boxes.glb").mesh.vertices) > count
+    done = obscurance("view", *(folder / name for name in order), "-o", tmp_path / "two.html")
+    assert f"{count} vertices" in done.stdout, done.stderr
+    columns = columns_of((tmp_path / "two.html").read_bytes())
+    np.testing.assert_array_equal(columns["w0"], columns["w1"])
+    assert len(columns["w0"]) == count
+    np.testing.assert_array_equal(read_w(folder / "boxes.glb", count), np.float64(boxes.w))
+    with pytest.raises(SceneError, match="one a vertex of the scene"):
+        read_w(folder / "boxes.glb", count - 1)
 
 
 def test_arrays_by_columns_are_read_as_such(folder, tmp_path):
@@ -83,7 +101,7 @@ def test_a_bake_turns_its_page_and_its_report_as_asked(folder, tmp_path):
 
 
 def test_two_bakes_are_named_and_their_mesh_comes_from_either(folder, tmp_path):
-    for results in (("w.npz", "w.ply"), ("w.glb", "w.npy")):
+    for results in (("w.npz", "w.ply"), ("w.ply", "w.npy")):
         done = obscurance("view", *(folder / name for name in results), "-o", tmp_path / "p.html")
         assert done.returncode == 0, done.stderr
         assert [bake["name"] for bake in facts_of((tmp_path / "p.html").read_bytes())["bakes"]] == list(results)
@@ -119,7 +137,7 @@ def test_a_page_is_replaced_but_no_other_html_file(folder, tmp_path):
         (("w.ply", "-o", "p.png"), ("view --output", ".html", "p.png")),
         (("none.ply",), ("none.ply", "an existing file")),
         (("w.npz", "--mesh", "boxes.obj"), ("w.npz: w", "16 values")),
-        (("w.ply", "boxes.ply"), ("boxes.ply: vertices", "the 64 of", "got 16")),
+        (("w.ply", "boxes.ply"), ("w.ply: vertices", "the 16 of", "got 64")),
         (("w.ply", "moved.ply"), ("moved.ply: vertices", "others, up to 0.1")),
         (("w.ply", "turned.ply"), ("turned.ply: faces", "others")),
         (("w.ply", "--mesh", "boxes.obj"), ("w.ply: vertices", "the 16 of")),
