@@ -17,10 +17,20 @@ from raytrace.types import Bools
 from .estimate.tolerance import shortfall
 from .execute.checkpoint import Checkpoint
 from .execute.tracer import Progress
-from .falloff import Falloff, Length, resolve_length
+from .falloff import Length, resolve_length
 from .interpolation_error import measure_interpolation
 from .memory import surface_bytes, vertex_bytes
-from .options import DEFAULT_SAMPLES, Interior, Method, Normals, Options, Traversal, earlier_names, falloff_of
+from .options import (
+    DEFAULT_SAMPLES,
+    Falloffs,
+    Interior,
+    Method,
+    Normals,
+    Options,
+    Traversal,
+    earlier_names,
+    falloffs_of,
+)
 from .prepared import Prepared
 from .result import Bake, PointValues, assemble
 from .vertex_method import sample_vertices
@@ -30,7 +40,7 @@ from .vertex_method import sample_vertices
 @compiling()
 def bake(
     mesh: Mesh | Any,
-    falloff: Falloff | str | None = None,
+    falloff: Falloffs = None,
     samples: int | None = None,
     seed: int = 0,
     threads: int | None = None,
@@ -45,6 +55,7 @@ def bake(
     method: Method = "vertex",
     high: Mesh | Any | None = None,
     cage: Length = "2%",
+    profile: bool = False,
 ) -> Bake:
     """Obscurance w(p) = (1/π) ∫ μ(d) cosθ dω (12.71) at every vertex of `mesh`.
 
@@ -52,7 +63,8 @@ def bake(
         mesh: the surface, a `raytrace.Mesh`, a pair (vertices, faces), or a mesh of trimesh, PyVista, meshio or Open3D;
             both sides of every face occlude.
         falloff: μ, `Exponential(…)` (the default), `Binary(…)`, `Linear(…)`, `Smooth(…)` or `Tabulated(…)`; or "binary"
-            or "exponential".
+            or "exponential"; or a list of them, for `Bake.values` by each from the same rays, which are as long as the
+            farthest needs. Vertex method only.
         samples: rays a vertex, 1 to 2²⁰, by default 256; with a tolerance the most, by default 2¹⁴. By the surface
             method they are spread over the faces by area, up to 32 from each of many points, and without this number
             there are at least 2²⁰ in all; with a tolerance, the most is 2²⁶ in all if that is more.
@@ -82,6 +94,8 @@ def bake(
             only, and all vertices.
         cage: how far from `mesh` the finer one may be: a length, or "2%" of the radius. Vertices at which there is
             nothing within that take the closest point, and are flagged.
+        profile: also estimate w at half-distances an octave apart, from .5 % to 256 % of the radius, by the same rays:
+            `Bake.profile`. Vertex method only, and without `max_distance`.
 
     Raises:
         OptionError: an argument is out of range, or of the other method.
@@ -95,18 +109,18 @@ def bake(
         ToleranceWarning: the `tolerance` is not met, with too few `samples` allowed for instance.
     """
     options = Options(
-        method, falloff_of(falloff), samples, seed, threads, normals, only, tolerance, denoise, interior, traversal
-    )
+        method, falloffs_of(falloff), samples, seed, threads, normals, only, tolerance, denoise, interior, traversal,
+        profile,
+    )  # fmt: skip
     if high is not None and (method == "surface" or only is not None):
         raise ConflictError("high", "does not go with", "only" if only is not None else ("method", "surface"))
     mesh = mesh_of(mesh, "bake")
     solid = mesh if high is None else mesh_of(high, "bake")
-    mu = options.falloff.resolve(solid.radius)
     reach = resolve_length("cage", cage, mesh.radius or 1.0)
     _check_memory([mesh] if high is None else [mesh, solid], options)
 
     start = time.perf_counter()
-    prepared = Prepared.of(solid, mu, options, progress, checkpoint if high is None else None)
+    prepared = Prepared.of(solid, options, progress, checkpoint if high is None else None)
     if high is None:
         values = _values(prepared)
     else:
@@ -118,7 +132,7 @@ def bake(
     if high is None and only is None:
         baked = replace(baked, interpolation=measure_interpolation(prepared, baked.w, baked.error))
     baked.seconds.update(build=build, bake=time.perf_counter() - start - build)
-    short = shortfall(options, baked.rmse, values.samples, "vertex")
+    short = shortfall(options, max(baked.rmses), values.samples, "vertex")
     return replace(baked, shortfalls=(short,)) if short else baked
 
 

@@ -12,6 +12,7 @@ from raytrace.types import Bools, Int64s
 
 from .estimate.estimate import edges_of, estimate_outside
 from .estimate.inside import inside_solids
+from .estimate.tolerance import Estimate
 from .execute.checkpoint import Checkpoint
 from .points.corners import CornerSamples
 from .points.receivers import Flag, Receivers, find_receivers
@@ -52,12 +53,15 @@ def sample_fine_mesh(
     tracer = begin_tracing(prepared, texels, "high to low", checkpoint)
 
     points = texels.first_points
-    edges = edges_of(points, row_of[shown.of_vertex[shown.faces]], threads)
+    edges = edges_of(points, row_of[shown.of_vertex[shown.faces]], tracer)
     filled = inside & (options.interior != "mark")
-    estimated, untraced = estimate_outside(tracer, points, CornerSamples.none(), edges, filled, prepared.target)
     order = row_of[:-1]
-    estimated = replace(estimated, rows=estimated.rows[order], variance=estimated.variance[order])
-    values = PointValues.of(estimated, tracer.rays, untraced)
+
+    def estimated() -> tuple[Estimate, int]:
+        found, untraced = estimate_outside(tracer, points, CornerSamples.none(), edges, filled, prepared.target)
+        return replace(found, rows=found.rows[order], variance=found.variance[order]), untraced
+
+    values = PointValues.of(tracer.each_column(estimated), tracer.rays)
     return replace(prepared, mesh=coarse, wanted=wanted), values
 
 

@@ -3,17 +3,45 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Literal, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
 from raytrace.kernel.jit import inline
-from raytrace.types import Float64s
+from raytrace.types import Bools, Float64s, Int64s
 
 Form = Literal["binary", "exponential", "linear", "smooth", "table"]
 _NO_KNOTS = np.empty(0)
+
+
+class KernelColumns(NamedTuple):
+    """k falloffs, of which kernels make an estimate each from the same rays; in render space.
+
+    Attributes:
+        taus, limits, scales: float64 (k,), `tau`, `limit` and `scale` of each, see `KernelMu`.
+        squares: bool (k,), whether e^(−τd) is the square of the next column's, so that no exponential is needed.
+        starts: int64 (k + 1,), where the knots of each begin. distances, values: of all, as `KernelMu` has them.
+    """
+
+    taus: Float64s
+    limits: Float64s
+    scales: Float64s
+    squares: Bools
+    starts: Int64s
+    distances: Float64s
+    values: Float64s
+
+    def each(self) -> list[KernelMu]:
+        """The falloffs one by one."""
+        rows = zip(self.taus.tolist(), self.limits.tolist(), self.scales.tolist(), pairwise(self.starts), strict=True)
+        return [
+            KernelMu(tau, limit, scale, self.distances[slice(*own)], self.values[slice(*own)])
+            for tau, limit, scale, own in rows
+        ]
 
 
 class KernelMu(NamedTuple):
@@ -25,6 +53,7 @@ class KernelMu(NamedTuple):
         scale: 1/(1 − e^(−τD)), 1 for other forms.
         distances, values: float64 (k,), μ at ascending distances, linear between them; (0,) for the binary and the
             exponential form.
+        columns: several falloffs instead of this one, of which only the limit, the largest of theirs, counts; or None.
     """
 
     tau: float
@@ -32,12 +61,18 @@ class KernelMu(NamedTuple):
     scale: float
     distances: Float64s = _NO_KNOTS
     values: Float64s = _NO_KNOTS
+    columns: KernelColumns | None = None
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        """(k,) of k columns, else ()."""
+        return self.columns.taus.shape if self.columns else ()
 
 
 @inline
 def fades(falloff):
     """Whether a `KernelMu` depends on the distance of what is hit: not if it is binary."""
-    return falloff.tau > 0.0 or len(falloff.values) > 0
+    return falloff.tau > 0.0 or len(falloff.values) > 0 or falloff.columns is not None
 
 
 @inline
@@ -45,16 +80,37 @@ def faded(distance, falloff):
     """μ at a distance below the limit of a `KernelMu` that fades (12.74)."""
     if falloff.tau > 0.0:
         return -np.expm1(-falloff.tau * distance) * falloff.scale
-    first, last = 0, len(falloff.distances) - 1
+    return _between_knots(distance, falloff.distances, falloff.values, 0, len(falloff.distances) - 1)
+
+
+@inline
+def _between_knots(distance, distances, values, first, last):
     while last - first > 1:
         middle = (first + last) >> 1
-        if falloff.distances[middle] <= distance:
+        if distances[middle] <= distance:
             first = middle
         else:
             last = middle
-    start, low = falloff.distances[first], falloff.values[first]
-    slope = (falloff.values[last] - low) / (falloff.distances[last] - start)
+    start, low = distances[first], values[first]
+    slope = (values[last] - low) / (distances[last] - start)
     return min(low + slope * (distance - start), 1.0)
+
+
+@inline
+def add_losses(columns, distance, share, losses):
+    """Add `share` times 1 − μ at a distance, by each of `KernelColumns`, to `losses`, float64 (k,)."""
+    power = 0.0
+    for c in range(len(columns.taus) - 1, -1, -1):
+        mu = 0.0
+        if columns.taus[c] > 0.0:
+            below = power * power - 1.0 if columns.squares[c] else np.expm1(-columns.taus[c] * distance)
+            power = 1.0 + below
+            mu = -below * columns.scales[c]
+        elif distance < columns.limits[c] and columns.starts[c] < columns.starts[c + 1]:
+            first, last = columns.starts[c], columns.starts[c + 1] - 1
+            mu = _between_knots(distance, columns.distances, columns.values, first, last)
+        if distance < columns.limits[c]:
+            losses[c] += share * (1.0 - mu)
 
 
 @dataclass(frozen=True)
@@ -94,3 +150,16 @@ class Mu:
             return KernelMu(tau, limit, -1.0 / math.expm1(-tau * limit) if tau > 0 else 1.0)
         distances, values = np.array(self.knots).T.copy()
         return KernelMu(0.0, limit, 1.0, distances * scale, values)
+
+
+def in_render_space(mus: Sequence[Mu], scale: float) -> KernelMu:
+    """One falloff, or columns of several, for lengths that are multiplied by `scale`."""
+    each = [mu.in_render_space(scale) for mu in mus]
+    if len(each) == 1:
+        return each[0]
+    taus, limits, scales = np.array([[mu.tau, mu.limit, mu.scale] for mu in each]).T.copy()
+    squares = np.array([*(tau == 2 * after > 0 for tau, after in pairwise(taus)), False])
+    starts = np.cumsum([0, *(len(mu.values) for mu in each)])
+    knots = (np.concatenate([getattr(mu, name) for mu in each]) for name in ("distances", "values"))
+    columns = KernelColumns(taus, limits, scales, squares, starts, *knots)
+    return KernelMu(0.0, float(limits.max()), 1.0, columns=columns)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import wraps
 from typing import Annotated, Any, Literal, ParamSpec, TypeVar
 
@@ -10,12 +10,14 @@ import numpy as np
 from pydantic import Field, PlainValidator
 
 from raytrace.errors import ConflictError, OptionError, nearest_name
-from raytrace.system.parameters import Parameters, Seed, Whole
+from raytrace.system.parameters import Parameters, Seed, Switch, Whole
 from raytrace.system.threads import MAX_THREADS
 from raytrace.types import Bools
 
-from .falloff import Binary, Exponential, Falloff
+from .falloff import Binary, Exponential, Falloff, Tabulated
+from .mu import Mu
 
+Falloffs = Falloff | str | Sequence[Falloff | str] | None
 P = ParamSpec("P")
 R = TypeVar("R")
 MAX_SAMPLES = 1 << 20
@@ -24,6 +26,8 @@ _MOST_FOR_TOLERANCE = 1 << 14
 _NO_RAYS = frozenset({"threads", "falloff"})  # the first because bits do not depend on it
 _FITTED = 1 << 20  # rays in all of the surface method: a coarse mesh needs more a vertex than a dense one
 _FITTED_FOR_TOLERANCE = 1 << 26
+OCTAVES = tuple(0.005 * 2**octave for octave in range(10))  # half-distances of profiles, of the radius
+_PROFILE = tuple(Exponential(half_distance=f"{100 * share:g}%") for share in OCTAVES)
 
 
 def falloff_of(given: Falloff | str | None) -> Falloff:
@@ -58,6 +62,19 @@ def earlier_names(**names: str) -> Callable[[Callable[P, R]], Callable[P, R]]:
     return with_names
 
 
+def falloffs_of(given: Falloffs) -> Falloff | tuple[Falloff, ...]:
+    """A falloff, or those of a list. Raises: OptionError: as `falloff_of`, or the list is empty."""
+    if given is None or isinstance(given, str | Falloff):
+        return falloff_of(given)
+    try:
+        listed = tuple(map(falloff_of, given))
+    except TypeError:
+        return falloff_of(given)  # type: ignore[arg-type]  # for its message
+    if not listed:
+        raise OptionError("falloff", "a falloff or a list of falloffs", "an empty list", "bake")
+    return listed
+
+
 Method = Annotated[Literal["vertex", "surface"], Field(description="vertex or surface")]
 Normals = Annotated[Literal["angle", "area", "equal", "file"], Field(description="angle, area, equal or file")]
 Interior = Annotated[Literal["auto", "ignore", "mark", "fill"], Field(description="auto, ignore, mark or fill")]
@@ -76,7 +93,7 @@ class Options(Parameters, kw_only=False, source="options"):
     """
 
     method: Method = "vertex"
-    falloff: Annotated[Falloff, PlainValidator(falloff_of)] = Exponential()
+    falloff: Annotated[Falloff | tuple[Falloff, ...], PlainValidator(falloffs_of)] = Exponential()
     samples: Samples | None = None
     seed: Seed = 0
     threads: Threads | None = None
@@ -86,6 +103,7 @@ class Options(Parameters, kw_only=False, source="options"):
     denoise: bool = True
     interior: Interior = "auto"
     traversal: Traversal = "auto"
+    profile: Switch = False
 
     def __post_init__(self) -> None:
         if self.method == "surface":
@@ -93,12 +111,27 @@ class Options(Parameters, kw_only=False, source="options"):
                 value = getattr(self, name)
                 if value != getattr(Options, name):
                     raise ConflictError((name, value), "does not go with", ("method", "surface"))
+            if self.profile or len(self.falloffs) > 1:
+                several = "profile" if self.profile else "a list of falloffs"
+                raise ConflictError(several, "does not go with", ("method", "surface"))
+        first = self.falloffs[0]
+        if self.profile and not isinstance(first, Tabulated) and str(first.max_distance) != "inf":
+            raise ConflictError("profile", "excludes", "max_distance")
         if self.tolerance is None:
             return
         if self.only is not None:
             raise ConflictError("only", "excludes", "tolerance")
         if not self.denoise:
             raise ConflictError(("denoise", False), "does not go with", "tolerance")
+
+    @property
+    def falloffs(self) -> tuple[Falloff, ...]:
+        """The falloffs that were given."""
+        return self.falloff if isinstance(self.falloff, tuple) else (self.falloff,)
+
+    def mus(self, radius: float) -> tuple[Mu, ...]:
+        """The falloffs, then those of the profile, for a mesh of bounding-sphere radius `radius`."""
+        return tuple(each.resolve(radius) for each in (*self.falloffs, *(_PROFILE if self.profile else ())))
 
     @property
     def identity(self) -> tuple[object, ...]:

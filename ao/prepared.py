@@ -15,7 +15,7 @@ from raytrace.system.threads import thread_count
 from .estimate.estimate import Target
 from .execute.checkpoint import NOTHING_KEPT, Checkpoint
 from .execute.tracer import Progress, Tracer
-from .mu import Mu
+from .mu import Mu, in_render_space
 from .options import Options
 from .points.receivers import Receivers, find_receivers
 from .rays.ray_scene import RayScene
@@ -27,14 +27,15 @@ class Prepared:
     """A placed mesh, its receivers and the options of its bake.
 
     Attributes:
-        mesh: what is baked. options: checked. mu: the falloff, in mesh units. placement: of the mesh in render space.
+        mesh: what is baked. options: checked. placement: of the mesh in render space.
+        mus: the falloffs, in mesh units; the first is that of w.
         receivers: of all vertices. wanted: of the vertices in `options.only`; the same object if that is None.
         progress: called with (rays traced, rays in all), or None. checkpoint: begun.
     """
 
     mesh: Mesh
     options: Options
-    mu: Mu
+    mus: tuple[Mu, ...]
     placement: Placement
     receivers: Receivers
     wanted: Receivers
@@ -42,9 +43,7 @@ class Prepared:
     checkpoint: Checkpoint
 
     @classmethod
-    def of(
-        cls, mesh: Mesh, mu: Mu, options: Options, progress: Progress | None, checkpoint: Checkpoint | None
-    ) -> Prepared:
+    def of(cls, mesh: Mesh, options: Options, progress: Progress | None, checkpoint: Checkpoint | None) -> Prepared:
         """Place the mesh, find its receivers, build Embree's scene and begin the checkpoint.
 
         Raises: as `find_receivers`, `Receivers.only` and `Checkpoint.begin`.
@@ -55,8 +54,14 @@ class Prepared:
         placement, only = Placement.of(mesh), options.only
         receivers = find_receivers(mesh, placement, options.normals)
         wanted = receivers if only is None else receivers.only(only)
-        checkpoint.begin(placement, receivers, mu, options.identity)
-        return cls(mesh, options, mu, placement, receivers, wanted, progress, checkpoint)
+        mus = options.mus(mesh.radius)
+        checkpoint.begin(placement, receivers, mus, options.identity)
+        return cls(mesh, options, mus, placement, receivers, wanted, progress, checkpoint)
+
+    @property
+    def mu(self) -> Mu:
+        """The falloff of w, in mesh units."""
+        return self.mus[0]
 
     @property
     def scene(self) -> RayScene:
@@ -66,7 +71,7 @@ class Prepared:
     def tracer(self, total_points: int) -> Tracer:
         """A tracer of up to `total_points` points, for a mesh all of its points, wanted or not."""
         options, placement, receivers = self.options, self.placement, self.receivers
-        mu = self.mu.in_render_space(placement.scale)
+        mu = in_render_space(self.mus, placement.scale)
         t_max = min(mu.limit, placement.diagonal)
         below = packets_below(options.traversal, self.scene, receivers.points, mu, t_max)
         return Tracer(self.scene, below, mu, t_max, self.threads, total_points, self.progress, self.checkpoint)

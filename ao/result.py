@@ -2,18 +2,21 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from raytrace.mesh.mesh import Mesh
 from raytrace.mesh.normals import normalize
-from raytrace.types import Float64s, Int64s, UInt8s
+from raytrace.types import AnyFloats, Float32s, Float64s, Int64s, UInt8s
 
 from .estimate.calibration import Calibration
 from .estimate.tolerance import Estimate
 from .mu import Mu
+from .options import OCTAVES
 from .points.receivers import Flag
 from .prepared import Prepared
 from .profile import Profile
@@ -61,8 +64,39 @@ class Interpolation(NamedTuple):
         return Interpolation.of(self.faces, self.weights, self.estimates, values, np.zeros(len(values)))
 
 
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Columns:
+    """What a bake by several falloffs, or with a profile, has beside w.
+
+    Attributes:
+        others: w and its standard error by every falloff but the first, (…, k − 1); None of one falloff.
+        rmses: root mean squares of the standard errors of w, of `others` and of the profile's columns.
+        profile: w at half-distances an octave apart, (…, 10); None where it was not asked for.
+        profile_errors: float32 (…, 10), their standard errors.
+    """
+
+    others: tuple[AnyFloats, AnyFloats] | None = None
+    rmses: tuple[float, ...] = ()
+    profile: Profile | None = None
+    profile_errors: Float32s | None = None
+
+    if TYPE_CHECKING:
+        w: AnyFloats
+        error: AnyFloats
+
+    @property
+    def values(self) -> AnyFloats:
+        """w (…, k) by each of k falloffs."""
+        return np.concatenate([self.w[..., None], *(self.others or ())[:1]], axis=-1)
+
+    @property
+    def errors(self) -> AnyFloats:
+        """The standard errors (…, k) of `values`."""
+        return np.concatenate([self.error[..., None], *(self.others or ())[1:]], axis=-1)
+
+
 @dataclass(frozen=True, eq=False)
-class Bake:
+class Bake(Columns):
     """One row a vertex, in the mesh's own order.
 
     Attributes:
@@ -80,7 +114,9 @@ class Bake:
         shortfalls: what the result lacks of what was asked for, in words: a tolerance that is not met.
         calibration: of the squared errors, at vertices that were baked twice; None by the surface method.
         interpolation: the error between the vertices; None with `only` and with `high`, where it is not measured.
-        profile: w at half-distances an octave apart, (n, k); None where it was not asked for.
+        values, errors: float64 (n, k), w and its standard error by each of k falloffs, of which `w` is the first.
+        profile: w at half-distances an octave apart, (n, 10); None where it was not asked for. profile_errors: float32
+            (n, 10), its standard errors. rmses: of the columns of `errors`, then of `profile_errors`.
     """
 
     w: Float64s
@@ -96,7 +132,6 @@ class Bake:
     shortfalls: tuple[str, ...] = ()
     calibration: Calibration | None = None
     interpolation: Interpolation | None = None
-    profile: Profile | None = None
 
     def __repr__(self) -> str:
         range_ = f"w from {self.w.min():.3f} to {self.w.max():.3f}"
@@ -136,6 +171,7 @@ class PointValues:
     Attributes:
         w: float64 (k,), in [0, 1]. error: float64 (k,), its standard error. bent: float64 (k, 3), mean of μ·direction.
         samples: rays asked for at a point. rays: rays traced. rays_skipped, calibration: see `Bake`.
+        others: w and its standard error (k, j) by j falloffs more, if there are any.
     """
 
     w: Float64s
@@ -145,12 +181,17 @@ class PointValues:
     rays: int
     rays_skipped: dict[str, int]
     calibration: Calibration | None = None
+    others: tuple[Float64s, ...] = ()
 
     @classmethod
-    def of(cls, found: Estimate, rays: int, hidden: int, displaced: Float64s | float = 0.0) -> PointValues:
-        """Of an estimate, of which `hidden` points were not traced. Args: displaced: errors besides, (k,)."""
-        w, error = np.clip(found.rows[:, 0], 0.0, 1.0), np.sqrt(found.variance + np.square(displaced))
-        return cls(w, error, found.rows[:, 1:], found.samples, rays, found.skipped(hidden), found.calibration)
+    def of(cls, columns: Sequence[tuple[Estimate, int]], rays: int, displaced: Float64s | float = 0.0) -> PointValues:
+        """Of estimates by each falloff, and how many points were not traced. Args: displaced: errors besides, (k,)."""
+        w = [np.clip(found.rows[:, 0], 0.0, 1.0) for found, _ in columns]
+        error = [np.sqrt(found.variance + np.square(displaced)) for found, _ in columns]
+        others = tuple(np.stack(each[1:], axis=-1) for each in (w, error)) if len(columns) > 1 else ()
+        found, hidden = columns[0]
+        rest = found.samples, rays, found.skipped(hidden), found.calibration, others
+        return cls(w[0], error[0], found.rows[:, 1:], *rest)
 
 
 def assemble(prepared: Prepared, values: PointValues, seconds: dict[str, float]) -> Bake:
@@ -160,7 +201,13 @@ def assemble(prepared: Prepared, values: PointValues, seconds: dict[str, float])
     clear = np.einsum("ij,ij->i", values.bent, values.bent) > 1e-18
     bent = np.where(clear[:, None], normalize(values.bent), normals)
     error = np.append(values.error, 0.0)[point]  # −1, for no point, is the last row
+    spread = [
+        np.append(each, np.full((1, each.shape[1]), outside), axis=0)[point]
+        for each, outside in zip(values.others, (1.0, 0.0), strict=False)
+    ]
     wanted = len(point) if only is None else int(np.count_nonzero(only))
+    errors = [error, *(column for each in spread[1:] for column in each.T)]
+    rmses = tuple(float(np.sqrt(np.sum(each**2) / max(wanted, 1))) for each in errors)
     vertices_skipped = {
         "duplicate": int(np.count_nonzero(point >= 0)) - len(normals),
         "no_normal": int(np.count_nonzero(flags & (Flag.UNREFERENCED | Flag.DEGENERATE))),
@@ -174,9 +221,24 @@ def assemble(prepared: Prepared, values: PointValues, seconds: dict[str, float])
         flags=flags,
         rays=values.rays,
         rays_skipped={reason: skipped[reason] for reason in _REASONS if reason in skipped},
-        rmse=float(np.sqrt(np.sum(error**2) / max(wanted, 1))),
+        rmse=rmses[0],
+        rmses=rmses,
         seconds=seconds,
         mu=prepared.mu,
         calibration=values.calibration,
         mesh=prepared.mesh,
+        **of_columns(prepared, spread),
     )
+
+
+def of_columns(prepared: Prepared, columns: Sequence[AnyFloats]) -> dict[str, Any]:
+    """`Bake.others`, `profile` and `profile_errors` from w and errors (…, j) by all falloffs but the first, if any."""
+    if not len(columns):
+        return {}
+    listed = len(prepared.options.falloffs) - 1
+    found: dict[str, Any] = {"others": tuple(each[..., :listed] for each in columns)} if listed else {}
+    if prepared.options.profile:
+        lengths = np.array([math.log(2) / (mu.tau or math.inf) for mu in prepared.mus[1 + listed :]])
+        values, errors = (each[..., listed:].astype(np.float32) for each in columns)
+        found |= {"profile": Profile(lengths, values, lengths[0] / OCTAVES[0]), "profile_errors": errors}
+    return found

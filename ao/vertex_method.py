@@ -8,6 +8,7 @@ from raytrace.system.memory import NEGLIGIBLE, check_memory
 
 from .estimate.estimate import edges_of, estimate_outside
 from .estimate.inside import inside_solids
+from .estimate.tolerance import Estimate
 from .memory import point_bytes
 from .points.receivers import Flag
 from .prepared import Prepared
@@ -28,6 +29,9 @@ def sample_vertices(prepared: Prepared) -> PointValues:
     baked = point >= 0
     receivers.flags[baked & np.append(inside, False)[point]] |= np.uint8(Flag.HIDDEN)
     filled = inside & (options.interior != "mark")
-    edges = edges_of(points, point[receivers.faces], tracer.threads)
-    estimated, untraced = estimate_outside(tracer, points, receivers.corners, edges, filled, prepared.target)
-    return PointValues.of(estimated, tracer.rays, untraced, receivers.displaced)
+    edges = edges_of(points, point[receivers.faces], tracer)
+
+    def estimated() -> tuple[Estimate, int]:
+        return estimate_outside(tracer, points, receivers.corners, edges, filled, prepared.target)
+
+    return PointValues.of(tracer.each_column(estimated), tracer.rays, receivers.displaced)

@@ -6,6 +6,7 @@ inside solids the values of the nearest points outside.
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Callable
 from dataclasses import replace
 from typing import NamedTuple
@@ -48,10 +49,17 @@ class Target(NamedTuple):
     key: np.uint32
 
 
-def edges_of(points: Points, faces: Int64s, threads: int) -> NeighboursOf:
-    """Neighbours along the edges of `faces` (m, 3), rows of `points` or −1."""
+def edges_of(points: Points, faces: Int64s, tracer: Tracer) -> NeighboursOf:
+    """Neighbours along the edges of `faces` (m, 3), rows of `points` or −1; kept where several falloffs need them."""
+    threads, kept = tracer.threads, dict[bytes, Neighbours]()
 
     def among(rows: Int64s) -> Neighbours:
+        if not tracer.mu.columns:
+            return made(rows)
+        digest = hashlib.blake2b(rows.data).digest()
+        return kept.get(digest) or kept.setdefault(digest, made(rows))
+
+    def made(rows: Int64s) -> Neighbours:
         if len(rows) == len(points):
             return Neighbours.of(faces, points.normals, threads)
         return Neighbours.of(_renumbering(rows, len(points))[faces], points.normals[rows], threads)

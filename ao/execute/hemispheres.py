@@ -11,6 +11,7 @@ import numpy as np
 from ..mu import KernelMu
 from ..points.points import Points
 from ..rays.estimate import COLUMNS
+from ..rays.gather_columns import gather_columns, gather_columns_by_packets
 from ..rays.gather_streams import gather_streams
 from ..rays.hemisphere import gather_hemispheres
 from ..rays.layers import Layers
@@ -65,17 +66,26 @@ class Hemispheres:
         return max(_BLOCK_RAYS // self.samples, 1)
 
     def tables(self) -> Tables:
-        return (np.empty((len(self), COLUMNS)),)
+        return (np.empty((len(self), *self.mu.shape, COLUMNS)),)
 
     def writer(self, scene: RayScene, tables: Tables) -> Callable[[int, int], None]:
         table = scene.table(self.samples, self.total_points, self.key, self.leap)
         points, mu, t_max, (out,) = self.points, self.mu, self.t_max, tables
+        columns = mu.columns
         if self.samples < self.packets_below:
             embree = scene.embree()
 
             def by_packets(first: int, last: int) -> None:
-                packet = RayPacket.of(embree, scene.opacity)
-                gather_hemispheres(packet, points[first:last].arrays, table, mu, t_max, out[first:last])
+                packet, subset = RayPacket.of(embree, scene.opacity), points[first:last].arrays
+                if columns is None:
+                    gather_hemispheres(packet, subset, table, mu, t_max, out[first:last])
+                elif scene.opacity is None:
+                    gather_columns_by_packets(packet, subset, table, columns, t_max, out[first:last])
+                else:  # to check the other traversal, without haste
+                    for column, each in enumerate(columns.each()):
+                        rows = np.empty((last - first, COLUMNS))
+                        gather_hemispheres(packet, subset, table, each, min(t_max, each.limit), rows)
+                        out[first:last, column] = rows
 
             return by_packets
         tree = scene.tree
@@ -84,6 +94,9 @@ class Hemispheres:
             subset = points[first:last].arrays
             rays = Rays.of(table)
             state = TraversalState.of(tree, Layers.of(scene.opacity, rays.t_hit.size, mu))
-            gather_streams(tree, rays, state, subset, table, mu, t_max, out[first:last])
+            if columns is None:
+                gather_streams(tree, rays, state, subset, table, mu, t_max, out[first:last])
+            else:
+                gather_columns(tree, rays, state, subset, table, columns, t_max, out[first:last])
 
         return by_streams

@@ -3,19 +3,42 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from typing import TypeVar
 
 import numpy as np
 
-from raytrace.types import Float64s
+from raytrace.types import Bools, Float64s
 
 from ..mu import KernelMu
 from ..points.points import Points
+from ..rays.estimate import COLUMNS
 from ..rays.ray_scene import RayScene
 from .checkpoint import NOTHING_KEPT, Checkpoint
 from .hemispheres import Hemispheres
 
 Progress = Callable[[int, int], None]
+T = TypeVar("T")
+
+
+class _Rows:
+    """Rows (k, c, COLUMNS) of points by their numbers, which ascend."""
+
+    def __init__(self) -> None:
+        self._numbers, self._rows = np.zeros(0, np.int64), np.zeros((0, 0, COLUMNS))
+
+    def missing(self, points: Points) -> Bools:
+        """Which of `points` have none, bool (k,)."""
+        return np.append(self._numbers, -1)[np.searchsorted(self._numbers, points.numbers)] != points.numbers
+
+    def of(self, points: Points) -> Float64s:
+        return self._rows[np.searchsorted(self._numbers, points.numbers)]
+
+    def add(self, points: Points, rows: Float64s) -> None:
+        numbers = np.append(self._numbers, points.numbers)
+        order = np.argsort(numbers, kind="stable")
+        self._numbers = numbers[order].astype(np.int64)
+        self._rows = np.concatenate([self._rows, rows])[order] if len(self._rows) else rows[order]
 
 
 @dataclass(eq=False)
@@ -28,6 +51,7 @@ class Tracer:
         total_points: how many points the whole mesh has, wanted or not.
         progress: called with (rays traced, rays expected in all). checkpoint: of traced rows.
         expected: rays expected in all, 0 while none are planned. later: besides, of corners. rays: rays traced.
+        column: of several falloffs the one whose rows are gathered.
     """
 
     scene: RayScene
@@ -41,13 +65,33 @@ class Tracer:
     expected: int = 0
     later: int = 0
     rays: int = 0
+    column: int = 0
+    _traced: dict[tuple[int, int], _Rows] = field(default_factory=dict)
 
     def gather(self, points: Points, samples: int, key: np.uint32) -> Float64s:
         """Rows (k, COLUMNS) of `gather_hemispheres`: of `points`, by `samples` rays each, directions drawn by `key`."""
+        if self.mu.columns is None:
+            return self._trace(points, samples, key)
+        rows = self._traced.setdefault((samples, int(key)), _Rows())
+        missing = rows.missing(points)
+        if missing.any():
+            rows.add(points[missing], self._trace(points[missing], samples, key))
+        return rows.of(points)[:, self.column]
+
+    def each_column(self, estimate: Callable[[], T]) -> list[T]:
+        """What `estimate` returns for each falloff in turn; what one of them has traced is there for the next."""
+        found = []
+        for column in range(*(self.mu.shape or (1,))):
+            self.column = column
+            found.append(estimate())
+        return found
+
+    def _trace(self, points: Points, samples: int, key: np.uint32) -> Float64s:
+        """Rows (k, COLUMNS), or with several falloffs (k, c, COLUMNS)."""
         return self._gather(points, samples, key, 1)
 
     def _gather(self, points: Points, samples: int, key: np.uint32, leap: int) -> Float64s:
-        """`gather` by leaped lattices, see `DirectionTable`."""
+        """`_trace` by leaped lattices, see `DirectionTable`."""
         work = Hemispheres(points, samples, key, self.total_points, self.mu, self.t_max, self.packets_below, leap)
         tables = work.tables()
         self.checkpoint.fill(work, self.scene, tables, self.threads, lambda rows: self._advance(rows * samples))

@@ -46,7 +46,7 @@ class Layers(NamedTuple):
         """Room for so many rays, None for opaque faces."""
         if opacity is None:
             return None
-        shape = rays, (_MOST if falloff.tau > 0 or len(falloff.values) else 1) + 1
+        shape = rays, (_MOST if falloff.tau > 0 or len(falloff.values) or falloff.columns else 1) + 1
         return cls(opacity, np.zeros(rays, np.int64), np.zeros(shape, np.float32), np.zeros(shape, np.float32))
 
 

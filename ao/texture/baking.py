@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from dataclasses import replace
+from functools import cache
 from typing import Any, Literal, get_args
 
 import numpy as np
@@ -14,18 +15,18 @@ from raytrace.mesh.convert import mesh_of
 from raytrace.mesh.mesh import Mesh
 from raytrace.mesh.opacity import opacity_bytes
 from raytrace.system.memory import check_memory
-from raytrace.types import Int64s
 
 from ..estimate.estimate import estimate
 from ..estimate.one_ring import Neighbours
-from ..estimate.tolerance import shortfall
+from ..estimate.tolerance import Estimate, shortfall
 from ..execute.checkpoint import Checkpoint
 from ..execute.tracer import Progress
-from ..falloff import Falloff, Length, resolve_length
+from ..falloff import Length, resolve_length
 from ..memory import texture_bytes
-from ..options import Interior, Normals, Options, Traversal, earlier_names, falloff_of
+from ..options import Falloffs, Interior, Normals, Options, Traversal, earlier_names, falloffs_of
 from ..points.corners import CornerSamples
 from ..prepared import Prepared
+from ..result import of_columns
 from .coverage import Overlap, cover
 from .gathering import begin_tracing
 from .result import BakedTexture, TextureFacts, assemble_pages
@@ -42,7 +43,7 @@ def bake_texture(
     mesh: Mesh | Any,
     uv: Any,
     size: int | tuple[int, int] = 1024,
-    falloff: Falloff | str | None = None,
+    falloff: Falloffs = None,
     samples: int | None = None,
     seed: int = 0,
     threads: int | None = None,
@@ -59,6 +60,7 @@ def bake_texture(
     bent_space: BentSpace = "world",
     high: Mesh | Any | None = None,
     cage: Length = "2%",
+    profile: bool = False,
 ) -> BakedTexture:
     """Obscurance w, as `ao.bake` has it, of every texel that shows a part of `mesh`: the mean over that part.
 
@@ -66,7 +68,7 @@ def bake_texture(
     the face. Points of a texel that are inside solids are left out of it.
 
     Args:
-        mesh, falloff, seed, threads, normals, progress, traversal, checkpoint: as `ao.bake` has them.
+        mesh, falloff, seed, threads, normals, progress, traversal, checkpoint, profile: as `ao.bake` has them.
         uv: texture coordinates, v upwards: (n, 2) by vertex or (m, 3, 2) by face and corner. Faces for which they are
             NaN are not on the page, such as faces of another material; they occlude.
         size: texels across and down, one number for a square; 1 to 16384.
@@ -96,22 +98,22 @@ def bake_texture(
         ToleranceWarning: the `tolerance` is not met.
     """
     options = Options(
-        "vertex", falloff_of(falloff), samples, seed, threads, normals, None, tolerance, denoise, interior, traversal
-    )
+        "vertex", falloffs_of(falloff), samples, seed, threads, normals, None, tolerance, denoise, interior, traversal,
+        profile,
+    )  # fmt: skip
     _check_texture_options(interior, overlap, bent_space)
     width, height = page_size(size)
     mesh = mesh_of(mesh, "bake_texture")
     corners = corner_uv(uv, mesh)
     solid = mesh if high is None else mesh_of(high, "high")
     reach = resolve_length("cage", cage, mesh.radius or 1.0)
-    mu = options.falloff.resolve(solid.radius)
     counts = len(solid.vertices), len(solid.faces)
     needed = texture_bytes(width * height, *counts, options.rays)
     needed += opacity_bytes([solid.opacity]) if solid.opacity else 0
     check_memory(mesh.source, needed, f"to bake {width * height:,} texels of {counts[1]:,} faces")
 
     start = time.perf_counter()
-    prepared = Prepared.of(solid, mu, options, progress, None)
+    prepared = Prepared.of(solid, options, progress, None)
     shown = Shown.of(mesh, corners, prepared, (width, height), wrap)
     page = cover(shown.layout, overlap, prepared.threads)
     overlapping = int(np.count_nonzero(page.overlapping))
@@ -125,15 +127,24 @@ def bake_texture(
     del coverage, page
     tracer = begin_tracing(prepared, texels, "texture", checkpoint)
 
-    def neighbours(_: Int64s) -> Neighbours:
+    @cache
+    def neighbours() -> Neighbours:
         return shown.neighbours(texels, prepared.placement.diagonal, prepared.threads)
 
-    estimated = estimate(tracer, texels.first_points, CornerSamples.none(), neighbours, prepared.target)
+    def by_falloff() -> Estimate:
+        none = CornerSamples.none()
+        return estimate(tracer, texels.first_points, none, lambda _: neighbours(), prepared.target)
+
+    estimated, *others = tracer.each_column(by_falloff)
+    neighbours.cache_clear()
     frames = None if bent_space == "world" else shown.tangent_frames(texels)
     if frames is not None and bent_space == "tangent-directx":
         frames[:, 1] *= -1
     values = estimated.rows, estimated.variance, frames
-    pages = assemble_pages(shown.layout, texels, *values, shown.seams, close_seams, prepared.threads)
+    closed = shown.seams, close_seams, prepared.threads
+    pages = assemble_pages(shown.layout, texels, *values, *closed)
+    more = [assemble_pages(shown.layout, texels, each.rows, each.variance, None, *closed) for each in others]
+    rmses = tuple(float(np.sqrt(np.mean(each.variance))) for each in (estimated, *others))
     build, layout = prepared.receivers.tree_seconds, shown.layout
     baked = BakedTexture(
         w=pages.w,
@@ -142,17 +153,19 @@ def bake_texture(
         covered=pages.covered,
         rays=tracer.rays,
         rays_skipped=estimated.skipped(filled),
-        rmse=float(np.sqrt(np.mean(estimated.variance))),
+        rmse=rmses[0],
+        rmses=rmses,
         facts=TextureFacts(
             covered, overlapping, filled, len(missed), layout.mirrored, layout.flat, layout.outside, shown.seams.edges,
             pages.jump, pages.jump_before,
         ),
         uv=corners,
         seconds={"build": build, "bake": time.perf_counter() - start - build},
-        mu=mu,
+        mu=prepared.mu,
         calibration=estimated.calibration,
+        **of_columns(prepared, [np.stack(each, axis=-1) for each in zip(*((p.w, p.error) for p in more), strict=True)]),
     )  # fmt: skip
-    short = shortfall(options, baked.rmse, estimated.samples, "texel")
+    short = shortfall(options, max(rmses), estimated.samples, "texel")
     return replace(baked, shortfalls=(short,)) if short else baked
 
 

@@ -34,11 +34,11 @@ class TexelTracer(Tracer):
 
     texels: Texels | None = None
 
-    def gather(self, points: Points, samples: int, key: np.uint32) -> Float64s:
-        """Rows (k, COLUMNS) of texels, by `samples` rays each or a few more."""
+    def _trace(self, points: Points, samples: int, key: np.uint32) -> Float64s:
+        """Rows (k, …, COLUMNS) of texels, by `samples` rays each or a few more."""
         assert self.texels is not None
         texels = points.numbers.astype(np.int64)
-        counts, out = self.texels.counts[texels], np.empty((len(points), COLUMNS))
+        counts, out = self.texels.counts[texels], np.empty((len(points), *self.mu.shape, COLUMNS))
         for count in np.unique(counts).tolist():
             rows = np.flatnonzero(counts == count)
             slots = 1 << int(np.clip(samples // _ENOUGH, 1, count)).bit_length() - 1
@@ -48,7 +48,7 @@ class TexelTracer(Tracer):
         return out
 
     def _means(self, rows: Int64s, slots: int, rays: int, key: np.uint32) -> Float64s:
-        """Rows (k, COLUMNS) of texels, means over the first `slots` points of each, with `rays` rays each."""
+        """Rows (k, …, COLUMNS) of texels, means over the first `slots` points of each, with `rays` rays each."""
         assert self.texels is not None
         each = (self.texels.starts[rows, None] + np.arange(slots)).ravel()
         numbers = (slots * rows[:, None] + np.arange(slots)).ravel().astype(np.uint32)
@@ -56,13 +56,17 @@ class TexelTracer(Tracer):
         table = self.scene.table(rays, self.total_points, key, slots)
         values = self._gather(subset, rays, key, slots)
         self._leave_out_below(subset, self.texels.sides[each], table, values)
-        means = values.reshape(-1, slots, COLUMNS).sum(axis=1) / slots
-        means[:, BATCH_VARIANCE] *= slots**-1.5  # as if the batches were of all rays: they share a leaped lattice
+        means = values.reshape(-1, slots, *values.shape[1:]).sum(axis=1) / slots
+        means[..., BATCH_VARIANCE] *= slots**-1.5  # as if the batches were of all rays: they share a leaped lattice
         return means
 
     def _leave_out_below(self, points: Points, sides: Float32s, table: DirectionTable, found: Float64s) -> None:
         def work(first: int, last: int) -> None:
-            leave_out_below(points[first:last].arrays, sides[first:last], table, found[first:last])
+            rows = found[first:last].reshape(last - first, -1, COLUMNS)
+            for falloff in range(rows.shape[1]):
+                column = np.ascontiguousarray(rows[:, falloff])
+                leave_out_below(points[first:last].arrays, sides[first:last], table, column)
+                rows[:, falloff] = column
 
         run_blocks(len(points), _BLOCK, work, self.threads, most=_SHARE)
 
@@ -73,7 +77,7 @@ def begin_tracing(prepared: Prepared, texels: Texels, kind: str, checkpoint: Che
     if checkpoint:
         digest = hashlib.blake2b(texels.points.origins.data)
         digest.update(texels.points.normals.data)
-        settings = prepared.mu, kind, prepared.options.identity, digest.hexdigest()
+        settings = prepared.mus, kind, prepared.options.identity, digest.hexdigest()
         checkpoint.begin(prepared.placement, prepared.receivers, *settings)
         tracer.checkpoint = checkpoint
     return TexelTracer(**vars(tracer), texels=texels)

@@ -14,7 +14,7 @@ from raytrace.types import Bools, Float32s, Float64s, Int64s
 
 from ..estimate.calibration import Calibration
 from ..mu import Mu
-from ..profile import Profile
+from ..result import Columns
 from .texels import Texels
 from .uv_layout import UVLayout
 
@@ -51,7 +51,7 @@ class TextureFacts:
 
 
 @dataclass(frozen=True, eq=False)
-class BakedTexture:
+class BakedTexture(Columns):
     """Pages of h rows, the uppermost (v = 1) first, and w columns of texels; the whole page is filled.
 
     Attributes:
@@ -68,7 +68,7 @@ class BakedTexture:
         mu: as `ao.Bake` has it.
         shortfalls: as `ao.Bake` has them.
         calibration: as `ao.Bake` has it.
-        profile: as `ao.Bake` has it, (h, w, k).
+        others, rmses, profile, profile_errors: see `ao.result.Columns`.
     """
 
     w: Float32s
@@ -84,7 +84,6 @@ class BakedTexture:
     mu: Mu
     shortfalls: tuple[str, ...] = ()
     calibration: Calibration | None = None
-    profile: Profile | None = None
 
     def __repr__(self) -> str:
         height, width = self.w.shape

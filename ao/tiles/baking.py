@@ -77,7 +77,7 @@ def bake_tiled(
     if normals == "file":
         raise OptionError("normals", "angle, area or equal for tiles", "file")
     tiling = Tiling.of(source, grid, scratch)
-    mu = options.falloff.resolve(tiling.radius)
+    (mu,) = options.mus(tiling.radius)
     if not mu.max_distance < np.inf:
         expected = "a finite distance: without one, rays of every tile may meet the whole mesh"
         raise OptionError("max_distance", expected, mu.max_distance)

@@ -106,7 +106,7 @@ class MeshBake(Record, ABC):
 
     def arguments(self) -> dict[str, Any]:
         """The options that `ao.bake` and `ao.bake_texture` take."""
-        names = ("samples", "seed", "threads", "normals", "tolerance", "denoise", "interior", "traversal")
+        names = ("samples", "seed", "threads", "normals", "tolerance", "denoise", "interior", "traversal", "profile")
         return {name: getattr(self, name) for name in names}
 
     def described(self) -> dict[str, Any]:

@@ -221,6 +221,6 @@ def test_parts_are_the_whole_and_of_another_alpha_are_refused(tmp_path):
 
 def test_other_processes_get_the_alpha(tmp_path):
     mesh = over_floor((HEIGHT, 0.5, AlphaSurface(texture=leaf_texture(tmp_path), cutoff=0.5)))
-    scene = pickle.loads(pickle.dumps(Prepared.of(mesh, ao.Binary().resolve(1), Options(), None, None).scene))
+    scene = pickle.loads(pickle.dumps(Prepared.of(mesh, Options(falloff=ao.Binary()), None, None).scene))
     assert np.array_equal(scene.opacity.of, [-1] * len(FLOOR_FACES) + [0, 0])
     assert scene.opacity.texels.shape == (64 * 64, 1)

@@ -35,8 +35,12 @@ def interrupted(path, stop=0.6, **settings):
 
 
 def bits(baked):
-    arrays = baked.w, baked.error, baked.bent_normals, baked.flags, np.array([baked.rays, baked.rmse])
-    return bits_of(*arrays)
+    numbers = np.array([baked.rays, baked.rmse, *baked.rmses])
+    return bits_of(baked.values, baked.errors, baked.bent_normals, baked.flags, numbers, *of_profile(baked))
+
+
+def of_profile(baked):
+    return [baked.profile.values, baked.profile_errors] if baked.profile else []
 
 
 def bits_of(*arrays):

@@ -1,7 +1,7 @@
 """Bakes in parts: each traced with a checkpoint of its own, then merged."""
 
 import pytest
-from interrupted_bakes import bits, bits_of
+from interrupted_bakes import bits, bits_of, of_profile
 
 from ao.execute.merge import Merge, read_parts
 from ao.execute.parts import PartTraced, ShardCheckpoint
@@ -24,7 +24,7 @@ def merged(make, folder, **options):
 
 
 def bits_of_texture(texture):
-    return bits_of(texture.w, texture.error, texture.bent_normals, texture.covered)
+    return bits_of(texture.values, texture.errors, texture.bent_normals, texture.covered, *of_profile(texture))
 
 
 __all__ = ["DESCRIPTION", "bits", "bits_of_texture", "merged", "trace_part"]

@@ -123,6 +123,7 @@ THIRD = {"samples": 512, "only": np.arange(4900) % 3 == 0}
 WAYS = [
     ("vertex", {"tolerance": 0.003}),
     ("vertex", THIRD),
+    ("vertex", {"tolerance": 0.01, "falloff": ["binary", "exponential"]}),
     ("surface", {"samples": 512, "only": np.arange(4900) < 900}),
     ("surface", {"tolerance": 0.003}),
 ]

@@ -24,6 +24,7 @@ BAKES = {
     "binary": partial(ao.bake, HILLS, "binary", samples=64),
     "exponential": partial(ao.bake, HILLS, samples=64),
     "limited": partial(ao.bake, HILLS, LIMITED, samples=64),
+    "falloffs": partial(ao.bake, HILLS, ["binary", LIMITED], samples=64, profile=True),
     "raw": partial(ao.bake, HILLS, samples=16, denoise=False),
     "folded": partial(ao.bake, Mesh(*crumpled(hills(30), 0.5, 1)), samples=64),
     "partly inside": partial(ao.bake, Mesh(*two_boxes()), samples=64),
@@ -47,7 +48,7 @@ def test_merged_parts_are_the_whole_bake(tmp_path, name):
 @pytest.mark.parametrize("of", [1, 2, 7])
 def test_merged_parts_of_a_texture_are_the_whole(tmp_path, of):
     mesh = Mesh(*hills(12))
-    make = partial(ao.bake_texture, mesh, grid_charts(len(mesh.faces)), 64, samples=64)
+    make = partial(ao.bake_texture, mesh, grid_charts(len(mesh.faces)), 64, samples=64, profile=of == 2)
     for number in range(of, 0, -1):
         trace_part(make, tmp_path / "parts", number, of)
     assert bits_of_texture(merged(make, tmp_path / "parts")) == bits_of_texture(make())

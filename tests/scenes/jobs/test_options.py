@@ -122,7 +122,7 @@ TEXTURE = {"size": "16", "overlap": "mean"}
 CHANGED = {
     "samples": 9, "tolerance": 0.1, "falloff": "binary", "tau": 3.0, "half_distance": "20%", "max_distance": "70%",
     "normals": "area", "interior": "ignore", "alpha": "ignore", "method": "surface", "denoise": False,
-    "traversal": "embree", "seed": 1, "size": "32", "overlap": "first", "cage": "3%",
+    "traversal": "embree", "profile": True, "seed": 1, "size": "32", "overlap": "first", "cage": "3%",
     "quiet": False, "threads": 1, "replace_occlusion": True, "error_map": "e.png", "half": True, "debug_image": "d.png",
     "bits": "8", "bent_space": "tangent", "resume": True, "progress": "json", "output_dir": "out", "format": "ply",
     "input_format": "ply", "part": "1/1", "cluster": "local", "shared": ".", "options": "r.json", "dry_run": True,
@@ -171,7 +171,7 @@ def test_every_option_changes_what_a_journal_belongs_to_or_is_one_that_changes_n
 @pytest.mark.parametrize("name", [name for name in vars(Options()) if name not in ("threads", "falloff", "only")])
 def test_every_option_of_a_bake_in_python_is_part_of_what_a_journal_belongs_to(name):
     other = {"method": "surface", "samples": 9, "seed": 1, "normals": "area", "tolerance": 0.1, "denoise": False,
-             "interior": "fill", "traversal": "embree"}[name]  # fmt: skip
+             "interior": "fill", "traversal": "embree", "profile": True}[name]  # fmt: skip
     assert Options(**{name: other}).identity != Options().identity
 
 
