@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from typing import Any, TypeVar
 
 import numpy as np
@@ -14,7 +15,7 @@ from raytrace.kernel.jit import kernel
 from raytrace.kernel.simd import multiply_add
 from raytrace.kernel.simd_memory import load_row, store_row
 from raytrace.kernel.vector import add, load, scale, store, subtract
-from raytrace.system.threads import run_blocks
+from raytrace.system.threads import run_blocks, run_ranges
 from raytrace.types import AnyInts, Float32s, Float64s, Int32s, Int64s
 
 Real = TypeVar("Real", np.float32, np.float64)
@@ -44,17 +45,19 @@ class Neighbours:
     def of(cls, faces: AnyInts, normals: Float32s, threads: int) -> Neighbours:
         """Args: faces: (m, 3), rows of points, −1 for a corner without a point. normals: float32 (k, 3), unit."""
         count = len(normals)
-        corners = np.bincount(faces.ravel() + 1, minlength=count + 1)[1:]
-        listed = np.concatenate([[0], np.cumsum(2 * corners)])
-        corner = np.full(listed[-1], -1, np.int32)
-        _list_face_edges(faces, listed[:-1].copy(), corner)
-        starts, indices, weights = (
-            np.zeros(count + 1, np.int64),
-            np.empty_like(corner),
-            np.empty(len(corner), np.float32),
-        )
-        _merge_edges(listed, corner, starts, indices, weights)
-        return cls.weighted(starts, indices[: starts[-1]].copy(), weights[: starts[-1]].copy(), normals, threads)
+        listed, ends = np.zeros(count + 1, np.int64), np.zeros(count, np.int64)
+        run_ranges(count, _PART, partial(_count_ends, faces, listed))
+        np.cumsum(listed, out=listed)
+        ends[:] = listed[:-1]
+        listed_ends, weights = np.empty(listed[-1], np.int32), np.empty(listed[-1], np.float32)
+        run_ranges(count, _PART, partial(_list_ends, faces, ends, listed_ends))
+        starts = np.zeros(count + 1, np.int64)
+        rings = cls(starts, listed_ends, weights, threads)
+        rings.each(partial(_merge_edges, listed, listed_ends, weights, starts))
+        np.cumsum(starts, out=starts)
+        indices, merged = np.empty(starts[-1], np.int32), np.empty(starts[-1], np.float32)
+        rings.each(partial(_pack, listed, listed_ends, weights, starts, indices, merged))
+        return cls.weighted(starts, indices, merged, normals, threads)
 
     @classmethod
     def weighted(
@@ -128,34 +131,61 @@ class Neighbours:
 
 
 @kernel
-def _list_face_edges(faces, ends, corner):
+def _count_ends(faces, listed, first, last):
+    """Add to listed[i + 1] how many ends edges of faces have at point i."""
     for f in range(len(faces)):
         for k in range(3):
-            i = faces[f, k]
-            if i >= 0:
-                for step in (1, 2):
-                    j = faces[f, (k + step) % 3]
-                    corner[ends[i]] = -1 if i == j else j
-                    ends[i] += 1
+            if first <= faces[f, k] < last:
+                listed[faces[f, k] + 1] += 2
 
 
 @kernel
-def _merge_edges(listed, corner, starts, indices, weights):
-    """List every neighbour once, weighted by half the number of faces at the edge to it."""
-    count = len(starts) - 1
-    place = np.full(count, -1, np.int64)
-    last = 0
-    for i in range(count):
-        for k in range(listed[i], listed[i + 1]):
-            j = corner[k]
+def _list_ends(faces, places, ends, first, last):
+    for f in range(len(faces)):
+        for k in range(3):
+            i = faces[f, k]
+            if first <= i < last:
+                for step in (1, 2):
+                    j = faces[f, (k + step) % 3]
+                    ends[places[i]] = -1 if i == j else j
+                    places[i] += 1
+
+
+@kernel
+def _merge_edges(listed, ends, weights, counts, first, last):
+    """List every neighbour once, weighted by half the number of faces at the edge to it; their number: counts[i + 1].
+
+    A hash table finds those that are there, for a point may have very many.
+    """
+    most = 0
+    for i in range(first, last):
+        most = max(most, listed[i + 1] - listed[i])
+    slots = np.empty(4 * most + 4, np.int64)
+    for i in range(first, last):
+        begin, count, size = listed[i], 0, 4
+        while size < 2 * (listed[i + 1] - begin):
+            size *= 2
+        slots[:size] = -1
+        for k in range(begin, listed[i + 1]):
+            j = ends[k]
             if j < 0:
                 continue
-            if place[j] < starts[i]:
-                place[j] = last
-                indices[last], weights[last] = j, 0.0
-                last += 1
-            weights[place[j]] += np.float32(0.5)
-        starts[i + 1] = last
+            place = (j * 0x9E3779B1 >> 8) & (size - 1)
+            while slots[place] >= 0 and ends[slots[place]] != j:
+                place = (place + 1) & (size - 1)
+            if slots[place] < 0:
+                slots[place] = begin + count
+                ends[begin + count], weights[begin + count] = j, 0.0
+                count += 1
+            weights[slots[place]] += np.float32(0.5)
+        counts[i + 1] = count
+
+
+@kernel
+def _pack(listed, ends, weights, starts, indices, merged, first, last):
+    for i in range(first, last):
+        for k in range(starts[i + 1] - starts[i]):
+            indices[starts[i] + k], merged[starts[i] + k] = ends[listed[i] + k], weights[listed[i] + k]
 
 
 @kernel

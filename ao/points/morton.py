@@ -9,9 +9,12 @@ import numpy as np
 
 from raytrace.kernel.jit import inline, kernel
 from raytrace.mesh.placement import NEAR
-from raytrace.types import AnyFloats, Float64s, Int64s, UInt32s
+from raytrace.system.threads import run_blocks, thread_count
+from raytrace.types import AnyFloats, AnyInts, Float64s, Int64s, UInt32s
 
 _COARSE, _FINE = 10, 21  # bits an axis
+_DIGIT = 11  # bits that a pass of sorting looks at
+_BLOCK = 1 << 16  # keys
 
 
 def morton_order(points: AnyFloats) -> Int64s:
@@ -19,7 +22,7 @@ def morton_order(points: AnyFloats) -> Int64s:
     if not len(points):
         return np.zeros(0, np.int64)
     low, high = (np.array([bound(column) for column in points.T], np.float64) for bound in (np.min, np.max))
-    return np.argsort(morton_codes(points, low, high), kind="stable")
+    return radix_order(morton_codes(points, low, high), 3 * _COARSE)
 
 
 def morton_codes(points: AnyFloats, low: Float64s, high: Float64s) -> UInt32s:
@@ -35,7 +38,7 @@ def fine_morton_order(points: AnyFloats) -> Int64s:
     """`morton_order` of points in [−1, 1], with 2^21 cells a side of that cube."""
     codes = np.empty(len(points), np.uint64)
     _codes(points[:, ::-1], np.full(3, -1.0), 2.0 ** (_FINE - 1), codes)
-    return np.argsort(codes, kind="stable")
+    return radix_order(codes, 3 * _FINE)
 
 
 @inline
@@ -56,3 +59,40 @@ def _codes(points, low, scale, codes):
             cell = min(max((points[i, axis] - low[axis]) * scale, 0.0), 2.0**_FINE - 1.0)
             code = (code << np.uint64(1)) | _interleaved(np.uint64(cell))
         codes[i] = code
+
+
+def radix_order(keys: AnyInts, bits: int) -> Int64s:
+    """The order (n,) that sorts unsigned `keys` (n,) of so many bits, stable (radix sort from the last digit)."""
+    count, threads = len(keys), thread_count(None)
+    order, sorted_ = np.arange(count), np.empty(count, np.int64)
+    places = np.empty((-(-count // _BLOCK), 1 << _DIGIT), np.int64)
+    for shift in range(0, bits, _DIGIT):
+
+        def tally(first: int, last: int, order: Int64s = order, shift: int = shift) -> None:
+            _count_digits(keys, order[first:last], shift, places[first // _BLOCK])
+
+        run_blocks(count, _BLOCK, tally, threads)
+        before = np.cumsum(places.T).reshape(places.T.shape) - places.T
+        places[:] = before.T
+
+        def place(first: int, last: int, order: Int64s = order, sorted_: Int64s = sorted_, shift: int = shift) -> None:
+            _place_by_digit(keys, order[first:last], shift, places[first // _BLOCK], sorted_)
+
+        run_blocks(count, _BLOCK, place, threads)
+        order, sorted_ = sorted_, order
+    return order
+
+
+@kernel
+def _count_digits(keys, order, shift, counts):
+    counts[:] = 0
+    for k in range(len(order)):
+        counts[np.int64(keys[order[k]] >> shift) & (len(counts) - 1)] += 1
+
+
+@kernel
+def _place_by_digit(keys, order, shift, places, out):
+    for k in range(len(order)):
+        digit = np.int64(keys[order[k]] >> shift) & (len(places) - 1)
+        out[places[digit]] = order[k]
+        places[digit] += 1

@@ -141,7 +141,7 @@ def offset_points(
     else:
         welded = weld_points(vertices, faces, normals)
         axes = welded.axes
-        folded = (welded.clearance <= 0) | (axes != welded.normals).any(axis=1)
+        folded = (welded.clearance <= 0) | nonzero(axes != welded.normals)
     surface = welded.surface(vertices)
     start = time.perf_counter()
     tree = BVH16.of(placed, welded.faces)
@@ -173,11 +173,12 @@ def find_receivers(mesh: Mesh, placement: Placement, normals: Normals = "angle")
         raise MeshError(mesh.source, "normals", "vertex normals in the mesh", "none")
     offset = offset_points(placement.vertices, mesh.faces, normals, mesh.normals)
     rows = np.flatnonzero(offset.usable)
-    rows = rows[morton_order(offset.origins[rows])]
+    rows = rows[morton_order(offset.origins.take(rows, axis=0))]
     index = np.full(len(offset.usable), -1)
     index[rows] = np.arange(len(rows))
     numbers = np.arange(len(rows), dtype=np.uint32)
-    points = Points(offset.origins[rows].astype(np.float32), offset.axes[rows].astype(np.float32), numbers)
+    origins, axes = (each.take(rows, axis=0).astype(np.float32) for each in (offset.origins, offset.axes))
+    points = Points(origins, axes, numbers)
     corners, faces = CornerSamples.none(), offset.surface.faces
     if offset.split.any():
         split = np.flatnonzero(offset.split[offset.face_points])

@@ -19,7 +19,7 @@ from raytrace.types import Float32s, Float64s, Int64s, UInt8s
 BATCHES = 6  # the lattice steps by 6 × golden ratio = .708 within a part, as irrational as one can wish
 _TABLE_POINTS = 1 << 18
 _SHARERS = 64  # points to a set at least; they turn it each its own way
-_BLOCK, _MOST = 1 << 12, 4  # directions, and blocks at once
+_BLOCK, _MOST = 1 << 11, 4  # directions, and blocks at once
 _ROUNDED = 2.0**-20  # of the cosines and sines of cones
 
 
@@ -59,22 +59,27 @@ class DirectionTable(NamedTuple):
         lattices = min(max(_TABLE_POINTS // (samples * leap), 8), max(points // (_SHARERS * leap), 8), 256)
         sets = lattices * leap
         step = GOLDEN if leap == 1 else LEAPED
-        u, v = jittered_lattice(lattices, samples * leap, key, step)
-        v -= step * (np.arange(samples * leap) % leap)  # parts that are alike: `choose` turns them back
-        u, v = (each.reshape(lattices, samples, leap).swapaxes(1, 2).reshape(sets, samples) for each in (u, v))
-        order = _in_blocks(*cosine_hemisphere(u[:1], v[:1])[0, :2])
-        directions = aligned((sets, 3, samples + -samples % WIDE), np.float32)
+
+        def hemispheres(first: int, last: int) -> Float64s:
+            u, v = jittered_lattice(lattices, samples * leap, key, step, slice(first, last))
+            v -= step * (np.arange(samples * leap) % leap)  # parts that are alike: `choose` turns them back
+            u, v = (each.reshape(-1, samples, leap).swapaxes(1, 2).reshape(-1, samples) for each in (u, v))
+            return cosine_hemisphere(u, v)
+
+        order = _in_blocks(*hemispheres(0, 1)[0, :2])
+        directions = aligned((sets, 3, samples + -samples % WIDE), np.float32, zeroed=False)
         blocks = directions.shape[2] // WIDE
-        cones = aligned((sets, 5, blocks + -blocks % WIDE), np.float32)
+        cones = aligned((sets, 5, blocks + -blocks % WIDE), np.float32, zeroed=False)
         mean, lowest = np.empty((sets, 3)), np.empty(sets, np.float32)
 
         def fill(first: int, last: int) -> None:
-            some, lattice = directions[first:last], cosine_hemisphere(u[first:last], v[first:last])[:, :, order]
+            lattice, first, last = hemispheres(first, last)[:, :, order], first * leap, last * leap
+            some = directions[first:last]
             some[:, :, :samples], some[:, :, samples:] = lattice, lattice[:, :, -1:]
             mean[first:last], lowest[first:last] = lattice.mean(axis=2), some[:, 2].min(axis=1)
             _write_cones(some, cones[first:last])
 
-        run_blocks(sets, max(_BLOCK // samples, 1), fill, thread_count(None), most=_MOST)
+        run_blocks(lattices, max(_BLOCK // (samples * leap), 1), fill, thread_count(None), most=_MOST)
         batches = (order % BATCHES).astype(np.uint8)
         sizes = np.bincount(batches, minlength=BATCHES).astype(np.float64)
         return cls(directions, batches, sizes, mean, lowest, cones, key, np.int64(leap), np.float64(step))

@@ -6,6 +6,7 @@ tested, and never what is hit.
 
 from __future__ import annotations
 
+from functools import partial
 from itertools import pairwise
 
 import numpy as np
@@ -15,11 +16,13 @@ from ..kernel.jit import inline, kernel
 from ..kernel.simd import WIDE
 from ..kernel.simd_memory import load_row
 from ..kernel.vector import dot, subtract
+from ..system.threads import run_blocks, thread_count
 from ..types import Float32s, Int64s
 
 _CROWDED = 8.0  # boxes of leaves around the middle of a triangle, from which on others are tried
 _GAIN = 2.0  # how many times as few these must be
 _TRIANGLES, _NODES = 32, 128  # that are compared
+_LEAVES = 1 << 9  # of a block
 _GROWN = 2.0**-20  # of half sides, for their rounding and that of what is compared with them
 
 
@@ -32,17 +35,21 @@ def orient(triangles: Float32s, boxes: Float32s, starts: Int64s) -> tuple[Float3
     if crowding < _CROWDED:
         return boxes, starts, None
     oriented, axes, span = aligned(boxes.shape, np.float32), aligned((len(boxes), 9, WIDE), np.float32), 1
-    oriented[:], axes[:] = boxes, 0.0
+    oriented[:], threads = boxes, thread_count(None)
     for first, last in pairwise(starts):
-        covariances = np.zeros((-(-len(triangles) // span), 3, 3))
-        _covariances(triangles, span, covariances)
-        rows = np.zeros(((last - first) * WIDE, 9))
-        rows[: len(covariances)] = np.linalg.eigh(covariances)[1].transpose(0, 2, 1).reshape(-1, 9)
-        axes[first:last] = rows.reshape(-1, WIDE, 9).transpose(0, 2, 1)
-        _enclose(triangles, span, axes[first:last], oriented[first:last])
-        span *= WIDE
+        count, level, span = -(-len(triangles) // span), (axes[first:last], oriented[first:last]), span * WIDE
+        run_blocks(count, max(_LEAVES * WIDE // span, 1), partial(_turn, triangles, span // WIDE, *level), threads)
     fewer = _crowding(triangles, oriented[: starts[1]], axes[: starts[1]]) * _GAIN < crowding
     return (oriented, starts, axes) if fewer else (boxes, starts, None)
+
+
+def _turn(triangles: Float32s, span: int, axes: Float32s, boxes: Float32s, first: int, last: int) -> None:
+    """Write axes and boxes of the children of a level from `first` to `last`, each around `span` leaves."""
+    covariances = np.zeros((last - first, 3, 3))
+    _covariances(triangles, span, first, covariances)
+    node, lane = np.divmod(np.arange(first, last), WIDE)
+    axes[node, :, lane] = np.linalg.eigh(covariances)[1].transpose(0, 2, 1).reshape(-1, 9)
+    _enclose(triangles, span, axes, boxes, first, last)
 
 
 def _crowding(triangles: Float32s, boxes: Float32s, axes: Float32s | None) -> float:
@@ -56,9 +63,10 @@ def _crowding(triangles: Float32s, boxes: Float32s, axes: Float32s | None) -> fl
 
 
 @kernel
-def _covariances(triangles, span, out):
-    """Write those of the corners in every `span` leaves, up to their number."""
-    for k in range(len(out)):
+def _covariances(triangles, span, first, out):
+    """Write those of the corners in every `span` leaves, up to their number, from the `first` ones on."""
+    for row in range(len(out)):
+        k = first + row
         count, total, offset = 0, np.zeros(3), np.zeros(3)
         for leaf in range(k * span, min((k + 1) * span, len(triangles))):
             for place in range(3 * WIDE):
@@ -71,16 +79,16 @@ def _covariances(triangles, span, out):
                     total[axis] += offset[axis]
                 for axis in range(3):
                     for other in range(3):
-                        out[k, axis, other] += offset[axis] * offset[other]
+                        out[row, axis, other] += offset[axis] * offset[other]
         for axis in range(3):
             for other in range(3):
-                out[k, axis, other] -= total[axis] * total[other] / count
+                out[row, axis, other] -= total[axis] * total[other] / count
 
 
 @kernel
-def _enclose(triangles, span, axes, boxes):
-    """Write boxes (nodes, 6, 16) along `axes` (nodes, 9, 16), each around `span` leaves."""
-    for k in range(-(-len(triangles) // span)):
+def _enclose(triangles, span, axes, boxes, first, last):
+    """Write boxes (nodes, 6, 16) along `axes` (nodes, 9, 16), each around `span` leaves, from a first to a last one."""
+    for k in range(first, last):
         node, lane = k // WIDE, k % WIDE
         low, high, centre, along = np.full(3, np.inf), np.full(3, -np.inf), np.zeros(3), np.zeros(3)
         for leaf in range(k * span, min((k + 1) * span, len(triangles))):

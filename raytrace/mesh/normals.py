@@ -12,10 +12,11 @@ import numpy as np
 
 from ..kernel.jit import kernel
 from ..kernel.vector import cross, divide, dot, length, load, load_triangle, store, subtract
-from ..system.threads import run_blocks, thread_count
+from ..system.threads import run_blocks, run_ranges, thread_count
 from ..types import AnyInts, Bools, Float64s
 
 _BLOCK, _MOST = 1 << 11, 32  # faces or vectors, and blocks at once
+_VERTICES = 1 << 12  # of a thread that looks at all faces
 EPSILON = float(np.finfo(np.float64).eps)
 Weighting = Literal["angle", "area", "equal"]
 
@@ -32,7 +33,7 @@ def normalize(vectors: Float64s) -> Float64s:
     return out.reshape(np.shape(vectors))
 
 
-def nonzero(vectors: Float64s) -> Bools:
+def nonzero(vectors: Float64s | Bools) -> Bools:
     """Whether each of the `vectors` (n, 3) is other than zero, (n,)."""
     x, y, z = vectors.T
     return (x != 0) | (y != 0) | (z != 0)
@@ -74,7 +75,11 @@ def vertex_sums(
             _angles(vertices, faces[first:last], areas[first:last], weights[first:last])
 
         run_blocks(len(faces), _BLOCK, measure, thread_count(None), most=_MOST)
-    _vertex_sums(faces, normals, areas, weights, sums, magnitude)
+
+    def add_up(first: int, last: int) -> None:
+        _vertex_sums(first, last, faces, normals, areas, weights, sums, magnitude)
+
+    run_ranges(len(sums), _VERTICES, add_up)
     return sums
 
 
@@ -122,14 +127,14 @@ def _angles(vertices, faces, areas, out):
 
 
 @kernel
-def _vertex_sums(faces, normals, areas, weights, sums, magnitude):
+def _vertex_sums(first, last, faces, normals, areas, weights, sums, magnitude):
     for f in range(len(faces)):
-        if areas[f] > 0.0:
-            for corner in range(3):
-                i = faces[f, corner]
+        for corner in range(3):
+            i = faces[f, corner]
+            if first <= i < last and areas[f] > 0.0:
                 magnitude[i] += weights[f, corner]
                 for axis in range(3):
                     sums[i, axis] += weights[f, corner] * normals[f, axis]
-    for i in range(len(sums)):
+    for i in range(first, last):
         if max(abs(sums[i, 0]), abs(sums[i, 1]), abs(sums[i, 2])) <= 1e-12 * magnitude[i]:
             sums[i] = 0.0

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -10,11 +11,12 @@ from ..kernel.borrow import borrow
 from ..kernel.jit import inline, kernel
 from ..kernel.vector import cross, length, load_triangle, subtract
 from ..mesh.placement import NEAR, TOUCHING, ULP
-from ..system.threads import run_blocks, thread_count
+from ..system.threads import run_blocks, run_ranges, thread_count
 from ..types import Float64s, Int64s
 
 FLAT = 1.0 / 16.0
 _BLOCK, _MOST = 1 << 11, 32  # faces, and blocks at once
+_POINTS = 1 << 12  # of a thread that looks at all faces
 
 
 class Surface(NamedTuple):
@@ -65,8 +67,10 @@ class Surface(NamedTuple):
 
         Args: face_points: int64 (m, 3), the point at each face corner.
         """
-        magnitude = np.zeros(count)
-        _magnitudes(self.extent, self.flat, face_points, magnitude)
+        around, magnitude = np.zeros(count), np.zeros(count)
+        measure = partial(_spread_flat, self.flat, face_points, around)
+        run_ranges(count, _POINTS, measure)
+        run_ranges(count, _POINTS, partial(_magnitudes, self.extent, face_points, around, magnitude))
         return magnitude
 
 
@@ -93,18 +97,22 @@ def _largest(p):
 
 
 @kernel
-def _magnitudes(extent, flat, face_points, magnitude):
-    """The largest `extent` of a point's faces, and `flat` of these and of its neighbours' faces, which rays pass by."""
-    around = np.zeros(len(magnitude))
+def _spread_flat(flat, face_points, around, first, last):
+    """The largest `flat` of the faces of each point."""
     for f in range(len(face_points)):
         for corner in range(3):
             point = face_points[f, corner]
-            if flat[f] > around[point]:  # seldom; a store each time would be waited for
+            if first <= point < last and flat[f] > around[point]:  # seldom; a store each time would be waited for
                 around[point] = flat[f]
+
+
+@kernel
+def _magnitudes(extent, face_points, around, magnitude, first, last):
+    """The largest `extent` of a point's faces, and `flat` of these and of its neighbours' faces, which rays pass by."""
     for f in range(len(face_points)):
-        flattest = max(around[face_points[f, 0]], around[face_points[f, 1]], around[face_points[f, 2]])
-        largest = max(extent[f], flattest)
-        for corner in range(3):
-            point = face_points[f, corner]
-            if largest > magnitude[point]:
-                magnitude[point] = largest
+        a, b, c = face_points[f, 0], face_points[f, 1], face_points[f, 2]
+        if first <= a < last or first <= b < last or first <= c < last:
+            largest = max(extent[f], max(around[a], around[b], around[c]))
+            for point in (a, b, c):
+                if first <= point < last and largest > magnitude[point]:
+                    magnitude[point] = largest

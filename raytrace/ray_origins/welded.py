@@ -47,7 +47,11 @@ class WeldedPoints(NamedTuple):
 
     def ray_origins(self, tree: BVH16, surface: Surface) -> tuple[Float64s, Bools]:
         """`raytrace.ray_origins.origins.ray_origins`. Args: tree: over the faces of `surface`, `self.surface`."""
-        points, corners, numbers = surface.vertices[self.first], self.face_points, np.arange(len(self.first))
+        points, corners, numbers = (
+            surface.vertices.take(self.first, axis=0),
+            self.face_points,
+            np.arange(len(self.first)),
+        )
         magnitude = surface.magnitudes(corners, len(numbers))
         return ray_origins(tree, surface, points, self.directions, self.clearance, corners, numbers, magnitude)
 
@@ -83,7 +87,7 @@ def weld_points(
     group = weld(vertices.astype(np.float32), faces, normalize(sums) if normals is None else normals, agreement)
     first = np.empty(int(group.max()) + 1, np.int64)
     first[group[::-1]] = np.arange(len(group))[::-1]
-    face_points = group[faces]
+    face_points = group.take(faces)
     mean = normalize(sum_groups(group, sums))
     axes, directions, clearance = outermost_normals(mean, face_points, face_normal)
     if normals is not None:

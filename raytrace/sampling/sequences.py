@@ -64,14 +64,18 @@ def owen_sobol(sets: int, count: int, key: np.uint32) -> tuple[Float64s, Float64
     return u, v
 
 
-def jittered_lattice(sets: int, count: int, key: np.uint32, step: float = GOLDEN) -> tuple[Float64s, Float64s]:
+def jittered_lattice(
+    sets: int, count: int, key: np.uint32, step: float = GOLDEN, part: slice = slice(None)
+) -> tuple[Float64s, Float64s]:
     """`sets` independent lattices of `count` points, ordered by u: two arrays (sets, count) in (0, 1).
 
     The v of a whole set are to be turned (mod 1) by a random amount, as directions are about their axis.
+
+    Args: part: which of the sets are wanted.
     """
     rank = np.arange(count)
-    keys = mix_array(mix_array(np.arange(2 * sets, dtype=np.uint32)) ^ key)[:, None]
+    keys = mix_array(mix_array(np.arange(2 * sets, dtype=np.uint32)) ^ key).reshape(2, sets, 1)[:, part]
     chance = np.ldexp(mix_array(mix_array(rank.astype(np.uint32)) ^ keys) + 0.5, -32)
-    u = (rank + chance[:sets]) / count
-    v = (rank * step + chance[sets:] / count) % 1.0
+    u = (rank + chance[0]) / count
+    v = (rank * step + chance[1] / count) % 1.0
     return u, v

@@ -93,6 +93,13 @@ def run_blocks(
                 pass
 
 
+def run_ranges(count: int, least: int, work: Callable[[int, int], None]) -> None:
+    """Call `work(start, stop)` over [0, count) in as many parts as there are cores, of `least` at least: for work that
+    goes through all of its input and keeps what falls into its part."""
+    threads = thread_count(None)
+    run_blocks(count, max(-(-count // threads), least), work, threads)
+
+
 class _Call:
     """A call of `run_blocks`.
 
