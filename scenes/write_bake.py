@@ -190,7 +190,9 @@ def npz(bake: Bake, _mesh_file: MeshFile, _channels: Channels) -> memoryview:
 
 
 def html(bake: Bake, mesh_file: MeshFile, channels: Channels) -> bytes:
+    from .show.page.base_colour import base_colour
     from .show.page.document import html_page
 
     title = "standard input" if mesh_file.path.stem == PIPED else mesh_file.path.name
-    return html_page(mesh_file.mesh, bake.w, bake.error, bake.flags, bake.bent_normals, title, channels.up)
+    values, base = (bake.w, bake.error, bake.flags, bake.bent_normals), base_colour(mesh_file)
+    return html_page(mesh_file.mesh, *values, title, channels.up, base)

@@ -130,7 +130,7 @@ def load(
     """
     path = Path(path)
     aim = format_of(target or "")
-    instances, asset = read_objects(path, bool(aim.lost), content, alpha)
+    instances, asset = read_objects(path, bool(aim.lost) or aim.ending == ".html", content, alpha)
     instances = [replace(instance, up=up or instance.up) for instance in instances]
     with mesh_errors(path):
         mesh, parts = flatten(instances, str(path))

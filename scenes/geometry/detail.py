@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import NamedTuple
@@ -126,12 +127,13 @@ def split_corners(
     return whole, slots[inverse].reshape(-1, 3), like
 
 
-def split_creases(mesh: Mesh) -> tuple[Int64s, Int64s, Float64s]:
-    """A mesh with a vertex for each normal that `raytrace.mesh.creases` gives: (k,), (m, 3), (k, 3).
+def split_creases(mesh: Mesh, more: Sequence[PerCorner] = ()) -> tuple[Int64s, Int64s, Float64s, Int64s]:
+    """A mesh with a vertex for each normal that `raytrace.mesh.creases` gives, and for `more` that corners have.
 
-    Returns vertices, the mesh's n first and repeated ones after them, faces, and normals.
+    Returns vertices (k,), the mesh's n first and repeated ones after them, faces (m, 3), normals (k, 3), and a corner
+    like each of the vertices (k,).
     """
     rows, of = creased_normals(mesh)
     own, places = PerCorner(rows, of.ravel()), np.arange(of.size).reshape(-1, 3)
-    vertices, faces, like = split_corners(mesh.faces.ravel(), places, [own], len(mesh.vertices))
-    return vertices, faces, rows[own.of[like]]
+    vertices, faces, like = split_corners(mesh.faces.ravel(), places, [own, *more], len(mesh.vertices))
+    return vertices, faces, rows[own.of[like]], like

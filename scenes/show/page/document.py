@@ -18,9 +18,10 @@ from raytrace.mesh.up import FROM, UP, up_axis
 from raytrace.types import AnyFloats
 
 from ..look import FLAGS, described
+from .base_colour import BaseColour
 from .encode import Values, encoded
 
-_SCRIPTS = "data", "camera", "coarse", "surface", "pick", "hover", "controls", "address", "panel", "page"
+_SCRIPTS = "colour", "data", "camera", "coarse", "surface", "pick", "hover", "controls", "address", "panel", "page"
 _SHADERS = "surface.vert", "surface.frag", "dots.vert", "dots.frag"
 
 
@@ -32,6 +33,7 @@ def html_page(
     bent_normals: AnyFloats | None = None,
     title: str | None = None,
     up: str | None = None,
+    base: BaseColour | str | None = None,
 ) -> bytes:
     """A page that shows one bake in a browser, UTF-8: the same input gives the same bytes.
 
@@ -43,19 +45,22 @@ def html_page(
         bent_normals: (n, 3).
         title: by default what the mesh is called.
         up: "x", "y", "z", "-x", "-y" or "-z", the axis that is upwards at first, in place of `mesh.up`.
+        base: base colours (`scenes.show.page.base_colour.base_colour`), or why they cannot be shown.
 
     Raises:
         OptionError: values of a wrong shape or out of range, or another axis.
     """
     name = mesh.source if title is None else title
-    return html_of_bakes(mesh, [Values(w, error, flags, bent_normals, name)], name, up)
+    return html_of_bakes(mesh, [Values(w, error, flags, bent_normals, name)], name, up, base)
 
 
-def html_of_bakes(mesh: Mesh, bakes: Sequence[Values], title: str, up: str | None = None) -> bytes:
+def html_of_bakes(
+    mesh: Mesh, bakes: Sequence[Values], title: str, up: str | None = None, base: BaseColour | str | None = None
+) -> bytes:
     """A page that shows one bake of a mesh, or two with a slider between: UTF-8, the same input gives the same bytes.
 
     Args:
-        bakes: one or two. up: as `html_page`.
+        bakes: one or two. up, base: as `html_page`.
 
     Raises:
         OptionError: another number of bakes, values of a wrong shape or out of range, or another axis.
@@ -65,7 +70,8 @@ def html_of_bakes(mesh: Mesh, bakes: Sequence[Values], title: str, up: str | Non
         raise OptionError("bakes", "one or two", len(bakes), "page")
     standing = {"up": up_axis(mesh, up), "ups": {name: [axis, FROM[axis]] for name, axis in UP.items()}}
     checked = [bake.checked(len(mesh.vertices)) for bake in bakes]
-    facts, data = encoded(mesh, checked)
+    facts, data = encoded(mesh, checked, None if isinstance(base, str) else base)
+    facts["baseMissing"] = base if isinstance(base, str) else None
     facts |= {"title": printable(title), **standing, "look": described(), "flags": list(FLAGS.items())}
     style, script = _part("page.css"), "\n".join(_part(f"{name}.js") for name in _SCRIPTS)
     shaders = "\n".join(f'<script type="x-shader" id="{name}">\n{_part(name)}</script>' for name in _SHADERS)

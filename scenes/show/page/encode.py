@@ -24,6 +24,7 @@ from raytrace.mesh.normals import normalize
 from raytrace.types import AnyFloats, Float64s, Int64s, UInt8s
 
 from ...geometry.detail import split_creases
+from .base_colour import BaseColour, shrunk
 
 MOST = 65535
 _PLACES = (1 << 20) - 1  # steps of texture coordinates
@@ -90,17 +91,17 @@ class Values:
         return Values(**found, name=self.name, textures=self.textures)
 
 
-def encoded(mesh: Mesh, bakes: Sequence[Values]) -> tuple[dict[str, Any], bytes]:
+def encoded(mesh: Mesh, bakes: Sequence[Values], base: BaseColour | None = None) -> tuple[dict[str, Any], bytes]:
     """A page's data: a JSON-ready header, and gzip-compressed arrays; the same input gives the same bytes.
 
-    Args: bakes: checked.
+    Args: bakes: checked. base: of the mesh's faces.
     """
     low, high = mesh.bounds
     step = (high - low) / MOST
     steps = np.rint(np.divide(mesh.vertices - low, step, out=np.zeros_like(mesh.vertices), where=step > 0))
-    order = _sorted(mesh.faces)
+    order = _sorted(mesh.faces, base.of if base else None)
     faces = mesh.faces.ravel()[order]
-    _, split, normals = split_creases(mesh)
+    _, split, normals, like = split_creases(mesh, base.several() if base else ())
     drawn = split.ravel()[order.ravel()]
     again = np.flatnonzero(drawn >= len(mesh.vertices))  # corners whose normal is not the first of their vertex
     columns: dict[str, npt.NDArray[Any]] = {
@@ -111,7 +112,9 @@ def encoded(mesh: Mesh, bakes: Sequence[Values]) -> tuple[dict[str, Any], bytes]
         "further": (drawn[again] - len(mesh.vertices)).astype("<u4"),
     }
     described: list[dict[str, Any]] = []
-    shown = np.full((len(bakes), len(faces)), -1)
+    shown = np.full((len(bakes) + 1, len(faces)), -1)
+    if base:
+        shown[-1] = base.of[order[:, 0] // 3]
     for number, bake in enumerate(bakes):
         top = 0.0 if bake.error is None else float(bake.error.max(initial=0.0))
         columns[f"w{number}"] = np.rint(bake.w * MOST).astype("<u2")
@@ -134,6 +137,7 @@ def encoded(mesh: Mesh, bakes: Sequence[Values]) -> tuple[dict[str, Any], bytes]
         "step": step.tolist(),
         "bakes": described,
         "draws": _runs(shown),
+        "base": base and base.put(columns, like),
         "differenceShown": _nice(change),
         "columns": [[name, column.itemsize, column.size] for name, column in columns.items()],
     }
@@ -146,7 +150,7 @@ def _texture_columns(textures: TexturedW, number: int, columns: dict[str, npt.ND
     low, high = textures.uv.min(axis=0), textures.uv.max(axis=0)
     step = np.where(high > low, high - low, 1.0) / _PLACES
     columns[f"uv{number}"] = np.rint((textures.uv - low) / step).astype("<u4")
-    images = [_shrunk(image) for image in textures.images]
+    images = [shrunk(image, _LARGEST) for image in textures.images]
     for place, image in enumerate(images):
         columns[f"texels{number}.{place}"] = np.diff(image.ravel(), prepend=np.uint8(0))
     known = [
@@ -156,36 +160,25 @@ def _texture_columns(textures: TexturedW, number: int, columns: dict[str, npt.ND
     return {"textures": known, "uvLow": low.tolist(), "uvStep": step.tolist()}
 
 
-def _shrunk(image: UInt8s) -> UInt8s:
-    """An image of at most `_LARGEST` texels across and down, by means over blocks."""
-    sizes = [-(-side // -(-side // _LARGEST)) for side in image.shape]
-    if tuple(sizes) == image.shape:
-        return image
-    starts = [np.arange(size) * side // size for size, side in zip(sizes, image.shape, strict=True)]
-    sums = np.add.reduceat(np.add.reduceat(image.astype(np.float64), starts[0], axis=0), starts[1], axis=1)
-    counts = [np.diff(start, append=side) for start, side in zip(starts, image.shape, strict=True)]
-    return np.rint(sums / np.outer(*counts)).astype(np.uint8)
-
-
 def _runs(shown: Int64s) -> list[list[int]]:
-    """Runs of faces with the same textures: their lengths and textures. Args: shown: (bakes, m)."""
+    """Runs of faces with the same textures: their lengths and textures. Args: shown: (bakes + 1, m)."""
     starts = np.flatnonzero((shown[:, 1:] != shown[:, :-1]).any(axis=0)) + 1
     ends = [0, *starts.tolist(), shown.shape[1]]
     return [[last - first, *shown[:, first].tolist()] for first, last in pairwise(ends)]
 
 
-def _sorted(faces: Int64s) -> Int64s:
-    """The corners (m, 3) of the faces (m, 3), turned to begin with their least vertex, and sorted."""
+def _sorted(faces: Int64s, image: Int64s | None) -> Int64s:
+    """The corners (m, 3) of the faces (m, 3), turned to begin with their least vertex, and sorted: by `image` first."""
     least = np.argmin(faces, axis=1)
     corners = 3 * np.arange(len(faces))[:, None] + (least[:, None] + np.arange(3)) % 3
-    return corners[np.lexsort(faces.ravel()[corners].T[::-1])]
+    return corners[np.lexsort([*faces.ravel()[corners].T[::-1], *(() if image is None else (image,))])]
 
 
 def _differences(faces: Int64s) -> Int64s:
     """Of sorted faces, (3, m): the growth of the lowest vertex, and how far the other two lie above it."""
     stored = faces.copy()
     stored[:, 1:] -= faces[:, :1]
-    stored[1:, 0] = np.diff(faces[:, 0])
+    stored[1:, 0] = np.diff(faces[:, 0])  # modulo 2³² where another image begins
     return np.ascontiguousarray(stored.T)
 
 

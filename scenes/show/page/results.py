@@ -17,18 +17,21 @@ from ...formats.glb.occlusion import is_ramp
 from ...formats.gltf.textures import Textures
 from ...formats.load import MeshFile, load, mesh_errors
 from ...formats.stored_w import ENDINGS, read_beside_w, read_w, unrepeated
+from .base_colour import BaseColour, base_colour
 from .encode import TexturedW, Values
 
 _ARRAYS = (".npy", ".npz")
+_PAGE = "page.html"
 _MOVED = 1e-4  # of the radius, by which formats may round coordinates
 
 
 class Results(NamedTuple):
-    """One or two bakes of one mesh. Attributes: files: all that were read."""
+    """One or two bakes of one mesh. Attributes: files: all that were read. base: of `base_colour`."""
 
     mesh: Mesh
     bakes: list[Values]
     files: tuple[Path, ...]
+    base: BaseColour | str | None
 
 
 def check_results(results: list[Path], mesh: Path | None) -> None:
@@ -48,13 +51,13 @@ def read_results(results: list[Path], mesh: Path | None) -> Results:
     Raises:
         MeshError, SceneError: a file cannot be read, has no w, or belongs to another mesh.
     """
-    sources = {path: load(path) for path in results if path.suffix.lower() not in _ARRAYS}
-    whole = load(mesh) if mesh else min(sources.values(), key=lambda each: len(each.mesh.vertices))
+    sources = {path: load(path, _PAGE) for path in results if path.suffix.lower() not in _ARRAYS}
+    whole = load(mesh, _PAGE) if mesh else min(sources.values(), key=lambda each: len(each.mesh.vertices))
     for source in sources.values():
         _check_same(whole.mesh, source)
     bakes = [_values(path, whole, sources.get(path)) for path in results]
     read = [*whole.files, *results, *(file for source in sources.values() for file in source.files)]
-    return Results(whole.mesh, bakes, tuple(read))
+    return Results(whole.mesh, bakes, tuple(read), base_colour(whole))
 
 
 def _values(path: Path, whole: MeshFile, source: MeshFile | None) -> Values:

@@ -35,7 +35,7 @@ def view_results(
     read = read_results(results, mesh)
     check_outputs({"--output": target}, read.files)
     title = " and ".join(path.name for path in results)
-    page = html_of_bakes(read.mesh, read.bakes, title, up)
+    page = html_of_bakes(read.mesh, read.bakes, title, up, read.base)
     with atomic_write(target) as file:
         file.write(page)
     if show:

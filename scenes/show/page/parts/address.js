@@ -12,7 +12,7 @@ function readAddress(page) {
   const [position, target] = [point("position"), point("target")];
   if (position && target && Math.hypot(...subtract(position, target)) > 0) page.camera.place(position, target);
   const mode = given.get("mode");
-  if (Object.hasOwn(MODES, mode) && !page.missing(mode)) state.mode = mode;
+  if (Object.hasOwn(MODES, mode) && page.missing(mode) === null) state.mode = mode;
   const split = Number(given.get("split") ?? NaN);
   if (split >= 0 && split <= 1) state.split = split;
   const [low, high] = (given.get("range") ?? "").split(",").map(Number);

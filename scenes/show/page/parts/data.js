@@ -23,6 +23,7 @@ async function readMesh(about, base64) {
     ...drawnVertices(faces, about.vertices, columns),
     positions: placed(columns.positions, about.step, radius),
     bakes,
+    base: await baseColours(about.base, columns),
   };
 }
 
@@ -54,7 +55,7 @@ function facesOf(stored) {
   const faces = new Uint32Array(stored.length);
   let least = 0;
   for (let f = 0; f < count; f++) {
-    least += stored[f];
+    least = (least + stored[f]) >>> 0;
     faces[3 * f] = least;
     faces[3 * f + 1] = least + stored[count + f];
     faces[3 * f + 2] = least + stored[2 * count + f];

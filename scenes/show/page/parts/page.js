@@ -3,6 +3,7 @@
 const MODES = {
   clay: { number: 0, label: "clay × w" },
   w: { number: 1, label: "w" },
+  colour: { number: 6, label: "base colour × w" },
   error: { number: 2, label: "error" },
   flags: { number: 3, label: "flags" },
   bent: { number: 4, label: "bent normals" },
@@ -43,6 +44,7 @@ class Page {
   // Why a mode has nothing to show; null if it has.
   missing(mode) {
     const { bakes } = this.mesh;
+    if (mode === "colour") return this.mesh.base ? null : this.about.baseMissing ?? "";
     if (mode === "difference") return bakes.length > 1 ? null : "there is one bake only";
     const needed = { error: "error", flags: "flags", bent: "bent" }[mode];
     return !needed || bakes.every((bake) => bake[needed]) ? null : "the file does not hold them";
@@ -85,7 +87,7 @@ class Page {
   }
 
   key(key) {
-    const mode = Object.keys(MODES)[Number(key) - 1];
+    const mode = Object.keys(MODES).find((each) => MODES[each].number === Number(key) - 1);
     const actions = {
       0: () => this.home(),
       Enter: () => this.pickAt(0, 0),
@@ -95,7 +97,7 @@ class Page {
       p: () => this.save(),
       f: () => this.state.vertex !== null && this.centreOn(this.position(this.state.vertex)),
     };
-    const action = mode ? () => this.missing(mode) || this.set({ mode }) : actions[key.toLowerCase()] ?? actions[key];
+    const action = mode ? () => this.missing(mode) ?? this.set({ mode }) : actions[key.toLowerCase()] ?? actions[key];
     if (action) action();
     return Boolean(action);
   }

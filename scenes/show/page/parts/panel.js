@@ -9,12 +9,12 @@ function showPanel(page, mode, shown) {
   at("split").value = 1000 * state.split;
   at("line").style.left = `${100 * state.split}%`;
   at("comparison").classList.toggle("whole", mode === "difference");
-  at("tone").hidden = !["clay", "w"].includes(mode);
+  at("tone").hidden = !["clay", "w", "colour"].includes(mode);
   for (const name of Object.keys(AS_BAKED)) {
     at(name).value = state[name];
     at(`${name}Value`).textContent = Number(state[name]).toFixed(2);
   }
-  at("legend").hidden = mode === "clay";
+  at("legend").hidden = ["clay", "colour"].includes(mode);
   at("legend").className = mode;
   at("scale").style.background = gradient(scaleOf(page, mode).colours);
   const ticks = (...texts) => at("ticks").replaceChildren(...texts.map((text) => span(text)));
@@ -89,10 +89,10 @@ function describe(page) {
 
 function addModes(page) {
   for (const [mode, { number, label }] of Object.entries(MODES)) {
-    if (mode === "difference" && page.missing(mode)) continue;
+    const reason = page.missing(mode);
+    if (reason === "" || (reason && mode === "difference")) continue;
     const radio = Object.assign(document.createElement("input"), { type: "radio", name: "mode", value: mode });
     const row = document.createElement("label");
-    const reason = page.missing(mode);
     radio.disabled = Boolean(reason);
     row.title = reason ?? `key ${number + 1}`;
     row.append(radio, label);

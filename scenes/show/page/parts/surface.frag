@@ -1,15 +1,15 @@
 #version 300 es
 // A pixel of the mesh in one of the modes; colours of light are linear until `encoded`.
 precision highp float;
-const int CLAY = 0, W = 1, ERROR = 2, FLAGS = 3, BENT = 4, DIFFERENCE = 5;
+const int CLAY = 0, W = 1, ERROR = 2, FLAGS = 3, BENT = 4, DIFFERENCE = 5, COLOUR = 6;
 uniform int mode;
 uniform vec3 clay, towardsKey, ramp[5];
 uniform float ambient, key, shown;
 uniform vec3 tone;  // the w shown as none and as all light, and an exponent
-uniform sampler2D page, otherPage;
-uniform bvec2 paged;  // whether w is that of a texture, and the other bake's
-centroid in vec3 normalHere, bentHere;
-centroid in vec2 placeHere, otherPlaceHere;
+uniform sampler2D page, otherPage, image;
+uniform bvec3 paged;  // whether w is that of a texture, and the other bake's, and the base colour
+centroid in vec3 normalHere, bentHere, baseHere;
+centroid in vec2 placeHere, otherPlaceHere, baseUvHere;
 centroid in float wHere, otherHere, errorHere;
 out vec4 colour;
 
@@ -33,17 +33,18 @@ float shownW() {
   return pow(clamp((ownW() - tone.x) / (tone.y - tone.x), 0.0, 1.0), tone.z);
 }
 
-vec3 lit() {  // (12.75) in the form that weights ambient and diffuse light by w
+vec3 lit(vec3 albedo) {  // (12.75) in the form that weights ambient and diffuse light by w
   vec3 n = normalize(normalHere) * (gl_FrontFacing ? 1.0 : -1.0);
-  return clay * shownW() * (ambient + key * max(dot(n, towardsKey), 0.0));
+  return albedo * shownW() * (ambient + key * max(dot(n, towardsKey), 0.0));
 }
 
 void main() {
   vec3 shade = vec3(0.0);
-  if (mode == CLAY) shade = encoded(lit());
+  if (mode == CLAY) shade = encoded(lit(clay));
+  if (mode == COLOUR) shade = encoded(lit(paged.z ? baseHere * texture(image, baseUvHere).rgb : baseHere));
   if (mode == W) shade = encoded(vec3(shownW()));
   if (mode == ERROR) shade = ramped(errorHere / shown);
-  if (mode == FLAGS) shade = encoded(vec3(0.5 * dot(lit(), vec3(0.2126, 0.7152, 0.0722))));
+  if (mode == FLAGS) shade = encoded(vec3(0.5 * dot(lit(clay), vec3(0.2126, 0.7152, 0.0722))));
   if (mode == BENT) shade = dot(bentHere, bentHere) > 0.0 ? 0.5 + 0.5 * normalize(bentHere) : vec3(0.0);
   if (mode == DIFFERENCE) {
     float other = paged.y ? texture(otherPage, otherPlaceHere).r : otherHere;

@@ -1,6 +1,6 @@
 // The mesh on the graphics card, and its drawing.
 
-const ATTRIBUTES = ["position", "normal", "bent", "w", "otherW", "error", "colour", "place", "otherPlace"];
+const ATTRIBUTES = ["position", "normal", "bent", "w", "otherW", "error", "colour", "place", "otherPlace", "base", "baseUv"];
 
 class Surface {
   constructor(canvas, mesh, about) {
@@ -13,6 +13,8 @@ class Surface {
       position: this.buffer(spread(mesh.positions, mesh.origin, 3)),
       normal: this.buffer(mesh.normals),
       index: this.buffer(mesh.indices, this.gl.ELEMENT_ARRAY_BUFFER),
+      base: mesh.base && this.buffer(mesh.base.colours),
+      baseUv: mesh.base?.uv && this.buffer(mesh.base.uv),
     };
     this.mesh = mesh;
     this.whole = shared.index;
@@ -23,7 +25,12 @@ class Surface {
       place: uv && this.buffer(spread(uv, mesh.origin, 2)),
     }));
     const textures = mesh.bakes.map((bake) => bake.textures.map((each) => this.texture(each)));
-    this.draws = about.draws.map(([faces, ...used]) => ({ corners: 3 * faces, pages: used.map((k, bake) => textures[bake][k]) }));
+    const images = (mesh.base?.images ?? []).map((each) => this.texture(each));
+    this.draws = about.draws.map(([faces, ...used]) => ({
+      corners: 3 * faces,
+      image: images[used.pop()],
+      pages: used.map((k, bake) => textures[bake][k]),
+    }));
     this.sides = mesh.bakes.map((bake, number) => ({
       number,
       errorTop: bake.errorTop,
@@ -60,13 +67,14 @@ class Surface {
     return buffer;
   }
 
-  texture({ width, height, wrap, texels }) {
+  texture({ width, height, wrap, texels, bitmap }) {
     const gl = this.gl;
     const made = gl.createTexture();
     const modes = { repeat: gl.REPEAT, mirrored_repeat: gl.MIRRORED_REPEAT, clamp_to_edge: gl.CLAMP_TO_EDGE };
     gl.bindTexture(gl.TEXTURE_2D, made);
     gl.pixelStorei(gl.UNPACK_ALIGNMENT, 1);
-    gl.texImage2D(gl.TEXTURE_2D, 0, gl.R8, width, height, 0, gl.RED, gl.UNSIGNED_BYTE, texels);
+    if (bitmap) gl.texImage2D(gl.TEXTURE_2D, 0, gl.SRGB8_ALPHA8, gl.RGBA, gl.UNSIGNED_BYTE, bitmap);
+    else gl.texImage2D(gl.TEXTURE_2D, 0, gl.R8, width, height, 0, gl.RED, gl.UNSIGNED_BYTE, texels);
     gl.texParameteri(gl.TEXTURE_2D, gl.TEXTURE_WRAP_S, modes[wrap[0]]);
     gl.texParameteri(gl.TEXTURE_2D, gl.TEXTURE_WRAP_T, modes[wrap[1]]);
     gl.texParameteri(gl.TEXTURE_2D, gl.TEXTURE_MIN_FILTER, gl.LINEAR_MIPMAP_LINEAR);
@@ -94,6 +102,8 @@ class Surface {
     this.attribute("error", own.error, 1, gl.UNSIGNED_BYTE);
     this.attribute("place", own.place, 2);
     this.attribute("otherPlace", other.place, 2);
+    this.attribute("base", shared.base, 3, gl.UNSIGNED_BYTE);
+    this.attribute("baseUv", shared.baseUv, 2);
     return arrays;
   }
 
@@ -180,19 +190,20 @@ class Surface {
     const gl = this.gl;
     gl.uniform1i(uniforms.page, 0);
     gl.uniform1i(uniforms.otherPage, 1);
+    gl.uniform1i(uniforms.image, 2);
     gl.enable(gl.CULL_FACE);
     for (const [hidden, away] of [[gl.BACK, 0], [gl.FRONT, 1]]) {
       gl.cullFace(hidden);
       away ? gl.enable(gl.POLYGON_OFFSET_FILL) : gl.disable(gl.POLYGON_OFFSET_FILL);
       gl.polygonOffset(1, 1);
       let first = 0;
-      for (const { corners, pages } of draws) {
+      for (const { corners, image, pages } of draws) {
         const [own, other] = [pages[number], pages[pages.length - 1]];
-        [own, other].forEach((page, unit) => {
+        [own, other, image].forEach((page, unit) => {
           gl.activeTexture(gl.TEXTURE0 + unit);
           gl.bindTexture(gl.TEXTURE_2D, page ?? null);
         });
-        gl.uniform2i(uniforms.paged, own ? 1 : 0, other ? 1 : 0);
+        gl.uniform3i(uniforms.paged, own ? 1 : 0, other ? 1 : 0, image ? 1 : 0);
         gl.drawElements(gl.TRIANGLES, corners, gl.UNSIGNED_INT, 4 * first);
         first += corners;
       }

@@ -1,0 +1,139 @@
+"""Base colours of a mesh file for a page: of materials and vertices at the corners of faces, and textures."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from raytrace.errors import InputError, printable
+from raytrace.image.encode import write_picture
+from raytrace.image.srgb import decode_srgb, encode_srgb
+from raytrace.image.texture import Texture, Wrap, texture_codes
+from raytrace.types import Float64s, Int64s, UInt8s
+
+from ...formats.gltf.textures import Textures, vertex_colours
+from ...formats.load import MeshFile, mesh_errors
+from ...geometry.detail import PerCorner
+
+_PLACES = (1 << 20) - 1  # steps of texture coordinates
+_LARGEST, _MANY = 1024, 8  # texels a side of so many images
+_SMALL = 1 << 20  # bytes of a file that is embedded as it is
+_SHOWN = b"\x89PNG", b"\xff\xd8\xff"  # first bytes of files that browsers show
+
+
+@dataclass(frozen=True, eq=False)
+class BaseColour:
+    """Base colours of m faces.
+
+    Attributes:
+        codes: uint8 (m, 3, 3), sRGB of each corner, a factor of the texture.
+        uv: float64 (m, 3, 2), v upwards. of: (m,), the image of each face, −1 for none.
+        images: files that browsers show. wraps: modes of each along u and v.
+    """
+
+    codes: UInt8s
+    uv: Float64s
+    of: Int64s
+    images: Sequence[bytes]
+    wraps: Sequence[tuple[Wrap, Wrap]]
+
+    def several(self) -> list[PerCorner]:
+        """What vertices are repeated for: colours and places of their corners."""
+        colour = self.codes.reshape(-1, 3) @ np.array([1 << 16, 1 << 8, 1])
+        keys = [colour, self._steps()[0] @ [1 << 20, 1]] if self.images else [colour]
+        return [PerCorner(np.empty((0, 0)), np.unique(key, return_inverse=True)[1]) for key in keys]
+
+    def put(self, columns: dict[str, npt.NDArray[Any]], like: Int64s) -> dict[str, Any]:
+        """Put the colours into a page's columns: what its script must know of them. Args: like: corners (k,)."""
+        columns["base"] = self.codes.reshape(-1, 3)[like]
+        steps, low, step = self._steps()
+        if self.images:
+            columns["baseUv"] = steps[like].astype("<u4")
+        for number, image in enumerate(self.images):
+            columns[f"image{number}"] = np.frombuffer(image, np.uint8)
+        return {"wraps": self.wraps, "uvLow": low.tolist(), "uvStep": step.tolist()}
+
+    def _steps(self) -> tuple[Int64s, Float64s, Float64s]:
+        places = self.uv.reshape(-1, 2) * (1, -1) + (0, 1)
+        low, high = places.min(axis=0), places.max(axis=0)
+        step = np.where(high > low, high - low, 1.0) / _PLACES
+        return np.rint((places - low) / step).astype(np.int64), low, step
+
+
+def base_colour(file: MeshFile) -> BaseColour | str | None:
+    """Base colours of a file loaded for a page; why they cannot be shown, in words; or None if all is white."""
+    try:
+        return _read(file)
+    except InputError as fault:
+        return printable(str(fault))
+
+
+def _read(file: MeshFile) -> BaseColour | None:
+    faces, asset, detail = file.mesh.faces, file.gltf, file.detail
+    light, uv, of = np.ones((*faces.shape, 3)), np.zeros((*faces.shape, 2)), np.full(len(faces), -1)
+    numbers: dict[Texture | None, int] = {None: -1}
+    if asset:
+        with mesh_errors(file.path):
+            textures = Textures(asset)
+            for piece, part in zip(asset.drawn, file.parts, strict=True):
+                rows = faces[part.faces] - part.vertices.start
+                w = None if file.w is None else file.w[part.vertices]
+                colours = vertex_colours(asset, piece.primitive, w)
+                factor = np.clip(asset.material(piece.primitive).base[0][:3], 0, 1)
+                light[part.faces] = factor if colours is None else factor * colours[rows]
+                used = textures.of_base(piece.primitive)
+                if used:
+                    uv[part.faces], of[part.faces] = used[0][rows], numbers.setdefault(used[1], len(numbers) - 1)
+    elif detail:
+        if detail.colors is not None:
+            light = decode_srgb(detail.colors[:, :3].clip(0, 1))[faces].astype(np.float64)
+        if detail.paint_of is not None:
+            paint = np.repeat(detail.paint_of, detail.triangles.counts)
+            light = light * np.array([*(each.colour for each in detail.paints), (1, 1, 1)])[paint, None]
+            found = detail.corner_uv()
+            if found is not None:
+                known = [Texture(each.texture) if each.texture else None for each in detail.paints]
+                image_of = np.array([*(numbers.setdefault(each, len(numbers) - 1) for each in known), -1])
+                there = np.asarray(~np.isnan(found).any(axis=(1, 2)))
+                uv, of = np.where(there[:, None, None], found, 0), np.where(there, image_of[paint], -1)
+    if (of < 0).all() and (light == 1).all():
+        return None
+    codes = np.rint(255 * encode_srgb(light.clip(0, 1).astype(np.float32))).astype(np.uint8)
+    found_textures = [each for each in numbers if each]
+    side = _LARGEST
+    while len(found_textures) * side**2 > _MANY * _LARGEST**2 and side > 1:
+        side //= 2
+    images = [_image(each, side) for each in found_textures]
+    return BaseColour(codes, uv, of, images, [each.wrap for each in found_textures])
+
+
+def shrunk(image: UInt8s, most: int) -> UInt8s:
+    """An image (h, w, …) of at most `most` texels across and down, by means over blocks."""
+    sizes = [-(-side // -(-side // most)) for side in image.shape[:2]]
+    if tuple(sizes) == image.shape[:2]:
+        return image
+    starts = [np.arange(size) * side // size for size, side in zip(sizes, image.shape, strict=False)]
+    sums = np.add.reduceat(np.add.reduceat(image.astype(np.float64), starts[0], axis=0), starts[1], axis=1)
+    counts = [np.diff(start, append=side) for start, side in zip(starts, image.shape, strict=False)]
+    return np.rint(sums.T / np.outer(*counts).T).T.astype(np.uint8)
+
+
+def _image(texture: Texture, most: int) -> bytes:
+    """The file of a texture as it is if it is small, else a JPEG of at most `most` texels a side."""
+    codes: npt.NDArray[Any] = texture_codes(texture)
+    data = texture.path.read_bytes() if texture.data is None else texture.data
+    if max(codes.shape[:2]) <= most and len(data) <= _SMALL and data.startswith(_SHOWN):
+        return data
+    largest = np.iinfo(codes.dtype).max if codes.dtype.kind == "u" else 1.0
+    colours = np.broadcast_to(codes[..., : 3 if codes.shape[2] > 2 else 1], (*codes.shape[:2], 3))
+    small = shrunk(np.rint(colours * (255 / largest)).astype(np.uint8), most)
+    with TemporaryDirectory() as folder:
+        target = Path(folder) / "small.jpg"
+        write_picture(target, decode_srgb(small / np.float32(255)).astype(np.float32), {})
+        return target.read_bytes()
