@@ -8,6 +8,8 @@ from .falloff import Linear as Linear
 from .falloff import Smooth as Smooth
 from .falloff import Tabulated as Tabulated
 from .points.receivers import Flag as Flag
+from .prepared import PreparedMesh as PreparedMesh
+from .prepared import prepare as prepare
 from .profile import Profile as Profile
 from .result import Bake as Bake
 from .texture.baking import bake_texture as bake_texture

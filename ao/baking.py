@@ -19,7 +19,7 @@ from .execute.checkpoint import Checkpoint
 from .execute.tracer import Progress
 from .falloff import Length, resolve_length
 from .interpolation_error import measure_interpolation
-from .memory import surface_bytes, vertex_bytes
+from .memory import column_bytes, surface_bytes, vertex_bytes
 from .options import (
     DEFAULT_SAMPLES,
     Falloffs,
@@ -60,8 +60,8 @@ def bake(
     """Obscurance w(p) = (1/π) ∫ μ(d) cosθ dω (12.71) at every vertex of `mesh`.
 
     Args:
-        mesh: the surface, a `raytrace.Mesh`, a pair (vertices, faces), or a mesh of trimesh, PyVista, meshio or Open3D;
-            both sides of every face occlude.
+        mesh: the surface, a `raytrace.Mesh`, a pair (vertices, faces), a mesh of trimesh, PyVista, meshio or Open3D, or
+            what `ao.prepare` returns; both sides of every face occlude.
         falloff: μ, `Exponential(…)` (the default), `Binary(…)`, `Linear(…)`, `Smooth(…)` or `Tabulated(…)`; or "binary"
             or "exponential"; or a list of them, for `Bake.values` by each from the same rays, which are as long as the
             farthest needs. Vertex method only.
@@ -149,8 +149,9 @@ def _check_memory(meshes: list[Mesh], options: Options) -> None:
     vertices, faces = (sum(len(getattr(mesh, name)) for mesh in meshes) for name in ("vertices", "faces"))
     images = opacity_bytes([mesh.opacity for mesh in meshes if mesh.opacity])
     source, work = meshes[-1].source, f"to bake {len(meshes[0].vertices):,} vertices and {faces:,} faces"
+    more = column_bytes(len(meshes[0].vertices), options.columns)
     if options.method == "vertex":
-        check_memory(source, images + vertex_bytes(vertices, faces, options.rays), work)
+        check_memory(source, images + more + vertex_bytes(vertices, faces, options.rays), work)
         return
     instead = {"the vertex method": vertex_bytes(vertices, faces, DEFAULT_SAMPLES)}
     check_memory(source, images + surface_bytes(vertices, faces), work + " by the surface method", instead)

@@ -129,6 +129,11 @@ class Options(Parameters, kw_only=False, source="options"):
         """The falloffs that were given."""
         return self.falloff if isinstance(self.falloff, tuple) else (self.falloff,)
 
+    @property
+    def columns(self) -> int:
+        """How many estimates there are of each w."""
+        return len(self.falloffs) + len(_PROFILE) * self.profile
+
     def mus(self, radius: float) -> tuple[Mu, ...]:
         """The falloffs, then those of the profile, for a mesh of bounding-sphere radius `radius`."""
         return tuple(each.resolve(radius) for each in (*self.falloffs, *(_PROFILE if self.profile else ())))

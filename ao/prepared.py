@@ -2,24 +2,73 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field, fields, replace
+from functools import cache, partial
+from typing import Any
 
 import numpy as np
 
-from raytrace.errors import ConflictError
+from raytrace.embree.scene import TriangleScene
+from raytrace.errors import ConflictError, OptionError
+from raytrace.kernel.notice import compiling
+from raytrace.mesh.convert import mesh_of
 from raytrace.mesh.mesh import Mesh
 from raytrace.mesh.placement import Placement
 from raytrace.sampling.hash import seed_key
+from raytrace.system.memory import check_memory
 from raytrace.system.threads import thread_count
 
 from .estimate.estimate import Target
 from .execute.checkpoint import NOTHING_KEPT, Checkpoint
 from .execute.tracer import Progress, Tracer
+from .memory import vertex_bytes
 from .mu import Mu, in_render_space
-from .options import Options
+from .options import Normals, Options
 from .points.receivers import Receivers, find_receivers
 from .rays.ray_scene import RayScene
 from .rays.traversal_choice import packets_below
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class PreparedMesh(Mesh):
+    """A mesh with what every bake of it builds before its rays. It serves any number of bakes, also on several threads.
+
+    Attributes:
+        axes: how its vertex normals are weighted, `normals` of `ao.bake`, which bakes must be given, too.
+        placement: in render space. receivers: of all vertices.
+    """
+
+    axes: Normals = field(default="angle", kw_only=True)
+    placement: Placement = field(init=False)
+    receivers: Receivers = field(init=False)
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        object.__setattr__(self, "placement", Placement.of(self))
+        object.__setattr__(self, "receivers", find_receivers(self, self.placement, self.axes))
+
+    def receivers_for(self, options: Options) -> Receivers:
+        """Receivers of which a bake may change the flags and release the scene. Raises: OptionError: other normals."""
+        if options.normals != self.axes:
+            raise OptionError("normals", f'"{self.axes}", by which the mesh was prepared', repr(options.normals))
+        kept, faces = self.receivers, self.receivers.faces
+        alone = partial(TriangleScene, self.placement.vertices, faces)
+        embree = cache(kept.embree if options.method == "vertex" else alone)
+        return replace(kept, flags=kept.flags.copy(), embree=embree, tree_seconds=0.0)
+
+
+@compiling()
+def prepare(mesh: Mesh | Any, normals: Normals = "angle") -> PreparedMesh:
+    """A mesh that `ao.bake` and `ao.bake_texture` take without placing it or building its hierarchy again.
+
+    Args: mesh, normals: as `ao.bake` takes them; bakes of the result must be given the same `normals`.
+
+    Raises: OptionError, MeshError, MemoryLimitError: as `ao.bake`.
+    """
+    Options(normals=normals)
+    mesh = mesh_of(mesh, "prepare")
+    check_memory(mesh.source, vertex_bytes(len(mesh.vertices), len(mesh.faces), 1), "to prepare the mesh")
+    return PreparedMesh(**{each.name: getattr(mesh, each.name) for each in fields(Mesh)}, axes=normals)
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,8 +100,12 @@ class Prepared:
         checkpoint = checkpoint or NOTHING_KEPT
         if checkpoint.partial and options.tolerance is not None:
             raise ConflictError("part", "excludes", "tolerance")
-        placement, only = Placement.of(mesh), options.only
-        receivers = find_receivers(mesh, placement, options.normals)
+        if isinstance(mesh, PreparedMesh):
+            placement, receivers = mesh.placement, mesh.receivers_for(options)
+        else:
+            placement = Placement.of(mesh)
+            receivers = find_receivers(mesh, placement, options.normals)
+        only = options.only
         wanted = receivers if only is None else receivers.only(only)
         mus = options.mus(mesh.radius)
         checkpoint.begin(placement, receivers, mus, options.identity)

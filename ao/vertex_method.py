@@ -9,7 +9,7 @@ from raytrace.system.memory import NEGLIGIBLE, check_memory
 from .estimate.estimate import edges_of, estimate_outside
 from .estimate.inside import inside_solids
 from .estimate.tolerance import Estimate
-from .memory import point_bytes
+from .memory import column_bytes, point_bytes
 from .points.receivers import Flag
 from .prepared import Prepared
 from .result import PointValues
@@ -19,7 +19,7 @@ def sample_vertices(prepared: Prepared) -> PointValues:
     """Estimate w at every point that is wanted; vertices inside solids are flagged in place."""
     options, receivers = prepared.options, prepared.wanted
     points, point, total = receivers.points, receivers.of_vertex, len(prepared.receivers.points)
-    needed = point_bytes(len(points))
+    needed = point_bytes(len(points)) + column_bytes(len(points), options.columns)
     if needed > NEGLIGIBLE:
         check_memory(prepared.mesh.source, needed, f"to trace rays at {len(points):,} points")
     tracer = prepared.tracer(total)

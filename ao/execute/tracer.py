@@ -31,8 +31,9 @@ class _Rows:
         """Which of `points` have none, bool (k,)."""
         return np.append(self._numbers, -1)[np.searchsorted(self._numbers, points.numbers)] != points.numbers
 
-    def of(self, points: Points) -> Float64s:
-        return self._rows[np.searchsorted(self._numbers, points.numbers)]
+    def of(self, points: Points, column: int) -> Float64s:
+        """Rows (k, COLUMNS) of `points`."""
+        return self._rows[np.searchsorted(self._numbers, points.numbers), column]
 
     def add(self, points: Points, rows: Float64s) -> None:
         numbers = np.append(self._numbers, points.numbers)
@@ -76,7 +77,7 @@ class Tracer:
         missing = rows.missing(points)
         if missing.any():
             rows.add(points[missing], self._trace(points[missing], samples, key))
-        return rows.of(points)[:, self.column]
+        return rows.of(points, self.column)
 
     def each_column(self, estimate: Callable[[], T]) -> list[T]:
         """What `estimate` returns for each falloff in turn; what one of them has traced is there for the next."""

@@ -22,7 +22,7 @@ from ..estimate.tolerance import Estimate, shortfall
 from ..execute.checkpoint import Checkpoint
 from ..execute.tracer import Progress
 from ..falloff import Length, resolve_length
-from ..memory import texture_bytes
+from ..memory import column_bytes, texture_bytes
 from ..options import Falloffs, Interior, Normals, Options, Traversal, earlier_names, falloffs_of
 from ..points.corners import CornerSamples
 from ..prepared import Prepared
@@ -108,7 +108,7 @@ def bake_texture(
     solid = mesh if high is None else mesh_of(high, "high")
     reach = resolve_length("cage", cage, mesh.radius or 1.0)
     counts = len(solid.vertices), len(solid.faces)
-    needed = texture_bytes(width * height, *counts, options.rays)
+    needed = texture_bytes(width * height, *counts, options.rays) + column_bytes(width * height, options.columns)
     needed += opacity_bytes([solid.opacity]) if solid.opacity else 0
     check_memory(mesh.source, needed, f"to bake {width * height:,} texels of {counts[1]:,} faces")
 

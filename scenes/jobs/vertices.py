@@ -33,7 +33,7 @@ class BakeCommand(MeshBake):
         import numpy as np
 
         import ao
-        from ao.memory import surface_bytes, vertex_bytes
+        from ao.memory import column_bytes, surface_bytes, vertex_bytes
         from ao.options import Options
         from ao.points.receivers import find_receivers
         from raytrace.mesh.placement import Placement
@@ -42,7 +42,7 @@ class BakeCommand(MeshBake):
         counts = len(mesh.vertices), len(mesh.faces)
         options, points = self.arguments(), find_receivers(source.mesh, Placement.of(source.mesh), self.normals).points
         checked = Options(**options)
-        by_vertices = vertex_bytes(*counts, checked.rays, len(points))
+        by_vertices = vertex_bytes(*counts, checked.rays, len(points)) + column_bytes(len(points), checked.columns)
         needed = by_vertices if self.method == "vertex" else surface_bytes(*counts)
         options["samples"] = checked.rays_in_all(len(points)) // max(len(points), 1)
 

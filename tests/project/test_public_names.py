@@ -52,12 +52,14 @@ def test_the_public_names_of_the_baker_are_these():
         "Falloff",
         "Flag",
         "Linear",
+        "PreparedMesh",
         "Profile",
         "Smooth",
         "Tabulated",
         "ToleranceWarning",
         "bake",
         "bake_texture",
+        "prepare",
     ]
 
 

@@ -50,7 +50,7 @@ class TextureCommand(MeshBake):
 
     def work(self, source: MeshFile, falloff: ao.Falloff) -> WorkSize:
         import ao
-        from ao.memory import texture_bytes
+        from ao.memory import column_bytes, texture_bytes
         from ao.options import Options
 
         found, pages = self._layout(source)
@@ -58,8 +58,9 @@ class TextureCommand(MeshBake):
         fine = self.read_high()
         high = fine.mesh if fine else None
         solid = high or source.mesh
-        rays = Options(**self.arguments()).rays
-        needed = texture_bytes(width * height, len(solid.vertices), len(solid.faces), rays)
+        options = Options(**self.arguments())
+        needed = texture_bytes(width * height, len(solid.vertices), len(solid.faces), options.rays)
+        needed += column_bytes(width * height, options.columns)
 
         def trial(count: int) -> int:
             side = max(int(count**0.5), 1)
