@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import os
+from dataclasses import replace
 from pathlib import Path
 
 from raytrace import Object, OptionError, Scene, Settings, Shape
 
 from ..formats.load import load, mesh_errors
 from ..formats.table import format_of
+from ..geometry.detail import split_creases
+from ..geometry.primitives import Origin
 from .defaults import BACKGROUND, NEUTRAL, WHITE, framing, three_lights
 from .description import SceneDescription
 from .gltf_scene import read_gltf
@@ -25,8 +28,7 @@ def read_scene(
     """A scene by the file's ending: `.toml` (docs/scenes.md), `.glb` or `.gltf`, or any other mesh alone.
 
     A mesh alone is matt, in the colours of its vertices or grey, framed whole, under three lights; what is up in it
-    (`Mesh.up`) is up. One baked file of the mesh fits it: vertices stay
-    as they are.
+    (`Mesh.up`) is up. Without normals it has those of `raytrace.mesh.creases`. One baked file of the mesh fits it.
 
     Args:
         path: the file.
@@ -53,7 +55,14 @@ def read_scene(
     source = load(path)
     with mesh_errors(path):
         colours, notes = vertex_colors(path)
-    objects = (Object(Shape(source.mesh, NEUTRAL if colours is None else WHITE, colours=colours), name=path.stem),)
+    mesh, origin = source.mesh, None
+    if mesh.normals is None:
+        rows, faces, normals, _ = split_creases(mesh)
+        origin = Origin(rows, len(mesh.vertices))
+        mesh = replace(mesh, vertices=mesh.vertices[rows], faces=faces, normals=normals)
+        colours = None if colours is None else colours[rows]
+    objects = (Object(Shape(mesh, NEUTRAL if colours is None else WHITE, colours=colours), name=path.stem),)
     camera = framing(source.mesh, up, settings.width, settings.height, view)
     lit = Scene(objects, three_lights(camera), BACKGROUND)
-    return SceneDescription(lit, camera, settings, files=source.files, notes=(*source.notes, *notes))
+    all_notes = (*source.notes, *notes)
+    return SceneDescription(lit, camera, settings, files=source.files, notes=all_notes, origins=(origin,))

@@ -189,7 +189,7 @@ def test_each_axis_becomes_y_in_a_glb_and_is_upwards_in_a_picture(folder, axis):
     bake = ao.bake(source.mesh, samples=8)
     write("m.glb", bake, source, up=axis)
     sign, column = (-1 if axis[0] == "-" else 1), "xyz".index(axis[-1])
-    _, world, _ = stored("m.glb")
+    world = stored("m.glb")[1][: len(source.mesh.vertices)]  # others repeat them at creases
     np.testing.assert_array_equal(world[:, 1], sign * source.mesh.vertices[:, column])
     assert np.linalg.det(TO_Y_UP[axis]) == pytest.approx(1)
     np.testing.assert_allclose(world, source.mesh.vertices @ np.transpose(TO_Y_UP[axis]))

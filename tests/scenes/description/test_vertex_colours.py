@@ -118,3 +118,21 @@ def test_colours_that_some_vertices_lack_are_left_out_and_told(tmp_path):
 def test_colours_that_are_none_are_refused(tmp_path, bad):
     with pytest.raises(OptionError, match="colours: expected"):
         Shape(only_shape(gltf(tmp_path)).mesh, Lambert(albedo=1.0), colours=bad)
+
+
+def test_a_mesh_alone_without_normals_is_split_at_creases_with_its_colours(tmp_path):
+    """A roof whose ridge is a crease, and one whose ridge is none."""
+    for height, count in ((1, 8), (0.2, 6)):
+        places = [(0, -1, 0), (0, 1, 0), (-1, 1, -height), (-1, -1, -height), (1, -1, -height), (1, 1, -height)]
+        lines = ["v {} {} {} {} 0 1".format(*place, k / 5) for k, place in enumerate(places)]
+        (tmp_path / "roof.obj").write_text("\n".join([*lines, "f 1 2 3 4", "f 1 5 6 2", ""]))
+        described = read_scene(tmp_path / "roof.obj")
+        shape, (origin,) = described.scene.objects[0].shape, described.origins
+        assert len(shape.mesh.vertices) == len(shape.colours) == count
+        assert origin.total == 6
+        np.testing.assert_array_equal(shape.mesh.vertices, np.array(places, float)[origin.of])
+        np.testing.assert_array_equal(shape.colours, shape.colours[origin.of])
+        ridge = shape.mesh.normals[origin.of == 0]
+        leaning = np.array([[-height, 0, 1], [height, 0, 1]]) / np.hypot(1, height)
+        expected = leaning if count == 8 else [[0, 0, 1]]
+        np.testing.assert_allclose(ridge[np.argsort(ridge[:, 0])], expected, atol=1e-6)

@@ -77,7 +77,7 @@ def test_w_of_another_mesh_is_refused(folder):
     (folder / "other.ply").write_bytes(ply())
     assert obscurance("bake", "other.ply", "-o", "o.glb", "--samples", 8).returncode == 0
     render = ("render", "corner.ply", "-o", "p.png", *SIZE, "--baked")
-    refused(obscurance(*render, "o.glb"), "o.glb: w: expected 6 values, one a vertex of the scene, got 7")
+    refused(obscurance(*render, "o.glb"), "o.glb: w: expected 6 values, one a vertex of the scene's files", "got 7")
     refused(obscurance(*render, "corner.ply"), "corner.ply: w: expected obscurance at every vertex", "got none")
     refused(obscurance(*render, "gone.ply"), "--baked: expected an existing file, got gone.ply")
     refused(obscurance(*render, "w.obj"), "--baked: expected a name ending in .npy, .npz, .ply, .glb, .gltf")
