@@ -49,7 +49,7 @@ def obj_detail(
         (has_some_uv, "texture coordinates, which some corners lack"),
         (normals is None and file.some("vn").any(), "normals, which some corners lack"),
         (not finite, "texture coordinates, some of which are not finite"),
-        (colors is None and (file.widths == 6).any(), "colours, which some vertices lack or have outside of [0, 1]"),
+        (colors is None and file.has_colors, "colours, which some vertices lack or have outside of [0, 1]"),
     )
     paints, files, missing = _paints(file, folder, painted.names)
     is_divided = objects.names and objects.kinds <= MAX_OBJECTS
