@@ -39,7 +39,10 @@ class Probes:
         pilots, rays, share, fewest, probes = _SMALL if self.all_baked else _LARGE
         centres = _stratified_rows(len(points), min(pilots, max(len(points) // (4 * share), 16)))
         sample = Pilots(centres, min(rays, max_samples), (derive(key, 1), derive(key, 2)))
-        self.samples = plan(tracer, points, neighbours, sample, aim, max_samples)
+        planned = tracer.planned or max(
+            tracer.each_column(lambda: plan(tracer, points, neighbours, sample, aim, max_samples))
+        )
+        self.samples = tracer.planned = planned
         self.rows = _stratified_rows(len(points), int(np.clip(len(points) // share, fewest, probes)))
         probed = points[self.rows]
         self.other = tracer.gather(probed, self.samples, derive(key, 4))[:, W]

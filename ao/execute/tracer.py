@@ -8,7 +8,7 @@ from typing import TypeVar
 
 import numpy as np
 
-from raytrace.types import Bools, Float64s
+from raytrace.types import Bools, Float64s, Int64s
 
 from ..mu import KernelMu
 from ..points.points import Points
@@ -27,13 +27,18 @@ class _Rows:
     def __init__(self) -> None:
         self._numbers, self._rows = np.zeros(0, np.int64), np.zeros((0, 0, COLUMNS))
 
+    def _places(self, points: Points) -> Int64s:
+        if np.array_equal(self._numbers, points.numbers):
+            return np.arange(len(points))
+        return np.searchsorted(self._numbers, points.numbers)
+
     def missing(self, points: Points) -> Bools:
         """Which of `points` have none, bool (k,)."""
-        return np.append(self._numbers, -1)[np.searchsorted(self._numbers, points.numbers)] != points.numbers
+        return np.append(self._numbers, -1)[self._places(points)] != points.numbers
 
     def of(self, points: Points, column: int) -> Float64s:
         """Rows (k, COLUMNS) of `points`."""
-        return self._rows[np.searchsorted(self._numbers, points.numbers), column]
+        return self._rows[self._places(points), column]
 
     def add(self, points: Points, rows: Float64s) -> None:
         numbers = np.append(self._numbers, points.numbers)
@@ -52,7 +57,7 @@ class Tracer:
         total_points: how many points the whole mesh has, wanted or not.
         progress: called with (rays traced, rays expected in all). checkpoint: of traced rows.
         expected: rays expected in all, 0 while none are planned. later: besides, of corners. rays: rays traced.
-        column: of several falloffs the one whose rows are gathered.
+        column: of several falloffs the one whose rows are gathered. planned: rays a point that suit all of them.
     """
 
     scene: RayScene
@@ -67,6 +72,7 @@ class Tracer:
     later: int = 0
     rays: int = 0
     column: int = 0
+    planned: int = 0
     _traced: dict[tuple[int, int], _Rows] = field(default_factory=dict)
 
     def gather(self, points: Points, samples: int, key: np.uint32) -> Float64s:
@@ -81,10 +87,11 @@ class Tracer:
 
     def each_column(self, estimate: Callable[[], T]) -> list[T]:
         """What `estimate` returns for each falloff in turn; what one of them has traced is there for the next."""
-        found = []
+        found, before = [], self.column
         for column in range(*(self.mu.shape or (1,))):
             self.column = column
             found.append(estimate())
+        self.column = before
         return found
 
     def _trace(self, points: Points, samples: int, key: np.uint32) -> Float64s:

@@ -25,7 +25,7 @@ CHARTS = Mesh(*hills(12))
 
 
 @pytest.mark.parametrize("options", [
-    {"samples": 64, "denoise": False}, {"samples": 32}, {"samples": 64, "traversal": "embree"}, {"tolerance": 0.02},
+    {"samples": 64, "denoise": False}, {"samples": 32}, {"samples": 64, "traversal": "embree"},
 ], ids=str)  # fmt: skip
 @pytest.mark.parametrize("mesh", [FOLDED, BOXES], ids=["folded", "partly inside"])
 def test_each_column_is_the_bake_of_its_falloff_alone(mesh, options):
@@ -35,6 +35,18 @@ def test_each_column_is_the_bake_of_its_falloff_alone(mesh, options):
 def test_columns_of_some_vertices_and_of_a_fine_mesh():
     check_columns(partial(ao.bake, FOLDED, samples=16, only=np.arange(144) % 3 == 0))
     check_columns(partial(ao.bake, Mesh(*hills(12)), high=HILLS, cage="10%", samples=16))
+
+
+def test_a_tolerance_holds_for_each_column_by_rays_that_they_share():
+    mesh, tolerance = Mesh(*hills(40)), 0.01
+    bake = partial(ao.bake, mesh, seed=1)
+    baked = bake(FALLOFFS, tolerance=tolerance)
+    exact = bake(FALLOFFS, samples=4096, denoise=False)
+    errors = np.sqrt(np.mean((baked.values - exact.values) ** 2, axis=0))
+    assert (errors < 1.1 * tolerance).all()
+    assert (np.array(baked.rmses) <= tolerance).all()
+    assert np.sqrt(np.mean(baked.errors**2, axis=0)) == pytest.approx(baked.rmses)
+    assert baked.rays < 1.5 * max(bake(falloff, tolerance=tolerance).rays for falloff in FALLOFFS)
 
 
 def check_columns(bake):
