@@ -65,6 +65,7 @@ def report(
             "max_distance": "inf" if bake.mu.max_distance == float("inf") else bake.mu.max_distance,
             **({"knots": bake.mu.knots} if bake.mu.form == "table" else {}),
         },
+        **_of_profile(bake),
         "seed": options["seed"],
         "options": options,
         "versions": versions(),
@@ -88,6 +89,14 @@ def _of_vertices(bake: Bake) -> dict[str, Any]:
         "flagged_vertices_at_most": LISTED,
         "interpolation": between and {"rmse": between.rmse, "at_least": between.at_least},
     }
+
+
+def _of_profile(bake: Bake | BakedTexture) -> dict[str, Any]:
+    """The half-distances of the profile's columns, in mesh units, and the estimated RMS errors of w there."""
+    if bake.profile is None:
+        return {}
+    lengths = bake.profile.half_distances.tolist()
+    return {"profile": {"half_distances": lengths, "rmse": bake.rmses[-len(lengths) :]}}
 
 
 def _of_texture(bake: BakedTexture) -> dict[str, Any]:

@@ -41,10 +41,11 @@ class _Rows:
         return self._rows[self._places(points), column]
 
     def add(self, points: Points, rows: Float64s) -> None:
-        numbers = np.append(self._numbers, points.numbers)
+        numbers = np.append(self._numbers, points.numbers.astype(np.int64))
+        rows = np.concatenate([self._rows, rows]) if len(self._rows) else rows
         order = np.argsort(numbers, kind="stable")
-        self._numbers = numbers[order].astype(np.int64)
-        self._rows = np.concatenate([self._rows, rows])[order] if len(self._rows) else rows[order]
+        kept = bool((np.diff(order) > 0).all())
+        self._numbers, self._rows = (numbers, rows) if kept else (numbers[order], rows[order])
 
 
 @dataclass(eq=False)
