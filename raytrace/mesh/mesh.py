@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
@@ -43,6 +43,20 @@ class Mesh:
     up: str | None = field(default=None, kw_only=True)
     opacity: Opacity | None = field(default=None, kw_only=True)
     polygons: Int64s | None = field(default=None, kw_only=True)
+
+    if TYPE_CHECKING:  # what arrays are made of
+
+        def __init__(
+            self,
+            vertices: npt.ArrayLike,
+            faces: npt.ArrayLike,
+            normals: npt.ArrayLike | None = None,
+            *,
+            source: str = "mesh",
+            up: str | None = None,
+            opacity: Opacity | None = None,
+            polygons: npt.ArrayLike | None = None,
+        ) -> None: ...
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "vertices", self._array("vertices", self.vertices, np.float64))
