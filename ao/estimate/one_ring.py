@@ -4,14 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import partial
 from typing import Any, TypeVar
 
 import numpy as np
 import numpy.typing as npt
 
 from raytrace.kernel.arrays import aligned
-from raytrace.kernel.jit import kernel
+from raytrace.kernel.jit import bound, kernel
 from raytrace.kernel.simd import multiply_add
 from raytrace.kernel.simd_memory import load_row, store_row
 from raytrace.kernel.vector import add, load, scale, store, subtract
@@ -19,9 +18,11 @@ from raytrace.system.threads import run_blocks, run_ranges
 from raytrace.types import AnyInts, Float32s, Float64s, Int32s, Int64s
 
 Real = TypeVar("Real", np.float32, np.float64)
+Block = Callable[[int, int], None]
 _NOTHING = 1e-6  # of weight
 _CREASE = 16  # power of n·n' by which a neighbour counts less
 _BLOCK, _MOST = 1 << 11, 16  # points, and blocks at once
+_FEW = 32  # ends of edges at a point that are looked through
 _PART = 1 << 11  # points for each thread: to wake one for fewer takes longer than they do
 
 
@@ -46,17 +47,17 @@ class Neighbours:
         """Args: faces: (m, 3), rows of points, −1 for a corner without a point. normals: float32 (k, 3), unit."""
         count = len(normals)
         listed, ends = np.zeros(count + 1, np.int64), np.zeros(count, np.int64)
-        run_ranges(count, _PART, partial(_count_ends, faces, listed))
+        run_ranges(count, _PART, bound(_count_ends, faces, listed))
         np.cumsum(listed, out=listed)
         ends[:] = listed[:-1]
         listed_ends, weights = np.empty(listed[-1], np.int32), np.empty(listed[-1], np.float32)
-        run_ranges(count, _PART, partial(_list_ends, faces, ends, listed_ends))
+        run_ranges(count, _PART, bound(_list_ends, faces, ends, listed_ends))
         starts = np.zeros(count + 1, np.int64)
         rings = cls(starts, listed_ends, weights, threads)
-        rings.each(partial(_merge_edges, listed, listed_ends, weights, starts))
+        rings.each(bound(_merge_edges, listed, listed_ends, weights, starts))
         np.cumsum(starts, out=starts)
         indices, merged = np.empty(starts[-1], np.int32), np.empty(starts[-1], np.float32)
-        rings.each(partial(_pack, listed, listed_ends, weights, starts, indices, merged))
+        rings.each(bound(_pack, listed, listed_ends, weights, starts, indices, merged))
         return cls.weighted(starts, indices, merged, normals, threads)
 
     @classmethod
@@ -65,14 +66,14 @@ class Neighbours:
     ) -> Neighbours:
         """One-rings whose `weights` are lowered where the points' `normals`, float32 (k, 3), disagree."""
         rings = cls(starts, indices, weights, threads)
-        rings.each(lambda first, last: _weigh_by_normals(first, last, starts, indices, normals, weights))
+        rings.each(bound(_weigh_by_normals, starts, indices, normals, weights))
         return rings
 
     def of_points(self, rows: Int64s) -> Int32s:
         """The neighbours of the points `rows` (j,), one after another."""
         return np.concatenate([self.indices[self.starts[i] : self.starts[i + 1]] for i in rows])
 
-    def each(self, work: Callable[[int, int], None]) -> None:
+    def each(self, work: Block) -> None:
         """Call `work(first, last)` for blocks of points, on threads."""
         count = len(self.starts) - 1
         run_blocks(count, _BLOCK, work, min(self.threads, count // _PART or 1), most=_MOST)
@@ -95,25 +96,23 @@ class Neighbours:
             values = self.means((values, 1.0))[0]
         return values
 
-    def means(self, *wanted: tuple[npt.NDArray[Any], float], then: Callable[..., None] | None = None) -> Any:
+    def means(self, *wanted: tuple[npt.NDArray[Any], float], then: Callable[..., Block] | None = None) -> Any:
         """Weighted means over the neighbours of several values, all in one pass over the points.
 
-        Args: wanted: values as `smooth` takes them, and the weight of a point's own. then: called with a first and a
-            last point, and the means, of which those of these points are there.
+        Args: wanted: values as `smooth` takes them, and the weight of a point's own. then: makes of the means what is
+            called after them with a first and a last point, of which the means are there.
         """
-        ring, passes = self.ring, []
+        found, works = [], []
         for values, own in wanted:
             kernel = _mean if values.ndim == 1 else _mean_triples if values.shape[1] == 3 else _mean_lanes
-            passes.append(
-                (kernel, np.ascontiguousarray(values), own, aligned(values.shape, values.dtype, zeroed=False))
-            )
-        found = [out for *_, out in passes]
+            found.append(aligned(values.shape, values.dtype, zeroed=False))
+            works.append(bound(kernel, *self.ring, np.ascontiguousarray(values), own, found[-1]))
+        if then:
+            works.append(then(*found))
 
         def work(first: int, last: int) -> None:
-            for kernel, values, own, out in passes:
-                kernel(first, last, *ring, values, own, out)
-            if then:
-                then(first, last, *found)
+            for each in works:
+                each(first, last)
 
         self.each(work)
         return found
@@ -121,7 +120,7 @@ class Neighbours:
     def self_weight(self) -> Float64s:
         """Weight (k,) of a point's own value in its mean with its neighbours."""
         out = np.empty(len(self.starts) - 1)
-        self.each(lambda first, last: _self_weights(first, last, self.starts, self.weights, out))
+        self.each(bound(_self_weights, self.starts, self.weights, out))
         return out
 
     def smoothed_self_weight(self) -> Float64s:
@@ -155,30 +154,37 @@ def _list_ends(faces, places, ends, first, last):
 def _merge_edges(listed, ends, weights, counts, first, last):
     """List every neighbour once, weighted by half the number of faces at the edge to it; their number: counts[i + 1].
 
-    A hash table finds those that are there, for a point may have very many.
+    Those that are there are looked through; those of points with very many are found by a hash table.
     """
     most = 0
     for i in range(first, last):
         most = max(most, listed[i + 1] - listed[i])
     slots = np.empty(4 * most + 4, np.int64)
     for i in range(first, last):
-        begin, count, size = listed[i], 0, 4
-        while size < 2 * (listed[i + 1] - begin):
-            size *= 2
-        slots[:size] = -1
+        begin, end, size = listed[i], listed[i], 0
+        if listed[i + 1] - begin > _FEW:
+            size = 4
+            while size < 2 * (listed[i + 1] - begin):
+                size *= 2
+            slots[:size] = -1
         for k in range(begin, listed[i + 1]):
-            j = ends[k]
+            j, place, at = ends[k], 0, begin
             if j < 0:
                 continue
-            place = (j * 0x9E3779B1 >> 8) & (size - 1)
-            while slots[place] >= 0 and ends[slots[place]] != j:
-                place = (place + 1) & (size - 1)
-            if slots[place] < 0:
-                slots[place] = begin + count
-                ends[begin + count], weights[begin + count] = j, 0.0
-                count += 1
-            weights[slots[place]] += np.float32(0.5)
-        counts[i + 1] = count
+            if size > 0:
+                place = (j * 0x9E3779B1 >> 8) & (size - 1)
+                while slots[place] >= 0 and ends[slots[place]] != j:
+                    place = (place + 1) & (size - 1)
+                at = end if slots[place] < 0 else slots[place]
+                slots[place] = at
+            else:
+                while at < end and ends[at] != j:
+                    at += 1
+            if at == end:
+                ends[end], weights[end] = j, 0.0
+                end += 1
+            weights[at] += np.float32(0.5)
+        counts[i + 1] = end - begin
 
 
 @kernel
@@ -189,7 +195,7 @@ def _pack(listed, ends, weights, starts, indices, merged, first, last):
 
 
 @kernel
-def _weigh_by_normals(first, last, starts, indices, normals, weights):
+def _weigh_by_normals(starts, indices, normals, weights, first, last):
     for i in range(first, last):
         for k in range(starts[i], starts[i + 1]):
             cosine = np.float32(0.0)
@@ -199,7 +205,7 @@ def _weigh_by_normals(first, last, starts, indices, normals, weights):
 
 
 @kernel
-def _mean(first, last, starts, indices, weights, values, own, out):
+def _mean(starts, indices, weights, values, own, out, first, last):
     """Ring means, the point's own value weighted by `own`, of differences: equal values stay equal to the bit."""
     for i in range(first, last):
         weight, difference, centre = own, 0.0, values[i]
@@ -211,7 +217,7 @@ def _mean(first, last, starts, indices, weights, values, own, out):
 
 
 @kernel
-def _mean_triples(first, last, starts, indices, weights, values, own, out):
+def _mean_triples(starts, indices, weights, values, own, out, first, last):
     """`_mean` of rows of three."""
     for i in range(first, last):
         weight, difference, centre = own, (0.0, 0.0, 0.0), load(values, i)
@@ -224,7 +230,7 @@ def _mean_triples(first, last, starts, indices, weights, values, own, out):
 
 
 @kernel
-def _mean_lanes(first, last, starts, indices, weights, values, own, out):
+def _mean_lanes(starts, indices, weights, values, own, out, first, last):
     """`_mean` of rows of sixteen."""
     for i in range(first, last):
         weight, centre = np.float32(own), load_row(values, i)
@@ -237,7 +243,7 @@ def _mean_lanes(first, last, starts, indices, weights, values, own, out):
 
 
 @kernel
-def _self_weights(first, last, starts, weights, out):
+def _self_weights(starts, weights, out, first, last):
     for i in range(first, last):
         weight = 1.0
         for k in range(starts[i], starts[i + 1]):

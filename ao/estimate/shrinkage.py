@@ -19,7 +19,7 @@ import numpy as np
 
 from raytrace.kernel.arrays import aligned
 from raytrace.kernel.borrow import borrow
-from raytrace.kernel.jit import kernel
+from raytrace.kernel.jit import bound, kernel
 from raytrace.kernel.simd import WIDE
 from raytrace.kernel.vector import add, cross, dot, load, scale, store
 from raytrace.types import Float64s
@@ -27,7 +27,7 @@ from raytrace.types import Float64s
 from ..points.points import Points
 from ..rays.estimate import BATCH_VARIANCE, BENT, W
 from .calibration import distribute_variance, shrunk_to_mean
-from .one_ring import Neighbours
+from .one_ring import Block, Neighbours
 
 _REACH = 4  # edges over which squared residuals are averaged
 _FIT_REACH = 4  # and what corrections are fitted to; three for the spread between batches and what is closed around
@@ -75,40 +75,41 @@ def denoise(neighbours: Neighbours, points: Points, rows: Float64s, level: float
     count, ring, normals, means = len(points), neighbours.ring, points.normals, neighbours.means
     at = _Fields(*(np.empty((count, 3) if name in ("closed", "unlike") else count) for name in _Fields._fields))
 
-    neighbours.each(lambda first, last: _begin(first, last, ring, rows, points.origins, normals, at))
+    neighbours.each(bound(_begin, ring, rows, points.origins, normals, at))
     _, closed, _, spread = means(
         (at.w, 0.0), (at.closed, 0.0), (at.rise, 0.0), (at.spread, 1.0),
-        then=lambda first, last, mean, closed, rise, _: _compare(first, last, mean, closed, rise, at),
+        then=lambda mean, closed, rise, _: bound(_compare, mean, closed, rise, at),
     )  # fmt: skip
     _, closed, spread = means(
-        (at.filled, 1.0), (closed, 1.0), (spread, 1.0),
-        then=lambda first, last, wide, *_: _compare_rings(first, last, ring, wide, at),
-    )  # fmt: skip
+        (at.filled, 1.0), (closed, 1.0), (spread, 1.0), then=lambda wide, *_: bound(_compare_rings, ring, wide, at)
+    )
     closed, spread = means((closed, 1.0), (spread, 1.0))
     typical = float(np.mean(spread)) if count else 0.0
 
-    def lean(first: int, last: int, closed: Float64s) -> None:
-        at.variance[first:last] = distribute_variance(spread[first:last], level, typical)
-        _lean(first, last, closed, normals, at)
+    def lean(closed: Float64s) -> Block:
+        turn = bound(_lean, closed, normals, at)
+
+        def work(first: int, last: int) -> None:
+            at.variance[first:last] = distribute_variance(spread[first:last], level, typical)
+            turn(first, last)
+
+        return work
 
     means((closed, 1.0), then=lean)
-    _, excess = means(
-        (at.leaning, 0.0), (at.excess, 1.0), then=lambda first, last, mean, _: _compare_leaning(first, last, mean, at)
-    )
-    means((neighbours.smooth(excess, 1), 0.0), then=lambda first, last, rough: _weigh(first, last, rough, at))
+    _, excess = means((at.leaning, 0.0), (at.excess, 1.0), then=lambda mean, _: bound(_compare_leaning, mean, at))
+    means((neighbours.smooth(excess, 1), 0.0), then=lambda rough: bound(_weigh, rough, at))
     coefficients, size = _ridge_regression(at.unlike, at.residual, at.weight)
     moments = aligned((count, WIDE), np.float32)
-    neighbours.each(lambda first, last: _normal_equations(first, last, coefficients, size, at, moments))
+    neighbours.each(bound(_normal_equations, coefficients, size, at, moments))
     for _ in range(_FIT_REACH - 1):
         moments = means((moments, 1.0))[0]  # which lets go of those before
-    means((moments, 1.0), then=lambda first, last, around: _local_fits(first, last, around, at))
-    excess = neighbours.smooth(at.excess, _REACH - 1)
-    means((excess, 1.0), then=lambda first, last, beyond: _shrink(first, last, beyond, spread, at))
+    means((moments, 1.0), then=lambda around: bound(_local_fits, around, at))
+    means((neighbours.smooth(at.excess, _REACH - 1), 1.0), then=lambda beyond: bound(_shrink, beyond, spread, at))
     return at.w, shrunk_to_mean(at.variance)
 
 
 @kernel
-def _begin(first, last, ring, rows, origins, normals, at):
+def _begin(ring, rows, origins, normals, at, first, last):
     """Fill in `w`, `spread`, `self_weight`, `closed` and `rise`, where a neighbour below counts as 0."""
     starts, indices, weights = borrow(ring)
     rows, origins, normals, at = borrow(rows), borrow(origins), borrow(normals), borrow(at)
@@ -130,7 +131,7 @@ def _begin(first, last, ring, rows, origins, normals, at):
 
 
 @kernel
-def _compare(first, last, mean, closed, rise, at):
+def _compare(mean, closed, rise, at, first, last):
     """Compare points with the means of their neighbours' `w`, `closed` and `rise`."""
     for i in range(first, last):
         alone = np.isnan(mean[i])
@@ -142,7 +143,7 @@ def _compare(first, last, mean, closed, rise, at):
 
 
 @kernel
-def _compare_rings(first, last, ring, wide, at):
+def _compare_rings(ring, wide, at, first, last):
     """Compare the mean of the neighbours with that of their neighbours, from which the point's own w is taken out.
 
     The leverage of a point is the weight of its own value in the mean of its own and its neighbours' predictions.
@@ -161,7 +162,7 @@ def _compare_rings(first, last, ring, wide, at):
 
 
 @kernel
-def _lean(first, last, closed, normals, at):
+def _lean(closed, normals, at, first, last):
     for i in range(first, last):
         c, n = load(closed, i), load(normals, i)
         at.leaning[i] = c[0] * n[0] + c[2] * n[2] + c[1] * n[1]
@@ -169,16 +170,15 @@ def _lean(first, last, closed, normals, at):
 
 
 @kernel
-def _compare_leaning(first, last, mean, at):
+def _compare_leaning(mean, at, first, last):
     for i in range(first, last):
         at.unlike[i, 1] = 0.0 if np.isnan(at.prediction[i]) else at.leaning[i] - mean[i]
 
 
 @kernel
-def _weigh(first, last, rough, at):
+def _weigh(rough, at, first, last):
     for i in range(first, last):
-        beyond = 0.0 if np.isnan(rough[i]) else max(rough[i], 0.0)
-        at.weight[i] = 1.0 / max(at.variance[i] + beyond, 1e-12)
+        at.weight[i] = 1.0 / max(at.variance[i] + (0.0 if np.isnan(rough[i]) else max(rough[i], 0.0)), 1e-12)
 
 
 def _ridge_regression(columns: Float64s, target: Float64s, weight: Float64s) -> tuple[Float64s, Float64s]:
@@ -206,7 +206,7 @@ def _sum_moments(columns, target, weight, matrix, right):
 
 
 @kernel
-def _normal_equations(first, last, coefficients, size, at, out):
+def _normal_equations(coefficients, size, at, out, first, last):
     """The moments of least squares around a point, of what the `coefficients` leave, in columns scaled by `size`."""
     at = borrow(at)
     for i in range(first, last):
@@ -222,7 +222,7 @@ def _normal_equations(first, last, coefficients, size, at, out):
 
 
 @kernel
-def _local_fits(first, last, moments, at):
+def _local_fits(moments, at, first, last):
     """Correct predictions by fits around each point, shrunk to 0 as if a typical surrounding had that for a result."""
     at = borrow(at)
     for i in range(first, last):
@@ -239,7 +239,7 @@ def _local_fits(first, last, moments, at):
 
 
 @kernel
-def _shrink(first, last, beyond, spread, at):
+def _shrink(beyond, spread, at, first, last):
     at = borrow(at)
     for i in range(first, last):
         variance, residual = at.variance[i], at.residual[i]

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from functools import partial
+
 import numpy as np
 from scipy.sparse import csr_array
 
-from raytrace.kernel.jit import kernel
+from raytrace.kernel.jit import bound, kernel
 from raytrace.system.threads import run_blocks
 from raytrace.types import Bools, Float64s
 
@@ -28,11 +31,31 @@ def multiply(matrix: csr_array, x: Float64s, threads: int, out: Float64s | None 
     def work(first: int, last: int) -> None:
         _multiply(starts[first : last + 1], columns, matrix.data, x, out[first:last])
 
-    if threads == 1 or len(x) <= _BLOCK:  # a product of a small mesh takes as long as handing it over
-        work(0, len(x))
-    else:
-        run_blocks(len(x), _BLOCK, work, threads, most=_MOST)
+    _each(len(x), work, threads)
     return out
+
+
+def _each(count: int, work: Callable[[int, int], None], threads: int) -> None:
+    """`run_blocks` of rows, unless there are few: a product of a small mesh takes as long as handing it over."""
+    if threads == 1 or count <= _BLOCK:
+        work(0, count)
+    else:
+        run_blocks(count, _BLOCK, work, threads, most=_MOST)
+
+
+@kernel
+def _descend(step, inverse, x, residual, image, length, first, last):
+    """Go on by `length` · `step`; the preconditioned residual takes the place of the step's `image`."""
+    for i in range(first, last):
+        residual[i] -= image[i] * length
+        x[i] += step[i] * length
+        image[i] = inverse[i] * residual[i]
+
+
+@kernel
+def _turn(step, scaled, ratio, first, last):
+    for i in range(first, last):
+        step[i] = step[i] * ratio + scaled[i]
 
 
 @kernel
@@ -65,19 +88,15 @@ def solve(
     stop = tolerance**2 * (dot(inverse * right, right) + dot(diagonal * start, start))
     step = inverse * residual
     size = dot(residual, step)
-    scratch = np.empty(len(x))  # new arrays cost more than what is done to them
+    image = np.empty(len(x))  # new arrays cost more than what is done to them
+    descend, turn = bound(_descend, step, inverse, x, residual, image), bound(_turn, step, image)
     for _ in range(_STEPS):
         if size <= stop:
             break
-        image = multiply(matrix, step, threads, scratch)
-        length = size / dot(step, image)
-        image *= length
-        residual -= image
-        x += np.multiply(step, length, out=scratch)
-        scaled = np.multiply(inverse, residual, out=scratch)
-        size, before = dot(residual, scaled), size
-        step *= size / before
-        step += scaled
+        multiply(matrix, step, threads, image)
+        _each(len(x), partial(descend, size / dot(step, image)), threads)
+        size, before = dot(residual, image), size
+        _each(len(x), partial(turn, size / before), threads)
     return x
 
 

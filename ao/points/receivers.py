@@ -6,7 +6,7 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from enum import IntFlag
-from functools import cache, partial
+from functools import cache, cached_property, partial
 from typing import NamedTuple
 
 import numpy as np
@@ -72,7 +72,7 @@ class Receivers:
     embree: Callable[[], TriangleScene]
     opacity: PackedOpacity | None
 
-    @property
+    @cached_property
     def first_vertex(self) -> Int64s:
         """The first vertex (k,) of each point."""
         vertices = np.flatnonzero(self.of_vertex >= 0)[::-1]
@@ -131,8 +131,8 @@ def offset_points(
     """
     vertices = placed.astype(np.float64)
     count = len(vertices)
-    flags = np.zeros(count, np.uint8)
-    flags[np.bincount(faces.ravel(), minlength=count) == 0] = Flag.UNREFERENCED
+    flags = np.full(count, Flag.UNREFERENCED, np.uint8)
+    flags[faces.ravel()] = 0
 
     if normals == "file":
         axes = normalize(np.asarray(own_normals))

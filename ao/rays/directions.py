@@ -90,7 +90,7 @@ def _in_blocks(x: Float64s, y: Float64s) -> Int64s:
     blocks = -(-len(x) // WIDE)
     columns = max(round(np.sqrt(blocks)), 1)
     order = np.argsort(x, kind="stable")
-    ends = np.rint(np.linspace(0, blocks, columns + 1)).astype(np.int64) * WIDE
+    ends = [*(round(k * (blocks / columns)) * WIDE for k in range(columns)), blocks * WIDE]
     parts = (order[first:last] for first, last in pairwise(ends))
     return np.concatenate([part[np.argsort(y[part], kind="stable")] for part in parts])
 

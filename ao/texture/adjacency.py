@@ -44,13 +44,8 @@ def texel_neighbours(
     across = _across(seams, row_of)
     listed = beside >= 0
     counts = listed.sum(axis=1)
-    if len(across):
-        rows = np.concatenate([np.repeat(np.arange(count), counts), across[:, 0]])
-        indices = np.concatenate([beside[listed], across[:, 1].astype(np.int32)])
-        indices = indices[np.argsort(rows, kind="stable")]
-        counts += np.bincount(across[:, 0], minlength=count)
-    else:
-        indices = beside[listed]
+    indices = np.insert(beside[listed], np.cumsum(counts)[across[:, 0]], across[:, 1].astype(np.int32))
+    counts += np.bincount(across[:, 0], minlength=count)
     starts = np.concatenate([[0], np.cumsum(counts)])
     return Neighbours.weighted(starts, indices, np.ones(len(indices), np.float32), points.normals, threads)
 

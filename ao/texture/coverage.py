@@ -18,7 +18,7 @@ from raytrace.types import Bools, Float32s, Float64s, Int32s, Int64s
 
 from ..rays.ray_packet import RayPacket
 from .page_rays import DEEP, SLOTS, find_hits, look_down
-from .slivers import find_slivers
+from .slivers import PageTree, find_slivers
 from .uv_layout import UVLayout
 
 Overlap = Literal["mean", "first", "refuse"]
@@ -27,7 +27,7 @@ _WITHIN = np.array([0.125, 0.625, 0.375, 0.875])  # where to take one from each 
 _FINE_TEXELS = 1 << 14  # together
 _HIGHEST = 0.5  # triangles lie at heights up to this, so that one ray can meet overlapping ones
 _STEP = 2.0**-22
-_BAND = 1 << 17  # texels
+_BAND = 1 << 13  # texels that a thread covers at once
 _BLOCK, _SHARE = 1 << 10, 16  # texels, and blocks at once
 
 
@@ -79,10 +79,14 @@ def cover(layout: UVLayout, overlap: Overlap, threads: int) -> Coverage:
     vertices[:, :, :2], vertices[:, :, 2] = layout.corners, heights[:, None]
     scene = TriangleScene(vertices.reshape(-1, 3), np.arange(3 * count).reshape(-1, 3))
     size = layout.width * layout.height
-    bands = [
-        _cover_band(layout, scene, np.arange(first, min(first + _BAND, size)), overlap, step, threads)
-        for first in range(0, size, _BAND)
-    ]
+    found: dict[int, Coverage] = {}
+    tree = PageTree.of(layout.corners)
+
+    def work(first: int, last: int) -> None:
+        found[first] = _cover_band(layout, scene, tree, np.arange(first, last), overlap, step, threads)
+
+    run_blocks(size, _BAND, work, threads)
+    bands = [band for _, band in sorted(found.items())]
     columns = (np.concatenate([getattr(band, name) for band in bands]) for name in Coverage.__dataclass_fields__)
     return Coverage(*columns)
 
@@ -114,7 +118,13 @@ def shared_texels(
 
 
 def _cover_band(
-    layout: UVLayout, scene: TriangleScene, texels: Int64s, overlap: Overlap, step: float, threads: int
+    layout: UVLayout,
+    scene: TriangleScene,
+    tree: PageTree,
+    texels: Int64s,
+    overlap: Overlap,
+    step: float,
+    threads: int,
 ) -> Coverage:
     """`cover` of some texels."""
     shape = len(texels), SLOTS
@@ -136,7 +146,7 @@ def _cover_band(
         scene, texels[whole], layout.width, triangle[whole], barycentric[whole], threads
     )
     missed = np.flatnonzero(~hit.any(axis=1))
-    slivers = find_slivers(layout.corners, texels[missed], layout.width, threads)
+    slivers = find_slivers(tree, texels[missed], layout.width, threads)
     triangle[missed] = slivers.face[:, None]
     barycentric[missed] = slivers.barycentric[:, None]
     refill(hit, triangle, barycentric)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -21,7 +21,7 @@ from .texels import Texels
 
 _ENOUGH = 8  # rays of a point, so that more points are worth their time
 _GATHERED = 1 << 20  # points
-_BLOCK, _SHARE = 1 << 11, 16  # points, and blocks at once
+_BLOCK, _SHARE = 1 << 9, 16  # texels, and blocks at once
 
 
 @dataclass(eq=False)
@@ -50,25 +50,40 @@ class TexelTracer(Tracer):
     def _means(self, rows: Int64s, slots: int, rays: int, key: np.uint32) -> Float64s:
         """Rows (k, …, COLUMNS) of texels, means over the first `slots` points of each, with `rays` rays each."""
         assert self.texels is not None
-        each = (self.texels.starts[rows, None] + np.arange(slots)).ravel()
-        numbers = (slots * rows[:, None] + np.arange(slots)).ravel().astype(np.uint32)
-        subset = replace(self.texels.points[each], numbers=numbers)
+        every, starts, shape = self.texels.points, self.texels.starts, (slots * len(rows), 3)
+        subset = Points(np.empty(shape, np.float32), np.empty(shape, np.float32), np.empty(shape[0], np.uint32))
+
+        def pick(first: int, last: int) -> None:
+            each = (starts[rows[first:last], None] + np.arange(slots)).ravel()
+            block = slice(slots * first, slots * last)
+            subset.origins[block], subset.normals[block] = (
+                column.take(each, axis=0) for column in (every.origins, every.normals)
+            )
+            subset.numbers[block] = (slots * rows[first:last, None] + np.arange(slots)).ravel()
+
+        run_blocks(len(rows), _BLOCK, pick, self.threads, most=_SHARE)
         table = self.scene.table(rays, self.total_points, key, slots)
         values = self._gather(subset, rays, key, slots)
-        self._leave_out_below(subset, self.texels.sides[each], table, values)
-        means = values.reshape(-1, slots, *values.shape[1:]).sum(axis=1) / slots
+        means = np.empty((len(rows), *values.shape[1:]))
+
+        def average(first: int, last: int) -> None:
+            each = (starts[rows[first:last], None] + np.arange(slots)).ravel()
+            block = slice(slots * first, slots * last)
+            self._leave_out_below(subset[block], sides.take(each, axis=0), table, values[block])
+            np.sum(values[block].reshape(-1, slots, *values.shape[1:]), axis=1, out=means[first:last])
+            means[first:last] /= slots
+
+        sides = self.texels.sides
+        run_blocks(len(rows), _BLOCK, average, self.threads, most=_SHARE)
         means[..., BATCH_VARIANCE] *= slots**-1.5  # as if the batches were of all rays: they share a leaped lattice
         return means
 
     def _leave_out_below(self, points: Points, sides: Float32s, table: DirectionTable, found: Float64s) -> None:
-        def work(first: int, last: int) -> None:
-            rows = found[first:last].reshape(last - first, -1, COLUMNS)
-            for falloff in range(rows.shape[1]):
-                column = np.ascontiguousarray(rows[:, falloff])
-                leave_out_below(points[first:last].arrays, sides[first:last], table, column)
-                rows[:, falloff] = column
-
-        run_blocks(len(points), _BLOCK, work, self.threads, most=_SHARE)
+        rows = found.reshape(len(found), -1, COLUMNS)
+        for falloff in range(rows.shape[1]):
+            column = np.ascontiguousarray(rows[:, falloff])
+            leave_out_below(points.arrays, sides, table, column)
+            rows[:, falloff] = column
 
 
 def begin_tracing(prepared: Prepared, texels: Texels, kind: str, checkpoint: Checkpoint | None) -> TexelTracer:

@@ -102,8 +102,9 @@ class Seams:
         """
         if not len(self.left.weights):
             return page
-        texels, columns = np.unique(np.concatenate([self.left.texels, self.right.texels], axis=1), return_inverse=True)
-        columns = columns.reshape(-1, 8).astype(np.int32)
+        each, looked_up = np.concatenate([self.left.texels, self.right.texels], axis=1), np.zeros(len(page), np.bool_)
+        looked_up[each] = True
+        texels, columns = np.flatnonzero(looked_up), (np.cumsum(looked_up, dtype=np.int32) - 1)[each]
         weights = np.concatenate([self.left.weights, -self.right.weights], axis=1)
         starts = np.arange(0, columns.size + 1, 8, dtype=np.int32)
         difference = csr_array((weights.ravel(), columns.ravel(), starts), shape=(len(columns), len(texels)))

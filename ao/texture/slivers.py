@@ -27,19 +27,32 @@ class Slivers(NamedTuple):
     barycentric: Float32s
 
 
-def find_slivers(corners: Float64s, texels: Int64s, width: int, threads: int) -> Slivers:
+class PageTree(NamedTuple):
+    """Triangles on the page.
+
+    Attributes: corners: float64 (t, 3, 2), in texels. tree: over them. radius: of texels, with what may be rounded.
+    """
+
+    corners: Float64s
+    tree: BVH16
+    radius: float
+
+    @classmethod
+    def of(cls, corners: Float64s) -> PageTree:
+        """Args: corners: as the attribute."""
+        flat = np.zeros((3 * len(corners), 3), np.float32)
+        flat[:, :2] = corners.reshape(-1, 2)
+        tree = BVH16.of(flat, np.arange(len(flat)).reshape(-1, 3))
+        return cls(corners, tree, 0.5 * (1 + _ROUNDED) + _ROUNDED * float(np.abs(flat).max()))
+
+
+def find_slivers(page: PageTree, texels: Int64s, width: int, threads: int) -> Slivers:
     """The face that covers most of each of the `texels`, and the centroid of what it covers.
 
-    Args:
-        corners: float64 (t, 3, 2), of the triangles, in texels. texels: int64 (k,), row · width + column.
+    Args: texels: int64 (k,), row · width + column.
     """
     slivers = Slivers(np.full(len(texels), -1), np.zeros((len(texels), 3), np.float32))
-    if not len(texels):
-        return slivers
-    flat = np.zeros((3 * len(corners), 3), np.float32)
-    flat[:, :2] = corners.reshape(-1, 2)
-    tree = BVH16.of(flat, np.arange(len(flat)).reshape(-1, 3))
-    radius = 0.5 * (1 + _ROUNDED) + _ROUNDED * float(np.abs(flat).max())
+    corners, tree, radius = page
 
     def work(first: int, last: int) -> None:
         subset = Slivers(slivers.face[first:last], slivers.barycentric[first:last])

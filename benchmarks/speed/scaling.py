@@ -48,7 +48,7 @@ STAGES = (
     ("Embree's hierarchy", "raytrace.embree.scene TriangleScene.__init__"),
     ("interior", "ao.estimate.inside inside_solids"),
     ("rays", "ao.execute.tracer Tracer.gather"),
-    ("rays", "ao.texture.gathering TexelTracer.gather"),
+    ("rays", "ao.texture.gathering TexelTracer._trace"),
     ("neighbours", "ao.estimate.one_ring Neighbours.of"),
     ("neighbours", "ao.texture.shown Shown.neighbours"),
     ("denoising", "ao.estimate.shrinkage denoise"),

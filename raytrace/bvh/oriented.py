@@ -14,6 +14,7 @@ import numpy as np
 from ..kernel.arrays import aligned
 from ..kernel.jit import inline, kernel
 from ..kernel.simd import WIDE
+from ..kernel.simd_masks import count
 from ..kernel.simd_memory import load_row
 from ..kernel.vector import dot, subtract
 from ..system.threads import run_blocks, thread_count
@@ -37,8 +38,8 @@ def orient(triangles: Float32s, boxes: Float32s, starts: Int64s) -> tuple[Float3
     oriented, axes, span = aligned(boxes.shape, np.float32), aligned((len(boxes), 9, WIDE), np.float32), 1
     oriented[:], threads = boxes, thread_count(None)
     for first, last in pairwise(starts):
-        count, level, span = -(-len(triangles) // span), (axes[first:last], oriented[first:last]), span * WIDE
-        run_blocks(count, max(_LEAVES * WIDE // span, 1), partial(_turn, triangles, span // WIDE, *level), threads)
+        children, level, span = -(-len(triangles) // span), (axes[first:last], oriented[first:last]), span * WIDE
+        run_blocks(children, max(_LEAVES * WIDE // span, 1), partial(_turn, triangles, span // WIDE, *level), threads)
     fewer = _crowding(triangles, oriented[: starts[1]], axes[: starts[1]]) * _GAIN < crowding
     return (oriented, starts, axes) if fewer else (boxes, starts, None)
 
@@ -56,10 +57,18 @@ def _crowding(triangles: Float32s, boxes: Float32s, axes: Float32s | None) -> fl
     """In how many of the boxes of all leaves the middle of a triangle is, on average over some of both."""
     some = triangles[:: -(-len(triangles) // _TRIANGLES), :, 0].reshape(-1, 3, 3).mean(axis=1)
     step = -(-len(boxes) // _NODES)
-    away = boxes[None, ::step, :3] - some[:, None, :, None]
-    if axes is not None:
-        away = np.einsum("nijk,pnjk->pnik", axes[::step].reshape(-1, 3, 3, WIDE), away)
-    return step * float(np.count_nonzero((np.abs(away) <= boxes[::step, 3:]).all(axis=2))) / len(some)
+    return step * float(_count_around(some, boxes, axes, step)) / len(some)
+
+
+@kernel
+def _count_around(points, boxes, axes, step):
+    """How many of the boxes of every `step`-th node are around each of the `points`, added up."""
+    total = 0
+    for node in range(0, len(boxes), step):
+        for i in range(len(points)):
+            d, half = box_offsets(boxes, axes, node, (points[i, 0], points[i, 1], points[i, 2]))
+            total += count((abs(d[0]) <= half[0]) & (abs(d[1]) <= half[1]) & (abs(d[2]) <= half[2]))
+    return total
 
 
 @kernel
@@ -67,13 +76,13 @@ def _covariances(triangles, span, first, out):
     """Write those of the corners in every `span` leaves, up to their number, from the `first` ones on."""
     for row in range(len(out)):
         k = first + row
-        count, total, offset = 0, np.zeros(3), np.zeros(3)
+        corners, total, offset = 0, np.zeros(3), np.zeros(3)
         for leaf in range(k * span, min((k + 1) * span, len(triangles))):
             for place in range(3 * WIDE):
                 corner, lane = place // WIDE, place % WIDE
                 if np.isnan(triangles[leaf, 0, lane]):
                     continue
-                count += 1
+                corners += 1
                 for axis in range(3):
                     offset[axis] = np.float64(triangles[leaf, 3 * corner + axis, lane]) - triangles[k * span, axis, 0]
                     total[axis] += offset[axis]
@@ -82,7 +91,7 @@ def _covariances(triangles, span, first, out):
                         out[row, axis, other] += offset[axis] * offset[other]
         for axis in range(3):
             for other in range(3):
-                out[row, axis, other] -= total[axis] * total[other] / count
+                out[row, axis, other] -= total[axis] * total[other] / corners
 
 
 @kernel

@@ -75,7 +75,9 @@ class Kernel:
         words: list[Any] = []
         _flatten(arguments, kinds, words)
         key = tuple(kinds)
-        code = self._for_types.get(key) or self._load(key, arguments)
+        return self._run(self._for_types.get(key) or self._load(key, arguments), words)
+
+    def _run(self, code: _Loaded, words: list[Any]) -> Any:
         results = ctypes.create_string_buffer(code.results.size) if code.results.size else None
         if code.call(code.arguments.pack(*words), results):
             raise MemoryError(f"{self.__name__}: no memory for its arrays")
@@ -137,6 +139,25 @@ class _Intrinsic:
 def kernel(function: F) -> F:
     """Compile a hot loop on first call: no Python objects, no GIL, kept on disk."""
     return Kernel(function)  # type: ignore[return-value]
+
+
+def bound(function: Callable[..., Any], *arguments: Any) -> Callable[..., Any]:
+    """A kernel to be called many times with the same first `arguments`, which are looked through once."""
+    kernel: Kernel = function  # type: ignore[assignment]
+    kinds, words = [], []  # type: list[Any], list[Any]
+    _flatten(arguments, kinds, words)
+    codes: dict[tuple[Any, ...], _Loaded] = {}
+
+    def call(*others: Any) -> Any:
+        more, last = [], []  # type: list[Any], list[Any]
+        _flatten(others, more, last)
+        code = codes.get(tuple(more))
+        if code is None:
+            key = (*kinds, *more)
+            code = codes[tuple(more)] = kernel._for_types.get(key) or kernel._load(key, (*arguments, *others))
+        return kernel._run(code, words + last)
+
+    return call
 
 
 def inline(function: F) -> F:

@@ -5,14 +5,15 @@ from __future__ import annotations
 import numpy as np
 
 from ..bvh.closest import distance_to_triangle
-from ..kernel.arrays import product
 from ..kernel.borrow import borrow
-from ..kernel.jit import kernel
+from ..kernel.jit import bound, kernel
 from ..kernel.vector import add, dot, load, load_triangle, scale, subtract
 from ..mesh.placement import ULP
+from ..system.threads import run_blocks, thread_count
 from ..types import Float64s
 
 OFFSET_ULPS = 16.0  # 4 were enough in 20,000 trials
+_BLOCK = 1 << 13  # points
 _LEAST = 0.25  # of an offset
 _NEAR = 1.0 / 64.0  # of the shortest edge
 
@@ -24,8 +25,16 @@ def ray_offset(directions: Float64s, magnitude: Float64s, clearance: Float64s) -
         magnitude: (n,), the largest |coordinate| among the corners of the faces that meet there.
         clearance: (n,), the smallest cosine between the direction and those faces' normals; below .01 it counts as .01.
     """
-    error = OFFSET_ULPS * ULP * product(np.abs(directions), np.ones(3)) * magnitude
-    return error / np.maximum(clearance, 0.01)
+    offset = np.empty(len(directions))
+    run_blocks(len(offset), _BLOCK, bound(_offsets, directions, magnitude, clearance, offset), thread_count(None))
+    return offset
+
+
+@kernel
+def _offsets(directions, magnitude, clearance, out, first, last):
+    for i in range(first, last):
+        x, y, z = load(directions, i)
+        out[i] = OFFSET_ULPS * ULP * (abs(x) + abs(z) + abs(y)) * magnitude[i] / max(clearance[i], 0.01)
 
 
 def stay_near(offset: Float64s, edge: Float64s) -> Float64s:

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from functools import partial
 from typing import NamedTuple
 
 import numpy as np
 
 from ..kernel.borrow import borrow
-from ..kernel.jit import inline, kernel
+from ..kernel.jit import bound, inline, kernel
 from ..kernel.vector import cross, length, load_triangle, subtract
 from ..mesh.placement import NEAR, TOUCHING, ULP
 from ..system.threads import run_blocks, run_ranges, thread_count
@@ -43,8 +42,7 @@ class Surface(NamedTuple):
     def of(cls, vertices: Float64s, faces: Int64s, normals: Float64s) -> Surface:
         """These faces, measured; arguments as the attributes."""
         surface = cls(vertices, faces, normals, *(np.zeros(len(faces)) for _ in range(3)))
-        threads = thread_count(None)
-        run_blocks(len(faces), _BLOCK, lambda first, last: _measure(surface, first, last), threads, most=_MOST)
+        run_blocks(len(faces), _BLOCK, bound(_measure, surface), thread_count(None), most=_MOST)
         return surface
 
     def reversed(self) -> Surface:
@@ -68,9 +66,8 @@ class Surface(NamedTuple):
         Args: face_points: int64 (m, 3), the point at each face corner.
         """
         around, magnitude = np.zeros(count), np.zeros(count)
-        measure = partial(_spread_flat, self.flat, face_points, around)
-        run_ranges(count, _POINTS, measure)
-        run_ranges(count, _POINTS, partial(_magnitudes, self.extent, face_points, around, magnitude))
+        run_ranges(count, _POINTS, bound(_spread_flat, self.flat, face_points, around))
+        run_ranges(count, _POINTS, bound(_magnitudes, self.extent, face_points, around, magnitude))
         return magnitude
 
 
