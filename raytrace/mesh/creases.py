@@ -9,12 +9,14 @@ from __future__ import annotations
 
 import numpy as np
 
+from ..kernel.counting_sort import counting_sort
+from ..kernel.jit import inline, kernel
 from ..types import Float64s, Int64s
-from .components import connected_components
+from .components import connect, number
 from .mesh import Mesh
 from .normals import face_normals, nonzero, normalize, vertex_sums
 from .placement import Placement
-from .weld import CREASE, sum_groups, weld
+from .weld import CREASE, cosine, sum_groups, weld
 
 
 def creased_normals(mesh: Mesh) -> tuple[Float64s, Int64s]:
@@ -30,10 +32,13 @@ def creased_normals(mesh: Mesh) -> tuple[Float64s, Int64s]:
         missing = len(known) + np.arange(len(faces))[:, None]
         return np.concatenate([known, across]), np.where(nonzero(known)[faces], faces, missing)
     places = weld(vertices, faces, np.ones((len(vertices), 3)), CREASE)[faces]
-    fan = connected_components(_smooth_links(places, across), faces.size)
+    fan = np.arange(faces.size)
+    edges = counting_sort(np.minimum(places, places[:, [1, 2, 0]]), int(places.max()) + 1)
+    _join_smooth(places.ravel(), across, *edges, fan)
+    number(fan)
     corners = vertices[faces.ravel()].astype(np.float64)
     sums = sum_groups(fan, vertex_sums(corners, np.arange(faces.size).reshape(-1, 3), across, areas))
-    first = np.unique(fan, return_index=True)[1]
+    first = np.flatnonzero(np.diff(np.maximum.accumulate(fan), prepend=-1))
     group = weld(vertices[faces.ravel()[first]], fan.reshape(-1, 3), normalize(sums), CREASE)
     of, flat = group[fan].reshape(-1, 3), areas == 0
     group_at = np.full(len(vertices), -1)
@@ -42,18 +47,30 @@ def creased_normals(mesh: Mesh) -> tuple[Float64s, Int64s]:
     return normalize(sum_groups(group, sums)), of
 
 
-def _smooth_links(places: Int64s, normals: Float64s) -> Int64s:
-    """Pairs (j, 2) of corners at one end of a smooth edge, which two faces share that run along it in opposite ways.
+@kernel
+def _join_smooth(places, normals, edges, starts, fan):
+    """Connect corners at one end of a smooth edge, which two faces share that run along it in opposite ways.
 
-    Args: places: (m, 3), a number for each corner's place. normals: (m, 3), of faces.
+    Args:
+        places: (3 m,), a number for each corner's place. normals: (m, 3), of faces.
+        edges: edges[starts[i] : starts[i + 1]] have the lower end i; edge e begins at places[e].
+        fan: (3 m,), a forest of corners.
     """
-    ends = np.stack([places.ravel(), np.roll(places, -1, axis=1).ravel()], axis=1)
-    key = np.sort(ends, axis=1) @ [int(places.max()) + 1, 1]
-    order = np.argsort(key, kind="stable")
-    starts = np.flatnonzero(np.diff(key[order], prepend=-1))
-    starts = starts[np.diff(starts, append=len(key)) == 2]
-    a, b = order[starts], order[starts + 1]
-    smooth = (ends[a, 0] == ends[b, 1]) & (np.einsum("ij,ij->i", normals[a // 3], normals[b // 3]) >= CREASE)
-    a, b = a[smooth], b[smooth]
-    after_a, after_b = (each - each % 3 + (each + 1) % 3 for each in (a, b))
-    return np.concatenate([np.stack([a, after_b], axis=1), np.stack([after_a, b], axis=1)])
+    count, pair = np.zeros(len(starts), np.int64), np.zeros((len(starts), 2), np.int64)
+    for i in range(len(starts) - 1):
+        for edge in edges[starts[i] : starts[i + 1]]:
+            other = max(places[edge], places[_after(edge)])
+            pair[other, min(count[other], 1)] = edge
+            count[other] += 1
+        for edge in edges[starts[i] : starts[i + 1]]:
+            other = max(places[edge], places[_after(edge)])
+            a, b = pair[other, 0], pair[other, 1]
+            if count[other] == 2 and places[a] == places[_after(b)] and cosine(normals, a // 3, b // 3) >= CREASE:
+                connect(fan, a, _after(b))
+                connect(fan, _after(a), b)
+            count[other] = 0
+
+
+@inline
+def _after(edge):
+    return edge - edge % 3 + (edge + 1) % 3

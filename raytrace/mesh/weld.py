@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ..kernel.counting_sort import counting_sort
-from ..kernel.jit import kernel
+from ..kernel.jit import inline, kernel
 from ..types import AnyInts, Float32s, Float64s, Int64s
 from .components import connect, join, number
 from .placement import contact_radius
@@ -44,11 +44,11 @@ def coincident(positions: Float32s, faces: Int64s) -> Int64s:
 
     Args: positions: render space. faces: int64 (m, 3).
     """
-    first = _first_alike(positions + np.float32(0.0))  # −0 becomes 0
+    first = first_alike(positions + np.float32(0.0))  # −0 becomes 0
     rows = np.flatnonzero(first == np.arange(len(first)))
     beside = np.zeros(len(rows), np.bool_)
     for subset, keys in grids(positions[rows]):
-        alike = _first_alike(keys[:, None])
+        alike = first_alike(keys[:, None])
         again = alike != np.arange(len(alike))
         beside[subset[again]] = beside[subset[alike[again]]] = True
     rows = rows[beside]
@@ -59,7 +59,7 @@ def coincident(positions: Float32s, faces: Int64s) -> Int64s:
     return first
 
 
-def _first_alike(values: npt.NDArray[Any]) -> Int64s:
+def first_alike(values: npt.NDArray[Any]) -> Int64s:
     """The first of the rows of `values` (n, any) that are equal bit by bit to each row, (n,)."""
     first = np.empty(len(values), np.int64)
     _find_first(np.ascontiguousarray(values).view(np.uint32), np.zeros(2 << len(values).bit_length(), np.uint32), first)
@@ -89,6 +89,12 @@ def _find_first(words, table, first):
         first[i] = i if row < 0 else row
 
 
+@inline
+def cosine(normals, a, b):
+    """Of the angle between two of the unit `normals` (n, 3)."""
+    return normals[a, 0] * normals[b, 0] + normals[a, 2] * normals[b, 2] + normals[a, 1] * normals[b, 1]
+
+
 @kernel
 def _join_agreeing(order, starts, normals, agreement, group):
     """Connect vertices at one place, up to 64 apart there, in the forest `group` (n,) if their normals agree.
@@ -98,10 +104,8 @@ def _join_agreeing(order, starts, normals, agreement, group):
     for k in range(len(starts) - 1):
         for i in range(starts[k], starts[k + 1]):
             for j in range(i + 1, min(i + 1 + _NEIGHBOURS, starts[k + 1])):
-                a, b = order[i], order[j]
-                x, y, z = normals[a, 0] * normals[b, 0], normals[a, 1] * normals[b, 1], normals[a, 2] * normals[b, 2]
-                if x + z + y >= agreement:  # as NumPy's einsum adds
-                    connect(group, a, b)
+                if cosine(normals, order[i], order[j]) >= agreement:
+                    connect(group, order[i], order[j])
 
 
 def grids(positions: Float32s) -> Iterator[tuple[Int64s, Int64s]]:

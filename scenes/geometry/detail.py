@@ -11,6 +11,7 @@ import numpy as np
 
 from raytrace import Mesh
 from raytrace.mesh.creases import creased_normals
+from raytrace.mesh.weld import first_alike
 from raytrace.types import Float64s, Int64s
 
 from .elements import Element
@@ -101,6 +102,17 @@ def painted(faces: Int64s, paints: tuple[Paint, ...], of: Int64s) -> Detail:
     return Detail(faces.ravel(), sizes, Triangulation(np.ones_like(sizes), 0, None), paints=paints, paint_of=of)
 
 
+def unique_rows(columns: Sequence[Int64s]) -> tuple[Int64s, Int64s]:
+    """The first row (k,) of each kind, in ascending order of the columns (n,), and the kind (n,) of each row."""
+    rows = np.stack(columns, axis=1)
+    alike = first_alike(rows)
+    first = np.flatnonzero(alike == np.arange(len(rows)))
+    first = first[np.lexsort(rows[first].T[::-1])]
+    number = np.empty(len(rows), np.int64)
+    number[first] = np.arange(len(first))
+    return first, number[alike]
+
+
 def split_corners(
     corners: Int64s, places: Int64s, several: list[PerCorner], keep: int
 ) -> tuple[Int64s, Int64s, Int64s]:
@@ -111,13 +123,8 @@ def split_corners(
     Returns: vertices (k,), faces (m, 3), and the place of a corner like each of the new vertices (k,).
     """
     flat = places.ravel()
-    key = np.zeros(len(flat), np.int64)
-    for values in several:
-        chosen = values.of[flat]
-        _, key = np.unique(key * (int(chosen.max()) + 1) + chosen, return_inverse=True)
-    own = corners[flat]
-    _, first, inverse = np.unique(own * (int(key.max()) + 1) + key, return_index=True, return_inverse=True)
-    vertices = own[first]
+    first, inverse = unique_rows([corners[flat], *(values.of[flat] for values in several)])
+    vertices = corners[flat[first]]
     if not keep:
         return vertices, inverse.reshape(-1, 3), flat[first]
     repeated = np.concatenate([[False], vertices[1:] == vertices[:-1]])

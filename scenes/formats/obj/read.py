@@ -15,6 +15,7 @@ import numpy as np
 from raytrace.errors import MeshError
 from raytrace.types import Float64s
 
+from ...geometry.detail import unique_rows
 from ...geometry.instances import Instance
 from ...geometry.polygons import triangulate
 from ...geometry.primitives import Origin
@@ -69,10 +70,11 @@ def read_textured_obj(data: bytes, name: str, source: str, folder: Path) -> tupl
     columns = [file.corners, uv.of]
     if normals:
         columns.append(normals.of)
-    kinds, corners = np.unique(np.stack(columns, axis=1), axis=0, return_inverse=True)
+    first, corners = unique_rows(columns)
+    kinds = np.stack(columns, axis=1)[first]
     triangles = triangulate(file.vertices, file.corners, file.sizes, source)
     own = normals.rows[kinds[:, 2]] if normals else None
-    faces = triangles.take(corners.ravel())
+    faces = triangles.take(corners)
     opacity, notes = obj_opacity(file, folder, triangles)
     vertices, notes = file.vertices[kinds[:, 0]], triangles.notes + notes
     made = Instance(name, vertices, faces, own, notes=notes, opacity=opacity, polygons=triangles.polygons)
