@@ -85,6 +85,26 @@ def view(
 
 
 @app.command()
+def falloff(
+    baked: Annotated[Path, typer.Argument(metavar="BAKED", help="A file of bake --profile: .npz .ply .glb .gltf .exr")],
+    half_distance: Annotated[
+        str, typer.Option(help='Mesh units, or "12%" of the radius; or several with commas between, "3%,40%".')
+    ],
+    output: Annotated[Path, typer.Option("--output", "-o", help="Output file, format by ending, as of bake.")],
+    power: Annotated[str | None, typer.Option(help="Of w at each half-distance, 1 by default: 1,0.5.")] = None,
+    mesh: Annotated[Path | None, typer.Option(help="The mesh file that a .npz belongs to.")] = None,
+    quiet: Annotated[bool, typer.Option("--quiet", "-q", help="No summary.")] = False,
+) -> None:
+    """Change the falloff of a bake that has a profile, without rays; w at several half-distances is multiplied."""
+    from scenes.commands.falloff import change_falloff
+    from scenes.falloffs import make_scales
+
+    summary = change_falloff(baked, make_scales(half_distance, power), output, mesh)
+    if not quiet:
+        print(summary)
+
+
+@app.command()
 def info(
     mesh: Annotated[Path, typer.Argument(metavar="MESH", help="A mesh file, or - for standard input.")],
     json: Annotated[bool, typer.Option("--json", help="As JSON, for other programs.")] = False,

@@ -7,7 +7,9 @@ distance d suit every mixture of them, so every mesh: with ten columns an octave
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -51,6 +53,21 @@ class Profile:
         radius = resolve_length("radius", self.radius or 1.0, 1.0)
         for name, value in {"half_distances": lengths, "values": values, "radius": radius}.items():
             object.__setattr__(self, name, value)
+
+    @classmethod
+    def stored(cls, half_distances: Any, values: Any, radius: Any) -> Profile | None:
+        """A profile as a file holds it, or None where it holds something else."""
+        try:
+            return cls(half_distances, np.asarray(values), radius)
+        except (OptionError, ValueError, TypeError):
+            return None
+
+    @classmethod
+    def joined(cls, parts: Sequence[Profile]) -> Profile | None:
+        """One profile of the vertices of several, None unless all have the same half-distances."""
+        if len({(part.radius, *part.half_distances) for part in parts}) != 1:
+            return None
+        return cls(parts[0].half_distances, np.concatenate([part.values for part in parts]), parts[0].radius)
 
     def __repr__(self) -> str:
         return f"<Profile of {self.values[..., 0].size:,} values at half-distances {self.range}>"

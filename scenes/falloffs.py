@@ -6,7 +6,7 @@ import math
 import re
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -14,6 +14,7 @@ import ao
 from ao.falloff import MAX_KNOTS, Length
 from raytrace.errors import ConflictError, InputError, OptionError, nearest_name
 from raytrace.system.regular_files import check_regular
+from raytrace.types import Float64s
 
 FORMS = {"exponential": ao.Exponential, "binary": ao.Binary, "linear": ao.Linear, "smooth": ao.Smooth}
 _TABLE = "table:"
@@ -53,6 +54,36 @@ def make_falloff(
     if str(limit) != "inf":
         raise ConflictError("max_distance", "does not go with", "a table, which ends where μ is 1")
     return read_table(table[0])
+
+
+class Scales(NamedTuple):
+    """w as a product of powers of w at several half-distances: fine creases times large rooms."""
+
+    half_distances: tuple[Length, ...]
+    powers: tuple[float, ...]
+
+    def of(self, profile: ao.Profile) -> Float64s:
+        """w (…,), in [0, 1]. Raises: OptionError: a half-distance is outside the profile."""
+        pairs = zip(self.half_distances, self.powers, strict=True)
+        return np.multiply.reduce([profile.at(length) ** power for length, power in pairs])
+
+
+def make_scales(half_distance: Length, power: float | str | None = None) -> Scales:
+    """The scales of these options: one length and power, or several in a text with commas between.
+
+    Raises: OptionError: no lengths or powers above 0, or not as many powers as lengths.
+    """
+    lengths = str(half_distance).split(",")
+    for length in lengths:
+        ao.Exponential(half_distance=length)
+    try:
+        powers = [1.0] * len(lengths) if power is None else [float(each) for each in str(power).split(",")]
+    except ValueError:
+        powers = []
+    if len(powers) != len(lengths) or not all(0 < each < math.inf for each in powers):
+        each = "one for each half-distance: " if len(lengths) > 1 else ""
+        raise OptionError("power", f"{each}a number above 0, such as 1 or 0.5", repr(power))
+    return Scales(tuple(lengths), tuple(powers))
 
 
 def read_table(path: Path) -> ao.Tabulated:

@@ -50,7 +50,8 @@ def write(
     """Write a bake in the format of the ending, whole or not at all; the same input gives the same bytes.
 
     - `.npy`: w, float32 (n,).
-    - `.npz`: `w` float32 (n,), `error` float32 (n,), `bent_normals` float32 (n, 3), `flags` uint8 (n,).
+    - `.npz`: `w` float32 (n,), `error` float32 (n,), `bent_normals` float32 (n, 3), `flags` uint8 (n,), as far as they
+      are known; of a profile `profile` float32 (n, k), `half_distances` float64 (k,) and `radius`.
     - `.ply`: `obscurance`, and w as the grey `red green blue`, sRGB-encoded as Blender and three.js take the colours of
       a PLY (`scenes.formats.ply.write.ply`). Coordinates are float where that loses nothing, double otherwise.
     - `.glb`: `_OBSCURANCE` (`scenes.formats.glb.write.glb`), and what viewers show: a ramp or colours.
@@ -109,7 +110,7 @@ def _write_textures(path: Path, baked: Sequence[Bake | BakedTexture], mesh_file:
         with atomic_write(path) as file:
             file.write(content)
     elif is_texture(path) and len(baked) == 1:
-        write_grey(path, textures[0].w, False, {"content": "w, 1 = open"})
+        write_grey(path, textures[0].w, False, {"content": "w, 1 = open"}, profile=textures[0].profile)
     else:
         raise OptionError("output", "a .glb, or an image of one texture", os.fspath(path))
 
@@ -179,20 +180,27 @@ def npy(bake: Bake, _mesh_file: MeshFile, _channels: Channels) -> memoryview:
 
 def npz(bake: Bake, _mesh_file: MeshFile, _channels: Channels) -> memoryview:
     content = io.BytesIO()
-    np.savez(
-        content,
-        w=bake.w.astype("<f4"),
-        error=bake.error.astype("<f4"),
-        bent_normals=bake.bent_normals.astype("<f4"),
-        flags=bake.flags.astype(np.uint8),
-    )
+    kinds = {"w": "<f4", "error": "<f4", "bent_normals": "<f4", "flags": "u1"}
+    arrays = {name: getattr(bake, name).astype(kind) for name, kind in kinds.items() if getattr(bake, name) is not None}
+    if profile := bake.profile:
+        arrays |= {
+            "profile": profile.values,
+            "half_distances": profile.half_distances,
+            "radius": np.float64(profile.radius),
+        }
+    np.savez(content, **arrays)
     return content.getbuffer()
 
 
 def html(bake: Bake, mesh_file: MeshFile, channels: Channels) -> bytes:
-    from .show.page.base_colour import base_colour
-    from .show.page.document import html_page
+    from shlex import quote
 
-    title = "standard input" if mesh_file.path.stem == PIPED else mesh_file.path.name
-    values, base = (bake.w, bake.error, bake.flags, bake.bent_normals), base_colour(mesh_file)
-    return html_page(mesh_file.mesh, *values, title, channels.up, base)
+    from .show.page.base_colour import base_colour
+    from .show.page.document import html_of_bakes
+    from .show.page.encode import Values
+
+    name = mesh_file.path.name
+    title = "standard input" if mesh_file.path.stem == PIPED else name
+    again = f"obscurance bake {quote(name)} --half-distance {{}} -o {quote(f'{mesh_file.path.stem}-baked.ply')}"
+    values = Values(bake.w, bake.error, bake.flags, bake.bent_normals, title, profile=bake.profile, permanent=again)
+    return html_of_bakes(mesh_file.mesh, [values], title, channels.up, base_colour(mesh_file))

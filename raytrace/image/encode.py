@@ -7,7 +7,7 @@ import json
 import os
 import shutil
 import tempfile
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -107,12 +107,12 @@ def write_data(
     values: Float32s,
     metadata: Mapping[str, str],
     half: bool,
-    names: str,
+    names: Sequence[str],
     bits: int = 16,
 ) -> None:
     """Write numbers as they are, (height, width, channels): in PNG from 0 to 1; else as floats.
 
-    Args: half: floats of 16 bits. names: a letter for each channel, in EXR files. bits: of a channel in PNG, 8 or 16.
+    Args: half: floats of 16 bits. names: of the channels, in EXR files. bits: of a channel in PNG, 8 or 16.
     """
     import OpenImageIO as oiio
 

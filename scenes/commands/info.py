@@ -45,6 +45,7 @@ def facts(source: MeshFile) -> dict[str, Any]:
         "area": _finite(float(area.sum()) / placement.scale / placement.scale),
         "normals": mesh.normals is not None,
         "stored_w": _stored(source.w),
+        "stored_profile": _profile(source),
         "occlusion_textures": _occlusion(source),
         "alpha": mesh.opacity.counts if mesh.opacity else None,
         "points_to_bake": len(receivers.points),
@@ -71,6 +72,7 @@ def describe(source: MeshFile) -> list[tuple[str, str]]:
         ("area", "too large" if known["area"] is None else f"{known['area']:.6g}"),
         ("normals", "in the file" if known["normals"] else "none in the file"),
         ("stored w", _stored_in_words(known["stored_w"])),
+        ("profile", _profile_in_words(source, known["stored_profile"])),
         ("occlusion", _occlusion_in_words(known["occlusion_textures"])),
         ("alpha", mesh.opacity.summary.removeprefix("alpha: ") if mesh.opacity else "none: all faces are opaque"),
         ("points to bake", f"{known['points_to_bake']:,}, coincident vertices once"),
@@ -108,6 +110,20 @@ def _stored(w: Float64s | None) -> dict[str, Any] | None:
     numbers = [_finite(value) for value in figures] or [None] * 3
     strange = len(w) - int(((w >= 0) & (w <= 1)).sum())
     return dict(zip(("least", "largest", "mean"), numbers, strict=True)) | {"outside_0_to_1": strange}
+
+
+def _profile(source: MeshFile) -> dict[str, Any] | None:
+    """The half-distances, in mesh units, and the type of the numbers, of a profile in the file."""
+    if source.profile is None:
+        return None
+    stored = "16-bit integers" if source.gltf else "32-bit floats"
+    return {"half_distances": source.profile.half_distances.tolist(), "stored": stored}
+
+
+def _profile_in_words(source: MeshFile, known: dict[str, Any] | None) -> str:
+    if source.profile is None or known is None:
+        return "none in the file"
+    return f"w at {len(known['half_distances'])} half-distances, {source.profile.range}, as {known['stored']}"
 
 
 def _finite(value: float) -> float | None:

@@ -76,7 +76,7 @@ def _stored(description: SceneDescription, path: Path) -> Float64s:
     counts = [len(item.shape.mesh.vertices) for item in description.scene.objects]
     origins = description.origins or (None,) * len(counts)
     of_files = [origin.total if origin else count for origin, count in zip(origins, counts, strict=True)]
-    w = read_w(path, sum(of_files), sum(counts))
+    w = read_w(path, sum(of_files), sum(counts), scales=description.scales)
     if len(w) != sum(of_files):
         return w
     parts = np.split(w, np.cumsum(of_files)[:-1])

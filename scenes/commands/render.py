@@ -19,6 +19,7 @@ from raytrace.renderer.render import describe_work, render, rendering_bytes
 from raytrace.system.memory import check_memory
 
 from ..description.description import SceneDescription
+from ..falloffs import Scales
 from ..jobs.options import Alpha
 from .picture_bake import with_obscurance
 
@@ -60,11 +61,12 @@ def adjusted(
     baked: Path | None = None,
     own_occlusion: bool = True,
     alpha: Alpha = "auto",
+    scales: Scales | None = None,
 ) -> SceneDescription:
     """The description with the `Settings` changed that are not None; a preview: a quarter as wide and high, few rays.
 
     Args:
-        baked: a file with w, in place of the description's own or of a bake.
+        baked: a file with w, in place of the description's own or of a bake. scales: of its profile.
         own_occlusion: use the occlusion textures that the file has, in place of a bake.
         alpha: "ignore": faces are opaque.
 
@@ -87,7 +89,10 @@ def adjusted(
     scene = description.scene if own_occlusion else description.scene.without_occlusion()
     if alpha == "ignore":
         scene = scene.without_alpha()
-    return replace(description, scene=scene, settings=settings, w_from=w_from, bake=bake, files=files)
+    if scales and not isinstance(w_from, Path):
+        raise ConflictError("half_distance", "needs", "baked")
+    scales = scales or (None if baked else description.scales)
+    return replace(description, scene=scene, settings=settings, w_from=w_from, bake=bake, files=files, scales=scales)
 
 
 def _quarter(settings: Settings) -> Settings:

@@ -33,6 +33,10 @@ RENDER = (
     Option("obscurance", str | None, None, "What w scales: ambient (ambient light only), "
            "'ambient and diffuse' (light, as in the textbook's equation 12.75), or off (nothing)."),
     Option("baked", Path | None, None, "Read w from a baked file: .npy .npz .ply .glb"),
+    Option("half_distance", str | None, None, "Of the baked file's profile: mesh units, or \"12%\" of the radius; or "
+           "several with commas between, whose w are multiplied."),
+    Option("power", str | None, None, "Of w at each half-distance, 1 by default: 1,0.5 for instance.",
+           needs={"half_distance": ...}),
     Option("own_occlusion", bool, True, "Use a glTF file's own occlusion textures; otherwise bake there, too."),
     replace(ROWS["alpha"], help="auto: as the file has it; ignore: faces are opaque."),
     Option("shadows", bool | None, None, "Trace shadow rays."),
@@ -86,15 +90,17 @@ class RenderCommand(Record):
         outputs = {"--output": output, "--report": self.report}
         check_outputs(outputs, [self.scene])
         from ..description.read import read_scene
+        from ..falloffs import make_scales
         from ..formats.stored_w import check_stored
         from ..show.report.file_hashes import hashed
         from .render import adjusted, make_picture, render_report
 
         if self.baked:
             check_stored(self.baked)
+        scales = None if self.half_distance is None else make_scales(self.half_distance, self.power)
         with compiling():
             read = read_scene(self.scene, size, self.up, self.view)
-            description = adjusted(read, settings, self.preview, self.baked, self.own_occlusion, self.alpha)
+            description = adjusted(read, settings, self.preview, self.baked, self.own_occlusion, self.alpha, scales)
             check_outputs(outputs, description.files)
             inputs = hashed([self.scene, *description.files]) if self.report else []
             warnings = warn((item.shape.mesh for item in description.scene.objects), description.notes)

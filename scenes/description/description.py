@@ -9,6 +9,7 @@ from typing import Literal
 from ao.options import Options
 from raytrace import Camera, Scene, Settings
 
+from ..falloffs import Scales
 from ..geometry.primitives import Origin
 
 Source = Literal["bake", "off"] | Path
@@ -25,6 +26,7 @@ class SceneDescription:
         w_from: where w(p) comes from: "bake" it for this picture; "off" (w = 1), exactly when `settings.obscurance` is;
             or a file of `obscurance bake` with one value a vertex of `Scene.flattened()`: `.npy`, `.npz`, `.ply`,
             `.glb`, `.gltf`.
+        scales: of the file's profile, in place of its w.
         bake: falloff, samples and seed of a bake.
         files: every file that the scene is made of: its own, meshes, textures, w.
         notes: warnings about them.
@@ -39,3 +41,4 @@ class SceneDescription:
     files: tuple[Path, ...] = ()
     notes: tuple[str, ...] = ()
     origins: tuple[Origin | None, ...] = ()
+    scales: Scales | None = None

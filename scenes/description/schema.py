@@ -116,6 +116,7 @@ class ObscuranceTable(Table):
     falloff: str = "exponential"
     tau: Number | None = None
     half_distance: Length | None = None
+    power: Any = None
     max_distance: Length | None = None
     samples: Whole | None = None
     seed: Whole | None = None

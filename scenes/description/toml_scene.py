@@ -18,7 +18,7 @@ from raytrace.mesh.up import FROM, UP
 from raytrace.system.faults import fields_of
 from raytrace.system.regular_files import check_regular
 
-from ..falloffs import make_falloff, table_of
+from ..falloffs import Scales, make_falloff, make_scales, table_of
 from ..field_errors import check_keys, located, shown
 from ..formats.stored_w import ENDINGS
 from ..safe_paths import confined
@@ -63,7 +63,8 @@ def read_toml(path: Path, size: tuple[int, int] | None = None) -> SceneDescripti
     origins = tuple(reader.origin(item) for item in objects)
     of_falloff = table_of(document.obscurance.falloff, partial(_falloff_table, path)) if w_from == "bake" else []
     files = (path, *reader.files, *of_falloff, *((w_from,) if isinstance(w_from, Path) else ()))
-    return SceneDescription(scene, camera, settings, w_from, bake, files, tuple(reader.notes), origins)
+    scales = _scales(document.obscurance, path) if isinstance(w_from, Path) else None
+    return SceneDescription(scene, camera, settings, w_from, bake, files, tuple(reader.notes), origins, scales)
 
 
 def _load(path: Path) -> dict[str, Any]:
@@ -118,20 +119,30 @@ def _bake(table: ObscuranceTable, path: Path, settings: Settings) -> tuple[Sourc
 
     bake = ("falloff", "tau", "half_distance", "max_distance", "samples", "seed")
     if settings.obscurance == "off":
-        excluded('nothing beside form = "off"', "baked", *bake)
+        excluded('nothing beside form = "off"', "baked", "power", *bake)
         return "off", Options()
     if table.baked is not None:
-        excluded("nothing beside baked but form", *bake)
+        excluded("nothing beside baked but form, half_distance and power", *(set(bake) - {"half_distance"}))
         file = confined(table.baked, path.parent, path, "obscurance.baked")
         if file.suffix.lower() not in ENDINGS:
             raise SceneError(path, "obscurance.baked", "a name ending in " + ", ".join(ENDINGS), shown(table.baked))
         return file, Options()
+    excluded("baked with it", "power")
     given = table.given()
     lengths = {name: given[name] for name in ("tau", "half_distance", "max_distance") if name in given}
     counts = {name: given[name] for name in ("samples", "seed") if name in given}
     with located(path, "obscurance"):
         falloff = make_falloff(table.falloff, **lengths, locate=partial(_falloff_table, path))
         return "bake", Options(falloff=falloff, **counts)
+
+
+def _scales(table: ObscuranceTable, path: Path) -> Scales | None:
+    if table.half_distance is None:
+        if table.power is not None:
+            raise SceneError(path, "obscurance.power", "half_distance with it", shown(table.power))
+        return None
+    with located(path, "obscurance"):
+        return make_scales(table.half_distance, table.power)
 
 
 def _falloff_table(path: Path, name: str) -> Path:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Mapping
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -15,6 +16,10 @@ from raytrace.types import Float32s, Float64s, Int64s
 
 from .image_names import ENDINGS, is_texture
 
+if TYPE_CHECKING:
+    from ao import Profile
+
+PROFILE = "profile"  # the layer of an EXR
 _MOST_TILES = 100
 _ACROSS = 10  # tiles in a row of UDIM's numbers
 _TINY = 1e-6
@@ -62,9 +67,25 @@ def tile_number(tile: tuple[int, int]) -> str:
     return str(1001 + tile[0] + _ACROSS * tile[1])
 
 
-def write_grey(path: Path, values: Float32s, half: bool, metadata: Mapping[str, str], bits: int = 16) -> None:
-    """Write w or its error (h, w), linear: PNG of 8 or 16 bits, EXR and TIFF of floats. Raises: OutputError."""
-    write_data(path, values[:, :, None], metadata, half, "Y", bits)
+def write_grey(
+    path: Path,
+    values: Float32s,
+    half: bool,
+    metadata: Mapping[str, str],
+    bits: int = 16,
+    profile: Profile | None = None,
+) -> None:
+    """Write w or its error (h, w), linear: PNG of 8 or 16 bits, EXR and TIFF of floats; in EXR a profile as a layer.
+
+    Raises: OutputError.
+    """
+    layers, names = [values[:, :, None]], ["Y"]
+    if profile and path.suffix.lower() == ".exr":
+        layers.append(profile.values)
+        names += [f"{PROFILE}.{number:02}" for number in range(len(profile.half_distances))]
+        lengths = " ".join(map(repr, profile.half_distances.tolist()))
+        metadata = {**metadata, "half_distances": lengths, "radius": repr(profile.radius)}
+    write_data(path, np.concatenate(layers, axis=2), metadata, half, names, bits)
 
 
 def write_normals(path: Path, normals: Float32s, half: bool, metadata: Mapping[str, str], bits: int) -> None:

@@ -6,7 +6,7 @@ import io
 import logging
 import os
 import warnings
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -26,6 +26,8 @@ from ..geometry.instances import Instance, Submesh, flatten
 from .table import MeshInput, endings, format_of, function
 
 if TYPE_CHECKING:
+    from ao import Profile
+
     from .gltf.asset import Gltf
 
 _KEPT = 2.5  # bytes of memory a byte of file where details are kept, besides the table's
@@ -45,7 +47,7 @@ class MeshFile:
         detail: what else the file holds that the target can hold too, if one was named.
         notes: warnings about the objects.
         unread: what the file holds and the mesh lacks, in words, if a target was named.
-        w: (n,) obscurance that a bake has left in the file, unchecked, or None.
+        w: (n,) obscurance that a bake has left in the file, unchecked, or None. profile: of it, or None.
     """
 
     path: Path
@@ -56,6 +58,7 @@ class MeshFile:
     notes: tuple[str, ...] = ()
     unread: tuple[str, ...] = ()
     w: Float64s | None = None
+    profile: Profile | None = None
 
     @property
     def files(self) -> tuple[Path, ...]:
@@ -148,7 +151,16 @@ def load(
     notes = tuple(printable(f"{path}: {note}") for instance in instances for note in instance.notes)
     stored = [np.asarray(instance.w, np.float64) for instance in instances if instance.w is not None]
     w = np.concatenate(stored) if len(stored) == len(instances) else None
-    return MeshFile(path, mesh, parts, asset, detail, notes, unread, w)
+    return MeshFile(path, mesh, parts, asset, detail, notes, unread, w, joined_profile(instances))
+
+
+def joined_profile(instances: Sequence[Instance]) -> Profile | None:
+    """The profile of all objects, None where one has none, or another's half-distances."""
+    if not all(instance.profile for instance in instances):
+        return None
+    from ao import Profile
+
+    return Profile.joined([instance.profile for instance in instances if instance.profile])
 
 
 def read_objects(

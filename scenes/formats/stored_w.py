@@ -6,13 +6,15 @@ import warnings
 import zipfile
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
-from typing import IO, Any
+from typing import IO, TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
 
 from raytrace.errors import MeshError, OptionError, SceneError
+from raytrace.image.read import read_image
 from raytrace.image.texture import Texture, pack_textures
 from raytrace.image.texture_lookup import sample_points
 from raytrace.types import AnyFloats, Float64s
@@ -20,10 +22,17 @@ from raytrace.types import AnyFloats, Float64s
 from ..geometry.instances import Instance
 from .gltf.asset import Gltf
 from .gltf.textures import Textures
-from .load import mesh_errors, read_objects
+from .images import PROFILE
+from .load import joined_profile, mesh_errors, read_objects
 from .table import endings, format_of
 
 ENDINGS = endings("holds", "w")
+if TYPE_CHECKING:
+    from ao import Profile
+
+    from ..falloffs import Scales
+
+_ARRAYS = {"profile", "half_distances", "radius"}
 _BESIDE = {"error": (), "flags": (), "bent_normals": (3,)}
 
 
@@ -35,18 +44,24 @@ def check_stored(path: Path) -> None:
         raise OptionError("--baked", "an existing file", path)
 
 
-def read_w(path: Path, *counts: int) -> Float64s:
+def read_w(path: Path, *counts: int, scales: Scales | None = None) -> Float64s:
     """w (n,), n being one of `counts`: a `.npy` file, the array `w` of a `.npz` file, or that of a mesh's vertices.
 
     Primitives of a glTF that a bake has left nothing in have what their occlusion texture is at the vertices.
 
     Of an array only the header is read if it is of another scene.
 
+    Args: scales: half-distances to look up in the file's profile, in place of its w.
+
     Raises:
-        SceneError: the file cannot be read, has no w, or has it for another number of vertices.
+        SceneError: the file cannot be read, has no w or profile, or has it for another number of vertices.
+        OptionError: a half-distance is outside the profile.
     """
     try:
-        w = _of_mesh(path, counts) if format_of(path).read else _of_array(path, counts)
+        w = _of_mesh(path, counts, scales) if format_of(path).read else _of_array(path, counts)
+        if scales and not format_of(path).read:
+            w = scales.of(checked_profile(path, find_profile(path)))
+            _check_count(path, w, counts)
     except MeshError as fault:
         raise SceneError(fault.source, fault.field, fault.expected, fault.got) from None
     if not ((w >= 0) & (w <= 1)).all():
@@ -54,8 +69,35 @@ def read_w(path: Path, *counts: int) -> Float64s:
     return w
 
 
-def _of_mesh(path: Path, counts: tuple[int, ...]) -> Float64s:
+def find_profile(path: Path) -> Profile | None:
+    """The profile in a `.npz`, `.exr` or mesh file, or None. Raises: SceneError, MeshError: it cannot be read."""
+    from ao import Profile
+
+    ending, found = path.suffix.lower(), None
+    if ending == ".npz":
+        with _array_errors(path), path.open("rb") as file, np.load(file, allow_pickle=False) as arrays:
+            if set(arrays) >= _ARRAYS:
+                found = Profile.stored(arrays["half_distances"], arrays["profile"], arrays["radius"][()])
+    elif ending == ".exr":
+        layers, known = read_image(path)
+        if PROFILE in layers:
+            found = Profile.stored(known.get("half_distances", "").split(), layers[PROFILE], known.get("radius"))
+    elif format_of(path).read:
+        found = joined_profile(read_objects(path)[0])
+    return found
+
+
+def checked_profile(path: Path, found: Profile | None) -> Profile:
+    """What was found in a file. Raises: SceneError: nothing."""
+    if found is None:
+        raise SceneError(path, "profile", "w at several half-distances, as obscurance bake --profile writes it", "none")
+    return found
+
+
+def _of_mesh(path: Path, counts: tuple[int, ...], scales: Scales | None) -> Float64s:
     instances, asset = read_objects(path)
+    if scales:
+        instances = [replace(each, w=scales.of(checked_profile(path, each.profile))) for each in instances]
     found = [each.w for each in instances] if asset is None else _of_gltf(instances, asset)
     stored = [(each, w) for each, w in zip(instances, found, strict=True) if w is not None]
     if not stored or len(stored) < len(instances):
@@ -65,9 +107,13 @@ def _of_mesh(path: Path, counts: tuple[int, ...]) -> Float64s:
     w = np.concatenate([np.empty(0), *(w for _, w in stored)]).astype(np.float64)
     if len(stored) == 1 and asset:
         w = w[: unrepeated(stored[0][0].vertices, counts)]
+    _check_count(path, w, counts)
+    return w
+
+
+def _check_count(path: Path, w: Float64s, counts: tuple[int, ...]) -> None:
     if len(w) not in counts:
         raise SceneError(path, "w", _expected(counts), f"{len(w):,}")
-    return w
 
 
 def unrepeated(vertices: npt.NDArray[Any], counts: tuple[int, ...]) -> int:
@@ -101,7 +147,7 @@ def _sampled(uv: Float64s, texture: Texture, strength: float) -> Float64s:
     return 1.0 + strength * (linear[:, 0] - 1.0)
 
 
-def read_beside_w(path: Path, count: int) -> dict[str, npt.NDArray[Any]]:
+def read_beside_w(path: Path, count: int) -> dict[str, Any]:
     """`error`, `flags`, `bent_normals` of `count` vertices, as far as a `.npz` file holds them beside w.
 
     Of other files nothing. Raises: SceneError: the file cannot be read, or has them for another number of vertices.

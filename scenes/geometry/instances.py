@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
@@ -15,6 +15,9 @@ from raytrace.types import Float64s, Int64s
 
 from .detail import Detail, Paint
 from .polygons import triangulate
+
+if TYPE_CHECKING:
+    from ao import Profile
 
 MAX_COPIED = 20_000_000
 _ROW = 80  # bytes of a placed vertex or triangle, with copies on the way to a mesh
@@ -33,7 +36,7 @@ class Instance:
         notes: warnings about the object.
         detail: what else the file holds of the object, if that was asked for.
         unread: what the file holds and nobody reads, in words.
-        w: (n,) obscurance that a bake has left in the file, unchecked, or None.
+        w: (n,) obscurance that a bake has left in the file, unchecked, or None. profile: of it, or None.
         opacity: alpha of the faces, or None.
         up: the axis that is up, if the file or its format defines it (`Mesh.up`).
         paints, paint_of: all materials of the file, and (m,) which each of the faces has, -1: none; or None.
@@ -49,6 +52,7 @@ class Instance:
     detail: Detail | None = None
     unread: tuple[str, ...] = ()
     w: npt.NDArray[Any] | None = None
+    profile: Profile | None = None
     opacity: Opacity | None = None
     up: str | None = None
     paints: tuple[Paint, ...] = ()

@@ -119,8 +119,9 @@ _SECTIONS: dict[str, tuple[Option, ...]] = {
         Option("denoise", bool, True, "Shrink estimates towards those of neighbours.", was="reconstruct"),
         Option("traversal", Literal["auto", "embree"], "auto",
                "Who traces rays; embree is slower, and checks auto."),
-        Option("profile", bool, False, "Also store w at half-distances an octave apart, from .5% to 256% of the "
-               "radius, so that the half-distance can be chosen later.", _EACH, excludes=("max_distance",)),
+        Option("profile", bool | None, None, "Also store w at half-distances an octave apart, from .5% to 256% of the "
+               "radius, so that the half-distance can be chosen later: .npz .ply .glb .html, textures .exr; by default "
+               "in .html, if that costs little.", _EACH),
         Option("seed", int, 0, "Random seed."),
         Option("threads", int | None, None, "Number of threads, by default all cores; results are the same.",
                _ALL + " merge", "run"),

@@ -86,6 +86,8 @@ def bake_command(options: Mapping[str, Any]) -> MeshBake:
         meant = str(output.with_suffix(_MEANT[ending])) if ending in _MEANT else None
         raise OptionError("output", "a name ending in " + ", ".join((*ENDINGS, *IMAGES)), output, nearest=meant)
     options = with_preset(options)
+    if options["profile"] is None:
+        options["profile"] = ending == ".html" and _profile_is_cheap(options)
     shown, colors = options["occlusion"], options["colors"]
     glb, image = ending == ".glb", is_texture(output)
     if shown in ("auto", "texture") and not (glb or (image and shown == "texture")):
@@ -99,6 +101,12 @@ def bake_command(options: Mapping[str, Any]) -> MeshBake:
         from .textures.auto import AutoCommand as kind
     check_sort(options, kind.sort)
     return kind(options)
+
+
+def _profile_is_cheap(options: Mapping[str, Any]) -> bool:
+    """Whether a profile takes the rays of the bake alone, and has w as baked between its columns."""
+    usual = options["falloff"] == "exponential" and options["max_distance"] == "inf"
+    return usual and options["method"] == "vertex" and options["tolerance"] is None
 
 
 def _single(options: dict[str, Any]) -> MeshBake | PartCommand | ClusterCommand | TilesCommand:

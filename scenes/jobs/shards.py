@@ -64,6 +64,7 @@ def part_command(options: dict[str, Any], bake_command: Callable[[Mapping[str, A
     rows = [row for row in BAKE if row.rays and "part" in row.on.split()]
     files = {row.name: str(options[row.name].absolute()) for row in rows if row.role == "input" and options[row.name]}
     described = {row.name: plain(options[row.name]) for row in rows if row.role == "result"}
+    described["profile"] = bool(options["profile"])  # of an .html, too
     for table in table_of(options["falloff"]):
         described["falloff"] = f"table:{table.absolute()}"
     return PartCommand(bake_command(options | stand_in), {**files, "options": described}, folder, number, of)

@@ -109,6 +109,8 @@ class BakeCommand(MeshBake):
 
         if self.high is not None and self.method == "surface":
             raise ConflictError("high", "does not go with", ("method", "surface"))
+        if self.profile and not self.part and self.output.suffix.lower() == ".npy":
+            raise ConflictError("profile", "needs", "an output that holds one: .npz .ply .glb .html")
         check_target(self.output)
         channels(self.output, **self._channels())
         if self.debug_image:

@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
 
-from raytrace.types import AnyFloats
+from raytrace.types import Int64s
 
 from ..gltf.container import encode_glb
+from ..gltf.instances import PROFILE
 
-FLOAT, UNSIGNED_BYTE, UNSIGNED_INT = 5126, 5121, 5125
+if TYPE_CHECKING:
+    from ao import Bake, Profile
+
+FLOAT, UNSIGNED_BYTE, UNSIGNED_SHORT, UNSIGNED_INT = 5126, 5121, 5123, 5125
 ARRAY_BUFFER, ELEMENT_ARRAY_BUFFER = 34962, 34963
 
 
@@ -49,11 +53,31 @@ class Packed:
         self.binary += data
         return offset
 
-    def obscurance(self, w: AnyFloats, colors: bool) -> dict[str, int]:
-        """Attributes of one primitive's vertices."""
-        attributes = {"_OBSCURANCE": self.accessor(w.astype("<f4"), FLOAT, "SCALAR")}
+    def annotate(self, primitive: dict[str, Any], bake: Bake, rows: Int64s, colors: bool = False) -> None:
+        """Give a primitive w of its vertices, and the profile in 16 bits, four columns an attribute.
+
+        Args: rows: of the bake, one for each vertex. colors: also as `COLOR_0`.
+        """
+        attributes, w, profile = primitive["attributes"], bake.w[rows], bake.profile
+        for name in [name for name in attributes if name.startswith(PROFILE)]:
+            del attributes[name]
+        attributes["_OBSCURANCE"] = self.accessor(w.astype("<f4"), FLOAT, "SCALAR")
         if colors:
             grey = np.full((len(w), 4), 255, dtype=np.uint8)
             grey[:, :3] = np.rint(np.clip(w, 0, 1) * 255)[:, None]
             attributes["COLOR_0"] = self.accessor(grey, UNSIGNED_BYTE, "VEC4", normalized=True)
-        return attributes
+        if profile is None:
+            return
+        for first in range(0, len(profile.half_distances), 4):
+            attributes[f"{PROFILE}{first // 4}"] = self._columns(profile, rows, first)
+
+    def _columns(self, profile: Profile, rows: Int64s, first: int) -> int:
+        """Index of an accessor of four columns of a profile; that of the first ones says which they are."""
+        columns = profile.values[rows, first : first + 4]
+        codes = np.zeros((len(rows), 4), "<u2")
+        codes[:, : columns.shape[1]] = np.rint(columns * np.float32(65535))
+        number = self.accessor(codes, UNSIGNED_SHORT, "VEC4", normalized=True)
+        if not first:
+            known = {"half_distances": profile.half_distances.tolist(), "radius": profile.radius}
+            self.header["accessors"][number]["extras"] = known
+        return number

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
@@ -28,6 +28,9 @@ from .plain import plain
 from .ramp import write_ramp
 from .write import stored
 
+if TYPE_CHECKING:
+    from ao import Bake
+
 _REPEAT = 10497
 _SAME = 1e-6  # of texture coordinates that float32 has rounded
 _KINDS = {"SCALAR", "VEC2", "VEC3", "VEC4"}
@@ -39,7 +42,7 @@ def textured_glb(
     replace: bool = False,
     orm: bool = False,
     w: AnyFloats | None = None,
-    attribute: bool = False,
+    bake: Bake | None = None,
 ) -> tuple[bytes, int]:
     """A GLB file of a mesh file, with 8 bits of w a texel, and how many primitives keep another occlusion texture.
 
@@ -51,7 +54,7 @@ def textured_glb(
         replace: put them also in place of occlusion textures of the source.
         orm: put w into R of the materials' metallic-roughness images (`scenes.formats.glb.orm`).
         w: (n,) of the vertices, for primitives that are on no page: a ramp shows it.
-        attribute: whether all primitives get `_OBSCURANCE`, from that.
+        bake: of the vertices, for the attribute `_OBSCURANCE` of all primitives, and those of its profile.
 
     Raises:
         MeshError, SceneError, InputError: as `check_orm`, with `orm`.
@@ -62,9 +65,9 @@ def textured_glb(
     packed, drawn = stored(asset, mesh_file.parts) if asset else plain(mesh_file, False)
     if asset:
         stand(packed.header, up_axis(mesh_file.mesh), asset.roots)
-    if w is not None and attribute:
+    if bake:
         for primitive, vertices in drawn:
-            primitive["attributes"].update(packed.obscurance(w[vertices], False))
+            packed.annotate(primitive, bake, vertices)
     before = Gltf(mesh_file.path, packed.header, (bytes(packed.binary),))
     textures = OcclusionTextures(packed, replace)
     if orm:
@@ -139,7 +142,7 @@ def _taken(packed: Packed, asset: Gltf, number: int, rows: Int64s) -> int:
     stride = -(-size // 4) * 4
     padded: npt.NDArray[np.uint8] = np.zeros((len(rows), stride), np.uint8)
     padded[:, :size] = taken.view(np.uint8).reshape(len(rows), size)
-    made = {key: old[key] for key in ("componentType", "type", "normalized", "name") if key in old}
+    made = {key: old[key] for key in ("componentType", "type", "normalized", "name", "extras") if key in old}
     view = packed.bytes_view(
         padded.tobytes(), target=ARRAY_BUFFER, **({"byteStride": stride} if stride != size else {})
     )

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
 
 def glb(bake: Bake, mesh_file: MeshFile, channels: Channels) -> bytes:
-    """A GLB file with the vertex attribute `_OBSCURANCE` (float32 SCALAR).
+    """A GLB file with the vertex attribute `_OBSCURANCE` (float32 SCALAR), and those of a profile.
 
     A glTF source is kept as stored, with all its nodes, materials, textures, animations and extensions; only what
     holds w is added, and meshes that several nodes share are given to each node separately, because each
@@ -42,7 +42,7 @@ def glb(bake: Bake, mesh_file: MeshFile, channels: Channels) -> bytes:
     if asset:
         stand(packed.header, up_axis(mesh_file.mesh, channels.up), asset.roots)
     for primitive, vertices in drawn:
-        primitive["attributes"].update(packed.obscurance(w[vertices], channels.colors))
+        packed.annotate(primitive, bake, vertices, channels.colors)
     if channels.ramp:
         write_ramp(packed, [(primitive, w[vertices]) for primitive, vertices in drawn], channels.replace)
     return packed.encode()

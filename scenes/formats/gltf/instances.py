@@ -7,8 +7,9 @@ from __future__ import annotations
 
 from dataclasses import replace
 from functools import partial
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
+import numpy as np
 import numpy.typing as npt
 
 from ...geometry.instances import Instance, check_copies
@@ -18,6 +19,10 @@ from .asset import DrawnPrimitive, Gltf, entry
 from .container import decode
 from .records import Primitive
 
+if TYPE_CHECKING:
+    from ao import Profile
+
+PROFILE = "_OBSCURANCE_PROFILE_"  # and a number: attributes of four columns each
 _COPIES = "EXT_mesh_gpu_instancing"
 
 
@@ -80,7 +85,8 @@ def _shape(asset: Gltf, primitive: Primitive) -> Instance:
         vertices = normalized(vertices)
     normals = normalized(values(asset, attributes["NORMAL"], "VEC3")) if "NORMAL" in attributes else None
     faces = triangles(asset, primitive, len(vertices))
-    return Instance("", vertices, faces, normals, w=_stored_w(asset, attributes, len(vertices)), up="y")
+    w, profile = _stored_w(asset, attributes, len(vertices)), _stored_profile(asset, attributes, len(vertices))
+    return Instance("", vertices, faces, normals, w=w, profile=profile, up="y")
 
 
 def _stored_w(asset: Gltf, attributes: dict[str, int], count: int) -> npt.NDArray[Any] | None:
@@ -92,6 +98,22 @@ def _stored_w(asset: Gltf, attributes: dict[str, int], count: int) -> npt.NDArra
     except ValueError:
         return None
     return w if len(w) == count and w.dtype.kind == "f" else None
+
+
+def _stored_profile(asset: Gltf, attributes: dict[str, int], count: int) -> Profile | None:
+    """The profile of an earlier bake, unless the attributes of these names are something else."""
+    if f"{PROFILE}0" not in attributes:
+        return None
+    from ao import Profile
+
+    try:
+        extras = entry(asset.geometry.accessors, attributes[f"{PROFILE}0"], "accessors").extras
+        lengths, radius = extras["half_distances"], extras["radius"]
+        numbers = [attributes[f"{PROFILE}{number}"] for number in range(-(-len(lengths) // 4))]
+        columns = np.hstack([normalized(values(asset, number, "VEC4")) for number in numbers])
+    except (KeyError, TypeError, ValueError):
+        return None
+    return Profile.stored(lengths, columns[:, : len(lengths)], radius) if len(columns) == count else None
 
 
 def _name(asset: Gltf, piece: DrawnPrimitive) -> str:

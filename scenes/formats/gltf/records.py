@@ -74,6 +74,7 @@ class Accessor(JsonObject):
     count: int
     type: str
     normalized: bool = False
+    extras: Any = None
 
 
 class BufferView(JsonObject):

@@ -13,6 +13,7 @@ from raytrace.types import AnyInts, Float32s, Float64s, Int64s
 from ...geometry.detail import Detail, PerCorner
 from ...geometry.elements import Element, Property
 from ...geometry.polygons import Triangulation
+from .layout import PROFILE, PROFILE_COMMENT
 
 RGB = ("red", "green", "blue")
 UV = (("s", "t"), ("u", "v"), ("texture_u", "texture_v"), ("texture_s", "texture_t"))
@@ -32,8 +33,10 @@ def ply_detail(
     if own and set(RGB) <= set(own):
         colors = np.stack([_fraction(column) for column in own.values()], axis=1)
     known = {*_MESH, *RGB, "alpha", "obscurance", *used}
-    numbers = {name: c.values for name, c in vertex.items() if c.sizes is None and name not in known}
-    kept = tuple(line for line in comments if not line.startswith("comment obscurance: "))
+    numbers = {
+        name: c.values for name, c in vertex.items() if c.sizes is None and name not in known and not is_profile(name)
+    }
+    kept = tuple(line for line in comments if not line.startswith(("comment obscurance: ", PROFILE_COMMENT)))
     return Detail(
         corners, np.asarray(sizes, np.int64), triangles, uv, None, colors, numbers, elements=elements, comments=kept
     )
@@ -49,6 +52,11 @@ def own_colors(vertex: dict[str, Property]) -> dict[str, Property]:
             if all(np.array_equal(own[name].values, grey) for name in RGB):
                 return {}
     return own if set(own) & set(RGB) else {}
+
+
+def is_profile(name: str) -> bool:
+    """Whether a property is a column of a profile."""
+    return name.startswith(PROFILE) and name.removeprefix(PROFILE).isdecimal()
 
 
 def grey_of(w: npt.NDArray[Any]) -> Float32s:

@@ -8,11 +8,15 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
+import numpy.typing as npt
 
 from raytrace.mesh.up import UP
+
+if TYPE_CHECKING:
+    from ao import Profile
 
 NAMES = {
     "b": "char", "B": "uchar", "h": "short", "H": "ushort", "i": "int", "I": "uint", "f": "float", "d": "double",
@@ -27,6 +31,8 @@ _END = re.compile(rb"^end_header[ \t\r]*\n", re.MULTILINE)
 INDICES = ("vertex_indices", "vertex_index")
 COUNT = "number of "
 UP_COMMENT = "comment up "  # of files of ours, and an axis
+PROFILE = "obscurance_"  # and two digits: columns of a profile
+PROFILE_COMMENT = "comment obscurance profile: "  # of files of ours, the radius and the half-distances
 
 
 @dataclass
@@ -65,6 +71,17 @@ class PlyHeader(NamedTuple):
         """The axis that is up, of files of ours."""
         ups = [line.removeprefix(UP_COMMENT) for line in self.comments if line.startswith(UP_COMMENT)]
         return ups[0] if ups and ups[0] in UP else None
+
+    def profile(self, columns: Mapping[str, npt.NDArray[Any]]) -> Profile | None:
+        """The profile that a bake has left. Args: columns: of the vertices."""
+        for line in (line for line in self.comments if line.startswith(PROFILE_COMMENT)):
+            radius, *lengths = line.removeprefix(PROFILE_COMMENT).split() or ["0"]
+            names = [f"{PROFILE}{number:02}" for number in range(len(lengths))]
+            if names and set(names) <= set(columns):
+                from ao import Profile
+
+                return Profile.stored(lengths, np.stack([columns[name] for name in names], axis=1), radius)
+        return None
 
 
 def read_header(data: bytes) -> PlyHeader:

@@ -58,7 +58,8 @@ def read_ply(given: MeshInput) -> list[Instance]:
         kept = tuple(map(_declared, elements, header.elements)) if header.text else tuple(elements)
         detail = ply_detail(kept, header.comments, corners, sizes, triangles)
     made = Instance(given.name, vertices, triangles.take(corners), normals, None, triangles.notes, detail)
-    return [replace(made, w=vertex.get("obscurance"), up=header.up, polygons=triangles.polygons)]
+    w, profile = vertex.get("obscurance"), header.profile(vertex)
+    return [replace(made, w=w, profile=profile, up=header.up, polygons=triangles.polygons)]
 
 
 def _read_text(data: bytes, header: PlyHeader, source: str) -> list[Element]:

@@ -13,7 +13,7 @@ from raytrace.errors import MeshError
 from raytrace.types import Float64s
 
 from ..stored_mesh import EXPECTED, StoredMesh, StoredRows
-from .detail import RGB, grey_of
+from .detail import RGB, grey_of, is_profile
 from .layout import INDICES, PlyElement, read_header, write_header
 from .write import GREY, OWN
 
@@ -42,7 +42,8 @@ def open_ply(path: Path) -> StoredMesh:
 
 def write_stored_ply(file: BinaryIO, w: Float64s, mesh: StoredMesh) -> None:
     """w (n,) beside the properties of a mesh on the disk; grey, too, if its vertices have no colours."""
-    kept = {name: types for name, types in mesh.vertex.properties.items() if name != "obscurance"}
+    columns = mesh.vertex.properties.items()
+    kept = {name: types for name, types in columns if name != "obscurance" and not is_profile(name)}
     grey = not set(RGB) <= set(kept)
     made = {"obscurance": ("f", ""), **({name: ("B", "") for name in RGB} if grey else {})}
     kept = {name: types for name, types in kept.items() if name not in made}

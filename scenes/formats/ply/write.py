@@ -7,15 +7,15 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from raytrace.mesh.up import up_axis
-from raytrace.types import AnyFloats, AnyInts, Float64s
+from raytrace.types import AnyInts, Float64s
 
 from ...geometry.detail import Detail
 from ...geometry.elements import Element, Property
 from ..load import MeshFile
 from ..table import Channels
-from .detail import RGB, grey_of, own_colors
+from .detail import RGB, grey_of, is_profile, own_colors
 from .encode import encode_ply
-from .layout import UP_COMMENT
+from .layout import PROFILE, PROFILE_COMMENT, UP_COMMENT
 
 if TYPE_CHECKING:
     from ao import Bake
@@ -29,6 +29,8 @@ def ply(bake: Bake, mesh_file: MeshFile, channels: Channels) -> bytes:
     """A PLY file with the float property `obscurance`, and grey `red green blue`, w as sRGB, where that replaces
     nothing.
 
+    A profile becomes the float properties `obscurance_00`, …, and a comment with the radius and the half-distances.
+
     A PLY source keeps all its elements, properties, polygons and comments, of others the polygons, normals, colours
     and texture coordinates are kept (`s t` of vertices, or `texcoord` of faces where a vertex has several).
 
@@ -36,8 +38,7 @@ def ply(bake: Bake, mesh_file: MeshFile, channels: Channels) -> bytes:
 
     Args: mesh_file: what was baked; its `detail` is what is kept.
     """
-    w = bake.w
-    detail = mesh_file.detail
+    detail, profile = mesh_file.detail, bake.profile
     if detail and detail.elements:
         elements, comments = detail.elements, list(detail.comments)
     else:
@@ -48,7 +49,9 @@ def ply(bake: Bake, mesh_file: MeshFile, channels: Channels) -> bytes:
     if axis != "y" and UP_COMMENT + axis not in comments:
         comments.insert(0, UP_COMMENT + axis)
     comments.insert(0, OWN + (GREY if grey else ""))
-    annotated = [_annotate(element, w, grey) if element.name == "vertex" else element for element in elements]
+    if profile:
+        comments.insert(1, PROFILE_COMMENT + " ".join(map(repr, [profile.radius, *profile.half_distances.tolist()])))
+    annotated = [_annotate(element, bake, grey) if element.name == "vertex" else element for element in elements]
     return encode_ply(annotated, comments)
 
 
@@ -61,12 +64,15 @@ def has_own_colors(detail: Detail | None) -> bool:
     )
 
 
-def _annotate(element: Element, w: AnyFloats, grey: bool) -> Element:
+def _annotate(element: Element, bake: Bake, grey: bool) -> Element:
     replaced = ("obscurance", *RGB) if grey else ("obscurance",)
-    kept = [column for column in element.properties if column.name not in replaced]
-    made = [Property("obscurance", "f", w.astype("<f4"))]
+    kept = [each for each in element.properties if each.name not in replaced and not is_profile(each.name)]
+    made = [Property("obscurance", "f", bake.w.astype("<f4"))]
+    if bake.profile:
+        columns = enumerate(bake.profile.values.T)
+        made += [Property(f"{PROFILE}{number:02}", "f", column.astype("<f4")) for number, column in columns]
     if grey:
-        made += [Property(name, "B", grey_of(w)) for name in RGB]
+        made += [Property(name, "B", grey_of(bake.w)) for name in RGB]
     return Element(element.name, element.count, (*kept, *made))
 
 

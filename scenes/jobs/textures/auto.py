@@ -31,7 +31,7 @@ class AutoCommand(BakeCommand):
 
         from ...formats.glb.textured import textured_glb
 
-        content, _ = textured_glb(source, textures, self.replace_occlusion, w=baked.w, attribute=True)
+        content, _ = textured_glb(source, textures, self.replace_occlusion, w=baked.w, bake=baked)
         with atomic_write(self.output) as file:
             file.write(content)
         each = f"{len(textures)} textures" if len(textures) > 1 else "a texture"

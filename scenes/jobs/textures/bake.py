@@ -153,6 +153,8 @@ class TextureCommand(MeshBake):
             raise ConflictError("half", "needs", "images that end in .exr or .tif")
         if self.bits and not any(path and path.suffix.lower() == ".png" for path in (self.output, self.bent_normals)):
             raise ConflictError("bits", "needs", "w or bent normals in an image that ends in .png")
+        if self.profile and not self.part and self.output.suffix.lower() != ".exr":
+            raise ConflictError("profile", "needs", "a texture that holds one: .exr")
         self.check_up(None, glb)
 
     def outputs(self, pages: Sequence[Page] = ()) -> dict[str, Path | None]:
@@ -227,7 +229,7 @@ class TextureCommand(MeshBake):
         images = {name: page.path(path) for name, path in self._images().items()}
         if images["output"] != self._glb():
             described = {"content": "w, 1 = open", "seed": str(self.seed)}
-            write_grey(images["output"], baked.w, self.half, described, bits)
+            write_grey(images["output"], baked.w, self.half, described, bits, baked.profile)
         if "bent_normals" in images:
             space = {"tangent": "tangent space, +Y", "tangent-directx": "tangent space, -Y"}.get(self.bent_space)
             described = {"content": f"bent normals in {space or 'the space of the mesh'}"}

@@ -21,7 +21,10 @@ from ..look import FLAGS, described
 from .base_colour import BaseColour
 from .encode import Values, encoded
 
-_SCRIPTS = "colour", "data", "camera", "coarse", "surface", "pick", "hover", "controls", "address", "panel", "page"
+_SCRIPTS = (
+    *("colour", "data", "camera", "coarse", "surface", "pick", "hover", "controls", "address", "panel", "distance"),
+    "page",
+)
 _SHADERS = "surface.vert", "surface.frag", "dots.vert", "dots.frag"
 
 

@@ -2,17 +2,17 @@
 
 Positions are 16-bit steps of the bounding box, w 16-bit, error 8-bit on a scale that is finer near 0, flags 8-bit, unit
 vectors octahedral (Cigolle et al. 2014). Vertices at creases are stored again for each further normal. Faces are sorted
-and stored as differences, as are the texels of textures. Of numbers of several bytes, all first bytes come first, then
-all second ones.
+and stored as differences, as are the texels of textures, and the 8-bit columns of a profile each to the one before. Of
+numbers of several bytes, all first bytes come first, then all second ones.
 """
 
 from __future__ import annotations
 
 import gzip
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
@@ -26,8 +26,12 @@ from raytrace.types import AnyFloats, Float64s, Int64s, UInt8s
 from ...geometry.detail import split_creases
 from .base_colour import BaseColour, shrunk
 
+if TYPE_CHECKING:
+    from ao import Profile
+
 MOST = 65535
 _PLACES = (1 << 20) - 1  # steps of texture coordinates
+_STEPS = 16  # of a page's half-distance, an octave
 _LARGEST = 2048  # texels of a texture across or down, which every browser takes
 
 
@@ -54,6 +58,7 @@ class Values:
         w: (n,), in [0, 1].
         error: (n,), standard error of w, in [0, 100]. flags: (n,), `ao.Flag`s. bent_normals: (n, 3), unit or zero.
         name: what to call the bake. textures: what shows w in place of the vertices, or None.
+        profile: w at other half-distances, too. permanent: the command that bakes one of them, which "{}" stands for.
     """
 
     w: AnyFloats
@@ -62,6 +67,8 @@ class Values:
     bent_normals: AnyFloats | None = None
     name: str = "bake"
     textures: TexturedW | None = None
+    profile: Profile | None = None
+    permanent: str = 'baked.profile.at("{}")'
 
     def checked(self, count: int) -> Values:
         """The same as float64 and uint8 arrays for `count` vertices.
@@ -88,7 +95,9 @@ class Values:
             if bad.any():
                 raise OptionError(field, expected, array[bad][0], self.name)
             found[field] = array.astype(np.uint8) if field == "flags" else array
-        return Values(**found, name=self.name, textures=self.textures)
+        if self.profile and self.profile.values.shape[:-1] != (count,):
+            raise OptionError("profile", f"{count:,} rows", self.profile.values.shape, self.name)
+        return replace(self, **found)
 
 
 def encoded(mesh: Mesh, bakes: Sequence[Values], base: BaseColour | None = None) -> tuple[dict[str, Any], bytes]:
@@ -126,6 +135,8 @@ def encoded(mesh: Mesh, bakes: Sequence[Values], base: BaseColour | None = None)
             columns[f"bent{number}"] = _octahedral(bake.bent_normals, 255).astype("u1")
         rmse = 0.0 if bake.error is None else float(np.sqrt(np.mean(bake.error**2)))
         described.append({"name": bake.name, "rmse": rmse, "errorTop": top, "errorShown": _nice(bake.error)})
+        if bake.profile and not bake.textures:
+            described[-1] |= _profile_columns(bake.profile, number, columns) | {"permanent": bake.permanent}
         if bake.textures:
             described[-1] |= _texture_columns(bake.textures, number, columns)
             shown[number] = bake.textures.of[faces[:, 0]]
@@ -143,6 +154,16 @@ def encoded(mesh: Mesh, bakes: Sequence[Values], base: BaseColour | None = None)
     }
     planes = [np.ascontiguousarray(column).reshape(-1, 1).view(np.uint8).T.tobytes() for column in columns.values()]
     return facts, gzip.compress(b"".join(planes), 9, mtime=0)
+
+
+def _profile_columns(profile: Profile, number: int, columns: dict[str, npt.NDArray[Any]]) -> dict[str, Any]:
+    """Put a profile into the columns: what a page's script must know of it."""
+    codes = np.rint(255 * profile.values.T).astype(np.uint8)
+    columns[f"profile{number}"] = np.diff(codes, axis=0, prepend=np.uint8(0))
+    lengths = profile.half_distances
+    steps = np.geomspace(lengths[0], lengths[-1], 1 + round(_STEPS * np.log2(lengths[-1] / lengths[0])))
+    weights = [np.round(profile.weights(step), 5).tolist() for step in steps]
+    return {"halfDistances": steps.tolist(), "weights": weights, "radius": profile.radius}
 
 
 def _texture_columns(textures: TexturedW, number: int, columns: dict[str, npt.NDArray[Any]]) -> dict[str, Any]:

@@ -6,7 +6,8 @@ import html
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from .document import html_page
+from .document import html_of_bakes
+from .encode import Values
 
 if TYPE_CHECKING:
     from ao import Bake
@@ -22,6 +23,8 @@ def framed_page(bake: Bake) -> str | None:
     mesh = bake.mesh
     if len(mesh.vertices) > _MOST:
         return None
-    page = html_page(mesh, bake.w, bake.error, bake.flags, bake.bent_normals, Path(mesh.source).name)
+    name = Path(mesh.source).name
+    values = Values(bake.w, bake.error, bake.flags, bake.bent_normals, name, profile=bake.profile)
+    page = html_of_bakes(mesh, [values], name)
     content = html.escape(page.decode())
     return f'<iframe srcdoc="{content}" width="100%" height="480" style="border: 0"></iframe>'

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
+from shlex import quote
 from typing import NamedTuple
 
 import numpy as np
@@ -16,7 +18,7 @@ from raytrace.types import Float64s, UInt8s
 from ...formats.glb.occlusion import is_ramp
 from ...formats.gltf.textures import Textures
 from ...formats.load import MeshFile, load, mesh_errors
-from ...formats.stored_w import ENDINGS, read_beside_w, read_w, unrepeated
+from ...formats.stored_w import ENDINGS, find_profile, read_beside_w, read_w, unrepeated
 from .base_colour import BaseColour, base_colour
 from .encode import TexturedW, Values
 
@@ -66,7 +68,13 @@ def _values(path: Path, whole: MeshFile, source: MeshFile | None) -> Values:
         w, textures = read_w(path, count), _textures(source)
     else:
         w, textures = source.w[:count], None
-    return Values(w, **read_beside_w(path, count), name=path.name, textures=textures).checked(count)
+    profile = source.profile if source else find_profile(path)
+    if profile and source:
+        profile = replace(profile, values=profile.values[:count])
+    target = path.with_name(f"{path.stem}-falloff{'.glb' if path.suffix.lower() == '.gltf' else path.suffix}").name
+    permanent = f"obscurance falloff {quote(path.name)} --half-distance {{}} -o {quote(target)}"
+    values = Values(w, name=path.name, textures=textures, profile=profile, permanent=permanent)
+    return replace(values, **read_beside_w(path, count)).checked(count)
 
 
 def _textures(source: MeshFile | None) -> TexturedW | None:

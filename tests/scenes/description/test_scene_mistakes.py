@@ -175,7 +175,7 @@ MISTAKES = {
     'obscurance.samples: expected nothing beside form = "off", got 3': (
         '[obscurance]\nform = "off"\nsamples = 3\n' + PLAIN
     ),
-    "obscurance.seed: expected nothing beside baked but form, got 3": (
+    "obscurance.seed: expected nothing beside baked but form, half_distance and power, got 3": (
         '[obscurance]\nbaked = "w.npy"\nseed = 3\n' + PLAIN
     ),
     'obscurance.baked: expected an existing file, got "none.npy"': '[obscurance]\nbaked = "none.npy"\n' + PLAIN,

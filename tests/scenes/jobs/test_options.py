@@ -144,6 +144,7 @@ TOGETHER = {
     "orm": ({"output": "w.glb", "occlusion": "texture"}, {"output": "w.glb", "occlusion": "texture", "orm": True}),
     "bent_space": ({"bent_normals": "b.exr"}, {"bent_normals": "b.exr", "bent_space": "tangent"}),
     "half": ({"output": "w.exr"}, {"output": "w.exr", "half": True}),
+    "profile": ({"output": "w.npz"}, {"output": "w.npz", "profile": True}),
 }
 """Of options that need others, the options of two bakes."""
 APART = {"tiles"}

@@ -9,6 +9,8 @@ async function readMesh(about, base64) {
   const bakes = about.bakes.map((bake, number) => ({
     ...bake,
     w: columns[`w${number}`],
+    asBaked: columns[`w${number}`],
+    columns: bake.weights && profileColumns(columns[`profile${number}`], about.vertices),
     error: columns[`error${number}`],
     flags: columns[`flags${number}`],
     bent: columns[`bent${number}`] && unitVectors(columns[`bent${number}`], 255),

@@ -22,7 +22,8 @@ class Page {
     this.canvas = at("view");
     this.camera = new Camera(about);
     this.surface = new Surface(this.canvas, mesh, about);
-    this.state = { mode: "clay", up: about.up, split: 0.5, vertex: null, scheme: null, ...AS_BAKED };
+    this.state = { mode: "clay", up: about.up, split: 0.5, vertex: null, scheme: null, distance: null, ...AS_BAKED };
+    this.distance = new Distance(this);
     this.dark = matchMedia("(prefers-color-scheme: dark)");
     describe(this);
     addModes(this);
@@ -240,6 +241,7 @@ class Page {
     const ramp = mode === "difference" ? look.difference : look.heat;
     document.documentElement.dataset.scheme = this.scheme;
     hover(this);
+    this.distance.show();
     const state = { ...this.state, coarse: this.coarse, mode: MODES[mode].number, shown, ramp, scheme: this.scheme };
     if (this.coarse || this.mesh.faces.length < 3 * MANY) this.surface.draw(this.camera, state);
     else this.slow = this.surface.timed(this.camera, state) > SLOW;

@@ -104,7 +104,7 @@ function addModes(page) {
 
 function valueOf(page, bake, vertex) {
   const w = (bake.w[vertex] / 65535).toFixed(4);
-  const error = bake.error ? ` ± ${short(bake.errorTop * (bake.error[vertex] / 255) ** 2)}` : "";
+  const error = bake.error && bake.w === bake.asBaked ? ` ± ${short(bake.errorTop * (bake.error[vertex] / 255) ** 2)}` : "";
   const flags = page.about.flags.filter((_, bit) => bake.flags?.[vertex] & (1 << bit)).map(([name]) => name);
   return `w ${w}${error}${flags.length ? `, ${flags.join(", ")}` : ""}`;
 }

@@ -24,6 +24,7 @@ class Surface {
       bent: bent && this.buffer(spread(bent, mesh.origin, 3)),
       place: uv && this.buffer(spread(uv, mesh.origin, 2)),
     }));
+    this.values = values;
     const textures = mesh.bakes.map((bake) => bake.textures.map((each) => this.texture(each)));
     const images = (mesh.base?.images ?? []).map((each) => this.texture(each));
     this.draws = about.draws.map(([faces, ...used]) => ({
@@ -65,6 +66,12 @@ class Surface {
     this.gl.bindBuffer(target, buffer);
     this.gl.bufferData(target, array, this.gl.STATIC_DRAW);
     return buffer;
+  }
+
+  // Other w of a bake.
+  setW(number, w) {
+    this.gl.bindBuffer(this.gl.ARRAY_BUFFER, this.values[number].w);
+    this.gl.bufferData(this.gl.ARRAY_BUFFER, spread(w, this.mesh.origin, 1), this.gl.DYNAMIC_DRAW);
   }
 
   texture({ width, height, wrap, texels, bitmap }) {

@@ -1,0 +1,75 @@
+"""`obscurance falloff`: w at other half-distances, from the profile that a bake has stored, without rays."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, cast
+
+from raytrace.errors import ConflictError, OptionError, SceneError, printable
+from raytrace.system.outputs import check_ending, check_outputs
+
+from ..falloffs import Scales
+from ..formats.images import check_texture_target, write_grey
+from ..formats.load import MeshFile, load
+from ..formats.losses import lost
+from ..formats.stored_w import checked_profile, find_profile, read_beside_w
+from ..formats.table import endings
+from ..jobs.console import warn
+from ..show.page.encode import Values
+from ..write_bake import channels, check_target, write
+
+if TYPE_CHECKING:
+    from ao import Bake
+
+
+def change_falloff(baked: Path, scales: Scales, output: Path, mesh: Path | None) -> str:
+    """Write w at other half-distances in the format of the output's ending, and return a line about it.
+
+    Args: baked: a `.npz`, an `.exr` or a mesh file with a profile. mesh: what a `.npz` belongs to, for other formats.
+
+    Raises:
+        OptionError: a name of another kind of file, or a half-distance outside the profile.
+        MeshError, SceneError: a file cannot be read, or has no profile. OutputError: the output cannot be written.
+    """
+    ending = baked.suffix.lower()
+    check_ending("baked", baked, ".exr", *(each for each in endings("holds", "w") if each != ".npy"))
+    if mesh and ending != ".npz":
+        raise ConflictError("mesh", "needs", "a .npz")
+    if ending == ".exr":
+        check_texture_target("output", output)
+    else:
+        check_target(output)
+    check_outputs({"--output": output}, [baked, *([mesh] if mesh else [])])
+    if ending == ".exr":
+        profile = checked_profile(baked, find_profile(baked))
+        w = scales.of(profile)
+        write_grey(output, w.astype("<f4"), False, {"content": "w, 1 = open"}, profile=profile)
+        count = f"{w.size:,} texels"
+    else:
+        count = f"{_write_vertices(baked, scales, output, mesh):,} vertices"
+    given = zip(scales.half_distances, scales.powers, strict=True)
+    terms = (f"w at {length}" + (f" to the power of {power:g}" if power != 1 else "") for length, power in given)
+    return printable(f"{output}: {' × '.join(terms)}, {count}, no rays traced")
+
+
+def _write_vertices(baked: Path, scales: Scales, output: Path, mesh: Path | None) -> int:
+    """Write a bake to vertices, and return their number."""
+    if baked.suffix.lower() != ".npz":
+        file = load(baked, output)
+        profile = checked_profile(baked, file.profile)
+    else:
+        profile = checked_profile(baked, find_profile(baked))
+        if mesh:
+            file = load(mesh, output)
+        elif output.suffix.lower() in (".npz", ".npy"):
+            file = cast(MeshFile, None)  # of which arrays hold nothing
+        else:
+            raise OptionError("mesh", f"--mesh with the mesh that {baked.name} belongs to", "none")
+    w = scales.of(profile)
+    if file and len(w) != len(file.mesh.vertices):
+        raise SceneError(baked, "profile", f"a row for each of the {len(file.mesh.vertices):,} vertices", f"{len(w):,}")
+    if file:
+        warn([], lost(output, file, channels(output, False, None, False)))
+    made = Values(w, flags=read_beside_w(baked, len(w)).get("flags"), profile=profile)
+    write(output, cast("Bake", made), file)
+    return len(w)

@@ -1,0 +1,22 @@
+"""Bakes with profiles: made up for tests of files, or by a bake for each half-distance."""
+
+from dataclasses import replace
+
+import numpy as np
+
+import ao
+
+
+def with_profile(baked, columns=10, seed=0):
+    """A bake with a profile of random numbers, the first of which are 0 and 1."""
+    values = np.random.default_rng(seed).random((len(baked.w), columns), np.float32)
+    values[:2, 0] = 0, 1
+    lengths = 0.0051 * baked.mesh.radius * 2.0 ** np.arange(columns)
+    return replace(baked, profile=ao.Profile(lengths, values, baked.mesh.radius))
+
+
+def baked_profile(mesh, **options):
+    """A bake with the w of ten more by the same rays: half-distances an octave apart from .5 % of the radius on."""
+    lengths = 0.005 * mesh.radius * 2.0 ** np.arange(10)
+    columns = [ao.bake(mesh, ao.Exponential(half_distance=each), **options).w for each in lengths]
+    return replace(ao.bake(mesh, **options), profile=ao.Profile(lengths, np.stack(columns, axis=1), mesh.radius))
