@@ -76,6 +76,8 @@ def base_colour(file: MeshFile) -> BaseColour | str | None:
 
 def _read(file: MeshFile) -> BaseColour | None:
     faces, asset, detail = file.mesh.faces, file.gltf, file.detail
+    if not asset and (detail is None or (detail.colors is None and detail.paint_of is None)):
+        return None
     light, uv, of = np.ones((*faces.shape, 3)), np.zeros((*faces.shape, 2)), np.full(len(faces), -1)
     numbers: dict[Texture | None, int] = {None: -1}
     if asset:
