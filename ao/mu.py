@@ -103,8 +103,12 @@ def add_losses(columns, distance, share, losses):
     for c in range(len(columns.taus) - 1, -1, -1):
         mu = 0.0
         if columns.taus[c] > 0.0:
-            below = power * power - 1.0 if columns.squares[c] else np.expm1(-columns.taus[c] * distance)
-            power = 1.0 + below
+            if columns.squares[c]:
+                power *= power
+                below = power - 1.0
+            else:
+                below = np.expm1(-columns.taus[c] * distance)
+                power = 1.0 + below
             mu = -below * columns.scales[c]
         elif distance < columns.limits[c] and columns.starts[c] < columns.starts[c + 1]:
             first, last = columns.starts[c], columns.starts[c + 1] - 1

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, TypeVar
 
 import numpy as np
@@ -17,6 +17,7 @@ from raytrace.kernel.vector import add, load, scale, store, subtract
 from raytrace.system.threads import run_blocks, run_ranges
 from raytrace.types import AnyInts, Float32s, Float64s, Int32s, Int64s
 
+T = TypeVar("T")
 Real = TypeVar("Real", np.float32, np.float64)
 Block = Callable[[int, int], None]
 _NOTHING = 1e-6  # of weight
@@ -41,6 +42,7 @@ class Neighbours:
     indices: Int32s
     weights: Float32s
     threads: int
+    _made: list[Any] = field(default_factory=list)
 
     @classmethod
     def of(cls, faces: AnyInts, normals: Float32s, threads: int) -> Neighbours:
@@ -82,6 +84,13 @@ class Neighbours:
     def ring(self) -> tuple[Int64s, Int32s, Float32s]:
         """`starts`, `indices` and `weights`, for kernels."""
         return self.starts, self.indices, self.weights
+
+    def once(self, make: Callable[[], T]) -> T:
+        """What `make` has returned when this was first called."""
+        if not self._made:
+            self._made.append(make())
+        found: T = self._made[0]
+        return found
 
     def predict(self, values: npt.NDArray[Real]) -> npt.NDArray[Real]:
         """The weighted mean of the neighbours' `values` (k,) or (k, 3), the point's own left out; NaN without any."""

@@ -35,14 +35,27 @@ _OUTLIER = 9.0  # a residual of more than three σ is the point's own
 _RIDGE, _RIDGE_POINTS = 3e-3, 10.0
 
 
+class _Shape(NamedTuple):
+    """What denoising takes from where k points lie, float64 (k,).
+
+    Attributes:
+        self_weight: of a point's own value in its mean with its neighbours.
+        leverage: of its own value in the mean of its own and its neighbours' predictions.
+        rise: mean sine by which the neighbours stand above the tangent plane, less that of the neighbours, NaN without.
+    """
+
+    self_weight: Float64s
+    leverage: Float64s
+    rise: Float64s
+
+
 class _Fields(NamedTuple):
     """What denoising reckons at k points, float64 (k,), but (k, 3) for `closed` and `unlike`.
 
     Attributes:
         w, variance: estimates, and their variances; at last denoised, and the mean square errors expected of them.
-        spread: between the batches of a point. self_weight: of a point's own value in its mean with its neighbours.
+        spread: between the batches of a point.
         closed: mean of (1 − μ)·direction. leaning: how far the normal leans to what is closed around the point.
-        rise: mean sine by which the neighbours stand above the tangent plane.
         unlike: how a point differs from its neighbours: in what is around these, in its leaning and in its rise.
         prediction: of w by the neighbours, NaN without any. filled: their mean w, the point's own without any.
         residual: of w from its prediction, 0 without any. excess: its square less the variance.
@@ -52,10 +65,8 @@ class _Fields(NamedTuple):
     w: Float64s
     variance: Float64s
     spread: Float64s
-    self_weight: Float64s
     closed: Float64s
     leaning: Float64s
-    rise: Float64s
     unlike: Float64s
     prediction: Float64s
     filled: Float64s
@@ -72,16 +83,17 @@ def denoise(neighbours: Neighbours, points: Points, rows: Float64s, level: float
 
     Args: rows: (k, COLUMNS), see `gather_hemispheres`. level: mean square error of their w.
     """
-    count, ring, normals, means = len(points), neighbours.ring, points.normals, neighbours.means
+    count, normals, means = len(points), points.normals, neighbours.means
+    shape = neighbours.once(lambda: _shape_of(neighbours, points))
     at = _Fields(*(np.empty((count, 3) if name in ("closed", "unlike") else count) for name in _Fields._fields))
 
-    neighbours.each(bound(_begin, ring, rows, points.origins, normals, at))
-    _, closed, _, spread = means(
-        (at.w, 0.0), (at.closed, 0.0), (at.rise, 0.0), (at.spread, 1.0),
-        then=lambda mean, closed, rise, _: bound(_compare, mean, closed, rise, at),
+    neighbours.each(bound(_begin, rows, normals, at))
+    _, closed, spread = means(
+        (at.w, 0.0), (at.closed, 0.0), (at.spread, 1.0),
+        then=lambda mean, closed, _: bound(_compare, shape, mean, closed, at),
     )  # fmt: skip
     _, closed, spread = means(
-        (at.filled, 1.0), (closed, 1.0), (spread, 1.0), then=lambda wide, *_: bound(_compare_rings, ring, wide, at)
+        (at.filled, 1.0), (closed, 1.0), (spread, 1.0), then=lambda wide, *_: bound(_compare_rings, shape, wide, at)
     )
     closed, spread = means((closed, 1.0), (spread, 1.0))
     typical = float(np.mean(spread)) if count else 0.0
@@ -103,20 +115,24 @@ def denoise(neighbours: Neighbours, points: Points, rows: Float64s, level: float
     neighbours.each(bound(_normal_equations, coefficients, size, at, moments))
     for _ in range(_FIT_REACH - 1):
         moments = means((moments, 1.0))[0]  # which lets go of those before
-    means((moments, 1.0), then=lambda around: bound(_local_fits, around, at))
+    means((moments, 1.0), then=lambda around: bound(_local_fits, shape, around, at))
     means((neighbours.smooth(at.excess, _REACH - 1), 1.0), then=lambda beyond: bound(_shrink, beyond, spread, at))
     return at.w, shrunk_to_mean(at.variance)
 
 
+def _shape_of(neighbours: Neighbours, points: Points) -> _Shape:
+    ring, shape = neighbours.ring, _Shape(*(np.empty(len(points)) for _ in _Shape._fields))
+    neighbours.each(bound(_measure, ring, points.origins, points.normals, shape))
+    (rise,) = neighbours.means((shape.rise, 0.0), then=lambda mean: bound(_compare_shapes, ring, shape, mean))
+    return shape._replace(rise=rise)
+
+
 @kernel
-def _begin(ring, rows, origins, normals, at, first, last):
-    """Fill in `w`, `spread`, `self_weight`, `closed` and `rise`, where a neighbour below counts as 0."""
+def _measure(ring, origins, normals, shape, first, last):
+    """Fill in `self_weight`, and `rise` of points alone, where a neighbour below counts as 0."""
     starts, indices, weights = borrow(ring)
-    rows, origins, normals, at = borrow(rows), borrow(origins), borrow(normals), borrow(at)
+    origins, normals, shape = borrow(origins), borrow(normals), borrow(shape)
     for i in range(first, last):
-        at.w[i], at.spread[i] = rows[i, W], rows[i, BATCH_VARIANCE]
-        for axis in range(3):
-            at.closed[i, axis] = 2.0 / 3.0 * normals[i, axis] - rows[i, BENT + axis]
         whole, rise = 1.0, 0.0
         for k in range(starts[i], starts[i + 1]):
             height = squared = 0.0
@@ -127,11 +143,36 @@ def _begin(ring, rows, origins, normals, at, first, last):
             if height > 0.0:
                 rise += height / np.sqrt(squared)
             whole += weights[k]
-        at.rise[i], at.self_weight[i] = rise / max(starts[i + 1] - starts[i], 1), 1.0 / whole
+        shape.rise[i], shape.self_weight[i] = rise / max(starts[i + 1] - starts[i], 1), 1.0 / whole
 
 
 @kernel
-def _compare(mean, closed, rise, at, first, last):
+def _compare_shapes(ring, shape, mean, first, last):
+    """Fill in `leverage`, and turn the neighbours' mean `rise` into what the point's own has beyond it."""
+    starts, indices, weights = borrow(ring)
+    shape = borrow(shape)
+    for i in range(first, last):
+        leverage = 0.0
+        for k in range(starts[i], starts[i + 1]):
+            whole = 1.0 / shape.self_weight[indices[k]] - 1.0
+            if whole > 1e-6:
+                leverage += weights[k] * weights[k] / whole
+        shape.leverage[i] = leverage / (1.0 / shape.self_weight[i] - 1.0 + 1.0)
+        mean[i] = shape.rise[i] - mean[i]
+
+
+@kernel
+def _begin(rows, normals, at, first, last):
+    """Fill in `w`, `spread` and `closed`."""
+    rows, normals, at = borrow(rows), borrow(normals), borrow(at)
+    for i in range(first, last):
+        at.w[i], at.spread[i] = rows[i, W], rows[i, BATCH_VARIANCE]
+        for axis in range(3):
+            at.closed[i, axis] = 2.0 / 3.0 * normals[i, axis] - rows[i, BENT + axis]
+
+
+@kernel
+def _compare(shape, mean, closed, at, first, last):
     """Compare points with the means of their neighbours' `w`, `closed` and `rise`."""
     for i in range(first, last):
         alone = np.isnan(mean[i])
@@ -139,24 +180,15 @@ def _compare(mean, closed, rise, at, first, last):
             store(closed, i, load(at.closed, i))
         at.prediction[i], at.filled[i] = mean[i], at.w[i] if alone else mean[i]
         at.residual[i] = 0.0 if alone else at.w[i] - mean[i]
-        at.unlike[i, 2] = 0.0 if alone else at.rise[i] - rise[i]
+        at.unlike[i, 2] = 0.0 if alone else shape.rise[i]
 
 
 @kernel
-def _compare_rings(ring, wide, at, first, last):
-    """Compare the mean of the neighbours with that of their neighbours, from which the point's own w is taken out.
-
-    The leverage of a point is the weight of its own value in the mean of its own and its neighbours' predictions.
-    """
-    starts, indices, weights = borrow(ring)
-    at = borrow(at)
+def _compare_rings(shape, wide, at, first, last):
+    """Compare the mean of the neighbours with that of their neighbours, from which the point's own w is taken out."""
+    shape, at = borrow(shape), borrow(at)
     for i in range(first, last):
-        leverage = 0.0
-        for k in range(starts[i], starts[i + 1]):
-            whole = 1.0 / at.self_weight[indices[k]] - 1.0
-            if whole > 1e-6:
-                leverage += weights[k] * weights[k] / whole
-        leverage /= 1.0 / at.self_weight[i] - 1.0 + 1.0
+        leverage = shape.leverage[i]
         beside = (wide[i] - leverage * at.w[i]) / (1.0 - leverage) - at.filled[i]
         at.unlike[i, 0] = 0.0 if np.isnan(at.prediction[i]) else beside
 
@@ -222,7 +254,7 @@ def _normal_equations(coefficients, size, at, out, first, last):
 
 
 @kernel
-def _local_fits(moments, at, first, last):
+def _local_fits(shape, moments, at, first, last):
     """Correct predictions by fits around each point, shrunk to 0 as if a typical surrounding had that for a result."""
     at = borrow(at)
     for i in range(first, last):
@@ -232,7 +264,7 @@ def _local_fits(moments, at, first, last):
         row, determinant = load(at.unlike, i), dot(x, yz)
         solved = add(add(scale(row[0], yz), scale(row[1], zx)), scale(row[2], xy))
         at.prediction[i] += dot(solved, (m[6], m[7], m[8])) / determinant
-        own = at.self_weight[i]  # of four rounds of `smooth` about own (1 + own) / 2, for valences from 1 to 8
+        own = shape.self_weight[i]  # of four rounds of `smooth` about own (1 + own) / 2, for valences from 1 to 8
         at.part[i] = min(dot(solved, row) / determinant * at.weight[i] * (own * (1.0 + own) / 2.0), 0.5)
         at.residual[i] = 0.0 if np.isnan(at.prediction[i]) else at.w[i] - at.prediction[i]
         at.excess[i] = at.residual[i] ** 2 - at.variance[i]
