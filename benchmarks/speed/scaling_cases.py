@@ -29,8 +29,8 @@ def cases() -> dict[str, Callable[[], Callable[[int], object]]]:
         found[f"{name}-64"] = functools.partial(_vertices, make, samples=64)
         found[f"{name}-.01"] = functools.partial(_vertices, make, tolerance=0.01)
     found["render"] = _rendering
-    found["texture-stone"] = functools.partial(_texture, meshes["stone"])
-    found["texture-temple"] = functools.partial(_texture, meshes["temple"])
+    found["texture-stone"] = functools.partial(_texture, meshes["stone"], 1024)
+    found["texture-temple"] = functools.partial(_texture, meshes["temple"], 512)
     return found
 
 
@@ -39,13 +39,13 @@ def _vertices(make: Callable[[], Mesh], **options: Any) -> Callable[[int], objec
     return lambda threads: ao.bake(mesh, threads=threads, **options)
 
 
-def _texture(make: Callable[[], Mesh]) -> Callable[[int], object]:
-    """64 rays a texel of 1024²."""
+def _texture(make: Callable[[], Mesh], size: int) -> Callable[[int], object]:
+    """64 rays a texel of a square of this size."""
     from scenes.jobs.textures.unwrap import unwrap
 
     mesh = make()
-    uv = unwrap(mesh, 1024)
-    return lambda threads: ao.bake_texture(mesh, uv, 1024, samples=64, threads=threads)
+    uv = unwrap(mesh, size)
+    return lambda threads: ao.bake_texture(mesh, uv, size, samples=64, threads=threads)
 
 
 def _rendering() -> Callable[[int], object]:

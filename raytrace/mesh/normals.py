@@ -66,10 +66,10 @@ def vertex_sums(
     """
     sums, magnitude = np.zeros((len(vertices), 3)), np.zeros(len(vertices))
     vertices, faces = np.ascontiguousarray(vertices, np.float64), np.ascontiguousarray(faces, np.int64)
-    weights = np.ones((len(faces), 3))  # (12.31)
-    if weighting == "area":
-        weights *= areas[:, None]  # (12.32)
-    elif weighting == "angle":
+    weights = np.empty((len(faces), 3))
+    if weighting != "angle":
+        weights[:] = areas[:, None] if weighting == "area" else 1.0  # (12.32), (12.31)
+    else:
 
         def measure(first: int, last: int) -> None:
             _angles(vertices, faces[first:last], areas[first:last], weights[first:last])

@@ -37,7 +37,6 @@ def ray_origins(
         numbers: int64 (k,), the number of each point; points may share one.
         magnitude: (k,), what `surface.magnitudes(face_points, …)` has for that number.
     """
-    directions, clearance, magnitude = directions.copy(), clearance.copy(), magnitude.copy()
     offset = ray_offset(directions, magnitude, clearance)
     touching, decided = contact_radius(points), np.zeros(len(points), np.bool_)
     reach = np.maximum(_BLURRED * offset, touching)  # so far that turning a direction seldom asks for more
@@ -46,6 +45,7 @@ def ray_origins(
     touches = near.distance <= np.maximum(touching[near.point], surface.rounding[near.face])
     touched, blurred = near.only(touches), near.point[~touches & (near.distance <= (reach * clearance)[near.point])]
     if len(touched.point):
+        directions, clearance, magnitude = directions.copy(), clearance.copy(), magnitude.copy()
         found = directions, clearance, decided
         turn_directions(found, surface, points, touched, face_points, numbers)
         np.maximum.at(magnitude, touched.point, np.maximum(surface.extent[touched.face], surface.flat[touched.face]))
