@@ -4,9 +4,11 @@ import math
 
 import numpy as np
 import pytest
+from meshes import crumpled, hills, soup_over_floor
 
 import ao
 from ao.analytic import closed_forms
+from raytrace import Mesh
 from raytrace.errors import OptionError
 
 HALF_DISTANCES = 0.005 * 2.0 ** np.arange(10)
@@ -41,6 +43,18 @@ def test_closed_forms_at_quarter_octaves(form, size):
     profile = ao.Profile(HALF_DISTANCES, values, 1.0)
     errors = [profile.at(each)[0] - form(size, math.log(2) / each) for each in QUARTERS]
     assert np.abs(errors).max() < 0.003
+
+
+def test_every_vertex_of_ten_meshes_at_quarter_octaves():
+    meshes = [soup_over_floor(seed) for seed in range(5)] + [crumpled(hills(9), 0.1 * seed, seed) for seed in range(5)]
+    for vertices, faces in meshes:
+        mesh = Mesh(vertices, faces)
+        between = [each * mesh.radius for number, each in enumerate(QUARTERS) if number % 4]
+        asked = [ao.Exponential(half_distance=each) for each in between]
+        baked = ao.bake(mesh, asked, samples=16, denoise=False, profile=True)
+        found = np.stack([baked.profile.at(each) for each in between], axis=1)
+        assert np.abs(found - baked.values).max() < 0.004
+        assert np.ptp(baked.values) > 0.1
 
 
 def test_columns_and_open_places_are_met_exactly():

@@ -22,8 +22,8 @@ from .base_colour import BaseColour
 from .encode import Values, encoded
 
 _SCRIPTS = (
-    *("colour", "data", "camera", "coarse", "surface", "pick", "hover", "controls", "address", "panel", "distance"),
-    "page",
+    *("colour", "data", "camera", "coarse", "target", "surface", "pick", "hover"),
+    *("controls", "address", "panel", "distance", "page"),
 )
 _SHADERS = "surface.vert", "surface.frag", "dots.vert", "dots.frag"
 

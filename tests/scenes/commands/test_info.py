@@ -35,6 +35,22 @@ def test_json_tells_of_w_that_a_bake_has_left(tmp_path):
     assert found["occlusion_textures"] == {"primitives": 1, "textured": 1, "ramps": 1}
 
 
+@pytest.mark.parametrize(("ending", "stored"), [("ply", "32-bit floats"), ("glb", "16-bit integers")])
+def test_a_profile_is_described(tmp_path, ending, stored):
+    (tmp_path / "hills.obj").write_bytes(obj(*hills(6)))
+    baked = tmp_path / f"w.{ending}"
+    done = obscurance("bake", tmp_path / "hills.obj", "-o", baked, "--samples", 4, "--profile")
+    assert done.returncode == 0, done.stderr
+    found = json.loads(obscurance("info", baked, "--json").stdout)
+    lengths = found["stored_profile"]["half_distances"]
+    assert len(lengths) == 10
+    assert lengths[0] == pytest.approx(0.005 * found["radius"])
+    rows = dict(line.split(maxsplit=1) for line in obscurance("info", baked).stdout.splitlines())
+    assert rows["profile"].startswith("w at 10 half-distances, ")
+    assert rows["profile"].endswith(f" (0.5 to 256 % of the radius), as {stored}")
+    assert json.loads(obscurance("info", tmp_path / "hills.obj", "--json").stdout)["stored_profile"] is None
+
+
 def test_standard_input_is_described(monkeypatch):
     monkeypatch.setattr(sys, "stdin", SimpleNamespace(buffer=io.BytesIO(ply()), isatty=lambda: False))
     found = json.loads(obscurance("info", "-", "--json").stdout)

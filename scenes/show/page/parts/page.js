@@ -116,21 +116,23 @@ class Page {
 
   rest() {
     writeAddress(this);
-    if (!this.coarse || this.held) return;
-    this.coarse = false;
+    if (!(this.coarse || this.hasty) || this.held) return;
+    this.coarse = this.hasty = false;
     this.draw();
   }
 
-  // The camera or the slider has moved; while that goes on, slow pictures are coarse. held: by a pointer that is down.
+  // The camera or a slider has moved; while that goes on, slow pictures are hasty, of large meshes coarse. held: by a
+  // pointer that is down.
   moved(held) {
     this.held = held;
-    this.coarse = Boolean(this.slow);
+    this.hasty = Boolean(held && this.slow);
+    this.coarse = Boolean(this.slow && this.mesh.faces.length >= 3 * MANY);
     this.changed();
   }
 
   released() {
     this.held = false;
-    if (this.coarse) this.changed();
+    if (this.coarse || this.hasty) this.changed();
   }
 
   slide(split, held) {
@@ -148,7 +150,7 @@ class Page {
 
   // The picture as a PNG file, whole.
   save() {
-    if (this.coarse) this.coarse = this.held = false;
+    this.coarse = this.hasty = this.held = false;
     this.draw();
     this.canvas.toBlob((blob) => {
       const link = Object.assign(document.createElement("a"), { download: `${this.about.title}.png`, href: URL.createObjectURL(blob) });
@@ -242,9 +244,9 @@ class Page {
     document.documentElement.dataset.scheme = this.scheme;
     hover(this);
     this.distance.show();
-    const state = { ...this.state, coarse: this.coarse, mode: MODES[mode].number, shown, ramp, scheme: this.scheme };
-    if (this.coarse || this.mesh.faces.length < 3 * MANY) this.surface.draw(this.camera, state);
-    else this.slow = this.surface.timed(this.camera, state) > SLOW;
+    const state = { ...this.state, coarse: this.coarse, hasty: this.hasty, mode: MODES[mode].number, shown, ramp, scheme: this.scheme };
+    if (this.coarse || this.hasty) this.surface.draw(this.camera, state);
+    else this.surface.timed(this.camera, state).then((took) => (this.slow = took > SLOW));
     const { split, low, high, strength } = this.state;
     const said = [mode, this.scheme, split, low, high, strength].join();
     if (said !== this.said) showPanel(this, mode, shown);

@@ -4,8 +4,9 @@ const ATTRIBUTES = ["position", "normal", "bent", "w", "otherW", "error", "colou
 
 class Surface {
   constructor(canvas, mesh, about) {
-    this.gl = canvas.getContext("webgl2", { antialias: true, alpha: false, preserveDrawingBuffer: true });
+    this.gl = canvas.getContext("webgl2", { antialias: false, depth: false, preserveDrawingBuffer: true });
     if (!this.gl) throw new Error("WebGL 2 is not to be had in this browser.");
+    this.target = new Target(this.gl);
     this.look = about.look;
     this.surfaceProgram = this.program("surface");
     this.dotsProgram = this.program("dots");
@@ -141,18 +142,22 @@ class Surface {
     return this.drawn.reduce((sum, { corners }) => sum + corners, 0) / 3;
   }
 
-  // Milliseconds until the picture is there: a pixel of it is waited for.
-  timed(camera, state) {
+  // Milliseconds until the picture is there, once it is.
+  async timed(camera, state) {
+    const gl = this.gl;
     const start = performance.now();
     this.draw(camera, state);
-    this.gl.readPixels(0, 0, 1, 1, this.gl.RGBA, this.gl.UNSIGNED_BYTE, new Uint8Array(4));
+    const drawn = gl.fenceSync(gl.SYNC_GPU_COMMANDS_COMPLETE, 0);
+    gl.flush();
+    while (gl.getSyncParameter(drawn, gl.SYNC_STATUS) === gl.UNSIGNALED) await new Promise((done) => setTimeout(done, 5));
+    gl.deleteSync(drawn);
     return performance.now() - start;
   }
 
-  // state: coarse, mode, low, high, strength, shown (end of the legend), ramp (five sRGB colours), split (share of the width), scheme.
+  // state: coarse, hasty (for machines that draw slowly: half as many pixels, not smoothed), mode, low, high, strength, shown (end of the legend), ramp (five sRGB colours), split (share of the width), scheme.
   draw(camera, state) {
     const gl = this.gl;
-    const { width, height } = gl.canvas;
+    const [width, height] = this.target.begin(state.hasty);
     gl.viewport(0, 0, width, height);
     gl.clearColor(...this.look.background[state.scheme].map(encodedSrgb), 1);
     gl.disable(gl.SCISSOR_TEST);
@@ -163,6 +168,7 @@ class Surface {
       gl.scissor(number ? edge : 0, 0, number ? width - edge : edge, height);
       this.drawSide(side, camera, state, width / height);
     });
+    this.target.show();
   }
 
   drawSide(side, camera, state, aspect) {
@@ -188,18 +194,18 @@ class Surface {
     this.drawn = draws;
     gl.bindVertexArray(side.surface);
     gl.bindBuffer(gl.ELEMENT_ARRAY_BUFFER, index);
-    this.drawFaces(side, draws, uniforms);
+    this.drawFaces(side, draws, uniforms, state.hasty);
     if (state.mode === MODES.flags.number && side.dots.count) this.drawDots(side.dots, toClip, camera.position);
   }
 
   // Backs of faces are moved away a little: where they meet fronts at an edge, rounding would let some pixels through.
-  drawFaces({ number }, draws, uniforms) {
+  drawFaces({ number }, draws, uniforms, hasty) {
     const gl = this.gl;
     gl.uniform1i(uniforms.page, 0);
     gl.uniform1i(uniforms.otherPage, 1);
     gl.uniform1i(uniforms.image, 2);
-    gl.enable(gl.CULL_FACE);
-    for (const [hidden, away] of [[gl.BACK, 0], [gl.FRONT, 1]]) {
+    hasty ? gl.disable(gl.CULL_FACE) : gl.enable(gl.CULL_FACE);
+    for (const [hidden, away] of [[gl.BACK, 0], [gl.FRONT, 1]].slice(hasty ? 1 : 0)) {
       gl.cullFace(hidden);
       away ? gl.enable(gl.POLYGON_OFFSET_FILL) : gl.disable(gl.POLYGON_OFFSET_FILL);
       gl.polygonOffset(1, 1);
