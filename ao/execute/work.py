@@ -15,7 +15,7 @@ Span = tuple[int, int]
 Advance = Callable[[int], None]
 Finished = Callable[[int, int], None]
 FillSpans = Callable[["Work", Any, Sequence[Span], Tables, int, Finished], None]  # `fill_spans`, or by other machines
-_EACH = 4  # blocks for each thread; where rows are few, blocks are smaller for that, to a sixteenth
+_EACH = 4  # blocks for each thread; where rows are few, blocks are smaller for that, to a quarter
 _MOST_RAYS = 1 << 17  # of blocks made at once: what Ctrl-C waits for
 
 
@@ -57,7 +57,7 @@ def fill(work: Work, scene: Any, tables: Tables, threads: int, advance: Advance 
 def fill_spans(work: Work, scene: Any, spans: Sequence[Span], tables: Tables, threads: int, finished: Finished) -> None:
     """Make the rows of `spans` on threads. Args: finished: called on this one, with a first and a last row."""
     write, rows = work.writer(scene, tables), sum(last - first for first, last in spans)
-    size = max(min(work.block, rows // (_EACH * threads)), -(-work.block // 16))
+    size = max(min(work.block, rows // (_EACH * threads)), -(-work.block // 4))
     most = int(_MOST_RAYS / (size * max(work.rays, 1)))
     blocks = [(first + a, first + b) for first, last in spans for a, b in shares(last - first, size, threads, most)]
     made: deque[Span] = deque()
