@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import os
 from collections.abc import Iterator
 from typing import Any
 
@@ -61,17 +62,21 @@ def coincident(positions: Float32s, faces: Int64s) -> Int64s:
 
 def first_alike(values: npt.NDArray[Any]) -> Int64s:
     """The first of the rows of `values` (n, any) that are equal bit by bit to each row, (n,)."""
-    first = np.empty(len(values), np.int64)
-    _find_first(np.ascontiguousarray(values).view(np.uint32), np.zeros(2 << len(values).bit_length(), np.uint32), first)
+    first, table = np.empty(len(values), np.int64), np.zeros(2 << len(values).bit_length(), np.uint32)
+    key = np.frombuffer(os.urandom(8), np.uint64)[0]  # so that no file is made of positions that collide
+    _find_first(np.ascontiguousarray(values).view(np.uint32), key, table, first)
     return first
 
 
 @kernel
-def _find_first(words, table, first):
-    """Args: words: (n, any). table: of zeros, a power of two and more than n; filled with rows, from 1 on, by hash."""
+def _find_first(words, key, table, first):
+    """Args:
+    words: (n, any). key: uint64, any.
+    table: of zeros, a power of two and more than n; filled with rows, from 1 on, by hash.
+    """
     last = len(table) - 1
     for i in range(len(words)):
-        hashed = np.uint64(0)
+        hashed = key
         for k in range(words.shape[1]):
             hashed = (hashed ^ np.uint64(words[i, k])) * np.uint64(0x9E3779B97F4A7C15)
             hashed ^= hashed >> np.uint64(32)
