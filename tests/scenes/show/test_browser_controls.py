@@ -162,6 +162,7 @@ def test_all_modes_are_in_view_in_a_small_window(tab, pages):
     for width, height in ((500, 300), (700, 300)):
         opened(tab, pages.two + HOME)
         tab.open(pages.two + HOME, width=width, height=height)
+        tab.wait("document.documentElement.dataset.firstPicture")
         boxes = "[...document.querySelectorAll('#modes input')].map((e) => e.getBoundingClientRect().bottom)"
         assert len(tab.run(boxes)) == 6
         assert max(tab.run(boxes)) < height

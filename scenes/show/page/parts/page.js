@@ -121,7 +121,7 @@ class Page {
     this.draw();
   }
 
-  // The camera or a slider has moved; while that goes on, slow pictures are hasty, of large meshes coarse. held: by a
+  // The camera or a slider has moved; while that goes on, slow pictures are hasty and small, of large meshes coarse. held: by a
   // pointer that is down.
   moved(held) {
     this.held = held;
@@ -174,7 +174,8 @@ class Page {
   }
 
   resize() {
-    const ratio = devicePixelRatio || 1;
+    const ratio = (devicePixelRatio || 1) / (this.hasty ? 3 : 1);
+    this.small = this.hasty;
     this.canvas.width = Math.max(1, Math.round(this.canvas.clientWidth * ratio));
     this.canvas.height = Math.max(1, Math.round(this.canvas.clientHeight * ratio));
   }
@@ -244,6 +245,7 @@ class Page {
     document.documentElement.dataset.scheme = this.scheme;
     hover(this);
     this.distance.show();
+    if (this.small !== this.hasty) this.resize();
     const state = { ...this.state, coarse: this.coarse, hasty: this.hasty, mode: MODES[mode].number, shown, ramp, scheme: this.scheme };
     if (this.coarse || this.hasty) this.surface.draw(this.camera, state);
     else this.surface.timed(this.camera, state).then((took) => (this.slow = took > SLOW));

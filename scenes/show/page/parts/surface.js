@@ -154,7 +154,7 @@ class Surface {
     return performance.now() - start;
   }
 
-  // state: coarse, hasty (for machines that draw slowly: half as many pixels, not smoothed), mode, low, high, strength, shown (end of the legend), ramp (five sRGB colours), split (share of the width), scheme.
+  // state: coarse, hasty (for machines that draw slowly: not smoothed), mode, low, high, strength, shown (end of the legend), ramp (five sRGB colours), split (share of the width), scheme.
   draw(camera, state) {
     const gl = this.gl;
     const [width, height] = this.target.begin(state.hasty);

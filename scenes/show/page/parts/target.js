@@ -1,4 +1,4 @@
-// What is drawn into before the canvas shows it: four samples a pixel, or, in haste, one for four pixels.
+// What is drawn into before the canvas shows it: four samples a pixel, or, in haste, one.
 
 const SAMPLES = 4;
 
@@ -16,7 +16,7 @@ class Target {
   begin(hasty) {
     const gl = this.gl;
     const { width, height } = gl.canvas;
-    const size = hasty ? [Math.ceil(width / 2), Math.ceil(height / 2)] : [width, height];
+    const size = [width, height];
     const now = (this.now = this.kept[hasty ? 1 : 0]);
     gl.bindFramebuffer(gl.FRAMEBUFFER, now.framebuffer);
     if (String(size) !== String(now.size)) {
@@ -32,11 +32,11 @@ class Target {
 
   show() {
     const gl = this.gl;
-    const { framebuffer, size, samples } = this.now;
+    const { framebuffer, size } = this.now;
     gl.bindFramebuffer(gl.READ_FRAMEBUFFER, framebuffer);
     gl.bindFramebuffer(gl.DRAW_FRAMEBUFFER, null);
     gl.disable(gl.SCISSOR_TEST);
-    gl.blitFramebuffer(0, 0, ...size, 0, 0, gl.canvas.width, gl.canvas.height, gl.COLOR_BUFFER_BIT, samples ? gl.NEAREST : gl.LINEAR);
+    gl.blitFramebuffer(0, 0, ...size, 0, 0, ...size, gl.COLOR_BUFFER_BIT, gl.NEAREST);
     gl.bindFramebuffer(gl.FRAMEBUFFER, null);
   }
 }
