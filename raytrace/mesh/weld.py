@@ -70,9 +70,11 @@ def first_alike(values: npt.NDArray[Any]) -> Int64s:
 
 @kernel
 def _find_first(words, key, table, first):
-    """Args:
-    words: (n, any). key: uint64, any.
-    table: of zeros, a power of two and more than n; filled with rows, from 1 on, by hash.
+    """Fill in the `first` row (n,) that is equal to each one.
+
+    Args:
+        words: (n, any). key: uint64, any.
+        table: of zeros, a power of two and more than n; filled with rows, from 1 on, by hash.
     """
     last = len(table) - 1
     for i in range(len(words)):
