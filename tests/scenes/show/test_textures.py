@@ -29,7 +29,7 @@ def test_texels_coordinates_and_modes_are_those_of_the_file(tmp_path):
     assert np.array_equal(texels_of(page), CODES)
     uv = columns["uv0"].reshape(-1, 2) * about["uvStep"] + about["uvLow"]
     assert np.allclose(uv[:4], UV, atol=2e-6)
-    assert facts["draws"] == [[2, 0], [2, -1]]
+    assert facts["draws"] == [[2, 0, -1], [2, -1, -1]]  # the last: images of base colours, of which there are none
     assert np.allclose(columns["w0"][4:] / 65535, 0.25, atol=1e-5)
 
 
