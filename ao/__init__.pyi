@@ -12,5 +12,5 @@ from .prepared import PreparedMesh as PreparedMesh
 from .prepared import prepare as prepare
 from .profile import Profile as Profile
 from .result import Bake as Bake
-from .texture.baking import bake_texture as bake_texture
+from .texture.bake_texture import bake_texture as bake_texture
 from .texture.result import BakedTexture as BakedTexture

@@ -16,7 +16,7 @@ from .execute.tracer import Tracer
 from .points.points import Points
 from .prepared import Prepared
 from .rays.below_face import leave_out_below, with_alpha
-from .rays.estimate import W
+from .rays.estimator import W
 from .result import Interpolation
 from .texture.surface_points import Faces
 

@@ -13,7 +13,7 @@ from raytrace.types import Float64s, Int64s
 from ..execute.tracer import Tracer
 from ..points.corners import CornerSamples
 from ..points.points import Points
-from ..rays.estimate import BATCH_VARIANCE, BENT, VALUES, W
+from ..rays.estimator import BATCH_VARIANCE, BENT, VALUES, W
 from .calibration import Calibration, calibration_factor, distribute_variance, shrunk_to_mean
 from .one_ring import Neighbours
 from .ray_budget import sampling_variance

@@ -13,7 +13,7 @@ from raytrace.types import Bools, Float64s, Int64s
 
 from ..execute.tracer import Tracer
 from ..points.points import Points
-from ..rays.estimate import W
+from ..rays.estimator import W
 from .one_ring import Neighbours
 from .ray_budget import Pilots, plan, sampling_variance
 

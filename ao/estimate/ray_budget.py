@@ -10,7 +10,7 @@ from raytrace.types import Float64s, Int64s
 
 from ..execute.tracer import Tracer
 from ..points.points import Points
-from ..rays.estimate import W
+from ..rays.estimator import W
 from .one_ring import Neighbours
 
 _LEAST = 16  # rays a point

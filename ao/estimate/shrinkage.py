@@ -25,7 +25,7 @@ from raytrace.kernel.vector import add, cross, dot, load, scale, store
 from raytrace.types import Float64s
 
 from ..points.points import Points
-from ..rays.estimate import BATCH_VARIANCE, BENT, W
+from ..rays.estimator import BATCH_VARIANCE, BENT, W
 from .calibration import distribute_variance, shrunk_to_mean
 from .one_ring import Block, Neighbours
 

@@ -18,7 +18,7 @@ from raytrace.types import Bools, Float64s, Int64s
 from ..execute.tracer import Tracer
 from ..options import Options
 from ..points.points import Points
-from ..rays.estimate import BENT, COLUMNS, VALUES, W
+from ..rays.estimator import BENT, COLUMNS, VALUES, W
 from .calibration import Calibration, calibration_factor
 from .one_ring import Neighbours
 from .probes import Probes, derive

@@ -12,10 +12,10 @@ from raytrace.types import Bools, Float64s, Int64s
 
 from ..mu import KernelMu
 from ..points.points import Points
-from ..rays.estimate import COLUMNS
+from ..rays.estimator import COLUMNS
 from ..rays.ray_scene import RayScene
 from .checkpoint import NOTHING_KEPT, Checkpoint
-from .hemispheres import Hemispheres
+from .hemisphere_work import Hemispheres
 
 Progress = Callable[[int, int], None]
 T = TypeVar("T")

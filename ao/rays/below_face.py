@@ -16,7 +16,7 @@ from raytrace.mesh.opacity_lookup import alphas
 from raytrace.types import AnyFloats, Float32s, Int64s
 
 from .directions import choose, turned_frame
-from .estimate import BATCH_VARIANCE, BENT, COLUMNS, W
+from .estimator import BATCH_VARIANCE, BENT, COLUMNS, W
 
 _NOTHING = 1e-9  # of the rays lost: rounding
 

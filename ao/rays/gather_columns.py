@@ -15,7 +15,7 @@ from raytrace.kernel.simd_masks import lowest_bit
 
 from ..mu import add_losses
 from .directions import BATCHES, choose, turned_frame
-from .estimate import write_estimate
+from .estimator import write_estimate
 from .layers import clear, rays_that_met
 from .passing import trace
 from .ray_blocks import T_MISS, init_rays

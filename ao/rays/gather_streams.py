@@ -1,4 +1,4 @@
-"""The estimator of `ao.rays.hemisphere` with all rays of a point in one traversal of our own hierarchy."""
+"""The estimator of `ao.rays.gather_packets` with all rays of a point in one traversal of our own hierarchy."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from raytrace.kernel.simd_masks import lowest_bit
 
 from ..mu import fades
 from .directions import choose, turned_frame
-from .estimate import BATCHES, write_estimate
+from .estimator import BATCHES, write_estimate
 from .layers import clear, lost, rays_that_met
 from .ray_blocks import init_rays
 from .traverse import traverse

@@ -15,7 +15,7 @@ from ..mu import KernelMu, fades
 from ..options import MAX_SAMPLES, Traversal
 from ..points.points import Points
 from .directions import DirectionTable
-from .estimate import COLUMNS, W
+from .estimator import COLUMNS, W
 from .gather_streams import gather_streams
 from .ray_blocks import Rays
 from .ray_scene import RayScene

@@ -16,7 +16,7 @@ from ..points.points import Points
 from ..prepared import Prepared
 from ..rays.below_face import leave_out_below
 from ..rays.directions import DirectionTable
-from ..rays.estimate import BATCH_VARIANCE, COLUMNS
+from ..rays.estimator import BATCH_VARIANCE, COLUMNS
 from .texels import Texels
 
 _ENOUGH = 8  # rays of a point, so that more points are worth their time

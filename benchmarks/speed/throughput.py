@@ -21,8 +21,8 @@ from ao import Binary, Exponential
 from ao.mu import KernelMu
 from ao.points.receivers import find_receivers
 from ao.rays.directions import DirectionTable, choose, turned_frame
-from ao.rays.estimate import COLUMNS
-from ao.rays.hemisphere import gather_hemispheres
+from ao.rays.estimator import COLUMNS
+from ao.rays.gather_packets import gather_hemispheres
 from ao.rays.ray_packet import RayPacket
 from ao.report import versions
 from benchmarks import RESULTS
@@ -80,7 +80,7 @@ def bare(scene, packet, valid, origins, directions, reach, closest, hits):
 
 @kernel
 def world_directions(normals, numbers, table, out):
-    """The directions that `ao.rays.hemisphere.gather_hemispheres` would trace, float32 (k, 3, samples)."""
+    """The directions that `ao.rays.gather_packets.gather_hemispheres` would trace, float32 (k, 3, samples)."""
     local = table.directions
     for i in range(len(normals)):
         chosen, turn = choose(numbers[i], table)

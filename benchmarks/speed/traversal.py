@@ -15,9 +15,9 @@ import numpy as np
 
 from ao.points.receivers import find_receivers
 from ao.rays.directions import DirectionTable
-from ao.rays.estimate import COLUMNS, W
+from ao.rays.estimator import COLUMNS, W
+from ao.rays.gather_packets import gather_hemispheres
 from ao.rays.gather_streams import gather_streams
-from ao.rays.hemisphere import gather_hemispheres
 from ao.rays.ray_blocks import Rays
 from ao.rays.ray_packet import RayPacket
 from ao.rays.traverse import TraversalState

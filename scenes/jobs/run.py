@@ -20,7 +20,7 @@ from .batch import Batch
 from .inputs import expand, is_pattern, outputs_in
 from .manifest import is_batch_of_parts, merge_batch
 from .options import BAKE, SORTS, Format, check_sort, check_together, defaults
-from .shards import PartCommand, merge, part_command, part_numbers
+from .parts import PartCommand, merge, part_command, part_numbers
 from .tiles import TilesCommand, tiles_command
 from .vertices import BakeCommand
 from .workers import ClusterCommand, Workers
@@ -53,7 +53,7 @@ def run_merge(folder: Path, options: dict[str, Any]) -> int:
     """Merge the parts in `folder`, of a bake or of a batch. Returns: the exit status, 1 if a mesh of a batch failed.
 
     Raises:
-        InputError, OutputError, MemoryLimitError: as `scenes.jobs.shards.merge` and `merge_batch`.
+        InputError, OutputError, MemoryLimitError: as `scenes.jobs.parts.merge` and `merge_batch`.
     """
     check_together(options, BAKE)
     if not is_batch_of_parts(folder):

@@ -22,7 +22,7 @@ class TilesCommand(Record):
             InputError: an option or the mesh.
             OutputError: the output, or the folder beside it that holds what is on the way.
         """
-        from ao.tiles.baking import bake_tiled
+        from ao.tiles.bake_tiled import bake_tiled
         from raytrace.errors import OptionError
         from raytrace.system.atomic import scratch_folder
         from raytrace.system.outputs import check_outputs

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import ao
-from ao.tiles.baking import bake_tiled
+from ao.tiles.bake_tiled import bake_tiled
 from raytrace import Camera, DirectionalLight, Lambert, Mesh, Object, Scene, Settings, Shape, render
 from raytrace.mesh.precision import outlier_warnings
 from tests.helpers.meshes import soup_over_floor

@@ -9,7 +9,7 @@ from project import ROOT
 
 ORDER = [
     *("raytrace.types", "raytrace.errors", "raytrace.kernel", "raytrace.system", "raytrace.settings"),
-    *("raytrace.sampling", "raytrace.embree", "raytrace.bvh", "raytrace.image", "raytrace.mesh"),
+    *("raytrace.text", "raytrace.sampling", "raytrace.embree", "raytrace.bvh", "raytrace.image", "raytrace.mesh"),
     *("raytrace.ray_origins", "raytrace.lights", "raytrace.brdf", "raytrace.materials", "raytrace.camera"),
     "raytrace.scene",
     *("raytrace.shade", "raytrace.renderer"),

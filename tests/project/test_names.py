@@ -19,7 +19,7 @@ QUOTED = re.compile(r"(?<!`)`([^`]+)`(?!`)")
 NAME = re.compile(r"[A-Za-z_]\w*(?:\.[A-Za-z_]\w*)*")
 FILE = re.compile(rf"(?:(?:{'|'.join(PACKAGES)}|tests|benchmarks|docs)/[\w./]*|\w+\.pyi?)")
 MOST_PARAMETERS = 8
-FACES = {"ao.baking.bake", "ao.texture.baking.bake_texture", "ao.tiles.baking.bake_tiled"}
+FACES = {"ao.baking.bake", "ao.texture.bake_texture.bake_texture", "ao.tiles.bake_tiled.bake_tiled"}
 """The Python faces of commands."""
 
 

@@ -9,10 +9,10 @@ from itertools import pairwise
 
 import numpy as np
 
-from raytrace.kernel.decimal import POWERS
-from raytrace.mesh import obj_lines
-from raytrace.mesh.obj_lines import COUNT, LEAST, MOST, NEEDED, NUMBERED, SLASHES, USABLE, WORDS, F, V
 from raytrace.system.threads import run_blocks, thread_count
+from raytrace.text import obj_lines
+from raytrace.text.decimal import POWERS
+from raytrace.text.obj_lines import COUNT, LEAST, MOST, NEEDED, NUMBERED, SLASHES, USABLE, WORDS, F, V
 from raytrace.types import Float64s, Int64s, UInt8s
 
 _END = re.compile(rb"[\r\n]")

@@ -13,7 +13,7 @@ from interrupted_bakes import MESH, OPTIONS, Stopped, bake, bits, interrupted
 from project import environment
 
 import ao
-import ao.execute.hemispheres
+import ao.execute.hemisphere_work
 import ao.least_squares.fit
 import ao.least_squares.patch
 import ao.surface_method
@@ -49,8 +49,8 @@ def traced(monkeypatch):
     """The number of rows or faces that were traced rather than copied."""
     count = [0]
     for module, name in (
-        (ao.execute.hemispheres, "gather_hemispheres"),
-        (ao.execute.hemispheres, "gather_streams"),
+        (ao.execute.hemisphere_work, "gather_hemispheres"),
+        (ao.execute.hemisphere_work, "gather_streams"),
         (ao.least_squares.patch, "gather_faces"),
     ):
 

@@ -8,9 +8,9 @@ import ao
 import ao.prepared
 from ao.points.receivers import find_receivers
 from ao.rays.directions import DirectionTable, choose, turned_frame
-from ao.rays.estimate import COLUMNS, W
+from ao.rays.estimator import COLUMNS, W
+from ao.rays.gather_packets import gather_hemispheres
 from ao.rays.gather_streams import gather_streams
-from ao.rays.hemisphere import gather_hemispheres
 from ao.rays.ray_blocks import Rays
 from ao.rays.ray_packet import RayPacket
 from ao.rays.traversal_choice import packets_below

@@ -8,7 +8,7 @@ from tiled_meshes import Arrays
 import ao
 import ao.tiles.halo
 import ao.tiles.source
-from ao.tiles.baking import bake_tiled
+from ao.tiles.bake_tiled import bake_tiled
 from raytrace import MemoryLimitError, Mesh, MeshError, OptionError
 
 
@@ -83,7 +83,7 @@ def test_a_halo_too_narrow_is_noticed(tmp_path, monkeypatch):
     """The test of the tests above: without what is in reach, w is another."""
     extract = ao.tiles.halo.extract_tile
     short = lambda tiling, tile, reach, origins: extract(tiling, tile, 0.0, origins)  # noqa: E731
-    monkeypatch.setattr("ao.tiles.baking.extract_tile", short)
+    monkeypatch.setattr("ao.tiles.bake_tiled.extract_tile", short)
     whole = ao.bake(Mesh(*PARTS["hills"]), FALLOFFS["exponential"], samples=32, **FIXED)
     tiled = bake_tiled(Arrays(*PARTS["hills"]), tmp_path, (2, 2, 2), FALLOFFS["exponential"], 32)
     assert (tiled.w != whole.w).any()

@@ -1,4 +1,4 @@
-"""`ao.tiles.baking.bake_tiled`: w at the vertices of a mesh on the disk, in the memory of a tile."""
+"""`ao.tiles.bake_tiled.bake_tiled`: w at the vertices of a mesh on the disk, in the memory of a tile."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from ..options import MAX_SAMPLES, Normals, Options, Traversal, falloff_of
 from ..points.corners import CornerSamples, find_corner_samples
 from ..points.points import Points
 from ..points.receivers import offset_points
-from ..rays.estimate import W
+from ..rays.estimator import W
 from ..rays.ray_scene import RayScene
 from ..rays.traversal_choice import fewer_than, most_packets, tried, try_out
 from .halo import TileMesh, extract_tile

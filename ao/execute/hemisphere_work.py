@@ -1,4 +1,4 @@
-"""The rows of `ao.rays.estimate` at points, as work that any process can do."""
+"""The rows of `ao.rays.estimator` at points, as work that any process can do."""
 
 from __future__ import annotations
 
@@ -10,10 +10,10 @@ import numpy as np
 
 from ..mu import KernelMu
 from ..points.points import Points
-from ..rays.estimate import COLUMNS
+from ..rays.estimator import COLUMNS
 from ..rays.gather_columns import gather_columns, gather_columns_by_packets
+from ..rays.gather_packets import gather_hemispheres
 from ..rays.gather_streams import gather_streams
-from ..rays.hemisphere import gather_hemispheres
 from ..rays.layers import Layers
 from ..rays.ray_blocks import Rays
 from ..rays.ray_packet import RayPacket

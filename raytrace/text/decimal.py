@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from .jit import inline
+from ..kernel.jit import inline
 
 POWERS = np.array([[float(10**k), float(10**k - int(float(10**k)))] for k in range(61)])
 """Powers of ten and what their rounding leaves, (61, 2), for `parse_float`."""

@@ -7,8 +7,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..kernel.decimal import byte, is_blank, is_digit, parse_float
 from ..kernel.jit import inline, kernel
+from .decimal import byte, is_blank, is_digit, parse_float
 
 NUMBERED = "v", "vt", "vn"
 V, VT, VN, F, REST, NOTHING = range(6)
@@ -110,7 +110,7 @@ def read_numbers(text, begin, end, wanted, powers, rows):
 
     What `parse_float` leaves becomes a NaN whose last bits say where the word begins.
 
-    Args: powers: `raytrace.kernel.decimal.POWERS`. rows: float64 (lines, numbers).
+    Args: powers: `raytrace.text.decimal.POWERS`. rows: float64 (lines, numbers).
     """
     bits, row, i = rows.view(np.uint64), 0, begin
     while i < end:

@@ -13,7 +13,7 @@ from raytrace.kernel.jit import kernel
 
 from ..mu import fades
 from .directions import BATCHES, choose, turned_frame
-from .estimate import write_estimate
+from .estimator import write_estimate
 from .passing import mu_of, passed_of, trace
 from .ray_packet import aim, start_from
 

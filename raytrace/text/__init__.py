@@ -1,0 +1,1 @@
+"""Reading numbers and lines from the bytes of text files, in kernels."""
