@@ -95,7 +95,10 @@ def falloff(
     mesh: Annotated[Path | None, typer.Option(help="The mesh file that a .npz belongs to.")] = None,
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="No summary.")] = False,
 ) -> None:
-    """Change the falloff of a bake that has a profile, without rays; w at several half-distances is multiplied."""
+    """Change the falloff of a bake that has a profile, without rays.
+
+    w at several half-distances is multiplied.
+    """
     from scenes.commands.falloff import change_falloff
     from scenes.falloffs import make_scales
 

@@ -72,7 +72,7 @@ def describe(source: MeshFile) -> list[tuple[str, str]]:
         ("area", "too large" if known["area"] is None else f"{known['area']:.6g}"),
         ("normals", "in the file" if known["normals"] else "none in the file"),
         ("stored w", _stored_in_words(known["stored_w"])),
-        ("profile", _profile_in_words(source, known["stored_profile"])),
+        *_profile_in_words(source, known["stored_profile"]),
         ("occlusion", _occlusion_in_words(known["occlusion_textures"])),
         ("alpha", mesh.opacity.summary.removeprefix("alpha: ") if mesh.opacity else "none: all faces are opaque"),
         ("points to bake", f"{known['points_to_bake']:,}, coincident vertices once"),
@@ -120,10 +120,11 @@ def _profile(source: MeshFile) -> dict[str, Any] | None:
     return {"half_distances": source.profile.half_distances.tolist(), "stored": stored}
 
 
-def _profile_in_words(source: MeshFile, known: dict[str, Any] | None) -> str:
+def _profile_in_words(source: MeshFile, known: dict[str, Any] | None) -> list[tuple[str, str]]:
     if source.profile is None or known is None:
-        return "none in the file"
-    return f"w at {len(known['half_distances'])} half-distances, {source.profile.range}, as {known['stored']}"
+        return []
+    count = len(known["half_distances"])
+    return [("profile", f"w at {count} half-distances, {source.profile.range}, as {known['stored']}")]
 
 
 def _finite(value: float) -> float | None:

@@ -32,5 +32,9 @@ def triangle():
 def baked(count):
     """A bake of that many vertices."""
     return SimpleNamespace(
-        w=np.ones(count), error=np.zeros(count), bent_normals=np.zeros((count, 3)), flags=np.zeros(count, np.uint8)
+        w=np.ones(count),
+        error=np.zeros(count),
+        bent_normals=np.zeros((count, 3)),
+        flags=np.zeros(count, np.uint8),
+        profile=None,
     )

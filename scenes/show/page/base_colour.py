@@ -17,7 +17,6 @@ from raytrace.image.srgb import decode_srgb, encode_srgb
 from raytrace.image.texture import Texture, Wrap, texture_codes
 from raytrace.types import Float64s, Int64s, UInt8s
 
-from ...formats.gltf.textures import Textures, vertex_colours
 from ...formats.load import MeshFile, mesh_errors
 from ...geometry.detail import PerCorner
 
@@ -81,6 +80,8 @@ def _read(file: MeshFile) -> BaseColour | None:
     light, uv, of = np.ones((*faces.shape, 3)), np.zeros((*faces.shape, 2)), np.full(len(faces), -1)
     numbers: dict[Texture | None, int] = {None: -1}
     if asset:
+        from ...formats.gltf.textures import Textures, vertex_colours
+
         with mesh_errors(file.path):
             textures = Textures(asset)
             for piece, part in zip(asset.drawn, file.parts, strict=True):
