@@ -8,7 +8,7 @@ from typing import Any, Protocol
 
 import numpy.typing as npt
 
-from raytrace.system.threads import run_blocks, shares
+from raytrace.system.threads import granted, run_blocks, shares
 
 Tables = tuple[npt.NDArray[Any], ...]
 Span = tuple[int, int]
@@ -57,6 +57,7 @@ def fill(work: Work, scene: Any, tables: Tables, threads: int, advance: Advance 
 def fill_spans(work: Work, scene: Any, spans: Sequence[Span], tables: Tables, threads: int, finished: Finished) -> None:
     """Make the rows of `spans` on threads. Args: finished: called on this one, with a first and a last row."""
     write, rows = work.writer(scene, tables), sum(last - first for first, last in spans)
+    threads = granted(threads)
     size = max(min(work.block, rows // (_EACH * threads)), -(-work.block // 4))
     most = int(_MOST_RAYS / (size * max(work.rays, 1)))
     blocks = [(first + a, first + b) for first, last in spans for a, b in shares(last - first, size, threads, most)]

@@ -35,6 +35,11 @@ def thread_count(threads: int | None) -> int:
     return threads
 
 
+def granted(threads: int) -> int:
+    """How many of so many threads `run_blocks` starts at most: more than cores would only take turns."""
+    return min(threads, thread_count(None) + _BEYOND)
+
+
 def shares(count: int, block: int, threads: int, most: int = 1) -> Iterator[tuple[int, int]]:
     """The parts [start, stop) of [0, count) that `run_blocks` hands over, one after another.
 
@@ -65,7 +70,7 @@ def run_blocks(
 
     Args: most: blocks that `work` may be given at once.
     """
-    threads = min(threads, -(-count // block), 1 if getattr(_within, "blocks", False) else thread_count(None) + _BEYOND)
+    threads = min(granted(threads), -(-count // block), 1 if getattr(_within, "blocks", False) else threads)
     parts = shares(count, block, max(threads, 1), most)
     if threads <= 1:  # the bake of a small mesh has dozens of calls; a queue would take as long as their work
         for start, stop in parts:
