@@ -88,17 +88,14 @@ def view(
 def falloff(
     baked: Annotated[Path, typer.Argument(metavar="BAKED", help="A file of bake --profile: .npz .ply .glb .gltf .exr")],
     half_distance: Annotated[
-        str, typer.Option(help='Mesh units, or "12%" of the radius; or several with commas between, "3%,40%".')
+        str, typer.Option(help='Mesh units, or "12%" of the radius; or several, "3%,40%", whose w is multiplied.')
     ],
     output: Annotated[Path, typer.Option("--output", "-o", help="Output file, format by ending, as of bake.")],
     power: Annotated[str | None, typer.Option(help="Of w at each half-distance, 1 by default: 1,0.5.")] = None,
     mesh: Annotated[Path | None, typer.Option(help="The mesh file that a .npz belongs to.")] = None,
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="No summary.")] = False,
 ) -> None:
-    """Change the falloff of a bake that has a profile, without rays.
-
-    w at several half-distances is multiplied.
-    """
+    """Change the falloff of a bake that has a profile, without rays."""
     from scenes.commands.falloff import change_falloff
     from scenes.falloffs import make_scales
 
