@@ -2,6 +2,7 @@
 
 import inspect
 import pydoc
+import re
 from dataclasses import fields, replace
 from functools import partial
 
@@ -124,7 +125,9 @@ def test_signatures_can_be_read(name):
     assert "<" not in text
     assert "Annotated" not in text
     assert set(inspect.signature(kind).parameters) == {field.name for field in fields(kind)} - {"model", "light"}
-    assert f"{name}{text}" in pydoc.render_doc(kind, renderer=pydoc.plaintext)
+    shown = pydoc.render_doc(kind, renderer=pydoc.plaintext)  # from Python 3.13 on a line for each parameter
+    short, whole = (re.sub(r"[\s|]", "", each) for each in (f"{name}{text}", shown))
+    assert short in whole
 
 
 def test_needed_parameters_come_first():
