@@ -64,7 +64,7 @@ def test_columns_and_open_places_are_met_exactly():
     for column, half_distance in enumerate(HALF_DISTANCES):
         assert np.allclose(profile.at(half_distance), values[..., column], rtol=0, atol=1e-6)
     assert np.allclose(profile.at("0.9%"), profile.at(0.018), rtol=0, atol=1e-12)
-    assert np.allclose([profile.at(each)[0] for each in QUARTERS], 1, rtol=0, atol=2e-5)
+    assert np.allclose([profile.at(each)[0] for each in QUARTERS], 1, rtol=0, atol=1e-12)
 
 
 def test_close_columns_do_not_amplify_noise():
