@@ -17,6 +17,7 @@ from raytrace.errors import MeshError, OptionError, SceneError
 from raytrace.image.read import read_image
 from raytrace.image.texture import Texture, pack_textures
 from raytrace.image.texture_lookup import sample_points
+from raytrace.mesh.weld import first_alike
 from raytrace.types import AnyFloats, Float64s
 
 from ..geometry.instances import Instance
@@ -121,11 +122,9 @@ def unrepeated(vertices: npt.NDArray[Any], counts: tuple[int, ...]) -> int:
 
     A .glb stores vertices at seams and creases again, after the file's.
     """
-    for count in counts:
-        own, more = (np.unique(vertices[part], axis=0) for part in (np.s_[:count], np.s_[count:]))
-        if count < len(vertices) and len(np.unique(np.concatenate([own, more]), axis=0)) == len(own):
-            return count
-    return len(vertices)
+    fewer = [count for count in counts if count < len(vertices)]
+    alike = first_alike(np.ascontiguousarray(vertices)) if fewer else np.empty(0)
+    return next((count for count in fewer if (alike[count:] < count).all()), len(vertices))
 
 
 def _of_gltf(instances: Sequence[Instance], asset: Gltf) -> list[AnyFloats | None]:
