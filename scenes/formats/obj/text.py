@@ -125,9 +125,9 @@ class ObjText:
         labels, begins = [-1], [0]
         for run in self.runs:
             if run.keyword == keyword:
-                labels += [names.setdefault(line.strip(), len(names)) for line in _lines([run], keyword).split("\n")][
-                    -1:
-                ]
+                for line in _lines([run], keyword).split("\n"):
+                    label = names.setdefault(line.strip(), len(names))
+                labels.append(label)
                 begins.append(run.faces)
         counts = np.diff(np.append(begins, len(self.sizes)))
         of = np.array(labels)
