@@ -49,11 +49,11 @@ class Neighbours:
         """Args: faces: (m, 3), rows of points, −1 for a corner without a point. normals: float32 (k, 3), unit."""
         count = len(normals)
         listed, ends = np.zeros(count + 1, np.int64), np.zeros(count, np.int64)
-        run_ranges(count, _PART, bound(_count_ends, faces, listed))
+        run_ranges(count, _PART, bound(_count_ends, faces, listed), threads)
         np.cumsum(listed, out=listed)
         ends[:] = listed[:-1]
         listed_ends, weights = np.empty(listed[-1], np.int32), np.empty(listed[-1], np.float32)
-        run_ranges(count, _PART, bound(_list_ends, faces, ends, listed_ends))
+        run_ranges(count, _PART, bound(_list_ends, faces, ends, listed_ends), threads)
         starts = np.zeros(count + 1, np.int64)
         rings = cls(starts, listed_ends, weights, threads)
         rings.each(bound(_merge_edges, listed, listed_ends, weights, starts))

@@ -79,7 +79,7 @@ def vertex_sums(
     def add_up(first: int, last: int) -> None:
         _vertex_sums(first, last, faces, normals, areas, weights, sums, magnitude)
 
-    run_ranges(len(sums), _VERTICES, add_up)
+    run_ranges(len(sums), _VERTICES, add_up, thread_count(None))
     return sums
 
 

@@ -65,9 +65,9 @@ class Surface(NamedTuple):
 
         Args: face_points: int64 (m, 3), the point at each face corner.
         """
-        around, magnitude = np.zeros(count), np.zeros(count)
-        run_ranges(count, _POINTS, bound(_spread_flat, self.flat, face_points, around))
-        run_ranges(count, _POINTS, bound(_magnitudes, self.extent, face_points, around, magnitude))
+        around, magnitude, threads = np.zeros(count), np.zeros(count), thread_count(None)
+        run_ranges(count, _POINTS, bound(_spread_flat, self.flat, face_points, around), threads)
+        run_ranges(count, _POINTS, bound(_magnitudes, self.extent, face_points, around, magnitude), threads)
         return magnitude
 
 

@@ -36,8 +36,8 @@ def thread_count(threads: int | None) -> int:
 
 
 def granted(threads: int) -> int:
-    """How many of so many threads `run_blocks` starts at most: more than cores would only take turns."""
-    return min(threads, thread_count(None) + _BEYOND)
+    """How many of so many threads `run_blocks` uses: more than cores would take turns; within a block one."""
+    return 1 if getattr(_within, "blocks", False) else min(threads, thread_count(None) + _BEYOND)
 
 
 def shares(count: int, block: int, threads: int, most: int = 1) -> Iterator[tuple[int, int]]:
@@ -70,7 +70,7 @@ def run_blocks(
 
     Args: most: blocks that `work` may be given at once.
     """
-    threads = min(granted(threads), -(-count // block), 1 if getattr(_within, "blocks", False) else threads)
+    threads = min(granted(threads), -(-count // block))
     parts = shares(count, block, max(threads, 1), most)
     if threads <= 1:  # the bake of a small mesh has dozens of calls; a queue would take as long as their work
         for start, stop in parts:
@@ -98,11 +98,9 @@ def run_blocks(
                 pass
 
 
-def run_ranges(count: int, least: int, work: Callable[[int, int], None]) -> None:
-    """Call `work(start, stop)` over [0, count) in as many parts as there are cores, of `least` at least: for work that
-    goes through all of its input and keeps what falls into its part."""
-    threads = thread_count(None)
-    run_blocks(count, max(-(-count // threads), least), work, threads)
+def run_ranges(count: int, least: int, work: Callable[[int, int], None], threads: int) -> None:
+    """`run_blocks` in a part for each thread, `least` or more, for work that looks at all input and keeps its part."""
+    run_blocks(count, max(-(-count // granted(threads)), least), work, threads)
 
 
 class _Call:
