@@ -16,11 +16,11 @@ from raytrace.kernel.simd_masks import lowest_bit
 from ..mu import add_losses
 from .directions import BATCHES, choose, turned_frame
 from .estimator import write_estimate
-from .layers import clear, rays_that_met
+from .gather_streams import trace_hemisphere
+from .layers import rays_that_met
 from .passing import trace
-from .ray_blocks import T_MISS, init_rays
+from .ray_blocks import T_MISS
 from .ray_packet import aim, start_from
-from .traverse import traverse
 
 _SUMS = BATCHES + 3  # rows: 1 − μ by batches of directions, (1 − μ)·direction
 
@@ -34,18 +34,12 @@ def gather_columns(tree, rays, state, points, table, columns, t_max, out):
         out: float64 (n, k, COLUMNS), written. All else as for `gather_streams`.
     """
     tree, rays, state = borrow(tree), borrow(rays), borrow(state)
-    origins, normals, numbers = borrow(points)
-    table, columns, out, t_max = borrow(table), borrow(columns), borrow(out), np.float32(t_max)
+    points, table, columns = borrow(points), borrow(table), borrow(columns)
+    out, t_max = borrow(out), np.float32(t_max)
     samples, count = len(table.batches), len(columns.taus)
     sums, losses = np.zeros((_SUMS, count)), np.zeros(count)
-    for i in range(len(origins)):
-        origin, normal = (origins[i, 0], origins[i, 1], origins[i, 2]), (normals[i, 0], normals[i, 1], normals[i, 2])
-        chosen, turn = choose(numbers[i], table)
-        t, b = turned_frame(normal, turn)
-        frame = t, b, normal
-        init_rays(rays, table.directions, table.cones, chosen, samples, frame, t_max)
-        clear(state.layers)
-        traverse(tree, state, rays, origin, normal, table.lowest[chosen], True, t_max)
+    for i in range(len(points.origins)):
+        chosen, frame = trace_hemisphere(tree, rays, state, points, i, table, True, t_max)
         sums[:] = 0.0
         for k in range(len(rays.t_hit)):
             sent = (1 << min(samples - WIDE * k, WIDE)) - 1
@@ -54,10 +48,8 @@ def gather_columns(tree, rays, state, points, table, columns, t_max, out):
                 ray = WIDE * k + lowest_bit(met)
                 met &= met - 1
                 losses[:] = 0.0
-                t_hit, left = (
-                    rays.t_hit[ray // WIDE, ray % WIDE],
-                    _pass_layers(state.layers, rays, ray, columns, losses),
-                )
+                left = _pass_layers(state.layers, rays, ray, columns, losses)
+                t_hit = rays.t_hit[ray // WIDE, ray % WIDE]
                 if t_hit < T_MISS:
                     add_losses(columns, t_hit, left, losses)
                 _add(losses, table.batches[ray], table.directions[chosen], ray, sums)

@@ -5,9 +5,10 @@ from __future__ import annotations
 import numpy as np
 
 from raytrace.kernel.borrow import borrow
-from raytrace.kernel.jit import kernel
+from raytrace.kernel.jit import inline, kernel
 from raytrace.kernel.simd import WIDE
 from raytrace.kernel.simd_masks import lowest_bit
+from raytrace.kernel.vector import load
 
 from ..mu import fades
 from .directions import choose, turned_frame
@@ -28,20 +29,13 @@ def gather_streams(tree, rays, state, points, table, falloff, t_max, out):
         out: float64 (n, COLUMNS), written.
     """
     tree, rays, state = borrow(tree), borrow(rays), borrow(state)
-    origins, normals, numbers = borrow(points)
-    table, out = borrow(table), borrow(out)
+    points, table, out = borrow(points), borrow(table), borrow(out)
     batches, samples = table.batches, len(table.batches)
     falloff, t_max = borrow(falloff), np.float32(t_max)
     fading = fades(falloff)
     losses = np.zeros(BATCHES)
-    for i in range(len(origins)):
-        origin, normal = (origins[i, 0], origins[i, 1], origins[i, 2]), (normals[i, 0], normals[i, 1], normals[i, 2])
-        chosen, turn = choose(numbers[i], table)
-        t, b = turned_frame(normal, turn)
-        frame = t, b, normal
-        init_rays(rays, table.directions, table.cones, chosen, samples, frame, t_max)
-        clear(state.layers)
-        traverse(tree, state, rays, origin, normal, table.lowest[chosen], fading, t_max)
+    for i in range(len(points.origins)):
+        chosen, frame = trace_hemisphere(tree, rays, state, points, i, table, fading, t_max)
         losses[:] = 0.0
         x = y = z = 0.0
         for k in range(len(rays.t_hit)):
@@ -56,3 +50,16 @@ def gather_streams(tree, rays, state, points, table, falloff, t_max, out):
                 y += loss * table.directions[chosen, 1, ray]
                 z += loss * table.directions[chosen, 2, ray]
         write_estimate(out, i, losses, (x, y, z), table, chosen, frame)
+
+
+@inline
+def trace_hemisphere(tree, rays, state, points, i, table, fading, t_max):
+    """Trace the rays of the i-th of the `points`: the set of directions chosen, and the frame they are turned to."""
+    normal = load(points.normals, i)
+    chosen, turn = choose(points.numbers[i], table)
+    t, b = turned_frame(normal, turn)
+    frame = t, b, normal
+    init_rays(rays, table.directions, table.cones, chosen, len(table.batches), frame, t_max)
+    clear(state.layers)
+    traverse(tree, state, rays, load(points.origins, i), normal, table.lowest[chosen], fading, t_max)
+    return chosen, frame
