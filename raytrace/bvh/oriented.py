@@ -20,7 +20,7 @@ from ..kernel.vector import dot, subtract
 from ..system.threads import run_blocks, thread_count
 from ..types import Float32s, Int64s
 
-_CROWDED = 8.0  # boxes of leaves around the middle of a triangle, from which on others are tried
+_OVERLAPPING = 8.0  # boxes of leaves around the middle of a triangle, from which on others are tried
 _GAIN = 2.0  # how many times as few these must be
 _TRIANGLES, _NODES = 32, 128  # that are compared
 _LEAVES = 1 << 9  # of a block
@@ -32,15 +32,15 @@ def orient(triangles: Float32s, boxes: Float32s, starts: Int64s) -> tuple[Float3
 
     Args: triangles, boxes, starts: as of a `BVH16`.
     """
-    crowding = _crowding(triangles, boxes[: starts[1]], None)
-    if crowding < _CROWDED:
+    overlap = _overlap(triangles, boxes[: starts[1]], None)
+    if overlap < _OVERLAPPING:
         return boxes, starts, None
     oriented, axes, span = aligned(boxes.shape, np.float32), aligned((len(boxes), 9, WIDE), np.float32), 1
     oriented[:], threads = boxes, thread_count(None)
     for first, last in pairwise(starts):
         children, level, span = -(-len(triangles) // span), (axes[first:last], oriented[first:last]), span * WIDE
         run_blocks(children, max(_LEAVES * WIDE // span, 1), partial(_turn, triangles, span // WIDE, *level), threads)
-    fewer = _crowding(triangles, oriented[: starts[1]], axes[: starts[1]]) * _GAIN < crowding
+    fewer = _overlap(triangles, oriented[: starts[1]], axes[: starts[1]]) * _GAIN < overlap
     return (oriented, starts, axes) if fewer else (boxes, starts, None)
 
 
@@ -53,7 +53,7 @@ def _turn(triangles: Float32s, span: int, axes: Float32s, boxes: Float32s, first
     _enclose(triangles, span, axes, boxes, first, last)
 
 
-def _crowding(triangles: Float32s, boxes: Float32s, axes: Float32s | None) -> float:
+def _overlap(triangles: Float32s, boxes: Float32s, axes: Float32s | None) -> float:
     """In how many of the boxes of all leaves the middle of a triangle is, on average over some of both."""
     some = triangles[:: -(-len(triangles) // _TRIANGLES), :, 0].reshape(-1, 3, 3).mean(axis=1)
     step = -(-len(boxes) // _NODES)

@@ -58,14 +58,14 @@ def describe(source: MeshFile) -> list[tuple[str, str]]:
     """Rows (name, value) about a file's objects, its extent, its defects and what a bake would do with it."""
     known, mesh = facts(source), source.mesh
     names = [printable(name, _NAME) for name in known["objects"]]
-    open_edges, crowded = known["open_edges"], known["edges_of_three_faces_or_more"]
+    open_edges, nonmanifold = known["open_edges"], known["edges_of_three_faces_or_more"]
     corners = ("(" + ", ".join(f"{c:.6g}" for c in corner) + ")" for corner in known["bounds"])
     rows = [
         ("file", printable(known["file"])),
         ("objects", f"{len(names)}: " + ", ".join(names[:8])),
         ("vertices", f"{known['vertices']:,}"),
         ("faces", f"{known['faces']:,}, {known['degenerate_faces']:,} of them degenerate"),
-        ("edges", f"{known['edges']:,}: {open_edges:,} open, {crowded:,} between three faces or more"),
+        ("edges", f"{known['edges']:,}: {open_edges:,} open, {nonmanifold:,} between three faces or more"),
         ("bounds", " – ".join(corners)),
         ("up", known["up"] or "not said: y"),
         ("radius", f"{known['radius']:.6g}, of the bounding sphere: 100 % for relative distances"),

@@ -96,9 +96,9 @@ def test_a_profile_stands_beside_w_which_stays_as_it_is(denoise):
         alone = ao.bake(HILLS, ao.Exponential(half_distance=f"{0.5 * 2**column}%"), **options)
         np.testing.assert_allclose(baked.profile.values[:, column], alone.w, rtol=0, atol=1e-6)
         np.testing.assert_allclose(baked.profile_errors[:, column], alone.error, rtol=0, atol=1e-6)
-    told = report(baked, {"seed": 0}, {})["profile"]
-    assert told["half_distances"] == baked.profile.half_distances.tolist()
-    assert told["rmse"] == pytest.approx(np.sqrt(np.mean(baked.profile_errors**2, axis=0)))
+    described = report(baked, {"seed": 0}, {})["profile"]
+    assert described["half_distances"] == baked.profile.half_distances.tolist()
+    assert described["rmse"] == pytest.approx(np.sqrt(np.mean(baked.profile_errors**2, axis=0)))
     assert plain.profile is None
     assert "profile" not in report(plain, {"seed": 0}, {})
     assert plain.values.shape == (len(HILLS.vertices), 1)

@@ -96,8 +96,8 @@ def test_sigterm_to_a_bake_and_its_workers_is_one_line(tmp_path, mesh):
         os.killpg(running.pid, signal.SIGTERM)
         errors = running.communicate(timeout=60)[1].splitlines()
     assert running.returncode == 130
-    told = [line for line in errors if not line.startswith("{")]
-    assert told == ["interrupted; no file is half-written"]
+    messages = [line for line in errors if not line.startswith("{")]
+    assert messages == ["interrupted; no file is half-written"]
     assert [path.name for path in tmp_path.iterdir()] == ["hills.ply"]
 
 

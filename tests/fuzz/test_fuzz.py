@@ -50,7 +50,7 @@ def test_files_that_are_wrong_by_structure(tmp_path, monkeypatch):
         every = [
             each for each in fuzz_structure.commands(family, inside / name, made, chance) if each[0] != "materials"
         ]
-        message, _ = fuzz_structure.judged(*every[index // 3 % len(every)], made)
+        message, _ = fuzz_structure.checked_command(*every[index // 3 % len(every)], made)
         accepted += message is None
         if spared is not None:
             (inside / name).write_bytes(spared)
@@ -86,7 +86,7 @@ def test_the_judge_of_commands_notices(tmp_path, monkeypatch, status, output, er
 
     monkeypatch.setattr(fuzz_structure, "obscurance", command)
     with pytest.raises(fuzz_worker.Finding, match=finding):
-        fuzz_structure.judged(["view", "m.ply"], tmp_path / "page.html", tmp_path)
+        fuzz_structure.checked_command(["view", "m.ply"], tmp_path / "page.html", tmp_path)
 
 
 def test_the_same_number_is_the_same_file():

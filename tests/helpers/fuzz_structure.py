@@ -102,7 +102,7 @@ def commands(family, path, made, rng):
         yield ["materials", path, "--check"], None
 
 
-def judged(arguments, target, made):
+def checked_command(arguments, target, made):
     """Run a command: its message if it refused the file. Raises: Finding."""
     start = time.process_time()
     result = obscurance(*arguments)

@@ -203,7 +203,7 @@ def commanded(family, path, made, chance, opened):
             signal.setitimer(signal.ITIMER_PROF, 20 * SECONDS if measuring else SECONDS + size)
             reset_peak()
             before = memory()
-            message, seconds = fuzz_structure.judged(arguments, target, made)
+            message, seconds = fuzz_structure.checked_command(arguments, target, made)
             peak = memory("VmHWM") - before
             if peak > MOST:
                 raise Finding(f"{arguments[0]}: {peak >> 20} MiB")
@@ -312,7 +312,7 @@ def warm(inside, made, structure=False):
     if structure:
         for family in fuzz_structure.FAMILIES:
             for path, arguments, target in fuzz_structure.sound(family, inside, made):
-                fuzz_structure.judged(arguments, target, made)
+                fuzz_structure.checked_command(arguments, target, made)
                 path.unlink(missing_ok=True)
         return
     for family, files in fuzz_seeds.seeds().items():

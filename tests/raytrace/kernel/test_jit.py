@@ -240,6 +240,6 @@ def test_whatever_the_umask_later_processes_run_what_was_kept(project):
 
 def test_kernels_that_are_not_to_be_compiled_are_told(project):
     shutil.copy(ROOT / "raytrace" / "errors.py", project / "raytrace")
-    told = "try:\n    from raytrace.loop import answer; answer()\nexcept ValueError as mistake:\n    print(mistake)"
+    script = "try:\n    from raytrace.loop import answer; answer()\nexcept ValueError as mistake:\n    print(mistake)"
     expected = "environment: NUMBA_DISABLE_JIT: expected 0 or nothing: kernels run as machine code alone, got 1"
-    assert run(project, told, NUMBA_DISABLE_JIT="1", NUMBA_CACHE_DIR=str(project / "cache")) == expected
+    assert run(project, script, NUMBA_DISABLE_JIT="1", NUMBA_CACHE_DIR=str(project / "cache")) == expected

@@ -239,7 +239,7 @@ def test_objects_beyond_measure_become_one(tmp_path, monkeypatch):
 
 
 def test_twenty_thousand_missing_libraries_are_one_line(tmp_path):
-    """Each was told with the whole line: 4 GiB."""
+    """Each message had the whole line: 4 GiB."""
     names = " ".join(f"gone{k}.mtl" for k in range(20_000))
     (tmp_path / "m.obj").write_text(f"mtllib {names}\nv 0 0 0\nv 1 0 0\nv 0 1 0\nusemtl red\nf 1 2 3\n")
     words = [words for words in load(tmp_path / "m.obj", "x.glb").unread if words.startswith("material library")]
