@@ -1,7 +1,5 @@
 """The `obscurance` command: its options and what they call. Heavy imports wait until a command runs."""
 
-from __future__ import annotations
-
 import gc
 import os
 import sys

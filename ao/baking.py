@@ -1,7 +1,5 @@
 """`ao.bake`: a mesh in, w(p) for every vertex out."""
 
-from __future__ import annotations
-
 import time
 from dataclasses import replace
 from typing import Any

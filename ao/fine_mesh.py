@@ -1,7 +1,5 @@
 """High to low at vertices: w of a fine mesh, where the vertices of a coarse one lie along their normals."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The error of interpolation between vertices, measured by rays at points on the faces."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from raytrace.mesh.normals import face_normals

@@ -4,8 +4,6 @@ The coefficients are fitted to peaks of the whole command, of .1 to 5 million tr
 spheres, loose triangles, an STL's unshared vertices. Threads and rays add next to nothing.
 """
 
-from __future__ import annotations
-
 _BASE = 32 << 20  # kernels, Embree, threads
 _TABLE, _DIRECTION = 1 << 18, 100  # directions in a table, and bytes for each while it is made
 _VERTEX, _POINT, _FACE = 84, 340, 132

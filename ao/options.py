@@ -1,7 +1,5 @@
 """The options of a bake, checked before any work is done."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from functools import wraps
 from typing import Annotated, Any, Literal, ParamSpec, TypeVar

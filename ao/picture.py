@@ -1,7 +1,5 @@
 """A picture of w on its mesh: what notebooks show of a bake."""
 
-from __future__ import annotations
-
 from raytrace import AmbientLight, Camera, Lambert, Mesh, Object, Scene, Settings, Shape, render
 from raytrace.types import Float64s
 

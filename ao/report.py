@@ -1,7 +1,5 @@
 """The report of a bake, which `--report` writes: plain values, ready for JSON."""
 
-from __future__ import annotations
-
 import platform
 from collections.abc import Sequence
 from dataclasses import asdict

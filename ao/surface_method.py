@@ -3,8 +3,6 @@
 Kavan, Bargteil & Sloan 2011, Least Squares Vertex Baking.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import numpy as np

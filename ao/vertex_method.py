@@ -1,7 +1,5 @@
 """The vertex method: w by Monte Carlo integration over the hemisphere of each vertex."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from raytrace.system.memory import NEGLIGIBLE, check_memory

@@ -1,7 +1,5 @@
 """Settings of a rendering: size, samples, interpolation, what is switched on."""
 
-from __future__ import annotations
-
 from typing import Annotated, Literal
 
 from pydantic import BeforeValidator, Field

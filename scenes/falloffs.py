@@ -1,7 +1,5 @@
 """μ by the names that commands and scenes have for it, and tables of μ: CSV, text and `.npy` files of two columns."""
 
-from __future__ import annotations
-
 import math
 import re
 from collections.abc import Callable

@@ -1,7 +1,5 @@
 """Errors in scene files, each with the path of the value that is wrong."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 

@@ -1,7 +1,5 @@
 """`bake --preset`: options that suit a program, as docs/programs.md explains them."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any

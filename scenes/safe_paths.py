@@ -1,7 +1,5 @@
 """Names that files hold: of files they refer to, in their own folder or below, and as names of files to write."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterable
 from pathlib import Path, PureWindowsPath

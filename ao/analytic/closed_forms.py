@@ -12,8 +12,6 @@ M_n(D) = (1/π) ∫_{d<D} dⁿ cosθ dω when μ is a polynomial Σ c_n (x/D)ⁿ
 outside their range raise ValueError.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from itertools import pairwise
 from math import acos, asin, atan2, cos, exp, expm1, hypot, inf, isinf, pi, sin, sqrt

@@ -1,7 +1,5 @@
 """Form factor of a polygon by Lambert's formula: an exact binary truth for any scene of triangles."""
 
-from __future__ import annotations
-
 import numpy as np
 import numpy.typing as npt
 

@@ -1,7 +1,5 @@
 """Special functions that the closed forms of obscurance are written in."""
 
-from __future__ import annotations
-
 import numpy as np
 import numpy.typing as npt
 from scipy.special import expn

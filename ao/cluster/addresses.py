@@ -1,7 +1,5 @@
 """What `--cluster` may say, and the settings of Dask for workers on this machine."""
 
-from __future__ import annotations
-
 import logging
 from typing import Any
 

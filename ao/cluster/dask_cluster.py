@@ -3,8 +3,6 @@
 Dask starts workers, knows which are alive, runs what is submitted to them and carries bytes, on its own thread.
 """
 
-from __future__ import annotations
-
 import asyncio
 import logging
 import signal

@@ -3,8 +3,6 @@
 Not Dask's queue: it would give workers that come later no share of what it has handed out, and all the same blocks.
 """
 
-from __future__ import annotations
-
 from collections import Counter, deque
 from collections.abc import Sequence
 from dataclasses import dataclass, field

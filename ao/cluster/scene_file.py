@@ -5,8 +5,6 @@ It is a pickle, with arrays behind it that are neither copied to be written nor 
 hash is the one that came with the work, from whom could as well send any function to be called.
 """
 
-from __future__ import annotations
-
 import hashlib
 import pickle
 import struct

@@ -3,8 +3,6 @@
 Rows travel as bytes of declared lengths: nothing that a worker made is unpickled as rows.
 """
 
-from __future__ import annotations
-
 import json
 import threading
 import time

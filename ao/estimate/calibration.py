@@ -1,7 +1,5 @@
 """Expected squared errors: from the spread between batches of rays, and calibrated by errors that rays measure."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import NamedTuple
 

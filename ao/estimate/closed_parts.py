@@ -1,7 +1,5 @@
 """Connected parts that bound closed solids, and points that may lie in one of another part."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from raytrace.kernel.counting_sort import counting_sort

@@ -4,8 +4,6 @@ Points with a hemisphere of their own are traced, folded points get the mean ove
 inside solids the values of the nearest points outside.
 """
 
-from __future__ import annotations
-
 import hashlib
 from collections.abc import Callable
 from dataclasses import replace

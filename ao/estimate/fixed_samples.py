@@ -1,7 +1,5 @@
 """Estimates by a given number of rays, at points and at corner samples of folded points."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import NamedTuple
 

@@ -1,7 +1,5 @@
 """Vertices inside a solid: they see the backs of faces, where the faces of closed solids look outwards."""
 
-from __future__ import annotations
-
 from typing import NamedTuple
 from weakref import WeakKeyDictionary
 

@@ -4,8 +4,6 @@ Probes are baked twice with independent directions, as a and b. Where w is made 
 unbiased measure of its squared error; once the probe is baked, a is part of w and (w − b)² − (a − b)²/2 is.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from raytrace.sampling.hash import mix_array

@@ -1,7 +1,5 @@
 """Rays a point for a tolerance, planned from pilots: points that are baked twice with their neighbours."""
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

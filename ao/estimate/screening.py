@@ -6,8 +6,6 @@ square σ² + (w − p)², with the variance σ² of y known. What the residuals
 its prediction; what they have beyond σ² is its error; and a point whose own residual is an outlier is baked.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from raytrace.types import AnyFloats, Bools, Float64s

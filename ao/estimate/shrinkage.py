@@ -11,8 +11,6 @@ towards what is closed around it, and how far its neighbours stand above its tan
 by least squares, to the whole mesh and then around each point.
 """
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

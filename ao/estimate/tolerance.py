@@ -6,8 +6,6 @@ find the jumps of w that no prediction can know of, and points are baked where t
 the error.
 """
 
-from __future__ import annotations
-
 import warnings
 from dataclasses import dataclass
 

@@ -5,8 +5,6 @@ neighbours. A point between baked points is predicted by the plane through the v
 neighbours (weighted least squares over the tangent plane): linear functions over a plane are predicted exactly.
 """
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

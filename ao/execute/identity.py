@@ -1,7 +1,5 @@
 """The identity of a machine, which decides the bits of traced rows beside the input: code, libraries, processor."""
 
-from __future__ import annotations
-
 import hashlib
 import platform
 from collections.abc import Mapping

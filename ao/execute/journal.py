@@ -4,8 +4,6 @@ Not SQLite or HDF5: blocks are only ever appended, and a file that a crash has c
 100 kills of each of three bakes lost nothing (docs/reliability.md).
 """
 
-from __future__ import annotations
-
 import os
 import struct
 import sys

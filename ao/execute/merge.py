@@ -1,7 +1,5 @@
 """Merging the parts of a bake: a checkpoint that takes all rows from their journals and makes none."""
 
-from __future__ import annotations
-
 import json
 from collections import Counter
 from collections.abc import Mapping

@@ -1,7 +1,5 @@
 """A part of a bake: a share of the rows, traced into a journal by a process that knows nothing of the others."""
 
-from __future__ import annotations
-
 import hashlib
 import json
 from collections.abc import Callable, Mapping

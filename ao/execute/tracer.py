@@ -1,7 +1,5 @@
 """Gathering at many points, in blocks on threads, with the same bits for any number of them."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import TypeVar

@@ -1,7 +1,5 @@
 """Large sparse symmetric systems, solved to the same bits on any number of cores."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from functools import partial
 

@@ -1,7 +1,5 @@
 """Values at the vertices, fitted to the moments of the faces."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 

@@ -3,8 +3,6 @@
 Minimised is Σ_s dA_s (Σ_j b_sj x_j − f_s)² + α xᵀRx (Kavan, Bargteil & Sloan 2011, Least Squares Vertex Baking).
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

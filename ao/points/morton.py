@@ -3,8 +3,6 @@
 Morton 1966, A computer oriented geodetic data base and a new technique in file sequencing.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from raytrace.kernel.jit import inline, kernel

@@ -5,8 +5,6 @@ the surface method (`ao.least_squares.face_moments`). So convex surfaces are ope
 alpha, that is the part of them that ends there; what passes counts as other rays do.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from raytrace.kernel.borrow import borrow

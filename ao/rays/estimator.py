@@ -1,7 +1,5 @@
 """Rows of an estimate of w: what a gathering kernel writes for each point."""
 
-from __future__ import annotations
-
 from raytrace.kernel.jit import inline
 
 from .directions import BATCHES

@@ -3,8 +3,6 @@
 Rays and closest hits are the same for all; a hit adds its loss by each falloff to sums of its own.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from raytrace.embree import packets

@@ -3,8 +3,6 @@
 With directions of density cosθ/π the integral is the plain mean of μ, so a fully open point is exactly 1.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from raytrace.embree.packets import LANES

@@ -1,7 +1,5 @@
 """The estimator of `ao.rays.gather_packets` with all rays of a point in one traversal of our own hierarchy."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from raytrace.kernel.borrow import borrow

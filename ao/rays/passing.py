@@ -4,8 +4,6 @@ A ray is traced again from behind each hit until nothing of it is left. Embree m
 again, by a rounding farther: it counts once. So do triangles in one place.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from raytrace.embree import packets

@@ -4,8 +4,6 @@ Where most rays meet something, in halls and piles, few go far: Embree's packets
 (docs/benchmarks.md).
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from raytrace.bvh.bvh16 import BVH16

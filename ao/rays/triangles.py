@@ -7,8 +7,6 @@ ray slips between them. With 2 a × b = (a − b) × (a + b), as Embree does it,
 where a corner is near, a × b does. Nothing is allowed for rounding: near a corner it would be a wide angle.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from raytrace.kernel.jit import inline

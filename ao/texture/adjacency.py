@@ -1,7 +1,5 @@
 """The texels next to each texel on the surface: side by side in one chart, or across a seam."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from raytrace.kernel.jit import kernel

@@ -1,7 +1,5 @@
 """`ao.bake_texture`: a mesh with texture coordinates in, w of every texel out."""
 
-from __future__ import annotations
-
 import time
 from dataclasses import replace
 from functools import cache

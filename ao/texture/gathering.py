@@ -1,7 +1,5 @@
 """Estimates at texels, each the mean over its points."""
 
-from __future__ import annotations
-
 import hashlib
 from dataclasses import dataclass
 

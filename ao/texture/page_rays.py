@@ -1,7 +1,5 @@
 """Rays straight down on a page through Embree: the faces at the points of texels, overlapping faces too."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from raytrace.embree import packets

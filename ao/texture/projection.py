@@ -6,8 +6,6 @@ Points that meet nothing take the closest one; where that is on the ray but for 
 that both meshes have, it counts as met.
 """
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

@@ -5,8 +5,6 @@ directions of u in the vertex's tangent plane, weighted by angle, over corners t
 and handedness.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from raytrace.mesh.normals import normalize

@@ -4,8 +4,6 @@ That is the faces which rays from these vertices can hit, and the faces that dec
 vertices, at vertices that coincide with them, and at the neighbours of both.
 """
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Numbers of the points of all tiles, as in a bake of the whole mesh: along a curve. Directions are drawn by them."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """A mesh that stays on the disk, read in runs of rows, and arrays beside it."""
 
-from __future__ import annotations
-
 import math
 import os
 from collections.abc import Iterator

@@ -1,7 +1,5 @@
 """Coefficients of the models, computed once when a material is packed; apart from kernels, which import Numba."""
 
-from __future__ import annotations
-
 from math import acos, asin, pi
 
 import numpy as np

@@ -6,8 +6,6 @@ the lit part of one side and the visible part of the other.
 Source: Oren & Nayar 1994, sections 4.1–4.3; (12.53–12.60).
 """
 
-from __future__ import annotations
-
 import numpy as np
 import numpy.typing as npt
 

@@ -1,7 +1,5 @@
 """The point of a triangle that is closest to a point. Source: Ericson, Real-Time Collision Detection, 5.1.5."""
 
-from __future__ import annotations
-
 from ..kernel.jit import inline
 from ..kernel.vector import add, dot, length, scale, subtract
 

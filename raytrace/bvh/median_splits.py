@@ -5,8 +5,6 @@ their centroids, as in a k-d tree (Bentley 1975, Multidimensional Binary Search 
 All nodes but the last of a level are full, so that a tree needs no links.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from ..kernel.jit import inline, kernel

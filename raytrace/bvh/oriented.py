@@ -4,8 +4,6 @@ Their axes are the principal ones of the corners inside (Gottschalk, Lin & Manoc
 tested, and never what is hit.
 """
 
-from __future__ import annotations
-
 from functools import partial
 from itertools import pairwise
 

@@ -10,8 +10,6 @@ while near != 0:
     leaf, near = next_leaf(tree, stack, point, radius)
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from ..kernel.jit import inline

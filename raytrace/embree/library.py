@@ -5,8 +5,6 @@ ctypes resolves Embree's whole C API without guessing where a wheel keeps the li
 LLVM by name, which keeps compiled kernels valid in the next process.
 """
 
-from __future__ import annotations
-
 import ctypes
 import sys
 from functools import cache

@@ -5,8 +5,6 @@ hit, and a row that is Embree's arguments of a query. Rows are named below; iden
 uint32.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from ..kernel.arrays import aligned

@@ -1,7 +1,5 @@
 """Differences of two pictures: OpenImageIO's error figures, and FLIP (Andersson et al. 2020)."""
 
-from __future__ import annotations
-
 import os
 from dataclasses import dataclass
 from typing import Any, Literal

@@ -1,7 +1,5 @@
 """Encoding of layers or pixels as image files with metadata, checked to be complete on disk."""
 
-from __future__ import annotations
-
 import errno
 import json
 import os

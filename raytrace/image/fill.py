@@ -1,7 +1,5 @@
 """Filling of unknown pixels from known ones."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from ..errors import ObscuranceError

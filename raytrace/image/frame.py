@@ -1,7 +1,5 @@
 """A rendered picture: its layers, counts of rays and seconds."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory

@@ -1,7 +1,5 @@
 """Reading pictures: every format OpenImageIO knows, as linear float32."""
 
-from __future__ import annotations
-
 import json
 import os
 import threading

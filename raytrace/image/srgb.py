@@ -1,7 +1,5 @@
 """The sRGB transfer between linear light and the values picture files hold (IEC 61966-2-1)."""
 
-from __future__ import annotations
-
 import numpy as np
 import numpy.typing as npt
 

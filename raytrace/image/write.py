@@ -4,8 +4,6 @@ EXR holds all layers, linear. PNG (8 bits), TIFF (16) and JPEG (8, quality 95) h
 sRGB-encoded. Every file appears whole or not at all, and the same picture gives the same bytes: no time stamps.
 """
 
-from __future__ import annotations
-
 import os
 from collections.abc import Mapping, Sequence
 from pathlib import Path

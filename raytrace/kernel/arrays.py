@@ -4,8 +4,6 @@ OpenBLAS multiplies a few thousand rows on threads that go on spinning for some 
 cores that rays are traced on meanwhile: bakes take up to twice as long.
 """
 
-from __future__ import annotations
-
 import math
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Arrays in kernels without reference counting, which costs more than most of what a hot loop does with them."""
 
-from __future__ import annotations
-
 from typing import Any
 
 from .deferred import arrayobj, cgutils, types

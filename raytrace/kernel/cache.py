@@ -6,8 +6,6 @@ installations; ``NUMBA_CACHE_DIR`` overrides the parent. Code is only read from 
 user and root can write.
 """
 
-from __future__ import annotations
-
 import getpass
 import hashlib
 import os

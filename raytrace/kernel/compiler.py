@@ -4,8 +4,6 @@ Numba's own dispatchers make for each function, inlined or not, machine code and
 a kernel and all that it calls become one object file with one entry, which takes the addresses of NumPy's arrays.
 """
 
-from __future__ import annotations
-
 import ctypes
 import gc
 from collections.abc import Callable, Iterator

@@ -1,7 +1,5 @@
 """Stable counting sort of small whole numbers, such as indices of vertices or cells."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from ..types import AnyInts, Int64s

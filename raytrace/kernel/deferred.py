@@ -3,8 +3,6 @@
 Importing Numba takes longer than most bakes, whose kernels are machine code that an earlier run has left.
 """
 
-from __future__ import annotations
-
 from importlib import import_module
 from typing import Any
 

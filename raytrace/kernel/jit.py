@@ -4,8 +4,6 @@ A kernel is compiled by Numba when it is first called with arguments of new type
 (`raytrace.kernel.cache`). Later processes load that code and call it, without importing Numba.
 """
 
-from __future__ import annotations
-
 import ctypes
 import struct
 import threading

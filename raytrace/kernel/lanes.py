@@ -1,7 +1,5 @@
 """Numba's side of `raytrace.kernel.simd`: the type of sixteen numbers and its operators, as LLVM's vectors."""
 
-from __future__ import annotations
-
 import math
 import operator
 from collections.abc import Callable

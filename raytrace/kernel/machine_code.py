@@ -1,7 +1,5 @@
 """Machine code in memory: LLVM puts it there and links it to Embree's and C's functions, and nothing is compiled."""
 
-from __future__ import annotations
-
 from functools import cache
 
 import llvmlite.binding as llvm

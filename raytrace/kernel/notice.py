@@ -1,7 +1,5 @@
 """Saying that kernels are compiled: in the first use of a version, for up to a minute, nothing else would be heard."""
 
-from __future__ import annotations
-
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager

@@ -6,8 +6,6 @@ without branches on its values, serves scalars and lanes alike: `raytrace.kernel
 itself is in `raytrace.kernel.lanes`.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import Any
 

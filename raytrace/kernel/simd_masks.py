@@ -1,7 +1,5 @@
 """Masks of lanes counted and searched, single lanes read and replaced, the largest and the least of all lanes."""
 
-from __future__ import annotations
-
 from typing import Any
 
 from .deferred import ir, lanes, types

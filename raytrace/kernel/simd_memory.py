@@ -1,7 +1,5 @@
 """Lanes and arrays: rows of sixteen numbers, triples gathered from anywhere, and pixels scattered anywhere."""
 
-from __future__ import annotations
-
 from typing import Any
 
 from .deferred import arrayobj, ir, lanes, types

@@ -1,7 +1,5 @@
 """Three-vectors for kernels: tuples of three floats, or of three lanes of floats, which stay in registers."""
 
-from __future__ import annotations
-
 from math import atan2, sqrt
 
 import numpy as np

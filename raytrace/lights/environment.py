@@ -7,8 +7,6 @@ A surface reflects of them as of ambient light, k_a I_a w, with I_a the cosine-w
 its bent normal, or its normal; the part that a glossy material mirrors comes from the mirror direction.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from pathlib import Path
 from typing import Annotated, Any, Literal, NamedTuple

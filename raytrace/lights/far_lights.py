@@ -1,7 +1,5 @@
 """Lights so far away that they are directional in float32, where their squared distance may overflow."""
 
-from __future__ import annotations
-
 from math import hypot
 
 import numpy as np

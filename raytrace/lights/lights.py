@@ -1,7 +1,5 @@
 """All kinds of light, and a light from the plain values of a scene file."""
 
-from __future__ import annotations
-
 from typing import Any, get_args
 
 from ..system.parameters import made_of

@@ -3,8 +3,6 @@
 Source: Ramamoorthi & Hanrahan 2001, "An Efficient Representation for Irradiance Environment Maps".
 """
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

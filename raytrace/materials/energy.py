@@ -1,7 +1,5 @@
 """Directional albedo (the white furnace test) and reciprocity of any material, measured."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import Any
 

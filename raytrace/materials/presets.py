@@ -7,8 +7,6 @@ Metals: N. Hoffman, "Background: Physics and Math of Shading", SIGGRAPH courses 
 What is "chosen" has no source but the eye.
 """
 
-from __future__ import annotations
-
 from typing import Any
 
 from ..brdf.coefficients import eta_from_reflectance

@@ -1,7 +1,5 @@
 """Reflection of a material over arrays of directions."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

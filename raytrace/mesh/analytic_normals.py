@@ -5,8 +5,6 @@ Source: (12.29) and the textbook chapter's polygon normals; Martin Newell's sums
 Schumacker 1974.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import numpy as np

@@ -3,8 +3,6 @@
 Not scipy.sparse.csgraph, which takes five times as long for the faces of a mesh, most of it to make a graph of them.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from ..kernel.jit import inline, kernel

@@ -1,7 +1,5 @@
 """Meshes of other libraries as meshes, recognised by their attributes, so that no such library is imported."""
 
-from __future__ import annotations
-
 import os
 from typing import Any
 

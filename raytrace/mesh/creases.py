@@ -5,8 +5,6 @@ whose normals lie within 30° are one: so a crease that ends within the surface 
 normal is the sum of the faces', weighted by angle (Thürmer & Wüthrich 1998). Vertices at one place count as one.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from ..kernel.counting_sort import counting_sort

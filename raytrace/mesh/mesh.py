@@ -1,7 +1,5 @@
 """Triangle meshes: checked, immutable arrays in the user's own order and units."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING, Any

@@ -4,8 +4,6 @@ Degenerate faces (zero area) never contribute, and nothing here returns NaN: a n
 Source: Gouraud 1971 (equal), 12.31–12.33; Thürmer & Wüthrich 1998 (angle).
 """
 
-from __future__ import annotations
-
 from typing import Literal
 
 import numpy as np

@@ -4,8 +4,6 @@ A rounding of δ tilts a face of height h by about δ/h; where the faces around 
 can be right. Heights below 10⁻⁵ of the coordinates are reported: a tilt of .01, half a degree.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The up axis: axes by name, and rotations to y up."""
 
-from __future__ import annotations
-
 from typing import Any
 
 from ..errors import OptionError

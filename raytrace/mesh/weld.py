@@ -1,7 +1,5 @@
 """Welding: vertices that a file stores apart, but that are one point of one surface, grouped."""
 
-from __future__ import annotations
-
 import math
 import os
 from collections.abc import Iterator

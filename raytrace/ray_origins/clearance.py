@@ -1,7 +1,5 @@
 """Normals in front of every face around a vertex, as ray origins need them and averages need not be."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from ..kernel.counting_sort import counting_sort

@@ -6,8 +6,6 @@ look opposite ways cannot both be obeyed: the one that surrounds the point with 
 over the foot of a box that stands on it, and the point's own in a tie, as in a sheet with two sides.
 """
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

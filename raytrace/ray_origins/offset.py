@@ -1,7 +1,5 @@
 """Distances of ray origins from the surface: beyond rounding errors, and short of the next face."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from ..bvh.closest import distance_to_triangle

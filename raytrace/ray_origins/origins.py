@@ -1,7 +1,5 @@
 """Ray origins in front of everything that meets at a point, and short of what is almost in contact."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from ..bvh.bvh16 import BVH16

@@ -3,8 +3,6 @@
 Render space is recentred and scaled by a power of two to about unit size, so float32 serves at any place and scale.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cached_property

@@ -1,7 +1,5 @@
 """Polygons of more than three corners as kernels read them: centre, Newell normal and outline of each."""
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

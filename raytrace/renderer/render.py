@@ -1,7 +1,5 @@
 """Render a scene to a frame: tiles on threads, each by one kernel."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Callable
 from functools import partial

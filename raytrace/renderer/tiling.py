@@ -1,7 +1,5 @@
 """The tiles that a picture is made of: a grid from its upper left corner."""
 
-from __future__ import annotations
-
 from ..settings import Settings
 from ..shade.film import TILE
 

@@ -1,7 +1,5 @@
 """Smooth vertex normals, and origins of the shadow rays of vertices for Gouraud shading."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from ..brdf.layout import TWO_SIDED

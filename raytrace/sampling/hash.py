@@ -1,7 +1,5 @@
 """Counter-based random bits: a bijective 32-bit integer hash (Wellons 2018, lowbias32), in kernels and of arrays."""
 
-from __future__ import annotations
-
 import numpy as np
 import numpy.typing as npt
 

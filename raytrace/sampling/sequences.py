@@ -11,8 +11,6 @@ Not scipy.stats.qmc: it has no such lattice, which errs by .0168 instead of Sobo
 its generator would make bits depend on the order of work (docs/experiments.md).
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from ..types import Float64s, UInt32s

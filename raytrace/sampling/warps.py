@@ -1,7 +1,5 @@
 """Warps from the unit square to directions."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from ..types import Float64s

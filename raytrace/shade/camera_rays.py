@@ -1,7 +1,5 @@
 """Viewing rays: a camera in render space, and its packets of sixteen rays."""
 
-from __future__ import annotations
-
 from typing import Any, NamedTuple
 
 import numpy as np

@@ -3,8 +3,6 @@
 All of it sixteen points at a time, in lanes; a whole call is about one object.
 """
 
-from __future__ import annotations
-
 from typing import Any, NamedTuple
 
 from ..brdf.layout import BRUSHED, GRAIN, TO_LIGHT, TO_VIEWER, TWO_SIDED

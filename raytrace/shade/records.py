@@ -1,7 +1,5 @@
 """Records that kernels read a scene from, and the one that they write a picture to."""
 
-from __future__ import annotations
-
 from typing import Any, NamedTuple
 
 from ..image.texture import PackedTextures

@@ -10,8 +10,6 @@ like a floor's, is not thickened across: a ray from above it that runs upwards i
 Embree's signs are exact there. So a floor does not hide the light from the points on it, lifted as they are.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from ..kernel.arrays import aligned

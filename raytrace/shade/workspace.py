@@ -1,7 +1,5 @@
 """Options of a picture for its kernels, and the memory that one thread works with."""
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

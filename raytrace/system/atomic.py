@@ -1,7 +1,5 @@
 """Files that appear whole or not at all, and folders for what is on the way."""
 
-from __future__ import annotations
-
 import io
 import json
 import os

@@ -1,7 +1,5 @@
 """Faults that pydantic finds in plain values, in this project's words: where, what was expected, what came."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Callable, Iterable
 from types import NoneType, UnionType

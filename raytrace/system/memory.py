@@ -3,8 +3,6 @@
 Where a system overcommits, an allocation does not fail: the process is killed in the middle of its work instead.
 """
 
-from __future__ import annotations
-
 import os
 import sys
 from collections.abc import Iterator

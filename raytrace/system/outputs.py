@@ -1,7 +1,5 @@
 """Checks of the files that a command writes: none that it reads, none twice, and over no file of another kind."""
 
-from __future__ import annotations
-
 import os
 import re
 from collections.abc import Callable, Iterable, Mapping

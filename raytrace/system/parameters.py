@@ -5,8 +5,6 @@ pydantic, because the command imports it anyway (typer does) and ranges are decl
 dataclasses, so that positional values, `dataclasses.replace` and type checkers work; built when first used.
 """
 
-from __future__ import annotations
-
 from abc import ABCMeta
 from collections.abc import Iterable, Mapping
 from dataclasses import fields

@@ -1,7 +1,5 @@
 """The processor that kernels are compiled for: its name and the width of its vector instructions."""
 
-from __future__ import annotations
-
 import platform
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """A check of files to read: each must exist and be a regular file."""
 
-from __future__ import annotations
-
 import stat
 from pathlib import Path
 

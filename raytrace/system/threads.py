@@ -5,8 +5,6 @@ Not concurrent.futures, whose pool fails where the system grants fewer threads t
 works too, so one is enough, and an interrupt waits for no more than the blocks at work (docs/reliability.md).
 """
 
-from __future__ import annotations
-
 import os
 import threading
 from collections import deque

@@ -5,8 +5,6 @@ floating point numbers accurately"). Up to 19 digits and 10^±60 it is formed of
 where their error cannot change how it is rounded (Ziv 1991).
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from ..kernel.jit import inline

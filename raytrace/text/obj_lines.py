@@ -3,8 +3,6 @@
 The last byte of `text` must be the end of a line, so that no loop passes it.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from ..kernel.jit import inline, kernel

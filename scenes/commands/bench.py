@@ -1,7 +1,5 @@
 """`obscurance bench`: bake time against error on one mesh."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass

@@ -1,7 +1,5 @@
 """`obscurance compare`: error metrics of one image against another."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 from ..jobs.console import columns

@@ -1,7 +1,5 @@
 """`obscurance demo`: bake the built-in temple and render it, without w and with it."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """`obscurance falloff`: w at other half-distances, from the profile that a bake has stored, without rays."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import TYPE_CHECKING, cast
 

@@ -1,7 +1,5 @@
 """`obscurance info`: content, extent and defects of a mesh file."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,7 +1,5 @@
 """`obscurance materials`: the presets; measured albedo, reciprocity and fit error of materials."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path

@@ -1,7 +1,5 @@
 """`obscurance validate`: closed forms against bakes."""
 
-from __future__ import annotations
-
 from ..jobs.console import compiling
 
 

@@ -1,7 +1,5 @@
 """Default camera, lights and material of files without their own: all framed, three-point lighting, matt grey."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from raytrace import Camera, Lambert, Mesh

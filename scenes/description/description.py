@@ -1,7 +1,5 @@
 """The content of a scene file: scene, camera, settings, and the source of its obscurance."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Literal

@@ -6,8 +6,6 @@ angle, ours as cos^e φ up to the outer. e is the exponent for which both cones 
 gives e = 0.
 """
 
-from __future__ import annotations
-
 from math import cos, degrees, pi
 from typing import Any
 

@@ -18,8 +18,6 @@ specular-glossiness and emissive textures the mean over the image multiplies the
 Format: Khronos glTF 2.0 specification, section 3.9 and appendix B; KHR_materials_pbrSpecularGlossiness, 2017.
 """
 
-from __future__ import annotations
-
 from contextlib import suppress
 from dataclasses import replace
 from typing import Any, NamedTuple

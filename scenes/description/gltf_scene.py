@@ -4,8 +4,6 @@ A camera's node looks along its −z with +y upwards. The vertical angle (or `ym
 Format: Khronos glTF 2.0 specification, section 3.10 (cameras).
 """
 
-from __future__ import annotations
-
 from math import degrees
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """Any file that can be rendered, as a scene."""
 
-from __future__ import annotations
-
 import os
 from dataclasses import replace
 from pathlib import Path

@@ -3,8 +3,6 @@
 Only what was written is kept (`Table.given`): every default lives in the class that a table becomes.
 """
 
-from __future__ import annotations
-
 from typing import Annotated, Any
 
 from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, StrictBool, ValidationError

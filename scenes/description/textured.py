@@ -1,7 +1,5 @@
 """Mesh files with their texture coordinates, as geometry of scenes."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

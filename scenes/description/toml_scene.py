@@ -1,7 +1,5 @@
 """TOML scenes: from the text to a scene description."""
 
-from __future__ import annotations
-
 import re
 import tomllib
 from dataclasses import replace

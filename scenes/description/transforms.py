@@ -1,7 +1,5 @@
 """Transforms of a TOML scene as matrices: translate, rotate, scale, or a matrix."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -4,8 +4,6 @@ Neither format says how they are encoded. They are taken as sRGB, as most progra
 bake has given a PLY shows w, and is no colour.
 """
 
-from __future__ import annotations
-
 from pathlib import Path
 
 from raytrace.errors import printable

@@ -1,7 +1,5 @@
 """Names of images that textures are baked to."""
 
-from __future__ import annotations
-
 import os
 from pathlib import Path
 

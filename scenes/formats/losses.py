@@ -1,7 +1,5 @@
 """Warnings of what an output format cannot keep of the mesh file."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -5,8 +5,6 @@ concave polygons and the order of vertices are kept, all in bounded memory (docs
 Format: Geomview manual, "OFF Files", the variants OFF, COFF, NOFF, STOFF and their combinations.
 """
 
-from __future__ import annotations
-
 import re
 
 import numpy as np

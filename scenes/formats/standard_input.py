@@ -1,7 +1,5 @@
 """A mesh on standard input: its bytes, and a name that says its format."""
 
-from __future__ import annotations
-
 import sys
 from pathlib import Path
 

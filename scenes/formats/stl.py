@@ -5,8 +5,6 @@ a file, where what trimesh reads takes 22 times (docs/reliability.md).
 Format: 3D Systems, StereoLithography interface specification, 1989.
 """
 
-from __future__ import annotations
-
 import re
 from dataclasses import dataclass
 from pathlib import Path

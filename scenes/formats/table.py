@@ -1,7 +1,5 @@
 """Every format of files: what reads and writes it, and what it holds. A new one is a file and a row."""
 
-from __future__ import annotations
-
 import os
 import re
 from collections.abc import Callable

@@ -4,8 +4,6 @@ All stand about the origin, but for the temple, which stands on z = 0. Lengths a
 longest leg of a mesh triangle, and thus how fine w(p) can be.
 """
 
-from __future__ import annotations
-
 import math
 from abc import abstractmethod
 from typing import Annotated

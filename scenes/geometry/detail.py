@@ -1,7 +1,5 @@
 """Polygons, texture coordinates, colours and materials of a mesh file, kept for outputs."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path

@@ -3,8 +3,6 @@
 Source: Karl Menger, Allgemeine Räume und Cartesische Räume, 1926.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from raytrace.mesh.mesh import Mesh

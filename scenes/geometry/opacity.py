@@ -4,8 +4,6 @@ Wavefront MTL 5.0 has luminance for scalar textures such as `map_d`; exporters a
 colour, whose alpha they mean.
 """
 
-from __future__ import annotations
-
 from pathlib import Path
 
 from raytrace.errors import InputError, MemoryLimitError

@@ -6,8 +6,6 @@ seen along their Newell normal: four corners are cut by the other diagonal, more
 outline stays open.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from typing import Any, NamedTuple
 

@@ -1,7 +1,5 @@
 """Simple polyhedra for test scenes: patches, polygons, convex hulls, icospheres, prisms."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 
 import numpy as np

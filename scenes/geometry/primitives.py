@@ -3,8 +3,6 @@
 Each has exact normals, hard edges where its sides meet, and texture coordinates from 0 to 1 over every side.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple

@@ -1,7 +1,5 @@
 """The demonstration scene: a small colonnade on steps, finely meshed so that w at the vertices shows its creases."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from raytrace.mesh.mesh import Mesh

@@ -1,7 +1,5 @@
 """The inputs of a batch and the outputs that they get: patterns expanded, names that clash refused."""
 
-from __future__ import annotations
-
 import glob
 import os
 from collections.abc import Iterable, Iterator, Sequence

@@ -1,7 +1,5 @@
 """The manifest of a batch as JSON, with the outcome of each input; manifests of shards merged into one."""
 
-from __future__ import annotations
-
 import hashlib
 import heapq
 import json

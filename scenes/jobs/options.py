@@ -4,8 +4,6 @@ Parameters of the command and sections of its help, what goes together, `--optio
 manifest say of a bake, and the line of a report that repeats it are made from the rows.
 """
 
-from __future__ import annotations
-
 import shlex
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager

@@ -1,7 +1,5 @@
 """Parameters of the command from the rows of the table, its help in sections, and `bake --options`."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable, Mapping
 from importlib import import_module
 from inspect import Parameter, Signature

@@ -1,7 +1,5 @@
 """`obscurance bake --part`, one of several parts of a bake, into a folder; and `obscurance merge`, which takes them."""
 
-from __future__ import annotations
-
 import re
 import time
 from collections.abc import Callable, Mapping

@@ -1,7 +1,5 @@
 """`obscurance bake`: one input, or several into a folder."""
 
-from __future__ import annotations
-
 import os.path
 from collections.abc import Mapping
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """`obscurance bake --tiles`: a mesh larger than memory."""
 
-from __future__ import annotations
-
 import re
 import time
 from typing import Any

@@ -1,7 +1,5 @@
 """The built-in scenes: each a self-contained TOML file, meant to be edited."""
 
-from __future__ import annotations
-
 import os
 from importlib import resources
 

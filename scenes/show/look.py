@@ -4,8 +4,6 @@ Clay is Lambert's, lit by ambient light and by one directional light that stands
 w weights both, as in (12.75). So what a page draws can be rendered, and a test compares the two.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 from math import pi
 from typing import Any, Literal

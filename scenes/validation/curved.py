@@ -1,7 +1,5 @@
 """Validation scenes of tessellated spheres, cylinders and disks, with w known between two bounds."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from math import asin, cos, exp, hypot, pi, sin, sqrt
 

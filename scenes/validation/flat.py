@@ -1,7 +1,5 @@
 """Validation scenes of planes and polygons, where the only error beside the estimator's is truncation."""
 
-from __future__ import annotations
-
 from math import cos, inf, pi, radians, sin
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The validation table: closed forms against the w of `ao.bake`."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import lru_cache

@@ -5,8 +5,6 @@ texture coordinates, so that a material of primitives with different sets become
 Format: Khronos glTF 2.0 specification, sections 3.7.2 (sets of texture coordinates) and 3.9.3 (occlusion).
 """
 
-from __future__ import annotations
-
 import copy
 from collections.abc import Iterator
 from itertools import count

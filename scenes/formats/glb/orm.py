@@ -3,8 +3,6 @@
 Format: Khronos glTF 2.0 specification, sections 3.9.2 (metallic-roughness) and 3.9.3 (occlusion).
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Materials of paints, and what becomes of their images."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import Any
 

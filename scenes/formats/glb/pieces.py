@@ -1,7 +1,5 @@
 """The faces of a mesh file by material and object, as the primitives of a .glb draw them."""
 
-from __future__ import annotations
-
 from collections.abc import Hashable, Iterator
 from dataclasses import dataclass
 from typing import NamedTuple

@@ -1,7 +1,5 @@
 """Binary glTF of meshes that were no glTF: one node an object, one primitive a material of it."""
 
-from __future__ import annotations
-
 import copy
 from collections import Counter
 from collections.abc import Iterator

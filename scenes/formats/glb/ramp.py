@@ -4,8 +4,6 @@ A texture that is linear in u, sampled linearly at a u that is interpolated line
 viewer that shows occlusion textures shows vertex values, without an unwrapping of the mesh.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from functools import cache
 from typing import Any

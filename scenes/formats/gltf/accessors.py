@@ -3,8 +3,6 @@
 Format: Khronos glTF 2.0 specification, sections 3.6 (buffers, views, accessors) and 3.11 (quantised values).
 """
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -3,8 +3,6 @@
 Format: Khronos glTF 2.0 specification, sections 3.5 (scenes and transforms), 3.6 (buffers) and 3.7 (meshes).
 """
 
-from __future__ import annotations
-
 import base64
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass

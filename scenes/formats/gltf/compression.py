@@ -4,8 +4,6 @@ Format: Khronos glTF extensions KHR_draco_mesh_compression (of primitives), EXT_
 KHR_meshopt_compression (of buffer views).
 """
 
-from __future__ import annotations
-
 from typing import Any
 
 from .records import BufferView, GltfGeometry

@@ -5,8 +5,6 @@ stay in the file's folder, and memory is bounded: 256 times the bytes of a file 
 Format: Khronos glTF 2.0 specification, chapter 4 (GLB container), section 3.6 (buffers).
 """
 
-from __future__ import annotations
-
 import json
 import struct
 from collections.abc import Callable

@@ -1,7 +1,5 @@
 """Texture coordinates and colours of all vertices of a glTF file, for outputs that hold nothing else of it."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

@@ -4,8 +4,6 @@ Not by pydantic: a small file is to be read in less time than it takes to load a
 Whole numbers are indices and sizes, from 0; whether they point at something is found where they are used.
 """
 
-from __future__ import annotations
-
 from functools import cache
 from types import UnionType
 from typing import Annotated, Any, Literal, NamedTuple, NoReturn, TypeVar, get_args, get_origin, get_type_hints

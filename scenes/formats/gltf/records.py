@@ -5,8 +5,6 @@ KHR_materials_emissive_strength, KHR_materials_pbrSpecularGlossiness, KHR_materi
 """
 
 # ruff: noqa: RUF012 (empty lists as defaults are shared, and never changed)
-from __future__ import annotations
-
 from math import pi
 from typing import Annotated, Any, Literal
 

@@ -5,8 +5,6 @@ Format: Khronos glTF 2.0 specification, sections 3.6.2, 3.7.2.1 (`COLOR_0`), 3.8
 KHR_texture_transform.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 from math import cos, sin
 from typing import Any

@@ -1,7 +1,5 @@
 """Colours, texture coordinates and materials of an OBJ file, its faces' alpha, and in words what is not kept."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Callable, Iterable, Iterator
 from functools import partial

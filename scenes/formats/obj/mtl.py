@@ -6,8 +6,6 @@ becomes the roughness (2 / (Ns + 2))^¼ (Walter et al. 2007: α² = 2 / (Ns + 2)
 Format: Wavefront MTL 5.0, 1995; the PBR extension of Clara.io, 2014.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Callable, Iterator
 from dataclasses import replace

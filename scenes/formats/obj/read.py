@@ -5,8 +5,6 @@ index 0 for 1 and wraps negative ones, so it cannot serve here. Memory is estima
 file, where what trimesh reads takes 22 times (docs/reliability.md).
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Colours, texture coordinates and further properties of a PLY file, by their conventional names."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

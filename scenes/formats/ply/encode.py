@@ -1,7 +1,5 @@
 """Elements as the bytes of a binary PLY file."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any

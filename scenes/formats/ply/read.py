@@ -6,8 +6,6 @@ Format: Greg Turk, The PLY polygon file format, 1994. The numbers of a text file
 that both are read alike. No count is trusted: rows are looked for in the bytes that are there.
 """
 
-from __future__ import annotations
-
 import struct
 from array import array
 from dataclasses import replace

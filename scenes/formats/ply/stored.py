@@ -1,7 +1,5 @@
 """PLY files that stay on the disk: read, and written with w, in runs of rows."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 from typing import BinaryIO

@@ -1,7 +1,5 @@
 """The texture coordinates of a bake, a file's or new ones, and the size of its pages."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -6,8 +6,6 @@ overlap are taken to be meant so, as mirrored halves are; so are objects whose c
 copies of one object.
 """
 
-from __future__ import annotations
-
 from collections.abc import Hashable, Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path

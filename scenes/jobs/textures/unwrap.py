@@ -1,7 +1,5 @@
 """Texture coordinates for meshes that have none: unwrapping by the library uvunwrap, an optional extra."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Base colours of a mesh file for a page: of materials and vertices at the corners of faces, and textures."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path

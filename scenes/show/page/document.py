@@ -1,7 +1,5 @@
 """A page as one HTML file: style, scripts, shaders and data inside, and a policy that lets nothing else in."""
 
-from __future__ import annotations
-
 import base64
 import hashlib
 import html

@@ -1,7 +1,5 @@
 """Baked files as what a page shows: a mesh, and the values at its vertices."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 from shlex import quote

@@ -1,7 +1,5 @@
 """`obscurance view`: from baked files to a page."""
 
-from __future__ import annotations
-
 import webbrowser
 from pathlib import Path
 

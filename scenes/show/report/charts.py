@@ -1,7 +1,5 @@
 """Charts of reports, as SVG without scripts; colours come from the page's style."""
 
-from __future__ import annotations
-
 import html
 from collections.abc import Mapping, Sequence
 from typing import Any

@@ -4,8 +4,6 @@ No template engine: some twenty fragments, all of whose values are escaped in on
 would be the longest part of writing a report.
 """
 
-from __future__ import annotations
-
 import base64
 import html
 import json

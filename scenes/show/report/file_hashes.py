@@ -1,7 +1,5 @@
 """The inputs of a command, for its report."""
 
-from __future__ import annotations
-
 import hashlib
 import io
 from collections.abc import Iterable, Mapping

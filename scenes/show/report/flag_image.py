@@ -1,7 +1,5 @@
 """An image of a baked mesh with a dot on every flagged vertex, hidden or not."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

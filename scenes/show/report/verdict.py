@@ -1,7 +1,5 @@
 """The verdict of a report: whether what was asked for is met, what is suspicious, and what can be done about it."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterator, Mapping
 from typing import Any, NamedTuple
