@@ -7,7 +7,7 @@ from raytrace.errors import MeshError, OptionError
 from raytrace.system.memory import check_memory
 
 from .load import PIPED, MeshFile, load
-from .table import FORMATS, endings, told_by
+from .table import FORMATS, endings, sniffed_format
 
 STANDARD = Path("-")
 _CHUNK = 1 << 26
@@ -45,7 +45,7 @@ def load_mesh(path: Path) -> MeshFile:
 
 def _format_of(content: bytes | bytearray) -> str:
     """Raises: MeshError: the first bytes identify no format."""
-    if known := told_by(content[:4096]):
+    if known := sniffed_format(content[:4096]):
         return known.removeprefix(".")
     if len(content) == _HEAD + _TRIANGLE * int.from_bytes(content[_TRIANGLES], "little"):
         return "stl"

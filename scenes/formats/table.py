@@ -107,6 +107,6 @@ def function(name: str) -> Callable[..., Any]:
     return found
 
 
-def told_by(content: bytes | bytearray) -> str | None:
+def sniffed_format(content: bytes | bytearray) -> str | None:
     """The ending of the format that the first bytes identify, or None."""
     return next((row.ending for row in _ROWS if row.begins and re.match(row.begins, content)), None)

@@ -27,7 +27,7 @@ def test_the_estimated_rmse_is_the_true_one(colonnade, reference, samples, seed)
     assert true / 1.4 < baked.rmse < true * 1.4
 
 
-def test_the_estimated_errors_tell_where_the_error_is(colonnade, reference):
+def test_the_estimated_errors_show_where_the_error_is(colonnade, reference):
     baked = ao.bake(colonnade, ao.Binary(), samples=64)
     off = np.abs(baked.w - reference)
     order = np.argsort(baked.error)
@@ -92,7 +92,7 @@ def test_rays_of_one_vertex_that_agree_by_luck_are_no_certainty(samples):
     assert min(errors) > 0.2 / samples
 
 
-def test_rays_that_all_agree_tell_an_error_that_vanishes_with_their_number():
+def test_rays_that_all_agree_estimate_an_error_that_vanishes_with_their_number():
     sphere = trimesh.creation.icosphere(subdivisions=3)
     baked = ao.bake(sphere, ao.Binary(), samples=64)
     assert (baked.w == 1).all()

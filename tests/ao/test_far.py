@@ -132,7 +132,7 @@ def test_far_geometry_shows_in_pictures():
     assert not (render(scene, camera, Settings(width=32, height=24), layers=False).layers["beauty"][..., 0] == 1).all()
 
 
-def test_a_radius_that_few_vertices_make_is_told():
+def test_a_radius_that_few_vertices_make_is_warned_of():
     assert outlier_warnings(Mesh(VERTICES, FACES)) == outlier_warnings(with_unused_vertices()) == []
     (line,) = outlier_warnings(with_far_triangle(1e4))
     assert "--half-distance" in line

@@ -72,7 +72,7 @@ def test_vertices_without_normals_are_no_obstacle():
 
 
 @pytest.mark.parametrize("method", ["vertex", "surface"])
-def test_a_command_tells_it_in_one_line(tmp_path, method):
+def test_a_command_reports_it_in_one_line(tmp_path, method):
     (tmp_path / "lid.ply").write_bytes(ply(*PART))
     page = tmp_path / "r.html"
     line = tmp_path / "lid.ply", "-o", tmp_path / "w.ply", "--report", page, "--method", method, "--samples", 256

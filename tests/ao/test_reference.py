@@ -50,7 +50,7 @@ def test_agrees_at_every_vertex(name: str, setting: str) -> None:
     assert np.mean(z**2) < 1.8
 
 
-def test_reference_can_tell_a_small_bias() -> None:
+def test_reference_detects_a_small_bias() -> None:
     w = np.array([ao.bake(Mesh(*MESHES["torus"]), ao.Binary(), samples=256, seed=seed).w for seed in range(SEEDS)])
     biased = np.where(w < 1, 0.93 * w, w)
     assert np.mean(z_scores("torus", "binary", biased) ** 2) > 1.8

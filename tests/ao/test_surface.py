@@ -174,7 +174,7 @@ def test_the_floor_of_one_square_follows_the_fit_to_its_closed_form():
     np.testing.assert_allclose(baked.w[:4], np.minimum(fit, 1), atol=0.012)
 
 
-def test_a_tolerance_that_the_rays_do_not_reach_is_told():
+def test_a_tolerance_that_the_rays_do_not_reach_is_reported():
     with pytest.warns(ao.ToleranceWarning, match="tolerance 0.001 is not met.*: 32 rays a vertex were allowed"):
         baked = bake_surface(Mesh(*hills(20)), tolerance=0.001, samples=32)
     assert baked.rmse > 0.001
@@ -205,7 +205,7 @@ def test_it_spends_no_more_rays_than_the_vertex_method(samples):
     assert ((baked.w >= 0) & (baked.w <= 1)).all()
 
 
-def test_some_stretches_of_a_large_mesh_tell_how_smooth_it_is(monkeypatch):
+def test_some_stretches_of_a_large_mesh_show_how_smooth_it_is(monkeypatch):
     mesh = Mesh(*hills(70))
     tried = []
 

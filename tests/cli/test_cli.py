@@ -110,7 +110,7 @@ def test_the_help_of_bake_says_what_w_is_before_it_speaks_of_it():
     assert said.index("result is w, one number") < said.index("error of w")
 
 
-def test_info_tells_what_is_in_a_file(cube):
+def test_info_reports_what_is_in_a_file(cube):
     result = obscurance("info", cube)
     assert result.returncode == 0
     for fact in ("vertices", "8", "faces", "12", "radius", "0.866025", "0 open"):

@@ -51,7 +51,7 @@ def test_a_picture_by_workers_started_here_is_the_file_of_one_process(tmp_path):
     assert found == ["picture.exr", "r.json", "scene.toml", "whole.exr"]
 
 
-def test_mistakes_with_pictures_are_told_in_a_line(tmp_path, mesh, monkeypatch):
+def test_mistakes_with_pictures_are_reported_in_a_line(tmp_path, mesh, monkeypatch):
     render = "render", mesh, "-o", tmp_path / "picture.png"
     refused(obscurance(*render, "--cluster", "here"), "render --cluster: expected local, local:N or the address")
     refused(obscurance(*render, "--shared", tmp_path), "render: --shared needs --cluster")
@@ -61,7 +61,7 @@ def test_mistakes_with_pictures_are_told_in_a_line(tmp_path, mesh, monkeypatch):
     assert [path.name for path in tmp_path.iterdir()] == ["hills.ply"]
 
 
-def test_mistakes_are_told_in_a_line(tmp_path, mesh, monkeypatch):
+def test_mistakes_are_reported_in_a_line(tmp_path, mesh, monkeypatch):
     bake = "bake", mesh, "-o", tmp_path / "w.npz"
     refused(obscurance(*bake, "--cluster", "here"), "bake --cluster: expected local, local:N or the address", "'here'")
     refused(obscurance(*bake, "--cluster", "local", "--part", "1/2"), "bake: --cluster and --part exclude each other")
@@ -76,7 +76,7 @@ def test_mistakes_are_told_in_a_line(tmp_path, mesh, monkeypatch):
     assert [path.name for path in tmp_path.iterdir()] == ["hills.ply"]
 
 
-def test_a_scheduler_that_does_not_answer_is_told(tmp_path, mesh, monkeypatch):
+def test_a_scheduler_that_does_not_answer_is_named(tmp_path, mesh, monkeypatch):
     pytest.importorskip("distributed", reason="pip install '.[cluster]'")
     monkeypatch.setattr("ao.cluster.dask_cluster._CONNECT", 0.3)
     for command, output in (("bake", "w.npz"), ("render", "picture.png")):
@@ -127,7 +127,7 @@ def test_a_shared_folder_that_vanishes_does_not_lose_the_bake(tmp_path, mesh, mo
 
 @pytest.mark.skipif(sys.platform == "win32", reason="limits of POSIX")
 @pytest.mark.parametrize("options", [("--cluster", "local"), ("--part", "1/2")])
-def test_a_shared_folder_that_is_full_is_told_in_a_line(tmp_path, mesh, options):
+def test_a_shared_folder_that_is_full_is_reported_in_a_line(tmp_path, mesh, options):
     pytest.importorskip("distributed", reason="pip install '.[cluster]'")
     import resource
 

@@ -1,4 +1,4 @@
-"""`bake --dry-run` tells what a bake would take and write, and writes nothing."""
+"""`bake --dry-run` reports what a bake would take and write, and writes nothing."""
 
 import re
 
@@ -58,7 +58,7 @@ def test_a_batch_is_described_as_a_whole(folder):
     assert plan("*.obj", "--output-dir", "out", "--samples", 16, status=1)["would bake"] == "2 meshes, 403 vertices"
 
 
-def test_mistakes_are_told_as_by_a_bake(folder):
+def test_mistakes_are_reported_as_by_a_bake(folder):
     refused(obscurance("bake", "gone.obj", "-o", "w.npy", "--dry-run"), "gone.obj: file: expected an existing file")
     refused(obscurance("bake", "hills.obj", "-o", "w.npy", "--samples", 0, "--dry-run"), "bake --samples")
 

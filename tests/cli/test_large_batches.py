@@ -123,7 +123,7 @@ def test_parts_of_a_batch_that_are_missing_or_foreign_are_named(folder):
     assert not (folder / "out" / "manifest.json").exists()
 
 
-def test_mistakes_are_told_in_a_line(folder, monkeypatch):
+def test_mistakes_are_reported_in_a_line(folder, monkeypatch):
     refused(bake("out", "--part", "4/3"), "bake --part: expected K/N")
     refused(bake("out", "--part", "1/3", "--cluster", "local"), "bake: --part and --cluster exclude each other")
     refused(bake("out", "--part", "1/3", "--dry-run"), "bake: --part and --dry-run exclude each other")

@@ -232,7 +232,7 @@ def test_a_name_that_shares_its_ending_alone_is_not_offered(tmp_path):
     assert result.stderr.endswith(f"did you mean {tmp_path / 'duck2.glb'}?\n")
 
 
-def test_memory_that_runs_out_after_the_estimate_is_told_in_a_line(tmp_path, monkeypatch):
+def test_memory_that_runs_out_after_the_estimate_is_reported_in_a_line(tmp_path, monkeypatch):
     def run_out(*_, **__):
         raise MemoryError
 

@@ -65,7 +65,7 @@ def test_a_part_is_two_numbers(part):
         part_numbers(part)
 
 
-def test_mistakes_are_told_in_a_line(tmp_path, mesh):
+def test_mistakes_are_reported_in_a_line(tmp_path, mesh):
     parts = tmp_path / "parts"
     bake = "bake", mesh, "--part", "1/2", "-o", parts
     refused(obscurance(*bake, "--tolerance", "0.01"), "bake: --tolerance and --part exclude each other")

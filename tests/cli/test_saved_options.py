@@ -67,14 +67,14 @@ WRONG = {
 
 
 @pytest.mark.parametrize("name", WRONG)
-def test_what_cannot_be_taken_over_is_told_in_one_line(folder, name):
+def test_what_cannot_be_taken_over_is_refused_in_one_line(folder, name):
     text, *words = WRONG[name]
     (folder / "r.json").write_text(text)
     refused(obscurance("bake", "hills.obj", "-o", "w.npy", "--options", "r.json"), *words)
     assert not (folder / "w.npy").exists()
 
 
-def test_a_missing_report_and_a_missing_output_are_told(folder):
+def test_a_missing_report_and_a_missing_output_are_reported(folder):
     (folder / "report.json").write_text('{"options": {"output": "w.npy"}}')
     refused(obscurance("bake", "hills.obj", "-o", "w.npy", "--options", "reports.json"), "did you mean report.json?")
     refused(obscurance("bake", "hills.obj", "--options", "report.json"), "bake --output: expected a file")

@@ -178,7 +178,7 @@ MODULES = ["typer", "scenes.jobs.parameters", "scenes.jobs.run", "numpy", "llvml
 
 @pytest.mark.skipif(os.name != "posix", reason="signals")
 @pytest.mark.parametrize(("name", "by"), [*((name, "SIGINT") for name in MODULES), ("typer", "SIGTERM")])
-def test_an_interrupt_while_modules_are_imported_is_told_in_a_line(meshes, name, by):
+def test_an_interrupt_while_modules_are_imported_is_reported_in_a_line(meshes, name, by):
     files = {"mesh": str(meshes / "hills.obj"), "target": str(meshes / "w.npy"), "cli": str(ROOT / "cli.py")}
     command = [sys.executable, "-c", INTERRUPTED.format(name=name, by=by, **files)]
     result = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False, timeout=60)
@@ -202,7 +202,7 @@ def test_an_interrupt_while_modules_are_imported_is_told_in_a_line(meshes, name,
         ),
     ],
 )
-def test_closed_standard_streams_are_told_in_a_line(meshes, closed, line, status, said):
+def test_closed_standard_streams_are_reported_in_a_line(meshes, closed, line, status, said):
     command = f"exec '{sys.executable}' '{ROOT / 'cli.py'}' {line} {closed}"
     result = subprocess.run(["sh", "-c", command], cwd=meshes, capture_output=True, text=True, check=False, timeout=120)
     assert (result.returncode, without_note(result.stderr)) == (status, said)

@@ -56,7 +56,7 @@ FORMATS = {
 
 
 @pytest.mark.parametrize("kind", FORMATS)
-def test_the_first_bytes_tell_the_format(monkeypatch, kind):
+def test_the_first_bytes_show_the_format(monkeypatch, kind):
     give(monkeypatch, FORMATS[kind])
     path, content = standard_input(None)
     assert (path.suffix, content) == (f".{kind}", FORMATS[kind])
@@ -84,7 +84,7 @@ def test_a_format_that_is_given_is_taken_at_its_word(tmp_path, monkeypatch):
         (b"v 0 0 0\n", "<stdin>.obj: faces: expected at least one triangle"),
     ],
 )
-def test_what_is_no_mesh_is_told_in_one_line(tmp_path, monkeypatch, content, words):
+def test_what_is_no_mesh_is_refused_in_one_line(tmp_path, monkeypatch, content, words):
     give(monkeypatch, content)
     refused(obscurance("bake", "-", "-o", tmp_path / "w.npy"), words)
     assert not list(tmp_path.iterdir())

@@ -121,7 +121,7 @@ def test_one_image_of_several_layouts_is_refused_unless_their_mean_is_asked_for(
     refused(part, "bake: --part does not go with 2 texture sets that overlap, but with --overlap mean")
 
 
-def test_objects_of_one_plain_material_are_told_apart_and_those_of_an_image_are_meant_to_overlap(tmp_path):
+def test_objects_of_a_plain_material_are_kept_apart_and_objects_of_an_image_may_overlap(tmp_path):
     path = floor_and_lid(tmp_path, materials=("grey",))
     refused(obscurance("bake", path, "-o", tmp_path / "w.exr", *FEW), "expected <OBJECT>", "for both low and high")
     bake(path, "-o", tmp_path / "w.glb", "--occlusion", "texture", *FEW)

@@ -91,7 +91,7 @@ def test_udim_tiles_have_a_file_each(tmp_path):
     assert "2 faces reach out of the unit square" in together.stderr
 
 
-def test_overlaps_are_told_and_refused(tmp_path):
+def test_overlaps_are_reported_and_refused(tmp_path):
     path = tmp_path / "twice.obj"
     path.write_text(FLOOR_AND_WALL.replace("4/5 3/6 6/7 5/8", "4/1 3/2 6/3 5/4"))
     result = bake(path, "-o", tmp_path / "w.png", *FEW)

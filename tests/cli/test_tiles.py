@@ -68,7 +68,7 @@ def test_a_table_of_mu_limits_the_distance_too(tmp_path):
     assert (tmp_path / "tiled.npy").read_bytes() == (tmp_path / "whole.npy").read_bytes()
 
 
-def test_mistakes_are_told_in_a_line(tmp_path):
+def test_mistakes_are_reported_in_a_line(tmp_path):
     mesh, text = tmp_path / "m.ply", tmp_path / "m.obj"
     mesh.write_bytes(stored_ply(*hills(8)))
     text.write_bytes(obj(*hills(8)))
@@ -115,7 +115,7 @@ def confined(mesh, target, limit):
 
 
 @pytest.mark.parametrize("room", [0.5, 2, 20])  # bytes a vertex: none of the arrays fits, the smaller ones do, most do
-def test_a_disk_without_space_for_tiles_is_told_before_they_are_traced(tmp_path, room):
+def test_a_disk_without_space_for_tiles_is_reported_before_they_are_traced(tmp_path, room):
     mesh = tmp_path / "m.ply"
     mesh.write_bytes(MESHES["hills.ply"])
     result = confined(mesh, tmp_path / "w.npy", int(room * 400))
@@ -124,7 +124,7 @@ def test_a_disk_without_space_for_tiles_is_told_before_they_are_traced(tmp_path,
 
 
 @pytest.mark.parametrize("rows", ["vertices", "faces"])
-def test_a_mesh_that_is_cut_short_while_its_tiles_are_baked_is_told(tmp_path, rows):
+def test_a_mesh_that_is_cut_short_while_its_tiles_are_baked_is_reported(tmp_path, rows):
     path = tmp_path / "m.ply"
     path.write_bytes(MESHES["hills.ply"])
     mesh = open_mesh(path)

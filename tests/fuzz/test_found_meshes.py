@@ -30,7 +30,7 @@ def model(**replaced):
     return fuzz_seeds.archive(**{"3D/3dmodel.model": content})
 
 
-@pytest.mark.skipif(sys.platform != "linux", reason="/proc tells")
+@pytest.mark.skipif(sys.platform != "linux", reason="measures by /proc")
 def test_unused_vertices_on_coinciding_faces_take_no_memory_by_the_square(tmp_path):
     path = tmp_path / "m.obj"
     path.write_bytes(300 * obj())  # all faces use the first few vertices
@@ -160,7 +160,7 @@ def test_writing_what_float32_cannot_hold(tmp_path):
         write(tmp_path / "m.glb", baked(len(VERTICES)), file)
 
 
-def test_what_float32_cannot_hold_is_told_in_one_line_before_the_bake(tmp_path):
+def test_what_float32_cannot_hold_is_refused_in_one_line_before_the_bake(tmp_path):
     colours = [f"{x * 1e50} {y * 1e50} {z * 1e50} 255 0 0" for x, y, z in VERTICES]
     rows = [f"3 {i} {j} {k}" for i, j, k in FACES]
     (tmp_path / "m.off").write_text("\n".join(["COFF", f"{len(VERTICES)} {len(FACES)} 0", *colours, *rows]))

@@ -111,7 +111,7 @@ def _ply(corners, polygons, rng):
     head = "\n".join(["ply", *lines, "end_header", ""]).encode()
     rows = [[*corner, *[rng.choice((0.5, 1, 200, -1))] * (len(names) - 3)] for corner in corners]
     if form == "ascii":
-        text = [" ".join(map(_told, row)) for row in rows]
+        text = [" ".join(map(_text_of, row)) for row in rows]
         text += [" ".join(map(str, [len(each), *each, *([2, 0.5, 0.5] if extra else [])])) for each in polygons]
         return head + "\n".join([*_damaged_lines(text, rng), ""]).encode("utf-8", "replace")
     order = "<" if "little" in form else ">"
@@ -127,7 +127,7 @@ def _count(number, rng):
     return number if rng.random() < 0.85 else rng.choice((0, 1, number - 1, number + 1, 10**6, 2**31, 10**18, -1, "x"))
 
 
-def _told(value):
+def _text_of(value):
     return repr(float(value))
 
 
@@ -162,14 +162,14 @@ def _damaged_lines(lines, rng):
 def _off_file(corners, polygons, rng):
     word = rng.choice(("OFF", "OFF", "OFF", "COFF", "NOFF", "STOFF", "4OFF", "nOFF", "OFF BINARY", "off", ""))
     counts = " ".join(str(_count(number, rng)) for number in (len(corners), len(polygons), 0))
-    rows = [" ".join(map(_told, corner)) + rng.choice(("", "", " 255 0 0")) for corner in corners]
+    rows = [" ".join(map(_text_of, corner)) + rng.choice(("", "", " 255 0 0")) for corner in corners]
     rows += [" ".join(map(str, [off(len(each), rng), *each])) + rng.choice(("", "", " .5 .5 1")) for each in polygons]
     return "\n".join(_damaged_lines([word, counts, *rows, ""], rng)).encode("utf-8", "replace")
 
 
 def write_obj(corners, polygons, rng):
     textured, shaded = rng.random() < 0.4, rng.random() < 0.4
-    rows = ["mtllib square.mtl", "o one", *(f"v {' '.join(map(_told, corner))}" for corner in corners)]
+    rows = ["mtllib square.mtl", "o one", *(f"v {' '.join(map(_text_of, corner))}" for corner in corners)]
     rows += [f"vt {rng.choice((0, 0.5, 1, 7))} {rng.choice((0, 0.25, 'nan'))}" for _ in range(4) if textured]
     rows += ["vn 0 0 1", "vn 0 1 0"] if shaded else []
     for number, each in enumerate(polygons):
@@ -218,7 +218,7 @@ def _stl(corners, polygons, rng):
         return start + (count if isinstance(count, int) else 7).to_bytes(9, "little", signed=True)[:4] + data
     rows = ["solid a"]
     for each in triangles:
-        rows += ["facet normal 0 0 1", "outer loop", *(f"vertex {' '.join(map(_told, corner))}" for corner in each)]
+        rows += ["facet normal 0 0 1", "outer loop", *(f"vertex {' '.join(map(_text_of, corner))}" for corner in each)]
         rows += ["endloop", "endfacet"]
     others = ("endsolid", "solid b", "solid", "vertex", "vertex 1 2", "facet", "endloop", "endfacet", "outer loop")
     for _ in range(rng.choice((0, 1, 1, 3))):

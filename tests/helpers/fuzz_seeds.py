@@ -204,7 +204,7 @@ def image(format_name, width=9, height=7, channels=3, kind="uint8", **attributes
     output.close()
     content = path.read_bytes()
     path.unlink()
-    # A DPX file tells its name and its hour.
+    # A DPX file holds its name and its hour.
     return content[:36] + bytes(124) + content[160:] if format_name == "dpx" else content
 
 

@@ -8,7 +8,7 @@ from scenes.formats.load import load
 
 
 def bake(folder, source, target, *options):
-    """What the command tells on standard error."""
+    """What the command reports on standard error."""
     done = obscurance(
         "bake", folder / source, "-o", folder / target, "--samples", 8, "--report", folder / "r.json", *options
     )

@@ -49,7 +49,7 @@ WRONG = {
 
 
 @pytest.mark.parametrize("message", WRONG)
-def test_what_is_no_table_is_told_in_one_line(tmp_path, message):
+def test_what_is_no_table_is_refused_in_one_line(tmp_path, message):
     path, content = tmp_path / message.partition(":")[0], WRONG[message]
     if isinstance(content, bytes):
         path.write_bytes(content)

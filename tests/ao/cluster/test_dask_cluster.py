@@ -52,7 +52,7 @@ MEDIUM_ROWS = 10_000 + 312  # some are traced twice, to calibrate errors
 
 
 @contextmanager
-def on_one(cluster, function, told):
+def on_one(cluster, function, reported):
     """Run a function on one of two workers, and kill it in the end, for a new one to come.
 
     Gives its address, the messages of a bake, and what to tell them to: the other worker traces after the first one.
@@ -63,14 +63,14 @@ def on_one(cluster, function, told):
 
     def tell(line):
         messages.append(line)
-        told.touch()
+        reported.touch()
 
     with Client(cluster, set_as_default=False) as client:
         client.wait_for_workers(2)
         odd, other = client.nthreads()
         (pid,) = client.run(os.getpid, workers=[odd]).values()
         client.run(function, workers=[odd])
-        client.run(holding(0, told), workers=[other])
+        client.run(holding(0, reported), workers=[other])
         yield odd, messages, tell
         kill(pid)
         while odd in client.nthreads():
@@ -91,14 +91,14 @@ def test_killed_workers_lose_only_the_blocks_that_they_had(cluster, tmp_path, me
     assert dispatch.rows == MEDIUM_ROWS
 
 
-def test_of_a_worker_that_is_unlike_the_others_only_one_line_is_told(cluster, tmp_path, medium):
+def test_a_worker_unlike_the_client_is_reported_in_one_line(cluster, tmp_path, medium):
     def become_another():
         import ao.cluster.worker
 
         was = ao.cluster.worker.machine()
         ao.cluster.worker.machine = lambda: was | {"processor": "a z80"}
 
-    with on_one(cluster, become_another, tmp_path / "told") as (odd, messages, tell):
+    with on_one(cluster, become_another, tmp_path / "reported") as (odd, messages, tell):
         baked, dispatch = bake_on(cluster.scheduler_address, MEDIUM, tmp_path / "w.partial", tell)
     assert bits(baked) == medium
     assert odd not in dispatch.blocks
@@ -116,14 +116,14 @@ def test_a_worker_whose_disk_is_full_gets_no_more_work(cluster, tmp_path, medium
 
         ao.cluster.worker.fill = full
 
-    with on_one(cluster, fail_once_greeted, tmp_path / "told") as (odd, messages, tell):
+    with on_one(cluster, fail_once_greeted, tmp_path / "reported") as (odd, messages, tell):
         baked, dispatch = bake_on(cluster.scheduler_address, MEDIUM, tmp_path / "w.partial", tell)
     assert bits(baked) == medium
     assert odd not in dispatch.blocks
     assert messages == [f"worker {odd} gets no work: OSError: [Errno 28] No space left on device"]
 
 
-def test_where_no_worker_can_be_used_the_reason_is_told(cluster, tmp_path, monkeypatch):
+def test_where_no_worker_can_be_used_the_reason_is_named(cluster, tmp_path, monkeypatch):
     monkeypatch.setattr("ao.cluster.session._PATIENCE", 0.5)
     here = ao.cluster.session.machine()
     monkeypatch.setattr("ao.cluster.session.machine", lambda: here | {"Embree": "4.0.0"})
@@ -133,7 +133,7 @@ def test_where_no_worker_can_be_used_the_reason_is_told(cluster, tmp_path, monke
     assert messages[0].startswith("worker tls://")
 
 
-def test_a_folder_that_workers_do_not_see_is_told(cluster, tmp_path, monkeypatch):
+def test_a_folder_that_workers_do_not_see_is_reported(cluster, tmp_path, monkeypatch):
     monkeypatch.setattr("ao.cluster.session._PATIENCE", 0.5)
     written = ao.cluster.session.write_scene
 
@@ -183,7 +183,7 @@ def test_an_address_without_a_scheduler_is_refused(tmp_path, monkeypatch):
     assert [local_workers(address) for address in ("local", "local:3", "tcp://a:1")] == [1, 3, None]
 
 
-def test_a_worker_that_stands_still_is_told_and_its_blocks_are_traced_by_others(cluster, tmp_path, medium, monkeypatch):
+def test_a_worker_that_stands_still_is_reported_and_others_trace_its_blocks(cluster, tmp_path, medium, monkeypatch):
     monkeypatch.setattr("ao.cluster.session._SILENCE", 1.5)
 
     def stop():
@@ -191,7 +191,7 @@ def test_a_worker_that_stands_still_is_told_and_its_blocks_are_traced_by_others(
 
         ao.cluster.worker.fill = lambda *_: os.kill(os.getpid(), signal.SIGSTOP)
 
-    with on_one(cluster, stop, tmp_path / "told") as (odd, messages, tell):
+    with on_one(cluster, stop, tmp_path / "reported") as (odd, messages, tell):
         baked, dispatch = bake_on(cluster.scheduler_address, MEDIUM, tmp_path / "w.partial", tell)
     assert bits(baked) == medium
     assert odd not in dispatch.blocks
@@ -205,7 +205,7 @@ from clusters import holding
 try:
     Path({stopped!r}).open("x").write(str(os.getpid()))
 except FileExistsError:
-    holding(0, {told!r})()
+    holding(0, {reported!r})()
 else:
     os.kill(os.getpid(), signal.SIGSTOP)
 """
@@ -226,14 +226,14 @@ def starting(tmp_path, monkeypatch):
     return starting
 
 
-def test_a_worker_that_is_stopped_as_it_starts_is_told_and_others_trace(tmp_path, medium, starting, monkeypatch):
-    stopped, told, messages = tmp_path / "stopped", tmp_path / "told", []
-    starting(STOPS.format(stopped=str(stopped), told=str(told)))
+def test_a_worker_that_is_stopped_as_it_starts_is_reported_and_others_trace(tmp_path, medium, starting, monkeypatch):
+    stopped, reported, messages = tmp_path / "stopped", tmp_path / "reported", []
+    starting(STOPS.format(stopped=str(stopped), reported=str(reported)))
 
     def tell(line):
         messages.append(line)
         if "have started" in line:
-            told.touch()
+            reported.touch()
 
     baked, dispatch = bake_on("local:2", MEDIUM, tmp_path / "w.partial", tell)
     assert bits(baked) == medium
@@ -245,7 +245,7 @@ def test_a_worker_that_is_stopped_as_it_starts_is_told_and_others_trace(tmp_path
 
 def test_where_all_workers_are_stopped_as_they_start_the_bake_ends(tmp_path, starting, monkeypatch):
     stopped, messages = tmp_path / "stopped", []
-    starting(STOPS.format(stopped=str(stopped), told=""))
+    starting(STOPS.format(stopped=str(stopped), reported=""))
 
     def tell(line):
         messages.append(line)
@@ -313,7 +313,7 @@ def test_what_a_worker_answers_is_no_code_and_of_the_length_that_was_asked_for(c
             "numbers": lambda tables: [1] * len(tables),
         }[answer]
 
-    with on_one(cluster, lie, tmp_path / "told") as (odd, messages, tell):
+    with on_one(cluster, lie, tmp_path / "reported") as (odd, messages, tell):
         baked, dispatch = bake_on(cluster.scheduler_address, MEDIUM, tmp_path / "w.partial", tell)
     assert bits(baked) == medium
     assert odd not in dispatch.blocks
@@ -402,7 +402,7 @@ def test_workers_started_here_let_nobody_in_without_their_credentials():
         cluster.close()
 
 
-def test_of_a_scheduler_without_credentials_a_line_is_told(tmp_path):
+def test_a_scheduler_without_credentials_is_warned_of(tmp_path):
     distributed = pytest.importorskip("distributed", reason="pip install '.[cluster]'")
     messages = []
     with distributed.LocalCluster(n_workers=1, **LOCAL | {"security": None}) as open_to_all:

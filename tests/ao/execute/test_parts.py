@@ -189,7 +189,7 @@ def test_a_tolerance_has_no_parts(tmp_path):
     assert not list(tmp_path.iterdir())
 
 
-def test_a_part_whose_folder_vanishes_is_told(tmp_path):
+def test_a_part_whose_folder_vanishes_is_reported(tmp_path):
     folder = tmp_path / "parts"
     folder.mkdir()
 

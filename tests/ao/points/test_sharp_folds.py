@@ -84,7 +84,7 @@ def test_w_in_folds_of_rough_surfaces_is_that_at_the_vertex(seed):
 
 
 @pytest.mark.parametrize("size", [1e-4, 1e-3, 1e-2])
-def test_what_a_groove_leaves_of_an_offset_is_in_the_error_told(size):
+def test_what_a_groove_leaves_of_an_offset_is_in_the_estimated_error(size):
     rims = [groove(cosine) for cosine in np.geomspace(0.003, 0.09, 20) for _ in range(6)]
     w, error, exact = bake(rims, size, 1, samples=1024)
     z = (w - exact) / error

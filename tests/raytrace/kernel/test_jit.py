@@ -238,7 +238,7 @@ def test_whatever_the_umask_later_processes_run_what_was_kept(project):
     assert run(project, ANSWER, NUMBA_CACHE_DIR=cache) == "1 0 False"
 
 
-def test_kernels_that_are_not_to_be_compiled_are_told(project):
+def test_kernels_that_are_not_to_be_compiled_are_reported(project):
     shutil.copy(ROOT / "raytrace" / "errors.py", project / "raytrace")
     script = "try:\n    from raytrace.loop import answer; answer()\nexcept ValueError as mistake:\n    print(mistake)"
     expected = "environment: NUMBA_DISABLE_JIT: expected 0 or nothing: kernels run as machine code alone, got 1"

@@ -40,7 +40,7 @@ def test_a_detail_that_is_most_of_a_mesh_is_not_too_small():
 
 @pytest.mark.parametrize("scale", [1e-9, 1.0, 1e9])
 def test_the_figure_is_the_tilt_that_rounding_makes(scale):
-    """Normals of a sphere rounded to float32, against those it had: the median is foretold within a factor of 5."""
+    """Normals of a sphere rounded to float32, against those it had: the median is predicted within a factor of 5."""
     part = icosphere(4)
     exact = Pose(scale, 3e4, 1).mesh(part)
     rounded = Pose(scale, 3e4, 1, single=True).mesh(part)

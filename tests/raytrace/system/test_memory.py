@@ -30,7 +30,7 @@ from scenes.formats.load import load
 from scenes.geometry.opacity import is_opacity_map
 
 MIB = 1 << 20
-LINUX = pytest.mark.skipif(sys.platform != "linux", reason="/proc tells")
+LINUX = pytest.mark.skipif(sys.platform != "linux", reason="measures by /proc")
 
 
 def machine(tmp_path, free="8388608", groups="", **files):
@@ -45,7 +45,7 @@ def machine(tmp_path, free="8388608", groups="", **files):
     return tmp_path
 
 
-def test_the_system_tells_what_is_available(tmp_path):
+def test_the_system_reports_what_is_available(tmp_path):
     assert available(machine(tmp_path)) == 8 << 30
 
 

@@ -26,7 +26,7 @@ def test_json_holds_what_the_text_says(tmp_path):
     assert rows["radius"].startswith(f"{found['radius']:.6g}, ")
 
 
-def test_json_tells_of_w_that_a_bake_has_left(tmp_path):
+def test_json_reports_w_that_a_bake_has_left(tmp_path):
     (tmp_path / "hills.obj").write_bytes(obj(*hills(6)))
     assert obscurance("bake", tmp_path / "hills.obj", "-o", tmp_path / "w.glb", "--samples", 64).returncode == 0
     found = json.loads(obscurance("info", tmp_path / "w.glb", "--json").stdout)

@@ -105,7 +105,7 @@ def test_a_material_in_a_scene_takes_their_place_unless_the_scene_says_otherwise
         read_with('builtin = "box"', "vertex_colors = true")
 
 
-def test_colours_that_some_vertices_lack_are_left_out_and_told(tmp_path):
+def test_colours_that_some_vertices_lack_are_left_out_with_a_warning(tmp_path):
     obj(tmp_path / "quad.obj")
     text = (tmp_path / "quad.obj").read_text().replace("v 1.0 1.0 0.0 0.0 1.0 0.2", "v 1.0 1.0 0.0")
     (tmp_path / "quad.obj").write_text(text)

@@ -72,7 +72,7 @@ def test_an_opaque_file_has_no_alpha(tmp_path):
         (MASK, "leaf.png"),
     ],
 )
-def test_alpha_that_cannot_be_read_is_told_in_a_line(tmp_path, material, field):
+def test_alpha_that_cannot_be_read_is_reported_in_a_line(tmp_path, material, field):
     path = glb(tmp_path, material, LEAF, image_fields={"images": [{"uri": "leaf.png"}]})
     with pytest.raises(InputError, match=field) as refused:
         load(path)
@@ -99,11 +99,11 @@ def test_options_that_change_an_opacity_map_are_named(tmp_path, options, named):
     ]
 
 
-def test_a_missing_opacity_map_is_told(tmp_path):
+def test_a_missing_opacity_map_is_reported(tmp_path):
     assert any("map_d (leaf.png)" in note for note in load(card_obj(tmp_path, "map_d leaf.png")).notes)
 
 
-def test_the_command_tells_and_ignores_alpha(tmp_path):
+def test_the_command_reports_and_ignores_alpha(tmp_path):
     path, options = glb(tmp_path, MASK, LEAF), ("--falloff", "binary", "--samples", "256")
     cut = obscurance("bake", path, "-o", tmp_path / "cut.npy", *options)
     assert "alpha: 2 faces cut out, 0 blended" in cut.stdout

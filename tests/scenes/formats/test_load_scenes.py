@@ -158,7 +158,7 @@ def test_3mf_repeats_and_places_its_objects(tmp_path):
     assert sorted(file.mesh.vertices[part.vertices, 0].mean() for part in file.parts) == [0, 5]
 
 
-def test_copies_by_an_extension_are_told(tmp_path):
+def test_copies_by_an_extension_are_reported(tmp_path):
     builder = Builder()
     builder.mesh(builder.primitive(TRIANGLE))
     nodes = [{"name": "tree", "mesh": 0, "extensions": {"EXT_mesh_gpu_instancing": {"attributes": {}}}}]

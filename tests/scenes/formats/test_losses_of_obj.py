@@ -187,7 +187,7 @@ f 1 6 2
 """
 
 
-def test_objects_of_an_obj_are_nodes_whose_vertices_tell_their_place_in_it(tmp_path):
+def test_objects_of_an_obj_are_nodes_whose_vertices_keep_their_place_in_it(tmp_path):
     (tmp_path / "m.obj").write_text(OBJECTS)
     printed = bake(tmp_path, "m.obj", "out.glb")
     assert "names of groups, the order of vertices (_SOURCE_INDEX has their places)" in printed

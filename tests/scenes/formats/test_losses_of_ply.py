@@ -79,7 +79,7 @@ def test_quality_of_a_text_file_becomes_an_attribute(tmp_path):
     np.testing.assert_array_equal(quality, np.float32([0.3, 0.25, 0.123457]))
 
 
-def test_a_glb_keeps_of_a_ply_what_it_can_and_tells_the_rest(tmp_path):
+def test_a_glb_keeps_of_a_ply_what_it_can_and_names_the_rest(tmp_path):
     (tmp_path / "rich.ply").write_bytes(rich_ply())
     printed = bake(tmp_path, "rich.ply", "out.glb")
     rest = "polygons, which become triangles, flags of faces, weights of faces, elements edge"

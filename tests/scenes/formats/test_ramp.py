@@ -185,7 +185,7 @@ def test_variants_of_materials_are_kept_apart(tmp_path):
     assert all(each["occlusionTexture"] == {"index": 0} for each in header["materials"])
 
 
-def test_an_occlusion_texture_of_the_file_is_kept_and_that_is_told(tmp_path):
+def test_an_occlusion_texture_of_the_file_is_kept_and_that_is_reported(tmp_path):
     source, w, header, binary = written(tmp_path, occluded(0.5))
     first, second = drawn(header)
     assert occlusion(header, first) == {"index": 0, "strength": 0.5}

@@ -190,7 +190,7 @@ def test_scenes_of_toml_bake_what_they_place(folder):
     assert json.loads(Path("p.json").read_text())["rays"]["bake"] > 0
 
 
-def test_info_tells_of_ramps(folder):
+def test_info_names_ramps(folder):
     said = " ".join(obscurance("info", "w.glb").stdout.split())
     assert "occlusion textures of 1 of 1 primitives, 1 of them ramps of a bake" in said
     assert "occlusion       no textures in the file" in obscurance("info", "corner.ply").stdout

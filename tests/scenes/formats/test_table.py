@@ -5,7 +5,7 @@ from typing import get_args
 import pytest
 
 from scenes.formats.image_names import ENDINGS as IMAGES
-from scenes.formats.table import FORMATS, endings, format_of, function, told_by
+from scenes.formats.table import FORMATS, endings, format_of, function, sniffed_format
 from scenes.jobs.options import Format, InputFormat
 from scenes.write_bake import TILED
 
@@ -37,5 +37,5 @@ def test_endings_are_found_in_any_case_and_others_go_to_libraries():
         (b"solid", None), (b"vertex 1", None),
     ],
 )  # fmt: skip
-def test_first_bytes_tell_the_format(content, ending):
-    assert told_by(content) == ending
+def test_first_bytes_show_the_format(content, ending):
+    assert sniffed_format(content) == ending

@@ -139,7 +139,7 @@ def test_nan_is_a_failure() -> None:
     assert not validation.compare(line, measured).ok
 
 
-def test_the_printed_table_tells_a_failure() -> None:
+def test_the_printed_table_reports_a_failure() -> None:
     *good, line = validation.run_validation(samples=64, lines=LINES[:4])
     bad = replace(line, measured=0.5, ok=False)
     text = validation.validation_table(good)
