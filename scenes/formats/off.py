@@ -7,15 +7,14 @@ Format: Geomview manual, "OFF Files", the variants OFF, COFF, NOFF, STOFF and th
 
 import re
 
-import numpy as np
-
 from raytrace.errors import MeshError
 
 from ..geometry.instances import Instance
 from ..geometry.polygons import triangulate
+from .number_rows import NumberRows, whole
 from .table import MeshInput
 
-_HEADER = re.compile(r"\s*((?:ST)?C?N?)OFF\b(?!\s+BINARY)(.*)", re.DOTALL)
+_HEADER = re.compile(rb"(?:\s|#[^\n\r]*+)*+((?:ST)?C?N?)OFF\b(?!\s+BINARY)")
 
 
 def read_off(given: MeshInput) -> list[Instance]:
@@ -25,29 +24,29 @@ def read_off(given: MeshInput) -> list[Instance]:
         MeshError: it is no OFF file, or ends early.
         ValueError: anything else that is malformed.
     """
-    source = given.source
-    match = _HEADER.match(re.sub(r"#[^\n\r]*", "", given.file.read().decode("utf-8", "replace")))
+    source, data = given.source, given.file.read()
+    match = _HEADER.match(data)
     if not match:
         raise MeshError(source, "content", "an OFF file of text with three coordinates a vertex", "another header")
-    rows = [row for row in match[2].splitlines() if row and not row.isspace()]
-    vertex_count, face_count = (int(word) for word in rows[0].split()[:2]) if rows else (0, 0)
+    rows = NumberRows.of(data, match.end())
+    fault = MeshError(source, "content", "a number of vertices and one of faces", "fewer numbers")
+    head = whole(rows.take(rows.bounds[:2][:-1], rows.bounds[1:2], 2, fault))
+    vertex_count, face_count = [*head.tolist(), 0, 0][:2]
     if vertex_count < 1 or face_count < 0:
         raise MeshError(source, "content", "a number of vertices and one of faces", f"{vertex_count} and {face_count}")
-    faces = [row.split() for row in rows[1 + vertex_count : 1 + vertex_count + face_count]]
-    if len(faces) < face_count or (faces and len(faces[-1]) <= int(faces[-1][0])):
-        raise MeshError(source, "content", f"{vertex_count} vertices and {face_count} faces", "an end before that")
-    width = 6 if "N" in match[1] else 3
-    numbers = " ".join(" ".join(row.split()[:width]) for row in rows[1 : 1 + vertex_count])
-    places = np.fromstring(numbers, sep=" ").reshape(vertex_count, width)
-    sizes = np.array([int(face[0]) for face in faces], np.int64)
-    corners = np.array(
-        [int(word) for face, size in zip(faces, sizes, strict=True) for word in face[1 : size + 1]], np.int64
-    )
-    if (sizes < 0).any():
-        raise ValueError("a face of fewer than no corners")
+    expected = f"{vertex_count} vertices and {face_count} faces"
+    begins, ends = (bounds[1 : 1 + vertex_count + face_count] for bounds in (rows.bounds[:-1], rows.bounds[1:]))
+    if len(begins) < vertex_count + face_count:
+        raise MeshError(source, "content", expected, "an end before that")
+    fault = MeshError(source, "content", expected, "lines of fewer numbers")
+    width = 6 if b"N" in match[1] else 3
+    places = rows.take(begins[:vertex_count], ends[:vertex_count], width, fault).reshape(-1, width)
+    begins, ends = begins[vertex_count:], ends[vertex_count:]
+    sizes, values = rows.take_lists(begins, ends, fault)
+    corners = whole(values)
     triangles = triangulate(places[:, :3], corners, sizes, source)
     normals = places[:, 3:] if width == 6 else None
-    unread = ("colours",) if "C" in match[1] or any(len(f) > s + 1 for f, s in zip(faces, sizes, strict=True)) else ()
+    unread = ("colours",) if b"C" in match[1] or (ends - begins > sizes + 1).any() else ()
     filled, polygons = triangles.take(corners), triangles.polygons
     return [
         Instance(given.name, places[:, :3], filled, normals, None, triangles.notes, None, unread, polygons=polygons)

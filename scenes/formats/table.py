@@ -79,7 +79,7 @@ _ROWS = (
     FileFormat(".ply", "PLY", "formats.ply.read:read_ply", 7.5, rb"ply\r?\n", "formats.ply.stored:open_ply",
                "formats.ply.write:ply", "formats.losses:of_ply", ("w", "colors", "uv")),
     FileFormat(".stl", "STL", "formats.stl:read_stl", 6.0, rb"\s*solid\b.*\n\s*facet\b", "formats.stl:open_stl"),
-    FileFormat(".off", "OFF", "formats.off:read_off", 22.0, rb"\s*(ST)?(C?N?4?n?)OFF\b"),
+    FileFormat(".off", "OFF", "formats.off:read_off", 7.5, rb"\s*(ST)?(C?N?4?n?)OFF\b"),
     FileFormat(".glb", "GLB", _GLTF, 2.0, rb"glTF", "", "formats.glb.write:glb", "formats.losses:of_glb",
                ("w", "colors", "scene")),
     FileFormat(".gltf", "glTF", _GLTF, 2.0, rb"\s*\{", holds=("w", "scene")),

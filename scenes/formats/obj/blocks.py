@@ -2,24 +2,18 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterator
 from dataclasses import dataclass
-from itertools import pairwise
 
 import numpy as np
 
 from raytrace.system.threads import run_blocks, thread_count
-from raytrace.text import obj_lines
+from raytrace.text import lines
 from raytrace.text.decimal import POWERS
-from raytrace.text.obj_lines import COUNT, LEAST, MOST, NEEDED, NUMBERED, SLASHES, USABLE, WORDS, F, V
+from raytrace.text.lines import COUNT, LEAST, MOST, NEEDED, NUMBERED, SLASHES, USABLE, WORDS, F, V
 from raytrace.types import Float64s, Int64s, UInt8s
 
-_END = re.compile(rb"[\r\n]")
-_WORD = re.compile(rb"[^#\s]+")
-_BYTES = 1 << 18  # of a block, and the rest of its last line
-_ODD = 1 << 16  # words that become text at once
-_PLACE = (1 << 51) - 1  # the bits of a NaN of `read_numbers` that say where its word is
+from ..number_rows import line_blocks, round_left
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,18 +39,14 @@ class ObjBlocks:
         if b"\\" in data:
             for end in (b"\r\n", b"\r", b"\n"):
                 data = data.replace(b"\\" + end, b" ")
-        if data[-1:] not in (b"\r", b"\n"):
-            data += b"\n"
-        ends = [0]
-        while ends[-1] < len(data):
-            ends.append(next(_END.finditer(data, min(ends[-1] + _BYTES, len(data)) - 1)).end())
-        bounds, text = list(pairwise(ends)), np.frombuffer(data, np.uint8)
+        data, text, bounds = line_blocks(data)
         tallies = np.zeros((len(bounds), F + 1, SLASHES + 1), np.int64)
         rest = [np.empty((0, 3), np.int64)] * len(bounds)
 
         def work(block: int, _: int) -> None:
-            found = np.empty((min(_BYTES, len(data)) // 4 + 2, 3), np.int64)
-            rest[block] = found[: obj_lines.survey(text, *bounds[block], tallies[block], found)].copy()
+            begin, end = bounds[block]
+            found = np.empty(((end - begin) // 4 + 2, 3), np.int64)
+            rest[block] = found[: lines.survey(text, begin, end, tallies[block], found)].copy()
 
         run_blocks(len(bounds), 1, work, thread_count(None))
         before = np.cumsum(np.insert(tallies, 0, 0, axis=0), axis=0)
@@ -92,15 +82,10 @@ class ObjBlocks:
         def work(block: int, _: int) -> None:
             if self.tallies[block, kind, COUNT]:
                 own = rows[ends[block] : ends[block + 1]]
-                obj_lines.read_numbers(self.text, *self.bounds[block], kind, POWERS, own)
+                lines.read_numbers(self.text, *self.bounds[block], kind, POWERS, own)
 
         run_blocks(len(self.bounds), 1, work, thread_count(None))
-        values = rows.reshape(-1)
-        odd = np.flatnonzero(np.isnan(values))
-        for start in range(0, len(odd), _ODD):
-            some = odd[start : start + _ODD]
-            places = (values.view(np.int64)[some] & _PLACE).tolist()
-            values[some] = np.fromstring(b" ".join(next(_WORD.finditer(self.data, at))[0] for at in places), sep=" ")
+        round_left(self.data, rows.reshape(-1))
         return rows
 
     def faces(self) -> tuple[Int64s, Int64s, bool]:
@@ -112,7 +97,7 @@ class ObjBlocks:
         def work(block: int, _: int) -> None:
             if self.tallies[block, F, COUNT]:
                 found = self.before[block], sizes, indices
-                valid[block] = obj_lines.read_faces(self.text, *self.bounds[block], *found)
+                valid[block] = lines.read_faces(self.text, *self.bounds[block], *found)
 
         run_blocks(len(valid), 1, work, thread_count(None))
         return sizes, indices, all(valid)

@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from raytrace.errors import MeshError
-from raytrace.text.obj_lines import NONE, NUMBERED
+from raytrace.text.lines import NONE, NUMBERED
 from raytrace.types import Bools, Float64s, Int64s
 
 from ...geometry.detail import PerCorner

@@ -175,7 +175,7 @@ def test_against_a_plain_reader(seed, monkeypatch):
     outcomes = []
     for _ in range(100):
         data = generate(rng, rng.choice([0, 0, 0.005, 0.05]))
-        monkeypatch.setattr("scenes.formats.obj.blocks._BYTES", rng.choice([7, 40, 200, 1 << 18]))
+        monkeypatch.setattr("scenes.formats.number_rows._BYTES", rng.choice([7, 40, 200, 1 << 18]))
         expected = outcome(plain, data)
         assert outcome(present, data) == expected, data
         outcomes.append(isinstance(expected, str))

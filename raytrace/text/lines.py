@@ -1,4 +1,4 @@
-"""Lines of a Wavefront OBJ file, for kernels that share its bytes: each takes those from text[begin] to text[end − 1].
+"""Lines of numbers, and of a Wavefront OBJ file, for kernels that share its bytes: each takes text[begin:end].
 
 The last byte of `text` must be the end of a line, so that no loop passes it.
 """
@@ -61,6 +61,44 @@ def _skip_line(text, i):
     return i + 1
 
 
+@inline
+def _parse_word(text, i, powers):
+    """The number at i, where its word ends, and whether all of the word is one that `parse_float` can round."""
+    value, stop, sure = parse_float(text, i, powers)
+    end = _skip_word(text, stop)
+    return value, end, sure and stop == end
+
+
+@kernel
+def read_rows(text, begin, end, powers, numbers, counts):
+    """The numbers of all lines that have words, one after the other.
+
+    What `parse_float` leaves becomes a NaN whose last bits say where the word begins.
+
+    Args:
+        powers: `raytrace.text.decimal.POWERS`.
+        numbers, counts: float64 and int64 (any,), filled with the numbers, and with how many each such line has.
+
+    Returns how many such lines there are.
+    """
+    bits, found, rows, i = numbers.view(np.uint64), 0, 0, begin
+    while i < end:
+        before = found
+        i, some = _next_word(text, i)
+        while some:
+            word = i
+            numbers[found], i, sure = _parse_word(text, word, powers)
+            if not sure:
+                bits[found] = _NAN | np.uint64(word)
+            found += 1
+            i, some = _next_word(text, i)
+        if found > before:
+            counts[rows] = found - before
+            rows += 1
+        i = _skip_line(text, i)
+    return rows
+
+
 @kernel
 def survey(text, begin, end, tally, rest):
     """Count the lines.
@@ -106,9 +144,7 @@ def survey(text, begin, end, tally, rest):
 def read_numbers(text, begin, end, wanted, powers, rows):
     """The first numbers of those lines that are of the kind `wanted` and have the words that it needs.
 
-    What `parse_float` leaves becomes a NaN whose last bits say where the word begins.
-
-    Args: powers: `raytrace.text.decimal.POWERS`. rows: float64 (lines, numbers).
+    Args: as of `read_rows`. rows: float64 (lines, numbers).
     """
     bits, row, i = rows.view(np.uint64), 0, begin
     while i < end:
@@ -117,11 +153,11 @@ def read_numbers(text, begin, end, wanted, powers, rows):
             words = 0
             i, some = _next_word(text, i)
             while some and words < rows.shape[1]:
-                value, stop, sure = parse_float(text, i, powers)
-                word, i = i, _skip_word(text, stop)
+                word = i
+                value, i, sure = _parse_word(text, word, powers)
                 if row < len(rows):
                     rows[row, words] = value
-                    if stop < i or not sure:
+                    if not sure:
                         bits[row, words] = _NAN | np.uint64(word)
                 words += 1
                 i, some = _next_word(text, i)

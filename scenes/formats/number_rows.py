@@ -1,0 +1,106 @@
+"""Text files as rows of numbers, read by kernels from blocks of their bytes, on all cores."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+
+from raytrace.system.threads import run_blocks, thread_count
+from raytrace.text.decimal import POWERS
+from raytrace.text.lines import read_rows
+from raytrace.types import Float64s, Int64s, UInt8s
+
+_END = re.compile(rb"[\r\n]")
+_WORD = re.compile(rb"[^#\s]+")
+_BYTES = 1 << 18  # of a block, and the rest of its last line
+_ODD = 1 << 16  # words that become text at once
+_PLACE = (1 << 51) - 1  # the bits of a kernel's NaN that say where its word is
+
+
+def line_blocks(data: bytes, begin: int = 0) -> tuple[bytes, UInt8s, list[tuple[int, int]]]:
+    """The data, ending with a line, as bytes and as array, and begin and end of each block of lines after `begin`."""
+    if data[-1:] not in (b"\r", b"\n"):
+        data += b"\n"
+    ends = [begin]
+    while ends[-1] < len(data):
+        ends.append(next(_END.finditer(data, min(ends[-1] + _BYTES, len(data)) - 1)).end())
+    return data, np.frombuffer(data, np.uint8), list(pairwise(ends))
+
+
+def round_left(data: bytes, values: Float64s) -> None:
+    """Fill in the numbers (k,) that kernels have left as NaNs. Raises: ValueError: text that is not numbers."""
+    odd = np.flatnonzero(np.isnan(values))
+    for start in range(0, len(odd), _ODD):
+        some = odd[start : start + _ODD]
+        places = (values.view(np.int64)[some] & _PLACE).tolist()
+        values[some] = np.fromstring(b" ".join(next(_WORD.finditer(data, at))[0] for at in places), sep=" ")
+
+
+@dataclass(frozen=True, eq=False)
+class NumberRows:
+    """The lines of a text file that have words, what follows a # left out.
+
+    Attributes:
+        data: the file's bytes.
+        numbers: float64 (k,), all words, with NaNs for `round_left`.
+        bounds: int64 (rows + 1,), where the numbers of each row begin, and the last one's end.
+    """
+
+    data: bytes
+    numbers: Float64s
+    bounds: Int64s
+
+    @classmethod
+    def of(cls, data: bytes, begin: int = 0) -> NumberRows:
+        data, text, blocks = line_blocks(data, begin)
+        numbers = [np.empty(0)] * len(blocks)
+        counts = [np.zeros(1, np.int64)] * (1 + len(blocks))
+
+        def work(block: int, _: int) -> None:
+            first, end = blocks[block]
+            most = (end - first) // 2 + 1
+            found, by_row = np.empty(most), np.empty(most, np.int64)
+            by_row = by_row[: read_rows(text, first, end, POWERS, found, by_row)].copy()
+            numbers[block], counts[1 + block] = found[: by_row.sum()].copy(), by_row
+
+        run_blocks(len(blocks), 1, work, thread_count(None))
+        return cls(data, np.concatenate([np.empty(0), *numbers]), np.cumsum(np.concatenate(counts)))
+
+    def take(self, at: Int64s, ends: Int64s, sizes: int | Int64s, fault: Exception) -> Float64s:
+        """So many numbers of each of some rows, from places `at` on, one after the other.
+
+        Args: ends: of the rows. fault: raised if one has fewer.
+
+        Raises: ValueError: text that is not numbers.
+        """
+        counts = np.broadcast_to(sizes, at.shape)
+        if ((counts < 0) | (counts > ends - at)).any():
+            raise fault
+        stride = int(at[1] - at[0]) if len(at) > 1 else 0
+        if len(at) and not np.ptp(counts) and (np.diff(at) == stride).all():
+            shape, strides = (len(at), int(counts[0])), (8 * stride, 8)
+            values = np.lib.stride_tricks.as_strided(self.numbers[at[0] :], shape, strides).ravel()
+        else:
+            first = np.repeat(at - np.cumsum(counts) + counts, counts)
+            values = self.numbers[first + np.arange(len(first))]
+        round_left(self.data, values)
+        return values
+
+    def take_lists(self, at: Int64s, ends: Int64s, fault: Exception) -> tuple[Int64s, Float64s]:
+        """Sizes and values of lists, each a size and so many numbers. Raises: as `take`; ValueError: other sizes."""
+        numbers = self.take(at, ends, 1, fault)
+        sizes = numbers.astype(np.int64)
+        if (wrong := sizes != numbers).any():
+            raise ValueError(f"a list of {numbers[wrong][0]} values")
+        return sizes, self.take(at + 1, ends, sizes, fault)
+
+
+def whole(numbers: Float64s) -> Int64s:
+    """Indices of vertices. Raises: ValueError: some are no whole numbers."""
+    indices = numbers.astype(np.int64)
+    if not (indices == numbers).all():
+        raise ValueError("vertex indices that are no whole numbers")
+    return indices
