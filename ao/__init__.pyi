@@ -7,6 +7,7 @@ from .falloff import Falloff as Falloff
 from .falloff import Linear as Linear
 from .falloff import Smooth as Smooth
 from .falloff import Tabulated as Tabulated
+from .points.occluders import ground as ground
 from .points.receivers import Flag as Flag
 from .prepared import PreparedMesh as PreparedMesh
 from .prepared import prepare as prepare

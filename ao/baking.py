@@ -1,6 +1,7 @@
 """`ao.bake`: a mesh in, w(p) for every vertex out."""
 
 import time
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -29,6 +30,7 @@ from .options import (
     earlier_names,
     falloffs_of,
 )
+from .points.occluders import occluding
 from .prepared import Prepared
 from .result import Bake, PointValues, assemble
 from .vertex_method import sample_vertices
@@ -54,6 +56,7 @@ def bake(
     high: Mesh | Any | None = None,
     cage: Length = "2%",
     profile: bool = False,
+    occluders: Sequence[Mesh | Any] = (),
 ) -> Bake:
     """Obscurance w(p) = (1/π) ∫ μ(d) cosθ dω (12.71) at every vertex of `mesh`.
 
@@ -94,6 +97,8 @@ def bake(
             nothing within that take the closest point, and are flagged.
         profile: also estimate w at half-distances an octave apart, from .5 % to 256 % of the radius, by the same rays:
             `Bake.profile`. Vertex method only, and without `max_distance`.
+        occluders: meshes that only occlude: w is what it would be if they were part of `mesh`. Per cent are of the
+            radius of `mesh` alone.
 
     Raises:
         OptionError: an argument is out of range, or of the other method.
@@ -112,13 +117,13 @@ def bake(
     )  # fmt: skip
     if high is not None and (method == "surface" or only is not None):
         raise ConflictError("high", "does not go with", "only" if only is not None else ("method", "surface"))
-    mesh = mesh_of(mesh, "bake")
+    mesh, others = mesh_of(mesh, "bake"), occluding(occluders, high)
     solid = mesh if high is None else mesh_of(high, "bake")
     reach = resolve_length("cage", cage, mesh.radius or 1.0)
-    _check_memory([mesh] if high is None else [mesh, solid], options)
+    _check_memory(len(mesh.vertices), [mesh, *others] if high is None else [solid, mesh], options)
 
     start = time.perf_counter()
-    prepared = Prepared.of(solid, options, progress, checkpoint if high is None else None)
+    prepared = Prepared.of(solid, options, progress, checkpoint if high is None else None, others)
     if high is None:
         values = _values(prepared)
     else:
@@ -126,7 +131,7 @@ def bake(
 
         prepared, values = sample_fine_mesh(prepared, solid, mesh, reach, checkpoint)
     build = prepared.receivers.tree_seconds
-    baked = assemble(prepared, values, {})
+    baked = assemble(replace(prepared, mesh=mesh), values, {})
     if high is None and only is None:
         baked = replace(baked, interpolation=measure_interpolation(prepared, baked.w, baked.error))
     baked.seconds.update(build=build, bake=time.perf_counter() - start - build)
@@ -142,12 +147,12 @@ def _values(prepared: Prepared) -> PointValues:
     return fit_to_surface(prepared)
 
 
-def _check_memory(meshes: list[Mesh], options: Options) -> None:
-    """Raises: MemoryLimitError: the bake would not fit into memory."""
+def _check_memory(count: int, meshes: list[Mesh], options: Options) -> None:
+    """Raises: MemoryLimitError: the bake of `count` vertices among these meshes would not fit into memory."""
     vertices, faces = (sum(len(getattr(mesh, name)) for mesh in meshes) for name in ("vertices", "faces"))
     images = opacity_bytes([mesh.opacity for mesh in meshes if mesh.opacity])
-    source, work = meshes[-1].source, f"to bake {len(meshes[0].vertices):,} vertices and {faces:,} faces"
-    more = column_bytes(len(meshes[0].vertices), options.columns)
+    source, work = meshes[0].source, f"to bake {count:,} vertices and {faces:,} faces"
+    more = column_bytes(count, options.columns)
     if options.method == "vertex":
         check_memory(source, images + more + vertex_bytes(vertices, faces, options.rays), work)
         return

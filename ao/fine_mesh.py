@@ -60,7 +60,7 @@ def sample_fine_mesh(
         return replace(found, rows=found.rows[order], variance=found.variance[order]), untraced
 
     values = PointValues.of(tracer.each_column(estimated), tracer.rays)
-    return replace(prepared, mesh=coarse, wanted=wanted), values
+    return replace(prepared, wanted=wanted), values
 
 
 def _flagged(shown: Receivers, missed: Int64s, hidden: Int64s) -> Receivers:

@@ -31,6 +31,7 @@ def measure_interpolation(prepared: Prepared, w: Float64s, error: Float64s) -> I
     placement, receivers, threads = prepared.placement, prepared.receivers, prepared.threads
     vertices, faces = placement.vertices.astype(np.float64), receivers.faces
     normals, areas = face_normals(vertices, faces)
+    areas = np.where((faces < len(w)).all(axis=1), areas, 0.0)  # none of occluders
     if not len(faces) or not len(receivers.points):
         return _at_no_point()
     own, weights = _spread(areas, derive(prepared.key, 7))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field, fields, replace
 from functools import cache, partial
 from typing import Any
@@ -17,6 +18,7 @@ from raytrace.mesh.placement import Placement
 from raytrace.sampling.hash import seed_key
 from raytrace.system.memory import check_memory
 from raytrace.system.threads import thread_count
+from raytrace.types import Bools
 
 from .estimate.estimate import Target
 from .execute.checkpoint import NOTHING_KEPT, Checkpoint
@@ -24,6 +26,7 @@ from .execute.tracer import Progress, Tracer
 from .memory import vertex_bytes
 from .mu import Mu, in_render_space
 from .options import Normals, Options
+from .points.occluders import joined
 from .points.receivers import Receivers, find_receivers
 from .rays.ray_scene import RayScene
 from .rays.traversal_choice import packets_below
@@ -76,9 +79,10 @@ class Prepared:
     """A placed mesh, its receivers and the options of its bake.
 
     Attributes:
-        mesh: what is baked. options: checked. placement: of the mesh in render space.
+        mesh: what is baked, with occluders behind it. options: checked. placement: of the mesh in render space.
         mus: the falloffs, in mesh units; the first is that of w.
-        receivers: of all vertices. wanted: of the vertices in `options.only`; the same object if that is None.
+        receivers: of all vertices, also of occluders. asked: bool, the vertices in `options.only` and none of
+            occluders; None: all. wanted: the receivers of these; the same object if all are.
         progress: called with (rays traced, rays in all), or None. checkpoint: begun.
     """
 
@@ -87,29 +91,43 @@ class Prepared:
     mus: tuple[Mu, ...]
     placement: Placement
     receivers: Receivers
+    asked: Bools | None
     wanted: Receivers
     progress: Progress | None
     checkpoint: Checkpoint
 
     @classmethod
-    def of(cls, mesh: Mesh, options: Options, progress: Progress | None, checkpoint: Checkpoint | None) -> Prepared:
+    def of(
+        cls,
+        mesh: Mesh,
+        options: Options,
+        progress: Progress | None,
+        checkpoint: Checkpoint | None,
+        occluders: Sequence[Mesh] = (),
+    ) -> Prepared:
         """Place the mesh, find its receivers, build Embree's scene and begin the checkpoint.
 
-        Raises: as `find_receivers`, `Receivers.only` and `Checkpoint.begin`.
+        Raises: OptionError: `options.only` is not one truth value a vertex; as `find_receivers`, `Checkpoint.begin`.
         """
+        count, asked = len(mesh.vertices), options.only
+        if asked is not None and (asked.shape != (count,) or asked.dtype != np.bool_):
+            raise OptionError("only", f"bool ({count},)", f"{asked.dtype} {asked.shape}")
         checkpoint = checkpoint or NOTHING_KEPT
         if checkpoint.partial and options.tolerance is not None:
             raise ConflictError("part", "excludes", "tolerance")
+        mus = options.mus(mesh.radius)
+        mesh = joined([mesh, *occluders])
         if isinstance(mesh, PreparedMesh):
             placement, receivers = mesh.placement, mesh.receivers_for(options)
         else:
             placement = Placement.of(mesh)
             receivers = find_receivers(mesh, placement, options.normals)
-        only = options.only
-        wanted = receivers if only is None else receivers.only(only)
-        mus = options.mus(mesh.radius)
-        checkpoint.begin(placement, receivers, mus, options.identity)
-        return cls(mesh, options, mus, placement, receivers, wanted, progress, checkpoint)
+        if occluders:
+            asked = np.zeros(len(receivers.of_vertex), np.bool_)
+            asked[:count] = True if options.only is None else options.only
+        wanted = receivers if asked is None else receivers.only(asked)
+        checkpoint.begin(placement, receivers, mus, options.identity, *([count] if occluders else []))
+        return cls(mesh, options, mus, placement, receivers, asked, wanted, progress, checkpoint)
 
     @property
     def mu(self) -> Mu:

@@ -196,7 +196,8 @@ class PointValues:
 
 def assemble(prepared: Prepared, values: PointValues, seconds: dict[str, float]) -> Bake:
     """Spread values at points over the vertices of the mesh."""
-    point, flags, only = prepared.wanted.of_vertex, prepared.wanted.flags, prepared.options.only
+    count, only = len(prepared.mesh.vertices), prepared.options.only
+    point, flags = prepared.wanted.of_vertex[:count], prepared.wanted.flags[:count]
     normals = prepared.wanted.points.normals
     clear = np.einsum("ij,ij->i", values.bent, values.bent) > 1e-18
     bent = np.where(clear[:, None], normalize(values.bent), normals)

@@ -47,8 +47,7 @@ def fit_to_surface(prepared: Prepared) -> PointValues:
 
 
 def _wanted(prepared: Prepared) -> Bools:
-    only = prepared.options.only
-    return np.ones(len(prepared.wanted.flags), np.bool_) if only is None else only
+    return np.ones(len(prepared.wanted.flags), np.bool_) if prepared.asked is None else prepared.asked
 
 
 def _unknowns(prepared: Prepared) -> int:

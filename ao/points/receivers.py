@@ -13,7 +13,7 @@ import numpy as np
 
 from raytrace.bvh.bvh16 import BVH16
 from raytrace.embree.scene import TriangleScene
-from raytrace.errors import MeshError, OptionError
+from raytrace.errors import MeshError
 from raytrace.mesh.mesh import Mesh
 from raytrace.mesh.normals import face_normals, nonzero, normalize
 from raytrace.mesh.opacity import PackedOpacity
@@ -81,13 +81,7 @@ class Receivers:
         return first
 
     def only(self, wanted: Bools) -> Receivers:
-        """The points of the `wanted` vertices, bool (n,).
-
-        Raises:
-            OptionError: `wanted` is not one truth value a vertex.
-        """
-        if wanted.shape != self.of_vertex.shape or wanted.dtype != np.bool_:
-            raise OptionError("only", f"bool ({len(self.of_vertex)},)", f"{wanted.dtype} {wanted.shape}")
+        """The points of the `wanted` vertices, bool (n,)."""
         of_vertex = np.where(wanted, self.of_vertex, -1)
         needed = np.zeros(len(self.points) + 1, np.bool_)
         needed[of_vertex] = True

@@ -1,6 +1,7 @@
 """`ao.bake_texture`: a mesh with texture coordinates in, w of every texel out."""
 
 import time
+from collections.abc import Sequence
 from dataclasses import replace
 from functools import cache
 from typing import Any, Literal, get_args
@@ -23,6 +24,7 @@ from ..falloff import Length, resolve_length
 from ..memory import column_bytes, texture_bytes
 from ..options import Falloffs, Interior, Normals, Options, Traversal, earlier_names, falloffs_of
 from ..points.corners import CornerSamples
+from ..points.occluders import occluding
 from ..prepared import Prepared
 from ..result import of_columns
 from .coverage import Overlap, cover
@@ -59,6 +61,7 @@ def bake_texture(
     high: Mesh | Any | None = None,
     cage: Length = "2%",
     profile: bool = False,
+    occluders: Sequence[Mesh | Any] = (),
 ) -> BakedTexture:
     """Obscurance w, as `ao.bake` has it, of every texel that shows a part of `mesh`: the mean over that part.
 
@@ -66,7 +69,7 @@ def bake_texture(
     the face. Points of a texel that are inside solids are left out of it.
 
     Args:
-        mesh, falloff, seed, threads, normals, progress, traversal, checkpoint, profile: as `ao.bake` has them.
+        mesh, falloff, seed, threads, normals, progress, traversal, checkpoint, profile, occluders: as of `ao.bake`.
         uv: texture coordinates, v upwards: (n, 2) by vertex or (m, 3, 2) by face and corner. Faces for which they are
             NaN are not on the page, such as faces of another material; they occlude.
         size: texels across and down, one number for a square; 1 to 16384.
@@ -101,18 +104,24 @@ def bake_texture(
     )  # fmt: skip
     _check_texture_options(interior, overlap, bent_space)
     width, height = page_size(size)
-    mesh = mesh_of(mesh, "bake_texture")
+    mesh, walls = mesh_of(mesh, "bake_texture"), occluding(occluders, high)
     corners = corner_uv(uv, mesh)
     solid = mesh if high is None else mesh_of(high, "high")
     reach = resolve_length("cage", cage, mesh.radius or 1.0)
-    counts = len(solid.vertices), len(solid.faces)
-    needed = texture_bytes(width * height, *counts, options.rays) + column_bytes(width * height, options.columns)
-    needed += opacity_bytes([solid.opacity]) if solid.opacity else 0
-    check_memory(mesh.source, needed, f"to bake {width * height:,} texels of {counts[1]:,} faces")
+    vertices, faces = (sum(len(getattr(each, name)) for each in (solid, *walls)) for name in ("vertices", "faces"))
+    needed = texture_bytes(width * height, vertices, faces, options.rays) + column_bytes(
+        width * height, options.columns
+    )
+    needed += opacity_bytes([each.opacity for each in (solid, *walls) if each.opacity])
+    check_memory(mesh.source, needed, f"to bake {width * height:,} texels of {faces:,} faces")
 
     start = time.perf_counter()
-    prepared = Prepared.of(solid, options, progress, None)
-    shown = Shown.of(mesh, corners, prepared, (width, height), wrap)
+    prepared = Prepared.of(solid, options, progress, None, walls)
+    on_pages = corners
+    if walls:
+        mesh, nowhere = prepared.mesh, np.full((faces - len(corners), 3, 2), np.nan)
+        on_pages = np.append(corners, nowhere, axis=0)
+    shown = Shown.of(mesh, on_pages, prepared, (width, height), wrap)
     page = cover(shown.layout, overlap, prepared.threads)
     overlapping = int(np.count_nonzero(page.overlapping))
     if overlap == "refuse" and overlapping:

@@ -1,0 +1,64 @@
+"""Meshes that occlude and are not baked, a ground plane for one."""
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from raytrace.errors import ConflictError, OptionError
+from raytrace.mesh.convert import mesh_of
+from raytrace.mesh.mesh import Mesh
+from raytrace.mesh.opacity import Opacity
+from raytrace.mesh.up import UP, up_axis
+
+_EXTENT = 1024.0  # to each side, of the mesh's radius and its height: 1e-6 of a hemisphere looks past it
+_GAP = 2.0**-12  # of the radius, below the lowest vertex: faces that stand on the ground are not in it
+
+
+def ground(mesh: Mesh | Any, height: float | None = None, up: str | None = None) -> Mesh:
+    """A plane under `mesh`, two triangles so large that they occlude like an endless one.
+
+    Args:
+        mesh: as `ao.bake` takes it.
+        height: along the up axis, in mesh units; None: just below the lowest vertex that a face uses.
+        up: the up axis, by default that of the mesh, or "y".
+
+    Raises:
+        OptionError: a height that is not finite or through the mesh; no axis.
+        MeshError: `mesh` is none.
+    """
+    mesh = mesh_of(mesh, "ground")
+    axis = np.array(UP[up_axis(mesh, up)])
+    lowest, radius = float((mesh.used @ axis).min()), mesh.radius or 1.0
+    if height is None:
+        height = lowest - _GAP * radius
+    if not isinstance(height, int | float | np.number) or not -np.inf < height <= lowest:
+        raise OptionError("ground", f"a height up to {lowest:g}, that of the lowest vertex", height, mesh.source)
+    centre = mesh.centre - (mesh.centre @ axis - height) * axis
+    u, v = np.roll(axis, 1), np.roll(axis, 2) * axis.sum()
+    corners = [u + v, v - u, -u - v, u - v]
+    vertices = centre + _EXTENT * (radius + lowest - height) * np.array(corners)
+    return Mesh(vertices, [[0, 1, 2], [0, 2, 3]], source="ground")
+
+
+def occluding(occluders: Sequence[Mesh | Any], high: Mesh | Any | None) -> list[Mesh]:
+    """The `occluders` of a bake. Raises: MeshError: one is no mesh; ConflictError: with a finer mesh `high`."""
+    if high is not None and len(occluders):
+        raise ConflictError("occluders", "does not go with", "high")
+    return [mesh_of(each, "occluders") for each in occluders]
+
+
+def joined(meshes: Sequence[Mesh]) -> Mesh:
+    """Meshes as one, with the name of the first; normals of their own are those of the first alone."""
+    first, *others = meshes
+    if not others:
+        return first
+    vertices, faces = (np.concatenate([getattr(mesh, name) for mesh in meshes]) for name in ("vertices", "faces"))
+    counts = [len(mesh.faces) for mesh in meshes]
+    before = np.cumsum([0, *(len(mesh.vertices) for mesh in meshes[:-1])])
+    normals = first.normals
+    if normals is not None:
+        normals = np.append(normals, np.zeros((len(vertices) - len(normals), 3)), axis=0)
+    opacity = Opacity.joined([mesh.opacity for mesh in meshes], counts)
+    faces += np.repeat(before, counts)[:, None]
+    return Mesh(vertices, faces, normals, source=first.source, up=first.up, opacity=opacity)
