@@ -99,7 +99,7 @@ def test_textures():
 
 @pytest.mark.parametrize(("up", "axis"), [("x", 0), ("-y", 1), ("z", 2), ("-z", 2), (None, 2)])
 def test_the_ground_is_below(up, axis):
-    mesh = Mesh((*BALL.vertices, 3.0, 4.0, 5.0), BALL.faces, up="z")
+    mesh = Mesh(BALL.vertices + np.array([3.0, 4.0, 5.0]), BALL.faces, up="z")
     plane, sign = ao.ground(mesh, up=up), -1 if up and up[0] == "-" else 1
     lowest = (sign * mesh.vertices[:, axis]).min()
     assert np.ptp(plane.vertices[:, axis]) == 0

@@ -59,6 +59,7 @@ def test_the_public_names_of_the_baker_are_these():
         "ToleranceWarning",
         "bake",
         "bake_texture",
+        "ground",
         "prepare",
     ]
 
