@@ -193,8 +193,10 @@ class Scene:
             object.__setattr__(self, name, tuple(values))
         if not self.objects:
             raise OptionError("objects", "at least one", "none", "scene")
-        if numbers(self.background, "scene", "background", "three numbers").shape != (3,):
+        background = numbers(self.background, "scene", "background", "three numbers")
+        if background.shape != (3,):
             raise OptionError("background", "three numbers", repr(self.background), "scene")
+        object.__setattr__(self, "background", tuple(background.tolist()))
 
     def flattened(self) -> Mesh:
         """All objects as one mesh in world space, in order: what a bake of the whole scene takes."""

@@ -7,6 +7,7 @@ import json
 import threading
 import time
 from collections.abc import Mapping, Sequence
+from copy import deepcopy
 from typing import Any
 
 import numpy as np
@@ -45,6 +46,7 @@ def trace_block(expected: Mapping[str, str], file: SceneFile, threads: int | Non
             return "refused", file.path, "the scene of this very work", f"{type(reason).__name__}: {reason}"
         try:
             start, tables = time.perf_counter(), work.tables()
+            work = deepcopy(work)  # arrays from the network may be unaligned: kernels would be compiled for them
             fill(work, _loaded[file.digest], tables, thread_count(threads))
             return time.perf_counter() - start, *pack(tables)
         except Exception as reason:

@@ -114,6 +114,19 @@ def bake_on(address, make, path, notify=pytest.fail, progress=None, **settings):
         return make(checkpoint=checkpoint, progress=progress), session.dispatch
 
 
+def compiled_by(cluster):
+    """The kernels that each worker had to compile."""
+    from distributed import Client
+
+    def compiled():
+        from raytrace.kernel import jit
+
+        return tuple(jit.compiled)
+
+    with Client(cluster, set_as_default=False) as client:
+        return list(client.run(compiled).values())
+
+
 @contextmanager
 def victims_of(cluster, workers, prepare=None):
     """The process ids of all workers, once there are so many; one that is killed as it starts does not come again.

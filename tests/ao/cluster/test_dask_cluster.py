@@ -14,6 +14,7 @@ from clusters import (
     LEFT_SOCKETS,
     all_bits,
     bake_on,
+    compiled_by,
     holding,
     kill,
     killed_in_mid_block,
@@ -38,13 +39,14 @@ pytestmark = [pytest.mark.usefixtures("small_blocks"), LEFT_SOCKETS]
 
 @pytest.mark.parametrize("name", BAKES)
 def test_workers_make_the_bits_of_one_process(cluster, tmp_path, name):
-    alone = BAKES[name]()  # at first, so that workers load its kernels
+    alone = BAKES[name]()  # at first: workers load its kernels
     baked, dispatch = bake_on(cluster.scheduler_address, BAKES[name], tmp_path / "w.partial")
     assert all_bits(baked) == all_bits(alone)
     assert baked.rays == alone.rays
     assert sum(dispatch.blocks.values()) > 1
     assert dispatch.again == 0
     assert not list(tmp_path.iterdir())
+    assert set(compiled_by(cluster)) == {()}
 
 
 MEDIUM = partial(ao.bake, Mesh(*hills(100)), samples=512)
