@@ -1,5 +1,6 @@
 """Large sparse symmetric systems, solved to the same bits on any number of cores."""
 
+import math
 from collections.abc import Callable
 from functools import partial
 
@@ -15,6 +16,7 @@ _STAGES = COARSE, 1e-5, FINE
 _STEPS = 1000
 _ROUNDS = 20
 _BLOCK, _MOST = 1 << 14, 4  # rows, and blocks at once
+_TURNED = 1 << 17  # rows, of which to wake a thread for fewer takes longer
 
 
 def dot(a: Float64s, b: Float64s) -> float:
@@ -22,23 +24,27 @@ def dot(a: Float64s, b: Float64s) -> float:
     return float(np.einsum("i,i->", a, b))
 
 
-def multiply(matrix: csr_array, x: Float64s, threads: int, out: Float64s | None = None) -> Float64s:
-    out = np.empty(len(x)) if out is None else out
-    starts, columns = matrix.indptr.view(np.uint32), matrix.indices.view(np.uint32)  # no sign to be minded
-
-    def work(first: int, last: int) -> None:
-        _multiply(starts[first : last + 1], columns, matrix.data, x, out[first:last])
-
-    _each(len(x), work, threads)
+def multiply(matrix: csr_array, x: Float64s, threads: int) -> Float64s:
+    out = np.empty(len(x))
+    _each(len(x), _BLOCK, _product(matrix, x, out), threads)
     return out
 
 
-def _each(count: int, work: Callable[[int, int], None], threads: int) -> None:
+def _product(matrix: csr_array, x: Float64s, out: Float64s) -> Callable[[int, int], None]:
+    starts, columns = matrix.indptr.view(np.uint32), matrix.indices.view(np.uint32)  # no sign to be minded
+
+    def product(first: int, last: int) -> None:
+        _multiply(starts[first : last + 1], columns, matrix.data, x, out[first:last])
+
+    return product
+
+
+def _each(count: int, block: int, work: Callable[[int, int], None], threads: int) -> None:
     """`run_blocks` of rows, unless there are few: a product of a small mesh takes as long as handing it over."""
-    if threads == 1 or count <= _BLOCK:
+    if threads == 1 or count <= block:
         work(0, count)
     else:
-        run_blocks(count, _BLOCK, work, threads, most=_MOST)
+        run_blocks(count, block, work, threads, most=_MOST)
 
 
 @kernel
@@ -87,14 +93,27 @@ def solve(
     step = inverse * residual
     size = dot(residual, step)
     image = np.empty(len(x))  # new arrays cost more than what is done to them
-    descend, turn = bound(_descend, step, inverse, x, residual, image), bound(_turn, step, image)
+    product, turn = _product(matrix, step, image), bound(_turn, step, image)
+    descend, sums = bound(_descend, step, inverse, x, residual, image), [0.0] * -(-len(x) // _BLOCK)
+
+    def dot_after(work: Callable[[int, int], None], a: Float64s, b: Float64s) -> float:
+        """Σ a_i b_i after `work`: of the sums of blocks, so that it is the same for any number of threads."""
+
+        def work_and_add(first: int, last: int) -> None:
+            work(first, last)
+            for begin in range(first, last, _BLOCK):
+                end = min(begin + _BLOCK, last)
+                sums[begin // _BLOCK] = dot(a[begin:end], b[begin:end])
+
+        _each(len(x), _BLOCK, work_and_add, threads)
+        return math.fsum(sums)
+
     for _ in range(_STEPS):
         if size <= stop:
             break
-        multiply(matrix, step, threads, image)
-        _each(len(x), partial(descend, size / dot(step, image)), threads)
-        size, before = dot(residual, image), size
-        _each(len(x), partial(turn, size / before), threads)
+        length = size / dot_after(product, step, image)
+        size, before = dot_after(partial(descend, length), residual, image), size
+        _each(len(x), _TURNED, partial(turn, size / before), threads)
     return x
 
 
