@@ -9,8 +9,11 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from raytrace.kernel.jit import bound, kernel
+from raytrace.kernel.vector import dot, load, store
 from raytrace.mesh.mesh import Mesh
-from raytrace.mesh.normals import normalize
+from raytrace.mesh.normals import normalized
+from raytrace.system.threads import run_blocks
 from raytrace.types import AnyFloats, Float32s, Float64s, Int64s, UInt8s
 
 from .estimate.calibration import Calibration
@@ -21,6 +24,7 @@ from .points.receivers import Flag
 from .prepared import Prepared
 from .profile import Profile
 
+_BLOCK = 1 << 12  # vertices
 _VISIBLE = 0.02
 _TIMES_RMSE = 3.0
 _REASONS = "duplicate", "no_normal", "not_wanted", "below_face", "predicted", "hidden"
@@ -198,9 +202,8 @@ def assemble(prepared: Prepared, values: PointValues, seconds: dict[str, float])
     """Spread values at points over the vertices of the mesh."""
     count, only = len(prepared.mesh.vertices), prepared.options.only
     point, flags = prepared.wanted.of_vertex[:count], prepared.wanted.flags[:count]
-    normals = prepared.wanted.points.normals
-    clear = np.einsum("ij,ij->i", values.bent, values.bent) > 1e-18
-    bent = np.where(clear[:, None], normalize(values.bent), normals)
+    normals, bent = prepared.wanted.points.normals, np.zeros((count, 3))
+    run_blocks(count, _BLOCK, bound(_bent_normals, point, values.bent, normals, bent), prepared.threads)
     error = np.append(values.error, 0.0)[point]  # −1, for no point, is the last row
     spread = [
         np.append(each, np.full((1, each.shape[1]), outside), axis=0)[point]
@@ -218,7 +221,7 @@ def assemble(prepared: Prepared, values: PointValues, seconds: dict[str, float])
     return Bake(
         w=np.append(values.w, 1.0)[point],
         error=error,
-        bent_normals=np.append(bent, np.zeros((1, 3)), axis=0).take(point, axis=0),
+        bent_normals=bent,
         flags=flags,
         rays=values.rays,
         rays_skipped={reason: skipped[reason] for reason in _REASONS if reason in skipped},
@@ -230,6 +233,15 @@ def assemble(prepared: Prepared, values: PointValues, seconds: dict[str, float])
         mesh=prepared.mesh,
         **of_columns(prepared, spread),
     )
+
+
+@kernel
+def _bent_normals(point, bent, normals, out, first, last):
+    for i in range(first, last):
+        if point[i] >= 0:
+            direction = load(bent, point[i])
+            clear = dot(direction, direction) > 1e-18
+            store(out, i, normalized(direction) if clear else load(normals, point[i]))
 
 
 def of_columns(prepared: Prepared, columns: Sequence[AnyFloats]) -> dict[str, Any]:

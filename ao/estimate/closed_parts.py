@@ -48,7 +48,7 @@ def inside_boxes(points: Float32s, own: Int64s, vertices: Float32s, part: Int64s
 
 
 def _are_one(part: Int64s, faces: Int64s) -> bool:
-    of_face = part[faces[:, 0]]
+    of_face = part[faces[:, 0]] if part.any() else part
     return bool((of_face == of_face[:1]).all())
 
 

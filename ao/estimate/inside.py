@@ -83,8 +83,11 @@ def _closed_parts(vertices: Float32s, receivers: Receivers) -> tuple[Int64s, Boo
         point, rest = receivers.of_vertex, np.flatnonzero(receivers.of_vertex < 0)  # welded vertices count once
         number = point.copy()
         number[rest] = np.arange(len(receivers.points), len(receivers.points) + len(rest))
-        part, closed = closed_parts(vertices[np.append(receivers.first_vertex, rest)], number[receivers.faces])
-        part = part[number]
+        if len(receivers.points) + len(rest) == len(number):  # no two vertices are one point
+            part, closed = closed_parts(vertices, receivers.faces)
+        else:
+            part, closed = closed_parts(vertices[np.append(receivers.first_vertex, rest)], number[receivers.faces])
+            part = part[number]
         if receivers.opacity:
             closed[part[receivers.faces[receivers.opacity.of >= 0]]] = False
         _sought[receivers] = part, closed

@@ -59,8 +59,15 @@ class Neighbours:
         rings.each(bound(_merge_edges, listed, listed_ends, weights, starts))
         np.cumsum(starts, out=starts)
         indices, merged = np.empty(starts[-1], np.int32), np.empty(starts[-1], np.float32)
-        rings.each(bound(_pack, listed, listed_ends, weights, starts, indices, merged))
-        return cls.weighted(starts, indices, merged, normals, threads)
+        pack = bound(_pack, listed, listed_ends, weights, starts, indices, merged)
+        weigh = bound(_weigh_by_normals, starts, indices, normals, merged)
+
+        def pack_and_weigh(first: int, last: int) -> None:
+            pack(first, last)
+            weigh(first, last)
+
+        rings.each(pack_and_weigh)
+        return cls(starts, indices, merged, threads)
 
     @classmethod
     def weighted(

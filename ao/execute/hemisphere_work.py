@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import hashlib
+from collections import deque
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -88,15 +90,20 @@ class Hemispheres:
                         out[first:last, column] = rows
 
             return by_packets
-        tree = scene.tree
+        tree, idle = scene.tree, deque[tuple[Rays, TraversalState]]()  # as many at most as threads
+
+        def scratch() -> tuple[Rays, TraversalState]:
+            with suppress(IndexError):
+                return idle.pop()
+            rays = Rays.of(table)
+            return rays, TraversalState.of(tree, Layers.of(scene.opacity, rays.t_hit.size, mu))
 
         def by_streams(first: int, last: int) -> None:
-            subset = points[first:last].arrays
-            rays = Rays.of(table)
-            state = TraversalState.of(tree, Layers.of(scene.opacity, rays.t_hit.size, mu))
+            subset, (rays, state) = points[first:last].arrays, scratch()
             if columns is None:
                 gather_streams(tree, rays, state, subset, table, mu, t_max, out[first:last])
             else:
                 gather_columns(tree, rays, state, subset, table, columns, t_max, out[first:last])
+            idle.append((rays, state))
 
         return by_streams

@@ -14,6 +14,7 @@ import numpy as np
 from raytrace.bvh.bvh16 import BVH16
 from raytrace.embree.scene import TriangleScene
 from raytrace.errors import MeshError
+from raytrace.kernel.jit import bound, kernel
 from raytrace.mesh.mesh import Mesh
 from raytrace.mesh.normals import face_normals, nonzero, normalize
 from raytrace.mesh.opacity import PackedOpacity
@@ -21,6 +22,7 @@ from raytrace.mesh.placement import Placement
 from raytrace.ray_origins.surface import Surface
 from raytrace.ray_origins.welded import weld_points
 from raytrace.system.memory import NEGLIGIBLE, check_memory
+from raytrace.system.threads import run_blocks, thread_count
 from raytrace.types import Bools, Float32s, Float64s, Int64s, UInt8s
 
 from ..memory import corner_bytes
@@ -30,6 +32,7 @@ from .morton import morton_order
 from .points import Points
 
 SAME = 1.0 - 1e-9
+_BLOCK = 1 << 12  # points
 _DISPLACED = 0.3  # error of w, root mean square over rough surfaces, of an origin one shortest edge away
 
 
@@ -167,12 +170,13 @@ def find_receivers(mesh: Mesh, placement: Placement, normals: Normals = "angle")
         raise MeshError(mesh.source, "normals", "vertex normals in the mesh", "none")
     offset = offset_points(placement.vertices, mesh.faces, normals, mesh.normals)
     rows = np.flatnonzero(offset.usable)
-    rows = rows[morton_order(offset.origins.take(rows, axis=0))]
-    index = np.full(len(offset.usable), -1)
-    index[rows] = np.arange(len(rows))
-    numbers = np.arange(len(rows), dtype=np.uint32)
-    origins, axes = (each.take(rows, axis=0).astype(np.float32) for each in (offset.origins, offset.axes))
-    points = Points(origins, axes, numbers)
+    few = len(rows) < len(offset.usable)
+    order = morton_order(offset.origins.take(rows, axis=0) if few else offset.origins)
+    rows, index = rows[order] if few else order, np.full(len(offset.usable), -1)
+    origins, axes = np.empty((len(rows), 3), np.float32), np.empty((len(rows), 3), np.float32)
+    points = Points(origins, axes, np.arange(len(rows), dtype=np.uint32))
+    take = bound(_take, rows, offset.origins, offset.axes, origins, axes, index)
+    run_blocks(len(rows), _BLOCK, take, thread_count(None))
     corners, faces = CornerSamples.none(), offset.surface.faces
     if offset.split.any():
         split = np.flatnonzero(offset.split[offset.face_points])
@@ -186,6 +190,14 @@ def find_receivers(mesh: Mesh, placement: Placement, normals: Normals = "angle")
     opacity = _opacity(mesh, placement)
     tree, displaced = (offset.tree, offset.tree_seconds), offset.displaced[rows]
     return Receivers(points, corners, of_vertex, flags, faces, *tree, displaced, embree, opacity)
+
+
+@kernel
+def _take(rows, origins, axes, own_origins, own_axes, index, first, last):
+    for k in range(first, last):
+        index[rows[k]] = k
+        for axis in range(3):
+            own_origins[k, axis], own_axes[k, axis] = origins[rows[k], axis], axes[rows[k], axis]
 
 
 def _opacity(mesh: Mesh, placement: Placement) -> PackedOpacity | None:

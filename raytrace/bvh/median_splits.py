@@ -5,6 +5,8 @@ their centroids, as in a k-d tree (Bentley 1975, Multidimensional Binary Search 
 All nodes but the last of a level are full, so that a tree needs no links.
 """
 
+from threading import Event
+
 import numpy as np
 
 from ..kernel.jit import inline, kernel
@@ -26,18 +28,35 @@ def median_order(vertices: Float32s, faces: Int64s) -> Int64s:
         _find_centroids(vertices, faces[first:last], centroids[first:last])
 
     run_blocks(len(faces), _LEAST, measure, threads)
-    parts, most = [(0, len(faces))], max(_LEAST, len(faces) // _PARTS)
+    parts, most = [(0, len(faces), -1)], max(_LEAST, len(faces) // _PARTS)
+    for number, (begin, end, _) in enumerate(parts):
+        if end - begin > most:
+            half = _middle(begin, end)
+            parts += [(begin, half, number), (half, end, number)]
+    ordered = [Event() for _ in parts]
 
-    def halve(first: int, _: int) -> None:
-        begin, end = large[first]
-        middle = _halve(centroids, order, begin, end)
-        parts.extend([(begin, middle), (middle, end)])
+    def divide(number: int, _: int) -> None:
+        begin, end, whole = parts[number]
+        try:
+            if whole >= 0:  # a block that has begun before this one
+                ordered[whole].wait()
+            (_halve if end - begin > most else _split)(centroids, order, begin, end)
+        finally:
+            ordered[number].set()
 
-    while large := [part for part in parts if part[1] - part[0] > most]:
-        parts = [part for part in parts if part not in large]
-        run_blocks(len(large), 1, halve, threads)
-    run_blocks(len(parts), 1, lambda first, _: _split(centroids, order, *parts[first]), threads)
+    run_blocks(len(parts), 1, divide, threads)
     return order
+
+
+def _middle(first: int, last: int) -> int:
+    """Where the second half of a part begins: after full children."""
+    child = WIDE
+    while child * WIDE < last - first:
+        child *= WIDE
+    return first + (last - first + child - 1) // child // 2 * child
+
+
+_middle_of = inline(_middle)
 
 
 @kernel
@@ -52,10 +71,7 @@ def _find_centroids(vertices, faces, out):
 @kernel
 def _halve(centroids, order, first, last):
     """Reorder order[first:last] so that all before the place that is returned lie below all after it."""
-    child = WIDE
-    while child * WIDE < last - first:
-        child *= WIDE
-    middle = first + (last - first + child - 1) // child // 2 * child
+    middle = _middle_of(first, last)
     _partition(centroids, order, first, last, middle, _longest_axis(centroids, order, first, last))
     return middle
 

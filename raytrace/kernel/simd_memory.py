@@ -46,6 +46,17 @@ def store_row(_typing: Any, array: Any, row: Any, value: Any) -> Any:
 
 
 @intrinsic
+def compare_and_swap(_typing: Any, array: Any, element: Any, expected: Any, new: Any) -> Any:
+    """Write `new` to an element of a C-contiguous int64 array if `expected` is there, at once; whether it was."""
+
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        place = _pointer(context, builder, array, arguments[0], arguments[1], ir.IntType(64))
+        return builder.extract_value(builder.cmpxchg(place, *arguments[2:], "monotonic", "monotonic"), 1)
+
+    return types.boolean(array, types.int64, types.int64, types.int64), generate
+
+
+@intrinsic
 def rows_at(_typing: Any, address: Any, rows: Any, columns: Any) -> Any:
     """A float32 array (rows, columns), C-contiguous, that stands at an address."""
     kind = types.Array(types.float32, 2, "C")

@@ -5,8 +5,12 @@ Not scipy.sparse.csgraph, which takes five times as long for the faces of a mesh
 
 import numpy as np
 
-from ..kernel.jit import inline, kernel
+from ..kernel.jit import bound, inline, kernel
+from ..kernel.simd_memory import compare_and_swap
+from ..system.threads import run_blocks, thread_count
 from ..types import AnyInts, Int64s
+
+_BLOCK, _MOST = 1 << 11, 32  # links, and blocks at once
 
 
 def connected_components(links: AnyInts, count: int) -> Int64s:
@@ -15,7 +19,7 @@ def connected_components(links: AnyInts, count: int) -> Int64s:
     Args: links: (m, any), the members that each row connects.
     """
     parent = np.arange(count)
-    join(links, parent)
+    run_blocks(len(links), _BLOCK, bound(join, links, parent), thread_count(None), most=_MOST)
     number(parent)
     return parent
 
@@ -30,15 +34,20 @@ def _root(parent, i):
 
 @inline
 def connect(parent, a, b):
-    """Connect two members in the forest `parent` (count,), int64; roots are least."""
-    a, b = _root(parent, a), _root(parent, b)
-    parent[max(a, b)] = min(a, b)
+    """Connect two members in the forest `parent` (count,), int64; roots are least, in whichever order they connect.
+
+    On several threads at once: a root that another has connected meanwhile is looked for again.
+    """
+    while True:
+        a, b = _root(parent, a), _root(parent, b)
+        if a == b or compare_and_swap(parent, max(a, b), max(a, b), min(a, b)):
+            break
 
 
 @kernel
-def join(links, parent):
-    """Connect the members in each row of `links` (m, any) in the forest `parent`, as `connect` does two."""
-    for row in range(len(links)):
+def join(links, parent, first, last):
+    """Connect the members in each row of links[first:last], (m, any), in the forest `parent`, as `connect` does two."""
+    for row in range(first, last):
         for k in range(1, links.shape[1]):
             connect(parent, links[row, 0], links[row, k])
 

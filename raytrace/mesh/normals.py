@@ -8,7 +8,7 @@ from typing import Literal
 
 import numpy as np
 
-from ..kernel.jit import kernel
+from ..kernel.jit import inline, kernel
 from ..kernel.vector import cross, divide, dot, length, load, load_triangle, store, subtract
 from ..system.threads import run_blocks, run_ranges, thread_count
 from ..types import AnyInts, Bools, Float64s
@@ -22,7 +22,7 @@ Weighting = Literal["angle", "area", "equal"]
 def normalize(vectors: Float64s) -> Float64s:
     """Unit vectors along `vectors` (…, 3); zero, and what is not finite, becomes zero."""
     rows = np.ascontiguousarray(vectors, np.float64).reshape(-1, 3)
-    out = np.zeros(rows.shape)
+    out = np.empty(rows.shape)
 
     def work(first: int, last: int) -> None:
         _normalize(rows[first:last], out[first:last])
@@ -92,11 +92,17 @@ def vertex_normals(vertices: Float64s, faces: AnyInts, weighting: Weighting = "a
 @kernel
 def _normalize(vectors, out):
     for i in range(len(vectors)):
-        x, y, z = load(vectors, i)
-        largest = max(abs(x), abs(y), abs(z))
-        if largest > 0.0 and np.isfinite(x) and np.isfinite(y) and np.isfinite(z):
-            scaled = divide((x, y, z), largest)  # no overflow or underflow in the squares
-            store(out, i, divide(scaled, length(scaled)))
+        store(out, i, normalized(load(vectors, i)))
+
+
+@inline
+def normalized(v):
+    """The unit vector along `v`; zero, and what is not finite, becomes zero."""
+    largest = max(abs(v[0]), abs(v[1]), abs(v[2]))
+    if largest > 0.0 and np.isfinite(v[0]) and np.isfinite(v[1]) and np.isfinite(v[2]):
+        scaled = divide(v, largest)  # no overflow or underflow in the squares
+        return divide(scaled, length(scaled))
+    return 0.0, 0.0, 0.0
 
 
 @kernel

@@ -23,12 +23,12 @@ FAR = 64.0  # times the median distance from the median vertex: what is farther 
 NEAR = 8.0  # what coordinates count for at least where bounds of errors are cut off
 _LARGEST = 36  # binary exponent of coordinates; products of three are float32 numbers
 _SAMPLE = 1 << 12  # vertices that say where most are
-_LEAST = 2.0**-16  # what coordinates count for at least: double precision rounds, too, where a mesh is placed
+LEAST = 2.0**-16  # what coordinates count for at least: double precision rounds, too, where a mesh is placed
 
 
 def contact_radius(points: Float64s) -> Float64s:
     """The distance (k,) from `points` (k, 3) in render space within which positions touch them or coincide."""
-    return TOUCHING * ULP * np.maximum(product(np.abs(points), np.ones(3)), _LEAST)
+    return TOUCHING * ULP * np.maximum(product(np.abs(points), np.ones(3)), LEAST)
 
 
 class RenderSpace(NamedTuple):

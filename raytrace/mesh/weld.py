@@ -53,7 +53,8 @@ def coincident(positions: Float32s, faces: Int64s) -> Int64s:
     rows = rows[beside]
     if len(rows):
         rows = rows[np.lexsort(positions[rows].T[::-1])]
-        join(rows[_near(positions, faces, rows)], first)
+        pairs = rows[_near(positions, faces, rows)]
+        join(pairs, first, 0, len(pairs))
     number(first)
     return first
 

@@ -3,16 +3,12 @@
 import numpy as np
 
 from ..bvh.bvh16 import BVH16
-from ..mesh.normals import nonzero
-from ..mesh.placement import contact_radius
 from ..types import Bools, Float64s, Int64s
 from .clearance import SHARP
 from .contacts import Contacts, find_contacts
 from .direction import turn_directions
-from .offset import ray_offset, stay_near, stop_short
+from .offset import offsets_and_reaches, ray_offset, stay_near, stop_short
 from .surface import Surface
-
-_BLURRED = 5.0  # offsets within which rounding has a say in what a point sees of a face, and where faces are looked for
 
 
 def ray_origins(
@@ -35,10 +31,8 @@ def ray_origins(
         numbers: int64 (k,), the number of each point; points may share one.
         magnitude: (k,), what `surface.magnitudes(face_points, …)` has for that number.
     """
-    offset = ray_offset(directions, magnitude, clearance)
-    touching, decided = contact_radius(points), np.zeros(len(points), np.bool_)
-    reach = np.maximum(_BLURRED * offset, touching)  # so far that turning a direction seldom asks for more
-    reach[~nonzero(directions)] = -1.0
+    offset, touching, reach = offsets_and_reaches(points, directions, magnitude, clearance)
+    decided = np.zeros(len(points), np.bool_)
     near = find_contacts(tree, surface, points, reach, face_points, numbers)
     touches = near.distance <= np.maximum(touching[near.point], surface.rounding[near.face])
     touched, blurred = near.only(touches), near.point[~touches & (near.distance <= (reach * clearance)[near.point])]
@@ -52,7 +46,7 @@ def ray_origins(
         more = find_contacts(tree, surface, points, farther, face_points, numbers)
         near = Contacts(*(np.append(a, b) for a, b in zip(near, more, strict=True)))
     decided[blurred] = True
-    sharp = np.flatnonzero(nonzero(directions) & (clearance < SHARP))
+    sharp = np.flatnonzero((reach >= 0.0) & (clearance < SHARP))
     if len(sharp):
         offset[sharp] = stay_near(offset[sharp], surface.shortest_edges(face_points, numbers[sharp]))
     stop_short(offset, points, directions, touching, near, surface)

@@ -47,11 +47,9 @@ class WeldedPoints(NamedTuple):
 
     def ray_origins(self, tree: BVH16, surface: Surface) -> tuple[Float64s, Bools]:
         """`raytrace.ray_origins.origins.ray_origins`. Args: tree: over the faces of `surface`, `self.surface`."""
-        points, corners, numbers = (
-            surface.vertices.take(self.first, axis=0),
-            self.face_points,
-            np.arange(len(self.first)),
-        )
+        points, corners, numbers = surface.vertices, self.face_points, np.arange(len(self.first))
+        if len(numbers) < len(points):
+            points = points.take(self.first, axis=0)
         magnitude = surface.magnitudes(corners, len(numbers))
         return ray_origins(tree, surface, points, self.directions, self.clearance, corners, numbers, magnitude)
 
@@ -84,11 +82,13 @@ def weld_points(
     sums = vertex_sums(vertices, faces, face_normal, area, weighting)
     if not area.all():
         faces, face_normal = faces[area > 0], face_normal[area > 0]
-    group = weld(vertices.astype(np.float32), faces, normalize(sums) if normals is None else normals, agreement)
-    first = np.empty(int(group.max()) + 1, np.int64)
-    first[group[::-1]] = np.arange(len(group))[::-1]
-    face_points = group.take(faces)
-    mean = normalize(sum_groups(group, sums))
+    mean = normalize(sums)
+    group = weld(vertices.astype(np.float32), faces, mean if normals is None else normals, agreement)
+    first, face_points = group, np.ascontiguousarray(faces)
+    if len(group) > group.max() + 1:
+        first = np.empty(int(group.max()) + 1, np.int64)
+        first[group[::-1]] = np.arange(len(group))[::-1]
+        face_points, mean = group.take(faces), normalize(sum_groups(group, sums))
     axes, directions, clearance = outermost_normals(mean, face_points, face_normal)
     if normals is not None:
         behind = np.einsum("ij,ij->i", directions, normals[first]) < 0
