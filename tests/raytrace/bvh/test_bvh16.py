@@ -46,6 +46,19 @@ def test_an_order_has_every_triangle_once(faces):
     assert np.array_equal(np.sort(order), np.arange(faces))
 
 
+def test_halves_lie_beside_each_other_down_to_the_parts_of_threads():
+    vertices, faces = soup(66_000)
+    centroids = vertices[faces[median_order(vertices, faces)]].sum(axis=1)
+    parts = [(0, len(faces))]
+    for begin, end in parts:
+        if end - begin > 4096:
+            child = max(16**k for k in range(5) if 16**k < end - begin)
+            half = begin + -(-(end - begin) // child) // 2 * child
+            axis = np.argmax(np.ptp(centroids[begin:end], axis=0))
+            assert centroids[begin:half, axis].max() <= centroids[half:end, axis].min()
+            parts += [(begin, half), (half, end)]
+
+
 def test_sixteen_neighbours_make_a_small_leaf():
     vertices, faces = icosphere(5)  # 20,480 faces of about equal size
     tree = BVH16.of(np.asarray(vertices, np.float32), faces)

@@ -10,10 +10,10 @@ from raytrace.mesh.components import connected_components
 
 @pytest.mark.parametrize("seed", range(5))
 @pytest.mark.parametrize("width", [2, 3])
-def test_components_are_those_of_scipy(seed, width):
+@pytest.mark.parametrize("count", [300, 60_000])  # the second on several threads
+def test_components_are_those_of_scipy(seed, width, count):
     rng = np.random.default_rng(seed)
-    count = 300
-    links = rng.integers(0, count, (rng.integers(20, 200), width))
+    links = rng.integers(0, count, (rng.integers(count // 15, 2 * count // 3), width))
     ends = np.repeat(links[:, 0], width), links.ravel()
     graph = coo_array((np.ones(links.size, bool), ends), shape=(count, count))
     np.testing.assert_array_equal(connected_components(links, count), components_by_scipy(graph, directed=False)[1])
