@@ -1,104 +1,41 @@
 """`ao.bake`: a mesh in, w(p) for every vertex out."""
 
 import time
-from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any
+
+import numpy as np
 
 from raytrace.errors import ConflictError
 from raytrace.kernel.notice import compiling
 from raytrace.mesh.convert import mesh_of
 from raytrace.mesh.mesh import Mesh
 from raytrace.mesh.opacity import opacity_bytes
-from raytrace.system.memory import check_memory
-from raytrace.types import Bools
+from raytrace.system.memory import NEGLIGIBLE, check_memory
 
-from .estimate.tolerance import shortfall
-from .execute.checkpoint import Checkpoint
-from .execute.tracer import Progress
-from .falloff import Length, resolve_length
+from .declared import taking
+from .estimate.estimate import edges_of, estimate_outside
+from .estimate.inside import inside_solids
+from .estimate.tolerance import Estimate, shortfall
+from .falloff import resolve_length
 from .interpolation_error import measure_interpolation
-from .memory import column_bytes, surface_bytes, vertex_bytes
-from .options import (
-    DEFAULT_SAMPLES,
-    Falloffs,
-    Interior,
-    Method,
-    Normals,
-    Options,
-    Traversal,
-    earlier_names,
-    falloffs_of,
-)
+from .memory import column_bytes, point_bytes, surface_bytes, vertex_bytes
+from .options import DEFAULT_SAMPLES, Options, VertexOptions
 from .points.occluders import occluding
-from .prepared import Prepared
+from .points.receivers import Flag
+from .prepared import Inputs, Prepared
 from .result import Bake, PointValues, assemble
-from .vertex_method import sample_vertices
 
 
-@earlier_names(reconstruct="denoise", hidden="interior")
+@dataclass(frozen=True, eq=False, repr=False)
+class VertexArguments(VertexOptions, Inputs):
+    """Arguments of `ao.bake`."""
+
+
+@taking(VertexArguments)
 @compiling()
-def bake(
-    mesh: Mesh | Any,
-    falloff: Falloffs = None,
-    samples: int | None = None,
-    seed: int = 0,
-    threads: int | None = None,
-    normals: Normals = "angle",
-    progress: Progress | None = None,
-    only: Bools | None = None,
-    tolerance: float | None = None,
-    denoise: bool = True,
-    interior: Interior = "auto",
-    traversal: Traversal = "auto",
-    checkpoint: Checkpoint | None = None,
-    method: Method = "vertex",
-    high: Mesh | Any | None = None,
-    cage: Length = "2%",
-    profile: bool = False,
-    occluders: Sequence[Mesh | Any] = (),
-) -> Bake:
+def bake(mesh: Mesh | Any, options: VertexArguments) -> Bake:
     """Obscurance w(p) = (1/π) ∫ μ(d) cosθ dω (12.71) at every vertex of `mesh`.
-
-    Args:
-        mesh: the surface, a `raytrace.Mesh`, a pair (vertices, faces), a mesh of trimesh, PyVista, meshio or Open3D, or
-            what `ao.prepare` returns; both sides of every face occlude.
-        falloff: μ, `Exponential(…)` (the default), `Binary(…)`, `Linear(…)`, `Smooth(…)` or `Tabulated(…)`; or "binary"
-            or "exponential"; or a list of them, for `Bake.values` by each from the same rays, which are as long as the
-            farthest needs. Vertex method only.
-        samples: rays a vertex, 1 to 2²⁰, by default 256; with a tolerance the most, by default 2¹⁴. By the surface
-            method they are spread over the faces by area, up to 32 from each of many points, and without this number
-            there are at least 2²⁰ in all; with a tolerance, the most is 2²⁶ in all if that is more.
-        seed: 0 to 2⁶⁴ − 1. The same seed gives the same bits for any number of threads.
-        threads: None for all cores.
-        normals: hemisphere axes: incident faces weighted by "angle", "area" or "equal", or "file", the mesh's own.
-        progress: called with (rays traced, rays in all) as the work goes on.
-        only: bool (n,), the vertices whose w is wanted; elsewhere w is 1. None: all. Turns denoising off;
-            hidden vertices are filled from wanted ones. The surface method fits w over their faces alone.
-        tolerance: target root mean square error of w, 1e-5 to 1: ray counts and baked vertices are chosen to meet it,
-            the other vertices are predicted from their neighbours. None: every vertex gets `samples` rays. By the
-            surface method it is the error of the fitted values.
-        denoise: whether estimates are shrunk towards leave-one-out predictions from their neighbours. Vertex method
-            only.
-        interior: "auto": vertices inside a closed part of the mesh that is not their own are flagged, and get the
-            values of the nearest that are not. "ignore": both sides of faces are surface. "mark": faces bound solids,
-            and vertices that mostly see backs, being inside one, are flagged. "fill": besides, they are filled. Vertex
-            method only.
-        traversal: "auto": the rays of a vertex walk a hierarchy of our own together, but go through Embree in packets
-            where half of them meet something and they are few; "embree": always, as a check. Vertex method only.
-        checkpoint: keeps what is traced, and is asked for what an interrupted run traced; the bits are the same.
-        method: "vertex" estimates w at each vertex; "surface" fits the values whose interpolation is nearest to w all
-            over the faces (Kavan, Bargteil & Sloan 2011, Least Squares Vertex Baking).
-        high: a finer mesh, of which w is baked instead: where it lies outwards or inwards of the vertices along the
-            smooth normals of `mesh`, which itself occludes nothing. The hemisphere is that of the fine mesh there, less
-            what lies below its face; estimates are denoised, and predicted, over the edges of `mesh`. Vertex method
-            only, and all vertices.
-        cage: how far from `mesh` the finer one may be: a length, or "2%" of the radius. Vertices at which there is
-            nothing within that take the closest point, and are flagged.
-        profile: also estimate w at half-distances an octave apart, from .5 % to 256 % of the radius, by the same rays:
-            `Bake.profile`. Vertex method only, and without `max_distance`.
-        occluders: meshes that only occlude: w is what it would be if they were part of `mesh`. Per cent are of the
-            radius of `mesh` alone.
 
     Raises:
         OptionError: an argument is out of range, or of the other method.
@@ -111,25 +48,26 @@ def bake(
     Warns:
         ToleranceWarning: the `tolerance` is not met, with too few `samples` allowed for instance.
     """
-    options = Options(
-        method, falloffs_of(falloff), samples, seed, threads, normals, only, tolerance, denoise, interior, traversal,
-        profile,
-    )  # fmt: skip
-    if high is not None and (method == "surface" or only is not None):
+    high, only = options.high, options.only
+    if high is not None and (options.method == "surface" or only is not None):
         raise ConflictError("high", "does not go with", "only" if only is not None else ("method", "surface"))
-    mesh, others = mesh_of(mesh, "bake"), occluding(occluders, high)
+    mesh, others = mesh_of(mesh, "bake"), occluding(options.occluders, high)
     solid = mesh if high is None else mesh_of(high, "bake")
-    reach = resolve_length("cage", cage, mesh.radius or 1.0)
+    reach = resolve_length("cage", options.cage, mesh.radius or 1.0)
     _check_memory(len(mesh.vertices), [mesh, *others] if high is None else [solid, mesh], options)
 
     start = time.perf_counter()
-    prepared = Prepared.of(solid, options, progress, checkpoint if high is None else None, others)
-    if high is None:
-        values = _values(prepared)
+    prepared = Prepared.of(solid, options, options.progress, options.checkpoint if high is None else None, others)
+    if high is None and options.method == "vertex":
+        values = _sample_vertices(prepared)
+    elif high is None:
+        from .surface_method import fit_to_surface  # its sparse matrices load for a fifth of a second
+
+        values = fit_to_surface(prepared)
     else:
         from .fine_mesh import sample_fine_mesh
 
-        prepared, values = sample_fine_mesh(prepared, solid, mesh, reach, checkpoint)
+        prepared, values = sample_fine_mesh(prepared, solid, mesh, reach, options.checkpoint)
     build = prepared.receivers.tree_seconds
     baked = assemble(replace(prepared, mesh=mesh), values, {})
     if high is None and only is None:
@@ -139,12 +77,26 @@ def bake(
     return replace(baked, shortfalls=(short,)) if short else baked
 
 
-def _values(prepared: Prepared) -> PointValues:
-    if prepared.options.method == "vertex":
-        return sample_vertices(prepared)
-    from .surface_method import fit_to_surface  # its sparse matrices load for a fifth of a second
+def _sample_vertices(prepared: Prepared) -> PointValues:
+    """w by Monte Carlo integration at every point that is wanted; vertices inside solids are flagged in place."""
+    options, receivers = prepared.options, prepared.wanted
+    points, point, total = receivers.points, receivers.of_vertex, len(prepared.receivers.points)
+    needed = point_bytes(len(points)) + column_bytes(len(points), options.columns)
+    if needed > NEGLIGIBLE:
+        check_memory(prepared.mesh.source, needed, f"to trace rays at {len(points):,} points")
+    tracer = prepared.tracer(total)
+    inside = inside_solids(
+        points, receivers.first_vertex, prepared.placement, receivers, options.interior, tracer.threads, total
+    )
+    baked = point >= 0
+    receivers.flags[baked & np.append(inside, False)[point]] |= np.uint8(Flag.HIDDEN)
+    filled = inside & (options.interior != "mark")
+    edges = edges_of(points, point[receivers.faces], tracer)
 
-    return fit_to_surface(prepared)
+    def estimated() -> tuple[Estimate, int]:
+        return estimate_outside(tracer, points, receivers.corners, edges, filled, prepared.target)
+
+    return PointValues.of(tracer.each_column(estimated), tracer.rays, receivers.displaced)
 
 
 def _check_memory(count: int, meshes: list[Mesh], options: Options) -> None:

@@ -13,7 +13,7 @@ from typing import Annotated, Any
 import numpy as np
 from pydantic import Field, PlainValidator, ValidationInfo
 
-from raytrace.errors import ConflictError, OptionError, numbers
+from raytrace.errors import ConflictError, OptionError, nearest_name, numbers
 from raytrace.system.parameters import Parameters
 from raytrace.types import Float64s
 
@@ -246,3 +246,31 @@ def _in_one_unit(distances: Sequence[Any]) -> tuple[Float64s, bool]:
 
 
 Falloff = Binary | Exponential | Linear | Smooth | Tabulated
+Falloffs = Falloff | str | Sequence[Falloff | str] | None
+
+
+def falloffs_of(given: Falloffs) -> Falloff | tuple[Falloff, ...]:
+    """A falloff or those of a list, by their names too; the exponential one for None.
+
+    Raises: OptionError: neither a falloff nor the name of one, or the list is empty.
+    """
+    if given is None or isinstance(given, str | Falloff):
+        return _falloff(given)
+    try:
+        listed = tuple(map(_falloff, given))
+    except TypeError:
+        return _falloff(given)  # for its message
+    if not listed:
+        raise OptionError("falloff", "a falloff or a list of falloffs", "an empty list", "bake")
+    return listed
+
+
+def _falloff(given: Any) -> Falloff:
+    if isinstance(given, Falloff):
+        return given
+    named = {None: Exponential, "binary": Binary, "exponential": Exponential}
+    if given is None or (isinstance(given, str) and given in named):
+        return named[given]()
+    expected = 'ao.Binary(…), .Exponential(…), .Linear(…), .Smooth(…), .Tabulated(…), "binary" or "exponential"'
+    near = nearest_name(given, ("binary", "exponential")) if isinstance(given, str) else None
+    raise OptionError("falloff", expected, repr(given), "bake", near)

@@ -1,145 +1,134 @@
-"""The options of a bake, checked before any work is done."""
+"""The options of bakes, each declared here, once: its type, bounds, default, meaning, and how the command has it.
 
-from collections.abc import Callable, Sequence
-from functools import wraps
-from typing import Annotated, Any, Literal, ParamSpec, TypeVar
+The parameters of `ao.bake` and `ao.bake_texture` and their descriptions, checks, what a journal belongs to, and options
+of the command follow from a declaration (`ao/declared.py`). Those whose values are meshes are in `ao/prepared.py`.
+"""
 
-import numpy as np
-from pydantic import Field, PlainValidator
+from dataclasses import KW_ONLY, dataclass
+from typing import TYPE_CHECKING, Annotated, Literal
 
-from raytrace.errors import ConflictError, OptionError, nearest_name
-from raytrace.system.parameters import Parameters, Seed, Switch, Whole
-from raytrace.system.threads import MAX_THREADS
-from raytrace.types import Bools
+from .declared import ALL, EACH, IMAGE, Option, check_values, rows
 
-from .falloff import Binary, Exponential, Falloff, Tabulated
-from .mu import Mu
+if TYPE_CHECKING:  # the help of the command imports nothing heavy
+    from raytrace.types import Bools
 
-Falloffs = Falloff | str | Sequence[Falloff | str] | None
-P = ParamSpec("P")
-R = TypeVar("R")
+    from .falloff import Falloff, Falloffs, Length
+    from .mu import Mu
+
 MAX_SAMPLES = 1 << 20
 DEFAULT_SAMPLES = 256
 _MOST_FOR_TOLERANCE = 1 << 14
-_NO_RAYS = frozenset({"threads", "falloff"})  # the first because bits do not depend on it
 _FITTED = 1 << 20  # rays in all of the surface method: a coarse mesh needs more a vertex than a dense one
 _FITTED_FOR_TOLERANCE = 1 << 26
 OCTAVES = tuple(0.005 * 2**octave for octave in range(10))  # half-distances of profiles, of the radius
-_PROFILE = tuple(Exponential(half_distance=f"{100 * share:g}%") for share in OCTAVES)
+
+Method = Literal["vertex", "surface"]
+Normals = Literal["angle", "area", "equal", "file"]
+Interior = Literal["auto", "ignore", "mark", "fill"]
+Traversal = Literal["auto", "embree"]
+Overlap = Literal["mean", "first", "refuse"]
+BentSpace = Literal["world", "tangent", "tangent-directx"]
 
 
-def falloff_of(given: Falloff | str | None) -> Falloff:
-    """A falloff, by its name too; the exponential one for None.
-
-    Raises:
-        OptionError: neither a falloff nor the name of one.
-    """
-    if given is None:
-        return Exponential()
-    if isinstance(given, Falloff):
-        return given
-    named = {"binary": Binary, "exponential": Exponential}
-    if isinstance(given, str) and given in named:
-        return named[given]()
-    expected = 'ao.Binary(…), .Exponential(…), .Linear(…), .Smooth(…), .Tabulated(…), "binary" or "exponential"'
-    near = nearest_name(given, named) if isinstance(given, str) else None
-    raise OptionError("falloff", expected, repr(given), "bake", near)
-
-
-def earlier_names(**names: str) -> Callable[[Callable[P, R]], Callable[P, R]]:
-    """Let a function take keywords by their earlier names, too. Args: names: the present one of each."""
-
-    def with_names(function: Callable[P, R]) -> Callable[P, R]:
-        @wraps(function)
-        def called(*unnamed: P.args, **named: P.kwargs) -> R:
-            present: Any = {names.get(name, name): value for name, value in named.items()}
-            return function(*unnamed, **present)
-
-        return called
-
-    return with_names
-
-
-def falloffs_of(given: Falloffs) -> Falloff | tuple[Falloff, ...]:
-    """A falloff, or those of a list. Raises: OptionError: as `falloff_of`, or the list is empty."""
-    if given is None or isinstance(given, str | Falloff):
-        return falloff_of(given)
-    try:
-        listed = tuple(map(falloff_of, given))
-    except TypeError:
-        return falloff_of(given)  # type: ignore[arg-type]  # for its message
-    if not listed:
-        raise OptionError("falloff", "a falloff or a list of falloffs", "an empty list", "bake")
-    return listed
-
-
-Method = Annotated[Literal["vertex", "surface"], Field(description="vertex or surface")]
-Normals = Annotated[Literal["angle", "area", "equal", "file"], Field(description="angle, area, equal or file")]
-Interior = Annotated[Literal["auto", "ignore", "mark", "fill"], Field(description="auto, ignore, mark or fill")]
-Traversal = Annotated[Literal["auto", "embree"], Field(description="auto or embree")]
-Samples = Annotated[Whole, Field(ge=1, le=MAX_SAMPLES)]
-Threads = Annotated[Whole, Field(ge=1, le=MAX_THREADS)]
-Mask = Annotated[Bools, PlainValidator(np.asarray)]
-Tolerance = Annotated[float, Field(strict=True, ge=1e-5, le=1, description="a number from 1e-5 to 1")]
-
-
-class Options(Parameters, kw_only=False, source="options"):
-    """Arguments of `ao.bake` beside the mesh, see there for units and ranges.
+# fmt: off
+@dataclass(frozen=True, eq=False, repr=False)
+class Options:
+    """Options of every bake.
 
     Raises:
-        OptionError: one is out of range, does not go with another, or is of the other method.
+        OptionError: one is out of range, or does not go with another.
     """
 
-    method: Method = "vertex"
-    falloff: Annotated[Falloff | tuple[Falloff, ...], PlainValidator(falloffs_of)] = Exponential()
-    samples: Samples | None = None
-    seed: Seed = 0
-    threads: Threads | None = None
-    normals: Normals = "angle"
-    only: Mask | None = None
-    tolerance: Tolerance | None = None
-    denoise: bool = True
-    interior: Interior = "auto"
-    traversal: Traversal = "auto"
-    profile: Switch = False
+    falloff: Annotated["Falloffs", Option(on="", role="input", help=
+        'μ, `Exponential(…)` (the default), `Binary(…)`, `Linear(…)`, `Smooth(…)` or `Tabulated(…)`; or "binary" or '
+        '"exponential"; or, by the vertex method, a list of them, for `values` of the result by each from the same '
+        "rays, which are as long as the farthest needs.")] = None
+    samples: Annotated[int | None, Option(bounds=(1, MAX_SAMPLES), help=
+        "Rays per vertex or texel, 256 by default; with --tolerance the most, by default 16384.", more=
+        "At most 2²⁰. By the surface method they are spread over the faces by area, up to 32 from each of many points, "
+        "and without this number there are at least 2²⁰ in all; with a tolerance, the most is 2²⁶ in all if that is "
+        "more.")] = None
+    seed: Annotated[int, Option(bounds=(0, 2**64 - 1), help="Random seed.", more=
+        "0 to 2⁶⁴ − 1. The same seed gives the same bits for any number of threads.")] = 0
+    threads: Annotated[int | None, Option(bounds=(1, 4096), role="run", on=f"{ALL} merge", help=
+        "Number of threads, by default all cores; results are the same.")] = None
+    normals: Annotated[Normals, Option(help=
+        "Vertex normals: face normals weighted by angle, by area or equally, or the file's own.", more=
+        "They are the axes of hemispheres.")] = "angle"
+    _: KW_ONLY
+    tolerance: Annotated[float | None, Option(bounds=(1e-5, 1), on="vertices texture batch", help=
+        "Target RMS error of w; ray counts are chosen to meet it.", more=
+        "1e-5 to 1; over the vertices or the covered texels, by the surface method of the fitted values. Points to be "
+        "baked are chosen, too; the others are predicted from their neighbours. None: every point gets `samples` rays."
+        )] = None
+    denoise: Annotated[bool, Option(was="reconstruct", help="Shrink estimates towards those of neighbours.", more=
+        "They are leave-one-out predictions, of texels across seams, too. Not by the surface method.")] = True
+    interior: Annotated[Interior, Option(was="hidden", help=
+        "Vertices inside closed solids: ignore, flag (mark), or fill from visible neighbours; auto fills those inside "
+        "parts of the mesh that are closed.", more=
+        '"auto": vertices inside a closed part that is not their own are flagged and get the values of the nearest '
+        'that are not; texels are filled as if they were not covered. "ignore": both sides of faces are surface. '
+        '"mark": faces bound solids, and vertices that mostly see backs, being inside one, are flagged; not of texels. '
+        '"fill": besides, they are filled, and texels are. Not by the surface method.')] = "auto"
+    traversal: Annotated[Traversal, Option(help="Who traces rays; embree is slower, and checks auto.", more=
+        '"auto": the rays of a point walk a hierarchy of our own together, but go through Embree in packets where half '
+        "of them meet something and they are few. Not by the surface method.")] = "auto"
+    profile: Annotated[bool, Option(kind=bool | None, default=None, on=EACH, help=
+        "Also store w at half-distances an octave apart, from .5% to 256% of the radius, so that the half-distance can "
+        "be chosen later: .npz .ply .glb .html, textures .exr; by default in .html, if that costs little.", more=
+        "In Python the result's `profile`, by the same rays; without `max_distance`, and not by the surface method.")
+        ] = False
+    cage: Annotated["Length", Option(kind=str | None, default=None, on=EACH, needs={"high": ...}, help=
+        'With --high: how far it may be from the input, mesh units or "2%" of the radius (the default).', more=
+        "Vertices at which there is nothing within that take the closest point, and are flagged; points of texels "
+        "likewise, and are counted.")] = "2%"
 
     def __post_init__(self) -> None:
-        if self.method == "surface":
-            for name in ("denoise", "interior", "traversal"):
-                value = getattr(self, name)
-                if value != getattr(Options, name):
-                    raise ConflictError((name, value), "does not go with", ("method", "surface"))
-            if self.profile or len(self.falloffs) > 1:
-                several = "profile" if self.profile else "a list of falloffs"
-                raise ConflictError(several, "does not go with", ("method", "surface"))
+        from raytrace.errors import ConflictError
+
+        from .falloff import Tabulated, falloffs_of
+
+        object.__setattr__(self, "falloff", falloffs_of(self.falloff))
+        check_values(self)
         first = self.falloffs[0]
         if self.profile and not isinstance(first, Tabulated) and str(first.max_distance) != "inf":
             raise ConflictError("profile", "excludes", "max_distance")
-        if self.tolerance is None:
-            return
-        if self.only is not None:
-            raise ConflictError("only", "excludes", "tolerance")
-        if not self.denoise:
+        if self.tolerance is not None and not self.denoise:
             raise ConflictError(("denoise", False), "does not go with", "tolerance")
 
     @property
-    def falloffs(self) -> tuple[Falloff, ...]:
+    def method(self) -> Method:
+        """How w of vertices is estimated."""
+        return "vertex"
+
+    @property
+    def only(self) -> "Bools | None":
+        """The vertices whose w is wanted; None: all."""
+        return None
+
+    @property
+    def falloffs(self) -> "tuple[Falloff, ...]":
         """The falloffs that were given."""
         return self.falloff if isinstance(self.falloff, tuple) else (self.falloff,)
 
     @property
     def columns(self) -> int:
         """How many estimates there are of each w."""
-        return len(self.falloffs) + len(_PROFILE) * self.profile
+        return len(self.falloffs) + len(OCTAVES) * self.profile
 
-    def mus(self, radius: float) -> tuple[Mu, ...]:
+    def mus(self, radius: float) -> "tuple[Mu, ...]":
         """The falloffs, then those of the profile, for a mesh of bounding-sphere radius `radius`."""
-        return tuple(each.resolve(radius) for each in (*self.falloffs, *(_PROFILE if self.profile else ())))
+        from .falloff import Exponential
+
+        octaves = [Exponential(half_distance=f"{100 * share:g}%") for share in OCTAVES] if self.profile else []
+        return tuple(each.resolve(radius) for each in (*self.falloffs, *octaves))
 
     @property
     def identity(self) -> tuple[object, ...]:
-        """Every option that can change a ray; μ, with lengths in mesh units, stands for the falloff."""
-        values = {name: value for name, value in vars(self).items() if name not in _NO_RAYS}
+        """Every option that can change a ray but for inputs; μ, with lengths in mesh units, stands for the falloff."""
+        import numpy as np
+
+        values = {name: getattr(self, name) for name, row in rows(self).items() if row.role == "result"}
         only = None if self.only is None else np.packbits(self.only).tobytes()
         return tuple((values | {"samples": self.rays, "only": only}).items())
 
@@ -156,3 +145,67 @@ class Options(Parameters, kw_only=False, source="options"):
         if self.method == "vertex" or self.samples is not None:
             return given
         return max(given, _FITTED if self.tolerance is None else _FITTED_FOR_TOLERANCE)
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class VertexOptions(Options):
+    """Options of a bake to vertices.
+
+    Raises:
+        OptionError: as `Options`, or one is of the other method.
+    """
+
+    _: KW_ONLY
+    only: Annotated["Bools | None", Option(on="", help=
+        "bool (n,), the vertices whose w is wanted; elsewhere w is 1. None: all. Turns denoising off; hidden vertices "
+        "are filled from wanted ones. The surface method fits w over their faces alone.")] = None
+    method: Annotated[Method, Option(on="vertices part batch", help=
+        "Sample at the vertices, or all over the faces with a least-squares fit.", more=
+        '"surface" fits the values whose interpolation is nearest to w all over the faces (Kavan, Bargteil & Sloan '
+        "2011, Least Squares Vertex Baking).")] = "vertex"
+
+    def __post_init__(self) -> None:
+        import numpy as np
+
+        from raytrace.errors import ConflictError
+
+        super().__post_init__()
+        if self.only is not None:
+            object.__setattr__(self, "only", np.asarray(self.only))
+            if self.tolerance is not None:
+                raise ConflictError("only", "excludes", "tolerance")
+        if self.method == "vertex":
+            return
+        for name in ("denoise", "interior", "traversal"):
+            if getattr(self, name) != getattr(Options, name):
+                raise ConflictError((name, getattr(self, name)), "does not go with", ("method", "surface"))
+        if self.profile or len(self.falloffs) > 1:
+            several = "profile" if self.profile else "a list of falloffs"
+            raise ConflictError(several, "does not go with", ("method", "surface"))
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class TextureOptions(Options):
+    """Options of a bake to a texture."""
+
+    _: KW_ONLY
+    overlap: Annotated[Overlap, Option(kind=Overlap | None, default=None, on=IMAGE, help=
+        "Texture: where faces overlap, w is their mean (the default within a material), the first's, or an error.")
+        ] = "mean"
+    wrap: Annotated[bool, Option(on="", help=
+        "whether faces outside of the unit square are taken modulo 1, or left out.")] = True
+    close_seams: Annotated[bool, Option(on="", role="output", help=
+        "whether texels at charts' borders are moved until both sides of a seam agree.")] = True
+    bent_space: Annotated[BentSpace, Option(kind=BentSpace | None, default=None, on="texture merge", role="output",
+        needs={"bent_normals": ...}, repeated=False, help=
+        "Of bent normals: the mesh's own (the default), or tangent: +Y, or with -directx -Y.", more=
+        '"tangent": x along u, y along v upwards, as OpenGL and glTF have it, z the normal; "tangent-directx": with y '
+        "downwards.")] = "world"
+
+    def __post_init__(self) -> None:
+        from raytrace.errors import ConflictError
+
+        super().__post_init__()
+        if self.interior == "mark":
+            raise ConflictError(("interior", "mark"), "does not go with", "a texture")
+# fmt: on

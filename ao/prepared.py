@@ -1,11 +1,9 @@
-"""The record that both methods bake from."""
-
-from __future__ import annotations
+"""The records that both methods bake from."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import KW_ONLY, dataclass, field, fields, replace
 from functools import cache, partial
-from typing import Any
+from typing import Annotated, Any, Self
 
 import numpy as np
 
@@ -20,6 +18,7 @@ from raytrace.system.memory import check_memory
 from raytrace.system.threads import thread_count
 from raytrace.types import Bools
 
+from .declared import Option
 from .estimate.estimate import Target
 from .execute.checkpoint import NOTHING_KEPT, Checkpoint
 from .execute.tracer import Progress, Tracer
@@ -30,6 +29,30 @@ from .points.occluders import joined
 from .points.receivers import Receivers, find_receivers
 from .rays.ray_scene import RayScene
 from .rays.traversal_choice import packets_below
+
+
+# fmt: off
+@dataclass(frozen=True, eq=False, repr=False)
+class Inputs:
+    """Arguments of `ao.bake` and `ao.bake_texture` beside their `Options`."""
+
+    mesh: Annotated[Mesh | Any, Option(on="", role="input", help=
+        "The surface, a `raytrace.Mesh`, a pair (vertices, faces), a mesh of trimesh, PyVista, meshio or Open3D, or "
+        "what `ao.prepare` returns; both sides of every face occlude.")]
+    _: KW_ONLY
+    progress: Annotated[Progress | None, Option(on="", role="run", help=
+        "Called with (rays traced, rays in all) as the work goes on.")] = None
+    checkpoint: Annotated[Checkpoint | None, Option(on="", role="run", help=
+        "Keeps what is traced, and is asked for what an interrupted run traced; the bits are the same.")] = None
+    high: Annotated[Mesh | Any | None, Option(on="", role="input", help=
+        "A finer mesh, of which w is baked instead: where it lies outwards or inwards along the smooth normals of "
+        "`mesh`, which itself occludes nothing. The hemisphere is that of the fine mesh there, less what lies below "
+        "its face; estimates are denoised, and predicted, over `mesh`. Not by the surface method, nor with `only`.")
+        ] = None
+    occluders: Annotated[Sequence[Mesh | Any], Option(on="", role="input", help=
+        "Meshes that only occlude: w is what it would be if they were part of `mesh`. Per cent are of the radius of "
+        "`mesh` alone. Not with `high`.")] = ()
+# fmt: on
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -104,7 +127,7 @@ class Prepared:
         progress: Progress | None,
         checkpoint: Checkpoint | None,
         occluders: Sequence[Mesh] = (),
-    ) -> Prepared:
+    ) -> Self:
         """Place the mesh, find its receivers, build Embree's scene and begin the checkpoint.
 
         Raises: OptionError: `options.only` is not one truth value a vertex; as `find_receivers`, `Checkpoint.begin`.

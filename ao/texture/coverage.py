@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from itertools import combinations
-from typing import Literal
 
 import numpy as np
 
@@ -16,12 +15,12 @@ from raytrace.embree.scene import TriangleScene
 from raytrace.system.threads import run_blocks, thread_count
 from raytrace.types import Bools, Float32s, Float64s, Int32s, Int64s
 
+from ..options import Overlap
 from ..rays.ray_packet import RayPacket
 from .page_rays import DEEP, SLOTS, find_hits, look_down
 from .slivers import PageTree, find_slivers
 from .uv_layout import UVLayout
 
-Overlap = Literal["mean", "first", "refuse"]
 _FINE = 8  # points across and down of texels that are not whole
 _WITHIN = np.array([0.125, 0.625, 0.375, 0.875])  # where to take one from each quarter of them
 _FINE_TEXELS = 1 << 14  # together

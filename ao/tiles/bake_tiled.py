@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -15,10 +15,10 @@ from raytrace.system.threads import thread_count
 from raytrace.types import Float64s, Int64s
 
 from ..estimate.fixed_samples import rays_per_corner_sample
-from ..execute.tracer import Tracer
+from ..execute.tracer import Progress, Tracer
 from ..falloff import Falloff
 from ..mu import KernelMu, Mu
-from ..options import MAX_SAMPLES, Normals, Options, Traversal, falloff_of
+from ..options import MAX_SAMPLES, Options
 from ..points.corners import CornerSamples, find_corner_samples
 from ..points.points import Points
 from ..points.receivers import offset_points
@@ -52,18 +52,15 @@ def bake_tiled(
     grid: Grid = (2, 2, 2),
     falloff: Falloff | str | None = None,
     samples: int | None = None,
-    seed: int = 0,
-    threads: int | None = None,
-    normals: Normals = "angle",
-    traversal: Traversal = "auto",
-    progress: Callable[[int, int], None] | None = None,
+    progress: Progress | None = None,
+    **options: Any,
 ) -> TiledBake:
     """w at every vertex of a mesh that need not fit into memory, not denoised.
 
     Args:
         source: the mesh. scratch: an empty folder on a disk, for some 70 bytes a vertex; `TiledBake.w` lies there.
         grid: tiles along x, y and z; memory holds one, with the faces within `max_distance` of it.
-        falloff: with a finite `max_distance`. All else as for `ao.bake`.
+        falloff: with a finite `max_distance`. samples, progress, options: as `ao.bake` takes them.
 
     Raises:
         OptionError: an argument is out of range, or nothing limits the distance.
@@ -71,18 +68,17 @@ def bake_tiled(
         MemoryLimitError: a tile would not fit into memory.
         OutputError: the disk of `scratch` is full.
     """
-    options = Options(
-        "vertex", falloff_of(falloff), samples, seed, threads, normals, None, None, False, "ignore", traversal
-    )
-    if normals == "file":
+    plain: dict[str, Any] = {"denoise": False, "interior": "ignore"}
+    chosen = Options(falloff, samples, **plain | options)
+    if chosen.normals == "file":
         raise OptionError("normals", "angle, area or equal for tiles", "file")
     tiling = Tiling.of(source, grid, scratch)
-    (mu,) = options.mus(tiling.radius)
+    (mu,) = chosen.mus(tiling.radius)
     if not mu.max_distance < np.inf:
         expected = "a finite distance: without one, rays of every tile may meet the whole mesh"
         raise OptionError("max_distance", expected, mu.max_distance)
-    numbering = number_points(tiling, normals, scratch)
-    tracer = _TileTracer.of(tiling, numbering, mu, options, progress)
+    numbering = number_points(tiling, chosen.normals, scratch)
+    tracer = _TileTracer.of(tiling, numbering, mu, chosen, progress)
     values = on_disk(scratch / "w", np.float64, source.vertex_count)
     tiles = faces = 0
     for tile in range(tiling.tiles):
@@ -104,12 +100,12 @@ class _TileTracer:
     mu: KernelMu
     reach: float
     packets_below: int
-    progress: Callable[[int, int], None] | None
+    progress: Progress | None
     rays: int = 0
 
     @classmethod
     def of(
-        cls, tiling: Tiling, numbering: Numbering, mu: Mu, options: Options, progress: Callable[[int, int], None] | None
+        cls, tiling: Tiling, numbering: Numbering, mu: Mu, options: Options, progress: Progress | None
     ) -> _TileTracer:
         kernel_mu = mu.in_render_space(tiling.space.scale)
         reach = min(kernel_mu.limit, tiling.space.diagonal)

@@ -63,7 +63,7 @@ def with_obscurance(
         options.seed,
         threads,
         "angle" if settings.normals == "file" else settings.normals,
-        progress,
+        progress=progress,
         only=seen,
         checkpoint=cluster_checkpoint(session, False, None) if session else None,
     )

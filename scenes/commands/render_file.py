@@ -9,10 +9,12 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from ao.declared import Option
+from ao.options import Normals
 from raytrace.errors import OptionError
 
 from ..jobs.console import compiling, progress, show_picture, warn
-from ..jobs.options import REPORTS, ROWS, Normals, Option, Record, check_together, command_line, plain
+from ..jobs.options import REPORTS, ROWS, Record, check_together, command_line, plain
 
 if TYPE_CHECKING:
     from ao.cluster.session import ClusterSession

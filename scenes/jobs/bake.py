@@ -15,11 +15,12 @@ from warnings import catch_warnings, simplefilter
 from raytrace.errors import ClusterError, ObscuranceError, printable
 
 from .console import compiling, note
-from .options import CAGE, REPORTS, ROWS, Record, command_line, plain
+from .options import BAKER, REPORTS, ROWS, Record, command_line, plain
 
 if TYPE_CHECKING:
     import ao
     from ao.execute.checkpoint import Checkpoint
+    from ao.options import Options
 
     from ..formats.load import MeshFile
     from ..show.report.pictures import Picture
@@ -61,11 +62,12 @@ class MeshBake(Record, ABC):
     """A bake of a mesh file, to vertices or a texture, with its options as attributes.
 
     Attributes:
-        sort: in the words of `Option.on`. content: of the mesh, if it is no file's.
+        sort: in the words of `Option.on`. record: of its options. content: of the mesh, if it is no file's.
         open_checkpoint: makes the checkpoint of an output, unless it is the usual one.
     """
 
     sort: str
+    record: type[Options]
     content: bytes | None = None
     open_checkpoint: Callable[[Path], AbstractContextManager[Checkpoint]] | None = None
 
@@ -88,15 +90,14 @@ class MeshBake(Record, ABC):
     def check(self) -> ao.Falloff:
         """The falloff, if the options go together and the outputs can be written. Raises: OptionError, OutputError."""
         from ao.falloff import resolve_length
-        from ao.options import Options
         from raytrace.errors import OptionError
         from raytrace.system.outputs import check_ending, check_outputs
 
         from ..falloffs import make_falloff
 
         falloff = make_falloff(self.falloff, self.tau, self.half_distance, self.max_distance)
-        Options(**self.arguments())
-        if resolve_length("cage", self.cage or CAGE, 1.0) == float("inf"):
+        self.checked()
+        if self.cage is not None and resolve_length("cage", self.cage, 1.0) == float("inf"):
             raise OptionError("cage", "a finite length", self.cage)
         self.check_own()
         if self.report:
@@ -104,10 +105,14 @@ class MeshBake(Record, ABC):
         check_outputs(self.outputs(), self.inputs())
         return falloff
 
-    def arguments(self) -> dict[str, Any]:
-        """The options that `ao.bake` and `ao.bake_texture` take."""
-        names = ("samples", "seed", "threads", "normals", "tolerance", "denoise", "interior", "traversal", "profile")
-        return {name: getattr(self, name) for name in names}
+    def checked(self) -> Options:
+        """The options that `ao.bake` or `ao.bake_texture` has. Raises: OptionError."""
+        return self.record(**self.arguments())
+
+    def arguments(self, sort: str | None = None) -> dict[str, Any]:
+        """The options that are given and that `ao.bake` or `ao.bake_texture`, for a bake of another `sort`, has."""
+        rows = [row for row in BAKER.values() if (sort or self.sort) in row.on.split()]
+        return {row.name: value for row in rows if (value := getattr(self, row.name)) is not None}
 
     def described(self) -> dict[str, Any]:
         """Every effective option, as a JSON report has it."""
@@ -152,11 +157,6 @@ class MeshBake(Record, ABC):
 
         return [self.mesh, *([self.high] if self.high else []), *table_of(self.falloff)]
 
-    @property
-    @abstractmethod
-    def side_by_side(self) -> bool:
-        """Whether a bake of a small file is small, too: one for a single core."""
-
     @abstractmethod
     def outputs(self) -> dict[str, Path | None]:
         """The files to write, by what the user calls them."""
@@ -169,18 +169,16 @@ class MeshBake(Record, ABC):
         """The mesh file, with what the output can hold of it. Raises: InputError."""
         from ..formats.load import load
 
-        return load(self.mesh, self.kept, self.content, self.alpha == "auto", self.up)
+        kept = Path("texture.glb") if self.sort == "texture" else self.output
+        return load(self.mesh, kept, self.content, self.alpha == "auto", self.up)
 
     def check_up(self, picture: Path | None, *outputs: Path | None) -> None:
         """Raises: OptionError: `up`, and neither a picture nor an output that stands."""
         from raytrace.errors import ConflictError
 
         standing = (".html", ".ply", ".glb")
-        if (
-            self.up
-            and not picture
-            and not {path.suffix.lower() for path in (*outputs, self.report) if path} & {*standing}
-        ):
+        endings = {path.suffix.lower() for path in (*outputs, self.report) if path}
+        if self.up and not picture and endings.isdisjoint(standing):
             raise ConflictError("up", "needs", f"--debug-image or {', '.join(standing)}: w does not depend on it")
 
     def read_high(self) -> MeshFile | None:
@@ -188,11 +186,6 @@ class MeshBake(Record, ABC):
         from ..formats.load import load
 
         return None if self.high is None else load(self.high, alpha=self.alpha == "auto")
-
-    @property
-    @abstractmethod
-    def kept(self) -> Path:
-        """A name of the format for which a mesh file's details are read."""
 
     @abstractmethod
     def work(self, source: MeshFile, falloff: ao.Falloff) -> WorkSize:
@@ -229,10 +222,6 @@ def bake_one(bake: MeshBake, falloff: ao.Falloff, threads: int, resume: bool) ->
         expected = isinstance(fault, ObscuranceError | OSError | MemoryError)
         message = str(fault) if expected and str(fault) else f"{type(fault).__name__}: {fault}"
         message = printable(message if str(bake.mesh) in message else f"{bake.mesh}: {message}")
-        return Outcome("failed", _since(start), message)
-    message = "\n".join(each.summary for each in written)
-    return Outcome("done", _since(start), message, [line for each in written for line in each.warnings])
-
-
-def _since(start: float) -> float:
-    return round(time.perf_counter() - start, 3)
+        return Outcome("failed", round(time.perf_counter() - start, 3), message)
+    seconds, message = round(time.perf_counter() - start, 3), "\n".join(each.summary for each in written)
+    return Outcome("done", seconds, message, [line for each in written for line in each.warnings])

@@ -117,7 +117,7 @@ class Batch:
         count = len(bakes)
         places = [place for place in range(count) if manifest.entries[place].status == "waiting"]
         threads = thread_count(self.bakes[0].threads)
-        small = [place for place in places if bakes[place].side_by_side and _size(bakes[place].mesh) < _LARGE]
+        small = [place for place in places if bakes[place].sort == "vertices" and _size(bakes[place].mesh) < _LARGE]
         large = sorted({*places} - {*small})
         done = count - len(places)
         status = session.status if session else str

@@ -7,7 +7,6 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from ao.options import Options
 from raytrace.errors import ObscuranceError, printable
 from raytrace.system.memory import available, in_use, size_text
 from raytrace.system.threads import thread_count
@@ -49,7 +48,7 @@ def dry_run(bakes: Sequence[MeshBake], falloff: ao.Falloff, besides: Sequence[Pa
 def _rows(works: Sequence[WorkSize], bake: MeshBake, held: int) -> list[tuple[str, str]]:
     """Args: held: bytes that the process has before it bakes."""
     points = sum(work.points for work in works)
-    options = Options(**bake.arguments())
+    options = bake.checked()
     rays = sum(options.rays_in_all(work.points) for work in works)
     most = "at most " if bake.tolerance is not None or works[0].unit == "texels" else ""
     meshes = f"{len(works):,} meshes, " if len(works) > 1 else ""
@@ -71,7 +70,7 @@ def _time(works: Sequence[WorkSize], bake: MeshBake, most: str) -> str:
     largest = max(works, key=lambda work: work.points)
     if not largest.points:
         return "none: there is nothing to bake"
-    each = Options(**bake.arguments()).rays_in_all(largest.points) // largest.points
+    each = bake.checked().rays_in_all(largest.points) // largest.points
     fixed, of_point = _trial(largest, min(each, _RAYS))
     points, threads = sum(work.points for work in works), thread_count(bake.threads)
     seconds = fixed * points / largest.points + of_point * points / threads

@@ -1,24 +1,26 @@
 """THE table of the options of `bake`, `merge` and `render`: each is declared here, and acts somewhere, once.
 
-Parameters of the command and sections of its help, what goes together, `--options`, what a part, a report and a
-manifest say of a bake, and the line of a report that repeats it are made from the rows.
+Names stand for options that `ao.bake` or `ao.bake_texture` has, too, which are declared in `ao/options.py`. Parameters
+of the command and sections of its help, what goes together, `--options`, what a part, a report and a manifest say of a
+bake, and the line of a report that repeats it are made from the rows.
 """
 
 import shlex
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, Self
 
+from ao.declared import ALL, EACH, IMAGE, Option, rows
+from ao.options import TextureOptions, VertexOptions
+
 from ..presets import HELP as PRESET_HELP
 
-CAGE = "2%"  # of the radius, unless --cage is given
 REPORTS = ".json", ".html"  # endings
 VALIDATION_SAMPLES = 4096  # rays per vertex of `obscurance validate`, unless given
 
 FALLOFFS = "exponential", "binary", "linear", "smooth", "table:"
-Normals = Literal["angle", "area", "equal", "file"]
 Metric = Literal["flip", "rms", "max"]
 Alpha = Literal["auto", "ignore"]
 Up = Literal["x", "y", "z", "-x", "-y", "-z"]
@@ -27,73 +29,20 @@ InputFormat = Literal["ply", "obj", "stl", "off", "glb", "gltf", "3mf"]
 ProgressForm = Literal["bar", "json"]
 Preset = Literal["unreal", "unity", "godot", "blender", "three"]
 
-Role = Literal["input", "output", "result", "run"]
-_EACH, _ALL = "vertices texture part batch", "vertices texture part batch tiles"
-_IMAGE, _WRITTEN = "texture part batch", "vertices texture batch merge"
+_WRITTEN = "vertices texture batch merge"
 SORTS = {"tiles": "tiles", "batch": "output_dir", "part": "part"}  # of bakes, and the options that ask for them
 
-
-@dataclass(frozen=True)
-class Option:
-    """A row of the table.
-
-    Attributes:
-        name: in Python and in reports. kind: its type, or its choices. default: `...` of an argument that is needed.
-        help: in one line. on: sorts of bakes that take it, of vertices, texture, tiles, part, merge and batch.
-        role: a file that is read, what is written, what is computed, or how that is run.
-        needs: other options, with the value that they must have, or `...` for any but the default.
-        excludes: other options. metavar, short: in the help. section: of the help. was: its earlier name.
-        words: for completion. repeated: whether `--options` takes it over, if it is no file that is written.
-    """
-
-    name: str
-    kind: Any
-    default: Any
-    help: str
-    on: str = _ALL
-    role: Role = "result"
-    needs: Mapping[str, Any] = field(default_factory=dict)
-    excludes: tuple[str, ...] = ()
-    metavar: str | None = None
-    short: str | None = None
-    section: str = ""
-    was: str | None = None
-    words: tuple[str, ...] = ()
-    repeated: bool = True
-
-    @property
-    def flags(self) -> list[str]:
-        """Its names in the command, the one that turns it off last."""
-        flag = f"--{self.name.replace('_', '-')}"
-        switch = self.kind in (bool, bool | None)
-        off = f"/--no-{flag[2:]}" if switch and self.default is not False else ""
-        return [flag + off, *([self.short] if self.short else [])]
-
-    @property
-    def rays(self) -> bool:
-        """Whether it can change what a journal, a part or a worker has traced."""
-        return self.role in ("input", "result")
-
-    @property
-    def taken(self) -> bool:
-        """Whether `--options` takes it over."""
-        return self.repeated and self.role != "run" and not (self.role == "output" and self.kind == Path | None)
-
-
-_SECTIONS: dict[str, tuple[Option, ...]] = {
+_SECTIONS: dict[str, tuple[Option | str, ...]] = {
     "": (
         Option("mesh", list[Path], ..., "A mesh file: PLY, OBJ, STL, OFF, GLB, glTF, 3MF, ...; several; a pattern "
                "('meshes/*.obj'); or - for standard input.", role="input", metavar="INPUT"),
         Option("output", Path | None, None, "Output file, format by ending: .npy .npz .ply .glb of the vertices; .html "
                "to look at them; .png .exr .tif a texture, with <UDIM>, <MATERIAL>, <OBJECT> in the name one for each.",
-               _ALL + " merge", "output", short="-o"),
+               ALL + " merge", "output", short="-o"),
         Option("output_dir", Path | None, None, "For several inputs: folder of their outputs, and of manifest.json.",
-               _EACH, "run", excludes=("output",), metavar="FOLDER"),
-        Option("samples", int | None, None,
-               "Rays per vertex or texel, 256 by default; with --tolerance the most, by default 16384."),
-        Option("tolerance", float | None, None, "Target RMS error of w; ray counts are chosen to meet it.",
-               "vertices texture batch"),
-        Option("quiet", bool, False, "No progress bar and no summary.", _ALL + " merge", "run", short="-q"),
+               EACH, "run", excludes=("output",), metavar="FOLDER"),
+        "samples", "tolerance",
+        Option("quiet", bool, False, "No progress bar and no summary.", ALL + " merge", "run", short="-q"),
     ),
     "What occludes": (
         Option("falloff", str, "exponential", "How occlusion fades with distance; not at all (binary: ambient "
@@ -103,27 +52,11 @@ _SECTIONS: dict[str, tuple[Option, ...]] = {
         Option("half_distance", str | None, None,
                'Distance at which a hit occludes half: mesh units, or "50%" of the radius (the default).'),
         Option("max_distance", str, "inf", 'Ignore hits farther away: mesh units, "25%" of the radius, or inf.'),
-        Option("normals", Normals, "angle",
-               "Vertex normals: face normals weighted by angle, by area or equally, or the file's own."),
-        Option("interior", Literal["auto", "ignore", "mark", "fill"], "auto", "Vertices inside closed solids: ignore, "
-               "flag (mark), or fill from visible neighbours; auto fills those inside parts of the mesh that are "
-               "closed.", was="hidden"),
+        "normals", "interior",
         Option("alpha", Alpha, "auto",
                "auto: what glTF and OBJ materials cut out or blend lets light through; ignore: opaque."),
     ),
-    "Sampling": (
-        Option("method", Literal["vertex", "surface"], "vertex",
-               "Sample at the vertices, or all over the faces with a least-squares fit.", "vertices part batch"),
-        Option("denoise", bool, True, "Shrink estimates towards those of neighbours.", was="reconstruct"),
-        Option("traversal", Literal["auto", "embree"], "auto",
-               "Who traces rays; embree is slower, and checks auto."),
-        Option("profile", bool | None, None, "Also store w at half-distances an octave apart, from .5% to 256% of the "
-               "radius, so that the half-distance can be chosen later: .npz .ply .glb .html, textures .exr; by default "
-               "in .html, if that costs little.", _EACH),
-        Option("seed", int, 0, "Random seed."),
-        Option("threads", int | None, None, "Number of threads, by default all cores; results are the same.",
-               _ALL + " merge", "run"),
-    ),
+    "Sampling": ("method", "denoise", "traversal", "profile", "seed", "threads"),
     "What .glb and .ply show": (
         Option("preset", Preset | None, None, f"{PRESET_HELP}.", "vertices texture batch", "output"),
         Option("colors", bool, False, "Write w as vertex colours: COLOR_0 of .glb, replacing a .ply's own.",
@@ -137,26 +70,22 @@ _SECTIONS: dict[str, tuple[Option, ...]] = {
                "texture batch merge", "output"),
     ),
     "Textures": (
-        Option("size", str | None, None, "Texture: texels across and down, 1024 by default.", _IMAGE, metavar="N|WxH"),
+        Option("size", str | None, None, "Texture: texels across and down, 1024 by default.", IMAGE, metavar="N|WxH"),
         Option("texel_size", str | None, None, 'Texture: what a texel covers at most, in mesh units or "1%" of the '
-               "radius; sets the size.", _IMAGE, excludes=("size",)),
+               "radius; sets the size.", IMAGE, excludes=("size",)),
         Option("uv", str | None, None, "Texture: the file's texture coordinates, of a glTF the N-th; new ones (pip "
-               "install uvunwrap) of all, or filled in where there are none.", _IMAGE, metavar="auto|N|unwrap|fill"),
+               "install uvunwrap) of all, or filled in where there are none.", IMAGE, metavar="auto|N|unwrap|fill"),
         Option("mesh_output", Path | None, None, "Texture: also write the mesh with it, and with new coordinates.",
                "texture merge", "output", metavar="GLB"),
-        Option("overlap", Literal["mean", "first", "refuse"] | None, None, "Texture: where faces overlap, w is their "
-               "mean (the default within a material), the first's, or an error.", _IMAGE),
+        "overlap",
         Option("bent_normals", Path | None, None, "Texture: also write the mean open directions.", "texture merge",
                "output", metavar="IMAGE"),
-        Option("bent_space", Literal["world", "tangent", "tangent-directx"] | None, None, "Of bent normals: the "
-               "mesh's own (the default), or tangent: +Y, or with -directx -Y.", "texture merge", "output",
-               {"bent_normals": ...}, repeated=False),
+        "bent_space",
         Option("error_map", Path | None, None, "Texture: also write the standard error of w.", "texture merge",
                "output", metavar="IMAGE"),
-        Option("high", Path | None, None, "Bake w of this finer mesh onto the input's vertices or texture.", _EACH,
+        Option("high", Path | None, None, "Bake w of this finer mesh onto the input's vertices or texture.", EACH,
                "input", metavar="MESH"),
-        Option("cage", str | None, None, "With --high: how far it may be from the input, mesh units or "
-               '"2%" of the radius (the default).', _EACH, needs={"high": ...}),
+        "cage",
         Option("half", bool, False, "Texture: 16-bit floats in .exr and .tif.", "texture batch merge", "output"),
         Option("bits", Literal["8", "16"] | None, None, "Texture: of a channel of w and bent normals in .png, 16 by "
                "default.", "texture batch merge", "output"),
@@ -164,7 +93,7 @@ _SECTIONS: dict[str, tuple[Option, ...]] = {
     "More than one machine, or than its memory": (
         Option("part", str | None, None, "Trace only the K-th of N parts, into the folder --output, for obscurance "
                "merge; of a texture, if --size or --texel-size is given. With --output-dir: bake the K-th part of the "
-               "inputs.", _EACH, "run", excludes=("cluster", "dry_run"), metavar="K/N"),
+               "inputs.", EACH, "run", excludes=("cluster", "dry_run"), metavar="K/N"),
         Option("cluster", str | None, None, "Trace by N workers on this machine, or by those of a Dask scheduler (pip "
                "install dask distributed cryptography).", "vertices texture batch", "run", excludes=("dry_run",),
                metavar="local[:N]|tls://HOST:PORT"),
@@ -176,25 +105,32 @@ _SECTIONS: dict[str, tuple[Option, ...]] = {
     ),
     "Reports, repeats, other programs": (
         Option("format", Format | None, None,
-               "Format of the outputs in --output-dir, or of -o - (standard output); by default ply.", _EACH, "run"),
+               "Format of the outputs in --output-dir, or of -o - (standard output); by default ply.", EACH, "run"),
         Option("input_format", InputFormat | None, None,
-               "With - as INPUT: its format, if its first bytes do not tell.", _EACH, "run"),
+               "With - as INPUT: its format, if its first bytes do not tell.", EACH, "run"),
         Option("report", Path | None, None, "Also write a report, .html to read or .json.", "vertices texture merge",
                "run"),
         Option("debug_image", Path | None, None, "Also write an image that marks flagged vertices.", "vertices merge",
                "output"),
         Option("up", Up | None, None, "With --debug-image, .html, .ply or .glb: the up axis, by default what the file "
                "says, or y.", _WRITTEN, "output", repeated=False),
-        Option("resume", bool, False, "Continue an interrupted bake, or batch, to this output.", _EACH, "run"),
+        Option("resume", bool, False, "Continue an interrupted bake, or batch, to this output.", EACH, "run"),
         Option("dry_run", bool, False, "Write nothing; tell rays, memory, time and what would be written.",
                "vertices texture batch", "run"),
         Option("progress", ProgressForm, "bar",
-               "A bar on a terminal, or lines of JSON on standard error for other programs.", _ALL, "run"),
+               "A bar on a terminal, or lines of JSON on standard error for other programs.", ALL, "run"),
         Option("options", Path | None, None, "Options of an earlier bake, from its --report or manifest.json; those "
-               "given here override them.", _ALL, "run", metavar="REPORT"),
+               "given here override them.", ALL, "run", metavar="REPORT"),
     ),
 }  # fmt: skip
-BAKE = tuple(replace(row, section=section) for section, rows in _SECTIONS.items() for row in rows)
+BAKER = {row.name: row for record in (VertexOptions, TextureOptions) for row in rows(record).values() if row.on}
+"""The options that `ao.bake` or `ao.bake_texture` has, too; one that the table does not name is of "Sampling"."""
+_SECTIONS["Sampling"] += tuple(name for name in BAKER if not any(name in rows for rows in _SECTIONS.values()))
+BAKE = tuple(
+    replace(BAKER[row] if isinstance(row, str) else row, section=section)
+    for section, listed in _SECTIONS.items()
+    for row in listed
+)
 ROWS = {row.name: row for row in BAKE}
 MERGE = (
     Option("parts", Path, ..., "Where bake --part has put all parts.", metavar="FOLDER"),

@@ -9,8 +9,10 @@ from typing import Annotated, Any, TypeVar
 import typer
 from typer.core import TyperCommand
 
+from ao.declared import Option
+
 from ..presets import without_preset
-from .options import BAKE, ROWS, Option
+from .options import BAKE, ROWS
 
 _MOST = 1 << 28  # bytes; anything larger is no report
 _OLD = {f"--{no}{row.was}": f"--{no}{row.name}" for row in BAKE if row.was for no in ("", "no-")}

@@ -4,7 +4,6 @@ import re
 import time
 from collections.abc import Callable, Mapping
 from contextlib import suppress
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -16,44 +15,19 @@ from .options import BAKE, plain
 _OF_TEXTURE = "size", "texel_size"
 
 
-@dataclass(frozen=True)
-class PartCommand:
-    """The command: `bake`, as it would be without `--part`, traced as part `number` of `of` into `folder`."""
-
-    bake: MeshBake
-    description: dict[str, Any]
-    folder: Path
-    number: int
-    of: int
-
-    def run(self) -> int:
-        """Trace the part, and print a summary. Returns: the exit status, 0.
-
-        Raises:
-            InputError: an option, the mesh, or the folder has this part of another bake.
-            OutputError: the folder cannot be made, or the part not be written.
-            MemoryLimitError, EmbreeError: as `ao.bake` and `ao.bake_texture`.
-        """
-        from ao.execute.parts import PartTraced, ShardCheckpoint
-        from raytrace.system.outputs import make_folder
-
-        start = time.perf_counter()
-        make_folder(self.folder)
-        part = ShardCheckpoint(self.folder, self.number, self.of, self.description, note)
-        with suppress(PartTraced):
-            self.bake.replaced(open_checkpoint=lambda _: part).run()
-        if not self.bake.quiet:
-            print(f"{part.path}: {part.rays:,} rays traced in {time.perf_counter() - start:.2f} s")
-        return 0
-
-
-def part_command(options: dict[str, Any], bake_command: Callable[[Mapping[str, Any]], MeshBake]) -> PartCommand:
-    """The command for `--part` K/N; the parts are of a texture if its size is given.
+def trace_part(options: dict[str, Any], bake_command: Callable[[Mapping[str, Any]], MeshBake]) -> int:
+    """Trace the part `--part` K/N, of a texture if its size is given, and print a summary. Returns: the exit status, 0.
 
     Args: bake_command: makes the bake of options.
 
-    Raises: OptionError: it is not two such numbers, or an option does not go with it.
+    Raises:
+        InputError: an option, the mesh, or the folder has this part of another bake.
+        OutputError: the folder cannot be made, or the part not be written.
+        MemoryLimitError, EmbreeError: as `ao.bake` and `ao.bake_texture`.
     """
+    from ao.execute.parts import PartTraced, ShardCheckpoint
+    from raytrace.system.outputs import make_folder
+
     from ..falloffs import table_of
 
     number, of = part_numbers(options["part"])
@@ -65,7 +39,15 @@ def part_command(options: dict[str, Any], bake_command: Callable[[Mapping[str, A
     described["profile"] = bool(options["profile"])  # of an .html, too
     for table in table_of(options["falloff"]):
         described["falloff"] = f"table:{table.absolute()}"
-    return PartCommand(bake_command(options | stand_in), {**files, "options": described}, folder, number, of)
+    bake = bake_command(options | stand_in)
+    start = time.perf_counter()
+    make_folder(folder)
+    part = ShardCheckpoint(folder, number, of, {**files, "options": described}, note)
+    with suppress(PartTraced):
+        bake.replaced(open_checkpoint=lambda _: part).run()
+    if not bake.quiet:
+        print(f"{part.path}: {part.rays:,} rays traced in {time.perf_counter() - start:.2f} s")
+    return 0
 
 
 def part_numbers(text: str) -> tuple[int, int]:
@@ -77,10 +59,6 @@ def part_numbers(text: str) -> tuple[int, int]:
     if not 1 <= number <= of:
         raise OptionError("part", "K/N, the K-th of N parts, at most 999999, such as 3/16", repr(text))
     return number, of
-
-
-def is_texture_part(description: dict[str, Any]) -> bool:
-    return any(description["options"][name] for name in _OF_TEXTURE)
 
 
 def merge(folder: Path, options: dict[str, Any], bake_command: Callable[[Mapping[str, Any]], MeshBake]) -> None:
@@ -99,7 +77,7 @@ def merge(folder: Path, options: dict[str, Any], bake_command: Callable[[Mapping
 
     parts = read_parts(folder)
     description, output = parts[0].description, options["output"]
-    texture = is_texture_part(description)
+    texture = any(description["options"][name] for name in _OF_TEXTURE)
     if texture and output.suffix.lower() == ".glb":
         options["occlusion"] = "texture"
     elif texture != is_texture(output):

@@ -18,10 +18,10 @@ from .batch import Batch
 from .inputs import expand, is_pattern, outputs_in
 from .manifest import is_batch_of_parts, merge_batch
 from .options import BAKE, SORTS, Format, check_sort, check_together, defaults
-from .parts import PartCommand, merge, part_command, part_numbers
-from .tiles import TilesCommand, tiles_command
+from .parts import merge, part_numbers, trace_part
+from .tiles import bake_tiles
 from .vertices import BakeCommand
-from .workers import ClusterCommand, Workers
+from .workers import Workers, bake_by_workers
 
 _MEANT = {".obj": ".ply", ".stl": ".ply", ".gltf": ".glb", ".jpg": ".png", ".jpeg": ".png"}  # which can hold w
 
@@ -36,15 +36,14 @@ def run_bake(options: dict[str, Any]) -> int:
     if sort:
         check_sort(options, sort)
     check_together(options, BAKE)
-    chosen = _batch(options) if options["output_dir"] else _single(options)
+    if not options["output_dir"]:
+        return _run_single(options)
+    batch = _batch(options)
     if not options["dry_run"]:
-        return chosen.run()
+        return batch.run()
     from .dry_run import dry_run
 
-    if isinstance(chosen, Batch):
-        return dry_run(chosen.bakes, chosen.check(keep=False), [chosen.manifest])
-    assert isinstance(chosen, MeshBake)
-    return dry_run([chosen], chosen.check())
+    return dry_run(batch.bakes, batch.check(keep=False), [batch.manifest])
 
 
 def run_merge(folder: Path, options: dict[str, Any]) -> int:
@@ -107,8 +106,8 @@ def _profile_is_cheap(options: Mapping[str, Any]) -> bool:
     return usual and options["method"] == "vertex" and options["tolerance"] is None
 
 
-def _single(options: dict[str, Any]) -> MeshBake | PartCommand | ClusterCommand | TilesCommand:
-    """The bake of one input. Raises: InputError: options do not go together; as `standard_input`."""
+def _run_single(options: dict[str, Any]) -> int:
+    """Run the bake of one input. Raises: InputError: options do not go together; as `standard_input` and the bake."""
     given, output, format_ = options["mesh"], options["output"], options["format"]
     large = next((name for name in ("tiles", "part", "cluster") if options[name]), None)
     if STANDARD in given and len(given) > 1:
@@ -126,17 +125,23 @@ def _single(options: dict[str, Any]) -> MeshBake | PartCommand | ClusterCommand 
         raise ConflictError("format", "needs", "--output-dir or -o -")
     options = {**options, "mesh": given[0], "output": output}
     if large == "tiles":
-        return tiles_command(options)
+        return bake_tiles(options)
     if large == "part":
-        return part_command(options, bake_command)
+        return trace_part(options, bake_command)
     if large == "cluster":
         workers = Workers(options["cluster"], options["shared"], options["threads"])
-        return ClusterCommand(bake_command(options), workers)
-    if given[0] != STANDARD:
-        return bake_command(options)
-    bake_command({**options, "mesh": Path("<stdin>.ply")}).check()  # before anything is read from a pipe
-    piped, content = standard_input(options["input_format"])
-    return bake_command({**options, "mesh": piped}).replaced(content=content)
+        return bake_by_workers(bake_command(options), workers)
+    if given[0] == STANDARD:
+        bake_command({**options, "mesh": Path("<stdin>.ply")}).check()  # before anything is read from a pipe
+        options["mesh"], content = standard_input(options["input_format"])
+        bake = bake_command(options).replaced(content=content)
+    else:
+        bake = bake_command(options)
+    if not options["dry_run"]:
+        return bake.run()
+    from .dry_run import dry_run
+
+    return dry_run([bake], bake.check())
 
 
 def _batch(options: dict[str, Any]) -> Batch:

@@ -7,9 +7,11 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from ao.options import VertexOptions
+
 from .bake import MeshBake, WorkSize, Written
 from .console import alpha_summary, bake_summary, progress, warn
-from .options import CAGE, named
+from .options import named
 
 if TYPE_CHECKING:
     import ao
@@ -20,31 +22,23 @@ if TYPE_CHECKING:
 
 class BakeCommand(MeshBake):
     sort = "vertices"
-
-    @property
-    def side_by_side(self) -> bool:
-        return True
-
-    @property
-    def kept(self) -> Path:
-        return self.output
+    record = VertexOptions
 
     def work(self, source: MeshFile, falloff: ao.Falloff) -> WorkSize:
         import numpy as np
 
         import ao
         from ao.memory import column_bytes, surface_bytes, vertex_bytes
-        from ao.options import Options
         from ao.points.receivers import find_receivers
         from raytrace.mesh.placement import Placement
 
         mesh = (self.read_high() or source).mesh  # of whose surface points are traced
         counts = len(mesh.vertices), len(mesh.faces)
-        options, points = self.arguments(), find_receivers(source.mesh, Placement.of(source.mesh), self.normals).points
-        checked = Options(**options)
+        points = find_receivers(source.mesh, Placement.of(source.mesh), self.normals).points
+        checked = self.checked()
         by_vertices = vertex_bytes(*counts, checked.rays, len(points)) + column_bytes(len(points), checked.columns)
         needed = by_vertices if self.method == "vertex" else surface_bytes(*counts)
-        options["samples"] = checked.rays_in_all(len(points)) // max(len(points), 1)
+        options = self.arguments() | {"samples": checked.rays_in_all(len(points)) // max(len(points), 1)}
 
         def trial(count: int) -> int:
             only = np.zeros(counts[0], bool)
@@ -80,7 +74,7 @@ class BakeCommand(MeshBake):
             with progress(self.quiet, "rays", form=self.progress, status=checkpoint.status) as (advance,):
                 baked = ao.bake(
                     source.mesh, falloff, progress=advance, checkpoint=checkpoint, high=fine.mesh if fine else None,
-                    cage=self.cage or CAGE, **self.arguments(),
+                    **self.arguments(),
                 )  # fmt: skip
             warnings += warn([], [*baked.shortfalls, *self._missed(baked)])
             tracing = time.perf_counter()
@@ -122,9 +116,6 @@ class BakeCommand(MeshBake):
 
     def outputs(self) -> dict[str, Path | None]:
         return {"--output": self.output, "--report": self.report, "--debug-image": self.debug_image}
-
-    def arguments(self) -> dict[str, Any]:
-        return {"method": self.method, **super().arguments()}
 
     def described(self) -> dict[str, Any]:
         from ..write_bake import channels

@@ -46,27 +46,20 @@ class Workers:
         return ClusterSession(self.address, shared, output.name, note, self.threads)
 
 
-@dataclass(frozen=True)
-class ClusterCommand:
-    """The command: `bake`, traced by `workers`."""
+def bake_by_workers(bake: MeshBake, workers: Workers) -> int:
+    """Bake, write, and print summaries, with rays traced by `workers`. Returns: the exit status, 0.
 
-    bake: MeshBake
-    workers: Workers
-
-    def run(self) -> int:
-        """Bake, write, and print summaries. Returns: the exit status, 0.
-
-        Raises:
-            InputError, OutputError, MemoryLimitError, EmbreeError: as the bake.
-            OptionError: there is no scheduler at the address.
-            ClusterError: the cluster is lost, or none of its workers can be used.
-        """
-        self.bake.check()  # before any are asked for
-        with self.workers.session(self.bake.output) as session:
-            self.bake.replaced(open_checkpoint=partial(cluster_checkpoint, session, self.bake.resume)).run()
-        if not self.bake.quiet:
-            print(session.summary())
-        return 0
+    Raises:
+        InputError, OutputError, MemoryLimitError, EmbreeError: as the bake.
+        OptionError: there is no scheduler at the address.
+        ClusterError: the cluster is lost, or none of its workers can be used.
+    """
+    bake.check()  # before any are asked for
+    with workers.session(bake.output) as session:
+        bake.replaced(open_checkpoint=partial(cluster_checkpoint, session, bake.resume)).run()
+    if not bake.quiet:
+        print(session.summary())
+    return 0
 
 
 def cluster_checkpoint(session: ClusterSession, resume: bool, target: Path | None) -> Checkpoint:

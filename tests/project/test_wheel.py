@@ -154,7 +154,8 @@ white = raytrace.Object(raytrace.Shape(mesh, raytrace.Lambert(albedo=0.8)), w=ba
 camera = raytrace.Camera.framing(mesh, direction=(0.5, 1, 0.8), up=(0, 0, 1), aspect=1.5)
 scene = raytrace.Scene((white,), (raytrace.AmbientLight(intensity=0.4),))
 assert_type(raytrace.render(scene, camera, raytrace.Settings(width=48)), raytrace.Frame)
-ao.bake(mesh, smaples=3)
+ao.bake_texture(mesh, scenes.unwrap(mesh), 64, "binary", normals="aera")
+ao.bake(mesh, "binary", 16, smaples=3)
 """
 
 
@@ -163,8 +164,13 @@ def test_a_user_s_script_under_strict_mypy_sees_the_types(installed, tmp_path):
     (tmp_path / "script.py").write_text(TYPED)
     check = ("--strict", "--no-incremental", "--python-executable", installed / "python")
     found = run(sys.executable, "-m", "mypy", *check, "script.py", folder=tmp_path).stdout
-    wrong = 'Unexpected keyword argument "smaples" for "bake"; did you mean "samples"?'
-    assert re.findall(r":(\d+): error: (.*)  \[", found) == [(str(TYPED.count("\n")), wrong)], found
+    lines, faults = TYPED.count("\n"), re.findall(r":(\d+): error: (.*)  \[", found)
+    choices = "Literal['angle', 'area', 'equal', 'file']"
+    assert faults == [
+        (str(lines - 1), f"Argument \"normals\" to \"bake_texture\" has incompatible type \"Literal['aera']\"; "
+                         f'expected "{choices}"'),
+        (str(lines), 'Unexpected keyword argument "smaples" for "bake"; did you mean "samples"?'),
+    ], found  # fmt: skip
 
 
 def test_without_embree_one_line_says_what_to_do(tmp_path):

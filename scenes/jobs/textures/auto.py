@@ -51,7 +51,7 @@ class AutoCommand(BakeCommand):
 
         if self.interior == "mark" or source.texture_coordinates(0) is None:
             return []
-        options = {name: value for name, value in self.arguments().items() if name != "method"}
+        options = self.arguments("texture")
         with progress(self.quiet, "rays", form=self.progress) as (advance,):
             try:
                 layout = coordinates(source, "0", _SIZE, None, True)

@@ -8,10 +8,11 @@ from contextlib import ExitStack
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
+from ao.options import TextureOptions
+
 from ...formats.image_names import MATERIAL, PLACEHOLDERS, UDIM
 from ..bake import MeshBake, WorkSize, Written
 from ..console import alpha_summary, progress, texture_summary, warn
-from ..options import CAGE
 from .coordinates import parse_texels
 from .remarks import lacking, layout_remarks
 
@@ -39,33 +40,24 @@ class BakedPage(NamedTuple):
 
 class TextureCommand(MeshBake):
     sort = "texture"
-
-    @property
-    def side_by_side(self) -> bool:
-        return False
-
-    @property
-    def kept(self) -> Path:
-        return Path("texture.glb")
+    record = TextureOptions
 
     def work(self, source: MeshFile, falloff: ao.Falloff) -> WorkSize:
         import ao
         from ao.memory import column_bytes, texture_bytes
-        from ao.options import Options
 
         found, pages = self._layout(source)
         width, height = found.size
         fine = self.read_high()
         high = fine.mesh if fine else None
         solid = high or source.mesh
-        options = Options(**self.arguments())
+        options = self.checked()
         needed = texture_bytes(width * height, len(solid.vertices), len(solid.faces), options.rays)
         needed += column_bytes(width * height, options.columns)
 
         def trial(count: int) -> int:
             side = max(int(count**0.5), 1)
-            cage = self.cage or CAGE
-            ao.bake_texture(source.mesh, pages[0].uv, side, falloff, high=high, cage=cage, **self.arguments())
+            ao.bake_texture(source.mesh, pages[0].uv, side, falloff, high=high, **self.arguments())
             return side * side
 
         return WorkSize(len(pages) * width * height, "texels", needed, trial)
@@ -121,8 +113,6 @@ class TextureCommand(MeshBake):
 
         from ...formats.images import check_texture_target
 
-        if self.interior == "mark":
-            raise ConflictError(("interior", "mark"), "does not go with", "a texture")
         if self.size is not None:
             page_size(parse_texels(self.size))
         if self.uv not in (None, *_UVS) and not (self.uv.isdecimal() and len(self.uv) < 4):
@@ -215,9 +205,8 @@ class TextureCommand(MeshBake):
         source, fine = meshes
         with progress(self.quiet, "rays", form=self.progress, status=checkpoint.status) as (advance,):
             baked = ao.bake_texture(
-                source.mesh, page.uv, found.size, falloff, progress=advance, checkpoint=checkpoint,
-                overlap=self.overlap or "mean", wrap=page.wraps, high=fine.mesh if fine else None,
-                cage=self.cage or CAGE, bent_space=self.bent_space or "world", **self.arguments(),
+                source.mesh, page.uv, found.size, falloff, progress=advance, checkpoint=checkpoint, wrap=page.wraps,
+                high=fine.mesh if fine else None, **self.arguments(),
             )  # fmt: skip
         remarks = layout_remarks(baked, page.wraps, self._glb() != self.output)
         return baked, warn([], [*baked.shortfalls, *(f"{self._title(page)}: {line}" for line in remarks)])
@@ -261,7 +250,7 @@ class TextureCommand(MeshBake):
             for piece in pieces(source):
                 only[source.mesh.faces[piece.faces]] |= not covered[piece.faces].all()
             high = fine.mesh if fine else None
-            w = ao.bake(source.mesh, falloff, only=only, high=high, cage=self.cage or CAGE, **self.arguments()).w
+            w = ao.bake(source.mesh, falloff, only=only, high=high, **self.arguments("vertices")).w
         content, kept = textured_glb(source, baked, self.replace_occlusion, self.orm, w)
         with atomic_write(path) as file:
             file.write(content)

@@ -1,6 +1,9 @@
-"""The table of options: what is in it is in the help, reports, `--options`, parts, batches and what workers are sent;
-and each option changes what a journal belongs to, or is one that changes no ray."""
+"""The declarations of options: what is declared is in the help of the command and of Python, reports, `--options`,
+parts, batches and what workers are sent; and each option changes what a journal belongs to, or is one that changes no
+ray."""
 
+import inspect
+import re
 import subprocess
 import sys
 
@@ -9,21 +12,25 @@ from meshes import hills
 from project import environment
 
 import ao
+from ao.declared import rows
 from ao.execute.checkpoint import Checkpoint, identity
-from ao.options import Options
+from ao.options import Options, TextureOptions, VertexOptions
 from raytrace import Settings
 from raytrace.errors import ConflictError
-from scenes.jobs.options import BAKE, MERGE, ROWS, check_sort, check_together, defaults
+from raytrace.system.threads import MAX_THREADS
+from scenes.jobs.options import BAKE, BAKER, MERGE, ROWS, check_sort, check_together, defaults
 from scenes.jobs.run import bake_command
 
 ADDED = """
-import contextlib, io, json, pickle, sys
-import scenes.jobs.options as table
+import contextlib, importlib.util, inspect, io, json, pathlib, pickle, sys
 
-row = table.Option("grain", str | None, None, "Grain of the wood.", section="Sampling")
-table.BAKE = (*table.BAKE, row)
-table.ROWS["grain"] = row
-import cli
+spec = importlib.util.find_spec("ao.options")
+source, before = pathlib.Path(spec.origin).read_text(), "    profile: Annotated"
+added = '    grain: Annotated[str | None, Option(help="Grain of the wood.")] = None\\n'
+assert source.count(before) == 1
+sys.modules["ao.options"] = module = importlib.util.module_from_spec(spec)
+exec(source.replace(before, added + before), vars(module))
+import ao, cli
 from scenes.jobs.run import bake_command
 
 def run(*line):
@@ -36,6 +43,9 @@ def run(*line):
             return end.code, streams[0].getvalue() + streams[1].getvalue()
 
 found = {"help": run("bake", "--help")[1]}
+functions = ao.bake, ao.bake_texture
+found["python"] = [(str(inspect.signature(each).parameters["grain"]), inspect.getdoc(each)) for each in functions]
+found["identities"] = [repr(module.Options(grain=each).identity) for each in (None, "oak")]
 few, oak = ("hills.obj", "--samples", "4"), ("--grain", "oak")
 run("bake", *few, *oak, "-o", "w.npy", "--report", "r.json")
 run("bake", "-o", "again.npy", "--options", "r.json", "--report", "s.json")
@@ -52,7 +62,7 @@ print(json.dumps(found))
 """
 
 
-def test_an_option_that_is_added_to_the_table_is_found_everywhere(tmp_path):
+def test_an_option_that_is_declared_in_one_line_is_found_everywhere(tmp_path):
     import json
 
     (tmp_path / "hills.obj").write_text(obj())
@@ -65,6 +75,10 @@ def test_an_option_that_is_added_to_the_table_is_found_everywhere(tmp_path):
     section = found["help"].partition("Sampling:")[2].partition("\n\n")[0]
     assert "--grain <str>" in section
     assert "Grain of the wood." in section
+    for parameter, text in found["python"]:
+        assert parameter == "grain: str | None = None"
+        assert "\n    grain: Grain of the wood.\n" in text
+    assert found["identities"][0] != found["identities"][1]
     for report in (found["report"], found["again"]):
         assert report["options"]["grain"] == "oak"
         assert " --grain oak" in report["command"]
@@ -169,11 +183,32 @@ def test_every_option_changes_what_a_journal_belongs_to_or_is_one_that_changes_n
     assert same != row.rays
 
 
-@pytest.mark.parametrize("name", [name for name in vars(Options()) if name not in ("threads", "falloff", "only")])
-def test_every_option_of_a_bake_in_python_is_part_of_what_a_journal_belongs_to(name):
-    other = {"method": "surface", "samples": 9, "seed": 1, "normals": "area", "tolerance": 0.1, "denoise": False,
-             "interior": "fill", "traversal": "embree", "profile": True}[name]  # fmt: skip
-    assert Options(**{name: other}).identity != Options().identity
+IN_PYTHON = CHANGED | {
+    "falloff": ao.Binary(), "only": [True], "interior": "fill", "wrap": False, "close_seams": False,
+}  # fmt: skip
+"""Of each option that a record declares another value than the default."""
+RECORDS = VertexOptions, TextureOptions
+
+
+@pytest.mark.parametrize(("record", "name"), [(record, name) for record in RECORDS for name in rows(record)])
+def test_every_declared_option_changes_what_a_journal_belongs_to_or_is_one_that_changes_no_ray(record, name):
+    row, changed = rows(record)[name], record(**{name: IN_PYTHON[name]})
+    assert (changed.identity != record().identity) == (row.role == "result")
+
+
+@pytest.mark.parametrize(("function", "record"), [(ao.bake, VertexOptions), (ao.bake_texture, TextureOptions)])
+def test_help_and_signatures_show_what_is_declared(function, record):
+    parameters, text = inspect.signature(function).parameters, inspect.getdoc(function)
+    for name, row in rows(record).items():
+        assert re.search(rf"^    {name}: \S", text, re.MULTILINE), f"{name} is not described"
+        assert parameters[name].default == getattr(record, name)
+        assert row.help
+    assert next(iter(parameters)) == "mesh"
+    assert text.index("Args:") < text.index("Raises:") < text.index("Warns:")
+
+
+def test_threads_are_as_many_as_can_work():
+    assert BAKER["threads"].bounds == (1, MAX_THREADS)
 
 
 def test_rays_by_default_are_the_rays_that_are_given():

@@ -1,0 +1,167 @@
+"""Declarations of options: fields of a dataclass, annotated with rows of the command's table.
+
+From one follow the check of a value, the parameter of `ao.bake` with its description, and the option of the command.
+"""
+
+import re
+from collections.abc import Callable, Mapping
+from dataclasses import MISSING, Field, dataclass, field, fields, replace
+from functools import cache, wraps
+from inspect import Parameter, Signature, cleandoc
+from pathlib import Path
+from textwrap import fill
+from types import NoneType, new_class
+from typing import Annotated, Any, ForwardRef, Literal, ParamSpec, TypeVar, get_args, get_origin
+
+P = ParamSpec("P")
+R = TypeVar("R")
+T = TypeVar("T")
+Role = Literal["input", "output", "result", "run"]
+EACH, ALL = "vertices texture part batch", "vertices texture part batch tiles"
+IMAGE = "texture part batch"
+SAME: Any = object()  # as the field has it
+
+
+@dataclass(frozen=True, eq=False)
+class Option:
+    """A row of the command's table, or what annotates a field.
+
+    Attributes:
+        name: in Python and in reports. kind: its type, or its choices. default: `...` of an argument that is needed.
+        help: in one line. on: sorts of bakes that take it, of vertices, texture, tiles, part, merge and batch; none:
+            it is for Python alone.
+        role: a file that is read, what is written, what is computed, or how that is run.
+        needs: other options, with the value that they must have, or `...` for any but the default.
+        excludes: other options. metavar, short: in the help. section: of the help. was: its earlier name.
+        words: for completion. repeated: whether `--options` takes it over, if it is no file that is written.
+        bounds: of a number. more: what there is to say of it in Python beside `help`.
+    """
+
+    name: str = ""
+    kind: Any = SAME
+    default: Any = SAME
+    help: str = ""
+    on: str = ALL
+    role: Role = "result"
+    needs: Mapping[str, Any] = field(default_factory=dict)
+    excludes: tuple[str, ...] = ()
+    metavar: str | None = None
+    short: str | None = None
+    section: str = ""
+    was: str | None = None
+    words: tuple[str, ...] = ()
+    repeated: bool = True
+    bounds: tuple[float, float] | None = None
+    more: str = ""
+
+    @property
+    def flags(self) -> list[str]:
+        """Its names in the command, the one that turns it off last."""
+        flag = f"--{self.name.replace('_', '-')}"
+        switch = self.kind in (bool, bool | None)
+        off = f"/--no-{flag[2:]}" if switch and self.default is not False else ""
+        return [flag + off, *([self.short] if self.short else [])]
+
+    @property
+    def rays(self) -> bool:
+        """Whether it can change what a journal, a part or a worker has traced."""
+        return self.role in ("input", "result")
+
+    @property
+    def taken(self) -> bool:
+        """Whether `--options` takes it over."""
+        return self.repeated and self.role != "run" and not (self.role == "output" and self.kind == Path | None)
+
+
+def rows(record: Any) -> dict[str, Option]:
+    """The options that a record declares."""
+    found = {}
+    for each in fields(record):
+        kind, row = _declaration(each)
+        same = {"kind": kind, "default": each.default}
+        found[each.name] = replace(row, name=each.name, **{key: same[key] for key in same if getattr(row, key) is SAME})
+    return found
+
+
+def _declaration(each: Field[Any]) -> tuple[Any, Option]:
+    """The type of a field in Python, and its row."""
+    kind: Any = each.type
+    return kind.__origin__, kind.__metadata__[0]
+
+
+def check_values(record: Any) -> None:
+    """Make the numbers, choices and switches of a record plain. Raises: OptionError: one is out of range."""
+    kind: Any = type(record)
+    checked = _checks(kind)(**vars(record))
+    for each in fields(record):
+        object.__setattr__(record, each.name, getattr(checked, each.name))
+
+
+@cache
+def _checks(record: Any) -> Any:
+    """A class that takes the values of a record, by their types as pydantic checks them."""
+    from raytrace.system.parameters import Parameters
+
+    kinds = {each.name: _checked(*_declaration(each)) for each in fields(record)}
+    return new_class("Values", (Parameters,), {"source": "options"}, lambda names: names.update(__annotations__=kinds))
+
+
+def _checked(kind: Any, row: Option) -> Any:
+    from pydantic import Field
+
+    from raytrace.system.parameters import Switch, Whole
+
+    found: Any = Any
+    plain = get_args(kind)[0] if NoneType in get_args(kind) else kind
+    if get_origin(plain) is Literal:
+        *names, last = get_args(plain)
+        found = Annotated[plain, Field(description=f"{', '.join(names)} or {last}")]
+    elif plain is bool:
+        found = Switch
+    elif row.bounds:
+        least, most = row.bounds
+        found = Annotated[Whole, Field(ge=least, le=most)]
+        if plain is float:
+            text = f"a number from {least:g} to {most:g}".replace("e-0", "e-")
+            found = Annotated[float, Field(strict=True, ge=least, le=most, description=text)]
+    return found | None if plain is not kind else found
+
+
+def taking(record: Callable[P, T]) -> Callable[[Callable[[Any, T], R]], Callable[P, R]]:
+    """Let a function of a mesh and a record take the record's fields, some by earlier names too, and describe them."""
+    declared: list[Field[Any]] = sorted(fields(record), key=lambda each: bool(each.kw_only))  # type: ignore[arg-type]
+    present = {row.was: name for name, row in rows(record).items() if row.was}
+
+    def with_fields(function: Callable[[Any, T], R]) -> Callable[P, R]:
+        @wraps(function)
+        def called(*unnamed: P.args, **named: P.kwargs) -> R:
+            values: Any = {present.get(name, name): value for name, value in named.items()}
+            try:
+                signature.bind(*unnamed, **values)
+            except TypeError as fault:
+                raise TypeError(f"{function.__name__}() {fault}") from None
+            given: Any = record(*unnamed, **values)
+            return function(given.mesh, given)
+
+        before, raises, after = cleandoc(function.__doc__ or "").partition("\n\nRaises:")
+        called.__doc__ = "\n".join([before, "", "Args:", *map(_described, declared)]) + raises + after
+        signature = Signature([*map(_parameter, declared)], return_annotation=function.__annotations__["return"])
+        called.__signature__ = signature  # type: ignore[attr-defined]
+        return called
+
+    return with_fields
+
+
+def _parameter(each: Field[Any]) -> Parameter:
+    kind, default = _declaration(each)[0], Parameter.empty if each.default is MISSING else each.default
+    place = Parameter.KEYWORD_ONLY if each.kw_only else Parameter.POSITIONAL_OR_KEYWORD
+    written = kind.__forward_arg__ if isinstance(kind, ForwardRef) else kind
+    return Parameter(each.name, place, default=default, annotation=written)
+
+
+def _described(each: Field[Any]) -> str:
+    """A field under "Args:", its help in the names of Python."""
+    row = _declaration(each)[1]
+    text = re.sub("--([a-z-]+)", lambda flag: f"`{flag[1].replace('-', '_')}`", row.help)
+    line = f"{each.name}: {text} {row.more}".strip()
+    return fill(line, 116, initial_indent=" " * 4, subsequent_indent=" " * 8, break_on_hyphens=False)
