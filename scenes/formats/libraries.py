@@ -14,7 +14,7 @@ import numpy as np
 
 from raytrace.errors import MeshError
 
-from ..geometry.instances import Instance, check_copies, instance, world_matrices
+from ..geometry.instances import Instance, check_copies
 from ..geometry.polygons import triangulate
 from .table import MeshInput
 from .threemf import check_archive
@@ -87,25 +87,19 @@ def _collada(file: BinaryIO, path: Path) -> list[Instance]:
 
 
 def _trimesh(file: BinaryIO, kind: str, path: Path) -> list[Instance]:
-    """By trimesh's loader for `kind`, not by trimesh.load, which would merge vertices in some formats."""
+    """By trimesh's loader for `kind`, not by trimesh.load, which would merge vertices in some formats.
+
+    XAML becomes one mesh; of 3DXML the loader multiplies the matrices down to each object.
+    """
     from trimesh.exchange.load import mesh_loaders
 
     loaded = mesh_loaders[kind](file_obj=file, file_type=kind, resolver=None)
-    if "geometry" not in loaded:
-        return [instance(path.stem, loaded)]
-    geometry = loaded["geometry"]
-    if "graph" not in loaded:
-        return [instance(label, arrays) for label, arrays in geometry.items()]
-    edges = [
-        edge if isinstance(edge, dict) else {"frame_from": edge[0], "frame_to": edge[1], **edge[2]}
-        for edge in loaded["graph"]
-    ]
-    world = world_matrices(edges, loaded.get("base_frame", "world"))
-    placed = [
-        instance(str(edge["frame_to"]), geometry[edge["geometry"]], world[edge["frame_to"]])
-        for edge in edges
-        if edge.get("geometry") in geometry
-    ]
+    shapes = loaded.get("geometry", {"": loaded})
+    placed = []
+    for edge in loaded.get("graph", [{"frame_to": path.stem, "geometry": ""}]):
+        if edge.get("geometry") in shapes:
+            shape = shapes[edge["geometry"]]
+            placed.append(Instance(str(edge["frame_to"]), shape["vertices"], shape["faces"], matrix=edge.get("matrix")))
     check_copies(sum(len(each.vertices) + len(each.faces) for each in placed), file.seek(0, os.SEEK_END), path)
     return placed
 
@@ -126,8 +120,5 @@ def _meshio(file: Path, path: Path) -> list[Instance]:
     sizes = np.concatenate([np.empty(0, np.int64), *(np.full(*np.shape(block.data)) for block in blocks)])
     cut = triangulate(content.points, corners, sizes, str(path))
     rest = sorted({block.type for block in content.cells} - {*_SURFACES, "vertex", "line"})
-    notes = (
-        *cut.notes,
-        *((f"{', '.join(rest)} cells are left out: only triangles and quads are read",) if rest else ()),
-    )
-    return [Instance(path.stem, content.points, cut.take(corners), notes=notes)]
+    left_out = (f"{', '.join(rest)} cells are left out: only triangles and quads are read",) if rest else ()
+    return [Instance(path.stem, content.points, cut.take(corners), notes=cut.notes + left_out)]

@@ -21,7 +21,7 @@ from raytrace.system.memory import check_memory
 from raytrace.system.regular_files import check_regular
 from raytrace.types import Float64s
 
-from ..geometry.detail import Detail, painted
+from ..geometry.detail import Detail, triangle_detail
 from ..geometry.instances import Instance, Submesh, flatten
 from .table import MeshInput, endings, format_of, function
 
@@ -140,7 +140,7 @@ def load(
         detail = instances[0].detail if len(instances) == 1 else None
         of = [instance.paint_of for instance in instances if instance.paint_of is not None]
         if of:
-            detail = painted(mesh.faces, instances[0].paints, np.concatenate(of))
+            detail = triangle_detail(mesh.faces, instances[0].paints, np.concatenate(of))
         unread = tuple(dict.fromkeys(words for instance in instances for words in instance.unread))
         if asset and aim.lost:
             asset.check_materials()
@@ -203,9 +203,13 @@ def read_objects(
 
 @contextmanager
 def mesh_errors(path: Path) -> Iterator[None]:
-    """Everything a parser may raise on the hostile data of a mesh file, as one clear line."""
+    """Everything a parser may raise on the hostile data of a mesh file, as one clear line; no log, no warnings."""
+    logger = logging.getLogger("trimesh")
+    level = logger.level
+    logger.setLevel(logging.CRITICAL + 1)
     try:
-        with _quiet():
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
             yield
     except InputError:
         raise
@@ -218,17 +222,5 @@ def mesh_errors(path: Path) -> Iterator[None]:
         detail = " ".join(f"{begin}{reason}".split())[:160]
         kind = path.suffix.upper().removeprefix(".")
         raise MeshError(path, "content", f"a complete and valid {kind} file", detail) from None
-
-
-@contextmanager
-def _quiet() -> Iterator[None]:
-    """Neither trimesh's log nor NumPy's warnings about a file's numbers reach the user."""
-    logger = logging.getLogger("trimesh")
-    level = logger.level
-    logger.setLevel(logging.CRITICAL + 1)
-    try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")
-            yield
     finally:
         logger.setLevel(level)

@@ -38,7 +38,9 @@ def of_ply(mesh_file: MeshFile, colors: bool) -> list[str]:
     detail = mesh_file.detail
     missing = ["its colours"] if colors and has_own_colors(detail) else []
     if detail is None or not detail.elements:
-        missing += _objects(mesh_file)
+        of = None if detail is None else detail.object_of
+        if not mesh_file.gltf and (len(mesh_file.parts) > 1 or (of is not None and np.ptp(of))):
+            missing.append("its division into objects")
         missing += [words for words in mesh_file.unread if not words.startswith(PAINT_WORDS)]
     if detail and detail.normals is not None:
         missing.append("normals of vertices that have several")
@@ -78,22 +80,9 @@ def of_glb(mesh_file: MeshFile, colors: bool) -> list[str]:
             if own_colors(columns) and detail.colors is None:
                 missing.append("its colours")
         elif element.name == "face":
-            used = ("vertex_indices", "vertex_index", "texcoord" if _wedges(mesh_file) else "")
+            has_wedges = detail.uv and detail.uv.of is not detail.corners  # coordinates of corners
+            used = ("vertex_indices", "vertex_index", "texcoord" if has_wedges else "")
             missing += [f"{c.name} of faces" for c in element.properties if c.name not in used]
         elif element.count:
             missing.append(f"elements {element.name}")
     return missing
-
-
-def _wedges(mesh_file: MeshFile) -> bool:
-    """Whether texture coordinates belong to the faces' corners."""
-    detail = mesh_file.detail
-    return bool(detail and detail.uv and detail.uv.of is not detail.corners)
-
-
-def _objects(mesh_file: MeshFile) -> list[str]:
-    detail = mesh_file.detail
-    several = len(mesh_file.parts) > 1 or (
-        detail is not None and detail.object_of is not None and np.ptp(detail.object_of)
-    )
-    return ["its division into objects"] if several and not mesh_file.gltf else []

@@ -15,7 +15,7 @@ import numpy.typing as npt
 
 from raytrace.errors import MeshError, OptionError, SceneError
 from raytrace.image.read import read_image
-from raytrace.image.texture import Texture, pack_textures
+from raytrace.image.texture import pack_textures
 from raytrace.image.texture_lookup import sample_points
 from raytrace.mesh.weld import first_alike
 from raytrace.types import AnyFloats, Float64s
@@ -134,16 +134,13 @@ def _of_gltf(instances: Sequence[Instance], asset: Gltf) -> list[AnyFloats | Non
     with mesh_errors(asset.path):
         textures, found = Textures(asset), []
         for piece, each in zip(asset.drawn, instances, strict=True):
-            used = textures.of_occlusion(piece.primitive) if each.w is None else None
-            found.append(each.w if used is None else _sampled(*used))
+            found.append(each.w)
+            if each.w is None and (used := textures.of_occlusion(piece.primitive)):
+                uv, texture, strength = used
+                linear = np.empty((len(uv), 3))
+                sample_points(pack_textures([texture]), 0, uv, linear)
+                found[-1] = 1.0 + strength * (linear[:, 0] - 1.0)  # glTF 2.0, section 5.21
     return found
-
-
-def _sampled(uv: Float64s, texture: Texture, strength: float) -> Float64s:
-    """1 + strength (R − 1) at texture coordinates (n, 2); glTF's occlusion textures (section 5.21)."""
-    linear = np.empty((len(uv), 3))
-    sample_points(pack_textures([texture]), 0, uv, linear)
-    return 1.0 + strength * (linear[:, 0] - 1.0)
 
 
 def read_beside_w(path: Path, count: int) -> dict[str, Any]:

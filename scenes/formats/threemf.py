@@ -13,7 +13,8 @@ import re
 import zipfile
 from array import array
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from itertools import accumulate
 from typing import BinaryIO
 
 import numpy as np
@@ -140,11 +141,8 @@ def read_3mf(given: MeshInput) -> list[Instance]:
         key, matrix = stack.pop()
         item = objects[key]
         if item.faces:
-            placed.append(
-                Instance(
-                    item.name, *arrays[key], None, matrix, unread=unread, up="z", paints=paints, paint_of=of.get(key)
-                )
-            )
+            made = Instance(item.name, *arrays[key], None, matrix, unread=unread, up="z", paints=paints)
+            placed.append(replace(made, paint_of=of.get(key)))
         stack.extend((child, matrix @ local) for child, local in item.components[::-1])
     return placed
 
@@ -153,16 +151,12 @@ def _painted(
     readers: dict[str, _Reader], objects: dict[Key, _Object]
 ) -> tuple[tuple[Paint, ...], dict[Key, Int64s], tuple[str, ...]]:
     """All materials, which of them each triangle of an object has, -1: none, and what is not read, in words."""
-    paints = tuple(paint for reader in readers.values() for group in reader.groups.values() for paint in group)
+    groups = {(name, number): group for name, reader in readers.items() for number, group in reader.groups.items()}
+    paints = tuple(paint for group in groups.values() for paint in group)
     unread = {words for reader in readers.values() for words in reader.unread}
     if len(paints) > MAX_PAINTS:
         return (), {}, tuple(sorted(unread | {f"its {len(paints):,} materials and colours"}))
-    ranges: dict[tuple[str, int], tuple[int, int]] = {}
-    first = 0
-    for name, reader in readers.items():
-        for number, group in reader.groups.items():
-            ranges[name, number] = first, len(group)
-            first += len(group)
+    firsts = dict(zip(groups, accumulate(map(len, groups.values()), initial=0), strict=False))
     of: dict[Key, Int64s] = {}
     for key, item in objects.items() if paints else ():
         rows = np.array(item.properties, np.int64).reshape(-1, 4)
@@ -170,9 +164,9 @@ def _painted(
         index = np.where(rows[:, 1] < 0, item.property[1], rows[:, 1])
         of[key] = np.full(len(rows), -1)
         for number in np.unique(own):
-            start, count = ranges.get((key[0], int(number)), (0, 0))
-            chosen = (own == number) & (index >= 0) & (index < count)
-            of[key][chosen] = start + index[chosen]
+            group = key[0], int(number)
+            chosen = (own == number) & (index >= 0) & (index < len(groups.get(group, ())))
+            of[key][chosen] = firsts.get(group, 0) + index[chosen]
         if ((rows[:, 2:] >= 0) & (rows[:, 2:] != rows[:, 1:2])).any():
             unread.add("colours that vary within triangles")
     return paints, of, tuple(sorted(unread))

@@ -138,10 +138,5 @@ class Sponge(Solid):
 
 
 SOLIDS: dict[str, type[Solid]] = {
-    "plane": Plane,
-    "box": Box,
-    "sphere": Sphere,
-    "cylinder": Cylinder,
-    "temple": Temple,
-    "sponge": Sponge,
+    each.__name__.lower(): each for each in (Plane, Box, Sphere, Cylinder, Temple, Sponge)
 }

@@ -1,18 +1,20 @@
-"""Polygons, texture coordinates, colours and materials of a mesh file, kept for outputs."""
+"""Polygons, texture coordinates, colours and materials of a mesh file, and elements of a PLY, kept for outputs."""
+
+from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
+import numpy.typing as npt
 
 from raytrace import Mesh
 from raytrace.mesh.creases import creased_normals
 from raytrace.mesh.weld import first_alike
 from raytrace.types import Float64s, Int64s
 
-from .elements import Element
 from .polygons import Triangulation
 
 
@@ -46,6 +48,45 @@ class Paint:
     emission: tuple[float, float, float] = (0.0, 0.0, 0.0)
     texture: Path | None = None
     opacity_texture: Path | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Property:
+    """A column of an element of a PLY file.
+
+    Attributes:
+        name: of the property.
+        kind: the type of its values.
+        values: (n,), or the values of all lists one after the other.
+        counted, sizes: of a property of lists: the type of their lengths, and the lengths (n,).
+    """
+
+    name: str
+    kind: str
+    values: npt.NDArray[Any]
+    counted: str = ""
+    sizes: npt.NDArray[Any] | None = None
+
+    def fitting(self) -> Property:
+        """The same values in the same type if it holds them, or else in one that does."""
+        kind = self.kind
+        with np.errstate(all="ignore"):
+            cast = self.values.astype("<" + kind)
+            if not np.array_equal(cast, self.values, equal_nan=kind in "fd"):
+                kind = "d"
+            counted = self.counted
+            if self.sizes is not None and not np.array_equal(self.sizes.astype("<" + counted), self.sizes):
+                counted = "I"
+        return replace(self, kind=kind, counted=counted)
+
+
+@dataclass(frozen=True, eq=False)
+class Element:
+    """So many rows of some properties of a PLY file."""
+
+    name: str
+    count: int
+    properties: tuple[Property, ...]
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,7 +135,7 @@ class Detail:
         return None if self.uv is None else self.uv.rows[self.uv.of[places]]
 
 
-def painted(faces: Int64s, paints: tuple[Paint, ...], of: Int64s) -> Detail:
+def triangle_detail(faces: Int64s, paints: tuple[Paint, ...] = (), of: Int64s | None = None) -> Detail:
     """The detail of triangles (m, 3) with materials (m,), -1: none."""
     sizes = np.full(len(faces), 3)
     return Detail(faces.ravel(), sizes, Triangulation(np.ones_like(sizes), 0, None), paints=paints, paint_of=of)

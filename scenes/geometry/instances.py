@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -14,7 +14,6 @@ from raytrace.system.memory import check_memory
 from raytrace.types import Float64s, Int64s
 
 from .detail import Detail, Paint
-from .polygons import triangulate
 
 if TYPE_CHECKING:
     from ao import Profile
@@ -74,21 +73,6 @@ class Submesh:
     faces: slice
 
 
-def instance(
-    name: str, arrays: dict[str, Any], matrix: Float64s | None = None, normals: npt.NDArray[Any] | None = None
-) -> Instance:
-    """An object as trimesh's loaders give it: `vertices` and perhaps `faces`, all of one number of corners."""
-    vertices = np.asarray(arrays.get("vertices", np.empty((0, 3))))
-    faces = arrays.get("faces")
-    faces = np.empty((0, 3), dtype=np.int64) if faces is None else np.asarray(faces)
-    if faces.ndim == 2 and faces.shape[1] != 3:
-        corners = faces.ravel()
-        triangles = triangulate(vertices, corners, np.full(len(faces), faces.shape[1]), name)
-        faces = triangles.take(corners)
-        return Instance(name, vertices, faces, normals, matrix, triangles.notes, polygons=triangles.polygons)
-    return Instance(name, vertices, faces, normals, matrix)
-
-
 def check_copies(
     rows: int, stored: int, source: object, error: type[InputError] = MeshError, field: str = "objects"
 ) -> None:
@@ -109,34 +93,6 @@ def check_copies(
     check_memory(source, _ROW * rows, f"to place {rows:,} vertices and triangles")
 
 
-def world_matrices(edges: Iterable[dict[str, Any]], base: Any) -> dict[Any, Float64s]:
-    """The (4, 4) map from each frame of a tree to `base`.
-
-    trimesh's scene graph would do, but takes minutes for a chain of a thousand nodes.
-
-    Args:
-        edges: as trimesh's loaders give them: `frame_to`, `frame_from` (the base if missing), `matrix` (the identity
-            if missing).
-        base: the root.
-
-    Raises:
-        ValueError: a frame is not below `base`.
-    """
-    parents = {edge["frame_to"]: (edge.get("frame_from", base), edge.get("matrix")) for edge in edges}
-    world = {base: np.eye(4)}
-    for frame in parents:
-        path: list[Any] = []
-        while frame not in world:
-            if frame not in parents or len(path) > len(parents):
-                raise ValueError(f"node {frame} is not part of the scene's tree")
-            path.append(frame)
-            frame = parents[frame][0]
-        for step in reversed(path):
-            parent, matrix = parents[step]
-            world[step] = world[parent] if matrix is None else world[parent] @ np.asarray(matrix, dtype=np.float64)
-    return world
-
-
 def flatten(instances: Sequence[Instance], source: str) -> tuple[Mesh, tuple[Submesh, ...]]:
     """One mesh of all instances, in their order, in world space.
 
@@ -146,13 +102,13 @@ def flatten(instances: Sequence[Instance], source: str) -> tuple[Mesh, tuple[Sub
     Raises:
         MeshError: the arrays are not a mesh (`raytrace.Mesh`).
     """
-    parts = []
+    parts: list[Submesh] = []
     vertex = face = 0
     up = instances[0].up if instances else None
     for placed in instances:
-        vertex_end, face_end = vertex + len(placed.vertices), face + len(placed.faces)
-        parts.append(Submesh(placed.name, slice(vertex, vertex_end), slice(face, face_end)))
-        vertex, face = vertex_end, face_end
+        first = vertex, face
+        vertex, face = vertex + len(placed.vertices), face + len(placed.faces)
+        parts.append(Submesh(placed.name, slice(first[0], vertex), slice(first[1], face)))
     if len(instances) == 1 and instances[0].matrix is None:
         only = instances[0]
         opacity, polygons = only.opacity, only.polygons
@@ -163,7 +119,17 @@ def flatten(instances: Sequence[Instance], source: str) -> tuple[Mesh, tuple[Sub
     has_normals = any(placed.normals is not None for placed in instances)
     normals = np.full((vertex, 3), np.nan) if has_normals else None
     for placed, part in zip(instances, parts, strict=True):
-        _place(placed, part, vertices, faces, normals, source)
+        matrix = np.eye(4) if placed.matrix is None else placed.matrix
+        linear = matrix[:3, :3]
+        vertices[part.vertices] = placed.vertices @ linear.T + matrix[:3, 3]
+        # Indices are checked against the object's own vertices: shifted ones could fall into a neighbour's range.
+        checked = Mesh(vertices[part.vertices], placed.faces, source=f"{source}: {placed.name}")
+        faces[part.faces] = (checked.faces[:, ::-1] if _is_mirrored(placed) else checked.faces) + part.vertices.start
+        if normals is not None and placed.normals is not None:
+            x, y, z = linear
+            # The cofactor matrix is det·inverse transpose, and exists for a flattening matrix too.
+            cofactor = np.stack([np.cross(y, z), np.cross(z, x), np.cross(x, y)])
+            normals[part.vertices] = placed.normals @ cofactor.T * (-1 if _is_mirrored(placed) else 1)
     turned = [each.opacity.reversed() if each.opacity and _is_mirrored(each) else each.opacity for each in instances]
     opacity = Opacity.joined(turned, [len(placed.faces) for placed in instances])
     polygons = None
@@ -175,20 +141,3 @@ def flatten(instances: Sequence[Instance], source: str) -> tuple[Mesh, tuple[Sub
 
 def _is_mirrored(placed: Instance) -> bool:
     return placed.matrix is not None and bool(np.linalg.det(placed.matrix[:3, :3]) < 0)
-
-
-def _place(
-    placed: Instance, part: Submesh, vertices: Float64s, faces: Int64s, normals: Float64s | None, source: str
-) -> None:
-    matrix = np.eye(4) if placed.matrix is None else placed.matrix
-    linear = matrix[:3, :3]
-    mirrored = _is_mirrored(placed)
-    vertices[part.vertices] = placed.vertices @ linear.T + matrix[:3, 3]
-    # Indices are checked against the object's own vertices: shifted ones could fall into a neighbour's range.
-    own = Mesh(vertices[part.vertices], placed.faces, source=f"{source}: {placed.name}")
-    faces[part.faces] = (own.faces[:, ::-1] if mirrored else own.faces) + part.vertices.start
-    if normals is not None and placed.normals is not None:
-        x, y, z = linear
-        # The cofactor matrix is det·inverse transpose, and exists for a flattening matrix too.
-        cofactor = np.stack([np.cross(y, z), np.cross(z, x), np.cross(x, y)])
-        normals[part.vertices] = placed.normals @ cofactor.T * (-1 if mirrored else 1)

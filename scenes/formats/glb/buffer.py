@@ -9,13 +9,14 @@ import numpy.typing as npt
 
 from raytrace.types import Int64s
 
+from ..gltf.accessors import COMPONENTS
 from ..gltf.container import encode_glb
 from ..gltf.instances import PROFILE
 
 if TYPE_CHECKING:
-    from ao import Bake, Profile
+    from ao import Bake
 
-FLOAT, UNSIGNED_BYTE, UNSIGNED_SHORT, UNSIGNED_INT = 5126, 5121, 5123, 5125
+_CODES = {np.dtype(kind): code for code, kind in COMPONENTS.items()}
 ARRAY_BUFFER, ELEMENT_ARRAY_BUFFER = 34962, 34963
 
 
@@ -26,20 +27,23 @@ class Packed:
         self.header = header
         self.binary = bytearray()
 
+    def append(self, key: str, entry: dict[str, Any]) -> int:
+        """Index of a new entry of a list of the header."""
+        entries: list[dict[str, Any]] = self.header.setdefault(key, [])
+        entries.append(entry)
+        return len(entries) - 1
+
     def bytes_view(self, data: bytes, **fields: Any) -> int:
         """Index of a new buffer view of `data`."""
-        views = self.header.setdefault("bufferViews", [])
-        views.append({"buffer": 0, "byteOffset": self.add(data), "byteLength": len(data), **fields})
-        return len(views) - 1
+        view = {"buffer": 0, "byteOffset": self.add(data), "byteLength": len(data), **fields}
+        return self.append("bufferViews", view)
 
-    def accessor(
-        self, array: npt.NDArray[Any], component: int, kind: str, target: int = ARRAY_BUFFER, **fields: Any
-    ) -> int:
-        """Index of a new accessor of `array`, rows of `kind`."""
+    def accessor(self, array: npt.NDArray[Any], target: int = ARRAY_BUFFER, **fields: Any) -> int:
+        """Index of a new accessor of scalars (n,) or vectors (n, 2 to 4), little-endian."""
         view = self.bytes_view(array.tobytes(), target=target)
-        accessors = self.header.setdefault("accessors", [])
-        accessors.append({"bufferView": view, "componentType": component, "count": len(array), "type": kind, **fields})
-        return len(accessors) - 1
+        kind = "SCALAR" if array.ndim == 1 else f"VEC{array.shape[1]}"
+        stored = {"bufferView": view, "componentType": _CODES[array.dtype], "count": len(array), "type": kind}
+        return self.append("accessors", stored | fields)
 
     def encode(self) -> bytes:
         """The GLB file."""
@@ -61,23 +65,17 @@ class Packed:
         attributes, w, profile = primitive["attributes"], bake.w[rows], bake.profile
         for name in [name for name in attributes if name.startswith(PROFILE)]:
             del attributes[name]
-        attributes["_OBSCURANCE"] = self.accessor(w.astype("<f4"), FLOAT, "SCALAR")
+        attributes["_OBSCURANCE"] = self.accessor(w.astype("<f4"))
         if colors:
             grey = np.full((len(w), 4), 255, dtype=np.uint8)
             grey[:, :3] = np.rint(np.clip(w, 0, 1) * 255)[:, None]
-            attributes["COLOR_0"] = self.accessor(grey, UNSIGNED_BYTE, "VEC4", normalized=True)
+            attributes["COLOR_0"] = self.accessor(grey, normalized=True)
         if profile is None:
             return
-        for first in range(0, len(profile.half_distances), 4):
-            attributes[f"{PROFILE}{first // 4}"] = self._columns(profile, rows, first)
-
-    def _columns(self, profile: Profile, rows: Int64s, first: int) -> int:
-        """Index of an accessor of four columns of a profile; that of the first ones says which they are."""
-        columns = profile.values[rows, first : first + 4]
-        codes = np.zeros((len(rows), 4), "<u2")
-        codes[:, : columns.shape[1]] = np.rint(columns * np.float32(65535))
-        number = self.accessor(codes, UNSIGNED_SHORT, "VEC4", normalized=True)
-        if not first:
-            known = {"half_distances": profile.half_distances.tolist(), "radius": profile.radius}
-            self.header["accessors"][number]["extras"] = known
-        return number
+        for number, first in enumerate(range(0, len(profile.half_distances), 4)):
+            columns = profile.values[rows, first : first + 4]
+            codes = np.zeros((len(rows), 4), "<u2")
+            codes[:, : columns.shape[1]] = np.rint(columns * np.float32(65535))
+            attributes[f"{PROFILE}{number}"] = self.accessor(codes, normalized=True)
+        known = {"half_distances": profile.half_distances.tolist(), "radius": profile.radius}
+        self.header["accessors"][attributes[f"{PROFILE}0"]]["extras"] = known

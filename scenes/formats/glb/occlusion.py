@@ -8,13 +8,13 @@ Format: Khronos glTF 2.0 specification, sections 3.7.2 (sets of texture coordina
 import copy
 from collections.abc import Iterator
 from itertools import count
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
 from raytrace.types import AnyFloats
 
-from .buffer import FLOAT, Packed
+from .buffer import Packed
 
 OWN = "obscurance"
 """Names of images of ours begin so: a later bake replaces their textures."""
@@ -23,19 +23,13 @@ LINEAR, CLAMP_TO_EDGE = 9729, 33071
 _VARIANTS, TRANSFORM = "KHR_materials_variants", "KHR_texture_transform"
 
 
-class _Given(NamedTuple):
-    primitive: dict[str, Any]
-    texture: int
-    coordinates: int
-
-
 class OcclusionTextures:
     """Occlusion textures for primitives of a document: `add` images, `give` them to primitives, then `apply` once."""
 
     def __init__(self, packed: Packed, replace: bool = False) -> None:
         """Args: replace: put them also in place of occlusion textures that are not ours."""
         self._packed, self._replace = packed, replace
-        self._given: list[_Given] = []
+        self._given: dict[int, tuple[int, int]] = {}  # texture and coordinates by the id of a primitive
 
     def add(self, png: bytes, name: str, **sampler: int) -> int:
         """Index of a new texture.
@@ -47,8 +41,8 @@ class OcclusionTextures:
         """
         image = {"name": name, "mimeType": "image/png", "bufferView": self._packed.bytes_view(png)}
         modes = {"magFilter": LINEAR, "minFilter": LINEAR, "wrapS": CLAMP_TO_EDGE, "wrapT": CLAMP_TO_EDGE} | sampler
-        texture = {"sampler": self._append("samplers", modes), "source": self._append("images", image)}
-        return self._append("textures", texture)
+        append = self._packed.append
+        return append("textures", {"sampler": append("samplers", modes), "source": append("images", image)})
 
     def takes(self, primitive: dict[str, Any]) -> bool:
         """Whether some material of the primitive has no occlusion texture that is to be kept."""
@@ -60,7 +54,7 @@ class OcclusionTextures:
 
     def give(self, primitive: dict[str, Any], texture: int, coordinates: int) -> None:
         """Note that a primitive of the document is to have this texture by its TEXCOORD set of this number."""
-        self._given.append(_Given(primitive, texture, coordinates))
+        self._given[id(primitive)] = texture, coordinates
 
     def apply(self) -> None:
         """Put the textures into the primitives' materials; materials that other primitives share are copied first.
@@ -69,23 +63,22 @@ class OcclusionTextures:
         """
         header = self._packed.header
         before = copy.deepcopy(header.get("materials", []))
-        given = {id(each.primitive): each for each in self._given}
         others: set[int | None] = set()
         uses: dict[tuple[int | None, int, int], list[dict[str, Any]]] = {}
         for primitive in (piece for mesh in header["meshes"] for piece in mesh["primitives"]):
+            given = self._given.get(id(primitive))
             for slot in _slots(primitive):
                 material = slot.get("material")
-                if id(primitive) not in given:
+                if given is None:
                     others.add(material)
                 elif self._open(material):
-                    each = given[id(primitive)]
-                    uses.setdefault((material, each.texture, each.coordinates), []).append(slot)
+                    uses.setdefault((material, *given), []).append(slot)
         others.add(None)  # there is no such entry
         for (material, texture, coordinates), slots in uses.items():
             made = header["materials"][material] if material is not None else {}
             if material in others:
                 made = {} if material is None else copy.deepcopy(before[material])
-                number = self._append("materials", made)
+                number = self._packed.append("materials", made)
                 for slot in slots:
                     slot["material"] = number
             else:
@@ -103,11 +96,6 @@ class OcclusionTextures:
         reference = occlusion_reference(header, material)
         return self._replace or reference is None or image_name(header, reference).startswith(OWN)
 
-    def _append(self, key: str, entry: dict[str, Any]) -> int:
-        entries: list[dict[str, Any]] = self._packed.header.setdefault(key, [])
-        entries.append(entry)
-        return len(entries) - 1
-
 
 def texture_reference(texture: int, coordinates: int) -> dict[str, Any]:
     """A material's reference to a texture by a TEXCOORD set."""
@@ -122,11 +110,9 @@ def free_set(header: dict[str, Any], primitive: dict[str, Any]) -> int:
     names = {*primitive["attributes"], *(name for target in primitive.get("targets", []) for name in target)}
     used: set[int] = set()
     for material in (slot.get("material") for slot in _slots(primitive)):
-        known = material is not None and material < len(header.get("materials", []))
-        stored = header["materials"][material] if known else {}
-        own = occlusion_reference(header, material)
-        ramp = own if own and image_name(header, own) == RAMP else None
-        used |= {number for each in _references(stored) if each is not ramp for number in sets_of(each)}
+        ramp = occlusion_reference(header, material) if is_ramp(header, material) else None
+        references = _references(material_of(header, material))
+        used |= {number for each in references if each is not ramp for number in sets_of(each)}
     ramps = ramp_sets(header, primitive)
     return next(n for n in count() if n not in used and (n in ramps or f"TEXCOORD_{n}" not in names))
 
@@ -152,33 +138,38 @@ def add_coordinates(packed: Packed, primitive: dict[str, Any], number: int, uv: 
     """
     for lower in range(number):
         if f"TEXCOORD_{lower}" not in primitive["attributes"]:
-            zeros = packed.accessor(np.zeros((len(uv), 2), "<f4"), FLOAT, "VEC2")
-            primitive["attributes"][f"TEXCOORD_{lower}"] = zeros
-    primitive["attributes"][f"TEXCOORD_{number}"] = packed.accessor(uv.astype("<f4"), FLOAT, "VEC2")
+            primitive["attributes"][f"TEXCOORD_{lower}"] = packed.accessor(np.zeros((len(uv), 2), "<f4"))
+    primitive["attributes"][f"TEXCOORD_{number}"] = packed.accessor(uv.astype("<f4"))
 
 
 def occlusion_reference(header: dict[str, Any], material: int | None) -> dict[str, Any] | None:
     """The reference (`index`, `texCoord`, `strength`) to a material's occlusion texture, or None."""
-    materials = header.get("materials", [])
-    if material is None or material >= len(materials):
-        return None
-    reference: dict[str, Any] | None = materials[material].get("occlusionTexture")
+    reference: dict[str, Any] | None = material_of(header, material).get("occlusionTexture")
     return reference
+
+
+def material_of(header: dict[str, Any], material: int | None) -> dict[str, Any]:
+    """The material of this number, or an empty one if there is none."""
+    materials: list[dict[str, Any]] = header.get("materials", [])
+    return materials[material] if material is not None and material < len(materials) else {}
+
+
+def _source(header: dict[str, Any], reference: dict[str, Any]) -> int:
+    """The number of the image that a texture reference leads to, or -1."""
+    textures = header.get("textures", [])
+    return int(textures[reference["index"]].get("source", -1)) if reference["index"] < len(textures) else -1
 
 
 def image_name(header: dict[str, Any], reference: dict[str, Any]) -> str:
     """Name of the image that a texture reference of a material leads to; empty if it has none, or leads nowhere."""
-    textures, images = header.get("textures", []), header.get("images", [])
-    source = textures[reference["index"]].get("source", -1) if reference["index"] < len(textures) else -1
+    source, images = _source(header, reference), header.get("images", [])
     return str(images[source].get("name", "")) if 0 <= source < len(images) else ""
 
 
 def texture_images(header: dict[str, Any], material: dict[str, Any], coordinates: int) -> set[int]:
     """Numbers of the images that a material uses by a TEXCOORD set, without images of earlier bakes."""
     used = [each for each in _references(material) if coordinates in sets_of(each)]
-    kept = [each for each in used if not image_name(header, each).startswith(OWN)]
-    textures = header.get("textures", [])
-    return {textures[each["index"]].get("source", -1) for each in kept if each["index"] < len(textures)} - {-1}
+    return {_source(header, each) for each in used if not image_name(header, each).startswith(OWN)} - {-1}
 
 
 def _slots(primitive: dict[str, Any]) -> Iterator[dict[str, Any]]:

@@ -31,10 +31,10 @@ def _material(paint: Paint) -> dict[str, Any]:
 
 def add_materials(packed: Packed, paints: Sequence[Paint]) -> None:
     """Append materials to a document, and to its buffer their pictures, each once."""
-    header = packed.header
     numbers: dict[Any, int] = {}
     for paint in paints:
-        header["materials"].append(_material(paint))
+        material = _material(paint)
+        packed.append("materials", material)
         key, first = (paint.texture, paint.opacity_texture), paint.texture or paint.opacity_texture
         if first is None:
             continue
@@ -42,11 +42,8 @@ def add_materials(packed: Packed, paints: Sequence[Paint]) -> None:
             data = _base_colour(paint)
             kind = "image/png" if data.startswith(b"\x89PNG") else "image/jpeg"
             image = {"name": first.name, "mimeType": kind, "bufferView": packed.bytes_view(data)}
-            header.setdefault("images", []).append(image)
-            header.setdefault("textures", []).append({"source": len(header["images"]) - 1})
-            numbers[key] = len(header["textures"]) - 1
-        texture = {"index": numbers[key]}
-        header["materials"][-1]["pbrMetallicRoughness"]["baseColorTexture"] = texture
+            numbers[key] = packed.append("textures", {"source": packed.append("images", image)})
+        material["pbrMetallicRoughness"]["baseColorTexture"] = {"index": numbers[key]}
 
 
 def _base_colour(paint: Paint) -> bytes:

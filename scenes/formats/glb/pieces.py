@@ -11,7 +11,7 @@ from raytrace.types import Int64s
 from ...geometry.instances import Submesh
 from ..gltf.asset import DrawnPrimitive, Gltf
 from ..load import MeshFile
-from .occlusion import texture_images
+from .occlusion import material_of, texture_images
 from .plain import groups
 
 _NO_MATERIAL = "default"
@@ -59,8 +59,7 @@ def pieces(mesh_file: MeshFile, number: int = 0) -> Iterator[Piece]:
 
 def _of_gltf(asset: Gltf, drawn: DrawnPrimitive, part: Submesh, number: int) -> Piece:
     header, index = asset.header, drawn.primitive.material
-    materials = header.get("materials", [])
-    material = materials[index] if index is not None and index < len(materials) else {}
+    material = material_of(header, index)
     name = material.get("name") or (_NO_MATERIAL if index is None else f"material {index}")
     has_set = f"TEXCOORD_{number}" in drawn.primitive.attributes
     images = texture_images(header, material, number) if has_set else set()

@@ -18,7 +18,7 @@ from raytrace.types import Float64s, Int64s
 from ...geometry.detail import PerCorner, split_corners
 from ..gltf.container import stand
 from ..load import MeshFile
-from .buffer import ELEMENT_ARRAY_BUFFER, FLOAT, UNSIGNED_INT, Packed
+from .buffer import ELEMENT_ARRAY_BUFFER, Packed
 from .pictures import add_materials
 
 _LARGEST = 1e38  # of float32, and of a difference of two
@@ -95,17 +95,13 @@ def plain(mesh_file: MeshFile, colors: bool, up: str | None = None) -> tuple[Pac
         origin = origins[group.part]
         if before != (group.part, group.name):
             before = group.part, group.name
-            node: dict[str, Any] = {"name": group.name, "mesh": len(header["meshes"])}
-            if origin is not None:
-                node["translation"] = origin.tolist()
-            header["scenes"][0]["nodes"].append(len(header["nodes"]))
-            header["nodes"].append(node)
-            header["meshes"].append({"name": group.name, "primitives": []})
+            node = {"name": group.name, "mesh": packed.append("meshes", {"name": group.name, "primitives": []})}
+            moved = {} if origin is None else {"translation": origin.tolist()}
+            header["scenes"][0]["nodes"].append(packed.append("nodes", node | moved))
         primitive = _primitive(packed, mesh_file, piece, origin, colors)
         primitive["material"] = group.paint
         if len(found) > len(mesh_file.parts) and fits_float(piece.vertices):
-            rows = packed.accessor(piece.vertices.astype("<f4"), FLOAT, "SCALAR")
-            primitive["attributes"][SOURCE_INDEX] = rows
+            primitive["attributes"][SOURCE_INDEX] = packed.accessor(piece.vertices.astype("<f4"))
         header["meshes"][-1]["primitives"].append(primitive)
         drawn.append((primitive, piece.vertices))
     stand(header, up_axis(mesh, up), header["scenes"][0]["nodes"])
@@ -167,34 +163,29 @@ def part_origin(vertices: Float64s) -> Float64s | None:
 
 
 def _primitive(
-    packed: Packed,
-    mesh_file: MeshFile,
-    piece: _Piece,
-    origin: Float64s | None,
-    colors: bool,
+    packed: Packed, mesh_file: MeshFile, piece: _Piece, origin: Float64s | None, colors: bool
 ) -> dict[str, Any]:
     mesh, detail = mesh_file.mesh, mesh_file.detail
     places = mesh.vertices[piece.vertices] - (0 if origin is None else origin)
     stored = places.astype("<f4")
     bounds = {"min": stored.min(axis=0).tolist(), "max": stored.max(axis=0).tolist()}
-    attributes = {"POSITION": packed.accessor(stored, FLOAT, "VEC3", **bounds)}
+    attributes = {"POSITION": packed.accessor(stored, **bounds)}
     if piece.normals is not None:
         length = np.linalg.norm(piece.normals, axis=1, keepdims=True)
         # glTF allows unit normals only: a part that lacks some goes without.
         if np.isfinite(length).all() and (length > 0).all():
-            attributes["NORMAL"] = packed.accessor((piece.normals / length).astype("<f4"), FLOAT, "VEC3")
+            attributes["NORMAL"] = packed.accessor((piece.normals / length).astype("<f4"))
     if piece.uv is not None:
-        downwards = np.stack([piece.uv[:, 0], 1 - piece.uv[:, 1]], axis=1).astype("<f4")
-        attributes["TEXCOORD_0"] = packed.accessor(downwards, FLOAT, "VEC2")
+        downwards = np.stack([piece.uv[:, 0], 1 - piece.uv[:, 1]], axis=1)
+        attributes["TEXCOORD_0"] = packed.accessor(downwards.astype("<f4"))
     if detail and detail.colors is not None and not colors:
         own = detail.colors[piece.vertices]
-        own = np.concatenate([decode_srgb(own[:, :3]), own[:, 3:]], axis=1).astype("<f4")
-        attributes["COLOR_0"] = packed.accessor(own, FLOAT, f"VEC{own.shape[1]}")
+        own = np.concatenate([decode_srgb(own[:, :3]), own[:, 3:]], axis=1)
+        attributes["COLOR_0"] = packed.accessor(own.astype("<f4"))
     for name, values in (detail.numbers if detail else {}).items():
         if fits_float(values) and attribute_name(name) not in attributes:
-            attributes[attribute_name(name)] = packed.accessor(values[piece.vertices].astype("<f4"), FLOAT, "SCALAR")
-    faces = piece.faces.astype("<u4").ravel()
-    indices = packed.accessor(faces, UNSIGNED_INT, "SCALAR", ELEMENT_ARRAY_BUFFER)
+            attributes[attribute_name(name)] = packed.accessor(values[piece.vertices].astype("<f4"))
+    indices = packed.accessor(piece.faces.astype("<u4").ravel(), ELEMENT_ARRAY_BUFFER)
     return {"attributes": attributes, "indices": indices}
 
 

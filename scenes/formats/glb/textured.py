@@ -12,15 +12,15 @@ from ao.texture.result import BakedTexture
 from raytrace.errors import MeshError
 from raytrace.image.encode import linear_png
 from raytrace.mesh.up import up_axis
-from raytrace.types import AnyFloats, Float32s, Float64s, Int64s
+from raytrace.types import AnyFloats, Float64s, Int64s
 
 from ..gltf.accessors import normalized, triangles, values
 from ..gltf.asset import Gltf
 from ..gltf.container import stand
 from ..gltf.parse import parse
-from ..gltf.records import Primitive
+from ..gltf.records import WRAP, Primitive
 from ..load import MeshFile
-from .buffer import ARRAY_BUFFER, ELEMENT_ARRAY_BUFFER, UNSIGNED_INT, Packed
+from .buffer import ARRAY_BUFFER, ELEMENT_ARRAY_BUFFER, Packed
 from .occlusion import OWN, OcclusionTextures, add_coordinates, free_set
 from .orm import OrmTextures
 from .pieces import pieces
@@ -31,7 +31,6 @@ from .write import stored
 if TYPE_CHECKING:
     from ao import Bake
 
-_REPEAT = 10497
 _SAME = 1e-6  # of texture coordinates that float32 has rounded
 _KINDS = {"SCALAR", "VEC2", "VEC3", "VEC4"}
 
@@ -72,7 +71,10 @@ def textured_glb(
     textures = OcclusionTextures(packed, replace)
     if orm:
         textures = OrmTextures(packed, asset, [page.w for page in pages], replace)
-    numbers = [k if orm else _add(textures, page.w) for k, page in enumerate(pages)]
+    numbers = list(range(len(pages)))
+    if not orm:
+        codes = [np.rint(np.clip(page.w, 0, 1) * 255).astype(np.uint8)[:, :, None] for page in pages]
+        numbers = [textures.add(linear_png(each), f"{OWN} occlusion", wrapS=WRAP, wrapT=WRAP) for each in codes]
     rest, kept = [], 0
     for (primitive, vertices), piece in zip(drawn, pieces(mesh_file), strict=True):
         texture = next((k for k, page in enumerate(pages) if not np.isnan(page.uv[piece.faces]).any()), None)
@@ -94,11 +96,6 @@ def textured_glb(
     if w is not None:
         write_ramp(packed, [(primitive, w[vertices]) for primitive, vertices in rest], replace)
     return packed.encode(), kept
-
-
-def _add(textures: OcclusionTextures, w: Float32s) -> int:
-    codes = np.rint(np.clip(w, 0, 1) * 255).astype(np.uint8)
-    return textures.add(linear_png(codes[:, :, None]), f"{OWN} occlusion", wrapS=_REPEAT, wrapT=_REPEAT)
 
 
 def _set_of(asset: Gltf, primitive: Primitive, faces: Int64s, uv: Float64s) -> int | None:
@@ -127,8 +124,7 @@ def split_vertices(
             attributes[name] = _taken(packed, asset, accessor, kinds["vertex"])
     downwards = np.stack([kinds["u"], np.float32(1) - kinds["v"]], axis=1)
     add_coordinates(packed, primitive, number, downwards)
-    indices = corners.ravel().astype("<u4")
-    primitive["indices"] = packed.accessor(indices, UNSIGNED_INT, "SCALAR", ELEMENT_ARRAY_BUFFER)
+    primitive["indices"] = packed.accessor(corners.ravel().astype("<u4"), ELEMENT_ARRAY_BUFFER)
     primitive.pop("mode", None)
 
 
@@ -143,11 +139,9 @@ def _taken(packed: Packed, asset: Gltf, number: int, rows: Int64s) -> int:
     padded: npt.NDArray[np.uint8] = np.zeros((len(rows), stride), np.uint8)
     padded[:, :size] = taken.view(np.uint8).reshape(len(rows), size)
     made = {key: old[key] for key in ("componentType", "type", "normalized", "name", "extras") if key in old}
-    view = packed.bytes_view(
-        padded.tobytes(), target=ARRAY_BUFFER, **({"byteStride": stride} if stride != size else {})
-    )
+    strided = {"byteStride": stride} if stride != size else {}
+    view = packed.bytes_view(padded.tobytes(), target=ARRAY_BUFFER, **strided)
     made |= {"bufferView": view, "count": len(rows)}
     if "min" in old:
         made |= {"min": taken.min(axis=0).tolist(), "max": taken.max(axis=0).tolist()}
-    packed.header["accessors"].append(made)
-    return len(packed.header["accessors"]) - 1
+    return packed.append("accessors", made)

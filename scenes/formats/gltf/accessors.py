@@ -15,7 +15,7 @@ from .asset import Gltf, entry
 from .compression import compressions, must_be_decoded
 from .records import TRIANGLE_STRIP, Primitive, Sparse
 
-_COMPONENTS = {5120: "<i1", 5121: "<u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
+COMPONENTS = {5120: "<i1", 5121: "<u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
 _COLUMNS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4}
 _ZEROS, _GROWTH = 1 << 22, 16  # values of a sparse accessor without a base, and more of them a byte of the file
 
@@ -44,10 +44,10 @@ def values(asset: Gltf, number: int, *kinds: str) -> npt.NDArray[Any]:
     count, sparse = accessor.count, accessor.sparse
     if min(count, sparse.count if sparse else 1) < 1:
         raise MeshError(asset.path, field, "a count of at least 1", 0)
-    if accessor.type not in kinds or accessor.componentType not in _COMPONENTS:
+    if accessor.type not in kinds or accessor.componentType not in COMPONENTS:
         got = f"{accessor.type} of {accessor.componentType}"
         raise MeshError(asset.path, field, f"{kinds[0]} of a component type", got)
-    item, columns = np.dtype(_COMPONENTS[accessor.componentType]), _COLUMNS[accessor.type]
+    item, columns = np.dtype(COMPONENTS[accessor.componentType]), _COLUMNS[accessor.type]
     if accessor.bufferView is not None:
         base = _rows(asset, accessor.bufferView, accessor.byteOffset, (count, columns), item, field)
     elif sparse is None:
@@ -61,7 +61,7 @@ def values(asset: Gltf, number: int, *kinds: str) -> npt.NDArray[Any]:
 
 def _replaced(asset: Gltf, base: npt.NDArray[Any], sparse: Sparse, field: str) -> npt.NDArray[Any]:
     """The values of a sparse accessor (section 3.6.2.3)."""
-    index = np.dtype(_COMPONENTS.get(sparse.index_type, "<f4"))
+    index = np.dtype(COMPONENTS.get(sparse.index_type, "<f4"))
     at = f"{field}.indices"
     places = _rows(asset, sparse.index_view, sparse.index_offset, (sparse.count, 1), index, at).ravel()
     if index.kind != "u" or places.max() >= len(base):

@@ -1,6 +1,7 @@
 """Texture coordinates and colours of all vertices of a glTF file, for outputs that hold nothing else of it."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -8,9 +9,8 @@ from raytrace.errors import MeshError
 from raytrace.image.srgb import encode_srgb
 from raytrace.types import Float64s, Int64s
 
-from ...geometry.detail import Detail, PerCorner
+from ...geometry.detail import Detail, PerCorner, triangle_detail
 from ...geometry.instances import Submesh
-from ...geometry.polygons import Triangulation
 from ..glb.occlusion import ramp_sets
 from .accessors import column
 from .asset import Gltf
@@ -40,14 +40,13 @@ def gltf_detail(asset: Gltf, parts: Sequence[Submesh], faces: Int64s) -> tuple[D
             columns[name] = _column(asset, parts, name, kinds, missing, lacking)
         except (MeshError, ValueError, KeyError, TypeError):
             unread.append(name)
-    corners = faces.ravel()
     uv, colors = columns.get("TEXCOORD_0"), columns.get("COLOR_0")
     if colors is not None:
         colors = np.concatenate([encode_srgb(colors[:, :3]).astype(np.float64), colors[:, 3:]], axis=1)
         colors = colors[:, :3] if (colors[:, 3] == 1).all() else colors
-    whole = Triangulation(np.ones(len(faces), np.int64), 0, None)
-    coordinates = None if uv is None else PerCorner(_upwards(uv), corners)
-    return Detail(corners, np.full(len(faces), 3), whole, coordinates, None, colors), tuple(unread)
+    made = triangle_detail(faces)
+    coordinates = None if uv is None else PerCorner(_upwards(uv), made.corners)
+    return replace(made, uv=coordinates, colors=colors), tuple(unread)
 
 
 def texture_coordinates(asset: Gltf, parts: Sequence[Submesh], faces: Int64s, number: int) -> Float64s | None:

@@ -32,7 +32,7 @@ def obj_detail(
         folder: where the file is; its material libraries and their images are there or below.
         triangles: of its faces. normals: of all corners. one_each: whether no vertex has several of them.
     """
-    uv, colors = file.uv(), file.colors
+    uv, colors = file.of_corners("vt"), file.colors
     if colors is not None and not ((colors >= 0) & (colors <= 1)).all():
         colors = None
     by_object, by_group, painted = (file.named(keyword) for keyword in ("o", "g", "usemtl"))
@@ -49,7 +49,8 @@ def obj_detail(
         (not finite, "texture coordinates, some of which are not finite"),
         (colors is None and file.has_colors, "colours, which some vertices lack or have outside of [0, 1]"),
     )
-    paints, files, missing = _paints(file, folder, painted.names)
+    known, files, missing = _read_paints(file, folder) if painted.names else ({}, [], [])
+    paints = tuple(known.get(name, Paint(name)) for name in painted.names)
     is_divided = objects.names and objects.kinds <= MAX_OBJECTS
     detail = Detail(
         file.corners,
@@ -62,20 +63,10 @@ def obj_detail(
         paint_of=painted.of if paints else None,
         objects=objects.names if is_divided else (),
         object_of=objects.of if is_divided else None,
-        files=files,
+        files=tuple(files),
         some_uv=file.some_uv() if has_some_uv else None,
     )
     return detail, (*(words for is_left_out, words in left_out if is_left_out), *missing)
-
-
-def _paints(
-    file: ObjText, folder: Path, names: tuple[str, ...]
-) -> tuple[tuple[Paint, ...], tuple[Path, ...], list[str]]:
-    """The materials `names`, the files they come from, and notes on what was left out."""
-    if not names:
-        return (), (), []
-    known, files, left = _read_paints(file, folder)
-    return tuple(known.get(name, Paint(name)) for name in names), tuple(files), left
 
 
 def _read_paints(file: ObjText, folder: Path) -> tuple[dict[str, Paint], list[Path], list[str]]:
@@ -131,7 +122,7 @@ def obj_opacity(file: ObjText, folder: Path, triangles: Triangulation) -> tuple[
     missing = [words for words in left if "map_d" in words]
     without = {words: "" if words.startswith(OPTION) else ": alpha there is that of d alone" for words in missing}
     notes = tuple(f"{words} is not read{instead}" for words, instead in without.items())
-    paints = {name: paint for name, paint in known.items() if _has_alpha(paint)}
+    paints = {name: paint for name, paint in known.items() if paint.opacity < 1 or paint.opacity_texture}
     if not paints:
         return None, notes
     painted = file.named("usemtl")
@@ -139,17 +130,10 @@ def obj_opacity(file: ObjText, folder: Path, triangles: Triangulation) -> tuple[
     of = np.repeat(np.array([*of_name, -1])[painted.of], triangles.counts)
     if (of < 0).all():
         return None, notes
-    uv = file.uv()
-    surfaces = tuple(_surface(paint, uv is not None) for paint in paints.values())
-    return Opacity(of, surfaces, None if uv is None else uv.rows[triangles.take(uv.of)]), notes
-
-
-def _has_alpha(paint: Paint) -> bool:
-    return paint.opacity < 1 or paint.opacity_texture is not None
-
-
-def _surface(paint: Paint, has_uv: bool) -> AlphaSurface:
-    image = paint.opacity_texture if has_uv else None
     from raytrace.image.texture import Texture
 
-    return AlphaSurface(paint.opacity, Texture(image) if image else None, grey=image != paint.texture)
+    uv, surfaces = file.of_corners("vt"), []
+    for paint in paints.values():
+        image = None if uv is None else paint.opacity_texture
+        surfaces.append(AlphaSurface(paint.opacity, Texture(image) if image else None, grey=image != paint.texture))
+    return Opacity(of, tuple(surfaces), None if uv is None else uv.rows[triangles.take(uv.of)]), notes

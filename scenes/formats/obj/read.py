@@ -36,7 +36,7 @@ def read_obj(given: MeshInput) -> list[Instance]:
     """
     folder, keep = given.path.parent, given.keep
     file = ObjText.parse(given.file.read(), given.source)
-    normals = file.normals()
+    normals = file.of_corners("vn")
     vertex_normals = normals and normals.at_vertices(file.corners, len(file.vertices), np.nan)
     triangles = triangulate(file.vertices, file.corners, file.sizes, given.source)
     detail, unread = None, tuple[str, ...]()
@@ -62,7 +62,7 @@ def read_textured_obj(data: bytes, name: str, source: str, folder: Path) -> tupl
         ValueError: text that is not numbers.
     """
     file = ObjText.parse(data, source)
-    normals, uv = file.normals(), file.uv()
+    normals, uv = file.of_corners("vn"), file.of_corners("vt")
     if uv is None:
         raise MeshError(source, "vt", "texture coordinates on every corner of a face", "none on some")
     columns = [file.corners, uv.of]

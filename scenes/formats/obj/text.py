@@ -96,17 +96,18 @@ class ObjText:
         corners = _from_zero(own, len(vertices), source, "v")
         return cls(runs, source, vertices, blocks.has_colors, colors, sizes, indices, corners, blocks)
 
-    def lines(self, keyword: str) -> str:
-        """The text after a keyword, a statement a line, without comments."""
-        return _lines(self.runs, keyword)
+    def lines(self, keyword: str, runs: list[Run] | None = None) -> str:
+        """The text after a keyword, in all runs or in some, a statement a line, without comments."""
+        text = "\n".join(run.text for run in runs or self.runs if run.keyword == keyword)
+        return re.sub(rf"^[ \t]*{keyword}", "", re.sub(r"#[^\n]*", "", text), flags=re.MULTILINE)
 
-    def normals(self) -> PerCorner | None:
-        """Normals of all corners, or None if some corner has none. Raises: as `parse`."""
-        return self._of_corners("vn")
-
-    def uv(self) -> PerCorner | None:
-        """Texture coordinates of all corners, v upwards, or None if some corner has none. Raises: as `parse`."""
-        return self._of_corners("vt")
+    def of_corners(self, keyword: str) -> PerCorner | None:
+        """`vn` of all corners, or `vt`, v upwards; None if some corner has none. Raises: as `parse`."""
+        if not self.some(keyword).all():
+            return None
+        rows = self._numbers(keyword)
+        own = self.indices[keyword]
+        return PerCorner(rows, _from_zero(own, len(rows), self.source, keyword)) if len(rows) else None
 
     def some(self, keyword: str) -> Bools:
         """The corners (c,) that have an index of `vt` or `vn`."""
@@ -125,7 +126,7 @@ class ObjText:
         labels, begins = [-1], [0]
         for run in self.runs:
             if run.keyword == keyword:
-                for line in _lines([run], keyword).split("\n"):
+                for line in self.lines(keyword, [run]).split("\n"):
                     label = names.setdefault(line.strip(), len(names))
                 labels.append(label)
                 begins.append(run.faces)
@@ -135,18 +136,6 @@ class ObjText:
 
     def _numbers(self, keyword: str) -> Float64s:
         return np.ascontiguousarray(self._blocks.numbers(keyword)[:, : 3 if keyword == "vn" else 2])
-
-    def _of_corners(self, keyword: str) -> PerCorner | None:
-        if not self.some(keyword).all():
-            return None
-        rows = self._numbers(keyword)
-        own = self.indices[keyword]
-        return PerCorner(rows, _from_zero(own, len(rows), self.source, keyword)) if len(rows) else None
-
-
-def _lines(runs: list[Run], keyword: str) -> str:
-    text = re.sub(r"#[^\n]*", "", "\n".join(run.text for run in runs if run.keyword == keyword))
-    return re.sub(rf"^[ \t]*{keyword}", "", text, flags=re.MULTILINE)
 
 
 def _from_zero(indices: Int64s, count: int, source: str, keyword: str) -> Int64s:

@@ -8,8 +8,7 @@ import numpy.typing as npt
 from raytrace.image.srgb import encode_srgb
 from raytrace.types import AnyInts, Float32s, Float64s, Int64s
 
-from ...geometry.detail import Detail, PerCorner
-from ...geometry.elements import Element, Property
+from ...geometry.detail import Detail, Element, PerCorner, Property
 from ...geometry.polygons import Triangulation
 from .layout import PROFILE, PROFILE_COMMENT
 

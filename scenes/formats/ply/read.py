@@ -13,9 +13,8 @@ from dataclasses import replace
 import numpy as np
 
 from raytrace.errors import MeshError
-from raytrace.types import Float64s
 
-from ...geometry.elements import Element, Property
+from ...geometry.detail import Element, Property
 from ...geometry.instances import Instance
 from ...geometry.polygons import triangulate
 from ..number_rows import NumberRows, whole
@@ -95,8 +94,12 @@ def _ends_early(source: str, element: PlyElement) -> MeshError:
 def _declared(element: Element, declared: PlyElement) -> Element:
     """An element of a text file in its declared types; float is double where it would overflow, or move vertices."""
     single = {column.name: column.values for column in element.properties if column.sizes is None}
-    far = element.count and set("xyz") <= set(single) and _is_moved(np.stack([single[x] for x in "xyz"], axis=1))
-    made = []
+    far, made = False, []
+    if element.count and set("xyz") <= set(
+        single
+    ):  # where float32 moves them by more than its error of an extent about 0
+        vertices = np.stack([single[axis] for axis in "xyz"], axis=1)
+        far = not np.abs(vertices.astype("f") - vertices).max() <= 1e-6 * np.ptp(vertices, axis=0).max()
     for column in element.properties:
         (kind, counted), values = declared.properties[column.name], column.values
         if kind == "f":
@@ -105,12 +108,6 @@ def _declared(element: Element, declared: PlyElement) -> Element:
             values = values.astype(kind)
         made.append(Property(column.name, kind, values, counted, column.sizes))
     return replace(element, properties=tuple(made))
-
-
-def _is_moved(vertices: Float64s) -> bool:
-    """Whether float32 moves vertices by more than what it is in error of an extent about zero."""
-    extent = np.ptp(vertices, axis=0).max()
-    return not np.abs(vertices.astype("f") - vertices).max() <= 1e-6 * extent
 
 
 def _read_elements(data: bytes, header: PlyHeader, source: str) -> list[Element]:
@@ -131,7 +128,7 @@ def _read_rows(data: bytes, start: int, order: str, element: PlyElement) -> tupl
     Raises: struct.error: the data ends before that.
     """
     if not element.count:
-        return [Property(name, kind, np.empty(0, kind), by) for name, (kind, by) in element.properties.items()], start
+        return _walk(data, start, order, element, 0)
     first, _ = _walk(data, start, order, element, 1)
     lengths = {column.name: int(column.sizes[0]) for column in first if column.sizes is not None}
     row = element.row(lengths, order)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -9,13 +11,11 @@ import numpy as np
 from raytrace.mesh.up import up_axis
 from raytrace.types import AnyInts, Float64s
 
-from ...geometry.detail import Detail
-from ...geometry.elements import Element, Property
+from ...geometry.detail import Detail, Element, Property
 from ..load import MeshFile
 from ..table import Channels
 from .detail import RGB, grey_of, is_profile, own_colors
-from .encode import encode_ply
-from .layout import PROFILE, PROFILE_COMMENT, UP_COMMENT
+from .layout import COUNT, PROFILE, PROFILE_COMMENT, UP_COMMENT, PlyElement, write_header
 
 if TYPE_CHECKING:
     from ao import Bake
@@ -52,7 +52,7 @@ def ply(bake: Bake, mesh_file: MeshFile, channels: Channels) -> bytes:
     if profile:
         comments.insert(1, PROFILE_COMMENT + " ".join(map(repr, [profile.radius, *profile.half_distances.tolist()])))
     annotated = [_annotate(element, bake, grey) if element.name == "vertex" else element for element in elements]
-    return encode_ply(annotated, comments)
+    return _encode(annotated, comments)
 
 
 def has_own_colors(detail: Detail | None) -> bool:
@@ -113,3 +113,38 @@ def _storable(normals: Float64s) -> Float64s:
     finite = np.nan_to_num(normals)
     longest = np.abs(finite).max(axis=1, keepdims=True)
     return finite / np.where(longest > _LONGEST, longest, 1.0)
+
+
+def _encode(elements: Sequence[Element], comments: Sequence[str]) -> bytes:
+    """A binary little-endian PLY file. Args: comments: lines of the header, "comment …" or "obj_info …"."""
+    fitting = [replace(each, properties=tuple(column.fitting() for column in each.properties)) for each in elements]
+    layouts = [PlyElement(e.name, e.count, {c.name: (c.kind, c.counted) for c in e.properties}) for e in fitting]
+    return b"".join([write_header(layouts, comments), *map(_rows, fitting, layouts)])
+
+
+def _rows(element: Element, layout: PlyElement) -> bytes:
+    """The rows of an element: as an array where their lists are equally long, or else column by column."""
+    lists = {column.name: column.sizes for column in element.properties if column.sizes is not None}
+    if all((sizes == sizes[:1]).all() for sizes in lists.values()):
+        lengths = {name: int(sizes[0]) if len(sizes) else 0 for name, sizes in lists.items()}
+        rows = np.empty(element.count, layout.row(lengths))
+        for column in element.properties:
+            rows[column.name] = column.values.reshape(rows[column.name].shape)
+            if column.counted:
+                rows[COUNT + column.name] = lengths[column.name]
+        return rows.tobytes()
+    one = np.ones(element.count, np.int64)
+    columns = []
+    for column in element.properties:
+        if column.sizes is not None:
+            columns.append((column.sizes.astype("<" + column.counted), one))
+        columns.append((column.values.astype("<" + column.kind), one if column.sizes is None else column.sizes))
+    widths = sum((values.itemsize * sizes for values, sizes in columns), start=0 * one)
+    data, starts = np.empty(int(widths.sum()), np.uint8), np.cumsum(widths) - widths
+    for values, sizes in columns:
+        first = starts - values.itemsize * (np.cumsum(sizes) - sizes)
+        places = np.repeat(first, sizes) + values.itemsize * np.arange(len(values))
+        for byte, part in enumerate(values.view(np.uint8).reshape(-1, values.itemsize).T):
+            data[places + byte] = part
+        starts += values.itemsize * sizes
+    return data.tobytes()

@@ -90,7 +90,7 @@ def present(data):
     file = ObjText.parse(data, "m")
     painted = file.named("usemtl")
     materials = [None if of < 0 else painted.names[of] for of in painted.of]
-    return file.vertices, file.colors, file.sizes, file.corners, file.normals(), file.uv(), materials
+    return file.vertices, file.colors, file.sizes, file.corners, file.of_corners("vn"), file.of_corners("vt"), materials
 
 
 def outcome(read, data):
