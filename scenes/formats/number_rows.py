@@ -41,17 +41,11 @@ def round_left(data: bytes, values: Float64s) -> None:
 
 @dataclass(frozen=True, eq=False)
 class NumberRows:
-    """The lines of a text file that have words, what follows a # left out.
+    """The lines of a text file that have words, what follows a # left out."""
 
-    Attributes:
-        data: the file's bytes.
-        numbers: float64 (k,), all words, with NaNs for `round_left`.
-        bounds: int64 (rows + 1,), where the numbers of each row begin, and the last one's end.
-    """
-
-    data: bytes
-    numbers: Float64s
-    bounds: Int64s
+    data: bytes  # of the file
+    numbers: Float64s  # (k,), all words, with NaNs for `round_left`
+    bounds: Int64s  # (rows + 1,), where the numbers of each row begin, and the last one's end
 
     @classmethod
     def of(cls, data: bytes, begin: int = 0) -> NumberRows:

@@ -59,23 +59,15 @@ def _state(file: int | Path) -> tuple[int, ...]:
 
 @dataclass(frozen=True, eq=False)
 class StoredMesh:
-    """A mesh on the disk, an `ao.tiles.source.TileSource`.
+    """A mesh on the disk, an `ao.tiles.source.TileSource`."""
 
-    Attributes:
-        name: the file's.
-        vertex, face: what a PLY file declares of its rows, at least one of each.
-        vertex_rows, face_rows: these rows.
-        corners: the property of faces with three indices.
-        comments: lines of a header, for an output that keeps them.
-    """
-
-    name: str
-    vertex: PlyElement
+    name: str  # the file's
+    vertex: PlyElement  # what a PLY file declares of its rows, at least one
     face: PlyElement
-    vertex_rows: Rows
+    vertex_rows: Rows  # these rows
     face_rows: Rows
-    corners: str
-    comments: tuple[str, ...] = ()
+    corners: str  # the property of faces with three indices
+    comments: tuple[str, ...] = ()  # lines of a header, for an output that keeps them
 
     @property
     def vertex_count(self) -> int:

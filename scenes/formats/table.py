@@ -9,20 +9,14 @@ from typing import Any, BinaryIO, NamedTuple
 
 
 class MeshInput(NamedTuple):
-    """A mesh file to be read.
-
-    Attributes:
-        file, path: its bytes; where they are, or what they are called. name: of an object without one.
-        keep: whether to read what a target can hold besides, too. alpha: also alpha of materials.
-        is_on_disk: whether `path` holds the bytes.
-    """
+    """A mesh file to be read."""
 
     file: BinaryIO
-    path: Path
-    name: str
-    keep: bool
-    alpha: bool
-    is_on_disk: bool
+    path: Path  # where the bytes are, or what they are called
+    name: str  # of an object without one
+    keep: bool  # whether to read what a target can hold besides, too
+    alpha: bool  # also alpha of materials
+    is_on_disk: bool  # whether `path` holds the bytes
 
     @property
     def source(self) -> str:
@@ -30,44 +24,26 @@ class MeshInput(NamedTuple):
 
 
 class Channels(NamedTuple):
-    """Where a GLB holds w beside the attribute `_OBSCURANCE`, for viewers, and how a page stands.
+    """Where a GLB holds w beside the attribute `_OBSCURANCE`, for viewers, and how a page stands."""
 
-    Attributes:
-        colors: also in `COLOR_0`, linear as glTF's vertex colours are; an existing one is replaced.
-        ramp: also in the materials' occlusion textures (`scenes.formats.glb.ramp`).
-        replace: in place of occlusion textures of the source, too.
-        up: the axis that is up, in place of `Mesh.up`.
-    """
-
-    colors: bool = False
-    ramp: bool = False
-    replace: bool = False
-    up: str | None = None
+    colors: bool = False  # also in `COLOR_0`, linear as glTF's vertex colours are; an existing one is replaced
+    ramp: bool = False  # also in the materials' occlusion textures (`scenes.formats.glb.ramp`)
+    replace: bool = False  # in place of occlusion textures of the source, too
+    up: str | None = None  # the axis that is up, in place of `Mesh.up`
 
 
 class FileFormat(NamedTuple):
-    """A row of the table. Functions are texts, `module:name` below `scenes`, so that none is imported before its use.
+    """A row of the table. Functions are texts, `module:name` below `scenes`, so that none is imported before use."""
 
-    Attributes:
-        ending: of files, in lower case. name: of the format.
-        read: a `MeshInput` to a list of `Instance`s, of glTF with its asset.
-        peak: bytes of memory a byte of file while it is read; what archives and glTF hold is counted later.
-        begins: a pattern of the first bytes, which identifies a pipe's format.
-        open_rows: a path to a `StoredMesh`, for tiles.
-        write: a bake, a `MeshFile` and `Channels` to bytes.
-        lost: a `MeshFile` and whether colours are written to words for what an output lacks.
-        holds: of "w", "colors" of vertices, "uv" of polygons' corners, a "scene".
-    """
-
-    ending: str
+    ending: str  # of files, in lower case
     name: str
-    read: str = ""
-    peak: float = 0.0
-    begins: bytes = b""
-    open_rows: str = ""
-    write: str = ""
-    lost: str = ""
-    holds: tuple[str, ...] = ()
+    read: str = ""  # a `MeshInput` to a list of `Instance`s, of glTF with its asset
+    peak: float = 0.0  # bytes of memory a byte of file while it is read; what archives and glTF hold is counted later
+    begins: bytes = b""  # a pattern of the first bytes, which identifies a pipe's format
+    open_rows: str = ""  # a path to a `StoredMesh`, for tiles
+    write: str = ""  # a bake, a `MeshFile` and `Channels` to bytes
+    lost: str = ""  # a `MeshFile` and whether colours are written to words for what an output lacks
+    holds: tuple[str, ...] = ()  # of "w", "colors" of vertices, "uv" of polygons' corners, a "scene"
 
 
 _GLTF = "formats.gltf.instances:read_gltf"

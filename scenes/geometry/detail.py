@@ -33,12 +33,7 @@ class PerCorner(NamedTuple):
 
 @dataclass(frozen=True)
 class Paint:
-    """A material as OBJ libraries have it: a name, linear colours in [0, 1], glTF's factors, and a picture.
-
-    Attributes:
-        texture: an existing PNG or JPEG, multiplied into `colour`; coordinates as the file has them.
-        opacity_texture: an existing image, multiplied into `opacity` (`opacity.opacity_map`); the same coordinates.
-    """
+    """A material as OBJ libraries have it: a name, linear colours in [0, 1], glTF's factors, and a picture."""
 
     name: str
     colour: tuple[float, float, float] = (1.0, 1.0, 1.0)
@@ -46,26 +41,19 @@ class Paint:
     metallic: float = 0.0
     roughness: float = 1.0
     emission: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    texture: Path | None = None
-    opacity_texture: Path | None = None
+    texture: Path | None = None  # an existing PNG or JPEG, multiplied into `colour`; coordinates as the file has them
+    opacity_texture: Path | None = None  # an existing image, multiplied into `opacity` (`opacity.opacity_map`)
 
 
 @dataclass(frozen=True, eq=False)
 class Property:
-    """A column of an element of a PLY file.
-
-    Attributes:
-        name: of the property.
-        kind: the type of its values.
-        values: (n,), or the values of all lists one after the other.
-        counted, sizes: of a property of lists: the type of their lengths, and the lengths (n,).
-    """
+    """A column of an element of a PLY file."""
 
     name: str
-    kind: str
-    values: npt.NDArray[Any]
-    counted: str = ""
-    sizes: npt.NDArray[Any] | None = None
+    kind: str  # the type of its values
+    values: npt.NDArray[Any]  # (n,), or the values of all lists one after the other
+    counted: str = ""  # of lists, the type of their lengths
+    sizes: npt.NDArray[Any] | None = None  # (n,), of lists their lengths
 
     def fitting(self) -> Property:
         """The same values in the same type if it holds them, or else in one that does."""
@@ -91,39 +79,23 @@ class Element:
 
 @dataclass(frozen=True, eq=False)
 class Detail:
-    """See the module. All arrays go by the file's own vertices and polygons, whose order the mesh has too.
+    """See the module. All arrays go by the file's own vertices and polygons, whose order the mesh has too."""
 
-    Attributes:
-        corners: (c,) vertex indices, polygon after polygon.
-        sizes: (p,) corners of each polygon.
-        triangles: how the mesh's faces were cut from the polygons.
-        uv: texture coordinates, v upwards, or None.
-        normals: where some vertex has several, or None: then `Mesh.normals` are all there are.
-        colors: (n, 3) or (n, 4), red green blue and alpha in [0, 1], sRGB-encoded, or None.
-        numbers: further (n,) values of the vertices by name.
-        paints, paint_of: the materials, and (p,) which of them each polygon has, −1: none; or None.
-        objects, object_of: names of a file's objects that are no parts of the mesh, and (p,) which each polygon is of,
-            -1: none; or None.
-        elements, comments: everything, if it was a PLY file.
-        files: read beside the mesh file, or to be read when it is written.
-        some_uv: (c, 2) texture coordinates of the corners, NaN of corners that lack them, where only some have any.
-    """
-
-    corners: Int64s
-    sizes: Int64s
-    triangles: Triangulation
-    uv: PerCorner | None = None
-    normals: PerCorner | None = None
-    colors: Float64s | None = None
-    numbers: dict[str, Float64s] = field(default_factory=dict)
+    corners: Int64s  # (c,) vertex indices, polygon after polygon
+    sizes: Int64s  # (p,) corners of each polygon
+    triangles: Triangulation  # how the mesh's faces were cut from the polygons
+    uv: PerCorner | None = None  # texture coordinates, v upwards, or None
+    normals: PerCorner | None = None  # where some vertex has several, or None: then `Mesh.normals` are all there are
+    colors: Float64s | None = None  # (n, 3) or (n, 4), red green blue and alpha in [0, 1], sRGB-encoded, or None
+    numbers: dict[str, Float64s] = field(default_factory=dict)  # further (n,) values of the vertices by name
     paints: tuple[Paint, ...] = ()
-    paint_of: Int64s | None = None
-    objects: tuple[str, ...] = ()
-    object_of: Int64s | None = None
-    elements: tuple[Element, ...] = ()
+    paint_of: Int64s | None = None  # (p,) which of the materials each polygon has, −1: none; or None
+    objects: tuple[str, ...] = ()  # names of a file's objects that are no parts of the mesh
+    object_of: Int64s | None = None  # (p,) which of these each polygon is of, −1: none; or None
+    elements: tuple[Element, ...] = ()  # with the comments everything, if it was a PLY file
     comments: tuple[str, ...] = ()
-    files: tuple[Path, ...] = ()
-    some_uv: Float64s | None = None
+    files: tuple[Path, ...] = ()  # read beside the mesh file, or to be read when it is written
+    some_uv: Float64s | None = None  # (c, 2) texture coordinates of the corners where only some have any, else NaN
 
     def corner_uv(self) -> Float64s | None:
         """Texture coordinates (m, 3, 2) of the triangles, v upwards, NaN where a corner of one has none; None if there

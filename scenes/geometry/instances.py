@@ -24,39 +24,23 @@ _ROW = 80  # bytes of a placed vertex or triangle, with copies on the way to a m
 
 @dataclass(frozen=True)
 class Instance:
-    """Triangles as a file stores them, and where its scene places them.
+    """Triangles as a file stores them, and where its scene places them."""
 
-    Attributes:
-        name: what the file calls the object.
-        vertices: (n, 3) numbers, in the object's own frame.
-        faces: (m, 3) integers, indices into `vertices`.
-        normals: (n, 3) numbers per vertex in the object's own frame, or None.
-        matrix: (4, 4) affine map to the world for column vectors, or None for the identity.
-        notes: warnings about the object.
-        detail: what else the file holds of the object, if that was asked for.
-        unread: what the file holds and nobody reads, in words.
-        w: (n,) obscurance that a bake has left in the file, unchecked, or None. profile: of it, or None.
-        opacity: alpha of the faces, or None.
-        up: the axis that is up, if the file or its format defines it (`Mesh.up`).
-        paints, paint_of: all materials of the file, and (m,) which each of the faces has, -1: none; or None.
-        polygons: (m,) the polygon of each face, as `raytrace.Mesh` has it, or None.
-    """
-
-    name: str
-    vertices: npt.NDArray[Any]
-    faces: npt.NDArray[Any]
-    normals: npt.NDArray[Any] | None = None
-    matrix: Float64s | None = None
-    notes: tuple[str, ...] = ()
-    detail: Detail | None = None
-    unread: tuple[str, ...] = ()
-    w: npt.NDArray[Any] | None = None
-    profile: Profile | None = None
-    opacity: Opacity | None = None
-    up: str | None = None
-    paints: tuple[Paint, ...] = ()
-    paint_of: npt.NDArray[Any] | None = None
-    polygons: Int64s | None = None
+    name: str  # what the file calls the object
+    vertices: npt.NDArray[Any]  # (n, 3) numbers, in the object's own frame
+    faces: npt.NDArray[Any]  # (m, 3) integers, indices into `vertices`
+    normals: npt.NDArray[Any] | None = None  # (n, 3) numbers per vertex in the object's own frame, or None
+    matrix: Float64s | None = None  # (4, 4) affine map to the world for column vectors, or None for the identity
+    notes: tuple[str, ...] = ()  # warnings about the object
+    detail: Detail | None = None  # what else the file holds of the object, if that was asked for
+    unread: tuple[str, ...] = ()  # what the file holds and nobody reads, in words
+    w: npt.NDArray[Any] | None = None  # (n,) obscurance that a bake has left in the file, unchecked, or None
+    profile: Profile | None = None  # that a bake has left in the file, or None
+    opacity: Opacity | None = None  # alpha of the faces, or None
+    up: str | None = None  # the axis that is up, if the file or its format defines it (`Mesh.up`)
+    paints: tuple[Paint, ...] = ()  # all materials of the file
+    paint_of: npt.NDArray[Any] | None = None  # (m,) which of them each face has, −1: none; or None
+    polygons: Int64s | None = None  # (m,) the polygon of each face, as `raytrace.Mesh` has it, or None
 
     @property
     def is_flattened(self) -> bool:

@@ -24,17 +24,11 @@ _OVERLAP = 1e-5  # of a polygon's area: how much may be covered twice or not at 
 
 
 class Triangulation(NamedTuple):
-    """Polygons cut into triangles.
+    """Polygons cut into triangles."""
 
-    Attributes:
-        counts: (p,) triangles of each polygon.
-        crossing: how many polygons no triangles between their own corners fill, because they cross themselves.
-        places: (m, 3) places in the list of corners, in the polygons' order; None if all polygons are triangles.
-    """
-
-    counts: Int64s
-    crossing: int
-    places: Int64s | None
+    counts: Int64s  # (p,) triangles of each polygon
+    crossing: int  # how many polygons no triangles between their own corners fill, because they cross themselves
+    places: Int64s | None  # (m, 3) in the list of corners, by polygon; None if all polygons are triangles
 
     @property
     def notes(self) -> tuple[str, ...]:
@@ -53,19 +47,13 @@ class Triangulation(NamedTuple):
 
 
 class _Views(NamedTuple):
-    """Polygons as their first corners see them.
+    """Polygons as their first corners see them."""
 
-    Attributes:
-        normals: (p, 3) unit Newell normals, 0 if there is none.
-        offsets: (k, 3) corners from the first corner of each, the largest coordinate ±1.
-        areas: (p,) twice the area that the outline goes round, in the same unit.
-        fills: (p,) whether the fan about the first corner fills the polygon: a fan covers each point as often as the
-            outline winds around it, so it does unless triangles are turned over.
-    """
-
-    normals: Float64s
-    offsets: Float64s
-    areas: Float64s
+    normals: Float64s  # (p, 3) unit Newell normals, 0 if there is none
+    offsets: Float64s  # (k, 3) corners from the first corner of each, the largest coordinate ±1
+    areas: Float64s  # (p,) twice the area that the outline goes round, in the same unit
+    # (p,) whether the fan about the first corner fills the polygon: a fan covers each point as often as the
+    # outline winds around it, so it does unless triangles are turned over
     fills: Bools
 
 

@@ -24,17 +24,12 @@ class Origin(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class TexturedMesh:
-    """A mesh and its texture coordinates uv, float64 (n, 2), v upwards, or None.
-
-    Attributes:
-        origin: where the vertices come from, if they are not its file's one by one.
-        colours: linear RGB (n, 3) of the vertices, or None.
-    """
+    """A mesh and its texture coordinates uv, float64 (n, 2), v upwards, or None."""
 
     mesh: Mesh
     uv: Float64s | None = None
-    origin: Origin | None = None
-    colours: Float64s | None = None
+    origin: Origin | None = None  # where the vertices come from, if they are not its file's one by one
+    colours: Float64s | None = None  # linear RGB (n, 3) of the vertices, or None
 
 
 def merge(pieces: Sequence[TexturedMesh], source: str) -> TexturedMesh:

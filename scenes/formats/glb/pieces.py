@@ -26,19 +26,13 @@ class Named(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Piece:
-    """Faces of one material in one object.
+    """Faces of one material in one object."""
 
-    Attributes:
-        faces: (k,) rows of the mesh's faces.
-        body: what the object shares with its copies.
-        image: an image that the material has by the piece's texture coordinates, or None.
-    """
-
-    faces: Int64s
+    faces: Int64s  # (k,) rows of the mesh's faces
     material: Named
     object: Named
-    body: Hashable
-    image: Hashable
+    body: Hashable  # what the object shares with its copies
+    image: Hashable  # an image that the material has by the piece's texture coordinates, or None
 
 
 def pieces(mesh_file: MeshFile, number: int = 0) -> Iterator[Piece]:

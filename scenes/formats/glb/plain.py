@@ -27,35 +27,22 @@ SOURCE_INDEX = "_SOURCE_INDEX"
 
 
 class Group(NamedTuple):
-    """Triangles of one object and one material, which become one primitive.
+    """Triangles of one object and one material, which become one primitive."""
 
-    Attributes:
-        part: number of the mesh file's part.
-        name: of the object.
-        paint: number of the material in the document.
-        faces: (t,) rows of the mesh's faces, ascending.
-    """
-
-    part: int
+    part: int  # number of the mesh file's part
     name: str
-    paint: int
-    faces: Int64s
+    paint: int  # number of the material in the document
+    faces: Int64s  # (t,) rows of the mesh's faces, ascending
 
 
 @dataclass(frozen=True, eq=False)
 class _Piece:
-    """Attributes of a group's vertices.
+    """Attributes of a group's vertices."""
 
-    Attributes:
-        vertices: (k,), rows of the mesh's; vertices with several normals or texture coordinates repeat.
-        faces: (t, 3) places in `vertices`.
-        normals, uv: (k, 3) and (k, 2), or None.
-    """
-
-    vertices: Int64s
-    faces: Int64s
-    normals: Float64s | None
-    uv: Float64s | None
+    vertices: Int64s  # (k,), rows of the mesh's; vertices with several normals or texture coordinates repeat
+    faces: Int64s  # (t, 3) places in `vertices`
+    normals: Float64s | None  # (k, 3)
+    uv: Float64s | None  # (k, 2)
 
 
 Drawn = tuple[dict[str, Any], Int64s]

@@ -41,17 +41,11 @@ class DrawnPrimitive(NamedTuple):
 
 @dataclass(eq=False)
 class Gltf:
-    """A glTF asset. Records are made when they are first used: MeshError names what is malformed in them.
+    """A glTF asset. Records are made when they are first used: MeshError names what is malformed in them."""
 
-    Attributes:
-        path: where it was read; relative references start beside it.
-        header: the JSON document.
-        buffers: the bytes of each of the header's buffers.
-    """
-
-    path: Path
-    header: dict[str, Any]
-    buffers: tuple[bytes, ...] = ()
+    path: Path  # where it was read; relative references start beside it
+    header: dict[str, Any]  # the JSON document
+    buffers: tuple[bytes, ...] = ()  # the bytes of each of the header's buffers
 
     @cached_property
     def geometry(self) -> GltfGeometry:

@@ -18,20 +18,14 @@ from ..number_rows import line_blocks, round_left
 
 @dataclass(frozen=True, eq=False)
 class ObjBlocks:
-    """An OBJ file, continued lines joined.
+    """An OBJ file, continued lines joined."""
 
-    Attributes:
-        data, text: its bytes, which end with a line. bounds: where each block of lines begins and ends.
-        tallies: (blocks, 4, 6), of `survey`. before: (blocks + 1, 4, 6), sums of the tallies before each block.
-        rest: by block, its runs of other statements.
-    """
-
-    data: bytes
-    text: UInt8s
-    bounds: list[tuple[int, int]]
-    tallies: Int64s
-    before: Int64s
-    rest: list[Int64s]
+    data: bytes  # ends with a line
+    text: UInt8s  # the same
+    bounds: list[tuple[int, int]]  # where each block of lines begins and ends
+    tallies: Int64s  # (blocks, 4, 6), of `survey`
+    before: Int64s  # (blocks + 1, 4, 6), sums of the tallies before each block
+    rest: list[Int64s]  # by block, its runs of other statements
 
     @classmethod
     def of(cls, data: bytes) -> ObjBlocks:

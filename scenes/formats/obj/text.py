@@ -48,26 +48,16 @@ def joined_lines(data: bytes) -> str:
 
 @dataclass(frozen=True, eq=False)
 class ObjText:
-    """An OBJ file's statements and its geometry.
+    """An OBJ file's statements and its geometry."""
 
-    Attributes:
-        runs: all statements but vertices, their `vt` and `vn`, and faces; continued lines are joined.
-        source: the file's name for messages.
-        vertices: float64 (n, 3). has_colors: whether some of their lines have six numbers.
-        colors: float64 (n, 3), what follows the coordinates where every line has six numbers, or None.
-        sizes: int64 (p,), corners of each face.
-        indices: int64 (c,) by keyword, of the corners' `vt` and `vn`, from 1 on, or `NONE`.
-        corners: int64 (c,), the vertex of each.
-    """
-
-    runs: list[Run]
-    source: str
-    vertices: Float64s
-    has_colors: bool
-    colors: Float64s | None
-    sizes: Int64s
-    indices: dict[str, Int64s]
-    corners: Int64s
+    runs: list[Run]  # all statements but vertices, their `vt` and `vn`, and faces; continued lines are joined
+    source: str  # the file's name for messages
+    vertices: Float64s  # (n, 3)
+    has_colors: bool  # whether some of their lines have six numbers
+    colors: Float64s | None  # (n, 3), what follows the coordinates where every line has six numbers, or None
+    sizes: Int64s  # (p,), corners of each face
+    indices: dict[str, Int64s]  # (c,) by keyword, of the corners' `vt` and `vn`, from 1 on, or `NONE`
+    corners: Int64s  # (c,), the vertex of each
     _blocks: ObjBlocks
 
     @classmethod

@@ -37,13 +37,11 @@ PROFILE_COMMENT = "comment obscurance profile: "  # of files of ours, the radius
 
 @dataclass
 class PlyElement:
-    """An element as a header declares it.
-
-    Attributes: properties: by name the type of the values, and of the length of a list or "" for a single value.
-    """
+    """An element as a header declares it."""
 
     name: str
     count: int
+    # by name the type of the values, and of the length of a list or "" for a single value
     properties: dict[str, tuple[str, str]] = field(default_factory=dict)
 
     def row(self, lengths: Mapping[str, int], order: str = "<") -> np.dtype[Any]:
