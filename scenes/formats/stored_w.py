@@ -129,8 +129,6 @@ def unrepeated(vertices: npt.NDArray[Any], counts: tuple[int, ...]) -> int:
 
 def _of_gltf(instances: Sequence[Instance], asset: Gltf) -> list[AnyFloats | None]:
     """w of each drawn primitive: the attribute of a bake, or else the occlusion texture at the vertices."""
-    if all(each.w is not None for each in instances):
-        return [each.w for each in instances]
     with mesh_errors(asset.path):
         textures, found = Textures(asset), []
         for piece, each in zip(asset.drawn, instances, strict=True):

@@ -62,18 +62,10 @@ def plain(mesh_file: MeshFile, colors: bool, up: str | None = None) -> tuple[Pac
     Args: colors: leave the source's colours out. up: in place of `Mesh.up`.
     """
     detail, mesh = mesh_file.detail, mesh_file.mesh
-    packed = Packed(
-        {
-            "asset": {"version": "2.0", "generator": "obscurance"},
-            "scene": 0,
-            "scenes": [{"nodes": []}],
-            "nodes": [],
-            "meshes": [],
-            "materials": [copy.deepcopy(WHITE)],
-        }
-    )
+    header: dict[str, Any] = {"asset": {"version": "2.0", "generator": "obscurance"}, "scene": 0}
+    header |= {"scenes": [{"nodes": []}], "nodes": [], "meshes": [], "materials": [copy.deepcopy(WHITE)]}
+    packed = Packed(header)
     add_materials(packed, detail.paints if detail else ())
-    header = packed.header
     drawn: list[Drawn] = []
     origins = [part_origin(mesh.vertices[part.vertices]) for part in mesh_file.parts]
     found = groups(mesh_file)

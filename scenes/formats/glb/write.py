@@ -5,15 +5,15 @@ from __future__ import annotations
 import copy
 from functools import cache
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from raytrace.mesh.up import up_axis
 
 from ...geometry.instances import Submesh
+from ..gltf.accessors import DRACO, MESHOPT
 from ..gltf.asset import Gltf, referenced
-from ..gltf.compression import keep_plain_data
 from ..gltf.container import stand
 from ..load import MeshFile
 from ..table import Channels
@@ -67,7 +67,7 @@ def stored(asset: Gltf, parts: tuple[Submesh, ...]) -> tuple[Packed, list[Drawn]
 def _one_buffer(asset: Gltf) -> Packed:
     """The asset with all buffers joined, and with the images beside it taken in where they can be read."""
     packed = Packed(copy.deepcopy(asset.header))
-    keep_plain_data(packed.header)
+    _keep_plain_data(packed.header)
     offsets = [packed.add(buffer) for buffer in asset.buffers]
     for view in packed.header.get("bufferViews", []):
         if view["buffer"] in range(len(offsets)):
@@ -87,3 +87,30 @@ def _one_buffer(asset: Gltf) -> Packed:
                 views[id(data)] = packed.bytes_view(data)
             image["bufferView"] = views[id(data)]
     return packed
+
+
+def _keep_plain_data(header: dict[str, Any]) -> None:
+    """Take compressed data out of a document wherever it has the plain data too."""
+    for view in header.get("bufferViews", []):
+        for name in MESHOPT:
+            _remove(view, name)
+    left = False
+    for primitive in (piece for mesh in header.get("meshes", []) for piece in mesh["primitives"]):
+        numbers = [*primitive["attributes"].values(), *([primitive["indices"]] if "indices" in primitive else [])]
+        accessors = [header["accessors"][number] for number in numbers if number < len(header.get("accessors", []))]
+        if all("bufferView" in accessor for accessor in accessors):
+            _remove(primitive, DRACO)
+        left |= DRACO in primitive.get("extensions", {})
+    for key in ("extensionsUsed", "extensionsRequired"):
+        names = [name for name in header.get(key, []) if name not in MESHOPT and (left or name != DRACO)]
+        if names:
+            header[key] = names
+        else:
+            header.pop(key, None)
+
+
+def _remove(entry: dict[str, Any], name: str) -> None:
+    extensions = entry.get("extensions", {})
+    extensions.pop(name, None)
+    if not extensions:
+        entry.pop("extensions", None)

@@ -1,6 +1,7 @@
-"""The arrays of a glTF file.
+"""The arrays of a glTF file. Compressed ones are not decoded; plain data beside them are read and kept.
 
-Format: Khronos glTF 2.0 specification, sections 3.6 (buffers, views, accessors) and 3.11 (quantised values).
+Format: Khronos glTF 2.0 specification, sections 3.6 (buffers, views, accessors) and 3.11 (quantised values); extensions
+KHR_draco_mesh_compression (of primitives), EXT_meshopt_compression and KHR_meshopt_compression (of buffer views).
 """
 
 from typing import Any
@@ -12,12 +13,25 @@ from raytrace.errors import MeshError
 from raytrace.types import Float64s
 
 from .asset import Gltf, entry
-from .compression import compressions, must_be_decoded
-from .records import TRIANGLE_STRIP, Primitive, Sparse
+from .records import TRIANGLE_STRIP, BufferView, GltfGeometry, Primitive, Sparse
 
 COMPONENTS = {5120: "<i1", 5121: "<u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
 _COLUMNS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4}
+DRACO = "KHR_draco_mesh_compression"
+MESHOPT = ("EXT_meshopt_compression", "KHR_meshopt_compression")
 _ZEROS, _GROWTH = 1 << 22, 16  # values of a sparse accessor without a base, and more of them a byte of the file
+
+
+def compressions(geometry: GltfGeometry) -> str:
+    """The compressions that a file says it uses, for messages; empty if none."""
+    named = {*geometry.extensionsUsed, *geometry.extensionsRequired}
+    used = [name for name in (DRACO, *MESHOPT) if name in named]
+    return ", ".join(used) + ", which is not decoded" if used else ""
+
+
+def must_be_decoded(geometry: GltfGeometry, view: BufferView) -> bool:
+    """Whether a buffer view has compressed data, and the file does not promise plain ones beside them."""
+    return any(name in view.extensions for name in MESHOPT if name in geometry.extensionsRequired)
 
 
 def view_bytes(asset: Gltf, number: int) -> memoryview:

@@ -17,8 +17,8 @@ import numpy as np
 from raytrace.errors import MeshError
 from raytrace.mesh.up import TO_Y_UP
 
+from .accessors import compressions
 from .asset import Gltf, referenced
-from .compression import compressions
 
 _GLB_MAGIC, _JSON_CHUNK, _BIN_CHUNK = 0x46546C67, 0x4E4F534A, 0x004E4942
 _DEEPEST = 100
