@@ -63,6 +63,19 @@ class NumberRows:
         run_blocks(len(blocks), 1, work, thread_count(None))
         return cls(data, np.concatenate([np.empty(0), *numbers]), np.cumsum(np.concatenate(counts)))
 
+    def words(self, at: Int64s) -> Int64s:
+        """Where in the data the words at these places begin, as long as they are no numbers."""
+        return self.numbers.view(np.int64)[at] & _PLACE
+
+    def starting_with(self, word: bytes) -> Int64s:
+        """The rows whose first word is this one, in letters of either case."""
+        rows, text = np.flatnonzero(np.isnan(self.numbers[self.bounds[:-1]])), np.frombuffer(self.data, np.uint8)
+        for offset, letter in enumerate(word):
+            places = self.words(self.bounds[rows]) + offset
+            rows = rows[text[np.minimum(places, len(text) - 1)] | 32 == letter]
+        after = text[self.words(self.bounds[rows]) + len(word)]
+        return rows[(after <= 32) | (after == 35)]
+
     def take(self, at: Int64s, ends: Int64s, sizes: int | Int64s, fault: Exception) -> Float64s:
         """So many numbers of each of some rows, from places `at` on, one after the other.
 

@@ -16,12 +16,13 @@ import numpy.typing as npt
 from raytrace.errors import MeshError
 
 from ..geometry.instances import Instance
+from .number_rows import NumberRows
 from .ply.layout import INDICES, UP_COMMENT, PlyElement
 from .stored_mesh import EXPECTED, StoredMesh, StoredRows
 from .table import MeshInput
 
 _HEADER, _TRIANGLE = 84, np.dtype([("normal", "<f4", 3), ("vertices", "<f4", (3, 3)), ("attribute", "<u2")])
-_LINE = re.compile(r"^[ \t]*(solid|vertex|endsolid)\b[ \t]*([^\n]*)", re.MULTILINE | re.IGNORECASE)
+_NAME = re.compile(rb"solid([^\r\n]*)", re.IGNORECASE)
 
 
 def read_stl(given: MeshInput) -> list[Instance]:
@@ -38,7 +39,7 @@ def read_stl(given: MeshInput) -> list[Instance]:
     if len(data) == _HEADER + announced * _TRIANGLE.itemsize:
         rows = np.frombuffer(data, _TRIANGLE, announced, _HEADER)
         return [_instance(name, rows["vertices"].reshape(-1, 3))]
-    solids = _solids(data.decode("utf-8", "replace").replace("\r", "\n"), given.source)
+    solids = _solids(data, given.source)
     return [_instance(label if len(solids) > 1 else name, vertices) for label, vertices in solids]
 
 
@@ -46,24 +47,23 @@ def _instance(name: str, vertices: np.ndarray) -> Instance:
     return Instance(name, vertices, np.arange(len(vertices)).reshape(-1, 3), up="z")
 
 
-def _solids(text: str, source: str) -> list[tuple[str, np.ndarray]]:
+def _solids(data: bytes, source: str) -> list[tuple[str, np.ndarray]]:
     """Name and vertices (n, 3) of each solid that has some."""
-    solids: list[tuple[str, np.ndarray]] = []
-    name, numbers = "", list[str]()
-    is_open = False
-    for keyword, rest in _LINE.findall(text):
-        match keyword.lower(), is_open:
-            case "solid", False:
-                name, numbers, is_open = rest.strip(), [], True
-            case "vertex", True:
-                numbers.append(rest)
-            case "endsolid", True:
-                is_open = False
-                if numbers:
-                    solids.append((name, np.fromstring(" ".join(numbers), sep=" ").reshape(-1, 3)))
-            case _:
-                raise _damaged(source)
-    if is_open or not solids:
+    rows = NumberRows.of(data)
+    begins, ends = rows.bounds[:-1], rows.bounds[1:]
+    solid, vertex, end = (rows.starting_with(word) for word in (b"solid", b"vertex", b"endsolid"))
+    if len(solid) != len(end):
+        raise _damaged(source)
+    marks = np.stack([solid, end], axis=1).ravel()
+    splits = np.searchsorted(vertex, marks)
+    outside = np.diff(splits, prepend=0, append=len(vertex))[::2]
+    if (np.diff(marks) < 0).any() or outside.any() or (ends[vertex] - begins[vertex] != 4).any():
+        raise _damaged(source)
+    numbers = rows.take(begins[vertex] + 1, ends[vertex], 3, _damaged(source)).reshape(-1, 3)
+    names = [next(_NAME.finditer(rows.data, place))[1] for place in rows.words(begins[solid]).tolist()]
+    parts = zip(names, np.split(numbers, splits)[1::2], strict=True)
+    solids = [(name.decode("utf-8", "replace").strip(), part) for name, part in parts if len(part)]
+    if not solids:
         raise _damaged(source)
     return solids
 

@@ -88,3 +88,14 @@ def test_lines_of_fewer_numbers(tmp_path):
     off = b"OFF\n3 1 0\n0 0 0\n1 0\n0 1 0\n3 0 1 2\n"
     assert mistake(tmp_path, "m.off", off).endswith("3 vertices and 1 faces, got lines of fewer numbers")
     assert "3 vertices and 1 faces, got an end before that" in mistake(tmp_path, "m.off", off[:-9])
+
+
+@pytest.mark.parametrize(
+    ("old", "new"),
+    [(b"endsolid a", b""), (b"solid a", b""), (b"endsolid a", b"endsolid a\nvertex 0 0 1"), (b"0 1 0", b"0 1"),
+     (b"0 1 0", b"0 1 0 0"), (b"0 1 0", b"0 x 0"), (b"endsolid a", b"solid b\nendsolid b\nendsolid a")],
+)  # fmt: skip
+def test_lines_of_an_stl_out_of_order(tmp_path, old, new):
+    stl = b"SOLID a\n facet normal 0 0 0\nvertex 0 0 0\n\tVertex 1 0 0\r\nvertex 0 1 0\nendsolid a"
+    assert len(read_objects(tmp_path / "m.stl", content=stl)[0][0].faces) == 1
+    assert "STL" in mistake(tmp_path, "m.stl", stl.replace(old, new, 1))
