@@ -44,8 +44,7 @@ def check_texture_target(option: str, path: Path, half: bool = False) -> None:
 def udim_tiles(uv: Float64s, source: object) -> list[tuple[int, int]]:
     """The UDIM tiles (column, row) that faces of texture coordinates `uv` (m, 3, 2) reach into, by their numbers.
 
-    Raises:
-        OptionError: one has no number, or there are very many.
+    Raises: OptionError: one has no number, or there are very many.
     """
     low, high = uv.min(axis=1), uv.max(axis=1)
     first: Int64s = np.floor(low + _TINY).astype(np.int64)

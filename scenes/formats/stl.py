@@ -30,9 +30,7 @@ def read_stl(given: MeshInput) -> list[Instance]:
 
     A file is binary if it has the size that a binary header announces.
 
-    Raises:
-        MeshError: the file ends early, or is no STL.
-        ValueError: text that is not numbers.
+    Raises: MeshError: the file ends early, or is no STL. ValueError: text that is not numbers.
     """
     data, name = given.file.read(), given.name
     announced = int.from_bytes(data[80:_HEADER], "little")

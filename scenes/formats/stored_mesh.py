@@ -94,8 +94,7 @@ class StoredMesh:
 def open_mesh(path: Path) -> StoredMesh:
     """A mesh file without reading it.
 
-    Raises:
-        MeshError: it is missing, or none that can be read in runs of rows.
+    Raises: MeshError: it is missing, or none that can be read in runs of rows.
     """
     with mesh_errors(path):
         check_regular(path, "a mesh file", MeshError)

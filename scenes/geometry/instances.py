@@ -67,9 +67,7 @@ def check_copies(
         stored: bytes that hold them.
         field: what the file's part that repeats is called.
 
-    Raises:
-        error: more rows than bytes, and than `MAX_COPIED`.
-        MemoryLimitError: they would not fit into memory.
+    Raises: error: more rows than bytes, and than `MAX_COPIED`. MemoryLimitError: they would not fit into memory.
     """
     limit = max(stored, MAX_COPIED)
     if rows > limit:
@@ -83,8 +81,7 @@ def flatten(instances: Sequence[Instance], source: str) -> tuple[Mesh, tuple[Sub
     A mirroring matrix (negative determinant) reverses the winding of its faces, so that an outside stays an outside.
     Normals go by the inverse transpose; where only some instances have normals, the rest is NaN.
 
-    Raises:
-        MeshError: the arrays are not a mesh (`raytrace.Mesh`).
+    Raises: MeshError: the arrays are not a mesh (`raytrace.Mesh`).
     """
     parts: list[Submesh] = []
     vertex = face = 0

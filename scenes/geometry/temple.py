@@ -15,8 +15,7 @@ COLUMN_RADIUS, COLUMN_HEIGHT = 0.28, 2.6
 def temple(fineness: float = 0.07) -> Mesh:
     """Three steps, a ring of columns with bases and capitals, and a roof slab with a pediment block.
 
-    Args:
-        fineness: largest edge of a mesh cell; the temple is about 8 × 5 × 4 units, z up.
+    Args: fineness: largest edge of a mesh cell; the temple is about 8 × 5 × 4 units, z up.
     """
     half = np.array([(COLUMNS[0] - 1) / 2 * SPACING + 0.55, (COLUMNS[1] - 1) / 2 * SPACING + 0.55])
     parts = [box((0, 0, -0.05), (*(2 * half + 3.0), 0.1), fineness * 2)]

@@ -47,8 +47,7 @@ def view_bytes(asset: Gltf, number: int) -> memoryview:
 def values(asset: Gltf, number: int, *kinds: str) -> npt.NDArray[Any]:
     """The values of an accessor as stored, (count, columns) and read-only, without a copy unless they are sparse.
 
-    Args:
-        kinds: the types that it may have: SCALAR, VEC2, VEC3, VEC4.
+    Args: kinds: the types that it may have: SCALAR, VEC2, VEC3, VEC4.
 
     Raises:
         MeshError: an accessor that is compressed, empty or of another type.
@@ -123,8 +122,7 @@ def triangles(asset: Gltf, primitive: Primitive, count: int) -> npt.NDArray[Any]
 def column(asset: Gltf, primitive: Primitive, name: str, *kinds: str) -> Float64s | None:
     """An attribute of a primitive's vertices, finite and one for each; None if it has none of the name.
 
-    Raises:
-        MeshError, ValueError: as `values`, or values that are not finite or not one for each vertex.
+    Raises: MeshError, ValueError: as `values`, or values that are not finite or not one for each vertex.
     """
     number = primitive.attributes.get(name)
     if number is None:

@@ -55,12 +55,12 @@ def texture_coordinates(asset: Gltf, parts: Sequence[Submesh], faces: Int64s, nu
 
     Args: parts: the primitives. faces: (m, 3).
 
-    Raises:
-        MeshError: values that are not finite, or not one for each vertex.
+    Raises: MeshError: values that are not finite, or not one for each vertex.
     """
     name = f"TEXCOORD_{number}"
+    lacking = [name not in piece.primitive.attributes for piece in asset.drawn]
     try:
-        uv = _column(asset, parts, name, ("VEC2",), np.nan)
+        uv = _column(asset, parts, name, ("VEC2",), np.nan, lacking)
     except (ValueError, KeyError, TypeError) as reason:
         raise MeshError(asset.path, name, "two numbers a vertex", reason) from None
     return None if uv is None else _upwards(uv)[faces]
@@ -76,17 +76,13 @@ def _column(
     name: str,
     kinds: tuple[str, ...],
     missing: float,
-    lacking: Sequence[bool] | None = None,
+    lacking: Sequence[bool],
 ) -> Float64s | None:
-    """An attribute of all vertices, `missing` of primitives that lack it or are said to; None if all do.
-
-    Raises: as `column`.
-    """
-    lacks = lacking or [name not in piece.primitive.attributes for piece in asset.drawn]
-    if all(lacks):
+    """An attribute of all vertices, `missing` of the primitives lacking it; None if all do. Raises: as `column`."""
+    if all(lacking):
         return None
     made = np.full((parts[-1].vertices.stop, int(kinds[-1][-1])), missing)
-    for piece, part, is_lacking in zip(asset.drawn, parts, lacks, strict=True):
+    for piece, part, is_lacking in zip(asset.drawn, parts, lacking, strict=True):
         if not is_lacking:
             found = column(asset, piece.primitive, name, *kinds)
             assert found is not None

@@ -31,8 +31,7 @@ def read_obj(given: MeshInput) -> list[Instance]:
 
     With `given.keep` its detail has texture coordinates, all normals, colours and materials.
 
-    Raises:
-        MeshError, ValueError: as `ObjText.parse`.
+    Raises: MeshError, ValueError: as `ObjText.parse`.
     """
     folder, keep = given.path.parent, given.keep
     file = ObjText.parse(given.file.read(), given.source)
@@ -57,9 +56,7 @@ def read_textured_obj(data: bytes, name: str, source: str, folder: Path) -> tupl
 
     Args: data: the file's bytes. name: of the instance. source: the file, for messages. folder: where it is.
 
-    Raises:
-        MeshError: as `read_obj`, or a corner without texture coordinates.
-        ValueError: text that is not numbers.
+    Raises: MeshError: as `read_obj`, or a corner without texture coordinates. ValueError: text that is not numbers.
     """
     file = ObjText.parse(data, source)
     normals, uv = file.of_corners("vn"), file.of_corners("vt")

@@ -30,9 +30,7 @@ def read_ply(given: MeshInput) -> list[Instance]:
 
     With `given.keep` the instance's detail has all elements.
 
-    Raises:
-        MeshError: the file ends early, or has no vertices.
-        ValueError, KeyError: anything else that is not PLY.
+    Raises: MeshError: the file ends early, or has no vertices. ValueError, KeyError: anything else that is not PLY.
     """
     data, source = given.file.read(), given.source
     header = read_header(data)
