@@ -36,7 +36,7 @@ class Piece:
 
 
 def pieces(mesh_file: MeshFile, number: int = 0) -> Iterator[Piece]:
-    """The pieces of a file, in the order in which `write.stored` and `plain.plain` list primitives.
+    """The pieces of a file, in the order in which `write.document` lists primitives.
 
     Args: number: of the set of texture coordinates by which materials have their images.
     """

@@ -11,12 +11,10 @@ import numpy.typing as npt
 from ao.texture.result import BakedTexture
 from raytrace.errors import MeshError
 from raytrace.image.encode import linear_png
-from raytrace.mesh.up import up_axis
 from raytrace.types import AnyFloats, Float64s, Int64s
 
 from ..gltf.accessors import normalized, triangles, values
 from ..gltf.asset import Gltf
-from ..gltf.container import stand
 from ..gltf.parse import parse
 from ..gltf.records import WRAP, Primitive
 from ..load import MeshFile
@@ -24,9 +22,8 @@ from .buffer import ARRAY_BUFFER, ELEMENT_ARRAY_BUFFER, Packed
 from .occlusion import OWN, OcclusionTextures, add_coordinates, free_set
 from .orm import OrmTextures
 from .pieces import pieces
-from .plain import plain
 from .ramp import write_ramp
-from .write import stored
+from .write import document
 
 if TYPE_CHECKING:
     from ao import Bake
@@ -60,17 +57,11 @@ def textured_glb(
         MeshError: the source's materials or values are malformed.
         OptionError: coordinates of vertices that are too large for float32.
     """
-    asset = mesh_file.gltf
-    packed, drawn = stored(asset, mesh_file.parts) if asset else plain(mesh_file, False)
-    if asset:
-        stand(packed.header, up_axis(mesh_file.mesh), asset.roots)
-    if bake:
-        for primitive, vertices in drawn:
-            packed.annotate(primitive, bake, vertices)
+    packed, drawn = document(mesh_file, bake)
     before = Gltf(mesh_file.path, packed.header, (bytes(packed.binary),))
     textures = OcclusionTextures(packed, replace)
     if orm:
-        textures = OrmTextures(packed, asset, [page.w for page in pages], replace)
+        textures = OrmTextures(packed, mesh_file.gltf, [page.w for page in pages], replace)
     numbers = list(range(len(pages)))
     if not orm:
         codes = [np.rint(np.clip(page.w, 0, 1) * 255).astype(np.uint8)[:, :, None] for page in pages]

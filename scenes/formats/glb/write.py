@@ -37,18 +37,25 @@ def glb(bake: Bake, mesh_file: MeshFile, channels: Channels) -> bytes:
         MeshError: materials of the source are malformed.
         OptionError: coordinates of a source that is no glTF are too large for float32.
     """
-    asset, w = mesh_file.gltf, bake.w
-    packed, drawn = stored(asset, mesh_file.parts) if asset else plain(mesh_file, channels.colors, channels.up)
-    if asset:
-        stand(packed.header, up_axis(mesh_file.mesh, channels.up), asset.roots)
-    for primitive, vertices in drawn:
-        packed.annotate(primitive, bake, vertices, channels.colors)
+    packed, drawn = document(mesh_file, bake, channels)
     if channels.ramp:
-        write_ramp(packed, [(primitive, w[vertices]) for primitive, vertices in drawn], channels.replace)
+        write_ramp(packed, [(primitive, bake.w[vertices]) for primitive, vertices in drawn], channels.replace)
     return packed.encode()
 
 
-def stored(asset: Gltf, parts: tuple[Submesh, ...]) -> tuple[Packed, list[Drawn]]:
+def document(mesh_file: MeshFile, bake: Bake | None, channels: Channels = Channels()) -> tuple[Packed, list[Drawn]]:
+    """The document of a mesh file, with w of a bake, and its drawn primitives. Raises: as `glb`."""
+    asset = mesh_file.gltf
+    packed, drawn = _stored(asset, mesh_file.parts) if asset else plain(mesh_file, channels.colors, channels.up)
+    if asset:
+        stand(packed.header, up_axis(mesh_file.mesh, channels.up), asset.roots)
+    if bake:
+        for primitive, vertices in drawn:
+            packed.annotate(primitive, bake, vertices, channels.colors)
+    return packed, drawn
+
+
+def _stored(asset: Gltf, parts: tuple[Submesh, ...]) -> tuple[Packed, list[Drawn]]:
     """The document of a glTF source, and its drawn primitives, an own one for each instance."""
     asset.check_materials()
     packed = _one_buffer(asset)
