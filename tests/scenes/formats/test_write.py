@@ -15,6 +15,7 @@ from gltf_files import QUAD, TRIANGLE, Builder, check_glb, values
 from raytrace.errors import OptionError, OutputError
 from raytrace.image.srgb import encode_srgb
 from raytrace.mesh.mesh import Mesh
+from scenes.formats.glb.ramp import ramp_png
 from scenes.formats.load import MeshFile, load
 from scenes.geometry.instances import Submesh
 from scenes.write_bake import check_target, write
@@ -297,6 +298,7 @@ def test_a_full_disk_leaves_an_existing_output(tmp_path, monkeypatch, ending):
     target = tmp_path / f"m.{ending}"
     target.write_bytes(b"before")
     check_target(target)
+    ramp_png()  # once a process, by way of a file
     monkeypatch.setattr(os, "fsync", full)
     with pytest.raises(OutputError, match=f"m.{ending}: cannot write: No space left on device"):
         write(target, bake(4), mesh_file())
