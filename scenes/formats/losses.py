@@ -8,7 +8,7 @@ from raytrace.errors import printable
 
 from .load import MeshFile
 from .obj.detail import PAINT_WORDS
-from .ply.detail import own_colors
+from .ply.detail import columns_of, own_colors
 from .ply.write import has_own_colors
 from .table import Channels, format_of, function
 
@@ -75,9 +75,8 @@ def of_glb(mesh_file: MeshFile, colors: bool) -> list[str]:
         names.add(attribute_name(name))
     for element in detail.elements:
         if element.name == "vertex":
-            columns = {column.name: column for column in element.properties}
             missing += [f"{c.name} of vertices" for c in element.properties if c.sizes is not None]
-            if own_colors(columns) and detail.colors is None:
+            if own_colors(columns_of(detail.elements, "vertex")) and detail.colors is None:
                 missing.append("its colours")
         elif element.name == "face":
             has_wedges = detail.uv and detail.uv.of is not detail.corners  # coordinates of corners

@@ -18,6 +18,7 @@ from ...geometry.detail import Paint
 from .text import joined_lines
 
 OPAQUE, OPTION = "Tr 1", "option"  # how words on them begin
+_COUNTS = {"Kd": 3, "Ke": 3, "Ks": 3, "d": 1, "Tr": 1, "Ns": 1, "Pm": 1, "Pr": 1}  # numbers of a statement
 _MAPS = "map_Kd", "map_d"
 _PICTURES = (b"\x89PNG", b"\xff\xd8\xff")
 _LARGEST = 1 << 24  # bytes of a library
@@ -33,7 +34,6 @@ def read_mtl(path: Path, beside: Callable[[str], Path | None]) -> tuple[dict[str
 
     Args: beside: finds the file that a name means, or None.
     """
-    made: dict[str, Paint] = {}
     given: dict[str, dict[str, Any]] = {}
     left = []
     name = ""
@@ -41,10 +41,8 @@ def read_mtl(path: Path, beside: Callable[[str], Path | None]) -> tuple[dict[str
         if key == "newmtl" and rest:
             name = rest
             given[name] = {}
-        elif name and key in ("Kd", "Ke", "Ks"):
-            given[name][key] = _numbers(rest, 3)
-        elif name and key in ("d", "Tr", "Ns", "Pm", "Pr"):
-            given[name][key] = _numbers(rest, 1)
+        elif name and key in _COUNTS:
+            given[name][key] = _numbers(rest, _COUNTS[key])
         elif name and key in _MAPS:
             picture, options = _picture(rest)
             given[name][key] = beside(picture)
@@ -54,10 +52,9 @@ def read_mtl(path: Path, beside: Callable[[str], Path | None]) -> tuple[dict[str
                 del given[name][key]
         elif name and key.startswith(("map_", "bump", "disp", "decal", "refl", "norm")):
             left.append(f"texture of {key} ({rest or 'no name'})")
-    for name, values in given.items():
-        made[name] = _paint(name, values)
-        if "map_d" in values and made[name].opacity_texture is None:
-            left.append(f"texture of map_d ({values['map_d'].name})")
+    made = {name: _paint(name, values) for name, values in given.items()}
+    unread = [each["map_d"] for name, each in given.items() if "map_d" in each and not made[name].opacity_texture]
+    left += [f"texture of map_d ({picture.name})" for picture in unread]
     opaque = [name for name, values in given.items() if _is_opaque(values)]
     if opaque:
         more = f" and {len(opaque) - 3:,} more" if len(opaque) > 3 else ""

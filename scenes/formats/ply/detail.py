@@ -21,9 +21,7 @@ def ply_detail(
     elements: tuple[Element, ...], comments: tuple[str, ...], corners: Int64s, sizes: AnyInts, triangles: Triangulation
 ) -> Detail:
     """All of a PLY file. Args: corners, sizes: of its polygons."""
-    vertex, face = (
-        {c.name: c for e in elements if e.name == name for c in e.properties} for name in ("vertex", "face")
-    )
+    vertex, face = columns_of(elements, "vertex"), columns_of(elements, "face")
     uv, used = _coordinates(vertex, face, corners, sizes)
     own = own_colors(vertex)
     colors = None
@@ -37,6 +35,11 @@ def ply_detail(
     return Detail(
         corners, np.asarray(sizes, np.int64), triangles, uv, None, colors, numbers, elements=elements, comments=kept
     )
+
+
+def columns_of(elements: tuple[Element, ...], name: str) -> dict[str, Property]:
+    """The properties of the elements of this name."""
+    return {column.name: column for element in elements if element.name == name for column in element.properties}
 
 
 def own_colors(vertex: dict[str, Property]) -> dict[str, Property]:

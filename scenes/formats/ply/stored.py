@@ -12,7 +12,7 @@ from raytrace.types import Float64s
 
 from ..stored_mesh import EXPECTED, StoredMesh, StoredRows
 from .detail import RGB, grey_of, is_profile
-from .layout import INDICES, PlyElement, read_header, write_header
+from .layout import INDICES, read_header, write_header
 from .write import GREY, OWN
 
 _LONGEST_HEADER = 1 << 16
@@ -50,18 +50,14 @@ def write_stored_ply(file: BinaryIO, w: Float64s, mesh: StoredMesh) -> None:
     face = replace(mesh.face, properties=mesh.face.properties | counted)
     file.write(write_header([vertex, face], [OWN + (GREY if grey else ""), *mesh.comments]))
     for run in runs(vertex.count):
-        rows, stored = _empty(vertex, run), mesh.vertex_rows[run]
+        rows, stored = np.empty(run.stop - run.start, vertex.row({})), mesh.vertex_rows[run]
         for name in kept:
             rows[name] = stored[name]
         for name in made:
             rows[name] = w[run] if name == "obscurance" else grey_of(w[run])
         file.write(rows.tobytes())
     for run in runs(face.count):
-        rows, stored = _empty(face, run, {mesh.corners: 3}), mesh.face_rows[run]
+        rows, stored = np.empty(run.stop - run.start, face.row({mesh.corners: 3})), mesh.face_rows[run]
         for name in rows.dtype.names or ():
             rows[name] = stored[name]
         file.write(rows.tobytes())
-
-
-def _empty(element: PlyElement, run: slice, lengths: dict[str, int] | None = None) -> np.ndarray:
-    return np.empty(run.stop - run.start, element.row(lengths or {}))

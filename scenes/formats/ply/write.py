@@ -2,19 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from raytrace.mesh.up import up_axis
-from raytrace.types import AnyInts, Float64s
 
 from ...geometry.detail import Detail, Element, Property
 from ..load import MeshFile
 from ..table import Channels
-from .detail import RGB, grey_of, is_profile, own_colors
+from .detail import RGB, columns_of, grey_of, is_profile, own_colors
 from .layout import COUNT, PROFILE, PROFILE_COMMENT, UP_COMMENT, PlyElement, write_header
 
 if TYPE_CHECKING:
@@ -22,7 +20,7 @@ if TYPE_CHECKING:
 
 OWN = "comment obscurance: 1 = open"
 GREY = "; red green blue = obscurance as sRGB"
-_LONGEST = 1e38
+_LONGEST = 1e38  # of a normal in float32
 
 
 def ply(bake: Bake, mesh_file: MeshFile, channels: Channels) -> bytes:
@@ -52,16 +50,16 @@ def ply(bake: Bake, mesh_file: MeshFile, channels: Channels) -> bytes:
     if profile:
         comments.insert(1, PROFILE_COMMENT + " ".join(map(repr, [profile.radius, *profile.half_distances.tolist()])))
     annotated = [_annotate(element, bake, grey) if element.name == "vertex" else element for element in elements]
-    return _encode(annotated, comments)
+    fitting = [replace(each, properties=tuple(column.fitting() for column in each.properties)) for each in annotated]
+    layouts = [PlyElement(e.name, e.count, {c.name: (c.kind, c.counted) for c in e.properties}) for e in fitting]
+    return b"".join([write_header(layouts, comments), *map(_rows, fitting, layouts)])
 
 
 def has_own_colors(detail: Detail | None) -> bool:
     """Whether the source has vertex colours that are not the grey of an earlier bake."""
     if detail is None or not detail.elements:
         return detail is not None and detail.colors is not None
-    return bool(
-        own_colors({column.name: column for e in detail.elements if e.name == "vertex" for column in e.properties})
-    )
+    return bool(own_colors(columns_of(detail.elements, "vertex")))
 
 
 def _annotate(element: Element, bake: Bake, grey: bool) -> Element:
@@ -83,7 +81,9 @@ def _elements(mesh_file: MeshFile, detail: Detail | None) -> tuple[Element, ...]
     if any(column.kind == "d" for column in columns):
         columns = [Property(column.name, "d", column.values) for column in columns]
     if mesh.normals is not None:
-        normals = _storable(mesh.normals).astype("<f4")
+        normals = np.nan_to_num(mesh.normals)
+        longest = np.abs(normals).max(axis=1, keepdims=True)
+        normals = (normals / np.where(longest > _LONGEST, longest, 1.0)).astype("<f4")
         columns += [Property(axis, "f", normals[:, number]) for number, axis in enumerate(("nx", "ny", "nz"))]
     sizes, corners = np.full(len(mesh.faces), 3), mesh.faces.ravel()
     lists = []
@@ -93,33 +93,15 @@ def _elements(mesh_file: MeshFile, detail: Detail | None) -> tuple[Element, ...]
             uv = detail.uv.at_vertices(corners, len(mesh.vertices))
             if uv is None:
                 uv = detail.uv.rows[detail.uv.of]
-                lists = [Property("texcoord", "f", uv.astype("<f4").ravel(), _counted(2 * sizes), 2 * sizes)]
+                lists = [Property("texcoord", "f", uv.astype("<f4").ravel(), "B", 2 * sizes)]
             else:
                 columns += [Property(name, "f", uv[:, n].astype("<f4")) for n, name in enumerate("st")]
         if detail.colors is not None:
             whole = np.rint(np.clip(np.nan_to_num(detail.colors), 0, 1) * 255)
             names = (*RGB, "alpha")
             columns += [Property(name, "B", column) for name, column in zip(names, whole.T, strict=False)]
-    faces = Property("vertex_indices", "i", corners, _counted(sizes), sizes)
+    faces = Property("vertex_indices", "i", corners, "B", sizes)
     return Element("vertex", len(mesh.vertices), tuple(columns)), Element("face", len(sizes), (faces, *lists))
-
-
-def _counted(sizes: AnyInts) -> str:
-    return "B" if sizes.max(initial=0) < 256 else "I"
-
-
-def _storable(normals: Float64s) -> Float64s:
-    """Normals (n, 3) without NaN, shortened where they are too long for float32."""
-    finite = np.nan_to_num(normals)
-    longest = np.abs(finite).max(axis=1, keepdims=True)
-    return finite / np.where(longest > _LONGEST, longest, 1.0)
-
-
-def _encode(elements: Sequence[Element], comments: Sequence[str]) -> bytes:
-    """A binary little-endian PLY file. Args: comments: lines of the header, "comment …" or "obj_info …"."""
-    fitting = [replace(each, properties=tuple(column.fitting() for column in each.properties)) for each in elements]
-    layouts = [PlyElement(e.name, e.count, {c.name: (c.kind, c.counted) for c in e.properties}) for e in fitting]
-    return b"".join([write_header(layouts, comments), *map(_rows, fitting, layouts)])
 
 
 def _rows(element: Element, layout: PlyElement) -> bytes:
