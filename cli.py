@@ -122,9 +122,7 @@ def info(
 
 @app.command()
 def validate(
-    samples: Annotated[
-        int, typer.Option(help="Rays per vertex; allowed errors depend on it.")
-    ] = choices.VALIDATION_SAMPLES,
+    samples: Annotated[int, typer.Option(help="Rays per vertex; allowed errors depend on it.")] = 4096,
     seed: Annotated[int, typer.Option(help="Random seed of rays.")] = 0,
     threads: Threads = None,
     moved: Annotated[bool, typer.Option("--stress", "--generated", "--long", hidden=True)] = False,

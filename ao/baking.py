@@ -17,7 +17,6 @@ from .declared import taking
 from .estimate.estimate import edges_of, estimate_outside
 from .estimate.inside import inside_solids
 from .estimate.tolerance import Estimate, shortfall
-from .falloff import resolve_length
 from .interpolation_error import measure_interpolation
 from .memory import column_bytes, point_bytes, surface_bytes, vertex_bytes
 from .options import DEFAULT_SAMPLES, Options, VertexOptions
@@ -53,7 +52,6 @@ def bake(mesh: Mesh | Any, options: VertexArguments) -> Bake:
         raise ConflictError("high", "does not go with", "only" if only is not None else ("method", "surface"))
     mesh, others = mesh_of(mesh, "bake"), occluding(options.occluders, high)
     solid = mesh if high is None else mesh_of(high, "bake")
-    reach = resolve_length("cage", options.cage, mesh.radius or 1.0)
     _check_memory(len(mesh.vertices), [mesh, *others] if high is None else [solid, mesh], options)
 
     start = time.perf_counter()
@@ -67,9 +65,9 @@ def bake(mesh: Mesh | Any, options: VertexArguments) -> Bake:
     else:
         from .fine_mesh import sample_fine_mesh
 
-        prepared, values = sample_fine_mesh(prepared, solid, mesh, reach, options.checkpoint)
+        prepared, values = sample_fine_mesh(prepared, solid, mesh, options.checkpoint)
     build = prepared.receivers.tree_seconds
-    baked = assemble(replace(prepared, mesh=mesh), values, {})
+    baked = assemble(replace(prepared, mesh=mesh), values)
     if high is None and only is None:
         baked = replace(baked, interpolation=measure_interpolation(prepared, baked.w, baked.error))
     baked.seconds.update(build=build, bake=time.perf_counter() - start - build)

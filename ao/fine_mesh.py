@@ -12,6 +12,7 @@ from .estimate.estimate import edges_of, estimate_outside
 from .estimate.inside import inside_solids
 from .estimate.tolerance import Estimate
 from .execute.checkpoint import Checkpoint
+from .falloff import resolve_length
 from .points.corners import CornerSamples
 from .points.receivers import Flag, Receivers, find_receivers
 from .prepared import Prepared
@@ -25,13 +26,11 @@ _OWN_CORNERS = Flag.FOLDED | Flag.OPPOSED | Flag.CONTACT  # how the coarse mesh'
 
 
 def sample_fine_mesh(
-    prepared: Prepared, high: Mesh, coarse: Mesh, cage: float, checkpoint: Checkpoint | None
+    prepared: Prepared, high: Mesh, coarse: Mesh, checkpoint: Checkpoint | None
 ) -> tuple[Prepared, PointValues]:
     """Estimate w of `high`, the mesh of `prepared`, at the vertices of `coarse`, which become the wanted points.
 
-    Args: cage: how far from `coarse` the fine mesh may be, in mesh units.
-
-    Raises: MeshError: nothing is within the cage.
+    Raises: MeshError: nothing is within the cage around `coarse`.
     """
     options, placement, fine, threads = prepared.options, prepared.placement, prepared.receivers, prepared.threads
     shown = find_receivers(coarse, Placement.of(coarse), options.normals)
@@ -41,6 +40,7 @@ def sample_fine_mesh(
     positions = (coarse.vertices[shown.first_vertex] - placement.centre) * placement.scale
     axes = shown.points.normals.astype(np.float64)
     surface = Fine(placement.vertices.astype(np.float64), fine, high.source)
+    cage = resolve_length("cage", options.cage, coarse.radius or 1.0)
     coverage, missed = project(coverage, positions, axes, surface, cage * placement.scale, threads)
     texels, _ = find_texels(coverage, coverage, placement, fine, replace(options, interior="ignore"), threads)
     own = fine.faces[texels.face, 0]

@@ -86,10 +86,11 @@ class Options:
     def __post_init__(self) -> None:
         from raytrace.errors import ConflictError
 
-        from .falloff import Tabulated, falloffs_of
+        from .falloff import Tabulated, falloffs_of, resolve_length
 
         object.__setattr__(self, "falloff", falloffs_of(self.falloff))
         check_values(self)
+        resolve_length("cage", self.cage, 1.0)
         first = self.falloffs[0]
         if self.profile and not isinstance(first, Tabulated) and str(first.max_distance) != "inf":
             raise ConflictError("profile", "excludes", "max_distance")

@@ -44,10 +44,15 @@ def report(
         seconds: `load` and `write`; the bake adds `build` and `bake`.
         warnings: what limits the result, see `raytrace.mesh.precision`.
     """
-    shown = bake.covered if isinstance(bake, BakedTexture) else ...
+    if isinstance(bake, BakedTexture):
+        height, width = bake.w.shape
+        shown: Any = bake.covered
+        size = {"width": width, "height": height, "texture": asdict(bake.facts)}
+    else:
+        shown, size = ..., {"vertices": len(bake.w)}
     return {
         "schema_version": SCHEMA_VERSION,
-        **(_of_texture(bake) if isinstance(bake, BakedTexture) else {"vertices": len(bake.w)}),
+        **size,
         "rays": bake.rays,
         "rays_skipped": bake.rays_skipped,
         "seconds": seconds | bake.seconds,
@@ -95,11 +100,6 @@ def _of_profile(bake: Bake | BakedTexture) -> dict[str, Any]:
         return {}
     lengths = bake.profile.half_distances.tolist()
     return {"profile": {"half_distances": lengths, "rmse": bake.rmses[-len(lengths) :]}}
-
-
-def _of_texture(bake: BakedTexture) -> dict[str, Any]:
-    height, width = bake.w.shape
-    return {"width": width, "height": height, "texture": asdict(bake.facts)}
 
 
 def _summary(values: AnyFloats, highest: float | None = None) -> dict[str, Any]:

@@ -151,10 +151,13 @@ class Bake(Columns):
         return None
 
     def _repr_png_(self) -> bytes:
-        """A picture for notebooks: w on the mesh."""
-        from .picture import bake_png
+        """A picture for notebooks: w on the mesh in ambient light, as it stands (`Mesh.up`)."""
+        from raytrace import AmbientLight, Camera, Lambert, Object, Scene, Settings, Shape, render
 
-        return bake_png(self.mesh, self.w)
+        white = Object(Shape(self.mesh, Lambert(albedo=(1, 1, 1), two_sided="viewer")), w=self.w)
+        scene = Scene((white,), (AmbientLight(intensity=(1, 1, 1)),), background=(0.05, 0.05, 0.05))
+        camera = Camera.framing(self.mesh, aspect=4 / 3)
+        return render(scene, camera, Settings(width=480, height=360, samples=4), layers=False)._repr_png_()
 
     @property
     def coarse(self) -> bool:
@@ -198,7 +201,7 @@ class PointValues:
         return cls(w[0], error[0], found.rows[:, 1:], *rest)
 
 
-def assemble(prepared: Prepared, values: PointValues, seconds: dict[str, float]) -> Bake:
+def assemble(prepared: Prepared, values: PointValues) -> Bake:
     """Spread values at points over the vertices of the mesh."""
     count, only = len(prepared.mesh.vertices), prepared.options.only
     point, flags = prepared.wanted.of_vertex[:count], prepared.wanted.flags[:count]
@@ -227,7 +230,7 @@ def assemble(prepared: Prepared, values: PointValues, seconds: dict[str, float])
         rays_skipped={reason: skipped[reason] for reason in _REASONS if reason in skipped},
         rmse=rmses[0],
         rmses=rmses,
-        seconds=seconds,
+        seconds={},
         mu=prepared.mu,
         calibration=values.calibration,
         mesh=prepared.mesh,

@@ -118,7 +118,7 @@ class Checkpoint:
         Args: tables: of `work.tables`, contiguous, written. advance: called with numbers of finished rows.
         """
         name = work.name
-        wanted = self.choose(work, ~self.take(name, tables))
+        wanted = self.choose(work, ~self.restored(name, tables))
 
         def finished(first: int, last: int) -> None:
             self.put(name, first, last, tables)
@@ -133,7 +133,7 @@ class Checkpoint:
         """Which of the `missing` rows, bool (k,), are to be made here: all."""
         return missing
 
-    def take(self, name: bytes, tables: Tables) -> Bools:
+    def restored(self, name: bytes, tables: Tables) -> Bools:
         """Which rows of the work of this name are kept, bool (k,); they are copied into `tables`."""
         taken = np.zeros(len(tables[0]), np.bool_)
         if self._journal:

@@ -113,7 +113,7 @@ class Merge(Checkpoint):
         name, expected, got = difference or ("header", "that of this very bake", "that of another")
         raise InputError(self.parts[0].path.parent, name, f"{expected}, as in the parts", f"{got} here")
 
-    def take(self, name: bytes, tables: Tables) -> Bools:
+    def restored(self, name: bytes, tables: Tables) -> Bools:
         taken = np.zeros(len(tables[0]), np.bool_)
         for part in self.parts:
             with part.path.open("rb") as file:

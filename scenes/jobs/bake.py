@@ -37,13 +37,7 @@ def silence_tolerance_warnings() -> Iterator[None]:
 
 
 class WorkSize(NamedTuple):
-    """The size of a bake.
-
-    Attributes:
-        points: number to be baked, at most. unit: "vertices" or "texels".
-        bytes: memory that the bake takes at its peak.
-        trial: bakes about so many points, to be timed; returns their number.
-    """
+    """Points of a bake at most, their unit, bytes at its peak, and a bake of about so many points, which it returns."""
 
     points: int
     unit: str
@@ -72,12 +66,7 @@ class MeshBake(Record, ABC):
     open_checkpoint: Callable[[Path], AbstractContextManager[Checkpoint]] | None = None
 
     def run(self) -> int:
-        """Bake, write, and print a summary. Returns: the exit status, 0.
-
-        Raises:
-            InputError: an option, the mesh, or options that exclude each other.
-            OutputError, MemoryLimitError, EmbreeError: as `ao.bake`, `ao.bake_texture` and when writing.
-        """
+        """Bake, write, and print a summary. Returns: the exit status, 0. Raises: as `check`, `ao.bake` and writers."""
         from raytrace.system.atomic import is_standard_output
 
         falloff = self.check()
@@ -181,11 +170,11 @@ class MeshBake(Record, ABC):
         if self.up and not picture and endings.isdisjoint(standing):
             raise ConflictError("up", "needs", f"--debug-image or {', '.join(standing)}: w does not depend on it")
 
-    def read_high(self) -> MeshFile | None:
+    def read_high(self) -> list[MeshFile]:
         """The finer mesh's file, if there is one. Raises: InputError."""
         from ..formats.load import load
 
-        return None if self.high is None else load(self.high, alpha=self.alpha == "auto")
+        return [] if self.high is None else [load(self.high, alpha=self.alpha == "auto")]
 
     @abstractmethod
     def work(self, source: MeshFile, falloff: ao.Falloff) -> WorkSize:
@@ -207,10 +196,7 @@ class Outcome:
 
 
 def bake_one(bake: MeshBake, falloff: ao.Falloff, threads: int, resume: bool) -> Outcome:
-    """Bake and write; errors become messages, but for a cluster's, which ends all bakes.
-
-    Args: resume: continue what an interrupted run has traced, if there is any.
-    """
+    """Bake and write, or continue what was begun; errors become messages, but for a cluster's, which ends all bakes."""
     begun = resume and bake.journal(bake.output).exists()
     bake = bake.replaced(quiet=True, progress="bar", threads=threads, resume=begun)
     start = time.perf_counter()

@@ -12,11 +12,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from raytrace.errors import printable
+from raytrace.system.outputs import check_outputs
 from raytrace.system.threads import run_blocks, thread_count
 
 from .bake import MeshBake, Outcome, bake_one, silence_tolerance_warnings
 from .console import compiling, note, progress, warn
-from .inputs import MANIFEST, check_batch, made
+from .inputs import MANIFEST, made
 from .manifest import Entry, Manifest, assign_shards, digest, part_manifest
 from .workers import Workers, cluster_checkpoint
 
@@ -45,10 +46,7 @@ class Batch:
     def run(self) -> int:
         """Bake all, going on after faults, each reported in one line. Returns: the exit status, 1 for faults.
 
-        Raises:
-            InputError: an option, or a manifest that cannot be resumed.
-            OutputError: the folder, or an output in it, cannot be written.
-            SystemExit: interrupted.
+        Raises: as `check`. InputError: a manifest that cannot be resumed. SystemExit: interrupted.
         """
         if self.workers:
             self.check(keep=False)  # before any are asked for
@@ -71,16 +69,12 @@ class Batch:
         return 1 if manifest.count("failed") else 0
 
     def check(self, keep: bool = True) -> ao.Falloff:
-        """The falloff, if the options go together and the outputs can be written; makes the outputs' folders.
-
-        Args: keep: whether folders that are made stay.
-
-        Raises: OptionError, OutputError.
-        """
+        """`MeshBake.check` of all, in folders that are made, and stay if `keep`. Raises: OptionError, OutputError."""
         with made((self.folder, *(bake.output.parent for bake in self.bakes)), keep):
             falloff = self.bakes[0].check()
             inputs = [path for bake in self.bakes for path in bake.inputs()]
-            check_batch(inputs, [bake.output for bake in self.bakes], self.manifest)
+            written: dict[str, Path | None] = {f"output {bake.output}": bake.output for bake in self.bakes}
+            check_outputs({**written, "manifest": self.manifest}, inputs)
         return falloff
 
     @property

@@ -1,12 +1,10 @@
 """`bake --dry-run`: what a bake would take and write, from the meshes and a trial of a few points."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
 
+import ao
 from raytrace.errors import ObscuranceError, printable
 from raytrace.system.memory import available, in_use, size_text
 from raytrace.system.threads import thread_count
@@ -14,16 +12,11 @@ from raytrace.system.threads import thread_count
 from .bake import MeshBake, WorkSize
 from .console import columns, compiling, note
 
-if TYPE_CHECKING:
-    import ao
-
 _RAYS = 1 << 21  # of a trial: half a second
 
 
 def dry_run(bakes: Sequence[MeshBake], falloff: ao.Falloff, besides: Sequence[Path] = ()) -> int:
-    """Print points, rays, memory and time that checked bakes would take, and what they would write.
-
-    Args: besides: what else would be written.
+    """Print points, rays, memory and time that checked bakes would take, and what they, and `besides`, would write.
 
     Returns: the exit status, 1 if a mesh cannot be read.
     """

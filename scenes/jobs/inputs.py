@@ -7,7 +7,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from raytrace.errors import OptionError
-from raytrace.system.outputs import check_outputs, make_folder
+from raytrace.system.outputs import make_folder
 
 from ..formats.table import endings
 
@@ -15,11 +15,7 @@ MANIFEST = "manifest.json"
 
 
 def expand(given: Iterable[Path]) -> list[Path]:
-    """Files by their names and by patterns of `glob`, each once.
-
-    Raises:
-        OptionError: a folder, or a pattern that matches nothing.
-    """
+    """Files by names and patterns, each once. Raises: OptionError: a folder, or a pattern that matches nothing."""
     paths: dict[str, Path] = {}
     for path in given:
         if os.path.isdir(path):
@@ -70,12 +66,7 @@ def outputs_in(folder: Path, inputs: Sequence[Path], ending: str) -> list[Path]:
 
 @contextmanager
 def made(folders: Iterable[Path], keep: bool = True) -> Iterator[None]:
-    """Make folders for outputs, unless they are there; if that or the checks in the block fail, they go again.
-
-    Args: keep: whether they stay otherwise.
-
-    Raises: OutputError: one cannot be made.
-    """
+    """Make folders, unless they are there; they go if that or the block fails, or not `keep`. Raises: OutputError."""
     several = dict.fromkeys(folders)
     new = {each for folder in several for each in (folder, *folder.parents) if not os.path.exists(each)}
     passed = False
@@ -89,9 +80,3 @@ def made(folders: Iterable[Path], keep: bool = True) -> Iterator[None]:
             for each in sorted(new, reverse=True):  # the deepest first
                 with suppress(OSError):
                     each.rmdir()
-
-
-def check_batch(inputs: Iterable[Path], outputs: Iterable[Path], manifest: Path) -> None:
-    """Raises: OptionError, OutputError: an output of a batch, or its manifest, cannot be written, or is an input."""
-    written: dict[str, Path | None] = {f"output {path}": path for path in outputs}
-    check_outputs({**written, "manifest": manifest}, inputs)

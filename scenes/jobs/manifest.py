@@ -88,9 +88,8 @@ class Manifest:
     def resume(self, notify: Callable[[str], object]) -> None:
         """Take over what the file on disk says is done, of the same bytes with the same options and versions.
 
-        Outputs that are gone or have other bytes than were written, and inputs that have changed, are not done.
-
-        Args: notify: called with a line for the user where nothing can be taken over.
+        Outputs that are gone or have other bytes than were written, and inputs that have changed, are not done. Where
+        nothing can be taken over, `notify` gets a line for the user.
 
         Raises: InputError: the file cannot be read, or is no manifest of this version.
         """
@@ -134,12 +133,7 @@ def is_batch_of_parts(folder: Path) -> bool:
 
 
 def merge_batch(folder: Path) -> Manifest:
-    """Merge the manifests of all shards.
-
-    Raises:
-        InputError: a part is missing, not finished, or of another batch.
-        OutputError: the manifest cannot be written.
-    """
+    """Merge the manifests of all shards. Raises: InputError: one is missing, not finished, or of another batch."""
     paths = sorted(path for path in folder.iterdir() if _NAME.fullmatch(path.name))
     parts = [_read(path) for path in paths]
     first = parts[0]

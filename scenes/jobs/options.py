@@ -18,9 +18,6 @@ from ao.options import TextureOptions, VertexOptions
 from ..presets import HELP as PRESET_HELP
 
 REPORTS = ".json", ".html"  # endings
-VALIDATION_SAMPLES = 4096  # rays per vertex of `obscurance validate`, unless given
-
-FALLOFFS = "exponential", "binary", "linear", "smooth", "table:"
 Metric = Literal["flip", "rms", "max"]
 Alpha = Literal["auto", "ignore"]
 Up = Literal["x", "y", "z", "-x", "-y", "-z"]
@@ -47,7 +44,8 @@ _SECTIONS: dict[str, tuple[Option | str, ...]] = {
     "What occludes": (
         Option("falloff", str, "exponential", "How occlusion fades with distance; not at all (binary: ambient "
                "occlusion); or a table of two columns, distance and what a hit there leaves open, 0 to 1: .csv .txt "
-               ".npy.", metavar="exponential|binary|linear|smooth|table:FILE", words=FALLOFFS),
+               ".npy.", metavar="exponential|binary|linear|smooth|table:FILE",
+               words=("exponential", "binary", "linear", "smooth", "table:")),
         Option("tau", float | None, None, "Rate of the exponential falloff, per mesh unit."),
         Option("half_distance", str | None, None,
                'Distance at which a hit occludes half: mesh units, or "50%" of the radius (the default).'),

@@ -92,12 +92,9 @@ def _take_options(context: typer.Context, report: Path | None) -> None:
 
 
 def saved_options(path: Path) -> dict[str, Any]:
-    """Options as the command line has them, and options of the earlier bake that differ from the defaults.
+    """Options of an earlier bake, but for what was written and how it was run.
 
-    What was written and the number of threads are not taken over.
-
-    Raises:
-        InputError: not the report of a bake, or with an option that this version has not.
+    Raises: InputError: not the report of a bake, or with an option that this version has not.
     """
     import json
 

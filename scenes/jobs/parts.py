@@ -20,10 +20,7 @@ def trace_part(options: dict[str, Any], bake_command: Callable[[Mapping[str, Any
 
     Args: bake_command: makes the bake of options.
 
-    Raises:
-        InputError: an option, the mesh, or the folder has this part of another bake.
-        OutputError: the folder cannot be made, or the part not be written.
-        MemoryLimitError, EmbreeError: as `ao.bake` and `ao.bake_texture`.
+    Raises: as `MeshBake.run`. InputError: the folder has this part of another bake.
     """
     from ao.execute.parts import PartTraced, ShardCheckpoint
     from raytrace.system.outputs import make_folder
@@ -64,13 +61,9 @@ def part_numbers(text: str) -> tuple[int, int]:
 def merge(folder: Path, options: dict[str, Any], bake_command: Callable[[Mapping[str, Any]], MeshBake]) -> None:
     """Make of the parts in `folder` what the bake would have made.
 
-    Args:
-        options: of the output, as `bake` has them; `mesh` and `high`: where they are now, None where they were.
-        bake_command: makes the bake of options.
+    Args: options: of the output, as `bake` has them; `mesh` and `high`: where they are now, None where they were.
 
-    Raises:
-        InputError: a part is missing, not finished or of another bake, or an option.
-        OutputError, MemoryLimitError: as `bake`.
+    Raises: as `MeshBake.run`. InputError: a part is missing, not finished or of another bake.
     """
     from ao.execute.merge import Merge, read_parts
     from raytrace.errors import OptionError

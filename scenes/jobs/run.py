@@ -27,11 +27,7 @@ _MEANT = {".obj": ".ply", ".stl": ".ply", ".gltf": ".glb", ".jpg": ".png", ".jpe
 
 
 def run_bake(options: dict[str, Any]) -> int:
-    """Run the command. Args: options: as the command line has them. Returns: the exit status.
-
-    Raises:
-        InputError, OutputError, MemoryLimitError, EmbreeError: as `MeshBake.run` and `Batch.run`.
-    """
+    """Run the command with its options. Returns: the exit status. Raises: as `MeshBake.run` and `Batch.run`."""
     sort = next((sort for sort, name in SORTS.items() if options[name]), None)
     if sort:
         check_sort(options, sort)
@@ -47,11 +43,7 @@ def run_bake(options: dict[str, Any]) -> int:
 
 
 def run_merge(folder: Path, options: dict[str, Any]) -> int:
-    """Merge the parts in `folder`, of a bake or of a batch. Returns: the exit status, 1 if a mesh of a batch failed.
-
-    Raises:
-        InputError, OutputError, MemoryLimitError: as `scenes.jobs.parts.merge` and `merge_batch`.
-    """
+    """Merge the parts in `folder`, of a bake or of a batch. Returns: the exit status, 1 if a mesh of a batch failed."""
     check_together(options, BAKE)
     if not is_batch_of_parts(folder):
         if options["output"] is None:
@@ -84,7 +76,10 @@ def bake_command(options: Mapping[str, Any]) -> MeshBake:
         raise OptionError("output", "a name ending in " + ", ".join((*ENDINGS, *IMAGES)), output, nearest=meant)
     options = with_preset(options)
     if options["profile"] is None:
-        options["profile"] = ending == ".html" and _profile_is_cheap(options)
+        # where it takes the rays of the bake alone, and has w as baked between its columns
+        exponential = options["falloff"] == "exponential" and options["max_distance"] == "inf"
+        sampled = options["method"] == "vertex" and options["tolerance"] is None
+        options["profile"] = ending == ".html" and exponential and sampled
     shown, colors = options["occlusion"], options["colors"]
     glb, image = ending == ".glb", is_texture(output)
     if shown in ("auto", "texture") and not (glb or (image and shown == "texture")):
@@ -98,12 +93,6 @@ def bake_command(options: Mapping[str, Any]) -> MeshBake:
         from .textures.auto import AutoCommand as kind
     check_sort(options, kind.sort)
     return kind(options)
-
-
-def _profile_is_cheap(options: Mapping[str, Any]) -> bool:
-    """Whether a profile takes the rays of the bake alone, and has w as baked between its columns."""
-    usual = options["falloff"] == "exponential" and options["max_distance"] == "inf"
-    return usual and options["method"] == "vertex" and options["tolerance"] is None
 
 
 def _run_single(options: dict[str, Any]) -> int:

@@ -11,9 +11,7 @@ from .options import BAKER
 def bake_tiles(options: dict[str, Any]) -> int:
     """Bake with `--tiles` AxBxC, write, and print a summary. Returns: the exit status, 0.
 
-    Raises:
-        InputError: an option or the mesh.
-        OutputError: the output, or the folder beside it that holds what is on the way.
+    Raises: InputError. OutputError: the output, or the folder beside it that holds what is on the way.
     """
     from ao.tiles.bake_tiled import bake_tiled
     from raytrace.errors import ConflictError, OptionError

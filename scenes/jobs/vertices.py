@@ -32,7 +32,7 @@ class BakeCommand(MeshBake):
         from ao.points.receivers import find_receivers
         from raytrace.mesh.placement import Placement
 
-        mesh = (self.read_high() or source).mesh  # of whose surface points are traced
+        mesh = [source, *self.read_high()][-1].mesh  # of whose surface points are traced
         counts = len(mesh.vertices), len(mesh.faces)
         points = find_receivers(source.mesh, Placement.of(source.mesh), self.normals).points
         checked = self.checked()
@@ -60,23 +60,23 @@ class BakeCommand(MeshBake):
 
         start = time.perf_counter()
         source = self.read()
-        fine = self.read_high()
-        check_outputs(self.outputs(), [*source.files, *(fine.files if fine else ())])
+        read = [source, *self.read_high()]
+        files = [path for each in read for path in each.files]
+        check_outputs(self.outputs(), files)
         loaded = time.perf_counter()
-        inputs = self.hashed([*source.files, *(fine.files if fine else ())])
-        notes = [*source.notes, *(fine.notes if fine else ())]
-        warnings = warn(
-            [source.mesh, *([fine.mesh] if fine else [])],
-            [*notes, *lost(self.output, source, channels(self.output, **self._channels()))],
-            falloff,
-        )
+        inputs = self.hashed(files)
+        notes = [line for each in read for line in each.notes]
+        notes += lost(self.output, source, channels(self.output, **self._channels()))
+        warnings = warn([each.mesh for each in read], notes, falloff)
         with self.checkpoint(self.output) as checkpoint:
             with progress(self.quiet, "rays", form=self.progress, status=checkpoint.status) as (advance,):
+                high = read[1].mesh if self.high else None
                 baked = ao.bake(
-                    source.mesh, falloff, progress=advance, checkpoint=checkpoint, high=fine.mesh if fine else None,
-                    **self.arguments(),
-                )  # fmt: skip
-            warnings += warn([], [*baked.shortfalls, *self._missed(baked)])
+                    source.mesh, falloff, progress=advance, checkpoint=checkpoint, high=high, **self.arguments()
+                )
+            missed = baked.flagged["missed"]
+            outside = f"{missed:,} vertices are not within the cage of the fine mesh and take the closest point of it"
+            warnings += warn([], [*baked.shortfalls, *([f"{self.output}: {outside}"] if missed else [])])
             tracing = time.perf_counter()
             shown, more = self._write(baked, source, falloff)
             warnings += warn([], more)
@@ -94,7 +94,7 @@ class BakeCommand(MeshBake):
             from ..show.report.flag_image import write_marked
 
             write_marked(self.debug_image, source.mesh, baked)
-        yield Written(bake_summary(baked, self.output) + alpha_summary((fine or source).mesh) + shown, warnings)
+        yield Written(bake_summary(baked, self.output) + alpha_summary(read[-1].mesh) + shown, warnings)
 
     def check_own(self) -> None:
         from raytrace.errors import ConflictError
@@ -127,24 +127,14 @@ class BakeCommand(MeshBake):
         occlusion = None if self.occlusion == "auto" else self.occlusion
         return {"colors": self.colors, "occlusion": occlusion, "replace_occlusion": self.replace_occlusion}
 
-    def _missed(self, baked: ao.Bake) -> list[str]:
-        """A warning of the vertices that the cage missed, if there are any."""
-        missed = baked.flagged["missed"]
-        text = "vertices are not within the cage of the fine mesh and take the closest point of it"
-        return [f"{self.output}: {missed:,} {text}"] if missed else []
-
     def _write(self, baked: ao.Bake, source: MeshFile, falloff: ao.Falloff) -> tuple[str, list[str]]:
         """Write the output: what to add to the summary, and warnings. Args: falloff: of textures."""
         from ..write_bake import write
 
         write(self.output, baked, source, **self._channels())
-        return "", self._coarse(baked)
-
-    def _coarse(self, baked: ao.Bake) -> list[str]:
-        """A warning that w between the vertices is not what is interpolated, if that shows."""
         if not baked.coarse or baked.interpolation is None:
-            return []
+            return "", []
         fit = "" if self.method == "surface" else "--method surface, "
         instead = f"--occlusion texture for a .glb, -o NAME.png, {fit}or smaller faces"
         text = f"between the vertices w errs by {baked.interpolation.rmse:.2f}, the faces are too large for it"
-        return [f"{self.output}: {text}: {instead}"]
+        return "", [f"{self.output}: {text}: {instead}"]

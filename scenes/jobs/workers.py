@@ -49,10 +49,7 @@ class Workers:
 def bake_by_workers(bake: MeshBake, workers: Workers) -> int:
     """Bake, write, and print summaries, with rays traced by `workers`. Returns: the exit status, 0.
 
-    Raises:
-        InputError, OutputError, MemoryLimitError, EmbreeError: as the bake.
-        OptionError: there is no scheduler at the address.
-        ClusterError: the cluster is lost, or none of its workers can be used.
+    Raises: as `MeshBake.run` and `ClusterSession`.
     """
     bake.check()  # before any are asked for
     with workers.session(bake.output) as session:

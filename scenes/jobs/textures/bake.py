@@ -48,15 +48,14 @@ class TextureCommand(MeshBake):
 
         found, pages = self._layout(source)
         width, height = found.size
-        fine = self.read_high()
-        high = fine.mesh if fine else None
-        solid = high or source.mesh
+        *_, solid = (each.mesh for each in (source, *self.read_high()))
         options = self.checked()
         needed = texture_bytes(width * height, len(solid.vertices), len(solid.faces), options.rays)
         needed += column_bytes(width * height, options.columns)
 
         def trial(count: int) -> int:
             side = max(int(count**0.5), 1)
+            high = solid if self.high else None
             ao.bake_texture(source.mesh, pages[0].uv, side, falloff, high=high, **self.arguments())
             return side * side
 
@@ -72,36 +71,33 @@ class TextureCommand(MeshBake):
             from ...formats.glb.orm import check_orm
 
             check_orm(source.gltf, found.number, self.replace_occlusion)
-        fine = self.read_high()
-        read = [*source.files, *(fine.files if fine else ())]
-        check_outputs(self.outputs(pages), read)
+        read = [source, *self.read_high()]
+        files = [path for each in read for path in each.files]
+        check_outputs(self.outputs(pages), files)
         loaded = time.perf_counter() - start
-        inputs, glb = self.hashed(read), self._glb()
-        warnings = warn(
-            [source.mesh, *([fine.mesh] if fine else [])],
-            [*source.notes, *(fine.notes if fine else ()), *lacking(source, found.uv, glb)],
-            falloff,
-        )
+        inputs, glb = self.hashed(files), self._glb()
+        notes = [line for each in read for line in each.notes]
+        warnings = warn([each.mesh for each in read], [*notes, *lacking(source, found.uv, glb)], falloff)
         bakes: list[BakedPage] = []
         with ExitStack() as kept:
             for page in pages:
                 with ExitStack() as own:
                     keep = kept if glb and not self.open_checkpoint else own  # until the .glb is written
-                    baked, more = self._bake_page((source, fine), page, found, falloff, (len(pages), len(bakes), keep))
+                    baked, more = self._bake_page(read, page, found, falloff, (len(pages), len(bakes), keep))
                     begun = time.perf_counter()
                     self._write_images(baked, page)
                     seconds = {"load": loaded, "write": time.perf_counter() - begun}
                 bakes.append(BakedPage(self._title(page), baked, seconds, [*warnings, *more]))
                 if not glb:
-                    summary = texture_summary(baked, bakes[-1].title) + alpha_summary((fine or source).mesh)
+                    summary = texture_summary(baked, bakes[-1].title) + alpha_summary(read[-1].mesh)
                     yield Written(summary, bakes[-1].warnings)
             if glb:
                 begun = time.perf_counter()
-                lines = self._write_glb(glb, (source, fine), [each.baked for each in bakes], falloff)
+                lines = self._write_glb(glb, read, [each.baked for each in bakes], falloff)
                 bakes[-1].warnings.extend(lines)
                 bakes[-1].seconds["write"] += time.perf_counter() - begun
                 summary = "\n".join(texture_summary(each.baked, each.title) for each in bakes)
-                summary += alpha_summary((fine or source).mesh)
+                summary += alpha_summary(read[-1].mesh)
                 yield Written(summary, list(dict.fromkeys(line for each in bakes for line in each.warnings)))
         if self.report:
             self._write_report(bakes, inputs, source.mesh)
@@ -182,7 +178,7 @@ class TextureCommand(MeshBake):
 
     def _bake_page(
         self,
-        meshes: tuple[MeshFile, MeshFile | None],
+        read: Sequence[MeshFile],
         page: Page,
         found: Coordinates,
         falloff: ao.Falloff,
@@ -190,7 +186,7 @@ class TextureCommand(MeshBake):
     ) -> tuple[ao.BakedTexture, list[str]]:
         """Bake one page: what was baked, and warnings.
 
-        Args: meshes: the file, and the fine one. place: of how many pages, which it is, and what closes its journal.
+        Args: read: the file, and the fine one. place: of how many pages, which it is, and what closes its journal.
         """
         import ao
         from raytrace.errors import ConflictError
@@ -202,11 +198,11 @@ class TextureCommand(MeshBake):
             raise ConflictError(
                 "part", "does not go with", f"{pages} texture sets that overlap, but with --overlap mean"
             )
-        source, fine = meshes
+        high = read[1].mesh if self.high else None
         with progress(self.quiet, "rays", form=self.progress, status=checkpoint.status) as (advance,):
             baked = ao.bake_texture(
-                source.mesh, page.uv, found.size, falloff, progress=advance, checkpoint=checkpoint, wrap=page.wraps,
-                high=fine.mesh if fine else None, **self.arguments(),
+                read[0].mesh, page.uv, found.size, falloff, progress=advance, checkpoint=checkpoint, wrap=page.wraps,
+                high=high, **self.arguments(),
             )  # fmt: skip
         remarks = layout_remarks(baked, page.wraps, self._glb() != self.output)
         return baked, warn([], [*baked.shortfalls, *(f"{self._title(page)}: {line}" for line in remarks)])
@@ -229,7 +225,7 @@ class TextureCommand(MeshBake):
     def _write_glb(
         self,
         path: Path,
-        meshes: tuple[MeshFile, MeshFile | None],
+        read: Sequence[MeshFile],
         baked: Sequence[ao.BakedTexture],
         falloff: ao.Falloff,
     ) -> list[str]:
@@ -243,13 +239,13 @@ class TextureCommand(MeshBake):
         from ...formats.glb.pieces import pieces
         from ...formats.glb.textured import textured_glb
 
-        (source, fine), w = meshes, None
+        source, w = read[0], None
         covered = np.any([on_page(each.uv) for each in baked], axis=0)
         if not covered.all():
             only = np.zeros(len(source.mesh.vertices), np.bool_)
             for piece in pieces(source):
                 only[source.mesh.faces[piece.faces]] |= not covered[piece.faces].all()
-            high = fine.mesh if fine else None
+            high = read[1].mesh if self.high else None
             w = ao.bake(source.mesh, falloff, only=only, high=high, **self.arguments("vertices")).w
         content, kept = textured_glb(source, baked, self.replace_occlusion, self.orm, w)
         with atomic_write(path) as file:
