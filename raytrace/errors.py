@@ -19,6 +19,7 @@ together.
 
 from __future__ import annotations
 
+import copyreg
 from collections.abc import Callable, Iterable
 from difflib import get_close_matches
 from typing import TYPE_CHECKING, Any, Literal
@@ -48,15 +49,7 @@ class InputError(ObscuranceError, ValueError):
         super().__init__(printable(f"{text}; did you mean {nearest}?" if nearest else text, LINE))
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return _unpickled, (type(self), str(self), {**vars(self), "got": str(self.got)})
-
-
-def _unpickled(kind: type[InputError], text: str, fields: dict[str, Any]) -> InputError:
-    """The error that was pickled, in another process for instance."""
-    error = kind.__new__(kind)
-    error.args = (text,)
-    vars(error).update(fields)
-    return error
+        return copyreg.__newobj__, (type(self), str(self)), {**vars(self), "got": str(self.got)}  # type: ignore[attr-defined]
 
 
 def nearest_name(given: object, names: Iterable[str]) -> str | None:

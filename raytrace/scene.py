@@ -2,31 +2,38 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from .brdf.layout import ALPHA
 from .errors import OptionError, check_type, numbers
+from .image.texture import Texture
 from .kernel.arrays import product
+from .lights.sources import BaseLight
+from .materials.base import BaseMaterial, Brushed
 from .mesh.convert import mesh_of
 from .mesh.mesh import Mesh
 from .mesh.opacity import AlphaSurface, Opacity
 from .types import Float64s
 
-if TYPE_CHECKING:
-    from .image.texture import Texture
-    from .lights.sources import BaseLight
-    from .materials.base import BaseMaterial
 
-
-def _frozen(array: Float64s) -> Float64s:
-    """A copy that nobody can change, as what is made from a scene is kept with it."""
+def _freeze(owner: object, name: str, array: Float64s) -> None:
+    """Make an attribute a copy that nobody can change, as what is made from a scene is kept with it."""
     copy = np.array(array)
     copy.flags.writeable = False
-    return copy
+    object.__setattr__(owner, name, copy)
+
+
+def _freeze_rows(owner: object, name: str, source: str, *shape: int) -> None:
+    """Freeze numbers of `shape`, a row for each vertex, unless they are None. Raises: OptionError."""
+    if getattr(owner, name) is not None:
+        of_what = "(n,)" if len(shape) == 1 else f"(n, {shape[1]})"
+        values = numbers(getattr(owner, name), source, name, f"an array of numbers {of_what}")
+        if values.shape != shape:
+            raise OptionError(name, f"shape {shape}", values.shape, source)
+        _freeze(owner, name, values)
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,7 +54,7 @@ class Occlusion:
         values = numbers(self.uv, "occlusion", "uv", "an array of numbers (n, 2)")
         if values.ndim != 2 or values.shape[1] != 2:
             raise OptionError("uv", "shape (n, 2)", values.shape, "occlusion")
-        object.__setattr__(self, "uv", _frozen(values))
+        _freeze(self, "uv", values)
         if not 0.0 <= self.strength <= 1.0:
             raise OptionError("strength", "a number in [0, 1]", self.strength, "occlusion")
 
@@ -78,8 +85,6 @@ class Shape:
     colours: Float64s | None = None
 
     def __post_init__(self) -> None:
-        from .materials.base import BaseMaterial, Brushed
-
         object.__setattr__(self, "mesh", mesh_of(self.mesh, "shape"))
         expected = 'a material, such as raytrace.Lambert(albedo=0.5) or material_from_dict({"preset": "gold"})'
         check_type(self.material, BaseMaterial, "shape", "material", expected)
@@ -88,17 +93,13 @@ class Shape:
             raise OptionError("grain", expected, repr(self.material), self.mesh.source)
         if (self.texture is not None or self.grain is not None) and self.uv is None:
             raise OptionError("uv", "texture coordinates for a textured shape", "none", self.mesh.source)
-        if self.uv is not None:
-            object.__setattr__(self, "uv", numbers(self.uv, self.mesh.source, "uv", "an array of numbers (n, 2)"))
-            if self.uv.shape != (len(self.mesh.vertices), 2):
-                raise OptionError("uv", f"shape ({len(self.mesh.vertices)}, 2)", self.uv.shape, self.mesh.source)
-            object.__setattr__(self, "uv", _frozen(self.uv))
+        _freeze_rows(self, "uv", self.mesh.source, len(self.mesh.vertices), 2)
         if self.colours is not None:
             shape = self.mesh.vertices.shape
             values = numbers(self.colours, self.mesh.source, "colours", "an array of numbers (n, 3)")
             if values.shape != shape or not ((values >= 0) & (values <= 1)).all():
                 raise OptionError("colours", f"numbers from 0 to 1, shape {shape}", values.shape, self.mesh.source)
-            object.__setattr__(self, "colours", _frozen(values))
+            _freeze(self, "colours", values)
         if self.occlusion is not None:
             check_type(self.occlusion, Occlusion, self.mesh.source, "occlusion", "a raytrace.Occlusion(uv, texture)")
             if len(self.occlusion.uv) != len(self.mesh.vertices):
@@ -147,22 +148,12 @@ class Object:
     def __post_init__(self) -> None:
         check_type(self.shape, Shape, self.name, "shape", "a raytrace.Shape(mesh, material)")
         matrix = numbers(self.transform, self.name, "transform", "a (4, 4) matrix")
-        if self.w is not None:
-            object.__setattr__(self, "w", numbers(self.w, self.name, "w", "an array of numbers (n,)"))
         affine = matrix.shape == (4, 4) and np.isfinite(matrix).all() and (matrix[3] == [0, 0, 0, 1]).all()
         if not affine or np.linalg.det(matrix[:3, :3]) == 0:
             raise OptionError("transform", "a finite, invertible affine (4, 4) matrix", matrix.tolist(), self.name)
-        if self.w is not None and self.w.shape != (len(self.shape.mesh.vertices),):
-            raise OptionError("w", f"shape ({len(self.shape.mesh.vertices)},)", self.w.shape, self.name)
-        if self.bent_normals is not None:
-            bent = numbers(self.bent_normals, self.name, "bent_normals", "an array of numbers (n, 3)")
-            if bent.shape != (len(self.shape.mesh.vertices), 3):
-                expected = f"shape ({len(self.shape.mesh.vertices)}, 3)"
-                raise OptionError("bent_normals", expected, bent.shape, self.name)
-            object.__setattr__(self, "bent_normals", _frozen(bent))
-        object.__setattr__(self, "transform", _frozen(matrix))
-        if self.w is not None:
-            object.__setattr__(self, "w", _frozen(self.w))
+        _freeze(self, "transform", matrix)
+        _freeze_rows(self, "w", self.name, len(self.shape.mesh.vertices))
+        _freeze_rows(self, "bent_normals", self.name, len(self.shape.mesh.vertices), 3)
 
 
 @dataclass(frozen=True, eq=False)
@@ -180,8 +171,6 @@ class Scene:
     background: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
     def __post_init__(self) -> None:
-        from .lights.sources import BaseLight
-
         for name, kind, expected in (
             ("objects", Object, "raytrace.Objects in a tuple or list"),
             ("lights", BaseLight, "lights, such as raytrace.PointLight, in a tuple or list"),
@@ -214,15 +203,15 @@ class Scene:
 
     def without_occlusion(self) -> Scene:
         """The same scene without occlusion textures; objects that shared a shape share one still."""
-        shapes = {id(item.shape): item.shape for item in self.objects}
-        bare = {key: replace(shape, occlusion=None) if shape.occlusion else shape for key, shape in shapes.items()}
-        return replace(self, objects=tuple(replace(item, shape=bare[id(item.shape)]) for item in self.objects))
+        return self._with_shapes(lambda shape: replace(shape, occlusion=None) if shape.occlusion else shape)
 
     def without_alpha(self) -> Scene:
         """The same scene with opaque faces; transparent materials stay as they are."""
-        shapes = {id(item.shape): item.shape for item in self.objects}
-        full = {key: replace(shape, mesh=replace(shape.mesh, opacity=None)) for key, shape in shapes.items()}
-        return replace(self, objects=tuple(replace(item, shape=full[id(item.shape)]) for item in self.objects))
+        return self._with_shapes(lambda shape: replace(shape, mesh=replace(shape.mesh, opacity=None)))
+
+    def _with_shapes(self, change: Callable[[Shape], Shape]) -> Scene:
+        changed = {id(item.shape): change(item.shape) for item in self.objects}
+        return replace(self, objects=tuple(replace(item, shape=changed[id(item.shape)]) for item in self.objects))
 
     def with_obscurance(self, w: Float64s | Sequence[float], bent_normals: Float64s | None = None) -> Scene:
         """The same scene with w (n,), bent normals (n, 3) of `flattened()`, an object's vertices after the other's."""

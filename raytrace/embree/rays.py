@@ -40,9 +40,6 @@ class _Rays(NamedTuple):
     directions: Float32s
     reach: Float32s
 
-    def part(self, first: int, last: int) -> _Rays:
-        return _Rays(self.origins[first:last], self.directions[first:last], self.reach[first:last])
-
 
 @kernel
 def _closest(scene, packet, valid, rays, distance, face, barycentric):
@@ -95,8 +92,8 @@ def intersect(
     hits = Hits(np.full(count, np.inf, np.float32), np.full(count, -1), np.zeros((count, 3), np.float32))
 
     def work(a: int, b: int) -> None:
-        out = hits.distance[a:b], hits.face[a:b], hits.barycentric[a:b]
-        _closest(scene.handle, *new_packet(), rays.part(a, b), *out)
+        part, out = _Rays(*(each[a:b] for each in rays)), (hits.distance[a:b], hits.face[a:b], hits.barycentric[a:b])
+        _closest(scene.handle, *new_packet(), part, *out)
 
     run_blocks(count, _BLOCK, work, thread_count(threads), most=_MOST)
     return hits

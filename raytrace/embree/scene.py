@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import threading
-import time
 import weakref
 from collections.abc import Sequence
 
@@ -68,7 +67,7 @@ class EmbreeScene:
     A hit's GEOM_ID is the row in `geometries`, or 0 inside an instance whose row is INST_ID.
 
     Attributes:
-        handle: what kernels trace in. seconds: how long it took to build.
+        handle: what kernels trace in.
 
     Raises:
         EmbreeError: Embree reports an error, out of memory for instance.
@@ -76,7 +75,6 @@ class EmbreeScene:
 
     def __init__(self, geometries: Sequence[Triangles | EmbreeInstance]) -> None:
         self.geometries = tuple(geometries)
-        start = time.perf_counter()
         with _lock:
             device = the_device()
             scene = library.rtcNewScene(device)
@@ -92,7 +90,6 @@ class EmbreeScene:
             library.rtcCommitScene(scene)
             check(device)
         self.handle = np.uint64(scene)
-        self.seconds = time.perf_counter() - start
 
     def release(self) -> None:
         """Give Embree's memory back; nothing can be traced in the scene any more."""

@@ -81,14 +81,10 @@ def compare(
         check_memory(os.fspath(a), _FLIP * width * height, work)
         seen = oiio.ImageBufAlgo.FLIP_diff(first, second)
     if difference is not None:
-        write_image(difference, decode_srgb(_pixels(oiio.ImageBufAlgo.color_map(seen, 0, "magma"))))
-    return Comparison(
-        float(figures.meanerror),
-        float(figures.rms_error),
-        float(figures.maxerror),
-        float(figures.PSNR),
-        float(np.mean(_pixels(seen), dtype=np.float64)),
-    )
+        coloured: Any = oiio.ImageBufAlgo.color_map(seen, 0, "magma")
+        write_image(difference, decode_srgb(coloured.get_pixels(oiio.FLOAT)))
+    flip = np.mean(seen.get_pixels(oiio.FLOAT), dtype=np.float64)
+    return Comparison(*map(float, (figures.meanerror, figures.rms_error, figures.maxerror, figures.PSNR, flip)))
 
 
 def _size(path: str | os.PathLike[str]) -> tuple[int, int]:
@@ -112,14 +108,6 @@ def _colour(path: str | os.PathLike[str]) -> Float32s:
 def _buffer(pixels: Float32s) -> Any:
     import OpenImageIO as oiio
 
-    spec = oiio.ImageSpec(pixels.shape[1], pixels.shape[0], pixels.shape[2], "float")
-    spec.attribute("oiio:ColorSpace", "lin_rec709_scene")
-    buffer = oiio.ImageBuf(spec)
-    buffer.set_pixels(oiio.ROI(), pixels)
+    buffer = oiio.ImageBuf(pixels)
+    buffer.specmod().attribute("oiio:ColorSpace", "lin_rec709_scene")
     return buffer
-
-
-def _pixels(buffer: Any) -> Float32s:
-    import OpenImageIO as oiio
-
-    return np.asarray(buffer.get_pixels(oiio.FLOAT), np.float32)

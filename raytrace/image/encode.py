@@ -28,11 +28,6 @@ _ROWS = 64
 _SPARE = 1 << 20
 
 
-def channel_names(layer: str, count: int) -> tuple[str, ...]:
-    suffixes = CHANNELS.get(layer, _BY_COUNT[count])
-    return tuple(suffixes) if layer == "beauty" else tuple(f"{layer}.{suffix}" for suffix in suffixes)
-
-
 def file_format(path: str | os.PathLike[str]) -> str:
     """OpenImageIO's name of the format of `path`. Raises: OptionError: an ending that is not in `FORMATS`."""
     try:
@@ -51,7 +46,8 @@ def write_layers(
     names: list[str] = []
     formats: list[str] = []
     for name, layer in layers.items():
-        names += channel_names(name, layer.shape[2])
+        suffixes = CHANNELS.get(name, _BY_COUNT[layer.shape[2]])
+        names += suffixes if name == "beauty" else [f"{name}.{suffix}" for suffix in suffixes]
         formats += ["half" if half and name not in _ALWAYS_FLOAT else "float"] * layer.shape[2]
     spec = oiio.ImageSpec(width, height, len(names), "float")
     spec.channelnames = tuple(names)
@@ -102,13 +98,13 @@ def write_picture(
 
 def write_data(
     path: str | os.PathLike[str],
-    values: Float32s,
+    values: Float32s | npt.NDArray[np.uint8 | np.uint16],
     metadata: Mapping[str, str],
     half: bool,
     names: Sequence[str],
     bits: int = 16,
 ) -> None:
-    """Write numbers as they are, (height, width, channels): in PNG from 0 to 1; else as floats.
+    """Write numbers as they are, (height, width, channels): in PNG codes, or from 0 to 1; else as floats.
 
     Args: half: floats of 16 bits. names: of the channels, in EXR files. bits: of a channel in PNG, 8 or 16.
     """
@@ -122,22 +118,18 @@ def write_data(
         oiio.attribute("tiff:half", 1)  # which OpenImageIO otherwise takes for too uncommon
     if file_format(path) == "openexr":
         spec.channelnames = tuple(names)
-    if file_format(path) != "png":
+    if file_format(path) == "png":
+        spec.attribute("oiio:UnassociatedAlpha", 1)
+    else:
         spec.attribute("compression", "zip")
     _write(path, spec, metadata, lambda first, end: values[first:end])
 
 
 def linear_png(values: npt.NDArray[np.uint8 | np.uint16]) -> bytes:
     """A PNG file of codes as they are, (height, width, channels), that says nothing of a colour space."""
-    import OpenImageIO as oiio
-
-    height, width, channels = values.shape
-    spec = oiio.ImageSpec(width, height, channels, values.dtype.name)
-    spec.attribute("oiio:ColorSpace", "data")
-    spec.attribute("oiio:UnassociatedAlpha", 1)
     with tempfile.TemporaryDirectory() as folder:
         target = Path(folder) / "data.png"
-        _write(target, spec, {}, lambda first, end: values[first:end])
+        write_data(target, values, {}, False, (), 8 * values.itemsize)
         return target.read_bytes()
 
 
@@ -176,7 +168,6 @@ def _reserve(scratch: Path, size: int) -> None:
     with scratch.open("wb") as file:
         for first in range(0, size, _SPARE):
             file.write(bytes(min(_SPARE, size - first)))
-        file.flush()
 
 
 def _complete(scratch: Path, format_name: str, height: int) -> bool:

@@ -16,12 +16,9 @@ def fill_holes(pixels: Float32s, known: Bools) -> Float32s:
 
     if known.all() or not known.any():
         return pixels.copy()
-    height, width, channels = pixels.shape
-    spec = oiio.ImageSpec(width, height, channels + 1, "float")
-    spec.alpha_channel = channels
-    source = oiio.ImageBuf(spec)
-    alpha = known[:, :, None].astype(np.float32)
-    source.set_pixels(spec.roi, np.ascontiguousarray(np.concatenate([pixels * alpha, alpha], axis=2)))
+    alpha, channels = known[:, :, None].astype(np.float32), pixels.shape[2]
+    source = oiio.ImageBuf(np.concatenate([pixels * alpha, alpha], axis=2))
+    source.specmod().alpha_channel = channels
     filled = oiio.ImageBufAlgo.fillholes_pushpull(source)
     pushed = None if filled.has_error else filled.get_pixels("float")
     if pushed is None:

@@ -8,18 +8,9 @@ from ..types import Float32s
 from .encode import write_picture
 
 LAYERS = {
-    "beauty": 4,
-    "ambient": 3,
-    "diffuse": 3,
-    "specular": 3,
-    "emission": 3,
-    "obscurance": 1,
-    "shadow": 1,
-    "depth": 1,
-    "normal": 3,
-    "albedo": 3,
-    "object_id": 1,
-}
+    "beauty": 4, "ambient": 3, "diffuse": 3, "specular": 3, "emission": 3,
+    "obscurance": 1, "shadow": 1, "depth": 1, "normal": 3, "albedo": 3, "object_id": 1,
+}  # fmt: skip
 """Channels of each layer.
 
 beauty is RGBA, linear, colour premultiplied by coverage; its RGB is ((ambient + diffuse) + specular) + emission in

@@ -49,7 +49,11 @@ def read_image(path: str | os.PathLike[str]) -> tuple[dict[str, Float32s], dict[
     values = decoding_table(spec)
     for rows, block in row_blocks(image, path):
         for name, group in groups.items():
-            layers[name][rows] = _linear(block[..., group], values, spec.alpha_channel in group)
+            linear = block[..., group] if values is None else values[block[..., group]]
+            if values is not None and spec.alpha_channel in group:
+                linear[..., -1] = block[..., group[-1]] / np.float32(len(values) - 1)
+                linear[..., :-1] *= linear[..., -1:]
+            layers[name][rows] = linear
     return layers, _metadata(spec)
 
 
@@ -96,10 +100,7 @@ def open_image(path: str | os.PathLike[str], content: Path | None = None, max_si
 
 
 def check_pixels(image: Any, path: str | os.PathLike[str], each: int) -> None:
-    """Refuse to decode an opened image that does not fit. Args: each: bytes that a pixel takes.
-
-    Raises: MemoryLimitError.
-    """
+    """Refuse to decode an opened image whose pixels of `each` bytes do not fit. Raises: MemoryLimitError."""
     spec = image.spec()
     needed = each * spec.width * spec.height
     if needed > _FEW:
@@ -107,11 +108,7 @@ def check_pixels(image: Any, path: str | os.PathLike[str], each: int) -> None:
 
 
 def row_blocks(image: Any, path: str | os.PathLike[str]) -> Iterator[tuple[slice, npt.NDArray[Any]]]:
-    """The opened image from the top, some rows at a time: which rows, and uint8 or uint16 codes, or float32.
-
-    Raises:
-        InputError: these rows are damaged or missing.
-    """
+    """The opened image from the top: which rows, and their uint8 or uint16 codes, or float32. Raises: InputError."""
     spec = image.spec()
     kind = stored_type(spec).replace("float32", "float")  # as OpenImageIO calls it
     step = spec.tile_height or _ROWS
@@ -130,11 +127,7 @@ def row_blocks(image: Any, path: str | os.PathLike[str]) -> Iterator[tuple[slice
 
 
 def decoding_table(spec: Any, srgb: bool | None = None) -> Float32s | None:
-    """Linear values of all codes of an 8- or 16-bit file, None for a file of floats.
-
-    Args:
-        srgb: whether codes are sRGB-encoded; None asks the file.
-    """
+    """Linear values of a file's 8- or 16-bit codes, None for floats. Args: srgb: how they are encoded; None asks it."""
     codes = stored_type(spec)
     if codes == "float32":
         return None
@@ -165,16 +158,6 @@ def stored_type(spec: Any) -> str:
     """The dtype that a file is read as: uint8 or uint16 codes, or float32."""
     text = str(spec.format)
     return text if text in ("uint8", "uint16") else "float32"
-
-
-def _linear(numbers: npt.NDArray[Any], values: Float32s | None, has_alpha: bool) -> Float32s:
-    if values is None:
-        return numbers
-    linear = values[numbers]
-    if has_alpha:
-        linear[..., -1] = numbers[..., -1] / np.float32(len(values) - 1)
-        linear[..., :-1] *= linear[..., -1:]
-    return linear
 
 
 def _layers(names: list[str]) -> dict[str, list[int]]:

@@ -163,10 +163,7 @@ def pack_textures(textures: Sequence[Texture]) -> PackedTextures:
 
 
 def _levels(image: Texture) -> list[tuple[int, int]]:
-    """Width and height of a pyramid's levels: halves, rounded down, until one texel is left.
-
-    None of a file that cannot be read: perhaps no ray meets it.
-    """
+    """Width and height of a pyramid's levels, halved to one texel; none of a bad file, which perhaps no ray meets."""
     try:
         with _opened(image) as file:
             width, height = file.spec().width, file.spec().height
@@ -243,10 +240,9 @@ def texture_mean(texture: Texture) -> Float64s:
 
 @contextmanager
 def _opened(texture: Texture) -> Iterator[Any]:
-    with tempfile.TemporaryDirectory() if texture.data is not None else nullcontext() as folder:
-        content = None
-        if folder is not None and texture.data is not None:
-            content = Path(folder) / f"texture{texture.path.suffix}"
+    with tempfile.TemporaryDirectory() if texture.data is not None else nullcontext("") as folder:
+        content = Path(folder) / f"texture{texture.path.suffix}" if texture.data is not None else None
+        if content and texture.data is not None:
             content.write_bytes(texture.data)
         image = open_image(texture.path, content, MAX_SIDE)
         try:
@@ -259,20 +255,13 @@ def _build_pyramid(pyramid: list[Float32s], image: Any, texture: Texture) -> Non
     """Read the finest level and reduce it to the coarser ones."""
     import OpenImageIO as oiio
 
-    _read(pyramid[0], image, texture)
-    height, width = pyramid[0].shape[:2]
-    level = oiio.ImageBuf(oiio.ImageSpec(width, height, 3, "float"))
-    level.set_pixels(oiio.ROI(), pyramid[0])
+    spec = image.spec()
+    values = decoding_table(spec, texture.srgb)
+    for rows, numbers in row_blocks(image, texture.path):
+        colour = numbers[..., : 3 if spec.nchannels >= 3 else 1]
+        pyramid[0][rows] = colour if values is None else values[colour]
+    level = oiio.ImageBuf(pyramid[0])
     for coarser in pyramid[1:]:
         height, width = coarser.shape[:2]
         level = oiio.ImageBufAlgo.resize(level, "box", roi=oiio.ROI(0, width, 0, height, 0, 1, 0, 3))
         coarser[:] = level.get_pixels(oiio.FLOAT)
-
-
-def _read(linear: Float32s, image: Any, texture: Texture) -> None:
-    spec = image.spec()
-    values = decoding_table(spec, texture.srgb)
-    channels = 3 if spec.nchannels >= 3 else 1
-    for rows, numbers in row_blocks(image, texture.path):
-        colour = numbers[..., :channels]
-        linear[rows] = colour if values is None else values[colour]
