@@ -16,7 +16,7 @@ from raytrace.kernel.jit import inline, kernel
 from raytrace.mesh.placement import ULP
 from raytrace.ray_origins.offset import OFFSET_ULPS
 from raytrace.sampling.hash import mix
-from raytrace.sampling.warps import cosine_hemisphere
+from raytrace.sampling.sequences import cosine_hemisphere
 from raytrace.types import Float32s, Float64s
 
 from ..rays.directions import turned_frame

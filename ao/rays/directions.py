@@ -11,8 +11,7 @@ from raytrace.kernel.arrays import aligned
 from raytrace.kernel.jit import inline
 from raytrace.kernel.simd import WIDE
 from raytrace.sampling.hash import mix
-from raytrace.sampling.sequences import GOLDEN, LEAPED, jittered_lattice
-from raytrace.sampling.warps import cosine_hemisphere
+from raytrace.sampling.sequences import GOLDEN, LEAPED, cosine_hemisphere, jittered_lattice
 from raytrace.system.threads import run_blocks, thread_count
 from raytrace.types import Float32s, Float64s, Int64s, UInt8s
 

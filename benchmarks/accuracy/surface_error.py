@@ -28,8 +28,7 @@ from raytrace.mesh.mesh import Mesh
 from raytrace.mesh.normals import face_normals, normalize
 from raytrace.mesh.placement import Placement
 from raytrace.ray_origins.offset import ray_offset
-from raytrace.sampling.sequences import owen_sobol
-from raytrace.sampling.warps import cosine_hemisphere
+from raytrace.sampling.sequences import cosine_hemisphere, owen_sobol
 from raytrace.system.atomic import write_json
 from scenes.formats.load import load
 

@@ -1,4 +1,4 @@
-"""Low-discrepancy points of the unit square.
+"""Low-discrepancy points of the unit square, and a warp of them to directions.
 
 Owen-scrambled Sobol points: Sobol 1967's first two dimensions under nested uniform scrambling (Owen 1995), exact
 down to the cell that holds one point and uniform below it, every random bit a hash of (key, set, dimension, node).
@@ -77,3 +77,9 @@ def jittered_lattice(
     u = (rank + chance[0]) / count
     v = (rank * step + chance[1] / count) % 1.0
     return u, v
+
+
+def cosine_hemisphere(u: Float64s, v: Float64s) -> Float64s:
+    """Directions about +z with density cosθ/π from `u`, `v` in (0, 1), by Malley's method: (…, 3, n)."""
+    radius, azimuth = np.sqrt(u), 2 * np.pi * v
+    return np.stack([radius * np.cos(azimuth), radius * np.sin(azimuth), np.sqrt(1 - u)], axis=-2)

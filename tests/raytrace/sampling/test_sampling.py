@@ -7,8 +7,7 @@ from scipy.stats import qmc
 
 from raytrace.sampling.hash import mix_array as mix
 from raytrace.sampling.hash import seed_key
-from raytrace.sampling.sequences import jittered_lattice, owen_sobol, sobol
-from raytrace.sampling.warps import cosine_hemisphere
+from raytrace.sampling.sequences import cosine_hemisphere, jittered_lattice, owen_sobol, sobol
 
 
 def test_sobol_points_are_the_published_ones():
