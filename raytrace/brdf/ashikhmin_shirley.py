@@ -13,7 +13,7 @@ from math import pi, sqrt
 
 from ..kernel.jit import inline
 from ..kernel.simd import select
-from ..kernel.vector import dot, halfway, perpendicular, triple
+from ..kernel.vector import dot, halfway, multiply, perpendicular, scale, subtract, triple
 from .layout import MODEL
 
 R_S, N_PARALLEL, N_PERPENDICULAR = MODEL + 3, MODEL + 6, MODEL + 7
@@ -52,6 +52,6 @@ def terms(row, n, l, v, grain):
     nl, nv = dot(n, l), max(0.0, dot(n, v))
     body = 28.0 / (23.0 * pi) * nl * (1.0 - fifth(1.0 - 0.5 * nl)) * (1.0 - fifth(1.0 - 0.5 * nv))  # eq. 5
     rho, r_s = triple(row, MODEL), triple(row, R_S)
-    diffuse = ((1.0 - r_s[0]) * rho[0] * body, (1.0 - r_s[1]) * rho[1] * body, (1.0 - r_s[2]) * rho[2] * body)
     size, lh = lobe(row, n, l, v, grain)
-    return diffuse, (size * schlick(r_s[0], lh), size * schlick(r_s[1], lh), size * schlick(r_s[2], lh))
+    fresnel = schlick(r_s[0], lh), schlick(r_s[1], lh), schlick(r_s[2], lh)
+    return scale(body, multiply(subtract((1.0, 1.0, 1.0), r_s), rho)), scale(size, fresnel)

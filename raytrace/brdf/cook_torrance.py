@@ -8,10 +8,10 @@ Row: ρ (RGB), k_s, η (RGB), shifted (1: the specular colour is used), specular
 Source: Cook & Torrance 1982; (12.34–12.52).
 """
 
-from math import pi, sqrt
+from math import pi
 
 from ..kernel.jit import inline
-from ..kernel.vector import cross, dot, halfway, perpendicular
+from ..kernel.vector import cross, dot, halfway, length, perpendicular, scale, triple
 from .layout import MODEL
 from .microfacet import beckmann, fresnel, gaussian, geometric_attenuation
 
@@ -32,7 +32,7 @@ def shifted_colour(colour, eta, reflectance):
 def combine(row, nl, nv, h, nh, vh, distribution):
     """k_d f_d and k_s f_s per channel, times n·l."""
     base = (1.0 - row[K_S]) * nl / pi  # k_d f_d, (12.18)
-    diffuse = (row[MODEL] * base, row[MODEL + 1] * base, row[MODEL + 2] * base)
+    diffuse = scale(base, triple(row, MODEL))
     if nv <= 0.0 or nh <= 0.0 or vh <= 0.0:
         return diffuse, (0.0, 0.0, 0.0)
     lobe = row[K_S] * row[NORMALISATION] * distribution * geometric_attenuation(nh, nl, nv, vh) / nv  # k_s f_s
@@ -42,7 +42,7 @@ def combine(row, nl, nv, h, nh, vh, distribution):
         red = shifted_colour(row[COLOUR], row[ETA], red)
         green = shifted_colour(row[COLOUR + 1], row[ETA + 1], green)
         blue = shifted_colour(row[COLOUR + 2], row[ETA + 2], blue)
-    return diffuse, (lobe * red, lobe * green, lobe * blue)
+    return diffuse, scale(lobe, (red, green, blue))
 
 
 @inline
@@ -50,8 +50,7 @@ def terms(row, n, l, v):
     """Diffuse and specular RGB reflected per unit incident RGB for a packed row, isotropic."""
     h = halfway(l, v)
     nh = dot(n, h)
-    lifted = cross(n, h)  # |n × h| = sinθ_a, exact where 1 − (n·h)² cancels
-    sine = sqrt(dot(lifted, lifted))
+    sine = length(cross(n, h))  # sinθ_a, exact where 1 − (n·h)² cancels
     distribution = 0.0
     if nh > 0.0:
         c = row[M + 1]

@@ -3,7 +3,6 @@
     red, green, blue = evaluate(kind, row, n, l, v, tangent)
 
 `kind` and `row` come from a material's `pack()`; directions are triples of unit vectors pointing away from the surface.
-`terms_wide` is the same for sixteen points of one material, in lanes.
 The result is the reflected RGB for unit incident RGB: BRDF·(n·l) for physical models, k_d⟨n·l⟩ + k_s S for Phong-type
 ones; zero, everywhere, for a light at or below the horizon. A material without a grain of its own is brushed along the
 surface's `tangent`.
@@ -14,27 +13,11 @@ import numpy as np
 from ..kernel.jit import inline, kernel
 from ..kernel.simd import WIDE
 from ..kernel.simd_masks import pick, replace
-from ..kernel.vector import add, choose, dot, load, scale
+from ..kernel.vector import add, choose, dot, load, scale, triple
 from . import ashikhmin_shirley, cook_torrance, kajiya, lambert, oren_nayar, phong, poulin_fournier, strauss, ward
 from . import layout as rows
 
-
-@inline
-def emission(row):
-    """I_e, emitted RGB."""
-    return (row[rows.EMISSION], row[rows.EMISSION + 1], row[rows.EMISSION + 2])
-
-
-@inline
-def ambient(row):
-    """k_a, RGB reflected of unit ambient light."""
-    return (row[rows.AMBIENT], row[rows.AMBIENT + 1], row[rows.AMBIENT + 2])
-
-
-@inline
-def alpha(row):
-    """Opacity in [0, 1]."""
-    return row[rows.ALPHA]
+IN_LANES = (rows.LAMBERT, rows.PHONG, rows.BLINN_PHONG, rows.WARD, rows.ASHIKHMIN_SHIRLEY)  # models of scalars or lanes
 
 
 @inline
@@ -51,18 +34,12 @@ def facing(row, n, l, v):
 def terms(kind, row, n, l, v, tangent):
     """Diffuse and specular RGB reflected per unit incident RGB by the side that n points away from.
 
-    Args: kind and row of a packed material; unit normal n; unit directions l to the light and v to the viewer; tangent
-        of the surface, along which an anisotropic material without a grain of its own is brushed. Either is projected
-        into the tangent plane; without both some direction in it is taken.
+    The grain or the tangent is projected into the tangent plane; without both some direction in it is taken.
     """
     if dot(n, l) <= 0.0:
         return (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
-    if kind == rows.LAMBERT:
-        return lambert.terms(row, n, l)
-    if kind == rows.PHONG:
-        return phong.terms_phong(row, n, l, v)
-    if kind == rows.BLINN_PHONG:
-        return phong.terms_blinn(row, n, l, v)
+    if kind in IN_LANES:
+        return terms_of_either(kind, row, n, l, v, tangent)
     if kind == rows.COOK_TORRANCE:
         return cook_torrance.terms(row, n, l, v)
     if kind == rows.OREN_NAYAR:
@@ -72,10 +49,6 @@ def terms(kind, row, n, l, v, tangent):
     grain = brushed_along(row, tangent)
     if kind == rows.ELLIPTICAL_BECKMANN:
         return cook_torrance.terms_elliptical(row, n, l, v, grain)
-    if kind == rows.WARD:
-        return ward.terms(row, n, l, v, grain)
-    if kind == rows.ASHIKHMIN_SHIRLEY:
-        return ashikhmin_shirley.terms(row, n, l, v, grain)
     if kind == rows.KAJIYA:
         return kajiya.terms(row, n, l, v, grain)
     return poulin_fournier.terms(row, n, l, v, grain)
@@ -84,23 +57,30 @@ def terms(kind, row, n, l, v, tangent):
 @inline
 def brushed_along(row, tangent):
     """The material's own grain, or the surface's tangent if it has none."""
-    grain = (row[rows.GRAIN], row[rows.GRAIN + 1], row[rows.GRAIN + 2])
+    grain = triple(row, rows.GRAIN)
     return choose(dot(grain, grain) > 0.0, grain, tangent)
+
+
+@inline
+def terms_of_either(kind, row, n, l, v, tangent):
+    """`terms` of the models `IN_LANES`, of scalars or in lanes of float32, for n·l > 0."""
+    if kind == rows.LAMBERT:
+        return lambert.terms(row, n, l)
+    if kind == rows.PHONG:
+        return phong.terms_phong(row, n, l, v)
+    if kind == rows.BLINN_PHONG:
+        return phong.terms_blinn(row, n, l, v)
+    grain = brushed_along(row, tangent)
+    if kind == rows.WARD:
+        return ward.terms(row, n, l, v, grain)
+    return ashikhmin_shirley.terms(row, n, l, v, grain)
 
 
 @inline
 def terms_wide(kind, row, n, l, v, tangent, wanted):
     """`terms` in lanes, of float32, for n·l > 0; garbage in lanes where the mask `wanted` is not set."""
-    if kind == rows.LAMBERT:
-        return _in_lanes(lambert.terms(row, n, l), n[0])
-    if kind == rows.PHONG:
-        return phong.terms_phong(row, n, l, v)
-    if kind == rows.BLINN_PHONG:
-        return phong.terms_blinn(row, n, l, v)
-    if kind == rows.WARD:
-        return ward.terms(row, n, l, v, brushed_along(row, tangent))
-    if kind == rows.ASHIKHMIN_SHIRLEY:
-        return ashikhmin_shirley.terms(row, n, l, v, brushed_along(row, tangent))
+    if kind in IN_LANES:
+        return terms_of_either(kind, row, n, l, v, tangent)
     if kind == rows.KAJIYA:
         return kajiya.terms_wide(row, n, l, v, brushed_along(row, tangent), wanted)
     zero = scale(0.0, n)
@@ -110,13 +90,6 @@ def terms_wide(kind, row, n, l, v, tangent, wanted):
             d, s = terms(kind, row, _lane(n, lane), _lane(l, lane), _lane(v, lane), _lane(tangent, lane))
             diffuse, specular = _replaced(diffuse, lane, d), _replaced(specular, lane, s)
     return diffuse, specular
-
-
-@inline
-def _in_lanes(parts, lanes):
-    """Diffuse lanes with specular zeros in lanes."""
-    diffuse, (red, green, blue) = parts
-    return diffuse, (red + 0.0 * lanes, green + 0.0 * lanes, blue + 0.0 * lanes)
 
 
 @inline

@@ -7,37 +7,25 @@ Source: Phong 1975 (12.22–12.23); Blinn 1977 (12.24–12.25); W(θ) from the l
 """
 
 from ..kernel.jit import inline
-from ..kernel.vector import dot, halfway, mirror
+from ..kernel.vector import dot, halfway, mirror, scale, triple
 from .layout import MODEL
 
 
 @inline
-def phong_highlight(n, l, v, exponent):
-    """S = ⟨r·v⟩^m."""
-    return max(0.0, min(1.0, dot(mirror(n, l), v))) ** exponent  # (12.22)
-
-
-@inline
-def blinn_highlight(n, l, v, exponent):
-    """S = ⟨n·h⟩^m."""
-    return max(0.0, min(1.0, dot(n, halfway(l, v)))) ** exponent  # (12.25)
-
-
-@inline
-def combine(row, cosine, highlight):
-    """k_d cosθ and k_s W(θ) S per channel (12.28), for cosθ = n·l > 0."""
+def combine(row, cosine, cosine_of_highlight):
+    """k_d cosθ and k_s W(θ) S per channel (12.28), for cosθ = n·l > 0; S = ⟨cosine of the highlight⟩^m."""
+    highlight = max(0.0, min(1.0, cosine_of_highlight)) ** row[MODEL + 6]
     weighted = highlight * cosine if row[MODEL + 7] == 1.0 else highlight
-    diffuse = (row[MODEL] * cosine, row[MODEL + 1] * cosine, row[MODEL + 2] * cosine)
-    return diffuse, (row[MODEL + 3] * weighted, row[MODEL + 4] * weighted, row[MODEL + 5] * weighted)
+    return scale(cosine, triple(row, MODEL)), scale(weighted, triple(row, MODEL + 3))
 
 
 @inline
 def terms_phong(row, n, l, v):
-    """Diffuse and specular RGB reflected per unit incident RGB for a packed row, r·v form."""
-    return combine(row, dot(n, l), phong_highlight(n, l, v, row[MODEL + 6]))
+    """Diffuse and specular RGB reflected per unit incident RGB for a packed row, r·v form; in lanes, too."""
+    return combine(row, dot(n, l), dot(mirror(n, l), v))  # (12.22)
 
 
 @inline
 def terms_blinn(row, n, l, v):
-    """Diffuse and specular RGB reflected per unit incident RGB for a packed row, n·h form."""
-    return combine(row, dot(n, l), blinn_highlight(n, l, v, row[MODEL + 6]))
+    """Diffuse and specular RGB reflected per unit incident RGB for a packed row, n·h form; in lanes, too."""
+    return combine(row, dot(n, l), dot(n, halfway(l, v)))  # (12.25)

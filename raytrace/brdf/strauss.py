@@ -10,7 +10,7 @@ Source: Strauss 1990; (12.65–12.70).
 from math import acos, pi
 
 from ..kernel.jit import inline
-from ..kernel.vector import dot, mirror
+from ..kernel.vector import dot, mirror, scale, triple
 from .layout import MODEL
 
 K_F, K_G, K_J = 1.12, 1.01, 0.1
@@ -37,12 +37,6 @@ def normalised_angle(cosine):
 
 
 @inline
-def highlight_colour(colour, metalness, grey):
-    """c_s: the highlight of a metal takes its colour, save at grazing."""
-    return 1.0 + metalness * (1.0 - grey) * (colour - 1.0)
-
-
-@inline
 def terms(row, n, l, v):
     """Diffuse and specular RGB reflected per unit incident RGB for a packed row."""
     smoothness, metalness, transparency = row[MODEL + 3], row[MODEL + 4], row[MODEL + 5]
@@ -54,9 +48,7 @@ def terms(row, n, l, v):
     f = fresnel_like(x_i)
     r_j = min(1.0, r_n + (r_n + K_J) * f * shadowing(x_i) * shadowing(x_r))  # adjusted by F and G
     specular = max(0.0, min(1.0, dot(mirror(n, l), v))) ** (3.0 / (1.0 - smoothness)) * r_j
-    red, green, blue = row[MODEL], row[MODEL + 1], row[MODEL + 2]
-    return (diffuse * red, diffuse * green, diffuse * blue), (
-        specular * highlight_colour(red, metalness, f),
-        specular * highlight_colour(green, metalness, f),
-        specular * highlight_colour(blue, metalness, f),
-    )
+    red, green, blue = triple(row, MODEL)
+    tint = metalness * (1.0 - f)  # a metal's highlight takes its colour, save at grazing
+    c_s = 1.0 + tint * (red - 1.0), 1.0 + tint * (green - 1.0), 1.0 + tint * (blue - 1.0)
+    return scale(diffuse, (red, green, blue)), scale(specular, c_s)

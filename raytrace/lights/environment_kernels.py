@@ -1,7 +1,7 @@
 """Light from all around: what arrives at a surface from a sky or an image, and what a glossy one mirrors of it.
 
 All of it as I_a is: light that is L in every direction is L. `skies` are rows as `raytrace.lights.layout` has them;
-`harmonics` and `maps` are of an image, made by `raytrace.lights.prefilter`.
+`harmonics` and `maps` are of an image, made by `raytrace.lights.environment`.
 """
 
 from math import acos, asin, atan2, cos, erf, exp, floor, log2, pi, sqrt
@@ -9,7 +9,7 @@ from math import acos, asin, atan2, cos, erf, exp, floor, log2, pi, sqrt
 import numpy as np
 
 from ..kernel.jit import inline
-from ..kernel.vector import add, dot, scale, triple
+from ..kernel.vector import add, dot, scale, subtract, triple
 from .layout import GROUND, HORIZON, MAP_HEIGHT, MAP_SLOPE, MAP_WIDTH, MAPS, UP, ZENITH
 
 
@@ -17,11 +17,8 @@ from .layout import GROUND, HORIZON, MAP_HEIGHT, MAP_SLOPE, MAP_WIDTH, MAPS, UP,
 def gradient(sky, above, rise):
     """ground + (horizon − ground)·above + (zenith − horizon)·rise, exactly the colour that all three are."""
     ground, horizon, zenith = triple(sky, GROUND), triple(sky, HORIZON), triple(sky, ZENITH)
-    return (
-        ground[0] + (horizon[0] - ground[0]) * above + (zenith[0] - horizon[0]) * rise,
-        ground[1] + (horizon[1] - ground[1]) * above + (zenith[1] - horizon[1]) * rise,
-        ground[2] + (horizon[2] - ground[2]) * above + (zenith[2] - horizon[2]) * rise,
-    )
+    over_ground = add(ground, scale(above, subtract(horizon, ground)))
+    return add(over_ground, scale(rise, subtract(zenith, horizon)))
 
 
 @inline
@@ -56,15 +53,10 @@ def sky_radiance(sky, d, slope):
 def harmonic_irradiance(harmonics, n):
     """(1/π) ∫ L(d) ⟨n·d⟩ dω of an image, from its nine coefficients (Ramamoorthi & Hanrahan 2001)."""
     x, y, z = n
-    total = triple(harmonics[0], 0)
-    total = add(total, scale(y, triple(harmonics[1], 0)))
-    total = add(total, scale(z, triple(harmonics[2], 0)))
-    total = add(total, scale(x, triple(harmonics[3], 0)))
-    total = add(total, scale(x * y, triple(harmonics[4], 0)))
-    total = add(total, scale(y * z, triple(harmonics[5], 0)))
-    total = add(total, scale(3.0 * z * z - 1.0, triple(harmonics[6], 0)))
-    total = add(total, scale(x * z, triple(harmonics[7], 0)))
-    total = add(total, scale(x * x - y * y, triple(harmonics[8], 0)))
+    basis = (1.0, y, z, x, x * y, y * z, 3.0 * z * z - 1.0, x * z, x * x - y * y)
+    total = (0.0, 0.0, 0.0)
+    for k in range(9):
+        total = add(total, scale(basis[k], triple(harmonics[k], 0)))
     return (max(0.0, total[0]), max(0.0, total[1]), max(0.0, total[2]))
 
 

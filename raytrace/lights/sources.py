@@ -1,10 +1,15 @@
 """Light sources: typed, checked, packed to rows for kernels; and the photometry law.
 
-    sun = Directional(direction=(0, -1, 0), intensity=3)          # shines downwards
+    sun = DirectionalLight(direction=(0, -1, 0), intensity=3)     # shines downwards
     lamp = PointLight(position=(0, 4, 0), intensity=(80, 75, 60))  # watts per steradian: falls off as 1/d²
+    sky = SkyLight(zenith=(0.2, 0.4, 0.9), horizon=(0.8, 0.8, 0.8), ground=0.2)
+    studio = EnvironmentLight(image="studio.exr", intensity=0.5)
 
 A light's RGB intensity is what it sends out; `incident` (in `raytrace.lights.kernels`) is what arrives: intensity times
 radial and angular attenuation, before the surface's cosine. Light is attenuated on its way to the surface only.
+
+Of a sky or an image a surface reflects as of ambient light, k_a I_a w, with I_a the cosine-weighted mean over the
+hemisphere about its bent normal, or its normal; what a glossy material mirrors comes from the mirror direction.
 Source: (12.8), (12.26); the lecture notes on light sources.
 """
 
@@ -12,14 +17,16 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from math import cos, radians
-from typing import Any, ClassVar, Literal, NamedTuple
+from pathlib import Path
+from typing import Annotated, Any, ClassVar, Literal, NamedTuple, get_args
 
 import numpy as np
 import numpy.typing as npt
-from pydantic import model_validator
+from pydantic import BeforeValidator, model_validator
 
 from ..errors import OptionError, numbers
-from ..system.parameters import Direction, HalfAngle, Length, NonNegative, Parameters, Point, Radiance
+from ..mesh.normals import normalize
+from ..system.parameters import Direction, Finite, HalfAngle, Length, NonNegative, Parameters, Point, Radiance, made_of
 from ..types import Float64s, Int64s
 from . import layout
 
@@ -113,7 +120,7 @@ class SpotLight(_Local):
 
     def _write(self, row: Float64s) -> None:
         super()._write(row)
-        row[layout.DIRECTION : layout.DIRECTION + 3] = _unit(self.direction)
+        row[layout.DIRECTION : layout.DIRECTION + 3] = normalize(np.array(self.direction))
         angle = radians(self.half_angle)
         row[layout.COS_HALF_ANGLE], row[layout.HALF_ANGLE] = max(0.0, cos(angle)), angle
         row[layout.EXPONENT] = self.exponent
@@ -128,7 +135,7 @@ class DirectionalLight(_Directed):
 
     def _write(self, row: Float64s) -> None:
         super()._write(row)
-        row[layout.DIRECTION : layout.DIRECTION + 3] = _unit(self.direction)
+        row[layout.DIRECTION : layout.DIRECTION + 3] = normalize(np.array(self.direction))
 
 
 class AmbientLight(LightSource):
@@ -136,6 +143,71 @@ class AmbientLight(LightSource):
 
     light: Literal["ambient"] = "ambient"
     kind: ClassVar[int] = layout.AMBIENT
+
+
+def _path(value: Any) -> Any:
+    if not isinstance(value, str | Path) or not str(value):
+        raise ValueError("the path of an image")
+    return Path(value)
+
+
+ImagePath = Annotated[Path, BeforeValidator(_path)]
+
+
+class SkyLight(BaseLight):
+    """A gradient from `horizon` to `zenith`, linear in the sine of the elevation, over one colour of the `ground`.
+
+    `up`: towards the zenith. All three times `intensity`; where they are equal it is `AmbientLight`, exactly.
+    """
+
+    light: Literal["sky"] = "sky"
+    zenith: Radiance
+    horizon: Radiance
+    ground: Radiance = (0.0, 0.0, 0.0)
+    up: Direction = (0.0, 0.0, 1.0)
+
+    def row(self) -> Float64s:
+        """The row that `raytrace.lights.environment_kernels` reads."""
+        colours = [np.multiply(self.intensity, colour) for colour in (self.zenith, self.horizon, self.ground)]
+        return np.concatenate([*colours, normalize(np.array(self.up))])
+
+
+class EnvironmentLight(BaseLight):
+    """A latitude–longitude `image`, 360° by 180°: any that can be read, 8 and 16 bits as sRGB, floats as they are.
+
+    Its upper edge is `up`. Its centre is in the direction of +y (of −z, if y is up), turned by `turn` degrees
+    counter-clockwise seen from above. It is kept as 128 by 64 texels: its light, not its picture.
+    """
+
+    light: Literal["environment"] = "environment"
+    image: ImagePath
+    up: Direction = (0.0, 0.0, 1.0)
+    turn: Finite = 0.0
+
+    def frame(self) -> Float64s:
+        """Rows right, front and up (3, 3), unit."""
+        up = normalize(np.array(self.up))
+        ahead = np.array([0.0, 1.0, 0.0])
+        ahead = np.array([0.0, 0.0, -np.sign(up[1])]) if abs(up[1]) > 0.999 else ahead
+        front = normalize(ahead - (ahead @ up) * up)
+        right = np.cross(front, up)
+        sine, cosine = np.sin(np.radians(self.turn)), np.cos(np.radians(self.turn))
+        return np.stack([cosine * right + sine * front, cosine * front - sine * right, up])
+
+    def to_dict(self) -> dict[str, Any]:
+        """As for other lights, the path as text."""
+        return super().to_dict() | {"image": str(self.image)}
+
+
+Light = PointLight | DirectionalLight | SpotLight | AmbientLight | SkyLight | EnvironmentLight
+
+
+def light_from_dict(data: dict[str, Any]) -> BaseLight:
+    """A light from plain values: `light` ("point", "directional", "spot", "ambient", "sky", "environment"), its fields.
+
+    Raises: OptionError naming the light, the field, what is accepted and what came.
+    """
+    return made_of(data, get_args(Light), "light", "light")
 
 
 def pack_lights(lights: Sequence[LightSource]) -> tuple[Int64s, Float64s]:
@@ -156,8 +228,6 @@ def irradiance(
 
     Raises: OptionError: n or l is not of finite numbers (…, 3).
     """
-    from ..mesh.normals import normalize
-
     units = []
     for name, given in (("n", n), ("l", l)):
         values = numbers(given, "irradiance", name, "an array of numbers (…, 3)")
@@ -166,9 +236,3 @@ def irradiance(
         units.append(normalize(values))
     cosine = np.maximum(0.0, np.sum(units[0] * units[1], axis=-1))
     return np.asarray(np.multiply(intensity, cosine) / np.square(distance))
-
-
-def _unit(direction: tuple[float, float, float]) -> Float64s:
-    from ..mesh.normals import normalize
-
-    return normalize(np.array(direction))

@@ -67,7 +67,7 @@ class Ward(Brushed, TwoTerm):
 
     def _ambient(self) -> RGB:
         red, green, blue = (min(1.0, d + s) for d, s in zip(self.k_d, self.k_s, strict=True))
-        return (red, green, blue) if self.k_a is None else self.k_a
+        return red, green, blue
 
     def lobe_slope(self) -> float:
         return max(self.m_parallel, self.m_perpendicular)
@@ -94,7 +94,7 @@ class AshikhminShirley(Brushed, Diffuse):
 
     def _ambient(self) -> RGB:
         red, green, blue = (s + (1 - s) * d for d, s in zip(self.albedo, self.reflectance, strict=True))
-        return (red, green, blue) if self.k_a is None else self.k_a
+        return red, green, blue
 
     def lobe_slope(self) -> float:
         return sqrt(2 / (min(self.exponent_parallel, self.exponent_perpendicular) + 2))  # Walter et al. 2007
@@ -146,17 +146,14 @@ class Kajiya(Brushed):
         return sqrt(4 * self.height**2 + wave**2) / min(self.correlation_parallel, self.correlation_perpendicular)
 
     def _ambient(self) -> RGB:
-        return self._normal_reflectance() if self.k_a is None else self.k_a
-
-    def _normal_reflectance(self) -> RGB:
         red, green, blue = (((eta - 1) / (eta + 1)) ** 2 for eta in self.eta)
-        return (red, green, blue)
+        return red, green, blue
 
     def _gloss(self) -> Gloss:
         """One lobe for the mirror part and what is scattered: of the mean of their squared slopes, for green light."""
         mirrored = exp(-((4 * pi * self.height / self.wavelengths[1]) ** 2))
         along, across = self.slopes()
-        return Gloss(self._normal_reflectance(), (1.0, 1.0, 1.0), sqrt((1 - mirrored) * along * across))
+        return Gloss(self._ambient(), (1.0, 1.0, 1.0), sqrt((1 - mirrored) * along * across))
 
     def _parameters(self) -> list[float]:
         waves = [2 * pi * self.height / wavelength for wavelength in self.wavelengths]

@@ -60,10 +60,11 @@ class BaseMaterial(Parameters):
         """The kind and parameter row that `raytrace.brdf.dispatch.evaluate` takes."""
         row = np.zeros(rows.WIDTH)
         row[rows.EMISSION : rows.EMISSION + 3] = self.emission
-        row[rows.AMBIENT : rows.AMBIENT + 3] = self._ambient()
-        row[rows.ALPHA] = self._alpha()
+        given = getattr(self, "k_a", None)
+        row[rows.AMBIENT : rows.AMBIENT + 3] = self._ambient() if given is None else given
+        row[rows.ALPHA] = 1.0 - getattr(self, "transparency", 0.0)
         row[rows.TWO_SIDED] = rows.TO_VIEWER if self.two_sided == "viewer" else rows.TO_LIGHT * self.two_sided
-        row[rows.GRAIN : rows.GRAIN + 3] = normalized(self._grain())
+        row[rows.GRAIN : rows.GRAIN + 3] = normalized(getattr(self, "grain", None) or BLACK)
         gloss = self._gloss()
         row[rows.GLOSS : rows.GLOSS + 3], row[rows.GRAZING : rows.GRAZING + 3] = gloss.normal, gloss.grazing
         row[rows.SLOPE] = gloss.slope
@@ -73,18 +74,11 @@ class BaseMaterial(Parameters):
 
     @abstractmethod
     def _ambient(self) -> RGB:
-        """k_a."""
+        """k_a unless it is given."""
 
     def lobe_slope(self) -> float | None:
         """The larger RMS slope of facets that make a highlight about the halfway vector; None for other models."""
         return None
-
-    def _alpha(self) -> float:
-        return 1.0
-
-    def _grain(self) -> RGB:
-        """The world vector that the material is brushed along; zero for none."""
-        return BLACK
 
     def _gloss(self) -> Gloss:
         """The part of `k_a` that comes from the mirror direction, as much as the model's highlight reflects."""
@@ -103,9 +97,6 @@ class Brushed(BaseMaterial):
 
     grain: Direction | None = None
 
-    def _grain(self) -> RGB:
-        return self.grain or BLACK
-
 
 class Diffuse(BaseMaterial):
     """A material with a Lambert-like body of albedo ρ; `k_a`, the ambient reflectance, is ρ unless given."""
@@ -115,7 +106,7 @@ class Diffuse(BaseMaterial):
     k_a: Reflectance | None = None
 
     def _ambient(self) -> RGB:
-        return self.albedo if self.k_a is None else self.k_a
+        return self.albedo
 
 
 class Microfacet(Diffuse):
@@ -159,7 +150,7 @@ class TwoTerm(BaseMaterial):
         return self
 
     def _ambient(self) -> RGB:
-        return self.k_d if self.k_a is None else self.k_a
+        return self.k_d
 
 
 class Glossy(TwoTerm):

@@ -126,9 +126,6 @@ class Strauss(BaseMaterial):
         red, green, blue = self.colour
         return (r_d * red, r_d * green, r_d * blue)
 
-    def _alpha(self) -> float:
-        return 1.0 - self.transparency
-
     def _gloss(self) -> Gloss:
         exponent = 3 / (1 - self.smoothness)
         part = (1 - self.transparency) * self.smoothness**3 * 2 / (exponent + 1)  # r_n, and ∫ ⟨r·v⟩^h dω/π
@@ -140,18 +137,9 @@ class Strauss(BaseMaterial):
 
 
 Material = (
-    Lambert
-    | Phong
-    | BlinnPhong
-    | CookTorrance
-    | EllipticalBeckmann
-    | OrenNayar
-    | Strauss
-    | PoulinFournier
-    | Ward
-    | AshikhminShirley
-    | Kajiya
-)
+    Lambert | Phong | BlinnPhong | CookTorrance | EllipticalBeckmann | OrenNayar | Strauss | PoulinFournier
+    | Ward | AshikhminShirley | Kajiya
+)  # fmt: skip
 
 
 def material_from_dict(data: dict[str, Any]) -> BaseMaterial:

@@ -40,45 +40,29 @@ PRESETS: dict[str, dict[str, Any]] = {
     "silver": {"model": "cook_torrance", **_metal((0.95, 0.93, 0.88), m=0.15)},
     # Slopes chosen for a linear brush finish.
     "brushed_aluminium": {
-        "model": "elliptical_beckmann",
-        **_metal((0.91, 0.92, 0.92), m_parallel=0.08, m_perpendicular=0.4),
+        "model": "elliptical_beckmann", **_metal((0.91, 0.92, 0.92), m_parallel=0.08, m_perpendicular=0.4),
     },
     # Slopes as Ward measured of rolled brass (1992, table 1: ρ_d .10, ρ_s .33, α .05 and .16); brighter, colour chosen.
     "rolled_brass": {
-        "model": "ward",
-        "k_d": [0.16, 0.1, 0.04],
-        "k_s": [0.55, 0.4, 0.2],
-        "m_parallel": 0.05,
-        "m_perpendicular": 0.16,
+        "model": "ward", "k_d": [0.16, 0.1, 0.04], "k_s": [0.55, 0.4, 0.2], "m_parallel": 0.05, "m_perpendicular": 0.16,
     },
     # Iron's F0 (Hoffman); heights and lengths of a finely ground face, chosen.
     "ground_iron": {
-        "model": "kajiya",
-        "height": 70.0,
-        "correlation_parallel": 6000.0,
-        "correlation_perpendicular": 1400.0,
+        "model": "kajiya", "height": 70.0, "correlation_parallel": 6000.0, "correlation_perpendicular": 1400.0,
         "eta": [eta_from_reflectance(channel) for channel in (0.56, 0.57, 0.58)],
     },
     # A clear brushed varnish over a coloured body, in Ashikhmin & Shirley's terms; numbers chosen.
     "brushed_varnish": {
-        "model": "ashikhmin_shirley",
-        "albedo": [0.28, 0.09, 0.03],
-        "reflectance": 0.08,
-        "exponent_parallel": 800.0,
-        "exponent_perpendicular": 15.0,
+        "model": "ashikhmin_shirley", "albedo": [0.28, 0.09, 0.03], "reflectance": 0.08,
+        "exponent_parallel": 800.0, "exponent_perpendicular": 15.0,
     },
     # The textbook chapter's example of an anisotropic reflector: dark rounded lands; numbers chosen.
     "vinyl_record": {
-        "model": "poulin_fournier",
-        "k_d": 0.03,
-        "k_s": 0.6,
-        "exponent": 80.0,
-        "spacing": 2.0,
-        "floor": 0.3,
+        "model": "poulin_fournier", "k_d": 0.03, "k_s": 0.6, "exponent": 80.0, "spacing": 2.0, "floor": 0.3,
     },
     # A smooth metal in Strauss's own terms; numbers chosen.
     "strauss_copper": {"model": "strauss", "colour": [0.72, 0.35, 0.22], "smoothness": 0.75, "metalness": 0.9},
-}
+}  # fmt: skip
 
 
 def preset(name: str) -> dict[str, Any]:

@@ -17,7 +17,7 @@ def reflect(
 
     For physical models (`material.physical`) this is BRDF·(n·l), in 1/sr; for Phong, Blinn–Phong, Strauss and
     Poulin–Fournier it is the model's own dimensionless k_d⟨n·l⟩ + k_s S. Emission and ambient light are not in it: see
-    `material.emission` and `raytrace.brdf.dispatch.ambient`.
+    `material.emission` and `raytrace.brdf.layout.AMBIENT`.
 
     Args:
         material: any material of `raytrace.materials`.

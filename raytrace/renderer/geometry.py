@@ -20,6 +20,7 @@ from ..kernel.arrays import aligned, product
 from ..kernel.jit import Kernel
 from ..materials.alpha_filter import filter_hits
 from ..materials.materials import pack_materials
+from ..mesh.mesh import Mesh
 from ..mesh.normals import normalize
 from ..mesh.opacity import Opacity, PackedOpacity
 from ..mesh.placement import Placement, RenderSpace, sample, to_single
@@ -39,8 +40,7 @@ class BuiltGeometry:
     Attributes:
         arrays: what kernels read. embree: keeps the Embree scene and its buffers alive.
         centre, scale: a point p of the scene stands at (p − centre) · scale; float64 (3,), and a power of two.
-        textures: of the shapes, numbered as in `arrays.texture`, `arrays.occlusion` and `arrays.grain`.
-        normals: of vertices, see `raytrace.settings.Settings`.
+        textures: of the shapes, numbered as in `arrays`. normals: of vertices, see `raytrace.settings.Settings`.
     """
 
     arrays: Geometry
@@ -94,8 +94,7 @@ class _PlacedShape(NamedTuple):
 
 
 def _build(objects: tuple[Object, ...], weighting: Normals) -> BuiltGeometry:
-    low, high = _bounds(objects)
-    space = RenderSpace.of(low, high, _some(objects))
+    space, reach = _render_space(objects)
     centre, scale = space.centre, space.scale
     place = np.diag([scale, scale, scale, 1.0])
     place[:3, 3] = -scale * centre
@@ -112,8 +111,8 @@ def _build(objects: tuple[Object, ...], weighting: Normals) -> BuiltGeometry:
     shapes = [placed.shape for placed in placed_shapes]
     row_of = {key: row for row, key in enumerate(uses)}
     rank = np.array([row_of[id(item.shape)] for item in objects])
-    vertex_starts = _starts([len(shape.mesh.vertices) for shape in shapes])
-    face_starts = _starts([len(shape.mesh.faces) for shape in shapes])
+    vertex_starts = np.cumsum([0, *(len(shape.mesh.vertices) for shape in shapes)])
+    face_starts = np.cumsum([0, *(len(shape.mesh.faces) for shape in shapes)])
     textures = shape_textures(shapes)
     number = {texture: row for row, texture in enumerate(textures)} | {None: -1}
 
@@ -123,19 +122,19 @@ def _build(objects: tuple[Object, ...], weighting: Normals) -> BuiltGeometry:
     matrices = np.where(instanced[:, None, None], place @ transforms @ to_shape[rank], eye)
     embree, boxes = _build_embree(placed_shapes, rank, matrices)
     kinds, rows = pack_materials([shape.material for shape in shapes])
-    uv = [np.zeros((len(s.mesh.vertices), 2)) if s.uv is None else s.uv for s in shapes]
+    meshes = [shape.mesh for shape in shapes]
     occlusions = [item.shape.occlusion for item in objects]
     polygons = _polygons(placed_shapes)
-    corner_rows = [s.mesh.faces + start for s, start in zip(shapes, vertex_starts, strict=True)]
+    corner_rows = [mesh.faces + start for mesh, start in zip(meshes, vertex_starts[:-1], strict=True)]
     arrays = Geometry(
         handle=embree.handle,
-        farthest=8.0 * max(1.0, scale * float(np.maximum(high - centre, centre - low).max())),
+        farthest=8.0 * max(1.0, scale * reach),
         vertices=_joined([*(placed.vertices for placed in placed_shapes), polygons.centres], np.float32),
         normals=_joined([*(placed.normals for placed in placed_shapes), polygons.normals], np.float32),
         faces=_joined(corner_rows, np.int32),
-        uv=np.concatenate(uv).astype(np.float32),
-        occlusion_uv=_occlusion_uv(shapes),
-        colours=_colours(shapes),
+        uv=joined(meshes, [s.uv for s in shapes], 2, needed=True),
+        occlusion_uv=joined(meshes, [s.occlusion.uv if s.occlusion else None for s in shapes], 2),
+        colours=joined(meshes, [s.colours for s in shapes], 3, fill=1.0),
         polygons=polygons.of,
         edges=polygons.edges,
         first_edge=np.cumsum(np.append(0, polygons.counts)).astype(np.int32),
@@ -195,8 +194,8 @@ def _polygons(shapes: list[_PlacedShape]) -> Polygons:
         own.edges[:] += vertex
         polygons.append(own._replace(normals=-own.normals) if mirrored else own)
         vertex, number = vertex + len(mesh.vertices), number + len(own.counts)
-    joined = Polygons(*map(np.concatenate, zip(*polygons, strict=True)))
-    return joined if len(joined.counts) else none
+    whole = Polygons(*map(np.concatenate, zip(*polygons, strict=True)))
+    return whole if len(whole.counts) else none
 
 
 def shape_textures(shapes: Iterable[Shape]) -> tuple[Texture, ...]:
@@ -204,19 +203,13 @@ def shape_textures(shapes: Iterable[Shape]) -> tuple[Texture, ...]:
     return tuple(dict.fromkeys(texture for found in kinds for texture in found if texture))
 
 
-def _occlusion_uv(shapes: Iterable[Shape]) -> Float32s:
-    """Of all shapes' vertices, (v, 2), or none where no shape has an occlusion texture."""
-    if not any(shape.occlusion for shape in shapes):
-        return np.empty((0, 2), np.float32)
-    rows = [s.occlusion.uv if s.occlusion else np.zeros((len(s.mesh.vertices), 2)) for s in shapes]
-    return np.concatenate(rows).astype(np.float32)
-
-
-def _colours(shapes: Iterable[Shape]) -> Float32s:
-    """Of all shapes' vertices, (v, 3), or none where no shape has any."""
-    if all(shape.colours is None for shape in shapes):
-        return aligned((0, 3), np.float32)
-    rows = [np.ones((len(s.mesh.vertices), 3)) if s.colours is None else s.colours for s in shapes]
+def joined(
+    meshes: Iterable[Mesh], given: list[Float64s | None], columns: int, fill: float = 0.0, needed: bool = False
+) -> Float32s:
+    """What is `given` of all meshes' vertices, `fill` where it is None; no rows if all are None, unless `needed`."""
+    if not needed and all(each is None for each in given):
+        return aligned((0, columns), np.float32)
+    rows = [np.full((len(m.vertices), columns), fill) if g is None else g for m, g in zip(meshes, given, strict=True)]
     return _joined(rows, np.float32)
 
 
@@ -230,20 +223,19 @@ def _opacity(shapes: list[Shape]) -> PackedOpacity | None:
     return packed
 
 
-def _bounds(objects: tuple[Object, ...]) -> tuple[Float64s, Float64s]:
-    """The bounds of the corners of all objects' bounding boxes."""
+def _render_space(objects: tuple[Object, ...]) -> tuple[RenderSpace, float]:
+    """For the bounding boxes of all objects and a sample of their vertices; and the longest way from its centre."""
+
+    def place(item: Object, points: Float64s) -> Float64s:
+        return points @ item.transform[:3, :3].T + item.transform[:3, 3]
+
     shapes = {id(item.shape): item.shape for item in objects}
     boxes = {key: _corners(np.array(shape.mesh.bounds)) for key, shape in shapes.items()}
-    corners = [boxes[id(item.shape)] @ item.transform[:3, :3].T + item.transform[:3, 3] for item in objects]
-    return np.min(corners, axis=(0, 1)), np.max(corners, axis=(0, 1))
-
-
-def _some(objects: tuple[Object, ...]) -> Float64s:
-    """A sample (k, 3) of all objects' vertices, the same fraction of each object's."""
-    rows = sample(sum(len(item.shape.mesh.used) for item in objects))
-    return np.concatenate(
-        [item.shape.mesh.used[rows] @ item.transform[:3, :3].T + item.transform[:3, 3] for item in objects]
-    )
+    corners = [place(item, boxes[id(item.shape)]) for item in objects]
+    low, high = np.min(corners, axis=(0, 1)), np.max(corners, axis=(0, 1))
+    rows = sample(sum(len(item.shape.mesh.used) for item in objects))  # the same fraction of each object
+    space = RenderSpace.of(low, high, np.concatenate([place(item, item.shape.mesh.used[rows]) for item in objects]))
+    return space, float(np.maximum(high - space.centre, space.centre - low).max())
 
 
 def _corners(points: AnyFloats) -> Float64s:
@@ -252,14 +244,10 @@ def _corners(points: AnyFloats) -> Float64s:
 
 
 def _joined(parts: list[npt.NDArray[Any]], dtype: type[np.generic]) -> npt.NDArray[Any]:
-    """The rows of all `parts`, (n, 3), as `raytrace.kernel.simd_memory.gather3` wants them."""
-    joined = aligned((sum(map(len, parts)), 3), dtype)
-    np.concatenate(parts, out=joined, casting="same_kind")
-    return joined
-
-
-def _starts(lengths: list[int]) -> Int64s:
-    return np.concatenate([[0], np.cumsum(lengths[:-1])]).astype(np.int64)
+    """The rows of all `parts`, as `raytrace.kernel.simd_memory.gather3` wants them."""
+    rows = aligned((sum(map(len, parts)), parts[0].shape[1]), dtype)
+    np.concatenate(parts, out=rows, casting="same_kind")
+    return rows
 
 
 def _place_instanced(shape: Shape, weighting: Normals) -> _PlacedShape:

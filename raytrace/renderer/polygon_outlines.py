@@ -60,7 +60,9 @@ def _find_polygons(vertices, faces, order, starts, slots, out):
     count = used = 0
     for polygon in range(len(starts) - 1):
         own = order[starts[polygon] : starts[polygon + 1]]
-        newell = _newell(vertices, faces, own)
+        newell = (0.0, 0.0, 0.0)  # Martin Newell's (a, b, c), the same whichever triangles the polygon is cut into
+        for f in own:
+            newell = add(newell, _twice_area(vertices, faces, f))
         if len(own) < 2 or _folded(vertices, faces, own, newell):
             continue
         size = _slots(len(own))
@@ -89,15 +91,6 @@ def _twice_area(vertices, faces, f):
     """Normal of a face, as long as its area twice."""
     a, b, c = load_triangle(vertices, faces, f)
     return cross(subtract(b, a), subtract(c, a))
-
-
-@inline
-def _newell(vertices, faces, own):
-    """Martin Newell's (a, b, c) of a polygon, the same whichever triangles it is cut into."""
-    total = (0.0, 0.0, 0.0)
-    for f in own:
-        total = add(total, _twice_area(vertices, faces, f))
-    return total
 
 
 @inline

@@ -13,7 +13,7 @@ from ..image.frame import LAYERS, Frame
 from ..image.texture import texture_bytes
 from ..kernel.notice import compiling
 from ..kernel.simd import WIDE
-from ..lights.environment import EnvironmentLight, SkyLight
+from ..lights.sources import EnvironmentLight, SkyLight
 from ..mesh.opacity import opacity_bytes
 from ..scene import Scene
 from ..settings import Settings
@@ -27,9 +27,8 @@ from ..system.memory import check_memory
 from ..system.threads import run_blocks, thread_count
 from ..types import Bools, Int64s
 from .geometry import shape_textures
-from .render_job import RenderJob
+from .render_job import RenderJob, whole_tiles
 from .render_scene import build
-from .tiling import tile_count, whole_tiles
 
 Progress = Callable[[int, int], None]
 
@@ -112,14 +111,13 @@ def rendering_bytes(scene: Scene, settings: Settings, layers: bool, threads: int
     vertices, faces = sum(len(mesh.vertices) for mesh in meshes), sum(len(mesh.faces) for mesh in meshes)
     _, _, wide, high = whole_tiles(settings)
     film = 4 * wide * high * (FILM if layers else LAYERS["beauty"])
-    film += _EDGES * tile_count(wide, high) * (settings.samples > workspace.FIRST)
+    film += _EDGES * -(-wide // TILE) * -(-high // TILE) * (settings.samples > workspace.FIRST)
     surrounded = any(isinstance(light, SkyLight | EnvironmentLight) for light in scene.lights)
     rows = sum(len(item.shape.mesh.vertices) for item in scene.objects)
     two_sided = any(item.shape.material.two_sided for item in scene.objects)
     lit = 8 * LIGHTING * rows * (1 + (surrounded or two_sided)) * (settings.shading == "gouraud")
     bent = 12 * rows * surrounded
-    opacities = {id(item.shape): item.shape.mesh.opacity for item in scene.objects}.values()
-    alpha = opacity_bytes([each for each in opacities if each])
+    alpha = opacity_bytes([mesh.opacity for mesh in meshes if mesh.opacity])
     coloured = 12 * vertices * any(item.shape.colours is not None for item in scene.objects)
     textures = texture_bytes(shape_textures(item.shape for item in scene.objects), thread_count(threads))
     cut = sum(len(mesh.faces) for mesh in meshes if mesh.polygons is not None)

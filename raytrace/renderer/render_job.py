@@ -24,12 +24,12 @@ from ..shade.shading_points import FILM, LIGHTING
 from ..shade.tile import render_tiles
 from ..shade.workspace import Scratch, Style, new_scratch
 from ..system.threads import run_blocks
-from ..types import Float32s, Float64s, Int64s
+from ..types import Float64s, Int64s
 from .render_scene import RenderScene
-from .tiling import tile_count, whole_tiles
 
 _SHADINGS = get_args(Shading)
 _FORMS = ("off", "ambient", "ambient and diffuse")
+_TRACED = {"primary": workspace.PRIMARY, "shadow": workspace.SHADOW_RAYS}
 _SKIPPED = {
     "behind": workspace.BEHIND,
     "unreached": workspace.UNREACHED,
@@ -37,7 +37,20 @@ _SKIPPED = {
     "culled": workspace.CULLED,
     "unobstructed": workspace.UNOBSTRUCTED,
     "background": workspace.BACKGROUND,
+    "primary_agreed": workspace.RETIRED,
 }
+
+
+def whole_tiles(settings: Settings) -> tuple[int, int, int, int]:
+    """Left, top, width and height, in pixels, of what is rendered: the whole picture.
+
+    For a crop, the tiles that it touches and their neighbours, whose pixels decide about pixels on its edges.
+    """
+    x, y, wide, high = settings.crop or (0, 0, settings.width, settings.height)
+    left, top = max(x // TILE - 1, 0) * TILE, max(y // TILE - 1, 0) * TILE
+    right = min((-(-(x + wide) // TILE) + 1) * TILE, settings.width)
+    bottom = min((-(-(y + high) // TILE) + 1) * TILE, settings.height)
+    return left, top, right - left, bottom - top
 
 
 class RenderJob:
@@ -80,8 +93,8 @@ class RenderJob:
         )
         self._left, self._top, self._wide, self._high = whole_tiles(settings)
         self._crop = settings.crop or (0, 0, settings.width, settings.height)
-        self.tiles = tile_count(self._wide, self._high)
         self.columns, self.rows = -(-self._wide // TILE), -(-self._high // TILE)
+        self.tiles = self.columns * self.rows
         self.adaptive = settings.samples > workspace.FIRST
         self.channels = FILM if layers else LAYERS["beauty"]
         self.counts = np.zeros(workspace.COUNTERS, np.int64)
@@ -143,17 +156,6 @@ class RenderJob:
         self.counts += np.sum(finished, axis=0)
 
     def frame(self, film: Film, seconds: dict[str, float]) -> Frame:
-        counts = self.counts
-        return Frame(
-            layers=self._layers(film),
-            rays={"primary": int(counts[workspace.PRIMARY]), "shadow": int(counts[workspace.SHADOW_RAYS])},
-            rays_skipped={name: int(counts[column]) for name, column in _SKIPPED.items()}
-            | {"primary_agreed": int(counts[workspace.RETIRED])},
-            seconds=seconds,
-            background=self.background,
-        )
-
-    def _layers(self, film: Film) -> dict[str, Float32s]:
         x, y, width, height = self._crop
         crop = film.pixels[y - self._top : y - self._top + height, x - self._left : x - self._left + width]
         layers, first = {}, 0
@@ -161,4 +163,6 @@ class RenderJob:
             if first < crop.shape[2]:
                 layers[name] = crop[..., first : first + channels]
             first += channels
-        return layers
+        rays = {name: int(self.counts[column]) for name, column in _TRACED.items()}
+        skipped = {name: int(self.counts[column]) for name, column in _SKIPPED.items()}
+        return Frame(layers, rays, skipped, seconds, self.background)

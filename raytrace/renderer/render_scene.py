@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from math import hypot
 from weakref import WeakKeyDictionary
 
 import numpy as np
@@ -11,13 +12,13 @@ import numpy as np
 from ..kernel.arrays import aligned
 from ..lights import layout as light_rows
 from ..lights.environment import pack_environment
-from ..lights.far_lights import make_far_lights_directional
+from ..lights.kernels import incident
 from ..lights.sources import BaseLight, LightSource, pack_lights
 from ..scene import Object, Scene
 from ..settings import Normals
 from ..shade.records import Lights
-from ..types import Float32s, Float64s
-from .geometry import BuiltGeometry, build_geometry
+from ..types import Float32s, Float64s, Int64s
+from .geometry import BuiltGeometry, build_geometry, joined
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,6 +44,7 @@ class RenderScene:
         return _rebuilt, (bare, self.geometry.normals, self.w, self.bent, self.lights)
 
 
+FAR = 2.0**24  # times the size of the scene: across it direction and attenuation change by less than a rounding
 _scenes: WeakKeyDictionary[Scene, RenderScene] = WeakKeyDictionary()
 
 
@@ -58,7 +60,9 @@ def build(scene: Scene, normals: Normals = "file") -> RenderScene:
         geometry = build_geometry(scene.objects, normals)
         w = [np.ones(len(item.shape.mesh.vertices)) if item.w is None else item.w for item in scene.objects]
         lights = _place_lights(scene.lights, geometry.centre, geometry.scale)
-        bent = _bent_normals(scene, len(lights.skies) + len(lights.harmonics) > 0)
+        looked_up = len(lights.skies) + len(lights.harmonics) > 0
+        given = [item.bent_normals if looked_up else None for item in scene.objects]
+        bent = joined((item.shape.mesh for item in scene.objects), given, 3)
         built = _scenes[scene] = RenderScene(scene.objects, geometry, np.concatenate(w), bent, lights)
     return built
 
@@ -70,20 +74,24 @@ def _rebuilt(objects: tuple[Object, ...], normals: Normals, w: Float64s, bent: F
     return RenderScene(objects, build_geometry(objects, normals), w, rows, lights._replace(maps=maps))
 
 
-def _bent_normals(scene: Scene, wanted: bool) -> Float32s:
-    """Of all objects' vertices; none where they are not wanted or no object has any."""
-    if not wanted or all(item.bent_normals is None for item in scene.objects):
-        return aligned((0, 3), np.float32)
-    counts = [len(item.shape.mesh.vertices) for item in scene.objects]
-    bent = aligned((sum(counts), 3), np.float32)
-    given = [item.bent_normals for item in scene.objects]
-    bent[:] = np.concatenate([np.zeros((n, 3)) if b is None else b for b, n in zip(given, counts, strict=True)])
-    return bent
-
-
 def release(scene: Scene) -> None:
     """Let go of what `build` keeps for a scene."""
     _scenes.pop(scene, None)
+
+
+def make_far_lights_directional(kinds: Int64s, rows: Float64s) -> None:
+    """Turn point and spot lights in render space beyond `FAR` of the origin into directional ones, in place.
+
+    Their intensity becomes what arrives at the origin: in float32 their squared distance may overflow.
+    """
+    for j, row in enumerate(rows):
+        kind, place = int(kinds[j]), row[light_rows.POSITION : light_rows.POSITION + 3]
+        if kind in (light_rows.POINT, light_rows.SPOT) and hypot(*place) > FAR:
+            l, _, arriving = incident(kind, row, (0.0, 0.0, 0.0))
+            row[: light_rows.DIFFUSE] = 0.0
+            row[light_rows.INTENSITY : light_rows.INTENSITY + 3] = arriving
+            row[light_rows.DIRECTION : light_rows.DIRECTION + 3] = np.negative(l)
+            kinds[j] = light_rows.DIRECTIONAL
 
 
 def _place_lights(lights: tuple[BaseLight, ...], centre: Float64s, scale: float) -> Lights:

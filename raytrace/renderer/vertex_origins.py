@@ -18,10 +18,7 @@ INSTANCED = 4.0  # the ray's own way into an instance's frame is rounded too, as
 
 
 def smooth_normals(mesh: Mesh, normals: Normals = "file") -> Float64s:
-    """Unit normals (n, 3) in the mesh's own frame; zero where there is none.
-
-    Args: normals: as `raytrace.settings.Settings` has it.
-    """
+    """Unit normals (n, 3) in the mesh's own frame, `normals` as in `raytrace.settings`; zero where there is none."""
     if normals == "file" and mesh.normals is not None:
         return normalize(mesh.normals)
     vertices = Placement.of(mesh).vertices

@@ -5,11 +5,11 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..camera import Camera
-from ..embree.packets import DIR_X, GEOM_ID, INST_ID, ORG_X, PRIM_ID, TFAR, TNEAR
+from ..embree.packets import DIR_X, ORG_X, TFAR, TNEAR
 from ..kernel.jit import inline
-from ..kernel.simd import WIDE, double, select, single
+from ..kernel.simd import WIDE, double, single
 from ..kernel.simd_masks import pick, replace
-from ..kernel.simd_memory import load_row, store_row
+from ..kernel.simd_memory import store_row
 from ..kernel.vector import add, dot, scale, triple, unit
 from ..sampling.hash import mix, mix_array, seed_key
 from ..sampling.sequences import owen_sobol
@@ -67,22 +67,15 @@ def place_camera(camera: Camera, settings: Settings, centre: Float64s, scale: fl
 
 
 def _offsets(samples: int, seed: int) -> Float64s:
-    """Places of a pixel's samples (sets, 4, samples): under a tent filter of radius 1 pixel, and on the unit lens.
-
-    One sample a pixel falls on its centre.
-    """
+    """Places (sets, 4, samples) under a tent filter of radius 1 pixel, one in its centre; and on the unit lens."""
     key = seed_key(seed)
-    x, y = (_tent(u) for u in owen_sobol(_SETS, samples, key))
+    # density 1 − |x| on (−1, 1)
+    x, y = (np.where(u < 0.5, np.sqrt(2 * u) - 1, 1 - np.sqrt(2 - 2 * u)) for u in owen_sobol(_SETS, samples, key))
     if samples == 1:
         x, y = np.zeros_like(x), np.zeros_like(y)
     u, v = owen_sobol(_SETS, samples, mix_array([key ^ np.uint32(0x5BD1E995)])[0])
     radius, angle = np.sqrt(u), 2 * np.pi * v
     return np.stack([x, y, radius * np.cos(angle), radius * np.sin(angle)], axis=1)
-
-
-def _tent(u: Float64s) -> Float64s:
-    """u in (0, 1) to a place with density 1 − |x| on (−1, 1)."""
-    return np.where(u < 0.5, np.sqrt(2 * u) - 1, 1 - np.sqrt(2 - 2 * u))
 
 
 @inline
@@ -111,12 +104,6 @@ def pixel_width(view, depth):
 
 
 @inline
-def approach(origin, direction, farthest):
-    """Distance a ray can go before it comes near the scene, which lies within a quarter of `farthest` of the origin."""
-    return max(0.0, -0.25 * farthest - dot(origin, direction))
-
-
-@inline
 def aim(rays, view, x, y, samples, farthest):
     """Make `rays` the viewing rays of sixteen pixels; returns how far from the viewer they start, float32.
 
@@ -135,7 +122,8 @@ def aim(rays, view, x, y, samples, farthest):
             lens_x = replace(lens_x, lane, offsets[k, 2, sample])
             lens_y = replace(lens_y, lane, offsets[k, 3, sample])
     origin, direction = viewing_ray(view, film_x, film_y, lens_x, lens_y)
-    start = approach(origin, direction, farthest)
+    # the scene lies within a quarter of `farthest` of the origin of render space
+    start = max(0.0, -0.25 * farthest - dot(origin, direction))
     near = add(origin, scale(start, direction))
     for axis in range(3):
         store_row(rays, ORG_X + axis, single(near[axis]))
@@ -143,11 +131,3 @@ def aim(rays, view, x, y, samples, farthest):
     store_row(rays, TNEAR, 0.0)
     store_row(rays, TFAR, farthest)
     return single(start)
-
-
-@inline
-def hit_ids(rays):
-    """Rows of the objects and of their shapes' faces that a packet has hit, int32 lanes; object −1: a miss."""
-    ids = rays.view(np.int32)
-    outer, inner = load_row(ids, INST_ID), load_row(ids, GEOM_ID)
-    return select((inner >= 0) & (outer >= 0), outer, inner), load_row(ids, PRIM_ID)

@@ -5,18 +5,19 @@ I(p) = I_e + k_a I_a·w + Σ_j δ(p, j) I_L(j) (diffuse_j + specular_j); the boo
 
 import numpy as np
 
-from ..brdf.dispatch import ambient, emission, terms_wide
+from ..brdf import layout as rows
+from ..brdf.dispatch import terms_wide
 from ..embree.packets import DIR_X, ORG_X
 from ..kernel.jit import inline
-from ..kernel.simd import double, select, single
+from ..kernel.simd import WIDE, double, select, single
 from ..kernel.simd_masks import count, first, highest, lane_numbers, lowest, pick, some
 from ..kernel.simd_memory import load_row, store_row
 from ..kernel.vector import add, choose, dot, multiply, scale, subtract, triple
 from ..lights.kernels import cannot_matter_in, incident, towards
 from ..lights.layout import AMBIENT as AMBIENT_LIGHT
-from ..lights.layout import DIFFUSE, SPECULAR
+from ..lights.layout import DIFFUSE, INTENSITY, SPECULAR
 from . import shading_points as layout
-from .environment_lighting import add_environment
+from .environment_lighting import reflect_environment
 from .interaction import CONSTANT, FLAT
 from .see_through import attenuate, transmittance
 from .shading_points import load3, store3
@@ -25,17 +26,6 @@ from .workspace import BEHIND, BLACK, BOOK, CULLED, OFF, SHADOW_RAYS, UNOBSTRUCT
 
 SHORT = 1.0 - 1e-5  # of the way to a light: what touches the light itself is no obstacle
 DARK = (0.0, 0.0, 0.0)
-
-
-@inline
-def ambient_light(lights):
-    """I_a: the sum of all ambient lights."""
-    total = DARK
-    for j in range(len(lights.kinds)):
-        if lights.kinds[j] == AMBIENT_LIGHT:
-            _, _, arriving = incident(AMBIENT_LIGHT, lights.rows[j], total)
-            total = add(total, arriving)
-    return total
 
 
 @inline
@@ -48,11 +38,11 @@ def add_undirected(packet, items, geometry, total, form):
         item = pick(items, first(left))
         mask = left & (items == item)
         material = geometry.rows[item]
-        reflected = multiply(multiply(ambient(material), total), albedo)
+        reflected = multiply(multiply(triple(material, rows.AMBIENT), total), albedo)
         if form != OFF:
             reflected = scale(w, reflected)
         store3(packet, layout.AMBIENT, mask, reflected)
-        store3(packet, layout.EMISSION, mask, emission(material))
+        store3(packet, layout.EMISSION, mask, triple(material, rows.EMISSION))
         left = left & ~mask
 
 
@@ -84,10 +74,7 @@ def corners(box):
 
 @inline
 def select_lights(geometry, lights, shading, scratch, packets):
-    """Find the lights that can matter to a point of the first `packets` packets, and which of the lights may be hidden.
-
-    Fills `active` and `hidden` of `scratch`; returns their number.
-    """
+    """Fill `active` and `hidden` of `scratch` with the lights that can matter to a point; returns how many do."""
     nowhere = single(double(lane_numbers())) + np.float32(np.inf)
     empty = (nowhere, nowhere, nowhere), scale(-1.0, (nowhere, nowhere, nowhere))
     points, origins, shifts = empty, empty, empty
@@ -117,13 +104,18 @@ def select_lights(geometry, lights, shading, scratch, packets):
 
 @inline
 def light_packets(geometry, lights, style, scratch, packets):
-    total = ambient_light(lights)
+    total = DARK  # I_a
+    for j in range(len(lights.kinds)):
+        if lights.kinds[j] == AMBIENT_LIGHT:
+            total = add(total, triple(lights.rows[j], INTENSITY))
     points = 0
     for e in range(packets):
         items = load_row(scratch.items, e)
         add_undirected(scratch.points[e], items, geometry, total, style.form)
         if len(lights.skies) + len(lights.harmonics) > 0:
-            add_environment(scratch.points[e], items, geometry, lights, total, style)
+            for lane in range(WIDE):
+                if pick(items, lane) >= 0:
+                    reflect_environment(scratch.points[e], lane, geometry.rows[pick(items, lane)], lights, total, style)
         points += count(items >= 0)
     used = select_lights(geometry, lights, style.shading, scratch, packets) if points > 0 else 0
     scratch.counts[CULLED] += (count_directed(lights) - used) * points

@@ -10,19 +10,10 @@ from math import acos
 import numpy as np
 
 from ..brdf.ashikhmin_shirley import fifth
-from ..brdf.dispatch import ambient
-from ..brdf.layout import GLOSS, GRAZING, SLOPE
+from ..brdf.layout import AMBIENT, GLOSS, GRAZING, SLOPE
 from ..kernel.jit import inline
-from ..kernel.simd import WIDE
-from ..kernel.simd_masks import pick
 from ..kernel.vector import add, dot, mirror, triple, unit
-from ..lights.environment_kernels import (
-    cone_visibility,
-    harmonic_irradiance,
-    map_radiance,
-    sky_irradiance,
-    sky_radiance,
-)
+from ..lights import environment_kernels as environment
 from . import shading_points as layout
 from .interaction import CONSTANT
 from .workspace import OFF
@@ -32,9 +23,9 @@ from .workspace import OFF
 def diffuse_ibl(lights, total, n):
     """I_a about a direction n: sum of ambient lights, `total`, of skies and of an image."""
     for sky in lights.skies:
-        total = add(total, sky_irradiance(sky, n))
+        total = add(total, environment.sky_irradiance(sky, n))
     if len(lights.harmonics) > 0:
-        total = add(total, harmonic_irradiance(lights.harmonics, n))
+        total = add(total, environment.harmonic_irradiance(lights.harmonics, n))
     return total
 
 
@@ -42,9 +33,9 @@ def diffuse_ibl(lights, total, n):
 def specular_ibl(lights, total, d, slope):
     """L from a direction d, blurred for facets of RMS `slope`."""
     for sky in lights.skies:
-        total = add(total, sky_radiance(sky, d, slope))
+        total = add(total, environment.sky_radiance(sky, d, slope))
     if len(lights.harmonics) > 0:
-        total = add(total, map_radiance(lights.maps, lights.frame, d, slope))
+        total = add(total, environment.map_radiance(lights.maps, lights.frame, d, slope))
     return total
 
 
@@ -55,29 +46,22 @@ def lane_triple(packet, column, lane):
 
 
 @inline
-def add_environment(packet, items, geometry, lights, total, style):
-    """Write the ambient light that a packet reflects, of ambient lights, `total`, and of the environment."""
-    for lane in range(WIDE):
-        if pick(items, lane) >= 0:
-            reflect_environment(packet, lane, geometry.rows[pick(items, lane)], lights, total, style)
-
-
-@inline
 def reflect_environment(packet, lane, row, lights, total, style):
+    """Write the ambient light that a point reflects, of ambient lights, `total`, and of the environment."""
     n, v = lane_triple(packet, layout.NORMAL, lane), lane_triple(packet, layout.VIEW, lane)
     w, bent = 1.0, n
     if style.form != OFF:
         w, bent = np.float64(packet[layout.W, lane]), unit(lane_triple(packet, layout.BENT, lane))
         if dot(bent, n) <= 0.0:  # no bent normal is known, or the surface is seen from behind
             bent = n
-    arriving, reflectance = diffuse_ibl(lights, total, bent), ambient(row)
+    arriving, reflectance = diffuse_ibl(lights, total, bent), triple(row, AMBIENT)
     slope, gloss, grazing = row[SLOPE], triple(row, GLOSS), triple(row, GRAZING)
     mirrored, visible, rise = (0.0, 0.0, 0.0), 0.0, 0.0
     glossy = style.shading != CONSTANT and max(grazing[0], grazing[1], grazing[2]) > 0.0
     if glossy:
         r = mirror(n, v)
         mirrored = specular_ibl(lights, total, r, slope)
-        visible = cone_visibility(w, acos(max(-1.0, min(1.0, dot(bent, r)))), slope)
+        visible = environment.cone_visibility(w, acos(max(-1.0, min(1.0, dot(bent, r)))), slope)
         rise = fifth(1.0 - max(0.0, min(1.0, dot(n, v))))
     for c in range(3):
         # in single precision, as ambient light alone is reflected

@@ -96,10 +96,7 @@ def row_of(pixels):
 
 @inline
 def write_pixels(packet, pixels, mask, film, left, top):
-    """Write the lanes of a packet where the mask is set to the film.
-
-    Args: pixels: of the tile, lanes; left, top: of the tile in the film.
-    """
+    """Write a packet's lanes where the mask is set to the film's `pixels` of the tile at (left, top)."""
     _, width, channels = film.pixels.shape
     colour = beauty(packet)
     begin = (top * width + left) * channels
@@ -116,10 +113,7 @@ def write_pixels(packet, pixels, mask, film, left, top):
 
 @inline
 def sample_range(a, b):
-    """Range of the samples of two pixels together, the widest channel's, in square roots of linear values.
-
-    Args: a, b: the least and the largest of each channel, six numbers from LOW on.
-    """
+    """Range of two pixels' samples together, the widest channel's, in square roots; a, b: sums from LOW on."""
     widest = 0.0
     for c in range(3):
         high, low = max(a[3 + c], b[3 + c]), min(a[c], b[c])
@@ -129,10 +123,7 @@ def sample_range(a, b):
 
 @inline
 def converged(sums, p, size):
-    """Whether a pixel's samples agree among themselves, and roughly with its neighbours' samples in the tile.
-
-    Args: size: of the tile, (wide, high).
-    """
+    """Whether a pixel's samples agree, and roughly with its neighbours' in its tile of `size`, (wide, high)."""
     own = sums[p, LOW:]
     if sample_range(own, own) > AGREE:
         return False
@@ -147,34 +138,19 @@ def converged(sums, p, size):
 
 @inline
 def store_edge(sums, p, size, retired, edges):
-    """Store a pixel on the tile's left, right, upper or lower edge for the tile there.
-
-    Args: edges: float32 (4, TILE, EDGE), the tile's.
-    """
+    """Store a pixel on the tile's left, right, upper or lower edge in its `edges`, float32 (4, TILE, EDGE)."""
     x, y = column_of(p), row_of(p)
-    if x == 0:
-        store_edge_pixel(sums[p], retired, edges[0, y])
-    if x == size[0] - 1:
-        store_edge_pixel(sums[p], retired, edges[1, y])
-    if y == 0:
-        store_edge_pixel(sums[p], retired, edges[2, x])
-    if y == size[1] - 1:
-        store_edge_pixel(sums[p], retired, edges[3, x])
-
-
-@inline
-def store_edge_pixel(sums, retired, row):
-    for c in range(6):
-        row[c] = sums[LOW + c]
-    row[6] = 1.0 if retired else 0.0
+    sides = (0, x == 0, y), (1, x == size[0] - 1, y), (2, y == 0, x), (3, y == size[1] - 1, x)
+    for side, at_edge, place in sides:
+        if at_edge:
+            for c in range(6):
+                edges[side, place, c] = sums[p, LOW + c]
+            edges[side, place, 6] = 1.0 if retired else 0.0
 
 
 @inline
 def reopened(edges, tile, columns, p):
-    """Whether a pixel was retired, but a neighbour in another tile is unlike it.
-
-    Args: edges: float32 (tiles, 4, TILE, EDGE), of all tiles; columns: tiles in a row.
-    """
+    """Whether a pixel was retired, but a neighbour in another tile is unlike it. Args: columns: tiles in a row."""
     x, y = column_of(p), row_of(p)
     return (
         (x == 0 and tile % columns > 0 and unlike(edges[tile, 0, y], edges[tile - 1, 1, y]))

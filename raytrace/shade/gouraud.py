@@ -11,14 +11,14 @@ from ..kernel.jit import inline, kernel
 from ..kernel.simd import WIDE, select, single
 from ..kernel.simd_masks import lane_numbers
 from ..kernel.simd_memory import gather, gather3, load_row, store_row
-from ..kernel.vector import add, dot, scale
+from ..kernel.vector import add, dot, multiply, scale
 from . import shading_points as layout
 from .direct_lighting import light_packets, visible_fraction
 from .interaction import between, corner, corner_rows, lights_seen, towards_viewer, vertex_normal
 from .polygon_shading import polygon_light
 from .records import borrow_scene
-from .shading_points import lighting_column, store1, store3
-from .workspace import PACKETS
+from .shading_points import lighting_column, load3, store1, store3
+from .workspace import BOOK, OFF, PACKETS
 
 GROUP = PACKETS * WIDE  # vertices lit together
 
@@ -60,13 +60,12 @@ def write_vertices(packet, scene, origins, item, mask, rows, view, side):
     vertices = rows + (geometry.first_vertex[item] - geometry.first_w[item])
     point = corner(geometry, item, vertices)
     store3(packet, layout.POINT, mask, point)
+    ahead, behind = point, point
     if len(origins) > 0:
         above, below = (0, len(origins) - len(w)) if side > 0.0 else (len(origins) - len(w), 0)
-        store3(packet, layout.ORIGIN, mask, gather3(origins, rows + above))
-        store3(packet, layout.BACK, mask, gather3(origins, rows + below))
-    else:
-        store3(packet, layout.ORIGIN, mask, point)
-        store3(packet, layout.BACK, mask, point)
+        ahead, behind = gather3(origins, rows + above), gather3(origins, rows + below)
+    store3(packet, layout.ORIGIN, mask, ahead)
+    store3(packet, layout.BACK, mask, behind)
     store3(packet, layout.NORMAL, mask, scale(side, vertex_normal(geometry, item, vertices)))
     store3(packet, layout.VIEW, mask, towards_viewer(view, point))
     store3(packet, layout.ALBEDO_MAP, mask, (1.0, 1.0, 1.0))
@@ -79,10 +78,10 @@ def write_vertices(packet, scene, origins, item, mask, rows, view, side):
 
 
 @inline
-def interpolate_lit(packet, scene, item, mask, hits, face_normal):
+def interpolate_lit(packet, scene, item, mask, hits, style, face_normal):
     """Gouraud 1971: the light of hits is interpolated between their faces' corners', on the side that is seen.
 
-    Args: face_normal: as `write_hits` returns it.
+    ALBEDO_MAP and OCCLUSION, which vertices are lit without, are multiplied in. Args: face_normal: of `write_hits`.
     """
     geometry, lit = scene.geometry, scene.lit_vertices
     i, j, k = corner_rows(geometry, item, mask, hits.faces)
@@ -103,3 +102,10 @@ def interpolate_lit(packet, scene, item, mask, hits, face_normal):
         store1(packet, layout.SHADOWED, mask & behind, 0.0)
     unshadowed, shadowed = load_row(packet, layout.UNSHADOWED), load_row(packet, layout.SHADOWED)
     store1(packet, layout.SHADOW, mask, visible_fraction(unshadowed, shadowed))
+    albedo, occlusion = load3(packet, layout.ALBEDO_MAP), load_row(packet, layout.OCCLUSION)
+    store3(packet, layout.AMBIENT, mask, multiply(load3(packet, layout.AMBIENT), albedo))
+    store3(packet, layout.DIFFUSE, mask, multiply(load3(packet, layout.DIFFUSE), albedo))
+    if style.form != OFF:
+        store3(packet, layout.AMBIENT, mask, scale(occlusion, load3(packet, layout.AMBIENT)))
+    if style.form == BOOK:
+        store3(packet, layout.DIFFUSE, mask, scale(occlusion, load3(packet, layout.DIFFUSE)))

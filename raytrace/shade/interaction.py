@@ -5,7 +5,7 @@ All of it sixteen points at a time, in lanes; a whole call is about one object.
 
 from typing import Any, NamedTuple
 
-from ..brdf.layout import BRUSHED, GRAIN, TO_LIGHT, TO_VIEWER, TWO_SIDED
+from ..brdf.layout import BRUSHED, GRAIN, TO_LIGHT, TWO_SIDED
 from ..kernel.jit import inline
 from ..kernel.simd import double, select, single
 from ..kernel.simd_memory import gather, gather3
@@ -24,19 +24,15 @@ GROWN = 2.0**30  # times the product of two edges is neither lost nor infinite i
 @inline
 def rotate(matrix, a):
     """The linear part of `matrix` (3, ≥3) times a."""
-    return (
-        matrix[0, 0] * a[0] + matrix[0, 1] * a[1] + matrix[0, 2] * a[2],
-        matrix[1, 0] * a[0] + matrix[1, 1] * a[1] + matrix[1, 2] * a[2],
-        matrix[2, 0] * a[0] + matrix[2, 1] * a[1] + matrix[2, 2] * a[2],
-    )
+    return dot(triple(matrix[0], 0), a), dot(triple(matrix[1], 0), a), dot(triple(matrix[2], 0), a)
 
 
 class PacketHits(NamedTuple):
     """Hits of sixteen viewing rays, lanes.
 
     Attributes:
-        faces: int32, rows of the faces of the shapes that were hit. u, v: float32 barycentrics, the weights of corners
-        1 and 2. depth: float32, distance to the viewer. backward: unit directions against the rays, a triple.
+        faces: int32, rows of the shapes' faces. u, v: float32 barycentrics, the weights of corners 1 and 2.
+        depth: float32, distance to the viewer. backward: unit directions against the rays, a triple.
     """
 
     faces: Any
@@ -63,6 +59,13 @@ def corner(geometry, item, vertices):
 
 
 @inline
+def edges(geometry, item, i, j, k):
+    """From corner i of faces to their corners j and k."""
+    p0 = corner(geometry, item, i)
+    return subtract(corner(geometry, item, j), p0), subtract(corner(geometry, item, k), p0)
+
+
+@inline
 def vertex_normal(geometry, item, vertices):
     """Unit normals of vertices in render space; zero for vertices without a normal."""
     n = gather3(geometry.normals, vertices)
@@ -83,15 +86,19 @@ def corner_normal(geometry, item, vertices, face):
 @inline
 def face_normal(edge1, edge2):
     """Unit normal of a face from two edges; their product is rounded only once, however thin the face."""
-    a, b = doubled(edge1), doubled(edge2)
-    across = scale(GROWN, cross(a, b))
-    return unit((single(across[0]), single(across[1]), single(across[2])))
+    return unit(rounded(scale(GROWN, cross(doubled(edge1), doubled(edge2)))))
 
 
 @inline
 def doubled(a):
     """A triple of lanes in double precision."""
     return double(a[0]), double(a[1]), double(a[2])
+
+
+@inline
+def rounded(a):
+    """A triple of lanes in single precision."""
+    return single(a[0]), single(a[1]), single(a[2])
 
 
 @inline
@@ -135,9 +142,10 @@ def tangents(geometry, i, j, k, edge1, edge2):
     du2, dv2 = double(gather(geometry.uv, 2 * k)) - u0, double(gather(geometry.uv, 2 * k + 1)) - v0
     area = du1 * dv2 - du2 * dv1
     inverse = select(area == 0.0, 0.0, 1.0 / area)
-    u = unit(scale(inverse, subtract(scale(dv2, doubled(edge1)), scale(dv1, doubled(edge2)))))
-    v = unit(scale(inverse, subtract(scale(du1, doubled(edge2)), scale(du2, doubled(edge1)))))
-    return (single(u[0]), single(u[1]), single(u[2])), (single(v[0]), single(v[1]), single(v[2]))
+    edge1, edge2 = doubled(edge1), doubled(edge2)
+    along_u = unit(scale(inverse, subtract(scale(dv2, edge1), scale(dv1, edge2))))
+    along_v = unit(scale(inverse, subtract(scale(du1, edge2), scale(du2, edge1))))
+    return rounded(along_u), rounded(along_v)
 
 
 @inline
@@ -151,11 +159,9 @@ def needs_tangent(geometry, item):
 @inline
 def lights_seen(geometry, item, side):
     """The column FRONT of points that are seen from their own side (`side` > 0) or from behind."""
-    if geometry.rows[item, TWO_SIDED] == TO_LIGHT:
-        return select(side > 0.0, layout.ON_BOTH_SIDES, layout.ON_BOTH_SIDES)
-    if geometry.rows[item, TWO_SIDED] == TO_VIEWER:
-        return select(side > 0.0, layout.ON_THIS_SIDE, layout.ON_THIS_SIDE)
-    return select(side > 0.0, layout.ON_THIS_SIDE, 0.0)
+    turns_to = geometry.rows[item, TWO_SIDED]
+    front = layout.ON_BOTH_SIDES if turns_to == TO_LIGHT else layout.ON_THIS_SIDE
+    return select(side > 0.0, front, front if turns_to != 0.0 else 0.0)
 
 
 @inline
@@ -167,12 +173,13 @@ def towards_viewer(view, point):
 
 
 @inline
-def write_hits(packet, geometry, w, item, mask, hits, view, style):
+def write_hits(packet, scene, item, mask, hits, view, style):
     """Write what lighting needs of hits on one object; returns their faces' unit normals on the viewer's side.
 
-    Args: w: of `SceneArrays`; item: row of the object; mask: the lanes that have hit it; view: that the rays are of.
+    Args: item: row of the object; mask: the lanes that have hit it; view: that the rays are of.
     """
-    u, v, backward = hits.u, hits.v, hits.backward
+    geometry, u, v, backward = scene.geometry, hits.u, hits.v, hits.backward
+    shift = geometry.first_w[item] - geometry.first_vertex[item]
     i, j, k = corner_rows(geometry, item, mask, hits.faces)
     p0, p1, p2 = corner(geometry, item, i), corner(geometry, item, j), corner(geometry, item, k)
     edge1, edge2 = subtract(p1, p0), subtract(p2, p0)
@@ -211,21 +218,10 @@ def write_hits(packet, geometry, w, item, mask, hits, view, style):
         along_u, _ = tangents(geometry, i, j, k, edge1, edge2)
         store3(packet, layout.TANGENT, mask, along_u)
     if style.weighted:
-        shift = geometry.first_w[item] - geometry.first_vertex[item]
-        w0, w1, w2 = gather(w, i + shift), gather(w, j + shift), gather(w, k + shift)
+        w0, w1, w2 = gather(scene.w, i + shift), gather(scene.w, j + shift), gather(scene.w, k + shift)
         store1(packet, layout.W, mask, single(between(w0, w1, w2, u, v)))
-    return geometric
-
-
-@inline
-def write_bent_normals(packet, geometry, bent, item, mask, hits):
-    """Write the bent normals of hits on one object, interpolated between their faces' corners'.
-
-    Args: bent: of `SceneArrays`; else as `write_hits`.
-    """
     store3(packet, layout.BENT, mask, (0.0, 0.0, 0.0))
-    if len(bent) > 0:
-        i, j, k = corner_rows(geometry, item, mask, hits.faces)
-        shift = geometry.first_w[item] - geometry.first_vertex[item]
-        b0, b1, b2 = gather3(bent, i + shift), gather3(bent, j + shift), gather3(bent, k + shift)
-        store3(packet, layout.BENT, mask, interpolate(b0, b1, b2, hits.u, hits.v))
+    if len(scene.bent) > 0:
+        b0, b1, b2 = gather3(scene.bent, i + shift), gather3(scene.bent, j + shift), gather3(scene.bent, k + shift)
+        store3(packet, layout.BENT, mask, interpolate(b0, b1, b2, u, v))
+    return geometric

@@ -40,12 +40,8 @@ def write_polygons(packet, geometry, item, mask, hits, view, style, face_normal)
         store3(packet, layout.VIEW, mask, towards_viewer(view, centre))
         store3(packet, layout.NORMAL, mask, scale(side, newell))
     elif style.shading != QUADRATIC:
-        store3(
-            packet,
-            layout.NORMAL,
-            mask,
-            scale(side, polygon_normal(geometry, item, mask, rows, load3(packet, layout.POINT))),
-        )
+        normal = polygon_normal(geometry, item, mask, rows, load3(packet, layout.POINT))
+        store3(packet, layout.NORMAL, mask, scale(side, normal))
 
 
 @inline

@@ -66,8 +66,9 @@ class Lights(NamedTuple):
     """Packed lights in render space.
 
     Attributes:
-        kinds: int64 (k,), rows: float64 (k, …) (`raytrace.lights.layout`). skies, harmonics, maps, frame: environment
-        light (`raytrace.lights.environment.Environment`).
+        kinds: int64 (k,), rows: float64 (k, …) (`raytrace.lights.layout`). skies: float64 (s, SKY_WIDTH), gradients.
+        harmonics: float64 (9, 3) of an image, or (0, 3). maps: float32 (MAPS, MAP_HEIGHT, MAP_WIDTH, 3), or none.
+        frame: float64 (3, 3), rows right, front and up of the maps.
     """
 
     kinds: Int64s

@@ -9,7 +9,7 @@ Where all is opaque, `opacity` is None, and kernels are compiled without any of 
 
 import numpy as np
 
-from ..embree.packets import TFAR, TNEAR, U, V, intersect16, occluded16
+from ..embree.packets import GEOM_ID, INST_ID, PRIM_ID, TFAR, TNEAR, U, V, intersect16, occluded16
 from ..kernel.jit import inline, kernel
 from ..kernel.simd import WIDE, double, select, single
 from ..kernel.simd_masks import lane_numbers, pick, some
@@ -18,7 +18,7 @@ from ..kernel.vector import scale
 from ..materials import alpha_filter
 from ..materials.alpha_filter import LEAST, STEP
 from . import shading_points as layout
-from .camera_rays import aim, hit_ids
+from .camera_rays import aim
 from .shading_points import BEGIN, BEHIND, COVER, THROUGH
 
 HALF = 0.5
@@ -35,16 +35,15 @@ def closest_hits(opacity, geometry, rays, valid, there):
         store_row(rays, alpha_filter.THROUGH, -1.0)
     store_row(valid, 0, there)
     intersect16(geometry.handle, rays, valid)
-    items, faces = hit_ids(rays)
-    return select(there, items, -1), faces, load_row(rays, U), load_row(rays, V), load_row(rays, TFAR)
+    ids = rays.view(np.int32)
+    outer, inner = load_row(ids, INST_ID), load_row(ids, GEOM_ID)
+    items = select(there, select((inner >= 0) & (outer >= 0), outer, inner), -1)
+    return items, load_row(ids, PRIM_ID), load_row(rays, U), load_row(rays, V), load_row(rays, TFAR)
 
 
 @inline
 def behind(opacity, geometry, rays, items, distance, through):
-    """Continue viewing rays behind their `closest_hits`: a mask of the rays that do, and their transmittance, lanes.
-
-    Args: through: transmittance before.
-    """
+    """Continue viewing rays behind their `closest_hits`: a mask of the rays that do, and their transmittance."""
     if opacity is None:
         return items < items, through
     through = through * (1.0 - load_row(rays, alpha_filter.STOPPED))

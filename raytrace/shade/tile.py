@@ -6,8 +6,7 @@ known only when all tiles have been rendered, so pixels that one of them is unli
 
 import numpy as np
 
-from ..brdf.dispatch import alpha
-from ..brdf.layout import MODEL
+from ..brdf.layout import ALPHA, MODEL
 from ..embree.packets import DIR_X
 from ..kernel.borrow import borrow
 from ..kernel.jit import inline, kernel
@@ -20,25 +19,23 @@ from .camera_rays import aim
 from .direct_lighting import count_directed, light_packets
 from .film import TILE, accumulate, clear, column_of, converged, mean, reopened, row_of, store_edge, write_pixels
 from .gouraud import interpolate_lit
-from .interaction import GOURAUD, PacketHits, write_bent_normals, write_hits
+from .interaction import GOURAUD, PacketHits, write_hits
 from .polygon_shading import write_polygons
 from .records import borrow_scene
 from .see_through import begin_behind, begin_layers, closest_hits, composite, keep_hits, ray_numbers, seen_packets
 from .shading_points import load3, store1, store3
-from .texturing import apply_albedo_map, apply_occlusion, map_albedo, map_grain, map_occlusion, map_vertex_colours
+from .texturing import map_albedo, map_grain, map_occlusion, map_vertex_colours
 from .workspace import BACKGROUND, FIRST, PRIMARY, RETIRED
 
 
 @kernel
 def render_tiles(scene, view, style, film, scratch, span, again):
-    """Render the tiles [span[0], span[1]), counted along the rows of the film.
+    """Render the tiles [span[0], span[1]), counted along the rows of the film: a few samples of all pixels of a tile,
+    then more of the pixels whose samples don't agree.
 
     Textures whose `scratch.missing` is set afterwards are to be read, and the tiles to be rendered once more.
 
-    Args: scene, view, style, film, scratch: `SceneArrays`, `View`, `Style`, `Film`, `Scratch`. again: only the pixels
-        that need all samples after all, by the `edges` that a first call for all tiles has written.
-
-    A few samples of all pixels of a tile come first, then more of the pixels whose samples don't agree.
+    Args: again: only the pixels that need all samples after all, by the `edges` that a first call for all tiles wrote.
     """
     scene, view, film, scratch = borrow_scene(scene), borrow(view), borrow(film), borrow(scratch)
     todo, points = scratch.todo, seen_packets(scene.geometry.opacity, scratch)
@@ -47,7 +44,7 @@ def render_tiles(scene, view, style, film, scratch, span, again):
     for tile in range(span[0], span[1]):
         left, top = tile % columns * TILE, tile // columns * TILE
         size = min(TILE, wide - left), min(TILE, high - top)
-        pending = list_reopened(scratch, size, film.edges, tile, columns) if again else list_pixels(scratch, size)
+        pending = list_pixels(scratch, size, film.edges, tile, columns, again)
         if again:
             scratch.counts[RETIRED] -= pending * (style.samples - FIRST)
         for done in range(0, style.samples, FIRST):
@@ -66,7 +63,7 @@ def render_tiles(scene, view, style, film, scratch, span, again):
                     accumulate(points[e], scratch.sums, todo[k : min(k + each, pending)], batch, style.layers)
                 if done == 0 and style.samples > FIRST and not again:
                     pending = remove_converged(scratch, size, pending, style.samples - FIRST, film.edges[tile])
-        taken = pending if again else list_pixels(scratch, size)
+        taken = pending if again else list_pixels(scratch, size, film.edges, tile, columns, False)
         for k in range(0, taken, WIDE):
             packet = points[k // WIDE]  # with one sample a pixel, its lanes are the pixels
             if style.samples > 1:
@@ -82,39 +79,24 @@ def mark_reopened(film, scratch, marks):
     columns = -(-wide // TILE)
     for tile in range(len(film.edges)):
         size = min(TILE, wide - tile % columns * TILE), min(TILE, high - tile // columns * TILE)
-        for k in range(list_reopened(scratch, size, film.edges, tile, columns)):
+        for k in range(list_pixels(scratch, size, film.edges, tile, columns, True)):
             marks[tile, scratch.todo[k]] = True
 
 
 @inline
-def list_pixels(scratch, size):
-    """Put all pixels of a tile of this size, (wide, high), on the list `todo`; returns how many."""
+def list_pixels(scratch, size, edges, tile, columns, again):
+    """List a tile's pixels as `todo`, `again` those that a neighbour in another tile reopens; returns how many."""
     left = 0
     for k in range(TILE * TILE):
         p = scratch.order[k]
         scratch.todo[left] = p
-        left += p % TILE < size[0] and p // TILE < size[1]
-    return left
-
-
-@inline
-def list_reopened(scratch, size, edges, tile, columns):
-    """Put the pixels of a tile that need more samples for a neighbour in another tile on the list; returns how many."""
-    left = 0
-    for k in range(TILE * TILE):
-        p = scratch.order[k]
-        if p % TILE < size[0] and p // TILE < size[1] and reopened(edges, tile, columns, p):
-            scratch.todo[left] = p
-            left += 1
+        left += p % TILE < size[0] and p // TILE < size[1] and (not again or reopened(edges, tile, columns, p))
     return left
 
 
 @inline
 def remove_converged(scratch, size, pending, remaining, edges):
-    """Remove converged pixels from the list `todo`; returns how many are left to get the remaining samples.
-
-    Args: edges: of the tile, filled for its neighbours.
-    """
+    """Remove converged pixels from the list `todo` and fill the tile's `edges`; returns how many are left."""
     left = 0
     for k in range(pending):
         p = scratch.todo[k]
@@ -175,36 +157,29 @@ def trace_packet(scene, view, style, scratch, e, start, there):
     while some(left):
         item = pick(items, first(left))
         mask = left & (items == item)
-        face_normal = write_hits(packet, geometry, scene.w, item, mask, hits, view, style)
+        face_normal = write_hits(packet, scene, item, mask, hits, view, style)
         if len(geometry.polygons) > 0:
             write_polygons(packet, geometry, item, mask, hits, view, style, face_normal)
-        write_bent_normals(packet, geometry, scene.bent, item, mask, hits)
         map_albedo(packet, scene, item, mask, hits, view, scratch.missing)
         map_vertex_colours(packet, geometry, item, mask, hits)
         map_grain(packet, scene, item, mask, hits, view, scratch.missing)
         if style.weighted:
             map_occlusion(packet, scene, item, mask, hits, view, scratch.missing)
         material = geometry.rows[item]
-        store1(packet, layout.ALPHA, mask, alpha(material))
+        store1(packet, layout.ALPHA, mask, material[ALPHA])
         if style.layers:
             store3(packet, layout.ALBEDO, mask, multiply(load3(packet, layout.ALBEDO_MAP), triple(material, MODEL)))
         if style.shading == GOURAUD:
-            interpolate_lit(packet, scene, item, mask, hits, face_normal)
-            apply_albedo_map(packet, mask)
-            if style.weighted:
-                apply_occlusion(packet, mask, style.form)
+            interpolate_lit(packet, scene, item, mask, hits, style, face_normal)
         left = left & ~mask
     return items
 
 
 @inline
 def clear_packet(packet, style):
-    for column in range(layout.BEAUTY, layout.EMISSION):
-        store_row(packet, column, 0.0)
+    for column in range(layout.BEAUTY, layout.FILM if style.layers else layout.W):
+        store_row(packet, column, 1.0 if layout.W <= column <= layout.SHADOW else 0.0)
     for c in range(3):
         store_row(packet, layout.EMISSION + c, style.background[c])
     store_row(packet, layout.UNSHADOWED, 0.0)
     store_row(packet, layout.SHADOWED, 0.0)
-    if style.layers:
-        for column in range(layout.W, layout.FILM):
-            store_row(packet, column, 1.0 if column <= layout.SHADOW else 0.0)

@@ -70,12 +70,13 @@ class Scratch(NamedTuple):
 
 def new_scratch(lights: int, textures: int, hit_filter: tuple[int, Int64s] | None = None) -> Scratch:
     """Scratch for a scene with so many lights and textures. Args: hit_filter: None where all is opaque."""
+    pixels = np.arange(TILE * TILE, dtype=np.int32)  # row · TILE + column; blocks of 4×4 make a packet
     return Scratch(
         *new_packet(WIDE, True, hit_filter),
         points=aligned((PACKETS, WIDTH, WIDE), np.float32),
         items=aligned((PACKETS, WIDE), np.int32),
         sums=aligned((TILE * TILE, SUMS), np.float64),
-        order=_order(),
+        order=pixels.reshape(TILE // 4, 4, TILE // 4, 4).transpose(0, 2, 1, 3).ravel(),
         todo=aligned((TILE * TILE + WIDE,), np.int32),
         active=np.zeros(max(lights, 1), np.int64),
         hidden=np.zeros(max(lights, 1), np.bool_),
@@ -84,9 +85,3 @@ def new_scratch(lights: int, textures: int, hit_filter: tuple[int, Int64s] | Non
         missing=np.zeros(textures, np.int64),
         counts=np.zeros(COUNTERS, np.int64),
     )
-
-
-def _order() -> Int32s:
-    """The pixels of a tile, row · TILE + column, in blocks of 4×4, which make a packet."""
-    pixels = np.arange(TILE * TILE, dtype=np.int32).reshape(TILE // 4, 4, TILE // 4, 4)
-    return pixels.transpose(0, 2, 1, 3).ravel()

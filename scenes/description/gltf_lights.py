@@ -9,8 +9,7 @@ gives e = 0.
 from math import cos, degrees, pi
 from typing import Any
 
-from raytrace.lights.lights import light_from_dict
-from raytrace.lights.sources import BaseLight
+from raytrace.lights.sources import BaseLight, light_from_dict
 from raytrace.types import Float64s
 
 from ..field_errors import located

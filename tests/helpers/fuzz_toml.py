@@ -14,7 +14,7 @@ def _tables_of_scenes():
     """The keys of every kind of table in a scene file."""
     from typing import get_args
 
-    from raytrace.lights.lights import Light
+    from raytrace.lights.sources import Light
     from raytrace.materials.materials import Material
     from raytrace.settings import Settings
     from raytrace.system.faults import fields_of

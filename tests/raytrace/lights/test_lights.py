@@ -11,21 +11,22 @@ from hypothesis import strategies as st
 from raytrace.camera import Camera
 from raytrace.errors import OptionError
 from raytrace.lights import layout as light_rows
-from raytrace.lights.environment import EnvironmentLight, SkyLight
-from raytrace.lights.far_lights import make_far_lights_directional
 from raytrace.lights.kernels import cannot_matter_at, cannot_matter_in, incident
-from raytrace.lights.lights import light_from_dict
 from raytrace.lights.sources import (
     AmbientLight,
     DirectionalLight,
+    EnvironmentLight,
     PointLight,
+    SkyLight,
     SpotLight,
     irradiance,
+    light_from_dict,
     pack_lights,
 )
 from raytrace.materials.materials import Lambert, Phong
 from raytrace.mesh.mesh import Mesh
 from raytrace.renderer.render import render
+from raytrace.renderer.render_scene import make_far_lights_directional
 from raytrace.scene import Object, Scene, Shape
 from raytrace.settings import Settings
 from scenes.geometry.primitives import plane

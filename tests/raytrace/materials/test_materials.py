@@ -19,9 +19,9 @@ from raytrace import (
     Strauss,
     Ward,
 )
-from raytrace.brdf import dispatch
 from raytrace.brdf import layout as rows
 from raytrace.errors import OptionError
+from raytrace.kernel.vector import triple
 from raytrace.materials.materials import material_from_dict, pack_materials
 from raytrace.materials.presets import PRESETS
 from raytrace.materials.reflect import reflect
@@ -123,14 +123,14 @@ def test_materials_are_immutable():
 def test_accessors_for_a_renderer():
     strauss = Strauss(colour=(0.2, 0.4, 0.8), smoothness=0.5, transparency=0.25, emission=2)
     _, row = strauss.pack()
-    assert dispatch.emission(row) == (2, 2, 2)
-    assert dispatch.alpha(row) == 0.75
-    assert dispatch.ambient(row) == pytest.approx((1 - 0.5**3) * 0.75 * np.array([0.2, 0.4, 0.8]))  # Q_a = r_d c
+    assert triple(row, rows.EMISSION) == (2, 2, 2)
+    assert row[rows.ALPHA] == 0.75
+    assert triple(row, rows.AMBIENT) == pytest.approx((1 - 0.5**3) * 0.75 * np.array([0.2, 0.4, 0.8]))  # Q_a = r_d c
     _, row = Phong(k_d=0.2).pack()
-    assert dispatch.ambient(row) == (0.2, 0.2, 0.2)
+    assert triple(row, rows.AMBIENT) == (0.2, 0.2, 0.2)
     _, row = Phong(k_d=0.2, k_a=0.4).pack()
-    assert dispatch.ambient(row) == (0.4, 0.4, 0.4)
-    assert dispatch.alpha(row) == 1
+    assert triple(row, rows.AMBIENT) == (0.4, 0.4, 0.4)
+    assert row[rows.ALPHA] == 1
 
 
 def test_pack_materials():

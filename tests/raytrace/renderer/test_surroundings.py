@@ -163,7 +163,7 @@ def panorama(tmp_path):
 
 def test_harmonics_of_an_image_are_its_irradiance_to_a_few_per_cent(panorama):
     path, image = panorama
-    packed = pack_environment([EnvironmentLight(image=path)])
+    _, harmonics, maps, frame = pack_environment([EnvironmentLight(image=path)])
 
     def radiance(d):
         row = np.minimum((np.arccos(np.clip(d[..., 2], -1, 1)) / np.pi * 32).astype(int), 31)
@@ -172,12 +172,12 @@ def test_harmonics_of_an_image_are_its_irradiance_to_a_few_per_cent(panorama):
 
     largest = hemisphere_mean(radiance, np.array([0, 1.0, 0]))
     for n in np.array([[0, 1, 0], [0, -1, 0], [1, 0, 0], [0, 0.6, 0.8], [0, 0, -1.0]]):
-        found = harmonic_irradiance(packed.harmonics, tuple(n))
+        found = harmonic_irradiance(harmonics, tuple(n))
         apart = np.abs(found - hemisphere_mean(radiance, n)).max()
         assert apart < 0.09 * largest.max()  # bound: Ramamoorthi & Hanrahan
-    sharp = map_radiance(packed.maps, packed.frame, (0.0, np.cos(0.3), np.sin(0.3)), 0.0)
+    sharp = map_radiance(maps, frame, (0.0, np.cos(0.3), np.sin(0.3)), 0.0)
     np.testing.assert_allclose(sharp, (8, 6, 4), rtol=1e-3)
-    rough = map_radiance(packed.maps, packed.frame, (0.0, 1.0, 0.0), 0.4)
+    rough = map_radiance(maps, frame, (0.0, 1.0, 0.0), 0.4)
     assert 0.2 < rough[0] < 4
 
 
@@ -187,9 +187,9 @@ def test_an_image_of_one_colour_is_ambient_light_and_turns_with_up(tmp_path, pan
     np.testing.assert_allclose(picture(GOLD, EnvironmentLight(image=tmp_path / "grey.exr"))["beauty"], plain, atol=1e-5)
     path, _ = panorama
     for up, turn, towards in (((0, 0, 1), 0, (0, 1, 0)), ((0, 0, 1), 90, (-1, 0, 0)), ((0, 1, 0), 0, (0, 0, -1))):
-        packed = pack_environment([EnvironmentLight(image=path, up=up, turn=turn)])
+        _, _, maps, frame = pack_environment([EnvironmentLight(image=path, up=up, turn=turn)])
         d = np.array(towards) * np.cos(0.3) + np.array(up) * np.sin(0.3)
-        assert map_radiance(packed.maps, packed.frame, tuple(d), 0.0)[0] > 7
+        assert map_radiance(maps, frame, tuple(d), 0.0)[0] > 7
 
 
 def test_faults_of_environments_are_named(tmp_path, panorama):

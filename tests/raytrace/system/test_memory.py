@@ -20,7 +20,7 @@ from raytrace import InputError, Lambert, MemoryLimitError, Mesh, Object, Scene,
 from raytrace.image.compare import compare
 from raytrace.image.read import read_image
 from raytrace.image.texture import Texture, pack_textures, texture_alpha, texture_codes
-from raytrace.lights.prefilter import read_environment
+from raytrace.lights.environment import read_environment
 from raytrace.renderer import render_scene
 from raytrace.renderer.render import rendering_bytes
 from raytrace.system.memory import available, check_memory
