@@ -66,8 +66,7 @@ def wrap_modes(given: Any) -> tuple[Wrap, Wrap]:
 
 
 class PackedTextures(NamedTuple):
-    """Textures as kernels read them (`raytrace.image.texture_lookup`): each a pyramid of halved images down
-    to one texel.
+    """Textures as kernels read them (`raytrace.image.texture_lookup`): pyramids of images halved down to one texel.
 
     Takes 16 bytes for each texel of the files that were read: three floats, and a third more for the coarser levels.
 
@@ -92,9 +91,7 @@ class LazyTextures:
     Alpha is ignored; grey becomes RGB. Files may have 8 or 16 bits, floats, a palette, one to four channels. A place
     takes no memory before its texture is read.
 
-    Args: textures: their places in the list are their numbers.
-
-    Attributes: packed: what kernels read, also while other textures are read.
+    Args: textures: their places are their numbers. Attributes: packed: what kernels read, also while others are read.
     """
 
     def __init__(self, textures: Sequence[Texture]) -> None:

@@ -31,14 +31,9 @@ _SHADINGS = get_args(Shading)
 _FORMS = ("off", "ambient", "ambient and diffuse")
 _TRACED = {"primary": workspace.PRIMARY, "shadow": workspace.SHADOW_RAYS}
 _SKIPPED = {
-    "behind": workspace.BEHIND,
-    "unreached": workspace.UNREACHED,
-    "black": workspace.BLACK,
-    "culled": workspace.CULLED,
-    "unobstructed": workspace.UNOBSTRUCTED,
-    "background": workspace.BACKGROUND,
-    "primary_agreed": workspace.RETIRED,
-}
+    "behind": workspace.BEHIND, "unreached": workspace.UNREACHED, "black": workspace.BLACK, "culled": workspace.CULLED,
+    "unobstructed": workspace.UNOBSTRUCTED, "background": workspace.BACKGROUND, "primary_agreed": workspace.RETIRED,
+}  # fmt: skip
 
 
 def whole_tiles(settings: Settings) -> tuple[int, int, int, int]:

@@ -67,7 +67,7 @@ def place_camera(camera: Camera, settings: Settings, centre: Float64s, scale: fl
 
 
 def _offsets(samples: int, seed: int) -> Float64s:
-    """Places (sets, 4, samples) under a tent filter of radius 1 pixel, one in its centre; and on the unit lens."""
+    """Places (sets, 4, samples) under a tent filter of radius 1 pixel, one sample in its centre; and on the lens."""
     key = seed_key(seed)
     # density 1 − |x| on (−1, 1)
     x, y = (np.where(u < 0.5, np.sqrt(2 * u) - 1, 1 - np.sqrt(2 - 2 * u)) for u in owen_sobol(_SETS, samples, key))
