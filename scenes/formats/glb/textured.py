@@ -1,13 +1,12 @@
 """A binary glTF with baked textures as its materials' occlusion textures, by the coordinates they were baked for."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
+from ao import Bake
 from ao.texture.result import BakedTexture
 from raytrace.errors import MeshError
 from raytrace.image.encode import linear_png
@@ -24,9 +23,6 @@ from .orm import OrmTextures
 from .pieces import pieces
 from .ramp import write_ramp
 from .write import document
-
-if TYPE_CHECKING:
-    from ao import Bake
 
 _SAME = 1e-6  # of texture coordinates that float32 has rounded
 _KINDS = {"SCALAR", "VEC2", "VEC3", "VEC4"}

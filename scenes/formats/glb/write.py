@@ -1,14 +1,13 @@
 """Obscurance as vertex attributes of a binary glTF file."""
 
-from __future__ import annotations
-
 import copy
 from functools import cache
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
+from ao import Bake
 from raytrace.mesh.up import up_axis
 
 from ...geometry.instances import Submesh
@@ -20,9 +19,6 @@ from ..table import Channels
 from .buffer import Packed
 from .plain import Drawn, plain
 from .ramp import write_ramp
-
-if TYPE_CHECKING:
-    from ao import Bake
 
 
 def glb(bake: Bake, mesh_file: MeshFile, channels: Channels) -> bytes:

@@ -1,12 +1,10 @@
 """Obscurance as vertex properties of a binary PLY file."""
 
-from __future__ import annotations
-
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ao import Bake
 from raytrace.mesh.up import up_axis
 
 from ...geometry.detail import Detail, Element, Property
@@ -14,9 +12,6 @@ from ..load import MeshFile
 from ..table import Channels
 from .detail import RGB, columns_of, grey_of, is_profile, own_colors
 from .layout import COUNT, PROFILE, PROFILE_COMMENT, UP_COMMENT, PlyElement, write_header
-
-if TYPE_CHECKING:
-    from ao import Bake
 
 OWN = "comment obscurance: 1 = open"
 GREY = "; red green blue = obscurance as sRGB"
