@@ -114,6 +114,50 @@ def bake_on(address, make, path, notify=pytest.fail, progress=None, **settings):
         return make(checkpoint=checkpoint, progress=progress), session.dispatch
 
 
+MEDIUM = partial(ao.bake, Mesh(*hills(100)), samples=128)
+MEDIUM_ROWS = 10_000 + 312  # some are traced twice, to calibrate errors
+
+
+@contextmanager
+def on_one(cluster, function, reported, killed=False):
+    """Run a function on one of two workers, which is as before in the end, or killed for a new one to come.
+
+    Gives its address, the messages of a bake, and what to notify: the other worker traces after the first message.
+    """
+    from distributed import Client
+
+    messages = []
+
+    def notify(line):
+        messages.append(line)
+        reported.touch()
+
+    def keep():
+        import ao.cluster.worker
+
+        ao.cluster.worker.kept = dict(vars(ao.cluster.worker))
+
+    def restore():
+        import ao.cluster.worker
+
+        vars(ao.cluster.worker).update(ao.cluster.worker.kept)
+
+    with Client(cluster, set_as_default=False) as client:
+        client.wait_for_workers(2)
+        odd, other = client.nthreads()
+        (pid,) = client.run(os.getpid, workers=[odd]).values()
+        client.run(keep, workers=[odd])
+        client.run(function, workers=[odd])
+        client.run(holding(0, reported), workers=[other])
+        yield odd, messages, notify
+        if not killed:
+            client.run(restore, workers=[odd])
+            return
+        kill(pid)
+        while odd in client.nthreads():
+            time.sleep(0.05)
+
+
 def compiled_by(cluster):
     """The kernels that each worker had to compile."""
     from distributed import Client

@@ -3,7 +3,8 @@
 import gc
 
 import pytest
-from clusters import left_sockets, scheduler
+from clusters import MEDIUM, left_sockets, scheduler
+from parts_of_bakes import bits
 
 __all__ = ["left_sockets"]
 
@@ -13,3 +14,8 @@ def cluster():
     with scheduler(2) as cluster:
         yield cluster
     gc.collect()
+
+
+@pytest.fixture(scope="package")
+def medium():
+    return bits(MEDIUM())

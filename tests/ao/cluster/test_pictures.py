@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from clusters import LEFT_SOCKETS, killed_in_mid_block, small_blocks
+from clusters import LEFT_SOCKETS, compiled_by, killed_in_mid_block, small_blocks
 from rendered import CAMERA, SMALL, box, still_scene
 
 from ao.cluster.dispatch import IN_FLIGHT
@@ -94,7 +94,7 @@ def render_by(cluster, folder, *picture, **options):
 def test_workers_make_the_bits_of_one_process(cluster, tmp_path, name):
     make, settings = PICTURES[name]
     scene = make(image(tmp_path / "paint.png"))
-    alone, done = render(scene, CAMERA, settings), []  # at first, so that workers load its kernels
+    alone, done = render(scene, CAMERA, settings), []  # at first: workers load its kernels
     frame, dispatch = render_by(cluster, tmp_path, scene, CAMERA, settings, progress=lambda *tiles: done.append(tiles))
     for layer, values in alone.layers.items():
         assert np.array_equal(frame.layers[layer], values), layer
@@ -104,6 +104,7 @@ def test_workers_make_the_bits_of_one_process(cluster, tmp_path, name):
     assert sum(dispatch.blocks.values()) > 1
     assert (dispatch.rows > done[-1][1]) == (settings.samples > 4)  # tiles that are rendered again for their neighbours
     assert [path.name for path in tmp_path.iterdir()] == ["paint.png"]
+    assert set(compiled_by(cluster)) == {()}
 
 
 def test_the_beauty_alone_is_the_same(cluster, tmp_path):

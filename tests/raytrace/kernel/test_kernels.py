@@ -40,11 +40,13 @@ ROWS = np.arange(12.0).reshape(3, 4)
 VALUES = np.arange(5.0)
 
 
+LAYOUTS = [ROWS, ROWS.T, ROWS[:, ::2], ROWS[::-1], ROWS.astype("f"), ROWS.astype("i"), ROWS[:0], ROWS.view(Kin)]
+NUMBERS = [2, 2.5, np.float32(2.5), np.int64(-3), np.uint64(3), np.uint8(200), True]
+
+
 @pytest.mark.parametrize(
-    "rows",
-    [ROWS, ROWS.T, ROWS[:, ::2], ROWS[::-1], ROWS.astype(np.float32), ROWS.astype(np.int32), ROWS[:0], ROWS.view(Kin)],
+    ("rows", "factor"), [*((rows, 2.5) for rows in LAYOUTS), *((ROWS[:, ::2], number) for number in NUMBERS)]
 )
-@pytest.mark.parametrize("factor", [2, 2.5, np.float32(2.5), np.int64(-3), np.uint64(3), np.uint8(200), True])
 def test_arrays_of_any_layout_and_numbers_of_any_type(rows, factor):
     pair = Pair(VALUES, factor)
     assert total(pair, rows) == pytest.approx(rows.sum(dtype=float) * factor + VALUES.sum() * factor)
