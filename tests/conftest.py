@@ -1,4 +1,4 @@
-"""The random meshes' seed, fresh at each run unless it is given, and meshes in place of the built-in shapes."""
+"""How tests are shared out, the seed of the random meshes, and meshes in place of the built-in shapes."""
 
 from __future__ import annotations
 
@@ -20,3 +20,15 @@ def pytest_configure(config: pytest.Config) -> None:
 
 def pytest_report_header(config: pytest.Config) -> str:
     return f"random meshes: --mesh-seed {config.option.mesh_seed}"
+
+
+@pytest.hookimpl(optionalhook=True)
+def pytest_xdist_make_scheduler(config: pytest.Config, log: object) -> object:
+    """Each process begins with a part of the folders, so that few kernels are compiled by two at once, and takes tests
+    from others when it has done its own.
+    """
+    if config.getvalue("dist") != "load":
+        return None
+    from xdist.scheduler import WorkStealingScheduling
+
+    return WorkStealingScheduling(config, log)
