@@ -42,13 +42,14 @@ def settled(tab):
     tab.run("new Promise((done) => setTimeout(done, 160))")
 
 
-def address(tab, *expected):
-    """The parts of the address, once it has changed to have the expected ones."""
+def address(tab, *expected, moved_from=None):
+    """The parts of the address, once it has the expected ones and, if given, another position than `moved_from`."""
     settled(tab)
-    found = tab.run("location.hash")
-    for part in expected:
-        assert part in found
-    return dict(part.split("=") for part in found[1:].split("&"))
+    conditions = [f"location.hash.includes({part!r})" for part in expected]
+    if moved_from:
+        conditions.append(f"!location.hash.includes('position=' + {moved_from!r})")
+    tab.wait(" && ".join(conditions) or "true", seconds=20)
+    return dict(part.split("=") for part in tab.run("location.hash")[1:].split("&"))
 
 
 def camera_of(parts):

@@ -135,11 +135,13 @@ def test_keys_work_from_the_start_and_after_every_control(tab, pages):
     for control in controls:
         tab.drag(tuple(middle_of(tab, control)))
         mode = tab.run("document.querySelector('#modes input:checked').value")
+        tab.run("new Promise((done) => setTimeout(() => setTimeout(done)))")  # the focus comes back later
+        assert tab.run("document.activeElement.matches('canvas, select')"), control
         tab.press("ArrowLeft")
-        before, found = found, address(tab, f"mode={mode}")
-        assert found["position"] != before["position"], control
+        found = address(tab, f"mode={mode}", moved_from=found["position"])
         tab.press("2")
         address(tab, "mode=w")
+        tab.wait("document.querySelector('#modes input[value=w]').checked")  # once it has drawn
     tab.drag(tuple(middle_of(tab, "#vertex")))
     for key in ("1", "ArrowLeft"):
         tab.press(key)
