@@ -111,7 +111,7 @@ def unexplained(seed):
     vertices, faces = nasty(seed)
     falloff = ao.Exponential(tau=1.0) if seed % 2 else ao.Binary()
     baked = ao.bake(Mesh(vertices, faces), falloff, SAMPLES, reconstruct=False, hidden="ignore")
-    truth = reference.bake(vertices, faces, 1.0 if seed % 2 else None, rays=RAYS, seed=seed)
+    truth = reference.estimate(reference.distances(vertices, faces, RAYS, seed), 1.0 if seed % 2 else None)
     p = np.clip(baked.w, 2 / RAYS, 1 - 2 / RAYS)  # few rays that hit say little of their spread
     error = np.hypot(np.maximum(truth.error, 0.5 * np.sqrt(p * (1 - p) / RAYS)), baked.error) + ROUNDING / SIGMAS
     off = np.abs(baked.w - truth.w) / error

@@ -24,9 +24,12 @@ RAYS = 1200
 
 
 @cache
+def distances(name: str) -> np.ndarray:
+    return reference.distances(*MESHES[name], rays=RAYS, seed=3)
+
+
 def truth(name: str, setting: str) -> reference.Reference:
-    _, tau, limit = SETTINGS[setting]
-    return reference.bake(*MESHES[name], tau, limit, rays=RAYS, seed=3)
+    return reference.estimate(distances(name), *SETTINGS[setting][1:])
 
 
 def z_scores(name: str, setting: str, w: np.ndarray) -> np.ndarray:

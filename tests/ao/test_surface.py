@@ -39,15 +39,7 @@ def buried():
     return Mesh(*join([grid(5, 4.0), block([0, 0, 0.05], [0.3, 0.3, 0.5], 0.3)]))
 
 
-MEANINGFUL = ("nothing above", "coaxial disk")
-LINES = [line for line in validation.configurations() if line.name.startswith(MEANINGFUL)]
 CLOSED = [line for line in validation.configurations() if line.name.startswith(("closed", "inside a sphere"))]
-
-
-@pytest.mark.parametrize("line", LINES, ids=[f"{line.name} {validation.described(line.falloff)}" for line in LINES])
-def test_closed_forms_where_w_is_the_same_all_over_the_faces(line):
-    result = validation.compare(line, validation.measure(line, bake_surface, samples=4096))
-    assert result.ok, result
 
 
 @pytest.mark.parametrize("line", [line for line in CLOSED if line.falloff == ao.Binary()], ids=lambda line: line.name)

@@ -72,25 +72,23 @@ def mu(distance: np.ndarray, tau: float | None, max_distance: float) -> np.ndarr
     return value
 
 
-def bake(
-    vertices: np.ndarray,
-    faces: np.ndarray,
-    tau: float | None,
-    max_distance: float = math.inf,
-    rays: int = 4096,
-    seed: int = 0,
-) -> Reference:
-    """w at every vertex, all of which must have faces."""
+def distances(vertices: np.ndarray, faces: np.ndarray, rays: int = 4096, seed: int = 0) -> np.ndarray:
+    """Distance (n, rays) to the nearest hit of cosine-weighted rays from every vertex, all of which must have faces."""
     rng = np.random.default_rng(seed)
     normals = angle_weighted_normals(vertices, faces)
     lift = LIFT * np.ptp(vertices, axis=0).max()
-    w, error = np.empty(len(vertices)), np.empty(len(vertices))
+    found = np.empty((len(vertices), rays))
     for i, (vertex, normal) in enumerate(zip(vertices, normals, strict=True)):
         directions = cosine_directions(rng, normal, rays)
         origins = np.broadcast_to(vertex + lift * normal, directions.shape)
-        value = mu(nearest_hits(origins, directions, vertices[faces]), tau, max_distance)
-        w[i], error[i] = value.mean(), value.std(ddof=1) / math.sqrt(rays)
-    return Reference(w, error)
+        found[i] = nearest_hits(origins, directions, vertices[faces])
+    return found
+
+
+def estimate(distances: np.ndarray, tau: float | None, max_distance: float = math.inf) -> Reference:
+    """w at every vertex from the distances (n, rays) of its hits."""
+    values = mu(distances, tau, max_distance)
+    return Reference(values.mean(axis=1), values.std(axis=1, ddof=1) / math.sqrt(distances.shape[1]))
 
 
 def folded(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
