@@ -1,5 +1,7 @@
 """Bakes with a journal from the first block on, and how to interrupt them."""
 
+from functools import partial
+
 import numpy as np
 import pytest
 from meshes import hills
@@ -10,6 +12,8 @@ from raytrace.mesh.mesh import Mesh
 
 MESH = Mesh(*hills(70))
 OPTIONS = {"samples": 1024, "threads": 2}
+bake_surface = partial(ao.bake, method="surface")
+METHODS = {"vertex": ao.bake, "surface": bake_surface}
 
 
 class Stopped(Exception):

@@ -1,13 +1,16 @@
 """Mesh files made by hand, for the tests."""
 
 import struct
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from gltf_files import QUAD, Builder
 
 from raytrace.errors import MeshError
-from scenes.formats.load import load
+from raytrace.mesh.mesh import Mesh
+from scenes.formats.load import MeshFile, load
+from scenes.geometry.instances import Submesh
 
 # Two squares that share an edge; vertex 2 repeats vertex 1, vertex 6 is unused.
 VERTICES = np.array([[0, 0, 0], [1, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0.25], [2, 0, 0], [9, 9, 9]])
@@ -128,3 +131,19 @@ def rich_ply(colors=((250, 10, 0, 255),) * 6):
     for polygon in POLYGONS:
         data += struct.pack(f">HB{len(polygon)}iB1f", 7 + len(polygon), len(polygon), *polygon, 1, 0.25)
     return data + struct.pack(">2i", 0, 5)
+
+
+def mesh_file(vertices=QUAD, faces=((0, 1, 2), (0, 2, 3)), normals=None):
+    mesh = Mesh(vertices, faces, normals)
+    return MeshFile("m.obj", mesh, (Submesh("m", slice(0, len(mesh.vertices)), slice(0, len(mesh.faces))),))
+
+
+def random_bake(count):
+    rng = np.random.default_rng(5)
+    return SimpleNamespace(
+        w=rng.random(count),
+        error=rng.random(count) / 100,
+        bent_normals=rng.normal(size=(count, 3)),
+        flags=rng.integers(0, 8, count),
+        profile=None,
+    )

@@ -5,11 +5,10 @@ import os
 import shutil
 import subprocess
 import sys
-from functools import partial
 
 import numpy as np
 import pytest
-from interrupted_bakes import MESH, OPTIONS, Stopped, bake, bits, interrupted
+from interrupted_bakes import MESH, METHODS, OPTIONS, Stopped, bake, bake_surface, bits, interrupted
 from project import environment
 
 import ao
@@ -18,15 +17,11 @@ import ao.least_squares.fit
 import ao.least_squares.patch
 import ao.surface_method
 from ao.execute.checkpoint import Checkpoint
-from ao.execute.journal import IDENTITY, MAGIC, Journal
+from ao.execute.journal import Journal
 from ao.least_squares.conjugate_gradients import solve_within
-from raytrace.errors import InputError, OutputError
-from raytrace.mesh.mesh import Mesh
 
-bake_surface = partial(ao.bake, method="surface")
-METHODS = {"vertex": ao.bake, "surface": bake_surface}
-CHECK = 2 * 1024  # points of the check of what interpolation errs by, which every bake makes
 POSIX = pytest.mark.skipif(os.name == "nt", reason="POSIX locks, limits and signals")
+CHECK = 2 * 1024  # points of the check of what interpolation errs by, which every bake makes
 
 
 @pytest.fixture(scope="module")
@@ -37,11 +32,6 @@ def whole():
 @pytest.fixture(scope="module")
 def whole_surface():
     return bits(bake_surface(MESH, **OPTIONS))
-
-
-@pytest.fixture
-def path(tmp_path):
-    return tmp_path / "w.npy.partial"
 
 
 @pytest.fixture
@@ -180,35 +170,6 @@ def test_zeros_that_a_power_failure_leaves_are_not_believed(path, whole):
     assert bits(bake(path, resume=True)) == whole
 
 
-CHANGES = [{"seed": 1}, {"samples": 1023}, {"normals": "area"}, {"denoise": False}]
-
-
-@pytest.mark.parametrize(
-    ("method", "change"),
-    [("vertex", change) for change in CHANGES] + [("surface", change) for change in CHANGES[:3]],
-    ids=str,
-)
-def test_the_journal_of_another_bake_is_refused(path, method, change):
-    make = METHODS[method]
-    interrupted(path, make=make)
-    before = path.read_bytes()
-    with pytest.raises(InputError, match=r"w\.npy\.partial: header: expected the journal of this very bake"):
-        bake(path, resume=True, options=OPTIONS | change, make=make)
-    assert path.read_bytes() == before
-
-
-def test_a_bake_by_the_other_method_is_another_bake(path):
-    interrupted(path)
-    with pytest.raises(InputError, match="expected the journal of this very bake"):
-        bake(path, resume=True, make=bake_surface)
-
-
-def test_another_mesh_is_another_bake(path):
-    interrupted(path)
-    with pytest.raises(InputError), Checkpoint(path, resume=True) as checkpoint:
-        ao.bake(Mesh(MESH.vertices * [1, 1, 1.001], MESH.faces), checkpoint=checkpoint, **OPTIONS)
-
-
 def test_nothing_to_resume_is_reported(path, whole):
     messages = []
     assert bits(bake(path, messages, resume=True)) == whole
@@ -244,26 +205,6 @@ def test_a_journal_that_vanishes_while_it_is_continued_costs_no_row(tmp_path, wh
         assert bits(ao.bake(MESH, checkpoint=checkpoint, progress=vanish, **OPTIONS)) == whole
     assert messages == [f"{path}: No such file or directory; going on without checkpoints"]
     assert not path.exists()
-
-
-@pytest.mark.parametrize("resume", [False, True])
-@pytest.mark.parametrize("content", [b"a chapter of my thesis", bytes(4096) + b"a disk", MAGIC[:9] + bytes(40) + b"x"])
-def test_a_file_of_something_else_is_never_overwritten(path, resume, content):
-    path.write_bytes(content)
-    with pytest.raises(OutputError, match="expected the journal of a bake"):
-        bake(path, resume=resume)
-    assert path.read_bytes() == content
-
-
-@POSIX
-@pytest.mark.parametrize("resume", [False, True])
-def test_a_second_bake_to_the_same_target_is_refused(path, resume):
-    holder = Journal(path, create=True)
-    holder.start(bytes(IDENTITY))
-    with pytest.raises(OutputError, match="another bake to the same target is at work"):
-        bake(path, resume=resume)
-    holder.close()
-    assert path.read_bytes() == MAGIC + bytes(IDENTITY)
 
 
 @POSIX
