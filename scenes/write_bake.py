@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Literal, cast, get_args
 import numpy as np
 
 from raytrace.errors import ConflictError, OptionError
-from raytrace.system.atomic import atomic_write, check_writable
+from raytrace.system.atomic import atomic_write, check_writable, write_bytes
 
 from .formats.load import PIPED, MeshFile
 from .formats.table import Channels, endings, format_of, function
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from raytrace.types import Float64s
 
     from .formats.stored_mesh import StoredMesh
-
+    from .show.page.encode import Values
 
 Occlusion = Literal["none", "ramp"]
 
@@ -39,7 +39,7 @@ def check_target(path: str | os.PathLike[str]) -> None:
 
 def write(
     path: str | os.PathLike[str],
-    bake: Bake | BakedTexture | Sequence[Bake | BakedTexture],
+    bake: Bake | Values | BakedTexture | Sequence[Bake | BakedTexture],
     mesh_file: MeshFile,
     *,
     colors: bool = False,
@@ -85,11 +85,11 @@ def write(
         for name, value in {"colors": colors, "occlusion": occlusion, "up": up}.items():
             if value:
                 raise ConflictError(name, "does not go with", "a texture")
-        _write_textures(Path(path), bake if isinstance(bake, Sequence) else [bake], mesh_file, replace_occlusion)
+        several = bake if isinstance(bake, Sequence) else [cast("BakedTexture", bake)]
+        _write_textures(Path(path), several, mesh_file, replace_occlusion)
         return
-    content = _writer(path)(cast("Bake", bake), mesh_file, channels(path, colors, occlusion, replace_occlusion, up))
-    with atomic_write(path) as file:
-        file.write(content)
+    shown = channels(path, colors, occlusion, replace_occlusion, up)
+    write_bytes(path, _writer(path)(bake, mesh_file, shown))
 
 
 def _write_textures(path: Path, baked: Sequence[Bake | BakedTexture], mesh_file: MeshFile, replace: bool) -> None:
@@ -107,8 +107,7 @@ def _write_textures(path: Path, baked: Sequence[Bake | BakedTexture], mesh_file:
             raise OptionError("bake", expected, f"{len(texture.uv):,} faces")
     if path.suffix.lower() == ".glb":
         content, _ = textured_glb(mesh_file, textures, replace, w=vertices[0] if vertices else None)
-        with atomic_write(path) as file:
-            file.write(content)
+        write_bytes(path, content)
     elif is_texture(path) and len(baked) == 1:
         write_grey(path, textures[0].w, False, {"content": "w, 1 = open"}, profile=textures[0].profile)
     else:
@@ -165,34 +164,31 @@ TILED = ".npy", ".ply"
 """Of those that `write_tiled` makes."""
 
 
-def _writer(path: str | os.PathLike[str]) -> Callable[[Bake, MeshFile, Channels], bytes | memoryview]:
+def _writer(path: str | os.PathLike[str]) -> Callable[..., bytes | memoryview]:
     target = format_of(os.fspath(path)).write
     if not target:
         raise OptionError("output", "a name ending in " + ", ".join(ENDINGS), os.fspath(path))
     return function(target)
 
 
-def npy(bake: Bake, _mesh_file: MeshFile, _channels: Channels) -> memoryview:
+def npy(bake: Bake | Values, *_: object) -> memoryview:
     content = io.BytesIO()
     np.save(content, bake.w.astype("<f4"), allow_pickle=False)
     return content.getbuffer()
 
 
-def npz(bake: Bake, _mesh_file: MeshFile, _channels: Channels) -> memoryview:
+def npz(bake: Bake | Values, *_: object) -> memoryview:
     content = io.BytesIO()
     kinds = {"w": "<f4", "error": "<f4", "bent_normals": "<f4", "flags": "u1"}
     arrays = {name: getattr(bake, name).astype(kind) for name, kind in kinds.items() if getattr(bake, name) is not None}
     if profile := bake.profile:
-        arrays |= {
-            "profile": profile.values,
-            "half_distances": profile.half_distances,
-            "radius": np.float64(profile.radius),
-        }
+        radius = np.float64(profile.radius)
+        arrays |= {"profile": profile.values, "half_distances": profile.half_distances, "radius": radius}
     np.savez(content, **arrays)
     return content.getbuffer()
 
 
-def html(bake: Bake, mesh_file: MeshFile, channels: Channels) -> bytes:
+def html(bake: Bake | Values, mesh_file: MeshFile, channels: Channels) -> bytes:
     from shlex import quote
 
     from .show.page.base_colour import base_colour

@@ -132,6 +132,12 @@ def _to_standard_output(content: bytes | memoryview) -> None:
     sys.stdout.flush()
 
 
+def write_bytes(path: str | os.PathLike[str], content: bytes | memoryview) -> None:
+    """Write a file, whole or not at all. Raises: OutputError: it cannot be written."""
+    with atomic_write(path) as file:
+        file.write(content)
+
+
 def write_json(path: str | os.PathLike[str], content: Any) -> None:
     """Write JSON, UTF-8, indented by two, whole or not at all.
 
@@ -139,9 +145,7 @@ def write_json(path: str | os.PathLike[str], content: Any) -> None:
         OutputError: it cannot be written.
         ValueError: a number is NaN or infinite, which JSON has no name for.
     """
-    text = json.dumps(content, indent=2, allow_nan=False)
-    with atomic_write(path) as file:
-        file.write((text + "\n").encode())
+    write_bytes(path, (json.dumps(content, indent=2, allow_nan=False) + "\n").encode())
 
 
 def check_writable(path: str | os.PathLike[str]) -> None:

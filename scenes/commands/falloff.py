@@ -1,23 +1,20 @@
 """`obscurance falloff`: w at other half-distances, from the profile that a bake has stored, without rays."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING, cast
 
 from raytrace.errors import ConflictError, OptionError, SceneError, printable
+from raytrace.system.atomic import write_bytes
 from raytrace.system.outputs import check_ending, check_outputs
 
 from ..falloffs import Scales
 from ..formats.images import check_texture_target, write_grey
-from ..formats.load import MeshFile, load
+from ..formats.load import load
 from ..formats.losses import lost
 from ..formats.stored_w import checked_profile, find_profile, read_beside_w
 from ..formats.table import endings
 from ..jobs.console import warn
 from ..show.page.encode import Values
-from ..write_bake import channels, check_target, write
-
-if TYPE_CHECKING:
-    from ao import Bake
+from ..write_bake import channels, check_target, npy, npz, write
 
 
 def change_falloff(baked: Path, scales: Scales, output: Path, mesh: Path | None) -> str:
@@ -52,22 +49,20 @@ def change_falloff(baked: Path, scales: Scales, output: Path, mesh: Path | None)
 
 def _write_vertices(baked: Path, scales: Scales, output: Path, mesh: Path | None) -> int:
     """Write a bake to vertices, and return their number."""
-    if baked.suffix.lower() != ".npz":
-        file = load(baked, output)
-        profile = checked_profile(baked, file.profile)
-    else:
-        profile = checked_profile(baked, find_profile(baked))
-        if mesh:
-            file = load(mesh, output)
-        elif output.suffix.lower() in (".npz", ".npy"):
-            file = cast(MeshFile, None)  # of which arrays hold nothing
-        else:
-            raise OptionError("mesh", f"--mesh with the mesh that {baked.name} belongs to", "none")
+    file = None if baked.suffix.lower() == ".npz" else load(baked, output)
+    profile = checked_profile(baked, file.profile if file else find_profile(baked))
+    file = load(mesh, output) if mesh else file
+    arrays = {".npy": npy, ".npz": npz}.get(output.suffix.lower())
+    if file is None and arrays is None:
+        raise OptionError("mesh", f"--mesh with the mesh that {baked.name} belongs to", "none")
     w = scales.of(profile)
     if file and len(w) != len(file.mesh.vertices):
         raise SceneError(baked, "profile", f"a row for each of the {len(file.mesh.vertices):,} vertices", f"{len(w):,}")
     if file:
         warn([], lost(output, file, channels(output, False, None, False)))
-    made = Values(w, flags=read_beside_w(baked, len(w)).get("flags"), profile=profile)
-    write(output, cast("Bake", made), file)
+    values = Values(w, flags=read_beside_w(baked, len(w)).get("flags"), profile=profile)
+    if arrays:
+        write_bytes(output, arrays(values))
+    elif file:
+        write(output, values, file)
     return len(w)

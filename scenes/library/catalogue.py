@@ -4,7 +4,7 @@ import os
 from importlib import resources
 
 from raytrace.errors import OptionError, nearest_name
-from raytrace.system.atomic import atomic_write
+from raytrace.system.atomic import write_bytes
 from raytrace.system.outputs import check_ending, check_outputs
 
 BUILTIN = {  # name to what one sees; the files are in library/
@@ -35,5 +35,4 @@ def write_builtin(name: str, path: str | os.PathLike[str]) -> None:
     content = builtin_toml(name)
     check_ending("--output", path, ".toml")
     check_outputs({"--output": path})
-    with atomic_write(path) as file:
-        file.write(content.encode())
+    write_bytes(path, content.encode())
