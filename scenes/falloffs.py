@@ -34,8 +34,7 @@ def make_falloff(
 ) -> ao.Falloff:
     """The falloff of these options; `locate` finds the file of "table:FILE".
 
-    Raises:
-        OptionError: they are out of range or don't go together. InputError: the file is no table of μ.
+    Raises: OptionError: they are out of range or don't go together. InputError: the file is no table of μ.
     """
     limit = math.inf if max_distance is None else max_distance
     if form == "exponential":

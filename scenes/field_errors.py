@@ -1,6 +1,6 @@
 """Errors in scene files, each with the path of the value that is wrong."""
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Collection, Iterable, Iterator
 from contextlib import contextmanager
 
 from raytrace.errors import LINE, ConflictError, InputError, OptionError, SceneError, nearest_name, printable, shortened
@@ -20,13 +20,17 @@ def joined(path: str, field: str) -> str:
     return path + field if not path or not field or field.startswith("[") else f"{path}.{field}"
 
 
-def check_keys(source: object, path: str, keys: Iterable[str], known: Iterable[str]) -> None:
+def check_keys(source: object, path: str, keys: Iterable[str], known: Collection[str]) -> None:
     """Raises: SceneError: one of `keys` is not among the `known`."""
-    known = list(known)
     for key in keys:
-        if key not in known:
-            near = nearest_name(key, known)
-            raise SceneError(source, joined(path, key), "one of " + ", ".join(known), "an unknown key", near)
+        check_name(source, joined(path, key), key, known, "an unknown key")
+
+
+def check_name(source: object, field: str, name: str, known: Collection[str], got: str | None = None) -> str:
+    """The name. Raises: SceneError: it is not among the `known`."""
+    if name not in known:
+        raise SceneError(source, field, "one of " + ", ".join(known), got or shown(name), nearest_name(name, known))
+    return name
 
 
 @contextmanager

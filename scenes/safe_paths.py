@@ -12,8 +12,7 @@ from .field_errors import shown
 def confined(name: str, folder: Path, source: object, field: str) -> Path:
     """The existing regular file `name`, relative to `folder`.
 
-    Raises:
-        SceneError: `name` is a URL or absolute, leaves the folder by ".." or by a symbolic link, or is no file.
+    Raises: SceneError: `name` is a URL or absolute, leaves the folder by ".." or by a symbolic link, or is no file.
     """
     windows = PureWindowsPath(name)
     if not name or "://" in name or windows.drive or windows.root or ".." in windows.parts:
@@ -21,16 +20,16 @@ def confined(name: str, folder: Path, source: object, field: str) -> Path:
     try:
         root = folder.resolve()
         target = (root / name).resolve()
-        if not target.is_relative_to(root):
-            raise SceneError(source, field, "a path in the scene's folder or below", f"{shown(name)}, a link out of it")
-        if not target.exists():
-            raise SceneError(source, field, "an existing file", shown(name))
-        if not target.is_file():
-            raise SceneError(source, field, "a file", f"{shown(name)}, which is none")
-    except SceneError:
-        raise
+        inside = target.is_relative_to(root)
+        exists, is_file = inside and target.exists(), inside and target.is_file()
     except (OSError, ValueError, RuntimeError):
         raise SceneError(source, field, "a readable file", shown(name)) from None
+    if not inside:
+        raise SceneError(source, field, "a path in the scene's folder or below", f"{shown(name)}, a link out of it")
+    if not exists:
+        raise SceneError(source, field, "an existing file", shown(name))
+    if not is_file:
+        raise SceneError(source, field, "a file", f"{shown(name)}, which is none")
     return folder / name
 
 

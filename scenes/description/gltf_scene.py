@@ -1,30 +1,38 @@
 """A glTF or GLB file as a scene: objects, materials, base colour and occlusion textures, camera and lights.
 
 A camera's node looks along its −z with +y upwards. The vertical angle (or `ymag`) is kept whatever the picture's shape.
-Format: Khronos glTF 2.0 specification, section 3.10 (cameras).
+Intensities of lights are taken as they are: candela as watts per steradian, lux as watts per square metre, times the
+colour. A spot's edge differs: glTF's falls off as ((cosφ − cos outer)/(cos inner − cos outer))² from the inner to the
+outer angle, ours as cos^e φ up to the outer. e is the exponent for which both cones send out the same power; inner =
+outer gives e = 0.
+Format: Khronos glTF 2.0 specification, section 3.10 (cameras); KHR_lights_punctual.
 """
 
-from math import degrees
+from collections.abc import Callable, Iterator, Sequence
+from math import cos, degrees, pi
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
-from raytrace import Camera, Mesh, MeshError, Object, Occlusion, OptionError, Scene, Settings, Shape
+from raytrace import Camera, Mesh, MeshError, Object, Occlusion, OptionError, Scene, Settings, Shape, light_from_dict
 from raytrace.errors import printable
+from raytrace.lights.sources import BaseLight
 from raytrace.mesh.normals import normalize
 from raytrace.types import Float64s
 
 from ..field_errors import located
 from ..formats.gltf.asset import DrawnPrimitive, Gltf, entry
-from ..formats.gltf.records import GltfCamera
+from ..formats.gltf.records import LIGHTS, GltfCamera, GltfLight
 from ..formats.gltf.textures import Textures, vertex_colours
 from ..formats.load import mesh_errors, read_objects
 from ..geometry.instances import Instance
-from . import gltf_lights
 from .defaults import BACKGROUND, framing, three_lights
 from .description import SceneDescription
 from .gltf_materials import Materials
+
+_FLOAT32_RIGHT_ANGLE = 1.5707964
+T = TypeVar("T")
 
 
 def read_gltf(path: Path, settings: Settings, up: str | None = None, view: str | None = None) -> SceneDescription:
@@ -39,8 +47,9 @@ def read_gltf(path: Path, settings: Settings, up: str | None = None, view: str |
     """
     objects, asset, notes = gltf_objects(path)
     with mesh_errors(path):
-        camera = None if view else _camera(asset)
-        lights = gltf_lights.lights(asset)
+        cameras = _placed(asset, "camera", "cameras", asset.stage.cameras, _camera)
+        camera = None if view else next(cameras, None)
+        lights = tuple(_placed(asset, "light", LIGHTS, asset.stage.lights, _light))
         if camera and up is not None:
             raise OptionError("--up", "a file without a camera", f"{path}, which has one")
         camera = camera or framing(Scene(objects).flattened(), up, settings.width, settings.height, view)
@@ -92,20 +101,51 @@ def _shape(piece: DrawnPrimitive, placed: Instance, materials: Materials, textur
         return Shape(mesh, material, uv, texture, occlusion and Occlusion(*occlusion), colours=colours)
 
 
-def _camera(asset: Gltf) -> Camera | None:
-    """The first camera among the nodes that are shown, or None."""
-    cameras = asset.stage.cameras
+def _placed(
+    asset: Gltf, field: str, name: str, stored: Sequence[Any], make: Callable[[Any, Float64s], T]
+) -> Iterator[T]:
+    """The cameras or lights of the nodes that are shown, in their order."""
     for node, matrix in asset.world.items():
-        number = asset.geometry.nodes[node].camera
+        number = getattr(asset.geometry.nodes[node], field)
         if number is not None:
-            with located(asset.path, f"cameras[{number}]"):
-                return _seen_by(entry(cameras, number, "cameras"), matrix)
-    return None
+            with located(asset.path, f"{name}[{number}]"):
+                placed = make(entry(stored, number, name), matrix)
+            yield placed
 
 
-def _seen_by(stored: GltfCamera, matrix: Float64s) -> Camera:
+def _camera(stored: GltfCamera, matrix: Float64s) -> Camera:
     target = matrix[:3, 3] - normalize(matrix[:3, 2])
     view: dict[str, Any] = {"position": matrix[:3, 3].tolist(), "target": target.tolist(), "up": matrix[:3, 1].tolist()}
     if stored.type == "orthographic":
         return Camera(**view, height=2.0 * stored.ymag)
     return Camera(**view, field_of_view=degrees(stored.yfov))
+
+
+def _light(stored: GltfLight, matrix: Float64s) -> BaseLight:
+    intensity = [stored.intensity * channel for channel in stored.color]
+    values: dict[str, Any] = {"light": stored.type, "intensity": intensity}
+    if stored.type != "directional":
+        values |= {"position": matrix[:3, 3], "range": stored.range}
+    if stored.type != "point":
+        values["direction"] = -matrix[:3, 2]
+    if stored.type == "spot":
+        outer = stored.outerConeAngle
+        values["half_angle"] = 90.0 if pi / 2 < outer <= _FLOAT32_RIGHT_ANGLE else degrees(outer)
+        values["exponent"] = spot_exponent(stored.innerConeAngle, outer)
+    return light_from_dict(values)
+
+
+def spot_exponent(inner: float, outer: float) -> float:
+    """e for which ∫ cos^e φ dω over the outer cone is glTF's.
+
+    Over 2π: (1 − cos^(e+1) outer)/(e + 1) = 1 − (2 cos inner + cos outer)/3.
+
+    Args: angles from the axis in radians, 0 ≤ inner ≤ outer ≤ π/2.
+    """
+    edge = max(cos(outer), 0.0)
+    power = 1.0 - (2 * cos(min(inner, outer)) + edge) / 3.0
+    if not 0.0 < power < 1.0 - edge:
+        return 0.0
+    from scipy.optimize import brentq  # loads for a quarter of a second
+
+    return float(brentq(lambda e: (1.0 - edge ** (e + 1.0)) / (e + 1.0) - power, 0.0, 1.0 / power))

@@ -13,15 +13,12 @@ from ..geometry.primitives import Origin
 from .defaults import BACKGROUND, NEUTRAL, WHITE, framing, three_lights
 from .description import SceneDescription
 from .gltf_scene import read_gltf
+from .textured import vertex_colors
 from .toml_scene import read_toml
-from .vertex_colors import vertex_colors
 
 
 def read_scene(
-    path: str | os.PathLike[str],
-    size: tuple[int, int] | None = None,
-    up: str | None = None,
-    view: str | None = None,
+    path: str | os.PathLike[str], size: tuple[int, int] | None = None, up: str | None = None, view: str | None = None
 ) -> SceneDescription:
     """A scene by the file's ending: `.toml` (docs/scenes.md), `.glb` or `.gltf`, or any other mesh alone.
 

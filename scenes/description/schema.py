@@ -1,18 +1,20 @@
 """The keys of a TOML scene and the types of their values; docs/scenes.md explains each.
 
-Only what was written is kept (`Table.given`): every default lives in the class that a table becomes.
+Every default lives in the class that a table becomes, from the keys that were written (`model_fields_set`).
 """
 
 from typing import Annotated, Any
 
+import numpy as np
 from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, StrictBool, ValidationError
 
 from raytrace.errors import OptionError, SceneError
 from raytrace.image.texture import wrap_modes
 from raytrace.system.faults import first_fault
-from raytrace.system.parameters import Radiance, triple
+from raytrace.system.parameters import Radiance, Whole, triple
+from raytrace.types import Float64s
 
-from ..field_errors import shown
+from ..field_errors import joined, shown
 
 
 def _name_or_table(value: Any) -> Any:
@@ -40,7 +42,6 @@ def _affine(rows: list[list[float]]) -> list[list[float]]:
     return rows
 
 
-Whole = Annotated[int, Field(strict=True)]
 Number = Annotated[float, Field(strict=True, allow_inf_nan=False, ge=-1e100, le=1e100)]
 Vector = tuple[Number, Number, Number]
 Fraction = Annotated[Number, Field(ge=0, le=1)]
@@ -52,10 +53,6 @@ class Table(BaseModel):
 
     model_config = ConfigDict(extra="forbid", frozen=True, defer_build=True)
 
-    def given(self) -> dict[str, Any]:
-        """The keys that were written, with their values."""
-        return {name: getattr(self, name) for name in type(self).model_fields if name in self.model_fields_set}
-
 
 class Transform(Table):
     """scale, then rotate (or turn about axis), then translate; or a matrix."""
@@ -66,6 +63,49 @@ class Transform(Table):
     angle: Number | None = None
     scale: Annotated[Vector, BeforeValidator(triple)] | None = None
     matrix: Annotated[list[list[Number]], AfterValidator(_affine)] | None = None
+
+    def affine(self, source: object, path: str) -> Float64s:
+        """The affine (4, 4) map for column vectors.
+
+        Raises: SceneError: a zero scale or axis, a singular matrix, or keys that exclude each other.
+        """
+
+        def fault(key: str, expected: str, got: object) -> SceneError:
+            return SceneError(source, joined(path, key), expected, got)
+
+        if self.matrix is not None:
+            others = [key for key in Transform.model_fields if key != "matrix" and getattr(self, key) is not None]
+            if others:
+                raise fault("matrix", "nothing beside it", ", ".join(others))
+            matrix = np.array(self.matrix)
+            if not np.linalg.det(matrix[:3, :3]):
+                raise fault("matrix", "an invertible matrix", shown(self.matrix))
+            return matrix
+        if self.scale is not None and 0 in self.scale:
+            raise fault("scale", "numbers other than 0", list(self.scale))
+        if (self.axis is None) != (self.angle is None):
+            raise fault("axis" if self.axis is None else "angle", "axis and angle together", "one alone")
+        if self.axis is not None and self.rotate is not None:
+            raise fault("rotate", "either rotate, or axis and angle", "both")
+        matrix = np.eye(4)
+        if self.axis is not None or self.rotate is not None:
+            from scipy.spatial.transform import Rotation  # loads for a fifth of a second
+
+            if self.axis is not None and self.angle is not None:
+                length = np.linalg.norm(self.axis)
+                if not length > 0:
+                    raise fault("axis", "a vector other than zero", list(self.axis))
+                turn = Rotation.from_rotvec(np.radians(self.angle) * np.array(self.axis) / length)
+            else:
+                turn = Rotation.from_euler("xyz", self.rotate, degrees=True)
+            matrix[:3, :3] = turn.as_matrix()
+        if self.scale is not None:
+            matrix[:3, :3] *= self.scale
+            if not np.linalg.det(matrix[:3, :3]):
+                raise fault("scale", "numbers that do not vanish together", list(self.scale))
+        if self.translate is not None:
+            matrix[:3, 3] = self.translate
+        return matrix
 
 
 class ObjectTable(Transform):

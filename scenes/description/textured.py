@@ -1,17 +1,25 @@
-"""Mesh files with their texture coordinates, as geometry of scenes."""
+"""Texture coordinates and colours of an OBJ's or PLY's vertices, for pictures.
+
+Neither format says how colours are encoded. They are taken as sRGB, as most programs write and show them. The grey that
+a bake has given a PLY shows w, and is no colour.
+"""
 
 from pathlib import Path
 
 import numpy as np
 
 from raytrace.errors import printable
+from raytrace.image.srgb import decode_srgb
 from raytrace.mesh.mesh import Mesh
+from raytrace.types import Float64s
 
 from ..formats.load import read_objects
 from ..formats.obj.read import read_textured_obj
 from ..geometry.detail import split_corners
 from ..geometry.instances import flatten
 from ..geometry.primitives import Origin, TexturedMesh
+
+_BEGIN = 1 << 16  # bytes of a file that show whether it can have colours
 
 
 def read_textured(path: Path) -> tuple[TexturedMesh, list[str]]:
@@ -38,3 +46,27 @@ def read_textured(path: Path) -> tuple[TexturedMesh, list[str]]:
     normals = None if mesh.normals is None else mesh.normals[vertices]
     split = Mesh(mesh.vertices[vertices], faces, normals, source=str(path), polygons=mesh.polygons)
     return TexturedMesh(split, detail.uv.rows[detail.uv.of[like]], Origin(vertices, len(mesh.vertices))), notes
+
+
+def vertex_colors(path: Path) -> tuple[Float64s | None, list[str]]:
+    """Linear RGB (n, 3) of the vertices in the file's order, None if they have none, and warnings.
+
+    Raises: MeshError: as `scenes.load`.
+    """
+    if not _may_have_colors(path):
+        return None, []
+    (instance, *_), _ = read_objects(path, keep=True)
+    notes = [printable(f"{path}: left out: {words}") for words in instance.unread if words.startswith("colours")]
+    colors = instance.detail.colors if instance.detail else None
+    return None if colors is None else decode_srgb(colors[:, :3].clip(0, 1)).astype(float), notes
+
+
+def _may_have_colors(path: Path) -> bool:
+    """Whether the first vertex of an OBJ has six numbers, or a PLY's header a property `red`."""
+    with path.open("rb") as file:
+        if path.suffix.lower() == ".ply":
+            return b" red\n" in file.read(_BEGIN).partition(b"end_header")[0].replace(b"\r", b"")
+        if path.suffix.lower() == ".obj":
+            first = next((line for line in file if line.startswith((b"v ", b"v\t"))), b"")
+            return len(first.partition(b"#")[0].split()) >= 7
+    return False

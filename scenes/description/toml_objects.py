@@ -3,16 +3,14 @@
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, Literal
-
-import numpy.typing as npt
+from typing import Any
 
 from raytrace import PRESETS, AlphaSurface, Object, Opacity, Shape, Texture, material_from_dict
 from raytrace.errors import SceneError, nearest_name, printable
 from raytrace.materials.base import BaseMaterial
 from raytrace.system.faults import fields_of
 
-from ..field_errors import check_keys, joined, located, shown
+from ..field_errors import check_keys, check_name, joined, located, shown
 from ..formats.load import mesh_errors, read_objects
 from ..formats.table import format_of
 from ..geometry.builtin_shapes import SOLIDS, Solid
@@ -22,9 +20,7 @@ from ..safe_paths import confined
 from .defaults import NEUTRAL, WHITE
 from .gltf_scene import gltf_objects
 from .schema import ObjectTable, Transform
-from .textured import read_textured
-from .transforms import matrix_of
-from .vertex_colors import vertex_colors
+from .textured import read_textured, vertex_colors
 
 MAX_BUILT = 1_500_000  # triangles: 1 GiB for a picture
 MAX_OBJECTS = 100_000  # 10 s for a picture
@@ -33,8 +29,7 @@ MAX_OBJECTS = 100_000  # 10 s for a picture
 def named_materials(tables: Sequence[dict[str, Any]], source: object) -> dict[str, BaseMaterial]:
     """Materials by name: the presets, then `[[materials]]`.
 
-    Raises:
-        SceneError: a name is missing or given twice, or a material has a bad value.
+    Raises: SceneError: a name is missing or given twice, or a material has a bad value.
     """
     materials = {name: material_from_dict({"preset": name}) for name in PRESETS}
     own: set[str] = set()
@@ -58,50 +53,44 @@ class ObjectReader:
     Attributes:
         files: what was read, or will be.
         notes: warnings about meshes.
+        origins: by the identities of shapes, of vertices that are not their file's one by one.
     """
 
     def __init__(self, source: Path, materials: dict[str, BaseMaterial]) -> None:
         self._source, self._materials = source, materials
         self._geometry: dict[Any, TexturedMesh] = {}
-        self._textures: dict[Texture, Texture] = {}
         self._gltf: dict[Path, tuple[Object, ...]] = {}
         self._shapes: dict[Any, Shape] = {}
         self._stored: dict[int, int] = {}
-        self._origins: dict[int, Origin] = {}
         self.files: list[Path] = []
         self.notes: list[str] = []
+        self.origins: dict[int, Origin] = {}
         self._placed = self._objects = 0
         self._built = 0.0
 
     def read(self, table: ObjectTable, path: str) -> list[Object]:
         """The objects of one entry, whose path in the file is `path`: one for each copy, or more for a glTF file.
 
-        Raises:
-            SceneError: a bad or missing value or file.
+        Raises: SceneError: a bad or missing value or file.
         """
         repeated = joined(path, "mesh" if table.mesh else "fineness") if table.copies is None else f"{path}.copies"
         pieces = self._pieces(table, path, repeated)
         self._check_copies(pieces, table, repeated)
-        own = matrix_of(table, self._source, path)
-        copies: list[tuple[str, npt.NDArray[Any]]] = [("", own)]
+        own = table.affine(self._source, path)
+        places = [("", own)]
         if table.copies is not None:
-            tables = enumerate(table.copies)
-            matrices = [matrix_of(copy, self._source, f"{path}.copies[{number}]") for number, copy in tables]
-            copies = [(f" {number}", matrix @ own) for number, matrix in enumerate(matrices)]
-        objects = []
-        for suffix, matrix in copies:
-            for piece in pieces:
-                with located(self._source, path):
-                    objects.append(replace(piece, transform=matrix @ piece.transform, name=piece.name + suffix))
-        return objects
-
-    def origin(self, item: Object) -> Origin | None:
-        """The file's vertices that an object's vertices come from, None if they are the same."""
-        return self._origins.get(id(item.shape))
+            affine = [copy.affine(self._source, f"{path}.copies[{n}]") for n, copy in enumerate(table.copies)]
+            places = [(f" {number}", matrix @ own) for number, matrix in enumerate(affine)]
+        with located(self._source, path):
+            return [
+                replace(piece, transform=matrix @ piece.transform, name=piece.name + suffix)
+                for suffix, matrix in places
+                for piece in pieces
+            ]
 
     def _check_copies(self, pieces: list[Object], table: ObjectTable, field: str) -> None:
         """Count objects, vertices and triangles, of mesh files once and of all copies."""
-        copies = 1 if table.copies is None else len(table.copies)
+        copies = len(table.copies or [table])
         self._objects += copies * len(pieces)
         if self._objects > MAX_OBJECTS:
             expected = f"at most {MAX_OBJECTS:,} objects with all copies"
@@ -115,7 +104,7 @@ class ObjectReader:
 
     def _check_built(self, solid: Solid, table: ObjectTable, field: str) -> None:
         """Count the triangles of built-in shapes with all copies before they are made."""
-        self._built += solid.triangles() * (1 if table.copies is None else len(table.copies))
+        self._built += solid.triangles() * len(table.copies or [table])
         if not self._built <= MAX_BUILT:
             expected = f"at most {MAX_BUILT:,} triangles of built-in shapes with all copies"
             raise SceneError(self._source, field, expected, f"about {self._built:,.0f}")
@@ -204,9 +193,8 @@ class ObjectReader:
                 raise SceneError(self._source, joined(path, field), "a mesh with texture coordinates", "one without")
         colours = given.colours if _wants_colours(table) else None
         if table.vertex_colors and colours is None:
-            raise SceneError(
-                self._source, joined(path, "vertex_colors"), "a mesh with colours of vertices", "one without"
-            )
+            field = joined(path, "vertex_colors")
+            raise SceneError(self._source, field, "a mesh with colours of vertices", "one without")
         material = material or (NEUTRAL if colours is None else WHITE)
         key = (given, material, texture, grain, table.own_normals, colours is None, alpha, table.material is None)
         if key not in self._shapes:
@@ -216,7 +204,7 @@ class ObjectReader:
             with located(self._source, path):
                 self._shapes[key] = Shape(mesh, material, given.uv, texture, grain=grain, colours=colours)
             if given.origin:
-                self._origins[id(self._shapes[key])] = given.origin
+                self.origins[id(self._shapes[key])] = given.origin
         return self._shapes[key]
 
     def _alpha(self, table: ObjectTable, path: str) -> AlphaSurface | None:
@@ -227,31 +215,20 @@ class ObjectReader:
 
     def _material(self, given: str | dict[str, Any], path: str) -> BaseMaterial:
         if isinstance(given, str):
-            if given not in self._materials:
-                names = sorted(self._materials)
-                near = nearest_name(given, names)
-                raise SceneError(self._source, path, "one of " + ", ".join(names), shown(given), near)
-            return self._materials[given]
+            return self._materials[check_name(self._source, path, given, sorted(self._materials))]
         with located(self._source, path):
             return material_from_dict(given)
 
-    def _texture(
-        self, table: ObjectTable, path: str, field: Literal["texture", "grain", "opacity_texture"]
-    ) -> Texture | None:
+    def _texture(self, table: ObjectTable, path: str, field: str) -> Texture | None:
         name = getattr(table, field)
         if name is None:
             return None
         file = confined(name, self._source.parent, self._source, joined(path, field))
         self.files.append(file)
-        texture = Texture(file, srgb=field == "texture", wrap=table.wrap or ("repeat", "repeat"))
-        return self._textures.setdefault(texture, texture)
+        return Texture(file, srgb=field == "texture", wrap=table.wrap or ("repeat", "repeat"))
 
     def _solid(self, table: ObjectTable, path: str) -> Solid:
-        kind = SOLIDS.get(table.builtin or "")
-        if kind is None:
-            field = joined(path, "builtin")
-            near = nearest_name(table.builtin, SOLIDS)
-            raise SceneError(self._source, field, "one of " + ", ".join(SOLIDS), shown(table.builtin), near)
+        kind = SOLIDS[check_name(self._source, joined(path, "builtin"), table.builtin or "", SOLIDS)]
         parameters = table.model_extra or {}
         check_keys(self._source, path, parameters, [*fields_of(kind), *_keys("builtin")])
         with located(self._source, path):

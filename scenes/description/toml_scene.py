@@ -2,8 +2,8 @@
 
 import re
 import tomllib
+from collections.abc import Callable
 from dataclasses import replace
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -37,12 +37,15 @@ def read_toml(path: Path, size: tuple[int, int] | None = None) -> SceneDescripti
 
     Args: size: width and height of the picture in place of the file's own.
 
-    Raises:
-        SceneError: the file cannot be read, is no TOML, or has a missing, unknown or bad value; says which.
+    Raises: SceneError: the file cannot be read, is no TOML, or has a missing, unknown or bad value; says which.
     """
     document = parse_document(_load(path), path)
     settings = _settings(document, path, size)
-    w_from, bake = _bake(document.obscurance, path, settings)
+
+    def locate(name: str) -> Path:
+        return confined(name, path.parent, path, "obscurance.falloff")
+
+    w_from, bake = _bake(document.obscurance, path, settings, locate)
     reader = ObjectReader(path, named_materials(document.materials, path))
     objects = [item for n, table in enumerate(document.objects) for item in reader.read(table, f"objects[{n}]")]
     lights = []
@@ -58,8 +61,8 @@ def read_toml(path: Path, size: tuple[int, int] | None = None) -> SceneDescripti
     camera = _camera(document.camera, scene, settings, path)
     if not lights:
         scene = replace(scene, lights=three_lights(camera))
-    origins = tuple(reader.origin(item) for item in objects)
-    of_falloff = table_of(document.obscurance.falloff, partial(_falloff_table, path)) if w_from == "bake" else []
+    origins = tuple(reader.origins.get(id(item.shape)) for item in objects)
+    of_falloff = table_of(document.obscurance.falloff, locate) if w_from == "bake" else []
     files = (path, *reader.files, *of_falloff, *((w_from,) if isinstance(w_from, Path) else ()))
     scales = _scales(document.obscurance, path) if isinstance(w_from, Path) else None
     return SceneDescription(scene, camera, settings, w_from, bake, files, tuple(reader.notes), origins, scales)
@@ -109,7 +112,9 @@ def _settings(document: Document, path: Path, size: tuple[int, int] | None) -> S
         raise SceneError(path, "obscurance.form", fault.expected, shown(form), fault.nearest) from None
 
 
-def _bake(table: ObscuranceTable, path: Path, settings: Settings) -> tuple[Source, Options]:
+def _bake(
+    table: ObscuranceTable, path: Path, settings: Settings, locate: Callable[[str], Path]
+) -> tuple[Source, Options]:
     def excluded(expected: str, *names: str) -> None:
         for name in names:
             if name in table.model_fields_set:
@@ -126,12 +131,9 @@ def _bake(table: ObscuranceTable, path: Path, settings: Settings) -> tuple[Sourc
             raise SceneError(path, "obscurance.baked", "a name ending in " + ", ".join(ENDINGS), shown(table.baked))
         return file, Options()
     excluded("baked with it", "power")
-    given = table.given()
-    lengths = {name: given[name] for name in ("tau", "half_distance", "max_distance") if name in given}
-    counts = {name: given[name] for name in ("samples", "seed") if name in given}
     with located(path, "obscurance"):
-        falloff = make_falloff(table.falloff, **lengths, locate=partial(_falloff_table, path))
-        return "bake", Options(falloff=falloff, **counts)
+        falloff = make_falloff(table.falloff, table.tau, table.half_distance, table.max_distance, locate)
+        return "bake", Options(falloff=falloff, samples=table.samples, seed=table.seed or 0)
 
 
 def _scales(table: ObscuranceTable, path: Path) -> Scales | None:
@@ -143,12 +145,8 @@ def _scales(table: ObscuranceTable, path: Path) -> Scales | None:
         return make_scales(table.half_distance, table.power)
 
 
-def _falloff_table(path: Path, name: str) -> Path:
-    return confined(name, path.parent, path, "obscurance.falloff")
-
-
 def _camera(table: CameraTable, scene: Scene, settings: Settings, path: Path) -> Camera:
-    values = table.given()
+    values = table.model_dump(exclude_unset=True)
     if "height" in values and "field_of_view" in values:
         raise SceneError(path, "camera.height", "either height or field_of_view", "both")
     if ("position" in values) != ("target" in values):

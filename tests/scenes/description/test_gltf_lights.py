@@ -9,7 +9,7 @@ from scipy.integrate import quad
 
 from raytrace.errors import SceneError
 from raytrace.lights.sources import PointLight, SpotLight
-from scenes.description.gltf_lights import spot_exponent
+from scenes.description.gltf_scene import spot_exponent
 
 PUNCTUAL = "KHR_lights_punctual"
 
