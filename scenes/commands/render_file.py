@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable
 from contextlib import nullcontext
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -62,8 +63,7 @@ class RenderCommand(Record):
     def run(self) -> None:
         """Read a scene, render it, write the image and a report, and print a summary.
 
-        Raises:
-            InputError, OutputError, EmbreeError: as `read_scene`, `adjusted` and `make_picture`.
+        Raises: InputError, OutputError, EmbreeError: as `read_scene`, `adjusted` and `make_picture`.
         """
         if self.output is not None:
             self._render(self.output)
@@ -94,7 +94,7 @@ class RenderCommand(Record):
         from ..description.read import read_scene
         from ..falloffs import make_scales
         from ..formats.stored_w import check_stored
-        from ..show.report.file_hashes import hashed
+        from ..show.report.complete import complete, hashed, write_report
         from .render import adjusted, make_picture, render_report
 
         if self.baked:
@@ -113,29 +113,21 @@ class RenderCommand(Record):
         if self.show:
             show_picture(picture.frame.layers["beauty"])
         if self.report:
-            made = render_report(self.scene, description.settings, picture, threads, warnings)
-            self._write_report(self.report, made, picture, inputs)
+            facts = render_report(self.scene, description.settings, picture, threads, warnings)
+            kept = [row for row in RENDER if row.role != "run" or row.name == "threads"]
+            options = {row.name: plain(getattr(self, row.name)) for row in kept}
+            line = command_line("render", RENDER, options)
+            write_report(self.report, complete("render", line, facts, inputs, options), partial(_pictures, picture))
         if not self.quiet:
             print(picture.summary(output, description.settings))
             if session:
                 print(session.summary())
 
-    def _write_report(
-        self, path: Path, report: dict[str, Any], picture: RenderedPicture, inputs: Sequence[Mapping[str, Any]]
-    ) -> None:
-        from ..show.report.complete import complete, write_report
 
-        kept = [row for row in RENDER if row.role != "run" or row.name == "threads"]
-        options = {row.name: plain(getattr(self, row.name)) for row in kept}
+def _pictures(picture: RenderedPicture) -> list[list[Picture]]:
+    from ..show.report.pictures import pictures_of_frame
 
-        def pictures() -> list[list[Picture]]:
-            from ..show.report.pictures import pictures_of_frame
-
-            return [pictures_of_frame(picture.frame)]
-
-        write_report(
-            path, complete("render", command_line("render", RENDER, options), report, inputs, options), pictures
-        )
+    return [pictures_of_frame(picture.frame)]
 
 
 def _crop(text: str) -> tuple[int, int, int, int]:

@@ -113,7 +113,7 @@ class MeshBake(Record, ABC):
     def hashed(self, files: Iterable[Path]) -> list[dict[str, Any]]:
         """Files that were read, as a report has them; nothing if there is none to write."""
         from ..falloffs import table_of
-        from ..show.report.file_hashes import hashed
+        from ..show.report.complete import hashed
 
         return hashed([*files, *table_of(self.falloff)], {self.mesh: self.content}) if self.report else []
 

@@ -91,7 +91,7 @@ class BakeCommand(MeshBake):
 
             self.write_report(report(baked, self.described(), seconds, warnings), inputs, pictures)
         if self.debug_image:
-            from ..show.report.flag_image import write_marked
+            from ..show.report.pictures import write_marked
 
             write_marked(self.debug_image, source.mesh, baked)
         yield Written(bake_summary(baked, self.output) + alpha_summary(read[-1].mesh) + shown, warnings)

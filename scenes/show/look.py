@@ -26,7 +26,6 @@ BACKGROUND: dict[Scheme, tuple[float, float, float]] = {"dark": (0.009, 0.010, 0
 """Linear RGB."""
 HEAT = ("#1b1838", "#52308f", "#b23a7c", "#f1794c", "#fdeaa8")
 """sRGB at equal steps from no error to the most; lightness grows all the way."""
-DIFFERENCE = ("#1c4fa6", "#86b2e2", "#f0eeea", "#e59b73", "#9d2f1c")
 FLAGS = {
     "unreferenced": "#3d7bff",
     "degenerate": "#ffd000",
@@ -39,18 +38,17 @@ FLAGS = {
 """Of the dot on a vertex; in the order of the bits of `ao.Flag`."""
 
 
-def described() -> dict[str, Any]:
-    """The look as JSON-ready values, for a page's script."""
-    return {
-        "fieldOfView": FIELD_OF_VIEW,
-        "clay": CLAY,
-        "ambient": AMBIENT,
-        "key": KEY,
-        "towardsKey": TOWARDS_KEY,
-        "background": BACKGROUND,
-        "heat": HEAT,
-        "difference": DIFFERENCE,
-    }
+LOOK: dict[str, Any] = {
+    "fieldOfView": FIELD_OF_VIEW,
+    "clay": CLAY,
+    "ambient": AMBIENT,
+    "key": KEY,
+    "towardsKey": TOWARDS_KEY,
+    "background": BACKGROUND,
+    "heat": HEAT,
+    "difference": ("#1c4fa6", "#86b2e2", "#f0eeea", "#e59b73", "#9d2f1c"),
+}
+"""For a page's script; difference: sRGB."""
 
 
 def clay_scene(mesh: Mesh, w: AnyFloats, camera: Camera, scheme: Scheme = "dark") -> Scene:

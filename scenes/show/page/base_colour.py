@@ -30,7 +30,7 @@ class BaseColour:
 
     Attributes:
         codes: uint8 (m, 3, 3), sRGB of each corner, a factor of the texture.
-        uv: float64 (m, 3, 2), v upwards. of: (m,), the image of each face, −1 for none.
+        uv: float64 (m, 3, 2), v downwards. of: (m,), the image of each face, −1 for none.
         images: files that browsers show. wraps: modes of each along u and v.
     """
 
@@ -43,24 +43,25 @@ class BaseColour:
     def several(self) -> list[PerCorner]:
         """What vertices are repeated for: colours and places of their corners."""
         colour = self.codes.reshape(-1, 3) @ np.array([1 << 16, 1 << 8, 1])
-        keys = [colour, self._steps()[0] @ [1 << 20, 1]] if self.images else [colour]
+        keys = [colour, uv_steps(self.uv.reshape(-1, 2))[0] @ [1 << 20, 1]] if self.images else [colour]
         return [PerCorner(np.empty((0, 0)), np.unique(key, return_inverse=True)[1]) for key in keys]
 
     def put(self, columns: dict[str, npt.NDArray[Any]], like: Int64s) -> dict[str, Any]:
         """Put the colours into a page's columns: what its script must know of them. Args: like: corners (k,)."""
         columns["base"] = self.codes.reshape(-1, 3)[like]
-        steps, low, step = self._steps()
+        steps, scale = uv_steps(self.uv.reshape(-1, 2))
         if self.images:
             columns["baseUv"] = steps[like].astype("<u4")
         for number, image in enumerate(self.images):
             columns[f"image{number}"] = np.frombuffer(image, np.uint8)
-        return {"wraps": self.wraps, "uvLow": low.tolist(), "uvStep": step.tolist()}
+        return {"wraps": self.wraps, **scale}
 
-    def _steps(self) -> tuple[Int64s, Float64s, Float64s]:
-        places = self.uv.reshape(-1, 2) * (1, -1) + (0, 1)
-        low, high = places.min(axis=0), places.max(axis=0)
-        step = np.where(high > low, high - low, 1.0) / _PLACES
-        return np.rint((places - low) / step).astype(np.int64), low, step
+
+def uv_steps(uv: Float64s) -> tuple[Int64s, dict[str, list[float]]]:
+    """Texture coordinates (n, 2) as whole steps, and what a page's script must know of these."""
+    low, high = uv.min(axis=0), uv.max(axis=0)
+    step = np.where(high > low, high - low, 1.0) / _PLACES
+    return np.rint((uv - low) / step).astype(np.int64), {"uvLow": low.tolist(), "uvStep": step.tolist()}
 
 
 def base_colour(file: MeshFile) -> BaseColour | str | None:
@@ -111,7 +112,7 @@ def _read(file: MeshFile) -> BaseColour | None:
     while len(found_textures) * side**2 > _MANY * _LARGEST**2 and side > 1:
         side //= 2
     images = [_image(each, side) for each in found_textures]
-    return BaseColour(codes, uv, of, images, [each.wrap for each in found_textures])
+    return BaseColour(codes, uv * (1, -1) + (0, 1), of, images, [each.wrap for each in found_textures])
 
 
 def shrunk(image: UInt8s, most: int) -> UInt8s:

@@ -4,6 +4,7 @@ import base64
 import hashlib
 import html
 import json
+import re
 from collections.abc import Sequence
 from importlib.resources import files
 from typing import Any
@@ -15,7 +16,7 @@ from raytrace.errors import check_type, printable
 from raytrace.mesh.up import FROM, UP, up_axis
 from raytrace.types import AnyFloats
 
-from ..look import FLAGS, described
+from ..look import FLAGS, LOOK
 from .base_colour import BaseColour
 from .encode import Values, encoded
 
@@ -48,8 +49,7 @@ def html_page(
         up: "x", "y", "z", "-x", "-y" or "-z", the axis that is upwards at first, in place of `mesh.up`.
         base: base colours (`scenes.show.page.base_colour.base_colour`), or why they cannot be shown.
 
-    Raises:
-        OptionError: values of a wrong shape or out of range, or another axis.
+    Raises: OptionError: values of a wrong shape or out of range, or another axis.
     """
     name = mesh.source if title is None else title
     return html_of_bakes(mesh, [Values(w, error, flags, bent_normals, name)], name, up, base)
@@ -60,11 +60,9 @@ def html_of_bakes(
 ) -> bytes:
     """A page that shows one bake of a mesh, or two with a slider between: UTF-8, the same input gives the same bytes.
 
-    Args:
-        bakes: one or two. up, base: as `html_page`.
+    Args: bakes: one or two. up, base: as `html_page`.
 
-    Raises:
-        OptionError: another number of bakes, values of a wrong shape or out of range, or another axis.
+    Raises: OptionError: another number of bakes, values of a wrong shape or out of range, or another axis.
     """
     check_type(mesh, Mesh, "page", "mesh", "a raytrace.Mesh")
     if not 1 <= len(bakes) <= 2:
@@ -73,7 +71,7 @@ def html_of_bakes(
     checked = [bake.checked(len(mesh.vertices)) for bake in bakes]
     facts, data = encoded(mesh, checked, None if isinstance(base, str) else base)
     facts["baseMissing"] = base if isinstance(base, str) else None
-    facts |= {"title": printable(title), **standing, "look": described(), "flags": list(FLAGS.items())}
+    facts |= {"title": printable(title), **standing, "look": LOOK, "flags": list(FLAGS.items())}
     style, script = _part("page.css"), "\n".join(_part(f"{name}.js") for name in _SCRIPTS)
     shaders = "\n".join(f'<script type="x-shader" id="{name}">\n{_part(name)}</script>' for name in _SHADERS)
     holes = {
@@ -85,8 +83,7 @@ def html_of_bakes(
         "data": base64.b64encode(data).decode(),
         "script": script,
     }
-    pieces = _part("page.html").split("@@")
-    return "".join(piece if number % 2 == 0 else holes[piece] for number, piece in enumerate(pieces)).encode()
+    return re.sub("@@(.*?)@@", lambda hole: holes[hole[1]], _part("page.html")).encode()
 
 
 def policy(style: str, script: str = "") -> str:

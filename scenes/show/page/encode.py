@@ -24,13 +24,12 @@ from raytrace.mesh.normals import normalize
 from raytrace.types import AnyFloats, Float64s, Int64s, UInt8s
 
 from ...geometry.detail import split_creases
-from .base_colour import BaseColour, shrunk
+from .base_colour import BaseColour, shrunk, uv_steps
 
 if TYPE_CHECKING:
     from ao import Profile
 
 MOST = 65535
-_PLACES = (1 << 20) - 1  # steps of texture coordinates
 _STEPS = 16  # of a page's half-distance, an octave
 _LARGEST = 2048  # texels of a texture across or down, which every browser takes
 
@@ -76,22 +75,19 @@ class Values:
         Raises: OptionError: a wrong shape, or a value out of range.
         """
         found: dict[str, Any] = {}
-        ranges = {
-            "w": (1.0, "numbers in [0, 1]"),
-            "error": (100.0, "numbers in [0, 100]"),
-            "flags": (255.0, "whole numbers from 0 to 255"),
-        }
-        for field, columns in {"w": (), "error": (), "flags": (), "bent_normals": (3,)}.items():
-            values = getattr(self, field)
+        for field, columns, least, most, expected in (
+            ("w", (), 0, 1, "numbers in [0, 1]"),
+            ("error", (), 0, 100, "numbers in [0, 100]"),
+            ("flags", (), 0, 255, "whole numbers from 0 to 255"),
+            ("bent_normals", (3,), -np.inf, np.inf, "finite numbers"),
+        ):
+            values, shape = getattr(self, field), (count, *columns)
             if values is None:
-                found[field] = None
                 continue
-            shape = (count, *columns)
             array = numbers(values, self.name, field, f"an array of numbers, shape {shape}")
             if array.shape != shape:
                 raise OptionError(field, f"shape {shape}", array.shape, self.name)
-            most, expected = ranges.get(field, (np.inf, "finite numbers"))
-            bad = ~np.isfinite(array) | (array > most) | ((array < 0) if field in ranges else False)
+            bad = ~np.isfinite(array) | (array < least) | (array > most)
             if bad.any():
                 raise OptionError(field, expected, array[bad][0], self.name)
             found[field] = array.astype(np.uint8) if field == "flags" else array
@@ -168,9 +164,8 @@ def _profile_columns(profile: Profile, number: int, columns: dict[str, npt.NDArr
 
 def _texture_columns(textures: TexturedW, number: int, columns: dict[str, npt.NDArray[Any]]) -> dict[str, Any]:
     """Put the textures of a bake into the columns: what a page's script must know of them."""
-    low, high = textures.uv.min(axis=0), textures.uv.max(axis=0)
-    step = np.where(high > low, high - low, 1.0) / _PLACES
-    columns[f"uv{number}"] = np.rint((textures.uv - low) / step).astype("<u4")
+    steps, scale = uv_steps(textures.uv)
+    columns[f"uv{number}"] = steps.astype("<u4")
     images = [shrunk(image, _LARGEST) for image in textures.images]
     for place, image in enumerate(images):
         columns[f"texels{number}.{place}"] = np.diff(image.ravel(), prepend=np.uint8(0))
@@ -178,7 +173,7 @@ def _texture_columns(textures: TexturedW, number: int, columns: dict[str, npt.ND
         {"width": image.shape[1], "height": image.shape[0], "wrap": wrap}
         for image, wrap in zip(images, textures.wraps, strict=True)
     ]
-    return {"textures": known, "uvLow": low.tolist(), "uvStep": step.tolist()}
+    return {"textures": known, **scale}
 
 
 def _runs(shown: Int64s) -> list[list[int]]:

@@ -1,14 +1,31 @@
 """`obscurance view`: from baked files to a page."""
 
 import webbrowser
+from dataclasses import replace
 from pathlib import Path
+from shlex import quote
 
-from raytrace.errors import printable
-from raytrace.system.atomic import atomic_write
+import numpy as np
+
+from raytrace import Mesh, OptionError
+from raytrace.errors import SceneError, printable
+from raytrace.image.texture import Texture, texture_codes
+from raytrace.mesh.up import TO_Y_UP, up_axis
+from raytrace.system.atomic import write_bytes
 from raytrace.system.outputs import check_ending, check_outputs
+from raytrace.types import Float64s, UInt8s
 
+from ...formats.glb.occlusion import is_ramp
+from ...formats.gltf.textures import Textures
+from ...formats.load import MeshFile, load, mesh_errors
+from ...formats.stored_w import ENDINGS, find_profile, read_beside_w, read_w, unrepeated
+from .base_colour import base_colour
 from .document import html_of_bakes
-from .results import check_results, read_results
+from .encode import TexturedW, Values
+
+_ARRAYS = (".npy", ".npz")
+_PAGE = "page.html"
+_MOVED = 1e-4  # of the radius, by which formats may round coordinates
 
 
 def view_results(
@@ -22,20 +39,88 @@ def view_results(
 
     Raises:
         OptionError: a name of another kind of file. OutputError: the page cannot be written.
-        MeshError, SceneError: as `read_results`.
+        MeshError, SceneError: a file cannot be read, has no w, or belongs to another mesh.
     """
     results = [result] if other is None else [result, other]
-    check_results(results, mesh)
+    for field, path in zip(("result", "other"), results, strict=False):
+        if path.suffix.lower() not in ENDINGS:
+            raise OptionError(field, "a baked file, its name ending in " + ", ".join(ENDINGS), path)
+    if mesh is None and all(path.suffix.lower() in _ARRAYS for path in results):
+        raise OptionError("mesh", f"--mesh with the mesh that {result.name} belongs to", "none")
     name = "-".join(path.stem for path in results) + ".html"
     target = result.with_name(name) if output is None else output
     check_ending("output", target, ".html")
     check_outputs({"--output": target}, [*results, *([mesh] if mesh else [])])
-    read = read_results(results, mesh)
-    check_outputs({"--output": target}, read.files)
+    sources = {path: load(path, _PAGE) for path in results if path.suffix.lower() not in _ARRAYS}
+    whole = load(mesh, _PAGE) if mesh else min(sources.values(), key=lambda each: len(each.mesh.vertices))
+    for source in sources.values():
+        _check_same(whole.mesh, source)
+    bakes = [_values(path, whole, sources.get(path)) for path in results]
+    read = [*whole.files, *results, *(file for source in sources.values() for file in source.files)]
+    check_outputs({"--output": target}, read)
     title = " and ".join(path.name for path in results)
-    page = html_of_bakes(read.mesh, read.bakes, title, up, read.base)
-    with atomic_write(target) as file:
-        file.write(page)
+    page = html_of_bakes(whole.mesh, bakes, title, up, base_colour(whole))
+    write_bytes(target, page)
     if show:
         webbrowser.open(target.resolve().as_uri())
-    return printable(f"{target}: {len(read.mesh.vertices):,} vertices, {len(page) / 1e6:.2f} MB; open it in a browser")
+    return printable(f"{target}: {len(whole.mesh.vertices):,} vertices, {len(page) / 1e6:.2f} MB; open it in a browser")
+
+
+def _values(path: Path, whole: MeshFile, source: MeshFile | None) -> Values:
+    count = len(whole.mesh.vertices)
+    if source is None or source.w is None:
+        w, textures = read_w(path, count), _textures(source)
+    else:
+        w, textures = source.w[:count], None
+    profile = source.profile if source else find_profile(path)
+    if profile and source:
+        profile = replace(profile, values=profile.values[:count])
+    target = path.with_name(f"{path.stem}-falloff{'.glb' if path.suffix.lower() == '.gltf' else path.suffix}").name
+    permanent = f"obscurance falloff {quote(path.name)} --half-distance {{}} -o {quote(target)}"
+    values = Values(w, name=path.name, textures=textures, profile=profile, permanent=permanent)
+    return replace(values, **read_beside_w(path, count)).checked(count)
+
+
+def _textures(source: MeshFile | None) -> TexturedW | None:
+    """The occlusion textures of a glTF by which w varies between vertices: all but ramps."""
+    if source is None or source.gltf is None:
+        return None
+    asset, count = source.gltf, len(source.mesh.vertices)
+    uv, of = np.zeros((count, 2)), np.full(count, -1)
+    numbers: dict[tuple[Texture, float], int] = {}
+    with mesh_errors(asset.path):
+        textures = Textures(asset)
+        for piece, part in zip(asset.drawn, source.parts, strict=True):
+            used = textures.of_occlusion(piece.primitive)
+            if used and not is_ramp(asset.header, piece.primitive.material):
+                uv[part.vertices] = used[0] * (1, -1) + (0, 1)
+                of[part.vertices] = numbers.setdefault(used[1:], len(numbers))
+        images = [_codes(*each) for each in numbers]
+    return TexturedW(uv, of, images, [texture.wrap for texture, _ in numbers]) if numbers else None
+
+
+def _codes(texture: Texture, strength: float) -> UInt8s:
+    """255 w, w being 1 + strength (R − 1); glTF's occlusion textures (section 5.21)."""
+    codes = texture_codes(texture)
+    most = {1: 255, 2: 65535}.get(codes.itemsize, 1)
+    return np.rint(255 * np.clip(1 + strength * (codes[..., 0] / most - 1), 0, 1)).astype(np.uint8)
+
+
+def _upright(mesh: Mesh) -> Float64s:
+    """Vertices turned so that y is up, as a .glb places them."""
+    return mesh.vertices @ np.transpose(TO_Y_UP[up_axis(mesh)])
+
+
+def _check_same(mesh: Mesh, source: MeshFile) -> None:
+    """Raises: SceneError: not the same vertices, but for repeated ones with w of their own, or not the same faces."""
+    other, path, count = source.mesh, source.path, len(mesh.vertices)
+    own = len(other.vertices) if source.w is None else unrepeated(other.vertices, (count,))
+    if own != count:
+        expected, got = f"the {count:,} of {mesh.source}", f"{len(other.vertices):,}"
+        raise SceneError(path, "vertices", expected, got)
+    pairs = (mesh.vertices, other.vertices[:count]), (_upright(mesh), _upright(other)[:count])
+    moved = min(float(np.abs(one - two).max()) for one, two in pairs)
+    if moved > _MOVED * mesh.radius:
+        raise SceneError(path, "vertices", f"those of {mesh.source}", f"others, up to {moved:.3g} away")
+    if not np.array_equal(other.vertices[other.faces], other.vertices[mesh.faces]):
+        raise SceneError(path, "faces", f"those of {mesh.source}", "others")

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+import hashlib
+import io
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from raytrace.system.atomic import atomic_write, write_json
+from raytrace.system.atomic import write_bytes, write_json
 
 from .verdict import verdict
 
@@ -22,17 +24,13 @@ def complete(
     Args:
         kind: the command, "bake" or "render". line: the command line that repeats it.
         report: of `ao.report`, or like it; with `pages`, of several pages.
-        inputs: from `scenes.show.report.file_hashes.hashed`. options: every effective option.
+        inputs: from `hashed`. options: every effective option.
     """
     first = next(iter(report["pages"].values())) if "pages" in report else report
     head = {"schema_version": first["schema_version"], "kind": kind, "verdict": verdict(report)}
-    tail = {"command": line, "inputs": list(inputs), "options": dict(options)}
-    return {
-        **head,
-        **{name: value for name, value in report.items() if name not in head},
-        **tail,
-        "versions": first["versions"],
-    }
+    body = {name: value for name, value in report.items() if name not in head}
+    tail = {"command": line, "inputs": list(inputs), "options": dict(options), "versions": first["versions"]}
+    return head | body | tail
 
 
 def write_report(path: Path, report: Mapping[str, Any], pictures: Callable[[], Sequence[Sequence[Picture]]]) -> None:
@@ -47,6 +45,15 @@ def write_report(path: Path, report: Mapping[str, Any], pictures: Callable[[], S
         return
     from .document import html_report  # and what renders
 
-    content = html_report(report, pictures())
-    with atomic_write(path) as file:
-        file.write(content)
+    write_bytes(path, html_report(report, pictures()))
+
+
+def hashed(files: Iterable[Path], contents: Mapping[Path, bytes | None] = {}) -> list[dict[str, Any]]:
+    """Name, size in bytes and SHA-256 of files, each once. Args: contents: of inputs that are no files."""
+    rows = []
+    for path in dict.fromkeys(files):
+        content = contents.get(path)
+        with path.open("rb") if content is None else io.BytesIO(content) as file:
+            digest = hashlib.file_digest(file, "sha256").hexdigest()
+            rows.append({"path": str(path), "bytes": file.seek(0, io.SEEK_END), "sha256": digest})
+    return rows

@@ -7,6 +7,7 @@ would be the longest part of writing a report.
 import base64
 import html
 import json
+import re
 from collections.abc import Mapping, Sequence
 from importlib.resources import files
 from pathlib import Path
@@ -32,19 +33,22 @@ def html_report(report: Report, pictures: Sequence[Sequence[Picture]]) -> bytes:
         report: as its JSON has it, from `scenes.show.report.complete`.
         pictures: of each of its `pages`, or of the one it is.
     """
-    style = files(__package__).joinpath("parts", "report.css").read_text("utf-8")
+    folder = files(__package__).joinpath("parts")
+    style, template = (folder.joinpath(f"report.{ending}").read_text("utf-8") for ending in ("css", "html"))
     title = f"{Path(report['inputs'][0]['path']).name}: {report['kind']}"
     pages = report.get("pages", {"": report})
     parts = [_verdict(report)]
     for (name, page), shown in zip(pages.items(), pictures, strict=True):
         parts += [f"<h2>{_text(name)}</h2>" if name else "", _pictures(shown), _values(page)]
         parts += [_calibration(page), _costs(page), _flags(page)]
-    parts.append(_repeat(report))
+    rows = {each["path"]: f"{number(each['bytes'])} bytes, SHA-256 {each['sha256']}" for each in report["inputs"]}
+    parts.append(_section("To repeat it", f"<pre>{_text(report['command'])}</pre>{_table(rows)}"))
     for name in ("settings", "options", "versions"):
-        parts.append(_section(name.capitalize(), _table(_flat(report[name]))) if name in report else "")
-    filled = {"policy": policy(style), "title": _text(title), "style": style, "parts": "\n".join(filter(None, parts))}
-    pieces = files(__package__).joinpath("parts", "report.html").read_text("utf-8").split("@@")
-    return "".join(filled[each] if odd % 2 else each for odd, each in enumerate(pieces)).encode()
+        given = {key: value for key, value in report.get(name, {}).items() if value is not None}
+        cells = {key: value if isinstance(value, str) else json.dumps(value) for key, value in given.items()}
+        parts.append(_section(name.capitalize(), _table(cells)) if name in report else "")
+    holes = {"policy": policy(style), "title": _text(title), "style": style, "parts": "\n".join(filter(None, parts))}
+    return re.sub("@@(.*?)@@", lambda hole: holes[hole[1]], template).encode()
 
 
 def _verdict(report: Report) -> str:
@@ -56,8 +60,9 @@ def _verdict(report: Report) -> str:
         for each in facts["findings"]
     )
     notes = sum(each["level"] == "note" for each in facts["findings"])
-    word = "Look at this first" if not facts["good"] else f"Done, with {notes} to note" if notes > 0 else "All is well"
-    mark = "bad" if not facts["good"] else "note" if notes else "good"
+    word, mark = (f"Done, with {notes} to note", "note") if notes else ("All is well", "good")
+    if not facts["good"]:
+        word, mark = "Look at this first", "bad"
     return f'<section class="verdict {mark}"><h2>{word}</h2><ul>{rows}</ul></section>'
 
 
@@ -71,8 +76,8 @@ def _pictures(pictures: Sequence[Picture]) -> str:
 
 
 def _legend(top: float) -> str:
-    colours = (round(share * 255) for share in heat(np.linspace(0, 1, _STEPS)).ravel().tolist())
-    fills = ["#" + "".join(f"{next(colours):02x}" for _ in range(3)) for _ in range(_STEPS)]
+    colours = np.rint(255 * heat(np.linspace(0, 1, _STEPS)).astype(np.float64)).astype(np.uint8)
+    fills = [f"#{colour.tobytes().hex()}" for colour in colours]
     bar = "".join(f'<rect x="{x}" width="1.1" height="1" fill="{fill}"/>' for x, fill in enumerate(fills))
     crisp = 'shape-rendering="crispEdges" preserveAspectRatio="none"'
     scale = f'<svg class="scale" viewBox="0 0 {_STEPS} 1" {crisp}>{bar}</svg>'
@@ -96,12 +101,11 @@ def _calibration(report: Report) -> str:
         f"{points} points were baked twice: their errors were estimated as {estimated} and measured as {measured}, root"
         " mean squares. This has set the level of all estimates."
     )
-    if not calibrated["groups"]:
-        return _section("Are the errors right?", f"<p>{text}</p>")
-    text += (
-        " Whether they are larger where errors are larger shows below, for groups of points: both agree on the line."
-    )
-    chart = f'<figure class="calibration">{calibration(calibrated["groups"])}</figure>'
+    chart = ""
+    if calibrated["groups"]:
+        text += " Whether they are larger where errors are larger shows below, for groups of points:"
+        text += " both agree on the line."
+        chart = f'<figure class="calibration">{calibration(calibrated["groups"])}</figure>'
     return _section("Are the errors right?", f"<p>{text}</p>{chart}")
 
 
@@ -123,16 +127,6 @@ def _flags(report: Report) -> str:
     }
     text = "The first of each, counted from 0 in the file's order; a report in JSON lists a hundred."
     return _section("Flagged vertices", f"<p>{text}</p>{_table(rows)}")
-
-
-def _repeat(report: Report) -> str:
-    rows = {each["path"]: f"{number(each['bytes'])} bytes, SHA-256 {each['sha256']}" for each in report["inputs"]}
-    return _section("To repeat it", f"<pre>{_text(report['command'])}</pre>{_table(rows)}")
-
-
-def _flat(options: Mapping[str, Any]) -> dict[str, str]:
-    given = {name: value for name, value in options.items() if value is not None}
-    return {name: value if isinstance(value, str) else json.dumps(value) for name, value in given.items()}
 
 
 def _table(rows: Mapping[str, Any]) -> str:

@@ -1,26 +1,24 @@
-"""Pictures of reports: a bake seen as on a page, its error in colours, pages of a texture, layers of a rendering."""
+"""Pictures of bakes, as on a page, with the error in colours or flagged vertices; of textures; of rendered layers."""
 
 from __future__ import annotations
 
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
+import ao
 from ao.texture.uv_layout import on_page
 from raytrace import AmbientLight, Camera, Frame, Lambert, Mesh, Object, Occlusion, Scene, Settings, Shape, Texture
 from raytrace import render as render_scene
 from raytrace.image.encode import write_data
 from raytrace.image.srgb import decode_srgb
 from raytrace.image.write import write_image
-from raytrace.mesh.up import UP, up_axis
 from raytrace.types import AnyFloats, Float32s, Float64s
 
+from ...description.defaults import framing
 from ..look import BACKGROUND, FIELD_OF_VIEW, HEAT, clay_scene, clay_settings
-
-if TYPE_CHECKING:
-    from ao import BakedTexture
 
 _WIDTH, _HEIGHT = 480, 400
 _SAMPLES = 8
@@ -29,19 +27,16 @@ _LAYERS = ("beauty", "ambient", "diffuse", "specular", "emission", "obscurance",
 
 
 class Picture(NamedTuple):
-    """A picture of a report.
-
-    Attributes: title: what it shows. png: the file. top: the largest error, if it shows errors.
-    """
+    """A picture of a report: what it shows, a file, and the largest error if it shows errors."""
 
     title: str
     png: bytes
     top: float | None = None
 
 
-def pictures_of_vertices(mesh: Mesh, w: AnyFloats, error: AnyFloats, up: str | None = None) -> list[Picture]:
+def pictures_of_vertices(mesh: Mesh, w: AnyFloats, error: AnyFloats) -> list[Picture]:
     """A bake at the vertices: clay × w, w, and the error. Args: w, error: (n,)."""
-    camera, top = _camera(mesh, up), float(np.max(error, initial=0.0))
+    camera, top = _camera(mesh), float(np.max(error, initial=0.0))
     clay = render_scene(clay_scene(mesh, w, camera), camera, clay_settings(_WIDTH, _HEIGHT, _SAMPLES), layers=False)
     return [
         Picture("clay × w", _png(clay.layers["beauty"][..., :3])),
@@ -50,7 +45,7 @@ def pictures_of_vertices(mesh: Mesh, w: AnyFloats, error: AnyFloats, up: str | N
     ]
 
 
-def pictures_of_page(mesh: Mesh | None, page: BakedTexture, up: str | None = None) -> list[Picture]:
+def pictures_of_page(mesh: Mesh | None, page: ao.BakedTexture) -> list[Picture]:
     """A page of a texture, and how the faces that are on it look with it if the mesh is given."""
     top = float(np.max(page.error, initial=0.0))
     share = page.error / (top or 1.0)
@@ -60,7 +55,7 @@ def pictures_of_page(mesh: Mesh | None, page: BakedTexture, up: str | None = Non
     ]
     if mesh is None:
         return shown
-    camera = _camera(mesh, up)
+    camera = _camera(mesh)
     w, error = (Object(_textured(mesh, page.uv, values)) for values in (page.w, share))
     on_mesh = [Picture("w", _png(_over(*_values(w, camera)))), Picture("error", _png(_hot(error, camera)), top)]
     return on_mesh + shown
@@ -68,8 +63,11 @@ def pictures_of_page(mesh: Mesh | None, page: BakedTexture, up: str | None = Non
 
 def pictures_of_frame(frame: Frame) -> list[Picture]:
     """The layers of a rendering that are colours, as far as it has them."""
-    names = [name for name in _LAYERS if name in frame.layers]
-    return [Picture(name, _png(_shown(name, _shrunk(frame.layers[name])))) for name in names]
+    layers = {name: _shrunk(frame.layers[name]) for name in _LAYERS if name in frame.layers}
+    return [
+        Picture(name, _png(decode_srgb(0.5 + 0.5 * layer) if name == "normal" else layer[..., :3]))
+        for name, layer in layers.items()
+    ]
 
 
 def heat(share: AnyFloats) -> Float32s:
@@ -82,8 +80,8 @@ def heat(share: AnyFloats) -> Float32s:
 _WHITE = Lambert(albedo=(1, 1, 1), two_sided="viewer")
 
 
-def _camera(mesh: Mesh, up: str | None) -> Camera:
-    return Camera.framing(mesh, None, UP[up_axis(mesh, up)], _WIDTH / _HEIGHT, FIELD_OF_VIEW)
+def _camera(mesh: Mesh) -> Camera:
+    return Camera.framing(mesh, aspect=_WIDTH / _HEIGHT, field_of_view=FIELD_OF_VIEW)
 
 
 def _values(item: Object, camera: Camera) -> tuple[Float32s, Float32s]:
@@ -119,12 +117,6 @@ def _textured(mesh: Mesh, uv: Float64s, values: AnyFloats) -> Shape:
     return Shape(apart, _WHITE, occlusion=Occlusion(corners.reshape(-1, 2), texture))
 
 
-def _shown(name: str, layer: Float32s) -> Float32s:
-    if name == "normal":
-        return decode_srgb(0.5 + 0.5 * layer)
-    return layer[..., :3]
-
-
 def _shrunk(layer: Float32s) -> Float32s:
     """A picture of at most `_LARGEST` pixels a side, by means over squares of pixels."""
     height, width, channels = layer.shape
@@ -141,3 +133,44 @@ def _png(linear: AnyFloats) -> bytes:
         file = Path(folder) / "picture.png"
         write_image(file, linear)
         return file.read_bytes()
+
+
+_DOTS = {
+    ao.Flag.CONTACT: (1.0, 1.0, 1.0),
+    ao.Flag.UNREFERENCED: (0.1, 0.3, 1.0),
+    ao.Flag.DEGENERATE: (1.0, 0.8, 0.0),
+    ao.Flag.OPPOSED: (0.0, 0.8, 0.9),
+    ao.Flag.FOLDED: (0.1, 0.8, 0.1),
+    ao.Flag.HIDDEN: (1.0, 0.0, 0.6),
+    ao.Flag.MISSED: (1.0, 0.25, 0.0),
+}
+"""Linear RGB of the dot on a vertex: white, blue, yellow, cyan, green, magenta, orange; the last one wins."""
+
+
+def write_marked(target: Path, mesh: Mesh, baked: ao.Bake) -> None:
+    """Write the mesh in ambient light times w, with a dot on each flagged vertex, hidden or not.
+
+    Raises: OptionError: not the ending of a picture. OutputError: the file cannot be written.
+    """
+    settings = Settings(width=960, height=720)
+    camera = framing(mesh, None, settings.width, settings.height)
+    scene = Scene((Object(Shape(mesh, _WHITE), w=baked.w),), (AmbientLight(intensity=(1, 1, 1)),), (0.05, 0.05, 0.05))
+    picture = np.array(render_scene(scene, camera, settings, layers=False).layers["beauty"][..., :3])
+    for flag, colour in _DOTS.items():
+        _dot(picture, camera, mesh.vertices[(baked.flags & flag) != 0], colour)
+    write_image(target, picture)
+
+
+def _dot(picture: Float32s, camera: Camera, places: Float64s, colour: tuple[float, float, float]) -> None:
+    height, width = picture.shape[:2]
+    right, above, forward = camera.axes()
+    offset = places - camera.position
+    depth = offset @ forward
+    offset, depth = offset[depth > 0], depth[depth > 0]
+    half = np.tan(np.radians(camera.field_of_view / 2)) * depth
+    x = (offset @ right / half * height + width) / 2
+    y = (height - offset @ above / half * height) / 2
+    near = np.arange(-2, 3)[:, None]
+    i, j = np.broadcast_arrays(np.floor(y + near[:, None]), np.floor(x + near))
+    inside = (i >= 0) & (i < height) & (j >= 0) & (j < width)
+    picture[i[inside].astype(int), j[inside].astype(int)] = colour

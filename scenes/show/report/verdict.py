@@ -78,16 +78,15 @@ def _findings(report: Facts) -> Iterator[Finding]:
 
 def _error(report: Facts) -> Iterator[Finding]:
     rmse, tolerance = report["rmse_estimate"], report["options"].get("tolerance")
+    estimate = f"estimated RMSE of w is {rmse:.2g}"
     if tolerance is None and rmse > _NOISY:
-        yield Finding(
-            "note", f"The estimated RMSE of w is {rmse:.2g}: noise may show.", "--tolerance 0.01, or more --samples."
-        )
+        yield Finding("note", f"The {estimate}: noise may show.", "--tolerance 0.01, or more --samples.")
     elif tolerance is None:
-        yield Finding("good", f"The estimated RMSE of w is {rmse:.2g}.")
+        yield Finding("good", f"The {estimate}.")
     elif rmse <= tolerance:
-        yield Finding("good", f"The tolerance of {tolerance:g} is met: the estimated RMSE of w is {rmse:.2g}.")
+        yield Finding("good", f"The tolerance of {tolerance:g} is met: the {estimate}.")
     else:
-        text = f"The tolerance of {tolerance:g} is not met: the estimated RMSE of w is {rmse:.2g}."
+        text = f"The tolerance of {tolerance:g} is not met: the {estimate}."
         yield Finding("bad", text, remedy("tolerance is not met"))
     calibration = report["error_calibration"]
     for group in calibration["groups"] if calibration else ():
@@ -98,10 +97,8 @@ def _error(report: Facts) -> Iterator[Finding]:
 
 def _occlusion(w: Facts) -> Iterator[Finding]:
     if w["least"] >= _OPEN:
-        text = "Nothing occludes anything: w is 1 everywhere."
-        yield Finding(
-            "bad", text, "Convex meshes are so; else compare --max-distance and --half-distance with the mesh."
-        )
+        advice = "Convex meshes are so; else compare --max-distance and --half-distance with the mesh."
+        yield Finding("bad", "Nothing occludes anything: w is 1 everywhere.", advice)
     elif w["quantiles"]["0.5"] <= _CLOSED:
         text = f"Half of w is below {_CLOSED}: the mesh may be inside out."
         yield Finding("bad", text, "obscurance info MESH tells of its faces; turn them over where it is made.")
@@ -117,12 +114,10 @@ def flags_in_words(flagged: dict[str, int], vertices: int, rays_skipped: dict[st
     """The treatment of a bake's flagged vertices, by flag, in words. Args: `flagged`, `rays_skipped`: see `ao.Bake`."""
     hidden = "; w there is filled from visible neighbours" if rays_skipped.get("hidden") else ""
     words = {name: _OF_FLAGS[name][0].format(hidden) for name, count in flagged.items() if count}
-    return {
-        name: f"{flagged[name]:,} of {vertices:,} vertices {what}"
-        if flagged[name] > 1
-        else f"One vertex {_singular(what)}"
-        for name, what in words.items()
-    }
+    for name, what in words.items():
+        several = f"{flagged[name]:,} of {vertices:,} vertices {what}"
+        words[name] = several if flagged[name] > 1 else f"One vertex {_singular(what)}"
+    return words
 
 
 def _singular(what: str) -> str:
@@ -144,9 +139,5 @@ def _picture(report: Facts) -> Iterator[Finding]:
         yield Finding("good", "The picture was made.")
     rmse = report["rmse_estimate"]
     if rmse is not None:
-        level = "note" if rmse > _NOISY else "good"
-        yield Finding(
-            level,
-            f"The estimated RMSE of w at the vertices in view is {rmse:.2g}.",
-            "More samples in [bake]." if rmse > _NOISY else "",
-        )
+        level, advice = ("note", "More samples in [bake].") if rmse > _NOISY else ("good", "")
+        yield Finding(level, f"The estimated RMSE of w at the vertices in view is {rmse:.2g}.", advice)

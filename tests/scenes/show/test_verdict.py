@@ -8,7 +8,7 @@ import pytest
 from ao import Flag
 from scenes.commands.render_file import RENDER
 from scenes.jobs.options import BAKE, command_line
-from scenes.show.report.file_hashes import hashed
+from scenes.show.report.complete import hashed
 from scenes.show.report.verdict import flags_in_words, remedy, verdict
 
 WARNINGS = [
@@ -38,12 +38,12 @@ PARTS = (
     ("scenes/formats/glb/ramp.py", "uses the set TEXCOORD_"),
     ("scenes/geometry/polygons.py", "crosses itself"),
     ("scenes/jobs/vertices.py", "between the vertices w errs by"),
-    ("scenes/jobs/textures/remarks.py", "faces overlap in"),
-    ("scenes/jobs/textures/remarks.py", "reach out of the unit square"),
-    ("scenes/jobs/textures/remarks.py", "would keep tiles apart"),
-    ("scenes/jobs/textures/remarks.py", "have no texture coordinates"),
-    ("scenes/jobs/textures/remarks.py", "are not within the cage"),
-    ("scenes/jobs/textures/remarks.py", "have no area in texture space"),
+    ("scenes/jobs/textures/pages.py", "faces overlap in"),
+    ("scenes/jobs/textures/pages.py", "reach out of the unit square"),
+    ("scenes/jobs/textures/pages.py", "would keep tiles apart"),
+    ("scenes/jobs/textures/pages.py", "have no texture coordinates"),
+    ("scenes/jobs/textures/pages.py", "are not within the cage"),
+    ("scenes/jobs/textures/pages.py", "have no area in texture space"),
 )
 W = {"least": 0.1, "quantiles": {"0.5": 0.8}}
 GOOD = {"w": W, "rmse_estimate": 0.004, "options": {}, "error_calibration": None, "warnings": [], "vertices": 9}
