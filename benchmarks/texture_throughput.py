@@ -18,8 +18,8 @@ from typing import Any
 import ao
 from benchmarks.time_against_error.machine import machine
 from raytrace.system.atomic import write_json
+from scenes import unwrap
 from scenes.formats.load import load
-from scenes.jobs.textures.unwrap import unwrap
 
 RESULTS = Path(__file__).parent / "results" / "texture_throughput.json"
 FALLOFFS: dict[str, ao.Falloff] = {"exponential": ao.Exponential(), "binary": ao.Binary()}

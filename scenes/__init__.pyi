@@ -12,7 +12,7 @@ from .geometry.builtin_shapes import Solid as Solid
 from .geometry.builtin_shapes import Sphere as Sphere
 from .geometry.builtin_shapes import Sponge as Sponge
 from .geometry.builtin_shapes import Temple as Temple
-from .jobs.textures.unwrap import unwrap as unwrap
+from .jobs.textures.coordinates import unwrap as unwrap
 from .library.catalogue import BUILTIN as BUILTIN
 from .library.catalogue import builtin_toml as builtin_toml
 from .library.catalogue import write_builtin as write_builtin

@@ -15,12 +15,12 @@ from benchmarks import ROOT
 from raytrace import AmbientLight, Scene, Settings, render
 from raytrace.image.write import write_image
 from raytrace.types import Float32s
+from scenes import unwrap
 from scenes.description.defaults import framing
 from scenes.description.gltf_scene import gltf_objects
 from scenes.formats.glb.textured import textured_glb
 from scenes.formats.load import MeshFile
 from scenes.geometry.builtin_shapes import Temple
-from scenes.jobs.textures.unwrap import unwrap
 
 TARGET = ROOT / "docs" / "textures" / "page.png"
 PAGE, WIDTH, HEIGHT = 1024, 480, 360

@@ -41,7 +41,7 @@ def _vertices(make: Callable[[], Mesh], **options: Any) -> Callable[[int], objec
 
 def _texture(make: Callable[[], Mesh], size: int) -> Callable[[int], object]:
     """64 rays a texel of a square of this size."""
-    from scenes.jobs.textures.unwrap import unwrap
+    from scenes import unwrap
 
     mesh = make()
     uv = unwrap(mesh, size)

@@ -38,7 +38,7 @@ DOORS = {
         "ao.execute.identity",
     },
     "numba": {"raytrace.kernel.lanes", "raytrace.kernel.compiler"},
-    "uvunwrap": {"scenes.jobs.textures.unwrap"},
+    "uvunwrap": {"scenes.jobs.textures.coordinates"},
     "OpenImageIO": {f"raytrace.image.{name}" for name in ("encode", "fill", "read", "compare", "texture")},
 }
 MODULES = {

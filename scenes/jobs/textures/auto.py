@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from functools import partial
+from typing import Any
 
+import numpy as np
+
+import ao
+from ao.result import Interpolation
+from raytrace.errors import MeshError
+from raytrace.system.atomic import write_bytes
+
+from ...formats.load import MeshFile
 from ..console import progress
 from ..vertices import BakeCommand
-
-if TYPE_CHECKING:
-    import ao
-    from ao.result import Interpolation
-
-    from ...formats.load import MeshFile
 
 _SIZE = "512"  # texels a side: meshes whose faces are too large for w at vertices are small
 
@@ -27,25 +30,18 @@ class AutoCommand(BakeCommand):
         shown = _shown(baked, textures)
         if shown is None or baked.interpolation is None or shown.rmse >= baked.interpolation.rmse:
             return super()._write(baked, source, falloff)
-        from raytrace.system.atomic import atomic_write
-
         from ...formats.glb.textured import textured_glb
 
         content, _ = textured_glb(source, textures, self.replace_occlusion, w=baked.w, bake=baked)
-        with atomic_write(self.output) as file:
-            file.write(content)
+        write_bytes(self.output, content)
         each = f"{len(textures)} textures" if len(textures) > 1 else "a texture"
         why = f"between the vertices w errs by {baked.interpolation.rmse:.2f}, in textures by {shown.rmse:.2f}"
-        repeated = (
-            f"{self.output}: faces share texels, or have none: --occlusion texture --uv unwrap gives each its own"
-        )
-        return f"\nocclusion: {each} of {_SIZE}×{_SIZE}: {why}", [repeated] if shown.visible else []
+        repeated = "faces share texels, or have none: --occlusion texture --uv unwrap gives each its own"
+        more = [f"{self.output}: {repeated}"] if shown.visible else []
+        return f"\nocclusion: {each} of {_SIZE}×{_SIZE}: {why}", more
 
     def _textures(self, source: MeshFile, falloff: ao.Falloff) -> list[ao.BakedTexture]:
         """w by the file's own texture coordinates; none if it has none of use."""
-        import ao
-        from raytrace.errors import MeshError
-
         from .coordinates import coordinates
         from .pages import pages_of
 
@@ -56,10 +52,8 @@ class AutoCommand(BakeCommand):
             try:
                 layout = coordinates(source, "0", _SIZE, None, True)
                 pages = pages_of(source, layout, self.output, False, self.threads)
-                return [
-                    ao.bake_texture(source.mesh, page.uv, layout.size, falloff, progress=advance, **options)
-                    for page in pages
-                ]
+                bake = partial(ao.bake_texture, source.mesh, size=layout.size, falloff=falloff, progress=advance)
+                return [bake(page.uv, **options) for page in pages]
             except MeshError:  # no face has an area on the page
                 return []
 
@@ -69,8 +63,6 @@ def _shown(baked: ao.Bake, textures: list[ao.BakedTexture]) -> Interpolation | N
 
     Faces that repeat an image share its texels, which then show none of them.
     """
-    import numpy as np
-
     checked = baked.interpolation
     if checked is None or not textures:
         return None

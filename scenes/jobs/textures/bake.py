@@ -8,25 +8,34 @@ from contextlib import ExitStack
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from ao.options import TextureOptions
+import numpy as np
 
+import ao
+from ao.memory import column_bytes, texture_bytes
+from ao.options import TextureOptions
+from ao.report import report
+from ao.texture.uv_layout import on_page, page_size
+from raytrace.errors import ConflictError, OptionError
+from raytrace.mesh.mesh import Mesh
+from raytrace.system.atomic import write_bytes
+from raytrace.system.outputs import check_ending, check_outputs
+
+from ...formats.glb.orm import check_orm
+from ...formats.glb.pieces import pieces
+from ...formats.glb.textured import textured_glb
 from ...formats.image_names import MATERIAL, PLACEHOLDERS, UDIM
+from ...formats.images import check_texture_target, write_grey, write_normals
+from ...formats.load import MeshFile
 from ..bake import MeshBake, WorkSize, Written
 from ..console import alpha_summary, progress, texture_summary, warn
-from .coordinates import parse_texels
-from .remarks import lacking, layout_remarks
+from .coordinates import Coordinates, coordinates, parse_texels
+from .pages import Page, lacking, layout_remarks, pages_of
 
 if TYPE_CHECKING:
-    import ao
-    from raytrace.mesh.mesh import Mesh
-
-    from ...formats.load import MeshFile
     from ...show.report.pictures import Picture
-    from .coordinates import Coordinates
-    from .pages import Page
 
-_UVS = "auto", "unwrap", "fill"
-_IMAGES = "output", "bent_normals", "error_map"
+
+_Place = tuple[int, int, ExitStack]
 
 
 class BakedPage(NamedTuple):
@@ -43,9 +52,6 @@ class TextureCommand(MeshBake):
     record = TextureOptions
 
     def work(self, source: MeshFile, falloff: ao.Falloff) -> WorkSize:
-        import ao
-        from ao.memory import column_bytes, texture_bytes
-
         found, pages = self._layout(source)
         width, height = found.size
         *_, solid = (each.mesh for each in (source, *self.read_high()))
@@ -62,14 +68,10 @@ class TextureCommand(MeshBake):
         return WorkSize(len(pages) * width * height, "texels", needed, trial)
 
     def bake(self, falloff: ao.Falloff) -> Iterator[Written]:
-        from raytrace.system.outputs import check_outputs
-
         start = time.perf_counter()
         source = self.read()
         found, pages = self._layout(source)
         if self.orm:
-            from ...formats.glb.orm import check_orm
-
             check_orm(source.gltf, found.number, self.replace_occlusion)
         read = [source, *self.read_high()]
         files = [path for each in read for path in each.files]
@@ -103,15 +105,9 @@ class TextureCommand(MeshBake):
             self._write_report(bakes, inputs, source.mesh)
 
     def check_own(self) -> None:
-        from ao.texture.uv_layout import page_size
-        from raytrace.errors import ConflictError, OptionError
-        from raytrace.system.outputs import check_ending
-
-        from ...formats.images import check_texture_target
-
         if self.size is not None:
             page_size(parse_texels(self.size))
-        if self.uv not in (None, *_UVS) and not (self.uv.isdecimal() and len(self.uv) < 4):
+        if self.uv not in (None, "auto", "unwrap", "fill") and not (self.uv.isdecimal() and len(self.uv) < 4):
             raise OptionError("uv", "auto, unwrap, fill or the number of a set of texture coordinates", repr(self.uv))
         glb = self._glb()
         for name, path in self._images().items():
@@ -148,8 +144,6 @@ class TextureCommand(MeshBake):
 
         Raises: OptionError: several pages have one name for an image.
         """
-        from raytrace.errors import OptionError
-
         outputs: dict[str, Path | None] = {"--report": self.report, "--mesh-output": self.mesh_output}
         for name, path in self._images().items():
             option = f"--{name.replace('_', '-')}"
@@ -160,16 +154,14 @@ class TextureCommand(MeshBake):
         return outputs
 
     def _images(self) -> dict[str, Path]:
-        return {name: getattr(self, name) for name in _IMAGES if getattr(self, name) is not None}
+        paths = {"output": self.output, "bent_normals": self.bent_normals, "error_map": self.error_map}
+        return {name: path for name, path in paths.items() if path is not None}
 
     def _glb(self) -> Path | None:
         return self.output if self.output.suffix.lower() == ".glb" else self.mesh_output
 
     def _layout(self, source: MeshFile) -> tuple[Coordinates, list[Page]]:
         """The texture coordinates, and the pages. Raises: MeshError, OptionError: as `coordinates` and `pages_of`."""
-        from .coordinates import coordinates
-        from .pages import pages_of
-
         found = coordinates(source, self.uv or "auto", self.size, self.texel_size, self._glb() is not None)
         return found, pages_of(source, found, self.output, self.overlap is not None, self.threads)
 
@@ -177,27 +169,18 @@ class TextureCommand(MeshBake):
         return f"{page.path(self.output)}{f', {page.name}' if page.name else ''}"
 
     def _bake_page(
-        self,
-        read: Sequence[MeshFile],
-        page: Page,
-        found: Coordinates,
-        falloff: ao.Falloff,
-        place: tuple[int, int, ExitStack],
+        self, read: Sequence[MeshFile], page: Page, found: Coordinates, falloff: ao.Falloff, place: _Place
     ) -> tuple[ao.BakedTexture, list[str]]:
         """Bake one page: what was baked, and warnings.
 
         Args: read: the file, and the fine one. place: of how many pages, which it is, and what closes its journal.
         """
-        import ao
-        from raytrace.errors import ConflictError
-
         pages, number, stack = place
         target = page.path(self.output) if not page.name or not number else Path(f"{self.output}.{number + 1}")
         checkpoint = stack.enter_context(self.checkpoint(target))
         if pages > 1 and checkpoint.partial:
-            raise ConflictError(
-                "part", "does not go with", f"{pages} texture sets that overlap, but with --overlap mean"
-            )
+            sets = f"{pages} texture sets that overlap, but with --overlap mean"
+            raise ConflictError("part", "does not go with", sets)
         high = read[1].mesh if self.high else None
         with progress(self.quiet, "rays", form=self.progress, status=checkpoint.status) as (advance,):
             baked = ao.bake_texture(
@@ -208,8 +191,6 @@ class TextureCommand(MeshBake):
         return baked, warn([], [*baked.shortfalls, *(f"{self._title(page)}: {line}" for line in remarks)])
 
     def _write_images(self, baked: ao.BakedTexture, page: Page) -> None:
-        from ...formats.images import write_grey, write_normals
-
         bits = int(self.bits or 16)
         images = {name: page.path(path) for name, path in self._images().items()}
         if images["output"] != self._glb():
@@ -223,22 +204,9 @@ class TextureCommand(MeshBake):
             write_grey(images["error_map"], baked.error, self.half, {"content": "standard error of w"})
 
     def _write_glb(
-        self,
-        path: Path,
-        read: Sequence[MeshFile],
-        baked: Sequence[ao.BakedTexture],
-        falloff: ao.Falloff,
+        self, path: Path, read: Sequence[MeshFile], baked: Sequence[ao.BakedTexture], falloff: ao.Falloff
     ) -> list[str]:
         """Write the .glb, with w of vertices where there are no texture coordinates; returns warnings."""
-        import numpy as np
-
-        import ao
-        from ao.texture.uv_layout import on_page
-        from raytrace.system.atomic import atomic_write
-
-        from ...formats.glb.pieces import pieces
-        from ...formats.glb.textured import textured_glb
-
         source, w = read[0], None
         covered = np.any([on_page(each.uv) for each in baked], axis=0)
         if not covered.all():
@@ -248,15 +216,11 @@ class TextureCommand(MeshBake):
             high = read[1].mesh if self.high else None
             w = ao.bake(source.mesh, falloff, only=only, high=high, **self.arguments("vertices")).w
         content, kept = textured_glb(source, baked, self.replace_occlusion, self.orm, w)
-        with atomic_write(path) as file:
-            file.write(content)
+        write_bytes(path, content)
         advice = "whose w viewers do not show; --replace-occlusion replaces them"
         return warn([], [f"{path}: keeps the occlusion textures of {kept:,} primitives, {advice}"] if kept else [])
 
     def _write_report(self, made: Sequence[BakedPage], inputs: list[dict[str, Any]], mesh: Mesh) -> None:
-        """Args: inputs: what was read."""
-        from ao.report import report
-
         options = self.described()
         reports = [report(each.baked, options, each.seconds, each.warnings) for each in made]
         whole = reports[0]

@@ -1,21 +1,24 @@
-"""The texture coordinates of a bake, a file's or new ones, and the size of its pages."""
+"""The texture coordinates of a bake, of the file or by the optional library uvunwrap, and the size of its pages."""
 
 from dataclasses import dataclass
+from importlib.util import find_spec
+from typing import Any
 
 import numpy as np
 
 from ao.falloff import resolve_length
-from ao.texture.uv_layout import on_page, page_size, texels_across
+from ao.texture.uv_layout import MAX_SIDE, on_page, page_size, texels_across
 from raytrace.errors import MeshError, OptionError
+from raytrace.mesh.convert import mesh_of
 from raytrace.mesh.mesh import Mesh
 from raytrace.mesh.normals import face_normals
 from raytrace.types import Bools, Float64s
 
 from ...formats.load import MeshFile
-from .unwrap import has_unwrapper, unwrap
 
-AUTO, UNWRAP, FILL = "auto", "unwrap", "fill"
 _USED = 0.65  # of a page, that an unwrapping fills
+_PADDING = 4  # texels between charts, so that neither bilinear lookups nor one coarser level see two of them
+_LEAST = 64  # texels across, below which there is no room for charts
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,22 +41,21 @@ def coordinates(source: MeshFile, wanted: str, size: str | None, texel_size: str
 
     Args: into_glb: whether new coordinates would be written.
 
-    Raises:
-        MeshError: there are none. OptionError: as `unwrap`, or a page too large.
+    Raises: MeshError: there are none. OptionError: as `unwrap`, or a page too large.
     """
     mesh, pages = source.mesh, (size, texel_size)
     number = int(wanted) if wanted.isdecimal() else 0
-    uv = None if wanted == UNWRAP else source.texture_coordinates(number)
+    uv = None if wanted == "unwrap" else source.texture_coordinates(number)
     if uv is not None:
         texels = _page(mesh, uv, *pages)
-        new = ~on_page(uv) & (wanted == FILL)
+        new = ~on_page(uv) & (wanted == "fill")
         if new.any():
             uv[new] = unwrap(Mesh(mesh.vertices, mesh.faces[new], source=mesh.source), min(texels))
         return Coordinates(uv, new, number, texels)
-    if wanted not in (UNWRAP, FILL) and not (wanted == AUTO and into_glb and has_unwrapper()):
+    can_unwrap = find_spec("uvunwrap") is not None
+    if wanted not in ("unwrap", "fill") and not (wanted == "auto" and into_glb and can_unwrap):
         which = f" of number {number}" if number else ""
-        install = "" if has_unwrapper() else "pip install uvunwrap and "
-        advice = f"; {install}--uv unwrap makes some"
+        advice = f"; {'' if can_unwrap else 'pip install uvunwrap and '}--uv unwrap makes some"
         raise MeshError(source.path, "texture coordinates", f"some{which} on every face", f"none{advice}")
     side = min(_page(mesh, None, *pages))
     return Coordinates(unwrap(mesh, side), np.ones(len(mesh.faces), np.bool_), None, (side, side))
@@ -81,3 +83,36 @@ def _page(mesh: Mesh, uv: Float64s | None, size: str | None, texel_size: str | N
         uv = np.tile([[0.0, 0.0], [share, 0.0], [0.0, share]], (len(areas), 1, 1))
     shown = on_page(uv)
     return page_size(texels_across(uv[shown], areas[shown], length))
+
+
+def unwrap(mesh: Mesh | Any, size: int = 1024) -> Float64s:
+    """New texture coordinates (m, 3, 2) without overlaps, v upwards; the same mesh and size give the same.
+
+    Args:
+        mesh: as `ao.bake` takes it.
+        size: texels across the square page that they are for, 64 to 16384.
+
+    Raises:
+        OptionError: the library is not installed, or the page is smaller than 64 texels.
+        MeshError: the library fails.
+    """
+    if find_spec("uvunwrap") is None:
+        raise OptionError("uv", "pip install uvunwrap, to unwrap meshes", "no uvunwrap")
+    if not _LEAST <= size <= MAX_SIDE:
+        raise OptionError("size", f"{_LEAST} to {MAX_SIDE} texels, to unwrap for", size)
+    import uvunwrap
+
+    mesh = mesh_of(mesh, "unwrap")
+    centred = (mesh.vertices - mesh.centre) / max(mesh.radius, 1e-300)
+    try:
+        given = uvunwrap.Mesh(centred.astype(np.float32).ravel(), mesh.faces.astype(np.uint32).ravel())
+        atlas = uvunwrap.generate([given], page_size=size, padding=_PADDING)
+    except Exception as reason:
+        raise MeshError(mesh.source, "faces", "a mesh that uvunwrap can unwrap", reason) from None
+    uv = np.asarray(atlas.meshes[0].corner_uvs, np.float64).reshape(-1, 3, 2)
+    if atlas.page_count > 1:
+        got = f"{atlas.page_count} pages of {size} texels; a larger --size may do"
+        raise MeshError(mesh.source, "faces", "a mesh that uvunwrap can unwrap to one page", got)
+    if atlas.page_count != 1 or len(uv) != len(mesh.faces) or not np.isfinite(uv).all():
+        raise MeshError(mesh.source, "faces", "a mesh that uvunwrap can unwrap", f"{atlas!r}")
+    return uv

@@ -1,4 +1,4 @@
-"""The pages of a bake: one for all faces, or one each for materials, objects and UDIM tiles.
+"""The pages of a bake: one for all faces, or one each for materials, objects and UDIM tiles; and remarks on them.
 
 Materials with layouts of their own lie over one another in texture coordinates, where one page would show their mean.
 In a .glb they become pages of their own, in images by placeholders in the output's name. Within a material, faces that
@@ -6,12 +6,15 @@ overlap are taken to be meant so, as mirrored halves are; so are objects whose c
 copies of one object.
 """
 
+from __future__ import annotations
+
 from collections.abc import Hashable, Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
 
+import ao
 from ao.texture.coverage import shared_texels
 from ao.texture.uv_layout import on_page
 from raytrace.errors import OptionError
@@ -25,6 +28,8 @@ from ...safe_paths import file_words
 from .coordinates import Coordinates
 
 _SOME = 0.01  # of the texels of the smaller of two layouts, that may overlap
+_NOTED = 1e-3  # of the covered texels, that may overlap without a word
+_LISTED = 3  # pieces without texture coordinates
 
 
 @dataclass(frozen=True, eq=False)
@@ -99,8 +104,7 @@ def pages_of(source: MeshFile, found: Coordinates, output: Path, mixed: bool, th
 
     Args: mixed: whether layouts that overlap may share a page.
 
-    Raises:
-        OptionError: they would, and may not; or tiles that have no number.
+    Raises: OptionError: they would, and may not; or tiles that have no number.
     """
     layouts, mixed = Layouts(source, found), mixed or found.number is None  # an unwrapper leaves no overlaps
     if output.suffix.lower() == ".glb":
@@ -153,3 +157,43 @@ def _refusal(source: MeshFile, layouts: Layouts, clashes: dict[tuple[int, int], 
     more = f" ({len(clashes) - 1} more such pairs)" if len(clashes) > 1 else ""
     expected = f"{MATERIAL if by_material else OBJECT} in its name, a .glb, or --overlap mean: layouts overlap"
     return OptionError("output", expected, f"{clashes[pair]:,} texels of {output} for both {names}{more}", source.path)
+
+
+def layout_remarks(baked: ao.BakedTexture, wraps: bool, tiles: bool) -> list[str]:
+    """Remarks on the layout of a page.
+
+    Args: wraps: whether it was taken modulo 1. tiles: whether the output may have a file for each tile.
+    """
+    facts = baked.facts
+    lines = []
+    if facts.overlapping > _NOTED * facts.covered:
+        mirrored = f"; {facts.mirrored:,} faces are mirrored" if facts.mirrored else ""
+        lines.append(f"faces overlap in {facts.overlapping / facts.covered:.1%} of the covered texels{mirrored}")
+    if facts.outside and wraps:
+        advice = f"; {UDIM} in the output's name would keep tiles apart" if tiles and _has_tiles(baked.uv) else ""
+        lines.append(f"{facts.outside:,} faces reach out of the unit square and are taken modulo 1{advice}")
+    if facts.missed:
+        lines.append(f"{facts.missed:,} points are not within the cage of the fine mesh and take the closest of it")
+    if facts.flat:
+        lines.append(f"{facts.flat:,} faces have no area in texture space, and no texels")
+    return lines
+
+
+def lacking(source: MeshFile, uv: Float64s, glb: Path | None) -> list[str]:
+    """The parts of a file that have no texture coordinates, in a line. Args: glb: what is to hold the textures."""
+    without = ~on_page(uv)
+    if not without.any():
+        return []
+    without_uv = [piece for piece in pieces(source) if without[piece.faces].any()]
+    names = list(dict.fromkeys(f"{piece.object.name} ({piece.material.name})" for piece in without_uv))
+    more = f" and {len(names) - _LISTED:,} more" if len(names) > _LISTED else ""
+    instead = "show w of their vertices" if glb else "get no texels"
+    what = f"{without.sum():,} faces, of {', '.join(names[:_LISTED])}{more}, have no texture coordinates and {instead}"
+    return [f"{source.path}: {what}; --uv fill{'' if glb else ' with --mesh-output'} makes some for them"]
+
+
+def _has_tiles(uv: Float64s) -> bool:
+    try:
+        return bool(udim_tiles(uv[on_page(uv)], ""))
+    except OptionError:
+        return False
