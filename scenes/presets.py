@@ -4,6 +4,8 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from raytrace.errors import ConflictError
+
 PRESETS: dict[str, dict[str, Any]] = {
     "unreal": {"format": "glb", "occlusion": "texture", "bits": "8", "bent_space": "tangent-directx"},
     "unity": {"format": "png", "occlusion": "texture", "bits": "8", "bent_space": "tangent"},
@@ -30,8 +32,6 @@ def with_preset(options: Mapping[str, Any]) -> dict[str, Any]:
     if preset is None:
         return {**options}
     if ending not in _READS[preset]:
-        from raytrace.errors import ConflictError
-
         raise ConflictError(("preset", preset), "needs", "an output that ends in " + " ".join(_READS[preset]))
     images = [path for path in (options["output"], options["bent_normals"]) if path]
     applies = {
@@ -56,9 +56,8 @@ def without_preset(options: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _described(values: Mapping[str, Any]) -> str:
-    return " ".join(
-        f"--{name.replace('_', '-')}" + ("" if value is True else f" {value}") for name, value in values.items()
-    )
+    given = {name.replace("_", "-"): "" if value is True else f" {value}" for name, value in values.items()}
+    return " ".join(f"--{name}{value}" for name, value in given.items())
 
 
 HELP = "Options for a program where they apply and are not given: " + "; ".join(

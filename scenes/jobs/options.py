@@ -16,6 +16,7 @@ from ao.declared import ALL, EACH, IMAGE, Option, rows
 from ao.options import TextureOptions, VertexOptions
 
 from ..presets import HELP as PRESET_HELP
+from ..presets import PRESETS
 
 REPORTS = ".json", ".html"  # endings
 Metric = Literal["flip", "rms", "max"]
@@ -24,7 +25,6 @@ Up = Literal["x", "y", "z", "-x", "-y", "-z"]
 Format = Literal["npy", "npz", "ply", "glb", "html", "png", "exr", "tif"]
 InputFormat = Literal["ply", "obj", "stl", "off", "glb", "gltf", "3mf"]
 ProgressForm = Literal["bar", "json"]
-Preset = Literal["unreal", "unity", "godot", "blender", "three"]
 
 _WRITTEN = "vertices texture batch merge"
 SORTS = {"tiles": "tiles", "batch": "output_dir", "part": "part"}  # of bakes, and the options that ask for them
@@ -56,7 +56,7 @@ _SECTIONS: dict[str, tuple[Option | str, ...]] = {
     ),
     "Sampling": ("method", "denoise", "traversal", "profile", "seed", "threads"),
     "What .glb and .ply show": (
-        Option("preset", Preset | None, None, f"{PRESET_HELP}.", "vertices texture batch", "output"),
+        Option("preset", Literal[*PRESETS] | None, None, f"{PRESET_HELP}.", "vertices texture batch", "output"),
         Option("colors", bool, False, "Write w as vertex colours: COLOR_0 of .glb, replacing a .ply's own.",
                "vertices batch merge", "output"),
         Option("occlusion", Literal["none", "ramp", "texture", "auto"] | None, None, "Occlusion texture of .glb "
