@@ -28,18 +28,13 @@ _FINENESS = 0.14
 
 @dataclass(frozen=True)
 class Row:
-    """Cost and error of one number of rays a vertex.
-
-    Attributes:
-        seconds: of each bake, scene build included; build: median seconds of that part.
-        rays: traced by one bake. estimate: the RMSE that the bakes themselves reported, the median one.
-    """
+    """Cost and error of one number of rays a vertex."""
 
     samples: int
-    seconds: list[float]
-    build: float
-    rays: int
-    estimate: float
+    seconds: list[float]  # of each bake, scene build included
+    build: float  # median seconds of that part
+    rays: int  # traced by one bake
+    estimate: float  # the RMSE that the bakes themselves reported, the median one
     errors: Errors
 
 
@@ -61,11 +56,11 @@ def run_bench(
             baked = ao.bake(mesh, falloff, count, seed + turn, threads, interior="ignore")  # as the reference
             bakes[count].append((time.perf_counter() - start, baked))
     rows = []
-    for count, made in bakes.items():
-        build = median(baked.seconds["build"] for _, baked in made)
-        estimate = median(baked.rmse for _, baked in made)
-        errors = Errors.of(made[0][1].w[truth.vertices], truth.w[0])
-        rows.append(Row(count, [seconds for seconds, _ in made], build, made[0][1].rays, estimate, errors))
+    for count, timed in bakes.items():
+        seconds, results = [took for took, _ in timed], [each for _, each in timed]
+        build, estimate = median(each.seconds["build"] for each in results), median(each.rmse for each in results)
+        errors = Errors.of(results[0].w[truth.vertices], truth.w[0])
+        rows.append(Row(count, seconds, build, results[0].rays, estimate, errors))
     return rows
 
 
@@ -77,18 +72,6 @@ def bench_table(rows: Sequence[Row]) -> str:
         for row in rows
     ]  # fmt: skip
     return "\n".join(text_table(head, cells, head))
-
-
-def bench_report(mesh: Mesh, rows: Sequence[Row], options: dict[str, object], threads: int | None) -> dict[str, object]:
-    """The rows, the options and the machine as JSON-ready values."""
-    return {
-        "mesh": mesh.source,
-        "vertices": len(mesh.vertices),
-        "rows": [asdict(row) for row in rows],
-        "options": options,
-        "threads": thread_count(threads),
-        "versions": versions(),
-    }
 
 
 def bench_file(
@@ -103,8 +86,7 @@ def bench_file(
 
     Args: options: the command's, for the report.
 
-    Raises:
-        OptionError, OutputError: an option, or a report that cannot be written. MeshError: see `scenes.load`.
+    Raises: OptionError, OutputError: an option, or a report that cannot be written. MeshError: see `scenes.load`.
     """
     if report:
         check_ending("--report", report, ".json")
@@ -116,4 +98,5 @@ def bench_file(
     print(f"{mesh.source}: {len(mesh.vertices):,} vertices, {len(mesh.faces):,} faces")
     print(bench_table(rows))
     if report:
-        write_json(report, bench_report(mesh, rows, options, threads))
+        facts = {"mesh": mesh.source, "vertices": len(mesh.vertices), "rows": [asdict(row) for row in rows]}
+        write_json(report, facts | {"options": options, "threads": thread_count(threads), "versions": versions()})

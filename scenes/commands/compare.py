@@ -11,8 +11,7 @@ _FIGURES = ("mean_error", "rms_error", "max_error", "psnr", "flip")
 def compare_files(a: Path, b: Path, threshold: float | None, metric: Metric, difference: Path | None) -> bool:
     """Print the metrics and write the FLIP map; whether `metric` is within `threshold`, if there is one.
 
-    Raises:
-        OptionError: a threshold below 0, or not the ending of an image. InputError, OutputError: the files.
+    Raises: OptionError: a threshold below 0, or not the ending of an image. InputError, OutputError: the files.
     """
     from raytrace.errors import OptionError
     from raytrace.image.compare import compare

@@ -24,20 +24,14 @@ _STONE, _GROUND = rt.OrenNayar(albedo=(0.82, 0.77, 0.7), sigma=0.4), rt.Lambert(
 _ABOVE = (0.3, 0.42, 0.6)  # colour of the backdrop at the upper edge
 
 
-def targets(folder: Path) -> tuple[Path, Path]:
-    """The mesh and the image in a folder, which is made. Raises: OptionError, OutputError: they cannot be written."""
-    make_folder(folder)
-    mesh, picture = folder / "temple.ply", folder / "temple.png"
-    check_outputs({"temple.ply": mesh, "temple.png": picture})
-    return mesh, picture
-
-
 def make_demo(folder: Path, quiet: bool = False) -> None:
     """Bake the temple with the default options; write the mesh with w, and a picture: left without, right with w.
 
     Raises: OptionError, OutputError: the files cannot be written.
     """
-    mesh_target, image_target = targets(folder)
+    make_folder(folder)
+    mesh_target, image_target = folder / "temple.ply", folder / "temple.png"
+    check_outputs({"temple.ply": mesh_target, "temple.png": image_target})
     with progress(quiet, "rays") as (advance,), compiling(84):
         mesh = temple()
         baked = ao.bake(mesh, progress=advance)

@@ -26,6 +26,7 @@ def facts(source: MeshFile) -> dict[str, Any]:
     edges = np.sort(mesh.faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1)
     uses = np.unique(edges[:, 0] * len(mesh.vertices) + edges[:, 1], return_counts=True)[1]
     flagged = {(flag.name or "").lower(): int(np.count_nonzero(receivers.flags & flag)) for flag in Flag}
+    profile, stored = source.profile, "16-bit integers" if source.gltf else "32-bit floats"
     warnings = [note.removeprefix(f"{source.path}: ") for note in source.notes]
     lines = [*outlier_warnings(mesh), *precision_warnings(mesh)]
     return {
@@ -43,7 +44,7 @@ def facts(source: MeshFile) -> dict[str, Any]:
         "area": _finite(float(area.sum()) / placement.scale / placement.scale),
         "normals": mesh.normals is not None,
         "stored_w": _stored(source.w),
-        "stored_profile": _profile(source),
+        "stored_profile": profile and {"half_distances": profile.half_distances.tolist(), "stored": stored},
         "occlusion_textures": _occlusion(source),
         "alpha": mesh.opacity.counts if mesh.opacity else None,
         "points_to_bake": len(receivers.points),
@@ -58,6 +59,8 @@ def describe(source: MeshFile) -> list[tuple[str, str]]:
     names = [printable(name, _NAME) for name in known["objects"]]
     open_edges, nonmanifold = known["open_edges"], known["edges_of_three_faces_or_more"]
     corners = ("(" + ", ".join(f"{c:.6g}" for c in corner) + ")" for corner in known["bounds"])
+    profile, stored = source.profile, known["stored_profile"]
+    text = profile and f"w at {len(profile.half_distances)} half-distances, {profile.range}, as {stored['stored']}"
     rows = [
         ("file", printable(known["file"])),
         ("objects", f"{len(names)}: " + ", ".join(names[:8])),
@@ -70,7 +73,7 @@ def describe(source: MeshFile) -> list[tuple[str, str]]:
         ("area", "too large" if known["area"] is None else f"{known['area']:.6g}"),
         ("normals", "in the file" if known["normals"] else "none in the file"),
         ("stored w", _stored_in_words(known["stored_w"])),
-        *_profile_in_words(source, known["stored_profile"]),
+        *([("profile", text)] if text else []),
         ("occlusion", _occlusion_in_words(known["occlusion_textures"])),
         ("alpha", mesh.opacity.summary.removeprefix("alpha: ") if mesh.opacity else "none: all faces are opaque"),
         ("points to bake", f"{known['points_to_bake']:,}, coincident vertices once"),
@@ -83,12 +86,10 @@ def _occlusion(source: MeshFile) -> dict[str, int] | None:
     """Numbers of primitives of a glTF file with occlusion textures, and with the ramp of a bake."""
     if source.gltf is None:
         return None
-    header, drawn = source.gltf.header, source.gltf.drawn
     source.gltf.check_materials()
-    materials = [piece.primitive.material for piece in drawn]
+    header, materials = source.gltf.header, [piece.primitive.material for piece in source.gltf.drawn]
     textured = sum(occlusion_reference(header, material) is not None for material in materials)
-    ramps = sum(is_ramp(header, material) for material in materials)
-    return {"primitives": len(drawn), "textured": textured, "ramps": ramps}
+    return {"primitives": len(materials), "textured": textured, "ramps": sum(is_ramp(header, m) for m in materials)}
 
 
 def _occlusion_in_words(found: dict[str, int] | None) -> str:
@@ -108,21 +109,6 @@ def _stored(w: Float64s | None) -> dict[str, Any] | None:
     numbers = [_finite(value) for value in figures] or [None] * 3
     strange = len(w) - int(((w >= 0) & (w <= 1)).sum())
     return dict(zip(("least", "largest", "mean"), numbers, strict=True)) | {"outside_0_to_1": strange}
-
-
-def _profile(source: MeshFile) -> dict[str, Any] | None:
-    """The half-distances, in mesh units, and the type of the numbers, of a profile in the file."""
-    if source.profile is None:
-        return None
-    stored = "16-bit integers" if source.gltf else "32-bit floats"
-    return {"half_distances": source.profile.half_distances.tolist(), "stored": stored}
-
-
-def _profile_in_words(source: MeshFile, known: dict[str, Any] | None) -> list[tuple[str, str]]:
-    if source.profile is None or known is None:
-        return []
-    count = len(known["half_distances"])
-    return [("profile", f"w at {count} half-distances, {source.profile.range}, as {known['stored']}")]
 
 
 def _finite(value: float) -> float | None:

@@ -1,6 +1,5 @@
 """`obscurance materials`: the presets; measured albedo, reciprocity and fit error of materials."""
 
-from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -14,6 +13,7 @@ from raytrace.errors import OptionError, nearest_name
 from raytrace.materials import energy
 from raytrace.materials.base import BaseMaterial, Brushed
 from raytrace.materials.energy import NORMAL, asymmetry, towards
+from raytrace.types import Float64s
 
 from ..formats.table import endings
 
@@ -38,8 +38,7 @@ def preset_toml(name: str) -> str:
 def chosen_materials(name: str | None) -> list[tuple[str, BaseMaterial]]:
     """The materials of a preset, of all for None, or of the objects of a scene file.
 
-    Raises:
-        OptionError: no preset of this name, nor a scene file. InputError: a fault of the scene.
+    Raises: OptionError: no preset of this name, nor a scene file. InputError: a fault of the scene.
     """
     if name is None:
         return [(each, material_from_dict({"preset": each})) for each in PRESETS]
@@ -61,8 +60,11 @@ def check(name: str, material: BaseMaterial) -> str:
     """
     lines = [f"{name}: {_written(material.to_dict())}"]
     lines.append("  albedo at      " + "".join(f"{f'{angle}°':>7}" for angle in ANGLES))
-    for title, turned in _orientations(material):
-        values = np.array([albedo(turned, np.radians(angle)) for angle in ANGLES])
+    turned = {"": material}
+    if isinstance(material, Brushed):
+        turned = {"along ": replace(material, grain=(1.0, 0, 0)), "across ": replace(material, grain=(0, 1.0, 0))}
+    for title, oriented in turned.items():
+        values = np.array([albedo(oriented, np.radians(angle)) for angle in ANGLES])
         grey = bool(np.ptp(values, axis=1).max() < 1e-4)
         for channel, column in zip(("all",) if grey else _CHANNELS, values.T, strict=False):
             lines.append(f"    {title + channel:<13}" + "".join(f"{value:7.3f}" for value in column))
@@ -83,42 +85,28 @@ def albedo(material: BaseMaterial, incidence: float) -> Any:
 
 def fit_error(material: OrenNayar) -> tuple[float, float]:
     """Root mean square and largest difference of fit and integral (`oren_nayar_reference`), in parts of ρ/π."""
-    rho, errors = float(np.mean(material.albedo)), []
-    angles = np.radians(_FIT_ANGLES)
-    for theta_l in angles:
-        for theta_v in angles:
-            for turn in np.radians(_FIT_TURNS):
-                l, v = towards(theta_l), towards(theta_v, turn)
-                fit = fitted_orders(material.sigma, tuple(NORMAL), tuple(l), tuple(v))
-                exact = reference_orders(material.sigma, l, v, _FIT_ORDER)
-                errors.append((fit[0] - exact[0] + rho * (fit[1] - exact[1])) / l[2])
+    angles, turns = np.radians(_FIT_ANGLES), np.radians(_FIT_TURNS)
+    pairs = [_fit(material, towards(l), towards(v, turn), _FIT_ORDER) for l in angles for v in angles for turn in turns]
+    errors = np.subtract(*np.transpose(pairs))
     return float(np.sqrt(np.mean(np.square(errors)))), float(np.abs(errors).max())
+
+
+def _fit(material: OrenNayar, l: Float64s, v: Float64s, *order: int) -> list[float]:
+    """The model's f, and the integral that it fits, in parts of ρ/π."""
+    fit = fitted_orders(material.sigma, tuple(NORMAL), tuple(l), tuple(v))
+    exact = reference_orders(material.sigma, l, v, *order)
+    return [(first + np.mean(material.albedo) * second) / l[2] for first, second in (fit, exact)]
 
 
 def _fit_lines(material: OrenNayar) -> list[str]:
     """The model's f in the plane of incidence, and the integral that it fits."""
     lines = []
     for title, turn in (("back to the light", 0.0), ("away from it", np.pi)):
-        rows = []
-        for angle in np.radians(ANGLES):
-            l, v = towards(angle), towards(angle, turn)
-            pair = (
-                fitted_orders(material.sigma, tuple(NORMAL), tuple(l), tuple(v)),
-                reference_orders(material.sigma, l, v),
-            )
-            rows.append([(first + np.mean(material.albedo) * second) / l[2] for first, second in pair])
+        rows = [_fit(material, towards(angle), towards(angle, turn)) for angle in np.radians(ANGLES)]
         lines.append(f"  f in parts of ρ/π, seen {title} at the same angle")
         for name, column in zip(("fit", "integral"), np.array(rows).T, strict=True):
             lines.append(f"    {name:<13}" + "".join(f"{value:7.3f}" for value in column))
     return lines
-
-
-def _orientations(material: BaseMaterial) -> Sequence[tuple[str, BaseMaterial]]:
-    """Anisotropic materials along and across their grain, isotropic ones as they are."""
-    if not isinstance(material, Brushed):
-        return [("", material)]
-    along, across = (replace(material, grain=grain) for grain in ((1.0, 0, 0), (0, 1.0, 0)))
-    return [("along ", along), ("across ", across)]
 
 
 def _preset(name: str) -> dict[str, Any]:

@@ -56,17 +56,12 @@ def with_obscurance(
     mesh, room = scene.flattened(), available()
     if room is not None and vertex_bytes(len(mesh.vertices), len(mesh.faces), options.rays) > room:
         release(scene)  # the bake does not fit beside the geometry, which is built again for the picture
+    normals = "angle" if settings.normals == "file" else settings.normals
+    kept = cluster_checkpoint(session, False, None) if session else None
     bake = ao.bake(
-        mesh,
-        options.falloff,
-        options.samples,
-        options.seed,
-        threads,
-        "angle" if settings.normals == "file" else settings.normals,
-        progress=progress,
-        only=seen,
-        checkpoint=cluster_checkpoint(session, False, None) if session else None,
-    )
+        mesh, options.falloff, options.samples, options.seed, threads, normals, progress=progress, only=seen,
+        checkpoint=kept,
+    )  # fmt: skip
     surrounded = any(isinstance(light, SkyLight | EnvironmentLight) for light in scene.lights)
     return scene.with_obscurance(bake.w, bake.bent_normals if surrounded else None), bake
 

@@ -32,26 +32,19 @@ PREVIEW_BAKE = 32  # and it bakes with that many rays a vertex
 
 @dataclass(frozen=True)
 class RenderedPicture:
-    """A picture that was made, and its costs.
+    """A picture that was made, and its costs."""
 
-    Attributes:
-        frame: the layers that the file's format holds, and the renderer's counts.
-        bake: of the obscurance, or None if there was none.
-        seconds: bake, build, render, write.
-    """
-
-    frame: Frame
+    frame: Frame  # the layers that the file's format holds, and the renderer's counts
     bake: ao.Bake | None
-    seconds: dict[str, float]
+    seconds: dict[str, float]  # bake, build, render, write
 
     def summary(self, target: Path, settings: Settings) -> str:
         """The line after a rendering: file, size, rays, times."""
         traced, skipped = sum(self.frame.rays.values()), sum(self.frame.rays_skipped.values())
-        return (
-            f"{printable(str(target))}: {settings.width}×{settings.height}, {traced / 1e6:.1f} M rays traced"
-            f" and {skipped / 1e6:.1f} M skipped in {self.seconds['render']:.2f} s;"
-            f" obscurance {settings.obscurance}" + (f", baked in {self.seconds['bake']:.2f} s" if self.bake else "")
-        )
+        rays = f"{traced / 1e6:.1f} M rays traced and {skipped / 1e6:.1f} M skipped in {self.seconds['render']:.2f} s"
+        baked = f", baked in {self.seconds['bake']:.2f} s" if self.bake else ""
+        size = f"{settings.width}×{settings.height}"
+        return f"{printable(str(target))}: {size}, {rays}; obscurance {settings.obscurance}{baked}"
 
 
 def adjusted(
@@ -70,8 +63,7 @@ def adjusted(
         own_occlusion: use the occlusion textures that the file has, in place of a bake.
         alpha: "ignore": faces are opaque.
 
-    Raises:
-        OptionError: a setting out of range, or `baked` for a picture without obscurance.
+    Raises: OptionError: a setting out of range, or `baked` for a picture without obscurance.
     """
     settings = replace(description.settings, **{name: value for name, value in changes.items() if value is not None})
     w_from, bake, files = description.w_from, description.bake, description.files
@@ -120,12 +112,9 @@ def make_picture(
         session: workers who trace the rays.
 
     Raises:
-        InputError: a texture or a baked file cannot be read.
-        OptionError: the ending of `output`, or `threads`.
-        OutputError: it cannot be written.
+        InputError: a texture or a baked file cannot be read; the ending of `output`, or `threads`.
         MemoryLimitError: the picture or the bake for it would not fit into memory.
-        EmbreeError: Embree failed, out of memory for instance.
-        ClusterError: the cluster is lost, or none of its workers can be used.
+        OutputError, EmbreeError, ClusterError: it cannot be written; Embree failed; the cluster is lost.
     """
     layers = check_image_target(output, half)
     needed = rendering_bytes(description.scene, description.settings, layers is None, threads)
@@ -147,40 +136,30 @@ def make_picture(
 
 def metadata(source: Path, description: SceneDescription) -> dict[str, str]:
     """Metadata of an image file: settings and version, nothing that changes from run to run."""
-    settings = description.settings
-    return {
-        "scene": source.name,
-        "version": versions()["obscurance"],
-        "samples": str(settings.samples),
-        "seed": str(settings.seed),
-        "shading": settings.shading,
-        "normals": settings.normals,
-        "obscurance": settings.obscurance,
-    }
+    names = ("samples", "seed", "shading", "normals", "obscurance")
+    settings = {name: str(getattr(description.settings, name)) for name in names}
+    return {"scene": source.name, "version": versions()["obscurance"], **settings}
 
 
 def render_report(
     source: Path, settings: Settings, picture: RenderedPicture, threads: int, warnings: Sequence[str] = ()
 ) -> dict[str, Any]:
-    """The report of a rendering as JSON-ready values.
-
-    Args: warnings: what limits the picture, see `raytrace.mesh.precision`.
-    """
-    bake = picture.bake
-    beauty = picture.frame.layers["beauty"]
+    """The report of a rendering as JSON-ready values. Args: warnings: what limits the picture."""
+    bake, frame = picture.bake, picture.frame
+    beauty = frame.layers["beauty"]
+    skipped = {f"bake_{reason}": count for reason, count in bake.rays_skipped.items()} if bake else {}
     return {
         "schema_version": SCHEMA_VERSION,
         "scene": str(source),
-        "layers": {name: layer.shape[2] for name, layer in picture.frame.layers.items()},
+        "layers": {name: layer.shape[2] for name, layer in frame.layers.items()},
         "picture": {
             "covered": float(beauty[..., 3].mean()),
             "brightest": float(beauty[..., :3].max()),
             "clipped": float((beauty[..., :3] > 1).any(axis=2).mean()),
         },
         "settings": vars(settings) | {"threads": threads},
-        "rays": picture.frame.rays | ({"bake": bake.rays} if bake else {}),
-        "rays_skipped": picture.frame.rays_skipped
-        | ({f"bake_{reason}": count for reason, count in bake.rays_skipped.items()} if bake else {}),
+        "rays": frame.rays | ({"bake": bake.rays} if bake else {}),
+        "rays_skipped": frame.rays_skipped | skipped,
         "seconds": picture.seconds,
         "rmse_estimate": bake.rmse if bake else None,
         "error_calibration": calibration_facts(bake.calibration) if bake else None,

@@ -1,15 +1,12 @@
 """Usage errors in one line: what was expected, what was given, the nearest name, and where help is."""
 
-from __future__ import annotations
-
 import os
 import re
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-if TYPE_CHECKING:
-    from raytrace.errors import InputError
+from raytrace.errors import ConflictError, InputError, OptionError, nearest_name, printable, shortened
 
 _OPTIONS = ("options", "render")  # what errors about options of the command name as their source
 
@@ -19,8 +16,6 @@ def mistake_in_words(mistake: Any, app: Any, arguments: Sequence[str]) -> str:
 
     Args: mistake: its `TyperException`. app: the group of all commands. arguments: what was typed.
     """
-    from raytrace.errors import nearest_name
-
     command = _command(app, arguments)
     place = command.name if command else ""
     cause = mistake.__cause__
@@ -52,15 +47,13 @@ def mistake_in_words(mistake: Any, app: Any, arguments: Sequence[str]) -> str:
 
 def option_in_words(mistake: InputError, app: Any, arguments: Sequence[str]) -> str:
     """A mistake that the command itself found: an option by its name, where there is one of that name."""
-    from raytrace.errors import ConflictError, OptionError, printable
-
     command = _command(app, arguments)
     if (mistake.field, mistake.got) == ("file", "none"):
         return str(mistake) + _file_meant(Path(mistake.source))
     if command is None or not isinstance(mistake, OptionError) or mistake.source not in _OPTIONS:
         return str(mistake)
+    parameters = {item.name: item for item in command.params}
     if isinstance(mistake, ConflictError):
-        parameters = {item.name: item for item in command.params}
 
         def in_command(term: Any) -> str:
             name, *value = (term,) if isinstance(term, str) else term
@@ -72,16 +65,12 @@ def option_in_words(mistake: InputError, app: Any, arguments: Sequence[str]) -> 
             flag = item.secondary_opts[0] if value[0] is False else item.opts[0]
             return str(flag if isinstance(value[0], bool) else f"{flag} {value[0]}")
 
-        text = f"{command.name}: {mistake.in_words(in_command)}; see obscurance {command.name} --help"
-        return printable(text)
-    field = mistake.field
-    shown = {item.name: _given(item) for item in command.params}.get(field, field)
+        return printable(f"{command.name}: {mistake.in_words(in_command)}; see obscurance {command.name} --help")
+    shown = _given(parameters[mistake.field]) if mistake.field in parameters else mistake.field
     return _line(f"{command.name} {shown}", mistake.expected, mistake.got, mistake.nearest, command)
 
 
 def _line(place: str, expected: str, got: object, near: str | None, command: Any) -> str:
-    from raytrace.errors import printable, shortened
-
     name = f" {command.name}" if command else ""
     given = shortened(got) or '""'
     hint = f"did you mean {near}? See" if near else "see"
@@ -91,8 +80,6 @@ def _line(place: str, expected: str, got: object, near: str | None, command: Any
 
 def _file_meant(missing: Path) -> str:
     """The name beside a missing file, or of a built-in scene, that is like its own but for the ending."""
-    from raytrace.errors import nearest_name, printable
-
     from ..library.catalogue import BUILTIN
 
     if missing.name in BUILTIN:
@@ -123,14 +110,9 @@ def _given(parameter: Any) -> str:
 
 
 def _expectation(fault: dict[str, Any]) -> tuple[str, str | None]:
-    from raytrace.errors import nearest_name
-
-    if fault["type"].startswith("int"):
-        return "a whole number", None
-    if fault["type"].startswith("float"):
-        return "a number", None
-    if fault["type"].startswith("bool"):
-        return "true or false", None
+    for kind, expected in (("int", "a whole number"), ("float", "a number"), ("bool", "true or false")):
+        if fault["type"].startswith(kind):
+            return expected, None
     message = str(fault["msg"])
     names = re.findall("'([^']*)'", message.partition(" is not one of ")[2])
     if names:
