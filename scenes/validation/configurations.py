@@ -70,14 +70,12 @@ class Setting:
         rate: Rate = mu.form if mu.form == "linear" or mu.form == "smooth" else mu.tau
         exact = np.broadcast_to(np.asarray(self.exact(rate, mu.max_distance), np.float64), self.points.shape)
         other = exact if self.bracket is None else np.asarray(self.bracket(rate, mu.max_distance), np.float64)
-        closed = mu.binary and self.missing == 0.0 and bool((exact == 0.0).all())
-        fall = 0.0
-        if bool((exact == 1.0).all()):
-            target = 0.0
+        closed = mu.binary and self.missing == 0.0 and (exact == 0.0).all()
+        target, fall = (BINARY_TARGET, BINARY_RATE) if mu.binary else (EXPONENTIAL_TARGET, EXPONENTIAL_RATE)
+        if (exact == 1.0).all():
+            target, fall = 0.0, 0.0
         elif self.certain or closed:
-            target = ZERO_VARIANCE_TARGET
-        else:
-            target, fall = (BINARY_TARGET, BINARY_RATE) if mu.binary else (EXPONENTIAL_TARGET, EXPONENTIAL_RATE)
+            target, fall = ZERO_VARIANCE_TARGET, 0.0
         return Configuration(
             name=self.name,
             mesh=self.mesh,
@@ -115,12 +113,7 @@ class Configuration:
     truncation: float
     tessellation: float
 
-    @property
-    def allowed(self) -> float:
-        """The largest |measured − exact| that passes at 4,096 rays."""
-        return self.allowed_with(SAMPLES)
-
-    def allowed_with(self, samples: int) -> float:
+    def allowed(self, samples: int = SAMPLES) -> float:
         """The largest |measured − exact| that passes with `samples` rays."""
         target = min(self.target * (SAMPLES / min(samples, MOST_SAMPLES)) ** self.rate, 1.0)
         return target + self.truncation + self.tessellation

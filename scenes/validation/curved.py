@@ -11,7 +11,8 @@ from ao.analytic import closed_forms as analytic
 from ao.analytic.closed_forms import Rate
 from ao.analytic.special import bickley
 from ao.falloff import Binary, Exponential, Falloff, Linear, Smooth
-from raytrace.types import Float64s, Int64s
+from raytrace.mesh.mesh import Mesh
+from raytrace.types import Int64s
 
 from ..geometry.polyhedra import RawMesh, icosphere, inscribed_radius, join, patches, polygon, prism
 from .configurations import ClosedForm, Setting, posed
@@ -35,11 +36,11 @@ def curved_settings() -> list[Setting]:
     ]
 
 
-def _receivers_only(count: int, points: Int64s, normals: npt.ArrayLike) -> Float64s:
-    """Vertex normals (count, 3) at `points`, and none elsewhere: the stand-in's other vertices need no bake."""
-    all_normals = np.full((count, 3), np.nan)
+def _posed(name: str, part: RawMesh, seed: int, points: Int64s, normals: npt.ArrayLike) -> Mesh:
+    """A mesh with normals at `points` and none elsewhere: the stand-in's other vertices need no bake."""
+    all_normals = np.full((len(part[0]), 3), np.nan)
     all_normals[points] = normals
-    return all_normals
+    return posed(part, seed, all_normals, source=name)
 
 
 def _above_plane(
@@ -58,12 +59,10 @@ def _above_plane(
     Args: bounds: exact w, and that of the smaller shape which `part` contains (`Setting.bracket`).
     """
     receivers = np.asarray(points, dtype=np.float64)
-    vertices, faces = join([patches(receivers), part])
     which = 3 * np.arange(len(receivers))
-    normals = _receivers_only(len(vertices), which, (0.0, 0.0, 1.0))
     return Setting(
         name=name,
-        mesh=posed((vertices, faces), seed, normals, source=name),
+        mesh=_posed(name, join([patches(receivers), part]), seed, which, (0.0, 0.0, 1.0)),
         points=which,
         exact=bounds[0],
         falloffs=falloffs,
@@ -88,42 +87,27 @@ def _dome(sphere: RawMesh) -> Setting:
     cap = faces[vertices[faces][:, :, 2].max(axis=1) > -0.1]
     inner = radius * inscribed_radius((vertices, cap))
     limited = (Binary(1.2), Exponential(tau=1.0, max_distance=2.0), Linear(2.0), Smooth(2.0))
-    return _above_plane(
-        "dome",
-        [(0.0, 0.0, 0.0)],
-        (radius * vertices, cap),
-        _bounds(analytic.dome, radius, inner),
-        (*BOTH, Exponential(tau=0.001), Exponential(tau=10.0), *limited),
-        seed=30,
-        certain=True,
-    )
+    bounds = _bounds(analytic.dome, radius, inner)
+    falloffs = (*BOTH, Exponential(tau=0.001), Exponential(tau=10.0), *limited)
+    return _above_plane("dome", [(0.0, 0.0, 0.0)], (radius * vertices, cap), bounds, falloffs, seed=30, certain=True)
 
 
 def _disk(radius: float, height: float, seed: int) -> Setting:
     angle = 2 * pi * np.arange(SIDES) / SIDES
     rim = np.stack([radius * np.cos(angle), radius * np.sin(angle), np.full(SIDES, height)], axis=-1)
     reach = 0.5 * (height + hypot(radius, height))
-    return _above_plane(
-        "coaxial disk",
-        [(0.0, 0.0, 0.0)],
-        polygon(rim),
-        _bounds(lambda r, tau, limit: analytic.disk(height, r, tau, limit), radius, radius * cos(pi / SIDES)),
-        (*BOTH, Binary(reach), Exponential(tau=3.0, max_distance=reach), Linear(reach), Smooth(2 * reach)),
-        seed=seed,
-    )
+    bounds = _bounds(lambda r, tau, limit: analytic.disk(height, r, tau, limit), radius, radius * cos(pi / SIDES))
+    falloffs = (*BOTH, Binary(reach), Exponential(tau=3.0, max_distance=reach), Linear(reach), Smooth(2 * reach))
+    return _above_plane("coaxial disk", [(0.0, 0.0, 0.0)], polygon(rim), bounds, falloffs, seed=seed)
 
 
 def _sphere_above(sphere: RawMesh) -> Setting:
     radius, height, offsets = 0.8, 1.0, (0.0, 0.6, 1.5)
     inner = radius * inscribed_radius(sphere)
-    return _above_plane(
-        "sphere above a plane",
-        [(x * cos(k), x * sin(k), 0.0) for k, x in enumerate(offsets)],
-        (radius * sphere[0] + [0, 0, height], sphere[1]),
-        _bounds(lambda r, tau, limit: [analytic.sphere(r, height, x, tau) for x in offsets], radius, inner),
-        (*BOTH, Exponential(tau=4.0)),
-        seed=33,
-    )
+    points = [(x * cos(k), x * sin(k), 0.0) for k, x in enumerate(offsets)]
+    bounds = _bounds(lambda r, tau, limit: [analytic.sphere(r, height, x, tau) for x in offsets], radius, inner)
+    raised = (radius * sphere[0] + [0, 0, height], sphere[1])
+    return _above_plane("sphere above a plane", points, raised, bounds, (*BOTH, Exponential(tau=4.0)), seed=33)
 
 
 def chord_within(angle: float, radius: float, inner: float) -> float:
@@ -158,12 +142,10 @@ def _seen_from_within(weight: Callable[[float, float], float], radius: float, in
 def _inside_sphere(sphere: RawMesh) -> Setting:
     radius = 0.5
     inner, points = radius * inscribed_radius(sphere), np.arange(0, len(sphere[0]), len(sphere[0]) // 16)
-    vertices, faces = radius * sphere[0], sphere[1][:, ::-1]
-    normals = _receivers_only(len(vertices), points, -sphere[0][points])
-
+    part = radius * sphere[0], sphere[1][:, ::-1]
     return Setting(
         name="inside a sphere",
-        mesh=posed((vertices, faces), 34, normals, source="inside a sphere"),
+        mesh=_posed("inside a sphere", part, 34, points, -sphere[0][points]),
         points=points,
         exact=lambda tau, limit: analytic.inside_sphere(radius, tau),
         falloffs=(*BOTH, Exponential(tau=5.0)),
@@ -185,11 +167,10 @@ def _inside_cylinder() -> Setting:
     radius = 0.5
     inner, points = radius * cos(pi / SIDES), SIDES + np.arange(0, SIDES, SIDES // 16)
     vertices, faces = prism(SIDES, LENGTH / radius, 3)
-    normals = _receivers_only(len(vertices), points, -vertices[points])
-
+    part = radius * vertices, faces[:, ::-1]
     return Setting(
         name="inside a cylinder",
-        mesh=posed((radius * vertices, faces[:, ::-1]), 35, normals, source="inside a cylinder"),
+        mesh=_posed("inside a cylinder", part, 35, points, -vertices[points]),
         points=points,
         exact=lambda tau, limit: analytic.inside_cylinder(radius, tau),
         falloffs=(*BOTH, Exponential(tau=5.0)),
@@ -205,12 +186,8 @@ def _cylinder() -> Setting:
     inner = radius * cos(pi / SIDES)
     vertices, faces = prism(SIDES, LENGTH / radius)
     far = height + radius + max(map(abs, offsets))
-    return _above_plane(
-        "cylinder parallel to a plane",
-        [(x, 0.0, 0.0) for x in offsets],
-        (radius * vertices + [0, 0, height], faces),
-        _bounds(lambda r, tau, limit: [analytic.cylinder(r, height, x, tau) for x in offsets], radius, inner),
-        (Binary(), Exponential(tau=3.0)),
-        seed=36,
-        missing=_missing(far),
-    )
+    name, falloffs = "cylinder parallel to a plane", (Binary(), Exponential(tau=3.0))
+    bounds = _bounds(lambda r, tau, limit: [analytic.cylinder(r, height, x, tau) for x in offsets], radius, inner)
+    raised = (radius * vertices + [0, 0, height], faces)
+    points = [(x, 0.0, 0.0) for x in offsets]
+    return _above_plane(name, points, raised, bounds, falloffs, seed=36, missing=_missing(far))

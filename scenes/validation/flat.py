@@ -1,5 +1,6 @@
 """Validation scenes of planes and polygons, where the only error beside the estimator's is truncation."""
 
+from functools import partial
 from math import cos, inf, pi, radians, sin
 
 import numpy as np
@@ -10,9 +11,10 @@ from ao.analytic.form_factor import polygon_form_factor
 from ao.falloff import Binary, Exponential, Falloff, Linear, Smooth
 from raytrace.types import Float64s
 
-from ..geometry.polyhedra import RawMesh, generic_rotation, hull, icosphere, join, patches, polygon
+from ..geometry.polyhedra import generic_rotation, hull, icosphere, join, patches, polygon
 from .configurations import ClosedForm, Setting, posed
 
+_Point = tuple[float, float, float]
 UP = np.array([0.0, 0.0, 1.0])
 BOTH: tuple[Falloff, ...] = (Binary(), Exponential(tau=1.0))
 FAR = 1000.0  # binary stand-ins of infinite walls: they miss about distance/(2·FAR)
@@ -25,7 +27,7 @@ TRIANGLE_SEEDS = (0, 1, 2, 3, 6, 7)
 def flat_settings() -> list[Setting]:
     return [
         *_open(),
-        *_ceilings(),
+        _ceiling(),
         *_walls(FAR, (Binary(),)),
         *_walls(NEAR, (Exponential(tau=0.4), Exponential(tau=2.0))),
         *_trenches(),
@@ -49,67 +51,44 @@ def _setting(
 ) -> Setting:
     """Receivers in the plane z = 0 under convex polygons; what an infinite truth misses is measured by Lambert."""
     mesh = posed(join([patches(points, patch), *map(polygon, occluders)]), seed, source=name)
-    missing = 0.0
+    rows, missing = 3 * np.arange(len(points)), 0.0
     if beyond < inf:
         whole = 1.0 - np.broadcast_to(np.asarray(exact(None, inf)), len(points))
         finite = [sum(polygon_form_factor(occluder, p, UP) for occluder in occluders) for p in points]
         missing = float(np.abs(whole - finite).max())
-    return Setting(
-        name=name,
-        mesh=mesh,
-        points=3 * np.arange(len(points)),
-        exact=exact,
-        falloffs=falloffs,
-        missing=missing,
-        beyond=beyond,
-    )
+    return Setting(name=name, mesh=mesh, points=rows, exact=exact, falloffs=falloffs, missing=missing, beyond=beyond)
 
 
-def _rectangle(
-    corner: tuple[float, float, float], u: tuple[float, float, float], v: tuple[float, float, float]
-) -> Float64s:
-    a, b, c = np.array(corner, float), np.array(u, float), np.array(v, float)
+def _rectangle(corner: _Point, u: _Point, v: _Point) -> Float64s:
+    a, b, c = np.array([corner, u, v], float)
     return np.array([a, a + b, a + b + c, a + c])
 
 
 def _open() -> list[Setting]:
-    plane: RawMesh = patches(np.random.default_rng(0).normal(size=(8, 3)) * [1.0, 1.0, 0.0], 0.5)
-    cube: RawMesh = hull([(x, y, z) for x in (0, 1) for y in (0, 1) for z in (0, 1)])
-    tetrahedron: RawMesh = hull([(1, 1, 1), (1, -1, -1), (-1, 1, -1), (-1, -1, 1)])
+    plane = patches(np.random.default_rng(0).normal(size=(8, 3)) * [1.0, 1.0, 0.0], 0.5)
+    cube = hull([(x, y, z) for x in (0, 1) for y in (0, 1) for z in (0, 1)])
+    tetrahedron = hull([(1, 1, 1), (1, -1, -1), (-1, 1, -1), (-1, -1, 1)])
     directions = np.random.default_rng(1).normal(size=(40, 3))
-    pebble: RawMesh = hull(directions / np.linalg.norm(directions, axis=1, keepdims=True) * [1.0, 0.7, 0.2])
+    pebble = hull(directions / np.linalg.norm(directions, axis=1, keepdims=True) * [1.0, 0.7, 0.2])
     shapes = {"plane": plane, "cube from outside": cube, "tetrahedron": tetrahedron, "icosphere": icosphere(1)}
-    shapes["convex hull"] = pebble
-    return [
-        Setting(
-            name=f"nothing above: {name}",
-            mesh=posed(part, seed, source=name),
-            points=np.arange(len(part[0])),
-            exact=lambda tau, limit: 1.0,
-            falloffs=BOTH,
-        )
-        for seed, (name, part) in enumerate(shapes.items())
-    ]
+    settings = []
+    for seed, (shape, part) in enumerate((shapes | {"convex hull": pebble}).items()):
+        mesh, name, points = posed(part, seed, source=shape), f"nothing above: {shape}", np.arange(len(part[0]))
+        settings.append(Setting(name=name, mesh=mesh, points=points, exact=lambda tau, limit: 1.0, falloffs=BOTH))
+    return settings
 
 
-def _ceilings() -> list[Setting]:
+def _ceiling() -> Setting:
     size, height = 100.0, 0.7
     points = np.array([[0.0, 0.0, 0.0], [3.0, -2.0, 0.0]])
     slab = _rectangle((-size, -size, height), (2 * size, 0, 0), (0, 2 * size, 0))
     limits = (Binary(2 * height), Exponential(tau=1.0, max_distance=2 * height), Binary(0.9 * height))
-    fading = Linear(2 * height), Smooth(3 * height)
-    return [
-        _setting(
-            "ceiling",
-            points,
-            [slab],
-            lambda tau, limit: analytic.ceiling(height, tau, limit),
-            (*BOTH, Exponential(tau=5.0), *limits, *fading),
-            beyond=size - 3.0,
-            patch=1.0,
-            seed=10,
-        )
-    ]
+    falloffs = (*BOTH, Exponential(tau=5.0), *limits, Linear(2 * height), Smooth(3 * height))
+
+    def exact(tau: Rate, limit: float) -> float:
+        return analytic.ceiling(height, tau, limit)
+
+    return _setting("ceiling", points, [slab], exact, falloffs, beyond=size - 3.0, patch=1.0, seed=10)
 
 
 def _walls(extent: float, falloffs: tuple[Falloff, ...]) -> list[Setting]:
@@ -145,7 +124,7 @@ def _trenches() -> list[Setting]:
     points = np.array([[0.25, 0.0, 0.0], [0.5, 1.0, 0.0], [0.9, -1.0, 0.0]])
     right = _rectangle((width, -length, 0), (0, 2 * length, 0), (0, 0, depth))
     left = _rectangle((0, -length, 0), (0, 2 * length, 0), (0, 0, depth))
-    limits = (Binary(0.9), Exponential(tau=2.0, max_distance=0.9), Linear(0.9))
+    falloffs = (Binary(), Exponential(tau=2.0), Binary(0.9), Exponential(tau=2.0, max_distance=0.9), Linear(0.9))
 
     def trench(tau: Rate, limit: float) -> list[float]:
         return [analytic.trench(x, width - x, depth, tau, limit) for x, _, _ in points]
@@ -153,7 +132,6 @@ def _trenches() -> list[Setting]:
     def wall(tau: Rate, limit: float) -> list[float]:
         return [analytic.wall(width - x, depth, tau, limit) for x, _, _ in points]
 
-    falloffs = (Binary(), Exponential(tau=2.0), *limits)
     return [
         _setting("trench", points, [right, left], trench, falloffs, beyond=length - 1),
         _setting("wall", points, [right], wall, falloffs, beyond=length - 1, seed=16),
@@ -176,11 +154,7 @@ def _boxes() -> list[Setting]:
         floor = np.array([[0, 0, 0], *corners[[0, 4, 6, 2]]], dtype=np.float64)
         fan = np.array([[0, i, i % 4 + 1] for i in range(1, 5)])
 
-        def exact(
-            tau: Rate, limit: float, sides: tuple[float, float, float, float] = sides, height: float = height
-        ) -> float:
-            return analytic.box(sides, height, tau, limit)
-
+        exact = partial(analytic.box, sides, height)
         mesh = posed(join([(floor, fan), (vertices, faces)]), seed, source=name)
         settings.append(Setting(name=name, mesh=mesh, points=np.array([0]), exact=exact, falloffs=falloffs))
     return settings

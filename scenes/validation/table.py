@@ -24,23 +24,23 @@ class Result:
     """One line of the table: the vertex of a configuration with the largest error.
 
     Attributes:
-        name: the closed form.
-        falloff: what it was baked with.
         measured, exact: w, 1 = open.
-        error: measured − exact; NaN where the measured w is NaN.
-        allowed: the largest |error| that passes: the estimator's target and `truncation`.
-        truncation: bound on the stand-in's own error, by its finite extent and its flat faces.
-        ok: whether it passes.
+        allowed: the largest |error| that passes: the estimator's target and the bound on the stand-in's own error.
     """
 
-    name: str
-    falloff: Falloff
+    line: Configuration
     measured: float
     exact: float
-    error: float
     allowed: float
-    truncation: float
-    ok: bool
+
+    @property
+    def error(self) -> float:
+        """NaN where the measured w is NaN."""
+        return self.measured - self.exact
+
+    @property
+    def ok(self) -> bool:
+        return abs(self.error) <= self.allowed
 
 
 @lru_cache(maxsize=1)
@@ -59,19 +59,9 @@ def measure(
 
 def compare(configuration: Configuration, measured: Float64s, samples: int = SAMPLES) -> Result:
     """The verdict on w (k,) measured at the configuration's points with `samples` rays."""
-    allowed = configuration.allowed_with(samples)
-    error = measured - configuration.exact
-    worst = int(np.argmax(np.abs(error)))  # a NaN counts as the largest
-    return Result(
-        name=configuration.name,
-        falloff=configuration.falloff,
-        measured=float(measured[worst]),
-        exact=float(configuration.exact[worst]),
-        error=float(error[worst]),
-        allowed=allowed,
-        truncation=configuration.truncation + configuration.tessellation,
-        ok=bool(abs(error[worst]) <= allowed),
-    )
+    exact = configuration.exact
+    worst = int(np.argmax(np.abs(measured - exact)))  # a NaN counts as the largest
+    return Result(configuration, float(measured[worst]), float(exact[worst]), configuration.allowed(samples))
 
 
 def run_validation(
@@ -83,10 +73,7 @@ def run_validation(
 ) -> list[Result]:
     """Bake every configuration and compare it with its closed form.
 
-    Args:
-        bake: called as `ao.bake` is.
-        samples, seed, threads: passed on to it. Allowed errors go by the number of samples.
-        lines: the configurations; all of them for None.
+    Args: bake: called as `ao.bake` is. lines: the configurations; all of them for None.
     """
     chosen = configurations() if lines is None else lines
     return [compare(line, measure(line, bake, samples, seed, threads), samples) for line in chosen]
@@ -106,8 +93,8 @@ def validation_table(results: Sequence[Result]) -> str:
     """
     head = ("closed form", "falloff", "measured", "exact", "error", "allowed", "stand-in", "")
     rows = [
-        (r.name, described(r.falloff), f"{r.measured:.6f}", f"{r.exact:.6f}", f"{r.error:+.6f}", f"{r.allowed:.6f}",
-         f"{r.truncation:.6f}", "ok" if r.ok else "FAILED")
+        (r.line.name, described(r.line.falloff), f"{r.measured:.6f}", f"{r.exact:.6f}", f"{r.error:+.6f}",
+         f"{r.allowed:.6f}", f"{r.line.truncation + r.line.tessellation:.6f}", "ok" if r.ok else "FAILED")
         for r in results
     ]  # fmt: skip
     lines = text_table(head, rows, head[2:7])

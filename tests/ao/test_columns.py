@@ -115,7 +115,7 @@ def test_octaves_of_closed_forms(name):
                     only=np.isin(np.arange(len(setting.mesh.vertices)), setting.points))  # fmt: skip
     for column, expected in enumerate(setting.configurations()):
         error = np.abs(baked.values[setting.points, column] - expected.exact).max()
-        assert error <= expected.allowed, f"half-distance {math.log(2) / octaves[column].resolve(1).tau:.3g}"
+        assert error <= expected.allowed(), f"half-distance {math.log(2) / octaves[column].resolve(1).tau:.3g}"
 
 
 @pytest.mark.parametrize(("options", "said"), [
