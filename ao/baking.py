@@ -67,7 +67,7 @@ def bake(mesh: Mesh | Any, options: VertexArguments) -> Bake:
 
         prepared, values = sample_fine_mesh(prepared, solid, mesh, options.checkpoint)
     build = prepared.receivers.tree_seconds
-    baked = assemble(replace(prepared, mesh=mesh), values)
+    baked = assemble(prepared, mesh, values)
     if high is None and only is None:
         baked = replace(baked, interpolation=measure_interpolation(prepared, baked.w, baked.error))
     baked.seconds.update(build=build, bake=time.perf_counter() - start - build)

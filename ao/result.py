@@ -63,20 +63,12 @@ class Interpolation(NamedTuple):
         least = mean - 2 * float(squared.std()) / len(squared) ** 0.5 if len(squared) else 0.0
         return cls(max(mean, 0.0) ** 0.5, max(least, 0.0) ** 0.5, faces, weights, estimates)
 
-    def of_values(self, values: Float64s) -> Interpolation:
-        """The error of `values` (k,) at the same points, of negligible variance."""
-        return Interpolation.of(self.faces, self.weights, self.estimates, values, np.zeros(len(values)))
-
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Columns:
-    """What a bake by several falloffs, or with a profile, has beside w.
+    """What a bake by several falloffs, or with a profile, has beside w; see `Bake`.
 
-    Attributes:
-        others: w and its standard error by every falloff but the first, (…, k − 1); None of one falloff.
-        rmses: root mean squares of the standard errors of w, of `others` and of the profile's columns.
-        profile: w at half-distances an octave apart, (…, 10); None where it was not asked for.
-        profile_errors: float32 (…, 10), their standard errors.
+    Attributes: others: w and its standard error by every falloff but the first, (…, k − 1); None of one falloff.
     """
 
     others: tuple[AnyFloats, AnyFloats] | None = None
@@ -201,9 +193,9 @@ class PointValues:
         return cls(w[0], error[0], found.rows[:, 1:], *rest)
 
 
-def assemble(prepared: Prepared, values: PointValues) -> Bake:
-    """Spread values at points over the vertices of the mesh."""
-    count, only = len(prepared.mesh.vertices), prepared.options.only
+def assemble(prepared: Prepared, mesh: Mesh, values: PointValues) -> Bake:
+    """Spread values at points over the vertices of `mesh`, the first of the wanted ones."""
+    count, only = len(mesh.vertices), prepared.options.only
     point, flags = prepared.wanted.of_vertex[:count], prepared.wanted.flags[:count]
     normals, bent = prepared.wanted.points.normals, np.zeros((count, 3))
     run_blocks(count, _BLOCK, bound(_bent_normals, point, values.bent, normals, bent), prepared.threads)
@@ -233,7 +225,7 @@ def assemble(prepared: Prepared, values: PointValues) -> Bake:
         seconds={},
         mu=prepared.mu,
         calibration=values.calibration,
-        mesh=prepared.mesh,
+        mesh=mesh,
         **of_columns(prepared, spread),
     )
 

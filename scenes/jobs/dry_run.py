@@ -15,7 +15,7 @@ from .console import columns, compiling, note
 _RAYS = 1 << 21  # of a trial: half a second
 
 
-def dry_run(bakes: Sequence[MeshBake], falloff: ao.Falloff, besides: Sequence[Path] = ()) -> int:
+def dry_run(bakes: Sequence[MeshBake], falloff: "ao.Falloff", besides: Sequence[Path] = ()) -> int:
     """Print points, rays, memory and time that checked bakes would take, and what they, and `besides`, would write.
 
     Returns: the exit status, 1 if a mesh cannot be read.

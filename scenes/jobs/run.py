@@ -2,7 +2,6 @@
 
 import os.path
 from collections.abc import Mapping
-from dataclasses import replace
 from pathlib import Path
 from typing import Any, get_args
 
@@ -15,6 +14,7 @@ from ..formats.standard_input import STANDARD, standard_input
 from ..presets import preset_format, with_preset
 from .bake import MeshBake
 from .batch import Batch
+from .dry_run import dry_run
 from .inputs import expand, is_pattern, outputs_in
 from .manifest import is_batch_of_parts, merge_batch
 from .options import BAKE, SORTS, Format, check_sort, check_together, defaults
@@ -32,14 +32,12 @@ def run_bake(options: dict[str, Any]) -> int:
     if sort:
         check_sort(options, sort)
     check_together(options, BAKE)
+    if options["input_format"] and STANDARD not in options["mesh"]:
+        raise ConflictError("input_format", "needs", "- as INPUT")
     if not options["output_dir"]:
         return _run_single(options)
     batch = _batch(options)
-    if not options["dry_run"]:
-        return batch.run()
-    from .dry_run import dry_run
-
-    return dry_run(batch.bakes, batch.check(keep=False), [batch.manifest])
+    return dry_run(batch.bakes, batch.check(keep=False), [batch.manifest]) if options["dry_run"] else batch.run()
 
 
 def run_merge(folder: Path, options: dict[str, Any]) -> int:
@@ -101,8 +99,6 @@ def _run_single(options: dict[str, Any]) -> int:
     large = next((name for name in ("tiles", "part", "cluster") if options[name]), None)
     if STANDARD in given and len(given) > 1:
         raise ConflictError("mesh", "does not go with", "others where one is -, standard input")
-    if options["input_format"] and STANDARD not in given:
-        raise ConflictError("input_format", "needs", "- as INPUT")
     _check_output(given, output, folder=large == "part")
     if large and STANDARD in (given[0], output):
         raise ConflictError(large, "does not go with", "-, a standard stream")
@@ -126,11 +122,7 @@ def _run_single(options: dict[str, Any]) -> int:
         bake = bake_command(options).replaced(content=content)
     else:
         bake = bake_command(options)
-    if not options["dry_run"]:
-        return bake.run()
-    from .dry_run import dry_run
-
-    return dry_run([bake], bake.check())
+    return dry_run([bake], bake.check()) if options["dry_run"] else bake.run()
 
 
 def _batch(options: dict[str, Any]) -> Batch:
@@ -138,19 +130,13 @@ def _batch(options: dict[str, Any]) -> Batch:
     given, folder = options["mesh"], options["output_dir"]
     if STANDARD in given:
         raise ConflictError("output_dir", "does not go with", "-, standard input")
-    if options["input_format"]:
-        raise ConflictError("input_format", "needs", "- as INPUT")
     if folder.suffix.lower().removeprefix(".") in get_args(Format) and not os.path.exists(folder):
         raise OptionError("output_dir", "a folder", f"{folder}, the name of a file", nearest="--output")
     inputs = expand(given)
     pairs = zip(inputs, outputs_in(folder, inputs, preset_format(options) or "ply"), strict=True)
     bakes = [bake_command({**options, "mesh": path, "output": output}) for path, output in pairs]
-    batch = Batch(bakes, folder)
-    if options["part"]:
-        return replace(batch, part=part_numbers(options["part"]))
-    if options["cluster"]:
-        return replace(batch, workers=Workers(options["cluster"], options["shared"], options["threads"]))
-    return batch
+    workers = Workers(options["cluster"], options["shared"], options["threads"]) if options["cluster"] else None
+    return Batch(bakes, folder, workers, part_numbers(options["part"]) if options["part"] else None)
 
 
 def _check_output(given: list[Path], output: Path | None, folder: bool) -> None:

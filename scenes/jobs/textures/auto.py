@@ -70,4 +70,4 @@ def _shown(baked: ao.Bake, textures: list[ao.BakedTexture]) -> Interpolation | N
     for texture in textures:
         shown = texture.at(checked.faces, checked.weights)
         values = np.where(np.isnan(shown), values, shown)
-    return checked.of_values(values)
+    return type(checked).of(checked.faces, checked.weights, checked.estimates, values, np.zeros(len(values)))
