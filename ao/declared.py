@@ -91,22 +91,24 @@ def _declaration(each: Field[Any]) -> tuple[Any, Option]:
 
 def check_values(record: Any) -> None:
     """Make the numbers, choices and switches of a record plain. Raises: OptionError: one is out of range."""
-    kind: Any = type(record)
-    checked = _checks(kind)(**vars(record))
-    for each in fields(record):
-        object.__setattr__(record, each.name, getattr(checked, each.name))
+    declared = [(each.name, *_declaration(each)) for each in fields(record)]
+    checks = _checks(tuple(each for each in declared if _checked(*each[1:]) is not Any))
+    for name, value in vars(checks(**{each.name: getattr(record, each.name) for each in fields(checks)})).items():
+        object.__setattr__(record, name, value)
 
 
 @cache
-def _checks(record: Any) -> Any:
-    """A class that takes the values of a record, by their types as pydantic checks them."""
+def _checks(declared: tuple[tuple[str, Any, Option], ...]) -> Any:
+    """A class that takes values by their names, and checks them by their types."""
     from raytrace.system.parameters import Parameters
 
-    kinds = {each.name: _checked(*_declaration(each)) for each in fields(record)}
+    kinds = {name: _checked(kind, row) for name, kind, row in declared}
     return new_class("Values", (Parameters,), {"source": "options"}, lambda names: names.update(__annotations__=kinds))
 
 
+@cache
 def _checked(kind: Any, row: Option) -> Any:
+    """The type of a field as pydantic checks it; Any if it is for those to check who use it."""
     from pydantic import Field
 
     from raytrace.system.parameters import Switch, Whole
@@ -124,7 +126,7 @@ def _checked(kind: Any, row: Option) -> Any:
         if plain is float:
             text = f"a number from {least:g} to {most:g}".replace("e-0", "e-")
             found = Annotated[float, Field(strict=True, ge=least, le=most, description=text)]
-    return found | None if plain is not kind else found
+    return found | None if plain is not kind and found is not Any else found
 
 
 def taking(record: Callable[P, T]) -> Callable[[Callable[[Any, T], R]], Callable[P, R]]:
