@@ -5,7 +5,6 @@ from __future__ import annotations
 import hashlib
 from collections import deque
 from collections.abc import Callable
-from contextlib import suppress
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -92,14 +91,13 @@ class Hemispheres:
             return by_packets
         tree, idle = scene.tree, deque[tuple[Rays, TraversalState]]()  # as many at most as threads
 
-        def scratch() -> tuple[Rays, TraversalState]:
-            with suppress(IndexError):
-                return idle.pop()
-            rays = Rays.of(table)
-            return rays, TraversalState.of(tree, Layers.of(scene.opacity, rays.t_hit.size, mu))
-
         def by_streams(first: int, last: int) -> None:
-            subset, (rays, state) = points[first:last].arrays, scratch()
+            subset = points[first:last].arrays
+            try:
+                rays, state = idle.pop()
+            except IndexError:
+                rays = Rays.of(table)
+                state = TraversalState.of(tree, Layers.of(scene.opacity, rays.t_hit.size, mu))
             if columns is None:
                 gather_streams(tree, rays, state, subset, table, mu, t_max, out[first:last])
             else:

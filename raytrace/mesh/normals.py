@@ -8,13 +8,13 @@ from typing import Literal
 
 import numpy as np
 
-from ..kernel.jit import inline, kernel
+from ..kernel.jit import bound, inline, kernel
 from ..kernel.vector import cross, divide, dot, length, load, load_triangle, store, subtract
 from ..system.threads import run_blocks, run_ranges, thread_count
 from ..types import AnyInts, Bools, Float64s
 
 _BLOCK, _MOST = 1 << 11, 32  # faces or vectors, and blocks at once
-_VERTICES = 1 << 12  # of a thread that looks at all faces
+_VERTICES = 1 << 11  # of a thread that looks at all faces
 EPSILON = float(np.finfo(np.float64).eps)
 Weighting = Literal["angle", "area", "equal"]
 
@@ -23,11 +23,7 @@ def normalize(vectors: Float64s) -> Float64s:
     """Unit vectors along `vectors` (…, 3); zero, and what is not finite, becomes zero."""
     rows = np.ascontiguousarray(vectors, np.float64).reshape(-1, 3)
     out = np.empty(rows.shape)
-
-    def work(first: int, last: int) -> None:
-        _normalize(rows[first:last], out[first:last])
-
-    run_blocks(len(rows), _BLOCK, work, thread_count(None), most=_MOST)
+    run_blocks(len(rows), _BLOCK, bound(_normalize, rows, out), thread_count(None), most=_MOST)
     return out.reshape(np.shape(vectors))
 
 
@@ -64,20 +60,8 @@ def vertex_sums(
     """
     sums, magnitude = np.zeros((len(vertices), 3)), np.zeros(len(vertices))
     vertices, faces = np.ascontiguousarray(vertices, np.float64), np.ascontiguousarray(faces, np.int64)
-    weights = np.empty((len(faces), 3))
-    if weighting != "angle":
-        weights[:] = areas[:, None] if weighting == "area" else 1.0  # (12.32), (12.31)
-    else:
-
-        def measure(first: int, last: int) -> None:
-            _angles(vertices, faces[first:last], areas[first:last], weights[first:last])
-
-        run_blocks(len(faces), _BLOCK, measure, thread_count(None), most=_MOST)
-
-    def add_up(first: int, last: int) -> None:
-        _vertex_sums(first, last, faces, normals, areas, weights, sums, magnitude)
-
-    run_ranges(len(sums), _VERTICES, add_up, thread_count(None))
+    given = vertices, faces, normals, areas, ("angle", "area", "equal").index(weighting)
+    run_ranges(len(sums), _VERTICES, bound(_vertex_sums, *given, sums, magnitude), thread_count(None))
     return sums
 
 
@@ -90,8 +74,8 @@ def vertex_normals(vertices: Float64s, faces: AnyInts, weighting: Weighting = "a
 
 
 @kernel
-def _normalize(vectors, out):
-    for i in range(len(vectors)):
+def _normalize(vectors, out, first, last):
+    for i in range(first, last):
         store(out, i, normalized(load(vectors, i)))
 
 
@@ -121,24 +105,19 @@ def _face_normals(vertices, faces, normals, areas):
 
 
 @kernel
-def _angles(vertices, faces, areas, out):
-    """Interior angles (12.33)."""
-    for f in range(len(faces)):
-        here, ahead, behind = load_triangle(vertices, faces, f)
-        for corner in range(3):
-            out[f, corner] = np.arctan2(2.0 * areas[f], dot(subtract(ahead, here), subtract(behind, here)))
-            here, ahead, behind = ahead, behind, here
-
-
-@kernel
-def _vertex_sums(first, last, faces, normals, areas, weights, sums, magnitude):
+def _vertex_sums(vertices, faces, normals, areas, weighting, sums, magnitude, first, last):
     for f in range(len(faces)):
         for corner in range(3):
             i = faces[f, corner]
             if first <= i < last and areas[f] > 0.0:
-                magnitude[i] += weights[f, corner]
+                weight = areas[f] if weighting == 1 else 1.0  # (12.32), (12.31)
+                if weighting == 0:  # (12.33)
+                    here, ahead = load(vertices, i), load(vertices, faces[f, (corner + 1) % 3])
+                    behind = load(vertices, faces[f, (corner + 2) % 3])
+                    weight = np.arctan2(2.0 * areas[f], dot(subtract(ahead, here), subtract(behind, here)))
+                magnitude[i] += weight
                 for axis in range(3):
-                    sums[i, axis] += weights[f, corner] * normals[f, axis]
+                    sums[i, axis] += weight * normals[f, axis]
     for i in range(first, last):
         if max(abs(sums[i, 0]), abs(sums[i, 1]), abs(sums[i, 2])) <= 1e-12 * magnitude[i]:
             sums[i] = 0.0

@@ -3,13 +3,15 @@
 import numpy as np
 
 from ..kernel.counting_sort import counting_sort
-from ..kernel.jit import inline, kernel
+from ..kernel.jit import bound, inline, kernel
 from ..kernel.vector import add, divide, dot, length, load, store
+from ..system.threads import run_ranges, thread_count
 from ..types import Float64s, Int64s
 
 SHARP = 0.1
 ENOUGH = 0.3  # clearance with which a search for a better direction ends
 MANY = 1 << 10  # faces at a point; of more, some stand for all where each is compared with each
+_LEAST = 1 << 12  # points of a thread that looks at all faces
 _MOVES = 1000
 _FEW = 100  # of which there may be many
 
@@ -28,7 +30,8 @@ def outermost_normals(
         face_normals: (m, 3), unit.
     """
     moved, directions, clearance = normals.copy(), normals.copy(), np.ones(len(normals))
-    _least_cosines(moved, face_points, face_normals, clearance)
+    work = bound(_least_cosines, moved, face_points, face_normals, clearance)
+    run_ranges(len(moved), _LEAST, work, thread_count(None))
     rows = np.flatnonzero(clearance <= SHARP)
     if len(rows):
         number = np.full(len(normals), -1)
@@ -40,11 +43,12 @@ def outermost_normals(
 
 
 @kernel
-def _least_cosines(normals, face_points, face_normals, clearance):
+def _least_cosines(normals, face_points, face_normals, clearance, first, last):
     for f in range(len(face_points)):
         for corner in range(face_points.shape[1]):
             row = face_points[f, corner]
-            clearance[row] = min(clearance[row], dot(load(normals, row), load(face_normals, f)))
+            if first <= row < last:
+                clearance[row] = min(clearance[row], dot(load(normals, row), load(face_normals, f)))
 
 
 @kernel

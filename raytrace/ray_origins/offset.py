@@ -3,6 +3,7 @@
 import numpy as np
 
 from ..bvh.closest import distance_to_triangle
+from ..kernel.arrays import product
 from ..kernel.borrow import borrow
 from ..kernel.jit import bound, inline, kernel
 from ..kernel.vector import add, dot, load, load_triangle, scale, subtract
@@ -24,9 +25,7 @@ def ray_offset(directions: Float64s, magnitude: Float64s, clearance: Float64s) -
         magnitude: (n,), the largest |coordinate| among the corners of the faces that meet there.
         clearance: (n,), the smallest cosine between the direction and those faces' normals; below .01 it counts as .01.
     """
-    offset = np.empty(len(directions))
-    run_blocks(len(offset), _BLOCK, bound(_offsets, directions, magnitude, clearance, offset), thread_count(None))
-    return offset
+    return OFFSET_ULPS * ULP * product(np.abs(directions), np.ones(3)) * magnitude / np.maximum(clearance, 0.01)
 
 
 def offsets_and_reaches(
@@ -43,26 +42,19 @@ def offsets_and_reaches(
 
 
 @kernel
-def _offsets(directions, magnitude, clearance, out, first, last):
-    for i in range(first, last):
-        out[i] = _offset(load(directions, i), magnitude[i], clearance[i])
-
-
-@inline
-def _offset(direction, magnitude, clearance):
-    x, y, z = direction
-    return OFFSET_ULPS * ULP * (abs(x) + abs(z) + abs(y)) * magnitude / max(clearance, 0.01)
-
-
-@kernel
 def _offsets_and_reaches(points, directions, magnitude, clearance, offset, touching, reach, first, last):
     for i in range(first, last):
-        direction, (x, y, z) = load(directions, i), load(points, i)
-        offset[i] = _offset(direction, magnitude[i], clearance[i])
-        touching[i] = TOUCHING * ULP * max(abs(x) + abs(z) + abs(y), LEAST)
+        direction, point = load(directions, i), load(points, i)
+        offset[i] = OFFSET_ULPS * ULP * _span(direction) * magnitude[i] / max(clearance[i], 0.01)
+        touching[i] = TOUCHING * ULP * max(_span(point), LEAST)
         reach[i] = max(_BLURRED * offset[i], touching[i])  # so far that turning a direction seldom asks for more
         if direction == (0.0, 0.0, 0.0):
             reach[i] = -1.0
+
+
+@inline
+def _span(v):
+    return abs(v[0]) + abs(v[2]) + abs(v[1])
 
 
 def stay_near(offset: Float64s, edge: Float64s) -> Float64s:
