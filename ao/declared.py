@@ -108,7 +108,7 @@ def _checks(declared: tuple[tuple[str, Any, Option], ...]) -> Any:
 
 @cache
 def _checked(kind: Any, row: Option) -> Any:
-    """The type of a field as pydantic checks it; Any if it is for those to check who use it."""
+    """The type of a field as pydantic checks it; Any of meshes, falloffs and arrays, which are checked where used."""
     from pydantic import Field
 
     from raytrace.system.parameters import Switch, Whole

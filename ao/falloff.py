@@ -250,7 +250,7 @@ Falloffs = Falloff | str | Sequence[Falloff | str] | None
 
 
 def falloffs_of(given: Falloffs) -> Falloff | tuple[Falloff, ...]:
-    """A falloff or those of a list, by their names too; the exponential one for None.
+    """A falloff or a list's falloffs, also by their names; the exponential one for None.
 
     Raises: OptionError: neither a falloff nor the name of one, or the list is empty.
     """

@@ -80,8 +80,8 @@ class Options:
         ] = False
     cage: Annotated["Length", Option(kind=str | None, default=None, on=EACH, needs={"high": ...}, help=
         'With --high: how far it may be from the input, mesh units or "2%" of the radius (the default).', more=
-        "Vertices at which there is nothing within that take the closest point, and are flagged; points of texels "
-        "likewise, and are counted.")] = "2%"
+        "Points at which there is nothing within that take the closest one: vertices are flagged, points of texels "
+        "counted.")] = "2%"
 
     def __post_init__(self) -> None:
         from raytrace.errors import ConflictError
