@@ -98,7 +98,7 @@ class Mesh:
 
     def _array(self, name: str, values: Any, dtype: type[np.generic]) -> npt.NDArray[Any]:
         try:
-            array = np.array(values)
+            array = np.array(values, order="C")  # kernels are compiled for each layout
             if dtype is np.int64 and array.size and not np.issubdtype(array.dtype, np.integer):
                 raise MeshError(self.source, name, "integers", array.dtype)
             array = array.astype(dtype, copy=False)

@@ -3,9 +3,11 @@
 import numpy as np
 import pytest
 import trimesh
+from meshes import hills
 
 import ao
 from raytrace import Mesh, OptionError
+from raytrace.kernel import jit
 from scenes.geometry.temple import temple
 
 
@@ -185,3 +187,12 @@ def test_a_bake_of_few_vertices_draws_the_same_directions():
 def test_a_trimesh_is_a_mesh_too():
     ball = trimesh.creation.icosphere(subdivisions=2)
     np.testing.assert_array_equal(ao.bake(ball, samples=8).w, ao.bake(Mesh(ball.vertices, ball.faces), samples=8).w)
+
+
+def test_arrays_of_any_layout_make_the_same_bits_by_the_same_kernels():
+    vertices, faces = hills(8)
+    w = ao.bake(Mesh(vertices, faces), samples=16).w
+    before = len(jit.loaded)
+    other = Mesh(np.asfortranarray(vertices), np.asfortranarray(faces))
+    assert ao.bake(other, samples=16).w.tobytes() == w.tobytes()
+    assert len(jit.loaded) == before
