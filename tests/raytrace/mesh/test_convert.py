@@ -136,7 +136,8 @@ def test_a_recipe_runs(recipe, tmp_path, monkeypatch):
     builder.mesh(quad(builder, 0))
     (tmp_path / "duck.glb").write_bytes(builder.glb([{"mesh": 0}]))
     used = {name: pytest.importorskip(name) for name in LIBRARIES if name in recipe}
-    names = {"np": np, "ao": ao, "scenes": scenes, "vertices": POINTS, "faces": FACES, **used}
+    given = {"vertices": POINTS, "faces": FACES, "wall": Mesh(np.add(POINTS, 3.0), FACES)}
+    names = {"np": np, "ao": ao, "scenes": scenes, **given, **used}
     exec(compile(recipe, "python.md", "exec"), names)
     shown = [names[name] for name in ("mesh", "surface", "grid") if name in names]
     for each in shown:
