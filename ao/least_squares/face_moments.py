@@ -4,10 +4,6 @@ At a point of a face the hemisphere is that of shading: about the normal interpo
 directions below the face, in which no ray can start there.
 """
 
-from __future__ import annotations
-
-from typing import NamedTuple
-
 import numpy as np
 
 from raytrace.embree.packets import DIR_X, DIR_Y, DIR_Z, LANES
@@ -17,7 +13,7 @@ from raytrace.mesh.placement import ULP
 from raytrace.ray_origins.offset import OFFSET_ULPS
 from raytrace.sampling.hash import mix
 from raytrace.sampling.sequences import cosine_hemisphere
-from raytrace.types import Float32s, Float64s
+from raytrace.types import Float32s
 
 from ..rays.directions import turned_frame
 from ..rays.passing import backs, mu_of, passed_of, trace
@@ -34,39 +30,17 @@ _SHIFTS = 256
 _PLASTIC = 1 / 1.324717957244746  # Roberts 2018: n·(1/p, 1/p²) mod 1, p³ = p + 1, is a sequence of low discrepancy
 
 
-class Lattices(NamedTuple):
-    """Fibonacci lattices of cosine-weighted directions about +z, shifted in height.
+def lattices(rays: int) -> Float32s:
+    """Fibonacci lattices of `rays` cosine-weighted directions about +z, shifted in height: float32 (256, 3, rays).
 
-    Attributes:
-        directions: float32 (256, 3, rays), ordered by azimuth, which keeps a packet's rays together.
-        key: uint32 by which samples draw lattices.
+    They are ordered by azimuth, which keeps a packet's rays together. Args: rays: a multiple of 8.
     """
-
-    directions: Float32s
-    key: np.uint32
-
-    @classmethod
-    def of(cls, rays: int, key: np.uint32) -> Lattices:
-        """Lattices of `rays` directions, a multiple of 8."""
-        number = np.arange(rays)
-        azimuth = number * GOLDEN % 1
-        order = np.argsort(azimuth)
-        shift = (np.arange(_SHIFTS)[:, None] + 0.5) / _SHIFTS
-        heights = (number[order] + shift) / rays
-        directions = cosine_hemisphere(heights, np.broadcast_to(azimuth[order], heights.shape))
-        return cls(directions.astype(np.float32), key)
-
-
-class FaceArrays(NamedTuple):
-    """Faces as kernels take them, in render space.
-
-    Attributes:
-        corners: float64 (n, 3, 3). normals: float64 (n, 3), unit. axes: float32 (n, 3, 3), unit normals of the corners.
-    """
-
-    corners: Float64s
-    normals: Float64s
-    axes: Float32s
+    number = np.arange(rays)
+    azimuth = number * GOLDEN % 1
+    order = np.argsort(azimuth)
+    shift = (np.arange(_SHIFTS)[:, None] + 0.5) / _SHIFTS
+    heights = (number[order] + shift) / rays
+    return cosine_hemisphere(heights, np.broadcast_to(azimuth[order], heights.shape)).astype(np.float32)
 
 
 @inline
@@ -91,12 +65,13 @@ def _shading_normal(axes, b, g):
 
 
 @kernel
-def gather_faces(packet, faces, samples, lattices, falloff, reach, moments, counts):
+def gather_faces(packet, faces, samples, drawn, falloff, reach, moments, counts):
     """Gather the moments of n faces.
 
     Args:
-        packet: RayPacket. faces: FaceArrays. samples: Samples, of the faces. lattices: Lattices. falloff: KernelMu.
-        reach: length of every ray.
+        packet: RayPacket. samples: Samples, of the faces. falloff: KernelMu. reach: length of every ray.
+        faces: in render space, corners float64 (n, 3, 3), unit normals float64 (n, 3) and, float32 (n, 3, 3), unit
+            normals of the corners. drawn: `lattices`, and the uint32 key by which samples draw them.
         moments: float64 (n, 29), added to: for the even and for the odd samples Σ y² of y = 1 − w, the upper triangle
             of Σ b bᵀ, and Σ b y; for all Σ b ȳ_x, Σ b ȳ_y, Σ b ȳ_z, with ȳ the mean of μ·direction; weighted.
         counts: int64 (n, 3), added to: rays traced, rays below the face, samples that are not hidden.
@@ -104,7 +79,7 @@ def gather_faces(packet, faces, samples, lattices, falloff, reach, moments, coun
     packet = borrow(packet)
     corners, normals, axes = borrow(faces)
     shift, ends, starts, weights = borrow(samples)
-    directions, key = borrow(lattices)
+    directions, key = borrow(drawn)
     falloff, moments, counts = borrow(falloff), borrow(moments), borrow(counts)
     passed = passed_of(packet.opacity)
     values, b, side, origin = np.zeros(4), np.zeros(3), np.zeros(3), np.zeros(3)

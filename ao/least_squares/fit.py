@@ -1,24 +1,76 @@
-"""Values at the vertices, fitted to the moments of the faces."""
+"""Values at the vertices, fitted to the moments of the faces, with a regularisation chosen by cross-validation.
+
+Minimised is Σ_s dA_s (Σ_j b_sj x_j − f_s)² + α xᵀRx (Kavan, Bargteil & Sloan 2011, Least Squares Vertex Baking).
+"""
 
 from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.sparse import csr_array
 
 from raytrace.mesh.weld import CREASE
 from raytrace.types import Float64s
 
-from .conjugate_gradients import COARSE, multiply, solve, solve_within
+from .conjugate_gradients import COARSE, dot, multiply, solve, solve_within
 from .face_moments import BENT, HALF, MATRIX, MOMENTS, RIGHT, SQUARES
 from .patch import Patch
-from .pattern import Stencil, find_hinges
-from .problem import Half, Problem, cross_validated, normal_matrix, right_side, roughness
+from .pattern import Stencil, add_laplacian, find_hinges, normal_matrix, right_side, roughness
 
 Once = Callable[[str, Callable[[], Float64s]], Float64s]
 
 _LAPLACIAN_WEIGHT = 1e-7
 _RELAXED = 1 / 16
+_STEP = 4.0
+_SMOOTHEST, _ROUGHEST = 4, -10
 _RUNS, _RUN = 32, 1 << 13  # stretches of faces in Morton order, and faces in each, that stand for all of many more
+
+
+@dataclass(frozen=True, eq=False)
+class Half:
+    """Σ_s dA_s (b_s·x − f_s)² over some samples, as xᵀ matrix x − 2 x·right + squares.
+
+    Attributes:
+        values: float64 (z,), of the matrix. right: float64 (n,). squares: a number.
+    """
+
+    values: Float64s
+    right: Float64s
+    squares: float
+
+
+@dataclass(frozen=True, eq=False)
+class Problem:
+    """The normal equations of x from either half of the samples, and the regularisation.
+
+    Attributes:
+        stencil: of all matrices. halves: of the samples, independent. smoothness: (z,), of R.
+        laplacian: (m,), weights of the faces in `add_laplacian`. threads: to solve on.
+        bent: (3, n), right sides of other fits, of all samples.
+    """
+
+    stencil: Stencil
+    halves: tuple[Half, Half]
+    smoothness: Float64s
+    laplacian: Float64s
+    bent: Float64s
+    threads: int
+
+    def fit(self, half: Half, alpha: float, start: Float64s) -> Float64s:
+        """x from one half of the samples, roughly."""
+        return solve(self.system(half.values, alpha), half.right, start, tolerance=COARSE, threads=self.threads)
+
+    def system(self, data: Float64s, alpha: float) -> csr_array:
+        """The matrix of a fit to samples whose normal matrix has the values `data`."""
+        values = alpha * self.smoothness
+        values += data
+        add_laplacian(self.stencil, self.laplacian, values)
+        return self.stencil.matrix(values)
+
+    def residual(self, half: Half, x: Float64s) -> float:
+        """Sum of squared residuals of `x` (n,) at one half of the samples."""
+        image = multiply(self.stencil.matrix(half.values), x, self.threads)
+        return dot(x, image) - 2 * dot(x, half.right) + half.squares
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,8 +107,7 @@ def fit_values(problem: Problem, trial: Problem, once: Once) -> Fit:
     def fit_halves() -> Float64s:
         alpha, fits = cross_validated(trial, _constant_fit(trial))
         if trial is not problem:
-            start = _constant_fit(problem)
-            fits = problem.fit(problem.halves[0], alpha, start), problem.fit(problem.halves[1], alpha, start)
+            fits = [problem.fit(half, alpha, _constant_fit(problem)) for half in problem.halves]
         return np.concatenate([[alpha], *fits])
 
     alpha, first, second = np.split(once("halves", fit_halves), [1, 1 + problem.bent.shape[1]])
@@ -67,7 +118,7 @@ def fit_values(problem: Problem, trial: Problem, once: Once) -> Fit:
     matrix, zeros = problem.system(data, alpha[0]), np.zeros(len(right))
     closed = once("closed", lambda: solve_within(matrix, right, (first + second) / 2, threads=threads))
     bent = once(
-        "bent", lambda: np.concatenate([solve(matrix, at, zeros, None, COARSE, threads) for at in problem.bent])
+        "bent", lambda: np.concatenate([solve(matrix, each, zeros, None, COARSE, threads) for each in problem.bent])
     )
     del matrix  # to make room for the next
     matrix = problem.system(data, alpha[0] * _RELAXED)
@@ -80,22 +131,20 @@ def _build_problem(patch: Patch, moments: Float64s, laplacian: Float64s, threads
     stencil = Stencil.of(patch.face_points, hinges, patch.unknowns)
     even, odd = (
         Half(
-            normal_matrix(stencil, moments[:, a + MATRIX : a + RIGHT]),
-            right_side(stencil, moments[:, a + RIGHT : a + HALF]),
-            float(moments[:, a + SQUARES].sum()),
+            normal_matrix(stencil, half[:, MATRIX:RIGHT]), right_side(stencil, half[:, RIGHT:]),
+            float(half[:, SQUARES].sum()),
         )
-        for a in (0, HALF)
-    )
+        for half in (moments[:, :HALF], moments[:, HALF:BENT])
+    )  # fmt: skip
     bent = np.stack([right_side(stencil, moments[:, a : a + 3]) for a in range(BENT, MOMENTS, 3)])
-    return Problem(
-        stencil, (even, odd), roughness(stencil, hinges, patch.corners, patch.areas), laplacian, bent, threads
-    )
+    smoothness = roughness(stencil, hinges, patch.corners, patch.areas)
+    return Problem(stencil, (even, odd), smoothness, laplacian, bent, threads)
 
 
 def _constant_fit(problem: Problem) -> Float64s:
     """The best fit of one value to all vertices, to start from."""
-    right, mass = (sum(part) for part in zip(*((h.right.sum(), h.values.sum()) for h in problem.halves), strict=True))
-    return np.full(problem.bent.shape[1], right / max(mass, 1e-300))
+    right = sum(half.right.sum() for half in problem.halves)
+    return np.full(problem.bent.shape[1], right / max(sum(half.values.sum() for half in problem.halves), 1e-300))
 
 
 def _local_mean(stencil: Stencil, data: Float64s, values: Float64s, threads: int) -> Float64s:
@@ -104,3 +153,29 @@ def _local_mean(stencil: Stencil, data: Float64s, values: Float64s, threads: int
     mass, sums = (multiply(weights, x, threads) for x in (np.ones(len(values)), values))
     local = np.where(mass > 0, sums / np.where(mass > 0, mass, 1.0), values)
     return 0.9 * local + 0.1 * float(values[mass > 0].mean() if mass.any() else 0.0)
+
+
+def cross_validated(problem: Problem, start: Float64s) -> tuple[float, list[Float64s]]:
+    """The α with which a fit of either half of the samples predicts the other best, and the fits of both with it.
+
+    Tried are powers of four of the ratio of the two matrices' traces, down from where both weigh alike as long as the
+    prediction improves, and up if it does not at once.
+    """
+    halves, trace = problem.halves, lambda values: float(problem.stencil.matrix(values).diagonal().sum())
+    data, rough = sum(trace(half.values) for half in halves), trace(problem.smoothness)
+    unit = data / rough if rough > 0 else 0.0
+
+    def attempt(power: int, starts: list[Float64s]) -> tuple[float, int, list[Float64s]]:
+        x, y = (problem.fit(half, unit * _STEP**power, at) for half, at in zip(halves, starts, strict=True))
+        return problem.residual(halves[1], x) + problem.residual(halves[0], y), power, [x, y]
+
+    best = attempt(0, [start, start])
+    for way, last in ((-1, _ROUGHEST), (1, _SMOOTHEST)):
+        while best[1] != last:
+            other = attempt(best[1] + way, best[2])
+            if other[0] >= best[0]:
+                break
+            best = other
+        if best[1]:
+            break
+    return unit * _STEP ** best[1], best[2]

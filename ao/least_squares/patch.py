@@ -22,7 +22,7 @@ from ..points.receivers import Receivers
 from ..prepared import Prepared
 from ..rays.ray_packet import RayPacket
 from ..rays.ray_scene import RayScene
-from .face_moments import HIDDEN, MOMENTS, SEEN, FaceArrays, Lattices, gather_faces
+from .face_moments import HIDDEN, MOMENTS, SEEN, gather_faces, lattices
 from .pattern import find_hinges
 from .samples import Samples
 
@@ -86,16 +86,11 @@ class Patch:
         face = np.repeat(face[cut], 2)
         cover = np.ones(len(self.normals) + len(face))
         cover[hinges[cut] // 3] = cover[len(self.normals) :] = 0.5
-        return Patch(
-            np.concatenate([self.corners, at[turned]]),
-            np.concatenate([self.normals, self.normals[face]]),
-            np.concatenate([self.areas, self.areas[face]]),
-            np.concatenate([self.face_points, self.face_points.ravel()[turned]]),
-            np.concatenate([self.axes, self.axes.reshape(-1, 3)[turned]]),
-            self.unknowns,
-            self.own,
-            cover,
-        )
+        corners, normals, areas, face_points, axes = (np.concatenate(pair) for pair in (
+            (self.corners, at[turned]), (self.normals, self.normals[face]), (self.areas, self.areas[face]),
+            (self.face_points, self.face_points.ravel()[turned]), (self.axes, self.axes.reshape(-1, 3)[turned]),
+        ))  # fmt: skip
+        return Patch(corners, normals, areas, face_points, axes, self.unknowns, self.own, cover)
 
     def part(self, faces: Int64s) -> Patch:
         """A patch of some faces, with unknowns of their own."""
@@ -110,12 +105,12 @@ class Moments:
     """Moments and counts of faces, as work that any process can do; see `gather_faces`.
 
     Attributes:
-        faces: FaceArrays (m). samples: on the faces. points: int32 (m, 3), unknowns, which identify the faces.
-        rays: of a sample. count: samples in all. key: of the directions. mu: in render space.
-        reach: length of rays there.
+        faces: corners, normals and axes of m faces, as `Patch` has them. samples: on them.
+        points: int32 (m, 3), unknowns, which identify the faces. rays_of_sample: rays. count: samples in all.
+        key: of the directions. mu: in render space. reach: length of rays there.
     """
 
-    faces: FaceArrays
+    faces: Tables
     samples: Samples
     points: Int32s
     rays_of_sample: int
@@ -129,9 +124,8 @@ class Moments:
 
     def __getitem__(self, rows: slice) -> Moments:
         first, last, _ = rows.indices(len(self))
-        corners, normals, axes = self.faces
-        faces = FaceArrays(corners[rows], normals[rows], axes[rows])
-        return replace(self, faces=faces, samples=self.samples.of_faces(first, last), points=self.points[rows])
+        faces, samples = tuple(each[rows] for each in self.faces), self.samples.of_faces(first, last)
+        return replace(self, faces=faces, samples=samples, points=self.points[rows])
 
     @property
     def name(self) -> bytes:
@@ -152,31 +146,28 @@ class Moments:
         return np.zeros((len(self), MOMENTS)), np.zeros((len(self), 3), np.int64)
 
     def writer(self, scene: RayScene, tables: Tables) -> Callable[[int, int], None]:
-        embree, lattices = scene.embree(), Lattices.of(self.rays_of_sample, self.key)
-        moments, counts = tables
+        embree, drawn, (moments, counts) = scene.embree(), (lattices(self.rays_of_sample), self.key), tables
 
         def write(first: int, last: int) -> None:
             subset = self[first:last]
             packet, found = RayPacket.of(embree, scene.opacity), (moments[first:last], counts[first:last])
-            gather_faces(packet, subset.faces, subset.samples, lattices, self.mu, self.reach, *found)
+            gather_faces(packet, subset.faces, subset.samples, drawn, self.mu, self.reach, *found)
 
         return write
 
 
 def gather_moments(prepared: Prepared, patch: Patch, total: int) -> tuple[Float64s, Int64s]:
     """Moments (m, 29) and counts (m, 3) of the faces of `patch` from `total` rays, see `gather_faces`."""
-    placement, checkpoint = prepared.placement, prepared.checkpoint
-    key, progress = prepared.key, prepared.progress
+    placement, key, progress = prepared.placement, prepared.key, prepared.progress
     if not len(patch.face_points):
         return np.zeros((0, MOMENTS)), np.zeros((0, 3), np.int64)
     rays = int(np.clip(prepared.options.rays // 2 // LANES * LANES, LANES, _MOST_RAYS))
     count = max(total // rays, 1)
     shift = float(np.ldexp(mix_array([key])[0], -32))
-    faces = FaceArrays(patch.corners, patch.normals, patch.axes)
-    mu = prepared.mu.in_render_space(placement.scale)
+    faces, mu = (patch.corners, patch.normals, patch.axes), prepared.mu.in_render_space(placement.scale)
     spread = Samples.spread(patch.areas * patch.cover, count, shift)
     work = Moments(faces, spread, patch.face_points, rays, count, key, mu, placement.diagonal)
-    tables = work.tables()
+    moments, counts = tables = work.tables()
     done = 0
 
     def advance(finished: int) -> None:
@@ -185,8 +176,7 @@ def gather_moments(prepared: Prepared, patch: Patch, total: int) -> tuple[Float6
         if progress:
             progress(count * rays * done // len(work), count * rays)
 
-    checkpoint.fill(work, prepared.scene, tables, prepared.threads, advance)
-    moments, counts = tables
+    prepared.checkpoint.fill(work, prepared.scene, tables, prepared.threads, advance)
     return moments, counts
 
 

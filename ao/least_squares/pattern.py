@@ -1,12 +1,13 @@
-"""The sparsity pattern that all matrices of a fit share, so that their sums are sums of arrays."""
+"""The matrices of a fit, which share a sparsity pattern, so that their sums are sums of arrays."""
 
 from __future__ import annotations
 
 from typing import NamedTuple
 
 import numpy as np
-from scipy.sparse import csr_array
+from scipy.sparse import coo_array, csr_array
 
+from raytrace.kernel.borrow import borrow
 from raytrace.kernel.counting_sort import counting_sort
 from raytrace.kernel.jit import inline, kernel
 from raytrace.types import Float64s, Int32s
@@ -28,16 +29,12 @@ class Stencil(NamedTuple):
     @classmethod
     def of(cls, face_points: Int32s, hinges: Int32s, count: int) -> Stencil:
         """Args: face_points: as above. hinges: as `find_hinges` gives them. count: how many unknowns there are."""
-        starts = np.zeros(count + 1, np.int64)
-        _count_meetings(face_points, hinges, starts)
-        indices = np.empty(starts[-1], np.int32)
-        _list_meetings(face_points, hinges, starts[:-1].copy(), indices)
-        size = _sort_rows(starts, indices)
-        return cls(face_points, starts.astype(np.int32), indices[:size].copy())
-
-    def zeros(self) -> Float64s:
-        """Values (z,) of a matrix to add to."""
-        return np.zeros(len(self.indices))
+        corners, own = face_points.ravel(), np.arange(count, dtype=np.int32)
+        one, other = corners[hinges].T
+        ahead, behind = (face_points[:, turn].ravel() for turn in ([1, 2, 0], [2, 0, 1]))
+        pairs = np.concatenate([corners, corners, one, other, own]), np.concatenate([ahead, behind, other, one, own])
+        pattern = coo_array((np.ones(len(pairs[0]), np.bool_), pairs), shape=(count, count)).tocsr()
+        return cls(face_points, *(each.astype(np.int32, copy=False) for each in (pattern.indptr, pattern.indices)))
 
     def matrix(self, values: Float64s) -> csr_array:
         """The matrix (n, n) with `values` (z,), which it keeps."""
@@ -50,111 +47,97 @@ def find_hinges(face_points: Int32s, normals: Float64s, agreement: float, count:
 
     Args: normals: (m, 3), unit. agreement: the cosine below which they make an edge hard. count: of unknowns.
     """
-    lower = np.empty(face_points.size, np.int32)
-    _lower_ends(face_points, lower)
-    half_edges, starts = counting_sort(lower, count)
-    hinges = np.empty((face_points.size // 2, 2), np.int32)
-    return hinges[: _match_halves(face_points, normals, agreement, starts, half_edges, hinges)].copy()
+    one, other = face_points[:, [1, 2, 0]].ravel(), face_points[:, [2, 0, 1]].ravel()
+    low, high = np.minimum(one, other), np.maximum(one, other)
+    order = counting_sort(high, count)[0]
+    order = order[counting_sort(low[order], count)[0]]
+    low, high = low[order], high[order]
+    ends = np.concatenate([[True], (low[1:] != low[:-1]) | (high[1:] != high[:-1]), [True]])
+    first = np.flatnonzero(ends[:-2] & ~ends[1:-1] & ends[2:] & (low != high)[:-1])
+    hinges = np.stack([order[first], order[first + 1]], axis=1).astype(np.int32)
+    cosines: Float64s = np.sum(normals[hinges[:, 0] // 3] * normals[hinges[:, 1] // 3], axis=1)
+    return hinges[cosines >= agreement]
 
 
-@inline
-def _ends(face_points, half_edge):
-    face, corner = half_edge // 3, half_edge % 3
-    a, b = face_points[face, (corner + 1) % 3], face_points[face, (corner + 2) % 3]
-    return min(a, b), max(a, b)
+def normal_matrix(stencil: Stencil, entries: Float64s) -> Float64s:
+    """Values (z,) of Σ b bᵀ, from the upper triangles `entries` (m, 6) of each face's part."""
+    values = np.zeros(len(stencil.indices))
+    _add_faces(stencil, entries, values)
+    return values
+
+
+def right_side(stencil: Stencil, entries: Float64s) -> Float64s:
+    """Σ b f, (n,), from `entries` (m, 3) of each face."""
+    count = len(stencil.starts) - 1
+    return np.bincount(stencil.face_points.ravel(), entries.ravel(), count).astype(np.float64, copy=False)
+
+
+def roughness(stencil: Stencil, hinges: Int32s, corners: Float64s, areas: Float64s) -> Float64s:
+    """Values (z,) of R = Σ_hinges (A₁ + A₂) (∂x/∂m₁ + ∂x/∂m₂)²: how much the slope jumps at edges of two faces.
+
+    m is the direction within a face square to the edge, away from it: the bracket is |∇₁ − ∇₂| of the faces unfolded
+    into one plane.
+
+    Args: hinges: as `find_hinges` gives them. corners: (m, 3, 3). areas: (m,), above 0.
+    """
+    values = np.zeros(len(stencil.indices))
+    _add_jumps(stencil, hinges, corners, areas, values)
+    return values
 
 
 @kernel
-def _lower_ends(face_points, out):
-    """Write the lower unknown of each half-edge."""
-    for half_edge in range(face_points.size):
-        out[half_edge] = _ends(face_points, half_edge)[0]
+def _add_faces(stencil, entries, values):
+    face_points, starts, indices = borrow(stencil)
+    for f in range(len(face_points)):
+        for a in range(3):
+            for b in range(3):
+                k = a + b + (a > 0 and b > 0)  # in the upper triangle, row by row
+                values[entry(starts, indices, face_points[f, a], face_points[f, b])] += entries[f, k]
 
 
 @kernel
-def _match_halves(face_points, normals, agreement, starts, half_edges, hinges):
-    count = 0
-    for low in range(len(starts) - 1):
-        edges = half_edges[starts[low] : starts[low + 1]]
-        high = np.empty(len(edges), np.int32)
-        for k in range(len(edges)):
-            high[k] = _ends(face_points, edges[k])[1]
-        order = np.argsort(high, kind="mergesort")
-        k = 0
-        while k < len(edges):
-            end = k + 1
-            while end < len(edges) and high[order[end]] == high[order[k]]:
-                end += 1
-            if end == k + 2 and high[order[k]] != low:
-                one, two = edges[order[k]], edges[order[k + 1]]
-                cosine = 0.0
+def add_laplacian(stencil, weights, values):
+    """Add the graph Laplacian Σ_faces weight Σ_edges (x_i − x_j)², so that vertices without samples get neighbours'.
+
+    Args: stencil: `Stencil`. weights: float64 (m,), of its faces. values: float64 (z,), of the matrix.
+    """
+    face_points, starts, indices = borrow(stencil)
+    for f in range(len(face_points)):
+        for a in range(3):
+            i, j = face_points[f, a], face_points[f, (a + 1) % 3]
+            values[entry(starts, indices, i, i)] += weights[f]
+            values[entry(starts, indices, j, j)] += weights[f]
+            values[entry(starts, indices, i, j)] -= weights[f]
+            values[entry(starts, indices, j, i)] -= weights[f]
+
+
+@kernel
+def _add_jumps(stencil, hinges, corners, areas, values):
+    face_points, starts, indices = borrow(stencil)
+    place, slope = np.empty(6, np.int32), np.empty(6)
+    for h in range(len(hinges)):
+        weight = areas[hinges[h, 0] // 3] + areas[hinges[h, 1] // 3]
+        count = 0
+        for side in range(2):
+            f, k = hinges[h, side] // 3, hinges[h, side] % 3
+            squared = 0.0
+            for axis in range(3):
+                squared += (corners[f, (k + 2) % 3, axis] - corners[f, (k + 1) % 3, axis]) ** 2
+            for c in range(3):  # ∂x/∂m at edge k is Σ_c x_c e_k·e_c/(2A|e_k|)
+                product = 0.0
                 for axis in range(3):
-                    cosine += normals[one // 3, axis] * normals[two // 3, axis]
-                if cosine >= agreement:
-                    hinges[count, 0], hinges[count, 1] = one, two
+                    edge = corners[f, (k + 2) % 3, axis] - corners[f, (k + 1) % 3, axis]
+                    product += edge * (corners[f, (c + 2) % 3, axis] - corners[f, (c + 1) % 3, axis])
+                at = 0
+                while at < count and place[at] != face_points[f, c]:
+                    at += 1
+                if at == count:
+                    place[at], slope[at] = face_points[f, c], 0.0
                     count += 1
-            k = end
-    return count
-
-
-@inline
-def _opposite(face_points, hinges, h):
-    one, two = hinges[h, 0], hinges[h, 1]
-    return face_points[one // 3, one % 3], face_points[two // 3, two % 3]
-
-
-@kernel
-def _count_meetings(face_points, hinges, starts):
-    """Set `starts` (n + 1,) to where rows begin that have room for every meeting, however often it is found."""
-    for f in range(len(face_points)):
-        for corner in range(3):
-            starts[face_points[f, corner] + 1] += 2
-    for h in range(len(hinges)):
-        for i in _opposite(face_points, hinges, h):
-            starts[i + 1] += 1
-    for i in range(len(starts) - 1):
-        starts[i + 1] += starts[i] + 1
-
-
-@kernel
-def _list_meetings(face_points, hinges, ends, indices):
-    for i in range(len(ends)):
-        indices[ends[i]] = i
-        ends[i] += 1
-    for f in range(len(face_points)):
-        for corner in range(3):
-            i = face_points[f, corner]
-            for step in range(1, 3):
-                indices[ends[i]] = face_points[f, (corner + step) % 3]
-                ends[i] += 1
-    for h in range(len(hinges)):
-        i, j = _opposite(face_points, hinges, h)
-        indices[ends[i]] = j
-        ends[i] += 1
-        indices[ends[j]] = i
-        ends[j] += 1
-
-
-@kernel
-def _sort_rows(starts, indices):
-    """Sort each row, name each unknown once, close the gaps; returns how many are left."""
-    size, begin = 0, 0
-    for i in range(len(starts) - 1):
-        first = size
-        for k in range(begin, starts[i + 1]):
-            other, place = indices[k], size
-            while place > first and indices[place - 1] >= other:
-                place -= 1
-            if place < size and indices[place] == other:
-                continue
-            for later in range(size, place, -1):
-                indices[later] = indices[later - 1]
-            indices[place] = other
-            size += 1
-        begin = starts[i + 1]
-        starts[i] = first
-    starts[-1] = size
-    return size
+                slope[at] += product / (2 * areas[f] * np.sqrt(squared))
+        for a in range(count):
+            for b in range(count):
+                values[entry(starts, indices, place[a], place[b])] += weight * slope[a] * slope[b]
 
 
 @inline
