@@ -17,9 +17,8 @@ from raytrace.renderer.render_job import RenderJob
 from raytrace.scene import Scene
 from raytrace.settings import Settings
 from raytrace.shade.film import TILE
-from raytrace.shade.records import Film
 from raytrace.system.threads import thread_count
-from raytrace.types import Float32s, Int64s
+from raytrace.types import Bools, Float32s, Int64s
 
 from ..execute.work import Tables
 from .session import ClusterSession
@@ -88,31 +87,25 @@ def render_on(
     picture = prepare_picture(scene, camera, settings, layers)
     built = time.perf_counter()
     picture.light_vertices(workers)
-    film, done = picture.film(), 0
-    tiles = Tiles(np.arange(picture.tiles), TILE * TILE * picture.style.samples, picture.channels, picture.adaptive)
-    for first, last, rows in session.rows(tiles, picture, workers):
-        pixels, edges, counts = rows
-        paste(film, tiles.numbers[first:last], pixels)
-        if picture.adaptive:
-            film.edges[first:last] = edges
-        picture.counts += counts.sum(axis=0)
-        done += last - first
-        if progress:
-            progress(done, picture.tiles)
-    if picture.adaptive:
-        _render_again(session, picture, film, workers)
+    film, samples, channels = picture.film(), picture.style.samples, picture.channels
+
+    def render_tiles(tiles: Tiles, marks: Bools | None = None) -> None:
+        done = 0
+        for first, last, (pixels, edges, counts) in session.rows(tiles, picture, workers):
+            numbers = tiles.numbers[first:last]
+            paste(film, numbers, pixels, None if marks is None else marks[numbers])
+            if tiles.adaptive:
+                film.edges[numbers] = edges
+            picture.counts += counts.sum(axis=0)
+            done += last - first
+            if progress and marks is None:
+                progress(done, picture.tiles)
+
+    render_tiles(Tiles(np.arange(picture.tiles), TILE * TILE * samples, channels, picture.adaptive))
+    if picture.adaptive:  # some pixels need all samples for a neighbour in another tile
+        marks = reopened(picture, film)
+        numbers = np.flatnonzero(marks.any(axis=(1, 2)))
+        if len(numbers):
+            rays = samples * int(np.count_nonzero(marks)) / len(numbers)
+            render_tiles(Tiles(numbers, rays, channels, False, edges_around(picture, film, numbers)), marks)
     return picture.frame(film, {"build": built - start, "render": time.perf_counter() - built})
-
-
-def _render_again(session: ClusterSession, picture: RenderJob, film: Film, threads: int) -> None:
-    """Render the pixels of a film that need all samples for a neighbour in another tile."""
-    marks = reopened(picture, film)
-    numbers = np.flatnonzero(marks.any(axis=(1, 2)))
-    if len(numbers) == 0:
-        return
-    rays = picture.style.samples * int(np.count_nonzero(marks)) / len(numbers)
-    tiles = Tiles(numbers, rays, picture.channels, False, edges_around(picture, film, numbers))
-    for first, last, rows in session.rows(tiles, picture, threads):
-        pixels, _, counts = rows
-        paste(film, numbers[first:last], pixels, marks[numbers[first:last]])
-        picture.counts += counts.sum(axis=0)

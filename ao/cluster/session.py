@@ -18,13 +18,10 @@ from typing import Any
 
 from raytrace.errors import ClusterError, InputError
 
-from ..execute.identity import machine
-from ..execute.work import Finished, Span, Tables, Work, fill, fill_spans
-from .addresses import unguarded
-from .dask_cluster import DaskCluster
+from ..execute.work import Finished, Span, Tables, Work, fill, fill_spans, machine
+from .dask_cluster import DaskCluster, unguarded
 from .dispatch import IN_FLIGHT, Dispatch
-from .scene_file import SceneFile, write_scene
-from .worker import trace_block, unpack
+from .worker import SceneFile, trace_block, unpack, write_scene
 
 _FEW = 1 << 19  # rays that are traced here: to send them takes as long
 _LOOK = 0.2  # seconds between looks at who is there
@@ -111,7 +108,12 @@ class ClusterSession:
                 not be read for instance.
             ClusterError: the scheduler is lost, or blocks fail again and again.
         """
-        self._use(scene)
+        if self._scene() is not scene:
+            self._remove()
+            self._file = write_scene(self._shared, self._name, scene)
+            self._scene = weakref.ref(scene)
+            self._cluster.connect()
+            self.dispatch.speed.clear()
         self.dispatch.begin(work, spans)
         self._lost_before.clear()
         self._alone_since, self._told_alone = time.monotonic(), False
@@ -138,15 +140,6 @@ class ClusterSession:
         again = f", {done.again:,} of them once more, for workers that were lost" if done.again else ""
         blocks, workers = _plural(done.blocks.total(), "block"), _plural(len(done.blocks), "worker")
         return f"{self._address}: {blocks} traced by {workers}{again}"
-
-    def _use(self, scene: Any) -> None:
-        """Let workers trace in a scene from now on."""
-        if self._scene() is not scene:
-            self._remove()
-            self._file = write_scene(self._shared, self._name, scene)
-            self._scene = weakref.ref(scene)
-            self._cluster.connect()
-            self.dispatch.speed.clear()
 
     def _look(self) -> None:
         """Take on workers that have come, and let go of those that have gone or stand still."""

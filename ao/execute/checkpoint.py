@@ -21,12 +21,9 @@ from raytrace.types import Bools, Float64s
 
 from ..points.receivers import Receivers
 from ..rays.ray_scene import RayScene
-from .identity import machine
 from .journal import IDENTITY, Block, Journal, record
-from .work import Advance, FillSpans, Span, Tables, Work, fill_spans
+from .work import Advance, FillSpans, Tables, Work, fill_spans, machine
 
-AFTER = 60.0  # seconds of work until a journal is begun
-EVERY = 5.0  # seconds between writes
 _MOST_WAITING = 1 << 25  # bytes that are written at once, due or not
 
 
@@ -58,8 +55,8 @@ class Checkpoint:
         path: str | os.PathLike[str] | None,
         resume: bool = False,
         notify: Callable[[str], object] = warnings.warn,
-        after: float = AFTER,
-        every: float = EVERY,
+        after: float = 60.0,
+        every: float = 5.0,
         fill_spans: FillSpans = fill_spans,
         status: Callable[[], str] = str,
     ) -> None:
@@ -127,7 +124,9 @@ class Checkpoint:
         if done := len(work) - int(np.count_nonzero(wanted)):
             advance(done)
         if wanted.any():
-            self.fill_spans(work, scene, spans_of(wanted), tables, threads, finished)
+            edges = np.flatnonzero(np.diff(wanted, prepend=False, append=False)).tolist()
+            spans = list(zip(edges[::2], edges[1::2], strict=True))
+            self.fill_spans(work, scene, spans, tables, threads, finished)
 
     def choose(self, work: Work, missing: Bools) -> Bools:
         """Which of the `missing` rows, bool (k,), are to be made here: all."""
@@ -137,15 +136,15 @@ class Checkpoint:
         """Which rows of the work of this name are kept, bool (k,); they are copied into `tables`."""
         taken = np.zeros(len(tables[0]), np.bool_)
         if self._journal:
-            for block in (block for block in self._journal.blocks if block[0] == name):
-                restore(block, self._journal.content(block), tables, taken)
+            for block in self._journal.blocks:
+                if block[0] == name:
+                    restore(block, self._journal.content(block), tables, taken)
         return taken
 
     def put(self, name: bytes, first: int, last: int, tables: Tables) -> None:
         """Keep the rows from a first to a last one of the work of this name; written when it is time to, or much."""
         if not self._given_up:
-            content = b"".join(table[first:last].tobytes() for table in tables)
-            self._put((name, first, last), content)
+            self._put((name, first, last), b"".join(table[first:last].tobytes() for table in tables))
 
     def all_traced(self) -> None:
         """No more rows will be asked for."""
@@ -220,12 +219,6 @@ def restore(block: Block, content: bytes, tables: Tables, restored: Bools) -> No
         block_rows[:] = np.frombuffer(content, table.dtype, block_rows.size, begin).reshape(block_rows.shape)
         begin += block_rows.nbytes
     restored[first:last] = True
-
-
-def spans_of(rows: Bools) -> list[Span]:
-    """The runs of set values in `rows` (k,)."""
-    edges = np.flatnonzero(np.diff(rows, prepend=False, append=False))
-    return [(int(first), int(last)) for first, last in edges.reshape(-1, 2)]
 
 
 def _refused(path: Path, reason: OSError) -> OutputError:

@@ -1,13 +1,20 @@
-"""Work that any process can do: rows that depend on nothing but a scene and their own inputs."""
+"""Work that any process can do: rows that depend on nothing but a scene, their own inputs and the kind of machine."""
 
 from __future__ import annotations
 
+import hashlib
+import platform
 from collections import deque
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from functools import cache
 from typing import Any, Protocol
 
+import llvmlite.binding
+import numpy as np
 import numpy.typing as npt
 
+from raytrace.embree import library as embree
+from raytrace.kernel.cache import numba_settings, source_hash
 from raytrace.system.threads import granted, run_blocks, shares
 
 Tables = tuple[npt.NDArray[Any], ...]
@@ -68,3 +75,30 @@ def fill_spans(work: Work, scene: Any, spans: Sequence[Span], tables: Tables, th
         made.append(blocks[number])
 
     run_blocks(len(blocks), 1, make, threads, lambda _: finished(*made.popleft()))
+
+
+@cache
+def machine() -> dict[str, str]:
+    """Facts that must be equal for rows of the same bits, by name.
+
+    The C library counts for its sines, and NumPy and Embree choose instructions by what the processor has.
+    """
+    features = llvmlite.binding.get_host_cpu_features().flatten()
+    return {
+        "code": source_hash(),
+        "Embree": embree.version(),
+        "NumPy": np.__version__,
+        "llvmlite": llvmlite.__version__,
+        "C library": " ".join(platform.libc_ver()) or platform.system(),
+        "processor": llvmlite.binding.get_host_cpu_name(),
+        "instructions": hashlib.sha256(features.encode()).hexdigest()[:8],
+        "Numba's settings": numba_settings() or "none",
+    }
+
+
+def first_difference(expected: Mapping[str, str], got: Mapping[str, str]) -> tuple[str, str, str] | None:
+    """The name and both values of the first entry that differs, or None."""
+    for name in (*expected, *(name for name in got if name not in expected)):
+        if expected.get(name) != got.get(name):
+            return name, expected.get(name, "nothing"), got.get(name, "nothing")
+    return None

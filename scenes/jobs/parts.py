@@ -65,7 +65,7 @@ def merge(folder: Path, options: dict[str, Any], bake_command: Callable[[Mapping
 
     Raises: as `MeshBake.run`. InputError: a part is missing, not finished or of another bake.
     """
-    from ao.execute.merge import Merge, read_parts
+    from ao.execute.parts import Merge, read_parts
     from raytrace.errors import OptionError
 
     parts = read_parts(folder)

@@ -33,7 +33,7 @@ class Workers:
         if find_spec("distributed") is None or find_spec("cryptography") is None:
             expected = "Dask and cryptography: pip install dask distributed cryptography"
             raise OptionError("cluster", expected, "not both")
-        from ao.cluster.addresses import local_workers
+        from ao.cluster.dask_cluster import local_workers
 
         local_workers(self.address)
         if self.shared is not None and not self.shared.is_dir():

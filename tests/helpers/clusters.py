@@ -17,7 +17,7 @@ from parts_of_bakes import bits, bits_of_texture
 from uv_meshes import grid_charts
 
 import ao
-from ao.cluster.addresses import CONFIG, LOCAL
+from ao.cluster.dask_cluster import CONFIG, LOCAL
 from ao.cluster.session import ClusterSession
 from ao.execute.checkpoint import Checkpoint
 from raytrace import Mesh

@@ -3,8 +3,7 @@
 import pytest
 from interrupted_bakes import bits, bits_of, of_profile
 
-from ao.execute.merge import Merge, read_parts
-from ao.execute.parts import PartTraced, ShardCheckpoint
+from ao.execute.parts import Merge, PartTraced, ShardCheckpoint, read_parts
 
 DESCRIPTION = {"mesh": "hills", "options": {"seed": 0}}
 

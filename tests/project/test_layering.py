@@ -35,7 +35,7 @@ DOORS = {
         "raytrace.kernel.lanes",
         "raytrace.kernel.compiler",
         "raytrace.embree.library",
-        "ao.execute.identity",
+        "ao.execute.work",
     },
     "numba": {"raytrace.kernel.lanes", "raytrace.kernel.compiler"},
     "uvunwrap": {"scenes.jobs.textures.coordinates"},

@@ -10,12 +10,10 @@ from parts_of_bakes import DESCRIPTION, bits, bits_of_texture, merged, trace_par
 from uv_meshes import grid_charts
 
 import ao
-import ao.execute.merge
 import ao.execute.parts
 from ao.execute.journal import IDENTITY, MAGIC, Journal
-from ao.execute.merge import read_parts
 from ao.execute.parts import DESCRIPTION as DESCRIPTION_BLOCK
-from ao.execute.parts import WHOLE, ShardCheckpoint, assign_shards
+from ao.execute.parts import WHOLE, ShardCheckpoint, assign_shards, read_parts
 from raytrace import InputError, Mesh, OptionError, OutputError
 
 HILLS = Mesh(*hills(40))
@@ -132,8 +130,8 @@ def test_a_part_by_other_settings_of_numba_is_named(parts, monkeypatch):
 def test_parts_of_another_mesh_or_processor_than_the_merging_ones_are_refused(parts, monkeypatch):
     assert said(parts, partial(ao.bake, Mesh(*hills(41)), samples=64)).startswith("FOLDER: mesh: expected ")
     assert said(parts, partial(ao.bake, HILLS, samples=64, seed=1)).startswith("FOLDER: header: expected ")
-    other = ao.execute.merge.machine() | {"Embree": "3.0"}
-    monkeypatch.setattr(ao.execute.merge, "machine", lambda: other)
+    other = ao.execute.parts.machine() | {"Embree": "3.0"}
+    monkeypatch.setattr(ao.execute.parts, "machine", lambda: other)
     monkeypatch.setattr("ao.execute.checkpoint.machine", lambda: other)
     assert said(parts).startswith("FOLDER: Embree: expected ")
 
