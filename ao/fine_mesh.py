@@ -19,7 +19,7 @@ from .prepared import Prepared
 from .result import PointValues
 from .texture.coverage import Coverage
 from .texture.gathering import begin_tracing
-from .texture.projection import Fine, project
+from .texture.projection import project
 from .texture.texels import find_texels
 
 _OWN_CORNERS = Flag.FOLDED | Flag.OPPOSED | Flag.CONTACT  # how the coarse mesh's faces lie matters to its own w alone
@@ -39,10 +39,9 @@ def sample_fine_mesh(
     coverage = Coverage.of_points(np.arange(count), *nowhere)
     positions = (coarse.vertices[shown.first_vertex] - placement.centre) * placement.scale
     axes = shown.points.normals.astype(np.float64)
-    surface = Fine(placement.vertices.astype(np.float64), fine, high.source)
     cage = resolve_length("cage", options.cage, coarse.radius or 1.0)
-    coverage, missed = project(coverage, positions, axes, surface, cage * placement.scale, threads)
-    texels, _ = find_texels(coverage, coverage, placement, fine, replace(options, interior="ignore"), threads)
+    coverage, missed = project(coverage, positions, axes, prepared, cage)
+    texels, _ = find_texels(coverage, coverage, prepared, "ignore")
     own = fine.faces[texels.face, 0]
     inside = inside_solids(texels.points, own, placement, fine, options.interior, threads)
     row_of = np.full(count + 1, -1)

@@ -8,25 +8,20 @@ from raytrace.system.threads import run_blocks
 from raytrace.types import Float64s, Int32s, Int64s
 
 from ..estimate.one_ring import Neighbours
-from ..points.points import Points
 from .seams import Seams
+from .shown import Shown
 from .texels import Texels
-from .uv_layout import UVLayout
 
 _NEAR = 3.0  # times the size of a texel on the surface that a neighbour may be away: more is another part of the chart
 _BLOCK, _SHARE = 1 << 12, 16  # texels, and blocks at once
 
 
-def texel_neighbours(
-    texels: Texels, points: Points, layout: UVLayout, seams: Seams, charts: Int64s, sizes: Float64s, threads: int
-) -> Neighbours:
-    """The one-ring of every texel.
-
-    Args:
-        points: `texels.first_points`. charts: int64 (m,), sizes: float64 (m,), of every face: its chart, and how far
-            a texel reaches on it, in render space.
-    """
-    count = len(texels)
+def texel_neighbours(shown: Shown, texels: Texels, most: float, threads: int) -> Neighbours:
+    """The one-ring of every texel. Args: most: how far a texel reaches on a face at most, in render space."""
+    count, layout, points = len(texels), shown.layout, texels.first_points
+    corners = corner_places(layout.uv, shown.points_of_faces)
+    charts = connected_components(corners, int(corners.max()) + 1)[corners[:, 0]]
+    sizes = _texel_sizes(layout.uv, shown.vertices, shown.receivers.faces, most)
     row_of = np.full(layout.width * layout.height, -1, np.int32)
     row_of[texels.texels] = np.arange(count)
     face = texels.shown
@@ -39,7 +34,7 @@ def texel_neighbours(
         _find_beside(first, last, texels.texels, page, surface, beside)
 
     run_blocks(count, _BLOCK, work, threads, most=_SHARE)
-    across = _across(seams, row_of)
+    across = _across(shown.seams, row_of)
     listed = beside >= 0
     counts = listed.sum(axis=1)
     indices = np.insert(beside[listed], np.cumsum(counts)[across[:, 0]], across[:, 1].astype(np.int32))
@@ -48,17 +43,11 @@ def texel_neighbours(
     return Neighbours.weighted(starts, indices, np.ones(len(indices), np.float32), points.normals, threads)
 
 
-def face_charts(uv: Float64s, points: Int64s) -> Int64s:
-    """The chart (m,) of every face: faces hang together where they share a point and its place on the page.
+def corner_places(uv: Float64s, points: Int64s) -> Int64s:
+    """A number (m, 3) for each corner, the same for corners that share a point and its place on the page.
 
     Args: uv: (m, 3, 2), in texels. points: int64 (m, 3), the welded point at each corner.
     """
-    corners = corner_places(uv, points)
-    return connected_components(corners, int(corners.max()) + 1)[corners[:, 0]]
-
-
-def corner_places(uv: Float64s, points: Int64s) -> Int64s:
-    """A number (m, 3) for each corner, the same for corners that share a point and its place on the page."""
     rounded = np.round(uv.reshape(-1, 2) * 4096).astype(np.int64)
     order = np.lexsort((rounded[:, 1], rounded[:, 0], points.ravel()))
     keys = np.column_stack([points.ravel(), rounded])[order]
@@ -68,8 +57,8 @@ def corner_places(uv: Float64s, points: Int64s) -> Int64s:
     return corner.reshape(-1, 3)
 
 
-def texel_sizes(uv: Float64s, vertices: Float64s, faces: Int64s, most: float) -> Float64s:
-    """The size (m,) of a texel on each face, in render space, `most` at most. Args: uv: as above."""
+def _texel_sizes(uv: Float64s, vertices: Float64s, faces: Int64s, most: float) -> Float64s:
+    """The size (m,) of a texel on each face, in render space, `most` at most."""
     a, b = uv[:, 1] - uv[:, 0], uv[:, 2] - uv[:, 0]
     page = np.abs(a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0])
     p, q, r = (vertices[faces[:, corner]] for corner in range(3))

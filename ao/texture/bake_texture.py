@@ -16,7 +16,6 @@ from raytrace.system.memory import check_memory
 
 from ..declared import Option, taking
 from ..estimate.estimate import estimate
-from ..estimate.one_ring import Neighbours
 from ..estimate.tolerance import Estimate, shortfall
 from ..falloff import resolve_length
 from ..memory import column_bytes, texture_bytes
@@ -25,10 +24,13 @@ from ..points.corners import CornerSamples
 from ..points.occluders import occluding
 from ..prepared import Inputs, Prepared
 from ..result import of_columns
+from .adjacency import texel_neighbours
 from .coverage import cover
 from .gathering import begin_tracing
+from .projection import project
 from .result import BakedTexture, TextureFacts, assemble_pages
 from .shown import Shown
+from .tangents import tangent_frames
 from .texels import find_texels
 from .uv_layout import corner_uv, page_size
 
@@ -91,14 +93,15 @@ def bake_texture(mesh: Mesh | Any, options: TextureArguments) -> BakedTexture:
         raise OptionError("overlap", expected, f"{overlapping:,} texels with several", mesh.source)
     covered, coverage, missed = len(page.texels), page, np.zeros(0, np.int64)
     if high is not None:
-        coverage, missed = shown.project(page, prepared, reach)
-    texels, filled = find_texels(coverage, page, prepared.placement, prepared.receivers, options, prepared.threads)
+        own, weights = page.face.ravel().astype(np.int64), page.barycentric.reshape(-1, 3)
+        places, _, axes = shown.faces.points_at(own, weights, prepared.threads)
+        coverage, missed = project(page, places, axes, prepared, reach)
+        del places, axes
+    texels, filled = find_texels(coverage, page, prepared, options.interior)
     del coverage, page
     tracer = begin_tracing(prepared, texels, "texture", options.checkpoint)
 
-    @cache
-    def neighbours() -> Neighbours:
-        return shown.neighbours(texels, prepared.placement.diagonal, prepared.threads)
+    neighbours = cache(lambda: texel_neighbours(shown, texels, prepared.placement.diagonal, prepared.threads))
 
     def by_falloff() -> Estimate:
         none = CornerSamples.none()
@@ -106,7 +109,7 @@ def bake_texture(mesh: Mesh | Any, options: TextureArguments) -> BakedTexture:
 
     estimated, *others = tracer.each_column(by_falloff)
     neighbours.cache_clear()
-    frames = None if options.bent_space == "world" else shown.tangent_frames(texels)
+    frames = None if options.bent_space == "world" else tangent_frames(shown, texels)
     if frames is not None and options.bent_space == "tangent-directx":
         frames[:, 1] *= -1
     values = estimated.rows, estimated.variance, frames

@@ -18,7 +18,7 @@ from raytrace.types import Bools, Float32s, Float64s, Int32s, Int64s
 from ..options import Overlap
 from ..rays.ray_packet import RayPacket
 from .page_rays import DEEP, SLOTS, find_hits, look_down
-from .slivers import PageTree, find_slivers
+from .slivers import PageTree, find_slivers, page_tree
 from .uv_layout import UVLayout
 
 _FINE = 8  # points across and down of texels that are not whole
@@ -77,14 +77,13 @@ def cover(layout: UVLayout, overlap: Overlap, threads: int) -> Coverage:
     vertices = np.empty((count, 3, 3), np.float32)
     vertices[:, :, :2], vertices[:, :, 2] = layout.corners, heights[:, None]
     scene = TriangleScene(vertices.reshape(-1, 3), np.arange(3 * count).reshape(-1, 3))
-    size = layout.width * layout.height
     found: dict[int, Coverage] = {}
-    tree = PageTree.of(layout.corners)
+    tree = page_tree(layout.corners)
 
     def work(first: int, last: int) -> None:
-        found[first] = _cover_band(layout, scene, tree, np.arange(first, last), overlap, step, threads)
+        found[first] = _cover_band(layout, scene, tree, np.arange(first, last), overlap == "mean", step, threads)
 
-    run_blocks(size, _BAND, work, threads)
+    run_blocks(layout.width * layout.height, _BAND, work, threads)
     bands = [band for _, band in sorted(found.items())]
     columns = (np.concatenate([getattr(band, name) for band in bands]) for name in Coverage.__dataclass_fields__)
     return Coverage(*columns)
@@ -117,16 +116,11 @@ def shared_texels(
 
 
 def _cover_band(
-    layout: UVLayout,
-    scene: TriangleScene,
-    tree: PageTree,
-    texels: Int64s,
-    overlap: Overlap,
-    step: float,
-    threads: int,
+    layout: UVLayout, scene: TriangleScene, tree: PageTree, texels: Int64s, in_turn: bool, step: float, threads: int
 ) -> Coverage:
-    """`cover` of some texels."""
-    shape = len(texels), SLOTS
+    """`cover` of some texels. Args: in_turn, step: as `find_hits` has them."""
+    shape, width = (len(texels), SLOTS), layout.width
+    corner = np.stack([texels % width, texels // width], axis=1)
     triangle, barycentric = np.full(shape, -1), np.zeros((*shape, 3), np.float32)
     overlapping, deep = np.zeros((2, len(texels)), np.bool_)
     deep_triangle, deep_place = np.empty((len(texels), DEEP), np.int64), np.empty((len(texels), DEEP, 3), np.float32)
@@ -135,74 +129,46 @@ def _cover_band(
         block = slice(first, last)
         found = triangle[block], barycentric[block], overlapping[block]
         layered = deep[block], deep_triangle[block], deep_place[block]
-        find_hits(RayPacket.of(scene), texels[block], layout.width, step, overlap == "mean", found, layered)
+        find_hits(RayPacket.of(scene), texels[block], width, step, in_turn, found, layered)
 
     run_blocks(len(texels), _BLOCK, work, threads, most=_SHARE)
     hit = triangle >= 0
     whole = np.flatnonzero(hit.all(axis=1) & ~overlapping)
     centre_face, centre = np.full(len(texels), -1), np.zeros((len(texels), 3), np.float32)
-    centre_face[whole], centre[whole] = _at_centres(
-        scene, texels[whole], layout.width, triangle[whole], barycentric[whole], threads
-    )
+    centre_face[whole] = triangle[whole, 0]
+    centre[whole] = barycentric[whole].sum(axis=1) / np.float32(SLOTS)
+    several = whole[(triangle[whole] != triangle[whole, :1]).any(axis=1)]
+    hits = look_down(scene, corner[several] + 0.5, threads)
+    centre_face[several], centre[several] = hits.face, hits.barycentric
     missed = np.flatnonzero(~hit.any(axis=1))
-    slivers = find_slivers(tree, texels[missed], layout.width, threads)
-    triangle[missed] = slivers.face[:, None]
-    barycentric[missed] = slivers.barycentric[:, None]
+    sliver, where = find_slivers(tree, texels[missed], width, threads)
+    triangle[missed], barycentric[missed] = sliver[:, None], where[:, None]
     refill(hit, triangle, barycentric)
     parts = np.flatnonzero(~(hit.all(axis=1) | (triangle[:, 0] < 0) | overlapping))
     for first in range(0, len(parts), _FINE_TEXELS):
         block = parts[first : first + _FINE_TEXELS]
-        _spread_over_part(scene, texels[block], layout.width, block, triangle, barycentric, threads)
+        _spread_over_part(scene, corner[block], block, triangle, barycentric, threads)
     covered = triangle[:, 0] >= 0
     number = np.append(layout.face, -1).astype(np.int32)
     face, centre_face = number[triangle[covered]], number[centre_face[covered]]
     return Coverage(
-        texels[covered],
-        face,
-        barycentric[covered],
-        centre_face,
-        centre[covered],
-        overlapping[covered],
-        deep[covered],
-        number[deep_triangle[deep]],
-        deep_place[deep],
-    )
-
-
-def _at_centres(
-    scene: TriangleScene, texels: Int64s, width: int, triangle: Int64s, barycentric: Float32s, threads: int
-) -> tuple[Int64s, Float32s]:
-    """The triangle (k,) at the centre of each of the `texels`, −1 for none, and where on it (k, 3).
-
-    Args: triangle, barycentric: of the points about it, (k, SLOTS) and (k, SLOTS, 3).
-    """
-    face, place = triangle[:, 0].copy(), barycentric.sum(axis=1) / np.float32(SLOTS)
-    several = np.flatnonzero((triangle != triangle[:, :1]).any(axis=1))
-    middles = np.stack([texels[several] % width, texels[several] // width], axis=1) + np.array([0.5, 0.5])
-    hits = look_down(scene, middles, threads)
-    face[several], place[several] = hits.face, hits.barycentric
-    return face, place
+        texels[covered], face, barycentric[covered], centre_face, centre[covered], overlapping[covered], deep[covered],
+        number[deep_triangle[deep]], deep_place[deep],
+    )  # fmt: skip
 
 
 def _spread_over_part(
-    scene: TriangleScene,
-    texels: Int64s,
-    width: int,
-    rows: Int64s,
-    triangle: Int64s,
-    barycentric: Float32s,
-    threads: int,
+    scene: TriangleScene, corner: Int64s, rows: Int64s, triangle: Int64s, barycentric: Float32s, threads: int
 ) -> None:
     """Spread the points of texels that are covered in part over that part, in place, unless it is too small for that.
 
-    Args: rows: int64 (k,), where each of `texels` (k,) is in `triangle` and `barycentric`, of all texels of the band.
+    Args: corner: int64 (k, 2), x and y of each. rows: int64 (k,), where it is in `triangle` and `barycentric`.
     """
     cells = np.arange(_FINE**2)
     bits = [(cells >> shift) & 1 for shift in range(6)]
     column, row = (sum(bit << place for place, bit in enumerate(bits[first::2])) for first in (0, 1))  # Morton order
     fine = (np.stack([column, row], axis=1) + 0.5) / _FINE
-    places = np.stack([texels % width, texels // width], axis=1)[:, None] + fine
-    hits = look_down(scene, places.reshape(-1, 2), threads)
+    hits = look_down(scene, (corner[:, None] + fine).reshape(-1, 2), threads)
     face, weights = hits.face.reshape(-1, _FINE**2), hits.barycentric.reshape(-1, _FINE**2, 3)
     count: Int64s = np.sum(face >= 0, axis=1)
     order = np.argsort(face < 0, axis=1, kind="stable")

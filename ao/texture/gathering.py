@@ -6,14 +6,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from raytrace.system.threads import run_blocks
-from raytrace.types import Float32s, Float64s, Int64s
+from raytrace.types import Float64s, Int64s
 
 from ..execute.checkpoint import Checkpoint
 from ..execute.tracer import Tracer
 from ..points.points import Points
 from ..prepared import Prepared
 from ..rays.below_face import leave_out_below
-from ..rays.directions import DirectionTable
 from ..rays.estimator import BATCH_VARIANCE, COLUMNS
 from .texels import Texels
 
@@ -24,11 +23,7 @@ _BLOCK, _SHARE = 1 << 9, 16  # texels, and blocks at once
 
 @dataclass(eq=False)
 class TexelTracer(Tracer):
-    """A `Tracer` whose points are texels, by their numbers: rows are means over each texel's points.
-
-    Attributes:
-        texels: all of them.
-    """
+    """A `Tracer` whose points are `texels`, by their numbers: rows are means over each texel's points."""
 
     texels: Texels | None = None
 
@@ -67,21 +62,18 @@ class TexelTracer(Tracer):
         def average(first: int, last: int) -> None:
             each = (starts[rows[first:last], None] + np.arange(slots)).ravel()
             block = slice(slots * first, slots * last)
-            self._leave_out_below(subset[block], sides.take(each, axis=0), table, values[block])
+            arrays, own_sides, falloffs = subset[block].arrays, sides.take(each, axis=0), by_falloff[block]
+            for falloff in range(falloffs.shape[1]):
+                column = np.ascontiguousarray(falloffs[:, falloff])
+                leave_out_below(arrays, own_sides, table, column)
+                falloffs[:, falloff] = column
             np.sum(values[block].reshape(-1, slots, *values.shape[1:]), axis=1, out=means[first:last])
             means[first:last] /= slots
 
-        sides = self.texels.sides
+        sides, by_falloff = self.texels.sides, values.reshape(len(values), -1, COLUMNS)
         run_blocks(len(rows), _BLOCK, average, self.threads, most=_SHARE)
         means[..., BATCH_VARIANCE] *= slots**-1.5  # as if the batches were of all rays: they share a leaped lattice
         return means
-
-    def _leave_out_below(self, points: Points, sides: Float32s, table: DirectionTable, found: Float64s) -> None:
-        rows = found.reshape(len(found), -1, COLUMNS)
-        for falloff in range(rows.shape[1]):
-            column = np.ascontiguousarray(rows[:, falloff])
-            leave_out_below(points.arrays, sides, table, column)
-            rows[:, falloff] = column
 
 
 def begin_tracing(prepared: Prepared, texels: Texels, kind: str, checkpoint: Checkpoint | None) -> TexelTracer:

@@ -6,8 +6,6 @@ Points that meet nothing take the closest one; where that is on the ray but for 
 that both meshes have, it counts as met.
 """
 
-from typing import NamedTuple
-
 import numpy as np
 
 from raytrace.bvh.closest import closest_on_triangle
@@ -21,9 +19,10 @@ from raytrace.kernel.vector import load, load_triangle
 from raytrace.mesh.opacity_lookup import alphas
 from raytrace.mesh.placement import NEAR
 from raytrace.system.threads import run_blocks
-from raytrace.types import Bools, Float32s, Float64s, Int64s
+from raytrace.types import Float32s, Float64s, Int64s
 
 from ..points.receivers import Receivers
+from ..prepared import Prepared
 from .coverage import Coverage
 
 _BLOCK, _SHARE = 1 << 9, 16  # points, and blocks at once
@@ -32,49 +31,47 @@ _MOST_HOLES = 64  # that a ray goes through
 _BESIDE = 0.01  # of the cage: how far from its ray a point that counts as met may be
 
 
-class Fine(NamedTuple):
-    """A surface to project onto: `vertices` float64 (n, 3) in render space, `receivers`, and a name for messages."""
-
-    vertices: Float64s
-    receivers: Receivers
-    source: str
-
-
 def project(
-    coverage: Coverage, places: Float64s, normals: Float64s, fine: Fine, cage: float, threads: int
+    coverage: Coverage, places: Float64s, normals: Float64s, prepared: Prepared, cage: float
 ) -> tuple[Coverage, Int64s]:
-    """The points of `coverage` on a fine surface, and which of them the cage misses, (j,).
+    """The points of `coverage` on a fine surface, that of `prepared`, and which of them the cage misses, (j,).
 
     Args:
         places, normals: (k · slots, 3), the points on the coarse mesh and its unit normals there, in render space.
-        cage: how far from the coarse mesh the fine surface may be, in render space.
+        cage: how far from the coarse mesh the fine surface may be, in mesh units.
 
-    Raises:
-        MeshError: no point meets anything.
+    Raises: MeshError: no point meets anything.
     """
-    apart = np.maximum(fine.vertices.max(axis=0), places.max(axis=0)) - np.minimum(
-        fine.vertices.min(axis=0), places.min(axis=0)
-    )
-    cage = min(cage, float(np.linalg.norm(apart)))
-    face, weights = _first_hits(fine, places + cage * normals, -normals, 2 * cage, threads)
+    receivers, threads = prepared.receivers, prepared.threads
+    vertices = prepared.placement.vertices.astype(np.float64)
+    low, high = (np.stack([ends(vertices, axis=0), ends(places, axis=0)]) for ends in (np.min, np.max))
+    cage = min(cage * prepared.placement.scale, float(np.linalg.norm(high.max(axis=0) - low.min(axis=0))))
+    starts = places + cage * normals
+    face, weights = _first_hits(receivers, starts, -normals, 2 * cage, _rounding(vertices, starts), threads)
     missed = np.flatnonzero(face < 0)
-    face[missed], weights[missed] = _closest_points(fine, places[missed], cage, threads)
-    missed = missed[_outside(fine, face[missed], weights[missed], places[missed], normals[missed], cage)]
+    closest = _closest_points(receivers, vertices, places[missed], cage, threads)
+    face[missed], weights[missed] = closest
+    away = np.einsum("kc,kci->ki", closest[1], vertices[receivers.faces[closest[0]]]) - places[missed]
+    along = np.einsum("ki,ki->k", away, normals[missed])
+    beside = np.linalg.norm(away - along[:, None] * normals[missed], axis=1)
+    rounded = _rounding(vertices, places[missed])
+    missed = missed[(np.abs(along) > cage + rounded) | (beside > _BESIDE * cage + rounded)]
     if len(missed) == len(face):
-        raise MeshError(fine.source, "surface", "some of it within the cage about the coarse mesh", "none")
+        expected = "some of it within the cage about the coarse mesh"
+        raise MeshError(prepared.mesh.source, "surface", expected, "none")
     shape = coverage.face.shape
     each = face.reshape(shape).astype(np.int32), weights.reshape(*shape, 3)
     return Coverage.of_points(coverage.texels, *each, coverage.overlapping), missed
 
 
 def _first_hits(
-    fine: Fine, starts: Float64s, directions: Float64s, reach: float, threads: int
+    receivers: Receivers, starts: Float64s, directions: Float64s, reach: float, step: Float64s, threads: int
 ) -> tuple[Int64s, Float32s]:
-    """The face (k,) that rays meet first, −1 for none, and where on it (k, 3); through holes they go on."""
-    scene, opacity = fine.receivers.embree(), fine.receivers.opacity
+    """The face (k,) that rays meet first, −1 for none, and where on it (k, 3); through holes they go on by `step`."""
+    scene, opacity = receivers.embree(), receivers.opacity
     hits = intersect(scene, starts, directions, reach, threads)
     face, weights, distance = hits.face, hits.barycentric, hits.distance.astype(np.float64)
-    rows, step = np.arange(len(face)), _rounding(fine, starts)
+    rows = np.arange(len(face))
     for _ in range(_MOST_HOLES if opacity else 0):
         rows = rows[face[rows] >= 0]
         alpha = np.empty(len(rows))
@@ -90,24 +87,17 @@ def _first_hits(
     return face, weights
 
 
-def _outside(fine: Fine, face: Int64s, weights: Float32s, places: Float64s, normals: Float64s, cage: float) -> Bools:
-    """Whether points (k,) of faces lie beside the rays through `places` along `normals` (k, 3), or beyond the cage."""
-    away = np.einsum("kc,kci->ki", weights, fine.vertices[fine.receivers.faces[face]]) - places
-    along = np.einsum("ki,ki->k", away, normals)
-    beside = np.linalg.norm(away - along[:, None] * normals, axis=1)
-    rounded = _rounding(fine, places)
-    return (np.abs(along) > cage + rounded) | (beside > _BESIDE * cage + rounded)
-
-
-def _rounding(fine: Fine, places: Float64s) -> Float64s:
-    most = max(float(np.abs(fine.vertices).max()), float(np.abs(places).max(initial=0.0)))
+def _rounding(vertices: Float64s, places: Float64s) -> Float64s:
+    most = max(float(np.abs(vertices).max()), float(np.abs(places).max(initial=0.0)))
     return _ROUNDED * np.minimum(most, np.maximum(NEAR, np.abs(places).max(axis=1)))
 
 
-def _closest_points(fine: Fine, places: Float64s, radius: float, threads: int) -> tuple[Int64s, Float32s]:
+def _closest_points(
+    receivers: Receivers, vertices: Float64s, places: Float64s, radius: float, threads: int
+) -> tuple[Int64s, Float32s]:
     """The face (k,) nearest to each of `places` (k, 3), and where on it (k, 3); sought within `radius` at first."""
     face, weights = np.full(len(places), -1), np.zeros((len(places), 3), np.float32)
-    tree, surface = fine.receivers.tree, (fine.vertices, fine.receivers.faces)
+    tree, surface = receivers.tree, (vertices, receivers.faces)
 
     def search(first: int, last: int) -> None:
         out = face[first:last], weights[first:last]

@@ -12,16 +12,10 @@ from raytrace.mesh.normals import face_normals
 from raytrace.mesh.placement import Placement
 from raytrace.types import Float64s, Int64s
 
-from ..estimate.one_ring import Neighbours
 from ..points.receivers import Receivers, find_receivers
 from ..prepared import Prepared
-from .adjacency import face_charts, texel_neighbours, texel_sizes
-from .coverage import Coverage
-from .projection import Fine, project
 from .seams import Seams
 from .surface_points import Faces
-from .tangents import tangent_frames
-from .texels import Texels
 from .uv_layout import UVLayout, on_page
 
 
@@ -63,22 +57,3 @@ class Shown:
         """The edges that lie at two places of the page."""
         size = self.layout.width, self.layout.height
         return Seams.find(self.layout.uv, self.points_of_faces, size, self.layout.wraps)
-
-    def project(self, page: Coverage, prepared: Prepared, cage: float) -> tuple[Coverage, Int64s]:
-        """`projection.project` of the points of `page` onto the mesh of `prepared`; `cage`: in mesh units."""
-        placement, threads = prepared.placement, prepared.threads
-        fine = Fine(placement.vertices.astype(np.float64), prepared.receivers, prepared.mesh.source)
-        flat, weights = page.face.ravel().astype(np.int64), page.barycentric.reshape(-1, 3)
-        places, _, axes = self.faces.points_at(flat, weights, threads)
-        return project(page, places, axes, fine, cage * placement.scale, threads)
-
-    def neighbours(self, texels: Texels, diagonal: float, threads: int) -> Neighbours:
-        """`adjacency.texel_neighbours`. Args: diagonal: of what is baked."""
-        charts = face_charts(self.layout.uv, self.points_of_faces)
-        sizes = texel_sizes(self.layout.uv, self.vertices, self.receivers.faces, diagonal)
-        return texel_neighbours(texels, texels.first_points, self.layout, self.seams, charts, sizes, threads)
-
-    def tangent_frames(self, texels: Texels) -> Float64s:
-        """`tangents.tangent_frames` at what texels show."""
-        faces, places = self.receivers.faces, (texels.shown, texels.shown_at)
-        return tangent_frames(self.layout.uv, faces, self.points_of_faces, self.faces, *places)

@@ -1,9 +1,5 @@
 """Texels of which charts cover so little that no ray meets them: points in what each has in common with a face."""
 
-from __future__ import annotations
-
-from typing import NamedTuple
-
 import numpy as np
 
 from raytrace.bvh.bvh16 import BVH16
@@ -20,52 +16,36 @@ _LEAST = 1e-9  # area, in texels, that is any at all
 _CORNERS = 8  # of a triangle cut by a square, at most 7
 
 
-class Slivers(NamedTuple):
-    """Faces that reach into some texels: `face` int64 (k,), −1 for none; `barycentric` float32 (k, 3)."""
-
-    face: Int64s
-    barycentric: Float32s
+PageTree = tuple[Float64s, BVH16, float]
 
 
-class PageTree(NamedTuple):
-    """Triangles on the page.
-
-    Attributes: corners: float64 (t, 3, 2), in texels. tree: over them. radius: of texels, with what may be rounded.
-    """
-
-    corners: Float64s
-    tree: BVH16
-    radius: float
-
-    @classmethod
-    def of(cls, corners: Float64s) -> PageTree:
-        """Args: corners: as the attribute."""
-        flat = np.zeros((3 * len(corners), 3), np.float32)
-        flat[:, :2] = corners.reshape(-1, 2)
-        tree = BVH16.of(flat, np.arange(len(flat)).reshape(-1, 3))
-        return cls(corners, tree, 0.5 * (1 + _ROUNDED) + _ROUNDED * float(np.abs(flat).max()))
+def page_tree(corners: Float64s) -> PageTree:
+    """Triangles on the page, `corners` float64 (t, 3, 2), in texels; a tree over them; and the radius of a texel."""
+    flat = np.zeros((3 * len(corners), 3), np.float32)
+    flat[:, :2] = corners.reshape(-1, 2)
+    radius = 0.5 * (1 + _ROUNDED) + _ROUNDED * float(np.abs(flat).max())
+    return corners, BVH16.of(flat, np.arange(len(flat)).reshape(-1, 3)), radius
 
 
-def find_slivers(page: PageTree, texels: Int64s, width: int, threads: int) -> Slivers:
-    """The face that covers most of each of the `texels`, and the centroid of what it covers.
+def find_slivers(page: PageTree, texels: Int64s, width: int, threads: int) -> tuple[Int64s, Float32s]:
+    """The face (k,) that covers most of each of the `texels`, −1 for none, and the centroid (k, 3) of what it covers.
 
     Args: texels: int64 (k,), row · width + column.
     """
-    slivers = Slivers(np.full(len(texels), -1), np.zeros((len(texels), 3), np.float32))
+    face, weights = np.full(len(texels), -1), np.zeros((len(texels), 3), np.float32)
     corners, tree, radius = page
 
     def work(first: int, last: int) -> None:
-        subset = Slivers(slivers.face[first:last], slivers.barycentric[first:last])
-        _search(tree, new_stack(), corners, texels[first:last], width, radius, subset)
+        block = slice(first, last)
+        _search(tree, new_stack(), corners, texels[block], width, radius, (face[block], weights[block]))
 
     run_blocks(len(texels), _BLOCK, work, threads, most=_SHARE)
-    return slivers
+    return face, weights
 
 
 @kernel
 def _search(tree, stack, corners, texels, width, radius, found):
-    """Write `found` of some texels."""
-    tree, corners, texels, found = borrow(tree), borrow(corners), borrow(texels), borrow(found)
+    tree, corners, texels, (face, barycentric) = borrow(tree), borrow(corners), borrow(texels), borrow(found)
     one, other, weights = np.empty((_CORNERS, 2)), np.empty((_CORNERS, 2)), np.empty(3)
     reach = np.float32(radius)
     for i in range(len(texels)):
@@ -83,9 +63,9 @@ def _search(tree, stack, corners, texels, width, radius, found):
                     best, best_face = area, f
                     _weights(corners[f], x, y, weights)
                     for corner in range(3):
-                        found.barycentric[i, corner] = weights[corner]
+                        barycentric[i, corner] = weights[corner]
             leaf, near = next_leaf(tree, stack, middle, reach)
-        found.face[i] = best_face
+        face[i] = best_face
 
 
 @inline

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -20,9 +19,7 @@ from raytrace.system.threads import run_blocks
 from raytrace.types import Bools, Float32s, Float64s, Int64s
 
 from ..points.receivers import Receivers
-
-if TYPE_CHECKING:
-    from .coverage import Coverage
+from .coverage import Coverage
 
 _LEAST_COSINE = 0.2  # between an interpolated normal and its face's, which is used below that
 _AROUND = 7.0  # times the way from a texel's centre to its points, in which nothing may rise
@@ -77,8 +74,7 @@ def centres_suffice(coverage: Coverage, faces: Faces, tree: BVH16, most: float, 
     points = coverage.face, coverage.barycentric, coverage.centre_face, coverage.centre
 
     def work(first: int, last: int) -> None:
-        face, weights, centre_face, centre = (array[first:last] for array in points)
-        subset = face, weights, centre_face, centre
+        subset = tuple(array[first:last] for array in points)
         _find_smooth(tree, new_stack(), faces.surface, faces.axes, subset, most, enough[first:last])
 
     run_blocks(len(enough), _BLOCK, work, threads, most=_SHARE)
@@ -115,12 +111,7 @@ def _place(own, weights, surface, axes, places, sides, hemispheres):
 
 @kernel
 def _find_smooth(tree, stack, surface, axes, points, most, enough):
-    """Set `enough` where centres suffice.
-
-    Args:
-        points: faces and weights, of texels' points and of their centres.
-        most: by how much directions may differ.
-    """
+    """Set `enough` where centres suffice. Args: points: faces and weights, of texels' points and of their centres."""
     tree, surface = borrow(tree), borrow(surface)
     face, weights, centre_face, centre = points
     for i in range(len(enough)):

@@ -8,36 +8,31 @@ and handedness.
 import numpy as np
 
 from raytrace.mesh.normals import normalize
-from raytrace.types import Float32s, Float64s, Int32s, Int64s
+from raytrace.types import Float64s
 
 from .adjacency import corner_places
-from .texels import Faces
+from .shown import Shown
+from .texels import Texels
 
 
-def tangent_frames(
-    uv: Float64s, faces: Int64s, points: Int64s, mesh: Faces, face: Int32s, weights: Float32s
-) -> Float64s:
-    """Frames (k, 3, 3) at places on faces: rows along u, along v and along the normal, orthonormal.
-
-    Args:
-        uv: (m, 3, 2), in texels, y downwards. faces: (m, 3), rows of `mesh.vertices`. points: (m, 3), welded.
-        face: (k,), weights: (k, 3): the places.
-    """
-    corners = mesh.vertices[faces]
+def tangent_frames(shown: Shown, texels: Texels) -> Float64s:
+    """Frames (k, 3, 3) at what texels show: rows along u, along v and along the normal, orthonormal."""
+    uv, faces, face = shown.layout.uv, shown.receivers.faces, texels.shown
+    corners = shown.vertices[faces]
     along, up = corners[:, 1:] - corners[:, :1], uv[:, 1:] - uv[:, :1]
     u, v = up[..., 0], -up[..., 1]
     mirrored = u[:, 0] * v[:, 1] - u[:, 1] * v[:, 0] < 0
     direction = along[:, 0] * v[:, 1:] - along[:, 1] * v[:, :1]
     direction = normalize(np.where(mirrored[:, None], -direction, direction))
-    axes = mesh.axes[faces]
+    axes = shown.faces.axes[faces]
     unset = ~axes.any(axis=2)
-    axes[unset] = np.broadcast_to(mesh.surface.normals[:, None], axes.shape)[unset]
+    axes[unset] = np.broadcast_to(shown.faces.surface.normals[:, None], axes.shape)[unset]
     flat = normalize(direction[:, None] - np.einsum("fd,fcd->fc", direction, axes)[..., None] * axes)
-    group = 2 * corner_places(uv, points) + mirrored[:, None]
+    group = 2 * corner_places(uv, shown.points_of_faces) + mirrored[:, None]
     weighted = (_angles(corners)[..., None] * flat).reshape(-1, 3)
     columns = [np.bincount(group.ravel(), column) for column in weighted.T]
     sums: Float64s = np.stack(columns, axis=1).astype(np.float64)
-    b = weights.astype(np.float64)
+    b = texels.shown_at.astype(np.float64)
     normal = normalize(np.einsum("kc,kcd->kd", b, axes[face]))
     tangent = np.einsum("kc,kcd->kd", b, normalize(sums)[group[face]])
     tangent = normalize(tangent - np.einsum("kd,kd->k", tangent, normal)[:, None] * normal)

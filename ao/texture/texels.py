@@ -7,16 +7,16 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from raytrace.kernel.jit import kernel
-from raytrace.mesh.placement import Placement
 from raytrace.ray_origins.origins import ray_origins
 from raytrace.system.threads import run_blocks
 from raytrace.types import Bools, Float32s, Int32s, Int64s
 
 from ..estimate.inside import inside_solids
-from ..options import Options
+from ..options import Interior
 from ..points.morton import morton_order
 from ..points.points import Points
 from ..points.receivers import Receivers
+from ..prepared import Prepared
 from ..rays.below_face import with_alpha
 from .coverage import Coverage, refill
 from .page_rays import DEEP
@@ -25,9 +25,7 @@ from .surface_points import Faces, centres_suffice
 _PLACED = 1 << 18  # points whose origins are found together
 _BLOCK, _SHARE = 1 << 11, 16  # texels, and blocks at once
 _RAYS, _NOISE = 256, 0.004  # so many rays a texel, and about how much they err by
-_BENT = (
-    0.2  # by how much normals may differ within a texel, for that: one point and several then differ by a third of it
-)
+_BENT = 0.2  # by how much normals may differ within a texel: one point and several then differ by a third of the noise
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,21 +73,20 @@ class Texels:
         return Texels(self.texels[rows], starts, self.face[each], points, self.sides[each], *shown)
 
 
-def find_texels(
-    coverage: Coverage, page: Coverage, placement: Placement, receivers: Receivers, options: Options, threads: int
-) -> tuple[Texels, int]:
+def find_texels(coverage: Coverage, page: Coverage, prepared: Prepared, interior: Interior) -> tuple[Texels, int]:
     """The texels to bake, and how many are left out because all of their points are inside of solids.
 
     Args:
-        coverage: on the faces of `receivers`; page: on the faces on the page, mostly the same.
+        coverage: on the faces of `prepared`; page: on the faces on the page, mostly the same.
     """
+    placement, receivers, threads = prepared.placement, prepared.receivers, prepared.threads
     faces = Faces.of(placement.vertices.astype(np.float64), receivers)
     first = faces.points_at(coverage.face[:, 0].astype(np.int64), coverage.barycentric[:, 0], threads)[0]
-    alone = centres_suffice(coverage, faces, receivers.tree, _most_bent(options), threads)
+    noise = prepared.options.tolerance or _NOISE * (_RAYS / prepared.options.rays) ** 0.75
+    most_bent = _BENT * min(noise / _NOISE, 1.0)  # so that noise is more than what a texel's only point misses
+    alone = centres_suffice(coverage, faces, receivers.tree, most_bent, threads)
     texels = _placed(coverage, page, morton_order(first), alone, faces, receivers, threads)
-    inside = inside_solids(
-        texels.points, receivers.faces[texels.face, 0], placement, receivers, options.interior, threads
-    )
+    inside = inside_solids(texels.points, receivers.faces[texels.face, 0], placement, receivers, interior, threads)
     if not inside.any():
         return texels, 0
     good = ~inside
@@ -103,12 +100,6 @@ def find_texels(
     if not len(rows):  # a room whose walls face outwards, for instance
         return texels, 0
     return texels.only(rows), len(texels) - len(rows)
-
-
-def _most_bent(options: Options) -> float:
-    """By how much normals may differ within a texel of one point, so that noise is more than what that misses."""
-    noise = options.tolerance or _NOISE * (_RAYS / options.rays) ** 0.75
-    return _BENT * min(noise / _NOISE, 1.0)
 
 
 def _placed(

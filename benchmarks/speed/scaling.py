@@ -50,7 +50,7 @@ STAGES = (
     ("rays", "ao.execute.tracer Tracer.gather"),
     ("rays", "ao.texture.gathering TexelTracer._trace"),
     ("neighbours", "ao.estimate.one_ring Neighbours.of"),
-    ("neighbours", "ao.texture.shown Shown.neighbours"),
+    ("neighbours", "ao.texture.adjacency texel_neighbours"),
     ("denoising", "ao.estimate.shrinkage denoise"),
     ("planning", "ao.estimate.tolerance estimate_to"),
     ("result", "ao.result assemble"),
