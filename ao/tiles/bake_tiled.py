@@ -1,7 +1,5 @@
 """`ao.tiles.bake_tiled.bake_tiled`: w at the vertices of a mesh on the disk, in the memory of a tile."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -78,7 +76,7 @@ def bake_tiled(
         expected = "a finite distance: without one, rays of every tile may meet the whole mesh"
         raise OptionError("max_distance", expected, mu.max_distance)
     numbering = number_points(tiling, chosen.normals, scratch)
-    tracer = _TileTracer.of(tiling, numbering, mu, chosen, progress)
+    tracer = _TileTracer(tiling, numbering, mu.in_render_space(tiling.space.scale), chosen, progress)
     values = on_disk(scratch / "w", np.float64, source.vertex_count)
     tiles = faces = 0
     for tile in range(tiling.tiles):
@@ -90,31 +88,18 @@ def bake_tiled(
     return TiledBake(values, tracer.rays, mu, tiles, faces / source.face_count - 1)
 
 
-@dataclass(eq=False)
 class _TileTracer:
     """Traces tile after tile. Attributes: reach: length of rays. rays: traced so far."""
 
-    tiling: Tiling
-    numbering: Numbering
-    options: Options
-    mu: KernelMu
-    reach: float
-    packets_below: int
-    progress: Progress | None
-    rays: int = 0
-
-    @classmethod
-    def of(
-        cls, tiling: Tiling, numbering: Numbering, mu: Mu, options: Options, progress: Progress | None
-    ) -> _TileTracer:
-        kernel_mu = mu.in_render_space(tiling.space.scale)
-        reach = min(kernel_mu.limit, tiling.space.diagonal)
-        tracer = cls(tiling, numbering, options, kernel_mu, reach, 0, progress)
+    def __init__(
+        self, tiling: Tiling, numbering: Numbering, mu: KernelMu, options: Options, progress: Progress | None
+    ) -> None:
+        self.tiling, self.numbering, self.mu, self.options, self.progress = tiling, numbering, mu, options, progress
+        self.reach, self.packets_below, self.rays = min(mu.limit, tiling.space.diagonal), 0, 0
         if options.traversal == "embree":
-            tracer.packets_below = MAX_SAMPLES + 1
-        elif min(options.rays, rays_per_corner_sample(options.rays, False)) < most_packets(kernel_mu):
-            tracer.packets_below = fewer_than(tracer._openness(), kernel_mu)
-        return tracer
+            self.packets_below = MAX_SAMPLES + 1
+        elif min(options.rays, rays_per_corner_sample(options.rays, False)) < most_packets(mu):
+            self.packets_below = fewer_than(self._openness(), mu)
 
     def _openness(self) -> Float64s:
         numbers = tried(self.numbering.count)
@@ -171,8 +156,8 @@ class _TileTracer:
         mesh = extract_tile(self.tiling, tile, 0.0, True)
         offset = offset_points(mesh.placed, mesh.faces, self.options.normals)
         own = offset.split & mesh.own[offset.first]
-        elsewhere = -1 - np.arange(len(own))
-        number = np.where(own, numbering.number[mesh.vertices[offset.first]].astype(np.int64), elsewhere)
+        numbers = numbering.number[mesh.vertices[offset.first]].astype(np.int64)
+        number = np.where(own, numbers, -1 - np.arange(len(own)))
         split = np.flatnonzero(offset.split[offset.face_points])
         points = number[offset.face_points.ravel()[split]]
         corners = find_corner_samples(offset.tree, offset.surface, split, points, 0, numbering.flattest)

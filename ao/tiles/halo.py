@@ -37,8 +37,7 @@ def extract_tile(tiling: Tiling, tile: int, reach: float, origins: bool) -> Tile
     low, high = _box(tiling, tile)
     size = max(1.0, float(np.abs([low, high]).max())) if (low <= high).all() else 1.0
     low, high = low - np.float32(reach + MARGIN * size), high + np.float32(reach + MARGIN * size)
-    source, kept = tiling.source, []
-    rim: list[Int64s] = []
+    source, kept, rim = tiling.source, [np.zeros(0, np.int64)], [np.zeros(0, np.int64)]
     for run in runs(source.face_count):
         faces = source.faces(run.start, run.stop)
         corners = tiling.placed[faces]
@@ -48,13 +47,16 @@ def extract_tile(tiling: Tiling, tile: int, reach: float, origins: bool) -> Tile
         kept.append(run.start + np.flatnonzero(near))
         if origins:
             rim.append(np.unique(faces[(tiling.tile[faces] == tile).any(axis=1)]))
-    rows = np.concatenate(kept)
-    if origins and any(map(len, rim)):
-        rows = np.union1d(rows, _faces_at(tiling, np.unique(np.concatenate(rim))))
-    faces = _read_faces(tiling, rows)
-    used = np.unique(faces)
+    rows, at_rim = np.concatenate(kept), np.unique(np.concatenate(rim))
+    if len(at_rim):
+        rows = np.union1d(rows, _faces_at(tiling, at_rim))
+    faces = np.empty((len(rows), 3), np.int64)
+    for run in runs(source.face_count):
+        first, last = np.searchsorted(rows, [run.start, run.stop])
+        if first < last:
+            faces[first:last] = source.faces(run.start, run.stop)[rows[first:last] - run.start]
     own = [run.start + np.flatnonzero(tiling.tile[run] == tile) for run in runs(source.vertex_count)]
-    vertices = np.union1d(used, np.concatenate(own))
+    vertices = np.union1d(np.unique(faces), np.concatenate(own))
     place = np.searchsorted(vertices, faces)
     return TileMesh(vertices, np.ascontiguousarray(tiling.placed[vertices]), place, tiling.tile[vertices] == tile)
 
@@ -76,17 +78,5 @@ def _faces_at(tiling: Tiling, vertices: Int64s) -> Int64s:
     for run in runs(tiling.source.vertex_count):
         for (rows, keys), known in zip(grids(tiling.placed[run]), cells, strict=True):
             touched[run.start + rows[np.isin(keys, known)]] = True
-    rows_at = []
-    for run in runs(tiling.source.face_count):
-        faces = tiling.source.faces(run.start, run.stop)
-        rows_at.append(run.start + np.flatnonzero(touched[faces].any(axis=1)))
-    return np.concatenate(rows_at)
-
-
-def _read_faces(tiling: Tiling, rows: Int64s) -> Int64s:
-    out, source = np.empty((len(rows), 3), np.int64), tiling.source
-    for run in runs(source.face_count):
-        first, last = np.searchsorted(rows, [run.start, run.stop])
-        if first < last:
-            out[first:last] = source.faces(run.start, run.stop)[rows[first:last] - run.start]
-    return out
+    faces = ((run.start, tiling.source.faces(run.start, run.stop)) for run in runs(tiling.source.face_count))
+    return np.concatenate([start + np.flatnonzero(touched[rows].any(axis=1)) for start, rows in faces])

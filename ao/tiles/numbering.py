@@ -74,9 +74,19 @@ def number_points(tiling: Tiling, normals: Normals, scratch: Path) -> Numbering:
         split_first.append(mesh.vertices[offset.first[own_split]])
         split[split_first[-1]] = True
         corner_counts.append(corners[own_split])
-    return _numbered(
-        first, origins, axes, split, np.concatenate(split_first), np.concatenate(corner_counts), flattest, scratch
-    )
+    points = [run.start + np.flatnonzero(first[run] == np.arange(run.start, run.stop)) for run in runs(count)]
+    order = _along_curve(np.concatenate(points), origins)
+    number = on_disk(scratch / "number", np.uint32, count)
+    number[order] = np.arange(len(order), dtype=np.uint32)
+    of_split, corners = np.concatenate(split_first), np.concatenate(corner_counts)
+    by_number = np.argsort(number[of_split], kind="stable")
+    of_split, corners = of_split[by_number], corners[by_number]
+    first_corner = len(order) + SPREAD * (np.cumsum(corners) - corners)
+    by_vertex = np.argsort(of_split)
+    return Numbering(
+        first, origins, axes, number, split, len(order), order, of_split[by_vertex], first_corner[by_vertex],
+        SPREAD * int(corners.sum()), flattest,
+    )  # fmt: skip
 
 
 def check_tile(tiling: Tiling, mesh: TileMesh) -> None:
@@ -86,20 +96,8 @@ def check_tile(tiling: Tiling, mesh: TileMesh) -> None:
     check_memory(tiling.source.name, vertex_bytes(*counts, 1), work)
 
 
-def _numbered(
-    first: Int64s,
-    origins: Float64s,
-    axes: Float32s,
-    split: Bools,
-    split_first: Int64s,
-    corners: Int64s,
-    flattest: float,
-    scratch: Path,
-) -> Numbering:
-    count = len(first)
-    points = np.concatenate(
-        [run.start + np.flatnonzero(first[run] == np.arange(run.start, run.stop)) for run in runs(count)]
-    )
+def _along_curve(points: Int64s, origins: Float64s) -> Int64s:
+    """`points`, rows of `origins`, in the order of `ao.points.morton`."""
     codes = np.empty(len(points), np.uint32)
     low, high = np.full(3, np.inf), np.full(3, -np.inf)
     for run in runs(len(points)):
@@ -107,14 +105,4 @@ def _numbered(
         low, high = np.minimum(low, positions.min(axis=0)), np.maximum(high, positions.max(axis=0))
     for run in runs(len(points)):
         codes[run] = morton_codes(np.ascontiguousarray(origins[points[run]]), low, high)
-    order = points[np.argsort(codes, kind="stable")]
-    number = on_disk(scratch / "number", np.uint32, count)
-    number[order] = np.arange(len(order), dtype=np.uint32)
-    by_number = np.argsort(number[split_first], kind="stable")
-    split_first, corners = split_first[by_number], corners[by_number]
-    first_corner = len(order) + SPREAD * (np.cumsum(corners) - corners)
-    by_vertex = np.argsort(split_first)
-    return Numbering(
-        first, origins, axes, number, split, len(order), order, split_first[by_vertex], first_corner[by_vertex],
-        SPREAD * int(corners.sum()), flattest,
-    )  # fmt: skip
+    return points[np.argsort(codes, kind="stable")]
