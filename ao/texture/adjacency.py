@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from raytrace.kernel.jit import kernel
+from raytrace.kernel.jit import bound, kernel
 from raytrace.mesh.components import connected_components
 from raytrace.system.threads import run_blocks
 from raytrace.types import Float64s, Int32s, Int64s
@@ -26,14 +26,9 @@ def texel_neighbours(shown: Shown, texels: Texels, most: float, threads: int) ->
     row_of[texels.texels] = np.arange(count)
     face = texels.shown
     beside = np.empty((count, 4), np.int32)
-    chart, size = charts[face].astype(np.int32), sizes[face].astype(np.float32)
-
-    page, surface = (row_of, layout.width, layout.wraps), (chart, size, points.origins)
-
-    def work(first: int, last: int) -> None:
-        _find_beside(first, last, texels.texels, page, surface, beside)
-
-    run_blocks(count, _BLOCK, work, threads, most=_SHARE)
+    page = row_of, layout.width, layout.wraps
+    surface = charts[face].astype(np.int32), sizes[face].astype(np.float32), points.origins
+    run_blocks(count, _BLOCK, bound(_find_beside, texels.texels, page, surface, beside), threads, most=_SHARE)
     across = _across(shown.seams, row_of)
     listed = beside >= 0
     counts = listed.sum(axis=1)
@@ -76,7 +71,7 @@ def _across(seams: Seams, row_of: Int32s) -> Int64s:
 
 
 @kernel
-def _find_beside(first, last, texels, page, surface, beside):
+def _find_beside(texels, page, surface, beside, first, last):
     (row_of, width, wraps), (chart, size, origins) = page, surface
     height = len(row_of) // width
     for i in range(first, last):

@@ -10,7 +10,7 @@ from raytrace.bvh.bvh16 import BVH16
 from raytrace.bvh.closest import distance_to_triangle
 from raytrace.bvh.search import begin, new_stack, next_leaf, widened
 from raytrace.kernel.borrow import borrow
-from raytrace.kernel.jit import inline, kernel
+from raytrace.kernel.jit import bound, inline, kernel
 from raytrace.kernel.simd_masks import lowest_bit
 from raytrace.kernel.vector import dot, length, load, load_triangle, scale, store, subtract
 from raytrace.mesh.normals import face_normals
@@ -52,14 +52,10 @@ class Faces:
 
         Args: weights: float32 (k, 3), barycentric coordinates.
         """
-        out = np.empty((3, len(own), 3))
-
-        def work(first: int, last: int) -> None:
-            block = slice(first, last)
-            _place(own[block], weights[block], self.surface, self.axes, out[0, block], out[1, block], out[2, block])
-
+        places, sides, axes = np.empty((3, len(own), 3))
+        work = bound(_place, own, weights, self.surface, self.axes, (places, sides, axes))
         run_blocks(len(own), _BLOCK, work, threads, most=_SHARE)
-        return out[0], out[1], out[2]
+        return places, sides, axes
 
 
 def centres_suffice(coverage: Coverage, faces: Faces, tree: BVH16, most: float, threads: int) -> Bools:
@@ -100,9 +96,9 @@ def _point_on(surface, axes, f, weights):
 
 
 @kernel
-def _place(own, weights, surface, axes, places, sides, hemispheres):
-    surface = borrow(surface)
-    for i in range(len(own)):
+def _place(own, weights, surface, axes, out, first, last):
+    surface, (places, sides, hemispheres) = borrow(surface), borrow(out)
+    for i in range(first, last):
         place, side, axis = _point_on(surface, axes, own[i], weights[i])
         store(places, i, place)
         store(sides, i, side)

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from raytrace.kernel.jit import kernel
+from raytrace.kernel.jit import bound, kernel
 from raytrace.ray_origins.origins import ray_origins
 from raytrace.system.threads import run_blocks
 from raytrace.types import Bools, Float32s, Int32s, Int64s
@@ -115,11 +115,8 @@ def _placed(
     face, weights = np.empty(count, np.int32), np.empty((count, 3), np.float32)
     points = coverage.face, coverage.barycentric, coverage.centre_face, coverage.centre
     layered = np.cumsum(coverage.deep) - 1, coverage.deep_face, coverage.deep_barycentric
-
-    def lay_out(first: int, last: int) -> None:
-        _lay_out(order[first:last], starts[first : last + 1], alone, points, layered, face, weights)
-
-    run_blocks(len(order), _BLOCK, lay_out, threads, most=_SHARE)
+    work = bound(_lay_out, order, starts, alone, points, layered, (face, weights))
+    run_blocks(len(order), _BLOCK, work, threads, most=_SHARE)
     origins, normals, sides = (np.empty((count, columns), np.float32) for columns in (3, 3, 4))
     for first in range(0, count, _PLACED):
         part = slice(first, first + _PLACED)
@@ -137,19 +134,19 @@ def _placed(
 
 
 @kernel
-def _lay_out(order, starts, alone, points, layered, face, weights):
+def _lay_out(order, starts, alone, points, layered, out, first, last):
     """Write the face and barycentrics of each texel's points in order, from a `Coverage`, up to the texel's count."""
     each, each_at, centre, centre_at = points
-    number, deep, deep_at = layered
-    for i in range(len(order)):
-        row, first = order[i], starts[i]
-        count = starts[i + 1] - first
+    (number, deep, deep_at), (face, weights) = layered, out
+    for i in range(first, last):
+        row, begin = order[i], starts[i]
+        count = starts[i + 1] - begin
         for k in range(count):
             if alone[row]:
-                face[first], place = centre[row], centre_at[row]
+                face[begin], place = centre[row], centre_at[row]
             elif count == DEEP:
-                face[first + k], place = deep[number[row], k], deep_at[number[row], k]
+                face[begin + k], place = deep[number[row], k], deep_at[number[row], k]
             else:
-                face[first + k], place = each[row, k], each_at[row, k]
+                face[begin + k], place = each[row, k], each_at[row, k]
             for corner in range(3):
-                weights[first + k, corner] = place[corner]
+                weights[begin + k, corner] = place[corner]

@@ -90,8 +90,12 @@ def test_a_fit_is_continued_where_it_was_interrupted(path, whole_surface, traced
     def stop(*_, **__):
         raise Stopped
 
-    with monkeypatch.context() as patch:
+    def then_stop(*arguments, **named):
         patch.setattr(ao.least_squares.fit, "solve", stop)  # the bent normals'
+        return solve_within(*arguments, **named)
+
+    with monkeypatch.context() as patch:
+        patch.setattr(ao.least_squares.fit, "solve_within", then_stop)
         interrupted(path, stop=None, make=bake_surface)
     solved = []
     with monkeypatch.context() as patch:
