@@ -1,11 +1,10 @@
 """Pictures whose tiles are rendered by the workers of a cluster: the pixels that one process makes."""
 
-from __future__ import annotations
-
 import hashlib
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from typing import Self
 
 import numpy as np
 
@@ -44,7 +43,7 @@ class Tiles:
     def __len__(self) -> int:
         return len(self.numbers)
 
-    def __getitem__(self, rows: slice) -> Tiles:
+    def __getitem__(self, rows: slice) -> Self:
         return replace(self, numbers=self.numbers[rows], around=None if self.around is None else self.around[rows])
 
     @property

@@ -5,8 +5,6 @@ that is unlike this machine, does not see the scene, or has failed; one that sta
 a block's losses end the bake once they are many, whatever the scheduler allows (`allowed-failures`).
 """
 
-from __future__ import annotations
-
 import time
 import weakref
 from collections import Counter
@@ -14,7 +12,7 @@ from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, wait
 from contextlib import suppress
 from pathlib import Path
-from typing import Any
+from typing import Any, Self
 
 from raytrace.errors import ClusterError, InputError
 
@@ -65,7 +63,7 @@ class ClusterSession:
         self._begun = self._looked = self._alone_since = time.monotonic()
         self._told_late, self._told_alone = not self._cluster.count, False
 
-    def __enter__(self) -> ClusterSession:
+    def __enter__(self) -> Self:
         if not self._cluster.count:
             self._cluster.connect()
             if warning := unguarded(self._address):

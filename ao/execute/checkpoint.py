@@ -1,7 +1,5 @@
 """Checkpoints of long bakes: traced rows go to a journal, from which a later run takes them."""
 
-from __future__ import annotations
-
 import hashlib
 import os
 import time
@@ -10,7 +8,7 @@ from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
 from types import TracebackType
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 import numpy.typing as npt
@@ -69,7 +67,7 @@ class Checkpoint:
         self._pending: list[bytes] = []
         self._due = time.monotonic() + after
 
-    def __enter__(self) -> Checkpoint:
+    def __enter__(self) -> Self:
         return self
 
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, _: TracebackType | None) -> None:

@@ -1,11 +1,10 @@
 """The rows of `ao.rays.estimator` at points, as work that any process can do."""
 
-from __future__ import annotations
-
 import hashlib
 from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from typing import Self
 
 import numpy as np
 
@@ -49,7 +48,7 @@ class Hemispheres:
     def __len__(self) -> int:
         return len(self.points)
 
-    def __getitem__(self, rows: slice) -> Hemispheres:
+    def __getitem__(self, rows: slice) -> Self:
         return replace(self, points=self.points[rows])
 
     @property

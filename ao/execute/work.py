@@ -1,13 +1,11 @@
 """Work that any process can do: rows that depend on nothing but a scene, their own inputs and the kind of machine."""
 
-from __future__ import annotations
-
 import hashlib
 import platform
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from functools import cache
-from typing import Any, Protocol
+from typing import Any, Protocol, Self
 
 import llvmlite.binding
 import numpy as np
@@ -45,7 +43,7 @@ class Work(Protocol):
 
     def __len__(self) -> int: ...
 
-    def __getitem__(self, rows: slice) -> Work:
+    def __getitem__(self, rows: slice) -> Self:
         """Some of the rows, to be sent to another process."""
 
     def tables(self) -> Tables:

@@ -1,8 +1,6 @@
 """The matrices of a fit, which share a sparsity pattern, so that their sums are sums of arrays."""
 
-from __future__ import annotations
-
-from typing import NamedTuple
+from typing import NamedTuple, Self
 
 import numpy as np
 from scipy.sparse import coo_array, csr_array
@@ -27,7 +25,7 @@ class Stencil(NamedTuple):
     indices: Int32s
 
     @classmethod
-    def of(cls, face_points: Int32s, hinges: Int32s, count: int) -> Stencil:
+    def of(cls, face_points: Int32s, hinges: Int32s, count: int) -> Self:
         """Args: face_points: as above. hinges: as `find_hinges` gives them. count: how many unknowns there are."""
         corners, own = face_points.ravel(), np.arange(count, dtype=np.int32)
         one, other = corners[hinges].T

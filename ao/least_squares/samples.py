@@ -1,8 +1,6 @@
 """Sample points on a surface, spread evenly by area along the order of its faces."""
 
-from __future__ import annotations
-
-from typing import NamedTuple
+from typing import NamedTuple, Self
 
 import numpy as np
 
@@ -33,7 +31,7 @@ class Samples(NamedTuple):
     weights: Float64s
 
     @classmethod
-    def spread(cls, areas: Float64s, count: int, shift: float) -> Samples:
+    def spread(cls, areas: Float64s, count: int, shift: float) -> Self:
         """`count` samples over faces of `areas` (m,), above 0, in Morton order."""
         share = areas / areas.sum()
         ends = np.concatenate([[0.0], np.cumsum(share + _EVEN / len(share))])
@@ -42,9 +40,10 @@ class Samples(NamedTuple):
         starts[-1] = count
         return cls(shift, ends, starts, share / np.diff(ends))
 
-    def of_faces(self, first: int, last: int) -> Samples:
+    def of_faces(self, first: int, last: int) -> Self:
         """The samples on the faces from a first one to a last one."""
-        return Samples(self.shift, self.ends[first : last + 1], self.starts[first : last + 1], self.weights[first:last])
+        ends, starts = self.ends[first : last + 1], self.starts[first : last + 1]
+        return self._replace(ends=ends, starts=starts, weights=self.weights[first:last])
 
 
 @inline

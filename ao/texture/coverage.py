@@ -4,10 +4,9 @@ Every texel that a face reaches into is covered, however little of it, and all p
 extrapolated over the edge of a chart, which is what dark seams come from.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from itertools import combinations
+from typing import Self
 
 import numpy as np
 
@@ -56,7 +55,7 @@ class Coverage:
     deep_barycentric: Float32s
 
     @classmethod
-    def of_points(cls, texels: Int64s, face: Int32s, barycentric: Float32s, overlapping: Bools) -> Coverage:
+    def of_points(cls, texels: Int64s, face: Int32s, barycentric: Float32s, overlapping: Bools) -> Self:
         """Coverage without centres and deep texels. Arguments as the attributes."""
         centres = np.full(len(texels), -1, np.int32), np.zeros((len(texels), 3), np.float32)
         none = np.zeros((0, DEEP), np.int32), np.zeros((0, DEEP, 3), np.float32)

@@ -1,9 +1,8 @@
 """The mesh that a texture shows, in the render space of what is baked: itself, or a finer mesh at its place."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Self
 
 import numpy as np
 
@@ -32,7 +31,7 @@ class Shown:
     points_of_faces: Int64s
 
     @classmethod
-    def of(cls, mesh: Mesh, uv: Float64s, prepared: Prepared, size: tuple[int, int], wrap: bool) -> Shown:
+    def of(cls, mesh: Mesh, uv: Float64s, prepared: Prepared, size: tuple[int, int], wrap: bool) -> Self:
         """`mesh` with texture coordinates `uv` (m, 3, 2) on a page of `size`; `prepared`: of it or of a finer mesh.
 
         Raises: MeshError: see `UVLayout.of` and `find_receivers`.

@@ -1,8 +1,7 @@
 """Points on faces: where they are, the hemispheres above them, and whether one of them can stand for a texel."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
+from typing import Self
 
 import numpy as np
 
@@ -38,7 +37,7 @@ class Faces:
     own: Int64s
 
     @classmethod
-    def of(cls, vertices: Float64s, receivers: Receivers) -> Faces:
+    def of(cls, vertices: Float64s, receivers: Receivers) -> Self:
         """The faces of `receivers` over `vertices` (n, 3)."""
         faces = receivers.faces
         axes = np.concatenate([receivers.points.normals, np.zeros((1, 3), np.float32)])[receivers.of_vertex]

@@ -1,9 +1,7 @@
 """Texture coordinates as triangles on a page of texels, and what is unusual about them."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 
@@ -40,7 +38,7 @@ class UVLayout:
     outside: int
 
     @classmethod
-    def of(cls, uv: Float64s, size: tuple[int, int], wraps: bool, source: object) -> UVLayout:
+    def of(cls, uv: Float64s, size: tuple[int, int], wraps: bool, source: object) -> Self:
         """Faces of texture coordinates `uv` (m, 3, 2), v upwards, on a page of `size`, width and height in texels.
 
         Faces whose coordinates are NaN are not on the page; here they become points at its lower left corner.

@@ -1,10 +1,9 @@
 """A pass over the whole mesh before its tiles: bounds, render space, every vertex in it, and the tile of each."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Self
 
 import numpy as np
 
@@ -36,7 +35,7 @@ class Tiling:
     tiles: int
 
     @classmethod
-    def of(cls, source: TileSource, grid: Grid, scratch: Path) -> Tiling:
+    def of(cls, source: TileSource, grid: Grid, scratch: Path) -> Self:
         """Read all vertices and faces. Args: grid: number of tiles along each axis.
 
         Raises:
