@@ -20,7 +20,7 @@ from typing import Any
 
 import numpy as np
 
-from ao.execute.hemisphere_work import Hemispheres
+from ao.execute.tracer import Hemispheres
 from ao.falloff import Exponential
 from ao.points.points import Points
 from raytrace.system.atomic import write_json

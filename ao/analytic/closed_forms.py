@@ -13,6 +13,7 @@ outside their range raise ValueError.
 """
 
 from collections.abc import Callable, Sequence
+from functools import partial
 from itertools import pairwise
 from math import acos, asin, atan2, cos, exp, expm1, hypot, inf, isinf, pi, sin, sqrt
 from typing import Literal
@@ -151,10 +152,8 @@ def corner(first: float, second: float, tau: Rate = None) -> float:
     def transform(t: float, limit: float) -> float:
         facing = _upright(lambda a: min(first / cos(a), second / sin(a)), inf, t, limit, (1e-300, pi / 2),
                           (atan2(second, first),))  # fmt: skip
-        return facing + sum(
-            _upright(lambda azimuth, d=d: d / cos(azimuth), inf, t, limit, (0.0, pi / 2))  # type: ignore[misc]
-            for d in (first, second)
-        )
+        sides = (partial(lambda d, azimuth: d / cos(azimuth), d) for d in (first, second))
+        return facing + sum(_upright(side, inf, t, limit, (0.0, pi / 2)) for side in sides)
 
     return 0.25 if tau is None else _obscurance(transform, tau)
 

@@ -9,7 +9,7 @@ from raytrace.types import Float64s, Int32s, Int64s
 
 from ..estimate.one_ring import Neighbours
 from .seams import Seams
-from .shown import Shown
+from .shown import Shown, corner_places
 from .texels import Texels
 
 _NEAR = 3.0  # times the size of a texel on the surface that a neighbour may be away: more is another part of the chart
@@ -36,20 +36,6 @@ def texel_neighbours(shown: Shown, texels: Texels, most: float, threads: int) ->
     counts += np.bincount(across[:, 0], minlength=count)
     starts = np.concatenate([[0], np.cumsum(counts)])
     return Neighbours.weighted(starts, indices, np.ones(len(indices), np.float32), points.normals, threads)
-
-
-def corner_places(uv: Float64s, points: Int64s) -> Int64s:
-    """A number (m, 3) for each corner, the same for corners that share a point and its place on the page.
-
-    Args: uv: (m, 3, 2), in texels. points: int64 (m, 3), the welded point at each corner.
-    """
-    rounded = np.round(uv.reshape(-1, 2) * 4096).astype(np.int64)
-    order = np.lexsort((rounded[:, 1], rounded[:, 0], points.ravel()))
-    keys = np.column_stack([points.ravel(), rounded])[order]
-    new = np.concatenate([[False], (keys[1:] != keys[:-1]).any(axis=1)])
-    corner = np.empty(len(order), np.int64)
-    corner[order] = np.cumsum(new)
-    return corner.reshape(-1, 3)
 
 
 def _texel_sizes(uv: Float64s, vertices: Float64s, faces: Int64s, most: float) -> Float64s:

@@ -29,8 +29,7 @@ from .coverage import cover
 from .gathering import begin_tracing
 from .projection import project
 from .result import BakedTexture, TextureFacts, assemble_pages
-from .shown import Shown
-from .tangents import tangent_frames
+from .shown import Shown, tangent_frames
 from .texels import find_texels
 from .uv_layout import corner_uv, page_size
 

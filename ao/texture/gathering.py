@@ -49,9 +49,8 @@ class TexelTracer(Tracer):
         def pick(first: int, last: int) -> None:
             each = (starts[rows[first:last], None] + np.arange(slots)).ravel()
             block = slice(slots * first, slots * last)
-            subset.origins[block], subset.normals[block] = (
-                column.take(each, axis=0) for column in (every.origins, every.normals)
-            )
+            subset.origins[block] = every.origins.take(each, axis=0)
+            subset.normals[block] = every.normals.take(each, axis=0)
             subset.numbers[block] = (slots * rows[first:last, None] + np.arange(slots)).ravel()
 
         run_blocks(len(rows), _BLOCK, pick, self.threads, most=_SHARE)

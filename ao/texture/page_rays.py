@@ -44,18 +44,14 @@ def find_hits(packet, texels, width, step, in_turn, found, layered):
     triangle, barycentric, overlapping = found
     deep, deep_triangle, deep_place = layered
     count = SLOTS * len(texels)
-    stack = (
-        np.zeros(packets.LANES, np.int64),
-        np.zeros((packets.LANES, _LAYERS), np.int64),
-        np.zeros((packets.LANES, _LAYERS, 3), np.float32),
-        np.zeros(packets.LANES, np.bool_),
-    )
-    height = np.zeros(packets.LANES)
+    layers, several = np.zeros(packets.LANES, np.int64), np.zeros(packets.LANES, np.bool_)
+    face, weights = np.zeros((packets.LANES, _LAYERS), np.int64), np.zeros((packets.LANES, _LAYERS, 3), np.float32)
+    height, stack = np.zeros(packets.LANES), (layers, face, weights, several)
     for first in range(0, count, packets.LANES):
         for lane in range(packets.LANES):
             i, k = divmod(min(first + lane, count - 1), SLOTS)
             valid[lane] = -1 if first + lane < count else 0
-            height[lane], stack[0][lane], stack[3][lane] = _ABOVE, 0, False
+            height[lane], layers[lane], several[lane] = _ABOVE, 0, False
             rays[packets.ORG_X, lane] = texels[i] % width + _GRID[k, 0]
             rays[packets.ORG_Y, lane] = texels[i] // width + _GRID[k, 1]
             rays[packets.DIR_X, lane], rays[packets.DIR_Y, lane], rays[packets.DIR_Z, lane] = 0.0, 0.0, -1.0
@@ -68,13 +64,12 @@ def find_hits(packet, texels, width, step, in_turn, found, layered):
             for lane in range(packets.LANES):
                 if valid[lane] != 0 and _note_layer(rays, lane, depth, first, triangle, barycentric, stack):
                     height[lane] -= rays[packets.TFAR, lane] + step / 2.0
-                    if depth > 0 and not (stack[3][lane] and in_turn):
+                    if depth > 0 and not (several[lane] and in_turn):
                         valid[lane] = 0
                     going = going or valid[lane] != 0
                 else:
                     valid[lane] = 0
             depth += 1
-        layers, face, weights, several = stack
         for lane in range(min(packets.LANES, count - first)):
             if several[lane]:
                 i, k = divmod(first + lane, SLOTS)

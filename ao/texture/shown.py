@@ -1,4 +1,4 @@
-"""The mesh that a texture shows, in the render space of what is baked: itself, or a finer mesh at its place."""
+"""The mesh that a texture shows, in the render space of what is baked, itself or a finer mesh; and tangents on it."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -7,7 +7,7 @@ from typing import Self
 import numpy as np
 
 from raytrace.mesh.mesh import Mesh
-from raytrace.mesh.normals import face_normals
+from raytrace.mesh.normals import face_normals, normalize
 from raytrace.mesh.placement import Placement
 from raytrace.types import Float64s, Int64s
 
@@ -15,6 +15,7 @@ from ..points.receivers import Receivers, find_receivers
 from ..prepared import Prepared
 from .seams import Seams
 from .surface_points import Faces
+from .texels import Texels
 from .uv_layout import UVLayout, on_page
 
 
@@ -56,3 +57,52 @@ class Shown:
         """The edges that lie at two places of the page."""
         size = self.layout.width, self.layout.height
         return Seams.find(self.layout.uv, self.points_of_faces, size, self.layout.wraps)
+
+
+def corner_places(uv: Float64s, points: Int64s) -> Int64s:
+    """A number (m, 3) for each corner, the same for corners that share a point and its place on the page.
+
+    Args: uv: (m, 3, 2), in texels. points: int64 (m, 3), the welded point at each corner.
+    """
+    rounded = np.round(uv.reshape(-1, 2) * 4096).astype(np.int64)
+    order = np.lexsort((rounded[:, 1], rounded[:, 0], points.ravel()))
+    keys = np.column_stack([points.ravel(), rounded])[order]
+    new = np.concatenate([[False], (keys[1:] != keys[:-1]).any(axis=1)])
+    corner = np.empty(len(order), np.int64)
+    corner[order] = np.cumsum(new)
+    return corner.reshape(-1, 3)
+
+
+def tangent_frames(shown: Shown, texels: Texels) -> Float64s:
+    """Frames (k, 3, 3) at what texels show: rows x along u, y along v upwards, z the smooth normal, orthonormal.
+
+    Tangents of vertices are made as by Mikkelsen (2008), Simulation of Wrinkled Surfaces Revisited: means of the faces'
+    directions of u in the vertex's tangent plane, weighted by angle, over corners that share place, normal, coordinates
+    and handedness.
+    """
+    uv, faces, face = shown.layout.uv, shown.receivers.faces, texels.shown
+    corners = shown.vertices[faces]
+    along, up = corners[:, 1:] - corners[:, :1], uv[:, 1:] - uv[:, :1]
+    u, v = up[..., 0], -up[..., 1]
+    mirrored = u[:, 0] * v[:, 1] - u[:, 1] * v[:, 0] < 0
+    direction = along[:, 0] * v[:, 1:] - along[:, 1] * v[:, :1]
+    direction = normalize(np.where(mirrored[:, None], -direction, direction))
+    axes = shown.faces.axes[faces]
+    unset = ~axes.any(axis=2)
+    axes[unset] = np.broadcast_to(shown.faces.surface.normals[:, None], axes.shape)[unset]
+    flat = normalize(direction[:, None] - np.einsum("fd,fcd->fc", direction, axes)[..., None] * axes)
+    group = 2 * corner_places(uv, shown.points_of_faces) + mirrored[:, None]
+    weighted = (_angles(corners)[..., None] * flat).reshape(-1, 3)
+    columns = [np.bincount(group.ravel(), column) for column in weighted.T]
+    sums: Float64s = np.stack(columns, axis=1).astype(np.float64)
+    b = texels.shown_at.astype(np.float64)
+    normal = normalize(np.einsum("kc,kcd->kd", b, axes[face]))
+    tangent = np.einsum("kc,kcd->kd", b, normalize(sums)[group[face]])
+    tangent = normalize(tangent - np.einsum("kd,kd->k", tangent, normal)[:, None] * normal)
+    bitangent = np.cross(normal, tangent) * np.where(mirrored[face], -1.0, 1.0)[:, None]
+    return np.stack([tangent, bitangent, normal], axis=1)
+
+
+def _angles(corners: Float64s) -> Float64s:
+    ahead, behind = (normalize(np.roll(corners, -step, axis=1) - corners) for step in (1, 2))
+    return np.arccos(np.einsum("fcd,fcd->fc", ahead, behind).clip(-1, 1))

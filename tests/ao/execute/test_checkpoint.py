@@ -12,7 +12,7 @@ from interrupted_bakes import MESH, METHODS, OPTIONS, Stopped, bake, bake_surfac
 from project import environment
 
 import ao
-import ao.execute.hemisphere_work
+import ao.execute.tracer
 import ao.least_squares.fit
 import ao.least_squares.patch
 import ao.surface_method
@@ -39,8 +39,8 @@ def traced(monkeypatch):
     """The number of rows or faces that were traced rather than copied."""
     count = [0]
     for module, name in (
-        (ao.execute.hemisphere_work, "gather_hemispheres"),
-        (ao.execute.hemisphere_work, "gather_streams"),
+        (ao.execute.tracer, "gather_hemispheres"),
+        (ao.execute.tracer, "gather_streams"),
         (ao.least_squares.patch, "gather_faces"),
     ):
 
