@@ -1,10 +1,9 @@
 """Pictures whose tiles are rendered by the workers of a cluster: the pixels that one process makes."""
 
-import hashlib
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Self
+from typing import ClassVar, Self
 
 import numpy as np
 
@@ -22,8 +21,6 @@ from raytrace.types import Bools, Float32s, Int64s
 from ..execute.work import Tables
 from .session import ClusterSession
 
-_BLOCK_RAYS = 1 << 15  # of a block of work
-
 
 @dataclass(frozen=True, eq=False)
 class Tiles:
@@ -39,22 +36,13 @@ class Tiles:
     channels: int
     adaptive: bool
     around: Float32s | None = None
+    block_rays: ClassVar = 1 << 15
 
     def __len__(self) -> int:
         return len(self.numbers)
 
     def __getitem__(self, rows: slice) -> Self:
         return replace(self, numbers=self.numbers[rows], around=None if self.around is None else self.around[rows])
-
-    @property
-    def name(self) -> bytes:
-        digest = hashlib.blake2b(b"again" if self.around is not None else b"tiles", digest_size=16)
-        digest.update(np.ascontiguousarray(self.numbers).data)
-        return digest.digest()
-
-    @property
-    def block(self) -> int:
-        return max(int(_BLOCK_RAYS / max(self.rays, 1)), 1)
 
     def tables(self) -> Tables:
         return tuple(TileRows.empty(len(self), self.channels, self.adaptive))

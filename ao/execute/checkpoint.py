@@ -20,7 +20,7 @@ from raytrace.types import Bools, Float64s
 from ..points.receivers import Receivers
 from ..rays.ray_scene import RayScene
 from .journal import IDENTITY, Block, Journal, record
-from .work import Advance, FillSpans, Tables, Work, fill_spans, machine
+from .work import Advance, FillSpans, NamedWork, Tables, Work, fill_spans, machine
 
 _MOST_WAITING = 1 << 25  # bytes that are written at once, due or not
 
@@ -107,7 +107,7 @@ class Checkpoint:
         if found and found.identity == self._identity:
             self.notify(f"{self.path}: left by an interrupted run; --resume would continue it; starting over")
 
-    def fill(self, work: Work, scene: RayScene, tables: Tables, threads: int, advance: Advance) -> None:
+    def fill(self, work: NamedWork, scene: RayScene, tables: Tables, threads: int, advance: Advance) -> None:
         """Make all rows of `work`, or take those that are kept.
 
         Args: tables: of `work.tables`, contiguous, written. advance: called with numbers of finished rows.

@@ -4,7 +4,7 @@ import hashlib
 from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
-from typing import Self, TypeVar
+from typing import ClassVar, Self, TypeVar
 
 import numpy as np
 
@@ -24,7 +24,6 @@ from ..rays.traverse import TraversalState
 from .checkpoint import NOTHING_KEPT, Checkpoint
 from .work import Tables
 
-_BLOCK_RAYS = 1 << 11  # of a block of work
 Progress = Callable[[int, int], None]
 T = TypeVar("T")
 
@@ -49,6 +48,7 @@ class Hemispheres:
     t_max: float
     packets_below: int
     leap: int = 1
+    block_rays: ClassVar = 1 << 11
 
     def __len__(self) -> int:
         return len(self.points)
@@ -66,12 +66,8 @@ class Hemispheres:
     def rays(self) -> float:
         return self.samples
 
-    @property
-    def block(self) -> int:
-        return max(_BLOCK_RAYS // self.samples, 1)
-
     def tables(self) -> Tables:
-        return (np.empty((len(self), *self.mu.shape, COLUMNS)),)
+        return (np.zeros((len(self), *self.mu.shape, COLUMNS)),)
 
     def writer(self, scene: RayScene, tables: Tables) -> Callable[[int, int], None]:
         table = scene.table(self.samples, self.total_points, self.key, self.leap)

@@ -27,19 +27,14 @@ _MOST_RAYS = 1 << 17  # of blocks made at once: what Ctrl-C waits for
 class Work(Protocol):
     """Rows to be made by tracing rays in a scene of its sort. Each is the same whichever others are made with it.
 
-    Attributes:
-        name: 16 bytes that no other work in the same bake has. rays: of a row, about.
-        block: rows that a thread makes at once, at least.
+    Attributes: rays: of a row, about. block_rays: of the rows that a thread makes at once, at least.
     """
-
-    @property
-    def name(self) -> bytes: ...
 
     @property
     def rays(self) -> float: ...
 
     @property
-    def block(self) -> int: ...
+    def block_rays(self) -> int: ...
 
     def __len__(self) -> int: ...
 
@@ -53,6 +48,13 @@ class Work(Protocol):
         """A function that writes the rows from a first one to a last one, to be called from any thread."""
 
 
+class NamedWork(Work, Protocol):
+    """Work whose rows can be kept. Attributes: name: 16 bytes that no other work in the same bake has."""
+
+    @property
+    def name(self) -> bytes: ...
+
+
 def fill(work: Work, scene: Any, tables: Tables, threads: int, advance: Advance | None = None) -> None:
     """Make all rows. Args: tables: of `work.tables`, written. advance: called with numbers of finished rows."""
     finished: Finished = lambda first, last: advance(last - first) if advance else None  # noqa: E731
@@ -62,8 +64,8 @@ def fill(work: Work, scene: Any, tables: Tables, threads: int, advance: Advance 
 def fill_spans(work: Work, scene: Any, spans: Sequence[Span], tables: Tables, threads: int, finished: Finished) -> None:
     """Make the rows of `spans` on threads. Args: finished: called on this one, with a first and a last row."""
     write, rows = work.writer(scene, tables), sum(last - first for first, last in spans)
-    threads = granted(threads)
-    size = max(min(work.block, rows // (_EACH * threads)), -(-work.block // 4))
+    threads, block = granted(threads), max(int(work.block_rays / max(work.rays, 1e-9)), 1)
+    size = max(min(block, rows // (_EACH * threads)), -(-block // 4))
     most = int(_MOST_RAYS / (size * max(work.rays, 1)))
     blocks = [(first + a, first + b) for first, last in spans for a, b in shares(last - first, size, threads, most)]
     made: deque[Span] = deque()

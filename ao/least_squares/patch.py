@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from typing import ClassVar
 
 import numpy as np
 
@@ -27,7 +28,6 @@ from .pattern import find_hinges
 from .samples import Samples
 
 _MOST_RAYS = 32
-_BLOCK_RAYS = 1 << 19
 _COARSE = 1 << 16  # faces; with more, how rectangles are cut is no longer seen
 _SQUARE = 1e-4  # of a rectangle's diagonal
 
@@ -118,6 +118,7 @@ class Moments:
     key: np.uint32
     mu: KernelMu
     reach: float
+    block_rays: ClassVar = 1 << 19
 
     def __len__(self) -> int:
         return len(self.points)
@@ -137,10 +138,6 @@ class Moments:
     def rays(self) -> float:
         count = int(self.samples.starts[-1] - self.samples.starts[0])
         return self.rays_of_sample * count / max(len(self), 1)
-
-    @property
-    def block(self) -> int:
-        return max(int(_BLOCK_RAYS / max(self.rays, 1e-9)), 1)
 
     def tables(self) -> Tables:
         return np.zeros((len(self), MOMENTS)), np.zeros((len(self), 3), np.int64)

@@ -7,12 +7,11 @@ here.
 from __future__ import annotations
 
 import errno
-import hashlib
 import os
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
 import numpy as np
 
@@ -62,20 +61,13 @@ class WholeBakes:
 
     numbers: Int64s
     rays: float
+    block_rays: ClassVar = 1
 
     def __len__(self) -> int:
         return len(self.numbers)
 
     def __getitem__(self, rows: slice) -> WholeBakes:
         return replace(self, numbers=self.numbers[rows])
-
-    @property
-    def name(self) -> bytes:
-        return hashlib.blake2b(np.ascontiguousarray(self.numbers).data, digest_size=16).digest()
-
-    @property
-    def block(self) -> int:
-        return 1
 
     def tables(self) -> Tables:
         return (np.empty(len(self), object),)

@@ -10,7 +10,7 @@ from mesh_files import ply
 from meshes import hills
 from project import ROOT
 
-SMALL_BLOCKS = "import ao.execute.tracer as work; work._BLOCK_RAYS //= 512; "  # enough for 64 threads
+SMALL_BLOCKS = "from ao.execute.tracer import Hemispheres; Hemispheres.block_rays //= 512; "  # enough for 64 threads
 LINUX = pytest.mark.skipif(sys.platform != "linux", reason="needs Linux")
 
 

@@ -62,7 +62,7 @@ def numbered(first, fails=-1):
     """Work of eight rows: numbers from `first` on, in some time; row `fails` of the whole cannot be made."""
 
     class Numbered:
-        name, rays, block = b"numbered" * 2, float(1 << 20), 1
+        rays, block_rays = float(1 << 20), 1
 
         def __init__(self, numbers):
             self.numbers = numbers
