@@ -36,8 +36,7 @@ LOCAL: dict[str, Any] = {
 def local_workers(address: str) -> int | None:
     """N of `local:N`, 1 of `local`, None of a scheduler's address.
 
-    Raises:
-        OptionError: it is neither.
+    Raises: OptionError: it is neither.
     """
     name, _, number = address.partition(":")
     if name == "local" and ((number.isdecimal() and 1 <= int(number) <= 4096) or ":" not in address):

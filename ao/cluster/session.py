@@ -41,8 +41,7 @@ class ClusterSession:
         notify: called with a line for the user.
         threads: of all workers on this machine together; None: all cores.
 
-    Attributes:
-        dispatch: what is handed out, and what came back.
+    Attributes: dispatch: what is handed out, and what came back.
 
     Raises, when the block is entered:
         OptionError: there is no scheduler at the address.
@@ -93,9 +92,7 @@ class ClusterSession:
         if len(work) * work.rays >= _FEW:
             yield from self.trace(work, scene, [(0, len(work))])
         else:
-            tables = work.tables()
-            fill(work, scene, tables, threads)
-            yield 0, len(work), tables
+            yield 0, len(work), fill(work, scene, threads)
 
     def trace(self, work: Work, scene: Any, spans: Sequence[Span]) -> Iterator[Found]:
         """The rows `spans` of `work` in a scene, in blocks as they come: first row, last row, tables.

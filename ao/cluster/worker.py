@@ -29,7 +29,6 @@ from ..execute.work import Tables, Work, fill, first_difference, machine
 _SIZE = struct.Struct("<q")
 _lock = threading.Lock()  # one block at a time, on all cores, however many threads the worker has for tasks
 _loaded: dict[str, Any] = {}  # one
-Answer = tuple[object, ...]
 
 
 class SceneFile(NamedTuple):
@@ -44,8 +43,7 @@ def write_scene(folder: Path, name: str, scene: object) -> SceneFile:
 
     Args: name: of one bake, which removes the file in the end: another of the same mesh may still need its own.
 
-    Raises:
-        OutputError: the file cannot be written.
+    Raises: OutputError: the file cannot be written.
     """
     arrays: list[pickle.PickleBuffer] = []
     head = pickle.dumps(scene, protocol=5, buffer_callback=arrays.append)
@@ -88,7 +86,7 @@ def load_scene(file: SceneFile) -> Any:
     return pickle.loads(parts[0], buffers=parts[1:])
 
 
-def trace_block(expected: Mapping[str, str], file: SceneFile, threads: int | None, work: Work) -> Answer:
+def trace_block(expected: Mapping[str, str], file: SceneFile, threads: int | None, work: Work) -> tuple[object, ...]:
     """The seconds that the rows of `work` took, and their tables as `pack` has them.
 
     Or a text, and texts: "refused" and what is wrong with this worker, what was expected of it, and what came; "wrong"
@@ -109,9 +107,9 @@ def trace_block(expected: Mapping[str, str], file: SceneFile, threads: int | Non
         except Exception as reason:
             return "refused", file.path, "the scene of this very work", f"{type(reason).__name__}: {reason}"
         try:
-            start, tables = time.perf_counter(), work.tables()
+            start = time.perf_counter()
             work = deepcopy(work)  # arrays from the network may be unaligned: kernels would be compiled for them
-            fill(work, _loaded[file.digest], tables, thread_count(threads))
+            tables = fill(work, _loaded[file.digest], thread_count(threads))
             return time.perf_counter() - start, *pack(tables)
         except Exception as reason:
             if isinstance(reason, InputError) and not isinstance(reason, MemoryLimitError):
@@ -127,8 +125,7 @@ def pack(tables: Tables) -> tuple[bytes, ...]:
 def unpack(work: Work, contents: Sequence[object]) -> Tables:
     """The tables of `work` that `pack` has packed.
 
-    Raises:
-        ValueError: these are contents of other tables.
+    Raises: ValueError: these are contents of other tables.
     """
     tables = work.tables()
     for table, content in zip(tables, contents, strict=True):

@@ -37,8 +37,7 @@ class Checkpoint:
         notify: called with a line for the user. after, every: seconds until the first write and between writes.
         fill_spans: makes the rows that are not kept. status: what to show beside the progress of that.
 
-    Attributes:
-        partial: whether it fills only some rows, so that later rays must not depend on what earlier ones found.
+    Attributes: partial: whether it fills only some rows, so that later rays must not depend on what earlier ones found.
 
     Raises, on entry into the bake:
         InputError: `resume`, and the journal is of another mesh, other options, another version or processor.

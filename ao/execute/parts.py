@@ -56,8 +56,7 @@ class ShardCheckpoint(Checkpoint):
         description: what is baked, as JSON-ready values, for who merges the parts.
         notify: called with a line for the user.
 
-    Attributes:
-        rays: how many this part has traced, by an earlier run too.
+    Attributes: rays: how many this part has traced, by an earlier run too.
 
     Raises, in the bake:
         InputError: the folder has this part of another bake.

@@ -55,10 +55,11 @@ class NamedWork(Work, Protocol):
     def name(self) -> bytes: ...
 
 
-def fill(work: Work, scene: Any, tables: Tables, threads: int, advance: Advance | None = None) -> None:
-    """Make all rows. Args: tables: of `work.tables`, written. advance: called with numbers of finished rows."""
-    finished: Finished = lambda first, last: advance(last - first) if advance else None  # noqa: E731
-    fill_spans(work, scene, [(0, len(work))], tables, threads, finished)
+def fill(work: Work, scene: Any, threads: int) -> Tables:
+    """All rows, made on threads."""
+    tables = work.tables()
+    fill_spans(work, scene, [(0, len(work))], tables, threads, lambda *_: None)
+    return tables
 
 
 def fill_spans(work: Work, scene: Any, spans: Sequence[Span], tables: Tables, threads: int, finished: Finished) -> None:

@@ -30,8 +30,7 @@ _RUNS, _RUN = 32, 1 << 13  # stretches of faces in Morton order, and faces in ea
 class Half:
     """Σ_s dA_s (b_s·x − f_s)² over some samples, as xᵀ matrix x − 2 x·right + squares.
 
-    Attributes:
-        values: float64 (z,), of the matrix. right: float64 (n,). squares: a number.
+    Attributes: values: float64 (z,), of the matrix. right: float64 (n,). squares: a number.
     """
 
     values: Float64s

@@ -5,10 +5,9 @@ import numpy as np
 from raytrace.kernel.jit import bound, kernel
 from raytrace.mesh.components import connected_components
 from raytrace.system.threads import run_blocks
-from raytrace.types import Float64s, Int32s, Int64s
+from raytrace.types import Float64s, Int64s
 
 from ..estimate.one_ring import Neighbours
-from .seams import Seams
 from .shown import Shown, corner_places
 from .texels import Texels
 
@@ -29,11 +28,15 @@ def texel_neighbours(shown: Shown, texels: Texels, most: float, threads: int) ->
     page = row_of, layout.width, layout.wraps
     surface = charts[face].astype(np.int32), sizes[face].astype(np.float32), points.origins
     run_blocks(count, _BLOCK, bound(_find_beside, texels.texels, page, surface, beside), threads, most=_SHARE)
-    across = _across(shown.seams, row_of)
+    left, right = (row_of[side.nearest()].astype(np.int64) for side in (shown.seams.left, shown.seams.right))
+    usable = (left >= 0) & (right >= 0) & (left != right)
+    left, right = left[usable], right[usable]
+    pairs = np.unique(np.concatenate([left, right]) * count + np.concatenate([right, left]))
+    here, there = np.divmod(pairs, count)  # on both sides of seams, both ways, each once
     listed = beside >= 0
     counts = listed.sum(axis=1)
-    indices = np.insert(beside[listed], np.cumsum(counts)[across[:, 0]], across[:, 1].astype(np.int32))
-    counts += np.bincount(across[:, 0], minlength=count)
+    indices = np.insert(beside[listed], np.cumsum(counts)[here], there.astype(np.int32))
+    counts += np.bincount(here, minlength=count)
     starts = np.concatenate([[0], np.cumsum(counts)])
     return Neighbours.weighted(starts, indices, np.ones(len(indices), np.float32), points.normals, threads)
 
@@ -45,15 +48,6 @@ def _texel_sizes(uv: Float64s, vertices: Float64s, faces: Int64s, most: float) -
     p, q, r = (vertices[faces[:, corner]] for corner in range(3))
     surface = np.linalg.norm(np.cross(q - p, r - p), axis=1)
     return np.sqrt(surface / np.maximum(page, surface / most**2))
-
-
-def _across(seams: Seams, row_of: Int32s) -> Int64s:
-    """Pairs (j, 2) of texels on both sides of seams, both ways, each once."""
-    left, right = row_of[seams.left.nearest()].astype(np.int64), row_of[seams.right.nearest()].astype(np.int64)
-    usable = (left >= 0) & (right >= 0) & (left != right)
-    left, right = left[usable], right[usable]
-    pairs = np.unique(np.concatenate([left, right]) * len(row_of) + np.concatenate([right, left]))
-    return np.stack(np.divmod(pairs, len(row_of)), axis=1)
 
 
 @kernel

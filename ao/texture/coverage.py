@@ -67,8 +67,7 @@ def cover(layout: UVLayout, overlap: Overlap, threads: int) -> Coverage:
 
     Args: overlap: where faces overlap, points lie on all of them in turn ("mean"), or on the first ("first").
 
-    Raises:
-        EmbreeError: Embree failed, out of memory for instance.
+    Raises: EmbreeError: Embree failed, out of memory for instance.
     """
     count = len(layout.face)
     step = min(_STEP, _HIGHEST / max(count, 1))
@@ -99,8 +98,7 @@ def shared_texels(
         uv: (m, 3, 2), v upwards, NaN of faces that are not on the page. groups: int64 (m,), from 0.
         size: texels across and down. wraps: as `ao.bake_texture` has it. source: for messages.
 
-    Raises:
-        MeshError: no face has an area on the page.
+    Raises: MeshError: no face has an area on the page.
     """
     coverage = cover(UVLayout.of(uv, size, wraps, source), "mean", thread_count(threads))
     of_points, count = groups[coverage.face], int(groups.max()) + 1

@@ -33,8 +33,6 @@ class Faces:
     vertices: Float64s
     axes: Float64s
     surface: Surface
-    magnitude: Float64s
-    own: Int64s
 
     @classmethod
     def of(cls, vertices: Float64s, receivers: Receivers) -> Self:
@@ -42,8 +40,7 @@ class Faces:
         faces = receivers.faces
         axes = np.concatenate([receivers.points.normals, np.zeros((1, 3), np.float32)])[receivers.of_vertex]
         surface = Surface.of(vertices, faces, face_normals(vertices, faces)[0])
-        own = np.repeat(np.arange(len(faces))[:, None], 3, axis=1)
-        return cls(vertices, axes.astype(np.float64), surface, surface.magnitudes(own, len(faces)), own)
+        return cls(vertices, axes.astype(np.float64), surface)
 
     def points_at(self, own: Int64s, weights: Float32s, threads: int) -> tuple[Float64s, Float64s, Float64s]:
         """Points (k,) on the faces `own`: float64 (k, 3), where they are, their faces' normals on the side of the

@@ -76,8 +76,7 @@ class Texels:
 def find_texels(coverage: Coverage, page: Coverage, prepared: Prepared, interior: Interior) -> tuple[Texels, int]:
     """The texels to bake, and how many are left out because all of their points are inside of solids.
 
-    Args:
-        coverage: on the faces of `prepared`; page: on the faces on the page, mostly the same.
+    Args: coverage: on the faces of `prepared`; page: on the faces on the page, mostly the same.
     """
     placement, receivers, threads = prepared.placement, prepared.receivers, prepared.threads
     faces = Faces.of(placement.vertices.astype(np.float64), receivers)
@@ -117,15 +116,15 @@ def _placed(
     layered = np.cumsum(coverage.deep) - 1, coverage.deep_face, coverage.deep_barycentric
     work = bound(_lay_out, order, starts, alone, points, layered, (face, weights))
     run_blocks(len(order), _BLOCK, work, threads, most=_SHARE)
+    tree, surface = receivers.tree, faces.surface
+    face_points = np.repeat(np.arange(len(surface.faces))[:, None], 3, axis=1)  # each face is by itself
+    magnitude = surface.magnitudes(face_points, len(surface.faces))
     origins, normals, sides = (np.empty((count, columns), np.float32) for columns in (3, 3, 4))
     for first in range(0, count, _PLACED):
         part = slice(first, first + _PLACED)
         own = face[part].astype(np.int64)
         places, side, axis = faces.points_at(own, weights[part], threads)
-        clearance, magnitude = np.ones(len(places)), faces.magnitude[own]
-        origins[part], _ = ray_origins(
-            receivers.tree, faces.surface, places, side, clearance, faces.own, own, magnitude
-        )
+        origins[part], _ = ray_origins(tree, surface, places, side, np.ones(len(own)), face_points, own, magnitude[own])
         normals[part], sides[part] = axis, with_alpha(side, receivers.opacity, own, weights[part])
     placed = Points(origins, normals, np.arange(count, dtype=np.uint32))
     shown = np.where(alone, page.centre_face, page.face[:, 0])[order]

@@ -45,8 +45,7 @@ class UVLayout:
 
         Args: wraps: what lies outside of the unit square is taken modulo 1; otherwise it is left out.
 
-        Raises:
-            MeshError: no face has an area on the page, or one reaches over very many tiles.
+        Raises: MeshError: no face has an area on the page, or one reaches over very many tiles.
         """
         shown = on_page(uv)
         uv = np.where(shown[:, None, None], uv, 0.0)
@@ -94,8 +93,7 @@ def corner_uv(uv: Any, mesh: Mesh) -> Float64s:
 
     NaN at all corners of a face stays: it has none.
 
-    Raises:
-        MeshError: another shape, or coordinates that are not finite or lie very far out.
+    Raises: MeshError: another shape, or coordinates that are not finite or lie very far out.
     """
     try:
         values = np.asarray(uv, np.float64)
@@ -121,8 +119,7 @@ def texels_across(uv: Float64s, areas: Float64s, texel_size: float) -> int:
 
     Args: uv: (m, 3, 2). areas: (m,), of the faces, in squared mesh units.
 
-    Raises:
-        OptionError: `texel_size` is not positive, or so small that the page would be too large.
+    Raises: OptionError: `texel_size` is not positive, or so small that the page would be too large.
     """
     if not (np.isfinite(texel_size) and texel_size > 0):
         raise OptionError("texel_size", "a length above 0", texel_size)

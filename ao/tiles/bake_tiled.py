@@ -102,7 +102,7 @@ class _TileTracer:
             self.packets_below = fewer_than(self._openness(), mu)
 
     def _openness(self) -> Float64s:
-        numbers = tried(self.numbering.count)
+        numbers = tried(len(self.numbering.order))
         rows = self.numbering.order[numbers]
         out = np.empty(len(rows))
         tiles = self.tiling.tile[rows]
@@ -141,10 +141,9 @@ class _TileTracer:
 
     def _rows(self, scene: RayScene, points: Points, samples: int) -> Float64s:
         numbering, options = self.numbering, self.options
-        total = options.rays * (numbering.count - len(numbering.split_first))
+        total = options.rays * (len(numbering.order) - len(numbering.split_first))
         total += rays_per_corner_sample(options.rays, False) * numbering.corner_count
-        lengths, threads = (self.mu, self.reach), thread_count(options.threads)
-        how = self.packets_below, *lengths, threads, numbering.count
+        how = self.packets_below, self.mu, self.reach, thread_count(options.threads), len(numbering.order)
         tracer = Tracer(scene, *how, self.progress, expected=total, rays=self.rays)
         rows = tracer.gather(points, samples, seed_key(options.seed))
         self.rays = tracer.rays

@@ -25,7 +25,7 @@ class Numbering:
     Attributes:
         first: int64 (n,), the first vertex of each vertex's point, −1 for none.
         origins: float64 (n, 3), axes: float32 (n, 3), number: uint32 (n,), split: bool (n,): of points.
-        count: of points. order: int64 (count,), their first vertices by number.
+        order: int64 (k,), the first vertices of all points by number.
         split_first: int64 (j,), ascending, the first vertices of split points. first_corner: int64 (j,), the number of
             each one's first corner sample. corner_count: corner samples in all.
         flattest: see `flattest_elsewhere`.
@@ -36,7 +36,6 @@ class Numbering:
     axes: Float32s
     number: UInt32s
     split: Bools
-    count: int
     order: Int64s
     split_first: Int64s
     first_corner: Int64s
@@ -84,7 +83,7 @@ def number_points(tiling: Tiling, normals: Normals, scratch: Path) -> Numbering:
     first_corner = len(order) + SPREAD * (np.cumsum(corners) - corners)
     by_vertex = np.argsort(of_split)
     return Numbering(
-        first, origins, axes, number, split, len(order), order, of_split[by_vertex], first_corner[by_vertex],
+        first, origins, axes, number, split, order, of_split[by_vertex], first_corner[by_vertex],
         SPREAD * int(corners.sum()), flattest,
     )  # fmt: skip
 

@@ -19,8 +19,7 @@ _ZEROS = 1 << 20
 class TileSource(Protocol):
     """Triangles over vertices, in the order and units they came in.
 
-    Attributes:
-        name: for messages. vertex_count, face_count: at least 1.
+    Attributes: name: for messages. vertex_count, face_count: at least 1.
     """
 
     @property

@@ -38,8 +38,7 @@ class Tiling:
     def of(cls, source: TileSource, grid: Grid, scratch: Path) -> Self:
         """Read all vertices and faces. Args: grid: number of tiles along each axis.
 
-        Raises:
-            MeshError: coordinates are not finite or too large, or indices out of range.
+        Raises: MeshError: coordinates are not finite or too large, or indices out of range.
         """
         used = _used(source)
         low, high = _bounds(source, used)
