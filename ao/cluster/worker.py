@@ -48,16 +48,14 @@ def write_scene(folder: Path, name: str, scene: object) -> SceneFile:
     arrays: list[pickle.PickleBuffer] = []
     head = pickle.dumps(scene, protocol=5, buffer_callback=arrays.append)
     parts = [memoryview(head), *(array.raw() for array in arrays)]
+    pieces = [piece for part in parts for piece in (_SIZE.pack(part.nbytes), part)]
     digest = hashlib.blake2b(digest_size=32)
-    for part in parts:
-        digest.update(_SIZE.pack(part.nbytes))
-        digest.update(part)
+    for piece in pieces:
+        digest.update(piece)
     path = folder.absolute() / f".{name}-{digest.hexdigest()[:32]}.scene"
     if not path.exists():
         with atomic_write(path) as file:
-            for part in parts:
-                file.write(_SIZE.pack(part.nbytes))
-                file.write(part)
+            file.writelines(pieces)
     return SceneFile(str(path), digest.hexdigest())
 
 

@@ -1,8 +1,10 @@
-"""Moments of obscurance over each face, from which values at the vertices are fitted.
+"""Moments of obscurance over each face, at samples spread evenly by area, from which values at the vertices are fitted.
 
 At a point of a face the hemisphere is that of shading: about the normal interpolated between the vertices, less the
 directions below the face, in which no ray can start there.
 """
+
+from typing import NamedTuple, Self
 
 import numpy as np
 
@@ -13,12 +15,11 @@ from raytrace.mesh.placement import ULP
 from raytrace.ray_origins.offset import OFFSET_ULPS
 from raytrace.sampling.hash import mix
 from raytrace.sampling.sequences import cosine_hemisphere
-from raytrace.types import Float32s
+from raytrace.types import Float32s, Float64s, Int64s
 
 from ..rays.directions import turned_frame
 from ..rays.passing import backs, mu_of, passed_of, trace
 from ..rays.ray_packet import aim, start_from
-from .samples import GOLDEN, place
 
 HIDDEN = 1e-4  # weight of a sample that sees backs of faces; not 0, so that hidden faces have a value too
 _MOSTLY = 0.5
@@ -26,8 +27,45 @@ SQUARES, MATRIX, RIGHT, HALF = 0, 1, 7, 10  # of either half of the samples
 BENT, MOMENTS = 2 * HALF, 2 * HALF + 9
 TRACED, BELOW, SEEN = 0, 1, 2
 
+_GOLDEN = 0.6180339887498949
+_EVEN = 0.2  # a fifth more samples, the same number for every face, so that small faces have some
 _SHIFTS = 256
 _PLASTIC = 1 / 1.324717957244746  # Roberts 2018: n·(1/p, 1/p²) mod 1, p³ = p + 1, is a sequence of low discrepancy
+
+
+class Samples(NamedTuple):
+    """A Fibonacci lattice laid over faces one after the other.
+
+    Between 0 and `count`, sample k lies at k + shift, which determines its face and, within it, one coordinate; the
+    other is the fractional part of k/golden ratio. So samples are evenly spread on each face, whatever their number,
+    and over neighbouring faces that hold less than one each.
+
+    Attributes:
+        shift: in [0, 1).
+        ends: float64 (m + 1,), where each face begins between 0 and `count`.
+        starts: int64 (m + 1,), the first sample on each.
+        weights: float64 (m,), the share of the area that a sample on each stands for.
+    """
+
+    shift: float
+    ends: Float64s
+    starts: Int64s
+    weights: Float64s
+
+    @classmethod
+    def spread(cls, areas: Float64s, count: int, shift: float) -> Self:
+        """`count` samples over faces of `areas` (m,), above 0, in Morton order."""
+        share = areas / areas.sum()
+        ends = np.concatenate([[0.0], np.cumsum(share + _EVEN / len(share))])
+        ends *= count / ends[-1]
+        starts = np.clip(np.ceil(ends - shift), 0, count).astype(np.int64)
+        starts[-1] = count
+        return cls(shift, ends, starts, share / np.diff(ends))
+
+    def of_faces(self, first: int, last: int) -> Self:
+        """The samples on the faces from a first one to a last one."""
+        ends, starts = self.ends[first : last + 1], self.starts[first : last + 1]
+        return self._replace(ends=ends, starts=starts, weights=self.weights[first:last])
 
 
 def lattices(rays: int) -> Float32s:
@@ -36,11 +74,19 @@ def lattices(rays: int) -> Float32s:
     They are ordered by azimuth, which keeps a packet's rays together. Args: rays: a multiple of 8.
     """
     number = np.arange(rays)
-    azimuth = number * GOLDEN % 1
+    azimuth = number * _GOLDEN % 1
     order = np.argsort(azimuth)
     shift = (np.arange(_SHIFTS)[:, None] + 0.5) / _SHIFTS
     heights = (number[order] + shift) / rays
     return cosine_hemisphere(heights, np.broadcast_to(azimuth[order], heights.shape)).astype(np.float32)
+
+
+@inline
+def place(k, shift, begin, end):
+    """Barycentric coordinates of sample `k` on the face that extends from `begin` to `end` (Turk 1990)."""
+    s = np.sqrt(min(max((k + shift - begin) / (end - begin), 0.0), 1.0))
+    v = (k * _GOLDEN) % 1.0
+    return 1.0 - s, s * (1.0 - v), s * v
 
 
 @inline

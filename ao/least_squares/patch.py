@@ -23,9 +23,8 @@ from ..points.receivers import Receivers
 from ..prepared import Prepared
 from ..rays.ray_packet import RayPacket
 from ..rays.ray_scene import RayScene
-from .face_moments import HIDDEN, MOMENTS, SEEN, gather_faces, lattices
+from .face_moments import HIDDEN, MOMENTS, SEEN, Samples, gather_faces, lattices
 from .pattern import find_hinges
-from .samples import Samples
 
 _MOST_RAYS = 32
 _COARSE = 1 << 16  # faces; with more, how rectangles are cut is no longer seen

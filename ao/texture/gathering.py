@@ -1,7 +1,7 @@
 """Estimates at texels, each the mean over its points."""
 
 import hashlib
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -25,11 +25,10 @@ _BLOCK, _SHARE = 1 << 9, 16  # texels, and blocks at once
 class TexelTracer(Tracer):
     """A `Tracer` whose points are `texels`, by their numbers: rows are means over each texel's points."""
 
-    texels: Texels | None = None
+    texels: Texels = field(kw_only=True)
 
     def _trace(self, points: Points, samples: int, key: np.uint32) -> Float64s:
         """Rows (k, …, COLUMNS) of texels, by `samples` rays each or a few more."""
-        assert self.texels is not None
         texels = points.numbers.astype(np.int64)
         counts, out = self.texels.counts[texels], np.empty((len(points), *self.mu.shape, COLUMNS))
         for count in np.unique(counts).tolist():
@@ -42,7 +41,6 @@ class TexelTracer(Tracer):
 
     def _means(self, rows: Int64s, slots: int, rays: int, key: np.uint32) -> Float64s:
         """Rows (k, …, COLUMNS) of texels, means over the first `slots` points of each, with `rays` rays each."""
-        assert self.texels is not None
         every, starts, shape = self.texels.points, self.texels.starts, (slots * len(rows), 3)
         subset = Points(np.empty(shape, np.float32), np.empty(shape, np.float32), np.empty(shape[0], np.uint32))
 

@@ -65,10 +65,7 @@ class BakedTexture(Columns):
         rmse: estimated root mean square of `error` over the covered texels.
         facts: of the texture coordinates and seams.
         uv: float64 (m, 3, 2), the texture coordinates that it is for, NaN of faces that are not on the page.
-        seconds: as `ao.Bake` has them.
-        mu: as `ao.Bake` has it.
-        shortfalls: as `ao.Bake` has them.
-        calibration: as `ao.Bake` has it.
+        seconds, mu, shortfalls, calibration: as `ao.Bake` has them.
         others, rmses, profile, profile_errors: see `ao.result.Columns`.
     """
 

@@ -102,8 +102,7 @@ class _TileTracer:
             self.packets_below = fewer_than(self._openness(), mu)
 
     def _openness(self) -> Float64s:
-        numbers = tried(len(self.numbering.order))
-        rows = self.numbering.order[numbers]
+        rows = self.numbering.order[tried(len(self.numbering.order))]
         out = np.empty(len(rows))
         tiles = self.tiling.tile[rows]
         for tile in np.unique(tiles):

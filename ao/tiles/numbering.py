@@ -52,8 +52,7 @@ def number_points(tiling: Tiling, normals: Normals, scratch: Path) -> Numbering:
     split = np.zeros(count, np.bool_)
     flattest = 0.0
     split_first, corner_counts = [np.zeros(0, np.int64)], [np.zeros(0, np.int64)]
-    for run in runs(count):
-        first[run] = -1
+    first[:] = -1
     for tile in range(tiling.tiles):
         mesh = extract_tile(tiling, tile, 0.0, True)
         if not (mesh.own.any() and len(mesh.faces)):

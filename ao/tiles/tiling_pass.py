@@ -1,6 +1,5 @@
 """A pass over the whole mesh before its tiles: bounds, render space, every vertex in it, and the tile of each."""
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Self
@@ -53,7 +52,7 @@ class Tiling:
         for run in runs(count):
             cell = ((placed[run].clip(-1, 1) - first) / extent * cells).clip(0, cells - 1).astype(np.int32)
             tile[run] = np.where(used[run], np.ravel_multi_index(tuple(cell.T), grid), -1)
-        return cls(source, space, _radius(source, used, low + (high - low) / 2), placed, tile, int(cells.prod()))
+        return cls(source, space, _radius(source, used, low, high), placed, tile, int(cells.prod()))
 
 
 def _bounds(source: TileSource, used: Bools) -> tuple[Float64s, Float64s]:
@@ -69,17 +68,15 @@ def _bounds(source: TileSource, used: Bools) -> tuple[Float64s, Float64s]:
     return low, high
 
 
-def _radius(source: TileSource, used: Bools, centre: Float64s) -> float:
+def _radius(source: TileSource, used: Bools, low: Float64s, high: Float64s) -> float:
     """As `raytrace.Mesh.radius`."""
-
-    def offsets() -> Iterator[Float64s]:
-        rows = (source.vertices(run.start, run.stop)[used[run]] for run in runs(source.vertex_count))
-        return (some - centre for some in rows if len(some))
-
-    largest = max(float(np.abs(offset).max()) for offset in offsets())
+    centre = low + (high - low) / 2
+    largest = float(np.abs([low - centre, high - centre]).max())
     if largest <= 0:
         return 0.0
-    return float(largest * np.sqrt(max(((offset / largest) ** 2).sum(axis=1).max() for offset in offsets())))
+    vertices = (source.vertices(run.start, run.stop)[used[run]] for run in runs(source.vertex_count))
+    squares = (((((each - centre) / largest) ** 2).sum(axis=1)).max(initial=0.0) for each in vertices)
+    return float(largest * np.sqrt(max(squares)))
 
 
 def _sample(source: TileSource, used: Bools) -> Float64s:
