@@ -141,9 +141,9 @@ def read_parts(folder: Path) -> list[PartFile]:
         if difference := first_difference(usual, part.facts):
             name, expected, got = difference
             raise InputError(part.path, name, f"{expected}, as in the other parts", got)
-    identity = Counter(part.identity for part in parts).most_common(1)[0][0]
+    header = Counter(part.identity for part in parts).most_common(1)[0][0]
     for part in parts:
-        if part.identity != identity:
+        if part.identity != header:
             raise InputError(part.path, "header", "what the other parts have", "that of another bake")
     of, numbers = int(usual["number of parts"]), [part.description["part"] for part in parts]
     if missing := sorted(set(range(1, of + 1)) - set(numbers)):

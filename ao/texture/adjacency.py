@@ -20,6 +20,7 @@ def texel_neighbours(shown: Shown, texels: Texels, most: float, threads: int) ->
     count, layout, points = len(texels), shown.layout, texels.first_points
     corners = corner_places(layout.uv, shown.points_of_faces)
     charts = connected_components(corners, int(corners.max()) + 1)[corners[:, 0]]
+    del corners
     sizes = _texel_sizes(layout.uv, shown.vertices, shown.receivers.faces, most)
     row_of = np.full(layout.width * layout.height, -1, np.int32)
     row_of[texels.texels] = np.arange(count)

@@ -27,7 +27,6 @@ from ..result import of_columns
 from .adjacency import texel_neighbours
 from .coverage import cover
 from .gathering import begin_tracing
-from .projection import project
 from .result import BakedTexture, TextureFacts, assemble_pages
 from .shown import Shown, tangent_frames
 from .texels import find_texels
@@ -92,10 +91,7 @@ def bake_texture(mesh: Mesh | Any, options: TextureArguments) -> BakedTexture:
         raise OptionError("overlap", expected, f"{overlapping:,} texels with several", mesh.source)
     covered, coverage, missed = len(page.texels), page, np.zeros(0, np.int64)
     if high is not None:
-        own, weights = page.face.ravel().astype(np.int64), page.barycentric.reshape(-1, 3)
-        places, _, axes = shown.faces.points_at(own, weights, prepared.threads)
-        coverage, missed = project(page, places, axes, prepared, reach)
-        del places, axes
+        coverage, missed = shown.project(page, prepared, reach)
     texels, filled = find_texels(coverage, page, prepared, options.interior)
     del coverage, page
     tracer = begin_tracing(prepared, texels, "texture", options.checkpoint)

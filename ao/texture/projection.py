@@ -46,8 +46,7 @@ def project(
     vertices = prepared.placement.vertices.astype(np.float64)
     low, high = (np.stack([ends(vertices, axis=0), ends(places, axis=0)]) for ends in (np.min, np.max))
     cage = min(cage * prepared.placement.scale, float(np.linalg.norm(high.max(axis=0) - low.min(axis=0))))
-    starts = places + cage * normals
-    face, weights = _first_hits(receivers, starts, -normals, 2 * cage, _rounding(vertices, starts), threads)
+    face, weights = _first_hits(receivers, vertices, places + cage * normals, -normals, 2 * cage, threads)
     missed = np.flatnonzero(face < 0)
     closest = _closest_points(receivers, vertices, places[missed], cage, threads)
     face[missed], weights[missed] = closest
@@ -65,13 +64,13 @@ def project(
 
 
 def _first_hits(
-    receivers: Receivers, starts: Float64s, directions: Float64s, reach: float, step: Float64s, threads: int
+    receivers: Receivers, vertices: Float64s, starts: Float64s, directions: Float64s, reach: float, threads: int
 ) -> tuple[Int64s, Float32s]:
-    """The face (k,) that rays meet first, −1 for none, and where on it (k, 3); through holes they go on by `step`."""
+    """The face (k,) that rays meet first, −1 for none, and where on it (k, 3); through holes they go on."""
     scene, opacity = receivers.embree(), receivers.opacity
     hits = intersect(scene, starts, directions, reach, threads)
     face, weights, distance = hits.face, hits.barycentric, hits.distance.astype(np.float64)
-    rows = np.arange(len(face))
+    rows, step = np.arange(len(face)), _rounding(vertices, starts)
     for _ in range(_MOST_HOLES if opacity else 0):
         rows = rows[face[rows] >= 0]
         alpha = np.empty(len(rows))

@@ -13,6 +13,8 @@ from raytrace.types import Float64s, Int64s
 
 from ..points.receivers import Receivers, find_receivers
 from ..prepared import Prepared
+from .coverage import Coverage
+from .projection import project
 from .seams import Seams
 from .surface_points import Faces
 from .texels import Texels
@@ -57,6 +59,12 @@ class Shown:
         """The edges that lie at two places of the page."""
         size = self.layout.width, self.layout.height
         return Seams.find(self.layout.uv, self.points_of_faces, size, self.layout.wraps)
+
+    def project(self, page: Coverage, prepared: Prepared, cage: float) -> tuple[Coverage, Int64s]:
+        """`projection.project` of the points of `page` onto the mesh of `prepared`; `cage`: in mesh units."""
+        own, weights = page.face.ravel().astype(np.int64), page.barycentric.reshape(-1, 3)
+        places, _, axes = self.faces.points_at(own, weights, prepared.threads)
+        return project(page, places, axes, prepared, cage)
 
 
 def corner_places(uv: Float64s, points: Int64s) -> Int64s:

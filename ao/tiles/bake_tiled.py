@@ -154,8 +154,8 @@ class _TileTracer:
         mesh = extract_tile(self.tiling, tile, 0.0, True)
         offset = offset_points(mesh.placed, mesh.faces, self.options.normals)
         own = offset.split & mesh.own[offset.first]
-        numbers = numbering.number[mesh.vertices[offset.first]].astype(np.int64)
-        number = np.where(own, numbers, -1 - np.arange(len(own)))
+        own_numbers = numbering.number[mesh.vertices[offset.first]].astype(np.int64)
+        number = np.where(own, own_numbers, -1 - np.arange(len(own)))
         split = np.flatnonzero(offset.split[offset.face_points])
         points = number[offset.face_points.ravel()[split]]
         corners = find_corner_samples(offset.tree, offset.surface, split, points, 0, numbering.flattest)
