@@ -11,6 +11,7 @@ from uv_meshes import grid_charts
 
 import ao
 import ao.execute.parts
+import ao.execute.tracer
 from ao.execute.journal import IDENTITY, MAGIC, Journal
 from ao.execute.parts import DESCRIPTION as DESCRIPTION_BLOCK
 from ao.execute.parts import WHOLE, ShardCheckpoint, assign_shards, read_parts
@@ -41,6 +42,22 @@ def test_merged_parts_are_the_whole_bake(tmp_path, name):
         assert bits(merged(make, folder)) == whole
         if len(make.args[0].vertices) > 1000:
             assert max(rays) < 1.3 * sum(rays) / of
+
+
+class Poisoned:
+    """NumPy, but that new memory holds signalling NaNs."""
+
+    def __getattr__(self, name):
+        return getattr(np, name)
+
+    def empty(self, *shape):
+        return np.full(*shape, 0x7FF0000000000001, np.uint64).view(np.float64)
+
+
+def test_rows_that_other_parts_trace_bring_no_warnings(tmp_path, monkeypatch):
+    monkeypatch.setattr(ao.execute.tracer, "np", Poisoned())
+    mesh = Mesh(*hills(12))
+    trace_part(partial(ao.bake_texture, mesh, grid_charts(len(mesh.faces)), 64, samples=64), tmp_path / "parts", 1, 2)
 
 
 @pytest.mark.parametrize("of", [1, 2, 7])
