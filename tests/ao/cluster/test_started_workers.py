@@ -8,7 +8,7 @@ import pytest
 from clusters import BAKES, LEFT_SOCKETS, MEDIUM, bake_on, scheduler, small_blocks
 from parts_of_bakes import bits
 
-from ao.cluster.addresses import LOCAL
+from ao.cluster.dask_cluster import LOCAL
 from ao.execute.checkpoint import Checkpoint
 from raytrace.errors import ClusterError
 

@@ -6,7 +6,7 @@ import pytest
 from interrupted_bakes import MESH, METHODS, OPTIONS, bake, bake_surface, interrupted
 
 import ao
-import ao.execute.hemisphere_work
+import ao.execute.tracer
 import ao.least_squares.fit
 import ao.least_squares.patch
 import ao.surface_method
