@@ -22,6 +22,8 @@ if TYPE_CHECKING:
     from ao.execute.checkpoint import Checkpoint
     from ao.options import Options
 
+    from raytrace.mesh.mesh import Mesh
+
     from ..formats.load import MeshFile
     from ..show.report.pictures import Picture
 
@@ -50,6 +52,48 @@ class Written(NamedTuple):
 
     summary: str
     warnings: list[str]
+
+
+class Scene(NamedTuple):
+    """The files of a bake. Attributes: high: of a finer mesh. walls: that only occlude. ground: a plane, or none."""
+
+    source: MeshFile
+    high: MeshFile | None
+    walls: list[MeshFile]
+    ground: list[Mesh]
+
+    @property
+    def solid(self) -> MeshFile:
+        """Whose w is baked."""
+        return self.high or self.source
+
+    @property
+    def read(self) -> list[MeshFile]:
+        return [*self.walls, self.source, *([self.high] if self.high else [])]
+
+    @property
+    def counts(self) -> tuple[int, int]:
+        """Vertices and faces that occlude."""
+        meshes = [self.solid.mesh, *self.arguments["occluders"]]
+        return sum(len(each.vertices) for each in meshes), sum(len(each.faces) for each in meshes)
+
+    @property
+    def files(self) -> list[Path]:
+        return [path for each in self.read for path in each.files]
+
+    @property
+    def notes(self) -> list[str]:
+        """About what was read; also occluders so much larger or smaller that their unit may be another."""
+        sizes = [(each.mesh.source, each.mesh.radius / (self.source.mesh.radius or 1.0)) for each in self.walls]
+        text = "its radius is {1:.2g} of the mesh's: is its unit another?"
+        unlike = [f"{name}: {text.format(name, size)}" for name, size in sizes if not 1e-3 < size < 1e3]
+        return [*(note for each in self.read for note in each.notes), *unlike]
+
+    @property
+    def arguments(self) -> dict[str, Any]:
+        """Those of `ao.bake` and `ao.bake_texture` beside the mesh."""
+        occluders = [*(each.mesh for each in self.walls), *self.ground]
+        return {"high": self.high.mesh if self.high else None, "occluders": occluders}
 
 
 class MeshBake(Record, ABC):
@@ -88,6 +132,7 @@ class MeshBake(Record, ABC):
         self.checked()
         if self.cage is not None and resolve_length("cage", self.cage, 1.0) == float("inf"):
             raise OptionError("cage", "a finite length", self.cage)
+        self.ground_height()
         self.check_own()
         if self.report:
             check_ending("--report", self.report, *REPORTS)
@@ -144,7 +189,7 @@ class MeshBake(Record, ABC):
         """The files that are read, as far as the options name them."""
         from ..falloffs import table_of
 
-        return [self.mesh, *([self.high] if self.high else []), *table_of(self.falloff)]
+        return [self.mesh, *([self.high] if self.high else []), *(self.occluder or ()), *table_of(self.falloff)]
 
     @abstractmethod
     def outputs(self) -> dict[str, Path | None]:
@@ -167,14 +212,31 @@ class MeshBake(Record, ABC):
 
         standing = (".html", ".ply", ".glb")
         endings = {path.suffix.lower() for path in (*outputs, self.report) if path}
-        if self.up and not picture and endings.isdisjoint(standing):
-            raise ConflictError("up", "needs", f"--debug-image or {', '.join(standing)}: w does not depend on it")
+        if self.up and not picture and not self.ground and endings.isdisjoint(standing):
+            raise ConflictError("up", "needs", f"--ground, --debug-image or {', '.join(standing)}: else w is the same")
 
-    def read_high(self) -> list[MeshFile]:
-        """The finer mesh's file, if there is one. Raises: InputError."""
+    def scene_of(self, source: MeshFile) -> Scene:
+        """What is baked for `source`. Raises: InputError: a file cannot be read; OptionError: the ground is in it."""
+        import ao
+
         from ..formats.load import load
 
-        return [] if self.high is None else [load(self.high, alpha=self.alpha == "auto")]
+        high, *walls = (
+            path and load(path, alpha=self.alpha == "auto") for path in (self.high, *(self.occluder or ()))
+        )
+        ground = [ao.ground(source.mesh, self.ground_height())] if self.ground else []
+        return Scene(source, high, walls, ground)
+
+    def ground_height(self) -> float | None:
+        """The height of the ground; None just below the mesh. Raises: OptionError: it is no number."""
+        from raytrace.errors import OptionError
+
+        if self.ground in (None, "auto"):
+            return None
+        try:
+            return float(self.ground)
+        except ValueError:
+            raise OptionError("ground", "auto, or a height in mesh units", repr(self.ground)) from None
 
     @abstractmethod
     def work(self, source: MeshFile, falloff: ao.Falloff) -> WorkSize:

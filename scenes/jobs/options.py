@@ -50,6 +50,10 @@ _SECTIONS: dict[str, tuple[Option | str, ...]] = {
         Option("half_distance", str | None, None,
                'Distance at which a hit occludes half: mesh units, or "50%" of the radius (the default).'),
         Option("max_distance", str, "inf", 'Ignore hits farther away: mesh units, "25%" of the radius, or inf.'),
+        Option("occluder", list[Path] | None, None, "A mesh file that occludes and gets no w; several, one option for "
+               "each.", EACH, "input", excludes=("high", "tiles"), metavar="MESH"),
+        Option("ground", str | None, None, "A ground plane without end: auto, just below the lowest vertex along the "
+               "up axis, or its height.", EACH, excludes=("high", "tiles"), metavar="auto|HEIGHT"),
         "normals", "interior",
         Option("alpha", Alpha, "auto",
                "auto: what glTF and OBJ materials cut out or blend lets light through; ignore: opaque."),
@@ -110,7 +114,7 @@ _SECTIONS: dict[str, tuple[Option | str, ...]] = {
                "run"),
         Option("debug_image", Path | None, None, "Also write an image that marks flagged vertices.", "vertices merge",
                "output"),
-        Option("up", Up | None, None, "With --debug-image, .html, .ply or .glb: the up axis, by default what the file "
+        Option("up", Up | None, None, "With --ground, --debug-image, .html, .ply or .glb: the up axis, by default what the file "
                "says, or y.", _WRITTEN, "output", repeated=False),
         Option("resume", bool, False, "Continue an interrupted bake, or batch, to this output.", EACH, "run"),
         Option("dry_run", bool, False, "Write nothing; tell rays, memory, time and what would be written.",
@@ -135,6 +139,7 @@ MERGE = (
     Option("mesh", Path | None, None, "The mesh file, if it is elsewhere than for the parts."),
     replace(ROWS["output"], help="Output file, as of bake; none for parts of a batch."),
     replace(ROWS["high"], help="The finer mesh file, likewise."),
+    replace(ROWS["occluder"], help="Files that only occlude, likewise."),
     *(row for row in BAKE if "merge" in row.on and row.name != "output"),
 )
 
@@ -204,7 +209,8 @@ def command_line(command: str, rows: Iterable[Option], options: Mapping[str, Any
         elif value is None or row.name == "threads":  # the result is the same
             continue
         elif not isinstance(value, bool):
-            words += [row.flags[0], *_streamed(str(value), "--format")]
+            for each in value if isinstance(value, list) else [value]:
+                words += [row.flags[0], *_streamed(str(each), "--format")]
         elif value is not row.default:
             words.append(row.flags[0].split("/")[not value])
     return shlex.join(words)
@@ -229,4 +235,11 @@ def named(option: str) -> Iterator[None]:
 
 def plain(value: object) -> object:
     """An option as a JSON report has it."""
+    if isinstance(value, list):
+        return [plain(each) for each in value]
     return str(value) if isinstance(value, Path) else value
+
+
+def absolute(value: Any) -> Any:
+    """A path, or several, whatever folder is the current one; None stays."""
+    return [each.absolute() for each in value] if isinstance(value, list) else value and value.absolute()

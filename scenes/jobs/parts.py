@@ -10,7 +10,7 @@ from typing import Any
 from ..formats.image_names import is_texture
 from .bake import MeshBake
 from .console import note
-from .options import BAKE, plain
+from .options import BAKE, absolute, plain
 
 _OF_TEXTURE = "size", "texel_size"
 
@@ -31,7 +31,7 @@ def trace_part(options: dict[str, Any], bake_command: Callable[[Mapping[str, Any
     folder, texture = options["output"], any(options[name] for name in _OF_TEXTURE)
     stand_in = {"output": folder / ("texture.glb" if texture else "w.npy"), "occlusion": "texture" if texture else None}
     rows = [row for row in BAKE if row.rays and "part" in row.on.split()]
-    files = {row.name: str(options[row.name].absolute()) for row in rows if row.role == "input" and options[row.name]}
+    files = {row.name: plain(absolute(options[row.name])) for row in rows if row.role == "input" and options[row.name]}
     described = {row.name: plain(options[row.name]) for row in rows if row.role == "result"}
     described["profile"] = bool(options["profile"])  # of an .html, too
     for table in table_of(options["falloff"]):
@@ -61,7 +61,8 @@ def part_numbers(text: str) -> tuple[int, int]:
 def merge(folder: Path, options: dict[str, Any], bake_command: Callable[[Mapping[str, Any]], MeshBake]) -> None:
     """Make of the parts in `folder` what the bake would have made.
 
-    Args: options: of the output, as `bake` has them; `mesh` and `high`: where they are now, None where they were.
+    Args:
+        options: of the output, as `bake` has them; `mesh`, `high`, `occluder`: where they are now, None where they were.
 
     Raises: as `MeshBake.run`. InputError: a part is missing, not finished or of another bake.
     """
@@ -78,8 +79,9 @@ def merge(folder: Path, options: dict[str, Any], bake_command: Callable[[Mapping
             "an image or a .glb: the parts are of a texture" if texture else "a file of vertices, as the parts are"
         )
         raise OptionError("output", expected, output)
-    for name in ("mesh", "high"):
+    for name in ("mesh", "high", "occluder"):
         stored = description.get(name)
-        options[name] = options[name] or (Path(stored) if stored else None)
+        known = [Path(each) for each in stored] if isinstance(stored, list) else stored and Path(stored)
+        options[name] = options[name] or known
     command = bake_command({**description["options"], **options})
     command.replaced(open_checkpoint=lambda _: Merge(parts)).run()

@@ -112,8 +112,7 @@ def _outcome(fields: Any) -> Outcome:
 
 
 def _absolute(bake: MeshBake) -> MeshBake:
-    high = None if bake.high is None else bake.high.absolute()
-    return bake.replaced(mesh=bake.mesh.absolute(), output=bake.output.absolute(), high=high)
+    return bake.replaced(**{name: absolute(getattr(bake, name)) for name in ("mesh", "output", "high", "occluder")})
 
 
 def _named_as(bake: MeshBake, outcome: Outcome) -> Outcome:

@@ -32,21 +32,22 @@ class BakeCommand(MeshBake):
         from ao.points.receivers import find_receivers
         from raytrace.mesh.placement import Placement
 
-        mesh = [source, *self.read_high()][-1].mesh  # of whose surface points are traced
-        counts = len(mesh.vertices), len(mesh.faces)
+        scene = self.scene_of(source)
+        mesh, (vertices, faces) = scene.solid.mesh, scene.counts  # of whose surface points are traced
         points = find_receivers(source.mesh, Placement.of(source.mesh), self.normals).points
         checked = self.checked()
-        by_vertices = vertex_bytes(*counts, checked.rays, len(points)) + column_bytes(len(points), checked.columns)
-        needed = by_vertices if self.method == "vertex" else surface_bytes(*counts)
+        by_vertices = vertex_bytes(vertices, faces, checked.rays, len(points)) + column_bytes(len(points), checked.columns)
+        needed = by_vertices if self.method == "vertex" else surface_bytes(vertices, faces)
         options = self.arguments() | {"samples": checked.rays_in_all(len(points)) // max(len(points), 1)}
 
         def trial(count: int) -> int:
-            only = np.zeros(counts[0], bool)
-            chosen = np.linspace(0, counts[0] - 1, min(count, counts[0])).astype(np.int64)
+            most = len(mesh.vertices)
+            only = np.zeros(most, bool)
+            chosen = np.linspace(0, most - 1, min(count, most)).astype(np.int64)
             if self.method == "surface":  # whose work is that of faces, which neighbours share
-                chosen = np.arange(len(chosen)) + (counts[0] - len(chosen)) // 2
+                chosen = np.arange(len(chosen)) + (most - len(chosen)) // 2
             only[chosen] = True
-            ao.bake(mesh, falloff, only=only, **options)
+            ao.bake(mesh, falloff, only=only, occluders=scene.arguments["occluders"], **options)
             return len(chosen)
 
         return WorkSize(len(points), "vertices", needed, trial)
@@ -60,20 +61,18 @@ class BakeCommand(MeshBake):
 
         start = time.perf_counter()
         source = self.read()
-        read = [source, *self.read_high()]
-        files = [path for each in read for path in each.files]
-        check_outputs(self.outputs(), files)
+        scene = self.scene_of(source)
+        check_outputs(self.outputs(), scene.files)
         loaded = time.perf_counter()
-        inputs = self.hashed(files)
-        notes = [line for each in read for line in each.notes]
-        notes += lost(self.output, source, channels(self.output, **self._channels()))
-        warnings = warn([each.mesh for each in read], notes, falloff)
+        inputs = self.hashed(scene.files)
+        losses = lost(self.output, source, channels(self.output, **self._channels()))
+        warnings = warn([each.mesh for each in scene.read], [*scene.notes, *losses], falloff)
         with self.checkpoint(self.output) as checkpoint:
             with progress(self.quiet, "rays", form=self.progress, status=checkpoint.status) as (advance,):
-                high = read[1].mesh if self.high else None
                 baked = ao.bake(
-                    source.mesh, falloff, progress=advance, checkpoint=checkpoint, high=high, **self.arguments()
-                )
+                    source.mesh, falloff, progress=advance, checkpoint=checkpoint, **scene.arguments,
+                    **self.arguments(),
+                )  # fmt: skip
             missed = baked.flagged["missed"]
             outside = f"{missed:,} vertices are not within the cage of the fine mesh and take the closest point of it"
             warnings += warn([], [*baked.shortfalls, *([f"{self.output}: {outside}"] if missed else [])])
@@ -94,7 +93,7 @@ class BakeCommand(MeshBake):
             from ..show.report.pictures import write_marked
 
             write_marked(self.debug_image, source.mesh, baked)
-        yield Written(bake_summary(baked, self.output) + alpha_summary(read[-1].mesh) + shown, warnings)
+        yield Written(bake_summary(baked, self.output) + alpha_summary(scene.solid.mesh) + shown, warnings)
 
     def check_own(self) -> None:
         from raytrace.errors import ConflictError
